@@ -1,0 +1,22 @@
+// model.toml: the physics that an experimenter believes in, as physics::Model.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+#include "physics/model.h"
+
+namespace stickslip::config {
+
+/// Reads a model file (section 3 of the contract). Throws InputError with every problem that was
+/// found, each with file, line and column.
+physics::Model load_model(const std::filesystem::path& file);
+
+/// The same for text in memory; `name` stands for the file in messages.
+physics::Model parse_model(std::string_view text, const std::string& name);
+
+/// The model as a model file; parse_model reads it back to an equal model (numbers to the bit).
+std::string model_text(const physics::Model& model);
+
+}  // namespace stickslip::config

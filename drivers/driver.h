@@ -1,0 +1,72 @@
+// What a device is to the daemon: two calls a cycle, read and write, and a lifecycle. Simulated and
+// replayed rigs stand behind the same interface as hardware; the daemon cannot tell. A fault is a
+// value that the interface returns, so that tests can inject any of them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+
+#include "physics/frame.h"
+
+namespace stickslip::drivers {
+
+/// What became of a call.
+enum class Outcome : std::uint8_t {
+  ok,
+  no_data,          ///< nothing to read yet; not a fault
+  end_of_data,      ///< the source is finished (replay); no frame will come any more
+  temporary,        ///< failed this time, may work the next (time-out, checksum)
+  needs_attention,  ///< a person must do something (permission, wrong wiring, wrong device)
+  lost,             ///< the device is gone (unplugged)
+  fatal,            ///< this driver object cannot go on
+};
+
+/// An outcome and, unless it is ok, no_data or end_of_data, a sentence for a person. The text is a
+/// string literal or owned by the driver and valid until its next call, so that returning a fault
+/// never allocates.
+struct Result {
+  Outcome outcome = Outcome::ok;
+  const char* message = "";
+
+  explicit operator bool() const { return outcome == Outcome::ok; }
+};
+
+/// What the daemon asks of the shaker for the cycle to come.
+struct Actuation {
+  double drive = 0.0;           ///< commanded base displacement [m], or force [N] on force-excited rigs
+  bool amplifier_on = false;    ///< off is the safe state
+};
+
+/// What a driver can say about itself once it is open.
+struct Description {
+  std::string name;                    ///< "simulated rig", "LabJack U6 #3600..."
+  std::uint8_t channels = 0;           ///< bit i: yields Channel i
+  std::array<const char*, channel_count> unit{};  ///< raw unit by channel, before calibration
+  bool paced = false;      ///< read() waits for the next sample itself (a streaming board, a replay)
+  bool can_drive = false;  ///< write() moves something
+};
+
+/// Lifecycle: open -> start -> (read, write)* -> stop -> close; stop and close are allowed in every
+/// state and never throw. open, start, stop and close may take time and allocate; read and write may
+/// not allocate, lock or wait longer than a cycle.
+class Driver {
+ public:
+  Driver() = default;
+  Driver(const Driver&) = delete;
+  Driver& operator=(const Driver&) = delete;
+  virtual ~Driver() = default;
+
+  virtual Result open() = 0;
+  virtual Result start() = 0;
+  /// The next sample, in the driver's own units, with its device time, sequence number and validity
+  /// bits. `frame` is untouched unless the outcome is ok.
+  virtual Result read(Frame& frame) = 0;
+  virtual Result write(const Actuation& actuation) = 0;
+  virtual void stop() noexcept = 0;
+  virtual void close() noexcept = 0;
+
+  virtual const Description& description() const = 0;
+};
+
+}  // namespace stickslip::drivers

@@ -1,0 +1,56 @@
+#include "physics/model.h"
+
+namespace stickslip::physics {
+
+namespace {
+
+void add(std::vector<NamedParameter>& list, const char* path, Parameter& parameter) {
+  list.push_back({path, &parameter});
+}
+
+void add(std::vector<NamedParameter>& list, const char* path, std::optional<Parameter>& parameter) {
+  if (parameter) list.push_back({path, &*parameter});
+}
+
+}  // namespace
+
+std::vector<NamedParameter> parameters_of(Model& model) {
+  std::vector<NamedParameter> list;
+  if (model.oscillator.excitation != Excitation::imposed) {
+    add(list, "oscillator.mass_kg", model.oscillator.mass_kg);
+    add(list, "oscillator.natural_frequency_hz", model.oscillator.natural_frequency_hz);
+    add(list, "oscillator.stiffness_n_m", model.oscillator.stiffness_n_m);
+    add(list, "oscillator.damping_ratio", model.oscillator.damping_ratio);
+    add(list, "oscillator.damping_n_s_m", model.oscillator.damping_n_s_m);
+    if (model.oscillator.two_well) {
+      add(list, "oscillator.two_well.linear_n_m", model.oscillator.two_well->linear_n_m);
+      add(list, "oscillator.two_well.cubic_n_m3", model.oscillator.two_well->cubic_n_m3);
+    }
+  }
+  if (model.normal_load && model.normal_load->law != NormalLoadLaw::measured) {
+    add(list, "normal_load.load_n", model.normal_load->load_n);
+    if (model.normal_load->law == NormalLoadLaw::wedge) {
+      add(list, "normal_load.slope_per_m", model.normal_load->slope_per_m);
+    }
+  }
+  if (model.friction.law != FrictionLaw::none) {
+    add(list, "friction.mu", model.friction.mu);
+    add(list, "friction.transition_speed_m_s", model.friction.transition_speed_m_s);
+    if (model.friction.law == FrictionLaw::state_variable) {
+      add(list, "friction.rate_per_s", model.friction.rate_per_s);
+    }
+  }
+  if (model.load_cell) {
+    add(list, "load_cell.mass_kg", model.load_cell->mass_kg);
+    add(list, "load_cell.natural_frequency_hz", model.load_cell->natural_frequency_hz);
+    add(list, "load_cell.damping_ratio", model.load_cell->damping_ratio);
+  }
+  for (Term& term : model.terms) {
+    for (auto& [name, parameter] : term.parameters) {
+      list.push_back({"physics." + term.id + "." + name, &parameter});
+    }
+  }
+  return list;
+}
+
+}  // namespace stickslip::physics

@@ -1,0 +1,74 @@
+// A rig that exists only as equations: integrates a Model under given inputs and reads its sensors,
+// with their filters, noise and quantisation. Deterministic for a seed.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+
+#include "physics/frame.h"
+#include "physics/model.h"
+
+namespace stickslip::physics {
+
+/// What drives a rig at one instant. Only what the model's excitation and laws use needs a value.
+struct Input {
+  double base_displacement_m = 0.0;
+  double base_acceleration_m_s2 = 0.0;
+  double drive_force_n = 0.0;
+  double displacement_m = 0.0;  ///< imposed motion only
+  double velocity_m_s = 0.0;    ///< imposed motion only
+  double normal_load_n = 0.0;   ///< normal-load law "measured" only
+};
+
+/// What nobody can measure: the mechanical state of the simulated rig, free of sensors and noise.
+struct RigTruth {
+  double displacement_m = 0.0;
+  double velocity_m_s = 0.0;
+  double load_cell_deflection_m = 0.0;
+  double load_cell_velocity_m_s = 0.0;
+  double slip_velocity_m_s = 0.0;
+  double theta = 0.0;
+  double friction_force_n = 0.0;
+  double normal_load_n = 0.0;
+};
+
+struct SimulationOptions {
+  double step_s = 1.0e-4;   ///< longest integration step
+  std::uint64_t seed = 1;   ///< of the sensor noise
+  bool noise = true;        ///< Gaussian, with the model's noise_std where one is declared
+  std::array<double, channel_count> resolution{};  ///< quantisation step per channel; 0: none
+};
+
+class RigSimulator {
+ public:
+  /// The rig at rest at time 0 with zero input (or at `start`). Allocates all that it will ever need.
+  /// Throws std::invalid_argument where inconsistencies_of(model) is not empty.
+  explicit RigSimulator(const Model& model, SimulationOptions options = {},
+                        const RigTruth& start = {});
+  ~RigSimulator();
+  RigSimulator(RigSimulator&&) noexcept;
+  RigSimulator& operator=(RigSimulator&&) noexcept;
+
+  /// Sets the input at the present instant, where it did not arrive by `advance`.
+  void set_input(const Input& now);
+
+  /// Moves time on by `duration_s` > 0 while the input goes linearly from its present value to
+  /// `end`. Does not allocate.
+  void advance(double duration_s, const Input& end);
+
+  /// What the sensors say now. Channels that the rig has: those of the model's own quantities
+  /// (friction_force only where there is friction, normal_load where a normal load is declared,
+  /// base_displacement on base-excited and drive_force on force-excited rigs). The sequence number
+  /// counts readings from 0.
+  Frame read();
+
+  const RigTruth& truth() const;
+  double time_s() const;
+
+ private:
+  struct Implementation;
+  std::unique_ptr<Implementation> implementation_;
+};
+
+}  // namespace stickslip::physics

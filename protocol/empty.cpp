@@ -1,0 +1,2 @@
+// replaced by the first real file of this room
+namespace stickslip {}

@@ -1,0 +1,23 @@
+// How a subcommand of `stickslip` presents itself: it adds its options to the parser and leaves
+// behind what to do if it is the one that was called.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+namespace stickslip::tools {
+
+/// Runs the chosen subcommand. The value is the exit status; InputError becomes status 2, any other
+/// exception status 1, each with one line on standard error.
+using Action = std::function<int()>;
+
+void add_simulate(CLI::App& app, Action& action);
+void add_diagnose(CLI::App& app, Action& action);
+void add_evaluate(CLI::App& app, Action& action);
+void add_check(CLI::App& app, Action& action);
+void add_record(CLI::App& app, Action& action);
+void add_replay(CLI::App& app, Action& action);
+void add_convert(CLI::App& app, Action& action);
+void add_spy(CLI::App& app, Action& action);
+
+}  // namespace stickslip::tools

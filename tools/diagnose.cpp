@@ -1,0 +1,7 @@
+#include "tools/command.h"
+
+namespace stickslip::tools {
+
+void add_diagnose(CLI::App& /*app*/, Action& /*action*/) {}
+
+}  // namespace stickslip::tools
