@@ -1,5 +1,9 @@
 #include "physics/model.h"
 
+#include <cmath>
+
+#include "physics/effects/catalogue.h"
+
 namespace stickslip::physics {
 
 namespace {
@@ -51,6 +55,163 @@ std::vector<NamedParameter> parameters_of(Model& model) {
     }
   }
   return list;
+}
+
+namespace {
+
+enum class Range { any, not_negative, positive };
+
+class Inspection {
+ public:
+  void need(bool sound, std::string path, std::string message) {
+    if (!sound) found_.push_back({std::move(path), std::move(message)});
+  }
+
+  void range(const Parameter& parameter, const std::string& path, Range range) {
+    need(std::isfinite(parameter.value), path, "must be a finite number");
+    need(std::isfinite(parameter.sigma) && parameter.sigma >= 0.0, path, "sigma must be 0 or more");
+    if (range == Range::positive) need(!(parameter.value <= 0.0), path, "must be more than 0");
+    if (range == Range::not_negative) need(!(parameter.value < 0.0), path, "must be 0 or more");
+  }
+  void range(const std::optional<Parameter>& parameter, const std::string& path, Range kind) {
+    if (parameter) range(*parameter, path, kind);
+  }
+
+  std::vector<Inconsistency> take() { return std::move(found_); }
+
+ private:
+  std::vector<Inconsistency> found_;
+};
+
+void inspect(const Oscillator& oscillator, Inspection& inspection) {
+  const bool spring = oscillator.natural_frequency_hz || oscillator.stiffness_n_m;
+  const bool damper = oscillator.damping_ratio || oscillator.damping_n_s_m;
+  if (oscillator.excitation == Excitation::imposed) {
+    inspection.need(!spring && !damper && !oscillator.two_well, "oscillator",
+                    "with excitation = \"imposed\" the motion is given: no other key may stand in "
+                    "[oscillator]");
+    return;
+  }
+  inspection.range(oscillator.mass_kg, "oscillator.mass_kg", Range::positive);
+  inspection.range(oscillator.natural_frequency_hz, "oscillator.natural_frequency_hz",
+                   Range::positive);
+  inspection.range(oscillator.stiffness_n_m, "oscillator.stiffness_n_m", Range::not_negative);
+  inspection.range(oscillator.damping_ratio, "oscillator.damping_ratio", Range::not_negative);
+  inspection.range(oscillator.damping_n_s_m, "oscillator.damping_n_s_m", Range::not_negative);
+  inspection.need(spring, "oscillator",
+                  "lacks its spring: give natural_frequency_hz or stiffness_n_m (0: no spring)");
+  inspection.need(!(oscillator.natural_frequency_hz && oscillator.stiffness_n_m),
+                  "oscillator.stiffness_n_m",
+                  "natural_frequency_hz is given as well: keep one of the two");
+  inspection.need(damper, "oscillator",
+                  "lacks its damping: give damping_ratio or damping_n_s_m (0: none)");
+  inspection.need(!(oscillator.damping_ratio && oscillator.damping_n_s_m),
+                  "oscillator.damping_n_s_m",
+                  "damping_ratio is given as well: keep one of the two");
+  if (oscillator.damping_ratio && !oscillator.natural_frequency_hz && oscillator.stiffness_n_m) {
+    inspection.need(oscillator.stiffness_n_m->value > 0.0, "oscillator.damping_ratio",
+                    "means nothing without a spring (stiffness_n_m = 0): give damping_n_s_m");
+  }
+  if (oscillator.two_well) {
+    inspection.range(oscillator.two_well->linear_n_m, "oscillator.two_well.linear_n_m",
+                     Range::positive);
+    inspection.range(oscillator.two_well->cubic_n_m3, "oscillator.two_well.cubic_n_m3",
+                     Range::positive);
+  }
+}
+
+void inspect(const Term& term, const Model& model, Inspection& inspection) {
+  const std::string path = "physics." + term.id;
+  const Effect* effect = find_effect(term.id);
+  if (effect == nullptr) {
+    std::string known;
+    for (const Effect* each : catalogue()) {
+      known += (known.empty() ? "" : ", ") + std::string(each->card().id);
+    }
+    inspection.need(false, path, "there is no effect \"" + term.id + "\"; there are " + known);
+    return;
+  }
+  const Card& card = effect->card();
+  inspection.need(effect->can_be_missing_from(model), path,
+                  "\"" + term.id + "\" cannot be added to a model with these laws (" +
+                      std::string(card.equation) + ")");
+  inspection.need((card.relation == Relation::sensor) == term.channel.has_value(), path,
+                  card.relation == Relation::sensor
+                      ? "needs the channel that it acts on: channel = \"...\""
+                      : "acts on no single channel: remove channel");
+  for (const ParameterCard& parameter : card.parameters) {
+    const auto found = term.parameters.find(std::string(parameter.name));
+    const std::string at = path + "." + std::string(parameter.name);
+    if (found == term.parameters.end()) {
+      inspection.need(parameter.fixed_default.has_value(), at,
+                      "is missing: " + std::string(parameter.meaning) + " [" +
+                          std::string(parameter.unit) + "]");
+    } else {
+      inspection.range(found->second, at, parameter.positive ? Range::positive : Range::any);
+    }
+  }
+  for (const auto& [name, parameter] : term.parameters) {
+    bool known = false;
+    for (const ParameterCard& each : card.parameters) known = known || each.name == name;
+    inspection.need(known, path + "." + name, "is no parameter of \"" + term.id + "\"");
+  }
+}
+
+}  // namespace
+
+std::vector<Inconsistency> inconsistencies_of(const Model& model) {
+  Inspection inspection;
+  inspect(model.oscillator, inspection);
+  const bool imposed = model.oscillator.excitation == Excitation::imposed;
+
+  if (model.normal_load && model.normal_load->law != NormalLoadLaw::measured) {
+    inspection.range(model.normal_load->load_n, "normal_load.load_n", Range::not_negative);
+    if (model.normal_load->law == NormalLoadLaw::wedge) {
+      inspection.range(model.normal_load->slope_per_m, "normal_load.slope_per_m", Range::any);
+    }
+  }
+  if (model.friction.law != FrictionLaw::none) {
+    inspection.range(model.friction.mu, "friction.mu", Range::not_negative);
+    inspection.range(model.friction.transition_speed_m_s, "friction.transition_speed_m_s",
+                     Range::not_negative);
+    if (model.friction.law == FrictionLaw::state_variable) {
+      inspection.range(model.friction.rate_per_s, "friction.rate_per_s", Range::positive);
+    }
+  }
+  if (model.load_cell) {
+    inspection.range(model.load_cell->mass_kg, "load_cell.mass_kg", Range::positive);
+    inspection.range(model.load_cell->natural_frequency_hz, "load_cell.natural_frequency_hz",
+                     Range::positive);
+    inspection.range(model.load_cell->damping_ratio, "load_cell.damping_ratio",
+                     Range::not_negative);
+    inspection.need(!imposed, "load_cell",
+                    "has no place where the motion is imposed: friction_force is f itself");
+  }
+  for (Channel channel : all_channels) {
+    const Sensor& sensor = model.sensors[index_of(channel)];
+    const std::string path = "sensors." + std::string(info(channel).stem);
+    if (sensor.noise_std) {
+      inspection.need(std::isfinite(*sensor.noise_std) && *sensor.noise_std > 0.0,
+                      path + ".noise_std", "must be more than 0 (leave it out where unknown)");
+    }
+    for (const Filter& filter : sensor.filters) {
+      inspection.need(filter.order >= 1 && filter.order <= 8, path + ".filters",
+                      "order must be 1 to 8");
+      inspection.need(std::isfinite(filter.cutoff_hz) && filter.cutoff_hz > 0.0, path + ".filters",
+                      "cutoff_hz must be more than 0");
+    }
+  }
+  Model seen = model;
+  for (std::size_t i = 0; i < model.terms.size(); ++i) {
+    const Term& term = model.terms[i];
+    for (std::size_t j = 0; j < i; ++j) {
+      inspection.need(model.terms[j].id != term.id || model.terms[j].channel != term.channel,
+                      "physics." + term.id, "stands twice");
+    }
+    inspect(term, seen, inspection);
+    if (const Effect* effect = find_effect(term.id)) effect->mark(seen);
+  }
+  return inspection.take();
 }
 
 }  // namespace stickslip::physics

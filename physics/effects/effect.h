@@ -1,2 +1,207 @@
-// placeholder until the catalogue lands
+// An effect: one piece of physics that a model may lack. Its class is the only place that knows it:
+// the sentence that names it, its equation, its parameters, the relation it enters, and the term
+// itself. Simulator, observer, diagnosis, report and documentation read that one entry. To add an
+// effect is to add one file here and its name to the list in catalogue.cpp.
 #pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "physics/dual.h"
+#include "physics/model.h"
+
+namespace stickslip::physics {
+
+/// Where in the description of the rig an effect lives (section 5 of the contract).
+enum class Relation { kinematics, force_balance, friction_law, normal_load, load_cell, sensor };
+
+std::string_view name_of(Relation relation);
+
+/// One parameter of an effect.
+struct ParameterCard {
+  std::string_view name;  ///< as in the contract, with its unit as suffix
+  std::string_view unit;
+  std::string_view meaning;
+  double low = 0.0;  ///< plausible range on a bench like ours, for documentation and checks
+  double high = 0.0;
+  bool positive = false;  ///< only values > 0 make sense; estimated by its logarithm
+  /// Present: not estimated; a model file may leave it out, and this is what it then is.
+  std::optional<double> fixed_default;
+};
+
+/// What a person reads about an effect.
+struct Card {
+  std::string_view id;
+  Relation relation = Relation::force_balance;
+  std::string_view name;      ///< "hardening or softening spring"
+  std::string_view sentence;  ///< "The spring hardens (k3 > 0) or softens with deflection."
+  std::string_view equation;  ///< "k3 x^3 added to the restoring force"
+  std::span<const ParameterCard> parameters;
+  std::string_view experiment;               ///< the run that shows it best
+  std::span<const std::string_view> rivals;  ///< ids that look like it on a poor recording
+};
+
+/// The sizes of things in a recording, from which starting values are made.
+struct Scales {
+  double displacement_m = 1.0;  ///< largest deflection
+  double velocity_m_s = 1.0;    ///< root mean square
+  double force_n = 1.0;         ///< largest of inertia, spring and drive, as far as they are known
+  double friction_n = 0.0;      ///< mu N of the model; 0 where it has no friction
+  double stiffness_n_m = 1.0;
+  double mean_load_n = 1.0;
+  double duration_s = 1.0;
+  double sample_period_s = 1.0e-3;
+};
+
+/// How theta follows the backbone g.
+enum class Kinetics {
+  instantaneous,  ///< theta = g(v)
+  relaxing,       ///< theta' = -rate (theta - g(v))
+  bristle,        ///< a tangential spring that slips: z' = v - abs(v) z k_c / (mu N), f = k_c z
+};
+
+/// What the integrator must know about a rig before it starts. An effect may change it.
+struct Structure {
+  Excitation excitation = Excitation::base;
+  bool friction = false;
+  Kinetics kinetics = Kinetics::instantaneous;
+  bool load_cell = false;
+  bool resonant = false;  ///< the load cell's whole equation
+  bool two_well = false;
+  bool loaded = false;  ///< friction is mu N theta; otherwise mu theta with mu in newtons
+  NormalLoadLaw load_law = NormalLoadLaw::constant;
+};
+
+/// The numbers of the equations.
+template <class T>
+struct Coefficients {
+  T mass{1.0};
+  T damping{0.0};
+  T stiffness{0.0};
+  T well_linear{0.0}, well_cubic{0.0};
+  T load{1.0}, load_slope{0.0};
+  T mu{0.0}, transition_speed{0.0}, rate{0.0}, contact_stiffness{0.0};
+  T cell_mass{1.0}, cell_damping{0.0}, cell_stiffness{1.0};
+};
+
+/// The instant at which a term is evaluated.
+template <class T>
+struct Instant {
+  double time_s = 0.0;
+  T x{0.0}, v{0.0};  ///< deflection and velocity of the mass
+  T slip{0.0};       ///< velocity across the friction contact
+  T load{1.0};       ///< N
+  double base_acceleration_m_s2 = 0.0;
+};
+
+/// By how much an effect scales the friction: mu (and so the force at once), and the backbone g
+/// that theta follows. The two differ only where theta has a memory.
+template <class T>
+struct FrictionFactors {
+  T mu{1.0};
+  T backbone{1.0};
+};
+
+/// What an effect does; hooks that it does not name are not called.
+namespace hook {
+inline constexpr unsigned coefficients = 1;  ///< changes numbers of the equations
+inline constexpr unsigned force = 2;         ///< adds a force on the mass (against +x: restoring)
+inline constexpr unsigned friction = 4;      ///< scales mu or the backbone of the friction law
+}  // namespace hook
+
+inline constexpr int max_effect_states = 2;
+inline constexpr int max_effect_parameters = 4;
+
+class Effect {
+ public:
+  Effect() = default;
+  Effect(const Effect&) = delete;
+  Effect& operator=(const Effect&) = delete;
+  virtual ~Effect() = default;
+
+  virtual const Card& card() const = 0;
+
+  /// Whether the effect can be missing from such a model (a model that has it, or that lacks what
+  /// it acts on, cannot miss it).
+  virtual bool can_be_missing_from(const Model& model) const = 0;
+
+  /// What the laws of a model look like to other effects once it has this one as a term.
+  virtual void mark(Model& /*model*/) const {}
+
+  /// Values of the estimated parameters, in the order of the card, to start a fit from; several
+  /// where one start does not reach every shape.
+  virtual std::vector<std::vector<double>> starts(const Scales& scales) const = 0;
+
+  /// Fixed parameters (those with a default on the card) as this recording suggests them.
+  virtual std::vector<double> fixed(const Scales& /*scales*/) const { return {}; }
+
+  /// A sentence with numbers, for a report. `parameters` in the order of the card.
+  virtual std::string statement(std::span<const double> parameters) const = 0;
+
+  virtual unsigned hooks() const = 0;
+  virtual int state_count() const { return 0; }
+  virtual void shape(Structure& /*structure*/) const {}
+
+  // The term itself, for plain numbers and for numbers with derivatives. `p`: all parameters in the
+  // order of the card; `s`: the effect's own states.
+  virtual void set(Coefficients<double>& c, const double* p) const = 0;
+  virtual void set(Coefficients<Dual>& c, const Dual* p) const = 0;
+  virtual double force(const Instant<double>& at, const double* p, const double* s) const = 0;
+  virtual Dual force(const Instant<Dual>& at, const Dual* p, const Dual* s) const = 0;
+  virtual void scale_friction(FrictionFactors<double>& f, const Instant<double>& at,
+                              const double* p, const double* s) const = 0;
+  virtual void scale_friction(FrictionFactors<Dual>& f, const Instant<Dual>& at, const Dual* p,
+                              const Dual* s) const = 0;
+  virtual void rates(double* rate, const Instant<double>& at, const double* p,
+                     const double* s) const = 0;
+  virtual void rates(Dual* rate, const Instant<Dual>& at, const Dual* p, const Dual* s) const = 0;
+};
+
+/// Lets an effect write each of its terms once: Derived hides whichever of the templates it uses.
+template <class Derived>
+class EffectOf : public Effect {
+ public:
+  template <class T>
+  void set_coefficients(Coefficients<T>& /*c*/, const T* /*p*/) const {}
+  template <class T>
+  T force_of(const Instant<T>& /*at*/, const T* /*p*/, const T* /*s*/) const {
+    return T(0.0);
+  }
+  template <class T>
+  void scale_friction_of(FrictionFactors<T>& /*f*/, const Instant<T>& /*at*/, const T* /*p*/,
+                         const T* /*s*/) const {}
+  template <class T>
+  void rates_of(T* /*rate*/, const Instant<T>& /*at*/, const T* /*p*/, const T* /*s*/) const {}
+
+  void set(Coefficients<double>& c, const double* p) const final { self().set_coefficients(c, p); }
+  void set(Coefficients<Dual>& c, const Dual* p) const final { self().set_coefficients(c, p); }
+  double force(const Instant<double>& at, const double* p, const double* s) const final {
+    return self().force_of(at, p, s);
+  }
+  Dual force(const Instant<Dual>& at, const Dual* p, const Dual* s) const final {
+    return self().force_of(at, p, s);
+  }
+  void scale_friction(FrictionFactors<double>& f, const Instant<double>& at, const double* p,
+                      const double* s) const final {
+    self().scale_friction_of(f, at, p, s);
+  }
+  void scale_friction(FrictionFactors<Dual>& f, const Instant<Dual>& at, const Dual* p,
+                      const Dual* s) const final {
+    self().scale_friction_of(f, at, p, s);
+  }
+  void rates(double* rate, const Instant<double>& at, const double* p,
+             const double* s) const final {
+    self().rates_of(rate, at, p, s);
+  }
+  void rates(Dual* rate, const Instant<Dual>& at, const Dual* p, const Dual* s) const final {
+    self().rates_of(rate, at, p, s);
+  }
+
+ private:
+  const Derived& self() const { return static_cast<const Derived&>(*this); }
+};
+
+}  // namespace stickslip::physics

@@ -1,0 +1,81 @@
+#include <array>
+#include <cmath>
+
+#include "physics/effects/effect.h"
+#include "physics/effects/entries.h"
+#include "physics/effects/number_text.h"
+
+namespace stickslip::physics {
+namespace {
+
+constexpr std::array parameters = {
+    ParameterCard{.name = "friction_force_n",
+                  .unit = "N",
+                  .meaning = "level of the friction force",
+                  .low = 0.001,
+                  .high = 1000.0,
+                  .positive = true,
+                  .fixed_default = std::nullopt},
+    ParameterCard{
+        .name = "transition_speed_m_s",
+        .unit = "m/s",
+        .meaning =
+            "speed over which g(v) = tanh(v / transition_speed_m_s) changes sign; 0: set-valued",
+        .low = 0.0,
+        .high = 0.1,
+        .positive = false,
+        .fixed_default = 0.0}};
+constexpr std::array<std::string_view, 3> rivals = {"hysteresis", "quadratic_drag",
+                                                    "contact_compliance"};
+constexpr Card entry = {
+    .id = "dry_friction",
+    .relation = Relation::friction_law,
+    .name = "dry friction",
+    .sentence = "Dry friction opposes the motion with a force that does not depend on speed.",
+    .equation = "f = friction_force_n g(v) where the model has none",
+    .parameters = parameters,
+    .experiment =
+        "a free decay: dry friction takes the same amplitude from every cycle, viscous damping the "
+        "same fraction",
+    .rivals = rivals,
+};
+
+class DryFriction final : public EffectOf<DryFriction> {
+ public:
+  const Card& card() const override { return entry; }
+
+  bool can_be_missing_from(const Model& model) const override {
+    return model.friction.law == FrictionLaw::none;
+  }
+  void mark(Model& model) const override { model.friction.law = FrictionLaw::coulomb; }
+  std::vector<std::vector<double>> starts(const Scales& scales) const override {
+    return {{0.05 * scales.force_n}};
+  }
+  std::vector<double> fixed(const Scales& scales) const override {
+    return {0.02 * scales.velocity_m_s};
+  }
+  std::string statement(std::span<const double> p) const override {
+    return "Dry friction opposes the motion: a force of " + number_text(p[0]) +
+           " N against the velocity, whatever the speed.";
+  }
+
+  unsigned hooks() const override { return hook::coefficients; }
+  void shape(Structure& structure) const override {
+    structure.friction = true;
+    structure.loaded = false;
+  }
+  template <class T>
+  void set_coefficients(Coefficients<T>& c, const T* p) const {
+    c.mu = p[0];
+    c.transition_speed = p[1];
+  }
+};
+
+}  // namespace
+
+const Effect& dry_friction() {
+  static const DryFriction effect;
+  return effect;
+}
+
+}  // namespace stickslip::physics

@@ -1,0 +1,61 @@
+#include <array>
+#include <cmath>
+
+#include "physics/effects/effect.h"
+#include "physics/effects/entries.h"
+#include "physics/effects/number_text.h"
+
+namespace stickslip::physics {
+namespace {
+
+constexpr std::array parameters = {ParameterCard{.name = "rate_per_s",
+                                                 .unit = "1/s",
+                                                 .meaning = "relative change per second",
+                                                 .low = -0.1,
+                                                 .high = 0.1,
+                                                 .positive = false,
+                                                 .fixed_default = std::nullopt}};
+constexpr std::array<std::string_view, 2> rivals = {"load_dependent_mu", "sensor_drift"};
+constexpr Card entry = {
+    .id = "friction_drift",
+    .relation = Relation::friction_law,
+    .name = "drifting friction",
+    .sentence = "The coefficient of friction changes in the course of the recording.",
+    .equation = "mu (1 + rate_per_s t)",
+    .parameters = parameters,
+    .experiment = "a longer run with a pause: wear stays, warming recovers",
+    .rivals = rivals,
+};
+
+class FrictionDrift final : public EffectOf<FrictionDrift> {
+ public:
+  const Card& card() const override { return entry; }
+
+  bool can_be_missing_from(const Model& model) const override {
+    return model.friction.law != FrictionLaw::none;
+  }
+  std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
+    return {{0.0}};
+  }
+  std::string statement(std::span<const double> p) const override {
+    return "The coefficient of friction drifts by " + number_text(100.0 * p[0]) +
+           " % of its first value per second.";
+  }
+
+  unsigned hooks() const override { return hook::friction; }
+  template <class T>
+  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
+                         const T* /*s*/) const {
+    const T factor = 1.0 + p[0] * at.time_s;
+    f.mu = f.mu * (factor > 0.0 ? factor : T(0.0));
+  }
+};
+
+}  // namespace
+
+const Effect& friction_drift() {
+  static const FrictionDrift effect;
+  return effect;
+}
+
+}  // namespace stickslip::physics

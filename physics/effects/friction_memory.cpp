@@ -1,0 +1,67 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "physics/effects/effect.h"
+#include "physics/effects/entries.h"
+#include "physics/effects/number_text.h"
+
+namespace stickslip::physics {
+namespace {
+
+constexpr std::array parameters = {
+    ParameterCard{.name = "gamma_per_s",
+                  .unit = "1/s",
+                  .meaning = "rate at which theta approaches the backbone",
+                  .low = 1.0,
+                  .high = 5000.0,
+                  .positive = true,
+                  .fixed_default = std::nullopt}};
+constexpr std::array<std::string_view, 3> rivals = {"contact_compliance", "channel_delay",
+                                                    "load_cell_resonance"};
+constexpr Card entry = {
+    .id = "friction_memory",
+    .relation = Relation::friction_law,
+    .name = "friction with memory",
+    .sentence = "The friction force follows its law with a delay: it relaxes towards g(v).",
+    .equation = "theta' = -gamma (theta - g(v)) where the model had theta = g(v)",
+    .parameters = parameters,
+    .experiment =
+        "reversals at several speeds: a memory opens the friction-velocity loop in proportion to "
+        "the acceleration, a compliant contact in proportion to the deflection",
+    .rivals = rivals,
+};
+
+class FrictionMemory final : public EffectOf<FrictionMemory> {
+ public:
+  const Card& card() const override { return entry; }
+
+  bool can_be_missing_from(const Model& model) const override {
+    return model.friction.law == FrictionLaw::coulomb;
+  }
+  void mark(Model& model) const override { model.friction.law = FrictionLaw::state_variable; }
+  std::vector<std::vector<double>> starts(const Scales& scales) const override {
+    const double fastest = 0.5 / scales.sample_period_s;
+    return {{std::min(30.0, fastest)}, {std::min(200.0, fastest)}};
+  }
+  std::string statement(std::span<const double> p) const override {
+    return "Friction has a memory: it relaxes towards its law with rate gamma = " +
+           number_text(p[0]) + " 1/s instead of following the velocity at once.";
+  }
+
+  unsigned hooks() const override { return hook::coefficients; }
+  void shape(Structure& structure) const override { structure.kinetics = Kinetics::relaxing; }
+  template <class T>
+  void set_coefficients(Coefficients<T>& c, const T* p) const {
+    c.rate = p[0];
+  }
+};
+
+}  // namespace
+
+const Effect& friction_memory() {
+  static const FrictionMemory effect;
+  return effect;
+}
+
+}  // namespace stickslip::physics

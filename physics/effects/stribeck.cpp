@@ -1,0 +1,72 @@
+#include <array>
+#include <cmath>
+
+#include "physics/effects/effect.h"
+#include "physics/effects/entries.h"
+#include "physics/effects/number_text.h"
+
+namespace stickslip::physics {
+namespace {
+
+constexpr std::array parameters = {
+    ParameterCard{.name = "static_ratio",
+                  .unit = "1",
+                  .meaning = "static over kinetic friction",
+                  .low = 0.5,
+                  .high = 3.0,
+                  .positive = true,
+                  .fixed_default = std::nullopt},
+    ParameterCard{.name = "stribeck_speed_m_s",
+                  .unit = "m/s",
+                  .meaning = "speed at which most of the excess is gone",
+                  .low = 0.0001,
+                  .high = 1.0,
+                  .positive = true,
+                  .fixed_default = std::nullopt}};
+constexpr std::array<std::string_view, 3> rivals = {"dwell_strengthening", "contact_compliance",
+                                                    "friction_memory"};
+constexpr Card entry = {
+    .id = "stribeck",
+    .relation = Relation::friction_law,
+    .name = "Stribeck effect",
+    .sentence = "Friction falls from a static level to a lower kinetic one as the speed grows.",
+    .equation = "g(v) (1 + (static_ratio - 1) exp(-(v / stribeck_speed_m_s)^2))",
+    .parameters = parameters,
+    .experiment = "slow runs: long stretches below the Stribeck speed in both directions",
+    .rivals = rivals,
+};
+
+class Stribeck final : public EffectOf<Stribeck> {
+ public:
+  const Card& card() const override { return entry; }
+
+  bool can_be_missing_from(const Model& model) const override {
+    return model.friction.law != FrictionLaw::none;
+  }
+  std::vector<std::vector<double>> starts(const Scales& scales) const override {
+    return {{1.1, 0.1 * scales.velocity_m_s}, {1.1, 0.4 * scales.velocity_m_s}};
+  }
+  std::string statement(std::span<const double> p) const override {
+    return "Friction depends on the speed (Stribeck): at rest it is " + number_text(p[0]) +
+           " times the kinetic level, and the difference is gone above about " + number_text(p[1]) +
+           " m/s.";
+  }
+
+  unsigned hooks() const override { return hook::friction; }
+  template <class T>
+  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
+                         const T* /*s*/) const {
+    using std::exp;
+    const T ratio = at.slip / p[1];
+    f.backbone = f.backbone * (1.0 + (p[0] - 1.0) * exp(-(ratio * ratio)));
+  }
+};
+
+}  // namespace
+
+const Effect& stribeck() {
+  static const Stribeck effect;
+  return effect;
+}
+
+}  // namespace stickslip::physics

@@ -1,0 +1,63 @@
+#include <array>
+#include <cmath>
+
+#include "physics/effects/effect.h"
+#include "physics/effects/entries.h"
+#include "physics/effects/number_text.h"
+
+namespace stickslip::physics {
+namespace {
+
+constexpr std::array parameters = {ParameterCard{.name = "slope_per_m",
+                                                 .unit = "1/m",
+                                                 .meaning = "relative change of the load per metre",
+                                                 .low = -500.0,
+                                                 .high = 500.0,
+                                                 .positive = false,
+                                                 .fixed_default = std::nullopt}};
+constexpr std::array<std::string_view, 2> rivals = {"position_dependent_mu", "asymmetric_friction"};
+constexpr Card entry = {
+    .id = "wedge_load",
+    .relation = Relation::normal_load,
+    .name = "wedge",
+    .sentence = "The plates are not parallel: the normal load changes with the displacement.",
+    .equation = "N = load_n (1 + slope_per_m x) where the model had it constant",
+    .parameters = parameters,
+    .experiment = "a slow sweep over the whole track with the normal-load bridge recorded",
+    .rivals = rivals,
+};
+
+class WedgeLoad final : public EffectOf<WedgeLoad> {
+ public:
+  const Card& card() const override { return entry; }
+
+  bool can_be_missing_from(const Model& model) const override {
+    return model.normal_load && model.normal_load->law == NormalLoadLaw::constant;
+  }
+  void mark(Model& model) const override {
+    if (model.normal_load) model.normal_load->law = NormalLoadLaw::wedge;
+  }
+  std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
+    return {{0.0}};
+  }
+  std::string statement(std::span<const double> p) const override {
+    return "The normal load is not constant: it changes by " + number_text(0.1 * p[0]) +
+           " % per millimetre of displacement, as between plates that are not parallel.";
+  }
+
+  unsigned hooks() const override { return hook::coefficients; }
+  void shape(Structure& structure) const override { structure.load_law = NormalLoadLaw::wedge; }
+  template <class T>
+  void set_coefficients(Coefficients<T>& c, const T* p) const {
+    c.load_slope = p[0];
+  }
+};
+
+}  // namespace
+
+const Effect& wedge_load() {
+  static const WedgeLoad effect;
+  return effect;
+}
+
+}  // namespace stickslip::physics
