@@ -1,5 +1,5 @@
-// Numbers that carry their derivatives along (forward-mode automatic differentiation), so that every
-// equation of this room is written once and yields exact Jacobians.
+// Numbers that carry their derivatives along (forward-mode automatic differentiation), so that
+// every equation of this room is written once and yields exact Jacobians.
 #pragma once
 
 #include <Eigen/Core>
@@ -7,7 +7,8 @@
 
 namespace stickslip::physics {
 
-/// a + sum_i d[i] eps_i with eps_i eps_j = 0: a value and its derivatives in `directions` directions.
+/// a + sum_i d[i] eps_i with eps_i eps_j = 0: a value and its derivatives in `directions`
+/// directions.
 struct Dual {
   static constexpr int directions = 16;
   using Derivatives = Eigen::Array<double, directions, 1>;

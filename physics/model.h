@@ -43,8 +43,8 @@ struct TwoWell {
   friend bool operator==(const TwoWell&, const TwoWell&) = default;
 };
 
-/// The mass on its spring. Exactly one of natural_frequency_hz and stiffness_n_m, and exactly one of
-/// damping_ratio and damping_n_s_m, is present; with imposed motion none of them is.
+/// The mass on its spring. Exactly one of natural_frequency_hz and stiffness_n_m, and exactly one
+/// of damping_ratio and damping_n_s_m, is present; with imposed motion none of them is.
 struct Oscillator {
   Excitation excitation = Excitation::base;
   Parameter mass_kg;

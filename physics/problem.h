@@ -8,9 +8,9 @@
 
 namespace stickslip {
 
-/// One thing to mend. `line` and `column` count from 1; 0 where the place is not known (a binary log
-/// says its byte offset in the message). The message says what was found, what was expected and,
-/// where it is not obvious, what to do.
+/// One thing to mend. `line` and `column` count from 1; 0 where the place is not known (a binary
+/// log says its byte offset in the message). The message says what was found, what was expected
+/// and, where it is not obvious, what to do.
 struct Problem {
   std::string file;
   int line = 0;

@@ -21,6 +21,9 @@ struct Input {
   double normal_load_n = 0.0;   ///< normal-load law "measured" only
 };
 
+/// The input a fraction of the way from `a` to `b`.
+Input between(const Input& a, const Input& b, double fraction);
+
 /// What nobody can measure: the mechanical state of the simulated rig, free of sensors and noise.
 struct RigTruth {
   double displacement_m = 0.0;
@@ -34,16 +37,16 @@ struct RigTruth {
 };
 
 struct SimulationOptions {
-  double step_s = 1.0e-4;   ///< longest integration step
-  std::uint64_t seed = 1;   ///< of the sensor noise
-  bool noise = true;        ///< Gaussian, with the model's noise_std where one is declared
+  double step_s = 1.0e-4;  ///< longest integration step
+  std::uint64_t seed = 1;  ///< of the sensor noise
+  bool noise = true;       ///< Gaussian, with the model's noise_std where one is declared
   std::array<double, channel_count> resolution{};  ///< quantisation step per channel; 0: none
 };
 
 class RigSimulator {
  public:
-  /// The rig at rest at time 0 with zero input (or at `start`). Allocates all that it will ever need.
-  /// Throws std::invalid_argument where inconsistencies_of(model) is not empty.
+  /// The rig at rest at time 0 with zero input (or at `start`). Allocates all that it will ever
+  /// need. Throws std::invalid_argument where inconsistencies_of(model) is not empty.
   explicit RigSimulator(const Model& model, SimulationOptions options = {},
                         const RigTruth& start = {});
   ~RigSimulator();
