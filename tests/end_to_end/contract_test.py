@@ -1,0 +1,98 @@
+"""The checker of reports finds what is wrong with one: each sound report is spoilt in one place."""
+import copy
+import unittest
+
+from contract import faults_of_diagnosis, faults_of_evaluation
+from programs import main
+
+SCORES = {"nll_per_sample": -4.0, "chi2_per_sample": 9.7, "nrmse": {"displacement": 0.12}}
+DIAGNOSIS = {
+    "schema": 1,
+    "verdict": "missing_physics",
+    "location": {"relation": "force_balance", "channel": "displacement", "when_s": [[0.0, 60.0]],
+                 "where": {"displacement_m": [0.012, 0.031]}, "band_hz": [2.1, 8.0],
+                 "statement": "one sentence"},
+    "findings": [{
+        "id": "cubic_stiffness", "relation": "force_balance", "channel": None,
+        "statement": "The spring hardens.", "equation": "k3 x^3 added to the restoring force",
+        "parameters": {"k3_n_m3": {"value": 1.0e4, "ci95": [0.9e4, 1.1e4]}},
+        "probability": 0.99, "alternatives": [{"id": "end_stop", "probability": 0.01}],
+        "separating_experiment": None}],
+    "fit": {"heldout": {"baseline": SCORES, "augmented": SCORES}, "horizon_s": 0.4},
+    "calibrated": {"oscillator.mass_kg": 0.0601},
+    "noise_std": {"displacement_m": 2.0e-5},
+}
+EVALUATION = {"schema": 1, "fit": {**SCORES, "rmse": {"displacement_m": 1e-4}}, "horizon_s": 0.4,
+              "free_run": {"rmse": {"displacement_m": 1e-3}, "nrmse": {"displacement": 0.1}}}
+LEFT_OUT = object()
+
+# Where a report is spoilt, what is put there, and a word of the fault that must be found.
+SPOILT_DIAGNOSES = [
+    (["schema"], 2, "schema"),
+    (["verdict"], "fine", "verdict"),
+    (["verdict"], "consistent", "findings"),
+    (["findings"], [], "without findings"),
+    (["location"], None, "location"),
+    (["location", "relation"], "spring", "relation"),
+    (["location", "channel"], "displacement_m", "channel"),
+    (["location", "when_s"], [[3.0, 1.0]], "when_s"),
+    (["location", "where"], {"displacement": [0, 1]}, "no column"),
+    (["location", "band_hz"], [2.0], "band_hz"),
+    (["location", "statement"], " ", "statement"),
+    (["findings", 0, "relation"], "friction_law", "belongs to force_balance"),
+    (["findings", 0, "relation"], "sensor", "names no channel"),
+    (["findings", 0, "parameters"], {"k3": {"value": 1, "ci95": [0, 2]}}, "lacks k3_n_m3"),
+    (["findings", 0, "parameters", "k3_n_m3", "ci95"], [2.0e4, 3.0e4], "outside its ci95"),
+    (["findings", 0, "parameters", "k3_n_m3", "value"], float("nan"), "value"),
+    (["findings", 0, "probability"], 1.2, "probability"),
+    (["findings", 0, "alternatives", 0, "probability"], 0.5, "add up"),
+    (["findings", 0, "separating_experiment"], "", "separating_experiment"),
+    (["findings", 0, "id"], "unlisted", "depends_on"),
+    (["findings", 0, "equation"], LEFT_OUT, "lacks equation"),
+    (["fit", "horizon_s"], 0, "horizon_s"),
+    (["fit", "heldout", "augmented"], LEFT_OUT, "lacks augmented"),
+    (["fit", "heldout", "baseline", "chi2_per_sample"], -1, "chi2_per_sample"),
+    (["fit", "heldout", "baseline", "nrmse"], {"displacement_m": 0.1}, "no known name"),
+    (["calibrated"], {"mass": 1.0}, "no path"),
+    (["noise_std"], {"displacement": 1.0}, "no known name"),
+    (["noise_std"], LEFT_OUT, "lacks noise_std"),
+]
+SPOILT_EVALUATIONS = [
+    (["free_run"], LEFT_OUT, "lacks free_run"),
+    (["free_run", "rmse"], LEFT_OUT, "lacks rmse"),
+    (["fit", "rmse"], {"displacement": 1.0}, "no known name"),
+    (["fit", "nll_per_sample"], None, "nll_per_sample"),
+    (["horizon_s"], -0.4, "horizon_s"),
+]
+
+
+def spoil(report, path, value):
+    report = copy.deepcopy(report)
+    *way, last = path
+    table = report
+    for key in way:
+        table = table[key]
+    if value is LEFT_OUT:
+        del table[last]
+    else:
+        table[last] = value
+    return report
+
+
+class Contract(unittest.TestCase):
+    def test_a_sound_report_has_no_fault(self):
+        self.assertEqual(faults_of_diagnosis(DIAGNOSIS), [])
+        self.assertEqual(faults_of_evaluation(EVALUATION), [])
+        self.assertEqual(faults_of_evaluation({**EVALUATION, "free_run": None}), [])
+
+    def test_every_spoilt_place_is_found(self):
+        for check, report, cases in ((faults_of_diagnosis, DIAGNOSIS, SPOILT_DIAGNOSES),
+                                     (faults_of_evaluation, EVALUATION, SPOILT_EVALUATIONS)):
+            for path, value, word in cases:
+                with self.subTest(path=path, value=value):
+                    faults = check(spoil(report, path, value))
+                    self.assertTrue(any(word in fault for fault in faults), faults)
+
+
+if __name__ == "__main__":
+    main()

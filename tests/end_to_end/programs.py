@@ -1,0 +1,78 @@
+"""The programs under test, and running them as a person would.
+
+ctest names them in the environment: STICKSLIP and STICKSLIPD (the programs), STICKSLIP_SOURCE_DIR
+(the checkout), LCM_GEN. STICKSLIP_SHARED may name a folder with recordings that others made.
+"""
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+STICKSLIP = os.environ.get("STICKSLIP", "stickslip")
+STICKSLIPD = os.environ.get("STICKSLIPD", "stickslipd")
+SOURCE = pathlib.Path(os.environ.get("STICKSLIP_SOURCE_DIR", pathlib.Path(__file__).parents[2]))
+SKIPPED = 77  # what ctest takes for "skipped"
+
+
+def shared_folder():
+    """The folder with recordings that others made, or None."""
+    for folder in (os.environ.get("STICKSLIP_SHARED"), SOURCE.parent / "shared"):
+        if folder and (pathlib.Path(folder) / "recordings").is_dir():
+            return pathlib.Path(folder)
+    return None
+
+
+def run(*command, timeout=120, cwd=None):
+    """Runs a command to its end; the result has returncode, stdout and stderr as text."""
+    return subprocess.run([str(part) for part in command], capture_output=True, text=True,
+                          timeout=timeout, cwd=cwd, stdin=subprocess.DEVNULL)
+
+
+def stickslip(*arguments, **options):
+    return run(STICKSLIP, *arguments, **options)
+
+
+def read_json(path):
+    """A JSON file, strictly: NaN and Infinity are no JSON."""
+    def refuse(word):
+        raise ValueError(f"{path} holds {word}, which is not JSON")
+    return json.loads(pathlib.Path(path).read_text(), parse_constant=refuse)
+
+
+class EndToEnd(unittest.TestCase):
+    """A test with a folder of its own, `self.folder`, that is gone afterwards."""
+    longMessage = True
+    maxDiff = None
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="stickslip-")
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+
+    def write(self, name, text):
+        path = self.folder / name
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    def succeed(self, *arguments, **options):
+        """`stickslip ...` that has to do its work."""
+        result = stickslip(*arguments, **options)
+        self.assertEqual(result.returncode, 0,
+                         f"stickslip {' '.join(map(str, arguments))}\n{result.stdout}{result.stderr}")
+        return result
+
+
+def main():
+    """Runs the tests of the calling script. Skipped as a whole counts as skipped for ctest; the
+    reason is the last line."""
+    program = unittest.main(exit=False, verbosity=2)
+    result = program.result
+    if not result.wasSuccessful():
+        sys.exit(1)
+    if result.testsRun == 0 or len(result.skipped) == result.testsRun:
+        reasons = sorted({reason for _, reason in result.skipped})
+        print("skipped: " + ("; ".join(reasons) or "no test"), flush=True)
+        sys.exit(SKIPPED)
