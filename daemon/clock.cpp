@@ -1,0 +1,23 @@
+#include "daemon/clock.h"
+
+#include <cerrno>
+#include <ctime>
+
+namespace stickslip::daemon {
+namespace {
+constexpr std::int64_t second_ns = 1'000'000'000;
+}
+
+std::int64_t MonotonicClock::now_ns() {
+  timespec now{};
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return now.tv_sec * second_ns + now.tv_nsec;
+}
+
+void MonotonicClock::sleep_until(std::int64_t due_ns) {
+  const timespec due{due_ns / second_ns, due_ns % second_ns};
+  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, nullptr) == EINTR) {
+  }
+}
+
+}  // namespace stickslip::daemon

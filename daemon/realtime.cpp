@@ -1,0 +1,86 @@
+#include "daemon/realtime.h"
+
+#include <fcntl.h>
+#include <pthread.h>
+#include <sched.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdint>
+#include <cstring>
+
+namespace stickslip::daemon {
+
+Grant lock_memory() {
+  Grant grant{"locked memory", false, {}};
+  const char* cure =
+      "; to grant it: LimitMEMLOCK=infinity in the systemd unit, or `ulimit -l unlimited`, or "
+      "CAP_IPC_LOCK";
+  if (mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
+    grant.words = std::string("refused by the kernel: ") + std::strerror(errno) + cure;
+    return grant;
+  }
+  // With a finite limit the lock on future memory turns the next large allocation or thread into a
+  // failure. Probe with more than the daemon will ever add; give the lock back if that is refused.
+  constexpr std::size_t reserve_bytes = 64UL << 20U;
+  void* probe =
+      mmap(nullptr, reserve_bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  if (probe == MAP_FAILED) {
+    munlockall();
+    rlimit limit{};
+    getrlimit(RLIMIT_MEMLOCK, &limit);
+    grant.words =
+        "the limit of " + std::to_string(limit.rlim_cur / 1024) + " KiB is too low" + cure;
+    return grant;
+  }
+  munmap(probe, reserve_bytes);
+  grant.granted = true;
+  return grant;
+}
+
+Grant make_thread_real_time(int priority) {
+  Grant grant{"SCHED_FIFO priority " + std::to_string(priority), false, {}};
+  sched_param parameter{};
+  parameter.sched_priority = priority;
+  const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter);
+  grant.granted = error == 0;
+  if (!grant.granted) {
+    grant.words = std::string("refused by the kernel: ") + std::strerror(error) +
+                  "; to grant it: LimitRTPRIO=" + std::to_string(priority) +
+                  " in the systemd unit, or `ulimit -r " + std::to_string(priority) +
+                  "`, or CAP_SYS_NICE; in a container also a real-time budget of the cgroup";
+  }
+  return grant;
+}
+
+ProcessorLatencyRequest::~ProcessorLatencyRequest() {
+  if (file_ >= 0) ::close(file_);
+}
+
+Grant ProcessorLatencyRequest::request() {
+  Grant grant{"processors kept awake (/dev/cpu_dma_latency)", false, {}};
+  file_ = ::open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC);
+  const std::int32_t microseconds = 0;
+  if (file_ >= 0 && ::write(file_, &microseconds, sizeof microseconds) == sizeof microseconds) {
+    grant.granted = true;
+  } else {
+    grant.words =
+        std::string("refused: ") + std::strerror(errno) +
+        "; to grant it: DeviceAllow=/dev/cpu_dma_latency rw in the systemd unit and write "
+        "permission on that file";
+  }
+  return grant;
+}
+
+std::string text(const std::vector<Grant>& grants) {
+  std::string out;
+  for (const Grant& grant : grants) {
+    out += (out.empty() ? "" : "\n") + grant.wish + ": " +
+           (grant.granted ? "granted" : "not granted: " + grant.words);
+  }
+  return out;
+}
+
+}  // namespace stickslip::daemon

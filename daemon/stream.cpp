@@ -1,0 +1,118 @@
+#include "daemon/stream.h"
+
+#include <utility>
+
+namespace stickslip::daemon {
+namespace {
+
+constexpr std::size_t message_room = 1024;
+
+Loss loss_of(Put put) { return put == Put::encode_error ? Loss::encode_error : Loss::write_error; }
+
+}  // namespace
+
+Stream::Stream(Sink& sink, Account& account, const StreamSettings& settings)
+    : sink_(sink),
+      account_(account),
+      settings_(settings),
+      ring_(settings.ring_frames),
+      messages_(message_room) {
+  block_.reserve(settings_.frames_per_block);
+  account_.enable();
+}
+
+Stream::~Stream() { finish(std::chrono::nanoseconds::zero()); }
+
+void Stream::offer(const Sample& sample) {
+  if (!has_room() || !ring_.try_enqueue(sample)) account_.lose(Loss::ring_full, 1);
+}
+
+void Stream::send(Message message) {
+  const bool taken = thread_.joinable() ? messages_.try_enqueue(std::move(message))
+                                        : sink_.put_message(message) == Put::done;
+  if (!taken) lost_messages_.fetch_add(1, std::memory_order_relaxed);
+}
+
+void Stream::start() {
+  thread_ = std::thread([this] { run(); });
+}
+
+void Stream::finish(std::chrono::nanoseconds patience) {
+  if (!thread_.joinable()) {
+    // Never started: what was offered has nowhere to go.
+    Sample sample;
+    while (ring_.try_dequeue(sample)) account_.lose(Loss::shutdown, 1);
+    return;
+  }
+  draining_.store(true, std::memory_order_release);
+  const auto until = std::chrono::steady_clock::now() + patience;
+  while (!ended_.load(std::memory_order_acquire)) {
+    if (std::chrono::steady_clock::now() >= until)
+      abandoned_.store(true, std::memory_order_release);
+    std::this_thread::sleep_for(std::chrono::microseconds(500));
+  }
+  thread_.join();
+}
+
+void Stream::run() {
+  while (!abandoned_.load(std::memory_order_acquire)) {
+    // Read before the ring: what was offered before the drain began is then seen in the ring.
+    const bool draining = draining_.load(std::memory_order_acquire);
+    const bool busy = take_samples();
+    if (take_messages() || busy) continue;
+    if (draining) break;
+    if (!block_.empty() &&
+        std::chrono::steady_clock::now() - block_begun_ >= settings_.longest_wait) {
+      put_block();
+    }
+    sink_.rest();
+    std::this_thread::sleep_for(settings_.poll);
+  }
+  if (abandoned_.load(std::memory_order_acquire)) {
+    account_.lose(Loss::shutdown, block_.size());
+    block_.clear();
+    Sample sample;
+    while (ring_.try_dequeue(sample)) account_.lose(Loss::shutdown, 1);
+  } else if (!block_.empty()) {
+    put_block();
+  }
+  sink_.rest();
+  ended_.store(true, std::memory_order_release);
+}
+
+// At most one block, so that messages and the end are looked at in between.
+bool Stream::take_samples() {
+  bool any = false;
+  while (const Sample* sample = ring_.peek()) {
+    if (block_.empty()) block_begun_ = std::chrono::steady_clock::now();
+    block_.push_back(*sample);
+    ring_.pop();
+    any = true;
+    if (block_.size() == settings_.frames_per_block) {
+      put_block();
+      break;
+    }
+  }
+  return any;
+}
+
+bool Stream::take_messages() {
+  Message message;
+  if (!messages_.try_dequeue(message)) return false;
+  if (sink_.put_message(message) != Put::done) {
+    lost_messages_.fetch_add(1, std::memory_order_relaxed);
+  }
+  return true;
+}
+
+void Stream::put_block() {
+  const Put put = sink_.put_block(block_);
+  if (put == Put::done) {
+    account_.deliver(block_.size());
+  } else {
+    account_.lose(loss_of(put), block_.size());
+  }
+  block_.clear();
+}
+
+}  // namespace stickslip::daemon

@@ -1,0 +1,104 @@
+// Devices, clocks and sinks that do what a test tells them.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "daemon/clock.h"
+#include "daemon/stream.h"
+#include "drivers/driver.h"
+
+namespace stickslip::daemon::test {
+
+/// Time that only moves when told. Each look at it costs `cost_of_look_ns`.
+class FakeClock final : public Clock {
+ public:
+  std::int64_t now_ns() override { return now += cost_of_look_ns; }
+  void sleep_until(std::int64_t due_ns) override {
+    if (due_ns > now) now = due_ns;
+    now += oversleep_ns;
+  }
+  std::int64_t now = 1'000'000'000;
+  std::int64_t cost_of_look_ns = 0;
+  std::int64_t oversleep_ns = 0;
+};
+
+/// A device with one displacement channel, `period_ns` apart; answers what `on_read` and `on_write`
+/// say (by the number of the call, from 0), or ok.
+class FakeDriver final : public drivers::Driver {
+ public:
+  FakeDriver() {
+    description_.name = "fake";
+    description_.channels = 0x3f;
+    description_.can_drive = true;
+  }
+  drivers::Result open() override { return {}; }
+  drivers::Result start() override {
+    started = true;
+    return start_result;
+  }
+  drivers::Result read(Frame& frame) override {
+    const std::uint64_t call = reads++;
+    const drivers::Result result = on_read ? on_read(call) : drivers::Result{};
+    if (!result) return result;
+    frame = Frame{};
+    frame.time_ns = static_cast<std::int64_t>(sequence) * period_ns;
+    frame.sequence = sequence++;
+    for (Channel channel : all_channels) {
+      frame.set(channel, static_cast<double>(frame.sequence) + 0.1 * static_cast<double>(channel));
+    }
+    if (on_frame) on_frame(frame);
+    return result;
+  }
+  drivers::Result write(const drivers::Actuation& actuation) override {
+    const std::uint64_t call = writes++;
+    if (keep_actuations) actuations.push_back(actuation);
+    last = actuation;
+    return on_write ? on_write(call) : drivers::Result{};
+  }
+  void stop() noexcept override { stopped = true; }
+  void close() noexcept override {}
+  const drivers::Description& description() const override { return description_; }
+
+  std::function<drivers::Result(std::uint64_t)> on_read;
+  std::function<drivers::Result(std::uint64_t)> on_write;
+  std::function<void(Frame&)> on_frame;
+  drivers::Result start_result;
+  std::int64_t period_ns = 1'000'000;
+  std::uint64_t sequence = 0;
+  std::uint64_t reads = 0;
+  std::uint64_t writes = 0;
+  bool keep_actuations = true;
+  std::vector<drivers::Actuation> actuations;
+  drivers::Actuation last;
+  bool started = false;
+  bool stopped = false;
+  drivers::Description description_;
+};
+
+/// Keeps all that it is given; answers what `on_block` says.
+class FakeSink final : public Sink {
+ public:
+  Put put_block(std::span<const Sample> block) override {
+    const Put put = on_block ? on_block(block) : Put::done;
+    if (put == Put::done && keep) samples.insert(samples.end(), block.begin(), block.end());
+    sizes.push_back(block.size());
+    return put;
+  }
+  Put put_message(const Message& message) override {
+    messages.push_back(message);
+    return Put::done;
+  }
+  std::function<Put(std::span<const Sample>)> on_block;
+  bool keep = true;
+  std::vector<Sample> samples;
+  std::vector<std::size_t> sizes;
+  std::vector<Message> messages;
+};
+
+}  // namespace stickslip::daemon::test
