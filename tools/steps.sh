@@ -2,6 +2,8 @@
 # a log, and shows the end of that log and the command when it fails. Sourced, not run.
 # Expects `root` (the checkout) and `log_folder` to be set.
 
+PATH=$PATH:/usr/sbin:/sbin # where Debian keeps `ip` from ordinary users
+
 say() { printf '%s\n' "$*"; }
 fail() {
   printf '%s: %s\n' "${0##*/}" "$*" >&2
