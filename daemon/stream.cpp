@@ -12,11 +12,7 @@ Loss loss_of(Put put) { return put == Put::encode_error ? Loss::encode_error : L
 }  // namespace
 
 Stream::Stream(Sink& sink, Account& account, const StreamSettings& settings)
-    : sink_(sink),
-      account_(account),
-      settings_(settings),
-      ring_(settings.ring_frames),
-      messages_(message_room) {
+    : sink_(sink), account_(account), settings_(settings), ring_(settings.ring_frames) {
   block_.reserve(settings_.frames_per_block);
   account_.enable();
 }
@@ -24,13 +20,35 @@ Stream::Stream(Sink& sink, Account& account, const StreamSettings& settings)
 Stream::~Stream() { finish(std::chrono::nanoseconds::zero()); }
 
 void Stream::offer(const Sample& sample) {
-  if (!has_room() || !ring_.try_enqueue(sample)) account_.lose(Loss::ring_full, 1);
+  if (has_room() && ring_.try_enqueue(sample)) {
+    offered_.store(offered_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
+  } else {
+    account_.lose(Loss::ring_full, 1);
+  }
+}
+
+const Sample* Stream::front() const { return waiting() == 0 ? nullptr : ring_.peek(); }
+
+void Stream::pop() {
+  ring_.pop();
+  taken_.store(taken_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
+}
+
+void Stream::lose_waiting() {
+  for (; front() != nullptr; pop()) account_.lose(Loss::shutdown, 1);
 }
 
 void Stream::send(Message message) {
-  const bool taken = thread_.joinable() ? messages_.try_enqueue(std::move(message))
-                                        : sink_.put_message(message) == Put::done;
-  if (!taken) lost_messages_.fetch_add(1, std::memory_order_relaxed);
+  if (thread_.joinable()) {
+    const std::lock_guard lock(messages_lock_);
+    if (messages_.size() < message_room) {
+      messages_.push_back(std::move(message));
+      return;
+    }
+  } else if (sink_.put_message(message) == Put::done) {
+    return;
+  }
+  lost_messages_.fetch_add(1, std::memory_order_relaxed);
 }
 
 void Stream::start() {
@@ -39,9 +57,7 @@ void Stream::start() {
 
 void Stream::finish(std::chrono::nanoseconds patience) {
   if (!thread_.joinable()) {
-    // Never started: what was offered has nowhere to go.
-    Sample sample;
-    while (ring_.try_dequeue(sample)) account_.lose(Loss::shutdown, 1);
+    lose_waiting();  // never started: what was offered has nowhere to go
     return;
   }
   draining_.store(true, std::memory_order_release);
@@ -59,7 +75,7 @@ void Stream::run() {
     // Read before the ring: what was offered before the drain began is then seen in the ring.
     const bool draining = draining_.load(std::memory_order_acquire);
     const bool busy = take_samples();
-    if (take_messages() || busy) continue;
+    if (put_messages() || busy) continue;
     if (draining) break;
     if (!block_.empty() &&
         std::chrono::steady_clock::now() - block_begun_ >= settings_.longest_wait) {
@@ -71,8 +87,8 @@ void Stream::run() {
   if (abandoned_.load(std::memory_order_acquire)) {
     account_.lose(Loss::shutdown, block_.size());
     block_.clear();
-    Sample sample;
-    while (ring_.try_dequeue(sample)) account_.lose(Loss::shutdown, 1);
+    while (next_message()) lost_messages_.fetch_add(1, std::memory_order_relaxed);
+    lose_waiting();
   } else if (!block_.empty()) {
     put_block();
   }
@@ -83,10 +99,10 @@ void Stream::run() {
 // At most one block, so that messages and the end are looked at in between.
 bool Stream::take_samples() {
   bool any = false;
-  while (const Sample* sample = ring_.peek()) {
+  while (const Sample* sample = front()) {
     if (block_.empty()) block_begun_ = std::chrono::steady_clock::now();
     block_.push_back(*sample);
-    ring_.pop();
+    pop();
     any = true;
     if (block_.size() == settings_.frames_per_block) {
       put_block();
@@ -96,13 +112,23 @@ bool Stream::take_samples() {
   return any;
 }
 
-bool Stream::take_messages() {
-  Message message;
-  if (!messages_.try_dequeue(message)) return false;
-  if (sink_.put_message(message) != Put::done) {
-    lost_messages_.fetch_add(1, std::memory_order_relaxed);
+std::optional<Message> Stream::next_message() {
+  const std::lock_guard lock(messages_lock_);
+  if (messages_.empty()) return std::nullopt;
+  Message message = std::move(messages_.front());
+  messages_.pop_front();
+  return message;
+}
+
+bool Stream::put_messages() {
+  bool any = false;
+  while (const std::optional<Message> message = next_message()) {
+    if (sink_.put_message(*message) != Put::done) {
+      lost_messages_.fetch_add(1, std::memory_order_relaxed);
+    }
+    any = true;
   }
-  return true;
+  return any;
 }
 
 void Stream::put_block() {

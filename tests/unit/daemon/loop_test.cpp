@@ -127,7 +127,8 @@ TEST(Loop, ExcitationKeepsItsPhaseThroughAnOverrun) {
   };
   std::vector<double> times_s;
   bench.driver.on_write = [&](std::uint64_t) {
-    times_s.push_back(static_cast<double>((bench.clock.now - origin) / ms) * 1e-3);
+    const std::int64_t cycle = (bench.clock.now - origin) / ms;
+    times_s.push_back(static_cast<double>(cycle) * 1e-3);
     return Result{};
   };
   bench.loop.run();

@@ -1,0 +1,69 @@
+#include "daemon/event.h"
+
+#include <cstddef>
+#include <utility>
+
+namespace stickslip::daemon {
+namespace {
+
+std::string milliseconds(std::int64_t ns) {
+  const std::int64_t us = (ns + 500) / 1000;
+  std::string fraction = std::to_string(us % 1000);
+  return std::to_string(us / 1000) + '.' + std::string(3 - fraction.size(), '0') + fraction + " ms";
+}
+
+std::string channel_name(std::uint64_t index) {
+  return index < channel_count ? std::string(channel_table[index].stem) : "unknown channel";
+}
+
+}  // namespace
+
+Event event_of(const Notice& notice) {
+  Event out;
+  out.time_ns = notice.time_ns;
+  out.sequence = notice.sequence;
+  const std::string count = std::to_string(notice.count);
+  const std::string cause = notice.text.data();
+  const auto say = [&out](Severity severity, const char* code, std::string message) {
+    out.severity = severity;
+    out.code = code;
+    out.message = std::move(message);
+  };
+  switch (notice.kind) {
+    case Notice::Kind::fault:
+      say(Severity::error, "fault", "amplifier off: " + cause);
+      break;
+    case Notice::Kind::read_failed:
+      say(Severity::warning, "read_failed", "the device did not answer a read: " + cause);
+      break;
+    case Notice::Kind::write_failed:
+      say(Severity::warning, "write_failed", "the device did not take a drive value: " + cause);
+      break;
+    case Notice::Kind::frames_missing:
+      say(Severity::warning, "frames_missing", "the source lost " + count + " frames");
+      break;
+    case Notice::Kind::sequence_repeated:
+      say(Severity::warning, "sequence_repeated",
+          "the source's sequence number did not grow: " + count + " after " +
+              std::to_string(notice.sequence));
+      break;
+    case Notice::Kind::not_finite:
+      say(Severity::warning, "not_finite",
+          channel_name(notice.count) + " is not a finite number; invalid until it is one");
+      break;
+    case Notice::Kind::overrun:
+      say(Severity::warning, "overrun",
+          "a cycle came " + milliseconds(notice.duration_ns) + " late, " + count +
+              " periods skipped");
+      break;
+    case Notice::Kind::end_of_data:
+      say(Severity::info, "end_of_data", "the source has no more data");
+      break;
+    case Notice::Kind::estimate_restarted:
+      say(Severity::warning, "estimate_restarted", "the observer diverged and began anew");
+      break;
+  }
+  return out;
+}
+
+}  // namespace stickslip::daemon

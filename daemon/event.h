@@ -1,0 +1,24 @@
+// What the loop noticed, as a person reads it.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "daemon/sample.h"
+
+namespace stickslip::daemon {
+
+enum class Severity : std::uint8_t { info, warning, error };
+
+struct Event {
+  Severity severity = Severity::info;
+  std::string code;            ///< one word that programs can look for: "overrun"
+  std::string message;         ///< one sentence
+  std::int64_t time_ns = 0;    ///< rig time of the latest frame before it
+  std::uint64_t sequence = 0;  ///< of that frame
+};
+
+/// The notice in words.
+Event event_of(const Notice& notice);
+
+}  // namespace stickslip::daemon
