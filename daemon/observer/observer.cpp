@@ -1,0 +1,1 @@
+#include "daemon/observer/observer.h"
