@@ -1,0 +1,118 @@
+#include "daemon/observer/layout.h"
+
+#include <cmath>
+#include <numbers>
+
+namespace stickslip::observer {
+
+namespace {
+
+using physics::Excitation;
+using physics::FilterKind;
+using physics::Kinetics;
+using physics::NormalLoadLaw;
+
+// In the order in which physics::FilterChain lays its sections.
+std::vector<Section> sections_of(const physics::Sensor& sensor) {
+  std::vector<Section> sections;
+  for (const physics::Filter& filter : sensor.filters) {
+    const int order = filter.kind == FilterKind::first_order_lowpass ? 1 : filter.order;
+    const double omega = 2.0 * std::numbers::pi * filter.cutoff_hz;
+    if (order % 2 == 1) sections.push_back({false, omega, 0.0});
+    for (int k = 0; k < order / 2; ++k) {
+      const double angle = std::numbers::pi * (2 * k + 1) / (2.0 * order);
+      sections.push_back({true, omega, 2.0 * std::sin(angle) * omega});
+    }
+  }
+  return sections;
+}
+
+}  // namespace
+
+int Chain::count() const {
+  if (!used) return 0;
+  if (sections.empty()) return 1;
+  int states = 0;
+  for (const Section& section : sections) states += section.second_order ? 2 : 1;
+  return states;
+}
+
+Channel drive_channel(const physics::Structure& structure) {
+  return structure.excitation == Excitation::force ? Channel::drive_force
+                                                   : Channel::base_displacement;
+}
+
+Layout layout_of(const physics::Model& model, const physics::Rig& rig, std::string& reason) {
+  Layout layout;
+  layout.rig.fill(-1);
+  const physics::Structure& structure = rig.structure();
+  if (structure.excitation == Excitation::imposed) {
+    reason =
+        "the observer follows rigs with a force balance; with oscillator.excitation = \"imposed\" "
+        "the motion is given and friction_force is f itself";
+    return layout;
+  }
+
+  for (int i = 0; i < physics::max_rig_states; ++i) {
+    if (rig.has_state(i)) layout.rig[static_cast<std::size_t>(i)] = layout.core++;
+  }
+  if (structure.friction) {
+    layout.mu = layout.core++;
+    if (structure.kinetics == Kinetics::relaxing && model.friction.rate_per_s.sigma > 0.0) {
+      layout.log_rate = layout.core++;
+    }
+  }
+  const bool measured = structure.loaded && structure.load_law == NormalLoadLaw::measured;
+  const bool load_in_doubt = structure.loaded && model.normal_load->load_n.sigma > 0.0;
+  if (measured) {
+    layout.load = layout.core++;
+    layout.load_rate = layout.core++;
+  } else if (load_in_doubt) {
+    layout.load = layout.core++;
+  }
+  layout.drive = layout.core;
+  layout.core += 4;
+
+  int next = layout.core;
+  if (structure.friction) {
+    layout.friction = next++;
+    layout.theta = structure.kinetics == Kinetics::relaxing
+                       ? layout.rig[static_cast<std::size_t>(physics::state::contact)]
+                       : next++;
+  }
+  const auto lay = [&](Channel channel) {
+    Chain& chain = layout.chain[index_of(channel)];
+    chain.used = true;
+    chain.sections = sections_of(model.sensors[index_of(channel)]);
+    chain.first = next;
+    next += chain.count();
+    const bool last_is_first_order = !chain.sections.empty() && !chain.sections.back().second_order;
+    chain.reading = next - (chain.sections.empty() || last_is_first_order ? 1 : 2);
+  };
+  // The velocity chain starts where the displacement chain ends: one run.
+  lay(Channel::displacement);
+  lay(Channel::velocity);
+  const int first = layout.of(Channel::displacement).first;
+  layout.runs.push_back({first, next - first});
+  const auto lay_run = [&](Channel channel) {
+    lay(channel);
+    const Chain& chain = layout.of(channel);
+    if (!chain.sections.empty()) layout.runs.push_back({chain.first, chain.count()});
+  };
+  if (structure.friction) lay_run(Channel::friction_force);
+  // A load that is known exactly has nothing to learn from its sensor.
+  if (structure.loaded && (layout.load >= 0 || structure.load_law == NormalLoadLaw::wedge)) {
+    lay_run(Channel::normal_load);
+  }
+  lay_run(drive_channel(structure));
+  layout.count = next;
+
+  if (layout.count > max_states) {
+    reason = "the model needs " + std::to_string(layout.count) +
+             " filter states, the observer has room for " + std::to_string(max_states) +
+             ": declare lower filter orders in [sensors]";
+  }
+  return layout;
+}
+
+}  // namespace stickslip::observer

@@ -1,0 +1,304 @@
+#include "daemon/observer/noise.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace stickslip::observer {
+
+namespace {
+
+using physics::Excitation;
+using physics::Kinetics;
+using physics::Parameter;
+namespace state = physics::state;
+using std::numbers::pi;
+
+double square(double x) { return x * x; }
+double sixth(double x) { return square(x * x * x); }
+
+// Unmodelled forces: this fraction of mu N and of the spring's force, alike over this time.
+constexpr double force_doubt = 0.01;
+constexpr double spring_doubt = 0.002;
+constexpr double force_memory_s = 0.01;
+// The backbone g: this much off, alike over force_memory_s.
+constexpr double backbone_doubt = 0.01;
+// Random walks of the parameters, as a fraction of their size over the root of a second.
+constexpr double mu_walk = 0.005;
+constexpr double rate_walk = 0.02;
+constexpr double load_walk = 0.002;
+constexpr double load_rate_walk = 20.0;
+constexpr double frequency_walk = 0.05;
+// What is at least in doubt about parameters at the start, as a fraction.
+constexpr double mu_doubt = 0.3;
+// A drive's frequency is sought below this.
+constexpr double most_drive_rad_s = 2.0 * pi * 40.0;
+constexpr double drive_lesson_s = 1.0;
+constexpr double noise_hearing_s = 1.0;
+
+double relative(const Parameter& p) { return p.value != 0.0 ? std::abs(p.sigma / p.value) : 0.0; }
+
+double relative(const std::optional<Parameter>& p) { return p ? relative(*p) : 0.0; }
+
+}  // namespace
+
+Noise::Noise(const physics::Model& model, const physics::Rig& rig, const Layout& layout,
+             const physics::RigNumbers<double>& numbers, double period_s)
+    : model_(&model), rig_(&rig), layout_(&layout), numbers_(&numbers), period_s_(period_s) {
+  const auto& c = numbers.c;
+  const double stiffness = rig.structure().two_well ? 2.0 * c.well_linear : c.stiffness;
+  natural_rad_s_ = std::max(std::sqrt(stiffness / c.mass), 2.0 * pi * 0.5);
+  const physics::Oscillator& oscillator = model.oscillator;
+  mass_doubt_kg_ = oscillator.mass_kg.sigma;
+  spring_doubt_n_m_ = c.stiffness * std::max({spring_doubt, relative(oscillator.stiffness_n_m),
+                                              2.0 * relative(oscillator.natural_frequency_hz)});
+  if (oscillator.two_well) {
+    spring_doubt_n_m_ =
+        std::max(oscillator.two_well->linear_n_m.sigma, spring_doubt * c.well_linear);
+  }
+  damping_doubt_n_s_m_ =
+      c.damping * std::max(relative(oscillator.damping_ratio), relative(oscillator.damping_n_s_m));
+  cell_doubt_n_m_ = 0.0;
+  if (model.load_cell) {
+    cell_doubt_n_m_ = c.cell_stiffness *
+                      std::max(spring_doubt, 2.0 * relative(model.load_cell->natural_frequency_hz));
+  }
+  for (Channel channel : all_channels) {
+    const auto& declared = model.sensors[index_of(channel)].noise_std;
+    listeners_[index_of(channel)].declared = declared ? square(*declared) : 0.0;
+  }
+  // A Kalman filter for p''' = white noise of density q and readings of density r follows up to
+  // (q / r)^(1/6) rad/s; the drive's density may move between what that means for 0.3 and 60 Hz.
+  least_log_density_ = std::log(sixth(2.0 * pi * 0.3));
+  most_log_density_ = std::log(sixth(2.0 * pi * 60.0));
+  log_jerk_density_ = std::log(sixth(2.0 * pi * 20.0));
+}
+
+double Noise::reading_variance(Channel channel) const {
+  const Listener& listener = listeners_[index_of(channel)];
+  if (listener.declared > 0.0) return listener.declared;
+  const double floor = square(1.0e-4 * listener.size) + 1.0e-24;
+  if (listener.heard == 0.0) return square(0.02 * listener.size) + floor;
+  return std::max(listener.variance, floor);
+}
+
+// The third difference of a reading behind an anti-alias filter is noise alone, 20 times its
+// variance; where it is not, the reading is thought noisier than it is, which is the safe side.
+void Noise::listen(const Frame& frame) {
+  for (Channel channel : all_channels) {
+    Listener& listener = listeners_[index_of(channel)];
+    if (listener.declared > 0.0) continue;
+    if (!frame.has(channel)) {
+      listener.in_a_row = 0;
+      continue;
+    }
+    const double now = frame[channel];
+    auto& [a, b, c] = listener.last;
+    const double largest = 1.0e3 * listener.size;
+    if (listener.heard > 0.0 && std::abs(now) > largest) continue;  // an absurd reading
+    listener.size = std::max(listener.size, std::abs(now));
+    if (listener.in_a_row >= 3) {
+      const double third = now - 3.0 * a + 3.0 * b - c;
+      listener.heard = std::min(listener.heard + 1.0, std::max(10.0, noise_hearing_s / period_s_));
+      listener.variance += (third * third / 20.0 - listener.variance) / listener.heard;
+    }
+    c = b;
+    b = a;
+    a = now;
+    ++listener.in_a_row;
+  }
+}
+
+void Noise::learn_drive(double normalised_square) {
+  const double step = std::min(normalised_square - 1.0, 20.0) * period_s_ / drive_lesson_s;
+  log_jerk_density_ = std::clamp(log_jerk_density_ + step, least_log_density_, most_log_density_);
+}
+
+void Noise::start(const Frame& frame, double mu, Vector& mean, Matrix& covariance) const {
+  const Layout& l = *layout_;
+  const auto& c = numbers_->c;
+  const auto& structure = rig_->structure();
+  const Channel driven = drive_channel(structure);
+  const auto read = [&](Channel channel) { return frame.has(channel) ? frame[channel] : 0.0; };
+
+  mean.setZero();
+  covariance.setZero();
+  const auto set = [&](int index, double value, double deviation) {
+    if (index < 0) return;
+    mean[index] = value;
+    covariance(index, index) = square(deviation);
+  };
+
+  // Sizes of things, from the model and this frame.
+  double load = c.load;
+  if (l.load_rate >= 0) load = read(Channel::normal_load);
+  if (!structure.loaded) load = 1.0;
+  const double friction = structure.friction ? std::max(c.mu * std::abs(load), 1.0e-9) : 0.0;
+  const double x = read(Channel::displacement);
+  const double v = read(Channel::velocity);
+  double length = std::max({std::abs(x), std::abs(v) / natural_rad_s_, 1.0e-4});
+  if (structure.two_well) {
+    length = std::max(length, std::sqrt(c.well_linear / std::max(c.well_cubic, 1.0e-12)));
+  } else {
+    length = std::max(length, friction / (c.mass * square(natural_rad_s_)));
+  }
+  if (structure.excitation == Excitation::base) length = std::max(length, std::abs(read(driven)));
+  const double speed = length * natural_rad_s_;
+
+  const bool sees_x = frame.has(Channel::displacement);
+  const bool sees_v = frame.has(Channel::velocity);
+  set(l.rig[state::x], x, sees_x ? 0.5 * length : 2.0 * length);
+  set(l.rig[state::v], v, sees_v ? 0.5 * speed : 2.0 * speed);
+  const double force = read(Channel::friction_force);
+  if (structure.resonant) {
+    const double cell_rad_s = std::sqrt(c.cell_stiffness / c.cell_mass);
+    const double deflection = (friction + std::abs(force)) / c.cell_stiffness;
+    set(l.rig[state::y], force / c.cell_stiffness, deflection);
+    set(l.rig[state::u], 0.0, deflection * cell_rad_s);
+  }
+  const double theta = friction > 0.0 ? std::clamp(force / friction, -1.0, 1.0) : 0.0;
+  if (structure.kinetics == Kinetics::bristle) {
+    const double reach = friction / std::max(c.contact_stiffness, 1.0e-12);
+    set(l.rig[state::contact], theta * reach, 0.5 * reach);
+  } else {
+    set(l.rig[state::contact], theta, 0.5);
+  }
+  for (int i = state::first_effect; i < physics::max_rig_states; ++i) {
+    // States of effects are forces or deflections of their own: as large as the rig's own ones.
+    set(l.rig[static_cast<std::size_t>(i)], 0.0,
+        std::max(friction, c.mass * square(natural_rad_s_) * length));
+  }
+  if (l.mu >= 0) {
+    const bool sane = mu > 0.1 * c.mu && mu < 10.0 * c.mu;
+    set(l.mu, sane ? mu : c.mu, std::max(model_->friction.mu.sigma, mu_doubt * c.mu));
+  }
+  if (l.log_rate >= 0) {
+    set(l.log_rate, std::log(c.rate), std::min(1.0, relative(model_->friction.rate_per_s)));
+  }
+  if (l.load_rate >= 0) {
+    set(l.load, load, 0.5 * std::abs(load) + 1.0e-6);
+    set(l.load_rate, 0.0, std::abs(load) * natural_rad_s_);
+  } else if (l.load >= 0) {
+    set(l.load, c.load, model_->normal_load->load_n.sigma);
+  }
+
+  const double p = read(driven);
+  const double drive_size =
+      structure.excitation == Excitation::base
+          ? length
+          : std::max({std::abs(p), friction, c.mass * square(natural_rad_s_) * length});
+  const double drive_rad_s = std::max(natural_rad_s_, 2.0 * pi * 2.0);
+  set(l.drive, p, frame.has(driven) ? drive_size : 3.0 * drive_size);
+  set(l.drive + 1, 0.0, 2.0 * drive_size * drive_rad_s);
+  set(l.drive + 2, 0.0, 2.0 * drive_size * square(drive_rad_s));
+  set(l.drive + 3, square(drive_rad_s), square(drive_rad_s));
+
+  set(l.friction, theta * friction, friction);
+  if (l.theta >= l.core) set(l.theta, theta, 0.7);
+  const auto remember = [&](Channel channel, double value, double value_doubt, double rate,
+                            double rate_doubt) {
+    const Chain& chain = l.of(channel);
+    if (!chain.used) return;
+    if (chain.sections.empty()) {
+      set(chain.reading, value, value_doubt);
+      return;
+    }
+    int next = chain.first;
+    for (const Section& section : chain.sections) {
+      set(next++, value, value_doubt);
+      if (section.second_order) set(next++, rate, rate_doubt);
+    }
+  };
+  remember(Channel::displacement, x, length, v, speed);
+  remember(Channel::velocity, v, speed, 0.0, 2.0 * speed * natural_rad_s_);
+  const double force_size = friction + std::abs(force);
+  remember(Channel::friction_force, force, force_size, 0.0, 100.0 * force_size);
+  const double load_reading = frame.has(Channel::normal_load) ? frame[Channel::normal_load] : load;
+  remember(Channel::normal_load, load_reading, 0.5 * std::abs(load) + 1.0e-6, 0.0,
+           std::abs(load) * natural_rad_s_);
+  remember(driven, p, drive_size, 0.0, 2.0 * drive_size * drive_rad_s);
+}
+
+void Noise::add_process(const Vector& mean, Matrix& covariance) const {
+  const Layout& l = *layout_;
+  const auto& c = numbers_->c;
+  const auto& structure = rig_->structure();
+  const double h = period_s_;
+  const double colour = 2.0 * force_memory_s * h;  // white noise as strong as the coloured doubt
+  const auto grow = [&](int index, double variance) {
+    if (index >= 0) covariance(index, index) += variance;
+  };
+
+  const double x = mean[l.rig[state::x]];
+  const double v = mean[l.rig[state::v]];
+  double load = 1.0;
+  if (structure.loaded) load = l.load >= 0 ? std::abs(mean[l.load]) : c.load;
+  const double friction = l.mu >= 0 ? std::abs(mean[l.mu]) * load : 0.0;
+  const double base_acceleration =
+      structure.excitation == Excitation::base ? mean[l.drive + 2] : 0.0;
+  const double on_mass = square(force_doubt * friction) + square(spring_doubt_n_m_ * x) +
+                         square(damping_doubt_n_s_m_ * v) +
+                         square(mass_doubt_kg_ * base_acceleration);
+  grow(l.rig[state::v], colour * on_mass / square(c.mass));
+  if (structure.resonant) {
+    const double y = mean[l.rig[state::y]];
+    const double on_cell = square(force_doubt * friction) + square(cell_doubt_n_m_ * y);
+    grow(l.rig[state::u], colour * on_cell / square(c.cell_mass));
+  }
+  if (structure.kinetics == Kinetics::relaxing) {
+    const double rate = l.log_rate >= 0 ? std::exp(mean[l.log_rate]) : c.rate;
+    // Behind a fast rate theta is g, and so is its doubt.
+    const double share = 1.0 - std::exp(-rate * h);
+    grow(l.rig[state::contact],
+         square(backbone_doubt * share) * std::max(1.0, 2.0 * force_memory_s / h));
+  }
+  if (structure.kinetics == Kinetics::bristle && structure.friction) {
+    const double reach = friction / std::max(c.contact_stiffness, 1.0e-12);
+    grow(l.rig[state::contact], square(backbone_doubt * reach) * h / force_memory_s);
+  }
+  for (int i = state::first_effect; i < physics::max_rig_states; ++i) {
+    const double size = std::max(friction, c.stiffness * std::abs(x));
+    grow(l.rig[static_cast<std::size_t>(i)], square(force_doubt * size) * h / force_memory_s);
+  }
+  if (l.mu >= 0) grow(l.mu, square(mu_walk * c.mu) * h);
+  if (l.log_rate >= 0) grow(l.log_rate, square(rate_walk) * h);
+  if (l.load_rate >= 0) {
+    grow(l.load, square(load_walk * load) * h);
+    grow(l.load_rate, square(load_rate_walk * load) * h);
+  } else if (l.load >= 0) {
+    grow(l.load, square(load_walk * c.load) * h * 0.01);
+  }
+
+  // The drive: p''' is white noise of that density.
+  const Channel driven = drive_channel(structure);
+  const double q = std::exp(log_jerk_density_) * reading_variance(driven) * h;
+  const int p = l.drive;
+  const auto pair = [&](int i, int j, double value) {
+    covariance(p + i, p + j) += value;
+    if (i != j) covariance(p + j, p + i) += value;
+  };
+  pair(0, 0, q * h * h * h * h * h / 20.0);
+  pair(0, 1, q * h * h * h * h / 8.0);
+  pair(0, 2, q * h * h * h / 6.0);
+  pair(1, 1, q * h * h * h / 3.0);
+  pair(1, 2, q * h * h / 2.0);
+  pair(2, 2, q * h);
+  const double lambda = std::max(mean[p + 3], square(2.0 * pi * 0.5));
+  if (covariance(p + 3, p + 3) < square(lambda)) {
+    grow(p + 3, square(2.0 * frequency_walk * lambda) * h);
+  }
+}
+
+void Noise::confine(Vector& mean) const {
+  const Layout& l = *layout_;
+  const auto& c = numbers_->c;
+  if (l.mu >= 0) mean[l.mu] = std::max(mean[l.mu], 1.0e-3 * c.mu);
+  if (l.log_rate >= 0) {
+    const double centre = std::log(c.rate);
+    mean[l.log_rate] = std::clamp(mean[l.log_rate], centre - 4.0, centre + 4.0);
+  }
+  if (l.load >= 0 && l.load_rate < 0) mean[l.load] = std::max(mean[l.load], 1.0e-3 * c.load);
+  mean[l.drive + 3] = std::clamp(mean[l.drive + 3], 0.0, square(most_drive_rad_s));
+}
+
+}  // namespace stickslip::observer

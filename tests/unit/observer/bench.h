@@ -1,0 +1,131 @@
+// The bench of the paper as a simulated rig, and an observer that watches it.
+#pragma once
+
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <vector>
+
+#include "daemon/observer/observer.h"
+#include "physics/simulator.h"
+
+namespace stickslip::observer::test {
+
+enum class Law { coulomb, state_variable, set_valued };
+
+/// The paper's rig with noises of about 0.3 % of the range of each channel.
+inline physics::Model paper_rig(Law law, bool wedge = false, bool resonant = true) {
+  using namespace physics;
+  Model model;
+  model.oscillator.mass_kg = {0.06};
+  model.oscillator.natural_frequency_hz = Parameter{2.4};
+  model.oscillator.damping_ratio = Parameter{0.015};
+  model.normal_load = NormalLoad{
+      wedge ? NormalLoadLaw::wedge : NormalLoadLaw::constant, {0.15}, {wedge ? 25.0 : 0.0}};
+  model.friction.law =
+      law == Law::state_variable ? FrictionLaw::state_variable : FrictionLaw::coulomb;
+  model.friction.mu = {0.8};
+  model.friction.transition_speed_m_s = {law == Law::set_valued ? 0.0 : 0.0025};
+  if (law == Law::state_variable) model.friction.rate_per_s = {150.0};
+  model.load_cell =
+      LoadCell{{0.0126},
+               {19.3},
+               {0.016},
+               resonant ? LoadCellDynamics::resonant : LoadCellDynamics::quasi_static};
+  const std::vector<Filter> analogue = {{FilterKind::butterworth_lowpass, 4, 25.0}};
+  const auto sensor = [&](Channel channel) -> Sensor& { return model.sensors[index_of(channel)]; };
+  sensor(Channel::displacement) = {6.0e-5, analogue};
+  sensor(Channel::velocity) = {1.5e-3, {{FilterKind::first_order_lowpass, 1, 150.0}}};
+  sensor(Channel::friction_force) = {6.0e-4, analogue};
+  sensor(Channel::normal_load) = {6.0e-4, analogue};
+  sensor(Channel::base_displacement) = {4.0e-5, analogue};
+  return model;
+}
+
+/// Base motion A(t) sin(w t) with A going from 0 to `amplitude_m` and back, and its acceleration.
+struct ModulatedBase {
+  double amplitude_m = 0.012;
+  double carrier_hz = 3.0;
+  double modulation_hz = 0.1;
+
+  physics::Input operator()(double t) const {
+    const double w = 2.0 * std::numbers::pi * carrier_hz;
+    const double s = 2.0 * std::numbers::pi * modulation_hz;
+    const double a = 0.5 * amplitude_m * (1.0 - std::cos(s * t));
+    const double a1 = 0.5 * amplitude_m * s * std::sin(s * t);
+    const double a2 = 0.5 * amplitude_m * s * s * std::cos(s * t);
+    physics::Input input;
+    input.base_displacement_m = a * std::sin(w * t);
+    input.base_acceleration_m_s2 =
+        a2 * std::sin(w * t) + 2.0 * a1 * w * std::cos(w * t) - a * w * w * std::sin(w * t);
+    return input;
+  }
+};
+
+/// One frame, what was true when it was taken, and what the observer made of it.
+struct Moment {
+  Frame frame;
+  physics::RigTruth truth;
+  FrictionEstimate estimate;
+};
+
+struct Watch {
+  double duration_s = 20.0;
+  double period_s = 1.0e-3;
+  std::uint64_t seed = 1;
+  std::function<physics::Input(double)> drive = ModulatedBase{};
+  std::function<void(Frame&)> spoil = [](Frame&) {};  ///< what happens to a frame on its way
+};
+
+/// Lets an observer that believes `believed` watch a rig that is `real`.
+inline std::vector<Moment> watch(const physics::Model& real, const physics::Model& believed,
+                                 const Watch& how = {}) {
+  physics::RigSimulator rig(real, {.step_s = 1.0e-4, .seed = how.seed});
+  FrictionObserver observer(believed, how.period_s);
+  std::vector<Moment> moments;
+  const auto count = static_cast<long>(std::llround(how.duration_s / how.period_s));
+  moments.reserve(static_cast<std::size_t>(count));
+  for (long k = 1; k <= count; ++k) {
+    // The acceleration is no straight line over a millisecond of some drives: in small pieces.
+    for (int piece = 1; piece <= 4; ++piece) {
+      const double t = (static_cast<double>(k - 1) + 0.25 * piece) * how.period_s;
+      rig.advance(0.25 * how.period_s, how.drive(t));
+    }
+    Moment moment;
+    moment.frame = rig.read();
+    how.spoil(moment.frame);
+    moment.truth = rig.truth();
+    moment.estimate = observer.update(moment.frame);
+    moments.push_back(moment);
+  }
+  return moments;
+}
+
+/// Root mean square of error(moment) over the moments from `from_s` on.
+inline double rms(const std::vector<Moment>& moments, double from_s,
+                  const std::function<double(const Moment&)>& error) {
+  double sum = 0.0;
+  std::size_t count = 0;
+  const double start = moments.front().frame.time_s();
+  for (const Moment& moment : moments) {
+    if (moment.frame.time_s() - start < from_s) continue;
+    sum += error(moment) * error(moment);
+    ++count;
+  }
+  return std::sqrt(sum / static_cast<double>(count));
+}
+
+/// Mean normalised innovation squared per degree of freedom; 1 where the filter is right.
+inline double mean_nis(const std::vector<Moment>& moments, double from_s) {
+  double sum = 0.0;
+  double freedom = 0.0;
+  const double start = moments.front().frame.time_s();
+  for (const Moment& moment : moments) {
+    if (moment.frame.time_s() - start < from_s) continue;
+    sum += moment.estimate.nis;
+    freedom += moment.estimate.nis_freedom;
+  }
+  return sum / freedom;
+}
+
+}  // namespace stickslip::observer::test
