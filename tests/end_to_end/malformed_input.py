@@ -184,7 +184,7 @@ class MalformedInput(EndToEnd):
                 self.assertTrue(result.stderr.strip())
 
     def test_the_daemon_refuses_a_bad_configuration(self):
-        rig = self.write("rig.toml", "[rig]\nname = \"x\"\nspeling = 1\n")
+        rig = self.write("rig.toml", "schema = 1\n[rig]\nname = \"x\"\nspeling = 1\n")
         for command in ((STICKSLIPD, "--config", rig), (STICKSLIPD, "--config", self.folder / "no"),
                         (STICKSLIPD,), (STICKSLIPD, "--no-such-option")):
             with self.subTest(command=command):

@@ -23,6 +23,7 @@ class ReplayThroughTheDaemon(EndToEnd):
 
     def replay(self, recording, name, speed):
         config = self.write(f"{name}.toml", f"""
+            schema = 1
             [rig]
             name = "replayed"
             model = "{MODEL}"

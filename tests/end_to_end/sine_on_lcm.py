@@ -33,7 +33,8 @@ noise_std = {NOISE_M}
 [sensors.displacement]
 noise_std = {NOISE_M}
 """
-RIG = f"""[rig]
+RIG = f"""schema = 1
+[rig]
 name = "sine"
 model = "model.toml"
 [driver]
