@@ -422,6 +422,11 @@ void Rig::step(RigState<T>& state, const Input& begin, const Input& end, double 
         start[i] + h * (delta_ars * e1[i] + (1.0 - delta_ars) * e2[i] + (1.0 - gamma_ars) * i2[i]);
   }
   close_contact(state, alpha, end, time_s + h, n);
+  for (std::size_t i = 0; i < terms_.size(); ++i) {
+    if (terms_[i].effect->state_count() == 0) continue;
+    terms_[i].effect->confine(&state.s[static_cast<std::size_t>(terms_[i].first_state)],
+                              n.term[i].data());
+  }
 }
 
 template <class T>

@@ -1,7 +1,83 @@
+#include <unistd.h>
+
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "config/model_file.h"
+#include "physics/problem.h"
+#include "protocol/recording.h"
 #include "tools/command.h"
+#include "tools/diagnose/report.h"
+#include "tools/write_file.h"
 
 namespace stickslip::tools {
 
-void add_diagnose(CLI::App& /*app*/, Action& /*action*/) {}
+namespace {
+
+struct Arguments {
+  std::vector<std::string> recordings;
+  std::string model;
+  std::string json;
+  std::string html;
+  std::string write_model;
+  std::uint64_t seed = 1;
+  int jobs = 0;
+  double horizon_s = 0.0;
+};
+
+int run(const Arguments& arguments) {
+  const physics::Model model = config::load_model(arguments.model);
+  std::vector<protocol::Recording> recordings;
+  for (const std::string& path : arguments.recordings) {
+    recordings.push_back(protocol::read_recording(path));
+  }
+  diagnosis::Options options;
+  options.seed = arguments.seed;
+  options.threads = arguments.jobs > 0
+                        ? arguments.jobs
+                        : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  if (arguments.horizon_s > 0.0) options.horizon_s = arguments.horizon_s;
+  const bool terminal = isatty(STDERR_FILENO) != 0;
+  if (terminal) {
+    options.progress = [](const std::string& what, double done) {
+      std::fprintf(stderr, "\r\033[K%3.0f %%  %s", 100.0 * done, what.c_str());
+      if (done >= 1.0) std::fprintf(stderr, "\r\033[K");
+    };
+  }
+  const diagnosis::Diagnosis result = diagnosis::diagnose(recordings, model, options);
+  if (!arguments.json.empty())
+    write_file(arguments.json, diagnosis::report_json(result).dump(2) + "\n");
+  if (!arguments.write_model.empty()) {
+    write_file(arguments.write_model, config::model_text(result.model));
+  }
+  std::fputs(diagnosis::report_text(result).c_str(), stdout);
+  return 0;
+}
+
+}  // namespace
+
+void add_diagnose(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "diagnose", "Find where a model and recordings part, and name what physics was left out");
+  command->add_option("recordings", arguments->recordings, "Recordings of one rig (CSV or LCM log)")
+      ->required()
+      ->type_name("RECORDING");
+  command->add_option("--model", arguments->model, "The model that is believed (TOML)")->required();
+  command->add_option("--json", arguments->json, "Write the report as JSON");
+  command->add_option("--write-model", arguments->write_model,
+                      "Write the calibrated model with the physics that was found");
+  command->add_option("--seed", arguments->seed, "Seed of the bootstrap")->capture_default_str();
+  command->add_option("--jobs", arguments->jobs, "Threads (0: as many as there are cores)")
+      ->check(CLI::NonNegativeNumber);
+  command->add_option("--horizon", arguments->horizon_s, "Length of a prediction window [s]")
+      ->check(CLI::PositiveNumber);
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
 
 }  // namespace stickslip::tools

@@ -13,7 +13,8 @@ int run(int argc, char** argv) {
                "stickslip"};
   app.set_version_flag("--version", "stickslip " STICKSLIP_VERSION);
   app.require_subcommand(1);
-  app.footer("Exit status: 0 done, whatever the verdict; 2 bad arguments or input; 1 anything else.");
+  app.footer(
+      "Exit status: 0 done, whatever the verdict; 2 bad arguments or input; 1 anything else.");
 
   Action action;
   add_simulate(app, action);

@@ -158,6 +158,9 @@ class Effect {
   virtual void rates(double* rate, const Instant<double>& at, const double* p,
                      const double* s) const = 0;
   virtual void rates(Dual* rate, const Instant<Dual>& at, const Dual* p, const Dual* s) const = 0;
+  /// Brings states back to where exact integration keeps them; called after every step.
+  virtual void confine(double* s, const double* p) const = 0;
+  virtual void confine(Dual* s, const Dual* p) const = 0;
 };
 
 /// Lets an effect write each of its terms once: Derived hides whichever of the templates it uses.
@@ -175,6 +178,8 @@ class EffectOf : public Effect {
                          const T* /*s*/) const {}
   template <class T>
   void rates_of(T* /*rate*/, const Instant<T>& /*at*/, const T* /*p*/, const T* /*s*/) const {}
+  template <class T>
+  void confine_of(T* /*s*/, const T* /*p*/) const {}
 
   void set(Coefficients<double>& c, const double* p) const final { self().set_coefficients(c, p); }
   void set(Coefficients<Dual>& c, const Dual* p) const final { self().set_coefficients(c, p); }
@@ -199,6 +204,8 @@ class EffectOf : public Effect {
   void rates(Dual* rate, const Instant<Dual>& at, const Dual* p, const Dual* s) const final {
     self().rates_of(rate, at, p, s);
   }
+  void confine(double* s, const double* p) const final { self().confine_of(s, p); }
+  void confine(Dual* s, const Dual* p) const final { self().confine_of(s, p); }
 
  private:
   const Derived& self() const { return static_cast<const Derived&>(*this); }

@@ -66,6 +66,12 @@ class Hysteresis final : public EffectOf<Hysteresis> {
     using std::abs;
     rate[0] = p[0] * (at.v - abs(at.v) * s[0] / p[1]);
   }
+  // A stiff spring slips within less than a step; its force never exceeds the slip force.
+  template <class T>
+  void confine_of(T* s, const T* p) const {
+    if (s[0] > p[1]) s[0] = p[1];
+    if (s[0] < -p[1]) s[0] = -p[1];
+  }
 };
 
 }  // namespace

@@ -1,0 +1,34 @@
+// The LCM channels of a rig: one table, from which names, types and rates are read.
+#pragma once
+
+#include <array>
+#include <string_view>
+
+namespace stickslip::protocol {
+
+inline constexpr const char* frames_channel = "STICKSLIP_FRAMES";
+inline constexpr const char* estimate_channel = "STICKSLIP_ESTIMATE";
+inline constexpr const char* excitation_channel = "STICKSLIP_EXCITATION";
+inline constexpr const char* status_channel = "STICKSLIP_STATUS";
+inline constexpr const char* event_channel = "STICKSLIP_EVENT";
+inline constexpr const char* recording_channel = "STICKSLIP_RECORDING";
+
+/// Where the tools and the daemon meet unless told otherwise: LCM's own group, on this host only.
+inline constexpr const char* default_url = "udpm://239.255.76.67:7667?ttl=0";
+
+struct LcmChannel {
+  std::string_view name;
+  std::string_view type;
+  std::string_view rate;
+};
+
+inline constexpr std::array<LcmChannel, 6> lcm_channels = {{
+    {frames_channel, "frame_block_t", "one per block of frames"},
+    {estimate_channel, "friction_estimate_t", "one per block, after its last frame"},
+    {excitation_channel, "excitation_t", "one per block, of its last frame"},
+    {status_channel, "status_t", "once a second and at the end"},
+    {event_channel, "event_t", "when something happens"},
+    {recording_channel, "recording_info_t", "once, at the start"},
+}};
+
+}  // namespace stickslip::protocol

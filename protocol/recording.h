@@ -1,0 +1,80 @@
+// Recordings: a CSV file by the contract, or an LCM event log as the daemon writes it. The same
+// frames in either form are the same recording, to the bit.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <iosfwd>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "physics/frame.h"
+
+namespace stickslip::protocol {
+
+/// What a log says about itself; all empty for a CSV file.
+struct Description {
+  std::int64_t started_utc_us = 0;
+  std::string rig;
+  std::string program;
+  std::string version;
+  std::string configuration;
+  std::string model;
+
+  friend bool operator==(const Description&, const Description&) = default;
+};
+
+struct Recording {
+  std::string source;         ///< the file it came from
+  std::vector<Frame> frames;  ///< in strictly increasing time
+  std::uint8_t channels = 0;  ///< bit i: some frame holds Channel i
+  Description description;
+};
+
+/// Reads either form; which one is decided by the content, not by the name. Throws InputError
+/// naming the file, and the line (CSV) or the byte (log), for whatever is wrong: no time_s, an
+/// unknown or doubled column, a missing or surplus cell, text or nan in a number, time that does
+/// not increase, a log that is cut off or holds no frames. An empty cell is a sample that is not
+/// there.
+Recording read_recording(const std::filesystem::path& file);
+
+/// The same for text in memory; `name` stands for the file in messages.
+Recording parse_csv(std::string_view text, const std::string& name);
+
+/// Writes CSV for ".csv" or "-" (standard output), an LCM event log for ".lcm" and ".log". Throws
+/// InputError where the name says neither or the file cannot be written.
+void write_recording(const Recording& recording, const std::filesystem::path& file);
+
+/// CSV by the contract: time_s exact to the nanosecond, values so that they read back to the bit.
+/// Sequence numbers are not part of it: a CSV file counts from 0.
+void write_csv(const Recording& recording, std::ostream& out);
+
+/// Appends events to an LCM event log, which stock lcm-logplayer plays.
+class LogWriter {
+ public:
+  /// Creates or replaces `file`. Throws InputError where it cannot be.
+  explicit LogWriter(const std::filesystem::path& file);
+  ~LogWriter();
+  LogWriter(LogWriter&&) noexcept;
+  LogWriter& operator=(LogWriter&&) noexcept;
+
+  /// False where the disk refused it (errno says why).
+  [[nodiscard]] bool append(const std::string& channel, std::span<const std::uint8_t> bytes,
+                            std::int64_t time_us);
+  [[nodiscard]] bool flush();
+  /// Flushes and closes; false where that failed. Further appends fail.
+  [[nodiscard]] bool close();
+  std::uint64_t bytes_written() const;
+
+ private:
+  struct Implementation;
+  std::unique_ptr<Implementation> implementation_;
+};
+
+/// Writes the recording as a log: its description, then blocks of `frames_per_block` frames.
+void write_log(const Recording& recording, const std::filesystem::path& file,
+               std::size_t frames_per_block = 10);
+
+}  // namespace stickslip::protocol

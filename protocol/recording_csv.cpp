@@ -1,0 +1,305 @@
+// CSV recordings, and the choice between the two forms.
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <iostream>
+#include <iterator>
+#include <optional>
+#include <ostream>
+#include <string_view>
+
+#include "physics/problem.h"
+#include "protocol/recording.h"
+#include "protocol/recording_log.h"
+
+namespace stickslip::protocol {
+
+namespace {
+
+constexpr int time_column = -1;
+
+std::string columns_known() {
+  std::string list = "time_s";
+  for (const ChannelInfo& channel : channel_table) list += ", " + std::string(channel.column);
+  return list;
+}
+
+std::string_view trimmed(std::string_view text) {
+  const auto first = text.find_first_not_of(" \t\r");
+  if (first == std::string_view::npos) return {};
+  const auto last = text.find_last_not_of(" \t\r");
+  return text.substr(first, last - first + 1);
+}
+
+// Seconds as decimal text to nanoseconds, rounded to the nearest; exact for whatever has nine
+// decimals or fewer, which a double would not be far from its origin.
+std::optional<std::int64_t> nanoseconds(std::string_view text) {
+  const bool negative = !text.empty() && text.front() == '-';
+  std::string_view digits = text;
+  if (!digits.empty() && (digits.front() == '-' || digits.front() == '+')) digits.remove_prefix(1);
+  std::int64_t value = 0;
+  int decimals = -1;
+  bool any = false;
+  bool round_up = false;
+  for (const char c : digits) {
+    if (c == '.' && decimals < 0) {
+      decimals = 0;
+      continue;
+    }
+    if (c < '0' || c > '9') {
+      // An exponent or no number at all: let the library decide.
+      double seconds = 0.0;
+      const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seconds);
+      if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(seconds) ||
+          std::abs(seconds) > 9.0e9) {
+        return std::nullopt;
+      }
+      return std::llround(seconds * 1.0e9);
+    }
+    any = true;
+    if (decimals < 9) {
+      if (value > (INT64_MAX - 9) / 10) return std::nullopt;
+      value = value * 10 + (c - '0');
+      if (decimals >= 0) ++decimals;
+    } else if (decimals == 9) {
+      round_up = c >= '5';
+      ++decimals;
+    }
+  }
+  if (!any) return std::nullopt;
+  for (int i = std::max(decimals, 0); i < 9; ++i) {
+    if (value > INT64_MAX / 10) return std::nullopt;
+    value *= 10;
+  }
+  if (round_up) ++value;
+  return negative ? -value : value;
+}
+
+class CsvParser {
+ public:
+  CsvParser(std::string_view text, const std::string& name) : text_(text), name_(name) {
+    recording_.source = name;
+  }
+
+  Recording parse() {
+    if (text_.substr(0, 3) == "\xEF\xBB\xBF") text_.remove_prefix(3);  // byte-order mark
+    std::string_view line;
+    while (next_line(line)) {
+      if (line.empty() || line.front() == '#') continue;
+      if (columns_.empty()) {
+        read_header(line);
+      } else {
+        read_row(line);
+      }
+    }
+    if (columns_.empty()) {
+      line_ = 0;
+      refuse("is empty: expected a header row of column names (" + columns_known() + ")");
+    }
+    if (recording_.frames.empty()) refuse("holds no samples after its header");
+    return std::move(recording_);
+  }
+
+ private:
+  [[noreturn]] void refuse(const std::string& message) const {
+    throw InputError(Problem{name_, line_, 0, message});
+  }
+
+  bool next_line(std::string_view& line) {
+    if (text_.empty()) return false;
+    const auto end = text_.find('\n');
+    line = trimmed(text_.substr(0, end));
+    text_.remove_prefix(end == std::string_view::npos ? text_.size() : end + 1);
+    ++line_;
+    return true;
+  }
+
+  void read_header(std::string_view line) {
+    bool time = false;
+    for (const std::string_view cell : cells_of(line)) {
+      int column = time_column;
+      if (cell != "time_s") {
+        const auto channel = channel_named(cell);
+        if (!channel || info(*channel).column != cell) {
+          refuse("unknown column \"" + std::string(cell) + "\"; expected " + columns_known());
+        }
+        column = static_cast<int>(index_of(*channel));
+      }
+      if (std::find(columns_.begin(), columns_.end(), column) != columns_.end()) {
+        refuse("column \"" + std::string(cell) + "\" stands twice");
+      }
+      time = time || column == time_column;
+      columns_.push_back(column);
+    }
+    if (!time) refuse("has no column time_s; its header is \"" + std::string(line) + "\"");
+    if (columns_.size() < 2)
+      refuse("has no channel beside time_s; expected one of " + columns_known());
+  }
+
+  std::vector<std::string_view> cells_of(std::string_view line) const {
+    std::vector<std::string_view> cells;
+    while (true) {
+      const auto comma = line.find(',');
+      cells.push_back(trimmed(line.substr(0, comma)));
+      if (comma == std::string_view::npos) return cells;
+      line.remove_prefix(comma + 1);
+    }
+  }
+
+  void read_row(std::string_view line) {
+    Frame frame;
+    frame.sequence = recording_.frames.size();
+    std::size_t column = 0;
+    std::string_view rest = line;
+    while (true) {
+      const auto comma = rest.find(',');
+      const std::string_view cell = trimmed(rest.substr(0, comma));
+      if (column == columns_.size()) {
+        refuse("has more cells than the header's " + std::to_string(columns_.size()) + " columns");
+      }
+      read_cell(cell, columns_[column], frame);
+      ++column;
+      if (comma == std::string_view::npos) break;
+      rest.remove_prefix(comma + 1);
+    }
+    if (column < columns_.size()) {
+      refuse("has " + std::to_string(column) + " cells; the header names " +
+             std::to_string(columns_.size()) + " columns");
+    }
+    if (!recording_.frames.empty() && frame.time_ns <= recording_.frames.back().time_ns) {
+      refuse("time does not increase: " + time_text(frame.time_ns) + " s after " +
+             time_text(recording_.frames.back().time_ns) + " s");
+    }
+    recording_.channels |= frame.valid;
+    recording_.frames.push_back(frame);
+  }
+
+  void read_cell(std::string_view cell, int column, Frame& frame) const {
+    if (column == time_column) {
+      const auto time = nanoseconds(cell);
+      if (!time)
+        refuse("time_s is \"" + std::string(cell) + "\"; expected seconds, as a finite number");
+      frame.time_ns = *time;
+      return;
+    }
+    if (cell.empty()) return;  // not measured
+    const Channel channel = all_channels[static_cast<std::size_t>(column)];
+    double value = 0.0;
+    const char* begin = cell.data() + (cell.front() == '+' ? 1 : 0);
+    const auto [end, error] = std::from_chars(begin, cell.data() + cell.size(), value);
+    if (error != std::errc() || end != cell.data() + cell.size() || !std::isfinite(value)) {
+      refuse(std::string(info(channel).column) + " is \"" + std::string(cell) +
+             "\"; expected a finite number in " + std::string(info(channel).unit) +
+             ", or nothing where it was not measured");
+    }
+    frame.set(channel, value);
+  }
+
+ public:
+  static std::string time_text(std::int64_t time_ns) {
+    const bool negative = time_ns < 0;
+    const std::uint64_t magnitude =
+        negative ? ~static_cast<std::uint64_t>(time_ns) + 1 : static_cast<std::uint64_t>(time_ns);
+    std::string decimals = std::to_string(magnitude % 1'000'000'000U);
+    decimals.insert(0, 9 - decimals.size(), '0');
+    while (decimals.size() > 3 && decimals.back() == '0') decimals.pop_back();
+    std::string text = negative ? "-" : "";
+    text += std::to_string(magnitude / 1'000'000'000U);
+    text += '.';
+    return text += decimals;
+  }
+
+ private:
+  std::string_view text_;
+  std::string name_;
+  int line_ = 0;
+  std::vector<int> columns_;
+  Recording recording_;
+};
+
+}  // namespace
+
+Recording parse_csv(std::string_view text, const std::string& name) {
+  return CsvParser(text, name).parse();
+}
+
+Recording read_recording(const std::filesystem::path& file) {
+  std::error_code failure;
+  if (std::filesystem::is_directory(file, failure)) {
+    throw InputError(
+        Problem{file.string(), 0, 0, "is a folder; expected a recording (CSV or LCM log)"});
+  }
+  std::ifstream in(file, std::ios::binary);
+  if (!in) {
+    throw InputError(
+        Problem{file.string(), 0, 0, std::string("cannot be read: ") + std::strerror(errno)});
+  }
+  std::array<char, 4> head{};
+  in.read(head.data(), head.size());
+  const auto got = static_cast<std::size_t>(in.gcount());
+  if (is_log({head.data(), got})) return read_log(file);
+  in.clear();
+  in.seekg(0);
+  const std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+  return parse_csv(text, file.string());
+}
+
+void write_csv(const Recording& recording, std::ostream& out) {
+  std::uint8_t channels = recording.channels;
+  for (const Frame& frame : recording.frames) channels |= frame.valid;
+  std::string text = "time_s";
+  for (const Channel channel : all_channels) {
+    if (((channels >> index_of(channel)) & 1U) == 0) continue;
+    text += ',';
+    text += info(channel).column;
+  }
+  text += "\n";
+  std::array<char, 40> number{};
+  for (const Frame& frame : recording.frames) {
+    text += CsvParser::time_text(frame.time_ns);
+    for (const Channel channel : all_channels) {
+      if (((channels >> index_of(channel)) & 1U) == 0) continue;
+      text += ',';
+      if (!frame.has(channel)) continue;
+      const auto [end, error] =
+          std::to_chars(number.data(), number.data() + number.size(), frame[channel]);
+      text.append(number.data(), error == std::errc() ? end : number.data());
+    }
+    text += '\n';
+    if (text.size() > 1U << 16U) {
+      out << text;
+      text.clear();
+    }
+  }
+  out << text;
+}
+
+void write_recording(const Recording& recording, const std::filesystem::path& file) {
+  if (file == "-") {
+    write_csv(recording, std::cout);
+    std::cout.flush();
+    return;
+  }
+  const auto extension = file.extension();
+  if (extension == ".lcm" || extension == ".log") {
+    write_log(recording, file);
+    return;
+  }
+  if (extension != ".csv") {
+    throw InputError(Problem{file.string(), 0, 0,
+                             "says neither CSV (.csv) nor LCM event log (.lcm, .log) by its name"});
+  }
+  std::ofstream out(file, std::ios::binary);
+  if (out) write_csv(recording, out);
+  out.close();
+  if (!out) {
+    throw InputError(
+        Problem{file.string(), 0, 0, std::string("cannot be written: ") + std::strerror(errno)});
+  }
+}
+
+}  // namespace stickslip::protocol

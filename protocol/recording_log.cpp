@@ -1,0 +1,203 @@
+#include "protocol/recording_log.h"
+
+#include <lcm/eventlog.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <stickslip/frame_block_t.hpp>
+#include <stickslip/recording_info_t.hpp>
+
+#include "physics/problem.h"
+#include "protocol/channels.h"
+#include "protocol/frame_block.h"
+
+namespace stickslip::protocol {
+
+namespace {
+
+// An event on disk: sync word, event number, time, two lengths, channel, data; big-endian.
+constexpr std::int64_t event_header_bytes = 28;
+constexpr std::string_view sync_word = "\xED\xA1\xDA\x01";
+
+struct CloseLog {
+  void operator()(lcm_eventlog_t* log) const { lcm_eventlog_destroy(log); }
+};
+using Log = std::unique_ptr<lcm_eventlog_t, CloseLog>;
+
+struct FreeEvent {
+  void operator()(lcm_eventlog_event_t* event) const { lcm_eventlog_free_event(event); }
+};
+using Event = std::unique_ptr<lcm_eventlog_event_t, FreeEvent>;
+
+[[noreturn]] void refuse(const std::filesystem::path& file, std::int64_t byte,
+                         const std::string& message) {
+  throw InputError(
+      Problem{file.string(), 0, 0, "at byte " + std::to_string(byte) + ": " + message});
+}
+
+void take_description(const recording_info_t& info, Description& description) {
+  description.started_utc_us = info.started_utc_us;
+  description.rig = info.rig;
+  description.program = info.program;
+  description.version = info.version;
+  description.configuration = info.configuration;
+  description.model = info.model;
+}
+
+}  // namespace
+
+bool is_log(std::string_view head) { return head.substr(0, 4) == sync_word; }
+
+Recording read_log(const std::filesystem::path& file) {
+  const Log log(lcm_eventlog_create(file.c_str(), "r"));
+  if (!log) {
+    throw InputError(
+        Problem{file.string(), 0, 0, std::string("cannot be read: ") + std::strerror(errno)});
+  }
+  const auto size = static_cast<std::int64_t>(std::filesystem::file_size(file));
+  Recording recording;
+  recording.source = file.string();
+  std::int64_t at = 0;
+  while (at < size) {
+    // liblcm looks for the next sync word from where it is and is silent about what it skips, so
+    // where each event ends is checked against where it must. It also believes any length.
+    const Event event(lcm_eventlog_read_next_event(log.get()));
+    if (!event) {
+      refuse(file, at,
+             "the log is cut off: " + std::to_string(size - at) +
+                 " bytes are no whole event; was it copied while being written?");
+    }
+    const std::int64_t end =
+        at + event_header_bytes + event->channellen + static_cast<std::int64_t>(event->datalen);
+    if (ftello(log->f) != end) refuse(file, at, "damaged: no event begins here");
+    const std::string_view channel(event->channel, static_cast<std::size_t>(event->channellen));
+    if (channel == frames_channel) {
+      frame_block_t block;
+      const std::size_t before = recording.frames.size();
+      if (block.decode(event->data, 0, event->datalen) != event->datalen ||
+          !from_block(block, recording.frames)) {
+        refuse(file, at,
+               "a message on " + std::string(channel) + " is no frame_block_t of this version");
+      }
+      for (std::size_t i = before; i < recording.frames.size(); ++i) {
+        const Frame& frame = recording.frames[i];
+        if (i > 0 && frame.time_ns <= recording.frames[i - 1].time_ns) {
+          refuse(file, at,
+                 "time does not increase: " + std::to_string(frame.time_ns) + " ns after " +
+                     std::to_string(recording.frames[i - 1].time_ns) + " ns");
+        }
+        recording.channels |= frame.valid;
+      }
+    } else if (channel == recording_channel) {
+      recording_info_t info;
+      if (info.decode(event->data, 0, event->datalen) != event->datalen) {
+        refuse(file, at,
+               "a message on " + std::string(channel) + " is no recording_info_t of this version");
+      }
+      take_description(info, recording.description);
+    }
+    at = end;
+  }
+  if (recording.frames.empty()) {
+    throw InputError(
+        Problem{file.string(), 0, 0,
+                std::string("holds no frames: nothing was recorded on ") + frames_channel});
+  }
+  return recording;
+}
+
+struct LogWriter::Implementation {
+  Log log;
+  std::uint64_t bytes = 0;
+};
+
+LogWriter::LogWriter(const std::filesystem::path& file)
+    : implementation_(std::make_unique<Implementation>()) {
+  errno = 0;
+  implementation_->log.reset(lcm_eventlog_create(file.c_str(), "w"));
+  if (!implementation_->log) {
+    throw InputError(Problem{
+        file.string(), 0, 0,
+        std::string("cannot be written: ") + std::strerror(errno) + "; does its folder exist?"});
+  }
+}
+
+LogWriter::~LogWriter() = default;
+LogWriter::LogWriter(LogWriter&&) noexcept = default;
+LogWriter& LogWriter::operator=(LogWriter&&) noexcept = default;
+
+bool LogWriter::append(const std::string& channel, std::span<const std::uint8_t> bytes,
+                       std::int64_t time_us) {
+  if (!implementation_->log) return false;
+  // liblcm takes mutable pointers for what it only reads.
+  lcm_eventlog_event_t event{};
+  event.timestamp = time_us;
+  event.channellen = static_cast<std::int32_t>(channel.size());
+  event.datalen = static_cast<std::int32_t>(bytes.size());
+  event.channel =
+      const_cast<char*>(channel.data());  // NOLINT(cppcoreguidelines-pro-type-const-cast)
+  event.data =
+      const_cast<std::uint8_t*>(bytes.data());  // NOLINT(cppcoreguidelines-pro-type-const-cast)
+  if (lcm_eventlog_write_event(implementation_->log.get(), &event) != 0) return false;
+  implementation_->bytes +=
+      static_cast<std::uint64_t>(event_header_bytes) + channel.size() + bytes.size();
+  return true;
+}
+
+bool LogWriter::flush() {
+  return implementation_->log && std::fflush(implementation_->log->f) == 0 &&
+         std::ferror(implementation_->log->f) == 0;
+}
+
+bool LogWriter::close() {
+  const bool flushed = flush();
+  implementation_->log.reset();
+  return flushed;
+}
+
+std::uint64_t LogWriter::bytes_written() const { return implementation_->bytes; }
+
+namespace {
+
+template <class Message>
+std::vector<std::uint8_t> encoded(const Message& message) {
+  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(message.getEncodedSize()));
+  message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+  return bytes;
+}
+
+}  // namespace
+
+void write_log(const Recording& recording, const std::filesystem::path& file,
+               std::size_t frames_per_block) {
+  LogWriter writer(file);
+  const auto require = [&](bool written) {
+    if (!written) {
+      throw InputError(
+          Problem{file.string(), 0, 0, std::string("cannot be written: ") + std::strerror(errno)});
+    }
+  };
+  recording_info_t info;
+  info.schema = 1;
+  info.started_utc_us = recording.description.started_utc_us;
+  info.rig = recording.description.rig;
+  info.program = recording.description.program;
+  info.version = recording.description.version;
+  info.configuration = recording.description.configuration;
+  info.model = recording.description.model;
+  info.frames = static_cast<std::int64_t>(recording.frames.size());
+  const auto time_us = [](const Frame& frame) { return frame.time_ns / 1000; };
+  require(writer.append(recording_channel, encoded(info),
+                        recording.frames.empty() ? 0 : time_us(recording.frames.front())));
+  frame_block_t block;
+  const std::span<const Frame> frames(recording.frames);
+  for (std::size_t first = 0; first < frames.size(); first += frames_per_block) {
+    const auto some = frames.subspan(first, std::min(frames_per_block, frames.size() - first));
+    to_block(some, block);
+    require(writer.append(frames_channel, encoded(block), time_us(some.back())));
+  }
+  require(writer.close());
+}
+
+}  // namespace stickslip::protocol

@@ -1,0 +1,346 @@
+#include "tools/diagnose/experiment.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "physics/problem.h"
+#include "physics/rig.h"
+#include "physics/sensor_chain.h"
+#include "tools/diagnose/wide_band.h"
+
+namespace stickslip::diagnosis {
+
+namespace {
+
+using physics::Excitation;
+using physics::FilterChain;
+using physics::Model;
+
+[[noreturn]] void refuse(const std::string& source, const std::string& message) {
+  throw InputError(Problem{source, 0, 0, message});
+}
+
+double median_period_s(const std::vector<Frame>& frames) {
+  std::vector<std::int64_t> steps;
+  steps.reserve(frames.size());
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    steps.push_back(frames[i].time_ns - frames[i - 1].time_ns);
+  }
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  return static_cast<double>(*middle) * 1.0e-9;
+}
+
+// Values on a uniform grid: the sample nearest to each instant, invalid where there is none near.
+struct Grid {
+  double start_s = 0.0;
+  double period_s = 0.0;
+  std::vector<std::ptrdiff_t> frame;  // index of the frame, or -1
+};
+
+Grid grid_of(const std::vector<Frame>& frames) {
+  Grid grid;
+  const double rough = median_period_s(frames);
+  const double span = static_cast<double>(frames.back().time_ns - frames.front().time_ns) * 1.0e-9;
+  const auto intervals = static_cast<std::size_t>(std::llround(span / rough));
+  // Where nothing is missing, the mean period is better than the rounded median.
+  grid.period_s = intervals == frames.size() - 1 ? span / static_cast<double>(intervals) : rough;
+  grid.start_s = frames.front().time_s();
+  grid.frame.assign(static_cast<std::size_t>(std::llround(span / grid.period_s)) + 1, -1);
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const double at =
+        static_cast<double>(frames[i].time_ns - frames.front().time_ns) * 1.0e-9 / grid.period_s;
+    const auto k = std::llround(at);
+    if (k >= 0 && k < static_cast<long long>(grid.frame.size())) {
+      grid.frame[static_cast<std::size_t>(k)] = static_cast<std::ptrdiff_t>(i);
+    }
+  }
+  return grid;
+}
+
+// One channel on the grid, holes filled by straight lines.
+std::vector<double> filled(const std::vector<Frame>& frames, const Grid& grid, Channel channel) {
+  std::vector<double> values(grid.frame.size(), 0.0);
+  std::ptrdiff_t last = -1;
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    const std::ptrdiff_t i = grid.frame[k];
+    if (i < 0 || !frames[static_cast<std::size_t>(i)].has(channel)) continue;
+    values[k] = frames[static_cast<std::size_t>(i)][channel];
+    const auto from = static_cast<std::size_t>(last + 1);
+    for (std::size_t j = from; j < k; ++j) {
+      const double fraction =
+          last < 0 ? 1.0 : static_cast<double>(j - from + 1) / static_cast<double>(k - from + 1);
+      const double before = last < 0 ? values[k] : values[static_cast<std::size_t>(last)];
+      values[j] = before + fraction * (values[k] - before);
+    }
+    last = static_cast<std::ptrdiff_t>(k);
+  }
+  for (std::size_t j = static_cast<std::size_t>(last + 1); j < values.size() && last >= 0; ++j) {
+    values[j] = values[static_cast<std::size_t>(last)];
+  }
+  return values;
+}
+
+// Lagrange interpolation through six samples around, the order falling towards the ends.
+double interpolated(const std::vector<double>& values, std::size_t sample, double fraction) {
+  if (fraction == 0.0) return values[sample];
+  const auto n = static_cast<std::ptrdiff_t>(values.size());
+  const auto k = static_cast<std::ptrdiff_t>(sample);
+  const std::ptrdiff_t first = std::max<std::ptrdiff_t>(0, k - 2);
+  const std::ptrdiff_t last = std::min(n - 1, k + 3);
+  const double at = static_cast<double>(k) + fraction;
+  double sum = 0.0;
+  for (std::ptrdiff_t i = first; i <= last; ++i) {
+    double weight = 1.0;
+    for (std::ptrdiff_t j = first; j <= last; ++j) {
+      if (j != i) weight *= (at - static_cast<double>(j)) / static_cast<double>(i - j);
+    }
+    sum += weight * values[static_cast<std::size_t>(i)];
+  }
+  return sum;
+}
+
+double standard_deviation(const std::vector<double>& values) {
+  double mean = 0.0;
+  for (const double v : values) mean += v;
+  mean /= static_cast<double>(values.size());
+  double sum = 0.0;
+  for (const double v : values) sum += (v - mean) * (v - mean);
+  return std::sqrt(sum / static_cast<double>(values.size()));
+}
+
+}  // namespace
+
+Experiment make_experiment(const protocol::Recording& recording, const Model& model) {
+  const std::string& source = recording.source;
+  const auto& frames = recording.frames;
+  if (frames.size() < 32) {
+    refuse(source, "holds " + std::to_string(frames.size()) + " samples; at least 32 are needed");
+  }
+  const Excitation excitation = model.oscillator.excitation;
+  const auto recorded = [&](Channel channel) {
+    return ((recording.channels >> index_of(channel)) & 1U) != 0;
+  };
+  const auto demand = [&](Channel channel, const char* why) {
+    if (!recorded(channel)) {
+      refuse(source, "lacks the column " + std::string(info(channel).column) + ", which " + why);
+    }
+  };
+  if (excitation == Excitation::base) {
+    demand(Channel::base_displacement, "a base-excited rig (excitation = \"base\") is driven by");
+  }
+  if (excitation == Excitation::force) {
+    demand(Channel::drive_force, "a force-excited rig (excitation = \"force\") is driven by");
+  }
+  if (excitation == Excitation::imposed) {
+    demand(Channel::displacement, "is the imposed motion itself");
+    demand(Channel::friction_force, "is all that a rig with imposed motion can be judged by");
+  } else {
+    demand(Channel::displacement, "the model is held against");
+  }
+  const bool measured_load =
+      model.normal_load && model.normal_load->law == physics::NormalLoadLaw::measured;
+  if (measured_load) demand(Channel::normal_load, "the normal-load law \"measured\" takes as N");
+
+  Experiment e;
+  e.source = source;
+  const Grid grid = grid_of(frames);
+  e.start_s = grid.start_s;
+  e.period_s = grid.period_s;
+  e.samples = grid.frame.size();
+  if (e.samples > 4 * frames.size()) {
+    refuse(source, "has time steps from " + std::to_string(grid.period_s) +
+                       " s to much more: more than three quarters "
+                       "of the samples are missing");
+  }
+
+  const physics::Rig rig(model);
+  const double longest = std::min(rig.longest_step_s(), 1.0e-3);
+  e.substeps = std::max(1, static_cast<int>(std::ceil(e.period_s / longest - 0.01)));
+
+  std::array<std::vector<double>, channel_count> values;
+  for (const Channel channel : all_channels) {
+    const std::size_t c = index_of(channel);
+    if (!recorded(channel)) continue;
+    values[c] = filled(frames, grid, channel);
+    e.channel_std[c] = standard_deviation(values[c]);
+    const auto& declared = model.sensors[c].noise_std;
+    e.noise_declared[c] = declared.has_value();
+    // No model is right to better than a thousandth: a recording that is smoother than that (an
+    // encoder, a file that was filtered afterwards) does not say how well it can be predicted.
+    e.noise_std[c] =
+        declared ? *declared : std::max({noise_of(values[c]), 1.0e-3 * e.channel_std[c], 1.0e-15});
+  }
+
+  const bool imposed = excitation == Excitation::imposed;
+  const auto compare = [&](Channel channel, bool yes) {
+    if (yes && recorded(channel)) {
+      e.compared = static_cast<std::uint8_t>(e.compared | (1U << index_of(channel)));
+    }
+  };
+  compare(Channel::displacement, !imposed);
+  compare(Channel::velocity, !imposed);
+  compare(Channel::friction_force, true);
+  compare(Channel::normal_load, model.normal_load && !measured_load);
+
+  e.reading.resize(e.samples);
+  e.valid.assign(e.samples, 0);
+  bool hole = false;
+  for (std::size_t k = 0; k < e.samples; ++k) {
+    for (std::size_t c = 0; c < predicted_channels; ++c) {
+      if (!values[c].empty()) e.reading[k][c] = values[c][k];
+    }
+    if (grid.frame[k] < 0) {
+      hole = true;
+      continue;
+    }
+    if (hole) e.gaps.push_back(k);
+    hole = false;
+    e.valid[k] = frames[static_cast<std::size_t>(grid.frame[k])].valid & e.compared;
+  }
+
+  const auto undo = [&](Channel channel, const std::vector<double>& v,
+                        std::vector<physics::Filter> filters) {
+    const FilterChain chain(filters, e.period_s);
+    return wide_band(v, e.period_s, chain, e.noise_std[index_of(channel)]);
+  };
+  const auto filters_of = [&](Channel channel) { return model.sensors[index_of(channel)].filters; };
+
+  const WideBand x = undo(Channel::displacement, values[0], filters_of(Channel::displacement));
+  WideBand base;
+  if (excitation == Excitation::base) {
+    base = undo(Channel::base_displacement, values[index_of(Channel::base_displacement)],
+                filters_of(Channel::base_displacement));
+  }
+  WideBand force;
+  if (recorded(Channel::friction_force)) {
+    force = undo(Channel::friction_force, values[index_of(Channel::friction_force)],
+                 filters_of(Channel::friction_force));
+  }
+  std::vector<double> drive;
+  if (excitation == Excitation::force) {
+    const auto& raw = values[index_of(Channel::drive_force)];
+    const auto filters = filters_of(Channel::drive_force);
+    drive = filters.empty() ? raw : undo(Channel::drive_force, raw, filters).value;
+  }
+  std::vector<double> load;
+  if (recorded(Channel::normal_load)) {
+    const auto& raw = values[index_of(Channel::normal_load)];
+    const auto filters = filters_of(Channel::normal_load);
+    load = filters.empty() ? raw : undo(Channel::normal_load, raw, filters).value;
+    double sum = 0.0;
+    for (const double n : raw) sum += n;
+    e.mean_load_n = sum / static_cast<double>(raw.size());
+  } else if (model.normal_load) {
+    e.mean_load_n = model.normal_load->load_n.value;
+  }
+
+  e.input.resize((e.samples - 1) * static_cast<std::size_t>(e.substeps) + 1);
+  for (std::size_t i = 0; i < e.input.size(); ++i) {
+    const std::size_t k = i / static_cast<std::size_t>(e.substeps);
+    const double fraction =
+        static_cast<double>(i % static_cast<std::size_t>(e.substeps)) / e.substeps;
+    physics::Input& input = e.input[i];
+    if (excitation == Excitation::base) {
+      input.base_displacement_m = interpolated(base.value, k, fraction);
+      input.base_acceleration_m_s2 = interpolated(base.acceleration, k, fraction);
+    }
+    if (excitation == Excitation::force) input.drive_force_n = interpolated(drive, k, fraction);
+    if (imposed) {
+      input.displacement_m = interpolated(x.value, k, fraction);
+      input.velocity_m_s = interpolated(x.rate, k, fraction);
+    }
+    if (measured_load) input.normal_load_n = interpolated(load, k, fraction);
+  }
+
+  const double cell_stiffness =
+      model.load_cell
+          ? model.load_cell->mass_kg.value *
+                std::pow(2.0 * std::numbers::pi * model.load_cell->natural_frequency_hz.value, 2)
+          : 0.0;
+  e.guess.resize(e.samples);
+  for (std::size_t k = 0; k < e.samples; ++k) {
+    StateGuess& guess = e.guess[k];
+    guess.displacement_m = x.value[k];
+    guess.velocity_m_s = x.rate[k];
+    if (!force.value.empty()) {
+      guess.friction_n = force.value[k];
+      if (model.load_cell) {
+        guess.load_cell_deflection_m = force.value[k] / cell_stiffness;
+        guess.load_cell_velocity_m_s = force.rate[k] / cell_stiffness;
+        if (!base.acceleration.empty()) {
+          guess.friction_n += model.load_cell->mass_kg.value * base.acceleration[k];  // Eq. (1)
+        }
+      }
+    }
+  }
+
+  const auto widen = [](double& most, double value) { most = std::max(most, std::abs(value)); };
+  for (const StateGuess& guess : e.guess) {
+    widen(e.largest.displacement_m, guess.displacement_m);
+    widen(e.largest.velocity_m_s, guess.velocity_m_s);
+    widen(e.largest.load_cell_deflection_m, guess.load_cell_deflection_m);
+    widen(e.largest.load_cell_velocity_m_s, guess.load_cell_velocity_m_s);
+    widen(e.largest.friction_n, guess.friction_n);
+  }
+
+  // What is reconstructed through filters or derivatives is poor where it cannot look around.
+  const double margin_s = excitation == Excitation::force &&
+                                  filters_of(Channel::drive_force).empty() &&
+                                  filters_of(Channel::displacement).empty()
+                              ? 0.0
+                              : 0.35;
+  const auto margin = std::min(e.samples / 8, static_cast<std::size_t>(margin_s / e.period_s));
+  e.usable_begin = margin;
+  e.usable_end = e.samples - margin;
+  return e;
+}
+
+double default_horizon_s(const Model& model, const Experiment& experiment) {
+  double period_s = 0.0;
+  const auto& oscillator = model.oscillator;
+  if (oscillator.excitation != Excitation::imposed && !oscillator.two_well) {
+    if (oscillator.natural_frequency_hz) {
+      period_s = 1.0 / oscillator.natural_frequency_hz->value;
+    } else if (oscillator.stiffness_n_m && oscillator.stiffness_n_m->value > 0.0) {
+      period_s = 2.0 * std::numbers::pi *
+                 std::sqrt(oscillator.mass_kg.value / oscillator.stiffness_n_m->value);
+    } else {
+      period_s =
+          1.0;  // no spring: nothing brings a wrong velocity back, so errors need time to show
+    }
+  }
+  const double longest = experiment.period_s * static_cast<double>(experiment.samples) / 24.0;
+  return std::min(std::clamp(period_s, 0.4, 1.5), longest);
+}
+
+void cut_windows(Experiment& e, const Model& model, double horizon_s) {
+  e.windows.clear();
+  const double h = e.period_s / e.substeps;
+  const double settling_s = physics::SensorBank(model, h).settling_time_s();
+  const auto warm = static_cast<std::size_t>(std::ceil(settling_s / e.period_s));
+  const auto length =
+      std::max<std::size_t>(8, static_cast<std::size_t>(std::llround(horizon_s / e.period_s)));
+  const auto across_gap = [&](std::size_t from, std::size_t to) {
+    return std::any_of(e.gaps.begin(), e.gaps.end(),
+                       [&](std::size_t gap) { return gap > from && gap < to; });
+  };
+  for (std::size_t begin = std::max(e.usable_begin, warm); begin + length <= e.usable_end;
+       begin += length) {
+    if (!across_gap(begin - warm, begin + length)) {
+      e.windows.push_back({begin - warm, begin, begin + length, false});
+    }
+  }
+  // Blocks of up to four windows, so that neighbours, which share what happens at their seam,
+  // mostly stand on the same side. About a third is held out, spread by the golden ratio: a regular
+  // pattern could fall in step with a periodic drive, and then hold out the same part of the motion
+  // each time.
+  const std::size_t block = std::clamp<std::size_t>(e.windows.size() / 12, 1, 4);
+  for (std::size_t i = 0; i < e.windows.size(); ++i) {
+    const double turn = static_cast<double>(i / block) / std::numbers::phi;
+    e.windows[i].held_out = turn - std::floor(turn) > 2.0 / 3.0;
+  }
+}
+
+}  // namespace stickslip::diagnosis

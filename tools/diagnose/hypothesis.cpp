@@ -1,0 +1,101 @@
+#include "tools/diagnose/hypothesis.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace stickslip::diagnosis {
+
+using physics::Model;
+using physics::Parameter;
+
+namespace {
+
+// Parameters that lose their meaning at or below zero; they are kept at a small positive share.
+double admissible(const Unknown& unknown, double value) {
+  return unknown.of_model && unknown.centre > 0.0 ? std::max(value, 1.0e-3 * unknown.centre)
+                                                  : value;
+}
+
+}  // namespace
+
+Hypothesis::Hypothesis(const Model& model) : Hypothesis(model, {}) {}
+
+Hypothesis::Hypothesis(Model model, std::vector<Unknown> of_terms)
+    : model_(std::move(model)), rig_(model_) {
+  const auto named = physics::parameters_of(model_);
+  for (std::size_t i = 0; i < named.size(); ++i) {
+    const Parameter& parameter = *named[i].parameter;
+    if (!(parameter.sigma > 0.0)) continue;
+    unknowns_.push_back({i, parameter.value, parameter.sigma, false, 1.0, true});
+  }
+  // Terms on trial come after the parameters of the model, in the order in which they were added.
+  for (const Unknown& unknown : of_terms) unknowns_.push_back(unknown);
+}
+
+Hypothesis Hypothesis::with(const physics::Effect& effect, std::span<const double> start,
+                            std::span<const double> fixed) const {
+  Model model = model_;
+  physics::Term term;
+  term.id = effect.card().id;
+  std::size_t next_start = 0;
+  std::size_t next_fixed = 0;
+  for (const physics::ParameterCard& card : effect.card().parameters) {
+    const double value =
+        card.fixed_default ? (next_fixed < fixed.size() ? fixed[next_fixed++] : *card.fixed_default)
+                           : start[next_start++];
+    term.parameters[std::string(card.name)] = {value, 0.0};
+  }
+  model.terms.push_back(term);
+
+  // Adding parameters of a term never moves those that stand before it: terms come last.
+  std::vector<Unknown> of_terms;
+  for (const Unknown& unknown : unknowns_) {
+    if (!unknown.of_model) of_terms.push_back(unknown);
+  }
+  const auto named = physics::parameters_of(model);
+  for (const physics::ParameterCard& card : effect.card().parameters) {
+    if (card.fixed_default) continue;
+    const std::string path = "physics." + term.id + "." + std::string(card.name);
+    const auto at = std::find_if(named.begin(), named.end(),
+                                 [&](const auto& each) { return each.path == path; });
+    Unknown unknown;
+    unknown.parameter = static_cast<std::size_t>(at - named.begin());
+    unknown.centre = at->parameter->value;
+    if (card.positive) {
+      unknown.logarithmic = true;
+      unknown.prior_sigma =
+          4.0;  // a factor of 50 either way: keeps what cannot be seen from running off
+    }
+    of_terms.push_back(unknown);
+  }
+  return {std::move(model), std::move(of_terms)};
+}
+
+double Hypothesis::value(std::size_t unknown, double z) const {
+  const Unknown& u = unknowns_[unknown];
+  return u.logarithmic ? u.centre * std::exp(u.scale * std::clamp(z, -20.0, 20.0))
+                       : admissible(u, u.centre + u.scale * z);
+}
+
+double Hypothesis::slope(std::size_t unknown, double z) const {
+  const Unknown& u = unknowns_[unknown];
+  return u.logarithmic ? u.scale * value(unknown, z) : u.scale;
+}
+
+std::vector<double> Hypothesis::parameters(std::span<const double> z) const {
+  std::vector<double> values = rig_.parameter_values();
+  for (std::size_t i = 0; i < unknowns_.size(); ++i)
+    values[unknowns_[i].parameter] = value(i, z[i]);
+  return values;
+}
+
+Model Hypothesis::model_at(std::span<const double> z) const {
+  Model model = model_;
+  const auto named = physics::parameters_of(model);
+  for (std::size_t i = 0; i < unknowns_.size(); ++i) {
+    named[unknowns_[i].parameter].parameter->value = value(i, z[i]);
+  }
+  return model;
+}
+
+}  // namespace stickslip::diagnosis

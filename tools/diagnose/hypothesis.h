@@ -1,0 +1,57 @@
+// A model with what is unknown in it: parameters known within a sigma, and the parameters of terms
+// that are on trial.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "physics/effects/effect.h"
+#include "physics/model.h"
+#include "physics/rig.h"
+
+namespace stickslip::diagnosis {
+
+/// One number to be found. It is searched as z: value = centre + scale z, or centre exp(scale z)
+/// where only positive values make sense.
+struct Unknown {
+  std::size_t parameter = 0;  ///< index into Rig::parameter_values
+  double centre = 0.0;
+  double scale = 1.0;
+  bool logarithmic = false;
+  double prior_sigma = 0.0;  ///< of z around 0; 0: no prior
+  bool of_model = false;     ///< declared with a sigma, as opposed to a term on trial
+};
+
+/// A model and its unknowns. Immutable after it is made.
+class Hypothesis {
+ public:
+  /// The declared model: its parameters with a sigma are the unknowns.
+  explicit Hypothesis(const physics::Model& model);
+
+  /// The same with `effect` added, its estimated parameters starting at `start` and its fixed ones
+  /// at `fixed`.
+  Hypothesis with(const physics::Effect& effect, std::span<const double> start,
+                  std::span<const double> fixed) const;
+
+  const physics::Model& model() const { return model_; }
+  const physics::Rig& rig() const { return rig_; }
+  const std::vector<Unknown>& unknowns() const { return unknowns_; }
+
+  double value(std::size_t unknown, double z) const;
+  /// d value / d z.
+  double slope(std::size_t unknown, double z) const;
+  /// All parameter values of the rig at these z.
+  std::vector<double> parameters(std::span<const double> z) const;
+  /// The model with those values; parameters keep their sigma.
+  physics::Model model_at(std::span<const double> z) const;
+
+ private:
+  Hypothesis(physics::Model model, std::vector<Unknown> of_terms);
+
+  physics::Model model_;
+  physics::Rig rig_;
+  std::vector<Unknown> unknowns_;
+};
+
+}  // namespace stickslip::diagnosis

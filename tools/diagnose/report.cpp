@@ -1,0 +1,189 @@
+#include "tools/diagnose/report.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "physics/effects/number_text.h"
+
+namespace stickslip::diagnosis {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+using physics::number_text;
+
+Json interval(const std::pair<double, double>& span) {
+  return Json::array({span.first, span.second});
+}
+
+Json location_json(const Location& location) {
+  Json json;
+  json["relation"] = physics::name_of(location.relation);
+  json["channel"] = location.channel ? Json(info(*location.channel).stem) : Json(nullptr);
+  json["when_s"] = Json::array();
+  for (const auto& span : location.when_s) json["when_s"].push_back(interval(span));
+  json["where"] = Json::object();
+  for (const auto& [name, span] : location.where) json["where"][name] = interval(span);
+  json["band_hz"] = location.band_hz ? interval(*location.band_hz) : Json(nullptr);
+  json["statement"] = location.statement;
+  return json;
+}
+
+Json finding_json(const Finding& finding) {
+  const physics::Card& card = finding.effect->card();
+  Json json;
+  json["id"] = card.id;
+  json["relation"] = physics::name_of(card.relation);
+  json["channel"] = nullptr;
+  json["statement"] = finding.statement;
+  json["equation"] = card.equation;
+  json["parameters"] = Json::object();
+  for (const Estimate& estimate : finding.parameters) {
+    json["parameters"][estimate.name] = {{"value", estimate.value},
+                                         {"ci95", Json::array({estimate.low, estimate.high})}};
+  }
+  json["probability"] = finding.probability;
+  json["alternatives"] = Json::array();
+  for (const Alternative& each : finding.alternatives) {
+    json["alternatives"].push_back({{"id", each.id}, {"probability", each.probability}});
+  }
+  json["separating_experiment"] =
+      finding.separating_experiment ? Json(*finding.separating_experiment) : Json(nullptr);
+  return json;
+}
+
+std::string percent(double share) { return number_text(100.0 * share) + " %"; }
+
+void list_prediction_errors(std::ostringstream& text, const Score& before,
+                            const std::optional<Score>& after) {
+  for (std::size_t c = 0; c < predicted_channels; ++c) {
+    if (!before.rmse[c]) continue;
+    const ChannelInfo& channel = channel_table[c];
+    text << "    " << channel.stem << ": " << number_text(*before.rmse[c]) << " " << channel.unit;
+    if (after && after->rmse[c]) {
+      text << " -> " << number_text(*after->rmse[c]) << " " << channel.unit;
+    }
+    text << "\n";
+  }
+}
+
+}  // namespace
+
+Json score_json(const Score& score, bool with_rmse) {
+  Json json;
+  json["chi2_per_sample"] = score.chi2_per_sample;
+  json["nll_per_sample"] = score.nll_per_sample;
+  json["nrmse"] = Json::object();
+  for (std::size_t c = 0; c < predicted_channels; ++c) {
+    if (score.nrmse[c]) json["nrmse"][std::string(channel_table[c].stem)] = *score.nrmse[c];
+  }
+  if (with_rmse) {
+    json["rmse"] = Json::object();
+    for (std::size_t c = 0; c < predicted_channels; ++c) {
+      if (score.rmse[c]) json["rmse"][std::string(channel_table[c].column)] = *score.rmse[c];
+    }
+  }
+  return json;
+}
+
+Json free_run_json(const FreeRun& run) {
+  Json json;
+  json["rmse"] = Json::object();
+  json["nrmse"] = Json::object();
+  for (std::size_t c = 0; c < predicted_channels; ++c) {
+    if (run.rmse[c]) json["rmse"][std::string(channel_table[c].column)] = *run.rmse[c];
+    if (run.nrmse[c]) json["nrmse"][std::string(channel_table[c].stem)] = *run.nrmse[c];
+  }
+  return json;
+}
+
+Json report_json(const Diagnosis& diagnosis) {
+  Json json;
+  json["schema"] = 1;
+  json["verdict"] = name_of(diagnosis.verdict);
+  json["location"] = diagnosis.location ? location_json(*diagnosis.location) : Json(nullptr);
+  json["findings"] = Json::array();
+  for (const Finding& finding : diagnosis.findings)
+    json["findings"].push_back(finding_json(finding));
+  json["fit"]["heldout"]["baseline"] = score_json(diagnosis.baseline, false);
+  json["fit"]["heldout"]["augmented"] =
+      diagnosis.augmented ? score_json(*diagnosis.augmented, false) : Json(nullptr);
+  json["fit"]["horizon_s"] = diagnosis.horizon_s;
+  json["calibrated"] = Json::object();
+  for (const auto& [path, value] : diagnosis.calibrated) json["calibrated"][path] = value;
+  json["noise_std"] = Json::object();
+  for (const auto& [channel, value] : diagnosis.noise_std) {
+    json["noise_std"][std::string(info(channel).column)] = value;
+  }
+  return json;
+}
+
+std::string report_text(const Diagnosis& diagnosis) {
+  std::ostringstream text;
+  switch (diagnosis.verdict) {
+    case Verdict::consistent:
+      text << "CONSISTENT: nothing beyond the noise; the model explains the recording.\n";
+      break;
+    case Verdict::missing_physics:
+      text << "MISSING PHYSICS: " << diagnosis.findings.size()
+           << (diagnosis.findings.size() == 1 ? " effect was" : " effects were")
+           << " left out of the model.\n";
+      break;
+    case Verdict::unexplained:
+      text << "UNEXPLAINED: there is a mismatch, and nothing tried explains "
+           << (diagnosis.findings.empty() ? "it" : "all of it") << " well enough.\n";
+      break;
+  }
+  if (diagnosis.location) text << "  Where: " << diagnosis.location->statement << "\n";
+  int number = 0;
+  for (const Finding& finding : diagnosis.findings) {
+    text << "  " << ++number << ". " << finding.effect->card().id << ": " << finding.statement
+         << "\n";
+    for (const Estimate& estimate : finding.parameters) {
+      text << "       " << estimate.name << " = " << number_text(estimate.value)
+           << "  (95 %: " << number_text(estimate.low) << " to " << number_text(estimate.high)
+           << ")\n";
+    }
+    text << "       held-out chi-squared per sample " << number_text(finding.chi2_before) << " -> "
+         << number_text(finding.chi2_after) << "; probability among what was tried "
+         << percent(finding.probability) << "\n";
+    for (const Alternative& each : finding.alternatives) {
+      text << "       or " << each.id << " (" << percent(each.probability) << ")\n";
+    }
+    if (finding.separating_experiment) {
+      text << "       to tell: " << *finding.separating_experiment << "\n";
+    }
+  }
+  text << "  Held-out predictions, " << number_text(diagnosis.horizon_s)
+       << " s ahead, root mean square error:\n";
+  list_prediction_errors(text, diagnosis.baseline, diagnosis.augmented);
+  text << "  Held-out chi-squared per sample: " << number_text(diagnosis.baseline.chi2_per_sample);
+  if (diagnosis.augmented) text << " -> " << number_text(diagnosis.augmented->chi2_per_sample);
+  text << "  (1: only noise is left; " << diagnosis.fitted_windows << " windows fitted, "
+       << diagnosis.heldout_windows << " held out)\n";
+  if (!diagnosis.noise_estimated.empty()) {
+    text << "  Noise estimated from the recording, not declared:";
+    for (const Channel channel : diagnosis.noise_estimated) text << " " << info(channel).stem;
+    text << "\n";
+  }
+  if (!diagnosis.calibrated.empty()) {
+    text << "  Calibrated within their sigma:";
+    for (const auto& [path, value] : diagnosis.calibrated)
+      text << " " << path << " = " << number_text(value) << ";";
+    text << "\n";
+  }
+  text << "  Tried:";
+  int stage = 0;
+  for (const Trial& trial : diagnosis.trials) {
+    if (trial.stage != stage) {
+      stage = trial.stage;
+      text << " | then";
+    }
+    text << " " << trial.id << " (" << number_text(trial.heldout_chi2) << ")";
+  }
+  text << "\n";
+  return text.str();
+}
+
+}  // namespace stickslip::diagnosis

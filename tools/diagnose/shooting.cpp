@@ -1,0 +1,559 @@
+#include "tools/diagnose/shooting.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <exception>
+#include <mutex>
+#include <thread>
+
+#include "physics/effects/catalogue.h"
+#include "physics/sensor_chain.h"
+
+namespace stickslip::diagnosis {
+
+namespace {
+
+using physics::Dual;
+using physics::max_rig_states;
+using physics::RigNumbers;
+using physics::RigState;
+using physics::SensorBank;
+using physics::SensorMemory;
+namespace state = physics::state;
+
+std::vector<int> state_indices(const physics::Rig& rig) {
+  std::vector<int> list;
+  for (int i = 0; i < max_rig_states; ++i) {
+    if (rig.has_state(i)) list.push_back(i);
+  }
+  return list;
+}
+
+// A prior on a window's state, wide enough to leave the say to the data wherever the data can tell.
+struct StatePrior {
+  WindowState centre{};
+  WindowState sigma{};
+};
+
+StatePrior prior_of(const Experiment& e, const Window& window, const Hypothesis& hypothesis,
+                    std::span<const double> parameters) {
+  const StateGuess& guess = e.guess[window.warm];
+  const auto& rig = hypothesis.rig();
+  StatePrior prior;
+  prior.centre[state::x] = guess.displacement_m;
+  prior.centre[state::v] = guess.velocity_m_s;
+  prior.centre[state::y] = guess.load_cell_deflection_m;
+  prior.centre[state::u] = guess.load_cell_velocity_m_s;
+  const double x_scale = e.channel_std[index_of(Channel::displacement)];
+  prior.sigma[state::x] = 0.05 * x_scale + 5.0 * e.noise_std[index_of(Channel::displacement)];
+  prior.sigma[state::v] = 0.1 * e.largest.velocity_m_s + 1.0e-9;
+  prior.sigma[state::y] = 0.3 * e.largest.load_cell_deflection_m + 1.0e-9;
+  prior.sigma[state::u] = 0.5 * e.largest.load_cell_velocity_m_s + 1.0e-6;
+  if (rig.has_state(state::contact)) {
+    const auto n = rig.numbers<double>(parameters);
+    const double level = n.c.mu * (rig.structure().loaded ? e.mean_load_n : 1.0);
+    const bool force_known = (e.compared >> index_of(Channel::friction_force)) & 1U;
+    double theta = guess.velocity_m_s > 0.0 ? 0.8 : -0.8;
+    if (force_known && level > 0.0) theta = std::clamp(guess.friction_n / level, -1.0, 1.0);
+    double unit = 1.0;
+    if (rig.structure().kinetics == physics::Kinetics::bristle) {
+      unit = level / std::max(n.c.contact_stiffness, 1.0e-12);
+    }
+    prior.centre[state::contact] = theta * unit;
+    prior.sigma[state::contact] = (force_known ? 0.4 : 0.7) * unit;
+  }
+  // States of effects are forces of springs that slip: no larger than the slip force, nor than what
+  // the spring reaches over the range of the motion.
+  const auto& paths = rig.parameter_paths();
+  const auto value_of = [&](const physics::Term& term, const char* name) {
+    const auto at = std::find(paths.begin(), paths.end(), "physics." + term.id + "." + name);
+    return at == paths.end() ? 1.0 : parameters[static_cast<std::size_t>(at - paths.begin())];
+  };
+  int next = state::first_effect;
+  for (const physics::Term& term : hypothesis.model().terms) {
+    const int count = physics::find_effect(term.id)->state_count();
+    for (int i = 0; i < count; ++i, ++next) {
+      prior.sigma[static_cast<std::size_t>(next)] =
+          0.7 * std::min(value_of(term, "slip_force_n"),
+                         2.0 * value_of(term, "stiffness_n_m") * e.largest.displacement_m);
+    }
+  }
+  return prior;
+}
+
+template <class T, class Sink>
+void run_window(const Experiment& e, const Window& window, std::size_t end, const physics::Rig& rig,
+                const SensorBank& bank, const RigNumbers<T>& n, RigState<T> s, Sink&& sink) {
+  const double h = e.period_s / e.substeps;
+  const auto substeps = static_cast<std::size_t>(e.substeps);
+  SensorMemory<T> memory;
+  std::size_t at = window.warm * substeps;
+  const double start_time = e.period_s * static_cast<double>(window.warm);
+  rig.complete(s, e.input[at], start_time, n);
+  bank.settle(memory, rig.quantities(s, e.input[at], n));
+  for (std::size_t k = window.warm; k < end; ++k) {
+    if (k >= window.begin) sink(k, bank.readings(memory));
+    if (k + 1 == end) break;
+    for (std::size_t j = 0; j < substeps; ++j, ++at) {
+      const double time = start_time + static_cast<double>(at - window.warm * substeps) * h;
+      rig.step(s, e.input[at], e.input[at + 1], time, h, n);
+      bank.advance(memory, rig.quantities(s, e.input[at + 1], n));
+    }
+  }
+}
+
+template <class T>
+std::array<T, predicted_channels> as_array(const physics::Readings<T>& r) {
+  return {r.displacement, r.velocity, r.friction_force, r.normal_load};
+}
+
+// One window's part of the normal equations.
+struct Block {
+  Eigen::MatrixXd pp;  // parameters x parameters
+  Eigen::MatrixXd ps;  // parameters x states
+  Eigen::MatrixXd ss;  // states x states
+  Eigen::VectorXd gp;
+  Eigen::VectorXd gs;
+  double chi2 = 0.0;
+  int count = 0;
+  double prior = 0.0;
+};
+
+// A window whose chi-squared is beyond ten times what noise explains counts with its logarithm.
+double capped(double chi2, int count) {
+  const double limit = 10.0 * std::max(1, count);
+  return chi2 <= limit ? chi2 : limit * (1.0 + std::log(chi2 / limit));
+}
+double cap_weight(double chi2, int count) {
+  const double limit = 10.0 * std::max(1, count);
+  return chi2 <= limit ? 1.0 : limit / chi2;
+}
+
+class Problem {
+ public:
+  // The state priors are those of the parameters at the start, and stay.
+  Problem(const Task& task, const Hypothesis& hypothesis, std::span<const double> z,
+          bool parameters_free)
+      : task_(task),
+        hypothesis_(hypothesis),
+        states_(state_indices(hypothesis.rig())),
+        unknowns_(parameters_free ? hypothesis.unknowns().size() : 0) {
+    for (const Experiment& e : task.experiments) {
+      banks_.emplace_back(hypothesis.model(), e.period_s / e.substeps);
+    }
+    const auto parameters = hypothesis.parameters(z);
+    for (std::size_t w = 0; w < task.windows.size(); ++w) {
+      priors_.push_back(prior_of(experiment(w), window(w), hypothesis, parameters));
+    }
+  }
+
+  std::size_t unknowns() const { return unknowns_; }
+  const std::vector<int>& states() const { return states_; }
+
+  const Window& window(std::size_t w) const {
+    const WindowRef ref = task_.windows[w];
+    return task_.experiments[ref.experiment].windows[ref.window];
+  }
+  const Experiment& experiment(std::size_t w) const {
+    return task_.experiments[task_.windows[w].experiment];
+  }
+  std::size_t end_of(std::size_t w) const {
+    const Window& each = window(w);
+    const auto length = static_cast<double>(each.end - each.begin);
+    return each.begin +
+           std::max<std::size_t>(4, static_cast<std::size_t>(std::lround(task_.share * length)));
+  }
+
+  void prepare(std::span<const double> z) {
+    parameters_ = hypothesis_.parameters(z);
+    numbers_ = hypothesis_.rig().numbers<double>(parameters_);
+    z_.assign(z.begin(), z.end());
+  }
+
+  // Chi-squared and residual count of one window, and its state prior.
+  Block evaluate(std::size_t w, const WindowState& from) const {
+    Block block;
+    RigState<double> s;
+    s.s = from;
+    const Experiment& e = experiment(w);
+    run_window<double>(e, window(w), end_of(w), hypothesis_.rig(),
+                       banks_[task_.windows[w].experiment], numbers_, s,
+                       [&](std::size_t k, const physics::Readings<double>& readings) {
+                         const auto r = as_array(readings);
+                         for (std::size_t c = 0; c < predicted_channels; ++c) {
+                           if (((e.valid[k] >> c) & 1U) == 0) continue;
+                           const double residual = (r[c] - e.reading[k][c]) / task_.sigma[c];
+                           block.chi2 += residual * residual;
+                           ++block.count;
+                         }
+                       });
+    if (!std::isfinite(block.chi2)) block.chi2 = 1.0e30;
+    const StatePrior& prior = priors_[w];
+    for (const int index : states_) {
+      const auto i = static_cast<std::size_t>(index);
+      const double off = (from[i] - prior.centre[i]) / prior.sigma[i];
+      block.prior += off * off;
+    }
+    return block;
+  }
+
+  // The same with derivatives. More unknowns than a Dual has directions take several passes.
+  Block linearise(std::size_t w, const WindowState& from) const {
+    const auto np = static_cast<Eigen::Index>(unknowns_);
+    const auto ns = static_cast<Eigen::Index>(states_.size());
+    const Eigen::Index columns = np + ns;
+    const Experiment& e = experiment(w);
+    const std::size_t end = end_of(w);
+    const StatePrior& prior = priors_[w];
+
+    Eigen::MatrixXd jacobian;
+    Eigen::VectorXd residual;
+    const auto rows = static_cast<Eigen::Index>((end - window(w).begin) * predicted_channels);
+    jacobian.setZero(rows, columns);
+    residual.setZero(rows);
+    Block block;
+    for (Eigen::Index first = 0; first < std::max<Eigen::Index>(columns, 1);
+         first += Dual::directions) {
+      std::vector<Dual> parameters(parameters_.begin(), parameters_.end());
+      RigState<Dual> s;
+      for (std::size_t i = 0; i < s.s.size(); ++i) s.s[i] = Dual(from[i]);
+      for (Eigen::Index j = first; j < std::min(columns, first + Dual::directions); ++j) {
+        if (j < np) {
+          const auto u = static_cast<std::size_t>(j);
+          parameters[hypothesis_.unknowns()[u].parameter].d[j - first] =
+              hypothesis_.slope(u, z_[u]);
+        } else {
+          // States move in units of their prior, so that all columns are of like size.
+          const auto i = static_cast<std::size_t>(states_[static_cast<std::size_t>(j - np)]);
+          s.s[i].d[j - first] = prior.sigma[i];
+        }
+      }
+      const auto n = hypothesis_.rig().numbers<Dual>(std::span<const Dual>(parameters));
+      Eigen::Index row = 0;
+      run_window<Dual>(e, window(w), end, hypothesis_.rig(), banks_[task_.windows[w].experiment], n,
+                       s, [&](std::size_t k, const physics::Readings<Dual>& readings) {
+                         const auto r = as_array(readings);
+                         for (std::size_t c = 0; c < predicted_channels; ++c) {
+                           if (((e.valid[k] >> c) & 1U) == 0) continue;
+                           const double scale = 1.0 / task_.sigma[c];
+                           residual[row] = (r[c].a - e.reading[k][c]) * scale;
+                           const Eigen::Index some =
+                               std::min<Eigen::Index>(Dual::directions, columns - first);
+                           for (Eigen::Index j = 0; j < some; ++j) {
+                             jacobian(row, first + j) = r[c].d[j] * scale;
+                           }
+                           ++row;
+                         }
+                       });
+      block.count = static_cast<int>(row);
+    }
+    const auto used = static_cast<Eigen::Index>(block.count);
+    const auto j = jacobian.topRows(used);
+    const auto r = residual.head(used);
+    block.chi2 = r.squaredNorm();
+    if (!std::isfinite(block.chi2) || !j.allFinite()) {
+      // The model blew up in this window: it says nothing about where to go.
+      block.chi2 = 1.0e30;
+      block.pp.setZero(np, np);
+      block.ps.setZero(np, ns);
+      block.ss.setIdentity(ns, ns);
+      block.gp.setZero(np);
+      block.gs.setZero(ns);
+      return block;
+    }
+    const double weight = cap_weight(block.chi2, block.count);
+    const Eigen::MatrixXd jtj = weight * (j.transpose() * j);
+    const Eigen::VectorXd jtr = weight * (j.transpose() * r);
+    block.pp = jtj.topLeftCorner(np, np);
+    block.ps = jtj.topRightCorner(np, ns);
+    block.ss = jtj.bottomRightCorner(ns, ns);
+    block.gp = jtr.head(np);
+    block.gs = jtr.tail(ns);
+    for (Eigen::Index i = 0; i < ns; ++i) {
+      const auto index = static_cast<std::size_t>(states_[static_cast<std::size_t>(i)]);
+      const double off = (from[index] - prior.centre[index]) / prior.sigma[index];
+      block.prior += off * off;
+      block.ss(i, i) += 1.0;
+      block.gs[i] += off;
+    }
+    return block;
+  }
+
+  // States in units of their prior.
+  WindowState moved(std::size_t w, const WindowState& from, const Eigen::VectorXd& step) const {
+    const StatePrior& prior = priors_[w];
+    WindowState to = from;
+    for (std::size_t i = 0; i < states_.size(); ++i) {
+      const auto index = static_cast<std::size_t>(states_[i]);
+      to[index] += prior.sigma[index] * step[static_cast<Eigen::Index>(i)];
+    }
+    if (hypothesis_.rig().has_state(state::contact) &&
+        hypothesis_.rig().structure().kinetics == physics::Kinetics::relaxing) {
+      to[state::contact] = std::clamp(to[state::contact], -2.0, 2.0);
+    }
+    return to;
+  }
+
+  double parameter_prior(std::span<const double> z) const {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < unknowns_; ++i) {
+      const Unknown& unknown = hypothesis_.unknowns()[i];
+      if (unknown.prior_sigma > 0.0) sum += std::pow(z[i] / unknown.prior_sigma, 2);
+    }
+    return sum;
+  }
+
+ private:
+  const Task& task_;
+  const Hypothesis& hypothesis_;
+  std::vector<int> states_;
+  std::size_t unknowns_;
+  std::vector<SensorBank> banks_;
+  std::vector<StatePrior> priors_;
+  std::vector<double> parameters_;
+  std::vector<double> z_;
+  RigNumbers<double> numbers_;
+};
+
+double total_cost(const std::vector<Block>& blocks) {
+  double cost = 0.0;
+  for (const Block& block : blocks) cost += capped(block.chi2, block.count) + block.prior;
+  return cost;
+}
+
+// The state of one window alone, the parameters as they are: each window has its own damping, so
+// that one that cannot be followed holds up no other.
+Block fit_state(const Problem& problem, std::size_t w, WindowState& state,
+                const FitOptions& options) {
+  Block block = problem.linearise(w, state);
+  double cost = capped(block.chi2, block.count) + block.prior;
+  double damping = 1.0e-3;
+  for (int iteration = 0; iteration < options.iterations; ++iteration) {
+    bool improved = false;
+    double gain = 0.0;
+    for (int attempt = 0; attempt < 8 && !improved; ++attempt) {
+      Eigen::MatrixXd ss = block.ss;
+      ss.diagonal() *= 1.0 + damping;
+      const WindowState trial = problem.moved(w, state, -ss.ldlt().solve(block.gs));
+      const Block there = problem.evaluate(w, trial);
+      const double trial_cost = capped(there.chi2, there.count) + there.prior;
+      if (trial_cost < cost) {
+        gain = cost - trial_cost;
+        improved = true;
+        state = trial;
+        cost = trial_cost;
+        damping = std::max(1.0e-9, damping * 0.2);
+      } else {
+        damping *= 8.0;
+      }
+    }
+    if (!improved) break;
+    block = problem.linearise(w, state);
+    if (gain < options.tolerance * cost) break;
+  }
+  return block;
+}
+
+}  // namespace
+
+void for_each_parallel(std::size_t count, int threads,
+                       const std::function<void(std::size_t)>& work) {
+  const auto workers = std::min<std::size_t>(count, static_cast<std::size_t>(std::max(1, threads)));
+  if (workers <= 1) {
+    for (std::size_t i = 0; i < count; ++i) work(i);
+    return;
+  }
+  std::atomic<std::size_t> next{0};
+  std::exception_ptr failure;
+  std::mutex failure_mutex;
+  {
+    std::vector<std::jthread> pool;
+    for (std::size_t t = 0; t < workers; ++t) {
+      pool.emplace_back([&] {
+        for (std::size_t i = next++; i < count; i = next++) {
+          try {
+            work(i);
+          } catch (...) {
+            const std::lock_guard lock(failure_mutex);
+            if (!failure) failure = std::current_exception();
+          }
+        }
+      });
+    }
+  }
+  if (failure) std::rethrow_exception(failure);
+}
+
+double Fit::chi2_per_sample() const {
+  double sum = 0.0;
+  double freedom = 0.0;
+  for (std::size_t w = 0; w < chi2.size(); ++w) {
+    sum += chi2[w];
+    freedom += std::max(1, count[w] - states_per_window);
+  }
+  return freedom > 0.0 ? sum / freedom : 0.0;
+}
+
+std::vector<WindowState> guessed_states(const Task& task, const Hypothesis& hypothesis) {
+  const std::vector<double> z(hypothesis.unknowns().size(), 0.0);
+  const auto parameters = hypothesis.parameters(z);
+  std::vector<WindowState> states;
+  states.reserve(task.windows.size());
+  for (const WindowRef ref : task.windows) {
+    const Experiment& e = task.experiments[ref.experiment];
+    states.push_back(prior_of(e, e.windows[ref.window], hypothesis, parameters).centre);
+  }
+  return states;
+}
+
+Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
+        std::vector<WindowState> states, const FitOptions& options) {
+  Problem problem(task, hypothesis, z, options.parameters_free);
+  const std::size_t windows = task.windows.size();
+  const auto np = static_cast<Eigen::Index>(problem.unknowns());
+  const auto ns = static_cast<Eigen::Index>(problem.states().size());
+  std::vector<Block> blocks(windows);
+  const auto linearise_all = [&] {
+    problem.prepare(z);
+    for_each_parallel(windows, task.threads,
+                      [&](std::size_t w) { blocks[w] = problem.linearise(w, states[w]); });
+  };
+
+  if (!options.parameters_free) {
+    problem.prepare(z);
+    for_each_parallel(windows, task.threads, [&](std::size_t w) {
+      blocks[w] = fit_state(problem, w, states[w], options);
+    });
+    Fit result;
+    result.z = std::move(z);
+    result.state = std::move(states);
+    result.cost = total_cost(blocks);
+    result.states_per_window = static_cast<int>(ns);
+    for (const Block& block : blocks) {
+      result.chi2.push_back(block.chi2);
+      result.count.push_back(block.count);
+    }
+    return result;
+  }
+
+  linearise_all();
+  double cost = total_cost(blocks) + problem.parameter_prior(z);
+  double damping = 1.0e-3;
+  Fit result;
+  for (int iteration = 0; iteration < options.iterations; ++iteration) {
+    result.iterations = iteration + 1;
+    // Damped normal equations, window states eliminated.
+    bool improved = false;
+    bool finished = false;
+    for (int attempt = 0; attempt < 8 && !improved && !finished; ++attempt) {
+      Eigen::MatrixXd reduced = Eigen::MatrixXd::Zero(np, np);
+      Eigen::VectorXd gradient = Eigen::VectorXd::Zero(np);
+      std::vector<Eigen::LDLT<Eigen::MatrixXd>> factor(windows);
+      for (std::size_t w = 0; w < windows; ++w) {
+        const Block& block = blocks[w];
+        Eigen::MatrixXd ss = block.ss;
+        ss.diagonal() *= 1.0 + damping;
+        factor[w].compute(ss);
+        if (np == 0) continue;
+        reduced += block.pp;
+        reduced.diagonal() += damping * block.pp.diagonal();
+        const Eigen::MatrixXd solved = factor[w].solve(block.ps.transpose());
+        reduced -= block.ps * solved;
+        gradient += block.gp - block.ps * factor[w].solve(block.gs);
+      }
+      for (Eigen::Index i = 0; i < np; ++i) {
+        const auto u = static_cast<std::size_t>(i);
+        const double sigma = hypothesis.unknowns()[u].prior_sigma;
+        if (sigma > 0.0) {
+          reduced(i, i) += (1.0 + damping) / (sigma * sigma);
+          gradient[i] += z[u] / (sigma * sigma);
+        }
+        reduced(i, i) += 1.0e-12 * (1.0 + std::abs(reduced(i, i)));
+      }
+      Eigen::VectorXd step = Eigen::VectorXd::Zero(np);
+      if (np > 0) step = -reduced.ldlt().solve(gradient);
+      if (!step.allFinite()) {
+        damping *= 10.0;
+        continue;
+      }
+      std::vector<double> trial_z = z;
+      for (Eigen::Index i = 0; i < np; ++i) {
+        const auto u = static_cast<std::size_t>(i);
+        // A logarithm that moves by more than a factor of e^2 at once has left its linear range.
+        const bool logarithmic = hypothesis.unknowns()[u].logarithmic;
+        trial_z[u] += logarithmic ? std::clamp(step[i], -2.0, 2.0) : step[i];
+      }
+      std::vector<WindowState> trial_states(windows);
+      for (std::size_t w = 0; w < windows; ++w) {
+        Eigen::VectorXd right = -blocks[w].gs;
+        if (np > 0) right -= blocks[w].ps.transpose() * step;
+        const Eigen::VectorXd own = ns > 0 ? Eigen::VectorXd(factor[w].solve(right))
+                                           : Eigen::VectorXd(Eigen::VectorXd::Zero(0));
+        trial_states[w] = problem.moved(w, states[w], own);
+      }
+      std::vector<Block> trial(windows);
+      problem.prepare(trial_z);
+      for_each_parallel(windows, task.threads,
+                        [&](std::size_t w) { trial[w] = problem.evaluate(w, trial_states[w]); });
+      const double trial_cost = total_cost(trial) + problem.parameter_prior(trial_z);
+      if (trial_cost < cost) {
+        finished = cost - trial_cost < options.tolerance * cost;
+        improved = true;
+        z = std::move(trial_z);
+        states = std::move(trial_states);
+        cost = trial_cost;
+        damping = std::max(1.0e-9, damping * 0.2);
+        linearise_all();
+      } else {
+        damping *= 8.0;
+        if (trial_cost - cost < 1.0e-9 * cost) finished = true;
+      }
+    }
+    if (!improved || finished) break;
+  }
+
+  result.z = std::move(z);
+  result.state = std::move(states);
+  result.cost = cost;
+  result.states_per_window = static_cast<int>(ns);
+  for (const Block& block : blocks) {
+    result.chi2.push_back(block.chi2);
+    result.count.push_back(block.count);
+  }
+  if (np > 0) {
+    Eigen::MatrixXd information = Eigen::MatrixXd::Zero(np, np);
+    for (const Block& block : blocks) {
+      information += block.pp - block.ps * block.ss.ldlt().solve(block.ps.transpose());
+    }
+    for (Eigen::Index i = 0; i < np; ++i) {
+      const double sigma = hypothesis.unknowns()[static_cast<std::size_t>(i)].prior_sigma;
+      if (sigma > 0.0) information(i, i) += 1.0 / (sigma * sigma);
+      information(i, i) += 1.0e-12 * (1.0 + std::abs(information(i, i)));
+    }
+    result.covariance = information.ldlt().solve(Eigen::MatrixXd::Identity(np, np));
+  }
+  return result;
+}
+
+std::vector<std::array<double, predicted_channels>> predict(const Experiment& experiment,
+                                                            const Window& window, std::size_t end,
+                                                            const Hypothesis& hypothesis,
+                                                            std::span<const double> z,
+                                                            const WindowState& state) {
+  const SensorBank bank(hypothesis.model(), experiment.period_s / experiment.substeps);
+  const auto parameters = hypothesis.parameters(z);
+  const auto n = hypothesis.rig().numbers<double>(parameters);
+  RigState<double> s;
+  s.s = state;
+  std::vector<std::array<double, predicted_channels>> readings;
+  readings.reserve(end - window.begin);
+  run_window<double>(
+      experiment, window, end, hypothesis.rig(), bank, n, s,
+      [&](std::size_t, const physics::Readings<double>& r) { readings.push_back(as_array(r)); });
+  return readings;
+}
+
+}  // namespace stickslip::diagnosis

@@ -1,0 +1,135 @@
+#include "tools/diagnose/wide_band.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <limits>
+#include <numbers>
+#include <unsupported/Eigen/FFT>
+
+namespace stickslip::diagnosis {
+
+namespace {
+
+using Complex = std::complex<double>;
+
+// The transform is fast for lengths with small prime factors only.
+bool has_small_factors(std::size_t n) {
+  for (const std::size_t prime : {2U, 3U, 5U, 7U}) {
+    while (n % prime == 0) n /= prime;
+  }
+  return n == 1;
+}
+
+double median(std::vector<double>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+WideBand wide_band(std::span<const double> samples, double period_s,
+                   const physics::FilterChain& chain, double noise_std) {
+  const std::size_t n = samples.size();
+  std::size_t half = n - 1;  // half a period of the odd extension
+  while (!has_small_factors(half)) ++half;
+
+  // Take out the line between the ends, so that the odd extension is continuous with its slope.
+  const double first = samples.front();
+  const auto reflected = [&](std::size_t i) {
+    return i < n ? samples[i] : 2.0 * samples[n - 1] - samples[2 * (n - 1) - i];
+  };
+  const double slope = (reflected(half) - first) / static_cast<double>(half);
+  const std::size_t length = 2 * half;
+  std::vector<double> odd(length, 0.0);
+  for (std::size_t i = 1; i < half; ++i) {
+    odd[i] = reflected(i) - first - slope * static_cast<double>(i);
+    odd[length - i] = -odd[i];
+  }
+
+  Eigen::FFT<double> fft;
+  std::vector<Complex> spectrum;
+  fft.fwd(spectrum, odd);
+
+  const double noise_power = noise_std * noise_std * static_cast<double>(length);
+  constexpr std::ptrdiff_t reach = 6;  // bins on each side over which the power is averaged
+  const auto bins = static_cast<std::ptrdiff_t>(half);
+  std::vector<double> sum(static_cast<std::size_t>(bins) + 2, 0.0);
+  for (std::ptrdiff_t k = 0; k <= bins; ++k) {
+    sum[static_cast<std::size_t>(k) + 1] =
+        sum[static_cast<std::size_t>(k)] + std::norm(spectrum[static_cast<std::size_t>(k)]);
+  }
+  std::vector<Complex> value(length);
+  std::vector<Complex> rate(length);
+  std::vector<Complex> acceleration(length);
+  for (std::ptrdiff_t k = 0; k <= bins; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    const auto low = static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, k - reach));
+    const auto high = static_cast<std::size_t>(std::min(bins, k + reach));
+    const double power = (sum[high + 1] - sum[low]) / static_cast<double>(high + 1 - low);
+    // Spectral subtraction; what is not clearly above the noise is not used.
+    const double gain = power > 3.0 * noise_power ? 1.0 - noise_power / power : 0.0;
+    const double frequency = static_cast<double>(k) / (static_cast<double>(length) * period_s);
+    const Complex response = chain.response(frequency);
+    const double floor = 1.0e-6;
+    const Complex inverse = std::conj(response) / (std::norm(response) + floor);
+    const Complex y = spectrum[i] * gain * inverse;
+    const Complex s(0.0, 2.0 * std::numbers::pi * frequency);
+    value[i] = y;
+    rate[i] = y * s;
+    acceleration[i] = y * s * s;
+    if (k > 0 && k < bins) {
+      value[length - i] = std::conj(value[i]);
+      rate[length - i] = std::conj(rate[i]);
+      acceleration[length - i] = std::conj(acceleration[i]);
+    }
+  }
+  rate[half] = 0.0;
+
+  WideBand out;
+  const auto back = [&](const std::vector<Complex>& from) {
+    std::vector<Complex> time;
+    fft.inv(time, from);
+    std::vector<double> real(n);
+    for (std::size_t i = 0; i < n; ++i) real[i] = time[i].real();
+    return real;
+  };
+  out.value = back(value);
+  out.rate = back(rate);
+  out.acceleration = back(acceleration);
+  // The line passes through the chain as a line; undoing the chain's lag moves it by slope * lag.
+  const double small = 1.0e-3;
+  const double lag = -std::arg(chain.response(small)) / (2.0 * std::numbers::pi * small);
+  for (std::size_t i = 0; i < n; ++i) {
+    out.value[i] += first + slope * (static_cast<double>(i) + lag / period_s);
+    out.rate[i] += slope / period_s;
+  }
+  return out;
+}
+
+double noise_of(std::span<const double> samples) {
+  if (samples.size() < 16) return 0.0;
+  constexpr std::array<double, 7> weight = {1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0};
+  constexpr double weight_norm = 924.0;  // sum of the squares
+  std::vector<double> differences;
+  differences.reserve(samples.size());
+  double smallest_step = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i + weight.size() <= samples.size(); ++i) {
+    double sum = 0.0;
+    for (std::size_t k = 0; k < weight.size(); ++k) sum += weight[k] * samples[i + k];
+    differences.push_back(std::abs(sum));
+    const double step = std::abs(samples[i + 1] - samples[i]);
+    if (step > 0.0) smallest_step = std::min(smallest_step, step);
+  }
+  const double from_differences = median(differences) / 0.6745 / std::sqrt(weight_norm);
+  const double range = std::abs(*std::max_element(samples.begin(), samples.end()) -
+                                *std::min_element(samples.begin(), samples.end()));
+  // A step far below the resolution of doubles at this range is rounding, not quantisation.
+  const double quantisation = std::isfinite(smallest_step) && smallest_step > 1.0e-12 * range
+                                  ? smallest_step / std::sqrt(12.0)
+                                  : 0.0;
+  return std::max(from_differences, quantisation);
+}
+
+}  // namespace stickslip::diagnosis
