@@ -34,6 +34,11 @@ constexpr double mu_doubt = 0.3;
 // A drive's frequency is sought below this.
 constexpr double most_drive_rad_s = 2.0 * pi * 40.0;
 constexpr double drive_lesson_s = 1.0;
+constexpr double drive_trend_s = 0.01;
+// Doubt of the slip velocity makes the backbone doubtful; alike over this time.
+constexpr double jump_memory_s = 1.0e-3;
+// mu is learnt from slip faster than this many (doubtful) transition speeds.
+constexpr double lesson_speeds = 2.0;
 constexpr double noise_hearing_s = 1.0;
 
 double relative(const Parameter& p) { return p.value != 0.0 ? std::abs(p.sigma / p.value) : 0.0; }
@@ -109,9 +114,58 @@ void Noise::listen(const Frame& frame) {
   }
 }
 
-void Noise::learn_drive(double normalised_square) {
-  const double step = std::min(normalised_square - 1.0, 20.0) * period_s_ / drive_lesson_s;
+void Noise::learn_drive(double normalised_innovation) {
+  // Innovations of a right filter are white: a trend in them says too tame, a contrary one too
+  // wild.
+  const double size = std::min(square(normalised_innovation) - 1.0, 20.0);
+  const double trend = std::clamp(normalised_innovation * drive_trend_, -20.0, 20.0);
+  drive_trend_ += -drive_trend_ * std::min(1.0, period_s_ / drive_trend_s) +
+                  std::clamp(normalised_innovation, -5.0, 5.0);
+  const double step = (size + trend) * period_s_ / drive_lesson_s;
   log_jerk_density_ = std::clamp(log_jerk_density_ + step, least_log_density_, most_log_density_);
+}
+
+double Noise::friction_level(const Vector& mean) const {
+  const Layout& l = *layout_;
+  if (l.mu < 0) return 0.0;
+  const auto& structure = rig_->structure();
+  double load = 1.0;
+  if (structure.loaded) {
+    load = l.load >= 0 ? std::abs(mean[l.load]) : numbers_->c.load;
+    if (structure.load_law == physics::NormalLoadLaw::wedge) {
+      load *= std::max(0.0, 1.0 + numbers_->c.load_slope * mean[l.rig[state::x]]);
+    }
+  }
+  return std::abs(mean[l.mu]) * load;
+}
+
+// What the widened backbone leaves out: the variance of tanh over the doubt of the slip velocity,
+// less what is linear in it.
+double Noise::backbone_variance(const Vector& mean, double slip_variance) const {
+  const Layout& l = *layout_;
+  const double own = square(numbers_->c.transition_speed);
+  const double wide = own + 0.5 * pi * slip_variance;
+  const double slip = mean[l.rig[state::v]] - (l.rig[state::u] >= 0 ? mean[l.rig[state::u]] : 0.0);
+  const double left = 1.0 - square(std::tanh(slip / std::sqrt(wide)));
+  return std::max(0.0, left * (wide - own) / wide - square(left) * slip_variance / wide);
+}
+
+double Noise::lesson(const Vector& mean, double slip_variance) const {
+  const Layout& l = *layout_;
+  const double slip = mean[l.rig[state::v]] - (l.rig[state::u] >= 0 ? mean[l.rig[state::u]] : 0.0);
+  const double wide = square(numbers_->c.transition_speed) + 0.5 * pi * slip_variance;
+  return square(std::tanh(square(slip) / (lesson_speeds * lesson_speeds * wide)));
+}
+
+void Noise::add_output(const Vector& mean, Matrix& covariance) const {
+  const Layout& l = *layout_;
+  if (l.theta < l.core) return;
+  const double level = friction_level(mean);
+  const double variance = square(backbone_doubt);
+  covariance(l.theta, l.theta) += variance;
+  covariance(l.friction, l.friction) += variance * square(level);
+  covariance(l.theta, l.friction) += variance * level;
+  covariance(l.friction, l.theta) += variance * level;
 }
 
 void Noise::start(const Frame& frame, double mu, Vector& mean, Matrix& covariance) const {
@@ -219,7 +273,7 @@ void Noise::start(const Frame& frame, double mu, Vector& mean, Matrix& covarianc
   remember(driven, p, drive_size, 0.0, 2.0 * drive_size * drive_rad_s);
 }
 
-void Noise::add_process(const Vector& mean, Matrix& covariance) const {
+void Noise::add_process(const Vector& mean, double slip_variance, Matrix& covariance) const {
   const Layout& l = *layout_;
   const auto& c = numbers_->c;
   const auto& structure = rig_->structure();
@@ -231,26 +285,31 @@ void Noise::add_process(const Vector& mean, Matrix& covariance) const {
 
   const double x = mean[l.rig[state::x]];
   const double v = mean[l.rig[state::v]];
-  double load = 1.0;
-  if (structure.loaded) load = l.load >= 0 ? std::abs(mean[l.load]) : c.load;
-  const double friction = l.mu >= 0 ? std::abs(mean[l.mu]) * load : 0.0;
+  const double load = l.load >= 0 ? std::abs(mean[l.load]) : c.load;
+  const double friction = friction_level(mean);
+  const double jump = structure.friction && structure.kinetics != Kinetics::bristle
+                          ? backbone_variance(mean, slip_variance)
+                          : 0.0;
+  const bool at_once = structure.kinetics == Kinetics::instantaneous;
+  const double by_jump = at_once ? 2.0 * jump_memory_s * h * jump * square(friction) : 0.0;
   const double base_acceleration =
       structure.excitation == Excitation::base ? mean[l.drive + 2] : 0.0;
   const double on_mass = square(force_doubt * friction) + square(spring_doubt_n_m_ * x) +
                          square(damping_doubt_n_s_m_ * v) +
                          square(mass_doubt_kg_ * base_acceleration);
-  grow(l.rig[state::v], colour * on_mass / square(c.mass));
+  grow(l.rig[state::v], (colour * on_mass + by_jump) / square(c.mass));
   if (structure.resonant) {
     const double y = mean[l.rig[state::y]];
     const double on_cell = square(force_doubt * friction) + square(cell_doubt_n_m_ * y);
-    grow(l.rig[state::u], colour * on_cell / square(c.cell_mass));
+    grow(l.rig[state::u], (colour * on_cell + by_jump) / square(c.cell_mass));
   }
   if (structure.kinetics == Kinetics::relaxing) {
     const double rate = l.log_rate >= 0 ? std::exp(mean[l.log_rate]) : c.rate;
     // Behind a fast rate theta is g, and so is its doubt.
     const double share = 1.0 - std::exp(-rate * h);
     grow(l.rig[state::contact],
-         square(backbone_doubt * share) * std::max(1.0, 2.0 * force_memory_s / h));
+         square(share) * (square(backbone_doubt) * std::max(1.0, 2.0 * force_memory_s / h) +
+                          jump * std::max(1.0, 2.0 * jump_memory_s / h)));
   }
   if (structure.kinetics == Kinetics::bristle && structure.friction) {
     const double reach = friction / std::max(c.contact_stiffness, 1.0e-12);

@@ -20,8 +20,16 @@ class Noise {
   /// dropped where it is absurd; 0 where there is none.
   void start(const Frame& frame, double mu, Vector& mean, Matrix& covariance) const;
 
-  /// Adds what one period adds to the doubt about the core.
-  void add_process(const Vector& mean, Matrix& covariance) const;
+  /// Adds what one period adds to the doubt about the core. `slip_variance`: of the slip velocity
+  /// [(m/s)^2].
+  void add_process(const Vector& mean, double slip_variance, Matrix& covariance) const;
+
+  /// Adds the doubt of the friction law itself to friction and theta where they have no memory.
+  void add_output(const Vector& mean, Matrix& covariance) const;
+
+  /// How much a frame may teach about mu: 1 where the contact slides, 0 where it sticks. A sticking
+  /// contact shows mu theta only, and a linearised filter would share that out at random.
+  double lesson(const Vector& mean, double slip_variance) const;
 
   /// Keeps states inside what they can mean.
   void confine(Vector& mean) const;
@@ -32,9 +40,9 @@ class Noise {
   /// Variance of the noise of a reading [unit of the channel squared].
   double reading_variance(Channel channel) const;
 
-  /// Makes the drive's model wilder or tamer, by how its channel's squared innovation compares with
-  /// its expected value.
-  void learn_drive(double normalised_square);
+  /// Makes the drive's model wilder or tamer, by whether its channel's innovations, over their
+  /// expected deviation, are too large and go on in one direction.
+  void learn_drive(double normalised_innovation);
 
  private:
   struct Listener {
@@ -46,6 +54,9 @@ class Noise {
     double size = 0.0;
   };
 
+  double backbone_variance(const Vector& mean, double slip_variance) const;
+  double friction_level(const Vector& mean) const;
+
   const physics::Model* model_;
   const physics::Rig* rig_;
   const Layout* layout_;
@@ -53,6 +64,7 @@ class Noise {
   double period_s_;
   double natural_rad_s_;
   double spring_doubt_n_m_, damping_doubt_n_s_m_, mass_doubt_kg_, cell_doubt_n_m_;
+  double drive_trend_ = 0.0;
   double log_jerk_density_, least_log_density_, most_log_density_;
   std::array<Listener, channel_count> listeners_;
 };

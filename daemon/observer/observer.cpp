@@ -149,6 +149,7 @@ struct FrictionObserver::Filter {
   double since_start_s = 0.0;
   double since_sight_s = 0.0;
   double nis_level = 1.0;
+  double lesson = 1.0;  ///< share of the gain on mu
   std::array<int, channel_count> outliers_in_a_row{};
   FrictionEstimate estimate;
 };
@@ -212,8 +213,9 @@ void FrictionObserver::Filter::begin(const Frame& frame) {
 void FrictionObserver::Filter::predict() {
   Prediction& step = prediction.front();
   const double time_s = static_cast<double>(time_ns - origin_ns) * 1.0e-9;
-  noise.front().add_process(mean, covariance);
-  step.advance(mean, time_s, slip_variance());
+  const double doubt = slip_variance();
+  noise.front().add_process(mean, doubt, covariance);
+  step.advance(mean, time_s, doubt);
 
   const int n = layout.core;
   const int m = layout.count - n;
@@ -253,6 +255,7 @@ void FrictionObserver::Filter::predict() {
     for (int j = 0; j < i; ++j) tail(i, j) = tail(j, i) = 0.5 * (tail(i, j) + tail(j, i));
   }
   covariance.topRightCorner(n, m) = cross.transpose();
+  if (layout.friction >= 0) noise.front().add_output(mean, covariance);
 }
 
 // One scalar in Joseph form: P' = (I - K H) P (I - K H)' + K r K', H a unit row.
@@ -276,7 +279,9 @@ bool FrictionObserver::Filter::use_reading(Channel channel, double innovation,
   estimate.nis += squared;
   ++estimate.nis_freedom;
 
+  // Joseph's form holds for any gain.
   gain = covariance.col(j) / expected;
+  if (layout.mu >= 0) gain[layout.mu] *= lesson;
   mean += gain * innovation;
   row = covariance.col(j);
   covariance.noalias() -= gain.lazyProduct(row.transpose());
@@ -287,6 +292,7 @@ bool FrictionObserver::Filter::use_reading(Channel channel, double innovation,
 
 void FrictionObserver::Filter::correct(const Frame& frame) {
   bool seen = false;
+  if (layout.mu >= 0) lesson = noise.front().lesson(mean, slip_variance());
   for (Channel channel : all_channels) {
     if (!frame.has(channel) || !layout.of(channel).used) continue;
     const double variance = noise.front().reading_variance(channel);
@@ -294,7 +300,7 @@ void FrictionObserver::Filter::correct(const Frame& frame) {
     const bool used = use_reading(channel, innovation, variance);
     const std::size_t i = index_of(channel);
     if (channel == drive_channel(rig.structure())) {
-      noise.front().learn_drive(square(innovation / estimate.innovation_std[i]));
+      noise.front().learn_drive(innovation / estimate.innovation_std[i]);
     }
     seen = seen || (used && std::find(mechanical_channels.begin(), mechanical_channels.end(),
                                       channel) != mechanical_channels.end());
