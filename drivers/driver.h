@@ -34,22 +34,22 @@ struct Result {
 
 /// What the daemon asks of the shaker for the cycle to come.
 struct Actuation {
-  double drive = 0.0;           ///< commanded base displacement [m], or force [N] on force-excited rigs
-  bool amplifier_on = false;    ///< off is the safe state
+  double drive = 0.0;  ///< commanded base displacement [m], or force [N] on force-excited rigs
+  bool amplifier_on = false;  ///< off is the safe state
 };
 
 /// What a driver can say about itself once it is open.
 struct Description {
-  std::string name;                    ///< "simulated rig", "LabJack U6 #3600..."
-  std::uint8_t channels = 0;           ///< bit i: yields Channel i
+  std::string name;                               ///< "simulated rig", "LabJack U6 #3600..."
+  std::uint8_t channels = 0;                      ///< bit i: yields Channel i
   std::array<const char*, channel_count> unit{};  ///< raw unit by channel, before calibration
-  bool paced = false;      ///< read() waits for the next sample itself (a streaming board, a replay)
+  bool paced = false;  ///< read() waits for the next sample itself (a streaming board, a replay)
   bool can_drive = false;  ///< write() moves something
 };
 
 /// Lifecycle: open -> start -> (read, write)* -> stop -> close; stop and close are allowed in every
-/// state and never throw. open, start, stop and close may take time and allocate; read and write may
-/// not allocate, lock or wait longer than a cycle.
+/// state and never throw. open, start, stop and close may take time and allocate; read and write
+/// may not allocate, lock or wait longer than a cycle.
 class Driver {
  public:
   Driver() = default;

@@ -123,6 +123,15 @@ T FilterChain::output_rate(const FilterMemory<T>& memory) const {
   return count_ == 0 ? memory.input_rate : memory.section[count_ - 1][1];
 }
 
+template <class T>
+T FilterChain::output_acceleration(const FilterMemory<T>& memory) const {
+  if (count_ == 0 || !sections_[count_ - 1].second_order) return T(0.0);
+  const Section& last = sections_[count_ - 1];
+  const T& input = count_ > 1 ? memory.section[count_ - 2][0] : memory.input;
+  const auto& [y, rate] = memory.section[count_ - 1];
+  return (input - y) * (last.omega * last.omega) - rate * last.damping;
+}
+
 std::complex<double> FilterChain::response(double frequency_hz) const {
   const std::complex<double> s(0.0, 2.0 * pi * frequency_hz);
   std::complex<double> product(1.0, 0.0);
@@ -198,6 +207,8 @@ template void FilterChain::advance(FilterMemory<double>&, const double&, const d
 template void FilterChain::advance(FilterMemory<Dual>&, const Dual&, const Dual&) const;
 template double FilterChain::output_rate(const FilterMemory<double>&) const;
 template Dual FilterChain::output_rate(const FilterMemory<Dual>&) const;
+template double FilterChain::output_acceleration(const FilterMemory<double>&) const;
+template Dual FilterChain::output_acceleration(const FilterMemory<Dual>&) const;
 template void SensorBank::settle(SensorMemory<double>&, const Quantities<double>&) const;
 template void SensorBank::settle(SensorMemory<Dual>&, const Quantities<Dual>&) const;
 template void SensorBank::advance(SensorMemory<double>&, const Quantities<double>&) const;
