@@ -1,7 +1,74 @@
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <string>
+
+#include "physics/problem.h"
+#include "protocol/recording.h"
 #include "tools/command.h"
 
 namespace stickslip::tools {
 
-void add_convert(CLI::App& /*app*/, Action& /*action*/) {}
+namespace {
+
+struct Arguments {
+  std::string in;
+  std::string out;
+  std::string format;
+};
+
+void write_as_csv(const protocol::Recording& recording, const std::string& path) {
+  std::ofstream out(path, std::ios::binary);
+  if (out) protocol::write_csv(recording, out);
+  out.close();
+  if (!out) {
+    throw InputError(
+        Problem{path, 0, 0, "cannot be written; does its folder exist, and is there room?"});
+  }
+}
+
+int run(const Arguments& arguments) {
+  const protocol::Recording recording = protocol::read_recording(arguments.in);
+  if (arguments.out == "-") {
+    if (arguments.format == "lcm") {
+      throw InputError(Problem{"-", 0, 0, "only CSV goes to standard output: name a file"});
+    }
+    protocol::write_csv(recording, std::cout);
+    if (!std::cout.flush()) throw std::runtime_error("standard output cannot be written");
+    return 0;
+  }
+  // Only now is anything written: what went in was read whole, so IN and OUT may be one file.
+  if (arguments.format == "csv") {
+    write_as_csv(recording, arguments.out);
+  } else if (arguments.format == "lcm") {
+    protocol::write_log(recording, arguments.out);
+  } else {
+    protocol::write_recording(recording, arguments.out);
+  }
+  const double seconds = recording.frames.back().time_s() - recording.frames.front().time_s();
+  std::printf("%s: %zu frames, %.3f s\n", arguments.out.c_str(), recording.frames.size(), seconds);
+  return 0;
+}
+
+}  // namespace
+
+void add_convert(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command =
+      app.add_subcommand("convert", "Rewrite a recording as CSV or as an LCM event log");
+  command->add_option("in", arguments->in, "Recording (CSV or LCM log, told by its content)")
+      ->required()
+      ->type_name("IN");
+  command
+      ->add_option("out", arguments->out,
+                   "Where to: .csv, .lcm or .log; \"-\" is CSV on standard output")
+      ->required()
+      ->type_name("OUT");
+  command->add_option("--format", arguments->format, "Format of OUT, whatever its name says")
+      ->check(CLI::IsMember({"csv", "lcm"}));
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
 
 }  // namespace stickslip::tools
