@@ -18,11 +18,11 @@ double square(double x) { return x * x; }
 double sixth(double x) { return square(x * x * x); }
 
 // Unmodelled forces: this fraction of mu N and of the spring's force, alike over this time.
-constexpr double force_doubt = 0.01;
+constexpr double force_doubt = 0.005;
 constexpr double spring_doubt = 0.002;
 constexpr double force_memory_s = 0.01;
 // The backbone g: this much off, alike over force_memory_s.
-constexpr double backbone_doubt = 0.01;
+constexpr double backbone_doubt = 0.005;
 // Random walks of the parameters, as a fraction of their size over the root of a second.
 constexpr double mu_walk = 0.005;
 constexpr double rate_walk = 0.02;
@@ -36,7 +36,7 @@ constexpr double most_drive_rad_s = 2.0 * pi * 40.0;
 constexpr double drive_lesson_s = 1.0;
 constexpr double drive_trend_s = 0.01;
 // Doubt of the slip velocity makes the backbone doubtful; alike over this time.
-constexpr double jump_memory_s = 1.0e-3;
+constexpr double jump_memory_s = 5.0e-4;
 // mu is learnt from slip faster than this many (doubtful) transition speeds.
 constexpr double lesson_speeds = 2.0;
 constexpr double noise_hearing_s = 1.0;

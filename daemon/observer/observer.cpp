@@ -26,10 +26,13 @@ constexpr double outliers_to_restart_s = 0.05;
 constexpr double nis_memory_s = 0.5;
 constexpr double nis_to_restart = 12.0;  // per degree of freedom, averaged over nis_memory_s
 constexpr double blind_after_s = 0.5;
+// While the drive is measured it is learnt from its own channel alone: what is wrong with the rig's
+// model must not be explained away by a drive that was not there.
+constexpr double drive_trusted_s = 0.1;
 
 // A set-valued law is followed as a steep one; its transition is then widened by the filter's own
 // doubt of the slip velocity.
-constexpr double steep_transition_m_s = 1.0e-4;
+constexpr double steep_transition_m_s = 5.0e-4;
 constexpr double sticking_speed_m_s = 1.0e-3;
 
 Model without_jumps(Model model) {
@@ -149,6 +152,7 @@ struct FrictionObserver::Filter {
   double since_start_s = 0.0;
   double since_sight_s = 0.0;
   double nis_level = 1.0;
+  double since_drive_s = 1.0e9;
   double lesson = 1.0;  ///< share of the gain on mu
   std::array<int, channel_count> outliers_in_a_row{};
   FrictionEstimate estimate;
@@ -282,6 +286,11 @@ bool FrictionObserver::Filter::use_reading(Channel channel, double innovation,
   // Joseph's form holds for any gain.
   gain = covariance.col(j) / expected;
   if (layout.mu >= 0) gain[layout.mu] *= lesson;
+  if (channel != drive_channel(rig.structure()) && since_drive_s < drive_trusted_s) {
+    gain.segment(layout.drive, 4).setZero();
+    const Chain& chain = layout.of(drive_channel(rig.structure()));
+    gain.segment(chain.first, chain.count()).setZero();
+  }
   mean += gain * innovation;
   row = covariance.col(j);
   covariance.noalias() -= gain.lazyProduct(row.transpose());
@@ -292,6 +301,7 @@ bool FrictionObserver::Filter::use_reading(Channel channel, double innovation,
 
 void FrictionObserver::Filter::correct(const Frame& frame) {
   bool seen = false;
+  since_drive_s += period_s;
   if (layout.mu >= 0) lesson = noise.front().lesson(mean, slip_variance());
   for (Channel channel : all_channels) {
     if (!frame.has(channel) || !layout.of(channel).used) continue;
@@ -300,6 +310,7 @@ void FrictionObserver::Filter::correct(const Frame& frame) {
     const bool used = use_reading(channel, innovation, variance);
     const std::size_t i = index_of(channel);
     if (channel == drive_channel(rig.structure())) {
+      since_drive_s = 0.0;
       noise.front().learn_drive(innovation / estimate.innovation_std[i]);
     }
     seen = seen || (used && std::find(mechanical_channels.begin(), mechanical_channels.end(),
