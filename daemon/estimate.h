@@ -1,23 +1,11 @@
-// The seam between the loop and the observer: what the loop carries in every sample, and what it
-// calls to get it.
+// What the loop knows of the observer: a type that it calls, and a type that it hands on.
 #pragma once
 
-#include "drivers/driver.h"
-#include "physics/frame.h"
+#include "daemon/observer/observer.h"
 
 namespace stickslip::daemon {
 
-struct Estimate {
-  bool present = false;
-};
-
-class Observer {
- public:
-  Estimate update(const Frame& frame, const drivers::Actuation& actuation);
-};
-
-inline Estimate Observer::update(const Frame& /*frame*/, const drivers::Actuation& /*actuation*/) {
-  return {};
-}
+using Estimate = observer::FrictionEstimate;
+using Observer = observer::FrictionObserver;
 
 }  // namespace stickslip::daemon

@@ -57,6 +57,7 @@ double Excitation::unramped_amplitude() const {
 }
 
 Drive Excitation::advance(double duration_s) {
+  now_.carrier_hz = settings_.carrier_hz;
   if (state_ == State::off) return now_;
 
   now_.phase_turns = wrapped(now_.phase_turns + settings_.carrier_hz * duration_s);

@@ -12,6 +12,7 @@ namespace stickslip::daemon {
 struct Drive {
   double value = 0.0;             ///< [m] of base displacement, or [N] on force-excited rigs
   double amplitude = 0.0;         ///< of the carrier now, ramp included; same unit
+  double carrier_hz = 0.0;        ///< as configured or last set
   double phase_turns = 0.0;       ///< of the carrier, [0, 1)
   double modulation_turns = 0.0;  ///< of the modulation or of the envelope table, [0, 1)
 

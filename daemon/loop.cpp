@@ -171,12 +171,16 @@ void Loop::acquire(const Frame& raw) {
   sample.amplifier_on = amplifier_on_;
   sample.late = late_;
   sample.state = safety_.state();
-  if (observer_ != nullptr) {
-    sample.estimate = observer_->update(si.frame, {applied_.value, amplifier_on_});
-  }
   previous_ = si.frame;
   ++frames_;
-  hand_over(sample);
+  const Estimate* estimate = nullptr;
+  if (observer_ != nullptr) {
+    estimate = &observer_->update(si.frame);
+    if (estimate->restarts != restarts_) notice(Notice::Kind::estimate_restarted);
+    restarts_ = estimate->restarts;
+  }
+  const bool due = frames_ % settings_.frames_per_estimate == 0;
+  hand_over(sample, due ? estimate : nullptr);
 }
 
 void Loop::check_sequence(const Frame& frame) {
@@ -189,19 +193,23 @@ void Loop::check_sequence(const Frame& frame) {
   }
 }
 
-void Loop::hand_over(const Sample& sample) {
+void Loop::hand_over(const Sample& sample, const Estimate* estimate) {
   ledger_.produce();
   for (Stream* stream : streams_) {
-    if (settings_.pacing == Pacing::free) {
-      while (!stream->has_room()) {
-        const std::int64_t now_ns = clock_.now_ns();
-        const int requests = stop_requests_.load(std::memory_order_acquire);
-        if (requests > 0 && give_up_ns_ == 0) give_up_ns_ = now_ns + ring_patience_ns;
-        if (requests > 1 || (requests > 0 && now_ns >= give_up_ns_)) break;
-        clock_.sleep_until(now_ns + ring_wait_ns);
-      }
-    }
+    if (settings_.pacing == Pacing::free) wait_for_room(*stream);
+    if (estimate != nullptr) stream->offer(*estimate);
     stream->offer(sample);
+  }
+}
+
+// Simulated time can stand still. But a stop must not wait for a consumer that is stuck.
+void Loop::wait_for_room(const Stream& stream) {
+  while (!stream.has_room()) {
+    const std::int64_t now_ns = clock_.now_ns();
+    const int requests = stop_requests_.load(std::memory_order_acquire);
+    if (requests > 0 && give_up_ns_ == 0) give_up_ns_ = now_ns + ring_patience_ns;
+    if (requests > 1 || (requests > 0 && now_ns >= give_up_ns_)) return;
+    clock_.sleep_until(now_ns + ring_wait_ns);
   }
 }
 

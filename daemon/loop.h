@@ -38,7 +38,8 @@ struct LoopSettings {
       {};               ///< end after so many, the ramp down included; absent: none
   double ramp_s = 0.5;  ///< how long the excitation takes to come to rest
   std::int64_t longest_silence_ns =
-      100'000'000;  ///< of the device before it counts as lost; 0: any
+      100'000'000;                         ///< of the device before it counts as lost; 0: any
+  std::uint64_t frames_per_estimate = 10;  ///< every so many frames an estimate is handed over
   Calibration calibration{};
 };
 
@@ -85,7 +86,8 @@ class Loop {
   void check_sequence(const Frame& frame);
   void drive();
   void apply();
-  void hand_over(const Sample& sample);
+  void wait_for_room(const Stream& stream);
+  void hand_over(const Sample& sample, const Estimate* estimate);
   void heed_stop_requests();
   void notice(Notice::Kind kind, std::uint64_t count = 0, std::int64_t duration_ns = 0,
               const char* text = "");
@@ -112,6 +114,7 @@ class Loop {
   std::int64_t elapsed_ns_ = 0;  // rig time since the previous drive
   std::int64_t give_up_ns_ = 0;  // stop waiting for room in a ring; 0: not told to stop
   bool late_ = false;
+  std::uint64_t restarts_ = 0;
   bool read_failing_ = false;
   bool write_failing_ = false;
   std::uint8_t not_finite_ = 0;

@@ -13,7 +13,7 @@ const char* name_of(RigState state) {
     case RigState::stopping:
       return "stopping";
     case RigState::stopped:
-      return "stopped";
+      return "idle";
     case RigState::faulted:
       return "faulted";
   }

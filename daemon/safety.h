@@ -14,7 +14,7 @@ enum class RigState : std::uint8_t {
   idle,      ///< nothing has been asked of the shaker
   running,   ///< excitation on, or acquiring with the shaker at rest
   stopping,  ///< ramping down
-  stopped,   ///< at rest, amplifier off
+  stopped,   ///< at rest, amplifier off; "idle" to the outside
   faulted,   ///< amplifier off, latched
 };
 

@@ -7,7 +7,6 @@
 #include <string_view>
 #include <type_traits>
 
-#include "daemon/estimate.h"
 #include "daemon/excitation.h"
 #include "daemon/safety.h"
 #include "physics/frame.h"
@@ -21,7 +20,6 @@ struct Sample {
   bool amplifier_on = false;
   bool late = false;  ///< taken by a cycle that came late
   RigState state = RigState::idle;
-  Estimate estimate;
 };
 
 static_assert(std::is_trivially_copyable_v<Sample>);

@@ -12,7 +12,12 @@ Loss loss_of(Put put) { return put == Put::encode_error ? Loss::encode_error : L
 }  // namespace
 
 Stream::Stream(Sink& sink, Account& account, const StreamSettings& settings)
-    : sink_(sink), account_(account), settings_(settings), ring_(settings.ring_frames) {
+    : sink_(sink),
+      account_(account),
+      settings_(settings),
+      ring_(settings.ring_frames),
+      estimate_room_(settings.ring_frames / settings.frames_per_block + 2),
+      estimates_(estimate_room_) {
   block_.reserve(settings_.frames_per_block);
   account_.enable();
 }
@@ -24,6 +29,15 @@ void Stream::offer(const Sample& sample) {
     offered_.store(offered_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
   } else {
     account_.lose(Loss::ring_full, 1);
+  }
+}
+
+void Stream::offer(const Estimate& estimate) {
+  if (waiting_estimates() < estimate_room_ && estimates_.try_enqueue(estimate)) {
+    offered_estimates_.store(offered_estimates_.load(std::memory_order_relaxed) + 1,
+                             std::memory_order_release);
+  } else {
+    lost_messages_.fetch_add(1, std::memory_order_relaxed);
   }
 }
 
@@ -138,7 +152,22 @@ void Stream::put_block() {
   } else {
     account_.lose(loss_of(put), block_.size());
   }
+  put_estimates(block_.back().frame.sequence);
   block_.clear();
+}
+
+// Those that belong to the block just put; a later one waits for its own.
+void Stream::put_estimates(std::uint64_t up_to_sequence) {
+  while (waiting_estimates() > 0) {
+    const Estimate* estimate = estimates_.peek();
+    if (estimate->sequence > up_to_sequence) return;
+    if (sink_.put_estimate(*estimate) != Put::done) {
+      lost_messages_.fetch_add(1, std::memory_order_relaxed);
+    }
+    estimates_.pop();
+    taken_estimates_.store(taken_estimates_.load(std::memory_order_relaxed) + 1,
+                           std::memory_order_release);
+  }
 }
 
 }  // namespace stickslip::daemon

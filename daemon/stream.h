@@ -17,6 +17,7 @@
 #include <thread>
 #include <vector>
 
+#include "daemon/estimate.h"
 #include "daemon/ledger.h"
 #include "daemon/sample.h"
 
@@ -42,6 +43,8 @@ class Sink {
 
   /// All of `block` (never empty) or nothing.
   virtual Put put_block(std::span<const Sample> block) = 0;
+  /// What the observer believed after some frame of the block before.
+  virtual Put put_estimate(const Estimate& estimate) = 0;
   virtual Put put_message(const Message& message) = 0;
   /// Nothing is coming at this moment: a good time to push buffers on.
   virtual void rest() {}
@@ -68,8 +71,14 @@ class Stream {
   /// lock or allocate.
   void offer(const Sample& sample);
 
+  /// Loop only, before the sample that it belongs to: what the observer believed after it. One that
+  /// finds no room is dropped and counted as a lost message.
+  void offer(const Estimate& estimate);
+
   /// Loop only: whether the next offer will be taken. For sources that can wait.
-  bool has_room() const { return waiting() < settings_.ring_frames; }
+  bool has_room() const {
+    return waiting() < settings_.ring_frames && waiting_estimates() < estimate_room_;
+  }
 
   /// Any thread but the loop's. A message that finds no room is dropped and counted.
   void send(Message message);
@@ -85,11 +94,17 @@ class Stream {
     const std::uint64_t taken = taken_.load(std::memory_order_acquire);
     return offered_.load(std::memory_order_acquire) - taken;
   }
+  /// Messages and estimates that found no room or were refused.
   std::uint64_t lost_messages() const { return lost_messages_.load(std::memory_order_relaxed); }
 
  private:
   void run();
+  std::size_t waiting_estimates() const {
+    const std::uint64_t taken = taken_estimates_.load(std::memory_order_acquire);
+    return offered_estimates_.load(std::memory_order_acquire) - taken;
+  }
   bool take_samples();
+  void put_estimates(std::uint64_t up_to_sequence);
   const Sample* front() const;
   void pop();
   void lose_waiting();
@@ -101,11 +116,15 @@ class Stream {
   Account& account_;
   StreamSettings settings_;
   moodycamel::ReaderWriterQueue<Sample> ring_;
+  std::size_t estimate_room_;
+  moodycamel::ReaderWriterQueue<Estimate> estimates_;
   // How many went in (written by the loop) and came out (written by the consumer). They order the
   // slots for everyone who reads this code, the thread sanitizer included, which cannot see that
   // the ring orders them too.
   alignas(64) std::atomic<std::uint64_t> offered_{0};
+  std::atomic<std::uint64_t> offered_estimates_{0};
   alignas(64) std::atomic<std::uint64_t> taken_{0};
+  std::atomic<std::uint64_t> taken_estimates_{0};
   std::mutex messages_lock_;  // neither side of this one is the loop
   std::deque<Message> messages_;
   std::vector<Sample> block_;

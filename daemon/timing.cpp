@@ -27,7 +27,14 @@ void DurationHistogram::add(std::int64_t duration_ns) {
   const auto ns = static_cast<std::uint64_t>(std::max<std::int64_t>(0, duration_ns));
   count_up(bins_[std::min(bin_of(ns), bin_count - 1)]);
   count_up(count_);
+  count_up(total_ns_, ns);
   if (duration_ns > longest_ns()) longest_ns_.store(duration_ns, std::memory_order_relaxed);
+}
+
+std::int64_t DurationHistogram::mean_ns() const {
+  const std::uint64_t counted = count();
+  if (counted == 0) return 0;
+  return static_cast<std::int64_t>(total_ns_.load(std::memory_order_relaxed) / counted);
 }
 
 std::int64_t DurationHistogram::quantile_ns(double q) const {

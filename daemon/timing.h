@@ -22,6 +22,8 @@ class DurationHistogram {
 
   std::uint64_t count() const { return count_.load(std::memory_order_relaxed); }
   std::int64_t longest_ns() const { return longest_ns_.load(std::memory_order_relaxed); }
+  /// 0 where nothing was counted.
+  std::int64_t mean_ns() const;
 
   /// Upper edge of the bin that holds the quantile `q` in [0, 1], never above the longest seen;
   /// 0 where nothing was counted.
@@ -31,6 +33,7 @@ class DurationHistogram {
   static constexpr std::size_t bin_count = 160;
   std::array<std::atomic<std::uint64_t>, bin_count> bins_{};
   std::atomic<std::uint64_t> count_{0};
+  std::atomic<std::uint64_t> total_ns_{0};
   std::atomic<std::int64_t> longest_ns_{0};
 };
 

@@ -90,6 +90,10 @@ class FakeSink final : public Sink {
     sizes.push_back(block.size());
     return put;
   }
+  Put put_estimate(const Estimate& estimate) override {
+    estimates.push_back(estimate);
+    return Put::done;
+  }
   Put put_message(const Message& message) override {
     messages.push_back(message);
     return Put::done;
@@ -98,6 +102,7 @@ class FakeSink final : public Sink {
   bool keep = true;
   std::vector<Sample> samples;
   std::vector<std::size_t> sizes;
+  std::vector<Estimate> estimates;
   std::vector<Message> messages;
 };
 

@@ -1,0 +1,85 @@
+// `stickslipd`: acquires from a rig, drives its shaker, publishes and records.
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+#include <exception>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "config/rig.h"
+#include "daemon/service.h"
+#include "physics/problem.h"
+
+namespace {
+
+using stickslip::daemon::Overrides;
+
+int run(int argc, char** argv) {
+  CLI::App app{"Runs a dry-friction oscillator rig: acquires, drives, publishes on LCM, records.",
+               "stickslipd"};
+  app.set_version_flag("--version", "stickslipd " STICKSLIP_VERSION);
+  app.footer(
+      "Stops cleanly on SIGTERM or SIGINT: ramps down, switches the amplifier off, drains, "
+      "closes.\n"
+      "Exit status: 0 done; 2 bad arguments or configuration; 1 anything else: a device fault, or "
+      "a\n"
+      "ledger that does not balance.");
+
+  std::string config_file;
+  Overrides overrides;
+  double duration_s = 0.0;
+  std::string record;
+  std::string url;
+  bool quiet = false;
+  app.add_option("--config", config_file, "Rig configuration (TOML)")->required();
+  auto* duration =
+      app.add_option("--duration", duration_s, "Stop after so many seconds of rig time");
+  auto* recording = app.add_option("--record", record, "Record into this LCM event log");
+  auto* lcm_url = app.add_option("--lcm-url", url, "Publish at this LCM URL");
+  app.add_flag("--no-lcm", overrides.no_lcm, "Do not publish")->excludes(lcm_url);
+  app.add_flag("--quiet", quiet, "Say nothing but warnings and errors");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  if (duration->count() > 0) overrides.duration_s = duration_s;
+  if (recording->count() > 0) overrides.record = record;
+  if (lcm_url->count() > 0) overrides.lcm_url = url;
+
+  auto logger = std::make_shared<spdlog::logger>("stickslipd",
+                                                 std::make_shared<spdlog::sinks::stderr_sink_mt>());
+  logger->set_pattern("%H:%M:%S.%e %L %v");
+  logger->set_level(quiet ? spdlog::level::warn : spdlog::level::info);
+  logger->flush_on(spdlog::level::info);
+  spdlog::set_default_logger(logger);
+
+  // Before any thread is made, so that all inherit it: the housekeeping waits for these.
+  sigset_t stop_signals;
+  sigemptyset(&stop_signals);
+  sigaddset(&stop_signals, SIGTERM);
+  sigaddset(&stop_signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &stop_signals, nullptr);
+
+  const auto rig =
+      stickslip::daemon::with_overrides(stickslip::config::load_rig(config_file), overrides);
+  return stickslip::daemon::serve(rig);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const stickslip::InputError& error) {
+    std::fprintf(stderr, "stickslipd: %s\n", error.what());
+    return 2;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "stickslipd: %s\n", error.what());
+    return 1;
+  }
+}

@@ -1,0 +1,213 @@
+#include "daemon/messages.h"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <numbers>
+#include <stickslip/event_t.hpp>
+#include <stickslip/recording_info_t.hpp>
+#include <stickslip/status_t.hpp>
+
+#include "protocol/channels.h"
+#include "protocol/frame_block.h"
+
+namespace stickslip::daemon {
+namespace {
+
+std::int64_t wall_us() {
+  return std::chrono::duration_cast<std::chrono::microseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+/// Encodes into `bytes`, which is only ever made longer; the encoded size, or -1.
+template <class Type>
+int encode(const Type& message, std::vector<std::uint8_t>& bytes) {
+  const int size = message.getEncodedSize();
+  if (size < 0) return -1;
+  if (bytes.size() < static_cast<std::size_t>(size)) bytes.resize(static_cast<std::size_t>(size));
+  return message.encode(bytes.data(), 0, size);
+}
+
+template <class Type>
+Message message_of(const std::string& channel, const Type& content, std::int64_t time_us) {
+  Message out{channel, time_us, {}};
+  const int size = encode(content, out.bytes);
+  out.bytes.resize(static_cast<std::size_t>(std::max(0, size)));
+  return out;
+}
+
+std::int64_t signed_of(std::uint64_t count) { return static_cast<std::int64_t>(count); }
+
+void fill_losses(const AccountBalance& account, std::int32_t& count,
+                 std::vector<std::string>& names, std::vector<std::int64_t>& losses) {
+  count = static_cast<std::int32_t>(loss_count);
+  names.assign(loss_names.begin(), loss_names.end());
+  for (const std::uint64_t lost : account.lost) losses.push_back(signed_of(lost));
+}
+
+/// The value of a quantity that an estimate gives one for.
+std::optional<double> value_of(const Estimate& estimate, observer::Quantity quantity) {
+  using observer::Quantity;
+  switch (quantity) {
+    case Quantity::displacement:
+      return estimate.displacement_m;
+    case Quantity::velocity:
+      return estimate.velocity_m_s;
+    case Quantity::theta:
+      return estimate.theta;
+    case Quantity::mu:
+      return estimate.mu;
+    case Quantity::gamma:
+      return estimate.gamma_per_s;
+    case Quantity::normal_load:
+      return estimate.normal_load_n;
+    case Quantity::friction_force:
+      return estimate.friction_force_n;
+    case Quantity::load_cell_deflection:
+    case Quantity::load_cell_velocity:
+      break;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+Message status_message(const Status& status, std::int64_t utc_us) {
+  status_t out{};
+  out.utc_us = utc_us;
+  out.uptime_ns = status.uptime_ns;
+  out.state = name_of(status.state);
+  const Balance& ledger = status.ledger;
+  out.produced = signed_of(ledger.produced);
+  out.publishing = static_cast<std::int8_t>(ledger.published.enabled);
+  out.published = signed_of(ledger.published.delivered);
+  fill_losses(ledger.published, out.publish_loss_count, out.publish_loss_name, out.publish_loss);
+  out.recording = static_cast<std::int8_t>(ledger.recorded.enabled);
+  out.recorded = signed_of(ledger.recorded.delivered);
+  fill_losses(ledger.recorded, out.record_loss_count, out.record_loss_name, out.record_loss);
+  out.lost_messages = signed_of(status.lost_messages);
+  out.cycles = signed_of(status.cycles);
+  out.overruns = signed_of(status.overruns);
+  out.lateness_mean_ns = status.lateness_mean_ns;
+  out.lateness_max_ns = status.lateness_max_ns;
+  out.cycle_mean_ns = status.work_mean_ns;
+  out.cycle_max_ns = status.work_max_ns;
+  out.degraded = static_cast<std::int8_t>(status.degraded);
+  return message_of(protocol::status_channel, out, utc_us);
+}
+
+Message event_message(const Event& event, std::int64_t utc_us) {
+  event_t out{};
+  out.utc_us = utc_us;
+  out.time_ns = event.time_ns;
+  out.sequence = signed_of(event.sequence);
+  out.severity = static_cast<std::int8_t>(event.severity);
+  out.code = event.code;
+  out.message = event.message;
+  return message_of(protocol::event_channel, out, utc_us);
+}
+
+Message recording_info_message(const config::Rig& rig, std::int64_t started_utc_us) {
+  recording_info_t out{};
+  out.schema = 1;
+  out.started_utc_us = started_utc_us;
+  out.rig = rig.name;
+  out.program = "stickslipd";
+  out.version = STICKSLIP_VERSION;
+  out.configuration = rig.text;
+  out.model = rig.model_text;
+  out.frames = -1;
+  return message_of(protocol::recording_channel, out, started_utc_us);
+}
+
+template <class Type>
+Put MessageSink::put(const std::string& channel, const Type& message, std::int64_t time_us) {
+  const int size = encode(message, bytes_);
+  if (size < 0) return Put::encode_error;
+  const std::span<const std::uint8_t> bytes(bytes_.data(), static_cast<std::size_t>(size));
+  return outlet_.put(channel, bytes, time_us) ? Put::done : Put::write_error;
+}
+
+std::int64_t MessageSink::time_us(std::int64_t time_ns) {
+  if (!origin_us_) origin_us_ = wall_us() - time_ns / 1000;
+  return *origin_us_ + time_ns / 1000;
+}
+
+Put MessageSink::put_block(std::span<const Sample> block) {
+  frames_.clear();
+  for (const Sample& sample : block) frames_.push_back(sample.frame);
+  protocol::to_block(frames_, block_);
+  const bool late = std::any_of(block.begin(), block.end(), [](const Sample& s) { return s.late; });
+  block_.flags = late ? 1 : 0;
+
+  const Sample& last = block.back();
+  const std::int64_t when_us = time_us(last.frame.time_ns);
+  const Put result = put(protocol::frames_channel, block_, when_us);
+  if (result != Put::done) return result;
+
+  excitation_.time_ns = last.frame.time_ns;
+  excitation_.sequence = signed_of(last.frame.sequence);
+  excitation_.drive = last.drive.value;
+  excitation_.amplitude = last.drive.amplitude;
+  excitation_.carrier_hz = last.drive.carrier_hz;
+  excitation_.phase_rad = 2.0 * std::numbers::pi * last.drive.phase_turns;
+  excitation_.amplifier_on = static_cast<std::int8_t>(last.amplifier_on);
+  put(protocol::excitation_channel, excitation_, when_us);
+  return Put::done;
+}
+
+Put MessageSink::put_estimate(const Estimate& estimate) {
+  const bool any = estimate.standing != observer::Standing::waiting &&
+                   estimate.standing != observer::Standing::unsupported;
+  friction_estimate_t& out = estimate_;
+  out.time_ns = estimate.time_ns;
+  out.sequence = signed_of(estimate.sequence);
+  out.valid = static_cast<std::int8_t>(estimate.valid);
+  out.theta = estimate.theta;
+  out.mu = estimate.mu;
+  out.gamma_per_s = estimate.gamma_per_s;
+  out.friction_force_n = estimate.friction_force_n;
+  out.slip_velocity_m_s = estimate.slip_velocity_m_s;
+  out.sticking = estimate.sticking;
+  out.raw_friction_force_n = estimate.raw_friction_force_n;
+  out.raw_coefficient = estimate.raw_friction_over_load;
+
+  std::array<std::size_t, observer::quantity_count> row{};
+  std::size_t used = 0;
+  out.state_name.clear();
+  out.state.clear();
+  for (std::size_t i = 0; any && i < estimate.used; ++i) {
+    const std::optional<double> value = value_of(estimate, estimate.quantities[i]);
+    if (!value) continue;
+    row[used++] = i;
+    out.state_name.emplace_back(observer::name_of(estimate.quantities[i]));
+    out.state.push_back(*value);
+  }
+  out.state_count = static_cast<std::int32_t>(used);
+  out.covariance.resize(used);
+  for (std::size_t i = 0; i < used; ++i) {
+    out.covariance[i].resize(used);
+    for (std::size_t j = 0; j < used; ++j) {
+      out.covariance[i][j] = estimate.covariance[row[i]][row[j]];
+    }
+  }
+  for (std::size_t i = 0; i < channel_count; ++i) {
+    const bool took_part = ((estimate.innovation_valid >> i) & 1U) != 0;
+    out.innovation[i] = took_part ? estimate.innovation[i] : 0.0;
+    out.innovation_variance[i] =
+        took_part ? estimate.innovation_std[i] * estimate.innovation_std[i] : 0.0;
+  }
+  out.nis = estimate.nis;
+  out.nis_freedom = estimate.nis_freedom;
+  out.restarts = signed_of(estimate.restarts);
+  return put(protocol::estimate_channel, out, time_us(estimate.time_ns));
+}
+
+Put MessageSink::put_message(const Message& message) {
+  if (message.bytes.empty()) return Put::encode_error;
+  return outlet_.put(message.channel, message.bytes, message.time_us) ? Put::done
+                                                                      : Put::write_error;
+}
+
+}  // namespace stickslip::daemon

@@ -1,0 +1,55 @@
+// The daemon's data as LCM messages, on the channels and in the types of protocol/.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <stickslip/excitation_t.hpp>
+#include <stickslip/frame_block_t.hpp>
+#include <stickslip/friction_estimate_t.hpp>
+#include <string>
+#include <vector>
+
+#include "config/rig.h"
+#include "daemon/event.h"
+#include "daemon/outlet.h"
+#include "daemon/status.h"
+#include "daemon/stream.h"
+
+namespace stickslip::daemon {
+
+Message status_message(const Status& status, std::int64_t utc_us);
+Message event_message(const Event& event, std::int64_t utc_us);
+
+/// What makes a log stand alone: configuration, model, version, start.
+Message recording_info_message(const config::Rig& rig, std::int64_t started_utc_us);
+
+/// Encodes what a stream carries and puts it into an outlet, with buffers that are used again.
+/// Frames are stamped with rig time that begins at the wall clock's, so that a log of simulated
+/// time plays at the rig's pace.
+class MessageSink final : public Sink {
+ public:
+  /// `outlet` must outlive the sink.
+  explicit MessageSink(Outlet& outlet) : outlet_(outlet) {}
+
+  /// Frames, then the excitation of the last of them. Done means that the frames got through.
+  Put put_block(std::span<const Sample> block) override;
+  Put put_estimate(const Estimate& estimate) override;
+  Put put_message(const Message& message) override;
+  void rest() override { outlet_.rest(); }
+
+ private:
+  template <class Type>
+  Put put(const std::string& channel, const Type& message, std::int64_t time_us);
+  std::int64_t time_us(std::int64_t time_ns);
+
+  Outlet& outlet_;
+  std::optional<std::int64_t> origin_us_;  // wall clock at rig time 0
+  std::vector<Frame> frames_;
+  frame_block_t block_{};
+  excitation_t excitation_{};
+  friction_estimate_t estimate_{};
+  std::vector<std::uint8_t> bytes_;
+};
+
+}  // namespace stickslip::daemon

@@ -1,0 +1,56 @@
+// LCM as an outlet.
+#include <spdlog/spdlog.h>
+
+#include <cerrno>
+#include <cstring>
+#include <lcm/lcm-cpp.hpp>
+
+#include "daemon/outlet.h"
+#include "physics/problem.h"
+
+namespace stickslip::daemon {
+namespace {
+
+class LcmOutlet final : public Outlet {
+ public:
+  explicit LcmOutlet(const std::string& url) : url_(url), lcm_(url) {
+    if (!lcm_.good()) {
+      throw InputError({"", 0, 0,
+                        "LCM does not accept the URL '" + url +
+                            "': expected for example udpm://239.255.76.67:7667?ttl=0, and a "
+                            "network interface that is up"});
+    }
+  }
+
+  bool put(const std::string& channel, std::span<const std::uint8_t> bytes,
+           std::int64_t /*time_us*/) override {
+    errno = 0;
+    const bool sent =
+        lcm_.publish(channel, bytes.data(), static_cast<unsigned int>(bytes.size())) == 0;
+    if (sent != sending_) {
+      if (sent) {
+        spdlog::info("publishing at {} works again", url_);
+      } else {
+        spdlog::warn(
+            "publishing at {} fails ({}); is there a route for its group? For one host: "
+            "ip route add 239.255.76.67/32 dev lo",
+            url_, errno == 0 ? "no reason given" : std::strerror(errno));
+      }
+      sending_ = sent;
+    }
+    return sent;
+  }
+
+ private:
+  std::string url_;
+  lcm::LCM lcm_;
+  bool sending_ = true;
+};
+
+}  // namespace
+
+std::unique_ptr<Outlet> open_lcm(const std::string& url) {
+  return std::make_unique<LcmOutlet>(url);
+}
+
+}  // namespace stickslip::daemon
