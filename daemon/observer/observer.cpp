@@ -56,6 +56,13 @@ double probability_below(double limit, double mean, double deviation) {
   return 0.5 * (std::erf((limit - mean) * scale) + std::erf((limit + mean) * scale));
 }
 
+// No bench comes near these; squares of what lies beyond would overflow.
+bool is_possible(Channel channel, double value) {
+  const bool force = channel == Channel::friction_force || channel == Channel::normal_load ||
+                     channel == Channel::drive_force;
+  return std::abs(value) < (force ? 1.0e9 : 1.0e4);  // false for NaN
+}
+
 constexpr std::array mechanical_channels = {Channel::displacement, Channel::velocity,
                                             Channel::friction_force};
 
@@ -425,7 +432,7 @@ const FrictionEstimate& FrictionObserver::update(const Frame& given) {
   Filter& f = *filter_;
   Frame frame = given;
   for (Channel channel : all_channels) {
-    if (frame.has(channel) && !std::isfinite(frame[channel])) frame.invalidate(channel);
+    if (frame.has(channel) && !is_possible(channel, frame[channel])) frame.invalidate(channel);
   }
   FrictionEstimate& e = f.estimate;
   e.time_ns = frame.time_ns;

@@ -133,8 +133,9 @@ class FrictionObserver {
 
   /// Takes a frame in SI units, with whatever channels are valid in it, and says what is known at
   /// its time. Frames may be missing: up to 10 periods are bridged, a longer gap starts anew
-  /// (without counting as a restart). Values that are not finite are taken as not measured. No
-  /// allocation, no lock, bounded time. The reference holds until the next call.
+  /// (without counting as a restart). Values that are not finite, or beyond 10^4 m, m/s
+  /// and 10^9 N, are taken as not measured. No allocation, no lock, bounded time. The reference
+  /// holds until the next call.
   const FrictionEstimate& update(const Frame& frame);
 
   const FrictionEstimate& latest() const;

@@ -80,16 +80,17 @@ struct Watch {
 /// Lets an observer that believes `believed` watch a rig that is `real`.
 inline std::vector<Moment> watch(const physics::Model& real, const physics::Model& believed,
                                  const Watch& how = {}) {
-  physics::RigSimulator rig(real, {.step_s = 1.0e-4, .seed = how.seed});
+  physics::RigSimulator rig(real, {.step_s = 1.25e-4, .seed = how.seed});
+  rig.set_input(how.drive(0.0));
   FrictionObserver observer(believed, how.period_s);
   std::vector<Moment> moments;
   const auto count = static_cast<long>(std::llround(how.duration_s / how.period_s));
   moments.reserve(static_cast<std::size_t>(count));
   for (long k = 1; k <= count; ++k) {
     // The acceleration is no straight line over a millisecond of some drives: in small pieces.
-    for (int piece = 1; piece <= 4; ++piece) {
-      const double t = (static_cast<double>(k - 1) + 0.25 * piece) * how.period_s;
-      rig.advance(0.25 * how.period_s, how.drive(t));
+    for (int piece = 1; piece <= 2; ++piece) {
+      const double t = (static_cast<double>(k - 1) + 0.5 * piece) * how.period_s;
+      rig.advance(0.5 * how.period_s, how.drive(t));
     }
     Moment moment;
     moment.frame = rig.read();
