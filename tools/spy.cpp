@@ -94,7 +94,9 @@ std::string words(const status_t& status) {
 std::string words(const event_t& event) { return event.code + ": " + event.message; }
 
 std::string words(const recording_info_t& info) {
-  return "rig \"" + info.rig + "\", " + info.program + " " + info.version;
+  std::string out = info.rig.empty() ? "rig not named" : "rig \"" + info.rig + "\"";
+  if (!info.program.empty()) out += ", " + info.program + " " + info.version;
+  return out;
 }
 
 // What came in on one channel since the start.
