@@ -1,489 +1,701 @@
 #include "config/document.h"
 
+#include <toml++/toml.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
 #include <fstream>
-#include <iterator>
+#include <numeric>
+#include <set>
 #include <sstream>
-
-#include "physics/frame.h"
+#include <system_error>
+#include <utility>
 
 namespace stickslip::config {
 
 namespace {
 
-// Segments of a dotted path.
-std::vector<std::string_view> segments_of(std::string_view path) {
-  std::vector<std::string_view> segments;
+constexpr std::uintmax_t largest_file = 1U << 20U;
+
+struct Place {
+  int line = 0;
+  int column = 0;
+};
+
+Place place_of(const toml::source_region& region) {
+  return {static_cast<int>(region.begin.line), static_cast<int>(region.begin.column)};
+}
+
+std::string joined(std::string_view prefix, std::string_view name) {
+  std::string path(prefix);
+  if (!path.empty()) path += '.';
+  return path += name;
+}
+
+std::string_view parent_of(std::string_view path) {
+  const auto dot = path.rfind('.');
+  return dot == std::string_view::npos ? std::string_view{} : path.substr(0, dot);
+}
+
+std::string_view name_in(std::string_view path) {
+  const auto dot = path.rfind('.');
+  return dot == std::string_view::npos ? path : path.substr(dot + 1);
+}
+
+/// A problem is one line, whatever the file holds.
+std::string one_line(std::string_view text) {
+  std::string out;
+  for (char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (byte == '\n') {
+      out += "\\n";
+    } else if (byte == '\t') {
+      out += "\\t";
+    } else if (byte < 0x20 || byte == 0x7f) {
+      out += '?';
+    } else {
+      out += c;
+    }
+  }
+  return out;
+}
+
+/// A value as a message shows it.
+std::string found_text(const toml::node& node) {
+  if (node.is_table()) return "a table";
+  if (node.is_array()) return "a list";
+  std::string out;
+  node.visit([&out](const auto& value) {
+    using Node = decltype(value);
+    if constexpr (toml::is_string<Node>) {
+      out = '"' + *value + '"';
+    } else if constexpr (toml::is_floating_point<Node>) {
+      out = number_text(*value);
+    } else if constexpr (toml::is_value<Node>) {
+      std::ostringstream text;
+      text << value;
+      out = text.str();
+    }
+  });
+  constexpr std::size_t longest = 60;
+  if (out.size() > longest) {
+    // Not in the middle of a UTF-8 character.
+    std::size_t end = longest;
+    while (end > 0 && (static_cast<unsigned char>(out[end]) & 0xC0U) == 0x80U) --end;
+    out = out.substr(0, end) + "...";
+  }
+  return out;
+}
+
+/// How many letters must be put in, left out, changed or swapped with a neighbour.
+std::size_t distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> before(b.size() + 1);
+  std::vector<std::size_t> above(b.size() + 1);
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(above.begin(), above.end(), std::size_t{0});
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      row[j] =
+          std::min({above[j] + 1, row[j - 1] + 1, above[j - 1] + (a[i - 1] == b[j - 1] ? 0U : 1U)});
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1]) {
+        row[j] = std::min(row[j], before[j - 2] + 1);
+      }
+    }
+    std::swap(before, above);
+    std::swap(above, row);
+  }
+  return above[b.size()];
+}
+
+/// The name that was probably meant; empty where none is near.
+std::string nearest(std::string_view name, const std::vector<std::string>& names) {
+  constexpr std::size_t longest_name = 64;
+  if (name.size() > longest_name) return {};
+  std::string best;
+  std::size_t best_distance = std::max<std::size_t>(2, name.size() / 3) + 1;
+  for (const std::string& each : names) {
+    const std::size_t d = distance(name, each);
+    if (d < best_distance && d < each.size()) {
+      best = each;
+      best_distance = d;
+    }
+  }
+  // One that differs by its ending only (mass, mass_g for mass_kg) lacks its unit, or has another.
+  if (best.empty() && name.size() >= 3) {
+    for (const std::string& each : names) {
+      if (each.starts_with(name) || name.starts_with(each)) return each;
+    }
+  }
+  return best;
+}
+
+/// The names that may stand in the table `prefix`, in the order of the keys.
+std::vector<std::string> names_within(std::span<const Key> keys, std::string_view prefix) {
+  std::vector<std::string> names;
+  const auto add = [&names](std::string name) {
+    if (std::find(names.begin(), names.end(), name) == names.end())
+      names.push_back(std::move(name));
+  };
+  for (const Key& key : keys) {
+    for (Channel channel : all_channels) {
+      std::string path(key.path);
+      const auto star = path.find('*');
+      if (star != std::string::npos) path.replace(star, 1, info(channel).stem);
+      if (prefix.empty()) {
+        add(path.substr(0, path.find('.')));
+      } else if (path.size() > prefix.size() && path.starts_with(prefix) &&
+                 path[prefix.size()] == '.') {
+        const std::string rest = path.substr(prefix.size() + 1);
+        add(rest.substr(0, rest.find('.')));
+      }
+      if (star == std::string::npos) break;
+    }
+  }
+  return names;
+}
+
+bool is_table_of(std::span<const Key> keys, std::string_view path) {
+  return !names_within(keys, path).empty();
+}
+
+std::string listed(const std::vector<std::string>& names) {
+  std::string out;
+  for (const std::string& name : names) out += (out.empty() ? "" : ", ") + name;
+  return out;
+}
+
+/// The node at a path of tables, or null.
+const toml::node* node_at(const toml::table& root, std::string_view path) {
+  const toml::table* table = &root;
   while (true) {
     const auto dot = path.find('.');
-    segments.push_back(path.substr(0, dot));
-    if (dot == std::string_view::npos) return segments;
-    path.remove_prefix(dot + 1);
+    const toml::node* node = table->get(path.substr(0, dot));
+    if (node == nullptr || dot == std::string_view::npos) return node;
+    table = node->as_table();
+    if (table == nullptr) return nullptr;
+    path = path.substr(dot + 1);
   }
 }
 
-bool is_channel(std::string_view stem) {
-  return std::any_of(channel_table.begin(), channel_table.end(),
-                     [stem](const ChannelInfo& each) { return each.stem == stem; });
+/// A number of the file, whole or not; nothing where the node is none.
+std::optional<double> number_in(const toml::node* node) {
+  if (node == nullptr || !node->is_number()) return std::nullopt;
+  return node->value<double>();
 }
 
-// How many of a pattern's leading segments match; the whole pattern when that is its length.
-bool matches(std::span<const std::string_view> pattern, std::span<const std::string_view> path) {
-  for (std::size_t i = 0; i < path.size(); ++i) {
-    if (pattern[i] != path[i] && !(pattern[i] == "*" && is_channel(path[i]))) return false;
+physics::Parameter parameter_in(const toml::node& node) {
+  if (const toml::table* table = node.as_table()) {
+    return {number_in(table->get("value")).value_or(0.0),
+            number_in(table->get("sigma")).value_or(0.0)};
   }
-  return true;
+  return {number_in(&node).value_or(0.0), 0.0};
 }
 
-// Optimal string alignment distance: edits and swaps of neighbours.
-std::size_t edits(std::string_view a, std::string_view b) {
-  std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
-  for (std::size_t i = 0; i <= a.size(); ++i) d[i][0] = i;
-  for (std::size_t j = 0; j <= b.size(); ++j) d[0][j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      d[i][j] = std::min(
-          {d[i - 1][j] + 1, d[i][j - 1] + 1, d[i - 1][j - 1] + (a[i - 1] == b[j - 1] ? 0U : 1U)});
-      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1]) {
-        d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
+std::optional<std::size_t> choice_in(const toml::node* node, const Key& key) {
+  const auto text = node != nullptr ? node->value_exact<std::string_view>() : std::nullopt;
+  if (!text) return std::nullopt;
+  const auto choices = choices_of(key.choices);
+  const auto at = std::find(choices.begin(), choices.end(), *text);
+  if (at == choices.end()) return std::nullopt;
+  return static_cast<std::size_t>(at - choices.begin());
+}
+
+/// Holds one table of TOML, and the tables in it, against keys.
+class Check {
+ public:
+  Check(std::span<const Key> keys, const toml::table& root, std::string label, std::string name,
+        std::vector<Problem>& problems)
+      : keys_(keys),
+        root_(root),
+        label_(std::move(label)),
+        name_(std::move(name)),
+        problems_(problems) {}
+
+  /// `others_are_parameters`: a key that the table does not know is a parameter of an effect.
+  void run(bool others_are_parameters = false) {
+    others_are_parameters_ = others_are_parameters;
+    walk(root_, "");
+    for (const Key& key : keys_) conditions(key);
+  }
+
+ private:
+  void problem(const Place& place, std::string message) {
+    problems_.push_back({name_, place.line, place.column, one_line(message)});
+  }
+  void problem(const toml::node& at, std::string message) {
+    problem(place_of(at.source()), std::move(message));
+  }
+  std::string full(std::string_view path) const { return joined(label_, path); }
+
+  void walk(const toml::table& table, std::string_view prefix) {
+    for (const auto& [name, node] : table) {
+      const std::string path = joined(prefix, name.str());
+      // A name with a dot in it is one name, but would look like two.
+      const bool plain = name.str().find('.') == std::string_view::npos;
+      const Key* key = plain ? find_key(keys_, path) : nullptr;
+      if (key != nullptr) {
+        value(node, *key, path);
+      } else if (plain && is_table_of(keys_, path)) {
+        if (const toml::table* inner = node.as_table()) {
+          walk(*inner, path);
+        } else {
+          wrong_.insert(path);
+          problem(node, full(path) + ": expected a table, [" + full(path) + "], found " +
+                            found_text(node));
+        }
+      } else if (others_are_parameters_) {
+        static constexpr Key any{.path = "", .type = Type::parameter, .sentence = ""};
+        value(node, any, path);
+      } else {
+        const toml::table* inner = node.as_table();
+        unknown(name, path, prefix, inner != nullptr && !inner->is_inline());
       }
     }
   }
-  return d[a.size()][b.size()];
-}
 
-std::string list_of(const std::vector<std::string>& names) {
-  std::string list;
-  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
-  return list;
-}
-
-std::string shown(const toml::node& value) {
-  std::ostringstream text;
-  value.visit([&text](const auto& each) {
-    if constexpr (toml::is_value<decltype(each)>) {
-      text << each;
+  void unknown(const toml::key& name, const std::string& path, std::string_view prefix,
+               bool table) {
+    const auto names = names_within(keys_, prefix);
+    std::string message = (table ? "unknown table " : "unknown key ") + full(path);
+    const std::string meant = nearest(name.str(), names);
+    if (!meant.empty()) {
+      meant_.insert(joined(prefix, meant));
+      message += ": did you mean " + meant + "?";
+    } else if (const std::string elsewhere = home_of(name.str()); !elsewhere.empty()) {
+      meant_.insert(elsewhere);
+      message += ": " + std::string(name.str()) + " belongs to [" +
+                 std::string(parent_of(elsewhere)) + "]";
     } else {
-      text << (toml::is_table<decltype(each)> ? "a table" : "a list");
+      message += prefix.empty() && label_.empty() ? "; there are " : "; here may stand ";
+      message += listed(names);
     }
-  });
-  return text.str();
-}
-
-std::string number_shown(double value) {
-  std::ostringstream text;
-  text << value;
-  return text.str();
-}
-
-std::vector<std::string> choices_of(const Key& key) {
-  std::vector<std::string> list;
-  std::string_view rest = key.choices;
-  while (!rest.empty()) {
-    const auto bar = rest.find('|');
-    list.emplace_back(rest.substr(0, bar));
-    rest.remove_prefix(bar == std::string_view::npos ? rest.size() : bar + 1);
+    problem(place_of(name.source()), std::move(message));
   }
-  return list;
-}
+
+  /// The path of the one key, in another table, that has that name.
+  std::string home_of(std::string_view name) const {
+    std::string home;
+    for (const Key& key : keys_) {
+      if (name_in(key.path) != name || parent_of(key.path).empty()) continue;
+      if (!home.empty() || key.path.find('*') != std::string_view::npos) return {};
+      home = key.path;
+    }
+    return home;
+  }
+
+  void expected(const toml::node& node, const Key& key, const std::string& path) {
+    wrong_.insert(path);
+    problem(node, full(path) + ": expected " + expectation(key) + ", found " + found_text(node));
+  }
+
+  void value(const toml::node& node, const Key& key, const std::string& path) {
+    switch (key.type) {
+      case Type::number:
+        if (!in_range(node, key)) expected(node, key, path);
+        break;
+      case Type::integer:
+        if (!node.is_integer() || !in_range(node, key)) expected(node, key, path);
+        break;
+      case Type::boolean:
+        if (!node.is_boolean()) expected(node, key, path);
+        break;
+      case Type::text:
+      case Type::file:
+        if (!node.is_string() || node.value<std::string_view>()->empty()) expected(node, key, path);
+        break;
+      case Type::choice:
+        choice(node, key, path);
+        break;
+      case Type::parameter:
+        parameter(node, key, path);
+        break;
+      case Type::filters:
+        filters(node, key, path);
+        break;
+      case Type::envelope:
+        envelope(node, key, path);
+        break;
+      case Type::terms:
+        terms(node, key, path);
+        break;
+    }
+  }
+
+  static bool in_range(const toml::node& node, const Key& key) {
+    const auto number = number_in(&node);
+    return number && std::isfinite(*number) &&
+           (key.above_low ? *number > key.low : *number >= key.low) && *number <= key.high;
+  }
+
+  void choice(const toml::node& node, const Key& key, const std::string& path) {
+    if (choice_in(&node, key)) return;
+    wrong_.insert(path);
+    std::string message =
+        full(path) + ": expected " + expectation(key) + ", found " + found_text(node);
+    if (const auto text = node.value_exact<std::string_view>()) {
+      const auto choices = choices_of(key.choices);
+      const std::string meant = nearest(*text, {choices.begin(), choices.end()});
+      if (!meant.empty()) message += ": did you mean \"" + meant + "\"?";
+    }
+    problem(node, std::move(message));
+  }
+
+  void parameter(const toml::node& node, const Key& key, const std::string& path) {
+    const toml::table* table = node.as_table();
+    if (table == nullptr) {
+      if (!in_range(node, key)) expected(node, key, path);
+      return;
+    }
+    for (const auto& [name, inner] : *table) {
+      if (name.str() != "value" && name.str() != "sigma") {
+        wrong_.insert(path);
+        problem(place_of(name.source()), "unknown key " + std::string(name.str()) + " in " +
+                                             full(path) + ": expected " + expectation(key));
+      }
+    }
+    if (const toml::node* value = table->get("value")) {
+      if (!in_range(*value, key)) expected(*value, key, path);
+    } else {
+      wrong_.insert(path);
+      problem(node, full(path) + ": lacks its value: expected " + expectation(key));
+    }
+    if (const toml::node* sigma = table->get("sigma")) {
+      const auto number = number_in(sigma);
+      if (!number || !std::isfinite(*number) || *number < 0.0) {
+        wrong_.insert(path);
+        problem(*sigma, full(path) +
+                            ": sigma is a standard deviation, a number of 0 or more, found " +
+                            found_text(*sigma));
+      }
+    } else {
+      wrong_.insert(path);
+      problem(node, full(path) +
+                        ": lacks its sigma; a value that is known exactly is written as a "
+                        "plain number");
+    }
+  }
+
+  void filters(const toml::node& node, const Key& key, const std::string& path) {
+    const toml::array* list = node.as_array();
+    if (list == nullptr) return expected(node, key, path);
+    for (const toml::node& each : *list) {
+      if (const toml::table* filter = each.as_table()) {
+        Check(filter_keys(), *filter, full(path), name_, problems_).run();
+      } else {
+        expected(each, key, path);
+      }
+    }
+  }
+
+  void envelope(const toml::node& node, const Key& key, const std::string& path) {
+    const toml::array* list = node.as_array();
+    if (list == nullptr) return expected(node, key, path);
+    if (list->size() < 2) {
+      problem(node,
+              full(path) + ": needs two points or more, found " + std::to_string(list->size()));
+    }
+    double before = 0.0;
+    bool first = true;
+    for (const toml::node& each : *list) {
+      const toml::array* point = each.as_array();
+      const auto time =
+          point != nullptr && point->size() == 2 ? number_in(point->get(0)) : std::nullopt;
+      const auto amplitude = time ? number_in(point->get(1)) : std::nullopt;
+      if (!amplitude || !std::isfinite(*time) || !std::isfinite(*amplitude)) {
+        problem(each,
+                full(path) + ": expected a point, [time_s, amplitude], found " + found_text(each));
+        continue;
+      }
+      if (*amplitude < 0.0) {
+        problem(*point->get(1),
+                full(path) + ": an amplitude is 0 or more, found " + found_text(*point->get(1)));
+      }
+      if (first ? *time != 0.0 : *time <= before) {
+        problem(*point->get(0), full(path) +
+                                    (first ? ": the first time has to be 0, found "
+                                           : ": times have to increase, found ") +
+                                    found_text(*point->get(0)));
+      }
+      before = *time;
+      first = false;
+    }
+  }
+
+  void terms(const toml::node& node, const Key& key, const std::string& path) {
+    const toml::array* list = node.as_array();
+    if (list == nullptr) return expected(node, key, path);
+    for (const toml::node& each : *list) {
+      if (const toml::table* term = each.as_table()) {
+        const auto id = (*term)["id"].value<std::string_view>();
+        Check(term_keys(), *term, joined(path, id.value_or("")), name_, problems_).run(true);
+      } else {
+        expected(each, key, path);
+      }
+    }
+  }
+
+  /// What the condition of a key depends on, and whether it holds; nothing where that is not known.
+  std::optional<bool> holds(std::string_view condition) const {
+    if (condition.empty()) return true;
+    const auto equals = condition.find('=');
+    const std::string_view path = condition.substr(0, equals);
+    if (wrong_.contains(std::string(path)) || is_meant(path)) return std::nullopt;
+    const std::string value = value_of(path);
+    if (value.empty()) return std::nullopt;
+    const auto wanted = choices_of(condition.substr(equals + 1));
+    return std::find(wanted.begin(), wanted.end(), value) != wanted.end();
+  }
+
+  /// The choice, or true or false, at a path, or what holds without the key; empty: unknown.
+  std::string value_of(std::string_view path) const {
+    const toml::node* node = node_at(root_, path);
+    if (node == nullptr) return std::string(find_key(keys_, path)->fallback);
+    if (const auto flag = node->value_exact<bool>()) return *flag ? "true" : "false";
+    return node->value_exact<std::string>().value_or("");
+  }
+
+  /// Whether a misspelt key or table was taken for this one: then it is not said to be missing.
+  bool is_meant(std::string_view path) const {
+    for (; !path.empty(); path = parent_of(path)) {
+      if (meant_.contains(std::string(path))) return true;
+    }
+    return false;
+  }
+
+  void conditions(const Key& key) {
+    if (key.path.find('*') != std::string_view::npos) return;
+    const toml::node* node = node_at(root_, key.path);
+    const auto relevant = holds(key.when);
+    if (!relevant) return;
+    if (node != nullptr) {
+      if (!*relevant && key.only_then) refuse(key, *node);
+      return;
+    }
+    if (key.need == Need::optional || !*relevant || is_meant(key.path)) return;
+    const std::string_view parent = parent_of(key.path);
+    const toml::node* table = parent.empty() ? &root_ : node_at(root_, parent);
+    if (table == nullptr && key.need == Need::in_table) return;
+    if (table != nullptr && !table->is_table()) return;
+    std::string message = full(key.path) + " is missing";
+    if (!key.when.empty()) message += " with " + condition_text(key);
+    message += ": expected " + expectation(key) + ". ";
+    problem(nearest_place(parent), message + std::string(key.sentence));
+  }
+
+  void refuse(const Key& key, const toml::node& node) {
+    problem(key_place(key.path, node), full(key.path) + " has no meaning with " +
+                                           condition_text(key) + ": remove one of the two");
+  }
+
+  /// The key on which a condition depends, as the file has it: `law = "coulomb"`.
+  std::string condition_text(const Key& key) const {
+    const std::string_view path = key.when.substr(0, key.when.find('='));
+    const std::string value = value_of(path);
+    const std::string quote = find_key(keys_, path)->type == Type::choice ? "\"" : "";
+    const std::string_view name = parent_of(path) == parent_of(key.path) ? name_in(path) : path;
+    return std::string(name) + " = " + quote + value + quote;
+  }
+
+  Place key_place(std::string_view path, const toml::node& node) const {
+    const std::string_view parent = parent_of(path);
+    const toml::node* around = parent.empty() ? &root_ : node_at(root_, parent);
+    if (around != nullptr && around->is_table()) {
+      const auto at = around->as_table()->find(name_in(path));
+      if (at != around->as_table()->end()) return place_of(at->first.source());
+    }
+    return place_of(node.source());
+  }
+
+  Place nearest_place(std::string_view path) const {
+    for (; !path.empty(); path = parent_of(path)) {
+      const toml::node* node = node_at(root_, path);
+      if (node != nullptr && node->source().begin.line > 0) return place_of(node->source());
+    }
+    // A table within a file (a filter) stands somewhere; the file itself begins at its first line.
+    const Place root = place_of(root_.source());
+    return root.line > 0 ? root : Place{1, 1};
+  }
+
+  std::span<const Key> keys_;
+  const toml::table& root_;
+  std::string label_;  // path of root_ in the file
+  std::string name_;
+  std::vector<Problem>& problems_;
+  bool others_are_parameters_ = false;
+  std::set<std::string> wrong_;  // paths whose value is not to be relied on
+  std::set<std::string> meant_;  // paths that misspelt keys were taken for
+};
 
 }  // namespace
 
-std::string file_text(const std::filesystem::path& file) {
-  std::error_code failure;
-  if (std::filesystem::is_directory(file, failure)) {
-    throw InputError(Problem{file.string(), 0, 0, "is a folder; expected a TOML file"});
+std::string read_text(const std::filesystem::path& file) {
+  const auto refuse = [&file](const std::string& why) -> InputError {
+    return InputError(Problem{file.string(), 0, 0, why});
+  };
+  std::error_code error;
+  const auto status = std::filesystem::status(file, error);
+  if (!std::filesystem::exists(status)) throw refuse("there is no such file");
+  if (std::filesystem::is_directory(status)) throw refuse("is a folder, expected a TOML file");
+  if (std::filesystem::is_regular_file(status) &&
+      std::filesystem::file_size(file, error) > largest_file) {
+    throw refuse("is larger than 1 MiB: expected a rig or a model in TOML");
   }
-  std::ifstream in(file, std::ios::binary);
-  if (!in) {
-    throw InputError(
-        Problem{file.string(), 0, 0, std::string("cannot be read: ") + std::strerror(errno)});
+  errno = 0;
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream) throw refuse(std::string("cannot be read: ") + std::strerror(errno));
+  std::string text;
+  std::array<char, 1U << 14U> block{};
+  while (stream.read(block.data(), block.size()) || stream.gcount() > 0) {
+    text.append(block.data(), static_cast<std::size_t>(stream.gcount()));
+    if (text.size() > largest_file) {
+      throw refuse("is larger than 1 MiB: expected a rig or a model in TOML");
+    }
   }
-  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  if (stream.bad()) throw refuse(std::string("cannot be read: ") + std::strerror(errno));
+  return text;
 }
+
+struct Document::Contents {
+  toml::table root;
+};
 
 Document::Document(std::string_view text, std::string name, std::span<const Key> keys)
-    : name_(std::move(name)), keys_(keys) {
+    : name_(std::move(name)), keys_(keys), contents_(std::make_unique<Contents>()) {
   try {
-    root_ = toml::parse(text, name_);
+    contents_->root = toml::parse(text, name_);
   } catch (const toml::parse_error& error) {
-    add(error.source(), "no TOML: " + std::string(error.description()));
+    const Place place = place_of(error.source());
+    problems_.push_back({name_, place.line, place.column,
+                         one_line("is not valid TOML: " + std::string(error.description()))});
     return;
   }
-  check(root_, "");
+  Check(keys_, contents_->root, "", name_, problems_).run();
 }
 
-void Document::add(const toml::source_region& at, std::string message) {
-  problems_.push_back({name_, static_cast<int>(at.begin.line), static_cast<int>(at.begin.column),
-                       std::move(message)});
-}
+Document::~Document() = default;
+Document::Document(Document&&) noexcept = default;
+Document& Document::operator=(Document&&) noexcept = default;
 
-const toml::node* Document::node(std::string_view path) const {
-  const toml::node* at = &root_;
-  for (const std::string_view segment : segments_of(path)) {
-    const toml::table* table = at->as_table();
-    if (table == nullptr) return nullptr;
-    at = table->get(segment);
-    if (at == nullptr) return nullptr;
-  }
-  return at;
-}
-
-const Key* Document::key_for(std::string_view path) const {
-  const auto segments = segments_of(path);
-  for (const Key& key : keys_) {
-    const auto pattern = segments_of(key.path);
-    if (pattern.size() == segments.size() && matches(pattern, segments)) return &key;
-  }
-  return nullptr;
-}
-
-void Document::check(const toml::table& table, const std::string& prefix) {
-  for (const auto& [key, value] : table) {
-    const std::string path =
-        prefix.empty() ? std::string(key.str()) : prefix + "." + std::string(key.str());
-    if (const Key* known = key_for(path)) {
-      check_value(value, *known, path);
-      continue;
-    }
-    // Not a key itself: a table on the way to keys, or unknown.
-    const auto segments = segments_of(path);
-    bool on_the_way = false;
-    std::vector<std::string> siblings;
-    for (const Key& each : keys_) {
-      const auto pattern = segments_of(each.path);
-      if (pattern.size() < segments.size()) continue;
-      const std::span<const std::string_view> all(pattern);
-      if (!matches(all.first(segments.size() - 1), std::span(segments).first(segments.size() - 1)))
-        continue;
-      const std::string_view here = pattern[segments.size() - 1];
-      if (pattern.size() > segments.size() && matches(all.first(segments.size()), segments))
-        on_the_way = true;
-      if (here == "*") {
-        for (const ChannelInfo& channel : channel_table) siblings.emplace_back(channel.stem);
-      } else {
-        siblings.emplace_back(here);
+void Document::report(std::string_view path, std::string message) {
+  const toml::node* found = nullptr;
+  std::string_view rest = path;
+  constexpr std::string_view terms = "physics.";
+  if (path.starts_with(terms)) {
+    const std::string_view id =
+        path.substr(terms.size(), path.find('.', terms.size()) - terms.size());
+    if (const toml::array* list = contents_->root["physics"].as_array()) {
+      for (const toml::node& each : *list) {
+        const toml::table& term = *each.as_table();
+        if (term["id"].value<std::string_view>() != id) continue;
+        const std::size_t parameter = terms.size() + id.size() + 1;
+        const toml::node* value =
+            parameter < path.size() ? term.get(path.substr(parameter)) : nullptr;
+        found = value != nullptr ? value : &each;
       }
     }
-    std::sort(siblings.begin(), siblings.end());
-    siblings.erase(std::unique(siblings.begin(), siblings.end()), siblings.end());
-    if (!on_the_way) {
-      unknown(key, path, siblings);
-    } else if (const toml::table* inner = value.as_table()) {
-      check(*inner, path);
-    } else {
-      add(value.source(), path + " is " + shown(value) + "; expected a table [" + path + "]");
-    }
-  }
-}
-
-void Document::unknown(const toml::key& key, const std::string& path,
-                       const std::vector<std::string>& siblings) {
-  const std::string_view name = key.str();
-  const auto nearest = std::min_element(siblings.begin(), siblings.end(),
-                                        [name](const std::string& a, const std::string& b) {
-                                          return edits(a, name) < edits(b, name);
-                                        });
-  std::string message = "unknown key " + path;
-  if (nearest != siblings.end() &&
-      edits(*nearest, name) <= std::max<std::size_t>(2, name.size() / 4)) {
-    message += "; did you mean " + *nearest + "?";
   } else {
-    message += "; expected one of " + list_of(siblings);
+    for (; found == nullptr && !rest.empty(); rest = parent_of(rest)) {
+      const toml::node* node = node_at(contents_->root, rest);
+      if (node != nullptr && node->source().begin.line > 0) found = node;
+    }
   }
-  add(key.source(), message);
+  const Place place = found != nullptr ? place_of(found->source()) : Place{1, 1};
+  problems_.push_back(
+      {name_, place.line, place.column, one_line(std::string(path) + ": " + message)});
 }
 
-void Document::check_value(const toml::node& value, const Key& key, const std::string& path) {
-  const auto wrong = [&](const std::string& expected) {
-    add(value.source(), path + " is " + shown(value) + "; expected " + expected);
-  };
-  switch (key.type) {
-    case Type::number:
-      check_number(value, key, path);
-      return;
-    case Type::integer:
-      if (!value.is_integer()) return wrong("a whole number");
-      check_number(value, key, path);
-      return;
-    case Type::boolean:
-      if (!value.is_boolean()) wrong("true or false");
-      return;
-    case Type::text:
-    case Type::file: {
-      const auto text = value.value<std::string>();
-      if (!value.is_string() || text->empty()) wrong("a text in quotes");
-      return;
-    }
-    case Type::choice: {
-      const auto choices = choices_of(key);
-      const auto text = value.value<std::string>();
-      if (!value.is_string() || std::find(choices.begin(), choices.end(), *text) == choices.end()) {
-        wrong("one of " + list_of(choices));
-      }
-      return;
-    }
-    case Type::parameter:
-      check_parameter(value, key, path);
-      return;
-    case Type::filters:
-      check_filters(value, path);
-      return;
-    case Type::envelope:
-      check_envelope(value, path);
-      return;
-    case Type::terms:
-      check_terms(value, path);
-      return;
-  }
+void Document::add(const std::vector<Problem>& problems) {
+  problems_.insert(problems_.end(), problems.begin(), problems.end());
 }
 
-void Document::check_number(const toml::node& value, const Key& key, const std::string& path) {
-  const auto number = value.is_number() ? value.value<double>() : std::nullopt;
-  const std::string unit =
-      key.unit.empty() || key.unit == "1" ? "" : " [" + std::string(key.unit) + "]";
-  if (!number) {
-    add(value.source(), path + " is " + shown(value) + "; expected a number" + unit);
-    return;
-  }
-  if (!std::isfinite(*number)) {
-    add(value.source(),
-        path + " is " + number_shown(*number) + "; expected a finite number" + unit);
-    return;
-  }
-  if (*number < key.low || (key.above_low && *number == key.low)) {
-    add(value.source(), path + " is " + number_shown(*number) + "; expected " +
-                            (key.above_low ? "more than " : "at least ") + number_shown(key.low) +
-                            unit);
-  } else if (*number > key.high) {
-    add(value.source(), path + " is " + number_shown(*number) + "; expected at most " +
-                            number_shown(key.high) + unit);
-  }
+std::vector<Problem> Document::take_problems() {
+  std::vector<Problem> out = std::exchange(problems_, {});
+  // Those of this file first, in its order; other files' in theirs.
+  std::stable_sort(out.begin(), out.end(), [this](const Problem& a, const Problem& b) {
+    const bool foreign_a = a.file != name_;
+    const bool foreign_b = b.file != name_;
+    if (foreign_a || foreign_b) return foreign_a < foreign_b;
+    return std::pair(a.line, a.column) < std::pair(b.line, b.column);
+  });
+  return out;
 }
 
-void Document::check_parameter(const toml::node& value, const Key& key, const std::string& path) {
-  const toml::table* table = value.as_table();
-  if (table == nullptr) {
-    if (value.is_number()) return check_number(value, key, path);
-    add(value.source(), path + " is " + shown(value) + "; expected a number [" +
-                            std::string(key.unit) + "] or { value = ..., sigma = ... }");
-    return;
-  }
-  for (const auto& [inner, node] : *table) {
-    if (inner.str() == "value") {
-      check_number(node, key, path + ".value");
-    } else if (inner.str() == "sigma") {
-      Key sigma = key;
-      sigma.low = 0.0;
-      sigma.above_low = false;
-      sigma.high = std::numeric_limits<double>::infinity();
-      check_number(node, sigma, path + ".sigma");
-    } else {
-      unknown(inner, path + "." + std::string(inner.str()), {"value", "sigma"});
-    }
-  }
-  if (table->get("value") == nullptr) {
-    add(value.source(), path + " has no value; expected { value = ..., sigma = ... }");
-  }
-}
-
-void Document::check_filters(const toml::node& value, const std::string& path) {
-  const toml::array* list = value.as_array();
-  if (list == nullptr) {
-    add(value.source(), path + " is " + shown(value) +
-                            "; expected a list like [ { kind = \"butterworth_lowpass\", order = 4, "
-                            "cutoff_hz = 25.0 } ]");
-    return;
-  }
-  for (const toml::node& each : *list) {
-    const toml::table* filter = each.as_table();
-    if (filter == nullptr) {
-      add(each.source(), path + " holds " + shown(each) + "; expected { kind, order, cutoff_hz }");
-      continue;
-    }
-    const toml::node* kind = filter->get("kind");
-    const auto name = kind != nullptr ? kind->value<std::string>() : std::nullopt;
-    const bool butterworth = name == "butterworth_lowpass";
-    if (!butterworth && name != "first_order_lowpass") {
-      add(kind != nullptr ? kind->source() : each.source(),
-          path + ".kind is " + (kind != nullptr ? shown(*kind) : "missing") +
-              "; expected butterworth_lowpass or first_order_lowpass");
-    }
-    for (const auto& [inner, node] : *filter) {
-      const std::string at = path + "." + std::string(inner.str());
-      if (inner.str() == "cutoff_hz") {
-        check_number(node, Key{"", Type::number, "Hz", "", "", 0.0, 1.0e9, true}, at);
-      } else if (inner.str() == "order" && butterworth) {
-        if (!node.is_integer()) {
-          add(node.source(), at + " is " + shown(node) + "; expected a whole number, 1 to 8");
-        } else {
-          check_number(node, Key{"", Type::integer, "1", "", "", 1.0, 8.0}, at);
-        }
-      } else if (inner.str() == "order" && name == "first_order_lowpass") {
-        add(inner.source(), at + " does not belong to a first_order_lowpass");
-      } else if (inner.str() != "kind" && inner.str() != "order") {
-        unknown(inner, at, {"kind", "order", "cutoff_hz"});
-      }
-    }
-    if (filter->get("cutoff_hz") == nullptr)
-      add(each.source(), path + ".cutoff_hz is missing [Hz]");
-    if (butterworth && filter->get("order") == nullptr) {
-      add(each.source(), path + ".order is missing; expected 1 to 8");
-    }
-  }
-}
-
-void Document::check_envelope(const toml::node& value, const std::string& path) {
-  const toml::array* list = value.as_array();
-  const auto expected =
-      "; expected points like [ [0.0, 0.0], [10.0, 0.008] ], times increasing from 0";
-  if (list == nullptr || list->empty()) {
-    add(value.source(), path + " is " + (list == nullptr ? shown(value) : "empty") + expected);
-    return;
-  }
-  double last = -1.0;
-  for (const toml::node& each : *list) {
-    const toml::array* point = each.as_array();
-    const bool pair = point != nullptr && point->size() == 2 && point->get(0)->is_number() &&
-                      point->get(1)->is_number();
-    if (!pair) {
-      add(each.source(), path + " holds " + shown(each) + expected);
-      continue;
-    }
-    const double time = *point->get(0)->value<double>();
-    const double amplitude = *point->get(1)->value<double>();
-    if (!std::isfinite(time) || time < 0.0 || time <= last) {
-      add(each.source(), path + ": time " + number_shown(time) + expected);
-    }
-    if (!std::isfinite(amplitude) || amplitude < 0.0) {
-      add(each.source(), path + ": amplitude " + number_shown(amplitude) + "; expected 0 or more");
-    }
-    last = time;
-  }
-}
-
-void Document::check_terms(const toml::node& value, const std::string& path) {
-  const toml::array* list = value.as_array();
-  if (list == nullptr) {
-    add(value.source(), path + " is " + shown(value) + "; expected [[" + path + "]] tables");
-    return;
-  }
-  for (const toml::node& each : *list) {
-    const toml::table* term = each.as_table();
-    if (term == nullptr) {
-      add(each.source(), path + " holds " + shown(each) + "; expected [[" + path + "]] tables");
-      continue;
-    }
-    const toml::node* id = term->get("id");
-    if (id == nullptr || !id->is_string()) {
-      add(id != nullptr ? id->source() : each.source(),
-          path + ".id is " + (id != nullptr ? shown(*id) : "missing") +
-              "; expected the name of an effect");
-    }
-    for (const auto& [inner, node] : *term) {
-      const std::string at = path + "." + std::string(inner.str());
-      if (inner.str() == "id") continue;
-      if (inner.str() == "channel") {
-        const auto channel = node.value<std::string>();
-        if (!channel || !is_channel(*channel)) {
-          add(node.source(), at + " is " + shown(node) + "; expected the name of a channel");
-        }
-        continue;
-      }
-      check_parameter(node, Key{"", Type::parameter, "its own", "", ""}, at);
-    }
-  }
+bool Document::has(std::string_view path) const {
+  return node_at(contents_->root, path) != nullptr;
 }
 
 std::optional<double> Document::number(std::string_view path) const {
-  const toml::node* at = node(path);
-  return at == nullptr ? std::nullopt : at->value<double>();
+  return number_in(node_at(contents_->root, path));
 }
 
 std::optional<std::int64_t> Document::integer(std::string_view path) const {
-  const toml::node* at = node(path);
-  return at == nullptr ? std::nullopt : at->value<std::int64_t>();
+  const toml::node* node = node_at(contents_->root, path);
+  return node != nullptr ? node->value_exact<std::int64_t>() : std::nullopt;
 }
 
 std::optional<bool> Document::boolean(std::string_view path) const {
-  const toml::node* at = node(path);
-  return at == nullptr ? std::nullopt : at->value<bool>();
+  const toml::node* node = node_at(contents_->root, path);
+  return node != nullptr ? node->value_exact<bool>() : std::nullopt;
 }
 
 std::optional<std::string> Document::text(std::string_view path) const {
-  const toml::node* at = node(path);
-  return at == nullptr ? std::nullopt : at->value<std::string>();
+  const toml::node* node = node_at(contents_->root, path);
+  return node != nullptr ? node->value_exact<std::string>() : std::nullopt;
 }
-
-namespace {
-
-physics::Parameter parameter_of(const toml::node& node) {
-  if (const toml::table* table = node.as_table()) {
-    return {(*table)["value"].value_or(0.0), (*table)["sigma"].value_or(0.0)};
-  }
-  return {node.value<double>().value_or(0.0), 0.0};
-}
-
-}  // namespace
 
 std::optional<physics::Parameter> Document::parameter(std::string_view path) const {
-  const toml::node* at = node(path);
-  if (at == nullptr) return std::nullopt;
-  return parameter_of(*at);
+  const toml::node* node = node_at(contents_->root, path);
+  if (node == nullptr) return std::nullopt;
+  return parameter_in(*node);
+}
+
+std::optional<std::size_t> Document::choice(std::string_view path) const {
+  return choice_in(node_at(contents_->root, path), *find_key(keys_, path));
 }
 
 std::vector<physics::Filter> Document::filters(std::string_view path) const {
   std::vector<physics::Filter> out;
-  const toml::node* at = node(path);
-  const toml::array* list = at == nullptr ? nullptr : at->as_array();
-  if (list == nullptr) return out;
-  for (const toml::node& each : *list) {
-    const toml::table* table = each.as_table();
-    if (table == nullptr) continue;
+  const toml::node* node = node_at(contents_->root, path);
+  if (node == nullptr) return out;
+  for (const toml::node& each : *node->as_array()) {
+    const toml::table& table = *each.as_table();
     physics::Filter filter;
-    const bool first_order = (*table)["kind"].value_or(std::string()) == "first_order_lowpass";
-    filter.kind = first_order ? physics::FilterKind::first_order_lowpass
-                              : physics::FilterKind::butterworth_lowpass;
-    filter.order = first_order ? 1 : static_cast<int>((*table)["order"].value_or(4));
-    filter.cutoff_hz = (*table)["cutoff_hz"].value_or(25.0);
+    filter.kind = static_cast<physics::FilterKind>(
+        choice_in(table.get("kind"), *find_key(filter_keys(), "kind")).value_or(0));
+    filter.order = static_cast<int>(table["order"].value_or(std::int64_t{1}));
+    filter.cutoff_hz = number_in(table.get("cutoff_hz")).value_or(0.0);
     out.push_back(filter);
   }
   return out;
 }
 
-std::vector<std::pair<double, double>> Document::envelope(std::string_view path) const {
-  std::vector<std::pair<double, double>> out;
-  const toml::node* at = node(path);
-  const toml::array* list = at == nullptr ? nullptr : at->as_array();
-  if (list == nullptr) return out;
-  for (const toml::node& each : *list) {
-    const toml::array* point = each.as_array();
-    if (point == nullptr || point->size() != 2) continue;
-    out.emplace_back(point->get(0)->value<double>().value_or(0.0),
-                     point->get(1)->value<double>().value_or(0.0));
+std::vector<EnvelopePoint> Document::envelope(std::string_view path) const {
+  std::vector<EnvelopePoint> out;
+  const toml::node* node = node_at(contents_->root, path);
+  if (node == nullptr) return out;
+  for (const toml::node& each : *node->as_array()) {
+    const toml::array& point = *each.as_array();
+    out.push_back({number_in(point.get(0)).value_or(0.0), number_in(point.get(1)).value_or(0.0)});
   }
   return out;
 }
 
-std::vector<physics::Term> Document::terms(std::string_view path) const {
+std::vector<physics::Term> Document::terms() const {
   std::vector<physics::Term> out;
-  const toml::node* at = node(path);
-  const toml::array* list = at == nullptr ? nullptr : at->as_array();
+  const toml::array* list = contents_->root["physics"].as_array();
   if (list == nullptr) return out;
   for (const toml::node& each : *list) {
-    const toml::table* table = each.as_table();
-    if (table == nullptr) continue;
     physics::Term term;
-    for (const auto& [key, value] : *table) {
-      if (key.str() == "id") {
-        term.id = value.value<std::string>().value_or("");
-      } else if (key.str() == "channel") {
-        term.channel = channel_named(value.value<std::string>().value_or(""));
+    for (const auto& [name, node] : *each.as_table()) {
+      if (name.str() == "id") {
+        term.id = node.value_or(std::string());
+      } else if (name.str() == "channel") {
+        term.channel = channel_named(node.value_or(std::string_view()));
       } else {
-        term.parameters[std::string(key.str())] = parameter_of(value);
+        term.parameters.emplace(name.str(), parameter_in(node));
       }
     }
     out.push_back(std::move(term));
@@ -491,52 +703,28 @@ std::vector<physics::Term> Document::terms(std::string_view path) const {
   return out;
 }
 
-Document::Place Document::place_of(std::string_view path) const {
-  // Terms are named by their id, "physics.cubic_stiffness.k3_n_m3", but stand in a list.
-  const auto segments = segments_of(path);
-  const toml::node* best = nullptr;
-  const toml::node* at = &root_;
-  for (std::size_t i = 0; i < segments.size() && at != nullptr; ++i) {
-    if (const toml::array* list = at->as_array()) {
-      const toml::node* found = nullptr;
-      for (const toml::node& each : *list) {
-        const toml::table* table = each.as_table();
-        if (table != nullptr && (*table)["id"].value_or(std::string()) == segments[i])
-          found = &each;
-      }
-      at = found;
-    } else if (const toml::table* table = at->as_table()) {
-      at = table->get(segments[i]);
-    } else {
-      at = nullptr;
+std::optional<FileKind> kind_of(std::string_view text) {
+  // Line by line, so that a file with a syntax error is still known for what it is.
+  std::size_t rig = 0;
+  std::size_t model = 0;
+  const auto model_tables = names_within(model_keys(), "");
+  const auto rig_tables = names_within(rig_keys(), "");
+  const auto has = [](const std::vector<std::string>& names, std::string_view name) {
+    return name != "schema" && std::find(names.begin(), names.end(), name) != names.end();
+  };
+  while (!text.empty()) {
+    const auto end = text.find('\n');
+    std::string_view line = text.substr(0, end);
+    text = end == std::string_view::npos ? std::string_view{} : text.substr(end + 1);
+    while (!line.empty() && (line.front() == ' ' || line.front() == '\t' || line.front() == '[')) {
+      line.remove_prefix(1);
     }
-    if (at != nullptr) best = at;
+    const std::string_view name = line.substr(0, line.find_first_of(".]= \t"));
+    if (has(rig_tables, name)) ++rig;
+    if (has(model_tables, name)) ++model;
   }
-  if (best == nullptr) return {};
-  // A list of tables has no place of its own in the file.
-  if (const toml::array* list = best->as_array();
-      list != nullptr && best->source().begin.line == 0) {
-    if (!list->empty()) best = list->get(0);
-  }
-  return {static_cast<int>(best->source().begin.line),
-          static_cast<int>(best->source().begin.column)};
-}
-
-void Document::blame(std::string_view path, const std::string& message) {
-  const Place at = place_of(path);
-  problems_.push_back({name_, at.line, at.column, std::string(path) + " " + message});
-}
-
-void Document::require(std::string_view path, std::string_view why) {
-  if (has(path)) return;
-  const Key* key = key_for(path);
-  std::string message = "is missing";
-  if (key != nullptr) {
-    message += ": " + std::string(key->sentence);
-    if (!key->unit.empty() && key->unit != "1") message += " [" + std::string(key->unit) + "]";
-  }
-  if (!why.empty()) message += "; " + std::string(why);
-  blame(path, message);
+  if (rig == 0 && model == 0) return std::nullopt;
+  return rig > model ? FileKind::rig : FileKind::model;
 }
 
 }  // namespace stickslip::config

@@ -1,8 +1,11 @@
-// A TOML file held against a table of keys: every problem is collected with its line and column.
+// One configuration file: its TOML, held against a table of keys. Everything that is wrong with it
+// is collected; the typed values may be fetched once nothing is.
 #pragma once
 
-#include <toml++/toml.h>
+#include <cstddef>
+#include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -10,65 +13,61 @@
 #include <vector>
 
 #include "config/key.h"
+#include "config/rig.h"
+#include "physics/frame.h"
 #include "physics/model.h"
 #include "physics/problem.h"
 
 namespace stickslip::config {
 
+/// The whole text of a configuration file. Throws InputError where it cannot be read or is larger
+/// than any configuration.
+std::string read_text(const std::filesystem::path& file);
+
 class Document {
  public:
-  /// Parses `text` and checks every key against `keys`: known, of its type, in its range. `name`
-  /// stands for the file in messages. Problems are collected, not thrown.
+  /// Parses and validates; never throws for what the text says. `name` stands for the file.
   Document(std::string_view text, std::string name, std::span<const Key> keys);
+  ~Document();
+  Document(Document&&) noexcept;
+  Document& operator=(Document&&) noexcept;
 
-  bool has(std::string_view path) const { return node(path) != nullptr; }
+  bool sound() const { return problems_.empty(); }
+
+  /// Adds a problem at the key or table of that path, or at the nearest table around it that is
+  /// there. "physics.ID.NAME" leads into the [[physics]] table of that id.
+  void report(std::string_view path, std::string message);
+
+  /// Adds problems of another file that this one names.
+  void add(const std::vector<Problem>& problems);
+
+  /// In the order of the file. Leaves the document without any.
+  std::vector<Problem> take_problems();
+
+  bool has(std::string_view path) const;
+
+  // Only while the document is sound: the value at a path, nothing where the key is absent.
   std::optional<double> number(std::string_view path) const;
   std::optional<std::int64_t> integer(std::string_view path) const;
   std::optional<bool> boolean(std::string_view path) const;
   std::optional<std::string> text(std::string_view path) const;
   std::optional<physics::Parameter> parameter(std::string_view path) const;
+  /// Position of the value in the key's choices, which are in the order of the enumeration.
+  std::optional<std::size_t> choice(std::string_view path) const;
   std::vector<physics::Filter> filters(std::string_view path) const;
-  /// Points of an envelope: time and amplitude.
-  std::vector<std::pair<double, double>> envelope(std::string_view path) const;
-  std::vector<physics::Term> terms(std::string_view path) const;
-
-  /// Adds a problem at the line of `path`, or of the nearest table around it that the file has.
-  void blame(std::string_view path, const std::string& message);
-  /// Adds a problem where `path` is missing; `why` says who needs it.
-  void require(std::string_view path, std::string_view why = "");
-
-  /// Whether something was blamed on `path` or below it, so that a consequence need not be told
-  /// too.
-  bool sound() const { return problems_.empty(); }
-  const std::vector<Problem>& problems() const { return problems_; }
-  const std::string& name() const { return name_; }
+  std::vector<EnvelopePoint> envelope(std::string_view path) const;
+  std::vector<physics::Term> terms() const;
 
  private:
-  struct Place {
-    int line = 0;
-    int column = 0;
-  };
-  const toml::node* node(std::string_view path) const;
-  const Key* key_for(std::string_view path) const;
-  void check(const toml::table& table, const std::string& prefix);
-  void check_value(const toml::node& value, const Key& key, const std::string& path);
-  void check_number(const toml::node& value, const Key& key, const std::string& path);
-  void check_parameter(const toml::node& value, const Key& key, const std::string& path);
-  void check_filters(const toml::node& value, const std::string& path);
-  void check_envelope(const toml::node& value, const std::string& path);
-  void check_terms(const toml::node& value, const std::string& path);
-  void unknown(const toml::key& key, const std::string& path,
-               const std::vector<std::string>& siblings);
-  void add(const toml::source_region& at, std::string message);
-  Place place_of(std::string_view path) const;
-
+  struct Contents;
   std::string name_;
   std::span<const Key> keys_;
-  toml::table root_;
   std::vector<Problem> problems_;
+  std::unique_ptr<Contents> contents_;
 };
 
-/// The content of a file. Throws InputError where it cannot be read.
-std::string file_text(const std::filesystem::path& file);
+/// Which kind of file a text is, from its tables; nothing where it could be neither.
+enum class FileKind { rig, model };
+std::optional<FileKind> kind_of(std::string_view text);
 
 }  // namespace stickslip::config

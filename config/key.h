@@ -1,11 +1,12 @@
-// The keys of the project's configuration files: one table a kind of file, from which validation,
-// the explanation on the command line and the documentation come.
+// The keys of the configuration files. One table for each kind of file, from which validation, its
+// messages and the page of documentation come; the loaders only fetch what the table let through.
 #pragma once
 
 #include <limits>
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace stickslip::config {
 
@@ -17,9 +18,15 @@ enum class Type {
   choice,     ///< one of a few strings
   file,       ///< a path, relative to the file that names it
   parameter,  ///< a number, or { value = ..., sigma = ... }
-  filters,    ///< an array of { kind, order, cutoff_hz }
+  filters,    ///< an array of tables with the keys of filter_keys()
   envelope,   ///< an array of [time_s, amplitude]
-  terms,      ///< [[physics]] tables
+  terms,      ///< [[physics]] tables with the keys of term_keys() and the effect's parameters
+};
+
+enum class Need {
+  optional,
+  in_table,  ///< has to stand wherever its table stands
+  always,    ///< has to stand
 };
 
 /// One key. In `path`, a segment "*" stands for the stem of a channel (displacement, velocity,
@@ -27,22 +34,44 @@ enum class Type {
 struct Key {
   std::string_view path;
   Type type = Type::number;
-  std::string_view unit;  ///< "1" for pure numbers, empty for what is no number
+  std::string_view unit = {};  ///< "1" for pure numbers, empty for what is no number
   std::string_view sentence;
-  std::string_view fallback;  ///< what holds without it; "required" or "" where nothing does
+  Need need = Need::optional;
+  std::string_view fallback = {};  ///< what holds without an optional key; empty: nothing
+  /// "path=choice|choice": the key is needed (see `need`) only while the key at `path` is one of
+  /// these; empty: whatever the others say.
+  std::string_view when = {};
+  bool only_then = false;  ///< the key may not stand while `when` does not hold
   double low = -std::numeric_limits<double>::infinity();
   double high = std::numeric_limits<double>::infinity();
   bool above_low = false;         ///< low itself is out of range
-  std::string_view choices = {};  ///< Type::choice: separated by '|'
+  std::string_view choices = {};  ///< Type::choice: in the order of the enumeration, by '|'
 };
 
 std::span<const Key> model_keys();
+std::span<const Key> filter_keys();
+std::span<const Key> term_keys();
 std::span<const Key> rig_keys();
 
-/// A name for a type as a person reads it.
-std::string_view name_of(Type type);
+/// Whether `path` is one that the key's path, "*" included, stands for.
+bool matches(const Key& key, std::string_view path);
 
-/// The table of keys as the body of a page of documentation (Markdown).
+/// The key of that path in a table, or null.
+const Key* find_key(std::span<const Key> keys, std::string_view path);
+
+/// The parts of "a|b|c".
+std::vector<std::string_view> choices_of(std::string_view list);
+
+/// The choice at that position of the enumeration, as the file says it.
+std::string_view choice_at(std::span<const Key> keys, std::string_view path, std::size_t position);
+
+/// The shortest decimal that reads back to the same bits, as TOML writes a float ("2.4", "5.0").
+std::string number_text(double value);
+
+/// What a value has to be, for messages: "a number above 0 [kg]".
+std::string expectation(const Key& key);
+
+/// The table of keys as a page of documentation (Markdown).
 std::string keys_page();
 
 }  // namespace stickslip::config
