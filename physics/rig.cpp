@@ -33,8 +33,9 @@ double solve_backbone(double target, double a, double p, double q, double speed,
     }
     const double slope = 1.0 + a * q * (1.0 - t * t) / speed;
     double next = w - residual / slope;
-    if (!(next > low && next < high)) next = 0.5 * (low + high);
+    // Before the bracket: at the root itself `next` is one of its ends.
     if (std::abs(next - w) <= 1.0e-14 * (std::abs(w) + speed)) return next;
+    if (!(next > low && next < high)) next = 0.5 * (low + high);
     w = next;
   }
   return w;
@@ -61,8 +62,8 @@ double solve_bristle(double target, double a, double z0, double alpha, double r,
     const double sign = w < 0.0 ? -1.0 : 1.0;
     const double slope = 1.0 + a * alpha * (1.0 - sign * r * z0) / (denominator * denominator);
     double next = w - residual / slope;
-    if (!(next > low && next < high)) next = 0.5 * (low + high);
     if (std::abs(next - w) <= 1.0e-14 * (std::abs(w) + 1.0e-6)) return next;
+    if (!(next > low && next < high)) next = 0.5 * (low + high);
     w = next;
   }
   return w;
