@@ -122,6 +122,7 @@ struct FrictionObserver::Filter {
     tail_scratch = Matrix::Zero(tail, tail);
     gain = Vector::Zero(layout.count);
     row = Vector::Zero(layout.count);
+    rest = Vector::Zero(layout.count);
     name_quantities();
   }
 
@@ -148,7 +149,7 @@ struct FrictionObserver::Filter {
   std::vector<Noise> noise;
   double settle_s = 0.0;
 
-  Vector mean, gain, row;
+  Vector mean, gain, row, rest;
   Matrix covariance, remembered, carried, scratch, tail_scratch;
   std::array<int, quantity_count> source{};  ///< of reported quantities
 
@@ -299,10 +300,12 @@ bool FrictionObserver::Filter::use_reading(Channel channel, double innovation,
     gain.segment(chain.first, chain.count()).setZero();
   }
   mean += gain * innovation;
+  // (I - K H) P (I - K H)' + K r K' = P - K p' - (p - K s) K' with p = P H', s = H P H' + r.
   row = covariance.col(j);
-  covariance.noalias() -= gain.lazyProduct(row.transpose());
-  row = covariance.col(j) - reading_variance * gain;
-  covariance.noalias() -= row.lazyProduct(gain.transpose());
+  rest = row - expected * gain;
+  for (int i = 0; i < layout.count; ++i) {
+    covariance.col(i) -= row[i] * gain + gain[i] * rest;
+  }
   return true;
 }
 

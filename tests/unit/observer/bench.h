@@ -70,7 +70,7 @@ struct Moment {
 };
 
 struct Watch {
-  double duration_s = 20.0;
+  double duration_s = 12.0;
   double period_s = 1.0e-3;
   std::uint64_t seed = 1;
   std::function<physics::Input(double)> drive = ModulatedBase{};

@@ -71,7 +71,7 @@ class PaperRig : public testing::TestWithParam<Case> {};
 TEST_P(PaperRig, IsFollowedFromAMuThatIsAThirdOff) {
   const Case& c = GetParam();
   const Model real = paper_rig(c.law, c.wedge, c.resonant);
-  const auto run = watch(real, with_mu(real, 1.3), {.seed = c.seed});
+  const auto run = watch(real, with_mu(real, 1.3), {.duration_s = 20.0, .seed = c.seed});
   EXPECT_TRUE(all_finite(run));
   EXPECT_EQ(run.back().estimate.restarts, 0U);
   EXPECT_TRUE(run.back().estimate.valid);
@@ -397,7 +397,7 @@ TEST(Observer, FollowsTermsThatADiagnosisAdded) {
   for (const physics::Term& term : terms) {
     Model model = paper_rig(Law::coulomb);
     model.terms.push_back(term);
-    const auto run = watch(model, with_mu(model, 1.2), {.duration_s = 12.0});
+    const auto run = watch(model, with_mu(model, 1.2), {.duration_s = 9.0});
     EXPECT_TRUE(all_finite(run)) << term.id;
     EXPECT_EQ(run.back().estimate.restarts, 0U) << term.id;
     EXPECT_LT(rms(run, 5.0, force_error), 0.3 * rms(run, 5.0, raw_force_error)) << term.id;
