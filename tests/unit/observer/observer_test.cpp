@@ -126,7 +126,7 @@ TEST(Observer, KnowsWhenTheContactSticks) {
     ++clear;
     if ((moment.estimate.sticking > 0.5) == (speed < 0.01)) ++right;
   }
-  EXPECT_GT(clear, 10000);
+  EXPECT_GT(clear, 5000);
   EXPECT_GT(right, 0.97 * clear);
 }
 
