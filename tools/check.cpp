@@ -1,7 +1,176 @@
+// `stickslip check`: what is wrong with a rig or a model, all of it at once, without a daemon.
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "config/document.h"
+#include "config/key.h"
+#include "config/model_file.h"
+#include "config/rig.h"
+#include "physics/problem.h"
 #include "tools/command.h"
 
 namespace stickslip::tools {
+namespace {
 
-void add_check(CLI::App& /*app*/, Action& /*action*/) {}
+struct Arguments {
+  std::vector<std::string> files;
+  bool keys = false;
+};
+
+std::string number(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.6g", value);
+  return text.data();
+}
+
+void say(const char* what, const std::string& text) {
+  std::printf("  %-12s %s\n", what, text.c_str());
+}
+
+std::string oscillator_text(const physics::Model& model) {
+  switch (model.oscillator.excitation) {
+    case physics::Excitation::base:
+      return "driven by its base, " + number(model.oscillator.mass_kg.value) + " kg";
+    case physics::Excitation::force:
+      return "driven by a force, " + number(model.oscillator.mass_kg.value) + " kg";
+    case physics::Excitation::imposed:
+      return "imposed motion";
+  }
+  return "";
+}
+
+std::string model_summary(physics::Model model) {
+  const auto named = [](std::string_view path, std::size_t position) {
+    return std::string(config::choice_at(config::model_keys(), path, position));
+  };
+  std::string text = oscillator_text(model);
+  text += ", friction " + named("friction.law", static_cast<std::size_t>(model.friction.law));
+  text += ", load " + (model.normal_load ? named("normal_load.law",
+                                                 static_cast<std::size_t>(model.normal_load->law))
+                                         : "not declared");
+  text += ", load cell " +
+          (model.load_cell
+               ? named("load_cell.dynamics", static_cast<std::size_t>(model.load_cell->dynamics))
+               : "none");
+  for (const physics::Term& term : model.terms) text += ", " + term.id;
+  const auto parameters = physics::parameters_of(model);
+  std::size_t uncertain = 0;
+  for (const physics::NamedParameter& each : parameters) {
+    if (each.parameter->sigma > 0.0) ++uncertain;
+  }
+  return text + "; " + std::to_string(uncertain) + " of " + std::to_string(parameters.size()) +
+         " parameters are to be calibrated";
+}
+
+std::string driver_summary(const config::Rig& rig) {
+  if (rig.driver == config::DriverKind::replay) {
+    return "replay of " + rig.replay.recording.string() +
+           (rig.replay.speed > 0.0 ? " at " + number(rig.replay.speed) + " times its speed"
+                                   : ", as fast as it goes");
+  }
+  return "simulated, truth " + rig.simulated.truth_file.string() +
+         (rig.simulated.real_time ? "" : ", as fast as it goes");
+}
+
+std::string drive_summary(const config::Rig& rig) {
+  const config::Excitation& drive = rig.excitation;
+  if (rig.driver == config::DriverKind::replay) return "none: a replay moves nothing";
+  if (!drive.enabled) return "off";
+  double amplitude = drive.amplitude;
+  for (const config::EnvelopePoint& point : drive.envelope) {
+    amplitude = std::max(amplitude, point.amplitude);
+  }
+  const bool base = rig.model.oscillator.excitation == physics::Excitation::base;
+  std::string text = number(drive.carrier_hz) + " Hz, up to " +
+                     (base ? number(amplitude * 1000.0) + " mm" : number(amplitude) + " N");
+  if (!drive.envelope.empty()) {
+    text += ", envelope of " + number(drive.envelope.back().time_s) + " s";
+    if (drive.repeat) text += ", repeated";
+  } else if (drive.modulation_hz > 0.0 && drive.modulation_depth > 0.0) {
+    text += ", modulated at " + number(drive.modulation_hz) + " Hz";
+  }
+  return text;
+}
+
+std::string calibration_summary(const config::Rig& rig) {
+  std::string text;
+  for (Channel channel : all_channels) {
+    const config::ChannelCalibration& each = rig.calibration[index_of(channel)];
+    if (each == config::ChannelCalibration{}) continue;
+    text += (text.empty() ? "" : ", ") + std::string(info(channel).stem) + " = (raw - " +
+            number(each.offset) + ") " + number(each.gain) + " " + std::string(info(channel).unit);
+  }
+  return text.empty() ? "none: every channel is read in SI units" : text;
+}
+
+void summarise(const config::Rig& rig) {
+  say("rig", rig.name);
+  say("rate", number(rig.loop.rate_hz) + " Hz, " + std::to_string(rig.loop.frames_per_block) +
+                  " frames a message" +
+                  (rig.loop.duration_s ? ", for " + number(*rig.loop.duration_s) + " s" : ""));
+  say("driver", driver_summary(rig));
+  say("drive", drive_summary(rig));
+  say("calibration", calibration_summary(rig));
+  say("model", rig.model_file.string() + ": " + model_summary(rig.model));
+  say("LCM", rig.lcm.enabled ? rig.lcm.url : "off");
+  say("recording", rig.recording.enabled ? rig.recording.file.string() : "off");
+  say("observer", rig.observer.enabled ? "on" : "off");
+}
+
+/// Prints what a file is, or every problem in it. Whether it is sound.
+bool check(const std::string& file) {
+  try {
+    const std::string text = config::read_text(file);
+    const auto kind = config::kind_of(text);
+    if (!kind) {
+      throw InputError(Problem{file, 1, 1,
+                               "is neither a rig, which has a table [rig], nor a model, which has "
+                               "[oscillator]"});
+    }
+    if (*kind == config::FileKind::rig) {
+      const config::Rig rig = config::load_rig(file);
+      std::printf("%s: sound\n", file.c_str());
+      summarise(rig);
+    } else {
+      const physics::Model model = config::parse_model(text, file);
+      std::printf("%s: sound\n", file.c_str());
+      say("model", model_summary(model));
+    }
+    return true;
+  } catch (const InputError& error) {
+    std::fflush(stdout);
+    for (const Problem& problem : error.problems()) {
+      std::fprintf(stderr, "%s\n", problem.text().c_str());
+    }
+    return false;
+  }
+}
+
+int run(const Arguments& arguments) {
+  if (arguments.keys) {
+    std::fputs(config::keys_page().c_str(), stdout);
+    return 0;
+  }
+  if (arguments.files.empty()) throw InputError(Problem{"", 0, 0, "check: expected FILE..."});
+  bool sound = true;
+  for (const std::string& file : arguments.files) sound = check(file) && sound;
+  return sound ? 0 : 2;
+}
+
+}  // namespace
+
+void add_check(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "check", "Tell everything that is wrong with rig and model files, offline and at once");
+  command->add_option("FILE", arguments->files, "Rig configurations or models (TOML)");
+  command->add_flag("--keys", arguments->keys, "Print every key as docs/configuration.md has them")
+      ->group("");
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
 
 }  // namespace stickslip::tools
