@@ -198,6 +198,8 @@ int run(const Arguments& arguments) {
   const std::unique_ptr<lcm::LCM> lcm = join_lcm(arguments.url);
   Recorder recorder(arguments);
   listen(*lcm, "STICKSLIP_.*", &Recorder::take, &recorder);
+  std::printf("recording %s into %s\n", arguments.url.c_str(), arguments.out.c_str());
+  std::fflush(stdout);
   const auto end = after(steady_clock::now(), arguments.duration_s);
   while (!recorder.done() && steady_clock::now() < end) {
     const Woken woken = wait_for(*lcm, stop, std::min(end, steady_clock::now() + flush_period));

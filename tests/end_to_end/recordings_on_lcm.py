@@ -1,0 +1,181 @@
+"""A log plays in stock lcm-logplayer; what `stickslip replay` publishes is what `stickslip record`
+keeps and what a stranger hears; each tool ends as it should."""
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import unittest
+
+import frames
+from programs import STICKSLIP, SOURCE, EndToEnd, main, stickslip
+
+FRAME_COUNT = 1500
+BLOCKS = 150
+CSV = "time_s,displacement_m,friction_force_n,base_displacement_m\n" + "".join(
+    f"{1.7 + i / 1000:.3f},{1e-3 * ((i * 7919) % 1009) / 3.0!r},{'' if i % 50 == 3 else 0.1 * (i % 3)},{2e-3 * (i % 5)}\n"
+    for i in range(FRAME_COUNT))
+
+
+class RecordingsOnLcm(EndToEnd):
+    def setUp(self):
+        super().setUp()
+        self.csv = self.write("in.csv", CSV)
+        self.log = self.folder / "in.log"
+        self.succeed("convert", self.csv, self.log)
+
+    def start(self, *command, **options):
+        process = subprocess.Popen([str(part) for part in command], stdout=subprocess.PIPE,
+                                   stderr=subprocess.PIPE, text=True, **options)
+        self.addCleanup(process.communicate)
+        self.addCleanup(process.kill)
+        return process
+
+    def recorder(self, *arguments):
+        """`stickslip record`, once it listens."""
+        recorder = self.start(STICKSLIP, "record", *arguments)
+        self.assertIn("recording", recorder.stdout.readline())
+        return recorder
+
+    def stranger(self, seconds, *options):
+        """The independent subscriber, once it hears."""
+        listener = self.start(sys.executable, SOURCE / "tests/end_to_end/lcm_subscriber.py",
+                              "--duration", seconds, *options)
+        self.assertEqual(listener.stderr.readline(), "listening\n")
+        return listener
+
+    def test_a_log_plays_in_stock_logplayer(self):
+        player = shutil.which("lcm-logplayer")
+        if player is None:
+            self.skipTest("lcm-logplayer is not installed")
+        listener = self.stranger(4)
+        began = time.monotonic()
+        played = subprocess.run([player, "--lcm-url=udpm://239.255.76.67:7667?ttl=0", str(self.log)],
+                                capture_output=True, text=True, timeout=30)
+        took = time.monotonic() - began
+        self.assertEqual(played.returncode, 0, played.stderr)
+        self.assertGreater(took, 1.3, "the player did not keep the recording's pace")
+        heard = json.loads(listener.communicate(timeout=30)[0])
+        self.assertEqual(heard["messages"], {"STICKSLIP_FRAMES": BLOCKS, "STICKSLIP_RECORDING": 1})
+        self.assertEqual((heard["frames"], heard["lost"]), (FRAME_COUNT, 0))
+
+    def test_replay_record_and_a_stranger_agree(self):
+        rows = [line.split(",") for line in CSV.splitlines()[1:]]
+        for block in (10, 1500):  # one packet, and a message in fragments
+            with self.subTest(block=block):
+                listener = self.stranger(4, "--frames")
+                out = {kind: self.folder / f"out-{block}.{kind}" for kind in ("log", "csv")}
+                recorders = [self.recorder(file, "--duration", 3) for file in out.values()]
+                replay = self.succeed("replay", self.log, "--speed", 2, "--block", block)
+                self.assertIn(f"published {FRAME_COUNT} of {FRAME_COUNT} frames", replay.stdout)
+                for recorder in recorders:
+                    said = recorder.communicate(timeout=30)[0]
+                    self.assertEqual(recorder.returncode, 0, said)
+                    self.assertIn(f"{FRAME_COUNT} frames", said)
+                    self.assertIn("lost 0 frames in 0 gaps", said)
+                heard = [json.loads(line) for line in listener.communicate(timeout=30)[0].splitlines()]
+                self.assertEqual(len(heard), FRAME_COUNT)
+                for row, frame in zip(rows, heard):
+                    self.assertEqual(frame["time_ns"], round(float(row[0]) * 1000) * 1000000)
+                    self.assertEqual(frame["displacement_m"], float(row[1]))
+                    self.assertEqual(frame["friction_force_n"], float(row[2]) if row[2] else None)
+                    self.assertIsNone(frame["velocity_m_s"])
+                types = frames.generate_types(self.folder)
+                self.assertEqual(frames.frames(out["log"], types), frames.frames(self.log, types))
+                self.succeed("convert", self.csv, self.folder / "again.csv")
+                self.assertEqual(out["csv"].read_bytes(), (self.folder / "again.csv").read_bytes())
+
+    def test_record_counts_what_is_missing(self):
+        log = self.folder / "holes.log"
+        # A CSV counts from 0, so the loss is made here: blocks taken out of a whole log.
+        events = list(frames.events(self.log))
+        self.assertEqual(len(events), BLOCKS + 1)
+        whole = self.log.read_bytes()
+        at, kept = 0, b""
+        for i, (channel, payload) in enumerate(events):
+            length = 28 + len(channel) + len(payload)
+            if i not in (40, 41, 90):
+                kept += whole[at:at + length]
+            at += length
+        log.write_bytes(kept)
+        out = self.folder / "out.log"
+        recorder = self.recorder(out, "--duration", 2)
+        self.succeed("replay", log, "--speed", 3)
+        said = recorder.communicate(timeout=30)[0]
+        self.assertIn("1470 frames", said)
+        self.assertIn("lost 30 frames in 2 gaps", said)
+
+    def test_record_stops_at_its_count_and_at_signals(self):
+        for name, arguments, stop, expected in (
+                ("count", ("--frames", 333), None, "333 frames"),
+                ("interrupt", (), signal.SIGINT, f"{FRAME_COUNT} frames"),
+                ("terminate", (), signal.SIGTERM, f"{FRAME_COUNT} frames")):
+            with self.subTest(name):
+                out = self.folder / f"{name}.log"
+                recorder = self.recorder(out, *arguments)
+                self.succeed("replay", self.log, "--speed", 4)
+                if stop is not None:
+                    recorder.send_signal(stop)
+                said, errors = recorder.communicate(timeout=10)
+                self.assertEqual(recorder.returncode, 0, errors)
+                self.assertIn(expected, said)
+                self.succeed("convert", out, self.folder / f"{name}.csv")
+
+    def test_record_refuses_two_sources_in_one(self):
+        out = self.folder / "out.log"
+        recorder = self.recorder(out)
+        self.succeed("replay", self.log, "--speed", 10)
+        self.succeed("replay", self.log, "--speed", 10)
+        said, errors = recorder.communicate(timeout=10)
+        self.assertEqual(recorder.returncode, 1, said + errors)
+        self.assertIn("went back", errors)
+        types = frames.generate_types(self.folder)
+        self.assertEqual(frames.frames(out, types), frames.frames(self.log, types))
+
+    def test_replay_stops_at_a_signal(self):
+        replay = self.start(STICKSLIP, "replay", self.log, "--speed", 0.1)
+        time.sleep(1)
+        replay.send_signal(signal.SIGTERM)
+        said, errors = replay.communicate(timeout=5)
+        self.assertEqual(replay.returncode, 0, errors)
+        self.assertIn("(stopped)", said)
+
+    def test_spy_shows_rates_and_values(self):
+        spy = self.start(STICKSLIP, "spy", "--once")
+        replay = self.start(STICKSLIP, "replay", self.log, "--speed", 0.5)
+        said, errors = spy.communicate(timeout=10)
+        replay.kill()
+        self.assertEqual(spy.returncode, 0, errors)
+        line = next(line for line in said.splitlines() if line.startswith("STICKSLIP_FRAMES"))
+        self.assertRegex(line, r"lost 0 in 0 gaps.*displacement .* m, friction_force .* N")
+        self.assertNotIn("velocity", line)
+
+    def test_nothing_to_hear(self):
+        for command in (("record", self.folder / "none.log", "--duration", 0.5),
+                        ("spy", "--duration", 0.5)):
+            with self.subTest(command[0]):
+                result = stickslip(*command)
+                self.assertEqual(result.returncode, 1, result.stdout + result.stderr)
+
+    def test_bad_places_are_one_line(self):
+        cases = ("nonsense", "foo://x", "udpm://239.255.76.67:99999", "udpm://10.0.0.1:7667",
+                 "udpm://224.1.1.1:7667")  # the last: a group that has no route here
+        for url in cases:
+            for command in (("spy", "--once"), ("record", self.folder / "out.log"),
+                            ("replay", self.log)):
+                with self.subTest(url=url, command=command[0]):
+                    result = stickslip(*command, "--url", url, timeout=20)
+                    self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
+                    self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
+                    self.assertIn(url, result.stderr)
+        for out in ("/nowhere/at/all.log", "/nowhere/at/all.csv", self.folder / "out.txt"):
+            with self.subTest(out=out):
+                result = stickslip("record", out, timeout=20)
+                self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
+                self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
+                self.assertIn(str(out), result.stderr)
+
+
+if __name__ == "__main__":
+    main()
