@@ -1,0 +1,146 @@
+#include "physics/model.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <set>
+#include <string>
+
+#include "physics/rig.h"
+#include "tests/unit/physics/rigs.h"
+
+namespace stickslip::physics {
+namespace {
+
+struct Fault {
+  const char* name;
+  std::function<void(Model&)> make;
+  const char* path;  ///< that the first message must name
+};
+
+class Soundness : public testing::TestWithParam<Fault> {};
+
+TEST_P(Soundness, NamesThePathOfWhatIsWrong) {
+  Model model = test::bench();
+  ASSERT_TRUE(inconsistencies_of(model).empty());
+  GetParam().make(model);
+  const auto found = inconsistencies_of(model);
+  ASSERT_FALSE(found.empty());
+  EXPECT_EQ(found.front().path, GetParam().path);
+  EXPECT_FALSE(found.front().message.empty());
+  EXPECT_THROW(Rig{model}, std::invalid_argument);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Faults, Soundness,
+    testing::Values(
+        Fault{"no_mass", [](Model& m) { m.oscillator.mass_kg = {0.0}; }, "oscillator.mass_kg"},
+        Fault{"mass_not_a_number", [](Model& m) { m.oscillator.mass_kg = {std::nan("")}; },
+              "oscillator.mass_kg"},
+        Fault{"negative_sigma", [](Model& m) { m.friction.mu.sigma = -0.1; }, "friction.mu"},
+        Fault{"infinite_sigma",
+              [](Model& m) { m.friction.mu.sigma = std::numeric_limits<double>::infinity(); },
+              "friction.mu"},
+        Fault{"no_spring", [](Model& m) { m.oscillator.natural_frequency_hz.reset(); },
+              "oscillator"},
+        Fault{"two_springs", [](Model& m) { m.oscillator.stiffness_n_m = Parameter{10.0}; },
+              "oscillator.stiffness_n_m"},
+        Fault{"no_damping", [](Model& m) { m.oscillator.damping_ratio.reset(); }, "oscillator"},
+        Fault{"two_dampings", [](Model& m) { m.oscillator.damping_n_s_m = Parameter{0.1}; },
+              "oscillator.damping_n_s_m"},
+        Fault{"ratio_without_a_spring",
+              [](Model& m) {
+                m.oscillator.natural_frequency_hz.reset();
+                m.oscillator.stiffness_n_m = Parameter{0.0};
+              },
+              "oscillator.damping_ratio"},
+        Fault{"imposed_with_a_spring",
+              [](Model& m) {
+                m.load_cell.reset();
+                m.oscillator.excitation = Excitation::imposed;
+              },
+              "oscillator"},
+        Fault{"imposed_with_a_load_cell",
+              [](Model& m) {
+                m.oscillator = {};
+                m.oscillator.excitation = Excitation::imposed;
+              },
+              "load_cell"},
+        Fault{"well_without_depth",
+              [](Model& m) {
+                m.oscillator.two_well = TwoWell{{0.0}, {1.0e5}};
+              },
+              "oscillator.two_well.linear_n_m"},
+        Fault{"negative_load", [](Model& m) { m.normal_load->load_n = {-1.0}; },
+              "normal_load.load_n"},
+        Fault{"negative_mu", [](Model& m) { m.friction.mu = {-0.1}; }, "friction.mu"},
+        Fault{"negative_transition", [](Model& m) { m.friction.transition_speed_m_s = {-1.0}; },
+              "friction.transition_speed_m_s"},
+        Fault{"memory_without_rate", [](Model& m) { m.friction.law = FrictionLaw::state_variable; },
+              "friction.rate_per_s"},
+        Fault{"load_cell_without_mass", [](Model& m) { m.load_cell->mass_kg = {0.0}; },
+              "load_cell.mass_kg"},
+        Fault{"no_noise", [](Model& m) { m.sensors[index_of(Channel::velocity)].noise_std = 0.0; },
+              "sensors.velocity.noise_std"},
+        Fault{"filter_of_order_0",
+              [](Model& m) {
+                m.sensors[0].filters = {{FilterKind::butterworth_lowpass, 0, 25.0}};
+              },
+              "sensors.displacement.filters"},
+        Fault{"filter_without_cutoff",
+              [](Model& m) {
+                m.sensors[4].filters = {{FilterKind::butterworth_lowpass, 4, 0.0}};
+              },
+              "sensors.base_displacement.filters"},
+        Fault{"unknown_term",
+              [](Model& m) {
+                m.terms.push_back({"magic", {}, {}});
+              },
+              "physics.magic"},
+        Fault{"term_without_parameter",
+              [](Model& m) {
+                m.terms.push_back({"cubic_stiffness", {}, {}});
+              },
+              "physics.cubic_stiffness.k3_n_m3"},
+        Fault{"term_with_a_stranger",
+              [](Model& m) {
+                m.terms.push_back({"bias_force", {}, {{"force_n", {0.1}}, {"torque", {1.0}}}});
+              },
+              "physics.bias_force.torque"},
+        Fault{"term_with_a_channel",
+              [](Model& m) {
+                m.terms.push_back({"bias_force", Channel::velocity, {{"force_n", {0.1}}}});
+              },
+              "physics.bias_force"},
+        Fault{"term_twice",
+              [](Model& m) {
+                m.terms.assign(2, {"bias_force", {}, {{"force_n", {0.1}}}});
+              },
+              "physics.bias_force"},
+        Fault{"term_that_is_there_already",
+              [](Model& m) {
+                m.terms.push_back({"dry_friction", {}, {{"friction_force_n", {0.1}}}});
+              },
+              "physics.dry_friction"}),
+    [](const auto& info) { return info.param.name; });
+
+TEST(Parameters, HavePathsOfTheirOwnAndLeadIntoTheModel) {
+  Model model = test::bench();
+  model.normal_load->law = NormalLoadLaw::wedge;
+  model.terms.push_back({"cubic_stiffness", {}, {{"k3_n_m3", {1.0e4}}}});
+  std::set<std::string> paths;
+  for (const NamedParameter& named : parameters_of(model)) {
+    EXPECT_TRUE(paths.insert(named.path).second) << named.path;
+    named.parameter->value += 1.0;
+  }
+  EXPECT_TRUE(paths.contains("normal_load.slope_per_m"));
+  EXPECT_TRUE(paths.contains("physics.cubic_stiffness.k3_n_m3"));
+  EXPECT_EQ(model.oscillator.mass_kg.value, 1.06);
+  EXPECT_EQ(model.terms[0].parameters["k3_n_m3"].value, 1.0e4 + 1.0);
+  EXPECT_EQ(Rig(model).parameter_paths().size(), paths.size());
+}
+
+}  // namespace
+}  // namespace stickslip::physics
