@@ -98,6 +98,7 @@ void Loop::wait_for_cycle() {
 bool Loop::cycle() {
   const std::int64_t begun_ns = clock_.now_ns();
   heed_stop_requests();
+  const bool at_rest = !amplifier_on_;
   const bool more = read();
   drive();
   count_up(timing_.cycles);
@@ -109,7 +110,9 @@ bool Loop::cycle() {
     finish(LoopEnd::Reason::end_of_data);
   } else if (settings_.frames && frames_ >= *settings_.frames) {
     finish(LoopEnd::Reason::frames_done);
-  } else if (stop_requests_.load(std::memory_order_acquire) > 0 && excitation_.is_off()) {
+  } else if (stop_requests_.load(std::memory_order_acquire) > 0 && excitation_.is_off() &&
+             at_rest) {
+    // Only now: the frame that was just handed over shows the shaker at rest.
     finish(LoopEnd::Reason::asked);
   }
   return why_.reason == LoopEnd::Reason::none;

@@ -36,7 +36,7 @@ class MessageSink final : public Sink {
   Put put_block(std::span<const Sample> block) override;
   Put put_estimate(const Estimate& estimate) override;
   Put put_message(const Message& message) override;
-  void rest() override { outlet_.rest(); }
+  bool settle() override { return outlet_.settle(); }
 
  private:
   template <class Type>

@@ -20,8 +20,8 @@ class Outlet {
   virtual bool put(const std::string& channel, std::span<const std::uint8_t> bytes,
                    std::int64_t time_us) = 0;
 
-  /// Nothing is coming at this moment.
-  virtual void rest() {}
+  /// Whether all that was put since the last time has really left.
+  virtual bool settle() { return true; }
 
   /// Everything that was put is safe, or false. Called once, at the end.
   virtual bool close() { return true; }

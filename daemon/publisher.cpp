@@ -11,15 +11,23 @@
 namespace stickslip::daemon {
 namespace {
 
+[[noreturn]] void refuse(const std::string& url) {
+  throw InputError({"", 0, 0,
+                    "LCM does not accept the URL '" + url +
+                        "': expected for example udpm://239.255.76.67:7667?ttl=0, and a route "
+                        "for its group (for one host: ip route add 239.255.76.67/32 dev lo); "
+                        "--no-lcm runs without"});
+}
+
+/// What LCM can publish through. Asked before LCM is, which would add lines of its own.
+bool is_known(const std::string& url) {
+  return url.starts_with("udpm://") || url.starts_with("tcpq://") || url.starts_with("memq://");
+}
+
 class LcmOutlet final : public Outlet {
  public:
   explicit LcmOutlet(const std::string& url) : url_(url), lcm_(url) {
-    if (!lcm_.good()) {
-      throw InputError({"", 0, 0,
-                        "LCM does not accept the URL '" + url +
-                            "': expected for example udpm://239.255.76.67:7667?ttl=0, and a "
-                            "network interface that is up"});
-    }
+    if (!lcm_.good()) refuse(url);
   }
 
   bool put(const std::string& channel, std::span<const std::uint8_t> bytes,
@@ -50,6 +58,7 @@ class LcmOutlet final : public Outlet {
 }  // namespace
 
 std::unique_ptr<Outlet> open_lcm(const std::string& url) {
+  if (!is_known(url)) refuse(url);
   return std::make_unique<LcmOutlet>(url);
 }
 

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <chrono>
 #include <cstring>
 
 #include "daemon/outlet.h"
@@ -12,11 +11,6 @@
 
 namespace stickslip::daemon {
 namespace {
-
-using std::chrono::steady_clock;
-
-// How much of a recording a power cut may cost, beside what the kernel has not written yet.
-constexpr auto flush_period = std::chrono::milliseconds(200);
 
 class LogOutlet final : public Outlet {
  public:
@@ -30,12 +24,7 @@ class LogOutlet final : public Outlet {
     return told(log_.append(channel, bytes, latest_us_));
   }
 
-  void rest() override {
-    const auto now = steady_clock::now();
-    if (now - flushed_ < flush_period) return;
-    flushed_ = now;
-    told(log_.flush());
-  }
+  bool settle() override { return told(log_.flush()); }
 
   bool close() override { return told(log_.close()); }
 
@@ -56,7 +45,6 @@ class LogOutlet final : public Outlet {
   std::string name_;
   protocol::LogWriter log_;
   std::int64_t latest_us_ = 0;
-  steady_clock::time_point flushed_;
   bool working_ = true;
 };
 

@@ -95,7 +95,7 @@ void Stream::run() {
         std::chrono::steady_clock::now() - block_begun_ >= settings_.longest_wait) {
       put_block();
     }
-    sink_.rest();
+    if (std::chrono::steady_clock::now() - settled_ >= settings_.settle_period) settle();
     std::this_thread::sleep_for(settings_.poll);
   }
   if (abandoned_.load(std::memory_order_acquire)) {
@@ -106,7 +106,7 @@ void Stream::run() {
   } else if (!block_.empty()) {
     put_block();
   }
-  sink_.rest();
+  settle();
   ended_.store(true, std::memory_order_release);
 }
 
@@ -148,12 +148,24 @@ bool Stream::put_messages() {
 void Stream::put_block() {
   const Put put = sink_.put_block(block_);
   if (put == Put::done) {
-    account_.deliver(block_.size());
+    unsettled_ += block_.size();
   } else {
     account_.lose(loss_of(put), block_.size());
   }
   put_estimates(block_.back().frame.sequence);
   block_.clear();
+  if (std::chrono::steady_clock::now() - settled_ >= settings_.settle_period) settle();
+}
+
+// Only what has left for good is delivered.
+void Stream::settle() {
+  settled_ = std::chrono::steady_clock::now();
+  if (sink_.settle()) {
+    account_.deliver(unsettled_);
+  } else {
+    account_.lose(Loss::write_error, unsettled_);
+  }
+  unsettled_ = 0;
 }
 
 // Those that belong to the block just put; a later one waits for its own.

@@ -46,8 +46,9 @@ class Sink {
   /// What the observer believed after some frame of the block before.
   virtual Put put_estimate(const Estimate& estimate) = 0;
   virtual Put put_message(const Message& message) = 0;
-  /// Nothing is coming at this moment: a good time to push buffers on.
-  virtual void rest() {}
+  /// Whether all that was put since the last time has really left. A disk takes what is put into a
+  /// buffer first and may refuse it only here.
+  virtual bool settle() { return true; }
 };
 
 struct StreamSettings {
@@ -57,6 +58,7 @@ struct StreamSettings {
       std::chrono::milliseconds(2);  ///< how often an empty ring is looked at
   std::chrono::nanoseconds longest_wait =
       std::chrono::milliseconds(100);  ///< of a frame for its block to fill
+  std::chrono::nanoseconds settle_period = std::chrono::milliseconds(200);  ///< between settlements
 };
 
 class Stream {
@@ -111,6 +113,7 @@ class Stream {
   bool put_messages();
   std::optional<Message> next_message();
   void put_block();
+  void settle();
 
   Sink& sink_;
   Account& account_;
@@ -128,6 +131,8 @@ class Stream {
   std::mutex messages_lock_;  // neither side of this one is the loop
   std::deque<Message> messages_;
   std::vector<Sample> block_;
+  std::uint64_t unsettled_ = 0;  // frames that were put and may still be refused
+  std::chrono::steady_clock::time_point settled_;
   std::chrono::steady_clock::time_point block_begun_;
   std::atomic<bool> draining_{false};
   std::atomic<bool> abandoned_{false};

@@ -98,6 +98,8 @@ class FakeSink final : public Sink {
     messages.push_back(message);
     return Put::done;
   }
+  bool settle() override { return !on_settle || on_settle(); }
+  std::function<bool()> on_settle;
   std::function<Put(std::span<const Sample>)> on_block;
   bool keep = true;
   std::vector<Sample> samples;

@@ -93,6 +93,24 @@ TEST(Stream, AFrameDoesNotWaitForeverForItsBlockToFill) {
   EXPECT_EQ(ledger.balance().published.delivered, 1U);
 }
 
+TEST(Stream, WhatIsRefusedOnlyAfterItWasTakenIsAWriteError) {
+  Ledger ledger;
+  test::FakeSink sink;
+  sink.on_settle = [settlements = 0]() mutable { return ++settlements > 1; };
+  Stream stream(sink, ledger.recorded(),
+                {.frames_per_block = 10, .poll = 100us, .settle_period = 1h});
+  stream.start();
+  for (std::uint64_t i = 0; i < 95; ++i) {
+    ledger.produce();
+    stream.offer(sample_of(i));
+  }
+  stream.finish(10s);
+  const AccountBalance recorded = ledger.balance().recorded;
+  EXPECT_TRUE(ledger.balance().is_closed());
+  EXPECT_GT(recorded.lost_to(Loss::write_error), 0U);
+  EXPECT_EQ(recorded.delivered + recorded.lost_to(Loss::write_error), 95U);
+}
+
 TEST(Stream, AFullRingLosesTheNewestAndSaysSo) {
   Ledger ledger;
   test::FakeSink sink;

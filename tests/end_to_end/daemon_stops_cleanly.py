@@ -1,0 +1,183 @@
+"""Whatever ends the daemon, nothing is lost: the recording holds every frame that was produced, the
+ledger says so and balances, and the last word to the shaker is "off"."""
+import os
+import random
+import re
+import signal
+import subprocess
+import time
+import unittest
+
+import frames
+from programs import SOURCE, STICKSLIPD, EndToEnd, main
+
+CONFIG = SOURCE / "config/simulated.toml"
+LEDGER = re.compile(r"(publishing|recording): (\d+) produced = (\d+) (?:published|recorded)"
+                    r"((?: \+ \d+ lost \([a-z ]+\))+)")
+
+
+class DaemonStopsCleanly(EndToEnd):
+    def setUp(self):
+        super().setUp()
+        self.types = frames.generate_types(self.folder)
+
+    def start(self, *arguments, config=CONFIG):
+        log = self.folder / f"{len(list(self.folder.glob('*.log')))}.log"
+        daemon = subprocess.Popen([STICKSLIPD, "--config", str(config), "--record", str(log),
+                                   *map(str, arguments)], stdout=subprocess.PIPE,
+                                  stderr=subprocess.STDOUT, text=True)
+        self.addCleanup(daemon.wait)
+        self.addCleanup(daemon.kill)
+        return daemon, log
+
+    def end(self, daemon, status=0):
+        said, _ = daemon.communicate(timeout=60)
+        self.assertEqual(daemon.returncode, status, said)
+        return said
+
+    def wait_for_recording(self, log, size=20000):
+        until = time.monotonic() + 30
+        while not log.exists() or log.stat().st_size < size:
+            self.assertLess(time.monotonic(), until, "the recording does not grow")
+            time.sleep(0.01)
+
+    def ledger(self, said):
+        """{consumer: (produced, delivered, lost)} as the daemon printed it."""
+        found = {}
+        for name, produced, delivered, losses in LEDGER.findall(said):
+            lost = sum(int(n) for n in re.findall(r"\+ (\d+) lost", losses))
+            found[name] = (int(produced), int(delivered), lost)
+        return found
+
+    def check(self, said, log, published=True):
+        ledger = self.ledger(said)
+        self.assertEqual(set(ledger), {"publishing", "recording"} if published else {"recording"}, said)
+        for name, (produced, delivered, lost) in ledger.items():
+            self.assertGreater(produced, 0, name)
+            self.assertEqual(produced, delivered + lost, said)
+        produced, recorded, lost = ledger["recording"]
+        self.assertEqual(lost, 0, said)
+
+        recording = frames.frames(log, self.types)
+        self.assertEqual(len(recording), recorded)
+        first = recording[0].sequence
+        self.assertEqual([frame.sequence for frame in recording],
+                         list(range(first, first + produced)))
+
+        events = list(frames.events(log))
+        self.assertEqual(events[0][0], "STICKSLIP_RECORDING")
+        info = self.types.recording_info_t.decode(events[0][1])
+        self.assertEqual(info.schema, 1)
+        self.assertIn("[rig]", info.configuration)
+        self.assertIn("[oscillator]", info.model)
+
+        self.assertEqual(events[-1][0], "STICKSLIP_STATUS")
+        status = self.types.status_t.decode(events[-1][1])
+        self.assertEqual(status.produced, produced)
+        self.assertEqual(status.recorded, recorded)
+        self.assertEqual(status.produced, status.recorded + sum(status.record_loss))
+        if published:
+            self.assertEqual(status.produced, status.published + sum(status.publish_loss))
+        return recording
+
+    def excitations(self, log):
+        return [self.types.excitation_t.decode(payload)
+                for payload in frames.payloads(log, "STICKSLIP_EXCITATION")]
+
+    def test_sigterm_ramps_down_and_loses_nothing(self):
+        daemon, log = self.start()
+        self.wait_for_recording(log, 200_000)
+        daemon.send_signal(signal.SIGTERM)
+        said = self.end(daemon)
+        self.check(said, log)
+        drives = self.excitations(log)
+        self.assertGreater(max(drive.amplitude for drive in drives), 1e-3)
+        self.assertEqual((drives[-1].drive, drives[-1].amplitude), (0.0, 0.0))
+        # Half a second of ramp: the amplitude falls over many blocks, never by a leap.
+        ramp = [drive.amplitude for drive in drives[-45:]]
+        self.assertLess(max(abs(a - b) for a, b in zip(ramp, ramp[1:])), 0.08 * max(ramp))
+
+    def test_a_stop_at_any_moment_loses_nothing(self):
+        dice = random.Random(20240711)
+        for _ in range(6):
+            number = dice.choice([signal.SIGTERM, signal.SIGINT])
+            daemon, log = self.start()
+            self.wait_for_recording(log, 200)
+            time.sleep(dice.uniform(0.0, 0.7))
+            daemon.send_signal(number)
+            if dice.random() < 0.5:
+                time.sleep(dice.uniform(0.0, 0.3))
+                if daemon.poll() is None:
+                    daemon.send_signal(number)  # once more: at once
+            with self.subTest(signal=number):
+                self.check(self.end(daemon), log)
+
+    def test_a_duration_is_kept_to_the_frame(self):
+        daemon, log = self.start("--duration", "1.5", "--no-lcm")
+        said = self.end(daemon)
+        self.assertEqual(len(self.check(said, log, published=False)), 1500)
+        self.assertEqual(self.excitations(log)[-1].drive, 0.0)
+        self.assertFalse(self.excitations(log)[-1].amplifier_on)
+
+    def test_time_that_is_simulated_runs_ahead_and_loses_nothing(self):
+        config = SOURCE / "config"
+        text = CONFIG.read_text().replace("models/", f"{config}/models/")
+        self.assertIn("[driver.simulated]\n", text)
+        fast = self.write("fast.toml", text.replace("[driver.simulated]\n",
+                                                    "[driver.simulated]\nreal_time = false\n"))
+        daemon, log = self.start("--duration", "20", "--no-lcm", config=fast)
+        began = time.monotonic()
+        said = self.end(daemon)
+        self.assertLess(time.monotonic() - began, 15)
+        self.assertEqual(len(self.check(said, log, published=False)), 20000)
+
+    def test_a_network_that_refuses_is_in_the_ledger_and_stops_nothing(self):
+        daemon, log = self.start("--duration", "2")
+        self.wait_for_recording(log)
+        # In this test's own network namespace: nobody else loses a route.
+        subprocess.run(["ip", "route", "del", "239.255.76.67/32"], check=True)
+        self.addCleanup(subprocess.run, ["ip", "route", "add", "239.255.76.67/32", "dev", "lo"])
+        said = self.end(daemon)
+        self.check(said, log)
+        produced, published, lost = self.ledger(said)["publishing"]
+        self.assertGreater(published, 0, said)
+        self.assertGreater(lost, 0, said)
+        self.assertIn("ip route add", said)
+
+    def test_no_route_at_the_start_is_said_with_its_cure(self):
+        subprocess.run(["ip", "route", "del", "239.255.76.67/32"], check=True)
+        self.addCleanup(subprocess.run, ["ip", "route", "add", "239.255.76.67/32", "dev", "lo"])
+        daemon, _ = self.start("--duration", "1")
+        self.assertIn("ip route add 239.255.76.67/32 dev lo", self.end(daemon, status=2))
+
+    @unittest.skipUnless(os.path.exists("/dev/full"), "no /dev/full here")
+    def test_a_full_disk_is_in_the_ledger_and_stops_nothing(self):
+        daemon = subprocess.Popen([STICKSLIPD, "--config", str(CONFIG), "--record", "/dev/full",
+                                   "--duration", "1"], stdout=subprocess.PIPE,
+                                  stderr=subprocess.STDOUT, text=True)
+        said = self.end(daemon, status=1)  # a recording that was asked for and is not there
+        ledger = self.ledger(said)
+        produced, recorded, lost = ledger["recording"]
+        self.assertEqual(produced, 1000)
+        self.assertEqual(produced, recorded + lost)
+        self.assertGreater(lost, 0)
+        self.assertEqual(ledger["publishing"], (1000, 1000, 0))
+        self.assertIn("No space left", said)
+
+    def test_what_cannot_run_says_so_in_one_line(self):
+        for arguments, words in (
+                (["--config", str(self.folder / "none.toml")], "none.toml"),
+                (["--config", str(CONFIG), "--record", str(self.folder / "x.csv")], "stickslip convert"),
+                (["--config", str(CONFIG), "--record", "/nowhere/x.log"], "/nowhere/x.log"),
+                (["--config", str(CONFIG), "--lcm-url", "nonsense://"], "nonsense://"),
+                (["--config", str(CONFIG), "--duration", "-1"], "--duration")):
+            with self.subTest(arguments=arguments):
+                result = subprocess.run([STICKSLIPD, *arguments], capture_output=True, text=True,
+                                        timeout=30)
+                self.assertEqual(result.returncode, 2, result.stderr)
+                self.assertIn(words, result.stderr)
+                self.assertEqual(len(result.stderr.strip().splitlines()), 1, result.stderr)
+
+
+if __name__ == "__main__":
+    main()
