@@ -59,13 +59,11 @@ enum class Standing : std::uint8_t {
 /// The standing in words that a person reads.
 std::string_view words_for(Standing standing);
 
-/// One estimate. A plain value of fixed size. Where `standing` is waiting or unsupported every
-/// number is 0; numbers are always finite.
+/// One estimate. A plain value of fixed size without padding between its fields. Where `standing`
+/// is waiting or unsupported every number is 0; numbers are always finite.
 struct FrictionEstimate {
   std::int64_t time_ns = 0;    ///< of the frame that it belongs to: no delay of a filter is left in
   std::uint64_t sequence = 0;  ///< of that frame
-  Standing standing = Standing::waiting;
-  bool valid = false;  ///< standing == Standing::good
 
   double theta = 0.0;             ///< friction over mu N, about -1 to 1
   double mu = 0.0;                ///< [1]; [N] where no normal load is declared
@@ -81,34 +79,34 @@ struct FrictionEstimate {
   double sticking = 0.0;
 
   /// Eq. (1) of the paper on the force channel as it was read, k_l y + m_l b'', with the delay of
-  /// its sensor chain in it; and that over N. For comparison. `raw_valid` is false, both are 0,
-  /// where the frame had no force channel; over N is 0 where N is.
-  bool raw_valid = false;
+  /// its sensor chain in it; and that over N, 0 where N is. For comparison; see raw_valid.
   double raw_friction_force_n = 0.0;
   double raw_friction_over_load = 0.0;
 
-  /// Covariance of the first `quantity_count` of `quantities`, in their units; symmetric, and 0
-  /// beyond what is used.
-  std::uint8_t used = 0;
-  std::array<Quantity, quantity_count> quantities{};
+  /// Covariance of the first `used` of `quantities`, in their units; symmetric, 0 beyond them.
   std::array<std::array<double, quantity_count>, quantity_count> covariance{};
 
   /// Reading minus prediction for each channel of this frame [unit of the channel], and the
-  /// standard deviation that the filter expected of it; bit i of `innovation_valid` says that
-  /// channel i took part. A channel that was refused as an outlier has its innovation here, but
-  /// not in nis.
+  /// standard deviation that the filter expected of it.
   std::array<double, channel_count> innovation{};
   std::array<double, channel_count> innovation_std{};
-  std::uint8_t innovation_valid = 0;
-  std::uint8_t refused = 0;  ///< bit i: channel i was an outlier and was not used
 
-  /// Normalised innovation squared of the channels that were used, and its degrees of freedom:
-  /// chi-squared distributed with that many degrees where the filter is right about its doubt.
+  /// Normalised innovation squared of the channels that were used: chi-squared distributed with
+  /// nis_freedom degrees where the filter is right about its doubt.
   double nis = 0.0;
-  std::uint8_t nis_freedom = 0;
 
   std::uint64_t restarts = 0;  ///< how often the filter diverged and began anew
   std::uint64_t refusals = 0;  ///< channel readings refused as outliers since construction
+
+  std::array<Quantity, quantity_count> quantities{};
+  std::uint8_t used = 0;  ///< how many of `quantities` this model has
+
+  Standing standing = Standing::waiting;
+  bool valid = false;      ///< standing == Standing::good
+  bool raw_valid = false;  ///< the frame had a force channel; otherwise the raw numbers are 0
+  std::uint8_t nis_freedom = 0;
+  std::uint8_t innovation_valid = 0;  ///< bit i: channel i was compared with its prediction
+  std::uint8_t refused = 0;           ///< bit i: channel i was an outlier, used for nothing
 
   /// The standard deviation of a quantity; 0 where the estimate does not hold it.
   double standard_deviation(Quantity quantity) const;

@@ -16,7 +16,6 @@ using physics::FilterMemory;
 using physics::Input;
 using physics::NormalLoadLaw;
 using physics::RigState;
-using physics::value_of;
 namespace state = physics::state;
 
 // p' and p'' are forgotten over this time, so that a drive that nobody measures cannot run away.
