@@ -1,5 +1,9 @@
 #include "protocol/frame_block.h"
 
+#include <cmath>
+
+#include "protocol/checksum.h"
+
 namespace stickslip::protocol {
 
 namespace {
@@ -29,6 +33,15 @@ void to_block(std::span<const Frame> frames, frame_block_t& block) {
     block.valid[i] = frame.valid;
     for (std::size_t c = 0; c < channel_count; ++c) (*columns[c])[i] = frame.value[c];
   }
+  // In the order of the wire.
+  Checksum sum;
+  for (const std::int64_t time : block.time_ns) sum.add_encoded(time);
+  for (const std::int64_t number : block.sequence) sum.add_encoded(number);
+  sum.add(std::span(block.valid));
+  for (const auto* column : columns) {
+    for (const double value : *column) sum.add_encoded(value);
+  }
+  block.checksum = static_cast<std::int32_t>(sum.value());
 }
 
 bool from_block(const frame_block_t& block, std::vector<Frame>& frames) {
@@ -44,8 +57,11 @@ bool from_block(const frame_block_t& block, std::vector<Frame>& frames) {
     Frame frame;
     frame.time_ns = block.time_ns[i];
     frame.sequence = static_cast<std::uint64_t>(block.sequence[i]);
-    frame.valid = block.valid[i];
-    for (std::size_t c = 0; c < channel_count; ++c) frame.value[c] = (*columns[c])[i];
+    for (const Channel channel : all_channels) {
+      const double value = (*columns[index_of(channel)])[i];
+      const bool measured = (block.valid[i] >> index_of(channel) & 1U) != 0;
+      if (measured && std::isfinite(value)) frame.set(channel, value);
+    }
     frames.push_back(frame);
   }
   return true;

@@ -2,14 +2,19 @@
 
 #include <lcm/eventlog.h>
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <fstream>
+#include <istream>
 #include <stickslip/frame_block_t.hpp>
 #include <stickslip/recording_info_t.hpp>
 
 #include "physics/problem.h"
 #include "protocol/channels.h"
+#include "protocol/decode.h"
 #include "protocol/frame_block.h"
 
 namespace stickslip::protocol {
@@ -25,15 +30,17 @@ struct CloseLog {
 };
 using Log = std::unique_ptr<lcm_eventlog_t, CloseLog>;
 
-struct FreeEvent {
-  void operator()(lcm_eventlog_event_t* event) const { lcm_eventlog_free_event(event); }
-};
-using Event = std::unique_ptr<lcm_eventlog_event_t, FreeEvent>;
+// What liblcm's own reader takes for a channel name at most.
+constexpr std::int64_t longest_channel = 999;
 
-[[noreturn]] void refuse(const std::filesystem::path& file, std::int64_t byte,
-                         const std::string& message) {
-  throw InputError(
-      Problem{file.string(), 0, 0, "at byte " + std::to_string(byte) + ": " + message});
+std::int64_t big_endian(std::span<const char, 4> bytes) {
+  std::uint32_t value = 0;
+  for (const char byte : bytes) value = value << 8U | static_cast<std::uint8_t>(byte);
+  return static_cast<std::int32_t>(value);
+}
+
+[[noreturn]] void refuse(const std::string& name, std::int64_t byte, const std::string& message) {
+  throw InputError(Problem{name, 0, 0, "at byte " + std::to_string(byte) + ": " + message});
 }
 
 void take_description(const recording_info_t& info, Description& description) {
@@ -50,59 +57,87 @@ void take_description(const recording_info_t& info, Description& description) {
 bool is_log(std::string_view head) { return head.substr(0, 4) == sync_word; }
 
 Recording read_log(const std::filesystem::path& file) {
-  const Log log(lcm_eventlog_create(file.c_str(), "r"));
-  if (!log) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in) {
     throw InputError(
         Problem{file.string(), 0, 0, std::string("cannot be read: ") + std::strerror(errno)});
   }
-  const auto size = static_cast<std::int64_t>(std::filesystem::file_size(file));
+  return parse_log(in, file.string());
+}
+
+// liblcm's own reader is not used: it skips what it does not understand without a word, prints some
+// of it, and a length of 2^31 - 1 crashes it.
+Recording parse_log(std::istream& in, const std::string& name) {
+  in.seekg(0, std::ios::end);
+  const std::int64_t size = in.tellg();
+  in.seekg(0);
   Recording recording;
-  recording.source = file.string();
+  recording.source = name;
+  frame_block_t block;
+  recording_info_t info;
+  std::string channel;
+  std::vector<std::uint8_t> data;
+  std::array<char, event_header_bytes> header{};
   std::int64_t at = 0;
+  const auto cut_off = [&]() {
+    refuse(name, at,
+           "the log is cut off: the " + std::to_string(size - at) +
+               " bytes that follow are no whole event; was it copied while being written?");
+  };
   while (at < size) {
-    // liblcm looks for the next sync word from where it is and is silent about what it skips, so
-    // where each event ends is checked against where it must. It also believes any length.
-    const Event event(lcm_eventlog_read_next_event(log.get()));
-    if (!event) {
-      refuse(file, at,
-             "the log is cut off: " + std::to_string(size - at) +
-                 " bytes are no whole event; was it copied while being written?");
+    if (size - at >= 4) {
+      in.read(header.data(), 4);
+      if (std::string_view(header.data(), 4) != sync_word) {
+        refuse(name, at, "damaged: no event begins here, where the one before ends");
+      }
     }
-    const std::int64_t end =
-        at + event_header_bytes + event->channellen + static_cast<std::int64_t>(event->datalen);
-    if (ftello(log->f) != end) refuse(file, at, "damaged: no event begins here");
-    const std::string_view channel(event->channel, static_cast<std::size_t>(event->channellen));
+    if (size - at < event_header_bytes) cut_off();
+    in.read(header.data() + 4, event_header_bytes - 4);
+    const std::int64_t channel_size = big_endian(std::span(header).subspan<20, 4>());
+    const std::int64_t data_size = big_endian(std::span(header).subspan<24, 4>());
+    if (channel_size < 1 || channel_size > longest_channel || data_size < 0) {
+      refuse(name, at,
+             "damaged: an event with a channel name of " + std::to_string(channel_size) +
+                 " bytes and " + std::to_string(data_size) + " bytes of data");
+    }
+    const std::int64_t end = at + event_header_bytes + channel_size + data_size;
+    if (end > size) cut_off();
+    channel.resize(static_cast<std::size_t>(channel_size));
+    data.resize(static_cast<std::size_t>(data_size));
+    in.read(channel.data(), channel_size);
+    in.read(reinterpret_cast<char*>(data.data()), data_size);
+    if (!in) {
+      throw InputError(
+          Problem{name, 0, 0,
+                  "at byte " + std::to_string(at) + ": cannot be read: " + std::strerror(errno)});
+    }
     if (channel == frames_channel) {
-      frame_block_t block;
       const std::size_t before = recording.frames.size();
-      if (block.decode(event->data, 0, event->datalen) != event->datalen ||
-          !from_block(block, recording.frames)) {
-        refuse(file, at,
-               "a message on " + std::string(channel) + " is no frame_block_t of this version");
+      if (!decode(data, block) || !from_block(block, recording.frames)) {
+        refuse(name, at,
+               "a message on " + channel + " is damaged, or no frame_block_t of this version");
       }
       for (std::size_t i = before; i < recording.frames.size(); ++i) {
         const Frame& frame = recording.frames[i];
         if (i > 0 && frame.time_ns <= recording.frames[i - 1].time_ns) {
-          refuse(file, at,
+          refuse(name, at,
                  "time does not increase: " + std::to_string(frame.time_ns) + " ns after " +
                      std::to_string(recording.frames[i - 1].time_ns) + " ns");
         }
         recording.channels |= frame.valid;
       }
     } else if (channel == recording_channel) {
-      recording_info_t info;
-      if (info.decode(event->data, 0, event->datalen) != event->datalen) {
-        refuse(file, at,
-               "a message on " + std::string(channel) + " is no recording_info_t of this version");
+      if (!decode(data, info)) {
+        refuse(name, at,
+               "a message on " + channel + " is damaged, or no recording_info_t of this version");
       }
       take_description(info, recording.description);
     }
     at = end;
   }
   if (recording.frames.empty()) {
-    throw InputError(
-        Problem{file.string(), 0, 0,
-                std::string("holds no frames: nothing was recorded on ") + frames_channel});
+    throw InputError(Problem{
+        name, 0, 0, std::string("holds no frames: nothing was recorded on ") + frames_channel});
   }
   return recording;
 }

@@ -14,6 +14,7 @@
 
 #include "physics/problem.h"
 #include "protocol/channels.h"
+#include "protocol/decode.h"
 #include "protocol/frame_block.h"
 #include "protocol/recording.h"
 #include "tools/command.h"
@@ -117,8 +118,7 @@ class Recorder {
  private:
   void take_block(std::span<const std::uint8_t> bytes, std::int64_t time_us) {
     frames_.clear();
-    const int size = static_cast<int>(bytes.size());
-    if (block_.decode(bytes.data(), 0, size) != size || !protocol::from_block(block_, frames_)) {
+    if (!protocol::decode(bytes, block_) || !protocol::from_block(block_, frames_)) {
       ++undecoded_;
       return;
     }

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <map>
 #include <memory>
+#include <span>
 #include <stickslip/event_t.hpp>
 #include <stickslip/excitation_t.hpp>
 #include <stickslip/frame_block_t.hpp>
@@ -17,6 +18,7 @@
 #include <vector>
 
 #include "protocol/channels.h"
+#include "protocol/decode.h"
 #include "protocol/frame_block.h"
 #include "tools/command.h"
 #include "tools/lcm_client.h"
@@ -40,11 +42,8 @@ std::string text(const char* format, double value) {
   return {out.data(), static_cast<std::size_t>(std::max(size, 0))};
 }
 
-// What a message says, in a line; nothing where it is no message of that type.
-template <class Message>
-bool decode(const lcm::ReceiveBuffer& buffer, Message& message) {
-  const int size = static_cast<int>(buffer.data_size);
-  return message.decode(buffer.data, 0, size) == size;
+std::span<const std::uint8_t> bytes_of(const lcm::ReceiveBuffer& buffer) {
+  return {static_cast<const std::uint8_t*>(buffer.data), buffer.data_size};
 }
 
 std::string values_of(const Frame& frame) {
@@ -181,7 +180,7 @@ class Spy {
   template <class Message>
   static void take_as(const lcm::ReceiveBuffer& buffer, Line& line) {
     Message message{};
-    if (decode(buffer, message)) {
+    if (protocol::decode(bytes_of(buffer), message)) {
       line.last = words(message);
     } else {
       ++line.undecoded;
@@ -191,7 +190,7 @@ class Spy {
   void take_block(const lcm::ReceiveBuffer& buffer, Line& line) {
     line.is_frames = true;
     frames_.clear();
-    if (!decode(buffer, block_) || !protocol::from_block(block_, frames_)) {
+    if (!protocol::decode(bytes_of(buffer), block_) || !protocol::from_block(block_, frames_)) {
       ++line.undecoded;
       return;
     }

@@ -1,0 +1,55 @@
+// CRC-32 as in zlib, Ethernet and PNG, so that any language can check what we write.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <span>
+
+namespace stickslip::protocol {
+
+/// Sums bytes in the order in which they are given.
+class Checksum {
+ public:
+  void add(std::uint8_t byte) { state_ = tables[0][(state_ ^ byte) & 0xFFU] ^ (state_ >> 8U); }
+
+  /// The eight bytes of `word`, least significant first.
+  void add_word(std::uint64_t word) {
+    word ^= state_;
+    state_ = 0;
+    for (std::size_t i = 0; i < 8; ++i) state_ ^= tables[7 - i][(word >> (8 * i)) & 0xFFU];
+  }
+
+  /// The eight bytes of a number as LCM encodes it, most significant first.
+  template <class Number>
+  requires(sizeof(Number) == 8) void add_encoded(Number number) {
+    add_word(__builtin_bswap64(std::bit_cast<std::uint64_t>(number)));
+  }
+
+  void add(std::span<const std::uint8_t> bytes) {
+    for (const std::uint8_t byte : bytes) add(byte);
+  }
+
+  std::uint32_t value() const { return ~state_; }
+
+ private:
+  // tables[n][b]: what byte b does to the sum when n further bytes have followed it.
+  static constexpr std::array<std::array<std::uint32_t, 256>, 8> tables = [] {
+    std::array<std::array<std::uint32_t, 256>, 8> out{};
+    for (std::uint32_t b = 0; b < 256; ++b) {
+      std::uint32_t r = b;
+      for (int bit = 0; bit < 8; ++bit) r = (r >> 1U) ^ ((r & 1U) != 0 ? 0xEDB88320U : 0U);
+      out[0][b] = r;
+    }
+    for (std::size_t n = 1; n < 8; ++n) {
+      for (std::size_t b = 0; b < 256; ++b) {
+        out[n][b] = out[0][out[n - 1][b] & 0xFFU] ^ (out[n - 1][b] >> 8U);
+      }
+    }
+    return out;
+  }();
+
+  std::uint32_t state_ = 0xFFFFFFFFU;
+};
+
+}  // namespace stickslip::protocol

@@ -1,0 +1,122 @@
+#include "protocol/decode.h"
+
+#include <cstddef>
+#include <exception>
+#include <limits>
+
+#include "protocol/checksum.h"
+#include "protocol/frame_block.h"
+
+namespace stickslip::protocol {
+
+namespace {
+
+// Walks over an encoded message as far as the counts that its arrays depend on. Once it has left
+// the message it stays outside.
+class Walk {
+ public:
+  explicit Walk(std::span<const std::uint8_t> bytes) : left_(bytes) { skip(8); }  // fingerprint
+
+  bool inside() const { return inside_; }
+
+  void skip(std::size_t bytes) {
+    inside_ = inside_ && bytes <= left_.size();
+    if (inside_) left_ = left_.subspan(bytes);
+  }
+
+  std::int64_t int32() {
+    if (left_.size() < 4) inside_ = false;
+    if (!inside_) return 0;
+    std::uint32_t value = 0;
+    for (std::size_t i = 0; i < 4; ++i) value = value << 8U | left_[i];
+    skip(4);
+    return static_cast<std::int32_t>(value);
+  }
+
+  /// Length and characters, of which the last is a zero.
+  void text() {
+    const std::int64_t size = int32();
+    inside_ = inside_ && size >= 1;
+    if (inside_) skip(static_cast<std::size_t>(size));
+  }
+
+  /// The number of elements of arrays whose elements take, all arrays together, at least `bytes`.
+  std::size_t count(std::size_t bytes) {
+    const std::int64_t claimed = int32();
+    inside_ =
+        inside_ && claimed >= 0 && static_cast<std::uint64_t>(claimed) <= left_.size() / bytes;
+    return inside_ ? static_cast<std::size_t>(claimed) : 0;
+  }
+
+ private:
+  std::span<const std::uint8_t> left_;
+  bool inside_ = true;
+};
+
+template <class Message>
+bool decode_whole(std::span<const std::uint8_t> bytes, Message& message) {
+  if (bytes.size() > static_cast<std::size_t>(std::numeric_limits<int>::max())) return false;
+  const int size = static_cast<int>(bytes.size());
+  try {
+    return message.decode(bytes.data(), 0, size) == size;
+  } catch (const std::exception&) {
+    return false;  // a text of no or negative length
+  }
+}
+
+constexpr std::size_t number = 8;
+constexpr std::size_t shortest_text = 5;
+
+}  // namespace
+
+bool decode(std::span<const std::uint8_t> bytes, frame_block_t& message) {
+  Walk walk(bytes);
+  // time, sequence, validity, channels
+  const std::size_t n = walk.count(2 * number + 1 + channel_count * number);
+  if (!walk.inside() || n == 0 || n > longest_block) return false;
+  walk.skip(4);  // flags
+  const auto checksum = static_cast<std::uint32_t>(walk.int32());
+  constexpr std::size_t before_the_sum = 8 + 3 * 4;
+  if (!walk.inside()) return false;
+  Checksum sum;
+  sum.add(bytes.subspan(before_the_sum));
+  return sum.value() == checksum && decode_whole(bytes, message);
+}
+
+bool decode(std::span<const std::uint8_t> bytes, friction_estimate_t& message) {
+  Walk walk(bytes);
+  // time, sequence, valid, and the eight numbers of the estimate
+  walk.skip(2 * number + 1 + 8 * number);
+  const std::size_t n = walk.count(shortest_text + 2 * number);
+  // The covariance has n rows of n.
+  if (!walk.inside() || n * n > bytes.size() / number) return false;
+  return decode_whole(bytes, message);
+}
+
+bool decode(std::span<const std::uint8_t> bytes, excitation_t& message) {
+  return decode_whole(bytes, message);
+}
+
+bool decode(std::span<const std::uint8_t> bytes, status_t& message) {
+  Walk walk(bytes);
+  walk.skip(2 * number);
+  walk.text();
+  walk.skip(number);
+  for (int ledger = 0; ledger < 2; ++ledger) {  // publishing, then recording
+    walk.skip(1 + number);
+    const std::size_t losses = walk.count(shortest_text + number);
+    for (std::size_t i = 0; i < losses && walk.inside(); ++i) walk.text();
+    walk.skip(losses * number);
+  }
+  return walk.inside() && decode_whole(bytes, message);
+}
+
+bool decode(std::span<const std::uint8_t> bytes, event_t& message) {
+  return decode_whole(bytes, message);
+}
+
+bool decode(std::span<const std::uint8_t> bytes, recording_info_t& message) {
+  return decode_whole(bytes, message);
+}
+
+}  // namespace stickslip::protocol
