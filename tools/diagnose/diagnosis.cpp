@@ -29,13 +29,13 @@ constexpr double claim_share_unexplained = 0.3;
 constexpr std::size_t most_findings = 3;
 constexpr std::size_t finalists = 5;
 
-double explained_limit(const std::vector<Experiment>& experiments) {
+bool noise_is_declared(std::span<const Experiment> experiments) {
   for (const Experiment& e : experiments) {
     for (std::size_t c = 0; c < predicted_channels; ++c) {
-      if (((e.compared >> c) & 1U) != 0 && !e.noise_declared[c]) return explained_estimated;
+      if (((e.compared >> c) & 1U) != 0 && !e.noise_declared[c]) return false;
     }
   }
-  return explained_declared;
+  return true;
 }
 
 Task task_for(const std::vector<Experiment>& experiments, bool held_out, int threads) {
@@ -102,9 +102,13 @@ double window_loss(double chi2, int count, int states) {
 
 struct HeldOut {
   std::vector<double> loss;  // by window
-  double chi2 = 0.0;
+  double chi2 = 0.0;         // per sample, states refitted
 };
 
+// Where the noise is declared, the refitted windows decide: their residuals are white when nothing
+// is missing, and every nat counts. Where it is not, every model is wrong by more than noise, and a
+// hypothesis could buy a better fit with hidden states that each window chooses anew; there the
+// errors of predictions ahead decide.
 HeldOut held_out_of(const Task& task, const Hypothesis& hypothesis, std::span<const double> z) {
   FitOptions states_only;
   states_only.parameters_free = false;
@@ -112,10 +116,17 @@ HeldOut held_out_of(const Task& task, const Hypothesis& hypothesis, std::span<co
   const Fit fitted =
       fit(task, hypothesis, {z.begin(), z.end()}, guessed_states(task, hypothesis), states_only);
   HeldOut out;
-  for (std::size_t w = 0; w < fitted.chi2.size(); ++w) {
-    out.loss.push_back(window_loss(fitted.chi2[w], fitted.count[w], fitted.states_per_window));
-  }
   out.chi2 = fitted.chi2_per_sample();
+  if (noise_is_declared(task.experiments)) {
+    for (std::size_t w = 0; w < fitted.chi2.size(); ++w) {
+      out.loss.push_back(window_loss(fitted.chi2[w], fitted.count[w], fitted.states_per_window));
+    }
+  } else {
+    const Ahead ahead = predict_ahead(task, hypothesis, z);
+    for (std::size_t w = 0; w < ahead.chi2.size(); ++w) {
+      out.loss.push_back(window_loss(ahead.chi2[w], ahead.count[w], 0));
+    }
+  }
   return out;
 }
 
@@ -293,6 +304,284 @@ Finding finding_of(const Candidate& candidate, const Fit& fitted, double inflati
   return finding;
 }
 
+double total_loss(const Candidate& candidate) {
+  double sum = 0.0;
+  for (const double each : candidate.held_out.loss) sum += each;
+  return sum;
+}
+
+// Adds one physics after the other to the declared model for as long as held-out data say so.
+class Search {
+ public:
+  Search(const std::vector<Experiment>& experiments, const Options& options)
+      : experiments_(experiments),
+        options_(options),
+        limit_(noise_is_declared(experiments) ? explained_declared : explained_estimated),
+        train_(task_for(experiments, false, options.threads)),
+        held_(task_for(experiments, true, options.threads)) {}
+
+  // A physics that was claimed, with those it was chosen from (itself first).
+  struct Claim {
+    const Effect* effect = nullptr;
+    std::vector<Candidate> rivals;
+    double chi2_before = 0.0;
+    double chi2_after = 0.0;
+  };
+
+  void run(const Model& model) {
+    say("calibrating the declared model", 0.0);
+    null_.hypothesis.emplace(model);
+    const std::vector<double> origin(null_.hypothesis->unknowns().size(), 0.0);
+    null_.fitted = fit_in_stages(train_, *null_.hypothesis, origin,
+                                 guessed_states(train_, *null_.hypothesis), 14);
+    settle(null_);
+    null_train_ = train_;
+    current_ = null_;
+    while (claims_.size() < most_findings && add_one()) {
+    }
+  }
+
+  const Candidate& null() const { return null_; }
+  const Candidate& result() const { return current_; }
+  const std::vector<Claim>& claims() const { return claims_; }
+  const std::vector<Trial>& trials() const { return trials_; }
+  const Task& held() const { return held_; }
+  const Task& null_train() const { return null_train_; }
+  double limit() const { return limit_; }
+  // The relation of the best candidate that was not claimed either, for want of better.
+  std::optional<physics::Relation> suspected() const { return suspected_; }
+
+ private:
+  void say(const std::string& what, double share) const {
+    if (!options_.progress) return;
+    const double stages = most_findings + 1.0;
+    options_.progress(what, 0.05 + 0.85 * (static_cast<double>(claims_.size()) + share) / stages);
+  }
+
+  // The fit brought to its end with weights that suit it, and scored.
+  void settle(Candidate& candidate) {
+    reweigh(train_, *candidate.hypothesis, candidate.fitted);
+    candidate.fitted =
+        fit(train_, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state);
+    candidate.held_out = held_out_of(held_, *candidate.hypothesis, candidate.fitted.z);
+  }
+
+  // `effect` added to `base`, from its best start, roughly fitted.
+  Candidate tried(const Candidate& base, const Effect& effect) const {
+    Candidate best;
+    best.effect = &effect;
+    const auto scales = scales_of(experiments_, *base.hypothesis, base.fitted.z);
+    for (const auto& start : effect.starts(scales)) {
+      const Hypothesis hypothesis = base.hypothesis->with(effect, start, effect.fixed(scales));
+      for (const std::vector<double>& z : starting_points(base, hypothesis)) {
+        Fit fitted =
+            fit_in_stages(train_, hypothesis, z,
+                          carried(base.fitted.state, train_, *base.hypothesis, hypothesis), 6);
+        if (!best.hypothesis || fitted.cost < best.fitted.cost) {
+          best.hypothesis.emplace(hypothesis);
+          best.fitted = std::move(fitted);
+        }
+      }
+    }
+    return best;
+  }
+
+  // Every effect that could be missing from `base`, roughly fitted, best first.
+  std::vector<Candidate> all_tried(const Candidate& base, double share_begin,
+                                   double share_end) const {
+    std::vector<Candidate> candidates;
+    const auto catalogue = physics::catalogue();
+    for (std::size_t i = 0; i < catalogue.size(); ++i) {
+      if (!physics::can_be_missing(*catalogue[i], base.hypothesis->model())) continue;
+      const double part = static_cast<double>(i) / static_cast<double>(catalogue.size());
+      say("trying " + std::string(catalogue[i]->card().id),
+          share_begin + (share_end - share_begin) * part);
+      candidates.push_back(tried(base, *catalogue[i]));
+    }
+    std::stable_sort(
+        candidates.begin(), candidates.end(),
+        [](const Candidate& a, const Candidate& b) { return a.fitted.cost < b.fitted.cost; });
+    return candidates;
+  }
+
+  // Fits a candidate to the end with weights of its own, and scores it against the current model.
+  void finish(Candidate& candidate) {
+    Task own = train_;
+    reweigh(own, *candidate.hypothesis, candidate.fitted);
+    candidate.fitted = fit(own, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state);
+    candidate.held_out = held_out_of(held_, *candidate.hypothesis, candidate.fitted.z);
+    candidate.z = gain_z(current_.held_out, candidate.held_out);
+  }
+
+  bool is_claimed(const Candidate& candidate) const {
+    const double excess = std::max(current_.held_out.chi2 - 1.0, 1.0);
+    const double share =
+        candidate.held_out.chi2 <= limit_ ? claim_share_explained : claim_share_unexplained;
+    return candidate.z > claim_z &&
+           current_.held_out.chi2 - candidate.held_out.chi2 > share * excess;
+  }
+
+  // Sorts by held-out loss. A law with a parameter or a hidden state more can always imitate its
+  // relative that lacks it: of declared rivals the simpler stands first as long as the other is not
+  // clearly better.
+  void rank(std::vector<Candidate>& candidates) const {
+    std::stable_sort(
+        candidates.begin(), candidates.end(),
+        [](const Candidate& a, const Candidate& b) { return total_loss(a) < total_loss(b); });
+    const Candidate& best = candidates.front();
+    const double gain = total_loss(current_) - total_loss(best);
+    std::size_t chosen = 0;
+    for (std::size_t k = 1; k < candidates.size(); ++k) {
+      if (are_rivals(*best.effect, *candidates[k].effect) &&
+          complexity(candidates[k]) < complexity(candidates[chosen]) &&
+          gain_z(candidates[k].held_out, best.held_out) < claim_z &&
+          total_loss(candidates[k]) - total_loss(best) < 0.15 * gain) {
+        chosen = k;
+      }
+    }
+    std::rotate(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(chosen),
+                candidates.begin() + static_cast<std::ptrdiff_t>(chosen) + 1);
+  }
+
+  void claim(const Candidate& winner, std::vector<Candidate> rivals) {
+    Claim claim;
+    claim.effect = winner.effect;
+    claim.rivals = std::move(rivals);
+    claim.chi2_before = current_.held_out.chi2;
+    current_ = winner;
+    settle(current_);
+    claim.chi2_after = current_.held_out.chi2;
+    claims_.push_back(std::move(claim));
+  }
+
+  bool add_one() {
+    std::vector<Candidate> rough = all_tried(current_, 0.0, 0.5);
+    if (rough.empty()) return false;
+    std::vector<Candidate> candidates(
+        rough.begin(),
+        rough.begin() + static_cast<std::ptrdiff_t>(std::min(finalists, rough.size())));
+    say("scoring on held-out data", 0.55);
+    for (Candidate& candidate : candidates) {
+      finish(candidate);
+      trials_.push_back({std::string(candidate.effect->card().id), static_cast<int>(claims_.size()),
+                         candidate.held_out.chi2, candidate.z});
+    }
+    rank(candidates);
+    if (!suspected_) suspected_ = candidates.front().effect->card().relation;
+    if (is_claimed(candidates.front())) {
+      const Candidate winner = candidates.front();
+      claim(winner, std::move(candidates));
+      return true;
+    }
+    if (current_.held_out.chi2 <= limit_ || !claims_.empty()) return false;
+    return add_pair(candidates);
+  }
+
+  // Two effects that each gain little alone may explain much together: friction, say, and a
+  // constant force that hides it in one direction.
+  bool add_pair(const std::vector<Candidate>& firsts) {
+    std::vector<Candidate> pairs;  // the best for each first effect, by that effect's name
+    std::vector<std::vector<Candidate>> seconds;  // what each was chosen from
+    const std::size_t count = std::min<std::size_t>(firsts.size(), 3);
+    for (std::size_t i = 0; i < count; ++i) {
+      const double share = 0.6 + 0.4 * static_cast<double>(i) / static_cast<double>(count);
+      std::vector<Candidate> tried = all_tried(firsts[i], share, share + 0.1);
+      if (tried.empty()) continue;
+      if (tried.size() > 2) tried.erase(tried.begin() + 2, tried.end());
+      for (Candidate& second : tried) finish(second);
+      rank(tried);
+      pairs.push_back(tried.front());
+      pairs.back().effect = firsts[i].effect;
+      seconds.push_back(std::move(tried));
+    }
+    if (pairs.empty()) return false;
+    std::size_t best = 0;
+    for (std::size_t i = 1; i < pairs.size(); ++i) {
+      if (total_loss(pairs[i]) < total_loss(pairs[best])) best = i;
+    }
+    const Candidate winner = seconds[best].front();
+    if (!is_claimed(winner)) return false;
+    const auto alone = std::find_if(firsts.begin(), firsts.end(), [&](const Candidate& c) {
+      return c.effect == pairs[best].effect;
+    });
+    const double chi2_alone = alone->held_out.chi2;
+    Claim first;
+    first.effect = pairs[best].effect;
+    first.chi2_before = current_.held_out.chi2;
+    first.chi2_after = chi2_alone;
+    std::rotate(pairs.begin(), pairs.begin() + static_cast<std::ptrdiff_t>(best),
+                pairs.begin() + static_cast<std::ptrdiff_t>(best) + 1);
+    first.rivals = std::move(pairs);
+    claims_.push_back(std::move(first));
+    claim(winner, std::move(seconds[best]));
+    claims_.back().chi2_before = chi2_alone;
+    return true;
+  }
+
+  const std::vector<Experiment>& experiments_;
+  const Options& options_;
+  double limit_;
+  Task train_;
+  Task held_;
+  Task null_train_;
+  Candidate null_;
+  Candidate current_;
+  std::vector<Claim> claims_;
+  std::vector<Trial> trials_;
+  std::optional<physics::Relation> suspected_;
+};
+
+std::vector<Finding> findings_of(const Search& search, std::uint64_t seed) {
+  const Candidate& result = search.result();
+  const double inflation = std::sqrt(std::max(1.0, result.fitted.chi2_per_sample()));
+  std::vector<Finding> findings;
+  for (const Search::Claim& claim : search.claims()) {
+    Candidate named = result;
+    named.effect = claim.effect;
+    Finding finding = finding_of(named, result.fitted, inflation);
+    finding.chi2_before = claim.chi2_before;
+    finding.chi2_after = claim.chi2_after;
+    const auto weight = probabilities(claim.rivals, seed + findings.size());
+    finding.probability = weight.front();
+    for (std::size_t k = 1; k < weight.size(); ++k) {
+      if (weight[k] < 0.005) continue;
+      finding.alternatives.push_back({std::string(claim.rivals[k].effect->card().id), weight[k]});
+    }
+    if (finding.probability < 0.95 && !finding.alternatives.empty()) {
+      finding.separating_experiment = std::string(finding.effect->card().experiment);
+    }
+    findings.push_back(std::move(finding));
+  }
+  return findings;
+}
+
+// Where the declared model fails, in units of the noise, whatever the weights of its fit were.
+Location location_of(const Search& search, const std::vector<Experiment>& experiments) {
+  Task measured = search.null_train();
+  measured.sigma = noise_sigma(experiments);
+  const Candidate& null = search.null();
+  Fit residuals = null.fitted;
+  for (std::size_t w = 0; w < measured.windows.size(); ++w) {
+    const WindowRef ref = measured.windows[w];
+    const Experiment& e = experiments[ref.experiment];
+    const Window& window = e.windows[ref.window];
+    const auto readings =
+        predict(e, window, window.end, *null.hypothesis, null.fitted.z, null.fitted.state[w]);
+    residuals.chi2[w] = 0.0;
+    for (std::size_t k = window.begin; k < window.end; ++k) {
+      for (std::size_t c = 0; c < predicted_channels; ++c) {
+        if (((e.valid[k] >> c) & 1U) == 0) continue;
+        const double r = (readings[k - window.begin][c] - e.reading[k][c]) / measured.sigma[c];
+        residuals.chi2[w] += std::min(r * r, 1.0e12);
+      }
+    }
+  }
+  const auto relation = search.claims().empty()
+                            ? search.suspected().value_or(physics::Relation::force_balance)
+                            : search.claims().front().effect->card().relation;
+  return locate(measured, *null.hypothesis, residuals, relation, search.limit());
+}
+
 }  // namespace
 
 std::string_view name_of(Verdict verdict) {
@@ -309,207 +598,61 @@ std::string_view name_of(Verdict verdict) {
 
 Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Model& model,
                    const Options& options) {
-  const auto progress = [&](const std::string& what, double done) {
-    if (options.progress) options.progress(what, done);
-  };
   Diagnosis out;
   std::vector<Experiment> experiments;
   for (const protocol::Recording& recording : recordings) {
     experiments.push_back(make_experiment(recording, model));
   }
   out.horizon_s = options.horizon_s.value_or(default_horizon_s(model, experiments.front()));
-  for (Experiment& e : experiments) cut_windows(e, model, out.horizon_s);
-  Task train = task_for(experiments, false, options.threads);
-  const Task held = task_for(experiments, true, options.threads);
-  if (train.windows.size() < 2 || held.windows.empty()) {
+  for (Experiment& e : experiments) {
+    cut_windows(e, model, out.horizon_s);
+    for (const Window& window : e.windows)
+      ++(window.held_out ? out.heldout_windows : out.fitted_windows);
+  }
+  if (out.fitted_windows < 2 || out.heldout_windows < 2) {
     throw InputError(Problem{recordings.front().source, 0, 0,
-                             "is too short: it gives " + std::to_string(train.windows.size()) +
+                             "is too short: it gives " + std::to_string(out.fitted_windows) +
                                  " windows of " + std::to_string(out.horizon_s) + " s to fit and " +
-                                 std::to_string(held.windows.size()) +
-                                 " to hold out; at least 2 and 1 are needed"});
-  }
-  out.fitted_windows = train.windows.size();
-  out.heldout_windows = held.windows.size();
-  const double limit = explained_limit(experiments);
-
-  // The declared model, calibrated within its priors.
-  progress("calibrating the declared model", 0.0);
-  Candidate current;
-  current.hypothesis.emplace(model);
-  const std::vector<double> origin(current.hypothesis->unknowns().size(), 0.0);
-  current.fitted = fit_in_stages(train, *current.hypothesis, origin,
-                                 guessed_states(train, *current.hypothesis), 14);
-  reweigh(train, *current.hypothesis, current.fitted);
-  FitOptions again;
-  current.fitted = fit(train, *current.hypothesis, current.fitted.z, current.fitted.state, again);
-  current.held_out = held_out_of(held, *current.hypothesis, current.fitted.z);
-  const Candidate null = current;
-  const Task null_train = train;
-
-  std::optional<physics::Relation> suspected;
-  std::vector<Candidate> found;
-  std::vector<std::vector<Candidate>> rivals_of_found;
-  for (std::size_t stage = 0; stage <= most_findings; ++stage) {
-    const double stage_begin = 0.1 + 0.8 * static_cast<double>(stage) / (most_findings + 1);
-    const double stage_span = 0.8 / (most_findings + 1);
-    std::vector<Candidate> candidates;
-    const auto catalogue = physics::catalogue();
-    for (std::size_t i = 0; i < catalogue.size(); ++i) {
-      const Effect& effect = *catalogue[i];
-      if (!physics::can_be_missing(effect, current.hypothesis->model())) continue;
-      progress("trying " + std::string(effect.card().id),
-               stage_begin + stage_span * 0.7 * static_cast<double>(i) /
-                                 static_cast<double>(catalogue.size()));
-      const auto scales = scales_of(experiments, *current.hypothesis, current.fitted.z);
-      Candidate best;
-      best.effect = &effect;
-      for (const auto& start : effect.starts(scales)) {
-        const Hypothesis hypothesis = current.hypothesis->with(effect, start, effect.fixed(scales));
-        for (const std::vector<double>& z : starting_points(current, hypothesis)) {
-          Fit fitted = fit_in_stages(
-              train, hypothesis, z,
-              carried(current.fitted.state, train, *current.hypothesis, hypothesis), 6);
-          if (!best.hypothesis || fitted.cost < best.fitted.cost) {
-            best.hypothesis.emplace(hypothesis);
-            best.fitted = std::move(fitted);
-          }
-        }
-      }
-      if (best.hypothesis) candidates.push_back(std::move(best));
-    }
-    if (candidates.empty()) break;
-    std::sort(candidates.begin(), candidates.end(),
-              [](const Candidate& a, const Candidate& b) { return a.fitted.cost < b.fitted.cost; });
-    if (candidates.size() > finalists)
-      candidates.erase(candidates.begin() + finalists, candidates.end());
-    progress("scoring on held-out data", stage_begin + stage_span * 0.75);
-    for (Candidate& candidate : candidates) {
-      FitOptions to_the_end;
-      Task own = train;
-      reweigh(own, *candidate.hypothesis, candidate.fitted);
-      candidate.fitted =
-          fit(own, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state, to_the_end);
-      candidate.held_out = held_out_of(held, *candidate.hypothesis, candidate.fitted.z);
-      candidate.z = gain_z(current.held_out, candidate.held_out);
-      out.trials.push_back({std::string(candidate.effect->card().id), static_cast<int>(stage),
-                            candidate.held_out.chi2, candidate.z});
-    }
-    const auto loss = [](const Candidate& c) {
-      double sum = 0.0;
-      for (const double each : c.held_out.loss) sum += each;
-      return sum;
-    };
-    std::sort(candidates.begin(), candidates.end(),
-              [&](const Candidate& a, const Candidate& b) { return loss(a) < loss(b); });
-    // A law with a parameter or a hidden state more can always imitate its relative that lacks it:
-    // of declared rivals the simpler stands as long as the other is not clearly better.
-    const Candidate& best = candidates.front();
-    std::size_t chosen = 0;
-    for (std::size_t k = 1; k < candidates.size(); ++k) {
-      if (are_rivals(*best.effect, *candidates[k].effect) &&
-          complexity(candidates[k]) < complexity(candidates[chosen]) &&
-          gain_z(candidates[k].held_out, best.held_out) < claim_z &&
-          loss(candidates[k]) - loss(best) < 0.15 * (loss(current) - loss(best))) {
-        chosen = k;
-      }
-    }
-    std::rotate(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(chosen),
-                candidates.begin() + static_cast<std::ptrdiff_t>(chosen) + 1);
-    const Candidate& winner = candidates.front();
-    if (!suspected) suspected = winner.effect->card().relation;
-    const double excess = std::max(current.held_out.chi2 - 1.0, 1.0);
-    const double share =
-        winner.held_out.chi2 <= limit ? claim_share_explained : claim_share_unexplained;
-    const bool claimed =
-        winner.z > claim_z && current.held_out.chi2 - winner.held_out.chi2 > share * excess;
-    if (!claimed || found.size() == most_findings) break;
-    rivals_of_found.push_back(candidates);
-    current = winner;
-    found.push_back(current);
-    reweigh(train, *current.hypothesis, current.fitted);
-    FitOptions settle;
-    current.fitted =
-        fit(train, *current.hypothesis, current.fitted.z, current.fitted.state, settle);
-    current.held_out = held_out_of(held, *current.hypothesis, current.fitted.z);
+                                 std::to_string(out.heldout_windows) +
+                                 " to hold out; at least 2 of each are needed"});
   }
 
-  progress("scoring the result", 0.92);
-  out.baseline = score(held, *null.hypothesis, null.fitted.z);
-  if (!found.empty()) out.augmented = score(held, *current.hypothesis, current.fitted.z);
-  const double inflation = std::sqrt(std::max(1.0, current.fitted.chi2_per_sample()));
-  double chi2_before = null.held_out.chi2;
-  for (std::size_t i = 0; i < found.size(); ++i) {
-    Candidate last = current;
-    last.effect = found[i].effect;
-    Finding finding = finding_of(last, current.fitted, inflation);
-    finding.chi2_before = chi2_before;
-    finding.chi2_after = found[i].held_out.chi2;
-    chi2_before = found[i].held_out.chi2;
-    const auto weight = probabilities(rivals_of_found[i], options.seed + i);
-    finding.probability = weight.front();
-    for (std::size_t k = 1; k < weight.size(); ++k) {
-      if (weight[k] < 0.005) continue;
-      finding.alternatives.push_back(
-          {std::string(rivals_of_found[i][k].effect->card().id), weight[k]});
-    }
-    if (finding.probability < 0.95 && !finding.alternatives.empty()) {
-      finding.separating_experiment = std::string(finding.effect->card().experiment);
-    }
-    out.findings.push_back(std::move(finding));
-  }
+  Search search(experiments, options);
+  search.run(model);
+  if (options.progress) options.progress("scoring the result", 0.92);
+  const Candidate& null = search.null();
+  const Candidate& result = search.result();
+  out.baseline = score(search.held(), *null.hypothesis, null.fitted.z);
+  if (!search.claims().empty())
+    out.augmented = score(search.held(), *result.hypothesis, result.fitted.z);
+  out.findings = findings_of(search, options.seed);
+  out.trials = search.trials();
 
-  const double last_chi2 = current.held_out.chi2;
-  const double first_excess = null.held_out.chi2 - 1.0;
-  const bool explained =
-      last_chi2 <= limit || (!found.empty() && last_chi2 - 1.0 <= 0.1 * first_excess);
-  if (found.empty()) {
-    out.verdict = explained ? Verdict::consistent : Verdict::unexplained;
-  } else {
-    out.verdict = explained ? Verdict::missing_physics : Verdict::unexplained;
-  }
-  if (out.verdict != Verdict::consistent) {
-    progress("locating the mismatch", 0.97);
-    const auto relation = !found.empty() ? found.front().effect->card().relation
-                                         : suspected.value_or(physics::Relation::force_balance);
-    Task measured = null_train;
-    measured.sigma = noise_sigma(experiments);
-    Fit residuals = null.fitted;
-    // In units of the noise, whatever the weights of the fit were.
-    for (std::size_t w = 0; w < measured.windows.size(); ++w) {
-      const WindowRef ref = measured.windows[w];
-      const Experiment& e = experiments[ref.experiment];
-      const Window& window = e.windows[ref.window];
-      const auto readings =
-          predict(e, window, window.end, *null.hypothesis, null.fitted.z, null.fitted.state[w]);
-      residuals.chi2[w] = 0.0;
-      for (std::size_t k = window.begin; k < window.end; ++k) {
-        for (std::size_t c = 0; c < predicted_channels; ++c) {
-          if (((e.valid[k] >> c) & 1U) == 0) continue;
-          const double r = (readings[k - window.begin][c] - e.reading[k][c]) / measured.sigma[c];
-          residuals.chi2[w] += std::min(r * r, 1.0e12);
-        }
-      }
-    }
-    out.location = locate(measured, *null.hypothesis, residuals, relation, limit);
-  }
+  const double excess_before = null.held_out.chi2 - 1.0;
+  const double excess_after = result.held_out.chi2 - 1.0;
+  const bool explained = result.held_out.chi2 <= search.limit() ||
+                         (!out.findings.empty() && excess_after <= 0.1 * excess_before);
+  out.verdict = !explained
+                    ? Verdict::unexplained
+                    : (out.findings.empty() ? Verdict::consistent : Verdict::missing_physics);
+  if (out.verdict != Verdict::consistent) out.location = location_of(search, experiments);
 
-  out.model = current.hypothesis->model_at(current.fitted.z);
-  const auto& unknowns = current.hypothesis->unknowns();
-  const auto& paths = current.hypothesis->rig().parameter_paths();
+  out.model = result.hypothesis->model_at(result.fitted.z);
+  const auto& unknowns = result.hypothesis->unknowns();
+  const auto& paths = result.hypothesis->rig().parameter_paths();
   for (std::size_t u = 0; u < unknowns.size(); ++u) {
-    if (unknowns[u].of_model) {
-      out.calibrated.emplace_back(paths[unknowns[u].parameter],
-                                  current.hypothesis->value(u, current.fitted.z[u]));
-    }
+    if (!unknowns[u].of_model) continue;
+    out.calibrated.emplace_back(paths[unknowns[u].parameter],
+                                result.hypothesis->value(u, result.fitted.z[u]));
   }
+  const Experiment& first = experiments.front();
   for (const Channel channel : all_channels) {
-    const Experiment& e = experiments.front();
     const std::size_t c = index_of(channel);
-    if (!(e.noise_std[c] > 0.0)) continue;
-    out.noise_std.emplace_back(channel, e.noise_std[c]);
-    if (!e.noise_declared[c]) out.noise_estimated.push_back(channel);
+    if (!(first.noise_std[c] > 0.0)) continue;
+    out.noise_std.emplace_back(channel, first.noise_std[c]);
+    if (!first.noise_declared[c]) out.noise_estimated.push_back(channel);
   }
-  progress("done", 1.0);
+  if (options.progress) options.progress("done", 1.0);
   return out;
 }
 

@@ -307,8 +307,7 @@ double default_horizon_s(const Model& model, const Experiment& experiment) {
       period_s = 2.0 * std::numbers::pi *
                  std::sqrt(oscillator.mass_kg.value / oscillator.stiffness_n_m->value);
     } else {
-      period_s =
-          1.0;  // no spring: nothing brings a wrong velocity back, so errors need time to show
+      period_s = 0.5;  // no spring: nothing brings a wrong velocity back, so errors grow fast
     }
   }
   const double longest = experiment.period_s * static_cast<double>(experiment.samples) / 24.0;

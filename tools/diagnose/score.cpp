@@ -39,23 +39,18 @@ std::vector<Experiment> with_windows_before(std::span<const Experiment> experime
   return shifted;
 }
 
-struct ErrorSums {
-  std::array<double, predicted_channels> square{};
-  std::array<std::size_t, predicted_channels> count{};
-
-  void add(const Experiment& e, std::size_t sample,
-           const std::array<double, predicted_channels>& reading) {
-    for (std::size_t c = 0; c < predicted_channels; ++c) {
-      if (((e.valid[sample] >> c) & 1U) == 0) continue;
-      const double error = reading[c] - e.reading[sample][c];
-      square[c] += error * error;
-      ++count[c];
-    }
+void add_errors(Ahead::Sums& sums, const Experiment& e, std::size_t sample,
+                const std::array<double, predicted_channels>& reading) {
+  for (std::size_t c = 0; c < predicted_channels; ++c) {
+    if (((e.valid[sample] >> c) & 1U) == 0) continue;
+    const double error = reading[c] - e.reading[sample][c];
+    sums.square[c] += error * error;
+    ++sums.count[c];
   }
-};
+}
 
 template <class Result>
-void finish(const ErrorSums& sums, std::span<const Experiment> experiments, Result& out) {
+void finish(const Ahead::Sums& sums, std::span<const Experiment> experiments, Result& out) {
   for (std::size_t c = 0; c < predicted_channels; ++c) {
     if (sums.count[c] == 0) continue;
     double spread = 0.0;
@@ -94,33 +89,46 @@ Score score(const Task& task, const Hypothesis& hypothesis, std::span<const doub
   out.nll_per_sample = 0.5 * out.chi2_per_sample + 0.5 * std::log(2.0 * std::numbers::pi) +
                        (channels > 0.0 ? log_sigma / channels : 0.0);
 
-  const std::vector<Experiment> before = with_windows_before(task.experiments);
-  Task estimate = task;
-  estimate.experiments = before;
-  std::erase_if(estimate.windows, [&](WindowRef ref) {
-    const Window& window = before[ref.experiment].windows[ref.window];
-    return window.end - window.begin < 8;
-  });
-  const Fit states =
-      fit(estimate, hypothesis, parameters, guessed_states(estimate, hypothesis), states_only);
-  std::vector<ErrorSums> sums(estimate.windows.size());
-  for_each_parallel(estimate.windows.size(), task.threads, [&](std::size_t w) {
-    const WindowRef ref = estimate.windows[w];
-    const Experiment& e = before[ref.experiment];
-    const Window& window = e.windows[ref.window];
-    const Window& ahead = task.experiments[ref.experiment].windows[ref.window];
-    const auto readings = predict(e, window, ahead.end, hypothesis, z, states.state[w]);
-    for (std::size_t k = ahead.begin; k < ahead.end; ++k)
-      sums[w].add(e, k, readings[k - window.begin]);
-  });
-  ErrorSums all;
-  for (const ErrorSums& each : sums) {
+  Ahead::Sums all;
+  for (const Ahead::Sums& each : predict_ahead(task, hypothesis, z).window) {
     for (std::size_t c = 0; c < predicted_channels; ++c) {
       all.square[c] += each.square[c];
       all.count[c] += each.count[c];
     }
   }
   finish(all, task.experiments, out);
+  return out;
+}
+
+Ahead predict_ahead(const Task& task, const Hypothesis& hypothesis, std::span<const double> z) {
+  const std::vector<Experiment> before = with_windows_before(task.experiments);
+  Task estimate = task;
+  estimate.experiments = before;
+  FitOptions states_only;
+  states_only.parameters_free = false;
+  states_only.iterations = 12;
+  const Fit states = fit(estimate, hypothesis, {z.begin(), z.end()},
+                         guessed_states(estimate, hypothesis), states_only);
+  Ahead out;
+  out.window.resize(task.windows.size());
+  out.chi2.assign(task.windows.size(), 0.0);
+  out.count.assign(task.windows.size(), 0);
+  for_each_parallel(task.windows.size(), task.threads, [&](std::size_t w) {
+    const WindowRef ref = task.windows[w];
+    const Experiment& e = before[ref.experiment];
+    const Window& window = e.windows[ref.window];
+    if (window.end - window.begin < 8) return;  // at the very beginning of the recording
+    const Window& ahead = task.experiments[ref.experiment].windows[ref.window];
+    const auto readings = predict(e, window, ahead.end, hypothesis, z, states.state[w]);
+    for (std::size_t k = ahead.begin; k < ahead.end; ++k) {
+      add_errors(out.window[w], e, k, readings[k - window.begin]);
+    }
+    for (std::size_t c = 0; c < predicted_channels; ++c) {
+      out.chi2[w] += out.window[w].square[c] / (task.sigma[c] * task.sigma[c]);
+      out.count[w] += static_cast<int>(out.window[w].count[c]);
+    }
+    if (!std::isfinite(out.chi2[w])) out.chi2[w] = 1.0e30;
+  });
   return out;
 }
 
@@ -135,13 +143,13 @@ FreeRun free_run(const Task& task, const Hypothesis& hypothesis, std::span<const
   states_only.parameters_free = false;
   const Fit fitted =
       fit(first, hypothesis, {z.begin(), z.end()}, guessed_states(first, hypothesis), states_only);
-  ErrorSums sums;
+  Ahead::Sums sums;
   for (std::size_t w = 0; w < first.windows.size(); ++w) {
     const Experiment& e = task.experiments[first.windows[w].experiment];
     const Window& window = e.windows.front();
     const auto readings = predict(e, window, e.usable_end, hypothesis, z, fitted.state[w]);
     for (std::size_t k = window.begin; k < e.usable_end; ++k)
-      sums.add(e, k, readings[k - window.begin]);
+      add_errors(sums, e, k, readings[k - window.begin]);
   }
   finish(sums, task.experiments, out);
   return out;
