@@ -13,6 +13,8 @@
 #include <system_error>
 #include <utility>
 
+#include "physics/sensor_chain.h"
+
 namespace stickslip::config {
 
 namespace {
@@ -114,6 +116,10 @@ std::size_t distance(std::string_view a, std::string_view b) {
 std::string nearest(std::string_view name, const std::vector<std::string>& names) {
   constexpr std::size_t longest_name = 64;
   if (name.size() > longest_name) return {};
+  // One that lacks its unit only.
+  for (const std::string& each : names) {
+    if (name.size() >= 2 && each.starts_with(std::string(name) + '_')) return each;
+  }
   std::string best;
   std::size_t best_distance = std::max<std::size_t>(2, name.size() / 3) + 1;
   for (const std::string& each : names) {
@@ -123,7 +129,7 @@ std::string nearest(std::string_view name, const std::vector<std::string>& names
       best_distance = d;
     }
   }
-  // One that differs by its ending only (mass, mass_g for mass_kg) lacks its unit, or has another.
+  // One that differs by its ending only has another unit, or none.
   if (best.empty() && name.size() >= 3) {
     for (const std::string& each : names) {
       if (each.starts_with(name) || name.starts_with(each)) return each;
@@ -381,12 +387,22 @@ class Check {
   void filters(const toml::node& node, const Key& key, const std::string& path) {
     const toml::array* list = node.as_array();
     if (list == nullptr) return expected(node, key, path);
+    std::int64_t sections = 0;
     for (const toml::node& each : *list) {
       if (const toml::table* filter = each.as_table()) {
         Check(filter_keys(), *filter, full(path), name_, problems_).run();
+        const auto order =
+            std::clamp<std::int64_t>((*filter)["order"].value_or<std::int64_t>(1), 1, 8);
+        sections += (order + 1) / 2;
       } else {
         expected(each, key, path);
       }
+    }
+    constexpr auto most = static_cast<std::int64_t>(physics::max_filter_sections);
+    if (sections > most) {
+      problem(node,
+              full(path) + ": together more than " + std::to_string(2 * most) +
+                  " poles (odd orders count as the next even one), which is no sensor's chain");
     }
   }
 
@@ -430,7 +446,7 @@ class Check {
     for (const toml::node& each : *list) {
       if (const toml::table* term = each.as_table()) {
         const auto id = (*term)["id"].value<std::string_view>();
-        Check(term_keys(), *term, joined(path, id.value_or("")), name_, problems_).run(true);
+        Check(term_keys(), *term, id ? joined(path, *id) : path, name_, problems_).run(true);
       } else {
         expected(each, key, path);
       }

@@ -540,7 +540,11 @@ std::string_view choice_at(std::span<const Key> keys, std::string_view path, std
 
 std::string number_text(double value) {
   std::array<char, 40> digits{};
-  const auto result = std::to_chars(digits.data(), digits.data() + digits.size(), value);
+  const double size = std::abs(value);
+  const bool plain = size == 0.0 || (size >= 1.0e-4 && size < 1.0e9);
+  const auto result =
+      std::to_chars(digits.data(), digits.data() + digits.size(), value,
+                    plain ? std::chars_format::fixed : std::chars_format::scientific);
   std::string text(digits.data(), result.ptr);
   if (text.find_first_of(".en") == std::string::npos) text += ".0";
   return text;

@@ -56,7 +56,7 @@ class Reader {
     try {
       text = read_text(file);
     } catch (const InputError& error) {
-      document_.report(path, file.string() + " " + error.problems().front().message);
+      document_.report(path, file.string() + ": " + error.problems().front().message);
       return false;
     }
     try {
