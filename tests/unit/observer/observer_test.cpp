@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <numbers>
 #include <random>
@@ -19,7 +18,6 @@ using physics::Model;
 using test::Law;
 using test::Moment;
 using test::paper_rig;
-using test::Watch;
 using test::watch;
 
 Model with_mu(Model model, double factor) {
@@ -213,7 +211,7 @@ TEST(Observer, IsTheSameBitForBitTwice) {
   for (std::size_t i = 0; i < once.size(); ++i) {
     const FrictionEstimate& a = once[i].estimate;
     const FrictionEstimate& b = again[i].estimate;
-    ASSERT_EQ(std::memcmp(&a.theta, &b.theta, sizeof a.theta), 0) << i;
+    ASSERT_EQ(a.theta, b.theta) << i;
     ASSERT_EQ(a.mu, b.mu) << i;
     ASSERT_EQ(a.friction_force_n, b.friction_force_n) << i;
     ASSERT_EQ(a.nis, b.nis) << i;
