@@ -130,11 +130,12 @@ class MalformedInput(EndToEnd):
         self.succeed("convert", self.good_recording, log)
         whole = log.read_bytes()
         self.assertGreater(len(whole), 1000)
+        second = whole.index(b"\xed\xa1\xda\x01", 1)  # where the second event begins
         spoilt = {
             "truncated_in_a_message.log": whole[:len(whole) * 2 // 3],
             "truncated_by_one_byte.log": whole[:-1],
             "truncated_in_the_first_header.log": whole[:17],
-            "overwritten.log": whole[:400] + b"\0" * 300 + whole[700:],
+            "overwritten.log": whole[:second] + b"\0" * 28 + whole[second + 28:],
             "trailing_rubbish.log": whole + b"rubbish, and no event",
         }
         for name, content in spoilt.items():

@@ -26,7 +26,7 @@ law = "constant"
 load_n = 0.15
 [friction]
 law = "coulomb"
-mu = 0.8
+mu = 0.2
 transition_speed_m_s = 0.0025
 [sensors.base_displacement]
 noise_std = {NOISE_M}
@@ -112,6 +112,7 @@ class SineOnLcm(EndToEnd):
         self.assertAlmostEqual(left / NOISE_M, 1.0, delta=0.1)
         for frame in last:
             self.assertTrue(math.isfinite(frame["displacement_m"]))
+        # The rest of the rig moves too: the pad slips.
         self.assertGreater(max(abs(frame["displacement_m"]) for frame in last), 1e-3)
 
 
