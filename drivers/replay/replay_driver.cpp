@@ -1,5 +1,6 @@
 #include "drivers/replay/replay_driver.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <utility>
@@ -9,6 +10,7 @@ namespace stickslip::drivers {
 namespace {
 
 constexpr std::int64_t longest_wait_ns = 100'000'000;
+constexpr double farthest_ns = 1.0e18;  // thirty years; keeps a slow replay within 64 bits
 
 std::int64_t monotonic_ns() {
   timespec now{};
@@ -54,7 +56,8 @@ Result ReplayDriver::read(Frame& frame) {
   const Frame& due = frames_[next_];
   if (speed_ > 0.0) {
     const auto since_first = static_cast<double>(due.time_ns - frames_.front().time_ns);
-    const std::int64_t when_ns = started_ns_ + std::llround(since_first / speed_);
+    const std::int64_t when_ns =
+        started_ns_ + std::llround(std::min(since_first / speed_, farthest_ns));
     const std::int64_t latest_ns = monotonic_ns() + longest_wait_ns;
     if (when_ns > latest_ns) {
       wait_until(latest_ns);

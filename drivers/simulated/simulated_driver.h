@@ -9,11 +9,10 @@
 
 namespace stickslip::drivers {
 
-/// Yields one frame a cycle, at exact multiples of the period of its own clock, which starts at 0;
-/// it does not wait (the loop keeps time). The commanded drive reaches the rig one period late, as
-/// straight lines between commands through a four-pole Butterworth low-pass of the shaker's
-/// bandwidth, so that the base's acceleration has no steps; with the amplifier off the command
-/// counts as 0, and the base comes to rest through the same low-pass.
+/// Yields one frame a cycle, at exact multiples of the period of its own clock, which starts at 0
+/// when it is opened; it does not wait (the loop keeps time), and no frame is ever missing. What is
+/// commanded reaches the rig through a Shaker. The same settings and commands give the same frames
+/// to the bit.
 class SimulatedDriver final : public Driver {
  public:
   /// `period_s` is the time from one read to the next.
@@ -23,6 +22,7 @@ class SimulatedDriver final : public Driver {
   Result open() override;
   Result start() override;
   Result read(Frame& frame) override;
+  /// Before start, after stop, and where the drive is not finite, the amplifier stays off.
   Result write(const Actuation& actuation) override;
   void stop() noexcept override;
   void close() noexcept override;
@@ -34,6 +34,7 @@ class SimulatedDriver final : public Driver {
   double period_s_;
   Description description_;
   std::unique_ptr<Bench> bench_;
+  std::string refusal_;
   bool running_ = false;
 };
 
