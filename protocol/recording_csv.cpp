@@ -35,48 +35,79 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(first, last - first + 1);
 }
 
-// Seconds as decimal text to nanoseconds, rounded to the nearest; exact for whatever has nine
-// decimals or fewer, which a double would not be far from its origin.
+// Text out of a file as a message can show it: on one line, and not all of a file that is none.
+std::string shown(std::string_view text) {
+  constexpr std::size_t longest = 60;
+  std::string out;
+  for (const char c : text.substr(0, longest)) {
+    out += static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? '?' : c;
+  }
+  return text.size() > longest ? out + "..." : out;
+}
+
+// A decimal number in its parts: [-]whole.fraction e exponent.
+struct Decimal {
+  bool negative = false;
+  std::string_view whole;
+  std::string_view fraction;
+  int exponent = 0;
+};
+
+std::string_view take_digits(std::string_view& text) {
+  const std::string_view digits = text.substr(0, text.find_first_not_of("0123456789"));
+  text.remove_prefix(digits.size());
+  return digits;
+}
+
+std::optional<Decimal> decimal(std::string_view text) {
+  Decimal out;
+  if (text.starts_with('-') || text.starts_with('+')) {
+    out.negative = text.front() == '-';
+    text.remove_prefix(1);
+  }
+  out.whole = take_digits(text);
+  if (text.starts_with('.')) {
+    text.remove_prefix(1);
+    out.fraction = take_digits(text);
+  }
+  if (out.whole.empty() && out.fraction.empty()) return std::nullopt;
+  if (text.starts_with('e') || text.starts_with('E')) {
+    text.remove_prefix(text.substr(1).starts_with('+') ? 2 : 1);
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), out.exponent);
+    if (error != std::errc() || std::abs(out.exponent) > 1000) return std::nullopt;
+    text.remove_prefix(static_cast<std::size_t>(end - text.data()));
+  }
+  if (!text.empty()) return std::nullopt;
+  return out;
+}
+
+// Seconds as decimal text to nanoseconds, rounded to the nearest. Exact, which a double would not
+// be far from its origin.
 std::optional<std::int64_t> nanoseconds(std::string_view text) {
-  const bool negative = !text.empty() && text.front() == '-';
-  std::string_view digits = text;
-  if (!digits.empty() && (digits.front() == '-' || digits.front() == '+')) digits.remove_prefix(1);
-  std::int64_t value = 0;
-  int decimals = -1;
-  bool any = false;
-  bool round_up = false;
-  for (const char c : digits) {
-    if (c == '.' && decimals < 0) {
-      decimals = 0;
-      continue;
-    }
-    if (c < '0' || c > '9') {
-      // An exponent or no number at all: let the library decide.
-      double seconds = 0.0;
-      const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seconds);
-      if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(seconds) ||
-          std::abs(seconds) > 9.0e9) {
-        return std::nullopt;
-      }
-      return std::llround(seconds * 1.0e9);
-    }
-    any = true;
-    if (decimals < 9) {
-      if (value > (INT64_MAX - 9) / 10) return std::nullopt;
-      value = value * 10 + (c - '0');
-      if (decimals >= 0) ++decimals;
-    } else if (decimals == 9) {
-      round_up = c >= '5';
-      ++decimals;
+  const auto number = decimal(text);
+  if (!number) return std::nullopt;
+  std::uint64_t magnitude = 0;
+  const auto shift = [&magnitude](unsigned digit) {
+    return !__builtin_mul_overflow(magnitude, 10U, &magnitude) &&
+           !__builtin_add_overflow(magnitude, digit, &magnitude);
+  };
+  // The power of ten, in nanoseconds, that the next digit stands for.
+  int place = static_cast<int>(std::min<std::size_t>(number->whole.size(), 100000)) - 1 +
+              number->exponent + 9;
+  for (const std::string_view part : {number->whole, number->fraction}) {
+    for (const char c : part) {
+      const auto digit = static_cast<unsigned>(c - '0');
+      if (place == -1 && digit >= 5) ++magnitude;
+      if (place >= 0 && !shift(digit)) return std::nullopt;
+      --place;
     }
   }
-  if (!any) return std::nullopt;
-  for (int i = std::max(decimals, 0); i < 9; ++i) {
-    if (value > INT64_MAX / 10) return std::nullopt;
-    value *= 10;
+  for (; place >= 0 && magnitude != 0; --place) {
+    if (!shift(0)) return std::nullopt;
   }
-  if (round_up) ++value;
-  return negative ? -value : value;
+  constexpr std::uint64_t limit = INT64_MAX;
+  if (magnitude > limit + (number->negative ? 1U : 0U)) return std::nullopt;
+  return static_cast<std::int64_t>(number->negative ? ~magnitude + 1U : magnitude);
 }
 
 class CsvParser {
@@ -125,7 +156,7 @@ class CsvParser {
       if (cell != "time_s") {
         const auto channel = channel_named(cell);
         if (!channel || info(*channel).column != cell) {
-          refuse("unknown column \"" + std::string(cell) + "\"; expected " + columns_known());
+          refuse("unknown column \"" + shown(cell) + "\"; expected " + columns_known());
         }
         column = static_cast<int>(index_of(*channel));
       }
@@ -135,7 +166,7 @@ class CsvParser {
       time = time || column == time_column;
       columns_.push_back(column);
     }
-    if (!time) refuse("has no column time_s; its header is \"" + std::string(line) + "\"");
+    if (!time) refuse("has no column time_s; its header is \"" + shown(line) + "\"");
     if (columns_.size() < 2)
       refuse("has no channel beside time_s; expected one of " + columns_known());
   }
@@ -182,17 +213,19 @@ class CsvParser {
     if (column == time_column) {
       const auto time = nanoseconds(cell);
       if (!time)
-        refuse("time_s is \"" + std::string(cell) + "\"; expected seconds, as a finite number");
+        refuse("time_s is \"" + shown(cell) +
+               "\"; expected seconds as a decimal number, below 9.2e9");
       frame.time_ns = *time;
       return;
     }
     if (cell.empty()) return;  // not measured
     const Channel channel = all_channels[static_cast<std::size_t>(column)];
     double value = 0.0;
-    const char* begin = cell.data() + (cell.front() == '+' ? 1 : 0);
+    const bool plus = cell.front() == '+' && cell.substr(1, 1) != "-";
+    const char* begin = cell.data() + (plus ? 1 : 0);
     const auto [end, error] = std::from_chars(begin, cell.data() + cell.size(), value);
     if (error != std::errc() || end != cell.data() + cell.size() || !std::isfinite(value)) {
-      refuse(std::string(info(channel).column) + " is \"" + std::string(cell) +
+      refuse(std::string(info(channel).column) + " is \"" + shown(cell) +
              "\"; expected a finite number in " + std::string(info(channel).unit) +
              ", or nothing where it was not measured");
     }

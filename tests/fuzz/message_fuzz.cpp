@@ -1,0 +1,33 @@
+// Any bytes as a message of each type, as a network may bring them: refused, or decoded into what
+// encodes to as many bytes.
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <stdexcept>
+
+#include "protocol/decode.h"
+
+namespace {
+
+template <class Message>
+void try_as(std::span<const std::uint8_t> bytes) {
+  Message message{};
+  if (!stickslip::protocol::decode(bytes, message)) return;
+  if (message.getEncodedSize() != static_cast<int>(bytes.size())) {
+    throw std::logic_error("a message decoded is of another size than its bytes");
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace stickslip;
+  const std::span bytes(data, size);
+  try_as<frame_block_t>(bytes);
+  try_as<friction_estimate_t>(bytes);
+  try_as<excitation_t>(bytes);
+  try_as<status_t>(bytes);
+  try_as<event_t>(bytes);
+  try_as<recording_info_t>(bytes);
+  return 0;
+}

@@ -1,0 +1,92 @@
+// Writes the seeds of fuzz_log and fuzz_message: binary, and of the types as they are now.
+//   protocol_seeds FOLDER
+#include <cstdint>
+#include <cstdio>
+#include <exception>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "protocol/decode.h"
+#include "protocol/frame_block.h"
+#include "protocol/recording.h"
+
+namespace {
+
+using namespace stickslip;
+
+template <class Message>
+void write(const std::filesystem::path& file, const Message& message) {
+  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(message.getEncodedSize()));
+  message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+  // A seed that the target would refuse is none.
+  Message again{};
+  if (!protocol::decode(bytes, again)) throw std::runtime_error(file.string() + ": no message");
+  std::ofstream out(file, std::ios::binary);
+  out.write(reinterpret_cast<const char*>(bytes.data()),
+            static_cast<std::streamsize>(bytes.size()));
+}
+
+void write_seeds(const std::filesystem::path& folder) {
+  const std::filesystem::path logs = folder / "logs";
+  const std::filesystem::path messages = folder / "messages";
+  std::filesystem::create_directories(logs);
+  std::filesystem::create_directories(messages);
+
+  protocol::Recording recording;
+  for (int i = 0; i < 12; ++i) {
+    Frame frame;
+    frame.time_ns = 1'000'000 * i;
+    frame.sequence = static_cast<std::uint64_t>(i);
+    frame.set(Channel::displacement, 0.001 * i);
+    if (i % 2 == 0) frame.set(Channel::drive_force, -0.5);
+    recording.frames.push_back(frame);
+  }
+  recording.description = {1, "bench", "stickslipd", "0.1.0", "[rig]\n", "schema = 1\n"};
+  protocol::write_log(recording, logs / "good.log", 4);
+  protocol::write_log(recording, logs / "one_frame_blocks.log", 1);
+
+  frame_block_t block;
+  protocol::to_block(recording.frames, block);
+  write(messages / "frame_block", block);
+  friction_estimate_t estimate{};
+  estimate.state_count = 2;
+  estimate.state_name = {"displacement_m", "mu"};
+  estimate.state = {0.1, 0.8};
+  estimate.covariance = {{1.0, 0.0}, {0.0, 1.0}};
+  write(messages / "estimate", estimate);
+  write(messages / "excitation", excitation_t{});
+  status_t status{};
+  status.state = "running";
+  status.publish_loss_count = 2;
+  status.publish_loss_name = {"ring full", "socket"};
+  status.publish_loss = {1, 2};
+  status.record_loss_count = 1;
+  status.record_loss_name = {"disk"};
+  status.record_loss = {3};
+  write(messages / "status", status);
+  event_t event{};
+  event.code = "overrun";
+  event.message = "a cycle took 1.2 ms";
+  write(messages / "event", event);
+  recording_info_t info{};
+  info.configuration = "[rig]\n";
+  write(messages / "recording_info", info);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 2) {
+    std::fprintf(stderr, "usage: protocol_seeds FOLDER\n");
+    return 2;
+  }
+  try {
+    write_seeds(argv[1]);
+    return 0;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "protocol_seeds: %s\n", error.what());
+    return 1;
+  }
+}

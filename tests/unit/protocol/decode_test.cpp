@@ -1,0 +1,173 @@
+#include "protocol/decode.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+#include <vector>
+
+#include "protocol/frame_block.h"
+
+namespace stickslip::protocol {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+template <class Message>
+Bytes encoded(const Message& message) {
+  Bytes bytes(static_cast<std::size_t>(message.getEncodedSize()));
+  message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+  return bytes;
+}
+
+frame_block_t some(frame_block_t) {
+  std::vector<Frame> frames(5);
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    frames[i].time_ns = static_cast<std::int64_t>(i);
+    frames[i].set(Channel::velocity, 0.5 * static_cast<double>(i));
+  }
+  frame_block_t block;
+  to_block(frames, block);
+  return block;
+}
+
+friction_estimate_t some(friction_estimate_t) {
+  friction_estimate_t estimate{};
+  estimate.state_count = 3;
+  estimate.state_name = {"displacement_m", "", "mu"};
+  estimate.state = {1, 2, 3};
+  estimate.covariance = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  return estimate;
+}
+
+excitation_t some(excitation_t) {
+  excitation_t excitation{};
+  excitation.drive = 1.0;
+  return excitation;
+}
+
+status_t some(status_t) {
+  status_t status{};
+  status.state = "running";
+  status.publish_loss_count = 2;
+  status.publish_loss_name = {"ring full", "socket"};
+  status.publish_loss = {3, 4};
+  status.record_loss_count = 1;
+  status.record_loss_name = {"disk"};
+  status.record_loss = {5};
+  status.degraded = 1;
+  return status;
+}
+
+event_t some(event_t) {
+  event_t event{};
+  event.code = "overrun";
+  event.message = "a cycle took 1.2 ms";
+  return event;
+}
+
+recording_info_t some(recording_info_t) {
+  recording_info_t info{};
+  info.rig = "bench";
+  info.configuration = "[rig]\n";
+  return info;
+}
+
+void write_int32(Bytes& bytes, std::size_t at, std::uint32_t value) {
+  for (std::size_t i = 0; i < 4; ++i) {
+    bytes[at + i] = static_cast<std::uint8_t>(value >> (24U - 8U * i));
+  }
+}
+
+template <class Message>
+class Decode : public testing::Test {};
+using Messages = testing::Types<frame_block_t, friction_estimate_t, excitation_t, status_t, event_t,
+                                recording_info_t>;
+TYPED_TEST_SUITE(Decode, Messages);
+
+TYPED_TEST(Decode, TakesWhatWasEncoded) {
+  const Bytes bytes = encoded(some(TypeParam{}));
+  TypeParam message{};
+  ASSERT_TRUE(decode(bytes, message));
+  EXPECT_EQ(encoded(message), bytes);
+}
+
+TYPED_TEST(Decode, RefusesEveryOtherLength) {
+  const Bytes bytes = encoded(some(TypeParam{}));
+  TypeParam message{};
+  for (std::size_t size = 0; size < bytes.size(); ++size) {
+    EXPECT_FALSE(decode(std::span(bytes).first(size), message)) << size;
+  }
+  Bytes longer = bytes;
+  longer.push_back(0);
+  EXPECT_FALSE(decode(longer, message));
+}
+
+TYPED_TEST(Decode, RefusesAnotherType) {
+  Bytes bytes = encoded(some(TypeParam{}));
+  bytes[0] = static_cast<std::uint8_t>(bytes[0] ^ 1U);
+  TypeParam message{};
+  EXPECT_FALSE(decode(bytes, message));
+}
+
+// Every place where a count or a length may stand is set to what would make a careless decoder ask
+// for gigabytes, or wrap its sizes around. An address-space limit would notice only some of it, so
+// what is left in the message is looked at as well: nothing in it may be larger than its bytes.
+TYPED_TEST(Decode, CannotBeTalkedIntoMemory) {
+  const Bytes bytes = encoded(some(TypeParam{}));
+  for (std::size_t at = 0; at + 4 <= bytes.size(); ++at) {
+    for (const std::uint32_t value :
+         {0xFFFFFFFFU, 0x80000000U, 0x7FFFFFFFU, 0x20000000U, 0x10000001U, 0x01000000U, 0U}) {
+      Bytes spoilt = bytes;
+      write_int32(spoilt, at, value);
+      TypeParam message{};
+      if (decode(spoilt, message)) {
+        EXPECT_EQ(message.getEncodedSize(), static_cast<int>(bytes.size()));
+      }
+      if constexpr (std::is_same_v<TypeParam, friction_estimate_t>) {
+        EXPECT_LE(message.state_name.capacity(), bytes.size());
+        EXPECT_LE(message.covariance.capacity(), bytes.size());
+      } else if constexpr (std::is_same_v<TypeParam, status_t>) {
+        EXPECT_LE(message.publish_loss_name.capacity(), bytes.size());
+        EXPECT_LE(message.record_loss_name.capacity(), bytes.size());
+      } else if constexpr (std::is_same_v<TypeParam, frame_block_t>) {
+        EXPECT_LE(message.time_ns.capacity(), bytes.size());
+      }
+    }
+  }
+}
+
+TYPED_TEST(Decode, SurvivesRandomDamage) {
+  const Bytes bytes = encoded(some(TypeParam{}));
+  std::mt19937 random(1);
+  for (int round = 0; round < 5000; ++round) {
+    Bytes spoilt = bytes;
+    for (int i = 0; i < 3; ++i)
+      spoilt[8 + random() % (spoilt.size() - 8)] = static_cast<std::uint8_t>(random());
+    spoilt.resize(random() % (spoilt.size() + 1));
+    TypeParam message{};
+    (void)decode(spoilt, message);
+  }
+}
+
+TEST(DecodeFrameBlock, NoticesEveryFlippedBitOfTheFrames) {
+  const Bytes bytes = encoded(some(frame_block_t{}));
+  frame_block_t block;
+  for (std::size_t at = 16; at < bytes.size(); ++at) {
+    for (unsigned bit = 0; bit < 8; ++bit) {
+      Bytes spoilt = bytes;
+      spoilt[at] = static_cast<std::uint8_t>(spoilt[at] ^ (1U << bit));
+      EXPECT_FALSE(decode(spoilt, block)) << "byte " << at;
+    }
+  }
+}
+
+TEST(DecodeFrameBlock, FlagsAreNotUnderTheChecksum) {
+  frame_block_t block = some(frame_block_t{});
+  block.flags = 1;
+  frame_block_t again;
+  ASSERT_TRUE(decode(encoded(block), again));
+  EXPECT_EQ(again.flags, 1);
+}
+
+}  // namespace
+}  // namespace stickslip::protocol

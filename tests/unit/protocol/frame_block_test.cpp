@@ -1,0 +1,108 @@
+#include "protocol/frame_block.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <vector>
+
+#include "protocol/checksum.h"
+
+namespace stickslip::protocol {
+namespace {
+
+std::vector<Frame> frames(std::size_t count) {
+  std::vector<Frame> out(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    out[i].time_ns = static_cast<std::int64_t>(1'000'000 * i);
+    out[i].sequence = 10 + i;
+    for (const Channel channel : all_channels) {
+      if ((i + index_of(channel)) % 3 != 0) {
+        out[i].set(channel, 0.1 * static_cast<double>(i) - static_cast<double>(index_of(channel)));
+      }
+    }
+  }
+  return out;
+}
+
+TEST(FrameBlock, CarriesFramesThereAndBack) {
+  const std::vector<Frame> before = frames(7);
+  frame_block_t block;
+  to_block(before, block);
+  EXPECT_EQ(block.count, 7);
+  EXPECT_EQ(block.flags, 0);
+  EXPECT_EQ(block.base_displacement_m[3], before[3][Channel::base_displacement]);
+  std::vector<Frame> after = frames(1);  // appended to, not replaced
+  ASSERT_TRUE(from_block(block, after));
+  ASSERT_EQ(after.size(), 8U);
+  after.erase(after.begin());
+  EXPECT_EQ(after, before);
+}
+
+TEST(FrameBlock, ARefillOfTheSameOrASmallerSizeAllocatesNothing) {
+  frame_block_t block;
+  to_block(frames(10), block);
+  const auto* times = block.time_ns.data();
+  const auto* values = block.drive_force_n.data();
+  for (const std::size_t count : {3U, 10U, 1U, 10U}) {
+    to_block(frames(count), block);
+    EXPECT_EQ(block.time_ns.data(), times);
+    EXPECT_EQ(block.drive_force_n.data(), values);
+    EXPECT_EQ(block.valid.size(), count);
+  }
+}
+
+TEST(FrameBlock, WhatAFramePromisesHoldsWhateverTheSenderDid) {
+  frame_block_t block;
+  Frame frame;
+  frame.set(Channel::velocity, 1.0);
+  frame.set(Channel::displacement, 2.0);
+  frame.set(Channel::normal_load, 3.0);
+  to_block(std::vector<Frame>{frame}, block);
+  block.valid[0] = 0b11000011;  // two bits of no channel; the normal load's bit taken away
+  block.velocity_m_s[0] = std::numeric_limits<double>::quiet_NaN();
+  std::vector<Frame> out;
+  ASSERT_TRUE(from_block(block, out));
+  Frame expected;
+  expected.set(Channel::displacement, 2.0);
+  EXPECT_EQ(out.at(0), expected);
+}
+
+TEST(FrameBlock, RefusesABlockThatContradictsItself) {
+  std::vector<Frame> out;
+  for (const std::int32_t count : {-1, 0, 2, 4}) {
+    frame_block_t block;
+    to_block(frames(3), block);
+    block.count = count;
+    EXPECT_FALSE(from_block(block, out)) << count;
+  }
+  frame_block_t block;
+  to_block(frames(3), block);
+  block.drive_force_n.pop_back();
+  EXPECT_FALSE(from_block(block, out));
+  EXPECT_TRUE(out.empty());
+}
+
+TEST(Checksum, IsTheOneOfZlib) {
+  Checksum sum;
+  for (const char c : {'1', '2', '3', '4', '5', '6', '7', '8', '9'}) {
+    sum.add(static_cast<std::uint8_t>(c));
+  }
+  EXPECT_EQ(sum.value(), 0xCBF43926U);  // the published check value of CRC-32
+  EXPECT_EQ(Checksum().value(), 0U);
+}
+
+TEST(Checksum, ANumberIsItsEightBytes) {
+  Checksum by_bytes;
+  Checksum by_number;
+  const std::int64_t number = 0x0123456789ABCDEF;
+  for (int pass = 0; pass < 3; ++pass) {
+    by_number.add_encoded(number);
+    for (const int byte : {0x01, 0x23, 0x45, 0x67, 0x89, 0xAB, 0xCD, 0xEF}) {
+      by_bytes.add(static_cast<std::uint8_t>(byte));
+    }
+    EXPECT_EQ(by_number.value(), by_bytes.value());
+  }
+}
+
+}  // namespace
+}  // namespace stickslip::protocol
