@@ -74,6 +74,14 @@ void Loop::end() {
   publish_state();
 }
 
+bool Loop::next_notice(Notice& notice) {
+  const Notice* const next = notices_.front();
+  if (next == nullptr) return false;
+  notice = *next;
+  notices_.pop();
+  return true;
+}
+
 void Loop::wait_for_cycle() {
   late_ = false;
   if (settings_.pacing != Pacing::deadlines) return;
@@ -174,8 +182,8 @@ void Loop::acquire(const Frame& raw) {
   sample.amplifier_on = amplifier_on_;
   sample.late = late_;
   sample.state = safety_.state();
+  sample.number = frames_++;
   previous_ = si.frame;
-  ++frames_;
   const Estimate* estimate = nullptr;
   if (observer_ != nullptr) {
     estimate = &observer_->update(si.frame);
@@ -200,7 +208,7 @@ void Loop::hand_over(const Sample& sample, const Estimate* estimate) {
   ledger_.produce();
   for (Stream* stream : streams_) {
     if (settings_.pacing == Pacing::free) wait_for_room(*stream);
-    if (estimate != nullptr) stream->offer(*estimate);
+    if (estimate != nullptr) stream->offer({sample.number, *estimate});
     stream->offer(sample);
   }
 }
@@ -268,7 +276,7 @@ void Loop::notice(Notice::Kind kind, std::uint64_t count, std::int64_t duration_
   out.count = count;
   out.duration_ns = duration_ns;
   out.set_text(text);
-  if (!notices_.try_enqueue(out)) count_up(timing_.lost_events);
+  if (!notices_.push(out)) count_up(timing_.lost_events);
 }
 
 }  // namespace stickslip::daemon

@@ -3,8 +3,6 @@
 // clock's.
 #pragma once
 
-#include <readerwriterqueue/readerwriterqueue.h>
-
 #include <atomic>
 #include <cstdint>
 #include <optional>
@@ -16,6 +14,7 @@
 #include "daemon/estimate.h"
 #include "daemon/excitation.h"
 #include "daemon/ledger.h"
+#include "daemon/ring.h"
 #include "daemon/safety.h"
 #include "daemon/sample.h"
 #include "daemon/stream.h"
@@ -73,7 +72,7 @@ class Loop {
   void end();
 
   /// What has been noticed, oldest first. One reader, any thread.
-  bool next_notice(Notice& notice) { return notices_.try_dequeue(notice); }
+  bool next_notice(Notice& notice);
 
   const Timing& timing() const { return timing_; }
   RigState state() const { return published_state_.load(std::memory_order_relaxed); }
@@ -106,7 +105,7 @@ class Loop {
   Safety safety_;
   Timing timing_;
   LoopEnd why_;
-  moodycamel::ReaderWriterQueue<Notice> notices_;
+  Ring<Notice> notices_;
   std::atomic<int> stop_requests_{0};
   std::atomic<RigState> published_state_{RigState::idle};
 

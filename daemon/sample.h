@@ -7,6 +7,7 @@
 #include <string_view>
 #include <type_traits>
 
+#include "daemon/estimate.h"
 #include "daemon/excitation.h"
 #include "daemon/safety.h"
 #include "physics/frame.h"
@@ -15,6 +16,8 @@ namespace stickslip::daemon {
 
 /// One cycle's worth of data.
 struct Sample {
+  std::uint64_t number =
+      0;        ///< counts the loop's samples from 0, whatever the source's sequence does
   Frame frame;  ///< calibrated, SI
   Drive drive;  ///< what the shaker was asked for while the frame was taken
   bool amplifier_on = false;
@@ -23,6 +26,12 @@ struct Sample {
 };
 
 static_assert(std::is_trivially_copyable_v<Sample>);
+
+/// What the observer believed after the sample of that number.
+struct NumberedEstimate {
+  std::uint64_t number = 0;
+  Estimate estimate;
+};
 
 /// Something that the loop noticed.
 struct Notice {

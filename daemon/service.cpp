@@ -111,9 +111,9 @@ class Service {
   void send(const Message& message);
   int finish(Loop& loop);
 
+  Ledger ledger_;
   const config::Rig& rig_;
   MonotonicClock clock_;
-  Ledger ledger_;
   Pacing pacing_ = Pacing::deadlines;
   std::unique_ptr<Consumer> publisher_;
   std::unique_ptr<Consumer> recorder_;

@@ -16,8 +16,7 @@ Stream::Stream(Sink& sink, Account& account, const StreamSettings& settings)
       account_(account),
       settings_(settings),
       ring_(settings.ring_frames),
-      estimate_room_(settings.ring_frames / settings.frames_per_block + 2),
-      estimates_(estimate_room_) {
+      estimates_(settings.ring_frames / settings.frames_per_block + 2) {
   block_.reserve(settings_.frames_per_block);
   account_.enable();
 }
@@ -25,31 +24,18 @@ Stream::Stream(Sink& sink, Account& account, const StreamSettings& settings)
 Stream::~Stream() { finish(std::chrono::nanoseconds::zero()); }
 
 void Stream::offer(const Sample& sample) {
-  if (has_room() && ring_.try_enqueue(sample)) {
-    offered_.store(offered_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
-  } else {
-    account_.lose(Loss::ring_full, 1);
-  }
+  if (!ring_.push(sample)) account_.lose(Loss::ring_full, 1);
 }
 
-void Stream::offer(const Estimate& estimate) {
-  if (waiting_estimates() < estimate_room_ && estimates_.try_enqueue(estimate)) {
-    offered_estimates_.store(offered_estimates_.load(std::memory_order_relaxed) + 1,
-                             std::memory_order_release);
-  } else {
-    lost_messages_.fetch_add(1, std::memory_order_relaxed);
-  }
-}
-
-const Sample* Stream::front() const { return waiting() == 0 ? nullptr : ring_.peek(); }
-
-void Stream::pop() {
-  ring_.pop();
-  taken_.store(taken_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
+void Stream::offer(const NumberedEstimate& estimate) {
+  if (!estimates_.push(estimate)) lost_messages_.fetch_add(1, std::memory_order_relaxed);
 }
 
 void Stream::lose_waiting() {
-  for (; front() != nullptr; pop()) account_.lose(Loss::shutdown, 1);
+  for (; ring_.front() != nullptr; ring_.pop()) account_.lose(Loss::shutdown, 1);
+  for (; estimates_.front() != nullptr; estimates_.pop()) {
+    lost_messages_.fetch_add(1, std::memory_order_relaxed);
+  }
 }
 
 void Stream::send(Message message) {
@@ -113,10 +99,10 @@ void Stream::run() {
 // At most one block, so that messages and the end are looked at in between.
 bool Stream::take_samples() {
   bool any = false;
-  while (const Sample* sample = front()) {
+  while (const Sample* sample = ring_.front()) {
     if (block_.empty()) block_begun_ = std::chrono::steady_clock::now();
     block_.push_back(*sample);
-    pop();
+    ring_.pop();
     any = true;
     if (block_.size() == settings_.frames_per_block) {
       put_block();
@@ -152,7 +138,7 @@ void Stream::put_block() {
   } else {
     account_.lose(loss_of(put), block_.size());
   }
-  put_estimates(block_.back().frame.sequence);
+  put_estimates(block_.back().number);
   block_.clear();
   if (std::chrono::steady_clock::now() - settled_ >= settings_.settle_period) settle();
 }
@@ -169,16 +155,12 @@ void Stream::settle() {
 }
 
 // Those that belong to the block just put; a later one waits for its own.
-void Stream::put_estimates(std::uint64_t up_to_sequence) {
-  while (waiting_estimates() > 0) {
-    const Estimate* estimate = estimates_.peek();
-    if (estimate->sequence > up_to_sequence) return;
-    if (sink_.put_estimate(*estimate) != Put::done) {
+void Stream::put_estimates(std::uint64_t up_to_number) {
+  for (; const NumberedEstimate* next = estimates_.front(); estimates_.pop()) {
+    if (next->number > up_to_number) return;
+    if (sink_.put_estimate(next->estimate) != Put::done) {
       lost_messages_.fetch_add(1, std::memory_order_relaxed);
     }
-    estimates_.pop();
-    taken_estimates_.store(taken_estimates_.load(std::memory_order_relaxed) + 1,
-                           std::memory_order_release);
   }
 }
 

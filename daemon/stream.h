@@ -3,8 +3,6 @@
 // publisher and the recorder are two of these; neither can delay the other or the loop.
 #pragma once
 
-#include <readerwriterqueue/readerwriterqueue.h>
-
 #include <atomic>
 #include <chrono>
 #include <cstddef>
@@ -17,8 +15,8 @@
 #include <thread>
 #include <vector>
 
-#include "daemon/estimate.h"
 #include "daemon/ledger.h"
+#include "daemon/ring.h"
 #include "daemon/sample.h"
 
 namespace stickslip::daemon {
@@ -75,12 +73,10 @@ class Stream {
 
   /// Loop only, before the sample that it belongs to: what the observer believed after it. One that
   /// finds no room is dropped and counted as a lost message.
-  void offer(const Estimate& estimate);
+  void offer(const NumberedEstimate& estimate);
 
   /// Loop only: whether the next offer will be taken. For sources that can wait.
-  bool has_room() const {
-    return waiting() < settings_.ring_frames && waiting_estimates() < estimate_room_;
-  }
+  bool has_room() const { return ring_.has_room() && estimates_.has_room(); }
 
   /// Any thread but the loop's. A message that finds no room is dropped and counted.
   void send(Message message);
@@ -91,24 +87,13 @@ class Stream {
   /// waiting then is lost to shutdown. Afterwards no thread runs and `send` puts at once.
   void finish(std::chrono::nanoseconds patience);
 
-  /// Frames in the ring.
-  std::size_t waiting() const {
-    const std::uint64_t taken = taken_.load(std::memory_order_acquire);
-    return offered_.load(std::memory_order_acquire) - taken;
-  }
   /// Messages and estimates that found no room or were refused.
   std::uint64_t lost_messages() const { return lost_messages_.load(std::memory_order_relaxed); }
 
  private:
   void run();
-  std::size_t waiting_estimates() const {
-    const std::uint64_t taken = taken_estimates_.load(std::memory_order_acquire);
-    return offered_estimates_.load(std::memory_order_acquire) - taken;
-  }
   bool take_samples();
-  void put_estimates(std::uint64_t up_to_sequence);
-  const Sample* front() const;
-  void pop();
+  void put_estimates(std::uint64_t up_to_number);
   void lose_waiting();
   bool put_messages();
   std::optional<Message> next_message();
@@ -118,16 +103,8 @@ class Stream {
   Sink& sink_;
   Account& account_;
   StreamSettings settings_;
-  moodycamel::ReaderWriterQueue<Sample> ring_;
-  std::size_t estimate_room_;
-  moodycamel::ReaderWriterQueue<Estimate> estimates_;
-  // How many went in (written by the loop) and came out (written by the consumer). They order the
-  // slots for everyone who reads this code, the thread sanitizer included, which cannot see that
-  // the ring orders them too.
-  alignas(64) std::atomic<std::uint64_t> offered_{0};
-  std::atomic<std::uint64_t> offered_estimates_{0};
-  alignas(64) std::atomic<std::uint64_t> taken_{0};
-  std::atomic<std::uint64_t> taken_estimates_{0};
+  Ring<Sample> ring_;
+  Ring<NumberedEstimate> estimates_;
   std::mutex messages_lock_;  // neither side of this one is the loop
   std::deque<Message> messages_;
   std::vector<Sample> block_;

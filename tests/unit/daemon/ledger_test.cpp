@@ -96,7 +96,12 @@ TEST(Stream, AFrameDoesNotWaitForeverForItsBlockToFill) {
 TEST(Stream, WhatIsRefusedOnlyAfterItWasTakenIsAWriteError) {
   Ledger ledger;
   test::FakeSink sink;
-  sink.on_settle = [settlements = 0]() mutable { return ++settlements > 1; };
+  // The first settlement of something.
+  sink.on_settle = [&sink, refused = false]() mutable {
+    if (refused || sink.sizes.empty()) return true;
+    refused = true;
+    return false;
+  };
   Stream stream(sink, ledger.recorded(),
                 {.frames_per_block = 10, .poll = 100us, .settle_period = 1h});
   stream.start();
@@ -109,6 +114,29 @@ TEST(Stream, WhatIsRefusedOnlyAfterItWasTakenIsAWriteError) {
   EXPECT_TRUE(ledger.balance().is_closed());
   EXPECT_GT(recorded.lost_to(Loss::write_error), 0U);
   EXPECT_EQ(recorded.delivered + recorded.lost_to(Loss::write_error), 95U);
+}
+
+TEST(Stream, EstimatesFollowTheirBlockWhateverTheSequenceNumbersDo) {
+  Ledger ledger;
+  test::FakeSink sink;
+  Stream stream(sink, ledger.published(), {.frames_per_block = 10, .poll = 100us});
+  stream.start();
+  for (std::uint64_t i = 0; i < 5000; ++i) {
+    Sample sample = sample_of(i % 7 == 0 ? 1'000'000 : i % 100);
+    sample.number = i;
+    while (!stream.has_room()) std::this_thread::sleep_for(100us);
+    if (i % 10 == 9) {
+      NumberedEstimate estimate{i, {}};
+      estimate.estimate.mu = static_cast<double>(i);
+      stream.offer(estimate);
+    }
+    stream.offer(sample);
+  }
+  stream.finish(10s);
+  ASSERT_EQ(sink.estimates.size(), 500U);
+  EXPECT_EQ(sink.estimates[0].mu, 9.0);
+  EXPECT_EQ(sink.estimates.back().mu, 4999.0);
+  EXPECT_EQ(stream.lost_messages(), 0U);
 }
 
 TEST(Stream, AFullRingLosesTheNewestAndSaysSo) {
