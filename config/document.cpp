@@ -228,11 +228,11 @@ class Check {
   }
 
  private:
-  void problem(const Place& place, std::string message) {
+  void problem(const Place& place, const std::string& message) {
     problems_.push_back({name_, place.line, place.column, one_line(message)});
   }
-  void problem(const toml::node& at, std::string message) {
-    problem(place_of(at.source()), std::move(message));
+  void problem(const toml::node& at, const std::string& message) {
+    problem(place_of(at.source()), message);
   }
   std::string full(std::string_view path) const { return joined(label_, path); }
 
@@ -278,7 +278,7 @@ class Check {
       message += prefix.empty() && label_.empty() ? "; there are " : "; here may stand ";
       message += listed(names);
     }
-    problem(place_of(name.source()), std::move(message));
+    problem(place_of(name.source()), message);
   }
 
   /// The path of the one key, in another table, that has that name.
@@ -346,7 +346,7 @@ class Check {
       const std::string meant = nearest(*text, {choices.begin(), choices.end()});
       if (!meant.empty()) message += ": did you mean \"" + meant + "\"?";
     }
-    problem(node, std::move(message));
+    problem(node, message);
   }
 
   void parameter(const toml::node& node, const Key& key, const std::string& path) {
@@ -595,7 +595,7 @@ Document::~Document() = default;
 Document::Document(Document&&) noexcept = default;
 Document& Document::operator=(Document&&) noexcept = default;
 
-void Document::report(std::string_view path, std::string message) {
+void Document::report(std::string_view path, const std::string& message) {
   const toml::node* found = nullptr;
   std::string_view rest = path;
   constexpr std::string_view terms = "physics.";

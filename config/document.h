@@ -36,7 +36,7 @@ class Document {
 
   /// Adds a problem at the key or table of that path, or at the nearest table around it that is
   /// there. "physics.ID.NAME" leads into the [[physics]] table of that id.
-  void report(std::string_view path, std::string message);
+  void report(std::string_view path, const std::string& message);
 
   /// Adds problems of another file that this one names.
   void add(const std::vector<Problem>& problems);
