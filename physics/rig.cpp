@@ -124,7 +124,7 @@ Rig::Rig(const Model& model) : model_(model) {
   }
   if (structure_.resonant)
     fastest = std::max(fastest, std::sqrt(n.c.cell_stiffness / n.c.cell_mass));
-  longest_step_s_ = std::clamp(0.04 / fastest, 1.0e-6, 1.0e-3);
+  longest_step_s_ = std::clamp(0.05 / fastest, 1.0e-6, 1.0e-3);
 }
 
 bool Rig::has_state(int index) const {

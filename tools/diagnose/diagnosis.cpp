@@ -28,6 +28,11 @@ constexpr double claim_share_explained = 0.05;
 constexpr double claim_share_unexplained = 0.3;
 constexpr std::size_t most_findings = 3;
 constexpr std::size_t finalists = 5;
+// Every candidate is first fitted roughly, on so many windows spread over the recording, ...
+constexpr std::size_t rough_windows = 14;
+constexpr int rough_iterations = 5;
+// ... and none any more once held-out chi-squared is this close to what noise alone gives.
+constexpr double at_the_floor = 1.1;
 
 bool noise_is_declared(std::span<const Experiment> experiments) {
   for (const Experiment& e : experiments) {
@@ -201,11 +206,12 @@ Fit fit_in_stages(const Task& task, const Hypothesis& hypothesis, const std::vec
   Task beginning = task;
   beginning.share = 0.35;
   FitOptions few;
-  few.iterations = 4;
-  few.tolerance = 1.0e-3;
+  few.iterations = 3;
+  few.tolerance = 1.0e-2;
   const Fit first = fit(beginning, hypothesis, z, states, few);
   FitOptions all;
   all.iterations = iterations;
+  if (iterations <= rough_iterations) all.tolerance = 1.0e-2;
   return fit(task, hypothesis, first.z, first.state, all);
 }
 
@@ -366,23 +372,39 @@ class Search {
     candidate.held_out = held_out_of(held_, *candidate.hypothesis, candidate.fitted.z);
   }
 
-  // `effect` added to `base`, from its best start, roughly fitted.
+  // `effect` added to `base`, from its best start, roughly fitted: on some of the windows, whose
+  // costs are comparable between candidates of the same base.
   Candidate tried(const Candidate& base, const Effect& effect) const {
+    Task some = train_;
+    some.windows.clear();
+    std::vector<WindowState> base_states;
+    const std::size_t all = train_.windows.size();
+    const std::size_t count = std::min(all, rough_windows);
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::size_t w = i * all / count;
+      some.windows.push_back(train_.windows[w]);
+      base_states.push_back(base.fitted.state[w]);
+    }
     Candidate best;
     best.effect = &effect;
     const auto scales = scales_of(experiments_, *base.hypothesis, base.fitted.z);
     for (const auto& start : effect.starts(scales)) {
       const Hypothesis hypothesis = base.hypothesis->with(effect, start, effect.fixed(scales));
       for (const std::vector<double>& z : starting_points(base, hypothesis)) {
-        Fit fitted =
-            fit_in_stages(train_, hypothesis, z,
-                          carried(base.fitted.state, train_, *base.hypothesis, hypothesis), 6);
+        Fit fitted = fit_in_stages(some, hypothesis, z,
+                                   carried(base_states, some, *base.hypothesis, hypothesis),
+                                   rough_iterations);
         if (!best.hypothesis || fitted.cost < best.fitted.cost) {
           best.hypothesis.emplace(hypothesis);
           best.fitted = std::move(fitted);
         }
       }
     }
+    // The other windows start from where the base had them.
+    std::vector<WindowState> states =
+        carried(base.fitted.state, train_, *base.hypothesis, *best.hypothesis);
+    for (std::size_t i = 0; i < count; ++i) states[i * all / count] = best.fitted.state[i];
+    best.fitted.state = std::move(states);
     return best;
   }
 
@@ -407,8 +429,16 @@ class Search {
   // Fits a candidate to the end with weights of its own, and scores it against the current model.
   void finish(Candidate& candidate) {
     Task own = train_;
+    FitOptions few;
+    few.iterations = 4;
+    few.tolerance = 1.0e-2;
+    candidate.fitted =
+        fit(own, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state, few);
     reweigh(own, *candidate.hypothesis, candidate.fitted);
-    candidate.fitted = fit(own, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state);
+    FitOptions to_the_end;
+    to_the_end.tolerance = 1.0e-3;
+    candidate.fitted =
+        fit(own, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state, to_the_end);
     candidate.held_out = held_out_of(held_, *candidate.hypothesis, candidate.fitted.z);
     candidate.z = gain_z(current_.held_out, candidate.held_out);
   }
@@ -455,6 +485,10 @@ class Search {
   }
 
   bool add_one() {
+    if (noise_is_declared(experiments_) && !claims_.empty() &&
+        current_.held_out.chi2 < at_the_floor) {
+      return false;
+    }
     std::vector<Candidate> rough = all_tried(current_, 0.0, 0.5);
     if (rough.empty()) return false;
     std::vector<Candidate> candidates(
