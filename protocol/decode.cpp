@@ -1,7 +1,6 @@
 #include "protocol/decode.h"
 
 #include <cstddef>
-#include <exception>
 #include <limits>
 
 #include "protocol/checksum.h"
@@ -11,8 +10,9 @@ namespace stickslip::protocol {
 
 namespace {
 
-// Walks over an encoded message as far as the counts that its arrays depend on. Once it has left
-// the message it stays outside.
+// Walks over an encoded message as far as the counts and lengths that decoding it depends on. The
+// generated decoders check neither sign nor size of a count, and compute with any length of a text.
+// Once it has left the message it stays outside.
 class Walk {
  public:
   explicit Walk(std::span<const std::uint8_t> bytes) : left_(bytes) { skip(8); }  // fingerprint
@@ -57,11 +57,7 @@ template <class Message>
 bool decode_whole(std::span<const std::uint8_t> bytes, Message& message) {
   if (bytes.size() > static_cast<std::size_t>(std::numeric_limits<int>::max())) return false;
   const int size = static_cast<int>(bytes.size());
-  try {
-    return message.decode(bytes.data(), 0, size) == size;
-  } catch (const std::exception&) {
-    return false;  // a text of no or negative length
-  }
+  return message.decode(bytes.data(), 0, size) == size;
 }
 
 constexpr std::size_t number = 8;
@@ -88,9 +84,9 @@ bool decode(std::span<const std::uint8_t> bytes, friction_estimate_t& message) {
   // time, sequence, valid, and the eight numbers of the estimate
   walk.skip(2 * number + 1 + 8 * number);
   const std::size_t n = walk.count(shortest_text + 2 * number);
+  for (std::size_t i = 0; i < n && walk.inside(); ++i) walk.text();
   // The covariance has n rows of n.
-  if (!walk.inside() || n * n > bytes.size() / number) return false;
-  return decode_whole(bytes, message);
+  return walk.inside() && n * n <= bytes.size() / number && decode_whole(bytes, message);
 }
 
 bool decode(std::span<const std::uint8_t> bytes, excitation_t& message) {
@@ -112,11 +108,17 @@ bool decode(std::span<const std::uint8_t> bytes, status_t& message) {
 }
 
 bool decode(std::span<const std::uint8_t> bytes, event_t& message) {
-  return decode_whole(bytes, message);
+  Walk walk(bytes);
+  walk.skip(3 * number + 1);
+  for (int i = 0; i < 2; ++i) walk.text();
+  return walk.inside() && decode_whole(bytes, message);
 }
 
 bool decode(std::span<const std::uint8_t> bytes, recording_info_t& message) {
-  return decode_whole(bytes, message);
+  Walk walk(bytes);
+  walk.skip(4 + number);
+  for (int i = 0; i < 5; ++i) walk.text();
+  return walk.inside() && decode_whole(bytes, message);
 }
 
 }  // namespace stickslip::protocol

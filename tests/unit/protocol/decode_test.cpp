@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
+#include <string>
 #include <vector>
 
 #include "protocol/frame_block.h"
@@ -78,6 +80,13 @@ void write_int32(Bytes& bytes, std::size_t at, std::uint32_t value) {
   }
 }
 
+// Where a message of `bytes` has the length of a text set to `length`.
+Bytes with_text_length(Bytes bytes, const std::string& text, std::uint32_t length) {
+  const auto at = std::search(bytes.begin(), bytes.end(), text.begin(), text.end());
+  write_int32(bytes, static_cast<std::size_t>(at - bytes.begin()) - 4, length);
+  return bytes;
+}
+
 template <class Message>
 class Decode : public testing::Test {};
 using Messages = testing::Types<frame_block_t, friction_estimate_t, excitation_t, status_t, event_t,
@@ -146,6 +155,23 @@ TYPED_TEST(Decode, SurvivesRandomDamage) {
     spoilt.resize(random() % (spoilt.size() + 1));
     TypeParam message{};
     (void)decode(spoilt, message);
+  }
+}
+
+// The generated decoder takes 1 from it: undefined for the smallest of all, which only the
+// sanitizers notice.
+TEST(DecodeText, RefusesLengthsThatNoTextHas) {
+  for (const std::uint32_t length : {0x80000000U, 0x80000001U, 0xFFFFFFFFU, 0U, 0x7FFFFFFFU}) {
+    recording_info_t info{};
+    EXPECT_FALSE(
+        decode(with_text_length(encoded(some(recording_info_t{})), "bench", length), info));
+    event_t event{};
+    EXPECT_FALSE(decode(with_text_length(encoded(some(event_t{})), "a cycle", length), event));
+    friction_estimate_t estimate{};
+    EXPECT_FALSE(
+        decode(with_text_length(encoded(some(friction_estimate_t{})), "displ", length), estimate));
+    status_t status{};
+    EXPECT_FALSE(decode(with_text_length(encoded(some(status_t{})), "socket", length), status));
   }
 }
 
