@@ -122,6 +122,7 @@ class Service {
   std::int64_t started_ns_ = 0;
   std::uint64_t cycles_fed_ = 0;
   std::uint64_t overruns_told_ = 0;
+  std::int64_t longest_untold_ns_ = 0;
 };
 
 std::vector<Frame> Service::frames_to_replay() const {
@@ -246,14 +247,16 @@ void Service::housekeeping(Loop& loop) {
 
 void Service::drain_notices(Loop& loop) {
   Notice notice;
-  std::uint64_t overruns = 0;
   while (loop.next_notice(notice)) {
     const Event event = event_of(notice);
     send(event_message(event, wall_us()));
-    // One line for many overruns: a machine that is too slow need not be made slower by its log.
-    if (notice.kind != Notice::Kind::overrun || ++overruns == 1) log_event(event);
+    // A machine that is too slow need not be made slower by its log: overruns are told together.
+    if (notice.kind == Notice::Kind::overrun) {
+      longest_untold_ns_ = std::max(longest_untold_ns_, notice.duration_ns);
+    } else {
+      log_event(event);
+    }
   }
-  if (overruns > 1) spdlog::warn("and {} more overruns", overruns - 1);
 }
 
 Status Service::status(const Loop& loop) {
@@ -268,6 +271,11 @@ Status Service::status(const Loop& loop) {
 void Service::send_status(const Loop& loop) {
   Status now = status(loop);
   now.degraded = now.overruns > overruns_told_;
+  if (now.degraded) {
+    spdlog::warn("{} cycles came late since the last status, by up to {:.3f} ms",
+                 now.overruns - overruns_told_, static_cast<double>(longest_untold_ns_) * 1e-6);
+    longest_untold_ns_ = 0;
+  }
   overruns_told_ = now.overruns;
   send(status_message(now, wall_us()));
   const std::string line = std::string("STATUS=") + name_of(now.state) + ", " +
