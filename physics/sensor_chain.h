@@ -50,8 +50,8 @@ class FilterChain {
   template <class T>
   T output_rate(const FilterMemory<T>& memory) const;
 
-  /// The exact second derivative of the output; 0 for a chain whose last section has one pole or that
-  /// is empty.
+  /// The exact second derivative of the output; 0 for a chain whose last section has one pole or
+  /// that is empty.
   template <class T>
   T output_acceleration(const FilterMemory<T>& memory) const;
 
