@@ -1,6 +1,6 @@
 #include "config/rig.h"
 
-#include <cmath>
+#include <algorithm>
 #include <system_error>
 #include <utility>
 
@@ -43,7 +43,7 @@ class Reader {
 
  private:
   std::filesystem::path path_at(std::string_view path) const {
-    const std::filesystem::path named = document_.text(path).value_or("");
+    std::filesystem::path named = document_.text(path).value_or("");
     if (named.empty() || named.is_absolute()) return named;
     return (file_.parent_path() / named).lexically_normal();
   }
