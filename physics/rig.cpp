@@ -17,14 +17,23 @@ using std::numbers::pi;
 const double gamma_ars = 1.0 - 1.0 / std::numbers::sqrt2;
 const double delta_ars = 1.0 - 1.0 / (2.0 * gamma_ars);
 
-// Solves w + a (p + q tanh(w / speed)) = target for w, a and q >= 0: monotone in w, so Newton
-// inside a shrinking bracket always arrives.
-double solve_backbone(double target, double a, double p, double q, double speed, double guess) {
+// w and tanh(w / speed), for w + a (p + q tanh(w / speed)) = target.
+struct BackboneSlip {
+  double w = 0.0;
+  double tanh = 0.0;
+};
+
+// a and q >= 0, so the equation is monotone in w, and Newton inside a shrinking bracket always
+// arrives. Its error squares at every step: after one of 1e-8 it is at the end of a double, and the
+// tanh, which is what costs here, need not be taken again.
+BackboneSlip solve_backbone(double target, double a, double p, double q, double speed,
+                            double guess) {
   double low = target - a * (p + q);
   double high = target - a * (p - q);
   double w = std::clamp(guess, low, high);
+  double t = 0.0;
   for (int iteration = 0; iteration < 60; ++iteration) {
-    const double t = std::tanh(w / speed);
+    t = std::tanh(w / speed);
     const double residual = w + a * (p + q * t) - target;
     if (residual > 0.0) {
       high = w;
@@ -34,12 +43,18 @@ double solve_backbone(double target, double a, double p, double q, double speed,
     const double slope = 1.0 + a * q * (1.0 - t * t) / speed;
     double next = w - residual / slope;
     // Before the bracket: at the root itself `next` is one of its ends.
-    if (std::abs(next - w) <= 1.0e-14 * (std::abs(w) + speed)) return next;
+    if (std::abs(next - w) <= 1.0e-8 * speed) {
+      return {next, t + (1.0 - t * t) * (next - w) / speed};
+    }
     if (!(next > low && next < high)) next = 0.5 * (low + high);
     w = next;
   }
-  return w;
+  return {w, t};
 }
+
+// tanh(x) where its value is known already; x brings the derivatives.
+double known_tanh(double /*x*/, double value) { return value; }
+Dual known_tanh(const Dual& x, double value) { return {value, x.d * (1.0 - value * value)}; }
 
 // Solves w + a z(w) = target with z(w) = (z0 + alpha w) / (1 + alpha abs(w) r): the implicit step
 // of a bristle that slips at 1/r.
@@ -358,14 +373,15 @@ void Rig::close_contact(RigState<T>& state, double alpha, const Input& now, doub
         force = level * theta;
       }
     } else {
-      w = T(solve_backbone(value_of(free_slip), value_of(reach), value_of(p), value_of(q),
-                           value_of(c.transition_speed), guess));
-      using std::tanh;
-      const T backbone = tanh(w / c.transition_speed);
-      const double t = value_of(backbone);
+      const BackboneSlip solved = solve_backbone(value_of(free_slip), value_of(reach), value_of(p),
+                                                 value_of(q), value_of(c.transition_speed), guess);
+      // One Newton step in T: its value changes next to nothing, its derivatives are exact.
+      w = T(solved.w);
+      const double t = solved.tanh;
       const double slope = 1.0 + value_of(reach * q) * (1.0 - t * t) / value_of(c.transition_speed);
+      const T backbone = known_tanh(w / c.transition_speed, t);
       w -= (w + reach * (p + q * backbone) - free_slip) * (1.0 / slope);
-      theta = p + q * tanh(w / c.transition_speed);
+      theta = p + q * known_tanh(w / c.transition_speed, t);
       force = level * theta;
     }
     contact = theta;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include "physics/effects/catalogue.h"
@@ -19,8 +20,10 @@ using physics::Model;
 // declared, and where it had to be guessed from the recording itself.
 constexpr double explained_declared = 1.3;
 constexpr double explained_estimated = 3.0;
-// A term is claimed when its held-out gain is this many standard errors (over windows) above 0, ...
+// A term is claimed when its held-out gain is this many standard errors (over windows) above 0
+// (or, where the noise is declared, this many nats even without its best window), ...
 constexpr double claim_z = 3.3;
+constexpr double claim_nats = 10.0;
 // ... and it takes at least this share of what chi-squared has above 1 (or of 1, where it has
 // less). Where a good deal stays unexplained, a small share is no evidence: any term can soak up a
 // little of what another physics left.
@@ -28,10 +31,13 @@ constexpr double claim_share_explained = 0.05;
 constexpr double claim_share_unexplained = 0.3;
 constexpr std::size_t most_findings = 3;
 constexpr std::size_t finalists = 5;
-// Every candidate is first fitted roughly, on so many windows spread over the recording, ...
+// Every candidate is first fitted roughly: on so many windows spread over the recording, in so many
+// iterations, with longer steps.
 constexpr std::size_t rough_windows = 14;
 constexpr int rough_iterations = 5;
-// ... and none any more once held-out chi-squared is this close to what noise alone gives.
+// A finalist whose cost is this many times that of the best so far is not fitted to its end.
+constexpr double hopeless = 3.0;
+// No more is looked for once held-out chi-squared is this close to what noise alone gives.
 constexpr double at_the_floor = 1.1;
 
 bool noise_is_declared(std::span<const Experiment> experiments) {
@@ -192,6 +198,22 @@ void reweigh(Task& task, const Hypothesis& hypothesis, const Fit& fitted) {
   }
 }
 
+// Whether the gain is certain although few windows show it, as where an effect matters at large
+// amplitudes only and the spread over windows says nothing. Only where the noise is declared: there
+// a window's loss is a likelihood, a nat is worth what it says, and a needless parameter gains
+// none. One window alone proves nothing, and hardly any may be predicted worse.
+bool gain_is_plain(const HeldOut& before, const HeldOut& after) {
+  double gained = 0.0;
+  double lost = 0.0;
+  double most = 0.0;
+  for (std::size_t w = 0; w < before.loss.size(); ++w) {
+    const double gain = before.loss[w] - after.loss[w];
+    (gain > 0.0 ? gained : lost) += std::abs(gain);
+    most = std::max(most, gain);
+  }
+  return gained - most - lost > claim_nats && lost < 0.1 * gained;
+}
+
 struct Candidate {
   const Effect* effect = nullptr;
   std::optional<Hypothesis> hypothesis;
@@ -208,10 +230,14 @@ Fit fit_in_stages(const Task& task, const Hypothesis& hypothesis, const std::vec
   FitOptions few;
   few.iterations = 3;
   few.tolerance = 1.0e-2;
+  few.rescue = false;
   const Fit first = fit(beginning, hypothesis, z, states, few);
   FitOptions all;
   all.iterations = iterations;
-  if (iterations <= rough_iterations) all.tolerance = 1.0e-2;
+  if (iterations <= rough_iterations) {
+    all.tolerance = 1.0e-2;
+    all.rescue = false;
+  }
   return fit(task, hypothesis, first.z, first.state, all);
 }
 
@@ -319,8 +345,11 @@ double total_loss(const Candidate& candidate) {
 // Adds one physics after the other to the declared model for as long as held-out data say so.
 class Search {
  public:
-  Search(const std::vector<Experiment>& experiments, const Options& options)
+  // `rough` are the same experiments, with longer steps.
+  Search(const std::vector<Experiment>& experiments, const std::vector<Experiment>& rough,
+         const Options& options)
       : experiments_(experiments),
+        rough_(rough),
         options_(options),
         limit_(noise_is_declared(experiments) ? explained_declared : explained_estimated),
         train_(task_for(experiments, false, options.threads)),
@@ -376,6 +405,7 @@ class Search {
   // costs are comparable between candidates of the same base.
   Candidate tried(const Candidate& base, const Effect& effect) const {
     Task some = train_;
+    some.experiments = rough_;
     some.windows.clear();
     std::vector<WindowState> base_states;
     const std::size_t all = train_.windows.size();
@@ -427,18 +457,23 @@ class Search {
   }
 
   // Fits a candidate to the end with weights of its own, and scores it against the current model.
-  void finish(Candidate& candidate) {
+  // `least_cost`: of those finished before it, kept up to date.
+  void finish(Candidate& candidate, double& least_cost) {
     Task own = train_;
     FitOptions few;
     few.iterations = 4;
     few.tolerance = 1.0e-2;
+    few.rescue = false;
     candidate.fitted =
         fit(own, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state, few);
-    reweigh(own, *candidate.hypothesis, candidate.fitted);
-    FitOptions to_the_end;
-    to_the_end.tolerance = 1.0e-3;
-    candidate.fitted =
-        fit(own, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state, to_the_end);
+    least_cost = std::min(least_cost, candidate.fitted.cost);
+    if (candidate.fitted.cost <= hopeless * least_cost) {
+      reweigh(own, *candidate.hypothesis, candidate.fitted);
+      FitOptions to_the_end;
+      to_the_end.tolerance = 1.0e-3;
+      candidate.fitted =
+          fit(own, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state, to_the_end);
+    }
     candidate.held_out = held_out_of(held_, *candidate.hypothesis, candidate.fitted.z);
     candidate.z = gain_z(current_.held_out, candidate.held_out);
   }
@@ -447,8 +482,10 @@ class Search {
     const double excess = std::max(current_.held_out.chi2 - 1.0, 1.0);
     const double share =
         candidate.held_out.chi2 <= limit_ ? claim_share_explained : claim_share_unexplained;
-    return candidate.z > claim_z &&
-           current_.held_out.chi2 - candidate.held_out.chi2 > share * excess;
+    const bool certain =
+        candidate.z > claim_z ||
+        (noise_is_declared(experiments_) && gain_is_plain(current_.held_out, candidate.held_out));
+    return certain && current_.held_out.chi2 - candidate.held_out.chi2 > share * excess;
   }
 
   // Sorts by held-out loss. A law with a parameter or a hidden state more can always imitate its
@@ -495,8 +532,9 @@ class Search {
         rough.begin(),
         rough.begin() + static_cast<std::ptrdiff_t>(std::min(finalists, rough.size())));
     say("scoring on held-out data", 0.55);
+    double least_cost = std::numeric_limits<double>::infinity();
     for (Candidate& candidate : candidates) {
-      finish(candidate);
+      finish(candidate, least_cost);
       trials_.push_back({std::string(candidate.effect->card().id), static_cast<int>(claims_.size()),
                          candidate.held_out.chi2, candidate.z});
     }
@@ -522,7 +560,8 @@ class Search {
       std::vector<Candidate> tried = all_tried(firsts[i], share, share + 0.1);
       if (tried.empty()) continue;
       if (tried.size() > 2) tried.erase(tried.begin() + 2, tried.end());
-      for (Candidate& second : tried) finish(second);
+      double least_cost = std::numeric_limits<double>::infinity();
+      for (Candidate& second : tried) finish(second, least_cost);
       rank(tried);
       pairs.push_back(tried.front());
       pairs.back().effect = firsts[i].effect;
@@ -553,6 +592,7 @@ class Search {
   }
 
   const std::vector<Experiment>& experiments_;
+  const std::vector<Experiment>& rough_;
   const Options& options_;
   double limit_;
   Task train_;
@@ -634,10 +674,13 @@ Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Mod
                    const Options& options) {
   Diagnosis out;
   std::vector<Experiment> experiments;
+  std::vector<Experiment> rough;
   for (const protocol::Recording& recording : recordings) {
     experiments.push_back(make_experiment(recording, model));
+    rough.push_back(make_experiment(recording, model, Steps::rough));
   }
   out.horizon_s = options.horizon_s.value_or(default_horizon_s(model, experiments.front()));
+  for (Experiment& e : rough) cut_windows(e, model, out.horizon_s);
   for (Experiment& e : experiments) {
     cut_windows(e, model, out.horizon_s);
     for (const Window& window : e.windows)
@@ -651,7 +694,7 @@ Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Mod
                                  " to hold out; at least 2 of each are needed"});
   }
 
-  Search search(experiments, options);
+  Search search(experiments, rough, options);
   search.run(model);
   if (options.progress) options.progress("scoring the result", 0.92);
   const Candidate& null = search.null();

@@ -112,7 +112,7 @@ double standard_deviation(const std::vector<double>& values) {
 
 }  // namespace
 
-Experiment make_experiment(const protocol::Recording& recording, const Model& model) {
+Experiment make_experiment(const protocol::Recording& recording, const Model& model, Steps steps) {
   const std::string& source = recording.source;
   const auto& frames = recording.frames;
   if (frames.size() < 32) {
@@ -159,7 +159,7 @@ Experiment make_experiment(const protocol::Recording& recording, const Model& mo
   // Over a window a second-order step loses phase on the fastest oscillation; what is judged by its
   // noise is integrated more finely than what is only simulated.
   const double resolving = rig.longest_step_s();
-  const double longest = resolving < 1.0e-3 ? 0.4 * resolving : 1.0e-3;
+  const double longest = steps == Steps::fine && resolving < 1.0e-3 ? 0.4 * resolving : resolving;
   e.substeps = std::max(1, static_cast<int>(std::ceil(e.period_s / longest - 0.01)));
 
   std::array<std::vector<double>, channel_count> values;

@@ -62,10 +62,15 @@ struct Experiment {
   }
 };
 
+/// How finely the model is integrated: finely enough to be judged by the noise, or so that a
+/// comparison of candidates costs less.
+enum class Steps : std::uint8_t { fine, rough };
+
 /// Throws InputError where the recording lacks what the model needs (a base-excited rig needs
 /// base_displacement_m, a force-excited one drive_force_n, imposed motion displacement_m, and
 /// something to compare with), or is too short.
-Experiment make_experiment(const protocol::Recording& recording, const physics::Model& model);
+Experiment make_experiment(const protocol::Recording& recording, const physics::Model& model,
+                           Steps steps = Steps::fine);
 
 /// Cuts the usable part into windows of `horizon_s`; of every three blocks of windows one is held
 /// out.

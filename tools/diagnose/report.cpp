@@ -107,8 +107,9 @@ Json report_json(const Diagnosis& diagnosis) {
   for (const Finding& finding : diagnosis.findings)
     json["findings"].push_back(finding_json(finding));
   json["fit"]["heldout"]["baseline"] = score_json(diagnosis.baseline, false);
+  // Where nothing was added, the augmented model is the declared one.
   json["fit"]["heldout"]["augmented"] =
-      diagnosis.augmented ? score_json(*diagnosis.augmented, false) : Json(nullptr);
+      score_json(diagnosis.augmented.value_or(diagnosis.baseline), false);
   json["fit"]["horizon_s"] = diagnosis.horizon_s;
   json["calibrated"] = Json::object();
   for (const auto& [path, value] : diagnosis.calibrated) json["calibrated"][path] = value;

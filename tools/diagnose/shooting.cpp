@@ -36,6 +36,7 @@ std::vector<int> state_indices(const physics::Rig& rig) {
 struct StatePrior {
   WindowState centre{};
   WindowState sigma{};
+  WindowState hidden{};  // a typical size of each state that no channel shows, else 0
 };
 
 StatePrior prior_of(const Experiment& e, const Window& window, const Hypothesis& hypothesis,
@@ -64,6 +65,7 @@ StatePrior prior_of(const Experiment& e, const Window& window, const Hypothesis&
     }
     prior.centre[state::contact] = theta * unit;
     prior.sigma[state::contact] = (force_known ? 0.4 : 0.7) * unit;
+    prior.hidden[state::contact] = 0.9 * unit;
   }
   // States of effects are forces of springs that slip: no larger than the slip force, nor than what
   // the spring reaches over the range of the motion.
@@ -79,6 +81,7 @@ StatePrior prior_of(const Experiment& e, const Window& window, const Hypothesis&
       prior.sigma[static_cast<std::size_t>(next)] =
           0.7 * std::min(value_of(term, "slip_force_n"),
                          2.0 * value_of(term, "stiffness_n_m") * e.largest.displacement_m);
+      prior.hidden[static_cast<std::size_t>(next)] = prior.sigma[static_cast<std::size_t>(next)];
     }
   }
   return prior;
@@ -297,6 +300,21 @@ class Problem {
     return to;
   }
 
+  // Starts that differ from the first guess in one state that no channel shows.
+  std::vector<WindowState> other_starts(std::size_t w) const {
+    const StatePrior& prior = priors_[w];
+    std::vector<WindowState> starts;
+    for (const int index : states_) {
+      const auto i = static_cast<std::size_t>(index);
+      if (!(prior.hidden[i] > 0.0)) continue;
+      for (const double sign : {1.0, -1.0}) {
+        starts.push_back(prior.centre);
+        starts.back()[i] = sign * prior.hidden[i];
+      }
+    }
+    return starts;
+  }
+
   double parameter_prior(std::span<const double> z) const {
     double sum = 0.0;
     for (std::size_t i = 0; i < unknowns_; ++i) {
@@ -318,9 +336,11 @@ class Problem {
   RigNumbers<double> numbers_;
 };
 
+double cost_of(const Block& block) { return capped(block.chi2, block.count) + block.prior; }
+
 double total_cost(const std::vector<Block>& blocks) {
   double cost = 0.0;
-  for (const Block& block : blocks) cost += capped(block.chi2, block.count) + block.prior;
+  for (const Block& block : blocks) cost += cost_of(block);
   return cost;
 }
 
@@ -329,7 +349,7 @@ double total_cost(const std::vector<Block>& blocks) {
 Block fit_state(const Problem& problem, std::size_t w, WindowState& state,
                 const FitOptions& options) {
   Block block = problem.linearise(w, state);
-  double cost = capped(block.chi2, block.count) + block.prior;
+  double cost = cost_of(block);
   double damping = 1.0e-3;
   for (int iteration = 0; iteration < options.iterations; ++iteration) {
     bool improved = false;
@@ -339,7 +359,7 @@ Block fit_state(const Problem& problem, std::size_t w, WindowState& state,
       ss.diagonal() *= 1.0 + damping;
       const WindowState trial = problem.moved(w, state, -ss.ldlt().solve(block.gs));
       const Block there = problem.evaluate(w, trial);
-      const double trial_cost = capped(there.chi2, there.count) + there.prior;
+      const double trial_cost = cost_of(there);
       if (trial_cost < cost) {
         gain = cost - trial_cost;
         improved = true;
@@ -355,6 +375,39 @@ Block fit_state(const Problem& problem, std::size_t w, WindowState& state,
     if (gain < options.tolerance * cost) break;
   }
   return block;
+}
+
+// A window that is followed much worse than most may have started on the wrong side of a slip: its
+// cost has several valleys, and descent does not leave the one it begins in. Such windows are tried
+// again from other values of the states that no channel shows, and the best is kept. Returns
+// whether any came out better.
+bool rescue_outliers(const Problem& problem, int threads, std::vector<WindowState>& states,
+                     std::vector<Block>& blocks) {
+  if (blocks.empty()) return false;
+  std::vector<double> sorted;
+  for (const Block& block : blocks) sorted.push_back(block.chi2 / std::max(1, block.count));
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  const double usual = *middle;
+  FitOptions few;
+  few.iterations = 6;
+  FitOptions more;
+  more.iterations = 16;
+  std::atomic<bool> any{false};
+  for_each_parallel(blocks.size(), threads, [&](std::size_t w) {
+    if (blocks[w].chi2 <= 3.0 * usual * blocks[w].count) return;
+    for (const WindowState& start : problem.other_starts(w)) {
+      WindowState state = start;
+      Block block = fit_state(problem, w, state, few);
+      if (cost_of(block) < cost_of(blocks[w])) block = fit_state(problem, w, state, more);
+      if (cost_of(block) < 0.8 * cost_of(blocks[w])) {
+        blocks[w] = block;
+        states[w] = state;
+        any = true;
+      }
+    }
+  });
+  return any;
 }
 
 }  // namespace
@@ -427,6 +480,7 @@ Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
     for_each_parallel(windows, task.threads, [&](std::size_t w) {
       blocks[w] = fit_state(problem, w, states[w], options);
     });
+    if (options.rescue) rescue_outliers(problem, task.threads, states, blocks);
     Fit result;
     result.z = std::move(z);
     result.state = std::move(states);
@@ -443,76 +497,86 @@ Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
   double cost = total_cost(blocks) + problem.parameter_prior(z);
   double damping = 1.0e-3;
   Fit result;
-  for (int iteration = 0; iteration < options.iterations; ++iteration) {
-    result.iterations = iteration + 1;
-    // Damped normal equations, window states eliminated.
-    bool improved = false;
-    bool finished = false;
-    for (int attempt = 0; attempt < 8 && !improved && !finished; ++attempt) {
-      Eigen::MatrixXd reduced = Eigen::MatrixXd::Zero(np, np);
-      Eigen::VectorXd gradient = Eigen::VectorXd::Zero(np);
-      std::vector<Eigen::LDLT<Eigen::MatrixXd>> factor(windows);
-      for (std::size_t w = 0; w < windows; ++w) {
-        const Block& block = blocks[w];
-        Eigen::MatrixXd ss = block.ss;
-        ss.diagonal() *= 1.0 + damping;
-        factor[w].compute(ss);
-        if (np == 0) continue;
-        reduced += block.pp;
-        reduced.diagonal() += damping * block.pp.diagonal();
-        const Eigen::MatrixXd solved = factor[w].solve(block.ps.transpose());
-        reduced -= block.ps * solved;
-        gradient += block.gp - block.ps * factor[w].solve(block.gs);
-      }
-      for (Eigen::Index i = 0; i < np; ++i) {
-        const auto u = static_cast<std::size_t>(i);
-        const double sigma = hypothesis.unknowns()[u].prior_sigma;
-        if (sigma > 0.0) {
-          reduced(i, i) += (1.0 + damping) / (sigma * sigma);
-          gradient[i] += z[u] / (sigma * sigma);
+  const auto descend = [&](int iterations) {
+    for (int iteration = 0; iteration < iterations; ++iteration) {
+      ++result.iterations;
+      // Damped normal equations, window states eliminated.
+      bool improved = false;
+      bool finished = false;
+      for (int attempt = 0; attempt < 8 && !improved && !finished; ++attempt) {
+        Eigen::MatrixXd reduced = Eigen::MatrixXd::Zero(np, np);
+        Eigen::VectorXd gradient = Eigen::VectorXd::Zero(np);
+        std::vector<Eigen::LDLT<Eigen::MatrixXd>> factor(windows);
+        for (std::size_t w = 0; w < windows; ++w) {
+          const Block& block = blocks[w];
+          Eigen::MatrixXd ss = block.ss;
+          ss.diagonal() *= 1.0 + damping;
+          factor[w].compute(ss);
+          if (np == 0) continue;
+          reduced += block.pp;
+          reduced.diagonal() += damping * block.pp.diagonal();
+          const Eigen::MatrixXd solved = factor[w].solve(block.ps.transpose());
+          reduced -= block.ps * solved;
+          gradient += block.gp - block.ps * factor[w].solve(block.gs);
         }
-        reduced(i, i) += 1.0e-12 * (1.0 + std::abs(reduced(i, i)));
+        for (Eigen::Index i = 0; i < np; ++i) {
+          const auto u = static_cast<std::size_t>(i);
+          const double sigma = hypothesis.unknowns()[u].prior_sigma;
+          if (sigma > 0.0) {
+            reduced(i, i) += (1.0 + damping) / (sigma * sigma);
+            gradient[i] += z[u] / (sigma * sigma);
+          }
+          reduced(i, i) += 1.0e-12 * (1.0 + std::abs(reduced(i, i)));
+        }
+        Eigen::VectorXd step = Eigen::VectorXd::Zero(np);
+        if (np > 0) step = -reduced.ldlt().solve(gradient);
+        if (!step.allFinite()) {
+          damping *= 10.0;
+          continue;
+        }
+        std::vector<double> trial_z = z;
+        for (Eigen::Index i = 0; i < np; ++i) {
+          const auto u = static_cast<std::size_t>(i);
+          // A logarithm that moves by more than a factor of e^2 at once has left its linear range.
+          const bool logarithmic = hypothesis.unknowns()[u].logarithmic;
+          trial_z[u] += logarithmic ? std::clamp(step[i], -2.0, 2.0) : step[i];
+        }
+        std::vector<WindowState> trial_states(windows);
+        for (std::size_t w = 0; w < windows; ++w) {
+          Eigen::VectorXd right = -blocks[w].gs;
+          if (np > 0) right -= blocks[w].ps.transpose() * step;
+          const Eigen::VectorXd own = ns > 0 ? Eigen::VectorXd(factor[w].solve(right))
+                                             : Eigen::VectorXd(Eigen::VectorXd::Zero(0));
+          trial_states[w] = problem.moved(w, states[w], own);
+        }
+        std::vector<Block> trial(windows);
+        problem.prepare(trial_z);
+        for_each_parallel(windows, task.threads,
+                          [&](std::size_t w) { trial[w] = problem.evaluate(w, trial_states[w]); });
+        const double trial_cost = total_cost(trial) + problem.parameter_prior(trial_z);
+        if (trial_cost < cost) {
+          finished = cost - trial_cost < options.tolerance * cost;
+          improved = true;
+          z = std::move(trial_z);
+          states = std::move(trial_states);
+          cost = trial_cost;
+          damping = std::max(1.0e-9, damping * 0.2);
+          linearise_all();
+        } else {
+          damping *= 8.0;
+          if (trial_cost - cost < 1.0e-9 * cost) finished = true;
+        }
       }
-      Eigen::VectorXd step = Eigen::VectorXd::Zero(np);
-      if (np > 0) step = -reduced.ldlt().solve(gradient);
-      if (!step.allFinite()) {
-        damping *= 10.0;
-        continue;
-      }
-      std::vector<double> trial_z = z;
-      for (Eigen::Index i = 0; i < np; ++i) {
-        const auto u = static_cast<std::size_t>(i);
-        // A logarithm that moves by more than a factor of e^2 at once has left its linear range.
-        const bool logarithmic = hypothesis.unknowns()[u].logarithmic;
-        trial_z[u] += logarithmic ? std::clamp(step[i], -2.0, 2.0) : step[i];
-      }
-      std::vector<WindowState> trial_states(windows);
-      for (std::size_t w = 0; w < windows; ++w) {
-        Eigen::VectorXd right = -blocks[w].gs;
-        if (np > 0) right -= blocks[w].ps.transpose() * step;
-        const Eigen::VectorXd own = ns > 0 ? Eigen::VectorXd(factor[w].solve(right))
-                                           : Eigen::VectorXd(Eigen::VectorXd::Zero(0));
-        trial_states[w] = problem.moved(w, states[w], own);
-      }
-      std::vector<Block> trial(windows);
-      problem.prepare(trial_z);
-      for_each_parallel(windows, task.threads,
-                        [&](std::size_t w) { trial[w] = problem.evaluate(w, trial_states[w]); });
-      const double trial_cost = total_cost(trial) + problem.parameter_prior(trial_z);
-      if (trial_cost < cost) {
-        finished = cost - trial_cost < options.tolerance * cost;
-        improved = true;
-        z = std::move(trial_z);
-        states = std::move(trial_states);
-        cost = trial_cost;
-        damping = std::max(1.0e-9, damping * 0.2);
-        linearise_all();
-      } else {
-        damping *= 8.0;
-        if (trial_cost - cost < 1.0e-9 * cost) finished = true;
-      }
+      if (!improved || finished) break;
     }
-    if (!improved || finished) break;
+  };
+  descend(options.iterations);
+  problem.prepare(z);
+  if (options.rescue && rescue_outliers(problem, task.threads, states, blocks)) {
+    cost = total_cost(blocks) + problem.parameter_prior(z);
+    damping = 1.0e-3;
+    descend(options.iterations);
+    problem.prepare(z);
   }
 
   result.z = std::move(z);

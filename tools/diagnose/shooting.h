@@ -51,6 +51,7 @@ struct FitOptions {
   int iterations = 14;
   bool parameters_free = true;  ///< false: only the window states are fitted
   double tolerance = 1.0e-4;    ///< relative fall of the cost at which the search ends
+  bool rescue = true;  ///< windows followed much worse than most are tried from other starts
 };
 
 /// First guesses of the window states from the experiment's wide-band channels.
