@@ -72,7 +72,8 @@ std::optional<Decimal> decimal(std::string_view text) {
   }
   if (out.whole.empty() && out.fraction.empty()) return std::nullopt;
   if (text.starts_with('e') || text.starts_with('E')) {
-    text.remove_prefix(text.substr(1).starts_with('+') ? 2 : 1);
+    const bool plus = text.substr(1).starts_with('+') && !text.substr(2).starts_with('-');
+    text.remove_prefix(plus ? 2 : 1);
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), out.exponent);
     if (error != std::errc() || std::abs(out.exponent) > 1000) return std::nullopt;
     text.remove_prefix(static_cast<std::size_t>(end - text.data()));
@@ -97,7 +98,9 @@ std::optional<std::int64_t> nanoseconds(std::string_view text) {
   for (const std::string_view part : {number->whole, number->fraction}) {
     for (const char c : part) {
       const auto digit = static_cast<unsigned>(c - '0');
-      if (place == -1 && digit >= 5) ++magnitude;
+      if (place == -1 && digit >= 5 && __builtin_add_overflow(magnitude, 1U, &magnitude)) {
+        return std::nullopt;
+      }
       if (place >= 0 && !shift(digit)) return std::nullopt;
       --place;
     }
@@ -132,6 +135,10 @@ class CsvParser {
       refuse("is empty: expected a header row of column names (" + columns_known() + ")");
     }
     if (recording_.frames.empty()) refuse("holds no samples after its header");
+    if (recording_.channels == 0) {
+      line_ = 0;
+      refuse("holds no value: every cell beside time_s is empty");
+    }
     return std::move(recording_);
   }
 

@@ -139,6 +139,9 @@ Recording parse_log(std::istream& in, const std::string& name) {
     throw InputError(Problem{
         name, 0, 0, std::string("holds no frames: nothing was recorded on ") + frames_channel});
   }
+  if (recording.channels == 0) {
+    throw InputError(Problem{name, 0, 0, "holds no value: no channel of its frames is valid"});
+  }
   return recording;
 }
 
