@@ -31,6 +31,7 @@ Loop::Loop(drivers::Driver& driver, Clock& clock, const LoopSettings& settings,
       ledger_(ledger),
       streams_(std::move(streams)),
       can_drive_(driver.description().can_drive),
+      time_of_frames_(settings.pacing != Pacing::deadlines || driver.description().time_of_its_own),
       safety_(settings.longest_silence_ns),
       notices_(notice_room) {
   why_.message.reserve(sizeof Notice::text);
@@ -86,7 +87,7 @@ void Loop::wait_for_cycle() {
   late_ = false;
   if (settings_.pacing != Pacing::deadlines) return;
   const Deadline next = next_deadline(due_ns_, settings_.period_ns, clock_.now_ns());
-  elapsed_ns_ = next.due_ns - due_ns_;
+  if (!time_of_frames_) elapsed_ns_ = next.due_ns - due_ns_;
   due_ns_ = next.due_ns;
   // The first cycle has no deadline before it that it could have missed.
   if (next.late_ns > 0 && timing_.cycles.load(std::memory_order_relaxed) > 0) {
@@ -171,7 +172,7 @@ void Loop::acquire(const Frame& raw) {
   }
   not_finite_ = si.not_finite;
 
-  if (settings_.pacing != Pacing::deadlines) {
+  if (time_of_frames_) {
     const std::int64_t step = previous_ ? si.frame.time_ns - previous_->time_ns : 0;
     elapsed_ns_ = step > 0 ? step : settings_.period_ns;
   }
@@ -226,7 +227,7 @@ void Loop::wait_for_room(const Stream& stream) {
 
 void Loop::drive() {
   const double elapsed_s = static_cast<double>(elapsed_ns_) * 1e-9;
-  if (settings_.pacing != Pacing::deadlines) elapsed_ns_ = 0;  // until the next frame says more
+  if (time_of_frames_) elapsed_ns_ = 0;  // until the next frame says more
   if (safety_.faulted()) {
     excitation_.cut();
   } else {

@@ -101,6 +101,7 @@ class Loop {
   Ledger& ledger_;
   std::vector<Stream*> streams_;
   bool can_drive_ = false;
+  bool time_of_frames_ = false;  // rig time is told by the frames, not by the clock
 
   Safety safety_;
   Timing timing_;

@@ -45,6 +45,9 @@ struct Description {
   std::array<const char*, channel_count> unit{};  ///< raw unit by channel, before calibration
   bool paced = false;  ///< read() waits for the next sample itself (a streaming board, a replay)
   bool can_drive = false;  ///< write() moves something
+  /// Time passes from frame to frame and stands still in between (a rig of equations), whatever the
+  /// host's clock does.
+  bool time_of_its_own = false;
 };
 
 /// Lifecycle: open -> start -> (read, write)* -> stop -> close; stop and close are allowed in every

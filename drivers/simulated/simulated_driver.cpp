@@ -65,6 +65,7 @@ struct SimulatedDriver::Bench {
 SimulatedDriver::SimulatedDriver(const config::SimulatedDriver& settings, double period_s)
     : settings_(settings), period_s_(period_s) {
   description_.name = "simulated rig";
+  description_.time_of_its_own = true;
   description_.can_drive = settings.truth.oscillator.excitation != physics::Excitation::imposed;
   for (const Channel channel : all_channels) {
     description_.unit[index_of(channel)] = info(channel).unit.data();

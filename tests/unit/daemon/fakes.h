@@ -32,7 +32,8 @@ class FakeClock final : public Clock {
 /// say (by the number of the call, from 0), or ok.
 class FakeDriver final : public drivers::Driver {
  public:
-  FakeDriver() {
+  explicit FakeDriver(bool time_of_its_own = false) {
+    description_.time_of_its_own = time_of_its_own;
     description_.name = "fake";
     description_.channels = 0x3f;
     description_.can_drive = true;

@@ -33,8 +33,10 @@ config::Excitation shaking() {
 
 /// A loop on fakes, with one stream whose thread is started only by `finish`.
 struct Bench {
-  explicit Bench(LoopSettings settings = {}, const config::Excitation& excitation = shaking())
-      : loop(driver, clock, settings, Excitation(excitation), nullptr, ledger, {&stream}) {}
+  explicit Bench(LoopSettings settings = {}, const config::Excitation& excitation = shaking(),
+                 bool time_of_its_own = false)
+      : driver(time_of_its_own),
+        loop(driver, clock, settings, Excitation(excitation), nullptr, ledger, {&stream}) {}
 
   const std::vector<Sample>& samples() {
     stream.start();
@@ -135,6 +137,24 @@ TEST(Loop, ExcitationKeepsItsPhaseThroughAnOverrun) {
   for (const std::size_t i : {50UL, 99UL, 101UL, 102UL, 300UL}) {
     // The cycle on the grid at t drives for the end of its period.
     const double expected = 0.01 * std::sin(2.0 * M_PI * 2.5 * (times_s[i] + 1e-3));
+    EXPECT_NEAR(bench.driver.actuations[i].drive, expected, 1e-9) << i;
+  }
+}
+
+// A rig of equations does not move on while the host is late: for it there was no pause.
+TEST(Loop, ARigWithATimeOfItsOwnIsDrivenThroughAnOverrunAsIfNothingHadHappened) {
+  config::Excitation steady = shaking();
+  steady.ramp_s = 0.0;
+  Bench bench({.frames = 400, .ramp_s = 0.0}, steady, true);
+  bench.driver.on_read = [&](std::uint64_t call) {
+    if (call == 100) bench.clock.now += 7 * ms + 1;
+    return Result{};
+  };
+  bench.loop.run();
+  EXPECT_EQ(bench.loop.timing().overruns, 1U);
+  for (const std::size_t i : {50UL, 99UL, 100UL, 101UL, 102UL, 300UL}) {
+    // The frame at i ms is answered with the drive for the end of its period.
+    const double expected = 0.01 * std::sin(2.0 * M_PI * 2.5 * 1e-3 * static_cast<double>(i + 1));
     EXPECT_NEAR(bench.driver.actuations[i].drive, expected, 1e-9) << i;
   }
 }
