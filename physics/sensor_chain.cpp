@@ -133,7 +133,10 @@ T FilterChain::output_acceleration(const FilterMemory<T>& memory) const {
 }
 
 std::complex<double> FilterChain::response(double frequency_hz) const {
-  const std::complex<double> s(0.0, 2.0 * pi * frequency_hz);
+  return transfer({0.0, 2.0 * pi * frequency_hz});
+}
+
+std::complex<double> FilterChain::transfer(std::complex<double> s) const {
   std::complex<double> product(1.0, 0.0);
   for (std::size_t i = 0; i < count_; ++i) {
     const Section& section = sections_[i];

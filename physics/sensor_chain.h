@@ -57,6 +57,8 @@ class FilterChain {
 
   /// Transfer function at that frequency [Hz].
   std::complex<double> response(double frequency_hz) const;
+  /// What exp(s t) is multiplied by once it has passed through, s in rad/s; its poles are infinite.
+  std::complex<double> transfer(std::complex<double> s) const;
 
   /// Time after which what came before is forgotten to about 0.2 %.
   double settling_time_s() const;

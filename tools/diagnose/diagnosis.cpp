@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <random>
 
 #include "physics/effects/catalogue.h"
@@ -488,13 +489,20 @@ class Search {
     return certain && current_.held_out.chi2 - candidate.held_out.chi2 > share * excess;
   }
 
-  // Sorts by held-out loss. A law with a parameter or a hidden state more can always imitate its
+  // Most probable first. A law with a parameter or a hidden state more can always imitate its
   // relative that lacks it: of declared rivals the simpler stands first as long as the other is not
   // clearly better.
   void rank(std::vector<Candidate>& candidates) const {
-    std::stable_sort(
-        candidates.begin(), candidates.end(),
-        [](const Candidate& a, const Candidate& b) { return total_loss(a) < total_loss(b); });
+    const std::vector<double> weight = probabilities(candidates, options_.seed + claims_.size());
+    std::vector<std::size_t> order(candidates.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+      if (weight[a] != weight[b]) return weight[a] > weight[b];
+      return total_loss(candidates[a]) < total_loss(candidates[b]);
+    });
+    std::vector<Candidate> sorted;
+    for (const std::size_t k : order) sorted.push_back(std::move(candidates[k]));
+    candidates = std::move(sorted);
     const Candidate& best = candidates.front();
     const double gain = total_loss(current_) - total_loss(best);
     std::size_t chosen = 0;

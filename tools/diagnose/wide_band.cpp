@@ -1,5 +1,6 @@
 #include "tools/diagnose/wide_band.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -27,6 +28,82 @@ double median(std::vector<double>& values) {
   return *middle;
 }
 
+// A polynomial of fourth degree through `count` samples at one end, as time goes away from it.
+struct EndPolynomial {
+  double curvature = 0.0;
+  double curvature_std = 0.0;
+  double residual_std = 0.0;
+};
+
+EndPolynomial polynomial_at_end(std::span<const double> samples, std::size_t count, double period_s,
+                                double noise_std, bool at_the_end) {
+  constexpr Eigen::Index degree = 4;
+  const auto rows = static_cast<Eigen::Index>(count);
+  const double span = static_cast<double>(count - 1);
+  Eigen::MatrixXd powers(rows, degree + 1);
+  Eigen::VectorXd values(rows);
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    values[i] = samples[at_the_end ? samples.size() - 1 - k : k];
+    double power = 1.0;
+    for (Eigen::Index j = 0; j <= degree; ++j, power *= static_cast<double>(i) / span) {
+      powers(i, j) = power;
+    }
+  }
+  const Eigen::LDLT<Eigen::MatrixXd> normal(powers.transpose() * powers);
+  const Eigen::VectorXd found = normal.solve(powers.transpose() * values);
+  const Eigen::VectorXd unit = Eigen::VectorXd::Unit(degree + 1, 2);
+  const double scale = 2.0 / std::pow(span * period_s, 2);
+  const double freedom = static_cast<double>(rows - degree - 1);
+  return {scale * found[2], scale * noise_std * std::sqrt(normal.solve(unit)[2]),
+          std::sqrt((powers * found - values).squaredNorm() / freedom)};
+}
+
+// The second derivative at one end of the samples; 0 where noise alone would give as much. Looks as
+// far as the polynomial still fits.
+double curvature_at_end(std::span<const double> samples, double period_s, double noise_std,
+                        bool at_the_end) {
+  constexpr double longest_s = 0.2;
+  constexpr std::size_t fewest = 16;
+  if (samples.size() < 4 * fewest) return 0.0;
+  auto count = std::clamp<std::size_t>(static_cast<std::size_t>(std::lround(longest_s / period_s)),
+                                       fewest, samples.size() / 4);
+  EndPolynomial end = polynomial_at_end(samples, count, period_s, noise_std, at_the_end);
+  while (end.residual_std > 1.5 * noise_std && count > fewest) {
+    count = std::max(fewest, count * 3 / 4);
+    end = polynomial_at_end(samples, count, period_s, noise_std, at_the_end);
+  }
+  return std::abs(end.curvature) > 3.0 * end.curvature_std ? end.curvature : 0.0;
+}
+
+// A fading exponential at one end of a recording. exp(s t) passes through a chain of filters as
+// itself, multiplied by a number: what it was before them is known exactly.
+struct Fading {
+  double s_per_s = 0.0;   // rate
+  double origin_s = 0.0;  // where it is `amplitude`
+  double amplitude = 0.0;
+
+  double at(double time_s) const { return amplitude * std::exp(s_per_s * (time_s - origin_s)); }
+};
+
+// Two that together are 0 at each end and curve there as the samples do.
+std::vector<Fading> end_curvatures(std::span<const double> samples, double period_s,
+                                   double noise_std) {
+  std::vector<Fading> out;
+  const double duration_s = period_s * static_cast<double>(samples.size() - 1);
+  const double fade_s = std::min(0.25, duration_s / 16.0);
+  for (const bool at_the_end : {false, true}) {
+    const double curvature = curvature_at_end(samples, period_s, noise_std, at_the_end);
+    if (curvature == 0.0) continue;
+    const double amplitude = -curvature * fade_s * fade_s / 3.0;
+    const double rate = (at_the_end ? 1.0 : -1.0) / fade_s;
+    const double origin = at_the_end ? duration_s : 0.0;
+    out.push_back({rate, origin, amplitude});
+    out.push_back({2.0 * rate, origin, -amplitude});
+  }
+  return out;
+}
+
 }  // namespace
 
 WideBand wide_band(std::span<const double> samples, double period_s,
@@ -35,10 +112,19 @@ WideBand wide_band(std::span<const double> samples, double period_s,
   std::size_t half = n - 1;  // half a period of the odd extension
   while (!has_small_factors(half)) ++half;
 
+  // The odd extension below would have a kink in its second derivative at both ends, which rings
+  // far into the acceleration. What makes the kink is taken out here and put back, undone exactly,
+  // at the end.
+  const std::vector<Fading> fading = end_curvatures(samples, period_s, noise_std);
+  std::vector<double> rest(samples.begin(), samples.end());
+  for (std::size_t i = 0; i < n; ++i) {
+    for (const Fading& each : fading) rest[i] -= each.at(period_s * static_cast<double>(i));
+  }
+
   // Take out the line between the ends, so that the odd extension is continuous with its slope.
-  const double first = samples.front();
+  const double first = rest.front();
   const auto reflected = [&](std::size_t i) {
-    return i < n ? samples[i] : 2.0 * samples[n - 1] - samples[2 * (n - 1) - i];
+    return i < n ? rest[i] : 2.0 * rest[n - 1] - rest[2 * (n - 1) - i];
   };
   const double slope = (reflected(half) - first) / static_cast<double>(half);
   const std::size_t length = 2 * half;
@@ -105,6 +191,15 @@ WideBand wide_band(std::span<const double> samples, double period_s,
   for (std::size_t i = 0; i < n; ++i) {
     out.value[i] += first + slope * (static_cast<double>(i) + lag / period_s);
     out.rate[i] += slope / period_s;
+  }
+  for (const Fading& each : fading) {
+    const double undone = (1.0 / chain.transfer({each.s_per_s, 0.0})).real();
+    for (std::size_t i = 0; i < n; ++i) {
+      const double value = undone * each.at(period_s * static_cast<double>(i));
+      out.value[i] += value;
+      out.rate[i] += each.s_per_s * value;
+      out.acceleration[i] += each.s_per_s * each.s_per_s * value;
+    }
   }
   return out;
 }

@@ -1,0 +1,89 @@
+#include "tools/diagnose/report.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "physics/effects/catalogue.h"
+
+namespace stickslip::diagnosis {
+namespace {
+
+using ::testing::HasSubstr;
+
+Diagnosis consistent() {
+  Diagnosis diagnosis;
+  diagnosis.baseline.chi2_per_sample = 1.01;
+  diagnosis.baseline.rmse[0] = 2.0e-5;
+  diagnosis.baseline.nrmse[0] = 0.004;
+  diagnosis.horizon_s = 0.4;
+  diagnosis.calibrated = {{"oscillator.mass_kg", 0.0601}};
+  diagnosis.noise_std = {{Channel::displacement, 2.0e-5}};
+  return diagnosis;
+}
+
+Diagnosis undecided() {
+  Diagnosis diagnosis = consistent();
+  diagnosis.verdict = Verdict::missing_physics;
+  Location location;
+  location.relation = physics::Relation::friction_law;
+  location.channel = Channel::friction_force;
+  location.when_s = {{1.0, 2.5}};
+  location.statement = "They part.";
+  diagnosis.location = location;
+  Finding finding;
+  finding.effect = physics::find_effect("dry_friction");
+  finding.statement = "Dry friction of 20 N.";
+  finding.parameters = {{"friction_force_n", 20.0, 19.0, 21.0}};
+  finding.probability = 0.6;
+  finding.alternatives = {{"bias_force", 0.4}};
+  finding.separating_experiment = "push it both ways";
+  diagnosis.findings = {finding};
+  diagnosis.augmented = diagnosis.baseline;
+  diagnosis.augmented->chi2_per_sample = 1.0;
+  diagnosis.noise_estimated = {Channel::displacement};
+  return diagnosis;
+}
+
+TEST(ReportJson, OfAConsistentRecordingHoldsNothingButTheFit) {
+  const auto json = report_json(consistent());
+  EXPECT_EQ(json["schema"], 1);
+  EXPECT_EQ(json["verdict"], "consistent");
+  EXPECT_TRUE(json["location"].is_null());
+  EXPECT_TRUE(json["findings"].empty());
+  // Nothing was added: the augmented model is the declared one.
+  EXPECT_EQ(json["fit"]["heldout"]["augmented"], json["fit"]["heldout"]["baseline"]);
+  EXPECT_EQ(json["calibrated"]["oscillator.mass_kg"], 0.0601);
+  EXPECT_EQ(json["noise_std"]["displacement_m"], 2.0e-5);
+}
+
+TEST(ReportJson, HoldsTheFindingItsIntervalAndItsRivals) {
+  const auto json = report_json(undecided());
+  EXPECT_EQ(json["verdict"], "missing_physics");
+  EXPECT_EQ(json["location"]["relation"], "friction_law");
+  EXPECT_EQ(json["location"]["channel"], "friction_force");
+  const auto& finding = json["findings"][0];
+  EXPECT_EQ(finding["id"], "dry_friction");
+  EXPECT_EQ(finding["parameters"]["friction_force_n"]["value"], 20.0);
+  EXPECT_EQ(finding["parameters"]["friction_force_n"]["ci95"][1], 21.0);
+  EXPECT_EQ(finding["alternatives"][0]["id"], "bias_force");
+  EXPECT_EQ(finding["separating_experiment"], "push it both ways");
+  EXPECT_EQ(json["fit"]["heldout"]["augmented"]["chi2_per_sample"], 1.0);
+}
+
+TEST(ReportText, SaysTheVerdictFirst) {
+  EXPECT_THAT(report_text(consistent()), ::testing::StartsWith("CONSISTENT"));
+  const std::string text = report_text(undecided());
+  EXPECT_THAT(text, ::testing::StartsWith("MISSING PHYSICS: 1 effect was left out"));
+  EXPECT_THAT(text, HasSubstr("friction_force_n = 20"));
+  EXPECT_THAT(text, HasSubstr("or bias_force (40 %)"));
+  EXPECT_THAT(text, HasSubstr("to tell: push it both ways"));
+  EXPECT_THAT(text, HasSubstr("Noise estimated from the recording, not declared: displacement"));
+  auto unexplained = undecided();
+  unexplained.verdict = Verdict::unexplained;
+  EXPECT_THAT(report_text(unexplained), ::testing::StartsWith("UNEXPLAINED"));
+}
+
+}  // namespace
+}  // namespace stickslip::diagnosis
