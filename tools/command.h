@@ -19,5 +19,8 @@ void add_record(CLI::App& app, Action& action);
 void add_replay(CLI::App& app, Action& action);
 void add_convert(CLI::App& app, Action& action);
 void add_spy(CLI::App& app, Action& action);
+void add_poincare(CLI::App& app, Action& action);
+void add_lyapunov(CLI::App& app, Action& action);
+void add_bifurcation(CLI::App& app, Action& action);
 
 }  // namespace stickslip::tools

@@ -25,6 +25,9 @@ int run(int argc, char** argv) {
   add_replay(app, action);
   add_convert(app, action);
   add_spy(app, action);
+  add_poincare(app, action);
+  add_lyapunov(app, action);
+  add_bifurcation(app, action);
 
   try {
     app.parse(argc, argv);

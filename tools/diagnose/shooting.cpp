@@ -5,11 +5,9 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <exception>
-#include <mutex>
-#include <thread>
 
 #include "physics/effects/catalogue.h"
+#include "physics/parallel.h"
 #include "physics/sensor_chain.h"
 
 namespace stickslip::diagnosis {
@@ -17,6 +15,7 @@ namespace stickslip::diagnosis {
 namespace {
 
 using physics::Dual;
+using physics::for_each_parallel;
 using physics::max_rig_states;
 using physics::RigNumbers;
 using physics::RigState;
@@ -411,34 +410,6 @@ bool rescue_outliers(const Problem& problem, int threads, std::vector<WindowStat
 }
 
 }  // namespace
-
-void for_each_parallel(std::size_t count, int threads,
-                       const std::function<void(std::size_t)>& work) {
-  const auto workers = std::min<std::size_t>(count, static_cast<std::size_t>(std::max(1, threads)));
-  if (workers <= 1) {
-    for (std::size_t i = 0; i < count; ++i) work(i);
-    return;
-  }
-  std::atomic<std::size_t> next{0};
-  std::exception_ptr failure;
-  std::mutex failure_mutex;
-  {
-    std::vector<std::jthread> pool;
-    for (std::size_t t = 0; t < workers; ++t) {
-      pool.emplace_back([&] {
-        for (std::size_t i = next++; i < count; i = next++) {
-          try {
-            work(i);
-          } catch (...) {
-            const std::lock_guard lock(failure_mutex);
-            if (!failure) failure = std::current_exception();
-          }
-        }
-      });
-    }
-  }
-  if (failure) std::rethrow_exception(failure);
-}
 
 double Fit::chi2_per_sample() const {
   double sum = 0.0;

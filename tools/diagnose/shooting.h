@@ -7,7 +7,6 @@
 
 #include <Eigen/Core>
 #include <array>
-#include <functional>
 #include <span>
 #include <vector>
 
@@ -68,10 +67,5 @@ std::vector<std::array<double, predicted_channels>> predict(const Experiment& ex
                                                             const Hypothesis& hypothesis,
                                                             std::span<const double> z,
                                                             const WindowState& state);
-
-/// Runs `work(i)` for i in [0, count) on so many threads. The work of one i must not depend on
-/// another.
-void for_each_parallel(std::size_t count, int threads,
-                       const std::function<void(std::size_t)>& work);
 
 }  // namespace stickslip::diagnosis

@@ -3,9 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <stdexcept>
 
 #include "tests/unit/diagnose/bench.h"
 
@@ -191,22 +189,6 @@ TEST(Predict, FromTheTrueStateReadsWhatWasRecorded) {
   for (std::size_t i = 0; i < readings.size(); ++i) {
     EXPECT_NEAR(readings[i][0], e.reading[window.begin + i][0], 2.0e-6);
   }
-}
-
-TEST(ForEachParallel, DoesEveryPieceOnce) {
-  for (const int threads : {1, 2, 7}) {
-    std::vector<std::atomic<int>> done(100);
-    for_each_parallel(100, threads, [&](std::size_t i) { ++done[i]; });
-    for (const auto& each : done) EXPECT_EQ(each, 1);
-  }
-}
-
-TEST(ForEachParallel, PassesAnExceptionOn) {
-  EXPECT_THROW(for_each_parallel(10, 2,
-                                 [](std::size_t i) {
-                                   if (i == 3) throw std::runtime_error("piece 3");
-                                 }),
-               std::runtime_error);
 }
 
 }  // namespace

@@ -1,0 +1,14 @@
+// Independent pieces of work, shared by the cores.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+
+namespace stickslip::physics {
+
+/// Runs `work(i)` for i in [0, count) on so many threads. The work of one i must not depend on
+/// another. Rethrows the first exception once all threads have ended.
+void for_each_parallel(std::size_t count, int threads,
+                       const std::function<void(std::size_t)>& work);
+
+}  // namespace stickslip::physics

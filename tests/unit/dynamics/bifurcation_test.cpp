@@ -1,0 +1,67 @@
+#include "tools/dynamics/bifurcation.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+namespace stickslip::dynamics {
+namespace {
+
+physics::Model rubbing() {
+  physics::Model model;
+  model.oscillator.mass_kg = {1.0};
+  model.oscillator.stiffness_n_m = physics::Parameter{1.0};
+  model.oscillator.damping_n_s_m = physics::Parameter{0.1};
+  model.friction.law = physics::FrictionLaw::coulomb;
+  model.friction.mu = {0.5};
+  model.friction.transition_speed_m_s = {0.02};
+  return model;
+}
+
+BifurcationOptions quick(int threads) {
+  BifurcationOptions options;
+  options.portrait.transient = 5;
+  options.portrait.periods = 4;
+  options.portrait.steps_per_period = 100;
+  options.threads = threads;
+  return options;
+}
+
+TEST(Bifurcation, IsTheSameOnHoweverManyThreads) {
+  const std::vector<double> values = {0.2, 0.4, 0.6, 0.8, 1.0};
+  const auto one = bifurcation(rubbing(), {1.0, 1.2, 0.0}, "friction.mu", values, quick(1));
+  const auto three = bifurcation(rubbing(), {1.0, 1.2, 0.0}, "friction.mu", values, quick(3));
+  ASSERT_EQ(one.size(), values.size());
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    EXPECT_EQ(one[i].value, values[i]);
+    ASSERT_EQ(one[i].section.size(), 4U);
+    for (std::size_t k = 0; k < 4; ++k) {
+      EXPECT_EQ(one[i].section[k].x(), three[i].section[k].x());
+    }
+  }
+}
+
+TEST(Bifurcation, OverTheDriveChangesTheDrive) {
+  const auto columns =
+      bifurcation(rubbing(), {1.0, 1.2, 0.0}, "drive.amplitude", {0.1, 2.0}, quick(1));
+  // Below the friction nothing moves but for the creep of the smooth law.
+  EXPECT_LT(std::abs(columns[0].section[3].x()), 0.1);
+  EXPECT_GT(std::abs(columns[1].section[3].x()), 0.3);
+  const auto by_frequency =
+      bifurcation(rubbing(), {1.0, 1.2, 0.0}, "drive.frequency_hz", {0.5}, quick(1));
+  EXPECT_NEAR(by_frequency[0].section[0].time_s, 5.0 / 0.5, 1.0e-9);
+}
+
+TEST(Bifurcation, KnowsWhatItCanBeDrawnOver) {
+  const auto paths = bifurcation_paths(rubbing());
+  EXPECT_THAT(paths, ::testing::Contains("drive.amplitude"));
+  EXPECT_THAT(paths, ::testing::Contains("friction.mu"));
+  EXPECT_THROW(bifurcation(rubbing(), {1.0, 1.2, 0.0}, "friction.nu", {1.0}, quick(1)),
+               std::invalid_argument);
+  EXPECT_THROW(bifurcation(rubbing(), {1.0, 1.2, 0.0}, "oscillator.mass_kg", {-1.0}, quick(1)),
+               std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace stickslip::dynamics

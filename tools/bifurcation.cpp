@@ -1,0 +1,109 @@
+#include "tools/dynamics/bifurcation.h"
+
+#include <unistd.h>
+
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "config/model_file.h"
+#include "physics/problem.h"
+#include "tools/command.h"
+#include "tools/drive_options.h"
+
+namespace stickslip::tools {
+
+namespace {
+
+struct Arguments {
+  std::shared_ptr<DriveOptions> drive = std::make_shared<DriveOptions>();
+  std::string over;
+  double from = 0.0;
+  double to = 0.0;
+  int values = 200;
+  int periods = 100;
+  bool exponents = false;
+  int jobs = 0;
+  std::string out = "-";
+};
+
+int run(const Arguments& arguments) {
+  const physics::Model model = config::load_model(arguments.drive->model);
+  const dynamics::Drive drive = arguments.drive->drive(model);
+  const auto paths = dynamics::bifurcation_paths(model);
+  if (std::find(paths.begin(), paths.end(), arguments.over) == paths.end()) {
+    std::string known;
+    for (const std::string& path : paths) known += (known.empty() ? "" : ", ") + path;
+    throw InputError(
+        Problem{arguments.drive->model, 0, 0,
+                "has no parameter \"" + arguments.over + "\"; expected one of " + known});
+  }
+  dynamics::BifurcationOptions options;
+  options.portrait.transient = arguments.drive->transient;
+  options.portrait.periods = arguments.periods;
+  options.portrait.steps_per_period = arguments.drive->steps;
+  options.portrait.x_m = arguments.drive->x_m;
+  options.portrait.v_m_s = arguments.drive->v_m_s;
+  options.with_exponents = arguments.exponents;
+  options.threads = arguments.jobs > 0
+                        ? arguments.jobs
+                        : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  if (isatty(STDERR_FILENO) != 0) {
+    options.progress = [](std::size_t done, std::size_t all) {
+      std::fprintf(stderr, "\r%zu of %zu values%s", done, all, done == all ? "\n" : "");
+    };
+  }
+  std::vector<double> values;
+  for (int i = 0; i < arguments.values; ++i) {
+    const double share =
+        arguments.values > 1 ? static_cast<double>(i) / (arguments.values - 1) : 0.0;
+    values.push_back(arguments.from + share * (arguments.to - arguments.from));
+  }
+  std::string table = "value,displacement_m,velocity_m_s";
+  table += arguments.exponents ? ",exponent_per_s\n" : "\n";
+  char line[160];
+  for (const auto& column : dynamics::bifurcation(model, drive, arguments.over, values, options)) {
+    for (const dynamics::Point& point : column.section) {
+      std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g", column.value, point.x(), point.v());
+      table += line;
+      if (arguments.exponents) {
+        std::snprintf(line, sizeof line, ",%.6g", column.exponent_per_s);
+        table += line;
+      }
+      table += '\n';
+    }
+  }
+  write_table(arguments.out, table);
+  return 0;
+}
+
+}  // namespace
+
+void add_bifurcation(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "bifurcation", "Poincare sections over the values of one parameter, on all cores");
+  add_drive_options(*command, arguments->drive);
+  command
+      ->add_option("--over", arguments->over,
+                   "Parameter: drive.amplitude [m/s2], drive.frequency_hz, or one of the model's "
+                   "(friction.mu, normal_load.load_n, ...)")
+      ->required();
+  command->add_option("--from", arguments->from, "First value")->required();
+  command->add_option("--to", arguments->to, "Last value")->required();
+  command->add_option("--values", arguments->values, "Number of values")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
+  command->add_option("--periods", arguments->periods, "Points per value")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
+  command->add_flag("--exponents", arguments->exponents, "Also the largest Lyapunov exponent");
+  command->add_option("--jobs", arguments->jobs, "Threads (0: as many as there are cores)")
+      ->check(CLI::NonNegativeNumber);
+  command->add_option("--out", arguments->out, "Table to write (CSV; -: standard output)")
+      ->capture_default_str();
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::tools

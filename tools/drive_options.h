@@ -1,0 +1,36 @@
+// How a command is told what drives a rig periodically.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "physics/model.h"
+#include "tools/dynamics/orbit.h"
+
+namespace stickslip::tools {
+
+struct DriveOptions {
+  std::string model;
+  std::optional<double> frequency_hz;
+  std::optional<double> omega_rad_s;
+  std::optional<double> amplitude;
+  std::optional<double> acceleration_m_s2;
+  double x_m = 0.0;
+  double v_m_s = 0.0;
+  int transient = 200;
+  int steps = 0;
+
+  /// The drive that was asked for. Throws InputError where it is not told, or not by one option
+  /// only, and where the model's motion is imposed.
+  dynamics::Drive drive(const physics::Model& model) const;
+};
+
+/// Adds --model, the drive, the start and the transient to a command.
+void add_drive_options(CLI::App& command, const std::shared_ptr<DriveOptions>& options);
+
+/// Where a command writes a table; "-" is standard output.
+void write_table(const std::string& file, const std::string& text);
+
+}  // namespace stickslip::tools

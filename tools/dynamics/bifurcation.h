@@ -1,0 +1,39 @@
+// How the Poincaré section changes with one parameter.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "tools/dynamics/portrait.h"
+
+namespace stickslip::dynamics {
+
+struct BifurcationOptions {
+  PortraitOptions portrait;
+  int threads = 1;
+  bool with_exponents = false;  ///< also the largest exponent at every value
+  /// Told after each value, from any of the threads but one at a time; may be empty.
+  std::function<void(std::size_t done, std::size_t all)> progress;
+};
+
+struct BifurcationColumn {
+  double value = 0.0;  ///< of the parameter
+  std::vector<Point> section;
+  double exponent_per_s = 0.0;  ///< where it was asked for
+};
+
+/// Paths of what a diagram can be drawn over: the model's parameters ("friction.mu"), and
+/// "drive.amplitude" (acceleration, m/s2) and "drive.frequency_hz".
+std::vector<std::string> bifurcation_paths(const physics::Model& model);
+
+/// One column per value, in the order of the values. Every value starts afresh, so that the columns
+/// are independent and any number of threads gives the same diagram. With "drive.frequency_hz" the
+/// acceleration stays. Throws std::invalid_argument for a path that is none of bifurcation_paths,
+/// and where a value makes the model inconsistent.
+std::vector<BifurcationColumn> bifurcation(const physics::Model& model, const Drive& drive,
+                                           const std::string& path,
+                                           const std::vector<double>& values,
+                                           const BifurcationOptions& options = {});
+
+}  // namespace stickslip::dynamics

@@ -1,0 +1,84 @@
+// A rig under a periodic drive, followed step by step: what Poincaré sections, exponents and
+// diagrams are made of.
+#pragma once
+
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "physics/model.h"
+#include "physics/rig.h"
+
+namespace stickslip::dynamics {
+
+/// A drive a cos(omega t) cos(modulation t) of the mass, as the acceleration that it would give the
+/// free mass [m/s2]: -b'' of a base-excited rig, F / m of a force-excited one. For the paper's
+/// nondimensional equations it is the right-hand side a(t).
+struct Drive {
+  double acceleration_m_s2 = 0.0;  ///< a
+  double omega_rad_s = 1.0;
+  double modulation_rad_s = 0.0;
+
+  double period_s() const { return 2.0 * std::numbers::pi / omega_rad_s; }
+  double at(double time_s) const {
+    return acceleration_m_s2 * std::cos(omega_rad_s * time_s) * std::cos(modulation_rad_s * time_s);
+  }
+};
+
+/// The drive of a base that moves as amplitude cos(omega t).
+Drive base_drive(double amplitude_m, double frequency_hz);
+
+/// A state and its place in time.
+struct Point {
+  double time_s = 0.0;
+  physics::RigState<double> state;
+
+  double x() const { return state.s[physics::state::x]; }
+  double v() const { return state.s[physics::state::v]; }
+};
+
+/// One rig on its way. The step divides the drive's period, so that every section is met exactly.
+class Orbit {
+ public:
+  /// Starts at rest at deflection `x_m` and velocity `v_m_s` at time 0. Throws
+  /// std::invalid_argument for a model that is inconsistent or whose motion is imposed, and for
+  /// fewer than 16 steps per period.
+  Orbit(const physics::Model& model, const Drive& drive, int steps_per_period, double x_m = 0.0,
+        double v_m_s = 0.0);
+
+  /// One step.
+  void step();
+  /// So many whole drive periods.
+  void skip(int periods);
+
+  const Point& now() const { return now_; }
+  /// Replaces the mechanical state and completes what follows from it.
+  void set_state(const std::array<double, physics::max_rig_states>& s);
+
+  /// The force that the mass would feel without friction [N]: while the friction can hold it, the
+  /// mass sticks under Coulomb's law.
+  double force_without_friction_n() const;
+  /// The largest friction force at this instant [N].
+  double friction_limit_n() const;
+
+  const physics::Rig& rig() const { return rig_; }
+  const Drive& drive() const { return drive_; }
+  int steps_per_period() const { return steps_per_period_; }
+  double step_s() const { return step_s_; }
+
+ private:
+  physics::Input input_at(long step) const;
+
+  physics::Rig rig_;
+  physics::RigNumbers<double> numbers_;
+  Drive drive_;
+  int steps_per_period_;
+  double step_s_;
+  long steps_ = 0;
+  Point now_;
+};
+
+/// Steps per drive period that resolve the rig's fastest free motion, and the drive by 500.
+int enough_steps(const physics::Model& model, const Drive& drive);
+
+}  // namespace stickslip::dynamics

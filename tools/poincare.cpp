@@ -1,0 +1,73 @@
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "config/model_file.h"
+#include "tools/command.h"
+#include "tools/drive_options.h"
+#include "tools/dynamics/portrait.h"
+
+namespace stickslip::tools {
+
+namespace {
+
+struct Arguments {
+  std::shared_ptr<DriveOptions> drive = std::make_shared<DriveOptions>();
+  int periods = 2000;
+  double phase = 0.0;
+  std::string out = "-";
+};
+
+int run(const Arguments& arguments) {
+  const physics::Model model = config::load_model(arguments.drive->model);
+  const dynamics::Drive drive = arguments.drive->drive(model);
+  dynamics::PortraitOptions options;
+  options.periods = arguments.periods;
+  options.phase = arguments.phase;
+  options.transient = arguments.drive->transient;
+  options.steps_per_period = arguments.drive->steps;
+  options.x_m = arguments.drive->x_m;
+  options.v_m_s = arguments.drive->v_m_s;
+
+  std::string table = "time_s,displacement_m,velocity_m_s,theta\n";
+  char line[160];
+  for (const dynamics::Point& point : dynamics::poincare_section(model, drive, options)) {
+    std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g,%.9g\n", point.time_s, point.x(), point.v(),
+                  point.state.theta);
+    table += line;
+  }
+  write_table(arguments.out, table);
+  if (arguments.out == "-") return 0;
+
+  const dynamics::Portrait seen = dynamics::portrait(model, drive, options);
+  std::printf(
+      "displacement %.5g to %.5g m, velocity %.5g to %.5g m/s, normal load %.4g to %.4g N\n",
+      seen.displacement_m.low, seen.displacement_m.high, seen.velocity_m_s.low,
+      seen.velocity_m_s.high, seen.normal_load_n.low, seen.normal_load_n.high);
+  std::printf(
+      "contact lost %.2f %% of the time, friction along the motion %.2f %%, at rest %.2f %%; "
+      "overshoot %.2f %% of the velocity range over %d arrivals\n",
+      100.0 * seen.contact_lost, 100.0 * seen.negative_friction, 100.0 * seen.sticking,
+      100.0 * seen.overshoot, seen.arrivals);
+  return 0;
+}
+
+}  // namespace
+
+void add_poincare(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "poincare", "Poincare section of a model under a periodic drive, once per period");
+  add_drive_options(*command, arguments->drive);
+  command->add_option("--periods", arguments->periods, "Points of the section")
+      ->check(CLI::Range(1, 10000000))
+      ->capture_default_str();
+  command->add_option("--phase", arguments->phase, "Phase of the section, in turns of the drive")
+      ->capture_default_str();
+  command->add_option("--out", arguments->out, "Table to write (CSV; -: standard output)")
+      ->capture_default_str();
+  command->footer("With --out FILE it also tells ranges, lost contact, sticking and overshoot.");
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::tools
