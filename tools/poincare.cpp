@@ -45,7 +45,8 @@ int run(const Arguments& arguments) {
       seen.displacement_m.low, seen.displacement_m.high, seen.velocity_m_s.low,
       seen.velocity_m_s.high, seen.normal_load_n.low, seen.normal_load_n.high);
   std::printf(
-      "contact lost %.2f %% of the time, friction along the motion %.2f %%, at rest %.2f %%; "
+      "contact lost %.2f %% of the time, friction and velocity of opposite sign %.2f %%, at rest "
+      "%.2f %%; "
       "overshoot %.2f %% of the velocity range over %d arrivals\n",
       100.0 * seen.contact_lost, 100.0 * seen.negative_friction, 100.0 * seen.sticking,
       100.0 * seen.overshoot, seen.arrivals);

@@ -77,7 +77,7 @@ Portrait portrait(const physics::Model& model, const Drive& drive, const Portrai
     widen(out.velocity_m_s, v);
     widen(out.normal_load_n, now.state.load);
     if (loaded && now.state.load <= 0.0) ++lost;
-    if (now.state.friction * now.state.slip < 0.0) ++negative;
+    if (now.state.theta * now.state.slip < 0.0) ++negative;
     if (now.state.slip == 0.0) ++stuck;
 
     const bool would_hold = std::abs(orbit.force_without_friction_n()) < orbit.friction_limit_n();

@@ -35,7 +35,7 @@ struct Portrait {
   Range velocity_m_s;
   Range normal_load_n;
   double contact_lost = 0.0;       ///< share of the time without normal load
-  double negative_friction = 0.0;  ///< share of the time in which friction drives the motion
+  double negative_friction = 0.0;  ///< share of the time at theta and velocity of opposite sign
   double sticking = 0.0;           ///< share of the time at slip velocity exactly 0
   /// Overshoot of the plane of zero velocity. An arrival is a passage of the velocity through 0 (or
   /// a stop at 0) at which Coulomb friction could hold the mass. Until the mass would be let go,
