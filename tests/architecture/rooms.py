@@ -17,8 +17,8 @@ import unittest
 
 SOURCE, BUILD = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 
-ROOMS = ["physics", "protocol", "config", "drivers", "daemon/observer", "daemon", "tools/diagnose",
-         "tools"]
+ROOMS = ["physics", "protocol", "config", "drivers", "daemon/observer", "daemon", "tools/parallel",
+         "tools/diagnose", "tools/dynamics", "tools"]
 # Room: the rooms that it may use, beside itself.
 MAY_USE = {
     "physics": set(),
@@ -27,8 +27,11 @@ MAY_USE = {
     "drivers": {"physics", "config"},
     "daemon/observer": {"physics"},
     "daemon": {"physics", "protocol", "config", "drivers", "daemon/observer"},
-    "tools/diagnose": {"physics", "protocol", "config", "daemon/observer", "tools"},
-    "tools": {"physics", "protocol", "config", "daemon/observer", "tools/diagnose"},
+    "tools/parallel": set(),
+    "tools/diagnose": {"physics", "protocol", "config", "daemon/observer", "tools/parallel"},
+    "tools/dynamics": {"physics", "tools/parallel"},
+    "tools": {"physics", "protocol", "config", "daemon/observer", "tools/parallel", "tools/diagnose",
+              "tools/dynamics"},
 }
 # What the table allows and the build links today; a permission that is not used is no dependency.
 MUST_FIND = {
@@ -37,8 +40,9 @@ MUST_FIND = {
     "drivers": {"physics", "config"},
     "daemon/observer": {"physics"},
     "daemon": {"physics", "protocol", "config", "drivers", "daemon/observer"},
-    "tools/diagnose": {"physics"},
-    "tools": {"physics", "protocol", "config", "tools/diagnose"},
+    "tools/diagnose": {"physics", "protocol", "tools/parallel"},
+    "tools/dynamics": {"physics", "tools/parallel"},
+    "tools": {"physics", "protocol", "config", "tools/diagnose", "tools/dynamics"},
 }
 # Room: system headers that it must not include, and why.
 LCM = r"lcm/.*"

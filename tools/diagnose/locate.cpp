@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <unsupported/Eigen/FFT>
 
-#include "physics/parallel.h"
+#include "tools/parallel/for_each.h"
 
 namespace stickslip::diagnosis {
 
@@ -52,7 +52,7 @@ Location locate(const Task& task, const Hypothesis& hypothesis, const Fit& fitte
   location.relation = relation;
   const std::size_t windows = task.windows.size();
   std::vector<std::vector<std::array<double, predicted_channels>>> readings(windows);
-  physics::for_each_parallel(windows, task.threads, [&](std::size_t w) {
+  parallel::for_each(windows, task.threads, [&](std::size_t w) {
     const WindowRef ref = task.windows[w];
     const Experiment& e = task.experiments[ref.experiment];
     const Window& window = e.windows[ref.window];

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "physics/parallel.h"
+#include "tools/parallel/for_each.h"
 
 namespace stickslip::diagnosis {
 
@@ -115,7 +115,7 @@ Ahead predict_ahead(const Task& task, const Hypothesis& hypothesis, std::span<co
   out.window.resize(task.windows.size());
   out.chi2.assign(task.windows.size(), 0.0);
   out.count.assign(task.windows.size(), 0);
-  physics::for_each_parallel(task.windows.size(), task.threads, [&](std::size_t w) {
+  parallel::for_each(task.windows.size(), task.threads, [&](std::size_t w) {
     const WindowRef ref = task.windows[w];
     const Experiment& e = before[ref.experiment];
     const Window& window = e.windows[ref.window];

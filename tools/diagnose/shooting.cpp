@@ -7,15 +7,15 @@
 #include <cmath>
 
 #include "physics/effects/catalogue.h"
-#include "physics/parallel.h"
 #include "physics/sensor_chain.h"
+#include "tools/parallel/for_each.h"
 
 namespace stickslip::diagnosis {
 
 namespace {
 
+using parallel::for_each;
 using physics::Dual;
-using physics::for_each_parallel;
 using physics::max_rig_states;
 using physics::RigNumbers;
 using physics::RigState;
@@ -393,7 +393,7 @@ bool rescue_outliers(const Problem& problem, int threads, std::vector<WindowStat
   FitOptions more;
   more.iterations = 16;
   std::atomic<bool> any{false};
-  for_each_parallel(blocks.size(), threads, [&](std::size_t w) {
+  for_each(blocks.size(), threads, [&](std::size_t w) {
     if (blocks[w].chi2 <= 3.0 * usual * blocks[w].count) return;
     for (const WindowState& start : problem.other_starts(w)) {
       WindowState state = start;
@@ -442,15 +442,14 @@ Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
   std::vector<Block> blocks(windows);
   const auto linearise_all = [&] {
     problem.prepare(z);
-    for_each_parallel(windows, task.threads,
-                      [&](std::size_t w) { blocks[w] = problem.linearise(w, states[w]); });
+    for_each(windows, task.threads,
+             [&](std::size_t w) { blocks[w] = problem.linearise(w, states[w]); });
   };
 
   if (!options.parameters_free) {
     problem.prepare(z);
-    for_each_parallel(windows, task.threads, [&](std::size_t w) {
-      blocks[w] = fit_state(problem, w, states[w], options);
-    });
+    for_each(windows, task.threads,
+             [&](std::size_t w) { blocks[w] = fit_state(problem, w, states[w], options); });
     if (options.rescue) rescue_outliers(problem, task.threads, states, blocks);
     Fit result;
     result.z = std::move(z);
@@ -522,8 +521,8 @@ Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
         }
         std::vector<Block> trial(windows);
         problem.prepare(trial_z);
-        for_each_parallel(windows, task.threads,
-                          [&](std::size_t w) { trial[w] = problem.evaluate(w, trial_states[w]); });
+        for_each(windows, task.threads,
+                 [&](std::size_t w) { trial[w] = problem.evaluate(w, trial_states[w]); });
         const double trial_cost = total_cost(trial) + problem.parameter_prior(trial_z);
         if (trial_cost < cost) {
           finished = cost - trial_cost < options.tolerance * cost;

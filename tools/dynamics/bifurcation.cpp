@@ -4,8 +4,8 @@
 #include <mutex>
 #include <stdexcept>
 
-#include "physics/parallel.h"
 #include "tools/dynamics/lyapunov.h"
+#include "tools/parallel/for_each.h"
 
 namespace stickslip::dynamics {
 
@@ -34,7 +34,7 @@ std::vector<BifurcationColumn> bifurcation(const physics::Model& model, const Dr
   std::vector<BifurcationColumn> columns(values.size());
   std::mutex progress_mutex;
   std::size_t done = 0;
-  physics::for_each_parallel(values.size(), options.threads, [&](std::size_t i) {
+  parallel::for_each(values.size(), options.threads, [&](std::size_t i) {
     physics::Model here = model;
     Drive drive_here = drive;
     if (path == drive_amplitude) {

@@ -4,11 +4,10 @@
 #include <cstddef>
 #include <functional>
 
-namespace stickslip::physics {
+namespace stickslip::parallel {
 
 /// Runs `work(i)` for i in [0, count) on so many threads. The work of one i must not depend on
 /// another. Rethrows the first exception once all threads have ended.
-void for_each_parallel(std::size_t count, int threads,
-                       const std::function<void(std::size_t)>& work);
+void for_each(std::size_t count, int threads, const std::function<void(std::size_t)>& work);
 
-}  // namespace stickslip::physics
+}  // namespace stickslip::parallel

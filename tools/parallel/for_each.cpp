@@ -1,4 +1,4 @@
-#include "physics/parallel.h"
+#include "tools/parallel/for_each.h"
 
 #include <algorithm>
 #include <atomic>
@@ -7,10 +7,9 @@
 #include <thread>
 #include <vector>
 
-namespace stickslip::physics {
+namespace stickslip::parallel {
 
-void for_each_parallel(std::size_t count, int threads,
-                       const std::function<void(std::size_t)>& work) {
+void for_each(std::size_t count, int threads, const std::function<void(std::size_t)>& work) {
   const auto workers = std::min<std::size_t>(count, static_cast<std::size_t>(std::max(1, threads)));
   if (workers <= 1) {
     for (std::size_t i = 0; i < count; ++i) work(i);
@@ -37,4 +36,4 @@ void for_each_parallel(std::size_t count, int threads,
   if (failure) std::rethrow_exception(failure);
 }
 
-}  // namespace stickslip::physics
+}  // namespace stickslip::parallel
