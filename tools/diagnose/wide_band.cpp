@@ -104,13 +104,12 @@ std::vector<Fading> end_curvatures(std::span<const double> samples, double perio
   return out;
 }
 
-}  // namespace
-
-WideBand wide_band(std::span<const double> samples, double period_s,
-                   const physics::FilterChain& chain, double noise_std) {
+// For a number of samples that the transform is fast for. Its odd extension ends where the samples
+// do: were it drawn out to a longer one, it would have a kink where it ends.
+WideBand wide_band_of_fast_length(std::span<const double> samples, double period_s,
+                                  const physics::FilterChain& chain, double noise_std) {
   const std::size_t n = samples.size();
-  std::size_t half = n - 1;  // half a period of the odd extension
-  while (!has_small_factors(half)) ++half;
+  const std::size_t half = n - 1;  // half a period of the odd extension
 
   // The odd extension below would have a kink in its second derivative at both ends, which rings
   // far into the acceleration. What makes the kink is taken out here and put back, undone exactly,
@@ -123,14 +122,11 @@ WideBand wide_band(std::span<const double> samples, double period_s,
 
   // Take out the line between the ends, so that the odd extension is continuous with its slope.
   const double first = rest.front();
-  const auto reflected = [&](std::size_t i) {
-    return i < n ? rest[i] : 2.0 * rest[n - 1] - rest[2 * (n - 1) - i];
-  };
-  const double slope = (reflected(half) - first) / static_cast<double>(half);
+  const double slope = (rest.back() - first) / static_cast<double>(half);
   const std::size_t length = 2 * half;
   std::vector<double> odd(length, 0.0);
   for (std::size_t i = 1; i < half; ++i) {
-    odd[i] = reflected(i) - first - slope * static_cast<double>(i);
+    odd[i] = rest[i] - first - slope * static_cast<double>(i);
     odd[length - i] = -odd[i];
   }
 
@@ -200,6 +196,28 @@ WideBand wide_band(std::span<const double> samples, double period_s,
       out.rate[i] += each.s_per_s * value;
       out.acceleration[i] += each.s_per_s * each.s_per_s * value;
     }
+  }
+  return out;
+}
+
+}  // namespace
+
+WideBand wide_band(std::span<const double> samples, double period_s,
+                   const physics::FilterChain& chain, double noise_std) {
+  const std::size_t n = samples.size();
+  std::size_t fast = n;
+  while (!has_small_factors(fast - 1)) --fast;
+  WideBand out = wide_band_of_fast_length(samples.first(fast), period_s, chain, noise_std);
+  if (fast == n) return out;
+  // Once from each end: the first half of what begins at the beginning, the rest of what ends at
+  // the end.
+  const WideBand later = wide_band_of_fast_length(samples.last(fast), period_s, chain, noise_std);
+  const auto half = static_cast<std::ptrdiff_t>(fast / 2);
+  const auto missing = static_cast<std::ptrdiff_t>(n - fast);
+  for (auto member : {&WideBand::value, &WideBand::rate, &WideBand::acceleration}) {
+    std::vector<double>& values = out.*member;
+    values.resize(static_cast<std::size_t>(half));
+    values.insert(values.end(), (later.*member).begin() + (half - missing), (later.*member).end());
   }
   return out;
 }
