@@ -47,12 +47,21 @@ physics::LoadCell load_cell_in(const Document& document) {
           chosen<physics::LoadCellDynamics>(document, "load_cell.dynamics")};
 }
 
+physics::NormalLoadBridge bridge_in(const Document& document) {
+  const physics::NormalLoadBridge absent;
+  return {
+      document.number("normal_load_bridge.mismatch").value_or(absent.mismatch),
+      document.number("normal_load_bridge.share").value_or(absent.share),
+      document.number("normal_load_bridge.share_slope_per_m").value_or(absent.share_slope_per_m)};
+}
+
 physics::Model model_in(const Document& document) {
   physics::Model model;
   model.oscillator = oscillator_in(document);
   if (document.has("normal_load.law")) model.normal_load = normal_load_in(document);
   model.friction = friction_in(document);
   if (document.has("load_cell.dynamics")) model.load_cell = load_cell_in(document);
+  if (document.has("normal_load_bridge.mismatch")) model.normal_load_bridge = bridge_in(document);
   for (Channel channel : all_channels) {
     const std::string path = "sensors." + std::string(info(channel).stem);
     physics::Sensor& sensor = model.sensors[index_of(channel)];
@@ -134,6 +143,13 @@ void write(Writer& out, const physics::LoadCell& cell) {
   out.choice("load_cell.dynamics", cell.dynamics);
 }
 
+void write(Writer& out, const physics::NormalLoadBridge& bridge) {
+  out.table("normal_load_bridge");
+  out.line("mismatch", number_text(bridge.mismatch));
+  out.line("share", number_text(bridge.share));
+  out.line("share_slope_per_m", number_text(bridge.share_slope_per_m));
+}
+
 std::string text_of(const physics::Filter& filter) {
   std::string text =
       "{ kind = \"" +
@@ -189,6 +205,7 @@ std::string model_text(const physics::Model& model) {
   if (model.normal_load) write(out, *model.normal_load);
   write(out, model.friction);
   if (model.load_cell) write(out, *model.load_cell);
+  if (model.normal_load_bridge) write(out, *model.normal_load_bridge);
   for (Channel channel : all_channels) write(out, channel, model.sensors[index_of(channel)]);
   for (const physics::Term& term : model.terms) write(out, term);
   return out.take();

@@ -187,6 +187,17 @@ std::vector<Inconsistency> inconsistencies_of(const Model& model) {
     inspection.need(!imposed, "load_cell",
                     "has no place where the motion is imposed: friction_force is f itself");
   }
+  if (model.normal_load_bridge) {
+    const NormalLoadBridge& bridge = *model.normal_load_bridge;
+    inspection.need(std::isfinite(bridge.mismatch) && std::abs(bridge.mismatch) < 1.0,
+                    "normal_load_bridge.mismatch", "must be more than -1 and less than 1");
+    inspection.need(bridge.share >= 0.0 && bridge.share <= 1.0, "normal_load_bridge.share",
+                    "must be 0 to 1");
+    inspection.need(std::isfinite(bridge.share_slope_per_m), "normal_load_bridge.share_slope_per_m",
+                    "must be finite");
+    inspection.need(model.normal_load && model.normal_load->law != NormalLoadLaw::measured,
+                    "normal_load_bridge", "needs a normal load whose law is not \"measured\"");
+  }
   for (Channel channel : all_channels) {
     const Sensor& sensor = model.sensors[index_of(channel)];
     const std::string path = "sensors." + std::string(info(channel).stem);

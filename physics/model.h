@@ -102,6 +102,18 @@ struct LoadCell {
   friend bool operator==(const LoadCell&, const LoadCell&) = default;
 };
 
+/// How the normal load is read: the gauges of both pads, N1 = c1 v1 and N2 = c2 v2, sit in one
+/// Wheatstone bridge, so that only v1 + v2 is seen and (c1 + c2) / 2 is taken for both (section 4
+/// of the paper). The reading is N times share / (1 + mismatch) + (1 - share) / (1 - mismatch),
+/// where the share is that of the first pad at the present displacement.
+struct NormalLoadBridge {
+  double mismatch = 0.0;           ///< (c1 - c2) / (c1 + c2)
+  double share = 0.5;              ///< of N on the first pad at x = 0
+  double share_slope_per_m = 0.0;  ///< its change with x; the share stays within 0 to 1
+
+  friend bool operator==(const NormalLoadBridge&, const NormalLoadBridge&) = default;
+};
+
 enum class FilterKind { butterworth_lowpass, first_order_lowpass };
 
 /// One analogue filter between a quantity and its reading.
@@ -135,7 +147,8 @@ struct Model {
   Oscillator oscillator;
   std::optional<NormalLoad> normal_load;  ///< absent: N = 1 N
   Friction friction;
-  std::optional<LoadCell> load_cell;  ///< absent: rigid attachment
+  std::optional<LoadCell> load_cell;                   ///< absent: rigid attachment
+  std::optional<NormalLoadBridge> normal_load_bridge;  ///< absent: the reading is N
   std::array<Sensor, channel_count> sensors;
   std::vector<Term> terms;
 

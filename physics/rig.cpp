@@ -453,6 +453,15 @@ Quantities<T> Rig::quantities(const RigState<T>& state, const Input& now,
   q.displacement = state.s[state::x];
   q.velocity = state.s[state::v];
   q.normal_load = state.load;
+  if (model_.normal_load_bridge) {
+    const NormalLoadBridge& bridge = *model_.normal_load_bridge;
+    using std::max;
+    using std::min;
+    const T share =
+        max(T(0.0), min(T(1.0), T(bridge.share) + T(bridge.share_slope_per_m) * q.displacement));
+    q.normal_load = state.load * (share / T(1.0 + bridge.mismatch) +
+                                  (T(1.0) - share) / T(1.0 - bridge.mismatch));
+  }
   if (structure_.resonant) {
     q.friction_reading = n.c.cell_stiffness * state.s[state::y];
   } else if (structure_.load_cell) {

@@ -107,6 +107,12 @@ Model some_model() {
         physics::LoadCell{above_zero(), above_zero(), not_negative(),
                           static_cast<physics::LoadCellDynamics>(*rc::gen::inRange(0, 2))};
   }
+  if (model.normal_load && model.normal_load->law != physics::NormalLoadLaw::measured &&
+      *rc::gen::arbitrary<bool>()) {
+    model.normal_load_bridge = physics::NormalLoadBridge{0.01 * *rc::gen::inRange(-99, 100),
+                                                         0.01 * *rc::gen::inRange(0, 101),
+                                                         0.1 * *rc::gen::inRange(-1000, 1000)};
+  }
   for (physics::Sensor& sensor : model.sensors) sensor = some_sensor();
   for (const physics::Effect* effect : physics::catalogue()) {
     if (*rc::gen::inRange(0, 3) != 0 || !physics::can_be_missing(*effect, model)) continue;

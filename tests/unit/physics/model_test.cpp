@@ -82,6 +82,22 @@ INSTANTIATE_TEST_SUITE_P(
               "friction.rate_per_s"},
         Fault{"load_cell_without_mass", [](Model& m) { m.load_cell->mass_kg = {0.0}; },
               "load_cell.mass_kg"},
+        Fault{"bridge_without_a_calibration",
+              [](Model& m) {
+                m.normal_load_bridge = NormalLoadBridge{1.0, 0.5, 0.0};
+              },
+              "normal_load_bridge.mismatch"},
+        Fault{"bridge_with_more_than_all_of_the_load",
+              [](Model& m) {
+                m.normal_load_bridge = NormalLoadBridge{0.0, 1.5, 0.0};
+              },
+              "normal_load_bridge.share"},
+        Fault{"bridge_beside_a_load_that_is_its_reading",
+              [](Model& m) {
+                m.normal_load->law = NormalLoadLaw::measured;
+                m.normal_load_bridge = NormalLoadBridge{};
+              },
+              "normal_load_bridge"},
         Fault{"no_noise", [](Model& m) { m.sensors[index_of(Channel::velocity)].noise_std = 0.0; },
               "sensors.velocity.noise_std"},
         Fault{"filter_of_order_0",
