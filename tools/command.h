@@ -22,5 +22,7 @@ void add_spy(CLI::App& app, Action& action);
 void add_poincare(CLI::App& app, Action& action);
 void add_lyapunov(CLI::App& app, Action& action);
 void add_bifurcation(CLI::App& app, Action& action);
+void add_reduce(CLI::App& app, Action& action);
+void add_figures(CLI::App& app, Action& action);
 
 }  // namespace stickslip::tools

@@ -28,6 +28,8 @@ int run(int argc, char** argv) {
   add_poincare(app, action);
   add_lyapunov(app, action);
   add_bifurcation(app, action);
+  add_reduce(app, action);
+  add_figures(app, action);
 
   try {
     app.parse(argc, argv);

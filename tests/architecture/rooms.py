@@ -18,7 +18,7 @@ import unittest
 SOURCE, BUILD = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 
 ROOMS = ["physics", "protocol", "config", "drivers", "daemon/observer", "daemon", "tools/parallel",
-         "tools/diagnose", "tools/dynamics", "tools"]
+         "tools/diagnose", "tools/dynamics", "tools/reduce", "tools/figures", "tools"]
 # Room: the rooms that it may use, beside itself.
 MAY_USE = {
     "physics": set(),
@@ -30,8 +30,11 @@ MAY_USE = {
     "tools/parallel": set(),
     "tools/diagnose": {"physics", "protocol", "config", "daemon/observer", "tools/parallel"},
     "tools/dynamics": {"physics", "tools/parallel"},
+    "tools/reduce": {"physics", "protocol", "tools/parallel", "tools/diagnose"},
+    "tools/figures": {"physics", "protocol", "config", "tools/parallel", "tools/diagnose",
+                      "tools/dynamics", "tools/reduce"},
     "tools": {"physics", "protocol", "config", "daemon/observer", "tools/parallel", "tools/diagnose",
-              "tools/dynamics"},
+              "tools/dynamics", "tools/reduce", "tools/figures"},
 }
 # What the table allows and the build links today; a permission that is not used is no dependency.
 MUST_FIND = {
@@ -42,7 +45,11 @@ MUST_FIND = {
     "daemon": {"physics", "protocol", "config", "drivers", "daemon/observer"},
     "tools/diagnose": {"physics", "protocol", "tools/parallel"},
     "tools/dynamics": {"physics", "tools/parallel"},
-    "tools": {"physics", "protocol", "config", "tools/diagnose", "tools/dynamics"},
+    "tools/reduce": {"physics", "protocol", "tools/diagnose"},
+    "tools/figures": {"physics", "protocol", "config", "tools/parallel", "tools/dynamics",
+                      "tools/reduce"},
+    "tools": {"physics", "protocol", "config", "tools/diagnose", "tools/dynamics", "tools/reduce",
+              "tools/figures"},
 }
 # Room: system headers that it must not include, and why.
 LCM = r"lcm/.*"

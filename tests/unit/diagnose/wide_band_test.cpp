@@ -48,8 +48,8 @@ RC_GTEST_PROP(WideBand, UndoesTheFiltersOfATone, ()) {
   }
 }
 
-// A transform is fast for some lengths only; no length may cost accuracy. Two filters of the paper's
-// chain and noise, so that whatever rings is raised far above it.
+// A transform is fast for some lengths only; no length may cost accuracy. Two filters of the
+// paper's chain and noise, so that whatever rings is raised far above it.
 TEST(WideBand, DoesNotDependOnTheNumberOfSamples) {
   const std::vector<Filter> filters = {{FilterKind::butterworth_lowpass, 4, 25.0},
                                        {FilterKind::butterworth_lowpass, 4, 25.0}};

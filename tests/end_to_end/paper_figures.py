@@ -1,0 +1,128 @@
+"""`stickslip figures` and `stickslip reduce`, run as a person runs them: every picture is there and
+is one, and the page holds the numbers that stand for the paper's statements."""
+import csv
+import html
+import pathlib
+import re
+import tempfile
+import unittest
+import xml.etree.ElementTree as xml
+
+from programs import SOURCE, main, stickslip
+
+PRESETS = SOURCE / "config"
+
+
+def tables_of(page):
+    """By the figure's number, its rows as (statement, paper, ours)."""
+    found = {}
+    for number, rest in re.findall(r'<h2 id="figure-(\d+)">(.*?)</section>', page, re.DOTALL):
+        rows = re.findall(r"<tr><td>(.*?)</td><td>(.*?)</td><td>(.*?)</td></tr>", rest)
+        found[int(number)] = [tuple(html.unescape(cell) for cell in row) for row in rows]
+    return found
+
+
+class PaperFigures(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.keep = tempfile.TemporaryDirectory()
+        cls.folder = pathlib.Path(cls.keep.name) / "new" / "figures"
+        cls.drawn = stickslip("figures", "--out", cls.folder, "--presets", PRESETS, "--periods", "300")
+        cls.page = (cls.folder / "index.html").read_text() if cls.drawn.returncode == 0 else ""
+        cls.tables = tables_of(cls.page)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.keep.cleanup()
+
+    def ours(self, figure, beginning):
+        for statement, _, ours in self.tables[figure]:
+            if statement.startswith(beginning):
+                return ours
+        self.fail(f"Figure {figure} says nothing of: {beginning}")
+
+    def test_it_ends_well(self):
+        self.assertEqual(self.drawn.returncode, 0, self.drawn.stderr)
+        self.assertEqual(self.drawn.stderr, "")
+        self.assertIn("9 figures", self.drawn.stdout)
+
+    def test_figures_2_to_10_are_there_with_their_pictures(self):
+        self.assertEqual(sorted(self.tables), list(range(2, 11)))
+        pictures = set(re.findall(r'<img src="([^"]+)"', self.page))
+        self.assertGreaterEqual(len(pictures), 25)
+        for name in pictures:
+            with self.subTest(picture=name):
+                shapes = xml.parse(self.folder / name).getroot().iter()
+                self.assertGreater(sum(1 for _ in shapes), 50)
+                png = (self.folder / name).with_suffix(".png").read_bytes()
+                self.assertTrue(png.startswith(b"\x89PNG"))
+
+    def test_each_statement_has_a_number(self):
+        for number, rows in self.tables.items():
+            self.assertGreaterEqual(len(rows), 3, f"Figure {number}")
+            for statement, paper, ours in rows:
+                with self.subTest(figure=number, statement=statement):
+                    self.assertTrue(paper)
+                    self.assertTrue(ours)
+                    self.assertNotIn("nan", ours)
+
+    def test_figure_9_has_its_extremes(self):
+        self.assertEqual(self.ours(9, "Largest displacement"), "1.5397 and 2.1371")
+        self.assertTrue(self.ours(9, "Negative friction").startswith("3.98 %"))
+
+    def test_only_the_state_variable_overshoots_in_figure_10(self):
+        coulomb, memory = (float(number) for number in
+                           re.findall(r"([\d.]+) %", self.ours(10, "Overshoot")))
+        self.assertLess(coulomb, 0.1)
+        self.assertGreater(memory, 1.0)
+
+    def test_the_chaotic_rigs_are_chaotic(self):
+        for figure in (2, 6, 7, 8):
+            exponent, error = map(float, re.search(r"([\d.-]+) \+- ([\d.]+)",
+                                                   self.ours(figure, "Chaotic")).groups())
+            with self.subTest(figure=figure):
+                self.assertGreater(exponent, 5.0 * error)
+
+    def test_a_recording_of_a_figure_can_be_reduced_again(self):
+        out = pathlib.Path(self.keep.name) / "reduced"
+        run = stickslip("reduce", self.folder / "figure-4.csv", "--model",
+                        PRESETS / "models/beam-1.toml", "--out", out)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        low, high = map(float, re.search(r"sliding mu: ([\d.-]+) to ([\d.-]+)", run.stdout).groups())
+        self.assertAlmostEqual(low, 0.8, delta=0.05)
+        self.assertAlmostEqual(high, 0.8, delta=0.03)
+        with open(out / "surface.csv", newline="") as file:
+            cells = list(csv.DictReader(file))
+        with open(out / "samples.csv", newline="") as file:
+            samples = list(csv.DictReader(file))
+        self.assertEqual(sum(int(cell["samples"]) for cell in cells), len(samples))
+        for stem in ("surface", "sweep", "mu-v", "mu-x", "n-x"):
+            self.assertIn("</svg>", (out / f"{stem}.svg").read_text())
+
+    def test_the_method_of_the_paper_takes_800_samples(self):
+        run = stickslip("reduce", self.folder / "figure-4.csv", "--model",
+                        PRESETS / "models/beam-1.toml", "--method", "paper")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertIn("800 of 10201 samples", run.stdout)
+
+    def test_what_is_wrong_is_named(self):
+        for arguments, expected in (
+                (["figures", "--out", self.keep.name, "--presets", PRESETS, "--only", "11"],
+                 "no figure 11"),
+                (["figures", "--out", self.keep.name, "--presets", self.keep.name],
+                 "motivational.toml"),
+                (["figures", "--out", self.folder / "index.html/x", "--presets", PRESETS],
+                 "index.html/x"),
+                (["reduce", self.folder / "figure-4.csv", "--model",
+                  PRESETS / "models/motivational.toml"], "[load_cell]"),
+                (["reduce", self.folder / "figure-4.csv", "--model", PRESETS / "models/beam-1.toml",
+                  "--samples", "20000"], "expected 20000"),
+        ):
+            with self.subTest(arguments=[str(a) for a in arguments]):
+                run = stickslip(*arguments)
+                self.assertEqual(run.returncode, 2, run.stderr)
+                self.assertIn(expected, run.stderr)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+#include <unistd.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "tools/command.h"
+#include "tools/figures/paper_figures.h"
+#include "tools/write_file.h"
+
+namespace stickslip::tools {
+
+namespace {
+
+struct Arguments {
+  std::string out;
+  std::string presets = "config";
+  std::vector<int> only;
+  int periods = 2000;
+  int jobs = 0;
+};
+
+int run(const Arguments& arguments) {
+  figures::FigureOptions options;
+  options.out = arguments.out;
+  options.presets = arguments.presets;
+  options.numbers = arguments.only;
+  options.periods = arguments.periods;
+  options.threads = arguments.jobs > 0
+                        ? arguments.jobs
+                        : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  if (isatty(STDERR_FILENO) != 0) {
+    options.progress = [](int number, std::size_t ready, std::size_t all) {
+      std::fprintf(stderr, "Figure %d, %zu of %zu\n", number, ready, all);
+    };
+  }
+  make_folder(options.out);
+  const std::vector<figures::Figure> drawn = figures::draw_paper_figures(options);
+  const std::filesystem::path page = options.out / "index.html";
+  write_file(page, figures::page(drawn, "stickslip figures --out " + arguments.out));
+  std::printf("%s: %zu figures\n", page.c_str(), drawn.size());
+  return 0;
+}
+
+}  // namespace
+
+void add_figures(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "figures", "Figures 2 to 10 of the paper from the presets, as one HTML page");
+  command->add_option("--out", arguments->out, "Folder for the page, the pictures and their data")
+      ->required();
+  command
+      ->add_option("--presets", arguments->presets,
+                   "Folder of the rigs beam-1.toml to beam-4.toml and motivational.toml")
+      ->capture_default_str();
+  command->add_option("--only", arguments->only, "Numbers of the figures to draw")->delimiter(',');
+  command
+      ->add_option("--periods", arguments->periods,
+                   "Drive periods behind each exponent and each share of time")
+      ->check(CLI::Range(40, 1000000))
+      ->capture_default_str();
+  command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::tools

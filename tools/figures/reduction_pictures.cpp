@@ -1,0 +1,181 @@
+#include "tools/figures/reduction_pictures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <set>
+
+namespace stickslip::figures {
+
+namespace {
+
+constexpr double mm = 1.0e3;  // per metre
+constexpr double not_there = std::numeric_limits<double>::quiet_NaN();
+// Lines of a picture with more points than this hide one another.
+constexpr std::size_t most_points = 6000;
+
+using Rows = std::vector<std::vector<double>>;
+
+template <typename Row>
+Rows rows_of(const reduction::Reduction& reduced, Row row) {
+  Rows rows;
+  const std::size_t stride = 1 + reduced.samples.size() / most_points;
+  for (std::size_t i = 0; i < reduced.samples.size(); i += stride) {
+    rows.push_back(row(reduced.samples[i]));
+  }
+  return rows;
+}
+
+// The cells as the grid that a surface is drawn from: a block of rows per displacement, and NaN
+// where no sample fell.
+Rows grid_of(const std::vector<reduction::Cell>& cells) {
+  std::set<double> xs;
+  std::set<double> vs;
+  for (const auto& cell : cells) {
+    xs.insert(cell.displacement_m);
+    vs.insert(cell.velocity_m_s);
+  }
+  Rows rows;
+  auto cell = cells.begin();  // by displacement, then velocity, as the grid is
+  for (const double x : xs) {
+    for (const double v : vs) {
+      const bool there =
+          cell != cells.end() && cell->displacement_m == x && cell->velocity_m_s == v;
+      rows.push_back({x * mm, v, there ? cell->mu : not_there});
+      if (there) ++cell;
+    }
+    rows.push_back({});
+  }
+  return rows;
+}
+
+std::string number(double value, const char* form = "%.4g") {
+  char text[32];
+  std::snprintf(text, sizeof text, form, value);
+  return text;
+}
+
+}  // namespace
+
+Picture mu_surface(const reduction::Reduction& reduced, const std::string& stem) {
+  Picture out;
+  out.stem = stem;
+  out.width = 720;
+  out.height = 560;
+  Rows scatter;
+  for (const auto& cell : reduced.surface) {
+    if (cell.samples < 2) continue;
+    const double x = cell.displacement_m * mm;
+    scatter.push_back({x, cell.velocity_m_s, cell.mu - cell.scatter});
+    scatter.push_back({x, cell.velocity_m_s, cell.mu + cell.scatter});
+    scatter.push_back({});
+    scatter.push_back({});
+  }
+  if (scatter.empty()) scatter.push_back({0, 0, not_there});
+  out.tables = {
+      {"samples", rows_of(reduced,
+                          [](const auto& s) {
+                            return std::vector<double>{s.displacement_m * mm, s.velocity_m_s, s.mu};
+                          })},
+      {"cells", grid_of(reduced.surface)},
+      {"scatter", scatter}};
+  out.commands =
+      "set view 58,320\nset xlabel 'x [mm]'\nset ylabel 'v [m/s]'\nset zlabel 'mu' rotate\n"
+      "set xtics offset 0.4,-0.3\nset ytics offset -0.6,-0.3\n"
+      "set ticslevel 0\nset grid x y z lc rgb '#dddddd'\nset cblabel 'mu'\n"
+      "set key top right\n"
+      "splot $cells using 1:2:3 with pm3d title '', "
+      "$samples using 1:2:3 with points pt 7 ps 0.22 lc rgb '#606060' title 'samples', "
+      "$scatter using 1:2:3 with lines lc rgb '#c8502a' lw 0.8 title 'scatter in a cell'";
+  return out;
+}
+
+Picture phase_sweep(const reduction::Reduction& reduced, const std::string& stem) {
+  Picture out;
+  out.stem = stem;
+  out.tables = {{"samples", rows_of(reduced, [](const auto& s) {
+                   return std::vector<double>{s.displacement_m * mm, s.velocity_m_s};
+                 })}};
+  out.commands =
+      "set xlabel 'x [mm]'\nset ylabel 'v [m/s]'\nset grid lc rgb '#dddddd'\nunset key\n"
+      "plot $samples using 1:2 with lines lc rgb '#1f5a99' lw 0.6";
+  return out;
+}
+
+Picture mu_against_velocity(const reduction::Reduction& reduced, const std::string& stem) {
+  Picture out;
+  out.stem = stem;
+  out.tables = {{"samples", rows_of(reduced, [](const auto& s) {
+                   return std::vector<double>{s.velocity_m_s, s.mu};
+                 })}};
+  out.commands =
+      "set xlabel 'v [m/s]'\nset ylabel 'mu'\nset grid lc rgb '#dddddd'\nunset key\n"
+      "set xzeroaxis lc rgb '#888888'\nset yzeroaxis lc rgb '#888888'\n"
+      "plot $samples using 1:2 with lines lc rgb '#1f5a99' lw 0.6";
+  return out;
+}
+
+Picture mu_against_displacement(const reduction::Reduction& reduced, const std::string& stem) {
+  Picture out;
+  out.stem = stem;
+  out.tables = {{"samples", rows_of(reduced, [](const auto& s) {
+                   return std::vector<double>{s.displacement_m * mm, s.mu};
+                 })}};
+  out.commands =
+      "set xlabel 'x [mm]'\nset ylabel 'mu'\nset grid lc rgb '#dddddd'\nunset key\n"
+      "set xzeroaxis lc rgb '#888888'\n"
+      "plot $samples using 1:2 with lines lc rgb '#1f5a99' lw 0.6";
+  return out;
+}
+
+Picture load_against_displacement(const reduction::Reduction& reduced, const std::string& stem) {
+  Picture out;
+  out.stem = stem;
+  out.tables = {{"samples", rows_of(reduced, [](const auto& s) {
+                   return std::vector<double>{s.displacement_m * mm, s.normal_load_n};
+                 })}};
+  const std::string load = number(reduced.load_n);
+  const std::string slope = number(reduced.load_n * reduced.slope_per_m / mm, "%.6g");
+  out.commands =
+      "set xlabel 'x [mm]'\nset ylabel 'N [N]'\nset grid lc rgb '#dddddd'\nset key top left\n"
+      "set yrange [0:*]\n"
+      "plot $samples using 1:2 with points pt 7 ps 0.25 lc rgb '#1f5a99' title 'samples', " +
+      load + " + (" + slope + ") * x with lines lc rgb '#c8502a' lw 1.5 title '" + load + " N (1 " +
+      number(reduced.slope_per_m, "%+.3g") + "/m x)'";
+  return out;
+}
+
+std::vector<Picture> reduction_pictures(const reduction::Reduction& reduced) {
+  return {mu_surface(reduced, "surface"), phase_sweep(reduced, "sweep"),
+          mu_against_velocity(reduced, "mu-v"), mu_against_displacement(reduced, "mu-x"),
+          load_against_displacement(reduced, "n-x")};
+}
+
+std::string samples_csv(const reduction::Reduction& reduced) {
+  std::string out =
+      "time_s,displacement_m,velocity_m_s,base_displacement_m,friction_force_n,normal_load_n,mu\n";
+  char line[240];
+  for (const auto& s : reduced.samples) {
+    std::snprintf(line, sizeof line, "%.9f,%.9g,%.9g,%.9g,%.9g,%.9g,", s.time_s, s.displacement_m,
+                  s.velocity_m_s, s.base_displacement_m, s.friction_force_n, s.normal_load_n);
+    out += line;
+    if (std::isfinite(s.mu)) out += number(s.mu, "%.9g");
+    out += '\n';
+  }
+  return out;
+}
+
+std::string surface_csv(const reduction::Reduction& reduced) {
+  std::string out = "displacement_m,velocity_m_s,mu,scatter,standard_error,samples,visits\n";
+  char line[200];
+  for (const auto& cell : reduced.surface) {
+    std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g,%.9g,%.9g,%zu,%zu\n", cell.displacement_m,
+                  cell.velocity_m_s, cell.mu, cell.scatter, cell.standard_error, cell.samples,
+                  cell.visits);
+    out += line;
+  }
+  return out;
+}
+
+}  // namespace stickslip::figures
