@@ -21,7 +21,9 @@ class LogOutlet final : public Outlet {
     // Players and seekers expect times that do not go back; where rig time runs faster than the
     // wall clock, messages of the wall's time would.
     latest_us_ = std::max(latest_us_, time_us);
-    return told(log_.append(channel, bytes, latest_us_));
+    const bool taken = log_.append(channel, bytes, latest_us_);
+    // Taken is not yet written: that it works again is known when it has settled.
+    return taken || told(false);
   }
 
   bool settle() override { return told(log_.flush()); }

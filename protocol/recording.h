@@ -60,9 +60,11 @@ class LogWriter {
   LogWriter(LogWriter&&) noexcept;
   LogWriter& operator=(LogWriter&&) noexcept;
 
-  /// False where the disk refused it (errno says why).
+  /// False where the disk refused it (errno says why), and from then on until the next flush.
   [[nodiscard]] bool append(const std::string& channel, std::span<const std::uint8_t> bytes,
                             std::int64_t time_us);
+  /// Whether all that was appended since the last flush is in the file. If not, none of it is: the
+  /// file ends with what the last good flush left, so that it can be read and be continued.
   [[nodiscard]] bool flush();
   /// Flushes and closes; false where that failed. Further appends fail.
   [[nodiscard]] bool close();

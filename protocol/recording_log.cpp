@@ -1,6 +1,8 @@
 #include "protocol/recording_log.h"
 
 #include <lcm/eventlog.h>
+#include <stdio_ext.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -148,6 +150,22 @@ Recording parse_log(std::istream& in, const std::string& name) {
 struct LogWriter::Implementation {
   Log log;
   std::uint64_t bytes = 0;
+  bool refused = false;  // since the last flush
+  // As the last good flush left it.
+  std::uint64_t safe_bytes = 0;
+  std::int64_t safe_events = 0;
+
+  // Drops what is neither whole nor wanted any more. Whether the file can be continued.
+  bool go_back() {
+    std::FILE* file = log->f;
+    __fpurge(file);
+    std::clearerr(file);
+    const auto end = static_cast<off_t>(safe_bytes);
+    if (ftruncate(fileno(file), end) != 0 || fseeko(file, end, SEEK_SET) != 0) return false;
+    bytes = safe_bytes;
+    log->eventcount = safe_events;
+    return true;
+  }
 };
 
 LogWriter::LogWriter(const std::filesystem::path& file)
@@ -167,7 +185,7 @@ LogWriter& LogWriter::operator=(LogWriter&&) noexcept = default;
 
 bool LogWriter::append(const std::string& channel, std::span<const std::uint8_t> bytes,
                        std::int64_t time_us) {
-  if (!implementation_->log) return false;
+  if (!implementation_->log || implementation_->refused) return false;
   // liblcm takes mutable pointers for what it only reads.
   lcm_eventlog_event_t event{};
   event.timestamp = time_us;
@@ -177,15 +195,27 @@ bool LogWriter::append(const std::string& channel, std::span<const std::uint8_t>
       const_cast<char*>(channel.data());  // NOLINT(cppcoreguidelines-pro-type-const-cast)
   event.data =
       const_cast<std::uint8_t*>(bytes.data());  // NOLINT(cppcoreguidelines-pro-type-const-cast)
-  if (lcm_eventlog_write_event(implementation_->log.get(), &event) != 0) return false;
+  if (lcm_eventlog_write_event(implementation_->log.get(), &event) != 0) {
+    implementation_->refused = true;
+    return false;
+  }
   implementation_->bytes +=
       static_cast<std::uint64_t>(event_header_bytes) + channel.size() + bytes.size();
   return true;
 }
 
 bool LogWriter::flush() {
-  return implementation_->log && std::fflush(implementation_->log->f) == 0 &&
-         std::ferror(implementation_->log->f) == 0;
+  Implementation& i = *implementation_;
+  if (!i.log) return false;
+  if (!i.refused && std::fflush(i.log->f) == 0 && std::ferror(i.log->f) == 0) {
+    i.safe_bytes = i.bytes;
+    i.safe_events = i.log->eventcount;
+    return true;
+  }
+  const int why = errno;
+  i.refused = !i.go_back();
+  errno = why;
+  return false;
 }
 
 bool LogWriter::close() {

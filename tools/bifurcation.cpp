@@ -8,9 +8,11 @@
 #include <thread>
 
 #include "config/model_file.h"
+#include "physics/effects/number_text.h"
 #include "physics/problem.h"
 #include "tools/command.h"
 #include "tools/drive_options.h"
+#include "tools/option_checks.h"
 
 namespace stickslip::tools {
 
@@ -30,7 +32,13 @@ struct Arguments {
 
 int run(const Arguments& arguments) {
   const physics::Model model = config::load_model(arguments.drive->model);
-  const dynamics::Drive drive = arguments.drive->drive(model);
+  using Swept = DriveOptions::Swept;
+  const Swept swept =
+      arguments.over == "drive.frequency_hz" ? Swept::frequency
+      : arguments.over == "drive.amplitude_m" || arguments.over == "drive.acceleration_m_s2"
+          ? Swept::strength
+          : Swept::nothing;
+  const dynamics::Drive drive = arguments.drive->drive(model, swept);
   const auto paths = dynamics::bifurcation_paths(model);
   if (std::find(paths.begin(), paths.end(), arguments.over) == paths.end()) {
     std::string known;
@@ -46,6 +54,9 @@ int run(const Arguments& arguments) {
   options.portrait.x_m = arguments.drive->x_m;
   options.portrait.v_m_s = arguments.drive->v_m_s;
   options.with_exponents = arguments.exponents;
+  if (model.oscillator.excitation == physics::Excitation::base) {
+    options.base_amplitude_m = arguments.drive->amplitude;
+  }
   options.threads = arguments.jobs > 0
                         ? arguments.jobs
                         : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
@@ -59,6 +70,13 @@ int run(const Arguments& arguments) {
     const double share =
         arguments.values > 1 ? static_cast<double>(i) / (arguments.values - 1) : 0.0;
     values.push_back(arguments.from + share * (arguments.to - arguments.from));
+  }
+  for (const double value : values) {
+    const std::string why = dynamics::refusal(model, arguments.over, value);
+    if (!why.empty()) {
+      throw InputError(Problem{"--from, --to", 0, 0,
+                               arguments.over + " = " + physics::number_text(value) + ": " + why});
+    }
   }
   std::string table = "value,displacement_m,velocity_m_s";
   table += arguments.exponents ? ",exponent_per_s\n" : "\n";
@@ -86,21 +104,22 @@ void add_bifurcation(CLI::App& app, Action& action) {
       "bifurcation", "Poincare sections over the values of one parameter, on all cores");
   add_drive_options(*command, arguments->drive);
   command
-      ->add_option("--over", arguments->over,
-                   "Parameter: drive.amplitude [m/s2], drive.frequency_hz, or one of the model's "
-                   "(friction.mu, normal_load.load_n, ...)")
+      ->add_option(
+          "--over", arguments->over,
+          "Parameter: drive.amplitude_m, drive.acceleration_m_s2, drive.frequency_hz, or one of "
+          "the model's (friction.mu, normal_load.load_n, ...)")
       ->required();
-  command->add_option("--from", arguments->from, "First value")->required();
-  command->add_option("--to", arguments->to, "Last value")->required();
+  command->add_option("--from", arguments->from, "First value")->check(finite_number())->required();
+  command->add_option("--to", arguments->to, "Last value")->check(finite_number())->required();
   command->add_option("--values", arguments->values, "Number of values")
-      ->check(CLI::Range(1, 1000000))
+      ->check(whole_number(1, 1000000))
       ->capture_default_str();
   command->add_option("--periods", arguments->periods, "Points per value")
-      ->check(CLI::Range(1, 1000000))
+      ->check(whole_number(1, 1000000))
       ->capture_default_str();
   command->add_flag("--exponents", arguments->exponents, "Also the largest Lyapunov exponent");
   command->add_option("--jobs", arguments->jobs, "Threads (0: as many as there are cores)")
-      ->check(CLI::NonNegativeNumber);
+      ->check(number_of_threads());
   command->add_option("--out", arguments->out, "Table to write (CSV; -: standard output)")
       ->capture_default_str();
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });

@@ -11,6 +11,7 @@
 #include "config/model_file.h"
 #include "config/rig.h"
 #include "physics/problem.h"
+#include "protocol/recording.h"
 #include "tools/command.h"
 
 namespace stickslip::tools {
@@ -133,6 +134,9 @@ bool check(const std::string& file) {
     }
     if (*kind == config::FileKind::rig) {
       const config::Rig rig = config::load_rig(file);
+      if (rig.driver == config::DriverKind::replay) {
+        protocol::read_recording(rig.replay.recording);
+      }
       std::printf("%s: sound\n", file.c_str());
       summarise(rig);
     } else {

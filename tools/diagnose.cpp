@@ -13,6 +13,7 @@
 #include "protocol/recording.h"
 #include "tools/command.h"
 #include "tools/diagnose/report.h"
+#include "tools/option_checks.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -31,6 +32,8 @@ struct Arguments {
 };
 
 int run(const Arguments& arguments) {
+  expect_writable(arguments.json);
+  expect_writable(arguments.write_model);
   const physics::Model model = config::load_model(arguments.model);
   std::vector<protocol::Recording> recordings;
   for (const std::string& path : arguments.recordings) {
@@ -50,12 +53,13 @@ int run(const Arguments& arguments) {
     };
   }
   const diagnosis::Diagnosis result = diagnosis::diagnose(recordings, model, options);
-  if (!arguments.json.empty())
+  std::fputs(diagnosis::report_text(result).c_str(), stdout);
+  if (!arguments.json.empty()) {
     write_file(arguments.json, diagnosis::report_json(result).dump(2) + "\n");
+  }
   if (!arguments.write_model.empty()) {
     write_file(arguments.write_model, config::model_text(result.model));
   }
-  std::fputs(diagnosis::report_text(result).c_str(), stdout);
   return 0;
 }
 
@@ -72,11 +76,13 @@ void add_diagnose(CLI::App& app, Action& action) {
   command->add_option("--json", arguments->json, "Write the report as JSON");
   command->add_option("--write-model", arguments->write_model,
                       "Write the calibrated model with the physics that was found");
-  command->add_option("--seed", arguments->seed, "Seed of the bootstrap")->capture_default_str();
+  command->add_option("--seed", arguments->seed, "Seed of the bootstrap")
+      ->check(seed_number())
+      ->capture_default_str();
   command->add_option("--jobs", arguments->jobs, "Threads (0: as many as there are cores)")
-      ->check(CLI::NonNegativeNumber);
+      ->check(number_of_threads());
   command->add_option("--horizon", arguments->horizon_s, "Length of a prediction window [s]")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }
 

@@ -22,9 +22,13 @@ struct DriveOptions {
   int transient = 200;
   int steps = 0;
 
+  /// What the caller will set itself, over and over, and which therefore need not be told.
+  enum class Swept { nothing, frequency, strength };
+
   /// The drive that was asked for. Throws InputError where it is not told, or not by one option
-  /// only, and where the model's motion is imposed.
-  dynamics::Drive drive(const physics::Model& model) const;
+  /// only, where the model's motion is imposed, and where a period of the drive holds more steps of
+  /// the rig than anyone can wait for.
+  dynamics::Drive drive(const physics::Model& model, Swept swept = Swept::nothing) const;
 };
 
 /// Adds --model, the drive, the start and the transient to a command.

@@ -11,6 +11,7 @@
 #include "tools/command.h"
 #include "tools/diagnose/report.h"
 #include "tools/diagnose/score.h"
+#include "tools/option_checks.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -35,6 +36,7 @@ physics::Model as_stated(physics::Model model) {
 
 int run(const Arguments& arguments) {
   using namespace diagnosis;
+  expect_writable(arguments.json);
   const physics::Model model = as_stated(config::load_model(arguments.model));
   const protocol::Recording recording = protocol::read_recording(arguments.recording);
   std::vector<Experiment> experiments{make_experiment(recording, model)};
@@ -97,11 +99,11 @@ void add_evaluate(CLI::App& app, Action& action) {
   command->add_option("--model", arguments->model, "Model (TOML)")->required();
   command->add_option("--json", arguments->json, "Write the scores as JSON");
   command->add_option("--horizon", arguments->horizon_s, "Length of a prediction [s]")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   command->add_flag("--free-run", arguments->free_run,
                     "Also simulate once from the first state to the end");
   command->add_option("--jobs", arguments->jobs, "Threads (0: as many as there are cores)")
-      ->check(CLI::NonNegativeNumber);
+      ->check(number_of_threads());
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }
 

@@ -9,6 +9,7 @@
 
 #include "tools/command.h"
 #include "tools/figures/paper_figures.h"
+#include "tools/option_checks.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -61,10 +62,10 @@ void add_figures(CLI::App& app, Action& action) {
   command
       ->add_option("--periods", arguments->periods,
                    "Drive periods behind each exponent and each share of time")
-      ->check(CLI::Range(40, 1000000))
+      ->check(whole_number(40, 1000000))
       ->capture_default_str();
   command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
-      ->check(CLI::NonNegativeNumber)
+      ->check(number_of_threads())
       ->capture_default_str();
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }

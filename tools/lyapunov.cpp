@@ -8,6 +8,7 @@
 #include "config/model_file.h"
 #include "tools/command.h"
 #include "tools/drive_options.h"
+#include "tools/option_checks.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -58,7 +59,7 @@ void add_lyapunov(CLI::App& app, Action& action) {
       "lyapunov", "Largest Lyapunov exponent of a model under a periodic drive, with its error");
   add_drive_options(*command, arguments->drive);
   command->add_option("--periods", arguments->periods, "Drive periods to average over")
-      ->check(CLI::Range(20, 10000000))
+      ->check(whole_number(20, 10000000))
       ->capture_default_str();
   command->add_option("--json", arguments->json, "Write the result as JSON");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });

@@ -1,6 +1,10 @@
 // `stickslip`: the tools around the daemon, one file or folder per subcommand.
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <exception>
+#include <stdexcept>
+#include <string>
 
 #include "physics/problem.h"
 #include "tools/command.h"
@@ -31,13 +35,33 @@ int run(int argc, char** argv) {
   add_reduce(app, action);
   add_figures(app, action);
 
+  std::string known;
+  bool is_known = false;
+  for (const CLI::App* each : app.get_subcommands([](CLI::App*) { return true; })) {
+    is_known = is_known || (argc > 1 && each->get_name() == argv[1]);
+    known += (known.empty() ? "" : ", ") + each->get_name();
+  }
+  if (argc < 2 || (argv[1][0] != '-' && !is_known)) {
+    std::fprintf(stderr, "stickslip: %s; expected one of %s\n",
+                 argc < 2 ? "no command is given"
+                          : ("there is no command \"" + std::string(argv[1]) + "\"").c_str(),
+                 known.c_str());
+    return 2;
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    const int status = app.exit(error);
-    return status == 0 ? 0 : 2;
+    if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
+    std::fprintf(stderr, "stickslip: %s (--help tells what can be given)\n", error.what());
+    return 2;
   }
-  return action();
+  const int status = action();
+  // Standard output is buffered: that it could not be written shows here.
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    throw std::runtime_error(std::string("standard output cannot be written: ") +
+                             std::strerror(errno));
+  }
+  return status;
 }
 
 }  // namespace

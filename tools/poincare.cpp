@@ -6,6 +6,7 @@
 #include "tools/command.h"
 #include "tools/drive_options.h"
 #include "tools/dynamics/portrait.h"
+#include "tools/option_checks.h"
 
 namespace stickslip::tools {
 
@@ -61,9 +62,10 @@ void add_poincare(CLI::App& app, Action& action) {
       "poincare", "Poincare section of a model under a periodic drive, once per period");
   add_drive_options(*command, arguments->drive);
   command->add_option("--periods", arguments->periods, "Points of the section")
-      ->check(CLI::Range(1, 10000000))
+      ->check(whole_number(1, 10000000))
       ->capture_default_str();
   command->add_option("--phase", arguments->phase, "Phase of the section, in turns of the drive")
+      ->check(finite_number())
       ->capture_default_str();
   command->add_option("--out", arguments->out, "Table to write (CSV; -: standard output)")
       ->capture_default_str();

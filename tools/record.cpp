@@ -19,6 +19,7 @@
 #include "protocol/recording.h"
 #include "tools/command.h"
 #include "tools/lcm_client.h"
+#include "tools/option_checks.h"
 #include "tools/sequence.h"
 
 namespace stickslip::tools {
@@ -237,9 +238,9 @@ void add_record(CLI::App& app, Action& action) {
       ->type_name("OUT");
   add_url_option(*command, arguments->url);
   command->add_option("--duration", arguments->duration_s, "Stop after so many seconds")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   command->add_option("--frames", arguments->frames, "Stop after so many frames")
-      ->check(CLI::PositiveNumber);
+      ->check(whole_number(1, 1e15));
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }
 

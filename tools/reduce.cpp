@@ -10,6 +10,7 @@
 #include "tools/command.h"
 #include "tools/figures/gnuplot.h"
 #include "tools/figures/reduction_pictures.h"
+#include "tools/option_checks.h"
 #include "tools/reduce/reduction.h"
 #include "tools/write_file.h"
 
@@ -95,7 +96,8 @@ void add_reduce(CLI::App& app, Action& action) {
                    "samples, filters undone, the load cell's own equation")
       ->check(CLI::IsMember({"paper", "deconvolved"}))
       ->capture_default_str();
-  command->add_option("--samples", arguments->samples, "How many samples");
+  command->add_option("--samples", arguments->samples, "How many samples")
+      ->check(whole_number(1, 1e12));
   command->add_option(
       "--first", arguments->first,
       "Sample to begin at, from 0 (default: where the longest stretch without a gap "
@@ -103,9 +105,9 @@ void add_reduce(CLI::App& app, Action& action) {
   command
       ->add_option("--drive-hz", arguments->drive_hz,
                    "Frequency of the drive in Eq. (1) (default: the base's strongest tone)")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   command->add_option("--bins", arguments->bins, "Cells of the surface along each axis")
-      ->check(CLI::Range(1, 1000))
+      ->check(whole_number(1, 1000))
       ->capture_default_str();
   command->add_option("--out", arguments->out,
                       "Folder for samples.csv, surface.csv and the pictures (SVG and PNG)");

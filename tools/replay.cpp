@@ -14,6 +14,7 @@
 #include "protocol/recording.h"
 #include "tools/command.h"
 #include "tools/lcm_client.h"
+#include "tools/option_checks.h"
 
 namespace stickslip::tools {
 
@@ -101,10 +102,11 @@ void add_replay(CLI::App& app, Action& action) {
   command
       ->add_option("--speed", arguments->speed,
                    "Times as fast as recorded; 0: as fast as it goes, where UDP may lose blocks")
-      ->check(CLI::Range(0.0, 1.0e6))
+      ->check(
+          number_that([](double v) { return v >= 0.0 && v <= 1.0e6; }, "a number from 0 to 1e6"))
       ->capture_default_str();
   command->add_option("--block", arguments->frames_per_block, "Frames in a block")
-      ->check(CLI::Range(std::size_t{1}, std::size_t{10000}))
+      ->check(whole_number(1, 10000))
       ->capture_default_str();
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }

@@ -9,6 +9,7 @@
 #include "physics/simulator.h"
 #include "protocol/recording.h"
 #include "tools/command.h"
+#include "tools/option_checks.h"
 
 namespace stickslip::tools {
 
@@ -115,6 +116,15 @@ int run(const Arguments& arguments) {
   std::vector<double> time;
   for (const Frame& frame : drive.frames) {
     time.push_back(static_cast<double>(frame.time_ns - drive.frames.front().time_ns) * 1.0e-9);
+    // Beyond this nobody meant what the drive does between its samples.
+    constexpr double longest_s = 3600.0;
+    if (time.size() > 1 && time.back() - time[time.size() - 2] > longest_s) {
+      throw InputError(Problem{arguments.drive, 0, 0,
+                               "the sample at " + std::to_string(frame.time_s()) + " s comes " +
+                                   std::to_string(time.back() - time[time.size() - 2]) +
+                                   " s after the one before; expected at most " +
+                                   std::to_string(longest_s) + " s"});
+    }
   }
   const auto inputs = inputs_of(drive, model, time);
 
@@ -156,7 +166,9 @@ void add_simulate(CLI::App& app, Action& action) {
       ->add_option("--out", arguments->out,
                    "Recording to write (.csv or .lcm; -: CSV on standard output)")
       ->capture_default_str();
-  command->add_option("--seed", arguments->seed, "Seed of the sensor noise")->capture_default_str();
+  command->add_option("--seed", arguments->seed, "Seed of the sensor noise")
+      ->check(seed_number())
+      ->capture_default_str();
   command->add_flag("--no-noise", arguments->no_noise, "Leave out the sensor noise");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }

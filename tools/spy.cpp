@@ -22,6 +22,7 @@
 #include "protocol/frame_block.h"
 #include "tools/command.h"
 #include "tools/lcm_client.h"
+#include "tools/option_checks.h"
 #include "tools/sequence.h"
 
 namespace stickslip::tools {
@@ -269,7 +270,7 @@ void add_spy(CLI::App& app, Action& action) {
       "spy", "Show what is on LCM: rates, sizes, losses, last values of every channel");
   add_url_option(*command, arguments->url);
   command->add_option("--duration", arguments->duration_s, "Stop after so many seconds")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   command->add_flag("--once", arguments->once,
                     "One table a second after the start, or once frames arrive (within "
                     "--duration, 5 s unless told otherwise)");

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <stdexcept>
 #include <string>
 
 #include "physics/problem.h"
@@ -23,14 +24,32 @@ inline void make_folder(const std::filesystem::path& folder) {
   }
 }
 
-/// Throws InputError where the file cannot be written.
+/// Throws InputError where `path` (unless empty) cannot be opened for writing: before the work
+/// whose result shall go there. Changes no file, and leaves none behind.
+inline void expect_writable(const std::string& path) {
+  if (path.empty()) return;
+  const bool there = std::filesystem::exists(path);
+  const bool opened = std::ofstream(path, std::ios::binary | std::ios::app).is_open();
+  const int error = errno;
+  if (!opened) {
+    throw InputError(
+        Problem{path, 0, 0, std::string("cannot be written: ") + std::strerror(error)});
+  }
+  if (!there) std::filesystem::remove(path);
+}
+
+/// Throws InputError where the file cannot be opened for writing, and std::runtime_error where it
+/// cannot hold all of the content.
 inline void write_file(const std::string& path, const std::string& content) {
   std::ofstream file(path, std::ios::binary);
-  file << content;
-  file.close();
   if (!file) {
     throw InputError(
         Problem{path, 0, 0, std::string("cannot be written: ") + std::strerror(errno)});
+  }
+  file << content;
+  file.close();
+  if (!file) {
+    throw std::runtime_error(path + ": is not complete: " + std::strerror(errno));
   }
 }
 

@@ -1,9 +1,10 @@
 """Whatever is wrong with an input, every command that reads it says so in one line that names the
 file and the line (a binary log: the byte), and ends with status 2."""
 import re
+import subprocess
 import unittest
 
-from programs import STICKSLIPD, EndToEnd, main, run, stickslip
+from programs import STICKSLIP, STICKSLIPD, EndToEnd, main, run, stickslip
 
 MODEL = """schema = 1
 
@@ -175,14 +176,105 @@ class MalformedInput(EndToEnd):
             self.assertRegex(said, re.escape(str(file)) + f":{line}:" + r"\d+: ")
 
     def test_bad_arguments(self):
-        for command in (("diagnose",), ("diagnose", self.good_recording),
-                        ("evaluate", self.good_recording, "--model"), ("no-such-command",), (),
-                        ("simulate", "--model", self.good_model, "--drive", self.good_recording,
-                         "--seed", "many")):
-            with self.subTest(command=command):
+        """One line that names the option (or the command), its value, and what was expected."""
+        section = ("poincare", "--model", self.good_model, "--amplitude", "0.003")
+        diagram = ("bifurcation", "--model", self.good_model, "--values", "2", "--periods", "2")
+        cases = (
+            (("diagnose",), "recording"),
+            (("diagnose", self.good_recording), "--model"),
+            (("evaluate", self.good_recording, "--model"), "--model"),
+            (("no-such-command",), 'there is no command "no-such-command"; expected one of'),
+            ((), "no command is given; expected one of"),
+            (("simulate", "--model", self.good_model, "--drive", self.good_recording,
+              "--seed", "many"), "--seed"),
+            (("simulate", "--model", self.good_model, "--drive", self.good_recording,
+              "--seed", "-1"), "found -1"),
+            ((*section, "--frequency-hz", "nan"), "--frequency-hz: expected a finite number above 0, "
+                                                  "found nan"),
+            ((*section, "--frequency-hz", "1e-9"), "expected at most"),
+            ((*section, "--frequency-hz", "3", "--omega", "2"), "both are given"),
+            (section, "expected one of them: the drive's frequency"),
+            ((*section, "--frequency-hz", "3", "--x", "inf"), "--x: expected a finite number"),
+            ((*section, "--frequency-hz", "3", "--periods", "1.5"), "--periods"),
+            ((*diagram, "--frequency-hz", "3", "--amplitude", "0.003", "--over", "friction.mu",
+              "--from", "-1", "--to", "2"), "friction.mu = -1: must be 0 or more"),
+            ((*diagram, "--amplitude", "0.003", "--over", "drive.frequency_hz",
+              "--from", "0", "--to", "2"), "drive.frequency_hz = 0: must be above 0"),
+            ((*diagram, "--frequency-hz", "3", "--over", "drive.speed",
+              "--from", "0", "--to", "2"), "expected one of"),
+            (("evaluate", self.good_recording, "--model", self.good_model, "--horizon", "0.001"),
+             "expected at least"),
+            (("evaluate", self.good_recording, "--model", self.good_model, "--horizon", "0"),
+             "found 0"),
+        )
+        for command, word in cases:
+            with self.subTest(command=[str(part) for part in command]):
                 result = stickslip(*command)
                 self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
-                self.assertTrue(result.stderr.strip())
+                self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
+                self.assertTrue(result.stderr.startswith("stickslip: "), result.stderr)
+                self.assertIn(word, result.stderr)
+                self.assertEqual(result.stdout, "")
+
+    def test_what_is_swept_need_not_be_told(self):
+        for over, told in (("drive.amplitude_m", ("--frequency-hz", "3")),
+                           ("drive.frequency_hz", ("--amplitude", "0.003"))):
+            with self.subTest(over=over):
+                result = self.succeed("bifurcation", "--model", self.good_model, *told, "--over",
+                                      over, "--from", "0.5", "--to", "2", "--values", "2",
+                                      "--periods", "2", "--transient", "1")
+                self.assertEqual(len(result.stdout.splitlines()), 5)
+
+    def test_a_result_that_cannot_be_written_is_told(self):
+        """A full disk on standard output: status 1. A place that cannot be: status 2, before work."""
+        for command in (("poincare", "--model", self.good_model, "--amplitude", "0.003",
+                         "--frequency-hz", "3", "--periods", "3"),
+                        ("simulate", "--model", self.good_model, "--drive", self.good_recording),
+                        ("evaluate", self.good_recording, "--model", self.good_model)):
+            with self.subTest(command=command[0]), open("/dev/full", "wb") as full:
+                result = subprocess.run([str(part) for part in (STICKSLIP, *command)], stdout=full,
+                                        stderr=subprocess.PIPE, text=True, timeout=60)
+                self.assertEqual(result.returncode, 1, result.stderr)
+                self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
+        for command in ("diagnose", "evaluate"):
+            nowhere = self.folder / "nowhere" / "out.json"
+            result = stickslip(command, self.folder / "absent.csv", "--model", self.good_model,
+                               "--json", nowhere)
+            self.assertEqual(result.returncode, 2, result.stderr)
+            self.assertIn(str(nowhere), result.stderr)
+
+    def test_a_recording_of_nothing_or_of_no_rig_gets_no_verdict(self):
+        still = "time_s,displacement_m,base_displacement_m\n" + "".join(
+            f"{i / 1000},0,{2e-3 * (i % 5)}\n" for i in range(400))
+        absurd = "time_s,displacement_m,base_displacement_m\n" + "".join(
+            f"{i / 1000},{1e200 * (i % 7)},{2e-3 * (i % 5)}\n" for i in range(400))
+        for name, text, word in (("still.csv", still, "shows no motion"),
+                                 ("absurd.csv", absurd, "displacement_m is 1e+200")):
+            recording = self.write(name, text)
+            for command in ("diagnose", "evaluate"):
+                with self.subTest(case=name, command=command):
+                    result = stickslip(command, recording, "--model", self.good_model)
+                    self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
+                    self.assertIn(str(recording), result.stderr)
+                    self.assertIn(word, result.stderr)
+
+    def test_check_reads_the_recording_that_is_to_be_replayed(self):
+        recording = self.spoilt("bad.csv", RECORDING, "\n0.1,0.002,", "\n0.1,nan,")
+        rig = self.write("replay.toml", f"""schema = 1
+
+[rig]
+name = "replayed"
+model = "{self.good_model}"
+
+[driver]
+kind = "replay"
+
+[driver.replay]
+recording = "{recording}"
+""")
+        result = stickslip("check", rig)
+        self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
+        self.assertIn(f"{recording}:102", result.stderr)
 
     def test_the_daemon_refuses_a_bad_configuration(self):
         rig = self.write("rig.toml", "schema = 1\n[rig]\nname = \"x\"\nspeling = 1\n")

@@ -725,10 +725,17 @@ Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Mod
   out.model = result.hypothesis->model_at(result.fitted.z);
   const auto& unknowns = result.hypothesis->unknowns();
   const auto& paths = result.hypothesis->rig().parameter_paths();
+  physics::Model stated = model;
+  const auto stated_parameters = physics::parameters_of(stated);
   for (std::size_t u = 0; u < unknowns.size(); ++u) {
     if (!unknowns[u].of_model) continue;
-    out.calibrated.emplace_back(paths[unknowns[u].parameter],
-                                result.hypothesis->value(u, result.fitted.z[u]));
+    Calibration each{paths[unknowns[u].parameter], result.hypothesis->value(u, result.fitted.z[u])};
+    for (const auto& named : stated_parameters) {
+      if (named.path == each.path && named.parameter->sigma > 0.0) {
+        each.sigmas_off = (each.value - named.parameter->value) / named.parameter->sigma;
+      }
+    }
+    out.calibrated.push_back(each);
   }
   const Experiment& first = experiments.front();
   for (const Channel channel : all_channels) {

@@ -64,6 +64,13 @@ struct Trial {
   double gain_z = 0.0;  ///< mean held-out gain over windows, in its standard errors
 };
 
+/// A parameter that its owner gave with a sigma, as the recording has it.
+struct Calibration {
+  std::string path;
+  double value = 0.0;
+  double sigmas_off = 0.0;  ///< from the owner's value, in his sigma
+};
+
 struct Diagnosis {
   Verdict verdict = Verdict::consistent;
   std::optional<Location> location;
@@ -71,7 +78,7 @@ struct Diagnosis {
   Score baseline;
   std::optional<Score> augmented;
   double horizon_s = 0.0;
-  std::vector<std::pair<std::string, double>> calibrated;
+  std::vector<Calibration> calibrated;
   std::vector<std::pair<Channel, double>> noise_std;
   std::vector<Channel> noise_estimated;  ///< not declared by the model
   physics::Model model;                  ///< calibrated, with a term for every finding

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "physics/effects/number_text.h"
 #include "physics/problem.h"
 #include "physics/rig.h"
 #include "physics/sensor_chain.h"
@@ -167,6 +168,15 @@ Experiment make_experiment(const protocol::Recording& recording, const Model& mo
     const std::size_t c = index_of(channel);
     if (!recorded(channel)) continue;
     values[c] = filled(frames, grid, channel);
+    constexpr double beyond_any_rig = 1.0e12;
+    for (std::size_t k = 0; k < values[c].size(); ++k) {
+      if (std::abs(values[c][k]) < beyond_any_rig) continue;
+      refuse(source,
+             std::string(info(channel).column) + " is " + physics::number_text(values[c][k]) +
+                 " at time " +
+                 std::to_string(frames.front().time_s() + e.period_s * static_cast<double>(k)) +
+                 " s, which no rig does; expected SI units");
+    }
     e.channel_std[c] = standard_deviation(values[c]);
     const auto& declared = model.sensors[c].noise_std;
     e.noise_declared[c] = declared.has_value();
@@ -186,6 +196,14 @@ Experiment make_experiment(const protocol::Recording& recording, const Model& mo
   compare(Channel::velocity, !imposed);
   compare(Channel::friction_force, true);
   compare(Channel::normal_load, model.normal_load && !measured_load);
+
+  bool moves = false;
+  for (std::size_t c = 0; c < predicted_channels; ++c) {
+    moves = moves || (((e.compared >> c) & 1U) != 0 && e.channel_std[c] > 0.0);
+  }
+  if (!moves) {
+    refuse(source, "shows no motion: every channel that the model predicts is constant");
+  }
 
   e.reading.resize(e.samples);
   e.valid.assign(e.samples, 0);
@@ -300,6 +318,8 @@ Experiment make_experiment(const protocol::Recording& recording, const Model& mo
   return e;
 }
 
+constexpr double fewest_samples = 8.0;  // of a window
+
 double default_horizon_s(const Model& model, const Experiment& experiment) {
   double period_s = 0.0;
   const auto& oscillator = model.oscillator;
@@ -314,7 +334,8 @@ double default_horizon_s(const Model& model, const Experiment& experiment) {
     }
   }
   const double longest = experiment.period_s * static_cast<double>(experiment.samples) / 24.0;
-  return std::min(std::clamp(period_s, 0.4, 1.5), longest);
+  return std::max(std::min(std::clamp(period_s, 0.4, 1.5), longest),
+                  fewest_samples * experiment.period_s);
 }
 
 void cut_windows(Experiment& e, const Model& model, double horizon_s) {
@@ -322,8 +343,14 @@ void cut_windows(Experiment& e, const Model& model, double horizon_s) {
   const double h = e.period_s / e.substeps;
   const double settling_s = physics::SensorBank(model, h).settling_time_s();
   const auto warm = static_cast<std::size_t>(std::ceil(settling_s / e.period_s));
-  const auto length =
-      std::max<std::size_t>(8, static_cast<std::size_t>(std::llround(horizon_s / e.period_s)));
+  if (horizon_s < (fewest_samples - 0.5) * e.period_s) {
+    throw InputError(Problem{"--horizon", 0, 0,
+                             physics::number_text(horizon_s) + " s is less than " +
+                                 physics::number_text(fewest_samples) + " samples of " + e.source +
+                                 "; expected at least " +
+                                 physics::number_text(fewest_samples * e.period_s) + " s"});
+  }
+  const auto length = static_cast<std::size_t>(std::llround(horizon_s / e.period_s));
   const auto across_gap = [&](std::size_t from, std::size_t to) {
     return std::any_of(e.gaps.begin(), e.gaps.end(),
                        [&](std::size_t gap) { return gap > from && gap < to; });

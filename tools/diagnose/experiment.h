@@ -73,7 +73,7 @@ Experiment make_experiment(const protocol::Recording& recording, const physics::
                            Steps steps = Steps::fine);
 
 /// Cuts the usable part into windows of `horizon_s`; of every three blocks of windows one is held
-/// out.
+/// out. Throws InputError for a horizon of fewer than eight samples.
 void cut_windows(Experiment& experiment, const physics::Model& model, double horizon_s);
 
 /// A prediction horizon that suits the model: 0.4 s, longer for slow rigs.

@@ -1,6 +1,8 @@
 #include "tools/diagnose/report.h"
 
 #include <cmath>
+#include <cstdio>
+#include <cstring>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -51,6 +53,18 @@ Json finding_json(const Finding& finding) {
   json["separating_experiment"] =
       finding.separating_experiment ? Json(*finding.separating_experiment) : Json(nullptr);
   return json;
+}
+
+// The end of an interval, with three digits or as many as set it apart from the value.
+std::string end_text(double end, double value) {
+  char end_digits[40];
+  char value_digits[40];
+  for (int count = 3; count <= 17; ++count) {
+    std::snprintf(end_digits, sizeof end_digits, "%.*g", count, end);
+    std::snprintf(value_digits, sizeof value_digits, "%.*g", count, value);
+    if (std::strcmp(end_digits, value_digits) != 0) return end_digits;
+  }
+  return number_text(end);
 }
 
 std::string percent(double share) { return number_text(100.0 * share) + " %"; }
@@ -112,7 +126,7 @@ Json report_json(const Diagnosis& diagnosis) {
       score_json(diagnosis.augmented.value_or(diagnosis.baseline), false);
   json["fit"]["horizon_s"] = diagnosis.horizon_s;
   json["calibrated"] = Json::object();
-  for (const auto& [path, value] : diagnosis.calibrated) json["calibrated"][path] = value;
+  for (const Calibration& each : diagnosis.calibrated) json["calibrated"][each.path] = each.value;
   json["noise_std"] = Json::object();
   for (const auto& [channel, value] : diagnosis.noise_std) {
     json["noise_std"][std::string(info(channel).column)] = value;
@@ -143,8 +157,8 @@ std::string report_text(const Diagnosis& diagnosis) {
          << "\n";
     for (const Estimate& estimate : finding.parameters) {
       text << "       " << estimate.name << " = " << number_text(estimate.value)
-           << "  (95 %: " << number_text(estimate.low) << " to " << number_text(estimate.high)
-           << ")\n";
+           << "  (95 %: " << end_text(estimate.low, estimate.value) << " to "
+           << end_text(estimate.high, estimate.value) << ")\n";
     }
     text << "       held-out chi-squared per sample " << number_text(finding.chi2_before) << " -> "
          << number_text(finding.chi2_after) << "; probability among what was tried "
@@ -169,10 +183,19 @@ std::string report_text(const Diagnosis& diagnosis) {
     text << "\n";
   }
   if (!diagnosis.calibrated.empty()) {
-    text << "  Calibrated within their sigma:";
-    for (const auto& [path, value] : diagnosis.calibrated)
-      text << " " << path << " = " << number_text(value) << ";";
+    text << "  Calibrated (in brackets: sigmas from the model's value):";
+    bool far = false;
+    for (const Calibration& each : diagnosis.calibrated) {
+      char off[32];
+      std::snprintf(off, sizeof off, " (%+.1f);", each.sigmas_off);
+      text << " " << each.path << " = " << number_text(each.value) << off;
+      far = far || std::abs(each.sigmas_off) > 3.0;
+    }
     text << "\n";
+    if (far) {
+      text << "  Beyond 3 sigma: either that sigma is too small, or this parameter stands in for "
+              "physics that is not in the model.\n";
+    }
   }
   text << "  Tried:";
   int stage = 0;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,9 @@ struct BifurcationOptions {
   PortraitOptions portrait;
   int threads = 1;
   bool with_exponents = false;  ///< also the largest exponent at every value
+  /// Over "drive.frequency_hz": the base's amplitude stays, and the acceleration follows. Absent:
+  /// the acceleration stays.
+  std::optional<double> base_amplitude_m;
   /// Told after each value, from any of the threads but one at a time; may be empty.
   std::function<void(std::size_t done, std::size_t all)> progress;
 };
@@ -23,14 +27,17 @@ struct BifurcationColumn {
   double exponent_per_s = 0.0;  ///< where it was asked for
 };
 
-/// Paths of what a diagram can be drawn over: the model's parameters ("friction.mu"), and
-/// "drive.amplitude" (acceleration, m/s2) and "drive.frequency_hz".
+/// Paths of what a diagram can be drawn over: the model's parameters ("friction.mu"), and the
+/// drive's "drive.frequency_hz", "drive.acceleration_m_s2" and, of a base-excited rig,
+/// "drive.amplitude_m".
 std::vector<std::string> bifurcation_paths(const physics::Model& model);
 
+/// Why the parameter cannot have this value; empty where it can.
+std::string refusal(const physics::Model& model, const std::string& path, double value);
+
 /// One column per value, in the order of the values. Every value starts afresh, so that the columns
-/// are independent and any number of threads gives the same diagram. With "drive.frequency_hz" the
-/// acceleration stays. Throws std::invalid_argument for a path that is none of bifurcation_paths,
-/// and where a value makes the model inconsistent.
+/// are independent and any number of threads gives the same diagram. Throws std::invalid_argument
+/// for a path that is none of bifurcation_paths, and for a value that meets a refusal.
 std::vector<BifurcationColumn> bifurcation(const physics::Model& model, const Drive& drive,
                                            const std::string& path,
                                            const std::vector<double>& values,

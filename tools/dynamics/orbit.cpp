@@ -4,6 +4,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "physics/effects/number_text.h"
+
 namespace stickslip::dynamics {
 
 Drive base_drive(double amplitude_m, double frequency_hz) {
@@ -56,7 +58,14 @@ void Orbit::step() {
 }
 
 void Orbit::skip(int periods) {
-  for (long k = 0; k < static_cast<long>(periods) * steps_per_period_; ++k) step();
+  for (int period = 0; period < periods; ++period) {
+    for (int k = 0; k < steps_per_period_; ++k) step();
+    if (!std::isfinite(now_.x()) || !std::isfinite(now_.v())) {
+      throw std::runtime_error("the motion leaves every bound before time " +
+                               physics::number_text(now_.time_s) +
+                               " s: the steps are too long, or the rig is unstable");
+    }
+  }
 }
 
 double Orbit::force_without_friction_n() const {
@@ -79,8 +88,14 @@ int enough_steps(const physics::Model& model, const Drive& drive) {
   if (rig.structure().resonant) {
     fastest = std::max(fastest, std::sqrt(n.c.cell_stiffness / n.c.cell_mass));
   }
-  const double by_rig = drive.period_s() * fastest / 0.02;
-  return std::max(500, static_cast<int>(std::ceil(by_rig)));
+  const double by_rig = std::ceil(drive.period_s() * fastest / 0.02);
+  constexpr double most = 1.0e7;
+  if (!(by_rig <= most)) {
+    throw std::invalid_argument("a period of the drive holds " + physics::number_text(by_rig) +
+                                " steps of the rig's own motion; expected at most " +
+                                physics::number_text(most) + ", as of a faster drive");
+  }
+  return std::max(500, static_cast<int>(by_rig));
 }
 
 }  // namespace stickslip::dynamics

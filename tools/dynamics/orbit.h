@@ -48,7 +48,7 @@ class Orbit {
 
   /// One step.
   void step();
-  /// So many whole drive periods.
+  /// So many whole drive periods. Throws std::runtime_error where the motion leaves every bound.
   void skip(int periods);
 
   const Point& now() const { return now_; }
@@ -78,7 +78,8 @@ class Orbit {
   Point now_;
 };
 
-/// Steps per drive period that resolve the rig's fastest free motion, and the drive by 500.
+/// Steps per drive period that resolve the rig's fastest free motion, and the drive by 500. Throws
+/// std::invalid_argument where they are more than ten million.
 int enough_steps(const physics::Model& model, const Drive& drive);
 
 }  // namespace stickslip::dynamics

@@ -84,8 +84,8 @@ TEST(Diagnosis, CalibratesBeforeItAccuses) {
   const Diagnosis got = diagnosed(truth);
   EXPECT_EQ(name_of(got.verdict), "consistent") << report_text(got);
   ASSERT_EQ(got.calibrated.size(), 2U);
-  EXPECT_EQ(got.calibrated[0].first, "oscillator.stiffness_n_m");
-  EXPECT_NEAR(got.calibrated[0].second, 164.0, 0.5);
+  EXPECT_EQ(got.calibrated[0].path, "oscillator.stiffness_n_m");
+  EXPECT_NEAR(got.calibrated[0].value, 164.0, 0.5);
 }
 
 TEST(Diagnosis, GivesTheSameBytesOnHoweverManyThreads) {

@@ -18,7 +18,7 @@ Diagnosis consistent() {
   diagnosis.baseline.rmse[0] = 2.0e-5;
   diagnosis.baseline.nrmse[0] = 0.004;
   diagnosis.horizon_s = 0.4;
-  diagnosis.calibrated = {{"oscillator.mass_kg", 0.0601}};
+  diagnosis.calibrated = {{"oscillator.mass_kg", 0.0601, 0.4}};
   diagnosis.noise_std = {{Channel::displacement, 2.0e-5}};
   return diagnosis;
 }

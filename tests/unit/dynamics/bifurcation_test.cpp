@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <numbers>
 #include <stdexcept>
 
 namespace stickslip::dynamics {
@@ -44,18 +46,48 @@ TEST(Bifurcation, IsTheSameOnHoweverManyThreads) {
 
 TEST(Bifurcation, OverTheDriveChangesTheDrive) {
   const auto columns =
-      bifurcation(rubbing(), {1.0, 1.2, 0.0}, "drive.amplitude", {0.1, 2.0}, quick(1));
+      bifurcation(rubbing(), {1.0, 1.2, 0.0}, "drive.acceleration_m_s2", {0.1, 2.0}, quick(1));
   // Below the friction nothing moves but for the creep of the smooth law.
   EXPECT_LT(std::abs(columns[0].section[3].x()), 0.1);
   EXPECT_GT(std::abs(columns[1].section[3].x()), 0.3);
+  const auto by_amplitude =
+      bifurcation(rubbing(), {0.0, 2.0, 0.0}, "drive.amplitude_m", {0.5}, quick(1));
+  const auto by_acceleration =
+      bifurcation(rubbing(), {0.0, 2.0, 0.0}, "drive.acceleration_m_s2", {2.0}, quick(1));
+  EXPECT_EQ(by_amplitude[0].section[3].x(), by_acceleration[0].section[3].x());
   const auto by_frequency =
       bifurcation(rubbing(), {1.0, 1.2, 0.0}, "drive.frequency_hz", {0.5}, quick(1));
   EXPECT_NEAR(by_frequency[0].section[0].time_s, 5.0 / 0.5, 1.0e-9);
 }
 
+TEST(Bifurcation, OverTheFrequencyKeepsTheBasesAmplitudeWhereItIsTold) {
+  BifurcationOptions options = quick(1);
+  const Drive drive{9.0, 1.2, 0.0};
+  const double omega = 2.0 * std::numbers::pi * 0.3;
+  const auto acceleration_kept =
+      bifurcation(rubbing(), drive, "drive.frequency_hz", {0.3}, options);
+  EXPECT_EQ(acceleration_kept[0].section[3].x(),
+            poincare_section(rubbing(), {9.0, omega, 0.0}, options.portrait)[3].x());
+  options.base_amplitude_m = 0.7;
+  const auto amplitude_kept = bifurcation(rubbing(), drive, "drive.frequency_hz", {0.3}, options);
+  EXPECT_EQ(
+      amplitude_kept[0].section[3].x(),
+      poincare_section(rubbing(), {0.7 * omega * omega, omega, 0.0}, options.portrait)[3].x());
+}
+
+TEST(Bifurcation, RefusesValuesThatAParameterCannotHave) {
+  const auto model = rubbing();
+  EXPECT_EQ(refusal(model, "friction.mu", 0.5), "");
+  EXPECT_NE(refusal(model, "friction.mu", -0.5), "");
+  EXPECT_NE(refusal(model, "drive.frequency_hz", 0.0), "");
+  EXPECT_NE(refusal(model, "drive.acceleration_m_s2", std::nan("")), "");
+  EXPECT_THROW(bifurcation(model, {1.0, 1.2, 0.0}, "drive.frequency_hz", {0.0}, quick(1)),
+               std::invalid_argument);
+}
+
 TEST(Bifurcation, KnowsWhatItCanBeDrawnOver) {
   const auto paths = bifurcation_paths(rubbing());
-  EXPECT_THAT(paths, ::testing::Contains("drive.amplitude"));
+  EXPECT_THAT(paths, ::testing::Contains("drive.acceleration_m_s2"));
   EXPECT_THAT(paths, ::testing::Contains("friction.mu"));
   EXPECT_THROW(bifurcation(rubbing(), {1.0, 1.2, 0.0}, "friction.nu", {1.0}, quick(1)),
                std::invalid_argument);

@@ -1,8 +1,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <lcm/eventlog.h>
+#include <sys/resource.h>
 
 #include <cerrno>
+#include <csignal>
 #include <random>
 #include <sstream>
 #include <stickslip/recording_info_t.hpp>
@@ -239,6 +241,80 @@ TEST(Recording, SaysWhatIsNoRecording) {
     std::filesystem::create_symlink("/dev/full", folder / "full.log");
     EXPECT_THROW(write_recording(some_recording(3000), folder / "full.log"), InputError);
   }
+}
+
+// A limit on the size of files stands for a full disk: the same refusal, in the middle of an event.
+class FullDisk {
+ public:
+  FullDisk() {
+    getrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, SIG_IGN);
+  }
+  ~FullDisk() { setrlimit(RLIMIT_FSIZE, &before_); }
+  FullDisk(const FullDisk&) = delete;
+  FullDisk& operator=(const FullDisk&) = delete;
+  void limit(rlim_t bytes) {
+    rlimit now = before_;
+    now.rlim_cur = bytes;
+    setrlimit(RLIMIT_FSIZE, &now);
+  }
+
+ private:
+  rlimit before_{};
+};
+
+TEST(LogWriter, HoldsExactlyWhatItConfirmedThoughTheDiskWasFullForAWhile) {
+  const Folder folder;
+  const Recording all = some_recording(4000);
+  std::vector<Frame> confirmed;
+  {
+    FullDisk disk;
+    LogWriter writer(folder / "r.log");
+    std::vector<Frame> unconfirmed;
+    int refused = 0;
+    for (std::size_t k = 0; k < all.frames.size(); k += 10) {
+      if (k == 1000) disk.limit(writer.bytes_written() + 777);  // no end of an event
+      if (k == 3000) disk.limit(RLIM_INFINITY);
+      const auto some = std::span(all.frames).subspan(k, 10);
+      frame_block_t block;
+      to_block(some, block);
+      if (writer.append(frames_channel, encoded(block), some.front().time_ns / 1000)) {
+        unconfirmed.insert(unconfirmed.end(), some.begin(), some.end());
+      }
+      if (k % 50 != 40) continue;
+      if (writer.flush()) {
+        confirmed.insert(confirmed.end(), unconfirmed.begin(), unconfirmed.end());
+      } else {
+        ++refused;
+      }
+      unconfirmed.clear();
+    }
+    EXPECT_GT(refused, 3);
+    EXPECT_TRUE(writer.close());
+  }
+  EXPECT_GT(confirmed.size(), 1900U);
+  EXPECT_LT(confirmed.size(), 2100U);
+  EXPECT_EQ(read_recording(folder / "r.log").frames, confirmed);
+}
+
+TEST(LogWriter, LeavesAReadableLogWhereTheDiskStaysFull) {
+  const Folder folder;
+  FullDisk disk;
+  const Recording all = some_recording(2000);
+  LogWriter writer(folder / "r.log");
+  std::size_t confirmed = 0;
+  disk.limit(20000);
+  for (std::size_t k = 0; k < all.frames.size(); k += 10) {
+    frame_block_t block;
+    to_block(std::span(all.frames).subspan(k, 10), block);
+    const bool taken = writer.append(frames_channel, encoded(block), static_cast<std::int64_t>(k));
+    if (writer.flush() && taken) confirmed = k + 10;
+  }
+  EXPECT_FALSE(writer.append(frames_channel, std::vector<std::uint8_t>(30000), 0) &&
+               writer.flush());
+  static_cast<void>(writer.close());
+  EXPECT_GT(confirmed, 100U);
+  EXPECT_EQ(read_recording(folder / "r.log").frames.size(), confirmed);
 }
 
 }  // namespace
