@@ -4,6 +4,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "tools/dynamics/flow.h"
+
 namespace stickslip::dynamics {
 
 namespace {
@@ -25,10 +27,27 @@ Range nothing() {
   return {std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
 }
 
+std::vector<Point> section_of_flow(const physics::Model& model, const Drive& drive,
+                                   const PortraitOptions& options) {
+  constexpr double tolerance = 1.0e-7;
+  Flow flow(model, drive, tolerance, options.x_m, options.v_m_s);
+  const double phase = options.phase - std::floor(options.phase);
+  std::vector<Point> points;
+  points.reserve(static_cast<std::size_t>(std::max(0, options.periods)));
+  for (int period = 0; period < options.periods; ++period) {
+    flow.advance((options.transient + period + phase) * drive.period_s());
+    points.push_back(flow.now());
+  }
+  return points;
+}
+
 }  // namespace
 
 std::vector<Point> poincare_section(const physics::Model& model, const Drive& drive,
                                     const PortraitOptions& options) {
+  if (options.steps_per_period == 0 && Flow::can_follow(model)) {
+    return section_of_flow(model, drive, options);
+  }
   Orbit orbit = started(model, drive, options);
   const auto offset = static_cast<long>(
       std::lround((options.phase - std::floor(options.phase)) * orbit.steps_per_period()));

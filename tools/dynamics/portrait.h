@@ -22,7 +22,8 @@ struct Range {
   double high = 0.0;
 };
 
-/// The points of the orbit at one phase of the drive, one per period.
+/// The points of the orbit at one phase of the drive, one per period. Followed by Flow where it can
+/// and no number of steps is asked for, else by Orbit.
 std::vector<Point> poincare_section(const physics::Model& model, const Drive& drive,
                                     const PortraitOptions& options = {});
 
