@@ -562,23 +562,50 @@ class Search {
   bool add_pair(const std::vector<Candidate>& firsts) {
     std::vector<Candidate> pairs;  // the best for each first effect, by that effect's name
     std::vector<std::vector<Candidate>> seconds;  // what each was chosen from
+    std::vector<std::vector<Candidate>> others;   // and what came next to those, roughly fitted
     const std::size_t count = std::min<std::size_t>(firsts.size(), 3);
     for (std::size_t i = 0; i < count; ++i) {
       const double share = 0.6 + 0.4 * static_cast<double>(i) / static_cast<double>(count);
       std::vector<Candidate> tried = all_tried(firsts[i], share, share + 0.1);
       if (tried.empty()) continue;
-      if (tried.size() > 2) tried.erase(tried.begin() + 2, tried.end());
+      constexpr std::size_t looked_at = 2;
+      std::vector<Candidate> best_two = tried;
+      if (best_two.size() > looked_at) {
+        best_two.erase(best_two.begin() + looked_at, best_two.end());
+      }
       double least_cost = std::numeric_limits<double>::infinity();
-      for (Candidate& second : tried) finish(second, least_cost);
-      rank(tried);
-      pairs.push_back(tried.front());
+      for (Candidate& second : best_two) finish(second, least_cost);
+      rank(best_two);
+      pairs.push_back(best_two.front());
       pairs.back().effect = firsts[i].effect;
-      seconds.push_back(std::move(tried));
+      tried.erase(tried.begin(),
+                  tried.begin() + static_cast<std::ptrdiff_t>(std::min(looked_at, tried.size())));
+      if (tried.size() > finalists - looked_at) {
+        tried.erase(tried.begin() + finalists - looked_at, tried.end());
+      }
+      seconds.push_back(std::move(best_two));
+      others.push_back(std::move(tried));
     }
     if (pairs.empty()) return false;
     std::size_t best = 0;
     for (std::size_t i = 1; i < pairs.size(); ++i) {
       if (total_loss(pairs[i]) < total_loss(pairs[best])) best = i;
+    }
+    // Beside the first that won, the second meets as many rivals as if it had been looked for
+    // alone.
+    double least_cost = std::numeric_limits<double>::infinity();
+    for (const Candidate& second : seconds[best]) {
+      least_cost = std::min(least_cost, second.fitted.cost);
+    }
+    for (Candidate& other : others[best]) {
+      finish(other, least_cost);
+      seconds[best].push_back(std::move(other));
+    }
+    rank(seconds[best]);
+    for (const Candidate& second : seconds[best]) {
+      trials_.push_back({std::string(pairs[best].effect->card().id) + " + " +
+                             std::string(second.effect->card().id),
+                         static_cast<int>(claims_.size()) + 1, second.held_out.chi2, second.z});
     }
     const Candidate winner = seconds[best].front();
     if (!is_claimed(winner)) return false;
