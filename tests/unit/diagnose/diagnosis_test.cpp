@@ -5,7 +5,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "physics/problem.h"
 #include "tests/unit/diagnose/bench.h"
 #include "tools/diagnose/report.h"
 
@@ -91,31 +90,6 @@ TEST(Diagnosis, CalibratesBeforeItAccuses) {
 TEST(Diagnosis, GivesTheSameBytesOnHoweverManyThreads) {
   const auto truth = with_term(driven_mass(), "dry_friction", {{"friction_force_n", {0.4}}});
   EXPECT_EQ(report_json(diagnosed(truth, 1)).dump(), report_json(diagnosed(truth, 2)).dump());
-}
-
-TEST(Diagnosis, OfTooShortARecordingIsRefusedInWords) {
-  try {
-    Options options;
-    options.horizon_s = 0.5;
-    diagnose({record(driven_mass(), 1.6)}, driven_mass(), options);
-    FAIL() << "was not refused";
-  } catch (const InputError& error) {
-    EXPECT_THAT(error.what(), ::testing::HasSubstr("bench.csv: is too short"));
-  }
-}
-
-TEST(Diagnosis, TellsWhatItDoesFromBeginningToEnd) {
-  std::vector<double> done;
-  Options options;
-  options.threads = 2;
-  options.progress = [&](const std::string& what, double share) {
-    EXPECT_FALSE(what.empty());
-    done.push_back(share);
-  };
-  diagnose({record(driven_mass(), 12.0)}, driven_mass(), options);
-  ASSERT_FALSE(done.empty());
-  EXPECT_TRUE(std::is_sorted(done.begin(), done.end()));
-  EXPECT_EQ(done.back(), 1.0);
 }
 
 }  // namespace
