@@ -470,7 +470,7 @@ void diagram(benchmark::State& state) {
   const config::Rig rig = config::load_rig(STICKSLIP_SOURCE_DIR "/config/motivational.toml");
   const auto drive = dynamics::base_drive(rig.excitation.amplitude, rig.excitation.carrier_hz);
   std::vector<double> values;
-  for (int i = 0; i < 16; ++i) values.push_back(0.006 + 0.0004 * i);
+  for (int i = 0; i < 96; ++i) values.push_back(0.006 + 0.00006 * i);
   dynamics::BifurcationOptions options;
   options.portrait.transient = 50;
   options.portrait.periods = 50;
