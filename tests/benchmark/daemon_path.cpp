@@ -87,6 +87,7 @@ Cost whole_path(const std::vector<Frame>& frames, bool publish, bool record) {
   if (publish) add(open_lcm(protocol::default_url), ledger.published());
   if (record) add(open_log(file), ledger.recorded());
   std::vector<Stream*> all;
+  all.reserve(streams.size());
   for (const auto& stream : streams) all.push_back(stream.get());
   Loop loop(*driver, clock, {.pacing = Pacing::free, .longest_silence_ns = 0}, Excitation({}),
             nullptr, ledger, all);

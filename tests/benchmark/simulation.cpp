@@ -418,7 +418,7 @@ std::optional<Chosen> cheapest(Make make, int settings, const Samples& truth) {
 void compare(benchmark::State& state, const std::string& preset, bool set_valued) {
   const config::Rig rig = config::load_rig(STICKSLIP_SOURCE_DIR "/config/" + preset + ".toml");
   const Equations equations = equations_of(rig, set_valued);
-  for (auto _ : state) {
+  for ([[maybe_unused]] auto _ : state) {
     const Samples truth = Cvode(equations, CV_BDF, 1.0e-11).run();
     const physics::Model model = model_of(rig, set_valued);
     const auto tolerance = [](int k) { return std::pow(10.0, -2.0 - 0.5 * k); };
@@ -470,6 +470,7 @@ void diagram(benchmark::State& state) {
   const config::Rig rig = config::load_rig(STICKSLIP_SOURCE_DIR "/config/motivational.toml");
   const auto drive = dynamics::base_drive(rig.excitation.amplitude, rig.excitation.carrier_hz);
   std::vector<double> values;
+  values.reserve(96);
   for (int i = 0; i < 96; ++i) values.push_back(0.006 + 0.00006 * i);
   dynamics::BifurcationOptions options;
   options.portrait.transient = 50;
@@ -481,7 +482,7 @@ void diagram(benchmark::State& state) {
         dynamics::bifurcation(rig.simulated.truth, drive, "drive.amplitude_m", values, options));
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   };
-  for (auto _ : state) {
+  for ([[maybe_unused]] auto _ : state) {
     const double alone = seconds(1);
     const double shared = seconds(2);
     state.counters["two_threads_over_one"] = alone / shared;

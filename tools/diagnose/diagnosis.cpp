@@ -501,6 +501,7 @@ class Search {
       return total_loss(candidates[a]) < total_loss(candidates[b]);
     });
     std::vector<Candidate> sorted;
+    sorted.reserve(order.size());
     for (const std::size_t k : order) sorted.push_back(std::move(candidates[k]));
     candidates = std::move(sorted);
     const Candidate& best = candidates.front();

@@ -367,7 +367,8 @@ void cut_windows(Experiment& e, const Model& model, double horizon_s) {
   // each time.
   const std::size_t block = std::clamp<std::size_t>(e.windows.size() / 12, 1, 4);
   for (std::size_t i = 0; i < e.windows.size(); ++i) {
-    const double turn = static_cast<double>(i / block) / std::numbers::phi;
+    const std::size_t number = i / block;  // of the block
+    const double turn = static_cast<double>(number) / std::numbers::phi;
     e.windows[i].held_out = turn - std::floor(turn) > 2.0 / 3.0;
   }
 }

@@ -54,8 +54,8 @@ std::vector<BifurcationColumn> bifurcation(const physics::Model& model, const Dr
     throw std::invalid_argument("the model has no parameter \"" + path + "\"");
   }
   for (const double value : values) {
-    const std::string why = refusal(model, path, value);
-    if (!why.empty()) throw std::invalid_argument(path + " " + why);
+    std::string why = refusal(model, path, value);
+    if (!why.empty()) throw std::invalid_argument(why.insert(0, path + " "));
   }
   std::vector<BifurcationColumn> columns(values.size());
   std::mutex progress_mutex;

@@ -58,14 +58,15 @@ std::string page(const std::vector<Figure>& figures, const std::string& command)
   out += escaped(command) + "</code>.</p>\n<nav>";
   for (const Figure& figure : figures) {
     const std::string number = std::to_string(figure.number);
-    out += "<a href=\"#figure-" + number + "\">Figure " + number + "</a>";
+    out.append("<a href=\"#figure-").append(number).append("\">Figure ");
+    out.append(number).append("</a>");
   }
   out += "</nav>\n";
   for (const Figure& figure : figures) {
     const std::string number = std::to_string(figure.number);
-    out += "<section>\n<h2 id=\"figure-" + number + "\">Figure " + number + ". " +
-           escaped(figure.title) + "</h2>\n<p>" + escaped(figure.parameters) +
-           "</p>\n<div class=\"panels\">\n";
+    out.append("<section>\n<h2 id=\"figure-").append(number).append("\">Figure ");
+    out.append(number).append(". ").append(escaped(figure.title)).append("</h2>\n<p>");
+    out.append(escaped(figure.parameters)).append("</p>\n<div class=\"panels\">\n");
     for (std::size_t i = 0; i < figure.panels.size(); ++i) {
       out += "<figure><a href=\"" + figure.panels[i] + ".svg\"><img src=\"" + figure.panels[i] +
              ".svg\" alt=\"" + escaped(figure.captions[i]) + "\"></a><figcaption>" +

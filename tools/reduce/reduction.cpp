@@ -71,7 +71,11 @@ double strongest_tone_hz(const Values& values, double period_s) {
   double best = 0.0;
   double most = -1.0;
   const double fine = 0.25 / duration_s;
-  for (double f = std::max(0.5, 1.0 / duration_s); f < std::min(20.0, 0.4 / period_s); f += fine) {
+  const double lowest = std::max(0.5, 1.0 / duration_s);
+  const double highest = std::min(20.0, 0.4 / period_s);
+  const auto steps = static_cast<int>(std::max(0.0, (highest - lowest) / fine));
+  for (int k = 0; k <= steps; ++k) {
+    const double f = lowest + fine * k;
     const double power = power_at(values, period_s, f);
     if (power > most) {
       most = power;

@@ -61,7 +61,8 @@ TEST_F(Draw, PassesOnWhatGnuplotSays) {
 }
 
 TEST_F(Draw, NamesThePackageWhereGnuplotIsNot) {
-  const std::string path = std::getenv("PATH");
+  const char* before = std::getenv("PATH");
+  const std::string path = before != nullptr ? before : "";
   setenv("PATH", folder_.c_str(), 1);
   EXPECT_THAT([&] { draw(line(), folder_); }, ThrowsMessage<InputError>(HasSubstr("gnuplot-nox")));
   setenv("PATH", path.c_str(), 1);
