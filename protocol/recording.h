@@ -33,6 +33,9 @@ struct Recording {
   Description description;
 };
 
+/// The usual time from one frame to the next [s]; at least two frames.
+double median_period_s(std::span<const Frame> frames);
+
 /// Reads either form; which one is decided by the content, not by the name. Throws InputError
 /// naming the file, and the line (CSV) or the byte (log), for whatever is wrong: no time_s, an
 /// unknown or doubled column, a missing or surplus cell, text or nan in a number, time that does

@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <memory>
 #include <string>
-#include <thread>
 
 #include "config/model_file.h"
 #include "physics/effects/number_text.h"
@@ -13,6 +12,8 @@
 #include "tools/command.h"
 #include "tools/drive_options.h"
 #include "tools/option_checks.h"
+#include "tools/parallel/for_each.h"
+#include "tools/write_file.h"
 
 namespace stickslip::tools {
 
@@ -48,18 +49,13 @@ int run(const Arguments& arguments) {
                 "has no parameter \"" + arguments.over + "\"; expected one of " + known});
   }
   dynamics::BifurcationOptions options;
-  options.portrait.transient = arguments.drive->transient;
+  options.portrait = arguments.drive->portrait();
   options.portrait.periods = arguments.periods;
-  options.portrait.steps_per_period = arguments.drive->steps;
-  options.portrait.x_m = arguments.drive->x_m;
-  options.portrait.v_m_s = arguments.drive->v_m_s;
   options.with_exponents = arguments.exponents;
   if (model.oscillator.excitation == physics::Excitation::base) {
     options.base_amplitude_m = arguments.drive->amplitude;
   }
-  options.threads = arguments.jobs > 0
-                        ? arguments.jobs
-                        : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  options.threads = parallel::threads_for(arguments.jobs);
   if (isatty(STDERR_FILENO) != 0) {
     options.progress = [](std::size_t done, std::size_t all) {
       std::fprintf(stderr, "\r%zu of %zu values%s", done, all, done == all ? "\n" : "");

@@ -5,7 +5,6 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "config/model_file.h"
@@ -14,6 +13,7 @@
 #include "tools/command.h"
 #include "tools/diagnose/report.h"
 #include "tools/option_checks.h"
+#include "tools/parallel/for_each.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -41,9 +41,7 @@ int run(const Arguments& arguments) {
   }
   diagnosis::Options options;
   options.seed = arguments.seed;
-  options.threads = arguments.jobs > 0
-                        ? arguments.jobs
-                        : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  options.threads = parallel::threads_for(arguments.jobs);
   if (arguments.horizon_s > 0.0) options.horizon_s = arguments.horizon_s;
   const bool terminal = isatty(STDERR_FILENO) != 0;
   if (terminal) {

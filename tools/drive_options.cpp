@@ -1,12 +1,10 @@
 #include "tools/drive_options.h"
 
-#include <cstdio>
 #include <numbers>
 #include <stdexcept>
 
 #include "physics/problem.h"
 #include "tools/option_checks.h"
-#include "tools/write_file.h"
 
 namespace stickslip::tools {
 
@@ -45,6 +43,15 @@ dynamics::Drive DriveOptions::drive(const physics::Model& rig, Swept swept) cons
   return drive;
 }
 
+dynamics::PortraitOptions DriveOptions::portrait() const {
+  dynamics::PortraitOptions options;
+  options.transient = transient;
+  options.steps_per_period = steps;
+  options.x_m = x_m;
+  options.v_m_s = v_m_s;
+  return options;
+}
+
 void add_drive_options(CLI::App& command, const std::shared_ptr<DriveOptions>& options) {
   command.add_option("--model", options->model, "Model (TOML)")->required();
   command.add_option("--frequency-hz", options->frequency_hz, "Frequency of the drive [Hz]")
@@ -75,14 +82,6 @@ void add_drive_options(CLI::App& command, const std::shared_ptr<DriveOptions>& o
           [](double v) { return v == 0.0 || (v >= 16.0 && v <= 1.0e7 && v == std::floor(v)); },
           "0, or a whole number from 16 to 10000000"))
       ->capture_default_str();
-}
-
-void write_table(const std::string& file, const std::string& text) {
-  if (file == "-") {
-    std::fwrite(text.data(), 1, text.size(), stdout);
-  } else {
-    write_file(file, text);
-  }
 }
 
 }  // namespace stickslip::tools

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "physics/model.h"
-#include "tools/dynamics/orbit.h"
+#include "tools/dynamics/portrait.h"
 
 namespace stickslip::tools {
 
@@ -29,12 +29,12 @@ struct DriveOptions {
   /// only, where the model's motion is imposed, and where a period of the drive holds more steps of
   /// the rig than anyone can wait for.
   dynamics::Drive drive(const physics::Model& model, Swept swept = Swept::nothing) const;
+
+  /// Start, transient and steps; the rest is as it stands there.
+  dynamics::PortraitOptions portrait() const;
 };
 
 /// Adds --model, the drive, the start and the transient to a command.
 void add_drive_options(CLI::App& command, const std::shared_ptr<DriveOptions>& options);
-
-/// Where a command writes a table; "-" is standard output.
-void write_table(const std::string& file, const std::string& text);
 
 }  // namespace stickslip::tools

@@ -2,7 +2,6 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
-#include <thread>
 
 #include "config/model_file.h"
 #include "physics/effects/number_text.h"
@@ -12,6 +11,7 @@
 #include "tools/diagnose/report.h"
 #include "tools/diagnose/score.h"
 #include "tools/option_checks.h"
+#include "tools/parallel/for_each.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -53,9 +53,7 @@ int run(const Arguments& arguments) {
   Task task;
   task.experiments = experiments;
   task.sigma = noise_sigma(experiments);
-  task.threads = arguments.jobs > 0
-                     ? arguments.jobs
-                     : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  task.threads = parallel::threads_for(arguments.jobs);
   for (std::size_t w = 0; w < e.windows.size(); ++w) task.windows.push_back({0, w});
   const Score result = score(task, hypothesis, {});
 

@@ -4,12 +4,12 @@
 #include <filesystem>
 #include <memory>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "tools/command.h"
 #include "tools/figures/paper_figures.h"
 #include "tools/option_checks.h"
+#include "tools/parallel/for_each.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -30,9 +30,7 @@ int run(const Arguments& arguments) {
   options.presets = arguments.presets;
   options.numbers = arguments.only;
   options.periods = arguments.periods;
-  options.threads = arguments.jobs > 0
-                        ? arguments.jobs
-                        : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  options.threads = parallel::threads_for(arguments.jobs);
   if (isatty(STDERR_FILENO) != 0) {
     options.progress = [](int number, std::size_t ready, std::size_t all) {
       std::fprintf(stderr, "Figure %d, %zu of %zu\n", number, ready, all);

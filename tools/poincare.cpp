@@ -7,6 +7,7 @@
 #include "tools/drive_options.h"
 #include "tools/dynamics/portrait.h"
 #include "tools/option_checks.h"
+#include "tools/write_file.h"
 
 namespace stickslip::tools {
 
@@ -22,13 +23,9 @@ struct Arguments {
 int run(const Arguments& arguments) {
   const physics::Model model = config::load_model(arguments.drive->model);
   const dynamics::Drive drive = arguments.drive->drive(model);
-  dynamics::PortraitOptions options;
+  dynamics::PortraitOptions options = arguments.drive->portrait();
   options.periods = arguments.periods;
   options.phase = arguments.phase;
-  options.transient = arguments.drive->transient;
-  options.steps_per_period = arguments.drive->steps;
-  options.x_m = arguments.drive->x_m;
-  options.v_m_s = arguments.drive->v_m_s;
 
   std::string table = "time_s,displacement_m,velocity_m_s,theta\n";
   char line[160];

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -50,6 +51,15 @@ inline void write_file(const std::string& path, const std::string& content) {
   file.close();
   if (!file) {
     throw std::runtime_error(path + ": is not complete: " + std::strerror(errno));
+  }
+}
+
+/// The same, but "-" is standard output, which main() looks at in the end.
+inline void write_table(const std::string& file, const std::string& text) {
+  if (file == "-") {
+    std::fwrite(text.data(), 1, text.size(), stdout);
+  } else {
+    write_file(file, text);
   }
 }
 

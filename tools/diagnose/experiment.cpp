@@ -22,17 +22,6 @@ using physics::Model;
   throw InputError(Problem{source, 0, 0, message});
 }
 
-double median_period_s(const std::vector<Frame>& frames) {
-  std::vector<std::int64_t> steps;
-  steps.reserve(frames.size());
-  for (std::size_t i = 1; i < frames.size(); ++i) {
-    steps.push_back(frames[i].time_ns - frames[i - 1].time_ns);
-  }
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  return static_cast<double>(*middle) * 1.0e-9;
-}
-
 // Values on a uniform grid: the sample nearest to each instant, invalid where there is none near.
 struct Grid {
   double start_s = 0.0;
@@ -42,7 +31,7 @@ struct Grid {
 
 Grid grid_of(const std::vector<Frame>& frames) {
   Grid grid;
-  const double rough = median_period_s(frames);
+  const double rough = protocol::median_period_s(frames);
   const double span = static_cast<double>(frames.back().time_ns - frames.front().time_ns) * 1.0e-9;
   const auto intervals = static_cast<std::size_t>(std::llround(span / rough));
   // Where nothing is missing, the mean period is better than the rounded median.

@@ -84,8 +84,6 @@ Portrait portrait(const physics::Model& model, const Drive& drive, const Portrai
   long lost = 0;
   long negative = 0;
   long stuck = 0;
-  std::vector<float> speeds;  // one per step: the largest is known at the end only
-  speeds.reserve(static_cast<std::size_t>(steps));
   double before = orbit.now().v();
   double came_from = 0.0;  // sign of the velocity before the arrival; 0: none is open
   double farthest = 0.0;
@@ -100,7 +98,6 @@ Portrait portrait(const physics::Model& model, const Drive& drive, const Portrai
     if (loaded && now.state.load <= 0.0) ++lost;
     if (now.state.theta * now.state.slip < 0.0) ++negative;
     if (now.state.slip == 0.0) ++stuck;
-    speeds.push_back(static_cast<float>(std::abs(v)));
 
     const bool would_hold = std::abs(orbit.force_without_friction_n()) < orbit.friction_limit_n();
     if (came_from != 0.0) {
@@ -122,10 +119,6 @@ Portrait portrait(const physics::Model& model, const Drive& drive, const Portrai
   out.contact_lost = share(lost);
   out.negative_friction = share(negative);
   out.sticking = share(stuck);
-  const float slow =
-      speeds.empty() ? 0.0F : 0.01F * *std::max_element(speeds.begin(), speeds.end());
-  out.nearly_at_rest =
-      share(std::count_if(speeds.begin(), speeds.end(), [slow](float v) { return v < slow; }));
   const double range = out.velocity_m_s.high - out.velocity_m_s.low;
   if (out.arrivals > 0 && range > 0.0) out.overshoot = sum / out.arrivals / range;
   return out;

@@ -38,7 +38,6 @@ struct Portrait {
   double contact_lost = 0.0;       ///< share of the time without normal load
   double negative_friction = 0.0;  ///< share of the time at theta and velocity of opposite sign
   double sticking = 0.0;           ///< share of the time at slip velocity exactly 0
-  double nearly_at_rest = 0.0;     ///< share of the time below 1 % of the largest abs(velocity)
   /// Overshoot of the plane of zero velocity. An arrival is a passage of the velocity through 0 (or
   /// a stop at 0) at which Coulomb friction could hold the mass. Until the mass would be let go,
   /// the farthest that the velocity goes beyond 0 is measured, over the range of the velocity.

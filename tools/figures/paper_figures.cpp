@@ -181,6 +181,16 @@ double roughness(const reduction::Reduction& reduced, bool outside) {
   return count > 0.0 ? sum / count : 0.0;
 }
 
+// Share of the time below 1 % of the largest speed.
+double share_near_rest(const std::vector<PhasePoint>& points) {
+  double largest = 0.0;
+  for (const PhasePoint& point : points) largest = std::max(largest, std::abs(point.v));
+  const auto slow = std::count_if(points.begin(), points.end(), [largest](const PhasePoint& point) {
+    return std::abs(point.v) < 0.01 * largest;
+  });
+  return static_cast<double>(slow) / static_cast<double>(std::max<std::size_t>(1, points.size()));
+}
+
 Figure figure_2(const Studio& studio) {
   const config::Rig rig = studio.rig("motivational");
   const physics::Model& model = rig.simulated.truth;
@@ -209,7 +219,7 @@ Figure figure_2(const Studio& studio) {
             seen.arrivals)},
       {"Others stick until they return", "seen, no number",
        text("abs(v) below 1 %% of its largest for %.0f %% of the time",
-            100.0 * seen.nearly_at_rest)},
+            100.0 * share_near_rest(points))},
   };
   return figure;
 }

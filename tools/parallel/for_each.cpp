@@ -9,6 +9,10 @@
 
 namespace stickslip::parallel {
 
+int threads_for(int asked) {
+  return asked > 0 ? asked : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+}
+
 void for_each(std::size_t count, int threads, const std::function<void(std::size_t)>& work) {
   const auto workers = std::min<std::size_t>(count, static_cast<std::size_t>(std::max(1, threads)));
   if (workers <= 1) {

@@ -6,6 +6,9 @@
 
 namespace stickslip::parallel {
 
+/// How many threads `asked` stands for: 0 is one per core.
+int threads_for(int asked);
+
 /// Runs `work(i)` for i in [0, count) on so many threads. The work of one i must not depend on
 /// another. Rethrows the first exception once all threads have ended.
 void for_each(std::size_t count, int threads, const std::function<void(std::size_t)>& work);

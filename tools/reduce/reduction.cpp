@@ -95,16 +95,6 @@ struct Stretch {
   std::size_t length() const { return end - begin; }
 };
 
-double median_period_s(const std::vector<Frame>& frames) {
-  std::vector<std::int64_t> steps;
-  for (std::size_t i = 1; i < frames.size(); ++i) {
-    steps.push_back(frames[i].time_ns - frames[i - 1].time_ns);
-  }
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  return 1.0e-9 * static_cast<double>(*middle);
-}
-
 std::vector<Stretch> stretches_of(const std::vector<Frame>& frames, double period_s) {
   std::vector<Stretch> out;
   for (std::size_t i = 0; i < frames.size(); ++i) {
@@ -331,7 +321,7 @@ Reduction reduce(const protocol::Recording& recording, const physics::Model& mod
     }
   }
   if (frames.size() < 2) refuse(recording.source, "holds one sample: nothing to reduce");
-  const double period_s = median_period_s(frames);
+  const double period_s = protocol::median_period_s(frames);
   const std::vector<Stretch> stretches = stretches_of(frames, period_s);
   const bool whole = options.method == Method::deconvolved;
   const std::size_t end = whole ? static_cast<std::size_t>(end_s / period_s) : 0;

@@ -1,0 +1,18 @@
+#include "protocol/recording.h"
+
+#include <algorithm>
+
+namespace stickslip::protocol {
+
+double median_period_s(std::span<const Frame> frames) {
+  std::vector<std::int64_t> steps;
+  steps.reserve(frames.size());
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    steps.push_back(frames[i].time_ns - frames[i - 1].time_ns);
+  }
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  return static_cast<double>(*middle) * 1.0e-9;
+}
+
+}  // namespace stickslip::protocol
