@@ -606,9 +606,13 @@ void Document::report(std::string_view path, const std::string& message) {
       for (const toml::node& each : *list) {
         const toml::table& term = *each.as_table();
         if (term["id"].value<std::string_view>() != id) continue;
-        const std::size_t parameter = terms.size() + id.size() + 1;
-        const toml::node* value =
-            parameter < path.size() ? term.get(path.substr(parameter)) : nullptr;
+        // Effects on a channel stand once for each: the channel follows the id in the path.
+        const auto channel = term["channel"].value<std::string_view>();
+        const std::string_view behind = path.substr(terms.size() + id.size());
+        if (found != nullptr && channel && !behind.starts_with("." + std::string(*channel))) {
+          continue;
+        }
+        const toml::node* value = term.get(path.substr(path.rfind('.') + 1));
         found = value != nullptr ? value : &each;
       }
     }
@@ -710,6 +714,8 @@ std::vector<physics::Term> Document::terms() const {
         term.id = node.value_or(std::string());
       } else if (name.str() == "channel") {
         term.channel = channel_named(node.value_or(std::string_view()));
+      } else if (name.str() == "from") {
+        term.from = channel_named(node.value_or(std::string_view()));
       } else {
         term.parameters.emplace(name.str(), parameter_in(node));
       }

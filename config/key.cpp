@@ -239,6 +239,11 @@ constexpr std::array term_table = {
         .sentence = "The channel that is read wrongly; effects of the relation sensor only.",
         .choices =
             "displacement|velocity|friction_force|normal_load|base_displacement|drive_force"},
+    Key{.path = "from",
+        .type = Type::choice,
+        .sentence = "The channel that leaks into it; crosstalk only.",
+        .choices =
+            "displacement|velocity|friction_force|normal_load|base_displacement|drive_force"},
 };
 
 constexpr std::array rig_table = {

@@ -176,6 +176,7 @@ void write(Writer& out, const physics::Term& term) {
   out.tables("physics");
   out.line("id", '"' + term.id + '"');
   if (term.channel) out.line("channel", '"' + std::string(info(*term.channel).stem) + '"');
+  if (term.from) out.line("from", '"' + std::string(info(*term.from).stem) + '"');
   for (const auto& [name, parameter] : term.parameters) out.line(name, parameter);
 }
 

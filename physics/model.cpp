@@ -18,6 +18,17 @@ void add(std::vector<NamedParameter>& list, const char* path, std::optional<Para
 
 }  // namespace
 
+std::string path_of(const Term& term) {
+  std::string path = "physics.";
+  path += term.id;
+  for (const std::optional<Channel>& channel : {term.channel, term.from}) {
+    if (!channel) continue;
+    path += '.';
+    path += info(*channel).stem;
+  }
+  return path;
+}
+
 std::vector<NamedParameter> parameters_of(Model& model) {
   std::vector<NamedParameter> list;
   if (model.oscillator.excitation != Excitation::imposed) {
@@ -51,7 +62,10 @@ std::vector<NamedParameter> parameters_of(Model& model) {
   }
   for (Term& term : model.terms) {
     for (auto& [name, parameter] : term.parameters) {
-      list.push_back({"physics." + term.id + "." + name, &parameter});
+      std::string path = path_of(term);
+      path += '.';
+      path += name;
+      list.push_back({std::move(path), &parameter});
     }
   }
   return list;
@@ -121,7 +135,7 @@ void inspect(const Oscillator& oscillator, Inspection& inspection) {
 }
 
 void inspect(const Term& term, const Model& model, Inspection& inspection) {
-  const std::string path = "physics." + term.id;
+  const std::string path = path_of(term);
   const Effect* effect = find_effect(term.id);
   if (effect == nullptr) {
     std::string known;
@@ -139,6 +153,18 @@ void inspect(const Term& term, const Model& model, Inspection& inspection) {
                   card.relation == Relation::sensor
                       ? "needs the channel that it acts on: channel = \"...\""
                       : "acts on no single channel: remove channel");
+  if (term.channel) {
+    const bool two = effect->acts_on({term.channel, Channel::displacement}) ||
+                     effect->acts_on({term.channel, Channel::velocity});
+    inspection.need(two == term.from.has_value(), path,
+                    two ? "needs the channel that leaks into it: from = \"...\""
+                        : "has no second channel: remove from");
+    if (two == term.from.has_value()) {
+      inspection.need(effect->acts_on({term.channel, term.from}), path,
+                      "cannot act on the channel " + std::string(info(*term.channel).stem) +
+                          (two ? " from " + std::string(info(*term.from).stem) : std::string()));
+    }
+  }
   for (const ParameterCard& parameter : card.parameters) {
     const auto found = term.parameters.find(std::string(parameter.name));
     const std::string at = path + "." + std::string(parameter.name);
@@ -216,8 +242,7 @@ std::vector<Inconsistency> inconsistencies_of(const Model& model) {
   for (std::size_t i = 0; i < model.terms.size(); ++i) {
     const Term& term = model.terms[i];
     for (std::size_t j = 0; j < i; ++j) {
-      inspection.need(model.terms[j].id != term.id || model.terms[j].channel != term.channel,
-                      "physics." + term.id, "stands twice");
+      inspection.need(path_of(model.terms[j]) != path_of(term), path_of(term), "stands twice");
     }
     inspect(term, seen, inspection);
     if (const Effect* effect = find_effect(term.id)) effect->mark(seen);

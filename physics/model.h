@@ -139,6 +139,7 @@ struct Term {
   std::string id;
   std::optional<Channel> channel;  ///< sensor effects: the channel that is read wrongly
   std::map<std::string, Parameter> parameters;
+  std::optional<Channel> from = {};  ///< crosstalk: the channel that leaks into it
 
   friend bool operator==(const Term&, const Term&) = default;
 };
@@ -155,12 +156,16 @@ struct Model {
   friend bool operator==(const Model&, const Model&) = default;
 };
 
-/// A parameter of a model by its path in the model file, e.g. "oscillator.mass_kg" or
-/// "physics.cubic_stiffness.k3_n_m3".
+/// A parameter of a model by its path in the model file, e.g. "oscillator.mass_kg",
+/// "physics.cubic_stiffness.k3_n_m3" or, for an effect on one channel,
+/// "physics.gain_error.velocity.gain".
 struct NamedParameter {
   std::string path;
   Parameter* parameter;
 };
+
+/// "physics.cubic_stiffness", "physics.gain_error.velocity"
+std::string path_of(const Term& term);
 
 /// Every parameter that this model has, in the order of the model file; the pointers lead into
 /// `model` and are valid while it is neither moved nor changed in structure.

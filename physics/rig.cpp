@@ -23,9 +23,14 @@ struct BackboneSlip {
   double tanh = 0.0;
 };
 
-// a and q >= 0, so the equation is monotone in w, and Newton inside a shrinking bracket always
-// arrives. Its error squares at every step: after one of 1e-8 it is at the end of a double, and the
-// tanh, which is what costs here, need not be taken again.
+// To about 1e-16, at less than half the price of the library's, which is good to all digits near 0.
+double quick_tanh(double x) {
+  return 1.0 - 2.0 / (std::exp(std::clamp(2.0 * x, -80.0, 80.0)) + 1.0);
+}
+
+// a and q >= 0, so the equation is monotone in w, and Halley's steps inside a shrinking bracket
+// always arrive. Their error cubes: after one of 1e-5 it is at the end of a double, and the tanh,
+// which is what costs here, need not be taken again.
 BackboneSlip solve_backbone(double target, double a, double p, double q, double speed,
                             double guess) {
   double low = target - a * (p + q);
@@ -33,18 +38,23 @@ BackboneSlip solve_backbone(double target, double a, double p, double q, double 
   double w = std::clamp(guess, low, high);
   double t = 0.0;
   for (int iteration = 0; iteration < 60; ++iteration) {
-    t = std::tanh(w / speed);
+    t = quick_tanh(w / speed);
     const double residual = w + a * (p + q * t) - target;
     if (residual > 0.0) {
       high = w;
     } else {
       low = w;
     }
-    const double slope = 1.0 + a * q * (1.0 - t * t) / speed;
-    double next = w - residual / slope;
+    const double bend = a * q * (1.0 - t * t) / speed;
+    const double slope = 1.0 + bend;
+    const double curvature = -2.0 * bend * t / speed;
+    const double halley = slope * slope - 0.5 * residual * curvature;
+    const double step = halley > 0.0 ? residual * slope / halley : residual / slope;
+    double next = w - step;
     // Before the bracket: at the root itself `next` is one of its ends.
-    if (std::abs(next - w) <= 1.0e-8 * speed) {
-      return {next, t + (1.0 - t * t) * (next - w) / speed};
+    if (std::abs(step) <= 1.0e-5 * speed) {
+      const double d = -step / speed;
+      return {next, t + (1.0 - t * t) * d * (1.0 - t * d)};
     }
     if (!(next > low && next < high)) next = 0.5 * (low + high);
     w = next;
@@ -57,12 +67,16 @@ double known_tanh(double /*x*/, double value) { return value; }
 Dual known_tanh(const Dual& x, double value) { return {value, x.d * (1.0 - value * value)}; }
 
 // Solves w + a z(w) = target with z(w) = (z0 + alpha w) / (1 + alpha abs(w) r): the implicit step
-// of a bristle that slips at 1/r.
-double solve_bristle(double target, double a, double z0, double alpha, double r, double guess) {
+// of a bristle that slips at 1/r; r is `back` for a w against the deflection z0.
+double solve_bristle(double target, double a, double z0, double alpha, double r, double back,
+                     double guess) {
+  const auto rate = [&](double w) { return w * z0 < 0.0 ? back : r; };
   const auto deflection = [&](double w) {
-    return (z0 + alpha * w) / (1.0 + alpha * std::abs(w) * r);
+    return (z0 + alpha * w) / (1.0 + alpha * std::abs(w) * rate(w));
   };
-  const double reach = std::abs(a) * std::max(std::abs(z0), 1.0 / r) * (1.0 + 1.0e-9) + 1.0e-300;
+  const double farthest =
+      std::max(std::abs(z0), r > 0.0 ? 1.0 / r : 0.0) + alpha * std::abs(target);
+  const double reach = std::abs(a) * farthest * (1.0 + 1.0e-9) + 1.0e-300;
   double low = target - reach;
   double high = target + reach;
   double w = std::clamp(guess, low, high);
@@ -73,15 +87,27 @@ double solve_bristle(double target, double a, double z0, double alpha, double r,
     } else {
       low = w;
     }
-    const double denominator = 1.0 + alpha * std::abs(w) * r;
+    const double denominator = 1.0 + alpha * std::abs(w) * rate(w);
     const double sign = w < 0.0 ? -1.0 : 1.0;
-    const double slope = 1.0 + a * alpha * (1.0 - sign * r * z0) / (denominator * denominator);
+    const double slope =
+        1.0 + a * alpha * (1.0 - sign * rate(w) * z0) / (denominator * denominator);
     double next = w - residual / slope;
     if (std::abs(next - w) <= 1.0e-14 * (std::abs(w) + 1.0e-6)) return next;
     if (!(next > low && next < high)) next = 0.5 * (low + high);
     w = next;
   }
   return w;
+}
+
+// How much of a bristle's motion is slip at a deflection of `share` times the one that slips: 0 up
+// to `elastic`, 1 from 1 on (Dupont, Hayward, Armstrong and Altpeter 2002, Eq. (17)).
+template <class T>
+T plastic_share(const T& share, const T& elastic) {
+  using std::sin;
+  if (!(value_of(share) > value_of(elastic))) return T(0.0);
+  if (!(value_of(share) < 1.0)) return T(1.0);
+  const T middle = 0.5 * (1.0 + elastic);
+  return 0.5 + 0.5 * sin((share - middle) * (pi / (1.0 - elastic)));
 }
 
 }  // namespace
@@ -113,17 +139,20 @@ Rig::Rig(const Model& model) : model_(model) {
     TermEntry entry;
     entry.effect = find_effect(term.id);
     entry.hooks = entry.effect->hooks();
+    entry.place = {term.channel, term.from};
+    hooks_ |= entry.hooks;
     entry.first_state = state_count_;
     state_count_ += entry.effect->state_count();
     const auto cards = entry.effect->card().parameters;
     for (std::size_t i = 0; i < cards.size(); ++i) {
-      const std::string path = "physics." + term.id + "." + std::string(cards[i].name);
+      const std::string path = path_of(term) + "." + std::string(cards[i].name);
       const auto at = std::find(paths_.begin(), paths_.end(), path);
       entry.parameter[i] = at == paths_.end() ? -1 : static_cast<int>(at - paths_.begin());
       entry.fallback[i] = cards[i].fixed_default.value_or(0.0);
     }
     entry.effect->shape(structure_);
-    if ((entry.hooks & hook::friction) != 0) friction_depends_on_slip_ = true;
+    if ((entry.hooks & hook::slip_friction) == hook::slip_friction)
+      friction_depends_on_slip_ = true;
     terms_.push_back(entry);
   }
   if (state_count_ > max_rig_states) {
@@ -213,24 +242,38 @@ RigNumbers<T> Rig::numbers(std::span<const T> parameters) const {
                          : T(entry.fallback[j]);
     }
     if ((entry.hooks & hook::coefficients) != 0) entry.effect->set(n.c, n.term[i].data());
+    if ((entry.hooks & hook::reading) != 0) {
+      entry.effect->misread(n.reading, entry.place, n.term[i].data());
+    }
   }
   return n;
 }
 
 template <class T>
-T Rig::load_at(const T& x, const Input& now, const RigNumbers<T>& n) const {
+T Rig::load_at(const RigState<T>& state, const Input& now, double time_s,
+               const RigNumbers<T>& n) const {
   if (!model_.normal_load) return T(1.0);
-  switch (structure_.load_law) {
-    case NormalLoadLaw::constant:
-      return n.c.load;
-    case NormalLoadLaw::wedge: {
-      const T load = n.c.load * (1.0 + n.c.load_slope * x);
-      return load > 0.0 ? load : T(0.0);  // unilateral contact
-    }
-    case NormalLoadLaw::measured:
-      return T(std::max(0.0, now.normal_load_n));
+  if (structure_.load_law == NormalLoadLaw::measured) return T(std::max(0.0, now.normal_load_n));
+  T load = n.c.load;
+  if (structure_.load_law == NormalLoadLaw::wedge) {
+    const T& x = state.s[state::x];
+    load = load * (1.0 + (n.c.load_slope + n.c.load_curvature * x) * x);
   }
-  return T(1.0);
+  if ((hooks_ & hook::load) != 0) {
+    Instant<T> at;
+    at.time_s = time_s;
+    at.x = state.s[state::x];
+    at.v = state.s[state::v];
+    at.slip = state.slip;
+    at.load = load;
+    at.base_acceleration_m_s2 = now.base_acceleration_m_s2;
+    for (std::size_t i = 0; i < terms_.size(); ++i) {
+      if ((terms_[i].hooks & hook::load) == 0) continue;
+      terms_[i].effect->scale_load(load, at, n.term[i].data(),
+                                   &state.s[static_cast<std::size_t>(terms_[i].first_state)]);
+    }
+  }
+  return load > 0.0 ? load : T(0.0);  // unilateral contact
 }
 
 template <class T>
@@ -247,6 +290,7 @@ void Rig::explicit_rates(std::array<T, max_rig_states>& rate, const RigState<T>&
     at.slip = state.slip;
     at.load = state.load;
     at.base_acceleration_m_s2 = now.base_acceleration_m_s2;
+    at.friction = state.friction;
   }
   if (structure_.excitation != Excitation::imposed) {
     T restoring = c.damping * v;
@@ -260,18 +304,20 @@ void Rig::explicit_rates(std::array<T, max_rig_states>& rate, const RigState<T>&
       restoring += terms_[i].effect->force(
           at, n.term[i].data(), &state.s[static_cast<std::size_t>(terms_[i].first_state)]);
     }
-    const double drive = structure_.excitation == Excitation::force ? now.drive_force_n : 0.0;
-    const double inertia =
-        structure_.excitation == Excitation::base ? now.base_acceleration_m_s2 : 0.0;
     rate[state::x] = v;
-    rate[state::v] = (drive - restoring) * n.inverse_mass - inertia;
+    rate[state::v] = -restoring * n.inverse_mass;
+    if (structure_.excitation == Excitation::force) {
+      rate[state::v] += n.input_share * n.inverse_mass * now.drive_force_n;
+    } else {
+      rate[state::v] -= n.input_share * now.base_acceleration_m_s2 + state.unrecorded_acceleration;
+    }
   }
   if (structure_.resonant) {
     const T& y = state.s[state::y];
     const T& u = state.s[state::u];
     rate[state::y] = u;
     rate[state::u] = -((c.cell_damping * u + c.cell_stiffness * y) * n.inverse_cell_mass) -
-                     now.base_acceleration_m_s2;
+                     n.input_share * now.base_acceleration_m_s2 - state.unrecorded_acceleration;
   }
   for (std::size_t i = 0; i < terms_.size(); ++i) {
     if (terms_[i].effect->state_count() == 0) continue;
@@ -294,7 +340,7 @@ void Rig::close_contact(RigState<T>& state, double alpha, const Input& now, doub
   const double guess = value_of(state.slip);
   T free_slip = state.s[state::v];
   if (structure_.resonant) free_slip -= state.s[state::u];
-  state.load = load_at(x, now, n);
+  state.load = load_at(state, now, time_s, n);
   if (!structure_.friction) {
     state.slip = free_slip;
     return;
@@ -310,7 +356,7 @@ void Rig::close_contact(RigState<T>& state, double alpha, const Input& now, doub
   const int rounds = friction_depends_on_slip_ ? 3 : 1;
   for (int round = 0; round < rounds; ++round) {
     FrictionFactors<T> factors;
-    if (friction_depends_on_slip_) {
+    if ((hooks_ & hook::friction) != 0) {
       Instant<T> at;
       at.time_s = time_s;
       at.x = x;
@@ -334,20 +380,37 @@ void Rig::close_contact(RigState<T>& state, double alpha, const Input& now, doub
                       ? c.contact_stiffness / (level * factors.backbone)
                       : T(value_of(c.contact_stiffness) / slip_level);
       const T& z0 = state.s[state::contact];
-      const T a = alpha * mobility * c.contact_stiffness;
-      w = T(
-          solve_bristle(value_of(free_slip), value_of(a), value_of(z0), alpha, value_of(r), guess));
+      // Nothing slips while the deflection is small, nor while it shrinks; unless it is Dahl's
+      // bristle, which always slips a little.
+      T along = r;
+      T back = r;
+      if (value_of(c.contact_elastic_share) > 0.0) {
+        using std::abs;
+        T elastic = c.contact_elastic_share;
+        if (value_of(elastic) > 0.99) elastic = T(0.99);
+        along = r * plastic_share(abs(z0) * r, elastic);
+        back = T(0.0);
+      }
+      // The bristle's own damping acts on its deflection over the step: it adds to the stiffness,
+      // and pushes from where the bristle was.
+      const T a = mobility * (alpha * c.contact_stiffness + c.contact_damping);
+      const T push = mobility * c.contact_damping * z0;
+      const T target = free_slip + push;
+      w = T(solve_bristle(value_of(target), value_of(a), value_of(z0), alpha, value_of(along),
+                          value_of(back), guess));
+      const T& slipping = value_of(w) * value_of(z0) < 0.0 ? back : along;
       // One Newton step in T: its value changes nothing, its derivatives are exact.
       const double sign = value_of(w) < 0.0 ? -1.0 : 1.0;
-      const double denominator = 1.0 + alpha * std::abs(value_of(w)) * value_of(r);
-      const double slope = 1.0 + value_of(a) * alpha * (1.0 - sign * value_of(r) * value_of(z0)) /
+      const double denominator = 1.0 + alpha * std::abs(value_of(w)) * value_of(slipping);
+      const double slope = 1.0 + value_of(a) * alpha *
+                                     (1.0 - sign * value_of(slipping) * value_of(z0)) /
                                      (denominator * denominator);
       const auto deflection = [&](const T& slip) {
-        return (z0 + alpha * slip) / (1.0 + (alpha * sign) * slip * r);
+        return (z0 + alpha * slip) / (1.0 + (alpha * sign) * slip * slipping);
       };
-      w -= (w + a * deflection(w) - free_slip) * (1.0 / slope);
+      w -= (w + a * deflection(w) - target) * (1.0 / slope);
       contact = deflection(w);
-      force = c.contact_stiffness * contact;
+      force = c.contact_stiffness * contact + c.contact_damping * (contact - z0) * (1.0 / alpha);
       theta = value_of(level) > 1.0e-12 ? force / level : T(0.0);
       continue;
     }
@@ -453,6 +516,13 @@ Quantities<T> Rig::quantities(const RigState<T>& state, const Input& now,
   q.displacement = state.s[state::x];
   q.velocity = state.s[state::v];
   q.normal_load = state.load;
+  if ((hooks_ & hook::seen) != 0) {
+    for (std::size_t i = 0; i < terms_.size(); ++i) {
+      if ((terms_[i].hooks & hook::seen) == 0) continue;
+      terms_[i].effect->see(q.displacement, q.velocity, n.term[i].data(),
+                            &state.s[static_cast<std::size_t>(terms_[i].first_state)]);
+    }
+  }
   if (model_.normal_load_bridge) {
     const NormalLoadBridge& bridge = *model_.normal_load_bridge;
     using std::max;
@@ -465,7 +535,9 @@ Quantities<T> Rig::quantities(const RigState<T>& state, const Input& now,
   if (structure_.resonant) {
     q.friction_reading = n.c.cell_stiffness * state.s[state::y];
   } else if (structure_.load_cell) {
-    q.friction_reading = state.friction - n.c.cell_mass * now.base_acceleration_m_s2;  // Eq. (1)
+    q.friction_reading =
+        state.friction - n.c.cell_mass * (n.input_share * now.base_acceleration_m_s2 +
+                                          state.unrecorded_acceleration);  // Eq. (1)
   } else {
     q.friction_reading = state.friction;
   }

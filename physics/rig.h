@@ -38,6 +38,8 @@ struct RigState {
   T theta{0.0};     ///< friction over mu N
   T slip{0.0};      ///< velocity across the contact [m/s]
   T load{1.0};      ///< normal load [N]
+  /// What the frame's acceleration has beside that of the input [m/s^2]; set by whoever doubts it.
+  T unrecorded_acceleration{0.0};
 };
 
 /// What the sensors are connected to, before their chains.
@@ -56,6 +58,10 @@ struct RigNumbers {
   T inverse_mass{1.0};
   T inverse_cell_mass{0.0};
   std::array<std::array<T, max_effect_parameters>, max_terms> term{};
+  ReadingLaws<T> reading;
+  /// What acts on the rig over what the inputs say; other than 1 where they are a recording's and
+  /// their channel is read with a wrong gain.
+  T input_share{1.0};
 };
 
 /// The structure of a rig. Immutable; all state is in RigState.
@@ -100,7 +106,8 @@ class Rig {
   template <class T>
   struct Rates;
   template <class T>
-  T load_at(const T& x, const Input& now, const RigNumbers<T>& n) const;
+  T load_at(const RigState<T>& state, const Input& now, double time_s,
+            const RigNumbers<T>& n) const;
   template <class T>
   void explicit_rates(std::array<T, max_rig_states>& rate, const RigState<T>& state,
                       const Input& now, double time_s, const RigNumbers<T>& n) const;
@@ -111,6 +118,7 @@ class Rig {
   struct TermEntry {
     const Effect* effect = nullptr;
     unsigned hooks = 0;
+    Place place;
     int first_state = 0;
     std::array<int, max_effect_parameters> parameter{};  ///< index into the parameter values
     std::array<double, max_effect_parameters> fallback{};
@@ -122,6 +130,7 @@ class Rig {
   std::vector<double> values_;
   std::vector<std::string> paths_;
   int state_count_ = state::first_effect;
+  unsigned hooks_ = 0;  ///< of all terms together
   bool friction_depends_on_slip_ = false;
   bool set_valued_ = false;
   double longest_step_s_ = 1.0e-3;

@@ -50,6 +50,13 @@ class FilterChain {
   template <class T>
   T output_rate(const FilterMemory<T>& memory) const;
 
+  /// What goes into the chain's last section where that is of first order, else the output.
+  template <class T>
+  const T& before_last_pole(const FilterMemory<T>& memory) const {
+    if (count_ == 0 || sections_[count_ - 1].second_order) return output(memory);
+    return count_ > 1 ? memory.section[count_ - 2][0] : memory.input;
+  }
+
   /// The exact second derivative of the output; 0 for a chain whose last section has one pole or
   /// that is empty.
   template <class T>
@@ -102,6 +109,13 @@ class SensorBank {
   void advance(SensorMemory<T>& memory, const Quantities<T>& quantities) const;
   template <class T>
   Readings<T> readings(const SensorMemory<T>& memory) const;
+
+  /// The differentiated displacement before the differentiator's own roll-off, as far as a filter
+  /// of first order at the end of the velocity chain says that it has one.
+  template <class T>
+  const T& velocity_before_roll_off(const SensorMemory<T>& memory) const {
+    return velocity_.before_last_pole(memory.velocity);
+  }
 
   const FilterChain& chain(Channel channel) const;
   /// The longest settling time of the four channels.

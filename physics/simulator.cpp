@@ -1,9 +1,11 @@
 #include "physics/simulator.h"
 
 #include <cmath>
+#include <optional>
 #include <random>
 #include <stdexcept>
 
+#include "physics/reading.h"
 #include "physics/rig.h"
 #include "physics/sensor_chain.h"
 
@@ -36,6 +38,8 @@ struct RigSimulator::Implementation {
   void use_step(double h) {
     step = h;
     bank = SensorBank(model, h);
+    faults.emplace(numbers.reading, bank, h);
+    if (time > 0.0) faults->settle(fault_memory, sensors);
     base = FilterChain(model.sensors[index_of(Channel::base_displacement)].filters, h);
     drive = FilterChain(model.sensors[index_of(Channel::drive_force)].filters, h);
   }
@@ -43,6 +47,7 @@ struct RigSimulator::Implementation {
   void settle() {
     rig.complete(state, now, time, numbers);
     bank.settle(sensors, rig.quantities(state, now, numbers));
+    faults->settle(fault_memory, sensors);
     base.settle(base_memory, now.base_displacement_m, 0.0);
     drive.settle(drive_memory, now.drive_force_n, 0.0);
     report();
@@ -80,7 +85,9 @@ struct RigSimulator::Implementation {
   RigTruth truth;
   SensorBank bank{model, 1.0e-4};
   FilterChain base, drive;
+  std::optional<ReadingFaults<double>> faults;
   SensorMemory<double> sensors;
+  FaultMemory<double> fault_memory;
   FilterMemory<double> base_memory, drive_memory;
 };
 
@@ -118,6 +125,7 @@ void RigSimulator::advance(double duration_s, const Input& end) {
     i.now = next;
     i.time = start + k * h;
     i.bank.advance(i.sensors, i.rig.quantities(i.state, i.now, i.numbers));
+    if (i.numbers.reading.wrong) i.faults->advance(i.fault_memory, i.sensors);
     i.base.advance(i.base_memory, next.base_displacement_m, 0.0);
     i.drive.advance(i.drive_memory, next.drive_force_n, 0.0);
   }
@@ -126,7 +134,13 @@ void RigSimulator::advance(double duration_s, const Input& end) {
 
 Frame RigSimulator::read() {
   Implementation& i = *implementation_;
-  const Readings<double> readings = i.bank.readings(i.sensors);
+  const ReadingLaws<double>& laws = i.numbers.reading;
+  const Readings<double> readings = laws.wrong
+                                        ? i.faults->readings(i.fault_memory, i.sensors, i.time)
+                                        : i.bank.readings(i.sensors);
+  const auto input_read = [&](Channel channel, double value) {
+    return laws.wrong ? misread(laws.of[index_of(channel)], value, i.time) : value;
+  };
   const Structure& structure = i.rig.structure();
   Frame frame;
   frame.time_ns = std::llround(i.time * 1.0e9);
@@ -139,10 +153,11 @@ Frame RigSimulator::read() {
   if (structure.friction) put(Channel::friction_force, readings.friction_force);
   if (structure.loaded) put(Channel::normal_load, readings.normal_load);
   if (structure.excitation == Excitation::base) {
-    put(Channel::base_displacement, i.base.output(i.base_memory));
+    put(Channel::base_displacement,
+        input_read(Channel::base_displacement, i.base.output(i.base_memory)));
   }
   if (structure.excitation == Excitation::force) {
-    put(Channel::drive_force, i.drive.output(i.drive_memory));
+    put(Channel::drive_force, input_read(Channel::drive_force, i.drive.output(i.drive_memory)));
   }
   return frame;
 }

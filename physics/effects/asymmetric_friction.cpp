@@ -45,7 +45,7 @@ class AsymmetricFriction final : public EffectOf<AsymmetricFriction> {
                        : " % above its mean for v < 0 and as much below it for v > 0.");
   }
 
-  unsigned hooks() const override { return hook::friction; }
+  unsigned hooks() const override { return hook::slip_friction; }
   template <class T>
   void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
                          const T* /*s*/) const {

@@ -8,20 +8,40 @@
 namespace stickslip::physics {
 namespace {
 
-constexpr std::array parameters = {ParameterCard{.name = "contact_stiffness_n_m",
-                                                 .unit = "N/m",
-                                                 .meaning = "tangential stiffness of the contact",
-                                                 .low = 1.0,
-                                                 .high = 1000000.0,
-                                                 .positive = true,
-                                                 .fixed_default = std::nullopt}};
+constexpr std::array parameters = {
+    ParameterCard{.name = "contact_stiffness_n_m",
+                  .unit = "N/m",
+                  .meaning = "tangential stiffness of the contact",
+                  .low = 1.0,
+                  .high = 1000000.0,
+                  .positive = true,
+                  .fixed_default = std::nullopt},
+    ParameterCard{.name = "contact_damping_n_s_m",
+                  .unit = "N s/m",
+                  .meaning = "damping of the deflection",
+                  .low = 1.0e-6,
+                  .high = 100.0,
+                  .positive = true,
+                  .fixed_default = 1.0e-6,
+                  .estimated = true},
+    ParameterCard{.name = "elastic_share",
+                  .unit = "1",
+                  .meaning = "share of the break-away deflection within which nothing slips; 0: "
+                             "Dahl's bristle, near 1: Jenkins' element",
+                  .low = 0.0,
+                  .high = 1.0,
+                  .positive = false,
+                  .fixed_default = 0.0,
+                  .estimated = true}};
 constexpr std::array<std::string_view, 3> rivals = {"friction_memory", "hysteresis", "stribeck"};
 constexpr Card entry = {
     .id = "contact_compliance",
     .relation = Relation::friction_law,
     .name = "compliant contact",
     .sentence = "The contact is elastic: it deflects along the surface before it slips.",
-    .equation = "f = k_c z, z' = v - abs(v) z k_c / (mu N): a tangential spring that slips at mu N",
+    .equation =
+        "f = k_c z + contact_damping_n_s_m z', z' = v - abs(v) z k_c / (mu N): a tangential spring "
+        "that slips at mu N",
     .parameters = parameters,
     .experiment =
         "small amplitudes that never break away: a compliant contact shows its stiffness there",
@@ -38,7 +58,16 @@ class ContactCompliance final : public EffectOf<ContactCompliance> {
   }
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
     const double knee = scales.friction_n / scales.displacement_m;
-    return {{10.0 * knee}, {60.0 * knee}};
+    const auto damping = [&](double stiffness) {
+      return 0.1 * std::sqrt(stiffness * scales.mass_kg);
+    };
+    std::vector<std::vector<double>> starts;
+    for (const double times : {5.0, 15.0, 60.0}) {
+      for (const double elastic_share : {0.0, 0.5, 0.9}) {
+        starts.push_back({times * knee, damping(times * knee), elastic_share});
+      }
+    }
+    return starts;
   }
   std::string statement(std::span<const double> p) const override {
     return "The contact gives way elastically before it slips, with a tangential stiffness of " +
@@ -50,6 +79,8 @@ class ContactCompliance final : public EffectOf<ContactCompliance> {
   template <class T>
   void set_coefficients(Coefficients<T>& c, const T* p) const {
     c.contact_stiffness = p[0];
+    c.contact_damping = p[1];
+    c.contact_elastic_share = p[2];
   }
 };
 

@@ -4,10 +4,12 @@
 // effect is to add one file here and its name to the list in catalogue.cpp.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "physics/dual.h"
@@ -30,11 +32,17 @@ struct ParameterCard {
   bool positive = false;  ///< only values > 0 make sense; estimated by its logarithm
   /// Present: not estimated; a model file may leave it out, and this is what it then is.
   std::optional<double> fixed_default;
+  bool estimated = false;  ///< in spite of a default
+  /// At which the effect is not there; intervals of estimates are about the distance from it.
+  double neutral = 0.0;
+  /// How far the value can be off because nature does not follow the formula to the letter: a
+  /// standard deviation, relative to the distance from `neutral`.
+  double formula_doubt = 0.03;
 };
 
 /// What a person reads about an effect.
 struct Card {
-  std::string_view id;
+  std::string_view id;  ///< of the contract's section 6, or our own where `depends_on` is not empty
   Relation relation = Relation::force_balance;
   std::string_view name;      ///< "hardening or softening spring"
   std::string_view sentence;  ///< "The spring hardens (k3 > 0) or softens with deflection."
@@ -42,6 +50,30 @@ struct Card {
   std::span<const ParameterCard> parameters;
   std::string_view experiment;               ///< the run that shows it best
   std::span<const std::string_view> rivals;  ///< ids that look like it on a poor recording
+  /// Column stems, of physics that the contract does not list: reports call it `unlisted`.
+  std::span<const std::string_view> depends_on = {};
+};
+
+/// Where an effect acts, as far as that is a choice.
+struct Place {
+  std::optional<Channel> channel;  ///< relation sensor: the channel that is read wrongly
+  std::optional<Channel> from;     ///< the other channel that takes part, crosstalk only
+
+  friend bool operator==(const Place&, const Place&) = default;
+};
+
+/// A sine that stands out of what a model leaves unexplained: amplitude sin(2 pi f t + phase).
+struct Line {
+  double frequency_hz = 50.0;
+  double amplitude = 0.0;
+  double phase_rad = 0.0;
+};
+
+/// The sizes of things in one channel.
+struct ChannelScales {
+  double largest = 1.0;  ///< largest magnitude of the readings
+  double spread = 1.0;   ///< their standard deviation
+  Line line;             ///< the strongest above the frequencies of the drive
 };
 
 /// The sizes of things in a recording, from which starting values are made.
@@ -54,6 +86,24 @@ struct Scales {
   double mean_load_n = 1.0;
   double duration_s = 1.0;
   double sample_period_s = 1.0e-3;
+  double mass_kg = 1.0;
+  double transition_speed_m_s = 0.0;
+  double cell_frequency_hz = 20.0;  ///< of the load cell, where one is declared
+  double cell_damping_ratio = 0.02;
+  double lowest_load_n = 1.0;   ///< of N
+  double highest_load_n = 1.0;  ///< of N
+  /// The most conspicuous frequencies of what is unexplained, strongest first.
+  std::vector<double> frequencies_hz;
+  ChannelScales channel;  ///< of the place on trial
+  ChannelScales from;
+  /// When the unexplained begins and ends, where it does not last: [s] from the beginning.
+  std::vector<std::pair<double, double>> episodes_s;
+};
+
+/// How large a state of an effect is, for a prior on where a stretch of recording begins.
+struct StateSize {
+  double sigma = 1.0;
+  double hidden = 0.0;  ///< other than 0: a typical size of a state that no channel shows
 };
 
 /// How theta follows the backbone g.
@@ -82,9 +132,32 @@ struct Coefficients {
   T damping{0.0};
   T stiffness{0.0};
   T well_linear{0.0}, well_cubic{0.0};
-  T load{1.0}, load_slope{0.0};
-  T mu{0.0}, transition_speed{0.0}, rate{0.0}, contact_stiffness{0.0};
+  T load{1.0}, load_slope{0.0}, load_curvature{0.0};
+  T mu{0.0}, transition_speed{0.0}, rate{0.0}, contact_stiffness{0.0}, contact_damping{0.0},
+      contact_elastic_share{0.0};
   T cell_mass{1.0}, cell_damping{0.0}, cell_stiffness{1.0};
+};
+
+/// How one channel's reading departs from what its declared chain delivers; as it stands here, not
+/// at all. reading = clip(gain (late + leak other) + drift t + hum), late: delay_s ago.
+template <class T>
+struct ReadingLaw {
+  T gain{1.0};
+  T leak{0.0};
+  std::optional<Channel> leak_from;
+  T drift_per_s{0.0};
+  T hum_amplitude{0.0}, hum_frequency_hz{0.0}, hum_phase_rad{0.0};
+  T delay_s{0.0};
+  T limit{0.0};  ///< largest magnitude that is read; 0: none
+};
+
+template <class T>
+struct ReadingLaws {
+  std::array<ReadingLaw<T>, channel_count> of;
+  T velocity_cutoff_hz{
+      0.0};  ///< of the differentiator's roll-off, in place of the declared; 0: as declared
+  bool wrong = false;  ///< whether anything departs at all
+  bool late = false;   ///< whether any channel has a delay
 };
 
 /// The instant at which a term is evaluated.
@@ -95,6 +168,7 @@ struct Instant {
   T slip{0.0};       ///< velocity across the friction contact
   T load{1.0};       ///< N
   double base_acceleration_m_s2 = 0.0;
+  T friction{0.0};  ///< f at the beginning of the step; rates of states only
 };
 
 /// By how much an effect scales the friction: mu (and so the force at once), and the backbone g
@@ -110,10 +184,15 @@ namespace hook {
 inline constexpr unsigned coefficients = 1;  ///< changes numbers of the equations
 inline constexpr unsigned force = 2;         ///< adds a force on the mass (against +x: restoring)
 inline constexpr unsigned friction = 4;      ///< scales mu or the backbone of the friction law
+inline constexpr unsigned slip_friction =
+    64 + friction;                       ///< the same, by what the slip velocity is
+inline constexpr unsigned load = 8;      ///< scales the normal load
+inline constexpr unsigned seen = 16;     ///< the displacement gauge sees more than the mass
+inline constexpr unsigned reading = 32;  ///< a channel is read wrongly
 }  // namespace hook
 
 inline constexpr int max_effect_states = 2;
-inline constexpr int max_effect_parameters = 4;
+inline constexpr int max_effect_parameters = 12;
 
 class Effect {
  public:
@@ -131,8 +210,13 @@ class Effect {
   /// What the laws of a model look like to other effects once it has this one as a term.
   virtual void mark(Model& /*model*/) const {}
 
+  /// Which channels a sensor effect can act on, and from which others; any, before they are looked
+  /// at. Not called for other relations.
+  virtual bool acts_on(const Place& place) const { return !place.from.has_value(); }
+
   /// Values of the estimated parameters, in the order of the card, to start a fit from; several
-  /// where one start does not reach every shape.
+  /// where one start does not reach every shape. A start that is as long as the card holds the
+  /// fixed parameters as well.
   virtual std::vector<std::vector<double>> starts(const Scales& scales) const = 0;
 
   /// Fixed parameters (those with a default on the card) as this recording suggests them.
@@ -143,10 +227,23 @@ class Effect {
 
   virtual unsigned hooks() const = 0;
   virtual int state_count() const { return 0; }
+  virtual StateSize state_size(int /*index*/, std::span<const double> /*p*/,
+                               const Scales& /*scales*/) const {
+    return {};
+  }
   virtual void shape(Structure& /*structure*/) const {}
 
   // The term itself, for plain numbers and for numbers with derivatives. `p`: all parameters in the
   // order of the card; `s`: the effect's own states.
+  virtual void scale_load(double& load, const Instant<double>& at, const double* p,
+                          const double* s) const = 0;
+  virtual void scale_load(Dual& load, const Instant<Dual>& at, const Dual* p,
+                          const Dual* s) const = 0;
+  /// What the gauge of the displacement sees beside the mass, and its rate.
+  virtual void see(double& x, double& v, const double* p, const double* s) const = 0;
+  virtual void see(Dual& x, Dual& v, const Dual* p, const Dual* s) const = 0;
+  virtual void misread(ReadingLaws<double>& laws, const Place& place, const double* p) const = 0;
+  virtual void misread(ReadingLaws<Dual>& laws, const Place& place, const Dual* p) const = 0;
   virtual void set(Coefficients<double>& c, const double* p) const = 0;
   virtual void set(Coefficients<Dual>& c, const Dual* p) const = 0;
   virtual double force(const Instant<double>& at, const double* p, const double* s) const = 0;
@@ -177,10 +274,35 @@ class EffectOf : public Effect {
   void scale_friction_of(FrictionFactors<T>& /*f*/, const Instant<T>& /*at*/, const T* /*p*/,
                          const T* /*s*/) const {}
   template <class T>
+  void scale_load_of(T& /*load*/, const Instant<T>& /*at*/, const T* /*p*/, const T* /*s*/) const {}
+  template <class T>
+  void see_of(T& /*x*/, T& /*v*/, const T* /*p*/, const T* /*s*/) const {}
+  template <class T>
+  void misread_of(ReadingLaws<T>& /*laws*/, const Place& /*place*/, const T* /*p*/) const {}
+  template <class T>
   void rates_of(T* /*rate*/, const Instant<T>& /*at*/, const T* /*p*/, const T* /*s*/) const {}
   template <class T>
   void confine_of(T* /*s*/, const T* /*p*/) const {}
 
+  void scale_load(double& load, const Instant<double>& at, const double* p,
+                  const double* s) const final {
+    self().scale_load_of(load, at, p, s);
+  }
+  void scale_load(Dual& load, const Instant<Dual>& at, const Dual* p, const Dual* s) const final {
+    self().scale_load_of(load, at, p, s);
+  }
+  void see(double& x, double& v, const double* p, const double* s) const final {
+    self().see_of(x, v, p, s);
+  }
+  void see(Dual& x, Dual& v, const Dual* p, const Dual* s) const final {
+    self().see_of(x, v, p, s);
+  }
+  void misread(ReadingLaws<double>& laws, const Place& place, const double* p) const final {
+    self().misread_of(laws, place, p);
+  }
+  void misread(ReadingLaws<Dual>& laws, const Place& place, const Dual* p) const final {
+    self().misread_of(laws, place, p);
+  }
   void set(Coefficients<double>& c, const double* p) const final { self().set_coefficients(c, p); }
   void set(Coefficients<Dual>& c, const Dual* p) const final { self().set_coefficients(c, p); }
   double force(const Instant<double>& at, const double* p, const double* s) const final {

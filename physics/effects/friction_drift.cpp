@@ -8,20 +8,31 @@
 namespace stickslip::physics {
 namespace {
 
-constexpr std::array parameters = {ParameterCard{.name = "rate_per_s",
-                                                 .unit = "1/s",
-                                                 .meaning = "relative change per second",
-                                                 .low = -0.1,
-                                                 .high = 0.1,
-                                                 .positive = false,
-                                                 .fixed_default = std::nullopt}};
+constexpr std::array parameters = {
+    ParameterCard{.name = "rate_per_s",
+                  .unit = "1/s",
+                  .meaning = "relative change per second",
+                  .low = -0.1,
+                  .high = 0.1,
+                  .positive = false,
+                  .fixed_default = std::nullopt},
+    ParameterCard{.name = "approach_s",
+                  .unit = "s",
+                  .meaning = "time constant with which it comes to an end; much longer than the "
+                             "recording: it does not",
+                  .low = 0.01,
+                  .high = 1.0e6,
+                  .positive = true,
+                  .fixed_default = 1.0e6,
+                  .estimated = true}};
 constexpr std::array<std::string_view, 2> rivals = {"load_dependent_mu", "sensor_drift"};
 constexpr Card entry = {
     .id = "friction_drift",
     .relation = Relation::friction_law,
     .name = "drifting friction",
     .sentence = "The coefficient of friction changes in the course of the recording.",
-    .equation = "mu (1 + rate_per_s t)",
+    .equation =
+        "mu (1 + rate_per_s approach_s (1 - exp(-t / approach_s))), at first mu (1 + rate_per_s t)",
     .parameters = parameters,
     .experiment = "a longer run with a pause: wear stays, warming recovers",
     .rivals = rivals,
@@ -34,19 +45,21 @@ class FrictionDrift final : public EffectOf<FrictionDrift> {
   bool can_be_missing_from(const Model& model) const override {
     return model.friction.law != FrictionLaw::none;
   }
-  std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
-    return {{0.0}};
+  std::vector<std::vector<double>> starts(const Scales& scales) const override {
+    return {{0.0, 5.0 * scales.duration_s}, {0.0, 0.3 * scales.duration_s}};
   }
   std::string statement(std::span<const double> p) const override {
     return "The coefficient of friction drifts by " + number_text(100.0 * p[0]) +
-           " % of its first value per second.";
+           " % of its first value per second at first, with a time constant of " +
+           number_text(p[1]) + " s.";
   }
 
   unsigned hooks() const override { return hook::friction; }
   template <class T>
   void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
                          const T* /*s*/) const {
-    const T factor = 1.0 + p[0] * at.time_s;
+    using std::exp;
+    const T factor = 1.0 + p[0] * p[1] * (1.0 - exp(-at.time_s / p[1]));
     f.mu = f.mu * (factor > 0.0 ? factor : T(0.0));
   }
 };

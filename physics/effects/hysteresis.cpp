@@ -23,8 +23,18 @@ constexpr std::array parameters = {
                   .low = 0.001,
                   .high = 10000.0,
                   .positive = true,
-                  .fixed_default = std::nullopt}};
-constexpr std::array<std::string_view, 2> rivals = {"contact_compliance", "dry_friction"};
+                  .fixed_default = std::nullopt},
+    ParameterCard{.name = "loop_shape",
+                  .unit = "1",
+                  .meaning = "0: slips alike in loading and unloading; below -1: does not slip in "
+                             "loading at all (Bouc and Wen's delta over gamma)",
+                  .low = -2.0,
+                  .high = 2.0,
+                  .positive = false,
+                  .fixed_default = 0.0,
+                  .estimated = true}};
+constexpr std::array<std::string_view, 3> rivals = {"contact_compliance", "dry_friction",
+                                                    "bias_force"};
 constexpr Card entry = {
     .id = "hysteresis",
     .relation = Relation::force_balance,
@@ -32,7 +42,9 @@ constexpr Card entry = {
     .sentence =
         "Part of the restoring force comes from a spring that slips: the structure itself is "
         "hysteretic.",
-    .equation = "h added to the restoring force, h' = stiffness_n_m (v - abs(v) h / slip_force_n)",
+    .equation =
+        "h added to the restoring force, "
+        "h' = stiffness_n_m (v - (abs(v) h + loop_shape v abs(h)) / slip_force_n)",
     .parameters = parameters,
     .experiment = "slow loading loops of several sizes: the loops do not shrink with the speed",
     .rivals = rivals,
@@ -48,7 +60,10 @@ class Hysteresis final : public EffectOf<Hysteresis> {
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
     const double k = std::max(scales.stiffness_n_m, scales.force_n / scales.displacement_m);
     const double f = k * scales.displacement_m;
-    return {{0.3 * k, 0.1 * f}, {0.3 * k, 0.4 * f}, {2.0 * k, 0.1 * f}};
+    return {{0.3 * k, 0.1 * f, 0.0},
+            {0.3 * k, 0.4 * f, 0.0},
+            {2.0 * k, 0.1 * f, 0.0},
+            {0.3 * k, 0.2 * f, -1.0}};
   }
   std::string statement(std::span<const double> p) const override {
     return "The structure is hysteretic: part of its spring, " + number_text(p[0]) +
@@ -57,6 +72,13 @@ class Hysteresis final : public EffectOf<Hysteresis> {
 
   unsigned hooks() const override { return hook::force; }
   int state_count() const override { return 1; }
+  // The force of a spring that slips: no larger than the slip force, nor than what the spring
+  // reaches over the range of the motion.
+  StateSize state_size(int /*index*/, std::span<const double> p,
+                       const Scales& scales) const override {
+    const double size = 0.7 * std::min(p[1], 2.0 * p[0] * scales.displacement_m);
+    return {size, size};
+  }
   template <class T>
   T force_of(const Instant<T>& /*at*/, const T* /*p*/, const T* s) const {
     return s[0];
@@ -64,13 +86,16 @@ class Hysteresis final : public EffectOf<Hysteresis> {
   template <class T>
   void rates_of(T* rate, const Instant<T>& at, const T* p, const T* s) const {
     using std::abs;
-    rate[0] = p[0] * (at.v - abs(at.v) * s[0] / p[1]);
+    rate[0] = p[0] * (at.v - (abs(at.v) * s[0] + p[2] * at.v * abs(s[0])) / p[1]);
   }
-  // A stiff spring slips within less than a step; its force never exceeds the slip force.
+  // A stiff spring slips within less than a step; its force never exceeds what it slips at, where
+  // it does slip in loading.
   template <class T>
   void confine_of(T* s, const T* p) const {
-    if (s[0] > p[1]) s[0] = p[1];
-    if (s[0] < -p[1]) s[0] = -p[1];
+    if (!(value_of(p[2]) > -0.9)) return;
+    const T most = p[1] / (1.0 + p[2]);
+    if (s[0] > most) s[0] = most;
+    if (s[0] < -most) s[0] = -most;
   }
 };
 

@@ -15,7 +15,8 @@ constexpr std::array parameters = {
                   .low = 0.5,
                   .high = 3.0,
                   .positive = true,
-                  .fixed_default = std::nullopt},
+                  .fixed_default = std::nullopt,
+                  .neutral = 1.0},
     ParameterCard{.name = "stribeck_speed_m_s",
                   .unit = "m/s",
                   .meaning = "speed at which most of the excess is gone",
@@ -52,7 +53,7 @@ class Stribeck final : public EffectOf<Stribeck> {
            " m/s.";
   }
 
-  unsigned hooks() const override { return hook::friction; }
+  unsigned hooks() const override { return hook::slip_friction; }
   template <class T>
   void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
                          const T* /*s*/) const {

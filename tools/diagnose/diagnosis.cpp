@@ -1,6 +1,7 @@
 #include "tools/diagnose/diagnosis.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -9,6 +10,8 @@
 #include "physics/effects/catalogue.h"
 #include "physics/problem.h"
 #include "tools/diagnose/locate.h"
+#include "tools/diagnose/suspects.h"
+#include "tools/parallel/for_each.h"
 
 namespace stickslip::diagnosis {
 
@@ -32,9 +35,15 @@ constexpr double claim_share_explained = 0.05;
 constexpr double claim_share_unexplained = 0.3;
 constexpr std::size_t most_findings = 3;
 constexpr std::size_t finalists = 5;
+constexpr std::size_t unlisted_finalists = 2;  // beside them
+// What the contract lists, and a formula rather than a drawn shape, is preferred to what is not as
+// long as it gains nearly as much: a shape that may bend anywhere can imitate most of the others.
+constexpr double nearly_as_much = 0.85;
 // Every candidate is first fitted roughly: on so many windows spread over the recording, in so many
 // iterations, with longer steps.
-constexpr std::size_t rough_windows = 14;
+constexpr std::size_t rough_windows = 20;
+constexpr int glance_iterations = 1;
+constexpr std::size_t looked_at_again = 16;
 constexpr int rough_iterations = 5;
 // A finalist whose cost is this many times that of the best so far is not fitted to its end.
 constexpr double hopeless = 3.0;
@@ -61,32 +70,6 @@ Task task_for(const std::vector<Experiment>& experiments, bool held_out, int thr
     }
   }
   return task;
-}
-
-physics::Scales scales_of(const std::vector<Experiment>& experiments, const Hypothesis& hypothesis,
-                          std::span<const double> z) {
-  const Experiment& e = experiments.front();
-  const auto parameters = hypothesis.parameters(z);
-  const auto n = hypothesis.rig().numbers<double>(parameters);
-  physics::Scales scales;
-  scales.displacement_m = std::max(e.largest.displacement_m, 1.0e-12);
-  double square = 0.0;
-  double drive = 0.0;
-  for (const StateGuess& guess : e.guess) square += guess.velocity_m_s * guess.velocity_m_s;
-  for (const physics::Input& input : e.input) {
-    drive = std::max(
-        {drive, std::abs(input.drive_force_n), n.c.mass * std::abs(input.base_acceleration_m_s2)});
-  }
-  scales.velocity_m_s = std::max(std::sqrt(square / static_cast<double>(e.samples)), 1.0e-9);
-  scales.stiffness_n_m = n.c.stiffness;
-  scales.force_n =
-      std::max({drive, n.c.stiffness * scales.displacement_m, e.largest.friction_n, 1.0e-12});
-  const auto& structure = hypothesis.rig().structure();
-  scales.friction_n = structure.friction ? n.c.mu * (structure.loaded ? e.mean_load_n : 1.0) : 0.0;
-  scales.mean_load_n = e.mean_load_n;
-  scales.duration_s = e.period_s * static_cast<double>(e.samples);
-  scales.sample_period_s = e.period_s;
-  return scales;
 }
 
 // The windows' states carried over to a hypothesis that may have states that the other lacks.
@@ -125,8 +108,7 @@ HeldOut held_out_of(const Task& task, const Hypothesis& hypothesis, std::span<co
   FitOptions states_only;
   states_only.parameters_free = false;
   states_only.iterations = 12;
-  const Fit fitted =
-      fit(task, hypothesis, {z.begin(), z.end()}, guessed_states(task, hypothesis), states_only);
+  const Fit fitted = fit_states(task, hypothesis, z, states_only);
   HeldOut out;
   out.chi2 = fitted.chi2_per_sample();
   if (noise_is_declared(task.experiments)) {
@@ -216,7 +198,7 @@ bool gain_is_plain(const HeldOut& before, const HeldOut& after) {
 }
 
 struct Candidate {
-  const Effect* effect = nullptr;
+  Suspect suspect;
   std::optional<Hypothesis> hypothesis;
   Fit fitted;
   HeldOut held_out;
@@ -232,23 +214,46 @@ Fit fit_in_stages(const Task& task, const Hypothesis& hypothesis, const std::vec
   few.iterations = 3;
   few.tolerance = 1.0e-2;
   few.rescue = false;
+  few.covariance = false;
   const Fit first = fit(beginning, hypothesis, z, states, few);
   FitOptions all;
   all.iterations = iterations;
   if (iterations <= rough_iterations) {
     all.tolerance = 1.0e-2;
     all.rescue = false;
+    all.covariance = false;
   }
   return fit(task, hypothesis, first.z, first.state, all);
 }
 
-// One for a parameter, two for a hidden state that every window starts free.
+// One for a parameter, two for a hidden state that every window starts free, and three for physics
+// that nobody has found worth a name.
 double complexity(const Candidate& candidate) {
   return 2.0 * candidate.fitted.states_per_window +
-         static_cast<double>(candidate.hypothesis->unknowns().size());
+         static_cast<double>(candidate.hypothesis->unknowns().size()) +
+         (candidate.suspect.effect == nullptr || candidate.suspect.effect->card().depends_on.empty()
+              ? 0.0
+              : 3.0);
 }
 
-bool are_rivals(const Effect& a, const Effect& b) {
+// 0: listed by the contract, 1: a formula that it does not list, 2: a drawn shape.
+int tier(const Suspect& suspect) {
+  if (suspect.effect->card().depends_on.empty()) return 0;
+  return suspect.effect->card().id.find("_over_") == std::string_view::npos ? 1 : 2;
+}
+
+// Whether the effect replaces a law instead of bending it: a single step from the law without it
+// says little.
+bool replaces_a_law(const Candidate& base, const Candidate& candidate) {
+  const auto& a = base.hypothesis->rig().structure();
+  const auto& b = candidate.hypothesis->rig().structure();
+  return a.kinetics != b.kinetics || a.resonant != b.resonant || a.friction != b.friction ||
+         candidate.hypothesis->rig().state_count() != base.hypothesis->rig().state_count();
+}
+
+bool are_rivals(const Suspect& one, const Suspect& other) {
+  const Effect& a = *one.effect;
+  const Effect& b = *other.effect;
   const auto names = [](const Effect& one, const Effect& other) {
     const auto& rivals = one.card().rivals;
     return std::find(rivals.begin(), rivals.end(), other.card().id) != rivals.end();
@@ -314,26 +319,35 @@ std::vector<double> probabilities(const std::vector<Candidate>& candidates, std:
 
 Finding finding_of(const Candidate& candidate, const Fit& fitted, double inflation) {
   Finding finding;
-  finding.effect = candidate.effect;
+  finding.effect = candidate.suspect.effect;
+  finding.place = candidate.suspect.place;
   const Hypothesis& hypothesis = *candidate.hypothesis;
   const auto values = hypothesis.parameters(fitted.z);
-  const std::string prefix = "physics." + std::string(candidate.effect->card().id) + ".";
+  const Effect& effect = *candidate.suspect.effect;
+  const physics::Term term{
+      std::string(effect.card().id), finding.place.channel, {}, finding.place.from};
+  const std::string prefix = physics::path_of(term) + ".";
   const auto& paths = hypothesis.rig().parameter_paths();
   std::vector<double> by_card;
-  for (const physics::ParameterCard& card : candidate.effect->card().parameters) {
+  for (const physics::ParameterCard& card : effect.card().parameters) {
     const auto at = static_cast<std::size_t>(
         std::find(paths.begin(), paths.end(), prefix + std::string(card.name)) - paths.begin());
     by_card.push_back(values[at]);
     for (std::size_t u = 0; u < hypothesis.unknowns().size(); ++u) {
       if (hypothesis.unknowns()[u].parameter != at) continue;
       const auto i = static_cast<Eigen::Index>(u);
-      const double half = 1.96 * inflation * std::sqrt(std::max(0.0, fitted.covariance(i, i)));
-      finding.parameters.push_back({std::string(card.name), values[at],
-                                    hypothesis.value(u, fitted.z[u] - half),
-                                    hypothesis.value(u, fitted.z[u] + half)});
+      // Beside what noise does to the fit, the formula itself is only so good.
+      const double doubt = card.formula_doubt * std::abs(values[at] - card.neutral);
+      const double slope = std::max(std::abs(hypothesis.slope(u, fitted.z[u])), 1.0e-300);
+      const double sigma = inflation * std::sqrt(std::max(0.0, fitted.covariance(i, i)));
+      const double half = 1.96 * std::hypot(sigma, doubt / slope);
+      const double low = hypothesis.value(u, fitted.z[u] - half);
+      const double high = hypothesis.value(u, fitted.z[u] + half);
+      finding.parameters.push_back(
+          {std::string(card.name), values[at], std::min(low, high), std::max(low, high)});
     }
   }
-  finding.statement = candidate.effect->statement(by_card);
+  finding.statement = effect.statement(by_card);
   return finding;
 }
 
@@ -358,7 +372,7 @@ class Search {
 
   // A physics that was claimed, with those it was chosen from (itself first).
   struct Claim {
-    const Effect* effect = nullptr;
+    Suspect suspect;
     std::vector<Candidate> rivals;
     double chi2_before = 0.0;
     double chi2_after = 0.0;
@@ -370,9 +384,12 @@ class Search {
     const std::vector<double> origin(null_.hypothesis->unknowns().size(), 0.0);
     null_.fitted = fit_in_stages(train_, *null_.hypothesis, origin,
                                  guessed_states(train_, *null_.hypothesis), 14);
+    train_.base_response =
+        base_response_of(train_, *null_.hypothesis, null_.fitted.z, null_.fitted.state);
     settle(null_);
     null_train_ = train_;
     current_ = null_;
+    look_for_hints();
     while (claims_.size() < most_findings && add_one()) {
     }
   }
@@ -394,6 +411,24 @@ class Search {
     options_.progress(what, 0.05 + 0.85 * (static_cast<double>(claims_.size()) + share) / stages);
   }
 
+  // What the current model leaves unexplained, over all windows, fitted and held out.
+  void look_for_hints() {
+    Task whole = train_;
+    whole.windows.insert(whole.windows.end(), held_.windows.begin(), held_.windows.end());
+    std::sort(whole.windows.begin(), whole.windows.end(),
+              [](const WindowRef& a, const WindowRef& b) {
+                return std::pair(a.experiment, a.window) < std::pair(b.experiment, b.window);
+              });
+    FitOptions states_only;
+    states_only.parameters_free = false;
+    states_only.iterations = 6;
+    states_only.rescue = false;
+    whole.base_response.clear();
+    const Fit fitted = fit(whole, *current_.hypothesis, current_.fitted.z,
+                           guessed_states(whole, *current_.hypothesis), states_only);
+    hints_ = hints_of(whole, *current_.hypothesis, fitted);
+  }
+
   // The fit brought to its end with weights that suit it, and scored.
   void settle(Candidate& candidate) {
     reweigh(train_, *candidate.hypothesis, candidate.fitted);
@@ -402,58 +437,122 @@ class Search {
     candidate.held_out = held_out_of(held_, *candidate.hypothesis, candidate.fitted.z);
   }
 
-  // `effect` added to `base`, from its best start, roughly fitted: on some of the windows, whose
-  // costs are comparable between candidates of the same base.
-  Candidate tried(const Candidate& base, const Effect& effect) const {
-    Task some = train_;
-    some.experiments = rough_;
-    some.windows.clear();
-    std::vector<WindowState> base_states;
+  // A few of the windows to fit, their states as `base` has them: half spread over the recording,
+  // half where it fails most.
+  struct Few {
+    Task task;
+    std::vector<std::size_t> window;  ///< index into train_.windows
+    std::vector<WindowState> state;
+  };
+  Few few_of(const Candidate& base) const {
     const std::size_t all = train_.windows.size();
+    std::vector<std::size_t> worst(all);
+    std::iota(worst.begin(), worst.end(), std::size_t{0});
+    const auto excess = [&](std::size_t w) {
+      return base.fitted.chi2[w] / std::max(1, base.fitted.count[w]);
+    };
+    std::stable_sort(worst.begin(), worst.end(),
+                     [&](std::size_t a, std::size_t b) { return excess(a) > excess(b); });
+    std::vector<bool> chosen(all, false);
     const std::size_t count = std::min(all, rough_windows);
-    for (std::size_t i = 0; i < count; ++i) {
-      const std::size_t w = i * all / count;
-      some.windows.push_back(train_.windows[w]);
-      base_states.push_back(base.fitted.state[w]);
+    for (std::size_t i = 0; i < count / 2; ++i) chosen[i * all / (count / 2)] = true;
+    std::size_t left = count - count / 2;
+    for (std::size_t i = 0; i < all && left > 0; ++i) {
+      if (chosen[worst[i]]) continue;
+      chosen[worst[i]] = true;
+      --left;
     }
+    Few few;
+    few.task = train_;
+    few.task.experiments = rough_;
+    few.task.windows.clear();
+    few.task.base_response.clear();
+    few.task.threads = 1;
+    for (std::size_t w = 0; w < all; ++w) {
+      if (!chosen[w]) continue;
+      few.window.push_back(w);
+      few.task.windows.push_back(train_.windows[w]);
+      if (!train_.base_response.empty()) few.task.base_response.push_back(train_.base_response[w]);
+      few.state.push_back(base.fitted.state[w]);
+    }
+    return few;
+  }
+
+  // `suspect` added to `base`, from its best start, fitted on a few windows in a few iterations.
+  Candidate tried(const Candidate& base, const Suspect& suspect, const Few& few) const {
     Candidate best;
-    best.effect = &effect;
-    const auto scales = scales_of(experiments_, *base.hypothesis, base.fitted.z);
-    for (const auto& start : effect.starts(scales)) {
-      const Hypothesis hypothesis = base.hypothesis->with(effect, start, effect.fixed(scales));
-      for (const std::vector<double>& z : starting_points(base, hypothesis)) {
-        Fit fitted = fit_in_stages(some, hypothesis, z,
-                                   carried(base_states, some, *base.hypothesis, hypothesis),
-                                   rough_iterations);
+    best.suspect = suspect;
+    const auto scales =
+        scales_of(experiments_, *base.hypothesis, base.fitted.z, hints_, suspect.place);
+    const auto fixed = suspect.effect->fixed(scales);
+    FitOptions glance;
+    glance.iterations = glance_iterations;
+    glance.covariance = false;
+    glance.rescue = false;
+    for (const auto& start : suspect.effect->starts(scales)) {
+      const Hypothesis hypothesis =
+          base.hypothesis->with(*suspect.effect, suspect.place, start, fixed);
+      const auto points = starting_points(base, hypothesis);
+      for (std::size_t i = 0; i < points.size(); ++i) {
+        // From the declared values the windows start anew too.
+        Fit fitted = fit(few.task, hypothesis, points[i],
+                         i == 0 ? carried(few.state, few.task, *base.hypothesis, hypothesis)
+                                : guessed_states(few.task, hypothesis),
+                         glance);
         if (!best.hypothesis || fitted.cost < best.fitted.cost) {
           best.hypothesis.emplace(hypothesis);
           best.fitted = std::move(fitted);
         }
       }
     }
-    // The other windows start from where the base had them.
-    std::vector<WindowState> states =
-        carried(base.fitted.state, train_, *base.hypothesis, *best.hypothesis);
-    for (std::size_t i = 0; i < count; ++i) states[i * all / count] = best.fitted.state[i];
-    best.fitted.state = std::move(states);
     return best;
   }
 
-  // Every effect that could be missing from `base`, roughly fitted, best first.
-  std::vector<Candidate> all_tried(const Candidate& base, double share_begin,
-                                   double share_end) const {
-    std::vector<Candidate> candidates;
-    const auto catalogue = physics::catalogue();
-    for (std::size_t i = 0; i < catalogue.size(); ++i) {
-      if (!physics::can_be_missing(*catalogue[i], base.hypothesis->model())) continue;
-      const double part = static_cast<double>(i) / static_cast<double>(catalogue.size());
-      say("trying " + std::string(catalogue[i]->card().id),
-          share_begin + (share_end - share_begin) * part);
-      candidates.push_back(tried(base, *catalogue[i]));
+  // The same, fitted as well as those windows allow; the other windows start from where `base` had
+  // them.
+  void look_again(const Candidate& base, const Few& few, Candidate& candidate) const {
+    candidate.fitted = fit_in_stages(few.task, *candidate.hypothesis, candidate.fitted.z,
+                                     candidate.fitted.state, rough_iterations);
+    std::vector<WindowState> states =
+        carried(base.fitted.state, train_, *base.hypothesis, *candidate.hypothesis);
+    for (std::size_t i = 0; i < few.window.size(); ++i) {
+      states[few.window[i]] = candidate.fitted.state[i];
     }
-    std::stable_sort(
-        candidates.begin(), candidates.end(),
-        [](const Candidate& a, const Candidate& b) { return a.fitted.cost < b.fitted.cost; });
+    candidate.fitted.state = std::move(states);
+  }
+
+  // Everybody that could be missing from `base`: at a glance, and the best of them once more; best
+  // first.
+  std::vector<Candidate> all_tried(const Candidate& base, double share_begin, double share_end,
+                                   bool only_listed = false) const {
+    std::vector<Suspect> suspects = suspects_of(base.hypothesis->model(), experiments_);
+    if (only_listed) std::erase_if(suspects, [](const Suspect& each) { return tier(each) > 0; });
+    const Few few = few_of(base);
+    std::vector<Candidate> glanced(suspects.size());
+    std::atomic<std::size_t> done{0};
+    say("trying " + std::to_string(suspects.size()) + " effects", share_begin);
+    parallel::for_each(suspects.size(), options_.threads, [&](std::size_t i) {
+      glanced[i] = tried(base, suspects[i], few);
+      ++done;
+    });
+    std::vector<Candidate> candidates;
+    for (Candidate& each : glanced) {
+      if (each.hypothesis) candidates.push_back(std::move(each));
+    }
+    const auto cheaper = [](const Candidate& a, const Candidate& b) {
+      return a.fitted.cost + complexity(a) < b.fitted.cost + complexity(b);
+    };
+    std::stable_sort(candidates.begin(), candidates.end(), cheaper);
+    // The best of them, and all that a glance cannot judge.
+    std::size_t kept = std::min(candidates.size(), looked_at_again);
+    for (std::size_t i = kept; i < candidates.size(); ++i) {
+      if (replaces_a_law(base, candidates[i])) std::swap(candidates[kept++], candidates[i]);
+    }
+    candidates.erase(candidates.begin() + static_cast<std::ptrdiff_t>(kept), candidates.end());
+    say("trying the best again", 0.5 * (share_begin + share_end));
+    parallel::for_each(candidates.size(), options_.threads,
+                       [&](std::size_t i) { look_again(base, few, candidates[i]); });
+    std::stable_sort(candidates.begin(), candidates.end(), cheaper);
     return candidates;
   }
 
@@ -469,9 +568,12 @@ class Search {
         fit(own, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state, few);
     least_cost = std::min(least_cost, candidate.fitted.cost);
     if (candidate.fitted.cost <= hopeless * least_cost) {
+      own.base_response =
+          base_response_of(own, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state);
       reweigh(own, *candidate.hypothesis, candidate.fitted);
       FitOptions to_the_end;
       to_the_end.tolerance = 1.0e-3;
+      to_the_end.iterations = 8;
       candidate.fitted =
           fit(own, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state, to_the_end);
     }
@@ -508,12 +610,23 @@ class Search {
     const double gain = total_loss(current_) - total_loss(best);
     std::size_t chosen = 0;
     for (std::size_t k = 1; k < candidates.size(); ++k) {
-      if (are_rivals(*best.effect, *candidates[k].effect) &&
+      if (are_rivals(best.suspect, candidates[k].suspect) &&
           complexity(candidates[k]) < complexity(candidates[chosen]) &&
           gain_z(candidates[k].held_out, best.held_out) < claim_z &&
           total_loss(candidates[k]) - total_loss(best) < 0.15 * gain) {
         chosen = k;
       }
+    }
+    // Of a better tier, the best that gains nearly as much; or that gains at all, where the unnamed
+    // physics does not explain the recording either: of a real machine, what has a name comes
+    // first.
+    const double enough = total_loss(current_) - nearly_as_much * gain;
+    const bool explained = candidates[chosen].held_out.chi2 <= limit_;
+    for (std::size_t k = 0; k < candidates.size(); ++k) {
+      if (tier(candidates[k].suspect) >= tier(candidates[chosen].suspect)) continue;
+      const bool nearly =
+          total_loss(candidates[k]) < std::max(enough, total_loss(best) + claim_nats);
+      if (nearly || (!explained && is_claimed(candidates[k]))) chosen = k;
     }
     std::rotate(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(chosen),
                 candidates.begin() + static_cast<std::ptrdiff_t>(chosen) + 1);
@@ -521,11 +634,14 @@ class Search {
 
   void claim(const Candidate& winner, std::vector<Candidate> rivals) {
     Claim claim;
-    claim.effect = winner.effect;
+    claim.suspect = winner.suspect;
     claim.rivals = std::move(rivals);
     claim.chi2_before = current_.held_out.chi2;
     current_ = winner;
+    train_.base_response =
+        base_response_of(train_, *current_.hypothesis, current_.fitted.z, current_.fitted.state);
     settle(current_);
+    look_for_hints();
     claim.chi2_after = current_.held_out.chi2;
     claims_.push_back(std::move(claim));
   }
@@ -537,37 +653,60 @@ class Search {
     }
     std::vector<Candidate> rough = all_tried(current_, 0.0, 0.5);
     if (rough.empty()) return false;
-    std::vector<Candidate> candidates(
-        rough.begin(),
-        rough.begin() + static_cast<std::ptrdiff_t>(std::min(finalists, rough.size())));
+    std::vector<Candidate> candidates;
+    std::size_t listed = 0;
+    std::size_t unlisted = 0;
+    for (Candidate& each : rough) {
+      if (tier(each.suspect) == 0 ? listed++ < finalists : unlisted++ < unlisted_finalists) {
+        candidates.push_back(std::move(each));
+      }
+    }
     say("scoring on held-out data", 0.55);
     double least_cost = std::numeric_limits<double>::infinity();
     for (Candidate& candidate : candidates) {
       finish(candidate, least_cost);
-      trials_.push_back({std::string(candidate.effect->card().id), static_cast<int>(claims_.size()),
+      trials_.push_back({candidate.suspect.name(), static_cast<int>(claims_.size()),
                          candidate.held_out.chi2, candidate.z});
     }
     rank(candidates);
-    if (!suspected_) suspected_ = candidates.front().effect->card().relation;
-    if (is_claimed(candidates.front())) {
+    if (!suspected_) suspected_ = candidates.front().suspect.effect->card().relation;
+    // Before unnamed physics is believed, two that have names are tried together.
+    if (claims_.empty() && tier(candidates.front().suspect) > 0) {
+      std::vector<Candidate> named;
+      for (const Candidate& each : candidates) {
+        if (tier(each.suspect) == 0) named.push_back(each);
+      }
+      if (!named.empty() && add_pair(named, true)) return true;
+    }
+    // What is explained needs no physics that nobody has named.
+    const bool needless = !claims_.empty() && current_.held_out.chi2 <= limit_ &&
+                          tier(candidates.front().suspect) > 0;
+    if (!needless && is_claimed(candidates.front())) {
+      // Where no single effect explains the recording, two together are looked for before the best
+      // of the single ones is believed: it may only imitate them.
+      if (claims_.empty() && candidates.front().held_out.chi2 > limit_ &&
+          add_pair(candidates, true)) {
+        return true;
+      }
       const Candidate winner = candidates.front();
       claim(winner, std::move(candidates));
       return true;
     }
     if (current_.held_out.chi2 <= limit_ || !claims_.empty()) return false;
-    return add_pair(candidates);
+    return add_pair(candidates, false);
   }
 
   // Two effects that each gain little alone may explain much together: friction, say, and a
   // constant force that hides it in one direction.
-  bool add_pair(const std::vector<Candidate>& firsts) {
+  // `must_explain`: only two that explain the recording are claimed, the second a listed one.
+  bool add_pair(const std::vector<Candidate>& firsts, bool must_explain) {
     std::vector<Candidate> pairs;  // the best for each first effect, by that effect's name
     std::vector<std::vector<Candidate>> seconds;  // what each was chosen from
     std::vector<std::vector<Candidate>> others;   // and what came next to those, roughly fitted
     const std::size_t count = std::min<std::size_t>(firsts.size(), 3);
     for (std::size_t i = 0; i < count; ++i) {
       const double share = 0.6 + 0.4 * static_cast<double>(i) / static_cast<double>(count);
-      std::vector<Candidate> tried = all_tried(firsts[i], share, share + 0.1);
+      std::vector<Candidate> tried = all_tried(firsts[i], share, share + 0.1, must_explain);
       if (tried.empty()) continue;
       constexpr std::size_t looked_at = 2;
       std::vector<Candidate> best_two = tried;
@@ -578,7 +717,7 @@ class Search {
       for (Candidate& second : best_two) finish(second, least_cost);
       rank(best_two);
       pairs.push_back(best_two.front());
-      pairs.back().effect = firsts[i].effect;
+      pairs.back().suspect = firsts[i].suspect;
       tried.erase(tried.begin(),
                   tried.begin() + static_cast<std::ptrdiff_t>(std::min(looked_at, tried.size())));
       if (tried.size() > finalists - looked_at) {
@@ -604,18 +743,18 @@ class Search {
     }
     rank(seconds[best]);
     for (const Candidate& second : seconds[best]) {
-      trials_.push_back({std::string(pairs[best].effect->card().id) + " + " +
-                             std::string(second.effect->card().id),
+      trials_.push_back({pairs[best].suspect.name() + " + " + second.suspect.name(),
                          static_cast<int>(claims_.size()) + 1, second.held_out.chi2, second.z});
     }
     const Candidate winner = seconds[best].front();
     if (!is_claimed(winner)) return false;
+    if (must_explain && winner.held_out.chi2 > limit_) return false;
     const auto alone = std::find_if(firsts.begin(), firsts.end(), [&](const Candidate& c) {
-      return c.effect == pairs[best].effect;
+      return c.suspect == pairs[best].suspect;
     });
     const double chi2_alone = alone->held_out.chi2;
     Claim first;
-    first.effect = pairs[best].effect;
+    first.suspect = pairs[best].suspect;
     first.chi2_before = current_.held_out.chi2;
     first.chi2_after = chi2_alone;
     std::rotate(pairs.begin(), pairs.begin() + static_cast<std::ptrdiff_t>(best),
@@ -634,6 +773,7 @@ class Search {
   Task train_;
   Task held_;
   Task null_train_;
+  Hints hints_;
   Candidate null_;
   Candidate current_;
   std::vector<Claim> claims_;
@@ -647,7 +787,7 @@ std::vector<Finding> findings_of(const Search& search, std::uint64_t seed) {
   std::vector<Finding> findings;
   for (const Search::Claim& claim : search.claims()) {
     Candidate named = result;
-    named.effect = claim.effect;
+    named.suspect = claim.suspect;
     Finding finding = finding_of(named, result.fitted, inflation);
     finding.chi2_before = claim.chi2_before;
     finding.chi2_after = claim.chi2_after;
@@ -655,7 +795,7 @@ std::vector<Finding> findings_of(const Search& search, std::uint64_t seed) {
     finding.probability = weight.front();
     for (std::size_t k = 1; k < weight.size(); ++k) {
       if (weight[k] < 0.005) continue;
-      finding.alternatives.push_back({std::string(claim.rivals[k].effect->card().id), weight[k]});
+      finding.alternatives.push_back({claim.rivals[k].suspect, weight[k]});
     }
     if (finding.probability < 0.95 && !finding.alternatives.empty()) {
       finding.separating_experiment = std::string(finding.effect->card().experiment);
@@ -688,8 +828,12 @@ Location location_of(const Search& search, const std::vector<Experiment>& experi
   }
   const auto relation = search.claims().empty()
                             ? search.suspected().value_or(physics::Relation::force_balance)
-                            : search.claims().front().effect->card().relation;
-  return locate(measured, *null.hypothesis, residuals, relation, search.limit());
+                            : search.claims().front().suspect.effect->card().relation;
+  Location location = locate(measured, *null.hypothesis, residuals, relation, search.limit());
+  if (!search.claims().empty() && search.claims().front().suspect.place.channel) {
+    location.channel = search.claims().front().suspect.place.channel;
+  }
+  return location;
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include "physics/model.h"
 #include "protocol/recording.h"
 #include "tools/diagnose/score.h"
+#include "tools/diagnose/suspects.h"
 
 namespace stickslip::diagnosis {
 
@@ -31,13 +32,14 @@ struct Estimate {
 };
 
 struct Alternative {
-  std::string id;
+  Suspect suspect;
   double probability = 0.0;
 };
 
 /// One physics that was left out.
 struct Finding {
   const physics::Effect* effect = nullptr;
+  physics::Place place;
   std::string statement;
   std::vector<Estimate> parameters;
   double probability = 0.0;  ///< relative to the alternatives tried

@@ -146,10 +146,13 @@ Experiment make_experiment(const protocol::Recording& recording, const Model& mo
   }
 
   const physics::Rig rig(model);
-  // Over a window a second-order step loses phase on the fastest oscillation; what is judged by its
-  // noise is integrated more finely than what is only simulated.
-  const double resolving = rig.longest_step_s();
-  const double longest = steps == Steps::fine && resolving < 1.0e-3 ? 0.4 * resolving : resolving;
+  // A load cell that is declared may turn out to ring.
+  double resolving = rig.longest_step_s();
+  if (model.load_cell) {
+    resolving = std::min(
+        resolving, 0.05 / (2.0 * std::numbers::pi * model.load_cell->natural_frequency_hz.value));
+  }
+  const double longest = steps == Steps::fine ? resolving : std::min(2.0 * resolving, 1.0e-3);
   e.substeps = std::max(1, static_cast<int>(std::ceil(e.period_s / longest - 0.01)));
 
   std::array<std::vector<double>, channel_count> values;
@@ -222,6 +225,7 @@ Experiment make_experiment(const protocol::Recording& recording, const Model& mo
   if (excitation == Excitation::base) {
     base = undo(Channel::base_displacement, values[index_of(Channel::base_displacement)],
                 filters_of(Channel::base_displacement));
+    e.base_doubt_m_s2 = base.acceleration_noise_std;
   }
   WideBand force;
   if (recorded(Channel::friction_force)) {

@@ -50,7 +50,9 @@ struct Experiment {
   std::array<double, channel_count> noise_std{};  ///< declared or estimated; 0: not recorded
   std::array<bool, channel_count> noise_declared{};
   std::array<double, channel_count> channel_std{};  ///< standard deviation of the recording
-  StateGuess largest;                               ///< largest magnitude of each guessed quantity
+  double base_doubt_m_s2 =
+      0.0;             ///< what the acceleration of the base is wrong by, standard deviation
+  StateGuess largest;  ///< largest magnitude of each guessed quantity
   double mean_load_n = 1.0;
   std::size_t usable_begin = 0;  ///< samples near the ends are used for filters only
   std::size_t usable_end = 0;

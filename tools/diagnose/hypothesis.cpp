@@ -32,17 +32,21 @@ Hypothesis::Hypothesis(Model model, std::vector<Unknown> of_terms)
   for (const Unknown& unknown : of_terms) unknowns_.push_back(unknown);
 }
 
-Hypothesis Hypothesis::with(const physics::Effect& effect, std::span<const double> start,
-                            std::span<const double> fixed) const {
+Hypothesis Hypothesis::with(const physics::Effect& effect, const physics::Place& place,
+                            std::span<const double> start, std::span<const double> fixed) const {
   Model model = model_;
   physics::Term term;
   term.id = effect.card().id;
+  term.channel = place.channel;
+  term.from = place.from;
+  const bool whole = start.size() == effect.card().parameters.size();
   std::size_t next_start = 0;
   std::size_t next_fixed = 0;
   for (const physics::ParameterCard& card : effect.card().parameters) {
     const double value =
-        card.fixed_default ? (next_fixed < fixed.size() ? fixed[next_fixed++] : *card.fixed_default)
-                           : start[next_start++];
+        card.fixed_default && !whole
+            ? (next_fixed < fixed.size() ? fixed[next_fixed++] : *card.fixed_default)
+            : start[next_start++];
     term.parameters[std::string(card.name)] = {value, 0.0};
   }
   model.terms.push_back(term);
@@ -54,8 +58,8 @@ Hypothesis Hypothesis::with(const physics::Effect& effect, std::span<const doubl
   }
   const auto named = physics::parameters_of(model);
   for (const physics::ParameterCard& card : effect.card().parameters) {
-    if (card.fixed_default) continue;
-    const std::string path = "physics." + term.id + "." + std::string(card.name);
+    if (card.fixed_default && !card.estimated) continue;
+    const std::string path = physics::path_of(term) + "." + std::string(card.name);
     const auto at = std::find_if(named.begin(), named.end(),
                                  [&](const auto& each) { return each.path == path; });
     Unknown unknown;

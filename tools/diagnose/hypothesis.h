@@ -29,10 +29,10 @@ class Hypothesis {
   /// The declared model: its parameters with a sigma are the unknowns.
   explicit Hypothesis(const physics::Model& model);
 
-  /// The same with `effect` added, its estimated parameters starting at `start` and its fixed ones
-  /// at `fixed`.
-  Hypothesis with(const physics::Effect& effect, std::span<const double> start,
-                  std::span<const double> fixed) const;
+  /// The same with `effect` added at `place`, its parameters starting at `start`: one of those that
+  /// the effect names.
+  Hypothesis with(const physics::Effect& effect, const physics::Place& place,
+                  std::span<const double> start, std::span<const double> fixed) const;
 
   const physics::Model& model() const { return model_; }
   const physics::Rig& rig() const { return rig_; }

@@ -32,15 +32,27 @@ Json location_json(const Location& location) {
   return json;
 }
 
+// What the contract calls it.
+std::string_view id_of(const physics::Card& card) {
+  return card.depends_on.empty() ? card.id : "unlisted";
+}
+
 Json finding_json(const Finding& finding) {
   const physics::Card& card = finding.effect->card();
   Json json;
-  json["id"] = card.id;
+  json["id"] = id_of(card);
+  if (!card.depends_on.empty()) json["name"] = card.id;
   json["relation"] = physics::name_of(card.relation);
-  json["channel"] = nullptr;
+  json["channel"] = finding.place.channel ? Json(info(*finding.place.channel).stem) : Json(nullptr);
   json["statement"] = finding.statement;
   json["equation"] = card.equation;
   json["parameters"] = Json::object();
+  if (!card.depends_on.empty()) {
+    json["parameters"]["depends_on"] = Json::array();
+    for (const std::string_view name : card.depends_on) {
+      json["parameters"]["depends_on"].push_back(name);
+    }
+  }
   for (const Estimate& estimate : finding.parameters) {
     json["parameters"][estimate.name] = {{"value", estimate.value},
                                          {"ci95", Json::array({estimate.low, estimate.high})}};
@@ -48,7 +60,9 @@ Json finding_json(const Finding& finding) {
   json["probability"] = finding.probability;
   json["alternatives"] = Json::array();
   for (const Alternative& each : finding.alternatives) {
-    json["alternatives"].push_back({{"id", each.id}, {"probability", each.probability}});
+    json["alternatives"].push_back({{"id", id_of(each.suspect.effect->card())},
+                                    {"name", each.suspect.name()},
+                                    {"probability", each.probability}});
   }
   json["separating_experiment"] =
       finding.separating_experiment ? Json(*finding.separating_experiment) : Json(nullptr);
@@ -153,8 +167,8 @@ std::string report_text(const Diagnosis& diagnosis) {
   if (diagnosis.location) text << "  Where: " << diagnosis.location->statement << "\n";
   int number = 0;
   for (const Finding& finding : diagnosis.findings) {
-    text << "  " << ++number << ". " << finding.effect->card().id << ": " << finding.statement
-         << "\n";
+    text << "  " << ++number << ". " << Suspect{finding.effect, finding.place}.name() << ": "
+         << finding.statement << "\n";
     for (const Estimate& estimate : finding.parameters) {
       text << "       " << estimate.name << " = " << number_text(estimate.value)
            << "  (95 %: " << end_text(estimate.low, estimate.value) << " to "
@@ -164,7 +178,7 @@ std::string report_text(const Diagnosis& diagnosis) {
          << number_text(finding.chi2_after) << "; probability among what was tried "
          << percent(finding.probability) << "\n";
     for (const Alternative& each : finding.alternatives) {
-      text << "       or " << each.id << " (" << percent(each.probability) << ")\n";
+      text << "       or " << each.suspect.name() << " (" << percent(each.probability) << ")\n";
     }
     if (finding.separating_experiment) {
       text << "       to tell: " << *finding.separating_experiment << "\n";

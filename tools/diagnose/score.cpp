@@ -72,8 +72,7 @@ Score score(const Task& task, const Hypothesis& hypothesis, std::span<const doub
   FitOptions states_only;
   states_only.parameters_free = false;
   states_only.iterations = 12;
-  const Fit fitted =
-      fit(task, hypothesis, parameters, guessed_states(task, hypothesis), states_only);
+  const Fit fitted = fit_states(task, hypothesis, parameters, states_only);
   out.window_chi2 = fitted.chi2;
   out.window_count = fitted.count;
   out.states_per_window = fitted.states_per_window;

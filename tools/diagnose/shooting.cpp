@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <optional>
 
 #include "physics/effects/catalogue.h"
+#include "physics/reading.h"
 #include "physics/sensor_chain.h"
 #include "tools/parallel/for_each.h"
 
@@ -66,29 +68,62 @@ StatePrior prior_of(const Experiment& e, const Window& window, const Hypothesis&
     prior.sigma[state::contact] = (force_known ? 0.4 : 0.7) * unit;
     prior.hidden[state::contact] = 0.9 * unit;
   }
-  // States of effects are forces of springs that slip: no larger than the slip force, nor than what
-  // the spring reaches over the range of the motion.
   const auto& paths = rig.parameter_paths();
-  const auto value_of = [&](const physics::Term& term, const char* name) {
-    const auto at = std::find(paths.begin(), paths.end(), "physics." + term.id + "." + name);
-    return at == paths.end() ? 1.0 : parameters[static_cast<std::size_t>(at - paths.begin())];
-  };
+  physics::Scales scales;
+  scales.displacement_m = e.largest.displacement_m;
   int next = state::first_effect;
   for (const physics::Term& term : hypothesis.model().terms) {
-    const int count = physics::find_effect(term.id)->state_count();
-    for (int i = 0; i < count; ++i, ++next) {
-      prior.sigma[static_cast<std::size_t>(next)] =
-          0.7 * std::min(value_of(term, "slip_force_n"),
-                         2.0 * value_of(term, "stiffness_n_m") * e.largest.displacement_m);
-      prior.hidden[static_cast<std::size_t>(next)] = prior.sigma[static_cast<std::size_t>(next)];
+    const physics::Effect& effect = *physics::find_effect(term.id);
+    std::vector<double> p;
+    for (const physics::ParameterCard& card : effect.card().parameters) {
+      const auto at = std::find(paths.begin(), paths.end(),
+                                physics::path_of(term) + "." + std::string(card.name));
+      p.push_back(at == paths.end() ? card.fixed_default.value_or(0.0)
+                                    : parameters[static_cast<std::size_t>(at - paths.begin())]);
+    }
+    for (int i = 0; i < effect.state_count(); ++i, ++next) {
+      const physics::StateSize size = effect.state_size(i, p, scales);
+      prior.sigma[static_cast<std::size_t>(next)] = size.sigma;
+      prior.hidden[static_cast<std::size_t>(next)] = size.hidden;
     }
   }
   return prior;
 }
 
-template <class T, class Sink>
+// What the knots of a window add to the base's acceleration.
+class BaseKnots {
+ public:
+  // Each knot moves its own direction by `height`.
+  BaseKnots(const Experiment& e, const Window& window, double height)
+      : height_(height),
+        per_s_((base_knots - 1) / (static_cast<double>(window.end - window.warm) * e.period_s)) {}
+  Dual at(double since_warm_s) const {
+    static_assert(base_knots <= Dual::directions);
+    const double position = std::min(since_warm_s * per_s_, base_knots - 1.000001);
+    const auto left = static_cast<Eigen::Index>(position);
+    const double share = position - static_cast<double>(left);
+    Dual sum;
+    sum.d[left] = height_ * (1.0 - share);
+    sum.d[left + 1] = height_ * share;
+    return sum;
+  }
+
+ private:
+  double height_;
+  double per_s_;
+};
+
+struct NoKnots {
+  double at(double /*since_warm_s*/) const { return 0.0; }
+};
+
+template <class T, class Sink, class Knots = NoKnots>
 void run_window(const Experiment& e, const Window& window, std::size_t end, const physics::Rig& rig,
-                const SensorBank& bank, const RigNumbers<T>& n, RigState<T> s, Sink&& sink) {
+                const SensorBank& bank, const RigNumbers<T>& n, RigState<T> s, Sink&& sink,
+                const Knots& knots = {}) {
+  const bool wrong = n.reading.wrong;
+  std::optional<physics::ReadingFaults<T>> faults;
+  physics::FaultMemory<T> fault_memory;
   const double h = e.period_s / e.substeps;
   const auto substeps = static_cast<std::size_t>(e.substeps);
   SensorMemory<T> memory;
@@ -96,15 +131,36 @@ void run_window(const Experiment& e, const Window& window, std::size_t end, cons
   const double start_time = e.period_s * static_cast<double>(window.warm);
   rig.complete(s, e.input[at], start_time, n);
   bank.settle(memory, rig.quantities(s, e.input[at], n));
+  if (wrong) {
+    faults.emplace(n.reading, bank, h);
+    faults->settle(fault_memory, memory);
+  }
   for (std::size_t k = window.warm; k < end; ++k) {
-    if (k >= window.begin) sink(k, bank.readings(memory));
+    if (k >= window.begin) {
+      sink(k, wrong ? faults->readings(fault_memory, memory, e.period_s * static_cast<double>(k))
+                    : bank.readings(memory));
+    }
     if (k + 1 == end) break;
     for (std::size_t j = 0; j < substeps; ++j, ++at) {
       const double time = start_time + static_cast<double>(at - window.warm * substeps) * h;
+      s.unrecorded_acceleration = knots.at(time - start_time + 0.5 * h);
       rig.step(s, e.input[at], e.input[at + 1], time, h, n);
       bank.advance(memory, rig.quantities(s, e.input[at + 1], n));
+      if (wrong) faults->advance(fault_memory, memory);
     }
   }
+}
+
+// The numbers of a rig whose inputs are a recording's: read with the gain of their channel.
+template <class T>
+RigNumbers<T> numbers_on_recording(const physics::Rig& rig, std::span<const T> parameters) {
+  RigNumbers<T> n = rig.numbers<T>(parameters);
+  const Channel driving = rig.structure().excitation == physics::Excitation::force
+                              ? Channel::drive_force
+                              : Channel::base_displacement;
+  const T& gain = n.reading.of[index_of(driving)].gain;
+  if (physics::value_of(gain) != 1.0 || n.reading.wrong) n.input_share = 1.0 / gain;
+  return n;
 }
 
 template <class T>
@@ -150,6 +206,10 @@ class Problem {
     for (std::size_t w = 0; w < task.windows.size(); ++w) {
       priors_.push_back(prior_of(experiment(w), window(w), hypothesis, parameters));
     }
+    if (!task.base_response.empty()) {
+      coloured_.resize(task.windows.size());
+      for_each(task.windows.size(), task.threads, [&](std::size_t w) { colour(w); });
+    }
   }
 
   std::size_t unknowns() const { return unknowns_; }
@@ -171,13 +231,15 @@ class Problem {
 
   void prepare(std::span<const double> z) {
     parameters_ = hypothesis_.parameters(z);
-    numbers_ = hypothesis_.rig().numbers<double>(parameters_);
+    numbers_ = numbers_on_recording<double>(hypothesis_.rig(), parameters_);
     z_.assign(z.begin(), z.end());
   }
 
   // Chi-squared and residual count of one window, and its state prior.
   Block evaluate(std::size_t w, const WindowState& from) const {
     Block block;
+    Eigen::Matrix<double, base_knots, 1> seen = Eigen::Matrix<double, base_knots, 1>::Zero();
+    const bool coloured = !coloured_.empty();
     RigState<double> s;
     s.s = from;
     const Experiment& e = experiment(w);
@@ -189,9 +251,13 @@ class Problem {
                            if (((e.valid[k] >> c) & 1U) == 0) continue;
                            const double residual = (r[c] - e.reading[k][c]) / task_.sigma[c];
                            block.chi2 += residual * residual;
+                           if (coloured) {
+                             seen += coloured_[w].response.row(block.count).transpose() * residual;
+                           }
                            ++block.count;
                          }
                        });
+    if (coloured) block.chi2 -= coloured_[w].factor.matrixL().solve(seen).squaredNorm();
     if (!std::isfinite(block.chi2)) block.chi2 = 1.0e30;
     const StatePrior& prior = priors_[w];
     for (const int index : states_) {
@@ -233,7 +299,7 @@ class Problem {
           s.s[i].d[j - first] = prior.sigma[i];
         }
       }
-      const auto n = hypothesis_.rig().numbers<Dual>(std::span<const Dual>(parameters));
+      const auto n = numbers_on_recording<Dual>(hypothesis_.rig(), parameters);
       Eigen::Index row = 0;
       run_window<Dual>(e, window(w), end, hypothesis_.rig(), banks_[task_.windows[w].experiment], n,
                        s, [&](std::size_t k, const physics::Readings<Dual>& readings) {
@@ -266,9 +332,21 @@ class Problem {
       block.gs.setZero(ns);
       return block;
     }
+    Eigen::MatrixXd jtj = j.transpose() * j;
+    Eigen::VectorXd jtr = j.transpose() * r;
+    if (!coloured_.empty()) {
+      // The inverse of 1 + G G', by Woodbury's formula.
+      const Coloured& c = coloured_[w];
+      const auto g = c.response.topRows(used);
+      const Eigen::VectorXd gr = c.factor.matrixL().solve(g.transpose() * r);
+      const Eigen::MatrixXd gj = c.factor.matrixL().solve(g.transpose() * j);
+      block.chi2 -= gr.squaredNorm();
+      jtj -= gj.transpose() * gj;
+      jtr -= gj.transpose() * gr;
+    }
     const double weight = cap_weight(block.chi2, block.count);
-    const Eigen::MatrixXd jtj = weight * (j.transpose() * j);
-    const Eigen::VectorXd jtr = weight * (j.transpose() * r);
+    jtj *= weight;
+    jtr *= weight;
     block.pp = jtj.topLeftCorner(np, np);
     block.ps = jtj.topRightCorner(np, ns);
     block.ss = jtj.bottomRightCorner(ns, ns);
@@ -314,6 +392,33 @@ class Problem {
     return starts;
   }
 
+  // By how much a knot of the base's acceleration, one standard deviation high, changes the
+  // readings of a window.
+  BaseResponse base_response(std::size_t w, const WindowState& from) const {
+    const Experiment& e = experiment(w);
+    const Window& each = window(w);
+    BaseResponse response(static_cast<Eigen::Index>((each.end - each.begin) * predicted_channels),
+                          base_knots);
+    const std::vector<Dual> parameters(parameters_.begin(), parameters_.end());
+    RigState<Dual> s;
+    for (std::size_t i = 0; i < s.s.size(); ++i) s.s[i] = Dual(from[i]);
+    const auto n = numbers_on_recording<Dual>(hypothesis_.rig(), std::span<const Dual>(parameters));
+    Eigen::Index row = 0;
+    run_window<Dual>(
+        e, each, each.end, hypothesis_.rig(), banks_[task_.windows[w].experiment], n, s,
+        [&](std::size_t k, const physics::Readings<Dual>& readings) {
+          const auto r = as_array(readings);
+          for (std::size_t c = 0; c < predicted_channels; ++c) {
+            if (((e.valid[k] >> c) & 1U) == 0) continue;
+            response.row(row++) = r[c].d.head<base_knots>().transpose().matrix();
+          }
+        },
+        BaseKnots(e, each, e.base_doubt_m_s2));
+    response.conservativeResize(row, base_knots);
+    if (!response.allFinite()) response.setZero();
+    return response;
+  }
+
   double parameter_prior(std::span<const double> z) const {
     double sum = 0.0;
     for (std::size_t i = 0; i < unknowns_; ++i) {
@@ -324,8 +429,30 @@ class Problem {
   }
 
  private:
+  // The noise of the base in one window, in units of the readings' noise.
+  struct Coloured {
+    BaseResponse response;
+    Eigen::LLT<Eigen::Matrix<double, base_knots, base_knots>> factor;  // of 1 + G' G
+  };
+
+  void colour(std::size_t w) {
+    const Experiment& e = experiment(w);
+    Coloured& out = coloured_[w];
+    out.response = *task_.base_response[w];
+    Eigen::Index row = 0;
+    for (std::size_t k = window(w).begin; k < end_of(w); ++k) {
+      for (std::size_t c = 0; c < predicted_channels; ++c) {
+        if (((e.valid[k] >> c) & 1U) != 0) out.response.row(row++) /= task_.sigma[c];
+      }
+    }
+    const auto used = out.response.topRows(row);
+    out.factor.compute(Eigen::Matrix<double, base_knots, base_knots>::Identity() +
+                       used.transpose() * used);
+  }
+
   const Task& task_;
   const Hypothesis& hypothesis_;
+  std::vector<Coloured> coloured_;
   std::vector<int> states_;
   std::size_t unknowns_;
   std::vector<SensorBank> banks_;
@@ -433,6 +560,25 @@ std::vector<WindowState> guessed_states(const Task& task, const Hypothesis& hypo
   return states;
 }
 
+std::vector<std::shared_ptr<const BaseResponse>> base_response_of(
+    const Task& task, const Hypothesis& hypothesis, std::span<const double> z,
+    const std::vector<WindowState>& states) {
+  std::vector<std::shared_ptr<const BaseResponse>> out;
+  if (std::none_of(task.experiments.begin(), task.experiments.end(),
+                   [](const Experiment& e) { return e.base_doubt_m_s2 > 0.0; })) {
+    return out;
+  }
+  Task plain = task;
+  plain.base_response.clear();
+  Problem problem(plain, hypothesis, z, false);
+  problem.prepare(z);
+  out.resize(task.windows.size());
+  for_each(task.windows.size(), task.threads, [&](std::size_t w) {
+    out[w] = std::make_shared<const BaseResponse>(problem.base_response(w, states[w]));
+  });
+  return out;
+}
+
 Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
         std::vector<WindowState> states, const FitOptions& options) {
   Problem problem(task, hypothesis, z, options.parameters_free);
@@ -531,7 +677,12 @@ Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
           states = std::move(trial_states);
           cost = trial_cost;
           damping = std::max(1.0e-9, damping * 0.2);
-          linearise_all();
+          const bool last = finished || iteration + 1 == iterations;
+          if (last && !options.covariance) {
+            blocks = std::move(trial);  // costs are all that anybody will ask for
+          } else {
+            linearise_all();
+          }
         } else {
           damping *= 8.0;
           if (trial_cost - cost < 1.0e-9 * cost) finished = true;
@@ -545,6 +696,7 @@ Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
   if (options.rescue && rescue_outliers(problem, task.threads, states, blocks)) {
     cost = total_cost(blocks) + problem.parameter_prior(z);
     damping = 1.0e-3;
+    if (!options.covariance) linearise_all();
     descend(options.iterations);
     problem.prepare(z);
   }
@@ -557,7 +709,7 @@ Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
     result.chi2.push_back(block.chi2);
     result.count.push_back(block.count);
   }
-  if (np > 0) {
+  if (np > 0 && options.covariance) {
     Eigen::MatrixXd information = Eigen::MatrixXd::Zero(np, np);
     for (const Block& block : blocks) {
       information += block.pp - block.ps * block.ss.ldlt().solve(block.ps.transpose());
@@ -572,6 +724,18 @@ Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
   return result;
 }
 
+Fit fit_states(const Task& task, const Hypothesis& hypothesis, std::span<const double> z,
+               FitOptions options) {
+  options.parameters_free = false;
+  const std::vector<double> values(z.begin(), z.end());
+  Task coloured = task;
+  coloured.base_response.clear();
+  Fit fitted = fit(coloured, hypothesis, values, guessed_states(coloured, hypothesis), options);
+  coloured.base_response = base_response_of(coloured, hypothesis, z, fitted.state);
+  if (coloured.base_response.empty()) return fitted;
+  return fit(coloured, hypothesis, values, std::move(fitted.state), options);
+}
+
 std::vector<std::array<double, predicted_channels>> predict(const Experiment& experiment,
                                                             const Window& window, std::size_t end,
                                                             const Hypothesis& hypothesis,
@@ -579,7 +743,7 @@ std::vector<std::array<double, predicted_channels>> predict(const Experiment& ex
                                                             const WindowState& state) {
   const SensorBank bank(hypothesis.model(), experiment.period_s / experiment.substeps);
   const auto parameters = hypothesis.parameters(z);
-  const auto n = hypothesis.rig().numbers<double>(parameters);
+  const auto n = numbers_on_recording<double>(hypothesis.rig(), parameters);
   RigState<double> s;
   s.s = state;
   std::vector<std::array<double, predicted_channels>> readings;

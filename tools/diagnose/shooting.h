@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -21,16 +22,27 @@ struct WindowRef {
   std::size_t window = 0;
 };
 
+/// The base's acceleration comes from a noisy channel. What it is wrong by in a window is a line
+/// through so many knots, whose heights are as large as that noise allows.
+inline constexpr int base_knots = 16;
+
+/// By how much the readings of a window change for a knot one standard deviation high: one row for
+/// each residual, in the channel's unit, one column for each knot. The product with its transpose
+/// is the covariance that the base's noise gives to the residuals.
+using BaseResponse = Eigen::Matrix<double, Eigen::Dynamic, base_knots>;
+
+using WindowState = std::array<double, physics::max_rig_states>;
+
 /// The windows to fit or to score, and how their residuals are weighed.
 struct Task {
   std::span<const Experiment> experiments;
   std::vector<WindowRef> windows;
   std::array<double, predicted_channels> sigma{};  ///< residuals are divided by it, by channel
+  /// By window; empty: the base is known exactly.
+  std::vector<std::shared_ptr<const BaseResponse>> base_response = {};
   double share = 1.0;  ///< only this share of each window, from its beginning, is compared
   int threads = 1;
 };
-
-using WindowState = std::array<double, physics::max_rig_states>;
 
 struct Fit {
   std::vector<double> z;           ///< of the unknowns
@@ -50,15 +62,27 @@ struct FitOptions {
   int iterations = 14;
   bool parameters_free = true;  ///< false: only the window states are fitted
   double tolerance = 1.0e-4;    ///< relative fall of the cost at which the search ends
+  bool covariance = true;       ///< false: Fit::covariance is not wanted
   bool rescue = true;  ///< windows followed much worse than most are tried from other starts
 };
 
 /// First guesses of the window states from the experiment's wide-band channels.
 std::vector<WindowState> guessed_states(const Task& task, const Hypothesis& hypothesis);
 
+/// How a doubt of the base's acceleration would show in the windows of `task`, for
+/// Task::base_response; empty where the base is not doubted. `states` need not be exact.
+std::vector<std::shared_ptr<const BaseResponse>> base_response_of(
+    const Task& task, const Hypothesis& hypothesis, std::span<const double> z,
+    const std::vector<WindowState>& states);
+
 /// Fits unknowns and window states, starting from `z` and `states`.
 Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
         std::vector<WindowState> states, const FitOptions& options = {});
+
+/// Fits the window states alone, with the covariance that the base's noise gives to residuals under
+/// this hypothesis (whatever Task::base_response is).
+Fit fit_states(const Task& task, const Hypothesis& hypothesis, std::span<const double> z,
+               FitOptions options = {});
 
 /// What the model reads in a window from that state: `readings[i]` belongs to sample begin + i, up
 /// to `end` (which may lie beyond the window's own).

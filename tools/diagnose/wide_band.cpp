@@ -145,6 +145,14 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
   std::vector<Complex> value(length);
   std::vector<Complex> rate(length);
   std::vector<Complex> acceleration(length);
+  // By bin, what the acceleration is wrong by: the noise that was let through, and what may hide
+  // under the noise where nothing was.
+  // As much as the noise itself: more than three times that would have been let through. A base
+  // that is driven slowly has little to hide at high frequencies.
+  constexpr double hidden = 1.0;
+  constexpr double may_hide_hz = 10.0;
+  std::vector<double> doubt(half + 1, 0.0);
+  double highest_hz = 0.0;  // of what was let through
   for (std::ptrdiff_t k = 0; k <= bins; ++k) {
     const auto i = static_cast<std::size_t>(k);
     const auto low = static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, k - reach));
@@ -162,6 +170,9 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
     value[i] = y;
     rate[i] = y * s;
     acceleration[i] = y * s * s;
+    if (gain > 0.0) highest_hz = frequency;
+    const double noise = noise_power * std::norm(inverse * s * s);
+    doubt[i] = gain > 0.0 ? gain * gain * noise : hidden * noise;
     if (k > 0 && k < bins) {
       value[length - i] = std::conj(value[i]);
       rate[length - i] = std::conj(rate[i]);
@@ -171,6 +182,14 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
   rate[half] = 0.0;
 
   WideBand out;
+  double power = 0.0;
+  for (std::size_t i = 0; i <= half; ++i) {
+    const double frequency = static_cast<double>(i) / (static_cast<double>(length) * period_s);
+    if (frequency > std::max(1.3 * highest_hz, may_hide_hz)) break;
+    power += doubt[i];
+  }
+  // Two bins to a frequency; the inverse transform divides by the length.
+  out.acceleration_noise_std = std::sqrt(2.0 * power) / static_cast<double>(length);
   const auto back = [&](const std::vector<Complex>& from) {
     std::vector<Complex> time;
     fft.inv(time, from);

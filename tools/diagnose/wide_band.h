@@ -14,6 +14,8 @@ struct WideBand {
   std::vector<double> value;
   std::vector<double> rate;          ///< first derivative
   std::vector<double> acceleration;  ///< second derivative
+  /// What the acceleration is wrong by, for the noise of the samples: its standard deviation.
+  double acceleration_noise_std = 0.0;
 };
 
 /// Undoes `chain` on `samples` (period_s apart, at least 8 of them) where the signal stands above

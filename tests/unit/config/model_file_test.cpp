@@ -114,13 +114,20 @@ Model some_model() {
                                                          0.1 * *rc::gen::inRange(-1000, 1000)};
   }
   for (physics::Sensor& sensor : model.sensors) sensor = some_sensor();
+  const auto some_channel = [] {
+    return static_cast<Channel>(*rc::gen::inRange(0, static_cast<int>(channel_count)));
+  };
   for (const physics::Effect* effect : physics::catalogue()) {
-    if (*rc::gen::inRange(0, 3) != 0 || !physics::can_be_missing(*effect, model)) continue;
+    physics::Place place;
+    if (effect->card().relation == physics::Relation::sensor) {
+      place.channel = some_channel();
+      if (effect->card().id == "crosstalk") place.from = some_channel();
+    }
+    if (*rc::gen::inRange(0, 8) != 0 || !physics::can_be_missing(*effect, model, place)) continue;
     physics::Term term;
     term.id = effect->card().id;
-    if (effect->card().relation == physics::Relation::sensor) {
-      term.channel = static_cast<Channel>(*rc::gen::inRange(0, static_cast<int>(channel_count)));
-    }
+    term.channel = place.channel;
+    term.from = place.from;
     for (const physics::ParameterCard& card : effect->card().parameters) {
       if (card.fixed_default && *rc::gen::arbitrary<bool>()) continue;
       term.parameters[std::string(card.name)] = above_zero();

@@ -17,7 +17,7 @@ Hypothesis with_dry_friction(double start_n) {
   const auto* effect = physics::find_effect("dry_friction");
   const std::vector<double> start = {start_n};
   physics::Scales scales;
-  return Hypothesis(driven_mass()).with(*effect, start, effect->fixed(scales));
+  return Hypothesis(driven_mass()).with(*effect, {}, start, effect->fixed(scales));
 }
 
 TEST(Hypothesis, HasOneUnknownForEveryParameterWithASigma) {
@@ -60,7 +60,7 @@ TEST(Hypothesis, AnEffectOnAnEffectLeavesTheFirstWhereItWas) {
   const Hypothesis one = with_dry_friction(0.7);
   const auto* second = physics::find_effect("cubic_stiffness");
   const std::vector<double> start = {12.0};
-  const Hypothesis two = one.with(*second, start, {});
+  const Hypothesis two = one.with(*second, {}, start, {});
   ASSERT_EQ(two.unknowns().size(), 4U);
   const std::vector<double> z(4, 0.0);
   EXPECT_DOUBLE_EQ(two.value(2, 0.0), 0.7);

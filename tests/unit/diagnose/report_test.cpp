@@ -37,7 +37,7 @@ Diagnosis undecided() {
   finding.statement = "Dry friction of 20 N.";
   finding.parameters = {{"friction_force_n", 20.0, 19.0, 21.0}};
   finding.probability = 0.6;
-  finding.alternatives = {{"bias_force", 0.4}};
+  finding.alternatives = {{{physics::find_effect("bias_force"), {}}, 0.4}};
   finding.separating_experiment = "push it both ways";
   diagnosis.findings = {finding};
   diagnosis.augmented = diagnosis.baseline;

@@ -129,7 +129,7 @@ INSTANTIATE_TEST_SUITE_P(
               [](Model& m) {
                 m.terms.push_back({"bias_force", Channel::velocity, {{"force_n", {0.1}}}});
               },
-              "physics.bias_force"},
+              "physics.bias_force.velocity"},
         Fault{"term_twice",
               [](Model& m) {
                 m.terms.assign(2, {"bias_force", {}, {{"force_n", {0.1}}}});

@@ -1,0 +1,85 @@
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "physics/effects/effect.h"
+#include "physics/effects/entries.h"
+#include "physics/effects/number_text.h"
+
+namespace stickslip::physics {
+namespace {
+
+constexpr std::array parameters = {
+    ParameterCard{.name = "frequency_hz",
+                  .unit = "Hz",
+                  .meaning = "frequency of the force",
+                  .low = 0.05,
+                  .high = 200.0,
+                  .positive = true,
+                  .fixed_default = std::nullopt,
+                  .formula_doubt = 0.003},
+    ParameterCard{.name = "amplitude_n",
+                  .unit = "N",
+                  .meaning = "its amplitude",
+                  .low = 1e-06,
+                  .high = 100.0,
+                  .positive = true,
+                  .fixed_default = std::nullopt},
+    ParameterCard{.name = "phase_rad",
+                  .unit = "rad",
+                  .meaning = "its phase at the beginning of the recording",
+                  .low = -6.3,
+                  .high = 6.3,
+                  .positive = false,
+                  .fixed_default = std::nullopt}};
+constexpr std::array<std::string_view, 2> rivals = {"second_mode", "mains_hum"};
+constexpr Card entry = {
+    .id = "ambient_vibration",
+    .relation = Relation::force_balance,
+    .name = "ambient vibration",
+    .sentence =
+        "A periodic force that no sensor of the rig sees shakes the mass: a machine nearby, the "
+        "floor.",
+    .equation = "amplitude_n sin(2 pi frequency_hz t + phase_rad) on the mass",
+    .parameters = parameters,
+    .experiment = "a run with the shaker off: what still moves is not its doing",
+    .rivals = rivals,
+};
+
+class AmbientVibration final : public EffectOf<AmbientVibration> {
+ public:
+  const Card& card() const override { return entry; }
+
+  bool can_be_missing_from(const Model& model) const override {
+    return model.oscillator.excitation != Excitation::imposed;
+  }
+  std::vector<std::vector<double>> starts(const Scales& scales) const override {
+    std::vector<std::vector<double>> starts;
+    for (const double frequency_hz : scales.frequencies_hz) {
+      for (const double phase : {0.0, 0.5, 1.0, 1.5}) {
+        starts.push_back({frequency_hz, 0.03 * scales.force_n, phase * std::numbers::pi});
+      }
+    }
+    return starts;
+  }
+  std::string statement(std::span<const double> p) const override {
+    return "A force of " + number_text(p[1]) + " N at " + number_text(p[0]) +
+           " Hz that the base sensor does not see acts on the mass.";
+  }
+
+  unsigned hooks() const override { return hook::force; }
+  template <class T>
+  T force_of(const Instant<T>& at, const T* p, const T* /*s*/) const {
+    using std::sin;
+    return -(p[1] * sin(p[0] * (2.0 * std::numbers::pi * at.time_s) + p[2]));
+  }
+};
+
+}  // namespace
+
+const Effect& ambient_vibration() {
+  static const AmbientVibration effect;
+  return effect;
+}
+
+}  // namespace stickslip::physics

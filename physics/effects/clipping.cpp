@@ -1,0 +1,61 @@
+#include <array>
+
+#include "physics/effects/effect.h"
+#include "physics/effects/entries.h"
+#include "physics/effects/number_text.h"
+
+namespace stickslip::physics {
+namespace {
+
+constexpr std::array parameters = {ParameterCard{.name = "limit",
+                                                 .unit = "unit of the channel",
+                                                 .meaning = "largest magnitude that is read",
+                                                 .low = 1e-09,
+                                                 .high = 1000000000.0,
+                                                 .positive = true,
+                                                 .fixed_default = std::nullopt,
+                                                 .formula_doubt = 0.003}};
+constexpr std::array<std::string_view, 2> rivals = {"gain_error", "end_stop"};
+constexpr Card entry = {
+    .id = "clipping",
+    .relation = Relation::sensor,
+    .name = "clipping",
+    .sentence = "One channel saturates: what is larger than its limit is cut off.",
+    .equation = "reading = the truth, but never beyond +-limit",
+    .parameters = parameters,
+    .experiment = "a run at half the amplitude, or with the next larger range of the amplifier",
+    .rivals = rivals,
+};
+
+class Clipping final : public EffectOf<Clipping> {
+ public:
+  const Card& card() const override { return entry; }
+
+  bool can_be_missing_from(const Model& /*model*/) const override { return true; }
+  bool acts_on(const Place& place) const override {
+    return !place.from && place.channel &&
+           index_of(*place.channel) <= index_of(Channel::normal_load);
+  }
+  std::vector<std::vector<double>> starts(const Scales& scales) const override {
+    return {{0.98 * scales.channel.largest}};
+  }
+  std::string statement(std::span<const double> p) const override {
+    return "The channel saturates: nothing beyond " + number_text(p[0]) + " is read.";
+  }
+
+  unsigned hooks() const override { return hook::reading; }
+  template <class T>
+  void misread_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
+    laws.of[index_of(*place.channel)].limit = p[0];
+    laws.wrong = true;
+  }
+};
+
+}  // namespace
+
+const Effect& clipping() {
+  static const Clipping effect;
+  return effect;
+}
+
+}  // namespace stickslip::physics

@@ -1,0 +1,65 @@
+#include <array>
+#include <cmath>
+
+#include "physics/effects/effect.h"
+#include "physics/effects/entries.h"
+#include "physics/effects/number_text.h"
+
+namespace stickslip::physics {
+namespace {
+
+constexpr std::array parameters = {
+    ParameterCard{.name = "slope_s_m",
+                  .unit = "s/m",
+                  .meaning = "relative change of the friction for each m/s",
+                  .low = -10.0,
+                  .high = 100.0,
+                  .positive = false,
+                  .fixed_default = std::nullopt}};
+constexpr std::array<std::string_view, 2> rivals = {"stribeck", "quadratic_drag"};
+constexpr std::array<std::string_view, 1> depends_on = {"velocity"};
+constexpr Card entry = {
+    .id = "contact_viscosity",
+    .relation = Relation::friction_law,
+    .name = "viscous contact",
+    .sentence =
+        "Friction grows (or falls) in proportion to the slip speed: the contact is lubricated.",
+    .equation = "mu (1 + slope_s_m abs(v))",
+    .parameters = parameters,
+    .experiment = "a wide range of slip speeds",
+    .rivals = rivals,
+    .depends_on = depends_on,
+};
+
+class ContactViscosity final : public EffectOf<ContactViscosity> {
+ public:
+  const Card& card() const override { return entry; }
+
+  bool can_be_missing_from(const Model& model) const override {
+    return model.friction.law != FrictionLaw::none;
+  }
+  std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
+    return {{0.0}};
+  }
+  std::string statement(std::span<const double> p) const override {
+    return "Friction changes with the slip speed, by " + number_text(100.0 * p[0]) +
+           " % for each m/s.";
+  }
+
+  unsigned hooks() const override { return hook::slip_friction; }
+  template <class T>
+  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
+                         const T* /*s*/) const {
+    using std::abs;
+    f.backbone = f.backbone * (1.0 + p[0] * abs(at.slip));
+  }
+};
+
+}  // namespace
+
+const Effect& contact_viscosity() {
+  static const ContactViscosity effect;
+  return effect;
+}
+
+}  // namespace stickslip::physics

@@ -1,0 +1,65 @@
+#include <array>
+
+#include "physics/effects/effect.h"
+#include "physics/effects/entries.h"
+#include "physics/effects/number_text.h"
+
+namespace stickslip::physics {
+namespace {
+
+constexpr std::array parameters = {
+    ParameterCard{.name = "coefficient",
+                  .unit = "unit of this channel over that of the other",
+                  .meaning = "reading for each unit of the other channel",
+                  .low = -100.0,
+                  .high = 100.0,
+                  .positive = false,
+                  .fixed_default = std::nullopt}};
+constexpr std::array<std::string_view, 2> rivals = {"gain_error", "second_mode"};
+constexpr Card entry = {
+    .id = "crosstalk",
+    .relation = Relation::sensor,
+    .name = "crosstalk",
+    .sentence = "A fraction of another channel leaks into this one.",
+    .equation = "reading + coefficient times the other channel",
+    .parameters = parameters,
+    .experiment = "a tap on the other sensor alone",
+    .rivals = rivals,
+};
+
+class Crosstalk final : public EffectOf<Crosstalk> {
+ public:
+  const Card& card() const override { return entry; }
+
+  bool can_be_missing_from(const Model& /*model*/) const override { return true; }
+  bool acts_on(const Place& place) const override {
+    const auto mechanical = [](const std::optional<Channel>& channel) {
+      return channel && index_of(*channel) <= index_of(Channel::normal_load);
+    };
+    return mechanical(place.channel) && mechanical(place.from) && place.channel != place.from;
+  }
+  std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
+    return {{0.0}};
+  }
+  std::string statement(std::span<const double> p) const override {
+    return "Another channel leaks into this one, with a coefficient of " + number_text(p[0]) + ".";
+  }
+
+  unsigned hooks() const override { return hook::reading; }
+  template <class T>
+  void misread_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
+    ReadingLaw<T>& law = laws.of[index_of(*place.channel)];
+    law.leak = p[0];
+    law.leak_from = place.from;
+    laws.wrong = true;
+  }
+};
+
+}  // namespace
+
+const Effect& crosstalk() {
+  static const Crosstalk effect;
+  return effect;
+}
+
+}  // namespace stickslip::physics

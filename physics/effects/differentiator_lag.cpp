@@ -1,0 +1,63 @@
+#include <array>
+
+#include "physics/effects/effect.h"
+#include "physics/effects/entries.h"
+#include "physics/effects/number_text.h"
+
+namespace stickslip::physics {
+namespace {
+
+constexpr std::array parameters = {
+    ParameterCard{.name = "cutoff_hz",
+                  .unit = "Hz",
+                  .meaning = "frequency at which the differentiator has lost half the power",
+                  .low = 1.0,
+                  .high = 1000.0,
+                  .positive = true,
+                  .fixed_default = std::nullopt}};
+constexpr std::array<std::string_view, 2> rivals = {"channel_delay", "gain_error"};
+constexpr Card entry = {
+    .id = "differentiator_lag",
+    .relation = Relation::kinematics,
+    .name = "slow differentiator",
+    .sentence =
+        "The differentiator that makes the velocity rolls off at a lower frequency than declared.",
+    .equation =
+        "a first-order low-pass at cutoff_hz behind the differentiator, in place of the declared "
+        "one",
+    .parameters = parameters,
+    .experiment = "a chirp: velocity over displacement against frequency",
+    .rivals = rivals,
+};
+
+class DifferentiatorLag final : public EffectOf<DifferentiatorLag> {
+ public:
+  const Card& card() const override { return entry; }
+
+  bool can_be_missing_from(const Model& model) const override {
+    return model.oscillator.excitation != Excitation::imposed;
+  }
+  std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
+    return {{100.0}, {30.0}};
+  }
+  std::string statement(std::span<const double> p) const override {
+    return "The velocity lags behind the displacement: its differentiator rolls off at " +
+           number_text(p[0]) + " Hz already.";
+  }
+
+  unsigned hooks() const override { return hook::reading; }
+  template <class T>
+  void misread_of(ReadingLaws<T>& laws, const Place& /*place*/, const T* p) const {
+    laws.velocity_cutoff_hz = p[0];
+    laws.wrong = true;
+  }
+};
+
+}  // namespace
+
+const Effect& differentiator_lag() {
+  static const DifferentiatorLag effect;
+  return effect;
+}
+
+}  // namespace stickslip::physics

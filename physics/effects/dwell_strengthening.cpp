@@ -1,0 +1,100 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "physics/effects/effect.h"
+#include "physics/effects/entries.h"
+#include "physics/effects/number_text.h"
+
+namespace stickslip::physics {
+namespace {
+
+constexpr std::array parameters = {
+    ParameterCard{.name = "beta",
+                  .unit = "1",
+                  .meaning = "relative growth for each e-fold of the time at rest",
+                  .low = 0.005,
+                  .high = 1.0,
+                  .positive = true,
+                  .fixed_default = std::nullopt},
+    ParameterCard{.name = "tau_s",
+                  .unit = "s",
+                  .meaning = "time at rest from which on friction grows",
+                  .low = 0.0001,
+                  .high = 10.0,
+                  .positive = true,
+                  .fixed_default = std::nullopt},
+    ParameterCard{.name = "stuck_speed_m_s",
+                  .unit = "m/s",
+                  .meaning = "slip speed below which the contact counts as at rest",
+                  .low = 1e-06,
+                  .high = 0.1,
+                  .positive = true,
+                  .fixed_default = 0.003}};
+constexpr std::array<std::string_view, 3> rivals = {"stribeck", "friction_memory",
+                                                    "contact_compliance"};
+constexpr Card entry = {
+    .id = "dwell_strengthening",
+    .relation = Relation::friction_law,
+    .name = "strengthening at rest",
+    .sentence =
+        "Friction grows while the contact sticks: the longer the rest, the higher the break-away "
+        "force.",
+    .equation = "g(v) (1 + beta ln(1 + t_stuck / tau_s))",
+    .parameters = parameters,
+    .experiment = "holds of 0.1 s to 30 s between slips",
+    .rivals = rivals,
+};
+
+class DwellStrengthening final : public EffectOf<DwellStrengthening> {
+ public:
+  const Card& card() const override { return entry; }
+
+  bool can_be_missing_from(const Model& model) const override {
+    return model.friction.law != FrictionLaw::none;
+  }
+  std::vector<std::vector<double>> starts(const Scales& scales) const override {
+    const double stuck = std::max(2.0 * scales.transition_speed_m_s, 1.0e-2 * scales.velocity_m_s);
+    return {{0.1, 0.01, stuck}, {0.1, 0.1, stuck}};
+  }
+  std::string statement(std::span<const double> p) const override {
+    return "The contact strengthens while it rests: break-away friction grows by " +
+           number_text(100.0 * p[0]) + " % for each e-fold of the time at rest beyond " +
+           number_text(p[1]) + " s.";
+  }
+
+  unsigned hooks() const override { return hook::friction; }
+  int state_count() const override { return 1; }
+  StateSize state_size(int /*index*/, std::span<const double> p,
+                       const Scales& /*scales*/) const override {
+    return {2.0 * p[1], 0.0};
+  }
+  template <class T>
+  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& /*at*/, const T* p,
+                         const T* s) const {
+    using std::log;
+    f.backbone = f.backbone * (1.0 + p[0] * log(1.0 + s[0] / p[1]));
+  }
+  // The state is the time stuck; slip makes it forgotten within a time that no sensor resolves.
+  template <class T>
+  void rates_of(T* rate, const Instant<T>& at, const T* p, const T* s) const {
+    using std::exp;
+    constexpr double forgotten_per_s = 500.0;
+    const T ratio = at.slip / p[2];
+    const T stuck = exp(-(ratio * ratio));
+    rate[0] = stuck - (1.0 - stuck) * s[0] * forgotten_per_s;
+  }
+  template <class T>
+  void confine_of(T* s, const T* /*p*/) const {
+    if (s[0] < 0.0) s[0] = T(0.0);
+  }
+};
+
+}  // namespace
+
+const Effect& dwell_strengthening() {
+  static const DwellStrengthening effect;
+  return effect;
+}
+
+}  // namespace stickslip::physics

@@ -1,0 +1,88 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "physics/effects/effect.h"
+#include "physics/effects/entries.h"
+#include "physics/effects/number_text.h"
+
+namespace stickslip::physics {
+namespace {
+
+constexpr std::array parameters = {
+    ParameterCard{.name = "gap_m",
+                  .unit = "m",
+                  .meaning = "travel to the stop",
+                  .low = 1e-05,
+                  .high = 1.0,
+                  .positive = true,
+                  .fixed_default = std::nullopt},
+    ParameterCard{.name = "stiffness_n_m",
+                  .unit = "N/m",
+                  .meaning = "stiffness of the stop",
+                  .low = 0.1,
+                  .high = 10000000.0,
+                  .positive = true,
+                  .fixed_default = std::nullopt},
+    ParameterCard{.name = "side",
+                  .unit = "1",
+                  .meaning = "0: stops on both sides, 1: at +gap_m only, -1: at -gap_m only",
+                  .low = -1.0,
+                  .high = 1.0,
+                  .positive = false,
+                  .fixed_default = 0.0}};
+constexpr std::array<std::string_view, 2> rivals = {"cubic_stiffness", "bias_force"};
+constexpr Card entry = {
+    .id = "end_stop",
+    .relation = Relation::force_balance,
+    .name = "end stop",
+    .sentence = "The mass runs into a stop at the end of its travel.",
+    .equation = "stiffness_n_m (abs(x) - gap_m) sign(x) beyond the gap, on both sides or on one",
+    .parameters = parameters,
+    .experiment = "amplitudes just below and just above the suspected gap",
+    .rivals = rivals,
+};
+
+class EndStop final : public EffectOf<EndStop> {
+ public:
+  const Card& card() const override { return entry; }
+
+  bool can_be_missing_from(const Model& model) const override {
+    return model.oscillator.excitation != Excitation::imposed;
+  }
+  std::vector<std::vector<double>> starts(const Scales& scales) const override {
+    const double k = std::max(scales.stiffness_n_m, scales.force_n / scales.displacement_m);
+    std::vector<std::vector<double>> starts;
+    for (const double side : {0.0, 1.0, -1.0}) {
+      // Soft: then a single step of a fit already tells how much it would gain.
+      for (const double share : {0.6, 0.75, 0.85, 0.93, 0.97}) {
+        starts.push_back({share * scales.displacement_m, 0.3 * k, side});
+      }
+    }
+    return starts;
+  }
+  std::string statement(std::span<const double> p) const override {
+    const char* where =
+        p[2] > 0.5 ? "on the +x side" : (p[2] < -0.5 ? "on the -x side" : "on both sides");
+    return "The mass meets a stop " + std::string(where) + " after " + number_text(1.0e3 * p[0]) +
+           " mm, with a stiffness of " + number_text(p[1]) + " N/m.";
+  }
+
+  unsigned hooks() const override { return hook::force; }
+  template <class T>
+  T force_of(const Instant<T>& at, const T* p, const T* /*s*/) const {
+    const double side = value_of(p[2]);
+    if (at.x > p[0] && side > -0.5) return p[1] * (at.x - p[0]);
+    if (at.x < -p[0] && side < 0.5) return p[1] * (at.x + p[0]);
+    return T(0.0);
+  }
+};
+
+}  // namespace
+
+const Effect& end_stop() {
+  static const EndStop effect;
+  return effect;
+}
+
+}  // namespace stickslip::physics

@@ -1,0 +1,77 @@
+#include <array>
+#include "physics/effects/during.h"
+
+#include "physics/effects/effect.h"
+#include "physics/effects/entries.h"
+#include "physics/effects/number_text.h"
+
+namespace stickslip::physics {
+namespace {
+
+constexpr std::array parameters = {ParameterCard{.name = "share",
+                                                 .unit = "1",
+                                                 .meaning = "relative change of the load",
+                                                 .low = -1.0,
+                                                 .high = 5.0,
+                                                 .positive = false,
+                                                 .fixed_default = std::nullopt},
+                                   ParameterCard{.name = "begin_s",
+                                                 .unit = "s",
+                                                 .meaning = "beginning, from that of the recording",
+                                                 .low = 0.0,
+                                                 .high = 100000.0,
+                                                 .positive = false,
+                                                 .fixed_default = std::nullopt},
+                                   ParameterCard{.name = "end_s",
+                                                 .unit = "s",
+                                                 .meaning = "end",
+                                                 .low = 0.0,
+                                                 .high = 100000.0,
+                                                 .positive = false,
+                                                 .fixed_default = std::nullopt}};
+constexpr std::array<std::string_view, 1> rivals = {"wedge_load"};
+constexpr std::array<std::string_view, 1> depends_on = {"time"};
+constexpr Card entry = {
+    .id = "load_episode",
+    .relation = Relation::normal_load,
+    .name = "episode of another load",
+    .sentence = "For a while the normal load is another one.",
+    .equation = "N (1 + share) from begin_s to end_s",
+    .parameters = parameters,
+    .experiment = "the same run again: an episode does not come back",
+    .rivals = rivals,
+    .depends_on = depends_on,
+};
+
+class LoadEpisode final : public EffectOf<LoadEpisode> {
+ public:
+  const Card& card() const override { return entry; }
+
+  bool can_be_missing_from(const Model& model) const override {
+    return model.normal_load && model.normal_load->law != NormalLoadLaw::measured;
+  }
+  std::vector<std::vector<double>> starts(const Scales& scales) const override {
+    std::vector<std::vector<double>> starts;
+    for (const auto& [begin, end] : scales.episodes_s) starts.push_back({0.02, begin, end});
+    return starts;
+  }
+  std::string statement(std::span<const double> p) const override {
+    return "From " + number_text(p[1]) + " s to " + number_text(p[2]) +
+           " s the normal load is different by " + number_text(100.0 * p[0]) + " %.";
+  }
+
+  unsigned hooks() const override { return hook::load; }
+  template <class T>
+  void scale_load_of(T& load, const Instant<T>& at, const T* p, const T* /*s*/) const {
+    load = load * (1.0 + p[0] * during(at.time_s, p[1], p[2]));
+  }
+};
+
+}  // namespace
+
+const Effect& load_episode() {
+  static const LoadEpisode effect;
+  return effect;
+}
+
+}  // namespace stickslip::physics

@@ -1,0 +1,60 @@
+#include <array>
+
+#include "physics/effects/effect.h"
+#include "physics/effects/entries.h"
+#include "physics/effects/number_text.h"
+
+namespace stickslip::physics {
+namespace {
+
+constexpr std::array parameters = {ParameterCard{.name = "rate_per_s",
+                                                 .unit = "unit of the channel per second",
+                                                 .meaning = "how fast",
+                                                 .low = -1000000.0,
+                                                 .high = 1000000.0,
+                                                 .positive = false,
+                                                 .fixed_default = std::nullopt}};
+constexpr std::array<std::string_view, 2> rivals = {"friction_drift", "bias_force"};
+constexpr Card entry = {
+    .id = "sensor_drift",
+    .relation = Relation::sensor,
+    .name = "wandering zero",
+    .sentence = "The zero of one channel wanders in the course of the recording.",
+    .equation = "reading + rate_per_s t",
+    .parameters = parameters,
+    .experiment = "a recording with the rig at rest, before and after the run",
+    .rivals = rivals,
+};
+
+class SensorDrift final : public EffectOf<SensorDrift> {
+ public:
+  const Card& card() const override { return entry; }
+
+  bool can_be_missing_from(const Model& /*model*/) const override { return true; }
+  bool acts_on(const Place& place) const override {
+    return !place.from && place.channel &&
+           index_of(*place.channel) <= index_of(Channel::normal_load);
+  }
+  std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
+    return {{0.0}};
+  }
+  std::string statement(std::span<const double> p) const override {
+    return "The zero of the channel wanders by " + number_text(p[0]) + " per second.";
+  }
+
+  unsigned hooks() const override { return hook::reading; }
+  template <class T>
+  void misread_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
+    laws.of[index_of(*place.channel)].drift_per_s = p[0];
+    laws.wrong = true;
+  }
+};
+
+}  // namespace
+
+const Effect& sensor_drift() {
+  static const SensorDrift effect;
+  return effect;
+}
+
+}  // namespace stickslip::physics

@@ -1,0 +1,139 @@
+#include "physics/reading.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace stickslip::physics {
+
+namespace {
+
+using std::numbers::pi;
+
+template <class T>
+T& of(Readings<T>& readings, Channel channel) {
+  switch (channel) {
+    case Channel::velocity:
+      return readings.velocity;
+    case Channel::friction_force:
+      return readings.friction_force;
+    case Channel::normal_load:
+      return readings.normal_load;
+    default:
+      return readings.displacement;
+  }
+}
+
+constexpr std::array read_channels = {Channel::displacement, Channel::velocity,
+                                      Channel::friction_force, Channel::normal_load};
+
+}  // namespace
+
+template <class T>
+T misread(const ReadingLaw<T>& law, const T& value, double time_s) {
+  using std::sin;
+  T out = law.gain * value + law.drift_per_s * time_s;
+  if (value_of(law.hum_frequency_hz) > 0.0) {
+    out += law.hum_amplitude * sin(law.hum_frequency_hz * (2.0 * pi * time_s) + law.hum_phase_rad);
+  }
+  if (value_of(law.limit) > 0.0) {
+    if (out > law.limit) out = law.limit;
+    if (out < -law.limit) out = -law.limit;
+  }
+  return out;
+}
+
+template double misread(const ReadingLaw<double>&, const double&, double);
+template Dual misread(const ReadingLaw<Dual>&, const Dual&, double);
+
+template <class T>
+ReadingFaults<T>::ReadingFaults(const ReadingLaws<T>& laws, const SensorBank& bank, double step_s)
+    : laws_(laws), bank_(&bank), step_s_(step_s) {
+  rolls_off_ = value_of(laws.velocity_cutoff_hz) > 0.0;
+  if (rolls_off_) {
+    // Exact for an input that is a straight line over the step.
+    using std::exp;
+    const T turn = laws.velocity_cutoff_hz * (2.0 * pi * step_s);
+    stay_ = exp(-turn);
+    const T mean = (1.0 - stay_) / turn;
+    before_ = mean - stay_;
+    after_ = 1.0 - mean;
+  }
+}
+
+template <class T>
+void ReadingFaults<T>::settle(FaultMemory<T>& memory, const SensorMemory<T>& chains) const {
+  memory.into_differentiator = bank_->velocity_before_roll_off(chains);
+  memory.rolled_off = memory.into_differentiator;
+  memory.latest = 0;
+  if (laws_.late) {
+    const auto length = static_cast<std::size_t>(std::ceil(longest_delay_s / step_s_)) + 2;
+    memory.past.assign(length, undisturbed(memory, chains));
+  }
+}
+
+template <class T>
+void ReadingFaults<T>::advance(FaultMemory<T>& memory, const SensorMemory<T>& chains) const {
+  if (rolls_off_) {
+    const T input = bank_->velocity_before_roll_off(chains);
+    memory.rolled_off =
+        stay_ * memory.rolled_off + before_ * memory.into_differentiator + after_ * input;
+    memory.into_differentiator = input;
+  }
+  if (laws_.late) {
+    memory.latest = (memory.latest + 1) % memory.past.size();
+    memory.past[memory.latest] = undisturbed(memory, chains);
+  }
+}
+
+template <class T>
+Readings<T> ReadingFaults<T>::undisturbed(const FaultMemory<T>& memory,
+                                          const SensorMemory<T>& chains) const {
+  Readings<T> readings = bank_->readings(chains);
+  if (rolls_off_) readings.velocity = memory.rolled_off;
+  return readings;
+}
+
+template <class T>
+T ReadingFaults<T>::ago(const FaultMemory<T>& memory, const T& delay_s,
+                        T Readings<T>::*channel) const {
+  const std::size_t length = memory.past.size();
+  const T steps = delay_s / step_s_;
+  const double whole =
+      std::clamp(std::floor(value_of(steps)), 0.0, static_cast<double>(length) - 2.0);
+  const auto back = static_cast<std::size_t>(whole);
+  const T& newer = memory.past[(memory.latest + length - back) % length].*channel;
+  const T& older = memory.past[(memory.latest + 2 * length - back - 1) % length].*channel;
+  T share = steps - whole;
+  if (value_of(share) > 1.0) share = T(1.0);
+  return newer + (older - newer) * share;  // a negative delay looks ahead along the last slope
+}
+
+template <class T>
+Readings<T> ReadingFaults<T>::readings(const FaultMemory<T>& memory, const SensorMemory<T>& chains,
+                                       double time_s) const {
+  Readings<T> late = undisturbed(memory, chains);
+  if (laws_.late) {
+    const auto delayed = [&](Channel channel, T Readings<T>::*member) {
+      const T& delay = laws_.of[index_of(channel)].delay_s;
+      if (value_of(delay) != 0.0) late.*member = ago(memory, delay, member);
+    };
+    delayed(Channel::displacement, &Readings<T>::displacement);
+    delayed(Channel::velocity, &Readings<T>::velocity);
+    delayed(Channel::friction_force, &Readings<T>::friction_force);
+    delayed(Channel::normal_load, &Readings<T>::normal_load);
+  }
+  Readings<T> out;
+  for (const Channel channel : read_channels) {
+    const ReadingLaw<T>& law = laws_.of[index_of(channel)];
+    T value = of(late, channel);
+    if (law.leak_from) value += law.leak * of(late, *law.leak_from);
+    of(out, channel) = misread(law, value, time_s);
+  }
+  return out;
+}
+
+template class ReadingFaults<double>;
+template class ReadingFaults<Dual>;
+
+}  // namespace stickslip::physics

@@ -1,0 +1,108 @@
+#include "physics/reading.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "physics/simulator.h"
+#include "tests/unit/physics/rigs.h"
+
+namespace stickslip::physics {
+namespace {
+
+using std::numbers::pi;
+
+// Two recordings of the same driven rig at 1 kHz for a second: as declared, and with a term.
+struct Pair {
+  std::vector<Frame> declared;
+  std::vector<Frame> faulty;
+};
+
+std::vector<Frame> recorded(const Model& model) {
+  SimulationOptions options;
+  options.noise = false;
+  RigSimulator rig(model, options);
+  std::vector<Frame> frames;
+  for (int k = 1; k <= 1000; ++k) {
+    Input now;
+    const double t = 1.0e-3 * k;
+    now.base_displacement_m = 0.005 * std::sin(2.0 * pi * 2.9 * t);
+    now.base_acceleration_m_s2 =
+        -0.005 * std::pow(2.0 * pi * 2.9, 2) * std::sin(2.0 * pi * 2.9 * t);
+    rig.advance(1.0e-3, now);
+    frames.push_back(rig.read());
+  }
+  return frames;
+}
+
+Pair with(const Term& term) {
+  Model model = test::bench();
+  Pair pair;
+  pair.declared = recorded(model);
+  model.terms.push_back(term);
+  pair.faulty = recorded(model);
+  return pair;
+}
+
+constexpr Channel f = Channel::friction_force;
+constexpr Channel v = Channel::velocity;
+
+TEST(Reading, OfAChannelWithAWrongGainIsAMultipleAndTheOthersStay) {
+  const Pair pair = with({"gain_error", v, {{"gain", {1.2}}}});
+  for (std::size_t k = 0; k < pair.declared.size(); ++k) {
+    EXPECT_NEAR(pair.faulty[k][v], 1.2 * pair.declared[k][v], 1.0e-15);
+    EXPECT_EQ(pair.faulty[k][f], pair.declared[k][f]);
+  }
+}
+
+TEST(Reading, OfALateChannelIsWhatItWasBefore) {
+  const Pair pair = with({"channel_delay", f, {{"delay_s", {0.007}}}});
+  double largest = 0.0;
+  for (std::size_t k = 50; k < pair.declared.size(); ++k) {
+    largest = std::max(largest, std::abs(pair.declared[k][f]));
+    EXPECT_NEAR(pair.faulty[k][f], pair.declared[k - 7][f], 1.0e-9) << k;
+    EXPECT_EQ(pair.faulty[k][v], pair.declared[k][v]);
+  }
+  EXPECT_GT(largest, 0.01);
+}
+
+TEST(Reading, LeaksDriftsHumsAndSaturates) {
+  Term leak{"crosstalk", v, {{"coefficient", {0.3}}}, f};
+  const Pair leaking = with(leak);
+  const Pair drifting = with({"sensor_drift", f, {{"rate_per_s", {0.02}}}});
+  const Pair humming = with(
+      {"mains_hum", f, {{"frequency_hz", {50.0}}, {"amplitude", {0.01}}, {"phase_rad", {0.4}}}});
+  const Pair clipped = with({"clipping", v, {{"limit", {0.005}}}});
+  bool reached = false;
+  for (std::size_t k = 0; k < 1000; ++k) {
+    const double t = 1.0e-3 * static_cast<double>(k + 1);
+    EXPECT_NEAR(leaking.faulty[k][v], leaking.declared[k][v] + 0.3 * leaking.declared[k][f],
+                1.0e-12);
+    EXPECT_NEAR(drifting.faulty[k][f], drifting.declared[k][f] + 0.02 * t, 1.0e-12);
+    EXPECT_NEAR(humming.faulty[k][f],
+                humming.declared[k][f] + 0.01 * std::sin(2.0 * pi * 50.0 * t + 0.4), 1.0e-9);
+    const double free = clipped.declared[k][v];
+    EXPECT_NEAR(clipped.faulty[k][v], std::clamp(free, -0.005, 0.005), 1.0e-15);
+    reached = reached || std::abs(free) > 0.005;
+  }
+  EXPECT_TRUE(reached);
+}
+
+// A first-order low-pass of 30 Hz delays a slow velocity by 1 / (2 pi 30) s, in place of the 150 Hz
+// that the bench declares.
+TEST(Reading, OfASlowDifferentiatorLags) {
+  const Pair pair = with({"differentiator_lag", {}, {{"cutoff_hz", {30.0}}}});
+  Model declared = test::bench();
+  declared.sensors[index_of(v)].filters = {{FilterKind::first_order_lowpass, 1, 30.0}};
+  const std::vector<Frame> direct = recorded(declared);
+  for (std::size_t k = 0; k < direct.size(); ++k) {
+    EXPECT_NEAR(pair.faulty[k][v], direct[k][v], 1.0e-5) << k;
+    EXPECT_EQ(pair.faulty[k][Channel::displacement], direct[k][Channel::displacement]);
+  }
+}
+
+}  // namespace
+}  // namespace stickslip::physics
