@@ -21,6 +21,7 @@ void for_each(std::size_t count, int threads, const std::function<void(std::size
   }
   std::atomic<std::size_t> next{0};
   std::exception_ptr failure;
+  std::size_t failed = count;  // the lowest that did
   std::mutex failure_mutex;
   {
     std::vector<std::jthread> pool;
@@ -31,7 +32,10 @@ void for_each(std::size_t count, int threads, const std::function<void(std::size
             work(i);
           } catch (...) {
             const std::lock_guard lock(failure_mutex);
-            if (!failure) failure = std::current_exception();
+            if (i < failed) {
+              failed = i;
+              failure = std::current_exception();
+            }
           }
         }
       });

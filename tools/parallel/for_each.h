@@ -10,7 +10,8 @@ namespace stickslip::parallel {
 int threads_for(int asked);
 
 /// Runs `work(i)` for i in [0, count) on so many threads. The work of one i must not depend on
-/// another. Rethrows the first exception once all threads have ended.
+/// another. Once all threads have ended, rethrows the exception of the lowest i that threw: the
+/// same whatever the number of threads.
 void for_each(std::size_t count, int threads, const std::function<void(std::size_t)>& work);
 
 }  // namespace stickslip::parallel

@@ -3,7 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <stdexcept>
+#include <string>
+#include <thread>
 #include <vector>
 
 namespace stickslip::parallel {
@@ -23,6 +26,21 @@ TEST(ForEach, PassesAnExceptionOn) {
                           if (i == 3) throw std::runtime_error("piece 3");
                         }),
                std::runtime_error);
+}
+
+TEST(ForEach, PassesTheExceptionOfTheLowestOn) {
+  for (int round = 0; round < 20; ++round) {
+    try {
+      for_each(8, 4, [](std::size_t i) {
+        // The later ones fail sooner.
+        std::this_thread::sleep_for(std::chrono::microseconds(200 * (8 - i)));
+        if (i % 2 == 1) throw std::runtime_error(std::to_string(i));
+      });
+      FAIL() << "nothing was thrown";
+    } catch (const std::runtime_error& error) {
+      EXPECT_STREQ(error.what(), "1");
+    }
+  }
 }
 
 }  // namespace
