@@ -10,8 +10,8 @@ namespace {
 
 using std::numbers::pi;
 
-template <class T>
-T& of(Readings<T>& readings, Channel channel) {
+template <class AnyReadings>
+auto& of(AnyReadings& readings, Channel channel) {
   switch (channel) {
     case Channel::velocity:
       return readings.velocity;
@@ -95,15 +95,14 @@ Readings<T> ReadingFaults<T>::undisturbed(const FaultMemory<T>& memory,
 }
 
 template <class T>
-T ReadingFaults<T>::ago(const FaultMemory<T>& memory, const T& delay_s,
-                        T Readings<T>::*channel) const {
+T ReadingFaults<T>::ago(const FaultMemory<T>& memory, const T& delay_s, Channel channel) const {
   const std::size_t length = memory.past.size();
   const T steps = delay_s / step_s_;
   const double whole =
       std::clamp(std::floor(value_of(steps)), 0.0, static_cast<double>(length) - 2.0);
   const auto back = static_cast<std::size_t>(whole);
-  const T& newer = memory.past[(memory.latest + length - back) % length].*channel;
-  const T& older = memory.past[(memory.latest + 2 * length - back - 1) % length].*channel;
+  const T& newer = of(memory.past[(memory.latest + length - back) % length], channel);
+  const T& older = of(memory.past[(memory.latest + 2 * length - back - 1) % length], channel);
   T share = steps - whole;
   if (value_of(share) > 1.0) share = T(1.0);
   return newer + (older - newer) * share;  // a negative delay looks ahead along the last slope
@@ -114,14 +113,10 @@ Readings<T> ReadingFaults<T>::readings(const FaultMemory<T>& memory, const Senso
                                        double time_s) const {
   Readings<T> late = undisturbed(memory, chains);
   if (laws_.late) {
-    const auto delayed = [&](Channel channel, T Readings<T>::*member) {
+    for (const Channel channel : read_channels) {
       const T& delay = laws_.of[index_of(channel)].delay_s;
-      if (value_of(delay) != 0.0) late.*member = ago(memory, delay, member);
-    };
-    delayed(Channel::displacement, &Readings<T>::displacement);
-    delayed(Channel::velocity, &Readings<T>::velocity);
-    delayed(Channel::friction_force, &Readings<T>::friction_force);
-    delayed(Channel::normal_load, &Readings<T>::normal_load);
+      if (value_of(delay) != 0.0) of(late, channel) = ago(memory, delay, channel);
+    }
   }
   Readings<T> out;
   for (const Channel channel : read_channels) {

@@ -42,7 +42,7 @@ class ReadingFaults {
 
  private:
   Readings<T> undisturbed(const FaultMemory<T>& memory, const SensorMemory<T>& chains) const;
-  T ago(const FaultMemory<T>& memory, const T& delay_s, T Readings<T>::*channel) const;
+  T ago(const FaultMemory<T>& memory, const T& delay_s, Channel channel) const;
 
   ReadingLaws<T> laws_;
   const SensorBank* bank_;

@@ -110,6 +110,19 @@ T plastic_share(const T& share, const T& elastic) {
   return 0.5 + 0.5 * sin((share - middle) * (pi / (1.0 - elastic)));
 }
 
+template <class T>
+Instant<T> instant_of(const RigState<T>& state, const Input& now, double time_s) {
+  Instant<T> at;
+  at.time_s = time_s;
+  at.x = state.s[state::x];
+  at.v = state.s[state::v];
+  at.slip = state.slip;
+  at.load = state.load;
+  at.base_acceleration_m_s2 = now.base_acceleration_m_s2;
+  at.friction = state.friction;
+  return at;
+}
+
 }  // namespace
 
 Rig::Rig(const Model& model) : model_(model) {
@@ -260,13 +273,8 @@ T Rig::load_at(const RigState<T>& state, const Input& now, double time_s,
     load = load * (1.0 + (n.c.load_slope + n.c.load_curvature * x) * x);
   }
   if ((hooks_ & hook::load) != 0) {
-    Instant<T> at;
-    at.time_s = time_s;
-    at.x = state.s[state::x];
-    at.v = state.s[state::v];
-    at.slip = state.slip;
+    Instant<T> at = instant_of(state, now, time_s);
     at.load = load;
-    at.base_acceleration_m_s2 = now.base_acceleration_m_s2;
     for (std::size_t i = 0; i < terms_.size(); ++i) {
       if ((terms_[i].hooks & hook::load) == 0) continue;
       terms_[i].effect->scale_load(load, at, n.term[i].data(),
@@ -283,15 +291,7 @@ void Rig::explicit_rates(std::array<T, max_rig_states>& rate, const RigState<T>&
   const T& x = state.s[state::x];
   const T& v = state.s[state::v];
   Instant<T> at;
-  if (!terms_.empty()) {
-    at.time_s = time_s;
-    at.x = x;
-    at.v = v;
-    at.slip = state.slip;
-    at.load = state.load;
-    at.base_acceleration_m_s2 = now.base_acceleration_m_s2;
-    at.friction = state.friction;
-  }
+  if (!terms_.empty()) at = instant_of(state, now, time_s);
   if (structure_.excitation != Excitation::imposed) {
     T restoring = c.damping * v;
     if (structure_.two_well) {
@@ -336,7 +336,6 @@ void Rig::close_contact(RigState<T>& state, double alpha, const Input& now, doub
     state.s[state::x] = T(now.displacement_m);
     state.s[state::v] = T(now.velocity_m_s);
   }
-  const T& x = state.s[state::x];
   const double guess = value_of(state.slip);
   T free_slip = state.s[state::v];
   if (structure_.resonant) free_slip -= state.s[state::u];
@@ -357,13 +356,8 @@ void Rig::close_contact(RigState<T>& state, double alpha, const Input& now, doub
   for (int round = 0; round < rounds; ++round) {
     FrictionFactors<T> factors;
     if ((hooks_ & hook::friction) != 0) {
-      Instant<T> at;
-      at.time_s = time_s;
-      at.x = x;
-      at.v = state.s[state::v];
+      Instant<T> at = instant_of(state, now, time_s);
       at.slip = round == 0 ? free_slip : w;
-      at.load = state.load;
-      at.base_acceleration_m_s2 = now.base_acceleration_m_s2;
       for (std::size_t i = 0; i < terms_.size(); ++i) {
         if ((terms_[i].hooks & hook::friction) == 0) continue;
         terms_[i].effect->scale_friction(factors, at, n.term[i].data(),

@@ -1,7 +1,6 @@
 #include "tools/diagnose/diagnosis.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -529,12 +528,9 @@ class Search {
     if (only_listed) std::erase_if(suspects, [](const Suspect& each) { return tier(each) > 0; });
     const Few few = few_of(base);
     std::vector<Candidate> glanced(suspects.size());
-    std::atomic<std::size_t> done{0};
     say("trying " + std::to_string(suspects.size()) + " effects", share_begin);
-    parallel::for_each(suspects.size(), options_.threads, [&](std::size_t i) {
-      glanced[i] = tried(base, suspects[i], few);
-      ++done;
-    });
+    parallel::for_each(suspects.size(), options_.threads,
+                       [&](std::size_t i) { glanced[i] = tried(base, suspects[i], few); });
     std::vector<Candidate> candidates;
     for (Candidate& each : glanced) {
       if (each.hypothesis) candidates.push_back(std::move(each));
