@@ -34,7 +34,13 @@ T misread(const ReadingLaw<T>& law, const T& value, double time_s) {
   using std::sin;
   T out = law.gain * value + law.drift_per_s * time_s;
   if (value_of(law.hum_frequency_hz) > 0.0) {
-    out += law.hum_amplitude * sin(law.hum_frequency_hz * (2.0 * pi * time_s) + law.hum_phase_rad);
+    T share(1.0);
+    for (std::size_t i = 0; i < law.hum_wander.size(); i += 2) {
+      const double angle = pi * static_cast<double>(i + 2) * time_s / law.hum_wander_over_s;
+      share += law.hum_wander[i] * std::cos(angle) + law.hum_wander[i + 1] * std::sin(angle);
+    }
+    out += law.hum_amplitude * share *
+           sin(law.hum_frequency_hz * (2.0 * pi * time_s) + law.hum_phase_rad);
   }
   if (value_of(law.limit) > 0.0) {
     if (out > law.limit) out = law.limit;

@@ -35,7 +35,8 @@ BackboneSlip solve_backbone(double target, double a, double p, double q, double 
                             double guess) {
   double low = target - a * (p + q);
   double high = target - a * (p - q);
-  double w = std::clamp(guess, low, high);
+  // Where the law has saturated the slip is one of the ends; elsewhere where it was last is nearer.
+  double w = low > 3.0 * speed ? low : (high < -3.0 * speed ? high : std::clamp(guess, low, high));
   double t = 0.0;
   for (int iteration = 0; iteration < 60; ++iteration) {
     t = quick_tanh(w / speed);
@@ -110,6 +111,19 @@ T plastic_share(const T& share, const T& elastic) {
   return 0.5 + 0.5 * sin((share - middle) * (pi / (1.0 - elastic)));
 }
 
+// A relaxation process after an implicit step of `turn` time constants, for a backbone scaled by
+// `scale`: what stays of where it was, and by how much it follows the law.
+template <class T>
+struct Process {
+  T stays{0.0};
+  T follows{0.0};
+};
+template <class T>
+Process<T> process(const T& from, const T& scale, const T& turn) {
+  const T blend = 1.0 / (1.0 + turn);
+  return {from * blend, scale * turn * blend};
+}
+
 template <class T>
 Instant<T> instant_of(const RigState<T>& state, const Input& now, double time_s) {
   Instant<T> at;
@@ -163,9 +177,13 @@ Rig::Rig(const Model& model) : model_(model) {
       entry.parameter[i] = at == paths_.end() ? -1 : static_cast<int>(at - paths_.begin());
       entry.fallback[i] = cards[i].fixed_default.value_or(0.0);
     }
+    const bool had_two_processes = structure_.two_processes;
     entry.effect->shape(structure_);
+    if (structure_.two_processes && !had_two_processes) slow_state_ = entry.first_state;
     if ((entry.hooks & hook::slip_friction) == hook::slip_friction)
       friction_depends_on_slip_ = true;
+    terms_have_rates_ =
+        terms_have_rates_ || (entry.hooks & hook::force) != 0 || entry.effect->state_count() > 0;
     terms_.push_back(entry);
   }
   if (state_count_ > max_rig_states) {
@@ -291,7 +309,7 @@ void Rig::explicit_rates(std::array<T, max_rig_states>& rate, const RigState<T>&
   const T& x = state.s[state::x];
   const T& v = state.s[state::v];
   Instant<T> at;
-  if (!terms_.empty()) at = instant_of(state, now, time_s);
+  if (terms_have_rates_) at = instant_of(state, now, time_s);
   if (structure_.excitation != Excitation::imposed) {
     T restoring = c.damping * v;
     if (structure_.two_well) {
@@ -351,6 +369,10 @@ void Rig::close_contact(RigState<T>& state, double alpha, const Input& now, doub
   T force(0.0);
   T theta(0.0);
   T contact = state.s[state::contact];
+  T backbone(0.0);
+  T slow_part(0.0);
+  Process<T> fast;
+  Process<T> slow;
   // Factors that depend on the slip velocity are frozen and renewed: they vary slowly over a step.
   const int rounds = friction_depends_on_slip_ ? 3 : 1;
   for (int round = 0; round < rounds; ++round) {
@@ -411,11 +433,19 @@ void Rig::close_contact(RigState<T>& state, double alpha, const Input& now, doub
 
     T p(0.0);
     T q = factors.backbone;
-    if (structure_.kinetics == Kinetics::relaxing) {
-      const T kappa = alpha * c.rate;
-      const T blend = 1.0 / (1.0 + kappa);
-      p = state.s[state::contact] * blend;
-      q = q * kappa * blend;
+    if (structure_.two_processes) {
+      fast = process(state.s[state::contact], factors.backbone,
+                     alpha * c.rate * (1.0 + c.rate_spread));
+      slow = process(state.s[static_cast<std::size_t>(slow_state_)], factors.backbone,
+                     alpha * c.rate * (1.0 - c.rate_spread));
+      // With these shares the mean lag is that of a single process.
+      const T share = 0.5 * (1.0 + c.rate_spread);
+      p = share * fast.stays + (1.0 - share) * slow.stays;
+      q = share * fast.follows + (1.0 - share) * slow.follows;
+    } else if (structure_.kinetics == Kinetics::relaxing) {
+      const Process<T> only = process(state.s[state::contact], factors.backbone, alpha * c.rate);
+      p = only.stays;
+      q = only.follows;
     }
     if (set_valued_) {
       const T centre = free_slip - reach * p;
@@ -429,6 +459,10 @@ void Rig::close_contact(RigState<T>& state, double alpha, const Input& now, doub
         w = free_slip - reach * theta;
         force = level * theta;
       }
+      // What the law's own value must have been for this theta.
+      if (structure_.two_processes) {
+        backbone = value_of(q) > 0.0 ? (theta - p) / q : T(0.0);
+      }
     } else {
       const BackboneSlip solved = solve_backbone(value_of(free_slip), value_of(reach), value_of(p),
                                                  value_of(q), value_of(c.transition_speed), guess);
@@ -436,17 +470,24 @@ void Rig::close_contact(RigState<T>& state, double alpha, const Input& now, doub
       w = T(solved.w);
       const double t = solved.tanh;
       const double slope = 1.0 + value_of(reach * q) * (1.0 - t * t) / value_of(c.transition_speed);
-      const T backbone = known_tanh(w / c.transition_speed, t);
+      backbone = known_tanh(w / c.transition_speed, t);
       w -= (w + reach * (p + q * backbone) - free_slip) * (1.0 / slope);
-      theta = p + q * known_tanh(w / c.transition_speed, t);
+      backbone = known_tanh(w / c.transition_speed, t);
+      theta = p + q * backbone;
       force = level * theta;
     }
-    contact = theta;
+    if (structure_.two_processes) {
+      contact = fast.stays + fast.follows * backbone;
+      slow_part = slow.stays + slow.follows * backbone;
+    } else {
+      contact = theta;
+    }
   }
 
   state.slip = w;
   state.friction = force;
   state.theta = theta;
+  if (structure_.two_processes) state.s[static_cast<std::size_t>(slow_state_)] = slow_part;
   if (structure_.kinetics != Kinetics::instantaneous) state.s[state::contact] = contact;
   if (!imposed) state.s[state::v] -= alpha * n.inverse_mass * force;
   if (structure_.resonant) {
@@ -486,9 +527,9 @@ void Rig::step(RigState<T>& state, const Input& begin, const Input& end, double 
 
   // What the contact did in the second stage, as a rate.
   std::array<T, max_rig_states> i2{};
-  for (const int index : {state::v, state::u, state::contact}) {
+  for (const int index : {state::v, state::u, state::contact, slow_state_}) {
     const auto i = static_cast<std::size_t>(index);
-    if (has_state(index)) i2[i] = (state.s[i] - predicted[i]) * (1.0 / alpha);
+    if (index >= 0 && has_state(index)) i2[i] = (state.s[i] - predicted[i]) * (1.0 / alpha);
   }
   explicit_rates(e2, state, middle, time_s + alpha, n);
   for (std::size_t i = 0; i < count; ++i) {

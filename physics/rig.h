@@ -130,8 +130,10 @@ class Rig {
   std::vector<double> values_;
   std::vector<std::string> paths_;
   int state_count_ = state::first_effect;
-  unsigned hooks_ = 0;  ///< of all terms together
+  unsigned hooks_ = 0;   ///< of all terms together
+  int slow_state_ = -1;  ///< of two relaxation processes the slower one's theta
   bool friction_depends_on_slip_ = false;
+  bool terms_have_rates_ = false;  ///< whether one adds a force or has states of its own
   bool set_valued_ = false;
   double longest_step_s_ = 1.0e-3;
 };

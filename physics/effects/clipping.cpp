@@ -37,7 +37,7 @@ class Clipping final : public EffectOf<Clipping> {
            index_of(*place.channel) <= index_of(Channel::normal_load);
   }
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
-    return {{0.98 * scales.channel.largest}};
+    return {{0.98 * scales.channel.largest}, {scales.channel.pile}};
   }
   std::string statement(std::span<const double> p) const override {
     return "The channel saturates: nothing beyond " + number_text(p[0]) + " is read.";

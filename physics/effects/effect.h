@@ -73,6 +73,7 @@ struct Line {
 struct ChannelScales {
   double largest = 1.0;  ///< largest magnitude of the readings
   double spread = 1.0;   ///< their standard deviation
+  double pile = 1.0;     ///< magnitude at which the larger readings pile up
   Line line;             ///< the strongest above the frequencies of the drive
 };
 
@@ -118,6 +119,9 @@ struct Structure {
   Excitation excitation = Excitation::base;
   bool friction = false;
   Kinetics kinetics = Kinetics::instantaneous;
+  /// Relaxing: theta is made of a fast part, the contact's, and a slow one, the first state of the
+  /// effect that says so.
+  bool two_processes = false;
   bool load_cell = false;
   bool resonant = false;  ///< the load cell's whole equation
   bool two_well = false;
@@ -135,6 +139,7 @@ struct Coefficients {
   T load{1.0}, load_slope{0.0}, load_curvature{0.0};
   T mu{0.0}, transition_speed{0.0}, rate{0.0}, contact_stiffness{0.0}, contact_damping{0.0},
       contact_elastic_share{0.0};
+  T rate_spread{0.0};  ///< two relaxation processes, with rates (1 +- spread) rate, 0 to below 1
   T cell_mass{1.0}, cell_damping{0.0}, cell_stiffness{1.0};
 };
 
@@ -147,6 +152,9 @@ struct ReadingLaw {
   std::optional<Channel> leak_from;
   T drift_per_s{0.0};
   T hum_amplitude{0.0}, hum_frequency_hz{0.0}, hum_phase_rad{0.0};
+  /// How its amplitude wanders: cosine and sine of each harmonic of `hum_wander_over_s`.
+  std::array<T, 8> hum_wander{};
+  double hum_wander_over_s = 1.0;
   T delay_s{0.0};
   T limit{0.0};  ///< largest magnitude that is read; 0: none
 };

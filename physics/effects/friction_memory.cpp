@@ -16,7 +16,16 @@ constexpr std::array parameters = {
                   .low = 1.0,
                   .high = 5000.0,
                   .positive = true,
-                  .fixed_default = std::nullopt}};
+                  .fixed_default = std::nullopt},
+    ParameterCard{
+        .name = "spread",
+        .unit = "1",
+        .meaning = "how far two processes are apart: rates (1 +- spread) gamma, 0 for one",
+        .low = 1.0e-3,
+        .high = 0.8,
+        .positive = true,
+        .fixed_default = 0.0,
+        .estimated = true}};
 constexpr std::array<std::string_view, 3> rivals = {"contact_compliance", "channel_delay",
                                                     "load_cell_resonance"};
 constexpr Card entry = {
@@ -24,7 +33,11 @@ constexpr Card entry = {
     .relation = Relation::friction_law,
     .name = "friction with memory",
     .sentence = "The friction force follows its law with a delay: it relaxes towards g(v).",
-    .equation = "theta' = -gamma (theta - g(v)) where the model had theta = g(v)",
+    .equation =
+        "theta' = -gamma (theta - g(v)) where the model had theta = g(v); with a spread, theta is "
+        "the sum of two such processes with rates (1 +- spread) gamma and shares (1 +- spread) / "
+        "2, "
+        "so that 1 / gamma is the mean lag",
     .parameters = parameters,
     .experiment =
         "reversals at several speeds: a memory opens the friction-velocity loop in proportion to "
@@ -42,7 +55,7 @@ class FrictionMemory final : public EffectOf<FrictionMemory> {
   void mark(Model& model) const override { model.friction.law = FrictionLaw::state_variable; }
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
     const double fastest = 0.5 / scales.sample_period_s;
-    return {{std::min(30.0, fastest)}, {std::min(200.0, fastest)}};
+    return {{std::min(30.0, fastest), 0.3}, {std::min(200.0, fastest), 0.3}};
   }
   std::string statement(std::span<const double> p) const override {
     return "Friction has a memory: it relaxes towards its law with rate gamma = " +
@@ -50,10 +63,21 @@ class FrictionMemory final : public EffectOf<FrictionMemory> {
   }
 
   unsigned hooks() const override { return hook::coefficients; }
-  void shape(Structure& structure) const override { structure.kinetics = Kinetics::relaxing; }
+  void shape(Structure& structure) const override {
+    structure.kinetics = Kinetics::relaxing;
+    structure.two_processes = true;
+  }
+  // The slow process's theta; the rig moves it together with the contact.
+  int state_count() const override { return 1; }
+  StateSize state_size(int /*index*/, std::span<const double> /*p*/,
+                       const Scales& /*scales*/) const override {
+    return {0.7, 0.0};
+  }
   template <class T>
   void set_coefficients(Coefficients<T>& c, const T* p) const {
     c.rate = p[0];
+    c.rate_spread = p[1];
+    if (c.rate_spread > 0.8) c.rate_spread = T(0.8);
   }
 };
 

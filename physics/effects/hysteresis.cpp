@@ -16,14 +16,16 @@ constexpr std::array parameters = {
                   .low = 0.1,
                   .high = 10000000.0,
                   .positive = true,
-                  .fixed_default = std::nullopt},
+                  .fixed_default = std::nullopt,
+                  .formula_doubt = 0.15},
     ParameterCard{.name = "slip_force_n",
                   .unit = "N",
                   .meaning = "force at which it slips",
                   .low = 0.001,
                   .high = 10000.0,
                   .positive = true,
-                  .fixed_default = std::nullopt},
+                  .fixed_default = std::nullopt,
+                  .formula_doubt = 0.25},
     ParameterCard{.name = "loop_shape",
                   .unit = "1",
                   .meaning = "0: slips alike in loading and unloading; below -1: does not slip in "
@@ -32,6 +34,15 @@ constexpr std::array parameters = {
                   .high = 2.0,
                   .positive = false,
                   .fixed_default = 0.0,
+                  .estimated = true},
+    ParameterCard{.name = "sharpness",
+                  .unit = "1",
+                  .meaning = "1: yields softly from the beginning; more: like a spring until it "
+                             "slips (Bouc and Wen's exponent)",
+                  .low = 0.5,
+                  .high = 10.0,
+                  .positive = true,
+                  .fixed_default = 1.0,
                   .estimated = true}};
 constexpr std::array<std::string_view, 3> rivals = {"contact_compliance", "dry_friction",
                                                     "bias_force"};
@@ -44,7 +55,8 @@ constexpr Card entry = {
         "hysteretic.",
     .equation =
         "h added to the restoring force, "
-        "h' = stiffness_n_m (v - (abs(v) h + loop_shape v abs(h)) / slip_force_n)",
+        "h' = stiffness_n_m (v - (abs(v) r + loop_shape v abs(r)) abs(r)^(sharpness - 1)), "
+        "r = h / slip_force_n",
     .parameters = parameters,
     .experiment = "slow loading loops of several sizes: the loops do not shrink with the speed",
     .rivals = rivals,
@@ -60,10 +72,10 @@ class Hysteresis final : public EffectOf<Hysteresis> {
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
     const double k = std::max(scales.stiffness_n_m, scales.force_n / scales.displacement_m);
     const double f = k * scales.displacement_m;
-    return {{0.3 * k, 0.1 * f, 0.0},
-            {0.3 * k, 0.4 * f, 0.0},
-            {2.0 * k, 0.1 * f, 0.0},
-            {0.3 * k, 0.2 * f, -1.0}};
+    return {{0.3 * k, 0.1 * f, 0.0, 1.5},
+            {0.3 * k, 0.4 * f, 0.0, 1.5},
+            {2.0 * k, 0.1 * f, 0.0, 1.0},
+            {0.3 * k, 0.2 * f, -1.0, 1.0}};
   }
   std::string statement(std::span<const double> p) const override {
     return "The structure is hysteretic: part of its spring, " + number_text(p[0]) +
@@ -86,14 +98,20 @@ class Hysteresis final : public EffectOf<Hysteresis> {
   template <class T>
   void rates_of(T* rate, const Instant<T>& at, const T* p, const T* s) const {
     using std::abs;
-    rate[0] = p[0] * (at.v - (abs(at.v) * s[0] + p[2] * at.v * abs(s[0])) / p[1]);
+    using std::pow;
+    const T share = s[0] / p[1];
+    T yields = abs(at.v) * share + p[2] * at.v * abs(share);
+    // 1e-6: the power has no derivative where the spring is not bent.
+    yields = yields * pow(share * share + 1.0e-6, 0.5 * (p[3] - 1.0));
+    rate[0] = p[0] * (at.v - yields);
   }
   // A stiff spring slips within less than a step; its force never exceeds what it slips at, where
   // it does slip in loading.
   template <class T>
   void confine_of(T* s, const T* p) const {
+    using std::pow;
     if (!(value_of(p[2]) > -0.9)) return;
-    const T most = p[1] / (1.0 + p[2]);
+    const T most = p[1] * pow(1.0 / (1.0 + p[2]), 1.0 / p[3]);
     if (s[0] > most) s[0] = most;
     if (s[0] < -most) s[0] = -most;
   }

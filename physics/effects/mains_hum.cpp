@@ -8,6 +8,17 @@
 namespace stickslip::physics {
 namespace {
 
+// How the amplitude wanders: harmonics of the duration of the recording, relative to the mean.
+constexpr ParameterCard wander(std::string_view name) {
+  return {.name = name,
+          .unit = "1",
+          .meaning = "how the amplitude wanders: a harmonic of the recording's duration",
+          .low = -1.0,
+          .high = 1.0,
+          .fixed_default = 0.0,
+          .estimated = true};
+}
+
 constexpr std::array parameters = {
     ParameterCard{.name = "frequency_hz",
                   .unit = "Hz",
@@ -30,14 +41,32 @@ constexpr std::array parameters = {
                   .low = -6.3,
                   .high = 6.3,
                   .positive = false,
-                  .fixed_default = std::nullopt}};
+                  .fixed_default = std::nullopt},
+    wander("wander_cos_1"),
+    wander("wander_sin_1"),
+    wander("wander_cos_2"),
+    wander("wander_sin_2"),
+    wander("wander_cos_3"),
+    wander("wander_sin_3"),
+    wander("wander_cos_4"),
+    wander("wander_sin_4"),
+    ParameterCard{.name = "wander_over_s",
+                  .unit = "s",
+                  .meaning = "duration that the wander's harmonics belong to",
+                  .low = 1.0e-3,
+                  .high = 1.0e6,
+                  .positive = true,
+                  .fixed_default = 30.0}};
 constexpr std::array<std::string_view, 2> rivals = {"ambient_vibration", "second_mode"};
 constexpr Card entry = {
     .id = "mains_hum",
     .relation = Relation::sensor,
     .name = "mains hum",
     .sentence = "A sine of the line frequency rides on one channel.",
-    .equation = "reading + amplitude sin(2 pi frequency_hz t + phase_rad)",
+    .equation =
+        "reading + amplitude (1 + w(t)) sin(2 pi frequency_hz t + phase_rad); w, of mean 0, is "
+        "made "
+        "of four harmonics of the recording's duration",
     .parameters = parameters,
     .experiment = "a recording with the rig at rest",
     .rivals = rivals,
@@ -55,10 +84,15 @@ class MainsHum final : public EffectOf<MainsHum> {
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
     const Line& line = scales.channel.line;
     if (!(line.amplitude > 0.0)) return {};
-    return {{line.frequency_hz, line.amplitude, line.phase_rad}};
+    return {{line.frequency_hz, line.amplitude, line.phase_rad, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+             0.0, scales.duration_s}};
   }
   std::string statement(std::span<const double> p) const override {
+    double square = 0.0;
+    for (std::size_t i = 3; i < 11; ++i) square += 0.5 * p[i] * p[i];
+    const double wanders = std::sqrt(square);
     return "A hum of " + number_text(p[0]) + " Hz with an amplitude of " + number_text(p[1]) +
+           (wanders > 0.02 ? ", which wanders by " + number_text(100.0 * wanders) + " %," : "") +
            " rides on the channel.";
   }
 
@@ -69,6 +103,8 @@ class MainsHum final : public EffectOf<MainsHum> {
     law.hum_frequency_hz = p[0];
     law.hum_amplitude = p[1];
     law.hum_phase_rad = p[2];
+    for (std::size_t i = 0; i < law.hum_wander.size(); ++i) law.hum_wander[i] = p[3 + i];
+    law.hum_wander_over_s = value_of(p[3 + law.hum_wander.size()]);
     laws.wrong = true;
   }
 };

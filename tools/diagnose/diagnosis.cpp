@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 #include <random>
+#include <span>
 
 #include "physics/effects/catalogue.h"
 #include "physics/problem.h"
@@ -38,14 +39,24 @@ constexpr std::size_t unlisted_finalists = 2;  // beside them
 // What the contract lists, and a formula rather than a drawn shape, is preferred to what is not as
 // long as it gains nearly as much: a shape that may bend anywhere can imitate most of the others.
 constexpr double nearly_as_much = 0.85;
+// A law with a parameter or a hidden state more can always imitate the one that lacks it: it has to
+// gain at least this share more.
+constexpr double no_clear_gain = 0.15;
+// Two that are listed, and that explain the recording, are preferred to a drawn shape as long as
+// they gain this share of what it gains.
+constexpr double two_for_a_shape = 0.6;
 // Every candidate is first fitted roughly: on so many windows spread over the recording, in so many
 // iterations, with longer steps.
 constexpr std::size_t rough_windows = 20;
 constexpr int glance_iterations = 1;
 constexpr std::size_t looked_at_again = 16;
-constexpr int rough_iterations = 5;
-// A finalist whose cost is this many times that of the best so far is not fitted to its end.
+constexpr int rough_iterations = 2;
+constexpr std::size_t looked_at_thrice = 9;  // of those the best, until they have settled
+constexpr int settling_iterations = 4;
+// A finalist whose cost is this many times that of the best is not fitted to its end.
 constexpr double hopeless = 3.0;
+// A single effect that takes this share of what is unexplained imitates no pair.
+constexpr double nearly_all = 0.95;
 // No more is looked for once held-out chi-squared is this close to what noise alone gives.
 constexpr double at_the_floor = 1.1;
 
@@ -107,6 +118,7 @@ HeldOut held_out_of(const Task& task, const Hypothesis& hypothesis, std::span<co
   FitOptions states_only;
   states_only.parameters_free = false;
   states_only.iterations = 12;
+  states_only.tolerance = 1.0e-3;
   const Fit fitted = fit_states(task, hypothesis, z, states_only);
   HeldOut out;
   out.chi2 = fitted.chi2_per_sample();
@@ -225,11 +237,16 @@ Fit fit_in_stages(const Task& task, const Hypothesis& hypothesis, const std::vec
   return fit(task, hypothesis, first.z, first.state, all);
 }
 
-// One for a parameter, two for a hidden state that every window starts free, and three for physics
-// that nobody has found worth a name.
+// One for a parameter that the physics is not there without, two for a hidden state that every
+// window starts free, and three for physics that nobody has found worth a name.
 double complexity(const Candidate& candidate) {
-  return 2.0 * candidate.fitted.states_per_window +
-         static_cast<double>(candidate.hypothesis->unknowns().size()) +
+  double parameters = 0.0;
+  for (const physics::Term& term : candidate.hypothesis->model().terms) {
+    for (const physics::ParameterCard& card : physics::find_effect(term.id)->card().parameters) {
+      if (!card.fixed_default) parameters += 1.0;
+    }
+  }
+  return 2.0 * candidate.fitted.states_per_window + parameters +
          (candidate.suspect.effect == nullptr || candidate.suspect.effect->card().depends_on.empty()
               ? 0.0
               : 3.0);
@@ -316,6 +333,23 @@ std::vector<double> probabilities(const std::vector<Candidate>& candidates, std:
   return weight;
 }
 
+// The parameters of the candidate's own effect, in the order of its card.
+std::vector<double> by_card_of(const Candidate& candidate) {
+  const physics::Term term{std::string(candidate.suspect.effect->card().id),
+                           candidate.suspect.place.channel,
+                           {},
+                           candidate.suspect.place.from};
+  const auto values = candidate.hypothesis->parameters(candidate.fitted.z);
+  const auto& paths = candidate.hypothesis->rig().parameter_paths();
+  std::vector<double> by_card;
+  for (const physics::ParameterCard& card : candidate.suspect.effect->card().parameters) {
+    const auto at = std::find(paths.begin(), paths.end(),
+                              physics::path_of(term) + "." + std::string(card.name));
+    by_card.push_back(values[static_cast<std::size_t>(at - paths.begin())]);
+  }
+  return by_card;
+}
+
 Finding finding_of(const Candidate& candidate, const Fit& fitted, double inflation) {
   Finding finding;
   finding.effect = candidate.suspect.effect;
@@ -391,6 +425,8 @@ class Search {
     look_for_hints();
     while (claims_.size() < most_findings && add_one()) {
     }
+    while (claims_.size() > 1 && drop_one()) {
+    }
   }
 
   const Candidate& null() const { return null_; }
@@ -428,11 +464,28 @@ class Search {
     hints_ = hints_of(whole, *current_.hypothesis, fitted);
   }
 
+  // Once a fit has come near the estimated noise, what is left over tells of the hypothesis and no
+  // longer of the estimate: the last steps are taken in units of the noise itself.
+  void trust_the_estimate(Task& task, Candidate& candidate, const FitOptions& options) const {
+    constexpr double near = 3.0;
+    const auto noise = noise_sigma(experiments_);
+    bool changed = false;
+    for (std::size_t c = 0; c < predicted_channels; ++c) {
+      if (task.sigma[c] > near * noise[c]) return;
+      changed = changed || task.sigma[c] > noise[c];
+    }
+    if (!changed) return;
+    task.sigma = noise;
+    candidate.fitted =
+        fit(task, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state, options);
+  }
+
   // The fit brought to its end with weights that suit it, and scored.
   void settle(Candidate& candidate) {
     reweigh(train_, *candidate.hypothesis, candidate.fitted);
     candidate.fitted =
         fit(train_, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state);
+    trust_the_estimate(train_, candidate, {});
     candidate.held_out = held_out_of(held_, *candidate.hypothesis, candidate.fitted.z);
   }
 
@@ -490,7 +543,7 @@ class Search {
     glance.rescue = false;
     for (const auto& start : suspect.effect->starts(scales)) {
       const Hypothesis hypothesis =
-          base.hypothesis->with(*suspect.effect, suspect.place, start, fixed);
+          base.hypothesis->with(*suspect.effect, suspect.place, start, fixed, Detail::coarse);
       const auto points = starting_points(base, hypothesis);
       for (std::size_t i = 0; i < points.size(); ++i) {
         // From the declared values the windows start anew too.
@@ -507,11 +560,23 @@ class Search {
     return best;
   }
 
-  // The same, fitted as well as those windows allow; the other windows start from where `base` had
-  // them.
-  void look_again(const Candidate& base, const Few& few, Candidate& candidate) const {
+  // The same, fitted about as well as those windows allow.
+  static void look_again(const Few& few, Candidate& candidate) {
     candidate.fitted = fit_in_stages(few.task, *candidate.hypothesis, candidate.fitted.z,
                                      candidate.fitted.state, rough_iterations);
+  }
+  static void let_settle(const Few& few, Candidate& candidate) {
+    FitOptions more;
+    more.iterations = settling_iterations;
+    more.tolerance = 1.0e-2;
+    more.rescue = false;
+    more.covariance = false;
+    candidate.fitted =
+        fit(few.task, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state, more);
+  }
+
+  // The windows that were not among the few start from where `base` had them.
+  void spread_out(const Candidate& base, const Few& few, Candidate& candidate) const {
     std::vector<WindowState> states =
         carried(base.fitted.state, train_, *base.hypothesis, *candidate.hypothesis);
     for (std::size_t i = 0; i < few.window.size(); ++i) {
@@ -547,44 +612,64 @@ class Search {
     candidates.erase(candidates.begin() + static_cast<std::ptrdiff_t>(kept), candidates.end());
     say("trying the best again", 0.5 * (share_begin + share_end));
     parallel::for_each(candidates.size(), options_.threads,
-                       [&](std::size_t i) { look_again(base, few, candidates[i]); });
+                       [&](std::size_t i) { look_again(few, candidates[i]); });
     std::stable_sort(candidates.begin(), candidates.end(), cheaper);
+    parallel::for_each(std::min(looked_at_thrice, candidates.size()), options_.threads,
+                       [&](std::size_t i) { let_settle(few, candidates[i]); });
+    std::stable_sort(candidates.begin(), candidates.end(), cheaper);
+    for (Candidate& each : candidates) spread_out(base, few, each);
     return candidates;
   }
 
-  // Fits a candidate to the end with weights of its own, and scores it against the current model.
-  // `least_cost`: of those finished before it, kept up to date.
-  void finish(Candidate& candidate, double& least_cost) {
-    Task own = train_;
+  // Fits candidates with weights of their own, those that are not hopeless to the end, and scores
+  // them against the current model.
+  void finish(std::span<Candidate> candidates) {
     FitOptions few;
     few.iterations = 4;
     few.tolerance = 1.0e-2;
     few.rescue = false;
-    candidate.fitted =
-        fit(own, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state, few);
-    least_cost = std::min(least_cost, candidate.fitted.cost);
-    if (candidate.fitted.cost <= hopeless * least_cost) {
-      own.base_response =
-          base_response_of(own, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state);
-      reweigh(own, *candidate.hypothesis, candidate.fitted);
-      FitOptions to_the_end;
-      to_the_end.tolerance = 1.0e-3;
-      to_the_end.iterations = 8;
-      candidate.fitted =
-          fit(own, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state, to_the_end);
+    few.covariance = false;
+    double least_cost = std::numeric_limits<double>::infinity();
+    for (Candidate& each : candidates) {
+      each.fitted = fit(train_, *each.hypothesis, each.fitted.z, each.fitted.state, few);
+      // What follows a recording more closely than its noise lets it is no better for it.
+      const double samples =
+          std::accumulate(each.fitted.count.begin(), each.fitted.count.end(), 0.0);
+      least_cost = std::min(least_cost, std::max(each.fitted.cost, samples));
     }
-    candidate.held_out = held_out_of(held_, *candidate.hypothesis, candidate.fitted.z);
-    candidate.z = gain_z(current_.held_out, candidate.held_out);
+    for (Candidate& each : candidates) {
+      if (each.fitted.cost <= hopeless * least_cost) fit_to_the_end(each);
+      each.held_out = held_out_of(held_, *each.hypothesis, each.fitted.z);
+      each.z = gain_z(current_.held_out, each.held_out);
+    }
   }
 
+  void fit_to_the_end(Candidate& candidate) const {
+    Task own = train_;
+    const Hypothesis refined = candidate.hypothesis->refined();
+    candidate.hypothesis.emplace(refined);
+    candidate.fitted.z.resize(refined.unknowns().size(), 0.0);
+    own.base_response =
+        base_response_of(own, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state);
+    reweigh(own, *candidate.hypothesis, candidate.fitted);
+    FitOptions options;
+    options.tolerance = 1.0e-3;
+    options.iterations = 8;
+    candidate.fitted =
+        fit(own, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state, options);
+    options.rescue = false;
+    trust_the_estimate(own, candidate, options);
+  }
+
+  bool is_gain(const HeldOut& before, const HeldOut& after) const {
+    const double excess = std::max(before.chi2 - 1.0, 1.0);
+    const double share = after.chi2 <= limit_ ? claim_share_explained : claim_share_unexplained;
+    const bool certain = gain_z(before, after) > claim_z ||
+                         (noise_is_declared(experiments_) && gain_is_plain(before, after));
+    return certain && before.chi2 - after.chi2 > share * excess;
+  }
   bool is_claimed(const Candidate& candidate) const {
-    const double excess = std::max(current_.held_out.chi2 - 1.0, 1.0);
-    const double share =
-        candidate.held_out.chi2 <= limit_ ? claim_share_explained : claim_share_unexplained;
-    const bool certain =
-        candidate.z > claim_z ||
-        (noise_is_declared(experiments_) && gain_is_plain(current_.held_out, candidate.held_out));
-    return certain && current_.held_out.chi2 - candidate.held_out.chi2 > share * excess;
+    return is_gain(current_.held_out, candidate.held_out);
   }
 
   // Most probable first. A law with a parameter or a hidden state more can always imitate its
@@ -609,7 +694,7 @@ class Search {
       if (are_rivals(best.suspect, candidates[k].suspect) &&
           complexity(candidates[k]) < complexity(candidates[chosen]) &&
           gain_z(candidates[k].held_out, best.held_out) < claim_z &&
-          total_loss(candidates[k]) - total_loss(best) < 0.15 * gain) {
+          total_loss(candidates[k]) - total_loss(best) < no_clear_gain * gain) {
         chosen = k;
       }
     }
@@ -643,8 +728,7 @@ class Search {
   }
 
   bool add_one() {
-    if (noise_is_declared(experiments_) && !claims_.empty() &&
-        current_.held_out.chi2 < at_the_floor) {
+    if (!claims_.empty() && current_.held_out.chi2 < at_the_floor) {
       return false;
     }
     std::vector<Candidate> rough = all_tried(current_, 0.0, 0.5);
@@ -658,9 +742,8 @@ class Search {
       }
     }
     say("scoring on held-out data", 0.55);
-    double least_cost = std::numeric_limits<double>::infinity();
-    for (Candidate& candidate : candidates) {
-      finish(candidate, least_cost);
+    finish(candidates);
+    for (const Candidate& candidate : candidates) {
       trials_.push_back({candidate.suspect.name(), static_cast<int>(claims_.size()),
                          candidate.held_out.chi2, candidate.z});
     }
@@ -672,7 +755,13 @@ class Search {
       for (const Candidate& each : candidates) {
         if (tier(each.suspect) == 0) named.push_back(each);
       }
-      if (!named.empty() && add_pair(named, true)) return true;
+      // A formula that nobody listed is as simple as two names; a drawn shape is not.
+      const double best = total_loss(candidates.front());
+      const double gain = total_loss(current_) - best;
+      const double enough = tier(candidates.front().suspect) > 1
+                                ? total_loss(current_) - two_for_a_shape * gain
+                                : best;
+      if (!named.empty() && add_pair(named, std::max(enough, best + claim_nats))) return true;
     }
     // What is explained needs no physics that nobody has named.
     const bool needless = !claims_.empty() && current_.held_out.chi2 <= limit_ &&
@@ -680,8 +769,9 @@ class Search {
     if (!needless && is_claimed(candidates.front())) {
       // Where no single effect explains the recording, two together are looked for before the best
       // of the single ones is believed: it may only imitate them.
-      if (claims_.empty() && candidates.front().held_out.chi2 > limit_ &&
-          add_pair(candidates, true)) {
+      const double left = (candidates.front().held_out.chi2 - 1.0) / (null_.held_out.chi2 - 1.0);
+      if (claims_.empty() && candidates.front().held_out.chi2 > limit_ && left > 1.0 - nearly_all &&
+          add_pair(candidates, total_loss(candidates.front()))) {
         return true;
       }
       const Candidate winner = candidates.front();
@@ -689,13 +779,68 @@ class Search {
       return true;
     }
     if (current_.held_out.chi2 <= limit_ || !claims_.empty()) return false;
-    return add_pair(candidates, false);
+    return add_pair(candidates, std::nullopt);
+  }
+
+  // The declared model with all that was claimed but one, from where the fit stands; nothing where
+  // the others cannot be without it.
+  std::optional<Candidate> without(std::size_t dropped) const {
+    Candidate candidate;
+    candidate.suspect = claims_[dropped == 0 ? 1 : 0].suspect;
+    candidate.hypothesis.emplace(*null_.hypothesis);
+    const physics::Model model = current_.hypothesis->model_at(current_.fitted.z);
+    const std::size_t first_term = model.terms.size() - claims_.size();
+    for (std::size_t i = 0; i < claims_.size(); ++i) {
+      if (i == dropped) continue;
+      const Suspect& suspect = claims_[i].suspect;
+      if (!physics::can_be_missing(*suspect.effect, candidate.hypothesis->model(), suspect.place)) {
+        return std::nullopt;
+      }
+      std::vector<double> values;
+      for (const physics::ParameterCard& card : suspect.effect->card().parameters) {
+        values.push_back(model.terms[first_term + i].parameters.at(std::string(card.name)).value);
+      }
+      const Hypothesis longer =
+          candidate.hypothesis->with(*suspect.effect, suspect.place, values, {});
+      candidate.hypothesis.emplace(longer);
+    }
+    candidate.fitted.z.assign(candidate.hypothesis->unknowns().size(), 0.0);
+    std::size_t to = 0;
+    for (std::size_t u = 0; u < current_.fitted.z.size(); ++u) {
+      if (current_.hypothesis->unknowns()[u].of_model)
+        candidate.fitted.z[to++] = current_.fitted.z[u];
+    }
+    candidate.fitted.state = guessed_states(train_, *candidate.hypothesis);
+    return candidate;
+  }
+
+  // An effect that was claimed first may have stood in for what was found after it: whatever is not
+  // needed beside the others goes.
+  bool drop_one() {
+    say("trying to do without", 0.9);
+    for (std::size_t i = 0; i < claims_.size(); ++i) {
+      std::optional<Candidate> rest = without(i);
+      if (!rest) continue;
+      finish({&*rest, 1});
+      if (is_gain(rest->held_out, current_.held_out)) continue;
+      claims_.erase(claims_.begin() + static_cast<std::ptrdiff_t>(i));
+      current_ = std::move(*rest);
+      train_.base_response =
+          base_response_of(train_, *current_.hypothesis, current_.fitted.z, current_.fitted.state);
+      settle(current_);
+      claims_.front().chi2_before = null_.held_out.chi2;
+      claims_.back().chi2_after = current_.held_out.chi2;
+      return true;
+    }
+    return false;
   }
 
   // Two effects that each gain little alone may explain much together: friction, say, and a
   // constant force that hides it in one direction.
-  // `must_explain`: only two that explain the recording are claimed, the second a listed one.
-  bool add_pair(const std::vector<Candidate>& firsts, bool must_explain) {
+  // `largest_loss`: only two that explain the recording, and that lose no more than this on
+  // held-out data, are claimed; the second is a listed one.
+  bool add_pair(const std::vector<Candidate>& firsts, std::optional<double> largest_loss) {
+    const bool must_explain = largest_loss.has_value();
     std::vector<Candidate> pairs;  // the best for each first effect, by that effect's name
     std::vector<std::vector<Candidate>> seconds;  // what each was chosen from
     std::vector<std::vector<Candidate>> others;   // and what came next to those, roughly fitted
@@ -709,8 +854,7 @@ class Search {
       if (best_two.size() > looked_at) {
         best_two.erase(best_two.begin() + looked_at, best_two.end());
       }
-      double least_cost = std::numeric_limits<double>::infinity();
-      for (Candidate& second : best_two) finish(second, least_cost);
+      finish(best_two);
       rank(best_two);
       pairs.push_back(best_two.front());
       pairs.back().suspect = firsts[i].suspect;
@@ -727,16 +871,26 @@ class Search {
     for (std::size_t i = 1; i < pairs.size(); ++i) {
       if (total_loss(pairs[i]) < total_loss(pairs[best])) best = i;
     }
+    // As among single effects: what begins simpler stands as long as the other is not clearly
+    // better.
+    const auto first_of = [&](const Candidate& pair) -> const Candidate& {
+      return *std::find_if(firsts.begin(), firsts.end(),
+                           [&](const Candidate& c) { return c.suspect == pair.suspect; });
+    };
+    const std::size_t lowest = best;
+    const double gain = total_loss(current_) - total_loss(pairs[lowest]);
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+      if (are_rivals(pairs[i].suspect, pairs[lowest].suspect) &&
+          complexity(first_of(pairs[i])) < complexity(first_of(pairs[best])) &&
+          gain_z(pairs[i].held_out, pairs[lowest].held_out) < claim_z &&
+          total_loss(pairs[i]) - total_loss(pairs[lowest]) < no_clear_gain * gain) {
+        best = i;
+      }
+    }
     // Beside the first that won, the second meets as many rivals as if it had been looked for
     // alone.
-    double least_cost = std::numeric_limits<double>::infinity();
-    for (const Candidate& second : seconds[best]) {
-      least_cost = std::min(least_cost, second.fitted.cost);
-    }
-    for (Candidate& other : others[best]) {
-      finish(other, least_cost);
-      seconds[best].push_back(std::move(other));
-    }
+    finish(others[best]);
+    for (Candidate& other : others[best]) seconds[best].push_back(std::move(other));
     rank(seconds[best]);
     for (const Candidate& second : seconds[best]) {
       trials_.push_back({pairs[best].suspect.name() + " + " + second.suspect.name(),
@@ -744,7 +898,9 @@ class Search {
     }
     const Candidate winner = seconds[best].front();
     if (!is_claimed(winner)) return false;
-    if (must_explain && winner.held_out.chi2 > limit_) return false;
+    if (must_explain && (winner.held_out.chi2 > limit_ || total_loss(winner) > *largest_loss)) {
+      return false;
+    }
     const auto alone = std::find_if(firsts.begin(), firsts.end(), [&](const Candidate& c) {
       return c.suspect == pairs[best].suspect;
     });
@@ -787,18 +943,59 @@ std::vector<Finding> findings_of(const Search& search, std::uint64_t seed) {
     Finding finding = finding_of(named, result.fitted, inflation);
     finding.chi2_before = claim.chi2_before;
     finding.chi2_after = claim.chi2_after;
-    const auto weight = probabilities(claim.rivals, seed + findings.size());
+    auto weight = probabilities(claim.rivals, seed + findings.size());
+    // What stands first although another predicts better stands there because we believe that
+    // simple physics, and physics that has a name, is more probable before any data: it is given
+    // half of what those got that it was preferred to.
+    for (std::size_t k = 1; k < weight.size(); ++k) {
+      if (weight[k] <= weight.front()) continue;
+      const double half = 0.5 * weight[k];
+      weight[k] -= half;
+      weight.front() += half;
+    }
     finding.probability = weight.front();
     for (std::size_t k = 1; k < weight.size(); ++k) {
       if (weight[k] < 0.005) continue;
       finding.alternatives.push_back({claim.rivals[k].suspect, weight[k]});
     }
+    const auto own = by_card_of(named);
+    const Experiment& first = search.held().experiments.front();
+    const auto value_of = [&](std::string_view name) -> std::optional<double> {
+      const auto cards = finding.effect->card().parameters;
+      for (std::size_t i = 0; i < cards.size(); ++i) {
+        if (cards[i].name == name) return own[i];
+      }
+      return std::nullopt;
+    };
+    const auto begin_s = value_of("begin_s");
+    const auto end_s = value_of("end_s");
+    if (begin_s && end_s) {
+      const double last_s = first.period_s * static_cast<double>(first.samples);
+      finding.when_s = {first.start_s + std::clamp(*begin_s, 0.0, last_s),
+                        first.start_s + std::clamp(*end_s, 0.0, last_s)};
+    }
+    finding.shape = shape_of(*finding.effect, own, first);
     if (finding.probability < 0.95 && !finding.alternatives.empty()) {
       finding.separating_experiment = std::string(finding.effect->card().experiment);
     }
     findings.push_back(std::move(finding));
   }
   return findings;
+}
+
+Evidence evidence_of(const Search& search, const std::vector<Experiment>& experiments,
+                     int threads) {
+  Task whole = task_for(experiments, false, threads);
+  const Task held = task_for(experiments, true, threads);
+  whole.windows.insert(whole.windows.end(), held.windows.begin(), held.windows.end());
+  FitOptions few;
+  few.iterations = 8;
+  const Candidate& null = search.null();
+  const Candidate& result = search.result();
+  const Fit before = fit_states(whole, *null.hypothesis, null.fitted.z, few);
+  const Fit after = fit_states(whole, *result.hypothesis, result.fitted.z, few);
+  return evidence_of(whole, {&*null.hypothesis, before.z, &before.state},
+                     {&*result.hypothesis, after.z, &after.state});
 }
 
 // Where the declared model fails, in units of the noise, whatever the weights of its fit were.
@@ -888,8 +1085,14 @@ Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Mod
   out.verdict = !explained
                     ? Verdict::unexplained
                     : (out.findings.empty() ? Verdict::consistent : Verdict::missing_physics);
-  if (out.verdict != Verdict::consistent) out.location = location_of(search, experiments);
+  if (out.verdict != Verdict::consistent) {
+    out.location = location_of(search, experiments);
+    if (!out.findings.empty() && out.findings.front().when_s) {
+      out.location->when_s = {*out.findings.front().when_s};
+    }
+  }
 
+  if (options.evidence) out.evidence = evidence_of(search, experiments, options.threads);
   out.model = result.hypothesis->model_at(result.fitted.z);
   const auto& unknowns = result.hypothesis->unknowns();
   const auto& paths = result.hypothesis->rig().parameter_paths();

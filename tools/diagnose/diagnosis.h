@@ -13,6 +13,7 @@
 #include "physics/effects/effect.h"
 #include "physics/model.h"
 #include "protocol/recording.h"
+#include "tools/diagnose/evidence.h"
 #include "tools/diagnose/score.h"
 #include "tools/diagnose/suspects.h"
 
@@ -42,9 +43,11 @@ struct Finding {
   physics::Place place;
   std::string statement;
   std::vector<Estimate> parameters;
-  double probability = 0.0;  ///< relative to the alternatives tried
+  std::optional<std::pair<double, double>> when_s;  ///< what does not last: from, to
+  double probability = 0.0;                         ///< relative to the alternatives tried
   std::vector<Alternative> alternatives;
   std::optional<std::string> separating_experiment;
+  std::vector<Curve> shape;  ///< as it was fitted, over the range of the recording
   double chi2_before = 0.0;  ///< held-out, before this finding and with it
   double chi2_after = 0.0;
 };
@@ -85,6 +88,7 @@ struct Diagnosis {
   std::vector<Channel> noise_estimated;  ///< not declared by the model
   physics::Model model;                  ///< calibrated, with a term for every finding
   std::vector<Trial> trials;
+  std::optional<Evidence> evidence;  ///< where it was asked for
   std::size_t fitted_windows = 0;
   std::size_t heldout_windows = 0;
 };
@@ -93,6 +97,7 @@ struct Options {
   std::uint64_t seed = 1;
   int threads = 1;
   std::optional<double> horizon_s;
+  bool evidence = false;  ///< whether what a report draws is wanted
   /// Told what is being done, and how far it is in [0, 1]; may be empty.
   std::function<void(const std::string& what, double done)> progress;
 };

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "physics/effects/catalogue.h"
+
 namespace stickslip::diagnosis {
 
 using physics::Model;
@@ -14,6 +16,18 @@ namespace {
 double admissible(const Unknown& unknown, double value) {
   return unknown.of_model && unknown.centre > 0.0 ? std::max(value, 1.0e-3 * unknown.centre)
                                                   : value;
+}
+
+Unknown unknown_for(const physics::ParameterCard& card, std::size_t parameter, double centre) {
+  Unknown unknown;
+  unknown.parameter = parameter;
+  unknown.centre = centre;
+  if (card.positive) {
+    unknown.logarithmic = true;
+    // A factor of 50 either way: keeps what cannot be seen from running off.
+    unknown.prior_sigma = 4.0;
+  }
+  return unknown;
 }
 
 }  // namespace
@@ -33,7 +47,8 @@ Hypothesis::Hypothesis(Model model, std::vector<Unknown> of_terms)
 }
 
 Hypothesis Hypothesis::with(const physics::Effect& effect, const physics::Place& place,
-                            std::span<const double> start, std::span<const double> fixed) const {
+                            std::span<const double> start, std::span<const double> fixed,
+                            Detail detail) const {
   Model model = model_;
   physics::Term term;
   term.id = effect.card().id;
@@ -58,19 +73,35 @@ Hypothesis Hypothesis::with(const physics::Effect& effect, const physics::Place&
   }
   const auto named = physics::parameters_of(model);
   for (const physics::ParameterCard& card : effect.card().parameters) {
-    if (card.fixed_default && !card.estimated) continue;
+    if (card.fixed_default && (!card.estimated || detail == Detail::coarse)) continue;
     const std::string path = physics::path_of(term) + "." + std::string(card.name);
     const auto at = std::find_if(named.begin(), named.end(),
                                  [&](const auto& each) { return each.path == path; });
-    Unknown unknown;
-    unknown.parameter = static_cast<std::size_t>(at - named.begin());
-    unknown.centre = at->parameter->value;
-    if (card.positive) {
-      unknown.logarithmic = true;
-      unknown.prior_sigma =
-          4.0;  // a factor of 50 either way: keeps what cannot be seen from running off
+    of_terms.push_back(
+        unknown_for(card, static_cast<std::size_t>(at - named.begin()), at->parameter->value));
+  }
+  return {std::move(model), std::move(of_terms)};
+}
+
+Hypothesis Hypothesis::refined() const {
+  if (model_.terms.empty()) return *this;
+  Model model = model_;
+  const physics::Term& term = model.terms.back();
+  const auto named = physics::parameters_of(model);
+  std::vector<Unknown> of_terms;
+  for (const Unknown& unknown : unknowns_) {
+    if (!unknown.of_model) of_terms.push_back(unknown);
+  }
+  for (const physics::ParameterCard& card : physics::find_effect(term.id)->card().parameters) {
+    if (!card.fixed_default || !card.estimated) continue;
+    const std::string path = physics::path_of(term) + "." + std::string(card.name);
+    for (std::size_t i = 0; i < named.size(); ++i) {
+      const bool known = std::none_of(unknowns_.begin(), unknowns_.end(),
+                                      [i](const Unknown& u) { return u.parameter == i; });
+      if (named[i].path == path && known) {
+        of_terms.push_back(unknown_for(card, i, named[i].parameter->value));
+      }
     }
-    of_terms.push_back(unknown);
   }
   return {std::move(model), std::move(of_terms)};
 }

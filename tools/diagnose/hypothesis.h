@@ -23,6 +23,10 @@ struct Unknown {
   bool of_model = false;     ///< declared with a sigma, as opposed to a term on trial
 };
 
+/// Whether numbers that only refine the shape of an effect are unknowns from the beginning. A fit
+/// that starts far away does better to find the effect's size first.
+enum class Detail { coarse, all };
+
 /// A model and its unknowns. Immutable after it is made.
 class Hypothesis {
  public:
@@ -32,7 +36,11 @@ class Hypothesis {
   /// The same with `effect` added at `place`, its parameters starting at `start`: one of those that
   /// the effect names.
   Hypothesis with(const physics::Effect& effect, const physics::Place& place,
-                  std::span<const double> start, std::span<const double> fixed) const;
+                  std::span<const double> start, std::span<const double> fixed,
+                  Detail detail = Detail::all) const;
+
+  /// The same with the refinements of the last term as unknowns too, after those that it has.
+  Hypothesis refined() const;
 
   const physics::Model& model() const { return model_; }
   const physics::Rig& rig() const { return rig_; }

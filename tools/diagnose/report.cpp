@@ -57,6 +57,17 @@ Json finding_json(const Finding& finding) {
     json["parameters"][estimate.name] = {{"value", estimate.value},
                                          {"ci95", Json::array({estimate.low, estimate.high})}};
   }
+  if (finding.when_s) json["when_s"] = Json::array({interval(*finding.when_s)});
+  if (!card.depends_on.empty()) {
+    json["shape"] = Json::array();
+    for (const Curve& curve : finding.shape) {
+      json["shape"].push_back({{"variable", curve.variable},
+                               {"unit", curve.unit},
+                               {"quantity", curve.quantity},
+                               {"at", curve.at},
+                               {"value", curve.value}});
+    }
+  }
   json["probability"] = finding.probability;
   json["alternatives"] = Json::array();
   for (const Alternative& each : finding.alternatives) {

@@ -1,6 +1,7 @@
 #include "tools/diagnose/suspects.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <numbers>
@@ -108,6 +109,19 @@ std::pair<std::size_t, std::size_t> densest(const std::vector<double>& value, do
     }
   }
   return best;
+}
+
+// Where most of the readings beyond half of the largest magnitude lie: at the limit of a channel
+// that saturates.
+double pile_of(const Experiment& e, std::size_t c, double largest) {
+  constexpr std::size_t bins = 50;
+  std::array<std::size_t, bins + 1> count{};
+  for (const auto& reading : e.reading) {
+    const double share = 2.0 * std::abs(reading[c]) / largest - 1.0;
+    if (share >= 0.0) ++count[static_cast<std::size_t>(share * bins)];
+  }
+  const auto most = std::max_element(count.begin(), count.end()) - count.begin();
+  return 0.5 * largest * (1.0 + (static_cast<double>(most) + 0.5) / bins);
 }
 
 }  // namespace
@@ -262,11 +276,13 @@ physics::Scales scales_of(std::span<const Experiment> experiments, const Hypothe
     const std::size_t c = index_of(*channel);
     out.spread = std::max(e.channel_std[c], 1.0e-15);
     out.largest = 3.0 * out.spread;
+    out.pile = out.largest;
     if (c < predicted_channels) {
       out.line = hints.line[c];
       double most = 0.0;
       for (const auto& reading : e.reading) most = std::max(most, std::abs(reading[c]));
       out.largest = std::max(most, 1.0e-15);
+      out.pile = pile_of(e, c, out.largest);
     }
     return out;
   };

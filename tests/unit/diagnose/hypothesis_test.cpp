@@ -78,5 +78,21 @@ TEST(Hypothesis, SlopeIsTheDerivativeOfTheValue) {
   }
 }
 
+TEST(Hypothesis, RefinementsAreFreedLaterAndStandAfterWhatWasThere) {
+  const auto* effect = physics::find_effect("hysteresis");
+  const std::vector<double> start = {5.0, 0.02, 0.3, 1.5};
+  const Hypothesis coarse = Hypothesis(driven_mass()).with(*effect, {}, start, {}, Detail::coarse);
+  ASSERT_EQ(coarse.unknowns().size(), 4U);  // two of the model, stiffness and slip force
+  const Hypothesis all = coarse.refined();
+  ASSERT_EQ(all.unknowns().size(), 6U);
+  for (std::size_t u = 0; u < 4; ++u) {
+    EXPECT_EQ(all.unknowns()[u].parameter, coarse.unknowns()[u].parameter);
+  }
+  // Where it stood, it stands.
+  EXPECT_EQ(all.model_at(std::vector<double>(6, 0.0)),
+            coarse.model_at(std::vector<double>(4, 0.0)));
+  EXPECT_EQ(all.refined().unknowns().size(), 6U);
+}
+
 }  // namespace
 }  // namespace stickslip::diagnosis

@@ -127,7 +127,7 @@ TEST_P(EveryEffect, StartsInsideItsRangesWithTheParametersToEstimate) {
                       .lowest_load_n = 0.1,
                       .highest_load_n = 0.2,
                       .frequencies_hz = {7.0, 37.0},
-                      .channel = {0.02, 0.01, {50.0, 1.0e-4, 0.3}},
+                      .channel = {0.02, 0.01, 0.018, {50.0, 1.0e-4, 0.3}},
                       .from = {},
                       .episodes_s = {{12.0, 17.0}}};
   std::size_t estimated = 0;

@@ -226,5 +226,33 @@ INSTANTIATE_TEST_SUITE_P(Laws, Derivatives,
                          testing::Values("", "friction_memory", "contact_compliance", "stribeck",
                                          "hysteresis"));
 
+TEST(FrictionMemory, WithASpreadIsTheSumOfTwoProcessesWithOneMeanLag) {
+  Model model;
+  model.oscillator.excitation = Excitation::imposed;
+  model.friction.law = FrictionLaw::coulomb;
+  model.friction.mu = {2.0};
+  model.friction.transition_speed_m_s = {1.0e-4};
+  model.terms.push_back({"friction_memory", {}, {{"gamma_per_s", {80.0}}, {"spread", {0.5}}}});
+  const Rig rig(model);
+  const auto numbers = rig.numbers<double>(rig.parameter_values());
+  RigState<double> now;
+  const double h = 1.0e-5;
+  double lag = 0.0;
+  for (int k = 0; k < 20000; ++k) {
+    Input begin;
+    begin.velocity_m_s = 0.1;
+    begin.displacement_m = 0.1 * h * k;
+    Input end = begin;
+    end.displacement_m += 0.1 * h;
+    rig.step(now, begin, end, h * k, h, numbers);
+    const double t = h * (k + 1);
+    const double expected =
+        1.0 - 0.75 * std::exp(-80.0 * 1.5 * t) - 0.25 * std::exp(-80.0 * 0.5 * t);
+    ASSERT_NEAR(now.friction, 2.0 * expected, 2.0e-3) << t;
+    lag += (1.0 - now.theta) * h;
+  }
+  EXPECT_NEAR(lag * 80.0, 1.0, 1.0e-2);
+}
+
 }  // namespace
 }  // namespace stickslip::physics
