@@ -23,6 +23,8 @@ void add_poincare(CLI::App& app, Action& action);
 void add_lyapunov(CLI::App& app, Action& action);
 void add_bifurcation(CLI::App& app, Action& action);
 void add_reduce(CLI::App& app, Action& action);
+void add_conceal(CLI::App& app, Action& action);
+void add_examine(CLI::App& app, Action& action);
 void add_figures(CLI::App& app, Action& action);
 
 }  // namespace stickslip::tools

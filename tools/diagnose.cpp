@@ -2,18 +2,22 @@
 
 #include <cstdio>
 #include <fstream>
+#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "config/model_file.h"
+#include "physics/effects/number_text.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "tools/command.h"
 #include "tools/diagnose/report.h"
+#include "tools/diagnose/report_html.h"
 #include "tools/option_checks.h"
 #include "tools/parallel/for_each.h"
+#include "tools/sha256.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -31,8 +35,31 @@ struct Arguments {
   double horizon_s = 0.0;
 };
 
+// What one must know to make the report again.
+diagnosis::Provenance provenance_of(const Arguments& arguments) {
+  diagnosis::Provenance out;
+  out.command = "stickslip diagnose";
+  std::vector<std::string> files = arguments.recordings;
+  files.push_back(arguments.model);
+  for (const std::string& name : files) {
+    std::ifstream in(name, std::ios::binary);
+    const std::string content{std::istreambuf_iterator<char>(in), {}};
+    out.files.push_back({name, sha256_of(content)});
+  }
+  for (const std::string& name : arguments.recordings) out.command += " " + name;
+  out.command += " --model " + arguments.model + " --seed " + std::to_string(arguments.seed);
+  if (arguments.horizon_s > 0.0) {
+    out.command += " --horizon " + physics::number_text(arguments.horizon_s);
+  }
+  out.command += " --html " + arguments.html;
+  out.version = STICKSLIP_VERSION;
+  out.seed = arguments.seed;
+  return out;
+}
+
 int run(const Arguments& arguments) {
   expect_writable(arguments.json);
+  expect_writable(arguments.html);
   expect_writable(arguments.write_model);
   const physics::Model model = config::load_model(arguments.model);
   std::vector<protocol::Recording> recordings;
@@ -43,6 +70,7 @@ int run(const Arguments& arguments) {
   options.seed = arguments.seed;
   options.threads = parallel::threads_for(arguments.jobs);
   if (arguments.horizon_s > 0.0) options.horizon_s = arguments.horizon_s;
+  options.evidence = !arguments.html.empty();
   const bool terminal = isatty(STDERR_FILENO) != 0;
   if (terminal) {
     options.progress = [](const std::string& what, double done) {
@@ -54,6 +82,9 @@ int run(const Arguments& arguments) {
   std::fputs(diagnosis::report_text(result).c_str(), stdout);
   if (!arguments.json.empty()) {
     write_file(arguments.json, diagnosis::report_json(result).dump(2) + "\n");
+  }
+  if (!arguments.html.empty()) {
+    write_file(arguments.html, diagnosis::report_html(result, provenance_of(arguments)));
   }
   if (!arguments.write_model.empty()) {
     write_file(arguments.write_model, config::model_text(result.model));
@@ -72,6 +103,8 @@ void add_diagnose(CLI::App& app, Action& action) {
       ->type_name("RECORDING");
   command->add_option("--model", arguments->model, "The model that is believed (TOML)")->required();
   command->add_option("--json", arguments->json, "Write the report as JSON");
+  command->add_option("--html", arguments->html,
+                      "Write the report as one page, with pictures of what was left over");
   command->add_option("--write-model", arguments->write_model,
                       "Write the calibrated model with the physics that was found");
   command->add_option("--seed", arguments->seed, "Seed of the bootstrap")

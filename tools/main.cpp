@@ -33,6 +33,8 @@ int run(int argc, char** argv) {
   add_lyapunov(app, action);
   add_bifurcation(app, action);
   add_reduce(app, action);
+  add_conceal(app, action);
+  add_examine(app, action);
   add_figures(app, action);
 
   std::string known;

@@ -18,7 +18,8 @@ import unittest
 SOURCE, BUILD = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 
 ROOMS = ["physics", "protocol", "config", "drivers", "daemon/observer", "daemon", "tools/parallel",
-         "tools/diagnose", "tools/dynamics", "tools/reduce", "tools/figures", "tools"]
+         "tools/diagnose", "tools/conceal", "tools/examine", "tools/dynamics", "tools/reduce",
+         "tools/figures", "tools"]
 # Room: the rooms that it may use, beside itself.
 MAY_USE = {
     "physics": set(),
@@ -29,12 +30,14 @@ MAY_USE = {
     "daemon": {"physics", "protocol", "config", "drivers", "daemon/observer"},
     "tools/parallel": set(),
     "tools/diagnose": {"physics", "protocol", "config", "daemon/observer", "tools/parallel"},
+    "tools/conceal": {"physics", "protocol"},
+    "tools/examine": {"physics", "protocol", "tools/conceal"},
     "tools/dynamics": {"physics", "tools/parallel"},
     "tools/reduce": {"physics", "protocol", "tools/parallel", "tools/diagnose"},
     "tools/figures": {"physics", "protocol", "config", "tools/parallel", "tools/diagnose",
                       "tools/dynamics", "tools/reduce"},
     "tools": {"physics", "protocol", "config", "daemon/observer", "tools/parallel", "tools/diagnose",
-              "tools/dynamics", "tools/reduce", "tools/figures"},
+              "tools/dynamics", "tools/reduce", "tools/figures", "tools/conceal", "tools/examine"},
 }
 # What the table allows and the build links today; a permission that is not used is no dependency.
 MUST_FIND = {
@@ -44,12 +47,14 @@ MUST_FIND = {
     "daemon/observer": {"physics"},
     "daemon": {"physics", "protocol", "config", "drivers", "daemon/observer"},
     "tools/diagnose": {"physics", "protocol", "tools/parallel"},
+    "tools/conceal": {"physics", "protocol"},
+    "tools/examine": {"physics", "tools/conceal"},
     "tools/dynamics": {"physics", "tools/parallel"},
     "tools/reduce": {"physics", "protocol", "tools/diagnose"},
     "tools/figures": {"physics", "protocol", "config", "tools/parallel", "tools/dynamics",
                       "tools/reduce"},
     "tools": {"physics", "protocol", "config", "tools/diagnose", "tools/dynamics", "tools/reduce",
-              "tools/figures"},
+              "tools/figures", "tools/conceal", "tools/examine"},
 }
 # Room: system headers that it must not include, and why.
 LCM = r"lcm/.*"

@@ -1,0 +1,84 @@
+"""`stickslip conceal` and `stickslip examine`: a set is made, diagnosed, graded, and taken up again
+where it stopped."""
+import hashlib
+import json
+import re
+import unittest
+
+from programs import EndToEnd, main, read_json, stickslip
+
+
+class BlindExamination(EndToEnd):
+    def conceal(self, name, *more):
+        folder = self.folder / name
+        self.succeed("conceal", "--out", folder, "--seed", 3, "--duration", 10, *more)
+        return folder
+
+    def fail_with(self, status, *arguments, **options):
+        result = stickslip(*arguments, **options)
+        self.assertEqual(result.returncode, status, result.stderr)
+        return result
+
+    def test_a_set_is_made_sealed_examined_and_taken_up_again(self):
+        folder = self.conceal("set", "--count", 2, "--effect", "quadratic_drag", "--effect",
+                              "dry_friction")
+        for name in ("case-001", "case-002"):
+            truth = (folder / "truth" / f"{name}.json").read_bytes()
+            self.assertIn(hashlib.sha256(truth).hexdigest(),
+                          (folder / name / "seal.txt").read_text())
+            self.assertNotIn("physics", (folder / name / "model.toml").read_text())
+
+        jobs = self.succeed("examine", folder, "--job-list", "-").stdout.splitlines()
+        self.assertEqual(len(jobs), 2)
+        self.assertTrue(all(re.match(r"stickslip examine .* --jobs 1$", job) for job in jobs))
+
+        grades = self.folder / "grades.json"
+        first = self.succeed("examine", folder, "--json", grades, timeout=300).stdout
+        self.assertIn("Hidden -> named", first)
+        cases = read_json(grades)["cases"]
+        self.assertEqual([case["name"] for case in cases], ["case-001", "case-002"])
+        for case in cases:
+            self.assertEqual(case["problem"], "")
+            self.assertGreater(case["chi2_before"], case["chi2_after"])
+
+        # Nothing is left to do, and the same is said again without diagnosing again.
+        self.assertEqual(self.succeed("examine", folder, "--job-list", "-").stdout, "")
+        report = folder / "reports" / "case-001.json"
+        made = report.stat().st_mtime_ns
+        self.assertEqual(self.succeed("examine", folder).stdout, first)
+        self.assertEqual(report.stat().st_mtime_ns, made)
+
+        # A report that was made from something else is made again.
+        content = json.loads(report.read_text())
+        content["origin"] = "elsewhere"
+        report.write_text(json.dumps(content))
+        self.assertEqual(len(self.succeed("examine", folder, "--job-list", "-").stdout
+                             .splitlines()), 1)
+
+        # A truth that was changed afterwards is no truth.
+        truth = folder / "truth" / "case-002.json"
+        truth.write_text(truth.read_text().replace("missing_physics", "consistent"))
+        result = self.fail_with(2, "examine", folder, timeout=300)
+        self.assertIn("sealed", result.stderr)
+
+    def test_the_same_seed_gives_the_same_set_and_no_seed_another(self):
+        one = self.conceal("one", "--effect", "gain_error")
+        two = self.conceal("two", "--effect", "gain_error")
+        recording = "case-001/recording.csv"
+        self.assertEqual((one / recording).read_bytes(), (two / recording).read_bytes())
+        three = self.folder / "three"
+        self.succeed("conceal", "--out", three, "--duration", 10, "--effect", "gain_error")
+        self.assertNotEqual((one / recording).read_bytes(), (three / recording).read_bytes())
+
+    def test_what_cannot_be_done_is_said(self):
+        result = self.fail_with(2, "conceal", "--out", self.folder / "x", "--effect", "gravity")
+        self.assertIn("gravity", result.stderr)
+        self.assertIn("cubic_stiffness", result.stderr)
+        (self.folder / "full").mkdir()
+        (self.folder / "full" / "a").write_text("")
+        self.assertIn("not empty", self.fail_with(2, "conceal", "--out", self.folder / "full").stderr)
+        self.assertIn("no case", self.fail_with(2, "examine", self.folder / "full").stderr)
+
+
+if __name__ == "__main__":
+    main()
