@@ -4,8 +4,8 @@
 #include <atomic>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <memory>
-#include <mutex>
 #include <random>
 #include <string>
 #include <vector>
@@ -69,6 +69,11 @@ int run(Arguments arguments) {
   // Nobody's earlier set is mixed with this one.
   if (fs::is_directory(out) && !fs::is_empty(out)) {
     throw InputError(Problem{out.string(), 0, 0, "is not empty; expected a new folder"});
+  }
+  if (fs::is_directory(truth) && !fs::is_empty(truth)) {
+    throw InputError(Problem{truth.string(), 0, 0,
+                             "is not empty; expected a new folder: the truth of another set is "
+                             "not written over"});
   }
   make_folder(out);
   make_folder(truth);

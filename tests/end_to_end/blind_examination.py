@@ -77,6 +77,8 @@ class BlindExamination(EndToEnd):
         (self.folder / "full").mkdir()
         (self.folder / "full" / "a").write_text("")
         self.assertIn("not empty", self.fail_with(2, "conceal", "--out", self.folder / "full").stderr)
+        self.assertIn("not empty", self.fail_with(2, "conceal", "--out", self.folder / "y", "--truth",
+                                                  self.folder / "full").stderr)
         self.assertIn("no case", self.fail_with(2, "examine", self.folder / "full").stderr)
 
 
