@@ -216,24 +216,25 @@ struct Candidate {
   double z = 0.0;
 };
 
+// Of a fit that only has to tell candidates apart.
+FitOptions quickly(int iterations) {
+  FitOptions options;
+  options.iterations = iterations;
+  options.tolerance = 1.0e-2;
+  options.rescue = false;
+  options.covariance = false;
+  return options;
+}
+
 Fit fit_in_stages(const Task& task, const Hypothesis& hypothesis, const std::vector<double>& z,
                   const std::vector<WindowState>& states, int iterations) {
   // First the beginning of each window, where even a wrong model has not yet lost the motion.
   Task beginning = task;
   beginning.share = 0.35;
-  FitOptions few;
-  few.iterations = 3;
-  few.tolerance = 1.0e-2;
-  few.rescue = false;
-  few.covariance = false;
-  const Fit first = fit(beginning, hypothesis, z, states, few);
+  const Fit first = fit(beginning, hypothesis, z, states, quickly(3));
   FitOptions all;
   all.iterations = iterations;
-  if (iterations <= rough_iterations) {
-    all.tolerance = 1.0e-2;
-    all.rescue = false;
-    all.covariance = false;
-  }
+  if (iterations <= rough_iterations) all = quickly(iterations);
   return fit(task, hypothesis, first.z, first.state, all);
 }
 
@@ -333,20 +334,27 @@ std::vector<double> probabilities(const std::vector<Candidate>& candidates, std:
   return weight;
 }
 
-// The parameters of the candidate's own effect, in the order of its card.
-std::vector<double> by_card_of(const Candidate& candidate) {
+// Where the parameters of the candidate's own effect stand among those of its rig, in the order of
+// its card.
+std::vector<std::size_t> places_of(const Candidate& candidate) {
   const physics::Term term{std::string(candidate.suspect.effect->card().id),
                            candidate.suspect.place.channel,
                            {},
                            candidate.suspect.place.from};
-  const auto values = candidate.hypothesis->parameters(candidate.fitted.z);
+  const std::string prefix = physics::path_of(term) + ".";
   const auto& paths = candidate.hypothesis->rig().parameter_paths();
-  std::vector<double> by_card;
+  std::vector<std::size_t> places;
   for (const physics::ParameterCard& card : candidate.suspect.effect->card().parameters) {
-    const auto at = std::find(paths.begin(), paths.end(),
-                              physics::path_of(term) + "." + std::string(card.name));
-    by_card.push_back(values[static_cast<std::size_t>(at - paths.begin())]);
+    places.push_back(static_cast<std::size_t>(
+        std::find(paths.begin(), paths.end(), prefix + std::string(card.name)) - paths.begin()));
   }
+  return places;
+}
+
+std::vector<double> by_card_of(const Candidate& candidate) {
+  const auto values = candidate.hypothesis->parameters(candidate.fitted.z);
+  std::vector<double> by_card;
+  for (const std::size_t place : places_of(candidate)) by_card.push_back(values[place]);
   return by_card;
 }
 
@@ -357,14 +365,11 @@ Finding finding_of(const Candidate& candidate, const Fit& fitted, double inflati
   const Hypothesis& hypothesis = *candidate.hypothesis;
   const auto values = hypothesis.parameters(fitted.z);
   const Effect& effect = *candidate.suspect.effect;
-  const physics::Term term{
-      std::string(effect.card().id), finding.place.channel, {}, finding.place.from};
-  const std::string prefix = physics::path_of(term) + ".";
-  const auto& paths = hypothesis.rig().parameter_paths();
+  const auto places = places_of(candidate);
   std::vector<double> by_card;
-  for (const physics::ParameterCard& card : effect.card().parameters) {
-    const auto at = static_cast<std::size_t>(
-        std::find(paths.begin(), paths.end(), prefix + std::string(card.name)) - paths.begin());
+  for (std::size_t k = 0; k < places.size(); ++k) {
+    const physics::ParameterCard& card = effect.card().parameters[k];
+    const std::size_t at = places[k];
     by_card.push_back(values[at]);
     for (std::size_t u = 0; u < hypothesis.unknowns().size(); ++u) {
       if (hypothesis.unknowns()[u].parameter != at) continue;
@@ -566,13 +571,8 @@ class Search {
                                      candidate.fitted.state, rough_iterations);
   }
   static void let_settle(const Few& few, Candidate& candidate) {
-    FitOptions more;
-    more.iterations = settling_iterations;
-    more.tolerance = 1.0e-2;
-    more.rescue = false;
-    more.covariance = false;
-    candidate.fitted =
-        fit(few.task, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state, more);
+    candidate.fitted = fit(few.task, *candidate.hypothesis, candidate.fitted.z,
+                           candidate.fitted.state, quickly(settling_iterations));
   }
 
   // The windows that were not among the few start from where `base` had them.
@@ -624,14 +624,9 @@ class Search {
   // Fits candidates with weights of their own, those that are not hopeless to the end, and scores
   // them against the current model.
   void finish(std::span<Candidate> candidates) {
-    FitOptions few;
-    few.iterations = 4;
-    few.tolerance = 1.0e-2;
-    few.rescue = false;
-    few.covariance = false;
     double least_cost = std::numeric_limits<double>::infinity();
     for (Candidate& each : candidates) {
-      each.fitted = fit(train_, *each.hypothesis, each.fitted.z, each.fitted.state, few);
+      each.fitted = fit(train_, *each.hypothesis, each.fitted.z, each.fitted.state, quickly(4));
       // What follows a recording more closely than its noise lets it is no better for it.
       const double samples =
           std::accumulate(each.fitted.count.begin(), each.fitted.count.end(), 0.0);
@@ -713,15 +708,19 @@ class Search {
                 candidates.begin() + static_cast<std::ptrdiff_t>(chosen) + 1);
   }
 
+  void go_on_from(const Candidate& candidate) {
+    current_ = candidate;
+    train_.base_response =
+        base_response_of(train_, *current_.hypothesis, current_.fitted.z, current_.fitted.state);
+    settle(current_);
+  }
+
   void claim(const Candidate& winner, std::vector<Candidate> rivals) {
     Claim claim;
     claim.suspect = winner.suspect;
     claim.rivals = std::move(rivals);
     claim.chi2_before = current_.held_out.chi2;
-    current_ = winner;
-    train_.base_response =
-        base_response_of(train_, *current_.hypothesis, current_.fitted.z, current_.fitted.state);
-    settle(current_);
+    go_on_from(winner);
     look_for_hints();
     claim.chi2_after = current_.held_out.chi2;
     claims_.push_back(std::move(claim));
@@ -824,10 +823,7 @@ class Search {
       finish({&*rest, 1});
       if (is_gain(rest->held_out, current_.held_out)) continue;
       claims_.erase(claims_.begin() + static_cast<std::ptrdiff_t>(i));
-      current_ = std::move(*rest);
-      train_.base_response =
-          base_response_of(train_, *current_.hypothesis, current_.fitted.z, current_.fitted.state);
-      settle(current_);
+      go_on_from(*rest);
       claims_.front().chi2_before = null_.held_out.chi2;
       claims_.back().chi2_after = current_.held_out.chi2;
       return true;
