@@ -1,8 +1,6 @@
 #include <unistd.h>
 
 #include <cstdio>
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -17,6 +15,7 @@
 #include "tools/diagnose/report_html.h"
 #include "tools/option_checks.h"
 #include "tools/parallel/for_each.h"
+#include "tools/read_file.h"
 #include "tools/sha256.h"
 #include "tools/write_file.h"
 
@@ -42,9 +41,7 @@ diagnosis::Provenance provenance_of(const Arguments& arguments) {
   std::vector<std::string> files = arguments.recordings;
   files.push_back(arguments.model);
   for (const std::string& name : files) {
-    std::ifstream in(name, std::ios::binary);
-    const std::string content{std::istreambuf_iterator<char>(in), {}};
-    out.files.push_back({name, sha256_of(content)});
+    out.files.push_back({name, sha256_of(content_of(name))});
   }
   for (const std::string& name : arguments.recordings) out.command += " " + name;
   out.command += " --model " + arguments.model + " --seed " + std::to_string(arguments.seed);

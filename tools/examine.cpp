@@ -4,8 +4,6 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -23,6 +21,7 @@
 #include "tools/examine/grading.h"
 #include "tools/option_checks.h"
 #include "tools/parallel/for_each.h"
+#include "tools/read_file.h"
 #include "tools/sha256.h"
 #include "tools/write_file.h"
 
@@ -43,11 +42,6 @@ struct Arguments {
   std::uint64_t seed = 1;
   int jobs = 0;
 };
-
-std::string content_of(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
 
 // What a report was made from: a report that was made from anything else is made anew.
 std::string origin_of(const fs::path& folder, std::uint64_t seed) {
