@@ -36,6 +36,7 @@ constexpr double claim_share_unexplained = 0.3;
 constexpr std::size_t most_findings = 3;
 constexpr std::size_t finalists = 5;
 constexpr std::size_t unlisted_finalists = 2;  // beside them
+constexpr std::size_t started_anew = 2;        // of those, where none explains the recording
 // What the contract lists, and a formula rather than a drawn shape, is preferred to what is not as
 // long as it gains nearly as much: a shape that may bend anywhere can imitate most of the others.
 constexpr double nearly_as_much = 0.85;
@@ -59,6 +60,8 @@ constexpr double hopeless = 3.0;
 constexpr double nearly_all = 0.95;
 // No more is looked for once held-out chi-squared is this close to what noise alone gives.
 constexpr double at_the_floor = 1.1;
+// A fit that ends further above it than this may not have found the deepest valley.
+constexpr double near_the_floor = 1.3;
 
 bool noise_is_declared(std::span<const Experiment> experiments) {
   for (const Experiment& e : experiments) {
@@ -656,6 +659,53 @@ class Search {
     trust_the_estimate(own, candidate, options);
   }
 
+  // A fit that ends far above the noise may sit in a valley that is not the deepest, where
+  // calibrated parameters and refinements stand in for each other. Where none of the candidates
+  // explains the recording, the best of them start anew: declared values, fresh window states, no
+  // refinements, only the size of what is on trial as it was found.
+  void start_anew(std::span<Candidate> candidates) {
+    const auto explains = [](const Candidate& each) { return each.held_out.chi2 < near_the_floor; };
+    if (std::any_of(candidates.begin(), candidates.end(), explains)) return;
+    std::vector<Candidate*> best;
+    for (Candidate& each : candidates) {
+      if (tier(each.suspect) < 2) best.push_back(&each);  // a drawn shape has no valley of its own
+    }
+    std::stable_sort(best.begin(), best.end(), [](const Candidate* a, const Candidate* b) {
+      return total_loss(*a) < total_loss(*b);
+    });
+    for (Candidate* each : std::span(best).first(std::min(best.size(), started_anew))) {
+      Candidate fresh = *each;
+      const Hypothesis hypothesis = unrefined(*each);
+      fresh.hypothesis.emplace(hypothesis);
+      fresh.fitted =
+          fit_in_stages(train_, hypothesis, std::vector<double>(hypothesis.unknowns().size(), 0.0),
+                        guessed_states(train_, hypothesis), rough_iterations);
+      finish({&fresh, 1});
+      if (total_loss(fresh) < total_loss(*each)) *each = std::move(fresh);
+    }
+  }
+
+  // The hypothesis of `candidate` with the sizes that were found as centres, and without
+  // refinements.
+  Hypothesis unrefined(const Candidate& candidate) const {
+    const physics::Model found = candidate.hypothesis->model_at(candidate.fitted.z);
+    const physics::Model& begun = candidate.hypothesis->model();
+    std::optional<Hypothesis> out(*null_.hypothesis);
+    for (std::size_t t = out->model().terms.size(); t < found.terms.size(); ++t) {
+      const physics::Term& term = found.terms[t];
+      const Effect& effect = *physics::find_effect(term.id);
+      std::vector<double> values;
+      for (const physics::ParameterCard& card : effect.card().parameters) {
+        const physics::Model& from = card.fixed_default ? begun : found;
+        values.push_back(from.terms[t].parameters.at(std::string(card.name)).value);
+      }
+      const Hypothesis longer =
+          out->with(effect, {term.channel, term.from}, values, {}, Detail::coarse);
+      out.emplace(longer);
+    }
+    return *out;
+  }
+
   bool is_gain(const HeldOut& before, const HeldOut& after) const {
     const double excess = std::max(before.chi2 - 1.0, 1.0);
     const double share = after.chi2 <= limit_ ? claim_share_explained : claim_share_unexplained;
@@ -742,6 +792,7 @@ class Search {
     }
     say("scoring on held-out data", 0.55);
     finish(candidates);
+    start_anew(candidates);
     for (const Candidate& candidate : candidates) {
       trials_.push_back({candidate.suspect.name(), static_cast<int>(claims_.size()),
                          candidate.held_out.chi2, candidate.z});
@@ -851,6 +902,7 @@ class Search {
         best_two.erase(best_two.begin() + looked_at, best_two.end());
       }
       finish(best_two);
+      start_anew(best_two);
       rank(best_two);
       pairs.push_back(best_two.front());
       pairs.back().suspect = firsts[i].suspect;
@@ -1047,6 +1099,7 @@ Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Mod
   for (const protocol::Recording& recording : recordings) {
     experiments.push_back(make_experiment(recording, model));
     rough.push_back(make_experiment(recording, model, Steps::rough));
+    out.integrity.push_back(integrity_of(recording, model));
   }
   out.horizon_s = options.horizon_s.value_or(default_horizon_s(model, experiments.front()));
   for (Experiment& e : rough) cut_windows(e, model, out.horizon_s);

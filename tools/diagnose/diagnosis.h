@@ -14,6 +14,7 @@
 #include "physics/model.h"
 #include "protocol/recording.h"
 #include "tools/diagnose/evidence.h"
+#include "tools/diagnose/integrity.h"
 #include "tools/diagnose/score.h"
 #include "tools/diagnose/suspects.h"
 
@@ -88,6 +89,7 @@ struct Diagnosis {
   std::vector<Channel> noise_estimated;  ///< not declared by the model
   physics::Model model;                  ///< calibrated, with a term for every finding
   std::vector<Trial> trials;
+  std::vector<Integrity> integrity;  ///< of each recording
   std::optional<Evidence> evidence;  ///< where it was asked for
   std::size_t fitted_windows = 0;
   std::size_t heldout_windows = 0;

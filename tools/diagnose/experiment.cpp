@@ -8,6 +8,7 @@
 #include "physics/problem.h"
 #include "physics/rig.h"
 #include "physics/sensor_chain.h"
+#include "tools/diagnose/time_grid.h"
 #include "tools/diagnose/wide_band.h"
 
 namespace stickslip::diagnosis {
@@ -20,56 +21,6 @@ using physics::Model;
 
 [[noreturn]] void refuse(const std::string& source, const std::string& message) {
   throw InputError(Problem{source, 0, 0, message});
-}
-
-// Values on a uniform grid: the sample nearest to each instant, invalid where there is none near.
-struct Grid {
-  double start_s = 0.0;
-  double period_s = 0.0;
-  std::vector<std::ptrdiff_t> frame;  // index of the frame, or -1
-};
-
-Grid grid_of(const std::vector<Frame>& frames) {
-  Grid grid;
-  const double rough = protocol::median_period_s(frames);
-  const double span = static_cast<double>(frames.back().time_ns - frames.front().time_ns) * 1.0e-9;
-  const auto intervals = static_cast<std::size_t>(std::llround(span / rough));
-  // Where nothing is missing, the mean period is better than the rounded median.
-  grid.period_s = intervals == frames.size() - 1 ? span / static_cast<double>(intervals) : rough;
-  grid.start_s = frames.front().time_s();
-  grid.frame.assign(static_cast<std::size_t>(std::llround(span / grid.period_s)) + 1, -1);
-  for (std::size_t i = 0; i < frames.size(); ++i) {
-    const double at =
-        static_cast<double>(frames[i].time_ns - frames.front().time_ns) * 1.0e-9 / grid.period_s;
-    const auto k = std::llround(at);
-    if (k >= 0 && k < static_cast<long long>(grid.frame.size())) {
-      grid.frame[static_cast<std::size_t>(k)] = static_cast<std::ptrdiff_t>(i);
-    }
-  }
-  return grid;
-}
-
-// One channel on the grid, holes filled by straight lines.
-std::vector<double> filled(const std::vector<Frame>& frames, const Grid& grid, Channel channel) {
-  std::vector<double> values(grid.frame.size(), 0.0);
-  std::ptrdiff_t last = -1;
-  for (std::size_t k = 0; k < values.size(); ++k) {
-    const std::ptrdiff_t i = grid.frame[k];
-    if (i < 0 || !frames[static_cast<std::size_t>(i)].has(channel)) continue;
-    values[k] = frames[static_cast<std::size_t>(i)][channel];
-    const auto from = static_cast<std::size_t>(last + 1);
-    for (std::size_t j = from; j < k; ++j) {
-      const double fraction =
-          last < 0 ? 1.0 : static_cast<double>(j - from + 1) / static_cast<double>(k - from + 1);
-      const double before = last < 0 ? values[k] : values[static_cast<std::size_t>(last)];
-      values[j] = before + fraction * (values[k] - before);
-    }
-    last = static_cast<std::ptrdiff_t>(k);
-  }
-  for (std::size_t j = static_cast<std::size_t>(last + 1); j < values.size() && last >= 0; ++j) {
-    values[j] = values[static_cast<std::size_t>(last)];
-  }
-  return values;
 }
 
 // Lagrange interpolation through six samples around, the order falling towards the ends.
@@ -135,7 +86,7 @@ Experiment make_experiment(const protocol::Recording& recording, const Model& mo
 
   Experiment e;
   e.source = source;
-  const Grid grid = grid_of(frames);
+  const TimeGrid grid = time_grid_of(frames);
   e.start_s = grid.start_s;
   e.period_s = grid.period_s;
   e.samples = grid.frame.size();

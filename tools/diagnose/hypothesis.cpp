@@ -22,6 +22,7 @@ Unknown unknown_for(const physics::ParameterCard& card, std::size_t parameter, d
   Unknown unknown;
   unknown.parameter = parameter;
   unknown.centre = centre;
+  unknown.refinement = card.fixed_default.has_value();
   if (card.positive) {
     unknown.logarithmic = true;
     // A factor of 50 either way: keeps what cannot be seen from running off.
@@ -32,10 +33,10 @@ Unknown unknown_for(const physics::ParameterCard& card, std::size_t parameter, d
 
 }  // namespace
 
-Hypothesis::Hypothesis(const Model& model) : Hypothesis(model, {}) {}
+Hypothesis::Hypothesis(const Model& model) : Hypothesis(model, {}, model.terms.size()) {}
 
-Hypothesis::Hypothesis(Model model, std::vector<Unknown> of_terms)
-    : model_(std::move(model)), rig_(model_) {
+Hypothesis::Hypothesis(Model model, std::vector<Unknown> of_terms, std::size_t declared_terms)
+    : model_(std::move(model)), rig_(model_), declared_terms_(declared_terms) {
   const auto named = physics::parameters_of(model_);
   for (std::size_t i = 0; i < named.size(); ++i) {
     const Parameter& parameter = *named[i].parameter;
@@ -80,30 +81,31 @@ Hypothesis Hypothesis::with(const physics::Effect& effect, const physics::Place&
     of_terms.push_back(
         unknown_for(card, static_cast<std::size_t>(at - named.begin()), at->parameter->value));
   }
-  return {std::move(model), std::move(of_terms)};
+  return {std::move(model), std::move(of_terms), declared_terms_};
 }
 
 Hypothesis Hypothesis::refined() const {
-  if (model_.terms.empty()) return *this;
   Model model = model_;
-  const physics::Term& term = model.terms.back();
   const auto named = physics::parameters_of(model);
   std::vector<Unknown> of_terms;
   for (const Unknown& unknown : unknowns_) {
     if (!unknown.of_model) of_terms.push_back(unknown);
   }
-  for (const physics::ParameterCard& card : physics::find_effect(term.id)->card().parameters) {
-    if (!card.fixed_default || !card.estimated) continue;
-    const std::string path = physics::path_of(term) + "." + std::string(card.name);
-    for (std::size_t i = 0; i < named.size(); ++i) {
-      const bool known = std::none_of(unknowns_.begin(), unknowns_.end(),
-                                      [i](const Unknown& u) { return u.parameter == i; });
-      if (named[i].path == path && known) {
-        of_terms.push_back(unknown_for(card, i, named[i].parameter->value));
+  for (std::size_t t = declared_terms_; t < model.terms.size(); ++t) {
+    const physics::Term& term = model.terms[t];
+    for (const physics::ParameterCard& card : physics::find_effect(term.id)->card().parameters) {
+      if (!card.fixed_default || !card.estimated) continue;
+      const std::string path = physics::path_of(term) + "." + std::string(card.name);
+      for (std::size_t i = 0; i < named.size(); ++i) {
+        const bool known = std::any_of(unknowns_.begin(), unknowns_.end(),
+                                       [i](const Unknown& u) { return u.parameter == i; });
+        if (named[i].path == path && !known) {
+          of_terms.push_back(unknown_for(card, i, named[i].parameter->value));
+        }
       }
     }
   }
-  return {std::move(model), std::move(of_terms)};
+  return {std::move(model), std::move(of_terms), declared_terms_};
 }
 
 double Hypothesis::value(std::size_t unknown, double z) const {

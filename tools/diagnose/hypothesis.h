@@ -21,6 +21,7 @@ struct Unknown {
   bool logarithmic = false;
   double prior_sigma = 0.0;  ///< of z around 0; 0: no prior
   bool of_model = false;     ///< declared with a sigma, as opposed to a term on trial
+  bool refinement = false;   ///< only refines the shape of an effect
 };
 
 /// Whether numbers that only refine the shape of an effect are unknowns from the beginning. A fit
@@ -39,7 +40,7 @@ class Hypothesis {
                   std::span<const double> start, std::span<const double> fixed,
                   Detail detail = Detail::all) const;
 
-  /// The same with the refinements of the last term as unknowns too, after those that it has.
+  /// The same with the refinements of all terms on trial as unknowns too, after those that it has.
   Hypothesis refined() const;
 
   const physics::Model& model() const { return model_; }
@@ -55,11 +56,12 @@ class Hypothesis {
   physics::Model model_at(std::span<const double> z) const;
 
  private:
-  Hypothesis(physics::Model model, std::vector<Unknown> of_terms);
+  Hypothesis(physics::Model model, std::vector<Unknown> of_terms, std::size_t declared_terms);
 
   physics::Model model_;
   physics::Rig rig_;
   std::vector<Unknown> unknowns_;
+  std::size_t declared_terms_;  // the model's first terms; those after them are on trial
 };
 
 }  // namespace stickslip::diagnosis

@@ -80,6 +80,34 @@ Json finding_json(const Finding& finding) {
   return json;
 }
 
+Json integrity_json(const Integrity& integrity) {
+  Json json;
+  json["recording"] = integrity.source;
+  json["duration_s"] = integrity.duration_s;
+  json["rate_hz"] = integrity.rate_hz;
+  json["frames"] = integrity.frames;
+  json["lost"] = integrity.lost;
+  json["longest_gap_s"] = integrity.longest_gap_s;
+  json["jitter_periods"] = integrity.jitter;
+  json["velocity_delay_s"] =
+      integrity.velocity_delay_s ? Json(*integrity.velocity_delay_s) : Json(nullptr);
+  json["channels"] = Json::object();
+  for (const ChannelIntegrity& c : integrity.channels) {
+    Json& channel = json["channels"][std::string(info(c.channel).stem)];
+    channel["missing"] = c.missing;
+    channel["lowest"] = c.lowest;
+    channel["highest"] = c.highest;
+    channel["step"] = c.step > 0.0 ? Json(c.step) : Json(nullptr);
+    channel["at_low_rail"] = c.at_low_rail;
+    channel["at_high_rail"] = c.at_high_rail;
+    channel["mains"] =
+        c.mains ? Json{{"frequency_hz", c.mains->frequency_hz}, {"amplitude", c.mains->amplitude}}
+                : Json(nullptr);
+  }
+  json["remarks"] = integrity.remarks;
+  return json;
+}
+
 // The end of an interval, with three digits or as many as set it apart from the value.
 std::string end_text(double end, double value) {
   char end_digits[40];
@@ -156,6 +184,10 @@ Json report_json(const Diagnosis& diagnosis) {
   for (const auto& [channel, value] : diagnosis.noise_std) {
     json["noise_std"][std::string(info(channel).column)] = value;
   }
+  json["integrity"] = Json::array();
+  for (const Integrity& each : diagnosis.integrity) {
+    json["integrity"].push_back(integrity_json(each));
+  }
   return json;
 }
 
@@ -221,6 +253,13 @@ std::string report_text(const Diagnosis& diagnosis) {
       text << "  Beyond 3 sigma: either that sigma is too small, or this parameter stands in for "
               "physics that is not in the model.\n";
     }
+  }
+  for (const Integrity& each : diagnosis.integrity) {
+    text << "  Recording " << each.source << ": " << number_text(each.duration_s) << " s at "
+         << number_text(each.rate_hz) << " Hz";
+    if (each.remarks.empty()) text << "; whole, no channel at its rails, no line of the mains";
+    text << "\n";
+    for (const std::string& remark : each.remarks) text << "    " << remark << "\n";
   }
   text << "  Tried:";
   int stage = 0;

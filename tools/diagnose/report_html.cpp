@@ -298,6 +298,41 @@ std::string numbers_section(const Diagnosis& d) {
   return out + "</table></div></section>\n";
 }
 
+std::string recordings_section(const Diagnosis& d) {
+  std::string out = "<section><h2>The recordings themselves</h2>\n";
+  for (const Integrity& each : d.integrity) {
+    out += paragraph(each.source + ": " + number_text(each.duration_s) + " s at " +
+                     number_text(each.rate_hz) + " Hz, " + std::to_string(each.frames) +
+                     " frames, " + std::to_string(each.lost) + " lost.");
+    out +=
+        "<div class=\"scroll\"><table><tr><th>channel</th><th>lowest</th><th>highest</th>"
+        "<th>step</th><th>samples at a rail</th><th>line of the mains</th></tr>\n";
+    for (const ChannelIntegrity& c : each.channels) {
+      const auto cell = [&out](const std::string& text) {
+        out.append("<td>").append(text).append("</td>");
+      };
+      const auto amount = [&c](double value) {
+        return number_text(value).append(" ").append(info(c.channel).unit);
+      };
+      out += "<tr>";
+      cell(std::string(info(c.channel).stem));
+      cell(amount(c.lowest));
+      cell(amount(c.highest));
+      cell(c.step > 0.0 ? amount(c.step) : "none seen");
+      cell(std::to_string(c.at_low_rail + c.at_high_rail));
+      cell(c.mains ? amount(c.mains->amplitude)
+                         .append(" at ")
+                         .append(number_text(c.mains->frequency_hz))
+                         .append(" Hz")
+                   : "none");
+      out += "</tr>\n";
+    }
+    out += "</table></div>\n";
+    for (const std::string& remark : each.remarks) out += paragraph(remark);
+  }
+  return out + "</section>\n";
+}
+
 std::string repeat_section(const Diagnosis& d, const Provenance& provenance) {
   std::string out = "<section><h2>To repeat this</h2>\n<p><code>" + html_text(provenance.command) +
                     "</code></p>\n";
@@ -326,6 +361,7 @@ std::string report_html(const Diagnosis& diagnosis, const Provenance& provenance
   out += findings_section(diagnosis);
   out += pictures_section(diagnosis);
   out += numbers_section(diagnosis);
+  out += recordings_section(diagnosis);
   out += repeat_section(diagnosis, provenance);
   return out + "</main>\n</body>\n</html>\n";
 }
