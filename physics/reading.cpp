@@ -27,12 +27,21 @@ auto& of(AnyReadings& readings, Channel channel) {
 constexpr std::array read_channels = {Channel::displacement, Channel::velocity,
                                       Channel::friction_force, Channel::normal_load};
 
+// How long the drift has gone on, as if at its first rate.
+template <class T>
+T drifted_s(const ReadingLaw<T>& law, double time_s) {
+  using std::exp;
+  if (time_s < 1.0e-8 * value_of(law.drift_settles_s)) return T(time_s);
+  return law.drift_settles_s * (1.0 - exp(-time_s / law.drift_settles_s));
+}
+
 }  // namespace
 
 template <class T>
 T misread(const ReadingLaw<T>& law, const T& value, double time_s) {
   using std::sin;
-  T out = law.gain * value + law.drift_per_s * time_s;
+  T out = law.gain * value;
+  out += law.drift_per_s * drifted_s(law, time_s);
   if (value_of(law.hum_frequency_hz) > 0.0) {
     T share(1.0);
     for (std::size_t i = 0; i < law.hum_wander.size(); i += 2) {

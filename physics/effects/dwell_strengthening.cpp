@@ -30,7 +30,15 @@ constexpr std::array parameters = {
                   .low = 1e-06,
                   .high = 0.1,
                   .positive = true,
-                  .fixed_default = 0.003}};
+                  .fixed_default = 0.003},
+    ParameterCard{.name = "slip_length_m",
+                  .unit = "m",
+                  .meaning = "slip over which the time at rest is forgotten",
+                  .low = 1e-09,
+                  .high = 0.01,
+                  .positive = true,
+                  .fixed_default = 1e-4,
+                  .estimated = true}};
 constexpr std::array<std::string_view, 3> rivals = {"stribeck", "friction_memory",
                                                     "contact_compliance"};
 constexpr Card entry = {
@@ -40,7 +48,9 @@ constexpr Card entry = {
     .sentence =
         "Friction grows while the contact sticks: the longer the rest, the higher the break-away "
         "force.",
-    .equation = "g(v) (1 + beta ln(1 + t_stuck / tau_s))",
+    .equation =
+        "g(v) (1 + beta ln(1 + t_stuck / tau_s)); slip v forgets t_stuck at the rate "
+        "abs(v) / slip_length_m",
     .parameters = parameters,
     .experiment = "holds of 0.1 s to 30 s between slips",
     .rivals = rivals,
@@ -55,7 +65,9 @@ class DwellStrengthening final : public EffectOf<DwellStrengthening> {
   }
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
     const double stuck = std::max(2.0 * scales.transition_speed_m_s, 1.0e-2 * scales.velocity_m_s);
-    return {{0.1, 0.01, stuck}, {0.1, 0.1, stuck}};
+    // Forgotten at once, as far as a sensor sees.
+    const double length = 2.0e-3 * scales.velocity_m_s;
+    return {{0.1, 0.01, stuck, length}, {0.1, 0.1, stuck, length}};
   }
   std::string statement(std::span<const double> p) const override {
     return "The contact strengthens while it rests: break-away friction grows by " +
@@ -75,14 +87,16 @@ class DwellStrengthening final : public EffectOf<DwellStrengthening> {
     using std::log;
     f.backbone = f.backbone * (1.0 + p[0] * log(1.0 + s[0] / p[1]));
   }
-  // The state is the time stuck; slip makes it forgotten within a time that no sensor resolves.
+  // The state is the time stuck (Dieterich 1979). It is forgotten no faster than a step of the
+  // integration can follow, which no sensor resolves either.
   template <class T>
   void rates_of(T* rate, const Instant<T>& at, const T* p, const T* s) const {
+    using std::abs;
     using std::exp;
-    constexpr double forgotten_per_s = 500.0;
+    constexpr double fastest_per_s = 1000.0;
     const T ratio = at.slip / p[2];
-    const T stuck = exp(-(ratio * ratio));
-    rate[0] = stuck - (1.0 - stuck) * s[0] * forgotten_per_s;
+    const T slips = abs(at.slip) * (1.0 - exp(-(ratio * ratio)));
+    rate[0] = 1.0 - s[0] * slips / (p[3] + slips / fastest_per_s);
   }
   template <class T>
   void confine_of(T* s, const T* /*p*/) const {

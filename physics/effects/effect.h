@@ -38,6 +38,7 @@ struct ParameterCard {
   /// How far the value can be off because nature does not follow the formula to the letter: a
   /// standard deviation, relative to the distance from `neutral`.
   double formula_doubt = 0.03;
+  double start_sigma = 0.0;  ///< how well a start is known, standard deviation; 0: not at all
 };
 
 /// What a person reads about an effect.
@@ -144,13 +145,14 @@ struct Coefficients {
 };
 
 /// How one channel's reading departs from what its declared chain delivers; as it stands here, not
-/// at all. reading = clip(gain (late + leak other) + drift t + hum), late: delay_s ago.
+/// at all. reading = clip(gain (late + leak other) + drift + hum), late: delay_s ago.
 template <class T>
 struct ReadingLaw {
   T gain{1.0};
   T leak{0.0};
   std::optional<Channel> leak_from;
-  T drift_per_s{0.0};
+  T drift_per_s{0.0};       ///< at first
+  T drift_settles_s{1e12};  ///< time constant with which the drift comes to an end
   T hum_amplitude{0.0}, hum_frequency_hz{0.0}, hum_phase_rad{0.0};
   /// How its amplitude wanders: cosine and sine of each harmonic of `hum_wander_over_s`.
   std::array<T, 8> hum_wander{};

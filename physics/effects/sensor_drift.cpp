@@ -7,20 +7,32 @@
 namespace stickslip::physics {
 namespace {
 
-constexpr std::array parameters = {ParameterCard{.name = "rate_per_s",
-                                                 .unit = "unit of the channel per second",
-                                                 .meaning = "how fast",
-                                                 .low = -1000000.0,
-                                                 .high = 1000000.0,
-                                                 .positive = false,
-                                                 .fixed_default = std::nullopt}};
+constexpr std::array parameters = {
+    ParameterCard{.name = "rate_per_s",
+                  .unit = "unit of the channel per second",
+                  .meaning = "how fast, at first",
+                  .low = -1000000.0,
+                  .high = 1000000.0,
+                  .positive = false,
+                  .fixed_default = std::nullopt},
+    ParameterCard{.name = "approach_s",
+                  .unit = "s",
+                  .meaning = "time constant with which it comes to an end; much longer than the "
+                             "recording: it does not",
+                  .low = 0.01,
+                  .high = 1.0e12,
+                  .positive = true,
+                  .fixed_default = 1.0e12,
+                  .estimated = true}};
 constexpr std::array<std::string_view, 2> rivals = {"friction_drift", "bias_force"};
 constexpr Card entry = {
     .id = "sensor_drift",
     .relation = Relation::sensor,
     .name = "wandering zero",
     .sentence = "The zero of one channel wanders in the course of the recording.",
-    .equation = "reading + rate_per_s t",
+    .equation =
+        "reading + rate_per_s approach_s (1 - exp(-t / approach_s)), at first reading + "
+        "rate_per_s t",
     .parameters = parameters,
     .experiment = "a recording with the rig at rest, before and after the run",
     .rivals = rivals,
@@ -35,17 +47,19 @@ class SensorDrift final : public EffectOf<SensorDrift> {
     return !place.from && place.channel &&
            index_of(*place.channel) <= index_of(Channel::normal_load);
   }
-  std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
-    return {{0.0}};
+  std::vector<std::vector<double>> starts(const Scales& scales) const override {
+    return {{0.0, 5.0 * scales.duration_s}, {0.0, 0.3 * scales.duration_s}};
   }
   std::string statement(std::span<const double> p) const override {
-    return "The zero of the channel wanders by " + number_text(p[0]) + " per second.";
+    return "The zero of the channel wanders by " + number_text(p[0]) +
+           " per second at first, with a time constant of " + number_text(p[1]) + " s.";
   }
 
   unsigned hooks() const override { return hook::reading; }
   template <class T>
   void misread_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
     laws.of[index_of(*place.channel)].drift_per_s = p[0];
+    laws.of[index_of(*place.channel)].drift_settles_s = p[1];
     laws.wrong = true;
   }
 };

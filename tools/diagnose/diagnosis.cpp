@@ -58,6 +58,11 @@ constexpr int settling_iterations = 4;
 constexpr double hopeless = 3.0;
 // A single effect that takes this share of what is unexplained imitates no pair.
 constexpr double nearly_all = 0.95;
+// What calibrated parameters cost (see HeldOut::strain) beyond which they are not believed: of nine
+// that are within their sigma, once in 100000 recordings.
+constexpr double strained = 20.0;
+// An estimate of the noise is confirmed by a typical window within this factor (a logarithm).
+constexpr double confirmed = 0.2;
 // No more is looked for once held-out chi-squared is this close to what noise alone gives.
 constexpr double at_the_floor = 1.1;
 // A fit that ends further above it than this may not have found the deepest valley.
@@ -111,13 +116,18 @@ double window_loss(double chi2, int count, int states) {
 struct HeldOut {
   std::vector<double> loss;  // by window
   double chi2 = 0.0;         // per sample, states refitted
+  double typical = 0.0;      // the same of the median window
+  double strain = 0.0;       // what it costs to believe the calibrated parameters: half the sum of
+                        // squares of their distances from the declared values, in sigma; 0 where
+                        // the noise is not known, and losses are no likelihoods
 };
 
-// Where the noise is declared, the refitted windows decide: their residuals are white when nothing
+// Where the noise is known, the refitted windows decide: their residuals are white when nothing
 // is missing, and every nat counts. Where it is not, every model is wrong by more than noise, and a
 // hypothesis could buy a better fit with hidden states that each window chooses anew; there the
 // errors of predictions ahead decide.
-HeldOut held_out_of(const Task& task, const Hypothesis& hypothesis, std::span<const double> z) {
+HeldOut held_out_of(const Task& task, const Hypothesis& hypothesis, std::span<const double> z,
+                    bool noise_is_known) {
   FitOptions states_only;
   states_only.parameters_free = false;
   states_only.iterations = 12;
@@ -125,7 +135,14 @@ HeldOut held_out_of(const Task& task, const Hypothesis& hypothesis, std::span<co
   const Fit fitted = fit_states(task, hypothesis, z, states_only);
   HeldOut out;
   out.chi2 = fitted.chi2_per_sample();
-  if (noise_is_declared(task.experiments)) {
+  std::vector<double> by_window;
+  for (std::size_t w = 0; w < fitted.chi2.size(); ++w) {
+    by_window.push_back(fitted.chi2[w] / std::max(1, fitted.count[w] - fitted.states_per_window));
+  }
+  const auto middle = by_window.begin() + static_cast<std::ptrdiff_t>(by_window.size() / 2);
+  std::nth_element(by_window.begin(), middle, by_window.end());
+  out.typical = *middle;
+  if (noise_is_known) {
     for (std::size_t w = 0; w < fitted.chi2.size(); ++w) {
       out.loss.push_back(window_loss(fitted.chi2[w], fitted.count[w], fitted.states_per_window));
     }
@@ -196,7 +213,7 @@ void reweigh(Task& task, const Hypothesis& hypothesis, const Fit& fitted) {
 }
 
 // Whether the gain is certain although few windows show it, as where an effect matters at large
-// amplitudes only and the spread over windows says nothing. Only where the noise is declared: there
+// amplitudes only and the spread over windows says nothing. Only where the noise is known: there
 // a window's loss is a likelihood, a nat is worth what it says, and a needless parameter gains
 // none. One window alone proves nothing, and hardly any may be predicted worse.
 bool gain_is_plain(const HeldOut& before, const HeldOut& after) {
@@ -315,7 +332,7 @@ std::vector<double> probabilities(const std::vector<Candidate>& candidates, std:
     double sum = 0.0;
     for (double& each : share) sum += each = exponential(random);
     for (std::size_t k = 0; k < candidates.size(); ++k) {
-      total[k] = 0.0;
+      total[k] = candidates[k].held_out.strain;
       for (std::size_t w = 0; w < n; ++w) {
         total[k] += share[w] / sum * static_cast<double>(n) * candidates[k].held_out.loss[w];
       }
@@ -392,11 +409,10 @@ Finding finding_of(const Candidate& candidate, const Fit& fitted, double inflati
   return finding;
 }
 
-double total_loss(const Candidate& candidate) {
-  double sum = 0.0;
-  for (const double each : candidate.held_out.loss) sum += each;
-  return sum;
+double total_loss(const HeldOut& held_out) {
+  return std::accumulate(held_out.loss.begin(), held_out.loss.end(), held_out.strain);
 }
+double total_loss(const Candidate& candidate) { return total_loss(candidate.held_out); }
 
 // Adds one physics after the other to the declared model for as long as held-out data say so.
 class Search {
@@ -407,7 +423,8 @@ class Search {
       : experiments_(experiments),
         rough_(rough),
         options_(options),
-        limit_(noise_is_declared(experiments) ? explained_declared : explained_estimated),
+        noise_is_known_(noise_is_declared(experiments)),
+        limit_(noise_is_known_ ? explained_declared : explained_estimated),
         train_(task_for(experiments, false, options.threads)),
         held_(task_for(experiments, true, options.threads)) {}
 
@@ -444,6 +461,8 @@ class Search {
   const Task& held() const { return held_; }
   const Task& null_train() const { return null_train_; }
   double limit() const { return limit_; }
+  // Whether what was found needs calibrated parameters that nobody would believe.
+  bool is_strained() const { return current_.held_out.strain > strained; }
   // The relation of the best candidate that was not claimed either, for want of better.
   std::optional<physics::Relation> suspected() const { return suspected_; }
 
@@ -494,7 +513,23 @@ class Search {
     candidate.fitted =
         fit(train_, *candidate.hypothesis, candidate.fitted.z, candidate.fitted.state);
     trust_the_estimate(train_, candidate, {});
-    candidate.held_out = held_out_of(held_, *candidate.hypothesis, candidate.fitted.z);
+    candidate.held_out = held_out(candidate);
+    // An estimate of the noise that a model follows half of the windows down to is right: nothing
+    // but noise would leave just that.
+    if (!noise_is_known_ && std::abs(std::log(candidate.held_out.typical)) < confirmed) {
+      noise_is_known_ = true;
+      limit_ = explained_declared;
+      candidate.held_out = held_out(candidate);
+    }
+  }
+
+  HeldOut held_out(const Candidate& candidate) const {
+    const auto& z = candidate.fitted.z;
+    HeldOut out = held_out_of(held_, *candidate.hypothesis, z, noise_is_known_);
+    for (std::size_t u = 0; u < z.size() && noise_is_known_; ++u) {
+      if (candidate.hypothesis->unknowns()[u].of_model) out.strain += 0.5 * z[u] * z[u];
+    }
+    return out;
   }
 
   // A few of the windows to fit, their states as `base` has them: half spread over the recording,
@@ -637,7 +672,7 @@ class Search {
     }
     for (Candidate& each : candidates) {
       if (each.fitted.cost <= hopeless * least_cost) fit_to_the_end(each);
-      each.held_out = held_out_of(held_, *each.hypothesis, each.fitted.z);
+      each.held_out = held_out(each);
       each.z = gain_z(current_.held_out, each.held_out);
     }
   }
@@ -707,10 +742,15 @@ class Search {
   }
 
   bool is_gain(const HeldOut& before, const HeldOut& after) const {
+    // Parameters far beyond their sigma are missing physics too, however well they predict.
+    if (before.strain - after.strain > strained &&
+        total_loss(before) - total_loss(after) > strained) {
+      return true;
+    }
     const double excess = std::max(before.chi2 - 1.0, 1.0);
     const double share = after.chi2 <= limit_ ? claim_share_explained : claim_share_unexplained;
-    const bool certain = gain_z(before, after) > claim_z ||
-                         (noise_is_declared(experiments_) && gain_is_plain(before, after));
+    const bool certain =
+        gain_z(before, after) > claim_z || (noise_is_known_ && gain_is_plain(before, after));
     return certain && before.chi2 - after.chi2 > share * excess;
   }
   bool is_claimed(const Candidate& candidate) const {
@@ -777,7 +817,7 @@ class Search {
   }
 
   bool add_one() {
-    if (!claims_.empty() && current_.held_out.chi2 < at_the_floor) {
+    if (!claims_.empty() && current_.held_out.chi2 < at_the_floor && !is_strained()) {
       return false;
     }
     std::vector<Candidate> rough = all_tried(current_, 0.0, 0.5);
@@ -811,17 +851,20 @@ class Search {
       const double enough = tier(candidates.front().suspect) > 1
                                 ? total_loss(current_) - two_for_a_shape * gain
                                 : best;
-      if (!named.empty() && add_pair(named, std::max(enough, best + claim_nats))) return true;
+      // What leaves nothing but noise is not given up for what leaves more.
+      const Left most{std::max(enough, best + claim_nats),
+                      candidates.front().held_out.chi2 < at_the_floor ? at_the_floor : limit_};
+      if (!named.empty() && add_pair(named, most)) return true;
     }
     // What is explained needs no physics that nobody has named.
-    const bool needless = !claims_.empty() && current_.held_out.chi2 <= limit_ &&
+    const bool needless = !claims_.empty() && current_.held_out.chi2 <= limit_ && !is_strained() &&
                           tier(candidates.front().suspect) > 0;
     if (!needless && is_claimed(candidates.front())) {
       // Where no single effect explains the recording, two together are looked for before the best
       // of the single ones is believed: it may only imitate them.
       const double left = (candidates.front().held_out.chi2 - 1.0) / (null_.held_out.chi2 - 1.0);
       if (claims_.empty() && candidates.front().held_out.chi2 > limit_ && left > 1.0 - nearly_all &&
-          add_pair(candidates, total_loss(candidates.front()))) {
+          add_pair(candidates, Left{total_loss(candidates.front()), limit_})) {
         return true;
       }
       const Candidate winner = candidates.front();
@@ -882,12 +925,18 @@ class Search {
     return false;
   }
 
+  // What a hypothesis leaves unexplained on held-out data.
+  struct Left {
+    double loss;
+    double chi2;
+  };
+
   // Two effects that each gain little alone may explain much together: friction, say, and a
   // constant force that hides it in one direction.
-  // `largest_loss`: only two that explain the recording, and that lose no more than this on
-  // held-out data, are claimed; the second is a listed one.
-  bool add_pair(const std::vector<Candidate>& firsts, std::optional<double> largest_loss) {
-    const bool must_explain = largest_loss.has_value();
+  // `most_left`: only two that leave no more than this on held-out data are claimed; the second is
+  // a listed one.
+  bool add_pair(const std::vector<Candidate>& firsts, const std::optional<Left>& most_left) {
+    const bool must_explain = most_left.has_value();
     std::vector<Candidate> pairs;  // the best for each first effect, by that effect's name
     std::vector<std::vector<Candidate>> seconds;  // what each was chosen from
     std::vector<std::vector<Candidate>> others;   // and what came next to those, roughly fitted
@@ -946,7 +995,8 @@ class Search {
     }
     const Candidate winner = seconds[best].front();
     if (!is_claimed(winner)) return false;
-    if (must_explain && (winner.held_out.chi2 > limit_ || total_loss(winner) > *largest_loss)) {
+    if (must_explain &&
+        (winner.held_out.chi2 > most_left->chi2 || total_loss(winner) > most_left->loss)) {
       return false;
     }
     const auto alone = std::find_if(firsts.begin(), firsts.end(), [&](const Candidate& c) {
@@ -969,6 +1019,7 @@ class Search {
   const std::vector<Experiment>& experiments_;
   const std::vector<Experiment>& rough_;
   const Options& options_;
+  bool noise_is_known_;  // declared, or estimated and confirmed
   double limit_;
   Task train_;
   Task held_;
@@ -1047,7 +1098,8 @@ Evidence evidence_of(const Search& search, const std::vector<Experiment>& experi
 }
 
 // Where the declared model fails, in units of the noise, whatever the weights of its fit were.
-Location location_of(const Search& search, const std::vector<Experiment>& experiments) {
+Location location_of(const Search& search, const std::vector<Experiment>& experiments,
+                     std::uint64_t seed) {
   Task measured = search.null_train();
   measured.sigma = noise_sigma(experiments);
   const Candidate& null = search.null();
@@ -1071,6 +1123,7 @@ Location location_of(const Search& search, const std::vector<Experiment>& experi
                             ? search.suspected().value_or(physics::Relation::force_balance)
                             : search.claims().front().suspect.effect->card().relation;
   Location location = locate(measured, *null.hypothesis, residuals, relation, search.limit());
+  location.regions = regions_of(measured, *null.hypothesis, residuals, seed);
   if (!search.claims().empty() && search.claims().front().suspect.place.channel) {
     location.channel = search.claims().front().suspect.place.channel;
   }
@@ -1129,13 +1182,13 @@ Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Mod
 
   const double excess_before = null.held_out.chi2 - 1.0;
   const double excess_after = result.held_out.chi2 - 1.0;
-  const bool explained = result.held_out.chi2 <= search.limit() ||
+  const bool explained = (result.held_out.chi2 <= search.limit() && !search.is_strained()) ||
                          (!out.findings.empty() && excess_after <= 0.1 * excess_before);
   out.verdict = !explained
                     ? Verdict::unexplained
                     : (out.findings.empty() ? Verdict::consistent : Verdict::missing_physics);
   if (out.verdict != Verdict::consistent) {
-    out.location = location_of(search, experiments);
+    out.location = location_of(search, experiments, options.seed);
     if (!out.findings.empty() && out.findings.front().when_s) {
       out.location->when_s = {*out.findings.front().when_s};
     }

@@ -15,6 +15,7 @@
 #include "protocol/recording.h"
 #include "tools/diagnose/evidence.h"
 #include "tools/diagnose/integrity.h"
+#include "tools/diagnose/regions.h"
 #include "tools/diagnose/score.h"
 #include "tools/diagnose/suspects.h"
 
@@ -60,6 +61,7 @@ struct Location {
   std::map<std::string, std::pair<double, double>> where;
   std::optional<std::pair<double, double>> band_hz;
   std::string statement;
+  std::vector<Region> regions;  ///< conditions under which it is worse than otherwise
 };
 
 /// What was tried besides, for the record.

@@ -28,6 +28,7 @@ Unknown unknown_for(const physics::ParameterCard& card, std::size_t parameter, d
     // A factor of 50 either way: keeps what cannot be seen from running off.
     unknown.prior_sigma = 4.0;
   }
+  if (card.start_sigma > 0.0) unknown.prior_sigma = card.start_sigma;
   return unknown;
 }
 

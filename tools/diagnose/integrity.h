@@ -29,7 +29,7 @@ struct ChannelIntegrity {
   std::size_t at_high_rail = 0;
   double lowest = 0.0;
   double highest = 0.0;
-  std::optional<MainsLine> mains;  ///< the strongest, if any stands out of its surroundings
+  std::optional<MainsLine> mains{};  ///< the strongest, if any stands out of its surroundings
 };
 
 struct Integrity {

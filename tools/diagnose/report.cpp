@@ -1,5 +1,6 @@
 #include "tools/diagnose/report.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -29,6 +30,17 @@ Json location_json(const Location& location) {
   for (const auto& [name, span] : location.where) json["where"][name] = interval(span);
   json["band_hz"] = location.band_hz ? interval(*location.band_hz) : Json(nullptr);
   json["statement"] = location.statement;
+  json["regions"] = Json::array();
+  for (const Region& region : location.regions) {
+    const bool measured = region.aspect != Aspect::motion;
+    json["regions"].push_back({{"channel", info(region.channel).stem},
+                               {"aspect", name_of(region.aspect)},
+                               {"span", measured ? interval({region.from, region.to}) : nullptr},
+                               {"words", region.words},
+                               {"energy", region.energy},
+                               {"energy_outside", region.energy_outside},
+                               {"p_value", region.p_value}});
+  }
   return json;
 }
 
@@ -106,6 +118,25 @@ Json integrity_json(const Integrity& integrity) {
   }
   json["remarks"] = integrity.remarks;
   return json;
+}
+
+// The plainest condition of each aspect, one line each.
+std::vector<std::string> conditions_of(const Location& location) {
+  std::vector<std::string> out;
+  std::vector<Aspect> told;
+  for (const Region& region : location.regions) {
+    if (std::find(told.begin(), told.end(), region.aspect) != told.end()) continue;
+    told.push_back(region.aspect);
+    out.push_back(std::string(info(region.channel).stem)
+                      .append(" is off more ")
+                      .append(region.words)
+                      .append(" (")
+                      .append(number_text(std::sqrt(region.energy)))
+                      .append(" times the noise, elsewhere ")
+                      .append(number_text(std::sqrt(region.energy_outside)))
+                      .append(")"));
+  }
+  return out;
 }
 
 // The end of an interval, with three digits or as many as set it apart from the value.
@@ -207,7 +238,12 @@ std::string report_text(const Diagnosis& diagnosis) {
            << (diagnosis.findings.empty() ? "it" : "all of it") << " well enough.\n";
       break;
   }
-  if (diagnosis.location) text << "  Where: " << diagnosis.location->statement << "\n";
+  if (diagnosis.location) {
+    text << "  Where: " << diagnosis.location->statement << "\n";
+    for (const std::string& line : conditions_of(*diagnosis.location)) {
+      text << "         " << line << "\n";
+    }
+  }
   int number = 0;
   for (const Finding& finding : diagnosis.findings) {
     text << "  " << ++number << ". " << Suspect{finding.effect, finding.place}.name() << ": "

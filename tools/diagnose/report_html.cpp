@@ -117,6 +117,30 @@ std::string first_screen(const Diagnosis& d) {
   return out + "</div>\n";
 }
 
+std::string regions_section(const Diagnosis& d) {
+  if (!d.location || d.location->regions.empty()) return "";
+  constexpr std::size_t most = 12;
+  std::string out =
+      "<section><h2>Where it fails more than elsewhere</h2>\n<div class=\"scroll\"><table><tr>"
+      "<th>channel</th><th>condition</th><th>residual there, in units of the noise</th>"
+      "<th>elsewhere</th></tr>\n";
+  const auto& regions = d.location->regions;
+  for (std::size_t i = 0; i < std::min(most, regions.size()); ++i) {
+    out.append("<tr><td>").append(info(regions[i].channel).stem).append("</td><td>");
+    out.append(html_text(regions[i].words)).append("</td><td>");
+    out.append(number_text(std::sqrt(regions[i].energy))).append("</td><td>");
+    out.append(number_text(std::sqrt(regions[i].energy_outside))).append("</td></tr>\n");
+  }
+  out += "</table></div>\n";
+  return out +
+         paragraph(
+             "Of all conditions that were looked at, those whose residuals are larger than "
+             "elsewhere; of the entries of such lists one in twenty at most is there by chance "
+             "(Benjamini and Yekutieli over blocks of windows drawn anew).",
+             "soft") +
+         "</section>\n";
+}
+
 std::string findings_section(const Diagnosis& d) {
   if (d.findings.empty()) return "";
   std::string out = "<section><h2>What was left out</h2>\n";
@@ -359,6 +383,7 @@ std::string report_html(const Diagnosis& diagnosis, const Provenance& provenance
       "</style>\n</head>\n<body>\n<main>\n";
   out += first_screen(diagnosis);
   out += findings_section(diagnosis);
+  out += regions_section(diagnosis);
   out += pictures_section(diagnosis);
   out += numbers_section(diagnosis);
   out += recordings_section(diagnosis);

@@ -220,7 +220,7 @@ Hints hints_of(const Task& task, const Hypothesis& hypothesis, const Fit& fitted
   std::sort(sorted.begin(), sorted.end());
   const double usual = sorted[sorted.size() / 2];
   const double most = sorted[sorted.size() * 19 / 20];
-  for (const double share : {0.3, 0.6}) {
+  for (const double share : {0.12, 0.3, 0.6}) {
     const auto [begin, end] = densest(by_window, usual + share * (most - usual) + 0.05);
     if (end - begin < 2 || end - begin > by_window.size() * 7 / 10) continue;
     const std::pair<double, double> episode{span[begin].first, span[end - 1].second};

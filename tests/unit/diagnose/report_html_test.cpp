@@ -23,7 +23,15 @@ Diagnosis with_a_finding() {
                         {{0.0, 30.0}},
                         {},
                         std::nullopt,
-                        "They part in the force balance of the mass."};
+                        "They part in the force balance of the mass.",
+                        {{.channel = Channel::displacement,
+                          .aspect = Aspect::displacement,
+                          .from = 0.01,
+                          .to = 0.02,
+                          .words = "at displacements from 0.01 to 0.02 m",
+                          .energy = 16.0,
+                          .energy_outside = 1.0,
+                          .p_value = 1.0e-9}}};
   Finding finding;
   finding.effect = physics::find_effect("cubic_stiffness");
   finding.statement = "The spring hardens.";
@@ -38,6 +46,11 @@ Diagnosis with_a_finding() {
   d.augmented = d.baseline;
   d.augmented->chi2_per_sample = 1.02;
   d.horizon_s = 0.4;
+  Integrity integrity;
+  integrity.source = "run.csv";
+  integrity.channels = {{.channel = Channel::displacement}};
+  integrity.remarks = {"a clipped channel"};
+  d.integrity = {integrity};
   Evidence evidence;
   ChannelEvidence channel;
   channel.window_time_s = {0.5, 1.0};
@@ -69,7 +82,8 @@ TEST(ReportHtml, SaysWhatWasFoundHowSureAndHowToRepeatIt) {
   for (const char* part :
        {"Missing physics: hardening or softening spring", "They part in the force balance",
         "9.5 → 1.02", "90 %", "k3_n_m3", "680", "720", "end_stop", "stepped amplitudes",
-        "force against +x over displacement", "Phase space", "seed 42", "1.2.3", "abc123"}) {
+        "force against +x over displacement", "Phase space", "seed 42", "1.2.3", "abc123",
+        "at displacements from 0.01 to 0.02 m", "a clipped channel"}) {
     EXPECT_THAT(page, HasSubstr(part));
   }
 }

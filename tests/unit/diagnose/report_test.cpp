@@ -31,7 +31,20 @@ Diagnosis undecided() {
   location.channel = Channel::friction_force;
   location.when_s = {{1.0, 2.5}};
   location.statement = "They part.";
+  location.regions = {{.channel = Channel::velocity,
+                       .aspect = Aspect::motion,
+                       .words = "around reversals",
+                       .energy = 9.0,
+                       .energy_outside = 1.0,
+                       .p_value = 1.0e-6}};
   diagnosis.location = location;
+  Integrity integrity;
+  integrity.source = "run.csv";
+  integrity.rate_hz = 500.0;
+  integrity.duration_s = 30.0;
+  integrity.channels = {{.channel = Channel::displacement, .at_high_rail = 12}};
+  integrity.remarks = {"3 of 15000 samples are not there"};
+  diagnosis.integrity = {integrity};
   Finding finding;
   finding.effect = physics::find_effect("dry_friction");
   finding.statement = "Dry friction of 20 N.";
@@ -72,6 +85,19 @@ TEST(ReportJson, HoldsTheFindingItsIntervalAndItsRivals) {
   EXPECT_EQ(json["fit"]["heldout"]["augmented"]["chi2_per_sample"], 1.0);
 }
 
+TEST(ReportJson, HoldsWhereItFailsAndWhatTheRecordingIsWorth) {
+  const auto json = report_json(undecided());
+  const auto& region = json["location"]["regions"][0];
+  EXPECT_EQ(region["channel"], "velocity");
+  EXPECT_EQ(region["aspect"], "motion");
+  EXPECT_TRUE(region["span"].is_null());
+  EXPECT_EQ(region["energy"], 9.0);
+  const auto& integrity = json["integrity"][0];
+  EXPECT_EQ(integrity["recording"], "run.csv");
+  EXPECT_EQ(integrity["channels"]["displacement"]["at_high_rail"], 12);
+  EXPECT_EQ(integrity["remarks"][0], "3 of 15000 samples are not there");
+}
+
 TEST(ReportText, SaysTheVerdictFirst) {
   EXPECT_THAT(report_text(consistent()), ::testing::StartsWith("CONSISTENT"));
   const std::string text = report_text(undecided());
@@ -80,6 +106,9 @@ TEST(ReportText, SaysTheVerdictFirst) {
   EXPECT_THAT(text, HasSubstr("or bias_force (40 %)"));
   EXPECT_THAT(text, HasSubstr("to tell: push it both ways"));
   EXPECT_THAT(text, HasSubstr("Noise estimated from the recording, not declared: displacement"));
+  EXPECT_THAT(text, HasSubstr("velocity is off more around reversals (3 times the noise, "
+                              "elsewhere 1)"));
+  EXPECT_THAT(text, HasSubstr("Recording run.csv: 30 s at 500 Hz\n    3 of 15000 samples"));
   auto unexplained = undecided();
   unexplained.verdict = Verdict::unexplained;
   EXPECT_THAT(report_text(unexplained), ::testing::StartsWith("UNEXPLAINED"));

@@ -180,7 +180,10 @@ Setting setting_for(const std::string& id) {
   if (id == "bias_force") s.parameters = {{"force_n", {0.05}}};
   if (id == "wedge_load") s.parameters = {{"slope_per_m", {20.0}}};
   if (id == "dwell_strengthening") {
-    s.parameters = {{"beta", {0.2}}, {"tau_s", {0.01}}, {"stuck_speed_m_s", {0.02}}};
+    s.parameters = {{"beta", {0.2}},
+                    {"tau_s", {0.01}},
+                    {"stuck_speed_m_s", {0.02}},
+                    {"slip_length_m", {2.0e-4}}};
   }
   if (id == "load_cell_resonance") {
     s.model.load_cell->dynamics = LoadCellDynamics::quasi_static;
@@ -218,7 +221,7 @@ Setting setting_for(const std::string& id) {
     s.place.channel = Channel::friction_force;
   }
   if (id == "sensor_drift") {
-    s.parameters = {{"rate_per_s", {0.01}}};
+    s.parameters = {{"rate_per_s", {0.01}}, {"approach_s", {20.0}}};
     s.place.channel = Channel::normal_load;
   }
   if (id == "quadratic_stiffness") s.parameters = {{"k2_n_m2", {500.0}}};

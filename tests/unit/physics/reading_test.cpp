@@ -73,6 +73,7 @@ TEST(Reading, LeaksDriftsHumsAndSaturates) {
   Term leak{"crosstalk", v, {{"coefficient", {0.3}}}, f};
   const Pair leaking = with(leak);
   const Pair drifting = with({"sensor_drift", f, {{"rate_per_s", {0.02}}}});
+  const Pair settling = with({"sensor_drift", f, {{"rate_per_s", {0.02}}, {"approach_s", {0.3}}}});
   const Pair humming = with(
       {"mains_hum", f, {{"frequency_hz", {50.0}}, {"amplitude", {0.01}}, {"phase_rad", {0.4}}}});
   const Pair clipped = with({"clipping", v, {{"limit", {0.005}}}});
@@ -82,6 +83,8 @@ TEST(Reading, LeaksDriftsHumsAndSaturates) {
     EXPECT_NEAR(leaking.faulty[k][v], leaking.declared[k][v] + 0.3 * leaking.declared[k][f],
                 1.0e-12);
     EXPECT_NEAR(drifting.faulty[k][f], drifting.declared[k][f] + 0.02 * t, 1.0e-12);
+    EXPECT_NEAR(settling.faulty[k][f],
+                settling.declared[k][f] + 0.02 * 0.3 * (1.0 - std::exp(-t / 0.3)), 1.0e-12);
     EXPECT_NEAR(humming.faulty[k][f],
                 humming.declared[k][f] + 0.01 * std::sin(2.0 * pi * 50.0 * t + 0.4), 1.0e-9);
     const double free = clipped.declared[k][v];
