@@ -173,7 +173,9 @@ void inspect(const Term& term, const Model& model, Inspection& inspection) {
                       "is missing: " + std::string(parameter.meaning) + " [" +
                           std::string(parameter.unit) + "]");
     } else {
-      inspection.range(found->second, at, parameter.positive ? Range::positive : Range::any);
+      const bool may_be_zero = parameter.fixed_default == 0.0;
+      const Range positive = may_be_zero ? Range::not_negative : Range::positive;
+      inspection.range(found->second, at, parameter.positive ? positive : Range::any);
     }
   }
   for (const auto& [name, parameter] : term.parameters) {

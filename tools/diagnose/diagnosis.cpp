@@ -77,6 +77,15 @@ bool noise_is_declared(std::span<const Experiment> experiments) {
   return true;
 }
 
+bool noise_is_assumed(std::span<const Experiment> experiments) {
+  for (const Experiment& e : experiments) {
+    for (std::size_t c = 0; c < predicted_channels; ++c) {
+      if (((e.compared >> c) & 1U) != 0 && e.noise_assumed[c]) return true;
+    }
+  }
+  return false;
+}
+
 Task task_for(const std::vector<Experiment>& experiments, bool held_out, int threads) {
   Task task;
   task.experiments = experiments;
@@ -414,6 +423,25 @@ double total_loss(const HeldOut& held_out) {
 }
 double total_loss(const Candidate& candidate) { return total_loss(candidate.held_out); }
 
+// Whether the recording says anything about each number that makes the effect what it is. A
+// hysteresis whose slip force may be anything has not been seen to slip: it stands in for something
+// else, here for a spring.
+bool is_determined(const Candidate& candidate) {
+  constexpr double undetermined = 2.5;  // of a logarithm; the prior has 4
+  const auto& unknowns = candidate.hypothesis->unknowns();
+  const auto size = static_cast<Eigen::Index>(unknowns.size());
+  if (candidate.fitted.covariance.rows() != size) return true;  // not fitted to its end
+  for (const std::size_t place : places_of(candidate)) {
+    for (Eigen::Index u = 0; u < size; ++u) {
+      const Unknown& unknown = unknowns[static_cast<std::size_t>(u)];
+      if (unknown.parameter != place || !unknown.logarithmic || unknown.refinement) continue;
+      const double error = std::sqrt(std::max(0.0, candidate.fitted.covariance(u, u)));
+      if (unknown.scale * error > undetermined) return false;
+    }
+  }
+  return true;
+}
+
 // Adds one physics after the other to the declared model for as long as held-out data say so.
 class Search {
  public:
@@ -516,7 +544,8 @@ class Search {
     candidate.held_out = held_out(candidate);
     // An estimate of the noise that a model follows half of the windows down to is right: nothing
     // but noise would leave just that.
-    if (!noise_is_known_ && std::abs(std::log(candidate.held_out.typical)) < confirmed) {
+    if (!noise_is_known_ && !noise_is_assumed(experiments_) &&
+        std::abs(std::log(candidate.held_out.typical)) < confirmed) {
       noise_is_known_ = true;
       limit_ = explained_declared;
       candidate.held_out = held_out(candidate);
@@ -837,6 +866,10 @@ class Search {
       trials_.push_back({candidate.suspect.name(), static_cast<int>(claims_.size()),
                          candidate.held_out.chi2, candidate.z});
     }
+    // What the recording does not determine goes, as long as anything is left.
+    if (std::any_of(candidates.begin(), candidates.end(), is_determined)) {
+      std::erase_if(candidates, [](const Candidate& each) { return !is_determined(each); });
+    }
     rank(candidates);
     if (!suspected_) suspected_ = candidates.front().suspect.effect->card().relation;
     // Before unnamed physics is believed, two that have names are tried together.
@@ -853,7 +886,9 @@ class Search {
                                 : best;
       // What leaves nothing but noise is not given up for what leaves more.
       const Left most{std::max(enough, best + claim_nats),
-                      candidates.front().held_out.chi2 < at_the_floor ? at_the_floor : limit_};
+                      noise_is_known_ && candidates.front().held_out.chi2 < at_the_floor
+                          ? at_the_floor
+                          : limit_};
       if (!named.empty() && add_pair(named, most)) return true;
     }
     // What is explained needs no physics that nobody has named.

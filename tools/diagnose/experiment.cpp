@@ -8,6 +8,7 @@
 #include "physics/problem.h"
 #include "physics/rig.h"
 #include "physics/sensor_chain.h"
+#include "tools/diagnose/spectrum.h"
 #include "tools/diagnose/time_grid.h"
 #include "tools/diagnose/wide_band.h"
 
@@ -125,8 +126,10 @@ Experiment make_experiment(const protocol::Recording& recording, const Model& mo
     e.noise_declared[c] = declared.has_value();
     // No model is right to better than a thousandth: a recording that is smoother than that (an
     // encoder, a file that was filtered afterwards) does not say how well it can be predicted.
-    e.noise_std[c] =
-        declared ? *declared : std::max({noise_of(values[c]), 1.0e-3 * e.channel_std[c], 1.0e-15});
+    const double least = std::max(1.0e-3 * e.channel_std[c], 1.0e-15);
+    const double found = declared ? *declared : noise_of(values[c]);
+    e.noise_assumed[c] = !declared && found < least;
+    e.noise_std[c] = e.noise_assumed[c] ? least : found;
   }
 
   const bool imposed = excitation == Excitation::imposed;
@@ -164,6 +167,11 @@ Experiment make_experiment(const protocol::Recording& recording, const Model& mo
     e.valid[k] = frames[static_cast<std::size_t>(grid.frame[k])].valid & e.compared;
   }
 
+  // The mains would spoil every guess of a velocity. Only guesses: what is compared is left as it
+  // was read.
+  const auto cleaned = [&](Channel channel) {
+    return without_mains(values[index_of(channel)], e.period_s);
+  };
   const auto undo = [&](Channel channel, const std::vector<double>& v,
                         std::vector<physics::Filter> filters) {
     const FilterChain chain(filters, e.period_s);
@@ -171,7 +179,9 @@ Experiment make_experiment(const protocol::Recording& recording, const Model& mo
   };
   const auto filters_of = [&](Channel channel) { return model.sensors[index_of(channel)].filters; };
 
-  const WideBand x = undo(Channel::displacement, values[0], filters_of(Channel::displacement));
+  const WideBand x =
+      undo(Channel::displacement, imposed ? values[0] : cleaned(Channel::displacement),
+           filters_of(Channel::displacement));
   WideBand base;
   if (excitation == Excitation::base) {
     base = undo(Channel::base_displacement, values[index_of(Channel::base_displacement)],
@@ -180,7 +190,7 @@ Experiment make_experiment(const protocol::Recording& recording, const Model& mo
   }
   WideBand force;
   if (recorded(Channel::friction_force)) {
-    force = undo(Channel::friction_force, values[index_of(Channel::friction_force)],
+    force = undo(Channel::friction_force, cleaned(Channel::friction_force),
                  filters_of(Channel::friction_force));
   }
   std::vector<double> drive;

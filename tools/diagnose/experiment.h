@@ -49,6 +49,7 @@ struct Experiment {
   std::vector<StateGuess> guess;      ///< one per sample
   std::array<double, channel_count> noise_std{};  ///< declared or estimated; 0: not recorded
   std::array<bool, channel_count> noise_declared{};
+  std::array<bool, channel_count> noise_assumed{};  ///< smoother than any model is right
   std::array<double, channel_count> channel_std{};  ///< standard deviation of the recording
   double base_doubt_m_s2 =
       0.0;             ///< what the acceleration of the base is wrong by, standard deviation

@@ -6,10 +6,10 @@
 #include <complex>
 #include <cstdio>
 #include <numbers>
-#include <unsupported/Eigen/FFT>
 
 #include "physics/effects/number_text.h"
 #include "physics/sensor_chain.h"
+#include "tools/diagnose/spectrum.h"
 #include "tools/diagnose/time_grid.h"
 #include "tools/diagnose/wide_band.h"
 
@@ -19,73 +19,6 @@ namespace {
 
 using std::numbers::pi;
 using Complex = std::complex<double>;
-
-// The spectrum under a Hann window, so that strong slow motion does not leak into the mains.
-std::vector<Complex> windowed_spectrum(std::vector<double> values) {
-  double mean = 0.0;
-  for (const double v : values) mean += v;
-  mean /= static_cast<double>(values.size());
-  for (std::size_t k = 0; k < values.size(); ++k) {
-    const double phase =
-        2.0 * pi * (static_cast<double>(k) + 0.5) / static_cast<double>(values.size());
-    values[k] = (values[k] - mean) * 0.5 * (1.0 - std::cos(phase));
-  }
-  std::size_t length = 1;  // lengths with large prime factors are slow to transform
-  while (length < values.size()) length *= 2;
-  values.resize(length, 0.0);
-  std::vector<Complex> spectrum;
-  Eigen::FFT<double> fft;
-  fft.fwd(spectrum, values);
-  spectrum.resize(length / 2);
-  return spectrum;
-}
-
-std::optional<MainsLine> mains_of(const std::vector<double>& values, double period_s) {
-  const auto spectrum = windowed_spectrum(values);
-  const double step_hz = 0.5 / (period_s * static_cast<double>(spectrum.size()));
-  // As long as several bins of the untransformed length, on both sides.
-  const double resolution_hz = 1.0 / (period_s * static_cast<double>(values.size()));
-  std::optional<MainsLine> strongest;
-  for (const double grid_hz : {50.0, 60.0}) {
-    for (const double harmonic : {1.0, 2.0, 3.0}) {
-      const double centre = harmonic * grid_hz;
-      const double searched = 0.006 * centre;  // grids stay within 0.6 % but in emergencies
-      const double around = searched + 12.0 * resolution_hz;
-      const auto bin = [&](double hz) {
-        return static_cast<std::ptrdiff_t>(std::lround(hz / step_hz));
-      };
-      const std::ptrdiff_t first = bin(centre - around);
-      const std::ptrdiff_t last = bin(centre + around);
-      if (first < 1 || last >= static_cast<std::ptrdiff_t>(spectrum.size())) continue;
-      const auto power = [&](std::ptrdiff_t i) {
-        return std::norm(spectrum[static_cast<std::size_t>(i)]);
-      };
-      std::ptrdiff_t top = bin(centre - searched);
-      for (std::ptrdiff_t i = top; i <= bin(centre + searched); ++i) {
-        if (power(i) > power(top)) top = i;
-      }
-      std::vector<double> surroundings;
-      const std::ptrdiff_t own = bin(3.0 * resolution_hz);
-      for (std::ptrdiff_t i = first; i <= last; ++i) {
-        if (std::abs(i - top) > own) surroundings.push_back(power(i));
-      }
-      if (surroundings.size() < 8) continue;
-      std::nth_element(surroundings.begin(),
-                       surroundings.begin() + static_cast<long>(surroundings.size() / 2),
-                       surroundings.end());
-      const double usual = surroundings[surroundings.size() / 2] / std::numbers::ln2;
-      // The power of noise is exponentially distributed: e^-20 leaves room for every bin, line and
-      // channel that is looked at.
-      if (power(top) < 20.0 * usual) continue;
-      const double amplitude =
-          4.0 * std::sqrt(power(top)) / static_cast<double>(values.size());  // Hann's mean is 1/2
-      if (!strongest || amplitude > strongest->amplitude) {
-        strongest = MainsLine{static_cast<double>(top) * step_hz, amplitude};
-      }
-    }
-  }
-  return strongest;
-}
 
 // The step of an analogue-to-digital converter: all readings are multiples of it, from the first.
 double step_of(const std::vector<double>& readings) {

@@ -7,17 +7,12 @@
 #include <string>
 #include <vector>
 
+#include "physics/effects/effect.h"
 #include "physics/frame.h"
 #include "physics/model.h"
 #include "protocol/recording.h"
 
 namespace stickslip::diagnosis {
-
-/// A sine at the frequency of the mains (50 or 60 Hz), or at twice or three times that.
-struct MainsLine {
-  double frequency_hz = 0.0;
-  double amplitude = 0.0;  ///< in the channel's unit
-};
 
 struct ChannelIntegrity {
   Channel channel = Channel::displacement;
@@ -29,7 +24,7 @@ struct ChannelIntegrity {
   std::size_t at_high_rail = 0;
   double lowest = 0.0;
   double highest = 0.0;
-  std::optional<MainsLine> mains{};  ///< the strongest, if any stands out of its surroundings
+  std::optional<physics::Line> mains{};  ///< see mains_of
 };
 
 struct Integrity {
