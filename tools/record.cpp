@@ -202,16 +202,18 @@ int run(const Arguments& arguments) {
   std::printf("recording %s into %s\n", arguments.url.c_str(), arguments.out.c_str());
   std::fflush(stdout);
   const auto end = after(steady_clock::now(), arguments.duration_s);
-  while (!recorder.done() && steady_clock::now() < end) {
+  bool stopped = false;
+  while (!stopped && !recorder.done() && steady_clock::now() < end) {
     const Woken woken = wait_for(*lcm, stop, std::min(end, steady_clock::now() + flush_period));
-    if (woken == Woken::stop) break;
+    stopped = woken == Woken::stop;
     if (woken == Woken::message) lcm->handle();
     recorder.rest();
   }
-  // What had arrived before the stop belongs to the recording; a stream that goes on does not hold
-  // up the stop.
-  const auto patience = after(steady_clock::now(), 1.0);
-  while (!recorder.done() && steady_clock::now() < patience && lcm->handleTimeout(0) > 0) {
+  // What had arrived before the stop belongs to the recording, also what LCM's own thread is still
+  // reading from the socket; a stream that goes on does not hold up the stop.
+  const auto patience = after(steady_clock::now(), stopped ? 0.2 : 1.0);
+  const int quiet_ms = stopped ? 50 : 0;
+  while (!recorder.done() && steady_clock::now() < patience && lcm->handleTimeout(quiet_ms) > 0) {
   }
   recorder.close();
   recorder.tell();
