@@ -360,6 +360,9 @@ std::vector<Region> regions_of(const Task& task, const Hypothesis& hypothesis, c
     if (tested[k].p_value <= allowed) named = k + 1;
   }
   tested.erase(tested.begin() + static_cast<std::ptrdiff_t>(named), tested.end());
+  // A condition under which most residuals are larger but the few largest are not would only
+  // puzzle: what is told is the mean square.
+  std::erase_if(tested, [](const Region& each) { return each.energy <= each.energy_outside; });
   return tested;
 }
 
