@@ -133,9 +133,11 @@ class Conditions {
                                from * 180.0 / pi, to * 180.0 / pi)});
     }
     samples_ = list_.size();
-    for (double from = 0.0, to = 2.0; from < highest_hz; from = to, to *= 2.0) {
-      to = std::min(to, highest_hz);
+    double from = 0.0;
+    while (from < highest_hz) {
+      const double to = std::min(std::max(2.0, 2.0 * from), highest_hz);
       list_.push_back({Aspect::band, from, to, printed("between %.3g and %.3g Hz", from, to)});
+      from = to;
     }
   }
 
