@@ -4,8 +4,30 @@
 #include <cmath>
 
 #include "physics/dual.h"
+#include "physics/effects/effect.h"
 
 namespace stickslip::physics {
+
+/// The edges as parameters of an effect. Where they begin to be searched is known to about a
+/// second; a model that leaves them out means the whole recording.
+inline constexpr ParameterCard begin_parameter{.name = "begin_s",
+                                               .unit = "s",
+                                               .meaning = "beginning, from that of the recording",
+                                               .low = 0.0,
+                                               .high = 100000.0,
+                                               .positive = false,
+                                               .fixed_default = 0.0,
+                                               .estimated = true,
+                                               .start_sigma = 1.0};
+inline constexpr ParameterCard end_parameter{.name = "end_s",
+                                             .unit = "s",
+                                             .meaning = "end",
+                                             .low = 0.0,
+                                             .high = 100000.0,
+                                             .positive = false,
+                                             .fixed_default = 1.0e5,
+                                             .estimated = true,
+                                             .start_sigma = 1.0};
 
 /// 1 between `begin_s` and `end_s`, 0 before and after, with edges of a few hundredths of a second.
 template <class T>

@@ -15,24 +15,7 @@ constexpr std::array parameters = {ParameterCard{.name = "share",
                                                  .high = 5.0,
                                                  .positive = false,
                                                  .fixed_default = std::nullopt},
-                                   ParameterCard{.name = "begin_s",
-                                                 .unit = "s",
-                                                 .meaning = "beginning, from that of the recording",
-                                                 .low = 0.0,
-                                                 .high = 100000.0,
-                                                 .positive = false,
-                                                 .fixed_default = 0.0,
-                                                 .estimated = true,
-                                                 .start_sigma = 1.0},
-                                   ParameterCard{.name = "end_s",
-                                                 .unit = "s",
-                                                 .meaning = "end",
-                                                 .low = 0.0,
-                                                 .high = 100000.0,
-                                                 .positive = false,
-                                                 .fixed_default = 1.0e5,
-                                                 .estimated = true,
-                                                 .start_sigma = 1.0}};
+                                   begin_parameter, end_parameter};
 constexpr std::array<std::string_view, 1> rivals = {"wedge_load"};
 constexpr std::array<std::string_view, 1> depends_on = {"time"};
 constexpr Card entry = {

@@ -10,6 +10,7 @@
 #include "physics/effects/catalogue.h"
 #include "physics/problem.h"
 #include "tools/diagnose/locate.h"
+#include "tools/diagnose/median.h"
 #include "tools/diagnose/suspects.h"
 #include "tools/parallel/for_each.h"
 
@@ -68,22 +69,25 @@ constexpr double at_the_floor = 1.1;
 // A fit that ends further above it than this may not have found the deepest valley.
 constexpr double near_the_floor = 1.3;
 
-bool noise_is_declared(std::span<const Experiment> experiments) {
+// Whether `is` says so of any channel of any recording that a model is compared with.
+template <class Is>
+bool any_compared(std::span<const Experiment> experiments, Is&& is) {
   for (const Experiment& e : experiments) {
     for (std::size_t c = 0; c < predicted_channels; ++c) {
-      if (((e.compared >> c) & 1U) != 0 && !e.noise_declared[c]) return false;
-    }
-  }
-  return true;
-}
-
-bool noise_is_assumed(std::span<const Experiment> experiments) {
-  for (const Experiment& e : experiments) {
-    for (std::size_t c = 0; c < predicted_channels; ++c) {
-      if (((e.compared >> c) & 1U) != 0 && e.noise_assumed[c]) return true;
+      if (((e.compared >> c) & 1U) != 0 && is(e, c)) return true;
     }
   }
   return false;
+}
+
+bool noise_is_declared(std::span<const Experiment> experiments) {
+  return !any_compared(experiments,
+                       [](const Experiment& e, std::size_t c) { return !e.noise_declared[c]; });
+}
+
+bool noise_is_assumed(std::span<const Experiment> experiments) {
+  return any_compared(experiments,
+                      [](const Experiment& e, std::size_t c) { return e.noise_assumed[c]; });
 }
 
 Task task_for(const std::vector<Experiment>& experiments, bool held_out, int threads) {
@@ -148,9 +152,7 @@ HeldOut held_out_of(const Task& task, const Hypothesis& hypothesis, std::span<co
   for (std::size_t w = 0; w < fitted.chi2.size(); ++w) {
     by_window.push_back(fitted.chi2[w] / std::max(1, fitted.count[w] - fitted.states_per_window));
   }
-  const auto middle = by_window.begin() + static_cast<std::ptrdiff_t>(by_window.size() / 2);
-  std::nth_element(by_window.begin(), middle, by_window.end());
-  out.typical = *middle;
+  out.typical = median(std::move(by_window));
   if (noise_is_known) {
     for (std::size_t w = 0; w < fitted.chi2.size(); ++w) {
       out.loss.push_back(window_loss(fitted.chi2[w], fitted.count[w], fitted.states_per_window));
@@ -214,10 +216,8 @@ void reweigh(Task& task, const Hypothesis& hypothesis, const Fit& fitted) {
     const bool declared = std::any_of(task.experiments.begin(), task.experiments.end(),
                                       [c](const Experiment& e) { return e.noise_declared[c]; });
     if (declared || mean_square[c].empty()) continue;
-    auto& values = mean_square[c];
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    task.sigma[c] = std::max(noise_sigma(task.experiments)[c], std::sqrt(*middle));
+    task.sigma[c] =
+        std::max(noise_sigma(task.experiments)[c], std::sqrt(median(std::move(mean_square[c]))));
   }
 }
 

@@ -122,14 +122,10 @@ void look_at_velocity(const std::vector<Frame>& frames, const TimeGrid& grid,
                       const physics::Model& model, Integrity& out) {
   const auto x = filled(frames, grid, Channel::displacement);
   const auto v = filled(frames, grid, Channel::velocity);
-  const double step_hz = [&] {
-    std::size_t length = 1;
-    while (length < x.size()) length *= 2;
-    return 1.0 / (grid.period_s * static_cast<double>(length));
-  }();
   // Displacement's own filters are in front of the differentiator too: they cancel.
   const WideBand motion = wide_band(x, grid.period_s, {}, noise_of(x));
   auto expected = windowed_spectrum(motion.rate);
+  const double step_hz = 0.5 / (grid.period_s * static_cast<double>(expected.size()));
   const physics::FilterChain chain(model.sensors[index_of(Channel::velocity)].filters,
                                    grid.period_s);
   for (std::size_t i = 0; i < expected.size(); ++i) {

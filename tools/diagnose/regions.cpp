@@ -77,15 +77,6 @@ std::size_t part_of(const std::array<double, 6>& edges, double value) {
   return part;
 }
 
-// What a sample was like. All parts count from the first condition of their aspect.
-struct Circumstances {
-  std::size_t time = 0;
-  std::size_t displacement = 0;
-  std::size_t velocity = 0;
-  std::array<bool, motion_parts> motion{};
-  std::size_t phase = 0;
-};
-
 class Conditions {
  public:
   explicit Conditions(const Task& task) : task_(task) {

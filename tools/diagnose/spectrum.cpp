@@ -5,6 +5,8 @@
 #include <numbers>
 #include <unsupported/Eigen/FFT>
 
+#include "tools/diagnose/median.h"
+
 namespace stickslip::diagnosis {
 
 namespace {
@@ -14,7 +16,16 @@ using Complex = std::complex<double>;
 
 }  // namespace
 
-// The spectrum under a Hann window, so that strong slow motion does not leak into the mains.
+std::vector<Complex> spectrum_of(std::vector<double> values) {
+  std::size_t length = 1;  // lengths with large prime factors are slow to transform
+  while (length < values.size()) length *= 2;
+  values.resize(length, 0.0);
+  std::vector<Complex> spectrum;
+  Eigen::FFT<double> fft;
+  fft.fwd(spectrum, values);
+  return spectrum;
+}
+
 std::vector<Complex> windowed_spectrum(std::vector<double> values) {
   double mean = 0.0;
   for (const double v : values) mean += v;
@@ -24,13 +35,8 @@ std::vector<Complex> windowed_spectrum(std::vector<double> values) {
         2.0 * pi * (static_cast<double>(k) + 0.5) / static_cast<double>(values.size());
     values[k] = (values[k] - mean) * 0.5 * (1.0 - std::cos(phase));
   }
-  std::size_t length = 1;  // lengths with large prime factors are slow to transform
-  while (length < values.size()) length *= 2;
-  values.resize(length, 0.0);
-  std::vector<Complex> spectrum;
-  Eigen::FFT<double> fft;
-  fft.fwd(spectrum, values);
-  spectrum.resize(length / 2);
+  std::vector<Complex> spectrum = spectrum_of(std::move(values));
+  spectrum.resize(spectrum.size() / 2);
   return spectrum;
 }
 
@@ -105,10 +111,7 @@ std::optional<physics::Line> mains_of(const std::vector<double>& values, double 
         if (std::abs(i - top) > own) surroundings.push_back(power(i));
       }
       if (surroundings.size() < 8) continue;
-      std::nth_element(surroundings.begin(),
-                       surroundings.begin() + static_cast<long>(surroundings.size() / 2),
-                       surroundings.end());
-      const double usual = surroundings[surroundings.size() / 2] / std::numbers::ln2;
+      const double usual = median(std::move(surroundings)) / std::numbers::ln2;
       // The power of noise is exponentially distributed: e^-20 leaves room for every bin, line and
       // channel that is looked at.
       if (power(top) < 20.0 * usual) continue;

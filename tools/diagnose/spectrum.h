@@ -9,6 +9,9 @@
 
 namespace stickslip::diagnosis {
 
+/// Of the values drawn out with zeros to a power of two, both halves.
+std::vector<std::complex<double>> spectrum_of(std::vector<double> values);
+
 /// From 0 Hz to half of the sampling rate, under a Hann window so that strong slow motion does not
 /// leak; drawn out to a power of two: line i is at i / (2 size() period).
 std::vector<std::complex<double>> windowed_spectrum(std::vector<double> values);

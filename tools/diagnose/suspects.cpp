@@ -5,9 +5,9 @@
 #include <cmath>
 #include <complex>
 #include <numbers>
-#include <unsupported/Eigen/FFT>
 
 #include "physics/effects/catalogue.h"
+#include "tools/diagnose/spectrum.h"
 #include "tools/parallel/for_each.h"
 
 namespace stickslip::diagnosis {
@@ -57,17 +57,6 @@ std::array<std::vector<double>, predicted_channels> residuals_of(const Task& tas
     }
   });
   return out;
-}
-
-std::vector<std::complex<double>> spectrum_of(std::vector<double> values) {
-  // Lengths with large prime factors are slow to transform.
-  std::size_t length = 1;
-  while (length < values.size()) length *= 2;
-  values.resize(length, 0.0);
-  std::vector<std::complex<double>> spectrum;
-  Eigen::FFT<double> fft;
-  fft.fwd(spectrum, values);
-  return spectrum;
 }
 
 // The lines that stand highest above their surroundings, strongest first.

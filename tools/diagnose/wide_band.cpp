@@ -8,6 +8,8 @@
 #include <numbers>
 #include <unsupported/Eigen/FFT>
 
+#include "tools/diagnose/median.h"
+
 namespace stickslip::diagnosis {
 
 namespace {
@@ -20,12 +22,6 @@ bool has_small_factors(std::size_t n) {
     while (n % prime == 0) n /= prime;
   }
   return n == 1;
-}
-
-double median(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // A polynomial of fourth degree through `count` samples at one end, as time goes away from it.

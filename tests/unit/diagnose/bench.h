@@ -95,4 +95,12 @@ inline Task all_windows(std::span<const Experiment> experiments) {
   return task;
 }
 
+/// The states of all windows, the declared parameters as they are.
+inline Fit with_fitted_states(const Task& task, const Hypothesis& hypothesis) {
+  FitOptions options;
+  options.parameters_free = false;
+  return fit(task, hypothesis, std::vector<double>(hypothesis.unknowns().size(), 0.0),
+             guessed_states(task, hypothesis), options);
+}
+
 }  // namespace stickslip::diagnosis::test

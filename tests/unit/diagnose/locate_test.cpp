@@ -12,6 +12,7 @@ using test::all_windows;
 using test::driven_mass;
 using test::experiment_of;
 using test::record;
+using test::with_fitted_states;
 
 // The true model, but a 5 Hz tone was added to what the sensor read from 6 s to 8 s.
 TEST(Locate, FindsWhenAndInWhichBandAReadingIsOff) {
@@ -23,9 +24,7 @@ TEST(Locate, FindsWhenAndInWhichBandAReadingIsOff) {
   const std::vector<Experiment> experiments = {std::move(e)};
   const Task task = all_windows(experiments);
   const Hypothesis hypothesis(driven_mass());
-  FitOptions options;
-  options.parameters_free = false;
-  const Fit fitted = fit(task, hypothesis, {0.0, 0.0}, guessed_states(task, hypothesis), options);
+  const Fit fitted = with_fitted_states(task, hypothesis);
   const Location location = locate(task, hypothesis, fitted, physics::Relation::sensor, 1.5);
   EXPECT_EQ(location.relation, physics::Relation::sensor);
   EXPECT_EQ(location.channel, Channel::displacement);
@@ -46,9 +45,7 @@ TEST(Locate, SaysThroughoutWhenNearlyEveryWindowFails) {
   const std::vector<Experiment> experiments = {std::move(e)};
   const Task task = all_windows(experiments);
   const Hypothesis hypothesis(driven_mass());
-  FitOptions options;
-  options.parameters_free = false;
-  const Fit fitted = fit(task, hypothesis, {0.0, 0.0}, guessed_states(task, hypothesis), options);
+  const Fit fitted = with_fitted_states(task, hypothesis);
   const Location location = locate(task, hypothesis, fitted, physics::Relation::kinematics, 1.5);
   ASSERT_EQ(location.when_s.size(), 1U);
   EXPECT_EQ(location.when_s[0].first, 0.0);

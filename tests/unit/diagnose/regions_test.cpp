@@ -16,6 +16,7 @@ using test::all_windows;
 using test::driven_mass;
 using test::experiment_of;
 using test::record;
+using test::with_fitted_states;
 using ::testing::Each;
 using ::testing::Field;
 using ::testing::IsEmpty;
@@ -30,9 +31,7 @@ std::vector<Region> found(double duration_s, std::uint64_t seed, Spoil&& spoil) 
   const std::vector<Experiment> experiments = {std::move(e)};
   const Task task = all_windows(experiments);
   const Hypothesis hypothesis(driven_mass());
-  FitOptions options;
-  options.parameters_free = false;
-  const Fit fitted = fit(task, hypothesis, {0.0, 0.0}, guessed_states(task, hypothesis), options);
+  const Fit fitted = with_fitted_states(task, hypothesis);
   return regions_of(task, hypothesis, fitted, 1);
 }
 
