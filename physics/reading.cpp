@@ -41,6 +41,7 @@ template <class T>
 T misread(const ReadingLaw<T>& law, const T& value, double time_s) {
   using std::sin;
   T out = law.gain * value;
+  out += law.curvature * out * out;
   out += law.drift_per_s * drifted_s(law, time_s);
   if (value_of(law.hum_frequency_hz) > 0.0) {
     T share(1.0);
@@ -80,11 +81,7 @@ template <class T>
 void ReadingFaults<T>::settle(FaultMemory<T>& memory, const SensorMemory<T>& chains) const {
   memory.into_differentiator = bank_->velocity_before_roll_off(chains);
   memory.rolled_off = memory.into_differentiator;
-  memory.latest = 0;
-  if (laws_.late) {
-    const auto length = static_cast<std::size_t>(std::ceil(longest_delay_s / step_s_)) + 2;
-    memory.past.assign(length, undisturbed(memory, chains));
-  }
+  if (laws_.late) memory.past.settle(undisturbed(memory, chains), step_s_);
 }
 
 template <class T>
@@ -95,10 +92,7 @@ void ReadingFaults<T>::advance(FaultMemory<T>& memory, const SensorMemory<T>& ch
         stay_ * memory.rolled_off + before_ * memory.into_differentiator + after_ * input;
     memory.into_differentiator = input;
   }
-  if (laws_.late) {
-    memory.latest = (memory.latest + 1) % memory.past.size();
-    memory.past[memory.latest] = undisturbed(memory, chains);
-  }
+  if (laws_.late) memory.past.push(undisturbed(memory, chains));
 }
 
 template <class T>
@@ -110,27 +104,15 @@ Readings<T> ReadingFaults<T>::undisturbed(const FaultMemory<T>& memory,
 }
 
 template <class T>
-T ReadingFaults<T>::ago(const FaultMemory<T>& memory, const T& delay_s, Channel channel) const {
-  const std::size_t length = memory.past.size();
-  const T steps = delay_s / step_s_;
-  const double whole =
-      std::clamp(std::floor(value_of(steps)), 0.0, static_cast<double>(length) - 2.0);
-  const auto back = static_cast<std::size_t>(whole);
-  const T& newer = of(memory.past[(memory.latest + length - back) % length], channel);
-  const T& older = of(memory.past[(memory.latest + 2 * length - back - 1) % length], channel);
-  T share = steps - whole;
-  if (value_of(share) > 1.0) share = T(1.0);
-  return newer + (older - newer) * share;  // a negative delay looks ahead along the last slope
-}
-
-template <class T>
 Readings<T> ReadingFaults<T>::readings(const FaultMemory<T>& memory, const SensorMemory<T>& chains,
                                        double time_s) const {
   Readings<T> late = undisturbed(memory, chains);
   if (laws_.late) {
     for (const Channel channel : read_channels) {
       const T& delay = laws_.of[index_of(channel)].delay_s;
-      if (value_of(delay) != 0.0) of(late, channel) = ago(memory, delay, channel);
+      if (value_of(delay) == 0.0) continue;
+      of(late, channel) = memory.past.ago(
+          delay, [channel](const Readings<T>& past) -> const T& { return of(past, channel); });
     }
   }
   Readings<T> out;

@@ -3,6 +3,8 @@
 // effect of the catalogue sets its numbers.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "physics/effects/effect.h"
@@ -10,21 +12,57 @@
 
 namespace stickslip::physics {
 
+/// The longest delay that is remembered [s].
+inline constexpr double longest_delay_s = 0.03;
+
+/// What something was over the last longest_delay_s, one value for each step.
+template <class Value>
+class DelayLine {
+ public:
+  /// As if it had always been `value`. Allocates.
+  void settle(const Value& value, double step_s) {
+    step_s_ = step_s;
+    latest_ = 0;
+    ring_.assign(static_cast<std::size_t>(std::ceil(longest_delay_s / step_s)) + 2, value);
+  }
+  /// One step on.
+  void push(const Value& value) {
+    latest_ = (latest_ + 1) % ring_.size();
+    ring_[latest_] = value;
+  }
+  /// What `part` of it was `delay_s` ago, on a straight line between steps; a negative delay looks
+  /// ahead along the last slope.
+  template <class T, class Part>
+  T ago(const T& delay_s, Part&& part) const {
+    const std::size_t length = ring_.size();
+    const T steps = delay_s / step_s_;
+    const double whole =
+        std::clamp(std::floor(value_of(steps)), 0.0, static_cast<double>(length) - 2.0);
+    const auto back = static_cast<std::size_t>(whole);
+    const T& newer = part(ring_[(latest_ + length - back) % length]);
+    const T& older = part(ring_[(latest_ + 2 * length - back - 1) % length]);
+    T share = steps - whole;
+    if (value_of(share) > 1.0) share = T(1.0);
+    return newer + (older - newer) * share;
+  }
+
+ private:
+  std::vector<Value> ring_;
+  std::size_t latest_ = 0;
+  double step_s_ = 1.0;
+};
+
 /// What the faults remember beside the chains.
 template <class T>
 struct FaultMemory {
   T rolled_off{0.0};  ///< output of the actual differentiator
   T into_differentiator{0.0};
-  std::vector<Readings<T>> past;  ///< a ring of the latest readings, one for each step
-  std::size_t latest = 0;
+  DelayLine<Readings<T>> past;
 };
 
 /// What a channel delivers instead of `value`, but for its delay and what leaks into it.
 template <class T>
 T misread(const ReadingLaw<T>& law, const T& value, double time_s);
-
-/// The longest delay that is remembered [s].
-inline constexpr double longest_delay_s = 0.03;
 
 /// The faults of one rig at one step length. Immutable; `bank` must outlive it.
 template <class T>
@@ -42,7 +80,6 @@ class ReadingFaults {
 
  private:
   Readings<T> undisturbed(const FaultMemory<T>& memory, const SensorMemory<T>& chains) const;
-  T ago(const FaultMemory<T>& memory, const T& delay_s, Channel channel) const;
 
   ReadingLaws<T> laws_;
   const SensorBank* bank_;

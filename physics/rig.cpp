@@ -35,6 +35,10 @@ BackboneSlip solve_backbone(double target, double a, double p, double q, double 
                             double guess) {
   double low = target - a * (p + q);
   double high = target - a * (p - q);
+  // Beyond this the tanh is 1 to the last digits of a double, and the slip is one of the ends.
+  constexpr double saturated = 17.0;
+  if (low > saturated * speed) return {low, 1.0};
+  if (high < -saturated * speed) return {high, -1.0};
   // Where the law has saturated the slip is one of the ends; elsewhere where it was last is nearer.
   double w = low > 3.0 * speed ? low : (high < -3.0 * speed ? high : std::clamp(guess, low, high));
   double t = 0.0;
@@ -65,7 +69,9 @@ BackboneSlip solve_backbone(double target, double a, double p, double q, double 
 
 // tanh(x) where its value is known already; x brings the derivatives.
 double known_tanh(double /*x*/, double value) { return value; }
-Dual known_tanh(const Dual& x, double value) { return {value, x.d * (1.0 - value * value)}; }
+Dual known_tanh(const Dual& x, double value) {
+  return {value, x.d * Dual::slope(1.0 - value * value)};
+}
 
 // Solves w + a z(w) = target with z(w) = (z0 + alpha w) / (1 + alpha abs(w) r): the implicit step
 // of a bristle that slips at 1/r; r is `back` for a w against the deflection z0.
@@ -303,6 +309,14 @@ T Rig::load_at(const RigState<T>& state, const Input& now, double time_s,
 }
 
 template <class T>
+T Rig::frame_acceleration(const RigState<T>& state, const Input& now,
+                          const RigNumbers<T>& n) const {
+  T acceleration = n.input_share * now.base_acceleration_m_s2;
+  if (structure_.excitation == Excitation::base) acceleration += state.unrecorded;
+  return acceleration;
+}
+
+template <class T>
 void Rig::explicit_rates(std::array<T, max_rig_states>& rate, const RigState<T>& state,
                          const Input& now, double time_s, const RigNumbers<T>& n) const {
   const Coefficients<T>& c = n.c;
@@ -325,9 +339,9 @@ void Rig::explicit_rates(std::array<T, max_rig_states>& rate, const RigState<T>&
     rate[state::x] = v;
     rate[state::v] = -restoring * n.inverse_mass;
     if (structure_.excitation == Excitation::force) {
-      rate[state::v] += n.input_share * n.inverse_mass * now.drive_force_n;
+      rate[state::v] += n.inverse_mass * (n.input_share * now.drive_force_n + state.unrecorded);
     } else {
-      rate[state::v] -= n.input_share * now.base_acceleration_m_s2 + state.unrecorded_acceleration;
+      rate[state::v] -= frame_acceleration(state, now, n);
     }
   }
   if (structure_.resonant) {
@@ -335,7 +349,7 @@ void Rig::explicit_rates(std::array<T, max_rig_states>& rate, const RigState<T>&
     const T& u = state.s[state::u];
     rate[state::y] = u;
     rate[state::u] = -((c.cell_damping * u + c.cell_stiffness * y) * n.inverse_cell_mass) -
-                     n.input_share * now.base_acceleration_m_s2 - state.unrecorded_acceleration;
+                     frame_acceleration(state, now, n);
   }
   for (std::size_t i = 0; i < terms_.size(); ++i) {
     if (terms_[i].effect->state_count() == 0) continue;
@@ -571,8 +585,7 @@ Quantities<T> Rig::quantities(const RigState<T>& state, const Input& now,
     q.friction_reading = n.c.cell_stiffness * state.s[state::y];
   } else if (structure_.load_cell) {
     q.friction_reading =
-        state.friction - n.c.cell_mass * (n.input_share * now.base_acceleration_m_s2 +
-                                          state.unrecorded_acceleration);  // Eq. (1)
+        state.friction - n.c.cell_mass * frame_acceleration(state, now, n);  // Eq. (1)
   } else {
     q.friction_reading = state.friction;
   }

@@ -38,8 +38,9 @@ struct RigState {
   T theta{0.0};     ///< friction over mu N
   T slip{0.0};      ///< velocity across the contact [m/s]
   T load{1.0};      ///< normal load [N]
-  /// What the frame's acceleration has beside that of the input [m/s^2]; set by whoever doubts it.
-  T unrecorded_acceleration{0.0};
+  /// What drives the rig beside what the input says: acceleration of the frame [m/s^2], or the
+  /// drive force [N] of a force-excited rig; set by whoever doubts the input.
+  T unrecorded{0.0};
 };
 
 /// What the sensors are connected to, before their chains.
@@ -62,6 +63,8 @@ struct RigNumbers {
   /// What acts on the rig over what the inputs say; other than 1 where they are a recording's and
   /// their channel is read with a wrong gain.
   T input_share{1.0};
+  /// By how much earlier the inputs acted than they say: their channel is late [s].
+  T input_lead_s{0.0};
 };
 
 /// The structure of a rig. Immutable; all state is in RigState.
@@ -108,6 +111,8 @@ class Rig {
   template <class T>
   T load_at(const RigState<T>& state, const Input& now, double time_s,
             const RigNumbers<T>& n) const;
+  template <class T>
+  T frame_acceleration(const RigState<T>& state, const Input& now, const RigNumbers<T>& n) const;
   template <class T>
   void explicit_rates(std::array<T, max_rig_states>& rate, const RigState<T>& state,
                       const Input& now, double time_s, const RigNumbers<T>& n) const;

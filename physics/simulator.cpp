@@ -42,6 +42,7 @@ struct RigSimulator::Implementation {
     if (time > 0.0) faults->settle(fault_memory, sensors);
     base = FilterChain(model.sensors[index_of(Channel::base_displacement)].filters, h);
     drive = FilterChain(model.sensors[index_of(Channel::drive_force)].filters, h);
+    if (numbers.reading.late) input_past.settle(inputs_read(), h);
   }
 
   void settle() {
@@ -50,7 +51,13 @@ struct RigSimulator::Implementation {
     faults->settle(fault_memory, sensors);
     base.settle(base_memory, now.base_displacement_m, 0.0);
     drive.settle(drive_memory, now.drive_force_n, 0.0);
+    if (numbers.reading.late) input_past.settle(inputs_read(), step);
     report();
+  }
+
+  // What the channels of the inputs deliver but for their faults: base displacement, drive force.
+  std::array<double, 2> inputs_read() const {
+    return {base.output(base_memory), drive.output(drive_memory)};
   }
 
   void report() {
@@ -89,6 +96,7 @@ struct RigSimulator::Implementation {
   SensorMemory<double> sensors;
   FaultMemory<double> fault_memory;
   FilterMemory<double> base_memory, drive_memory;
+  DelayLine<std::array<double, 2>> input_past;
 };
 
 RigSimulator::RigSimulator(const Model& model, SimulationOptions options, const RigTruth& start)
@@ -128,6 +136,7 @@ void RigSimulator::advance(double duration_s, const Input& end) {
     if (i.numbers.reading.wrong) i.faults->advance(i.fault_memory, i.sensors);
     i.base.advance(i.base_memory, next.base_displacement_m, 0.0);
     i.drive.advance(i.drive_memory, next.drive_force_n, 0.0);
+    if (i.numbers.reading.late) i.input_past.push(i.inputs_read());
   }
   i.report();
 }
@@ -138,8 +147,16 @@ Frame RigSimulator::read() {
   const Readings<double> readings = laws.wrong
                                         ? i.faults->readings(i.fault_memory, i.sensors, i.time)
                                         : i.bank.readings(i.sensors);
-  const auto input_read = [&](Channel channel, double value) {
-    return laws.wrong ? misread(laws.of[index_of(channel)], value, i.time) : value;
+  const auto input_read = [&](Channel channel, std::size_t which) {
+    double value = i.inputs_read()[which];
+    if (!laws.wrong) return value;
+    const ReadingLaw<double>& law = laws.of[index_of(channel)];
+    if (laws.late && law.delay_s != 0.0) {
+      value = i.input_past.ago(
+          law.delay_s,
+          [which](const std::array<double, 2>& past) -> const double& { return past[which]; });
+    }
+    return misread(law, value, i.time);
   };
   const Structure& structure = i.rig.structure();
   Frame frame;
@@ -153,11 +170,10 @@ Frame RigSimulator::read() {
   if (structure.friction) put(Channel::friction_force, readings.friction_force);
   if (structure.loaded) put(Channel::normal_load, readings.normal_load);
   if (structure.excitation == Excitation::base) {
-    put(Channel::base_displacement,
-        input_read(Channel::base_displacement, i.base.output(i.base_memory)));
+    put(Channel::base_displacement, input_read(Channel::base_displacement, 0));
   }
   if (structure.excitation == Excitation::force) {
-    put(Channel::drive_force, input_read(Channel::drive_force, i.drive.output(i.drive_memory)));
+    put(Channel::drive_force, input_read(Channel::drive_force, 1));
   }
   return frame;
 }

@@ -115,6 +115,7 @@ void Noise::listen(const Frame& frame) {
 }
 
 void Noise::learn_drive(double normalised_innovation) {
+  if (!std::isfinite(normalised_innovation)) return;  // the filter is lost, the drive is not
   // Innovations of a right filter are white: a trend in them says too tame, a contrary one too
   // wild.
   const double size = std::min(square(normalised_innovation) - 1.0, 20.0);

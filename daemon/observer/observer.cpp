@@ -212,7 +212,9 @@ void FrictionObserver::Filter::begin(const Frame& frame) {
   }
   if (!has_origin) origin_ns = frame.time_ns;
   has_origin = true;
-  const double old_mu = layout.mu >= 0 && started ? mean[layout.mu] : 0.0;
+  // What a filter that is lost holds of mu may be no number.
+  const bool keeps_mu = layout.mu >= 0 && started && std::isfinite(mean[layout.mu]);
+  const double old_mu = keeps_mu ? mean[layout.mu] : 0.0;
   noise.front().start(frame, old_mu, mean, covariance);
   started = true;
   since_start_s = 0.0;
@@ -442,12 +444,15 @@ const FrictionEstimate& FrictionObserver::update(const Frame& given) {
   e.sequence = frame.sequence;
   e.valid = false;
   if (!f.unsupported.empty()) return e;
-  e.innovation.fill(0.0);
-  e.innovation_std.fill(0.0);
-  e.innovation_valid = 0;
+  const auto nothing_learnt = [&e] {
+    e.innovation.fill(0.0);
+    e.innovation_std.fill(0.0);
+    e.innovation_valid = 0;
+    e.nis = 0.0;
+    e.nis_freedom = 0;
+  };
+  nothing_learnt();
   e.refused = 0;
-  e.nis = 0.0;
-  e.nis_freedom = 0;
   e.raw_valid = false;
 
   f.noise.front().listen(frame);
@@ -469,6 +474,7 @@ const FrictionEstimate& FrictionObserver::update(const Frame& given) {
   f.noise.front().confine(f.mean);
   if (!f.is_healthy()) {
     ++e.restarts;
+    nothing_learnt();  // a filter that is lost says nothing about the readings
     f.begin(frame);
     if (!f.started) return e;
   }

@@ -44,6 +44,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a run with the shaker off: what still moves is not its doing",
     .rivals = rivals,
+    .strength = 1,
 };
 
 class AmbientVibration final : public EffectOf<AmbientVibration> {

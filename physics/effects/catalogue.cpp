@@ -36,6 +36,7 @@ std::span<const Effect* const> catalogue() {
       // physics that the contract does not list
       &quadratic_stiffness(), &position_dependent_damping(), &contact_viscosity(),
       &logarithmic_friction(), &periodic_friction(), &load_curvature(), &load_vibration(),
+      &quintic_stiffness(), &rate_and_state(), &load_history(), &bridge_nonlinearity(),
       &load_episode(), &friction_episode(), &force_episode(),
       // shapes
       &force_over_displacement(), &force_over_velocity(), &force_over_time(),

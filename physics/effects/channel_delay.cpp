@@ -33,10 +33,7 @@ class ChannelDelay final : public EffectOf<ChannelDelay> {
   const Card& card() const override { return entry; }
 
   bool can_be_missing_from(const Model& /*model*/) const override { return true; }
-  bool acts_on(const Place& place) const override {
-    return !place.from && place.channel &&
-           index_of(*place.channel) <= index_of(Channel::normal_load);
-  }
+  bool acts_on(const Place& place) const override { return !place.from && place.channel; }
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
     return {{std::max(0.002, scales.sample_period_s)}};
   }

@@ -25,6 +25,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a run at half the amplitude, or with the next larger range of the amplifier",
     .rivals = rivals,
+    .strength = std::nullopt,  // there is less of it the larger the number
 };
 
 class Clipping final : public EffectOf<Clipping> {

@@ -46,6 +46,7 @@ constexpr Card entry = {
     .experiment =
         "small amplitudes that never break away: a compliant contact shows its stiffness there",
     .rivals = rivals,
+    .strength = std::nullopt,  // it replaces a law
 };
 
 class ContactCompliance final : public EffectOf<ContactCompliance> {

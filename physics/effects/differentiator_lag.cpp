@@ -28,6 +28,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a chirp: velocity over displacement against frequency",
     .rivals = rivals,
+    .strength = std::nullopt,  // there is less of it the larger the number
 };
 
 class DifferentiatorLag final : public EffectOf<DifferentiatorLag> {

@@ -51,8 +51,12 @@ struct Card {
   std::span<const ParameterCard> parameters;
   std::string_view experiment;               ///< the run that shows it best
   std::span<const std::string_view> rivals;  ///< ids that look like it on a poor recording
-  /// Column stems, of physics that the contract does not list: reports call it `unlisted`.
+  /// Column stems, of physics that the contract does not list: reports call it `unlisted`. Of a
+  /// sensor effect those of the channels that it can act on.
   std::span<const std::string_view> depends_on = {};
+  /// Which parameter says how much of the effect there is: at its `neutral` there is none. None
+  /// where no single number does.
+  std::optional<std::size_t> strength = 0;
 };
 
 /// Where an effect acts, as far as that is a choice.
@@ -145,10 +149,12 @@ struct Coefficients {
 };
 
 /// How one channel's reading departs from what its declared chain delivers; as it stands here, not
-/// at all. reading = clip(gain (late + leak other) + drift + hum), late: delay_s ago.
+/// at all. reading = clip(bend(gain (late + leak other)) + drift + hum), late: delay_s ago,
+/// bend(r) = r (1 + curvature r).
 template <class T>
 struct ReadingLaw {
   T gain{1.0};
+  T curvature{0.0};
   T leak{0.0};
   std::optional<Channel> leak_from;
   T drift_per_s{0.0};       ///< at first

@@ -41,6 +41,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "amplitudes just below and just above the suspected gap",
     .rivals = rivals,
+    .strength = 1,
 };
 
 class EndStop final : public EffectOf<EndStop> {

@@ -43,6 +43,7 @@ constexpr Card entry = {
         "reversals at several speeds: a memory opens the friction-velocity loop in proportion to "
         "the acceleration, a compliant contact in proportion to the deflection",
     .rivals = rivals,
+    .strength = std::nullopt,  // it replaces a law
 };
 
 class FrictionMemory final : public EffectOf<FrictionMemory> {

@@ -39,6 +39,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a tap on the load cell with the contact lifted",
     .rivals = rivals,
+    .strength = std::nullopt,  // it replaces a law
 };
 
 class LoadCellResonance final : public EffectOf<LoadCellResonance> {

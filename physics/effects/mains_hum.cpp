@@ -70,6 +70,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a recording with the rig at rest",
     .rivals = rivals,
+    .strength = 1,
 };
 
 class MainsHum final : public EffectOf<MainsHum> {

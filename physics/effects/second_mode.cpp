@@ -52,6 +52,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a tap on the beam with the contact lifted",
     .rivals = rivals,
+    .strength = 1,
 };
 
 class SecondMode final : public EffectOf<SecondMode> {

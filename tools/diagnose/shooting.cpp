@@ -103,8 +103,8 @@ class BaseKnots {
     const auto left = static_cast<Eigen::Index>(position);
     const double share = position - static_cast<double>(left);
     Dual sum;
-    sum.d[left] = height_ * (1.0 - share);
-    sum.d[left + 1] = height_ * share;
+    sum.d[left] = Dual::slope(height_ * (1.0 - share));
+    sum.d[left + 1] = Dual::slope(height_ * share);
     return sum;
   }
 
@@ -115,6 +115,43 @@ class BaseKnots {
 
 struct NoKnots {
   double at(double /*since_warm_s*/) const { return 0.0; }
+};
+
+// The inputs of a window as they acted, where their own channel may have recorded them late.
+template <class T>
+class LateInput {
+ public:
+  LateInput(const std::vector<physics::Input>& recorded, const RigNumbers<T>& n,
+            physics::Excitation excitation, double step_s)
+      : recorded_(recorded),
+        of_force_(excitation == physics::Excitation::force),
+        is_late_(n.reading.late),
+        steps_(physics::value_of(n.input_lead_s) / step_s) {
+    // Between the values the input is a straight line: derivatives by the lead are its slope.
+    per_step_ =
+        n.input_share * (n.input_lead_s - physics::value_of(n.input_lead_s)) * (1.0 / step_s);
+  }
+  physics::Input at(std::size_t step) const {
+    if (!is_late_ || steps_ == 0.0) return recorded_[step];
+    const double last = static_cast<double>(recorded_.size() - 1);
+    const double there = std::clamp(static_cast<double>(step) + steps_, 0.0, last);
+    const auto before = std::min(static_cast<std::size_t>(there), recorded_.size() - 2);
+    return physics::between(recorded_[before], recorded_[before + 1],
+                            there - static_cast<double>(before));
+  }
+  // What the input's derivative by its lead adds from `now` to `next`.
+  T beside(const physics::Input& now, const physics::Input& next) const {
+    if (!is_late_) return T(0.0);
+    return per_step_ * (of_force_ ? next.drive_force_n - now.drive_force_n
+                                  : next.base_acceleration_m_s2 - now.base_acceleration_m_s2);
+  }
+
+ private:
+  const std::vector<physics::Input>& recorded_;
+  bool of_force_;
+  bool is_late_;
+  double steps_;
+  T per_step_{0.0};
 };
 
 template <class T, class Sink, class Knots = NoKnots>
@@ -129,8 +166,10 @@ void run_window(const Experiment& e, const Window& window, std::size_t end, cons
   SensorMemory<T> memory;
   std::size_t at = window.warm * substeps;
   const double start_time = e.period_s * static_cast<double>(window.warm);
-  rig.complete(s, e.input[at], start_time, n);
-  bank.settle(memory, rig.quantities(s, e.input[at], n));
+  const LateInput<T> late(e.input, n, rig.structure().excitation, h);
+  physics::Input now = late.at(at);
+  rig.complete(s, now, start_time, n);
+  bank.settle(memory, rig.quantities(s, now, n));
   if (wrong) {
     faults.emplace(n.reading, bank, h);
     faults->settle(fault_memory, memory);
@@ -143,15 +182,18 @@ void run_window(const Experiment& e, const Window& window, std::size_t end, cons
     if (k + 1 == end) break;
     for (std::size_t j = 0; j < substeps; ++j, ++at) {
       const double time = start_time + static_cast<double>(at - window.warm * substeps) * h;
-      s.unrecorded_acceleration = knots.at(time - start_time + 0.5 * h);
-      rig.step(s, e.input[at], e.input[at + 1], time, h, n);
-      bank.advance(memory, rig.quantities(s, e.input[at + 1], n));
+      const physics::Input next = late.at(at + 1);
+      s.unrecorded = late.beside(now, next) + knots.at(time - start_time + 0.5 * h);
+      rig.step(s, now, next, time, h, n);
+      now = next;
+      bank.advance(memory, rig.quantities(s, now, n));
       if (wrong) faults->advance(fault_memory, memory);
     }
   }
 }
 
-// The numbers of a rig whose inputs are a recording's: read with the gain of their channel.
+// The numbers of a rig whose inputs are a recording's: read with the gain and the delay of their
+// channel.
 template <class T>
 RigNumbers<T> numbers_on_recording(const physics::Rig& rig, std::span<const T> parameters) {
   RigNumbers<T> n = rig.numbers<T>(parameters);
@@ -160,6 +202,7 @@ RigNumbers<T> numbers_on_recording(const physics::Rig& rig, std::span<const T> p
                               : Channel::base_displacement;
   const T& gain = n.reading.of[index_of(driving)].gain;
   if (physics::value_of(gain) != 1.0 || n.reading.wrong) n.input_share = 1.0 / gain;
+  n.input_lead_s = n.reading.of[index_of(driving)].delay_s;
   return n;
 }
 
@@ -268,21 +311,23 @@ class Problem {
     return block;
   }
 
-  // The same with derivatives. More unknowns than a Dual has directions take several passes.
-  Block linearise(std::size_t w, const WindowState& from) const {
+  // Scaled residuals of a window and how they change with each unknown (first) and each state (in
+  // units of its prior). More of these than a Dual has directions take several passes.
+  struct Derivatives {
+    Eigen::MatrixXd jacobian;
+    Eigen::VectorXd residual;
+  };
+  Derivatives differentiate(std::size_t w, const WindowState& from) const {
     const auto np = static_cast<Eigen::Index>(unknowns_);
-    const auto ns = static_cast<Eigen::Index>(states_.size());
-    const Eigen::Index columns = np + ns;
+    const auto columns = np + static_cast<Eigen::Index>(states_.size());
     const Experiment& e = experiment(w);
     const std::size_t end = end_of(w);
     const StatePrior& prior = priors_[w];
-
-    Eigen::MatrixXd jacobian;
-    Eigen::VectorXd residual;
     const auto rows = static_cast<Eigen::Index>((end - window(w).begin) * predicted_channels);
-    jacobian.setZero(rows, columns);
-    residual.setZero(rows);
-    Block block;
+    Derivatives out;
+    out.jacobian.setZero(rows, columns);
+    out.residual.setZero(rows);
+    Eigen::Index used = 0;
     for (Eigen::Index first = 0; first < std::max<Eigen::Index>(columns, 1);
          first += Dual::directions) {
       std::vector<Dual> parameters(parameters_.begin(), parameters_.end());
@@ -292,11 +337,11 @@ class Problem {
         if (j < np) {
           const auto u = static_cast<std::size_t>(j);
           parameters[hypothesis_.unknowns()[u].parameter].d[j - first] =
-              hypothesis_.slope(u, z_[u]);
+              Dual::slope(hypothesis_.slope(u, z_[u]));
         } else {
           // States move in units of their prior, so that all columns are of like size.
           const auto i = static_cast<std::size_t>(states_[static_cast<std::size_t>(j - np)]);
-          s.s[i].d[j - first] = prior.sigma[i];
+          s.s[i].d[j - first] = Dual::slope(prior.sigma[i]);
         }
       }
       const auto n = numbers_on_recording<Dual>(hypothesis_.rig(), parameters);
@@ -307,20 +352,33 @@ class Problem {
                          for (std::size_t c = 0; c < predicted_channels; ++c) {
                            if (((e.valid[k] >> c) & 1U) == 0) continue;
                            const double scale = 1.0 / task_.sigma[c];
-                           residual[row] = (r[c].a - e.reading[k][c]) * scale;
+                           out.residual[row] = (r[c].a - e.reading[k][c]) * scale;
                            const Eigen::Index some =
                                std::min<Eigen::Index>(Dual::directions, columns - first);
                            for (Eigen::Index j = 0; j < some; ++j) {
-                             jacobian(row, first + j) = r[c].d[j] * scale;
+                             out.jacobian(row, first + j) = r[c].d[j] * scale;
                            }
                            ++row;
                          }
                        });
-      block.count = static_cast<int>(row);
+      used = row;
     }
-    const auto used = static_cast<Eigen::Index>(block.count);
-    const auto j = jacobian.topRows(used);
-    const auto r = residual.head(used);
+    out.jacobian.conservativeResize(used, columns);
+    out.residual.conservativeResize(used);
+    return out;
+  }
+
+  // One window's part of the normal equations.
+  Block linearise(std::size_t w, const WindowState& from) const {
+    const auto np = static_cast<Eigen::Index>(unknowns_);
+    const auto ns = static_cast<Eigen::Index>(states_.size());
+    const StatePrior& prior = priors_[w];
+    const Derivatives derivatives = differentiate(w, from);
+    const Eigen::MatrixXd& j = derivatives.jacobian;
+    const Eigen::VectorXd& r = derivatives.residual;
+    const Eigen::Index used = r.size();
+    Block block;
+    block.count = static_cast<int>(used);
     block.chi2 = r.squaredNorm();
     if (!std::isfinite(block.chi2) || !j.allFinite()) {
       // The model blew up in this window: it says nothing about where to go.
@@ -410,13 +468,19 @@ class Problem {
           const auto r = as_array(readings);
           for (std::size_t c = 0; c < predicted_channels; ++c) {
             if (((e.valid[k] >> c) & 1U) == 0) continue;
-            response.row(row++) = r[c].d.head<base_knots>().transpose().matrix();
+            response.row(row++) = r[c].d.head<base_knots>().cast<double>().transpose().matrix();
           }
         },
         BaseKnots(e, each, e.base_doubt_m_s2));
     response.conservativeResize(row, base_knots);
     if (!response.allFinite()) response.setZero();
     return response;
+  }
+
+  bool base_is_doubted() const { return !coloured_.empty(); }
+  // What its knots do to the scaled residuals of a window.
+  Eigen::MatrixXd scaled_base_response(std::size_t w) const {
+    return coloured_[w].response.topRows(coloured_[w].rows);
   }
 
   double parameter_prior(std::span<const double> z) const {
@@ -432,6 +496,7 @@ class Problem {
   // The noise of the base in one window, in units of the readings' noise.
   struct Coloured {
     BaseResponse response;
+    Eigen::Index rows = 0;                                             // of it, scaled
     Eigen::LLT<Eigen::Matrix<double, base_knots, base_knots>> factor;  // of 1 + G' G
   };
 
@@ -445,6 +510,7 @@ class Problem {
         if (((e.valid[k] >> c) & 1U) != 0) out.response.row(row++) /= task_.sigma[c];
       }
     }
+    out.rows = row;
     const auto used = out.response.topRows(row);
     out.factor.compute(Eigen::Matrix<double, base_knots, base_knots>::Identity() +
                        used.transpose() * used);
@@ -577,6 +643,43 @@ std::vector<std::shared_ptr<const BaseResponse>> base_response_of(
     out[w] = std::make_shared<const BaseResponse>(problem.base_response(w, states[w]));
   });
   return out;
+}
+
+std::vector<WindowJacobian> jacobians_of(const Task& task, const Hypothesis& hypothesis,
+                                         std::span<const double> z,
+                                         const std::vector<WindowState>& states) {
+  Problem problem(task, hypothesis, z, true);
+  problem.prepare(z);
+  const auto np = static_cast<Eigen::Index>(problem.unknowns());
+  std::vector<WindowJacobian> out(task.windows.size());
+  for_each(task.windows.size(), task.threads, [&](std::size_t w) {
+    const auto derivatives = problem.differentiate(w, states[w]);
+    const Eigen::Index states_and_more = derivatives.jacobian.cols() - np;
+    Eigen::MatrixXd knots(derivatives.residual.size(), 0);
+    if (problem.base_is_doubted()) knots = problem.scaled_base_response(w);
+    out[w].residual = derivatives.residual;
+    out[w].parameters = derivatives.jacobian.leftCols(np);
+    out[w].free.resize(derivatives.residual.size(), states_and_more + knots.cols());
+    out[w].free << derivatives.jacobian.rightCols(states_and_more), knots;
+  });
+  return out;
+}
+
+Eigen::VectorXd residuals_of(const Task& task, std::size_t window, const Hypothesis& hypothesis,
+                             std::span<const double> z, const WindowState& state) {
+  const Experiment& e = task.experiments[task.windows[window].experiment];
+  const Window& each = e.windows[task.windows[window].window];
+  const auto readings = predict(e, each, each.end, hypothesis, z, state);
+  Eigen::VectorXd residual(static_cast<Eigen::Index>((each.end - each.begin) * predicted_channels));
+  Eigen::Index row = 0;
+  for (std::size_t k = each.begin; k < each.end; ++k) {
+    for (std::size_t c = 0; c < predicted_channels; ++c) {
+      if (((e.valid[k] >> c) & 1U) == 0) continue;
+      residual[row++] = (readings[k - each.begin][c] - e.reading[k][c]) / task.sigma[c];
+    }
+  }
+  residual.conservativeResize(row);
+  return residual;
 }
 
 Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,

@@ -84,6 +84,22 @@ Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
 Fit fit_states(const Task& task, const Hypothesis& hypothesis, std::span<const double> z,
                FitOptions options = {});
 
+/// How the scaled residuals of a window change with everything that a fit may choose.
+struct WindowJacobian {
+  Eigen::MatrixXd parameters;  ///< residuals x unknowns of the hypothesis
+  /// Residuals x what each window chooses for itself, in units of its prior: states, and the knots
+  /// of a doubted base.
+  Eigen::MatrixXd free;
+  Eigen::VectorXd residual;
+};
+std::vector<WindowJacobian> jacobians_of(const Task& task, const Hypothesis& hypothesis,
+                                         std::span<const double> z,
+                                         const std::vector<WindowState>& states);
+
+/// The scaled residuals of one window of the task, in the order of WindowJacobian's rows.
+Eigen::VectorXd residuals_of(const Task& task, std::size_t window, const Hypothesis& hypothesis,
+                             std::span<const double> z, const WindowState& state);
+
 /// What the model reads in a window from that state: `readings[i]` belongs to sample begin + i, up
 /// to `end` (which may lie beyond the window's own).
 std::vector<std::array<double, predicted_channels>> predict(const Experiment& experiment,

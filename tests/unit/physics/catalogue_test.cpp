@@ -236,6 +236,21 @@ Setting setting_for(const std::string& id) {
     s.parameters = {{"share", {0.2}}, {"wavelength_m", {0.004}}, {"phase_rad", {0.4}}};
   }
   if (id == "load_curvature") s.parameters = {{"curvature_per_m2", {5000.0}}};
+  if (id == "quintic_stiffness") s.parameters = {{"k5_n_m5", {3.0e9}}};
+  if (id == "rate_and_state") {
+    s.parameters = {{"direct_effect", {0.05}},
+                    {"evolution_effect", {0.06}},
+                    {"slip_length_m", {2.0e-4}},
+                    {"reference_speed_m_s", {0.003}}};
+  }
+  if (id == "load_history") {
+    s.model.normal_load = NormalLoad{NormalLoadLaw::wedge, {0.15}, {40.0}};
+    s.parameters = {{"share", {0.6}}, {"slip_length_m", {0.002}}, {"reference_load_n", {0.15}}};
+  }
+  if (id == "bridge_nonlinearity") {
+    s.parameters = {{"curvature", {20.0}}};
+    s.place.channel = Channel::displacement;
+  }
   if (id == "load_vibration") {
     s.parameters = {{"share", {0.2}}, {"frequency_hz", {11.0}}, {"phase_rad", {0.4}}};
   }

@@ -102,6 +102,33 @@ TEST(Simulator, ReadsTheChannelsThatTheRigHas) {
   EXPECT_TRUE(has(model, Channel::displacement));
 }
 
+TEST(Simulator, ReadsAnInputThatIsLate) {
+  Model model;
+  model.oscillator.excitation = Excitation::force;
+  model.oscillator.mass_kg = {1.0};
+  model.oscillator.stiffness_n_m = Parameter{100.0};
+  model.oscillator.damping_n_s_m = Parameter{1.0};
+  Model late = model;
+  late.terms.push_back({"channel_delay", Channel::drive_force, {{"delay_s", {0.0075}}}});
+  RigSimulator prompt_rig(model);
+  RigSimulator late_rig(late);
+  const auto force = [](double time_s) {
+    Input input;
+    input.drive_force_n = 3.0 * time_s;
+    return input;
+  };
+  for (int k = 1; k <= 40; ++k) {
+    prompt_rig.advance(1.0e-3, force(1.0e-3 * k));
+    late_rig.advance(1.0e-3, force(1.0e-3 * k));
+  }
+  const Frame prompt_frame = prompt_rig.read();
+  const Frame late_frame = late_rig.read();
+  EXPECT_NEAR(prompt_frame[Channel::drive_force], 3.0 * 0.04, 1.0e-12);
+  EXPECT_NEAR(late_frame[Channel::drive_force], 3.0 * (0.04 - 0.0075), 1.0e-9);
+  // The rig itself feels the drive when it comes.
+  EXPECT_EQ(late_frame[Channel::displacement], prompt_frame[Channel::displacement]);
+}
+
 TEST(Simulator, CountsFramesAndTime) {
   const auto frames = frames_of(test::bench(), {}, 1000);
   EXPECT_EQ(frames.front().sequence, 0U);

@@ -1,0 +1,107 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "physics/effects/effect.h"
+#include "physics/effects/entries.h"
+#include "physics/effects/number_text.h"
+
+namespace stickslip::physics {
+namespace {
+
+constexpr std::array parameters = {
+    ParameterCard{.name = "share",
+                  .unit = "1",
+                  .meaning = "of a relative change of the load, what friction does not follow at "
+                             "once",
+                  .low = -2.0,
+                  .high = 2.0,
+                  .positive = false,
+                  .fixed_default = std::nullopt},
+    ParameterCard{.name = "slip_length_m",
+                  .unit = "m",
+                  .meaning = "slip over which it follows",
+                  .low = 1e-06,
+                  .high = 0.1,
+                  .positive = true,
+                  .fixed_default = std::nullopt},
+    ParameterCard{.name = "reference_load_n",
+                  .unit = "N",
+                  .meaning = "a typical load; only numerics depend on it",
+                  .low = 1e-03,
+                  .high = 1000.0,
+                  .positive = true,
+                  .fixed_default = 1.0}};
+constexpr std::array<std::string_view, 3> rivals = {"load_dependent_mu", "channel_delay",
+                                                    "friction_memory"};
+constexpr std::array<std::string_view, 2> depends_on = {"normal_load", "displacement"};
+constexpr Card entry = {
+    .id = "load_history",
+    .relation = Relation::friction_law,
+    .name = "friction that follows the load late",
+    .sentence = "When the load changes, friction follows only after some slip.",
+    .equation = "mu (1 - share (ln(N / N0) - s)), s' = abs(v) / slip_length_m (ln(N / N0) - s)",
+    .parameters = parameters,
+    .experiment = "steps of the normal load while the contact slips steadily",
+    .rivals = rivals,
+    .depends_on = depends_on,
+};
+
+// Linker and Dieterich (1992): after a step of the normal stress the contacts' state jumps and
+// comes back with slip.
+class LoadHistory final : public EffectOf<LoadHistory> {
+ public:
+  const Card& card() const override { return entry; }
+
+  bool can_be_missing_from(const Model& model) const override {
+    return model.friction.law != FrictionLaw::none && model.normal_load.has_value() &&
+           model.normal_load->law != NormalLoadLaw::constant;
+  }
+  std::vector<std::vector<double>> starts(const Scales& scales) const override {
+    const double load = std::max(scales.mean_load_n, 1.0e-9);
+    return {{0.0, 0.003 * scales.velocity_m_s, load}, {0.0, 0.03 * scales.velocity_m_s, load}};
+  }
+  std::string statement(std::span<const double> p) const override {
+    return "Friction follows a change of the load late: " + number_text(100.0 * p[0]) +
+           " % of it only after " + number_text(1.0e3 * p[1]) + " mm of slip.";
+  }
+
+  unsigned hooks() const override { return hook::friction; }
+  int state_count() const override { return 1; }
+  StateSize state_size(int /*index*/, std::span<const double> /*p*/,
+                       const Scales& scales) const override {
+    const double low = std::max(scales.lowest_load_n, 1.0e-2 * scales.highest_load_n);
+    return {
+        0.5 * std::log(std::max(scales.highest_load_n, 1.0e-12) / std::max(low, 1.0e-12)) + 0.05,
+        0.0};
+  }
+  template <class T>
+  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
+                         const T* s) const {
+    f.mu = f.mu * (1.0 - p[0] * (logarithm(at.load, p[2]) - s[0]));
+  }
+  template <class T>
+  void rates_of(T* rate, const Instant<T>& at, const T* p, const T* s) const {
+    using std::abs;
+    constexpr double fastest_per_s = 1000.0;
+    const T speed = abs(at.slip);
+    rate[0] = (logarithm(at.load, p[2]) - s[0]) * speed / (p[1] + speed / fastest_per_s);
+  }
+
+ private:
+  // Of the load over its typical size, level where the contact is all but lost.
+  template <class T>
+  static T logarithm(const T& load, const T& reference) {
+    using std::log;
+    return log(load / reference + 0.02);
+  }
+};
+
+}  // namespace
+
+const Effect& load_history() {
+  static const LoadHistory effect;
+  return effect;
+}
+
+}  // namespace stickslip::physics

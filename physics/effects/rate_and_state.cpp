@@ -1,0 +1,116 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "physics/effects/effect.h"
+#include "physics/effects/entries.h"
+#include "physics/effects/number_text.h"
+
+namespace stickslip::physics {
+namespace {
+
+constexpr std::array parameters = {
+    ParameterCard{.name = "direct_effect",
+                  .unit = "1",
+                  .meaning = "relative change at once for each e-fold of the slip speed",
+                  .low = -0.3,
+                  .high = 0.3,
+                  .positive = false,
+                  .fixed_default = std::nullopt},
+    ParameterCard{.name = "evolution_effect",
+                  .unit = "1",
+                  .meaning = "relative change for each e-fold of the contacts' age",
+                  .low = -0.3,
+                  .high = 0.3,
+                  .positive = false,
+                  .fixed_default = std::nullopt},
+    ParameterCard{.name = "slip_length_m",
+                  .unit = "m",
+                  .meaning = "slip over which contacts are renewed",
+                  .low = 1e-07,
+                  .high = 0.01,
+                  .positive = true,
+                  .fixed_default = std::nullopt},
+    ParameterCard{.name = "reference_speed_m_s",
+                  .unit = "m/s",
+                  .meaning = "slip speed at which neither changes anything",
+                  .low = 1e-06,
+                  .high = 1.0,
+                  .positive = true,
+                  .fixed_default = 0.003}};
+constexpr std::array<std::string_view, 3> rivals = {"dwell_strengthening", "stribeck",
+                                                    "logarithmic_friction"};
+constexpr std::array<std::string_view, 2> depends_on = {"velocity", "time"};
+constexpr Card entry = {
+    .id = "rate_and_state",
+    .relation = Relation::friction_law,
+    .name = "rate and state dependence",
+    .sentence =
+        "Friction grows with the logarithm of the slip speed at once, and then follows the age of "
+        "the contacts, which slip renews.",
+    .equation =
+        "mu (1 + direct_effect ln(1 + abs(v) / reference_speed_m_s) + evolution_effect ln(1 + age "
+        "reference_speed_m_s / slip_length_m)), age' = 1 - age abs(v) / slip_length_m",
+    .parameters = parameters,
+    .experiment = "steps of the slip speed, up and down, and holds of 0.1 s to 30 s between them",
+    .rivals = rivals,
+    .depends_on = depends_on,
+    .strength = 1,
+};
+
+// Dieterich's (1979) and Ruina's (1983) law with ageing, regularised at rest.
+class RateAndState final : public EffectOf<RateAndState> {
+ public:
+  const Card& card() const override { return entry; }
+
+  bool can_be_missing_from(const Model& model) const override {
+    return model.friction.law != FrictionLaw::none;
+  }
+  std::vector<std::vector<double>> starts(const Scales& scales) const override {
+    const double reference = std::max(scales.transition_speed_m_s, 1.0e-2 * scales.velocity_m_s);
+    return {{0.0, 0.05, 3.0e-3 * scales.velocity_m_s, reference},
+            {0.0, 0.05, 3.0e-2 * scales.velocity_m_s, reference}};
+  }
+  std::string statement(std::span<const double> p) const override {
+    return "Friction depends on the slip speed and on the age of the contacts: " +
+           number_text(100.0 * p[0]) + " % for each e-fold of the speed, " +
+           number_text(100.0 * p[1]) + " % for each e-fold of the age, which " +
+           number_text(1.0e6 * p[2]) + " um of slip renew.";
+  }
+
+  unsigned hooks() const override { return hook::slip_friction; }
+  int state_count() const override { return 1; }
+  StateSize state_size(int /*index*/, std::span<const double> p,
+                       const Scales& /*scales*/) const override {
+    return {p[2] / p[3], 0.0};
+  }
+  template <class T>
+  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
+                         const T* s) const {
+    using std::abs;
+    using std::log;
+    f.backbone = f.backbone * (1.0 + p[0] * log(1.0 + abs(at.slip) / p[3]) +
+                               p[1] * log(1.0 + s[0] * p[3] / p[2]));
+  }
+  // Contacts are renewed no faster than a step of the integration can follow.
+  template <class T>
+  void rates_of(T* rate, const Instant<T>& at, const T* p, const T* s) const {
+    using std::abs;
+    constexpr double fastest_per_s = 1000.0;
+    const T speed = abs(at.slip);
+    rate[0] = 1.0 - s[0] * speed / (p[2] + speed / fastest_per_s);
+  }
+  template <class T>
+  void confine_of(T* s, const T* /*p*/) const {
+    if (s[0] < 0.0) s[0] = T(0.0);
+  }
+};
+
+}  // namespace
+
+const Effect& rate_and_state() {
+  static const RateAndState effect;
+  return effect;
+}
+
+}  // namespace stickslip::physics
