@@ -11,6 +11,7 @@
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "tools/command.h"
+#include "tools/diagnose/bootstrap.h"
 #include "tools/diagnose/report.h"
 #include "tools/diagnose/report_html.h"
 #include "tools/option_checks.h"
@@ -32,6 +33,7 @@ struct Arguments {
   std::uint64_t seed = 1;
   int jobs = 0;
   double horizon_s = 0.0;
+  std::size_t bootstrap = 0;
 };
 
 // What one must know to make the report again.
@@ -47,6 +49,9 @@ diagnosis::Provenance provenance_of(const Arguments& arguments) {
   out.command += " --model " + arguments.model + " --seed " + std::to_string(arguments.seed);
   if (arguments.horizon_s > 0.0) {
     out.command += " --horizon " + physics::number_text(arguments.horizon_s);
+  }
+  if (arguments.bootstrap > 0) {
+    out.command += " --bootstrap " + std::to_string(arguments.bootstrap);
   }
   out.command += " --html " + arguments.html;
   out.version = STICKSLIP_VERSION;
@@ -75,7 +80,11 @@ int run(const Arguments& arguments) {
       if (done >= 1.0) std::fprintf(stderr, "\r\033[K");
     };
   }
-  const diagnosis::Diagnosis result = diagnosis::diagnose(recordings, model, options);
+  diagnosis::Diagnosis result = diagnosis::diagnose(recordings, model, options);
+  if (arguments.bootstrap > 0) {
+    result.false_alarms =
+        diagnosis::false_alarms(recordings, model, result, arguments.bootstrap, options);
+  }
   std::fputs(diagnosis::report_text(result).c_str(), stdout);
   if (!arguments.json.empty()) {
     write_file(arguments.json, diagnosis::report_json(result).dump(2) + "\n");
@@ -109,6 +118,12 @@ void add_diagnose(CLI::App& app, Action& action) {
       ->capture_default_str();
   command->add_option("--jobs", arguments->jobs, "Threads (0: as many as there are cores)")
       ->check(number_of_threads());
+  command
+      ->add_option("--bootstrap", arguments->bootstrap,
+                   "Also diagnose so many recordings of the calibrated declared model, under the "
+                   "same drive and noise, and say how many are accused of missing anything")
+      ->check(CLI::Range(0, 10000))
+      ->capture_default_str();
   command->add_option("--horizon", arguments->horizon_s, "Length of a prediction window [s]")
       ->check(positive_number());
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });

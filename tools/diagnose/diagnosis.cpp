@@ -11,6 +11,7 @@
 #include "physics/problem.h"
 #include "tools/diagnose/locate.h"
 #include "tools/diagnose/median.h"
+#include "tools/diagnose/separation.h"
 #include "tools/diagnose/suspects.h"
 #include "tools/parallel/for_each.h"
 
@@ -64,6 +65,8 @@ constexpr double nearly_all = 0.95;
 constexpr double strained = 20.0;
 // An estimate of the noise is confirmed by a typical window within this factor (a logarithm).
 constexpr double confirmed = 0.2;
+// A finding with less probability than this comes with the experiment that would tell.
+constexpr double sure = 0.95;
 // No more is looked for once held-out chi-squared is this close to what noise alone gives.
 constexpr double at_the_floor = 1.1;
 // A fit that ends further above it than this may not have found the deepest valley.
@@ -491,6 +494,21 @@ class Search {
   double limit() const { return limit_; }
   // Whether what was found needs calibrated parameters that nobody would believe.
   bool is_strained() const { return current_.held_out.strain > strained; }
+  // What would have been named beside what was.
+  Detection detection() const {
+    Few few = few_of(current_);
+    few.task.threads = options_.threads;
+    Fit fitted;
+    fitted.z = current_.fitted.z;
+    fitted.state = few.state;
+    std::vector<Suspect> suspects = suspects_of(current_.hypothesis->model(), experiments_);
+    std::erase_if(suspects, [](const Suspect& each) { return tier(each) > 1; });
+    const auto scales = [&](const physics::Place& place) {
+      return scales_of(experiments_, *current_.hypothesis, current_.fitted.z, hints_, place);
+    };
+    return detection_of(few.task, *current_.hypothesis, fitted, suspects, scales,
+                        claim_share_explained);
+  }
   // The relation of the best candidate that was not claimed either, for want of better.
   std::optional<physics::Relation> suspected() const { return suspected_; }
 
@@ -1067,7 +1085,23 @@ class Search {
   std::optional<physics::Relation> suspected_;
 };
 
-std::vector<Finding> findings_of(const Search& search, std::uint64_t seed) {
+// The run that would tell the first of `rivals` from the most probable other: found by simulating
+// what a bench can do, or, where no run of that kind tells, as the effect's card has it.
+std::string experiment_between(const std::vector<Candidate>& rivals,
+                               const std::vector<double>& weight, const Experiment& recorded,
+                               double horizon_s, std::uint64_t seed, int threads) {
+  std::size_t other = 1;
+  for (std::size_t k = 2; k < rivals.size(); ++k) {
+    if (weight[k] > weight[other]) other = k;
+  }
+  const auto separation =
+      separation_of(recorded, {&*rivals.front().hypothesis, rivals.front().fitted.z},
+                    {&*rivals[other].hypothesis, rivals[other].fitted.z}, horizon_s, seed, threads);
+  return separation ? sentence_of(*separation)
+                    : std::string(rivals.front().suspect.effect->card().experiment);
+}
+
+std::vector<Finding> findings_of(const Search& search, double horizon_s, std::uint64_t seed) {
   const Candidate& result = search.result();
   const double inflation = std::sqrt(std::max(1.0, result.fitted.chi2_per_sample()));
   std::vector<Finding> findings;
@@ -1109,8 +1143,9 @@ std::vector<Finding> findings_of(const Search& search, std::uint64_t seed) {
                         first.start_s + std::clamp(*end_s, 0.0, last_s)};
     }
     finding.shape = shape_of(*finding.effect, own, first);
-    if (finding.probability < 0.95 && !finding.alternatives.empty()) {
-      finding.separating_experiment = std::string(finding.effect->card().experiment);
+    if (finding.probability < sure && !finding.alternatives.empty()) {
+      finding.separating_experiment =
+          experiment_between(claim.rivals, weight, first, horizon_s, seed, search.held().threads);
     }
     findings.push_back(std::move(finding));
   }
@@ -1212,7 +1247,7 @@ Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Mod
   out.baseline = score(search.held(), *null.hypothesis, null.fitted.z);
   if (!search.claims().empty())
     out.augmented = score(search.held(), *result.hypothesis, result.fitted.z);
-  out.findings = findings_of(search, options.seed);
+  out.findings = findings_of(search, out.horizon_s, options.seed);
   out.trials = search.trials();
 
   const double excess_before = null.held_out.chi2 - 1.0;
@@ -1229,8 +1264,11 @@ Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Mod
     }
   }
 
+  if (options.progress) options.progress("what else would have been seen", 0.95);
+  out.detection = search.detection();
   if (options.evidence) out.evidence = evidence_of(search, experiments, options.threads);
   out.model = result.hypothesis->model_at(result.fitted.z);
+  out.baseline_model = null.hypothesis->model_at(null.fitted.z);
   const auto& unknowns = result.hypothesis->unknowns();
   const auto& paths = result.hypothesis->rig().parameter_paths();
   physics::Model stated = model;

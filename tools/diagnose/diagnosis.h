@@ -13,6 +13,7 @@
 #include "physics/effects/effect.h"
 #include "physics/model.h"
 #include "protocol/recording.h"
+#include "tools/diagnose/detection.h"
 #include "tools/diagnose/evidence.h"
 #include "tools/diagnose/integrity.h"
 #include "tools/diagnose/regions.h"
@@ -79,6 +80,15 @@ struct Calibration {
   double sigmas_off = 0.0;  ///< from the owner's value, in his sigma
 };
 
+/// What became of recordings like this one in which nothing was missing.
+struct FalseAlarms {
+  std::size_t recordings = 0;
+  std::size_t alarms = 0;  ///< not called consistent
+  /// Held-out chi-squared per sample of the calibrated declared model, ascending: what noise alone
+  /// gives.
+  std::vector<double> chi2;
+};
+
 struct Diagnosis {
   Verdict verdict = Verdict::consistent;
   std::optional<Location> location;
@@ -90,9 +100,12 @@ struct Diagnosis {
   std::vector<std::pair<Channel, double>> noise_std;
   std::vector<Channel> noise_estimated;  ///< not declared by the model
   physics::Model model;                  ///< calibrated, with a term for every finding
+  physics::Model baseline_model;         ///< the declared model, calibrated
   std::vector<Trial> trials;
-  std::vector<Integrity> integrity;  ///< of each recording
-  std::optional<Evidence> evidence;  ///< where it was asked for
+  std::vector<Integrity> integrity;         ///< of each recording
+  Detection detection;                      ///< beside what was found, what would have been
+  std::optional<Evidence> evidence;         ///< where it was asked for
+  std::optional<FalseAlarms> false_alarms;  ///< where a bootstrap was asked for
   std::size_t fitted_windows = 0;
   std::size_t heldout_windows = 0;
 };

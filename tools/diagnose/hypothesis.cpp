@@ -48,6 +48,23 @@ Hypothesis::Hypothesis(Model model, std::vector<Unknown> of_terms, std::size_t d
   for (const Unknown& unknown : of_terms) unknowns_.push_back(unknown);
 }
 
+std::vector<Unknown> Hypothesis::of_terms() const {
+  std::vector<Unknown> terms;
+  for (const Unknown& unknown : unknowns_) {
+    if (!unknown.of_model) terms.push_back(unknown);
+  }
+  return terms;
+}
+
+Hypothesis Hypothesis::loaded(double factor) const {
+  Model model = model_;
+  if (model.normal_load) {
+    model.normal_load->load_n.value *= factor;
+    model.normal_load->load_n.sigma *= factor;
+  }
+  return {std::move(model), of_terms(), declared_terms_};
+}
+
 Hypothesis Hypothesis::with(const physics::Effect& effect, const physics::Place& place,
                             std::span<const double> start, std::span<const double> fixed,
                             Detail detail) const {
@@ -69,29 +86,23 @@ Hypothesis Hypothesis::with(const physics::Effect& effect, const physics::Place&
   model.terms.push_back(term);
 
   // Adding parameters of a term never moves those that stand before it: terms come last.
-  std::vector<Unknown> of_terms;
-  for (const Unknown& unknown : unknowns_) {
-    if (!unknown.of_model) of_terms.push_back(unknown);
-  }
+  std::vector<Unknown> terms = of_terms();
   const auto named = physics::parameters_of(model);
   for (const physics::ParameterCard& card : effect.card().parameters) {
     if (card.fixed_default && (!card.estimated || detail == Detail::coarse)) continue;
     const std::string path = physics::path_of(term) + "." + std::string(card.name);
     const auto at = std::find_if(named.begin(), named.end(),
                                  [&](const auto& each) { return each.path == path; });
-    of_terms.push_back(
+    terms.push_back(
         unknown_for(card, static_cast<std::size_t>(at - named.begin()), at->parameter->value));
   }
-  return {std::move(model), std::move(of_terms), declared_terms_};
+  return {std::move(model), std::move(terms), declared_terms_};
 }
 
 Hypothesis Hypothesis::refined() const {
   Model model = model_;
   const auto named = physics::parameters_of(model);
-  std::vector<Unknown> of_terms;
-  for (const Unknown& unknown : unknowns_) {
-    if (!unknown.of_model) of_terms.push_back(unknown);
-  }
+  std::vector<Unknown> terms = of_terms();
   for (std::size_t t = declared_terms_; t < model.terms.size(); ++t) {
     const physics::Term& term = model.terms[t];
     for (const physics::ParameterCard& card : physics::find_effect(term.id)->card().parameters) {
@@ -101,12 +112,12 @@ Hypothesis Hypothesis::refined() const {
         const bool known = std::any_of(unknowns_.begin(), unknowns_.end(),
                                        [i](const Unknown& u) { return u.parameter == i; });
         if (named[i].path == path && !known) {
-          of_terms.push_back(unknown_for(card, i, named[i].parameter->value));
+          terms.push_back(unknown_for(card, i, named[i].parameter->value));
         }
       }
     }
   }
-  return {std::move(model), std::move(of_terms), declared_terms_};
+  return {std::move(model), std::move(terms), declared_terms_};
 }
 
 double Hypothesis::value(std::size_t unknown, double z) const {

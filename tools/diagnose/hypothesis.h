@@ -43,6 +43,9 @@ class Hypothesis {
   /// The same with the refinements of all terms on trial as unknowns too, after those that it has.
   Hypothesis refined() const;
 
+  /// The same under `factor` times the declared normal load, where one is declared.
+  Hypothesis loaded(double factor) const;
+
   const physics::Model& model() const { return model_; }
   const physics::Rig& rig() const { return rig_; }
   const std::vector<Unknown>& unknowns() const { return unknowns_; }
@@ -57,6 +60,7 @@ class Hypothesis {
 
  private:
   Hypothesis(physics::Model model, std::vector<Unknown> of_terms, std::size_t declared_terms);
+  std::vector<Unknown> of_terms() const;
 
   physics::Model model_;
   physics::Rig rig_;

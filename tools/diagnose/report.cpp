@@ -62,6 +62,7 @@ Json finding_json(const Finding& finding) {
   if (!card.depends_on.empty()) {
     json["parameters"]["depends_on"] = Json::array();
     for (const std::string_view name : card.depends_on) {
+      if (finding.place.channel && name != info(*finding.place.channel).stem) continue;
       json["parameters"]["depends_on"].push_back(name);
     }
   }
@@ -117,6 +118,49 @@ Json integrity_json(const Integrity& integrity) {
   }
   json["remarks"] = integrity.remarks;
   return json;
+}
+
+Json detection_json(const Detection& detection) {
+  Json json;
+  json["limits"] = Json::array();
+  for (const DetectionLimit& limit : detection.limits) {
+    json["limits"].push_back({{"id", id_of(limit.suspect.effect->card())},
+                              {"name", limit.suspect.name()},
+                              {"parameter", limit.parameter},
+                              {"value", limit.value}});
+  }
+  json["inseparable"] = Json::array();
+  for (const Lookalikes& pair : detection.lookalikes) {
+    json["inseparable"].push_back({{"one", detection.limits[pair.one].suspect.name()},
+                                   {"other", detection.limits[pair.other].suspect.name()},
+                                   {"cosine", pair.cosine}});
+  }
+  return json;
+}
+
+// From which size on the physics that the contract lists would have been named, and what of it
+// could not have been told apart. Sensor effects fill a page: the other reports have them.
+void list_limits(std::ostringstream& text, const Detection& detection) {
+  const auto is_told = [](const Suspect& suspect) {
+    return suspect.effect->card().depends_on.empty() && !suspect.place.channel;
+  };
+  const char* before = "  Would have been named, from these sizes on: ";
+  for (const DetectionLimit& limit : detection.limits) {
+    if (!is_told(limit.suspect)) continue;
+    text << before << limit.suspect.name() << " (" << limit.parameter << " = "
+         << number_text(limit.value) << ")";
+    before = ", ";
+  }
+  if (before[0] == ',') text << "\n";
+  before = "  Could not have been told apart: ";
+  for (const Lookalikes& pair : detection.lookalikes) {
+    const Suspect& one = detection.limits[pair.one].suspect;
+    const Suspect& other = detection.limits[pair.other].suspect;
+    if (!is_told(one) || !is_told(other)) continue;
+    text << before << one.name() << " and " << other.name();
+    before = "; ";
+  }
+  if (before[0] == ';') text << "\n";
 }
 
 // The plainest condition of each aspect, one line each.
@@ -195,6 +239,17 @@ Json free_run_json(const FreeRun& run) {
   return json;
 }
 
+std::string sentence_of(const FalseAlarms& alarms) {
+  std::string out = "Of " + std::to_string(alarms.recordings) +
+                    " recordings of the calibrated declared model, in which nothing is missing, " +
+                    std::to_string(alarms.alarms) + " would have been accused";
+  if (!alarms.chi2.empty()) {
+    out += "; noise alone left a chi-squared of " + number_text(alarms.chi2.front()) + " to " +
+           number_text(alarms.chi2.back()) + " per sample";
+  }
+  return out + ".";
+}
+
 Json report_json(const Diagnosis& diagnosis) {
   Json json;
   json["schema"] = 1;
@@ -213,6 +268,13 @@ Json report_json(const Diagnosis& diagnosis) {
   json["noise_std"] = Json::object();
   for (const auto& [channel, value] : diagnosis.noise_std) {
     json["noise_std"][std::string(info(channel).column)] = value;
+  }
+  json["detection"] = detection_json(diagnosis.detection);
+  if (diagnosis.false_alarms) {
+    const FalseAlarms& alarms = *diagnosis.false_alarms;
+    json["bootstrap"] = {{"recordings", alarms.recordings},
+                         {"alarms", alarms.alarms},
+                         {"baseline_chi2_per_sample", alarms.chi2}};
   }
   json["integrity"] = Json::array();
   for (const Integrity& each : diagnosis.integrity) {
@@ -296,6 +358,8 @@ std::string report_text(const Diagnosis& diagnosis) {
     text << "\n";
     for (const std::string& remark : each.remarks) text << "    " << remark << "\n";
   }
+  if (diagnosis.false_alarms) text << "  " << sentence_of(*diagnosis.false_alarms) << "\n";
+  list_limits(text, diagnosis.detection);
   text << "  Tried:";
   int stage = 0;
   for (const Trial& trial : diagnosis.trials) {

@@ -14,6 +14,9 @@ nlohmann::ordered_json report_json(const Diagnosis& diagnosis);
 /// A readable summary, several lines, ending with a line break.
 std::string report_text(const Diagnosis& diagnosis);
 
+/// "Of 20 recordings ... 0 would have been accused ..."
+std::string sentence_of(const FalseAlarms& alarms);
+
 /// {"chi2_per_sample": ..., "nll_per_sample": ..., "nrmse": {...}} and, where wanted, "rmse".
 nlohmann::ordered_json score_json(const Score& score, bool with_rmse);
 

@@ -6,6 +6,7 @@
 
 #include "physics/effects/number_text.h"
 #include "tools/diagnose/picture.h"
+#include "tools/diagnose/report.h"
 
 namespace stickslip::diagnosis {
 
@@ -322,6 +323,33 @@ std::string numbers_section(const Diagnosis& d) {
   return out + "</table></div></section>\n";
 }
 
+std::string detection_section(const Diagnosis& d) {
+  if (d.detection.limits.empty() && !d.false_alarms) return "";
+  std::string out = "<section><h2>What else would have been seen</h2>\n";
+  if (d.false_alarms) out += paragraph(sentence_of(*d.false_alarms));
+  out += paragraph(
+      "From these sizes on the recording would have shown it, beside what was found. Effects that "
+      "replace a law instead of bending it are not in this table.");
+  out += "<div class=\"scroll\"><table><tr><th>effect</th><th>parameter</th><th>from</th></tr>\n";
+  for (const DetectionLimit& limit : d.detection.limits) {
+    out += "<tr><td>" + html_text(limit.suspect.name()) + "</td><td>" + html_text(limit.parameter) +
+           "</td><td>" + number_text(limit.value) + " " + html_text(limit.unit) + "</td></tr>\n";
+  }
+  out += "</table></div>\n";
+  if (!d.detection.lookalikes.empty()) {
+    out +=
+        paragraph("These move the readings alike; this recording cannot tell one from the other.");
+    out += "<div class=\"scroll\"><table><tr><th>one</th><th>other</th><th>cosine</th></tr>\n";
+    for (const Lookalikes& pair : d.detection.lookalikes) {
+      out += "<tr><td>" + html_text(d.detection.limits[pair.one].suspect.name()) + "</td><td>" +
+             html_text(d.detection.limits[pair.other].suspect.name()) + "</td><td>" +
+             number_text(pair.cosine) + "</td></tr>\n";
+    }
+    out += "</table></div>\n";
+  }
+  return out + "</section>\n";
+}
+
 std::string recordings_section(const Diagnosis& d) {
   std::string out = "<section><h2>The recordings themselves</h2>\n";
   for (const Integrity& each : d.integrity) {
@@ -386,6 +414,7 @@ std::string report_html(const Diagnosis& diagnosis, const Provenance& provenance
   out += regions_section(diagnosis);
   out += pictures_section(diagnosis);
   out += numbers_section(diagnosis);
+  out += detection_section(diagnosis);
   out += recordings_section(diagnosis);
   out += repeat_section(diagnosis, provenance);
   return out + "</main>\n</body>\n</html>\n";

@@ -65,6 +65,38 @@ INSTANTIATE_TEST_SUITE_P(
         Concealed{"quadratic_drag", "drag_n_s2_m2", 1.0, physics::Relation::force_balance}),
     [](const auto& info) { return std::string(info.param.id); });
 
+// The drive arrives late at the converter: with one channel to compare, as good as a deflection
+// that is early.
+TEST(Diagnosis, FindsThatTheDriveIsRecordedLate) {
+  auto truth = driven_mass();
+  truth.terms.push_back({"channel_delay", Channel::drive_force, {{"delay_s", {0.012}}}});
+  const Diagnosis got = diagnosed(truth);
+  EXPECT_EQ(name_of(got.verdict), "missing_physics");
+  ASSERT_EQ(got.findings.size(), 1U) << report_text(got);
+  EXPECT_EQ(got.findings[0].effect->card().id, "channel_delay") << report_text(got);
+  ASSERT_EQ(got.findings[0].parameters.size(), 1U);
+  EXPECT_NEAR(std::abs(got.findings[0].parameters[0].value), 0.012, 6.0e-4);
+  EXPECT_LT(got.augmented->chi2_per_sample, 1.2);
+}
+
+// What the report says would have been named is named, and what is far below is not.
+TEST(Diagnosis, NamesWhatItSaysItWouldHaveNamed) {
+  const Diagnosis clean = diagnosed(driven_mass());
+  double limit = 0.0;
+  for (const DetectionLimit& each : clean.detection.limits) {
+    if (each.suspect.name() == "quadratic_drag") limit = each.value;
+  }
+  ASSERT_GT(limit, 0.0);
+  const auto with_drag = [&](double times) {
+    return diagnosed(
+        with_term(driven_mass(), "quadratic_drag", {{"drag_n_s2_m2", {times * limit}}}));
+  };
+  const Diagnosis plain = with_drag(2.0);
+  ASSERT_EQ(plain.findings.size(), 1U) << report_text(plain);
+  EXPECT_EQ(plain.findings[0].effect->card().id, "quadratic_drag");
+  EXPECT_TRUE(with_drag(0.3).findings.empty());
+}
+
 TEST(Diagnosis, OfARigThatFollowsItsModelIsConsistent) {
   for (const std::uint64_t seed : {1U, 2U, 3U}) {
     const Diagnosis got = diagnosed(driven_mass(), 2, seed);

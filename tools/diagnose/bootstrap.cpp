@@ -1,0 +1,41 @@
+#include "tools/diagnose/bootstrap.h"
+
+#include <algorithm>
+
+#include "tools/diagnose/experiment.h"
+#include "tools/diagnose/rerun.h"
+#include "tools/parallel/for_each.h"
+
+namespace stickslip::diagnosis {
+
+FalseAlarms false_alarms(const std::vector<protocol::Recording>& recordings,
+                         const physics::Model& declared, const Diagnosis& result, std::size_t count,
+                         const Options& options) {
+  std::vector<Experiment> experiments;
+  for (const protocol::Recording& recording : recordings) {
+    experiments.push_back(make_experiment(recording, declared));
+  }
+  Options each;
+  each.horizon_s = result.horizon_s;
+  std::vector<Diagnosis> diagnoses(count);
+  parallel::for_each(count, options.threads, [&](std::size_t i) {
+    std::vector<protocol::Recording> again;
+    for (const Experiment& experiment : experiments) {
+      const std::uint64_t seed = options.seed + 1 + i * experiments.size() + again.size();
+      again.push_back(rerun(experiment, result.baseline_model, {}, seed));
+    }
+    Options own = each;
+    own.seed = options.seed + i;
+    diagnoses[i] = diagnose(again, declared, own);
+  });
+  FalseAlarms out;
+  out.recordings = count;
+  for (const Diagnosis& diagnosis : diagnoses) {
+    if (diagnosis.verdict != Verdict::consistent) ++out.alarms;
+    out.chi2.push_back(diagnosis.baseline.chi2_per_sample);
+  }
+  std::sort(out.chi2.begin(), out.chi2.end());
+  return out;
+}
+
+}  // namespace stickslip::diagnosis
