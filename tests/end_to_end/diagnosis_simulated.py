@@ -77,6 +77,27 @@ class SimulatedDiagnosis(EndToEnd):
         self.assertEqual(report["verdict"], "consistent", said)
         self.assertEqual(report["findings"], [])
 
+    def test_the_answer_is_the_same_however_the_recording_is_cut_and_sampled(self):
+        """Whole, in two pieces, at half the rate, and with another seed of the tool's own dice."""
+        recording = self.record(TRUTH, 15)
+        header, *rows = recording.read_text().splitlines(keepends=True)
+        middle = len(rows) // 2
+        halves = [self.write("first.csv", header + "".join(rows[:middle])),
+                  self.write("second.csv", header + "".join(rows[middle:]))]
+        sparse = self.write("sparse.csv", header + "".join(rows[::2]))
+        found = {}
+        for name, arguments in (("whole", [recording]), ("halves", halves), ("sparse", [sparse]),
+                                ("seed", [recording, "--seed", 77])):
+            out = self.folder / f"{name}-report.json"
+            said = self.succeed("diagnose", *arguments, "--model", BELIEVED, "--json", out,
+                                timeout=300).stdout
+            report = read_json(out)
+            self.assertEqual([f["id"] for f in report["findings"]], ["cubic_stiffness"],
+                             f"{name}: {said}")
+            found[name] = report["findings"][0]["parameters"]["k3_n_m3"]["value"]
+        for name, value in found.items():
+            self.assertAlmostEqual(value / found["whole"], 1.0, delta=0.05, msg=name)
+
     def test_the_same_recording_and_seed_give_the_same_bytes(self):
         """Whether it is a CSV file or a log, and on however many cores."""
         recording = self.record(TRUTH, 14)

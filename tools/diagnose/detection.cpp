@@ -41,6 +41,11 @@ class Imitation {
 
   std::size_t windows() const { return windows_.size(); }
   const Eigen::VectorXd& residual(std::size_t w) const { return windows_[w].residual; }
+  std::vector<Eigen::VectorXd> residuals() const {
+    std::vector<Eigen::VectorXd> all;
+    for (const WindowJacobian& w : windows_) all.push_back(w.residual);
+    return all;
+  }
 
   // Two changes of all windows' readings, multiplied: the square is what is left of chi-squared.
   double product(const std::vector<Eigen::VectorXd>& a,
@@ -89,6 +94,7 @@ Detection detection_of(const Task& task, const Hypothesis& hypothesis, const Fit
     samples += static_cast<double>(imitation.residual(w).size());
   }
   const double wanted = 0.5 * std::log(share * samples);
+  const std::vector<Eigen::VectorXd> residuals = imitation.residuals();
 
   // How the readings change with that much of the effect.
   const auto change_of = [&](const Hypothesis& with) {
@@ -135,11 +141,15 @@ Detection detection_of(const Task& task, const Hypothesis& hypothesis, const Fit
         const double log_change =
             std::isfinite(square) ? 0.5 * std::log(std::max(square, 1.0e-30)) : 20.0;
         if (std::abs(log_change - wanted) < near_enough) {
+          const double pull = imitation.product(residuals, change);
+          const double gain =
+              std::max(found[i] ? found[i]->limit.gain : 0.0, pull * pull / (square * samples));
           if (!found[i] || amount < std::abs(found[i]->limit.value - parameter.neutral)) {
             found[i] = Found{
                 {suspects[i], std::string(parameter.name), std::string(parameter.unit), start[at]},
                 std::move(change)};
           }
+          found[i]->limit.gain = gain;
           break;
         }
         // A straight line through the logarithms: most effects are in proportion to their size.

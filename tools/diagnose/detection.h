@@ -18,6 +18,9 @@ struct DetectionLimit {
   std::string parameter;  ///< the one that says how much of the effect there is
   std::string unit;
   double value = 0.0;
+  /// By how much a step towards it would lower chi-squared per sample: what of the residuals looks
+  /// like this effect.
+  double gain = 0.0;
 };
 
 /// Two effects that move the readings alike, as indices into Detection::limits.

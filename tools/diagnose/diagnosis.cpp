@@ -863,8 +863,19 @@ class Search {
     claims_.push_back(std::move(claim));
   }
 
+  // Whether what little is left looks like any one effect that the contract lists.
+  bool something_pulls() const {
+    if (!noise_is_known_ || current_.held_out.chi2 < 1.0 + claim_share_explained) return false;
+    const Detection detection = this->detection();
+    return std::any_of(detection.limits.begin(), detection.limits.end(),
+                       [](const DetectionLimit& limit) {
+                         return tier(limit.suspect) == 0 && limit.gain > claim_share_explained;
+                       });
+  }
+
   bool add_one() {
-    if (!claims_.empty() && current_.held_out.chi2 < at_the_floor && !is_strained()) {
+    if (!claims_.empty() && current_.held_out.chi2 < at_the_floor && !is_strained() &&
+        !something_pulls()) {
       return false;
     }
     std::vector<Candidate> rough = all_tried(current_, 0.0, 0.5);

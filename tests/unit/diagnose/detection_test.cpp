@@ -59,6 +59,22 @@ TEST(Detection, LimitIsWhereAnEffectRaisesChiSquaredByThatShare) {
   EXPECT_NEAR(chi2 / samples, 100.0 * share, 30.0 * share);
 }
 
+// What a step towards an effect would gain is what is there of it.
+TEST(Detection, SaysWhatTheResidualsLookLike) {
+  Bench bench;
+  const double k3 = bench.detection({suspect("cubic_stiffness")}).limits.at(0).value;
+  EXPECT_LT(bench.detection({suspect("cubic_stiffness")}).limits.at(0).gain, 0.01);
+  const auto truth = test::with_term(driven_mass(), "cubic_stiffness", {{"k3_n_m3", {2.0 * k3}}});
+  bench.experiments = {experiment_of(record(truth, 24.0), driven_mass())};
+  bench.task = test::all_windows(bench.experiments);
+  bench.fitted =
+      fit(bench.task, bench.declared, {0.0, 0.0}, guessed_states(bench.task, bench.declared));
+  const Detection detection =
+      bench.detection({suspect("cubic_stiffness"), suspect("dry_friction")});
+  EXPECT_NEAR(detection.limits.at(0).gain, 4.0 * share, 0.8 * share);
+  EXPECT_LT(detection.limits.at(1).gain, 0.5 * detection.limits.at(0).gain);
+}
+
 TEST(Detection, LimitsFallAsTheNoiseDoes) {
   Bench bench;
   const double before = bench.detection({suspect("quadratic_drag")}).limits.at(0).value;
