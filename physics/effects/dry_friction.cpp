@@ -21,10 +21,14 @@ constexpr std::array parameters = {
         .unit = "m/s",
         .meaning =
             "speed over which g(v) = tanh(v / transition_speed_m_s) changes sign; 0: set-valued",
-        .low = 0.0,
+        .low = 1e-6,
         .high = 0.1,
-        .positive = false,
-        .fixed_default = 0.0}};
+        .positive = true,
+        .fixed_default = 0.0,
+        .estimated = true,
+        // Slower than about a hundredth of the usual speed nothing shows it, and a fit would run
+        // off to where the contact is set-valued.
+        .start_sigma = 0.7}};
 constexpr std::array<std::string_view, 3> rivals = {"hysteresis", "quadratic_drag",
                                                     "contact_compliance"};
 constexpr Card entry = {

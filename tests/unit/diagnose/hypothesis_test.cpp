@@ -17,7 +17,7 @@ Hypothesis with_dry_friction(double start_n) {
   const auto* effect = physics::find_effect("dry_friction");
   const std::vector<double> start = {start_n};
   physics::Scales scales;
-  return Hypothesis(driven_mass()).with(*effect, {}, start, effect->fixed(scales));
+  return Hypothesis(driven_mass()).with(*effect, {}, start, effect->fixed(scales), Detail::coarse);
 }
 
 TEST(Hypothesis, HasOneUnknownForEveryParameterWithASigma) {
