@@ -79,7 +79,7 @@ class SecondMode final : public EffectOf<SecondMode> {
   unsigned hooks() const override { return hook::seen; }
   int state_count() const override { return 2; }
   StateSize state_size(int index, std::span<const double> p, const Scales& scales) const override {
-    const double size = 0.01 * scales.displacement_m;
+    const double size = 0.1 * scales.displacement_m;
     return {index == 0 ? size : 2.0 * std::numbers::pi * p[0] * size, 0.0};
   }
   template <class T>

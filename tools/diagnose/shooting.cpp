@@ -85,6 +85,11 @@ StatePrior prior_of(const Experiment& e, const Window& window, const Hypothesis&
       const physics::StateSize size = effect.state_size(i, p, scales);
       prior.sigma[static_cast<std::size_t>(next)] = size.sigma;
       prior.hidden[static_cast<std::size_t>(next)] = size.hidden;
+      // What the gauge sees beside the mass is in the guess of where the mass is.
+      if ((effect.hooks() & physics::hook::seen) == physics::hook::seen && i < 2) {
+        const auto seen = static_cast<std::size_t>(i == 0 ? state::x : state::v);
+        prior.sigma[seen] = std::hypot(prior.sigma[seen], size.sigma);
+      }
     }
   }
   return prior;
@@ -450,6 +455,29 @@ class Problem {
     return starts;
   }
 
+  // Whether the window before this one in the task ends where this one begins.
+  bool follows_on(std::size_t w) const {
+    return task_.windows[w - 1].experiment == task_.windows[w].experiment &&
+           window(w - 1).end == window(w).begin && window(w - 1).warm <= window(w).warm;
+  }
+
+  // Where the window before, which began at `from`, is when this one begins to settle.
+  WindowState carried_on(std::size_t w, const WindowState& from) const {
+    const Experiment& e = experiment(w);
+    const physics::Rig& rig = hypothesis_.rig();
+    const double h = e.period_s / e.substeps;
+    const auto substeps = static_cast<std::size_t>(e.substeps);
+    const LateInput<double> late(e.input, numbers_, rig.structure().excitation, h);
+    RigState<double> s;
+    s.s = from;
+    const std::size_t first = window(w - 1).warm * substeps;
+    rig.complete(s, late.at(first), e.period_s * static_cast<double>(window(w - 1).warm), numbers_);
+    for (std::size_t at = first; at < window(w).warm * substeps; ++at) {
+      rig.step(s, late.at(at), late.at(at + 1), h * static_cast<double>(at), h, numbers_);
+    }
+    return s.s;
+  }
+
   // By how much a knot of the base's acceleration, one standard deviation high, changes the
   // readings of a window.
   BaseResponse base_response(std::size_t w, const WindowState& from) const {
@@ -569,6 +597,27 @@ Block fit_state(const Problem& problem, std::size_t w, WindowState& state,
   return block;
 }
 
+// Tries a window's state from another start; whether it came out clearly better and was kept.
+bool try_from(const Problem& problem, std::size_t w, const WindowState& start, WindowState& state,
+              Block& block) {
+  FitOptions few;
+  few.iterations = 6;
+  FitOptions more;
+  more.iterations = 16;
+  WindowState there = start;
+  Block trial = fit_state(problem, w, there, few);
+  if (cost_of(trial) < cost_of(block)) trial = fit_state(problem, w, there, more);
+  if (cost_of(trial) >= 0.8 * cost_of(block)) return false;
+  block = trial;
+  state = there;
+  return true;
+}
+
+double excess_of(const Block& block) { return block.chi2 / std::max(1, block.count); }
+
+// How much worse than others a window is followed that is tried again.
+constexpr double much_worse = 3.0;
+
 // A window that is followed much worse than most may have started on the wrong side of a slip: its
 // cost has several valleys, and descent does not leave the one it begins in. Such windows are tried
 // again from other values of the states that no channel shows, and the best is kept. Returns
@@ -577,29 +626,48 @@ bool rescue_outliers(const Problem& problem, int threads, std::vector<WindowStat
                      std::vector<Block>& blocks) {
   if (blocks.empty()) return false;
   std::vector<double> sorted;
-  for (const Block& block : blocks) sorted.push_back(block.chi2 / std::max(1, block.count));
+  for (const Block& block : blocks) sorted.push_back(excess_of(block));
   const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
   std::nth_element(sorted.begin(), middle, sorted.end());
   const double usual = *middle;
-  FitOptions few;
-  few.iterations = 6;
-  FitOptions more;
-  more.iterations = 16;
   std::atomic<bool> any{false};
   for_each(blocks.size(), threads, [&](std::size_t w) {
-    if (blocks[w].chi2 <= 3.0 * usual * blocks[w].count) return;
+    if (excess_of(blocks[w]) <= much_worse * usual) return;
     for (const WindowState& start : problem.other_starts(w)) {
-      WindowState state = start;
-      Block block = fit_state(problem, w, state, few);
-      if (cost_of(block) < cost_of(blocks[w])) block = fit_state(problem, w, state, more);
-      if (cost_of(block) < 0.8 * cost_of(blocks[w])) {
-        blocks[w] = block;
-        states[w] = state;
-        any = true;
-      }
+      if (try_from(problem, w, start, states[w], blocks[w])) any = true;
     }
   });
   return any;
+}
+
+// A window that is followed much worse than the one before it is tried from where that one ends:
+// it has found what no channel shows. Good states walk on from window to window, a round each.
+bool carry_on(const Problem& problem, int threads, std::vector<WindowState>& states,
+              std::vector<Block>& blocks) {
+  constexpr int rounds = 4;
+  bool any = false;
+  for (int round = 0; round < rounds; ++round) {
+    std::vector<std::optional<WindowState>> start(blocks.size());
+    for_each(blocks.size(), threads, [&](std::size_t w) {
+      if (w == 0 || !problem.follows_on(w)) return;
+      if (excess_of(blocks[w]) <= much_worse * excess_of(blocks[w - 1])) return;
+      start[w] = problem.carried_on(w, states[w - 1]);
+    });
+    std::atomic<bool> better{false};
+    for_each(blocks.size(), threads, [&](std::size_t w) {
+      if (start[w] && try_from(problem, w, *start[w], states[w], blocks[w])) better = true;
+    });
+    if (!better) break;
+    any = true;
+  }
+  return any;
+}
+
+// Both ways out of a wrong valley.
+bool rescue(const Problem& problem, int threads, std::vector<WindowState>& states,
+            std::vector<Block>& blocks) {
+  const bool outliers = rescue_outliers(problem, threads, states, blocks);
+  return carry_on(problem, threads, states, blocks) || outliers;
 }
 
 }  // namespace
@@ -699,7 +767,7 @@ Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
     problem.prepare(z);
     for_each(windows, task.threads,
              [&](std::size_t w) { blocks[w] = fit_state(problem, w, states[w], options); });
-    if (options.rescue) rescue_outliers(problem, task.threads, states, blocks);
+    if (options.rescue) rescue(problem, task.threads, states, blocks);
     Fit result;
     result.z = std::move(z);
     result.state = std::move(states);
@@ -796,7 +864,7 @@ Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
   };
   descend(options.iterations);
   problem.prepare(z);
-  if (options.rescue && rescue_outliers(problem, task.threads, states, blocks)) {
+  if (options.rescue && rescue(problem, task.threads, states, blocks)) {
     cost = total_cost(blocks) + problem.parameter_prior(z);
     damping = 1.0e-3;
     if (!options.covariance) linearise_all();

@@ -46,6 +46,41 @@ TEST(Fit, FindsTheParametersOfATrueModelWithinTheirUncertainty) {
   }
 }
 
+// A mass between two wells, of which first guesses have every other stretch in the wrong one: a
+// window goes on from where the one before it ends.
+TEST(Fit, TakesAWindowFromWhereTheOneBeforeEnds) {
+  physics::Model wells;
+  wells.oscillator.excitation = physics::Excitation::force;
+  wells.oscillator.mass_kg = {1.0};
+  wells.oscillator.damping_n_s_m = physics::Parameter{0.5};
+  wells.oscillator.two_well = physics::TwoWell{{100.0}, {1.0e6}};
+  wells.oscillator.stiffness_n_m = physics::Parameter{0.0};
+  wells.sensors[index_of(Channel::displacement)].noise_std = 2.0e-5;
+  std::vector<Experiment> experiments = {experiment_of(record(wells, 12.0), wells)};
+  Experiment& e = experiments.front();
+  ASSERT_GT(e.windows.size(), 15U);
+  for (std::size_t w = 5; w < 9; ++w) {
+    StateGuess& guess = e.guess[e.windows[w].warm];
+    guess.displacement_m *= -1.0;
+    guess.velocity_m_s *= -1.0;
+  }
+  const Task task = all_windows(experiments);
+  const Hypothesis truth(wells);
+  FitOptions options;
+  options.parameters_free = false;
+  options.rescue = false;
+  const Fit lost = fit(task, truth, {}, guessed_states(task, truth), options);
+  options.rescue = true;
+  const Fit found = fit(task, truth, {}, guessed_states(task, truth), options);
+  const auto followed = [](const Fit& fitted) {
+    return std::count_if(fitted.chi2.begin(), fitted.chi2.end(), [&](const double& chi2) {
+      return chi2 < 3.0 * fitted.count[static_cast<std::size_t>(&chi2 - fitted.chi2.data())];
+    });
+  };
+  EXPECT_LT(followed(lost), static_cast<std::ptrdiff_t>(e.windows.size()));
+  EXPECT_GT(followed(found), followed(lost));
+}
+
 TEST(Fit, OfStatesOnlyLeavesTheParametersAlone) {
   const std::vector<Experiment> experiments = {
       experiment_of(record(real_mass(), 6.0), driven_mass())};
