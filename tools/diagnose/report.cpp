@@ -138,6 +138,18 @@ Json detection_json(const Detection& detection) {
   return json;
 }
 
+// The end of an interval, with three digits or as many as set it apart from the value.
+std::string end_text(double end, double value) {
+  char end_digits[40];
+  char value_digits[40];
+  for (int count = 3; count <= 17; ++count) {
+    std::snprintf(end_digits, sizeof end_digits, "%.*g", count, end);
+    std::snprintf(value_digits, sizeof value_digits, "%.*g", count, value);
+    if (std::strcmp(end_digits, value_digits) != 0) return end_digits;
+  }
+  return number_text(end);
+}
+
 // From which size on the physics that the contract lists would have been named, and what of it
 // could not have been told apart. Sensor effects fill a page: the other reports have them.
 void list_limits(std::ostringstream& text, const Detection& detection) {
@@ -147,8 +159,8 @@ void list_limits(std::ostringstream& text, const Detection& detection) {
   const char* before = "  Would have been named, from these sizes on: ";
   for (const DetectionLimit& limit : detection.limits) {
     if (!is_told(limit.suspect)) continue;
-    text << before << limit.suspect.name() << " (" << limit.parameter << " = "
-         << number_text(limit.value) << ")";
+    text << before << limit.suspect.name() << " (" << limit.parameter << " = " << value_text(limit)
+         << ")";
     before = ", ";
   }
   if (before[0] == ',') text << "\n";
@@ -180,18 +192,6 @@ std::vector<std::string> conditions_of(const Location& location) {
                       .append(")"));
   }
   return out;
-}
-
-// The end of an interval, with three digits or as many as set it apart from the value.
-std::string end_text(double end, double value) {
-  char end_digits[40];
-  char value_digits[40];
-  for (int count = 3; count <= 17; ++count) {
-    std::snprintf(end_digits, sizeof end_digits, "%.*g", count, end);
-    std::snprintf(value_digits, sizeof value_digits, "%.*g", count, value);
-    if (std::strcmp(end_digits, value_digits) != 0) return end_digits;
-  }
-  return number_text(end);
 }
 
 std::string percent(double share) { return number_text(100.0 * share) + " %"; }
@@ -237,6 +237,11 @@ Json free_run_json(const FreeRun& run) {
     if (run.nrmse[c]) json["nrmse"][std::string(channel_table[c].stem)] = *run.nrmse[c];
   }
   return json;
+}
+
+std::string value_text(const DetectionLimit& limit) {
+  const physics::Card& card = limit.suspect.effect->card();
+  return end_text(limit.value, card.parameters[card.strength.value_or(0)].neutral);
 }
 
 std::string sentence_of(const FalseAlarms& alarms) {

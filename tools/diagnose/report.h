@@ -14,6 +14,9 @@ nlohmann::ordered_json report_json(const Diagnosis& diagnosis);
 /// A readable summary, several lines, ending with a line break.
 std::string report_text(const Diagnosis& diagnosis);
 
+/// With as many digits as set it apart from no effect at all.
+std::string value_text(const DetectionLimit& limit);
+
 /// "Of 20 recordings ... 0 would have been accused ..."
 std::string sentence_of(const FalseAlarms& alarms);
 

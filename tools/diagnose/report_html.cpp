@@ -333,7 +333,7 @@ std::string detection_section(const Diagnosis& d) {
   out += "<div class=\"scroll\"><table><tr><th>effect</th><th>parameter</th><th>from</th></tr>\n";
   for (const DetectionLimit& limit : d.detection.limits) {
     out += "<tr><td>" + html_text(limit.suspect.name()) + "</td><td>" + html_text(limit.parameter) +
-           "</td><td>" + number_text(limit.value) + " " + html_text(limit.unit) + "</td></tr>\n";
+           "</td><td>" + value_text(limit) + " " + html_text(limit.unit) + "</td></tr>\n";
   }
   out += "</table></div>\n";
   if (!d.detection.lookalikes.empty()) {

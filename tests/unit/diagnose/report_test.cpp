@@ -99,6 +99,42 @@ TEST(ReportJson, HoldsWhereItFailsAndWhatTheRecordingIsWorth) {
   EXPECT_EQ(integrity["remarks"][0], "3 of 15000 samples are not there");
 }
 
+Diagnosis with_limits() {
+  Diagnosis diagnosis = consistent();
+  diagnosis.detection.limits = {
+      {{physics::find_effect("stribeck"), {}}, "static_ratio", "1", 1.0042},
+      {{physics::find_effect("cubic_stiffness"), {}}, "k3_n_m3", "N/m3", 310.0},
+      {{physics::find_effect("quintic_stiffness"), {}}, "k5_n_m5", "N/m^5", 4.0e6},
+      {{physics::find_effect("gain_error"), {Channel::velocity, {}}}, "gain", "1", 1.02}};
+  diagnosis.detection.lookalikes = {{1, 2, 0.991}};
+  diagnosis.false_alarms = FalseAlarms{20, 1, {0.97, 1.01, 1.04}};
+  return diagnosis;
+}
+
+TEST(ReportJson, HoldsWhatElseWouldHaveBeenSeen) {
+  const auto json = report_json(with_limits());
+  ASSERT_EQ(json["detection"]["limits"].size(), 4U);
+  EXPECT_EQ(json["detection"]["limits"][2]["id"], "unlisted");
+  EXPECT_EQ(json["detection"]["limits"][2]["name"], "quintic_stiffness");
+  EXPECT_EQ(json["detection"]["limits"][3]["name"], "gain_error of velocity");
+  EXPECT_EQ(json["detection"]["inseparable"][0]["one"], "cubic_stiffness");
+  EXPECT_EQ(json["detection"]["inseparable"][0]["other"], "quintic_stiffness");
+  EXPECT_EQ(json["bootstrap"]["recordings"], 20);
+  EXPECT_EQ(json["bootstrap"]["alarms"], 1);
+  EXPECT_FALSE(report_json(consistent()).contains("bootstrap"));
+}
+
+// With digits enough to see that it is not nothing, and only what the contract lists of the rig's
+// own physics.
+TEST(ReportText, SaysFromWhichSizeOnThingsWouldHaveBeenNamed) {
+  const std::string text = report_text(with_limits());
+  EXPECT_THAT(text,
+              HasSubstr("stribeck (static_ratio = 1.004), cubic_stiffness (k3_n_m3 = 310)\n"));
+  EXPECT_THAT(text, HasSubstr("Of 20 recordings"));
+  EXPECT_THAT(text,
+              HasSubstr("1 would have been accused; noise alone left a chi-squared of 0.97 to"));
+}
+
 TEST(ReportText, SaysTheVerdictFirst) {
   EXPECT_THAT(report_text(consistent()), ::testing::StartsWith("CONSISTENT"));
   const std::string text = report_text(undecided());
