@@ -5,6 +5,7 @@
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
 #include "physics/effects/number_text.h"
+#include "physics/effects/renewal.h"
 
 namespace stickslip::physics {
 namespace {
@@ -87,16 +88,14 @@ class DwellStrengthening final : public EffectOf<DwellStrengthening> {
     using std::log;
     f.backbone = f.backbone * (1.0 + p[0] * log(1.0 + s[0] / p[1]));
   }
-  // The state is the time stuck (Dieterich 1979). It is forgotten no faster than a step of the
-  // integration can follow, which no sensor resolves either.
+  // The state is the time stuck (Dieterich 1979).
   template <class T>
   void rates_of(T* rate, const Instant<T>& at, const T* p, const T* s) const {
     using std::abs;
     using std::exp;
-    constexpr double fastest_per_s = 1000.0;
     const T ratio = at.slip / p[2];
     const T slips = abs(at.slip) * (1.0 - exp(-(ratio * ratio)));
-    rate[0] = 1.0 - s[0] * slips / (p[3] + slips / fastest_per_s);
+    rate[0] = 1.0 - forgotten_per_s(s[0], slips, p[3]);
   }
   template <class T>
   void confine_of(T* s, const T* /*p*/) const {

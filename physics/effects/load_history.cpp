@@ -5,6 +5,7 @@
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
 #include "physics/effects/number_text.h"
+#include "physics/effects/renewal.h"
 
 namespace stickslip::physics {
 namespace {
@@ -83,9 +84,7 @@ class LoadHistory final : public EffectOf<LoadHistory> {
   template <class T>
   void rates_of(T* rate, const Instant<T>& at, const T* p, const T* s) const {
     using std::abs;
-    constexpr double fastest_per_s = 1000.0;
-    const T speed = abs(at.slip);
-    rate[0] = (logarithm(at.load, p[2]) - s[0]) * speed / (p[1] + speed / fastest_per_s);
+    rate[0] = forgotten_per_s(T(logarithm(at.load, p[2]) - s[0]), T(abs(at.slip)), p[1]);
   }
 
  private:

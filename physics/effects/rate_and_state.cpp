@@ -5,6 +5,7 @@
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
 #include "physics/effects/number_text.h"
+#include "physics/effects/renewal.h"
 
 namespace stickslip::physics {
 namespace {
@@ -92,13 +93,10 @@ class RateAndState final : public EffectOf<RateAndState> {
     f.backbone = f.backbone * (1.0 + p[0] * log(1.0 + abs(at.slip) / p[3]) +
                                p[1] * log(1.0 + s[0] * p[3] / p[2]));
   }
-  // Contacts are renewed no faster than a step of the integration can follow.
   template <class T>
   void rates_of(T* rate, const Instant<T>& at, const T* p, const T* s) const {
     using std::abs;
-    constexpr double fastest_per_s = 1000.0;
-    const T speed = abs(at.slip);
-    rate[0] = 1.0 - s[0] * speed / (p[2] + speed / fastest_per_s);
+    rate[0] = 1.0 - forgotten_per_s(s[0], T(abs(at.slip)), p[2]);
   }
   template <class T>
   void confine_of(T* s, const T* /*p*/) const {

@@ -15,8 +15,6 @@ FalseAlarms false_alarms(const std::vector<protocol::Recording>& recordings,
   for (const protocol::Recording& recording : recordings) {
     experiments.push_back(make_experiment(recording, declared));
   }
-  Options each;
-  each.horizon_s = result.horizon_s;
   std::vector<Diagnosis> diagnoses(count);
   parallel::for_each(count, options.threads, [&](std::size_t i) {
     std::vector<protocol::Recording> again;
@@ -24,7 +22,8 @@ FalseAlarms false_alarms(const std::vector<protocol::Recording>& recordings,
       const std::uint64_t seed = options.seed + 1 + i * experiments.size() + again.size();
       again.push_back(rerun(experiment, result.baseline_model, {}, seed));
     }
-    Options own = each;
+    Options own;
+    own.horizon_s = result.horizon_s;
     own.seed = options.seed + i;
     diagnoses[i] = diagnose(again, declared, own);
   });

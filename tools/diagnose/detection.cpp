@@ -100,15 +100,10 @@ Detection detection_of(const Task& task, const Hypothesis& hypothesis, const Fit
   const auto change_of = [&](const Hypothesis& with) {
     std::vector<double> z = fitted.z;
     z.resize(with.unknowns().size(), 0.0);
-    const std::vector<WindowState> guessed = guessed_states(task, with);
+    const std::vector<WindowState> state = carried(fitted.state, task, hypothesis, with);
     std::vector<Eigen::VectorXd> change;
     for (std::size_t w = 0; w < task.windows.size(); ++w) {
-      WindowState state = guessed[w];
-      for (int i = 0; i < physics::max_rig_states; ++i) {
-        const auto at = static_cast<std::size_t>(i);
-        if (hypothesis.rig().has_state(i)) state[at] = fitted.state[w][at];
-      }
-      change.push_back(residuals_of(task, w, with, z, state) - imitation.residual(w));
+      change.push_back(residuals_of(task, w, with, z, state[w]) - imitation.residual(w));
     }
     return change;
   };
@@ -120,6 +115,7 @@ Detection detection_of(const Task& task, const Hypothesis& hypothesis, const Fit
     if (!card.strength) return;
     const physics::Scales sizes = scales(suspects[i].place);
     const physics::ParameterCard& parameter = card.parameters[*card.strength];
+    const std::vector<double> fixed = effect.fixed(sizes);
     std::size_t position = 0;  // among the parameters that a start gives
     for (std::size_t k = 0; k < *card.strength; ++k) {
       if (!card.parameters[k].fixed_default) ++position;
@@ -133,7 +129,7 @@ Detection detection_of(const Task& task, const Hypothesis& hypothesis, const Fit
       for (int evaluation = 0; evaluation < most_evaluations; ++evaluation) {
         start[at] = parameter.neutral + amount;
         const Hypothesis with =
-            hypothesis.with(effect, suspects[i].place, start, effect.fixed(sizes), Detail::coarse);
+            hypothesis.with(effect, suspects[i].place, start, fixed, Detail::coarse);
         if (!is_judged_by_size(hypothesis, with)) return;
         std::vector<Eigen::VectorXd> change = change_of(with);
         const double square = imitation.product(change, change);
@@ -145,9 +141,7 @@ Detection detection_of(const Task& task, const Hypothesis& hypothesis, const Fit
           const double gain =
               std::max(found[i] ? found[i]->limit.gain : 0.0, pull * pull / (square * samples));
           if (!found[i] || amount < std::abs(found[i]->limit.value - parameter.neutral)) {
-            found[i] = Found{
-                {suspects[i], std::string(parameter.name), std::string(parameter.unit), start[at]},
-                std::move(change)};
+            found[i] = Found{{suspects[i], start[at]}, std::move(change)};
           }
           found[i]->limit.gain = gain;
           break;

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <functional>
-#include <string>
 #include <vector>
 
 #include "tools/diagnose/shooting.h"
@@ -15,12 +14,16 @@ namespace stickslip::diagnosis {
 /// From which size on an effect would have been named.
 struct DetectionLimit {
   Suspect suspect;
-  std::string parameter;  ///< the one that says how much of the effect there is
-  std::string unit;
-  double value = 0.0;
+  double value = 0.0;  ///< of parameter()
   /// By how much a step towards it would lower chi-squared per sample: what of the residuals looks
   /// like this effect.
   double gain = 0.0;
+
+  /// The one that says how much of the effect there is.
+  const physics::ParameterCard& parameter() const {
+    const physics::Card& card = suspect.effect->card();
+    return card.parameters[card.strength.value()];
+  }
 };
 
 /// Two effects that move the readings alike, as indices into Detection::limits.

@@ -106,22 +106,6 @@ Task task_for(const std::vector<Experiment>& experiments, bool held_out, int thr
   return task;
 }
 
-// The windows' states carried over to a hypothesis that may have states that the other lacks.
-std::vector<WindowState> carried(const std::vector<WindowState>& from, const Task& task,
-                                 const Hypothesis& old_hypothesis, const Hypothesis& hypothesis) {
-  std::vector<WindowState> states = guessed_states(task, hypothesis);
-  const bool same_contact =
-      old_hypothesis.rig().structure().kinetics == hypothesis.rig().structure().kinetics;
-  for (std::size_t w = 0; w < states.size(); ++w) {
-    for (int i = 0; i < physics::max_rig_states; ++i) {
-      if (!old_hypothesis.rig().has_state(i)) continue;
-      if (i == physics::state::contact && !same_contact) continue;
-      states[w][static_cast<std::size_t>(i)] = from[w][static_cast<std::size_t>(i)];
-    }
-  }
-  return states;
-}
-
 // How badly a window is predicted, so that neither one wild window nor a wrong noise level decides:
 // half the log-likelihood of a residual whose scale is not known better than the noise.
 // Every free state of a window counts one against the hypothesis that has it.

@@ -126,7 +126,7 @@ Json detection_json(const Detection& detection) {
   for (const DetectionLimit& limit : detection.limits) {
     json["limits"].push_back({{"id", id_of(limit.suspect.effect->card())},
                               {"name", limit.suspect.name()},
-                              {"parameter", limit.parameter},
+                              {"parameter", limit.parameter().name},
                               {"value", limit.value}});
   }
   json["inseparable"] = Json::array();
@@ -159,8 +159,8 @@ void list_limits(std::ostringstream& text, const Detection& detection) {
   const char* before = "  Would have been named, from these sizes on: ";
   for (const DetectionLimit& limit : detection.limits) {
     if (!is_told(limit.suspect)) continue;
-    text << before << limit.suspect.name() << " (" << limit.parameter << " = " << value_text(limit)
-         << ")";
+    text << before << limit.suspect.name() << " (" << limit.parameter().name << " = "
+         << value_text(limit) << ")";
     before = ", ";
   }
   if (before[0] == ',') text << "\n";
@@ -240,8 +240,7 @@ Json free_run_json(const FreeRun& run) {
 }
 
 std::string value_text(const DetectionLimit& limit) {
-  const physics::Card& card = limit.suspect.effect->card();
-  return end_text(limit.value, card.parameters[card.strength.value_or(0)].neutral);
+  return end_text(limit.value, limit.parameter().neutral);
 }
 
 std::string sentence_of(const FalseAlarms& alarms) {

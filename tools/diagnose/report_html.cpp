@@ -332,8 +332,9 @@ std::string detection_section(const Diagnosis& d) {
       "replace a law instead of bending it are not in this table.");
   out += "<div class=\"scroll\"><table><tr><th>effect</th><th>parameter</th><th>from</th></tr>\n";
   for (const DetectionLimit& limit : d.detection.limits) {
-    out += "<tr><td>" + html_text(limit.suspect.name()) + "</td><td>" + html_text(limit.parameter) +
-           "</td><td>" + value_text(limit) + " " + html_text(limit.unit) + "</td></tr>\n";
+    out += "<tr><td>" + html_text(limit.suspect.name()) + "</td><td>" +
+           html_text(std::string(limit.parameter().name)) + "</td><td>" + value_text(limit) + " " +
+           html_text(std::string(limit.parameter().unit)) + "</td></tr>\n";
   }
   out += "</table></div>\n";
   if (!d.detection.lookalikes.empty()) {

@@ -10,6 +10,7 @@
 #include "physics/effects/catalogue.h"
 #include "physics/reading.h"
 #include "physics/sensor_chain.h"
+#include "tools/diagnose/median.h"
 #include "tools/parallel/for_each.h"
 
 namespace stickslip::diagnosis {
@@ -625,11 +626,9 @@ constexpr double much_worse = 3.0;
 bool rescue_outliers(const Problem& problem, int threads, std::vector<WindowState>& states,
                      std::vector<Block>& blocks) {
   if (blocks.empty()) return false;
-  std::vector<double> sorted;
-  for (const Block& block : blocks) sorted.push_back(excess_of(block));
-  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-  std::nth_element(sorted.begin(), middle, sorted.end());
-  const double usual = *middle;
+  std::vector<double> followed;
+  for (const Block& block : blocks) followed.push_back(excess_of(block));
+  const double usual = median(std::move(followed));
   std::atomic<bool> any{false};
   for_each(blocks.size(), threads, [&](std::size_t w) {
     if (excess_of(blocks[w]) <= much_worse * usual) return;
@@ -690,6 +689,21 @@ std::vector<WindowState> guessed_states(const Task& task, const Hypothesis& hypo
   for (const WindowRef ref : task.windows) {
     const Experiment& e = task.experiments[ref.experiment];
     states.push_back(prior_of(e, e.windows[ref.window], hypothesis, parameters).centre);
+  }
+  return states;
+}
+
+std::vector<WindowState> carried(const std::vector<WindowState>& from, const Task& task,
+                                 const Hypothesis& old_hypothesis, const Hypothesis& hypothesis) {
+  std::vector<WindowState> states = guessed_states(task, hypothesis);
+  const bool same_contact =
+      old_hypothesis.rig().structure().kinetics == hypothesis.rig().structure().kinetics;
+  for (std::size_t w = 0; w < states.size(); ++w) {
+    for (int i = 0; i < physics::max_rig_states; ++i) {
+      if (!old_hypothesis.rig().has_state(i)) continue;
+      if (i == physics::state::contact && !same_contact) continue;
+      states[w][static_cast<std::size_t>(i)] = from[w][static_cast<std::size_t>(i)];
+    }
   }
   return states;
 }

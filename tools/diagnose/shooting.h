@@ -69,6 +69,11 @@ struct FitOptions {
 /// First guesses of the window states from the experiment's wide-band channels.
 std::vector<WindowState> guessed_states(const Task& task, const Hypothesis& hypothesis);
 
+/// The states `from`, found under `old_hypothesis`, for a hypothesis that may have states which the
+/// other lacks: those are guessed.
+std::vector<WindowState> carried(const std::vector<WindowState>& from, const Task& task,
+                                 const Hypothesis& old_hypothesis, const Hypothesis& hypothesis);
+
 /// How a doubt of the base's acceleration would show in the windows of `task`, for
 /// Task::base_response; empty where the base is not doubted. `states` need not be exact.
 std::vector<std::shared_ptr<const BaseResponse>> base_response_of(

@@ -43,7 +43,7 @@ TEST(Detection, LimitIsWhereAnEffectRaisesChiSquaredByThatShare) {
   const Bench bench;
   const Detection detection = bench.detection({suspect("cubic_stiffness")});
   ASSERT_EQ(detection.limits.size(), 1U);
-  EXPECT_EQ(detection.limits[0].parameter, "k3_n_m3");
+  EXPECT_EQ(detection.limits[0].parameter().name, "k3_n_m3");
   const double k3 = detection.limits[0].value;
   // A rig with ten times as much, held against the model that lacks it: a hundred times the share.
   const auto truth = test::with_term(driven_mass(), "cubic_stiffness", {{"k3_n_m3", {10.0 * k3}}});

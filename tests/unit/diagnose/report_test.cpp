@@ -102,10 +102,10 @@ TEST(ReportJson, HoldsWhereItFailsAndWhatTheRecordingIsWorth) {
 Diagnosis with_limits() {
   Diagnosis diagnosis = consistent();
   diagnosis.detection.limits = {
-      {{physics::find_effect("stribeck"), {}}, "static_ratio", "1", 1.0042},
-      {{physics::find_effect("cubic_stiffness"), {}}, "k3_n_m3", "N/m3", 310.0},
-      {{physics::find_effect("quintic_stiffness"), {}}, "k5_n_m5", "N/m^5", 4.0e6},
-      {{physics::find_effect("gain_error"), {Channel::velocity, {}}}, "gain", "1", 1.02}};
+      {{physics::find_effect("stribeck"), {}}, 1.0042},
+      {{physics::find_effect("cubic_stiffness"), {}}, 310.0},
+      {{physics::find_effect("quintic_stiffness"), {}}, 4.0e6},
+      {{physics::find_effect("gain_error"), {Channel::velocity, {}}}, 1.02}};
   diagnosis.detection.lookalikes = {{1, 2, 0.991}};
   diagnosis.false_alarms = FalseAlarms{20, 1, {0.97, 1.01, 1.04}};
   return diagnosis;
