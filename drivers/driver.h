@@ -38,6 +38,12 @@ struct Actuation {
   bool amplifier_on = false;  ///< off is the safe state
 };
 
+/// Lines that stand beside the channels, as they were when the latest frame was read.
+struct Signals {
+  bool emergency_stop = false;   ///< pressed, or its wire is cut
+  bool amplifier_fault = false;  ///< the amplifier's own protection has tripped
+};
+
 /// What a driver can say about itself once it is open.
 struct Description {
   std::string name;                               ///< "simulated rig", "LabJack U6 #3600..."
@@ -62,14 +68,17 @@ class Driver {
 
   virtual Result open() = 0;
   virtual Result start() = 0;
-  /// The next sample, in the driver's own units, with its device time, sequence number and validity
-  /// bits. `frame` is untouched unless the outcome is ok.
+  /// The next sample, in the driver's own units, with its device time, sequence number, validity
+  /// bits and ages. `frame` is untouched unless the outcome is ok.
   virtual Result read(Frame& frame) = 0;
   virtual Result write(const Actuation& actuation) = 0;
   virtual void stop() noexcept = 0;
   virtual void close() noexcept = 0;
 
   virtual const Description& description() const = 0;
+
+  /// Devices without such lines have none pressed. As cheap as reading a variable.
+  virtual Signals signals() const noexcept { return {}; }
 };
 
 }  // namespace stickslip::drivers

@@ -62,6 +62,8 @@ struct Frame {
   std::uint64_t sequence = 0;  ///< counts frames at the source; a jump is a loss
   std::array<double, channel_count> value{};  ///< by Channel; SI after calibration
   std::uint8_t valid = 0;                     ///< bit i: channel i holds a measurement
+  /// How long before time_ns a channel was measured [us]; 0 for those sampled with the frame.
+  std::array<std::int32_t, channel_count> age_us{};
 
   constexpr double operator[](Channel channel) const { return value[index_of(channel)]; }
   constexpr bool has(Channel channel) const { return ((valid >> index_of(channel)) & 1U) != 0; }
@@ -71,6 +73,7 @@ struct Frame {
   }
   constexpr void invalidate(Channel channel) {
     value[index_of(channel)] = 0.0;
+    age_us[index_of(channel)] = 0;
     valid = static_cast<std::uint8_t>(valid & ~(1U << index_of(channel)));
   }
   constexpr double time_s() const { return static_cast<double>(time_ns) * 1e-9; }

@@ -68,11 +68,14 @@ constexpr std::size_t shortest_text = 5;
 bool decode(std::span<const std::uint8_t> bytes, frame_block_t& message) {
   Walk walk(bytes);
   // time, sequence, validity, channels
-  const std::size_t n = walk.count(2 * number + 1 + channel_count * number);
+  constexpr std::size_t frame_bytes = 2 * number + 1 + channel_count * number;
+  const std::size_t n = walk.count(frame_bytes);
   if (!walk.inside() || n == 0 || n > longest_block) return false;
   walk.skip(4);  // flags
   const auto checksum = static_cast<std::uint32_t>(walk.int32());
   constexpr std::size_t before_the_sum = 8 + 3 * 4;
+  walk.skip(n * frame_bytes);
+  walk.count(1 + 4 * n);  // ages
   if (!walk.inside()) return false;
   Checksum sum;
   sum.add(bytes.subspan(before_the_sum));

@@ -1,5 +1,6 @@
 #include "protocol/frame_block.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "protocol/checksum.h"
@@ -13,6 +14,47 @@ template <class Block>
 auto columns_of(Block& block) {
   return std::array{&block.displacement_m, &block.velocity_m_s,        &block.friction_force_n,
                     &block.normal_load_n,  &block.base_displacement_m, &block.drive_force_n};
+}
+
+void add_big_endian(Checksum& sum, std::uint32_t word) {
+  for (unsigned shift = 32; shift > 0; shift -= 8) {
+    sum.add(static_cast<std::uint8_t>(word >> (shift - 8U)));
+  }
+}
+
+/// Ages are rare: only the channels that have any take room.
+void ages_to_block(std::span<const Frame> frames, frame_block_t& block) {
+  block.aged_channel.clear();
+  for (const Channel channel : all_channels) {
+    const std::size_t c = index_of(channel);
+    const bool any = std::any_of(frames.begin(), frames.end(),
+                                 [c](const Frame& frame) { return frame.age_us[c] != 0; });
+    if (any) block.aged_channel.push_back(static_cast<std::uint8_t>(c));
+  }
+  block.aged = static_cast<std::int32_t>(block.aged_channel.size());
+  block.age_us.resize(block.aged_channel.size());
+  for (std::size_t row = 0; row < block.aged_channel.size(); ++row) {
+    block.age_us[row].resize(frames.size());
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      block.age_us[row][i] = frames[i].age_us[block.aged_channel[row]];
+    }
+  }
+}
+
+/// Whether the ages of a block are what its counts say, each channel once.
+bool ages_are_sound(const frame_block_t& block) {
+  const auto rows = static_cast<std::size_t>(std::max(0, block.aged));
+  if (block.aged < 0 || block.aged_channel.size() != rows || block.age_us.size() != rows) {
+    return false;
+  }
+  unsigned seen = 0;
+  for (std::size_t row = 0; row < rows; ++row) {
+    const unsigned channel = block.aged_channel[row];
+    if (channel >= channel_count || (seen >> channel & 1U) != 0) return false;
+    seen |= 1U << channel;
+    if (block.age_us[row].size() != static_cast<std::size_t>(block.count)) return false;
+  }
+  return true;
 }
 
 }  // namespace
@@ -33,6 +75,7 @@ void to_block(std::span<const Frame> frames, frame_block_t& block) {
     block.valid[i] = frame.valid;
     for (std::size_t c = 0; c < channel_count; ++c) (*columns[c])[i] = frame.value[c];
   }
+  ages_to_block(frames, block);
   // In the order of the wire.
   Checksum sum;
   for (const std::int64_t time : block.time_ns) sum.add_encoded(time);
@@ -40,6 +83,11 @@ void to_block(std::span<const Frame> frames, frame_block_t& block) {
   sum.add(std::span(block.valid));
   for (const auto* column : columns) {
     for (const double value : *column) sum.add_encoded(value);
+  }
+  add_big_endian(sum, static_cast<std::uint32_t>(block.aged));
+  sum.add(std::span(block.aged_channel));
+  for (const auto& ages : block.age_us) {
+    for (const std::int32_t age : ages) add_big_endian(sum, static_cast<std::uint32_t>(age));
   }
   block.checksum = static_cast<std::int32_t>(sum.value());
 }
@@ -53,6 +101,7 @@ bool from_block(const frame_block_t& block, std::vector<Frame>& frames) {
   for (const auto* column : columns) {
     if (column->size() != n) return false;
   }
+  if (!ages_are_sound(block)) return false;
   for (std::size_t i = 0; i < n; ++i) {
     Frame frame;
     frame.time_ns = block.time_ns[i];
@@ -61,6 +110,10 @@ bool from_block(const frame_block_t& block, std::vector<Frame>& frames) {
       const double value = (*columns[index_of(channel)])[i];
       const bool measured = (block.valid[i] >> index_of(channel) & 1U) != 0;
       if (measured && std::isfinite(value)) frame.set(channel, value);
+    }
+    for (std::size_t row = 0; row < block.aged_channel.size(); ++row) {
+      const Channel channel = all_channels[block.aged_channel[row]];
+      if (frame.has(channel)) frame.age_us[index_of(channel)] = block.age_us[row][i];
     }
     frames.push_back(frame);
   }

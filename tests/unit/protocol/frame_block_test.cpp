@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "protocol/checksum.h"
+#include "protocol/decode.h"
 
 namespace stickslip::protocol {
 namespace {
@@ -36,6 +37,35 @@ TEST(FrameBlock, CarriesFramesThereAndBack) {
   ASSERT_EQ(after.size(), 8U);
   after.erase(after.begin());
   EXPECT_EQ(after, before);
+}
+
+TEST(FrameBlock, AgesTravelWithTheChannelsThatHaveOne) {
+  std::vector<Frame> before = frames(5);
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    before[i].set(Channel::base_displacement, 1.0);
+    before[i].age_us[index_of(Channel::base_displacement)] = static_cast<std::int32_t>(700 * i);
+  }
+  frame_block_t block;
+  to_block(before, block);
+  ASSERT_EQ(block.aged, 1);
+  EXPECT_EQ(block.aged_channel[0], index_of(Channel::base_displacement));
+  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(block.getEncodedSize()));
+  block.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+  frame_block_t heard;
+  ASSERT_TRUE(decode(bytes, heard));
+  std::vector<Frame> after;
+  ASSERT_TRUE(from_block(heard, after));
+  EXPECT_EQ(after, before);
+  // A channel twice, one that does not exist, and a count without its rows.
+  for (const std::uint8_t wrong : {4, 9}) {
+    frame_block_t bad = block;
+    bad.aged = 2;
+    bad.aged_channel.push_back(wrong);
+    bad.age_us.push_back(bad.age_us[0]);
+    EXPECT_FALSE(from_block(bad, after));
+  }
+  block.aged = 0;
+  EXPECT_FALSE(from_block(block, after));
 }
 
 TEST(FrameBlock, ARefillOfTheSameOrASmallerSizeAllocatesNothing) {
