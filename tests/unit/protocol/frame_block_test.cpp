@@ -57,7 +57,7 @@ TEST(FrameBlock, AgesTravelWithTheChannelsThatHaveOne) {
   ASSERT_TRUE(from_block(heard, after));
   EXPECT_EQ(after, before);
   // A channel twice, one that does not exist, and a count without its rows.
-  for (const std::uint8_t wrong : {4, 9}) {
+  for (const std::uint8_t wrong : {std::uint8_t{4}, std::uint8_t{9}}) {
     frame_block_t bad = block;
     bad.aged = 2;
     bad.aged_channel.push_back(wrong);
