@@ -33,6 +33,7 @@ class Reader {
     const bool truth = truth_of(rig, model);
     if (document_.sound()) {
       read_device(rig);
+      read_safety(rig);
       read_excitation(rig.excitation);
       read_outlets(rig);
       check(rig, truth);
@@ -102,6 +103,29 @@ class Reader {
     take(rig.loop.frames_per_block, document_.integer("loop.frames_per_block"));
     take(rig.loop.duration_s, document_.number("loop.duration_s"));
     take(rig.loop.real_time_scheduling, document_.boolean("loop.real_time_scheduling"));
+    take(rig.loop.lateness_limit_s, document_.number("loop.lateness_limit_s"));
+    take(rig.loop.priority, document_.integer("loop.priority"));
+    if (const auto cpu = document_.integer("loop.cpu")) rig.loop.cpu = static_cast<int>(*cpu);
+  }
+
+  void read_safety(Rig& rig) {
+    rig.control.socket = path_at("control.socket");
+    take(rig.control.group, document_.text("control.group"));
+    take(rig.control.start_at_once, document_.boolean("control.start_at_once"));
+    Safety& safety = rig.safety;
+    take(safety.longest_silence_s, document_.number("safety.longest_silence_s"));
+    take(safety.stale_after_s, document_.number("safety.stale_after_s"));
+    take(safety.longest_overrun_s, document_.number("safety.longest_overrun_s"));
+    take(safety.dead_man_s, document_.number("safety.dead_man_s"));
+    take(safety.not_finite, document_.boolean("safety.not_finite"));
+    take(safety.observer_diverged, document_.boolean("safety.observer_diverged"));
+    take(safety.recorder_failing, document_.boolean("safety.recorder_failing"));
+    take(safety.exit_on_fault, document_.boolean("safety.exit_on_fault"));
+    for (Channel channel : all_channels) {
+      const std::string stem = "safety.range." + std::string(info(channel).stem);
+      take(safety.range[index_of(channel)].low, document_.number(stem + ".low"));
+      take(safety.range[index_of(channel)].high, document_.number(stem + ".high"));
+    }
   }
 
   void read_excitation(Excitation& excitation) {
@@ -129,6 +153,7 @@ class Reader {
     if (rig.driver == DriverKind::simulated && truth_is_sound) check_truth(rig);
     if (rig.driver == DriverKind::replay) check_replay(rig);
     check_calibration(rig);
+    check_safety(rig);
     check_excitation(rig);
     check_outlets(rig);
   }
@@ -172,6 +197,21 @@ class Reader {
         document_.report(path,
                          "a recording is in SI units already: leave the calibration out "
                          "while driver.kind is \"replay\"");
+      }
+    }
+  }
+
+  void check_safety(const Rig& rig) {
+    if (rig.control.start_at_once && rig.driver != DriverKind::simulated) {
+      document_.report("control.start_at_once",
+                       "only a simulated rig may start by itself: on this one a person does, with "
+                       "`stickslip ctl clear`, `arm` and `start`");
+    }
+    for (Channel channel : all_channels) {
+      const ChannelRange& range = rig.safety.range[index_of(channel)];
+      if (range.low >= range.high) {
+        document_.report("safety.range." + std::string(info(channel).stem),
+                         "leaves nothing: low has to be below high");
       }
     }
   }

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -69,6 +70,35 @@ struct Loop {
   int frames_per_block = 10;
   std::optional<double> duration_s;  ///< absent: until told to stop
   bool real_time_scheduling = true;  ///< try SCHED_FIFO and locked memory; refused is reported
+  std::optional<double> lateness_limit_s;  ///< absent: one period
+  int priority = 50;
+  std::optional<int> cpu;  ///< absent: an isolated one, if there is any
+};
+
+/// [control]: who may tell the rig what to do, and where.
+struct Control {
+  std::filesystem::path socket;  ///< empty: in systemd's runtime directory, or none
+  std::string group;             ///< empty: the daemon's own
+  bool start_at_once = false;
+};
+
+/// Where a channel has to stay while the rig is armed or moves, SI.
+struct ChannelRange {
+  double low = -std::numeric_limits<double>::infinity();
+  double high = std::numeric_limits<double>::infinity();
+};
+
+/// [safety]: what is a fault. Times of 0: no limit.
+struct Safety {
+  std::optional<double> longest_silence_s;
+  double stale_after_s = 0.1;
+  std::optional<double> longest_overrun_s;
+  double dead_man_s = 1.0;
+  bool not_finite = true;
+  bool observer_diverged = false;
+  bool recorder_failing = false;
+  bool exit_on_fault = false;
+  std::array<ChannelRange, channel_count> range{};
 };
 
 struct Lcm {
@@ -99,6 +129,8 @@ struct Rig {
   std::array<ChannelCalibration, channel_count> calibration{};
   Excitation excitation;
   Loop loop;
+  Control control;
+  Safety safety;
   Lcm lcm;
   RecordingOutput recording;
   Observer observer;

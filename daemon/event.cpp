@@ -33,6 +33,17 @@ Event event_of(const Notice& notice) {
     case Notice::Kind::fault:
       say(Severity::error, "fault", "amplifier off: " + cause);
       break;
+    case Notice::Kind::state:
+      say(Severity::info, "state", "the rig is " + cause);
+      break;
+    case Notice::Kind::device_back:
+      say(Severity::warning, "device_back",
+          "the device is back; the fault stays until a person clears it");
+      break;
+    case Notice::Kind::clock_parted:
+      say(Severity::warning, "clock_parted",
+          "the clocks of device and host have parted; their correction begins anew");
+      break;
     case Notice::Kind::read_failed:
       say(Severity::warning, "read_failed", "the device did not answer a read: " + cause);
       break;

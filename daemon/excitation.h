@@ -45,6 +45,8 @@ class Excitation {
   const Drive& now() const { return now_; }
   State state() const { return state_; }
   bool is_off() const { return state_ == State::off; }
+  /// Whether the configuration has it drive at all.
+  bool enabled() const { return settings_.enabled; }
 
  private:
   double unramped_amplitude() const;

@@ -12,6 +12,10 @@ namespace {
 using drivers::Outcome;
 
 constexpr std::size_t notice_room = 1024;
+constexpr std::size_t command_room = 64;
+/// A step of the source's time that is longer is a gap, or a clock that was set: nothing to drive
+/// by.
+constexpr std::int64_t longest_step_ns = 1'000'000'000;
 constexpr std::int64_t ring_wait_ns = 50'000;
 constexpr std::int64_t ring_patience_ns = 2'000'000'000;
 
@@ -31,15 +35,19 @@ Loop::Loop(drivers::Driver& driver, Clock& clock, const LoopSettings& settings,
       ledger_(ledger),
       streams_(std::move(streams)),
       can_drive_(driver.description().can_drive),
+      own_clock_(driver.description().own_clock),
       time_of_frames_(settings.pacing != Pacing::deadlines || driver.description().time_of_its_own),
-      safety_(settings.longest_silence_ns),
-      notices_(notice_room) {
+      interlocks_(settings.live.interlocks, driver.description().channels),
+      notices_(notice_room),
+      commands_(command_room),
+      answers_(command_room) {
   why_.message.reserve(sizeof Notice::text);
+  if (settings_.lateness_limit_ns <= 0) settings_.lateness_limit_ns = settings_.period_ns;
   if (settings_.frames) {
     const double ramp_frames =
         std::ceil(settings_.ramp_s * 1e9 / static_cast<double>(settings_.period_ns)) + 1.0;
     const auto ramp = static_cast<std::uint64_t>(std::max(0.0, ramp_frames));
-    stop_at_frame_ = *settings_.frames > ramp ? *settings_.frames - ramp : 0;
+    stop_at_cycle_ = *settings_.frames > ramp ? *settings_.frames - ramp : 0;
   }
 }
 
@@ -55,24 +63,40 @@ const LoopEnd& Loop::run() {
 
 bool Loop::begin() {
   const drivers::Result result = driver_.start();
-  if (!result) {
-    safety_.trip(is_fault(result.outcome) ? result.outcome : Outcome::fatal, result.message);
-    finish(LoopEnd::Reason::fault);
-    return false;
+  // There is nothing to be careful with.
+  if (!can_drive_) change(RigInput::clear);
+  if (settings_.start_at_once) {
+    for (const RigInput input : {RigInput::clear, RigInput::arm, RigInput::start}) change(input);
+    excitation_.start();
   }
-  safety_.start();
-  excitation_.start();
-  publish_state();
   due_ns_ = clock_.now_ns() - settings_.period_ns;
-  return true;
+  if (!result) {
+    const bool fault = is_fault(result.outcome);
+    interlocks_.read_answered({fault ? result.outcome : Outcome::fatal, result.message}, due_ns_);
+    judge();
+    if (settings_.end_on_fault) finish(LoopEnd::Reason::fault);
+  }
+  publish(due_ns_);
+  return why_.reason == LoopEnd::Reason::none;
 }
 
 void Loop::end() {
   // Whatever happened before: the last word to the shaker is "off".
-  if (can_drive_) driver_.write({0.0, false});
-  driver_.stop();
-  safety_.finish_stop();
-  publish_state();
+  if (can_drive_ && device_here()) driver_.write({0.0, false});
+  amplifier_on_ = false;
+  excitation_.cut();
+  change(RigInput::stop);
+  change(RigInput::at_rest);
+  if (device_here()) driver_.stop();
+  publish(clock_.now_ns());
+}
+
+bool Loop::next_answer(Answer& answer) {
+  const Answer* const next = answers_.front();
+  if (next == nullptr) return false;
+  answer = *next;
+  answers_.pop();
+  return true;
 }
 
 bool Loop::next_notice(Notice& notice) {
@@ -85,13 +109,15 @@ bool Loop::next_notice(Notice& notice) {
 
 void Loop::wait_for_cycle() {
   late_ = false;
+  overrun_ns_ = 0;
+  if (!device_here() && settings_.pacing != Pacing::deadlines) return wait_without_device();
   if (settings_.pacing != Pacing::deadlines) return;
   const Deadline next = next_deadline(due_ns_, settings_.period_ns, clock_.now_ns());
   if (!time_of_frames_) elapsed_ns_ = next.due_ns - due_ns_;
   due_ns_ = next.due_ns;
   // The first cycle has no deadline before it that it could have missed.
   if (next.late_ns > 0 && timing_.cycles.load(std::memory_order_relaxed) > 0) {
-    late_ = true;
+    overrun_ns_ = next.late_ns;
     count_up(timing_.overruns);
     count_up(timing_.skipped_periods, static_cast<std::uint64_t>(next.skipped));
     if (next.late_ns > timing_.longest_overrun_ns.load(std::memory_order_relaxed)) {
@@ -101,52 +127,162 @@ void Loop::wait_for_cycle() {
   } else {
     clock_.sleep_until(due_ns_);
   }
-  timing_.lateness.add(clock_.now_ns() - due_ns_);
+  const std::int64_t lateness_ns = clock_.now_ns() - due_ns_;
+  timing_.lateness.add(lateness_ns);
+  late_ = overrun_ns_ > 0 || lateness_ns > settings_.lateness_limit_ns;
+  if (late_) count_up(timing_.late);
+}
+
+// A driver that paces the loop is gone: somebody has to.
+void Loop::wait_without_device() {
+  const std::int64_t now_ns = clock_.now_ns();
+  due_ns_ = now_ns + settings_.period_ns;
+  clock_.sleep_until(due_ns_);
 }
 
 bool Loop::cycle() {
   const std::int64_t begun_ns = clock_.now_ns();
+  if (device_.load(std::memory_order_acquire) == Device::back) welcome_device();
   heed_stop_requests();
+  heed_command();
   const bool at_rest = !amplifier_on_;
-  const bool more = read();
+  bool more = true;
+  interlocks_.observer_restarted(false);
+  if (device_here()) {
+    more = read();
+  } else {
+    ++cycles_without_device_;
+    ++cycles_away_;
+  }
+  judge();
   drive();
   count_up(timing_.cycles);
-  if (settings_.pacing == Pacing::deadlines) timing_.work.add(clock_.now_ns() - begun_ns);
+  const std::int64_t ended_ns = clock_.now_ns();
+  if (settings_.pacing == Pacing::deadlines) timing_.work.add(ended_ns - begun_ns);
+  const bool over = is_over(more, at_rest);
+  publish(ended_ns);
+  return !over;
+}
 
-  if (safety_.faulted()) {
+bool Loop::is_over(bool more, bool at_rest) {
+  const std::uint64_t cycles = frames_ + cycles_without_device_;
+  if (safety_.faulted() && settings_.end_on_fault) {
     finish(LoopEnd::Reason::fault);
   } else if (!more) {
     finish(LoopEnd::Reason::end_of_data);
-  } else if (settings_.frames && frames_ >= *settings_.frames) {
+  } else if (settings_.frames && cycles >= *settings_.frames) {
     finish(LoopEnd::Reason::frames_done);
   } else if (stop_requests_.load(std::memory_order_acquire) > 0 && excitation_.is_off() &&
              at_rest) {
     // Only now: the frame that was just handed over shows the shaker at rest.
     finish(LoopEnd::Reason::asked);
   }
-  return why_.reason == LoopEnd::Reason::none;
+  return why_.reason != LoopEnd::Reason::none;
 }
 
 void Loop::heed_stop_requests() {
   const int requests = stop_requests_.load(std::memory_order_acquire);
-  if (requests > 0 || (settings_.frames && frames_ >= stop_at_frame_)) {
-    if (safety_.state() == RigState::running) {
-      safety_.begin_stop();
-      excitation_.stop();
-      publish_state();
-    }
+  const std::uint64_t cycles = frames_ + cycles_without_device_;
+  if (requests > 0 || (settings_.frames && cycles >= stop_at_cycle_)) {
+    if (change(RigInput::stop)) excitation_.stop();
   }
   if (requests > 1) excitation_.cut();
+}
+
+// One a cycle: a burst of commands takes no more of any cycle than one of them does.
+void Loop::heed_command() {
+  const Command* const command = commands_.front();
+  // An answer that finds no room would be lost: the command waits.
+  if (command == nullptr || !answers_.has_room()) return;
+  Answer answer;
+  answer.id = command->id;
+  answer.accepted = true;
+  obey(*command, answer);
+  const bool later = command->kind == Command::Kind::average && answer.accepted;
+  commands_.pop();
+  answer.state = safety_.state();
+  if (!later) answers_.push(answer);
+}
+
+void Loop::obey(const Command& command, Answer& answer) {
+  const auto refused = [&answer](std::string_view words) {
+    answer.accepted = false;
+    answer.reason.add(words);
+  };
+  const Interlocks::Broken broken = interlocks_.broken(clock_.now_ns());
+  switch (command.kind) {
+    case Command::Kind::clear:
+      if (!safety_.faulted()) return refused("there is no fault to clear");
+      if (latches_at_rest(broken.interlock) && refuse(broken, answer)) return;
+      change(RigInput::clear);
+      return;
+    case Command::Kind::arm:
+      if (safety_.state() != RigState::idle) return refused("only an idle rig can be armed");
+      if (refuse(broken, answer)) return;
+      if (!can_drive_) return refused("this device drives nothing");
+      change(RigInput::arm);
+      return;
+    case Command::Kind::start:
+      if (safety_.state() != RigState::armed) return refused("only an armed rig can be started");
+      if (!excitation_.enabled()) return refused("excitation.enabled is false");
+      dead_man_ = command.dead_man;
+      change(RigInput::start);
+      excitation_.start();
+      return;
+    case Command::Kind::disarm:
+    case Command::Kind::stop:
+      change(command.kind == Command::Kind::stop ? RigInput::stop : RigInput::disarm);
+      excitation_.stop();
+      return;
+    case Command::Kind::apply:
+      settings_.live = command.live;
+      interlocks_.set(command.live.interlocks);
+      return;
+    case Command::Kind::average:
+      if (averaging_.active()) return refused("readings are being averaged for another client");
+      if (!device_here()) return refused("the device is gone");
+      averaging_.begin(command.frames, command.id);
+      return;
+  }
+}
+
+bool Loop::refuse(const Interlocks::Broken& broken, Answer& answer) const {
+  if (broken.interlock == Interlock::none) return false;
+  answer.accepted = false;
+  answer.reason.add(name_of(broken.interlock)).add(": ").add(broken.cause.c_str());
+  return true;
+}
+
+bool Loop::change(RigInput input) {
+  if (!safety_.apply(input)) return false;
+  if (safety_.state() == RigState::idle) dead_man_ = false;
+  notice(Notice::Kind::state, 0, 0, name_of(safety_.state()));
+  return true;
+}
+
+void Loop::welcome_device() {
+  device_.store(Device::here, std::memory_order_relaxed);
+  interlocks_.device_is_back();
+  device_clock_ = DeviceClock();
+  // What it yields now has nothing to do with what it yielded before but that time goes on.
+  numbering_is_new_ = true;
+  read_failing_ = false;
+  write_failing_ = false;
+  notice(Notice::Kind::device_back);
 }
 
 /// False at the end of the data.
 bool Loop::read() {
   Frame raw;
+  const std::int64_t asked_ns = clock_.now_ns();
   const drivers::Result result = driver_.read(raw);
   const std::int64_t now_ns = clock_.now_ns();
-  safety_.observe_read(result, now_ns);
+  timing_.read.add(now_ns - asked_ns);
+  interlocks_.read_answered(result, now_ns);
+  interlocks_.signals(driver_.signals());
   if (result) {
     read_failing_ = false;
+    read_ns_ = now_ns;
     acquire(raw);
   } else if (is_fault(result.outcome)) {
     count_up(timing_.failed_reads);
@@ -159,9 +295,18 @@ bool Loop::read() {
   return true;
 }
 
-void Loop::acquire(const Frame& raw) {
-  check_sequence(raw);
-  const Calibrated si = calibrated(raw, settings_.calibration);
+void Loop::acquire(Frame raw) {
+  if (!place_in_time(raw)) return;
+  raw_ = raw;
+  if (averaging_.active() && averaging_.add(raw)) {
+    Answer answer;
+    answer.id = averaging_.id();
+    answer.accepted = true;
+    answer.state = safety_.state();
+    answer.average = averaging_.take();
+    answers_.push(answer);
+  }
+  const Calibrated si = calibrated(raw, settings_.live.calibration);
   if (si.not_finite != 0) {
     for (Channel channel : all_channels) {
       const unsigned bit = 1U << index_of(channel);
@@ -171,10 +316,11 @@ void Loop::acquire(const Frame& raw) {
     }
   }
   not_finite_ = si.not_finite;
+  interlocks_.frame(si.frame, si.not_finite, read_ns_);
 
   if (time_of_frames_) {
     const std::int64_t step = previous_ ? si.frame.time_ns - previous_->time_ns : 0;
-    elapsed_ns_ = step > 0 ? step : settings_.period_ns;
+    elapsed_ns_ = step > 0 && step <= longest_step_ns ? step : settings_.period_ns;
   }
 
   Sample sample;
@@ -188,21 +334,56 @@ void Loop::acquire(const Frame& raw) {
   const Estimate* estimate = nullptr;
   if (observer_ != nullptr) {
     estimate = &observer_->update(si.frame);
-    if (estimate->restarts != restarts_) notice(Notice::Kind::estimate_restarted);
+    if (estimate->restarts != restarts_) {
+      notice(Notice::Kind::estimate_restarted);
+      interlocks_.observer_restarted(true);
+    }
     restarts_ = estimate->restarts;
   }
   const bool due = frames_ % settings_.frames_per_estimate == 0;
   hand_over(sample, due ? estimate : nullptr);
 }
 
-void Loop::check_sequence(const Frame& frame) {
-  if (!previous_) return;
-  if (frame.sequence <= previous_->sequence) {
-    notice(Notice::Kind::sequence_repeated, frame.sequence);
-  } else if (const std::uint64_t missing = frame.sequence - previous_->sequence - 1; missing > 0) {
-    count_up(timing_.missing_at_source, missing);
-    notice(Notice::Kind::frames_missing, missing);
+// Sequence and time of what goes on from here increase strictly, whatever the source does.
+bool Loop::place_in_time(Frame& frame) {
+  if (own_clock_) {
+    const std::uint64_t restarts = device_clock_.restarts();
+    frame.time_ns = device_clock_.host_time(frame.time_ns, read_ns_);
+    if (device_clock_.restarts() != restarts) notice(Notice::Kind::clock_parted);
   }
+  if (numbering_is_new_) {
+    sequence_offset_ = last_sequence_ + 1 + cycles_away_ - frame.sequence;
+    cycles_away_ = 0;
+    numbering_is_new_ = false;
+  }
+  frame.sequence += sequence_offset_;
+  if (previous_ && frame.sequence <= previous_->sequence) {
+    // The same sample again, or one that was overtaken: what has been handed over stays.
+    count_up(timing_.repeated);
+    if (!repeating_) notice(Notice::Kind::sequence_repeated, frame.sequence);
+    repeating_ = true;
+    return false;
+  }
+  repeating_ = false;
+  frame.time_ns += time_offset_ns_;
+  std::uint64_t missing = 0;
+  if (previous_) {
+    missing = frame.sequence - previous_->sequence - 1;
+    if (missing > 0) {
+      count_up(timing_.missing_at_source, missing);
+      notice(Notice::Kind::frames_missing, missing);
+    }
+    if (frame.time_ns <= previous_->time_ns) {
+      const std::int64_t periods = static_cast<std::int64_t>(missing) + 1;
+      const std::int64_t back_ns =
+          previous_->time_ns + periods * settings_.period_ns - frame.time_ns;
+      time_offset_ns_ += back_ns;
+      frame.time_ns += back_ns;
+      notice(Notice::Kind::clock_parted);
+    }
+  }
+  last_sequence_ = frame.sequence;
+  return true;
 }
 
 void Loop::hand_over(const Sample& sample, const Estimate* estimate) {
@@ -225,45 +406,106 @@ void Loop::wait_for_room(const Stream& stream) {
   }
 }
 
+// Whatever is wrong is seen here, in the cycle in which it came, and answered before the next
+// write.
+void Loop::judge() {
+  const std::int64_t now_ns = clock_.now_ns();
+  interlocks_.cycle_late(overrun_ns_);
+  if (settings_.recorder != nullptr) interlocks_.recorder(settings_.recorder->failing());
+  interlocks_.dead_man(dead_man_ ? std::optional(touched_ns_.load(std::memory_order_acquire))
+                                 : std::nullopt);
+  broken_ = interlocks_.broken(now_ns);
+  if (broken_.interlock != Interlock::none) trip(broken_);
+}
+
+void Loop::trip(const Interlocks::Broken& broken) {
+  if (safety_.trip(broken.interlock, broken.cause, broken.outcome)) {
+    dead_man_ = false;
+    notice(Notice::Kind::fault, static_cast<std::uint64_t>(broken.interlock), 0,
+           broken.cause.c_str());
+  }
+}
+
 void Loop::drive() {
   const double elapsed_s = static_cast<double>(elapsed_ns_) * 1e-9;
   if (time_of_frames_) elapsed_ns_ = 0;  // until the next frame says more
-  if (safety_.faulted()) {
-    excitation_.cut();
-  } else {
+  if (safety_.amplifier_allowed()) {
     excitation_.advance(elapsed_s);
+    const bool finite = std::isfinite(excitation_.now().value);
+    interlocks_.drive(finite);
+    if (!finite) judge();
+    // The drive has come down, after a stop or because there was no more of it.
+    if (excitation_.is_off() && excitation_.enabled()) {
+      change(RigInput::stop);
+      change(RigInput::at_rest);
+    }
   }
-  apply();
-  if (!can_drive_ || !safety_.faulted() || !amplifier_on_) return;
-  // The write itself tripped: say "off" once more, in the same cycle.
-  excitation_.cut();
-  apply();
+  if (!safety_.amplifier_allowed()) excitation_.cut();
+  interlocks_.drive(true);
+  const bool was_faulted = safety_.faulted();
+  apply_drive();
+  const bool gone =
+      broken_.interlock == Interlock::device_lost || broken_.interlock == Interlock::device_silent;
+  if (can_drive_ && safety_.faulted() && !was_faulted) {
+    // The write itself tripped: say "off" once more, in the same cycle.
+    excitation_.cut();
+    apply_drive();
+  }
+  if (gone && device_here() && !settings_.end_on_fault) {
+    beyond_help_.store(broken_.outcome == Outcome::fatal, std::memory_order_release);
+    device_.store(Device::gone, std::memory_order_release);
+    if (averaging_.active()) {
+      Answer answer;
+      answer.id = averaging_.id();
+      answer.state = safety_.state();
+      answer.reason = broken_.cause;
+      averaging_.take();
+      answers_.push(answer);
+    }
+  }
 }
 
-void Loop::apply() {
+void Loop::apply_drive() {
   applied_ = excitation_.now();
   amplifier_on_ = can_drive_ && safety_.amplifier_allowed() && !excitation_.is_off();
-  if (!can_drive_) return;
+  if (!can_drive_ || !device_here()) return;
   const drivers::Result result = driver_.write({applied_.value, amplifier_on_});
-  safety_.observe_write(result, clock_.now_ns());
+  interlocks_.write_answered(result, clock_.now_ns());
   if (is_fault(result.outcome)) {
     count_up(timing_.failed_writes);
     if (!write_failing_) notice(Notice::Kind::write_failed, 0, 0, result.message);
+    judge();
   }
   write_failing_ = is_fault(result.outcome);
 }
 
 void Loop::finish(LoopEnd::Reason reason) {
-  if (reason == LoopEnd::Reason::fault) {
-    notice(Notice::Kind::fault, 0, 0, safety_.fault_cause());
-    why_.outcome = safety_.fault_outcome();
+  if (safety_.faulted() && reason == LoopEnd::Reason::fault) {
+    why_.outcome = safety_.outcome();
     // Room was reserved: no allocation even now.
-    why_.message.assign(
-        safety_.fault_cause(),
-        std::min(std::char_traits<char>::length(safety_.fault_cause()), why_.message.capacity()));
+    const std::string_view cause(safety_.cause().c_str());
+    why_.message.assign(cause.data(), std::min(cause.size(), why_.message.capacity()));
   }
   why_.reason = reason;
-  publish_state();
+}
+
+void Loop::publish(std::int64_t now_ns) {
+  Snapshot out;
+  out.clock_ns = now_ns;
+  out.state = safety_.state();
+  out.interlock = safety_.interlock();
+  out.cause = safety_.cause();
+  out.broken = broken_.interlock;
+  out.broken_cause = broken_.cause;
+  out.amplifier_on = amplifier_on_;
+  out.device_here = device_here();
+  out.late = late_;
+  out.signals = driver_.signals();
+  out.drive = applied_;
+  out.raw = raw_;
+  if (previous_) out.frame = *previous_;
+  out.frames = frames_;
+  snapshot_.write(out);
 }
 
 void Loop::notice(Notice::Kind kind, std::uint64_t count, std::int64_t duration_ns,

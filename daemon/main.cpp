@@ -25,6 +25,7 @@ int run(int argc, char** argv) {
   app.footer(
       "Stops cleanly on SIGTERM or SIGINT: ramps down, switches the amplifier off, drains, "
       "closes.\n"
+      "Reads its configuration again on SIGHUP. Commands: stickslip ctl.\n"
       "Exit status: 0 done; 2 bad arguments or configuration; 1 anything else: a device fault, or "
       "a\n"
       "ledger that does not balance.");
@@ -34,6 +35,7 @@ int run(int argc, char** argv) {
   double duration_s = 0.0;
   std::string record;
   std::string url;
+  std::string socket;
   bool quiet = false;
   app.add_option("--config", config_file, "Rig configuration (TOML)")->required();
   auto* duration =
@@ -41,6 +43,7 @@ int run(int argc, char** argv) {
   auto* recording = app.add_option("--record", record, "Record into this LCM event log");
   auto* lcm_url = app.add_option("--lcm-url", url, "Publish at this LCM URL");
   app.add_flag("--no-lcm", overrides.no_lcm, "Do not publish")->excludes(lcm_url);
+  auto* control = app.add_option("--control", socket, "Where stickslip ctl finds the daemon");
   app.add_flag("--quiet", quiet, "Say nothing but warnings and errors");
   try {
     app.parse(argc, argv);
@@ -50,6 +53,7 @@ int run(int argc, char** argv) {
   if (duration->count() > 0) overrides.duration_s = duration_s;
   if (recording->count() > 0) overrides.record = record;
   if (lcm_url->count() > 0) overrides.lcm_url = url;
+  if (control->count() > 0) overrides.control = socket;
 
   auto logger = std::make_shared<spdlog::logger>("stickslipd",
                                                  std::make_shared<spdlog::sinks::stderr_sink_mt>());
@@ -59,11 +63,8 @@ int run(int argc, char** argv) {
   spdlog::set_default_logger(logger);
 
   // Before any thread is made, so that all inherit it: the housekeeping waits for these.
-  sigset_t stop_signals;
-  sigemptyset(&stop_signals);
-  sigaddset(&stop_signals, SIGTERM);
-  sigaddset(&stop_signals, SIGINT);
-  pthread_sigmask(SIG_BLOCK, &stop_signals, nullptr);
+  const sigset_t signals = stickslip::daemon::heeded_signals();
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
 
   const auto rig =
       stickslip::daemon::with_overrides(stickslip::config::load_rig(config_file), overrides);

@@ -7,6 +7,7 @@
 #include <stickslip/event_t.hpp>
 #include <stickslip/recording_info_t.hpp>
 #include <stickslip/status_t.hpp>
+#include <stickslip/timing_t.hpp>
 
 #include "protocol/channels.h"
 #include "protocol/frame_block.h"
@@ -78,6 +79,9 @@ Message status_message(const Status& status, std::int64_t utc_us) {
   out.utc_us = utc_us;
   out.uptime_ns = status.uptime_ns;
   out.state = name_of(status.state);
+  if (status.state == RigState::faulted) out.interlock = name_of(status.interlock);
+  out.cause = status.cause;
+  out.amplifier_on = static_cast<std::int8_t>(status.amplifier_on);
   const Balance& ledger = status.ledger;
   out.produced = signed_of(ledger.produced);
   out.publishing = static_cast<std::int8_t>(ledger.published.enabled);
@@ -89,12 +93,44 @@ Message status_message(const Status& status, std::int64_t utc_us) {
   out.lost_messages = signed_of(status.lost_messages);
   out.cycles = signed_of(status.cycles);
   out.overruns = signed_of(status.overruns);
+  out.skipped_periods = signed_of(status.skipped_periods);
+  out.longest_overrun_ns = status.longest_overrun_ns;
+  out.late_cycles = signed_of(status.late_cycles);
+  out.lateness_p99_ns = status.lateness_p99_ns;
+  out.cycle_p99_ns = status.work_p99_ns;
+  out.read_p99_ns = status.read_p99_ns;
+  out.read_max_ns = status.read_max_ns;
+  out.missing_at_source = signed_of(status.missing_at_source);
+  out.repeated = signed_of(status.repeated);
+  out.not_finite = signed_of(status.not_finite);
+  out.failed_reads = signed_of(status.failed_reads);
+  out.failed_writes = signed_of(status.failed_writes);
   out.lateness_mean_ns = status.lateness_mean_ns;
   out.lateness_max_ns = status.lateness_max_ns;
   out.cycle_mean_ns = status.work_mean_ns;
   out.cycle_max_ns = status.work_max_ns;
   out.degraded = static_cast<std::int8_t>(status.degraded);
   return message_of(protocol::status_channel, out, utc_us);
+}
+
+Message timing_message(const Timing& timing, std::int64_t utc_us) {
+  timing_t out{};
+  out.utc_us = utc_us;
+  out.cycles = signed_of(timing.cycles.load(std::memory_order_relaxed));
+  std::size_t used = DurationHistogram::bin_count;
+  const auto empty = [&timing](std::size_t bin) {
+    return timing.lateness.count_in(bin) + timing.work.count_in(bin) + timing.read.count_in(bin) ==
+           0;
+  };
+  while (used > 0 && empty(used - 1)) --used;
+  out.bins = static_cast<std::int32_t>(used);
+  for (std::size_t bin = 0; bin < used; ++bin) {
+    out.upper_edge_ns.push_back(DurationHistogram::upper_edge_ns(bin));
+    out.lateness.push_back(signed_of(timing.lateness.count_in(bin)));
+    out.cycle.push_back(signed_of(timing.work.count_in(bin)));
+    out.read.push_back(signed_of(timing.read.count_in(bin)));
+  }
+  return message_of(protocol::timing_channel, out, utc_us);
 }
 
 Message event_message(const Event& event, std::int64_t utc_us) {

@@ -19,6 +19,8 @@
 namespace stickslip::daemon {
 
 Message status_message(const Status& status, std::int64_t utc_us);
+/// The histograms up to the longest duration that any of them has seen.
+Message timing_message(const Timing& timing, std::int64_t utc_us);
 Message event_message(const Event& event, std::int64_t utc_us);
 
 /// What makes a log stand alone: configuration, model, version, start.

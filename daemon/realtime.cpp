@@ -1,6 +1,8 @@
 #include "daemon/realtime.h"
 
+#include <alloca.h>
 #include <fcntl.h>
+#include <malloc.h>
 #include <pthread.h>
 #include <sched.h>
 #include <sys/mman.h>
@@ -9,7 +11,9 @@
 
 #include <cerrno>
 #include <cstdint>
+#include <cstdio>
 #include <cstring>
+#include <fstream>
 
 namespace stickslip::daemon {
 
@@ -51,6 +55,61 @@ Grant make_thread_real_time(int priority) {
                   "; to grant it: LimitRTPRIO=" + std::to_string(priority) +
                   " in the systemd unit, or `ulimit -r " + std::to_string(priority) +
                   "`, or CAP_SYS_NICE; in a container also a real-time budget of the cgroup";
+  }
+  return grant;
+}
+
+void prefault(std::size_t bytes) {
+  constexpr std::size_t page = 4096;
+  // Not given back to the kernel, and not taken from it by other means either.
+  mallopt(M_TRIM_THRESHOLD, -1);
+  mallopt(M_MMAP_MAX, 0);
+  std::vector<char> heap(bytes);
+  volatile char* const on_heap = heap.data();
+  for (std::size_t i = 0; i < bytes; i += page) on_heap[i] = 1;
+  volatile auto* const on_stack = static_cast<volatile char*>(alloca(bytes));
+  for (std::size_t i = 0; i < bytes; i += page) on_stack[i] = 1;
+}
+
+std::vector<int> isolated_processors() {
+  cpu_set_t allowed;
+  CPU_ZERO(&allowed);
+  if (sched_getaffinity(0, sizeof allowed, &allowed) != 0) return {};
+  // "2-3,7"
+  std::ifstream file("/sys/devices/system/cpu/isolated");
+  std::vector<int> out;
+  for (std::string part; std::getline(file, part, ',');) {
+    int first = 0;
+    int last = 0;
+    const int found = std::sscanf(part.c_str(), "%d-%d", &first, &last);
+    if (found < 1) continue;
+    for (int i = first; i <= (found == 2 ? last : first) && i < CPU_SETSIZE; ++i) {
+      if (i >= 0 && CPU_ISSET(static_cast<unsigned>(i), &allowed)) out.push_back(i);
+    }
+  }
+  return out;
+}
+
+Grant pin_thread(std::optional<int> processor) {
+  const std::vector<int> isolated = isolated_processors();
+  Grant grant{"a processor of its own", false, {}};
+  if (!processor && isolated.empty()) {
+    grant.words =
+        "this host isolates none; to grant it: isolcpus=N nohz_full=N on the kernel's command "
+        "line, or name one in loop.cpu";
+    return grant;
+  }
+  const int chosen = processor ? *processor : isolated.front();
+  grant.wish = "processor " + std::to_string(chosen) + " for the loop";
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  if (chosen >= 0 && chosen < CPU_SETSIZE) CPU_SET(static_cast<unsigned>(chosen), &set);
+  const int error = pthread_setaffinity_np(pthread_self(), sizeof set, &set);
+  grant.granted = error == 0;
+  if (!grant.granted) {
+    grant.words = std::string("refused by the kernel: ") + std::strerror(error) +
+                  "; to grant it: name one in loop.cpu that is there and that CPUAffinity= and the "
+                  "container leave to the daemon";
   }
   return grant;
 }

@@ -2,6 +2,8 @@
 // and a refusal comes with its cure; none is fatal.
 #pragma once
 
+#include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,6 +23,18 @@ Grant lock_memory();
 /// Gives the calling thread a real-time priority (1 to 99). The threads that it starts later would
 /// inherit it, so call it in the loop's own thread.
 Grant make_thread_real_time(int priority);
+
+/// Touches the memory that the loop will use, while nobody waits for it: `bytes` of the calling
+/// thread's stack, and of the heap, which is then kept and not given back. Below 1 MiB.
+void prefault(std::size_t bytes);
+
+/// The processors that the kernel keeps other work away from (isolcpus=), of those that this
+/// process may use; empty on most hosts.
+std::vector<int> isolated_processors();
+
+/// Keeps the calling thread on `processor`; on an isolated one, if there is any, where nothing is
+/// said.
+Grant pin_thread(std::optional<int> processor);
 
 /// Keeps the processors out of deep sleep states for as long as this object lives.
 class ProcessorLatencyRequest {

@@ -1,69 +1,69 @@
 #include "daemon/safety.h"
 
-#include <string_view>
+#include <charconv>
 
 namespace stickslip::daemon {
 
 const char* name_of(RigState state) {
   switch (state) {
+    case RigState::faulted:
+      return "faulted";
     case RigState::idle:
       return "idle";
+    case RigState::armed:
+      return "armed";
     case RigState::running:
       return "running";
     case RigState::stopping:
       return "stopping";
-    case RigState::stopped:
-      return "idle";
-    case RigState::faulted:
-      return "faulted";
   }
   return "unknown";
 }
 
-void Safety::start() {
-  if (state_ == RigState::idle || state_ == RigState::stopped) state_ = RigState::running;
+const char* name_of(Interlock interlock) {
+  constexpr std::array<const char*, interlock_count> names = {"none",
+                                                              "just_started",
+                                                              "emergency_stop",
+                                                              "amplifier_fault",
+                                                              "device_lost",
+                                                              "device_silent",
+                                                              "stale_channel",
+                                                              "overrun",
+                                                              "not_finite",
+                                                              "out_of_range",
+                                                              "drive_not_finite",
+                                                              "observer_diverged",
+                                                              "recorder_failing",
+                                                              "client_gone"};
+  return names.at(static_cast<std::size_t>(interlock));
 }
 
-void Safety::begin_stop() {
-  if (state_ == RigState::running) state_ = RigState::stopping;
+Cause& Cause::add(double value) {
+  std::array<char, 32> digits{};
+  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value,
+                                 std::chars_format::general, 6);
+  return add(std::string_view(digits.data(), static_cast<std::size_t>(end.ptr - digits.data())));
 }
 
-void Safety::finish_stop() {
-  if (state_ != RigState::faulted) state_ = RigState::stopped;
-}
-
-void Safety::observe(const drivers::Result& result, std::int64_t now_ns, Silence& silence) {
-  using drivers::Outcome;
-  switch (result.outcome) {
-    case Outcome::ok:
-    case Outcome::end_of_data:
-      silence.on = false;
-      return;
-    case Outcome::no_data:
-      if (too_long(now_ns, silence)) trip(Outcome::lost, "the device yields no data any more");
-      return;
-    case Outcome::temporary:
-      if (too_long(now_ns, silence)) trip(Outcome::lost, result.message);
-      return;
-    case Outcome::needs_attention:
-    case Outcome::lost:
-    case Outcome::fatal:
-      trip(result.outcome, result.message);
-      return;
+bool Safety::apply(RigInput input) {
+  const RigState before = state_;
+  state_ = next_state(state_, input);
+  if (before == RigState::faulted && state_ != before) {
+    interlock_ = Interlock::none;
+    cause_ = Cause();
+    outcome_ = drivers::Outcome::ok;
   }
+  return state_ != before;
 }
 
-bool Safety::too_long(std::int64_t now_ns, Silence& silence) const {
-  if (!silence.on) silence = {true, now_ns};
-  return longest_silence_ns_ > 0 && now_ns - silence.since_ns >= longest_silence_ns_;
-}
-
-void Safety::trip(drivers::Outcome outcome, const char* cause) {
-  if (state_ == RigState::faulted) return;
-  state_ = RigState::faulted;
-  fault_outcome_ = outcome;
-  const std::string_view words(cause);
-  fault_cause_[words.copy(fault_cause_.data(), fault_cause_.size() - 1)] = '\0';
+bool Safety::trip(Interlock interlock, const Cause& cause, drivers::Outcome outcome) {
+  if (state_ == RigState::faulted) return false;
+  if (state_ == RigState::idle && !latches_at_rest(interlock)) return false;
+  state_ = next_state(state_, RigInput::fault);
+  interlock_ = interlock;
+  cause_ = cause;
+  outcome_ = outcome;
+  return true;
 }
 
 }  // namespace stickslip::daemon

@@ -1,74 +1,149 @@
 // Whether the amplifier may be on. Off is the default and the answer to every doubt; a fault
-// latches and names its cause. The daemon asks once a cycle and no other thread is needed for
-// "off".
+// latches and names its cause, and only a person's command clears it. The loop asks once a cycle,
+// and no other thread is needed for "off".
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <string_view>
 
 #include "drivers/driver.h"
 
 namespace stickslip::daemon {
 
+/// `faulted` is where every daemon begins: nobody has looked at the rig yet.
 enum class RigState : std::uint8_t {
-  idle,      ///< nothing has been asked of the shaker
-  running,   ///< excitation on, or acquiring with the shaker at rest
-  stopping,  ///< ramping down
-  stopped,   ///< at rest, amplifier off; "idle" to the outside
   faulted,   ///< amplifier off, latched
+  idle,      ///< amplifier off, nothing is asked of the shaker
+  armed,     ///< amplifier off, every interlock holds, a start is allowed
+  running,   ///< excitation on
+  stopping,  ///< ramping down
 };
+inline constexpr std::size_t state_count = 5;
 
 /// In words, for status and logs.
 const char* name_of(RigState state);
 
-/// A small machine: idle -> running -> stopping -> stopped, and faulted from anywhere. Does not
-/// allocate.
-class Safety {
+/// What can happen to a rig, as far as its state is concerned.
+enum class RigInput : std::uint8_t {
+  clear,    ///< a person has looked at the fault, and its cause is gone
+  arm,      ///< a person wants to start soon, and every interlock holds
+  disarm,   ///< a person gave that up
+  start,    ///< a person lets it move
+  stop,     ///< a person, or the end of the time asked for, lets it come to rest
+  at_rest,  ///< the drive has come down to zero
+  fault,    ///< an interlock broke
+};
+inline constexpr std::size_t input_count = 7;
+
+/// The whole machine. What a state has no use for leaves it as it is.
+constexpr RigState next_state(RigState state, RigInput input) {
+  if (input == RigInput::fault) return RigState::faulted;
+  switch (state) {
+    case RigState::faulted:
+      return input == RigInput::clear ? RigState::idle : state;
+    case RigState::idle:
+      return input == RigInput::arm ? RigState::armed : state;
+    case RigState::armed:
+      if (input == RigInput::start) return RigState::running;
+      return input == RigInput::disarm || input == RigInput::stop ? RigState::idle : state;
+    case RigState::running:
+      return input == RigInput::stop || input == RigInput::disarm ? RigState::stopping : state;
+    case RigState::stopping:
+      return input == RigInput::at_rest ? RigState::idle : state;
+  }
+  return RigState::faulted;
+}
+
+constexpr bool amplifier_allowed(RigState state) {
+  return state == RigState::running || state == RigState::stopping;
+}
+
+/// Why the amplifier may not be on.
+enum class Interlock : std::uint8_t {
+  none,
+  just_started,       ///< nobody has looked at the rig since the daemon began
+  emergency_stop,     ///< pressed, or its wire is cut
+  amplifier_fault,    ///< the amplifier's own protection
+  device_lost,        ///< gone, or not to be used as it is
+  device_silent,      ///< no frame, or no write taken, for too long
+  stale_channel,      ///< a channel has not been measured for too long
+  overrun,            ///< a cycle came too late
+  not_finite,         ///< a channel is no number
+  out_of_range,       ///< a channel, strain gauges among them, is beyond its limit
+  drive_not_finite,   ///< the excitation is no number
+  observer_diverged,  ///< where the configuration says that this matters
+  recorder_failing,   ///< where the configuration says that this matters
+  client_gone,        ///< the client that holds the dead-man's handle is silent
+};
+inline constexpr std::size_t interlock_count = 14;
+
+/// One word that programs can look for: "emergency_stop".
+const char* name_of(Interlock interlock);
+
+/// Interlocks that latch whatever the state is. The others latch while the rig is armed or moves,
+/// and before that keep it from being armed: a gauge that is out of range while somebody hangs
+/// weights on it is no fault.
+constexpr bool latches_at_rest(Interlock interlock) {
+  switch (interlock) {
+    case Interlock::just_started:
+    case Interlock::emergency_stop:
+    case Interlock::amplifier_fault:
+    case Interlock::device_lost:
+    case Interlock::device_silent:
+      return true;
+    default:
+      return false;
+  }
+}
+
+/// Words of fixed room: a cause is written on the hot path and must not ask for memory.
+class Cause {
  public:
-  /// `longest_silence_ns`: for how long the device may fail temporarily, or yield nothing, before
-  /// it counts as lost; 0: for ever (a replay may have gaps).
-  explicit Safety(std::int64_t longest_silence_ns) : longest_silence_ns_(longest_silence_ns) {}
-
-  void start();
-  void begin_stop();
-  void finish_stop();
-
-  /// What the device answered to a read at `now_ns`. Lost, fatal and needs_attention trip at once;
-  /// temporary failures, and no data, when they have gone on for too long.
-  void observe_read(const drivers::Result& result, std::int64_t now_ns) {
-    observe(result, now_ns, reads_);
+  Cause() = default;
+  /// The first 199 bytes of `words`.
+  explicit Cause(std::string_view words) { add(words); }
+  Cause& add(std::string_view words) {
+    size_ += words.copy(text_.data() + size_, text_.size() - 1 - size_);
+    text_[size_] = '\0';
+    return *this;
   }
-
-  /// The same for a write.
-  void observe_write(const drivers::Result& result, std::int64_t now_ns) {
-    observe(result, now_ns, writes_);
-  }
-
-  /// Latches a fault; the first one keeps its cause, of which the first 199 bytes are copied.
-  void trip(drivers::Outcome outcome, const char* cause);
-
-  bool amplifier_allowed() const {
-    return state_ == RigState::running || state_ == RigState::stopping;
-  }
-  bool faulted() const { return state_ == RigState::faulted; }
-  RigState state() const { return state_; }
-  drivers::Outcome fault_outcome() const { return fault_outcome_; }
-  const char* fault_cause() const { return fault_cause_.data(); }
+  /// Six significant digits.
+  Cause& add(double value);
+  const char* c_str() const { return text_.data(); }
+  bool empty() const { return size_ == 0; }
 
  private:
-  struct Silence {
-    bool on = false;
-    std::int64_t since_ns = 0;
-  };
-  void observe(const drivers::Result& result, std::int64_t now_ns, Silence& silence);
-  bool too_long(std::int64_t now_ns, Silence& silence) const;
+  std::array<char, 200> text_{};
+  std::size_t size_ = 0;
+};
 
-  std::int64_t longest_silence_ns_;
-  Silence reads_;
-  Silence writes_;
-  RigState state_ = RigState::idle;
-  drivers::Outcome fault_outcome_ = drivers::Outcome::ok;
-  std::array<char, 200> fault_cause_{};
+/// The state with the cause of its latest fault. Does not allocate.
+class Safety {
+ public:
+  /// Applies the input. `clear` and `arm` are for the caller to refuse while an interlock is
+  /// broken. Whether the state changed.
+  bool apply(RigInput input);
+
+  /// An interlock that is broken now. Latches, if it does so in this state; the first cause stays
+  /// until it is cleared. Whether it latched.
+  bool trip(Interlock interlock, const Cause& cause,
+            drivers::Outcome outcome = drivers::Outcome::ok);
+
+  RigState state() const { return state_; }
+  bool faulted() const { return state_ == RigState::faulted; }
+  bool amplifier_allowed() const { return daemon::amplifier_allowed(state_); }
+  /// Of the latest fault; `none` and empty once it is cleared.
+  Interlock interlock() const { return interlock_; }
+  const Cause& cause() const { return cause_; }
+  drivers::Outcome outcome() const { return outcome_; }
+
+ private:
+  RigState state_ = RigState::faulted;
+  Interlock interlock_ = Interlock::just_started;
+  Cause cause_{"the daemon has just started; nobody has looked at the rig yet"};
+  drivers::Outcome outcome_ = drivers::Outcome::ok;
 };
 
 }  // namespace stickslip::daemon

@@ -21,8 +21,8 @@ struct Sample {
   Frame frame;  ///< calibrated, SI
   Drive drive;  ///< what the shaker was asked for while the frame was taken
   bool amplifier_on = false;
-  bool late = false;  ///< taken by a cycle that came late
-  RigState state = RigState::idle;
+  bool late = false;  ///< taken by a cycle that came later than its limit
+  RigState state = RigState::faulted;
 };
 
 static_assert(std::is_trivially_copyable_v<Sample>);
@@ -36,8 +36,11 @@ struct NumberedEstimate {
 /// Something that the loop noticed.
 struct Notice {
   enum class Kind : std::uint8_t {
-    fault,        ///< the amplifier is off and the loop ends; `text` is the cause
-    read_failed,  ///< first temporary failure in a row
+    fault,         ///< the amplifier is off; `text` is the cause
+    state,         ///< the state is now another, without a fault; `text` is its name
+    device_back,   ///< a device that was lost yields frames again
+    clock_parted,  ///< device and host no longer agree on time; the correction begins anew
+    read_failed,   ///< first temporary failure in a row
     write_failed,
     frames_missing,  ///< the sequence number jumped by `count`
     sequence_repeated,

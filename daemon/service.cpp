@@ -1,7 +1,10 @@
 #include "daemon/service.h"
 
+#include <poll.h>
 #include <spdlog/spdlog.h>
+#include <sys/signalfd.h>
 #include <systemd/sd-daemon.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
@@ -9,15 +12,19 @@
 #include <chrono>
 #include <cmath>
 #include <csignal>
+#include <cstdlib>
 #include <ctime>
 #include <memory>
 #include <sstream>
 #include <string>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "daemon/clock.h"
+#include "daemon/control.h"
+#include "daemon/device_keeper.h"
 #include "daemon/event.h"
 #include "daemon/ledger.h"
 #include "daemon/messages.h"
@@ -25,6 +32,7 @@
 #include "daemon/realtime.h"
 #include "daemon/status.h"
 #include "daemon/stream.h"
+#include "daemon/utc_clock.h"
 #include "drivers/make_driver.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
@@ -34,7 +42,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr int loop_priority = 50;
+/// More than the loop ever uses of either stack or heap.
+constexpr std::size_t loop_memory = 512UL << 10U;
 constexpr auto housekeeping_period = 50ms;
 constexpr std::int64_t status_period_ns = 1'000'000'000;
 // Patience at the end: the network takes what it takes at once; a disk may be busy.
@@ -47,15 +56,30 @@ std::int64_t wall_us() {
       .count();
 }
 
-/// Waits for one of the stop signals; true where one came.
-bool stop_signal_within(std::chrono::nanoseconds wait) {
-  sigset_t signals;
-  sigemptyset(&signals);
-  sigaddset(&signals, SIGTERM);
-  sigaddset(&signals, SIGINT);
-  const timespec timeout{wait.count() / 1'000'000'000, wait.count() % 1'000'000'000};
-  return sigtimedwait(&signals, nullptr, &timeout) > 0;
-}
+/// The signals that the daemon heeds, as something to wait for.
+class Signals {
+ public:
+  Signals() {
+    const sigset_t signals = heeded_signals();
+    file_ = signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK);
+    if (file_ < 0) throw std::system_error(errno, std::generic_category(), "signalfd");
+  }
+  ~Signals() { ::close(file_); }
+  Signals(const Signals&) = delete;
+  Signals& operator=(const Signals&) = delete;
+
+  int file() const { return file_; }
+
+  /// The next one that has come; 0 where none has.
+  int next() const {
+    signalfd_siginfo info{};
+    if (::read(file_, &info, sizeof info) != sizeof info) return 0;
+    return static_cast<int>(info.ssi_signo);
+  }
+
+ private:
+  int file_ = -1;
+};
 
 /// One consumer of frames: where they end, what encodes them, and the ring before it.
 struct Consumer {
@@ -91,6 +115,40 @@ std::unique_ptr<Observer> observer_for(const config::Rig& rig) {
   return nullptr;
 }
 
+std::int64_t ns_of(double seconds) { return std::llround(seconds * 1e9); }
+
+InterlockSettings interlocks_of(const config::Rig& rig, const drivers::Description& device) {
+  const config::Safety& safety = rig.safety;
+  InterlockSettings out;
+  // A recording may have gaps; a device may not. A rig whose time waits for the host misses nothing
+  // while the host is late.
+  const double silence_s = rig.driver == config::DriverKind::replay ? 0.0 : 0.1;
+  const double overrun_s = device.time_of_its_own ? 0.0 : 0.05;
+  out.longest_silence_ns = ns_of(safety.longest_silence_s.value_or(silence_s));
+  out.longest_overrun_ns = ns_of(safety.longest_overrun_s.value_or(overrun_s));
+  out.stale_after_ns = ns_of(safety.stale_after_s);
+  out.dead_man_ns = ns_of(safety.dead_man_s);
+  out.not_finite = safety.not_finite;
+  out.observer_diverged = safety.observer_diverged;
+  out.recorder_failing = safety.recorder_failing;
+  for (std::size_t i = 0; i < channel_count; ++i) {
+    out.range[i] = {safety.range[i].low, safety.range[i].high};
+  }
+  return out;
+}
+
+LiveSettings live_settings(const config::Rig& rig, const drivers::Description& device) {
+  return {rig.calibration, interlocks_of(rig, device)};
+}
+
+/// Where clients find the daemon; empty: nowhere.
+std::filesystem::path control_socket(const config::Rig& rig) {
+  if (!rig.control.socket.empty()) return rig.control.socket;
+  const char* const folder = std::getenv("RUNTIME_DIRECTORY");  // set by systemd
+  return folder == nullptr ? std::filesystem::path()
+                           : std::filesystem::path(folder) / "control.sock";
+}
+
 /// Everything around the loop while it runs, and the order in which it ends.
 class Service {
  public:
@@ -102,9 +160,14 @@ class Service {
   std::vector<Frame> frames_to_replay() const;
   void open_consumers();
   std::vector<Stream*> streams();
-  LoopSettings loop_settings() const;
+  LoopSettings loop_settings(const drivers::Description& device) const;
   void say_grants(const std::vector<Grant>& grants) const;
-  void housekeeping(Loop& loop);
+  std::unique_ptr<Control> open_control(Loop& loop, const drivers::Description& device);
+  void housekeeping(Loop& loop, Control* control, const drivers::Description& device);
+  void heed(int signal, Loop& loop, const drivers::Description& device);
+  std::vector<std::string> reload(Loop& loop, const drivers::Description& device);
+  void tell(const Event& event);
+  std::int64_t utc_us() { return utc_.utc_us(clock_.now_ns(), wall_us()); }
   void drain_notices(Loop& loop);
   Status status(const Loop& loop);
   void send_status(const Loop& loop);
@@ -112,8 +175,12 @@ class Service {
   int finish(Loop& loop);
 
   Ledger ledger_;
-  const config::Rig& rig_;
+  config::Rig rig_;
   MonotonicClock clock_;
+  UtcClock utc_;
+  Signals signals_;
+  Control* control_ = nullptr;  // while it is there
+  int stop_requests_ = 0;
   Pacing pacing_ = Pacing::deadlines;
   std::unique_ptr<Consumer> publisher_;
   std::unique_ptr<Consumer> recorder_;
@@ -121,7 +188,7 @@ class Service {
   std::atomic<bool> loop_ended_{false};
   std::int64_t started_ns_ = 0;
   std::uint64_t cycles_fed_ = 0;
-  std::uint64_t overruns_told_ = 0;
+  std::uint64_t late_told_ = 0;
   std::int64_t longest_untold_ns_ = 0;
 };
 
@@ -154,7 +221,7 @@ std::vector<Stream*> Service::streams() {
   return out;
 }
 
-LoopSettings Service::loop_settings() const {
+LoopSettings Service::loop_settings(const drivers::Description& device) const {
   LoopSettings settings;
   settings.period_ns = std::llround(1e9 / rig_.loop.rate_hz);
   settings.pacing = pacing_;
@@ -165,9 +232,11 @@ LoopSettings Service::loop_settings() const {
   settings.ramp_s = rig_.excitation.enabled ? rig_.excitation.ramp_s : 0.0;
   settings.frames_per_estimate =
       static_cast<std::uint64_t>(std::max(1, rig_.loop.frames_per_block));
-  settings.calibration = rig_.calibration;
-  // A recording may have gaps; a device may not.
-  settings.longest_silence_ns = rig_.driver == config::DriverKind::replay ? 0 : 100'000'000;
+  settings.live = live_settings(rig_, device);
+  settings.start_at_once = rig_.control.start_at_once;
+  settings.end_on_fault = rig_.safety.exit_on_fault;
+  if (rig_.loop.lateness_limit_s) settings.lateness_limit_ns = ns_of(*rig_.loop.lateness_limit_s);
+  if (recorder_) settings.recorder = &recorder_->stream;
   return settings;
 }
 
@@ -191,8 +260,9 @@ int Service::run() {
   open_consumers();
 
   const std::unique_ptr<Observer> observer = observer_for(rig_);
-  Loop loop(*driver, clock_, loop_settings(), Excitation(rig_.excitation), observer.get(), ledger_,
-            streams());
+  Loop loop(*driver, clock_, loop_settings(driver->description()), Excitation(rig_.excitation),
+            observer.get(), ledger_, streams());
+  const std::unique_ptr<Control> control = open_control(loop, driver->description());
 
   const bool real_time = rig_.loop.real_time_scheduling && pacing_ != Pacing::free;
   if (real_time) say_grants({lock_memory(), latency_request_.request()});
@@ -201,37 +271,65 @@ int Service::run() {
   if (publisher_) spdlog::info("publishing at {}", rig_.lcm.url);
   if (recorder_) spdlog::info("recording into {}", rig_.recording.file.string());
 
-  send(recording_info_message(rig_, wall_us()));
+  send(recording_info_message(rig_, utc_us()));
   for (Stream* stream : streams()) stream->start();
 
   started_ns_ = clock_.now_ns();
   std::atomic<int> granted{-1};
-  Grant scheduling;
+  std::vector<Grant> grants;
   std::thread loop_thread([&] {
-    if (real_time) scheduling = make_thread_real_time(loop_priority);
+    if (real_time) {
+      prefault(loop_memory);
+      grants.push_back(pin_thread(rig_.loop.cpu));
+      grants.push_back(make_thread_real_time(rig_.loop.priority));
+    }
     granted.store(real_time ? 1 : 0, std::memory_order_release);
     loop.run();
     loop_ended_.store(true, std::memory_order_release);
   });
   while (granted.load(std::memory_order_acquire) < 0) std::this_thread::sleep_for(100us);
-  if (real_time) say_grants({scheduling});
+  say_grants(grants);
+  DeviceKeeper keeper(*driver, loop);
   sd_notify(0, "READY=1\nSTATUS=running");
 
-  housekeeping(loop);
+  housekeeping(loop, control.get(), driver->description());
   loop_thread.join();
+  keeper.stop();
   driver->close();
   return finish(loop);
 }
 
-void Service::housekeeping(Loop& loop) {
+std::unique_ptr<Control> Service::open_control(Loop& loop, const drivers::Description& device) {
+  LineServerSettings settings;
+  settings.path = control_socket(rig_);
+  settings.group = rig_.control.group;
+  settings.longest_line = protocol::longest_control_line;
+  if (settings.path.empty()) {
+    spdlog::info("no control socket: name one in control.socket or with --control");
+    return nullptr;
+  }
+  auto control = std::make_unique<Control>(
+      settings, loop, clock_, rig_.loop.rate_hz,
+      ControlHandlers{.status = [this, &loop] { return status(loop); },
+                      .reload = [this, &loop, &device] { return reload(loop, device); },
+                      .tell = [this](const Event& event) { tell(event); }});
+  spdlog::info("commands at {}", settings.path.string());
+  return control;
+}
+
+void Service::housekeeping(Loop& loop, Control* control, const drivers::Description& device) {
+  control_ = control;
   std::int64_t next_status_ns = started_ns_ + status_period_ns;
-  int requests = 0;
   while (!loop_ended_.load(std::memory_order_acquire)) {
-    if (stop_signal_within(housekeeping_period)) {
-      loop.request_stop();
-      sd_notify(0, "STOPPING=1\nSTATUS=ramping down");
-      spdlog::info(++requests == 1 ? "stopping: ramping down (once more: at once)"
-                                   : "stopping at once");
+    bool signalled = false;
+    if (control != nullptr) {
+      signalled = control->serve(housekeeping_period, signals_.file());
+    } else {
+      pollfd file{signals_.file(), POLLIN, 0};
+      signalled = ::poll(&file, 1, static_cast<int>(housekeeping_period.count())) > 0;
+    }
+    if (signalled) {
+      while (const int signal = signals_.next()) heed(signal, loop, device);
     }
     drain_notices(loop);
     // Fed by progress, not by this thread's own life.
@@ -243,13 +341,49 @@ void Service::housekeeping(Loop& loop) {
       send_status(loop);
     }
   }
+  control_ = nullptr;
+}
+
+void Service::heed(int signal, Loop& loop, const drivers::Description& device) {
+  if (signal == SIGHUP) {
+    sd_notify(0, "RELOADING=1");
+    try {
+      for (const std::string& line : reload(loop, device)) spdlog::info("reload: {}", line);
+    } catch (const InputError& error) {
+      spdlog::error("nothing was changed: {}", error.what());
+    }
+    sd_notify(0, "READY=1");
+    return;
+  }
+  loop.request_stop();
+  sd_notify(0, "STOPPING=1\nSTATUS=ramping down");
+  spdlog::info(++stop_requests_ == 1 ? "stopping: ramping down (once more: at once)"
+                                     : "stopping at once");
+}
+
+std::vector<std::string> Service::reload(Loop& loop, const drivers::Description& device) {
+  const config::Rig now = config::load_rig(rig_.file);
+  Command command;
+  command.kind = Command::Kind::apply;
+  command.live = live_settings(now, device);
+  if (!loop.ask(command)) {
+    throw InputError({rig_.file.string(), 0, 0, "the loop is busy with other commands; try again"});
+  }
+  rig_.calibration = now.calibration;
+  rig_.safety = now.safety;
+  return {"calibration and safety are as the file says now"};
+}
+
+void Service::tell(const Event& event) {
+  send(event_message(event, utc_us()));
+  if (control_ != nullptr) control_->publish(event);
 }
 
 void Service::drain_notices(Loop& loop) {
   Notice notice;
   while (loop.next_notice(notice)) {
     const Event event = event_of(notice);
-    send(event_message(event, wall_us()));
+    tell(event);
     // A machine that is too slow need not be made slower by its log: overruns are told together.
     if (notice.kind == Notice::Kind::overrun) {
       longest_untold_ns_ = std::max(longest_untold_ns_, notice.duration_ns);
@@ -260,7 +394,7 @@ void Service::drain_notices(Loop& loop) {
 }
 
 Status Service::status(const Loop& loop) {
-  Status out = status_of(loop.state(), ledger_, loop.timing());
+  Status out = status_of(loop.snapshot(), ledger_, loop.timing());
   out.uptime_ns = clock_.now_ns() - started_ns_;
   for (const Consumer* consumer : {publisher_.get(), recorder_.get()}) {
     if (consumer != nullptr) out.lost_messages += consumer->stream.lost_messages();
@@ -270,14 +404,16 @@ Status Service::status(const Loop& loop) {
 
 void Service::send_status(const Loop& loop) {
   Status now = status(loop);
-  now.degraded = now.overruns > overruns_told_;
+  now.degraded = now.late_cycles > late_told_;
   if (now.degraded) {
-    spdlog::warn("{} cycles came late since the last status, by up to {:.3f} ms",
-                 now.overruns - overruns_told_, static_cast<double>(longest_untold_ns_) * 1e-6);
+    spdlog::warn("{} cycles came late since the last status; the longest overrun took {:.3f} ms",
+                 now.late_cycles - late_told_, static_cast<double>(longest_untold_ns_) * 1e-6);
     longest_untold_ns_ = 0;
   }
-  overruns_told_ = now.overruns;
-  send(status_message(now, wall_us()));
+  late_told_ = now.late_cycles;
+  send(status_message(now, utc_us()));
+  send(timing_message(loop.timing(), utc_us()));
+  if (control_ != nullptr) control_->publish(now);
   const std::string line = std::string("STATUS=") + name_of(now.state) + ", " +
                            std::to_string(now.ledger.produced) + " frames, " +
                            std::to_string(now.overruns) + " overruns";
@@ -317,6 +453,10 @@ int Service::finish(Loop& loop) {
     spdlog::error("stopped by a fault: {}", end.message);
     return 1;
   }
+  if (last.state == RigState::faulted && last.interlock != Interlock::just_started) {
+    spdlog::error("ended with a fault that nobody had cleared: {}", last.cause);
+    return 1;
+  }
   return closed ? 0 : 1;
 }
 
@@ -340,6 +480,7 @@ config::Rig with_overrides(config::Rig rig, const Overrides& overrides) {
     rig.lcm.url = *overrides.lcm_url;
   }
   if (overrides.no_lcm) rig.lcm.enabled = false;
+  if (overrides.control) rig.control.socket = *overrides.control;
   return rig;
 }
 
@@ -347,6 +488,13 @@ Pacing pacing_of(const config::Rig& rig, const drivers::Description& device) {
   if (rig.driver == config::DriverKind::simulated && !rig.simulated.real_time) return Pacing::free;
   if (rig.driver == config::DriverKind::replay && rig.replay.speed == 0.0) return Pacing::free;
   return device.paced ? Pacing::driver : Pacing::deadlines;
+}
+
+sigset_t heeded_signals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  for (const int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&signals, signal);
+  return signals;
 }
 
 int serve(const config::Rig& rig) { return Service(rig).run(); }

@@ -7,10 +7,18 @@ std::string microseconds(std::int64_t ns) { return std::to_string((ns + 500) / 1
 
 }  // namespace
 
-Status status_of(RigState state, const Ledger& ledger, const Timing& timing) {
+Status status_of(const Snapshot& rig, const Ledger& ledger, const Timing& timing) {
   const auto value = [](const auto& counter) { return counter.load(std::memory_order_relaxed); };
   Status out;
-  out.state = state;
+  out.state = rig.state;
+  out.interlock = rig.interlock;
+  out.cause = rig.cause.c_str();
+  out.amplifier_on = rig.amplifier_on;
+  out.late_cycles = value(timing.late);
+  out.read_p50_ns = timing.read.quantile_ns(0.5);
+  out.read_p99_ns = timing.read.quantile_ns(0.99);
+  out.read_max_ns = timing.read.longest_ns();
+  out.repeated = value(timing.repeated);
   out.ledger = ledger.balance();
   out.cycles = value(timing.cycles);
   out.overruns = value(timing.overruns);
@@ -40,6 +48,10 @@ std::string text(const Status& status) {
   if (status.missing_at_source > 0) {
     out +=
         "\n        " + std::to_string(status.missing_at_source) + " more were lost by the source";
+  }
+  if (status.repeated > 0) {
+    out += "\n        " + std::to_string(status.repeated) +
+           " came twice or too late from the source and were left out";
   }
   if (status.lateness_max_ns > 0 || status.overruns > 0) {
     out += "\ntiming: wake-up late by " + microseconds(status.lateness_p50_ns) + " us (median), " +

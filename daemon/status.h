@@ -5,20 +5,25 @@
 #include <string>
 
 #include "daemon/ledger.h"
+#include "daemon/loop.h"
 #include "daemon/safety.h"
 #include "daemon/timing.h"
 
 namespace stickslip::daemon {
 
 struct Status {
-  RigState state = RigState::idle;
+  RigState state = RigState::faulted;
+  Interlock interlock = Interlock::none;  ///< of a fault
+  std::string cause;
+  bool amplifier_on = false;
   std::int64_t uptime_ns = 0;
   Balance ledger;
   std::uint64_t cycles = 0;
   std::uint64_t overruns = 0;
+  std::uint64_t late_cycles = 0;
   std::uint64_t skipped_periods = 0;
   std::int64_t longest_overrun_ns = 0;
-  bool degraded = false;  ///< overruns since the previous status
+  bool degraded = false;  ///< late cycles since the previous status
   std::int64_t lateness_mean_ns = 0;
   std::int64_t lateness_p50_ns =
       0;  ///< of the wake-up; 0 where the driver or nobody paces the loop
@@ -28,7 +33,11 @@ struct Status {
   std::int64_t work_p50_ns = 0;  ///< of a cycle
   std::int64_t work_p99_ns = 0;
   std::int64_t work_max_ns = 0;
+  std::int64_t read_p50_ns = 0;  ///< of the device's answer
+  std::int64_t read_p99_ns = 0;
+  std::int64_t read_max_ns = 0;
   std::uint64_t missing_at_source = 0;
+  std::uint64_t repeated = 0;
   std::uint64_t not_finite = 0;
   std::uint64_t failed_reads = 0;
   std::uint64_t failed_writes = 0;
@@ -36,7 +45,7 @@ struct Status {
 };
 
 /// The numbers as they are now; the loop need not stand still.
-Status status_of(RigState state, const Ledger& ledger, const Timing& timing);
+Status status_of(const Snapshot& rig, const Ledger& ledger, const Timing& timing);
 
 /// Two or three lines for a person: ledger and timing.
 std::string text(const Status& status);

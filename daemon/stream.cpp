@@ -24,7 +24,9 @@ Stream::Stream(Sink& sink, Account& account, const StreamSettings& settings)
 Stream::~Stream() { finish(std::chrono::nanoseconds::zero()); }
 
 void Stream::offer(const Sample& sample) {
-  if (!ring_.push(sample)) account_.lose(Loss::ring_full, 1);
+  if (ring_.push(sample)) return;
+  account_.lose(Loss::ring_full, 1);
+  failing_.store(true, std::memory_order_relaxed);
 }
 
 void Stream::offer(const NumberedEstimate& estimate) {
@@ -137,6 +139,7 @@ void Stream::put_block() {
     unsettled_ += block_.size();
   } else {
     account_.lose(loss_of(put), block_.size());
+    failing_.store(true, std::memory_order_relaxed);
   }
   put_estimates(block_.back().number);
   block_.clear();
@@ -146,11 +149,13 @@ void Stream::put_block() {
 // Only what has left for good is delivered.
 void Stream::settle() {
   settled_ = std::chrono::steady_clock::now();
-  if (sink_.settle()) {
+  const bool settled = sink_.settle();
+  if (settled) {
     account_.deliver(unsettled_);
   } else {
     account_.lose(Loss::write_error, unsettled_);
   }
+  failing_.store(!settled, std::memory_order_relaxed);
   unsettled_ = 0;
 }
 

@@ -87,6 +87,10 @@ class Stream {
   /// waiting then is lost to shutdown. Afterwards no thread runs and `send` puts at once.
   void finish(std::chrono::nanoseconds patience);
 
+  /// Whether frames are being lost: something was since the last settlement that worked. Any
+  /// thread.
+  bool failing() const { return failing_.load(std::memory_order_relaxed); }
+
   /// Messages and estimates that found no room or were refused.
   std::uint64_t lost_messages() const { return lost_messages_.load(std::memory_order_relaxed); }
 
@@ -111,6 +115,7 @@ class Stream {
   std::uint64_t unsettled_ = 0;  // frames that were put and may still be refused
   std::chrono::steady_clock::time_point settled_;
   std::chrono::steady_clock::time_point block_begun_;
+  std::atomic<bool> failing_{false};
   std::atomic<bool> draining_{false};
   std::atomic<bool> abandoned_{false};
   std::atomic<bool> ended_{false};

@@ -14,14 +14,14 @@ std::size_t bin_of(std::uint64_t ns) {
   return 4 * (exponent - 1) + ((ns >> (exponent - 2)) & 3U);
 }
 
-std::int64_t upper_edge_ns(std::size_t bin) {
+}  // namespace
+
+std::int64_t DurationHistogram::upper_edge_ns(std::size_t bin) {
   if (bin < 4) return static_cast<std::int64_t>(bin);
   const std::size_t exponent = bin / 4 + 1;
   const std::uint64_t quarter = std::uint64_t{1} << (exponent - 2);
   return static_cast<std::int64_t>((4 + bin % 4 + 1) * quarter - 1);
 }
-
-}  // namespace
 
 void DurationHistogram::add(std::int64_t duration_ns) {
   const auto ns = static_cast<std::uint64_t>(std::max<std::int64_t>(0, duration_ns));

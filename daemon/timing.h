@@ -25,12 +25,18 @@ class DurationHistogram {
   /// 0 where nothing was counted.
   std::int64_t mean_ns() const;
 
+  static constexpr std::size_t bin_count = 160;
+  std::uint64_t count_in(std::size_t bin) const {
+    return bins_[bin].load(std::memory_order_relaxed);
+  }
+  /// The longest duration that a bin counts.
+  static std::int64_t upper_edge_ns(std::size_t bin);
+
   /// Upper edge of the bin that holds the quantile `q` in [0, 1], never above the longest seen;
   /// 0 where nothing was counted.
   std::int64_t quantile_ns(double q) const;
 
  private:
-  static constexpr std::size_t bin_count = 160;
   std::array<std::atomic<std::uint64_t>, bin_count> bins_{};
   std::atomic<std::uint64_t> count_{0};
   std::atomic<std::uint64_t> total_ns_{0};
@@ -41,13 +47,16 @@ class DurationHistogram {
 struct Timing {
   DurationHistogram lateness;  ///< of the wake-up against its deadline
   DurationHistogram work;      ///< of a cycle from wake-up to the last hand-over
+  DurationHistogram read;      ///< of the device's answer to a read
   std::atomic<std::uint64_t> cycles{0};
+  std::atomic<std::uint64_t> late{0};             ///< cycles out of the limit of lateness
   std::atomic<std::uint64_t> overruns{0};         ///< cycles whose work passed the next deadline
   std::atomic<std::uint64_t> skipped_periods{0};  ///< periods without a cycle, from overruns
   std::atomic<std::int64_t> longest_overrun_ns{0};
   std::atomic<std::uint64_t> failed_reads{0};  ///< temporary failures and faults
   std::atomic<std::uint64_t> failed_writes{0};
   std::atomic<std::uint64_t> missing_at_source{0};  ///< frames by jumps of the sequence number
+  std::atomic<std::uint64_t> repeated{0};           ///< frames that had been handed over before
   std::atomic<std::uint64_t> not_finite{0};         ///< channel readings that were NaN or infinite
   std::atomic<std::uint64_t> lost_events{0};        ///< events that found their ring full
 };

@@ -54,6 +54,8 @@ struct Description {
   /// Time passes from frame to frame and stands still in between (a rig of equations), whatever the
   /// host's clock does.
   bool time_of_its_own = false;
+  /// time_ns counts a crystal of the device's own, to be brought onto the host's clock.
+  bool own_clock = false;
 };
 
 /// Lifecycle: open -> start -> (read, write)* -> stop -> close; stop and close are allowed in every

@@ -10,6 +10,7 @@ inline constexpr const char* frames_channel = "STICKSLIP_FRAMES";
 inline constexpr const char* estimate_channel = "STICKSLIP_ESTIMATE";
 inline constexpr const char* excitation_channel = "STICKSLIP_EXCITATION";
 inline constexpr const char* status_channel = "STICKSLIP_STATUS";
+inline constexpr const char* timing_channel = "STICKSLIP_TIMING";
 inline constexpr const char* event_channel = "STICKSLIP_EVENT";
 inline constexpr const char* recording_channel = "STICKSLIP_RECORDING";
 
@@ -22,11 +23,12 @@ struct LcmChannel {
   std::string_view rate;
 };
 
-inline constexpr std::array<LcmChannel, 6> lcm_channels = {{
+inline constexpr std::array<LcmChannel, 7> lcm_channels = {{
     {frames_channel, "frame_block_t", "one per block of frames"},
     {estimate_channel, "friction_estimate_t", "one per block, after its last frame"},
     {excitation_channel, "excitation_t", "one per block, of its last frame"},
     {status_channel, "status_t", "once a second and at the end"},
+    {timing_channel, "timing_t", "once a second"},
     {event_channel, "event_t", "when something happens"},
     {recording_channel, "recording_info_t", "once, at the start"},
 }};

@@ -99,14 +99,21 @@ bool decode(std::span<const std::uint8_t> bytes, excitation_t& message) {
 bool decode(std::span<const std::uint8_t> bytes, status_t& message) {
   Walk walk(bytes);
   walk.skip(2 * number);
-  walk.text();
-  walk.skip(number);
+  for (int i = 0; i < 3; ++i) walk.text();
+  walk.skip(1 + number);
   for (int ledger = 0; ledger < 2; ++ledger) {  // publishing, then recording
     walk.skip(1 + number);
     const std::size_t losses = walk.count(shortest_text + number);
     for (std::size_t i = 0; i < losses && walk.inside(); ++i) walk.text();
     walk.skip(losses * number);
   }
+  return walk.inside() && decode_whole(bytes, message);
+}
+
+bool decode(std::span<const std::uint8_t> bytes, timing_t& message) {
+  Walk walk(bytes);
+  walk.skip(2 * number);
+  walk.count(4 * number);
   return walk.inside() && decode_whole(bytes, message);
 }
 

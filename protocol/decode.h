@@ -9,6 +9,7 @@
 #include <stickslip/friction_estimate_t.hpp>
 #include <stickslip/recording_info_t.hpp>
 #include <stickslip/status_t.hpp>
+#include <stickslip/timing_t.hpp>
 
 namespace stickslip::protocol {
 
@@ -20,6 +21,7 @@ bool decode(std::span<const std::uint8_t> bytes, frame_block_t& message);
 bool decode(std::span<const std::uint8_t> bytes, friction_estimate_t& message);
 bool decode(std::span<const std::uint8_t> bytes, excitation_t& message);
 bool decode(std::span<const std::uint8_t> bytes, status_t& message);
+bool decode(std::span<const std::uint8_t> bytes, timing_t& message);
 bool decode(std::span<const std::uint8_t> bytes, event_t& message);
 bool decode(std::span<const std::uint8_t> bytes, recording_info_t& message);
 

@@ -18,6 +18,7 @@ void add_check(CLI::App& app, Action& action);
 void add_record(CLI::App& app, Action& action);
 void add_replay(CLI::App& app, Action& action);
 void add_convert(CLI::App& app, Action& action);
+void add_ctl(CLI::App& app, Action& action);
 void add_spy(CLI::App& app, Action& action);
 void add_poincare(CLI::App& app, Action& action);
 void add_lyapunov(CLI::App& app, Action& action);

@@ -28,6 +28,7 @@ int run(int argc, char** argv) {
   add_record(app, action);
   add_replay(app, action);
   add_convert(app, action);
+  add_ctl(app, action);
   add_spy(app, action);
   add_poincare(app, action);
   add_lyapunov(app, action);

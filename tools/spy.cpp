@@ -14,6 +14,7 @@
 #include <stickslip/friction_estimate_t.hpp>
 #include <stickslip/recording_info_t.hpp>
 #include <stickslip/status_t.hpp>
+#include <stickslip/timing_t.hpp>
 #include <string>
 #include <vector>
 
@@ -87,8 +88,23 @@ std::string words(const status_t& status) {
       out += ", not recorded (" + status.record_loss_name[i] + ") " +
              std::to_string(status.record_loss[i]);
   }
+  if (!status.cause.empty()) out += ", " + status.interlock + ": " + status.cause;
   out += ", overruns " + std::to_string(status.overruns);
   return status.degraded ? out + ", timing degraded" : out;
+}
+
+std::string words(const timing_t& timing) {
+  std::int64_t counted = 0;
+  for (const std::int64_t in_bin : timing.lateness) counted += in_bin;
+  std::int64_t seen = 0;
+  for (std::size_t i = 0; i < timing.lateness.size(); ++i) {
+    seen += timing.lateness[i];
+    if (counted > 0 && seen * 100 >= counted * 99) {
+      return "99 % of wake-ups late by at most " +
+             text("%.4g", static_cast<double>(timing.upper_edge_ns[i]) * 1e-3) + " us";
+    }
+  }
+  return std::to_string(timing.cycles) + " cycles";
 }
 
 std::string words(const event_t& event) { return event.code + ": " + event.message; }
@@ -133,6 +149,8 @@ class Spy {
       take_as<excitation_t>(*buffer, line);
     } else if (channel == protocol::status_channel) {
       take_as<status_t>(*buffer, line);
+    } else if (channel == protocol::timing_channel) {
+      take_as<timing_t>(*buffer, line);
     } else if (channel == protocol::event_channel) {
       take_as<event_t>(*buffer, line);
     } else if (channel == protocol::recording_channel) {

@@ -27,6 +27,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   try_as<friction_estimate_t>(bytes);
   try_as<excitation_t>(bytes);
   try_as<status_t>(bytes);
+  try_as<timing_t>(bytes);
   try_as<event_t>(bytes);
   try_as<recording_info_t>(bytes);
   return 0;

@@ -66,6 +66,10 @@ void write_seeds(const std::filesystem::path& folder) {
   status.record_loss_name = {"disk"};
   status.record_loss = {3};
   write(messages / "status", status);
+  timing_t timing{};
+  timing.bins = 1;
+  timing.upper_edge_ns = timing.lateness = timing.cycle = timing.read = {1000};
+  write(messages / "timing", timing);
   event_t event{};
   event.code = "overrun";
   event.message = "a cycle took 1.2 ms";

@@ -31,12 +31,20 @@ config::Excitation shaking() {
   return out;
 }
 
+/// Starts without a person, and ends with the first fault.
+LoopSettings by_itself(LoopSettings settings) {
+  settings.start_at_once = true;
+  settings.end_on_fault = true;
+  return settings;
+}
+
 /// A loop on fakes, with one stream whose thread is started only by `finish`.
 struct Bench {
   explicit Bench(LoopSettings settings = {}, const config::Excitation& excitation = shaking(),
                  bool time_of_its_own = false)
       : driver(time_of_its_own),
-        loop(driver, clock, settings, Excitation(excitation), nullptr, ledger, {&stream}) {}
+        loop(driver, clock, by_itself(settings), Excitation(excitation), nullptr, ledger,
+             {&stream}) {}
 
   const std::vector<Sample>& samples() {
     stream.start();
@@ -64,7 +72,7 @@ MATCHER(IsOff, "") { return !arg.amplifier_on && arg.drive == 0.0; }
 TEST(Loop, RunsTheFramesThatItWasAskedForAndEndsWithTheAmplifierOff) {
   Bench bench({.frames = 1000, .ramp_s = 0.05});
   EXPECT_EQ(bench.loop.run().reason, LoopEnd::Reason::frames_done);
-  EXPECT_EQ(bench.loop.state(), RigState::stopped);
+  EXPECT_EQ(bench.loop.snapshot().state, RigState::idle);
   EXPECT_TRUE(bench.driver.stopped);
   EXPECT_THAT(bench.driver.last, IsOff());
   ASSERT_EQ(bench.samples().size(), 1000U);
@@ -204,7 +212,7 @@ TEST(Loop, EveryDeviceFaultSwitchesTheAmplifierOffInTheSameCycle) {
       EXPECT_THAT(bench.driver.actuations[i], IsOff());
     }
     EXPECT_THAT(bench.notices(), Contains(IsKind(Notice::Kind::fault)));
-    EXPECT_EQ(bench.loop.state(), RigState::faulted);
+    EXPECT_EQ(bench.loop.snapshot().state, RigState::faulted);
     EXPECT_EQ(bench.samples().size(), 120U);
   }
 }
@@ -233,7 +241,9 @@ TEST(Loop, TheCauseSurvivesADriverThatReusesItsMessage) {
 }
 
 TEST(Loop, TemporaryFailuresAreCountedAndOnlyFatalWhenTheyLast) {
-  Bench bench({.longest_silence_ns = 20 * ms});
+  LoopSettings settings;
+  settings.live.interlocks.longest_silence_ns = 20 * ms;
+  Bench bench(settings);
   bench.driver.on_read = [&](std::uint64_t call) {
     const bool fails = (call >= 50 && call < 60) || call >= 100;
     return fails ? Result{Outcome::temporary, "time-out"} : Result{};

@@ -2,78 +2,142 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <set>
 #include <string>
+#include <vector>
 
 namespace stickslip::daemon {
 namespace {
 
 using drivers::Outcome;
+using enum RigState;
+using enum RigInput;
 
-constexpr std::int64_t ms = 1'000'000;
+constexpr std::array all_states = {faulted, idle, armed, running, stopping};
+constexpr std::array all_inputs = {clear, arm, disarm, start, stop, at_rest, fault};
+static_assert(all_states.size() == state_count && all_inputs.size() == input_count);
 
-TEST(Safety, AmplifierIsOnlyAllowedBetweenStartAndStop) {
-  Safety safety(100 * ms);
-  EXPECT_FALSE(safety.amplifier_allowed());
-  safety.start();
-  EXPECT_TRUE(safety.amplifier_allowed());
-  safety.begin_stop();
-  EXPECT_TRUE(safety.amplifier_allowed());
-  safety.finish_stop();
-  EXPECT_FALSE(safety.amplifier_allowed());
-}
+// The whole machine, written a second time: a row for each state, a column for each input.
+constexpr RigState table[state_count][input_count] = {
+    //            clear    arm      disarm    start    stop      at_rest   fault
+    /* faulted */ {idle, faulted, faulted, faulted, faulted, faulted, faulted},
+    /* idle    */ {idle, armed, idle, idle, idle, idle, faulted},
+    /* armed   */ {armed, armed, idle, running, idle, armed, faulted},
+    /* running */ {running, running, stopping, running, stopping, running, faulted},
+    /* stopping*/ {stopping, stopping, stopping, stopping, stopping, idle, faulted},
+};
 
-TEST(Safety, EveryDeviceFaultLatchesFromEveryState) {
-  for (const Outcome outcome : {Outcome::needs_attention, Outcome::lost, Outcome::fatal}) {
-    for (int steps = 0; steps < 4; ++steps) {
-      Safety safety(100 * ms);
-      if (steps > 0) safety.start();
-      if (steps > 1) safety.begin_stop();
-      if (steps > 2) safety.finish_stop();
-      safety.observe_read({outcome, "gone"}, 0);
-      EXPECT_TRUE(safety.faulted());
-      EXPECT_FALSE(safety.amplifier_allowed());
-      safety.start();
-      safety.begin_stop();
-      safety.finish_stop();
-      safety.observe_read({}, ms);
-      EXPECT_TRUE(safety.faulted());
-      EXPECT_EQ(safety.fault_outcome(), outcome);
-      EXPECT_STREQ(safety.fault_cause(), "gone");
+TEST(Safety, EveryStateAnswersEveryInputAsTheTableSays) {
+  for (const RigState state : all_states) {
+    for (const RigInput input : all_inputs) {
+      EXPECT_EQ(next_state(state, input),
+                table[static_cast<std::size_t>(state)][static_cast<std::size_t>(input)])
+          << name_of(state) << ", input " << static_cast<int>(input);
     }
   }
 }
 
-TEST(Safety, TheFirstCauseStaysAndIsACopy) {
-  Safety safety(0);
-  std::string words(500, 'x');
-  safety.observe_read({Outcome::lost, words.c_str()}, 0);
-  words.assign(500, 'y');
-  safety.observe_write({Outcome::fatal, words.c_str()}, 0);
-  EXPECT_EQ(std::string(safety.fault_cause()), std::string(199, 'x'));
-}
-
-TEST(Safety, TemporaryFailuresTripOnlyWhenTheyLast) {
-  Safety safety(100 * ms);
-  safety.start();
-  for (std::int64_t t = 0; t < 1000; t += 50) {
-    safety.observe_read({Outcome::temporary, "checksum"}, t * ms);
-    safety.observe_read({Outcome::no_data, ""}, (t + 20) * ms);
-    safety.observe_read({}, (t + 40) * ms);  // one good reading ends the count
+// What the table has to mean, whatever it says.
+TEST(Safety, NothingMovesWithoutClearArmAndStartInThisOrder) {
+  for (const RigState state : all_states) {
+    EXPECT_EQ(next_state(state, fault), faulted);
+    for (const RigInput input : all_inputs) {
+      const RigState next = next_state(state, input);
+      if (state == faulted && next != faulted) {
+        EXPECT_EQ(input, clear);
+      }
+      if (!amplifier_allowed(state) && amplifier_allowed(next)) {
+        EXPECT_EQ(state, armed);
+        EXPECT_EQ(input, start);
+      }
+      if (state != armed && next == armed) {
+        EXPECT_EQ(state, idle);
+        EXPECT_EQ(input, arm);
+      }
+      // Only rest or a fault ends a motion, and a stop never makes it go on.
+      if (amplifier_allowed(state) && !amplifier_allowed(next)) {
+        EXPECT_TRUE(input == fault || (state == stopping && input == at_rest));
+      }
+      if (state == stopping) {
+        EXPECT_NE(next, running);
+      }
+    }
   }
-  EXPECT_FALSE(safety.faulted());
-  safety.observe_read({Outcome::temporary, "checksum"}, 2000 * ms);
-  safety.observe_write({}, 2050 * ms);  // a write that works says nothing about reads
-  safety.observe_read({Outcome::temporary, "checksum"}, 2099 * ms);
-  EXPECT_FALSE(safety.faulted());
-  safety.observe_read({Outcome::temporary, "checksum"}, 2100 * ms);
-  EXPECT_TRUE(safety.faulted());
 }
 
-TEST(Safety, SilenceOfAReplayIsNoFault) {
-  Safety safety(0);
-  safety.start();
-  for (std::int64_t t = 0; t < 100; ++t) safety.observe_read({Outcome::no_data, ""}, t * 1000 * ms);
-  EXPECT_FALSE(safety.faulted());
+TEST(Safety, EverySequenceOfSixInputsKeepsTheAmplifierOffUnlessItWasStarted) {
+  // 7^6 sequences, from the beginning of the daemon.
+  std::array<RigInput, 6> inputs{};
+  for (int code = 0; code < 117'649; ++code) {
+    int rest = code;
+    RigState state = faulted;
+    int stage = 0;  // of clear, arm, start; a fault begins anew
+    for (RigInput& input : inputs) {
+      input = all_inputs[static_cast<std::size_t>(rest % 7)];
+      rest /= 7;
+      state = next_state(state, input);
+      if (input == fault) {
+        stage = 0;
+      } else if (stage == 0 && input == clear) {
+        stage = 1;
+      } else if (stage == 1 && input == arm) {
+        stage = 2;
+      } else if (stage == 2 && input == start) {
+        stage = 3;
+      }
+      ASSERT_TRUE(!amplifier_allowed(state) || stage == 3) << code;
+    }
+  }
+}
+
+TEST(Safety, BeginsFaultedAndLatchedUntilSomebodyClearsIt) {
+  Safety safety;
+  EXPECT_EQ(safety.state(), faulted);
+  EXPECT_EQ(safety.interlock(), Interlock::just_started);
+  EXPECT_NE(std::string(safety.cause().c_str()), "");
+  EXPECT_TRUE(safety.apply(clear));
+  EXPECT_EQ(safety.interlock(), Interlock::none);
+  EXPECT_TRUE(safety.cause().empty());
+}
+
+TEST(Safety, AFaultLatchesInEveryStateInWhichItMatters) {
+  for (std::size_t i = 1; i < interlock_count; ++i) {
+    const auto interlock = static_cast<Interlock>(i);
+    for (const std::vector<RigInput>& way : std::vector<std::vector<RigInput>>{
+             {clear}, {clear, arm}, {clear, arm, start}, {clear, arm, start, stop}}) {
+      Safety safety;
+      for (const RigInput input : way) safety.apply(input);
+      const bool at_rest = safety.state() == idle;
+      const bool latches = safety.trip(interlock, Cause("why"), Outcome::lost);
+      EXPECT_EQ(latches, !at_rest || latches_at_rest(interlock)) << name_of(interlock);
+      if (!latches) continue;
+      EXPECT_FALSE(safety.amplifier_allowed());
+      EXPECT_FALSE(safety.trip(Interlock::overrun, Cause("later"), Outcome::ok));
+      for (const RigInput input : {arm, disarm, start, stop, at_rest ? start : RigInput::at_rest}) {
+        EXPECT_FALSE(safety.apply(input));
+      }
+      EXPECT_EQ(safety.interlock(), interlock);
+      EXPECT_EQ(safety.outcome(), Outcome::lost);
+      EXPECT_STREQ(safety.cause().c_str(), "why");
+    }
+  }
+}
+
+TEST(Safety, EveryNameIsItsOwn) {
+  std::set<std::string> names;
+  for (std::size_t i = 0; i < interlock_count; ++i) {
+    names.insert(name_of(static_cast<Interlock>(i)));
+  }
+  EXPECT_EQ(names.size(), interlock_count);
+}
+
+TEST(Cause, TakesWhatFitsAndNumbersAsPeopleWriteThem) {
+  Cause cause("x was ");
+  cause.add(0.0123).add(" m");
+  EXPECT_STREQ(cause.c_str(), "x was 0.0123 m");
+  for (int i = 0; i < 50; ++i) cause.add("0123456789");
+  EXPECT_EQ(std::string(cause.c_str()).size(), 199U);
 }
 
 }  // namespace

@@ -60,6 +60,16 @@ status_t some(status_t) {
   return status;
 }
 
+timing_t some(timing_t) {
+  timing_t timing{};
+  timing.bins = 2;
+  timing.upper_edge_ns = {1, 2};
+  timing.lateness = {3, 4};
+  timing.cycle = {5, 6};
+  timing.read = {7, 8};
+  return timing;
+}
+
 event_t some(event_t) {
   event_t event{};
   event.code = "overrun";
@@ -89,8 +99,8 @@ Bytes with_text_length(Bytes bytes, const std::string& text, std::uint32_t lengt
 
 template <class Message>
 class Decode : public testing::Test {};
-using Messages = testing::Types<frame_block_t, friction_estimate_t, excitation_t, status_t, event_t,
-                                recording_info_t>;
+using Messages = testing::Types<frame_block_t, friction_estimate_t, excitation_t, status_t,
+                                timing_t, event_t, recording_info_t>;
 TYPED_TEST_SUITE(Decode, Messages);
 
 TYPED_TEST(Decode, TakesWhatWasEncoded) {

@@ -1,0 +1,75 @@
+// What a person asks of the loop, and what it answers. Plain values of fixed size: they travel
+// through rings.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <type_traits>
+
+#include "daemon/calibration.h"
+#include "daemon/interlocks.h"
+#include "daemon/safety.h"
+#include "physics/frame.h"
+
+namespace stickslip::daemon {
+
+/// What may change while the loop runs, all of it at once.
+struct LiveSettings {
+  Calibration calibration{};
+  InterlockSettings interlocks;
+};
+
+struct Command {
+  enum class Kind : std::uint8_t {
+    clear,
+    arm,
+    disarm,
+    start,
+    stop,
+    apply,    ///< `live` from the next frame on
+    average,  ///< raw readings of the next `frames` frames; answered when they are in
+  };
+  Kind kind = Kind::stop;
+  std::uint64_t id = 0;   ///< comes back in the answer
+  bool dead_man = false;  ///< start: only while Loop::touch is called often enough
+  std::uint64_t frames = 0;
+  LiveSettings live;
+};
+static_assert(std::is_trivially_copyable_v<Command>);
+
+/// Mean and standard deviation of raw readings, by channel.
+struct Average {
+  std::uint64_t frames = 0;
+  std::array<std::uint64_t, channel_count> count{};  ///< frames in which the channel was valid
+  std::array<double, channel_count> mean{};          ///< raw; 0 where there were none
+  std::array<double, channel_count> deviation{};     ///< of a single reading; 0 where under two
+};
+
+struct Answer {
+  std::uint64_t id = 0;
+  bool accepted = false;
+  RigState state = RigState::faulted;  ///< after the command
+  Cause reason;                        ///< of a refusal
+  Average average;
+};
+static_assert(std::is_trivially_copyable_v<Answer>);
+
+/// Sums for an Average, without memory of the readings (Welford's recurrence: offsets of a bridge
+/// are large against its noise).
+class Averaging {
+ public:
+  void begin(std::uint64_t frames, std::uint64_t id);
+  bool active() const { return wanted_ > 0; }
+  /// Whether that was the last.
+  bool add(const Frame& raw);
+  std::uint64_t id() const { return id_; }
+  /// What has been summed; ends it.
+  Average take();
+
+ private:
+  std::uint64_t wanted_ = 0;
+  std::uint64_t id_ = 0;
+  Average sum_;  // deviation: sum of squared deviations
+};
+
+}  // namespace stickslip::daemon

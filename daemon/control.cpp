@@ -1,0 +1,335 @@
+#include "daemon/control.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <utility>
+
+#include "physics/problem.h"
+
+namespace stickslip::daemon {
+namespace {
+
+using nlohmann::json;
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+/// The loop answers within a cycle or two; without an answer for so long it is not running.
+constexpr auto answer_patience = std::chrono::seconds(5);
+constexpr double longest_average_s = 600.0;
+/// A sign of life so old that the dead-man's handle counts as released.
+constexpr std::int64_t long_ago_ns = std::numeric_limits<std::int64_t>::min() / 4;
+
+[[noreturn]] void refuse_request(const std::string& why) {
+  throw InputError(Problem{"", 0, 0, why});
+}
+
+const char* word(Severity severity) {
+  switch (severity) {
+    case Severity::info:
+      return "information";
+    case Severity::warning:
+      return "warning";
+    case Severity::error:
+      return "error";
+  }
+  return "information";
+}
+
+json json_of(const Event& event) {
+  return {{"severity", word(event.severity)},
+          {"code", event.code},
+          {"message", event.message},
+          {"time_ns", event.time_ns},
+          {"sequence", event.sequence}};
+}
+
+json json_of(const AccountBalance& account) {
+  json lost = json::object();
+  for (std::size_t i = 0; i < loss_count; ++i) lost[std::string(loss_names[i])] = account.lost[i];
+  return {{"enabled", account.enabled}, {"delivered", account.delivered}, {"lost", lost}};
+}
+
+json json_of(const Frame& frame) {
+  json out = json::object();
+  for (const Channel channel : all_channels) {
+    if (frame.has(channel)) out[std::string(info(channel).stem)] = frame[channel];
+  }
+  return out;
+}
+
+json json_of(const Average& average) {
+  json channels = json::object();
+  for (const Channel channel : all_channels) {
+    const std::size_t i = index_of(channel);
+    if (average.count[i] == 0) continue;
+    channels[std::string(info(channel).stem)] = {{"mean", average.mean[i]},
+                                                 {"deviation", average.deviation[i]},
+                                                 {"count", average.count[i]}};
+  }
+  return {{"frames", average.frames}, {"raw", channels}};
+}
+
+bool flag(const json& arguments, const char* name) {
+  const auto found = arguments.find(name);
+  if (found == arguments.end()) return false;
+  if (!found->is_boolean()) refuse_request(std::string("\"") + name + "\" has to be true or false");
+  return found->get<bool>();
+}
+
+double number(const json& arguments, const char* name) {
+  const auto found = arguments.find(name);
+  if (found == arguments.end() || !found->is_number()) {
+    refuse_request(std::string("expected \"") + name + "\": a number");
+  }
+  return found->get<double>();
+}
+
+std::optional<Command::Kind> kind_of(const std::string& command) {
+  if (command == "clear") return Command::Kind::clear;
+  if (command == "arm") return Command::Kind::arm;
+  if (command == "disarm") return Command::Kind::disarm;
+  if (command == "start") return Command::Kind::start;
+  if (command == "stop") return Command::Kind::stop;
+  return std::nullopt;
+}
+
+}  // namespace
+
+json json_of(const Status& status) {
+  return {{"state", name_of(status.state)},
+          {"interlock", status.state == RigState::faulted ? name_of(status.interlock) : ""},
+          {"cause", status.cause},
+          {"amplifier_on", status.amplifier_on},
+          {"uptime_s", static_cast<double>(status.uptime_ns) * 1e-9},
+          {"ledger",
+           {{"produced", status.ledger.produced},
+            {"published", json_of(status.ledger.published)},
+            {"recorded", json_of(status.ledger.recorded)}}},
+          {"timing",
+           {{"cycles", status.cycles},
+            {"overruns", status.overruns},
+            {"late_cycles", status.late_cycles},
+            {"skipped_periods", status.skipped_periods},
+            {"longest_overrun_s", static_cast<double>(status.longest_overrun_ns) * 1e-9},
+            {"lateness_p99_s", static_cast<double>(status.lateness_p99_ns) * 1e-9},
+            {"lateness_max_s", static_cast<double>(status.lateness_max_ns) * 1e-9},
+            {"cycle_p99_s", static_cast<double>(status.work_p99_ns) * 1e-9},
+            {"cycle_max_s", static_cast<double>(status.work_max_ns) * 1e-9},
+            {"degraded", status.degraded}}},
+          {"source",
+           {{"missing", status.missing_at_source},
+            {"repeated", status.repeated},
+            {"not_finite", status.not_finite},
+            {"failed_reads", status.failed_reads},
+            {"failed_writes", status.failed_writes}}},
+          {"lost_messages", status.lost_messages}};
+}
+
+Control::Control(const LineServerSettings& settings, Loop& loop, Clock& clock, double rate_hz,
+                 ControlHandlers handlers)
+    : loop_(loop),
+      clock_(clock),
+      rate_hz_(rate_hz),
+      handlers_(std::move(handlers)),
+      server_(settings,
+              {.joined =
+                   [this](ClientId client, const Peer& peer) {
+                     clients_[client].peer = peer;
+                     spdlog::debug("control client {}: user {}, process {}", client, peer.uid,
+                                   peer.pid);
+                   },
+               .line = [this](ClientId client, std::string_view text) { line(client, text); },
+               .left = [this](ClientId client, const std::string& why) { left(client, why); }}) {}
+
+bool LogBudget::allows(steady_clock::time_point now) {
+  constexpr double burst = 20.0;
+  constexpr double per_second = 2.0;
+  const double passed_s = std::chrono::duration<double>(now - latest_).count();
+  lines_ = std::min(burst, lines_ + per_second * passed_s);
+  latest_ = now;
+  if (lines_ < 1.0) return false;
+  lines_ -= 1.0;
+  return true;
+}
+
+bool Control::serve(milliseconds wait, int also) {
+  const bool can_read =
+      server_.serve(waiting_.empty() ? wait : std::min(wait, milliseconds(2)), also);
+  take_answers();
+  return can_read;
+}
+
+void Control::line(ClientId client, std::string_view text) {
+  ++requests_;
+  std::int64_t id = 0;
+  try {
+    const protocol::ControlRequest request = protocol::parse_control_request(text);
+    id = request.id;
+    obey(client, request);
+  } catch (const InputError& error) {
+    refuse(client, id, error.problems().front().message);
+  }
+}
+
+void Control::left(ClientId client, const std::string& why) {
+  clients_.erase(client);
+  if (holder_ == client) {
+    spdlog::warn("the client that held the dead-man's handle is gone: {}", why);
+    holder_ = 0;
+    loop_.touch(long_ago_ns);
+  } else if (why != "the client went" && log_.allows(steady_clock::now())) {
+    spdlog::warn("control client {} was shut out: {}", client, why);
+  }
+}
+
+void Control::obey(ClientId client, const protocol::ControlRequest& request) {
+  const json arguments = json::parse(request.arguments);
+  const std::string& command = request.command;
+  if (client == holder_) loop_.touch(clock_.now_ns());
+  if (command == "alive") return answer(client, request.id, rig_state());
+  if (command == "status") {
+    json out = rig_state();
+    out["status"] = json_of(handlers_.status());
+    return answer(client, request.id, out);
+  }
+  if (command == "watch") {
+    clients_[client].watches = true;
+    return answer(client, request.id, rig_state());
+  }
+  const Peer peer = clients_[client].peer;
+  if (log_.allows(steady_clock::now())) {
+    spdlog::info("user {} (process {}) asks: {}", peer.uid, peer.pid, command.substr(0, 40));
+  }
+  if (command == "reload") {
+    json out = rig_state();
+    out["changes"] = handlers_.reload();
+    return answer(client, request.id, out);
+  }
+  Command asked;
+  if (const auto kind = kind_of(command)) {
+    asked.kind = *kind;
+    if (asked.kind == Command::Kind::start) {
+      asked.dead_man = flag(arguments, "dead_man");
+      if (asked.dead_man && holder_ == 0) loop_.touch(clock_.now_ns());
+    }
+  } else if (command == "average") {
+    const double seconds = number(arguments, "seconds");
+    if (!(seconds > 0.0 && seconds <= longest_average_s)) {
+      refuse_request("\"seconds\" has to be above 0 and at most 600");
+    }
+    asked.kind = Command::Kind::average;
+    asked.frames = static_cast<std::uint64_t>(std::ceil(seconds * rate_hz_));
+  } else {
+    refuse_request("there is no command \"" + command.substr(0, 40) +
+                   "\"; expected status, clear, arm, disarm, start, stop, alive, set, average, "
+                   "reload or watch");
+  }
+  ask(client, request, asked);
+}
+
+void Control::ask(ClientId client, const protocol::ControlRequest& request, Command command) {
+  command.id = next_command_++;
+  if (!loop_.ask(command)) refuse_request("the rig is busy with other commands; try again");
+  const auto patience =
+      answer_patience + std::chrono::milliseconds(static_cast<std::int64_t>(
+                            1e3 * static_cast<double>(command.frames) / rate_hz_));
+  waiting_[command.id] = {client,         request.id,       request.command,
+                          command.frames, command.dead_man, steady_clock::now() + patience};
+}
+
+void Control::take_answers() {
+  Answer given;
+  while (loop_.next_answer(given)) {
+    const auto found = waiting_.find(given.id);
+    if (found == waiting_.end()) continue;
+    const Waiting asked = found->second;
+    waiting_.erase(found);
+    const char* const state = name_of(given.state);
+    if (!given.accepted) {
+      answer(asked.client, asked.id,
+             {{"ok", false}, {"state", state}, {"error", given.reason.c_str()}});
+      continue;
+    }
+    if (asked.dead_man) {
+      holder_ = clients_.contains(asked.client) ? asked.client : 0;
+      if (holder_ == 0) loop_.touch(long_ago_ns);
+    }
+    json out = {{"ok", true}, {"state", state}};
+    if (asked.frames > 0) out["average"] = json_of(given.average);
+    answer(asked.client, asked.id, out);
+  }
+  const auto now = steady_clock::now();
+  for (auto at = waiting_.begin(); at != waiting_.end();) {
+    if (now < at->second.until) {
+      ++at;
+      continue;
+    }
+    refuse(at->second.client, at->second.id, "the loop does not answer; see stickslip ctl status");
+    at = waiting_.erase(at);
+  }
+}
+
+json Control::rig_state() const {
+  const Snapshot rig = loop_.snapshot();
+  return {{"ok", true},
+          {"state", name_of(rig.state)},
+          {"interlock", rig.state == RigState::faulted ? name_of(rig.interlock) : ""},
+          {"cause", rig.cause.c_str()},
+          {"broken", rig.broken == Interlock::none ? "" : name_of(rig.broken)},
+          {"broken_cause", rig.broken_cause.c_str()},
+          {"amplifier_on", rig.amplifier_on},
+          {"device_here", rig.device_here},
+          {"drive",
+           {{"value", rig.drive.value},
+            {"amplitude", rig.drive.amplitude},
+            {"carrier_hz", rig.drive.carrier_hz}}},
+          {"sequence", rig.frame.sequence},
+          {"time_ns", rig.frame.time_ns},
+          {"channels", json_of(rig.frame)},
+          {"raw", json_of(rig.raw)}};
+}
+
+void Control::answer(ClientId client, std::int64_t id, json content) {
+  content["v"] = protocol::control_version;
+  content["id"] = id;
+  // A cause may hold what a driver took from a device.
+  server_.send(client, content.dump(-1, ' ', false, json::error_handler_t::replace));
+}
+
+void Control::refuse(ClientId client, std::int64_t id, const std::string& why) {
+  answer(client, id, {{"ok", false}, {"state", name_of(loop_.snapshot().state)}, {"error", why}});
+}
+
+void Control::publish(const Event& event) {
+  std::string text;
+  for (const auto& [id, client] : clients_) {
+    if (!client.watches) continue;
+    if (text.empty()) {
+      text = json{{"v", protocol::control_version}, {"event", json_of(event)}}.dump(
+          -1, ' ', false, json::error_handler_t::replace);
+    }
+    server_.send(id, text);
+  }
+}
+
+void Control::publish(const Status& status) {
+  std::string text;
+  for (const auto& [id, client] : clients_) {
+    if (!client.watches) continue;
+    if (text.empty()) {
+      json out = rig_state();
+      out.erase("ok");
+      out["v"] = protocol::control_version;
+      out["status"] = json_of(status);
+      text = out.dump(-1, ' ', false, json::error_handler_t::replace);
+    }
+    server_.send(id, text);
+  }
+}
+
+}  // namespace stickslip::daemon

@@ -1,0 +1,70 @@
+#include "daemon/device_keeper.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <chrono>
+
+namespace stickslip::daemon {
+namespace {
+
+using namespace std::chrono_literals;
+using std::chrono::steady_clock;
+
+constexpr auto look_period = 20ms;
+constexpr std::chrono::milliseconds first_wait = 100ms;
+constexpr std::chrono::milliseconds longest_wait = 5s;
+
+}  // namespace
+
+DeviceKeeper::DeviceKeeper(drivers::Driver& driver, Loop& loop)
+    : driver_(driver), loop_(loop), thread_([this] { run(); }) {}
+
+DeviceKeeper::~DeviceKeeper() { stop(); }
+
+void DeviceKeeper::stop() {
+  stopping_.store(true, std::memory_order_release);
+  if (thread_.joinable()) thread_.join();
+}
+
+bool DeviceKeeper::try_to_bring_back(drivers::Driver& driver, Loop& loop) {
+  driver.stop();
+  driver.close();
+  drivers::Result result = driver.open();
+  if (result) result = driver.start();
+  if (!result) {
+    spdlog::debug("{} is not back: {}", driver.description().name, result.message);
+    driver.close();
+    return false;
+  }
+  loop.device_is_back();
+  return true;
+}
+
+void DeviceKeeper::run() {
+  std::chrono::milliseconds wait = first_wait;
+  auto next = steady_clock::now();
+  bool gone_before = false;
+  while (!stopping_.load(std::memory_order_acquire)) {
+    std::this_thread::sleep_for(look_period);
+    const bool gone = loop_.device_is_gone();
+    if (gone && !gone_before) {
+      wait = first_wait;
+      next = steady_clock::now() + wait;
+      if (loop_.device_is_beyond_help()) {
+        spdlog::error("{} cannot be brought back: restart the daemon once it is mended",
+                      driver_.description().name);
+      }
+    }
+    gone_before = gone;
+    if (!gone || loop_.device_is_beyond_help() || steady_clock::now() < next) continue;
+    if (try_to_bring_back(driver_, loop_)) {
+      gone_before = false;
+    } else {
+      wait = std::min(2 * wait, longest_wait);
+      next = steady_clock::now() + wait;
+    }
+  }
+}
+
+}  // namespace stickslip::daemon

@@ -1,0 +1,55 @@
+// A value that one thread writes often and others read now and then: neither ever waits for the
+// other. A reader that meets a write half done reads again.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+
+namespace stickslip::daemon {
+
+template <class T>
+class Latest {
+  static_assert(std::is_trivially_copyable_v<T>);
+
+ public:
+  Latest() { write(T{}); }
+
+  /// One writer only.
+  void write(const T& value) {
+    std::array<std::uint64_t, words> buffer{};
+    std::memcpy(buffer.data(), &value, sizeof value);
+    const std::uint64_t begun = version_.load(std::memory_order_relaxed) + 1;
+    version_.store(begun, std::memory_order_relaxed);
+    // Stores of the words stay behind the odd version, loads of a reader before the even one.
+    for (std::size_t i = 0; i < words; ++i) {
+      words_[i].store(buffer[i], std::memory_order_release);
+    }
+    version_.store(begun + 1, std::memory_order_release);
+  }
+
+  /// Any thread but the writer's: the value of some moment, whole.
+  T read() const {
+    std::array<std::uint64_t, words> buffer{};
+    for (;;) {
+      const std::uint64_t before = version_.load(std::memory_order_acquire);
+      for (std::size_t i = 0; i < words; ++i) {
+        buffer[i] = words_[i].load(std::memory_order_acquire);
+      }
+      if ((before & 1U) == 0 && version_.load(std::memory_order_relaxed) == before) break;
+    }
+    T value;
+    std::memcpy(static_cast<void*>(&value), buffer.data(), sizeof value);
+    return value;
+  }
+
+ private:
+  static constexpr std::size_t words = (sizeof(T) + 7) / 8;
+  std::atomic<std::uint64_t> version_{0};
+  std::array<std::atomic<std::uint64_t>, words> words_{};
+};
+
+}  // namespace stickslip::daemon

@@ -1,0 +1,327 @@
+#include "daemon/control.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "physics/problem.h"
+#include "tests/unit/daemon/fakes.h"
+
+namespace stickslip::daemon {
+namespace {
+
+using namespace std::chrono_literals;
+using drivers::Outcome;
+using drivers::Result;
+using nlohmann::json;
+using testing::HasSubstr;
+
+config::Excitation shaking() {
+  config::Excitation out;
+  out.enabled = true;
+  out.amplitude = 0.01;
+  out.ramp_s = 0.01;
+  return out;
+}
+
+/// A client that never blocks, so that one thread can be client, server and loop.
+class Client {
+ public:
+  explicit Client(const std::filesystem::path& path) {
+    file_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    path.string().copy(address.sun_path, sizeof address.sun_path - 1);
+    connected = ::connect(file_, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  }
+  ~Client() { ::close(file_); }
+  Client(const Client&) = delete;
+  Client& operator=(const Client&) = delete;
+
+  /// How much of it the socket took.
+  std::size_t send(std::string_view text) {
+    const ssize_t put = ::send(file_, text.data(), text.size(), MSG_NOSIGNAL);
+    return put > 0 ? static_cast<std::size_t>(put) : 0;
+  }
+  /// Whole lines that have come.
+  std::vector<json> lines() {
+    std::array<char, 65536> part{};
+    for (ssize_t got = 0; (got = ::recv(file_, part.data(), part.size(), 0)) >= 0;) {
+      if (got == 0) {
+        closed = true;
+        break;
+      }
+      in_.append(part.data(), static_cast<std::size_t>(got));
+    }
+    if (errno == ECONNRESET) closed = true;
+    std::vector<json> out;
+    for (std::size_t end = 0; (end = in_.find('\n')) != std::string::npos; in_.erase(0, end + 1)) {
+      out.push_back(json::parse(in_.substr(0, end)));
+    }
+    return out;
+  }
+  bool connected = false;
+  bool closed = false;
+
+ private:
+  int file_ = -1;
+  std::string in_;
+};
+
+class ControlTest : public testing::Test {
+ protected:
+  ControlTest() {
+    folder = std::filesystem::temp_directory_path() /
+             ("stickslip-control-" + std::to_string(::getpid()));
+    std::filesystem::create_directory(folder);
+    settings.path = folder / "control.sock";
+    driver.keep_actuations = false;
+    LoopSettings loop_settings;
+    loop_settings.live.interlocks.dead_man_ns = 50'000'000;
+    loop = std::make_unique<Loop>(driver, clock, loop_settings, Excitation(shaking()), nullptr,
+                                  ledger, std::vector<Stream*>{});
+    loop->begin();
+  }
+  ~ControlTest() override { std::filesystem::remove_all(folder); }
+
+  void open() {
+    control = std::make_unique<Control>(
+        settings, *loop, clock, 1000.0,
+        ControlHandlers{
+            .status = [this] { return status_of(loop->snapshot(), ledger, loop->timing()); },
+            .reload = [] { return std::vector<std::string>{"nothing"}; },
+            .tell = [](const Event&) {}});
+  }
+
+  /// Loop and server, in turns.
+  void run(int turns = 1) {
+    for (int i = 0; i < turns; ++i) {
+      control->serve(0ms, -1);
+      loop->cycle();
+      clock.now += 1'000'000;
+    }
+    control->serve(0ms, -1);
+  }
+
+  json ask(Client& client, const json& request, int turns = 4) {
+    json whole = request;
+    whole["v"] = 1;
+    client.send(whole.dump() + "\n");
+    for (int i = 0; i < turns; ++i) {
+      run();
+      for (json& line : client.lines()) {
+        if (line.contains("ok")) return line;
+      }
+    }
+    ADD_FAILURE() << "no answer to " << request;
+    return {};
+  }
+
+  std::filesystem::path folder;
+  LineServerSettings settings;
+  test::FakeDriver driver;
+  test::FakeClock clock;
+  Ledger ledger;
+  std::unique_ptr<Loop> loop;
+  std::unique_ptr<Control> control;
+};
+
+TEST_F(ControlTest, APersonBringsTheRigToMoveAndToRest) {
+  open();
+  Client client(settings.path);
+  json answer = ask(client, {{"do", "status"}, {"id", 5}});
+  EXPECT_EQ(answer["id"], 5);
+  EXPECT_EQ(answer["state"], "faulted");
+  EXPECT_EQ(answer["interlock"], "just_started");
+  EXPECT_EQ(ask(client, {{"do", "start"}})["ok"], false);
+  EXPECT_EQ(ask(client, {{"do", "arm"}})["ok"], false);
+  EXPECT_EQ(ask(client, {{"do", "clear"}})["state"], "idle");
+  EXPECT_EQ(ask(client, {{"do", "start"}})["ok"], false);
+  EXPECT_EQ(ask(client, {{"do", "arm"}})["state"], "armed");
+  EXPECT_FALSE(driver.last.amplifier_on);
+  EXPECT_EQ(ask(client, {{"do", "start"}})["state"], "running");
+  run(30);
+  EXPECT_TRUE(driver.last.amplifier_on);
+  EXPECT_EQ(ask(client, {{"do", "stop"}})["state"], "stopping");
+  run(30);
+  EXPECT_FALSE(driver.last.amplifier_on);
+  EXPECT_EQ(ask(client, {{"do", "status"}})["state"], "idle");
+}
+
+TEST_F(ControlTest, ABrokenInterlockRefusesToBeClearedAndArmedAndSaysWhy) {
+  open();
+  Client client(settings.path);
+  bool gone = true;
+  driver.on_read = [&](std::uint64_t) {
+    return gone ? Result{Outcome::needs_attention, "no permission on /dev/hidraw0"} : Result{};
+  };
+  run(3);
+  const json refused = ask(client, {{"do", "clear"}});
+  EXPECT_EQ(refused["ok"], false);
+  EXPECT_THAT(refused["error"].get<std::string>(), HasSubstr("no permission on /dev/hidraw0"));
+  gone = false;
+  loop->device_is_back();
+  EXPECT_EQ(ask(client, {{"do", "clear"}})["state"], "idle");
+  EXPECT_EQ(ask(client, {{"do", "arm"}})["state"], "armed");
+}
+
+TEST_F(ControlTest, ADeadManWhoLetsGoStopsTheRigAtOnce) {
+  open();
+  for (const bool closes : {false, true}) {
+    Client person(settings.path);
+    auto holder = std::make_unique<Client>(settings.path);
+    ask(person, {{"do", "clear"}});
+    ask(person, {{"do", "arm"}});
+    EXPECT_EQ(ask(*holder, {{"do", "start"}, {"dead_man", true}})["state"], "running");
+    for (int i = 0; i < 20; ++i) {
+      run(20);
+      EXPECT_EQ(ask(*holder, {{"do", "alive"}})["state"], "running");
+      EXPECT_EQ(ask(person, {{"do", "alive"}})["state"], "running");
+    }
+    // Another client's signs of life do not count.
+    if (closes) holder.reset();
+    run(closes ? 3 : 51);
+    EXPECT_EQ(ask(person, {{"do", "alive"}})["interlock"], "client_gone");
+    EXPECT_FALSE(driver.last.amplifier_on);
+    run(3);
+  }
+}
+
+TEST_F(ControlTest, AveragesRawReadings) {
+  open();
+  driver.on_frame = [](Frame& frame) {
+    frame.set(Channel::friction_force, frame.sequence % 2 == 0 ? 3.0 : 5.0);
+  };
+  Client client(settings.path);
+  const json answer = ask(client, {{"do", "average"}, {"seconds", 0.1}}, 120);
+  EXPECT_EQ(answer["average"]["frames"], 100);
+  EXPECT_DOUBLE_EQ(answer["average"]["raw"]["friction_force"]["mean"].get<double>(), 4.0);
+  for (const json& wrong : {json("1"), json(-1), json(0), json(1e9), json()}) {
+    EXPECT_EQ(ask(client, {{"do", "average"}, {"seconds", wrong}})["ok"], false) << wrong;
+  }
+}
+
+TEST_F(ControlTest, WhatIsNoRequestIsRefusedWithAReasonAndTheRigStaysAsItIs) {
+  open();
+  Client client(settings.path);
+  const std::string deep(200, '[');
+  for (const std::string& line :
+       {std::string("hello"), std::string("[]"), std::string("{}"),
+        std::string(R"({"v":2,"do":"clear"})"), std::string(R"({"v":1})"),
+        std::string(R"({"v":1,"do":7})"), std::string(R"({"v":1,"do":"explode"})"),
+        std::string(R"({"v":1,"id":"x","do":"clear"})"),
+        std::string(R"({"v":1,"do":"start","dead_man":3})"), std::string("\xff\xfe\x00{", 4),
+        deep}) {
+    client.send(line + "\n");
+    run(2);
+    const auto answers = client.lines();
+    ASSERT_EQ(answers.size(), 1U) << line;
+    EXPECT_EQ(answers[0]["ok"], false) << line;
+    EXPECT_NE(answers[0]["error"], "") << line;
+  }
+  EXPECT_EQ(loop->snapshot().state, RigState::faulted);
+}
+
+TEST_F(ControlTest, ThousandsOfBadClientsDelayNeitherTheLoopNorAGoodOne) {
+  open();
+  std::mt19937 dice(11);
+  Client good(settings.path);
+  run();
+  std::vector<std::unique_ptr<Client>> bad;
+  const std::string endless(40'000, 'x');
+  int turns_waited = 0;
+  for (int i = 0; i < 3000; ++i) {
+    auto client = std::make_unique<Client>(settings.path);
+    switch (dice() % 5) {
+      case 0:  // says nothing
+        break;
+      case 1:  // a line that never ends
+        client->send("{\"v\":1,\"do\":\"sta");
+        break;
+      case 2:  // more than any line may have
+        client->send(endless);
+        client->send(endless);
+        break;
+      case 3: {  // noise
+        std::string noise(1000, ' ');
+        for (char& c : noise) c = static_cast<char>(dice());
+        client->send(noise);
+        break;
+      }
+      default:  // asks without end and never reads
+        for (int k = 0; k < 50; ++k) client->send("{\"v\":1,\"do\":\"status\"}\n");
+    }
+    bad.push_back(std::move(client));
+    if (bad.size() > 200) bad.erase(bad.begin());
+    if (i % 25 == 0) {
+      good.send("{\"v\":1,\"do\":\"alive\"}\n");
+      for (int turn = 0; turn < 20; ++turn) {
+        run();
+        if (!good.lines().empty()) break;
+        ++turns_waited;
+        ASSERT_LT(turn, 10) << "the good client waits";
+        ASSERT_FALSE(good.closed);
+      }
+    }
+    control->serve(0ms, -1);
+  }
+  EXPECT_LT(turns_waited, 120);
+  EXPECT_EQ(loop->snapshot().state, RigState::faulted);
+}
+
+TEST_F(ControlTest, AClientThatHalfClosesStillGetsItsAnswer) {
+  open();
+  Client client(settings.path);
+  client.send("{\"v\":1,\"id\":3,\"do\":\"clear\"}\n");
+  run(4);
+  EXPECT_EQ(client.lines().at(0)["state"], "idle");
+}
+
+TEST_F(ControlTest, TheSocketIsForTheGroupAndGoesWithTheDaemon) {
+  open();
+  struct stat info {};
+  ASSERT_EQ(::stat(settings.path.c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777U, 0660U);
+  EXPECT_THROW(open(), InputError);  // somebody listens
+  control.reset();
+  EXPECT_FALSE(std::filesystem::exists(settings.path));
+  // One that a daemon left behind when it was killed is replaced.
+  const int stale = ::socket(AF_UNIX, SOCK_STREAM, 0);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  settings.path.string().copy(address.sun_path, sizeof address.sun_path - 1);
+  ASSERT_EQ(::bind(stale, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  ::close(stale);
+  open();
+  EXPECT_TRUE(Client(settings.path).connected);
+  settings.path = folder / "no" / "folder";
+  EXPECT_THROW(open(), InputError);
+}
+
+TEST_F(ControlTest, WatchersHearEventsAndStatus) {
+  open();
+  Client client(settings.path);
+  ask(client, {{"do", "watch"}});
+  Event event;
+  event.code = "overrun";
+  control->publish(event);
+  control->publish(status_of(loop->snapshot(), ledger, loop->timing()));
+  const auto lines = client.lines();
+  ASSERT_EQ(lines.size(), 2U);
+  EXPECT_EQ(lines[0]["event"]["code"], "overrun");
+  EXPECT_EQ(lines[1]["status"]["state"], "faulted");
+}
+
+}  // namespace
+}  // namespace stickslip::daemon

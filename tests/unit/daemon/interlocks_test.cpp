@@ -1,0 +1,177 @@
+#include "daemon/interlocks.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <string>
+
+namespace stickslip::daemon {
+namespace {
+
+using drivers::Outcome;
+using testing::HasSubstr;
+
+constexpr std::int64_t ms = 1'000'000;
+constexpr std::uint8_t two_channels = 0b11;
+
+InterlockSettings strict() {
+  InterlockSettings out;
+  out.longest_silence_ns = 100 * ms;
+  out.stale_after_ns = 50 * ms;
+  out.longest_overrun_ns = 5 * ms;
+  out.dead_man_ns = 500 * ms;
+  out.not_finite = true;
+  out.observer_diverged = true;
+  out.recorder_failing = true;
+  out.range[index_of(Channel::velocity)] = {-0.5, 0.5};
+  return out;
+}
+
+Frame good() {
+  Frame frame;
+  frame.set(Channel::displacement, 0.001);
+  frame.set(Channel::velocity, 0.1);
+  return frame;
+}
+
+struct Watched {
+  explicit Watched(const InterlockSettings& settings = strict())
+      : interlocks(settings, two_channels) {
+    interlocks.read_answered({}, 0);
+    interlocks.frame(good(), 0, 0);
+  }
+  Interlock now(std::int64_t at) const { return interlocks.broken(at).interlock; }
+  std::string cause(std::int64_t at) const { return interlocks.broken(at).cause.c_str(); }
+  Interlocks interlocks;
+};
+
+TEST(Interlocks, AllHoldOnAGoodRig) { EXPECT_EQ(Watched().now(ms), Interlock::none); }
+
+// One line for each: what breaks it, what it is called, what the cause says.
+TEST(Interlocks, EachIsBrokenByWhatItWatchesAndHoldsAgainAfterwards) {
+  struct Case {
+    Interlock interlock;
+    std::function<void(Interlocks&)> break_it;
+    std::function<void(Interlocks&)> mend_it;
+    std::string words;
+  };
+  const auto fresh = [](Interlocks& i) { i.frame(good(), 0, 10 * ms); };
+  const std::vector<Case> cases = {
+      {Interlock::emergency_stop,
+       [](Interlocks& i) {
+         i.signals({true, false});
+       },
+       [](Interlocks& i) { i.signals({}); }, "emergency stop"},
+      {Interlock::amplifier_fault,
+       [](Interlocks& i) {
+         i.signals({false, true});
+       },
+       [](Interlocks& i) { i.signals({}); }, "amplifier"},
+      {Interlock::device_lost,
+       [](Interlocks& i) {
+         i.read_answered({Outcome::lost, "cable pulled"}, ms);
+       },
+       [](Interlocks& i) { i.read_answered({}, ms); }, "cable pulled"},
+      {Interlock::device_lost,
+       [](Interlocks& i) {
+         i.write_answered({Outcome::fatal, "DAC gone"}, ms);
+       },
+       [](Interlocks& i) { i.device_is_back(); }, "DAC gone"},
+      {Interlock::device_silent,
+       [](Interlocks& i) {
+         i.read_answered({Outcome::temporary, "checksum"}, -90 * ms);
+       },
+       [](Interlocks& i) { i.read_answered({}, ms); }, "checksum"},
+      {Interlock::device_silent,
+       [](Interlocks& i) {
+         i.read_answered({Outcome::no_data, ""}, -90 * ms);
+       },
+       [](Interlocks& i) { i.read_answered({}, ms); }, "yields no data"},
+      {Interlock::stale_channel,
+       [](Interlocks& i) {
+         Frame frame = good();
+         frame.age_us[1] = 60'000;
+         i.frame(frame, 0, 10 * ms);
+       },
+       fresh, "velocity was last measured 60 ms ago"},
+      {Interlock::not_finite, [](Interlocks& i) { i.frame(good(), 0b10, 10 * ms); }, fresh,
+       "velocity is not a finite number"},
+      {Interlock::out_of_range,
+       [](Interlocks& i) {
+         Frame frame = good();
+         frame.set(Channel::velocity, 0.75);
+         i.frame(frame, 0, 10 * ms);
+       },
+       fresh, "velocity was 0.75 m/s, beyond its limits of -0.5 and 0.5"},
+      {Interlock::overrun, [](Interlocks& i) { i.cycle_late(7 * ms); },
+       [](Interlocks& i) { i.cycle_late(0); }, "7 ms late"},
+      {Interlock::drive_not_finite, [](Interlocks& i) { i.drive(false); },
+       [](Interlocks& i) { i.drive(true); }, "not a finite number"},
+      {Interlock::recorder_failing, [](Interlocks& i) { i.recorder(true); },
+       [](Interlocks& i) { i.recorder(false); }, "loses frames"},
+      {Interlock::observer_diverged, [](Interlocks& i) { i.observer_restarted(true); },
+       [](Interlocks& i) { i.observer_restarted(false); }, "diverged"},
+      {Interlock::client_gone, [](Interlocks& i) { i.dead_man(-500 * ms); },
+       [](Interlocks& i) { i.dead_man({}); }, "silent"},
+  };
+  for (const Case& each : cases) {
+    SCOPED_TRACE(name_of(each.interlock));
+    Watched rig;
+    each.break_it(rig.interlocks);
+    EXPECT_EQ(rig.now(10 * ms), each.interlock);
+    EXPECT_THAT(rig.cause(10 * ms), HasSubstr(each.words));
+    each.mend_it(rig.interlocks);
+    EXPECT_EQ(rig.now(10 * ms), Interlock::none) << rig.cause(10 * ms);
+  }
+}
+
+TEST(Interlocks, WhatTheOwnerDidNotAskForBreaksNothing) {
+  Watched rig{InterlockSettings()};
+  rig.interlocks.cycle_late(1000 * ms);
+  rig.interlocks.recorder(true);
+  rig.interlocks.observer_restarted(true);
+  Frame wild = good();
+  wild.set(Channel::velocity, 1e9);
+  rig.interlocks.frame(wild, 0b11, ms);
+  EXPECT_EQ(rig.now(10'000 * ms), Interlock::none);
+}
+
+TEST(Interlocks, TemporaryFailuresBreakOnlyWhenTheyLast) {
+  Watched rig;
+  for (std::int64_t t = 0; t < 1000; t += 40) {
+    rig.interlocks.frame(good(), 0, t * ms);
+    rig.interlocks.read_answered({Outcome::temporary, "checksum"}, t * ms);
+    rig.interlocks.read_answered({Outcome::no_data, ""}, (t + 10) * ms);
+    EXPECT_EQ(rig.now((t + 30) * ms), Interlock::none);
+    rig.interlocks.read_answered({}, (t + 30) * ms);  // one good reading ends the count
+  }
+  rig.interlocks.read_answered({Outcome::temporary, "checksum"}, 2000 * ms);
+  rig.interlocks.write_answered({}, 2050 * ms);  // a write that works says nothing about reads
+  rig.interlocks.frame(good(), 0, 2099 * ms);
+  EXPECT_EQ(rig.now(2099 * ms), Interlock::none);
+  EXPECT_EQ(rig.now(2100 * ms), Interlock::device_silent);
+}
+
+TEST(Interlocks, AChannelThatTheDeviceDoesNotYieldIsNeverStale) {
+  Watched rig;
+  for (std::int64_t t = 0; t < 1000; t += 10) {
+    Frame frame = good();
+    frame.set(Channel::normal_load, 1.0);
+    if (t > 100) frame.invalidate(Channel::normal_load);
+    rig.interlocks.frame(frame, 0, t * ms);
+    ASSERT_EQ(rig.now(t * ms), Interlock::none);
+  }
+}
+
+TEST(Interlocks, TheMostSeriousIsNamed) {
+  Watched rig;
+  rig.interlocks.cycle_late(7 * ms);
+  rig.interlocks.read_answered({Outcome::lost, "gone"}, ms);
+  EXPECT_EQ(rig.now(ms), Interlock::device_lost);
+  rig.interlocks.signals({true, true});
+  EXPECT_EQ(rig.now(ms), Interlock::emergency_stop);
+}
+
+}  // namespace
+}  // namespace stickslip::daemon

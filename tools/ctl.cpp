@@ -1,0 +1,274 @@
+// `stickslip ctl`: tells a running daemon what to do, and what it says.
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+
+#include "physics/frame.h"
+#include "physics/problem.h"
+#include "tools/command.h"
+#include "tools/control_client.h"
+#include "tools/lcm_client.h"
+#include "tools/option_checks.h"
+
+namespace stickslip::tools {
+namespace {
+
+using namespace std::chrono_literals;
+using nlohmann::json;
+
+struct Arguments {
+  std::string socket;
+  bool json_output = false;
+  bool dead_man = false;
+  bool wait = false;
+  double seconds = 1.0;
+  double duration_s = 0.0;
+  std::string key;
+  double value = 0.0;
+};
+
+std::string number(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.6g", value);
+  return text.data();
+}
+
+void say(const char* what, const std::string& text) {
+  if (!text.empty()) std::printf("%-11s %s\n", what, text.c_str());
+}
+
+std::string microseconds(const json& timing, const char* key) {
+  return number(timing.value(key, 0.0) * 1e6);
+}
+
+std::string account_text(const json& account, const char* verb) {
+  if (!account.value("enabled", false)) return "off";
+  std::string out = std::to_string(account.value("delivered", std::uint64_t{0})) + ' ' + verb;
+  for (const auto& [why, lost] : account.at("lost").items()) {
+    if (lost != 0) out += ", " + lost.dump() + " lost (" + why + ')';
+  }
+  return out;
+}
+
+void print_state(const json& answer) {
+  say("state", answer.value("state", ""));
+  if (const std::string cause = answer.value("cause", ""); !cause.empty()) {
+    say("fault", answer.value("interlock", "") + ": " + cause);
+  }
+  if (const std::string broken = answer.value("broken", ""); !broken.empty()) {
+    say("broken now", broken + ": " + answer.value("broken_cause", ""));
+  }
+}
+
+void print_status(const json& answer) {
+  print_state(answer);
+  say("amplifier", answer.value("amplifier_on", false) ? "on" : "off");
+  if (!answer.value("device_here", true)) say("device", "gone");
+  const json& drive = answer.at("drive");
+  say("drive", number(drive.value("value", 0.0)) + ", amplitude " +
+                   number(drive.value("amplitude", 0.0)) + " at " +
+                   number(drive.value("carrier_hz", 0.0)) + " Hz");
+  for (const auto& [stem, value] : answer.at("channels").items()) {
+    const auto channel = channel_named(stem);
+    say("channel", stem + " " + number(value.get<double>()) + " " +
+                       (channel ? std::string(info(*channel).unit) : std::string()));
+  }
+  const json& status = answer.at("status");
+  const json& ledger = status.at("ledger");
+  say("frames", std::to_string(ledger.value("produced", std::uint64_t{0})) + " produced in " +
+                    number(status.value("uptime_s", 0.0)) + " s");
+  say("publishing", account_text(ledger.at("published"), "published"));
+  say("recording", account_text(ledger.at("recorded"), "recorded"));
+  const json& timing = status.at("timing");
+  say("timing", "woken late by at most " + microseconds(timing, "lateness_p99_s") + " us (99 %), " +
+                    microseconds(timing, "lateness_max_s") + " us (longest); " +
+                    std::to_string(timing.value("overruns", std::uint64_t{0})) + " overruns" +
+                    (timing.value("degraded", false) ? "; degraded" : ""));
+}
+
+/// The answer as it was asked for; the exit status.
+int report(const Arguments& arguments, const json& answer, void (*print)(const json&)) {
+  if (arguments.json_output) {
+    std::printf("%s\n", answer.dump().c_str());
+  } else if (answer.value("ok", false)) {
+    print(answer);
+  }
+  if (answer.value("ok", false)) return 0;
+  if (!arguments.json_output) {
+    std::fprintf(stderr, "stickslip: the daemon refuses: %s\n",
+                 answer.value("error", "it does not say why").c_str());
+  }
+  return 1;
+}
+
+int simple(const Arguments& arguments, const std::string& command) {
+  ControlClient client(control_socket(arguments.socket));
+  return report(arguments, client.ask(command), print_state);
+}
+
+int status(const Arguments& arguments) {
+  ControlClient client(control_socket(arguments.socket));
+  return report(arguments, client.ask("status"), print_status);
+}
+
+/// Waits until the rig has left `state`, for as long as it takes it to come down.
+json wait_while(ControlClient& client, const std::string& state) {
+  json answer = client.ask("alive");
+  while (answer.value("state", "") == state) {
+    std::this_thread::sleep_for(50ms);
+    answer = client.ask("alive");
+  }
+  return answer;
+}
+
+int stop(const Arguments& arguments) {
+  ControlClient client(control_socket(arguments.socket));
+  json answer = client.ask("stop");
+  if (arguments.wait && answer.value("ok", false)) answer = wait_while(client, "stopping");
+  return report(arguments, answer, print_state);
+}
+
+// The handle is held for as long as this runs and nobody interrupts it.
+int start(const Arguments& arguments) {
+  if (!arguments.dead_man) return simple(arguments, "start");
+  const StopSignals stop_signals;
+  ControlClient client(control_socket(arguments.socket));
+  json answer = client.ask("start", {{"dead_man", true}});
+  const int result = report(arguments, answer, print_state);
+  if (result != 0) return result;
+  if (!arguments.json_output) {
+    std::printf("holding the dead-man's handle; Ctrl-C stops the rig\n");
+  }
+  std::fflush(stdout);
+  while (!stopped_before(stop_signals, std::chrono::steady_clock::now() + 200ms)) {
+    answer = client.ask("alive");
+    const std::string state = answer.value("state", "");
+    if (state != "running" && state != "stopping") {
+      report(arguments, answer, print_state);
+      return state == "faulted" ? 1 : 0;
+    }
+  }
+  client.ask("stop");
+  return report(arguments, wait_while(client, "stopping"), print_state);
+}
+
+int set(const Arguments& arguments) {
+  ControlClient client(control_socket(arguments.socket));
+  return report(arguments, client.ask("set", {{"key", arguments.key}, {"value", arguments.value}}),
+                print_state);
+}
+
+void print_average(const json& answer) {
+  for (const auto& [stem, raw] : answer.at("average").at("raw").items()) {
+    std::printf("%-18s %.9g +- %.3g raw (one reading), %llu readings\n", stem.c_str(),
+                raw.value("mean", 0.0), raw.value("deviation", 0.0),
+                static_cast<unsigned long long>(raw.value("count", std::uint64_t{0})));
+  }
+}
+
+int average(const Arguments& arguments) {
+  ControlClient client(control_socket(arguments.socket));
+  const auto patience =
+      10s + std::chrono::milliseconds(static_cast<std::int64_t>(arguments.seconds * 1e3));
+  return report(arguments, client.ask("average", {{"seconds", arguments.seconds}}, patience),
+                print_average);
+}
+
+void print_changes(const json& answer) {
+  for (const json& line : answer.at("changes"))
+    std::printf("%s\n", line.get<std::string>().c_str());
+}
+
+int reload(const Arguments& arguments) {
+  ControlClient client(control_socket(arguments.socket));
+  return report(arguments, client.ask("reload"), print_changes);
+}
+
+void print_watched(const json& line) {
+  if (const auto event = line.find("event"); event != line.end()) {
+    std::printf("%-11s %s: %s\n", event->value("severity", "").c_str(),
+                event->value("code", "").c_str(), event->value("message", "").c_str());
+  } else if (const auto status = line.find("status"); status != line.end()) {
+    const json& drive = line.at("drive");
+    std::printf(
+        "%-11s %llu frames, amplitude %s at %s Hz%s\n", line.value("state", "").c_str(),
+        static_cast<unsigned long long>(status->at("ledger").value("produced", std::uint64_t{0})),
+        number(drive.value("amplitude", 0.0)).c_str(),
+        number(drive.value("carrier_hz", 0.0)).c_str(),
+        status->at("timing").value("degraded", false) ? ", timing degraded" : "");
+  }
+}
+
+int watch(const Arguments& arguments) {
+  const StopSignals stop_signals;
+  ControlClient client(control_socket(arguments.socket));
+  const json answer = client.ask("watch");
+  const int result = report(arguments, answer, print_state);
+  if (result != 0) return result;
+  const auto until = after(std::chrono::steady_clock::now(), arguments.duration_s);
+  while (std::chrono::steady_clock::now() < until) {
+    if (stopped_before(stop_signals, std::chrono::steady_clock::now())) break;
+    if (const auto line = client.next(100ms)) {
+      if (arguments.json_output) {
+        std::printf("%s\n", line->dump().c_str());
+      } else {
+        print_watched(*line);
+      }
+      std::fflush(stdout);
+    }
+  }
+  return 0;
+}
+
+}  // namespace
+
+void add_ctl(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* ctl = app.add_subcommand("ctl", "Tell a running daemon what to do");
+  ctl->require_subcommand(1);
+  ctl->add_option("--socket", arguments->socket,
+                  "The daemon's control socket; else $STICKSLIP_CONTROL, else "
+                  "/run/stickslip/control.sock");
+  ctl->add_flag("--json", arguments->json_output, "Print the daemon's answers as they are");
+  const auto command = [&](const char* name, const char* sentence,
+                           std::function<int(const Arguments&)> run) {
+    CLI::App* const out = ctl->add_subcommand(name, sentence);
+    out->fallthrough();
+    out->callback([&action, arguments, run] { action = [=] { return run(*arguments); }; });
+    return out;
+  };
+  command("status", "State, fault, channels, ledger and timing", status);
+  for (const auto& [name, sentence] :
+       {std::pair{"clear", "Say that a person has looked at the fault; refused while it lasts"},
+        std::pair{"arm", "Allow a start; refused while an interlock is broken"},
+        std::pair{"disarm", "Take that back; ramps down what moves"}}) {
+    command(name, sentence,
+            [name = std::string(name)](const Arguments& a) { return simple(a, name); });
+  }
+  CLI::App* const starting = command("start", "Let an armed rig move", start);
+  starting->add_flag("--dead-man", arguments->dead_man,
+                     "Only while this command runs: it stays, and Ctrl-C stops the rig");
+  CLI::App* const stopping = command("stop", "Ramp down and switch the amplifier off", stop);
+  stopping->add_flag("--wait", arguments->wait, "Return when the rig is at rest");
+  CLI::App* const setting = command("set", "Change the excitation while it runs", set);
+  setting->add_option("KEY", arguments->key, "As in the rig file: excitation.carrier_hz")
+      ->required();
+  setting->add_option("VALUE", arguments->value, "In the key's unit")
+      ->required()
+      ->check(finite_number());
+  CLI::App* const averaging = command("average", "Mean of the raw readings", average);
+  averaging->add_option("--seconds", arguments->seconds, "For how long (1)")
+      ->check(positive_number());
+  command("reload", "Read the configuration again, as SIGHUP does", reload);
+  CLI::App* const watching =
+      command("watch", "Events as they come, the status every second", watch);
+  watching->add_option("--duration", arguments->duration_s, "End after so many seconds")
+      ->check(positive_number());
+}
+
+}  // namespace stickslip::tools
