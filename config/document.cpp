@@ -20,6 +20,7 @@ namespace stickslip::config {
 namespace {
 
 constexpr std::uintmax_t largest_file = 1U << 20U;
+constexpr std::size_t most_faults = 256;  // each is looked at in every cycle
 
 struct Place {
   int line = 0;
@@ -209,6 +210,12 @@ std::optional<std::size_t> choice_in(const toml::node* node, const Key& key) {
   return static_cast<std::size_t>(at - choices.begin());
 }
 
+/// How messages call a [[fault]] table: fault.noise.
+std::string fault_label(const toml::table& fault) {
+  const auto choice = choice_in(fault.get("kind"), *find_key(fault_keys(), "kind"));
+  return choice ? joined("fault", choice_at(fault_keys(), "kind", *choice)) : "fault";
+}
+
 /// Holds one table of TOML, and the tables in it, against keys.
 class Check {
  public:
@@ -326,6 +333,12 @@ class Check {
         break;
       case Type::terms:
         terms(node, key, path);
+        break;
+      case Type::span:
+        span(node, key, path);
+        break;
+      case Type::faults:
+        faults(node, key, path);
         break;
     }
   }
@@ -453,6 +466,36 @@ class Check {
     }
   }
 
+  void span(const toml::node& node, const Key& key, const std::string& path) {
+    const toml::array* list = node.as_array();
+    if (list == nullptr || list->size() != 2) return expected(node, key, path);
+    const toml::node& from = *list->get(0);
+    const toml::node& to = *list->get(1);
+    if (in_range(from, key) && in_range(to, key) && *number_in(&from) < *number_in(&to)) return;
+    wrong_.insert(path);
+    problem(node, full(path) + ": expected " + expectation(key) + ", found [" + found_text(from) +
+                      ", " + found_text(to) + "]");
+  }
+
+  void faults(const toml::node& node, const Key& key, const std::string& path) {
+    const toml::array* list = node.as_array();
+    if (list == nullptr) return expected(node, key, path);
+    if (list->size() > most_faults) {
+      problem(*list->get(most_faults), full(path) + ": more than " + std::to_string(most_faults) +
+                                           " in one script, found " + std::to_string(list->size()) +
+                                           ": one fault can be repeated with every_s");
+    }
+    for (const toml::node& each : *list) {
+      if (const toml::table* fault = each.as_table()) {
+        const auto kind = (*fault)["kind"].value<std::string_view>().value_or("");
+        const auto keys = fault_keys_of(kind);
+        Check(keys, *fault, fault_label(*fault), name_, problems_).run();
+      } else {
+        expected(each, key, path);
+      }
+    }
+  }
+
   /// What the condition of a key depends on, and whether it holds; nothing where that is not known.
   std::optional<bool> holds(std::string_view condition) const {
     if (condition.empty()) return true;
@@ -557,7 +600,7 @@ std::string read_text(const std::filesystem::path& file) {
   if (std::filesystem::is_directory(status)) throw refuse("is a folder, expected a TOML file");
   if (std::filesystem::is_regular_file(status) &&
       std::filesystem::file_size(file, error) > largest_file) {
-    throw refuse("is larger than 1 MiB: expected a rig or a model in TOML");
+    throw refuse("is larger than 1 MiB: expected a rig, a model or a fault script in TOML");
   }
   errno = 0;
   std::ifstream stream(file, std::ios::binary);
@@ -567,7 +610,7 @@ std::string read_text(const std::filesystem::path& file) {
   while (stream.read(block.data(), block.size()) || stream.gcount() > 0) {
     text.append(block.data(), static_cast<std::size_t>(stream.gcount()));
     if (text.size() > largest_file) {
-      throw refuse("is larger than 1 MiB: expected a rig or a model in TOML");
+      throw refuse("is larger than 1 MiB: expected a rig, a model or a fault script in TOML");
     }
   }
   if (stream.bad()) throw refuse(std::string("cannot be read: ") + std::strerror(errno));
@@ -627,6 +670,15 @@ void Document::report(std::string_view path, const std::string& message) {
       {name_, place.line, place.column, one_line(std::string(path) + ": " + message)});
 }
 
+void Document::report_fault(std::size_t position, std::string_view key,
+                            const std::string& message) {
+  const toml::table& fault = *contents_->root["fault"].as_array()->get(position)->as_table();
+  const toml::node* value = fault.get(key);
+  const Place place = place_of(value != nullptr ? value->source() : fault.source());
+  problems_.push_back({name_, place.line, place.column,
+                       one_line(joined(fault_label(fault), key) + ": " + message)});
+}
+
 void Document::add(const std::vector<Problem>& problems) {
   problems_.insert(problems_.end(), problems.begin(), problems.end());
 }
@@ -645,6 +697,10 @@ std::vector<Problem> Document::take_problems() {
 
 bool Document::has(std::string_view path) const {
   return node_at(contents_->root, path) != nullptr;
+}
+
+bool Document::fault_has(std::size_t position, std::string_view key) const {
+  return contents_->root["fault"].as_array()->get(position)->as_table()->contains(key);
 }
 
 std::optional<double> Document::number(std::string_view path) const {
@@ -725,10 +781,43 @@ std::vector<physics::Term> Document::terms() const {
   return out;
 }
 
+std::vector<Fault> Document::faults() const {
+  std::vector<Fault> out;
+  const toml::array* list = contents_->root["fault"].as_array();
+  if (list == nullptr) return out;
+  const auto choice = [](const toml::table& table, std::string_view key) {
+    return choice_in(table.get(key), *find_key(fault_keys(), key));
+  };
+  for (const toml::node& each : *list) {
+    const toml::table& table = *each.as_table();
+    Fault fault;
+    fault.kind = static_cast<FaultKind>(choice(table, "kind").value_or(0));
+    if (const auto channel = choice(table, "channel")) fault.channel = all_channels.at(*channel);
+    fault.from_s = number_in(table.get("at_s")).value_or(0.0);
+    fault.to_s = fault.from_s;
+    if (const toml::array* between = table["between_s"].as_array()) {
+      fault.from_s = number_in(between->get(0)).value_or(0.0);
+      fault.to_s = number_in(between->get(1)).value_or(0.0);
+    }
+    fault.duration_s = number_in(table.get("duration_s"));
+    fault.every_s = number_in(table.get("every_s"));
+    fault.probability = number_in(table.get("probability")).value_or(fault.probability);
+    fault.amount = number_in(table.get("amount")).value_or(fault.amount);
+    fault.told = table["told"].value_or(fault.told);
+    fault.stall_blocking = table["stall_blocking"].value_or(fault.stall_blocking);
+    // A stall's length is its amount; what lasts is alike for all from here on.
+    if (fault.kind == FaultKind::stall) fault.duration_s = fault.amount;
+    out.push_back(fault);
+  }
+  return out;
+}
+
 std::optional<FileKind> kind_of(std::string_view text) {
   // Line by line, so that a file with a syntax error is still known for what it is.
   std::size_t rig = 0;
   std::size_t model = 0;
+  std::size_t faults = 0;
+  bool seed = false;
   const auto model_tables = names_within(model_keys(), "");
   const auto rig_tables = names_within(rig_keys(), "");
   const auto has = [](const std::vector<std::string>& names, std::string_view name) {
@@ -744,8 +833,13 @@ std::optional<FileKind> kind_of(std::string_view text) {
     const std::string_view name = line.substr(0, line.find_first_of(".]= \t"));
     if (has(rig_tables, name)) ++rig;
     if (has(model_tables, name)) ++model;
+    if (name == "fault") ++faults;
+    if (name == "seed") seed = true;  // of a script without any fault yet; rigs have a seed, too
   }
-  if (rig == 0 && model == 0) return std::nullopt;
+  if (faults > std::max(rig, model)) return FileKind::fault_script;
+  if (rig == 0 && model == 0) {
+    return seed ? std::optional(FileKind::fault_script) : std::nullopt;
+  }
   return rig > model ? FileKind::rig : FileKind::model;
 }
 

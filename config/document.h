@@ -12,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include "config/fault_script.h"
 #include "config/key.h"
 #include "config/rig.h"
 #include "physics/frame.h"
@@ -38,6 +39,10 @@ class Document {
   /// there. "physics.ID.NAME" leads into the [[physics]] table of that id.
   void report(std::string_view path, const std::string& message);
 
+  /// Adds a problem at a key of one of the [[fault]] tables, or at the table where the key is not
+  /// there. Only for tables that are there.
+  void report_fault(std::size_t position, std::string_view key, const std::string& message);
+
   /// Adds problems of another file that this one names.
   void add(const std::vector<Problem>& problems);
 
@@ -45,6 +50,8 @@ class Document {
   std::vector<Problem> take_problems();
 
   bool has(std::string_view path) const;
+  /// Whether that one of the [[fault]] tables, which is there, has the key.
+  bool fault_has(std::size_t position, std::string_view key) const;
 
   // Only while the document is sound: the value at a path, nothing where the key is absent.
   std::optional<double> number(std::string_view path) const;
@@ -57,6 +64,7 @@ class Document {
   std::vector<physics::Filter> filters(std::string_view path) const;
   std::vector<EnvelopePoint> envelope(std::string_view path) const;
   std::vector<physics::Term> terms() const;
+  std::vector<Fault> faults() const;
 
  private:
   struct Contents;
@@ -66,8 +74,8 @@ class Document {
   std::unique_ptr<Contents> contents_;
 };
 
-/// Which kind of file a text is, from its tables; nothing where it could be neither.
-enum class FileKind { rig, model };
+/// Which kind of file a text is, from its tables; nothing where it could be none of them.
+enum class FileKind { rig, model, fault_script };
 std::optional<FileKind> kind_of(std::string_view text);
 
 }  // namespace stickslip::config

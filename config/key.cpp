@@ -268,6 +268,10 @@ constexpr std::array rig_table = {
         .sentence = "The device that yields the channels.",
         .need = Need::always,
         .choices = "simulated|replay"},
+    Key{.path = "driver.faults",
+        .type = Type::file,
+        .sentence = "Fault script: what befalls the device, to see what the daemon makes of it.",
+        .fallback = "none"},
     Key{.path = "driver.simulated.truth",
         .type = Type::file,
         .sentence = "Model file: what the simulated rig really does.",
@@ -526,6 +530,149 @@ constexpr std::array rig_table = {
         .fallback = "true"},
 };
 
+constexpr std::string_view any_channel =
+    "displacement|velocity|friction_force|normal_load|base_displacement|drive_force";
+
+constexpr std::array fault_script_table = {
+    Key{.path = "schema",
+        .type = Type::integer,
+        .unit = "1",
+        .sentence = "Version of the format of this file.",
+        .need = Need::always,
+        .low = 1,
+        .high = 1},
+    Key{.path = "seed",
+        .type = Type::integer,
+        .unit = "1",
+        .sentence =
+            "Seed of all that is left to chance; the same seed and frames, the same faults.",
+        .fallback = "1",
+        .low = 0,
+        .high = 9.0e15},
+    Key{.path = "fault",
+        .type = Type::faults,
+        .sentence = "One [[fault]] table for each fault, 256 at most.",
+        .fallback = "none"},
+};
+
+constexpr double longest_script_s = 1.0e7;
+
+constexpr std::array fault_table = {
+    Key{.path = "kind",
+        .type = Type::choice,
+        .sentence = "What befalls the device.",
+        .need = Need::always,
+        .choices = "noise|stick|drift|delay|drop|duplicate|reorder|saturate|nan|clock_jump|unplug|"
+                   "stall|emergency_stop|amplifier_fault|read_error|write_error"},
+    Key{.path = "channel",
+        .type = Type::choice,
+        .sentence = "The channel that it befalls; noise, stick, drift, delay, saturate, nan only.",
+        .fallback = "all of the device's",
+        .when = "kind=noise|stick|drift|delay|saturate|nan",
+        .only_then = true,
+        .choices = any_channel},
+    Key{.path = "at_s",
+        .type = Type::number,
+        .unit = "s",
+        .sentence = "When it begins, from the first frame on; or between_s.",
+        .low = 0,
+        .high = longest_script_s},
+    Key{.path = "between_s",
+        .type = Type::span,
+        .unit = "s",
+        .sentence = "It begins at a moment drawn between these two, at each repetition anew; or "
+                    "at_s.",
+        .low = 0,
+        .high = longest_script_s},
+    Key{.path = "duration_s",
+        .type = Type::number,
+        .unit = "s",
+        .sentence = "How long it lasts; a stall lasts its amount.",
+        .fallback = "to the end of the run",
+        .when = "kind=noise|stick|drift|delay|drop|duplicate|reorder|saturate|nan|clock_jump|"
+                "unplug|emergency_stop|amplifier_fault|read_error|write_error",
+        .only_then = true,
+        .low = 0,
+        .high = longest_script_s,
+        .above_low = true},
+    Key{.path = "every_s",
+        .type = Type::number,
+        .unit = "s",
+        .sentence = "From one beginning to the next; needs a duration that fits in.",
+        .fallback = "once",
+        .low = 1.0e-6,
+        .high = longest_script_s},
+    Key{.path = "probability",
+        .type = Type::number,
+        .unit = "1",
+        .sentence = "For each frame (read_error: each read, write_error: each write) while it "
+                    "lasts; noise, nan, drop, duplicate, reorder, read_error, write_error only.",
+        .fallback = "1",
+        .when = "kind=noise|nan|drop|duplicate|reorder|read_error|write_error",
+        .only_then = true,
+        .low = 0,
+        .high = 1,
+        .above_low = true},
+    Key{.path = "amount",
+        .type = Type::number,
+        .unit = "its kind's",
+        .sentence = "How much, by kind, as below.",
+        .need = Need::always,
+        .when = "kind=noise|drift|delay|saturate|clock_jump|stall",
+        .only_then = true},
+    Key{.path = "told",
+        .type = Type::boolean,
+        .sentence = "delay only: whether the frame tells the channel's age.",
+        .fallback = "false",
+        .when = "kind=delay",
+        .only_then = true},
+    Key{.path = "stall_blocking",
+        .type = Type::boolean,
+        .sentence = "stall only: whether one read takes all that time, and not many yield nothing.",
+        .fallback = "false",
+        .when = "kind=stall",
+        .only_then = true},
+};
+
+constexpr std::array fault_amount_table = {
+    Key{.path = "noise",
+        .unit = "the channel's",
+        .sentence = "Standard deviation of the white noise that is added.",
+        .need = Need::always,
+        .low = 0,
+        .above_low = true},
+    Key{.path = "drift",
+        .unit = "the channel's, per s",
+        .sentence = "Rate at which the reading walks away, from 0 at the beginning on; not 0.",
+        .need = Need::always},
+    Key{.path = "delay",
+        .unit = "s",
+        .sentence = "How old the reading is.",
+        .need = Need::always,
+        .low = 0,
+        .high = 10,
+        .above_low = true},
+    Key{.path = "saturate",
+        .unit = "the channel's",
+        .sentence = "Largest magnitude of the reading.",
+        .need = Need::always,
+        .low = 0,
+        .above_low = true},
+    Key{.path = "clock_jump",
+        .unit = "s",
+        .sentence = "By how much the device's clock is ahead, negative: behind; not 0.",
+        .need = Need::always,
+        .low = -1.0e6,
+        .high = 1.0e6},
+    Key{.path = "stall",
+        .unit = "s",
+        .sentence = "How long no data comes.",
+        .need = Need::always,
+        .low = 0,
+        .high = 3600,
+        .above_low = true},
+};
+
 /// As a person writes it.
 std::string bound_text(double value) {
   std::ostringstream text;
@@ -577,7 +724,10 @@ std::string_view name_of(Type type) {
     case Type::envelope:
       return "points";
     case Type::terms:
+    case Type::faults:
       return "tables";
+    case Type::span:
+      return "two numbers";
   }
   return "";
 }
@@ -622,6 +772,24 @@ std::span<const Key> model_keys() { return model_table; }
 std::span<const Key> filter_keys() { return filter_table; }
 std::span<const Key> term_keys() { return term_table; }
 std::span<const Key> rig_keys() { return rig_table; }
+std::span<const Key> fault_script_keys() { return fault_script_table; }
+std::span<const Key> fault_keys() { return fault_table; }
+std::span<const Key> fault_amount_keys() { return fault_amount_table; }
+
+std::vector<Key> fault_keys_of(std::string_view kind) {
+  std::vector<Key> keys(fault_table.begin(), fault_table.end());
+  const Key* amount = find_key(fault_amount_table, kind);
+  if (amount == nullptr) return keys;
+  for (Key& key : keys) {
+    if (key.path != "amount") continue;
+    key.unit = amount->unit;
+    key.sentence = amount->sentence;
+    key.low = amount->low;
+    key.high = amount->high;
+    key.above_low = amount->above_low;
+  }
+  return keys;
+}
 
 bool matches(const Key& key, std::string_view path) {
   const auto star = key.path.find('*');
@@ -698,6 +866,11 @@ std::string expectation(const Key& key) {
       return "a list of points, [[time_s, amplitude], ...]";
     case Type::terms:
       return "[[physics]] tables";
+    case Type::span:
+      text = "two numbers, [from, to], the second larger";
+      break;
+    case Type::faults:
+      return "[[fault]] tables";
   }
   const std::string range = range_text(key);
   if (!range.empty()) text += ", " + range;
@@ -716,9 +889,10 @@ std::string keys_page() {
           "against; a\n"
           "test holds the two together.\n"
           "\n"
-          "`stickslip check FILE...` tells everything that is wrong with a rig or a model at once, "
-          "with\n"
-          "line and column, without a daemon. Files are TOML. A key that does not exist is an "
+          "`stickslip check FILE...` tells everything that is wrong with a rig, a model or a fault "
+          "script at\n"
+          "once, with line and column, without a daemon. Files are TOML. A key that does not exist "
+          "is an "
           "error, so\n"
           "a misspelt one is never passed over in silence. CHANNEL stands for `displacement`,\n"
           "`velocity`, `friction_force`, `normal_load`, `base_displacement` or `drive_force`. "
@@ -750,6 +924,23 @@ std::string keys_page() {
           "Each `[[physics]]` table:\n"
           "\n";
   list(page, term_keys());
+  page
+      << "\n"
+         "## Fault scripts\n"
+         "\n"
+         "What `driver.faults` names; [`config/faults/`](../config/faults) holds one for each kind "
+         "of fault,\n"
+         "and [faults.md](faults.md) says what each does.\n"
+         "\n";
+  list(page, fault_script_keys());
+  page << "\n"
+          "Each `[[fault]]` table:\n"
+          "\n";
+  list(page, fault_keys());
+  page << "\n"
+          "Its `amount`, by kind; channels are in the device's own units, before calibration:\n"
+          "\n";
+  list(page, fault_amount_keys());
   return page.str();
 }
 

@@ -21,6 +21,8 @@ enum class Type {
   filters,    ///< an array of tables with the keys of filter_keys()
   envelope,   ///< an array of [time_s, amplitude]
   terms,      ///< [[physics]] tables with the keys of term_keys() and the effect's parameters
+  span,       ///< [from, to], two numbers, the second larger
+  faults,     ///< [[fault]] tables with the keys of fault_keys()
 };
 
 enum class Need {
@@ -52,6 +54,12 @@ std::span<const Key> model_keys();
 std::span<const Key> filter_keys();
 std::span<const Key> term_keys();
 std::span<const Key> rig_keys();
+std::span<const Key> fault_script_keys();
+std::span<const Key> fault_keys();
+/// What `amount` is, by kind of fault: here a key's path is the kind.
+std::span<const Key> fault_amount_keys();
+/// fault_keys(), with what `amount` is for that kind; as they are where there is no such kind.
+std::vector<Key> fault_keys_of(std::string_view kind);
 
 /// Whether `path` is one that the key's path, "*" included, stands for.
 bool matches(const Key& key, std::string_view path);

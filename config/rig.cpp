@@ -31,6 +31,7 @@ class Reader {
     // The models are read even where the rig itself is not sound: all problems are told at once.
     const bool model = model_at("rig.model", rig.model_file, rig.model, rig.model_text);
     const bool truth = truth_of(rig, model);
+    read_faults(rig);
     if (document_.sound()) {
       read_device(rig);
       read_safety(rig);
@@ -78,6 +79,23 @@ class Reader {
     }
     std::string text;
     return model_at("driver.simulated.truth", rig.simulated.truth_file, rig.simulated.truth, text);
+  }
+
+  void read_faults(Rig& rig) {
+    const std::filesystem::path named = path_at("driver.faults");
+    if (named.empty()) return;
+    std::string text;
+    try {
+      text = read_text(named);
+    } catch (const InputError& error) {
+      document_.report("driver.faults", error.problems().front().text());
+      return;
+    }
+    try {
+      rig.faults = parse_fault_script(text, named.string());
+    } catch (const InputError& error) {
+      document_.add(error.problems());
+    }
   }
 
   void read_device(Rig& rig) {

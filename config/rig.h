@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "config/fault_script.h"
 #include "physics/frame.h"
 #include "physics/model.h"
 
@@ -126,6 +127,7 @@ struct Rig {
   DriverKind driver = DriverKind::simulated;
   SimulatedDriver simulated;
   ReplayDriver replay;
+  std::optional<FaultScript> faults;  ///< what befalls the device, whichever it is
   std::array<ChannelCalibration, channel_count> calibration{};
   Excitation excitation;
   Loop loop;
@@ -136,8 +138,8 @@ struct Rig {
   Observer observer;
 };
 
-/// Reads a rig configuration and the models that it names (paths relative to the file). Throws
-/// InputError with every problem that was found, each with file, line and column.
+/// Reads a rig configuration, the models and the fault script that it names (paths relative to the
+/// file). Throws InputError with every problem that was found, each with file, line and column.
 Rig load_rig(const std::filesystem::path& file);
 
 }  // namespace stickslip::config

@@ -1,4 +1,5 @@
-// `stickslip check`: what is wrong with a rig or a model, all of it at once, without a daemon.
+// `stickslip check`: what is wrong with a rig, a model or a fault script, all of it at once,
+// without a daemon.
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -7,6 +8,7 @@
 #include <vector>
 
 #include "config/document.h"
+#include "config/fault_script.h"
 #include "config/key.h"
 #include "config/model_file.h"
 #include "config/rig.h"
@@ -114,12 +116,23 @@ void summarise(const config::Rig& rig) {
                   " frames a message" +
                   (rig.loop.duration_s ? ", for " + number(*rig.loop.duration_s) + " s" : ""));
   say("driver", driver_summary(rig));
+  if (rig.faults) {
+    say("faults", rig.faults->file.string() + ": " + std::to_string(rig.faults->faults.size()));
+  }
   say("drive", drive_summary(rig));
   say("calibration", calibration_summary(rig));
   say("model", rig.model_file.string() + ": " + model_summary(rig.model));
   say("LCM", rig.lcm.enabled ? rig.lcm.url : "off");
   say("recording", rig.recording.enabled ? rig.recording.file.string() : "off");
   say("observer", rig.observer.enabled ? "on" : "off");
+}
+
+void summarise(const config::FaultScript& script) {
+  say("seed", std::to_string(script.seed));
+  if (script.faults.empty()) say("faults", "none: the device stays as it is");
+  for (std::size_t i = 0; i < script.faults.size(); ++i) {
+    say(("fault " + std::to_string(i + 1)).c_str(), config::in_words(script.faults[i]));
+  }
 }
 
 /// Prints what a file is, or every problem in it. Whether it is sound.
@@ -129,20 +142,31 @@ bool check(const std::string& file) {
     const auto kind = config::kind_of(text);
     if (!kind) {
       throw InputError(Problem{file, 1, 1,
-                               "is neither a rig, which has a table [rig], nor a model, which has "
-                               "[oscillator]"});
+                               "is no rig, which has a table [rig], no model, which has "
+                               "[oscillator], and no fault script, which has [[fault]]"});
     }
-    if (*kind == config::FileKind::rig) {
-      const config::Rig rig = config::load_rig(file);
-      if (rig.driver == config::DriverKind::replay) {
-        protocol::read_recording(rig.replay.recording);
+    switch (*kind) {
+      case config::FileKind::rig: {
+        const config::Rig rig = config::load_rig(file);
+        if (rig.driver == config::DriverKind::replay) {
+          protocol::read_recording(rig.replay.recording);
+        }
+        std::printf("%s: sound\n", file.c_str());
+        summarise(rig);
+        break;
       }
-      std::printf("%s: sound\n", file.c_str());
-      summarise(rig);
-    } else {
-      const physics::Model model = config::parse_model(text, file);
-      std::printf("%s: sound\n", file.c_str());
-      say("model", model_summary(model));
+      case config::FileKind::model: {
+        const physics::Model model = config::parse_model(text, file);
+        std::printf("%s: sound\n", file.c_str());
+        say("model", model_summary(model));
+        break;
+      }
+      case config::FileKind::fault_script: {
+        const config::FaultScript script = config::parse_fault_script(text, file);
+        std::printf("%s: sound\n", file.c_str());
+        summarise(script);
+        break;
+      }
     }
     return true;
   } catch (const InputError& error) {
@@ -170,8 +194,10 @@ int run(const Arguments& arguments) {
 void add_check(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "check", "Tell everything that is wrong with rig and model files, offline and at once");
-  command->add_option("FILE", arguments->files, "Rig configurations or models (TOML)");
+      "check",
+      "Tell everything that is wrong with rigs, models and fault scripts, offline and at once");
+  command->add_option("FILE", arguments->files,
+                      "Rig configurations, models or fault scripts (TOML)");
   command->add_flag("--keys", arguments->keys, "Print every key as docs/configuration.md has them")
       ->group("");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });

@@ -20,14 +20,16 @@ TEST(Keys, PageOfTheDocumentationIsThatOfTheTable) {
 }
 
 TEST(Keys, EveryKeyHasASentenceAndNumbersHaveAUnit) {
-  for (const auto keys : {model_keys(), filter_keys(), term_keys(), rig_keys()}) {
+  for (const auto keys : {model_keys(), filter_keys(), term_keys(), rig_keys(), fault_script_keys(),
+                          fault_keys(), fault_amount_keys()}) {
     std::set<std::string_view> paths;
     for (const Key& key : keys) {
       SCOPED_TRACE(std::string(key.path));
       EXPECT_TRUE(paths.insert(key.path).second) << "stands twice";
       EXPECT_TRUE(key.sentence.ends_with('.'));
       const bool numeric = key.type == Type::number || key.type == Type::integer ||
-                           key.type == Type::parameter || key.type == Type::envelope;
+                           key.type == Type::parameter || key.type == Type::envelope ||
+                           key.type == Type::span;
       EXPECT_EQ(numeric, !key.unit.empty());
       EXPECT_EQ(key.type == Type::choice, !key.choices.empty());
       EXPECT_LE(key.low, key.high);
@@ -36,7 +38,7 @@ TEST(Keys, EveryKeyHasASentenceAndNumbersHaveAUnit) {
 }
 
 TEST(Keys, ConditionsSpeakOfChoicesThatThereAre) {
-  for (const auto keys : {model_keys(), filter_keys(), rig_keys()}) {
+  for (const auto keys : {model_keys(), filter_keys(), rig_keys(), fault_keys()}) {
     for (const Key& key : keys) {
       if (key.when.empty()) continue;
       SCOPED_TRACE(std::string(key.path));
@@ -67,9 +69,29 @@ TEST(Keys, ChoicesStandInTheOrderOfTheEnumerations) {
   EXPECT_EQ(is(model_keys(), "load_cell.dynamics", LoadCellDynamics::resonant), "resonant");
   EXPECT_EQ(is(filter_keys(), "kind", FilterKind::first_order_lowpass), "first_order_lowpass");
   EXPECT_EQ(is(rig_keys(), "driver.kind", DriverKind::replay), "replay");
-  const auto channels = choices_of(find_key(term_keys(), "channel")->choices);
-  ASSERT_EQ(channels.size(), channel_count);
-  for (Channel channel : all_channels) EXPECT_EQ(channels[index_of(channel)], info(channel).stem);
+  EXPECT_EQ(is(fault_keys(), "kind", FaultKind::noise), "noise");
+  EXPECT_EQ(is(fault_keys(), "kind", FaultKind::saturate), "saturate");
+  EXPECT_EQ(is(fault_keys(), "kind", FaultKind::stall), "stall");
+  EXPECT_EQ(is(fault_keys(), "kind", FaultKind::write_error), "write_error");
+  EXPECT_EQ(choices_of(find_key(fault_keys(), "kind")->choices).size(), fault_kind_count);
+  for (const auto keys : {term_keys(), fault_keys()}) {
+    const auto channels = choices_of(find_key(keys, "channel")->choices);
+    ASSERT_EQ(channels.size(), channel_count);
+    for (Channel channel : all_channels) EXPECT_EQ(channels[index_of(channel)], info(channel).stem);
+  }
+}
+
+TEST(Keys, AmountsAreOfKindsThatHaveOne) {
+  const Key* amount = find_key(fault_keys(), "amount");
+  const auto kinds = choices_of(amount->when.substr(amount->when.find('=') + 1));
+  EXPECT_EQ(kinds.size(), fault_amount_keys().size());
+  for (const auto kind : kinds) {
+    const Key* of_kind = find_key(fault_amount_keys(), kind);
+    ASSERT_NE(of_kind, nullptr) << kind;
+    const auto keys = fault_keys_of(kind);
+    EXPECT_EQ(find_key(keys, "amount")->sentence, of_kind->sentence);
+    EXPECT_EQ(find_key(keys, "amount")->when, amount->when);
+  }
 }
 
 TEST(Keys, AStarStandsForAChannelAndNothingElse) {

@@ -9,6 +9,7 @@
 #include <random>
 
 #include "config/document.h"
+#include "config/fault_script.h"
 #include "config/model_file.h"
 #include "physics/problem.h"
 
@@ -39,7 +40,7 @@ class Mutation {
   }
 
   void once(std::string& text) {
-    static constexpr std::array<const char*, 24> pieces = {"[",
+    static constexpr std::array<const char*, 25> pieces = {"[",
                                                            "]",
                                                            "[[",
                                                            "{",
@@ -62,6 +63,7 @@ class Mutation {
                                                            "\xff\xfe",
                                                            "\"\"\"",
                                                            "[[physics]]\n",
+                                                           "[[fault]]\n",
                                                            "= { value = "};
     const std::size_t at = place(text);
     switch (below(6)) {
@@ -130,6 +132,31 @@ TEST(MutatedRig, ItsKeysEndInValuesOrInProblems) {
       EXPECT_GT(problem.line, 0) << "seed " << seed << ": " << problem.text();
     }
   }
+}
+
+TEST(MutatedFaultScript, EndsInAScriptOrInProblems) {
+  const std::string original = content_of("config/faults/everything.toml");
+  ASSERT_FALSE(original.empty());
+  std::size_t refused = 0;
+  constexpr std::uint64_t cases = 2000;
+  for (std::uint64_t seed = 0; seed < cases; ++seed) {
+    try {
+      for (const Fault& fault : parse_fault_script(Mutation(seed).of(original), "mutated").faults) {
+        EXPECT_FALSE(in_words(fault).empty());
+      }
+    } catch (const InputError& error) {
+      ++refused;
+      ASSERT_FALSE(error.problems().empty()) << "seed " << seed;
+      for (const Problem& problem : error.problems()) {
+        EXPECT_GT(problem.line, 0) << "seed " << seed << ": " << problem.text();
+        EXPECT_EQ(problem.message.find('\n'), std::string::npos) << "seed " << seed;
+      }
+    } catch (const std::exception& error) {
+      ADD_FAILURE() << "seed " << seed << ": " << error.what();
+    }
+  }
+  EXPECT_GT(refused, cases / 4) << "mutations that do no harm test nothing";
+  EXPECT_LT(refused, cases);
 }
 
 TEST(DeeplyNested, IsRefusedAndNotFollowed) {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "config/document.h"
+#include "config/fault_script.h"
 #include "config/model_file.h"
 #include "config/rig.h"
 #include "physics/problem.h"
@@ -30,8 +31,11 @@ std::string content_of(const std::filesystem::path& file) {
 
 std::vector<Problem> problems_of(const std::filesystem::path& file) {
   try {
-    if (kind_of(read_text(file)) == FileKind::rig) {
+    const auto kind = kind_of(read_text(file));
+    if (kind == FileKind::rig) {
       (void)load_rig(file);
+    } else if (kind == FileKind::fault_script) {
+      (void)load_fault_script(file);
     } else {
       (void)load_model(file);
     }
@@ -57,7 +61,7 @@ std::vector<std::string> bad_files() {
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     const std::string name = entry.path().stem().string();
     if (entry.path().extension() == ".toml" &&
-        (name.starts_with("model_") || name.starts_with("rig_"))) {
+        (name.starts_with("model_") || name.starts_with("rig_") || name.starts_with("faults_"))) {
       names.push_back(name);
     }
   }
@@ -137,10 +141,13 @@ TEST(Unreadable, NoText) {
   EXPECT_EQ(problems[0].line, 2);
 }
 
-TEST(KindOf, TellsRigsFromModelsWhateverElseIsWrong) {
+TEST(KindOf, TellsRigsModelsAndFaultScriptsWhateverElseIsWrong) {
   EXPECT_EQ(kind_of("schema = 1\n[rig]\nname = \"x\"\n"), FileKind::rig);
   EXPECT_EQ(kind_of("schema = 1\n[oscillator]\nmass_kg = = 1\n"), FileKind::model);
   EXPECT_EQ(kind_of("oscillator.mass_kg = 1\n"), FileKind::model);
+  EXPECT_EQ(kind_of("schema = 1\n[[fault]]\nkind = = \n"), FileKind::fault_script);
+  EXPECT_EQ(kind_of("schema = 1\nseed = 3\n"), FileKind::fault_script);
+  EXPECT_EQ(kind_of("[rig]\nname = \"x\"\n[driver.simulated]\nseed = 1\n"), FileKind::rig);
   EXPECT_EQ(kind_of("schema = 1\n"), std::nullopt);
   EXPECT_EQ(kind_of("time_s,displacement_m\n0.0,1.0\n"), std::nullopt);
   EXPECT_EQ(kind_of(""), std::nullopt);

@@ -68,7 +68,9 @@ class RigFile : public testing::Test {
 TEST_F(RigFile, EveryKeyReachesTheRig) {
   write("other.toml", std::string(model) + "[[physics]]\nid = \"bias_force\"\nforce_n = 2.0\n");
   write("played.csv", "time_s\n");
+  write("faults.toml", "schema = 1\nseed = 5\n[[fault]]\nkind = \"unplug\"\nat_s = 2\n");
   const Rig rig = load(R"(
+driver.faults = "faults.toml"
 driver.simulated.truth = "other.toml"
 driver.simulated.seed = 42
 driver.simulated.noise = false
@@ -109,6 +111,10 @@ enabled = false
   EXPECT_EQ(rig.model_text, model);
   EXPECT_EQ(rig.model, parse_model(model, "m"));
   EXPECT_EQ(rig.driver, DriverKind::simulated);
+  ASSERT_TRUE(rig.faults);
+  EXPECT_EQ(rig.faults->file, folder_ / "faults.toml");
+  EXPECT_EQ(rig.faults->seed, 5U);
+  EXPECT_EQ(rig.faults->faults.at(0).kind, FaultKind::unplug);
   EXPECT_EQ(rig.simulated.truth_file, folder_ / "other.toml");
   EXPECT_EQ(rig.simulated.truth.terms.at(0).id, "bias_force");
   EXPECT_EQ(rig.simulated.seed, 42U);
@@ -138,6 +144,17 @@ enabled = false
   EXPECT_TRUE(rig.recording.enabled);
   EXPECT_EQ(rig.recording.file, folder_ / "out.log");
   EXPECT_FALSE(rig.observer.enabled);
+}
+
+TEST_F(RigFile, ProblemsInItsFaultScriptAreToldWithItsOwn) {
+  write("faults.toml", "schema = 1\n[[fault]]\nkind = \"unplug\"\nat_s = -2\n");
+  EXPECT_THAT(problems(std::string(least) + "driver.faults = \"faults.toml\"\nloop.rate_hz = 0\n"),
+              testing::ElementsAre(testing::StartsWith("rig.toml:6:16: loop.rate_hz: expected"),
+                                   testing::StartsWith("faults.toml:4:8: fault.unplug.at_s")));
+  EXPECT_THAT(
+      problems(std::string(least) + "driver.faults = \"absent.toml\"\n"),
+      testing::ElementsAre("rig.toml:5:17: driver.faults: absent.toml: there is no such file"));
+  EXPECT_FALSE(load("").faults);
 }
 
 TEST_F(RigFile, AnEnvelopeIsRead) {
