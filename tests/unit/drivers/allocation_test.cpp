@@ -1,13 +1,21 @@
-// read and write may not touch the heap. Every allocation of this program passes through the
-// counters below.
+// read and write may not touch the heap, nor make a system call of their own. Every allocation of
+// this program passes through the counters below; system calls are fatal to a process that has
+// forsworn them.
 #include <gtest/gtest.h>
+#include <linux/seccomp.h>
+#include <sys/prctl.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <cstdlib>
 #include <limits>
 #include <vector>
 
+#include "config/fault_script.h"
 #include "config/rig.h"
+#include "drivers/faults/faulty_driver.h"
 #include "drivers/replay/replay_driver.h"
 #include "drivers/simulated/simulated_driver.h"
 
@@ -97,6 +105,77 @@ TEST(Allocation, AReplayTouchesNoHeapWhileItRuns) {
     ReplayDriver driver(frames, speed);
     EXPECT_EQ(touches_of(driver, 1500), 0U);
   }
+}
+
+/// Hangs for no time.
+class NoClock final : public HostClock {
+ public:
+  std::int64_t now_ns() override { return 0; }
+  void sleep_until(std::int64_t /*due_ns*/) override {}
+};
+
+/// Everything that can befall the simulated rig.
+FaultyDriver everything() {
+  const config::Rig rig = config::load_rig(STICKSLIP_SOURCE_DIR "/config/simulated.toml");
+  return {std::make_unique<SimulatedDriver>(rig.simulated, 1.0 / rig.loop.rate_hz),
+          config::load_fault_script(STICKSLIP_SOURCE_DIR "/config/faults/everything.toml"),
+          Pace{1.0 / rig.loop.rate_hz, 1.0}, std::make_shared<NoClock>()};
+}
+
+constexpr int cycles_of_everything = 29000;
+
+TEST(Allocation, FaultsOnDemandTouchNoHeapWhileTheyLast) {
+  FaultyDriver driver = everything();
+  ASSERT_TRUE(driver.open());
+  ASSERT_TRUE(driver.start());
+  touches = 0;
+  Frame frame;
+  for (int i = 0; i < cycles_of_everything; ++i) {
+    counting = true;
+    const Result result = driver.read(frame);
+    driver.write({0.005, i % 1000 < 900});
+    counting = false;
+    // Plugging in may take what it takes.
+    if (result.outcome == Outcome::lost && driver.open()) {
+      ASSERT_TRUE(driver.start());
+    }
+  }
+  EXPECT_EQ(touches, 0U);
+  for (const Applied& applied : driver.applied()) EXPECT_GT(applied.hits, 0U);
+}
+
+/// How a process ends that may only read, write and end, and does this.
+template <class Work>
+int status_without_system_calls(const Work& work) {
+  const pid_t child = fork();
+  if (child == 0) {
+    if (prctl(PR_SET_SECCOMP, SECCOMP_MODE_STRICT) != 0) _exit(77);
+    work();
+    syscall(SYS_exit, 0);
+  }
+  int status = -1;
+  waitpid(child, &status, 0);
+  return status;
+}
+
+TEST(SystemCalls, FaultsOnDemandMakeNone) {
+  const int control = status_without_system_calls([] { getppid(); });
+  if (WIFEXITED(control) && WEXITSTATUS(control) == 77) {
+    GTEST_SKIP() << "this kernel does not let a process forswear system calls";
+  }
+  ASSERT_TRUE(WIFSIGNALED(control)) << "a system call has to be noticed";
+  FaultyDriver driver = everything();
+  ASSERT_TRUE(driver.open());
+  ASSERT_TRUE(driver.start());
+  const int status = status_without_system_calls([&driver] {
+    Frame frame;
+    for (int i = 0; i < cycles_of_everything; ++i) {
+      const Result result = driver.read(frame);
+      driver.write({0.005, i % 1000 < 900});
+      if (result.outcome == Outcome::lost && driver.open()) driver.start();
+    }
+  });
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
 }
 
 }  // namespace
