@@ -40,7 +40,7 @@ class Mutation {
   }
 
   void once(std::string& text) {
-    static constexpr std::array<const char*, 25> pieces = {"[",
+    static constexpr std::array<const char*, 24> pieces = {"[",
                                                            "]",
                                                            "[[",
                                                            "{",
@@ -63,7 +63,6 @@ class Mutation {
                                                            "\xff\xfe",
                                                            "\"\"\"",
                                                            "[[physics]]\n",
-                                                           "[[fault]]\n",
                                                            "= { value = "};
     const std::size_t at = place(text);
     switch (below(6)) {
