@@ -1,0 +1,75 @@
+"""What a fault script lets befall the device is what the recording holds: lost frames leave their gaps,
+channels that are no numbers are not believed, a pulled cable ends the run and says why. The same script
+gives the same recording, to the bit."""
+import unittest
+
+import frames
+from programs import SOURCE, STICKSLIPD, EndToEnd, main, run
+
+FRICTION_FORCE = 2
+
+
+class FaultsThroughTheDaemon(EndToEnd):
+    def setUp(self):
+        super().setUp()
+        self.types = frames.generate_types(self.folder)
+
+    def daemon(self, faults, name):
+        """The daemon on the simulated rig, five seconds as fast as they go: (result, frames)."""
+        self.write("script.toml", "schema = 1\nseed = 3\n" + faults)
+        config = self.write("rig.toml", f"""
+            schema = 1
+            [rig]
+            name = "faulty"
+            model = "{SOURCE}/config/models/simulated.toml"
+            [driver]
+            kind = "simulated"
+            faults = "script.toml"
+            [driver.simulated]
+            real_time = false
+            """)
+        log = self.folder / f"{name}.log"
+        result = run(STICKSLIPD, "--config", config, "--no-lcm", "--record", log, "--duration", 5)
+        return result, frames.frames(log, self.types)
+
+    def test_lost_frames_leave_gaps_and_the_books_balance(self):
+        script = '[[fault]]\nkind = "drop"\nat_s = 1.0\nduration_s = 2.0\nprobability = 0.1\n'
+        result, recording = self.daemon(script, "drop")
+        self.assertEqual(result.returncode, 0, result.stderr)  # else the ledger does not balance
+        self.assertEqual(len(recording), 5000)
+        sequences = [frame.sequence for frame in recording]
+        self.assertEqual(sequences, sorted(set(sequences)))
+        lost = sorted(set(range(sequences[-1] + 1)) - set(sequences))
+        self.assertTrue(all(1000 <= sequence < 3000 for sequence in lost), lost)
+        # Five standard deviations of a binomial distribution.
+        self.assertLess(abs(len(lost) - 200), 5 * (2000 * 0.1 * 0.9) ** 0.5)
+        _, again = self.daemon(script, "again")
+        self.assertEqual(recording, again)
+
+    def test_what_is_no_number_is_not_believed(self):
+        result, recording = self.daemon('[[fault]]\nkind = "nan"\nchannel = "friction_force"\n'
+                                        'at_s = 2.0\nduration_s = 0.5\n', "nan")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        for frame in recording:
+            believed = frame.valid >> FRICTION_FORCE & 1 == 1
+            self.assertEqual(believed, not 2000 <= frame.sequence < 2500, frame.sequence)
+
+    def test_a_cable_that_is_pulled_is_named(self):
+        result, recording = self.daemon('[[fault]]\nkind = "unplug"\nat_s = 2.0\n', "unplug")
+        self.assertEqual([frame.sequence for frame in recording][:2000], list(range(2000)))
+        self.assertIn("fault 1 of script.toml: the device is unplugged", result.stderr)
+
+    def test_a_script_that_is_wrong_is_refused_with_its_line(self):
+        self.write("script.toml", 'schema = 1\n[[fault]]\nkind = "noise"\nat_s = 1.0\n')
+        config = self.write("rig.toml", f"""
+            schema = 1
+            rig = {{ name = "faulty", model = "{SOURCE}/config/models/simulated.toml" }}
+            driver = {{ kind = "simulated", faults = "script.toml" }}
+            """)
+        result = run(STICKSLIPD, "--config", config, "--no-lcm")
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("script.toml:2:1: fault.noise.amount is missing", result.stderr)
+
+
+if __name__ == "__main__":
+    main()
