@@ -100,7 +100,12 @@ bool Interlocks::channel_broken(std::int64_t now_ns, Broken& out) const {
     out.cause.add(" and ").add(range.high);
     return true;
   }
-  if (settings_.stale_after_ns <= 0 || !any_frame_) return false;
+  if (settings_.stale_after_ns <= 0) return false;
+  if (!any_frame_) {
+    out.interlock = Interlock::stale_channel;
+    out.cause.add("the device has not yielded a frame yet");
+    return true;
+  }
   for (std::size_t i = 0; i < channel_count; ++i) {
     const std::int64_t age_ns = now_ns - measured_ns_[i];
     if ((channels_ >> i & 1U) == 0 || age_ns <= settings_.stale_after_ns) continue;

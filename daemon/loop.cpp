@@ -54,7 +54,7 @@ Loop::Loop(drivers::Driver& driver, Clock& clock, const LoopSettings& settings,
 const LoopEnd& Loop::run() {
   if (begin()) {
     do {
-      wait_for_cycle();
+      wait();
     } while (cycle());
   }
   end();
@@ -107,7 +107,7 @@ bool Loop::next_notice(Notice& notice) {
   return true;
 }
 
-void Loop::wait_for_cycle() {
+void Loop::wait() {
   late_ = false;
   overrun_ns_ = 0;
   if (!device_here() && settings_.pacing != Pacing::deadlines) return wait_without_device();

@@ -101,6 +101,7 @@ class Loop {
   /// One cycle without any waiting; false when it was the last. For benchmarks and tests: `run`
   /// is begin, (wait, cycle)*, end.
   bool begin();
+  void wait();
   bool cycle();
   void end();
 
@@ -122,7 +123,6 @@ class Loop {
   enum class Device : std::uint8_t { here, gone, back };
 
   bool device_here() const { return device_.load(std::memory_order_relaxed) == Device::here; }
-  void wait_for_cycle();
   void wait_without_device();
   void welcome_device();
   bool read();

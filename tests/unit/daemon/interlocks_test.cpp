@@ -164,6 +164,16 @@ TEST(Interlocks, AChannelThatTheDeviceDoesNotYieldIsNeverStale) {
   }
 }
 
+TEST(Interlocks, ADeviceThatHasNotYieldedAFrameHoldsNoInterlock) {
+  EXPECT_EQ(Interlocks(strict(), two_channels).broken(0).interlock, Interlock::stale_channel);
+  Watched rig;
+  EXPECT_EQ(rig.now(ms), Interlock::none);
+  rig.interlocks.device_is_back();
+  EXPECT_EQ(rig.now(ms), Interlock::stale_channel);
+  rig.interlocks.frame(good(), 0, ms);
+  EXPECT_EQ(rig.now(ms), Interlock::none);
+}
+
 TEST(Interlocks, TheMostSeriousIsNamed) {
   Watched rig;
   rig.interlocks.cycle_late(7 * ms);
