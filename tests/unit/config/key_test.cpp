@@ -8,6 +8,7 @@
 #include <set>
 
 #include "config/document.h"
+#include "config/rig.h"
 #include "physics/model.h"
 
 namespace stickslip::config {
@@ -27,7 +28,8 @@ TEST(Keys, EveryKeyHasASentenceAndNumbersHaveAUnit) {
       EXPECT_TRUE(paths.insert(key.path).second) << "stands twice";
       EXPECT_TRUE(key.sentence.ends_with('.'));
       const bool numeric = key.type == Type::number || key.type == Type::integer ||
-                           key.type == Type::parameter || key.type == Type::envelope;
+                           key.type == Type::parameter || key.type == Type::envelope ||
+                           key.type == Type::lines;
       EXPECT_EQ(numeric, !key.unit.empty());
       EXPECT_EQ(key.type == Type::choice, !key.choices.empty());
       EXPECT_LE(key.low, key.high);
@@ -67,6 +69,12 @@ TEST(Keys, ChoicesStandInTheOrderOfTheEnumerations) {
   EXPECT_EQ(is(model_keys(), "load_cell.dynamics", LoadCellDynamics::resonant), "resonant");
   EXPECT_EQ(is(filter_keys(), "kind", FilterKind::first_order_lowpass), "first_order_lowpass");
   EXPECT_EQ(is(rig_keys(), "driver.kind", DriverKind::replay), "replay");
+  EXPECT_EQ(is(rig_keys(), "excitation.kind", ExcitationKind::by_hand), "by_hand");
+  EXPECT_EQ(is(rig_keys(), "excitation.kind", ExcitationKind::multisine), "multisine");
+  EXPECT_EQ(is(rig_keys(), "excitation.kind", ExcitationKind::file), "file");
+  EXPECT_EQ(is(rig_keys(), "excitation.sweep.scale", SweepScale::logarithmic), "logarithmic");
+  EXPECT_EQ(is(rig_keys(), "excitation.sweep.at_end", SweepEnd::repeat), "repeat");
+  EXPECT_EQ(is(rig_keys(), "excitation.file.at_end", DriveFileEnd::ramp_down), "ramp_down");
   const auto channels = choices_of(find_key(term_keys(), "channel")->choices);
   ASSERT_EQ(channels.size(), channel_count);
   for (Channel channel : all_channels) EXPECT_EQ(channels[index_of(channel)], info(channel).stem);
