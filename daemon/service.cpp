@@ -191,8 +191,8 @@ int Service::run() {
   open_consumers();
 
   const std::unique_ptr<Observer> observer = observer_for(rig_);
-  Loop loop(*driver, clock_, loop_settings(), Excitation(rig_.excitation), observer.get(), ledger_,
-            streams());
+  Loop loop(*driver, clock_, loop_settings(), Excitation(rig_.excitation, driven_rig(rig_)),
+            observer.get(), ledger_, streams());
 
   const bool real_time = rig_.loop.real_time_scheduling && pacing_ != Pacing::free;
   if (real_time) say_grants({lock_memory(), latency_request_.request()});

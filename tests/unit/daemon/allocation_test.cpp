@@ -1,11 +1,15 @@
 // The hot path may not touch the heap. Every allocation of this program passes through the counters
 // below; a cycle that makes one fails the test.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <limits>
+#include <string>
 #include <thread>
 
 #include "daemon/loop.h"
@@ -115,6 +119,43 @@ TEST(Allocation, AMillionCyclesTouchNoHeap) {
     stuck.finish(0s);
     EXPECT_TRUE(ledger.balance().is_closed());
   }
+}
+
+// Every kind of drive, with its control and its limits, knobs turned, stops, starts and NaN.
+TEST(Allocation, NoKindOfExcitationTouchesTheHeap) {
+  using enum config::ExcitationKind;
+  const std::filesystem::path drive =
+      std::filesystem::temp_directory_path() / ("stickslip-" + std::to_string(getpid()) + ".csv");
+  std::ofstream(drive) << "time_s,base_displacement_m\n0,0\n1,0.004\n2,-0.004\n3,0\n";
+  for (const config::ExcitationKind kind : {modulated, by_hand, sweep, chirp, multisine, file}) {
+    config::Excitation settings;
+    settings.enabled = true;
+    settings.kind = kind;
+    settings.amplitude = 0.01;
+    settings.sweep = {.from_hz = 2.0, .to_hz = 5.0, .duration_s = 3.0};
+    settings.multisine = {{}, 20, 1.0, 6.0};
+    settings.file = {drive, config::DriveFileEnd::repeat};
+    settings.control.enabled = true;
+    Excitation excitation(settings, {{0.009, 0.2, 5.0}, Channel::base_displacement, 1e-3});
+    excitation.start();
+    allocations = 0;
+    counting = true;
+    for (int i = 0; i < 100'000; ++i) {
+      Frame frame;
+      frame.set(Channel::base_displacement, i % 4001 == 0 ? std::numeric_limits<double>::quiet_NaN()
+                                                          : 0.9 * excitation.now().value);
+      excitation.observe(frame, true);
+      excitation.advance(1e-3);
+      if (i % 9973 == 0) excitation.set({Knob::carrier_hz, 2.0 + i % 5});
+      if (i % 7919 == 0) excitation.set({Knob::amplitude, 0.001 * (i % 12)});
+      if (i % 30'011 == 0) excitation.stop();
+      if (i % 30'011 == 2000) excitation.start();
+      if (i == 50'000) excitation.cut();
+    }
+    counting = false;
+    EXPECT_EQ(allocations, 0U) << static_cast<int>(kind);
+  }
+  std::filesystem::remove(drive);
 }
 
 }  // namespace
