@@ -331,6 +331,9 @@ class Check {
       case Type::envelope:
         envelope(node, key, path);
         break;
+      case Type::lines:
+        lines(node, key, path);
+        break;
       case Type::terms:
         terms(node, key, path);
         break;
@@ -450,6 +453,37 @@ class Check {
       }
       before = *time;
       first = false;
+    }
+  }
+
+  void lines(const toml::node& node, const Key& key, const std::string& path) {
+    constexpr std::size_t most_lines = 200;
+    const toml::array* list = node.as_array();
+    if (list == nullptr) return expected(node, key, path);
+    if (list->empty() || list->size() > most_lines) {
+      problem(node, full(path) + ": expected 1 to " + std::to_string(most_lines) +
+                        " lines, found " + std::to_string(list->size()));
+    }
+    for (const toml::node& each : *list) {
+      const toml::array* line = each.as_array();
+      bool sound = line != nullptr && line->size() == 3;
+      for (std::size_t i = 0; sound && i < 3; ++i) {
+        const auto number = number_in(line->get(i));
+        sound = number && std::isfinite(*number);
+      }
+      if (!sound) {
+        problem(each, full(path) + ": expected a line, [frequency_hz, amplitude, phase_deg], " +
+                          "found " + found_text(each));
+        continue;
+      }
+      if (*number_in(line->get(0)) <= 0.0) {
+        problem(*line->get(0),
+                full(path) + ": a frequency is above 0 [Hz], found " + found_text(*line->get(0)));
+      }
+      if (*number_in(line->get(1)) < 0.0) {
+        problem(*line->get(1),
+                full(path) + ": an amplitude is 0 or more, found " + found_text(*line->get(1)));
+      }
     }
   }
 
@@ -755,6 +789,18 @@ std::vector<EnvelopePoint> Document::envelope(std::string_view path) const {
   for (const toml::node& each : *node->as_array()) {
     const toml::array& point = *each.as_array();
     out.push_back({number_in(point.get(0)).value_or(0.0), number_in(point.get(1)).value_or(0.0)});
+  }
+  return out;
+}
+
+std::vector<Line> Document::lines(std::string_view path) const {
+  std::vector<Line> out;
+  const toml::node* node = node_at(contents_->root, path);
+  if (node == nullptr) return out;
+  for (const toml::node& each : *node->as_array()) {
+    const toml::array& line = *each.as_array();
+    out.push_back({number_in(line.get(0)).value_or(0.0), number_in(line.get(1)).value_or(0.0),
+                   number_in(line.get(2)).value_or(0.0)});
   }
   return out;
 }

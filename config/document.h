@@ -34,6 +34,7 @@ class Document {
   Document& operator=(Document&&) noexcept;
 
   bool sound() const { return problems_.empty(); }
+  std::size_t problem_count() const { return problems_.size(); }
 
   /// Adds a problem at the key or table of that path, or at the nearest table around it that is
   /// there. "physics.ID.NAME" leads into the [[physics]] table of that id.
@@ -63,6 +64,7 @@ class Document {
   std::optional<std::size_t> choice(std::string_view path) const;
   std::vector<physics::Filter> filters(std::string_view path) const;
   std::vector<EnvelopePoint> envelope(std::string_view path) const;
+  std::vector<Line> lines(std::string_view path) const;
   std::vector<physics::Term> terms() const;
   std::vector<Fault> faults() const;
 

@@ -20,6 +20,7 @@ enum class Type {
   parameter,  ///< a number, or { value = ..., sigma = ... }
   filters,    ///< an array of tables with the keys of filter_keys()
   envelope,   ///< an array of [time_s, amplitude]
+  lines,      ///< an array of [frequency_hz, amplitude, phase_deg]
   terms,      ///< [[physics]] tables with the keys of term_keys() and the effect's parameters
   span,       ///< [from, to], two numbers, the second larger
   faults,     ///< [[fault]] tables with the keys of fault_keys()

@@ -4,6 +4,7 @@
 #include <system_error>
 #include <utility>
 
+#include "config/demand.h"
 #include "config/document.h"
 #include "config/model_file.h"
 
@@ -36,6 +37,7 @@ class Reader {
       read_device(rig);
       read_safety(rig);
       read_excitation(rig.excitation);
+      read_limits(rig.limits);
       read_outlets(rig);
       check(rig, truth);
     }
@@ -155,6 +157,40 @@ class Reader {
     excitation.envelope = document_.envelope("excitation.envelope");
     take(excitation.repeat, document_.boolean("excitation.repeat"));
     take(excitation.ramp_s, document_.number("excitation.ramp_s"));
+    take(excitation.kind, document_.choice("excitation.kind"));
+    take(excitation.by_hand.lowest, document_.number("excitation.by_hand.lowest"));
+    take(excitation.by_hand.bandwidth_hz, document_.number("excitation.by_hand.bandwidth_hz"));
+    take(excitation.by_hand.seed, document_.integer("excitation.by_hand.seed"));
+    Sweep& sweep = excitation.sweep;
+    take(sweep.from_hz, document_.number("excitation.sweep.from_hz"));
+    take(sweep.to_hz, document_.number("excitation.sweep.to_hz"));
+    take(sweep.duration_s, document_.number("excitation.sweep.duration_s"));
+    take(sweep.scale, document_.choice("excitation.sweep.scale"));
+    take(sweep.at_end, document_.choice("excitation.sweep.at_end"));
+    take(sweep.pause_s, document_.number("excitation.sweep.pause_s"));
+    take(sweep.taper_s, document_.number("excitation.sweep.taper_s"));
+    excitation.multisine.lines = document_.lines("excitation.multisine.lines");
+    take(excitation.multisine.count, document_.integer("excitation.multisine.count"));
+    take(excitation.multisine.from_hz, document_.number("excitation.multisine.from_hz"));
+    take(excitation.multisine.to_hz, document_.number("excitation.multisine.to_hz"));
+    excitation.file.path = path_at("excitation.file.path");
+    take(excitation.file.at_end, document_.choice("excitation.file.at_end"));
+    excitation.amplitude_slew = document_.number("excitation.amplitude_slew");
+    take(excitation.carrier_slew_hz_s, document_.number("excitation.carrier_slew_hz_s"));
+    AmplitudeControl& control = excitation.control;
+    take(control.enabled, document_.boolean("excitation.control.enabled"));
+    take(control.gain_min, document_.number("excitation.control.gain_min"));
+    take(control.gain_max, document_.number("excitation.control.gain_max"));
+    take(control.time_constant_s, document_.number("excitation.control.time_constant_s"));
+    take(control.distortion_max, document_.number("excitation.control.distortion_max"));
+  }
+
+  void read_limits(Limits& limits) {
+    take(limits.displacement_m, document_.number("limits.displacement_m"));
+    take(limits.velocity_m_s, document_.number("limits.velocity_m_s"));
+    take(limits.acceleration_m_s2, document_.number("limits.acceleration_m_s2"));
+    take(limits.force_n, document_.number("limits.force_n"));
+    take(limits.force_slew_n_s, document_.number("limits.force_slew_n_s"));
   }
 
   void read_outlets(Rig& rig) {
@@ -236,10 +272,9 @@ class Reader {
 
   void check_excitation(const Rig& rig) {
     const Excitation& excitation = rig.excitation;
-    if (excitation.carrier_hz > rig.loop.rate_hz / 4.0) {
-      document_.report("excitation.carrier_hz",
-                       "is more than a quarter of loop.rate_hz: the drive would be no sine");
-    }
+    const std::size_t problems_before = document_.problem_count();
+    check_kind(excitation);
+    const bool sound = document_.problem_count() == problems_before;
     if (!excitation.envelope.empty()) {
       for (const char* name : {"amplitude", "modulation_hz", "modulation_depth"}) {
         const std::string path = std::string("excitation.") + name;
@@ -254,14 +289,114 @@ class Reader {
                          "there: make them equal, or set repeat = false");
       }
     }
-    if (rig.model.oscillator.excitation != physics::Excitation::base) return;
-    double largest = excitation.amplitude;
-    for (const EnvelopePoint& point : excitation.envelope) {
-      largest = std::max(largest, point.amplitude);
+    if (!sound) return;
+    if (highest_frequency_hz(excitation) > rig.loop.rate_hz / 4.0) {
+      document_.report(place_of_frequency(excitation),
+                       "is more than a quarter of loop.rate_hz: the drive would be no sine");
     }
-    if (largest > largest_base_amplitude_m) {
-      document_.report(excitation.envelope.empty() ? "excitation.amplitude" : "excitation.envelope",
-                       "moves the base by more than 0.1 m: amplitudes are in metres");
+    check_limits(rig);
+  }
+
+  /// What the kind of excitation needs, and what it has no use for.
+  void check_kind(const Excitation& excitation) {
+    using enum ExcitationKind;
+    const ExcitationKind kind = excitation.kind;
+    const bool lines = kind == multisine && !excitation.multisine.lines.empty();
+    const auto useless = [this](bool used, const char* name, const std::string& why) {
+      const std::string path = std::string("excitation.") + name;
+      if (!used && document_.has(path))
+        document_.report(path, "does nothing " + why + ": remove it");
+    };
+    const std::string with_kind =
+        "with kind = \"" +
+        std::string(choice_at(rig_keys(), "excitation.kind", static_cast<std::size_t>(kind))) + '"';
+    for (const char* name : {"modulation_hz", "modulation_depth", "envelope", "repeat"}) {
+      useless(kind == modulated, name, with_kind);
+    }
+    useless(kind == modulated || kind == by_hand, "carrier_hz", with_kind);
+    useless(kind != file, "amplitude", with_kind);
+    useless(!lines, "amplitude", "beside multisine.lines");
+    if (kind == by_hand && excitation.by_hand.lowest > excitation.amplitude) {
+      document_.report("excitation.by_hand.lowest", "is above excitation.amplitude");
+    }
+    if (kind == chirp && excitation.sweep.taper_s > excitation.sweep.duration_s / 2.0) {
+      document_.report("excitation.sweep.taper_s",
+                       "is more than half of duration_s: a burst swells, and then fades");
+    }
+    if (kind == multisine) check_multisine(excitation.multisine);
+    if (kind == file) {
+      std::error_code error;
+      if (!std::filesystem::is_regular_file(excitation.file.path, error)) {
+        document_.report("excitation.file.path",
+                         excitation.file.path.string() + ": there is no such file");
+      }
+    }
+    if (excitation.control.enabled && (kind == multisine || kind == file)) {
+      document_.report("excitation.control.enabled",
+                       "needs a carrier, and there is none " + with_kind);
+    }
+  }
+
+  void check_multisine(const Multisine& multisine) {
+    const bool numbers = document_.has("excitation.multisine.count") ||
+                         document_.has("excitation.multisine.from_hz") ||
+                         document_.has("excitation.multisine.to_hz");
+    if (!multisine.lines.empty()) {
+      if (numbers) {
+        document_.report("excitation.multisine",
+                         "expected lines, or count, from_hz and to_hz: not both");
+      }
+      return;
+    }
+    if (multisine.count < 2 || multisine.from_hz <= 0.0 || multisine.to_hz <= 0.0) {
+      document_.report("excitation.multisine",
+                       "a multisine needs lines, or count, from_hz and to_hz");
+    } else if (multisine.from_hz >= multisine.to_hz) {
+      document_.report("excitation.multisine.from_hz", "is not below to_hz");
+    }
+  }
+
+  static const char* place_of_frequency(const Excitation& excitation) {
+    switch (excitation.kind) {
+      case ExcitationKind::sweep:
+      case ExcitationKind::chirp:
+        return excitation.sweep.from_hz > excitation.sweep.to_hz ? "excitation.sweep.from_hz"
+                                                                 : "excitation.sweep.to_hz";
+      case ExcitationKind::multisine:
+        return excitation.multisine.lines.empty() ? "excitation.multisine.to_hz"
+                                                  : "excitation.multisine.lines";
+      default:
+        return "excitation.carrier_hz";
+    }
+  }
+
+  void check_limits(const Rig& rig) {
+    const Excitation& excitation = rig.excitation;
+    const Limits& limits = rig.limits;
+    const bool force = rig.model.oscillator.excitation == physics::Excitation::force;
+    const std::string place =
+        excitation.kind == ExcitationKind::multisine && !excitation.multisine.lines.empty()
+            ? "excitation.multisine.lines"
+        : excitation.envelope.empty() ? "excitation.amplitude"
+                                      : "excitation.envelope";
+    const Demand demand = demand_of(excitation);
+    if (!force && demand.displacement > largest_base_amplitude_m) {
+      document_.report(place, "moves the base by more than 0.1 m: amplitudes are in metres");
+      return;
+    }
+    // Below, the acceleration of a cycle is lost in the rounding of the position.
+    constexpr double least_change = 2.0e-11;
+    const double rate = rig.loop.rate_hz;
+    if (!force && limits.acceleration_m_s2 / (rate * rate) < least_change * limits.displacement_m) {
+      document_.report("limits.acceleration_m_s2",
+                       "is too small to be kept at this loop.rate_hz: expected " +
+                           short_number(least_change * limits.displacement_m * rate * rate) +
+                           " or more");
+    }
+    if (const auto excess = excess_of(demand, limits, force)) {
+      document_.report(place, "asks for " + text_of(*excess) + ": " +
+                                  short_number(100.0 * excess->limit / excess->demand) +
+                                  " % of the amplitude would do");
     }
   }
 

@@ -50,13 +50,84 @@ struct EnvelopePoint {
   double amplitude = 0.0;
 };
 
-/// [excitation]: amplitude(t) sin(2 pi carrier_hz t), in metres of base displacement on
-/// base-excited rigs and in newtons on force-excited ones. amplitude(t) is
+/// What the drive looks like; docs/excitation.md has the formula of each.
+enum class ExcitationKind {
+  modulated,  ///< a carrier, its amplitude modulated or by an envelope table
+  by_hand,    ///< a carrier whose amplitude goes as if turned by hand
+  sweep,      ///< a carrier whose frequency moves
+  chirp,      ///< bursts of swept carrier
+  multisine,  ///< many sines at once
+  file,       ///< from a recording
+};
+
+/// [excitation.by_hand]: where the amplitude goes, from `lowest` to Excitation::amplitude.
+struct ByHand {
+  double lowest = 0.0;        ///< [m] or [N]
+  double bandwidth_hz = 0.2;  ///< the amplitude has next to nothing above
+  std::uint64_t seed = 1;
+};
+
+enum class SweepScale { linear, logarithmic };
+
+enum class SweepEnd {
+  hold,    ///< stays at to_hz
+  back,    ///< comes back to from_hz in the same time and stays there
+  repeat,  ///< to and fro until it is stopped
+};
+
+/// [excitation.sweep], of a sweep and of each burst of a chirp.
+struct Sweep {
+  double from_hz = 0.0;
+  double to_hz = 0.0;
+  double duration_s = 0.0;
+  SweepScale scale = SweepScale::linear;
+  SweepEnd at_end = SweepEnd::hold;  ///< sweeps only
+  double pause_s = 0.0;              ///< between bursts; chirps only
+  double taper_s = 0.5;              ///< in which a burst swells, and fades; chirps only
+};
+
+/// One sine of a multisine: amplitude sin(2 pi frequency_hz t + phase_deg).
+struct Line {
+  double frequency_hz = 0.0;
+  double amplitude = 0.0;  ///< [m] or [N], 0 or more
+  double phase_deg = 0.0;
+};
+
+/// [excitation.multisine]: `lines`, or `count` of equal amplitudes from from_hz to to_hz with
+/// Schroeder's phases, together as large as Excitation::amplitude.
+struct Multisine {
+  std::vector<Line> lines;
+  int count = 0;
+  double from_hz = 0.0;
+  double to_hz = 0.0;
+};
+
+enum class DriveFileEnd { repeat, ramp_down };
+
+/// [excitation.file]: base_displacement_m or drive_force_n over time_s.
+struct DriveFile {
+  std::filesystem::path path;
+  DriveFileEnd at_end = DriveFileEnd::ramp_down;
+};
+
+/// [excitation.control]: a gain on the drive that makes the measured amplitude the asked one.
+struct AmplitudeControl {
+  bool enabled = false;
+  double gain_min = 0.5;
+  double gain_max = 2.0;
+  double time_constant_s = 1.0;
+  double distortion_max = 0.01;  ///< of the measured motion; beyond it the gain is not raised
+};
+
+/// [excitation]: amplitude(t) sin(2 pi carrier_hz t), or what its kind says, in metres of base
+/// displacement on base-excited rigs and in newtons on force-excited ones. With the kind
+/// `modulated`, amplitude(t) is
 ///   amplitude * (1 - depth/2 + depth/2 * cos(2 pi modulation_hz t))   without an envelope, or
 ///   the envelope table, repeated where `repeat` says so,
-/// and always ramps up from zero over ramp_s and down to zero within ramp_s at the stop.
+/// and any kind ramps up from zero over ramp_s and down to zero within ramp_s at the stop.
 struct Excitation {
   bool enabled = false;
+  ExcitationKind kind = ExcitationKind::modulated;
   double carrier_hz = 2.5;
   double amplitude = 0.0;
   double modulation_hz = 0.0;
@@ -64,6 +135,24 @@ struct Excitation {
   std::vector<EnvelopePoint> envelope;
   bool repeat = true;
   double ramp_s = 0.5;
+  ByHand by_hand;
+  Sweep sweep;
+  Multisine multisine;
+  DriveFile file;
+  std::optional<double> amplitude_slew;  ///< [m/s] or [N/s]; absent: the limit in two seconds
+  double carrier_slew_hz_s = 1.0;
+  AmplitudeControl control;
+};
+
+/// [limits]: what the shaker is never told to exceed, whatever is asked for.
+struct Limits {
+  double displacement_m = 0.015;
+  double velocity_m_s = 0.5;
+  double acceleration_m_s2 = 20.0;
+  double force_n = 5.0;  ///< force-excited rigs
+  double force_slew_n_s = 500.0;
+
+  friend bool operator==(const Limits&, const Limits&) = default;
 };
 
 struct Loop {
@@ -130,6 +219,7 @@ struct Rig {
   std::optional<FaultScript> faults;  ///< what befalls the device, whichever it is
   std::array<ChannelCalibration, channel_count> calibration{};
   Excitation excitation;
+  Limits limits;
   Loop loop;
   Control control;
   Safety safety;

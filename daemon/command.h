@@ -9,6 +9,7 @@
 #include "daemon/calibration.h"
 #include "daemon/interlocks.h"
 #include "daemon/safety.h"
+#include "daemon/setting.h"
 #include "physics/frame.h"
 
 namespace stickslip::daemon {
@@ -26,6 +27,7 @@ struct Command {
     disarm,
     start,
     stop,
+    set,      ///< `setting` of the excitation
     apply,    ///< `live` from the next frame on
     average,  ///< raw readings of the next `frames` frames; answered when they are in
   };
@@ -33,6 +35,7 @@ struct Command {
   std::uint64_t id = 0;   ///< comes back in the answer
   bool dead_man = false;  ///< start: only while Loop::touch is called often enough
   std::uint64_t frames = 0;
+  Setting setting;
   LiveSettings live;
 };
 static_assert(std::is_trivially_copyable_v<Command>);

@@ -89,6 +89,20 @@ double number(const json& arguments, const char* name) {
   return found->get<double>();
 }
 
+Setting setting_of(const json& arguments) {
+  const auto key = arguments.find("key");
+  const std::string name =
+      key != arguments.end() && key->is_string() ? key->get<std::string>() : "";
+  constexpr std::string_view table = "excitation.";
+  const auto knob = knob_named(name.starts_with(table) ? name.substr(table.size()) : name);
+  if (!knob) {
+    refuse_request(
+        "expected \"key\": excitation.carrier_hz, excitation.amplitude, "
+        "excitation.modulation_hz or excitation.modulation_depth");
+  }
+  return {*knob, number(arguments, "value")};
+}
+
 std::optional<Command::Kind> kind_of(const std::string& command) {
   if (command == "clear") return Command::Kind::clear;
   if (command == "arm") return Command::Kind::arm;
@@ -217,6 +231,10 @@ void Control::obey(ClientId client, const protocol::ControlRequest& request) {
       asked.dead_man = flag(arguments, "dead_man");
       if (asked.dead_man && holder_ == 0) loop_.touch(clock_.now_ns());
     }
+  } else if (command == "set") {
+    asked.kind = Command::Kind::set;
+    asked.setting = setting_of(arguments);
+    if (const auto why = handlers_.refusal(asked.setting)) refuse_request(*why);
   } else if (command == "average") {
     const double seconds = number(arguments, "seconds");
     if (!(seconds > 0.0 && seconds <= longest_average_s)) {
@@ -238,8 +256,14 @@ void Control::ask(ClientId client, const protocol::ControlRequest& request, Comm
   const auto patience =
       answer_patience + std::chrono::milliseconds(static_cast<std::int64_t>(
                             1e3 * static_cast<double>(command.frames) / rate_hz_));
-  waiting_[command.id] = {client,         request.id,       request.command,
-                          command.frames, command.dead_man, steady_clock::now() + patience};
+  waiting_[command.id] = {
+      client,
+      request.id,
+      request.command,
+      command.frames,
+      command.dead_man,
+      command.kind == Command::Kind::set ? std::optional(command.setting) : std::nullopt,
+      steady_clock::now() + patience};
 }
 
 void Control::take_answers() {
@@ -255,6 +279,7 @@ void Control::take_answers() {
              {{"ok", false}, {"state", state}, {"error", given.reason.c_str()}});
       continue;
     }
+    if (asked.setting) handlers_.was_set(*asked.setting);
     if (asked.dead_man) {
       holder_ = clients_.contains(asked.client) ? asked.client : 0;
       if (holder_ == 0) loop_.touch(long_ago_ns);
@@ -287,7 +312,9 @@ json Control::rig_state() const {
           {"drive",
            {{"value", rig.drive.value},
             {"amplitude", rig.drive.amplitude},
-            {"carrier_hz", rig.drive.carrier_hz}}},
+            {"carrier_hz", rig.drive.carrier_hz},
+            {"gain", rig.drive.gain},
+            {"limited", rig.drive.limited == Limit::none ? "" : name_of(rig.drive.limited)}}},
           {"sequence", rig.frame.sequence},
           {"time_ns", rig.frame.time_ns},
           {"channels", json_of(rig.frame)},

@@ -7,6 +7,7 @@
 #include <functional>
 #include <map>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <set>
 #include <string>
 
@@ -21,6 +22,10 @@ namespace stickslip::daemon {
 /// What the daemon does besides the loop when a client asks.
 struct ControlHandlers {
   std::function<Status()> status;
+  /// Why a knob of the excitation may not be turned so far; nothing where it may.
+  std::function<std::optional<std::string>(const Setting&)> refusal;
+  /// It has been.
+  std::function<void(const Setting&)> was_set;
   /// Reads the configuration again and applies what can change; one line each of what did and what
   /// did not. Throws InputError where it is not sound.
   std::function<std::vector<std::string>()> reload;
@@ -66,6 +71,7 @@ class Control {
     std::string command;
     std::uint64_t frames = 0;
     bool dead_man = false;
+    std::optional<Setting> setting = {};
     std::chrono::steady_clock::time_point until;
   };
 

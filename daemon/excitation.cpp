@@ -1,40 +1,67 @@
 #include "daemon/excitation.h"
 
 #include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <numbers>
-#include <vector>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "config/demand.h"
+#include "physics/problem.h"
 
 namespace stickslip::daemon {
 namespace {
 
-constexpr double two_pi = 2.0 * std::numbers::pi;
-
-double wrapped(double turns) { return turns - std::floor(turns); }
+/// Time in which an amplitude moves through its whole range, where the configuration is silent.
+constexpr double usual_slew_s = 2.0;
 
 /// Zero slope at both ends, so that a ramp does not kick the shaker's velocity.
 double smooth_step(double u) { return u * u * (3.0 - 2.0 * u); }
 
-double interpolated(const std::vector<config::EnvelopePoint>& table, double time_s) {
-  const auto after = std::upper_bound(
-      table.begin(), table.end(), time_s,
-      [](double t, const config::EnvelopePoint& point) { return t < point.time_s; });
-  if (after == table.begin()) return table.front().amplitude;
-  if (after == table.end()) return table.back().amplitude;
-  const config::EnvelopePoint& a = *(after - 1);
-  const config::EnvelopePoint& b = *after;
-  return a.amplitude + (b.amplitude - a.amplitude) * (time_s - a.time_s) / (b.time_s - a.time_s);
+DriveFile file_of(const config::Excitation& settings, const DrivenRig& rig) {
+  if (settings.kind != config::ExcitationKind::file) return {};
+  DriveFile file = DriveFile::load(settings.file, rig.channel);
+  const bool force = rig.channel == Channel::drive_force;
+  const config::Limits limits{rig.limits.displacement, rig.limits.velocity, rig.limits.acceleration,
+                              rig.limits.displacement, rig.limits.velocity};
+  if (const auto excess = config::excess_of(file.demand(rig.period_s), limits, force)) {
+    throw InputError(
+        Problem{settings.file.path.string(), 0, 0, "asks for " + config::text_of(*excess)});
+  }
+  return file;
+}
+
+double amplitude_slew(const config::Excitation& settings, const DrivenRig& rig) {
+  // A number even where there are no limits.
+  return settings.amplitude_slew.value_or(std::min(rig.limits.displacement, 1e6) / usual_slew_s);
 }
 
 }  // namespace
 
-Excitation::Excitation(const config::Excitation& settings)
-    : settings_(settings),
-      envelope_length_s_(settings.envelope.empty() ? 0.0 : settings.envelope.back().time_s) {}
+DrivenRig driven_rig(const config::Rig& rig) {
+  DrivenRig out;
+  out.period_s = 1.0 / rig.loop.rate_hz;
+  const config::Limits& limits = rig.limits;
+  if (rig.model.oscillator.excitation == physics::Excitation::force) {
+    out.channel = Channel::drive_force;
+    out.limits = {limits.force_n, limits.force_slew_n_s, std::numeric_limits<double>::infinity()};
+  } else {
+    out.limits = {limits.displacement_m, limits.velocity_m_s, limits.acceleration_m_s2};
+  }
+  return out;
+}
+
+Excitation::Excitation(const config::Excitation& settings, const DrivenRig& rig)
+    : enabled_(settings.enabled),
+      ramp_s_(settings.ramp_s),
+      channel_(rig.channel),
+      waveform_(settings, amplitude_slew(settings, rig), file_of(settings, rig)),
+      limits_(rig.limits, rig.period_s) {
+  if (settings.control.enabled) control_.emplace(settings.control, rig.period_s);
+}
 
 void Excitation::start() {
-  if (!settings_.enabled || state_ == State::steady) return;
+  if (!enabled_ || state_ == State::steady) return;
+  if (state_ == State::off) waveform_.restart();
   state_ = State::rising;
 }
 
@@ -43,47 +70,63 @@ void Excitation::stop() {
 }
 
 void Excitation::cut() {
+  limits_.reset();
+  rest();
+}
+
+void Excitation::rest() {
   state_ = State::off;
   ramp_ = 0.0;
   now_.value = 0.0;
   now_.amplitude = 0.0;
+  now_.limited = Limit::none;
 }
 
-double Excitation::unramped_amplitude() const {
-  if (!settings_.envelope.empty()) return interpolated(settings_.envelope, envelope_time_s_);
-  const double depth = settings_.modulation_depth;
-  return settings_.amplitude *
-         (1.0 - depth / 2.0 + depth / 2.0 * std::cos(two_pi * now_.modulation_turns));
-}
-
-Drive Excitation::advance(double duration_s) {
-  now_.carrier_hz = settings_.carrier_hz;
-  if (state_ == State::off) return now_;
-
-  now_.phase_turns = wrapped(now_.phase_turns + settings_.carrier_hz * duration_s);
-  if (settings_.envelope.empty()) {
-    now_.modulation_turns = wrapped(now_.modulation_turns + settings_.modulation_hz * duration_s);
-  } else if (envelope_length_s_ > 0.0) {
-    envelope_time_s_ += duration_s;
-    envelope_time_s_ = settings_.repeat ? std::fmod(envelope_time_s_, envelope_length_s_)
-                                        : std::min(envelope_time_s_, envelope_length_s_);
-    now_.modulation_turns = wrapped(envelope_time_s_ / envelope_length_s_);
+void Excitation::observe(const Frame& frame, bool amplifier_on) {
+  if (!control_) return;
+  Hold because = Hold::none;
+  if (!amplifier_on || is_off()) {
+    because = Hold::amplifier_off;
+  } else if (state_ != State::steady) {
+    because = Hold::ramping;
+  } else if (now_.limited != Limit::none) {
+    because = Hold::limited;
   }
+  control_->update(frame[channel_], frame.has(channel_), now_, because);
+}
 
-  const double step = settings_.ramp_s > 0.0 ? duration_s / settings_.ramp_s : 1.0;
+/// The part of the waveform that is applied, after one step of the ramp.
+double Excitation::ramp_step(double duration_s) {
+  const double step = ramp_s_ > 0.0 ? duration_s / ramp_s_ : 1.0;
   if (state_ == State::rising) {
     ramp_ = std::min(1.0, ramp_ + step);
     if (ramp_ >= 1.0) state_ = State::steady;
   } else if (state_ == State::falling) {
     ramp_ = std::max(0.0, ramp_ - step);
-    if (ramp_ <= 0.0) {
-      cut();
-      return now_;
-    }
   }
+  return smooth_step(ramp_);
+}
 
-  now_.amplitude = smooth_step(ramp_) * unramped_amplitude();
-  now_.value = now_.amplitude * std::sin(two_pi * now_.phase_turns);
+Drive Excitation::advance(double duration_s) {
+  if (duration_s <= 0.0) return now_;
+  if (state_ == State::off) {
+    // What led to rest is not forgotten: a start in the next cycle has to begin with it.
+    limits_.next(0.0);
+    now_.carrier_hz = waveform_.idle_carrier_hz();
+    return now_;
+  }
+  waveform_.advance(duration_s);
+  if (waveform_.over()) stop();
+  const double part = ramp_step(duration_s);
+  const double gain = control_ ? control_->gain() : 1.0;
+  now_.gain = gain;
+  now_.carrier_hz = waveform_.carrier_hz();
+  now_.phase_turns = waveform_.phase_turns();
+  now_.modulation_turns = waveform_.modulation_turns();
+  now_.amplitude = part * waveform_.amplitude();
+  now_.value = limits_.next(gain * (part * waveform_.value()));
+  now_.limited = limits_.limited();
+  if (state_ == State::falling && ramp_ <= 0.0 && limits_.is_at_zero()) rest();
   return now_;
 }
 

@@ -234,6 +234,9 @@ void Loop::obey(const Command& command, Answer& answer) {
       change(command.kind == Command::Kind::stop ? RigInput::stop : RigInput::disarm);
       excitation_.stop();
       return;
+    case Command::Kind::set:
+      excitation_.set(command.setting);
+      return;
     case Command::Kind::apply:
       settings_.live = command.live;
       interlocks_.set(command.live.interlocks);
@@ -317,6 +320,7 @@ void Loop::acquire(Frame raw) {
   }
   not_finite_ = si.not_finite;
   interlocks_.frame(si.frame, si.not_finite, read_ns_);
+  excitation_.observe(si.frame, amplifier_on_);
 
   if (time_of_frames_) {
     const std::int64_t step = previous_ ? si.frame.time_ns - previous_->time_ns : 0;

@@ -188,6 +188,8 @@ Put MessageSink::put_block(std::span<const Sample> block) {
   excitation_.amplitude = last.drive.amplitude;
   excitation_.carrier_hz = last.drive.carrier_hz;
   excitation_.phase_rad = 2.0 * std::numbers::pi * last.drive.phase_turns;
+  excitation_.gain = last.drive.gain;
+  excitation_.limited = static_cast<std::int8_t>(last.drive.limited);
   excitation_.amplifier_on = static_cast<std::int8_t>(last.amplifier_on);
   put(protocol::excitation_channel, excitation_, when_us);
   return Put::done;

@@ -163,6 +163,7 @@ class Service {
   LoopSettings loop_settings(const drivers::Description& device) const;
   void say_grants(const std::vector<Grant>& grants) const;
   std::unique_ptr<Control> open_control(Loop& loop, const drivers::Description& device);
+  SettingBounds setting_bounds(const Loop& loop) const;
   void housekeeping(Loop& loop, Control* control, const drivers::Description& device);
   void heed(int signal, Loop& loop, const drivers::Description& device);
   std::vector<std::string> reload(Loop& loop, const drivers::Description& device);
@@ -260,8 +261,8 @@ int Service::run() {
   open_consumers();
 
   const std::unique_ptr<Observer> observer = observer_for(rig_);
-  Loop loop(*driver, clock_, loop_settings(driver->description()), Excitation(rig_.excitation),
-            observer.get(), ledger_, streams());
+  Loop loop(*driver, clock_, loop_settings(driver->description()),
+            Excitation(rig_.excitation, driven_rig(rig_)), observer.get(), ledger_, streams());
   const std::unique_ptr<Control> control = open_control(loop, driver->description());
 
   const bool real_time = rig_.loop.real_time_scheduling && pacing_ != Pacing::free;
@@ -299,6 +300,11 @@ int Service::run() {
   return finish(loop);
 }
 
+SettingBounds Service::setting_bounds(const Loop& loop) const {
+  return {rig_.limits, rig_.model.oscillator.excitation == physics::Excitation::force,
+          rig_.loop.rate_hz, loop.snapshot().drive.gain};
+}
+
 std::unique_ptr<Control> Service::open_control(Loop& loop, const drivers::Description& device) {
   LineServerSettings settings;
   settings.path = control_socket(rig_);
@@ -311,6 +317,14 @@ std::unique_ptr<Control> Service::open_control(Loop& loop, const drivers::Descri
   auto control = std::make_unique<Control>(
       settings, loop, clock_, rig_.loop.rate_hz,
       ControlHandlers{.status = [this, &loop] { return status(loop); },
+                      .refusal =
+                          [this, &loop](const Setting& setting) {
+                            return refusal(rig_.excitation, setting_bounds(loop), setting);
+                          },
+                      .was_set =
+                          [this](const Setting& setting) {
+                            rig_.excitation = with_setting(rig_.excitation, setting);
+                          },
                       .reload = [this, &loop, &device] { return reload(loop, device); },
                       .tell = [this](const Event& event) { tell(event); }});
   spdlog::info("commands at {}", settings.path.string());

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "config/demand.h"
 #include "config/document.h"
 #include "config/fault_script.h"
 #include "config/key.h"
@@ -83,13 +84,29 @@ std::string drive_summary(const config::Rig& rig) {
   const config::Excitation& drive = rig.excitation;
   if (rig.driver == config::DriverKind::replay) return "none: a replay moves nothing";
   if (!drive.enabled) return "off";
-  double amplitude = drive.amplitude;
-  for (const config::EnvelopePoint& point : drive.envelope) {
-    amplitude = std::max(amplitude, point.amplitude);
-  }
   const bool base = rig.model.oscillator.excitation == physics::Excitation::base;
-  std::string text = number(drive.carrier_hz) + " Hz, up to " +
-                     (base ? number(amplitude * 1000.0) + " mm" : number(amplitude) + " N");
+  const auto sized = [base](double amplitude) {
+    return base ? number(amplitude * 1000.0) + " mm" : number(amplitude) + " N";
+  };
+  const std::string reach = "up to " + sized(config::demand_of(drive).displacement);
+  const std::string span =
+      number(drive.sweep.from_hz) + " to " + number(drive.sweep.to_hz) + " Hz, " + reach;
+  switch (drive.kind) {
+    case config::ExcitationKind::modulated:
+      break;
+    case config::ExcitationKind::by_hand:
+      return number(drive.carrier_hz) + " Hz, as if by hand from " + sized(drive.by_hand.lowest) +
+             " " + reach;
+    case config::ExcitationKind::sweep:
+      return "sweep, " + span + ", in " + number(drive.sweep.duration_s) + " s";
+    case config::ExcitationKind::chirp:
+      return "bursts, " + span + ", of " + number(drive.sweep.duration_s) + " s";
+    case config::ExcitationKind::multisine:
+      return std::to_string(config::lines_of(drive).size()) + " sines, " + reach;
+    case config::ExcitationKind::file:
+      return drive.file.path.string();
+  }
+  std::string text = number(drive.carrier_hz) + " Hz, " + reach;
   if (!drive.envelope.empty()) {
     text += ", envelope of " + number(drive.envelope.back().time_s) + " s";
     if (drive.repeat) text += ", repeated";

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "config/document.h"
+#include "config/rig.h"
 #include "physics/model.h"
 
 namespace stickslip::config {
@@ -29,7 +30,7 @@ TEST(Keys, EveryKeyHasASentenceAndNumbersHaveAUnit) {
       EXPECT_TRUE(key.sentence.ends_with('.'));
       const bool numeric = key.type == Type::number || key.type == Type::integer ||
                            key.type == Type::parameter || key.type == Type::envelope ||
-                           key.type == Type::span;
+                           key.type == Type::span || key.type == Type::lines;
       EXPECT_EQ(numeric, !key.unit.empty());
       EXPECT_EQ(key.type == Type::choice, !key.choices.empty());
       EXPECT_LE(key.low, key.high);
@@ -69,6 +70,12 @@ TEST(Keys, ChoicesStandInTheOrderOfTheEnumerations) {
   EXPECT_EQ(is(model_keys(), "load_cell.dynamics", LoadCellDynamics::resonant), "resonant");
   EXPECT_EQ(is(filter_keys(), "kind", FilterKind::first_order_lowpass), "first_order_lowpass");
   EXPECT_EQ(is(rig_keys(), "driver.kind", DriverKind::replay), "replay");
+  EXPECT_EQ(is(rig_keys(), "excitation.kind", ExcitationKind::by_hand), "by_hand");
+  EXPECT_EQ(is(rig_keys(), "excitation.kind", ExcitationKind::multisine), "multisine");
+  EXPECT_EQ(is(rig_keys(), "excitation.kind", ExcitationKind::file), "file");
+  EXPECT_EQ(is(rig_keys(), "excitation.sweep.scale", SweepScale::logarithmic), "logarithmic");
+  EXPECT_EQ(is(rig_keys(), "excitation.sweep.at_end", SweepEnd::repeat), "repeat");
+  EXPECT_EQ(is(rig_keys(), "excitation.file.at_end", DriveFileEnd::ramp_down), "ramp_down");
   EXPECT_EQ(is(fault_keys(), "kind", FaultKind::noise), "noise");
   EXPECT_EQ(is(fault_keys(), "kind", FaultKind::saturate), "saturate");
   EXPECT_EQ(is(fault_keys(), "kind", FaultKind::stall), "stall");

@@ -4,10 +4,12 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
 
+#include "config/demand.h"
 #include "config/key.h"
 #include "config/model_file.h"
 #include "physics/problem.h"
@@ -164,6 +166,179 @@ TEST_F(RigFile, AnEnvelopeIsRead) {
   EXPECT_EQ(rig.excitation.envelope[1].amplitude, 0.012);
 }
 
+TEST_F(RigFile, EveryKindOfExcitationIsRead) {
+  const Excitation hand = load(R"(
+[excitation]
+kind = "by_hand"
+carrier_hz = 3
+amplitude = 0.012
+amplitude_slew = 0.004
+carrier_slew_hz_s = 0.5
+by_hand = { lowest = 0.002, bandwidth_hz = 0.1, seed = 7 }
+control = { enabled = true, gain_min = 0.7, gain_max = 1.4, time_constant_s = 3, distortion_max = 0.05 }
+)")
+                              .excitation;
+  EXPECT_EQ(hand.kind, ExcitationKind::by_hand);
+  EXPECT_EQ(hand.by_hand.lowest, 0.002);
+  EXPECT_EQ(hand.by_hand.bandwidth_hz, 0.1);
+  EXPECT_EQ(hand.by_hand.seed, 7U);
+  EXPECT_EQ(hand.amplitude_slew, 0.004);
+  EXPECT_EQ(hand.carrier_slew_hz_s, 0.5);
+  EXPECT_TRUE(hand.control.enabled);
+  EXPECT_EQ(hand.control.gain_min, 0.7);
+  EXPECT_EQ(hand.control.gain_max, 1.4);
+  EXPECT_EQ(hand.control.time_constant_s, 3.0);
+  EXPECT_EQ(hand.control.distortion_max, 0.05);
+
+  const Excitation chirp = load(R"(
+[excitation]
+kind = "chirp"
+amplitude = 0.004
+sweep = { from_hz = 6, to_hz = 2, duration_s = 20, scale = "logarithmic", at_end = "repeat", pause_s = 3, taper_s = 2 }
+)")
+                               .excitation;
+  EXPECT_EQ(chirp.kind, ExcitationKind::chirp);
+  EXPECT_EQ(chirp.sweep.from_hz, 6.0);
+  EXPECT_EQ(chirp.sweep.to_hz, 2.0);
+  EXPECT_EQ(chirp.sweep.duration_s, 20.0);
+  EXPECT_EQ(chirp.sweep.scale, SweepScale::logarithmic);
+  EXPECT_EQ(chirp.sweep.at_end, SweepEnd::repeat);
+  EXPECT_EQ(chirp.sweep.pause_s, 3.0);
+  EXPECT_EQ(chirp.sweep.taper_s, 2.0);
+
+  const Excitation lines = load(
+                               "[excitation]\nkind = \"multisine\"\n"
+                               "multisine.lines = [[2, 0.001, 0], [3.5, 0.002, -90.5]]\n")
+                               .excitation;
+  ASSERT_EQ(lines.multisine.lines.size(), 2U);
+  EXPECT_EQ(lines.multisine.lines[1].frequency_hz, 3.5);
+  EXPECT_EQ(lines.multisine.lines[1].amplitude, 0.002);
+  EXPECT_EQ(lines.multisine.lines[1].phase_deg, -90.5);
+  const Excitation many = load(
+                              "[excitation]\nkind = \"multisine\"\namplitude = 0.005\n"
+                              "multisine = { count = 11, from_hz = 1, to_hz = 6 }\n")
+                              .excitation;
+  EXPECT_EQ(many.multisine.count, 11);
+  EXPECT_EQ(many.multisine.from_hz, 1.0);
+  EXPECT_EQ(many.multisine.to_hz, 6.0);
+
+  write("drive.csv", "time_s,base_displacement_m\n0,0\n1,0\n");
+  const Excitation file =
+      load("[excitation]\nkind = \"file\"\nfile = { path = \"drive.csv\", at_end = \"repeat\" }\n")
+          .excitation;
+  EXPECT_EQ(file.file.path, folder_ / "drive.csv");
+  EXPECT_EQ(file.file.at_end, DriveFileEnd::repeat);
+}
+
+TEST_F(RigFile, LimitsAreRead) {
+  const Limits limits = load(
+                            "[limits]\ndisplacement_m = 0.01\nvelocity_m_s = 0.2\n"
+                            "acceleration_m_s2 = 5\nforce_n = 3\nforce_slew_n_s = 70\n")
+                            .limits;
+  EXPECT_EQ(limits, (Limits{0.01, 0.2, 5.0, 3.0, 70.0}));
+}
+
+TEST_F(RigFile, AnExcitationBeyondItsLimitsIsRefused) {
+  const auto one = [this](const std::string& more, const char* part) {
+    EXPECT_THAT(problems(std::string(least) + more), testing::ElementsAre(testing::HasSubstr(part)))
+        << more;
+  };
+  one("excitation.amplitude = 0.016\n",
+      "excitation.amplitude: asks for 0.016 m, limits.displacement_m allows 0.015: 93.75 % of");
+  one("[excitation]\namplitude = 0.008\ncarrier_hz = 12\n",
+      "asks for 45.48 m/s^2, limits.acceleration_m_s2 allows 20: 43.98 % of");
+  one("excitation.amplitude = 0.01\nlimits.velocity_m_s = 0.1\n",
+      "asks for 0.1571 m/s, limits.velocity_m_s allows 0.1");
+  one("excitation.envelope = [[0, 0.001], [1, 0.02], [2, 0.001]]\n",
+      "excitation.envelope: asks for 0.02 m");
+  one("excitation.kind = \"sweep\"\nexcitation.amplitude = 0.01\n"
+      "excitation.sweep = { from_hz = 2, to_hz = 10, duration_s = 60 }\n",
+      "limits.acceleration_m_s2 allows 20");
+  one("excitation.kind = \"multisine\"\n"
+      "excitation.multisine.lines = [[2, 0.008, 0], [3, 0.008, 0]]\n",
+      "excitation.multisine.lines: asks for 0.016 m");
+  one("limits.acceleration_m_s2 = 1e-12\n", "is too small to be kept at this loop.rate_hz");
+  // Ten newtons are not ten metres.
+  write("model.toml",
+        "schema = 1\n[oscillator]\nexcitation = \"force\"\nmass_kg = 0.06\n"
+        "natural_frequency_hz = 2.4\ndamping_ratio = 0.05\n");
+  one("excitation.amplitude = 6\n", "asks for 6 N, limits.force_n allows 5");
+  one("excitation.amplitude = 4\nexcitation.carrier_hz = 25\n",
+      "asks for 628.3 N/s, limits.force_slew_n_s allows 500");
+  EXPECT_EQ(load("excitation.amplitude = 4\n").excitation.amplitude, 4.0);
+}
+
+TEST_F(RigFile, AKindOfExcitationNeedsWhatItNeedsAndNothingElse) {
+  const auto one = [this](const std::string& more, const char* part) {
+    EXPECT_THAT(problems(std::string(least) + "[excitation]\n" + more),
+                testing::ElementsAre(testing::HasSubstr(part)))
+        << more;
+  };
+  const std::string sweep = "sweep = { from_hz = 2, to_hz = 6, duration_s = 60 }\n";
+  one("kind = \"sweep\"\nsweep = { to_hz = 6, duration_s = 60 }\n",
+      "excitation.sweep.from_hz is missing with excitation.kind = \"sweep\"");
+  one("kind = \"sweep\"\ncarrier_hz = 3\n" + sweep,
+      "excitation.carrier_hz: does nothing with kind = \"sweep\"");
+  one("kind = \"sweep\"\nmodulation_depth = 0.5\n" + sweep, "does nothing with kind");
+  one("kind = \"sweep\"\nsweep = { from_hz = 2, to_hz = 300, duration_s = 60 }\n",
+      "excitation.sweep.to_hz: is more than a quarter of loop.rate_hz");
+  one("kind = \"chirp\"\nsweep = { from_hz = 2, to_hz = 3, duration_s = 2, taper_s = 1.5 }\n",
+      "more than half of duration_s");
+  one("kind = \"by_hand\"\namplitude = 0.002\nby_hand.lowest = 0.003\n",
+      "is above excitation.amplitude");
+  one("kind = \"multisine\"\n", "a multisine needs lines, or count, from_hz and to_hz");
+  one("kind = \"multisine\"\nmultisine = { lines = [[1, 0.001, 0]], count = 4 }\n", "not both");
+  one("kind = \"multisine\"\nmultisine = { count = 4, from_hz = 4, to_hz = 3 }\n",
+      "is not below to_hz");
+  one("kind = \"multisine\"\namplitude = 0.1\nmultisine.lines = [[1, 0.001, 0]]\n",
+      "does nothing beside multisine.lines");
+  one("kind = \"multisine\"\nmultisine.lines = [[1, 0.001]]\n", "expected a line");
+  one("kind = \"multisine\"\nmultisine.lines = [[0, 0.001, 0]]\n", "above 0 [Hz]");
+  one("kind = \"multisine\"\nmultisine.lines = [[1, -0.001, 0]]\n", "0 or more");
+  one("kind = \"multisine\"\nmultisine.lines = []\n", "1 to 200 lines");
+  one("kind = \"file\"\n", "excitation.file.path is missing");
+  one("kind = \"file\"\nfile.path = \"absent.csv\"\n", "there is no such file");
+  one("kind = \"multisine\"\ncontrol.enabled = true\nmultisine.lines = [[1, 0.001, 0]]\n",
+      "needs a carrier");
+}
+
+// The sines that a demand is said of do reach it, and never more.
+TEST(Demand, IsThatOfTheSignal) {
+  Excitation excitation;
+  excitation.kind = ExcitationKind::multisine;
+  excitation.amplitude = 0.005;
+  excitation.multisine = {{}, 15, 1.0, 8.0};
+  const Demand demand = demand_of(excitation);
+  const std::vector<Line> lines = lines_of(excitation);
+  ASSERT_EQ(lines.size(), 15U);
+  double displacement = 0.0;
+  double velocity = 0.0;
+  double acceleration = 0.0;
+  for (int i = 0; i < 20000; ++i) {
+    double x = 0.0;
+    double v = 0.0;
+    double a = 0.0;
+    for (const Line& line : lines) {
+      const double omega = 2.0 * M_PI * line.frequency_hz;
+      const double phase = omega * 1e-3 * i + line.phase_deg * M_PI / 180.0;
+      x += line.amplitude * std::sin(phase);
+      v += line.amplitude * omega * std::cos(phase);
+      a -= line.amplitude * omega * omega * std::sin(phase);
+    }
+    displacement = std::max(displacement, std::abs(x));
+    velocity = std::max(velocity, std::abs(v));
+    acceleration = std::max(acceleration, std::abs(a));
+  }
+  EXPECT_LE(displacement, demand.displacement);
+  EXPECT_GE(displacement, 0.9 * demand.displacement);
+  EXPECT_LE(velocity, demand.velocity);
+  EXPECT_GE(velocity, 0.85 * demand.velocity);
+  EXPECT_LE(acceleration, demand.acceleration);
+  EXPECT_GE(acceleration, 0.85 * demand.acceleration);
+  // Schroeder's phases: lines that all began together would reach four times as much.
+  EXPECT_GT(lines.front().amplitude * 15.0, 2.0 * excitation.amplitude);
+}
+
 TEST_F(RigFile, WhatThePageCallsTheDefaultIsTheDefault) {
   const Rig without = load("");
   std::string all;
@@ -194,6 +369,18 @@ TEST_F(RigFile, WhatThePageCallsTheDefaultIsTheDefault) {
   EXPECT_EQ(with.excitation.modulation_depth, without.excitation.modulation_depth);
   EXPECT_EQ(with.excitation.repeat, without.excitation.repeat);
   EXPECT_EQ(with.excitation.ramp_s, without.excitation.ramp_s);
+  EXPECT_EQ(with.excitation.by_hand.lowest, without.excitation.by_hand.lowest);
+  EXPECT_EQ(with.excitation.by_hand.bandwidth_hz, without.excitation.by_hand.bandwidth_hz);
+  EXPECT_EQ(with.excitation.by_hand.seed, without.excitation.by_hand.seed);
+  EXPECT_EQ(with.excitation.sweep.pause_s, without.excitation.sweep.pause_s);
+  EXPECT_EQ(with.excitation.sweep.taper_s, without.excitation.sweep.taper_s);
+  EXPECT_EQ(with.excitation.carrier_slew_hz_s, without.excitation.carrier_slew_hz_s);
+  EXPECT_EQ(with.excitation.control.enabled, without.excitation.control.enabled);
+  EXPECT_EQ(with.excitation.control.gain_min, without.excitation.control.gain_min);
+  EXPECT_EQ(with.excitation.control.gain_max, without.excitation.control.gain_max);
+  EXPECT_EQ(with.excitation.control.time_constant_s, without.excitation.control.time_constant_s);
+  EXPECT_EQ(with.excitation.control.distortion_max, without.excitation.control.distortion_max);
+  EXPECT_EQ(with.limits, without.limits);
   EXPECT_EQ(with.lcm.enabled, without.lcm.enabled);
   EXPECT_EQ(with.lcm.url, without.lcm.url);
   EXPECT_EQ(with.recording.enabled, without.recording.enabled);

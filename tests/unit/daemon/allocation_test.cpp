@@ -1,13 +1,27 @@
-// The hot path may not touch the heap. Every allocation of this program passes through the counters
-// below; a cycle that makes one fails the test.
+// The hot path may not touch the heap, take a lock or call the system. Every allocation and every
+// lock of this program passes through the counters below, and a process that has forsworn system
+// calls is ended by the first one; a cycle that does any of it fails the test.
+#include <dlfcn.h>
 #include <gtest/gtest.h>
+#include <linux/seccomp.h>
+#include <pthread.h>
+#include <sys/prctl.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <limits>
+#include <mutex>
+#include <optional>
+#include <string>
 #include <thread>
 
+#include "config/model_file.h"
 #include "daemon/loop.h"
 #include "tests/unit/daemon/fakes.h"
 
@@ -19,6 +33,18 @@
 namespace {
 thread_local bool counting = false;
 thread_local std::size_t allocations = 0;
+thread_local std::size_t locks = 0;
+
+/// The function of that name which this program's own stands in front of.
+template <class Function>
+Function* real(const char* name) {
+  return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
+}
+using Locking = int(pthread_mutex_t*);
+using Waiting = int(pthread_cond_t*, pthread_mutex_t*);
+Locking* const real_lock = real<Locking>("pthread_mutex_lock");
+Locking* const real_try_lock = real<Locking>("pthread_mutex_trylock");
+Waiting* const real_wait = real<Waiting>("pthread_cond_wait");
 }  // namespace
 
 // glibc's own names for what is replaced here.
@@ -46,6 +72,19 @@ void* realloc(void* pointer, std::size_t size) {
   if (counting) ++allocations;
   return __libc_realloc(pointer, size);
 }
+int pthread_mutex_lock(pthread_mutex_t* mutex) noexcept {
+  if (counting) ++locks;
+  // Before main, while the library itself is being made ready, there is nothing to call yet.
+  return real_lock != nullptr ? real_lock(mutex) : 0;
+}
+int pthread_mutex_trylock(pthread_mutex_t* mutex) noexcept {
+  if (counting) ++locks;
+  return real_try_lock(mutex);
+}
+int pthread_cond_wait(pthread_cond_t* condition, pthread_mutex_t* mutex) {
+  if (counting) ++locks;
+  return real_wait(condition, mutex);
+}
 void* aligned_alloc(std::size_t alignment, std::size_t size) {
   if (counting) ++allocations;
   return __libc_memalign(alignment, size);
@@ -67,54 +106,161 @@ TEST(Allocation, TheCounterSeesWhatItShould) {
   delete one;
   counting = false;
   EXPECT_EQ(allocations, 2U);
+  std::mutex mutex;
+  locks = 0;
+  counting = true;
+  mutex.lock();
+  mutex.unlock();
+  counting = false;
+  EXPECT_EQ(locks, 1U);
 }
 
-// With everything going wrong that can without ending the loop: overruns, missing frames, NaN,
-// temporary failures, full rings and a full notice ring; and at the end a stop or a fault.
-TEST(Allocation, AMillionCyclesTouchNoHeap) {
-  for (const bool fault : {false, true}) {
-    constexpr std::uint64_t cycles = 1'000'000;
-    test::FakeDriver driver;
+/// A loop with everything going wrong that can without ending it: overruns, missing and repeated
+/// frames, NaN, temporary failures, full rings and a full notice ring, commands; and at the end a
+/// stop or a fault.
+struct Ordeal {
+  static constexpr std::uint64_t cycles = 1'000'000;
+
+  Ordeal(bool fault, Observer* observer) {
     driver.keep_actuations = false;
-    test::FakeClock clock;
     clock.cost_of_look_ns = 100;
-    driver.on_read = [&](std::uint64_t call) {
+    driver.on_read = [this, fault](std::uint64_t call) {
       if (call % 997 == 0) clock.now += 3'500'000;
       if (call % 1009 == 0) driver.sequence += 2;
+      if (call % 1013 == 0 && driver.sequence > 0) driver.sequence -= 1;
+      if (call % 1019 == 0) loop->ask(command(call));
       if (fault && call == cycles - 1) return Result{Outcome::lost, "the cable was pulled out"};
       return call % 101 == 7 ? Result{Outcome::temporary, "time-out"} : Result{};
     };
     driver.on_frame = [](Frame& frame) {
       if (frame.sequence % 13 == 0) frame.value[1] = std::numeric_limits<double>::infinity();
     };
-    test::FakeSink sink;
     sink.keep = false;
-    Ledger ledger;
-    Stream running(sink, ledger.published(), {.ring_frames = 512, .poll = 100us});
-    Stream stuck(sink, ledger.recorded(), {.ring_frames = 512});
     config::Excitation shaking;
     shaking.enabled = true;
     shaking.amplitude = 0.01;
     shaking.envelope = {{0.0, 0.0}, {1.0, 0.01}, {2.0, 0.0}};
-    Loop loop(driver, clock, {.frames = fault ? 2 * cycles : cycles - 20'000}, Excitation(shaking),
-              nullptr, ledger, {&running, &stuck});
-    running.start();
+    LoopSettings settings;
+    settings.frames = fault ? 2 * cycles : cycles - 20'000;
+    settings.start_at_once = true;
+    settings.end_on_fault = true;
+    settings.recorder = &stuck;
+    loop.emplace(driver, clock, settings, Excitation(shaking), observer, ledger,
+                 std::vector<Stream*>{&running, &stuck});
+  }
+
+  static Command command(std::uint64_t call) {
+    Command out;
+    out.kind = static_cast<Command::Kind>(call % 8);
+    if (out.kind == Command::Kind::stop || out.kind == Command::Kind::disarm) {
+      out.kind = Command::Kind::average;
+    }
+    out.frames = 50;
+    out.setting = {Knob::amplitude, 0.005};
+    return out;
+  }
+
+  test::FakeDriver driver;
+  test::FakeClock clock;
+  test::FakeSink sink;
+  Ledger ledger;
+  Stream running{sink, ledger.published(), {.ring_frames = 512, .poll = 100us}};
+  Stream stuck{sink, ledger.recorded(), {.ring_frames = 512}};
+  std::optional<Loop> loop;
+};
+
+TEST(Allocation, AMillionCyclesTouchNoHeapAndTakeNoLock) {
+  for (const bool fault : {false, true}) {
+    Ordeal ordeal(fault, nullptr);
+    ordeal.running.start();
 
     allocations = 0;
+    locks = 0;
     counting = true;
-    loop.run();
+    ordeal.loop->run();
     counting = false;
 
     EXPECT_EQ(allocations, 0U);
-    EXPECT_GT(driver.reads, cycles - 30'000);
-    EXPECT_EQ(loop.why_ended().reason,
-              fault ? LoopEnd::Reason::fault : LoopEnd::Reason::frames_done);
-    EXPECT_GT(loop.timing().overruns, 900U);
-    EXPECT_GT(ledger.balance().recorded.lost_to(Loss::ring_full), 900'000U);
-    running.finish(10s);
-    stuck.finish(0s);
-    EXPECT_TRUE(ledger.balance().is_closed());
+    EXPECT_EQ(locks, 0U);
+    EXPECT_GT(ordeal.driver.reads, Ordeal::cycles - 30'000);
+    EXPECT_EQ(ordeal.loop->why_ended().reason,
+              fault ? LoopEnd::Reason::fault : LoopEnd::Reason::frames_done)
+        << ordeal.loop->why_ended().message;
+    EXPECT_GT(ordeal.loop->timing().overruns, 900U);
+    EXPECT_GT(ordeal.loop->timing().repeated, 900U);
+    EXPECT_GT(ordeal.ledger.balance().recorded.lost_to(Loss::ring_full), 900'000U);
+    ordeal.running.finish(10s);
+    ordeal.stuck.finish(0s);
+    EXPECT_TRUE(ordeal.ledger.balance().is_closed());
   }
+}
+
+/// Does the work in a child that may read, write and end, and nothing else; how it ended.
+template <class Work>
+int status_without_system_calls(Work work) {
+  const pid_t child = fork();
+  if (child == 0) {
+    if (prctl(PR_SET_SECCOMP, SECCOMP_MODE_STRICT) != 0) _exit(77);
+    const bool done = work();
+    syscall(SYS_exit, done ? 0 : 1);
+  }
+  int status = -1;
+  waitpid(child, &status, 0);
+  return status;
+}
+
+TEST(SystemCalls, AMillionCyclesWithAnObserverMakeNone) {
+  const int control = status_without_system_calls([] { return getppid() > 0; });
+  if (WIFEXITED(control) && WEXITSTATUS(control) == 77) {
+    GTEST_SKIP() << "this kernel does not let a process forswear system calls";
+  }
+  ASSERT_TRUE(WIFSIGNALED(control)) << "a system call has to be noticed";
+  Observer observer(config::load_model(STICKSLIP_SOURCE_DIR "/config/models/simulated.toml"), 1e-3);
+  ASSERT_TRUE(observer.supported()) << observer.unsupported();
+  Ordeal ordeal(true, &observer);
+  const int status = status_without_system_calls([&ordeal] {
+    ordeal.loop->run();
+    return ordeal.driver.reads == Ordeal::cycles;
+  });
+  ASSERT_TRUE(WIFEXITED(status)) << "ended by signal " << WTERMSIG(status);
+  EXPECT_EQ(WEXITSTATUS(status), 0);
+}
+
+// Every kind of drive, with its control and its limits, knobs turned, stops, starts and NaN.
+TEST(Allocation, NoKindOfExcitationTouchesTheHeap) {
+  using enum config::ExcitationKind;
+  const std::filesystem::path drive =
+      std::filesystem::temp_directory_path() / ("stickslip-" + std::to_string(getpid()) + ".csv");
+  std::ofstream(drive) << "time_s,base_displacement_m\n0,0\n1,0.004\n2,-0.004\n3,0\n";
+  for (const config::ExcitationKind kind : {modulated, by_hand, sweep, chirp, multisine, file}) {
+    config::Excitation settings;
+    settings.enabled = true;
+    settings.kind = kind;
+    settings.amplitude = 0.01;
+    settings.sweep = {.from_hz = 2.0, .to_hz = 5.0, .duration_s = 3.0};
+    settings.multisine = {{}, 20, 1.0, 6.0};
+    settings.file = {drive, config::DriveFileEnd::repeat};
+    settings.control.enabled = true;
+    Excitation excitation(settings, {{0.009, 0.2, 5.0}, Channel::base_displacement, 1e-3});
+    excitation.start();
+    allocations = 0;
+    counting = true;
+    for (int i = 0; i < 100'000; ++i) {
+      Frame frame;
+      frame.set(Channel::base_displacement, i % 4001 == 0 ? std::numeric_limits<double>::quiet_NaN()
+                                                          : 0.9 * excitation.now().value);
+      excitation.observe(frame, true);
+      excitation.advance(1e-3);
+      if (i % 9973 == 0) excitation.set({Knob::carrier_hz, 2.0 + i % 5});
+      if (i % 7919 == 0) excitation.set({Knob::amplitude, 0.001 * (i % 12)});
+      if (i % 30'011 == 0) excitation.stop();
+      if (i % 30'011 == 2000) excitation.start();
+      if (i == 50'000) excitation.cut();
+    }
+    counting = false;
+    EXPECT_EQ(allocations, 0U) << static_cast<int>(kind);
+  }
+  std::filesystem::remove(drive);
 }
 
 }  // namespace

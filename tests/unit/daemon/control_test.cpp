@@ -100,6 +100,11 @@ class ControlTest : public testing::Test {
         settings, *loop, clock, 1000.0,
         ControlHandlers{
             .status = [this] { return status_of(loop->snapshot(), ledger, loop->timing()); },
+            .refusal = [](const Setting& setting) -> std::optional<std::string> {
+              if (setting.value > 5.0) return "beyond limits.velocity_m_s";
+              return std::nullopt;
+            },
+            .was_set = [this](const Setting& setting) { latest_setting = setting; },
             .reload = [] { return std::vector<std::string>{"nothing"}; },
             .tell = [](const Event&) {}});
   }
@@ -108,8 +113,8 @@ class ControlTest : public testing::Test {
   void run(int turns = 1) {
     for (int i = 0; i < turns; ++i) {
       control->serve(0ms, -1);
+      loop->wait();
       loop->cycle();
-      clock.now += 1'000'000;
     }
     control->serve(0ms, -1);
   }
@@ -135,6 +140,7 @@ class ControlTest : public testing::Test {
   Ledger ledger;
   std::unique_ptr<Loop> loop;
   std::unique_ptr<Control> control;
+  Setting latest_setting;
 };
 
 TEST_F(ControlTest, APersonBringsTheRigToMoveAndToRest) {
@@ -196,6 +202,21 @@ TEST_F(ControlTest, ADeadManWhoLetsGoStopsTheRigAtOnce) {
     EXPECT_FALSE(driver.last.amplifier_on);
     run(3);
   }
+}
+
+TEST_F(ControlTest, TurnsTheKnobsOfTheExcitationAsFarAsItMay) {
+  open();
+  Client client(settings.path);
+  EXPECT_EQ(ask(client, {{"do", "set"}, {"key", "excitation.carrier_hz"}, {"value", 3.5}})["ok"],
+            true);
+  EXPECT_EQ(latest_setting.knob, Knob::carrier_hz);
+  EXPECT_EQ(latest_setting.value, 3.5);
+  const json refused =
+      ask(client, {{"do", "set"}, {"key", "excitation.carrier_hz"}, {"value", 50.0}});
+  EXPECT_EQ(refused["error"], "beyond limits.velocity_m_s");
+  EXPECT_EQ(latest_setting.value, 3.5);
+  EXPECT_EQ(ask(client, {{"do", "set"}, {"key", "loop.rate_hz"}, {"value", 1.0}})["ok"], false);
+  EXPECT_EQ(ask(client, {{"do", "set"}, {"key", "excitation.carrier_hz"}})["ok"], false);
 }
 
 TEST_F(ControlTest, AveragesRawReadings) {

@@ -77,7 +77,11 @@ TEST(Interlocks, EachIsBrokenByWhatItWatchesAndHoldsAgainAfterwards) {
        [](Interlocks& i) {
          i.write_answered({Outcome::fatal, "DAC gone"}, ms);
        },
-       [](Interlocks& i) { i.device_is_back(); }, "DAC gone"},
+       [fresh](Interlocks& i) {
+         i.device_is_back();
+         fresh(i);
+       },
+       "DAC gone"},
       {Interlock::device_silent,
        [](Interlocks& i) {
          i.read_answered({Outcome::temporary, "checksum"}, -90 * ms);

@@ -1,0 +1,46 @@
+// A drive out of a recording: a cubic spline through its samples.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "config/demand.h"
+#include "config/rig.h"
+#include "physics/frame.h"
+
+namespace stickslip::daemon {
+
+/// u(t) for t from 0 to length_s. Twice continuously differentiable; where it repeats, over its
+/// ends too. Evaluation does not allocate.
+class DriveFile {
+ public:
+  DriveFile() = default;
+
+  /// `channel` of the recording at settings.path. Throws InputError naming the file where it cannot
+  /// be read, lacks the channel or a sample of it, has fewer than four samples, or repeats and does
+  /// not end as it begins.
+  static DriveFile load(const config::DriveFile& settings, Channel channel);
+
+  /// Samples at increasing times [s]; the first time becomes 0. Throws like `load`, `name` standing
+  /// for the file.
+  DriveFile(std::vector<double> times_s, std::vector<double> values, bool periodic,
+            const std::string& name);
+
+  double length_s() const { return times_s_.empty() ? 0.0 : times_s_.back(); }
+
+  /// The value at a time within its length [m or N]; at one beyond, that of the nearer end. Quick
+  /// where times increase slowly from call to call.
+  double at(double time_s);
+
+  /// The largest |u|, |u'| and |u''| in steps of a period.
+  config::Demand demand(double period_s);
+
+ private:
+  std::vector<double> times_s_;
+  std::vector<double> values_;
+  std::vector<double> curvatures_;  // second derivatives at the samples
+  std::size_t piece_ = 0;           // the one that was last used
+};
+
+}  // namespace stickslip::daemon

@@ -1,0 +1,127 @@
+#include "daemon/setting.h"
+
+#include <cmath>
+
+#include "config/demand.h"
+#include "config/key.h"
+
+namespace stickslip::daemon {
+namespace {
+
+using config::ExcitationKind;
+
+constexpr Knob all_knobs[] = {Knob::carrier_hz, Knob::amplitude, Knob::modulation_hz,
+                              Knob::modulation_depth};
+
+std::optional<config::Excess> excess_with(const config::Excitation& excitation,
+                                          const SettingBounds& bounds, const Setting& setting) {
+  config::Demand demand = config::demand_of(with_setting(excitation, setting));
+  demand.displacement *= bounds.control_gain;
+  demand.velocity *= bounds.control_gain;
+  demand.acceleration *= bounds.control_gain;
+  return config::excess_of(demand, bounds.limits, bounds.force);
+}
+
+/// A demand grows with any knob: halve until the last bit that a person would write.
+double largest_allowed(const config::Excitation& excitation, const SettingBounds& bounds,
+                       const Setting& setting) {
+  double low = 0.0;
+  double high = setting.value;
+  for (int i = 0; i < 50; ++i) {
+    const double middle = (low + high) / 2.0;
+    (excess_with(excitation, bounds, {setting.knob, middle}) ? high : low) = middle;
+  }
+  // Rounded down, so that what is said is granted.
+  if (low <= 0.0) return 0.0;
+  const double digit = std::pow(10.0, std::floor(std::log10(low)) - 3.0);
+  return std::floor(low / digit) * digit;
+}
+
+}  // namespace
+
+const char* name_of(Knob knob) {
+  switch (knob) {
+    case Knob::carrier_hz:
+      return "carrier_hz";
+    case Knob::amplitude:
+      return "amplitude";
+    case Knob::modulation_hz:
+      return "modulation_hz";
+    case Knob::modulation_depth:
+      return "modulation_depth";
+  }
+  return "";
+}
+
+std::optional<Knob> knob_named(std::string_view name) {
+  for (const Knob knob : all_knobs) {
+    if (name == name_of(knob)) return knob;
+  }
+  return std::nullopt;
+}
+
+bool has_knob(const config::Excitation& excitation, Knob knob) {
+  const ExcitationKind kind = excitation.kind;
+  const bool envelope = !excitation.envelope.empty();
+  switch (knob) {
+    case Knob::carrier_hz:
+      return kind == ExcitationKind::modulated || kind == ExcitationKind::by_hand;
+    case Knob::amplitude:
+      return kind != ExcitationKind::file && !envelope && excitation.multisine.lines.empty();
+    case Knob::modulation_hz:
+    case Knob::modulation_depth:
+      return kind == ExcitationKind::modulated && !envelope;
+  }
+  return false;
+}
+
+config::Excitation with_setting(config::Excitation excitation, const Setting& setting) {
+  switch (setting.knob) {
+    case Knob::carrier_hz:
+      excitation.carrier_hz = setting.value;
+      break;
+    case Knob::amplitude:
+      excitation.amplitude = setting.value;
+      break;
+    case Knob::modulation_hz:
+      excitation.modulation_hz = setting.value;
+      break;
+    case Knob::modulation_depth:
+      excitation.modulation_depth = setting.value;
+      break;
+  }
+  return excitation;
+}
+
+std::optional<std::string> refusal(const config::Excitation& excitation,
+                                   const SettingBounds& bounds, const Setting& setting) {
+  const std::string name = name_of(setting.knob);
+  const std::string asked = name + " = " + config::short_number(setting.value);
+  if (!has_knob(excitation, setting.knob)) {
+    return name + " cannot be set: the excitation's kind is \"" +
+           std::string(config::choice_at(config::rig_keys(), "excitation.kind",
+                                         static_cast<std::size_t>(excitation.kind))) +
+           "\"" + (excitation.envelope.empty() ? "" : " with an envelope");
+  }
+  const config::Key& key = *config::find_key(config::rig_keys(), "excitation." + name);
+  const bool in_range = std::isfinite(setting.value) &&
+                        (key.above_low ? setting.value > key.low : setting.value >= key.low) &&
+                        setting.value <= key.high;
+  if (!in_range) return asked + ": expected " + config::expectation(key);
+  if (setting.knob == Knob::carrier_hz && setting.value > bounds.rate_hz / 4.0) {
+    return asked + " is more than a quarter of loop.rate_hz: at most " +
+           config::short_number(bounds.rate_hz / 4.0);
+  }
+  if (setting.knob == Knob::amplitude && excitation.kind == ExcitationKind::by_hand &&
+      setting.value < excitation.by_hand.lowest) {
+    return asked + " is below excitation.by_hand.lowest: at least " +
+           config::short_number(excitation.by_hand.lowest);
+  }
+  if (const auto excess = excess_with(excitation, bounds, setting)) {
+    return asked + " asks for " + config::text_of(*excess) + ": at most " +
+           config::short_number(largest_allowed(excitation, bounds, setting));
+  }
+  return std::nullopt;
+}
+
+}  // namespace stickslip::daemon
