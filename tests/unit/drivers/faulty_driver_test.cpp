@@ -406,6 +406,27 @@ TEST(FaultyDriver, FaultsOfAChannelActInTheOrderOfItsSignal) {
   }
 }
 
+TEST(FaultyDriver, ARepetitionBeginsAnew) {
+  Fault stuck = on(Channel::velocity, fault(FaultKind::stick, begin_s, 0.005));
+  stuck.every_s = 0.010;
+  Fault drift = on(Channel::displacement, fault(FaultKind::drift, begin_s, 0.005, 2.0));
+  drift.every_s = 0.010;
+  Bench bench({stuck, drift});
+  const auto frames = bench.run().frames(40);
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    Frame want = device_frame(i);
+    if (i >= 10 && i % 10 < 5) {
+      const std::size_t first = i - i % 10;
+      want.value[index_of(Channel::velocity)] = device_frame(first)[Channel::velocity];
+      want.value[index_of(Channel::displacement)] +=
+          2.0 * (static_cast<double>((i - first) * 1000000) * 1.0e-9);
+    }
+    EXPECT_TRUE(same_bits(frames[i], want)) << i;
+  }
+  EXPECT_EQ(bench.driver.applied().at(0).occurrences, 3U);
+  EXPECT_EQ(bench.driver.applied().at(0).hits, 15U);
+}
+
 // Faults of frames.
 
 TEST(FaultyDriver, FramesAreLost) {
@@ -487,6 +508,15 @@ TEST(FaultyDriver, WhatIsOvertakenWaitsWhileTheDeviceHasNothing) {
   EXPECT_TRUE(same_bits(readings[4].frame, device_frame(3)));
   EXPECT_TRUE(same_bits(readings[5].frame, device_frame(2)));
   EXPECT_TRUE(same_bits(readings[6].frame, device_frame(4)));
+}
+
+TEST(FaultyDriver, NoFrameIsTakenFromAStalledDeviceToOvertakeAnother) {
+  Bench bench({fault(FaultKind::reorder, 0.009, 0.001),
+               fault(FaultKind::stall, begin_s, std::nullopt, length_s)});
+  const auto readings = bench.run().read(32);
+  for (std::size_t i = 9; i < 30; ++i) EXPECT_EQ(readings[i].outcome, Outcome::no_data) << i;
+  EXPECT_TRUE(same_bits(readings[30].frame, device_frame(10)));
+  EXPECT_TRUE(same_bits(readings[31].frame, device_frame(9)));
 }
 
 TEST(FaultyDriver, TheClockJumpsAndOnlyTheClock) {
