@@ -367,6 +367,17 @@ TEST(FaultyDriver, NoiseHasItsStandardDeviationAndIsWhite) {
   EXPECT_EQ(bench.driver.applied().at(0), (Applied{1, 4000, 1'000'000'000, 4'999'000'000}));
 }
 
+TEST(FaultyDriver, NoiseIsAnotherOneOnEachChannel) {
+  Bench bench({fault(FaultKind::noise, 0.0, std::nullopt, 0.5)});
+  const auto frames = bench.run().frames(1000);
+  double product = 0.0;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    product += (frames[i].value[0] - device_frame(i).value[0]) *
+               (frames[i].value[1] - device_frame(i).value[1]);
+  }
+  EXPECT_NEAR(product / 1000.0, 0.0, 5.0 * 0.25 / std::sqrt(1000.0));
+}
+
 TEST(FaultyDriver, ChannelsThatWereNotMeasuredStaySo) {
   Device device;
   device.channels = 0b000011;
@@ -593,6 +604,9 @@ TEST(FaultyDriver, AReadThatHangsTakesAsLongAsItSays) {
   }
   // The script's time has gone on.
   EXPECT_EQ(bench.driver.script_time_ns(), (38 + 50) * period_ns);
+  Bench fast({hang}, {}, 1, period_s, 4.0);
+  fast.run().read(40);
+  EXPECT_EQ(fast.clock->slept, 12'500'000) << "a replay four times as fast as it was recorded";
 }
 
 TEST(FaultyDriver, ReadsFailButMightWorkTheNextTime) {
