@@ -20,6 +20,7 @@
 #include "daemon/clock.h"
 #include "daemon/event.h"
 #include "daemon/ledger.h"
+#include "daemon/loss_watch.h"
 #include "daemon/messages.h"
 #include "daemon/outlet.h"
 #include "daemon/realtime.h"
@@ -123,11 +124,14 @@ class Service {
   std::uint64_t cycles_fed_ = 0;
   std::uint64_t overruns_told_ = 0;
   std::int64_t longest_untold_ns_ = 0;
+  LossWatch losses_;
 };
 
 std::vector<Frame> Service::frames_to_replay() const {
   if (rig_.driver != config::DriverKind::replay) return {};
-  return protocol::read_recording(rig_.replay.recording).frames;
+  const protocol::Recording recording = protocol::read_recording(rig_.replay.recording);
+  if (recording.cut_off_bytes > 0) spdlog::warn("{}", protocol::cut_off_warning(recording));
+  return recording.frames;
 }
 
 void Service::open_consumers() {
@@ -138,7 +142,11 @@ void Service::open_consumers() {
   // As fast as it goes, a frame never waits long, and blocks are the same at every run.
   if (pacing_ == Pacing::free) settings.longest_wait = std::chrono::hours(1);
   if (rig_.recording.enabled) {
-    recorder_ = std::make_unique<Consumer>("recorder", open_log(rig_.recording.file),
+    const RecorderSettings log{.rotate_s = rig_.recording.rotate_s,
+                               .rotate_mb = rig_.recording.rotate_mb,
+                               .sync_s = rig_.recording.sync_s,
+                               .ledger = &ledger_};
+    recorder_ = std::make_unique<Consumer>("recorder", open_log(rig_.recording.file, log),
                                            ledger_.recorded(), settings);
   }
   if (rig_.lcm.enabled) {
@@ -277,6 +285,10 @@ void Service::send_status(const Loop& loop) {
     longest_untold_ns_ = 0;
   }
   overruns_told_ = now.overruns;
+  for (const Event& event : losses_.look(now.ledger)) {
+    send(event_message(event, wall_us()));
+    log_event(event);
+  }
   send(status_message(now, wall_us()));
   const std::string line = std::string("STATUS=") + name_of(now.state) + ", " +
                            std::to_string(now.ledger.produced) + " frames, " +
