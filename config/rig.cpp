@@ -198,6 +198,9 @@ class Reader {
     take(rig.lcm.url, document_.text("lcm.url"));
     take(rig.recording.enabled, document_.boolean("recording.enabled"));
     rig.recording.file = path_at("recording.file");
+    rig.recording.rotate_s = document_.number("recording.rotate_s");
+    rig.recording.rotate_mb = document_.number("recording.rotate_mb");
+    take(rig.recording.sync_s, document_.number("recording.sync_s"));
     take(rig.observer.enabled, document_.boolean("observer.enabled"));
   }
 

@@ -198,7 +198,10 @@ struct Lcm {
 
 struct RecordingOutput {
   bool enabled = false;
-  std::filesystem::path file;  ///< LCM event log; its folder must exist
+  std::filesystem::path file;       ///< LCM event log; its folder must exist
+  std::optional<double> rotate_s;   ///< length of a part in rig time; absent: no limit
+  std::optional<double> rotate_mb;  ///< size of a part [10^6 bytes]; absent: no limit
+  double sync_s = 1.0;              ///< at most so much is lost in a power cut; 0: up to the kernel
 };
 
 struct Observer {

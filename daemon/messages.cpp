@@ -6,11 +6,11 @@
 #include <numbers>
 #include <stickslip/event_t.hpp>
 #include <stickslip/recording_info_t.hpp>
-#include <stickslip/status_t.hpp>
 #include <stickslip/timing_t.hpp>
 
 #include "protocol/channels.h"
 #include "protocol/frame_block.h"
+#include "protocol/recording_log.h"
 
 namespace stickslip::daemon {
 namespace {
@@ -44,6 +44,7 @@ void fill_losses(const AccountBalance& account, std::int32_t& count,
                  std::vector<std::string>& names, std::vector<std::int64_t>& losses) {
   count = static_cast<std::int32_t>(loss_count);
   names.assign(loss_names.begin(), loss_names.end());
+  losses.clear();
   for (const std::uint64_t lost : account.lost) losses.push_back(signed_of(lost));
 }
 
@@ -74,6 +75,18 @@ std::optional<double> value_of(const Estimate& estimate, observer::Quantity quan
 
 }  // namespace
 
+void set_ledger(const Balance& ledger, status_t& status) {
+  status.produced = signed_of(ledger.produced);
+  status.publishing = static_cast<std::int8_t>(ledger.published.enabled);
+  status.published = signed_of(ledger.published.delivered);
+  fill_losses(ledger.published, status.publish_loss_count, status.publish_loss_name,
+              status.publish_loss);
+  status.recording = static_cast<std::int8_t>(ledger.recorded.enabled);
+  status.recorded = signed_of(ledger.recorded.delivered);
+  fill_losses(ledger.recorded, status.record_loss_count, status.record_loss_name,
+              status.record_loss);
+}
+
 Message status_message(const Status& status, std::int64_t utc_us) {
   status_t out{};
   out.utc_us = utc_us;
@@ -82,14 +95,7 @@ Message status_message(const Status& status, std::int64_t utc_us) {
   if (status.state == RigState::faulted) out.interlock = name_of(status.interlock);
   out.cause = status.cause;
   out.amplifier_on = static_cast<std::int8_t>(status.amplifier_on);
-  const Balance& ledger = status.ledger;
-  out.produced = signed_of(ledger.produced);
-  out.publishing = static_cast<std::int8_t>(ledger.published.enabled);
-  out.published = signed_of(ledger.published.delivered);
-  fill_losses(ledger.published, out.publish_loss_count, out.publish_loss_name, out.publish_loss);
-  out.recording = static_cast<std::int8_t>(ledger.recorded.enabled);
-  out.recorded = signed_of(ledger.recorded.delivered);
-  fill_losses(ledger.recorded, out.record_loss_count, out.record_loss_name, out.record_loss);
+  set_ledger(status.ledger, out);
   out.lost_messages = signed_of(status.lost_messages);
   out.cycles = signed_of(status.cycles);
   out.overruns = signed_of(status.overruns);
@@ -145,16 +151,15 @@ Message event_message(const Event& event, std::int64_t utc_us) {
 }
 
 Message recording_info_message(const config::Rig& rig, std::int64_t started_utc_us) {
-  recording_info_t out{};
-  out.schema = 1;
-  out.started_utc_us = started_utc_us;
-  out.rig = rig.name;
-  out.program = "stickslipd";
-  out.version = STICKSLIP_VERSION;
-  out.configuration = rig.text;
-  out.model = rig.model_text;
-  out.frames = -1;
-  return message_of(protocol::recording_channel, out, started_utc_us);
+  protocol::Description description;
+  description.started_utc_us = started_utc_us;
+  description.rig = rig.name;
+  description.program = "stickslipd";
+  description.version = STICKSLIP_VERSION;
+  description.configuration = rig.text;
+  description.model = rig.model_text;
+  return message_of(protocol::recording_channel, protocol::info_of(description, -1),
+                    started_utc_us);
 }
 
 template <class Type>

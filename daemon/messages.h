@@ -7,6 +7,7 @@
 #include <stickslip/excitation_t.hpp>
 #include <stickslip/frame_block_t.hpp>
 #include <stickslip/friction_estimate_t.hpp>
+#include <stickslip/status_t.hpp>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,9 @@ namespace stickslip::daemon {
 Message status_message(const Status& status, std::int64_t utc_us);
 /// The histograms up to the longest duration that any of them has seen.
 Message timing_message(const Timing& timing, std::int64_t utc_us);
+/// Writes the books into a status message.
+void set_ledger(const Balance& ledger, status_t& status);
+
 Message event_message(const Event& event, std::int64_t utc_us);
 
 /// What makes a log stand alone: configuration, model, version, start.
@@ -39,6 +43,7 @@ class MessageSink final : public Sink {
   Put put_estimate(const Estimate& estimate) override;
   Put put_message(const Message& message) override;
   bool settle() override { return outlet_.settle(); }
+  bool wants_to_settle() const override { return outlet_.wants_to_settle(); }
 
  private:
   template <class Type>

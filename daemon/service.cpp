@@ -27,6 +27,7 @@
 #include "daemon/device_keeper.h"
 #include "daemon/event.h"
 #include "daemon/ledger.h"
+#include "daemon/loss_watch.h"
 #include "daemon/messages.h"
 #include "daemon/outlet.h"
 #include "daemon/realtime.h"
@@ -191,11 +192,14 @@ class Service {
   std::uint64_t cycles_fed_ = 0;
   std::uint64_t late_told_ = 0;
   std::int64_t longest_untold_ns_ = 0;
+  LossWatch losses_;
 };
 
 std::vector<Frame> Service::frames_to_replay() const {
   if (rig_.driver != config::DriverKind::replay) return {};
-  return protocol::read_recording(rig_.replay.recording).frames;
+  const protocol::Recording recording = protocol::read_recording(rig_.replay.recording);
+  if (recording.cut_off_bytes > 0) spdlog::warn("{}", protocol::cut_off_warning(recording));
+  return recording.frames;
 }
 
 void Service::open_consumers() {
@@ -206,7 +210,11 @@ void Service::open_consumers() {
   // As fast as it goes, a frame never waits long, and blocks are the same at every run.
   if (pacing_ == Pacing::free) settings.longest_wait = std::chrono::hours(1);
   if (rig_.recording.enabled) {
-    recorder_ = std::make_unique<Consumer>("recorder", open_log(rig_.recording.file),
+    const RecorderSettings log{.rotate_s = rig_.recording.rotate_s,
+                               .rotate_mb = rig_.recording.rotate_mb,
+                               .sync_s = rig_.recording.sync_s,
+                               .ledger = &ledger_};
+    recorder_ = std::make_unique<Consumer>("recorder", open_log(rig_.recording.file, log),
                                            ledger_.recorded(), settings);
   }
   if (rig_.lcm.enabled) {
@@ -425,6 +433,10 @@ void Service::send_status(const Loop& loop) {
     longest_untold_ns_ = 0;
   }
   late_told_ = now.late_cycles;
+  for (const Event& event : losses_.look(now.ledger)) {
+    tell(event);
+    log_event(event);
+  }
   send(status_message(now, utc_us()));
   send(timing_message(loop.timing(), utc_us()));
   if (control_ != nullptr) control_->publish(now);

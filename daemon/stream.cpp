@@ -143,7 +143,10 @@ void Stream::put_block() {
   }
   put_estimates(block_.back().number);
   block_.clear();
-  if (std::chrono::steady_clock::now() - settled_ >= settings_.settle_period) settle();
+  if (sink_.wants_to_settle() ||
+      std::chrono::steady_clock::now() - settled_ >= settings_.settle_period) {
+    settle();
+  }
 }
 
 // Only what has left for good is delivered.

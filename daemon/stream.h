@@ -47,6 +47,8 @@ class Sink {
   /// Whether all that was put since the last time has really left. A disk takes what is put into a
   /// buffer first and may refuse it only here.
   virtual bool settle() { return true; }
+  /// Whether it would rather settle now than when the period is over.
+  virtual bool wants_to_settle() const { return false; }
 };
 
 struct StreamSettings {

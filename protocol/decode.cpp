@@ -127,7 +127,9 @@ bool decode(std::span<const std::uint8_t> bytes, event_t& message) {
 bool decode(std::span<const std::uint8_t> bytes, recording_info_t& message) {
   Walk walk(bytes);
   walk.skip(4 + number);
-  for (int i = 0; i < 5; ++i) walk.text();
+  for (int i = 0; i < 9; ++i) walk.text();
+  walk.skip(4);  // part
+  walk.text();
   return walk.inside() && decode_whole(bytes, message);
 }
 

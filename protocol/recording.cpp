@@ -4,6 +4,12 @@
 
 namespace stickslip::protocol {
 
+std::string cut_off_warning(const Recording& recording) {
+  return recording.source + ": cut off: its last " + std::to_string(recording.cut_off_bytes) +
+         " bytes are no whole event; the " + std::to_string(recording.frames.size()) +
+         " frames before them are read";
+}
+
 double median_period_s(std::span<const Frame> frames) {
   std::vector<std::int64_t> steps;
   steps.reserve(frames.size());

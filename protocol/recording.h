@@ -22,6 +22,10 @@ struct Description {
   std::string version;
   std::string configuration;
   std::string model;
+  std::string calibration = {};
+  std::int32_t part = 0;           ///< of a recording in several logs, from 0
+  std::string previous_part = {};  ///< file name of the part before, without folder
+  std::int64_t frames_before = 0;  ///< in all parts before this one
 
   friend bool operator==(const Description&, const Description&) = default;
 };
@@ -31,7 +35,14 @@ struct Recording {
   std::vector<Frame> frames;  ///< in strictly increasing time
   std::uint8_t channels = 0;  ///< bit i: some frame holds Channel i
   Description description;
+  /// Bytes at the end of a log that are no whole event: it was cut off there, by a killed recorder
+  /// or a power cut. Everything before them is here.
+  std::uint64_t cut_off_bytes = 0;
 };
+
+/// For who was asked to read a log that was cut off (cut_off_bytes is not 0): one line, with the
+/// file, for a warning.
+std::string cut_off_warning(const Recording& recording);
 
 /// The usual time from one frame to the next [s]; at least two frames.
 double median_period_s(std::span<const Frame> frames);
@@ -39,8 +50,8 @@ double median_period_s(std::span<const Frame> frames);
 /// Reads either form; which one is decided by the content, not by the name. Throws InputError
 /// naming the file, and the line (CSV) or the byte (log), for whatever is wrong: no time_s, an
 /// unknown or doubled column, a missing or surplus cell, text or nan in a number, time that does
-/// not increase, a log that is cut off or holds no frames. An empty cell is a sample that is not
-/// there.
+/// not increase, a log that is damaged before its end or holds no frames. An empty cell is a sample
+/// that is not there. A log that only ends too early is read up to there: see cut_off_bytes.
 Recording read_recording(const std::filesystem::path& file);
 
 /// The same for text in memory; `name` stands for the file in messages.
@@ -69,8 +80,12 @@ class LogWriter {
   /// Whether all that was appended since the last flush is in the file. If not, none of it is: the
   /// file ends with what the last good flush left, so that it can be read and be continued.
   [[nodiscard]] bool flush();
+  /// Waits until the disk has what the last good flush left; false (errno says why) where it says
+  /// that it has not. True for what is no file on a disk.
+  [[nodiscard]] bool sync();
   /// Flushes and closes; false where that failed. Further appends fail.
   [[nodiscard]] bool close();
+  /// Of the file, with what is not flushed yet.
   std::uint64_t bytes_written() const;
 
  private:

@@ -5,53 +5,36 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
-#include <istream>
 #include <stickslip/frame_block_t.hpp>
-#include <stickslip/recording_info_t.hpp>
 
 #include "physics/problem.h"
 #include "protocol/channels.h"
 #include "protocol/decode.h"
 #include "protocol/frame_block.h"
+#include "protocol/recording_events.h"
+#include "protocol/sha256.h"
 
 namespace stickslip::protocol {
 
 namespace {
-
-// An event on disk: sync word, event number, time, two lengths, channel, data; big-endian.
-constexpr std::int64_t event_header_bytes = 28;
-constexpr std::string_view sync_word = "\xED\xA1\xDA\x01";
 
 struct CloseLog {
   void operator()(lcm_eventlog_t* log) const { lcm_eventlog_destroy(log); }
 };
 using Log = std::unique_ptr<lcm_eventlog_t, CloseLog>;
 
-// What liblcm's own reader takes for a channel name at most.
-constexpr std::int64_t longest_channel = 999;
-
-std::int64_t big_endian(std::span<const char, 4> bytes) {
-  std::uint32_t value = 0;
-  for (const char byte : bytes) value = value << 8U | static_cast<std::uint8_t>(byte);
-  return static_cast<std::int32_t>(value);
-}
-
 [[noreturn]] void refuse(const std::string& name, std::int64_t byte, const std::string& message) {
   throw InputError(Problem{name, 0, 0, "at byte " + std::to_string(byte) + ": " + message});
 }
 
-void take_description(const recording_info_t& info, Description& description) {
-  description.started_utc_us = info.started_utc_us;
-  description.rig = info.rig;
-  description.program = info.program;
-  description.version = info.version;
-  description.configuration = info.configuration;
-  description.model = info.model;
+[[noreturn]] void refuse_damage(const std::string& name, std::int64_t byte,
+                                const std::string& message) {
+  refuse(name, byte,
+         message + "; `stickslip log repair " + name + " --out OTHER.log` keeps what is whole");
 }
 
 }  // namespace
@@ -67,75 +50,48 @@ Recording read_log(const std::filesystem::path& file) {
   return parse_log(in, file.string());
 }
 
-// liblcm's own reader is not used: it skips what it does not understand without a word, prints some
-// of it, and a length of 2^31 - 1 crashes it.
 Recording parse_log(std::istream& in, const std::string& name) {
-  in.seekg(0, std::ios::end);
-  const std::int64_t size = in.tellg();
-  in.seekg(0);
+  EventReader reader(in, name);
   Recording recording;
   recording.source = name;
   frame_block_t block;
   recording_info_t info;
-  std::string channel;
-  std::vector<std::uint8_t> data;
-  std::array<char, event_header_bytes> header{};
-  std::int64_t at = 0;
-  const auto cut_off = [&]() {
-    refuse(name, at,
-           "the log is cut off: the " + std::to_string(size - at) +
-               " bytes that follow are no whole event; was it copied while being written?");
+  LogEvent event;
+  const auto take_frames = [&] {
+    const std::size_t before = recording.frames.size();
+    if (!decode(event.data, block) || !from_block(block, recording.frames)) {
+      refuse_damage(
+          name, event.at,
+          "a message on " + event.channel + " is damaged, or no frame_block_t of this version");
+    }
+    for (std::size_t i = before; i < recording.frames.size(); ++i) {
+      const Frame& frame = recording.frames[i];
+      if (i > 0 && frame.time_ns <= recording.frames[i - 1].time_ns) {
+        refuse(name, event.at,
+               "time does not increase: " + std::to_string(frame.time_ns) + " ns after " +
+                   std::to_string(recording.frames[i - 1].time_ns) + " ns");
+      }
+      recording.channels |= frame.valid;
+    }
   };
-  while (at < size) {
-    if (size - at >= 4) {
-      in.read(header.data(), 4);
-      if (std::string_view(header.data(), 4) != sync_word) {
-        refuse(name, at, "damaged: no event begins here, where the one before ends");
-      }
+  while (true) {
+    const EventReader::Found found = reader.next(event);
+    if (found == EventReader::Found::end) break;
+    if (found == EventReader::Found::damage) {
+      refuse_damage(name, event.at, "damaged: " + reader.why());
     }
-    if (size - at < event_header_bytes) cut_off();
-    in.read(header.data() + 4, event_header_bytes - 4);
-    const std::int64_t channel_size = big_endian(std::span(header).subspan<20, 4>());
-    const std::int64_t data_size = big_endian(std::span(header).subspan<24, 4>());
-    if (channel_size < 1 || channel_size > longest_channel || data_size < 0) {
-      refuse(name, at,
-             "damaged: an event with a channel name of " + std::to_string(channel_size) +
-                 " bytes and " + std::to_string(data_size) + " bytes of data");
-    }
-    const std::int64_t end = at + event_header_bytes + channel_size + data_size;
-    if (end > size) cut_off();
-    channel.resize(static_cast<std::size_t>(channel_size));
-    data.resize(static_cast<std::size_t>(data_size));
-    in.read(channel.data(), channel_size);
-    in.read(reinterpret_cast<char*>(data.data()), data_size);
-    if (!in) {
-      throw InputError(
-          Problem{name, 0, 0,
-                  "at byte " + std::to_string(at) + ": cannot be read: " + std::strerror(errno)});
-    }
-    if (channel == frames_channel) {
-      const std::size_t before = recording.frames.size();
-      if (!decode(data, block) || !from_block(block, recording.frames)) {
-        refuse(name, at,
-               "a message on " + channel + " is damaged, or no frame_block_t of this version");
+    if (found == EventReader::Found::cut_off) {
+      recording.cut_off_bytes = static_cast<std::uint64_t>(event.end - event.at);
+    } else if (event.channel == frames_channel) {
+      take_frames();
+    } else if (event.channel == recording_channel) {
+      if (!decode(event.data, info)) {
+        refuse_damage(name, event.at,
+                      "a message on " + event.channel +
+                          " is damaged, or no recording_info_t of this version");
       }
-      for (std::size_t i = before; i < recording.frames.size(); ++i) {
-        const Frame& frame = recording.frames[i];
-        if (i > 0 && frame.time_ns <= recording.frames[i - 1].time_ns) {
-          refuse(name, at,
-                 "time does not increase: " + std::to_string(frame.time_ns) + " ns after " +
-                     std::to_string(recording.frames[i - 1].time_ns) + " ns");
-        }
-        recording.channels |= frame.valid;
-      }
-    } else if (channel == recording_channel) {
-      if (!decode(data, info)) {
-        refuse(name, at,
-               "a message on " + channel + " is damaged, or no recording_info_t of this version");
-      }
-      take_description(info, recording.description);
+      recording.description = description_of(info);
     }
-    at = end;
   }
   if (recording.frames.empty()) {
     throw InputError(Problem{
@@ -145,6 +101,52 @@ Recording parse_log(std::istream& in, const std::string& name) {
     throw InputError(Problem{name, 0, 0, "holds no value: no channel of its frames is valid"});
   }
   return recording;
+}
+
+recording_info_t info_of(const Description& description, std::int64_t frames) {
+  const auto digest = [](const std::string& text) {
+    return text.empty() ? std::string() : sha256_of(text);
+  };
+  recording_info_t info{};
+  info.schema = log_schema;
+  info.started_utc_us = description.started_utc_us;
+  info.rig = description.rig;
+  info.program = description.program;
+  info.version = description.version;
+  info.configuration = description.configuration;
+  info.model = description.model;
+  info.calibration = description.calibration;
+  info.configuration_sha256 = digest(description.configuration);
+  info.model_sha256 = digest(description.model);
+  info.calibration_sha256 = digest(description.calibration);
+  info.part = description.part;
+  info.previous_part = description.previous_part;
+  info.frames_before = description.frames_before;
+  info.frames = frames;
+  return info;
+}
+
+std::int64_t frames_in(std::span<const std::uint8_t> block) {
+  constexpr std::size_t after_the_type = 8;
+  if (block.size() < after_the_type + 4) return 0;
+  std::uint32_t count = 0;
+  for (std::size_t i = 0; i < 4; ++i) count = count << 8U | block[after_the_type + i];
+  return static_cast<std::int32_t>(count);
+}
+
+Description description_of(const recording_info_t& info) {
+  Description description;
+  description.started_utc_us = info.started_utc_us;
+  description.rig = info.rig;
+  description.program = info.program;
+  description.version = info.version;
+  description.configuration = info.configuration;
+  description.model = info.model;
+  description.calibration = info.calibration;
+  description.part = info.part;
+  description.previous_part = info.previous_part;
+  description.frames_before = info.frames_before;
+  return description;
 }
 
 struct LogWriter::Implementation {
@@ -218,6 +220,13 @@ bool LogWriter::flush() {
   return false;
 }
 
+bool LogWriter::sync() {
+  const Implementation& i = *implementation_;
+  if (!i.log) return false;
+  // Pipes and devices have nothing to wait for.
+  return fdatasync(fileno(i.log->f)) == 0 || errno == EINVAL || errno == EROFS;
+}
+
 bool LogWriter::close() {
   const bool flushed = flush();
   implementation_->log.reset();
@@ -246,15 +255,8 @@ void write_log(const Recording& recording, const std::filesystem::path& file,
           Problem{file.string(), 0, 0, std::string("cannot be written: ") + std::strerror(errno)});
     }
   };
-  recording_info_t info;
-  info.schema = 1;
-  info.started_utc_us = recording.description.started_utc_us;
-  info.rig = recording.description.rig;
-  info.program = recording.description.program;
-  info.version = recording.description.version;
-  info.configuration = recording.description.configuration;
-  info.model = recording.description.model;
-  info.frames = static_cast<std::int64_t>(recording.frames.size());
+  const recording_info_t info =
+      info_of(recording.description, static_cast<std::int64_t>(recording.frames.size()));
   const auto time_us = [](const Frame& frame) { return frame.time_ns / 1000; };
   require(writer.append(recording_channel, encoded(info),
                         recording.frames.empty() ? 0 : time_us(recording.frames.front())));

@@ -16,6 +16,7 @@
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "tools/command.h"
+#include "tools/recording_input.h"
 
 namespace stickslip::tools {
 namespace {
@@ -166,7 +167,7 @@ bool check(const std::string& file) {
       case config::FileKind::rig: {
         const config::Rig rig = config::load_rig(file);
         if (rig.driver == config::DriverKind::replay) {
-          protocol::read_recording(rig.replay.recording);
+          recording_from(rig.replay.recording);
         }
         std::printf("%s: sound\n", file.c_str());
         summarise(rig);

@@ -21,6 +21,7 @@ void add_convert(CLI::App& app, Action& action);
 void add_ctl(CLI::App& app, Action& action);
 void add_spy(CLI::App& app, Action& action);
 void add_poincare(CLI::App& app, Action& action);
+void add_log(CLI::App& app, Action& action);
 void add_lyapunov(CLI::App& app, Action& action);
 void add_bifurcation(CLI::App& app, Action& action);
 void add_reduce(CLI::App& app, Action& action);

@@ -13,12 +13,12 @@
 #include "config/model_file.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
+#include "protocol/sha256.h"
 #include "tools/command.h"
 #include "tools/conceal/concealment.h"
 #include "tools/conceal/secret.h"
 #include "tools/option_checks.h"
 #include "tools/parallel/for_each.h"
-#include "tools/sha256.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -101,7 +101,8 @@ int run(Arguments arguments) {
     write_file(folder / "model.toml", config::model_text(made.believed));
     const std::string sealed = concealment::truth_text(made.truth);
     write_file(truth / (std::string(name) + ".json"), sealed);
-    write_file(folder / "seal.txt", "SHA-256 of the truth file: " + sha256_of(sealed) + "\n");
+    write_file(folder / "seal.txt",
+               "SHA-256 of the truth file: " + protocol::sha256_of(sealed) + "\n");
     if (terminal) {
       std::fprintf(stderr, "\r\033[K%zu of %zu recordings", done.fetch_add(1) + 1, count);
     }

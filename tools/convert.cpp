@@ -8,6 +8,7 @@
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "tools/command.h"
+#include "tools/recording_input.h"
 
 namespace stickslip::tools {
 
@@ -30,7 +31,7 @@ void write_as_csv(const protocol::Recording& recording, const std::string& path)
 }
 
 int run(const Arguments& arguments) {
-  const protocol::Recording recording = protocol::read_recording(arguments.in);
+  const protocol::Recording recording = recording_from(arguments.in);
   if (arguments.out == "-") {
     if (arguments.format == "lcm") {
       throw InputError(Problem{"-", 0, 0, "only CSV goes to standard output: name a file"});

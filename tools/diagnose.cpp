@@ -10,6 +10,7 @@
 #include "physics/effects/number_text.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
+#include "protocol/sha256.h"
 #include "tools/command.h"
 #include "tools/diagnose/bootstrap.h"
 #include "tools/diagnose/report.h"
@@ -17,7 +18,7 @@
 #include "tools/option_checks.h"
 #include "tools/parallel/for_each.h"
 #include "tools/read_file.h"
-#include "tools/sha256.h"
+#include "tools/recording_input.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -43,7 +44,7 @@ diagnosis::Provenance provenance_of(const Arguments& arguments) {
   std::vector<std::string> files = arguments.recordings;
   files.push_back(arguments.model);
   for (const std::string& name : files) {
-    out.files.push_back({name, sha256_of(content_of(name))});
+    out.files.push_back({name, protocol::sha256_of(content_of(name))});
   }
   for (const std::string& name : arguments.recordings) out.command += " " + name;
   out.command += " --model " + arguments.model + " --seed " + std::to_string(arguments.seed);
@@ -66,7 +67,7 @@ int run(const Arguments& arguments) {
   const physics::Model model = config::load_model(arguments.model);
   std::vector<protocol::Recording> recordings;
   for (const std::string& path : arguments.recordings) {
-    recordings.push_back(protocol::read_recording(path));
+    recordings.push_back(recording_from(path));
   }
   diagnosis::Options options;
   options.seed = arguments.seed;

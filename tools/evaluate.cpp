@@ -11,6 +11,7 @@
 #include "tools/diagnose/report.h"
 #include "tools/option_checks.h"
 #include "tools/parallel/for_each.h"
+#include "tools/recording_input.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -30,7 +31,7 @@ int run(const Arguments& arguments) {
   using namespace diagnosis;
   expect_writable(arguments.json);
   const physics::Model model = config::load_model(arguments.model);
-  const protocol::Recording recording = protocol::read_recording(arguments.recording);
+  const protocol::Recording recording = recording_from(arguments.recording);
   EvaluationOptions options;
   if (arguments.horizon_s > 0.0) options.horizon_s = arguments.horizon_s;
   options.free_run = arguments.free_run;

@@ -13,6 +13,7 @@
 #include "config/model_file.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
+#include "protocol/sha256.h"
 #include "tools/command.h"
 #include "tools/conceal/truth.h"
 #include "tools/diagnose/diagnosis.h"
@@ -22,7 +23,6 @@
 #include "tools/option_checks.h"
 #include "tools/parallel/for_each.h"
 #include "tools/read_file.h"
-#include "tools/sha256.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -45,9 +45,10 @@ struct Arguments {
 
 // What a report was made from: a report that was made from anything else is made anew.
 std::string origin_of(const fs::path& folder, std::uint64_t seed) {
-  static const std::string program = sha256_of(content_of("/proc/self/exe"));
-  return sha256_of(program + std::to_string(seed) + content_of(folder / "recording.csv") +
-                   content_of(folder / "model.toml") + content_of(folder / "validation.csv"));
+  static const std::string program = protocol::sha256_of(content_of("/proc/self/exe"));
+  return protocol::sha256_of(program + std::to_string(seed) + content_of(folder / "recording.csv") +
+                             content_of(folder / "model.toml") +
+                             content_of(folder / "validation.csv"));
 }
 
 // Whole or not at all: who is interrupted goes on later from what is complete.
@@ -220,7 +221,7 @@ int run(const Arguments& arguments) {
     const concealment::Truth truth = concealment::read_truth(truth_file);
     const fs::path seal = set / names[i] / "seal.txt";
     if (fs::exists(seal) &&
-        content_of(seal).find(sha256_of(content_of(truth_file))) == std::string::npos) {
+        content_of(seal).find(protocol::sha256_of(content_of(truth_file))) == std::string::npos) {
       throw InputError(Problem{truth_file.string(), 0, 0,
                                "is not the truth that was sealed with the recording (" +
                                    seal.string() + " names another SHA-256)"});

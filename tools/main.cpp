@@ -30,6 +30,7 @@ int run(int argc, char** argv) {
   add_convert(app, action);
   add_ctl(app, action);
   add_spy(app, action);
+  add_log(app, action);
   add_poincare(app, action);
   add_lyapunov(app, action);
   add_bifurcation(app, action);

@@ -17,6 +17,7 @@
 #include "protocol/decode.h"
 #include "protocol/frame_block.h"
 #include "protocol/recording.h"
+#include "protocol/recording_log.h"
 #include "tools/command.h"
 #include "tools/lcm_client.h"
 #include "tools/option_checks.h"
@@ -51,14 +52,13 @@ class Recorder {
       std::fclose(probe);
     } else if (file_.extension() == ".lcm" || file_.extension() == ".log") {
       log_.emplace(file_);
-      recording_info_t info{};
-      info.schema = 1;
-      info.started_utc_us = std::chrono::duration_cast<std::chrono::microseconds>(
-                                std::chrono::system_clock::now().time_since_epoch())
-                                .count();
-      info.program = "stickslip record";
-      info.version = STICKSLIP_VERSION;
-      info.frames = -1;
+      protocol::Description description;
+      description.started_utc_us = std::chrono::duration_cast<std::chrono::microseconds>(
+                                       std::chrono::system_clock::now().time_since_epoch())
+                                       .count();
+      description.program = "stickslip record";
+      description.version = STICKSLIP_VERSION;
+      const recording_info_t info = protocol::info_of(description, -1);
       bytes_.resize(static_cast<std::size_t>(info.getEncodedSize()));
       info.encode(bytes_.data(), 0, static_cast<int>(bytes_.size()));
       append(protocol::recording_channel, bytes_, info.started_utc_us);

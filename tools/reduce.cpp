@@ -11,6 +11,7 @@
 #include "tools/figures/gnuplot.h"
 #include "tools/figures/reduction_pictures.h"
 #include "tools/option_checks.h"
+#include "tools/recording_input.h"
 #include "tools/reduce/reduction.h"
 #include "tools/write_file.h"
 
@@ -52,7 +53,7 @@ void tell(const reduction::Reduction& reduced, const Arguments& arguments,
 
 int run(const Arguments& arguments) {
   const physics::Model model = config::load_model(arguments.model);
-  const protocol::Recording recording = protocol::read_recording(arguments.recording);
+  const protocol::Recording recording = recording_from(arguments.recording);
   reduction::Options options;
   options.method =
       arguments.method == "paper" ? reduction::Method::paper : reduction::Method::deconvolved;

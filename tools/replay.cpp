@@ -15,6 +15,7 @@
 #include "tools/command.h"
 #include "tools/lcm_client.h"
 #include "tools/option_checks.h"
+#include "tools/recording_input.h"
 
 namespace stickslip::tools {
 
@@ -51,7 +52,7 @@ void publish(lcm::LCM& lcm, const char* channel, const Message& message) {
 }
 
 int run(const Arguments& arguments) {
-  const protocol::Recording recording = protocol::read_recording(arguments.recording);
+  const protocol::Recording recording = recording_from(arguments.recording);
   const std::span<const Frame> frames(recording.frames);
   const StopSignals stop;
   const std::unique_ptr<lcm::LCM> lcm = join_lcm(arguments.url);

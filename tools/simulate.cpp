@@ -10,6 +10,7 @@
 #include "protocol/recording.h"
 #include "tools/command.h"
 #include "tools/option_checks.h"
+#include "tools/recording_input.h"
 
 namespace stickslip::tools {
 
@@ -109,7 +110,7 @@ std::vector<physics::Input> inputs_of(const protocol::Recording& drive, const ph
 
 int run(const Arguments& arguments) {
   const physics::Model model = config::load_model(arguments.model);
-  const protocol::Recording drive = protocol::read_recording(arguments.drive);
+  const protocol::Recording drive = recording_from(arguments.drive);
   if (drive.frames.size() < 5) {
     throw InputError(Problem{arguments.drive, 0, 0, "holds fewer than 5 samples"});
   }

@@ -1,5 +1,6 @@
 """Whatever ends the daemon, nothing is lost: the recording holds every frame that was produced, the
 ledger says so and balances, and the last word to the shaker is "off"."""
+import hashlib
 import os
 import random
 import re
@@ -67,7 +68,9 @@ class DaemonStopsCleanly(EndToEnd):
         events = list(frames.events(log))
         self.assertEqual(events[0][0], "STICKSLIP_RECORDING")
         info = self.types.recording_info_t.decode(events[0][1])
-        self.assertEqual(info.schema, 1)
+        self.assertEqual(info.schema, 2)
+        self.assertEqual(info.configuration_sha256,
+                         hashlib.sha256(info.configuration.encode()).hexdigest())
         self.assertIn("[rig]", info.configuration)
         self.assertIn("[oscillator]", info.model)
 

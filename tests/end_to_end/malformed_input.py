@@ -126,16 +126,15 @@ class MalformedInput(EndToEnd):
                     self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
                     self.assertIn(str(recording), result.stderr)
 
-    def test_truncated_and_spoilt_logs(self):
+    def test_spoilt_logs(self):
         log = self.folder / "good.log"
         self.succeed("convert", self.good_recording, log)
         whole = log.read_bytes()
         self.assertGreater(len(whole), 1000)
         second = whole.index(b"\xed\xa1\xda\x01", 1)  # where the second event begins
         spoilt = {
-            "truncated_in_a_message.log": whole[:len(whole) * 2 // 3],
-            "truncated_by_one_byte.log": whole[:-1],
             "truncated_in_the_first_header.log": whole[:17],
+            "truncated_within_the_description.log": whole[:second - 1],
             "overwritten.log": whole[:second] + b"\0" * 28 + whole[second + 28:],
             "trailing_rubbish.log": whole + b"rubbish, and no event",
         }
@@ -147,7 +146,24 @@ class MalformedInput(EndToEnd):
                     self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
                     self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
                     self.assertIn(str(recording), result.stderr)
-                    self.assertRegex(result.stderr, r"byte|offset")
+                    self.assertRegex(result.stderr, r"byte|holds no frames")
+                    if name.startswith("overwritten"):
+                        self.assertIn("stickslip log repair", result.stderr)
+
+    def test_a_log_that_was_cut_off_is_read_up_to_there_with_a_warning(self):
+        log = self.folder / "good.log"
+        self.succeed("convert", self.good_recording, log)
+        whole = log.read_bytes()
+        for name, content in (("in_a_message.log", whole[:len(whole) * 2 // 3]),
+                              ("by_one_byte.log", whole[:-1])):
+            recording = self.write(name, content)
+            for command in self.readers_of_a_recording(recording):
+                with self.subTest(case=name, command=command[0]):
+                    result = stickslip(*command)
+                    self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
+                    self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
+                    self.assertRegex(result.stderr, re.escape(str(recording)) +
+                                     r": cut off: its last \d+ bytes are no whole event")
 
     def test_models(self):
         for name, (old, new, line, word) in BAD_MODELS.items():

@@ -1,5 +1,5 @@
 // Any bytes as an LCM event log: refused in one line that says at which byte, or read into frames
-// that hold what frames promise.
+// that hold what frames promise; surveyed to the end; and mended into a log that is read.
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -10,6 +10,7 @@
 
 #include "physics/problem.h"
 #include "protocol/recording_log.h"
+#include "protocol/recording_survey.h"
 
 namespace {
 
@@ -17,11 +18,56 @@ void require(bool holds, const char* what) {
   if (!holds) throw std::logic_error(what);
 }
 
+void append_big_endian(std::string& bytes, std::uint64_t value, int size) {
+  for (int shift = 8 * (size - 1); shift >= 0; shift -= 8) {
+    bytes += static_cast<char>(value >> static_cast<unsigned>(shift));
+  }
+}
+
+/// As LogWriter writes it.
+void append(std::string& log, const stickslip::protocol::LogEvent& event, std::uint64_t number) {
+  log += stickslip::protocol::sync_word;
+  append_big_endian(log, number, 8);
+  append_big_endian(log, static_cast<std::uint64_t>(event.time_us), 8);
+  append_big_endian(log, event.channel.size(), 4);
+  append_big_endian(log, event.data.size(), 4);
+  log += event.channel;
+  log.append(event.data.begin(), event.data.end());
+}
+
+void survey_and_mend(const std::string& bytes) {
+  using namespace stickslip;
+  std::istringstream in(bytes);
+  const protocol::LogSurvey survey = protocol::survey_log(in, "fuzz.log");
+  require(survey.spoilt_bytes + survey.cut_off_bytes <= survey.bytes, "no byte is spoilt twice");
+  std::string mended;
+  std::uint64_t events = 0;
+  const protocol::Repair repair = protocol::repair_log(
+      in, "fuzz.log", [&](const protocol::LogEvent& event) { append(mended, event, events++); });
+  require(repair.events == events && events <= survey.events, "what is kept was sound");
+  require(mended.size() <= bytes.size(), "nothing is added");
+  std::istringstream again(mended);
+  const protocol::LogSurvey after = protocol::survey_log(again, "fuzz.log");
+  require(after.events == events && after.frames == repair.frames, "what was kept is whole");
+  require(after.spoilt_places + after.bad_checksums + after.undecodable + after.misnumbered == 0 &&
+              after.cut_off_bytes == 0 && after.times_back == 0,
+          "what was mended is sound");
+  try {
+    const auto frames = protocol::parse_log(again, "fuzz.log").frames.size();
+    require(frames == repair.frames, "what was mended is read");
+  } catch (const InputError& error) {
+    require(std::string_view(error.what()).find(" holds no ") != std::string_view::npos,
+            "what was mended is read, or holds nothing");
+  }
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace stickslip;
-  std::istringstream in(std::string(reinterpret_cast<const char*>(data), size));
+  const std::string bytes(reinterpret_cast<const char*>(data), size);
+  survey_and_mend(bytes);
+  std::istringstream in(bytes);
   protocol::Recording recording;
   try {
     recording = protocol::parse_log(in, "fuzz.log");
@@ -33,6 +79,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             "a refusal says where");
     return 0;
   }
+  require(recording.cut_off_bytes <= size, "what is cut off was there");
   require(!recording.frames.empty(), "a recording holds frames");
   for (std::size_t i = 0; i < recording.frames.size(); ++i) {
     const Frame& frame = recording.frames[i];

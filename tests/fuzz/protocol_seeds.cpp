@@ -5,12 +5,15 @@
 #include <exception>
 #include <filesystem>
 #include <fstream>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "protocol/channels.h"
 #include "protocol/decode.h"
 #include "protocol/frame_block.h"
 #include "protocol/recording.h"
+#include "protocol/recording_log.h"
 
 namespace {
 
@@ -26,6 +29,29 @@ void write(const std::filesystem::path& file, const Message& message) {
   std::ofstream out(file, std::ios::binary);
   out.write(reinterpret_cast<const char*>(bytes.data()),
             static_cast<std::streamsize>(bytes.size()));
+}
+
+/// All the messages of a daemon, and one of somebody else.
+void write_log_of_a_daemon(const protocol::Recording& recording,
+                           const std::filesystem::path& file) {
+  protocol::LogWriter writer(file);
+  const auto append = [&](const char* channel, const auto& message) {
+    std::vector<std::uint8_t> bytes(static_cast<std::size_t>(message.getEncodedSize()));
+    message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    if (!writer.append(channel, bytes, 1)) throw std::runtime_error("no log");
+  };
+  append(protocol::recording_channel, protocol::info_of(recording.description, -1));
+  frame_block_t block;
+  protocol::to_block(recording.frames, block);
+  append(protocol::frames_channel, block);
+  append(protocol::excitation_channel, excitation_t{});
+  append("CAMERA", event_t{});
+  append(protocol::event_channel, event_t{});
+  status_t status{};
+  status.recording = 1;
+  status.recorded = status.produced = 12;
+  append(protocol::status_channel, status);
+  if (!writer.close()) throw std::runtime_error("no log");
 }
 
 void write_seeds(const std::filesystem::path& folder) {
@@ -46,6 +72,7 @@ void write_seeds(const std::filesystem::path& folder) {
   recording.description = {1, "bench", "stickslipd", "0.1.0", "[rig]\n", "schema = 1\n"};
   protocol::write_log(recording, logs / "good.log", 4);
   protocol::write_log(recording, logs / "one_frame_blocks.log", 1);
+  write_log_of_a_daemon(recording, logs / "daemon.log");
 
   frame_block_t block;
   protocol::to_block(recording.frames, block);

@@ -104,6 +104,9 @@ url = "memq://"
 [recording]
 enabled = true
 file = "out.log"
+rotate_s = 600
+rotate_mb = 100.5
+sync_s = 0
 [observer]
 enabled = false
 )");
@@ -145,6 +148,9 @@ enabled = false
   EXPECT_EQ(rig.lcm.url, "memq://");
   EXPECT_TRUE(rig.recording.enabled);
   EXPECT_EQ(rig.recording.file, folder_ / "out.log");
+  EXPECT_EQ(rig.recording.rotate_s, 600.0);
+  EXPECT_EQ(rig.recording.rotate_mb, 100.5);
+  EXPECT_EQ(rig.recording.sync_s, 0.0);
   EXPECT_FALSE(rig.observer.enabled);
 }
 
@@ -384,6 +390,7 @@ TEST_F(RigFile, WhatThePageCallsTheDefaultIsTheDefault) {
   EXPECT_EQ(with.lcm.enabled, without.lcm.enabled);
   EXPECT_EQ(with.lcm.url, without.lcm.url);
   EXPECT_EQ(with.recording.enabled, without.recording.enabled);
+  EXPECT_EQ(with.recording.sync_s, without.recording.sync_s);
   EXPECT_EQ(with.observer.enabled, without.observer.enabled);
   EXPECT_EQ(without.simulated.truth, without.model);
   EXPECT_EQ(without.simulated.truth_file, without.model_file);

@@ -192,7 +192,10 @@ TEST(Messages, EventsAndTheRecordingsDescriptionOfItself) {
   rig.text = "[rig]\n";
   rig.model_text = "schema = 1\n";
   const auto info = decoded<recording_info_t>(recording_info_message(rig, 77).bytes);
-  EXPECT_EQ(info.schema, 1);
+  EXPECT_EQ(info.schema, 2);
+  EXPECT_EQ(info.model_sha256.size(), 64U);
+  EXPECT_EQ(info.calibration_sha256, "");
+  EXPECT_EQ(info.part, 0);
   EXPECT_EQ(info.started_utc_us, 77);
   EXPECT_EQ(info.rig, "beam");
   EXPECT_EQ(info.configuration, "[rig]\n");

@@ -128,28 +128,54 @@ TEST(Log, OtherMessagesAreNoneOfItsBusiness) {
   EXPECT_EQ(read_recording(folder / "r.log").frames, some_recording(4).frames);
 }
 
-TEST(Log, CutAnywhereItSaysWhere) {
-  const std::string whole = log_text(some_recording(30));
-  ASSERT_EQ(parse(whole).frames.size(), 30U);
+TEST(Log, CutAnywhereItHoldsAllWholeEventsBefore) {
+  const Recording recording = some_recording(30);
+  const std::string whole = log_text(recording);
+  ASSERT_EQ(parse(whole).cut_off_bytes, 0U);
   std::size_t begun = 0;  // where the event that is cut begins
   std::size_t next = 0;
-  int whole_events = 0;
-  for (std::size_t size = 0; size < whole.size(); ++size) {
+  std::size_t whole_events = 0;
+  for (std::size_t size = 0; size <= whole.size(); ++size) {
     if (size == next) {
       begun = size;
       next = std::min(whole.find("\xED\xA1\xDA\x01", size + 1), whole.size());
-      // A log that ends between events is a shorter log.
-      ++whole_events;
-      if (whole_events <= 2) {
-        EXPECT_THAT(refusal(whole.substr(0, size)), HasSubstr("holds no frames"));
-      }
+      if (size > 0) ++whole_events;
+    }
+    const std::string cut = whole.substr(0, size);
+    if (whole_events < 2) {  // the description is the first
+      EXPECT_THAT(refusal(cut), HasSubstr("holds no frames"));
       continue;
     }
-    const std::string said = refusal(whole.substr(0, size));
-    EXPECT_THAT(said, HasSubstr("r.log: at byte " + std::to_string(begun) + ": the log is cut off"))
-        << size;
+    const Recording read = parse(cut);
+    EXPECT_EQ(read.cut_off_bytes, size - begun) << size;
+    ASSERT_EQ(read.frames.size(), 10 * (whole_events - 1)) << size;
+    EXPECT_TRUE(std::equal(read.frames.begin(), read.frames.end(), recording.frames.begin()));
   }
-  EXPECT_EQ(whole_events, 4);
+  EXPECT_EQ(whole_events, 4U);
+}
+
+TEST(Log, ZerosThatAPowerCutLeftAreNoDamage) {
+  const std::string whole = log_text(some_recording(30));
+  for (const std::size_t zeros : {1U, 3U, 4U, 28U, 5000U, 300'000U}) {
+    const Recording read = parse(whole + std::string(zeros, '\0'));
+    EXPECT_EQ(read.frames.size(), 30U);
+    EXPECT_EQ(read.cut_off_bytes, zeros);
+  }
+  EXPECT_THAT(refusal(whole + std::string(5000, '\0') + whole), HasSubstr("damaged"));
+}
+
+// A length that a flipped bit made long would otherwise pass for a log that ends there.
+TEST(Log, DamageWithEventsBehindItIsNoCut) {
+  const std::string whole = log_text(some_recording(30));
+  const std::size_t second = whole.find(sync_word, 1);
+  for (std::size_t bit = 0; bit < 31; ++bit) {
+    std::string spoilt = whole;
+    const std::size_t at = second + 27 - bit / 8;
+    spoilt[at] = static_cast<char>(spoilt[at] ^ (1 << bit % 8));
+    const std::string said = refusal(spoilt);
+    EXPECT_THAT(said, HasSubstr("damaged")) << bit;
+    EXPECT_THAT(said, HasSubstr("stickslip log repair r.log")) << bit;
+  }
 }
 
 TEST(Log, RefusesWhatFollowsItsEnd) {

@@ -1,17 +1,13 @@
-// The SHA-256 of bytes: by which a file is known again.
-#pragma once
+#include "protocol/sha256.h"
 
 #include <openssl/evp.h>
 
 #include <array>
 #include <stdexcept>
-#include <string>
-#include <string_view>
 
-namespace stickslip::tools {
+namespace stickslip::protocol {
 
-/// In hexadecimal.
-inline std::string sha256_of(std::string_view bytes) {
+std::string sha256_of(std::string_view bytes) {
   std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
   unsigned length = 0;
   if (EVP_Digest(bytes.data(), bytes.size(), digest.data(), &length, EVP_sha256(), nullptr) != 1) {
@@ -26,4 +22,4 @@ inline std::string sha256_of(std::string_view bytes) {
   return text;
 }
 
-}  // namespace stickslip::tools
+}  // namespace stickslip::protocol

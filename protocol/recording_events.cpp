@@ -1,0 +1,205 @@
+#include "protocol/recording_events.h"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <span>
+#include <string_view>
+#include <utility>
+
+#include "physics/problem.h"
+#include "protocol/recording_log.h"
+
+namespace stickslip::protocol {
+namespace {
+
+// What liblcm's own reader takes for a channel name at most.
+constexpr std::int64_t longest_channel = 999;
+
+constexpr std::int64_t window_bytes = 1 << 18;
+
+std::uint64_t big_endian(std::span<const char> bytes) {
+  std::uint64_t value = 0;
+  for (const char byte : bytes) value = value << 8U | static_cast<std::uint8_t>(byte);
+  return value;
+}
+
+}  // namespace
+
+struct EventReader::Header {
+  std::array<char, event_header_bytes> bytes{};
+  bool synchronous = false;
+  std::int64_t number = 0;
+  std::int64_t time_us = 0;
+  std::int64_t channel_size = 0;
+  std::int64_t data_size = 0;
+
+  std::int64_t size() const { return event_header_bytes + channel_size + data_size; }
+  bool sane() const {
+    return channel_size >= 1 && channel_size <= longest_channel && data_size >= 0;
+  }
+};
+
+EventReader::EventReader(std::istream& in, std::string name) : in_(in), name_(std::move(name)) {
+  in_.clear();
+  in_.seekg(0, std::ios::end);
+  size_ = in_.tellg();
+  if (size_ < 0) {
+    throw InputError(Problem{name_, 0, 0, "is nothing that can be read from end to end"});
+  }
+}
+
+// False where so many bytes are not there.
+bool EventReader::read(std::int64_t at, char* into, std::int64_t bytes) {
+  if (bytes > size_ - at) return false;
+  if (bytes > window_bytes) {
+    read_through(at, into, bytes);
+    return true;
+  }
+  const auto held = static_cast<std::int64_t>(window_.size());
+  if (at < window_at_ || at + bytes > window_at_ + held) {
+    window_.resize(static_cast<std::size_t>(std::min(window_bytes, size_ - at)));
+    window_at_ = at;
+    read_through(at, window_.data(), static_cast<std::int64_t>(window_.size()));
+  }
+  std::copy_n(window_.begin() + (at - window_at_), bytes, into);
+  return true;
+}
+
+void EventReader::read_through(std::int64_t at, char* into, std::int64_t bytes) {
+  in_.seekg(at);
+  in_.read(into, bytes);
+  if (!in_) {
+    throw InputError(
+        Problem{name_, 0, 0,
+                "at byte " + std::to_string(at) + ": cannot be read: " + std::strerror(errno)});
+  }
+}
+
+bool EventReader::read_header(std::int64_t at, Header& header) {
+  if (!read(at, header.bytes.data(), event_header_bytes)) return false;
+  const std::span<const char> bytes(header.bytes);
+  header.synchronous = is_log({header.bytes.data(), header.bytes.size()});
+  header.number = static_cast<std::int64_t>(big_endian(bytes.subspan<4, 8>()));
+  header.time_us = static_cast<std::int64_t>(big_endian(bytes.subspan<12, 8>()));
+  header.channel_size = static_cast<std::int32_t>(big_endian(bytes.subspan<20, 4>()));
+  header.data_size = static_cast<std::int32_t>(big_endian(bytes.subspan<24, 4>()));
+  return true;
+}
+
+bool EventReader::is_event(std::int64_t at, const Header& header) const {
+  return header.synchronous && header.sane() && header.size() <= size_ - at;
+}
+
+// Stricter than what is taken where an event is expected: four bytes may stand anywhere.
+bool EventReader::looks_like_an_event(std::int64_t at) {
+  Header header;
+  if (!read_header(at, header) || !is_event(at, header) || header.number < 0) return false;
+  std::string channel(static_cast<std::size_t>(header.channel_size), '\0');
+  if (!read(at + event_header_bytes, channel.data(), header.channel_size)) return false;
+  return std::all_of(channel.begin(), channel.end(), [](char c) { return c > 0x20 && c < 0x7F; });
+}
+
+bool EventReader::is_followed(std::int64_t end) {
+  std::array<char, 4> next{};
+  const std::int64_t there = std::min<std::int64_t>(4, size_ - end);
+  if (!read(end, next.data(), there)) return false;
+  const std::string_view begun(next.data(), static_cast<std::size_t>(there));
+  return sync_word.starts_with(begun) || is_zero_from(end);
+}
+
+bool EventReader::is_zero_from(std::int64_t at) {
+  std::array<char, 1U << 16U> chunk{};
+  for (; at < size_; at += static_cast<std::int64_t>(chunk.size())) {
+    const std::int64_t bytes =
+        std::min<std::int64_t>(static_cast<std::int64_t>(chunk.size()), size_ - at);
+    read(at, chunk.data(), bytes);
+    if (std::any_of(chunk.begin(), chunk.begin() + bytes, [](char c) { return c != 0; })) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// Whether what stands here is how an event begins, so that the rest of it may be missing. Some file
+// systems leave zeros where a file had grown before a power cut but its data were not written.
+bool EventReader::is_begun(std::int64_t at) {
+  std::array<char, 4> sync{};
+  const std::int64_t there = std::min<std::int64_t>(4, size_ - at);
+  read(at, sync.data(), there);
+  const std::string_view begun(sync.data(), static_cast<std::size_t>(there));
+  if (!sync_word.starts_with(begun)) return is_zero_from(at);
+  Header header;
+  return !read_header(at, header) || header.sane();
+}
+
+// The next place where an event begins, or the end of the file.
+std::int64_t EventReader::find_event(std::int64_t from) {
+  std::array<char, 1U << 16U> chunk{};
+  while (from + event_header_bytes <= size_) {
+    const std::int64_t bytes =
+        std::min<std::int64_t>(static_cast<std::int64_t>(chunk.size()), size_ - from);
+    read(from, chunk.data(), bytes);
+    const std::string_view text(chunk.data(), static_cast<std::size_t>(bytes));
+    for (std::size_t at = text.find(sync_word); at != std::string_view::npos;
+         at = text.find(sync_word, at + 1)) {
+      const std::int64_t place = from + static_cast<std::int64_t>(at);
+      if (looks_like_an_event(place)) return place;
+    }
+    if (bytes < static_cast<std::int64_t>(chunk.size())) break;
+    from += bytes - static_cast<std::int64_t>(sync_word.size()) + 1;
+  }
+  return size_;
+}
+
+void EventReader::read_event(const Header& header, LogEvent& event) {
+  event.number = header.number;
+  event.time_us = header.time_us;
+  event.channel.resize(static_cast<std::size_t>(header.channel_size));
+  event.data.resize(static_cast<std::size_t>(header.data_size));
+  event.at = at_;
+  event.end = at_ + header.size();
+  read(at_ + event_header_bytes, event.channel.data(), header.channel_size);
+  read(at_ + event_header_bytes + header.channel_size, reinterpret_cast<char*>(event.data.data()),
+       header.data_size);
+  event.followed = is_followed(event.end);
+}
+
+EventReader::Found EventReader::next(LogEvent& event) {
+  if (at_ >= size_) return Found::end;
+  Header header;
+  const bool whole = read_header(at_, header);
+  if (!distrusted_ && whole && is_event(at_, header)) {
+    read_event(header, event);
+    at_ = event.end;
+    return Found::event;
+  }
+  const std::int64_t begin = at_;
+  const std::int64_t found = find_event(begin + 1);
+  const bool cut_off = !distrusted_ && found == size_ && is_begun(begin);
+  if (distrusted_) {
+    why_ = "an event that says nothing sensible, and that no other follows";
+  } else if (whole && header.synchronous && !header.sane()) {
+    why_ = "an event with a channel name of " + std::to_string(header.channel_size) +
+           " bytes and " + std::to_string(header.data_size) + " bytes of data";
+  } else if (whole && header.synchronous) {
+    why_ = "an event of " + std::to_string(header.size()) + " bytes, more than the file holds";
+  } else {
+    why_ = "no event begins here, where the one before ends";
+  }
+  distrusted_ = false;
+  event.at = begin;
+  event.end = at_ = found;
+  return cut_off ? Found::cut_off : Found::damage;
+}
+
+void EventReader::distrust(const LogEvent& event) {
+  // Events that claim to hold each other could otherwise be read over and over.
+  read_again_ += event.end - event.at;
+  if (read_again_ > 4 * size_) return;
+  at_ = event.at;
+  distrusted_ = true;
+}
+
+}  // namespace stickslip::protocol

@@ -1,0 +1,137 @@
+#include "protocol/recording_parts.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+
+#include "physics/problem.h"
+#include "protocol/channels.h"
+#include "protocol/recording.h"
+#include "protocol/recording_log.h"
+
+namespace stickslip::protocol {
+namespace {
+
+std::string named(const LogSurvey& part) {
+  return part.source + " (part " + std::to_string(part.part()) + ")";
+}
+
+[[noreturn]] void refuse(const std::string& name, const std::string& message) {
+  throw InputError(Problem{name, 0, 0, message});
+}
+
+/// The parts by number, each sound and all of one recording.
+std::vector<LogSurvey> parts_of(std::span<const std::filesystem::path> files) {
+  std::vector<LogSurvey> parts;
+  for (const auto& file : files) {
+    parts.push_back(survey_log(file));
+    if (!parts.back().info) {
+      refuse(file.string(),
+             "does not begin with its description: which recording it is a part of "
+             "cannot be told");
+    }
+    if (!belong_together(*parts.front().info, *parts.back().info)) {
+      refuse(file.string(), "is of another recording than " + parts.front().source);
+    }
+  }
+  std::sort(parts.begin(), parts.end(),
+            [](const LogSurvey& a, const LogSurvey& b) { return a.part() < b.part(); });
+  for (LogSurvey& part : parts) {
+    LogSurvey whole = part;
+    if (&part == &parts.back()) whole.cut_off_bytes = 0;
+    const std::vector<std::string> faults = whole.faults();
+    if (!faults.empty()) {
+      refuse(part.source, faults.front() + "; `stickslip log repair` keeps what is whole");
+    }
+  }
+  const std::vector<std::string> faults = faults_between(parts);
+  if (!faults.empty()) throw InputError(Problem{"", 0, 0, faults.front()});
+  return parts;
+}
+
+}  // namespace
+
+std::filesystem::path part_file(const std::filesystem::path& file, std::int32_t part) {
+  if (part == 0) return file;
+  std::string number = std::to_string(part);
+  if (number.size() < 3) number.insert(0, 3 - number.size(), '0');
+  return file.parent_path() / (file.stem().string() + '.' + number + file.extension().string());
+}
+
+bool belong_together(const recording_info_t& a, const recording_info_t& b) {
+  return a.started_utc_us == b.started_utc_us && a.rig == b.rig && a.program == b.program &&
+         a.version == b.version && a.configuration_sha256 == b.configuration_sha256 &&
+         a.model_sha256 == b.model_sha256 && a.calibration_sha256 == b.calibration_sha256;
+}
+
+std::vector<std::string> faults_between(std::span<const LogSurvey> parts) {
+  std::vector<std::string> out;
+  for (std::size_t i = 1; i < parts.size(); ++i) {
+    const LogSurvey& before = parts[i - 1];
+    const LogSurvey& part = parts[i];
+    if (part.part() == before.part()) {
+      out.push_back(named(part) + " and " + before.source + " are one and the same part");
+      continue;
+    }
+    if (part.part() != before.part() + 1) {
+      const bool one = part.part() == before.part() + 2;
+      out.push_back("part " + std::to_string(before.part() + 1) +
+                    (one ? "" : " to " + std::to_string(part.part() - 1)) + " is missing before " +
+                    named(part) + (one ? ": " + part.info->previous_part : std::string()));
+      continue;
+    }
+    const auto begun = static_cast<std::uint64_t>(before.info->frames_before);
+    if (static_cast<std::uint64_t>(part.info->frames_before) != begun + before.frames) {
+      out.push_back(named(before) + " holds " + std::to_string(before.frames) + " frames; " +
+                    part.source + " says that they were " +
+                    std::to_string(static_cast<std::uint64_t>(part.info->frames_before) - begun));
+    }
+    if (part.frames == 0 || before.frames == 0) continue;
+    if (part.first_time_ns <= before.last_time_ns) {
+      out.push_back(named(part) + " begins at " + std::to_string(part.first_time_ns) + " ns, and " +
+                    before.source + " ends at " + std::to_string(before.last_time_ns) + " ns");
+    }
+  }
+  return out;
+}
+
+Joined join_logs(std::span<const std::filesystem::path> files, const std::filesystem::path& out) {
+  std::error_code none;
+  for (const auto& file : files) {
+    if (std::filesystem::equivalent(file, out, none)) {
+      refuse(out.string(), "is one of the parts; the whole goes into another file");
+    }
+  }
+  const std::vector<LogSurvey> parts = parts_of(files);
+  Joined joined;
+  joined.parts = parts.size();
+  joined.cut_off_bytes = parts.back().cut_off_bytes;
+  LogWriter writer(out);
+  const auto require = [&out](bool written) {
+    if (!written) {
+      const int why = errno;
+      std::filesystem::remove(out);
+      refuse(out.string(), std::string("cannot be written: ") + std::strerror(why));
+    }
+  };
+  const LogSurvey* before = nullptr;
+  for (const LogSurvey& part : parts) {
+    std::ifstream in(part.source, std::ios::binary);
+    EventReader reader(in, part.source);
+    for (LogEvent event; reader.next(event) == EventReader::Found::event;) {
+      if (before != nullptr && event.channel == recording_channel) continue;
+      require(writer.append(event.channel, event.data, event.time_us));
+    }
+    joined.frames += part.frames;
+    if (before != nullptr && part.frames > 0 && before->frames > 0 &&
+        part.first_sequence > before->last_sequence + 1) {
+      joined.missing += part.first_sequence - before->last_sequence - 1;
+    }
+    if (part.frames > 0 || before == nullptr) before = &part;
+  }
+  require(writer.close());
+  return joined;
+}
+
+}  // namespace stickslip::protocol

@@ -1,0 +1,407 @@
+#include "protocol/recording_survey.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <istream>
+#include <limits>
+#include <map>
+#include <numeric>
+#include <string_view>
+
+#include "physics/problem.h"
+#include "protocol/channels.h"
+#include "protocol/decode.h"
+#include "protocol/frame_block.h"
+#include "protocol/recording.h"
+#include "protocol/recording_log.h"
+#include "protocol/sha256.h"
+
+namespace stickslip::protocol {
+namespace {
+
+constexpr std::size_t most_places_told = 100;
+
+enum class Sound : std::uint8_t { yes, bad_checksum, undecodable };
+
+/// The messages of one event, and whether they can be believed. Others than ours are, as long as
+/// they stand where an event stands.
+class Content {
+ public:
+  Sound take(const LogEvent& event) {
+    frames.clear();
+    const std::string& channel = event.channel;
+    if (channel == frames_channel) {
+      if (decode(event.data, block_) && from_block(block_, frames)) return Sound::yes;
+      return is_frame_block(event.data) ? Sound::bad_checksum : Sound::undecodable;
+    }
+    bool sound = true;
+    if (channel == recording_channel) sound = decode(event.data, info);
+    if (channel == status_channel) sound = decode(event.data, status);
+    if (channel == event_channel) sound = decode(event.data, event_);
+    if (channel == estimate_channel) sound = decode(event.data, estimate_);
+    if (channel == excitation_channel) sound = decode(event.data, excitation_);
+    return sound ? Sound::yes : Sound::undecodable;
+  }
+
+  static bool is_ours(const std::string& channel) {
+    return std::any_of(lcm_channels.begin(), lcm_channels.end(),
+                       [&channel](const LcmChannel& known) { return known.name == channel; });
+  }
+
+  std::vector<Frame> frames;
+  recording_info_t info{};
+  status_t status{};
+
+ private:
+  static bool is_frame_block(std::span<const std::uint8_t> bytes) {
+    auto type = static_cast<std::uint64_t>(frame_block_t::getHash());
+    if (bytes.size() < 8) return false;
+    for (std::size_t i = 8; i > 0; --i, type >>= 8U) {
+      if (bytes[i - 1] != static_cast<std::uint8_t>(type & 0xFFU)) return false;
+    }
+    return true;
+  }
+
+  frame_block_t block_{};
+  friction_estimate_t estimate_{};
+  excitation_t excitation_{};
+  event_t event_{};
+};
+
+/// What a walk over a log meets.
+class Visitor {
+ public:
+  Visitor() = default;
+  Visitor(const Visitor&) = delete;
+  Visitor& operator=(const Visitor&) = delete;
+  virtual ~Visitor() = default;
+  virtual void sound(const LogEvent& event, const Content& content) = 0;
+  /// Where an event is, but none that can be believed.
+  virtual void unsound(const LogEvent& event, Sound why) = 0;
+  /// Where no event is.
+  virtual void damage(const LogEvent& place, const std::string& why) = 0;
+  virtual void cut_off(const LogEvent& place) = 0;
+};
+
+void walk(std::istream& in, const std::string& name, Visitor& visitor) {
+  EventReader reader(in, name);
+  LogEvent event;
+  Content content;
+  while (true) {
+    switch (reader.next(event)) {
+      case EventReader::Found::end:
+        return;
+      case EventReader::Found::cut_off:
+        visitor.cut_off(event);
+        break;
+      case EventReader::Found::damage:
+        visitor.damage(event, reader.why());
+        break;
+      case EventReader::Found::event: {
+        const Sound sound = content.take(event);
+        const bool believed = sound == Sound::yes && Content::is_ours(event.channel);
+        if (!event.followed && !believed) {
+          // Its own lengths may be what is wrong, and sound events within them.
+          reader.distrust(event);
+        }
+        if (sound != Sound::yes) {
+          visitor.unsound(event, sound);
+        } else if (event.followed || believed) {
+          visitor.sound(event, content);
+        }
+      }
+    }
+  }
+}
+
+class Survey final : public Visitor {
+ public:
+  explicit Survey(LogSurvey& out) : out_(out) {}
+
+  void sound(const LogEvent& event, const Content& content) override {
+    if (next_number_ && event.number != *next_number_) ++out_.misnumbered;
+    take_number(event);
+    count(event);
+    for (const Frame& frame : content.frames) take(frame);
+    if (event.channel == recording_channel && out_.events == 1) {
+      out_.info = content.info;
+      take_digests(content.info);
+    }
+    if (event.channel == status_channel && is_the_recorders_own()) take_ledger(content.status);
+  }
+
+  void unsound(const LogEvent& event, Sound why) override {
+    take_number(event);
+    if (why == Sound::bad_checksum) {
+      ++out_.bad_checksums;
+    } else {
+      ++out_.undecodable;
+    }
+    if (event.followed) {
+      spoil(event, why == Sound::bad_checksum ? "a block of frames that does not add up"
+                                              : "no message of the type of " + event.channel);
+    }
+  }
+
+  void damage(const LogEvent& place, const std::string& why) override {
+    ++out_.spoilt_places;
+    spoil(place, why);
+    next_number_.reset();  // how many events were there is not known
+  }
+
+  void cut_off(const LogEvent& place) override { out_.cut_off_bytes = place.end - place.at; }
+
+ private:
+  void spoil(const LogEvent& place, const std::string& why) {
+    out_.spoilt_bytes += place.end - place.at;
+    if (out_.spoilt.size() < most_places_told) {
+      out_.spoilt.push_back({place.at, place.end - place.at, why});
+    }
+  }
+
+  void take_number(const LogEvent& event) {
+    if (event.number < std::numeric_limits<std::int64_t>::max()) next_number_ = event.number + 1;
+  }
+
+  void count(const LogEvent& event) {
+    ++out_.events;
+    const auto [known, is_new] = place_.try_emplace(event.channel, out_.channels.size());
+    if (is_new) out_.channels.push_back({event.channel, 0, 0});
+    ChannelEvents& channel = out_.channels[known->second];
+    ++channel.events;
+    channel.bytes += event.data.size();
+  }
+
+  void take(const Frame& frame) {
+    if (out_.frames == 0) {
+      out_.first_time_ns = frame.time_ns;
+      out_.first_sequence = frame.sequence;
+    } else {
+      if (frame.time_ns <= out_.last_time_ns) ++out_.times_back;
+      if (frame.sequence <= out_.last_sequence) {
+        ++out_.repeats;
+      } else if (frame.sequence - out_.last_sequence > 1) {
+        ++out_.gaps;
+        out_.missing += frame.sequence - out_.last_sequence - 1;
+      }
+    }
+    ++out_.frames;
+    out_.last_time_ns = frame.time_ns;
+    out_.last_sequence = frame.sequence;
+    for (const Channel channel : all_channels) {
+      if (!frame.has(channel)) continue;
+      ChannelRange& range = out_.ranges[index_of(channel)];
+      const double value = frame[channel];
+      range.least = range.values == 0 ? value : std::min(range.least, value);
+      range.greatest = range.values == 0 ? value : std::max(range.greatest, value);
+      ++range.values;
+    }
+  }
+
+  void take_digests(const recording_info_t& info) {
+    const auto compare = [this](const char* name, const std::string& text,
+                                const std::string& digest) {
+      if (digest != (text.empty() ? std::string() : sha256_of(text))) {
+        out_.spoilt_texts.emplace_back(name);
+      }
+    };
+    compare("configuration", info.configuration, info.configuration_sha256);
+    compare("model", info.model, info.model_sha256);
+    compare("calibration", info.calibration, info.calibration_sha256);
+  }
+
+  // A log of what was heard on LCM holds a daemon's books too, but they are not about that log.
+  bool is_the_recorders_own() const { return out_.info && out_.info->program == "stickslipd"; }
+
+  void take_ledger(const status_t& status) {
+    if (status.recording == 0) return;
+    RecordedLedger ledger;
+    ledger.produced = status.produced;
+    ledger.recorded = status.recorded;
+    ledger.loss_names = status.record_loss_name;
+    ledger.losses = status.record_loss;
+    ledger.frames_before_it = out_.frames;
+    out_.ledger = std::move(ledger);
+  }
+
+  LogSurvey& out_;
+  std::map<std::string, std::size_t> place_;
+  std::optional<std::int64_t> next_number_ = 0;
+};
+
+class Mender final : public Visitor {
+ public:
+  Mender(Repair& out, const std::function<void(const LogEvent&)>& keep) : out_(out), keep_(keep) {}
+
+  void sound(const LogEvent& event, const Content& content) override {
+    if (!goes_on(content.frames)) {
+      ++out_.blocks_back_in_time;
+      return;
+    }
+    ++out_.events;
+    out_.frames += content.frames.size();
+    keep_(event);
+  }
+  void unsound(const LogEvent& event, Sound why) override {
+    ++(why == Sound::bad_checksum ? out_.bad_checksums : out_.undecodable);
+    if (event.followed) out_.spoilt_bytes += event.end - event.at;
+  }
+  void damage(const LogEvent& place, const std::string&) override {
+    ++out_.spoilt_places;
+    out_.spoilt_bytes += place.end - place.at;
+  }
+  void cut_off(const LogEvent& place) override { out_.cut_off_bytes = place.end - place.at; }
+
+ private:
+  bool goes_on(std::span<const Frame> frames) {
+    std::optional<std::int64_t> last = last_ns_;
+    for (const Frame& frame : frames) {
+      if (last && frame.time_ns <= *last) return false;
+      last = frame.time_ns;
+    }
+    last_ns_ = last;
+    return true;
+  }
+
+  Repair& out_;
+  const std::function<void(const LogEvent&)>& keep_;
+  std::optional<std::int64_t> last_ns_;
+};
+
+std::string plural(std::uint64_t count, const std::string& what) {
+  return std::to_string(count) + ' ' + what + (count == 1 ? "" : "s");
+}
+
+std::ifstream open_log(const std::filesystem::path& file) {
+  std::error_code failure;
+  if (std::filesystem::is_directory(file, failure)) {
+    throw InputError(Problem{file.string(), 0, 0, "is a folder; expected an LCM event log"});
+  }
+  std::ifstream in(file, std::ios::binary);
+  if (!in) {
+    throw InputError(
+        Problem{file.string(), 0, 0, std::string("cannot be read: ") + std::strerror(errno)});
+  }
+  return in;
+}
+
+}  // namespace
+
+std::int64_t RecordedLedger::lost() const {
+  // Counts out of a file: they may be anything, and their sum must not overflow.
+  return static_cast<std::int64_t>(std::accumulate(
+      losses.begin(), losses.end(), std::uint64_t{0},
+      [](std::uint64_t sum, std::int64_t n) { return sum + static_cast<std::uint64_t>(n); }));
+}
+
+double LogSurvey::duration_s() const {
+  return (static_cast<double>(last_time_ns) - static_cast<double>(first_time_ns)) * 1e-9;
+}
+
+double LogSurvey::rate_hz() const {
+  if (frames < 2 || duration_s() <= 0.0) return 0.0;
+  return static_cast<double>(frames - 1 + missing) / duration_s();
+}
+
+std::vector<std::string> LogSurvey::faults() const {
+  std::vector<std::string> out;
+  const auto add = [&out](bool wrong, const std::string& sentence) {
+    if (wrong) out.push_back(sentence);
+  };
+  add(spoilt_places > 0, "damaged in " + plural(spoilt_places, "place") + ", " +
+                             plural(static_cast<std::uint64_t>(spoilt_bytes), "byte") + " in all");
+  add(bad_checksums > 0, plural(bad_checksums, "block") + " of frames with a bad checksum");
+  add(undecodable > 0, plural(undecodable, "message") + " that cannot be decoded");
+  add(misnumbered > 0, plural(misnumbered, "event") +
+                           " whose number is not the one that follows: something was taken out");
+  add(cut_off_bytes > 0, "cut off: the last " +
+                             plural(static_cast<std::uint64_t>(cut_off_bytes), "byte") +
+                             " are no whole event");
+  add(events == 0, "holds no event");
+  add(times_back > 0, plural(times_back, "frame") + " whose time is not behind the one before");
+  for (const std::string& text : spoilt_texts) {
+    out.push_back("its " + text + " is not the text that its SHA-256 was made of");
+  }
+  if (info && info->frames >= 0 && static_cast<std::uint64_t>(info->frames) != frames) {
+    out.push_back("holds " + std::to_string(frames) + " frames; " + std::to_string(info->frames) +
+                  " were written");
+  }
+  if (ledger) {
+    const auto before = static_cast<std::uint64_t>(info->frames_before);
+    const std::uint64_t there = ledger->frames_before_it + before;
+    const auto recorded = static_cast<std::uint64_t>(ledger->recorded);
+    add(there < recorded || (ledger->closed() && there != recorded),
+        "does not balance: the ledger says " + std::to_string(recorded - before) +
+            " frames up to its last status, the log holds " +
+            std::to_string(ledger->frames_before_it));
+  }
+  return out;
+}
+
+LogSurvey survey_log(const std::filesystem::path& file) {
+  std::ifstream in = open_log(file);
+  std::array<char, 4> head{};
+  in.read(head.data(), head.size());
+  const auto got = static_cast<std::size_t>(in.gcount());
+  // A damaged log may begin with anything, but a file of text is none.
+  const bool text = got > 0 && std::all_of(head.begin(), head.begin() + in.gcount(), [](char c) {
+                      return c == '\t' || c == '\n' || c == '\r' || (c >= 0x20 && c < 0x7F);
+                    });
+  if (text) {
+    throw InputError(Problem{file.string(), 0, 0, "is text, and no LCM event log"});
+  }
+  return survey_log(in, file.string());
+}
+
+LogSurvey survey_log(std::istream& in, const std::string& name) {
+  LogSurvey out;
+  out.source = name;
+  in.clear();
+  in.seekg(0, std::ios::end);
+  out.bytes = in.tellg();
+  Survey survey(out);
+  walk(in, name, survey);
+  return out;
+}
+
+bool Repair::dropped_anything() const {
+  return spoilt_places > 0 || bad_checksums > 0 || undecodable > 0 || blocks_back_in_time > 0 ||
+         cut_off_bytes > 0;
+}
+
+Repair repair_log(std::istream& in, const std::string& name,
+                  const std::function<void(const LogEvent&)>& keep) {
+  Repair out;
+  Mender mender(out, keep);
+  walk(in, name, mender);
+  return out;
+}
+
+Repair repair_log(const std::filesystem::path& file, const std::filesystem::path& out) {
+  std::error_code none;
+  if (std::filesystem::equivalent(file, out, none)) {
+    throw InputError(
+        Problem{out.string(), 0, 0, "is the log itself; the repaired one goes into another file"});
+  }
+  std::ifstream in = open_log(file);
+  LogWriter writer(out);
+  const auto require = [&out](bool written) {
+    if (!written) {
+      throw InputError(
+          Problem{out.string(), 0, 0, std::string("cannot be written: ") + std::strerror(errno)});
+    }
+  };
+  const Repair repair = repair_log(in, file.string(), [&](const LogEvent& event) {
+    require(writer.append(event.channel, event.data, event.time_us));
+  });
+  require(writer.close());
+  if (repair.events == 0) {
+    std::filesystem::remove(out, none);
+    throw InputError(Problem{file.string(), 0, 0, "holds no whole event of a log"});
+  }
+  return repair;
+}
+
+}  // namespace stickslip::protocol

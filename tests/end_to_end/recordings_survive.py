@@ -1,0 +1,194 @@
+"""What was recorded stays: a killed daemon leaves a log that opens and lacks next to nothing, parts
+are one recording, and what was damaged is found, told and mended."""
+import json
+import random
+import re
+import signal
+import subprocess
+import time
+
+import frames
+from programs import SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main, stickslip
+
+CONFIG = SOURCE / "config/simulated.toml"
+
+
+class RecordingsSurvive(EndToEnd):
+    def setUp(self):
+        super().setUp()
+        self.types = frames.generate_types(self.folder)
+
+    def start(self, *command):
+        process = subprocess.Popen([str(part) for part in command], stdout=subprocess.PIPE,
+                                   stderr=subprocess.STDOUT, text=True)
+        self.addCleanup(process.communicate)
+        self.addCleanup(process.kill)
+        return process
+
+    def rig(self, name, recording, fast=False):
+        """The simulated rig with more said about its recording."""
+        text = CONFIG.read_text().replace("models/", f"{SOURCE}/config/models/")
+        if fast:
+            self.assertIn("[driver.simulated]\n", text)
+            text = text.replace("[driver.simulated]\n", "[driver.simulated]\nreal_time = false\n")
+        self.assertNotIn("[recording]", text)
+        log = self.folder / f"{name}.log"
+        return self.write(f"{name}.toml", text + f'\n[recording]\nenabled = true\nfile = "{log}"\n'
+                          + recording), log
+
+    def run_rig(self, config, seconds):
+        result = subprocess.run([STICKSLIPD, "--config", config, "--no-lcm", "--duration",
+                                 str(seconds)], capture_output=True, text=True, timeout=120)
+        self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
+        return result.stdout + result.stderr
+
+    def test_a_killed_daemon_costs_less_than_a_second(self):
+        dice = random.Random(20240712)
+        for kill in range(4):
+            heard = self.folder / f"heard{kill}.log"
+            listener = self.start(STICKSLIP, "record", heard)
+            self.assertIn("recording", listener.stdout.readline())
+            log = self.folder / f"killed{kill}.log"
+            daemon = self.start(STICKSLIPD, "--config", CONFIG, "--record", log)
+            until = time.monotonic() + 30
+            while not log.exists() or log.stat().st_size < 2000:
+                self.assertLess(time.monotonic(), until, "the recording does not grow")
+                time.sleep(0.01)
+            time.sleep(dice.uniform(0.0, 1.5))
+            daemon.kill()
+            daemon.wait()
+            time.sleep(0.1)  # what LCM carried before the kill arrives
+            listener.send_signal(signal.SIGTERM)
+            said, _ = listener.communicate(timeout=30)
+            self.assertEqual(listener.returncode, 0, said)
+
+            csv = self.folder / f"killed{kill}.csv"
+            self.succeed("convert", log, csv)
+            recorded = stickslip("log", "info", log, "--json")
+            self.assertEqual(recorded.returncode, 0, recorded.stderr)
+            info = json.loads(recorded.stdout)
+            self.assertEqual(info["rig"], "simulated Beam II")
+            self.assertEqual(info["frames"]["gaps"], 0)
+            self.assertEqual(info["frames"]["first_sequence"], 0)
+            last_heard = frames.frames(heard, self.types)[-1].sequence
+            self.assertGreater(last_heard, 0)
+            # 1000 frames a second.
+            self.assertGreater(info["frames"]["last_sequence"], last_heard - 1000)
+            for text in ("configuration", "model"):
+                self.assertTrue(info["texts"][text]["verified"])
+
+    def test_a_log_that_is_there_is_kept(self):
+        config, log = self.rig("twice", "", fast=True)
+        self.run_rig(config, 1)
+        before = log.read_bytes()
+        self.assertIn("kept as", self.run_rig(config, 1))
+        kept = [path for path in self.folder.glob("twice.*.log")]
+        self.assertEqual(len(kept), 1)
+        self.assertEqual(kept[0].read_bytes(), before)
+
+    def test_parts_are_one_recording(self):
+        for name, recording, least in (("by_time", "rotate_s = 2\n", 5),
+                                       ("by_size", "rotate_mb = 0.2\n", 4)):
+            with self.subTest(rotation=name):
+                config, log = self.rig(name, recording, fast=True)
+                said = self.run_rig(config, 10)
+                parts = [log, *sorted(self.folder.glob(f"{name}.0*.log"))]
+                self.assertGreaterEqual(len(parts), least)
+                self.assertIn("recording: 10000 produced = 10000 recorded", said)
+                sequences = []
+                for number, part in enumerate(parts):
+                    events = list(frames.events(part))
+                    self.assertEqual(events[0][0], "STICKSLIP_RECORDING")
+                    info = self.types.recording_info_t.decode(events[0][1])
+                    self.assertEqual(info.part, number)
+                    self.assertEqual(info.previous_part, parts[number - 1].name if number else "")
+                    self.assertEqual(info.frames_before, len(sequences))
+                    self.assertIn("[rig]", info.configuration)
+                    sequences += [frame.sequence for frame in frames.frames(part, self.types)]
+                    self.assertEqual(events[-1][0], "STICKSLIP_STATUS")
+                    status = self.types.status_t.decode(events[-1][1])
+                    self.assertEqual(status.recorded, len(sequences))
+                self.assertEqual(sequences, list(range(10000)))
+
+                self.succeed("log", "check", *parts)
+                whole = self.folder / f"{name}_whole.log"
+                self.succeed("log", "join", *reversed(parts), "--out", whole)
+                self.succeed("log", "check", whole)
+                self.assertEqual([frame.sequence for frame in frames.frames(whole, self.types)],
+                                 sequences)
+
+                lacking = stickslip("log", "check", parts[0], *parts[2:])
+                self.assertEqual(lacking.returncode, 1, lacking.stdout)
+                self.assertIn("part 1 is missing", lacking.stdout)
+                refused = stickslip("log", "join", parts[0], parts[2], "--out", self.folder / "x.log")
+                self.assertEqual(refused.returncode, 2)
+                self.assertIn("part 1 is missing", refused.stderr)
+                self.assertFalse((self.folder / "x.log").exists())
+
+    def test_damage_is_found_told_and_mended(self):
+        config, log = self.rig("damaged", "", fast=True)
+        self.run_rig(config, 2)
+        self.assertIn("damaged.log: sound", self.succeed("log", "check", log).stdout)
+        content = bytearray(log.read_bytes())
+        middle = content.index(b"\xed\xa1\xda\x01", len(content) // 2)
+        content[middle:middle + 40] = b"\0" * 40
+        log.write_bytes(content[:-7])
+        read = stickslip("convert", log, self.folder / "x.csv")
+        self.assertEqual(read.returncode, 2)
+        self.assertIn(f"at byte {middle}", read.stderr)
+        self.assertIn("stickslip log repair", read.stderr)
+        checked = stickslip("log", "check", log)
+        self.assertEqual(checked.returncode, 1, checked.stderr)
+        self.assertIn("damaged in 1 place", checked.stdout)
+        self.assertIn(f"at byte {middle}", checked.stdout)
+        self.assertIn("cut off", checked.stdout)
+        mended = self.folder / "mended.log"
+        said = self.succeed("log", "repair", log, "--out", mended).stdout
+        self.assertIn("1 place that is no event", said)
+        self.succeed("convert", mended, self.folder / "mended.csv")
+        left = len((self.folder / "mended.csv").read_text().splitlines()) - 1
+        self.assertGreaterEqual(left, 1980)
+        self.assertLess(left, 2001)
+        # It is whole now, though not all there, which the ledger would say if it were not cut off.
+        self.assertNotIn("damaged in", stickslip("log", "check", mended).stdout)
+
+    def test_info_says_what_a_log_is(self):
+        config, log = self.rig("told", "", fast=True)
+        self.run_rig(config, 3)
+        said = self.succeed("log", "info", log).stdout
+        for line in (r"rig +simulated Beam II", r"program +stickslipd \d", r"part +0, the first",
+                     r"configuration +SHA-256 [0-9a-f]{64}, verified", r"duration +2\.999 s",
+                     r"rate +1000 Hz", r"frames +3000, .*no gap", r"displacement +-\S+ to \S+ m",
+                     r"ledger +3000 produced = 3000 recorded$"):
+            self.assertRegex(said, re.compile(line, re.MULTILINE))
+
+    def test_exports_are_written_and_a_csv_has_every_frame(self):
+        config, log = self.rig("out", "", fast=True)
+        self.run_rig(config, 2)
+        for ending in ("csv", "mat", "h5"):
+            said = self.succeed("log", "export", log, self.folder / f"out.{ending}").stdout
+            self.assertIn("2000 rows of frames, 200 rows of excitation, 200 rows of estimate", said)
+        rows = [line for line in (self.folder / "out.csv").read_text().splitlines()
+                if not line.startswith("#")]
+        self.assertEqual(len(rows), 2001)
+        self.assertTrue(rows[0].startswith("time_s,time_ns,sequence,valid,displacement_m"), rows[0])
+        refused = stickslip("log", "export", log, self.folder / "out.xyz")
+        self.assertEqual(refused.returncode, 2)
+        self.assertIn("expected .csv, .mat or .h5", refused.stderr)
+
+    def test_bad_arguments_are_refused_in_one_line(self):
+        csv = self.write("in.csv", "time_s,displacement_m\n0,1\n0.1,2\n")
+        for arguments, word in ((("log",), "subcommand"), (("log", "check"), "files"),
+                                (("log", "repair", csv), "--out"),
+                                (("log", "check", csv), "no LCM event log"),
+                                (("log", "info", self.folder / "absent.log"), "absent.log"),
+                                (("log", "check", self.folder), "folder")):
+            with self.subTest(arguments=arguments):
+                result = stickslip(*arguments)
+                self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
+                self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
+                self.assertIn(word, result.stderr)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,324 @@
+// The recorder's log: its parts, what it keeps, and what it does while the disk refuses.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <stdlib.h>
+#include <sys/resource.h>
+
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <stickslip/status_t.hpp>
+#include <vector>
+
+#include "daemon/loss_watch.h"
+#include "daemon/messages.h"
+#include "daemon/outlet.h"
+#include "protocol/recording.h"
+#include "protocol/recording_parts.h"
+#include "protocol/recording_survey.h"
+
+namespace stickslip::daemon {
+namespace {
+
+using testing::IsEmpty;
+
+class RecorderTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name =
+        (std::filesystem::temp_directory_path() / "stickslip-recorder-XXXXXX").string();
+    ASSERT_NE(mkdtemp(name.data()), nullptr);
+    folder_ = name;
+    file_ = folder_ / "run.log";
+    rig_.name = "bench";
+    rig_.text = "[rig]\n";
+    rig_.model_text = "schema = 1\n";
+    keep_new_books();
+  }
+  void keep_new_books() {
+    ledger_ = std::make_unique<Ledger>();
+    ledger_->recorded().enable();
+  }
+  void TearDown() override {
+    std::error_code ignored;
+    std::filesystem::remove_all(folder_, ignored);
+  }
+
+  void open(RecorderSettings settings) {
+    settings.ledger = ledger_.get();
+    outlet_ = open_log(file_, settings);
+    sink_ = std::make_unique<MessageSink>(*outlet_);
+    EXPECT_EQ(sink_->put_message(recording_info_message(rig_, 1'720'000'000'000'000)), Put::done);
+  }
+
+  /// What a stream does with a block; whether it was taken.
+  bool put_block(std::size_t frames = 10) {
+    std::vector<Sample> block(frames);
+    for (Sample& sample : block) {
+      sample.frame.sequence = next_++;
+      sample.frame.time_ns = static_cast<std::int64_t>(sample.frame.sequence) * 1'000'000;
+      sample.frame.set(Channel::displacement, 1e-3);
+      ledger_->produce();
+    }
+    if (sink_->put_block(block) != Put::done) {
+      ledger_->recorded().lose(Loss::write_error, frames);
+      return false;
+    }
+    unsettled_ += frames;
+    if (sink_->wants_to_settle()) settle();
+    return true;
+  }
+  void settle() {
+    if (sink_->settle()) {
+      ledger_->recorded().deliver(unsettled_);
+    } else {
+      ledger_->recorded().lose(Loss::write_error, unsettled_);
+    }
+    unsettled_ = 0;
+  }
+  void send_status() {
+    Status status;
+    status.state = RigState::running;
+    status.ledger = ledger_->balance();
+    sink_->put_message(status_message(status, 1'720'000'000'000'000));
+  }
+  /// As the service ends: everything has settled, then the last status.
+  bool finish() {
+    settle();
+    send_status();
+    return outlet_->close();
+  }
+
+  /// The parts on disk, in order.
+  std::vector<std::filesystem::path> parts() const {
+    std::vector<std::filesystem::path> out;
+    for (int n = 0; std::filesystem::exists(protocol::part_file(file_, n)); ++n) {
+      out.push_back(protocol::part_file(file_, n));
+    }
+    return out;
+  }
+  std::vector<protocol::LogSurvey> surveys() const {
+    std::vector<protocol::LogSurvey> out;
+    for (const auto& part : parts()) out.push_back(protocol::survey_log(part));
+    return out;
+  }
+  /// No frame is lost or doubled, each part stands alone and its last word is its ledger.
+  void expect_one_recording(std::uint64_t frames) const {
+    const auto logs = surveys();
+    EXPECT_THAT(protocol::faults_between(logs), IsEmpty());
+    for (const protocol::LogSurvey& log : logs) {
+      EXPECT_THAT(log.faults(), IsEmpty()) << log.source;
+      ASSERT_TRUE(log.info) << log.source;
+      EXPECT_EQ(log.info->configuration, "[rig]\n");
+      EXPECT_EQ(log.info->configuration_sha256.size(), 64U);
+      ASSERT_TRUE(log.ledger) << log.source;
+      EXPECT_EQ(static_cast<std::uint64_t>(log.ledger->recorded - log.info->frames_before),
+                log.frames)
+          << log.source;
+      EXPECT_EQ(log.ledger->frames_before_it, log.frames) << log.source;
+    }
+    const protocol::Joined joined = protocol::join_logs(parts(), folder_ / "all.log");
+    EXPECT_EQ(joined.frames, frames);
+    EXPECT_EQ(joined.missing, 0U);
+    const auto all = protocol::read_recording(folder_ / "all.log").frames;
+    ASSERT_EQ(all.size(), frames);
+    for (std::size_t i = 0; i < all.size(); ++i) ASSERT_EQ(all[i].sequence, i);
+  }
+
+  std::filesystem::path folder_;
+  std::filesystem::path file_;
+  config::Rig rig_;
+  std::unique_ptr<Ledger> ledger_;
+  std::unique_ptr<Outlet> outlet_;
+  std::unique_ptr<MessageSink> sink_;
+  std::uint64_t next_ = 0;
+  std::uint64_t unsettled_ = 0;
+};
+
+TEST_F(RecorderTest, WithoutLimitsThereIsOnePart) {
+  open({});
+  for (int i = 0; i < 100; ++i) put_block();
+  EXPECT_TRUE(finish());
+  EXPECT_EQ(parts().size(), 1U);
+  expect_one_recording(1000);
+}
+
+TEST_F(RecorderTest, BeginsAPartWhenItsTimeIsOverToTheBlock) {
+  open({.rotate_s = 1.0});
+  for (int i = 0; i < 305; ++i) put_block();
+  EXPECT_TRUE(finish());
+  const auto logs = surveys();
+  ASSERT_EQ(logs.size(), 4U);
+  // The last frame of the first block is at 9 ms; the 101st ends more than a second later.
+  EXPECT_EQ(logs[0].frames, 1010U);
+  EXPECT_EQ(logs[1].frames, 1010U);
+  EXPECT_EQ(logs[2].info->previous_part, "run.001.log");
+  EXPECT_EQ(logs[2].info->frames_before, 2020);
+  expect_one_recording(3050);
+}
+
+TEST_F(RecorderTest, BeginsAPartWhenItIsLargeEnough) {
+  open({.rotate_mb = 0.05});
+  for (int i = 0; i < 300; ++i) {
+    put_block();
+    if (i % 37 == 0) send_status();
+  }
+  EXPECT_TRUE(finish());
+  const auto logs = surveys();
+  ASSERT_GT(logs.size(), 3U);
+  for (std::size_t i = 0; i + 1 < logs.size(); ++i) {
+    EXPECT_GE(logs[i].bytes, 50'000);
+    EXPECT_LT(logs[i].bytes, 53'000);
+  }
+  expect_one_recording(3000);
+}
+
+TEST_F(RecorderTest, AnyCuttingLosesAndDoublesNothing) {
+  std::mt19937 random(11);
+  for (int round = 0; round < 8; ++round) {
+    TearDown();
+    std::filesystem::create_directory(folder_);
+    keep_new_books();
+    open({.rotate_s = 1.0 + 0.01 * static_cast<double>(random() % 100),
+          .rotate_mb = 0.01 + 0.001 * static_cast<double>(random() % 100),
+          .sync_s = static_cast<double>(random() % 2) * 1e-6});
+    next_ = 0;
+    const std::size_t blocks = 100 + random() % 300;
+    std::uint64_t frames = 0;
+    for (std::size_t i = 0; i < blocks; ++i) {
+      const std::size_t some = 1 + random() % 20;
+      EXPECT_TRUE(put_block(some));
+      frames += some;
+      if (random() % 9 == 0) settle();
+      if (random() % 9 == 0) send_status();
+    }
+    EXPECT_TRUE(finish());
+    expect_one_recording(frames);
+  }
+}
+
+TEST_F(RecorderTest, ALogThatIsThereIsKept) {
+  for (int round = 0; round < 3; ++round) {
+    open({});
+    next_ = 0;
+    for (int i = 0; i <= round; ++i) put_block();
+    static_cast<void>(finish());
+  }
+  std::vector<std::size_t> frames;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_)) {
+    frames.push_back(protocol::read_recording(entry.path()).frames.size());
+  }
+  EXPECT_THAT(frames, testing::UnorderedElementsAre(10, 20, 30));
+  EXPECT_EQ(protocol::read_recording(file_).frames.size(), 30U);
+}
+
+// A limit on the size of files stands for a full disk: the same refusal, in the middle of an event.
+class FullDisk {
+ public:
+  FullDisk() {
+    getrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, SIG_IGN);
+  }
+  ~FullDisk() { setrlimit(RLIMIT_FSIZE, &before_); }
+  FullDisk(const FullDisk&) = delete;
+  FullDisk& operator=(const FullDisk&) = delete;
+  void limit(rlim_t bytes) const {
+    rlimit now = before_;
+    now.rlim_cur = bytes;
+    setrlimit(RLIMIT_FSIZE, &now);
+  }
+  void lift() const { limit(before_.rlim_cur); }
+
+ private:
+  rlimit before_{};
+};
+
+TEST_F(RecorderTest, AFullDiskCostsWhatTheBooksSayAndTheLogStaysWhole) {
+  const FullDisk disk;
+  open({});
+  for (int i = 0; i < 400; ++i) {
+    if (i == 100) disk.limit(60'000);
+    if (i == 300) disk.lift();
+    put_block();
+    if (i % 5 == 4) settle();
+  }
+  EXPECT_TRUE(finish());
+  const auto log = protocol::survey_log(file_);
+  EXPECT_THAT(log.faults(), IsEmpty());
+  ASSERT_TRUE(log.ledger);
+  EXPECT_GT(log.ledger->lost(), 1000);
+  EXPECT_EQ(log.ledger->recorded, static_cast<std::int64_t>(log.frames));
+  EXPECT_EQ(log.missing, static_cast<std::uint64_t>(log.ledger->lost()));
+}
+
+TEST_F(RecorderTest, ADiskThatIsFullAtTheStartGetsTheDescriptionFirstAllTheSame) {
+  const FullDisk disk;
+  open({});
+  disk.limit(20);
+  for (int i = 0; i < 20; ++i) {
+    put_block();
+    settle();
+  }
+  disk.lift();
+  for (int i = 0; i < 20; ++i) put_block();
+  EXPECT_TRUE(finish());
+  const auto log = protocol::survey_log(file_);
+  EXPECT_THAT(log.faults(), IsEmpty());
+  ASSERT_TRUE(log.info);
+  EXPECT_EQ(log.info->rig, "bench");
+  EXPECT_EQ(log.first_sequence, 200U);
+}
+
+TEST_F(RecorderTest, WhereNoPartCanBeBegunTheOneBeforeGoesOn) {
+  open({.rotate_s = 1.0});
+  std::filesystem::create_directory(folder_ / "run.001.log");  // in the way
+  for (int i = 0; i < 305; ++i) put_block();
+  EXPECT_TRUE(finish());
+  EXPECT_EQ(protocol::read_recording(file_).frames.size(), 3050U);
+}
+
+TEST_F(RecorderTest, WhatIsNoFileOnADiskIsNotSynced) {
+  file_ = "/dev/null";
+  open({.sync_s = 1e-9});
+  for (int i = 0; i < 20; ++i) put_block();
+  EXPECT_TRUE(finish());
+}
+
+AccountBalance account(std::uint64_t ring_full, std::uint64_t write_error) {
+  AccountBalance out;
+  out.enabled = true;
+  out.lost[static_cast<std::size_t>(Loss::ring_full)] = ring_full;
+  out.lost[static_cast<std::size_t>(Loss::write_error)] = write_error;
+  return out;
+}
+
+TEST(LossWatch, TellsOnceThatFramesAreBeingLostAndOnceThatItHasEnded) {
+  LossWatch watch;
+  Balance balance;
+  balance.recorded = account(0, 0);
+  EXPECT_THAT(watch.look(balance), IsEmpty());
+  std::vector<Event> told;
+  for (const std::uint64_t lost : {5U, 1000U, 2000U, 90'000U}) {
+    balance.recorded = account(lost, 0);
+    for (Event& event : watch.look(balance)) told.push_back(std::move(event));
+  }
+  ASSERT_EQ(told.size(), 1U);
+  EXPECT_EQ(told[0].severity, Severity::warning);
+  EXPECT_EQ(told[0].code, "ring_full");
+  told = watch.look(balance);
+  ASSERT_EQ(told.size(), 1U);
+  EXPECT_EQ(told[0].severity, Severity::info);
+  EXPECT_EQ(told[0].message, "recording keeps up again; 90000 frames were lost (ring full)");
+  EXPECT_THAT(watch.look(balance), IsEmpty());
+  // Each consumer and each cause by itself; the second episode counts from its own beginning.
+  balance.recorded = account(90'010, 3);
+  balance.published = account(0, 7);
+  EXPECT_EQ(watch.look(balance).size(), 3U);
+  told = watch.look(balance);
+  ASSERT_EQ(told.size(), 3U);
+  EXPECT_THAT(told[0].message, testing::HasSubstr("; 10 frames were lost"));
+}
+
+}  // namespace
+}  // namespace stickslip::daemon

@@ -1,0 +1,247 @@
+// What is wrong with a log, and what can be kept of it.
+#include "protocol/recording_survey.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <random>
+#include <sstream>
+
+#include "physics/problem.h"
+#include "tests/unit/protocol/files.h"
+#include "tests/unit/protocol/logs.h"
+
+namespace stickslip::protocol {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+const bool seeded = setenv("RC_PARAMS", "seed=7668", 0) == 0;
+
+LogSurvey survey(const std::string& text) {
+  std::istringstream in(text);
+  return survey_log(in, "r.log");
+}
+
+Repair repaired(const std::string& text, std::string& out) {
+  const Folder folder;
+  write(folder / "in.log", text);
+  const Repair repair = repair_log(folder / "in.log", folder / "out.log");
+  out = content(folder / "out.log");
+  return repair;
+}
+
+std::vector<Frame> frames_of(const std::string& text) {
+  std::istringstream in(text);
+  return parse_log(in, "r.log").frames;
+}
+
+TEST(Survey, OfASoundLog) {
+  const LogSurvey found = survey(LogOfADaemon{.frames = 95, .lost = 3}.text());
+  EXPECT_THAT(found.faults(), IsEmpty());
+  EXPECT_EQ(found.events, 12U);
+  EXPECT_EQ(found.frames, 95U);
+  EXPECT_EQ(found.first_sequence, 0U);
+  EXPECT_EQ(found.last_sequence, 94U);
+  EXPECT_DOUBLE_EQ(found.rate_hz(), 1000.0);
+  ASSERT_EQ(found.channels.size(), 3U);
+  EXPECT_EQ(found.channels[1].name, frames_channel);
+  EXPECT_EQ(found.channels[1].events, 10U);
+  EXPECT_EQ(found.ranges[0].values, 95U);
+  EXPECT_DOUBLE_EQ(found.ranges[0].greatest, 0.094);
+  EXPECT_EQ(found.ranges[1].values, 0U);
+  EXPECT_EQ(found.ranges[2].values, 48U);
+  ASSERT_TRUE(found.ledger);
+  EXPECT_TRUE(found.ledger->closed());
+  EXPECT_EQ(found.ledger->lost(), 3);
+  ASSERT_TRUE(found.info);
+  EXPECT_EQ(found.info->rig, "bench");
+}
+
+TEST(Survey, GapsAreCountedAndAreNoFaultOfTheLog) {
+  const Folder folder;
+  Recording recording;
+  for (const std::uint64_t first : {0U, 20U, 15U}) {
+    for (Frame frame : frames_from(first, 5)) {
+      frame.time_ns = static_cast<std::int64_t>(recording.frames.size()) * 1'000'000;
+      recording.frames.push_back(frame);
+    }
+  }
+  write_log(recording, folder / "r.log", 5);
+  const LogSurvey found = survey_log(folder / "r.log");
+  EXPECT_THAT(found.faults(), IsEmpty());
+  EXPECT_EQ(found.gaps, 1U);
+  EXPECT_EQ(found.missing, 15U);
+  EXPECT_EQ(found.repeats, 1U);
+}
+
+TEST(Survey, AnEventThatWasTakenOutIsMissed) {
+  const std::string whole = LogOfADaemon{.closed = false}.text();
+  const std::size_t second = whole.find(sync_word, whole.find(frames_channel));
+  const std::size_t third = whole.find(sync_word, second + 1);
+  const LogSurvey found = survey(whole.substr(0, second) + whole.substr(third));
+  EXPECT_EQ(found.misnumbered, 1U);
+  EXPECT_EQ(found.missing, 10U);
+  EXPECT_EQ(found.frames, 40U);
+  // The number of an event, and the books.
+  EXPECT_THAT(found.faults(), ElementsAre(HasSubstr("something was taken out"),
+                                          HasSubstr("does not balance: the ledger says 50 frames "
+                                                    "up to its last status, the log holds 40")));
+}
+
+TEST(Survey, AClosedLedgerBalancesToTheFrame) {
+  // A block twice, with another time so that nothing else is wrong: one that nobody counted.
+  const Folder folder;
+  LogOfADaemon{}.write(folder / "r.log");
+  std::string text = content(folder / "r.log");
+  LogOfADaemon{.part = 0, .first = 50, .frames = 10, .closed = true}.write(folder / "more.log");
+  const std::string more = content(folder / "more.log");
+  const std::size_t block = more.find(sync_word, 1);
+  const std::string extra = more.substr(block, more.find(sync_word, block + 1) - block);
+  const std::size_t status = text.rfind(sync_word);
+  text.insert(status, extra);
+  const LogSurvey found = survey(text);
+  EXPECT_EQ(found.frames, 60U);
+  EXPECT_THAT(found.faults(), testing::Contains(HasSubstr("does not balance")));
+}
+
+TEST(Survey, ATextThatIsNotTheOneThatWasWrittenIsFound) {
+  std::string text = LogOfADaemon{}.text();
+  text[text.find("schema = 1")] = 'S';
+  const LogSurvey found = survey(text);
+  EXPECT_THAT(found.faults(),
+              ElementsAre("its model is not the text that its SHA-256 was made of"));
+}
+
+TEST(Survey, FindsItsWayAgainBehindDamage) {
+  const std::string whole = LogOfADaemon{.closed = false}.text();
+  const std::size_t second = whole.find(sync_word, 1);
+  const std::size_t third = whole.find(sync_word, second + 1);
+  {  // a sync word
+    std::string spoilt = whole;
+    spoilt[second] = 'x';
+    const LogSurvey found = survey(spoilt);
+    EXPECT_EQ(found.frames, 40U);
+    ASSERT_EQ(found.spoilt_places, 1U);
+    EXPECT_EQ(found.spoilt[0].at, static_cast<std::int64_t>(second));
+    EXPECT_EQ(found.spoilt[0].bytes, static_cast<std::int64_t>(third - second));
+    EXPECT_EQ(found.misnumbered, 0U);
+  }
+  {  // a value of a frame
+    std::string spoilt = whole;
+    spoilt[third - 5] = static_cast<char>(spoilt[third - 5] ^ 1);
+    const LogSurvey found = survey(spoilt);
+    EXPECT_EQ(found.frames, 40U);
+    EXPECT_EQ(found.bad_checksums, 1U);
+    EXPECT_EQ(found.spoilt_places, 0U);
+  }
+  // A length: whatever it becomes, only its own event is lost.
+  for (std::size_t bit = 0; bit < 64; ++bit) {
+    std::string spoilt = whole;
+    const std::size_t at = second + 20 + bit / 8;
+    spoilt[at] = static_cast<char>(spoilt[at] ^ (1 << bit % 8));
+    const LogSurvey found = survey(spoilt);
+    EXPECT_EQ(found.frames, 40U) << bit;
+    EXPECT_EQ(found.spoilt_places, 1U) << bit;
+    EXPECT_EQ(found.cut_off_bytes, 0) << bit;
+    EXPECT_EQ(found.spoilt_bytes, static_cast<std::int64_t>(third - second)) << bit;
+  }
+}
+
+TEST(Survey, RefusesWhatIsNoLog) {
+  const Folder folder;
+  write(folder / "r.csv", "time_s,displacement_m\n0,1\n");
+  EXPECT_THROW(survey_log(folder / "r.csv"), InputError);
+  EXPECT_THROW(survey_log(folder / "none.log"), InputError);
+  EXPECT_THROW(survey_log(folder / "."), InputError);
+  EXPECT_THAT(survey("").faults(), ElementsAre("holds no event"));
+}
+
+TEST(Repair, LeavesASoundLogAsItIs) {
+  const std::string whole = LogOfADaemon{}.text();
+  std::string out;
+  const Repair repair = repaired(whole, out);
+  EXPECT_FALSE(repair.dropped_anything());
+  EXPECT_EQ(out, whole);
+}
+
+TEST(Repair, DropsBlocksThatNoRecordingCouldGoOnWith) {
+  std::string out;
+  const Repair repair = repaired(LogOfADaemon{}.text() + LogOfADaemon{.first = 30}.text(), out);
+  EXPECT_EQ(repair.blocks_back_in_time, 2U);
+  EXPECT_EQ(repair.frames, 80U);
+  EXPECT_EQ(frames_of(out), frames_from(0, 80));
+}
+
+TEST(Repair, RefusesToOverwriteTheLogAndToMakeSomethingOfNothing) {
+  const Folder folder;
+  LogOfADaemon{}.write(folder / "r.log");
+  EXPECT_THROW(repair_log(folder / "r.log", folder / "r.log"), InputError);
+  write(folder / "rubbish.log", std::string(1000, '\xED'));
+  EXPECT_THROW(repair_log(folder / "rubbish.log", folder / "out.log"), InputError);
+  EXPECT_FALSE(std::filesystem::exists(folder / "out.log"));
+}
+
+RC_GTEST_PROP(Repair, KeepsEveryBlockThatWasNotTouched, ()) {
+  const auto frames = *rc::gen::inRange<std::size_t>(10, 200);
+  std::string text = LogOfADaemon{.frames = frames}.text();
+  std::vector<std::size_t> begins;  // of events, and the end
+  for (std::size_t at = 0; at != std::string::npos; at = text.find(sync_word, at + 1)) {
+    begins.push_back(at);
+  }
+  begins.push_back(text.size());
+  const std::size_t untouched_size = text.size();
+  std::vector<bool> touched(begins.size());
+  const auto spots = *rc::gen::inRange(0, 6);
+  for (int i = 0; i < spots; ++i) {
+    const auto at = *rc::gen::inRange<std::size_t>(0, untouched_size);
+    const auto length = *rc::gen::inRange<std::size_t>(1, 300);
+    for (std::size_t k = at; k < std::min(at + length, text.size()); ++k) {
+      text[k] = static_cast<char>(*rc::gen::inRange(0, 256));
+    }
+    for (std::size_t e = 0; e + 1 < begins.size(); ++e) {
+      if (at < begins[e + 1] && at + length > begins[e]) touched[e] = true;
+    }
+  }
+  std::vector<Frame> expected;
+  const std::vector<Frame> all = frames_from(0, frames);
+  for (std::size_t i = 0; i < frames; ++i) {
+    if (!touched[1 + i / 10]) expected.push_back(all[i]);
+  }
+  RC_PRE(!expected.empty());
+  std::string out;
+  repaired(text, out);
+  // A touched block may have been touched with what stood there.
+  std::vector<Frame> kept = frames_of(out);
+  std::erase_if(kept, [&](const Frame& f) { return touched[1 + f.sequence / 10]; });
+  RC_ASSERT(kept == expected);
+  RC_ASSERT(survey(out).spoilt_places == 0U);
+}
+
+RC_GTEST_PROP(Repair, OfALogThatWasCutAnywhereHoldsAllBefore, ()) {
+  const std::string whole = LogOfADaemon{.frames = 200}.text();
+  const auto size = *rc::gen::inRange<std::size_t>(0, whole.size() + 1);
+  const LogSurvey found = survey(whole.substr(0, size));
+  RC_ASSERT(found.spoilt_places == 0U && found.misnumbered == 0U);
+  std::uint64_t frames = 0;
+  std::size_t end = 0;
+  for (std::size_t at = 0; at < whole.size(); at = end) {
+    end = std::min(whole.find(sync_word, at + 1), whole.size());
+    if (end > size) {
+      RC_ASSERT(found.cut_off_bytes == static_cast<std::int64_t>(size - at));
+      break;
+    }
+    if (whole.find(frames_channel, at) < end) frames += 10;
+  }
+  RC_ASSERT(found.frames == frames);
+  if (frames == 0) return;
+  std::string out;
+  repaired(whole.substr(0, size), out);
+  RC_ASSERT(frames_of(out) == frames_from(0, frames));
+}
+
+}  // namespace
+}  // namespace stickslip::protocol
