@@ -12,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include "config/calibration.h"
 #include "config/key.h"
 #include "config/rig.h"
 #include "physics/frame.h"
@@ -35,7 +36,8 @@ class Document {
   bool sound() const { return problems_.empty(); }
 
   /// Adds a problem at the key or table of that path, or at the nearest table around it that is
-  /// there. "physics.ID.NAME" leads into the [[physics]] table of that id.
+  /// there. "physics.ID.NAME" leads into the [[physics]] table of that id, a number as in
+  /// "history.0.date" into a list.
   void report(std::string_view path, const std::string& message);
 
   /// Adds problems of another file that this one names.
@@ -57,6 +59,8 @@ class Document {
   std::vector<physics::Filter> filters(std::string_view path) const;
   std::vector<EnvelopePoint> envelope(std::string_view path) const;
   std::vector<physics::Term> terms() const;
+  std::optional<ChannelCalibration> calibration(std::string_view path) const;
+  std::vector<FormerCalibration> history(std::string_view path) const;
 
  private:
   struct Contents;
@@ -66,8 +70,8 @@ class Document {
   std::unique_ptr<Contents> contents_;
 };
 
-/// Which kind of file a text is, from its tables; nothing where it could be neither.
-enum class FileKind { rig, model };
+/// Which kind of file a text is, from its tables; nothing where it could be none.
+enum class FileKind { rig, model, calibration };
 std::optional<FileKind> kind_of(std::string_view text);
 
 }  // namespace stickslip::config

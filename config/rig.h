@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "config/calibration.h"
 #include "physics/frame.h"
 #include "physics/model.h"
 
@@ -33,14 +34,6 @@ struct ReplayDriver {
 };
 
 enum class DriverKind { simulated, replay };
-
-/// SI = (raw - offset) * gain, with raw in the driver's unit.
-struct ChannelCalibration {
-  double offset = 0.0;
-  double gain = 1.0;
-
-  friend bool operator==(const ChannelCalibration&, const ChannelCalibration&) = default;
-};
 
 /// One point of an amplitude envelope; amplitudes in between are linear in time.
 struct EnvelopePoint {
@@ -96,7 +89,9 @@ struct Rig {
   DriverKind driver = DriverKind::simulated;
   SimulatedDriver simulated;
   ReplayDriver replay;
-  std::array<ChannelCalibration, channel_count> calibration{};
+  ChannelCalibrations calibration{};       ///< of the calibration file and of the rig's own keys
+  std::filesystem::path calibration_file;  ///< empty: none
+  std::string calibration_text;            ///< the calibration file as read
   Excitation excitation;
   Loop loop;
   Lcm lcm;

@@ -1,4 +1,5 @@
-// `stickslip check`: what is wrong with a rig or a model, all of it at once, without a daemon.
+// `stickslip check`: what is wrong with a rig, a model or a calibration, all of it at once, without
+// a daemon.
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -6,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "config/calibration.h"
 #include "config/document.h"
 #include "config/key.h"
 #include "config/model_file.h"
@@ -102,10 +104,27 @@ std::string calibration_summary(const config::Rig& rig) {
   for (Channel channel : all_channels) {
     const config::ChannelCalibration& each = rig.calibration[index_of(channel)];
     if (each == config::ChannelCalibration{}) continue;
+    std::string leaks;
+    for (Channel other : all_channels) {
+      const double leak = each.crosstalk[index_of(other)];
+      if (leak != 0.0) leaks += " - " + number(leak) + " " + std::string(info(other).stem);
+    }
     text += (text.empty() ? "" : ", ") + std::string(info(channel).stem) + " = (raw - " +
-            number(each.offset) + ") " + number(each.gain) + " " + std::string(info(channel).unit);
+            number(each.offset) + ") " + number(each.gain) + " " + std::string(info(channel).unit) +
+            leaks + (each.date.empty() ? "" : " of " + each.date);
   }
   return text.empty() ? "none: every channel is read in SI units" : text;
+}
+
+void summarise(const config::CalibrationFile& file) {
+  for (Channel channel : all_channels) {
+    const auto& each = file.channel[index_of(channel)];
+    if (!each) continue;
+    say("calibration", std::string(info(channel).stem) + " = (raw - " + number(each->offset) +
+                           ") " + number(each->gain) + " " + std::string(info(channel).unit) +
+                           ", " + each->date + ", against " + each->reference);
+  }
+  say("history", std::to_string(file.history.size()) + " former calibrations");
 }
 
 void summarise(const config::Rig& rig) {
@@ -128,9 +147,10 @@ bool check(const std::string& file) {
     const std::string text = config::read_text(file);
     const auto kind = config::kind_of(text);
     if (!kind) {
-      throw InputError(Problem{file, 1, 1,
-                               "is neither a rig, which has a table [rig], nor a model, which has "
-                               "[oscillator]"});
+      throw InputError(
+          Problem{file, 1, 1,
+                  "is no rig, which has a table [rig], no model, which has [oscillator], and "
+                  "no calibration, which has [channel.CHANNEL]"});
     }
     if (*kind == config::FileKind::rig) {
       const config::Rig rig = config::load_rig(file);
@@ -139,6 +159,10 @@ bool check(const std::string& file) {
       }
       std::printf("%s: sound\n", file.c_str());
       summarise(rig);
+    } else if (*kind == config::FileKind::calibration) {
+      const config::CalibrationFile calibration = config::parse_calibration(text, file);
+      std::printf("%s: sound\n", file.c_str());
+      summarise(calibration);
     } else {
       const physics::Model model = config::parse_model(text, file);
       std::printf("%s: sound\n", file.c_str());
@@ -170,8 +194,10 @@ int run(const Arguments& arguments) {
 void add_check(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "check", "Tell everything that is wrong with rig and model files, offline and at once");
-  command->add_option("FILE", arguments->files, "Rig configurations or models (TOML)");
+      "check",
+      "Tell everything that is wrong with rig, model and calibration files, offline and at once");
+  command->add_option("FILE", arguments->files,
+                      "Rig configurations, models or calibrations (TOML)");
   command->add_flag("--keys", arguments->keys, "Print every key as docs/configuration.md has them")
       ->group("");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
