@@ -165,7 +165,7 @@ LoopSettings Service::loop_settings() const {
   settings.ramp_s = rig_.excitation.enabled ? rig_.excitation.ramp_s : 0.0;
   settings.frames_per_estimate =
       static_cast<std::uint64_t>(std::max(1, rig_.loop.frames_per_block));
-  settings.calibration = rig_.calibration;
+  settings.calibration = Calibration(rig_.calibration);
   // A recording may have gaps; a device may not.
   settings.longest_silence_ns = rig_.driver == config::DriverKind::replay ? 0 : 100'000'000;
   return settings;
