@@ -99,19 +99,23 @@ std::string drive_summary(const config::Rig& rig) {
   return text;
 }
 
+/// "friction_force = (raw - 1.18e-05) 2114.6 N - 0.012 normal_load of 2026-03-02"
+std::string calibration_line(const config::ChannelCalibration& calibration, Channel channel) {
+  std::string text = std::string(info(channel).stem) + " = (raw - " + number(calibration.offset) +
+                     ") " + number(calibration.gain) + " " + std::string(info(channel).unit);
+  for (Channel other : all_channels) {
+    const double leak = calibration.crosstalk[index_of(other)];
+    if (leak != 0.0) text += " - " + number(leak) + " " + std::string(info(other).stem);
+  }
+  return text + (calibration.date.empty() ? "" : " of " + calibration.date);
+}
+
 std::string calibration_summary(const config::Rig& rig) {
   std::string text;
   for (Channel channel : all_channels) {
     const config::ChannelCalibration& each = rig.calibration[index_of(channel)];
     if (each == config::ChannelCalibration{}) continue;
-    std::string leaks;
-    for (Channel other : all_channels) {
-      const double leak = each.crosstalk[index_of(other)];
-      if (leak != 0.0) leaks += " - " + number(leak) + " " + std::string(info(other).stem);
-    }
-    text += (text.empty() ? "" : ", ") + std::string(info(channel).stem) + " = (raw - " +
-            number(each.offset) + ") " + number(each.gain) + " " + std::string(info(channel).unit) +
-            leaks + (each.date.empty() ? "" : " of " + each.date);
+    text += (text.empty() ? "" : ", ") + calibration_line(each, channel);
   }
   return text.empty() ? "none: every channel is read in SI units" : text;
 }
@@ -120,9 +124,7 @@ void summarise(const config::CalibrationFile& file) {
   for (Channel channel : all_channels) {
     const auto& each = file.channel[index_of(channel)];
     if (!each) continue;
-    say("calibration", std::string(info(channel).stem) + " = (raw - " + number(each->offset) +
-                           ") " + number(each->gain) + " " + std::string(info(channel).unit) +
-                           ", " + each->date + ", against " + each->reference);
+    say("calibration", calibration_line(*each, channel) + ", against " + each->reference);
   }
   say("history", std::to_string(file.history.size()) + " former calibrations");
 }

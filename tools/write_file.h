@@ -71,24 +71,24 @@ inline void replace_file(const std::filesystem::path& path, const std::string& c
   const std::filesystem::path folder =
       target.has_parent_path() ? target.parent_path() : std::filesystem::path(".");
   std::string name = (folder / ("." + target.filename().string() + ".XXXXXX")).string();
-  const int file = mkstemp(name.data());
+  const int file = ::mkstemp(name.data());
   if (file < 0) {
     throw InputError(
         Problem{path.string(), 0, 0, std::string("cannot be written: ") + std::strerror(errno)});
   }
   struct stat old {};
-  const mode_t mode = stat(target.c_str(), &old) == 0 ? old.st_mode & 07777U : 0644U;
+  const mode_t mode = ::stat(target.c_str(), &old) == 0 ? old.st_mode & 07777U : 0644U;
   std::string_view rest = content;
-  bool written = fchmod(file, mode) == 0;
+  bool written = ::fchmod(file, mode) == 0;
   while (written && !rest.empty()) {
-    const ssize_t count = write(file, rest.data(), rest.size());
+    const ssize_t count = ::write(file, rest.data(), rest.size());
     if (count < 0 && errno == EINTR) continue;
     written = count >= 0;
     if (written) rest.remove_prefix(static_cast<std::size_t>(count));
   }
-  written = written && fsync(file) == 0;
+  written = written && ::fsync(file) == 0;
   int cause = errno;
-  if (close(file) != 0 && written) {
+  if (::close(file) != 0 && written) {
     written = false;
     cause = errno;
   }
@@ -97,14 +97,14 @@ inline void replace_file(const std::filesystem::path& path, const std::string& c
     cause = errno;
   }
   if (!written) {
-    unlink(name.c_str());
+    ::unlink(name.c_str());
     throw std::runtime_error(path.string() + ": is as it was: " + std::strerror(cause));
   }
   // The name itself has to be on the disk as well; where a folder cannot be synced, it is not lost.
-  const int directory = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  const int directory = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (directory >= 0) {
-    fsync(directory);
-    close(directory);
+    ::fsync(directory);
+    ::close(directory);
   }
 }
 
