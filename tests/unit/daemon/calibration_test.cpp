@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <limits>
 #include <random>
+#include <string>
 
 namespace stickslip::daemon {
 namespace {
@@ -179,9 +180,9 @@ TEST(Calibration, UncertaintyIsThatOfManyCalibrations) {
 
 TEST(Calibration, AnotherUnitThanTheDevicesIsTold) {
   config::ChannelCalibrations channels{};
-  channels[index_of(Channel::velocity)].raw_unit = "V";
-  channels[index_of(Channel::normal_load)].raw_unit = "V/V";
-  channels[index_of(Channel::friction_force)].raw_unit = "V/V";
+  channels[index_of(Channel::velocity)].raw_unit = std::string("V");
+  channels[index_of(Channel::normal_load)].raw_unit = std::string("V/V");
+  channels[index_of(Channel::friction_force)].raw_unit = std::string("V/V");
   drivers::Description device;
   device.name = "bridge";
   device.unit[index_of(Channel::normal_load)] = "counts";
