@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <fstream>
@@ -174,15 +175,27 @@ std::string listed(const std::vector<std::string>& names) {
   return out;
 }
 
-/// The node at a path of tables, or null.
+const toml::node* element_at(const toml::array& list, std::string_view number) {
+  std::size_t index = 0;
+  const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), index);
+  const bool all = error == std::errc{} && end == number.data() + number.size();
+  return all ? list.get(index) : nullptr;
+}
+
+/// The node at a path of tables, and of numbers within lists, or null.
 const toml::node* node_at(const toml::table& root, std::string_view path) {
-  const toml::table* table = &root;
+  const toml::node* node = &root;
   while (true) {
     const auto dot = path.find('.');
-    const toml::node* node = table->get(path.substr(0, dot));
+    const std::string_view name = path.substr(0, dot);
+    if (const toml::table* table = node->as_table()) {
+      node = table->get(name);
+    } else if (const toml::array* list = node->as_array()) {
+      node = element_at(*list, name);
+    } else {
+      return nullptr;
+    }
     if (node == nullptr || dot == std::string_view::npos) return node;
-    table = node->as_table();
-    if (table == nullptr) return nullptr;
     path = path.substr(dot + 1);
   }
 }
@@ -214,6 +227,64 @@ std::optional<std::size_t> choice_in(const toml::node* node, const Key& key) {
 std::string fault_label(const toml::table& fault) {
   const auto choice = choice_in(fault.get("kind"), *find_key(fault_keys(), "kind"));
   return choice ? joined("fault", choice_at(fault_keys(), "kind", *choice)) : "fault";
+}
+
+std::optional<std::array<double, 2>> pair_in(const toml::node* node) {
+  const toml::array* list = node != nullptr ? node->as_array() : nullptr;
+  if (list == nullptr || list->size() != 2) return std::nullopt;
+  const auto first = number_in(list->get(0));
+  const auto second = number_in(list->get(1));
+  if (!first || !second || !std::isfinite(*first) || !std::isfinite(*second)) return std::nullopt;
+  return std::array{*first, *second};
+}
+
+std::optional<LineCovariance> covariance_in(const toml::node* node) {
+  const toml::array* list = node != nullptr ? node->as_array() : nullptr;
+  if (list == nullptr || list->size() != 3) return std::nullopt;
+  std::array<double, 3> out{};
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const auto number = number_in(list->get(i));
+    if (!number || !std::isfinite(*number)) return std::nullopt;
+    out[i] = *number;
+  }
+  return LineCovariance{out[0], out[1], out[2]};
+}
+
+std::string text_in(const toml::table& table, std::string_view name) {
+  return table[name].value_or(std::string());
+}
+
+CalibrationPoint point_in(const toml::table& table) {
+  return {number_in(table.get("raw")).value_or(0.0), number_in(table.get("raw_std")).value_or(0.0),
+          number_in(table.get("reference_si")).value_or(0.0),
+          number_in(table.get("reference_sigma")).value_or(0.0)};
+}
+
+ChannelCalibration calibration_in(const toml::table& table) {
+  ChannelCalibration out;
+  out.offset = number_in(table.get("offset")).value_or(out.offset);
+  out.gain = number_in(table.get("gain")).value_or(out.gain);
+  if (const toml::table* leaks = table["crosstalk"].as_table()) {
+    for (Channel channel : all_channels) {
+      out.crosstalk[index_of(channel)] = number_in(leaks->get(info(channel).stem)).value_or(0.0);
+    }
+  }
+  out.covariance = covariance_in(table.get("covariance")).value_or(LineCovariance{});
+  out.residual_std = number_in(table.get("residual_std")).value_or(0.0);
+  if (const auto range = pair_in(table.get("valid_range"))) {
+    out.valid = ValidRange{(*range)[0], (*range)[1]};
+  }
+  out.raw_unit = text_in(table, "raw_unit");
+  out.date = text_in(table, "date");
+  out.reference = text_in(table, "reference");
+  out.by = text_in(table, "by");
+  if (const toml::array* list = table["despite"].as_array()) {
+    for (const toml::node& each : *list) out.despite.push_back(each.value_or(std::string()));
+  }
+  if (const toml::array* list = table["point"].as_array()) {
+    for (const toml::node& each : *list) out.points.push_back(point_in(*each.as_table()));
+  }
+  return out;
 }
 
 /// Holds one table of TOML, and the tables in it, against keys.
@@ -342,6 +413,38 @@ class Check {
         break;
       case Type::faults:
         faults(node, key, path);
+        break;
+      case Type::date: {
+        const auto text = node.value_exact<std::string_view>();
+        if (!text || !utc_seconds(*text)) expected(node, key, path);
+        break;
+      }
+      case Type::texts:
+        texts(node, key, path);
+        break;
+      case Type::range: {
+        const auto pair = pair_in(&node);
+        if (!pair || (*pair)[0] >= (*pair)[1]) expected(node, key, path);
+        break;
+      }
+      case Type::covariance:
+        covariance(node, key, path);
+        break;
+      case Type::leaks:
+        leaks(node, key, path);
+        break;
+      case Type::points:
+        tables(node, key, path, point_keys());
+        break;
+      case Type::calibration:
+        if (const toml::table* table = node.as_table()) {
+          Check(calibration_keys(), *table, full(path), name_, problems_).run();
+        } else {
+          expected(node, key, path);
+        }
+        break;
+      case Type::history:
+        tables(node, key, path, history_keys());
         break;
     }
   }
@@ -526,6 +629,63 @@ class Check {
         Check(keys, *fault, fault_label(*fault), name_, problems_).run();
       } else {
         expected(each, key, path);
+      }
+    }
+  }
+
+  void tables(const toml::node& node, const Key& key, const std::string& path,
+              std::span<const Key> keys) {
+    const toml::array* list = node.as_array();
+    if (list == nullptr) return expected(node, key, path);
+    for (const toml::node& each : *list) {
+      if (const toml::table* table = each.as_table()) {
+        Check(keys, *table, full(path), name_, problems_).run();
+      } else {
+        expected(each, key, path);
+      }
+    }
+  }
+
+  void texts(const toml::node& node, const Key& key, const std::string& path) {
+    const toml::array* list = node.as_array();
+    if (list == nullptr) return expected(node, key, path);
+    for (const toml::node& each : *list) {
+      if (!each.is_string() || each.value<std::string_view>()->empty()) expected(each, key, path);
+    }
+  }
+
+  void covariance(const toml::node& node, const Key& key, const std::string& path) {
+    const auto found = covariance_in(&node);
+    if (!found) return expected(node, key, path);
+    // Roots, since the product of two tiny variances may be no number any more.
+    constexpr double rounding = 1.0 + 1.0e-9;
+    const bool possible = found->offset >= 0.0 && found->gain >= 0.0 &&
+                          std::abs(found->offset_gain) <=
+                              std::sqrt(found->offset) * std::sqrt(found->gain) * rounding;
+    if (!possible) {
+      wrong_.insert(path);
+      problem(node, full(path) +
+                        ": is no covariance: variances are 0 or more, and the one in the middle is "
+                        "at most the root of their product");
+    }
+  }
+
+  void leaks(const toml::node& node, const Key& key, const std::string& path) {
+    const toml::table* table = node.as_table();
+    if (table == nullptr) return expected(node, key, path);
+    std::vector<std::string> stems;
+    for (const ChannelInfo& channel : channel_table) stems.emplace_back(channel.stem);
+    for (const auto& [name, value] : *table) {
+      const auto number = number_in(&value);
+      if (std::find(stems.begin(), stems.end(), name.str()) == stems.end()) {
+        const std::string meant = nearest(name.str(), stems);
+        problem(
+            place_of(name.source()),
+            "unknown channel " + std::string(name.str()) + " in " + full(path) +
+                (meant.empty() ? "; there are " + listed(stems) : ": did you mean " + meant + "?"));
+      } else if (!number || !std::isfinite(*number)) {
+        problem(value, full(path) + "." + std::string(name.str()) +
+                           ": expected a number [SI/SI], found " + found_text(value));
       }
     }
   }
@@ -858,14 +1018,34 @@ std::vector<Fault> Document::faults() const {
   return out;
 }
 
+std::optional<ChannelCalibration> Document::calibration(std::string_view path) const {
+  const toml::node* node = node_at(contents_->root, path);
+  if (node == nullptr) return std::nullopt;
+  return calibration_in(*node->as_table());
+}
+
+std::vector<FormerCalibration> Document::history(std::string_view path) const {
+  std::vector<FormerCalibration> out;
+  const toml::node* node = node_at(contents_->root, path);
+  if (node == nullptr) return out;
+  for (const toml::node& each : *node->as_array()) {
+    const toml::table& table = *each.as_table();
+    const auto channel = channel_named(text_in(table, "channel"));
+    out.push_back({channel.value_or(Channel::displacement), calibration_in(table)});
+  }
+  return out;
+}
+
 std::optional<FileKind> kind_of(std::string_view text) {
   // Line by line, so that a file with a syntax error is still known for what it is.
   std::size_t rig = 0;
   std::size_t model = 0;
   std::size_t faults = 0;
   bool seed = false;
+  std::size_t calibration = 0;
   const auto model_tables = names_within(model_keys(), "");
   const auto rig_tables = names_within(rig_keys(), "");
+  const auto calibration_tables = names_within(calibration_file_keys(), "");
   const auto has = [](const std::vector<std::string>& names, std::string_view name) {
     return name != "schema" && std::find(names.begin(), names.end(), name) != names.end();
   };
@@ -873,7 +1053,9 @@ std::optional<FileKind> kind_of(std::string_view text) {
     const auto end = text.find('\n');
     std::string_view line = text.substr(0, end);
     text = end == std::string_view::npos ? std::string_view{} : text.substr(end + 1);
+    bool header = false;
     while (!line.empty() && (line.front() == ' ' || line.front() == '\t' || line.front() == '[')) {
+      header = header || line.front() == '[';
       line.remove_prefix(1);
     }
     const std::string_view name = line.substr(0, line.find_first_of(".]= \t"));
@@ -881,11 +1063,13 @@ std::optional<FileKind> kind_of(std::string_view text) {
     if (has(model_tables, name)) ++model;
     if (name == "fault") ++faults;
     if (name == "seed") seed = true;  // of a script without any fault yet; rigs have a seed, too
+    // A key of that name may stand in the tables of a rig or a model as well.
+    if (header && has(calibration_tables, name)) ++calibration;
   }
-  if (faults > std::max(rig, model)) return FileKind::fault_script;
-  if (rig == 0 && model == 0) {
-    return seed ? std::optional(FileKind::fault_script) : std::nullopt;
-  }
+  const std::size_t most = std::max({rig, model, faults, calibration});
+  if (most == 0) return seed ? std::optional(FileKind::fault_script) : std::nullopt;
+  if (faults > std::max({rig, model, calibration})) return FileKind::fault_script;
+  if (calibration > rig && calibration > model) return FileKind::calibration;
   return rig > model ? FileKind::rig : FileKind::model;
 }
 

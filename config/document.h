@@ -12,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include "config/calibration.h"
 #include "config/fault_script.h"
 #include "config/key.h"
 #include "config/rig.h"
@@ -37,7 +38,8 @@ class Document {
   std::size_t problem_count() const { return problems_.size(); }
 
   /// Adds a problem at the key or table of that path, or at the nearest table around it that is
-  /// there. "physics.ID.NAME" leads into the [[physics]] table of that id.
+  /// there. "physics.ID.NAME" leads into the [[physics]] table of that id, a number as in
+  /// "history.0.date" into a list.
   void report(std::string_view path, const std::string& message);
 
   /// Adds a problem at a key of one of the [[fault]] tables, or at the table where the key is not
@@ -67,6 +69,8 @@ class Document {
   std::vector<Line> lines(std::string_view path) const;
   std::vector<physics::Term> terms() const;
   std::vector<Fault> faults() const;
+  std::optional<ChannelCalibration> calibration(std::string_view path) const;
+  std::vector<FormerCalibration> history(std::string_view path) const;
 
  private:
   struct Contents;
@@ -77,7 +81,7 @@ class Document {
 };
 
 /// Which kind of file a text is, from its tables; nothing where it could be none of them.
-enum class FileKind { rig, model, fault_script };
+enum class FileKind { rig, model, fault_script, calibration };
 std::optional<FileKind> kind_of(std::string_view text);
 
 }  // namespace stickslip::config

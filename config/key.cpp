@@ -373,6 +373,12 @@ constexpr std::array rig_table = {
         .fallback = "an isolated one, where the host has any",
         .low = 0,
         .high = 4095},
+    Key{.path = "calibration.file",
+        .type = Type::file,
+        .sentence =
+            "Calibration file: how raw readings become SI, against what that was found, and "
+            "how sure it is. A channel that it names may not stand here as well.",
+        .fallback = "none"},
     Key{.path = "calibration.*.offset",
         .type = Type::number,
         .unit = "raw",
@@ -907,6 +913,115 @@ constexpr std::array fault_amount_table = {
         .above_low = true},
 };
 
+constexpr std::array calibration_file_table = {
+    Key{.path = "schema",
+        .type = Type::integer,
+        .unit = "1",
+        .sentence = "Version of the format of this file.",
+        .need = Need::always,
+        .low = 1,
+        .high = 1},
+    Key{.path = "channel.*",
+        .type = Type::calibration,
+        .sentence = "The calibration that holds for the channel.",
+        .fallback = "raw is SI"},
+    Key{.path = "history",
+        .type = Type::history,
+        .sentence = "One [[history]] table for each calibration that held before, of each channel "
+                    "the newest first.",
+        .fallback = "none"},
+};
+
+constexpr std::array calibration_table = {
+    Key{.path = "offset",
+        .type = Type::number,
+        .unit = "raw",
+        .sentence = "SI = (raw - offset) gain, less what leaks in from other channels.",
+        .need = Need::always},
+    Key{.path = "gain",
+        .type = Type::number,
+        .unit = "SI/raw",
+        .sentence = "SI = (raw - offset) gain; not 0.",
+        .need = Need::always},
+    Key{.path = "covariance",
+        .type = Type::covariance,
+        .unit = "raw^2, SI, (SI/raw)^2",
+        .sentence = "Variance of the offset, covariance of both, variance of the gain.",
+        .fallback = "not known"},
+    Key{.path = "residual_std",
+        .type = Type::number,
+        .unit = "SI",
+        .sentence = "Standard deviation of the points about the line.",
+        .fallback = "0",
+        .low = 0},
+    Key{.path = "crosstalk",
+        .type = Type::leaks,
+        .unit = "SI/SI",
+        .sentence = "How much of other channels' SI values leaks into this reading; it is taken "
+                    "off.",
+        .fallback = "none"},
+    Key{.path = "valid_range",
+        .type = Type::range,
+        .unit = "SI",
+        .sentence = "Where the calibration was looked at; values outside are marked, and kept.",
+        .fallback = "anywhere"},
+    Key{.path = "raw_unit",
+        .type = Type::text,
+        .sentence = "Unit of the readings, as the driver names it.",
+        .fallback = "not told"},
+    Key{.path = "date", .type = Type::date, .sentence = "When it was done.", .need = Need::always},
+    Key{.path = "reference",
+        .type = Type::text,
+        .sentence = "Against what: \"weights set 12, class M1\".",
+        .need = Need::always},
+    Key{.path = "by", .type = Type::text, .sentence = "Who did it.", .fallback = "not told"},
+    Key{.path = "despite",
+        .type = Type::texts,
+        .sentence = "What spoke against it when somebody insisted on it.",
+        .fallback = "nothing"},
+    Key{.path = "point",
+        .type = Type::points,
+        .sentence = "The points that it was made from, in the order in which they were taken.",
+        .fallback = "not told"},
+};
+
+/// The keys of a calibration that held before: those of one that holds, and which channel.
+constexpr auto history_table = [] {
+  std::array<Key, calibration_table.size() + 1> keys{Key{
+      .path = "channel",
+      .type = Type::choice,
+      .sentence = "The channel whose calibration it was.",
+      .need = Need::always,
+      .choices = "displacement|velocity|friction_force|normal_load|base_displacement|drive_force"}};
+  for (std::size_t i = 0; i < calibration_table.size(); ++i) keys[i + 1] = calibration_table[i];
+  return keys;
+}();
+
+constexpr std::array point_table = {
+    Key{.path = "raw",
+        .type = Type::number,
+        .unit = "raw",
+        .sentence = "Mean reading.",
+        .need = Need::always},
+    Key{.path = "raw_std",
+        .type = Type::number,
+        .unit = "raw",
+        .sentence = "Standard deviation of that mean.",
+        .fallback = "0: not known",
+        .low = 0},
+    Key{.path = "reference_si",
+        .type = Type::number,
+        .unit = "SI",
+        .sentence = "What the channel was made to measure.",
+        .need = Need::always},
+    Key{.path = "reference_sigma",
+        .type = Type::number,
+        .unit = "SI",
+        .sentence = "Standard uncertainty of it.",
+        .fallback = "0",
+        .low = 0},
+};
+
 /// As a person writes it.
 std::string bound_text(double value) {
   std::ostringstream text;
@@ -961,9 +1076,23 @@ std::string_view name_of(Type type) {
       return "lines";
     case Type::terms:
     case Type::faults:
+    case Type::points:
+    case Type::history:
       return "tables";
     case Type::span:
       return "two numbers";
+    case Type::date:
+      return "date";
+    case Type::texts:
+      return "texts";
+    case Type::range:
+      return "[low, high]";
+    case Type::covariance:
+      return "three numbers";
+    case Type::leaks:
+      return "{ CHANNEL = number }";
+    case Type::calibration:
+      return "table";
   }
   return "";
 }
@@ -1026,6 +1155,10 @@ std::vector<Key> fault_keys_of(std::string_view kind) {
   }
   return keys;
 }
+std::span<const Key> calibration_file_keys() { return calibration_file_table; }
+std::span<const Key> calibration_keys() { return calibration_table; }
+std::span<const Key> history_keys() { return history_table; }
+std::span<const Key> point_keys() { return point_table; }
 
 bool matches(const Key& key, std::string_view path) {
   const auto star = key.path.find('*');
@@ -1109,6 +1242,22 @@ std::string expectation(const Key& key) {
       break;
     case Type::faults:
       return "[[fault]] tables";
+    case Type::date:
+      return "a date in quotes, such as \"2026-11-22\" or \"2026-11-22T14:03:00Z\"";
+    case Type::texts:
+      return "a list of texts in quotes";
+    case Type::range:
+      return "[low, high] with low below high [" + std::string(key.unit) + "]";
+    case Type::covariance:
+      return "[variance of the offset, covariance, variance of the gain]";
+    case Type::leaks:
+      return "{ CHANNEL = number, ... } with the names of other channels";
+    case Type::points:
+      return "[[...point]] tables";
+    case Type::calibration:
+      return "a table with offset, gain, date, reference";
+    case Type::history:
+      return "[[history]] tables";
   }
   const std::string range = range_text(key);
   if (!range.empty()) text += ", " + range;
@@ -1127,10 +1276,10 @@ std::string keys_page() {
           "against; a\n"
           "test holds the two together.\n"
           "\n"
-          "`stickslip check FILE...` tells everything that is wrong with a rig, a model or a fault "
-          "script at\n"
-          "once, with line and column, without a daemon. Files are TOML. A key that does not exist "
-          "is an "
+          "`stickslip check FILE...` tells everything that is wrong with a rig, a model, a fault "
+          "script or a\n"
+          "calibration at once, with line and column, without a daemon. Files are TOML. A key that "
+          "does not exist is an "
           "error, so\n"
           "a misspelt one is never passed over in silence. CHANNEL stands for `displacement`,\n"
           "`velocity`, `friction_force`, `normal_load`, `base_displacement` or `drive_force`. "
@@ -1179,6 +1328,24 @@ std::string keys_page() {
           "Its `amount`, by kind; channels are in the device's own units, before calibration:\n"
           "\n";
   list(page, fault_amount_keys());
+  page << "\n"
+          "## Calibrations\n"
+          "\n"
+          "What `calibration.file` of a rig names, as in\n"
+          "[`config/calibrations/beam.toml`](../config/calibrations/beam.toml); "
+          "[calibration.md](calibration.md) says how one\n"
+          "is made.\n"
+          "\n";
+  list(page, calibration_file_keys());
+  page << "\n"
+          "Each `[channel.CHANNEL]`, and each `[[history]]` table, which also has `channel`, the "
+          "name of its channel:\n"
+          "\n";
+  list(page, calibration_keys());
+  page << "\n"
+          "Each `[[channel.CHANNEL.point]]`:\n"
+          "\n";
+  list(page, point_keys());
   return page.str();
 }
 

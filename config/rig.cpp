@@ -115,10 +115,8 @@ class Reader {
       const std::string stem(info(channel).stem);
       take(rig.simulated.resolution[index_of(channel)],
            document_.number("driver.simulated.resolution." + stem));
-      ChannelCalibration& calibration = rig.calibration[index_of(channel)];
-      take(calibration.offset, document_.number("calibration." + stem + ".offset"));
-      take(calibration.gain, document_.number("calibration." + stem + ".gain"));
     }
+    read_calibration(rig);
     take(rig.loop.rate_hz, document_.number("loop.rate_hz"));
     take(rig.loop.frames_per_block, document_.integer("loop.frames_per_block"));
     take(rig.loop.duration_s, document_.number("loop.duration_s"));
@@ -145,6 +143,38 @@ class Reader {
       const std::string stem = "safety.range." + std::string(info(channel).stem);
       take(safety.range[index_of(channel)].low, document_.number(stem + ".low"));
       take(safety.range[index_of(channel)].high, document_.number(stem + ".high"));
+    }
+  }
+
+  void read_calibration(Rig& rig) {
+    rig.calibration_file = path_at("calibration.file");
+    CalibrationFile of_file;
+    if (!rig.calibration_file.empty()) {
+      try {
+        rig.calibration_text = read_text(rig.calibration_file);
+        of_file = parse_calibration(rig.calibration_text, rig.calibration_file.string());
+      } catch (const InputError& error) {
+        if (rig.calibration_text.empty()) {
+          document_.report("calibration.file",
+                           rig.calibration_file.string() + ": " + error.problems().front().message);
+        } else {
+          document_.add(error.problems());
+        }
+      }
+    }
+    for (Channel channel : all_channels) {
+      ChannelCalibration& calibration = rig.calibration[index_of(channel)];
+      const std::string path = "calibration." + std::string(info(channel).stem);
+      if (of_file.channel[index_of(channel)]) {
+        calibration = *of_file.channel[index_of(channel)];
+        if (document_.has(path)) {
+          document_.report(path, "is in " + rig.calibration_file.string() +
+                                     " as well, and only one can hold: take it out of one of the "
+                                     "two");
+        }
+      }
+      take(calibration.offset, document_.number(path + ".offset"));
+      take(calibration.gain, document_.number(path + ".gain"));
     }
   }
 
@@ -250,8 +280,9 @@ class Reader {
       if (calibration.gain == 0.0) {
         document_.report(path + ".gain", "is 0, so that every reading would be 0");
       }
+      const bool own = document_.has(path) || rig.calibration_file.empty();
       if (rig.driver == DriverKind::replay && calibration != ChannelCalibration{}) {
-        document_.report(path,
+        document_.report(own ? path : "calibration.file",
                          "a recording is in SI units already: leave the calibration out "
                          "while driver.kind is \"replay\"");
       }

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "config/calibration.h"
 #include "config/fault_script.h"
 #include "physics/frame.h"
 #include "physics/model.h"
@@ -35,14 +36,6 @@ struct ReplayDriver {
 };
 
 enum class DriverKind { simulated, replay };
-
-/// SI = (raw - offset) * gain, with raw in the driver's unit.
-struct ChannelCalibration {
-  double offset = 0.0;
-  double gain = 1.0;
-
-  friend bool operator==(const ChannelCalibration&, const ChannelCalibration&) = default;
-};
 
 /// One point of an amplitude envelope; amplitudes in between are linear in time.
 struct EnvelopePoint {
@@ -219,8 +212,10 @@ struct Rig {
   DriverKind driver = DriverKind::simulated;
   SimulatedDriver simulated;
   ReplayDriver replay;
-  std::optional<FaultScript> faults;  ///< what befalls the device, whichever it is
-  std::array<ChannelCalibration, channel_count> calibration{};
+  std::optional<FaultScript> faults;       ///< what befalls the device, whichever it is
+  ChannelCalibrations calibration{};       ///< of the calibration file and of the rig's own keys
+  std::filesystem::path calibration_file;  ///< empty: none
+  std::string calibration_text;            ///< the calibration file as read
   Excitation excitation;
   Limits limits;
   Loop loop;

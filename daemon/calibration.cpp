@@ -1,22 +1,141 @@
 #include "daemon/calibration.h"
 
+#include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 
 namespace stickslip::daemon {
+namespace {
 
-Calibrated calibrated(const Frame& raw, const Calibration& calibration) {
+constexpr std::uint8_t bit_of(std::size_t i) { return static_cast<std::uint8_t>(1U << i); }
+
+void mark(std::uint8_t& mask, std::size_t i) { mask = static_cast<std::uint8_t>(mask | bit_of(i)); }
+
+}  // namespace
+
+Calibration::Calibration(const config::ChannelCalibrations& channels) {
+  constexpr auto size = static_cast<Eigen::Index>(channel_count);
+  Eigen::Matrix<double, size, size> mixing = Eigen::Matrix<double, size, size>::Identity();
+  for (std::size_t i = 0; i < channel_count; ++i) {
+    const config::ChannelCalibration& channel = channels[i];
+    lines_[i].offset = channel.offset;
+    lines_[i].gain = channel.gain;
+    covariance_[i] = channel.covariance;
+    if (channel.valid) {
+      lines_[i].low = channel.valid->low;
+      lines_[i].high = channel.valid->high;
+      mark(ranged_, i);
+    }
+    for (std::size_t j = 0; j < channel_count; ++j) {
+      if (channel.crosstalk[j] == 0.0) continue;
+      mixing(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) += channel.crosstalk[j];
+      mark(needs_[i], j);
+      mark(leaky_, i);
+    }
+  }
+  // What leaks into a channel that leaks on: as many steps as there are channels reach all.
+  for (std::size_t step = 0; step < channel_count; ++step) {
+    for (std::uint8_t& needs : needs_) {
+      for (std::size_t j = 0; j < channel_count; ++j) {
+        if ((needs & bit_of(j)) != 0) needs = static_cast<std::uint8_t>(needs | needs_[j]);
+      }
+    }
+  }
+  const Eigen::Matrix<double, size, size> inverse = mixing.partialPivLu().inverse();
+  for (std::size_t i = 0; i < channel_count; ++i) {
+    for (std::size_t j = 0; j < channel_count; ++j) {
+      const auto row = static_cast<Eigen::Index>(i);
+      const auto column = static_cast<Eigen::Index>(j);
+      const bool reached = i == j || (needs_[i] & bit_of(j)) != 0;
+      mixing_[i][j] = mixing(row, column);
+      unmixing_[i][j] = reached ? inverse(row, column) : 0.0;
+    }
+  }
+}
+
+Calibrated Calibration::operator()(const Frame& raw) const {
   Calibrated out;
   out.frame.time_ns = raw.time_ns;
   out.frame.sequence = raw.sequence;
   for (Channel channel : all_channels) {
     if (!raw.has(channel)) continue;
     const std::size_t i = index_of(channel);
-    const double si = (raw.value[i] - calibration[i].offset) * calibration[i].gain;
+    const double si = (raw.value[i] - lines_[i].offset) * lines_[i].gain;
     if (std::isfinite(si)) {
       out.frame.set(channel, si);
+      out.frame.age_us[i] = raw.age_us[i];
     } else {
-      out.not_finite = static_cast<std::uint8_t>(out.not_finite | (1U << i));
+      mark(out.not_finite, i);
     }
+  }
+  if (leaky_ != 0) take_off_leaks(out);
+  for (std::size_t i = 0; ranged_ != 0 && i < channel_count; ++i) {
+    if ((ranged_ & out.frame.valid & bit_of(i)) == 0) continue;
+    const double si = out.frame.value[i];
+    if (si < lines_[i].low || si > lines_[i].high) mark(out.out_of_range, i);
+  }
+  return out;
+}
+
+void Calibration::take_off_leaks(Calibrated& out) const {
+  const Frame read = out.frame;
+  for (Channel channel : all_channels) {
+    const std::size_t i = index_of(channel);
+    if (!read.has(channel) || (leaky_ & bit_of(i)) == 0) continue;
+    if ((needs_[i] & ~read.valid) != 0) {
+      // By how much it is wrong nobody can tell.
+      mark(out.uncorrected, i);
+      out.frame.invalidate(channel);
+      continue;
+    }
+    double si = 0.0;
+    std::int32_t age_us = read.age_us[i];
+    for (std::size_t j = 0; j < channel_count; ++j) {
+      if (unmixing_[i][j] == 0.0) continue;
+      si += unmixing_[i][j] * read.value[j];
+      age_us = std::max(age_us, read.age_us[j]);
+    }
+    if (std::isfinite(si)) {
+      out.frame.value[i] = si;
+      out.frame.age_us[i] = age_us;
+    } else {
+      mark(out.not_finite, i);
+      out.frame.invalidate(channel);
+    }
+  }
+}
+
+double Calibration::sigma(const Frame& si, Channel channel) const {
+  double variance = 0.0;
+  for (std::size_t j = 0; j < channel_count; ++j) {
+    const bool own = j == index_of(channel);
+    const double weight = leaky_ == 0 ? (own ? 1.0 : 0.0) : unmixing_[index_of(channel)][j];
+    if (weight == 0.0) continue;
+    double reading = si.value[j];
+    if (leaky_ != 0) {
+      reading = 0.0;
+      for (std::size_t k = 0; k < channel_count; ++k) reading += mixing_[j][k] * si.value[k];
+    }
+    config::ChannelCalibration line;
+    line.gain = lines_[j].gain;
+    line.covariance = covariance_[j];
+    const double each = weight * config::calibration_sigma(line, reading);
+    variance += each * each;
+  }
+  return std::sqrt(variance);
+}
+
+std::vector<std::string> unit_disagreements(const config::ChannelCalibrations& channels,
+                                            const drivers::Description& device) {
+  std::vector<std::string> out;
+  for (Channel channel : all_channels) {
+    const std::string& calibrated_in = channels[index_of(channel)].raw_unit;
+    const char* read_in = device.unit[index_of(channel)];
+    if (calibrated_in.empty() || read_in == nullptr || *read_in == '\0') continue;
+    if (calibrated_in == read_in) continue;
+    out.push_back(std::string(info(channel).stem) + " was calibrated in " + calibrated_in +
+                  ", but " + device.name + " reads in " + read_in +
+                  ": calibrate it anew, or name the calibration file of this device");
   }
   return out;
 }

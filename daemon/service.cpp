@@ -139,7 +139,7 @@ InterlockSettings interlocks_of(const config::Rig& rig, const drivers::Descripti
 }
 
 LiveSettings live_settings(const config::Rig& rig, const drivers::Description& device) {
-  return {rig.calibration, interlocks_of(rig, device)};
+  return {Calibration(rig.calibration), interlocks_of(rig, device)};
 }
 
 /// Where clients find the daemon; empty: nowhere.

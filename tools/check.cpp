@@ -1,5 +1,5 @@
-// `stickslip check`: what is wrong with a rig, a model or a fault script, all of it at once,
-// without a daemon.
+// `stickslip check`: what is wrong with a rig, a model, a fault script or a calibration, all of it
+// at once, without a daemon.
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "config/calibration.h"
 #include "config/demand.h"
 #include "config/document.h"
 #include "config/fault_script.h"
@@ -117,15 +118,34 @@ std::string drive_summary(const config::Rig& rig) {
   return text;
 }
 
+/// "friction_force = (raw - 1.18e-05) 2114.6 N - 0.012 normal_load of 2026-03-02"
+std::string calibration_line(const config::ChannelCalibration& calibration, Channel channel) {
+  std::string text = std::string(info(channel).stem) + " = (raw - " + number(calibration.offset) +
+                     ") " + number(calibration.gain) + " " + std::string(info(channel).unit);
+  for (Channel other : all_channels) {
+    const double leak = calibration.crosstalk[index_of(other)];
+    if (leak != 0.0) text += " - " + number(leak) + " " + std::string(info(other).stem);
+  }
+  return text + (calibration.date.empty() ? "" : " of " + calibration.date);
+}
+
 std::string calibration_summary(const config::Rig& rig) {
   std::string text;
   for (Channel channel : all_channels) {
     const config::ChannelCalibration& each = rig.calibration[index_of(channel)];
     if (each == config::ChannelCalibration{}) continue;
-    text += (text.empty() ? "" : ", ") + std::string(info(channel).stem) + " = (raw - " +
-            number(each.offset) + ") " + number(each.gain) + " " + std::string(info(channel).unit);
+    text += (text.empty() ? "" : ", ") + calibration_line(each, channel);
   }
   return text.empty() ? "none: every channel is read in SI units" : text;
+}
+
+void summarise(const config::CalibrationFile& file) {
+  for (Channel channel : all_channels) {
+    const auto& each = file.channel[index_of(channel)];
+    if (!each) continue;
+    say("calibration", calibration_line(*each, channel) + ", against " + each->reference);
+  }
+  say("history", std::to_string(file.history.size()) + " former calibrations");
 }
 
 void summarise(const config::Rig& rig) {
@@ -159,9 +179,10 @@ bool check(const std::string& file) {
     const std::string text = config::read_text(file);
     const auto kind = config::kind_of(text);
     if (!kind) {
-      throw InputError(Problem{file, 1, 1,
-                               "is no rig, which has a table [rig], no model, which has "
-                               "[oscillator], and no fault script, which has [[fault]]"});
+      throw InputError(
+          Problem{file, 1, 1,
+                  "is no rig, which has a table [rig], no model, which has [oscillator], no fault "
+                  "script, which has [[fault]], and no calibration, which has [channel.CHANNEL]"});
     }
     switch (*kind) {
       case config::FileKind::rig: {
@@ -183,6 +204,12 @@ bool check(const std::string& file) {
         const config::FaultScript script = config::parse_fault_script(text, file);
         std::printf("%s: sound\n", file.c_str());
         summarise(script);
+        break;
+      }
+      case config::FileKind::calibration: {
+        const config::CalibrationFile calibration = config::parse_calibration(text, file);
+        std::printf("%s: sound\n", file.c_str());
+        summarise(calibration);
         break;
       }
     }
@@ -213,9 +240,10 @@ void add_check(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "check",
-      "Tell everything that is wrong with rigs, models and fault scripts, offline and at once");
+      "Tell everything that is wrong with rigs, models, calibrations and fault scripts, offline "
+      "and at once");
   command->add_option("FILE", arguments->files,
-                      "Rig configurations, models or fault scripts (TOML)");
+                      "Rig configurations, models, calibrations or fault scripts (TOML)");
   command->add_flag("--keys", arguments->keys, "Print every key as docs/configuration.md has them")
       ->group("");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });

@@ -24,6 +24,7 @@ int run(int argc, char** argv) {
   add_simulate(app, action);
   add_diagnose(app, action);
   add_evaluate(app, action);
+  add_calibration(app, action);
   add_check(app, action);
   add_record(app, action);
   add_replay(app, action);

@@ -21,16 +21,18 @@ TEST(Keys, PageOfTheDocumentationIsThatOfTheTable) {
 }
 
 TEST(Keys, EveryKeyHasASentenceAndNumbersHaveAUnit) {
-  for (const auto keys : {model_keys(), filter_keys(), term_keys(), rig_keys(), fault_script_keys(),
-                          fault_keys(), fault_amount_keys()}) {
+  for (const auto keys :
+       {model_keys(), filter_keys(), term_keys(), rig_keys(), fault_script_keys(), fault_keys(),
+        fault_amount_keys(), calibration_file_keys(), history_keys(), point_keys()}) {
     std::set<std::string_view> paths;
     for (const Key& key : keys) {
       SCOPED_TRACE(std::string(key.path));
       EXPECT_TRUE(paths.insert(key.path).second) << "stands twice";
       EXPECT_TRUE(key.sentence.ends_with('.'));
-      const bool numeric = key.type == Type::number || key.type == Type::integer ||
-                           key.type == Type::parameter || key.type == Type::envelope ||
-                           key.type == Type::span || key.type == Type::lines;
+      const bool numeric =
+          key.type == Type::number || key.type == Type::integer || key.type == Type::parameter ||
+          key.type == Type::envelope || key.type == Type::span || key.type == Type::lines ||
+          key.type == Type::range || key.type == Type::covariance || key.type == Type::leaks;
       EXPECT_EQ(numeric, !key.unit.empty());
       EXPECT_EQ(key.type == Type::choice, !key.choices.empty());
       EXPECT_LE(key.low, key.high);

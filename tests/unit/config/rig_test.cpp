@@ -443,6 +443,56 @@ TEST_F(RigFile, AReplayNeedsItsRecordingAndNoCalibration) {
               testing::ElementsAre(testing::HasSubstr("in SI units already")));
 }
 
+constexpr const char* calibration = R"(schema = 1
+[channel.velocity]
+offset = 0.5
+gain = 3
+date = "2026-01-01"
+reference = "r"
+)";
+
+TEST_F(RigFile, TakesItsCalibrationFromAFileAndTheRestFromItsOwnKeys) {
+  write("calibration.toml", calibration);
+  const Rig rig =
+      load("calibration.file = \"calibration.toml\"\ncalibration.normal_load.gain = 2\n");
+  EXPECT_EQ(rig.calibration_file, folder_ / "calibration.toml");
+  EXPECT_EQ(rig.calibration_text, calibration);
+  EXPECT_EQ(rig.calibration[index_of(Channel::velocity)].gain, 3.0);
+  EXPECT_EQ(rig.calibration[index_of(Channel::velocity)].offset, 0.5);
+  EXPECT_EQ(rig.calibration[index_of(Channel::velocity)].reference, "r");
+  EXPECT_EQ(rig.calibration[index_of(Channel::normal_load)], (ChannelCalibration{0.0, 2.0}));
+  EXPECT_EQ(rig.calibration[index_of(Channel::displacement)], ChannelCalibration{});
+}
+
+TEST_F(RigFile, AChannelIsCalibratedInOnePlace) {
+  write("calibration.toml", calibration);
+  const std::string file = std::string(least) + "calibration.file = \"calibration.toml\"\n";
+  EXPECT_THAT(problems(file + "calibration.velocity.gain = 2\n"),
+              testing::ElementsAre(testing::AllOf(
+                  testing::StartsWith("rig.toml:6:1"),
+                  testing::HasSubstr("calibration.velocity: is in calibration.toml as well"))));
+}
+
+TEST_F(RigFile, ProblemsInItsCalibrationAreToldWithItsOwn) {
+  write("calibration.toml", std::string(calibration) + "crosstalk = 3\n");
+  const std::string file = std::string(least) + "calibration.file = \"calibration.toml\"\n";
+  EXPECT_THAT(problems(file), testing::ElementsAre(testing::StartsWith(
+                                  "calibration.toml:7:13: channel.velocity.crosstalk")));
+  EXPECT_THAT(
+      problems(std::string(least) + "calibration.file = \"none.toml\"\n"),
+      testing::ElementsAre("rig.toml:5:20: calibration.file: none.toml: there is no such file"));
+}
+
+TEST_F(RigFile, AReplayNeedsNoCalibrationFile) {
+  write("played.csv", "time_s\n");
+  write("calibration.toml", calibration);
+  EXPECT_THAT(problems("schema = 1\nrig.name = \"r\"\nrig.model = \"model.toml\"\n"
+                       "driver.kind = \"replay\"\ndriver.replay.recording = \"played.csv\"\n"
+                       "calibration.file = \"calibration.toml\"\n"),
+              testing::ElementsAre(testing::AllOf(testing::StartsWith("rig.toml:6:20"),
+                                                  testing::HasSubstr("in SI units already"))));
+}
+
 TEST_F(RigFile, ASimulatedRigNeedsATruthThatCanBeDriven) {
   write("imposed.toml", "schema = 1\noscillator.excitation = \"imposed\"\n");
   EXPECT_THAT(problems(std::string(least) + "driver.simulated.truth = \"imposed.toml\"\n"),
