@@ -3,6 +3,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <cstdio>
 #include <sstream>
 
 #include "physics/frame.h"
@@ -349,16 +350,19 @@ constexpr std::array rig_table = {
         .type = Type::number,
         .unit = "raw",
         .sentence = "SI = (raw - offset) gain.",
-        .fallback = "0"},
+        .fallback = "0",
+        .live = true},
     Key{.path = "calibration.*.gain",
         .type = Type::number,
         .unit = "SI/raw",
         .sentence = "SI = (raw - offset) gain; not 0.",
-        .fallback = "1"},
+        .fallback = "1",
+        .live = true},
     Key{.path = "excitation.enabled",
         .type = Type::boolean,
         .sentence = "Whether the shaker is driven.",
-        .fallback = "false"},
+        .fallback = "false",
+        .live = true},
     Key{.path = "excitation.carrier_hz",
         .type = Type::number,
         .unit = "Hz",
@@ -367,14 +371,16 @@ constexpr std::array rig_table = {
         .fallback = "2.5",
         .low = 0,
         .high = 1000,
-        .above_low = true},
+        .above_low = true,
+        .live = true},
     Key{.path = "excitation.amplitude",
         .type = Type::number,
         .unit = "m or N",
         .sentence = "Largest amplitude: m of base displacement, at most 0.1, or N where a force "
                     "drives the rig; not with an envelope.",
         .fallback = "0",
-        .low = 0},
+        .low = 0,
+        .live = true},
     Key{.path = "excitation.modulation_hz",
         .type = Type::number,
         .unit = "Hz",
@@ -382,7 +388,8 @@ constexpr std::array rig_table = {
                     "modulation_hz t)); not with an envelope.",
         .fallback = "0",
         .low = 0,
-        .high = 100},
+        .high = 100,
+        .live = true},
     Key{.path = "excitation.modulation_depth",
         .type = Type::number,
         .unit = "1",
@@ -390,24 +397,28 @@ constexpr std::array rig_table = {
                     "an envelope.",
         .fallback = "0",
         .low = 0,
-        .high = 1},
+        .high = 1,
+        .live = true},
     Key{.path = "excitation.envelope",
         .type = Type::envelope,
         .unit = "s, m or N",
         .sentence = "The amplitude over time: [[0.0, 0.002], [10.0, 0.012], ...], linear in "
                     "between, the first time 0.",
-        .fallback = "none"},
+        .fallback = "none",
+        .live = true},
     Key{.path = "excitation.repeat",
         .type = Type::boolean,
         .sentence = "Whether the envelope begins anew at its end; then it has to end as it begins.",
-        .fallback = "true"},
+        .fallback = "true",
+        .live = true},
     Key{.path = "excitation.ramp_s",
         .type = Type::number,
         .unit = "s",
         .sentence = "Time from rest to full amplitude at the start, and back at the stop.",
         .fallback = "0.5",
         .low = 0,
-        .high = 60},
+        .high = 60,
+        .live = true},
     Key{.path = "lcm.enabled",
         .type = Type::boolean,
         .sentence = "Whether frames, estimates and status are published.",
@@ -429,6 +440,11 @@ constexpr std::array rig_table = {
         .type = Type::boolean,
         .sentence = "Whether friction is estimated while the rig runs.",
         .fallback = "true"},
+    Key{.path = "metrics.file",
+        .type = Type::file,
+        .sentence = "Status for Prometheus, written once a second; named *.prom, in the folder "
+                    "that node_exporter's textfile collector reads, which has to exist.",
+        .fallback = "none is written"},
 };
 
 /// As a person writes it.
@@ -461,6 +477,8 @@ std::string quoted_choices(std::string_view list, std::string_view last) {
   return text;
 }
 
+}  // namespace
+
 std::string_view name_of(Type type) {
   switch (type) {
     case Type::number:
@@ -487,8 +505,11 @@ std::string_view name_of(Type type) {
   return "";
 }
 
-/// The last column but one of the page: what holds, or happens, without the key.
-std::string absence_text(const Key& key) {
+std::string range_of(const Key& key) {
+  return key.type == Type::choice ? quoted_choices(key.choices, ", ") : range_text(key);
+}
+
+std::string absence_of(const Key& key) {
   if (key.need == Need::optional) return std::string(key.fallback);
   std::string text = "required";
   if (key.need == Need::in_table) {
@@ -507,17 +528,20 @@ std::string absence_text(const Key& key) {
   return text;
 }
 
-void list(std::ostringstream& page, std::span<const Key> keys) {
-  page << "| key | type | unit | range | without it | meaning |\n"
-          "| --- | --- | --- | --- | --- | --- |\n";
+namespace {
+
+/// `live`: with a column that says what a running daemon takes over.
+void list(std::ostringstream& page, std::span<const Key> keys, bool live = false) {
+  page << "| key | type | unit | range | without it |" << (live ? " live |" : "") << " meaning |\n"
+       << "| --- | --- | --- | --- | --- |" << (live ? " --- |" : "") << " --- |\n";
   for (const Key& key : keys) {
     std::string path(key.path);
     const auto star = path.find('*');
     if (star != std::string::npos) path.replace(star, 1, "CHANNEL");
-    const std::string range =
-        key.type == Type::choice ? quoted_choices(key.choices, ", ") : range_text(key);
-    page << "| `" << path << "` | " << name_of(key.type) << " | " << key.unit << " | " << range
-         << " | " << absence_text(key) << " | " << key.sentence << " |\n";
+    page << "| `" << path << "` | " << name_of(key.type) << " | " << key.unit << " | "
+         << range_of(key) << " | " << absence_of(key) << " | ";
+    if (live) page << (key.live ? "yes" : "") << " | ";
+    page << key.sentence << " |\n";
   }
 }
 
@@ -574,6 +598,23 @@ std::string number_text(double value) {
   std::string text(digits.data(), result.ptr);
   if (text.find_first_of(".en") == std::string::npos) text += ".0";
   return text;
+}
+
+std::string string_text(std::string_view value) {
+  std::string text = "\"";
+  for (const char c : value) {
+    if (c == '"' || c == '\\') {
+      text += '\\';
+      text += c;
+    } else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
+      std::array<char, 8> escape{};
+      std::snprintf(escape.data(), escape.size(), "\\u%04X", static_cast<unsigned>(c));
+      text += escape.data();
+    } else {
+      text += c;
+    }
+  }
+  return text + '"';
 }
 
 std::string expectation(const Key& key) {
@@ -634,8 +675,13 @@ std::string keys_page() {
           "\n"
           "What `stickslipd --config` reads; [`config/simulated.toml`](../config/simulated.toml) "
           "is one.\n"
+          "`stickslip config RIG.toml --explain` tells the value of each key in a rig and where it "
+          "comes\n"
+          "from. Live: a running daemon takes a new value over when it is told to read its file "
+          "again\n"
+          "(`SIGHUP`); the others need a restart, and it says so.\n"
           "\n";
-  list(page, rig_keys());
+  list(page, rig_keys(), true);
   page << "\n"
           "## Models\n"
           "\n"

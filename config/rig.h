@@ -85,6 +85,10 @@ struct Observer {
   bool enabled = true;
 };
 
+struct Metrics {
+  std::filesystem::path file;  ///< empty: none is written; its folder exists
+};
+
 /// A whole rig configuration, sound in itself.
 struct Rig {
   std::filesystem::path file;
@@ -102,6 +106,7 @@ struct Rig {
   Lcm lcm;
   RecordingOutput recording;
   Observer observer;
+  Metrics metrics;
 };
 
 /// Reads a rig configuration and the models that it names (paths relative to the file). Throws

@@ -15,6 +15,7 @@ void add_simulate(CLI::App& app, Action& action);
 void add_diagnose(CLI::App& app, Action& action);
 void add_evaluate(CLI::App& app, Action& action);
 void add_check(CLI::App& app, Action& action);
+void add_config(CLI::App& app, Action& action);
 void add_record(CLI::App& app, Action& action);
 void add_replay(CLI::App& app, Action& action);
 void add_convert(CLI::App& app, Action& action);

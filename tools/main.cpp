@@ -25,6 +25,7 @@ int run(int argc, char** argv) {
   add_diagnose(app, action);
   add_evaluate(app, action);
   add_check(app, action);
+  add_config(app, action);
   add_record(app, action);
   add_replay(app, action);
   add_convert(app, action);

@@ -102,6 +102,8 @@ enabled = true
 file = "out.log"
 [observer]
 enabled = false
+[metrics]
+file = "stickslip.prom"
 )");
   EXPECT_EQ(rig.name, "r");
   EXPECT_EQ(rig.file, folder_ / "rig.toml");
@@ -138,6 +140,7 @@ enabled = false
   EXPECT_TRUE(rig.recording.enabled);
   EXPECT_EQ(rig.recording.file, folder_ / "out.log");
   EXPECT_FALSE(rig.observer.enabled);
+  EXPECT_EQ(rig.metrics.file, folder_ / "stickslip.prom");
 }
 
 TEST_F(RigFile, AnEnvelopeIsRead) {
@@ -215,6 +218,9 @@ TEST_F(RigFile, WhatItsKeysMeanTogether) {
   one("lcm.url = \"239.255.76.67:7667\"\n", "udpm://ADDRESS:PORT");
   one("recording.enabled = true\n", "recording.file is missing with enabled = true");
   one("[recording]\nenabled = true\nfile = \"no/folder/here.log\"\n", "there is no folder");
+  one("metrics.file = \"no/folder/here.prom\"\n",
+      "rig.toml:5:16: metrics.file: there is no folder");
+  one("metrics.file = \"stickslip.txt\"\n", "node_exporter reads only files named *.prom");
 }
 
 TEST_F(RigFile, AReplayNeedsItsRecordingAndNoCalibration) {
