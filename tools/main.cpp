@@ -37,6 +37,8 @@ int run(int argc, char** argv) {
   add_conceal(app, action);
   add_examine(app, action);
   add_figures(app, action);
+  add_doctor(app, action);
+  add_completion(app, action);
 
   std::string known;
   bool is_known = false;
