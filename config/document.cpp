@@ -114,7 +114,8 @@ std::size_t distance(std::string_view a, std::string_view b) {
   return above[b.size()];
 }
 
-/// The name that was probably meant; empty where none is near.
+}  // namespace
+
 std::string nearest(std::string_view name, const std::vector<std::string>& names) {
   constexpr std::size_t longest_name = 64;
   if (name.size() > longest_name) return {};
@@ -139,6 +140,8 @@ std::string nearest(std::string_view name, const std::vector<std::string>& names
   }
   return best;
 }
+
+namespace {
 
 /// The names that may stand in the table `prefix`, in the order of the keys.
 std::vector<std::string> names_within(std::span<const Key> keys, std::string_view prefix) {
@@ -285,6 +288,28 @@ ChannelCalibration calibration_in(const toml::table& table) {
     for (const toml::node& each : *list) out.points.push_back(point_in(*each.as_table()));
   }
   return out;
+}
+
+/// A node as TOML writes it on one line. `whole`: whole numbers stay what they are; else 2 and 2.0
+/// are one number, 2.0.
+std::string toml_text(const toml::node& node, bool whole) {
+  std::string out;
+  if (const toml::table* table = node.as_table()) {
+    for (const auto& [name, inner] : *table) {
+      out += (out.empty() ? "{ " : ", ") + std::string(name.str()) + " = " +
+             toml_text(inner, whole || name.str() == "order");
+    }
+    return out.empty() ? "{}" : out + " }";
+  }
+  if (const toml::array* list = node.as_array()) {
+    for (const toml::node& inner : *list)
+      out += (out.empty() ? "" : ", ") + toml_text(inner, whole);
+    return '[' + out + ']';
+  }
+  if (const auto text = node.value_exact<std::string_view>()) return string_text(*text);
+  if (const auto flag = node.value_exact<bool>()) return *flag ? "true" : "false";
+  if (whole && node.is_integer()) return std::to_string(*node.value_exact<std::int64_t>());
+  return number_text(number_in(&node).value_or(0.0));
 }
 
 /// Holds one table of TOML, and the tables in it, against keys.
@@ -895,6 +920,14 @@ bool Document::has(std::string_view path) const {
 
 bool Document::fault_has(std::size_t position, std::string_view key) const {
   return contents_->root["fault"].as_array()->get(position)->as_table()->contains(key);
+}
+
+std::optional<Stated> Document::stated(std::string_view path) const {
+  const toml::node* node = node_at(contents_->root, path);
+  const Key* key = find_key(keys_, path);
+  if (node == nullptr || key == nullptr) return std::nullopt;
+  const Place place = place_of(node->source());
+  return Stated{toml_text(*node, key->type == Type::integer), place.line, place.column};
 }
 
 std::optional<double> Document::number(std::string_view path) const {

@@ -26,6 +26,13 @@ namespace stickslip::config {
 /// than any configuration.
 std::string read_text(const std::filesystem::path& file);
 
+/// A value as it stands in a file.
+struct Stated {
+  std::string text;  ///< as TOML writes it; equal values have equal texts
+  int line = 0;
+  int column = 0;
+};
+
 class Document {
  public:
   /// Parses and validates; never throws for what the text says. `name` stands for the file.
@@ -56,6 +63,9 @@ class Document {
   /// Whether that one of the [[fault]] tables, which is there, has the key.
   bool fault_has(std::size_t position, std::string_view key) const;
 
+  /// What the file says at the path of a key; nothing where it does not.
+  std::optional<Stated> stated(std::string_view path) const;
+
   // Only while the document is sound: the value at a path, nothing where the key is absent.
   std::optional<double> number(std::string_view path) const;
   std::optional<std::int64_t> integer(std::string_view path) const;
@@ -79,6 +89,9 @@ class Document {
   std::vector<Problem> problems_;
   std::unique_ptr<Contents> contents_;
 };
+
+/// The one of `names` that was probably meant by `name`; empty where none is near.
+std::string nearest(std::string_view name, const std::vector<std::string>& names);
 
 /// Which kind of file a text is, from its tables; nothing where it could be none of them.
 enum class FileKind { rig, model, fault_script, calibration };

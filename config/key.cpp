@@ -3,6 +3,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <cstdio>
 #include <sstream>
 
 #include "physics/frame.h"
@@ -378,17 +379,20 @@ constexpr std::array rig_table = {
         .sentence =
             "Calibration file: how raw readings become SI, against what that was found, and "
             "how sure it is. A channel that it names may not stand here as well.",
-        .fallback = "none"},
+        .fallback = "none",
+        .live = true},
     Key{.path = "calibration.*.offset",
         .type = Type::number,
         .unit = "raw",
         .sentence = "SI = (raw - offset) gain.",
-        .fallback = "0"},
+        .fallback = "0",
+        .live = true},
     Key{.path = "calibration.*.gain",
         .type = Type::number,
         .unit = "SI/raw",
         .sentence = "SI = (raw - offset) gain; not 0.",
-        .fallback = "1"},
+        .fallback = "1",
+        .live = true},
     Key{.path = "excitation.enabled",
         .type = Type::boolean,
         .sentence = "Whether the shaker is driven.",
@@ -401,14 +405,16 @@ constexpr std::array rig_table = {
         .fallback = "2.5",
         .low = 0,
         .high = 1000,
-        .above_low = true},
+        .above_low = true,
+        .live = true},
     Key{.path = "excitation.amplitude",
         .type = Type::number,
         .unit = "m or N",
         .sentence = "Largest amplitude: m of base displacement, at most 0.1, or N where a force "
                     "drives the rig; not with an envelope.",
         .fallback = "0",
-        .low = 0},
+        .low = 0,
+        .live = true},
     Key{.path = "excitation.modulation_hz",
         .type = Type::number,
         .unit = "Hz",
@@ -416,7 +422,8 @@ constexpr std::array rig_table = {
                     "modulation_hz t)); not with an envelope.",
         .fallback = "0",
         .low = 0,
-        .high = 100},
+        .high = 100,
+        .live = true},
     Key{.path = "excitation.modulation_depth",
         .type = Type::number,
         .unit = "1",
@@ -424,7 +431,8 @@ constexpr std::array rig_table = {
                     "an envelope.",
         .fallback = "0",
         .low = 0,
-        .high = 1},
+        .high = 1,
+        .live = true},
     Key{.path = "excitation.envelope",
         .type = Type::envelope,
         .unit = "s, m or N",
@@ -465,40 +473,47 @@ constexpr std::array rig_table = {
             "a fault; 0: any.",
         .fallback = "0.1; 0 for a replay",
         .low = 0,
-        .high = 60},
+        .high = 60,
+        .live = true},
     Key{.path = "safety.stale_after_s",
         .type = Type::number,
         .unit = "s",
         .sentence = "Time for which a channel may not be measured before that is a fault; 0: any.",
         .fallback = "0.1",
         .low = 0,
-        .high = 60},
+        .high = 60,
+        .live = true},
     Key{.path = "safety.longest_overrun_s",
         .type = Type::number,
         .unit = "s",
         .sentence = "How late a cycle may come before that is a fault; 0: any.",
         .fallback = "0.05; 0 on a simulated rig, whose time waits",
         .low = 0,
-        .high = 60},
+        .high = 60,
+        .live = true},
     Key{.path = "safety.dead_man_s",
         .type = Type::number,
         .unit = "s",
         .sentence = "Time for which a client that holds the dead-man's handle may be silent.",
         .fallback = "1",
         .low = 0.05,
-        .high = 60},
+        .high = 60,
+        .live = true},
     Key{.path = "safety.not_finite",
         .type = Type::boolean,
         .sentence = "Whether a reading that is no finite number is a fault.",
-        .fallback = "true"},
+        .fallback = "true",
+        .live = true},
     Key{.path = "safety.observer_diverged",
         .type = Type::boolean,
         .sentence = "Whether it is a fault that the observer diverges.",
-        .fallback = "false"},
+        .fallback = "false",
+        .live = true},
     Key{.path = "safety.recorder_failing",
         .type = Type::boolean,
         .sentence = "Whether it is a fault that the recording loses frames.",
-        .fallback = "false"},
+        .fallback = "false",
+        .live = true},
     Key{.path = "safety.exit_on_fault",
         .type = Type::boolean,
         .sentence = "Whether the daemon ends with the first fault, and does not wait for a person "
@@ -509,12 +524,14 @@ constexpr std::array rig_table = {
         .unit = "the channel's",
         .sentence = "A calibrated reading below this is a fault: the limit of a strain gauge or of "
                     "a stroke.",
-        .fallback = "none"},
+        .fallback = "none",
+        .live = true},
     Key{.path = "safety.range.*.high",
         .type = Type::number,
         .unit = "the channel's",
         .sentence = "A calibrated reading above this is a fault.",
-        .fallback = "none"},
+        .fallback = "none",
+        .live = true},
     Key{.path = "excitation.kind",
         .type = Type::choice,
         .sentence = "What the drive looks like: a carrier with a modulated amplitude or one that "
@@ -768,6 +785,11 @@ constexpr std::array rig_table = {
         .type = Type::boolean,
         .sentence = "Whether friction is estimated while the rig runs.",
         .fallback = "true"},
+    Key{.path = "metrics.file",
+        .type = Type::file,
+        .sentence = "Status for Prometheus, written once a second; named *.prom, in the folder "
+                    "that node_exporter's textfile collector reads, which has to exist.",
+        .fallback = "none is written"},
 };
 
 constexpr std::string_view any_channel =
@@ -1052,6 +1074,8 @@ std::string quoted_choices(std::string_view list, std::string_view last) {
   return text;
 }
 
+}  // namespace
+
 std::string_view name_of(Type type) {
   switch (type) {
     case Type::number:
@@ -1097,8 +1121,11 @@ std::string_view name_of(Type type) {
   return "";
 }
 
-/// The last column but one of the page: what holds, or happens, without the key.
-std::string absence_text(const Key& key) {
+std::string range_of(const Key& key) {
+  return key.type == Type::choice ? quoted_choices(key.choices, ", ") : range_text(key);
+}
+
+std::string absence_of(const Key& key) {
   if (key.need == Need::optional) return std::string(key.fallback);
   std::string text = "required";
   if (key.need == Need::in_table) {
@@ -1117,17 +1144,20 @@ std::string absence_text(const Key& key) {
   return text;
 }
 
-void list(std::ostringstream& page, std::span<const Key> keys) {
-  page << "| key | type | unit | range | without it | meaning |\n"
-          "| --- | --- | --- | --- | --- | --- |\n";
+namespace {
+
+/// `live`: with a column that says what a running daemon takes over.
+void list(std::ostringstream& page, std::span<const Key> keys, bool live = false) {
+  page << "| key | type | unit | range | without it |" << (live ? " live |" : "") << " meaning |\n"
+       << "| --- | --- | --- | --- | --- |" << (live ? " --- |" : "") << " --- |\n";
   for (const Key& key : keys) {
     std::string path(key.path);
     const auto star = path.find('*');
     if (star != std::string::npos) path.replace(star, 1, "CHANNEL");
-    const std::string range =
-        key.type == Type::choice ? quoted_choices(key.choices, ", ") : range_text(key);
-    page << "| `" << path << "` | " << name_of(key.type) << " | " << key.unit << " | " << range
-         << " | " << absence_text(key) << " | " << key.sentence << " |\n";
+    page << "| `" << path << "` | " << name_of(key.type) << " | " << key.unit << " | "
+         << range_of(key) << " | " << absence_of(key) << " | ";
+    if (live) page << (key.live ? "yes" : "") << " | ";
+    page << key.sentence << " |\n";
   }
 }
 
@@ -1206,6 +1236,23 @@ std::string number_text(double value) {
   std::string text(digits.data(), result.ptr);
   if (text.find_first_of(".en") == std::string::npos) text += ".0";
   return text;
+}
+
+std::string string_text(std::string_view value) {
+  std::string text = "\"";
+  for (const char c : value) {
+    if (c == '"' || c == '\\') {
+      text += '\\';
+      text += c;
+    } else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
+      std::array<char, 8> escape{};
+      std::snprintf(escape.data(), escape.size(), "\\u%04X", static_cast<unsigned>(c));
+      text += escape.data();
+    } else {
+      text += c;
+    }
+  }
+  return text + '"';
 }
 
 std::string expectation(const Key& key) {
@@ -1290,8 +1337,13 @@ std::string keys_page() {
           "\n"
           "What `stickslipd --config` reads; [`config/simulated.toml`](../config/simulated.toml) "
           "is one.\n"
+          "`stickslip config RIG.toml --explain` tells the value of each key in a rig and where it "
+          "comes\n"
+          "from. Live: a running daemon takes a new value over when it is told to read its file "
+          "again\n"
+          "(`SIGHUP`); the others need a restart, and it says so.\n"
           "\n";
-  list(page, rig_keys());
+  list(page, rig_keys(), true);
   page << "\n"
           "## Models\n"
           "\n"

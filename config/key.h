@@ -57,6 +57,8 @@ struct Key {
   double high = std::numeric_limits<double>::infinity();
   bool above_low = false;         ///< low itself is out of range
   std::string_view choices = {};  ///< Type::choice: in the order of the enumeration, by '|'
+  /// Rigs: whether a running daemon takes a new value over (SIGHUP); else it needs a restart.
+  bool live = false;
 };
 
 std::span<const Key> model_keys();
@@ -89,8 +91,20 @@ std::string_view choice_at(std::span<const Key> keys, std::string_view path, std
 /// The shortest decimal that reads back to the same bits, as TOML writes a float ("2.4", "5.0").
 std::string number_text(double value);
 
+/// A string as TOML writes it, in quotes.
+std::string string_text(std::string_view value);
+
 /// What a value has to be, for messages: "a number above 0 [kg]".
 std::string expectation(const Key& key);
+
+/// What kind of value it is, in words: "whole number", "choice".
+std::string_view name_of(Type type);
+
+/// The range of a number, "above 0 to 1000", or the choices; empty where any value will do.
+std::string range_of(const Key& key);
+
+/// What holds, or happens, without the key: its fallback, or when it is required.
+std::string absence_of(const Key& key);
 
 /// The table of keys as a page of documentation (Markdown).
 std::string keys_page();

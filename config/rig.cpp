@@ -232,6 +232,7 @@ class Reader {
     rig.recording.rotate_mb = document_.number("recording.rotate_mb");
     take(rig.recording.sync_s, document_.number("recording.sync_s"));
     take(rig.observer.enabled, document_.boolean("observer.enabled"));
+    rig.metrics.file = path_at("metrics.file");
   }
 
   // What the keys of the file mean together.
@@ -446,13 +447,23 @@ class Reader {
                        "file://PATH, found \"" +
                            url + "\"");
     }
-    if (!rig.recording.enabled) return;
+    if (rig.recording.enabled) expect_folder_of("recording.file", rig.recording.file);
+    if (!rig.metrics.file.empty()) {
+      if (rig.metrics.file.extension() != ".prom") {
+        document_.report("metrics.file",
+                         "node_exporter reads only files named *.prom, and passes over " +
+                             rig.metrics.file.filename().string() + " without a word");
+      }
+      expect_folder_of("metrics.file", rig.metrics.file);
+    }
+  }
+
+  void expect_folder_of(std::string_view path, const std::filesystem::path& file) {
     std::error_code error;
-    const std::filesystem::path folder = rig.recording.file.has_parent_path()
-                                             ? rig.recording.file.parent_path()
-                                             : std::filesystem::path(".");
+    const std::filesystem::path folder =
+        file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
     if (!std::filesystem::is_directory(folder, error)) {
-      document_.report("recording.file", "there is no folder " + folder.string());
+      document_.report(path, "there is no folder " + folder.string());
     }
   }
 

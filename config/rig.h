@@ -201,6 +201,10 @@ struct Observer {
   bool enabled = true;
 };
 
+struct Metrics {
+  std::filesystem::path file;  ///< empty: none is written; its folder exists
+};
+
 /// A whole rig configuration, sound in itself.
 struct Rig {
   std::filesystem::path file;
@@ -224,6 +228,7 @@ struct Rig {
   Lcm lcm;
   RecordingOutput recording;
   Observer observer;
+  Metrics metrics;
 };
 
 /// Reads a rig configuration, the models and the fault script that it names (paths relative to the

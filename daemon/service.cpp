@@ -22,6 +22,7 @@
 #include <utility>
 #include <vector>
 
+#include "config/settings.h"
 #include "daemon/clock.h"
 #include "daemon/control.h"
 #include "daemon/device_keeper.h"
@@ -29,6 +30,7 @@
 #include "daemon/ledger.h"
 #include "daemon/loss_watch.h"
 #include "daemon/messages.h"
+#include "daemon/metrics.h"
 #include "daemon/outlet.h"
 #include "daemon/realtime.h"
 #include "daemon/status.h"
@@ -142,6 +144,25 @@ LiveSettings live_settings(const config::Rig& rig, const drivers::Description& d
   return {Calibration(rig.calibration), interlocks_of(rig, device)};
 }
 
+/// A change of a key that is a knob of the excitation, as the turn of it.
+std::optional<Setting> knob_change(const config::Change& change, const config::Rig& now) {
+  constexpr std::string_view table = "excitation.";
+  if (!change.key.starts_with(table)) return std::nullopt;
+  const auto knob = knob_named(std::string_view(change.key).substr(table.size()));
+  if (!knob) return std::nullopt;
+  switch (*knob) {
+    case Knob::carrier_hz:
+      return Setting{*knob, now.excitation.carrier_hz};
+    case Knob::amplitude:
+      return Setting{*knob, now.excitation.amplitude};
+    case Knob::modulation_hz:
+      return Setting{*knob, now.excitation.modulation_hz};
+    case Knob::modulation_depth:
+      return Setting{*knob, now.excitation.modulation_depth};
+  }
+  return std::nullopt;
+}
+
 /// Where clients find the daemon; empty: nowhere.
 std::filesystem::path control_socket(const config::Rig& rig) {
   if (!rig.control.socket.empty()) return rig.control.socket;
@@ -153,7 +174,7 @@ std::filesystem::path control_socket(const config::Rig& rig) {
 /// Everything around the loop while it runs, and the order in which it ends.
 class Service {
  public:
-  explicit Service(const config::Rig& rig) : rig_(rig) {}
+  explicit Service(const config::Rig& rig) : in_effect_(rig), rig_(rig) {}
 
   int run();
 
@@ -168,16 +189,19 @@ class Service {
   void housekeeping(Loop& loop, Control* control, const drivers::Description& device);
   void heed(int signal, Loop& loop, const drivers::Description& device);
   std::vector<std::string> reload(Loop& loop, const drivers::Description& device);
+  void ask(Loop& loop, const Command& command);
   void tell(const Event& event);
   std::int64_t utc_us() { return utc_.utc_us(clock_.now_ns(), wall_us()); }
   void drain_notices(Loop& loop);
   Status status(const Loop& loop);
   void send_status(const Loop& loop);
+  void write_metrics_of(const Status& status);
   void send(const Message& message);
   int finish(Loop& loop);
 
   Ledger ledger_;
-  config::Rig rig_;
+  const config::Rig in_effect_;  // as the daemon began
+  config::Rig rig_;              // with what has changed since
   MonotonicClock clock_;
   UtcClock utc_;
   Signals signals_;
@@ -193,6 +217,7 @@ class Service {
   std::uint64_t late_told_ = 0;
   std::int64_t longest_untold_ns_ = 0;
   LossWatch losses_;
+  std::string metrics_trouble_;
 };
 
 std::vector<Frame> Service::frames_to_replay() const {
@@ -383,17 +408,41 @@ void Service::heed(int signal, Loop& loop, const drivers::Description& device) {
                                      : "stopping at once");
 }
 
+// What can change without a restart does; of the rest it is said that it does not. Knobs of the
+// excitation are turned as by `set`, and refused like there.
 std::vector<std::string> Service::reload(Loop& loop, const drivers::Description& device) {
   const config::Rig now = config::load_rig(rig_.file);
-  Command command;
-  command.kind = Command::Kind::apply;
-  command.live = live_settings(now, device);
-  if (!loop.ask(command)) {
-    throw InputError({rig_.file.string(), 0, 0, "the loop is busy with other commands; try again"});
+  std::vector<std::string> out;
+  for (const config::Change& change : config::changes(in_effect_, now)) {
+    std::string line = config::text(change);
+    if (const auto setting = knob_change(change, now)) {
+      if (const auto why = refusal(rig_.excitation, setting_bounds(loop), *setting)) {
+        line += ", refused: " + *why;
+      } else {
+        Command turn;
+        turn.kind = Command::Kind::set;
+        turn.setting = *setting;
+        ask(loop, turn);
+        rig_.excitation = with_setting(rig_.excitation, *setting);
+      }
+    }
+    out.push_back(line);
   }
+  Command apply;
+  apply.kind = Command::Kind::apply;
+  apply.live = live_settings(now, device);
+  ask(loop, apply);
   rig_.calibration = now.calibration;
+  rig_.calibration_text = now.calibration_text;
   rig_.safety = now.safety;
-  return {"calibration and safety are as the file says now"};
+  rig_.metrics = now.metrics;
+  if (out.empty()) out.emplace_back("nothing has changed");
+  return out;
+}
+
+void Service::ask(Loop& loop, const Command& command) {
+  if (loop.ask(command)) return;
+  throw InputError({rig_.file.string(), 0, 0, "the loop is busy with other commands; try again"});
 }
 
 void Service::tell(const Event& event) {
@@ -440,10 +489,20 @@ void Service::send_status(const Loop& loop) {
   send(status_message(now, utc_us()));
   send(timing_message(loop.timing(), utc_us()));
   if (control_ != nullptr) control_->publish(now);
+  write_metrics_of(now);
   const std::string line = std::string("STATUS=") + name_of(now.state) + ", " +
                            std::to_string(now.ledger.produced) + " frames, " +
                            std::to_string(now.overruns) + " overruns";
   sd_notify(0, line.c_str());
+}
+
+void Service::write_metrics_of(const Status& status) {
+  if (rig_.metrics.file.empty()) return;
+  const std::string why =
+      write_metrics(rig_.metrics.file, metrics_text(status, rig_.name, utc_us()));
+  // Once, and not every second.
+  if (!why.empty() && why != metrics_trouble_) spdlog::warn("no metrics: {}", why);
+  metrics_trouble_ = why;
 }
 
 void Service::send(const Message& message) {

@@ -24,7 +24,11 @@ Status status_of(const Snapshot& rig, const Ledger& ledger, const Timing& timing
   out.overruns = value(timing.overruns);
   out.skipped_periods = value(timing.skipped_periods);
   out.longest_overrun_ns = value(timing.longest_overrun_ns);
+  out.lateness_count = timing.lateness.count();
+  out.lateness_total_ns = timing.lateness.total_ns();
   out.lateness_mean_ns = timing.lateness.mean_ns();
+  out.work_count = timing.work.count();
+  out.work_total_ns = timing.work.total_ns();
   out.work_mean_ns = timing.work.mean_ns();
   out.lateness_p50_ns = timing.lateness.quantile_ns(0.5);
   out.lateness_p99_ns = timing.lateness.quantile_ns(0.99);

@@ -23,12 +23,16 @@ struct Status {
   std::uint64_t late_cycles = 0;
   std::uint64_t skipped_periods = 0;
   std::int64_t longest_overrun_ns = 0;
-  bool degraded = false;  ///< late cycles since the previous status
+  bool degraded = false;             ///< late cycles since the previous status
+  std::uint64_t lateness_count = 0;  ///< wake-ups counted; 0 where the driver or nobody paces
+  std::uint64_t lateness_total_ns = 0;
   std::int64_t lateness_mean_ns = 0;
   std::int64_t lateness_p50_ns =
       0;  ///< of the wake-up; 0 where the driver or nobody paces the loop
   std::int64_t lateness_p99_ns = 0;
   std::int64_t lateness_max_ns = 0;
+  std::uint64_t work_count = 0;  ///< cycles counted
+  std::uint64_t work_total_ns = 0;
   std::int64_t work_mean_ns = 0;
   std::int64_t work_p50_ns = 0;  ///< of a cycle
   std::int64_t work_p99_ns = 0;

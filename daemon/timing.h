@@ -22,6 +22,7 @@ class DurationHistogram {
 
   std::uint64_t count() const { return count_.load(std::memory_order_relaxed); }
   std::int64_t longest_ns() const { return longest_ns_.load(std::memory_order_relaxed); }
+  std::uint64_t total_ns() const { return total_ns_.load(std::memory_order_relaxed); }
   /// 0 where nothing was counted.
   std::int64_t mean_ns() const;
 

@@ -16,6 +16,7 @@ void add_diagnose(CLI::App& app, Action& action);
 void add_evaluate(CLI::App& app, Action& action);
 void add_calibration(CLI::App& app, Action& action);
 void add_check(CLI::App& app, Action& action);
+void add_config(CLI::App& app, Action& action);
 void add_record(CLI::App& app, Action& action);
 void add_replay(CLI::App& app, Action& action);
 void add_convert(CLI::App& app, Action& action);
@@ -29,5 +30,7 @@ void add_reduce(CLI::App& app, Action& action);
 void add_conceal(CLI::App& app, Action& action);
 void add_examine(CLI::App& app, Action& action);
 void add_figures(CLI::App& app, Action& action);
+void add_doctor(CLI::App& app, Action& action);
+void add_completion(CLI::App& app, Action& action);
 
 }  // namespace stickslip::tools

@@ -26,6 +26,7 @@ int run(int argc, char** argv) {
   add_evaluate(app, action);
   add_calibration(app, action);
   add_check(app, action);
+  add_config(app, action);
   add_record(app, action);
   add_replay(app, action);
   add_convert(app, action);
@@ -39,6 +40,8 @@ int run(int argc, char** argv) {
   add_conceal(app, action);
   add_examine(app, action);
   add_figures(app, action);
+  add_doctor(app, action);
+  add_completion(app, action);
 
   std::string known;
   bool is_known = false;

@@ -19,7 +19,7 @@ SOURCE, BUILD = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 
 ROOMS = ["physics", "protocol", "config", "drivers", "daemon/observer", "daemon", "tools/parallel",
          "tools/diagnose", "tools/conceal", "tools/examine", "tools/dynamics", "tools/reduce",
-         "tools/figures", "tools/export", "tools/calibrate", "tools"]
+         "tools/figures", "tools/doctor", "tools/export", "tools/calibrate", "tools"]
 # Room: the rooms that it may use, beside itself.
 MAY_USE = {
     "physics": set(),
@@ -36,10 +36,11 @@ MAY_USE = {
     "tools/reduce": {"physics", "protocol", "tools/parallel", "tools/diagnose"},
     "tools/figures": {"physics", "protocol", "config", "tools/parallel", "tools/diagnose",
                       "tools/dynamics", "tools/reduce"},
+    "tools/doctor": {"physics", "protocol", "config"},
     "tools/calibrate": {"physics", "config"},
     "tools/export": {"physics", "protocol"},
     "tools": {"physics", "protocol", "config", "daemon/observer", "tools/parallel", "tools/diagnose",
-              "tools/dynamics", "tools/reduce", "tools/figures", "tools/conceal", "tools/examine",
+              "tools/dynamics", "tools/reduce", "tools/figures", "tools/doctor", "tools/conceal", "tools/examine",
               "tools/export", "tools/calibrate"},
 }
 # What the table allows and the build links today; a permission that is not used is no dependency.
@@ -56,10 +57,11 @@ MUST_FIND = {
     "tools/reduce": {"physics", "protocol", "tools/diagnose"},
     "tools/figures": {"physics", "protocol", "config", "tools/parallel", "tools/dynamics",
                       "tools/reduce"},
+    "tools/doctor": {"protocol", "config"},
     "tools/calibrate": {"physics", "config"},
     "tools/export": {"physics", "protocol"},
     "tools": {"physics", "protocol", "config", "tools/diagnose", "tools/dynamics", "tools/reduce",
-              "tools/figures", "tools/conceal", "tools/examine", "tools/export", "tools/calibrate"},
+              "tools/figures", "tools/doctor", "tools/conceal", "tools/examine", "tools/export", "tools/calibrate"},
 }
 # Room: system headers that it must not include, and why.
 LCM = r"lcm/.*"
@@ -75,6 +77,8 @@ MUST_NOT_KNOW = {
     "config": [LCM, r"libusb.*", r"hidapi.*", r"modbus.*", r"gpiod.*"],
     "drivers": [LCM, TOML, r"nlohmann/.*", r"CLI/.*"],
     "daemon/observer": [LCM, TOML, INPUT_OUTPUT, THREADS, CLOCK],
+    # Its checks ask a Host, so that a test can answer for a machine.
+    "tools/doctor": [TOML, THREADS, CLOCK, r"sys/.*", r"unistd\.h", r"fcntl\.h"],
 }
 
 

@@ -109,6 +109,8 @@ rotate_mb = 100.5
 sync_s = 0
 [observer]
 enabled = false
+[metrics]
+file = "stickslip.prom"
 )");
   EXPECT_EQ(rig.name, "r");
   EXPECT_EQ(rig.file, folder_ / "rig.toml");
@@ -152,6 +154,7 @@ enabled = false
   EXPECT_EQ(rig.recording.rotate_mb, 100.5);
   EXPECT_EQ(rig.recording.sync_s, 0.0);
   EXPECT_FALSE(rig.observer.enabled);
+  EXPECT_EQ(rig.metrics.file, folder_ / "stickslip.prom");
 }
 
 TEST_F(RigFile, ProblemsInItsFaultScriptAreToldWithItsOwn) {
@@ -426,6 +429,9 @@ TEST_F(RigFile, WhatItsKeysMeanTogether) {
   one("lcm.url = \"239.255.76.67:7667\"\n", "udpm://ADDRESS:PORT");
   one("recording.enabled = true\n", "recording.file is missing with enabled = true");
   one("[recording]\nenabled = true\nfile = \"no/folder/here.log\"\n", "there is no folder");
+  one("metrics.file = \"no/folder/here.prom\"\n",
+      "rig.toml:5:16: metrics.file: there is no folder");
+  one("metrics.file = \"stickslip.txt\"\n", "node_exporter reads only files named *.prom");
 }
 
 TEST_F(RigFile, AReplayNeedsItsRecordingAndNoCalibration) {

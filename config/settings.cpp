@@ -1,0 +1,160 @@
+#include "config/settings.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <utility>
+
+#include "config/document.h"
+#include "physics/frame.h"
+
+namespace stickslip::config {
+
+namespace {
+
+/// The paths that a key's path stands for.
+std::vector<std::string> paths_of(const Key& key) {
+  const auto star = key.path.find('*');
+  if (star == std::string_view::npos) return {std::string(key.path)};
+  std::vector<std::string> out;
+  for (const Channel channel : all_channels) {
+    out.push_back(std::string(key.path).replace(star, 1, info(channel).stem));
+  }
+  return out;
+}
+
+template <class Number>
+std::optional<Number> whole_text_as(std::string_view text) {
+  Number value{};
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+/// The default as a value; nothing where it is words for what happens.
+std::optional<std::string> default_value(const Key& key) {
+  switch (key.type) {
+    case Type::number:
+      if (const auto number = whole_text_as<double>(key.fallback)) return number_text(*number);
+      return std::nullopt;
+    case Type::integer:
+      if (whole_text_as<std::int64_t>(key.fallback)) return std::string(key.fallback);
+      return std::nullopt;
+    case Type::boolean:
+      if (key.fallback == "true" || key.fallback == "false") return std::string(key.fallback);
+      return std::nullopt;
+    case Type::choice: {
+      const auto choices = choices_of(key.choices);
+      if (std::find(choices.begin(), choices.end(), key.fallback) == choices.end()) break;
+      return string_text(key.fallback);
+    }
+    case Type::text:
+    case Type::file:
+      // Words have blanks between them.
+      if (key.fallback == "none" || key.fallback.find(' ') != std::string_view::npos) break;
+      return string_text(key.fallback);
+    default:
+      break;
+  }
+  return std::nullopt;
+}
+
+/// The string that string_text() made the text from.
+std::string unquoted(std::string_view text) {
+  if (text.size() < 2 || text.front() != '"') return std::string(text);
+  std::string out;
+  for (std::size_t i = 1; i + 1 < text.size(); ++i) {
+    if (text[i] != '\\') {
+      out += text[i];
+    } else if (text[i + 1] == 'u') {
+      unsigned code = 0;
+      std::from_chars(text.data() + i + 2, text.data() + i + 6, code, 16);
+      out += static_cast<char>(code);
+      i += 5;
+    } else {
+      out += text[++i];
+    }
+  }
+  return out;
+}
+
+std::string shown(const Setting& setting) {
+  if (!setting.value.empty()) return setting.value;
+  return setting.words.empty() ? "not set" : setting.words;
+}
+
+}  // namespace
+
+std::vector<Setting> settings_of(const Rig& rig) {
+  const Document document(rig.text, rig.file.string(), rig_keys());
+  std::vector<Setting> out;
+  for (const Key& key : rig_keys()) {
+    for (std::string& path : paths_of(key)) {
+      Setting setting;
+      setting.key = &key;
+      setting.path = std::move(path);
+      const std::optional<Stated> stated = document.stated(setting.path);
+      if (stated) {
+        setting.value = stated->text;
+        setting.line = stated->line;
+        setting.column = stated->column;
+      } else if (const Setting* same = find_setting(out, key.fallback)) {
+        setting.value = same->value;  // by default what another key says
+      } else if (const auto value =
+                     key.need == Need::optional ? default_value(key) : std::nullopt) {
+        setting.value = *value;
+      } else {
+        setting.words = absence_of(key);
+      }
+      if (stated && key.type == Type::file) {
+        const std::filesystem::path named = unquoted(setting.value);
+        const auto resolved =
+            named.is_absolute() ? named : (rig.file.parent_path() / named).lexically_normal();
+        setting.value = string_text(resolved.string());
+      }
+      out.push_back(std::move(setting));
+    }
+  }
+  return out;
+}
+
+const Setting* find_setting(const std::vector<Setting>& settings, std::string_view path) {
+  const auto at = std::find_if(settings.begin(), settings.end(),
+                               [path](const Setting& each) { return each.path == path; });
+  return at == settings.end() ? nullptr : &*at;
+}
+
+std::string plain_text(const std::vector<Setting>& settings, std::string_view path) {
+  const Setting* setting = find_setting(settings, path);
+  return setting == nullptr ? std::string() : unquoted(setting->value);
+}
+
+std::vector<Change> changes(const Rig& before, const Rig& after) {
+  const std::vector<Setting> old_settings = settings_of(before);
+  const std::vector<Setting> new_settings = settings_of(after);
+  std::vector<Change> out;
+  for (std::size_t i = 0; i < old_settings.size(); ++i) {
+    const Setting& was = old_settings[i];
+    const Setting& is = new_settings[i];
+    const bool model = was.path == "rig.model" && !(before.model == after.model);
+    const bool truth =
+        was.path == "driver.simulated.truth" && !(before.simulated.truth == after.simulated.truth);
+    const bool calibration =
+        was.path == "calibration.file" && before.calibration_text != after.calibration_text;
+    if (shown(was) != shown(is)) {
+      out.push_back({was.path, shown(was), shown(is), was.key->live});
+    } else if (model || truth || calibration) {
+      out.push_back({was.path, shown(was), shown(is) + " with other contents", was.key->live});
+    }
+  }
+  return out;
+}
+
+std::string text(const Change& change) {
+  return change.key + ": " + change.before + " -> " + change.after +
+         (change.live ? "" : ", needs a restart");
+}
+
+}  // namespace stickslip::config

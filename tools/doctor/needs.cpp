@@ -1,0 +1,90 @@
+#include "tools/doctor/needs.h"
+
+#include <charconv>
+#include <string_view>
+#include <vector>
+
+#include "config/settings.h"
+#include "protocol/channels.h"
+#include "protocol/frame_block.h"
+
+namespace stickslip::doctor {
+
+namespace {
+
+int number_after(std::string_view text, std::string_view name) {
+  const auto at = text.find(name);
+  int value = 0;
+  if (at != std::string_view::npos) {
+    std::from_chars(text.data() + at + name.size(), text.data() + text.size(), value);
+  }
+  return value;
+}
+
+}  // namespace
+
+LcmUrl parse_lcm_url(const std::string& url) {
+  LcmUrl out;
+  const auto colon = url.find("://");
+  out.provider = url.substr(0, colon);
+  if (colon == std::string::npos) return out;
+  const std::string rest = url.substr(colon + 3);
+  const auto question = rest.find('?');
+  const std::string place = rest.substr(0, question);
+  out.address = place.substr(0, place.find(':'));
+  if (place.find(':') != std::string::npos) out.port = place.substr(place.find(':') + 1);
+  if (out.provider == "udpm") {
+    // As LCM: what the URL leaves out is its own group.
+    if (out.address.empty()) out.address = "239.255.76.67";
+    if (out.port.empty()) out.port = "7667";
+  }
+  if (question != std::string::npos) {
+    out.ttl = number_after(rest.substr(question), "ttl=");
+    out.receive_buffer_bytes = number_after(rest.substr(question), "recv_buf_size=");
+  }
+  return out;
+}
+
+std::size_t Needs::block_bytes() const {
+  const std::vector<Frame> frames(static_cast<std::size_t>(frames_per_block));
+  frame_block_t block{};
+  protocol::to_block(frames, block);
+  // LCM's own header: magic number, counter and the channel's name.
+  return static_cast<std::size_t>(block.getEncodedSize()) + 8 +
+         std::string_view(protocol::frames_channel).size() + 1;
+}
+
+double Needs::recorded_bytes_per_s() const {
+  // Frames are a part; the estimate with its covariance, the excitation and the log's own headers
+  // are somewhat more again.
+  return 2.5 * static_cast<double>(block_bytes()) * rate_hz / frames_per_block;
+}
+
+Needs needs_without_rig(const std::string& lcm_url) {
+  Needs needs;
+  needs.lcm_url = lcm_url;
+  return needs;
+}
+
+Needs needs_of(const config::Rig& rig) {
+  const std::vector<config::Setting> settings = config::settings_of(rig);
+  Needs needs;
+  needs.config_file = rig.file.string();
+  needs.publishes = rig.lcm.enabled;
+  needs.lcm_url = rig.lcm.url;
+  needs.rate_hz = rig.loop.rate_hz;
+  needs.frames_per_block = rig.loop.frames_per_block;
+  needs.real_time = rig.loop.real_time_scheduling;
+  const std::string driver = config::plain_text(settings, "driver.kind");
+  needs.hardware = driver != "simulated" && driver != "replay";
+  needs.records = rig.recording.enabled;
+  if (rig.recording.enabled) {
+    needs.recording_folder =
+        rig.recording.file.has_parent_path() ? rig.recording.file.parent_path() : ".";
+  }
+  const std::string socket = config::plain_text(settings, "control.socket");
+  if (!socket.empty()) needs.control_socket = socket;
+  return needs;
+}
+
+}  // namespace stickslip::doctor
