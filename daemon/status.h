@@ -18,7 +18,7 @@ struct Status {
   std::uint64_t overruns = 0;
   std::uint64_t skipped_periods = 0;
   std::int64_t longest_overrun_ns = 0;
-  bool degraded = false;  ///< overruns since the previous status
+  bool degraded = false;             ///< overruns since the previous status
   std::uint64_t lateness_count = 0;  ///< wake-ups counted; 0 where the driver or nobody paces
   std::uint64_t lateness_total_ns = 0;
   std::int64_t lateness_mean_ns = 0;
