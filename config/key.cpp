@@ -789,7 +789,8 @@ constexpr std::array rig_table = {
         .type = Type::file,
         .sentence = "Status for Prometheus, written once a second; named *.prom, in the folder "
                     "that node_exporter's textfile collector reads, which has to exist.",
-        .fallback = "none is written"},
+        .fallback = "none is written",
+        .live = true},
 };
 
 constexpr std::string_view any_channel =

@@ -29,7 +29,7 @@ std::string empty_budget(const Host& host) {
     const auto first = line.find(':');
     const auto second = line.find(':', first + 1);
     if (second == std::string::npos) continue;
-    const std::string controllers = "," + line.substr(first + 1, second - first - 1) + ",";
+    const std::string controllers = ',' + line.substr(first + 1, second - first - 1) + ',';
     if (controllers.find(",cpu,") == std::string::npos) continue;
     const std::string path = line.substr(second + 1);
     const std::string file =

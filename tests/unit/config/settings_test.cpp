@@ -153,15 +153,21 @@ TEST_F(Settings, AModelThatSaysSomethingElseIsAChangeOfTheKeyThatNamesIt) {
   EXPECT_EQ(found[1].key, "driver.simulated.truth");
 }
 
-TEST(Keys, LiveAreTheDriveAndTheCalibration) {
+TEST(Keys, LiveAreTheKnobsOfTheDriveTheLimitsOfSafetyAndTheCalibration) {
   for (const Key& key : rig_keys()) {
-    for (const char* table : {"excitation.", "calibration."}) {
-      EXPECT_TRUE(key.live || !key.path.starts_with(table)) << key.path;
-    }
-    for (const char* table : {"driver.", "loop.", "rig.", "recording.", "metrics.", "lcm."}) {
+    EXPECT_TRUE(key.live || !key.path.starts_with("calibration.")) << key.path;
+    for (const char* table : {"driver.", "loop.", "rig.", "recording.", "limits.", "lcm."}) {
       EXPECT_FALSE(key.live && key.path.starts_with(table)) << key.path;
     }
   }
+  const auto live = [](const char* path) { return find_key(rig_keys(), path)->live; };
+  for (const char* knob : {"carrier_hz", "amplitude", "modulation_hz", "modulation_depth"}) {
+    EXPECT_TRUE(live((std::string("excitation.") + knob).c_str())) << knob;
+  }
+  EXPECT_FALSE(live("excitation.kind"));
+  EXPECT_TRUE(live("safety.stale_after_s"));
+  EXPECT_FALSE(live("safety.exit_on_fault"));
+  EXPECT_TRUE(live("metrics.file"));
 }
 
 RC_GTEST_PROP(StringText, ReadsBackAsItWas, (const std::string& any)) {
