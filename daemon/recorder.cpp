@@ -94,10 +94,7 @@ void sync_folder_of(const std::filesystem::path& file) {
 class LogOutlet final : public Outlet {
  public:
   LogOutlet(std::filesystem::path file, const RecorderSettings& settings)
-      : file_(std::move(file)),
-        settings_(settings),
-        name_(file_.string()),
-        log_(begin_log(file_)) {
+      : file_(std::move(file)), settings_(settings), name_(file_.string()), log_(begin_log(file_)) {
     if (settings_.sync_s > 0.0) sync_folder_of(file_);
   }
 
