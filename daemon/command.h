@@ -46,6 +46,9 @@ struct Average {
   std::array<std::uint64_t, channel_count> count{};  ///< frames in which the channel was valid
   std::array<double, channel_count> mean{};          ///< raw; 0 where there were none
   std::array<double, channel_count> deviation{};     ///< of a single reading; 0 where under two
+  /// How many independent readings would know the mean as well: fewer than `count` where a filter
+  /// or a hum makes neighbours alike, as told by the scatter of the means of sixteen parts.
+  std::array<double, channel_count> independent{};
 };
 
 struct Answer {
@@ -70,9 +73,22 @@ class Averaging {
   Average take();
 
  private:
+  static constexpr std::uint64_t parts = 16;
+  struct Moments {
+    double mean = 0.0;
+    double squares = 0.0;  // sum of squared deviations
+    std::uint64_t count = 0;
+    void add(double value);
+    double variance() const;
+  };
+  void close_part();
+
   std::uint64_t wanted_ = 0;
   std::uint64_t id_ = 0;
-  Average sum_;  // deviation: sum of squared deviations
+  std::uint64_t frames_ = 0;
+  std::array<Moments, channel_count> all_{};
+  std::array<Moments, channel_count> part_{};
+  std::array<Moments, channel_count> part_means_{};
 };
 
 }  // namespace stickslip::daemon

@@ -69,7 +69,8 @@ json json_of(const Average& average) {
     if (average.count[i] == 0) continue;
     channels[std::string(info(channel).stem)] = {{"mean", average.mean[i]},
                                                  {"deviation", average.deviation[i]},
-                                                 {"count", average.count[i]}};
+                                                 {"count", average.count[i]},
+                                                 {"independent", average.independent[i]}};
   }
   return {{"frames", average.frames}, {"raw", channels}};
 }

@@ -158,6 +158,7 @@ Message recording_info_message(const config::Rig& rig, std::int64_t started_utc_
   description.version = STICKSLIP_VERSION;
   description.configuration = rig.text;
   description.model = rig.model_text;
+  description.calibration = rig.calibration_text;
   return message_of(protocol::recording_channel, protocol::info_of(description, -1),
                     started_utc_us);
 }

@@ -1,8 +1,5 @@
 // `stickslip calibration`: calibration files made from points that were taken, and shown.
-#include <array>
 #include <cstdio>
-#include <ctime>
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -13,11 +10,10 @@
 #include "physics/problem.h"
 #include "tools/calibrate/line_fit.h"
 #include "tools/calibrate/points_csv.h"
-#include "tools/calibrate/renewal.h"
 #include "tools/calibrate/words.h"
+#include "tools/calibration_file.h"
 #include "tools/command.h"
 #include "tools/option_checks.h"
-#include "tools/write_file.h"
 
 namespace stickslip::tools {
 
@@ -42,15 +38,6 @@ struct ShowArguments {
   std::string file;
   bool history = false;
 };
-
-std::string now_utc() {
-  const std::time_t now = std::time(nullptr);
-  std::tm parts{};
-  gmtime_r(&now, &parts);
-  std::array<char, 32> text{};
-  std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &parts);
-  return text.data();
-}
 
 std::string joined(const std::vector<calibrate::Objection>& objections) {
   std::string out;
@@ -99,19 +86,12 @@ int run_fit(const FitArguments& arguments) {
   }
   const config::ChannelCalibration made = proposal(arguments, fit, points);
 
-  std::error_code error;
-  const bool there = std::filesystem::exists(arguments.file, error);
-  const std::string old = there ? config::read_text(arguments.file) : std::string();
-  const std::string text = calibrate::renewed(old, arguments.file, channel, made);
-  std::optional<config::ChannelCalibration> before;
-  if (!old.empty()) {
-    before = config::parse_calibration(old, arguments.file).channel[index_of(channel)];
-  }
+  const auto before = calibration_before(arguments.file, channel);
   std::printf("%s: %zu points\n", arguments.channel.c_str(), points.size());
   std::fputs(calibrate::fit_text(fit, points, channel, arguments.raw_unit).c_str(), stdout);
   std::fputs(calibrate::change_text(before, made, channel).c_str(), stdout);
   if (arguments.dry_run) return 0;
-  replace_file(arguments.file, text);
+  renew_calibration(arguments.file, channel, made);
   std::printf("%s: written%s\n", arguments.file.c_str(),
               before ? ", the former calibration is in its history" : "");
   return 0;

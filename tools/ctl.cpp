@@ -12,6 +12,7 @@
 #include "physics/problem.h"
 #include "tools/command.h"
 #include "tools/control_client.h"
+#include "tools/ctl_calibrate.h"
 #include "tools/lcm_client.h"
 #include "tools/option_checks.h"
 
@@ -264,6 +265,7 @@ void add_ctl(CLI::App& app, Action& action) {
   CLI::App* const averaging = command("average", "Mean of the raw readings", average);
   averaging->add_option("--seconds", arguments->seconds, "For how long (1)")
       ->check(positive_number());
+  add_ctl_calibrate(*ctl, {arguments, &arguments->socket}, action);
   command("reload", "Read the configuration again, as SIGHUP does", reload);
   CLI::App* const watching =
       command("watch", "Events as they come, the status every second", watch);

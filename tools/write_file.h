@@ -70,7 +70,9 @@ inline void replace_file(const std::filesystem::path& path, const std::string& c
   if (error) target = path;
   const std::filesystem::path folder =
       target.has_parent_path() ? target.parent_path() : std::filesystem::path(".");
-  std::string name = (folder / ("." + target.filename().string() + ".XXXXXX")).string();
+  std::string name = target.filename().string() + ".XXXXXX";
+  name.insert(name.begin(), '.');
+  name = (folder / name).string();
   const int file = ::mkstemp(name.data());
   if (file < 0) {
     throw InputError(

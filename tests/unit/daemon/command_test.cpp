@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <limits>
+#include <random>
 
 namespace stickslip::daemon {
 namespace {
@@ -31,6 +32,28 @@ TEST(Averaging, GivesMeanAndDeviationOfWhatIsValid) {
   EXPECT_EQ(out.count[index_of(Channel::velocity)], 2U);
   EXPECT_EQ(out.deviation[index_of(Channel::velocity)], 0.0);
   EXPECT_EQ(out.count[index_of(Channel::displacement)], 0U);
+}
+
+TEST(Averaging, CountsReadingsThatAreAlikeAsFewerThanTheyAre) {
+  std::mt19937 dice(3);
+  std::normal_distribution<double> noise;
+  Averaging averaging;
+  averaging.begin(8000, 1);
+  double slow = 0.0;
+  for (int i = 0; i < 8000; ++i) {
+    if (i % 20 == 0) slow = noise(dice);  // each value twenty times
+    Frame frame;
+    frame.set(Channel::friction_force, slow);
+    frame.set(Channel::normal_load, noise(dice));
+    averaging.add(frame);
+  }
+  const Average out = averaging.take();
+  const double alike = out.independent[index_of(Channel::friction_force)];
+  const double white = out.independent[index_of(Channel::normal_load)];
+  EXPECT_GT(alike, 400.0 / 3.0);  // sixteen parts tell a variance to a factor of three
+  EXPECT_LT(alike, 400.0 * 3.0);
+  EXPECT_GT(white, 8000.0 / 3.0);
+  EXPECT_LE(white, 8000.0);
 }
 
 }  // namespace
