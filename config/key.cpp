@@ -308,6 +308,11 @@ constexpr std::array rig_table = {
         .type = Type::boolean,
         .sentence = "Whether a second of the rig takes a second; false: as fast as it goes.",
         .fallback = "true"},
+    Key{.path = "driver.simulated.relay",
+        .type = Type::file,
+        .sentence = "Unix datagram socket of a watchdog relay that stands for the amplifier: it is "
+                    "told in every cycle whether it may be on, and lets go when it hears nothing.",
+        .fallback = "none"},
     Key{.path = "driver.simulated.resolution.*",
         .type = Type::number,
         .unit = "the channel's",

@@ -108,6 +108,7 @@ class Reader {
     take(rig.simulated.step_s, document_.number("driver.simulated.step_s"));
     take(rig.simulated.shaker_bandwidth_hz,
          document_.number("driver.simulated.shaker_bandwidth_hz"));
+    rig.simulated.relay = path_at("driver.simulated.relay");
     take(rig.simulated.real_time, document_.boolean("driver.simulated.real_time"));
     rig.replay.recording = path_at("driver.replay.recording");
     take(rig.replay.speed, document_.number("driver.replay.speed"));

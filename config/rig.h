@@ -26,7 +26,8 @@ struct SimulatedDriver {
   double step_s = 1.0e-4;
   double shaker_bandwidth_hz = 60.0;  ///< reconstruction filter and shaker, 4-pole low-pass
   std::array<double, channel_count> resolution{};  ///< quantisation step, SI; 0: none
-  bool real_time = true;                           ///< false: time is simulated, as fast as it goes
+  std::filesystem::path relay;  ///< socket of a watchdog relay that is the amplifier; empty: none
+  bool real_time = true;        ///< false: time is simulated, as fast as it goes
 };
 
 /// [driver.replay]: a recording behind the driver interface.

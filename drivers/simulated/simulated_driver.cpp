@@ -76,6 +76,7 @@ SimulatedDriver::~SimulatedDriver() = default;
 
 Result SimulatedDriver::open() {
   if (bench_) return {};
+  if (const Result relay = open_relay(); !relay) return relay;
   try {
     auto bench = std::make_unique<Bench>(settings_, period_s_);
     // What this rig measures is what a first reading holds; the bench itself stays untouched.
@@ -85,6 +86,17 @@ Result SimulatedDriver::open() {
     refusal_ = std::string("the simulated rig's truth is no sound model: ") + error.what();
     return {Outcome::needs_attention, refusal_.c_str()};
   }
+  return {};
+}
+
+Result SimulatedDriver::open_relay() {
+  if (settings_.relay.empty() || relay_) return {};
+  auto relay = std::make_unique<Relay>(settings_.relay);
+  if (const Result opened = relay->open(); !opened) {
+    refusal_ = opened.message;
+    return {opened.outcome, refusal_.c_str()};
+  }
+  relay_ = std::move(relay);
   return {};
 }
 
@@ -117,18 +129,24 @@ Result SimulatedDriver::write(const Actuation& actuation) {
     return {Outcome::fatal, "write to a simulated rig that is not started"};
   }
   bench_->shaker.command(actuation.drive, actuation.amplifier_on);
+  if (relay_) {
+    const Result told = relay_->tell(actuation.amplifier_on && std::isfinite(actuation.drive));
+    if (!told) return told;
+  }
   if (!std::isfinite(actuation.drive)) return {Outcome::fatal, "the commanded drive is not finite"};
   return {};
 }
 
 void SimulatedDriver::stop() noexcept {
   if (bench_) bench_->shaker.command(0.0, false);
+  if (relay_) relay_->tell(false);
   running_ = false;
 }
 
 void SimulatedDriver::close() noexcept {
   running_ = false;
   bench_.reset();
+  relay_.reset();
 }
 
 }  // namespace stickslip::drivers

@@ -6,6 +6,7 @@
 
 #include "config/rig.h"
 #include "drivers/driver.h"
+#include "drivers/simulated/relay.h"
 
 namespace stickslip::drivers {
 
@@ -30,10 +31,12 @@ class SimulatedDriver final : public Driver {
 
  private:
   struct Bench;
+  Result open_relay();
   config::SimulatedDriver settings_;
   double period_s_;
   Description description_;
   std::unique_ptr<Bench> bench_;
+  std::unique_ptr<Relay> relay_;  // null: the amplifier is part of the equations
   std::string refusal_;
   bool running_ = false;
 };

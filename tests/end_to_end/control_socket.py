@@ -1,0 +1,270 @@
+"""The one door for commands, as people and machines use it: `stickslip ctl` against a running daemon,
+what a killed daemon or a killed client leaves behind, and clients that mean no good."""
+import json
+import os
+import random
+import signal
+import socket
+import subprocess
+import threading
+import time
+import unittest
+
+from programs import SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main, run
+
+HOLD_S = 0.15  # for how long the relay stays on without a word
+
+
+class Relay(threading.Thread):
+    """An amplifier behind a watchdog: on while it is told so, off when it hears nothing."""
+
+    def __init__(self, path):
+        super().__init__(daemon=True)
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.socket.bind(str(path))
+        self.socket.settimeout(HOLD_S)
+        self.on = False
+        self.went_off = None
+        self.ended = False
+        self.start()
+
+    def run(self):
+        while not self.ended:
+            try:
+                told = self.socket.recv(16) == b"1"
+            except TimeoutError:
+                told = False
+            if self.on and not told:
+                self.went_off = time.monotonic()
+            self.on = told
+
+
+class ControlSocket(EndToEnd):
+    def start(self, more="", rig=""):
+        """A daemon on the simulated rig that waits for a person."""
+        self.socket = self.folder / "control.sock"
+        config = self.write("rig.toml", f"""
+            schema = 1
+            [rig]
+            name = "controlled"
+            model = "{SOURCE}/config/models/simulated.toml"
+            [driver]
+            kind = "simulated"
+            {rig}
+            [excitation]
+            enabled = true
+            carrier_hz = 3.2
+            amplitude = 0.004
+            ramp_s = 0.2
+            {more}
+            """)
+        self.said = open(self.folder / "said.txt", "w+")
+        daemon = subprocess.Popen([STICKSLIPD, "--config", str(config), "--control",
+                                   str(self.socket), "--no-lcm"],
+                                  stdout=self.said, stderr=subprocess.STDOUT)
+        self.addCleanup(self.said.close)
+        self.addCleanup(lambda: daemon.poll() is None and daemon.kill())
+        until = time.monotonic() + 20
+        while time.monotonic() < until and not self.socket.exists():
+            time.sleep(0.02)
+        self.assertTrue(self.socket.exists(), self.log())
+        return daemon
+
+    def log(self):
+        return (self.folder / "said.txt").read_text()
+
+    def ctl(self, *arguments, status=0):
+        result = run(STICKSLIP, "ctl", "--socket", self.socket, "--json", *arguments)
+        self.assertEqual(result.returncode, status, f"{arguments}: {result.stdout}{result.stderr}")
+        return json.loads(result.stdout.splitlines()[-1]) if result.stdout else {}
+
+    def wait_for(self, state, seconds=10):
+        until = time.monotonic() + seconds
+        while (now := self.ctl("status"))["state"] != state:
+            self.assertLess(time.monotonic(), until, f"{now} and not {state}\n{self.log()}")
+            time.sleep(0.02)
+        return now
+
+    def move(self):
+        for command in ("clear", "arm", "start"):
+            self.ctl(command)
+
+    def end(self, daemon, status=0):
+        daemon.terminate()
+        self.assertEqual(daemon.wait(timeout=30), status, self.log())
+        self.assertFalse(self.socket.exists())
+
+    def test_a_person_brings_it_to_move_and_to_rest(self):
+        daemon = self.start()
+        now = self.ctl("status")
+        self.assertEqual((now["state"], now["interlock"]), ("faulted", "just_started"))
+        self.assertFalse(now["amplifier_on"])
+        self.assertIn("armed", self.ctl("start", status=1)["error"])
+        self.move()
+        time.sleep(0.5)
+        now = self.ctl("status")
+        self.assertEqual(now["state"], "running")
+        self.assertTrue(now["amplifier_on"])
+        self.assertEqual(self.ctl("set", "excitation.carrier_hz", "2.8")["ok"], True)
+        self.assertIn("limits.acceleration_m_s2",
+                      self.ctl("set", "excitation.carrier_hz", "40", status=1)["error"])
+        self.assertEqual(self.ctl("stop", "--wait")["state"], "idle")
+        self.assertFalse(self.ctl("status")["amplifier_on"])
+        self.end(daemon)
+
+    def test_a_killed_daemon_leaves_the_amplifier_off(self):
+        relay = Relay(self.folder / "relay.sock")
+        self.addCleanup(setattr, relay, "ended", True)
+        daemon = self.start(rig='simulated.relay = "relay.sock"')
+        self.move()
+        time.sleep(0.5)
+        self.assertTrue(relay.on)
+        daemon.kill()
+        killed = time.monotonic()
+        daemon.wait()
+        time.sleep(HOLD_S + 0.3)
+        self.assertFalse(relay.on)
+        self.assertLess(relay.went_off - killed, HOLD_S + 0.25)
+        # The next one begins where every daemon begins.
+        again = self.start(rig='simulated.relay = "relay.sock"')
+        self.assertEqual(self.ctl("status")["state"], "faulted")
+        time.sleep(0.2)
+        self.assertFalse(relay.on)
+        self.end(again)
+
+    def test_a_dead_man_lets_go(self):
+        daemon = self.start("[safety]\ndead_man_s = 0.3")
+        self.ctl("clear")
+        self.ctl("arm")
+        for how in (signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM):
+            holder = subprocess.Popen([STICKSLIP, "ctl", "--socket", str(self.socket), "start",
+                                       "--dead-man"], stdout=subprocess.DEVNULL)
+            self.addCleanup(holder.kill)
+            self.wait_for("running")
+            time.sleep(1.0)
+            self.assertEqual(self.ctl("status")["state"], "running")
+            holder.send_signal(how)
+            if how == signal.SIGTERM:  # a person pressed Ctrl-C: no fault
+                self.assertEqual(holder.wait(timeout=10), 0)
+                self.wait_for("idle")
+                continue
+            now = self.wait_for("faulted", 3)
+            self.assertEqual(now["interlock"], "client_gone")
+            self.assertFalse(now["amplifier_on"])
+            if how == signal.SIGSTOP:
+                holder.kill()
+            self.ctl("clear")
+            self.ctl("arm")
+        self.end(daemon)
+
+    def test_a_device_that_was_unplugged_comes_back_but_its_fault_stays(self):
+        self.write("script.toml", 'schema = 1\n[[fault]]\nkind = "unplug"\nat_s = 2.0\n'
+                                  'duration_s = 1.0\n')
+        daemon = self.start(rig='faults = "script.toml"')
+        self.move()
+        self.wait_for("faulted")
+        now = self.ctl("status")
+        self.assertEqual(now["interlock"], "device_lost")
+        self.assertIn("unplugged", now["cause"])
+        self.assertFalse(now["amplifier_on"])
+        until = time.monotonic() + 10
+        while not self.ctl("status")["device_here"]:
+            self.assertLess(time.monotonic(), until, self.log())
+            time.sleep(0.05)
+        self.assertEqual(self.ctl("status")["state"], "faulted")
+        time.sleep(0.1)
+        self.move()
+        self.wait_for("running")
+        self.end(daemon)
+
+    def test_a_new_configuration_is_taken_over_as_far_as_it_can_be(self):
+        daemon = self.start()
+        self.move()
+        path = self.folder / "rig.toml"
+        path.write_text(path.read_text().replace("carrier_hz = 3.2", "carrier_hz = 2.5")
+                        .replace("[excitation]", "[loop]\nrate_hz = 500.0\n[excitation]"))
+        changes = self.ctl("reload")["changes"]
+        self.assertIn("loop.rate_hz: 1000.0 -> 500.0, needs a restart", changes)
+        self.assertIn("excitation.carrier_hz: 3.2 -> 2.5", changes)
+        until = time.monotonic() + 10
+        while abs(self.ctl("status")["drive"]["carrier_hz"] - 2.5) > 1e-6:
+            self.assertLess(time.monotonic(), until)
+            time.sleep(0.05)
+        # What is not sound changes nothing, and SIGHUP is the same as reload.
+        path.write_text("nonsense")
+        daemon.send_signal(signal.SIGHUP)
+        until = time.monotonic() + 10
+        while "nothing was changed" not in self.log():
+            self.assertLess(time.monotonic(), until, self.log())
+            time.sleep(0.05)
+        self.assertEqual(self.ctl("status")["state"], "running")
+        self.end(daemon)
+
+    def test_a_person_calibrates_with_readings_of_the_daemon(self):
+        self.write("cal.toml", (SOURCE / "config/calibrations/beam.toml").read_text())
+        daemon = self.start()
+        result = subprocess.run([STICKSLIP, "ctl", "--socket", str(self.socket), "calibrate",
+                                 "friction_force", "--file", str(self.folder / "cal.toml"),
+                                 "--seconds", "0.3"], input="weights set 12\nme\n0.1 %\n\nquit\n",
+                                capture_output=True, text=True, timeout=60)
+        self.assertEqual(result.returncode, 1, result.stdout + result.stderr)
+        self.assertIn("Point 1: 0 N reads", result.stdout)
+        self.assertIn("is as it was", result.stdout)
+        self.assertEqual((self.folder / "cal.toml").read_text(),
+                         (SOURCE / "config/calibrations/beam.toml").read_text())
+        self.end(daemon)
+
+    def test_thousands_of_hostile_connections_delay_neither_the_loop_nor_a_person(self):
+        daemon = self.start()
+        self.move()
+        dice = random.Random(7)
+        kept = []
+        for i in range(3000):
+            client = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            client.setblocking(False)
+            try:
+                client.connect(str(self.socket))
+                kind = dice.randrange(4)
+                if kind == 1:
+                    client.send(b'{"v":1,"do":"st')
+                elif kind == 2:
+                    client.send(dice.randbytes(20_000))
+                elif kind == 3:
+                    client.send(b'{"v":1,"do":"status"}\n' * 100)
+            except (BlockingIOError, BrokenPipeError, ConnectionResetError):
+                pass
+            kept.append(client)
+            if len(kept) > 300:
+                kept.pop(0).close()
+            if i % 500 == 499:
+                self.assertEqual(self.ctl("status")["state"], "running")
+        for client in kept:
+            client.close()
+        now = self.ctl("status")
+        self.assertEqual(now["state"], "running")
+        self.assertLess(len(self.log()), 200_000, "the log was flooded")
+        self.end(daemon)
+
+    def test_where_no_daemon_is_that_is_said_with_what_to_do(self):
+        result = run(STICKSLIP, "ctl", "--socket", self.folder / "none.sock", "status")
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("is the daemon running", result.stderr)
+        self.assertEqual(len(result.stderr.strip().splitlines()), 1)
+
+    @unittest.skipUnless(os.geteuid() == 0, "only root can become another user")
+    def test_a_stranger_is_turned_away(self):
+        daemon = self.start()
+        self.folder.chmod(0o755)
+        os.chmod(self.socket, 0o666)  # as if somebody had opened it: the credentials still count
+        code = ("import socket,sys; s=socket.socket(socket.AF_UNIX); s.connect(sys.argv[1]); "
+                "s.sendall(b'{\"v\":1,\"do\":\"clear\"}\\n'); print(s.recv(1000).decode())")
+        result = subprocess.run(["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups",
+                                 "python3", "-c", code, str(self.socket)],
+                                capture_output=True, text=True, timeout=30)
+        self.assertIn("may not use this socket", result.stdout + result.stderr)
+        self.assertEqual(self.ctl("status")["state"], "faulted")
+        self.end(daemon)
+
+
+if __name__ == "__main__":
+    main()
