@@ -69,7 +69,8 @@ bool Loop::begin() {
     for (const RigInput input : {RigInput::clear, RigInput::arm, RigInput::start}) change(input);
     excitation_.start();
   }
-  due_ns_ = clock_.now_ns() - settings_.period_ns;
+  answered_ns_ = clock_.now_ns();
+  due_ns_ = answered_ns_ - settings_.period_ns;
   if (!result) {
     const bool fault = is_fault(result.outcome);
     interlocks_.read_answered({fault ? result.outcome : Outcome::fatal, result.message}, due_ns_);
@@ -280,6 +281,7 @@ bool Loop::read() {
   const std::int64_t asked_ns = clock_.now_ns();
   const drivers::Result result = driver_.read(raw);
   const std::int64_t now_ns = clock_.now_ns();
+  answered_ns_ = now_ns;
   timing_.read.add(now_ns - asked_ns);
   interlocks_.read_answered(result, now_ns);
   interlocks_.signals(driver_.signals());
@@ -413,7 +415,8 @@ void Loop::wait_for_room(const Stream& stream) {
 // Whatever is wrong is seen here, in the cycle in which it came, and answered before the next
 // write.
 void Loop::judge() {
-  const std::int64_t now_ns = clock_.now_ns();
+  // As of the device's answer: a thread that was held up since then did not make a channel stale.
+  const std::int64_t now_ns = device_here() ? answered_ns_ : clock_.now_ns();
   interlocks_.cycle_late(overrun_ns_);
   if (settings_.recorder != nullptr) interlocks_.recorder(settings_.recorder->failing());
   interlocks_.dead_man(dead_man_ ? std::optional(touched_ns_.load(std::memory_order_acquire))

@@ -1,6 +1,6 @@
-// What a frame costs on its whole way through the daemon - read, calibrate, hand over, encode,
-// publish on LCM, record - against a loop that does nothing but publish the same blocks. Both in
-// one run, as processor time of all threads, so that the ratio holds on any machine.
+// What a frame costs on its whole way through the daemon - read, calibrate, observe, hand over,
+// encode, publish on LCM, record - against a loop that does nothing but publish the same blocks.
+// Both in one run, as processor time of all threads, so that the ratio holds on any machine.
 //
 // Publishes at LCM's multicast group: run it through tools/own-network.
 #include <benchmark/benchmark.h>
@@ -12,9 +12,11 @@
 #include <filesystem>
 #include <lcm/lcm-cpp.hpp>
 #include <memory>
+#include <optional>
 #include <stickslip/frame_block_t.hpp>
 #include <vector>
 
+#include "config/model_file.h"
 #include "daemon/loop.h"
 #include "daemon/messages.h"
 #include "daemon/outlet.h"
@@ -66,7 +68,7 @@ struct Cost {
 };
 
 /// The whole way of `frames`, replayed as fast as it goes; nothing is lost.
-Cost whole_path(const std::vector<Frame>& frames, bool publish, bool record) {
+Cost whole_path(const std::vector<Frame>& frames, bool observe, bool publish, bool record) {
   config::Rig rig;
   rig.driver = config::DriverKind::replay;
   rig.replay.speed = 0.0;
@@ -89,8 +91,15 @@ Cost whole_path(const std::vector<Frame>& frames, bool publish, bool record) {
   std::vector<Stream*> all;
   all.reserve(streams.size());
   for (const auto& stream : streams) all.push_back(stream.get());
-  Loop loop(*driver, clock, {.pacing = Pacing::free, .longest_silence_ns = 0}, Excitation({}),
-            nullptr, ledger, all);
+  std::optional<Observer> observer;
+  if (observe) {
+    observer.emplace(config::load_model(STICKSLIP_SOURCE_DIR "/config/models/simulated.toml"),
+                     1e-3);
+  }
+  LoopSettings settings;
+  settings.pacing = Pacing::free;
+  settings.live.interlocks.longest_silence_ns = 0;
+  Loop loop(*driver, clock, settings, Excitation({}), observe ? &*observer : nullptr, ledger, all);
 
   const double cpu = seconds(CLOCK_PROCESS_CPUTIME_ID);
   const double wall = seconds(CLOCK_MONOTONIC);
@@ -106,14 +115,14 @@ Cost whole_path(const std::vector<Frame>& frames, bool publish, bool record) {
   return out;
 }
 
-void path(benchmark::State& state, bool publish, bool record) {
+void path(benchmark::State& state, bool observe, bool publish, bool record) {
   const std::vector<Frame> frames = sines();
   double bare_s = 0.0;
   double path_s = 0.0;
   double wall_s = 0.0;
   for ([[maybe_unused]] auto _ : state) {
     bare_s += publish_only(frames);
-    const Cost cost = whole_path(frames, publish, record);
+    const Cost cost = whole_path(frames, observe, publish, record);
     if (!cost.complete) state.SkipWithError("frames were lost");
     path_s += cost.processor_s;
     wall_s += cost.wall_s;
@@ -126,16 +135,22 @@ void path(benchmark::State& state, bool publish, bool record) {
   state.counters["frames_per_s"] = count / wall_s;
 }
 
-BENCHMARK_CAPTURE(path, read_calibrate, false, false)
+BENCHMARK_CAPTURE(path, read_calibrate, false, false, false)
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(path, read_calibrate_publish, true, false)
+BENCHMARK_CAPTURE(path, read_calibrate_observe, true, false, false)
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(path, read_calibrate_record, false, true)
+BENCHMARK_CAPTURE(path, read_calibrate_publish, false, true, false)
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(path, read_calibrate_publish_record, true, true)
+BENCHMARK_CAPTURE(path, read_calibrate_record, false, false, true)
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(path, read_calibrate_publish_record, false, true, true)
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(path, read_calibrate_observe_publish_record, true, true, true)
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond);
 

@@ -18,7 +18,10 @@ namespace stickslip::daemon::test {
 /// Time that only moves when told. Each look at it costs `cost_of_look_ns`.
 class FakeClock final : public Clock {
  public:
-  std::int64_t now_ns() override { return now += cost_of_look_ns; }
+  std::int64_t now_ns() override {
+    if (on_look) on_look();
+    return now += cost_of_look_ns;
+  }
   void sleep_until(std::int64_t due_ns) override {
     if (due_ns > now) now = due_ns;
     now += oversleep_ns;
@@ -26,6 +29,7 @@ class FakeClock final : public Clock {
   std::int64_t now = 1'000'000'000;
   std::int64_t cost_of_look_ns = 0;
   std::int64_t oversleep_ns = 0;
+  std::function<void()> on_look;
 };
 
 /// A device with one displacement channel, `period_ns` apart; answers what `on_read` and `on_write`

@@ -167,6 +167,27 @@ TEST(Loop, ARigWithATimeOfItsOwnIsDrivenThroughAnOverrunAsIfNothingHadHappened) 
   }
 }
 
+// Found in a soak on a busy machine: a thread that was held up between the read and the judgement.
+TEST(Loop, AThreadThatIsHeldUpAfterTheReadMakesNoChannelStale) {
+  LoopSettings settings;
+  settings.frames = 200;
+  settings.ramp_s = 0.05;
+  settings.live.interlocks.stale_after_ns = 50 * ms;
+  Bench bench(settings);
+  bench.clock.cost_of_look_ns = 100;
+  int looks = 0;
+  bench.driver.on_frame = [&](Frame& frame) {
+    if (frame.sequence == 120) looks = 1;
+  };
+  bench.clock.on_look = [&] {
+    // The first look after that read is its answer; before the next one the thread is held up.
+    if (looks > 0 && looks++ == 2) bench.clock.now += 80 * ms;
+  };
+  EXPECT_EQ(bench.loop.run().reason, LoopEnd::Reason::frames_done)
+      << bench.loop.why_ended().message;
+  EXPECT_EQ(looks > 2, true);
+}
+
 TEST(Loop, AStopRequestRampsDownAndASecondOneEndsAtOnce) {
   for (const int requests : {1, 2}) {
     Bench bench;
