@@ -43,7 +43,7 @@ class RigExplained(EndToEnd):
 
     def test_a_table_and_all_of_it(self):
         table = self.explained(RIG, "--explain", "loop")
-        self.assertEqual(table.count("\n  meaning "), 4)
+        self.assertEqual(table.count("\n  meaning "), 7)
         self.assertIn(table.strip(), self.explained(RIG, "--explain"))
 
     def test_a_key_that_does_not_exist_is_an_error_with_the_one_that_was_meant(self):
@@ -59,7 +59,7 @@ class RigExplained(EndToEnd):
             self.write(f"models/{name}.toml", (SOURCE / f"config/models/{name}.toml").read_text())
         result = stickslip("config", rig)
         self.assertEqual(result.returncode, 2)
-        self.assertIn("rig.toml:30:", result.stderr)
+        self.assertIn("rig.toml:33:", result.stderr)
         self.assertEqual(result.stdout, "")
 
 
