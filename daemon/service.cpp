@@ -486,8 +486,9 @@ void Service::send_status(const Loop& loop) {
     tell(event);
     log_event(event);
   }
-  send(status_message(now, utc_us()));
+  // A recording ends with its ledger: the status comes last.
   send(timing_message(loop.timing(), utc_us()));
+  send(status_message(now, utc_us()));
   if (control_ != nullptr) control_->publish(now);
   write_metrics_of(now);
   const std::string line = std::string("STATUS=") + name_of(now.state) + ", " +

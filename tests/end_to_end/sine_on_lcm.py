@@ -44,6 +44,9 @@ truth = "model.toml"
 seed = 7
 [loop]
 rate_hz = 1000.0
+[control]
+start_at_once = true
+
 [excitation]
 enabled = true
 carrier_hz = {CARRIER_HZ}
