@@ -62,6 +62,10 @@ Event event_of(const Notice& notice) {
       say(Severity::warning, "not_finite",
           channel_name(notice.count) + " is not a finite number; invalid until it is one");
       break;
+    case Notice::Kind::beyond_calibration:
+      say(Severity::warning, "beyond_calibration",
+          channel_name(notice.count) + " is beyond the range in which it was calibrated");
+      break;
     case Notice::Kind::overrun:
       say(Severity::warning, "overrun",
           "a cycle came " + milliseconds(notice.duration_ns) + " late, " + count +

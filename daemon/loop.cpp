@@ -1,6 +1,7 @@
 #include "daemon/loop.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <utility>
 
@@ -313,13 +314,11 @@ void Loop::acquire(Frame raw) {
   }
   const Calibrated si = calibrated(raw, settings_.live.calibration);
   if (si.not_finite != 0) {
-    for (Channel channel : all_channels) {
-      const unsigned bit = 1U << index_of(channel);
-      if ((si.not_finite & bit) == 0) continue;
-      count_up(timing_.not_finite);
-      if ((not_finite_ & bit) == 0) notice(Notice::Kind::not_finite, index_of(channel));
-    }
+    count_up(timing_.not_finite, static_cast<std::uint64_t>(std::popcount(si.not_finite)));
+    tell_new(Notice::Kind::not_finite, si.not_finite, not_finite_);
   }
+  tell_new(Notice::Kind::beyond_calibration, si.out_of_range, beyond_calibration_);
+  beyond_calibration_ = si.out_of_range;
   not_finite_ = si.not_finite;
   interlocks_.frame(si.frame, si.not_finite, read_ns_);
   excitation_.observe(si.frame, amplifier_on_);
@@ -348,6 +347,14 @@ void Loop::acquire(Frame raw) {
   }
   const bool due = frames_ % settings_.frames_per_estimate == 0;
   hand_over(sample, due ? estimate : nullptr);
+}
+
+// A notice for each channel of `now` that was not among those `before`.
+void Loop::tell_new(Notice::Kind kind, std::uint8_t now, std::uint8_t before) {
+  for (const Channel channel : all_channels) {
+    const unsigned bit = 1U << index_of(channel);
+    if ((now & bit) != 0 && (before & bit) == 0) notice(kind, index_of(channel));
+  }
 }
 
 // Sequence and time of what goes on from here increase strictly, whatever the source does.

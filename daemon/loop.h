@@ -128,6 +128,7 @@ class Loop {
   bool read();
   void acquire(Frame raw);
   bool place_in_time(Frame& frame);
+  void tell_new(Notice::Kind kind, std::uint8_t now, std::uint8_t before);
   void judge();
   void trip(const Interlocks::Broken& broken);
   void drive();
@@ -181,6 +182,7 @@ class Loop {
   bool read_failing_ = false;
   bool write_failing_ = false;
   std::uint8_t not_finite_ = 0;
+  std::uint8_t beyond_calibration_ = 0;
   std::uint64_t frames_ = 0;
   std::uint64_t cycles_without_device_ = 0;
   std::uint64_t stop_at_cycle_ = 0;

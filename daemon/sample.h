@@ -44,8 +44,9 @@ struct Notice {
     write_failed,
     frames_missing,  ///< the sequence number jumped by `count`
     sequence_repeated,
-    not_finite,  ///< a channel (`count`: its index) became NaN or infinite
-    overrun,     ///< by `duration_ns`; `count` periods were skipped
+    not_finite,          ///< a channel (`count`: its index) became NaN or infinite
+    beyond_calibration,  ///< a channel (`count`) left the range in which it was calibrated
+    overrun,             ///< by `duration_ns`; `count` periods were skipped
     end_of_data,
     estimate_restarted,  ///< the observer diverged and began anew
   };

@@ -291,6 +291,9 @@ int Service::run() {
     return 1;
   }
   pacing_ = pacing_of(rig_, driver->description());
+  for (const std::string& sentence : unit_disagreements(rig_.calibration, driver->description())) {
+    spdlog::warn("{}", sentence);
+  }
   open_consumers();
 
   const std::unique_ptr<Observer> observer = observer_for(rig_);

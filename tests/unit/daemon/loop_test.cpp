@@ -316,6 +316,25 @@ TEST(Loop, NotFiniteReadingsAreInvalidCountedAndToldOnce) {
   EXPECT_TRUE(bench.sink.samples[25].frame.has(Channel::displacement));
 }
 
+TEST(Loop, AChannelThatLeavesTheRangeOfItsCalibrationIsToldOnceAndKept) {
+  config::ChannelCalibrations channels;
+  channels[index_of(Channel::velocity)].valid = config::ValidRange{-1.0, 30.0};
+  LoopSettings settings;
+  settings.frames = 100;
+  settings.ramp_s = 0.01;
+  settings.live.calibration = Calibration(channels);
+  Bench bench(settings);
+  bench.loop.run();  // velocity is the frame's number and a tenth
+  const auto notices = bench.notices();
+  EXPECT_EQ(std::count_if(notices.begin(), notices.end(),
+                          [](const Notice& notice) {
+                            return notice.kind == Notice::Kind::beyond_calibration &&
+                                   notice.count == index_of(Channel::velocity);
+                          }),
+            1);
+  EXPECT_TRUE(bench.samples()[60].frame.has(Channel::velocity));
+}
+
 TEST(Loop, NothingIsWrittenToADriverThatCannotDrive) {
   Bench bench({.frames = 50, .ramp_s = 0.01});
   bench.driver.description_.can_drive = false;
