@@ -6,11 +6,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <cctype>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <map>
-#include <regex>
 #include <set>
 #include <sstream>
 #include <string>
@@ -35,16 +35,28 @@ struct Scrape {
   }
 };
 
+/// The name at `at`: letters, digits, underscores and, where `colons`, colons; no digit first.
+/// Empty where there is none.
+std::string name_at(const std::string& line, std::size_t at, bool colons) {
+  std::size_t end = at;
+  while (end < line.size()) {
+    const auto c = static_cast<unsigned char>(line[end]);
+    const bool letter = std::isalpha(c) != 0 || c == '_' || (colons && c == ':');
+    if (!letter && (end == at || std::isdigit(c) == 0)) break;
+    ++end;
+  }
+  return line.substr(at, end - at);
+}
+
 /// Reads `{name="value",...}` from `at`; false where it is malformed.
 bool read_labels(const std::string& line, std::size_t& at, Labels& labels) {
-  static const std::regex label("^([a-zA-Z_][a-zA-Z0-9_]*)=\"");
   if (line.at(at) != '{') return true;
   ++at;
   while (at < line.size() && line[at] != '}') {
-    std::smatch match;
-    const std::string rest = line.substr(at);
-    if (!std::regex_search(rest, match, label)) return false;
-    at += static_cast<std::size_t>(match.length());
+    const std::string label = name_at(line, at, false);
+    at += label.size();
+    if (label.empty() || line.compare(at, 2, "=\"") != 0) return false;
+    at += 2;
     std::string value;
     for (; at < line.size() && line[at] != '"'; ++at) {
       if (line[at] == '\\') {
@@ -57,7 +69,7 @@ bool read_labels(const std::string& line, std::size_t& at, Labels& labels) {
         value += line[at];
       }
     }
-    if (at >= line.size() || !labels.emplace(match[1], value).second) return false;
+    if (at >= line.size() || !labels.emplace(label, value).second) return false;
     ++at;
     if (at < line.size() && line[at] == ',') ++at;
   }
@@ -66,7 +78,6 @@ bool read_labels(const std::string& line, std::size_t& at, Labels& labels) {
 
 Scrape scrape(const std::string& page) {
   Scrape out;
-  static const std::regex name_pattern("^[a-zA-Z_:][a-zA-Z0-9_:]*");
   std::set<std::string> helped;
   std::string family;
   if (page.empty() || page.back() != '\n') out.problems.push_back("no line feed at the end");
@@ -98,13 +109,12 @@ Scrape scrape(const std::string& page) {
       }
       continue;
     }
-    std::smatch match;
-    if (!std::regex_search(line, match, name_pattern)) {
+    name = name_at(line, 0, true);
+    if (name.empty()) {
       problem("no name");
       continue;
     }
-    name = match.str();
-    auto at = static_cast<std::size_t>(match.length());
+    std::size_t at = name.size();
     Labels labels;
     if (!read_labels(line, at, labels)) problem("labels");
     if (at >= line.size() || line[at] != ' ') problem("no blank before the value");
