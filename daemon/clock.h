@@ -1,27 +1,15 @@
-// The time that the loop lives by. Absolute, monotonic, and replaceable in tests.
+// The time that the loop lives by. Absolute, monotonic, and replaceable in tests: the host's, as
+// the drivers know it.
 #pragma once
 
-#include <cstdint>
+#include "drivers/faults/host_clock.h"
 
 namespace stickslip::daemon {
 
-class Clock {
- public:
-  Clock() = default;
-  Clock(const Clock&) = delete;
-  Clock& operator=(const Clock&) = delete;
-  virtual ~Clock() = default;
+using Clock = drivers::HostClock;
 
-  virtual std::int64_t now_ns() = 0;
-  /// Returns at `due_ns`, or at once where that is past. Signals do not end the wait.
-  virtual void sleep_until(std::int64_t due_ns) = 0;
-};
-
-/// CLOCK_MONOTONIC: never set, never stepped, stands still while the machine is suspended.
-class MonotonicClock final : public Clock {
- public:
-  std::int64_t now_ns() override;
-  void sleep_until(std::int64_t due_ns) override;
-};
+/// CLOCK_MONOTONIC: never set, never stepped, stands still while the machine is suspended. Signals
+/// do not end its waits.
+using MonotonicClock = drivers::MonotonicHostClock;
 
 }  // namespace stickslip::daemon

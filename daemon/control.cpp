@@ -180,7 +180,6 @@ bool Control::serve(milliseconds wait, int also) {
 }
 
 void Control::line(ClientId client, std::string_view text) {
-  ++requests_;
   std::int64_t id = 0;
   try {
     const protocol::ControlRequest request = protocol::parse_control_request(text);
@@ -260,7 +259,6 @@ void Control::ask(ClientId client, const protocol::ControlRequest& request, Comm
   waiting_[command.id] = {
       client,
       request.id,
-      request.command,
       command.frames,
       command.dead_man,
       command.kind == Command::Kind::set ? std::optional(command.setting) : std::nullopt,

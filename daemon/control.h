@@ -29,8 +29,6 @@ struct ControlHandlers {
   /// Reads the configuration again and applies what can change; one line each of what did and what
   /// did not. Throws InputError where it is not sound.
   std::function<std::vector<std::string>()> reload;
-  /// For the event channel and the log.
-  std::function<void(const Event&)> tell;
 };
 
 /// Lines for the log at no client's discretion: a burst, then a few a second.
@@ -57,8 +55,6 @@ class Control {
   void publish(const Event& event);
   void publish(const Status& status);
 
-  std::uint64_t requests() const { return requests_; }
-
  private:
   using ClientId = LineServer::ClientId;
   struct Client {
@@ -68,7 +64,6 @@ class Control {
   struct Waiting {
     ClientId client = 0;
     std::int64_t id = 0;
-    std::string command;
     std::uint64_t frames = 0;
     bool dead_man = false;
     std::optional<Setting> setting = {};
@@ -91,7 +86,6 @@ class Control {
   std::map<ClientId, Client> clients_;
   std::map<std::uint64_t, Waiting> waiting_;  // by the number of the command
   std::uint64_t next_command_ = 1;
-  std::uint64_t requests_ = 0;
   LogBudget log_;
   ClientId holder_ = 0;  // of the dead-man's handle; 0: nobody
   LineServer server_;

@@ -274,11 +274,6 @@ void LineServer::send(ClientId id, std::string_view line) {
   flush(client);
 }
 
-void LineServer::close(ClientId id) {
-  const auto found = clients_.find(id);
-  if (found != clients_.end()) found->second.closing = true;
-}
-
 void LineServer::flush(Client& client) {
   while (client.sent < client.out.size()) {
     const ssize_t put = ::send(client.file, client.out.data() + client.sent,

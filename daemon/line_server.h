@@ -55,10 +55,6 @@ class LineServer {
 
   /// Sends a line (its end is added). A client that does not read is dropped when too much waits.
   void send(ClientId client, std::string_view line);
-  /// After what waits has been sent, or with the next turn.
-  void close(ClientId client);
-
-  std::size_t clients() const { return clients_.size(); }
 
  private:
   struct Client {

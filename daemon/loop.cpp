@@ -288,7 +288,6 @@ bool Loop::read() {
   interlocks_.signals(driver_.signals());
   if (result) {
     read_failing_ = false;
-    read_ns_ = now_ns;
     acquire(raw);
   } else if (is_fault(result.outcome)) {
     count_up(timing_.failed_reads);
@@ -320,7 +319,7 @@ void Loop::acquire(Frame raw) {
   tell_new(Notice::Kind::beyond_calibration, si.out_of_range, beyond_calibration_);
   beyond_calibration_ = si.out_of_range;
   not_finite_ = si.not_finite;
-  interlocks_.frame(si.frame, si.not_finite, read_ns_);
+  interlocks_.frame(si.frame, si.not_finite, answered_ns_);
   excitation_.observe(si.frame, amplifier_on_);
 
   if (time_of_frames_) {
@@ -361,7 +360,7 @@ void Loop::tell_new(Notice::Kind kind, std::uint8_t now, std::uint8_t before) {
 bool Loop::place_in_time(Frame& frame) {
   if (own_clock_) {
     const std::uint64_t restarts = device_clock_.restarts();
-    frame.time_ns = device_clock_.host_time(frame.time_ns, read_ns_);
+    frame.time_ns = device_clock_.host_time(frame.time_ns, answered_ns_);
     if (device_clock_.restarts() != restarts) notice(Notice::Kind::clock_parted);
   }
   if (numbering_is_new_) {

@@ -187,7 +187,6 @@ class Loop {
   std::uint64_t cycles_without_device_ = 0;
   std::uint64_t stop_at_cycle_ = 0;
   DeviceClock device_clock_;
-  std::int64_t read_ns_ = 0;           // when the latest frame was read
   std::int64_t answered_ns_ = 0;       // when the device last answered a read, whatever it said
   std::int64_t time_offset_ns_ = 0;    // of a source whose time went back
   std::uint64_t sequence_offset_ = 0;  // of a device that came back and counts from 0 again

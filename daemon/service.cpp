@@ -361,8 +361,7 @@ std::unique_ptr<Control> Service::open_control(Loop& loop, const drivers::Descri
                           [this](const Setting& setting) {
                             rig_.excitation = with_setting(rig_.excitation, setting);
                           },
-                      .reload = [this, &loop, &device] { return reload(loop, device); },
-                      .tell = [this](const Event& event) { tell(event); }});
+                      .reload = [this, &loop, &device] { return reload(loop, device); }});
   spdlog::info("commands at {}", settings.path.string());
   return control;
 }

@@ -105,8 +105,7 @@ class ControlTest : public testing::Test {
               return std::nullopt;
             },
             .was_set = [this](const Setting& setting) { latest_setting = setting; },
-            .reload = [] { return std::vector<std::string>{"nothing"}; },
-            .tell = [](const Event&) {}});
+            .reload = [] { return std::vector<std::string>{"nothing"}; }});
   }
 
   /// Loop and server, in turns.
