@@ -2,7 +2,7 @@
 // the drivers know it.
 #pragma once
 
-#include "drivers/faults/host_clock.h"
+#include "drivers/host_clock.h"
 
 namespace stickslip::daemon {
 

@@ -268,7 +268,7 @@ bool Loop::change(RigInput input) {
 void Loop::welcome_device() {
   device_.store(Device::here, std::memory_order_relaxed);
   interlocks_.device_is_back();
-  device_clock_ = DeviceClock();
+  device_clock_ = drivers::DeviceClock();
   // What it yields now has nothing to do with what it yielded before but that time goes on.
   numbering_is_new_ = true;
   read_failing_ = false;

@@ -12,7 +12,6 @@
 #include "daemon/calibration.h"
 #include "daemon/clock.h"
 #include "daemon/command.h"
-#include "daemon/device_clock.h"
 #include "daemon/estimate.h"
 #include "daemon/excitation.h"
 #include "daemon/interlocks.h"
@@ -23,6 +22,7 @@
 #include "daemon/sample.h"
 #include "daemon/stream.h"
 #include "daemon/timing.h"
+#include "drivers/device_clock.h"
 #include "drivers/driver.h"
 
 namespace stickslip::daemon {
@@ -186,7 +186,7 @@ class Loop {
   std::uint64_t frames_ = 0;
   std::uint64_t cycles_without_device_ = 0;
   std::uint64_t stop_at_cycle_ = 0;
-  DeviceClock device_clock_;
+  drivers::DeviceClock device_clock_;
   std::int64_t answered_ns_ = 0;       // when the device last answered a read, whatever it said
   std::int64_t time_offset_ns_ = 0;    // of a source whose time went back
   std::uint64_t sequence_offset_ = 0;  // of a device that came back and counts from 0 again

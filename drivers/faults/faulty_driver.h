@@ -13,7 +13,7 @@
 #include "config/fault_script.h"
 #include "drivers/driver.h"
 #include "drivers/faults/chance.h"
-#include "drivers/faults/host_clock.h"
+#include "drivers/host_clock.h"
 #include "drivers/faults/timeline.h"
 
 namespace stickslip::drivers {

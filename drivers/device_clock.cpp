@@ -1,10 +1,10 @@
-#include "daemon/device_clock.h"
+#include "drivers/device_clock.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
 
-namespace stickslip::daemon {
+namespace stickslip::drivers {
 namespace {
 
 /// Weight of a new window's skew: one over the number of windows so far, but never less than this.
@@ -85,4 +85,4 @@ std::int64_t DeviceClock::host_time(std::int64_t device_ns, std::int64_t host_ns
   return last_out_ns_;
 }
 
-}  // namespace stickslip::daemon
+}  // namespace stickslip::drivers

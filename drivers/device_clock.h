@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <optional>
 
-namespace stickslip::daemon {
+namespace stickslip::drivers {
 
 /// A reading can only come late, never early: the smallest difference between host and device
 /// within a window is the best view of their offset. From window to window it moves with the skew
@@ -48,4 +48,4 @@ class DeviceClock {
   std::uint64_t restarts_ = 0;
 };
 
-}  // namespace stickslip::daemon
+}  // namespace stickslip::drivers

@@ -1,4 +1,4 @@
-#include "daemon/device_clock.h"
+#include "drivers/device_clock.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <random>
 
-namespace stickslip::daemon {
+namespace stickslip::drivers {
 namespace {
 
 constexpr std::int64_t ms = 1'000'000;
@@ -112,4 +112,4 @@ TEST(DeviceClock, AHostThatReadsLateDoesNotMoveTheTimeOfTheSamples) {
 }
 
 }  // namespace
-}  // namespace stickslip::daemon
+}  // namespace stickslip::drivers

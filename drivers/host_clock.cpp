@@ -1,4 +1,4 @@
-#include "drivers/faults/host_clock.h"
+#include "drivers/host_clock.h"
 
 #include <time.h>
 

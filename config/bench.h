@@ -1,0 +1,124 @@
+// What hangs on a bench of real devices: which of them carries which channel, how each is reached,
+// and how each is set.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "config/modbus_map.h"
+#include "physics/frame.h"
+
+namespace stickslip::config {
+
+/// The board whose scans are the frames.
+enum class BoardKind { labjack_u6, usb_1208fs_plus };
+
+/// [inputs.CHANNEL]: where a channel comes from. `from` in the file is DEVICE/INPUT.
+struct BenchInput {
+  std::string device;  ///< "labjack_u6", "usb_1208fs_plus", "phidget_bridge", or a [[modbus]] name
+  std::string input;   ///< "AIN3"; "2" of a bridge; the name of a register in the map
+  double range_v = 10.0;      ///< boards: the input's range is +-range_v
+  bool differential = false;  ///< boards: against the next input (AIN0 against AIN1)
+  int gain = 1;               ///< bridges
+};
+
+/// By channel; nothing where the bench does not measure it.
+using BenchInputs = std::array<std::optional<BenchInput>, channel_count>;
+
+/// [labjack_u6]
+struct LabjackU6 {
+  std::optional<std::uint32_t> serial;  ///< absent: the only one that is attached
+  int resolution_index = 0;             ///< 0 to 8, as StreamConfig takes it
+  int settling = 0;                     ///< settling factor, as StreamConfig takes it
+  int samples_per_packet = 25;          ///< 1 to 25
+  int transfers = 8;                    ///< stream transfers in flight
+  int dac = 0;                          ///< 0 or 1: what drives the amplifier
+  /// Digital lines, 0 to 19 (FIO0-7, EIO0-7, CIO0-3). Absent: not wired.
+  std::optional<int> enable_line;           ///< high while the amplifier may be on
+  std::optional<int> amplifier_fault_line;  ///< low: fault (a cut wire, pulled down, is one)
+  std::optional<int> emergency_stop_line;   ///< low: pressed, or its wire is cut
+  int watchdog_s = 2;  ///< the firmware lets enable_line go after so long without us; 0: never
+};
+
+/// [usb_1208fs_plus]
+struct Usb1208fsPlus {
+  std::string serial;            ///< 8 characters; empty: the only one that is attached
+  int output = 0;                ///< 0 or 1: what drives the amplifier
+  double output_ahead_s = 0.02;  ///< how much drive is queued in the board: late, but never torn
+};
+
+/// [phidget_bridge], PhidgetBridge 4-Input 1046
+struct PhidgetBridge {
+  std::optional<std::uint32_t> serial;  ///< absent: the only one that is attached
+  int interval_ms = 8;                  ///< 8 to 1000, a multiple of 8; for all inputs
+};
+
+enum class ModbusTransport { rtu, tcp };
+
+/// One [[modbus]] table: a unit. Units with the same device, or the same host and port, share one
+/// bus.
+struct ModbusUnit {
+  std::string name;
+  ModbusTransport transport = ModbusTransport::rtu;
+  std::string port;  ///< RTU: "/dev/ttyUSB0"; TCP: "host:502" or "[::1]:502"
+  int baud = 19200;
+  char parity = 'E';  ///< N, E or O
+  int stop_bits = 1;
+  int unit = 1;  ///< 1 to 247; 255 as well for TCP
+  ModbusMap map;
+  std::filesystem::path map_file;
+  double poll_period_s = 0.1;
+  double timeout_s = 0.5;
+  int retries = 1;  ///< of a request, before it counts as failed
+  double pause_between_requests_s = 0.0;
+  double pause_after_connect_s = 0.0;
+};
+
+/// One line of a GPIO chip.
+struct GpioLine {
+  enum class Bias { as_is, disabled, pull_up, pull_down };
+  std::string line;  ///< its name, or its offset in digits
+  bool active_low = false;
+  Bias bias = Bias::as_is;
+  double debounce_s = 0.0;  ///< inputs: a level counts once it has held for so long
+};
+
+/// [amplifier]: its contacts on GPIO lines. Logical levels: active means enabled, fault, pressed.
+struct Amplifier {
+  std::string chip;  ///< "/dev/gpiochip0", "gpiochip0", or a label
+  std::optional<GpioLine> enable;
+  std::optional<GpioLine> fault;
+  std::optional<GpioLine> emergency_stop;
+  std::optional<GpioLine>
+      heartbeat;                    ///< toggles for as long as the loop runs; for a watchdog relay
+  double heartbeat_period_s = 0.1;  ///< from edge to edge
+};
+
+/// [shaker]: from what the base (or the force) shall be to volts at the board's output.
+struct ShakerOutput {
+  double volts_per_unit = 0.0;  ///< [V/m], or [V/N] on force-excited rigs; may be negative
+  double rest_v = 2.5;          ///< at which nothing moves
+  double low_v = 0.0;           ///< never less than
+  double high_v = 5.0;          ///< never more than
+};
+
+/// [driver] kind = "bench"
+struct Bench {
+  BoardKind board = BoardKind::labjack_u6;
+  BenchInputs inputs{};
+  ShakerOutput shaker;
+  LabjackU6 labjack_u6;
+  Usb1208fsPlus usb_1208fs_plus;
+  PhidgetBridge phidget_bridge;
+  std::vector<ModbusUnit> modbus;
+  std::optional<Amplifier> amplifier;
+};
+
+/// The inputs of that device alone.
+BenchInputs inputs_of(const BenchInputs& inputs, const std::string& device);
+
+}  // namespace stickslip::config
