@@ -21,6 +21,8 @@ namespace stickslip::config {
 namespace {
 
 constexpr std::uintmax_t largest_file = 1U << 20U;
+constexpr std::size_t most_units = 64;
+constexpr std::size_t most_registers = 256;
 constexpr std::size_t most_faults = 256;  // each is looked at in every cycle
 
 struct Place {
@@ -471,6 +473,15 @@ class Check {
       case Type::history:
         tables(node, key, path, history_keys());
         break;
+      case Type::modbus_units:
+        tables(node, key, path, modbus_unit_keys(), most_units);
+        break;
+      case Type::registers:
+        tables(node, key, path, register_keys(), most_registers);
+        break;
+      case Type::integers:
+        integers(node, key, path);
+        break;
     }
   }
 
@@ -659,9 +670,14 @@ class Check {
   }
 
   void tables(const toml::node& node, const Key& key, const std::string& path,
-              std::span<const Key> keys) {
+              std::span<const Key> keys,
+              std::size_t most = std::numeric_limits<std::size_t>::max()) {
     const toml::array* list = node.as_array();
     if (list == nullptr) return expected(node, key, path);
+    if (list->size() > most) {
+      problem(*list->get(most), full(path) + ": more than " + std::to_string(most) +
+                                    " tables, found " + std::to_string(list->size()));
+    }
     for (const toml::node& each : *list) {
       if (const toml::table* table = each.as_table()) {
         Check(keys, *table, full(path), name_, problems_).run();
@@ -676,6 +692,14 @@ class Check {
     if (list == nullptr) return expected(node, key, path);
     for (const toml::node& each : *list) {
       if (!each.is_string() || each.value<std::string_view>()->empty()) expected(each, key, path);
+    }
+  }
+
+  void integers(const toml::node& node, const Key& key, const std::string& path) {
+    const toml::array* list = node.as_array();
+    if (list == nullptr || list->empty()) return expected(node, key, path);
+    for (const toml::node& each : *list) {
+      if (!each.is_integer()) expected(each, key, path);
     }
   }
 
@@ -1069,6 +1093,71 @@ std::vector<FormerCalibration> Document::history(std::string_view path) const {
   return out;
 }
 
+std::vector<ModbusUnit> Document::modbus_units() const {
+  std::vector<ModbusUnit> out;
+  const toml::array* list = contents_->root["modbus"].as_array();
+  if (list == nullptr) return out;
+  for (const toml::node& each : *list) {
+    const toml::table& table = *each.as_table();
+    const auto choice = [&table](std::string_view key) {
+      return choice_in(table.get(key), *find_key(modbus_unit_keys(), key));
+    };
+    ModbusUnit unit;
+    const auto whole = [&table](std::string_view key, int& target) {
+      target = static_cast<int>(table[key].value_or(std::int64_t{target}));
+    };
+    const auto number = [&table](std::string_view key, double& target) {
+      target = number_in(table.get(key)).value_or(target);
+    };
+    unit.name = text_in(table, "name");
+    unit.transport = static_cast<ModbusTransport>(choice("transport").value_or(0));
+    unit.port = text_in(table, "port");
+    whole("baud", unit.baud);
+    unit.parity = "NEO"[choice("parity").value_or(1)];
+    whole("stop_bits", unit.stop_bits);
+    whole("unit", unit.unit);
+    unit.map_file = text_in(table, "map");
+    number("poll_period_s", unit.poll_period_s);
+    number("timeout_s", unit.timeout_s);
+    whole("retries", unit.retries);
+    number("pause_between_requests_s", unit.pause_between_requests_s);
+    number("pause_after_connect_s", unit.pause_after_connect_s);
+    out.push_back(std::move(unit));
+  }
+  return out;
+}
+
+std::vector<ModbusRegister> Document::registers() const {
+  std::vector<ModbusRegister> out;
+  const toml::array* list = contents_->root["register"].as_array();
+  if (list == nullptr) return out;
+  for (const toml::node& each : *list) {
+    const toml::table& table = *each.as_table();
+    const auto choose = [&table]<class Choice>(std::string_view key, Choice& target) {
+      const auto found = choice_in(table.get(key), *find_key(register_keys(), key));
+      if (found) target = static_cast<Choice>(*found);
+    };
+    ModbusRegister entry;
+    entry.name = text_in(table, "name");
+    choose("role", entry.role);
+    choose("table", entry.table);
+    entry.address = static_cast<int>(table["address"].value_or(std::int64_t{0}));
+    choose("type", entry.type);
+    choose("order", entry.order);
+    entry.scale = number_in(table.get("scale")).value_or(entry.scale);
+    entry.offset = number_in(table.get("offset")).value_or(entry.offset);
+    entry.unit = text_in(table, "unit");
+    entry.group = text_in(table, "group");
+    if (const toml::array* ok = table["ok"].as_array()) {
+      for (const toml::node& value : *ok) entry.ok.push_back(value.value_or(std::int64_t{0}));
+    }
+    entry.set_to = number_in(table.get("set_to"));
+    entry.write_single = table["write_single"].value_or(false);
+    out.push_back(std::move(entry));
+  }
+  return out;
+}
+
 std::optional<FileKind> kind_of(std::string_view text) {
   // Line by line, so that a file with a syntax error is still known for what it is.
   std::size_t rig = 0;
@@ -1076,6 +1165,7 @@ std::optional<FileKind> kind_of(std::string_view text) {
   std::size_t faults = 0;
   bool seed = false;
   std::size_t calibration = 0;
+  std::size_t registers = 0;
   const auto model_tables = names_within(model_keys(), "");
   const auto rig_tables = names_within(rig_keys(), "");
   const auto calibration_tables = names_within(calibration_file_keys(), "");
@@ -1095,10 +1185,12 @@ std::optional<FileKind> kind_of(std::string_view text) {
     if (has(rig_tables, name)) ++rig;
     if (has(model_tables, name)) ++model;
     if (name == "fault") ++faults;
+    if (header && name == "register") ++registers;
     if (name == "seed") seed = true;  // of a script without any fault yet; rigs have a seed, too
     // A key of that name may stand in the tables of a rig or a model as well.
     if (header && has(calibration_tables, name)) ++calibration;
   }
+  if (registers > std::max({rig, model, faults, calibration})) return FileKind::modbus_map;
   const std::size_t most = std::max({rig, model, faults, calibration});
   if (most == 0) return seed ? std::optional(FileKind::fault_script) : std::nullopt;
   if (faults > std::max({rig, model, calibration})) return FileKind::fault_script;

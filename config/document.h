@@ -12,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include "config/bench.h"
 #include "config/calibration.h"
 #include "config/fault_script.h"
 #include "config/key.h"
@@ -81,6 +82,9 @@ class Document {
   std::vector<Fault> faults() const;
   std::optional<ChannelCalibration> calibration(std::string_view path) const;
   std::vector<FormerCalibration> history(std::string_view path) const;
+  /// Without their maps: `map_file` is what the file says.
+  std::vector<ModbusUnit> modbus_units() const;
+  std::vector<ModbusRegister> registers() const;
 
  private:
   struct Contents;
@@ -94,7 +98,7 @@ class Document {
 std::string nearest(std::string_view name, const std::vector<std::string>& names);
 
 /// Which kind of file a text is, from its tables; nothing where it could be none of them.
-enum class FileKind { rig, model, fault_script, calibration };
+enum class FileKind { rig, model, fault_script, calibration, modbus_map };
 std::optional<FileKind> kind_of(std::string_view text);
 
 }  // namespace stickslip::config

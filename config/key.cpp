@@ -1,11 +1,13 @@
 #include "config/key.h"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <sstream>
 
+#include "config/bench_keys.h"
 #include "physics/frame.h"
 
 namespace stickslip::config {
@@ -249,7 +251,7 @@ constexpr std::array term_table = {
 
 constexpr std::string_view swept = "excitation.kind=sweep|chirp";
 
-constexpr std::array rig_table = {
+constexpr std::array rig_table_itself = {
     Key{.path = "schema",
         .type = Type::integer,
         .unit = "1",
@@ -270,7 +272,7 @@ constexpr std::array rig_table = {
         .type = Type::choice,
         .sentence = "The device that yields the channels.",
         .need = Need::always,
-        .choices = "simulated|replay"},
+        .choices = "simulated|replay|bench"},
     Key{.path = "driver.faults",
         .type = Type::file,
         .sentence = "Fault script: what befalls the device, to see what the daemon makes of it.",
@@ -798,6 +800,14 @@ constexpr std::array rig_table = {
         .live = true},
 };
 
+/// The keys of any rig, and those of a bench of real devices.
+constexpr auto rig_table = [] {
+  std::array<Key, rig_table_itself.size() + bench_table.size()> keys{};
+  std::copy(rig_table_itself.begin(), rig_table_itself.end(), keys.begin());
+  std::copy(bench_table.begin(), bench_table.end(), keys.begin() + rig_table_itself.size());
+  return keys;
+}();
+
 constexpr std::string_view any_channel =
     "displacement|velocity|friction_force|normal_load|base_displacement|drive_force";
 
@@ -1108,7 +1118,11 @@ std::string_view name_of(Type type) {
     case Type::faults:
     case Type::points:
     case Type::history:
+    case Type::modbus_units:
+    case Type::registers:
       return "tables";
+    case Type::integers:
+      return "whole numbers";
     case Type::span:
       return "two numbers";
     case Type::date:
@@ -1195,6 +1209,9 @@ std::span<const Key> calibration_file_keys() { return calibration_file_table; }
 std::span<const Key> calibration_keys() { return calibration_table; }
 std::span<const Key> history_keys() { return history_table; }
 std::span<const Key> point_keys() { return point_table; }
+std::span<const Key> modbus_unit_keys() { return modbus_unit_table; }
+std::span<const Key> modbus_map_keys() { return modbus_map_table; }
+std::span<const Key> register_keys() { return register_table; }
 
 bool matches(const Key& key, std::string_view path) {
   const auto star = key.path.find('*');
@@ -1311,6 +1328,12 @@ std::string expectation(const Key& key) {
       return "a table with offset, gain, date, reference";
     case Type::history:
       return "[[history]] tables";
+    case Type::modbus_units:
+      return "[[modbus]] tables";
+    case Type::registers:
+      return "[[register]] tables";
+    case Type::integers:
+      return "a list of whole numbers, [0, 1]";
   }
   const std::string range = range_text(key);
   if (!range.empty()) text += ", " + range;
@@ -1350,6 +1373,21 @@ std::string keys_page() {
           "(`SIGHUP`); the others need a restart, and it says so.\n"
           "\n";
   list(page, rig_keys(), true);
+  page << "\n"
+          "Each `[[modbus]]` table:\n"
+          "\n";
+  list(page, modbus_unit_keys());
+  page << "\n"
+          "## Register maps\n"
+          "\n"
+          "What `map` of a Modbus unit names; [`config/modbus/`](../config/modbus) holds two, and\n"
+          "[hardware.md](hardware.md) says how to write another.\n"
+          "\n";
+  list(page, modbus_map_keys());
+  page << "\n"
+          "Each `[[register]]` table:\n"
+          "\n";
+  list(page, register_keys());
   page << "\n"
           "## Models\n"
           "\n"

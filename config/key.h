@@ -11,27 +11,30 @@
 namespace stickslip::config {
 
 enum class Type {
-  number,       ///< a finite number
-  integer,      ///< a whole number
-  boolean,      ///< true or false
-  text,         ///< a string
-  choice,       ///< one of a few strings
-  file,         ///< a path, relative to the file that names it
-  parameter,    ///< a number, or { value = ..., sigma = ... }
-  filters,      ///< an array of tables with the keys of filter_keys()
-  envelope,     ///< an array of [time_s, amplitude]
-  terms,        ///< [[physics]] tables with the keys of term_keys() and the effect's parameters
-  date,         ///< ISO 8601 in a string
-  texts,        ///< an array of strings
-  range,        ///< [low, high]
-  covariance,   ///< [variance, covariance, variance]
-  leaks,        ///< { CHANNEL = number, ... }
-  points,       ///< [[...point]] tables with the keys of point_keys()
-  calibration,  ///< a table with the keys of calibration_keys()
-  history,      ///< [[history]] tables with the keys of history_keys()
-  lines,        ///< an array of [frequency_hz, amplitude, phase_deg]
-  span,         ///< [from, to], two numbers, the second larger
-  faults,       ///< [[fault]] tables with the keys of fault_keys()
+  number,        ///< a finite number
+  integer,       ///< a whole number
+  boolean,       ///< true or false
+  text,          ///< a string
+  choice,        ///< one of a few strings
+  file,          ///< a path, relative to the file that names it
+  parameter,     ///< a number, or { value = ..., sigma = ... }
+  filters,       ///< an array of tables with the keys of filter_keys()
+  envelope,      ///< an array of [time_s, amplitude]
+  terms,         ///< [[physics]] tables with the keys of term_keys() and the effect's parameters
+  date,          ///< ISO 8601 in a string
+  texts,         ///< an array of strings
+  range,         ///< [low, high]
+  covariance,    ///< [variance, covariance, variance]
+  leaks,         ///< { CHANNEL = number, ... }
+  points,        ///< [[...point]] tables with the keys of point_keys()
+  calibration,   ///< a table with the keys of calibration_keys()
+  history,       ///< [[history]] tables with the keys of history_keys()
+  lines,         ///< an array of [frequency_hz, amplitude, phase_deg]
+  span,          ///< [from, to], two numbers, the second larger
+  faults,        ///< [[fault]] tables with the keys of fault_keys()
+  integers,      ///< an array of whole numbers
+  modbus_units,  ///< [[modbus]] tables with the keys of modbus_unit_keys()
+  registers,     ///< [[register]] tables with the keys of register_keys()
 };
 
 enum class Need {
@@ -75,6 +78,9 @@ std::span<const Key> calibration_file_keys();
 std::span<const Key> calibration_keys();  ///< of one channel
 std::span<const Key> history_keys();      ///< the same, and which channel
 std::span<const Key> point_keys();
+std::span<const Key> modbus_unit_keys();
+std::span<const Key> modbus_map_keys();
+std::span<const Key> register_keys();
 
 /// Whether `path` is one that the key's path, "*" included, stands for.
 bool matches(const Key& key, std::string_view path);

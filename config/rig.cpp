@@ -4,6 +4,7 @@
 #include <system_error>
 #include <utility>
 
+#include "config/bench_document.h"
 #include "config/demand.h"
 #include "config/document.h"
 #include "config/model_file.h"
@@ -117,6 +118,7 @@ class Reader {
       take(rig.simulated.resolution[index_of(channel)],
            document_.number("driver.simulated.resolution." + stem));
     }
+    if (rig.driver == DriverKind::bench) rig.bench = read_bench(document_, file_.parent_path());
     read_calibration(rig);
     take(rig.loop.rate_hz, document_.number("loop.rate_hz"));
     take(rig.loop.frames_per_block, document_.integer("loop.frames_per_block"));
@@ -241,6 +243,11 @@ class Reader {
   void check(const Rig& rig, bool truth_is_sound) {
     if (rig.driver == DriverKind::simulated && truth_is_sound) check_truth(rig);
     if (rig.driver == DriverKind::replay) check_replay(rig);
+    if (rig.driver == DriverKind::bench) {
+      check_bench(document_, rig);
+    } else {
+      refuse_bench(document_);
+    }
     check_calibration(rig);
     check_safety(rig);
     check_excitation(rig);

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "config/bench.h"
 #include "config/calibration.h"
 #include "config/fault_script.h"
 #include "physics/frame.h"
@@ -36,7 +37,7 @@ struct ReplayDriver {
   double speed = 1.0;  ///< 1: as recorded; 10: ten times as fast; 0: as fast as it goes
 };
 
-enum class DriverKind { simulated, replay };
+enum class DriverKind { simulated, replay, bench };
 
 /// One point of an amplitude envelope; amplitudes in between are linear in time.
 struct EnvelopePoint {
@@ -217,6 +218,7 @@ struct Rig {
   DriverKind driver = DriverKind::simulated;
   SimulatedDriver simulated;
   ReplayDriver replay;
+  Bench bench;
   std::optional<FaultScript> faults;       ///< what befalls the device, whichever it is
   ChannelCalibrations calibration{};       ///< of the calibration file and of the rig's own keys
   std::filesystem::path calibration_file;  ///< empty: none

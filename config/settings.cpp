@@ -80,6 +80,16 @@ std::string unquoted(std::string_view text) {
   return out;
 }
 
+/// Whether the key has a meaning beside what the rig's other keys say; `before` are those of them
+/// that stand before it in the table, where every condition points to.
+bool has_meaning(const Key& key, const std::vector<Setting>& before) {
+  if (!key.only_then) return true;
+  const auto equals = key.when.find('=');
+  const std::string value = plain_text(before, key.when.substr(0, equals));
+  const auto wanted = choices_of(key.when.substr(equals + 1));
+  return std::find(wanted.begin(), wanted.end(), value) != wanted.end();
+}
+
 std::string shown(const Setting& setting) {
   if (!setting.value.empty()) return setting.value;
   return setting.words.empty() ? "not set" : setting.words;
@@ -100,6 +110,8 @@ std::vector<Setting> settings_of(const Rig& rig) {
         setting.value = stated->text;
         setting.line = stated->line;
         setting.column = stated->column;
+      } else if (!has_meaning(key, out)) {
+        setting.words = "only with " + std::string(key.when);
       } else if (const Setting* same = find_setting(out, key.fallback)) {
         setting.value = same->value;  // by default what another key says
       } else if (const auto value =

@@ -131,6 +131,7 @@ Interlocks::Broken Interlocks::broken(std::int64_t now_ns) const {
     return is(Interlock::amplifier_fault, "the amplifier reports a fault of its own");
   }
   if (device_broken(reads_, now_ns, out) || device_broken(writes_, now_ns, out)) return out;
+  if (signals_.lost_part != nullptr) return is(Interlock::part_lost, signals_.lost_part);
   if (!drive_finite_) return is(Interlock::drive_not_finite, "the drive is not a finite number");
   if (channel_broken(now_ns, out)) return out;
   if (overrun_ns_ > 0) {

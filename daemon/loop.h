@@ -17,13 +17,13 @@
 #include "daemon/interlocks.h"
 #include "daemon/latest.h"
 #include "daemon/ledger.h"
-#include "daemon/ring.h"
 #include "daemon/safety.h"
 #include "daemon/sample.h"
 #include "daemon/stream.h"
 #include "daemon/timing.h"
 #include "drivers/device_clock.h"
 #include "drivers/driver.h"
+#include "drivers/ring.h"
 
 namespace stickslip::daemon {
 
@@ -162,9 +162,9 @@ class Loop {
   Interlocks::Broken broken_;
   Timing timing_;
   LoopEnd why_;
-  Ring<Notice> notices_;
-  Ring<Command> commands_;
-  Ring<Answer> answers_;
+  drivers::Ring<Notice> notices_;
+  drivers::Ring<Command> commands_;
+  drivers::Ring<Answer> answers_;
   Averaging averaging_;
   Latest<Snapshot> snapshot_;
   std::atomic<int> stop_requests_{0};

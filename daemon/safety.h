@@ -68,6 +68,7 @@ enum class Interlock : std::uint8_t {
   amplifier_fault,    ///< the amplifier's own protection
   device_lost,        ///< gone, or not to be used as it is
   device_silent,      ///< no frame, or no write taken, for too long
+  part_lost,          ///< a device beside the board is gone: a bridge, an LVDT
   stale_channel,      ///< a channel has not been measured for too long
   overrun,            ///< a cycle came too late
   not_finite,         ///< a channel is no number
@@ -77,7 +78,7 @@ enum class Interlock : std::uint8_t {
   recorder_failing,   ///< where the configuration says that this matters
   client_gone,        ///< the client that holds the dead-man's handle is silent
 };
-inline constexpr std::size_t interlock_count = 14;
+inline constexpr std::size_t interlock_count = 15;
 
 /// One word that programs can look for: "emergency_stop".
 const char* name_of(Interlock interlock);

@@ -16,8 +16,8 @@
 #include <vector>
 
 #include "daemon/ledger.h"
-#include "daemon/ring.h"
 #include "daemon/sample.h"
+#include "drivers/ring.h"
 
 namespace stickslip::daemon {
 
@@ -109,8 +109,8 @@ class Stream {
   Sink& sink_;
   Account& account_;
   StreamSettings settings_;
-  Ring<Sample> ring_;
-  Ring<NumberedEstimate> estimates_;
+  drivers::Ring<Sample> ring_;
+  drivers::Ring<NumberedEstimate> estimates_;
   std::mutex messages_lock_;  // neither side of this one is the loop
   std::deque<Message> messages_;
   std::vector<Sample> block_;

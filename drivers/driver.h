@@ -42,6 +42,9 @@ struct Actuation {
 struct Signals {
   bool emergency_stop = false;   ///< pressed, or its wire is cut
   bool amplifier_fault = false;  ///< the amplifier's own protection has tripped
+  /// A device beside the one that yields the frames is not there: a sentence for a person, which
+  /// lives as long as the driver. Null: all are there.
+  const char* lost_part = nullptr;
 };
 
 /// What a driver can say about itself once it is open.

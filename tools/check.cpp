@@ -72,12 +72,29 @@ std::string model_summary(physics::Model model) {
          " parameters are to be calibrated";
 }
 
+/// "bench, labjack_u6; displacement from labjack_u6/AIN0, ..."
+std::string bench_summary(const config::Bench& bench) {
+  std::string text =
+      "bench, " + std::string(config::choice_at(config::rig_keys(), "driver.bench.board",
+                                                static_cast<std::size_t>(bench.board)));
+  const char* between = "; ";
+  for (const Channel channel : all_channels) {
+    const auto& input = bench.inputs[index_of(channel)];
+    if (!input) continue;
+    text +=
+        between + std::string(info(channel).stem) + " from " + input->device + "/" + input->input;
+    between = ", ";
+  }
+  return text;
+}
+
 std::string driver_summary(const config::Rig& rig) {
   if (rig.driver == config::DriverKind::replay) {
     return "replay of " + rig.replay.recording.string() +
            (rig.replay.speed > 0.0 ? " at " + number(rig.replay.speed) + " times its speed"
                                    : ", as fast as it goes");
   }
+  if (rig.driver == config::DriverKind::bench) return bench_summary(rig.bench);
   return "simulated, truth " + rig.simulated.truth_file.string() +
          (rig.simulated.real_time ? "" : ", as fast as it goes");
 }
@@ -179,10 +196,11 @@ bool check(const std::string& file) {
     const std::string text = config::read_text(file);
     const auto kind = config::kind_of(text);
     if (!kind) {
-      throw InputError(
-          Problem{file, 1, 1,
-                  "is no rig, which has a table [rig], no model, which has [oscillator], no fault "
-                  "script, which has [[fault]], and no calibration, which has [channel.CHANNEL]"});
+      throw InputError(Problem{
+          file, 1, 1,
+          "is no rig, which has a table [rig], no model, which has [oscillator], no fault "
+          "script, which has [[fault]], no calibration, which has [channel.CHANNEL], and no "
+          "register map, which has [[register]]"});
     }
     switch (*kind) {
       case config::FileKind::rig: {
@@ -204,6 +222,13 @@ bool check(const std::string& file) {
         const config::FaultScript script = config::parse_fault_script(text, file);
         std::printf("%s: sound\n", file.c_str());
         summarise(script);
+        break;
+      }
+      case config::FileKind::modbus_map: {
+        const config::ModbusMap map = config::parse_modbus_map(text, file);
+        std::printf("%s: sound\n", file.c_str());
+        say("unit", map.name);
+        say("registers", std::to_string(map.registers.size()));
         break;
       }
       case config::FileKind::calibration: {

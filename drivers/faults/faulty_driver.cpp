@@ -186,9 +186,10 @@ void FaultyDriver::close() noexcept {
 }
 
 Signals FaultyDriver::signals() const noexcept {
-  const Signals device = device_->signals();
-  return {device.emergency_stop || lines_.emergency_stop,
-          device.amplifier_fault || lines_.amplifier_fault};
+  Signals all = device_->signals();
+  all.emergency_stop = all.emergency_stop || lines_.emergency_stop;
+  all.amplifier_fault = all.amplifier_fault || lines_.amplifier_fault;
+  return all;
 }
 
 // Reading.

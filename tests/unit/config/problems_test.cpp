@@ -13,6 +13,7 @@
 
 #include "config/document.h"
 #include "config/fault_script.h"
+#include "config/modbus_map.h"
 #include "config/model_file.h"
 #include "config/rig.h"
 #include "physics/problem.h"
@@ -36,6 +37,8 @@ std::vector<Problem> problems_of(const std::filesystem::path& file) {
       (void)load_rig(file);
     } else if (kind == FileKind::fault_script) {
       (void)load_fault_script(file);
+    } else if (kind == FileKind::modbus_map) {
+      (void)load_modbus_map(file);
     } else {
       (void)load_model(file);
     }
@@ -61,7 +64,8 @@ std::vector<std::string> bad_files() {
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     const std::string name = entry.path().stem().string();
     if (entry.path().extension() == ".toml" &&
-        (name.starts_with("model_") || name.starts_with("rig_") || name.starts_with("faults_"))) {
+        (name.starts_with("model_") || name.starts_with("rig_") || name.starts_with("faults_") ||
+         name.starts_with("map_"))) {
       names.push_back(name);
     }
   }

@@ -353,6 +353,7 @@ TEST_F(RigFile, WhatThePageCallsTheDefaultIsTheDefault) {
   std::string all;
   for (const Key& key : rig_keys()) {
     if (key.need != Need::optional || key.path.find('*') != std::string_view::npos) continue;
+    if (key.when.starts_with("driver.")) continue;  // of devices that this rig does not have
     const bool plain =
         key.type == Type::number || key.type == Type::integer || key.type == Type::boolean;
     if (key.path == "lcm.url") {

@@ -148,7 +148,8 @@ struct Reading {
 bool same(const Reading& a, const Reading& b) {
   return a.outcome == b.outcome && a.message == b.message && same_bits(a.frame, b.frame) &&
          a.signals.emergency_stop == b.signals.emergency_stop &&
-         a.signals.amplifier_fault == b.signals.amplifier_fault;
+         a.signals.amplifier_fault == b.signals.amplifier_fault &&
+         a.signals.lost_part == b.signals.lost_part;
 }
 
 /// A device behind a script.
@@ -215,7 +216,8 @@ RC_GTEST_PROP(FaultyDriver, AnEmptyScriptIsTransparentToTheBit, ()) {
   device.paced = *rc::gen::arbitrary<bool>();
   device.channels = static_cast<std::uint8_t>(*rc::gen::inRange(0, 64));
   device.end = *rc::gen::inRange<std::uint64_t>(0, 60);
-  device.signals = {*rc::gen::arbitrary<bool>(), *rc::gen::arbitrary<bool>()};
+  device.signals = {*rc::gen::arbitrary<bool>(), *rc::gen::arbitrary<bool>(),
+                    *rc::gen::element<const char*>(nullptr, "the bridge is gone")};
   for (std::uint64_t i = 0; i < 60; ++i) {
     if (*rc::gen::inRange(0, 6) == 0) {
       device.instead[i] = *rc::gen::element(Outcome::no_data, Outcome::temporary, Outcome::lost,
@@ -248,6 +250,7 @@ RC_GTEST_PROP(FaultyDriver, AnEmptyScriptIsTransparentToTheBit, ()) {
     RC_ASSERT(bench.driver.write(actuation).outcome == bare.write(actuation).outcome);
     RC_ASSERT(bench.driver.signals().emergency_stop == bare.signals().emergency_stop);
     RC_ASSERT(bench.driver.signals().amplifier_fault == bare.signals().amplifier_fault);
+    RC_ASSERT(bench.driver.signals().lost_part == bare.signals().lost_part);
   }
   RC_ASSERT(bench.device.reads == bare_device.reads);
   RC_ASSERT(bench.device.writes.size() == bare_device.writes.size());

@@ -1,4 +1,4 @@
-// A queue between the loop and one other thread: one writer, one reader, neither ever waits, and no
+// A queue between two threads: one writer, one reader, neither ever waits, and no
 // memory is asked for after construction.
 #pragma once
 
@@ -8,7 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace stickslip::daemon {
+namespace stickslip::drivers {
 
 template <class T>
 class Ring {
@@ -47,4 +47,4 @@ class Ring {
   alignas(64) std::atomic<std::uint64_t> popped_{0};
 };
 
-}  // namespace stickslip::daemon
+}  // namespace stickslip::drivers

@@ -1,0 +1,90 @@
+#include "config/modbus_map.h"
+
+#include <array>
+#include <set>
+#include <utility>
+
+#include "config/document.h"
+#include "config/key.h"
+#include "physics/problem.h"
+
+namespace stickslip::config {
+
+namespace {
+
+bool holds_bits(RegisterTable table) {
+  return table == RegisterTable::coils || table == RegisterTable::discrete_inputs;
+}
+
+// What the keys of one register mean together.
+void check(Document& document, const std::string& at, const ModbusRegister& entry) {
+  const auto report = [&](const char* key, const std::string& message) {
+    document.report(at + key, message);
+  };
+  const bool bits = holds_bits(entry.table);
+  if (bits != (entry.type == RegisterType::bit)) {
+    report("type", bits ? "coils and discrete inputs hold bits: expected type = \"bit\""
+                        : "a bit stands in a table of its own kind: expected table = \"coils\" or "
+                          "\"discrete_inputs\", or another type");
+  }
+  if (entry.scale == 0.0) report("scale", "is 0, so that every value would be the same");
+  if (entry.address + words_of(entry.type) > 65536) {
+    report("address", "leaves no room for a value of " + std::to_string(words_of(entry.type)) +
+                          " registers below 65536");
+  }
+  const bool writable =
+      entry.table == RegisterTable::coils || entry.table == RegisterTable::holding_registers;
+  if (entry.role == RegisterRole::setting && !writable) {
+    report("table", "cannot be written: expected coils or holding_registers");
+  }
+  if (entry.write_single && words_of(entry.type) > 1) {
+    report("write_single", "function 6 writes one register, and this value has " +
+                               std::to_string(words_of(entry.type)));
+  }
+}
+
+}  // namespace
+
+int words_of(RegisterType type) {
+  switch (type) {
+    case RegisterType::bit:
+    case RegisterType::uint16:
+    case RegisterType::int16:
+    case RegisterType::bcd16:
+      return 1;
+    case RegisterType::uint32:
+    case RegisterType::int32:
+    case RegisterType::float32:
+    case RegisterType::bcd32:
+      return 2;
+    case RegisterType::int64:
+    case RegisterType::float64:
+      return 4;
+  }
+  return 1;
+}
+
+ModbusMap parse_modbus_map(std::string_view text, const std::string& name) {
+  Document document(text, name, modbus_map_keys());
+  ModbusMap map;
+  if (document.sound()) {
+    map.name = document.text("name").value_or("");
+    map.registers = document.registers();
+    std::set<std::string> names;
+    for (std::size_t i = 0; i < map.registers.size(); ++i) {
+      const std::string at = "register." + std::to_string(i) + ".";
+      check(document, at, map.registers[i]);
+      if (!names.insert(map.registers[i].name).second) {
+        document.report(at + "name", "stands for another register already");
+      }
+    }
+  }
+  if (!document.sound()) throw InputError(document.take_problems());
+  return map;
+}
+
+ModbusMap load_modbus_map(const std::filesystem::path& file) {
+  return parse_modbus_map(read_text(file), file.string());
+}
+
+}  // namespace stickslip::config

@@ -1,0 +1,117 @@
+#include "drivers/bench/bench_driver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace stickslip::drivers {
+
+BenchDriver::BenchDriver(BenchParts parts, const config::ShakerOutput& shaker, HostClock& clock,
+                         Patience patience)
+    : board_(std::move(parts.board)),
+      wires_(std::move(parts.wires)),
+      amplifier_(std::move(parts.amplifier)),
+      shaker_(shaker),
+      clock_(clock) {
+  for (auto& gauge : parts.gauges) {
+    gauges_.push_back(std::make_unique<GaugeReader>(std::move(gauge), patience));
+  }
+  describe();
+}
+
+BenchDriver::~BenchDriver() {
+  stop();
+  close();
+}
+
+void BenchDriver::describe() {
+  description_ = board_->description();
+  for (const auto& gauge : gauges_) description_.name += ", " + gauge->gauge().name();
+  for (const GaugeWire& wire : wires_) {
+    const std::size_t i = index_of(wire.channel);
+    description_.channels = static_cast<std::uint8_t>(description_.channels | (1U << i));
+    description_.unit[i] = gauges_[wire.gauge]->gauge().inputs()[wire.input].unit.c_str();
+  }
+}
+
+Result BenchDriver::open() {
+  Result result = board_->open();
+  if (result && amplifier_) result = amplifier_->open();
+  for (const auto& gauge : gauges_) {
+    if (result) result = gauge->open(!opened_before_);
+  }
+  if (!result) {
+    // The message is owned by the device that refused, and closing does not change it.
+    close();
+    return result;
+  }
+  opened_before_ = true;
+  device_clock_ = DeviceClock();
+  describe();
+  return {};
+}
+
+Result BenchDriver::start() { return board_->start(); }
+
+Result BenchDriver::read(Frame& frame) {
+  Frame reading;
+  const Result result = board_->read(reading);
+  if (!result) return result;
+  std::int64_t host_ns = reading.time_ns;
+  if (description_.own_clock) host_ns = device_clock_.host_time(host_ns, clock_.now_ns());
+  for (const GaugeWire& wire : wires_) {
+    const Reading latest = gauges_[wire.gauge]->latest(wire.input, host_ns);
+    if (!latest.valid || gauges_[wire.gauge]->lost() != nullptr) continue;
+    reading.set(wire.channel, latest.value);
+    constexpr std::int64_t oldest_us = std::numeric_limits<std::int32_t>::max();
+    const std::int64_t age_us = std::min((host_ns - latest.time_ns) / 1000, oldest_us);
+    reading.age_us[index_of(wire.channel)] = static_cast<std::int32_t>(age_us);
+  }
+  frame = reading;
+  return {};
+}
+
+double BenchDriver::volts_of(double drive) const {
+  return std::clamp(shaker_.rest_v + shaker_.volts_per_unit * drive, shaker_.low_v, shaker_.high_v);
+}
+
+Result BenchDriver::write(const Actuation& actuation) {
+  const bool finite = std::isfinite(actuation.drive);
+  const bool on = actuation.amplifier_on && finite;
+  const Actuation volts{on ? volts_of(actuation.drive) : shaker_.rest_v, on};
+  // Whatever the first says, the second hears of it: an "off" must reach both.
+  Result contacts;
+  if (amplifier_ && !on) contacts = amplifier_->write(false);
+  const Result board = board_->write(volts);
+  if (amplifier_ && on) contacts = amplifier_->write(static_cast<bool>(board));
+  if (!finite) return {Outcome::fatal, "the commanded drive is not finite"};
+  return board ? contacts : board;
+}
+
+void BenchDriver::stop() noexcept {
+  if (amplifier_) static_cast<void>(amplifier_->write(false));
+  board_->stop();
+}
+
+void BenchDriver::close() noexcept {
+  if (amplifier_) amplifier_->close();
+  board_->close();
+  for (const auto& gauge : gauges_) gauge->close();
+}
+
+Signals BenchDriver::signals() const noexcept {
+  Signals all = board_->signals();
+  const auto add = [&all](const Signals& more) {
+    all.emergency_stop = all.emergency_stop || more.emergency_stop;
+    all.amplifier_fault = all.amplifier_fault || more.amplifier_fault;
+  };
+  if (amplifier_) add(amplifier_->signals());
+  for (const auto& gauge : gauges_) {
+    add(gauge->signals());
+    if (all.lost_part == nullptr) all.lost_part = gauge->lost();
+  }
+  return all;
+}
+
+}  // namespace stickslip::drivers

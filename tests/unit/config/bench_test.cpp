@@ -1,0 +1,96 @@
+// What a sound bench becomes; what is wrong with bad ones is in problems_test.
+#include "config/bench.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "config/modbus_map.h"
+#include "config/rig.h"
+
+namespace stickslip::config {
+namespace {
+
+const std::filesystem::path rigs = std::filesystem::path(STICKSLIP_SOURCE_DIR) / "config";
+
+TEST(Bench, TheShippedBenchIsReadWhole) {
+  const Rig rig = load_rig(rigs / "bench-u6.toml");
+  EXPECT_EQ(rig.driver, DriverKind::bench);
+  const Bench& bench = rig.bench;
+  EXPECT_EQ(bench.board, BoardKind::labjack_u6);
+  const auto& displacement = bench.inputs[index_of(Channel::displacement)];
+  ASSERT_TRUE(displacement);
+  EXPECT_EQ(displacement->device, "labjack_u6");
+  EXPECT_EQ(displacement->input, "AIN0");
+  EXPECT_EQ(displacement->range_v, 10.0);
+  EXPECT_EQ(bench.inputs[index_of(Channel::friction_force)]->gain, 128);
+  EXPECT_FALSE(bench.inputs[index_of(Channel::drive_force)]);
+  EXPECT_EQ(bench.labjack_u6.enable_line, 0);
+  EXPECT_EQ(bench.labjack_u6.emergency_stop_line, 2);
+  EXPECT_FALSE(bench.labjack_u6.serial);
+  EXPECT_EQ(bench.shaker.volts_per_unit, 150.0);
+  ASSERT_EQ(bench.modbus.size(), 1U);
+  EXPECT_EQ(bench.modbus[0].name, "lvdt");
+  EXPECT_EQ(bench.modbus[0].parity, 'E');
+  EXPECT_EQ(bench.modbus[0].poll_period_s, 0.05);
+  EXPECT_EQ(bench.modbus[0].map_file, rigs / "modbus/orbit-acs.toml");
+  EXPECT_FALSE(bench.modbus[0].map.registers.empty());
+  EXPECT_FALSE(bench.amplifier);
+}
+
+TEST(Bench, InputsOfADeviceAreItsOwnAlone) {
+  const Rig rig = load_rig(rigs / "bench-u6.toml");
+  const BenchInputs bridge = inputs_of(rig.bench.inputs, "phidget_bridge");
+  EXPECT_TRUE(bridge[index_of(Channel::friction_force)]);
+  EXPECT_TRUE(bridge[index_of(Channel::normal_load)]);
+  EXPECT_FALSE(bridge[index_of(Channel::displacement)]);
+  EXPECT_FALSE(bridge[index_of(Channel::base_displacement)]);
+}
+
+TEST(ModbusMap, EveryKeyOfARegisterIsRead) {
+  const ModbusMap map = parse_modbus_map(R"(
+schema = 1
+name = "amplifier"
+[[register]]
+name = "current"
+table = "input_registers"
+address = 12
+type = "int32"
+order = "cdab"
+scale = 0.01
+offset = -3.0
+unit = "A"
+group = "values"
+[[register]]
+name = "state"
+role = "alarm"
+address = 7
+ok = [0, 3]
+[[register]]
+name = "limit"
+role = "setting"
+address = 9
+set_to = 2.5
+write_single = true
+)",
+                                         "map.toml");
+  ASSERT_EQ(map.registers.size(), 3U);
+  EXPECT_EQ(map.name, "amplifier");
+  const ModbusRegister& current = map.registers[0];
+  EXPECT_EQ(current.role, RegisterRole::reading);
+  EXPECT_EQ(current.table, RegisterTable::input_registers);
+  EXPECT_EQ(current.address, 12);
+  EXPECT_EQ(current.type, RegisterType::int32);
+  EXPECT_EQ(current.order, ByteOrder::cdab);
+  EXPECT_EQ(current.scale, 0.01);
+  EXPECT_EQ(current.offset, -3.0);
+  EXPECT_EQ(current.unit, "A");
+  EXPECT_EQ(current.group, "values");
+  EXPECT_EQ(map.registers[1].role, RegisterRole::alarm);
+  EXPECT_EQ(map.registers[1].ok, (std::vector<std::int64_t>{0, 3}));
+  EXPECT_EQ(map.registers[2].set_to, 2.5);
+  EXPECT_TRUE(map.registers[2].write_single);
+}
+
+}  // namespace
+}  // namespace stickslip::config

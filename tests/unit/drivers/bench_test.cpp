@@ -1,0 +1,398 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "drivers/bench/bench_driver.h"
+
+namespace stickslip::drivers {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+constexpr std::int64_t ms = 1'000'000;
+
+/// Until `done`, for at most two seconds.
+template <class Done>
+bool soon(Done done) {
+  const auto end = steady_clock::now() + milliseconds(2000);
+  while (!done()) {
+    if (steady_clock::now() > end) return false;
+    std::this_thread::sleep_for(milliseconds(1));
+  }
+  return true;
+}
+
+struct FixedClock final : HostClock {
+  std::int64_t now_ns() override { return now; }
+  void sleep_until(std::int64_t) override {}
+  std::int64_t now = 0;
+};
+
+/// What a test and the gauge in its thread have in common.
+struct GaugeState {
+  std::mutex mutex;
+  std::vector<Reading> next;  // handed out one a read
+  Result open_answer{};
+  Result read_answer{Outcome::no_data, ""};
+  int opened = 0;
+  int closed = 0;
+  GaugeLosses losses;
+  std::atomic<bool> fault{false};
+
+  void say(double value, std::int64_t time_ns, bool valid = true) {
+    const std::lock_guard lock(mutex);
+    next.push_back({value, time_ns, valid});
+  }
+  void answer(Result open, Result read) {
+    const std::lock_guard lock(mutex);
+    open_answer = open;
+    read_answer = read;
+  }
+};
+
+class FakeGauge final : public Gauge {
+ public:
+  explicit FakeGauge(GaugeState& state) : state_(state) {}
+  const std::string& name() const override { return name_; }
+  std::span<const GaugeInput> inputs() const override { return inputs_; }
+  Result open() override {
+    const std::lock_guard lock(state_.mutex);
+    ++state_.opened;
+    return state_.open_answer;
+  }
+  Result read(std::span<Reading> readings) override {
+    std::this_thread::sleep_for(milliseconds(1));
+    const std::lock_guard lock(state_.mutex);
+    if (state_.next.empty()) return state_.read_answer;
+    readings[0] = state_.next.front();
+    state_.next.erase(state_.next.begin());
+    return {};
+  }
+  void close() noexcept override {
+    const std::lock_guard lock(state_.mutex);
+    ++state_.closed;
+  }
+  GaugeLosses losses() const override {
+    const std::lock_guard lock(state_.mutex);
+    return state_.losses;
+  }
+  Signals signals() const noexcept override { return {.amplifier_fault = state_.fault.load()}; }
+
+ private:
+  GaugeState& state_;
+  std::string name_ = "bridge 7";
+  std::vector<GaugeInput> inputs_ = {{"0", "V/V"}};
+};
+
+struct BoardState {
+  std::vector<Frame> frames;
+  std::vector<Actuation> writes;
+  std::vector<std::string> order;  // of "board" and "contacts"
+  Result open_answer{};
+  Result write_answer{};
+  Signals signals;
+  bool own_clock = false;
+};
+
+class FakeBoard final : public Driver {
+ public:
+  explicit FakeBoard(BoardState& state) : state_(state) {
+    description_.name = "board 3";
+    description_.channels = 0b00001;
+    description_.unit[0] = "V";
+    description_.paced = true;
+    description_.can_drive = true;
+    description_.own_clock = state.own_clock;
+  }
+  Result open() override { return state_.open_answer; }
+  Result start() override { return {}; }
+  Result read(Frame& frame) override {
+    if (state_.frames.empty()) return {Outcome::no_data, ""};
+    frame = state_.frames.front();
+    state_.frames.erase(state_.frames.begin());
+    return {};
+  }
+  Result write(const Actuation& actuation) override {
+    state_.writes.push_back(actuation);
+    state_.order.emplace_back("board");
+    return state_.write_answer;
+  }
+  void stop() noexcept override {}
+  void close() noexcept override {}
+  const Description& description() const override { return description_; }
+  Signals signals() const noexcept override { return state_.signals; }
+
+ private:
+  BoardState& state_;
+  Description description_;
+};
+
+struct ContactsState {
+  std::vector<bool> writes;
+  Signals signals;
+  Result write_answer{};
+};
+
+class FakeContacts final : public Contacts {
+ public:
+  FakeContacts(ContactsState& state, BoardState& board) : state_(state), board_(board) {}
+  Result open() override { return {}; }
+  Result write(bool on) override {
+    state_.writes.push_back(on);
+    board_.order.emplace_back("contacts");
+    return state_.write_answer;
+  }
+  Signals signals() const noexcept override { return state_.signals; }
+  void close() noexcept override {}
+
+ private:
+  ContactsState& state_;
+  BoardState& board_;
+};
+
+constexpr Patience quick{1 * ms, 2 * ms};
+
+struct Bench {
+  Bench() : driver(parts(), {.volts_per_unit = 100.0}, clock, quick) {}
+
+  BenchParts parts() {
+    BenchParts out;
+    out.board = std::make_unique<FakeBoard>(board);
+    out.gauges.push_back(std::make_unique<FakeGauge>(gauge));
+    out.wires = {{Channel::normal_load, 0, 0}};
+    out.amplifier = std::make_unique<FakeContacts>(contacts, board);
+    return out;
+  }
+  Frame scan(std::int64_t time_ns, double volts) {
+    Frame frame;
+    frame.time_ns = time_ns;
+    frame.set(Channel::displacement, volts);
+    return frame;
+  }
+  /// The next frame with a reading of the gauge, once the gauge's thread has told it.
+  Frame frame_after_gauge(std::int64_t time_ns) {
+    Frame out;
+    soon([&] {
+      board.frames = {scan(time_ns, 1.0)};
+      return driver.read(out) && out.has(Channel::normal_load);
+    });
+    return out;
+  }
+
+  FixedClock clock;
+  GaugeState gauge;
+  BoardState board;
+  ContactsState contacts;
+  BenchDriver driver;
+};
+
+TEST(GaugeReader, GivesTheLatestReadingThatIsNotNewerThanTheScan) {
+  GaugeState state;
+  GaugeReader reader(std::make_unique<FakeGauge>(state), quick);
+  ASSERT_TRUE(reader.open(true));
+  EXPECT_FALSE(reader.latest(0, 100 * ms).valid);
+  state.say(1.0, 10 * ms);
+  state.say(2.0, 20 * ms);
+  state.say(3.0, 30 * ms);
+  ASSERT_TRUE(soon([&] { return reader.latest(0, 100 * ms).value == 3.0; }));
+  EXPECT_EQ(reader.latest(0, 29 * ms).value, 2.0);
+  EXPECT_EQ(reader.latest(0, 30 * ms).value, 3.0);
+  EXPECT_FALSE(reader.latest(0, 9 * ms).valid);
+}
+
+TEST(GaugeReader, AReadingThatTheDeviceDoesNotBelieveReplacesOneThatItDid) {
+  GaugeState state;
+  GaugeReader reader(std::make_unique<FakeGauge>(state), quick);
+  ASSERT_TRUE(reader.open(true));
+  state.say(1.0, 10 * ms);
+  state.say(9.0, 20 * ms, false);
+  ASSERT_TRUE(soon([&] { return reader.latest(0, 30 * ms).time_ns == 20 * ms; }));
+  EXPECT_FALSE(reader.latest(0, 30 * ms).valid);
+}
+
+TEST(GaugeReader, OpensAGaugeAgainThatWasLostAndSaysSoMeanwhile) {
+  GaugeState state;
+  GaugeReader reader(std::make_unique<FakeGauge>(state), quick);
+  EXPECT_NE(reader.lost(), nullptr);
+  ASSERT_TRUE(reader.open(true));
+  EXPECT_EQ(reader.lost(), nullptr);
+  state.answer({Outcome::lost, "not there"}, {Outcome::lost, "unplugged"});
+  ASSERT_TRUE(soon([&] { return reader.lost() != nullptr; }));
+  EXPECT_THAT(reader.lost(), testing::HasSubstr("bridge 7 is gone"));
+  state.answer({Outcome::needs_attention, "no permission"}, {Outcome::no_data, ""});
+  ASSERT_TRUE(soon([&] {
+    const char* words = reader.lost();
+    return words != nullptr && std::string(words).find("cannot be used") != std::string::npos;
+  }));
+  state.answer({}, {Outcome::no_data, ""});
+  EXPECT_TRUE(soon([&] { return reader.lost() == nullptr; }));
+  state.say(4.0, 40 * ms);
+  EXPECT_TRUE(soon([&] { return reader.latest(0, 50 * ms).value == 4.0; }));
+}
+
+TEST(GaugeReader, DoesNotGoOnWithOneThatIsBeyondHelp) {
+  GaugeState state;
+  GaugeReader reader(std::make_unique<FakeGauge>(state), quick);
+  ASSERT_TRUE(reader.open(true));
+  state.answer({}, {Outcome::fatal, "broken"});
+  ASSERT_TRUE(soon([&] { return reader.lost() != nullptr; }));
+  EXPECT_THAT(reader.lost(), testing::HasSubstr("cannot be brought back"));
+  std::this_thread::sleep_for(milliseconds(20));
+  const std::lock_guard lock(state.mutex);
+  EXPECT_EQ(state.opened, 1);
+}
+
+TEST(GaugeReader, CountsTheLossesOfAllTimesThatTheGaugeWasOpen) {
+  GaugeState state;
+  GaugeReader reader(std::make_unique<FakeGauge>(state), quick);
+  ASSERT_TRUE(reader.open(true));
+  {
+    const std::lock_guard lock(state.mutex);
+    state.losses = {3, 1};
+    state.read_answer = {Outcome::lost, "unplugged"};
+  }
+  ASSERT_TRUE(soon([&] { return reader.lost() != nullptr; }));
+  {
+    const std::lock_guard lock(state.mutex);
+    state.losses = {2, 0};
+    state.read_answer = {Outcome::no_data, ""};
+  }
+  EXPECT_TRUE(soon([&] { return reader.losses().missing == 5 && reader.losses().rejected == 1; }));
+}
+
+TEST(BenchDriver, AFrameHoldsTheScanAndTheGaugesWithTheirAge) {
+  Bench bench;
+  ASSERT_TRUE(bench.driver.open());
+  EXPECT_EQ(bench.driver.description().channels, 0b01001);
+  EXPECT_STREQ(bench.driver.description().unit[index_of(Channel::normal_load)], "V/V");
+  EXPECT_EQ(bench.driver.description().name, "board 3, bridge 7");
+  bench.gauge.say(0.25, 40 * ms);
+  const Frame frame = bench.frame_after_gauge(47 * ms);
+  EXPECT_EQ(frame[Channel::displacement], 1.0);
+  EXPECT_EQ(frame[Channel::normal_load], 0.25);
+  EXPECT_EQ(frame.age_us[index_of(Channel::normal_load)], 7000);
+  EXPECT_EQ(frame.time_ns, 47 * ms);
+}
+
+TEST(BenchDriver, AgesAreByTheHostsClockWhereTheBoardHasOneOfItsOwn) {
+  FixedClock clock;
+  GaugeState gauge;
+  BoardState board;
+  ContactsState contacts;
+  board.own_clock = true;
+  BenchParts parts;
+  parts.board = std::make_unique<FakeBoard>(board);
+  parts.gauges.push_back(std::make_unique<FakeGauge>(gauge));
+  parts.wires = {{Channel::normal_load, 0, 0}};
+  BenchDriver driver(std::move(parts), {.volts_per_unit = 1.0}, clock, quick);
+  ASSERT_TRUE(driver.open());
+  clock.now = 5'000 * ms;  // the board counts from 0
+  gauge.say(0.5, 4'998 * ms);
+  Frame frame;
+  ASSERT_TRUE(soon([&] {
+    Frame scan;
+    scan.time_ns = 2 * ms;
+    scan.set(Channel::displacement, 1.0);
+    board.frames = {scan};
+    return driver.read(frame) && frame.has(Channel::normal_load);
+  }));
+  EXPECT_NEAR(frame.age_us[index_of(Channel::normal_load)], 2000, 1);
+  EXPECT_EQ(frame.time_ns, 2 * ms);
+}
+
+TEST(BenchDriver, DrivesInVoltsWithinTheOutputAndRestsInTheMiddle) {
+  Bench bench;
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.write({0.01, true}));
+  ASSERT_TRUE(bench.driver.write({0.5, true}));
+  ASSERT_TRUE(bench.driver.write({-0.5, true}));
+  ASSERT_TRUE(bench.driver.write({0.01, false}));
+  ASSERT_EQ(bench.board.writes.size(), 4U);
+  EXPECT_DOUBLE_EQ(bench.board.writes[0].drive, 3.5);
+  EXPECT_DOUBLE_EQ(bench.board.writes[1].drive, 5.0);
+  EXPECT_DOUBLE_EQ(bench.board.writes[2].drive, 0.0);
+  EXPECT_DOUBLE_EQ(bench.board.writes[3].drive, 2.5);
+  EXPECT_FALSE(bench.board.writes[3].amplifier_on);
+}
+
+TEST(BenchDriver, TheContactGoesOffBeforeTheOutputAndOnAfterIt) {
+  Bench bench;
+  ASSERT_TRUE(bench.driver.open());
+  bench.board.order.clear();
+  ASSERT_TRUE(bench.driver.write({0.0, true}));
+  ASSERT_TRUE(bench.driver.write({0.0, false}));
+  EXPECT_THAT(bench.board.order, testing::ElementsAre("board", "contacts", "contacts", "board"));
+  EXPECT_THAT(bench.contacts.writes, testing::ElementsAre(true, false));
+}
+
+TEST(BenchDriver, OffReachesBothWhateverOneOfThemSays) {
+  Bench bench;
+  ASSERT_TRUE(bench.driver.open());
+  bench.contacts.write_answer = {Outcome::lost, "the chip is gone"};
+  EXPECT_EQ(bench.driver.write({0.0, false}).outcome, Outcome::lost);
+  ASSERT_FALSE(bench.board.writes.empty());
+  EXPECT_FALSE(bench.board.writes.back().amplifier_on);
+  bench.contacts.write_answer = {};
+  bench.board.write_answer = {Outcome::temporary, "no answer"};
+  EXPECT_EQ(bench.driver.write({0.0, true}).outcome, Outcome::temporary);
+  EXPECT_FALSE(bench.contacts.writes.back()) << "on, although the board did not take the drive";
+  EXPECT_EQ(bench.driver.write({std::numeric_limits<double>::quiet_NaN(), true}).outcome,
+            Outcome::fatal);
+  EXPECT_FALSE(bench.board.writes.back().amplifier_on);
+  EXPECT_FALSE(bench.contacts.writes.back());
+}
+
+TEST(BenchDriver, AGaugeThatIsLostCostsItsChannelsAndIsNamed) {
+  Bench bench;
+  ASSERT_TRUE(bench.driver.open());
+  bench.gauge.say(0.25, 40 * ms);
+  ASSERT_TRUE(bench.frame_after_gauge(47 * ms).has(Channel::normal_load));
+  bench.gauge.answer({Outcome::lost, ""}, {Outcome::lost, ""});
+  ASSERT_TRUE(soon([&] { return bench.driver.signals().lost_part != nullptr; }));
+  EXPECT_THAT(bench.driver.signals().lost_part, testing::HasSubstr("bridge 7"));
+  Frame frame;
+  bench.board.frames = {bench.scan(60 * ms, 1.0)};
+  ASSERT_TRUE(bench.driver.read(frame));
+  EXPECT_TRUE(frame.has(Channel::displacement));
+  EXPECT_FALSE(frame.has(Channel::normal_load));
+}
+
+TEST(BenchDriver, EveryDeviceHasToBeThereTheFirstTimeAndGaugesMayFollowLater) {
+  Bench bench;
+  bench.gauge.answer({Outcome::needs_attention, "no permission on /dev/hidraw0"},
+                     {Outcome::no_data, ""});
+  const Result refused = bench.driver.open();
+  EXPECT_EQ(refused.outcome, Outcome::needs_attention);
+  EXPECT_STREQ(refused.message, "no permission on /dev/hidraw0");
+  bench.gauge.answer({}, {Outcome::no_data, ""});
+  ASSERT_TRUE(bench.driver.open());
+  bench.driver.close();
+  bench.gauge.answer({Outcome::lost, "not there"}, {Outcome::no_data, ""});
+  ASSERT_TRUE(bench.driver.open());
+  EXPECT_NE(bench.driver.signals().lost_part, nullptr);
+}
+
+TEST(BenchDriver, SignalsOfAllDevicesCount) {
+  Bench bench;
+  ASSERT_TRUE(bench.driver.open());
+  EXPECT_FALSE(bench.driver.signals().emergency_stop);
+  EXPECT_FALSE(bench.driver.signals().amplifier_fault);
+  bench.contacts.signals.emergency_stop = true;
+  EXPECT_TRUE(bench.driver.signals().emergency_stop);
+  bench.gauge.fault = true;
+  EXPECT_TRUE(bench.driver.signals().amplifier_fault);
+  bench.contacts.signals.emergency_stop = false;
+  bench.board.signals.emergency_stop = true;
+  EXPECT_TRUE(bench.driver.signals().emergency_stop);
+}
+
+}  // namespace
+}  // namespace stickslip::drivers
