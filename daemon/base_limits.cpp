@@ -126,7 +126,8 @@ double BaseLimits::next(double wanted) {
     taken = -range.low.step;
     limited_ = range.low.by;
   }
-  following_ = joins && taken == step;
+  // The step may be within the wall by rounding where the value itself is not.
+  following_ = joins && taken == step && std::abs(asked) <= most_;
   const double before = x_;
   x_ = following_ ? asked : std::clamp(before + taken, -most_, most_);
   step_ = x_ - before;

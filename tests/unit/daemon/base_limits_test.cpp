@@ -89,6 +89,17 @@ RC_GTEST_PROP(BaseLimits, HoldForAnySequence, ()) {
   }
 }
 
+// From wall to wall in one step, towards a value that is beyond the wall by one rounding: the
+// difference of the two is the same to the bit, the value is not.
+TEST(BaseLimits, AValueOneRoundingBeyondTheWallIsBeyondIt) {
+  constexpr double wall = 0x1.41d51f35aa45p-13;
+  Watched watched({wall, 0x1.f89583ad75cfp-6, 0x1.80b980a2c83adp+2}, 1e-2);
+  for (int i = 0; i < 50; ++i) watched.next(-2.0 * wall);
+  watched.next(0x1.41d51f35aa451p-13);
+  EXPECT_TRUE(watched.sound());
+  EXPECT_LE(watched.stage().value(), wall);
+}
+
 // The worst that something upstream can do: always towards the farther wall, at the moment that
 // hurts most. Long, so that rounding has the time to add up.
 TEST(BaseLimits, HoldAgainstAnAdversaryThatSeesTheState) {
