@@ -1,0 +1,102 @@
+// A LabJack U6 or U6-Pro as the board of a bench: its inputs are streamed, one of its DACs drives
+// the shaker, and one of its lines lets the amplifier run.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "config/bench.h"
+#include "drivers/attached.h"
+#include "drivers/driver.h"
+#include "drivers/host_clock.h"
+
+namespace stickslip::drivers {
+
+/// A frame is a scan, in volts at the inputs; its time is exactly its number times the period of
+/// the board's crystal, and its sequence counts the scans that were lost too, whether on the bus or
+/// in the board. Actuation.drive is volts at the configured DAC; Actuation.amplifier_on is the
+/// level of the enable line.
+///
+/// read and write are for one thread; the samples arrive in another one, which this starts.
+class LabjackU6Driver final : public Driver {
+ public:
+  /// `inputs` are those on this board alone (input "AIN0" to "AIN13"; differential pairs begin with
+  /// an even one; range_v 10, 1, 0.1 or 0.01). `rate_hz` is that of the scans. The clock has to
+  /// outlive it. What cannot be done is told by open.
+  LabjackU6Driver(const config::LabjackU6& settings, const config::BenchInputs& inputs,
+                  double rate_hz, HostClock& clock);
+  ~LabjackU6Driver() override;
+
+  /// Finds the board, reads its calibration, ends a stream that a dead process has left behind, and
+  /// makes the output safe: the enable line low, the DAC at the middle of its range.
+  Result open() override;
+  Result start() override;
+  /// Waits at most 20 ms. A loss of the board or of the count of scans is told until close.
+  Result read(Frame& frame) override;
+  /// Never waits. While a command is under way, the newest set-point replaces those before it;
+  /// "off" is sent at once in any case. What became of a command is told by a later write.
+  Result write(const Actuation& actuation) override;
+  void stop() noexcept override;
+  void close() noexcept override;
+  const Description& description() const override { return description_; }
+  /// Read with every command, and at least every 20 ms while read or write is called.
+  Signals signals() const noexcept override;
+
+ private:
+  struct Board;
+  enum class Power : std::uint8_t { off, arming, on };
+
+  Result refuse(Outcome outcome, std::string text);
+  std::string trouble_with_settings() const;
+  Result prepare();
+  Result begin_stream();
+  bool make_safe() noexcept;
+  void wind_down() noexcept;
+  void forget_what_was_told();
+  Result ended();
+
+  void collect(std::int64_t now_ns);
+  void collect_set_point(std::int64_t now_ns);
+  void collect_off(std::int64_t now_ns);
+  void collect_watchdog(std::int64_t now_ns);
+  void turn_off(std::uint16_t counts, std::int64_t now_ns);
+  void keep_off(std::uint16_t counts, std::int64_t now_ns);
+  void keep_on(std::uint16_t counts, std::int64_t now_ns);
+  void send_set_point(std::uint16_t counts, bool on, std::int64_t now_ns);
+  bool worth_sending(std::uint16_t counts, bool on, std::int64_t now_ns) const;
+  bool guarded(std::int64_t now_ns);
+  bool let_go_by_watchdog(std::int64_t now_ns) const;
+  bool has_watchdog() const;
+
+  config::LabjackU6 settings_;
+  config::BenchInputs inputs_;
+  double rate_hz_;
+  HostClock& clock_;
+  Description description_;
+  std::unique_ptr<Board> board_;
+  std::string refusal_;
+  std::array<char, 200> failure_{};  // of a command; empty: none to tell
+  bool failure_told_ = false;
+  std::array<char, 200> end_text_{};
+  bool running_ = false;
+
+  Power power_ = Power::off;
+  bool off_unconfirmed_ = false;
+  bool watchdog_armed_ = false;
+  bool arming_ = false;  // what is under way in the watchdog's slot
+  bool let_go_ = false;  // by the watchdog; until the amplifier was told to be off
+  bool sent_on_ = false;
+  bool resend_ = false;
+  std::uint16_t sent_counts_ = 0;
+  std::int64_t sent_ns_ = 0;
+  double rest_v_ = 2.5;  // the drive that came with the latest "off"
+  std::uint8_t echo_ = 0;
+};
+
+/// Every LabJack U6 that is attached, whether or not it can be used.
+std::vector<Attached> find_labjack_u6();
+
+}  // namespace stickslip::drivers

@@ -1,0 +1,184 @@
+// What a LabJack U6 is told and what it answers, as bytes: pure functions, without USB. The layouts
+// are those of the board's low-level function reference (U6 datasheet, section 5.2).
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <initializer_list>
+#include <optional>
+#include <span>
+#include <string>
+
+namespace stickslip::drivers::labjack_u6 {
+
+inline constexpr std::uint16_t vendor_id = 0x0CD5;
+inline constexpr std::uint16_t product_id = 0x0006;
+/// No command, reply or stream packet is longer: the board's endpoints take 64 bytes.
+inline constexpr std::size_t largest_packet = 64;
+inline constexpr int gain_count = 4;
+inline constexpr int analog_inputs = 14;
+inline constexpr int digital_lines = 20;  ///< FIO0-7, EIO0-7, CIO0-3
+/// The watchdog names its line in four bits.
+inline constexpr int watchdog_lines = 16;
+/// Of all channels together [samples/s].
+inline constexpr double highest_sample_rate_hz = 50000.0;
+
+/// Sum of the bytes, its carries added back in twice.
+std::uint8_t checksum8(std::span<const std::uint8_t> bytes);
+/// Sum of the bytes modulo 65536.
+std::uint16_t checksum16(std::span<const std::uint8_t> bytes);
+
+/// What is sent in one piece to the command endpoint.
+struct Command {
+  std::array<std::uint8_t, largest_packet> bytes{};
+  std::size_t size = 0;
+  std::span<const std::uint8_t> view() const { return {bytes.data(), size}; }
+};
+
+/// Asks what board this is.
+Command ask_identity();
+/// Asks for a block of the calibration memory, 0 to 9. Not while streaming.
+Command ask_calibration(int block);
+/// All lines are plain digital ones: no timers, no counters.
+Command plain_lines();
+Command start_stream();
+Command stop_stream();
+/// Where nothing was said to the board for `timeout_s`, it sets that line (0 to 15) low.
+Command arm_watchdog(std::uint16_t timeout_s, int line);
+Command disarm_watchdog();
+
+/// How scans are paced: `hz` / `interval` scans a second.
+struct ScanClock {
+  std::uint32_t hz = 0;
+  std::uint16_t interval = 1;
+  std::uint8_t config_bits = 0;  ///< of StreamConfig's byte 11
+
+  double rate_hz() const { return static_cast<double>(hz) / interval; }
+  /// From the start of the stream to the start of a scan, to the nanosecond.
+  std::int64_t time_ns(std::uint64_t scan) const;
+};
+
+/// The clock and interval whose rate is nearest to that one (positive and finite); of equal ones
+/// the fastest clock.
+ScanClock nearest_clock(double rate_hz);
+/// |rate of the clock / rate - 1|
+double deviation(const ScanClock& clock, double rate_hz);
+
+/// One entry of a scan.
+struct StreamChannel {
+  std::uint8_t input = 0;  ///< 0 to 13
+  bool differential = false;
+  std::uint8_t gain = 0;  ///< 0: +-10 V, 1: +-1 V, 2: +-0.1 V, 3: +-0.01 V
+};
+
+/// 1 to 25 channels, `samples_per_packet` 1 to 25.
+Command configure_stream(std::span<const StreamChannel> channels, int resolution_index,
+                         int samples_per_packet, int settling, const ScanClock& clock);
+
+/// "AIN0" to "AIN13".
+std::optional<std::uint8_t> input_named(const std::string& name);
+/// The gain whose range is +-range_v, if there is one.
+std::optional<std::uint8_t> gain_of(double range_v);
+
+/// Several small orders in one command, done in their order. Too many for one command are left
+/// out; those that this driver combines fit.
+class Feedback {
+ public:
+  /// The reply repeats `echo`.
+  explicit Feedback(std::uint8_t echo);
+  Feedback& dac(int dac, std::uint16_t counts);
+  /// Makes the line an output.
+  Feedback& set_line(int line, bool high);
+  Feedback& make_input(int line);
+  /// At most once in a command: the reply then holds the levels of all lines.
+  Feedback& read_lines();
+  Command command() const;
+
+ private:
+  void add(std::initializer_list<std::uint8_t> bytes);
+  Command command_;
+};
+
+/// What is wrong with a reply.
+struct Verdict {
+  enum class Kind : std::uint8_t {
+    ok,
+    length,    ///< not as long as this command's reply is
+    checksum,  ///< damaged on the way
+    refused,   ///< the board found the command's checksum wrong (B8 B8)
+    command,   ///< the reply to something else
+    error,     ///< the board says why not: `code`
+  };
+  Kind kind = Kind::ok;
+  std::uint8_t code = 0;      ///< of the board
+  std::uint8_t position = 0;  ///< Feedback: which order failed, from 1
+
+  explicit operator bool() const { return kind == Kind::ok; }
+};
+
+/// The board's own word for an error code; "unknown error" for others.
+const char* error_name(std::uint8_t code);
+/// For a person, without the board's name: "error 55 (scan overlap)".
+std::string in_words(const Verdict& verdict);
+
+/// What ConfigU6 says.
+struct Identity {
+  std::uint32_t serial = 0;
+  std::uint16_t product = 0;
+  std::uint8_t firmware_major = 0;
+  std::uint8_t firmware_minor = 0;
+  bool pro = false;
+};
+Verdict parse_identity(std::span<const std::uint8_t> reply, Identity& identity);
+/// "LabJack U6-Pro #360009876"
+std::string name_of(const Identity& identity);
+/// "1.43"
+std::string firmware_of(const Identity& identity);
+
+using CalibrationBlock = std::array<std::uint8_t, 32>;
+Verdict parse_calibration(std::span<const std::uint8_t> reply, CalibrationBlock& block);
+Verdict check_plain_lines(std::span<const std::uint8_t> reply);
+Verdict check_stream_configured(std::span<const std::uint8_t> reply);
+Verdict check_stream_started(std::span<const std::uint8_t> reply);
+/// "The stream is not running" (52) is an error here too.
+Verdict check_stream_stopped(std::span<const std::uint8_t> reply);
+Verdict check_watchdog(std::span<const std::uint8_t> reply);
+
+/// The reply to a Feedback.
+struct FeedbackReply {
+  std::uint8_t echo = 0;
+  std::uint32_t lines = 0;  ///< bit i: line i is high; 0 where it was not asked for
+};
+/// With an error of the board `echo` is known all the same.
+Verdict parse_feedback(std::span<const std::uint8_t> reply, bool lines_read, FeedbackReply& out);
+
+/// What a reply answers, from its first bytes alone; nothing: not a reply that is asked for while
+/// the stream runs.
+enum class ReplyKind { feedback, watchdog };
+std::optional<ReplyKind> kind_of(std::span<const std::uint8_t> reply);
+
+/// What turns counts into volts and back, of one board.
+struct Calibration {
+  std::array<double, gain_count> positive_slope_v{};  ///< [V/count]
+  std::array<double, gain_count> negative_slope_v{};  ///< [V/count], negative
+  std::array<double, gain_count> center{};            ///< [count] that means 0 V
+  std::array<double, 2> dac_slope{};                  ///< [count/V]
+  std::array<double, 2> dac_offset{};                 ///< [count]
+};
+
+/// What every board is close to.
+Calibration nominal_calibration();
+/// From blocks 0 to 4 (the further ones hold current sources, the thermometer and the slow
+/// converter of the Pro, none of which a stream uses).
+inline constexpr int calibration_blocks = 5;
+Calibration calibration_of(std::span<const CalibrationBlock, calibration_blocks> blocks);
+/// Which constant cannot be true, with its value and what it should be; empty: all may be.
+std::string trouble_with(const Calibration& calibration);
+
+/// Volts of a count of the stream's converter, at that gain (0 to 3).
+double volts(const Calibration& calibration, std::uint8_t gain, std::uint16_t counts);
+/// The nearest the board can do; what is not finite gives 0 V.
+std::uint16_t dac_counts(const Calibration& calibration, int dac, double volts);
+
+}  // namespace stickslip::drivers::labjack_u6

@@ -1,0 +1,324 @@
+#include "drivers/labjack_u6/stream_session.h"
+
+#include <sys/time.h>
+#include <time.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <system_error>
+#include <utility>
+
+namespace stickslip::drivers::labjack_u6 {
+
+namespace {
+
+constexpr unsigned leaving_patience_ms = 100;
+constexpr std::int64_t reply_patience_ns = 250'000'000;
+constexpr std::size_t replies_listened_for = 4;
+
+// The word of a slot.
+enum class Phase : std::uint8_t { idle, waiting, done, failed };
+constexpr std::uint64_t word_of(Phase phase, std::uint8_t echo, const Verdict& verdict = {}) {
+  return static_cast<std::uint64_t>(phase) | static_cast<std::uint64_t>(echo) << 8U |
+         static_cast<std::uint64_t>(verdict.kind) << 16U |
+         static_cast<std::uint64_t>(verdict.code) << 24U |
+         static_cast<std::uint64_t>(verdict.position) << 32U;
+}
+constexpr Phase phase_of(std::uint64_t word) { return static_cast<Phase>(word & 0xFFU); }
+constexpr std::uint8_t echo_of(std::uint64_t word) {
+  return static_cast<std::uint8_t>(word >> 8U & 0xFFU);
+}
+constexpr Verdict verdict_of(std::uint64_t word) {
+  return {static_cast<Verdict::Kind>(word >> 16U & 0xFFU),
+          static_cast<std::uint8_t>(word >> 24U & 0xFFU),
+          static_cast<std::uint8_t>(word >> 32U & 0xFFU)};
+}
+
+/// Two seconds of frames: a loop that is late for longer has other troubles.
+std::size_t frames_kept(const ScanClock& clock) {
+  return static_cast<std::size_t>(std::max(1024.0, 2.0 * clock.rate_hz()));
+}
+
+timespec monotonic_in(std::int64_t ns) {
+  timespec due{};
+  clock_gettime(CLOCK_MONOTONIC, &due);
+  due.tv_nsec += ns % 1'000'000'000;
+  due.tv_sec += ns / 1'000'000'000 + due.tv_nsec / 1'000'000'000;
+  due.tv_nsec %= 1'000'000'000;
+  return due;
+}
+
+}  // namespace
+
+StreamSession::StreamSession(libusb_context* context, libusb_device_handle* handle, StreamPlan plan)
+    : context_(context),
+      handle_(handle),
+      plan_(std::move(plan)),
+      decoder_(static_cast<int>(plan_.scan.size()), plan_.samples_per_packet),
+      frames_(frames_kept(plan_.clock)) {
+  sem_init(&available_, 0, 0);
+}
+
+StreamSession::~StreamSession() { sem_destroy(&available_); }
+
+bool StreamSession::allocate() {
+  const auto add = [this](std::vector<Incoming>& to, std::uint8_t endpoint, std::size_t bytes,
+                          libusb_transfer_cb_fn callback) {
+    Incoming incoming{Transfer(libusb_alloc_transfer(0)), std::vector<std::uint8_t>(bytes)};
+    if (!incoming.transfer) return false;
+    libusb_fill_bulk_transfer(incoming.transfer.get(), handle_, endpoint, incoming.bytes.data(),
+                              static_cast<int>(bytes), callback, this, 0);
+    to.push_back(std::move(incoming));
+    return true;
+  };
+  const auto packets = static_cast<std::size_t>(plan_.packets_per_transfer);
+  for (int i = 0; i < plan_.transfers; ++i) {
+    if (!add(stream_, stream_endpoint, packets * largest_packet, samples_came)) return false;
+  }
+  for (std::size_t i = 0; i < replies_listened_for; ++i) {
+    if (!add(replies_, reply_endpoint, largest_packet, reply_came)) return false;
+  }
+  for (Outgoing& outgoing : outgoing_) {
+    outgoing.session = this;
+    outgoing.transfer.reset(libusb_alloc_transfer(0));
+    if (!outgoing.transfer) return false;
+  }
+  return true;
+}
+
+bool StreamSession::begin() {
+  bool sound = allocate();
+  for (auto* const kind : {&replies_, &stream_}) {
+    for (Incoming& incoming : *kind) sound = sound && submit(incoming.transfer.get());
+  }
+  if (sound) {
+    try {
+      thread_ = std::thread([this] { run(); });
+      return true;
+    } catch (const std::system_error&) {
+    }
+  }
+  finishing_ = true;
+  reap();
+  return false;
+}
+
+bool StreamSession::end() noexcept {
+  finishing_.store(true, std::memory_order_release);
+  if (thread_.joinable()) thread_.join();
+  if (in_flight_.load() == 0) return true;
+  for (auto* const kind : {&replies_, &stream_}) {
+    for (Incoming& incoming : *kind) static_cast<void>(incoming.transfer.release());
+  }
+  for (Outgoing& outgoing : outgoing_) static_cast<void>(outgoing.transfer.release());
+  return false;
+}
+
+void StreamSession::run() {
+  int failures = 0;
+  while (!finishing_.load(std::memory_order_acquire)) {
+    timeval patience{0, 50'000};
+    const int error = libusb_handle_events_timeout_completed(context_, &patience, nullptr);
+    failures = error == LIBUSB_SUCCESS || error == LIBUSB_ERROR_INTERRUPTED ? 0 : failures + 1;
+    if (failures == 0) continue;
+    if (failures == 100) finish(StreamEnd::usb_error);
+    const timespec pause{0, 1'000'000};
+    nanosleep(&pause, nullptr);
+  }
+  reap();
+}
+
+/// Only where no other thread handles events, so that a callback cannot submit what was cancelled.
+void StreamSession::reap() noexcept {
+  for (auto* const kind : {&stream_, &replies_}) {
+    for (Incoming& incoming : *kind) {
+      if (incoming.transfer) libusb_cancel_transfer(incoming.transfer.get());
+    }
+  }
+  for (Outgoing& outgoing : outgoing_) {
+    if (outgoing.leaving) libusb_cancel_transfer(outgoing.transfer.get());
+  }
+  for (int round = 0; round < 200 && in_flight_.load() > 0; ++round) {
+    timeval patience{0, 10'000};
+    libusb_handle_events_timeout_completed(context_, &patience, nullptr);
+  }
+}
+
+bool StreamSession::submit(libusb_transfer* transfer) {
+  in_flight_.fetch_add(1);
+  const int error = libusb_submit_transfer(transfer);
+  if (error == LIBUSB_SUCCESS) return true;
+  in_flight_.fetch_sub(1);
+  finish(error == LIBUSB_ERROR_NO_DEVICE ? StreamEnd::unplugged : StreamEnd::usb_error);
+  return false;
+}
+
+void StreamSession::finish(StreamEnd why) {
+  StreamEnd expected = StreamEnd::not_ended;
+  if (end_.compare_exchange_strong(expected, why)) sem_post(&available_);
+}
+
+/// Whether what came in may be used and asked for again.
+bool StreamSession::usable(libusb_transfer_status status) {
+  switch (status) {
+    case LIBUSB_TRANSFER_COMPLETED:
+    case LIBUSB_TRANSFER_TIMED_OUT:
+      return !finishing_.load(std::memory_order_acquire);
+    case LIBUSB_TRANSFER_CANCELLED:
+      return false;
+    case LIBUSB_TRANSFER_NO_DEVICE:
+      finish(StreamEnd::unplugged);
+      return false;
+    default:
+      finish(StreamEnd::usb_error);
+      return false;
+  }
+}
+
+void LIBUSB_CALL StreamSession::samples_came(libusb_transfer* transfer) {
+  auto& self = *static_cast<StreamSession*>(transfer->user_data);
+  if (self.usable(transfer->status) && self.ended() == StreamEnd::not_ended) {
+    self.decode({transfer->buffer, static_cast<std::size_t>(transfer->actual_length)});
+    if (self.ended() == StreamEnd::not_ended) self.submit(transfer);
+  }
+  self.in_flight_.fetch_sub(1);
+}
+
+void LIBUSB_CALL StreamSession::reply_came(libusb_transfer* transfer) {
+  auto& self = *static_cast<StreamSession*>(transfer->user_data);
+  if (self.usable(transfer->status)) {
+    self.dispatch({transfer->buffer, static_cast<std::size_t>(transfer->actual_length)});
+    self.submit(transfer);
+  }
+  self.in_flight_.fetch_sub(1);
+}
+
+void LIBUSB_CALL StreamSession::command_left(libusb_transfer* transfer) {
+  auto& outgoing = *static_cast<Outgoing*>(transfer->user_data);
+  StreamSession& self = *outgoing.session;
+  if (transfer->status == LIBUSB_TRANSFER_NO_DEVICE) self.finish(StreamEnd::unplugged);
+  if (transfer->status != LIBUSB_TRANSFER_COMPLETED) {
+    self.settle(outgoing, {Verdict::Kind::length});
+  }
+  outgoing.leaving.store(false, std::memory_order_release);
+  self.in_flight_.fetch_sub(1);
+}
+
+void StreamSession::decode(std::span<const std::uint8_t> bytes) {
+  const std::size_t packet = decoder_.packet_bytes();
+  while (!bytes.empty()) {
+    const std::size_t size = std::min(packet, bytes.size());
+    switch (decoder_.take(bytes.first(size))) {
+      case StreamDecoder::Outcome::ok:
+        backlog_.store(decoder_.backlog(), std::memory_order_relaxed);
+        for (const Scan& scan : decoder_.scans()) put(scan);
+        break;
+      case StreamDecoder::Outcome::error:
+        board_error_.store(decoder_.error(), std::memory_order_relaxed);
+        finish(StreamEnd::board_error);
+        return;
+      case StreamDecoder::Outcome::uncountable:
+        finish(StreamEnd::uncountable);
+        return;
+      case StreamDecoder::Outcome::damaged:
+      case StreamDecoder::Outcome::repeated:
+        break;
+    }
+    bytes = bytes.subspan(size);
+  }
+}
+
+void StreamSession::put(const Scan& scan) {
+  Frame frame;
+  frame.sequence = scan.index;
+  frame.time_ns = plan_.clock.time_ns(scan.index);
+  for (std::size_t i = 0; i < plan_.scan.size(); ++i) {
+    frame.set(plan_.channel[i], volts(plan_.calibration, plan_.scan[i].gain, scan.counts[i]));
+  }
+  // Where nobody reads, the newest are lost, and the sequence tells.
+  if (frames_.try_enqueue(frame)) sem_post(&available_);
+}
+
+bool StreamSession::next(Frame& frame, std::int64_t patience_ns) {
+  if (sem_trywait(&available_) != 0) {
+    if (ended() != StreamEnd::not_ended) return false;
+    const timespec due = monotonic_in(patience_ns);
+    int waited = 0;
+    do {
+      waited = sem_clockwait(&available_, CLOCK_MONOTONIC, &due);
+    } while (waited != 0 && errno == EINTR);
+    if (waited != 0) return false;
+  }
+  return frames_.try_dequeue(frame);
+}
+
+void StreamSession::dispatch(std::span<const std::uint8_t> reply) {
+  const std::optional<ReplyKind> kind = kind_of(reply);
+  if (kind == ReplyKind::watchdog) {
+    settle(at(Slot::watchdog), check_watchdog(reply));
+    return;
+  }
+  FeedbackReply feedback;
+  const Verdict verdict = parse_feedback(reply, true, feedback);
+  if (kind == ReplyKind::feedback && (verdict || verdict.kind == Verdict::Kind::error)) {
+    if (verdict) lines_.store(feedback.lines, std::memory_order_relaxed);
+    for (const Slot slot : {Slot::set_point, Slot::off}) {
+      const std::uint64_t word = at(slot).word.load(std::memory_order_acquire);
+      if (echo_of(word) == feedback.echo) settle(at(slot), verdict);
+    }
+    return;  // of no slot: its command was given up, and it says nothing new
+  }
+  // Nobody knows whose reply that was. All that wait are sent again, which does no harm.
+  settle_all(verdict ? Verdict{Verdict::Kind::command} : verdict);
+}
+
+void StreamSession::settle(Outgoing& outgoing, const Verdict& verdict) {
+  std::uint64_t word = outgoing.word.load(std::memory_order_acquire);
+  if (phase_of(word) != Phase::waiting) return;
+  const Phase phase = verdict ? Phase::done : Phase::failed;
+  outgoing.word.compare_exchange_strong(word, word_of(phase, echo_of(word), verdict));
+}
+
+void StreamSession::settle_all(const Verdict& verdict) {
+  for (Outgoing& outgoing : outgoing_) settle(outgoing, verdict);
+}
+
+StreamSession::Progress StreamSession::progress(Slot slot, std::int64_t now_ns) {
+  Outgoing& outgoing = at(slot);
+  std::uint64_t word = outgoing.word.load(std::memory_order_acquire);
+  using Kind = Progress::Kind;
+  if (phase_of(word) == Phase::idle) return {};
+  if (phase_of(word) == Phase::waiting) {
+    if (now_ns - outgoing.sent_ns < reply_patience_ns) return {Kind::under_way, {}};
+    const std::uint64_t idle = word_of(Phase::idle, 0);
+    if (outgoing.word.compare_exchange_strong(word, idle)) return {Kind::timed_out, {}};
+    // The reply came just now, and `word` holds it.
+  }
+  outgoing.word.store(word_of(Phase::idle, 0), std::memory_order_release);
+  return {phase_of(word) == Phase::done ? Kind::done : Kind::failed, verdict_of(word)};
+}
+
+bool StreamSession::free(Slot slot) const {
+  const Outgoing& outgoing = at(slot);
+  return phase_of(outgoing.word.load(std::memory_order_acquire)) == Phase::idle &&
+         !outgoing.leaving.load(std::memory_order_acquire);
+}
+
+bool StreamSession::send(Slot slot, const Command& command, std::uint8_t echo,
+                         std::int64_t now_ns) {
+  Outgoing& outgoing = at(slot);
+  outgoing.command = command;
+  outgoing.sent_ns = now_ns;
+  libusb_fill_bulk_transfer(outgoing.transfer.get(), handle_, command_endpoint,
+                            outgoing.command.bytes.data(), static_cast<int>(command.size),
+                            command_left, &outgoing, leaving_patience_ms);
+  outgoing.word.store(word_of(Phase::waiting, echo), std::memory_order_release);
+  outgoing.leaving.store(true, std::memory_order_release);
+  if (submit(outgoing.transfer.get())) return true;
+  outgoing.leaving.store(false, std::memory_order_release);
+  outgoing.word.store(word_of(Phase::idle, 0), std::memory_order_release);
+  return false;
+}
+
+}  // namespace stickslip::drivers::labjack_u6

@@ -1,0 +1,139 @@
+// A LabJack U6 while it streams: samples arrive in a thread of their own and become frames, and
+// short commands travel beside them without anybody waiting.
+#pragma once
+
+#include <libusb-1.0/libusb.h>
+#include <readerwriterqueue/readerwriterqueue.h>
+#include <semaphore.h>
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include "drivers/labjack_u6/board_link.h"
+#include "drivers/labjack_u6/protocol.h"
+#include "drivers/labjack_u6/stream_decoder.h"
+#include "physics/frame.h"
+
+namespace stickslip::drivers::labjack_u6 {
+
+/// What a scan is made of.
+struct StreamPlan {
+  std::vector<StreamChannel> scan;  ///< in the order in which they are sampled
+  std::vector<Channel> channel;     ///< what each of them measures
+  ScanClock clock;
+  Calibration calibration;
+  int samples_per_packet = 25;
+  int transfers = 8;
+  int packets_per_transfer = 1;
+};
+
+/// What ended a stream.
+enum class StreamEnd : std::uint8_t {
+  not_ended,
+  unplugged,
+  usb_error,    ///< stalled, or the bus failed
+  uncountable,  ///< scans were lost and nobody knows how many
+  board_error,  ///< the board put an error code in a packet
+};
+
+/// The commands that may be under way at the same time, one of each.
+enum class Slot : std::uint8_t { set_point, off, watchdog };
+inline constexpr std::size_t slot_count = 3;
+
+/// Calls come from one thread, that of the loop; what the event thread shares with it is atomic.
+class StreamSession {
+ public:
+  StreamSession(libusb_context* context, libusb_device_handle* handle, StreamPlan plan);
+  ~StreamSession();
+  StreamSession(const StreamSession&) = delete;
+  StreamSession& operator=(const StreamSession&) = delete;
+
+  /// Submits the transfers and starts the thread. The board streams already, or does so at once.
+  /// False: it could not, and nothing is under way any more, unless end() says otherwise.
+  bool begin();
+  /// Cancels everything and waits until it has come back. False: the kernel kept something, and
+  /// this object must not be destroyed.
+  bool end() noexcept;
+
+  /// The next frame, in volts; waits for it at most that long. Does not allocate or lock.
+  bool next(Frame& frame, std::int64_t patience_ns);
+  StreamEnd ended() const { return end_.load(std::memory_order_acquire); }
+  std::uint8_t board_error() const { return board_error_.load(std::memory_order_relaxed); }
+  /// How full the board's buffer was, of 256.
+  std::uint8_t backlog() const { return backlog_.load(std::memory_order_relaxed); }
+
+  /// What became of the command in a slot. Takes the result away: the next call says `none`.
+  struct Progress {
+    enum class Kind : std::uint8_t { none, under_way, done, failed, timed_out };
+    Kind kind = Kind::none;
+    Verdict verdict;  ///< failed; where the command could not be sent, of Kind::length
+  };
+  Progress progress(Slot slot, std::int64_t now_ns);
+  /// Nothing of that slot is under way.
+  bool free(Slot slot) const;
+  /// Only where free(). A Feedback carries `echo` and reads the lines. False: it was not sent.
+  bool send(Slot slot, const Command& command, std::uint8_t echo, std::int64_t now_ns);
+  /// Levels of the digital lines in the latest reply.
+  std::uint32_t lines() const { return lines_.load(std::memory_order_relaxed); }
+  void set_lines(std::uint32_t lines) { lines_.store(lines, std::memory_order_relaxed); }
+
+ private:
+  struct FreeTransfer {
+    void operator()(libusb_transfer* transfer) const noexcept { libusb_free_transfer(transfer); }
+  };
+  using Transfer = std::unique_ptr<libusb_transfer, FreeTransfer>;
+  struct Incoming {
+    Transfer transfer;
+    std::vector<std::uint8_t> bytes;
+  };
+  struct Outgoing {
+    StreamSession* session = nullptr;
+    Transfer transfer;
+    Command command;
+    // Phase, echo, and what was wrong: in one word, so that a reply and a time-out cannot both win.
+    std::atomic<std::uint64_t> word{0};
+    std::atomic<bool> leaving{false};  // its bytes are with the kernel
+    std::int64_t sent_ns = 0;
+  };
+
+  static void LIBUSB_CALL samples_came(libusb_transfer* transfer);
+  static void LIBUSB_CALL reply_came(libusb_transfer* transfer);
+  static void LIBUSB_CALL command_left(libusb_transfer* transfer);
+
+  bool allocate();
+  bool submit(libusb_transfer* transfer);
+  void run();
+  void reap() noexcept;
+  void finish(StreamEnd why);
+  bool usable(libusb_transfer_status status);
+  void decode(std::span<const std::uint8_t> bytes);
+  void put(const Scan& scan);
+  void dispatch(std::span<const std::uint8_t> reply);
+  void settle(Outgoing& outgoing, const Verdict& verdict);
+  void settle_all(const Verdict& verdict);
+  Outgoing& at(Slot slot) { return outgoing_[static_cast<std::size_t>(slot)]; }
+  const Outgoing& at(Slot slot) const { return outgoing_[static_cast<std::size_t>(slot)]; }
+
+  libusb_context* context_;
+  libusb_device_handle* handle_;
+  StreamPlan plan_;
+  StreamDecoder decoder_;
+  std::vector<Incoming> stream_;
+  std::vector<Incoming> replies_;
+  std::array<Outgoing, slot_count> outgoing_;
+  moodycamel::ReaderWriterQueue<Frame> frames_;
+  sem_t available_{};
+  std::atomic<StreamEnd> end_{StreamEnd::not_ended};
+  std::atomic<std::uint8_t> board_error_{0};
+  std::atomic<std::uint8_t> backlog_{0};
+  std::atomic<std::uint32_t> lines_{0};
+  std::atomic<int> in_flight_{0};
+  std::atomic<bool> finishing_{false};
+  std::thread thread_;
+};
+
+}  // namespace stickslip::drivers::labjack_u6
