@@ -1,0 +1,183 @@
+// A LabJack U6 as its USB cable shows it: commands, analogue inputs, outputs, digital lines, the
+// firmware's watchdog, and the stream, with a crystal and calibration constants of its own. Written
+// from what travels on the wire (docs of the vendor's protocol), not from a driver.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <random>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "tests/emulated/labjack_u6/calibration.h"
+#include "tests/emulated/labjack_u6/stream.h"
+#include "tests/emulated/usb_device.h"
+#include "tests/emulated/wires.h"
+
+namespace stickslip::emulated {
+
+struct LabjackU6Options {
+  std::uint32_t serial = 360009876;
+  bool pro = false;
+  std::uint8_t firmware_major = 1;
+  std::uint8_t firmware_minor = 43;
+  std::uint8_t local_id = 1;
+  std::uint64_t seed = 1;          ///< of the calibration constants, the noise and faults by chance
+  double crystal_error_ppm = 0.0;  ///< positive: the device's seconds are short
+  double noise = 1.0;              ///< times what such a converter has; 0: none
+  int drive_dac = 0;               ///< the output that is wired to the amplifier
+  /// Digital lines, 0 to 19; absent: not wired.
+  std::optional<int> enable_line;           ///< high: enabled; pulled down by the contact
+  std::optional<int> amplifier_fault_line;  ///< low: fault
+  std::optional<int> emergency_stop_line;   ///< low: pressed
+};
+
+/// What can befall the answer to a command.
+enum class U6ReplyFault : std::uint8_t {
+  late,     ///< comes `late_ns` after the command was done
+  missing,  ///< the command is done and never answered
+  error,    ///< the command is not done; the answer holds `error`
+  bad_checksum,
+  stall,  ///< the response endpoint stalls; the answer comes after clear_halt
+};
+
+struct U6ReplyFaultDetail {
+  std::int64_t late_ns = 0;
+  std::uint8_t error = 0;
+};
+
+/// Any thread may call it: it looks at one thing at a time by itself.
+class EmulatedLabjackU6 final : public UsbDevice {
+ public:
+  static constexpr std::uint16_t vendor_id = 0x0CD5;
+  static constexpr std::uint16_t product_id = 6;
+
+  EmulatedLabjackU6(Wires& wires, Now now, LabjackU6Options options = {});
+
+  /// AIN0 to AIN13 against ground [V]. What is not wired reads 0 V. A differential channel reads
+  /// its input less the next one.
+  void wire(int input, Sensor sensor);
+
+  Bytes device_descriptor() const override;
+  Bytes configuration_descriptor() const override;
+  std::string string(std::uint8_t index) const override;
+  UsbAnswer control(const UsbSetup& setup, std::span<const std::uint8_t> out) override;
+  UsbStatus out(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) override;
+  UsbAnswer in(std::uint8_t endpoint, std::size_t room) override;
+  void clear_halt(std::uint8_t endpoint_address) override;
+  void reset() override;
+
+  /// Does what is due by now (the watchdog, scans) without a call from the bus: for a test whose
+  /// host is dead.
+  void catch_up();
+
+  /// Packet `packet` of the stream, counted from 0 at each start.
+  void schedule(U6StreamFault fault, std::uint64_t packet);
+  /// Of every packet from now on.
+  void chance(U6StreamFault fault, double probability);
+  /// The answer after `skip` more answers (0: the next one).
+  void schedule(U6ReplyFault fault, std::uint64_t skip = 0, U6ReplyFaultDetail detail = {});
+  /// Of every answer from now on.
+  void chance(U6ReplyFault fault, double probability, U6ReplyFaultDetail detail = {});
+  /// While silent it takes commands and data and gives nothing back.
+  void fall_silent(bool silent);
+
+  // The truth, for tests.
+  const U6Calibration& calibration() const { return calibration_; }
+  /// Every scan since the stream began, by index; lost ones included.
+  std::vector<U6Scan> scans() const;
+  std::uint64_t scans_lost() const;  ///< for want of room in the FIFO, since the stream began
+  std::uint64_t recoveries() const;
+  std::vector<U6SpoiltPacket> spoilt_packets() const;
+  std::uint64_t packets() const;  ///< made since the stream began, those never sent included
+  bool streaming() const;
+  double dac_volts(int dac) const;
+  bool line_is_output(int line) const;
+  bool line_is_high(int line) const;
+  std::uint64_t watchdog_bites() const;
+  std::uint64_t resets() const;    ///< by command, by the bus or by the watchdog
+  std::uint64_t commands() const;  ///< taken, since it was made
+
+ private:
+  struct Answer {
+    Bytes bytes;
+    std::int64_t ready_ns = 0;
+    bool stall_first = false;
+  };
+  struct Watchdog {
+    std::uint8_t options = 0;
+    std::uint16_t timeout_s = 0;
+    std::uint8_t dio = 0;
+    std::int64_t fed_ns = 0;
+    bool armed() const { return timeout_s != 0 && (options & 0x30U) != 0; }
+    std::int64_t due_ns() const { return fed_ns + std::int64_t{timeout_s} * 1'000'000'000; }
+  };
+  struct Feedback;
+
+  void catch_up_locked();
+  void bite(std::int64_t time_ns);
+  void power_up(std::int64_t time_ns);
+  void command(std::span<const std::uint8_t> bytes);
+  void extended_command(std::span<const std::uint8_t> bytes);
+  void answer(Bytes bytes);
+  struct ReplyFate {
+    std::optional<U6ReplyFault> fault;
+    U6ReplyFaultDetail detail;
+  };
+  ReplyFate fate_of_reply();
+  std::uint8_t injected_error();
+
+  Bytes config_u6(std::span<const std::uint8_t> bytes);
+  Bytes config_io(std::span<const std::uint8_t> bytes);
+  Bytes read_memory(std::span<const std::uint8_t> bytes, bool calibration);
+  Bytes stream_config(std::span<const std::uint8_t> bytes);
+  Bytes watchdog_command(std::span<const std::uint8_t> bytes);
+  Bytes feedback(std::span<const std::uint8_t> bytes);
+  std::uint8_t io_type(Feedback& feedback);
+  std::uint8_t analog_input(Feedback& feedback, std::uint8_t type);
+  std::uint8_t digital(Feedback& feedback, std::uint8_t type);
+  std::uint8_t ports(Feedback& feedback, std::uint8_t type);
+  Bytes stream_command(bool start);
+  Bytes reset_command(std::span<const std::uint8_t> bytes);
+
+  double volts(int input, bool differential, std::int64_t time_ns);
+  double converted(const U6ConverterCalibration& adc, int gain, double volts);
+  std::uint16_t stream_counts(const U6StreamChannel& channel, std::int64_t time_ns, double& volts);
+  bool level(int line) const;
+  void set_dac(std::size_t dac, std::uint16_t counts, std::int64_t time_ns);
+  void tell_enable(std::int64_t time_ns);
+
+  mutable std::mutex lock_;
+  Wires& wires_;
+  Now now_;
+  LabjackU6Options options_;
+  U6Calibration calibration_;
+  std::mt19937_64 noise_;
+  std::mt19937_64 chance_;
+  std::map<int, Sensor> inputs_;
+  U6Stream stream_;
+  std::deque<Answer> answers_;
+  bool response_stalled_ = false;
+  bool silent_ = false;
+  std::array<std::uint16_t, 2> dac_counts_{};
+  std::uint32_t direction_ = 0;  // bit: output
+  std::uint32_t latch_ = 0;      // bit: high, where it is an output
+  std::optional<bool> enabled_;  // as told to the wires
+  Watchdog watchdog_;
+  std::array<std::uint8_t, 3> io_config_{};
+  std::uint8_t local_id_;
+  std::uint64_t bites_ = 0;
+  std::uint64_t resets_ = 0;
+  std::uint64_t commands_ = 0;
+  std::uint64_t replies_ = 0;
+  std::map<std::uint64_t, std::pair<U6ReplyFault, U6ReplyFaultDetail>> reply_faults_;
+  std::map<U6ReplyFault, std::pair<double, U6ReplyFaultDetail>> reply_chances_;
+};
+
+}  // namespace stickslip::emulated
