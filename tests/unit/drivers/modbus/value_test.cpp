@@ -165,7 +165,8 @@ RC_GTEST_PROP(ModbusValue, WhatIsWrittenReadsBackInEveryTypeAndOrder, ()) {
   }
 }
 
-RC_GTEST_PROP(ModbusValue, WhatIsReadIsWrittenAsItWas, (std::vector<std::uint16_t> words)) {
+RC_GTEST_PROP(ModbusValue, WhatIsReadIsWrittenSoThatItReadsTheSame,
+              (std::vector<std::uint16_t> words)) {
   words.resize(4, 0);
   for (const RegisterType type : types) {
     if (type == int64) continue;  // a double cannot tell all of them apart
@@ -176,8 +177,8 @@ RC_GTEST_PROP(ModbusValue, WhatIsReadIsWrittenAsItWas, (std::vector<std::uint16_
       if (!number) continue;
       const auto again = words_for(its, *number);
       RC_ASSERT(again.has_value());
-      RC_ASSERT(std::vector(again->view().begin(), again->view().end()) ==
-                std::vector(own.begin(), own.end()));
+      // Not the words: there are two zeros.
+      RC_ASSERT(value_of(its, again->view()) == number);
     }
   }
 }
