@@ -1,0 +1,327 @@
+#include "drivers/amplifier/amplifier.h"
+
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+
+namespace stickslip::drivers {
+
+namespace {
+
+/// Levels are looked at so often, edges or not.
+constexpr int look_every_ms = 50;
+/// A chip that fails so often in a row is taken for gone.
+constexpr int failures_of_a_lost_chip = 3;
+/// The kernel numbers chips from 0 on and leaves gaps where one was unplugged.
+constexpr int most_chips = 256;
+constexpr std::size_t most_lines = 4;
+
+bool is_gone(int error) {
+  return error == ENODEV || error == ENXIO || error == EBADF || error == ESHUTDOWN;
+}
+
+std::string path_of(int number) { return "/dev/gpiochip" + std::to_string(number); }
+
+std::string what_to_do_about_permission(const std::string& path) {
+  return "allow it: sudo groupadd -f gpio; sudo usermod -aG gpio $USER; echo 'SUBSYSTEM==\"gpio\", "
+         "KERNEL==\"gpiochip*\", GROUP=\"gpio\", MODE=\"0660\"' | sudo tee "
+         "/etc/udev/rules.d/60-stickslip-gpio.rules; sudo udevadm control --reload; sudo udevadm "
+         "trigger " +
+         path + "; and log in again";
+}
+
+/// What has been seen of the chips of this host.
+struct Search {
+  std::vector<gpio::Chip> chips;
+  std::string forbidden;  ///< the path of one that may not be opened
+};
+
+Search look_for_chips() {
+  Search search;
+  for (int number = 0; number < most_chips; ++number) {
+    int error = 0;
+    if (auto chip = gpio::chip_at(path_of(number), error)) {
+      search.chips.push_back(std::move(*chip));
+    } else if (error == EACCES || error == EPERM) {
+      search.forbidden = path_of(number);
+    }
+  }
+  return search;
+}
+
+std::string listed(const std::vector<gpio::Chip>& chips) {
+  std::string text;
+  for (const gpio::Chip& chip : chips) {
+    if (!text.empty()) text += ", ";
+    text += chip.name;
+    text += " [" + chip.label + "]";
+  }
+  return text.empty() ? "none" : text;
+}
+
+}  // namespace
+
+Amplifier::Amplifier(const config::Amplifier& settings, HostClock& clock)
+    : settings_(settings),
+      clock_(clock),
+      heartbeat_period_ns_(
+          std::max<std::int64_t>(std::llround(settings.heartbeat_period_s * 1.0e9), 1)),
+      lost_message_("the GPIO chip " + settings.chip +
+                    " of the amplifier is gone: plug it in again; gpiodetect lists what is there"),
+      failed_message_("the GPIO chip " + settings.chip +
+                      " of the amplifier did not do what it was told this time"),
+      emergency_stop_(settings.emergency_stop.has_value()),
+      fault_(settings.fault.has_value()) {}
+
+Amplifier::~Amplifier() { close(); }
+
+Result Amplifier::open() {
+  close();
+  std::string path;
+  if (const Result found = find_chip(path); !found) return found;
+  gpio::Refusal refusal;
+  if (!request_outputs(path, refusal) || !request_inputs(path, refusal)) {
+    outputs_.reset();
+    inputs_.reset();
+    return refused(refusal);
+  }
+  lost_ = false;
+  failures_in_row_ = 0;
+  enable_is_ = false;
+  heartbeat_is_ = false;
+  next_beat_ns_ = clock_.now_ns();
+  open_ = true;
+  if (!inputs_) return {};
+  std::array<bool, most_lines> none{};
+  if (!look_at_inputs(none)) {
+    close();
+    return {Outcome::lost, lost_message_.c_str()};
+  }
+  stopping_ = false;
+  wake_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+  watcher_ = std::thread([this] { watch_inputs(); });
+  return {};
+}
+
+Result Amplifier::find_chip(std::string& path) {
+  if (settings_.chip.starts_with('/')) {
+    path = settings_.chip;
+    return {};
+  }
+  const Search search = look_for_chips();
+  std::vector<gpio::Chip> fitting;
+  for (const gpio::Chip& chip : search.chips) {
+    if (chip.name == settings_.chip || chip.label == settings_.chip) fitting.push_back(chip);
+  }
+  if (fitting.size() == 1) {
+    path = fitting.front().path;
+    return {};
+  }
+  if (!fitting.empty()) {
+    message_ = "more than one GPIO chip is called " + settings_.chip + " (" + listed(fitting) +
+               "): say which by its path or name";
+    return {Outcome::needs_attention, message_.c_str()};
+  }
+  if (!search.forbidden.empty()) {
+    message_ = "the amplifier's GPIO chip " + settings_.chip + " was not found, and " +
+               search.forbidden +
+               " may not be opened: " + what_to_do_about_permission(search.forbidden);
+    return {Outcome::needs_attention, message_.c_str()};
+  }
+  message_ = "there is no GPIO chip with the path, name or label " + settings_.chip +
+             "; there is: " + listed(search.chips);
+  return {Outcome::lost, message_.c_str()};
+}
+
+bool Amplifier::request_outputs(const std::string& path, gpio::Refusal& refusal) {
+  std::vector<config::GpioLine> lines;
+  enable_.reset();
+  heartbeat_.reset();
+  if (settings_.enable) {
+    enable_ = lines.size();
+    lines.push_back(*settings_.enable);
+  }
+  if (settings_.heartbeat) {
+    heartbeat_ = lines.size();
+    lines.push_back(*settings_.heartbeat);
+  }
+  if (lines.empty()) return true;
+  outputs_ = gpio::Lines::request(path, gpio::Use::output, lines, refusal);
+  return outputs_ != nullptr;
+}
+
+bool Amplifier::request_inputs(const std::string& path, gpio::Refusal& refusal) {
+  std::vector<config::GpioLine> lines;
+  watched_.clear();
+  const auto add = [&](const std::optional<config::GpioLine>& line, std::atomic<bool>& told) {
+    if (!line) return;
+    lines.push_back(*line);
+    watched_.push_back({gpio::Debounced(std::llround(line->debounce_s * 1.0e9)), &told});
+  };
+  add(settings_.fault, fault_);
+  add(settings_.emergency_stop, emergency_stop_);
+  if (lines.empty()) return true;
+  inputs_ = gpio::Lines::request(path, gpio::Use::input, lines, refusal);
+  return inputs_ != nullptr;
+}
+
+Result Amplifier::refused(const gpio::Refusal& refusal) {
+  const std::string what =
+      refusal.line.empty()
+          ? "the amplifier's GPIO chip " + settings_.chip
+          : "line " + refusal.line + " of the amplifier's GPIO chip " + settings_.chip;
+  switch (refusal.error) {
+    case EBUSY:
+      message_ = what + " is used by " +
+                 (refusal.consumer.empty() ? "somebody else" : "\"" + refusal.consumer + "\"") +
+                 ": end that program, or take another line (gpioinfo " + settings_.chip + ")";
+      return {Outcome::needs_attention, message_.c_str()};
+    case EACCES:
+    case EPERM:
+      message_ = what + " may not be opened: " + what_to_do_about_permission(settings_.chip);
+      return {Outcome::needs_attention, message_.c_str()};
+    case ENOENT:
+      if (!refusal.line.empty()) {
+        message_ = what + " does not exist: gpioinfo " + settings_.chip + " lists its lines";
+        return {Outcome::needs_attention, message_.c_str()};
+      }
+      break;
+    case ENOTTY:
+    case EINVAL:
+      message_ = what + " refuses (" + std::strerror(refusal.error) +
+                 "): it is no GPIO chip, or cannot do that bias or direction";
+      return {Outcome::needs_attention, message_.c_str()};
+    default:
+      break;
+  }
+  message_ = what + " cannot be opened (" + std::strerror(refusal.error) +
+             "): is it plugged in? gpiodetect lists what is there";
+  return {Outcome::lost, message_.c_str()};
+}
+
+Result Amplifier::write(bool amplifier_on) {
+  if (!open_) {
+    // Off is what it is already.
+    if (!amplifier_on) return {};
+    return {Outcome::fatal, "write to an amplifier that is not open"};
+  }
+  const bool gone = lost_.load(std::memory_order_relaxed);
+  // Off is tried even where the chip seems to be gone.
+  const bool shall_be_on = amplifier_on && !gone;
+  if (enable_ && enable_is_ != shall_be_on) {
+    const int error = outputs_->set(*enable_, shall_be_on);
+    if (error != 0) {
+      enable_is_.reset();
+      return failed(error);
+    }
+    enable_is_ = shall_be_on;
+  }
+  if (gone) return {Outcome::lost, lost_message_.c_str()};
+  const std::int64_t now = clock_.now_ns();
+  if (heartbeat_ && now >= next_beat_ns_) {
+    const int error = outputs_->set(*heartbeat_, !heartbeat_is_);
+    if (error != 0) return failed(error);
+    heartbeat_is_ = !heartbeat_is_;
+    next_beat_ns_ += heartbeat_period_ns_;
+    if (next_beat_ns_ <= now) next_beat_ns_ = now + heartbeat_period_ns_;
+  }
+  failures_in_row_ = 0;
+  return {};
+}
+
+Result Amplifier::failed(int error) {
+  // What the lines hold is not known: enable is set again with the next write.
+  enable_is_.reset();
+  if (!is_gone(error) && ++failures_in_row_ < failures_of_a_lost_chip &&
+      !lost_.load(std::memory_order_relaxed)) {
+    return {Outcome::temporary, failed_message_.c_str()};
+  }
+  lost_.store(true, std::memory_order_relaxed);
+  return {Outcome::lost, lost_message_.c_str()};
+}
+
+Signals Amplifier::signals() const noexcept {
+  Signals signals;
+  signals.emergency_stop =
+      emergency_stop_.load(std::memory_order_relaxed) || lost_.load(std::memory_order_relaxed);
+  signals.amplifier_fault = fault_.load(std::memory_order_relaxed);
+  return signals;
+}
+
+void Amplifier::say_unknown() noexcept {
+  emergency_stop_.store(settings_.emergency_stop.has_value(), std::memory_order_relaxed);
+  fault_.store(settings_.fault.has_value(), std::memory_order_relaxed);
+}
+
+/// False: the chip did not answer.
+bool Amplifier::look_at_inputs(std::span<bool> went_active) {
+  if (inputs_->take_edges(went_active) != 0) return false;
+  for (std::size_t i = 0; i < watched_.size(); ++i) {
+    const int level = inputs_->get(i);
+    if (level < 0) return false;
+    const std::int64_t now = clock_.now_ns();
+    // It was active in between, however shortly.
+    if (went_active[i]) watched_[i].state.update(true, now);
+    watched_[i].told->store(watched_[i].state.update(level == 1, now), std::memory_order_relaxed);
+  }
+  return true;
+}
+
+void Amplifier::watch_inputs() {
+  std::vector<pollfd> waited{{wake_, POLLIN, 0}};
+  for (const int file : inputs_->edge_files()) waited.push_back({file, POLLIN, 0});
+  int failures = 0;
+  for (;;) {
+    ::poll(waited.data(), waited.size(), look_every_ms);
+    if (stopping_.load(std::memory_order_relaxed)) return;
+    std::array<bool, most_lines> went_active{};
+    if (look_at_inputs(went_active)) {
+      failures = 0;
+      continue;
+    }
+    if (++failures < failures_of_a_lost_chip) continue;
+    lost_.store(true, std::memory_order_relaxed);
+    say_unknown();
+    return;
+  }
+}
+
+void Amplifier::close() noexcept {
+  if (outputs_ && enable_) outputs_->set(*enable_, false);
+  if (watcher_.joinable()) {
+    stopping_.store(true, std::memory_order_relaxed);
+    const std::uint64_t one = 1;
+    // If this should fail, it looks for itself within 50 ms.
+    static_cast<void>(!::write(wake_, &one, sizeof one));
+    watcher_.join();
+  }
+  if (wake_ >= 0) ::close(wake_);
+  wake_ = -1;
+  outputs_.reset();
+  inputs_.reset();
+  open_ = false;
+  say_unknown();
+}
+
+std::vector<Attached> find_gpio_chips() {
+  std::vector<Attached> found;
+  for (int number = 0; number < most_chips; ++number) {
+    int error = 0;
+    const std::string path = path_of(number);
+    if (const auto chip = gpio::chip_at(path, error)) {
+      found.push_back({"gpio", chip->label + ", " + std::to_string(chip->lines) + " lines",
+                       chip->name, path, ""});
+    } else if (error == EACCES || error == EPERM) {
+      found.push_back({"gpio", "GPIO chip", "", path, what_to_do_about_permission(path)});
+    }
+  }
+  return found;
+}
+
+}  // namespace stickslip::drivers

@@ -1,0 +1,94 @@
+// The shaker amplifier's contacts on the lines of a GPIO chip: enable and heartbeat out, fault and
+// emergency stop in.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "config/bench.h"
+#include "drivers/amplifier/debounced.h"
+#include "drivers/amplifier/gpio_lines.h"
+#include "drivers/attached.h"
+#include "drivers/driver.h"
+#include "drivers/host_clock.h"
+
+namespace stickslip::drivers {
+
+/// open, write and close in the loop's thread (or one after the other); signals in any. Off needs
+/// no other thread than the one that calls.
+///
+/// Whatever is not known is pressed: an emergency stop that is configured counts as pressed, and a
+/// fault as one, before open, after close, and when the chip is gone.
+class Amplifier {
+ public:
+  Amplifier(const config::Amplifier& settings, HostClock& clock);
+  ~Amplifier();
+  Amplifier(const Amplifier&) = delete;
+  Amplifier& operator=(const Amplifier&) = delete;
+
+  /// Finds the chip by path, name or label and requests the lines; enable and heartbeat begin
+  /// inactive, and have never been active in between.
+  Result open();
+
+  /// Once a cycle. Sets enable where it is not known to be as it should, and turns the heartbeat
+  /// when its period is over: a loop that hangs lets it stop. Allocates nothing, takes no lock, and
+  /// waits for nothing but the chip.
+  Result write(bool amplifier_on);
+
+  Signals signals() const noexcept;
+
+  /// Leaves enable inactive and the heartbeat still.
+  void close() noexcept;
+
+ private:
+  Result refused(const gpio::Refusal& refusal);
+  Result find_chip(std::string& path);
+  bool request_outputs(const std::string& path, gpio::Refusal& refusal);
+  bool request_inputs(const std::string& path, gpio::Refusal& refusal);
+  Result failed(int error);
+  void watch_inputs();
+  bool look_at_inputs(std::span<bool> went_active);
+  void say_unknown() noexcept;
+
+  config::Amplifier settings_;
+  HostClock& clock_;
+  std::int64_t heartbeat_period_ns_;
+  std::string message_;
+  std::string lost_message_;
+  std::string failed_message_;
+
+  // The loop's.
+  std::unique_ptr<gpio::Lines> outputs_;
+  std::optional<std::size_t> enable_;
+  std::optional<std::size_t> heartbeat_;
+  std::optional<bool> enable_is_;  // nothing: not known
+  bool heartbeat_is_ = false;
+  std::int64_t next_beat_ns_ = 0;
+  int failures_in_row_ = 0;
+  bool open_ = false;
+
+  // The watching thread's, while it runs.
+  struct Input {
+    gpio::Debounced state;
+    std::atomic<bool>* told;
+  };
+  std::unique_ptr<gpio::Lines> inputs_;
+  std::vector<Input> watched_;
+  int wake_ = -1;
+  std::atomic<bool> stopping_{false};
+  std::thread watcher_;
+
+  std::atomic<bool> lost_{false};
+  std::atomic<bool> emergency_stop_;
+  std::atomic<bool> fault_;
+};
+
+/// The chips of this host, for a person who configures one.
+std::vector<Attached> find_gpio_chips();
+
+}  // namespace stickslip::drivers

@@ -1,0 +1,381 @@
+#include "drivers/modbus/modbus_unit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "drivers/modbus/value.h"
+
+namespace stickslip::drivers {
+
+namespace {
+
+using config::ModbusRegister;
+using config::RegisterRole;
+using config::RegisterTable;
+using modbus::Exchange;
+using modbus::Progress;
+
+/// A read waits at most so long.
+constexpr std::int64_t patience_ns = 150'000'000;
+/// So many replies in a row that make no sense are no disturbance but a wrong setting.
+constexpr int senseless_in_row = 20;
+
+std::int64_t ns(double seconds) { return std::llround(seconds * 1.0e9); }
+
+std::string name_of(const config::ModbusUnit& its) {
+  return (its.map.name.empty() ? std::string("Modbus unit") : its.map.name) + " \"" + its.name +
+         "\" (unit " + std::to_string(its.unit) + " on " + its.port + ")";
+}
+
+const char* name_of(RegisterTable table) {
+  switch (table) {
+    case RegisterTable::coils:
+      return "coil";
+    case RegisterTable::discrete_inputs:
+      return "discrete input";
+    case RegisterTable::input_registers:
+      return "input register";
+    case RegisterTable::holding_registers:
+      break;
+  }
+  return "holding register";
+}
+
+std::string title_of(const ModbusRegister& its) {
+  return "\"" + its.name + "\" (" + name_of(its.table) + " " + std::to_string(its.address) + ")";
+}
+
+std::string number(double value) {
+  std::string text = std::to_string(value);
+  text.erase(text.find_last_not_of('0') + 1);
+  if (text.back() == '.') text.pop_back();
+  return text;
+}
+
+template <typename Numbers>
+std::string listed(const Numbers& numbers, const char* between) {
+  std::string text;
+  for (const auto one : numbers) {
+    if (!text.empty()) text += between;
+    text += std::to_string(one);
+  }
+  return text;
+}
+
+bool has_role(const config::ModbusMap& map, RegisterRole role) {
+  return std::any_of(map.registers.begin(), map.registers.end(),
+                     [role](const ModbusRegister& its) { return its.role == role; });
+}
+
+std::optional<std::size_t> find_reading(const config::ModbusMap& map, const std::string& name) {
+  for (std::size_t i = 0; i < map.registers.size(); ++i) {
+    if (map.registers[i].name == name && map.registers[i].role == RegisterRole::reading) return i;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+ModbusUnit::ModbusUnit(config::ModbusUnit settings, std::vector<std::string> inputs,
+                       std::shared_ptr<modbus::ModbusBus> bus, HostClock& clock)
+    : settings_(std::move(settings)),
+      name_(name_of(settings_)),
+      bus_(std::move(bus)),
+      clock_(clock),
+      plan_(modbus::plan_requests(settings_.map, {inputs.begin(), inputs.end()})),
+      has_alarm_(has_role(settings_.map, RegisterRole::alarm)),
+      alarm_(has_alarm_) {
+  for (std::string& input : inputs) {
+    const auto at = find_reading(settings_.map, input);
+    input_registers_.push_back(at);
+    inputs_.push_back({std::move(input), at ? settings_.map.registers[*at].unit : ""});
+  }
+  caller_.unit = settings_.unit;
+  caller_.timeout_ns = ns(settings_.timeout_s);
+  caller_.pause_between_requests_ns = ns(settings_.pause_between_requests_s);
+  caller_.pause_after_connect_ns = ns(settings_.pause_after_connect_s);
+}
+
+ModbusUnit::~ModbusUnit() { close(); }
+
+Result ModbusUnit::tell(Outcome outcome, std::string words) {
+  message_ = name_ + ": " + std::move(words);
+  return {outcome, message_.c_str()};
+}
+
+Signals ModbusUnit::signals() const noexcept {
+  Signals signals;
+  signals.amplifier_fault = alarm_.load(std::memory_order_relaxed);
+  return signals;
+}
+
+Result ModbusUnit::check_map() {
+  for (std::size_t i = 0; i < inputs_.size(); ++i) {
+    if (!input_registers_[i]) {
+      return tell(Outcome::needs_attention, "its map " + settings_.map_file.string() +
+                                                " has no reading \"" + inputs_[i].name +
+                                                "\", which an input asks for");
+    }
+  }
+  return {};
+}
+
+Result ModbusUnit::open() {
+  close();
+  if (const Result checked = check_map(); !checked) return checked;
+  std::string why;
+  if (const Outcome connected = bus_->connect(why); connected != Outcome::ok) {
+    return tell(connected, why);
+  }
+  silent_in_row_ = 0;
+  garbled_in_row_ = 0;
+  for (const ModbusRegister& its : settings_.map.registers) {
+    if (its.role != RegisterRole::setting || !its.set_to) continue;
+    if (const Result written = write_setting(its); !written) return written;
+  }
+  // Whether it answers at all, and knows all of these registers.
+  std::vector<std::uint16_t> words;
+  for (std::size_t i = 0; i < plan_.requests.size(); ++i) {
+    const Result asked =
+        ask_at_leisure(modbus::read_message(settings_.unit, plan_.requests[i]), names_in(i), words);
+    if (!asked) return asked;
+  }
+  due_ns_ = clock_.now_ns();
+  status_was_well_ = true;
+  open_ = true;
+  return {};
+}
+
+Result ModbusUnit::write_setting(const ModbusRegister& its) {
+  const auto words = modbus::words_for(its, *its.set_to);
+  if (!words) {
+    return tell(Outcome::needs_attention, "setting " + title_of(its) + " cannot hold " +
+                                              number(*its.set_to) + ": see its type and scale");
+  }
+  std::vector<std::uint16_t> back;
+  const std::string what = "setting " + title_of(its);
+  Result asked = ask_at_leisure(modbus::write_message(settings_.unit, its.table, its.address,
+                                                      words->view(), its.write_single),
+                                what, back);
+  if (!asked) return asked;
+  asked = ask_at_leisure(modbus::read_message(settings_.unit, {its.table, its.address,
+                                                               static_cast<int>(words->count)}),
+                         what, back);
+  if (!asked) return asked;
+  if (std::equal(back.begin(), back.end(), words->view().begin(), words->view().end())) return {};
+  return tell(Outcome::needs_attention, what + " was given " + number(*its.set_to) + " (" +
+                                            listed(words->view(), " ") + ") and reads back " +
+                                            listed(back, " ") +
+                                            ": the unit refuses that value, or is locked");
+}
+
+/// A request with its attempts, for as long as it takes.
+Result ModbusUnit::ask_at_leisure(std::span<const std::uint8_t> request, const std::string& what,
+                                  std::vector<std::uint16_t>& words) {
+  Result result;
+  for (int attempt = 0; attempt <= settings_.retries; ++attempt) {
+    Exchange exchange;
+    do {
+      exchange = bus_->exchange(caller_, request, clock_.now_ns() + patience_ns);
+      losses_.rejected += exchange.rejected;
+    } while (exchange.progress == Progress::waiting);
+    if (exchange.progress == Progress::answered) {
+      silent_in_row_ = 0;
+      garbled_in_row_ = 0;
+      words = std::move(exchange.words);
+      return {};
+    }
+    result = failed(exchange, what);
+    if (result.outcome != Outcome::temporary) break;
+  }
+  return result;
+}
+
+Result ModbusUnit::read(std::span<Reading> readings) {
+  if (!open_) return {Outcome::fatal, "read of a Modbus unit that is not open"};
+  const std::int64_t until = clock_.now_ns() + patience_ns;
+  if (answered_.empty()) {
+    clock_.sleep_until(std::min(due_ns_, until));
+    if (due_ns_ > until) return {Outcome::no_data, ""};
+  }
+  bool complete = false;
+  const Result polled = poll_until(until, complete);
+  if (!complete) return polled;
+  const Result taken = take(readings);
+  next_poll();
+  return taken;
+}
+
+Result ModbusUnit::poll_until(std::int64_t until_ns, bool& complete) {
+  while (answered_.size() < plan_.requests.size()) {
+    const std::size_t at = answered_.size();
+    Exchange exchange =
+        bus_->exchange(caller_, modbus::read_message(settings_.unit, plan_.requests[at]), until_ns);
+    losses_.rejected += exchange.rejected;
+    if (exchange.progress == Progress::waiting) return {Outcome::no_data, ""};
+    if (exchange.progress != Progress::answered) return failed(exchange, names_in(at));
+    silent_in_row_ = 0;
+    garbled_in_row_ = 0;
+    answered_.push_back({std::move(exchange.words),
+                         exchange.sent_ns + (exchange.received_ns - exchange.sent_ns) / 2});
+  }
+  complete = true;
+  return {};
+}
+
+Result ModbusUnit::failed(const Exchange& exchange, const std::string& what) {
+  switch (exchange.progress) {
+    case Progress::exception:
+      return refused(exchange.exception, what);
+    case Progress::silent:
+      return silent(what);
+    case Progress::garbled:
+      return garbled(exchange, what);
+    default:
+      break;
+  }
+  put_off_poll();
+  if (has_alarm_) alarm_.store(true, std::memory_order_relaxed);
+  return tell(Outcome::lost, exchange.why);
+}
+
+Result ModbusUnit::silent(const std::string& what) {
+  const std::string words =
+      "no answer to " + what + " within " + number(1.0e3 * settings_.timeout_s) + " ms";
+  if (++silent_in_row_ <= settings_.retries) return tell(Outcome::temporary, words);
+  put_off_poll();
+  if (has_alarm_) alarm_.store(true, std::memory_order_relaxed);
+  return tell(Outcome::lost, words + ", " + std::to_string(silent_in_row_) +
+                                 " times: is it on, is its address " +
+                                 std::to_string(settings_.unit) +
+                                 ", are A and B the right way round, do baud rate and parity fit?");
+}
+
+Result ModbusUnit::garbled(const Exchange& exchange, const std::string& what) {
+  const std::string words = "the reply to " + what + " was not believed: " + exchange.why;
+  if (++garbled_in_row_ > settings_.retries) put_off_poll();
+  if (garbled_in_row_ < senseless_in_row) return tell(Outcome::temporary, words);
+  if (has_alarm_) alarm_.store(true, std::memory_order_relaxed);
+  return tell(Outcome::needs_attention,
+              words + ", " + std::to_string(garbled_in_row_) +
+                  " times in a row: look at baud rate, parity, termination, at two units with one "
+                  "address and at an adapter that hears itself");
+}
+
+Result ModbusUnit::refused(std::uint8_t exception, const std::string& what) {
+  const std::string words = "answers " + what + " with exception " + std::to_string(exception) +
+                            ", " + modbus::name_of_exception(exception);
+  if (exception == 11) return silent(what + " (exception 11, behind its gateway)");
+  put_off_poll();
+  switch (exception) {
+    case 1:
+    case 2:
+    case 3:
+    case 10:
+      if (has_alarm_) alarm_.store(true, std::memory_order_relaxed);
+      return tell(Outcome::needs_attention,
+                  words + (exception == 10 ? ": look at the gateway's settings"
+                                           : ": its map does not fit this unit"));
+    default:
+      return tell(Outcome::temporary, words);
+  }
+}
+
+/// This poll has come to nothing.
+void ModbusUnit::put_off_poll() {
+  if (!open_) return;
+  losses_.missing += std::max<std::size_t>(inputs_.size(), 1);
+  next_poll();
+}
+
+void ModbusUnit::next_poll() {
+  answered_.clear();
+  const std::int64_t period = std::max<std::int64_t>(ns(settings_.poll_period_s), 1);
+  due_ns_ += period;
+  // Polls that cannot be made up for are left out, and the rhythm is kept.
+  const std::int64_t now = clock_.now_ns();
+  if (now <= due_ns_) return;
+  const std::int64_t skipped = (now - due_ns_) / period;
+  losses_.missing += static_cast<std::uint64_t>(skipped) * inputs_.size();
+  due_ns_ += skipped * period;
+}
+
+std::span<const std::uint16_t> ModbusUnit::words_of(std::size_t at) const {
+  const modbus::Place place = *plan_.places[at];
+  return std::span(answered_[place.request].words)
+      .subspan(place.first, modbus::registers_of(settings_.map.registers[at].type));
+}
+
+std::string ModbusUnit::names_in(std::size_t request) const {
+  std::string names;
+  for (std::size_t i = 0; i < plan_.places.size(); ++i) {
+    if (!plan_.places[i] || plan_.places[i]->request != request) continue;
+    names += (names.empty() ? "" : ", ") + title_of(settings_.map.registers[i]);
+  }
+  return names;
+}
+
+std::string ModbusUnit::trouble_of(RegisterRole role) const {
+  for (std::size_t i = 0; i < settings_.map.registers.size(); ++i) {
+    const ModbusRegister& its = settings_.map.registers[i];
+    if (its.role != role) continue;
+    const auto raw = modbus::raw_of(its, words_of(i));
+    if (raw && std::find(its.ok.begin(), its.ok.end(), *raw) != its.ok.end()) continue;
+    return title_of(its) + " says " + (raw ? std::to_string(*raw) : "what is no whole number") +
+           ", well is " + listed(its.ok, " or ");
+  }
+  return {};
+}
+
+Result ModbusUnit::take(std::span<Reading> readings) {
+  if (has_alarm_) {
+    alarm_.store(!trouble_of(RegisterRole::alarm).empty(), std::memory_order_relaxed);
+  }
+  const std::string trouble = trouble_of(RegisterRole::status);
+  for (std::size_t i = 0; i < inputs_.size() && i < readings.size(); ++i) {
+    const std::size_t at = *input_registers_[i];
+    const auto value = modbus::value_of(settings_.map.registers[at], words_of(at));
+    readings[i].time_ns = answered_[plan_.places[at]->request].time_ns;
+    readings[i].valid = value.has_value() && trouble.empty();
+    readings[i].value = value.value_or(0.0);
+  }
+  const bool was_well = std::exchange(status_was_well_, trouble.empty());
+  if (trouble.empty() || !was_well) return {};
+  return tell(Outcome::temporary, "status " + trouble + ": its readings are not valid");
+}
+
+void ModbusUnit::close() noexcept {
+  bus_->leave(caller_);
+  answered_.clear();
+  open_ = false;
+}
+
+std::vector<std::unique_ptr<Gauge>> make_modbus_gauges(const std::vector<config::ModbusUnit>& units,
+                                                       const config::BenchInputs& inputs,
+                                                       HostClock& clock) {
+  std::map<std::pair<config::ModbusTransport, std::string>, std::shared_ptr<modbus::ModbusBus>>
+      buses;
+  std::vector<std::unique_ptr<Gauge>> gauges;
+  for (const config::ModbusUnit& unit : units) {
+    std::vector<std::string> names;
+    for (const auto& input : inputs) {
+      if (!input || input->device != unit.name) continue;
+      if (std::find(names.begin(), names.end(), input->input) == names.end()) {
+        names.push_back(input->input);
+      }
+    }
+    const bool speaks_for_itself = has_role(unit.map, RegisterRole::alarm) ||
+                                   has_role(unit.map, RegisterRole::status) ||
+                                   has_role(unit.map, RegisterRole::setting);
+    if (names.empty() && !speaks_for_itself) continue;
+    auto& bus = buses[{unit.transport, unit.port}];
+    if (!bus) bus = std::make_shared<modbus::ModbusBus>(unit, clock);
+    gauges.push_back(std::make_unique<ModbusUnit>(unit, std::move(names), bus, clock));
+  }
+  return gauges;
+}
+
+}  // namespace stickslip::drivers

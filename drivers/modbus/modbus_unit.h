@@ -1,0 +1,97 @@
+// A unit on a Modbus bus as a gauge: what its register map names is polled, checked and scaled.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "config/bench.h"
+#include "drivers/gauge.h"
+#include "drivers/host_clock.h"
+#include "drivers/modbus/modbus_bus.h"
+#include "drivers/modbus/plan.h"
+
+namespace stickslip::drivers {
+
+/// A poll reads all requests of the plan, one after the other, every poll_period_s. Its readings
+/// are given to the caller together; each has the time between its own request and reply.
+///
+/// - A status register that is not `ok`: the poll's readings are not valid. The first such poll
+///   answers `temporary` with words; those after it are ok, with readings that are not valid.
+/// - An alarm register that is not `ok`, or cannot be read since the unit was lost or before it was
+///   opened: amplifier_fault.
+/// - Settings are written when it is opened and read back; another value there needs attention.
+/// - No answer: temporary, and after `retries` more attempts lost. Exceptions 1, 2, 3 and 10 need
+///   attention, others pass.
+class ModbusUnit final : public Gauge {
+ public:
+  /// `inputs` are names of registers of role `reading`.
+  ModbusUnit(config::ModbusUnit settings, std::vector<std::string> inputs,
+             std::shared_ptr<modbus::ModbusBus> bus, HostClock& clock);
+  ~ModbusUnit() override;
+
+  const std::string& name() const override { return name_; }
+  std::span<const GaugeInput> inputs() const override { return inputs_; }
+  Result open() override;
+  Result read(std::span<Reading> readings) override;
+  void close() noexcept override;
+  GaugeLosses losses() const override { return losses_; }
+  Signals signals() const noexcept override;
+
+ private:
+  struct Answered {
+    std::vector<std::uint16_t> words;
+    std::int64_t time_ns = 0;
+  };
+
+  Result tell(Outcome outcome, std::string words);
+  Result check_map();
+  Result write_setting(const config::ModbusRegister& its);
+  Result ask_at_leisure(std::span<const std::uint8_t> request, const std::string& what,
+                        std::vector<std::uint16_t>& words);
+  Result failed(const modbus::Exchange& exchange, const std::string& what);
+  Result silent(const std::string& what);
+  Result garbled(const modbus::Exchange& exchange, const std::string& what);
+  Result refused(std::uint8_t exception, const std::string& what);
+  Result poll_until(std::int64_t until_ns, bool& complete);
+  Result take(std::span<Reading> readings);
+  void put_off_poll();
+  void next_poll();
+  std::span<const std::uint16_t> words_of(std::size_t at) const;
+  std::string names_in(std::size_t request) const;
+  /// The first register of that role that is not well, in words; empty: all are.
+  std::string trouble_of(config::RegisterRole role) const;
+
+  config::ModbusUnit settings_;
+  std::string name_;
+  std::vector<GaugeInput> inputs_;
+  std::vector<std::optional<std::size_t>> input_registers_;  // places in the map, by input
+  std::shared_ptr<modbus::ModbusBus> bus_;
+  HostClock& clock_;
+  modbus::Caller caller_;
+  modbus::Plan plan_;
+  bool has_alarm_ = false;
+
+  bool open_ = false;
+  std::vector<Answered> answered_;  // by request of the plan; as many as this poll has got
+  std::int64_t due_ns_ = 0;
+  int silent_in_row_ = 0;
+  int garbled_in_row_ = 0;
+  bool status_was_well_ = true;
+  GaugeLosses losses_;
+  std::string message_;
+  std::atomic<bool> alarm_;
+};
+
+/// One gauge for each unit that an input of `inputs` comes from (its `device` is the unit's name),
+/// or whose map has an alarm, a status or a setting. Units on the same port, or the same host and
+/// port, share their bus. `clock` has to outlive them.
+std::vector<std::unique_ptr<Gauge>> make_modbus_gauges(const std::vector<config::ModbusUnit>& units,
+                                                       const config::BenchInputs& inputs,
+                                                       HostClock& clock);
+
+}  // namespace stickslip::drivers

@@ -1,0 +1,307 @@
+// The real driver over emulated chips; run once for each generation of libgpiod.
+#include "drivers/amplifier/amplifier.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "tests/emulated/gpio/emulated_gpio.h"
+
+namespace stickslip::emulated {
+namespace {
+
+using drivers::Amplifier;
+using drivers::Outcome;
+using drivers::Result;
+using testing::Each;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+constexpr std::int64_t ms = 1'000'000;
+const std::string chip = "/dev/gpiochip3";
+constexpr unsigned enable = 0;
+constexpr unsigned fault = 1;
+constexpr unsigned stop = 2;
+constexpr unsigned heartbeat = 5;
+
+/// Stands still until it is told.
+class HandClock final : public drivers::HostClock {
+ public:
+  std::int64_t now_ns() override { return now_; }
+  void sleep_until(std::int64_t due_ns) override { now_ = std::max(now_.load(), due_ns); }
+  void pass(std::int64_t ns) { now_ += ns; }
+
+ private:
+  std::atomic<std::int64_t> now_{1000 * ms};
+};
+
+class AmplifierBench : public testing::Test {
+ protected:
+  AmplifierBench() {
+    gpio_.clear();
+    gpio_.add_chip("/dev/gpiochip0", "pinctrl", {"a", "b"});
+    gpio_.add_chip(chip, "cp2112_gpio", {"enable", "", "stop", "", "", "beat", "", ""});
+    settings_.chip = "cp2112_gpio";
+    settings_.enable = config::GpioLine{.line = "enable"};
+    settings_.fault = config::GpioLine{.line = "1", .active_low = true};
+    settings_.emergency_stop = config::GpioLine{.line = "stop",
+                                                .active_low = true,
+                                                .bias = config::GpioLine::Bias::pull_down,
+                                                .debounce_s = 0.2};
+    settings_.heartbeat = config::GpioLine{.line = "5"};
+    settings_.heartbeat_period_s = 0.1;
+    // Normally closed contacts to the supply: well is high, a cut wire is low.
+    gpio_.put(chip, fault, true);
+    gpio_.put(chip, stop, true);
+  }
+
+  Amplifier& make() {
+    amplifier_ = std::make_unique<Amplifier>(settings_, clock_);
+    return *amplifier_;
+  }
+  /// Opened, and let be until nothing is pressed.
+  Amplifier& make_open() {
+    Amplifier& amplifier = make();
+    const Result result = amplifier.open();
+    EXPECT_TRUE(result) << result.message;
+    clock_.pass(300 * ms);
+    EXPECT_TRUE(soon([&] { return !amplifier.signals().emergency_stop; }));
+    return amplifier;
+  }
+  template <typename Condition>
+  bool soon(Condition condition) {
+    drivers::MonotonicHostClock real;
+    for (const std::int64_t end = real.now_ns() + 2000 * ms; real.now_ns() < end;) {
+      if (condition()) return true;
+      real.sleep_until(real.now_ns() + ms);
+    }
+    return condition();
+  }
+
+  EmulatedGpio& gpio_ = emulated_gpio();
+  HandClock clock_;
+  config::Amplifier settings_;
+  std::unique_ptr<Amplifier> amplifier_;
+};
+
+TEST_F(AmplifierBench, TheChipIsFoundByPathNameAndLabel) {
+  for (const char* name : {"/dev/gpiochip3", "gpiochip3", "cp2112_gpio"}) {
+    settings_.chip = name;
+    const Result result = make().open();
+    EXPECT_TRUE(result) << result.message;
+    EXPECT_EQ(gpio_.consumer(chip, enable), "stickslip");
+    amplifier_.reset();
+    EXPECT_EQ(gpio_.consumer(chip, enable), "");
+  }
+}
+
+TEST_F(AmplifierBench, EnableIsNeverActiveUnlessItWasToldSo) {
+  for (const bool active_low : {false, true}) {
+    settings_.enable->active_low = active_low;
+    Amplifier& amplifier = make_open();
+    EXPECT_TRUE(amplifier.write(false));
+    amplifier.close();
+    EXPECT_THAT(gpio_.history(chip, enable), Each(active_low));
+    gpio_.clear();
+    gpio_.add_chip(chip, "cp2112_gpio", {"enable", "", "stop", "", "", "beat", "", ""});
+    gpio_.put(chip, stop, true);
+  }
+}
+
+TEST_F(AmplifierBench, EnableFollowsInTheCallItself) {
+  Amplifier& amplifier = make_open();
+  EXPECT_TRUE(amplifier.write(true));
+  EXPECT_TRUE(gpio_.level(chip, enable));
+  EXPECT_TRUE(amplifier.write(true));
+  EXPECT_TRUE(amplifier.write(false));
+  EXPECT_FALSE(gpio_.level(chip, enable));
+  EXPECT_TRUE(amplifier.write(true));
+  amplifier.close();
+  EXPECT_FALSE(gpio_.level(chip, enable));
+  EXPECT_THAT(gpio_.history(chip, enable), ElementsAre(false, true, false, true, false))
+      << "set only where it changes";
+}
+
+TEST_F(AmplifierBench, BeforeOpenOffIsFineAndOnIsNot) {
+  EXPECT_TRUE(make().write(false));
+  EXPECT_EQ(amplifier_->write(true).outcome, Outcome::fatal);
+}
+
+TEST_F(AmplifierBench, TheHeartbeatBeatsAsLongAsTheLoopRuns) {
+  Amplifier& amplifier = make_open();
+  const std::size_t before = gpio_.history(chip, heartbeat).size();
+  for (int cycle = 0; cycle < 1000; ++cycle) {
+    clock_.pass(ms);
+    ASSERT_TRUE(amplifier.write(false));
+  }
+  const std::vector<bool> beats = gpio_.history(chip, heartbeat);
+  EXPECT_NEAR(static_cast<double>(beats.size() - before), 10.0, 1.0);
+  for (std::size_t i = 1; i < beats.size(); ++i) EXPECT_NE(beats[i], beats[i - 1]);
+  // The loop hangs: nobody else beats.
+  clock_.pass(10000 * ms);
+  EXPECT_EQ(gpio_.history(chip, heartbeat).size(), beats.size());
+  // And goes on: one beat, not a hundred.
+  ASSERT_TRUE(amplifier.write(false));
+  ASSERT_TRUE(amplifier.write(false));
+  EXPECT_EQ(gpio_.history(chip, heartbeat).size(), beats.size() + 1);
+  amplifier.close();
+  EXPECT_EQ(gpio_.history(chip, heartbeat).size(), beats.size() + 1);
+}
+
+TEST_F(AmplifierBench, WhatIsNotKnownIsPressed) {
+  Amplifier& amplifier = make();
+  EXPECT_TRUE(amplifier.signals().emergency_stop);
+  EXPECT_TRUE(amplifier.signals().amplifier_fault);
+  ASSERT_TRUE(amplifier.open());
+  clock_.pass(300 * ms);
+  EXPECT_TRUE(soon([&] { return !amplifier.signals().emergency_stop; }));
+  EXPECT_FALSE(amplifier.signals().amplifier_fault);
+  amplifier.close();
+  EXPECT_TRUE(amplifier.signals().emergency_stop);
+  settings_.emergency_stop.reset();
+  settings_.fault.reset();
+  EXPECT_FALSE(make().signals().emergency_stop) << "no such line, none pressed";
+  EXPECT_FALSE(amplifier_->signals().amplifier_fault);
+}
+
+TEST_F(AmplifierBench, PressingCountsAtOnceAndLettingGoOnceItLasts) {
+  Amplifier& amplifier = make_open();
+  EXPECT_EQ(gpio_.pull(chip, stop), Pull::down);
+  gpio_.put(chip, stop, false);
+  EXPECT_TRUE(soon([&] { return amplifier.signals().emergency_stop; }));
+  gpio_.put(chip, stop, true);
+  drivers::MonotonicHostClock real;
+  real.sleep_until(real.now_ns() + 120 * ms);
+  EXPECT_TRUE(amplifier.signals().emergency_stop) << "its 200 ms are not over";
+  clock_.pass(150 * ms);
+  // It bounces: that time begins anew.
+  gpio_.put(chip, stop, false);
+  gpio_.put(chip, stop, true);
+  real.sleep_until(real.now_ns() + 120 * ms);
+  clock_.pass(150 * ms);
+  real.sleep_until(real.now_ns() + 120 * ms);
+  EXPECT_TRUE(amplifier.signals().emergency_stop);
+  clock_.pass(60 * ms);
+  EXPECT_TRUE(soon([&] { return !amplifier.signals().emergency_stop; }));
+}
+
+TEST_F(AmplifierBench, APulseThatIsOverBeforeAnybodyLooksCounts) {
+  Amplifier& amplifier = make_open();
+  gpio_.put(chip, stop, false);
+  gpio_.put(chip, stop, true);
+  EXPECT_TRUE(soon([&] { return amplifier.signals().emergency_stop; }));
+}
+
+TEST_F(AmplifierBench, ALostEdgeDoesNoHarm) {
+  Amplifier& amplifier = make_open();
+  gpio_.put(chip, fault, false, false);
+  EXPECT_TRUE(soon([&] { return amplifier.signals().amplifier_fault; }));
+  gpio_.put(chip, fault, true, false);
+  EXPECT_TRUE(soon([&] { return !amplifier.signals().amplifier_fault; }));
+}
+
+TEST_F(AmplifierBench, AChipWithoutEdgesIsLookedAt) {
+  gpio_.tells_edges(chip, false);
+  Amplifier& amplifier = make_open();
+  gpio_.put(chip, stop, false);
+  EXPECT_TRUE(soon([&] { return amplifier.signals().emergency_stop; }));
+}
+
+TEST_F(AmplifierBench, ABusyLineNamesWhoHasIt) {
+  gpio_.occupy(chip, heartbeat, "sysfs");
+  const Result result = make().open();
+  EXPECT_EQ(result.outcome, Outcome::needs_attention);
+  EXPECT_THAT(result.message, HasSubstr("line 5"));
+  EXPECT_THAT(result.message, HasSubstr("\"sysfs\""));
+  EXPECT_EQ(gpio_.consumer(chip, enable), "") << "nothing is kept";
+  gpio_.occupy(chip, heartbeat, "");
+  gpio_.occupy(chip, stop, "gpio-keys");
+  const Result again = amplifier_->open();
+  EXPECT_THAT(again.message, HasSubstr("\"gpio-keys\""));
+  EXPECT_EQ(gpio_.consumer(chip, enable), "");
+  gpio_.occupy(chip, stop, "");
+  EXPECT_TRUE(amplifier_->open());
+}
+
+TEST_F(AmplifierBench, WithoutPermissionTheMessageHasTheRule) {
+  gpio_.forbid(chip, true);
+  for (const char* name : {"/dev/gpiochip3", "cp2112_gpio"}) {
+    settings_.chip = name;
+    const Result result = make().open();
+    EXPECT_EQ(result.outcome, Outcome::needs_attention);
+    EXPECT_THAT(result.message, HasSubstr("/etc/udev/rules.d/"));
+    EXPECT_THAT(result.message, HasSubstr("usermod -aG gpio"));
+  }
+}
+
+TEST_F(AmplifierBench, AMissingChipIsLostAndAMissingLineNeedsAPerson) {
+  settings_.chip = "gpiochip9";
+  Result result = make().open();
+  EXPECT_EQ(result.outcome, Outcome::lost);
+  EXPECT_THAT(result.message, HasSubstr("gpiochip0 [pinctrl], gpiochip3 [cp2112_gpio]"));
+  settings_.chip = "gpiochip3";
+  for (const char* line : {"8", "nonesuch"}) {
+    settings_.fault->line = line;
+    result = make().open();
+    EXPECT_EQ(result.outcome, Outcome::needs_attention);
+    EXPECT_THAT(result.message, HasSubstr("gpioinfo"));
+  }
+}
+
+TEST_F(AmplifierBench, TwoChipsOfOneLabelNeedAPerson) {
+  gpio_.add_chip("/dev/gpiochip7", "cp2112_gpio", {"x"});
+  const Result result = make().open();
+  EXPECT_EQ(result.outcome, Outcome::needs_attention);
+  EXPECT_THAT(result.message, HasSubstr("gpiochip3 [cp2112_gpio], gpiochip7 [cp2112_gpio]"));
+}
+
+TEST_F(AmplifierBench, AChipThatIsPulledOutIsLostAndStopsEverything) {
+  Amplifier& amplifier = make_open();
+  ASSERT_TRUE(amplifier.write(true));
+  gpio_.unplug(chip);
+  EXPECT_TRUE(soon([&] { return amplifier.signals().emergency_stop; })) << "without any write";
+  EXPECT_EQ(amplifier.write(true).outcome, Outcome::lost);
+  const Result result = amplifier.write(false);
+  EXPECT_EQ(result.outcome, Outcome::lost);
+  EXPECT_THAT(result.message, HasSubstr("is gone"));
+  amplifier.close();
+  EXPECT_EQ(amplifier.open().outcome, Outcome::lost);
+  gpio_.add_chip(chip, "cp2112_gpio", {"enable", "", "stop", "", "", "beat", "", ""});
+  gpio_.put(chip, stop, true);
+  EXPECT_TRUE(amplifier.open());
+  EXPECT_TRUE(amplifier.write(true));
+  EXPECT_TRUE(gpio_.level(chip, enable));
+}
+
+TEST_F(AmplifierBench, OffIsAssertedAgainAfterAnError) {
+  Amplifier& amplifier = make_open();
+  ASSERT_TRUE(amplifier.write(true));
+  gpio_.fail_next_sets(chip, 2);
+  EXPECT_EQ(amplifier.write(false).outcome, Outcome::temporary);
+  EXPECT_EQ(amplifier.write(false).outcome, Outcome::temporary);
+  EXPECT_TRUE(gpio_.level(chip, enable));
+  EXPECT_TRUE(amplifier.write(false));
+  EXPECT_FALSE(gpio_.level(chip, enable));
+  gpio_.fail_next_sets(chip, 3);
+  EXPECT_EQ(amplifier.write(true).outcome, Outcome::temporary);
+  EXPECT_EQ(amplifier.write(true).outcome, Outcome::temporary);
+  EXPECT_EQ(amplifier.write(true).outcome, Outcome::lost);
+  EXPECT_TRUE(amplifier.signals().emergency_stop);
+  EXPECT_EQ(amplifier.write(true).outcome, Outcome::lost);
+  EXPECT_FALSE(gpio_.level(chip, enable)) << "once lost, it is not switched on";
+}
+
+TEST_F(AmplifierBench, ChipsAreListedWithWhatKeepsThemFromBeingUsed) {
+  gpio_.forbid("/dev/gpiochip0", true);
+  const auto found = drivers::find_gpio_chips();
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_EQ(found[0].where, "/dev/gpiochip0");
+  EXPECT_THAT(found[0].trouble, HasSubstr("udev"));
+  EXPECT_EQ(found[1].serial, "gpiochip3");
+  EXPECT_EQ(found[1].name, "cp2112_gpio, 8 lines");
+  EXPECT_EQ(found[1].trouble, "");
+}
+
+}  // namespace
+}  // namespace stickslip::emulated

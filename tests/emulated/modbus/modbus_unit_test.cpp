@@ -1,0 +1,548 @@
+// The real driver and library against units on a pseudo-terminal and behind a TCP port.
+#include "drivers/modbus/modbus_unit.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include "tests/emulated/modbus/emulated_modbus_units.h"
+
+namespace stickslip::emulated {
+namespace {
+
+using config::ByteOrder;
+using config::ModbusRegister;
+using config::ModbusTransport;
+using config::RegisterRole;
+using config::RegisterTable;
+using config::RegisterType;
+using drivers::Gauge;
+using drivers::Outcome;
+using drivers::Reading;
+using drivers::Result;
+using testing::HasSubstr;
+
+constexpr std::int64_t ms = 1'000'000;
+constexpr double slope = 1.0;  // [1/s]: what a channel says tells when it was measured
+constexpr double apart = 1000.0;
+
+/// Every channel climbs, a thousand apart: a value that stands for another channel or another
+/// moment is seen to be wrong.
+class Climbing final : public Wires {
+ public:
+  explicit Climbing(std::int64_t begin_ns) : begin_ns_(begin_ns) {}
+  double truth(Channel channel, std::int64_t time_ns) override {
+    return apart * static_cast<double>(index_of(channel)) +
+           slope * static_cast<double>(time_ns - begin_ns_) * 1e-9;
+  }
+  void drive(double, std::int64_t) override {}
+  void enable(bool, std::int64_t) override {}
+
+ private:
+  std::int64_t begin_ns_;
+};
+
+ModbusRegister reg(std::string name, int address, RegisterType type,
+                   RegisterTable table = RegisterTable::holding_registers) {
+  ModbusRegister its;
+  its.name = std::move(name);
+  its.address = address;
+  its.type = type;
+  its.table = table;
+  return its;
+}
+
+Parameter at(int address, Kind kind, std::string order = "ABCD", Table table = Table::holding) {
+  Parameter its;
+  its.address = address;
+  its.kind = kind;
+  its.order = std::move(order);
+  its.table = table;
+  return its;
+}
+
+Parameter constant(int address, Kind kind, double number, Table table = Table::holding) {
+  Parameter its = at(address, kind, "ABCD", table);
+  its.number = [number](std::int64_t) { return number; };
+  return its;
+}
+
+class ModbusBench : public testing::TestWithParam<ModbusTransport> {
+ protected:
+  ModbusBench()
+      : folder_(std::filesystem::temp_directory_path() /
+                ("stickslip-modbus-" + std::to_string(::getpid()))),
+        wires_(clock_.now_ns()),
+        units_([this] { return clock_.now_ns(); }, folder_, 1) {}
+  ~ModbusBench() override {
+    gauges_.clear();
+    std::filesystem::remove_all(folder_);
+  }
+
+  config::ModbusUnit settings(int unit) const {
+    config::ModbusUnit its;
+    its.name = "u" + std::to_string(unit);
+    its.unit = unit;
+    its.transport = GetParam();
+    its.port = tcp() ? units_.tcp_port() : units_.serial_port();
+    its.baud = 115200;
+    its.timeout_s = 0.03;
+    its.poll_period_s = 0.005;
+    its.map.name = "test unit";
+    return its;
+  }
+  bool tcp() const { return GetParam() == ModbusTransport::tcp; }
+
+  /// Channel i of the bench comes from inputs[i].
+  Gauge& make(const std::vector<config::ModbusUnit>& units,
+              const std::vector<std::pair<std::string, std::string>>& inputs = {}) {
+    config::BenchInputs from{};
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      from[i] = config::BenchInput{.device = inputs[i].first, .input = inputs[i].second};
+    }
+    gauges_ = drivers::make_modbus_gauges(units, from, clock_);
+    return *gauges_.front();
+  }
+
+  Parameter sensor(Parameter its, Channel channel, double resolution = 1.0) {
+    return measured(std::move(its), Sensor{channel, 1.0, 0.0}, wires_, resolution);
+  }
+
+  /// Reads until something else than no_data and temporary comes, or the time is over.
+  Result patiently(Gauge& gauge, std::span<Reading> readings, double seconds = 2.0) {
+    const std::int64_t end = clock_.now_ns() + static_cast<std::int64_t>(seconds * 1e9);
+    Result result;
+    do {
+      result = gauge.read(readings);
+    } while ((result.outcome == Outcome::no_data || result.outcome == Outcome::temporary) &&
+             clock_.now_ns() < end);
+    return result;
+  }
+
+  drivers::MonotonicHostClock clock_;
+  std::filesystem::path folder_;
+  Climbing wires_;
+  EmulatedModbusUnits units_;
+  std::vector<std::unique_ptr<Gauge>> gauges_;
+};
+
+INSTANTIATE_TEST_SUITE_P(Lines, ModbusBench,
+                         testing::Values(ModbusTransport::rtu, ModbusTransport::tcp),
+                         [](const auto& info) {
+                           return info.param == ModbusTransport::rtu ? "Rtu" : "Tcp";
+                         });
+
+TEST_P(ModbusBench, EveryTypeAndOrderIsRead) {
+  const std::pair<ByteOrder, const char*> orders[] = {{ByteOrder::abcd, "ABCD"},
+                                                      {ByteOrder::cdab, "CDAB"},
+                                                      {ByteOrder::badc, "BADC"},
+                                                      {ByteOrder::dcba, "DCBA"}};
+  const struct {
+    RegisterType type;
+    Kind kind;
+    double number;
+  } kinds[] = {{RegisterType::uint16, Kind::u16, 40000.0},
+               {RegisterType::int16, Kind::i16, -12345.0},
+               {RegisterType::uint32, Kind::u32, 3000000000.0},
+               {RegisterType::int32, Kind::i32, -70000.0},
+               {RegisterType::int64, Kind::i64, -1234567890123.0},
+               {RegisterType::float32, Kind::f32, -0.015625},
+               {RegisterType::float64, Kind::f64, 1.0 / 3.0},
+               {RegisterType::bcd16, Kind::bcd16, 9081.0},
+               {RegisterType::bcd32, Kind::bcd32, 90817263.0}};
+  std::vector<Parameter> parameters;
+  std::vector<ModbusRegister> registers;
+  std::vector<double> expected;
+  for (const auto& [order, letters] : orders) {
+    for (const auto& kind : kinds) {
+      const int address = 10 * static_cast<int>(registers.size());
+      Parameter its = constant(address, kind.kind, kind.number, Table::input);
+      its.order = letters;
+      parameters.push_back(its);
+      registers.push_back(reg("r" + std::to_string(registers.size()), address, kind.type,
+                              RegisterTable::input_registers));
+      registers.back().order = order;
+      expected.push_back(kind.number);
+    }
+  }
+  units_.add(1, {}, parameters);
+  units_.start();
+  // A bench has only a few channels: one gauge after the other.
+  for (std::size_t i = 0; i < registers.size(); ++i) {
+    config::ModbusUnit unit = settings(1);
+    unit.map.registers = registers;
+    Gauge& gauge = make({unit}, {{"u1", registers[i].name}});
+    Result result = gauge.open();
+    ASSERT_TRUE(result) << result.message;
+    Reading readings[1];
+    result = patiently(gauge, readings);
+    ASSERT_TRUE(result) << result.message;
+    EXPECT_TRUE(readings[0].valid);
+    EXPECT_EQ(readings[0].value, expected[i]) << "register " << i;
+  }
+  EXPECT_EQ(units_.nonsense(), 0U);
+}
+
+TEST_P(ModbusBench, AnOrbitIsReadByItsFloatMirror) {
+  units_.add(
+      1, orbit_rules(),
+      {sensor(at(100, Kind::i32), Channel::friction_force, 1e-4), constant(110, Kind::u16, 0)});
+  units_.start();
+  config::ModbusUnit unit = settings(1);
+  unit.map.registers = {reg("position", 8100, RegisterType::float32),
+                        reg("status", 110, RegisterType::uint16)};
+  unit.map.registers[0].scale = 1e-4;
+  unit.map.registers[1].role = RegisterRole::status;
+  unit.map.registers[1].ok = {0};
+  Gauge& gauge = make({unit}, {{"u1", "position"}});
+  Result result = gauge.open();
+  ASSERT_TRUE(result) << result.message;
+  Reading readings[1];
+  result = patiently(gauge, readings);
+  ASSERT_TRUE(result) << result.message;
+  EXPECT_NEAR(readings[0].value, wires_.truth(Channel::friction_force, readings[0].time_ns), 0.02);
+
+  // Half of it is refused, and a person has to look at the map.
+  unit.map.registers[0] = reg("position", 8100, RegisterType::uint16);
+  Gauge& half = make({unit}, {{"u1", "position"}});
+  result = half.open();
+  EXPECT_EQ(result.outcome, Outcome::needs_attention);
+  EXPECT_THAT(result.message, HasSubstr("exception 2, illegal data address"));
+  EXPECT_THAT(result.message, HasSubstr("\"position\" (holding register 8100)"));
+}
+
+TEST_P(ModbusBench, ADscIsReadInPairsLowWordFirst) {
+  units_.add(2, dsc_rules(),
+             {sensor(at(19, Kind::f32, "CDAB"), Channel::displacement),
+              sensor(at(21, Kind::f32, "CDAB"), Channel::velocity)});
+  units_.start();
+  config::ModbusUnit unit = settings(2);
+  unit.map.registers = {reg("a", 19, RegisterType::float32), reg("b", 21, RegisterType::float32)};
+  unit.map.registers[0].order = ByteOrder::cdab;
+  unit.map.registers[1].order = ByteOrder::cdab;
+  Gauge& gauge = make({unit}, {{"u2", "a"}, {"u2", "b"}});
+  Result result = gauge.open();
+  ASSERT_TRUE(result) << result.message;
+  Reading readings[2];
+  result = patiently(gauge, readings);
+  ASSERT_TRUE(result) << result.message;
+  EXPECT_NEAR(readings[0].value, wires_.truth(Channel::displacement, readings[0].time_ns), 0.02);
+  EXPECT_NEAR(readings[1].value, wires_.truth(Channel::velocity, readings[1].time_ns), 0.02);
+  EXPECT_LT(readings[0].time_ns, readings[1].time_ns) << "two requests have two times";
+}
+
+TEST_P(ModbusBench, AGroupIsOfOneMoment) {
+  units_.add(1, {},
+             {sensor(at(0, Kind::f64), Channel::displacement),
+              sensor(at(40, Kind::f64), Channel::displacement)});
+  units_.start();
+  config::ModbusUnit unit = settings(1);
+  unit.map.registers = {reg("a", 0, RegisterType::float64), reg("b", 40, RegisterType::float64)};
+  for (auto& its : unit.map.registers) its.group = "g";
+  Gauge& gauge = make({unit}, {{"u1", "a"}, {"u1", "b"}});
+  ASSERT_TRUE(gauge.open());
+  Reading readings[2];
+  ASSERT_TRUE(patiently(gauge, readings));
+  EXPECT_EQ(readings[0].time_ns, readings[1].time_ns);
+  EXPECT_NEAR(readings[0].value, readings[1].value, 1e-3);
+}
+
+TEST_P(ModbusBench, ABadStatusMakesReadingsInvalidAndSaysSoOnce) {
+  std::atomic<double> status{0.0};
+  Parameter says = at(5, Kind::u16);
+  says.number = [&status](std::int64_t) { return status.load(); };
+  units_.add(1, {}, {constant(0, Kind::f32, 1.5), says});
+  units_.start();
+  config::ModbusUnit unit = settings(1);
+  unit.map.registers = {reg("a", 0, RegisterType::float32), reg("status", 5, RegisterType::uint16)};
+  unit.map.registers[1].role = RegisterRole::status;
+  unit.map.registers[1].ok = {0, 1};
+  Gauge& gauge = make({unit}, {{"u1", "a"}});
+  ASSERT_TRUE(gauge.open());
+  Reading readings[1];
+  ASSERT_TRUE(patiently(gauge, readings));
+  EXPECT_TRUE(readings[0].valid);
+  status = 19.0;
+  Result result;
+  while ((result = gauge.read(readings)).outcome != Outcome::temporary) {
+    ASSERT_NE(result.outcome, Outcome::lost);
+  }
+  EXPECT_THAT(result.message, HasSubstr("\"status\" (holding register 5) says 19, well is 0 or 1"));
+  ASSERT_TRUE(patiently(gauge, readings));
+  EXPECT_FALSE(readings[0].valid);
+  status = 1.0;
+  ASSERT_TRUE(patiently(gauge, readings));
+  ASSERT_TRUE(patiently(gauge, readings));
+  EXPECT_TRUE(readings[0].valid);
+}
+
+TEST_P(ModbusBench, AnAlarmIsAFaultFromTheBeginningUntilItIsReadToBeWell) {
+  std::atomic<double> alarm{0.0};
+  Parameter says = at(5, Kind::bit, "ABCD", Table::discrete_inputs);
+  says.number = [&alarm](std::int64_t) { return alarm.load(); };
+  units_.add(1, {}, {says});
+  units_.start();
+  config::ModbusUnit unit = settings(1);
+  unit.map.registers = {reg("tripped", 5, RegisterType::bit, RegisterTable::discrete_inputs)};
+  unit.map.registers[0].role = RegisterRole::alarm;
+  unit.map.registers[0].ok = {0};
+  Gauge& gauge = make({unit});
+  EXPECT_TRUE(gauge.inputs().empty());
+  EXPECT_TRUE(gauge.signals().amplifier_fault);
+  ASSERT_TRUE(gauge.open());
+  ASSERT_TRUE(patiently(gauge, {}));
+  EXPECT_FALSE(gauge.signals().amplifier_fault);
+  alarm = 1.0;
+  ASSERT_TRUE(patiently(gauge, {}));
+  ASSERT_TRUE(patiently(gauge, {}));
+  EXPECT_TRUE(gauge.signals().amplifier_fault);
+  alarm = 0.0;
+  ASSERT_TRUE(patiently(gauge, {}));
+  ASSERT_TRUE(patiently(gauge, {}));
+  EXPECT_FALSE(gauge.signals().amplifier_fault);
+  units_.dead(1, true);
+  EXPECT_EQ(patiently(gauge, {}).outcome, Outcome::lost);
+  EXPECT_TRUE(gauge.signals().amplifier_fault);
+}
+
+TEST_P(ModbusBench, SettingsAreWrittenAndReadBack) {
+  Parameter locked = at(20, Kind::u16);
+  locked.locked = true;
+  units_.add(
+      1, {},
+      {at(10, Kind::u16), at(12, Kind::f32), at(3, Kind::bit, "ABCD", Table::coils), locked});
+  units_.start();
+  config::ModbusUnit unit = settings(1);
+  unit.map.registers = {reg("filter", 10, RegisterType::uint16),
+                        reg("gain", 12, RegisterType::float32),
+                        reg("relay", 3, RegisterType::bit, RegisterTable::coils)};
+  unit.map.registers[0].write_single = true;
+  unit.map.registers[2].write_single = true;
+  const double values[] = {7.0, 3.25, 1.0};
+  for (std::size_t i = 0; i < 3; ++i) {
+    unit.map.registers[i].role = RegisterRole::setting;
+    unit.map.registers[i].set_to = values[i];
+  }
+  Gauge& gauge = make({unit});
+  Result result = gauge.open();
+  ASSERT_TRUE(result) << result.message;
+  EXPECT_EQ(units_.written(1, Table::holding, 10), 7.0);
+  EXPECT_EQ(units_.written(1, Table::holding, 12), 0x4050);
+  EXPECT_EQ(units_.written(1, Table::coils, 3), 1.0);
+
+  unit.map.registers[0].address = 20;
+  result = make({unit}).open();
+  EXPECT_EQ(result.outcome, Outcome::needs_attention);
+  EXPECT_THAT(result.message, HasSubstr("was given 7 (7) and reads back 0"));
+  unit.map.registers[0].set_to = 1e6;
+  result = make({unit}).open();
+  EXPECT_EQ(result.outcome, Outcome::needs_attention);
+  EXPECT_THAT(result.message, HasSubstr("cannot hold 1000000"));
+}
+
+TEST_P(ModbusBench, ExceptionsOfPassingKindsPassAndOthersNeedAPerson) {
+  units_.add(1, {}, {constant(0, Kind::u16, 1.0)});
+  units_.start();
+  config::ModbusUnit unit = settings(1);
+  unit.map.registers = {reg("a", 0, RegisterType::uint16)};
+  Gauge& gauge = make({unit}, {{"u1", "a"}});
+  Reading readings[1];
+  for (const int code : {4, 5, 6, 8}) {
+    ASSERT_TRUE(gauge.open());
+    units_.refuse(1, static_cast<std::uint8_t>(code));
+    Result result;
+    for (int i = 0; i < 5; ++i) {
+      while ((result = gauge.read(readings)).outcome == Outcome::no_data) {
+      }
+      EXPECT_EQ(result.outcome, Outcome::temporary) << code;
+      EXPECT_THAT(result.message, HasSubstr("exception " + std::to_string(code)));
+    }
+    units_.refuse(1, 0);
+    EXPECT_TRUE(patiently(gauge, readings));
+  }
+  for (const int code : {1, 2, 3, 10}) {
+    ASSERT_TRUE(gauge.open());
+    units_.refuse(1, static_cast<std::uint8_t>(code));
+    EXPECT_EQ(patiently(gauge, readings).outcome, Outcome::needs_attention) << code;
+    units_.refuse(1, 0);
+  }
+  EXPECT_GT(gauge.losses().missing, 0U);
+}
+
+TEST_P(ModbusBench, AUnitThatIsNotThereIsLostWithWhatToLookAt) {
+  units_.start();
+  config::ModbusUnit unit = settings(9);
+  unit.map.registers = {reg("a", 0, RegisterType::uint16)};
+  const Result result = make({unit}, {{"u9", "a"}}).open();
+  EXPECT_EQ(result.outcome, Outcome::lost);
+  EXPECT_THAT(result.message, HasSubstr("unit 9 on"));
+  EXPECT_THAT(result.message, HasSubstr("is its address 9"));
+}
+
+TEST_P(ModbusBench, AnInputThatTheMapDoesNotHaveNeedsAPerson) {
+  units_.start();
+  const Result result = make({settings(1)}, {{"u1", "nonesuch"}}).open();
+  EXPECT_EQ(result.outcome, Outcome::needs_attention);
+  EXPECT_THAT(result.message, HasSubstr("nonesuch"));
+}
+
+TEST_P(ModbusBench, ABusThatGoesIsLostForAllAndComesBack) {
+  units_.add(1, {}, {constant(0, Kind::u16, 1.0)});
+  units_.add(2, {}, {constant(0, Kind::u16, 2.0)});
+  units_.start();
+  std::vector<config::ModbusUnit> both{settings(1), settings(2)};
+  for (auto& unit : both) unit.map.registers = {reg("a", 0, RegisterType::uint16)};
+  make(both, {{"u1", "a"}, {"u2", "a"}});
+  ASSERT_EQ(gauges_.size(), 2U);
+  Reading readings[1];
+  for (auto& gauge : gauges_) ASSERT_TRUE(gauge->open());
+  for (auto& gauge : gauges_) ASSERT_TRUE(patiently(*gauge, readings));
+  tcp() ? units_.close_connections() : units_.unplug();
+  for (auto& gauge : gauges_) {
+    const Result result = patiently(*gauge, readings);
+    EXPECT_EQ(result.outcome, Outcome::lost) << result.message;
+    EXPECT_THAT(result.message, HasSubstr("is gone"));
+    gauge->close();
+  }
+  if (!tcp()) {
+    const Result result = gauges_[0]->open();
+    EXPECT_EQ(result.outcome, Outcome::lost);
+    EXPECT_THAT(result.message, HasSubstr("/dev/serial/by-id"));
+    units_.plug_in();
+  }
+  const std::int64_t end = clock_.now_ns() + 3000 * ms;
+  while (!gauges_[0]->open() && clock_.now_ns() < end)
+    clock_.sleep_until(clock_.now_ns() + 20 * ms);
+  for (auto& gauge : gauges_) {
+    ASSERT_TRUE(gauge->open());
+    ASSERT_TRUE(patiently(*gauge, readings));
+  }
+  EXPECT_EQ(readings[0].value, 2.0);
+}
+
+TEST_P(ModbusBench, ADeadUnitDoesNotSilenceALivingOne) {
+  units_.add(1, {}, {sensor(at(0, Kind::f64), Channel::displacement)});
+  units_.add(2, {}, {constant(0, Kind::u16, 2.0)});
+  units_.start();
+  std::vector<config::ModbusUnit> both{settings(1), settings(2)};
+  both[0].map.registers = {reg("a", 0, RegisterType::float64)};
+  both[1].map.registers = {reg("a", 0, RegisterType::uint16)};
+  for (auto& unit : both) unit.poll_period_s = 0.02;
+  make(both, {{"u1", "a"}, {"u2", "a"}});
+  for (auto& gauge : gauges_) ASSERT_TRUE(gauge->open());
+  units_.dead(2, true);
+  // As those who read gauges do: opened again, with growing patience.
+  std::atomic<bool> stop{false};
+  std::atomic<int> losses{0};
+  std::thread other([&] {
+    Reading readings[1];
+    std::int64_t patience = 50 * ms;
+    bool open = true;
+    while (!stop) {
+      if (!open) {
+        clock_.sleep_until(clock_.now_ns() + patience);
+        patience *= 2;
+        open = static_cast<bool>(gauges_[1]->open());
+      } else if (gauges_[1]->read(readings).outcome == Outcome::lost) {
+        gauges_[1]->close();
+        open = false;
+        ++losses;
+      }
+    }
+  });
+  int got = 0;
+  Reading readings[1];
+  const std::int64_t end = clock_.now_ns() + 1500 * ms;
+  while (clock_.now_ns() < end) {
+    const Result result = gauges_[0]->read(readings);
+    ASSERT_TRUE(result || result.outcome == Outcome::no_data) << result.message;
+    if (result) ++got;
+  }
+  stop = true;
+  other.join();
+  EXPECT_GT(losses, 0);
+  EXPECT_GT(got, 55) << "of 75 polls in that time";
+}
+
+/// Everything that can befall an answer, many times over.
+TEST_P(ModbusBench, NoFaultOfTheLineIsEverTakenForAValue) {
+  for (const std::uint32_t unit : {1U, 2U}) {
+    std::vector<Parameter> parameters;
+    for (const Channel channel : all_channels) {
+      const int i = static_cast<int>(index_of(channel));
+      parameters.push_back(sensor(at(10 * i, Kind::f64, "CDAB"), channel));
+    }
+    units_.add(static_cast<int>(unit), {}, parameters);
+  }
+  units_.start();
+  std::vector<config::ModbusUnit> both{settings(1), settings(2)};
+  for (auto& unit : both) {
+    for (const Channel channel : all_channels) {
+      const auto i = index_of(channel);
+      unit.map.registers.push_back(
+          reg("c" + std::to_string(i), 10 * static_cast<int>(i), RegisterType::float64));
+      unit.map.registers.back().order = ByteOrder::cdab;
+    }
+    unit.timeout_s = 0.02;
+    unit.retries = 3;
+    unit.poll_period_s = 0.002;
+  }
+  // Channels 0, 2 and 4 by one unit, the others by the other: replies of one length, and one shape.
+  make(both, {{"u1", "c0"}, {"u2", "c1"}, {"u1", "c2"}, {"u2", "c3"}, {"u1", "c4"}});
+  const Weather weather{
+      0.15,
+      {LineFault::late, LineFault::silent, LineFault::wrong_checksum, LineFault::wrong_unit,
+       LineFault::wrong_transaction, LineFault::short_frame, LineFault::extra_bytes,
+       LineFault::exception_busy, LineFault::repeated, LineFault::torn, LineFault::closed},
+      28 * ms};
+  for (const int unit : {1, 2}) units_.weather(unit, weather);
+  std::atomic<std::uint64_t> right{0};
+  std::atomic<std::uint64_t> wrong{0};
+  const std::int64_t end = clock_.now_ns() + 3000 * ms;
+  const auto run = [&](Gauge& gauge, std::vector<std::size_t> channels) {
+    std::vector<Reading> readings(channels.size());
+    bool open = false;
+    while (clock_.now_ns() < end) {
+      if (!open) {
+        open = static_cast<bool>(gauge.open());
+        if (!open) clock_.sleep_until(clock_.now_ns() + 5 * ms);
+        continue;
+      }
+      const std::int64_t before = clock_.now_ns();
+      const Result result = gauge.read(readings);
+      EXPECT_LT(clock_.now_ns() - before, 400 * ms);
+      if (result.outcome == Outcome::lost || result.outcome == Outcome::needs_attention) {
+        gauge.close();
+        open = false;
+      }
+      if (!result) continue;
+      for (std::size_t i = 0; i < channels.size(); ++i) {
+        const double truth = wires_.truth(all_channels[channels[i]], readings[i].time_ns);
+        // Late by up to two time-outs is told of in the driver's description.
+        const bool good = readings[i].valid && std::abs(readings[i].value - truth) < 0.08;
+        ++(good ? right : wrong);
+        EXPECT_TRUE(good) << channels[i] << ": " << readings[i].value << " and not " << truth;
+      }
+    }
+  };
+  std::thread other([&] { run(*gauges_[1], {1, 3}); });
+  run(*gauges_[0], {0, 2, 4});
+  other.join();
+  EXPECT_EQ(wrong, 0U);
+  EXPECT_GT(right, 50U);
+  EXPECT_GT(units_.faults(), 20U);
+  EXPECT_GT(gauges_[0]->losses().rejected + gauges_[1]->losses().rejected, 5U);
+  EXPECT_EQ(units_.nonsense(), 0U) << "what the driver sends is always sound";
+  RecordProperty("right", static_cast<int>(right));
+  RecordProperty("faults", static_cast<int>(units_.faults()));
+  std::printf("%llu right, %llu faults, %llu rejected\n", static_cast<unsigned long long>(right),
+              static_cast<unsigned long long>(units_.faults()),
+              static_cast<unsigned long long>(gauges_[0]->losses().rejected +
+                                              gauges_[1]->losses().rejected));
+}
+
+}  // namespace
+}  // namespace stickslip::emulated
