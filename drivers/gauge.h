@@ -21,7 +21,8 @@ struct Reading {
 
 /// An input that a gauge was asked to read.
 struct GaugeInput {
-  std::string name;  ///< as the configuration says it
+  std::string device;  ///< the DEVICE of DEVICE/INPUT in the configuration
+  std::string name;    ///< the INPUT of it
   std::string unit;  ///< "V/V", "mm"
 };
 

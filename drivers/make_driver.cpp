@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <utility>
 
+#include "drivers/bench/make_bench.h"
 #include "drivers/faults/faulty_driver.h"
 #include "drivers/replay/replay_driver.h"
 #include "drivers/simulated/simulated_driver.h"
@@ -16,6 +17,7 @@ std::unique_ptr<Driver> device_of(const config::Rig& rig, std::vector<Frame> fra
   if (rig.driver == config::DriverKind::replay) {
     return std::make_unique<ReplayDriver>(std::move(frames_to_replay), rig.replay.speed);
   }
+  if (rig.driver == config::DriverKind::bench) return make_bench(rig.bench, rig.loop.rate_hz);
   return std::make_unique<SimulatedDriver>(rig.simulated, 1.0 / rig.loop.rate_hz);
 }
 

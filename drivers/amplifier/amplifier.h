@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "config/bench.h"
+#include "drivers/amplifier/contacts.h"
 #include "drivers/amplifier/debounced.h"
 #include "drivers/amplifier/gpio_lines.h"
 #include "drivers/attached.h"
@@ -24,26 +25,24 @@ namespace stickslip::drivers {
 ///
 /// Whatever is not known is pressed: an emergency stop that is configured counts as pressed, and a
 /// fault as one, before open, after close, and when the chip is gone.
-class Amplifier {
+class Amplifier final : public Contacts {
  public:
   Amplifier(const config::Amplifier& settings, HostClock& clock);
-  ~Amplifier();
-  Amplifier(const Amplifier&) = delete;
-  Amplifier& operator=(const Amplifier&) = delete;
+  ~Amplifier() override;
 
   /// Finds the chip by path, name or label and requests the lines; enable and heartbeat begin
   /// inactive, and have never been active in between.
-  Result open();
+  Result open() override;
 
   /// Once a cycle. Sets enable where it is not known to be as it should, and turns the heartbeat
   /// when its period is over: a loop that hangs lets it stop. Allocates nothing, takes no lock, and
   /// waits for nothing but the chip.
-  Result write(bool amplifier_on);
+  Result write(bool amplifier_on) override;
 
-  Signals signals() const noexcept;
+  Signals signals() const noexcept override;
 
   /// Leaves enable inactive and the heartbeat still.
-  void close() noexcept;
+  void close() noexcept override;
 
  private:
   Result refused(const gpio::Refusal& refusal);

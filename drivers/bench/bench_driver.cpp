@@ -7,17 +7,31 @@
 
 namespace stickslip::drivers {
 
-BenchDriver::BenchDriver(BenchParts parts, const config::ShakerOutput& shaker, HostClock& clock,
-                         Patience patience)
-    : board_(std::move(parts.board)),
-      wires_(std::move(parts.wires)),
+BenchDriver::BenchDriver(BenchParts parts, const config::BenchInputs& inputs,
+                         const config::ShakerOutput& shaker, Patience patience)
+    : clock_(std::move(parts.clock)),
+      board_(std::move(parts.board)),
       amplifier_(std::move(parts.amplifier)),
-      shaker_(shaker),
-      clock_(clock) {
+      shaker_(shaker) {
   for (auto& gauge : parts.gauges) {
     gauges_.push_back(std::make_unique<GaugeReader>(std::move(gauge), patience));
   }
+  connect(inputs);
   describe();
+}
+
+void BenchDriver::connect(const config::BenchInputs& inputs) {
+  for (const Channel channel : all_channels) {
+    const auto& wanted = inputs[index_of(channel)];
+    if (!wanted) continue;
+    for (std::size_t g = 0; g < gauges_.size(); ++g) {
+      const auto own = gauges_[g]->gauge().inputs();
+      for (std::size_t i = 0; i < own.size(); ++i) {
+        const bool meant = own[i].device == wanted->device && own[i].name == wanted->input;
+        if (meant) wires_.push_back({channel, g, i});
+      }
+    }
+  }
 }
 
 BenchDriver::~BenchDriver() {
@@ -28,7 +42,7 @@ BenchDriver::~BenchDriver() {
 void BenchDriver::describe() {
   description_ = board_->description();
   for (const auto& gauge : gauges_) description_.name += ", " + gauge->gauge().name();
-  for (const GaugeWire& wire : wires_) {
+  for (const Wire& wire : wires_) {
     const std::size_t i = index_of(wire.channel);
     description_.channels = static_cast<std::uint8_t>(description_.channels | (1U << i));
     description_.unit[i] = gauges_[wire.gauge]->gauge().inputs()[wire.input].unit.c_str();
@@ -59,8 +73,8 @@ Result BenchDriver::read(Frame& frame) {
   const Result result = board_->read(reading);
   if (!result) return result;
   std::int64_t host_ns = reading.time_ns;
-  if (description_.own_clock) host_ns = device_clock_.host_time(host_ns, clock_.now_ns());
-  for (const GaugeWire& wire : wires_) {
+  if (description_.own_clock) host_ns = device_clock_.host_time(host_ns, clock_->now_ns());
+  for (const Wire& wire : wires_) {
     const Reading latest = gauges_[wire.gauge]->latest(wire.input, host_ns);
     if (!latest.valid || gauges_[wire.gauge]->lost() != nullptr) continue;
     reading.set(wire.channel, latest.value);

@@ -3,12 +3,12 @@
 #pragma once
 
 #include <cstddef>
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "config/bench.h"
+#include "drivers/amplifier/contacts.h"
 #include "drivers/bench/gauge_reader.h"
 #include "drivers/device_clock.h"
 #include "drivers/driver.h"
@@ -16,33 +16,11 @@
 
 namespace stickslip::drivers {
 
-/// The amplifier's contacts, as the bench uses them; see amplifier/amplifier.h.
-class Contacts {
- public:
-  Contacts() = default;
-  Contacts(const Contacts&) = delete;
-  Contacts& operator=(const Contacts&) = delete;
-  virtual ~Contacts() = default;
-
-  virtual Result open() = 0;
-  /// Called in every cycle, off as well as on.
-  virtual Result write(bool amplifier_on) = 0;
-  virtual Signals signals() const noexcept = 0;
-  virtual void close() noexcept = 0;
-};
-
-/// Which channel comes from which input of which gauge.
-struct GaugeWire {
-  Channel channel = Channel::displacement;
-  std::size_t gauge = 0;
-  std::size_t input = 0;
-};
-
 /// What a bench is made of.
 struct BenchParts {
-  std::unique_ptr<Driver> board;  ///< frames in V; its drive is the output in V
+  std::unique_ptr<HostClock> clock;  ///< the devices' too
+  std::unique_ptr<Driver> board;     ///< frames in V; its drive is the output in V
   std::vector<std::unique_ptr<Gauge>> gauges;
-  std::vector<GaugeWire> wires;
   std::unique_ptr<Contacts> amplifier;  ///< null: none
 };
 
@@ -52,8 +30,10 @@ struct BenchParts {
 /// and opens it again. The amplifier's contact goes off before the board's output, and on after it.
 class BenchDriver final : public Driver {
  public:
-  BenchDriver(BenchParts parts, const config::ShakerOutput& shaker, HostClock& clock,
-              Patience patience = {});
+  /// `inputs` says which channel comes from which input of which gauge; those of the board are the
+  /// board's business.
+  BenchDriver(BenchParts parts, const config::BenchInputs& inputs,
+              const config::ShakerOutput& shaker, Patience patience = {});
   ~BenchDriver() override;
 
   /// The first time, every device has to be there; later, gauges may come by themselves.
@@ -67,15 +47,21 @@ class BenchDriver final : public Driver {
   Signals signals() const noexcept override;
 
  private:
+  struct Wire {
+    Channel channel = Channel::displacement;
+    std::size_t gauge = 0;
+    std::size_t input = 0;
+  };
+  void connect(const config::BenchInputs& inputs);
   void describe();
   double volts_of(double drive) const;
 
+  std::unique_ptr<HostClock> clock_;  // outlives the devices that look at it
   std::unique_ptr<Driver> board_;
   std::vector<std::unique_ptr<GaugeReader>> gauges_;
-  std::vector<GaugeWire> wires_;
+  std::vector<Wire> wires_;
   std::unique_ptr<Contacts> amplifier_;
   config::ShakerOutput shaker_;
-  HostClock& clock_;
   DeviceClock device_clock_;
   Description description_;
   bool opened_before_ = false;

@@ -91,7 +91,8 @@ ModbusUnit::ModbusUnit(config::ModbusUnit settings, std::vector<std::string> inp
   for (std::string& input : inputs) {
     const auto at = find_reading(settings_.map, input);
     input_registers_.push_back(at);
-    inputs_.push_back({std::move(input), at ? settings_.map.registers[*at].unit : ""});
+    inputs_.push_back(
+        {settings_.name, std::move(input), at ? settings_.map.registers[*at].unit : ""});
   }
   caller_.unit = settings_.unit;
   caller_.timeout_ns = ns(settings_.timeout_s);

@@ -89,7 +89,7 @@ class FakeGauge final : public Gauge {
  private:
   GaugeState& state_;
   std::string name_ = "bridge 7";
-  std::vector<GaugeInput> inputs_ = {{"0", "V/V"}};
+  std::vector<GaugeInput> inputs_ = {{"bridge", "0", "V/V"}};
 };
 
 struct BoardState {
@@ -161,13 +161,20 @@ class FakeContacts final : public Contacts {
 constexpr Patience quick{1 * ms, 2 * ms};
 
 struct Bench {
-  Bench() : driver(parts(), {.volts_per_unit = 100.0}, clock, quick) {}
+  Bench() : driver(parts(), inputs(), {.volts_per_unit = 100.0}, quick) {}
+
+  static config::BenchInputs inputs() {
+    config::BenchInputs out;
+    out[index_of(Channel::displacement)] = {.device = "board", .input = "AIN0"};
+    out[index_of(Channel::normal_load)] = {.device = "bridge", .input = "0"};
+    return out;
+  }
 
   BenchParts parts() {
     BenchParts out;
+    out.clock = std::make_unique<FixedClock>();
     out.board = std::make_unique<FakeBoard>(board);
     out.gauges.push_back(std::make_unique<FakeGauge>(gauge));
-    out.wires = {{Channel::normal_load, 0, 0}};
     out.amplifier = std::make_unique<FakeContacts>(contacts, board);
     return out;
   }
@@ -187,7 +194,6 @@ struct Bench {
     return out;
   }
 
-  FixedClock clock;
   GaugeState gauge;
   BoardState board;
   ContactsState contacts;
@@ -258,12 +264,14 @@ TEST(GaugeReader, CountsTheLossesOfAllTimesThatTheGaugeWasOpen) {
     const std::lock_guard lock(state.mutex);
     state.losses = {3, 1};
     state.read_answer = {Outcome::lost, "unplugged"};
+    state.open_answer = {Outcome::lost, "not there"};
   }
   ASSERT_TRUE(soon([&] { return reader.lost() != nullptr; }));
   {
     const std::lock_guard lock(state.mutex);
     state.losses = {2, 0};
     state.read_answer = {Outcome::no_data, ""};
+    state.open_answer = {};
   }
   EXPECT_TRUE(soon([&] { return reader.losses().missing == 5 && reader.losses().rejected == 1; }));
 }
@@ -283,16 +291,16 @@ TEST(BenchDriver, AFrameHoldsTheScanAndTheGaugesWithTheirAge) {
 }
 
 TEST(BenchDriver, AgesAreByTheHostsClockWhereTheBoardHasOneOfItsOwn) {
-  FixedClock clock;
   GaugeState gauge;
   BoardState board;
-  ContactsState contacts;
   board.own_clock = true;
   BenchParts parts;
+  auto own = std::make_unique<FixedClock>();
+  FixedClock& clock = *own;
+  parts.clock = std::move(own);
   parts.board = std::make_unique<FakeBoard>(board);
   parts.gauges.push_back(std::make_unique<FakeGauge>(gauge));
-  parts.wires = {{Channel::normal_load, 0, 0}};
-  BenchDriver driver(std::move(parts), {.volts_per_unit = 1.0}, clock, quick);
+  BenchDriver driver(std::move(parts), Bench::inputs(), {.volts_per_unit = 1.0}, quick);
   ASSERT_TRUE(driver.open());
   clock.now = 5'000 * ms;  // the board counts from 0
   gauge.say(0.5, 4'998 * ms);

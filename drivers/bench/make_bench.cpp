@@ -1,0 +1,38 @@
+#include "drivers/bench/make_bench.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "drivers/amplifier/amplifier.h"
+#include "drivers/bench/bench_driver.h"
+#include "drivers/labjack_u6/labjack_u6_driver.h"
+#include "drivers/modbus/modbus_unit.h"
+
+namespace stickslip::drivers {
+
+namespace {
+
+std::unique_ptr<Driver> board_of(const config::Bench& bench, double rate_hz, HostClock& clock) {
+  switch (bench.board) {
+    case config::BoardKind::usb_1208fs_plus:
+      return nullptr;
+    case config::BoardKind::labjack_u6:
+      break;
+  }
+  return std::make_unique<LabjackU6Driver>(
+      bench.labjack_u6, config::inputs_of(bench.inputs, "labjack_u6"), rate_hz, clock);
+}
+
+}  // namespace
+
+std::unique_ptr<Driver> make_bench(const config::Bench& bench, double rate_hz) {
+  BenchParts parts;
+  parts.clock = std::make_unique<MonotonicHostClock>();
+  HostClock& clock = *parts.clock;
+  parts.board = board_of(bench, rate_hz, clock);
+  parts.gauges = make_modbus_gauges(bench.modbus, bench.inputs, clock);
+  if (bench.amplifier) parts.amplifier = std::make_unique<Amplifier>(*bench.amplifier, clock);
+  return std::make_unique<BenchDriver>(std::move(parts), bench.inputs, bench.shaker);
+}
+
+}  // namespace stickslip::drivers
