@@ -1,0 +1,403 @@
+// The real driver of the LabJack U6, unchanged, against the emulated board on a bus inside this
+// program.
+#include "drivers/labjack_u6/labjack_u6_driver.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <mutex>
+#include <numbers>
+#include <set>
+#include <thread>
+#include <vector>
+
+#include "tests/emulated/attach/emulated_libusb.h"
+#include "tests/emulated/labjack_u6/emulated_labjack_u6.h"
+
+namespace stickslip::emulated {
+namespace {
+
+using drivers::LabjackU6Driver;
+using drivers::Outcome;
+using drivers::Result;
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+using testing::HasSubstr;
+
+constexpr std::int64_t ms = 1'000'000;
+
+/// Two inputs a quarter turn apart: no scan looks like the one before it.
+class Turning final : public Wires {
+ public:
+  double truth(Channel channel, std::int64_t time_ns) override {
+    const double turns = 40.0 * static_cast<double>(time_ns) * 1e-9;
+    const double quarter = channel == Channel::velocity ? 0.25 : 0.0;
+    return 5.0 * std::sin(2.0 * std::numbers::pi * (turns + quarter));
+  }
+  void drive(double volts, std::int64_t) override {
+    const std::lock_guard lock(mutex);
+    driven = volts;
+  }
+  void enable(bool on, std::int64_t time_ns) override {
+    const std::lock_guard lock(mutex);
+    if (on != enabled) changed_ns = time_ns;
+    enabled = on;
+  }
+  bool amplifier_fault() const override { return fault; }
+  bool emergency_stop() const override { return pressed; }
+  bool is_enabled() const {
+    const std::lock_guard lock(mutex);
+    return enabled;
+  }
+  double output_v() const {
+    const std::lock_guard lock(mutex);
+    return driven;
+  }
+
+  mutable std::mutex mutex;
+  double driven = 0.0;
+  bool enabled = false;
+  std::int64_t changed_ns = 0;
+  std::atomic<bool> fault{false};
+  std::atomic<bool> pressed{false};
+};
+
+config::LabjackU6 settings() {
+  config::LabjackU6 out;
+  out.enable_line = 2;
+  out.amplifier_fault_line = 3;
+  out.emergency_stop_line = 4;
+  out.watchdog_s = 1;
+  return out;
+}
+
+LabjackU6Options board_options(std::uint64_t seed) {
+  LabjackU6Options out;
+  out.seed = seed;
+  out.noise = 0.0;
+  out.enable_line = 2;
+  out.amplifier_fault_line = 3;
+  out.emergency_stop_line = 4;
+  return out;
+}
+
+config::BenchInputs inputs() {
+  config::BenchInputs out;
+  out[index_of(Channel::displacement)] = {.device = "labjack_u6", .input = "AIN0"};
+  out[index_of(Channel::velocity)] = {.device = "labjack_u6", .input = "AIN3"};
+  return out;
+}
+
+struct Bench {
+  explicit Bench(std::uint64_t seed = 1, double rate_hz = 5000.0,
+                 const config::LabjackU6& chosen = settings())
+      : board(
+            wires, [this] { return clock.now_ns(); }, board_options(seed)),
+        driver(chosen, inputs(), rate_hz, clock) {
+    board.wire(0, {Channel::displacement});
+    board.wire(3, {Channel::velocity});
+    bus.plug(board, 1);
+  }
+
+  /// Frames for so long.
+  std::vector<Frame> frames(milliseconds time) {
+    std::vector<Frame> out;
+    const auto end = steady_clock::now() + time;
+    while (steady_clock::now() < end) {
+      Frame frame;
+      last = driver.read(frame);
+      if (last) {
+        out.push_back(frame);
+      } else if (last.outcome != Outcome::no_data && last.outcome != Outcome::temporary) {
+        break;
+      }
+    }
+    return out;
+  }
+
+  drivers::MonotonicHostClock clock;
+  EmulatedBus bus;
+  Turning wires;
+  EmulatedLabjackU6 board;
+  LabjackU6Driver driver;
+  Result last;
+};
+
+/// Every frame is the scan that its number says, to the converter's step.
+void expect_true(const std::vector<Frame>& frames, const EmulatedLabjackU6& board) {
+  const std::vector<U6Scan> scans = board.scans();
+  std::size_t wrong = 0;
+  for (const Frame& frame : frames) {
+    ASSERT_LT(frame.sequence, scans.size());
+    const U6Scan& scan = scans[frame.sequence];
+    const bool right = frame.valid == 0b11 && !scan.lost &&
+                       std::abs(frame.value[0] - scan.volts[0]) < 0.5e-3 &&
+                       std::abs(frame.value[1] - scan.volts[1]) < 0.5e-3;
+    if (!right) ++wrong;
+  }
+  EXPECT_EQ(wrong, 0U) << "of " << frames.size();
+}
+
+TEST(LabjackU6OnABus, EveryFrameIsTheScanThatItsNumberSays) {
+  Bench bench;
+  ASSERT_TRUE(bench.driver.open()) << bench.driver.open().message;
+  EXPECT_THAT(bench.driver.description().name, HasSubstr("360009876"));
+  EXPECT_EQ(bench.driver.description().channels, 0b11);
+  ASSERT_TRUE(bench.driver.start());
+  const std::vector<Frame> frames = bench.frames(milliseconds(400));
+  ASSERT_GT(frames.size(), 1500U);
+  expect_true(frames, bench.board);
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    ASSERT_EQ(frames[i].sequence, i);
+    ASSERT_EQ(frames[i].time_ns, static_cast<std::int64_t>(i) * 200'000);
+  }
+  bench.driver.stop();
+  bench.driver.close();
+  EXPECT_FALSE(bench.board.streaming());
+  EXPECT_EQ(bench.bus.open_handles(), 0);
+  EXPECT_EQ(bench.bus.transfers_in_flight(), 0U);
+  EXPECT_THAT(bench.bus.misuses(), testing::IsEmpty());
+}
+
+TEST(LabjackU6OnABus, AFasterCrystalIsTheBoardsOwnTime) {
+  Bench bench;
+  ASSERT_TRUE(bench.driver.open());
+  EXPECT_TRUE(bench.driver.description().own_clock);
+  EXPECT_TRUE(bench.driver.description().paced);
+}
+
+// Whatever befalls the stream, again and again: no wrong sample, and no more lost than was spoilt.
+class SpoiltStream : public testing::TestWithParam<U6StreamFault> {};
+
+TEST_P(SpoiltStream, LosesExactlyWhatWasSpoilt) {
+  std::size_t events = 0;
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    SCOPED_TRACE(seed);
+    Bench bench(seed);
+    ASSERT_TRUE(bench.driver.open());
+    ASSERT_TRUE(bench.driver.start());
+    ASSERT_GT(bench.frames(milliseconds(50)).size(), 0U);
+    bench.board.chance(GetParam(), 0.03);
+    std::vector<Frame> frames = bench.frames(milliseconds(350));
+    bench.board.chance(GetParam(), 0.0);
+    const auto more = bench.frames(milliseconds(80));
+    frames.insert(frames.end(), more.begin(), more.end());
+    const bool stall = GetParam() == U6StreamFault::stall;
+    if (stall && bench.last.outcome == Outcome::lost) continue;  // ended, and said so
+    ASSERT_GT(frames.size(), 300U) << bench.last.message;
+    expect_true(frames, bench.board);
+    std::set<std::uint64_t> spoilt;
+    for (const U6SpoiltPacket& packet : bench.board.spoilt_packets()) {
+      ++events;
+      for (std::uint64_t scan = packet.first_scan; scan <= packet.last_scan; ++scan) {
+        spoilt.insert(scan);
+      }
+    }
+    for (std::size_t i = 1; i < frames.size(); ++i) {
+      ASSERT_GT(frames[i].sequence, frames[i - 1].sequence);
+      for (std::uint64_t gone = frames[i - 1].sequence + 1; gone < frames[i].sequence; ++gone) {
+        ASSERT_TRUE(spoilt.contains(gone) || bench.board.scans()[gone].lost)
+            << "scan " << gone << " was lost without need";
+      }
+    }
+  }
+  if (GetParam() != U6StreamFault::stall) {
+    EXPECT_GT(events, 4U) << "next to nothing happened";
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(EveryKind, SpoiltStream,
+                         testing::Values(U6StreamFault::bad_checksum8,
+                                         U6StreamFault::bad_checksum16, U6StreamFault::short_packet,
+                                         U6StreamFault::lost, U6StreamFault::repeated,
+                                         U6StreamFault::stall));
+
+TEST(LabjackU6OnABus, AHostThatSleepsLosesScansAndKnowsHowMany) {
+  Bench bench(3, 20000.0);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  std::vector<Frame> frames = bench.frames(milliseconds(60));
+  bench.board.fall_silent(true);  // nothing is taken from it: its FIFO overflows
+  std::this_thread::sleep_for(milliseconds(120));
+  bench.board.fall_silent(false);
+  const auto more = bench.frames(milliseconds(200));
+  frames.insert(frames.end(), more.begin(), more.end());
+  EXPECT_GT(bench.board.scans_lost(), 0U);
+  ASSERT_GT(more.size(), 1000U) << bench.last.message;
+  expect_true(frames, bench.board);
+  std::uint64_t missing = 0;
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    missing += frames[i].sequence - frames[i - 1].sequence - 1;
+  }
+  EXPECT_EQ(missing, bench.board.scans_lost());
+}
+
+TEST(LabjackU6OnABus, DrivesTheOutputAndTheEnableLine) {
+  Bench bench(1, 1000.0);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  EXPECT_FALSE(bench.wires.is_enabled());
+  for (int i = 0; i < 200; ++i) {
+    Frame frame;
+    static_cast<void>(bench.driver.read(frame));
+    ASSERT_TRUE(bench.driver.write({3.25, true}));
+  }
+  EXPECT_TRUE(bench.wires.is_enabled());
+  EXPECT_NEAR(bench.wires.output_v(), 3.25, 5.0 / 4096.0);
+  static_cast<void>(bench.driver.write({2.5, false}));
+  std::this_thread::sleep_for(milliseconds(20));
+  EXPECT_FALSE(bench.wires.is_enabled());
+}
+
+TEST(LabjackU6OnABus, ADaemonThatDiesLeavesTheLineToTheWatchdog) {
+  Bench bench(1, 1000.0);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  for (int i = 0; i < 200; ++i) {
+    Frame frame;
+    static_cast<void>(bench.driver.read(frame));
+    static_cast<void>(bench.driver.write({3.0, true}));
+  }
+  ASSERT_TRUE(bench.wires.is_enabled());
+  std::this_thread::sleep_for(milliseconds(1300));  // nobody reads, nobody writes
+  bench.board.catch_up();
+  EXPECT_GT(bench.board.watchdog_bites(), 0U);
+  EXPECT_FALSE(bench.wires.is_enabled());
+}
+
+TEST(LabjackU6OnABus, AnUnchangedDriveFeedsTheWatchdogAllTheSame) {
+  Bench bench(1, 1000.0);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  const auto end = steady_clock::now() + milliseconds(1500);
+  while (steady_clock::now() < end) {
+    Frame frame;
+    static_cast<void>(bench.driver.read(frame));
+    ASSERT_TRUE(bench.driver.write({3.0, true}));
+  }
+  EXPECT_EQ(bench.board.watchdog_bites(), 0U);
+  EXPECT_TRUE(bench.wires.is_enabled());
+}
+
+TEST(LabjackU6OnABus, SignalsAreTheLinesWithoutADrive) {
+  Bench bench(1, 1000.0);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  const auto cycles = [&bench](int count) {
+    for (int i = 0; i < count; ++i) {
+      Frame frame;
+      static_cast<void>(bench.driver.read(frame));
+      static_cast<void>(bench.driver.write({2.5, false}));
+    }
+  };
+  cycles(100);
+  EXPECT_FALSE(bench.driver.signals().emergency_stop);
+  EXPECT_FALSE(bench.driver.signals().amplifier_fault);
+  bench.wires.pressed = true;
+  cycles(100);
+  EXPECT_TRUE(bench.driver.signals().emergency_stop);
+  bench.wires.pressed = false;
+  bench.wires.fault = true;
+  cycles(100);
+  EXPECT_FALSE(bench.driver.signals().emergency_stop);
+  EXPECT_TRUE(bench.driver.signals().amplifier_fault);
+}
+
+TEST(LabjackU6OnABus, UnpluggedItIsLostAndComesBack) {
+  Bench bench;
+  for (int round = 0; round < 4; ++round) {
+    SCOPED_TRACE(round);
+    ASSERT_TRUE(bench.driver.open()) << bench.driver.open().message;
+    ASSERT_TRUE(bench.driver.start());
+    ASSERT_GT(bench.frames(milliseconds(60)).size(), 100U);
+    bench.bus.unplug(bench.board);
+    bench.frames(milliseconds(500));
+    EXPECT_EQ(bench.last.outcome, Outcome::lost) << bench.last.message;
+    EXPECT_NE(bench.driver.write({3.0, true}).outcome, Outcome::ok);
+    bench.driver.stop();
+    bench.driver.close();
+    EXPECT_EQ(bench.driver.open().outcome, Outcome::lost);
+    bench.driver.close();
+    bench.bus.plug(bench.board, 2);
+  }
+  EXPECT_EQ(bench.bus.open_handles(), 0);
+  EXPECT_THAT(bench.bus.misuses(), testing::IsEmpty());
+}
+
+TEST(LabjackU6OnABus, WithoutPermissionItSaysWhatToDo) {
+  Bench bench;
+  bench.bus.refuse_access(bench.board);
+  const Result result = bench.driver.open();
+  EXPECT_EQ(result.outcome, Outcome::needs_attention);
+  EXPECT_THAT(result.message, HasSubstr("udev"));
+  bench.driver.close();
+  bench.bus.refuse_access(bench.board, false);
+  EXPECT_TRUE(bench.driver.open());
+}
+
+TEST(LabjackU6OnABus, AStreamThatADeadProcessLeftBehindIsEnded) {
+  Bench bench;
+  {
+    LabjackU6Driver dead(settings(), inputs(), 5000.0, bench.clock);
+    ASSERT_TRUE(dead.open());
+    ASSERT_TRUE(dead.start());
+    bench.bus.unplug(bench.board);  // it cannot tidy up
+  }
+  // The board was not reset: its cable stayed in.
+  bench.bus.plug(bench.board, 1);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  EXPECT_GT(bench.frames(milliseconds(100)).size(), 300U);
+}
+
+/// Replies that are spoilt by chance while it drives: whatever happens is told, and nothing hangs.
+class SpoiltReply : public testing::TestWithParam<U6ReplyFault> {};
+
+TEST_P(SpoiltReply, IsToldAndDoesNotWedgeTheDrive) {
+  Bench bench(2, 1000.0);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  bench.board.chance(GetParam(), 0.05, {.late_ns = 30 * ms, .error = 96});
+  int refused = 0;
+  const auto end = steady_clock::now() + milliseconds(1200);
+  double volts = 1.0;
+  auto longest = steady_clock::duration::zero();
+  while (steady_clock::now() < end) {
+    Frame frame;
+    static_cast<void>(bench.driver.read(frame));
+    volts = volts > 4.0 ? 1.0 : volts + 0.01;
+    const auto before = steady_clock::now();
+    const Result written = bench.driver.write({volts, true});
+    longest = std::max(longest, steady_clock::now() - before);
+    if (!written) {
+      ++refused;
+      EXPECT_NE(std::string(written.message), "");
+    }
+    ASSERT_NE(bench.last.outcome, Outcome::fatal);
+  }
+  if (GetParam() != U6ReplyFault::late) {
+    EXPECT_GT(refused, 0);
+  }
+  EXPECT_LT(longest, milliseconds(50)) << "a write waited";
+  // Once replies are well again, so is the drive.
+  bench.board.chance(GetParam(), 0.0);
+  const auto again = steady_clock::now() + milliseconds(1500);
+  while (steady_clock::now() < again) {
+    Frame frame;
+    static_cast<void>(bench.driver.read(frame));
+    static_cast<void>(bench.driver.write({2.0, true}));
+  }
+  EXPECT_TRUE(bench.driver.write({2.0, true}));
+  EXPECT_NEAR(bench.wires.output_v(), 2.0, 5.0 / 4096.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(EveryKind, SpoiltReply,
+                         testing::Values(U6ReplyFault::late, U6ReplyFault::missing,
+                                         U6ReplyFault::error, U6ReplyFault::bad_checksum,
+                                         U6ReplyFault::stall));
+
+}  // namespace
+}  // namespace stickslip::emulated
