@@ -25,14 +25,19 @@ std::unique_ptr<Driver> board_of(const config::Bench& bench, double rate_hz, Hos
 
 }  // namespace
 
-std::unique_ptr<Driver> make_bench(const config::Bench& bench, double rate_hz) {
+BenchParts make_bench_parts(const config::Bench& bench, double rate_hz) {
   BenchParts parts;
   parts.clock = std::make_unique<MonotonicHostClock>();
   HostClock& clock = *parts.clock;
   parts.board = board_of(bench, rate_hz, clock);
   parts.gauges = make_modbus_gauges(bench.modbus, bench.inputs, clock);
   if (bench.amplifier) parts.amplifier = std::make_unique<Amplifier>(*bench.amplifier, clock);
-  return std::make_unique<BenchDriver>(std::move(parts), bench.inputs, bench.shaker);
+  return parts;
+}
+
+std::unique_ptr<Driver> make_bench(const config::Bench& bench, double rate_hz) {
+  return std::make_unique<BenchDriver>(make_bench_parts(bench, rate_hz), bench.inputs,
+                                       bench.shaker);
 }
 
 }  // namespace stickslip::drivers
