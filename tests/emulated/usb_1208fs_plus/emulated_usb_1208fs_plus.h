@@ -1,0 +1,159 @@
+// An MCC USB-1208FS-Plus that only looks real: all of its commands are vendor requests, samples
+// come by bulk endpoint 1 and drive goes by bulk endpoint 2.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <random>
+#include <string>
+
+#include "tests/emulated/usb_device.h"
+#include "tests/emulated/wires.h"
+
+namespace stickslip::emulated {
+
+/// Scans of inputs and outputs are paced by its own clock: a scan begins at the start command (that
+/// of the outputs with the first whole scan in the FIFO after it). External clocks and triggers are
+/// not there.
+class EmulatedUsb1208fsPlus final : public UsbDevice {
+ public:
+  static constexpr std::size_t terminals = 8;
+
+  /// What turns a code of the converter into one that is true: true = code * slope + offset.
+  struct Correction {
+    float slope = 1.0F;
+    float offset = 0.0F;
+  };
+
+  struct Options {
+    std::string serial = "01A2B3C4";  ///< 8 characters
+    /// At the terminals CH0 to CH7 [V]; nothing: 0 V. A differential channel is the even terminal
+    /// against the odd one.
+    std::array<std::optional<Sensor>, terminals> sensors;
+    double noise_v = 0.0;    ///< standard deviation, of each sample
+    std::uint64_t seed = 1;  ///< of noise, imperfections and faults
+    /// The calibration memory holds corrections of some percent, and the converter needs them.
+    bool imperfect = true;
+    std::size_t output = 0;  ///< which of the two outputs is wired to the shaker
+    double crystal = 0.0;    ///< how much faster than its nominal rate its pacer runs, of 1
+    std::size_t input_fifo_bytes = 12288;
+    std::size_t output_fifo_bytes = 4096;
+  };
+
+  /// The first three are probabilities that it befalls a packet.
+  struct Faults {
+    double short_packet = 0.0;     ///< the end of it is lost
+    double repeated_packet = 0.0;  ///< it comes twice
+    double lost_packet = 0.0;
+    bool stall = false;    ///< endpoint 1 stalls once, until it is cleared
+    bool silence = false;  ///< endpoint 1 says nothing, while the scan goes on
+  };
+  struct Struck {
+    std::uint64_t short_packet = 0;
+    std::uint64_t repeated_packet = 0;
+    std::uint64_t lost_packet = 0;
+    std::uint64_t stall = 0;
+    std::uint64_t input_scans_dropped = 0;  ///< by a full FIFO, with "do not stall"
+  };
+
+  EmulatedUsb1208fsPlus(Options options, Wires& wires, Now now);
+
+  /// To be set at any time between two calls.
+  Faults faults;
+  const Struck& struck() const { return struck_; }
+  double output_v(std::size_t output) const;
+  std::uint64_t output_scans_done() const { return output_.done; }
+  std::size_t output_fifo_level() const { return output_.fifo.size(); }
+  /// Its calibration memory, 768 bytes.
+  Bytes& calibration_memory() { return calibration_; }
+
+  /// Power is gone: 0 V. Afterwards reset() is plugging it in again.
+  void unplug();
+
+  Bytes device_descriptor() const override;
+  Bytes configuration_descriptor() const override;
+  std::string string(std::uint8_t index) const override;
+  UsbAnswer control(const UsbSetup& setup, std::span<const std::uint8_t> out) override;
+  UsbStatus out(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) override;
+  UsbAnswer in(std::uint8_t endpoint, std::size_t room) override;
+  void clear_halt(std::uint8_t endpoint_address) override;
+  void reset() override;
+
+ private:
+  /// When the scans of one direction are due.
+  struct Pace {
+    std::int64_t begun_ns = 0;
+    double period_ns = 0.0;
+    std::uint64_t scans = 0;
+    std::int64_t due_ns() const {
+      return begun_ns + static_cast<std::int64_t>(static_cast<double>(scans) * period_ns + 0.5);
+    }
+  };
+  struct InputScan {
+    bool running = false;
+    bool overrun = false;
+    bool halted = false;
+    bool differential = false;
+    bool immediate = false;
+    bool never_stalls = false;
+    std::uint8_t mask = 0;
+    std::uint64_t samples_wanted = 0;  // 0: until it is stopped
+    std::uint64_t samples_taken = 0;
+    Pace pace;
+    std::deque<Bytes> packets;  // what is ready to go
+    Bytes filling;
+    std::size_t bytes = 0;  // in both
+  };
+  struct OutputScan {
+    bool running = false;
+    bool waiting = false;  // for the first data
+    bool underrun = false;
+    bool halted = false;
+    bool never_stalls = false;
+    std::uint8_t mask = 0;
+    std::uint64_t scans_wanted = 0;
+    std::uint64_t done = 0;
+    Pace pace;
+    std::deque<std::uint8_t> fifo;
+    std::size_t taken_of_transfer = 0;
+  };
+
+  void catch_up();
+  void take_scan();
+  void keep(std::uint16_t code);
+  void finish_input();
+  void put_scan();
+  void start_output_if_ready();
+  void set_output(std::size_t output, std::uint16_t counts, std::int64_t time_ns);
+  std::uint16_t convert(std::size_t channel, bool differential, int range, std::int64_t time_ns);
+  double terminal_v(std::size_t terminal, std::int64_t time_ns);
+  Correction correction(std::size_t channel, bool differential, int range) const;
+  void write_calibration();
+  UsbAnswer read(const UsbSetup& setup);
+  UsbStatus write(const UsbSetup& setup, std::span<const std::uint8_t> out);
+  UsbStatus start_input(std::span<const std::uint8_t> out);
+  UsbStatus start_output(std::span<const std::uint8_t> out);
+  void clear_input_fifo();
+  std::uint16_t status() const;
+  bool next_packet(Bytes& packet);
+  bool chance(double probability, std::uint64_t& count);
+
+  Options options_;
+  Wires& wires_;
+  Now now_;
+  Bytes calibration_;
+  Bytes user_memory_;
+  std::array<std::uint8_t, terminals> ranges_{};
+  InputScan input_;
+  OutputScan output_;
+  std::array<std::uint16_t, 2> counts_{};
+  std::optional<Bytes> again_;  // a packet that is sent twice
+  bool plugged_ = true;
+  std::mt19937_64 noise_;
+  std::mt19937_64 fate_;
+  Struck struck_;
+};
+
+}  // namespace stickslip::emulated
