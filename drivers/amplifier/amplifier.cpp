@@ -28,13 +28,12 @@ bool is_gone(int error) {
 
 std::string path_of(int number) { return "/dev/gpiochip" + std::to_string(number); }
 
-std::string what_to_do_about_permission(const std::string& path) {
-  return "allow it: sudo groupadd -f gpio; sudo usermod -aG gpio $USER; echo 'SUBSYSTEM==\"gpio\", "
-         "KERNEL==\"gpiochip*\", GROUP=\"gpio\", MODE=\"0660\"' | sudo tee "
-         "/etc/udev/rules.d/60-stickslip-gpio.rules; sudo udevadm control --reload; sudo udevadm "
-         "trigger " +
-         path + "; and log in again";
-}
+constexpr const char* permission_cure =
+    "allow it: sudo groupadd -f gpio; sudo usermod -aG gpio $USER; echo 'SUBSYSTEM==\"gpio\", "
+    "KERNEL==\"gpiochip*\", GROUP=\"gpio\", MODE=\"0660\"' | sudo tee "
+    "/etc/udev/rules.d/60-stickslip-gpio.rules; sudo udevadm control --reload; sudo udevadm "
+    "trigger "
+    "--subsystem-match=gpio; and log in again";
 
 /// What has been seen of the chips of this host.
 struct Search {
@@ -130,8 +129,7 @@ Result Amplifier::find_chip(std::string& path) {
   }
   if (!search.forbidden.empty()) {
     message_ = "the amplifier's GPIO chip " + settings_.chip + " was not found, and " +
-               search.forbidden +
-               " may not be opened: " + what_to_do_about_permission(search.forbidden);
+               search.forbidden + " may not be opened: " + permission_cure;
     return {Outcome::needs_attention, message_.c_str()};
   }
   message_ = "there is no GPIO chip with the path, name or label " + settings_.chip +
@@ -184,7 +182,7 @@ Result Amplifier::refused(const gpio::Refusal& refusal) {
       return {Outcome::needs_attention, message_.c_str()};
     case EACCES:
     case EPERM:
-      message_ = what + " may not be opened: " + what_to_do_about_permission(settings_.chip);
+      message_ = what + " may not be opened: " + permission_cure;
       return {Outcome::needs_attention, message_.c_str()};
     case ENOENT:
       if (!refusal.line.empty()) {
@@ -318,7 +316,7 @@ std::vector<Attached> find_gpio_chips() {
       found.push_back({"gpio", chip->label + ", " + std::to_string(chip->lines) + " lines",
                        chip->name, path, ""});
     } else if (error == EACCES || error == EPERM) {
-      found.push_back({"gpio", "GPIO chip", "", path, what_to_do_about_permission(path)});
+      found.push_back({"gpio", "GPIO chip", "", path, permission_cure});
     }
   }
   return found;

@@ -22,6 +22,8 @@ using modbus::Progress;
 constexpr std::int64_t patience_ns = 150'000'000;
 /// So many replies in a row that make no sense are no disturbance but a wrong setting.
 constexpr int senseless_in_row = 20;
+/// An alarm that could not be read in so many polls in a row is not known.
+constexpr int polls_until_unknown = 5;
 
 std::int64_t ns(double seconds) { return std::llround(seconds * 1.0e9); }
 
@@ -133,6 +135,7 @@ Result ModbusUnit::open() {
   }
   silent_in_row_ = 0;
   garbled_in_row_ = 0;
+  failed_polls_in_row_ = 0;
   for (const ModbusRegister& its : settings_.map.registers) {
     if (its.role != RegisterRole::setting || !its.set_to) continue;
     if (const Result written = write_setting(its); !written) return written;
@@ -239,7 +242,7 @@ Result ModbusUnit::failed(const Exchange& exchange, const std::string& what) {
       break;
   }
   put_off_poll();
-  if (has_alarm_) alarm_.store(true, std::memory_order_relaxed);
+  alarm_is_unknown();
   return tell(Outcome::lost, exchange.why);
 }
 
@@ -248,7 +251,7 @@ Result ModbusUnit::silent(const std::string& what) {
       "no answer to " + what + " within " + number(1.0e3 * settings_.timeout_s) + " ms";
   if (++silent_in_row_ <= settings_.retries) return tell(Outcome::temporary, words);
   put_off_poll();
-  if (has_alarm_) alarm_.store(true, std::memory_order_relaxed);
+  alarm_is_unknown();
   return tell(Outcome::lost, words + ", " + std::to_string(silent_in_row_) +
                                  " times: is it on, is its address " +
                                  std::to_string(settings_.unit) +
@@ -259,7 +262,7 @@ Result ModbusUnit::garbled(const Exchange& exchange, const std::string& what) {
   const std::string words = "the reply to " + what + " was not believed: " + exchange.why;
   if (++garbled_in_row_ > settings_.retries) put_off_poll();
   if (garbled_in_row_ < senseless_in_row) return tell(Outcome::temporary, words);
-  if (has_alarm_) alarm_.store(true, std::memory_order_relaxed);
+  alarm_is_unknown();
   return tell(Outcome::needs_attention,
               words + ", " + std::to_string(garbled_in_row_) +
                   " times in a row: look at baud rate, parity, termination, at two units with one "
@@ -276,7 +279,7 @@ Result ModbusUnit::refused(std::uint8_t exception, const std::string& what) {
     case 2:
     case 3:
     case 10:
-      if (has_alarm_) alarm_.store(true, std::memory_order_relaxed);
+      alarm_is_unknown();
       return tell(Outcome::needs_attention,
                   words + (exception == 10 ? ": look at the gateway's settings"
                                            : ": its map does not fit this unit"));
@@ -285,10 +288,15 @@ Result ModbusUnit::refused(std::uint8_t exception, const std::string& what) {
   }
 }
 
+void ModbusUnit::alarm_is_unknown() noexcept {
+  if (has_alarm_) alarm_.store(true, std::memory_order_relaxed);
+}
+
 /// This poll has come to nothing.
 void ModbusUnit::put_off_poll() {
   if (!open_) return;
   losses_.missing += std::max<std::size_t>(inputs_.size(), 1);
+  if (++failed_polls_in_row_ >= polls_until_unknown) alarm_is_unknown();
   next_poll();
 }
 
@@ -332,6 +340,7 @@ std::string ModbusUnit::trouble_of(RegisterRole role) const {
 }
 
 Result ModbusUnit::take(std::span<Reading> readings) {
+  failed_polls_in_row_ = 0;
   if (has_alarm_) {
     alarm_.store(!trouble_of(RegisterRole::alarm).empty(), std::memory_order_relaxed);
   }
@@ -350,6 +359,7 @@ Result ModbusUnit::take(std::span<Reading> readings) {
 
 void ModbusUnit::close() noexcept {
   bus_->leave(caller_);
+  alarm_is_unknown();
   answered_.clear();
   open_ = false;
 }

@@ -22,8 +22,8 @@ namespace stickslip::drivers {
 ///
 /// - A status register that is not `ok`: the poll's readings are not valid. The first such poll
 ///   answers `temporary` with words; those after it are ok, with readings that are not valid.
-/// - An alarm register that is not `ok`, or cannot be read since the unit was lost or before it was
-///   opened: amplifier_fault.
+/// - An alarm register that is not `ok`: amplifier_fault. So is one that is not known: before open,
+///   after close, when the unit is lost, and after five polls in a row that came to nothing.
 /// - Settings are written when it is opened and read back; another value there needs attention.
 /// - No answer: temporary, and after `retries` more attempts lost. Exceptions 1, 2, 3 and 10 need
 ///   attention, others pass.
@@ -59,6 +59,7 @@ class ModbusUnit final : public Gauge {
   Result refused(std::uint8_t exception, const std::string& what);
   Result poll_until(std::int64_t until_ns, bool& complete);
   Result take(std::span<Reading> readings);
+  void alarm_is_unknown() noexcept;
   void put_off_poll();
   void next_poll();
   std::span<const std::uint16_t> words_of(std::size_t at) const;
@@ -81,6 +82,7 @@ class ModbusUnit final : public Gauge {
   std::int64_t due_ns_ = 0;
   int silent_in_row_ = 0;
   int garbled_in_row_ = 0;
+  int failed_polls_in_row_ = 0;
   bool status_was_well_ = true;
   GaugeLosses losses_;
   std::string message_;

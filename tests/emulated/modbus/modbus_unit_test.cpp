@@ -467,6 +467,43 @@ TEST_P(ModbusBench, ADeadUnitDoesNotSilenceALivingOne) {
   EXPECT_GT(got, 55) << "of 75 polls in that time";
 }
 
+TEST_P(ModbusBench, AnAlarmThatIsNotReadForLongIsAFault) {
+  units_.add(1, {}, {constant(5, Kind::u16, 0.0)});
+  units_.start();
+  config::ModbusUnit unit = settings(1);
+  unit.map.registers = {reg("tripped", 5, RegisterType::uint16)};
+  unit.map.registers[0].role = RegisterRole::alarm;
+  unit.map.registers[0].ok = {0};
+  Gauge& gauge = make({unit});
+  ASSERT_TRUE(gauge.open());
+  ASSERT_TRUE(patiently(gauge, {}));
+  EXPECT_FALSE(gauge.signals().amplifier_fault);
+  units_.refuse(1, 6);
+  EXPECT_EQ(patiently(gauge, {}, 0.2).outcome, Outcome::temporary);
+  EXPECT_TRUE(gauge.signals().amplifier_fault);
+  units_.refuse(1, 0);
+  ASSERT_TRUE(patiently(gauge, {}));
+  EXPECT_FALSE(gauge.signals().amplifier_fault);
+  gauge.close();
+  EXPECT_TRUE(gauge.signals().amplifier_fault);
+}
+
+TEST_P(ModbusBench, PausesAreKeptEvenLongOnes) {
+  units_.add(1, {}, {constant(0, Kind::u16, 1.0), constant(1, Kind::u16, 2.0)});
+  units_.start();
+  config::ModbusUnit unit = settings(1);
+  unit.map.registers = {reg("a", 0, RegisterType::uint16), reg("b", 1, RegisterType::uint16)};
+  unit.pause_after_connect_s = 0.1;
+  unit.pause_between_requests_s = 0.2;  // longer than a read waits
+  Gauge& gauge = make({unit}, {{"u1", "a"}, {"u1", "b"}});
+  const std::int64_t before = clock_.now_ns();
+  ASSERT_TRUE(gauge.open());
+  EXPECT_GE(clock_.now_ns() - before, 300 * ms);
+  Reading readings[2];
+  ASSERT_TRUE(patiently(gauge, readings));
+  EXPECT_GE(readings[1].time_ns - readings[0].time_ns, 195 * ms);
+}
+
 /// Everything that can befall an answer, many times over.
 TEST_P(ModbusBench, NoFaultOfTheLineIsEverTakenForAValue) {
   for (const std::uint32_t unit : {1U, 2U}) {
