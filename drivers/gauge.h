@@ -23,7 +23,7 @@ struct Reading {
 struct GaugeInput {
   std::string device;  ///< the DEVICE of DEVICE/INPUT in the configuration
   std::string name;    ///< the INPUT of it
-  std::string unit;  ///< "V/V", "mm"
+  std::string unit;    ///< "V/V", "mm"
 };
 
 /// What a gauge could not read without saying so itself, since it was opened.

@@ -7,6 +7,8 @@
 #include "drivers/bench/bench_driver.h"
 #include "drivers/labjack_u6/labjack_u6_driver.h"
 #include "drivers/modbus/modbus_unit.h"
+#include "drivers/phidget_bridge/phidget_bridge.h"
+#include "drivers/usb_1208fs_plus/usb_1208fs_plus_driver.h"
 
 namespace stickslip::drivers {
 
@@ -15,7 +17,9 @@ namespace {
 std::unique_ptr<Driver> board_of(const config::Bench& bench, double rate_hz, HostClock& clock) {
   switch (bench.board) {
     case config::BoardKind::usb_1208fs_plus:
-      return nullptr;
+      return std::make_unique<Usb1208fsPlusDriver>(
+          bench.usb_1208fs_plus, config::inputs_of(bench.inputs, "usb_1208fs_plus"), rate_hz,
+          clock);
     case config::BoardKind::labjack_u6:
       break;
   }
@@ -31,6 +35,10 @@ BenchParts make_bench_parts(const config::Bench& bench, double rate_hz) {
   HostClock& clock = *parts.clock;
   parts.board = board_of(bench, rate_hz, clock);
   parts.gauges = make_modbus_gauges(bench.modbus, bench.inputs, clock);
+  const config::BenchInputs bridge = config::inputs_of(bench.inputs, "phidget_bridge");
+  if (std::any_of(bridge.begin(), bridge.end(), [](const auto& input) { return !!input; })) {
+    parts.gauges.push_back(std::make_unique<PhidgetBridge>(bench.phidget_bridge, bridge, clock));
+  }
   if (bench.amplifier) parts.amplifier = std::make_unique<Amplifier>(*bench.amplifier, clock);
   return parts;
 }

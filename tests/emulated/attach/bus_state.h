@@ -53,6 +53,9 @@ struct Request {
   /// With the state's lock held; must not call back into the state.
   std::function<void(Request&)> ended;
 
+  /// Is under way again as soon as it has ended well, until it is removed.
+  bool repeats = false;
+
   std::size_t done = 0;
   bool cancelled = false;
   Ending ending = Ending::completed;

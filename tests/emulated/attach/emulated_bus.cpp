@@ -127,6 +127,12 @@ void BusState::pump() {
     }
     any = true;
     if (request->ended) request->ended(*request);
+    if (request->repeats && request->ending == Ending::completed) {
+      request->done = 0;  // and has its next turn when this one is over: one for each look
+      busy.insert(endpoint);
+      ++request;
+      continue;
+    }
     request = requests_.erase(request);
   }
   if (any) changed_.notify_all();

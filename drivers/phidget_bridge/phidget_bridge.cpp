@@ -1,0 +1,310 @@
+#include "drivers/phidget_bridge/phidget_bridge.h"
+
+#include <hidapi/hidapi.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cwchar>
+#include <fstream>
+#include <iterator>
+#include <optional>
+#include <utility>
+
+#include "drivers/phidget_bridge/protocol.h"
+
+namespace stickslip::drivers {
+
+using namespace phidget_bridge;
+
+namespace {
+
+constexpr int patience_ms = 200;
+constexpr std::size_t largest_report = 64;
+/// Where the descriptor cannot be read: as long as a full-speed report gets.
+constexpr std::size_t usual_output_bytes = 64;
+/// More than the kernel holds: who is asked for them stops at some time.
+constexpr std::uint64_t most_reports = 1024;
+constexpr std::int64_t settle_ns = 3'000'000'000;
+constexpr std::int64_t repeat_ns = 500'000'000;
+
+struct DeviceEnd {
+  void operator()(hid_device* device) const { hid_close(device); }
+};
+struct ListEnd {
+  void operator()(hid_device_info* list) const { hid_free_enumeration(list); }
+};
+using Device = std::unique_ptr<hid_device, DeviceEnd>;
+
+struct Found {
+  std::string path;
+  std::string serial;
+  int firmware = 0;
+};
+
+std::vector<Found> search() {
+  std::vector<Found> found;
+  const std::unique_ptr<hid_device_info, ListEnd> list(hid_enumerate(vendor_id, product_id));
+  for (const hid_device_info* one = list.get(); one != nullptr; one = one->next) {
+    if (one->interface_number > 0) continue;
+    Found board;
+    board.path = one->path;
+    board.firmware = firmware_of(one->release_number);
+    for (const wchar_t* letter = one->serial_number; letter != nullptr && *letter != 0; ++letter) {
+      if (*letter > L' ' && *letter < 0x7F) board.serial += static_cast<char>(*letter);
+    }
+    found.push_back(std::move(board));
+  }
+  return found;
+}
+
+std::string title_of(const Found& board) {
+  return "PhidgetBridge 1046" + (board.serial.empty() ? "" : " #" + board.serial);
+}
+
+std::string firmware_text(int firmware) {
+  const std::string behind = std::to_string(firmware % 100);
+  return std::to_string(firmware / 100) + (behind.size() < 2 ? ".0" : ".") + behind;
+}
+
+/// Empty: it is one that this driver speaks to.
+std::string other_protocol(const Found& board) {
+  if (board.firmware >= first_firmware && board.firmware <= last_firmware) return {};
+  return title_of(board) + " at " + board.path + " has firmware " + firmware_text(board.firmware) +
+         ": that is a 1046_1 or newer, which speaks another protocol. Only the 1046 (1046_0, "
+         "firmware 1.00 to 1.99) can be used here";
+}
+
+std::string refused_access(const Found& board) {
+  return title_of(board) + ": " + board.path +
+         " may not be opened by this user. Give access once, then plug the bridge in again:\n"
+         "  echo 'KERNEL==\"hidraw*\", ATTRS{idVendor}==\"06c2\", ATTRS{idProduct}==\"003b\", "
+         "MODE=\"0660\", GROUP=\"stickslip\", TAG+=\"uaccess\"' | "
+         "sudo tee /etc/udev/rules.d/60-phidget-bridge.rules && sudo udevadm control --reload";
+}
+
+/// How long an output report has to be, by the kernel's copy of the report descriptor.
+std::size_t output_length(const std::string& path) {
+  const std::string name = path.substr(path.rfind('/') + 1);
+  std::ifstream file("/sys/class/hidraw/" + name + "/device/report_descriptor", std::ios::binary);
+  const std::vector<char> text{std::istreambuf_iterator<char>(file), {}};
+  const std::vector<std::uint8_t> bytes(text.begin(), text.end());
+  const std::size_t length = output_report_bytes(bytes);
+  return length >= output_bytes ? length : usual_output_bytes;
+}
+
+std::optional<std::size_t> input_number(const std::string& name) {
+  if (name.size() != 1 || name[0] < '0' || name[0] > '3') return std::nullopt;
+  return static_cast<std::size_t>(name[0] - '0');
+}
+
+}  // namespace
+
+struct PhidgetBridge::Board {
+  Board(Device opened, std::size_t length, const Settings& settings, int firmware)
+      : device(std::move(opened)),
+        output_length(length),
+        handshake(settings, firmware),
+        gaps(std::int64_t{settings.interval_ms} * 1'000'000) {}
+
+  Device device;
+  std::size_t output_length;
+  Handshake handshake;
+  GapCounter gaps;
+};
+
+PhidgetBridge::PhidgetBridge(const config::PhidgetBridge& settings,
+                             const config::BenchInputs& inputs, HostClock& clock)
+    : settings_(settings), wired_(inputs), clock_(clock) {
+  for (const auto& input : wired_) {
+    if (!input) continue;
+    inputs_.push_back({input->device, input->input, "V/V"});
+    numbers_.push_back(input_number(input->input).value_or(input_count));
+  }
+}
+
+PhidgetBridge::~PhidgetBridge() { close(); }
+
+Result PhidgetBridge::check() {
+  const auto refuse = [this](std::string text) {
+    refusal_ = std::move(text);
+    return Result{Outcome::needs_attention, refusal_.c_str()};
+  };
+  if (inputs_.empty()) return refuse("PhidgetBridge: no channel comes from its inputs");
+  if (!is_interval(settings_.interval_ms)) {
+    return refuse("phidget_bridge.interval_ms is " + std::to_string(settings_.interval_ms) +
+                  "; the bridge takes multiples of 8 from 8 to 1000");
+  }
+  std::array<bool, input_count> taken{};
+  for (const auto& input : wired_) {
+    if (!input) continue;
+    const auto number = input_number(input->input);
+    if (!number) {
+      return refuse("PhidgetBridge: there is no input " + input->input + "; it has 0, 1, 2 and 3");
+    }
+    if (!is_gain(input->gain)) {
+      return refuse("PhidgetBridge: the gain of input " + input->input + " is " +
+                    std::to_string(input->gain) + "; it has 1, 8, 16, 32, 64 and 128");
+    }
+    if (std::exchange(taken[*number], true)) {
+      return refuse("PhidgetBridge: the input " + input->input + " is given to two channels");
+    }
+  }
+  return {};
+}
+
+Result PhidgetBridge::open() {
+  if (board_) return {};
+  losses_ = {};
+  if (const Result checked = check(); !checked) return checked;
+  if (hid_init() != 0) return {Outcome::fatal, "hidapi cannot begin"};
+  const auto boards = search();
+  const Found* chosen = nullptr;
+  std::string seen;
+  for (const Found& board : boards) {
+    if (!seen.empty()) seen += ", ";
+    seen += board.serial.empty() ? board.path : board.serial;
+    if (settings_.serial && board.serial != std::to_string(*settings_.serial)) continue;
+    if (chosen != nullptr) {
+      refusal_ = "several PhidgetBridges are attached; say which as phidget_bridge.serial";
+      return {Outcome::needs_attention, refusal_.c_str()};
+    }
+    chosen = &board;
+  }
+  if (boards.empty()) {
+    refusal_ =
+        "no PhidgetBridge 1046 (06c2:003b) is attached; plug it in. `lsusb -d 06c2:` shows whether "
+        "the host sees it. A 1046_1 speaks another protocol and cannot be used here";
+    return {Outcome::lost, refusal_.c_str()};
+  }
+  if (chosen == nullptr) {
+    refusal_ = "no PhidgetBridge with serial number " + std::to_string(*settings_.serial) +
+               " is attached; there is " + seen;
+    return {Outcome::needs_attention, refusal_.c_str()};
+  }
+  refusal_ = other_protocol(*chosen);
+  if (!refusal_.empty()) return {Outcome::needs_attention, refusal_.c_str()};
+  errno = 0;
+  Device device(hid_open_path(chosen->path.c_str()));
+  if (!device) {
+    refusal_ = refused_access(*chosen);
+    return {Outcome::needs_attention, refusal_.c_str()};
+  }
+  name_ = title_of(*chosen);
+  Settings wanted;
+  wanted.interval_ms = settings_.interval_ms;
+  std::size_t index = 0;
+  for (const auto& input : wired_) {
+    if (!input) continue;
+    wanted.enabled[numbers_[index]] = true;
+    wanted.gain[numbers_[index++]] = input->gain;
+  }
+  board_ = std::make_unique<Board>(std::move(device), output_length(chosen->path), wanted,
+                                   chosen->firmware);
+  const Result settled = settle();
+  if (!settled) close();
+  return settled;
+}
+
+Result PhidgetBridge::gone() {
+  refusal_ = name_ + " is gone; plug it in again";
+  return {Outcome::lost, refusal_.c_str()};
+}
+
+Result PhidgetBridge::send() {
+  const auto report = board_->handshake.to_send();
+  if (!report) return {};
+  // The first byte is the number of the report, which this device does not have.
+  std::vector<std::uint8_t> bytes(1 + board_->output_length);
+  std::copy(report->begin(), report->end(), bytes.begin() + 1);
+  return hid_write(board_->device.get(), bytes.data(), bytes.size()) < 0 ? gone() : Result{};
+}
+
+Result PhidgetBridge::settle() {
+  const std::int64_t begun = clock_.now_ns();
+  const std::int64_t longest = settle_ns + 5 * std::int64_t{settings_.interval_ms} * 1'000'000;
+  std::int64_t sent = begun;
+  // Also where the clock stands still, as it does in tests.
+  for (int silent = 0; silent < 15 && clock_.now_ns() - begun < longest;) {
+    if (const Result told = send(); !told) return told;
+    std::array<std::uint8_t, largest_report> bytes{};
+    const int got = hid_read_timeout(board_->device.get(), bytes.data(), bytes.size(), patience_ms);
+    if (got < 0) return gone();
+    silent = got == 0 ? silent + 1 : 0;
+    if (const auto report = parse_input({bytes.data(), static_cast<std::size_t>(got)})) {
+      board_->handshake.take(*report);
+    }
+    if (board_->handshake.done()) {
+      board_->gaps.restart();
+      return {};
+    }
+    if (clock_.now_ns() - sent > repeat_ns) {
+      board_->handshake.repeat();
+      sent = clock_.now_ns();
+    }
+  }
+  refusal_ = name_ +
+             " does not report the settings that it was sent; unplug it and plug it in again, and "
+             "see that no other program (phidget22networkserver) uses it";
+  return {Outcome::temporary, refusal_.c_str()};
+}
+
+Result PhidgetBridge::read(std::span<Reading> readings) {
+  if (!board_) return {Outcome::fatal, "read of a PhidgetBridge that is not open"};
+  if (const Result told = send(); !told) return told;
+  std::uint64_t reports = 0;
+  std::uint64_t rejected = 0;
+  std::optional<InputReport> newest;
+  while (true) {
+    std::array<std::uint8_t, largest_report> bytes{};
+    const int got = hid_read_timeout(board_->device.get(), bytes.data(), bytes.size(),
+                                     reports == 0 ? patience_ms : 0);
+    if (got < 0) return gone();
+    if (got == 0) break;
+    ++reports;
+    const auto report = parse_input({bytes.data(), static_cast<std::size_t>(got)});
+    if (report) board_->handshake.take(*report);
+    if (report && board_->handshake.done()) {
+      newest = report;
+    } else {
+      ++rejected;
+    }
+    if (reports == most_reports) break;
+  }
+  if (reports == 0) return {Outcome::no_data, ""};
+  const std::int64_t now = clock_.now_ns();
+  losses_.rejected += rejected;
+  losses_.missing += board_->gaps.take(now, reports);
+  if (!newest) {
+    return {Outcome::temporary, "what the PhidgetBridge reports is not what it was set to measure"};
+  }
+  for (std::size_t i = 0; i < std::min(readings.size(), numbers_.size()); ++i) {
+    const std::size_t number = numbers_[i];
+    readings[i].value = ratio(newest->raw[number], newest->settings.gain[number]);
+    readings[i].time_ns = now;
+    readings[i].valid = believable(*newest, number);
+  }
+  return {};
+}
+
+void PhidgetBridge::close() noexcept { board_.reset(); }
+
+std::vector<Attached> find_phidget_bridge() {
+  std::vector<Attached> attached;
+  if (hid_init() != 0) return attached;
+  for (const Found& board : search()) {
+    Attached one;
+    one.kind = "phidget_bridge";
+    one.name = title_of(board) + ", firmware " + firmware_text(board.firmware);
+    one.serial = board.serial;
+    one.where = board.path;
+    one.trouble = other_protocol(board);
+    if (one.trouble.empty() && !Device(hid_open_path(board.path.c_str()))) {
+      one.trouble = refused_access(board);
+    }
+    attached.push_back(std::move(one));
+  }
+  return attached;
+}
+
+}  // namespace stickslip::drivers

@@ -1,0 +1,129 @@
+// What travels between a host and a USB-1208FS-Plus: requests, scan settings, samples and the
+// calibration memory, as pure functions of bytes. Numbers are those of the board's protocol, as the
+// vendor's open drivers for Linux show it.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "config/bench.h"
+
+namespace stickslip::drivers::usb_1208fs_plus {
+
+inline constexpr std::uint16_t vendor_id = 0x09DB;
+inline constexpr std::uint16_t product_id = 0x00E8;
+inline constexpr std::uint8_t input_endpoint = 0x81;
+inline constexpr std::uint8_t output_endpoint = 0x02;
+inline constexpr std::size_t packet_bytes = 64;
+inline constexpr double clock_hz = 60e6;
+
+/// Vendor control requests.
+enum class Request : std::uint8_t {
+  input_scan_start = 0x11,
+  input_scan_stop = 0x12,
+  input_config = 0x14,
+  input_clear_fifo = 0x15,
+  output = 0x18,
+  output_scan_start = 0x1A,
+  output_scan_stop = 0x1B,
+  output_clear_fifo = 0x1C,
+  calibration_memory = 0x30,
+  status = 0x44,
+  serial = 0x48,
+};
+
+/// The word that Request::status answers.
+struct Status {
+  bool input_running = false;
+  bool input_overrun = false;
+  bool output_running = false;
+  bool output_underrun = false;
+};
+Status status_of(std::uint16_t word);
+
+/// Range codes 0 to 7 of differential inputs [V]; single-ended ones have only +-10 V, code 0.
+inline constexpr std::array<double, 8> differential_ranges_v = {20.0, 10.0, 5.0,  4.0,
+                                                                2.5,  2.0,  1.25, 1.0};
+
+/// calibrated code = code * slope + offset.
+struct Correction {
+  float slope = 1.0F;
+  float offset = 0.0F;
+};
+
+struct Calibration {
+  std::array<std::array<Correction, 4>, 8> differential{};  ///< [range code][channel]
+  std::array<Correction, 8> single_ended{};
+};
+inline constexpr std::size_t calibration_bytes = 0x140;
+
+/// Nothing where the memory does not hold constants of an ADC: not finite, a slope far from 1, or
+/// an offset of more than an eighth of the range.
+std::optional<Calibration> parse_calibration(std::span<const std::uint8_t> memory);
+
+/// Of a 12-bit code, 0 to 4095.
+double input_volts(std::uint16_t code, double range_v, Correction correction);
+
+/// Volts at an output, 0 to 5 V, as counts; beyond it (and where it is no number, at 0) the
+/// nearest.
+std::uint16_t output_counts(double volts);
+
+/// One input of a scan.
+struct ScanChannel {
+  std::uint8_t channel = 0;
+  std::uint8_t range_code = 0;
+  double range_v = 10.0;
+  /// Which channel of the frame it carries; nothing: it only fills packets.
+  std::optional<std::size_t> frame_index;
+};
+
+/// How a configuration is scanned.
+struct ScanPlan {
+  std::vector<ScanChannel> channels;  ///< ascending, as the board samples them
+  bool differential = false;
+  bool immediate = false;          ///< a packet for each scan, else full packets
+  std::uint32_t input_pacer = 0;   ///< one conversion each (input_pacer + 1) ticks of 60 MHz
+  std::uint32_t output_pacer = 0;  ///< one value each (output_pacer + 1) ticks: the scan's period
+  std::size_t transfer_bytes = packet_bytes;
+  double period_s = 0.0;  ///< from scan to scan
+  double conversion_s() const { return static_cast<double>(input_pacer + 1) / clock_hz; }
+};
+
+/// `refusal` says in words what is wrong where there is no plan. Packets hold 32 samples: where the
+/// wanted inputs fill them too slowly (in more than 10 ms), other inputs are scanned as well and
+/// thrown away. Up to 100 scans a second each scan comes in a packet of its own.
+std::optional<ScanPlan> plan_scan(const config::BenchInputs& inputs, double rate_hz,
+                                  std::string& refusal);
+
+/// The 14 bytes of Request::input_scan_start: without end, stalling on overrun.
+std::array<std::uint8_t, 14> input_scan(const ScanPlan& plan);
+/// The 8 bytes of Request::input_config.
+std::array<std::uint8_t, 8> input_ranges(const ScanPlan& plan);
+/// The 9 bytes of Request::output_scan_start: without end, of one output.
+std::array<std::uint8_t, 9> output_scan(const ScanPlan& plan, int output);
+
+/// Makes scans of a stream of bytes whose packets end anywhere, even within a sample.
+class ScanDecoder {
+ public:
+  explicit ScanDecoder(std::size_t channels) : channels_(channels) {}
+
+  /// Forgets a scan that is not complete.
+  void restart() { have_ = 0; }
+
+  /// Takes bytes until a scan is complete; `bytes` keeps what is left. The scan is valid until the
+  /// next call. Bits 12 to 15 of a sample are not part of it.
+  std::optional<std::span<const std::uint16_t>> next(std::span<const std::uint8_t>& bytes);
+
+ private:
+  std::size_t channels_;
+  std::size_t have_ = 0;  // bytes
+  std::array<std::uint8_t, 16> bytes_{};
+  std::array<std::uint16_t, 8> codes_{};
+};
+
+}  // namespace stickslip::drivers::usb_1208fs_plus
