@@ -69,7 +69,7 @@ void Interlocks::device_is_back() {
   any_frame_ = false;
 }
 
-bool Interlocks::device_broken(const Silence& silence, std::int64_t now_ns, Broken& out) const {
+bool Interlocks::silence_broken(const Silence& silence, std::int64_t now_ns, Broken& out) const {
   if (!silence.on) return false;
   if (silence.outcome != Outcome::ok) {
     out = {Interlock::device_lost, silence.cause, silence.outcome};
@@ -117,6 +117,13 @@ bool Interlocks::channel_broken(std::int64_t now_ns, Broken& out) const {
   return false;
 }
 
+Interlocks::Broken Interlocks::device_broken(std::int64_t now_ns) const {
+  Broken out;
+  if (silence_broken(reads_, now_ns, out)) return out;
+  static_cast<void>(silence_broken(writes_, now_ns, out));
+  return out;
+}
+
 Interlocks::Broken Interlocks::broken(std::int64_t now_ns) const {
   Broken out;
   const auto is = [&out](Interlock interlock, std::string_view words) {
@@ -130,7 +137,8 @@ Interlocks::Broken Interlocks::broken(std::int64_t now_ns) const {
   if (signals_.amplifier_fault) {
     return is(Interlock::amplifier_fault, "the amplifier reports a fault of its own");
   }
-  if (device_broken(reads_, now_ns, out) || device_broken(writes_, now_ns, out)) return out;
+  out = device_broken(now_ns);
+  if (out.interlock != Interlock::none) return out;
   if (signals_.lost_part != nullptr) return is(Interlock::part_lost, signals_.lost_part);
   if (!drive_finite_) return is(Interlock::drive_not_finite, "the drive is not a finite number");
   if (channel_broken(now_ns, out)) return out;

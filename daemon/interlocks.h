@@ -77,6 +77,8 @@ class Interlocks {
 
   /// The most serious interlock that is broken at `now_ns`; `none` where all hold.
   Broken broken(std::int64_t now_ns) const;
+  /// device_lost or device_silent, whatever more serious is broken beside it; else `none`.
+  Broken device_broken(std::int64_t now_ns) const;
 
  private:
   struct Silence {
@@ -86,7 +88,7 @@ class Interlocks {
     Cause cause;
   };
   void answered(const drivers::Result& result, std::int64_t now_ns, Silence& silence);
-  bool device_broken(const Silence& silence, std::int64_t now_ns, Broken& out) const;
+  bool silence_broken(const Silence& silence, std::int64_t now_ns, Broken& out) const;
   bool channel_broken(std::int64_t now_ns, Broken& out) const;
 
   InterlockSettings settings_;

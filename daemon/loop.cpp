@@ -457,21 +457,21 @@ void Loop::drive() {
   interlocks_.drive(true);
   const bool was_faulted = safety_.faulted();
   apply_drive();
-  const bool gone =
-      broken_.interlock == Interlock::device_lost || broken_.interlock == Interlock::device_silent;
   if (can_drive_ && safety_.faulted() && !was_faulted) {
     // The write itself tripped: say "off" once more, in the same cycle.
     excitation_.cut();
     apply_drive();
   }
-  if (gone && device_here() && !settings_.end_on_fault) {
-    beyond_help_.store(broken_.outcome == Outcome::fatal, std::memory_order_release);
+  // An emergency stop that is pressed as well does not bring the device back.
+  const Interlocks::Broken device = interlocks_.device_broken(answered_ns_);
+  if (device.interlock != Interlock::none && device_here() && !settings_.end_on_fault) {
+    beyond_help_.store(device.outcome == Outcome::fatal, std::memory_order_release);
     device_.store(Device::gone, std::memory_order_release);
     if (averaging_.active()) {
       Answer answer;
       answer.id = averaging_.id();
       answer.state = safety_.state();
-      answer.reason = broken_.cause;
+      answer.reason = device.cause;
       averaging_.take();
       answers_.push(answer);
     }

@@ -14,6 +14,8 @@
 #include "config/key.h"
 #include "config/model_file.h"
 #include "config/rig.h"
+#include "drivers/bench/make_bench.h"
+#include "drivers/bench/try_bench.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "tools/command.h"
@@ -25,6 +27,7 @@ namespace {
 struct Arguments {
   std::vector<std::string> files;
   bool keys = false;
+  bool live = false;
 };
 
 std::string number(double value) {
@@ -248,6 +251,36 @@ bool check(const std::string& file) {
   }
 }
 
+/// Asks each device of a sound rig for its first readings. Whether all speak.
+bool try_live(const std::string& file) {
+  const config::Rig rig = config::load_rig(file);
+  if (rig.driver != config::DriverKind::bench) {
+    throw InputError(Problem{file, 0, 0, "has no devices: --live is for driver.kind = \"bench\""});
+  }
+  constexpr double patience_s = 2.0;
+  const auto tried = drivers::try_bench(drivers::make_bench_parts(rig.bench, rig.loop.rate_hz),
+                                        rig.bench, patience_s);
+  bool well = true;
+  for (const drivers::TriedDevice& device : tried) {
+    well = well && device.well;
+    std::printf("%s: %s%s%s\n", device.name.c_str(), device.well ? "speaks" : "FAILS",
+                device.words.empty() ? "" : ": ", device.words.c_str());
+    for (const drivers::FirstReading& reading : device.readings) {
+      const config::ChannelCalibration& line = rig.calibration[index_of(reading.channel)];
+      const ChannelInfo& channel = info(reading.channel);
+      const std::string what = std::string(channel.stem) + " from " + reading.input;
+      if (reading.readings == 0) {
+        std::printf("  %-32s no reading\n", what.c_str());
+        continue;
+      }
+      std::printf("  %-32s %.6g %s, scatter %.2g, %zu readings: %.6g %s\n", what.c_str(),
+                  reading.mean, reading.unit.c_str(), reading.spread, reading.readings,
+                  (reading.mean - line.offset) * line.gain, channel.unit.data());
+    }
+  }
+  return well;
+}
+
 int run(const Arguments& arguments) {
   if (arguments.keys) {
     std::fputs(config::keys_page().c_str(), stdout);
@@ -256,7 +289,11 @@ int run(const Arguments& arguments) {
   if (arguments.files.empty()) throw InputError(Problem{"", 0, 0, "check: expected FILE..."});
   bool sound = true;
   for (const std::string& file : arguments.files) sound = check(file) && sound;
-  return sound ? 0 : 2;
+  if (!sound) return 2;
+  if (!arguments.live) return 0;
+  bool well = true;
+  for (const std::string& file : arguments.files) well = try_live(file) && well;
+  return well ? 0 : 1;
 }
 
 }  // namespace
@@ -269,6 +306,9 @@ void add_check(CLI::App& app, Action& action) {
       "and at once");
   command->add_option("FILE", arguments->files,
                       "Rig configurations, models, calibrations or fault scripts (TOML)");
+  command->add_flag("--live", arguments->live,
+                    "Then try each device of the rig and print its first readings; nothing is "
+                    "driven, and no daemon may run on it");
   command->add_flag("--keys", arguments->keys, "Print every key as docs/configuration.md has them")
       ->group("");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });

@@ -40,6 +40,7 @@ int run(int argc, char** argv) {
   add_conceal(app, action);
   add_examine(app, action);
   add_figures(app, action);
+  add_devices(app, action);
   add_doctor(app, action);
   add_completion(app, action);
 

@@ -39,7 +39,8 @@ MAY_USE = {
     "tools/doctor": {"physics", "protocol", "config"},
     "tools/calibrate": {"physics", "config"},
     "tools/export": {"physics", "protocol"},
-    "tools": {"physics", "protocol", "config", "daemon/observer", "tools/parallel", "tools/diagnose",
+    "tools": {"physics", "protocol", "config", "drivers", "daemon/observer", "tools/parallel",
+              "tools/diagnose",
               "tools/dynamics", "tools/reduce", "tools/figures", "tools/doctor", "tools/conceal", "tools/examine",
               "tools/export", "tools/calibrate"},
 }

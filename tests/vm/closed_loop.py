@@ -1,0 +1,268 @@
+"""The whole daemon on all devices of a bench, in the machine of tests/vm/run: the drivers, the
+libraries and the kernel are real, the devices are tests/vm/bench_devices. The loop is closed from
+the board's output through the rig of equations to the five channels.
+
+Usage: closed_loop.py SOURCE_FOLDER BUILD_FOLDER [SECONDS]
+"""
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+SOURCE, BUILD = map(pathlib.Path, sys.argv[1:3])
+SECONDS = float(sys.argv[3]) if len(sys.argv) > 3 else 120.0
+STICKSLIP, STICKSLIPD = BUILD / "tools/stickslip", BUILD / "daemon/stickslipd"
+CARRIER_HZ, AMPLITUDE_M = 3.2, 0.006
+# What each input's converter and noise leave, SI: three times their standard deviation and step.
+NOISE = {"displacement": 1.2e-6, "velocity": 2.5e-5, "friction_force": 1.5e-4,
+         "normal_load": 1.5e-4, "base_displacement": 2.0e-6}
+
+RIG = """
+schema = 1
+[rig]
+name = "a bench of emulated devices"
+model = "{source}/config/models/simulated.toml"
+[driver]
+kind = "bench"
+[driver.bench]
+board = "labjack_u6"
+[inputs.displacement]
+from = "labjack_u6/AIN0"
+[inputs.velocity]
+from = "labjack_u6/AIN1"
+[inputs.friction_force]
+from = "phidget_bridge/0"
+gain = 128
+[inputs.normal_load]
+from = "phidget_bridge/1"
+gain = 128
+[inputs.base_displacement]
+from = "lvdt/position"
+[labjack_u6]
+enable_line = 0
+watchdog_s = 1
+[[modbus]]
+name = "lvdt"
+transport = "rtu"
+port = "{serial}"
+map = "{source}/config/modbus/orbit-acs.toml"
+poll_period_s = 0.02
+timeout_s = 0.1
+[[modbus]]
+name = "amplifier"
+transport = "tcp"
+port = "{tcp}"
+unit = 2
+map = "amplifier.toml"
+poll_period_s = 0.1
+timeout_s = 0.1
+[amplifier]
+chip = "cp2112_gpio"
+heartbeat_period_s = 0.2
+[amplifier.enable]
+line = "0"
+[amplifier.heartbeat]
+line = "3"
+[amplifier.fault]
+line = "1"
+active_low = true
+[amplifier.emergency_stop]
+line = "2"
+active_low = true
+[shaker]
+volts_per_unit = 150.0
+low_v = 0.05
+high_v = 4.95
+[calibration.displacement]
+offset = 0.0
+gain = 2.5e-3
+[calibration.velocity]
+offset = 0.0
+gain = 0.05
+[calibration.friction_force]
+offset = 2.0e-4
+gain = 1.0e3
+[calibration.normal_load]
+offset = -1.0e-4
+gain = 1.0e3
+[calibration.base_displacement]
+offset = 0.0
+gain = 1.0e-3
+[loop]
+rate_hz = 1000.0
+[observer]
+enabled = false
+[safety]
+stale_after_s = 0.5
+longest_silence_s = 0.5
+[excitation]
+enabled = true
+carrier_hz = {carrier}
+amplitude = {amplitude}
+ramp_s = 0.5
+[recording]
+enabled = true
+file = "run.log"
+[control]
+socket = "control.sock"
+"""
+
+AMPLIFIER = """
+schema = 1
+name = "an amplifier"
+[[register]]
+name = "limit"
+role = "setting"
+address = 10
+set_to = 25
+[[register]]
+name = "alarm"
+role = "alarm"
+address = 11
+ok = [0]
+"""
+
+
+def log(words):
+    print(f"{time.monotonic():8.2f}  {words}", flush=True)
+
+
+class ClosedLoop(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="closed-loop-")
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+        self.devices = self.start([BUILD / "tests/vm/bench_devices", SOURCE / "config/simulated.toml",
+                                   self.folder], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self.assertEqual(self.devices.stdout.readline(), "ready\n")
+        ports = json.loads((self.folder / "ports.json").read_text())
+        (self.folder / "amplifier.toml").write_text(AMPLIFIER)
+        self.rig = self.folder / "rig.toml"
+        self.rig.write_text(RIG.format(source=SOURCE, carrier=CARRIER_HZ, amplitude=AMPLITUDE_M, **ports))
+
+    def start(self, command, **more):
+        process = subprocess.Popen([str(word) for word in command], cwd=self.folder, **more)
+        self.addCleanup(process.wait)
+        self.addCleanup(process.kill)
+        return process
+
+    def tell(self, words):
+        """What bench_devices answers to a command."""
+        self.devices.stdin.write(words + "\n")
+        self.devices.stdin.flush()
+        return json.loads(self.devices.stdout.readline())
+
+    def stickslip(self, *words, status=0):
+        result = subprocess.run([STICKSLIP, *map(str, words)], capture_output=True, text=True, cwd=self.folder)
+        if status is not None:
+            self.assertEqual(result.returncode, status, result.stdout + result.stderr)
+        return result.stdout
+
+    def ctl(self, *words, status=0):
+        return self.stickslip("ctl", "--socket", "control.sock", *words, status=status)
+
+    def status(self):
+        return json.loads(self.ctl("status", "--json"))
+
+    def until(self, what, holds, seconds=15.0):
+        end = time.monotonic() + seconds
+        while not holds():
+            if time.monotonic() > end:
+                self.fail(f"{what}: not within {seconds} s; {self.status()}")
+            time.sleep(0.1)
+
+    def set_moving(self):
+        # A fault can be cleared once its cause is gone, and not before.
+        self.until("cleared", lambda: self.ctl("clear", status=None) is not None
+                   and self.status()["state"] == "idle")
+        self.until("armed", lambda: self.ctl("arm", status=None) is not None
+                   and self.status()["state"] == "armed")
+        self.ctl("start")
+        self.until("moving", lambda: self.tell("state")["enabled"], 5.0)
+
+    def devices_are_found(self):
+        found = json.loads(self.stickslip("devices", "--json"))["devices"]
+        kinds = {device["kind"]: device for device in found}
+        for kind in ("labjack_u6", "phidget_bridge", "gpio"):
+            self.assertIn(kind, kinds)
+            self.assertTrue(kinds[kind]["speaks"], kinds[kind])
+        tried = self.stickslip("check", "--live", self.rig)
+        log("check --live:\n" + tried)
+        self.assertNotIn("FAILS", tried)
+        self.assertEqual(tried.count("speaks"), 5)
+        self.assertFalse(self.tell("state")["enabled"], "check --live let the amplifier run")
+
+    def befalls(self, words, remedy, interlocks, names):
+        """Something happens while the rig moves: off, named, and mended without a restart."""
+        before = time.monotonic_ns()
+        self.tell(words)
+        self.until("off", lambda: not self.tell("state")["enabled"], 5.0)
+        off_after_ms = (self.tell("state")["enabled_since_ns"] - before) * 1e-6
+        self.until("faulted", lambda: self.status()["state"] == "faulted", 5.0)
+        status = self.status()
+        log(f"{words}: off after {off_after_ms:.0f} ms, {status['interlock']}: {status['cause']}")
+        self.assertIn(status["interlock"], interlocks, status)
+        self.assertRegex(status["cause"], names)
+        self.tell(remedy)
+        self.set_moving()
+        return off_after_ms
+
+    def test_two_minutes_of_rig_time(self):
+        self.devices_are_found()
+        daemon = self.start([STICKSLIPD, "--config", self.rig], stderr=subprocess.PIPE, text=True)
+        self.until("a socket", (self.folder / "control.sock").exists)
+        begun = time.monotonic()
+        self.assertEqual(self.status()["state"], "faulted")
+        self.set_moving()
+        self.assertEqual(self.tell("state")["limit"], 25)
+        time.sleep(2.0)
+        steady_from = time.monotonic_ns()
+        time.sleep(max(10.0, SECONDS / 3))
+        steady_to = time.monotonic_ns()
+        beats = self.tell("state")["heartbeats"]
+
+        off_ms = {words: self.befalls(words, remedy, interlocks, names) for words, remedy, interlocks, names in (
+            ("unplug bridge", "plug bridge", {"part_lost", "stale_channel"}, "PhidgetBridge|friction_force|normal_load"),
+            ("unplug lvdt", "plug lvdt", {"part_lost", "stale_channel"}, "lvdt|base_displacement"),
+            ("press", "release", {"emergency_stop"}, "emergency stop"),
+            ("fault", "mend", {"amplifier_fault"}, "amplifier"),
+            ("unplug gpio", "plug gpio", {"device_lost", "device_silent", "emergency_stop"}, "GPIO|gpio|chip|emergency"),
+            ("unplug u6", "plug u6", {"device_lost", "device_silent"}, "U6"))}
+        self.assertGreater(self.tell("state")["heartbeats"], beats)
+        for words in ("press", "fault"):
+            self.assertLess(off_ms[words], 200.0, words)
+
+        time.sleep(max(0.0, SECONDS - (time.monotonic() - begun)))
+        self.ctl("stop")
+        self.until("at rest", lambda: self.status()["state"] == "idle")
+        self.assertFalse(self.tell("state")["enabled"])
+        lost = self.tell("state")["scans_lost"]
+        daemon.terminate()
+        errors = daemon.stderr.read()
+        self.assertEqual(daemon.wait(), 0, errors)
+        time.sleep(0.3)
+        self.devices.stdin.write("quit\n")
+        self.devices.stdin.flush()
+        self.devices.wait()
+
+        log(self.stickslip("log", "check", "run.log"))
+        found = json.loads(subprocess.run([BUILD / "tests/vm/compare_truth", "run.log", "truth", str(CARRIER_HZ),
+                                           str(steady_from), str(steady_to)], capture_output=True, text=True,
+                                          check=True, cwd=self.folder).stdout)
+        log(json.dumps(found, indent=1))
+        log(f"amplitude {found['amplitude_m'] * 1e3:.4f} mm of {AMPLITUDE_M * 1e3:.4f}; the board lost {lost} scans")
+        self.assertGreater(found["frames"], 0.8 * SECONDS * 1000.0)
+        # The board's own absences leave gaps, and nothing else does.
+        self.assertLessEqual(found["gaps"], 2)
+        self.assertAlmostEqual(found["amplitude_m"], AMPLITUDE_M, delta=0.01 * AMPLITUDE_M)
+        for channel, noise in NOISE.items():
+            self.assertLess(found[channel]["rms"], noise, channel)
+            self.assertLess(abs(found[channel]["late_ms"]), 15.0, channel)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
