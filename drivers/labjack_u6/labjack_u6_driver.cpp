@@ -16,6 +16,7 @@ namespace u6 = labjack_u6;
 namespace {
 
 constexpr std::int64_t read_patience_ns = 20'000'000;
+constexpr std::int64_t slice_ns = 500'000;  // of that, while a set-point waits to be sent
 constexpr std::int64_t line_period_ns = 20'000'000;
 constexpr std::int64_t second_ns = 1'000'000'000;
 constexpr double rate_tolerance = 50e-6;
@@ -310,8 +311,8 @@ Result LabjackU6Driver::begin_stream() {
 
 Result LabjackU6Driver::read(Frame& frame) {
   if (!running_) return {Outcome::fatal, "read of a LabJack U6 that is not started"};
-  u6::StreamSession& session = *board_->session;
-  const bool came = session.next(frame, read_patience_ns);
+  const u6::StreamSession& session = *board_->session;
+  const bool came = wait_for(frame);
   if (power_ == Power::off && session.ended() == u6::StreamEnd::not_ended) {
     const std::int64_t now_ns = clock_.now_ns();
     // So that the lines are known before anybody drives. While the amplifier is on, only write
@@ -323,6 +324,22 @@ Result LabjackU6Driver::read(Frame& frame) {
   }
   if (came) return {};
   return session.ended() == u6::StreamEnd::not_ended ? Result{Outcome::no_data} : ended();
+}
+
+/// Frames come in bursts, one packet at a time, and so do the set-points of a loop that waits for
+/// them: the newest goes out while it waits, as soon as the one before has arrived.
+bool LabjackU6Driver::wait_for(Frame& frame) {
+  u6::StreamSession& session = *board_->session;
+  std::int64_t patience_ns = read_patience_ns;
+  while (power_ == Power::on && wanted_counts_ != sent_counts_ && patience_ns > 0) {
+    if (session.next(frame, slice_ns)) return true;
+    if (session.ended() != u6::StreamEnd::not_ended) return false;
+    patience_ns -= slice_ns;
+    const std::int64_t now_ns = clock_.now_ns();
+    collect(now_ns);
+    send_set_point(wanted_counts_, true, now_ns);
+  }
+  return patience_ns > 0 && session.next(frame, patience_ns);
 }
 
 Result LabjackU6Driver::ended() {
@@ -491,6 +508,7 @@ void LabjackU6Driver::keep_on(std::uint16_t counts, std::int64_t now_ns) {
   }
   if (!guarded(now_ns)) return;
   power_ = Power::on;
+  wanted_counts_ = counts;
   if (worth_sending(counts, true, now_ns)) send_set_point(counts, true, now_ns);
 }
 

@@ -57,6 +57,7 @@ class LabjackU6Driver final : public Driver {
   void wind_down() noexcept;
   void forget_what_was_told();
   Result ended();
+  bool wait_for(Frame& frame);
 
   void collect(std::int64_t now_ns);
   void collect_set_point(std::int64_t now_ns);
@@ -91,6 +92,7 @@ class LabjackU6Driver final : public Driver {
   bool sent_on_ = false;
   bool resend_ = false;
   std::uint16_t sent_counts_ = 0;
+  std::uint16_t wanted_counts_ = 0;  // while the amplifier is on
   std::int64_t sent_ns_ = 0;
   double rest_v_ = 2.5;  // the drive that came with the latest "off"
   std::uint8_t echo_ = 0;

@@ -237,7 +237,11 @@ void StreamSession::put(const Scan& scan) {
     frame.set(plan_.channel[i], volts(plan_.calibration, plan_.scan[i].gain, scan.counts[i]));
   }
   // Where nobody reads, the newest are lost, and the sequence tells.
-  if (frames_.try_enqueue(frame)) sem_post(&available_);
+  const std::uint64_t made = frames_made_.load(std::memory_order_relaxed);
+  if (made - frames_taken_.load(std::memory_order_acquire) == frames_.size()) return;
+  frames_[made % frames_.size()] = frame;
+  frames_made_.store(made + 1, std::memory_order_release);
+  sem_post(&available_);
 }
 
 bool StreamSession::next(Frame& frame, std::int64_t patience_ns) {
@@ -250,7 +254,11 @@ bool StreamSession::next(Frame& frame, std::int64_t patience_ns) {
     } while (waited != 0 && errno == EINTR);
     if (waited != 0) return false;
   }
-  return frames_.try_dequeue(frame);
+  const std::uint64_t taken = frames_taken_.load(std::memory_order_relaxed);
+  if (taken == frames_made_.load(std::memory_order_acquire)) return false;  // woken by the end
+  frame = frames_[taken % frames_.size()];
+  frames_taken_.store(taken + 1, std::memory_order_release);
+  return true;
 }
 
 void StreamSession::dispatch(std::span<const std::uint8_t> reply) {

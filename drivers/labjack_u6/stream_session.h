@@ -3,7 +3,6 @@
 #pragma once
 
 #include <libusb-1.0/libusb.h>
-#include <readerwriterqueue/readerwriterqueue.h>
 #include <semaphore.h>
 
 #include <array>
@@ -125,7 +124,10 @@ class StreamSession {
   std::vector<Incoming> stream_;
   std::vector<Incoming> replies_;
   std::array<Outgoing, slot_count> outgoing_;
-  moodycamel::ReaderWriterQueue<Frame> frames_;
+  // A ring from the event thread to the loop's. Each of both counts what it has done.
+  std::vector<Frame> frames_;
+  std::atomic<std::uint64_t> frames_made_{0};
+  std::atomic<std::uint64_t> frames_taken_{0};
   sem_t available_{};
   std::atomic<StreamEnd> end_{StreamEnd::not_ended};
   std::atomic<std::uint8_t> board_error_{0};
