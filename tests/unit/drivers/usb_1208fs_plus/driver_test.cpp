@@ -258,6 +258,7 @@ TEST_F(Usb1208fsPlus, AnOutputThatRanDryIsStartedAgain) {
   }
   EXPECT_TRUE(told);
   EXPECT_EQ(driver->underruns(), 1U);
+  const std::lock_guard hold(board.lock);
   EXPECT_TRUE(board.output_running);
 }
 
