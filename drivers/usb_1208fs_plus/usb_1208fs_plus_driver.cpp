@@ -188,7 +188,7 @@ bool Usb1208fsPlusDriver::Board::worked(int result) {
 
 void Usb1208fsPlusDriver::Board::run() {
   input_failed_ = output_failed_ = false;
-  if (!begin_input()) refused = !lost();
+  begin_input();
   ask_at_ns_ = clock_.now_ns() + status_period_ns;
   while (!stopping_ && !lost()) {
     handle_events(1);
@@ -267,11 +267,12 @@ void Usb1208fsPlusDriver::Board::input_ended(Transfer& transfer) {
 
 bool Usb1208fsPlusDriver::Board::begin_input() {
   libusb_clear_halt(session_.handle(), input_endpoint);
-  if (!worked(session_.send(Request::input_clear_fifo))) return false;
+  input_failed_ = !worked(session_.send(Request::input_clear_fifo));
+  if (input_failed_) return false;
   decoder_.restart();
-  input_failed_ = false;
   for (const auto& one : inputs_) submit(*one, one->buffer.size());
   if (!worked(session_.send(Request::input_scan_start, input_scan(plan_)))) input_failed_ = true;
+  refused = input_failed_ && !lost();
   return !input_failed_;
 }
 
@@ -285,6 +286,7 @@ void Usb1208fsPlusDriver::Board::restart_input() {
   overrun_untold.store(true, std::memory_order_release);
   if (!begin_input()) {
     call_back(inputs_);
+    if (!lost()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
     return;
   }
   if (last_scan_host_ns_ == 0) return;

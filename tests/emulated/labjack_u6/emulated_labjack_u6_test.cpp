@@ -95,9 +95,9 @@ struct EmulatedU6 : testing::Test {
   }
   double constant(unsigned index) {
     const Bytes block = ask(extended(0x2D, {0, static_cast<std::uint8_t>(index / 4)}));
-    std::int64_t fixed = 0;
+    std::uint64_t fixed = 0;
     for (unsigned i = 8; i-- > 0;) fixed = fixed * 256 + block[8 + 8 * (index % 4) + i];
-    return static_cast<double>(fixed) / 4294967296.0;
+    return static_cast<double>(static_cast<std::int64_t>(fixed)) / 4294967296.0;
   }
   /// 1 kHz of AIN0, differential AIN2 and AIN3.
   void start(std::uint8_t samples_per_packet = 25, std::uint16_t interval = 4000) {
