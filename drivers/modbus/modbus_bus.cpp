@@ -105,6 +105,8 @@ struct ModbusBus::Connection {
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
   ~Connection() {
+    // As long as anybody has the port open, it would stay ours.
+    ::ioctl(file(), TIOCNXCL);
     modbus_close(context);
     modbus_free(context);
   }

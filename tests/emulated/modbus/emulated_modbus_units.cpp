@@ -14,6 +14,7 @@
 #include <cmath>
 #include <cstring>
 #include <stdexcept>
+#include <tuple>
 #include <utility>
 
 namespace stickslip::emulated {
@@ -216,9 +217,9 @@ void EmulatedModbusUnits::weather(int unit, Weather weather) {
   units_[unit].weather = std::move(weather);
 }
 
-void EmulatedModbusUnits::next(int unit, LineFault fault) {
+void EmulatedModbusUnits::next(int unit, LineFault fault, std::int64_t late_ns) {
   const std::lock_guard lock(mutex_);
-  units_[unit].next.push_back(fault);
+  units_[unit].next.emplace_back(fault, late_ns);
 }
 
 void EmulatedModbusUnits::dead(int unit, bool is_dead) {
@@ -471,10 +472,11 @@ Bytes EmulatedModbusUnits::write(Unit& unit, const Bytes& message) {
   return refusal(illegal_address);
 }
 
-LineFault EmulatedModbusUnits::drawn(Unit& unit) {
+LineFault EmulatedModbusUnits::drawn(Unit& unit, std::int64_t& late_ns) {
+  late_ns = unit.weather.late_ns;
   LineFault fault = LineFault::none;
   if (!unit.next.empty()) {
-    fault = unit.next.front();
+    std::tie(fault, late_ns) = unit.next.front();
     unit.next.pop_front();
   } else if (!unit.weather.faults.empty() &&
              std::uniform_real_distribution<>(0.0, 1.0)(random_) < unit.weather.probability) {
@@ -485,13 +487,18 @@ LineFault EmulatedModbusUnits::drawn(Unit& unit) {
 }
 
 bool EmulatedModbusUnits::deliver(Line& line, int transaction, Bytes message, Unit& unit) {
-  const LineFault fault = drawn(unit);
+  std::int64_t late_ns = 0;
+  const LineFault fault = drawn(unit, late_ns);
   if (fault == LineFault::closed && line.tcp) {
     close_line(line);
     return false;
   }
   if (fault == LineFault::silent || fault == LineFault::closed) return true;
-  if (fault == LineFault::wrong_unit) message[0] = static_cast<std::uint8_t>(message[0] % 200 + 1);
+  if (fault == LineFault::wrong_unit) {
+    message[0] = static_cast<std::uint8_t>(message[0] % 200 + 1);
+    message.back() ^= 0x41U;
+  }
+  if (fault == LineFault::wrong_transaction && line.tcp) message.back() ^= 0x41U;
   if (fault == LineFault::wrong_transaction && !line.tcp) message[1] ^= 7U;
   if (fault == LineFault::exception_busy) {
     message = {message[0], static_cast<std::uint8_t>(message[1] | 0x80U), busy};
@@ -531,7 +538,7 @@ bool EmulatedModbusUnits::deliver(Line& line, int transaction, Bytes message, Un
     send(line.file, Bytes(at, frame.end()), now + piece_ns);
     return true;
   }
-  send(line.file, frame, fault == LineFault::late ? now + unit.weather.late_ns : now);
+  send(line.file, frame, fault == LineFault::late ? now + late_ns : now);
   return true;
 }
 

@@ -63,8 +63,8 @@ enum class LineFault {
   none,
   late,
   silent,
-  wrong_checksum,  ///< TCP: a wrong length in the header
-  wrong_unit,
+  wrong_checksum,     ///< TCP: a wrong length in the header
+  wrong_unit,         ///< what another unit would say
   wrong_transaction,  ///< serial: a wrong function
   short_frame,
   extra_bytes,
@@ -100,7 +100,8 @@ class EmulatedModbusUnits {
   // From any thread.
   void weather(int unit, Weather weather);
   /// The next answers of that unit, one after the other, before any chance.
-  void next(int unit, LineFault fault);
+  /// `late_ns`: of a late one.
+  void next(int unit, LineFault fault, std::int64_t late_ns = 0);
   void dead(int unit, bool is_dead);
   void refuse(int unit, std::uint8_t exception);  ///< everything; 0: no more
   void unplug();
@@ -118,7 +119,7 @@ class EmulatedModbusUnits {
     std::vector<Parameter> parameters;
     std::map<std::pair<int, int>, Bytes> store;  // by table and address
     Weather weather;
-    std::deque<LineFault> next;
+    std::deque<std::pair<LineFault, std::int64_t>> next;
     bool dead = false;
     std::uint8_t refusal = 0;
     std::uint64_t requests = 0;
@@ -147,7 +148,7 @@ class EmulatedModbusUnits {
   Bytes read_registers(Unit& unit, Table table, int address, int count);
   Bytes write(Unit& unit, const Bytes& message);
   bool deliver(Line& line, int transaction, Bytes message, Unit& unit);
-  LineFault drawn(Unit& unit);
+  LineFault drawn(Unit& unit, std::int64_t& late_ns);
   void send(int file, const Bytes& bytes, std::int64_t at_ns);
   void send_due();
   void close_line(Line& line);

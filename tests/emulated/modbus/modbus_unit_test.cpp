@@ -89,7 +89,8 @@ class ModbusBench : public testing::TestWithParam<ModbusTransport> {
     its.transport = GetParam();
     its.port = tcp() ? units_.tcp_port() : units_.serial_port();
     its.baud = 115200;
-    its.timeout_s = 0.03;
+    its.timeout_s = 0.25;  // machines that test are busy ones
+    its.retries = 2;
     its.poll_period_s = 0.005;
     its.map.name = "test unit";
     return its;
@@ -430,9 +431,21 @@ TEST_P(ModbusBench, ADeadUnitDoesNotSilenceALivingOne) {
   std::vector<config::ModbusUnit> both{settings(1), settings(2)};
   both[0].map.registers = {reg("a", 0, RegisterType::float64)};
   both[1].map.registers = {reg("a", 0, RegisterType::uint16)};
+  both[1].timeout_s = 0.03;
   for (auto& unit : both) unit.poll_period_s = 0.02;
   make(both, {{"u1", "a"}, {"u2", "a"}});
   for (auto& gauge : gauges_) ASSERT_TRUE(gauge->open());
+  const auto readings_in_a_second = [&] {
+    int got = 0;
+    Reading readings[1];
+    for (const std::int64_t end = clock_.now_ns() + 1000 * ms; clock_.now_ns() < end;) {
+      const Result result = gauges_[0]->read(readings);
+      EXPECT_NE(result.outcome, Outcome::lost) << result.message;
+      if (result) ++got;
+    }
+    return got;
+  };
+  const int alone = readings_in_a_second();
   units_.dead(2, true);
   // As those who read gauges do: opened again, with growing patience.
   std::atomic<bool> stop{false};
@@ -453,18 +466,58 @@ TEST_P(ModbusBench, ADeadUnitDoesNotSilenceALivingOne) {
       }
     }
   });
-  int got = 0;
-  Reading readings[1];
-  const std::int64_t end = clock_.now_ns() + 1500 * ms;
-  while (clock_.now_ns() < end) {
-    const Result result = gauges_[0]->read(readings);
-    ASSERT_TRUE(result || result.outcome == Outcome::no_data) << result.message;
-    if (result) ++got;
-  }
+  const int beside_the_dead = readings_in_a_second();
   stop = true;
   other.join();
   EXPECT_GT(losses, 0);
-  EXPECT_GT(got, 55) << "of 75 polls in that time";
+  EXPECT_GT(beside_the_dead, 6 * alone / 10);
+}
+
+/// On a serial line nothing but time tells whose reply a late one is.
+TEST_P(ModbusBench, ALateReplyIsNotTakenForAnotherRequests) {
+  units_.add(1, {}, {constant(0, Kind::u16, 1.0), constant(10, Kind::u16, 2.0)});
+  units_.start();
+  config::ModbusUnit unit = settings(1);
+  unit.map.registers = {reg("a", 0, RegisterType::uint16), reg("b", 10, RegisterType::uint16)};
+  unit.timeout_s = 0.06;
+  unit.retries = 20;
+  Gauge& gauge = make({unit}, {{"u1", "a"}, {"u1", "b"}});
+  using Story = std::vector<std::pair<LineFault, std::int64_t>>;
+  const Story stories[] = {
+      // Late, late again, and the next request is not answered in time for its own reply.
+      {{LineFault::late, 80 * ms}, {LineFault::late, 80 * ms}, {LineFault::silent, 0}},
+      // Taken for the reply to the same request again, whose own one comes when the next is asked.
+      {{LineFault::late, 140 * ms}, {LineFault::late, 50 * ms}, {LineFault::silent, 0}}};
+  for (const Story& story : stories) {
+    ASSERT_TRUE(gauge.open());
+    for (const auto& [fault, late_ns] : story) units_.next(1, fault, late_ns);
+    for (int i = 0; i < 3; ++i) {
+      Reading readings[2];
+      ASSERT_TRUE(patiently(gauge, readings));
+      EXPECT_EQ(readings[0].value, 1.0);
+      EXPECT_EQ(readings[1].value, 2.0);
+    }
+  }
+}
+
+TEST_P(ModbusBench, WhatAnotherUnitOrTransactionSaysIsNotTaken) {
+  units_.add(1, {}, {constant(0, Kind::u16, 1.0)});
+  units_.start();
+  config::ModbusUnit unit = settings(1);
+  unit.map.registers = {reg("a", 0, RegisterType::uint16)};
+  unit.timeout_s = 0.06;
+  unit.retries = 20;
+  Gauge& gauge = make({unit}, {{"u1", "a"}});
+  ASSERT_TRUE(gauge.open());
+  for (const LineFault fault :
+       {LineFault::wrong_unit, LineFault::wrong_transaction, LineFault::wrong_checksum}) {
+    const std::uint64_t before = gauge.losses().rejected;
+    units_.next(1, fault);
+    Reading readings[1];
+    ASSERT_TRUE(patiently(gauge, readings));
+    EXPECT_EQ(readings[0].value, 1.0);
+    EXPECT_GT(gauge.losses().rejected, before);
+  }
 }
 
 TEST_P(ModbusBench, AnAlarmThatIsNotReadForLongIsAFault) {
@@ -479,7 +532,7 @@ TEST_P(ModbusBench, AnAlarmThatIsNotReadForLongIsAFault) {
   ASSERT_TRUE(patiently(gauge, {}));
   EXPECT_FALSE(gauge.signals().amplifier_fault);
   units_.refuse(1, 6);
-  EXPECT_EQ(patiently(gauge, {}, 0.2).outcome, Outcome::temporary);
+  EXPECT_EQ(patiently(gauge, {}, 0.5).outcome, Outcome::temporary);
   EXPECT_TRUE(gauge.signals().amplifier_fault);
   units_.refuse(1, 0);
   ASSERT_TRUE(patiently(gauge, {}));
@@ -550,7 +603,7 @@ TEST_P(ModbusBench, NoFaultOfTheLineIsEverTakenForAValue) {
       }
       const std::int64_t before = clock_.now_ns();
       const Result result = gauge.read(readings);
-      EXPECT_LT(clock_.now_ns() - before, 400 * ms);
+      EXPECT_LT(clock_.now_ns() - before, 1000 * ms) << "it hangs";
       if (result.outcome == Outcome::lost || result.outcome == Outcome::needs_attention) {
         gauge.close();
         open = false;
