@@ -69,7 +69,9 @@ class FakeDriver final : public drivers::Driver {
   void stop() noexcept override { stopped = true; }
   void close() noexcept override {}
   const drivers::Description& description() const override { return description_; }
+  drivers::Signals signals() const noexcept override { return lines; }
 
+  drivers::Signals lines;
   std::function<drivers::Result(std::uint64_t)> on_read;
   std::function<drivers::Result(std::uint64_t)> on_write;
   std::function<void(Frame&)> on_frame;

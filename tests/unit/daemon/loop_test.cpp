@@ -248,6 +248,23 @@ TEST(Loop, AFailedWriteThatIsAFaultIsFollowedByOffInTheSameCycle) {
   EXPECT_THAT(bench.driver.actuations[101], IsOff());
 }
 
+TEST(Loop, ADeviceThatIsLostIsGoneWhateverElseIsWrong) {
+  test::FakeDriver driver;
+  test::FakeClock clock;
+  Ledger ledger;
+  Loop loop(driver, clock, {}, Excitation(shaking()), nullptr, ledger, {});
+  driver.lines.emergency_stop = true;
+  ASSERT_TRUE(loop.begin());
+  loop.wait();
+  loop.cycle();
+  EXPECT_FALSE(loop.device_is_gone());
+  driver.on_write = [](std::uint64_t) { return Result{Outcome::lost, "the chip is gone"}; };
+  loop.wait();
+  loop.cycle();
+  EXPECT_EQ(loop.snapshot().broken, Interlock::emergency_stop);
+  EXPECT_TRUE(loop.device_is_gone());
+}
+
 TEST(Loop, TheCauseSurvivesADriverThatReusesItsMessage) {
   Bench bench;
   std::string words = "unplugged";
