@@ -31,12 +31,12 @@ using BenchInputs = std::array<std::optional<BenchInput>, channel_count>;
 
 /// [labjack_u6]
 struct LabjackU6 {
-  std::optional<std::uint32_t> serial;  ///< absent: the only one that is attached
-  int resolution_index = 0;             ///< 0 to 8, as StreamConfig takes it
-  int settling = 0;                     ///< settling factor, as StreamConfig takes it
-  int samples_per_packet = 25;          ///< 1 to 25
-  int transfers = 8;                    ///< stream transfers in flight
-  int dac = 0;                          ///< 0 or 1: what drives the amplifier
+  std::optional<std::uint32_t> serial;    ///< absent: the only one that is attached
+  int resolution_index = 0;               ///< 0 to 8, as StreamConfig takes it
+  int settling = 0;                       ///< settling factor, as StreamConfig takes it
+  std::optional<int> samples_per_packet;  ///< 1 to 25; absent: as many as come in 5 ms
+  int transfers = 8;                      ///< stream transfers in flight
+  int dac = 0;                            ///< 0 or 1: what drives the amplifier
   /// Digital lines, 0 to 19 (FIO0-7, EIO0-7, CIO0-3). Absent: not wired.
   std::optional<int> enable_line;           ///< high while the amplifier may be on
   std::optional<int> amplifier_fault_line;  ///< low: fault (a cut wire, pulled down, is one)

@@ -108,17 +108,17 @@ class Reader {
     u6.serial = serial("labjack_u6.serial");
     take(u6.resolution_index, document_.integer("labjack_u6.resolution_index"));
     take(u6.settling, document_.integer("labjack_u6.settling"));
-    take(u6.samples_per_packet, document_.integer("labjack_u6.samples_per_packet"));
     take(u6.transfers, document_.integer("labjack_u6.transfers"));
     take(u6.dac, document_.integer("labjack_u6.dac"));
-    const auto line = [this](std::string_view path) -> std::optional<int> {
+    const auto whole = [this](std::string_view path) -> std::optional<int> {
       const auto number = document_.integer(path);
       if (!number) return std::nullopt;
       return static_cast<int>(*number);
     };
-    u6.enable_line = line("labjack_u6.enable_line");
-    u6.amplifier_fault_line = line("labjack_u6.amplifier_fault_line");
-    u6.emergency_stop_line = line("labjack_u6.emergency_stop_line");
+    u6.samples_per_packet = whole("labjack_u6.samples_per_packet");
+    u6.enable_line = whole("labjack_u6.enable_line");
+    u6.amplifier_fault_line = whole("labjack_u6.amplifier_fault_line");
+    u6.emergency_stop_line = whole("labjack_u6.emergency_stop_line");
     take(u6.watchdog_s, document_.integer("labjack_u6.watchdog_s"));
   }
 

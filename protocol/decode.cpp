@@ -53,10 +53,21 @@ class Walk {
   bool inside_ = true;
 };
 
+// The generated decoders leave an array alone that has no elements this time: what an earlier
+// message left there would be taken for part of this one.
+template <class Message>
+void forget(Message& message) {
+  message = Message{};
+}
+
+// Keeps the memory of the arrays that every block has.
+void forget(frame_block_t& message) { message.aged_channel.clear(); }
+
 template <class Message>
 bool decode_whole(std::span<const std::uint8_t> bytes, Message& message) {
   if (bytes.size() > static_cast<std::size_t>(std::numeric_limits<int>::max())) return false;
   const int size = static_cast<int>(bytes.size());
+  forget(message);
   return message.decode(bytes.data(), 0, size) == size;
 }
 

@@ -75,6 +75,14 @@ std::string trouble_with_rate(double rate_hz, std::size_t channels) {
   return {};
 }
 
+/// What was asked for, or as many as come in the time that a sample may wait: fewer inputs, or a
+/// slower clock, fill a packet too late for a drive that follows the frames.
+int samples_per_packet(const config::LabjackU6& settings, std::size_t inputs, double rate_hz) {
+  if (settings.samples_per_packet) return *settings.samples_per_packet;
+  const double in_time = transfer_s * rate_hz * static_cast<double>(inputs);
+  return static_cast<int>(std::clamp(in_time, 1.0, double{u6::most_samples_per_packet}));
+}
+
 u6::StreamPlan plan_of(const config::LabjackU6& settings, const config::BenchInputs& inputs,
                        double rate_hz) {
   u6::StreamPlan plan;
@@ -86,10 +94,10 @@ u6::StreamPlan plan_of(const config::LabjackU6& settings, const config::BenchInp
     plan.channel.push_back(channel);
   }
   plan.clock = u6::nearest_clock(rate_hz);
-  plan.samples_per_packet = settings.samples_per_packet;
+  plan.samples_per_packet = samples_per_packet(settings, plan.scan.size(), rate_hz);
   plan.transfers = settings.transfers;
   // A packet that is not full ends its transfer.
-  if (settings.samples_per_packet == u6::most_samples_per_packet) {
+  if (plan.samples_per_packet == u6::most_samples_per_packet) {
     const double packets_hz =
         rate_hz * static_cast<double>(plan.scan.size()) / u6::most_samples_per_packet;
     plan.packets_per_transfer =
@@ -149,7 +157,8 @@ std::string LabjackU6Driver::trouble_with_settings() const {
        {trouble_with_rate(rate_hz_, channels),
         trouble_with_range("labjack_u6.resolution_index", settings_.resolution_index, 0, 8),
         trouble_with_range("labjack_u6.settling", settings_.settling, 0, 255),
-        trouble_with_range("labjack_u6.samples_per_packet", settings_.samples_per_packet, 1, 25),
+        trouble_with_range("labjack_u6.samples_per_packet",
+                           settings_.samples_per_packet.value_or(1), 1, 25),
         trouble_with_range("labjack_u6.transfers", settings_.transfers, 1, 64),
         trouble_with_range("labjack_u6.dac", settings_.dac, 0, 1),
         trouble_with_range("labjack_u6.watchdog_s", settings_.watchdog_s, 0, 65535),

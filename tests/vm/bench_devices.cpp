@@ -200,8 +200,8 @@ int run(const std::filesystem::path& rig_file, const std::filesystem::path& fold
     std::cout << R"({"now_ns": )" << now_ns() << R"(, "enabled": )"
               << (plant.enabled() ? "true" : "false") << R"(, "enabled_since_ns": )"
               << plant.enabled_since_ns() << R"(, "heartbeats": )" << gpio.heartbeats()
-              << R"(, "scans_lost": )" << board.scans_lost() << R"(, "limit": )"
-              << units.written(2, Table::holding, 10) << "}" << std::endl;
+              << R"(, "drives": )" << plant.drives() << R"(, "scans_lost": )" << board.scans_lost()
+              << R"(, "limit": )" << units.written(2, Table::holding, 10) << "}" << std::endl;
   }
   return 0;
 }

@@ -83,7 +83,7 @@ double rms_at(const std::vector<Point>& points, const std::vector<Row>& rows, st
                     : std::sqrt(squares / static_cast<double>(count));
 }
 
-/// The lateness that explains most, to 10 us, within -20 to 60 ms.
+/// The lateness that explains most of these readings, to 10 us, within -20 to 60 ms.
 double lateness_ns(const std::vector<Point>& points, const std::vector<Row>& rows,
                    std::size_t channel) {
   double best_ns = 0.0;
@@ -102,6 +102,17 @@ double lateness_ns(const std::vector<Point>& points, const std::vector<Row>& row
     high = best_ns + step;
   }
   return best_ns;
+}
+
+/// How fast the truth changes, RMS [1/s].
+double slope(const std::vector<Row>& rows, std::size_t channel) {
+  double squares = 0.0;
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    const double rise = rows[i].value[channel] - rows[i - 1].value[channel];
+    const double step_s = 1e-9 * static_cast<double>(rows[i].time_ns - rows[i - 1].time_ns);
+    squares += rise * rise / (step_s * step_s);
+  }
+  return std::sqrt(squares / static_cast<double>(rows.size() - 1));
 }
 
 double amplitude(const std::vector<Row>& rows, double carrier_hz, std::int64_t from_ns,
@@ -144,9 +155,10 @@ int run(char** argv) {
       some.push_back(points[k]);
     }
     const double late_ns = lateness_ns(some, rows, i);
-    std::printf(", \"%s\": {\"readings\": %zu, \"late_ms\": %.3f, \"rms\": %.6g}",
-                info(channel).stem.data(), points.size(), late_ns * 1e-6,
-                rms_at(points, rows, i, late_ns));
+    std::printf(
+        ", \"%s\": {\"readings\": %zu, \"late_ms\": %.3f, \"rms\": %.6g, \"slope_per_s\": %.6g}",
+        info(channel).stem.data(), points.size(), late_ns * 1e-6, rms_at(points, rows, i, late_ns),
+        slope(rows, i));
   }
   std::puts("}");
   return 0;

@@ -71,6 +71,7 @@ void SimulatedPlant::drive(double volts, std::int64_t time_ns) {
   const std::lock_guard lock(mutex_);
   advance_to(time_ns);
   volts_ = volts;
+  ++drives_;
 }
 
 void SimulatedPlant::enable(bool on, std::int64_t time_ns) {
@@ -108,6 +109,11 @@ bool SimulatedPlant::enabled() const {
 std::int64_t SimulatedPlant::enabled_since_ns() const {
   const std::lock_guard lock(mutex_);
   return enabled_since_ns_;
+}
+
+std::uint64_t SimulatedPlant::drives() const {
+  const std::lock_guard lock(mutex_);
+  return drives_;
 }
 
 }  // namespace stickslip::emulated

@@ -43,6 +43,8 @@ class SimulatedPlant final : public Wires {
   /// Whether the amplifier is enabled, and since when its contact is as it is.
   bool enabled() const;
   std::int64_t enabled_since_ns() const;
+  /// How often the output was given a value.
+  std::uint64_t drives() const;
 
  private:
   void advance_to(std::int64_t time_ns);
@@ -54,6 +56,7 @@ class SimulatedPlant final : public Wires {
   std::int64_t begin_ns_;
   std::deque<Frame> past_;  // one a step; the latest last
   double volts_ = 0.0;
+  std::uint64_t drives_ = 0;
   bool enabled_ = false;
   std::int64_t enabled_since_ns_ = 0;
   bool amplifier_fault_ = false;

@@ -68,6 +68,27 @@ TEST(FrameBlock, AgesTravelWithTheChannelsThatHaveOne) {
   EXPECT_FALSE(from_block(block, after));
 }
 
+TEST(FrameBlock, AgesOfTheBlockBeforeAreForgotten) {
+  std::vector<Frame> aged(3);
+  for (std::size_t i = 0; i < aged.size(); ++i) {
+    aged[i].set(Channel::normal_load, 2.0);
+    aged[i].age_us[index_of(Channel::normal_load)] = 700;
+  }
+  std::vector<Frame> plain(3);
+  for (Frame& frame : plain) frame.set(Channel::displacement, 1.0);
+  frame_block_t received{};
+  for (const auto& frames : {aged, plain, aged, plain}) {
+    frame_block_t sent{};
+    to_block(frames, sent);
+    std::vector<std::uint8_t> bytes(static_cast<std::size_t>(sent.getEncodedSize()));
+    sent.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    std::vector<Frame> after;
+    ASSERT_TRUE(decode(bytes, received));
+    ASSERT_TRUE(from_block(received, after));
+    EXPECT_EQ(after, frames);
+  }
+}
+
 TEST(FrameBlock, ARefillOfTheSameOrASmallerSizeAllocatesNothing) {
   frame_block_t block;
   to_block(frames(10), block);
