@@ -78,6 +78,17 @@ struct ModbusUnit {
   double pause_after_connect_s = 0.0;
 };
 
+/// Instruments that need no more than to know where they are: one [[gauge]] table each.
+enum class GaugeKind { serial_scale };
+
+/// One [[gauge]] table.
+struct GaugeAt {
+  std::string name;
+  GaugeKind kind = GaugeKind::serial_scale;
+  std::string port;  ///< "/dev/ttyUSB1"
+  int baud = 9600;   ///< of a serial line
+};
+
 /// One line of a GPIO chip.
 struct GpioLine {
   enum class Bias { as_is, disabled, pull_up, pull_down };
@@ -115,6 +126,7 @@ struct Bench {
   Usb1208fsPlus usb_1208fs_plus;
   PhidgetBridge phidget_bridge;
   std::vector<ModbusUnit> modbus;
+  std::vector<GaugeAt> gauges;
   std::optional<Amplifier> amplifier;
 };
 

@@ -72,6 +72,7 @@ class Reader {
     bench.phidget_bridge.serial = serial("phidget_bridge.serial");
     take(bench.phidget_bridge.interval_ms, document_.integer("phidget_bridge.interval_ms"));
     read_units(bench.modbus);
+    bench.gauges = document_.gauges();
     if (document_.has("amplifier")) read_amplifier(bench.amplifier.emplace());
     return bench;
   }
@@ -202,20 +203,26 @@ class Checker {
   }
 
  private:
+  void check_name(const std::string& at, const std::string& name) {
+    if (name.find('/') != std::string::npos || name == bridge || name == "labjack_u6" ||
+        name == "usb_1208fs_plus") {
+      document_.report(at, "\"" + name +
+                               "\" cannot name a device: expected a name without '/' that is no "
+                               "other device's");
+    } else if (!names_.insert(name).second) {
+      document_.report(at, "\"" + name + "\" names another device already");
+    }
+  }
+
   void check_units() {
-    std::set<std::string> names;
+    for (std::size_t i = 0; i < bench_.gauges.size(); ++i) {
+      check_name("gauge." + std::to_string(i) + ".name", bench_.gauges[i].name);
+    }
     std::map<std::string, const ModbusUnit*> ports;
     for (std::size_t i = 0; i < bench_.modbus.size(); ++i) {
       const ModbusUnit& unit = bench_.modbus[i];
       const std::string at = "modbus." + std::to_string(i) + ".";
-      if (unit.name.find('/') != std::string::npos || unit.name == bridge ||
-          unit.name == "labjack_u6" || unit.name == "usb_1208fs_plus") {
-        document_.report(at + "name", "\"" + unit.name +
-                                          "\" cannot name a unit: expected a name without '/' "
-                                          "that is no other device's");
-      } else if (!names.insert(unit.name).second) {
-        document_.report(at + "name", "\"" + unit.name + "\" names another unit already");
-      }
+      check_name(at + "name", unit.name);
       if (unit.transport == ModbusTransport::rtu && unit.unit > 247) {
         document_.report(at + "unit", "is " + std::to_string(unit.unit) +
                                           ": expected 1 to 247 on a serial line");
@@ -315,6 +322,10 @@ class Checker {
 
   void check_register(const std::string& path, const BenchInput& input) {
     std::string known = board_ + ", phidget_bridge";
+    for (const GaugeAt& gauge : bench_.gauges) {
+      known += ", " + gauge.name;
+      if (gauge.name == input.device) return;  // the gauge itself knows its inputs
+    }
     for (const ModbusUnit& unit : bench_.modbus) {
       known += ", " + unit.name;
       if (unit.name != input.device) continue;
@@ -402,6 +413,7 @@ class Checker {
   const Rig& rig_;
   const Bench& bench_;
   std::string board_;
+  std::set<std::string> names_;
   std::map<std::string, std::string> taken_;  // by DEVICE/INPUT: the channel's stem
 };
 
@@ -414,7 +426,7 @@ Bench read_bench(Document& document, const std::filesystem::path& folder) {
 void check_bench(Document& document, const Rig& rig) { Checker(document, rig).check(); }
 
 void refuse_bench(Document& document) {
-  for (const char* table : {"inputs", "labjack_u6", "usb_1208fs_plus", "modbus"}) {
+  for (const char* table : {"inputs", "labjack_u6", "usb_1208fs_plus", "modbus", "gauge"}) {
     if (document.has(table)) {
       document.report(table, "is for driver.kind = \"bench\" only: remove it");
     }

@@ -23,8 +23,9 @@ inline constexpr std::array bench_table = {
     Key{.path = "inputs.*.from",
         .type = Type::text,
         .sentence = "DEVICE/INPUT that the channel comes from: labjack_u6/AIN0 to AIN13, "
-                    "usb_1208fs_plus/CH0 to CH7, phidget_bridge/0 to 3, or the name of a "
-                    "[[modbus]] unit and of a register in its map. At least one is on the board.",
+                    "usb_1208fs_plus/CH0 to CH7, phidget_bridge/0 to 3, the name of a [[modbus]] "
+                    "unit and of a register in its map, or that of a [[gauge]] and its input. At "
+                    "least one is on the board.",
         .fallback = "not measured",
         .when = on_bench,
         .only_then = true},
@@ -230,6 +231,11 @@ inline constexpr std::array bench_table = {
         .type = Type::modbus_units,
         .sentence = "One [[modbus]] table for each unit, 64 at most.",
         .fallback = "none"},
+    Key{.path = "gauge",
+        .type = Type::gauges,
+        .sentence = "One [[gauge]] table for each instrument that is of none of these kinds, 64 at "
+                    "most.",
+        .fallback = "none"},
     Key{.path = "amplifier.chip",
         .type = Type::text,
         .sentence =
@@ -342,6 +348,29 @@ inline constexpr std::array bench_table = {
         .only_then = true,
         .low = 0,
         .high = 10},
+};
+
+inline constexpr std::array gauge_table = {
+    Key{.path = "name",
+        .type = Type::text,
+        .sentence = "Name of the instrument, for inputs.CHANNEL.from and for messages.",
+        .need = Need::always},
+    Key{.path = "kind",
+        .type = Type::choice,
+        .sentence = "What it is; docs/hardware.md says how to add a kind.",
+        .need = Need::always,
+        .choices = "serial_scale"},
+    Key{.path = "port",
+        .type = Type::text,
+        .sentence = "Where it is: the serial device, /dev/ttyUSB1.",
+        .need = Need::always},
+    Key{.path = "baud",
+        .type = Type::integer,
+        .unit = "Bd",
+        .sentence = "Speed of its serial line.",
+        .fallback = "9600",
+        .low = 300,
+        .high = 921600},
 };
 
 inline constexpr std::array modbus_unit_table = {

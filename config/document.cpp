@@ -476,6 +476,9 @@ class Check {
       case Type::modbus_units:
         tables(node, key, path, modbus_unit_keys(), most_units);
         break;
+      case Type::gauges:
+        tables(node, key, path, gauge_keys(), most_units);
+        break;
       case Type::registers:
         tables(node, key, path, register_keys(), most_registers);
         break;
@@ -1123,6 +1126,23 @@ std::vector<ModbusUnit> Document::modbus_units() const {
     number("pause_between_requests_s", unit.pause_between_requests_s);
     number("pause_after_connect_s", unit.pause_after_connect_s);
     out.push_back(std::move(unit));
+  }
+  return out;
+}
+
+std::vector<GaugeAt> Document::gauges() const {
+  std::vector<GaugeAt> out;
+  const toml::array* list = contents_->root["gauge"].as_array();
+  if (list == nullptr) return out;
+  for (const toml::node& each : *list) {
+    const toml::table& table = *each.as_table();
+    GaugeAt gauge;
+    gauge.name = text_in(table, "name");
+    const auto kind = choice_in(table.get("kind"), *find_key(gauge_keys(), "kind"));
+    gauge.kind = static_cast<GaugeKind>(kind.value_or(0));
+    gauge.port = text_in(table, "port");
+    gauge.baud = static_cast<int>(table["baud"].value_or(std::int64_t{gauge.baud}));
+    out.push_back(std::move(gauge));
   }
   return out;
 }

@@ -84,6 +84,7 @@ class Document {
   std::vector<FormerCalibration> history(std::string_view path) const;
   /// Without their maps: `map_file` is what the file says.
   std::vector<ModbusUnit> modbus_units() const;
+  std::vector<GaugeAt> gauges() const;
   std::vector<ModbusRegister> registers() const;
 
  private:

@@ -1118,6 +1118,7 @@ std::string_view name_of(Type type) {
     case Type::faults:
     case Type::points:
     case Type::history:
+    case Type::gauges:
     case Type::modbus_units:
     case Type::registers:
       return "tables";
@@ -1209,6 +1210,7 @@ std::span<const Key> calibration_file_keys() { return calibration_file_table; }
 std::span<const Key> calibration_keys() { return calibration_table; }
 std::span<const Key> history_keys() { return history_table; }
 std::span<const Key> point_keys() { return point_table; }
+std::span<const Key> gauge_keys() { return gauge_table; }
 std::span<const Key> modbus_unit_keys() { return modbus_unit_table; }
 std::span<const Key> modbus_map_keys() { return modbus_map_table; }
 std::span<const Key> register_keys() { return register_table; }
@@ -1328,6 +1330,8 @@ std::string expectation(const Key& key) {
       return "a table with offset, gain, date, reference";
     case Type::history:
       return "[[history]] tables";
+    case Type::gauges:
+      return "[[gauge]] tables";
     case Type::modbus_units:
       return "[[modbus]] tables";
     case Type::registers:
@@ -1377,6 +1381,10 @@ std::string keys_page() {
           "Each `[[modbus]]` table:\n"
           "\n";
   list(page, modbus_unit_keys());
+  page << "\n"
+          "Each `[[gauge]]` table:\n"
+          "\n";
+  list(page, gauge_keys());
   page << "\n"
           "## Register maps\n"
           "\n"

@@ -34,6 +34,7 @@ enum class Type {
   faults,        ///< [[fault]] tables with the keys of fault_keys()
   integers,      ///< an array of whole numbers
   modbus_units,  ///< [[modbus]] tables with the keys of modbus_unit_keys()
+  gauges,        ///< [[gauge]] tables with the keys of gauge_keys()
   registers,     ///< [[register]] tables with the keys of register_keys()
 };
 
@@ -78,6 +79,7 @@ std::span<const Key> calibration_file_keys();
 std::span<const Key> calibration_keys();  ///< of one channel
 std::span<const Key> history_keys();      ///< the same, and which channel
 std::span<const Key> point_keys();
+std::span<const Key> gauge_keys();
 std::span<const Key> modbus_unit_keys();
 std::span<const Key> modbus_map_keys();
 std::span<const Key> register_keys();

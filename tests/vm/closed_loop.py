@@ -128,12 +128,18 @@ ok = [0]
 """
 
 
+def idle_s():
+    """Seconds for which the machine's one processor has had nothing to do."""
+    return float(pathlib.Path("/proc/uptime").read_text().split()[1])
+
+
 def log(words):
     print(f"{time.monotonic():8.2f}  {words}", flush=True)
 
 
 class ClosedLoop(unittest.TestCase):
     def setUp(self):
+        log("begun")
         folder = tempfile.TemporaryDirectory(prefix="closed-loop-")
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
@@ -222,9 +228,11 @@ class ClosedLoop(unittest.TestCase):
         self.assertEqual(self.tell("state")["limit"], 25)
         time.sleep(2.0)
         drives = self.tell("state")["drives"]
-        steady_from = time.monotonic_ns()
+        steady_from, idle = time.monotonic_ns(), idle_s()
         time.sleep(max(10.0, SECONDS / 3))
         steady_to = time.monotonic_ns()
+        idle = (idle_s() - idle) / (steady_to - steady_from) * 1e9
+        log(f"idle for {idle:.0%} of the time")
         drives = (self.tell("state")["drives"] - drives) / (steady_to - steady_from) * 1e9
         beats = self.tell("state")["heartbeats"]
 
