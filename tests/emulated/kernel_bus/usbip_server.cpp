@@ -122,11 +122,11 @@ void UsbipServer::unplug() {
 }
 
 void UsbipServer::serve() {
-  // While something waits for the device, it is asked again every millisecond, as a host asks.
+  // While something waits for the device, it is asked again and again, as a host asks.
   for (;;) {
     bool any = false;
     for (const auto& [endpoint, requests] : waiting_) any = any || !requests.empty();
-    if (!take(any ? 1 : 1000)) return;
+    if (!take(any ? poll_ms_ : 1000)) return;
     answer_what_can_be();
   }
 }
