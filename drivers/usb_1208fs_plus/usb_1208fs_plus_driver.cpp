@@ -76,6 +76,11 @@ class Usb1208fsPlusDriver::Board {
     driving_.store(false, std::memory_order_release);
   }
   std::size_t ahead() const { return ahead_; }
+  /// The loop has not read them yet: it is behind.
+  bool frames_wait() const { return frames_.size_approx() != 0; }
+  bool dry() const { return dryness_.load(std::memory_order_acquire) == Dryness::dry; }
+  /// What is in the queue from now on is no old drive.
+  void begin_again() { dryness_.store(Dryness::begin_again, std::memory_order_release); }
 
   std::uint64_t written_sequence = 0;
   std::uint64_t read_sequence = 0;
@@ -122,6 +127,7 @@ class Usb1208fsPlusDriver::Board {
   void begin_output();
   void end_output();
   void send_values();
+  void throw_values_away();
 
   Session session_;
   ScanPlan plan_;
@@ -142,6 +148,10 @@ class Usb1208fsPlusDriver::Board {
   moodycamel::ReaderWriterQueue<std::uint16_t> values_{4096};
   std::atomic<std::uint16_t> rest_ = output_counts(default_rest_v);
   std::atomic<bool> driving_ = false;
+  /// An output that ran dry begins again with what the loop writes when it has caught up: whatever
+  /// came before would stay in front of it for good.
+  enum class Dryness : std::uint8_t { no, dry, begin_again };
+  std::atomic<Dryness> dryness_ = Dryness::no;
 
   // Of the thread.
   bool input_failed_ = false;
@@ -368,6 +378,8 @@ void Usb1208fsPlusDriver::Board::serve_output() {
     call_back(outputs_);
     session_.send(Request::output_scan_stop);
     output_running_ = false;
+    dryness_.store(Dryness::dry, std::memory_order_release);
+    throw_values_away();
   }
   if (!output_running_) begin_output();
   send_values();
@@ -376,7 +388,7 @@ void Usb1208fsPlusDriver::Board::serve_output() {
 /// Begins with what was written since it last ran, in its order, as far as it is not too old; and
 /// before that the first of it, over and over, until as much is queued as is to be.
 void Usb1208fsPlusDriver::Board::begin_output() {
-  if (values_.peek() == nullptr) return;  // after running dry: it holds until the loop is back
+  if (dry() || values_.peek() == nullptr) return;
   output_failed_ = false;
   libusb_clear_halt(session_.handle(), output_endpoint);
   if (!worked(session_.send(Request::output_clear_fifo))) return;
@@ -399,6 +411,7 @@ void Usb1208fsPlusDriver::Board::begin_output() {
   }
   if (worked(session_.send(Request::output_scan_start, output_scan(plan_, output_)))) {
     output_running_ = true;
+    dryness_.store(Dryness::no, std::memory_order_release);
     resting_at_ = -1;
   } else {
     call_back(outputs_);
@@ -413,11 +426,16 @@ void Usb1208fsPlusDriver::Board::end_output() {
     call_back(outputs_);
     output_running_ = false;
   }
-  std::uint16_t old = 0;
-  while (values_.try_dequeue(old)) {
-  }
+  dryness_.store(Dryness::no, std::memory_order_release);
+  throw_values_away();
   if (worked(session_.send(Request::output, {}, rest, static_cast<std::uint16_t>(output_)))) {
     resting_at_ = rest;
+  }
+}
+
+void Usb1208fsPlusDriver::Board::throw_values_away() {
+  std::uint16_t old = 0;
+  while (values_.try_dequeue(old)) {
   }
 }
 
@@ -541,9 +559,14 @@ Result Usb1208fsPlusDriver::write(const Actuation& actuation) {
   if (!board_->was_driving) copies = 1;
   board_->was_driving = true;
   board_->written_sequence = board_->read_sequence;
-  const auto limited = std::min<std::uint64_t>(copies, board_->ahead());
-  if (!board_->drive(output_counts(actuation.drive), static_cast<std::size_t>(limited))) {
-    return {Outcome::temporary, "the USB-1208FS-Plus does not take the drive as fast as it comes"};
+  const bool dry = board_->dry();
+  if (!dry || !board_->frames_wait()) {
+    const auto limited = dry ? 1 : std::min<std::uint64_t>(copies, board_->ahead());
+    if (!board_->drive(output_counts(actuation.drive), static_cast<std::size_t>(limited))) {
+      return {Outcome::temporary,
+              "the USB-1208FS-Plus does not take the drive as fast as it comes"};
+    }
+    if (dry) board_->begin_again();
   }
   if (board_->underrun_untold.exchange(false, std::memory_order_acq_rel)) {
     return {Outcome::temporary,
