@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "tests/emulated/attach/emulated_hidapi.h"
+#include "tests/emulated/attach/host_watch.h"
 #include "tests/emulated/phidget_bridge/emulated_phidget_bridge.h"
 
 namespace stickslip::emulated {
@@ -102,7 +103,8 @@ struct Bench {
   std::vector<Told> readings(milliseconds time) {
     std::vector<Told> out;
     const auto end = steady_clock::now() + time;
-    while (steady_clock::now() < end) {
+    const auto lost = host.lost();
+    while (steady_clock::now() < end + 2 * (host.lost() - lost)) {
       const auto before = now;
       last = gauge.read(now);
       if (last) {
@@ -144,6 +146,7 @@ struct Bench {
     return wrong;
   }
 
+  HostWatch host;
   std::array<int, 2> gain_of;
   drivers::MonotonicHostClock clock;
   EmulatedBus bus;
