@@ -48,4 +48,21 @@ class HostWatch {
   std::thread thread_;
 };
 
+/// So long, and longer by what the host stood still meanwhile, but no more than five times.
+class Interval {
+ public:
+  Interval(const HostWatch& host, std::chrono::nanoseconds length)
+      : host_(host), length_(length), lost_(host.lost()) {}
+  bool over() const {
+    const auto more = std::min(2 * (host_.lost() - lost_), 4 * length_);
+    return std::chrono::steady_clock::now() - begun_ >= length_ + more;
+  }
+
+ private:
+  const HostWatch& host_;
+  std::chrono::nanoseconds length_;
+  std::chrono::nanoseconds lost_;
+  std::chrono::steady_clock::time_point begun_ = std::chrono::steady_clock::now();
+};
+
 }  // namespace stickslip::emulated

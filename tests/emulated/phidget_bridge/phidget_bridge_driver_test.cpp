@@ -102,9 +102,8 @@ struct Bench {
   /// What is told for so long.
   std::vector<Told> readings(milliseconds time) {
     std::vector<Told> out;
-    const auto end = steady_clock::now() + time;
-    const auto lost = host.lost();
-    while (steady_clock::now() < end + 2 * (host.lost() - lost)) {
+    const Interval interval(host, time);
+    while (!interval.over()) {
       const auto before = now;
       last = gauge.read(now);
       if (last) {

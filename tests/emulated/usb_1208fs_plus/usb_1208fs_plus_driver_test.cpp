@@ -26,7 +26,6 @@ using drivers::Outcome;
 using drivers::Result;
 using drivers::Usb1208fsPlusDriver;
 using std::chrono::milliseconds;
-using std::chrono::steady_clock;
 using testing::AnyOf;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -88,9 +87,8 @@ struct Bench {
   /// Frames for so long.
   std::vector<Frame> frames(milliseconds time) {
     std::vector<Frame> out;
-    const auto end = steady_clock::now() + time;
-    const auto lost = host.lost();
-    while (steady_clock::now() < end + 2 * (host.lost() - lost)) {
+    const Interval interval(host, time);
+    while (!interval.over()) {
       Frame frame;
       last = driver.read(frame);
       if (last) {
@@ -248,9 +246,8 @@ TEST(Usb1208fsPlusOnABus, EveryDifferentialRangeIsTrueByTheUnitsOwnConstants) {
 struct Drive {
   explicit Drive(Bench& bench) : bench_(bench) {}
   void run(milliseconds time, bool check = true) {
-    const auto end = steady_clock::now() + time;
-    const auto lost = bench_.host.lost();
-    while (steady_clock::now() < end + 2 * (bench_.host.lost() - lost)) {
+    const Interval interval(bench_.host, time);
+    while (!interval.over()) {
       Frame frame;
       if (!bench_.driver.read(frame)) continue;
       const Result written = bench_.driver.write({volts(next), true});
