@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <cwchar>
 #include <fstream>
 #include <iterator>
@@ -56,6 +55,12 @@ std::vector<Found> search() {
     found.push_back(std::move(board));
   }
   return found;
+}
+
+bool is_there(const std::string& path) {
+  const auto found = search();
+  return std::any_of(found.begin(), found.end(),
+                     [&path](const Found& one) { return one.path == path; });
 }
 
 std::string title_of(const Found& board) {
@@ -111,6 +116,23 @@ struct PhidgetBridge::Board {
   std::size_t output_length;
   Handshake handshake;
   GapCounter gaps;
+  /// What has come of an input since it was last told.
+  struct Latest {
+    bool fresh = false;
+    double value = 0.0;
+    bool valid = false;
+    std::int64_t time_ns = 0;
+  };
+  std::array<Latest, input_count> latest{};
+
+  void note(const InputReport& report) {
+    for (std::size_t i = 0; i < input_count; ++i) {
+      if (!report.measured[i] || !handshake.settled(i)) continue;
+      latest[i].fresh = true;
+      latest[i].value = ratio(report.raw[i], report.settings.gain[i]);
+      latest[i].valid = believable(report, i);
+    }
+  }
 };
 
 PhidgetBridge::PhidgetBridge(const config::PhidgetBridge& settings,
@@ -184,8 +206,8 @@ Result PhidgetBridge::open() {
   }
   refusal_ = other_protocol(*chosen);
   if (!refusal_.empty()) return {Outcome::needs_attention, refusal_.c_str()};
-  errno = 0;
   Device device(hid_open_path(chosen->path.c_str()));
+  if (!device && !is_there(chosen->path)) return gone();
   if (!device) {
     refusal_ = refused_access(*chosen);
     return {Outcome::needs_attention, refusal_.c_str()};
@@ -254,8 +276,7 @@ Result PhidgetBridge::read(std::span<Reading> readings) {
   if (const Result told = send(); !told) return told;
   std::uint64_t reports = 0;
   std::uint64_t rejected = 0;
-  std::optional<InputReport> newest;
-  while (true) {
+  while (reports < most_reports) {
     std::array<std::uint8_t, largest_report> bytes{};
     const int got = hid_read_timeout(board_->device.get(), bytes.data(), bytes.size(),
                                      reports == 0 ? patience_ms : 0);
@@ -265,26 +286,37 @@ Result PhidgetBridge::read(std::span<Reading> readings) {
     const auto report = parse_input({bytes.data(), static_cast<std::size_t>(got)});
     if (report) board_->handshake.take(*report);
     if (report && board_->handshake.done()) {
-      newest = report;
+      board_->note(*report);
     } else {
       ++rejected;
     }
-    if (reports == most_reports) break;
   }
-  if (reports == 0) return {Outcome::no_data, ""};
   const std::int64_t now = clock_.now_ns();
+  if (reports > 0) losses_.missing += board_->gaps.take(now, reports);
   losses_.rejected += rejected;
-  losses_.missing += board_->gaps.take(now, reports);
-  if (!newest) {
-    return {Outcome::temporary, "what the PhidgetBridge reports is not what it was set to measure"};
-  }
+  if (tell(readings, now)) return {};
+  if (rejected == 0) return {Outcome::no_data, ""};
+  return {Outcome::temporary, "what the PhidgetBridge reports is not what it was set to measure"};
+}
+
+/// True where one of them is new, be it that it is no longer valid.
+bool PhidgetBridge::tell(std::span<Reading> readings, std::int64_t now) {
+  const std::int64_t patience = 5 * std::int64_t{settings_.interval_ms} * 1'000'000 / 2;
+  bool any = false;
   for (std::size_t i = 0; i < std::min(readings.size(), numbers_.size()); ++i) {
-    const std::size_t number = numbers_[i];
-    readings[i].value = ratio(newest->raw[number], newest->settings.gain[number]);
-    readings[i].time_ns = now;
-    readings[i].valid = believable(*newest, number);
+    Board::Latest& latest = board_->latest[numbers_[i]];
+    if (latest.fresh) {
+      latest.fresh = false;
+      latest.time_ns = now;
+      readings[i] = {latest.value, now, latest.valid};
+      any = true;
+    } else if (latest.valid && now - latest.time_ns > patience) {
+      latest.valid = false;
+      readings[i] = {latest.value, now, false};
+      any = true;
+    }
   }
-  return {};
+  return any;
 }
 
 void PhidgetBridge::close() noexcept { board_.reset(); }

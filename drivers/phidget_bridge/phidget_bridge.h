@@ -16,7 +16,8 @@ namespace stickslip::drivers {
 /// Inputs "0" to "3" in V/V: the bridge's output over its supply. The board has no clock and no
 /// numbers: a reading's time is that of its arrival (readings that arrive together have the time of
 /// the last), and what is missing shows by the interval. A reading of an input that the board calls
-/// out of range or not measured, or that is beyond 0.995 of the range, is not valid.
+/// out of range, or that is beyond 0.995 of the range, is not valid; nor is one that the board has
+/// not measured for more than two intervals. Until then the last one stays, with its time.
 class PhidgetBridge final : public Gauge {
  public:
   /// `inputs` holds those of this board alone; they are read in the order of their channels.
@@ -40,6 +41,7 @@ class PhidgetBridge final : public Gauge {
   Result settle();
   Result send();
   Result gone();
+  bool tell(std::span<Reading> readings, std::int64_t now);
 
   config::PhidgetBridge settings_;
   config::BenchInputs wired_;

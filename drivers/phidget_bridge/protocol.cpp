@@ -123,7 +123,10 @@ Handshake::Handshake(const Settings& wanted, int firmware)
 
 void Handshake::begin() {
   Settings first = wanted_;
-  if (gain_bug_) first.enabled[0] = true;
+  if (gain_bug_) {
+    first.enabled[0] = true;
+    first.interval_ms = 8;
+  }
   phase_ = Phase::echo;
   send(first);
 }
@@ -131,6 +134,7 @@ void Handshake::begin() {
 void Handshake::send(const Settings& settings) {
   sent_ = settings;
   reports_ = 0;
+  readings_ = {};
   send_ = true;
 }
 
@@ -154,13 +158,11 @@ void Handshake::take(const InputReport& report) {
       reports_ = 0;
       phase_ = gain_bug_ ? Phase::gain_bug : Phase::first_sample;
       break;
-    case Phase::gain_bug: {
-      const int least = std::max(2, reports_of_gain_bug * 8 / sent_.interval_ms);
-      if (++reports_ < least) break;
+    case Phase::gain_bug:
+      if (++reports_ < reports_of_gain_bug) break;
       phase_ = Phase::last_echo;
       send(wanted_);
-      break;
-    }
+      return;
     case Phase::last_echo:
       phase_ = Phase::first_sample;
       break;
@@ -169,6 +171,9 @@ void Handshake::take(const InputReport& report) {
       break;
     case Phase::done:
       break;
+  }
+  for (std::size_t i = 0; i < input_count; ++i) {
+    if (report.measured[i]) readings_[i] = std::min(2, readings_[i] + 1);
   }
 }
 

@@ -80,6 +80,9 @@ class Handshake {
   void take(const InputReport& report);
   /// Whether the last report that was taken may be believed.
   bool done() const { return phase_ == Phase::done; }
+  /// Whether that input's reading in it may be: the first since the echo may be of a converter that
+  /// had not settled. Reports without a reading of it do not count.
+  bool settled(std::size_t input) const { return done() && readings_[input] >= 2; }
   /// Begins anew.
   void begin();
   /// Sends once more what was not echoed: it may have been lost on its way.
@@ -87,7 +90,8 @@ class Handshake {
 
  private:
   enum class Phase { echo, gain_bug, last_echo, first_sample, done };
-  static constexpr int reports_of_gain_bug = 32;  // 250 ms at 8 ms
+  /// At the shortest interval: whether it is 250 ms or 32 reports that the bug takes, it is over.
+  static constexpr int reports_of_gain_bug = 32;
   void send(const Settings& settings);
 
   Settings wanted_;
@@ -95,6 +99,7 @@ class Handshake {
   bool gain_bug_;
   Phase phase_ = Phase::echo;
   int reports_ = 0;
+  std::array<int, input_count> readings_{};  // since the echo, no more than two
   bool send_ = false;
 };
 

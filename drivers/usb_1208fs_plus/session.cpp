@@ -25,9 +25,11 @@ int request_of(libusb_device_handle* handle, std::uint8_t type, Request request,
                                  patience_ms);
 }
 
-std::string serial_of(libusb_device_handle* handle) {
+/// `error` is libusb's where it does not answer.
+std::string serial_of(libusb_device_handle* handle, int& error) {
   std::array<std::uint8_t, 8> text{};
   const int got = request_of(handle, vendor_in, Request::serial, 0, 0, text);
+  error = std::min(got, 0);
   if (got != static_cast<int>(text.size())) return {};
   std::string serial(text.begin(), text.end());
   while (!serial.empty() && (serial.back() == '\0' || serial.back() == ' ')) serial.pop_back();
@@ -66,10 +68,13 @@ std::vector<Found> search(libusb_context* context) {
     one.where = place_of(list[i]);
     libusb_device_handle* handle = nullptr;
     one.error = libusb_open(list[i], &handle);
+    int unread = 0;
     if (one.error == 0) {
       one.handle.reset(handle);
-      one.serial = serial_of(handle);
+      one.serial = serial_of(handle, unread);
     }
+    // It was pulled out while it was looked at.
+    if (one.error == LIBUSB_ERROR_NO_DEVICE || unread == LIBUSB_ERROR_NO_DEVICE) continue;
     found.push_back(std::move(one));
   }
   if (count >= 0) libusb_free_device_list(list, 1);

@@ -11,6 +11,7 @@
 #include <thread>
 #include <utility>
 
+#include "drivers/usb_1208fs_plus/numbering.h"
 #include "drivers/usb_1208fs_plus/protocol.h"
 #include "drivers/usb_1208fs_plus/session.h"
 
@@ -43,7 +44,8 @@ class Usb1208fsPlusDriver::Board {
         output_(output),
         ahead_(static_cast<std::size_t>(std::max(1.0, std::round(output_ahead_s / plan.period_s)))),
         clock_(clock),
-        decoder_(plan.channels.size()) {
+        decoder_(plan.channels.size()),
+        numbering_(plan.period_s) {
     for (std::size_t i = 0; i < input_transfers; ++i) {
       add(inputs_, input_endpoint, plan.transfer_bytes);
     }
@@ -63,7 +65,6 @@ class Usb1208fsPlusDriver::Board {
   // For the loop.
   bool next(Frame& frame) { return frames_.wait_dequeue_timed(frame, patience_of_read_us); }
   bool drive(std::uint16_t counts, std::size_t copies) {
-    newest_.store(counts, std::memory_order_relaxed);
     for (std::size_t i = 0; i < copies; ++i) {
       if (!values_.try_enqueue(counts)) return false;
     }
@@ -75,6 +76,11 @@ class Usb1208fsPlusDriver::Board {
     driving_.store(false, std::memory_order_release);
   }
   std::size_t ahead() const { return ahead_; }
+  /// The loop has not read them yet: it is behind.
+  bool frames_wait() const { return frames_.size_approx() != 0; }
+  bool dry() const { return dryness_.load(std::memory_order_acquire) == Dryness::dry; }
+  /// What is in the queue from now on is no old drive.
+  void begin_again() { dryness_.store(Dryness::begin_again, std::memory_order_release); }
 
   std::uint64_t written_sequence = 0;
   std::uint64_t read_sequence = 0;
@@ -111,14 +117,17 @@ class Usb1208fsPlusDriver::Board {
   void run();
   void ask_status();
   bool begin_input();
+  bool begin_scan();
   void restart_input();
   void take(std::span<const std::uint8_t> bytes);
+  bool complete(std::size_t bytes);
   void publish(std::span<const std::uint16_t> codes);
 
   void serve_output();
   void begin_output();
   void end_output();
   void send_values();
+  void throw_values_away();
 
   Session session_;
   ScanPlan plan_;
@@ -127,6 +136,8 @@ class Usb1208fsPlusDriver::Board {
   std::size_t ahead_;  // values
   HostClock& clock_;
   ScanDecoder decoder_;
+  Numbering numbering_;
+  std::vector<std::uint16_t> fill_;  // what is queued ahead when the output begins
   Transfers inputs_;
   Transfers outputs_;
   std::thread thread_;
@@ -135,9 +146,12 @@ class Usb1208fsPlusDriver::Board {
 
   moodycamel::BlockingReaderWriterQueue<Frame> frames_{4096};
   moodycamel::ReaderWriterQueue<std::uint16_t> values_{4096};
-  std::atomic<std::uint16_t> newest_ = 0;
   std::atomic<std::uint16_t> rest_ = output_counts(default_rest_v);
   std::atomic<bool> driving_ = false;
+  /// An output that ran dry begins again with what the loop writes when it has caught up: whatever
+  /// came before would stay in front of it for good.
+  enum class Dryness : std::uint8_t { no, dry, begin_again };
+  std::atomic<Dryness> dryness_ = Dryness::no;
 
   // Of the thread.
   bool input_failed_ = false;
@@ -145,8 +159,6 @@ class Usb1208fsPlusDriver::Board {
   bool output_running_ = false;
   std::int64_t ask_at_ns_ = 0;
   int resting_at_ = -1;  // counts, where the output rests
-  std::uint64_t next_sequence_ = 0;
-  std::int64_t last_scan_host_ns_ = 0;
 };
 
 void Usb1208fsPlusDriver::Board::add(Transfers& transfers, std::uint8_t endpoint,
@@ -257,49 +269,69 @@ void Usb1208fsPlusDriver::Board::call_back(Transfers& transfers) {
 // Inputs
 
 void Usb1208fsPlusDriver::Board::input_ended(Transfer& transfer) {
-  if (transfer.transfer->status == LIBUSB_TRANSFER_COMPLETED) {
-    take({transfer.buffer.data(), static_cast<std::size_t>(transfer.transfer->actual_length)});
-    if (!stopping_ && !input_failed_) submit(transfer, transfer.buffer.size());
-  } else if (transfer.transfer->status != LIBUSB_TRANSFER_CANCELLED) {
+  if (transfer.transfer->status == LIBUSB_TRANSFER_CANCELLED || input_failed_) return;
+  const auto bytes = static_cast<std::size_t>(transfer.transfer->actual_length);
+  if (transfer.transfer->status != LIBUSB_TRANSFER_COMPLETED) {
     input_failed_ = true;
+    return;
   }
+  if (complete(bytes)) take({transfer.buffer.data(), bytes});
+  if (!stopping_ && !input_failed_) submit(transfer, transfer.buffer.size());
+}
+
+/// Without end, packets are full, or one for each scan. Of one that is not, nothing says which of
+/// its samples are missing: where the next scan begins is not known either, unless it has a packet
+/// of its own.
+bool Usb1208fsPlusDriver::Board::complete(std::size_t bytes) {
+  if (plan_.immediate) {
+    const bool whole = bytes == 2 * plan_.channels.size();
+    if (!whole) numbering_.take();
+    return whole;
+  }
+  if (bytes != plan_.transfer_bytes) input_failed_ = true;
+  return !input_failed_;
+}
+
+bool Usb1208fsPlusDriver::Board::begin_scan() {
+  libusb_clear_halt(session_.handle(), input_endpoint);
+  if (!worked(session_.send(Request::input_clear_fifo))) return false;
+  input_failed_ = false;
+  decoder_.restart();
+  for (const auto& one : inputs_) submit(*one, one->buffer.size());
+  const std::int64_t begun_ns = clock_.now_ns();
+  if (!worked(session_.send(Request::input_scan_start, input_scan(plan_)))) return false;
+  numbering_.begin(begun_ns);
+  return !input_failed_;
 }
 
 bool Usb1208fsPlusDriver::Board::begin_input() {
-  libusb_clear_halt(session_.handle(), input_endpoint);
-  input_failed_ = !worked(session_.send(Request::input_clear_fifo));
-  if (input_failed_) return false;
-  decoder_.restart();
-  for (const auto& one : inputs_) submit(*one, one->buffer.size());
-  if (!worked(session_.send(Request::input_scan_start, input_scan(plan_)))) input_failed_ = true;
+  input_failed_ = !begin_scan();
   refused = input_failed_ && !lost();
   return !input_failed_;
 }
 
 void Usb1208fsPlusDriver::Board::restart_input() {
+  const auto wait = [this] {
+    if (!lost()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  };
   call_back(inputs_);
   if (!worked(session_.send(Request::input_scan_stop))) {
-    if (!lost()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    wait();
+    return;
+  }
+  if (!begin_input()) {
+    wait();
     return;
   }
   overruns.fetch_add(1, std::memory_order_relaxed);
   overrun_untold.store(true, std::memory_order_release);
-  if (!begin_input()) {
-    call_back(inputs_);
-    if (!lost()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    return;
-  }
-  if (last_scan_host_ns_ == 0) return;
-  const auto elapsed = static_cast<double>(clock_.now_ns() - last_scan_host_ns_);
-  const double missed = std::round(elapsed * 1e-9 / plan_.period_s);
-  next_sequence_ += static_cast<std::uint64_t>(std::max(1.0, missed));
 }
 
 void Usb1208fsPlusDriver::Board::take(std::span<const std::uint8_t> bytes) {
-  if (!bytes.empty()) last_scan_host_ns_ = clock_.now_ns();
   while (!bytes.empty()) {
     if (const auto codes = decoder_.next(bytes)) publish(*codes);
   }
+  numbering_.arrived(clock_.now_ns());
 }
 
 void Usb1208fsPlusDriver::Board::publish(std::span<const std::uint16_t> codes) {
@@ -308,7 +340,7 @@ void Usb1208fsPlusDriver::Board::publish(std::span<const std::uint16_t> codes) {
     if (plan_.channels[i].frame_index) last = i;
   }
   Frame frame;
-  frame.sequence = next_sequence_++;
+  frame.sequence = numbering_.take();
   frame.time_ns = to_ns(static_cast<double>(frame.sequence) * plan_.period_s +
                         static_cast<double>(last) * plan_.conversion_s());
   for (std::size_t i = 0; i < codes.size(); ++i) {
@@ -346,33 +378,40 @@ void Usb1208fsPlusDriver::Board::serve_output() {
     call_back(outputs_);
     session_.send(Request::output_scan_stop);
     output_running_ = false;
+    dryness_.store(Dryness::dry, std::memory_order_release);
+    throw_values_away();
   }
   if (!output_running_) begin_output();
   send_values();
 }
 
+/// Begins with what was written since it last ran, in its order, as far as it is not too old; and
+/// before that the first of it, over and over, until as much is queued as is to be.
 void Usb1208fsPlusDriver::Board::begin_output() {
+  if (dry() || values_.peek() == nullptr) return;
   output_failed_ = false;
   libusb_clear_halt(session_.handle(), output_endpoint);
   if (!worked(session_.send(Request::output_clear_fifo))) return;
-  std::uint16_t counts = newest_.load(std::memory_order_relaxed);
-  std::uint16_t old = 0;
-  while (values_.try_dequeue(old)) {
+  fill_.clear();
+  std::uint16_t counts = 0;
+  while (values_.try_dequeue(counts)) fill_.push_back(counts);
+  if (fill_.size() > ahead_) {
+    fill_.erase(fill_.begin(), fill_.end() - static_cast<std::ptrdiff_t>(ahead_));
   }
-  // What is queued ahead is the newest value, over and over.
-  std::size_t left = ahead_;
+  fill_.insert(fill_.begin(), ahead_ - fill_.size(), fill_.front());
+  std::size_t at = 0;
   for (const auto& one : outputs_) {
-    const std::size_t count = std::min(left, one->buffer.size() / 2);
-    if (count == 0) break;
-    for (std::size_t i = 0; i < count; ++i) {
-      one->buffer[2 * i] = static_cast<std::uint8_t>(counts);
-      one->buffer[2 * i + 1] = static_cast<std::uint8_t>(counts >> 8U);
+    std::size_t bytes = 0;
+    for (; at < fill_.size() && bytes < one->buffer.size(); ++at) {
+      one->buffer[bytes++] = static_cast<std::uint8_t>(fill_[at]);
+      one->buffer[bytes++] = static_cast<std::uint8_t>(fill_[at] >> 8U);
     }
-    submit(*one, 2 * count);
-    left -= count;
+    if (bytes == 0) break;
+    submit(*one, bytes);
   }
   if (worked(session_.send(Request::output_scan_start, output_scan(plan_, output_)))) {
     output_running_ = true;
+    dryness_.store(Dryness::no, std::memory_order_release);
     resting_at_ = -1;
   } else {
     call_back(outputs_);
@@ -387,11 +426,16 @@ void Usb1208fsPlusDriver::Board::end_output() {
     call_back(outputs_);
     output_running_ = false;
   }
-  std::uint16_t old = 0;
-  while (values_.try_dequeue(old)) {
-  }
+  dryness_.store(Dryness::no, std::memory_order_release);
+  throw_values_away();
   if (worked(session_.send(Request::output, {}, rest, static_cast<std::uint16_t>(output_)))) {
     resting_at_ = rest;
+  }
+}
+
+void Usb1208fsPlusDriver::Board::throw_values_away() {
+  std::uint16_t old = 0;
+  while (values_.try_dequeue(old)) {
   }
 }
 
@@ -515,9 +559,14 @@ Result Usb1208fsPlusDriver::write(const Actuation& actuation) {
   if (!board_->was_driving) copies = 1;
   board_->was_driving = true;
   board_->written_sequence = board_->read_sequence;
-  const auto limited = std::min<std::uint64_t>(copies, board_->ahead());
-  if (!board_->drive(output_counts(actuation.drive), static_cast<std::size_t>(limited))) {
-    return {Outcome::temporary, "the USB-1208FS-Plus does not take the drive as fast as it comes"};
+  const bool dry = board_->dry();
+  if (!dry || !board_->frames_wait()) {
+    const auto limited = dry ? 1 : std::min<std::uint64_t>(copies, board_->ahead());
+    if (!board_->drive(output_counts(actuation.drive), static_cast<std::size_t>(limited))) {
+      return {Outcome::temporary,
+              "the USB-1208FS-Plus does not take the drive as fast as it comes"};
+    }
+    if (dry) board_->begin_again();
   }
   if (board_->underrun_untold.exchange(false, std::memory_order_acq_rel)) {
     return {Outcome::temporary,

@@ -19,15 +19,16 @@ namespace stickslip::drivers {
 /// the others say how much earlier they were.
 ///
 /// The board numbers nothing. Where it loses scans (an overrun, which it tells by a stalled
-/// endpoint), the scan is begun anew, `sequence` jumps by the periods that the host's clock counted
-/// meanwhile, rounded, and the next read answers `temporary` once: such a loss is known to within a
-/// scan or two, not exactly.
+/// endpoint) or a packet comes short, the scan is begun anew, `sequence` jumps by the periods that
+/// the host's clock counted from start to start, rounded, and the next read answers `temporary`
+/// once: such a loss is known to within the periods of a millisecond, not exactly.
 ///
 /// write() takes volts (0 to 5) for the output. They are queued in the board for
 /// settings.output_ahead_s and come out at the pace of the scans: one value for each frame that was
-/// read, so that a cycle that comes late tears nothing. With amplifier_on = false the queue is
-/// thrown away and the output goes to `drive` (the voltage of rest) at once. The board has no line
-/// for the amplifier's enable contact here: see [amplifier].
+/// read, so that a cycle that comes late tears nothing. An output that ran dry holds its last value
+/// until the next write, and then begins again as late as before. With amplifier_on = false the
+/// queue is thrown away and the output goes to `drive` (the voltage of rest) at once. The board has
+/// no line for the amplifier's enable contact here: see [amplifier].
 class Usb1208fsPlusDriver final : public Driver {
  public:
   /// `inputs` holds those of this board alone. `clock` must outlive the driver.
@@ -46,7 +47,8 @@ class Usb1208fsPlusDriver final : public Driver {
   void close() noexcept override;
   const Description& description() const override { return description_; }
 
-  std::uint64_t overruns() const;   ///< of the inputs, since open
+  /// How often the scan of the inputs had to be begun anew, since open.
+  std::uint64_t overruns() const;
   std::uint64_t underruns() const;  ///< of the output, since open
 
  private:

@@ -301,6 +301,11 @@ void EmulatedBus::hold_by_kernel_driver(UsbDevice& device) {
   }
 }
 
+void EmulatedBus::between_calls(const std::function<void()>& what) {
+  const std::lock_guard hold(state_->mutex());
+  what();
+}
+
 int EmulatedBus::open_handles() const {
   const std::lock_guard hold(state_->mutex());
   return state_->handles();

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -33,6 +34,9 @@ class EmulatedBus {
   void refuse_access(UsbDevice& device, bool refuse = true);
   /// A kernel driver holds its interface until it is detached.
   void hold_by_kernel_driver(UsbDevice& device);
+
+  /// Runs it while the bus stands still: where a test looks at a device, or sets it.
+  void between_calls(const std::function<void()>& what);
 
   /// How many handles are open on devices that are or were plugged in.
   int open_handles() const;

@@ -237,13 +237,15 @@ UsbStatus EmulatedUsb1208fsPlus::start_input(std::span<const std::uint8_t> out) 
   const bool differential = (options & 2U) != 0;
   const auto mask = static_cast<std::uint8_t>(out[12] & (differential ? 0x0FU : 0xFFU));
   const double rate_hz = pacer_hz / (static_cast<double>(pacer) + 1.0);
-  if (pacer == 0 || mask == 0 || rate_hz * std::popcount(mask) > 52000.0) return UsbStatus::stall;
+  if (pacer == 0 || mask == 0 || rate_hz > 52000.0) return UsbStatus::stall;
   InputScan scan;
   scan.running = true;
   scan.differential = differential;
   scan.immediate = (options & 1U) != 0;
   scan.never_stalls = (options & 0x80U) != 0;
-  scan.mask = mask;
+  for (std::size_t channel = 0; channel < terminals; ++channel) {
+    if ((mask >> channel & 1U) != 0) scan.channels.push_back(channel);
+  }
   scan.samples_wanted = double_word(out, 0);
   scan.pace = {now_(), 1.0e9 / (rate_hz * (1.0 + options_.crystal)), 0};
   // What nobody fetched of the scan before is still in front.
@@ -297,35 +299,40 @@ void EmulatedUsb1208fsPlus::catch_up() {
     if (out_ns <= in_ns) {
       put_scan();
     } else {
-      take_scan();
+      take_sample();
     }
   }
 }
 
-void EmulatedUsb1208fsPlus::take_scan() {
+void EmulatedUsb1208fsPlus::take_sample() {
   const std::int64_t time_ns = input_.pace.due_ns();
-  ++input_.pace.scans;
-  const auto scan_bytes = static_cast<std::size_t>(2 * std::popcount(input_.mask));
-  if (input_.bytes + scan_bytes > options_.input_fifo_bytes) {
+  const std::size_t place = input_.pace.ticks++ % input_.channels.size();
+  const std::size_t channel = input_.channels[place];
+  const double volts = input_v(channel, input_.differential, time_ns);
+  record(place, time_ns, volts);
+  if (input_.bytes + 2 > options_.input_fifo_bytes) {
     input_.overrun = true;
-    ++struck_.input_scans_dropped;
+    ++struck_.input_samples_dropped;
     if (!input_.never_stalls) {
       input_.running = false;
       input_.halted = true;
     }
     return;
   }
-  for (std::size_t channel = 0; channel < terminals; ++channel) {
-    if ((input_.mask >> channel & 1U) == 0) continue;
-    keep(convert(channel, input_.differential, ranges_[channel], time_ns));
-    if (++input_.samples_taken == input_.samples_wanted) {
-      finish_input();
-      return;
-    }
+  keep(code(channel, input_.differential, ranges_[channel], volts));
+  if (++input_.samples_taken == input_.samples_wanted) {
+    finish_input();
+    return;
   }
-  if (input_.immediate && !input_.filling.empty()) {
+  const bool last = place + 1 == input_.channels.size();
+  if (last && input_.immediate && !input_.filling.empty()) {
     input_.packets.push_back(std::exchange(input_.filling, {}));
   }
+}
+
+void EmulatedUsb1208fsPlus::record(std::size_t place, std::int64_t time_ns, double volts) {
+  if (place == 0) scans_.push_back({time_ns, {}, input_.pace.ticks == 1});
+  scans_.back().volts.push_back(volts);
 }
 
 void EmulatedUsb1208fsPlus::keep(std::uint16_t code) {
@@ -352,7 +359,7 @@ void EmulatedUsb1208fsPlus::put_scan() {
     output_.halted = !output_.never_stalls;
     return;
   }
-  ++output_.pace.scans;
+  ++output_.pace.ticks;
   for (std::size_t output = 0; output < counts_.size(); ++output) {
     if ((output_.mask >> output & 1U) == 0) continue;
     const auto counts =
@@ -378,21 +385,32 @@ double EmulatedUsb1208fsPlus::terminal_v(std::size_t terminal, std::int64_t time
   return sensor ? (*sensor)(wires_, time_ns) : 0.0;
 }
 
+double EmulatedUsb1208fsPlus::input_v(std::size_t channel, bool differential,
+                                      std::int64_t time_ns) {
+  double volts = differential
+                     ? terminal_v(2 * channel, time_ns) - terminal_v(2 * channel + 1, time_ns)
+                     : terminal_v(channel, time_ns);
+  if (options_.noise_v > 0.0) {
+    volts += std::normal_distribution<double>(0.0, options_.noise_v)(noise_);
+  }
+  return volts;
+}
+
 std::uint16_t EmulatedUsb1208fsPlus::convert(std::size_t channel, bool differential, int range,
                                              std::int64_t time_ns) {
-  double input_v = differential
-                       ? terminal_v(2 * channel, time_ns) - terminal_v(2 * channel + 1, time_ns)
-                       : terminal_v(channel, time_ns);
-  if (options_.noise_v > 0.0) {
-    input_v += std::normal_distribution<double>(0.0, options_.noise_v)(noise_);
-  }
+  return code(channel, differential, range, input_v(channel, differential, time_ns));
+}
+
+std::uint16_t EmulatedUsb1208fsPlus::code(std::size_t channel, bool differential, int range,
+                                          double volts) const {
   const int used = differential ? range : single_ended_range;
-  const double truth = input_v * 2048.0 / ranges_v[static_cast<std::size_t>(used)] + 2048.0;
+  const double truth = volts * 2048.0 / ranges_v[static_cast<std::size_t>(used)] + 2048.0;
   const Correction needed = correction(channel, differential, used);
-  const double code = (truth - needed.offset) / needed.slope;
+  const double exact = (truth - needed.offset) / needed.slope;
   // One side alone has eleven bits.
   const double step = differential ? 1.0 : 2.0;
-  return static_cast<std::uint16_t>(std::clamp(std::round(code / step) * step, 0.0, 4096.0 - step));
+  return static_cast<std::uint16_t>(
+      std::clamp(std::round(exact / step) * step, 0.0, 4096.0 - step));
 }
 
 UsbStatus EmulatedUsb1208fsPlus::out(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) {

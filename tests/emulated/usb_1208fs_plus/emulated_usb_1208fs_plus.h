@@ -8,15 +8,24 @@
 #include <optional>
 #include <random>
 #include <string>
+#include <vector>
 
 #include "tests/emulated/usb_device.h"
 #include "tests/emulated/wires.h"
 
 namespace stickslip::emulated {
 
+/// What one scan of the inputs has converted.
+struct Usb1208fsPlusScan {
+  std::int64_t time_ns = 0;   ///< of its first conversion, on the test's clock
+  std::vector<double> volts;  ///< what was at the inputs when each was converted, ascending
+  bool begins = false;        ///< the first one after a start command
+};
+
 /// Scans of inputs and outputs are paced by its own clock: a scan begins at the start command (that
-/// of the outputs with the first whole scan in the FIFO after it). External clocks and triggers are
-/// not there.
+/// of the outputs with the first whole scan in the FIFO after it). The inputs' pacer clocks the one
+/// converter: a scan of n inputs lasts n of its periods. External clocks and triggers are not
+/// there.
 class EmulatedUsb1208fsPlus final : public UsbDevice {
  public:
   static constexpr std::size_t terminals = 8;
@@ -55,7 +64,7 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
     std::uint64_t repeated_packet = 0;
     std::uint64_t lost_packet = 0;
     std::uint64_t stall = 0;
-    std::uint64_t input_scans_dropped = 0;  ///< by a full FIFO, with "do not stall"
+    std::uint64_t input_samples_dropped = 0;  ///< by a full FIFO, with "do not stall"
   };
 
   EmulatedUsb1208fsPlus(Options options, Wires& wires, Now now);
@@ -63,6 +72,8 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
   /// To be set at any time between two calls.
   Faults faults;
   const Struck& struck() const { return struck_; }
+  /// Every whole scan since it was made, lost ones included. Unplugging forgets none.
+  const std::vector<Usb1208fsPlusScan>& scans() const { return scans_; }
   double output_v(std::size_t output) const;
   std::uint64_t output_scans_done() const { return output_.done; }
   std::size_t output_fifo_level() const { return output_.fifo.size(); }
@@ -82,13 +93,13 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
   void reset() override;
 
  private:
-  /// When the scans of one direction are due.
+  /// When the conversions of the inputs or the scans of the outputs are due.
   struct Pace {
     std::int64_t begun_ns = 0;
     double period_ns = 0.0;
-    std::uint64_t scans = 0;
+    std::uint64_t ticks = 0;
     std::int64_t due_ns() const {
-      return begun_ns + static_cast<std::int64_t>(static_cast<double>(scans) * period_ns + 0.5);
+      return begun_ns + static_cast<std::int64_t>(static_cast<double>(ticks) * period_ns + 0.5);
     }
   };
   struct InputScan {
@@ -98,8 +109,8 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
     bool differential = false;
     bool immediate = false;
     bool never_stalls = false;
-    std::uint8_t mask = 0;
-    std::uint64_t samples_wanted = 0;  // 0: until it is stopped
+    std::vector<std::size_t> channels;  // ascending
+    std::uint64_t samples_wanted = 0;   // 0: until it is stopped
     std::uint64_t samples_taken = 0;
     Pace pace;
     std::deque<Bytes> packets;  // what is ready to go
@@ -121,13 +132,16 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
   };
 
   void catch_up();
-  void take_scan();
+  void take_sample();
   void keep(std::uint16_t code);
   void finish_input();
   void put_scan();
   void start_output_if_ready();
   void set_output(std::size_t output, std::uint16_t counts, std::int64_t time_ns);
   std::uint16_t convert(std::size_t channel, bool differential, int range, std::int64_t time_ns);
+  std::uint16_t code(std::size_t channel, bool differential, int range, double volts) const;
+  double input_v(std::size_t channel, bool differential, std::int64_t time_ns);
+  void record(std::size_t place, std::int64_t time_ns, double volts);
   double terminal_v(std::size_t terminal, std::int64_t time_ns);
   Correction correction(std::size_t channel, bool differential, int range) const;
   void write_calibration();
@@ -154,6 +168,7 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
   std::mt19937_64 noise_;
   std::mt19937_64 fate_;
   Struck struck_;
+  std::vector<Usb1208fsPlusScan> scans_;
 };
 
 }  // namespace stickslip::emulated

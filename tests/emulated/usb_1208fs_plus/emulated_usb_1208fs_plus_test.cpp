@@ -126,13 +126,13 @@ TEST_F(BoardTest, AScanTakesItsChannelsInTheirOrderAtItsPace) {
   auto device = board();
   ASSERT_EQ(tell(device, 0x14, Bytes(8, 7)), UsbStatus::ok);
   EXPECT_EQ(ask(device, 0x14, 8), Bytes(8, 7));
-  ASSERT_EQ(start_input(device, 0, 1000.0, 0b1001, 0), UsbStatus::ok);
+  ASSERT_EQ(start_input(device, 0, 2000.0, 0b1001, 0), UsbStatus::ok);  // 1000 scans a second
   EXPECT_EQ(status(device), 2);
   EXPECT_EQ(tell(device, 0x14, Bytes(8, 0)), UsbStatus::stall);
   EXPECT_EQ(device.control({0xC0, 0x10, 0, 0, 2}, {}).status, UsbStatus::stall);
-  now_ns = 14 * ms;
-  EXPECT_EQ(device.in(1, 512).status, UsbStatus::not_ready);  // 30 of 32 samples
   now_ns = 15 * ms;
+  EXPECT_EQ(device.in(1, 512).status, UsbStatus::not_ready);  // 31 of 32 samples
+  now_ns = 15 * ms + ms / 2;
   EXPECT_EQ(device.in(1, 512).bytes.size(), 64U);
   now_ns = 900 * ms;
   const Bytes bytes = device.in(1, 512).bytes;
@@ -146,12 +146,36 @@ TEST_F(BoardTest, AScanTakesItsChannelsInTheirOrderAtItsPace) {
   EXPECT_EQ(status(device), 0);
 }
 
+TEST_F(BoardTest, ItsPacerClocksConversions) {
+  options.sensors[3] = Sensor{Channel::velocity, 1.0, 0.0};  // both tell the time
+  auto device = board();
+  ASSERT_EQ(start_input(device, 0, 20.0, 0b1001, 1), UsbStatus::ok);
+  now_ns = 1000 * ms;
+  ASSERT_EQ(device.scans().size(), 0U);
+  device.in(1, 64);
+  ASSERT_EQ(device.scans().size(), 11U);
+  for (std::size_t i = 0; i < 10; ++i) {
+    const Usb1208fsPlusScan& scan = device.scans()[i];
+    EXPECT_EQ(scan.begins, i == 0);
+    EXPECT_EQ(scan.time_ns, static_cast<std::int64_t>(i) * 100 * ms);
+    ASSERT_EQ(scan.volts.size(), 2U);
+    EXPECT_NEAR(scan.volts[1] - scan.volts[0], 0.05, 1e-12);
+  }
+  // What its converter does together is what counts.
+  tell(device, 0x12);
+  EXPECT_EQ(start_input(device, 0, 50000.0, 0xFF, 0), UsbStatus::ok);
+  tell(device, 0x12);
+  EXPECT_EQ(start_input(device, 0, 53000.0, 0b1, 0), UsbStatus::stall);
+}
+
 TEST_F(BoardTest, ScansAreImmediateWhereAskedFor) {
   auto device = board();
-  start_input(device, 0, 100.0, 0b1001, 1);
+  start_input(device, 0, 200.0, 0b1001, 1);
+  EXPECT_EQ(device.in(1, 64).status, UsbStatus::not_ready);
+  now_ns = 5 * ms;
   EXPECT_EQ(device.in(1, 64).bytes.size(), 4U);
   EXPECT_EQ(device.in(1, 64).status, UsbStatus::not_ready);
-  now_ns = 20 * ms;
+  now_ns = 25 * ms;
   EXPECT_EQ(device.in(1, 512).bytes.size(), 4U);  // each its own packet, which ends the transfer
   EXPECT_EQ(device.in(1, 512).bytes.size(), 4U);
 }
@@ -193,7 +217,7 @@ TEST_F(BoardTest, OrLosesScansWhereItMayNotStall) {
   now_ns = 600 * ms;
   EXPECT_EQ(device.in(1, 4096).bytes.size(), 1024U);
   EXPECT_EQ(status(device), 6);
-  EXPECT_EQ(device.struck().input_scans_dropped, 601U - 512U);
+  EXPECT_EQ(device.struck().input_samples_dropped, 601U - 512U);
 }
 
 TEST_F(BoardTest, AnImmediateOutputDrivesAtOnce) {
