@@ -153,9 +153,16 @@ class ClosedLoop(unittest.TestCase):
 
     def start(self, command, **more):
         process = subprocess.Popen([str(word) for word in command], cwd=self.folder, **more)
-        self.addCleanup(process.wait)
-        self.addCleanup(process.kill)
+        self.addCleanup(self.end, process)
         return process
+
+    @staticmethod
+    def end(process):
+        process.kill()
+        process.wait()
+        for pipe in (process.stdin, process.stdout, process.stderr):
+            if pipe:
+                pipe.close()
 
     def tell(self, words):
         """What bench_devices answers to a command."""
