@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <utility>
 
-#include "drivers/bench/make_bench.h"
 #include "drivers/faults/faulty_driver.h"
+#include "drivers/make_bench.h"
 #include "drivers/replay/replay_driver.h"
 #include "drivers/simulated/simulated_driver.h"
 

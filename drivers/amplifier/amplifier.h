@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "config/bench.h"
-#include "drivers/amplifier/contacts.h"
 #include "drivers/amplifier/debounced.h"
 #include "drivers/amplifier/gpio_lines.h"
 #include "drivers/attached.h"
+#include "drivers/contacts.h"
 #include "drivers/driver.h"
 #include "drivers/host_clock.h"
 

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "config/bench.h"
-#include "drivers/amplifier/contacts.h"
 #include "drivers/bench/gauge_reader.h"
+#include "drivers/contacts.h"
 #include "drivers/device_clock.h"
 #include "drivers/driver.h"
 #include "drivers/host_clock.h"

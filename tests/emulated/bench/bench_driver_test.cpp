@@ -12,7 +12,7 @@
 #include <thread>
 #include <vector>
 
-#include "drivers/bench/make_bench.h"
+#include "drivers/make_bench.h"
 #include "tests/emulated/attach/emulated_hidapi.h"
 #include "tests/emulated/attach/emulated_libusb.h"
 #include "tests/emulated/attach/host_watch.h"

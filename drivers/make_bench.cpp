@@ -1,4 +1,4 @@
-#include "drivers/bench/make_bench.h"
+#include "drivers/make_bench.h"
 
 #include <algorithm>
 #include <utility>
