@@ -81,4 +81,25 @@ Event event_of(const Notice& notice) {
   return out;
 }
 
+Event event_of(const Notice& sum, std::uint64_t notices) {
+  Event out = event_of(sum);
+  const std::string times = std::to_string(notices);
+  const std::string count = std::to_string(sum.count);
+  switch (sum.kind) {
+    case Notice::Kind::frames_missing:
+      out.message = "the source lost " + count + " frames more, in " + times + " gaps";
+      break;
+    case Notice::Kind::sequence_repeated:
+      out.message = "the source's sequence number did not grow, " + times + " times more";
+      break;
+    case Notice::Kind::overrun:
+      out.message = times + " cycles more came late, by up to " + milliseconds(sum.duration_ns) +
+                    ", " + count + " periods skipped";
+      break;
+    default:
+      break;
+  }
+  return out;
+}
+
 }  // namespace stickslip::daemon

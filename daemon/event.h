@@ -21,4 +21,8 @@ struct Event {
 /// The notice in words.
 Event event_of(const Notice& notice);
 
+/// Several of a kind in words, told as of the latest: `sum` holds their counts together and the
+/// longest duration. For gaps and repetitions of the sequence number, and for overruns.
+Event event_of(const Notice& sum, std::uint64_t notices);
+
 }  // namespace stickslip::daemon

@@ -1,5 +1,6 @@
 #include "daemon/ledger.h"
 
+#include <algorithm>
 #include <numeric>
 
 namespace stickslip::daemon {
@@ -16,6 +17,9 @@ std::string line(std::string_view name, std::string_view verb, const Balance& ba
   }
   const std::int64_t pending = balance.pending(account);
   if (pending != 0) out += " + " + std::to_string(pending) + " unaccounted";
+  if (account.confirmed && *account.confirmed < account.delivered) {
+    out += "; the disk has confirmed " + std::to_string(*account.confirmed) + " of them";
+  }
   return out;
 }
 
@@ -41,6 +45,10 @@ AccountBalance Account::balance() const {
   AccountBalance out;
   out.enabled = enabled_.load(std::memory_order_acquire);
   out.delivered = delivered_.load(std::memory_order_acquire);
+  if (asked_to_confirm_.load(std::memory_order_relaxed)) {
+    // The disk may have them a moment before the books do.
+    out.confirmed = std::min(out.delivered, confirmed_.load(std::memory_order_acquire));
+  }
   for (std::size_t i = 0; i < loss_count; ++i) {
     out.lost[i] = lost_[i].load(std::memory_order_acquire);
   }

@@ -9,6 +9,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -28,8 +29,10 @@ inline constexpr std::array<std::string_view, loss_count> loss_names = {"ring fu
 
 /// The books of one consumer, as numbers.
 struct AccountBalance {
-  bool enabled = false;  ///< a consumer that nobody asked for owes nothing
-  std::uint64_t delivered = 0;
+  bool enabled = false;         ///< a consumer that nobody asked for owes nothing
+  std::uint64_t delivered = 0;  ///< handed to the network or the kernel without an error
+  /// Of those, how many the disk has confirmed to have; nothing where it was not asked to.
+  std::optional<std::uint64_t> confirmed = {};
   std::array<std::uint64_t, loss_count> lost{};
 
   std::uint64_t lost_in_total() const;
@@ -64,6 +67,11 @@ class Account {
   void lose(Loss loss, std::uint64_t frames) {
     lost_[static_cast<std::size_t>(loss)].fetch_add(frames, std::memory_order_release);
   }
+  /// Frames delivered that the disk has confirmed; 0: it will be asked to.
+  void confirm(std::uint64_t frames) {
+    asked_to_confirm_.store(true, std::memory_order_relaxed);
+    confirmed_.fetch_add(frames, std::memory_order_release);
+  }
   /// Set before the first frame.
   void enable() { enabled_.store(true, std::memory_order_release); }
   AccountBalance balance() const;
@@ -71,6 +79,8 @@ class Account {
  private:
   std::atomic<bool> enabled_{false};
   std::atomic<std::uint64_t> delivered_{0};
+  std::atomic<bool> asked_to_confirm_{false};
+  std::atomic<std::uint64_t> confirmed_{0};
   std::array<std::atomic<std::uint64_t>, loss_count> lost_{};
 };
 

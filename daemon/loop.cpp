@@ -17,7 +17,8 @@ constexpr std::size_t command_room = 64;
 /// A step of the source's time that is longer is a gap, or a clock that was set: nothing to drive
 /// by.
 constexpr std::int64_t longest_step_ns = 1'000'000'000;
-constexpr std::int64_t ring_wait_ns = 50'000;
+/// A thousandth or so of what a ring holds: waking up often costs more than what it waits for.
+constexpr std::int64_t ring_wait_ns = 500'000;
 constexpr std::int64_t ring_patience_ns = 2'000'000'000;
 
 constexpr bool is_fault(Outcome outcome) {
@@ -206,6 +207,21 @@ void Loop::heed_command() {
   if (!later) answers_.push(answer);
 }
 
+// What was summed, or, with a reason, that there is no average. Either ends it.
+void Loop::answer_average(const Cause* refusal) {
+  Answer answer;
+  answer.id = averaging_.id();
+  answer.state = safety_.state();
+  const Average average = averaging_.take();
+  if (refusal == nullptr) {
+    answer.accepted = true;
+    answer.average = average;
+  } else {
+    answer.reason = *refusal;
+  }
+  answers_.push(answer);
+}
+
 void Loop::obey(const Command& command, Answer& answer) {
   const auto refused = [&answer](std::string_view words) {
     answer.accepted = false;
@@ -303,14 +319,7 @@ bool Loop::read() {
 void Loop::acquire(Frame raw) {
   if (!place_in_time(raw)) return;
   raw_ = raw;
-  if (averaging_.active() && averaging_.add(raw)) {
-    Answer answer;
-    answer.id = averaging_.id();
-    answer.accepted = true;
-    answer.state = safety_.state();
-    answer.average = averaging_.take();
-    answers_.push(answer);
-  }
+  if (averaging_.active() && averaging_.add(raw)) answer_average(nullptr);
   const Calibrated si = calibrated(raw, settings_.live.calibration);
   if (si.not_finite != 0) {
     count_up(timing_.not_finite, static_cast<std::uint64_t>(std::popcount(si.not_finite)));
@@ -467,14 +476,7 @@ void Loop::drive() {
   if (device.interlock != Interlock::none && device_here() && !settings_.end_on_fault) {
     beyond_help_.store(device.outcome == Outcome::fatal, std::memory_order_release);
     device_.store(Device::gone, std::memory_order_release);
-    if (averaging_.active()) {
-      Answer answer;
-      answer.id = averaging_.id();
-      answer.state = safety_.state();
-      answer.reason = device.cause;
-      averaging_.take();
-      answers_.push(answer);
-    }
+    if (averaging_.active()) answer_average(&device.cause);
   }
 }
 

@@ -138,6 +138,7 @@ class Loop {
   void heed_stop_requests();
   void heed_command();
   void obey(const Command& command, Answer& answer);
+  void answer_average(const Cause* refusal);
   bool refuse(const Interlocks::Broken& broken, Answer& answer) const;
   bool change(RigInput input);
   bool is_over(bool more, bool at_rest);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <limits>
 #include <numbers>
 #include <stickslip/event_t.hpp>
 #include <stickslip/recording_info_t.hpp>
@@ -37,6 +38,11 @@ Message message_of(const std::string& channel, const Type& content, std::int64_t
   out.bytes.resize(static_cast<std::size_t>(std::max(0, size)));
   return out;
 }
+
+/// What is asked of the shaker goes out that often, in the time of the frames.
+constexpr std::int64_t excitation_period_ns = 100'000'000;
+/// And after that many frames: messages of fast rigs stay small.
+constexpr std::size_t most_asked = 2000;
 
 std::int64_t signed_of(std::uint64_t count) { return static_cast<std::int64_t>(count); }
 
@@ -85,6 +91,7 @@ void set_ledger(const Balance& ledger, status_t& status) {
   status.recorded = signed_of(ledger.recorded.delivered);
   fill_losses(ledger.recorded, status.record_loss_count, status.record_loss_name,
               status.record_loss);
+  status.record_confirmed = ledger.recorded.confirmed ? signed_of(*ledger.recorded.confirmed) : -1;
 }
 
 Message status_message(const Status& status, std::int64_t utc_us) {
@@ -159,6 +166,7 @@ Message recording_info_message(const config::Rig& rig, std::int64_t started_utc_
   description.configuration = rig.text;
   description.model = rig.model_text;
   description.calibration = rig.calibration_text;
+  if (rig.faults) description.fault_script = rig.faults->text;
   return message_of(protocol::recording_channel, protocol::info_of(description, -1),
                     started_utc_us);
 }
@@ -179,26 +187,67 @@ std::int64_t MessageSink::time_us(std::int64_t time_ns) {
 Put MessageSink::put_block(std::span<const Sample> block) {
   frames_.clear();
   for (const Sample& sample : block) frames_.push_back(sample.frame);
-  protocol::to_block(frames_, block_);
   const bool late = std::any_of(block.begin(), block.end(), [](const Sample& s) { return s.late; });
-  block_.flags = late ? 1 : 0;
-
-  const Sample& last = block.back();
-  const std::int64_t when_us = time_us(last.frame.time_ns);
-  const Put result = put(protocol::frames_channel, block_, when_us);
-  if (result != Put::done) return result;
-
-  excitation_.time_ns = last.frame.time_ns;
-  excitation_.sequence = signed_of(last.frame.sequence);
-  excitation_.drive = last.drive.value;
-  excitation_.amplitude = last.drive.amplitude;
-  excitation_.carrier_hz = last.drive.carrier_hz;
-  excitation_.phase_rad = 2.0 * std::numbers::pi * last.drive.phase_turns;
-  excitation_.gain = last.drive.gain;
-  excitation_.limited = static_cast<std::int8_t>(last.drive.limited);
-  excitation_.amplifier_on = static_cast<std::int8_t>(last.amplifier_on);
-  put(protocol::excitation_channel, excitation_, when_us);
+  protocol::encode_block(frames_, late ? 1 : 0, bytes_);
+  if (!outlet_.put(frames_channel_, bytes_, time_us(block.back().frame.time_ns))) {
+    return Put::write_error;
+  }
+  for (const Sample& sample : block) gather(sample);
+  if (!told_ns_ || asked_.back().time_ns - *told_ns_ >= excitation_period_ns ||
+      asked_.size() >= most_asked) {
+    put_excitation();
+  }
   return Put::done;
+}
+
+void MessageSink::gather(const Sample& sample) {
+  const Drive& drive = sample.drive;
+  asked_.push_back({sample.frame.time_ns, sample.frame.sequence, drive.value, drive.amplitude,
+                    2.0 * std::numbers::pi * drive.phase_turns, drive.limited,
+                    sample.amplifier_on});
+  asked_carrier_hz_ = drive.carrier_hz;
+  asked_gain_ = drive.gain;
+}
+
+void MessageSink::put_excitation() {
+  if (asked_.empty()) return;
+  const Asked& last = asked_.back();
+  excitation_t& out = excitation_;
+  out.time_ns = last.time_ns;
+  out.sequence = signed_of(last.sequence);
+  out.drive = last.drive;
+  out.amplitude = last.amplitude;
+  out.carrier_hz = asked_carrier_hz_;
+  out.phase_rad = last.phase_rad;
+  out.gain = asked_gain_;
+  out.limited = static_cast<std::int8_t>(last.limited);
+  out.amplifier_on = static_cast<std::int8_t>(last.amplifier_on);
+  const std::size_t earlier = asked_.size() - 1;
+  out.earlier = static_cast<std::int32_t>(earlier);
+  out.earlier_by.resize(earlier);
+  out.earlier_drive.resize(earlier);
+  out.earlier_amplitude.resize(earlier);
+  out.earlier_phase_rad.resize(earlier);
+  out.earlier_state.resize(earlier);
+  for (std::size_t i = 0; i < earlier; ++i) {
+    const Asked& asked = asked_[i];
+    out.earlier_by[i] = static_cast<std::int32_t>(std::min<std::uint64_t>(
+        last.sequence - asked.sequence, std::numeric_limits<std::int32_t>::max()));
+    out.earlier_drive[i] = asked.drive;
+    out.earlier_amplitude[i] = static_cast<float>(asked.amplitude);
+    out.earlier_phase_rad[i] = static_cast<float>(asked.phase_rad);
+    out.earlier_state[i] = static_cast<std::uint8_t>(static_cast<unsigned>(asked.limited) |
+                                                     (asked.amplifier_on ? 0x80U : 0U));
+  }
+  asked_.clear();
+  told_ns_ = out.time_ns;
+  put(excitation_channel_, out, time_us(out.time_ns));
+}
+
+bool MessageSink::settle() {
+  // A log whose next part is about to begin: each part has what belongs to its frames.
+  if (outlet_.wants_to_settle()) put_excitation();
+  return outlet_.settle();
 }
 
 Put MessageSink::put_estimate(const Estimate& estimate) {
@@ -245,7 +294,7 @@ Put MessageSink::put_estimate(const Estimate& estimate) {
   out.nis = estimate.nis;
   out.nis_freedom = estimate.nis_freedom;
   out.restarts = signed_of(estimate.restarts);
-  return put(protocol::estimate_channel, out, time_us(estimate.time_ns));
+  return put(estimate_channel_, out, time_us(estimate.time_ns));
 }
 
 Put MessageSink::put_message(const Message& message) {

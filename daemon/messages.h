@@ -5,7 +5,6 @@
 #include <optional>
 #include <span>
 #include <stickslip/excitation_t.hpp>
-#include <stickslip/frame_block_t.hpp>
 #include <stickslip/friction_estimate_t.hpp>
 #include <stickslip/status_t.hpp>
 #include <string>
@@ -16,6 +15,7 @@
 #include "daemon/outlet.h"
 #include "daemon/status.h"
 #include "daemon/stream.h"
+#include "protocol/channels.h"
 
 namespace stickslip::daemon {
 
@@ -38,22 +38,43 @@ class MessageSink final : public Sink {
   /// `outlet` must outlive the sink.
   explicit MessageSink(Outlet& outlet) : outlet_(outlet) {}
 
-  /// Frames, then the excitation of the last of them. Done means that the frames got through.
+  /// Frames, and every 0.1 s of them what was asked of the shaker during each. Done means that the
+  /// frames got through.
   Put put_block(std::span<const Sample> block) override;
   Put put_estimate(const Estimate& estimate) override;
   Put put_message(const Message& message) override;
-  bool settle() override { return outlet_.settle(); }
+  bool settle() override;
+  void finish() override { put_excitation(); }
   bool wants_to_settle() const override { return outlet_.wants_to_settle(); }
 
  private:
+  /// What was asked of the shaker during one frame.
+  struct Asked {
+    std::int64_t time_ns = 0;
+    std::uint64_t sequence = 0;
+    double drive = 0.0;
+    double amplitude = 0.0;
+    double phase_rad = 0.0;
+    Limit limited = Limit::none;
+    bool amplifier_on = false;
+  };
   template <class Type>
   Put put(const std::string& channel, const Type& message, std::int64_t time_us);
   std::int64_t time_us(std::int64_t time_ns);
+  void gather(const Sample& sample);
+  void put_excitation();
 
   Outlet& outlet_;
+  // Made once: they are too long for a string without memory of its own.
+  const std::string frames_channel_ = protocol::frames_channel;
+  const std::string excitation_channel_ = protocol::excitation_channel;
+  const std::string estimate_channel_ = protocol::estimate_channel;
   std::optional<std::int64_t> origin_us_;  // wall clock at rig time 0
   std::vector<Frame> frames_;
-  frame_block_t block_{};
+  std::vector<Asked> asked_;             // of the shaker, since the latest message that said so
+  std::optional<std::int64_t> told_ns_;  // the latest frame of that message
+  double asked_carrier_hz_ = 0.0;        // at the latest of them
+  double asked_gain_ = 1.0;
   excitation_t excitation_{};
   friction_estimate_t estimate_{};
   std::vector<std::uint8_t> bytes_;

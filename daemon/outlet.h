@@ -41,8 +41,9 @@ struct RecorderSettings {
   std::optional<double> rotate_s =
       {};  ///< a part lasts so long, in the time of its frames; above 0
   std::optional<double> rotate_mb = {};  ///< a part holds so many 10^6 bytes; above 0
-  double sync_s = 1.0;             ///< the disk has all but the last so many seconds; 0: no matter
-  const Ledger* ledger = nullptr;  ///< the books with which a part ends; null: it ends without
+  double sync_s = 1.0;       ///< the disk has all but the last so many seconds; 0: no matter
+  Ledger* ledger = nullptr;  ///< the books with which a part ends, and in which it is written down
+                             ///< what the disk confirms; null: neither
 };
 
 /// A new LCM event log, in parts where the settings say so: run.log, run.001.log, ... A log that

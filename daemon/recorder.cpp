@@ -95,7 +95,9 @@ class LogOutlet final : public Outlet {
  public:
   LogOutlet(std::filesystem::path file, const RecorderSettings& settings)
       : file_(std::move(file)), settings_(settings), name_(file_.string()), log_(begin_log(file_)) {
-    if (settings_.sync_s > 0.0) sync_folder_of(file_);
+    if (settings_.sync_s <= 0.0) return;
+    sync_folder_of(file_);
+    if (settings_.ledger != nullptr) settings_.ledger->recorded().confirm(0);
   }
 
   bool put(const std::string& channel, std::span<const std::uint8_t> bytes,
@@ -224,6 +226,13 @@ class LogOutlet final : public Outlet {
     const bool worked = log.sync();
     synced_ = Clock::now();
     synced_bytes_ = log.bytes_written();
+    // What a failed call was about stays in doubt, whatever later ones say: the kernel tells of a
+    // lost write once.
+    const std::int64_t frames = frames_ - asked_about_;
+    asked_about_ = frames_;
+    if (worked && settings_.ledger != nullptr) {
+      settings_.ledger->recorded().confirm(static_cast<std::uint64_t>(frames));
+    }
     if (worked || !synced_well_) return;
     synced_well_ = false;
     spdlog::error("{}: the disk does not confirm what was written: {}; a power cut may cost it",
@@ -254,6 +263,7 @@ class LogOutlet final : public Outlet {
   std::optional<std::int64_t> part_began_us_;  // the first block of this part
   std::int64_t frames_ = 0;                    // that are in the files for good
   std::int64_t unsettled_frames_ = 0;
+  std::int64_t asked_about_ = 0;  // of frames_, how many the disk was asked to confirm
   Clock::time_point rotate_again_;
   Clock::time_point synced_ = Clock::now();
   std::uint64_t synced_bytes_ = 0;

@@ -23,6 +23,7 @@
 #include <vector>
 
 #include "config/settings.h"
+#include "daemon/burst_watch.h"
 #include "daemon/clock.h"
 #include "daemon/control.h"
 #include "daemon/device_keeper.h"
@@ -192,6 +193,7 @@ class Service {
   void ask(Loop& loop, const Command& command);
   void tell(const Event& event);
   std::int64_t utc_us() { return utc_.utc_us(clock_.now_ns(), wall_us()); }
+  void tell_and_log(const Event& event);
   void drain_notices(Loop& loop);
   Status status(const Loop& loop);
   void send_status(const Loop& loop);
@@ -216,6 +218,7 @@ class Service {
   std::uint64_t cycles_fed_ = 0;
   std::uint64_t late_told_ = 0;
   std::int64_t longest_untold_ns_ = 0;
+  BurstWatch bursts_;
   LossWatch losses_;
   std::string metrics_trouble_;
 };
@@ -455,15 +458,18 @@ void Service::tell(const Event& event) {
 void Service::drain_notices(Loop& loop) {
   Notice notice;
   while (loop.next_notice(notice)) {
-    const Event event = event_of(notice);
-    tell(event);
-    // A machine that is too slow need not be made slower by its log: overruns are told together.
     if (notice.kind == Notice::Kind::overrun) {
       longest_untold_ns_ = std::max(longest_untold_ns_, notice.duration_ns);
-    } else {
-      log_event(event);
     }
+    if (const auto event = bursts_.take(notice, clock_.now_ns())) tell_and_log(*event);
   }
+  for (const Event& event : bursts_.due(clock_.now_ns())) tell_and_log(event);
+}
+
+void Service::tell_and_log(const Event& event) {
+  tell(event);
+  // The status of each second has a line of its own for them.
+  if (event.code != "overrun") log_event(event);
 }
 
 Status Service::status(const Loop& loop) {
@@ -516,6 +522,7 @@ void Service::send(const Message& message) {
 int Service::finish(Loop& loop) {
   sd_notify(0, "STOPPING=1\nSTATUS=draining");
   drain_notices(loop);
+  for (const Event& event : bursts_.rest()) tell_and_log(event);
   if (publisher_) publisher_->stream.finish(publish_patience);
   if (recorder_) recorder_->stream.finish(record_patience);
 

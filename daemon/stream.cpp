@@ -94,6 +94,7 @@ void Stream::run() {
   } else if (!block_.empty()) {
     put_block();
   }
+  sink_.finish();
   settle();
   ended_.store(true, std::memory_order_release);
 }

@@ -49,6 +49,8 @@ class Sink {
   virtual bool settle() { return true; }
   /// Whether it would rather settle now than when the period is over.
   virtual bool wants_to_settle() const { return false; }
+  /// The last block has been put: what was held back for a later one is due. `settle` follows.
+  virtual void finish() {}
 };
 
 struct StreamSettings {

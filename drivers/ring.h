@@ -23,8 +23,23 @@ class Ring {
     return true;
   }
 
+  /// Writer only: whether the next push will be taken.
+  bool has_room() const {
+    const std::uint64_t pushed = pushed_.load(std::memory_order_relaxed);
+    if (pushed - popped_seen_ < room_) return true;
+    popped_seen_ = popped_.load(std::memory_order_acquire);
+    return pushed - popped_seen_ < room_;
+  }
+
   /// Reader only: the oldest, or null. Valid until it is popped.
-  const T* front() const { return size() == 0 ? nullptr : queue_.peek(); }
+  const T* front() const {
+    const std::uint64_t popped = popped_.load(std::memory_order_relaxed);
+    if (pushed_seen_ == popped) {
+      pushed_seen_ = pushed_.load(std::memory_order_acquire);
+      if (pushed_seen_ == popped) return nullptr;
+    }
+    return queue_.peek();
+  }
 
   /// Reader only, after a `front` that was not null.
   void pop() {
@@ -36,15 +51,18 @@ class Ring {
     const std::uint64_t popped = popped_.load(std::memory_order_acquire);
     return pushed_.load(std::memory_order_acquire) - popped;
   }
-  bool has_room() const { return size() < room_; }
 
  private:
   std::size_t room_;
   moodycamel::ReaderWriterQueue<T> queue_;
   // They make the room exact, and order the slots for everyone who reads this code, the thread
   // sanitizer included, which cannot see the fences by which the queue orders them too.
+  // Each side asks for the other's counter only when what it saw of it last is used up: fetching it
+  // from another core at every frame costs more than all the rest.
   alignas(64) std::atomic<std::uint64_t> pushed_{0};
+  mutable std::uint64_t popped_seen_ = 0;  // the writer's
   alignas(64) std::atomic<std::uint64_t> popped_{0};
+  mutable std::uint64_t pushed_seen_ = 0;  // the reader's
 };
 
 }  // namespace stickslip::drivers

@@ -26,7 +26,7 @@ struct LcmChannel {
 inline constexpr std::array<LcmChannel, 7> lcm_channels = {{
     {frames_channel, "frame_block_t", "one per block of frames"},
     {estimate_channel, "friction_estimate_t", "one per block, after its last frame"},
-    {excitation_channel, "excitation_t", "one per block, of its last frame"},
+    {excitation_channel, "excitation_t", "every 0.1 s, of all frames since"},
     {status_channel, "status_t", "once a second and at the end"},
     {timing_channel, "timing_t", "once a second"},
     {event_channel, "event_t", "when something happens"},

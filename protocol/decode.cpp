@@ -1,7 +1,10 @@
 #include "protocol/decode.h"
 
+#include <algorithm>
+#include <array>
 #include <cstddef>
 #include <limits>
+#include <vector>
 
 #include "protocol/checksum.h"
 #include "protocol/frame_block.h"
@@ -74,6 +77,41 @@ bool decode_whole(std::span<const std::uint8_t> bytes, Message& message) {
 constexpr std::size_t number = 8;
 constexpr std::size_t shortest_text = 5;
 
+using Fingerprint = std::array<std::uint8_t, 8>;
+
+Fingerprint fingerprint_of(std::uint64_t hash) {
+  Fingerprint out{};
+  for (std::size_t i = 8; i > 0; --i, hash >>= 8U) out[i - 1] = static_cast<std::uint8_t>(hash);
+  return out;
+}
+
+/// An earlier form of a type, which lacks fields at the end.
+struct Former {
+  std::uint64_t hash;                   ///< its fingerprint
+  std::span<const std::uint8_t> lacks;  ///< the encoding of those fields, where they say nothing
+};
+
+constexpr std::array<std::uint8_t, 4> no_elements = {};
+constexpr std::array<std::uint8_t, 10> two_empty_texts = {0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+constexpr std::array<std::uint8_t, 8> minus_one = {0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF};
+constexpr Former former_excitation = {0xEF474DC1C55BAEC7U, no_elements};
+constexpr Former former_status = {0xD60837B0454EEC63U, minus_one};
+constexpr Former former_recording_info = {0x019FE800B2CECE78U, two_empty_texts};
+
+/// A message of the former type as one of the present type; empty where it is none.
+template <class Message>
+std::vector<std::uint8_t> brought_up(std::span<const std::uint8_t> bytes, const Former& former) {
+  const Fingerprint before = fingerprint_of(former.hash);
+  if (bytes.size() < before.size() || !std::equal(before.begin(), before.end(), bytes.begin())) {
+    return {};
+  }
+  const Fingerprint now = fingerprint_of(static_cast<std::uint64_t>(Message::getHash()));
+  std::vector<std::uint8_t> out(now.begin(), now.end());
+  out.insert(out.end(), bytes.begin() + before.size(), bytes.end());
+  out.insert(out.end(), former.lacks.begin(), former.lacks.end());
+  return out;
+}
+
 }  // namespace
 
 bool decode(std::span<const std::uint8_t> bytes, frame_block_t& message) {
@@ -104,10 +142,17 @@ bool decode(std::span<const std::uint8_t> bytes, friction_estimate_t& message) {
 }
 
 bool decode(std::span<const std::uint8_t> bytes, excitation_t& message) {
-  return decode_whole(bytes, message);
+  const std::vector<std::uint8_t> present = brought_up<excitation_t>(bytes, former_excitation);
+  if (!present.empty()) bytes = present;
+  Walk walk(bytes);
+  walk.skip(2 * number + 5 * number + 2);
+  walk.count(4 + number + 4 + 4 + 1);
+  return walk.inside() && decode_whole(bytes, message);
 }
 
 bool decode(std::span<const std::uint8_t> bytes, status_t& message) {
+  const std::vector<std::uint8_t> present = brought_up<status_t>(bytes, former_status);
+  if (!present.empty()) bytes = present;
   Walk walk(bytes);
   walk.skip(2 * number);
   for (int i = 0; i < 3; ++i) walk.text();
@@ -136,11 +181,16 @@ bool decode(std::span<const std::uint8_t> bytes, event_t& message) {
 }
 
 bool decode(std::span<const std::uint8_t> bytes, recording_info_t& message) {
+  const std::vector<std::uint8_t> present =
+      brought_up<recording_info_t>(bytes, former_recording_info);
+  if (!present.empty()) bytes = present;
   Walk walk(bytes);
   walk.skip(4 + number);
   for (int i = 0; i < 9; ++i) walk.text();
   walk.skip(4);  // part
   walk.text();
+  walk.skip(2 * number);
+  for (int i = 0; i < 2; ++i) walk.text();
   return walk.inside() && decode_whole(bytes, message);
 }
 

@@ -17,6 +17,8 @@ namespace stickslip::protocol {
 /// message of its type, or a block of frames whose checksum is another. Never throws and never
 /// allocates more than a small multiple of the size of `bytes`, which the generated decoders alone
 /// do: they make room for as many elements as a message claims to have before they look for them.
+/// Recordings outlive types: excitation, status and description are understood as logs of format 2
+/// have them, too, without what has been added since.
 bool decode(std::span<const std::uint8_t> bytes, frame_block_t& message);
 bool decode(std::span<const std::uint8_t> bytes, friction_estimate_t& message);
 bool decode(std::span<const std::uint8_t> bytes, excitation_t& message);

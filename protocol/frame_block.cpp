@@ -1,7 +1,10 @@
 #include "protocol/frame_block.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
+#include <cstring>
 
 #include "protocol/checksum.h"
 
@@ -21,6 +24,24 @@ void add_big_endian(Checksum& sum, std::uint32_t word) {
     sum.add(static_cast<std::uint8_t>(word >> (shift - 8U)));
   }
 }
+
+/// Writes numbers as LCM does, most significant byte first.
+class Writer {
+ public:
+  explicit Writer(std::uint8_t* at) : at_(at) {}
+  void put8(std::uint8_t value) { *at_++ = value; }
+  void put32(std::uint32_t value) { put(__builtin_bswap32(value)); }
+  void put64(std::uint64_t value) { put(__builtin_bswap64(value)); }
+
+ private:
+  static_assert(std::endian::native == std::endian::little);
+  template <class Word>
+  void put(Word word) {
+    std::memcpy(at_, &word, sizeof word);
+    at_ += sizeof word;
+  }
+  std::uint8_t* at_;
+};
 
 /// Ages are rare: only the channels that have any take room.
 void ages_to_block(std::span<const Frame> frames, frame_block_t& block) {
@@ -90,6 +111,42 @@ void to_block(std::span<const Frame> frames, frame_block_t& block) {
     for (const std::int32_t age : ages) add_big_endian(sum, static_cast<std::uint32_t>(age));
   }
   block.checksum = static_cast<std::int32_t>(sum.value());
+}
+
+void encode_block(std::span<const Frame> frames, std::int32_t flags,
+                  std::vector<std::uint8_t>& bytes) {
+  std::array<std::uint8_t, channel_count> aged{};
+  std::size_t rows = 0;
+  for (std::size_t c = 0; c < channel_count; ++c) {
+    const bool any = std::any_of(frames.begin(), frames.end(),
+                                 [c](const Frame& frame) { return frame.age_us[c] != 0; });
+    if (any) aged[rows++] = static_cast<std::uint8_t>(c);
+  }
+  const std::size_t n = frames.size();
+  constexpr std::size_t before_the_sum = 8 + 3 * 4;
+  bytes.resize(before_the_sum + n * (2 * 8 + 1 + channel_count * 8) + 4 + rows * (1 + 4 * n));
+
+  Writer out(bytes.data());
+  out.put64(static_cast<std::uint64_t>(frame_block_t::getHash()));
+  out.put32(static_cast<std::uint32_t>(n));
+  out.put32(static_cast<std::uint32_t>(flags));
+  out.put32(0);  // the checksum, when what it is of is there
+  for (const Frame& frame : frames) out.put64(static_cast<std::uint64_t>(frame.time_ns));
+  for (const Frame& frame : frames) out.put64(frame.sequence);
+  for (const Frame& frame : frames) out.put8(frame.valid);
+  for (std::size_t c = 0; c < channel_count; ++c) {
+    for (const Frame& frame : frames) out.put64(std::bit_cast<std::uint64_t>(frame.value[c]));
+  }
+  out.put32(static_cast<std::uint32_t>(rows));
+  for (std::size_t row = 0; row < rows; ++row) out.put8(aged[row]);
+  for (std::size_t row = 0; row < rows; ++row) {
+    for (const Frame& frame : frames) {
+      out.put32(static_cast<std::uint32_t>(frame.age_us[aged[row]]));
+    }
+  }
+  Checksum sum;
+  sum.add(std::span<const std::uint8_t>(bytes).subspan(before_the_sum));
+  Writer(bytes.data() + before_the_sum - 4).put32(sum.value());
 }
 
 bool from_block(const frame_block_t& block, std::vector<Frame>& frames) {

@@ -1,6 +1,8 @@
 #include "protocol/recording.h"
 
 #include <algorithm>
+#include <array>
+#include <ctime>
 
 namespace stickslip::protocol {
 
@@ -8,6 +10,15 @@ std::string cut_off_warning(const Recording& recording) {
   return recording.source + ": cut off: its last " + std::to_string(recording.cut_off_bytes) +
          " bytes are no whole event; the " + std::to_string(recording.frames.size()) +
          " frames before them are read";
+}
+
+std::string utc_text(std::int64_t utc_us) {
+  if (utc_us <= 0) return "";
+  const auto when = static_cast<std::time_t>(utc_us / 1'000'000);
+  std::tm utc{};
+  if (gmtime_r(&when, &utc) == nullptr) return "";
+  std::array<char, 40> text{};
+  return {text.data(), std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &utc)};
 }
 
 double median_period_s(std::span<const Frame> frames) {

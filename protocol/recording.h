@@ -26,9 +26,13 @@ struct Description {
   std::int32_t part = 0;           ///< of a recording in several logs, from 0
   std::string previous_part = {};  ///< file name of the part before, without folder
   std::int64_t frames_before = 0;  ///< in all parts before this one
+  std::string fault_script = {};   ///< what was made to befall the device; empty: nothing
 
   friend bool operator==(const Description&, const Description&) = default;
 };
+
+/// A wall-clock time [us since 1970] as "2024-07-03T09:46:40Z"; empty for 0 and below: not known.
+std::string utc_text(std::int64_t utc_us);
 
 struct Recording {
   std::string source;         ///< the file it came from

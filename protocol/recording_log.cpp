@@ -10,6 +10,7 @@
 #include <cstring>
 #include <fstream>
 #include <stickslip/frame_block_t.hpp>
+#include <vector>
 
 #include "physics/problem.h"
 #include "protocol/channels.h"
@@ -123,6 +124,8 @@ recording_info_t info_of(const Description& description, std::int64_t frames) {
   info.previous_part = description.previous_part;
   info.frames_before = description.frames_before;
   info.frames = frames;
+  info.fault_script = description.fault_script;
+  info.fault_script_sha256 = digest(description.fault_script);
   return info;
 }
 
@@ -146,10 +149,14 @@ Description description_of(const recording_info_t& info) {
   description.part = info.part;
   description.previous_part = info.previous_part;
   description.frames_before = info.frames_before;
+  description.fault_script = info.fault_script;
   return description;
 }
 
 struct LogWriter::Implementation {
+  // A call of the system for so much, instead of one for a page. Before the log: it is used until
+  // that is closed.
+  std::vector<char> buffer = std::vector<char>(std::size_t{1} << 18U);
   Log log;
   std::uint64_t bytes = 0;
   bool refused = false;  // since the last flush
@@ -179,6 +186,8 @@ LogWriter::LogWriter(const std::filesystem::path& file)
         file.string(), 0, 0,
         std::string("cannot be written: ") + std::strerror(errno) + "; does its folder exist?"});
   }
+  std::setvbuf(implementation_->log->f, implementation_->buffer.data(), _IOFBF,
+               implementation_->buffer.size());
 }
 
 LogWriter::~LogWriter() = default;

@@ -17,7 +17,7 @@ namespace stickslip::protocol {
 inline constexpr std::string_view sync_word = "\xED\xA1\xDA\x01";
 
 /// Format of the logs that are written now.
-inline constexpr std::int32_t log_schema = 2;
+inline constexpr std::int32_t log_schema = 3;
 
 /// Whether a file that begins so is an LCM event log.
 bool is_log(std::string_view head);

@@ -62,7 +62,8 @@ std::filesystem::path part_file(const std::filesystem::path& file, std::int32_t 
 bool belong_together(const recording_info_t& a, const recording_info_t& b) {
   return a.started_utc_us == b.started_utc_us && a.rig == b.rig && a.program == b.program &&
          a.version == b.version && a.configuration_sha256 == b.configuration_sha256 &&
-         a.model_sha256 == b.model_sha256 && a.calibration_sha256 == b.calibration_sha256;
+         a.model_sha256 == b.model_sha256 && a.calibration_sha256 == b.calibration_sha256 &&
+         a.fault_script_sha256 == b.fault_script_sha256;
 }
 
 std::vector<std::string> faults_between(std::span<const LogSurvey> parts) {

@@ -210,6 +210,7 @@ class Survey final : public Visitor {
     compare("configuration", info.configuration, info.configuration_sha256);
     compare("model", info.model, info.model_sha256);
     compare("calibration", info.calibration, info.calibration_sha256);
+    compare("fault_script", info.fault_script, info.fault_script_sha256);
   }
 
   // A log of what was heard on LCM holds a daemon's books too, but they are not about that log.

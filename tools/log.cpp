@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
-#include <ctime>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -52,16 +51,6 @@ std::string count_of(Count count, const std::string& what) {
 
 void say(const std::string& what, const std::string& text) {
   std::printf("  %-22s %s\n", what.c_str(), text.c_str());
-}
-
-std::string utc_text(std::int64_t utc_us) {
-  if (utc_us <= 0) return "";
-  const auto when = static_cast<std::time_t>(utc_us / 1'000'000);
-  std::tm utc{};
-  if (gmtime_r(&when, &utc) == nullptr) return "";
-  std::array<char, 40> text{};
-  std::strftime(text.data(), text.size(), "%Y-%m-%d %H:%M:%S UTC", &utc);
-  return text.data();
 }
 
 std::string frames_text(const LogSurvey& log) {
@@ -212,10 +201,11 @@ struct Digest {
   const std::string& sha256;
 };
 
-std::array<Digest, 3> digests_of(const recording_info_t& info) {
+std::array<Digest, 4> digests_of(const recording_info_t& info) {
   return {{{"configuration", info.configuration, info.configuration_sha256},
            {"model", info.model, info.model_sha256},
-           {"calibration", info.calibration, info.calibration_sha256}}};
+           {"calibration", info.calibration, info.calibration_sha256},
+           {"fault_script", info.fault_script, info.fault_script_sha256}}};
 }
 
 bool is_spoilt(const LogSurvey& log, const std::string& text) {
@@ -281,14 +271,16 @@ void tell_info(const LogSurvey& log) {
     const recording_info_t& info = *log.info;
     say("rig", info.rig.empty() ? "not told" : info.rig);
     say("program", info.program.empty() ? "not told" : info.program + ' ' + info.version);
-    if (info.started_utc_us > 0) say("start", utc_text(info.started_utc_us));
+    if (info.started_utc_us > 0) say("start", protocol::utc_text(info.started_utc_us));
     say("part", part_text(info));
     for (const Digest& digest : digests_of(info)) {
+      std::string name = digest.name;
+      std::replace(name.begin(), name.end(), '_', ' ');
       if (digest.text.empty()) {
-        say(digest.name, "none");
+        say(name, "none");
       } else {
-        say(digest.name, "SHA-256 " + digest.sha256 +
-                             (is_spoilt(log, digest.name) ? ", of another text" : ", verified"));
+        say(name, "SHA-256 " + digest.sha256 +
+                      (is_spoilt(log, digest.name) ? ", of another text" : ", verified"));
       }
     }
   } else {

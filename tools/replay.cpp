@@ -5,13 +5,13 @@
 #include <memory>
 #include <span>
 #include <stickslip/frame_block_t.hpp>
-#include <stickslip/recording_info_t.hpp>
 #include <string>
 
 #include "physics/problem.h"
 #include "protocol/channels.h"
 #include "protocol/frame_block.h"
 #include "protocol/recording.h"
+#include "protocol/recording_log.h"
 #include "tools/command.h"
 #include "tools/lcm_client.h"
 #include "tools/option_checks.h"
@@ -30,19 +30,6 @@ struct Arguments {
   std::size_t frames_per_block = 10;
 };
 
-recording_info_t info_of(const protocol::Recording& recording) {
-  recording_info_t info{};
-  info.schema = 1;
-  info.started_utc_us = recording.description.started_utc_us;
-  info.rig = recording.description.rig;
-  info.program = recording.description.program;
-  info.version = recording.description.version;
-  info.configuration = recording.description.configuration;
-  info.model = recording.description.model;
-  info.frames = static_cast<std::int64_t>(recording.frames.size());
-  return info;
-}
-
 template <class Message>
 void publish(lcm::LCM& lcm, const char* channel, const Message& message) {
   if (lcm.publish(channel, &message) != 0) {
@@ -56,7 +43,9 @@ int run(const Arguments& arguments) {
   const std::span<const Frame> frames(recording.frames);
   const StopSignals stop;
   const std::unique_ptr<lcm::LCM> lcm = join_lcm(arguments.url);
-  publish(*lcm, protocol::recording_channel, info_of(recording));
+  publish(
+      *lcm, protocol::recording_channel,
+      protocol::info_of(recording.description, static_cast<std::int64_t>(recording.frames.size())));
 
   const auto start = steady_clock::now();
   frame_block_t block{};

@@ -1,5 +1,6 @@
 """Whatever ends the daemon, nothing is lost: the recording holds every frame that was produced, the
 ledger says so and balances, and the last word to the shaker is "off"."""
+import collections
 import hashlib
 import os
 import random
@@ -15,6 +16,8 @@ from programs import SOURCE, STICKSLIPD, EndToEnd, main
 CONFIG = SOURCE / "config/simulated.toml"
 LEDGER = re.compile(r"(publishing|recording): (\d+) produced = (\d+) (?:published|recorded)"
                     r"((?: \+ \d+ lost \([a-z ]+\))+)")
+
+Asked = collections.namedtuple("Asked", "sequence drive amplitude amplifier_on")
 
 
 class DaemonStopsCleanly(EndToEnd):
@@ -68,7 +71,7 @@ class DaemonStopsCleanly(EndToEnd):
         events = list(frames.events(log))
         self.assertEqual(events[0][0], "STICKSLIP_RECORDING")
         info = self.types.recording_info_t.decode(events[0][1])
-        self.assertEqual(info.schema, 2)
+        self.assertEqual(info.schema, 3)
         self.assertEqual(info.configuration_sha256,
                          hashlib.sha256(info.configuration.encode()).hexdigest())
         self.assertIn("[rig]", info.configuration)
@@ -84,20 +87,31 @@ class DaemonStopsCleanly(EndToEnd):
         return recording
 
     def excitations(self, log):
-        return [self.types.excitation_t.decode(payload)
-                for payload in frames.payloads(log, "STICKSLIP_EXCITATION")]
+        """What was asked of the shaker during each frame."""
+        out = []
+        for payload in frames.payloads(log, "STICKSLIP_EXCITATION"):
+            latest = self.types.excitation_t.decode(payload)
+            out += [Asked(latest.sequence - by, drive, amplitude, state >= 0x80)
+                    for by, drive, amplitude, state in
+                    zip(latest.earlier_by, latest.earlier_drive, latest.earlier_amplitude,
+                        latest.earlier_state)]
+            out.append(Asked(latest.sequence, latest.drive, latest.amplitude,
+                             bool(latest.amplifier_on)))
+        return out
 
     def test_sigterm_ramps_down_and_loses_nothing(self):
         daemon, log = self.start()
         self.wait_for_recording(log, 200_000)
         daemon.send_signal(signal.SIGTERM)
         said = self.end(daemon)
-        self.check(said, log)
+        recording = self.check(said, log)
         drives = self.excitations(log)
+        self.assertEqual([drive.sequence for drive in drives],
+                         [frame.sequence for frame in recording])
         self.assertGreater(max(drive.amplitude for drive in drives), 1e-3)
         self.assertEqual((drives[-1].drive, drives[-1].amplitude), (0.0, 0.0))
-        # Half a second of ramp: the amplitude falls over many blocks, never by a leap.
-        ramp = [drive.amplitude for drive in drives[-45:]]
+        # Half a second of ramp: the amplitude falls over many frames, never by a leap.
+        ramp = [drive.amplitude for drive in drives[-450::10]]
         self.assertLess(max(abs(a - b) for a, b in zip(ramp, ramp[1:])), 0.08 * max(ramp))
 
     def test_a_stop_at_any_moment_loses_nothing(self):

@@ -1,6 +1,8 @@
 """What a fault script lets befall the device is what the recording holds: lost frames leave their gaps,
 channels that are no numbers are not believed, a pulled cable ends the run and says why. The same script
 gives the same recording, to the bit."""
+import hashlib
+import json
 import unittest
 
 import frames
@@ -43,8 +45,20 @@ class FaultsThroughTheDaemon(EndToEnd):
         self.assertTrue(all(1000 <= sequence < 3000 for sequence in lost), lost)
         # Five standard deviations of a binomial distribution.
         self.assertLess(abs(len(lost) - 200), 5 * (2000 * 0.1 * 0.9) ** 0.5)
+        # Two hundred gaps, told at most once a second.
+        self.assertLess((result.stdout + result.stderr).count("the source lost"), 10)
         _, again = self.daemon(script, "again")
         self.assertEqual(recording, again)
+
+    def test_the_recording_says_that_its_faults_were_asked_for(self):
+        self.daemon('[[fault]]\nkind = "drop"\nat_s = 1.0\nduration_s = 0.1\n', "told")
+        log = self.folder / "told.log"
+        script = (self.folder / "script.toml").read_text()
+        said = self.succeed("log", "info", log).stdout
+        digest = hashlib.sha256(script.encode()).hexdigest()
+        self.assertRegex(said, rf"(?m)^  fault script +SHA-256 {digest}, verified$")
+        info = json.loads(self.succeed("log", "info", log, "--json").stdout)
+        self.assertEqual(info["texts"]["fault_script"]["sha256"], digest)
 
     def test_what_is_no_number_is_not_believed(self):
         result, recording = self.daemon('[[fault]]\nkind = "nan"\nchannel = "friction_force"\n'

@@ -51,7 +51,7 @@ class RecordingsSurvive(EndToEnd):
             log = self.folder / f"killed{kill}.log"
             daemon = self.start(STICKSLIPD, "--config", CONFIG, "--record", log)
             until = time.monotonic() + 30
-            while not log.exists() or log.stat().st_size < 2000:
+            while not log.exists() or log.stat().st_size < 20_000:  # frames have been flushed
                 self.assertLess(time.monotonic(), until, "the recording does not grow")
                 time.sleep(0.01)
             time.sleep(dice.uniform(0.0, 1.5))
@@ -167,7 +167,7 @@ class RecordingsSurvive(EndToEnd):
         self.run_rig(config, 2)
         for ending in ("csv", "mat", "h5"):
             said = self.succeed("log", "export", log, self.folder / f"out.{ending}").stdout
-            self.assertIn("2000 rows of frames, 200 rows of excitation, 200 rows of estimate", said)
+            self.assertIn("2000 rows of frames, 2000 rows of excitation, 200 rows of estimate", said)
         rows = [line for line in (self.folder / "out.csv").read_text().splitlines()
                 if not line.startswith("#")]
         self.assertEqual(len(rows), 2001)

@@ -83,7 +83,14 @@ void write_seeds(const std::filesystem::path& folder) {
   estimate.state = {0.1, 0.8};
   estimate.covariance = {{1.0, 0.0}, {0.0, 1.0}};
   write(messages / "estimate", estimate);
-  write(messages / "excitation", excitation_t{});
+  excitation_t excitation{};
+  excitation.earlier = 2;
+  excitation.earlier_by = {2, 1};
+  excitation.earlier_drive = {0.001, 0.002};
+  excitation.earlier_amplitude = {0.008F, 0.008F};
+  excitation.earlier_phase_rad = {0.1F, 0.2F};
+  excitation.earlier_state = {0x80, 0x81};
+  write(messages / "excitation", excitation);
   status_t status{};
   status.state = "running";
   status.publish_loss_count = 2;

@@ -3,11 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <ctime>
 #include <fstream>
 #include <limits>
 #include <map>
+#include <optional>
 #include <span>
+#include <unordered_map>
 #include <utility>
 
 #include "physics/problem.h"
@@ -89,6 +90,30 @@ struct Field {
   const char* meaning;
   double (*value)(const Message&);
 };
+
+/// The messages that hold what was asked of the shaker during each frame, oldest first, as one for
+/// each frame. `time_of`: the time of the frame of a sequence number, where it is known.
+template <class TimeOf>
+std::vector<excitation_t> by_frame(const excitation_t& message, const TimeOf& time_of) {
+  std::vector<excitation_t> out;
+  for (std::size_t i = 0; i < message.earlier_by.size(); ++i) {
+    excitation_t one{};
+    one.sequence = message.sequence - message.earlier_by[i];
+    const std::optional<std::int64_t> time_ns = time_of(one.sequence);
+    if (!time_ns) continue;  // a frame that was lost on its way
+    one.time_ns = *time_ns;
+    one.drive = message.earlier_drive[i];
+    one.amplitude = static_cast<double>(message.earlier_amplitude[i]);
+    one.carrier_hz = message.carrier_hz;
+    one.phase_rad = static_cast<double>(message.earlier_phase_rad[i]);
+    one.gain = message.gain;
+    one.limited = static_cast<std::int8_t>(message.earlier_state[i] & 0x7FU);
+    one.amplifier_on = static_cast<std::int8_t>(message.earlier_state[i] >> 7U);
+    out.push_back(std::move(one));
+  }
+  out.push_back(message);
+  return out;
+}
 
 constexpr Field<excitation_t> excitation_fields[] = {
     {"drive", "m or N", "commanded base displacement, or force on force-excited rigs",
@@ -193,7 +218,18 @@ void take_states(const friction_estimate_t& message, MessageTable<friction_estim
   }
 }
 
-void add_messages(const std::filesystem::path& log, std::vector<Table>& tables) {
+void add_messages(const std::filesystem::path& log, std::span<const Frame> frames,
+                  std::vector<Table>& tables) {
+  std::unordered_map<std::int64_t, std::int64_t> time_by_sequence;
+  time_by_sequence.reserve(frames.size());
+  for (const Frame& frame : frames) {
+    time_by_sequence.emplace(static_cast<std::int64_t>(frame.sequence), frame.time_ns);
+  }
+  const auto time_of = [&time_by_sequence](std::int64_t sequence) -> std::optional<std::int64_t> {
+    const auto known = time_by_sequence.find(sequence);
+    if (known == time_by_sequence.end()) return std::nullopt;
+    return known->second;
+  };
   std::ifstream in(log, std::ios::binary);
   protocol::EventReader reader(in, log.string());
   MessageTable<excitation_t> drive("excitation", "what the shaker was asked for",
@@ -204,7 +240,7 @@ void add_messages(const std::filesystem::path& log, std::vector<Table>& tables) 
   friction_estimate_t belief{};
   for (protocol::LogEvent event; reader.next(event) == protocol::EventReader::Found::event;) {
     if (event.channel == protocol::excitation_channel && protocol::decode(event.data, excitation)) {
-      drive.take(excitation, true);
+      for (const excitation_t& asked : by_frame(excitation, time_of)) drive.take(asked, true);
     } else if (event.channel == protocol::estimate_channel &&
                protocol::decode(event.data, belief)) {
       estimate.take(belief, belief.valid != 0);
@@ -215,16 +251,6 @@ void add_messages(const std::filesystem::path& log, std::vector<Table>& tables) 
   if (!estimate.empty()) {
     tables.push_back(std::move(estimate).table("0: the observer could not follow"));
   }
-}
-
-std::string utc_text(std::int64_t utc_us) {
-  if (utc_us <= 0) return "";
-  const auto when = static_cast<std::time_t>(utc_us / 1'000'000);
-  std::tm utc{};
-  if (gmtime_r(&when, &utc) == nullptr) return "";
-  std::array<char, 40> text{};
-  std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &utc);
-  return text.data();
 }
 
 }  // namespace
@@ -254,7 +280,9 @@ Tables tables_of(const std::filesystem::path& recording) {
   out.tables.push_back(frames_table(read));
   std::array<char, 4> head{};
   std::ifstream(recording, std::ios::binary).read(head.data(), head.size());
-  if (protocol::is_log({head.data(), head.size()})) add_messages(recording, out.tables);
+  if (protocol::is_log({head.data(), head.size()})) {
+    add_messages(recording, read.frames, out.tables);
+  }
   return out;
 }
 
@@ -265,11 +293,12 @@ std::vector<std::pair<std::string, std::string>> description_texts(const Tables&
       {"rig", d.rig},
       {"program", d.program},
       {"version", d.version},
-      {"started_utc", utc_text(d.started_utc_us)},
+      {"started_utc", protocol::utc_text(d.started_utc_us)},
       {"part", std::to_string(d.part)},
       {"configuration", d.configuration},
       {"model", d.model},
-      {"calibration", d.calibration}};
+      {"calibration", d.calibration},
+      {"fault_script", d.fault_script}};
   return out;
 }
 

@@ -12,6 +12,7 @@
 #include <stickslip/status_t.hpp>
 
 #include "protocol/channels.h"
+#include "protocol/decode.h"
 #include "protocol/frame_block.h"
 
 namespace stickslip::daemon {
@@ -56,7 +57,7 @@ std::vector<Sample> block_of(std::size_t frames) {
   return out;
 }
 
-TEST(Messages, FramesComeThroughToTheBitAndTheExcitationIsTheLastOnes) {
+TEST(Messages, FramesComeThroughToTheBitAndWithThemWhatWasAskedOfTheShaker) {
   FakeOutlet outlet;
   MessageSink sink(outlet);
   std::vector<Sample> block = block_of(7);
@@ -83,6 +84,66 @@ TEST(Messages, FramesComeThroughToTheBitAndTheExcitationIsTheLastOnes) {
   EXPECT_EQ(excitation.carrier_hz, 2.5);
   EXPECT_DOUBLE_EQ(excitation.phase_rad, M_PI / 2.0);
   EXPECT_EQ(excitation.amplifier_on, 1);
+  EXPECT_EQ(excitation.earlier_by, (std::vector<std::int32_t>{6, 5, 4, 3, 2, 1}));
+}
+
+TEST(Messages, TheDriveAtEveryFrameIsToldOnceATenthOfASecondAndAtTheEnd) {
+  FakeOutlet outlet;
+  MessageSink sink(outlet);
+  std::vector<double> asked;
+  std::uint64_t sequence = 50;
+  for (int block = 0; block < 25; ++block) {
+    std::vector<Sample> samples(10);
+    for (Sample& sample : samples) {
+      sequence += asked.size() % 7 == 3 ? 5 : 1;  // the source loses some
+      sample.frame.sequence = sequence;
+      sample.frame.time_ns = static_cast<std::int64_t>(asked.size()) * 1'000'000;
+      sample.drive.value = std::sin(0.1 * static_cast<double>(asked.size()));
+      sample.drive.amplitude = 0.5;
+      sample.drive.phase_turns = 0.75;
+      sample.drive.limited = asked.size() % 2 == 0 ? Limit::velocity : Limit::none;
+      sample.amplifier_on = asked.size() >= 100;
+      asked.push_back(sample.drive.value);
+    }
+    ASSERT_EQ(sink.put_block(samples), Put::done);
+  }
+  sink.finish();
+
+  std::vector<excitation_t> messages;
+  for (const Caught& caught : outlet.caught) {
+    if (caught.channel != protocol::excitation_channel) continue;
+    excitation_t message{};
+    ASSERT_TRUE(protocol::decode(caught.bytes, message));
+    messages.push_back(message);
+  }
+  ASSERT_EQ(messages.size(), 4U);  // of the first block, at 0.1 s and 0.2 s from there, at the end
+  std::vector<double> told;
+  std::int64_t latest = 50;
+  for (const excitation_t& message : messages) {
+    for (std::size_t i = 0; i < message.earlier_by.size(); ++i) {
+      EXPECT_GT(message.sequence - message.earlier_by[i], latest);
+      latest = message.sequence - message.earlier_by[i];
+      EXPECT_EQ(message.earlier_amplitude[i], 0.5F);
+      EXPECT_FLOAT_EQ(message.earlier_phase_rad[i], static_cast<float>(1.5 * M_PI));
+      EXPECT_EQ(message.earlier_state[i],
+                (told.size() % 2 == 0 ? static_cast<int>(Limit::velocity) : 0) |
+                    (told.size() >= 100 ? 0x80 : 0));
+      told.push_back(message.earlier_drive[i]);
+    }
+    told.push_back(message.drive);
+    latest = message.sequence;
+  }
+  EXPECT_EQ(told, asked);
+  EXPECT_EQ(latest, static_cast<std::int64_t>(sequence));
+}
+
+TEST(Messages, FramesThatWereRefusedHadNoDriveToTell) {
+  FakeOutlet outlet;
+  MessageSink sink(outlet);
+  outlet.refused = protocol::frames_channel;
+  EXPECT_EQ(sink.put_block(block_of(3)), Put::write_error);
+  sink.finish();
+  EXPECT_TRUE(outlet.caught.empty());
 }
 
 TEST(Messages, ALateCycleMarksItsBlock) {
@@ -161,6 +222,7 @@ TEST(Messages, StatusHoldsTheWholeLedger) {
   status.ledger.recorded.enabled = true;
   status.ledger.recorded.delivered = 90;
   status.ledger.recorded.lost = {1, 2, 3, 4};
+  status.ledger.recorded.confirmed = 80;
   status.overruns = 5;
   const Message message = status_message(status, 1'700'000'000'000'000);
   EXPECT_EQ(message.channel, protocol::status_channel);
@@ -170,6 +232,8 @@ TEST(Messages, StatusHoldsTheWholeLedger) {
   EXPECT_EQ(out.publishing, 0);
   EXPECT_EQ(out.recording, 1);
   EXPECT_EQ(out.recorded, 90);
+  EXPECT_EQ(out.record_confirmed, 80);
+  EXPECT_EQ(decoded<status_t>(status_message(Status{}, 1).bytes).record_confirmed, -1);
   EXPECT_THAT(out.record_loss, testing::ElementsAre(1, 2, 3, 4));
   EXPECT_THAT(out.record_loss_name,
               testing::ElementsAre("ring full", "write error", "encode error", "shutdown"));
@@ -192,7 +256,9 @@ TEST(Messages, EventsAndTheRecordingsDescriptionOfItself) {
   rig.text = "[rig]\n";
   rig.model_text = "schema = 1\n";
   const auto info = decoded<recording_info_t>(recording_info_message(rig, 77).bytes);
-  EXPECT_EQ(info.schema, 2);
+  EXPECT_EQ(info.schema, 3);
+  EXPECT_EQ(info.fault_script, "");
+  EXPECT_EQ(info.fault_script_sha256, "");
   EXPECT_EQ(info.model_sha256.size(), 64U);
   EXPECT_EQ(info.calibration_sha256, "");
   EXPECT_EQ(info.part, 0);
@@ -201,6 +267,11 @@ TEST(Messages, EventsAndTheRecordingsDescriptionOfItself) {
   EXPECT_EQ(info.configuration, "[rig]\n");
   EXPECT_EQ(info.model, "schema = 1\n");
   EXPECT_EQ(info.program, "stickslipd");
+
+  rig.faults = config::FaultScript{"faults.toml", "schema = 1\n", 1, {}};
+  const auto faulty = decoded<recording_info_t>(recording_info_message(rig, 77).bytes);
+  EXPECT_EQ(faulty.fault_script, "schema = 1\n");
+  EXPECT_EQ(faulty.fault_script_sha256.size(), 64U);
 }
 
 TEST(Events, EveryNoticeHasItsWordsAndLongTextIsCut) {

@@ -3,7 +3,10 @@
 #include <gtest/gtest.h>
 #include <stdlib.h>
 #include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
+#include <cerrno>
 #include <csignal>
 #include <filesystem>
 #include <fstream>
@@ -18,10 +21,24 @@
 #include "protocol/recording_parts.h"
 #include "protocol/recording_survey.h"
 
+namespace {
+bool disk_confirms = true;
+}
+
+// In the place of the C library's: a disk that does not keep its word, when a test wants one.
+extern "C" int fdatasync(int file) {
+  if (disk_confirms) return static_cast<int>(::syscall(SYS_fdatasync, file));
+  errno = EIO;
+  return -1;
+}
+
 namespace stickslip::daemon {
 namespace {
 
+using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Not;
+using testing::Optional;
 
 class RecorderTest : public testing::Test {
  protected:
@@ -41,6 +58,7 @@ class RecorderTest : public testing::Test {
     ledger_->recorded().enable();
   }
   void TearDown() override {
+    disk_confirms = true;
     std::error_code ignored;
     std::filesystem::remove_all(folder_, ignored);
   }
@@ -283,6 +301,38 @@ TEST_F(RecorderTest, WhatIsNoFileOnADiskIsNotSynced) {
   open({.sync_s = 1e-9});
   for (int i = 0; i < 20; ++i) put_block();
   EXPECT_TRUE(finish());
+}
+
+TEST_F(RecorderTest, TheBooksSayWhatTheDiskHasConfirmed) {
+  open({.sync_s = 1e-9});  // at every settlement
+  EXPECT_THAT(ledger_->balance().recorded.confirmed, Optional(0U));
+  for (int i = 0; i < 3; ++i) put_block();
+  settle();
+  EXPECT_THAT(ledger_->balance().recorded.confirmed, Optional(30U));
+  EXPECT_THAT(ledger_->balance().text(), Not(HasSubstr("confirmed")));
+
+  disk_confirms = false;
+  for (int i = 0; i < 4; ++i) put_block();
+  settle();
+  EXPECT_EQ(ledger_->balance().recorded.delivered, 70U);  // the kernel has them
+  EXPECT_THAT(ledger_->balance().recorded.confirmed, Optional(30U));
+  EXPECT_THAT(ledger_->balance().text(), HasSubstr("the disk has confirmed 30 of them"));
+
+  // What comes later is confirmed, and says nothing about what was in doubt.
+  disk_confirms = true;
+  for (int i = 0; i < 5; ++i) put_block();
+  EXPECT_FALSE(finish());
+  EXPECT_EQ(ledger_->balance().recorded.delivered, 120U);
+  EXPECT_THAT(ledger_->balance().recorded.confirmed, Optional(80U));
+  EXPECT_TRUE(ledger_->balance().is_closed());
+}
+
+TEST_F(RecorderTest, ADiskThatIsNotAskedConfirmsNothing) {
+  disk_confirms = false;
+  open({.sync_s = 0.0});
+  put_block();
+  EXPECT_TRUE(finish());
+  EXPECT_EQ(ledger_->balance().recorded.confirmed, std::nullopt);
 }
 
 AccountBalance account(std::uint64_t ring_full, std::uint64_t write_error) {

@@ -73,6 +73,12 @@ class Export : public testing::Test {
     excitation.sequence = 109;
     excitation.drive = 0.004;
     excitation.amplifier_on = 1;
+    excitation.earlier = 3;
+    excitation.earlier_by = {20, 4, 1};  // the first is of a frame that is not in the log
+    excitation.earlier_drive = {1.0, 0.001, 0.003};
+    excitation.earlier_amplitude = {1.0F, 0.5F, 0.5F};
+    excitation.earlier_phase_rad = {1.0F, 0.25F, 0.5F};
+    excitation.earlier_state = {0x80, 0, 0x83};
     append(protocol::excitation_channel, excitation);
     friction_estimate_t estimate{};
     estimate.time_ns = time_ns(9);
@@ -120,6 +126,8 @@ TEST_F(Export, CsvHasARowForEachFrameAndWhatBelongsToIt) {
             "estimate_nis,estimate_nis_freedom,estimate_state_mu,estimate_state_mu_std");
   EXPECT_THAT(rows[1], HasSubstr(",1720000000000000001,100,9,1,0.15,0.00025,,,,,,,"));
   EXPECT_THAT(rows[4], HasSubstr(",103,8,,0.15,"));  // displacement was not measured
+  EXPECT_THAT(rows[6], HasSubstr(",105,9,0.16666666666666666,0.15,0.00025,0.001,0.5,0,0.25,0,,,"));
+  EXPECT_THAT(rows[9], HasSubstr(",108,9,0.1111111111111111,0.15,0.00025,0.003,0.5,0,0.5,1,,,"));
   EXPECT_THAT(rows[10], HasSubstr(",109,9,0.1,0.15,0.00025,0.004,0,0,0,1,0,,,"));
   EXPECT_THAT(rows[20], HasSubstr(",119,9,0.05,0.15,0.00025,,,,,,1,0,0.8,0,"));
   EXPECT_THAT(rows[20], testing::EndsWith(",0.8,0.2"));
@@ -167,7 +175,7 @@ TEST_F(Export, MatlabFindsStructsOfColumns) {
   ASSERT_EQ(mu->dims[0], 2U);
   EXPECT_TRUE(std::isnan(static_cast<const double*>(mu->data)[0]));
   EXPECT_EQ(static_cast<const double*>(mu->data)[1], 0.8);
-  EXPECT_EQ(static_cast<const double*>(column(variable("excitation"), "drive")->data)[0], 0.004);
+  EXPECT_EQ(static_cast<const double*>(column(variable("excitation"), "drive")->data)[2], 0.004);
   const auto description = variable("description");
   ASSERT_TRUE(description);
   EXPECT_EQ(text(column(description, "configuration")), "[rig]\nname = \"x\"\n");
@@ -221,7 +229,7 @@ TEST_F(Export, Hdf5HasUnitsAndTheDescriptionAsAttributes) {
   EXPECT_EQ(file.values<std::uint8_t>("/frames/valid", H5T_NATIVE_UINT8)[3], 8);
   EXPECT_EQ(file.attribute("/frames/displacement_m", "unit"), "m");
   EXPECT_EQ(file.values<double>("/estimate/state_mu_std", H5T_NATIVE_DOUBLE)[1], 0.2);
-  EXPECT_EQ(file.values<double>("/excitation/amplifier_on", H5T_NATIVE_DOUBLE)[0], 1.0);
+  EXPECT_EQ(file.values<double>("/excitation/amplifier_on", H5T_NATIVE_DOUBLE)[2], 1.0);
   EXPECT_EQ(file.attribute("/", "rig"), "Prüfstand");
   EXPECT_EQ(file.attribute("/", "configuration"), "[rig]\nname = \"x\"\n");
   EXPECT_EQ(file.attribute("/", "calibration"), "");

@@ -44,6 +44,12 @@ friction_estimate_t some(friction_estimate_t) {
 excitation_t some(excitation_t) {
   excitation_t excitation{};
   excitation.drive = 1.0;
+  excitation.earlier = 2;
+  excitation.earlier_by = {3, 1};
+  excitation.earlier_drive = {0.5, 0.75};
+  excitation.earlier_amplitude = {1.0F, 1.0F};
+  excitation.earlier_phase_rad = {0.1F, 0.2F};
+  excitation.earlier_state = {0, 0x80};
   return excitation;
 }
 
@@ -150,6 +156,8 @@ TYPED_TEST(Decode, CannotBeTalkedIntoMemory) {
         EXPECT_LE(message.record_loss_name.capacity(), bytes.size());
       } else if constexpr (std::is_same_v<TypeParam, frame_block_t>) {
         EXPECT_LE(message.time_ns.capacity(), bytes.size());
+      } else if constexpr (std::is_same_v<TypeParam, excitation_t>) {
+        EXPECT_LE(message.earlier_drive.capacity(), bytes.size());
       }
     }
   }
@@ -165,6 +173,55 @@ TYPED_TEST(Decode, SurvivesRandomDamage) {
     spoilt.resize(random() % (spoilt.size() + 1));
     TypeParam message{};
     (void)decode(spoilt, message);
+  }
+}
+
+/// `bytes` as they were under another fingerprint and without `lacking` bytes at the end.
+Bytes former(Bytes bytes, std::uint64_t fingerprint, std::size_t lacking) {
+  for (std::size_t i = 8; i > 0; --i, fingerprint >>= 8U) {
+    bytes[i - 1] = static_cast<std::uint8_t>(fingerprint);
+  }
+  bytes.resize(bytes.size() - lacking);
+  return bytes;
+}
+
+// The fingerprints are those that lcm-gen gave the types of logs of format 2.
+TEST(DecodeFormer, AnExcitationWithoutTheFramesBeforeIt) {
+  excitation_t excitation{};
+  excitation.sequence = 9;
+  excitation.drive = 1.5;
+  excitation.amplifier_on = 1;
+  const Bytes bytes = former(encoded(excitation), 0xEF474DC1C55BAEC7U, 4);
+  excitation_t message = some(excitation_t{});
+  ASSERT_TRUE(decode(bytes, message));
+  EXPECT_EQ(encoded(message), encoded(excitation));
+  for (std::size_t size = 0; size < bytes.size(); ++size) {
+    EXPECT_FALSE(decode(std::span(bytes).first(size), message)) << size;
+  }
+}
+
+TEST(DecodeFormer, AStatusThatDoesNotKnowWhatTheDiskConfirmed) {
+  status_t status = some(status_t{});
+  status.record_confirmed = -1;
+  const Bytes bytes = former(encoded(status), 0xD60837B0454EEC63U, 8);
+  status_t message{};
+  ASSERT_TRUE(decode(bytes, message));
+  EXPECT_EQ(message.record_confirmed, -1);
+  EXPECT_EQ(encoded(message), encoded(status));
+}
+
+TEST(DecodeFormer, ADescriptionWithoutAFaultScript) {
+  recording_info_t info = some(recording_info_t{});
+  info.frames = 77;
+  const Bytes bytes = former(encoded(info), 0x019FE800B2CECE78U, 10);
+  recording_info_t message;
+  message.fault_script = "of another message";
+  ASSERT_TRUE(decode(bytes, message));
+  EXPECT_EQ(message.frames, 77);
+  EXPECT_EQ(message.fault_script, "");
+  EXPECT_EQ(encoded(message), encoded(info));
+  for (std::size_t size = 0; size < bytes.size(); ++size) {
+    EXPECT_FALSE(decode(std::span(bytes).first(size), message)) << size;
   }
 }
 

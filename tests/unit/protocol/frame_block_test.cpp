@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <random>
 #include <vector>
 
 #include "protocol/checksum.h"
@@ -39,6 +40,30 @@ TEST(FrameBlock, CarriesFramesThereAndBack) {
   EXPECT_EQ(after, before);
 }
 
+TEST(FrameBlock, EncodedAtOnceIsTheSameToTheBit) {
+  std::mt19937_64 random(20240711);
+  std::vector<std::uint8_t> at_once;
+  for (int round = 0; round < 200; ++round) {
+    std::vector<Frame> some = frames(1 + random() % 40);
+    for (Frame& frame : some) {
+      frame.sequence = random();
+      frame.time_ns = static_cast<std::int64_t>(random());
+      for (const Channel channel : all_channels) {
+        if (round % 3 == 0 && frame.has(channel) && random() % 2 == 0) {
+          frame.age_us[index_of(channel)] = static_cast<std::int32_t>(random() % 100'000);
+        }
+      }
+    }
+    frame_block_t block;
+    to_block(some, block);
+    block.flags = static_cast<std::int32_t>(random() % 2);
+    std::vector<std::uint8_t> by_block(static_cast<std::size_t>(block.getEncodedSize()));
+    block.encode(by_block.data(), 0, static_cast<int>(by_block.size()));
+    encode_block(some, block.flags, at_once);
+    ASSERT_EQ(at_once, by_block) << "round " << round;
+  }
+}
+
 TEST(FrameBlock, AgesTravelWithTheChannelsThatHaveOne) {
   std::vector<Frame> before = frames(5);
   for (std::size_t i = 0; i < before.size(); ++i) {
@@ -51,6 +76,9 @@ TEST(FrameBlock, AgesTravelWithTheChannelsThatHaveOne) {
   EXPECT_EQ(block.aged_channel[0], index_of(Channel::base_displacement));
   std::vector<std::uint8_t> bytes(static_cast<std::size_t>(block.getEncodedSize()));
   block.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+  std::vector<std::uint8_t> at_once = {1, 2, 3};  // whatever was there
+  encode_block(before, 0, at_once);
+  EXPECT_EQ(at_once, bytes);
   frame_block_t heard;
   ASSERT_TRUE(decode(bytes, heard));
   std::vector<Frame> after;
@@ -131,6 +159,21 @@ TEST(FrameBlock, RefusesABlockThatContradictsItself) {
   block.drive_force_n.pop_back();
   EXPECT_FALSE(from_block(block, out));
   EXPECT_TRUE(out.empty());
+}
+
+TEST(Checksum, ManyBytesAtOnceAreTheSameAsOneAfterAnother) {
+  std::mt19937 random(3);
+  for (std::size_t size = 0; size < 100; ++size) {
+    std::vector<std::uint8_t> bytes(size);
+    for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random());
+    Checksum at_once;
+    Checksum one_by_one;
+    at_once.add(std::uint8_t{7});  // so that it does not begin with a fresh sum
+    one_by_one.add(std::uint8_t{7});
+    at_once.add(std::span<const std::uint8_t>(bytes));
+    for (const std::uint8_t byte : bytes) one_by_one.add(byte);
+    ASSERT_EQ(at_once.value(), one_by_one.value()) << size << " bytes";
+  }
 }
 
 TEST(Checksum, IsTheOneOfZlib) {
