@@ -22,6 +22,7 @@ using namespace usb_1208fs_plus;
 namespace {
 
 constexpr std::int64_t patience_of_read_us = 20'000;
+constexpr std::size_t room_for_frames = 4096;
 constexpr std::size_t input_transfers = 16;
 constexpr std::size_t output_transfers = 16;
 constexpr std::size_t output_transfer_bytes = 2048;
@@ -85,6 +86,7 @@ class Usb1208fsPlusDriver::Board {
   std::uint64_t written_sequence = 0;
   std::uint64_t read_sequence = 0;
   bool was_driving = false;
+  std::size_t held_back = 0;  // writes, since it ran dry
 
   std::atomic<std::uint64_t> overruns = 0;
   std::atomic<std::uint64_t> underruns = 0;
@@ -144,7 +146,7 @@ class Usb1208fsPlusDriver::Board {
   std::atomic<bool> stopping_ = false;
   std::atomic<bool> lost_ = false;
 
-  moodycamel::BlockingReaderWriterQueue<Frame> frames_{4096};
+  moodycamel::BlockingReaderWriterQueue<Frame> frames_{room_for_frames};
   moodycamel::ReaderWriterQueue<std::uint16_t> values_{4096};
   std::atomic<std::uint16_t> rest_ = output_counts(default_rest_v);
   std::atomic<bool> driving_ = false;
@@ -560,7 +562,10 @@ Result Usb1208fsPlusDriver::write(const Actuation& actuation) {
   board_->was_driving = true;
   board_->written_sequence = board_->read_sequence;
   const bool dry = board_->dry();
-  if (!dry || !board_->frames_wait()) {
+  // A loop that never catches up is not waited for without end.
+  const bool behind = dry && board_->frames_wait() && ++board_->held_back < room_for_frames;
+  if (!behind) {
+    board_->held_back = 0;
     const auto limited = dry ? 1 : std::min<std::uint64_t>(copies, board_->ahead());
     if (!board_->drive(output_counts(actuation.drive), static_cast<std::size_t>(limited))) {
       return {Outcome::temporary,

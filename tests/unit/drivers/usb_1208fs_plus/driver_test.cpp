@@ -258,8 +258,16 @@ TEST_F(Usb1208fsPlus, AnOutputThatRanDryIsStartedAgain) {
   }
   EXPECT_TRUE(told);
   EXPECT_EQ(driver->underruns(), 1U);
-  const std::lock_guard hold(board.lock);
-  EXPECT_TRUE(board.output_running);
+  // With what is written once no frame waits any more.
+  const auto runs = [this] {
+    const std::lock_guard hold(board.lock);
+    return board.output_running;
+  };
+  for (int i = 0; i < 500 && !runs(); ++i) {
+    ASSERT_TRUE(next(frame));
+    static_cast<void>(driver->write({2.5, true}));
+  }
+  EXPECT_TRUE(runs());
 }
 
 TEST_F(Usb1208fsPlus, IsLostInEveryState) {
