@@ -23,15 +23,25 @@ BenchDriver::BenchDriver(BenchParts parts, const config::BenchInputs& inputs,
 void BenchDriver::connect(const config::BenchInputs& inputs) {
   for (const Channel channel : all_channels) {
     const auto& wanted = inputs[index_of(channel)];
-    if (!wanted) continue;
-    for (std::size_t g = 0; g < gauges_.size(); ++g) {
-      const auto own = gauges_[g]->gauge().inputs();
-      for (std::size_t i = 0; i < own.size(); ++i) {
-        const bool meant = own[i].device == wanted->device && own[i].name == wanted->input;
-        if (meant) wires_.push_back({channel, g, i});
-      }
+    const bool on_board = (board_->description().channels >> index_of(channel) & 1U) != 0;
+    if (!wanted || on_board || connect(channel, *wanted)) continue;
+    unmatched_ += (unmatched_.empty() ? "" : ", ") + std::string(info(channel).stem) + " from " +
+                  wanted->device + "/" + wanted->input;
+  }
+  if (!unmatched_.empty()) unmatched_ = "no device of this bench yields " + unmatched_;
+}
+
+/// Whether a gauge has that input.
+bool BenchDriver::connect(Channel channel, const config::BenchInput& wanted) {
+  for (std::size_t g = 0; g < gauges_.size(); ++g) {
+    const auto own = gauges_[g]->gauge().inputs();
+    for (std::size_t i = 0; i < own.size(); ++i) {
+      if (own[i].device != wanted.device || own[i].name != wanted.input) continue;
+      wires_.push_back({channel, g, i});
+      return true;
     }
   }
+  return false;
 }
 
 BenchDriver::~BenchDriver() {
@@ -50,8 +60,11 @@ void BenchDriver::describe() {
 }
 
 Result BenchDriver::open() {
-  Result result = board_->open();
-  if (result && amplifier_) result = amplifier_->open();
+  if (!unmatched_.empty()) return {Outcome::needs_attention, unmatched_.c_str()};
+  // First of all the contact: a line that a dead daemon left active has to go off before an output
+  // moves, and also where there is no board.
+  Result result = amplifier_ ? amplifier_->open() : Result{};
+  if (result) result = board_->open();
   for (const auto& gauge : gauges_) {
     if (result) result = gauge->open(!opened_before_);
   }
@@ -98,12 +111,17 @@ Result BenchDriver::write(const Actuation& actuation) {
   Result contacts;
   if (amplifier_ && !on) contacts = amplifier_->write(false);
   const Result board = board_->write(volts);
-  if (amplifier_ && on) contacts = amplifier_->write(static_cast<bool>(board));
+  // What failed for once may be well in the next cycle: a contact that is closed stays so until an
+  // interlock says otherwise, and one that is open stays open.
+  const bool for_once = board.outcome == Outcome::temporary && contact_on_;
+  if (amplifier_ && on) contacts = amplifier_->write(board || for_once);
+  contact_on_ = on && (board || for_once);
   if (!finite) return {Outcome::fatal, "the commanded drive is not finite"};
   return board ? contacts : board;
 }
 
 void BenchDriver::stop() noexcept {
+  contact_on_ = false;
   if (amplifier_) static_cast<void>(amplifier_->write(false));
   board_->stop();
 }

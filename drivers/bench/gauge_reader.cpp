@@ -11,7 +11,7 @@ constexpr std::size_t room = 4096;  // readings: seconds of the fastest bridge
 }
 
 GaugeReader::GaugeReader(std::unique_ptr<Gauge> gauge, Patience patience)
-    : gauge_(std::move(gauge)), patience_(patience), told_(room), past_(gauge_->inputs().size()) {
+    : gauge_(std::move(gauge)), patience_(patience), told_(room), latest_(gauge_->inputs().size()) {
   const std::string& name = gauge_->name();
   sentences_[static_cast<std::size_t>(Condition::gone)] = name + " is gone; it is looked for";
   sentences_[static_cast<std::size_t>(Condition::needs_attention)] =
@@ -25,12 +25,14 @@ GaugeReader::~GaugeReader() { close(); }
 Result GaugeReader::open(bool insist) {
   close();
   stopping_ = false;
-  const Result opened = gauge_->open();
-  if (!opened) {
-    gauge_->close();
-    if (insist) return opened;
+  if (insist) {
+    const Result opened = gauge_->open();
+    if (!opened) {
+      gauge_->close();
+      return opened;
+    }
+    condition_.store(Condition::here, std::memory_order_release);
   }
-  condition_.store(opened ? Condition::here : Condition::gone, std::memory_order_release);
   thread_ = std::thread([this] { run(); });
   return {};
 }
@@ -45,6 +47,9 @@ void GaugeReader::close() noexcept {
     thread_.join();
   }
   gauge_->close();
+  // The loop is not at work while this is closed.
+  while (told_.front() != nullptr) told_.pop();
+  std::fill(latest_.begin(), latest_.end(), Reading{});
   condition_.store(Condition::gone, std::memory_order_release);
 }
 
@@ -58,9 +63,9 @@ void GaugeReader::run() {
     if (condition_.load(std::memory_order_relaxed) == Condition::here) {
       if (!read_until_lost()) return;
       wait_ns = patience_.first_ns;
+      pause(wait_ns);
+      continue;
     }
-    pause(wait_ns);
-    if (stopping()) return;
     const Result opened = gauge_->open();
     if (opened) {
       condition_.store(Condition::here, std::memory_order_release);
@@ -70,6 +75,7 @@ void GaugeReader::run() {
     const bool attention = opened.outcome == Outcome::needs_attention;
     condition_.store(attention ? Condition::needs_attention : Condition::gone,
                      std::memory_order_release);
+    pause(wait_ns);
     wait_ns = std::min(2 * wait_ns, patience_.longest_ns);
   }
 }
@@ -106,10 +112,9 @@ bool GaugeReader::read_until_lost() {
         missing_before_ += losses.missing;
         rejected_before_ += losses.rejected;
         const bool fatal = result.outcome == Outcome::fatal;
-        condition_.store(fatal                                        ? Condition::beyond_help
-                         : result.outcome == Outcome::needs_attention ? Condition::needs_attention
-                                                                      : Condition::gone,
-                         std::memory_order_release);
+        tell_lost(fatal                                        ? Condition::beyond_help
+                  : result.outcome == Outcome::needs_attention ? Condition::needs_attention
+                                                               : Condition::gone);
         return !fatal;
       }
     }
@@ -122,8 +127,14 @@ void GaugeReader::pause(std::int64_t ns) {
 }
 
 void GaugeReader::tell(std::size_t input, const Reading& reading) {
-  // A loop that does not look has no use for it either: what it finds then is what came first.
+  // A loop that does not look has no use for it either.
   static_cast<void>(told_.push({input, reading}));
+}
+
+/// What was said before is no longer believed once the gauge speaks again.
+void GaugeReader::tell_lost(Condition condition) {
+  condition_.store(condition, std::memory_order_release);
+  for (std::size_t i = 0; i < gauge_->inputs().size(); ++i) tell(i, Reading{});
 }
 
 void GaugeReader::publish_losses() {
@@ -134,17 +145,11 @@ void GaugeReader::publish_losses() {
 
 Reading GaugeReader::latest(std::size_t input, std::int64_t time_ns) {
   while (const Told* told = told_.front()) {
-    Past& past = past_[told->input];
-    past.readings[past.count++ % history] = told->reading;
+    if (told->reading.time_ns > time_ns) break;
+    latest_[told->input] = told->reading;
     told_.pop();
   }
-  const Past& past = past_[input];
-  const std::size_t known = std::min(past.count, history);
-  for (std::size_t back = 1; back <= known; ++back) {
-    const Reading& reading = past.readings[(past.count - back) % history];
-    if (reading.time_ns <= time_ns) return reading;
-  }
-  return {};
+  return latest_[input];
 }
 
 const char* GaugeReader::lost() const noexcept {

@@ -35,14 +35,17 @@ class GaugeReader {
 
   const Gauge& gauge() const { return *gauge_; }
 
-  /// Opens the gauge and starts its thread. Where it cannot be opened: with `insist` no thread is
-  /// started, and that is the answer; else the thread goes on trying, and the answer is ok.
+  /// With `insist`: opens the gauge, which may take seconds, and starts its thread; where it cannot
+  /// be opened, that is the answer, and no thread is started. Else the thread opens it, and goes on
+  /// trying.
   Result open(bool insist);
   /// Ends the thread and closes the gauge.
   void close() noexcept;
 
   /// What the input said last at or before that time on the host's clock; not valid where it has
-  /// said nothing, or nothing that it believes itself. Neither waits nor allocates.
+  /// said nothing since the gauge was opened, or nothing that it believes itself. Times do not
+  /// decrease from call to call: boards hand their scans over in bursts, and a reading that is
+  /// newer than a scan waits for a later one. Neither waits nor allocates.
   Reading latest(std::size_t input, std::int64_t time_ns);
 
   /// A sentence, while the gauge is not there; null while it is. Lives as long as this object.
@@ -51,34 +54,28 @@ class GaugeReader {
 
   Signals signals() const noexcept { return gauge_->signals(); }
 
-  /// Of the gauge, and readings that found no room because the loop did not look.
+  /// Of all times that the gauge was open.
   GaugeLosses losses() const;
 
  private:
   enum class Condition : std::uint8_t { here, gone, needs_attention, beyond_help };
-  /// Boards hand their scans over in bursts: a reading that is newer than a scan is kept for the
-  /// next, and one before it is used.
-  static constexpr std::size_t history = 16;
   struct Told {
     std::size_t input = 0;
     Reading reading;
-  };
-  struct Past {
-    std::array<Reading, history> readings{};
-    std::size_t count = 0;
   };
 
   void run();
   bool read_until_lost();
   void pause(std::int64_t ns);
   void tell(std::size_t input, const Reading& reading);
+  void tell_lost(Condition condition);
   void publish_losses();
 
   std::unique_ptr<Gauge> gauge_;
   Patience patience_;
   std::array<std::string, 4> sentences_;  // by Condition
   Ring<Told> told_;
-  std::vector<Past> past_;  // the loop's
+  std::vector<Reading> latest_;  // by input; the loop's
   std::atomic<Condition> condition_{Condition::gone};
   std::atomic<std::uint64_t> missing_{0};
   std::atomic<std::uint64_t> rejected_{0};

@@ -169,11 +169,12 @@ std::vector<TriedDevice> try_bench(BenchParts parts, const config::Bench& bench,
                                    double patience_s) {
   HostClock& clock = *parts.clock;
   std::vector<TriedDevice> out;
+  // The contact first: whatever a dead daemon left of it goes off before an output moves.
+  if (parts.amplifier) out.push_back(try_amplifier(*parts.amplifier, clock));
   out.push_back(try_board(*parts.board, bench, clock, patience_s));
   for (const auto& gauge : parts.gauges) {
     out.push_back(try_gauge(*gauge, bench.inputs, clock, patience_s));
   }
-  if (parts.amplifier) out.push_back(try_amplifier(*parts.amplifier, clock));
   return out;
 }
 

@@ -28,7 +28,7 @@ struct TriedDevice {
   std::vector<FirstReading> readings;
 };
 
-/// Tries one after the other, in the order board, gauges, amplifier. Each is closed again. Takes
+/// Tries one after the other, in the order amplifier, board, gauges. Each is closed again. Takes
 /// up to `patience_s` for each.
 std::vector<TriedDevice> try_bench(BenchParts parts, const config::Bench& bench, double patience_s);
 

@@ -144,7 +144,10 @@ struct ContactsState {
 class FakeContacts final : public Contacts {
  public:
   FakeContacts(ContactsState& state, BoardState& board) : state_(state), board_(board) {}
-  Result open() override { return {}; }
+  Result open() override {
+    board_.order.emplace_back("contacts opened");
+    return {};
+  }
   Result write(bool on) override {
     state_.writes.push_back(on);
     board_.order.emplace_back("contacts");
@@ -208,10 +211,17 @@ TEST(GaugeReader, GivesTheLatestReadingThatIsNotNewerThanTheScan) {
   state.say(1.0, 10 * ms);
   state.say(2.0, 20 * ms);
   state.say(3.0, 30 * ms);
-  ASSERT_TRUE(soon([&] { return reader.latest(0, 100 * ms).value == 3.0; }));
+  // However many are newer than the scan: none of them is lost.
+  for (int i = 0; i < 100; ++i) state.say(100.0 + i, (1000 + i) * ms);
+  ASSERT_TRUE(soon([&] {
+    const std::lock_guard lock(state.mutex);
+    return state.next.empty();
+  }));
+  EXPECT_FALSE(reader.latest(0, 9 * ms).valid);
   EXPECT_EQ(reader.latest(0, 29 * ms).value, 2.0);
   EXPECT_EQ(reader.latest(0, 30 * ms).value, 3.0);
-  EXPECT_FALSE(reader.latest(0, 9 * ms).valid);
+  EXPECT_EQ(reader.latest(0, 999 * ms).value, 3.0);
+  EXPECT_EQ(reader.latest(0, 1000 * ms).value, 100.0);
 }
 
 TEST(GaugeReader, AReadingThatTheDeviceDoesNotBelieveReplacesOneThatItDid) {
@@ -230,6 +240,8 @@ TEST(GaugeReader, OpensAGaugeAgainThatWasLostAndSaysSoMeanwhile) {
   EXPECT_NE(reader.lost(), nullptr);
   ASSERT_TRUE(reader.open(true));
   EXPECT_EQ(reader.lost(), nullptr);
+  state.say(7.0, 30 * ms);
+  ASSERT_TRUE(soon([&] { return reader.latest(0, 50 * ms).valid; }));
   state.answer({Outcome::lost, "not there"}, {Outcome::lost, "unplugged"});
   ASSERT_TRUE(soon([&] { return reader.lost() != nullptr; }));
   EXPECT_THAT(reader.lost(), testing::HasSubstr("bridge 7 is gone"));
@@ -240,6 +252,7 @@ TEST(GaugeReader, OpensAGaugeAgainThatWasLostAndSaysSoMeanwhile) {
   }));
   state.answer({}, {Outcome::no_data, ""});
   EXPECT_TRUE(soon([&] { return reader.lost() == nullptr; }));
+  EXPECT_FALSE(reader.latest(0, 50 * ms).valid) << "what it said before it was lost";
   state.say(4.0, 40 * ms);
   EXPECT_TRUE(soon([&] { return reader.latest(0, 50 * ms).value == 4.0; }));
 }
@@ -352,6 +365,15 @@ TEST(BenchDriver, OffReachesBothWhateverOneOfThemSays) {
   bench.board.write_answer = {Outcome::temporary, "no answer"};
   EXPECT_EQ(bench.driver.write({0.0, true}).outcome, Outcome::temporary);
   EXPECT_FALSE(bench.contacts.writes.back()) << "on, although the board did not take the drive";
+  bench.board.write_answer = {};
+  ASSERT_TRUE(bench.driver.write({0.0, true}));
+  bench.board.write_answer = {Outcome::temporary, "one damaged reply"};
+  EXPECT_EQ(bench.driver.write({0.0, true}).outcome, Outcome::temporary);
+  EXPECT_TRUE(bench.contacts.writes.back()) << "off and on again for a single reply";
+  bench.board.write_answer = {Outcome::lost, "unplugged"};
+  EXPECT_EQ(bench.driver.write({0.0, true}).outcome, Outcome::lost);
+  EXPECT_FALSE(bench.contacts.writes.back());
+  bench.board.write_answer = {};
   EXPECT_EQ(bench.driver.write({std::numeric_limits<double>::quiet_NaN(), true}).outcome,
             Outcome::fatal);
   EXPECT_FALSE(bench.board.writes.back().amplifier_on);
@@ -386,6 +408,29 @@ TEST(BenchDriver, EveryDeviceHasToBeThereTheFirstTimeAndGaugesMayFollowLater) {
   bench.gauge.answer({Outcome::lost, "not there"}, {Outcome::no_data, ""});
   ASSERT_TRUE(bench.driver.open());
   EXPECT_NE(bench.driver.signals().lost_part, nullptr);
+}
+
+TEST(BenchDriver, TheContactIsOpenedFirstAndAlsoWhereThereIsNoBoard) {
+  Bench bench;
+  bench.board.open_answer = {Outcome::lost, "no board"};
+  EXPECT_STREQ(bench.driver.open().message, "no board");
+  ASSERT_FALSE(bench.board.order.empty());
+  EXPECT_EQ(bench.board.order.front(), "contacts opened");
+}
+
+TEST(BenchDriver, AnInputThatNoDeviceHasIsToldAndNotLeftOut) {
+  GaugeState gauge;
+  BoardState board;
+  BenchParts parts;
+  parts.clock = std::make_unique<FixedClock>();
+  parts.board = std::make_unique<FakeBoard>(board);
+  parts.gauges.push_back(std::make_unique<FakeGauge>(gauge));
+  config::BenchInputs inputs = Bench::inputs();
+  inputs[index_of(Channel::friction_force)] = {.device = "bridge", .input = "7"};
+  BenchDriver driver(std::move(parts), inputs, {.volts_per_unit = 1.0}, quick);
+  const Result refused = driver.open();
+  EXPECT_EQ(refused.outcome, Outcome::needs_attention);
+  EXPECT_THAT(refused.message, testing::HasSubstr("friction_force from bridge/7"));
 }
 
 TEST(BenchDriver, SignalsOfAllDevicesCount) {
