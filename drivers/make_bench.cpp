@@ -1,6 +1,7 @@
 #include "drivers/make_bench.h"
 
 #include <algorithm>
+#include <stdexcept>
 #include <utility>
 
 #include "drivers/amplifier/amplifier.h"
@@ -8,6 +9,7 @@
 #include "drivers/labjack_u6/labjack_u6_driver.h"
 #include "drivers/modbus/modbus_unit.h"
 #include "drivers/phidget_bridge/phidget_bridge.h"
+#include "drivers/serial_scale/serial_scale.h"
 #include "drivers/usb_1208fs_plus/usb_1208fs_plus_driver.h"
 
 namespace stickslip::drivers {
@@ -27,6 +29,20 @@ std::unique_ptr<Driver> board_of(const config::Bench& bench, double rate_hz, Hos
       bench.labjack_u6, config::inputs_of(bench.inputs, "labjack_u6"), rate_hz, clock);
 }
 
+bool any(const config::BenchInputs& inputs) {
+  return std::any_of(inputs.begin(), inputs.end(), [](const auto& input) { return !!input; });
+}
+
+/// `inputs` are its own. A kind without its line does not compile.
+std::unique_ptr<Gauge> gauge_of(const config::GaugeAt& its, const config::BenchInputs& inputs,
+                                HostClock& clock) {
+  switch (its.kind) {
+    case config::GaugeKind::serial_scale:
+      return std::make_unique<SerialScale>(its, inputs, clock);
+  }
+  throw std::logic_error("a kind of gauge that nothing is known of");
+}
+
 }  // namespace
 
 BenchParts make_bench_parts(const config::Bench& bench, double rate_hz) {
@@ -36,8 +52,12 @@ BenchParts make_bench_parts(const config::Bench& bench, double rate_hz) {
   parts.board = board_of(bench, rate_hz, clock);
   parts.gauges = make_modbus_gauges(bench.modbus, bench.inputs, clock);
   const config::BenchInputs bridge = config::inputs_of(bench.inputs, "phidget_bridge");
-  if (std::any_of(bridge.begin(), bridge.end(), [](const auto& input) { return !!input; })) {
+  if (any(bridge)) {
     parts.gauges.push_back(std::make_unique<PhidgetBridge>(bench.phidget_bridge, bridge, clock));
+  }
+  for (const config::GaugeAt& its : bench.gauges) {
+    const config::BenchInputs own = config::inputs_of(bench.inputs, its.name);
+    if (any(own)) parts.gauges.push_back(gauge_of(its, own, clock));
   }
   if (bench.amplifier) parts.amplifier = std::make_unique<Amplifier>(*bench.amplifier, clock);
   return parts;

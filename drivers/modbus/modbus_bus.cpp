@@ -13,6 +13,8 @@
 #include <cstring>
 #include <utility>
 
+#include "drivers/serial_line.h"
+
 namespace stickslip::drivers::modbus {
 
 namespace {
@@ -51,39 +53,6 @@ std::pair<std::string, std::string> host_and_port(const std::string& text) {
 /// What the library answers to a reply that it does not believe. All else that is no time-out is
 /// the connection's.
 bool is_of_the_protocol(int error) { return error >= MODBUS_ENOBASE; }
-
-Outcome outcome_of_connecting(int error) {
-  switch (error) {
-    case EACCES:
-    case EPERM:
-    case EBUSY:
-    case EINVAL:
-    case ENOTTY:
-      return Outcome::needs_attention;
-    default:
-      return Outcome::lost;
-  }
-}
-
-std::string what_to_do_serially(const std::string& port, int error) {
-  switch (error) {
-    case ENOENT:
-    case ENXIO:
-    case ENODEV:
-      return "the adapter is not plugged in, or has another name: ls -l /dev/serial/by-id";
-    case EACCES:
-    case EPERM:
-      return "allow it with `sudo usermod -aG dialout $USER`, and log in again";
-    case EBUSY:
-      return "another program has it open: fuser -v " + port;
-    case ENOTTY:
-      return "that is no serial port";
-    case EINVAL:
-      return "the port refuses these line settings";
-    default:
-      return "unplug the adapter and plug it in again";
-  }
-}
 
 const char* what_to_do_on_the_net(int error) {
   switch (error) {
@@ -189,7 +158,7 @@ Outcome ModbusBus::connect_as_owner(std::string& why) {
   }
   patience_ns_ = std::clamp(2 * patience_ns_, first_patience_ns, longest_patience_ns);
   next_attempt_ns_ = clock_.now_ns() + patience_ns_;
-  last_failure_ = outcome_of_connecting(error);
+  last_failure_ = outcome_of_opening(error);
   last_why_ = where_ + " cannot be opened (" + std::strerror(error) +
               "): " + (tcp ? what_to_do_on_the_net(error) : what_to_do_serially(where_, error));
   why = last_why_;

@@ -1,0 +1,107 @@
+#include "drivers/serial_scale/serial_scale.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <regex>
+
+namespace stickslip::drivers {
+
+namespace {
+constexpr double standard_gravity = 9.80665;       // [m/s^2]
+constexpr std::size_t longest_line = 64;           // more than any has
+constexpr std::int64_t patience_ns = 190'000'000;  // of a read
+}  // namespace
+
+namespace serial_scale {
+
+std::optional<Weight> parse_line(std::string_view line) {
+  static const std::regex form(R"((?:E -+|[SM] ([-+][0-9]+\.[0-9]+)) (k?g) \*([0-9A-F]{2})\r\n)");
+  std::cmatch part;
+  if (line.size() > longest_line ||
+      !std::regex_match(line.data(), line.data() + line.size(), part, form)) {
+    return std::nullopt;
+  }
+  unsigned long sum = 0;
+  for (const char each : line.substr(0, line.rfind(' '))) sum ^= static_cast<unsigned char>(each);
+  if (std::stoul(part.str(3), nullptr, 16) != sum) return std::nullopt;
+  if (!part[1].matched) return Weight{};
+  double value = 0.0;  // from_chars knows no plus
+  std::from_chars(part[1].first + (*part[1].first == '+' ? 1 : 0), part[1].second, value);
+  return Weight{value * (part.str(2) == "g" ? 1.0e-3 : 1.0) * standard_gravity, true};
+}
+
+std::uint64_t Rhythm::take(std::int64_t time_ns, std::uint64_t lines) {
+  const auto come = static_cast<double>(lines);
+  const double passed = (static_cast<double>(time_ns) - last_ns_) / interval_ns_;
+  const double due = std::max(come, std::floor(lines > 0 ? passed + 0.25 : passed - 0.75));
+  last_ns_ = lines > 0 ? static_cast<double>(time_ns) : last_ns_ + due * interval_ns_;
+  if (lines > 0) interval_ns_ *= 1.0 + 0.05 * (passed / due - 1.0);
+  interval_ns_ = std::clamp(interval_ns_, 0.5e8, 2.0e8);
+  return static_cast<std::uint64_t>(due - come);
+}
+
+}  // namespace serial_scale
+
+SerialScale::SerialScale(const config::GaugeAt& settings, const config::BenchInputs& inputs,
+                         HostClock& clock)
+    : settings_(settings), name_("serial scale \"" + settings.name + "\""), clock_(clock) {
+  for (const auto& input : inputs) {
+    if (input) inputs_.push_back({input->device, input->input, "N"});
+  }
+}
+
+Result SerialScale::tell(Outcome outcome, const std::string& words) {
+  message_ = name_ + ": " + words;
+  return {outcome, message_.c_str()};
+}
+
+Result SerialScale::open() {
+  losses_ = {};
+  received_.clear();
+  for (const GaugeInput& input : inputs_) {
+    if (input.name == "weight") continue;
+    return tell(Outcome::needs_attention, "it has no input \"" + input.name + "\", only weight");
+  }
+  std::string why;
+  const Outcome opened = line_.open(settings_.port, settings_.baud, why);
+  rhythm_ = serial_scale::Rhythm(clock_.now_ns());
+  return opened == Outcome::ok ? Result{} : tell(opened, why);
+}
+
+Result SerialScale::read(std::span<Reading> readings) {
+  if (!line_.is_open()) return {Outcome::fatal, "read of a serial scale that is not open"};
+  const std::int64_t until = clock_.now_ns() + patience_ns;
+  while (received_.find('\n') == std::string::npos && received_.size() <= longest_line) {
+    const Outcome received = line_.receive(received_, clock_, until);
+    if (received == Outcome::lost) return tell(received, settings_.port + " is gone; plug it in");
+    if (received != Outcome::no_data) continue;
+    losses_.missing += rhythm_.take(clock_.now_ns(), 0);
+    return {Outcome::no_data, ""};
+  }
+  return take_lines(readings);
+}
+
+Result SerialScale::take_lines(std::span<Reading> readings) {
+  const std::int64_t now = clock_.now_ns();
+  std::uint64_t lines = 0;
+  std::uint64_t believed = 0;
+  for (std::size_t end = 0; (end = received_.find('\n')) != std::string::npos; ++lines) {
+    const auto weight = serial_scale::parse_line(std::string_view(received_).substr(0, end + 1));
+    const std::int64_t begun = now - line_.duration_ns(received_.size());
+    received_.erase(0, end + 1);
+    if (!weight) continue;
+    ++believed;
+    std::fill(readings.begin(), readings.end(), Reading{weight->force_n, begun, weight->valid});
+  }
+  if (received_.size() > longest_line) {  // no end in sight
+    received_.clear();
+    ++lines;
+  }
+  losses_.rejected += lines - believed;
+  losses_.missing += rhythm_.take(now, lines);
+  if (believed > 0) return {};
+  return tell(Outcome::temporary, "what it writes does not add up; if it stays so, look at baud");
+}
+
+}  // namespace stickslip::drivers
