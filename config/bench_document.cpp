@@ -195,6 +195,7 @@ class Checker {
     }
     check_rate(static_cast<double>(count));
     check_lines();
+    check_dead_daemon();
     check_shaker();
     if (bench_.phidget_bridge.interval_ms % 8 != 0) {
       document_.report("phidget_bridge.interval_ms",
@@ -382,6 +383,21 @@ class Checker {
               std::string(bench_.board == BoardKind::labjack_u6 ? " or labjack_u6.enable_line"
                                                                 : ""));
     }
+  }
+
+  /// Something has to let go of the amplifier by itself when the daemon dies: a GPIO chip may go on
+  /// driving a line that nobody holds any more.
+  void check_dead_daemon() {
+    const bool u6 = bench_.labjack_u6.enable_line && bench_.labjack_u6.watchdog_s > 0;
+    if (u6 || (bench_.amplifier && bench_.amplifier->heartbeat)) return;
+    const bool has_line = bench_.labjack_u6.enable_line || bench_.amplifier;
+    if (!has_line) return;  // told already
+    document_.report(bench_.amplifier ? "amplifier" : "labjack_u6.watchdog_s",
+                     "nothing lets go of the amplifier when the daemon dies: expected "
+                     "[amplifier.heartbeat] with a watchdog relay" +
+                         std::string(bench_.board == BoardKind::labjack_u6
+                                         ? ", or labjack_u6.enable_line with a watchdog_s above 0"
+                                         : ""));
   }
 
   void check_shaker() {

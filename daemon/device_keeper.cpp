@@ -33,7 +33,8 @@ bool DeviceKeeper::try_to_bring_back(drivers::Driver& driver, Loop& loop) {
   drivers::Result result = driver.open();
   if (result) result = driver.start();
   if (!result) {
-    spdlog::debug("{} is not back: {}", driver.description().name, result.message);
+    // Every few seconds at most, and a person has to know what to do.
+    spdlog::warn("{} is not back: {}", driver.description().name, result.message);
     driver.close();
     return false;
   }

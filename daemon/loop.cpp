@@ -114,6 +114,7 @@ void Loop::wait() {
   late_ = false;
   overrun_ns_ = 0;
   if (!device_here() && settings_.pacing != Pacing::deadlines) return wait_without_device();
+  if (settings_.pacing == Pacing::driver && can_drive_) look_for_a_stall();
   if (settings_.pacing != Pacing::deadlines) return;
   const Deadline next = next_deadline(due_ns_, settings_.period_ns, clock_.now_ns());
   if (!time_of_frames_) elapsed_ns_ = next.due_ns - due_ns_;
@@ -136,8 +137,27 @@ void Loop::wait() {
   if (late_) count_up(timing_.late);
 }
 
+// A board goes on sampling while the loop is held up, and hands over at once what has waited: then
+// the drive would be played faster than it was meant.
+void Loop::look_for_a_stall() {
+  const std::int64_t now_ns = clock_.now_ns();
+  const std::int64_t allowed_ns = drivers::longest_paced_wait_ns + settings_.lateness_limit_ns;
+  if (begun_ns_ && now_ns - *begun_ns_ > allowed_ns) {
+    overrun_ns_ = now_ns - *begun_ns_ - drivers::longest_paced_wait_ns;
+    late_ = true;
+    count_up(timing_.late);
+    count_up(timing_.overruns);
+    if (overrun_ns_ > timing_.longest_overrun_ns.load(std::memory_order_relaxed)) {
+      timing_.longest_overrun_ns.store(overrun_ns_, std::memory_order_relaxed);
+    }
+    notice(Notice::Kind::overrun, 0, overrun_ns_);
+  }
+  begun_ns_ = now_ns;
+}
+
 // A driver that paces the loop is gone: somebody has to.
 void Loop::wait_without_device() {
+  begun_ns_.reset();
   const std::int64_t now_ns = clock_.now_ns();
   due_ns_ = now_ns + settings_.period_ns;
   clock_.sleep_until(due_ns_);
@@ -515,7 +535,9 @@ void Loop::publish(std::int64_t now_ns) {
   out.amplifier_on = amplifier_on_;
   out.device_here = device_here();
   out.late = late_;
-  out.signals = driver_.signals();
+  // While it is gone, another thread closes and opens it.
+  if (device_here()) signals_ = driver_.signals();
+  out.signals = signals_;
   out.drive = applied_;
   out.raw = raw_;
   if (previous_) out.frame = *previous_;

@@ -124,6 +124,7 @@ class Loop {
 
   bool device_here() const { return device_.load(std::memory_order_relaxed) == Device::here; }
   void wait_without_device();
+  void look_for_a_stall();
   void welcome_device();
   bool read();
   void acquire(Frame raw);
@@ -174,9 +175,10 @@ class Loop {
   std::atomic<bool> beyond_help_{false};
 
   std::int64_t due_ns_ = 0;
-  std::int64_t elapsed_ns_ = 0;  // rig time since the previous drive
-  std::int64_t give_up_ns_ = 0;  // stop waiting for room in a ring; 0: not told to stop
-  std::int64_t overrun_ns_ = 0;  // of this cycle
+  std::int64_t elapsed_ns_ = 0;           // rig time since the previous drive
+  std::int64_t give_up_ns_ = 0;           // stop waiting for room in a ring; 0: not told to stop
+  std::int64_t overrun_ns_ = 0;           // of this cycle
+  std::optional<std::int64_t> begun_ns_;  // the cycle before, while the device paces the loop
   bool late_ = false;
   bool dead_man_ = false;
   std::uint64_t restarts_ = 0;
@@ -199,6 +201,7 @@ class Loop {
   std::optional<Frame> previous_;
   Drive applied_;
   bool amplifier_on_ = false;
+  drivers::Signals signals_;
 };
 
 }  // namespace stickslip::daemon

@@ -47,6 +47,9 @@ struct Signals {
   const char* lost_part = nullptr;
 };
 
+/// A paced driver's read waits at most so long for the next sample.
+inline constexpr std::int64_t longest_paced_wait_ns = 20'000'000;
+
 /// What a driver can say about itself once it is open.
 struct Description {
   std::string name;                               ///< "simulated rig", "LabJack U6 #3600..."

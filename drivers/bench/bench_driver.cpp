@@ -73,9 +73,10 @@ Result BenchDriver::open() {
     close();
     return result;
   }
+  // Once: others read the description while a lost device is opened again.
+  if (!opened_before_) describe();
   opened_before_ = true;
   device_clock_ = DeviceClock();
-  describe();
   return {};
 }
 

@@ -15,7 +15,7 @@ GaugeReader::GaugeReader(std::unique_ptr<Gauge> gauge, Patience patience)
   const std::string& name = gauge_->name();
   sentences_[static_cast<std::size_t>(Condition::gone)] = name + " is gone; it is looked for";
   sentences_[static_cast<std::size_t>(Condition::needs_attention)] =
-      name + " cannot be used as it is: `stickslip devices` says why";
+      name + " cannot be used as it is: `stickslip check --live` says why";
   sentences_[static_cast<std::size_t>(Condition::beyond_help)] =
       name + " cannot be brought back: restart the daemon once it is mended";
 }

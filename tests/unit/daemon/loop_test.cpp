@@ -248,6 +248,35 @@ TEST(Loop, AFailedWriteThatIsAFaultIsFollowedByOffInTheSameCycle) {
   EXPECT_THAT(bench.driver.actuations[101], IsOff());
 }
 
+TEST(Loop, ABoardThatSampledOnWhileTheLoopWasHeldUpIsNotPlayedFaster) {
+  LoopSettings settings = by_itself({.pacing = Pacing::driver});
+  settings.live.interlocks.longest_overrun_ns = 50 * ms;
+  Bench bench(settings);
+  bench.driver.on_read = [&](std::uint64_t call) {
+    // Bundles of five, as a board hands them over; then nothing happens for a while.
+    if (call % 5 == 0) bench.clock.now += 5 * ms;
+    if (call == 400) bench.clock.now += 300 * ms;
+    return Result{};
+  };
+  bench.loop.run();
+  EXPECT_EQ(bench.loop.snapshot().interlock, Interlock::overrun);
+  EXPECT_EQ(bench.loop.timing().overruns, 1U);
+  EXPECT_THAT(bench.driver.last, IsOff());
+  EXPECT_LE(bench.driver.reads, 402U);
+}
+
+TEST(Loop, APacedDriverMayWaitAsLongAsItSays) {
+  LoopSettings settings = by_itself({.pacing = Pacing::driver, .frames = 50, .ramp_s = 0.0});
+  settings.live.interlocks.longest_overrun_ns = 5 * ms;
+  Bench bench(settings);
+  bench.driver.on_read = [&](std::uint64_t) {
+    bench.clock.now += drivers::longest_paced_wait_ns;
+    return Result{};
+  };
+  EXPECT_EQ(bench.loop.run().reason, LoopEnd::Reason::frames_done);
+  EXPECT_EQ(bench.loop.timing().overruns, 0U);
+}
+
 TEST(Loop, ADeviceThatIsLostIsGoneWhateverElseIsWrong) {
   test::FakeDriver driver;
   test::FakeClock clock;
