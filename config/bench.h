@@ -41,7 +41,8 @@ struct LabjackU6 {
   std::optional<int> enable_line;           ///< high while the amplifier may be on
   std::optional<int> amplifier_fault_line;  ///< low: fault (a cut wire, pulled down, is one)
   std::optional<int> emergency_stop_line;   ///< low: pressed, or its wire is cut
-  int watchdog_s = 2;  ///< the firmware lets enable_line go after so long without us; 0: never
+  int watchdog_s = 2;   ///< the firmware lets enable_line go after so long without us; 0: never
+  double rest_v = 2.5;  ///< of the output: at which nothing moves; [shaker] rest_v
 };
 
 /// [usb_1208fs_plus]

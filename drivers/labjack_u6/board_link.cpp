@@ -46,7 +46,8 @@ Problem refusal(const std::string& where, int error) {
                   "permission denied. Put the rule SUBSYSTEM==\"usb\", ATTR{idVendor}==\"0cd5\", "
                   "ATTR{idProduct}==\"0006\", GROUP=\"stickslip\", MODE=\"0660\" into "
                   "/etc/udev/rules.d/70-stickslip-labjack.rules and run: sudo udevadm control "
-                  "--reload && sudo udevadm trigger"};
+                  "--reload && sudo udevadm trigger. Join the group with: sudo usermod -aG "
+                  "stickslip $USER, and log in again"};
     case LIBUSB_ERROR_BUSY:
       return {Outcome::needs_attention,
               board + "another program has it. Find it with: sudo lsof /dev/bus/usb/*/*"};

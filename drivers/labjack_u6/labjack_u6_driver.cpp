@@ -117,7 +117,11 @@ struct LabjackU6Driver::Board {
 LabjackU6Driver::LabjackU6Driver(const config::LabjackU6& settings,
                                  const config::BenchInputs& inputs, double rate_hz,
                                  HostClock& clock)
-    : settings_(settings), inputs_(inputs), rate_hz_(rate_hz), clock_(clock) {
+    : settings_(settings),
+      inputs_(inputs),
+      rate_hz_(rate_hz),
+      clock_(clock),
+      rest_v_(settings.rest_v) {
   description_.name = "LabJack U6";
   description_.paced = true;
   description_.own_clock = true;
@@ -189,6 +193,7 @@ Result LabjackU6Driver::open() {
     return refuse(Outcome::needs_attention, std::move(trouble));
   }
   board_ = std::make_unique<Board>();
+  rest_v_ = settings_.rest_v;
   if (u6::Trouble trouble = board_->link.open(settings_.serial)) {
     board_.reset();
     return refuse(trouble->outcome, std::move(trouble->text));

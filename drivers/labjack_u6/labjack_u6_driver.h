@@ -31,7 +31,7 @@ class LabjackU6Driver final : public Driver {
   ~LabjackU6Driver() override;
 
   /// Finds the board, reads its calibration, ends a stream that a dead process has left behind, and
-  /// makes the output safe: the enable line low, the DAC at the middle of its range.
+  /// makes the output safe: the enable line low, the DAC at rest.
   Result open() override;
   Result start() override;
   /// Waits at most 20 ms. A loss of the board or of the count of scans is told until close.
@@ -94,7 +94,7 @@ class LabjackU6Driver final : public Driver {
   std::uint16_t sent_counts_ = 0;
   std::uint16_t wanted_counts_ = 0;  // while the amplifier is on
   std::int64_t sent_ns_ = 0;
-  double rest_v_ = 2.5;  // the drive that came with the latest "off"
+  double rest_v_;  // the drive that came with the latest "off"; before any, that of the settings
   std::uint8_t echo_ = 0;
 };
 

@@ -252,6 +252,19 @@ TEST(LabjackU6OnABus, DrivesTheOutputAndTheEnableLine) {
   EXPECT_FALSE(bench.wires.is_enabled());
 }
 
+TEST(LabjackU6OnABus, RestsWhereTheSettingsSayBeforeAnythingIsWritten) {
+  config::LabjackU6 chosen = settings();
+  chosen.rest_v = 1.25;
+  Bench bench(1, 1000.0, chosen);
+  ASSERT_TRUE(bench.driver.open());
+  EXPECT_NEAR(bench.wires.output_v(), 1.25, 5.0 / 4096.0);
+  ASSERT_TRUE(bench.driver.start());
+  bench.frames(milliseconds(60));
+  EXPECT_NEAR(bench.wires.output_v(), 1.25, 5.0 / 4096.0);
+  bench.driver.stop();
+  EXPECT_NEAR(bench.wires.output_v(), 1.25, 5.0 / 4096.0);
+}
+
 TEST(LabjackU6OnABus, ADaemonThatDiesLeavesTheLineToTheWatchdog) {
   Bench bench(1, 1000.0);
   ASSERT_TRUE(bench.driver.open());
@@ -333,6 +346,7 @@ TEST(LabjackU6OnABus, WithoutPermissionItSaysWhatToDo) {
   const Result result = bench.driver.open();
   EXPECT_EQ(result.outcome, Outcome::needs_attention);
   EXPECT_THAT(result.message, HasSubstr("udev"));
+  EXPECT_THAT(result.message, HasSubstr("sudo usermod -aG stickslip $USER"));
   bench.driver.close();
   bench.bus.refuse_access(bench.board, false);
   EXPECT_TRUE(bench.driver.open());
