@@ -29,11 +29,9 @@ bool is_gone(int error) {
 std::string path_of(int number) { return "/dev/gpiochip" + std::to_string(number); }
 
 constexpr const char* permission_cure =
-    "allow it: sudo groupadd -f gpio; sudo usermod -aG gpio $USER; echo 'SUBSYSTEM==\"gpio\", "
-    "KERNEL==\"gpiochip*\", GROUP=\"gpio\", MODE=\"0660\"' | sudo tee "
-    "/etc/udev/rules.d/60-stickslip-gpio.rules; sudo udevadm control --reload; sudo udevadm "
-    "trigger "
-    "--subsystem-match=gpio; and log in again";
+    "70-stickslip.rules gives GPIO chips to the group stickslip: sudo usermod -aG stickslip $USER, "
+    "and log in again; if that does not help: sudo udevadm control --reload; sudo udevadm trigger "
+    "--subsystem-match=gpio";
 
 /// What has been seen of the chips of this host.
 struct Search {
@@ -244,11 +242,18 @@ Result Amplifier::failed(int error) {
   return {Outcome::lost, lost_message_.c_str()};
 }
 
+bool Amplifier::is_known() const noexcept {
+  const std::int64_t looked_ns = looked_ns_.load(std::memory_order_acquire);
+  return !lost_.load(std::memory_order_relaxed) && clock_.now_ns() - looked_ns <= believed_for_ns;
+}
+
 Signals Amplifier::signals() const noexcept {
+  const bool unknown = !is_known();
   Signals signals;
-  signals.emergency_stop =
-      emergency_stop_.load(std::memory_order_relaxed) || lost_.load(std::memory_order_relaxed);
-  signals.amplifier_fault = fault_.load(std::memory_order_relaxed);
+  signals.emergency_stop = settings_.emergency_stop.has_value() &&
+                           (unknown || emergency_stop_.load(std::memory_order_relaxed));
+  signals.amplifier_fault =
+      settings_.fault.has_value() && (unknown || fault_.load(std::memory_order_relaxed));
   return signals;
 }
 
@@ -259,6 +264,7 @@ void Amplifier::say_unknown() noexcept {
 
 /// False: the chip did not answer.
 bool Amplifier::look_at_inputs(std::span<bool> went_active) {
+  const std::int64_t begun_ns = clock_.now_ns();
   if (inputs_->take_edges(went_active) != 0) return false;
   for (std::size_t i = 0; i < watched_.size(); ++i) {
     const int level = inputs_->get(i);
@@ -268,6 +274,7 @@ bool Amplifier::look_at_inputs(std::span<bool> went_active) {
     if (went_active[i]) watched_[i].state.update(true, now);
     watched_[i].told->store(watched_[i].state.update(level == 1, now), std::memory_order_relaxed);
   }
+  looked_ns_.store(begun_ns, std::memory_order_release);
   return true;
 }
 
@@ -275,12 +282,14 @@ void Amplifier::watch_inputs() {
   std::vector<pollfd> waited{{wake_, POLLIN, 0}};
   for (const int file : inputs_->edge_files()) waited.push_back({file, POLLIN, 0});
   int failures = 0;
+  std::array<bool, most_lines> went_active{};
   for (;;) {
     ::poll(waited.data(), waited.size(), look_every_ms);
     if (stopping_.load(std::memory_order_relaxed)) return;
-    std::array<bool, most_lines> went_active{};
+    // What went active is not forgotten where the chip fails before it was told.
     if (look_at_inputs(went_active)) {
       failures = 0;
+      went_active.fill(false);
       continue;
     }
     if (++failures < failures_of_a_lost_chip) continue;

@@ -24,9 +24,16 @@ namespace stickslip::drivers {
 /// no other thread than the one that calls.
 ///
 /// Whatever is not known is pressed: an emergency stop that is configured counts as pressed, and a
-/// fault as one, before open, after close, and when the chip is gone.
+/// fault as one, before open, after close, when the chip is gone, and when nobody has looked at the
+/// lines for `believed_for_ns`. A line that is not configured says nothing, then as ever: that the
+/// chip is gone is what write() answers.
 class Amplifier final : public Contacts {
  public:
+  /// Lines are looked at every 50 ms. A look that is older than this is no knowledge: the thread
+  /// that looks hangs in the chip's driver, or gets no processor.
+  static constexpr std::int64_t believed_for_ns = 300'000'000;
+
+  /// `clock` is asked from several threads, and must outlive it.
   Amplifier(const config::Amplifier& settings, HostClock& clock);
   ~Amplifier() override;
 
@@ -53,6 +60,7 @@ class Amplifier final : public Contacts {
   void watch_inputs();
   bool look_at_inputs(std::span<bool> went_active);
   void say_unknown() noexcept;
+  bool is_known() const noexcept;
 
   config::Amplifier settings_;
   HostClock& clock_;
@@ -83,6 +91,7 @@ class Amplifier final : public Contacts {
   std::thread watcher_;
 
   std::atomic<bool> lost_{false};
+  std::atomic<std::int64_t> looked_ns_{0};  // when the lines began to be looked at, last
   std::atomic<bool> emergency_stop_;
   std::atomic<bool> fault_;
 };

@@ -33,6 +33,10 @@ enum class Use {
   input    ///< read, with edges where the chip can tell them
 };
 
+/// The rest waits for the next call. The kernel keeps no more than 16 of a line unless it is asked
+/// to.
+inline constexpr std::size_t edges_at_a_call = 64;
+
 /// Why lines could not be had.
 struct Refusal {
   int error = 0;         ///< the system's number; ENOENT: no such line
@@ -59,8 +63,10 @@ class Lines {
 
   /// Readable once there was an edge; none where the chip tells no edges.
   std::span<const int> edge_files() const noexcept;
-  /// Takes up the edges that there were. Sets `went_active[line]` of the lines that have become
-  /// active in the meantime, even if they are not any more. 0, or the system's number of the error.
+  /// Takes up the edges that there were, at most `edges_at_a_call` of a file: a wire that floats
+  /// can make them faster than they are taken. Sets `went_active[line]` of the lines that have
+  /// become active in the meantime, even if they are not any more. 0, or the system's number of
+  /// the error.
   int take_edges(std::span<bool> went_active) noexcept;
 
  private:

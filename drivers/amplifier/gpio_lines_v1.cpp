@@ -139,7 +139,8 @@ std::span<const int> Lines::edge_files() const noexcept { return held_->files; }
 int Lines::take_edges(std::span<bool> went_active) noexcept {
   for (std::size_t i = 0; i < held_->files.size(); ++i) {
     const std::size_t line = held_->file_lines[i];
-    for (pollfd waited{held_->files[i], POLLIN, 0}; ::poll(&waited, 1, 0) > 0;) {
+    pollfd waited{held_->files[i], POLLIN, 0};
+    for (std::size_t taken = 0; taken<edges_at_a_call&& ::poll(&waited, 1, 0)> 0; ++taken) {
       if ((waited.revents & POLLIN) == 0) return ENODEV;
       gpiod_line_event event{};
       if (gpiod_line_event_read(held_->lines[line], &event) != 0) return errno;

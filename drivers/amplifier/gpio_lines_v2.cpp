@@ -182,11 +182,13 @@ std::span<const int> Lines::edge_files() const noexcept { return held_->files; }
 
 int Lines::take_edges(std::span<bool> went_active) noexcept {
   if (held_->files.empty()) return 0;
-  for (pollfd waited{held_->files.front(), POLLIN, 0}; ::poll(&waited, 1, 0) > 0;) {
+  pollfd waited{held_->files.front(), POLLIN, 0};
+  for (std::size_t taken = 0; taken<edges_at_a_call&& ::poll(&waited, 1, 0)> 0;) {
     if ((waited.revents & POLLIN) == 0) return ENODEV;
     const int count = gpiod_line_request_read_edge_events(held_->request.get(), held_->events.get(),
                                                           events_at_once);
     if (count < 0) return errno;
+    taken += static_cast<std::size_t>(count);
     for (int i = 0; i < count; ++i) {
       gpiod_edge_event* event =
           gpiod_edge_event_buffer_get_event(held_->events.get(), static_cast<unsigned long>(i));

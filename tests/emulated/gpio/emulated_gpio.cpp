@@ -75,6 +75,29 @@ void EmulatedGpio::put(const std::string& path, unsigned offset, bool high, bool
   }
 }
 
+void EmulatedGpio::let_float(const std::string& path, unsigned offset, bool floats) {
+  const std::lock_guard lock(mutex_);
+  chip(path)->lines.at(offset).floats = floats;
+}
+
+void EmulatedGpio::hold_gets(bool hold) {
+  const std::lock_guard lock(mutex_);
+  holds_gets_ = hold;
+  let_go_.notify_all();
+}
+
+void EmulatedGpio::edge_taken(const std::string& path, const GpioEdge& edge) {
+  const std::lock_guard lock(mutex_);
+  Chip* its = chip(path);
+  if (its == nullptr || edge.offset >= its->lines.size()) return;
+  const Line& line = its->lines[edge.offset];
+  if (!line.floats || line.edge_file < 0) return;
+  const GpioEdge next{edge.offset, !edge.rising};
+  if (::write(line.edge_file, &next, sizeof next) != static_cast<ssize_t>(sizeof next)) {
+    throw std::runtime_error("an edge could not be told");
+  }
+}
+
 bool EmulatedGpio::level(const std::string& path, unsigned offset) const {
   const std::lock_guard lock(mutex_);
   return chip(path)->lines.at(offset).high;
@@ -171,7 +194,8 @@ int EmulatedGpio::set(const std::string& path, unsigned offset, bool active) {
 }
 
 int EmulatedGpio::get(const std::string& path, unsigned offset, bool& active) const {
-  const std::lock_guard lock(mutex_);
+  std::unique_lock lock(mutex_);
+  let_go_.wait(lock, [this] { return !holds_gets_; });
   const Chip* its = chip(path);
   if (its == nullptr) return ENODEV;
   const Line& line = its->lines.at(offset);

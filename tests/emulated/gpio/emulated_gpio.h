@@ -1,6 +1,7 @@
 // GPIO chips as the kernel shows them, for stand-ins of both generations of libgpiod.
 #pragma once
 
+#include <condition_variable>
 #include <cstdint>
 #include <deque>
 #include <mutex>
@@ -43,6 +44,10 @@ class EmulatedGpio {
   void occupy(const std::string& path, unsigned offset, const std::string& consumer);
   /// The voltage at a line that is an input; without `tell` its edge is lost.
   void put(const std::string& path, unsigned offset, bool high, bool tell = true);
+  /// A wire at nothing: of every edge that is taken up there is another one.
+  void let_float(const std::string& path, unsigned offset, bool floats);
+  /// Whoever asks for a level waits until it is let go.
+  void hold_gets(bool hold);
   bool level(const std::string& path, unsigned offset) const;
   /// Every voltage that an output was given, the one that it was requested with first.
   std::vector<bool> history(const std::string& path, unsigned offset) const;
@@ -60,6 +65,7 @@ class EmulatedGpio {
   void release(const std::string& path, unsigned offset);
   int set(const std::string& path, unsigned offset, bool active);
   int get(const std::string& path, unsigned offset, bool& active) const;
+  void edge_taken(const std::string& path, const GpioEdge& edge);
 
  private:
   struct Line {
@@ -67,6 +73,7 @@ class EmulatedGpio {
     std::string consumer;
     GpioWish wish;
     bool high = false;
+    bool floats = false;
     int edge_file = -1;
     std::vector<bool> history;
   };
@@ -83,6 +90,8 @@ class EmulatedGpio {
   const Chip* chip(const std::string& path) const;
 
   mutable std::mutex mutex_;
+  mutable std::condition_variable let_go_;
+  bool holds_gets_ = false;
   std::deque<Chip> chips_;
 };
 

@@ -133,6 +133,7 @@ int gpiod_line_event_get_fd(gpiod_line* line) { return line->edges[0]; }
 int gpiod_line_event_read(gpiod_line* line, gpiod_line_event* event) {
   GpioEdge edge;
   if (::read(line->edges[0], &edge, sizeof edge) != static_cast<ssize_t>(sizeof edge)) return -1;
+  emulated_gpio().edge_taken(line->chip->path, edge);
   event->event_type = edge.rising ? GPIOD_LINE_EVENT_RISING_EDGE : GPIOD_LINE_EVENT_FALLING_EDGE;
   return 0;
 }

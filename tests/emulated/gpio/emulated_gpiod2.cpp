@@ -177,7 +177,10 @@ int gpiod_line_request_read_edge_events(gpiod_line_request* request,
   if (size < 0) return -1;
   const size_t count = static_cast<size_t>(size) / sizeof edges[0];
   buffer->events.clear();
-  for (size_t i = 0; i < count; ++i) buffer->events.push_back({edges[i]});
+  for (size_t i = 0; i < count; ++i) {
+    buffer->events.push_back({edges[i]});
+    emulated_gpio().edge_taken(request->path, edges[i]);
+  }
   return static_cast<int>(count);
 }
 
