@@ -29,6 +29,7 @@ TEST(Bench, TheShippedBenchIsReadWhole) {
   EXPECT_EQ(bench.labjack_u6.emergency_stop_line, 2);
   EXPECT_FALSE(bench.labjack_u6.serial);
   EXPECT_EQ(bench.shaker.volts_per_unit, 150.0);
+  EXPECT_EQ(bench.labjack_u6.rest_v, bench.shaker.rest_v);
   ASSERT_EQ(bench.modbus.size(), 1U);
   EXPECT_EQ(bench.modbus[0].name, "lvdt");
   EXPECT_EQ(bench.modbus[0].parity, 'E');
