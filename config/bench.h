@@ -50,6 +50,7 @@ struct Usb1208fsPlus {
   std::string serial;            ///< 8 characters; empty: the only one that is attached
   int output = 0;                ///< 0 or 1: what drives the amplifier
   double output_ahead_s = 0.02;  ///< how much drive is queued in the board: late, but never torn
+  double rest_v = 2.5;           ///< of the output: at which nothing moves; [shaker] rest_v
 };
 
 /// [phidget_bridge], PhidgetBridge 4-Input 1046

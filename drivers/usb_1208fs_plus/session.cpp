@@ -144,6 +144,11 @@ Outcome Session::open(const std::string& wanted, std::string& refusal) {
   return claimed == LIBUSB_ERROR_NO_DEVICE ? Outcome::lost : Outcome::needs_attention;
 }
 
+void Session::release() const {
+  // Where it fails the board is gone, and free.
+  static_cast<void>(libusb_release_interface(handle_.get(), 0));
+}
+
 int Session::send(Request request, std::span<const std::uint8_t> bytes, std::uint16_t value,
                   std::uint16_t index) const {
   // libusb takes what is sent as it takes what is filled; the longest is 14 bytes.

@@ -34,6 +34,8 @@ class Session {
   libusb_context* context() const { return context_.get(); }
   libusb_device_handle* handle() const { return handle_.get(); }
   const std::string& serial() const { return serial_; }
+  /// Gives the board free for another session. What the kernel still does on it ends with that.
+  void release() const;
 
   /// Control requests. They wait, at most a second. Negative: libusb's error.
   int send(Request request, std::span<const std::uint8_t> bytes = {}, std::uint16_t value = 0,

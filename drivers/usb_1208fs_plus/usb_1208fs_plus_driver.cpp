@@ -1,16 +1,20 @@
 #include "drivers/usb_1208fs_plus/usb_1208fs_plus_driver.h"
 
 #include <readerwriterqueue/readerwriterqueue.h>
+#include <semaphore.h>
+#include <time.h>
 
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <cerrno>
 #include <chrono>
 #include <cmath>
 #include <span>
 #include <thread>
 #include <utility>
 
+#include "drivers/ring.h"
 #include "drivers/usb_1208fs_plus/numbering.h"
 #include "drivers/usb_1208fs_plus/protocol.h"
 #include "drivers/usb_1208fs_plus/session.h"
@@ -21,15 +25,25 @@ using namespace usb_1208fs_plus;
 
 namespace {
 
-constexpr std::int64_t patience_of_read_us = 20'000;
+constexpr std::int64_t patience_of_read_ns = 20'000'000;
 constexpr std::size_t room_for_frames = 4096;
 constexpr std::size_t input_transfers = 16;
 constexpr std::size_t output_transfers = 16;
 constexpr std::size_t output_transfer_bytes = 2048;
-constexpr double default_rest_v = 2.5;
 constexpr std::int64_t status_period_ns = 200'000'000;
+/// For transfers that were called back. What has not come by then never will.
+constexpr std::chrono::seconds patience_of_call_back(2);
 
 std::int64_t to_ns(double seconds) { return std::llround(seconds * 1e9); }
+
+timespec monotonic_in(std::int64_t ns) {
+  timespec due{};
+  clock_gettime(CLOCK_MONOTONIC, &due);
+  const std::int64_t fine_ns = due.tv_nsec + ns;
+  due.tv_sec += fine_ns / 1'000'000'000;
+  due.tv_nsec = fine_ns % 1'000'000'000;
+  return due;
+}
 
 }  // namespace
 
@@ -38,7 +52,7 @@ std::int64_t to_ns(double seconds) { return std::llround(seconds * 1e9); }
 class Usb1208fsPlusDriver::Board {
  public:
   Board(Session session, const ScanPlan& plan, const Calibration& calibration, int output,
-        double output_ahead_s, HostClock& clock)
+        double output_ahead_s, double rest_v, HostClock& clock)
       : session_(std::move(session)),
         plan_(plan),
         calibration_(calibration),
@@ -46,7 +60,9 @@ class Usb1208fsPlusDriver::Board {
         ahead_(static_cast<std::size_t>(std::max(1.0, std::round(output_ahead_s / plan.period_s)))),
         clock_(clock),
         decoder_(plan.channels.size()),
-        numbering_(plan.period_s) {
+        numbering_(plan.period_s),
+        rest_(output_counts(rest_v)) {
+    sem_init(&available_, 0, 0);
     for (std::size_t i = 0; i < input_transfers; ++i) {
       add(inputs_, input_endpoint, plan.transfer_bytes);
     }
@@ -54,17 +70,25 @@ class Usb1208fsPlusDriver::Board {
       add(outputs_, output_endpoint, output_transfer_bytes);
     }
   }
-  ~Board() { stop(); }
+  /// Not where it keeps().
+  ~Board() {
+    stop();
+    sem_destroy(&available_);
+  }
   Board(const Board&) = delete;
   Board& operator=(const Board&) = delete;
 
   bool running() const { return thread_.joinable(); }
-  bool lost() const { return lost_.load(std::memory_order_relaxed); }
+  bool lost() const { return gone() || keeps(); }
+  /// The kernel did not give transfers back: it may still write into their memory, and this object
+  /// must not be destroyed.
+  bool keeps() const { return keeps_.load(std::memory_order_relaxed); }
+  void release() const { session_.release(); }
   int start();
   void stop();
 
   // For the loop.
-  bool next(Frame& frame) { return frames_.wait_dequeue_timed(frame, patience_of_read_us); }
+  bool next(Frame& frame);
   bool drive(std::uint16_t counts, std::size_t copies) {
     for (std::size_t i = 0; i < copies; ++i) {
       if (!values_.try_enqueue(counts)) return false;
@@ -78,7 +102,7 @@ class Usb1208fsPlusDriver::Board {
   }
   std::size_t ahead() const { return ahead_; }
   /// The loop has not read them yet: it is behind.
-  bool frames_wait() const { return frames_.size_approx() != 0; }
+  bool frames_wait() const { return frames_.size() != 0; }
   bool dry() const { return dryness_.load(std::memory_order_acquire) == Dryness::dry; }
   /// What is in the queue from now on is no old drive.
   void begin_again() { dryness_.store(Dryness::begin_again, std::memory_order_release); }
@@ -112,7 +136,8 @@ class Usb1208fsPlusDriver::Board {
   void output_ended(const Transfer& transfer);
   void submit(Transfer& transfer, std::size_t bytes);
   void handle_events(int milliseconds);
-  void call_back(Transfers& transfers);
+  bool gone() const { return gone_.load(std::memory_order_relaxed); }
+  bool call_back(Transfers& transfers);
   /// Notes that the board is gone; true where the request was done.
   bool worked(int result);
 
@@ -144,11 +169,13 @@ class Usb1208fsPlusDriver::Board {
   Transfers outputs_;
   std::thread thread_;
   std::atomic<bool> stopping_ = false;
-  std::atomic<bool> lost_ = false;
+  std::atomic<bool> gone_ = false;
+  std::atomic<bool> keeps_ = false;
 
-  moodycamel::BlockingReaderWriterQueue<Frame> frames_{room_for_frames};
+  Ring<Frame> frames_{room_for_frames};
+  sem_t available_{};  // as often as there are frames
   moodycamel::ReaderWriterQueue<std::uint16_t> values_{4096};
-  std::atomic<std::uint16_t> rest_ = output_counts(default_rest_v);
+  std::atomic<std::uint16_t> rest_;
   std::atomic<bool> driving_ = false;
   /// An output that ran dry begins again with what the loop writes when it has caught up: whatever
   /// came before would stay in front of it for good.
@@ -190,13 +217,30 @@ void Usb1208fsPlusDriver::Board::stop() {
   if (!running()) return;
   stopping_ = true;
   thread_.join();
-  Frame frame;
-  while (frames_.try_dequeue(frame)) {
+  while (frames_.front() != nullptr) frames_.pop();
+  while (sem_trywait(&available_) == 0) {
   }
 }
 
+/// Whatever becomes of the wall clock meanwhile.
+bool Usb1208fsPlusDriver::Board::next(Frame& frame) {
+  if (sem_trywait(&available_) != 0) {
+    const timespec due = monotonic_in(patience_of_read_ns);
+    int waited = 0;
+    do {
+      waited = sem_clockwait(&available_, CLOCK_MONOTONIC, &due);
+    } while (waited != 0 && errno == EINTR);
+    if (waited != 0) return false;
+  }
+  const Frame* oldest = frames_.front();
+  if (oldest == nullptr) return false;
+  frame = *oldest;
+  frames_.pop();
+  return true;
+}
+
 bool Usb1208fsPlusDriver::Board::worked(int result) {
-  if (result == LIBUSB_ERROR_NO_DEVICE) lost_ = true;
+  if (result == LIBUSB_ERROR_NO_DEVICE) gone_ = true;
   return result >= 0;
 }
 
@@ -210,11 +254,12 @@ void Usb1208fsPlusDriver::Board::run() {
     if (input_failed_ && !lost()) restart_input();
     if (!lost()) serve_output();
   }
+  // The output comes to rest even where the kernel keeps transfers.
   driving_ = false;
-  if (!lost()) serve_output();
+  if (!gone()) serve_output();
   call_back(outputs_);
   call_back(inputs_);
-  if (!lost()) session_.send(Request::input_scan_stop);
+  if (!gone()) session_.send(Request::input_scan_stop);
 }
 
 /// For what no endpoint says: an output that ran dry while nothing was under way to it.
@@ -230,14 +275,17 @@ void Usb1208fsPlusDriver::Board::ask_status() {
 
 void Usb1208fsPlusDriver::Board::handle_events(int milliseconds) {
   timeval patience{0, milliseconds * 1000};
-  libusb_handle_events_timeout_completed(session_.context(), &patience, nullptr);
+  const int error = libusb_handle_events_timeout_completed(session_.context(), &patience, nullptr);
+  if (error == LIBUSB_SUCCESS || error == LIBUSB_ERROR_INTERRUPTED) return;
+  // It did not wait. At the priority of this thread, nothing else on its processor would run.
+  std::this_thread::sleep_for(std::chrono::milliseconds(1));
 }
 
 void Usb1208fsPlusDriver::Board::ended(libusb_transfer* transfer) {
   auto& one = *static_cast<Transfer*>(transfer->user_data);
   one.in_flight = false;
   if (transfer->status == LIBUSB_TRANSFER_NO_DEVICE) {
-    one.board->lost_ = true;
+    one.board->gone_ = true;
   } else if (transfer->endpoint == input_endpoint) {
     one.board->input_ended(one);
   } else {
@@ -256,8 +304,8 @@ void Usb1208fsPlusDriver::Board::submit(Transfer& transfer, std::size_t bytes) {
   }
 }
 
-/// Cancels them and waits until they are back.
-void Usb1208fsPlusDriver::Board::call_back(Transfers& transfers) {
+/// Cancels them and waits until they are back. False: they never came.
+bool Usb1208fsPlusDriver::Board::call_back(Transfers& transfers) {
   const auto any = [&transfers] {
     return std::any_of(transfers.begin(), transfers.end(),
                        [](const auto& one) { return one->in_flight; });
@@ -265,7 +313,12 @@ void Usb1208fsPlusDriver::Board::call_back(Transfers& transfers) {
   for (const auto& one : transfers) {
     if (one->in_flight) libusb_cancel_transfer(one->transfer.get());
   }
-  while (any()) handle_events(10);
+  // A kernel that keeps some is not waited for again.
+  const auto now = std::chrono::steady_clock::now;
+  const auto until = keeps() ? now() : now() + patience_of_call_back;
+  while (any() && now() < until) handle_events(10);
+  if (any()) keeps_ = true;
+  return !any();
 }
 
 // Inputs
@@ -316,7 +369,7 @@ void Usb1208fsPlusDriver::Board::restart_input() {
   const auto wait = [this] {
     if (!lost()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   };
-  call_back(inputs_);
+  if (!call_back(inputs_)) return;
   if (!worked(session_.send(Request::input_scan_stop))) {
     wait();
     return;
@@ -357,7 +410,7 @@ void Usb1208fsPlusDriver::Board::publish(std::span<const std::uint16_t> codes) {
         std::lround(static_cast<double>(last - i) * plan_.conversion_s() * 1e6));
   }
   // Where the loop does not keep up, the jump of the sequence says so.
-  static_cast<void>(frames_.try_enqueue(frame));
+  if (frames_.push(frame)) sem_post(&available_);
 }
 
 // Output
@@ -382,6 +435,7 @@ void Usb1208fsPlusDriver::Board::serve_output() {
     output_running_ = false;
     dryness_.store(Dryness::dry, std::memory_order_release);
     throw_values_away();
+    if (lost()) return;
   }
   if (!output_running_) begin_output();
   send_values();
@@ -510,7 +564,7 @@ Result Usb1208fsPlusDriver::open() {
     return {Outcome::needs_attention, refusal_.c_str()};
   }
   board_ = std::make_unique<Board>(std::move(session), *plan, *calibration, settings_.output,
-                                   settings_.output_ahead_s, clock_);
+                                   settings_.output_ahead_s, settings_.rest_v, clock_);
   return {};
 }
 
@@ -553,7 +607,7 @@ Result Usb1208fsPlusDriver::write(const Actuation& actuation) {
   if (board_->lost()) return {Outcome::lost, "the USB-1208FS-Plus is gone; plug it in again"};
   if (!sound || !actuation.amplifier_on) {
     board_->was_driving = false;
-    board_->rest(output_counts(sound ? actuation.drive : default_rest_v));
+    board_->rest(output_counts(sound ? actuation.drive : settings_.rest_v));
     return sound ? Result{} : Result{Outcome::fatal, "the commanded drive is not finite"};
   }
   // One value for each frame since the last write: what comes out stays as far behind.
@@ -587,6 +641,11 @@ void Usb1208fsPlusDriver::stop() noexcept {
 
 void Usb1208fsPlusDriver::close() noexcept {
   stop();
+  if (board_ && board_->keeps()) {
+    // The kernel still writes into this memory. Better lost than used twice.
+    board_->release();
+    static_cast<void>(board_.release());
+  }
   board_.reset();
 }
 

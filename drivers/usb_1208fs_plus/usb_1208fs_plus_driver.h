@@ -41,8 +41,9 @@ class Usb1208fsPlusDriver final : public Driver {
   /// Waits at most 20 ms.
   Result read(Frame& frame) override;
   Result write(const Actuation& actuation) override;
-  /// The output goes to the voltage of the last write without the amplifier, 2.5 V if there was
-  /// none.
+  /// The output goes to the voltage of the last write without the amplifier, settings.rest_v if
+  /// there was none. Within seconds, even where the kernel does not give transfers back: the board
+  /// counts as lost then, and close() leaves to the kernel what it keeps.
   void stop() noexcept override;
   void close() noexcept override;
   const Description& description() const override { return description_; }

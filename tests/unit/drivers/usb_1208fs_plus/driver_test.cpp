@@ -5,16 +5,41 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <libusb-1.0/libusb.h>
+
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <deque>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "tests/emulated/attach/emulated_libusb.h"
+
+// Between the driver and the library, by the linker.
+namespace {
+std::atomic<bool> kernel_keeps{false};
+std::atomic<bool> events_fail{false};
+std::atomic<int> events_handled{0};
+}  // namespace
+extern "C" {
+int __real_libusb_cancel_transfer(libusb_transfer* transfer);
+int __wrap_libusb_cancel_transfer(libusb_transfer* transfer) {
+  return kernel_keeps ? 0 : __real_libusb_cancel_transfer(transfer);
+}
+int __real_libusb_handle_events_timeout_completed(libusb_context*, timeval*, int*);
+int __wrap_libusb_handle_events_timeout_completed(libusb_context* context, timeval* patience,
+                                                  int* completed) {
+  ++events_handled;
+  if (events_fail) return LIBUSB_ERROR_IO;
+  return __real_libusb_handle_events_timeout_completed(context, patience, completed);
+}
+}
 
 namespace stickslip::drivers {
 namespace {
@@ -292,6 +317,46 @@ TEST_F(Usb1208fsPlus, IsLostInEveryState) {
   EXPECT_EQ(bus.open_handles(), 0);
   EXPECT_EQ(bus.transfers_in_flight(), 0U);
   EXPECT_THAT(bus.misuses(), IsEmpty());
+}
+
+TEST_F(Usb1208fsPlus, RestsWhereItIsSetBeforeAnyWrite) {
+  settings.rest_v = 1.0;
+  driver.emplace(settings, inputs, 1000.0, clock);
+  begin();
+  Frame frame;
+  ASSERT_TRUE(next(frame));
+  driver->stop();
+  EXPECT_EQ(board.resting_at, 819);
+}
+
+TEST_F(Usb1208fsPlus, AKernelThatKeepsTransfersDoesNotHoldUpTheEnd) {
+  begin();
+  Frame frame;
+  ASSERT_TRUE(next(frame));
+  {
+    const std::lock_guard hold(board.lock);
+    board.running = false;  // nothing comes any more
+  }
+  kernel_keeps = true;
+  const std::int64_t begun_ns = clock.now_ns();
+  driver->stop();
+  EXPECT_LT(clock.now_ns() - begun_ns, 4'000'000'000);
+  EXPECT_EQ(driver->start().outcome, Outcome::lost);
+  driver->close();
+  EXPECT_EQ(bus.open_handles(), 1) << "what the kernel keeps is left to it";
+  kernel_keeps = false;
+  begin();
+  ASSERT_TRUE(next(frame));
+}
+
+TEST_F(Usb1208fsPlus, EventsThatFailAtOnceDoNotTakeTheProcessor) {
+  begin();
+  events_fail = true;
+  const int before = events_handled;
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  const int handled = events_handled - before;
+  events_fail = false;
+  EXPECT_LT(handled, 200);
 }
 
 TEST_F(Usb1208fsPlus, RefusalsTellTheCure) {
