@@ -66,6 +66,7 @@ class Reader {
     take(bench.shaker.low_v, document_.number("shaker.low_v"));
     take(bench.shaker.high_v, document_.number("shaker.high_v"));
     bench.labjack_u6.rest_v = bench.shaker.rest_v;
+    bench.usb_1208fs_plus.rest_v = bench.shaker.rest_v;
     read_u6(bench.labjack_u6);
     take(bench.usb_1208fs_plus.serial, document_.text("usb_1208fs_plus.serial"));
     take(bench.usb_1208fs_plus.output, document_.integer("usb_1208fs_plus.output"));
