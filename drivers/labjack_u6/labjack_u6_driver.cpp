@@ -194,16 +194,46 @@ Result LabjackU6Driver::open() {
   }
   board_ = std::make_unique<Board>();
   rest_v_ = settings_.rest_v;
-  if (u6::Trouble trouble = board_->link.open(settings_.serial)) {
+  // A dead process may have left the line high. What comes later may fail; this needs nothing.
+  const u6::Command line_low = enable_line_low();
+  if (u6::Trouble trouble =
+          board_->link.open(settings_.serial, settings_.enable_line ? &line_low : nullptr)) {
     board_.reset();
     return refuse(trouble->outcome, std::move(trouble->text));
   }
+  hold_enable_line_low();
   if (const Result prepared = prepare(); !prepared) {
+    hold_enable_line_low();
     board_.reset();
     return prepared;
   }
   description_.name = u6::name_of(board_->link.identity());
   return {};
+}
+
+u6::Command LabjackU6Driver::enable_line_low() {
+  u6::Feedback feedback(++echo_);
+  if (settings_.enable_line) feedback.set_line(*settings_.enable_line, false);
+  return feedback.command();
+}
+
+/// As well as it can be done; needs no calibration, and a stream may run.
+void LabjackU6Driver::hold_enable_line_low() noexcept {
+  if (!settings_.enable_line) return;
+  try {
+    const u6::Command command = enable_line_low();
+    const auto check = [this](std::span<const std::uint8_t> reply) { return answered(reply); };
+    static_cast<void>(board_->link.ask("make its enable line low", command, check));
+  } catch (...) {  // without memory for a sentence
+  }
+}
+
+/// The verdict on a Feedback that reads no lines, among late replies to others.
+u6::Verdict LabjackU6Driver::answered(std::span<const std::uint8_t> reply) const {
+  u6::FeedbackReply out{echo_, 0};
+  const u6::Verdict verdict = u6::parse_feedback(reply, false, out);
+  if (out.echo != echo_) return u6::Verdict{u6::Verdict::Kind::command};
+  return verdict;
 }
 
 /// What a board needs before it may be used: silence, its constants, safe outputs.
@@ -250,13 +280,7 @@ bool LabjackU6Driver::make_safe() noexcept {
     if (settings_.amplifier_fault_line) feedback.make_input(*settings_.amplifier_fault_line);
     if (settings_.emergency_stop_line) feedback.make_input(*settings_.emergency_stop_line);
     feedback.dac(settings_.dac, u6::dac_counts(board_->calibration, settings_.dac, rest_v_));
-    const auto check = [this](std::span<const std::uint8_t> reply) {
-      u6::FeedbackReply out{echo_, 0};
-      const u6::Verdict verdict = u6::parse_feedback(reply, false, out);
-      // The late reply to a command of the stream.
-      if (out.echo != echo_) return u6::Verdict{u6::Verdict::Kind::command};
-      return verdict;
-    };
+    const auto check = [this](std::span<const std::uint8_t> reply) { return answered(reply); };
     u6::Trouble trouble = link.ask("switch the amplifier off", feedback.command(), check);
     if (!trouble && has_watchdog()) {
       trouble = link.ask("set its watchdog (watchdog_s = 0 does without)", u6::disarm_watchdog(),

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,11 @@
 #include "drivers/host_clock.h"
 
 namespace stickslip::drivers {
+
+namespace labjack_u6 {
+struct Command;
+struct Verdict;
+}  // namespace labjack_u6
 
 /// A frame is a scan, in volts at the inputs; its time is exactly its number times the period of
 /// the board's crystal, and its sequence counts the scans that were lost too, whether on the bus or
@@ -30,7 +36,8 @@ class LabjackU6Driver final : public Driver {
                   double rate_hz, HostClock& clock);
   ~LabjackU6Driver() override;
 
-  /// Finds the board, reads its calibration, ends a stream that a dead process has left behind, and
+  /// Finds the board, makes the enable line low before anything else (again, where a later step
+  /// fails), reads its calibration, ends a stream that a dead process has left behind, and
   /// makes the output safe: the enable line low, the DAC at rest.
   Result open() override;
   Result start() override;
@@ -53,6 +60,9 @@ class LabjackU6Driver final : public Driver {
   std::string trouble_with_settings() const;
   Result prepare();
   Result begin_stream();
+  labjack_u6::Command enable_line_low();
+  void hold_enable_line_low() noexcept;
+  labjack_u6::Verdict answered(std::span<const std::uint8_t> reply) const;
   bool make_safe() noexcept;
   void wind_down() noexcept;
   void forget_what_was_told();

@@ -14,6 +14,7 @@
 #include <thread>
 #include <vector>
 
+#include "drivers/labjack_u6/protocol.h"
 #include "tests/emulated/attach/emulated_libusb.h"
 #include "tests/emulated/labjack_u6/emulated_labjack_u6.h"
 
@@ -365,6 +366,35 @@ TEST(LabjackU6OnABus, AStreamThatADeadProcessLeftBehindIsEnded) {
   ASSERT_TRUE(bench.driver.open());
   ASSERT_TRUE(bench.driver.start());
   EXPECT_GT(bench.frames(milliseconds(100)).size(), 300U);
+}
+
+/// As a process leaves it that died with the amplifier on and no watchdog.
+void leave_line_high(Bench& bench) {
+  const auto high = drivers::labjack_u6::Feedback(200).set_line(2, true).command();
+  ASSERT_EQ(bench.board.out(1, high.view()), UsbStatus::ok);
+  ASSERT_TRUE(bench.wires.is_enabled());
+}
+
+// Whichever command of opening fails, the line that a dead process left high is low.
+TEST(LabjackU6OnABus, ALineThatADeadProcessLeftHighIsLowWhateverFails) {
+  int failures = 0;
+  for (std::uint64_t failing = 0; failing < 12; ++failing) {
+    SCOPED_TRACE(failing);
+    Bench bench(1, 1000.0);
+    leave_line_high(bench);
+    bench.board.schedule(U6ReplyFault::error, failing, {.error = 96});
+    if (!bench.driver.open()) ++failures;
+    EXPECT_FALSE(bench.wires.is_enabled());
+  }
+  EXPECT_GT(failures, 5);
+}
+
+TEST(LabjackU6OnABus, ALineLeftHighIsLowEvenWhereTheBoardNeverAnswers) {
+  Bench bench;
+  leave_line_high(bench);
+  bench.board.chance(U6ReplyFault::missing, 1.0);
+  EXPECT_FALSE(bench.driver.open());
+  EXPECT_FALSE(bench.wires.is_enabled());
 }
 
 /// Replies that are spoilt by chance while it drives: whatever happens is told, and nothing hangs.
