@@ -2,6 +2,7 @@
 
 #include <libusb-1.0/libusb.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <utility>
 
@@ -84,7 +85,14 @@ Verdict ask_who(libusb_device_handle* handle, Identity& identity) {
   return verdict;
 }
 
-Probe probe(libusb_device* device) {
+/// Its reply is among those that ask_who throws away.
+void tell(libusb_device_handle* handle, Command command) {
+  int moved = 0;
+  static_cast<void>(libusb_bulk_transfer(handle, command_endpoint, command.bytes.data(),
+                                         static_cast<int>(command.size), &moved, patience_ms));
+}
+
+Probe probe(libusb_device* device, const Command* first = nullptr) {
   Probe out;
   out.where = place_of(device);
   libusb_device_handle* raw = nullptr;
@@ -98,6 +106,7 @@ Probe probe(libusb_device* device) {
     out.trouble = refusal(out.where, error);
     return out;
   }
+  if (first != nullptr) tell(raw, *first);
   if (const Verdict verdict = ask_who(raw, out.identity); !verdict) {
     out.trouble = {Outcome::temporary, "LabJack U6 at " + out.where +
                                            ": it does not say who it is (" + in_words(verdict) +
@@ -129,14 +138,16 @@ Context new_context() {
   return Context(libusb_init(&raw) == LIBUSB_SUCCESS ? raw : nullptr);
 }
 
-std::vector<Probe> probe_all(libusb_context* context) {
+/// `first` goes to a board that is the only one.
+std::vector<Probe> probe_all(libusb_context* context, const Command* first = nullptr) {
   std::vector<Probe> out;
   libusb_device** raw = nullptr;
   const ssize_t count = libusb_get_device_list(context, &raw);
   if (count < 0) return out;
   const DeviceList list(raw);
+  if (std::count_if(raw, raw + count, is_u6) != 1) first = nullptr;
   for (ssize_t i = 0; i < count; ++i) {
-    if (is_u6(raw[i])) out.push_back(probe(raw[i]));
+    if (is_u6(raw[i])) out.push_back(probe(raw[i], first));
   }
   return out;
 }
@@ -184,7 +195,7 @@ void CloseHandle::operator()(libusb_device_handle* handle) const noexcept {
 
 void ExitContext::operator()(libusb_context* context) const noexcept { libusb_exit(context); }
 
-Trouble BoardLink::open(std::optional<std::uint32_t> serial) {
+Trouble BoardLink::open(std::optional<std::uint32_t> serial, const Command* first) {
   close();
   Context context = new_context();
   if (!context) {
@@ -193,7 +204,7 @@ Trouble BoardLink::open(std::optional<std::uint32_t> serial) {
   }
   Probe chosen;
   {
-    std::vector<Probe> probes = probe_all(context.get());
+    std::vector<Probe> probes = probe_all(context.get(), serial ? nullptr : first);
     if (Trouble trouble = choose(probes, serial, chosen)) return trouble;
   }
   context_ = std::move(context);

@@ -44,8 +44,10 @@ class BoardLink {
  public:
   /// Looks at every attached board, takes the one of that serial number (absent: the only one), and
   /// leaves the others alone. The list of devices is read anew each time, so that a board that came
-  /// after the program is found without udev as well.
-  Trouble open(std::optional<std::uint32_t> serial);
+  /// after the program is found without udev as well. Where only one can be meant, `first` goes to
+  /// it before anything else, even before it is asked who it is; whether it was done is not looked
+  /// at.
+  Trouble open(std::optional<std::uint32_t> serial, const Command* first = nullptr);
   void close() noexcept;
   bool is_open() const { return handle_ != nullptr; }
 

@@ -18,6 +18,10 @@ namespace {
 constexpr std::int64_t read_patience_ns = 20'000'000;
 constexpr std::int64_t slice_ns = 500'000;  // of that, while a set-point waits to be sent
 constexpr std::int64_t line_period_ns = 20'000'000;
+// Older levels are no levels: a wire that may have been cut meanwhile counts as cut.
+constexpr std::int64_t oldest_lines_ns = 100'000'000;
+// "On" may reach the board so long after it was sent; by then the watchdog must not have acted.
+constexpr std::int64_t on_the_way_ns = std::int64_t{u6::leaving_patience_ms} * 1'000'000;
 constexpr std::int64_t second_ns = 1'000'000'000;
 constexpr double rate_tolerance = 50e-6;
 // Of the 5 to 10 ms that a sample may travel, the part that it waits for its transfer to be full.
@@ -121,6 +125,7 @@ LabjackU6Driver::LabjackU6Driver(const config::LabjackU6& settings,
       inputs_(inputs),
       rate_hz_(rate_hz),
       clock_(clock),
+      lines_(std::make_unique<u6::Lines>()),
       rest_v_(settings.rest_v) {
   description_.name = "LabJack U6";
   description_.paced = true;
@@ -194,16 +199,46 @@ Result LabjackU6Driver::open() {
   }
   board_ = std::make_unique<Board>();
   rest_v_ = settings_.rest_v;
-  if (u6::Trouble trouble = board_->link.open(settings_.serial)) {
+  // A dead process may have left the line high. What comes later may fail; this needs nothing.
+  const u6::Command line_low = enable_line_low();
+  if (u6::Trouble trouble =
+          board_->link.open(settings_.serial, settings_.enable_line ? &line_low : nullptr)) {
     board_.reset();
     return refuse(trouble->outcome, std::move(trouble->text));
   }
+  hold_enable_line_low();
   if (const Result prepared = prepare(); !prepared) {
+    hold_enable_line_low();
     board_.reset();
     return prepared;
   }
   description_.name = u6::name_of(board_->link.identity());
   return {};
+}
+
+u6::Command LabjackU6Driver::enable_line_low() {
+  u6::Feedback feedback(++echo_);
+  if (settings_.enable_line) feedback.set_line(*settings_.enable_line, false);
+  return feedback.command();
+}
+
+/// As well as it can be done; needs no calibration, and a stream may run.
+void LabjackU6Driver::hold_enable_line_low() noexcept {
+  if (!settings_.enable_line) return;
+  try {
+    const u6::Command command = enable_line_low();
+    const auto check = [this](std::span<const std::uint8_t> reply) { return answered(reply); };
+    static_cast<void>(board_->link.ask("make its enable line low", command, check));
+  } catch (...) {  // without memory for a sentence
+  }
+}
+
+/// The verdict on a Feedback that reads no lines, among late replies to others.
+u6::Verdict LabjackU6Driver::answered(std::span<const std::uint8_t> reply) const {
+  u6::FeedbackReply out{echo_, 0};
+  const u6::Verdict verdict = u6::parse_feedback(reply, false, out);
+  if (out.echo != echo_) return u6::Verdict{u6::Verdict::Kind::command};
+  return verdict;
 }
 
 /// What a board needs before it may be used: silence, its constants, safe outputs.
@@ -250,13 +285,7 @@ bool LabjackU6Driver::make_safe() noexcept {
     if (settings_.amplifier_fault_line) feedback.make_input(*settings_.amplifier_fault_line);
     if (settings_.emergency_stop_line) feedback.make_input(*settings_.emergency_stop_line);
     feedback.dac(settings_.dac, u6::dac_counts(board_->calibration, settings_.dac, rest_v_));
-    const auto check = [this](std::span<const std::uint8_t> reply) {
-      u6::FeedbackReply out{echo_, 0};
-      const u6::Verdict verdict = u6::parse_feedback(reply, false, out);
-      // The late reply to a command of the stream.
-      if (out.echo != echo_) return u6::Verdict{u6::Verdict::Kind::command};
-      return verdict;
-    };
+    const auto check = [this](std::span<const std::uint8_t> reply) { return answered(reply); };
     u6::Trouble trouble = link.ask("switch the amplifier off", feedback.command(), check);
     if (!trouble && has_watchdog()) {
       trouble = link.ask("set its watchdog (watchdog_s = 0 does without)", u6::disarm_watchdog(),
@@ -301,8 +330,7 @@ Result LabjackU6Driver::begin_stream() {
   if (trouble) return refuse(trouble->outcome, std::move(trouble->text));
 
   auto session =
-      std::make_unique<u6::StreamSession>(link.context(), link.handle(), std::move(plan));
-  session->set_lines(lines);
+      std::make_unique<u6::StreamSession>(link.context(), link.handle(), std::move(plan), *lines_);
   const bool begun = session->begin();
   board_->session = std::move(session);
   if (!begun) {
@@ -312,14 +340,16 @@ Result LabjackU6Driver::begin_stream() {
                       ": the transfers of its stream cannot be submitted. Is "
                       "/sys/module/usbcore/parameters/usbfs_memory_mb large enough?");
   }
-  running_ = true;
   power_ = Power::off;
   off_unconfirmed_ = watchdog_armed_ = let_go_ = sent_on_ = false;
   resend_ = true;
   sent_counts_ = u6::dac_counts(board_->calibration, settings_.dac, rest_v_);
-  sent_ns_ = clock_.now_ns();
   failure_[0] = '\0';
   failure_told_ = false;
+  failed_ = 0;
+  sent_ns_ = confirmed_ns_ = clock_.now_ns();
+  lines_->tell(lines, sent_ns_);  // the grace before the first reply
+  running_ = true;
   return {};
 }
 
@@ -345,13 +375,14 @@ Result LabjackU6Driver::read(Frame& frame) {
 bool LabjackU6Driver::wait_for(Frame& frame) {
   u6::StreamSession& session = *board_->session;
   std::int64_t patience_ns = read_patience_ns;
-  while (power_ == Power::on && wanted_counts_ != sent_counts_ && patience_ns > 0) {
+  while (power_ == Power::on && !let_go_ && wanted_counts_ != sent_counts_ && patience_ns > 0) {
     if (session.next(frame, slice_ns)) return true;
     if (session.ended() != u6::StreamEnd::not_ended) return false;
     patience_ns -= slice_ns;
     const std::int64_t now_ns = clock_.now_ns();
+    if (let_go_by_watchdog(now_ns)) let_go_ = true;
     collect(now_ns);
-    send_set_point(wanted_counts_, true, now_ns);
+    if (!let_go_) send_set_point(wanted_counts_, true, now_ns);
   }
   return patience_ns > 0 && session.next(frame, patience_ns);
 }
@@ -393,7 +424,6 @@ Result LabjackU6Driver::write(const Actuation& actuation) {
   const bool finite = std::isfinite(actuation.drive);
   const bool on = actuation.amplifier_on && finite;
   const std::int64_t now_ns = clock_.now_ns();
-  forget_what_was_told();
   if (let_go_by_watchdog(now_ns)) let_go_ = true;
   if (!actuation.amplifier_on) let_go_ = false;
   if (!on && finite) rest_v_ = actuation.drive;
@@ -410,24 +440,26 @@ Result LabjackU6Driver::write(const Actuation& actuation) {
   if (board_->session->ended() == u6::StreamEnd::unplugged) return ended();
   if (!finite) return {Outcome::fatal, "the commanded drive is not finite"};
   if (let_go_) {
-    return {Outcome::temporary,
-            "nothing was written for longer than watchdog_s, so the board's watchdog has let the "
-            "amplifier go; it stays off until it was switched off"};
+    return {
+        Outcome::temporary,
+        "no command was confirmed for as long as watchdog_s, so the board's watchdog has let the "
+        "amplifier go; it stays off until it was switched off"};
   }
+  forget_what_is_over();
   if (failure_[0] == '\0') return {};
   failure_told_ = true;
   return {Outcome::temporary, failure_.data()};
 }
 
-void LabjackU6Driver::forget_what_was_told() {
-  if (failure_told_) failure_[0] = '\0';
-  failure_told_ = false;
+/// A failure stands until it was told and a command was confirmed since.
+void LabjackU6Driver::forget_what_is_over() {
+  if (failed_ == 0 && failure_told_) failure_[0] = '\0';
 }
 
 /// The board had no command for so long that its watchdog has, or should have, acted.
 bool LabjackU6Driver::let_go_by_watchdog(std::int64_t now_ns) const {
   return has_watchdog() && power_ == Power::on &&
-         now_ns - sent_ns_ > settings_.watchdog_s * second_ns;
+         now_ns - confirmed_ns_ > settings_.watchdog_s * second_ns - on_the_way_ns;
 }
 
 void LabjackU6Driver::collect(std::int64_t now_ns) {
@@ -443,6 +475,12 @@ using Progress = u6::StreamSession::Progress;
 bool failed(const Progress& progress) {
   return progress.kind == Progress::Kind::failed || progress.kind == Progress::Kind::timed_out;
 }
+
+constexpr const char* off_failed =
+    "switching the amplifier off was not confirmed and is said again";
+constexpr const char* not_sent = "the command could not be sent";
+
+unsigned bit_of(u6::Slot slot) { return 1U << static_cast<unsigned>(slot); }
 
 const char* why(const Progress& progress) {
   if (progress.kind == Progress::Kind::timed_out) return "no answer within 0.25 s";
@@ -460,30 +498,50 @@ const char* why(const Progress& progress) {
 
 }  // namespace
 
+void LabjackU6Driver::note_failure(u6::Slot slot, const char* what, const char* why) {
+  failed_ = static_cast<std::uint8_t>(failed_ | bit_of(slot));
+  failure_told_ = false;
+  std::snprintf(failure_.data(), failure_.size(), "%s: %s: %s", description_.name.c_str(), what,
+                why);
+}
+
+/// An "off" that was confirmed settles all that went before. A set-point says nothing of an "off",
+/// nor of a watchdog that has to be armed first.
+void LabjackU6Driver::note_success(u6::Slot slot, std::int64_t sent_ns) {
+  confirmed_ns_ = std::max(confirmed_ns_, sent_ns);
+  unsigned over = bit_of(slot);
+  if (slot == u6::Slot::off) over = ~0U;
+  if (slot == u6::Slot::set_point && power_ == Power::off) over |= bit_of(u6::Slot::watchdog);
+  failed_ = static_cast<std::uint8_t>(failed_ & ~over);
+}
+
 void LabjackU6Driver::collect_set_point(std::int64_t now_ns) {
   const Progress progress = board_->session->progress(u6::Slot::set_point, now_ns);
+  if (progress.kind == Progress::Kind::done) note_success(u6::Slot::set_point, progress.sent_ns);
   if (!failed(progress)) return;
   resend_ = true;
-  std::snprintf(failure_.data(), failure_.size(), "%s: a set-point did not arrive: %s",
-                description_.name.c_str(), why(progress));
+  note_failure(u6::Slot::set_point, "a set-point did not arrive", why(progress));
 }
 
 void LabjackU6Driver::collect_off(std::int64_t now_ns) {
   const Progress progress = board_->session->progress(u6::Slot::off, now_ns);
-  if (progress.kind == Progress::Kind::done) off_unconfirmed_ = false;
+  if (progress.kind == Progress::Kind::done) {
+    off_unconfirmed_ = false;
+    note_success(u6::Slot::off, progress.sent_ns);
+  }
   if (!failed(progress)) return;
-  std::snprintf(failure_.data(), failure_.size(),
-                "%s: switching the amplifier off was not confirmed and is said again: %s",
-                description_.name.c_str(), why(progress));
+  note_failure(u6::Slot::off, off_failed, why(progress));
 }
 
 void LabjackU6Driver::collect_watchdog(std::int64_t now_ns) {
   const Progress progress = board_->session->progress(u6::Slot::watchdog, now_ns);
-  if (progress.kind == Progress::Kind::done) watchdog_armed_ = arming_;
+  if (progress.kind == Progress::Kind::done) {
+    watchdog_armed_ = arming_;
+    note_success(u6::Slot::watchdog, progress.sent_ns);
+  }
   if (!failed(progress)) return;
   watchdog_armed_ = !arming_;  // as far as is known; it is told once more
-  std::snprintf(failure_.data(), failure_.size(), "%s: its watchdog was not set: %s",
-                description_.name.c_str(), why(progress));
+  note_failure(u6::Slot::watchdog, "its watchdog was not set", why(progress));
 }
 
 void LabjackU6Driver::turn_off(std::uint16_t counts, std::int64_t now_ns) {
@@ -499,6 +557,8 @@ void LabjackU6Driver::turn_off(std::uint16_t counts, std::int64_t now_ns) {
   if (session.send(u6::Slot::off, feedback.command(), echo_, now_ns)) {
     sent_ns_ = now_ns;
     sent_counts_ = counts;
+  } else {
+    note_failure(u6::Slot::off, off_failed, not_sent);
   }
 }
 
@@ -557,7 +617,10 @@ void LabjackU6Driver::send_set_point(std::uint16_t counts, bool on, std::int64_t
   feedback.dac(settings_.dac, counts);
   if (settings_.enable_line) feedback.set_line(*settings_.enable_line, on);
   feedback.read_lines();
-  if (!session.send(u6::Slot::set_point, feedback.command(), echo_, now_ns)) return;
+  if (!session.send(u6::Slot::set_point, feedback.command(), echo_, now_ns)) {
+    note_failure(u6::Slot::set_point, "a set-point did not arrive", not_sent);
+    return;
+  }
   resend_ = false;
   sent_on_ = on;
   sent_counts_ = counts;
@@ -565,10 +628,12 @@ void LabjackU6Driver::send_set_point(std::uint16_t counts, bool on, std::int64_t
 }
 
 Signals LabjackU6Driver::signals() const noexcept {
-  if (!running_ || !board_ || !board_->session) return {};
-  const std::uint32_t lines = board_->session->lines();
-  const auto low = [lines](const std::optional<int>& line) {
-    return line && ((lines >> static_cast<unsigned>(*line)) & 1U) == 0;
+  if (!running_) return {};
+  const std::int64_t asked_ns = lines_->asked_ns();
+  const std::uint32_t lines = lines_->levels();
+  const bool old = clock_.now_ns() - asked_ns > oldest_lines_ns;
+  const auto low = [lines, old](const std::optional<int>& line) {
+    return line && (old || ((lines >> static_cast<unsigned>(*line)) & 1U) == 0);
   };
   return {low(settings_.emergency_stop_line), low(settings_.amplifier_fault_line)};
 }

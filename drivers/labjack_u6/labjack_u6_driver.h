@@ -3,8 +3,10 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -14,6 +16,13 @@
 #include "drivers/host_clock.h"
 
 namespace stickslip::drivers {
+
+namespace labjack_u6 {
+struct Command;
+struct Verdict;
+class Lines;
+enum class Slot : std::uint8_t;
+}  // namespace labjack_u6
 
 /// A frame is a scan, in volts at the inputs; its time is exactly its number times the period of
 /// the board's crystal, and its sequence counts the scans that were lost too, whether on the bus or
@@ -30,19 +39,23 @@ class LabjackU6Driver final : public Driver {
                   double rate_hz, HostClock& clock);
   ~LabjackU6Driver() override;
 
-  /// Finds the board, reads its calibration, ends a stream that a dead process has left behind, and
+  /// Finds the board, makes the enable line low before anything else (again, where a later step
+  /// fails), reads its calibration, ends a stream that a dead process has left behind, and
   /// makes the output safe: the enable line low, the DAC at rest.
   Result open() override;
   Result start() override;
   /// Waits at most 20 ms. A loss of the board or of the count of scans is told until close.
   Result read(Frame& frame) override;
   /// Never waits. While a command is under way, the newest set-point replaces those before it;
-  /// "off" is sent at once in any case. What became of a command is told by a later write.
+  /// "off" is sent at once in any case. What became of a command is told by a later write:
+  /// after a failure every one says `temporary`, until a command was confirmed.
   Result write(const Actuation& actuation) override;
   void stop() noexcept override;
   void close() noexcept override;
   const Description& description() const override { return description_; }
-  /// Read with every command, and at least every 20 ms while read or write is called.
+  /// Read with every command, and at least every 20 ms while read or write is called. For any
+  /// thread. While started, a line that is configured counts as pressed or as a fault where no
+  /// command of the last 100 ms was answered; the start counts as an answer.
   Signals signals() const noexcept override;
 
  private:
@@ -53,9 +66,14 @@ class LabjackU6Driver final : public Driver {
   std::string trouble_with_settings() const;
   Result prepare();
   Result begin_stream();
+  labjack_u6::Command enable_line_low();
+  void hold_enable_line_low() noexcept;
+  labjack_u6::Verdict answered(std::span<const std::uint8_t> reply) const;
   bool make_safe() noexcept;
   void wind_down() noexcept;
-  void forget_what_was_told();
+  void forget_what_is_over();
+  void note_failure(labjack_u6::Slot slot, const char* what, const char* why);
+  void note_success(labjack_u6::Slot slot, std::int64_t sent_ns);
   Result ended();
   bool wait_for(Frame& frame);
 
@@ -81,8 +99,10 @@ class LabjackU6Driver final : public Driver {
   std::string refusal_;
   std::array<char, 200> failure_{};  // of a command; empty: none to tell
   bool failure_told_ = false;
+  std::uint8_t failed_ = 0;  // bit: that slot; its latest command, and none was confirmed since
   std::array<char, 200> end_text_{};
-  bool running_ = false;
+  std::atomic<bool> running_{false};
+  std::unique_ptr<labjack_u6::Lines> lines_;
 
   Power power_ = Power::off;
   bool off_unconfirmed_ = false;
@@ -93,7 +113,8 @@ class LabjackU6Driver final : public Driver {
   bool resend_ = false;
   std::uint16_t sent_counts_ = 0;
   std::uint16_t wanted_counts_ = 0;  // while the amplifier is on
-  std::int64_t sent_ns_ = 0;
+  std::int64_t sent_ns_ = 0;         // of the latest command
+  std::int64_t confirmed_ns_ = 0;    // when that was sent which was confirmed last
   double rest_v_;  // the drive that came with the latest "off"; before any, that of the settings
   std::uint8_t echo_ = 0;
 };

@@ -13,7 +13,6 @@ namespace stickslip::drivers::labjack_u6 {
 
 namespace {
 
-constexpr unsigned leaving_patience_ms = 100;
 constexpr std::int64_t reply_patience_ns = 250'000'000;
 constexpr std::size_t replies_listened_for = 4;
 
@@ -51,12 +50,14 @@ timespec monotonic_in(std::int64_t ns) {
 
 }  // namespace
 
-StreamSession::StreamSession(libusb_context* context, libusb_device_handle* handle, StreamPlan plan)
+StreamSession::StreamSession(libusb_context* context, libusb_device_handle* handle, StreamPlan plan,
+                             Lines& lines)
     : context_(context),
       handle_(handle),
       plan_(std::move(plan)),
       decoder_(static_cast<int>(plan_.scan.size()), plan_.samples_per_packet),
-      frames_(frames_kept(plan_.clock)) {
+      frames_(frames_kept(plan_.clock)),
+      lines_(lines) {
   sem_init(&available_, 0, 0);
 }
 
@@ -270,12 +271,13 @@ void StreamSession::dispatch(std::span<const std::uint8_t> reply) {
   FeedbackReply feedback;
   const Verdict verdict = parse_feedback(reply, true, feedback);
   if (kind == ReplyKind::feedback && (verdict || verdict.kind == Verdict::Kind::error)) {
-    if (verdict) lines_.store(feedback.lines, std::memory_order_relaxed);
     for (const Slot slot : {Slot::set_point, Slot::off}) {
       const std::uint64_t word = at(slot).word.load(std::memory_order_acquire);
-      if (echo_of(word) == feedback.echo) settle(at(slot), verdict);
+      if (phase_of(word) != Phase::waiting || echo_of(word) != feedback.echo) continue;
+      if (verdict) lines_.tell(feedback.lines, at(slot).sent_ns);
+      settle(at(slot), verdict);
     }
-    return;  // of no slot: its command was given up, and it says nothing new
+    return;  // of no slot: its command was given up, and what it says is old
   }
   // Nobody knows whose reply that was. All that wait are sent again, which does no harm.
   settle_all(verdict ? Verdict{Verdict::Kind::command} : verdict);
@@ -298,13 +300,14 @@ StreamSession::Progress StreamSession::progress(Slot slot, std::int64_t now_ns) 
   using Kind = Progress::Kind;
   if (phase_of(word) == Phase::idle) return {};
   if (phase_of(word) == Phase::waiting) {
-    if (now_ns - outgoing.sent_ns < reply_patience_ns) return {Kind::under_way, {}};
+    if (now_ns - outgoing.sent_ns < reply_patience_ns) return {Kind::under_way, {}, 0};
     const std::uint64_t idle = word_of(Phase::idle, 0);
-    if (outgoing.word.compare_exchange_strong(word, idle)) return {Kind::timed_out, {}};
+    if (outgoing.word.compare_exchange_strong(word, idle)) return {Kind::timed_out, {}, 0};
     // The reply came just now, and `word` holds it.
   }
   outgoing.word.store(word_of(Phase::idle, 0), std::memory_order_release);
-  return {phase_of(word) == Phase::done ? Kind::done : Kind::failed, verdict_of(word)};
+  return {phase_of(word) == Phase::done ? Kind::done : Kind::failed, verdict_of(word),
+          outgoing.sent_ns};
 }
 
 bool StreamSession::free(Slot slot) const {

@@ -42,11 +42,31 @@ enum class StreamEnd : std::uint8_t {
 /// The commands that may be under way at the same time, one of each.
 enum class Slot : std::uint8_t { set_point, off, watchdog };
 inline constexpr std::size_t slot_count = 3;
+/// A command that the board has not taken by then is withdrawn.
+inline constexpr unsigned leaving_patience_ms = 100;
+
+/// The digital lines as the board told them last; for any thread. One thread writes at a time.
+class Lines {
+ public:
+  /// `asked_ns`: when the command was sent that this answers. They are no older than that.
+  void tell(std::uint32_t levels, std::int64_t asked_ns) {
+    levels_.store(levels, std::memory_order_relaxed);
+    asked_ns_.store(asked_ns, std::memory_order_release);
+  }
+  /// First the time, then the levels, so that these are never older than it says.
+  std::int64_t asked_ns() const { return asked_ns_.load(std::memory_order_acquire); }
+  std::uint32_t levels() const { return levels_.load(std::memory_order_relaxed); }
+
+ private:
+  std::atomic<std::uint32_t> levels_{0};
+  std::atomic<std::int64_t> asked_ns_{0};
+};
 
 /// Calls come from one thread, that of the loop; what the event thread shares with it is atomic.
 class StreamSession {
  public:
-  StreamSession(libusb_context* context, libusb_device_handle* handle, StreamPlan plan);
+  StreamSession(libusb_context* context, libusb_device_handle* handle, StreamPlan plan,
+                Lines& lines);
   ~StreamSession();
   StreamSession(const StreamSession&) = delete;
   StreamSession& operator=(const StreamSession&) = delete;
@@ -69,16 +89,14 @@ class StreamSession {
   struct Progress {
     enum class Kind : std::uint8_t { none, under_way, done, failed, timed_out };
     Kind kind = Kind::none;
-    Verdict verdict;  ///< failed; where the command could not be sent, of Kind::length
+    Verdict verdict;           ///< failed; where the command could not be sent, of Kind::length
+    std::int64_t sent_ns = 0;  ///< done, failed: when the command was sent
   };
   Progress progress(Slot slot, std::int64_t now_ns);
   /// Nothing of that slot is under way.
   bool free(Slot slot) const;
   /// Only where free(). A Feedback carries `echo` and reads the lines. False: it was not sent.
   bool send(Slot slot, const Command& command, std::uint8_t echo, std::int64_t now_ns);
-  /// Levels of the digital lines in the latest reply.
-  std::uint32_t lines() const { return lines_.load(std::memory_order_relaxed); }
-  void set_lines(std::uint32_t lines) { lines_.store(lines, std::memory_order_relaxed); }
 
  private:
   struct FreeTransfer {
@@ -96,7 +114,7 @@ class StreamSession {
     // Phase, echo, and what was wrong: in one word, so that a reply and a time-out cannot both win.
     std::atomic<std::uint64_t> word{0};
     std::atomic<bool> leaving{false};  // its bytes are with the kernel
-    std::int64_t sent_ns = 0;
+    std::atomic<std::int64_t> sent_ns{0};
   };
 
   static void LIBUSB_CALL samples_came(libusb_transfer* transfer);
@@ -132,7 +150,7 @@ class StreamSession {
   std::atomic<StreamEnd> end_{StreamEnd::not_ended};
   std::atomic<std::uint8_t> board_error_{0};
   std::atomic<std::uint8_t> backlog_{0};
-  std::atomic<std::uint32_t> lines_{0};
+  Lines& lines_;
   std::atomic<int> in_flight_{0};
   std::atomic<bool> finishing_{false};
   std::thread thread_;

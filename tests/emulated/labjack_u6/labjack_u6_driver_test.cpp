@@ -14,6 +14,7 @@
 #include <thread>
 #include <vector>
 
+#include "drivers/labjack_u6/protocol.h"
 #include "tests/emulated/attach/emulated_libusb.h"
 #include "tests/emulated/labjack_u6/emulated_labjack_u6.h"
 
@@ -367,6 +368,114 @@ TEST(LabjackU6OnABus, AStreamThatADeadProcessLeftBehindIsEnded) {
   EXPECT_GT(bench.frames(milliseconds(100)).size(), 300U);
 }
 
+/// Writes and reads for so long: how often the words were those of a failure, and whether a write
+/// said `ok` after the first of them.
+struct Told {
+  int failures = 0;
+  int ok_after = 0;
+};
+Told drive(Bench& bench, milliseconds time, drivers::Actuation wanted) {
+  Told told;
+  const auto end = steady_clock::now() + time;
+  while (steady_clock::now() < end) {
+    Frame frame;
+    static_cast<void>(bench.driver.read(frame));
+    const Result written = bench.driver.write(wanted);
+    if (!written) {
+      EXPECT_STRNE(written.message, "");
+      ++told.failures;
+    } else if (told.failures > 0) {
+      ++told.ok_after;
+    }
+  }
+  return told;
+}
+
+TEST(LabjackU6OnABus, ADeadCommandPathIsToldByEveryWriteUntilItLives) {
+  for (const bool off : {false, true}) {
+    SCOPED_TRACE(off);
+    config::LabjackU6 chosen = settings();
+    chosen.watchdog_s = 0;
+    Bench bench(1, 1000.0, chosen);
+    ASSERT_TRUE(bench.driver.open());
+    ASSERT_TRUE(bench.driver.start());
+    drive(bench, milliseconds(200), {3.0, true});
+    bench.board.chance(U6ReplyFault::missing, 1.0);
+    const Told told = drive(bench, milliseconds(900), {off ? 2.5 : 3.0, !off});
+    EXPECT_GT(told.failures, 10);
+    EXPECT_EQ(told.ok_after, 0);
+    bench.board.chance(U6ReplyFault::missing, 0.0);
+    drive(bench, milliseconds(600), {off ? 2.5 : 3.0, !off});
+    EXPECT_TRUE(bench.driver.write({off ? 2.5 : 3.0, !off}));
+  }
+}
+
+TEST(LabjackU6OnABus, LinesThatNobodyKnowsCountAsPressed) {
+  Bench bench(1, 1000.0);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  EXPECT_FALSE(bench.driver.signals().emergency_stop);
+  EXPECT_FALSE(bench.driver.signals().amplifier_fault);
+  drive(bench, milliseconds(300), {3.0, true});
+  EXPECT_FALSE(bench.driver.signals().emergency_stop);
+  bench.board.chance(U6ReplyFault::missing, 1.0);
+  drive(bench, milliseconds(200), {3.0, true});
+  EXPECT_TRUE(bench.driver.signals().emergency_stop);
+  EXPECT_TRUE(bench.driver.signals().amplifier_fault);
+  bench.board.chance(U6ReplyFault::missing, 0.0);
+  drive(bench, milliseconds(400), {3.0, true});
+  EXPECT_FALSE(bench.driver.signals().emergency_stop);
+  bench.driver.stop();
+  EXPECT_FALSE(bench.driver.signals().emergency_stop);
+}
+
+// Commands that nobody confirmed feed no watchdog: the board may not have had them.
+TEST(LabjackU6OnABus, WhatWasNeverConfirmedDoesNotSwitchOnAgain) {
+  Bench bench(1, 1000.0);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  drive(bench, milliseconds(300), {3.0, true});
+  ASSERT_TRUE(bench.wires.is_enabled());
+  bench.board.chance(U6ReplyFault::error, 1.0, {.error = 96});
+  drive(bench, milliseconds(1200), {3.0, true});
+  bench.board.chance(U6ReplyFault::error, 0.0);
+  drive(bench, milliseconds(400), {3.0, true});
+  EXPECT_FALSE(bench.wires.is_enabled());
+  EXPECT_THAT(bench.driver.write({3.0, true}).message, HasSubstr("watchdog"));
+  drive(bench, milliseconds(100), {2.5, false});
+  drive(bench, milliseconds(400), {3.0, true});
+  EXPECT_TRUE(bench.wires.is_enabled());
+}
+
+/// As a process leaves it that died with the amplifier on and no watchdog.
+void leave_line_high(Bench& bench) {
+  const auto high = drivers::labjack_u6::Feedback(200).set_line(2, true).command();
+  ASSERT_EQ(bench.board.out(1, high.view()), UsbStatus::ok);
+  ASSERT_TRUE(bench.wires.is_enabled());
+}
+
+// Whichever command of opening fails, the line that a dead process left high is low.
+TEST(LabjackU6OnABus, ALineThatADeadProcessLeftHighIsLowWhateverFails) {
+  int failures = 0;
+  for (std::uint64_t failing = 0; failing < 12; ++failing) {
+    SCOPED_TRACE(failing);
+    Bench bench(1, 1000.0);
+    leave_line_high(bench);
+    bench.board.schedule(U6ReplyFault::error, failing, {.error = 96});
+    if (!bench.driver.open()) ++failures;
+    EXPECT_FALSE(bench.wires.is_enabled());
+  }
+  EXPECT_GT(failures, 5);
+}
+
+TEST(LabjackU6OnABus, ALineLeftHighIsLowEvenWhereTheBoardNeverAnswers) {
+  Bench bench;
+  leave_line_high(bench);
+  bench.board.chance(U6ReplyFault::missing, 1.0);
+  EXPECT_FALSE(bench.driver.open());
+  EXPECT_FALSE(bench.wires.is_enabled());
+}
+
 /// Replies that are spoilt by chance while it drives: whatever happens is told, and nothing hangs.
 class SpoiltReply : public testing::TestWithParam<U6ReplyFault> {};
 
@@ -398,6 +507,13 @@ TEST_P(SpoiltReply, IsToldAndDoesNotWedgeTheDrive) {
   EXPECT_LT(longest, milliseconds(50)) << "a write waited";
   // Once replies are well again, so is the drive.
   bench.board.chance(GetParam(), 0.0);
+  bench.frames(milliseconds(300));
+  if (bench.last.outcome == Outcome::lost) {  // a stalled endpoint ends it; so does nothing else
+    EXPECT_EQ(GetParam(), U6ReplyFault::stall);
+    bench.driver.close();
+    ASSERT_TRUE(bench.driver.open());
+    ASSERT_TRUE(bench.driver.start());
+  }
   const auto again = steady_clock::now() + milliseconds(1500);
   while (steady_clock::now() < again) {
     Frame frame;
