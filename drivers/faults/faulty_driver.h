@@ -13,8 +13,8 @@
 #include "config/fault_script.h"
 #include "drivers/driver.h"
 #include "drivers/faults/chance.h"
-#include "drivers/host_clock.h"
 #include "drivers/faults/timeline.h"
+#include "drivers/host_clock.h"
 
 namespace stickslip::drivers {
 

@@ -212,7 +212,7 @@ TEST_F(AmplifierBench, WhatNobodyHasLookedAtForTooLongIsPressed) {
   ASSERT_TRUE(amplifier.write(true));
   drivers::MonotonicHostClock real;
   real.sleep_until(real.now_ns() + 120 * ms);  // it was looked at, at this time
-  gpio_.hold_gets(true);  // whoever looks hangs in the chip's driver
+  gpio_.hold_gets(true);                       // whoever looks hangs in the chip's driver
   clock_.pass(300 * ms);
   const drivers::Signals before = amplifier.signals();
   EXPECT_FALSE(before.emergency_stop || before.amplifier_fault);

@@ -92,10 +92,7 @@ TEST(Interlocks, EachIsBrokenByWhatItWatchesAndHoldsAgainAfterwards) {
          i.read_answered({Outcome::no_data, ""}, -90 * ms);
        },
        [](Interlocks& i) { i.read_answered({}, ms); }, "yields no data"},
-      {Interlock::part_lost,
-       [](Interlocks& i) {
-         i.signals({.lost_part = "the bridge is gone"});
-       },
+      {Interlock::part_lost, [](Interlocks& i) { i.signals({.lost_part = "the bridge is gone"}); },
        [](Interlocks& i) { i.signals({}); }, "the bridge is gone"},
       {Interlock::stale_channel,
        [](Interlocks& i) {
