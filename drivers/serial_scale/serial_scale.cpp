@@ -1,34 +1,44 @@
 #include "drivers/serial_scale/serial_scale.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
-#include <regex>
+#include <cstdio>
 
 namespace stickslip::drivers {
 
-namespace {
 constexpr double standard_gravity = 9.80665;       // [m/s^2]
 constexpr std::size_t longest_line = 64;           // more than any has
 constexpr std::int64_t patience_ns = 190'000'000;  // of a read
-}  // namespace
 
 namespace serial_scale {
 
 std::optional<Weight> parse_line(std::string_view line) {
-  static const std::regex form(R"((?:E -+|[SM] ([-+][0-9]+\.[0-9]+)) (k?g) \*([0-9A-F]{2})\r\n)");
-  std::cmatch part;
-  if (line.size() > longest_line ||
-      !std::regex_match(line.data(), line.data() + line.size(), part, form)) {
-    return std::nullopt;
+  std::array<std::string_view, 3> field;  // status, number, unit
+  std::string_view rest = line;
+  for (std::string_view& each : field) {
+    each = rest.substr(0, rest.find(' '));
+    rest.remove_prefix(std::min(each.size() + 1, rest.size()));
   }
-  unsigned long sum = 0;
+  unsigned sum = 0;
   for (const char each : line.substr(0, line.rfind(' '))) sum ^= static_cast<unsigned char>(each);
-  if (std::stoul(part.str(3), nullptr, 16) != sum) return std::nullopt;
-  if (!part[1].matched) return Weight{};
+  std::array<char, 8> told{};
+  std::snprintf(told.data(), told.size(), "*%02X\r\n", sum & 0xFFU);
+  if (rest != told.data() || (field[2] != "g" && field[2] != "kg")) return std::nullopt;
+  const std::string_view number = field[1];
+  if (line.size() > longest_line || number.empty()) return std::nullopt;
+  if (field[0] == "E" && number.find_first_not_of('-') == number.npos) return Weight{};
+  const std::string_view digits = number.substr(1);
+  const std::size_t point = digits.find('.');
+  const bool sound = (field[0] == "S" || field[0] == "M") &&
+                     (number[0] == '+' || number[0] == '-') && point > 0 &&
+                     digits.find_first_not_of(".0123456789") == digits.npos &&
+                     point < digits.size() - 1 && digits.rfind('.') == point;
+  if (!sound) return std::nullopt;
   double value = 0.0;  // from_chars knows no plus
-  std::from_chars(part[1].first + (*part[1].first == '+' ? 1 : 0), part[1].second, value);
-  return Weight{value * (part.str(2) == "g" ? 1.0e-3 : 1.0) * standard_gravity, true};
+  std::from_chars(number.begin() + (number[0] == '+' ? 1 : 0), number.end(), value);
+  return Weight{value * (field[2] == "g" ? 1.0e-3 : 1.0) * standard_gravity, true};
 }
 
 std::uint64_t Rhythm::take(std::int64_t time_ns, std::uint64_t lines) {
@@ -60,8 +70,7 @@ Result SerialScale::open() {
   losses_ = {};
   received_.clear();
   for (const GaugeInput& input : inputs_) {
-    if (input.name == "weight") continue;
-    return tell(Outcome::needs_attention, "it has no input \"" + input.name + "\", only weight");
+    if (input.name != "weight") return tell(Outcome::needs_attention, "its only input is weight");
   }
   std::string why;
   const Outcome opened = line_.open(settings_.port, settings_.baud, why);

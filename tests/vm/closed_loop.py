@@ -199,9 +199,15 @@ class ClosedLoop(unittest.TestCase):
         self.until("moving", lambda: self.tell("state")["enabled"], 5.0)
 
     def devices_are_found(self):
-        found = json.loads(self.stickslip("devices", "--json"))["devices"]
-        kinds = {device["kind"]: device for device in found}
-        for kind in ("labjack_u6", "phidget_bridge", "gpio"):
+        wanted = ("labjack_u6", "phidget_bridge", "gpio")
+        # The kernel takes its time with what is plugged in.
+        for _ in range(20):
+            found = json.loads(self.stickslip("devices", "--json", status=None))["devices"]
+            kinds = {device["kind"]: device for device in found}
+            if all(kind in kinds and kinds[kind]["speaks"] for kind in wanted):
+                break
+            time.sleep(0.5)
+        for kind in wanted:
             self.assertIn(kind, kinds)
             self.assertTrue(kinds[kind]["speaks"], kinds[kind])
         tried = self.stickslip("check", "--live", self.rig)
