@@ -28,8 +28,8 @@ void check(Document& document, const std::string& at, const ModbusRegister& entr
                           "\"discrete_inputs\", or another type");
   }
   if (entry.scale == 0.0) report("scale", "is 0, so that every value would be the same");
-  if (entry.address + words_of(entry.type) > 65536) {
-    report("address", "leaves no room for a value of " + std::to_string(words_of(entry.type)) +
+  if (static_cast<std::size_t>(entry.address) + registers_of(entry.type) > 65536) {
+    report("address", "leaves no room for a value of " + std::to_string(registers_of(entry.type)) +
                           " registers below 65536");
   }
   const bool writable =
@@ -37,15 +37,15 @@ void check(Document& document, const std::string& at, const ModbusRegister& entr
   if (entry.role == RegisterRole::setting && !writable) {
     report("table", "cannot be written: expected coils or holding_registers");
   }
-  if (entry.write_single && words_of(entry.type) > 1) {
+  if (entry.write_single && registers_of(entry.type) > 1) {
     report("write_single", "function 6 writes one register, and this value has " +
-                               std::to_string(words_of(entry.type)));
+                               std::to_string(registers_of(entry.type)));
   }
 }
 
 }  // namespace
 
-int words_of(RegisterType type) {
+std::size_t registers_of(RegisterType type) {
   switch (type) {
     case RegisterType::bit:
     case RegisterType::uint16:

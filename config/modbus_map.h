@@ -2,6 +2,7 @@
 // used on every bench.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -62,7 +63,7 @@ struct ModbusMap {
 };
 
 /// Registers of that type take so many 16-bit words on the wire (a bit: 1).
-int words_of(RegisterType type);
+std::size_t registers_of(RegisterType type);
 
 /// Reads a register map. Throws InputError with every problem that was found, each with file, line
 /// and column.

@@ -41,7 +41,13 @@ bool fails(const Result& result) {
          result.outcome != Outcome::temporary;
 }
 
-void judge(TriedDevice& tried) {
+/// `spreads`: one for each of its readings.
+void judge(TriedDevice& tried, const std::vector<Spread>& spreads) {
+  for (std::size_t i = 0; i < spreads.size(); ++i) {
+    tried.readings[i].mean = spreads[i].mean;
+    tried.readings[i].spread = spreads[i].deviation();
+    tried.readings[i].readings = spreads[i].count;
+  }
   tried.well = tried.words.empty();
   std::string silent;
   for (const FirstReading& reading : tried.readings) {
@@ -94,12 +100,7 @@ TriedDevice try_board(Driver& board, const config::Bench& bench, HostClock& cloc
     static_cast<void>(board.write({bench.shaker.rest_v, false}));
   }
   if (fails(result)) tried.words = result.message;
-  for (std::size_t i = 0; i < spreads.size(); ++i) {
-    tried.readings[i].mean = spreads[i].mean;
-    tried.readings[i].spread = spreads[i].deviation();
-    tried.readings[i].readings = spreads[i].count;
-  }
-  judge(tried);
+  judge(tried, spreads);
   if (tried.well) say_signals(tried, board.signals());
   board.stop();
   board.close();
@@ -134,12 +135,7 @@ TriedDevice try_gauge(Gauge& gauge, const config::BenchInputs& inputs, HostClock
     }
   }
   if (fails(result)) tried.words = result.message;
-  for (std::size_t i = 0; i < spreads.size(); ++i) {
-    tried.readings[i].mean = spreads[i].mean;
-    tried.readings[i].spread = spreads[i].deviation();
-    tried.readings[i].readings = spreads[i].count;
-  }
-  judge(tried);
+  judge(tried, spreads);
   if (!tried.well && !trouble.empty() && !fails(result)) tried.words += ": " + trouble;
   if (tried.well) say_signals(tried, gauge.signals());
   gauge.close();

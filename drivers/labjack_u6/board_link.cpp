@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <utility>
 
+#include "drivers/usb_place.h"
+
 namespace stickslip::drivers::labjack_u6 {
 
 namespace {
@@ -27,16 +29,6 @@ struct Probe {
   std::string where;
   Problem trouble;
 };
-
-std::string place_of(libusb_device* device) {
-  std::string place = "USB " + std::to_string(libusb_get_bus_number(device));
-  std::array<std::uint8_t, 8> ports{};
-  const int depth = libusb_get_port_numbers(device, ports.data(), static_cast<int>(ports.size()));
-  for (int i = 0; i < depth; ++i) {
-    place += (i == 0 ? '-' : '.') + std::to_string(ports[static_cast<std::size_t>(i)]);
-  }
-  return place;
-}
 
 Problem refusal(const std::string& where, int error) {
   const std::string board = "LabJack U6 at " + where + ": ";
@@ -94,7 +86,7 @@ void tell(libusb_device_handle* handle, Command command) {
 
 Probe probe(libusb_device* device, const Command* first = nullptr) {
   Probe out;
-  out.where = place_of(device);
+  out.where = usb_place(device);
   libusb_device_handle* raw = nullptr;
   if (const int error = libusb_open(device, &raw); error != LIBUSB_SUCCESS) {
     out.trouble = refusal(out.where, error);

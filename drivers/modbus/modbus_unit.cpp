@@ -315,7 +315,7 @@ void ModbusUnit::next_poll() {
 std::span<const std::uint16_t> ModbusUnit::words_of(std::size_t at) const {
   const modbus::Place place = *plan_.places[at];
   return std::span(answered_[place.request].words)
-      .subspan(place.first, modbus::registers_of(settings_.map.registers[at].type));
+      .subspan(place.first, config::registers_of(settings_.map.registers[at].type));
 }
 
 std::string ModbusUnit::names_in(std::size_t request) const {

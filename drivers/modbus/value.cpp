@@ -142,25 +142,6 @@ std::optional<std::uint64_t> bits_for(RegisterType type, double raw) {
 
 }  // namespace
 
-std::size_t registers_of(RegisterType type) {
-  switch (type) {
-    case RegisterType::bit:
-    case RegisterType::uint16:
-    case RegisterType::int16:
-    case RegisterType::bcd16:
-      return 1;
-    case RegisterType::uint32:
-    case RegisterType::int32:
-    case RegisterType::float32:
-    case RegisterType::bcd32:
-      return 2;
-    case RegisterType::int64:
-    case RegisterType::float64:
-      break;
-  }
-  return 4;
-}
-
 std::optional<double> value_of(const ModbusRegister& its, std::span<const std::uint16_t> words) {
   if (words.size() != registers_of(its.type)) return std::nullopt;
   // A coil has one bit and no order.

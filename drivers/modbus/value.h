@@ -12,9 +12,6 @@
 
 namespace stickslip::drivers::modbus {
 
-/// Registers that a value of that type takes (a bit: one coil or discrete input).
-std::size_t registers_of(config::RegisterType type);
-
 /// The words of one value, in the order in which they travel. A bit is one word, 0 or 1.
 struct Words {
   std::array<std::uint16_t, 4> word{};

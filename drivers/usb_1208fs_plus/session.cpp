@@ -4,6 +4,8 @@
 #include <array>
 #include <utility>
 
+#include "drivers/usb_place.h"
+
 namespace stickslip::drivers::usb_1208fs_plus {
 
 namespace {
@@ -38,17 +40,6 @@ std::string serial_of(libusb_device_handle* handle, int& error) {
   return printable ? serial : std::string();
 }
 
-std::string place_of(libusb_device* device) {
-  std::string place = "USB " + std::to_string(libusb_get_bus_number(device));
-  std::array<std::uint8_t, 8> ports{};
-  const int count = libusb_get_port_numbers(device, ports.data(), static_cast<int>(ports.size()));
-  for (int i = 0; i < count; ++i) {
-    place += i == 0 ? '-' : '.';
-    place += std::to_string(ports[static_cast<std::size_t>(i)]);
-  }
-  return place;
-}
-
 struct Found {
   Handle handle;  // null: it could not be opened
   int error = 0;
@@ -65,7 +56,7 @@ std::vector<Found> search(libusb_context* context) {
     if (libusb_get_device_descriptor(list[i], &descriptor) != 0) continue;
     if (descriptor.idVendor != vendor_id || descriptor.idProduct != product_id) continue;
     Found one;
-    one.where = place_of(list[i]);
+    one.where = usb_place(list[i]);
     libusb_device_handle* handle = nullptr;
     one.error = libusb_open(list[i], &handle);
     int unread = 0;
