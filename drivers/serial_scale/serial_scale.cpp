@@ -70,7 +70,8 @@ Result SerialScale::open() {
   losses_ = {};
   received_.clear();
   for (const GaugeInput& input : inputs_) {
-    if (input.name != "weight") return tell(Outcome::needs_attention, "its only input is weight");
+    if (input.name == "weight") continue;
+    return tell(Outcome::needs_attention, "no input \"" + input.name + "\"; it has weight only");
   }
   std::string why;
   const Outcome opened = line_.open(settings_.port, settings_.baud, why);
