@@ -5,6 +5,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "physics/backbone.h"
 #include "physics/effects/catalogue.h"
 
 namespace stickslip::physics {
@@ -13,59 +14,8 @@ namespace {
 
 using std::numbers::pi;
 
-// ARS(2,2,2): gamma makes the implicit part L-stable, delta the explicit part second order.
-const double gamma_ars = 1.0 - 1.0 / std::numbers::sqrt2;
+// ARS(2,2,2): delta makes the explicit part second order.
 const double delta_ars = 1.0 - 1.0 / (2.0 * gamma_ars);
-
-// w and tanh(w / speed), for w + a (p + q tanh(w / speed)) = target.
-struct BackboneSlip {
-  double w = 0.0;
-  double tanh = 0.0;
-};
-
-// To about 1e-16, at less than half the price of the library's, which is good to all digits near 0.
-double quick_tanh(double x) {
-  return 1.0 - 2.0 / (std::exp(std::clamp(2.0 * x, -80.0, 80.0)) + 1.0);
-}
-
-// a and q >= 0, so the equation is monotone in w, and Halley's steps inside a shrinking bracket
-// always arrive. Their error cubes: after one of 1e-5 it is at the end of a double, and the tanh,
-// which is what costs here, need not be taken again.
-BackboneSlip solve_backbone(double target, double a, double p, double q, double speed,
-                            double guess) {
-  double low = target - a * (p + q);
-  double high = target - a * (p - q);
-  // Beyond this the tanh is 1 to the last digits of a double, and the slip is one of the ends.
-  constexpr double saturated = 17.0;
-  if (low > saturated * speed) return {low, 1.0};
-  if (high < -saturated * speed) return {high, -1.0};
-  // Where the law has saturated the slip is one of the ends; elsewhere where it was last is nearer.
-  double w = low > 3.0 * speed ? low : (high < -3.0 * speed ? high : std::clamp(guess, low, high));
-  double t = 0.0;
-  for (int iteration = 0; iteration < 60; ++iteration) {
-    t = quick_tanh(w / speed);
-    const double residual = w + a * (p + q * t) - target;
-    if (residual > 0.0) {
-      high = w;
-    } else {
-      low = w;
-    }
-    const double bend = a * q * (1.0 - t * t) / speed;
-    const double slope = 1.0 + bend;
-    const double curvature = -2.0 * bend * t / speed;
-    const double halley = slope * slope - 0.5 * residual * curvature;
-    const double step = halley > 0.0 ? residual * slope / halley : residual / slope;
-    double next = w - step;
-    // Before the bracket: at the root itself `next` is one of its ends.
-    if (std::abs(step) <= 1.0e-5 * speed) {
-      const double d = -step / speed;
-      return {next, t + (1.0 - t * t) * d * (1.0 - t * d)};
-    }
-    if (!(next > low && next < high)) next = 0.5 * (low + high);
-    w = next;
-  }
-  return {w, t};
-}
 
 // tanh(x) where its value is known already; x brings the derivatives.
 double known_tanh(double /*x*/, double value) { return value; }
@@ -287,8 +237,8 @@ RigNumbers<T> Rig::numbers(std::span<const T> parameters) const {
 }
 
 template <class T>
-T Rig::load_at(const RigState<T>& state, const Input& now, double time_s,
-               const RigNumbers<T>& n) const {
+T Rig::normal_load(const RigState<T>& state, const Input& now, double time_s,
+                   const RigNumbers<T>& n) const {
   if (!model_.normal_load) return T(1.0);
   if (structure_.load_law == NormalLoadLaw::measured) return T(std::max(0.0, now.normal_load_n));
   T load = n.c.load;
@@ -371,7 +321,7 @@ void Rig::close_contact(RigState<T>& state, double alpha, const Input& now, doub
   const double guess = value_of(state.slip);
   T free_slip = state.s[state::v];
   if (structure_.resonant) free_slip -= state.s[state::u];
-  state.load = load_at(state, now, time_s, n);
+  state.load = normal_load(state, now, time_s, n);
   if (!structure_.friction) {
     state.slip = free_slip;
     return;
@@ -601,6 +551,10 @@ template void Rig::step(RigState<double>&, const Input&, const Input&, double, d
                         const RigNumbers<double>&) const;
 template void Rig::step(RigState<Dual>&, const Input&, const Input&, double, double,
                         const RigNumbers<Dual>&) const;
+template double Rig::normal_load(const RigState<double>&, const Input&, double,
+                                 const RigNumbers<double>&) const;
+template Dual Rig::normal_load(const RigState<Dual>&, const Input&, double,
+                               const RigNumbers<Dual>&) const;
 template Quantities<double> Rig::quantities(const RigState<double>&, const Input&,
                                             const RigNumbers<double>&) const;
 template Quantities<Dual> Rig::quantities(const RigState<Dual>&, const Input&,

@@ -102,15 +102,17 @@ class Rig {
   Quantities<T> quantities(const RigState<T>& state, const Input& now,
                            const RigNumbers<T>& n) const;
 
+  /// The normal load of a state; measured ones are the input's.
+  template <class T>
+  T normal_load(const RigState<T>& state, const Input& now, double time_s,
+                const RigNumbers<T>& n) const;
+
   /// The longest step that resolves the fastest free oscillation and rate of the explicit part.
   double longest_step_s() const { return longest_step_s_; }
 
  private:
   template <class T>
   struct Rates;
-  template <class T>
-  T load_at(const RigState<T>& state, const Input& now, double time_s,
-            const RigNumbers<T>& n) const;
   template <class T>
   T frame_acceleration(const RigState<T>& state, const Input& now, const RigNumbers<T>& n) const;
   template <class T>

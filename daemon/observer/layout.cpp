@@ -29,14 +29,6 @@ std::vector<Section> sections_of(const physics::Sensor& sensor) {
 
 }  // namespace
 
-int Chain::count() const {
-  if (!used) return 0;
-  if (sections.empty()) return 1;
-  int states = 0;
-  for (const Section& section : sections) states += section.second_order ? 2 : 1;
-  return states;
-}
-
 Channel drive_channel(const physics::Structure& structure) {
   return structure.excitation == Excitation::force ? Channel::drive_force
                                                    : Channel::base_displacement;
@@ -85,26 +77,20 @@ Layout layout_of(const physics::Model& model, const physics::Rig& rig, std::stri
     chain.used = true;
     chain.sections = sections_of(model.sensors[index_of(channel)]);
     chain.first = next;
-    next += chain.count();
+    for (const Section& section : chain.sections) chain.count += section.second_order ? 2 : 1;
+    if (chain.sections.empty()) chain.count = 1;
+    next += chain.count;
     const bool last_is_first_order = !chain.sections.empty() && !chain.sections.back().second_order;
     chain.reading = next - (chain.sections.empty() || last_is_first_order ? 1 : 2);
   };
-  // The velocity chain starts where the displacement chain ends: one run.
   lay(Channel::displacement);
   lay(Channel::velocity);
-  const int first = layout.of(Channel::displacement).first;
-  layout.runs.push_back({first, next - first});
-  const auto lay_run = [&](Channel channel) {
-    lay(channel);
-    const Chain& chain = layout.of(channel);
-    if (!chain.sections.empty()) layout.runs.push_back({chain.first, chain.count()});
-  };
-  if (structure.friction) lay_run(Channel::friction_force);
+  if (structure.friction) lay(Channel::friction_force);
   // A load that is known exactly has nothing to learn from its sensor.
   if (structure.loaded && (layout.load >= 0 || structure.load_law == NormalLoadLaw::wedge)) {
-    lay_run(Channel::normal_load);
+    lay(Channel::normal_load);
   }
-  lay_run(drive_channel(structure));
+  lay(drive_channel(structure));
   layout.count = next;
 
   if (layout.count > max_states) {

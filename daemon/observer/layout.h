@@ -1,8 +1,7 @@
 // Which states the filter has for a model, and where they stand.
 //
 // The core moves by itself: the rig, the drive and the parameters. The tail is what the core and
-// the tail's own past make of it: friction and the memories of the sensor chains. The covariance is
-// propagated in these two parts, since the core knows nothing of the tail.
+// the tail's own past make of it: friction and the memories of the sensor chains.
 #pragma once
 
 #include <Eigen/Core>
@@ -34,11 +33,10 @@ struct Chain {
   bool used = false;
   int first = 0;    ///< index of its first state
   int reading = 0;  ///< index of the state that the channel reads
+  /// Two states for a second-order section, one for a first-order one; one, the reading itself,
+  /// where there are no filters.
+  int count = 0;
   std::vector<Section> sections;
-
-  /// States of the chain: two for a second-order section, one for a first-order one; one, the
-  /// reading itself, where there are no filters.
-  int count() const;
 };
 
 struct Layout {
@@ -54,13 +52,6 @@ struct Layout {
   int theta = -1;     ///< theta; in the core where it has a memory
   std::array<Chain, channel_count> chain;
   int count = 0;
-
-  /// Runs of the tail that remember: [first, first + size).
-  struct Run {
-    int first = 0;
-    int size = 0;
-  };
-  std::vector<Run> runs;
 
   const Chain& of(Channel channel) const { return chain[index_of(channel)]; }
 };

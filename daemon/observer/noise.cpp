@@ -158,18 +158,17 @@ double Noise::lesson(const Vector& mean, double slip_variance) const {
   return square(std::tanh(square(slip) / (lesson_speeds * lesson_speeds * wide)));
 }
 
-void Noise::add_output(const Vector& mean, Matrix& covariance) const {
+void Noise::add_output(const Vector& mean, Covariance& covariance) const {
   const Layout& l = *layout_;
   if (l.theta < l.core) return;
   const double level = friction_level(mean);
   const double variance = square(backbone_doubt);
-  covariance(l.theta, l.theta) += variance;
-  covariance(l.friction, l.friction) += variance * square(level);
-  covariance(l.theta, l.friction) += variance * level;
-  covariance(l.friction, l.theta) += variance * level;
+  covariance.add(l.theta, l.theta, variance);
+  covariance.add(l.friction, l.friction, variance * square(level));
+  covariance.add(l.theta, l.friction, variance * level);
 }
 
-void Noise::start(const Frame& frame, double mu, Vector& mean, Matrix& covariance) const {
+void Noise::start(const Frame& frame, double mu, Vector& mean, Covariance& covariance) const {
   const Layout& l = *layout_;
   const auto& c = numbers_->c;
   const auto& structure = rig_->structure();
@@ -177,11 +176,11 @@ void Noise::start(const Frame& frame, double mu, Vector& mean, Matrix& covarianc
   const auto read = [&](Channel channel) { return frame.has(channel) ? frame[channel] : 0.0; };
 
   mean.setZero();
-  covariance.setZero();
+  covariance.set_zero();
   const auto set = [&](int index, double value, double deviation) {
     if (index < 0) return;
     mean[index] = value;
-    covariance(index, index) = square(deviation);
+    covariance.set(index, index, square(deviation));
   };
 
   // Sizes of things, from the model and this frame.
@@ -274,14 +273,14 @@ void Noise::start(const Frame& frame, double mu, Vector& mean, Matrix& covarianc
   remember(driven, p, drive_size, 0.0, 2.0 * drive_size * drive_rad_s);
 }
 
-void Noise::add_process(const Vector& mean, double slip_variance, Matrix& covariance) const {
+void Noise::add_process(const Vector& mean, double slip_variance, Covariance& covariance) const {
   const Layout& l = *layout_;
   const auto& c = numbers_->c;
   const auto& structure = rig_->structure();
   const double h = period_s_;
   const double colour = 2.0 * force_memory_s * h;  // white noise as strong as the coloured doubt
   const auto grow = [&](int index, double variance) {
-    if (index >= 0) covariance(index, index) += variance;
+    if (index >= 0) covariance.add(index, index, variance);
   };
 
   const double x = mean[l.rig[state::x]];
@@ -333,10 +332,7 @@ void Noise::add_process(const Vector& mean, double slip_variance, Matrix& covari
   const Channel driven = drive_channel(structure);
   const double q = std::exp(log_jerk_density_) * reading_variance(driven) * h;
   const int p = l.drive;
-  const auto pair = [&](int i, int j, double value) {
-    covariance(p + i, p + j) += value;
-    if (i != j) covariance(p + j, p + i) += value;
-  };
+  const auto pair = [&](int i, int j, double value) { covariance.add(p + i, p + j, value); };
   pair(0, 0, q * h * h * h * h * h / 20.0);
   pair(0, 1, q * h * h * h * h / 8.0);
   pair(0, 2, q * h * h * h / 6.0);

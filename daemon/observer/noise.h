@@ -4,6 +4,7 @@
 
 #include <array>
 
+#include "daemon/observer/covariance.h"
 #include "daemon/observer/layout.h"
 #include "physics/frame.h"
 #include "physics/model.h"
@@ -18,14 +19,14 @@ class Noise {
 
   /// State and covariance as a first frame gives them. `mu`: an estimate to go on with, which is
   /// dropped where it is absurd; 0 where there is none.
-  void start(const Frame& frame, double mu, Vector& mean, Matrix& covariance) const;
+  void start(const Frame& frame, double mu, Vector& mean, Covariance& covariance) const;
 
   /// Adds what one period adds to the doubt about the core. `slip_variance`: of the slip velocity
   /// [(m/s)^2].
-  void add_process(const Vector& mean, double slip_variance, Matrix& covariance) const;
+  void add_process(const Vector& mean, double slip_variance, Covariance& covariance) const;
 
   /// Adds the doubt of the friction law itself to friction and theta where they have no memory.
-  void add_output(const Vector& mean, Matrix& covariance) const;
+  void add_output(const Vector& mean, Covariance& covariance) const;
 
   /// How much a frame may teach about mu: 1 where the contact slides, 0 where it sticks. A sticking
   /// contact shows mu theta only, and a linearised filter would share that out at random.

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "daemon/observer/covariance.h"
 #include "daemon/observer/layout.h"
 #include "daemon/observer/noise.h"
 #include "daemon/observer/prediction.h"
@@ -99,7 +100,8 @@ struct FrictionObserver::Filter {
         rig(model),
         period_s(period),
         layout(layout_of(model, rig, unsupported)),
-        steps(static_cast<int>(std::ceil(period / rig.longest_step_s() - 1.0e-9))) {
+        steps(static_cast<int>(std::ceil(period / rig.longest_step_s() - 1.0e-9))),
+        covariance(std::min(layout.count, max_states)) {
     if (unsupported.empty() && steps > most_steps) {
       unsupported = "the sampling period of " + std::to_string(period) + " s needs " +
                     std::to_string(steps) + " integration steps of this rig, the observer takes " +
@@ -109,20 +111,11 @@ struct FrictionObserver::Filter {
       estimate.standing = Standing::unsupported;
       return;
     }
-    prediction.emplace_back(rig, model, layout, period, steps);
-    noise.emplace_back(model, rig, layout, prediction.front().numbers(), period);
+    prediction = prediction_for(rig, model, layout, period, steps);
+    noise.emplace_back(model, rig, layout, prediction->numbers(), period);
     const physics::SensorBank bank(model, period / steps);
     settle_s = std::clamp(bank.settling_time_s(), 20.0 * period, 2.0);
     mean = Vector::Zero(layout.count);
-    covariance = Matrix::Zero(layout.count, layout.count);
-    const int tail = layout.count - layout.core;
-    remembered = Matrix::Zero(tail, layout.core);
-    carried = Matrix::Zero(tail, layout.core);
-    scratch = Matrix::Zero(layout.core, layout.core);
-    tail_scratch = Matrix::Zero(tail, tail);
-    gain = Vector::Zero(layout.count);
-    row = Vector::Zero(layout.count);
-    rest = Vector::Zero(layout.count);
     name_quantities();
   }
 
@@ -144,13 +137,14 @@ struct FrictionObserver::Filter {
   double period_s;
   Layout layout;
   int steps;
-  // One each, made only for a supported model.
-  std::vector<Prediction> prediction;
+  Covariance covariance;
+  // Made only for a supported model; of the noise there is one.
+  std::unique_ptr<Prediction> prediction;
   std::vector<Noise> noise;
   double settle_s = 0.0;
 
-  Vector mean, gain, row, rest;
-  Matrix covariance, remembered, carried, scratch, tail_scratch;
+  Vector mean;
+  Covariance::States gain, column;
   std::array<int, quantity_count> source{};  ///< of reported quantities
 
   bool started = false;
@@ -195,7 +189,7 @@ double FrictionObserver::Filter::slip_variance() const {
 double FrictionObserver::Filter::normal_load() const {
   const auto& structure = rig.structure();
   if (!structure.loaded) return 1.0;
-  const auto& c = prediction.front().numbers().c;
+  const auto& c = prediction->numbers().c;
   const double load = layout.load >= 0 ? mean[layout.load] : c.load;
   if (structure.load_law != physics::NormalLoadLaw::wedge) return std::max(0.0, load);
   return std::max(0.0, load * (1.0 + c.load_slope * mean[layout.rig[state::x]]));
@@ -223,56 +217,15 @@ void FrictionObserver::Filter::begin(const Frame& frame) {
   outliers_in_a_row.fill(0);
 }
 
-// P' = F (P + Q) F' in the parts core and tail.
 void FrictionObserver::Filter::predict() {
-  Prediction& step = prediction.front();
   const double time_s = static_cast<double>(time_ns - origin_ns) * 1.0e-9;
   const double doubt = slip_variance();
   noise.front().add_process(mean, doubt, covariance);
-  step.advance(mean, time_s, doubt);
-
-  const int n = layout.core;
-  const int m = layout.count - n;
-  const Transition& t = step.transition();
-  auto core = covariance.topLeftCorner(n, n);
-  auto cross = covariance.bottomLeftCorner(m, n);
-  auto tail = covariance.bottomRightCorner(m, m);
-
-  remembered.setZero();
-  tail_scratch.setZero();
-  for (const Layout::Run& run : layout.runs) {
-    const int first = run.first - n;
-    const auto memory = t.memory.block(first, first, run.size, run.size);
-    remembered.middleRows(first, run.size).noalias() =
-        memory.lazyProduct(cross.middleRows(first, run.size));
-    tail_scratch.middleRows(first, run.size).noalias() =
-        memory.lazyProduct(tail.middleRows(first, run.size));
-  }
-  carried.noalias() = t.tail * core;
-  carried += remembered;
-  scratch.noalias() = t.core * core;
-  core.noalias() = scratch * t.core.transpose();
-  cross.noalias() = carried * t.core.transpose();
-  tail.noalias() = carried * t.tail.transpose();
-  tail.noalias() += t.tail * remembered.transpose();
-  for (const Layout::Run& run : layout.runs) {
-    const int first = run.first - n;
-    const auto memory = t.memory.block(first, first, run.size, run.size);
-    tail.middleCols(first, run.size).noalias() +=
-        tail_scratch.middleCols(first, run.size).lazyProduct(memory.transpose());
-  }
-  // Rounding only; the update below reads columns and rows as if they were one.
-  for (int i = 0; i < n; ++i) {
-    for (int j = 0; j < i; ++j) core(i, j) = core(j, i) = 0.5 * (core(i, j) + core(j, i));
-  }
-  for (int i = 0; i < m; ++i) {
-    for (int j = 0; j < i; ++j) tail(i, j) = tail(j, i) = 0.5 * (tail(i, j) + tail(j, i));
-  }
-  covariance.topRightCorner(n, m) = cross.transpose();
+  prediction->advance(mean, time_s, doubt);
+  covariance.propagate(prediction->transition());
   if (layout.friction >= 0) noise.front().add_output(mean, covariance);
 }
 
-// One scalar in Joseph form: P' = (I - K H) P (I - K H)' + K r K', H a unit row.
 bool FrictionObserver::Filter::use_reading(Channel channel, double innovation,
                                            double reading_variance) {
   const int j = layout.of(channel).reading;
@@ -293,21 +246,16 @@ bool FrictionObserver::Filter::use_reading(Channel channel, double innovation,
   estimate.nis += squared;
   ++estimate.nis_freedom;
 
-  // Joseph's form holds for any gain.
-  gain = covariance.col(j) / expected;
+  covariance.column(j, column);
+  for (int k = 0; k < layout.count; ++k) gain[k] = column[k] / expected;
   if (layout.mu >= 0) gain[layout.mu] *= lesson;
   if (channel != drive_channel(rig.structure()) && since_drive_s < drive_trusted_s) {
-    gain.segment(layout.drive, 4).setZero();
+    for (int k = 0; k < 4; ++k) gain[layout.drive + k] = 0.0;
     const Chain& chain = layout.of(drive_channel(rig.structure()));
-    gain.segment(chain.first, chain.count()).setZero();
+    for (int k = 0; k < chain.count; ++k) gain[chain.first + k] = 0.0;
   }
-  mean += gain * innovation;
-  // (I - K H) P (I - K H)' + K r K' = P - K p' - (p - K s) K' with p = P H', s = H P H' + r.
-  row = covariance.col(j);
-  rest = row - expected * gain;
-  for (int i = 0; i < layout.count; ++i) {
-    covariance.col(i) -= row[i] * gain + gain[i] * rest;
-  }
+  for (int k = 0; k < layout.count; ++k) mean[k] += gain[k] * innovation;
+  covariance.correct(gain, column, expected);
   return true;
 }
 
@@ -368,7 +316,7 @@ double FrictionObserver::Filter::base_acceleration_behind_its_chain() const {
 
 void FrictionObserver::Filter::report(const Frame& frame) {
   const auto& structure = rig.structure();
-  const auto& c = prediction.front().numbers().c;
+  const auto& c = prediction->numbers().c;
   FrictionEstimate& e = estimate;
   e.displacement_m = mean[layout.rig[state::x]];
   e.velocity_m_s = mean[layout.rig[state::v]];

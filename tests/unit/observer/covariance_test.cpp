@@ -1,0 +1,96 @@
+// The two things that happen to a covariance, against the same by plain matrices.
+#include "daemon/observer/covariance.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <random>
+
+namespace stickslip::observer {
+namespace {
+
+using Plain = Eigen::MatrixXd;
+
+class CovarianceOf : public testing::TestWithParam<int> {
+ protected:
+  double gauss() { return gauss_(random_); }
+
+  Plain plain(const Covariance& p) const {
+    Plain out(p.count(), p.count());
+    for (int i = 0; i < p.count(); ++i) {
+      for (int j = 0; j < p.count(); ++j) out(i, j) = p(i, j);
+    }
+    return out;
+  }
+  void fill(Covariance& p) {
+    const Plain root = Plain::NullaryExpr(p.count(), p.count(), [this] { return gauss(); });
+    const Plain square = root * root.transpose();
+    for (int i = 0; i < p.count(); ++i) {
+      for (int j = 0; j <= i; ++j) p.set(i, j, square(i, j));
+    }
+  }
+  // Two shared sums, the second of which uses the first, and rows of a few states and sums.
+  Transition transition(int count) {
+    Transition f(count);
+    const auto state = [&] { return static_cast<int>(random_() % static_cast<unsigned>(count)); };
+    for (int sum = 0; sum < 2; ++sum) {
+      f.begin_shared();
+      for (int i = 0; i < 3; ++i) f.add(state(), gauss());
+      if (sum == 1) f.add_shared(0, gauss());
+    }
+    for (int row = 0; row < count; ++row) {
+      f.begin_row();
+      f.add(row, 1.0);
+      if (row % 3 == 0) f.add(state(), gauss());
+      if (row % 2 == 0) f.add_shared(row % 4 == 0 ? 0 : 1, gauss());
+    }
+    return f;
+  }
+
+  std::mt19937 random_{1};
+  std::normal_distribution<double> gauss_;
+};
+
+TEST_P(CovarianceOf, MovesOnAsFPFt) {
+  const int count = GetParam();
+  Covariance p(count);
+  fill(p);
+  const Plain before = plain(p);
+  const Transition f = transition(count);
+  const Plain dense = f.dense();
+  p.propagate(f);
+  const Plain expected = dense * before * dense.transpose();
+  EXPECT_LT((plain(p) - expected).norm(), 1.0e-12 * expected.norm());
+  // And once more, from where it stands.
+  p.propagate(f);
+  const Plain again = dense * expected * dense.transpose();
+  EXPECT_LT((plain(p) - again).norm(), 1.0e-12 * again.norm());
+}
+
+TEST_P(CovarianceOf, LearnsFromAReadingInJosephsForm) {
+  const int count = GetParam();
+  Covariance p(count);
+  fill(p);
+  for (int reading = 0; reading < count; reading += 3) {
+    const Plain before = plain(p);
+    const double noise = 0.3;
+    Covariance::States column;
+    Covariance::States gain;
+    p.column(reading, column);
+    Eigen::VectorXd k(count);
+    for (int i = 0; i < count; ++i) {
+      ASSERT_EQ(column[i], before(i, reading));
+      k[i] = gain[i] = i % 5 == 4 ? 0.0 : column[i] / (column[reading] + noise);
+    }
+    p.correct(gain, column, column[reading] + noise);
+    Plain rest = Plain::Identity(count, count);
+    rest.col(reading) -= k;
+    const Plain expected = rest * before * rest.transpose() + noise * k * k.transpose();
+    EXPECT_LT((plain(p) - expected).norm(), 1.0e-12 * before.norm());
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Sizes, CovarianceOf, testing::Values(1, 4, 7, 16, 29, 30, 43, 44));
+
+}  // namespace
+}  // namespace stickslip::observer

@@ -1,0 +1,185 @@
+// Two ways to predict the same rig, and what each says of its derivatives.
+#include "daemon/observer/prediction.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "daemon/observer/contact_prediction.h"
+#include "daemon/observer/dual_prediction.h"
+#include "tests/unit/observer/bench.h"
+
+namespace stickslip::observer {
+namespace {
+
+using physics::Model;
+using test::Law;
+using test::paper_rig;
+
+constexpr double period_s = 1.0e-3;
+
+struct Case {
+  std::string name;
+  Model model;
+};
+
+Model with_doubts(Model model) {
+  model.friction.mu.sigma = 0.1;
+  if (model.friction.law == physics::FrictionLaw::state_variable) {
+    model.friction.rate_per_s.sigma = 20.0;
+  }
+  if (model.normal_load) model.normal_load->load_n.sigma = 0.01;
+  return model;
+}
+
+std::vector<Case> cases() {
+  std::vector<Case> out = {
+      {"Coulomb", paper_rig(Law::coulomb)},
+      {"CoulombQuasiStatic", paper_rig(Law::coulomb, false, false)},
+      {"StateVariable", paper_rig(Law::state_variable)},
+      {"Doubtful", with_doubts(paper_rig(Law::state_variable))},
+      {"Wedge", paper_rig(Law::coulomb, true)},
+      {"DoubtfulWedge", with_doubts(paper_rig(Law::state_variable, true, false))},
+  };
+  Model bridged = with_doubts(paper_rig(Law::state_variable, true));
+  bridged.normal_load_bridge = physics::NormalLoadBridge{.mismatch = 0.03, .share = 0.55};
+  out.push_back({"Bridged", bridged});
+  Model measured = paper_rig(Law::state_variable);
+  measured.normal_load = physics::NormalLoad{physics::NormalLoadLaw::measured, {}, {}};
+  out.push_back({"MeasuredLoad", measured});
+  Model forced = paper_rig(Law::coulomb);
+  forced.oscillator.excitation = physics::Excitation::force;
+  forced.load_cell.reset();
+  forced.normal_load.reset();
+  forced.friction.mu = {0.12};
+  out.push_back({"Forced", forced});
+  Model smooth = paper_rig(Law::coulomb);
+  smooth.friction = {};
+  smooth.friction.law = physics::FrictionLaw::none;
+  smooth.normal_load.reset();
+  out.push_back({"WithoutFriction", smooth});
+  Model bare = paper_rig(Law::state_variable);
+  for (physics::Sensor& sensor : bare.sensors) sensor.filters.clear();
+  out.push_back({"WithoutFilters", bare});
+  return out;
+}
+
+class Predictions : public testing::TestWithParam<Case> {
+ protected:
+  Predictions()
+      : model_(GetParam().model), rig_(model_), layout_(layout_of(model_, rig_, reason_)) {}
+
+  // A rig that swings, slips and is driven, somewhere on its way.
+  Vector somewhere(std::mt19937& random) const {
+    std::normal_distribution<double> gauss;
+    Vector z = Vector::Zero(layout_.count);
+    const auto set = [&](int at, double scale) {
+      if (at >= 0) z[at] = scale * gauss(random);
+    };
+    namespace state = physics::state;
+    set(layout_.rig[state::x], 0.01);
+    set(layout_.rig[state::v], 0.1);
+    set(layout_.rig[state::y], 5.0e-4);
+    set(layout_.rig[state::u], 0.02);
+    set(layout_.theta, 0.4);
+    set(layout_.friction, 0.05);
+    const auto c = rig_.numbers<double>(std::span<const double>(rig_.parameter_values())).c;
+    if (layout_.mu >= 0) z[layout_.mu] = c.mu * (1.0 + 0.1 * gauss(random));
+    if (layout_.log_rate >= 0) z[layout_.log_rate] = std::log(c.rate) + 0.2 * gauss(random);
+    if (layout_.load >= 0) z[layout_.load] = 0.15 * (1.0 + 0.05 * gauss(random));
+    set(layout_.load_rate, 0.3);
+    const bool base = rig_.structure().excitation == physics::Excitation::base;
+    const double size = base ? 0.01 : 0.2;
+    set(layout_.drive, size);
+    set(layout_.drive + 1, 18.0 * size);
+    set(layout_.drive + 2, 350.0 * size);
+    z[layout_.drive + 3] = 350.0;
+    for (Channel channel : all_channels) {
+      const Chain& chain = layout_.of(channel);
+      int next = chain.first;
+      const double scale = channel == Channel::velocity ? 0.1 : 0.01;
+      if (chain.sections.empty() && chain.used) set(next, scale);
+      for (const Section& section : chain.sections) {
+        set(next++, scale);
+        if (section.second_order) set(next++, 20.0 * scale);
+      }
+    }
+    return z;
+  }
+
+  std::string reason_;
+  Model model_;
+  physics::Rig rig_;
+  Layout layout_;
+};
+
+TEST_P(Predictions, OfAContactAgreesWithTheRigsOwnSmallSteps) {
+  ASSERT_TRUE(ContactPrediction::serves(rig_, model_));
+  ContactPrediction quick(rig_, model_, layout_, period_s);
+  DualPrediction thorough(rig_, model_, layout_, period_s, 64);
+  std::mt19937 random(1);
+  for (int round = 0; round < 5; ++round) {
+    Vector a = somewhere(random);
+    Vector b = a;
+    Vector error = Vector::Zero(layout_.count);
+    Vector size = Vector::Zero(layout_.count);
+    for (int k = 0; k < 300; ++k) {
+      // A doubt of the slip of 2 mm/s.
+      quick.advance(a, k * period_s, 4.0e-6);
+      thorough.advance(b, k * period_s, 4.0e-6);
+      if (k < 20) continue;  // after a start from which no rig would start
+      error += (a - b).cwiseAbs2();
+      size += b.cwiseAbs2();
+    }
+    for (int i = 0; i < layout_.count; ++i) {
+      EXPECT_LT(std::sqrt(error[i]), 0.04 * std::sqrt(size[i]) + 1.0e-12) << "state " << i;
+    }
+  }
+}
+
+void expect_derivatives(Prediction& prediction, const Vector& from, double relative) {
+  Vector moved = from;
+  prediction.advance(moved, 0.0, 1.0e-5);
+  const Matrix told = prediction.transition().dense();
+  for (int column = 0; column < from.size(); ++column) {
+    const double step = 1.0e-5 * std::max(1.0e-3, std::abs(from[column]));
+    Vector up = from;
+    Vector down = from;
+    up[column] += step;
+    down[column] -= step;
+    prediction.advance(up, 0.0, 1.0e-5);
+    prediction.advance(down, 0.0, 1.0e-5);
+    for (int row = 0; row < from.size(); ++row) {
+      const double measured = (up[row] - down[row]) / (2.0 * step);
+      EXPECT_NEAR(told(row, column), measured, relative * (1.0e-2 + std::abs(measured)))
+          << "d " << row << " / d " << column;
+    }
+  }
+}
+
+TEST_P(Predictions, OfAContactKnowsItsDerivatives) {
+  ContactPrediction prediction(rig_, model_, layout_, period_s);
+  std::mt19937 random(2);
+  for (int round = 0; round < 10; ++round) {
+    expect_derivatives(prediction, somewhere(random), 1.0e-4);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Rigs, Predictions, testing::ValuesIn(cases()),
+                         [](const auto& info) { return info.param.name; });
+
+TEST(Prediction, IsThatOfAContactWhereItServes) {
+  const auto serves = [](const Model& model) {
+    return ContactPrediction::serves(physics::Rig(model), model);
+  };
+  EXPECT_TRUE(serves(paper_rig(Law::coulomb)));
+  Model hardening = paper_rig(Law::coulomb);
+  hardening.terms.push_back({"cubic_stiffness", {}, {{"k3_n_m3", {1.0e4}}}});
+  EXPECT_FALSE(serves(hardening));
+  Model two_wells = paper_rig(Law::coulomb);
+  two_wells.oscillator.two_well = physics::TwoWell{{10.0}, {1.0e5}};
+  EXPECT_FALSE(serves(two_wells));
+}
+
+}  // namespace
+}  // namespace stickslip::observer
