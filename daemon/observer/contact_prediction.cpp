@@ -175,7 +175,8 @@ ContactPrediction::ContactPrediction(const physics::Rig& rig, const physics::Mod
       loaded_by_measurement_(rig.structure().loaded &&
                              rig.structure().load_law == NormalLoadLaw::measured),
       load_varies_(rig.structure().loaded && (rig.structure().load_law == NormalLoadLaw::wedge ||
-                                              model.normal_load_bridge.has_value())) {
+                                              model.normal_load_bridge.has_value())),
+      core_(layout.core) {
   const std::vector<double>& values = rig.parameter_values();
   const std::vector<physics::Dual> dual_values(values.begin(), values.end());
   dual_numbers_ = rig.numbers<physics::Dual>(std::span<const physics::Dual>(dual_values));
@@ -197,11 +198,10 @@ void ContactPrediction::find_responses(const physics::Model& model) {
   const auto put = [&](int column, const Response& response) {
     still_.col(column) = response.end;
     if (column >= l.core) return;
-    const auto i = static_cast<std::size_t>(column);
-    middle_x_.still[i] = response.middle_x;
-    middle_slip_.still[i] = response.middle_slip;
-    end_x_.still[i] = response.end[l.rig[state::x]];
-    end_slip_.still[i] = slip_of(response.end);
+    middle_x_.still[column] = response.middle_x;
+    middle_slip_.still[column] = response.middle_slip;
+    end_x_.still[column] = response.end[l.rig[state::x]];
+    end_slip_.still[column] = slip_of(response.end);
   };
   for (int column = 0; column < l.count; ++column) {
     Vector unit = rest;
@@ -334,9 +334,7 @@ void ContactPrediction::lay_rows() {
 
 void ContactPrediction::put_shared(int sum, const Row& slope) {
   int place = shared_place_[static_cast<std::size_t>(sum)];
-  for (const int column : columns_) {
-    transition_.at(place++) = slope[static_cast<std::size_t>(column)];
-  }
+  for (const int column : columns_) transition_.at(place++) = slope[column];
 }
 
 // p''' = -lambda p': to first order in lambda, of which lambda h^2 is some 10^-4.
@@ -352,17 +350,25 @@ void ContactPrediction::renew_drive(const Vector& mean) {
   }
 }
 
+ContactPrediction::Row ContactPrediction::no_slope() const {
+  Row row;
+  std::fill_n(row.of.begin(), core_, 0.0);
+  return row;
+}
+
+// to += weight * what
+void ContactPrediction::add(Row& to, double weight, const Row& what) const {
+  for (int i = 0; i < core_; ++i) to[i] += weight * what[i];
+}
+
 ContactPrediction::Sloped ContactPrediction::follow(const Line& line, const Vector& mean) const {
   Sloped out;
-  for (const int column : columns_) {
-    const auto i = static_cast<std::size_t>(column);
-    out.slope[i] = line.still[i];
-    out.value += line.still[i] * mean[column];
-  }
-  const auto p = static_cast<std::size_t>(layout_->drive);
-  const double lambda = mean[layout_->drive + 3];
-  const double bend =
-      line.bend_rate * mean[layout_->drive + 1] + line.bend_acceleration * mean[layout_->drive + 2];
+  std::copy_n(line.still.of.begin(), core_, out.slope.of.begin());
+  out.value = 0.0;
+  for (const int column : columns_) out.value += line.still[column] * mean[column];
+  const int p = layout_->drive;
+  const double lambda = mean[p + 3];
+  const double bend = line.bend_rate * mean[p + 1] + line.bend_acceleration * mean[p + 2];
   out.value += lambda * bend;
   out.slope[p + 1] += lambda * line.bend_rate;
   out.slope[p + 2] += lambda * line.bend_acceleration;
@@ -407,19 +413,12 @@ ContactPrediction::Load ContactPrediction::load_reading(double time_s, double x,
           .by_load_rate = reading.d[2]};
 }
 
-// out.slope += factor times the slope of the load.
-void ContactPrediction::sense_load(Sloped& out, const Load& load, double factor,
-                                   const Sloped& x) const {
-  const auto add = [&](int at, double slope) {
-    if (at >= 0) out.slope[static_cast<std::size_t>(at)] += factor * slope;
-  };
-  add(layout_->load, load.by_load);
-  add(layout_->load_rate, load.by_load_rate);
-  if (load.by_x == 0.0) return;
-  for (const int column : columns_) {
-    const auto i = static_cast<std::size_t>(column);
-    out.slope[i] += factor * load.by_x * x.slope[i];
-  }
+// to += weight times the slope of the load
+void ContactPrediction::add_load_slope(Row& to, double weight, const Load& load,
+                                       const Row& x) const {
+  if (layout_->load >= 0) to[layout_->load] += weight * load.by_load;
+  if (layout_->load_rate >= 0) to[layout_->load_rate] += weight * load.by_load_rate;
+  if (load.by_x != 0.0) add(to, weight * load.by_x, x);
 }
 
 // One implicit stage of the contact, as in physics::Rig: its force acts from the stage's start with
@@ -431,10 +430,9 @@ ContactPrediction::Stage ContactPrediction::close(const Sloped& free_slip, doubl
                                                   const Vector& mean) {
   const Layout& l = *layout_;
   const double mu = mean[l.mu];
-  Sloped level;
-  level.value = mu * load.value;
-  level.slope[static_cast<std::size_t>(l.mu)] = load.value;
-  sense_load(level, load, mu, x);
+  Sloped level{mu * load.value, no_slope()};
+  level.slope[l.mu] = load.value;
+  add_load_slope(level.slope, mu, load, x.slope);
 
   // theta = stays * from + follows * tanh(slip / speed)
   double stays = 0.0;
@@ -459,15 +457,16 @@ ContactPrediction::Stage ContactPrediction::close(const Sloped& free_slip, doubl
   Stage stage;
   stage.theta.value = theta;
   stage.force.value = level.value * theta;
-  const double by_log_rate = (solved.tanh - from.value) * follows_by_log_rate;
-  for (const int column : columns_) {
-    const auto i = static_cast<std::size_t>(column);
-    double moved = stays * from.slope[i];
-    if (column == l.log_rate) moved += by_log_rate;
-    const double slip =
-        yield * (free_slip.slope[i] - give * theta * level.slope[i] - reach * moved);
-    stage.theta.slope[i] = moved + steepness * slip;
-    stage.force.slope[i] = theta * level.slope[i] + level.value * stage.theta.slope[i];
+  Row moved = no_slope();  // theta, were the slip to stay
+  add(moved, stays, from.slope);
+  if (l.log_rate >= 0) moved[l.log_rate] += (solved.tanh - from.value) * follows_by_log_rate;
+  const double pull = steepness * yield;
+  const double hold = 1.0 - pull * reach;
+  const double ease = -pull * give * theta;
+  for (int i = 0; i < core_; ++i) {
+    const double slope = hold * moved[i] + pull * free_slip.slope[i] + ease * level.slope[i];
+    stage.theta.slope[i] = slope;
+    stage.force.slope[i] = theta * level.slope[i] + level.value * slope;
   }
   return stage;
 }
@@ -475,32 +474,29 @@ ContactPrediction::Stage ContactPrediction::close(const Sloped& free_slip, doubl
 void ContactPrediction::add_contact(const Vector& mean, double speed) {
   const Layout& l = *layout_;
   const bool relaxing = rig_->structure().kinetics == Kinetics::relaxing;
-  Sloped theta;
+  Sloped theta{0.0, no_slope()};
   if (relaxing) {
     theta.value = mean[l.theta];
-    theta.slope[static_cast<std::size_t>(l.theta)] = 1.0;
+    theta.slope[l.theta] = 1.0;
   }
   const double in_stage_s = gamma_ars * period_s_;
   const Sloped x = follow(middle_x_, mean);
   const Stage middle = close(follow(middle_slip_, mean), middle_give_,
                              load_after(in_stage_s, x.value, mean), x, theta, speed, mean);
 
+  const auto sum = [this](Sloped& to, double weight, const Sloped& what) {
+    to.value += weight * what.value;
+    add(to.slope, weight, what.slope);
+  };
   Sloped slip = follow(end_slip_, mean);
   Sloped x_after = follow(end_x_, mean);
-  const auto add = [this](Sloped& to, double weight, const Sloped& what) {
-    to.value += weight * what.value;
-    for (const int column : columns_) {
-      const auto i = static_cast<std::size_t>(column);
-      to.slope[i] += weight * what.slope[i];
-    }
-  };
-  add(slip, early_on_end_slip_, middle.force);
-  add(x_after, early_[l.rig[state::x]], middle.force);
+  sum(slip, early_on_end_slip_, middle.force);
+  sum(x_after, early_[l.rig[state::x]], middle.force);
   if (relaxing) {
     const double on = (1.0 - gamma_ars) / gamma_ars;
-    for (double& each : theta.slope) each *= 1.0 - on;
     theta.value *= 1.0 - on;
-    add(theta, on, middle.theta);
+    theta.slope[l.theta] = 1.0 - on;
+    sum(theta, on, middle.theta);
   }
   const Stage end = close(slip, end_give_, load_after(period_s_, x_after.value, mean), x_after,
                           theta, speed, mean);
@@ -512,23 +508,23 @@ void ContactPrediction::add_contact(const Vector& mean, double speed) {
   put_shared(1, end.force.slope);
   put_shared(2, end.theta.slope);
   if (!load_varies_ || !l.of(Channel::normal_load).used) return;
-  add(x_after, late_[l.rig[state::x]], end.force);
+  sum(x_after, late_[l.rig[state::x]], end.force);
   add_load_chain(mean, x_after);
 }
 
 void ContactPrediction::add_load_chain(const Vector& mean, const Sloped& x_after) {
-  Sloped x;
-  x.value = mean[layout_->rig[state::x]];
-  x.slope[static_cast<std::size_t>(layout_->rig[state::x])] = 1.0;
-  const Load before = load_reading(0.0, x.value, mean);
+  const int at = layout_->rig[state::x];
+  Row x_before = no_slope();
+  x_before[at] = 1.0;
+  const Load before = load_reading(0.0, mean[at], mean);
   const Load after = load_reading(period_s_, x_after.value, mean);
   next_ += load_before_ * before.value + load_after_ * after.value;
-  Sloped slope_before;
-  Sloped slope_after;
-  sense_load(slope_before, before, 1.0, x);
-  sense_load(slope_after, after, 1.0, x_after);
-  put_shared(3, slope_before.slope);
-  put_shared(4, slope_after.slope);
+  Row slope = no_slope();
+  add_load_slope(slope, 1.0, before, x_before);
+  put_shared(3, slope);
+  slope = no_slope();
+  add_load_slope(slope, 1.0, after, x_after.slope);
+  put_shared(4, slope);
 }
 
 void ContactPrediction::advance(Vector& mean, double /*time_s*/, double slip_variance) {

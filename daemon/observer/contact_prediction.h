@@ -23,19 +23,23 @@ class ContactPrediction final : public Prediction {
   void advance(Vector& mean, double time_s, double slip_variance) override;
 
  private:
-  /// One value for each core state.
-  using Row = std::array<double, max_core>;
+  /// One value for each core state; whoever makes one writes all of them.
+  struct Row {
+    alignas(32) std::array<double, max_core> of;
+    double& operator[](int i) { return of[static_cast<std::size_t>(i)]; }
+    double operator[](int i) const { return of[static_cast<std::size_t>(i)]; }
+  };
 
   /// A linear function of the core, bent by the drive's lambda.
   struct Line {
-    Row still{};                     ///< where lambda is 0
+    Row still = {};                  ///< where lambda is 0
     double bend_rate = 0.0;          ///< of p', for each lambda
     double bend_acceleration = 0.0;  ///< of p''
   };
   /// Something in the contact, and its derivatives.
   struct Sloped {
-    double value = 0.0;
-    Row slope{};
+    double value;
+    Row slope;
   };
   /// Normal load, or the reading of its bridge, and its derivatives.
   struct Load {
@@ -56,10 +60,12 @@ class ContactPrediction final : public Prediction {
   void add_contact(const Vector& mean, double speed);
   void add_load_chain(const Vector& mean, const Sloped& x_after);
 
+  Row no_slope() const;
+  void add(Row& to, double weight, const Row& what) const;
   Sloped follow(const Line& line, const Vector& mean) const;
   Load load_after(double time_s, double x, const Vector& mean);
   Load load_reading(double time_s, double x, const Vector& mean);
-  void sense_load(Sloped& out, const Load& load, double factor, const Sloped& x) const;
+  void add_load_slope(Row& to, double weight, const Load& load, const Row& x) const;
   Stage close(const Sloped& free_slip, double give, const Load& load, const Sloped& x,
               const Sloped& from, double speed, const Vector& mean);
   void put_shared(int sum, const Row& slope);
@@ -69,6 +75,7 @@ class ContactPrediction final : public Prediction {
   double period_s_;
   bool loaded_by_measurement_;
   bool load_varies_;  ///< with x
+  int core_;
   physics::RigNumbers<physics::Dual> dual_numbers_;
   physics::RigState<physics::Dual> dual_state_;
 
