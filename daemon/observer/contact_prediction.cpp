@@ -266,12 +266,16 @@ void ContactPrediction::find_load_chain(const physics::Model& model) {
   const Layout& l = *layout_;
   const Chain& chain = l.of(Channel::normal_load);
   if (!chain.used) return;
+  // In the same small steps as what the chain remembers: its sections are exact for straight lines
+  // only, and what goes from one into the next is none.
   const physics::FilterChain filters(model.sensors[index_of(Channel::normal_load)].filters,
-                                     period_s_);
+                                     period_s_ / small_steps);
   const auto respond = [&](double before, double after, Vector& out) {
     FilterMemory<double> memory;
     memory.input = before;
-    filters.advance(memory, after, 0.0);
+    for (int k = 1; k <= small_steps; ++k) {
+      filters.advance(memory, before + (after - before) * k / small_steps, 0.0);
+    }
     each_state(chain, filters, memory, [&](int row, double value) { out[row] = value; });
   };
   respond(1.0, 0.0, load_before_);

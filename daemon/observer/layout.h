@@ -15,7 +15,7 @@
 namespace stickslip::observer {
 
 inline constexpr int max_core = physics::max_rig_states + 8;
-inline constexpr int max_states = 44;
+inline constexpr int max_states = 48;
 
 using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, max_states, 1>;
 using Matrix =

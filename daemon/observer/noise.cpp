@@ -18,19 +18,27 @@ double square(double x) { return x * x; }
 double sixth(double x) { return square(x * x * x); }
 
 // Unmodelled forces: this fraction of mu N and of the spring's force, alike over this time.
-constexpr double force_doubt = 0.005;
-constexpr double spring_doubt = 0.002;
+constexpr double force_doubt = 0.002;
+constexpr double spring_doubt = 0.0005;
 constexpr double force_memory_s = 0.01;
 // The backbone g: this much off, alike over force_memory_s.
-constexpr double backbone_doubt = 0.005;
+constexpr double backbone_doubt = 0.002;
 // Random walks of the parameters, as a fraction of their size over the root of a second.
-constexpr double mu_walk = 0.005;
-constexpr double rate_walk = 0.02;
+constexpr double mu_walk = 0.0005;
+constexpr double rate_walk = 0.005;
 constexpr double load_walk = 0.002;
 constexpr double load_rate_walk = 20.0;
 constexpr double frequency_walk = 0.05;
+// At first mu and gamma are learnt where the filter is not yet right about the motion: what it then
+// holds to be known is forgotten again over this time, as if they had walked by these fractions.
+constexpr double restless_s = 1.5;
+constexpr double mu_restlessness = 0.2;
+constexpr double rate_restlessness = 0.3;
 // What is at least in doubt about parameters at the start, as a fraction.
 constexpr double mu_doubt = 0.3;
+// Beyond these, as a share of what the model says and as a logarithm, they are absurd.
+constexpr double absurd_mu = 1.0 / 30.0;
+constexpr double absurd_log = 3.5;
 // A drive's frequency is sought below this.
 constexpr double most_drive_rad_s = 2.0 * pi * 40.0;
 constexpr double drive_lesson_s = 1.0;
@@ -148,7 +156,7 @@ double Noise::backbone_variance(const Vector& mean, double slip_variance) const 
   const double wide = own + 0.5 * pi * slip_variance;
   const double slip = mean[l.rig[state::v]] - (l.rig[state::u] >= 0 ? mean[l.rig[state::u]] : 0.0);
   const double left = 1.0 - square(std::tanh(slip / std::sqrt(wide)));
-  return std::max(0.0, left * (wide - own) / wide - square(left) * slip_variance / wide);
+  return 0.1 * std::max(0.0, left * (wide - own) / wide - square(left) * slip_variance / wide);
 }
 
 double Noise::lesson(const Vector& mean, double slip_variance) const {
@@ -273,7 +281,8 @@ void Noise::start(const Frame& frame, double mu, Vector& mean, Covariance& covar
   remember(driven, p, drive_size, 0.0, 2.0 * drive_size * drive_rad_s);
 }
 
-void Noise::add_process(const Vector& mean, double slip_variance, Covariance& covariance) const {
+void Noise::add_process(const Vector& mean, double slip_variance, double since_start_s,
+                        Covariance& covariance) const {
   const Layout& l = *layout_;
   const auto& c = numbers_->c;
   const auto& structure = rig_->structure();
@@ -319,8 +328,13 @@ void Noise::add_process(const Vector& mean, double slip_variance, Covariance& co
     const double size = std::max(friction, c.stiffness * std::abs(x));
     grow(l.rig[static_cast<std::size_t>(i)], square(force_doubt * size) * h / force_memory_s);
   }
-  if (l.mu >= 0) grow(l.mu, square(mu_walk * c.mu) * h);
-  if (l.log_rate >= 0) grow(l.log_rate, square(rate_walk) * h);
+  const double restless = std::exp(-since_start_s / restless_s) / restless_s;
+  if (l.mu >= 0) {
+    grow(l.mu, square(c.mu) * (square(mu_walk) + square(mu_restlessness) * restless) * h);
+  }
+  if (l.log_rate >= 0) {
+    grow(l.log_rate, (square(rate_walk) + square(rate_restlessness) * restless) * h);
+  }
   if (l.load_rate >= 0) {
     grow(l.load, square(load_walk * load) * h);
     grow(l.load_rate, square(load_rate_walk * load) * h);
@@ -343,6 +357,14 @@ void Noise::add_process(const Vector& mean, double slip_variance, Covariance& co
   if (covariance(p + 3, p + 3) < square(lambda)) {
     grow(p + 3, square(2.0 * frequency_walk * lambda) * h);
   }
+}
+
+bool Noise::is_absurd(const Vector& mean) const {
+  const Layout& l = *layout_;
+  const auto& c = numbers_->c;
+  const bool mu = l.mu >= 0 && (mean[l.mu] < absurd_mu * c.mu || mean[l.mu] * absurd_mu > c.mu);
+  const bool rate = l.log_rate >= 0 && std::abs(mean[l.log_rate] - std::log(c.rate)) > absurd_log;
+  return mu || rate;
 }
 
 void Noise::confine(Vector& mean) const {

@@ -22,8 +22,9 @@ class Noise {
   void start(const Frame& frame, double mu, Vector& mean, Covariance& covariance) const;
 
   /// Adds what one period adds to the doubt about the core. `slip_variance`: of the slip velocity
-  /// [(m/s)^2].
-  void add_process(const Vector& mean, double slip_variance, Covariance& covariance) const;
+  /// [(m/s)^2]. `since_start_s`: since the filter began.
+  void add_process(const Vector& mean, double slip_variance, double since_start_s,
+                   Covariance& covariance) const;
 
   /// Adds the doubt of the friction law itself to friction and theta where they have no memory.
   void add_output(const Vector& mean, Covariance& covariance) const;
@@ -34,6 +35,10 @@ class Noise {
 
   /// Keeps states inside what they can mean.
   void confine(Vector& mean) const;
+
+  /// Whether mu or gamma have gone where no contact of this model would be: a filter that has lost
+  /// its way can explain every reading there.
+  bool is_absurd(const Vector& mean) const;
 
   /// Hears every frame: where no noise_std is declared it is estimated from the readings.
   void listen(const Frame& frame);

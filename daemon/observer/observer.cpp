@@ -27,6 +27,7 @@ constexpr double outliers_to_restart_s = 0.05;
 constexpr double nis_memory_s = 0.5;
 constexpr double nis_to_restart = 12.0;  // per degree of freedom, averaged over nis_memory_s
 constexpr double blind_after_s = 0.5;
+constexpr double absurd_to_restart_s = 0.2;  // of parameters that no contact has
 // While the drive is measured it is learnt from its own channel alone: what is wrong with the rig's
 // model must not be explained away by a drive that was not there.
 constexpr double drive_trusted_s = 0.1;
@@ -115,6 +116,7 @@ struct FrictionObserver::Filter {
     noise.emplace_back(model, rig, layout, prediction->numbers(), period);
     const physics::SensorBank bank(model, period / steps);
     settle_s = std::clamp(bank.settling_time_s(), 20.0 * period, 2.0);
+    learn_s = 2.0 * settle_s;
     mean = Vector::Zero(layout.count);
     name_quantities();
   }
@@ -142,6 +144,7 @@ struct FrictionObserver::Filter {
   std::unique_ptr<Prediction> prediction;
   std::vector<Noise> noise;
   double settle_s = 0.0;
+  double learn_s = 0.0;  ///< mu and gamma are learnt from then on
 
   Vector mean;
   Covariance::States gain, column;
@@ -156,6 +159,7 @@ struct FrictionObserver::Filter {
   double nis_level = 1.0;
   double since_drive_s = 1.0e9;
   double lesson = 1.0;  ///< share of the gain on mu
+  double absurd_s = 0.0;
   std::array<int, channel_count> outliers_in_a_row{};
   FrictionEstimate estimate;
 };
@@ -210,6 +214,7 @@ void FrictionObserver::Filter::begin(const Frame& frame) {
   const bool keeps_mu = layout.mu >= 0 && started && std::isfinite(mean[layout.mu]);
   const double old_mu = keeps_mu ? mean[layout.mu] : 0.0;
   noise.front().start(frame, old_mu, mean, covariance);
+  absurd_s = 0.0;
   started = true;
   since_start_s = 0.0;
   since_sight_s = 0.0;
@@ -220,7 +225,7 @@ void FrictionObserver::Filter::begin(const Frame& frame) {
 void FrictionObserver::Filter::predict() {
   const double time_s = static_cast<double>(time_ns - origin_ns) * 1.0e-9;
   const double doubt = slip_variance();
-  noise.front().add_process(mean, doubt, covariance);
+  noise.front().add_process(mean, doubt, since_start_s, covariance);
   prediction->advance(mean, time_s, doubt);
   covariance.propagate(prediction->transition());
   if (layout.friction >= 0) noise.front().add_output(mean, covariance);
@@ -236,7 +241,7 @@ bool FrictionObserver::Filter::use_reading(Channel channel, double innovation,
   estimate.innovation_std[i] = std::sqrt(expected);
   estimate.innovation_valid = static_cast<std::uint8_t>(estimate.innovation_valid | bit);
   const double squared = square(innovation) / expected;
-  if (since_start_s > 0.5 * settle_s && squared > square(outlier_sigmas)) {
+  if (since_start_s > 2.0 * settle_s && squared > square(outlier_sigmas)) {
     estimate.refused = static_cast<std::uint8_t>(estimate.refused | bit);
     ++estimate.refusals;
     ++outliers_in_a_row[i];
@@ -249,6 +254,7 @@ bool FrictionObserver::Filter::use_reading(Channel channel, double innovation,
   covariance.column(j, column);
   for (int k = 0; k < layout.count; ++k) gain[k] = column[k] / expected;
   if (layout.mu >= 0) gain[layout.mu] *= lesson;
+  if (layout.log_rate >= 0 && since_start_s < learn_s) gain[layout.log_rate] = 0.0;
   if (channel != drive_channel(rig.structure()) && since_drive_s < drive_trusted_s) {
     for (int k = 0; k < 4; ++k) gain[layout.drive + k] = 0.0;
     const Chain& chain = layout.of(drive_channel(rig.structure()));
@@ -262,7 +268,9 @@ bool FrictionObserver::Filter::use_reading(Channel channel, double innovation,
 void FrictionObserver::Filter::correct(const Frame& frame) {
   bool seen = false;
   since_drive_s += period_s;
-  if (layout.mu >= 0) lesson = noise.front().lesson(mean, slip_variance());
+  if (layout.mu >= 0) {
+    lesson = since_start_s < learn_s ? 0.0 : noise.front().lesson(mean, slip_variance());
+  }
   for (Channel channel : all_channels) {
     if (!frame.has(channel) || !layout.of(channel).used) continue;
     const double variance = noise.front().reading_variance(channel);
@@ -291,7 +299,8 @@ bool FrictionObserver::Filter::is_healthy() const {
     least = std::min(least, covariance(i, i));
   }
   if (sum != 0.0 || std::isnan(sum) || least < -1.0e-18) return false;
-  if (since_start_s > settle_s && nis_level > nis_to_restart) return false;
+  if (absurd_s > absurd_to_restart_s) return false;
+  if (since_start_s > 2.0 * settle_s && nis_level > nis_to_restart) return false;
   const int most = std::max(5, static_cast<int>(outliers_to_restart_s / period_s));
   return std::none_of(outliers_in_a_row.begin(), outliers_in_a_row.end(),
                       [most](int count) { return count > most; });
@@ -420,6 +429,7 @@ const FrictionEstimate& FrictionObserver::update(const Frame& given) {
 
   f.correct(frame);
   f.noise.front().confine(f.mean);
+  f.absurd_s = f.noise.front().is_absurd(f.mean) ? f.absurd_s + f.period_s : 0.0;
   if (!f.is_healthy()) {
     ++e.restarts;
     nothing_learnt();  // a filter that is lost says nothing about the readings

@@ -165,6 +165,37 @@ TEST_P(Predictions, OfAContactKnowsItsDerivatives) {
   }
 }
 
+// What stands still is read as it is.
+TEST_P(Predictions, OfAContactReadAtRestWhatIsThere) {
+  ContactPrediction prediction(rig_, model_, layout_, period_s);
+  std::mt19937 random(3);
+  Vector z = somewhere(random);
+  for (int i = 0; i < 3; ++i) z[layout_.drive + 1 + i] = 0.0;
+  if (layout_.load_rate >= 0) z[layout_.load_rate] = 0.0;
+  // Smooth friction lets it creep, and without friction it swings for long.
+  const double tolerance = rig_.structure().friction ? 1.0e-6 : 1.0e-4;
+  for (int k = 0; k < 20000; ++k) prediction.advance(z, 0.0, 1.0e-6);
+  const auto expect = [&](Channel channel, double value) {
+    const Chain& chain = layout_.of(channel);
+    if (!chain.used) return;
+    EXPECT_NEAR(z[chain.reading], value, 2.0e-6 * std::abs(value) + tolerance);
+  };
+  namespace state = physics::state;
+  expect(drive_channel(rig_.structure()), z[layout_.drive]);
+  expect(Channel::displacement, z[layout_.rig[state::x]]);
+  if (layout_.rig[state::y] >= 0) {
+    const double k = prediction.numbers().c.cell_stiffness;
+    expect(Channel::friction_force, k * z[layout_.rig[state::y]]);
+  } else if (layout_.friction >= 0) {
+    expect(Channel::friction_force, z[layout_.friction]);
+  }
+  if (rig_.structure().load_law == physics::NormalLoadLaw::measured) {
+    expect(Channel::normal_load, z[layout_.load]);
+  } else if (rig_.structure().load_law == physics::NormalLoadLaw::constant && layout_.load >= 0) {
+    expect(Channel::normal_load, z[layout_.load]);
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Rigs, Predictions, testing::ValuesIn(cases()),
                          [](const auto& info) { return info.param.name; });
 
