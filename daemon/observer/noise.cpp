@@ -36,6 +36,7 @@ constexpr double mu_restlessness = 0.2;
 constexpr double rate_restlessness = 0.3;
 // What is at least in doubt about parameters at the start, as a fraction.
 constexpr double mu_doubt = 0.3;
+constexpr double learnt_doubt = 0.05;  // where they were learnt before
 // Beyond these, as a share of what the model says and as a logarithm, they are absurd.
 constexpr double absurd_mu = 1.0 / 30.0;
 constexpr double absurd_log = 3.5;
@@ -56,8 +57,13 @@ double relative(const std::optional<Parameter>& p) { return p ? relative(*p) : 0
 }  // namespace
 
 Noise::Noise(const physics::Model& model, const physics::Rig& rig, const Layout& layout,
-             const physics::RigNumbers<double>& numbers, double period_s)
-    : model_(&model), rig_(&rig), layout_(&layout), numbers_(&numbers), period_s_(period_s) {
+             const physics::RigNumbers<double>& numbers, double period_s, Contact contact)
+    : model_(&model),
+      rig_(&rig),
+      layout_(&layout),
+      numbers_(&numbers),
+      period_s_(period_s),
+      contact_(contact) {
   const auto& c = numbers.c;
   const double stiffness = rig.structure().two_well ? 2.0 * c.well_linear : c.stiffness;
   natural_rad_s_ = std::max(std::sqrt(stiffness / c.mass), 2.0 * pi * 0.5);
@@ -232,10 +238,15 @@ void Noise::start(const Frame& frame, double mu, Vector& mean, Covariance& covar
   }
   if (l.mu >= 0) {
     const bool sane = mu > 0.1 * c.mu && mu < 10.0 * c.mu;
-    set(l.mu, sane ? mu : c.mu, std::max(model_->friction.mu.sigma, mu_doubt * c.mu));
+    const double doubt = contact_ == Contact::learnt
+                             ? learnt_doubt * c.mu
+                             : std::max(model_->friction.mu.sigma, mu_doubt * c.mu);
+    set(l.mu, sane ? mu : c.mu, doubt);
   }
   if (l.log_rate >= 0) {
-    set(l.log_rate, std::log(c.rate), std::min(1.0, relative(model_->friction.rate_per_s)));
+    const double doubt = std::min(1.0, relative(model_->friction.rate_per_s));
+    set(l.log_rate, std::log(c.rate),
+        contact_ == Contact::learnt ? std::min(doubt, learnt_doubt) : doubt);
   }
   if (l.load_rate >= 0) {
     set(l.load, load, 0.5 * std::abs(load) + 1.0e-6);
@@ -328,7 +339,8 @@ void Noise::add_process(const Vector& mean, double slip_variance, double since_s
     const double size = std::max(friction, c.stiffness * std::abs(x));
     grow(l.rig[static_cast<std::size_t>(i)], square(force_doubt * size) * h / force_memory_s);
   }
-  const double restless = std::exp(-since_start_s / restless_s) / restless_s;
+  const double restless =
+      contact_ == Contact::learnt ? 0.0 : std::exp(-since_start_s / restless_s) / restless_s;
   if (l.mu >= 0) {
     grow(l.mu, square(c.mu) * (square(mu_walk) + square(mu_restlessness) * restless) * h);
   }

@@ -12,10 +12,16 @@
 
 namespace stickslip::observer {
 
+/// What is known of mu and gamma at the start.
+enum class Contact : std::uint8_t {
+  to_be_learnt,  ///< what the model says, with its doubt
+  learnt,        ///< what this recording itself said, when it was gone through before
+};
+
 class Noise {
  public:
   Noise(const physics::Model& model, const physics::Rig& rig, const Layout& layout,
-        const physics::RigNumbers<double>& numbers, double period_s);
+        const physics::RigNumbers<double>& numbers, double period_s, Contact contact);
 
   /// State and covariance as a first frame gives them. `mu`: an estimate to go on with, which is
   /// dropped where it is absurd; 0 where there is none.
@@ -68,6 +74,7 @@ class Noise {
   const Layout* layout_;
   const physics::RigNumbers<double>* numbers_;
   double period_s_;
+  Contact contact_;
   double natural_rad_s_;
   double spring_doubt_n_m_, damping_doubt_n_s_m_, mass_doubt_kg_, cell_doubt_n_m_;
   double drive_trend_ = 0.0;

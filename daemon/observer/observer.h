@@ -114,6 +114,8 @@ struct FrictionEstimate {
 
 static_assert(std::is_trivially_copyable_v<FrictionEstimate>);
 
+class KalmanFilter;
+
 /// Follows one rig. All memory is allocated by the constructor. Not for use by two threads at once.
 class FrictionObserver {
  public:
@@ -139,8 +141,7 @@ class FrictionObserver {
   const FrictionEstimate& latest() const;
 
  private:
-  struct Filter;
-  std::unique_ptr<Filter> filter_;
+  std::unique_ptr<KalmanFilter> filter_;
 };
 
 }  // namespace stickslip::observer

@@ -53,7 +53,8 @@ class Textbook {
     } else {
       prediction_ = std::make_unique<DualPrediction>(rig_, model, layout_, period_s, steps);
     }
-    noise_ = std::make_unique<Noise>(model, rig_, layout_, prediction_->numbers(), period_s);
+    noise_ = std::make_unique<Noise>(model, rig_, layout_, prediction_->numbers(), period_s,
+                                     Contact::to_be_learnt);
     Covariance start(layout_.count);
     mean_ = Vector::Zero(layout_.count);
     Frame frame;

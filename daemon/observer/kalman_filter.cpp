@@ -1,0 +1,380 @@
+#include "daemon/observer/kalman_filter.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include "daemon/observer/covariance.h"
+#include "daemon/observer/layout.h"
+#include "daemon/observer/noise.h"
+#include "daemon/observer/prediction.h"
+
+namespace stickslip::observer {
+
+namespace {
+
+using physics::Excitation;
+using physics::Model;
+using physics::Rig;
+namespace state = physics::state;
+
+constexpr int longest_gap_periods = 10;
+constexpr int most_steps = 64;
+constexpr double outlier_sigmas = 8.0;
+constexpr double outliers_to_restart_s = 0.05;
+constexpr double nis_memory_s = 0.5;
+constexpr double nis_to_restart = 12.0;  // per degree of freedom, averaged over nis_memory_s
+constexpr double blind_after_s = 0.5;
+constexpr double absurd_to_restart_s = 0.2;  // of parameters that no contact has
+// While the drive is measured it is learnt from its own channel alone: what is wrong with the rig's
+// model must not be explained away by a drive that was not there.
+constexpr double drive_trusted_s = 0.1;
+
+// A set-valued law is followed as a steep one; its transition is then widened by the filter's own
+// doubt of the slip velocity.
+constexpr double steep_transition_m_s = 5.0e-4;
+constexpr double sticking_speed_m_s = 1.0e-3;
+
+Model without_jumps(Model model) {
+  if (model.friction.law != physics::FrictionLaw::none) {
+    auto& speed = model.friction.transition_speed_m_s.value;
+    speed = std::max(speed, steep_transition_m_s);
+  }
+  for (physics::Term& term : model.terms) {
+    if (term.id != "dry_friction") continue;
+    auto& speed = term.parameters["transition_speed_m_s"].value;
+    speed = std::max(speed, steep_transition_m_s);
+  }
+  return model;
+}
+
+double square(double x) { return x * x; }
+
+double probability_below(double limit, double mean, double deviation) {
+  if (deviation <= 0.0) return std::abs(mean) < limit ? 1.0 : 0.0;
+  const double scale = 1.0 / (deviation * std::numbers::sqrt2);
+  return 0.5 * (std::erf((limit - mean) * scale) + std::erf((limit + mean) * scale));
+}
+
+// No bench comes near these; squares of what lies beyond would overflow.
+bool is_possible(Channel channel, double value) {
+  const bool force = channel == Channel::friction_force || channel == Channel::normal_load ||
+                     channel == Channel::drive_force;
+  return std::abs(value) < (force ? 1.0e9 : 1.0e4);  // false for NaN
+}
+
+constexpr std::array mechanical_channels = {Channel::displacement, Channel::velocity,
+                                            Channel::friction_force};
+
+}  // namespace
+
+KalmanFilter::KalmanFilter(const Model& declared, double period_s, Contact contact)
+    : model_(without_jumps(declared)),
+      rig_(model_),
+      period_s_(period_s),
+      layout_(layout_of(model_, rig_, unsupported_)),
+      steps_(static_cast<int>(std::ceil(period_s / rig_.longest_step_s() - 1.0e-9))),
+      covariance_(std::min(layout_.count, max_states)) {
+  if (unsupported_.empty() && steps_ > most_steps) {
+    unsupported_ = "the sampling period of " + std::to_string(period_s) + " s needs " +
+                   std::to_string(steps_) + " integration steps of this rig, the observer takes " +
+                   std::to_string(most_steps) + " at most: sample faster";
+  }
+  if (!unsupported_.empty()) {
+    estimate_.standing = Standing::unsupported;
+    return;
+  }
+  prediction_ = prediction_for(rig_, model_, layout_, period_s_, steps_);
+  noise_ =
+      std::make_unique<Noise>(model_, rig_, layout_, prediction_->numbers(), period_s_, contact);
+  const physics::SensorBank bank(model_, period_s_ / steps_);
+  settle_s_ = std::clamp(bank.settling_time_s(), 20.0 * period_s_, 2.0);
+  learn_s_ = 2.0 * settle_s_;
+  mean_ = Vector::Zero(layout_.count);
+  name_quantities();
+}
+
+// The parts of the covariance_ that go out, and where they stand in the filter.
+void KalmanFilter::name_quantities() {
+  const auto name = [this](Quantity quantity, int index) {
+    if (index < 0) return;
+    estimate_.quantities[estimate_.used] = quantity;
+    source_[estimate_.used] = index;
+    ++estimate_.used;
+  };
+  name(Quantity::displacement, layout_.rig[state::x]);
+  name(Quantity::velocity, layout_.rig[state::v]);
+  name(Quantity::load_cell_deflection, layout_.rig[state::y]);
+  name(Quantity::load_cell_velocity, layout_.rig[state::u]);
+  name(Quantity::theta, layout_.theta);
+  name(Quantity::mu, layout_.mu);
+  name(Quantity::gamma, layout_.log_rate);
+  name(Quantity::normal_load, layout_.load);
+  name(Quantity::friction_force, layout_.friction);
+}
+
+double KalmanFilter::slip_variance(const Covariance& covariance) const {
+  const int v = layout_.rig[state::v];
+  const int u = layout_.rig[state::u];
+  if (u < 0) return covariance(v, v);
+  return covariance(v, v) + covariance(u, u) - 2.0 * covariance(v, u);
+}
+
+double KalmanFilter::normal_load(const Vector& mean) const {
+  const auto& structure = rig_.structure();
+  if (!structure.loaded) return 1.0;
+  const auto& c = prediction_->numbers().c;
+  const double load = layout_.load >= 0 ? mean[layout_.load] : c.load;
+  if (structure.load_law != physics::NormalLoadLaw::wedge) return std::max(0.0, load);
+  return std::max(0.0, load * (1.0 + c.load_slope * mean[layout_.rig[state::x]]));
+}
+
+// Starts, or starts anew, from what this frame says by itself.
+void KalmanFilter::begin(const Frame& frame) {
+  const bool seen = std::any_of(mechanical_channels.begin(), mechanical_channels.end(),
+                                [&](Channel c) { return frame.has(c) && layout_.of(c).used; });
+  if (!seen) {
+    started_ = false;
+    estimate_.standing = Standing::waiting;
+    return;
+  }
+  if (!has_origin_) origin_ns_ = frame.time_ns;
+  has_origin_ = true;
+  // What a filter that is lost holds of mu may be no number.
+  const bool keeps_mu = layout_.mu >= 0 && started_ && std::isfinite(mean_[layout_.mu]);
+  const double old_mu = keeps_mu ? mean_[layout_.mu] : 0.0;
+  noise_->start(frame, old_mu, mean_, covariance_);
+  absurd_s_ = 0.0;
+  started_ = true;
+  since_start_s_ = 0.0;
+  since_sight_s_ = 0.0;
+  nis_level_ = 1.0;
+  outliers_in_a_row_.fill(0);
+}
+
+void KalmanFilter::predict() {
+  const double time_s = static_cast<double>(time_ns_ - origin_ns_) * 1.0e-9;
+  const double doubt = slip_variance(covariance_);
+  noise_->add_process(mean_, doubt, since_start_s_, covariance_);
+  prediction_->advance(mean_, time_s, doubt);
+  covariance_.propagate(prediction_->transition());
+  if (layout_.friction >= 0) noise_->add_output(mean_, covariance_);
+}
+
+Covariance KalmanFilter::process_noise() const {
+  Covariance noise(layout_.count);
+  noise_->add_process(mean_, slip_variance(covariance_), since_start_s_, noise);
+  return noise;
+}
+
+Covariance KalmanFilter::output_noise() const {
+  Covariance noise(layout_.count);
+  if (layout_.friction >= 0) noise_->add_output(mean_, noise);
+  return noise;
+}
+
+bool KalmanFilter::use_reading(Channel channel, double innovation, double reading_variance) {
+  const int j = layout_.of(channel).reading;
+  const double expected = covariance_(j, j) + reading_variance;
+  const std::size_t i = index_of(channel);
+  const auto bit = static_cast<std::uint8_t>(1U << i);
+  estimate_.innovation[i] = innovation;
+  estimate_.innovation_std[i] = std::sqrt(expected);
+  estimate_.innovation_valid = static_cast<std::uint8_t>(estimate_.innovation_valid | bit);
+  const double squared = square(innovation) / expected;
+  if (since_start_s_ > 2.0 * settle_s_ && squared > square(outlier_sigmas)) {
+    estimate_.refused = static_cast<std::uint8_t>(estimate_.refused | bit);
+    ++estimate_.refusals;
+    ++outliers_in_a_row_[i];
+    return false;
+  }
+  outliers_in_a_row_[i] = 0;
+  estimate_.nis += squared;
+  ++estimate_.nis_freedom;
+
+  covariance_.column(j, column_);
+  for (int k = 0; k < layout_.count; ++k) gain_[k] = column_[k] / expected;
+  if (layout_.mu >= 0) gain_[layout_.mu] *= lesson_;
+  if (layout_.log_rate >= 0 && since_start_s_ < learn_s_) gain_[layout_.log_rate] = 0.0;
+  if (channel != drive_channel(rig_.structure()) && since_drive_s_ < drive_trusted_s) {
+    for (int k = 0; k < 4; ++k) gain_[layout_.drive + k] = 0.0;
+    const Chain& chain = layout_.of(drive_channel(rig_.structure()));
+    for (int k = 0; k < chain.count; ++k) gain_[chain.first + k] = 0.0;
+  }
+  for (int k = 0; k < layout_.count; ++k) mean_[k] += gain_[k] * innovation;
+  covariance_.correct(gain_, column_, expected);
+  return true;
+}
+
+void KalmanFilter::correct(const Frame& frame) {
+  bool seen = false;
+  since_drive_s_ += period_s_;
+  if (layout_.mu >= 0) {
+    lesson_ = since_start_s_ < learn_s_ ? 0.0 : noise_->lesson(mean_, slip_variance(covariance_));
+  }
+  for (Channel channel : all_channels) {
+    if (!frame.has(channel) || !layout_.of(channel).used) continue;
+    const double variance = noise_->reading_variance(channel);
+    const double innovation = frame[channel] - mean_[layout_.of(channel).reading];
+    const bool used = use_reading(channel, innovation, variance);
+    const std::size_t i = index_of(channel);
+    if (channel == drive_channel(rig_.structure())) {
+      since_drive_s_ = 0.0;
+      noise_->learn_drive(innovation / estimate_.innovation_std[i]);
+    }
+    seen = seen || (used && std::find(mechanical_channels.begin(), mechanical_channels.end(),
+                                      channel) != mechanical_channels.end());
+  }
+  since_sight_s_ = seen ? 0.0 : since_sight_s_ + period_s_;
+  if (estimate_.nis_freedom > 0) {
+    const double weight = std::min(1.0, period_s_ / nis_memory_s);
+    nis_level_ += weight * (estimate_.nis / estimate_.nis_freedom - nis_level_);
+  }
+}
+
+bool KalmanFilter::is_healthy() const {
+  double sum = 0.0;
+  double least = 1.0;
+  for (int i = 0; i < layout_.count; ++i) {
+    sum += 0.0 * mean_[i] + 0.0 * covariance_(i, i);
+    least = std::min(least, covariance_(i, i));
+  }
+  if (sum != 0.0 || std::isnan(sum) || least < -1.0e-18) return false;
+  if (absurd_s_ > absurd_to_restart_s) return false;
+  if (since_start_s_ > 2.0 * settle_s_ && nis_level_ > nis_to_restart) return false;
+  const int most = std::max(5, static_cast<int>(outliers_to_restart_s / period_s_));
+  return std::none_of(outliers_in_a_row_.begin(), outliers_in_a_row_.end(),
+                      [most](int count) { return count > most; });
+}
+
+// The second derivative of what the base sensor's chain delivers: as late as the reading of the
+// load cell where both have the same filters, as on the paper's rig_.
+double KalmanFilter::base_acceleration_behind_its_chain() const {
+  const Chain& chain = layout_.of(Channel::base_displacement);
+  if (chain.sections.empty() || !chain.sections.back().second_order) {
+    return mean_[layout_.drive + 2];
+  }
+  const Section& last = chain.sections.back();
+  double input = mean_[layout_.drive];
+  if (chain.sections.size() > 1) {
+    const Section& before = chain.sections[chain.sections.size() - 2];
+    input = mean_[chain.reading - (before.second_order ? 2 : 1)];
+  }
+  return square(last.omega) * (input - mean_[chain.reading]) -
+         last.damping * mean_[chain.reading + 1];
+}
+
+void KalmanFilter::tell(const Vector& mean, const Covariance& covariance,
+                        FrictionEstimate& e) const {
+  const auto& structure = rig_.structure();
+  const auto& c = prediction_->numbers().c;
+  e.displacement_m = mean[layout_.rig[state::x]];
+  e.velocity_m_s = mean[layout_.rig[state::v]];
+  const int u = layout_.rig[state::u];
+  e.slip_velocity_m_s = e.velocity_m_s - (u >= 0 ? mean[u] : 0.0);
+  e.slip_velocity_std_m_s = std::sqrt(std::max(0.0, slip_variance(covariance)));
+  e.normal_load_n = normal_load(mean);
+  if (structure.friction) {
+    e.theta = mean[layout_.theta];
+    e.mu = mean[layout_.mu];
+    e.friction_force_n = mean[layout_.friction];
+    if (structure.kinetics == physics::Kinetics::relaxing) {
+      e.gamma_per_s = layout_.log_rate >= 0 ? std::exp(mean[layout_.log_rate]) : c.rate;
+    }
+    e.sticking = probability_below(std::max(c.transition_speed, sticking_speed_m_s),
+                                   e.slip_velocity_m_s, e.slip_velocity_std_m_s);
+  }
+  // ln gamma is estimated; its neighbours are told about gamma.
+  std::array<double, quantity_count> scale{};
+  for (std::size_t i = 0; i < e.used; ++i) {
+    scale[i] = e.quantities[i] == Quantity::gamma ? e.gamma_per_s : 1.0;
+  }
+  for (std::size_t i = 0; i < e.used; ++i) {
+    for (std::size_t j = 0; j <= i; ++j) {
+      e.covariance[i][j] = e.covariance[j][i] =
+          scale[i] * scale[j] * covariance(source_[i], source_[j]);
+    }
+  }
+}
+
+void KalmanFilter::report(const Frame& frame) {
+  FrictionEstimate& e = estimate_;
+  tell(mean_, covariance_, e);
+  const auto& structure = rig_.structure();
+  e.raw_valid = structure.friction && frame.has(Channel::friction_force);
+  e.raw_friction_force_n = 0.0;
+  e.raw_friction_over_load = 0.0;
+  if (e.raw_valid) {
+    e.raw_friction_force_n = frame[Channel::friction_force];
+    if (structure.load_cell && structure.excitation == Excitation::base) {
+      e.raw_friction_force_n +=
+          prediction_->numbers().c.cell_mass * base_acceleration_behind_its_chain();
+    }
+    if (e.normal_load_n > 0.0) e.raw_friction_over_load = e.raw_friction_force_n / e.normal_load_n;
+  }
+  if (since_start_s_ < settle_s_) {
+    e.standing = Standing::settling;
+  } else if (since_sight_s_ > blind_after_s) {
+    e.standing = Standing::blind;
+  } else {
+    e.standing = Standing::good;
+  }
+}
+
+void KalmanFilter::forget_readings() {
+  estimate_.innovation.fill(0.0);
+  estimate_.innovation_std.fill(0.0);
+  estimate_.innovation_valid = 0;
+  estimate_.nis = 0.0;
+  estimate_.nis_freedom = 0;
+}
+
+// How many periods have passed until this frame, of which absurd values are taken out; 0 too where
+// the filter began with it, -1 where there is nothing to learn from it.
+int KalmanFilter::arrive(Frame& frame) {
+  for (Channel channel : all_channels) {
+    if (frame.has(channel) && !is_possible(channel, frame[channel])) frame.invalidate(channel);
+  }
+  FrictionEstimate& e = estimate_;
+  e.time_ns = frame.time_ns;
+  e.sequence = frame.sequence;
+  e.valid = false;
+  if (!unsupported_.empty()) return -1;
+  forget_readings();
+  e.refused = 0;
+  e.raw_valid = false;
+
+  noise_->listen(frame);
+  const double elapsed = static_cast<double>(frame.time_ns - time_ns_) * 1.0e-9;
+  const double periods = std::round(elapsed / period_s_);
+  if (!started_ || std::abs(periods) > longest_gap_periods) {
+    begin(frame);
+    time_ns_ = frame.time_ns;
+    return started_ ? 0 : -1;
+  }
+  if (periods < 1.0) {
+    e.standing = Standing::out_of_step;
+    return -1;
+  }
+  return static_cast<int>(periods);
+}
+
+void KalmanFilter::learn(const Frame& frame) {
+  since_start_s_ += static_cast<double>(frame.time_ns - time_ns_) * 1.0e-9;
+  time_ns_ = frame.time_ns;
+  correct(frame);
+  noise_->confine(mean_);
+  absurd_s_ = noise_->is_absurd(mean_) ? absurd_s_ + period_s_ : 0.0;
+  if (!is_healthy()) {
+    ++estimate_.restarts;
+    forget_readings();  // a filter that is lost says nothing about the readings
+    begin(frame);
+    if (!started_) return;
+  }
+  report(frame);
+  estimate_.valid = estimate_.standing == Standing::good;
+}
+
+}  // namespace stickslip::observer

@@ -1,0 +1,109 @@
+// The extended Kalman filter behind FrictionObserver, for those who look into it: the observer and
+// the smoother.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "daemon/observer/covariance.h"
+#include "daemon/observer/layout.h"
+#include "daemon/observer/noise.h"
+#include "daemon/observer/observer.h"
+#include "daemon/observer/prediction.h"
+
+namespace stickslip::observer {
+
+class KalmanFilter {
+ public:
+  KalmanFilter(const physics::Model& declared, double period_s,
+               Contact contact = Contact::to_be_learnt);
+  // The prediction and the noise point at the rig and the layout.
+  KalmanFilter(const KalmanFilter&) = delete;
+  KalmanFilter& operator=(const KalmanFilter&) = delete;
+
+  /// Why the model cannot be followed; empty where it can.
+  const std::string& unsupported() const { return unsupported_; }
+  const FrictionEstimate& estimate() const { return estimate_; }
+
+  const Vector& mean() const { return mean_; }
+  const Covariance& covariance() const { return covariance_; }
+  const Transition& transition() const { return prediction_->transition(); }
+
+  /// Takes a frame; `pass(*this)` is called for each period until then, and calls predict().
+  template <class Pass>
+  void update(const Frame& given, Pass&& pass) {
+    Frame frame = given;
+    const int periods = arrive(frame);
+    if (periods < 0) return;
+    for (int k = 0; k < periods; ++k) pass(*this);
+    learn(frame);
+  }
+  void update(const Frame& frame) {
+    update(frame, [](KalmanFilter& filter) { filter.predict(); });
+  }
+
+  /// One period passes.
+  void predict();
+
+  /// What the next predict() adds to the doubt before the period, and what the last one added after
+  /// it.
+  Covariance process_noise() const;
+  Covariance output_noise() const;
+
+  /// The state that a channel reads, and the variance of its readings.
+  int reading_of(Channel channel) const { return layout_.of(channel).reading; }
+  double reading_variance(Channel channel) const { return noise_->reading_variance(channel); }
+
+  /// What these states and their covariance say, in the fields of an estimate that speak of the
+  /// rig.
+  void tell(const Vector& mean, const Covariance& covariance, FrictionEstimate& e) const;
+
+ private:
+  int arrive(Frame& frame);
+  void learn(const Frame& frame);
+  void name_quantities();
+  void begin(const Frame& frame);
+  void correct(const Frame& frame);
+  bool use_reading(Channel channel, double innovation, double reading_variance);
+  bool is_healthy() const;
+  void forget_readings();
+  void report(const Frame& frame);
+  double base_acceleration_behind_its_chain() const;
+  double slip_variance(const Covariance& covariance) const;
+  double normal_load(const Vector& mean) const;
+
+  // Declared before the layout, which says into it why there is none.
+  std::string unsupported_;
+  physics::Model model_;
+  physics::Rig rig_;
+  double period_s_;
+  Layout layout_;
+  int steps_;
+  Covariance covariance_;
+  // Made only for a supported model.
+  std::unique_ptr<Prediction> prediction_;
+  std::unique_ptr<Noise> noise_;
+  double settle_s_ = 0.0;
+  double learn_s_ = 0.0;  ///< mu and gamma are learnt from then on
+
+  Vector mean_;
+  Covariance::States gain_, column_;
+  std::array<int, quantity_count> source_{};  ///< of reported quantities
+
+  bool started_ = false;
+  std::int64_t origin_ns_ = 0;  ///< time 0 of the model
+  bool has_origin_ = false;
+  std::int64_t time_ns_ = 0;
+  double since_start_s_ = 0.0;
+  double since_sight_s_ = 0.0;
+  double nis_level_ = 1.0;
+  double since_drive_s_ = 1.0e9;
+  double lesson_ = 1.0;  ///< share of the gain on mu
+  double absurd_s_ = 0.0;
+  std::array<int, channel_count> outliers_in_a_row_{};
+  FrictionEstimate estimate_;
+};
+
+}  // namespace stickslip::observer
