@@ -475,6 +475,7 @@ void Service::tell_and_log(const Event& event) {
 Status Service::status(const Loop& loop) {
   Status out = status_of(loop.snapshot(), ledger_, loop.timing());
   out.uptime_ns = clock_.now_ns() - started_ns_;
+  out.devices = loop.device_counts();
   for (const Consumer* consumer : {publisher_.get(), recorder_.get()}) {
     if (consumer != nullptr) out.lost_messages += consumer->stream.lost_messages();
   }

@@ -133,6 +133,17 @@ void BenchDriver::close() noexcept {
   for (const auto& gauge : gauges_) gauge->close();
 }
 
+Counts BenchDriver::counts() const noexcept {
+  Counts all = board_->counts();
+  for (const auto& gauge : gauges_) {
+    const char* name = gauge->gauge().name().c_str();
+    const GaugeLosses losses = gauge->losses();
+    all.add({name, "readings_missing", losses.missing});
+    all.add({name, "readings_rejected", losses.rejected});
+  }
+  return all;
+}
+
 Signals BenchDriver::signals() const noexcept {
   Signals all = board_->signals();
   const auto add = [&all](const Signals& more) {

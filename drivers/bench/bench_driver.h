@@ -46,6 +46,8 @@ class BenchDriver final : public Driver {
   void close() noexcept override;
   const Description& description() const override { return description_; }
   Signals signals() const noexcept override;
+  /// The board's, and of each gauge what it lost.
+  Counts counts() const noexcept override;
 
  private:
   struct Wire {

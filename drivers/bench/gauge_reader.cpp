@@ -46,6 +46,7 @@ void GaugeReader::close() noexcept {
     wake_.notify_all();
     thread_.join();
   }
+  if (condition_.load(std::memory_order_relaxed) == Condition::here) keep_losses();
   gauge_->close();
   // The loop is not at work while this is closed.
   while (told_.front() != nullptr) told_.pop();
@@ -80,6 +81,17 @@ void GaugeReader::run() {
   }
 }
 
+GaugeReader::Condition GaugeReader::condition_after(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::fatal:
+      return Condition::beyond_help;
+    case Outcome::needs_attention:
+      return Condition::needs_attention;
+    default:
+      return Condition::gone;
+  }
+}
+
 /// False where there is nothing more to do: it is stopped, or beyond help.
 bool GaugeReader::read_until_lost() {
   std::vector<Reading> readings(gauge_->inputs().size());
@@ -106,17 +118,11 @@ bool GaugeReader::read_until_lost() {
       case Outcome::end_of_data:
       case Outcome::lost:
       case Outcome::needs_attention:
-      case Outcome::fatal: {
-        const GaugeLosses losses = gauge_->losses();
+      case Outcome::fatal:
+        keep_losses();
         gauge_->close();
-        missing_before_ += losses.missing;
-        rejected_before_ += losses.rejected;
-        const bool fatal = result.outcome == Outcome::fatal;
-        tell_lost(fatal                                        ? Condition::beyond_help
-                  : result.outcome == Outcome::needs_attention ? Condition::needs_attention
-                                                               : Condition::gone);
-        return !fatal;
-      }
+        tell_lost(condition_after(result.outcome));
+        return result.outcome != Outcome::fatal;
     }
   }
 }
@@ -143,6 +149,13 @@ void GaugeReader::publish_losses() {
   rejected_.store(rejected_before_ + losses.rejected, std::memory_order_relaxed);
 }
 
+/// The gauge is about to be closed, and counts from 0 when it is opened again.
+void GaugeReader::keep_losses() {
+  publish_losses();
+  missing_before_ = missing_.load(std::memory_order_relaxed);
+  rejected_before_ = rejected_.load(std::memory_order_relaxed);
+}
+
 Reading GaugeReader::latest(std::size_t input, std::int64_t time_ns) {
   while (const Told* told = told_.front()) {
     if (told->reading.time_ns > time_ns) break;
@@ -158,7 +171,7 @@ const char* GaugeReader::lost() const noexcept {
   return sentences_[static_cast<std::size_t>(condition)].c_str();
 }
 
-GaugeLosses GaugeReader::losses() const {
+GaugeLosses GaugeReader::losses() const noexcept {
   return {missing_.load(std::memory_order_relaxed), rejected_.load(std::memory_order_relaxed)};
 }
 

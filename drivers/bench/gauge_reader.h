@@ -54,8 +54,8 @@ class GaugeReader {
 
   Signals signals() const noexcept { return gauge_->signals(); }
 
-  /// Of all times that the gauge was open.
-  GaugeLosses losses() const;
+  /// Of all times that the gauge was open. Any thread.
+  GaugeLosses losses() const noexcept;
 
  private:
   enum class Condition : std::uint8_t { here, gone, needs_attention, beyond_help };
@@ -65,11 +65,13 @@ class GaugeReader {
   };
 
   void run();
+  static Condition condition_after(Outcome outcome);
   bool read_until_lost();
   void pause(std::int64_t ns);
   void tell(std::size_t input, const Reading& reading);
   void tell_lost(Condition condition);
   void publish_losses();
+  void keep_losses();
 
   std::unique_ptr<Gauge> gauge_;
   Patience patience_;

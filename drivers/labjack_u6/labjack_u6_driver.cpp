@@ -126,6 +126,7 @@ LabjackU6Driver::LabjackU6Driver(const config::LabjackU6& settings,
       rate_hz_(rate_hz),
       clock_(clock),
       lines_(std::make_unique<u6::Lines>()),
+      counts_(std::make_unique<u6::StreamCounts>()),
       rest_v_(settings.rest_v) {
   description_.name = "LabJack U6";
   description_.paced = true;
@@ -329,8 +330,8 @@ Result LabjackU6Driver::begin_stream() {
   }
   if (trouble) return refuse(trouble->outcome, std::move(trouble->text));
 
-  auto session =
-      std::make_unique<u6::StreamSession>(link.context(), link.handle(), std::move(plan), *lines_);
+  auto session = std::make_unique<u6::StreamSession>(link.context(), link.handle(), std::move(plan),
+                                                     *lines_, *counts_);
   const bool begun = session->begin();
   board_->session = std::move(session);
   if (!begun) {
@@ -636,6 +637,19 @@ Signals LabjackU6Driver::signals() const noexcept {
     return line && (old || ((lines >> static_cast<unsigned>(*line)) & 1U) == 0);
   };
   return {low(settings_.emergency_stop_line), low(settings_.amplifier_fault_line)};
+}
+
+Counts LabjackU6Driver::counts() const noexcept {
+  const auto value = [](const auto& count) { return count.load(std::memory_order_relaxed); };
+  constexpr const char* board = "LabJack U6";
+  Counts all;
+  all.add({board, "packets_lost", value(counts_->packets_lost)});
+  all.add({board, "packets_damaged", value(counts_->packets_damaged)});
+  all.add({board, "overflows", value(counts_->overflows)});
+  all.add({board, "scans_thrown_away", value(counts_->scans_thrown_away)});
+  all.add({board, "scans_lost", value(counts_->scans_lost)});
+  all.add({board, "fullest_backlog_of_256", value(counts_->fullest_backlog), Count::Kind::level});
+  return all;
 }
 
 void LabjackU6Driver::stop() noexcept {

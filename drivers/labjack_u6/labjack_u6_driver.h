@@ -21,6 +21,7 @@ namespace labjack_u6 {
 struct Command;
 struct Verdict;
 class Lines;
+struct StreamCounts;
 enum class Slot : std::uint8_t;
 }  // namespace labjack_u6
 
@@ -57,6 +58,7 @@ class LabjackU6Driver final : public Driver {
   /// thread. While started, a line that is configured counts as pressed or as a fault where no
   /// command of the last 100 ms was answered; the start counts as an answer.
   Signals signals() const noexcept override;
+  Counts counts() const noexcept override;
 
  private:
   struct Board;
@@ -103,6 +105,7 @@ class LabjackU6Driver final : public Driver {
   std::array<char, 200> end_text_{};
   std::atomic<bool> running_{false};
   std::unique_ptr<labjack_u6::Lines> lines_;
+  std::unique_ptr<labjack_u6::StreamCounts> counts_;
 
   Power power_ = Power::off;
   bool off_unconfirmed_ = false;

@@ -133,6 +133,7 @@ Result ModbusUnit::open() {
   if (const Outcome connected = bus_->connect(why); connected != Outcome::ok) {
     return tell(connected, why);
   }
+  losses_ = {};
   silent_in_row_ = 0;
   garbled_in_row_ = 0;
   failed_polls_in_row_ = 0;

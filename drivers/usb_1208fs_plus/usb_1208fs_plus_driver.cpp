@@ -52,7 +52,8 @@ timespec monotonic_in(std::int64_t ns) {
 class Usb1208fsPlusDriver::Board {
  public:
   Board(Session session, const ScanPlan& plan, const Calibration& calibration, int output,
-        double output_ahead_s, double rest_v, HostClock& clock)
+        double output_ahead_s, double rest_v, HostClock& clock,
+        std::atomic<std::uint64_t>& overruns, std::atomic<std::uint64_t>& underruns)
       : session_(std::move(session)),
         plan_(plan),
         calibration_(calibration),
@@ -61,6 +62,8 @@ class Usb1208fsPlusDriver::Board {
         clock_(clock),
         decoder_(plan.channels.size()),
         numbering_(plan.period_s),
+        overruns_(overruns),
+        underruns_(underruns),
         rest_(output_counts(rest_v)) {
     sem_init(&available_, 0, 0);
     for (std::size_t i = 0; i < input_transfers; ++i) {
@@ -112,8 +115,6 @@ class Usb1208fsPlusDriver::Board {
   bool was_driving = false;
   std::size_t held_back = 0;  // writes, since it ran dry
 
-  std::atomic<std::uint64_t> overruns = 0;
-  std::atomic<std::uint64_t> underruns = 0;
   std::atomic<bool> overrun_untold = false;
   std::atomic<bool> underrun_untold = false;
   std::atomic<bool> refused = false;  // a request that has to work failed
@@ -164,6 +165,8 @@ class Usb1208fsPlusDriver::Board {
   HostClock& clock_;
   ScanDecoder decoder_;
   Numbering numbering_;
+  std::atomic<std::uint64_t>& overruns_;
+  std::atomic<std::uint64_t>& underruns_;
   std::vector<std::uint16_t> fill_;  // what is queued ahead when the output begins
   Transfers inputs_;
   Transfers outputs_;
@@ -378,7 +381,7 @@ void Usb1208fsPlusDriver::Board::restart_input() {
     wait();
     return;
   }
-  overruns.fetch_add(1, std::memory_order_relaxed);
+  overruns_.fetch_add(1, std::memory_order_relaxed);
   overrun_untold.store(true, std::memory_order_release);
 }
 
@@ -428,7 +431,7 @@ void Usb1208fsPlusDriver::Board::serve_output() {
     return;
   }
   if (output_running_ && output_failed_) {
-    underruns.fetch_add(1, std::memory_order_relaxed);
+    underruns_.fetch_add(1, std::memory_order_relaxed);
     underrun_untold.store(true, std::memory_order_release);
     call_back(outputs_);
     session_.send(Request::output_scan_stop);
@@ -564,7 +567,8 @@ Result Usb1208fsPlusDriver::open() {
     return {Outcome::needs_attention, refusal_.c_str()};
   }
   board_ = std::make_unique<Board>(std::move(session), *plan, *calibration, settings_.output,
-                                   settings_.output_ahead_s, settings_.rest_v, clock_);
+                                   settings_.output_ahead_s, settings_.rest_v, clock_, overruns_,
+                                   underruns_);
   return {};
 }
 
@@ -649,9 +653,11 @@ void Usb1208fsPlusDriver::close() noexcept {
   board_.reset();
 }
 
-std::uint64_t Usb1208fsPlusDriver::overruns() const { return board_ ? board_->overruns.load() : 0; }
-std::uint64_t Usb1208fsPlusDriver::underruns() const {
-  return board_ ? board_->underruns.load() : 0;
+Counts Usb1208fsPlusDriver::counts() const noexcept {
+  Counts all;
+  all.add({"USB-1208FS-Plus", "overruns", overruns()});
+  all.add({"USB-1208FS-Plus", "underruns", underruns()});
+  return all;
 }
 
 std::vector<Attached> find_usb_1208fs_plus() { return usb_1208fs_plus::find_all(); }

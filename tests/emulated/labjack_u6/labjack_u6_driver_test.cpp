@@ -234,6 +234,33 @@ TEST(LabjackU6OnABus, AHostThatSleepsLosesScansAndKnowsHowMany) {
     missing += frames[i].sequence - frames[i - 1].sequence - 1;
   }
   EXPECT_EQ(missing, bench.board.scans_lost());
+
+  const auto count = [&bench](const std::string& name) {
+    const drivers::Counts counts = bench.driver.counts();
+    for (const drivers::Count& one : counts.all()) {
+      if (one.name == name) return one.value;
+    }
+    return std::uint64_t{0xDEAD};
+  };
+  const std::uint64_t overflows = bench.board.recoveries();
+  const std::uint64_t thrown_away = bench.board.scans_lost();
+  EXPECT_EQ(count("overflows"), overflows);
+  EXPECT_EQ(count("scans_thrown_away"), thrown_away);
+  EXPECT_EQ(count("scans_lost"), thrown_away);
+  EXPECT_EQ(count("packets_lost"), 0U);
+  EXPECT_GT(count("fullest_backlog_of_256"), 128U);
+  // They go on with the next stream, also of a board that was opened again.
+  bench.driver.stop();
+  bench.driver.close();
+  EXPECT_EQ(count("overflows"), overflows);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  bench.frames(milliseconds(60));
+  bench.board.schedule(U6StreamFault::lost, bench.board.packets() + 20);
+  bench.frames(milliseconds(100));
+  EXPECT_EQ(count("overflows"), overflows);
+  EXPECT_EQ(count("packets_lost"), 1U);
+  EXPECT_GT(count("scans_lost"), thrown_away);
 }
 
 TEST(LabjackU6OnABus, DrivesTheOutputAndTheEnableLine) {

@@ -100,6 +100,7 @@ struct BoardState {
   Result write_answer{};
   Signals signals;
   bool own_clock = false;
+  std::uint64_t count = 0;
 };
 
 class FakeBoard final : public Driver {
@@ -129,6 +130,11 @@ class FakeBoard final : public Driver {
   void close() noexcept override {}
   const Description& description() const override { return description_; }
   Signals signals() const noexcept override { return state_.signals; }
+  Counts counts() const noexcept override {
+    Counts out;
+    out.add({"board 3", "overruns", state_.count});
+    return out;
+  }
 
  private:
   BoardState& state_;
@@ -287,6 +293,55 @@ TEST(GaugeReader, CountsTheLossesOfAllTimesThatTheGaugeWasOpen) {
     state.open_answer = {};
   }
   EXPECT_TRUE(soon([&] { return reader.losses().missing == 5 && reader.losses().rejected == 1; }));
+}
+
+TEST(GaugeReader, KeepsTheLossesOfAGaugeThatWasClosedWithoutBeingLost) {
+  GaugeState state;
+  GaugeReader reader(std::make_unique<FakeGauge>(state), quick);
+  for (const std::uint64_t times : {1U, 2U}) {
+    ASSERT_TRUE(reader.open(true));
+    {
+      const std::lock_guard lock(state.mutex);
+      state.losses = {4, 1};
+    }
+    ASSERT_TRUE(soon([&] { return reader.losses().missing == 4 * times; }));
+    reader.close();
+    EXPECT_EQ(reader.losses().missing, 4 * times);
+    EXPECT_EQ(reader.losses().rejected, times);
+    const std::lock_guard lock(state.mutex);
+    state.losses = {};
+  }
+}
+
+TEST(BenchDriver, TellsWhatItsBoardAndEachOfItsGaugesCount) {
+  Bench bench;
+  bench.board.count = 3;
+  ASSERT_TRUE(bench.driver.open());
+  {
+    const std::lock_guard lock(bench.gauge.mutex);
+    bench.gauge.losses = {5, 2};
+  }
+  const auto text = [&] {
+    std::string out;
+    const Counts counts = bench.driver.counts();
+    for (const Count& count : counts.all()) {
+      out +=
+          std::string(count.device) + ' ' + count.name + ' ' + std::to_string(count.value) + '\n';
+    }
+    return out;
+  };
+  EXPECT_TRUE(soon([&] {
+    return text() ==
+           "board 3 overruns 3\nbridge 7 readings_missing 5\nbridge 7 readings_rejected 2\n";
+  })) << text();
+}
+
+TEST(Counts, WhatFindsNoRoomIsLeftOut) {
+  Counts counts;
+  for (std::uint64_t i = 0; i < 1000; ++i) counts.add({"board", "overruns", i});
+  ASSERT_GT(counts.all().size(), 32U);
+  ASSERT_LT(counts.all().size(), 1000U);
+  EXPECT_EQ(counts.all().back().value, counts.all().size() - 1);
 }
 
 TEST(BenchDriver, AFrameHoldsTheScanAndTheGaugesWithTheirAge) {

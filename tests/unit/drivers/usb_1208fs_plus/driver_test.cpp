@@ -240,6 +240,15 @@ TEST_F(Usb1208fsPlus, AnOverrunIsToldOnceAndTheSequenceJumps) {
   const auto elapsed_ms = static_cast<double>(clock.now_ns() - before_ns) * 1e-6;
   EXPECT_NEAR(static_cast<double>(frame.sequence - before), elapsed_ms, 20.0);
   EXPECT_EQ(driver->overruns(), 1U);
+  // They are for an operator, and outlive the board.
+  driver->close();
+  const Counts counts = driver->counts();
+  ASSERT_EQ(counts.all().size(), 2U);
+  EXPECT_STREQ(counts.all()[0].device, "USB-1208FS-Plus");
+  EXPECT_STREQ(counts.all()[0].name, "overruns");
+  EXPECT_EQ(counts.all()[0].value, 1U);
+  EXPECT_STREQ(counts.all()[1].name, "underruns");
+  EXPECT_EQ(counts.all()[1].value, 0U);
 }
 
 TEST_F(Usb1208fsPlus, DrivesOneValueForEachFrameAndRestsAtOnce) {
