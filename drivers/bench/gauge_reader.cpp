@@ -63,8 +63,9 @@ void GaugeReader::run() {
   while (!stopping()) {
     if (condition_.load(std::memory_order_relaxed) == Condition::here) {
       if (!read_until_lost()) return;
-      wait_ns = patience_.first_ns;
+      if (spoke_) wait_ns = patience_.first_ns;
       pause(wait_ns);
+      wait_ns = std::min(2 * wait_ns, patience_.longest_ns);
       continue;
     }
     const Result opened = gauge_->open();
@@ -96,6 +97,7 @@ GaugeReader::Condition GaugeReader::condition_after(Outcome outcome) {
 bool GaugeReader::read_until_lost() {
   std::vector<Reading> readings(gauge_->inputs().size());
   std::vector<Reading> before = readings;
+  spoke_ = false;
   for (;;) {
     {
       const std::lock_guard lock(mutex_);
@@ -105,6 +107,7 @@ bool GaugeReader::read_until_lost() {
     publish_losses();
     switch (result.outcome) {
       case Outcome::ok:
+        spoke_ = true;
         for (std::size_t i = 0; i < readings.size(); ++i) {
           if (readings[i].time_ns != before[i].time_ns || readings[i].valid != before[i].valid) {
             tell(i, readings[i]);

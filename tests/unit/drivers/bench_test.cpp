@@ -263,6 +263,17 @@ TEST(GaugeReader, OpensAGaugeAgainThatWasLostAndSaysSoMeanwhile) {
   EXPECT_TRUE(soon([&] { return reader.latest(0, 50 * ms).value == 4.0; }));
 }
 
+TEST(GaugeReader, OneThatOpensAndIsLostBeforeItSpeaksIsLeftAloneForLongerAndLonger) {
+  GaugeState state;
+  state.answer({}, {Outcome::lost, "unplugged"});
+  GaugeReader reader(std::make_unique<FakeGauge>(state), {1 * ms, 10'000 * ms});
+  ASSERT_TRUE(reader.open(true));
+  std::this_thread::sleep_for(milliseconds(300));
+  const std::lock_guard lock(state.mutex);
+  EXPECT_GE(state.opened, 3);
+  EXPECT_LE(state.opened, 10);  // after 1, 3, 7, ... 255 ms
+}
+
 TEST(GaugeReader, DoesNotGoOnWithOneThatIsBeyondHelp) {
   GaugeState state;
   GaugeReader reader(std::make_unique<FakeGauge>(state), quick);
