@@ -528,8 +528,7 @@ inline constexpr std::array register_table = {
     Key{.path = "group",
         .type = Type::text,
         .sentence = "Registers of one group are read in one request, which holds at most 125 of "
-                    "them with what "
-                    "lies between, or 2000 bits.",
+                    "them with what lies between, or 2000 bits.",
         .fallback = "alone"},
     Key{.path = "ok",
         .type = Type::integers,
