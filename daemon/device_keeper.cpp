@@ -33,6 +33,8 @@ bool DeviceKeeper::try_to_bring_back(drivers::Driver& driver, Loop& loop) {
   drivers::Result result = driver.open();
   if (result) result = driver.start();
   if (!result) {
+  // Every few seconds, and with reason.
+  if (const char* left_on = driver.left_on()) spdlog::error("{}", left_on);
     // Every few seconds at most, and a person has to know what to do.
     spdlog::warn("{} is not back: {}", driver.description().name, result.message);
     driver.close();

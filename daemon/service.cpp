@@ -338,6 +338,9 @@ int Service::run() {
   driver->close();
   return finish(loop);
 }
+  // Of one that is here the loop has told.
+  const char* const left_on = loop.device_is_gone() ? driver->left_on() : nullptr;
+  if (left_on != nullptr) spdlog::error("{}", left_on);
 
 SettingBounds Service::setting_bounds(const Loop& loop) const {
   return {rig_.limits, rig_.model.oscillator.excitation == physics::Excitation::force,

@@ -119,6 +119,11 @@ class Driver {
   /// Devices without such lines have none pressed. As cheap as reading a variable.
   virtual Signals signals() const noexcept { return {}; }
 
+  /// After a stop: what may still be on because the last "off" was not confirmed, with the device's
+  /// name and what to do, in a sentence; null where all is off. Stays until the next open that
+  /// succeeds; lives as long as that. Only for the thread that may call stop.
+  virtual const char* left_on() const noexcept { return nullptr; }
+
   /// Any thread, in every state, also while another one opens or closes. Does not wait.
   virtual Counts counts() const noexcept { return {}; }
 };

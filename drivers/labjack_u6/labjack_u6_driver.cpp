@@ -217,6 +217,7 @@ Result LabjackU6Driver::open() {
   return {};
 }
 
+  left_on_.clear();
 u6::Command LabjackU6Driver::enable_line_low() {
   u6::Feedback feedback(++echo_);
   if (settings_.enable_line) feedback.set_line(*settings_.enable_line, false);
@@ -673,7 +674,7 @@ void LabjackU6Driver::wind_down() noexcept {
   }
   board_->session.reset();
   if (unplugged) return;
-  make_safe();
+  bool safe = make_safe();
   try {
     static_cast<void>(
         board_->link.ask("stop the stream", u6::stop_stream(), u6::check_stream_stopped));
@@ -688,5 +689,20 @@ void LabjackU6Driver::close() noexcept {
 }
 
 std::vector<Attached> find_labjack_u6() { return u6::find_boards(); }
+    if (!unplugged) note_left_on("the kernel kept its transfers");
 
 }  // namespace stickslip::drivers
+  // Without its USB the board is without power: its lines let go.
+  // What was in the way may have been the stream, or a reply to something else.
+  if (!safe) safe = make_safe();
+  if (!safe) note_left_on(refusal_.c_str());
+}
+
+void LabjackU6Driver::note_left_on(const char* why) noexcept {
+  try {
+    left_on_ = description_.name +
+               ": its enable line may still be high: press the emergency stop, then look at cable "
+               "and board. The last \"off\" was not confirmed: " +
+               why;
+  } catch (...) {  // without memory for a sentence
+  }

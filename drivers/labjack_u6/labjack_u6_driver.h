@@ -59,6 +59,9 @@ class LabjackU6Driver final : public Driver {
   /// command of the last 100 ms was answered; the start counts as an answer.
   Signals signals() const noexcept override;
   Counts counts() const noexcept override;
+  const char* left_on() const noexcept override {
+    return left_on_.empty() ? nullptr : left_on_.c_str();
+  }
 
  private:
   struct Board;
@@ -74,6 +77,7 @@ class LabjackU6Driver final : public Driver {
   bool make_safe() noexcept;
   void wind_down() noexcept;
   void forget_what_is_over();
+  void note_left_on(const char* why) noexcept;
   void note_failure(labjack_u6::Slot slot, const char* what, const char* why);
   void note_success(labjack_u6::Slot slot, std::int64_t sent_ns);
   Result ended();
@@ -102,6 +106,7 @@ class LabjackU6Driver final : public Driver {
   std::array<char, 200> failure_{};  // of a command; empty: none to tell
   bool failure_told_ = false;
   std::uint8_t failed_ = 0;  // bit: that slot; its latest command, and none was confirmed since
+  std::string left_on_;              // empty: all is off
   std::array<char, 200> end_text_{};
   std::atomic<bool> running_{false};
   std::unique_ptr<labjack_u6::Lines> lines_;

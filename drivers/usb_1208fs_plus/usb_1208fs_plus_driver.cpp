@@ -30,6 +30,7 @@ constexpr std::size_t room_for_frames = 4096;
 constexpr std::size_t input_transfers = 16;
 constexpr std::size_t output_transfers = 16;
 constexpr std::size_t output_transfer_bytes = 2048;
+constexpr int attempts_to_rest = 2;
 constexpr std::int64_t status_period_ns = 200'000'000;
 /// For transfers that were called back. What has not come by then never will.
 constexpr std::chrono::seconds patience_of_call_back(2);
@@ -87,6 +88,8 @@ class Usb1208fsPlusDriver::Board {
   /// must not be destroyed.
   bool keeps() const { return keeps_.load(std::memory_order_relaxed); }
   void release() const { session_.release(); }
+  /// Once stopped: whether the board has taken the voltage of rest. One that is gone has no power.
+  bool rests() const { return gone() || resting_at_ == rest_.load(std::memory_order_relaxed); }
   int start();
   void stop();
 
@@ -259,7 +262,7 @@ void Usb1208fsPlusDriver::Board::run() {
   }
   // The output comes to rest even where the kernel keeps transfers.
   driving_ = false;
-  if (!gone()) serve_output();
+  for (int i = 0; i < attempts_to_rest && !rests(); ++i) serve_output();
   call_back(outputs_);
   call_back(inputs_);
   if (!gone()) session_.send(Request::input_scan_stop);
@@ -569,6 +572,7 @@ Result Usb1208fsPlusDriver::open() {
   board_ = std::make_unique<Board>(std::move(session), *plan, *calibration, settings_.output,
                                    settings_.output_ahead_s, settings_.rest_v, clock_, overruns_,
                                    underruns_);
+  left_on_.clear();
   return {};
 }
 
@@ -640,7 +644,15 @@ Result Usb1208fsPlusDriver::write(const Actuation& actuation) {
 }
 
 void Usb1208fsPlusDriver::stop() noexcept {
-  if (board_) board_->stop();
+  if (!board_ || !board_->running()) return;
+  board_->stop();
+  if (board_->rests()) return;
+  try {
+    left_on_ = description_.name +
+               ": its output may not be at rest: press the emergency stop, then look at cable and "
+               "board. It did not take its last value";
+  } catch (...) {  // without memory for a sentence
+  }
 }
 
 void Usb1208fsPlusDriver::close() noexcept {

@@ -49,6 +49,9 @@ class Usb1208fsPlusDriver final : public Driver {
   void close() noexcept override;
   const Description& description() const override { return description_; }
 
+  const char* left_on() const noexcept override {
+    return left_on_.empty() ? nullptr : left_on_.c_str();
+  }
   Counts counts() const noexcept override;
   /// How often the scan of the inputs had to be begun anew, of all times that it was open.
   std::uint64_t overruns() const noexcept { return overruns_.load(std::memory_order_relaxed); }
@@ -63,6 +66,7 @@ class Usb1208fsPlusDriver final : public Driver {
   HostClock& clock_;
   Description description_;
   std::string refusal_;
+  std::string left_on_;                     // empty: the output rests
   std::atomic<std::uint64_t> overruns_{0};  // they outlive the board, which counts in them
   std::atomic<std::uint64_t> underruns_{0};
   std::unique_ptr<Board> board_;

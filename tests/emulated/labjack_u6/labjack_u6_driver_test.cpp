@@ -309,6 +309,26 @@ TEST(LabjackU6OnABus, ADaemonThatDiesLeavesTheLineToTheWatchdog) {
   EXPECT_FALSE(bench.wires.is_enabled());
 }
 
+TEST(LabjackU6OnABus, AnOffThatTheBoardNeverConfirmedIsToldAtTheEnd) {
+  Bench bench(1, 1000.0);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  bench.frames(milliseconds(50));
+  bench.driver.stop();
+  EXPECT_EQ(bench.driver.left_on(), nullptr);
+  ASSERT_TRUE(bench.driver.start());
+  bench.frames(milliseconds(50));
+  bench.board.fall_silent(true);
+  bench.driver.stop();
+  bench.driver.close();
+  ASSERT_NE(bench.driver.left_on(), nullptr);
+  EXPECT_THAT(bench.driver.left_on(), HasSubstr("360009876"));
+  EXPECT_THAT(bench.driver.left_on(), HasSubstr("press the emergency stop"));
+  bench.board.fall_silent(false);
+  ASSERT_TRUE(bench.driver.open());
+  EXPECT_EQ(bench.driver.left_on(), nullptr);
+}
+
 TEST(LabjackU6OnABus, AnUnchangedDriveFeedsTheWatchdogAllTheSame) {
   Bench bench(1, 1000.0);
   ASSERT_TRUE(bench.driver.open());

@@ -70,6 +70,7 @@ class FakeDriver final : public drivers::Driver {
   void close() noexcept override {}
   const drivers::Description& description() const override { return description_; }
   drivers::Signals signals() const noexcept override { return lines; }
+  const char* left_on() const noexcept override { return left; }
   drivers::Counts counts() const noexcept override {
     drivers::Counts out;
     out.add({"fake", "losses", losses});
@@ -89,6 +90,7 @@ class FakeDriver final : public drivers::Driver {
   std::vector<drivers::Actuation> actuations;
   drivers::Actuation last;
   std::uint64_t losses = 0;
+  const char* left = nullptr;
   bool started = false;
   bool stopped = false;
   drivers::Description description_;

@@ -101,6 +101,7 @@ struct BoardState {
   Signals signals;
   bool own_clock = false;
   std::uint64_t count = 0;
+  const char* left_on = nullptr;
 };
 
 class FakeBoard final : public Driver {
@@ -130,6 +131,7 @@ class FakeBoard final : public Driver {
   void close() noexcept override {}
   const Description& description() const override { return description_; }
   Signals signals() const noexcept override { return state_.signals; }
+  const char* left_on() const noexcept override { return state_.left_on; }
   Counts counts() const noexcept override {
     Counts out;
     out.add({"board 3", "overruns", state_.count});
@@ -145,6 +147,7 @@ struct ContactsState {
   std::vector<bool> writes;
   Signals signals;
   Result write_answer{};
+  int failing_writes = 1'000'000;  // that get this answer, if it is one of a failure
 };
 
 class FakeContacts final : public Contacts {
@@ -157,6 +160,7 @@ class FakeContacts final : public Contacts {
   Result write(bool on) override {
     state_.writes.push_back(on);
     board_.order.emplace_back("contacts");
+    if (!state_.write_answer && --state_.failing_writes < 0) return {};
     return state_.write_answer;
   }
   Signals signals() const noexcept override { return state_.signals; }
@@ -444,6 +448,44 @@ TEST(BenchDriver, OffReachesBothWhateverOneOfThemSays) {
             Outcome::fatal);
   EXPECT_FALSE(bench.board.writes.back().amplifier_on);
   EXPECT_FALSE(bench.contacts.writes.back());
+}
+
+TEST(BenchDriver, AContactThatCannotBeSwitchedOffAtTheEndIsTold) {
+  Bench bench;
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.write({0.0, true}));
+  bench.driver.stop();
+  EXPECT_EQ(bench.driver.left_on(), nullptr);
+  bench.contacts.write_answer = {Outcome::lost, "the amplifier's GPIO chip gpiochip1 is gone"};
+  bench.driver.stop();
+  ASSERT_NE(bench.driver.left_on(), nullptr);
+  EXPECT_THAT(bench.driver.left_on(), testing::HasSubstr("gpiochip1 is gone"));
+  EXPECT_THAT(bench.driver.left_on(), testing::HasSubstr("press the emergency stop"));
+  bench.driver.close();
+  EXPECT_NE(bench.driver.left_on(), nullptr);
+  // Whoever opens the contact has made it inactive.
+  bench.contacts.write_answer = {};
+  ASSERT_TRUE(bench.driver.open());
+  EXPECT_EQ(bench.driver.left_on(), nullptr);
+}
+
+TEST(BenchDriver, AContactThatFailsForOnceIsSwitchedOffAtTheEndAllTheSame) {
+  Bench bench;
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.write({0.0, true}));
+  bench.contacts.write_answer = {Outcome::temporary, "interrupted"};
+  bench.contacts.failing_writes = 2;
+  bench.driver.stop();
+  EXPECT_EQ(bench.driver.left_on(), nullptr);
+  EXPECT_THAT(bench.contacts.writes, testing::ElementsAre(true, false, false, false));
+}
+
+TEST(BenchDriver, ABoardThatWasLeftOnIsTold) {
+  Bench bench;
+  ASSERT_TRUE(bench.driver.open());
+  bench.board.left_on = "board 3 may still be on";
+  bench.driver.stop();
+  EXPECT_STREQ(bench.driver.left_on(), "board 3 may still be on");
 }
 
 TEST(BenchDriver, AGaugeThatIsLostCostsItsChannelsAndIsNamed) {

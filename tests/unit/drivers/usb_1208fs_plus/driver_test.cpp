@@ -80,6 +80,7 @@ class FakeBoard final : public emulated::UsbDevice {
         running = false;
         return {};
       case 0x18:
+        if (refuses_rest) return {UsbStatus::stall, {}};
         resting_at = setup.value;
         return {};
       case 0x1A:
@@ -153,6 +154,7 @@ class FakeBoard final : public emulated::UsbDevice {
   bool output_running = false;
   bool stalled = false;
   bool output_stalled = false;
+  bool refuses_rest = false;
   int resting_at = -1;
   std::vector<int> driven;
 
@@ -275,6 +277,26 @@ TEST_F(Usb1208fsPlus, DrivesOneValueForEachFrameAndRestsAtOnce) {
   const std::lock_guard hold(board.lock);
   EXPECT_FALSE(board.output_running);
   EXPECT_EQ(board.resting_at, 1638);
+}
+
+TEST_F(Usb1208fsPlus, AnOutputThatDoesNotGoToRestAtTheEndIsTold) {
+  begin();
+  ASSERT_TRUE(driver->write({3.0, true}));
+  Frame frame;
+  for (int i = 0; i < 30; ++i) ASSERT_TRUE(next(frame));
+  driver->stop();
+  EXPECT_EQ(driver->left_on(), nullptr);
+  ASSERT_TRUE(driver->start());
+  ASSERT_TRUE(driver->write({3.0, true}));
+  for (int i = 0; i < 30; ++i) ASSERT_TRUE(next(frame));
+  {
+    const std::lock_guard hold(board.lock);
+    board.refuses_rest = true;
+  }
+  driver->stop();
+  ASSERT_NE(driver->left_on(), nullptr);
+  EXPECT_THAT(driver->left_on(), HasSubstr("01A2B3C4"));
+  EXPECT_THAT(driver->left_on(), HasSubstr("press the emergency stop"));
 }
 
 TEST_F(Usb1208fsPlus, AnOutputThatRanDryIsStartedAgain) {
