@@ -54,9 +54,10 @@ class LabjackU6Driver final : public Driver {
   void stop() noexcept override;
   void close() noexcept override;
   const Description& description() const override { return description_; }
-  /// Read with every command, and at least every 20 ms while read or write is called. For any
-  /// thread. While started, a line that is configured counts as pressed or as a fault where no
-  /// command of the last 100 ms was answered; the start counts as an answer.
+  /// Read with every command, and at least every 20 ms while read or write is called; where an
+  /// answer stays away, asked for once more after 50 ms. For any thread. While started, a line that
+  /// is configured counts as pressed or as a fault where no command of the last 100 ms was
+  /// answered; the start counts as an answer.
   Signals signals() const noexcept override;
   Counts counts() const noexcept override;
   const char* left_on() const noexcept override {
@@ -87,6 +88,8 @@ class LabjackU6Driver final : public Driver {
   void collect_set_point(std::int64_t now_ns);
   void collect_off(std::int64_t now_ns);
   void collect_watchdog(std::int64_t now_ns);
+  void ask_for_lines(std::int64_t now_ns);
+  bool reads_lines() const;
   void turn_off(std::uint16_t counts, std::int64_t now_ns);
   void keep_off(std::uint16_t counts, std::int64_t now_ns);
   void keep_on(std::uint16_t counts, std::int64_t now_ns);

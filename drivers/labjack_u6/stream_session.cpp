@@ -289,7 +289,7 @@ void StreamSession::dispatch(std::span<const std::uint8_t> reply) {
   FeedbackReply feedback;
   const Verdict verdict = parse_feedback(reply, true, feedback);
   if (kind == ReplyKind::feedback && (verdict || verdict.kind == Verdict::Kind::error)) {
-    for (const Slot slot : {Slot::set_point, Slot::off}) {
+    for (const Slot slot : {Slot::set_point, Slot::off, Slot::lines}) {
       const std::uint64_t word = at(slot).word.load(std::memory_order_acquire);
       if (phase_of(word) != Phase::waiting || echo_of(word) != feedback.echo) continue;
       if (verdict) lines_.tell(feedback.lines, at(slot).sent_ns);

@@ -40,8 +40,8 @@ enum class StreamEnd : std::uint8_t {
 };
 
 /// The commands that may be under way at the same time, one of each.
-enum class Slot : std::uint8_t { set_point, off, watchdog };
-inline constexpr std::size_t slot_count = 3;
+enum class Slot : std::uint8_t { set_point, off, watchdog, lines };
+inline constexpr std::size_t slot_count = 4;
 /// A command that the board has not taken by then is withdrawn.
 inline constexpr unsigned leaving_patience_ms = 100;
 

@@ -506,6 +506,77 @@ TEST(LabjackU6OnABus, ALineThatADeadProcessLeftHighIsLowWhateverFails) {
   int failures = 0;
   for (std::uint64_t failing = 0; failing < 12; ++failing) {
     SCOPED_TRACE(failing);
+/// Whether the emergency stop was seen pressed within that time, and the longest turn of the loop.
+struct Watched {
+  bool pressed = false;
+  steady_clock::duration longest{};
+};
+Watched watch(Bench& bench, milliseconds time, drivers::Actuation wanted) {
+  Watched out;
+  auto before = steady_clock::now();
+  const auto end = before + time;
+  while (!out.pressed && before < end) {
+    Frame frame;
+    static_cast<void>(bench.driver.read(frame));
+    static_cast<void>(bench.driver.write(wanted));
+    out.pressed = bench.driver.signals().emergency_stop;
+    const auto now = steady_clock::now();
+    out.longest = std::max(out.longest, now - before);
+    before = now;
+  }
+  return out;
+}
+
+// A host that stands still makes the lines old by itself: rounds in which it did do not count.
+TEST(LabjackU6OnABus, ASingleAnswerThatIsLostIsNoEmergencyStop) {
+  for (const bool on : {false, true}) {
+    SCOPED_TRACE(on);
+    Bench bench(1, 1000.0);
+    ASSERT_TRUE(bench.driver.open());
+    ASSERT_TRUE(bench.driver.start());
+    int pressed = 0;
+    int counted = 0;
+    for (int round = 0; round < 20 && counted < 4; ++round) {
+      drive(bench, milliseconds(60), {3.0, on});
+      bench.board.schedule(U6ReplyFault::missing);
+      const Watched watched = watch(bench, milliseconds(220), {3.0, on});
+      drive(bench, milliseconds(60), {3.0, on});
+      if (watched.longest > milliseconds(12)) continue;
+      ++counted;
+      if (watched.pressed) ++pressed;
+    }
+    if (counted == 0) GTEST_SKIP() << "this host is too busy";
+    EXPECT_LE(pressed, counted / 4) << "of " << counted;
+  }
+}
+
+TEST(LabjackU6OnABus, WhileAnAnswerIsAwaitedThatWasLostAnEmergencyStopIsSeenAllTheSame) {
+  Bench bench(1, 1000.0);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  drive(bench, milliseconds(100), {3.0, true});
+  bench.board.schedule(U6ReplyFault::missing);
+  drive(bench, milliseconds(30), {3.0, true});
+  bench.wires.pressed = true;
+  const auto begun = steady_clock::now();
+  EXPECT_TRUE(watch(bench, milliseconds(400), {3.0, true}).pressed);
+  EXPECT_LT(steady_clock::now() - begun, milliseconds(180));  // 100 and a busy host's
+}
+
+// The bound: whatever becomes of the answers, what is not known counts as pressed.
+TEST(LabjackU6OnABus, ABoardThatAnswersNothingCountsAsPressedAfterATenthOfASecond) {
+  Bench bench(1, 1000.0);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  drive(bench, milliseconds(100), {3.0, true});
+  ASSERT_FALSE(bench.driver.signals().emergency_stop);
+  const auto begun = steady_clock::now();
+  bench.board.chance(U6ReplyFault::missing, 1.0);
+  EXPECT_TRUE(watch(bench, milliseconds(1000), {3.0, true}).pressed);
+  EXPECT_GT(steady_clock::now() - begun, milliseconds(50));
+  EXPECT_LT(steady_clock::now() - begun, milliseconds(200));
+}
+
     Bench bench(1, 1000.0);
     leave_line_high(bench);
     bench.board.schedule(U6ReplyFault::error, failing, {.error = 96});
