@@ -400,6 +400,35 @@ TEST(LabjackU6OnABus, WithoutPermissionItSaysWhatToDo) {
   EXPECT_TRUE(bench.driver.open());
 }
 
+TEST(LabjackU6OnABus, OfTwoTheSerialNumberChooses) {
+  Bench bench;
+  LabjackU6Options options = board_options(2);
+  options.serial = 360001111;
+  EmulatedLabjackU6 other(
+      bench.wires, [&bench] { return bench.clock.now_ns(); }, options);
+  bench.bus.plug(other, 2);
+  const Result several = bench.driver.open();
+  EXPECT_EQ(several.outcome, Outcome::needs_attention);
+  EXPECT_STREQ(several.message,
+               "several LabJack U6 are attached (360009876, 360001111). Say which with serial = "
+               "... in [labjack_u6]");
+  EXPECT_EQ(drivers::find_labjack_u6().size(), 2U);
+  config::LabjackU6 chosen = settings();
+  for (const std::uint32_t serial : {360009876U, 360001111U}) {
+    chosen.serial = serial;
+    LabjackU6Driver driver(chosen, inputs(), 5000.0, bench.clock);
+    ASSERT_TRUE(driver.open());
+    EXPECT_THAT(driver.description().name, HasSubstr(std::to_string(serial)));
+  }
+  chosen.serial = 1;
+  LabjackU6Driver neither(chosen, inputs(), 5000.0, bench.clock);
+  EXPECT_STREQ(neither.open().message,
+               "LabJack U6 #1 is not attached. Attached: 360009876, 360001111");
+  // The one that is asked for may be the one that may not be opened.
+  bench.bus.refuse_access(other);
+  EXPECT_THAT(neither.open().message, HasSubstr("70-stickslip.rules"));
+}
+
 TEST(LabjackU6OnABus, AStreamThatADeadProcessLeftBehindIsEnded) {
   Bench bench;
   {

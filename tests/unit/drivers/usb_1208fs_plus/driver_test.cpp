@@ -397,7 +397,7 @@ TEST_F(Usb1208fsPlus, RefusalsTellTheCure) {
   bus.refuse_access(board);
   Result refused = driver->open();
   EXPECT_EQ(refused.outcome, Outcome::needs_attention);
-  EXPECT_THAT(refused.message, HasSubstr("ATTR{idVendor}==\"09db\""));
+  EXPECT_THAT(refused.message, HasSubstr("70-stickslip.rules gives it to the group stickslip"));
   ASSERT_EQ(find_usb_1208fs_plus().size(), 1U);
   EXPECT_THAT(find_usb_1208fs_plus()[0].trouble, HasSubstr("udev"));
   bus.refuse_access(board, false);
@@ -412,7 +412,8 @@ TEST_F(Usb1208fsPlus, RefusalsTellTheCure) {
   bus.unplug(other);
   settings.serial = "00000000";
   driver.emplace(settings, inputs, 1000.0, clock);
-  EXPECT_THAT(driver->open().message, HasSubstr("there is 01A2B3C4"));
+  EXPECT_THAT(driver->open().message,
+              HasSubstr("USB-1208FS-Plus #00000000 is not attached. Attached: 01A2B3C4"));
 }
 
 }  // namespace
