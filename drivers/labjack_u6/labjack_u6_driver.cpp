@@ -217,10 +217,10 @@ Result LabjackU6Driver::open() {
     return prepared;
   }
   description_.name = u6::name_of(board_->link.identity());
+  left_on_.clear();
   return {};
 }
 
-  left_on_.clear();
 u6::Command LabjackU6Driver::enable_line_low() {
   u6::Feedback feedback(++echo_);
   if (settings_.enable_line) feedback.set_line(*settings_.enable_line, false);
@@ -689,9 +689,11 @@ void LabjackU6Driver::wind_down() noexcept {
     static_cast<void>(board_->session.release());
     board_->link.abandon();
     board_.reset();
+    if (!unplugged) note_left_on("the kernel kept its transfers");
     return;
   }
   board_->session.reset();
+  // Without its USB the board is without power: its lines let go.
   if (unplugged) return;
   bool safe = make_safe();
   try {
@@ -700,18 +702,6 @@ void LabjackU6Driver::wind_down() noexcept {
   } catch (...) {  // without memory for a sentence
   }
   board_->link.drain();
-}
-
-void LabjackU6Driver::close() noexcept {
-  stop();
-  board_.reset();
-}
-
-std::vector<Attached> find_labjack_u6() { return u6::find_boards(); }
-    if (!unplugged) note_left_on("the kernel kept its transfers");
-
-}  // namespace stickslip::drivers
-  // Without its USB the board is without power: its lines let go.
   // What was in the way may have been the stream, or a reply to something else.
   if (!safe) safe = make_safe();
   if (!safe) note_left_on(refusal_.c_str());
@@ -725,3 +715,13 @@ void LabjackU6Driver::note_left_on(const char* why) noexcept {
                why;
   } catch (...) {  // without memory for a sentence
   }
+}
+
+void LabjackU6Driver::close() noexcept {
+  stop();
+  board_.reset();
+}
+
+std::vector<Attached> find_labjack_u6() { return u6::find_boards(); }
+
+}  // namespace stickslip::drivers

@@ -59,10 +59,10 @@ class LabjackU6Driver final : public Driver {
   /// is configured counts as pressed or as a fault where no command of the last 100 ms was
   /// answered; the start counts as an answer.
   Signals signals() const noexcept override;
-  Counts counts() const noexcept override;
   const char* left_on() const noexcept override {
     return left_on_.empty() ? nullptr : left_on_.c_str();
   }
+  Counts counts() const noexcept override;
 
  private:
   struct Board;
@@ -77,8 +77,8 @@ class LabjackU6Driver final : public Driver {
   labjack_u6::Verdict answered(std::span<const std::uint8_t> reply) const;
   bool make_safe() noexcept;
   void wind_down() noexcept;
-  void forget_what_is_over();
   void note_left_on(const char* why) noexcept;
+  void forget_what_is_over();
   void note_failure(labjack_u6::Slot slot, const char* what, const char* why);
   void note_success(labjack_u6::Slot slot, std::int64_t sent_ns);
   Result ended();
@@ -106,10 +106,10 @@ class LabjackU6Driver final : public Driver {
   Description description_;
   std::unique_ptr<Board> board_;
   std::string refusal_;
+  std::string left_on_;              // empty: all is off
   std::array<char, 200> failure_{};  // of a command; empty: none to tell
   bool failure_told_ = false;
   std::uint8_t failed_ = 0;  // bit: that slot; its latest command, and none was confirmed since
-  std::string left_on_;              // empty: all is off
   std::array<char, 200> end_text_{};
   std::atomic<bool> running_{false};
   std::unique_ptr<labjack_u6::Lines> lines_;

@@ -506,35 +506,6 @@ TEST(LabjackU6OnABus, LinesThatNobodyKnowsCountAsPressed) {
 }
 
 // Commands that nobody confirmed feed no watchdog: the board may not have had them.
-TEST(LabjackU6OnABus, WhatWasNeverConfirmedDoesNotSwitchOnAgain) {
-  Bench bench(1, 1000.0);
-  ASSERT_TRUE(bench.driver.open());
-  ASSERT_TRUE(bench.driver.start());
-  drive(bench, milliseconds(300), {3.0, true});
-  ASSERT_TRUE(bench.wires.is_enabled());
-  bench.board.chance(U6ReplyFault::error, 1.0, {.error = 96});
-  drive(bench, milliseconds(1200), {3.0, true});
-  bench.board.chance(U6ReplyFault::error, 0.0);
-  drive(bench, milliseconds(400), {3.0, true});
-  EXPECT_FALSE(bench.wires.is_enabled());
-  EXPECT_THAT(bench.driver.write({3.0, true}).message, HasSubstr("watchdog"));
-  drive(bench, milliseconds(100), {2.5, false});
-  drive(bench, milliseconds(400), {3.0, true});
-  EXPECT_TRUE(bench.wires.is_enabled());
-}
-
-/// As a process leaves it that died with the amplifier on and no watchdog.
-void leave_line_high(Bench& bench) {
-  const auto high = drivers::labjack_u6::Feedback(200).set_line(2, true).command();
-  ASSERT_EQ(bench.board.out(1, high.view()), UsbStatus::ok);
-  ASSERT_TRUE(bench.wires.is_enabled());
-}
-
-// Whichever command of opening fails, the line that a dead process left high is low.
-TEST(LabjackU6OnABus, ALineThatADeadProcessLeftHighIsLowWhateverFails) {
-  int failures = 0;
-  for (std::uint64_t failing = 0; failing < 12; ++failing) {
-    SCOPED_TRACE(failing);
 /// Whether the emergency stop was seen pressed within that time, and the longest turn of the loop.
 struct Watched {
   bool pressed = false;
@@ -606,6 +577,35 @@ TEST(LabjackU6OnABus, ABoardThatAnswersNothingCountsAsPressedAfterATenthOfASecon
   EXPECT_LT(steady_clock::now() - begun, milliseconds(200));
 }
 
+TEST(LabjackU6OnABus, WhatWasNeverConfirmedDoesNotSwitchOnAgain) {
+  Bench bench(1, 1000.0);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  drive(bench, milliseconds(300), {3.0, true});
+  ASSERT_TRUE(bench.wires.is_enabled());
+  bench.board.chance(U6ReplyFault::error, 1.0, {.error = 96});
+  drive(bench, milliseconds(1200), {3.0, true});
+  bench.board.chance(U6ReplyFault::error, 0.0);
+  drive(bench, milliseconds(400), {3.0, true});
+  EXPECT_FALSE(bench.wires.is_enabled());
+  EXPECT_THAT(bench.driver.write({3.0, true}).message, HasSubstr("watchdog"));
+  drive(bench, milliseconds(100), {2.5, false});
+  drive(bench, milliseconds(400), {3.0, true});
+  EXPECT_TRUE(bench.wires.is_enabled());
+}
+
+/// As a process leaves it that died with the amplifier on and no watchdog.
+void leave_line_high(Bench& bench) {
+  const auto high = drivers::labjack_u6::Feedback(200).set_line(2, true).command();
+  ASSERT_EQ(bench.board.out(1, high.view()), UsbStatus::ok);
+  ASSERT_TRUE(bench.wires.is_enabled());
+}
+
+// Whichever command of opening fails, the line that a dead process left high is low.
+TEST(LabjackU6OnABus, ALineThatADeadProcessLeftHighIsLowWhateverFails) {
+  int failures = 0;
+  for (std::uint64_t failing = 0; failing < 12; ++failing) {
+    SCOPED_TRACE(failing);
     Bench bench(1, 1000.0);
     leave_line_high(bench);
     bench.board.schedule(U6ReplyFault::error, failing, {.error = 96});

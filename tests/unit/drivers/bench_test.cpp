@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "drivers/bench/bench_driver.h"
+#include "drivers/faults/faulty_driver.h"
 
 namespace stickslip::drivers {
 namespace {
@@ -486,6 +487,85 @@ TEST(BenchDriver, ABoardThatWasLeftOnIsTold) {
   bench.board.left_on = "board 3 may still be on";
   bench.driver.stop();
   EXPECT_STREQ(bench.driver.left_on(), "board 3 may still be on");
+}
+
+// One noise, one drop, one unplugging: the rehearsal of faults works on a bench as on any device.
+TEST(BenchDriver, AFaultScriptBefallsItLikeAnyOtherDevice) {
+  GaugeState gauge;
+  BoardState board;
+  ContactsState contacts;
+  BenchParts parts;
+  parts.clock = std::make_unique<FixedClock>();
+  parts.board = std::make_unique<FakeBoard>(board);
+  parts.gauges.push_back(std::make_unique<FakeGauge>(gauge));
+  parts.amplifier = std::make_unique<FakeContacts>(contacts, board);
+  const auto fault = [](config::FaultKind kind, double at_s, double duration_s, double amount) {
+    config::Fault out;
+    out.kind = kind;
+    out.from_s = out.to_s = at_s;
+    out.duration_s = duration_s;
+    out.amount = amount;
+    return out;
+  };
+  config::FaultScript script;
+  script.faults = {fault(config::FaultKind::noise, 0.010, 0.010, 0.1),
+                   fault(config::FaultKind::drop, 0.030, 0.005, 0.0),
+                   fault(config::FaultKind::unplug, 0.050, 0.020, 0.0)};
+  script.faults[0].channel = Channel::displacement;
+  auto clock = std::make_shared<FixedClock>();
+  FaultyDriver faulty(
+      std::make_unique<BenchDriver>(std::move(parts), Bench::inputs(),
+                                    config::ShakerOutput{.volts_per_unit = 1.0}, quick),
+      script, Pace{}, clock);
+  ASSERT_TRUE(faulty.open());
+  EXPECT_THAT(faulty.description().name, testing::HasSubstr("board 3, bridge 7"));
+  ASSERT_TRUE(faulty.start());
+  ASSERT_TRUE(faulty.write({0.01, true}));
+  ASSERT_TRUE(contacts.writes.back());
+  const auto read = [&](std::int64_t number, Frame& frame) {
+    Frame scan;
+    scan.time_ns = number * ms;
+    scan.sequence = static_cast<std::uint64_t>(number);
+    scan.set(Channel::displacement, 1.0);
+    board.frames = {scan};
+    return faulty.read(frame);
+  };
+  std::vector<std::uint64_t> noisy;
+  std::vector<std::uint64_t> missing;
+  Result result;
+  for (std::int64_t i = 0; i < 50; ++i) {
+    Frame frame;
+    result = read(i, frame);
+    const auto number = static_cast<std::uint64_t>(i);
+    if (!result) {
+      EXPECT_EQ(result.outcome, Outcome::no_data) << i << ' ' << result.message;
+      missing.push_back(number);
+    } else if (frame[Channel::displacement] != 1.0) {
+      noisy.push_back(number);
+    }
+  }
+  using testing::ElementsAre;
+  EXPECT_THAT(noisy, ElementsAre(10, 11, 12, 13, 14, 15, 16, 17, 18, 19));
+  EXPECT_THAT(missing, ElementsAre(30, 31, 32, 33, 34));
+  Frame frame;
+  EXPECT_EQ(read(50, frame).outcome, Outcome::lost);
+  EXPECT_FALSE(contacts.writes.back());
+  EXPECT_FALSE(board.writes.back().amplifier_on);
+  const Counts counts = faulty.counts();
+  EXPECT_EQ(counts.all().size(), 3U) << "of what stands behind it";
+  // As whoever keeps devices does.
+  faulty.stop();
+  faulty.close();
+  int attempts = 0;
+  while (!(result = faulty.open())) {
+    ASSERT_EQ(result.outcome, Outcome::lost);
+    ASSERT_LT(++attempts, 10);
+    clock->now += 5 * ms;
+  }
+  EXPECT_GE(attempts, 3);
+  ASSERT_TRUE(faulty.start());
+  ASSERT_TRUE(read(100, frame));
+  EXPECT_EQ(frame[Channel::displacement], 1.0);
 }
 
 TEST(BenchDriver, AGaugeThatIsLostCostsItsChannelsAndIsNamed) {
