@@ -527,7 +527,8 @@ inline constexpr std::array register_table = {
     Key{.path = "unit", .type = Type::text, .sentence = "Unit of the value.", .fallback = "none"},
     Key{.path = "group",
         .type = Type::text,
-        .sentence = "Registers of one group are read in one request.",
+        .sentence = "Registers of one group are read in one request, which holds at most 125 of "
+                    "them with what lies between, or 2000 bits.",
         .fallback = "alone"},
     Key{.path = "ok",
         .type = Type::integers,

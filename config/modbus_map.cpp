@@ -1,6 +1,8 @@
 #include "config/modbus_map.h"
 
+#include <algorithm>
 #include <array>
+#include <map>
 #include <set>
 #include <utility>
 
@@ -43,7 +45,36 @@ void check(Document& document, const std::string& at, const ModbusRegister& entr
   }
 }
 
+// A group is of one moment because it is one request.
+void check_groups(Document& document, const ModbusMap& map) {
+  struct Extent {
+    int first = 65536;
+    int end = 0;
+    bool told = false;
+  };
+  std::map<std::pair<std::string, RegisterTable>, Extent> extents;
+  for (std::size_t i = 0; i < map.registers.size(); ++i) {
+    const ModbusRegister& its = map.registers[i];
+    if (its.group.empty() || its.role == RegisterRole::setting) continue;
+    Extent& extent = extents[{its.group, its.table}];
+    extent.first = std::min(extent.first, its.address);
+    extent.end = std::max(extent.end, its.address + static_cast<int>(registers_of(its.type)));
+    const int most = most_in_one(its.table);
+    if (extent.end - extent.first <= most || extent.told) continue;
+    extent.told = true;
+    document.report("register." + std::to_string(i) + ".group",
+                    "group \"" + its.group + "\" reaches from address " +
+                        std::to_string(extent.first) + " to " + std::to_string(extent.end - 1) +
+                        ", which is " + std::to_string(extent.end - extent.first) +
+                        "; one request reads at most " + std::to_string(most) +
+                        (holds_bits(its.table) ? " bits" : " registers") +
+                        ": give those that are far apart groups of their own");
+  }
+}
+
 }  // namespace
+
+int most_in_one(RegisterTable table) { return holds_bits(table) ? 2000 : 125; }
 
 std::size_t registers_of(RegisterType type) {
   switch (type) {
@@ -78,6 +109,7 @@ ModbusMap parse_modbus_map(std::string_view text, const std::string& name) {
         document.report(at + "name", "stands for another register already");
       }
     }
+    check_groups(document, map);
   }
   if (!document.sound()) throw InputError(document.take_problems());
   return map;

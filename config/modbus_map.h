@@ -65,6 +65,10 @@ struct ModbusMap {
 /// Registers of that type take so many 16-bit words on the wire (a bit: 1).
 std::size_t registers_of(RegisterType type);
 
+/// One request reads at most so many: 2000 bits, or 125 registers of 16 bits (the protocol's own
+/// limit).
+int most_in_one(RegisterTable table);
+
 /// Reads a register map. Throws InputError with every problem that was found, each with file, line
 /// and column.
 ModbusMap load_modbus_map(const std::filesystem::path& file);

@@ -54,6 +54,13 @@ json json_of(const AccountBalance& account) {
   return {{"enabled", account.enabled}, {"delivered", account.delivered}, {"lost", lost}};
 }
 
+/// By device, by name.
+json json_of(const drivers::Counts& counts) {
+  json out = json::object();
+  for (const drivers::Count& count : counts.all()) out[count.device][count.name] = count.value;
+  return out;
+}
+
 json json_of(const Frame& frame) {
   json out = json::object();
   for (const Channel channel : all_channels) {
@@ -141,7 +148,8 @@ json json_of(const Status& status) {
             {"repeated", status.repeated},
             {"not_finite", status.not_finite},
             {"failed_reads", status.failed_reads},
-            {"failed_writes", status.failed_writes}}},
+            {"failed_writes", status.failed_writes},
+            {"devices", json_of(status.devices)}}},
           {"lost_messages", status.lost_messages}};
 }
 

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <thread>
+#include <utility>
 
 namespace stickslip::daemon {
 namespace {
@@ -17,8 +19,8 @@ constexpr std::chrono::milliseconds longest_wait = 5s;
 
 }  // namespace
 
-DeviceKeeper::DeviceKeeper(drivers::Driver& driver, Loop& loop)
-    : driver_(driver), loop_(loop), thread_([this] { run(); }) {}
+DeviceKeeper::DeviceKeeper(drivers::Driver& driver, Loop& loop, std::function<void()> schedule)
+    : driver_(driver), loop_(loop), schedule_(std::move(schedule)), thread_([this] { run(); }) {}
 
 DeviceKeeper::~DeviceKeeper() { stop(); }
 
@@ -27,11 +29,20 @@ void DeviceKeeper::stop() {
   if (thread_.joinable()) thread_.join();
 }
 
-bool DeviceKeeper::try_to_bring_back(drivers::Driver& driver, Loop& loop) {
+bool DeviceKeeper::try_to_bring_back(drivers::Driver& driver, Loop& loop,
+                                     const std::function<void()>& schedule) {
   driver.stop();
   driver.close();
+  // Every few seconds, and with reason.
+  if (const char* left_on = driver.left_on()) spdlog::error("{}", left_on);
   drivers::Result result = driver.open();
-  if (result) result = driver.start();
+  if (result) {
+    // A thread that ends with it, so that the next attempt waits at no real-time priority.
+    std::thread([&] {
+      schedule();
+      result = driver.start();
+    }).join();
+  }
   if (!result) {
     // Every few seconds at most, and a person has to know what to do.
     spdlog::warn("{} is not back: {}", driver.description().name, result.message);
@@ -59,7 +70,7 @@ void DeviceKeeper::run() {
     }
     gone_before = gone;
     if (!gone || loop_.device_is_beyond_help() || steady_clock::now() < next) continue;
-    if (try_to_bring_back(driver_, loop_)) {
+    if (try_to_bring_back(driver_, loop_, schedule_)) {
       gone_before = false;
     } else {
       wait = std::min(2 * wait, longest_wait);

@@ -40,6 +40,9 @@ Event event_of(const Notice& notice) {
       say(Severity::warning, "device_back",
           "the device is back; the fault stays until a person clears it");
       break;
+    case Notice::Kind::left_on:
+      say(Severity::error, "left_on", cause);
+      break;
     case Notice::Kind::clock_parted:
       say(Severity::warning, "clock_parted",
           "the clocks of device and host have parted; their correction begins anew");

@@ -90,7 +90,10 @@ void Loop::end() {
   excitation_.cut();
   change(RigInput::stop);
   change(RigInput::at_rest);
-  if (device_here()) driver_.stop();
+  if (device_here()) {
+    driver_.stop();
+    if (const char* left_on = driver_.left_on()) notice(Notice::Kind::left_on, 0, 0, left_on);
+  }
   publish(clock_.now_ns());
 }
 

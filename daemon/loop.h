@@ -116,6 +116,8 @@ class Loop {
   void device_is_back() { device_.store(Device::back, std::memory_order_release); }
 
   const Timing& timing() const { return timing_; }
+  /// Any thread, whatever becomes of the device meanwhile.
+  drivers::Counts device_counts() const { return driver_.counts(); }
   Snapshot snapshot() const { return snapshot_.read(); }
   const LoopEnd& why_ended() const { return why_; }
 

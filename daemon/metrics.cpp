@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <cstring>
+#include <span>
 #include <utility>
 
 namespace stickslip::daemon {
@@ -176,6 +177,23 @@ void add_device(Page& page, const Status& status) {
               "Events, estimates and status messages that found no room.", status.lost_messages);
 }
 
+std::string label(std::string_view name, std::string_view value) {
+  return std::string(name) + "=\"" + escaped(value) + '"';
+}
+
+void add_device_counts(Page& page, std::span<const drivers::Count> counts) {
+  const auto add = [&](drivers::Count::Kind kind, const char* name) {
+    for (const drivers::Count& count : counts) {
+      if (count.kind != kind) continue;
+      page.sample(count.value, label("device", count.device) + ',' + label(name, count.name));
+    }
+  };
+  page.family("device_events_total", "counter", "What befell a device, by its own count.");
+  add(drivers::Count::Kind::sum, "event");
+  page.family("device_level", "gauge", "What a device tells of itself.");
+  add(drivers::Count::Kind::level, "level");
+}
+
 std::string why() { return std::strerror(errno); }
 
 bool write_all(int file, std::string_view text) {
@@ -201,6 +219,7 @@ std::string metrics_text(const Status& status, std::string_view rig, std::int64_
   add_ledger(page, status.ledger);
   add_timing(page, status);
   add_device(page, status);
+  add_device_counts(page, status.devices.all());
   return page.take();
 }
 

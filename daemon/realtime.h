@@ -20,8 +20,8 @@ struct Grant {
 /// now and make a later allocation fail.
 Grant lock_memory();
 
-/// Gives the calling thread a real-time priority (1 to 99). The threads that it starts later would
-/// inherit it, so call it in the loop's own thread.
+/// Gives the calling thread a real-time priority (1 to 99). The threads that it starts later
+/// inherit it: those of a device that is started in the loop's own thread shall, others shall not.
 Grant make_thread_real_time(int priority);
 
 /// Touches the memory that the loop will use, while nobody waits for it: `bytes` of the calling

@@ -38,6 +38,7 @@ struct Notice {
   enum class Kind : std::uint8_t {
     fault,         ///< the amplifier is off; `text` is the cause
     state,         ///< the state is now another, without a fault; `text` is its name
+    left_on,       ///< the last "off" was not confirmed; `text` says of what, and what to do
     device_back,   ///< a device that was lost yields frames again
     clock_parted,  ///< device and host no longer agree on time; the correction begins anew
     read_failed,   ///< first temporary failure in a row

@@ -317,25 +317,30 @@ int Service::run() {
   started_ns_ = clock_.now_ns();
   std::atomic<int> granted{-1};
   std::vector<Grant> grants;
+  // Of the calling thread, and of those that it starts: the loop, and the device's own.
+  const auto schedule = [this, real_time] {
+    if (!real_time) return std::vector<Grant>();
+    return std::vector<Grant>{pin_thread(rig_.loop.cpu), make_thread_real_time(rig_.loop.priority)};
+  };
   std::thread loop_thread([&] {
-    if (real_time) {
-      prefault(loop_memory);
-      grants.push_back(pin_thread(rig_.loop.cpu));
-      grants.push_back(make_thread_real_time(rig_.loop.priority));
-    }
+    if (real_time) prefault(loop_memory);
+    grants = schedule();
     granted.store(real_time ? 1 : 0, std::memory_order_release);
     loop.run();
     loop_ended_.store(true, std::memory_order_release);
   });
   while (granted.load(std::memory_order_acquire) < 0) std::this_thread::sleep_for(100us);
   say_grants(grants);
-  DeviceKeeper keeper(*driver, loop);
+  DeviceKeeper keeper(*driver, loop, [&schedule] { schedule(); });
   sd_notify(0, "READY=1\nSTATUS=running");
 
   housekeeping(loop, control.get(), driver->description());
   loop_thread.join();
   keeper.stop();
   driver->close();
+  // Of one that is here the loop has told.
+  const char* const left_on = loop.device_is_gone() ? driver->left_on() : nullptr;
+  if (left_on != nullptr) spdlog::error("{}", left_on);
   return finish(loop);
 }
 
@@ -475,6 +480,7 @@ void Service::tell_and_log(const Event& event) {
 Status Service::status(const Loop& loop) {
   Status out = status_of(loop.snapshot(), ledger_, loop.timing());
   out.uptime_ns = clock_.now_ns() - started_ns_;
+  out.devices = loop.device_counts();
   for (const Consumer* consumer : {publisher_.get(), recorder_.get()}) {
     if (consumer != nullptr) out.lost_messages += consumer->stream.lost_messages();
   }

@@ -8,6 +8,7 @@
 #include "daemon/loop.h"
 #include "daemon/safety.h"
 #include "daemon/timing.h"
+#include "drivers/driver.h"
 
 namespace stickslip::daemon {
 
@@ -45,6 +46,7 @@ struct Status {
   std::uint64_t not_finite = 0;
   std::uint64_t failed_reads = 0;
   std::uint64_t failed_writes = 0;
+  drivers::Counts devices;          ///< what those behind the driver count themselves
   std::uint64_t lost_messages = 0;  ///< events, estimates and status messages that found no room
 };
 

@@ -4,7 +4,9 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 
 #include "physics/frame.h"
@@ -47,6 +49,35 @@ struct Signals {
   const char* lost_part = nullptr;
 };
 
+/// How often something befell a device, or a level that it tells, for an operator's eyes.
+struct Count {
+  enum class Kind : std::uint8_t {
+    sum,   ///< only grows, for as long as the driver lives
+    level  ///< may fall again
+  };
+  const char* device = "";  ///< for a person; lives as long as the driver, and does not change
+  const char* name = "";    ///< a literal, words joined by underscores: "scans_lost"
+  std::uint64_t value = 0;
+  Kind kind = Kind::sum;
+};
+
+/// The counts of all devices behind a driver. Of fixed room, so that telling them never allocates;
+/// what finds no room is left out.
+class Counts {
+ public:
+  void add(const Count& count) {
+    if (size_ < all_.size()) all_[size_++] = count;
+  }
+  void add(std::span<const Count> counts) {
+    for (const Count& count : counts) add(count);
+  }
+  std::span<const Count> all() const { return {all_.data(), size_}; }
+
+ private:
+  std::array<Count, 64> all_{};
+  std::size_t size_ = 0;
+};
+
 /// A paced driver's read waits at most so long for the next sample.
 inline constexpr std::int64_t longest_paced_wait_ns = 20'000'000;
 
@@ -87,6 +118,14 @@ class Driver {
 
   /// Devices without such lines have none pressed. As cheap as reading a variable.
   virtual Signals signals() const noexcept { return {}; }
+
+  /// After a stop: what may still be on because the last "off" was not confirmed, with the device's
+  /// name and what to do, in a sentence; null where all is off. Stays until the next open that
+  /// succeeds; lives as long as that. Only for the thread that may call stop.
+  virtual const char* left_on() const noexcept { return nullptr; }
+
+  /// Any thread, in every state, also while another one opens or closes. Does not wait.
+  virtual Counts counts() const noexcept { return {}; }
 };
 
 }  // namespace stickslip::drivers

@@ -66,6 +66,17 @@ void print_state(const json& answer) {
   }
 }
 
+/// One line for each device; what is 0 is not worth a word.
+void say_counts(const json& devices) {
+  for (const auto& [device, counts] : devices.items()) {
+    std::string text;
+    for (const auto& [name, count] : counts.items()) {
+      if (count != 0) text += (text.empty() ? ": " : ", ") + count.dump() + ' ' + name;
+    }
+    say("device", device + (text.empty() ? ": nothing lost" : text));
+  }
+}
+
 void print_status(const json& answer) {
   print_state(answer);
   say("amplifier", answer.value("amplifier_on", false) ? "on" : "off");
@@ -85,6 +96,9 @@ void print_status(const json& answer) {
                     number(status.value("uptime_s", 0.0)) + " s");
   say("publishing", account_text(ledger.at("published"), "published"));
   say("recording", account_text(ledger.at("recorded"), "recorded"));
+  if (const auto source = status.find("source"); source != status.end()) {
+    say_counts(source->value("devices", json::object()));
+  }
   const json& timing = status.at("timing");
   say("timing", "woken late by at most " + microseconds(timing, "lateness_p99_s") + " us (99 %), " +
                     microseconds(timing, "lateness_max_s") + " us (longest); " +

@@ -76,6 +76,7 @@ Result BenchDriver::open() {
   // Once: others read the description while a lost device is opened again.
   if (!opened_before_) describe();
   opened_before_ = true;
+  left_on_.clear();
   device_clock_ = DeviceClock();
   return {};
 }
@@ -123,14 +124,48 @@ Result BenchDriver::write(const Actuation& actuation) {
 
 void BenchDriver::stop() noexcept {
   contact_on_ = false;
-  if (amplifier_) static_cast<void>(amplifier_->write(false));
+  switch_contact_off();
   board_->stop();
+}
+
+/// A chip that fails for once is asked again: there is no next cycle.
+void BenchDriver::switch_contact_off() noexcept {
+  if (!amplifier_) return;
+  constexpr int attempts = 5;
+  Result off;
+  for (int i = 0; i < attempts; ++i) {
+    off = amplifier_->write(false);
+    if (off.outcome != Outcome::temporary) break;
+  }
+  if (off) return;
+  try {
+    left_on_ = std::string(
+                   "the amplifier's enable contact may still be closed: press the "
+                   "emergency stop, then look at chip and cable. The last \"off\" failed: ") +
+               off.message;
+  } catch (...) {  // without memory for a sentence
+  }
+}
+
+const char* BenchDriver::left_on() const noexcept {
+  return left_on_.empty() ? board_->left_on() : left_on_.c_str();
 }
 
 void BenchDriver::close() noexcept {
   if (amplifier_) amplifier_->close();
   board_->close();
   for (const auto& gauge : gauges_) gauge->close();
+}
+
+Counts BenchDriver::counts() const noexcept {
+  Counts all = board_->counts();
+  for (const auto& gauge : gauges_) {
+    const char* name = gauge->gauge().name().c_str();
+    const GaugeLosses losses = gauge->losses();
+    all.add({name, "readings_missing", losses.missing});
+    all.add({name, "readings_rejected", losses.rejected});
+  }
+  return all;
 }
 
 Signals BenchDriver::signals() const noexcept {

@@ -46,6 +46,9 @@ class BenchDriver final : public Driver {
   void close() noexcept override;
   const Description& description() const override { return description_; }
   Signals signals() const noexcept override;
+  const char* left_on() const noexcept override;
+  /// The board's, and of each gauge what it lost.
+  Counts counts() const noexcept override;
 
  private:
   struct Wire {
@@ -56,6 +59,7 @@ class BenchDriver final : public Driver {
   void connect(const config::BenchInputs& inputs);
   bool connect(Channel channel, const config::BenchInput& wanted);
   void describe();
+  void switch_contact_off() noexcept;
   double volts_of(double drive) const;
 
   std::unique_ptr<HostClock> clock_;  // outlives the devices that look at it
@@ -68,6 +72,7 @@ class BenchDriver final : public Driver {
   Description description_;
   std::string unmatched_;  // inputs that no device has, in words
   bool contact_on_ = false;
+  std::string left_on_;  // the contact, in words; empty: it is off
   bool opened_before_ = false;
 };
 

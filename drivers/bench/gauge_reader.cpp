@@ -46,6 +46,7 @@ void GaugeReader::close() noexcept {
     wake_.notify_all();
     thread_.join();
   }
+  if (condition_.load(std::memory_order_relaxed) == Condition::here) keep_losses();
   gauge_->close();
   // The loop is not at work while this is closed.
   while (told_.front() != nullptr) told_.pop();
@@ -62,8 +63,9 @@ void GaugeReader::run() {
   while (!stopping()) {
     if (condition_.load(std::memory_order_relaxed) == Condition::here) {
       if (!read_until_lost()) return;
-      wait_ns = patience_.first_ns;
+      if (spoke_) wait_ns = patience_.first_ns;
       pause(wait_ns);
+      wait_ns = std::min(2 * wait_ns, patience_.longest_ns);
       continue;
     }
     const Result opened = gauge_->open();
@@ -80,10 +82,22 @@ void GaugeReader::run() {
   }
 }
 
+GaugeReader::Condition GaugeReader::condition_after(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::fatal:
+      return Condition::beyond_help;
+    case Outcome::needs_attention:
+      return Condition::needs_attention;
+    default:
+      return Condition::gone;
+  }
+}
+
 /// False where there is nothing more to do: it is stopped, or beyond help.
 bool GaugeReader::read_until_lost() {
   std::vector<Reading> readings(gauge_->inputs().size());
   std::vector<Reading> before = readings;
+  spoke_ = false;
   for (;;) {
     {
       const std::lock_guard lock(mutex_);
@@ -93,6 +107,7 @@ bool GaugeReader::read_until_lost() {
     publish_losses();
     switch (result.outcome) {
       case Outcome::ok:
+        spoke_ = true;
         for (std::size_t i = 0; i < readings.size(); ++i) {
           if (readings[i].time_ns != before[i].time_ns || readings[i].valid != before[i].valid) {
             tell(i, readings[i]);
@@ -106,17 +121,11 @@ bool GaugeReader::read_until_lost() {
       case Outcome::end_of_data:
       case Outcome::lost:
       case Outcome::needs_attention:
-      case Outcome::fatal: {
-        const GaugeLosses losses = gauge_->losses();
+      case Outcome::fatal:
+        keep_losses();
         gauge_->close();
-        missing_before_ += losses.missing;
-        rejected_before_ += losses.rejected;
-        const bool fatal = result.outcome == Outcome::fatal;
-        tell_lost(fatal                                        ? Condition::beyond_help
-                  : result.outcome == Outcome::needs_attention ? Condition::needs_attention
-                                                               : Condition::gone);
-        return !fatal;
-      }
+        tell_lost(condition_after(result.outcome));
+        return result.outcome != Outcome::fatal;
     }
   }
 }
@@ -143,6 +152,13 @@ void GaugeReader::publish_losses() {
   rejected_.store(rejected_before_ + losses.rejected, std::memory_order_relaxed);
 }
 
+/// The gauge is about to be closed, and counts from 0 when it is opened again.
+void GaugeReader::keep_losses() {
+  publish_losses();
+  missing_before_ = missing_.load(std::memory_order_relaxed);
+  rejected_before_ = rejected_.load(std::memory_order_relaxed);
+}
+
 Reading GaugeReader::latest(std::size_t input, std::int64_t time_ns) {
   while (const Told* told = told_.front()) {
     if (told->reading.time_ns > time_ns) break;
@@ -158,7 +174,7 @@ const char* GaugeReader::lost() const noexcept {
   return sentences_[static_cast<std::size_t>(condition)].c_str();
 }
 
-GaugeLosses GaugeReader::losses() const {
+GaugeLosses GaugeReader::losses() const noexcept {
   return {missing_.load(std::memory_order_relaxed), rejected_.load(std::memory_order_relaxed)};
 }
 

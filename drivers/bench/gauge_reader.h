@@ -18,7 +18,8 @@
 
 namespace stickslip::drivers {
 
-/// How long a gauge that cannot be opened is left alone, doubling from first to longest.
+/// How long a gauge that cannot be opened, or is lost before it has said anything, is left alone,
+/// doubling from first to longest.
 struct Patience {
   std::int64_t first_ns = 100'000'000;
   std::int64_t longest_ns = 5'000'000'000;
@@ -54,8 +55,8 @@ class GaugeReader {
 
   Signals signals() const noexcept { return gauge_->signals(); }
 
-  /// Of all times that the gauge was open.
-  GaugeLosses losses() const;
+  /// Of all times that the gauge was open. Any thread.
+  GaugeLosses losses() const noexcept;
 
  private:
   enum class Condition : std::uint8_t { here, gone, needs_attention, beyond_help };
@@ -65,11 +66,13 @@ class GaugeReader {
   };
 
   void run();
+  static Condition condition_after(Outcome outcome);
   bool read_until_lost();
   void pause(std::int64_t ns);
   void tell(std::size_t input, const Reading& reading);
   void tell_lost(Condition condition);
   void publish_losses();
+  void keep_losses();
 
   std::unique_ptr<Gauge> gauge_;
   Patience patience_;
@@ -81,6 +84,7 @@ class GaugeReader {
   std::atomic<std::uint64_t> rejected_{0};
   std::uint64_t missing_before_ = 0;  // of earlier times that the gauge was open; its thread's
   std::uint64_t rejected_before_ = 0;
+  bool spoke_ = false;  // since it was opened; its thread's
   std::mutex mutex_;
   std::condition_variable wake_;
   bool stopping_ = false;  // under mutex_

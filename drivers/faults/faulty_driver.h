@@ -76,6 +76,8 @@ class FaultyDriver final : public Driver {
   void close() noexcept override;
   const Description& description() const override { return description_; }
   Signals signals() const noexcept override;
+  const char* left_on() const noexcept override { return device_->left_on(); }
+  Counts counts() const noexcept override { return device_->counts(); }
 
   // Only from the thread that reads, or once it has ended.
 

@@ -4,7 +4,6 @@
 
 #include <array>
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -13,9 +12,7 @@
 #include "drivers/attached.h"
 #include "drivers/driver.h"
 #include "drivers/labjack_u6/protocol.h"
-
-struct libusb_context;
-struct libusb_device_handle;
+#include "drivers/usb_boards.h"
 
 namespace stickslip::drivers::labjack_u6 {
 
@@ -23,22 +20,7 @@ inline constexpr std::uint8_t command_endpoint = 0x01;
 inline constexpr std::uint8_t reply_endpoint = 0x82;
 inline constexpr std::uint8_t stream_endpoint = 0x83;
 
-/// What went wrong, for a person.
-struct Problem {
-  Outcome outcome = Outcome::fatal;
-  std::string text;
-};
-using Trouble = std::optional<Problem>;
-
-/// Gives the interface back and closes; null is allowed.
-struct CloseHandle {
-  void operator()(libusb_device_handle* handle) const noexcept;
-};
-using Handle = std::unique_ptr<libusb_device_handle, CloseHandle>;
-struct ExitContext {
-  void operator()(libusb_context* context) const noexcept;
-};
-using Context = std::unique_ptr<libusb_context, ExitContext>;
+using Trouble = std::optional<UsbProblem>;
 
 class BoardLink {
  public:
@@ -87,8 +69,8 @@ class BoardLink {
   Trouble usb_trouble(const char* purpose, int error);
   Trouble trouble_of(const char* purpose, const Verdict& verdict) const;
 
-  Context context_;
-  Handle handle_;
+  UsbContext context_;
+  UsbHandle handle_;
   Identity identity_;
   Verdict verdict_;
   std::array<std::uint8_t, largest_packet> reply_{};

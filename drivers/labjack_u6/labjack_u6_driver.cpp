@@ -20,6 +20,9 @@ constexpr std::int64_t slice_ns = 500'000;  // of that, while a set-point waits 
 constexpr std::int64_t line_period_ns = 20'000'000;
 // Older levels are no levels: a wire that may have been cut meanwhile counts as cut.
 constexpr std::int64_t oldest_lines_ns = 100'000'000;
+// A set-point is waited for longer than that. One answer that is lost shall not stop a rig: they
+// are asked for by themselves, in time to be answered.
+constexpr std::int64_t ask_lines_after_ns = oldest_lines_ns / 2;
 // "On" may reach the board so long after it was sent; by then the watchdog must not have acted.
 constexpr std::int64_t on_the_way_ns = std::int64_t{u6::leaving_patience_ms} * 1'000'000;
 constexpr std::int64_t second_ns = 1'000'000'000;
@@ -126,6 +129,7 @@ LabjackU6Driver::LabjackU6Driver(const config::LabjackU6& settings,
       rate_hz_(rate_hz),
       clock_(clock),
       lines_(std::make_unique<u6::Lines>()),
+      counts_(std::make_unique<u6::StreamCounts>()),
       rest_v_(settings.rest_v) {
   description_.name = "LabJack U6";
   description_.paced = true;
@@ -213,6 +217,7 @@ Result LabjackU6Driver::open() {
     return prepared;
   }
   description_.name = u6::name_of(board_->link.identity());
+  left_on_.clear();
   return {};
 }
 
@@ -329,8 +334,8 @@ Result LabjackU6Driver::begin_stream() {
   }
   if (trouble) return refuse(trouble->outcome, std::move(trouble->text));
 
-  auto session =
-      std::make_unique<u6::StreamSession>(link.context(), link.handle(), std::move(plan), *lines_);
+  auto session = std::make_unique<u6::StreamSession>(link.context(), link.handle(), std::move(plan),
+                                                     *lines_, *counts_);
   const bool begun = session->begin();
   board_->session = std::move(session);
   if (!begun) {
@@ -363,6 +368,7 @@ Result LabjackU6Driver::read(Frame& frame) {
     // speaks: the watchdog shall see whether it is still called.
     if (worth_sending(sent_counts_, false, now_ns)) {
       collect(now_ns);
+      ask_for_lines(now_ns);
       keep_off(sent_counts_, now_ns);
     }
   }
@@ -432,6 +438,7 @@ Result LabjackU6Driver::write(const Actuation& actuation) {
   // What is to be off is off before anything else is looked at.
   if ((!on || let_go_) && power_ != Power::off) turn_off(counts, now_ns);
   collect(now_ns);
+  ask_for_lines(now_ns);
   if (on && !let_go_) {
     keep_on(counts, now_ns);
   } else {
@@ -544,6 +551,20 @@ void LabjackU6Driver::collect_watchdog(std::int64_t now_ns) {
   note_failure(u6::Slot::watchdog, "its watchdog was not set", why(progress));
 }
 
+bool LabjackU6Driver::reads_lines() const {
+  return settings_.amplifier_fault_line || settings_.emergency_stop_line;
+}
+
+/// Nothing else hangs on the answer, so nothing is told where it stays away as well.
+void LabjackU6Driver::ask_for_lines(std::int64_t now_ns) {
+  if (!reads_lines()) return;
+  u6::StreamSession& session = *board_->session;
+  session.progress(u6::Slot::lines, now_ns);
+  if (now_ns - lines_->asked_ns() < ask_lines_after_ns || !session.free(u6::Slot::lines)) return;
+  u6::Feedback feedback(++echo_);
+  session.send(u6::Slot::lines, feedback.read_lines().command(), echo_, now_ns);
+}
+
 void LabjackU6Driver::turn_off(std::uint16_t counts, std::int64_t now_ns) {
   power_ = Power::off;
   sent_on_ = false;
@@ -605,7 +626,7 @@ bool LabjackU6Driver::guarded(std::int64_t now_ns) {
 bool LabjackU6Driver::worth_sending(std::uint16_t counts, bool on, std::int64_t now_ns) const {
   if (resend_ || counts != sent_counts_ || on != sent_on_) return true;
   std::int64_t quiet_ns = second_ns;
-  if (settings_.amplifier_fault_line || settings_.emergency_stop_line) quiet_ns = line_period_ns;
+  if (reads_lines()) quiet_ns = line_period_ns;
   if (has_watchdog()) quiet_ns = std::min(quiet_ns, settings_.watchdog_s * second_ns / 3);
   return now_ns - sent_ns_ >= quiet_ns;
 }
@@ -638,6 +659,19 @@ Signals LabjackU6Driver::signals() const noexcept {
   return {low(settings_.emergency_stop_line), low(settings_.amplifier_fault_line)};
 }
 
+Counts LabjackU6Driver::counts() const noexcept {
+  const auto value = [](const auto& count) { return count.load(std::memory_order_relaxed); };
+  constexpr const char* board = "LabJack U6";
+  Counts all;
+  all.add({board, "packets_lost", value(counts_->packets_lost)});
+  all.add({board, "packets_damaged", value(counts_->packets_damaged)});
+  all.add({board, "overflows", value(counts_->overflows)});
+  all.add({board, "scans_thrown_away", value(counts_->scans_thrown_away)});
+  all.add({board, "scans_lost", value(counts_->scans_lost)});
+  all.add({board, "fullest_backlog_of_256", value(counts_->fullest_backlog), Count::Kind::level});
+  return all;
+}
+
 void LabjackU6Driver::stop() noexcept {
   if (!running_) return;
   running_ = false;
@@ -655,17 +689,32 @@ void LabjackU6Driver::wind_down() noexcept {
     static_cast<void>(board_->session.release());
     board_->link.abandon();
     board_.reset();
+    if (!unplugged) note_left_on("the kernel kept its transfers");
     return;
   }
   board_->session.reset();
+  // Without its USB the board is without power: its lines let go.
   if (unplugged) return;
-  make_safe();
+  bool safe = make_safe();
   try {
     static_cast<void>(
         board_->link.ask("stop the stream", u6::stop_stream(), u6::check_stream_stopped));
   } catch (...) {  // without memory for a sentence
   }
   board_->link.drain();
+  // What was in the way may have been the stream, or a reply to something else.
+  if (!safe) safe = make_safe();
+  if (!safe) note_left_on(refusal_.c_str());
+}
+
+void LabjackU6Driver::note_left_on(const char* why) noexcept {
+  try {
+    left_on_ = description_.name +
+               ": its enable line may still be high: press the emergency stop, then look at cable "
+               "and board. The last \"off\" was not confirmed: " +
+               why;
+  } catch (...) {  // without memory for a sentence
+  }
 }
 
 void LabjackU6Driver::close() noexcept {

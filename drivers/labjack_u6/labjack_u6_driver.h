@@ -21,6 +21,7 @@ namespace labjack_u6 {
 struct Command;
 struct Verdict;
 class Lines;
+struct StreamCounts;
 enum class Slot : std::uint8_t;
 }  // namespace labjack_u6
 
@@ -53,10 +54,15 @@ class LabjackU6Driver final : public Driver {
   void stop() noexcept override;
   void close() noexcept override;
   const Description& description() const override { return description_; }
-  /// Read with every command, and at least every 20 ms while read or write is called. For any
-  /// thread. While started, a line that is configured counts as pressed or as a fault where no
-  /// command of the last 100 ms was answered; the start counts as an answer.
+  /// Read with every command, and at least every 20 ms while read or write is called; where an
+  /// answer stays away, asked for once more after 50 ms. For any thread. While started, a line that
+  /// is configured counts as pressed or as a fault where no command of the last 100 ms was
+  /// answered; the start counts as an answer.
   Signals signals() const noexcept override;
+  const char* left_on() const noexcept override {
+    return left_on_.empty() ? nullptr : left_on_.c_str();
+  }
+  Counts counts() const noexcept override;
 
  private:
   struct Board;
@@ -71,6 +77,7 @@ class LabjackU6Driver final : public Driver {
   labjack_u6::Verdict answered(std::span<const std::uint8_t> reply) const;
   bool make_safe() noexcept;
   void wind_down() noexcept;
+  void note_left_on(const char* why) noexcept;
   void forget_what_is_over();
   void note_failure(labjack_u6::Slot slot, const char* what, const char* why);
   void note_success(labjack_u6::Slot slot, std::int64_t sent_ns);
@@ -81,6 +88,8 @@ class LabjackU6Driver final : public Driver {
   void collect_set_point(std::int64_t now_ns);
   void collect_off(std::int64_t now_ns);
   void collect_watchdog(std::int64_t now_ns);
+  void ask_for_lines(std::int64_t now_ns);
+  bool reads_lines() const;
   void turn_off(std::uint16_t counts, std::int64_t now_ns);
   void keep_off(std::uint16_t counts, std::int64_t now_ns);
   void keep_on(std::uint16_t counts, std::int64_t now_ns);
@@ -97,12 +106,14 @@ class LabjackU6Driver final : public Driver {
   Description description_;
   std::unique_ptr<Board> board_;
   std::string refusal_;
+  std::string left_on_;              // empty: all is off
   std::array<char, 200> failure_{};  // of a command; empty: none to tell
   bool failure_told_ = false;
   std::uint8_t failed_ = 0;  // bit: that slot; its latest command, and none was confirmed since
   std::array<char, 200> end_text_{};
   std::atomic<bool> running_{false};
   std::unique_ptr<labjack_u6::Lines> lines_;
+  std::unique_ptr<labjack_u6::StreamCounts> counts_;
 
   Power power_ = Power::off;
   bool off_unconfirmed_ = false;

@@ -51,13 +51,14 @@ timespec monotonic_in(std::int64_t ns) {
 }  // namespace
 
 StreamSession::StreamSession(libusb_context* context, libusb_device_handle* handle, StreamPlan plan,
-                             Lines& lines)
+                             Lines& lines, StreamCounts& counts)
     : context_(context),
       handle_(handle),
       plan_(std::move(plan)),
       decoder_(static_cast<int>(plan_.scan.size()), plan_.samples_per_packet),
       frames_(frames_kept(plan_.clock)),
-      lines_(lines) {
+      lines_(lines),
+      counts_(counts) {
   sem_init(&available_, 0, 0);
 }
 
@@ -210,9 +211,10 @@ void StreamSession::decode(std::span<const std::uint8_t> bytes) {
   const std::size_t packet = decoder_.packet_bytes();
   while (!bytes.empty()) {
     const std::size_t size = std::min(packet, bytes.size());
-    switch (decoder_.take(bytes.first(size))) {
+    const StreamDecoder::Outcome outcome = decoder_.take(bytes.first(size));
+    count();
+    switch (outcome) {
       case StreamDecoder::Outcome::ok:
-        backlog_.store(decoder_.backlog(), std::memory_order_relaxed);
         for (const Scan& scan : decoder_.scans()) put(scan);
         break;
       case StreamDecoder::Outcome::error:
@@ -227,6 +229,22 @@ void StreamSession::decode(std::span<const std::uint8_t> bytes) {
         break;
     }
     bytes = bytes.subspan(size);
+  }
+}
+
+void StreamSession::count() {
+  const StreamDecoder::Counts& now = decoder_.counts();
+  const auto add = [](std::atomic<std::uint64_t>& to, std::uint64_t count, std::uint64_t told) {
+    if (count != told) to.fetch_add(count - told, std::memory_order_relaxed);
+  };
+  add(counts_.packets_lost, now.packets_lost, counted_.packets_lost);
+  add(counts_.packets_damaged, now.damaged, counted_.damaged);
+  add(counts_.overflows, now.overflows, counted_.overflows);
+  add(counts_.scans_thrown_away, now.overflow_losses, counted_.overflow_losses);
+  add(counts_.scans_lost, now.scans_lost, counted_.scans_lost);
+  counted_ = now;
+  if (decoder_.backlog() > counts_.fullest_backlog.load(std::memory_order_relaxed)) {
+    counts_.fullest_backlog.store(decoder_.backlog(), std::memory_order_relaxed);
   }
 }
 
@@ -271,7 +289,7 @@ void StreamSession::dispatch(std::span<const std::uint8_t> reply) {
   FeedbackReply feedback;
   const Verdict verdict = parse_feedback(reply, true, feedback);
   if (kind == ReplyKind::feedback && (verdict || verdict.kind == Verdict::Kind::error)) {
-    for (const Slot slot : {Slot::set_point, Slot::off}) {
+    for (const Slot slot : {Slot::set_point, Slot::off, Slot::lines}) {
       const std::uint64_t word = at(slot).word.load(std::memory_order_acquire);
       if (phase_of(word) != Phase::waiting || echo_of(word) != feedback.echo) continue;
       if (verdict) lines_.tell(feedback.lines, at(slot).sent_ns);

@@ -40,8 +40,8 @@ enum class StreamEnd : std::uint8_t {
 };
 
 /// The commands that may be under way at the same time, one of each.
-enum class Slot : std::uint8_t { set_point, off, watchdog };
-inline constexpr std::size_t slot_count = 3;
+enum class Slot : std::uint8_t { set_point, off, watchdog, lines };
+inline constexpr std::size_t slot_count = 4;
 /// A command that the board has not taken by then is withdrawn.
 inline constexpr unsigned leaving_patience_ms = 100;
 
@@ -62,11 +62,22 @@ class Lines {
   std::atomic<std::int64_t> asked_ns_{0};
 };
 
+/// What befell the streams of a board, of all times that one ran; for any thread. One thread writes
+/// at a time.
+struct StreamCounts {
+  std::atomic<std::uint64_t> packets_lost{0};
+  std::atomic<std::uint64_t> packets_damaged{0};
+  std::atomic<std::uint64_t> overflows{0};  ///< of the board's buffer, each with its recovery
+  std::atomic<std::uint64_t> scans_thrown_away{0};  ///< by the board, while its buffer was full
+  std::atomic<std::uint64_t> scans_lost{0};         ///< for whatever reason
+  std::atomic<std::uint8_t> fullest_backlog{0};     ///< how full the buffer ever was, of 256
+};
+
 /// Calls come from one thread, that of the loop; what the event thread shares with it is atomic.
 class StreamSession {
  public:
   StreamSession(libusb_context* context, libusb_device_handle* handle, StreamPlan plan,
-                Lines& lines);
+                Lines& lines, StreamCounts& counts);
   ~StreamSession();
   StreamSession(const StreamSession&) = delete;
   StreamSession& operator=(const StreamSession&) = delete;
@@ -82,8 +93,6 @@ class StreamSession {
   bool next(Frame& frame, std::int64_t patience_ns);
   StreamEnd ended() const { return end_.load(std::memory_order_acquire); }
   std::uint8_t board_error() const { return board_error_.load(std::memory_order_relaxed); }
-  /// How full the board's buffer was, of 256.
-  std::uint8_t backlog() const { return backlog_.load(std::memory_order_relaxed); }
 
   /// What became of the command in a slot. Takes the result away: the next call says `none`.
   struct Progress {
@@ -128,6 +137,7 @@ class StreamSession {
   void finish(StreamEnd why);
   bool usable(libusb_transfer_status status);
   void decode(std::span<const std::uint8_t> bytes);
+  void count();
   void put(const Scan& scan);
   void dispatch(std::span<const std::uint8_t> reply);
   void settle(Outgoing& outgoing, const Verdict& verdict);
@@ -149,8 +159,9 @@ class StreamSession {
   sem_t available_{};
   std::atomic<StreamEnd> end_{StreamEnd::not_ended};
   std::atomic<std::uint8_t> board_error_{0};
-  std::atomic<std::uint8_t> backlog_{0};
   Lines& lines_;
+  StreamCounts& counts_;
+  StreamDecoder::Counts counted_;  // of this stream, and told already
   std::atomic<int> in_flight_{0};
   std::atomic<bool> finishing_{false};
   std::thread thread_;

@@ -71,8 +71,6 @@ Reply reply_to_read(std::span<const std::uint8_t> request, std::span<const std::
 
 }  // namespace
 
-int most_in_one(RegisterTable table) { return holds_bits(table) ? 2000 : 125; }
-
 Bytes read_message(int unit, const ReadRequest& request) {
   Bytes message{static_cast<std::uint8_t>(unit), reading_function(request.table)};
   add_word(message, request.address);

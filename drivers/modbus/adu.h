@@ -23,9 +23,6 @@ struct ReadRequest {
   friend bool operator==(const ReadRequest&, const ReadRequest&) = default;
 };
 
-/// Registers or bits that one request may read of that table.
-int most_in_one(config::RegisterTable table);
-
 /// Unit, function and data; without the checksum of a serial line or the header of TCP.
 Bytes read_message(int unit, const ReadRequest& request);
 /// Writes `words` (a coil: one, 0 or 1) from `address` on: with `single` by function 6 or 5, which

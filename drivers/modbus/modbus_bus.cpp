@@ -107,8 +107,12 @@ void ModbusBus::release(const Caller& caller) noexcept {
 void ModbusBus::leave(const Caller& caller) noexcept {
   {
     const std::lock_guard lock(mutex_);
-    // What it asked for may still be answered: that is thrown away before the next request.
-    if (!queue_.empty() && queue_.front() == &caller) under_way_.reset();
+    if (!queue_.empty() && queue_.front() == &caller && under_way_) {
+      // What it asked for may still be answered. A serial line carries one voice at a time: nobody
+      // else is asked before that could have come, and the quiet time after it.
+      if (its_.transport != ModbusTransport::tcp) last_traffic_ns_ = under_way_->due_ns;
+      under_way_.reset();
+    }
   }
   release(caller);
 }

@@ -76,7 +76,8 @@ class ModbusBus {
   /// caller has to ask again with the same request, or leave.
   Exchange exchange(Caller& caller, std::span<const std::uint8_t> request, std::int64_t until_ns);
 
-  /// The caller is not interested any more in what it has asked for.
+  /// The caller is not interested any more in what it has asked for. On a serial line the next
+  /// request waits until the answer would have come.
   void leave(const Caller& caller) noexcept;
 
   /// "/dev/ttyUSB0" or "lvdt.lab:502".

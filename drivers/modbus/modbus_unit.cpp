@@ -133,54 +133,81 @@ Result ModbusUnit::open() {
   if (const Outcome connected = bus_->connect(why); connected != Outcome::ok) {
     return tell(connected, why);
   }
+  losses_ = {};
   silent_in_row_ = 0;
   garbled_in_row_ = 0;
   failed_polls_in_row_ = 0;
-  for (const ModbusRegister& its : settings_.map.registers) {
-    if (its.role != RegisterRole::setting || !its.set_to) continue;
-    if (const Result written = write_setting(its); !written) return written;
-  }
-  // Whether it answers at all, and knows all of these registers.
-  std::vector<std::uint16_t> words;
-  for (std::size_t i = 0; i < plan_.requests.size(); ++i) {
-    const Result asked =
-        ask_at_leisure(modbus::read_message(settings_.unit, plan_.requests[i]), names_in(i), words);
-    if (!asked) return asked;
-  }
+  const Result opened = open_all();
+  // Whoever switched it off may have unlocked it meanwhile.
+  if (opened.outcome == Outcome::lost) refused_.clear();
+  if (!opened) return opened;
   due_ns_ = clock_.now_ns();
   status_was_well_ = true;
   open_ = true;
   return {};
 }
 
-Result ModbusUnit::write_setting(const ModbusRegister& its) {
+Result ModbusUnit::open_all() {
+  for (std::size_t i = 0; i < settings_.map.registers.size(); ++i) {
+    const ModbusRegister& its = settings_.map.registers[i];
+    if (its.role != RegisterRole::setting || !its.set_to) continue;
+    if (const Result applied = apply_setting(i); !applied) return applied;
+  }
+  // Whether it answers at all, and knows all of these registers.
+  std::vector<std::uint16_t> words;
+  for (std::size_t i = 0; i < plan_.requests.size(); ++i) {
+    const Result asked = ask_at_leisure(modbus::read_message(settings_.unit, plan_.requests[i]),
+                                        names_in(i), words, settings_.retries);
+    if (!asked) return asked;
+  }
+  return {};
+}
+
+Result ModbusUnit::apply_setting(std::size_t at) {
+  const ModbusRegister& its = settings_.map.registers[at];
   const auto words = modbus::words_for(its, *its.set_to);
   if (!words) {
     return tell(Outcome::needs_attention, "setting " + title_of(its) + " cannot hold " +
                                               number(*its.set_to) + ": see its type and scale");
   }
-  std::vector<std::uint16_t> back;
   const std::string what = "setting " + title_of(its);
-  Result asked = ask_at_leisure(modbus::write_message(settings_.unit, its.table, its.address,
-                                                      words->view(), its.write_single),
-                                what, back);
-  if (!asked) return asked;
-  asked = ask_at_leisure(modbus::read_message(settings_.unit, {its.table, its.address,
-                                                               static_cast<int>(words->count)}),
-                         what, back);
-  if (!asked) return asked;
-  if (std::equal(back.begin(), back.end(), words->view().begin(), words->view().end())) return {};
-  return tell(Outcome::needs_attention, what + " was given " + number(*its.set_to) + " (" +
-                                            listed(words->view(), " ") + ") and reads back " +
-                                            listed(back, " ") +
-                                            ": the unit refuses that value, or is locked");
+  const auto read = modbus::read_message(settings_.unit,
+                                         {its.table, its.address, static_cast<int>(words->count)});
+  const auto write = modbus::write_message(settings_.unit, its.table, its.address, words->view(),
+                                           its.write_single);
+  const auto wanted = words->view();
+  Result written{Outcome::no_data, ""};
+  for (int writes = 0;; ++writes) {
+    std::vector<std::uint16_t> held;
+    if (const Result asked = ask_at_leisure(read, what, held, settings_.retries); !asked) {
+      return asked;
+    }
+    const auto refusal = refused_.find(at);
+    if (std::equal(held.begin(), held.end(), wanted.begin(), wanted.end())) {
+      if (refusal != refused_.end()) refused_.erase(refusal);
+      return {};
+    }
+    if (written || (refusal != refused_.end() && refusal->second == held)) {
+      refused_[at] = held;
+      return tell(Outcome::needs_attention,
+                  what + " was given " + number(*its.set_to) + " (" + listed(wanted, " ") +
+                      ") and reads back " + listed(held, " ") +
+                      ": the unit refuses that value, or is locked. It is not written again "
+                      "before the unit was switched off and on, or the daemon restarted");
+    }
+    if (writes > settings_.retries) return written;
+    // Once: whether a write that was not answered has been done is read, and not done again.
+    std::vector<std::uint16_t> echo;
+    written = ask_at_leisure(write, what, echo, 0);
+    if (!written && written.outcome != Outcome::temporary) return written;
+  }
 }
 
 /// A request with its attempts, for as long as it takes.
 Result ModbusUnit::ask_at_leisure(std::span<const std::uint8_t> request, const std::string& what,
-                                  std::vector<std::uint16_t>& words) {
+                                  std::vector<std::uint16_t>& words, int retries) {
   Result result;
-  for (int attempt = 0; attempt <= settings_.retries; ++attempt) {
+  for (int attempt = 0; attempt <= retries; ++attempt) {
     Exchange exchange;
     do {
       exchange = bus_->exchange(caller_, request, clock_.now_ns() + patience_ns);

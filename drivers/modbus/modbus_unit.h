@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -24,7 +25,9 @@ namespace stickslip::drivers {
 ///   answers `temporary` with words; those after it are ok, with readings that are not valid.
 /// - An alarm register that is not `ok`: amplifier_fault. So is one that is not known: before open,
 ///   after close, when the unit is lost, and after five polls in a row that came to nothing.
-/// - Settings are written when it is opened and read back; another value there needs attention.
+/// - Settings are read when it is opened. What holds another value is written and read back: units
+///   keep settings in memory that wears out. One that still holds the other value needs attention,
+///   and is not written again before it holds something else or the unit was away.
 /// - No answer: temporary, and after `retries` more attempts lost. Exceptions 1, 2, 3 and 10 need
 ///   attention, others pass.
 class ModbusUnit final : public Gauge {
@@ -50,9 +53,10 @@ class ModbusUnit final : public Gauge {
 
   Result tell(Outcome outcome, std::string words);
   Result check_map();
-  Result write_setting(const config::ModbusRegister& its);
+  Result open_all();
+  Result apply_setting(std::size_t at);
   Result ask_at_leisure(std::span<const std::uint8_t> request, const std::string& what,
-                        std::vector<std::uint16_t>& words);
+                        std::vector<std::uint16_t>& words, int retries);
   Result failed(const modbus::Exchange& exchange, const std::string& what);
   Result silent(const std::string& what);
   Result garbled(const modbus::Exchange& exchange, const std::string& what);
@@ -76,6 +80,7 @@ class ModbusUnit final : public Gauge {
   modbus::Caller caller_;
   modbus::Plan plan_;
   bool has_alarm_ = false;
+  std::map<std::size_t, std::vector<std::uint16_t>> refused_;  // settings: what they held instead
 
   bool open_ = false;
   std::vector<Answered> answered_;  // by request of the plan; as many as this poll has got

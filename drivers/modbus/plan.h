@@ -27,8 +27,8 @@ struct Plan {
 
 /// Reads the registers that are `needed`, by name, and every status and alarm. Registers of one
 /// group and table travel in one request, with whatever lies between them, so that they are of one
-/// moment; all others by themselves. A group that is longer than a request can be (125 registers,
-/// 2000 bits) is cut into as few as possible; one value is never cut.
+/// moment; all others by themselves. A group that is longer than a request can be is refused where
+/// the map is loaded; here it would be cut into as few as possible, and no value of it.
 Plan plan_requests(const config::ModbusMap& map, const std::set<std::string>& needed);
 
 }  // namespace stickslip::drivers::modbus

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "drivers/phidget_bridge/protocol.h"
+#include "drivers/udev_rule.h"
 
 namespace stickslip::drivers {
 
@@ -81,11 +82,7 @@ std::string other_protocol(const Found& board) {
 }
 
 std::string refused_access(const Found& board) {
-  return title_of(board) + ": " + board.path +
-         " may not be opened by this user. Give access once, then plug the bridge in again:\n"
-         "  echo 'KERNEL==\"hidraw*\", ATTRS{idVendor}==\"06c2\", ATTRS{idProduct}==\"003b\", "
-         "MODE=\"0660\", GROUP=\"stickslip\", TAG+=\"uaccess\"' | "
-         "sudo tee /etc/udev/rules.d/60-phidget-bridge.rules && sudo udevadm control --reload";
+  return title_of(board) + ": " + board.path + " may not be opened by this user. " + udev_rule_cure;
 }
 
 /// How long an output report has to be, by the kernel's copy of the report descriptor.

@@ -4,7 +4,6 @@
 #include <libusb-1.0/libusb.h>
 
 #include <cstdint>
-#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -12,17 +11,9 @@
 #include "drivers/attached.h"
 #include "drivers/driver.h"
 #include "drivers/usb_1208fs_plus/protocol.h"
+#include "drivers/usb_boards.h"
 
 namespace stickslip::drivers::usb_1208fs_plus {
-
-struct ContextEnd {
-  void operator()(libusb_context* context) const { libusb_exit(context); }
-};
-struct HandleEnd {
-  void operator()(libusb_device_handle* handle) const { libusb_close(handle); }
-};
-using Context = std::unique_ptr<libusb_context, ContextEnd>;
-using Handle = std::unique_ptr<libusb_device_handle, HandleEnd>;
 
 /// In this order: the handle ends before its context.
 class Session {
@@ -43,8 +34,8 @@ class Session {
   int receive(Request request, std::span<std::uint8_t> bytes, std::uint16_t value = 0) const;
 
  private:
-  Context context_;
-  Handle handle_;
+  UsbContext context_;
+  UsbHandle handle_;
   std::string serial_;
 };
 

@@ -30,6 +30,7 @@ constexpr std::size_t room_for_frames = 4096;
 constexpr std::size_t input_transfers = 16;
 constexpr std::size_t output_transfers = 16;
 constexpr std::size_t output_transfer_bytes = 2048;
+constexpr int attempts_to_rest = 2;
 constexpr std::int64_t status_period_ns = 200'000'000;
 /// For transfers that were called back. What has not come by then never will.
 constexpr std::chrono::seconds patience_of_call_back(2);
@@ -52,7 +53,8 @@ timespec monotonic_in(std::int64_t ns) {
 class Usb1208fsPlusDriver::Board {
  public:
   Board(Session session, const ScanPlan& plan, const Calibration& calibration, int output,
-        double output_ahead_s, double rest_v, HostClock& clock)
+        double output_ahead_s, double rest_v, HostClock& clock,
+        std::atomic<std::uint64_t>& overruns, std::atomic<std::uint64_t>& underruns)
       : session_(std::move(session)),
         plan_(plan),
         calibration_(calibration),
@@ -61,6 +63,8 @@ class Usb1208fsPlusDriver::Board {
         clock_(clock),
         decoder_(plan.channels.size()),
         numbering_(plan.period_s),
+        overruns_(overruns),
+        underruns_(underruns),
         rest_(output_counts(rest_v)) {
     sem_init(&available_, 0, 0);
     for (std::size_t i = 0; i < input_transfers; ++i) {
@@ -84,6 +88,8 @@ class Usb1208fsPlusDriver::Board {
   /// must not be destroyed.
   bool keeps() const { return keeps_.load(std::memory_order_relaxed); }
   void release() const { session_.release(); }
+  /// Once stopped: whether the board has taken the voltage of rest. One that is gone has no power.
+  bool rests() const { return gone() || resting_at_ == rest_.load(std::memory_order_relaxed); }
   int start();
   void stop();
 
@@ -112,8 +118,6 @@ class Usb1208fsPlusDriver::Board {
   bool was_driving = false;
   std::size_t held_back = 0;  // writes, since it ran dry
 
-  std::atomic<std::uint64_t> overruns = 0;
-  std::atomic<std::uint64_t> underruns = 0;
   std::atomic<bool> overrun_untold = false;
   std::atomic<bool> underrun_untold = false;
   std::atomic<bool> refused = false;  // a request that has to work failed
@@ -164,6 +168,8 @@ class Usb1208fsPlusDriver::Board {
   HostClock& clock_;
   ScanDecoder decoder_;
   Numbering numbering_;
+  std::atomic<std::uint64_t>& overruns_;
+  std::atomic<std::uint64_t>& underruns_;
   std::vector<std::uint16_t> fill_;  // what is queued ahead when the output begins
   Transfers inputs_;
   Transfers outputs_;
@@ -256,7 +262,7 @@ void Usb1208fsPlusDriver::Board::run() {
   }
   // The output comes to rest even where the kernel keeps transfers.
   driving_ = false;
-  if (!gone()) serve_output();
+  for (int i = 0; i < attempts_to_rest && !rests(); ++i) serve_output();
   call_back(outputs_);
   call_back(inputs_);
   if (!gone()) session_.send(Request::input_scan_stop);
@@ -378,7 +384,7 @@ void Usb1208fsPlusDriver::Board::restart_input() {
     wait();
     return;
   }
-  overruns.fetch_add(1, std::memory_order_relaxed);
+  overruns_.fetch_add(1, std::memory_order_relaxed);
   overrun_untold.store(true, std::memory_order_release);
 }
 
@@ -428,7 +434,7 @@ void Usb1208fsPlusDriver::Board::serve_output() {
     return;
   }
   if (output_running_ && output_failed_) {
-    underruns.fetch_add(1, std::memory_order_relaxed);
+    underruns_.fetch_add(1, std::memory_order_relaxed);
     underrun_untold.store(true, std::memory_order_release);
     call_back(outputs_);
     session_.send(Request::output_scan_stop);
@@ -564,7 +570,9 @@ Result Usb1208fsPlusDriver::open() {
     return {Outcome::needs_attention, refusal_.c_str()};
   }
   board_ = std::make_unique<Board>(std::move(session), *plan, *calibration, settings_.output,
-                                   settings_.output_ahead_s, settings_.rest_v, clock_);
+                                   settings_.output_ahead_s, settings_.rest_v, clock_, overruns_,
+                                   underruns_);
+  left_on_.clear();
   return {};
 }
 
@@ -636,7 +644,15 @@ Result Usb1208fsPlusDriver::write(const Actuation& actuation) {
 }
 
 void Usb1208fsPlusDriver::stop() noexcept {
-  if (board_) board_->stop();
+  if (!board_ || !board_->running()) return;
+  board_->stop();
+  if (board_->rests()) return;
+  try {
+    left_on_ = description_.name +
+               ": its output may not be at rest: press the emergency stop, then look at cable and "
+               "board. It did not take its last value";
+  } catch (...) {  // without memory for a sentence
+  }
 }
 
 void Usb1208fsPlusDriver::close() noexcept {
@@ -649,9 +665,11 @@ void Usb1208fsPlusDriver::close() noexcept {
   board_.reset();
 }
 
-std::uint64_t Usb1208fsPlusDriver::overruns() const { return board_ ? board_->overruns.load() : 0; }
-std::uint64_t Usb1208fsPlusDriver::underruns() const {
-  return board_ ? board_->underruns.load() : 0;
+Counts Usb1208fsPlusDriver::counts() const noexcept {
+  Counts all;
+  all.add({"USB-1208FS-Plus", "overruns", overruns()});
+  all.add({"USB-1208FS-Plus", "underruns", underruns()});
+  return all;
 }
 
 std::vector<Attached> find_usb_1208fs_plus() { return usb_1208fs_plus::find_all(); }

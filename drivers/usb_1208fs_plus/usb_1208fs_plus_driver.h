@@ -2,6 +2,7 @@
 // an output of 12 bits that the same clock paces.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -48,9 +49,14 @@ class Usb1208fsPlusDriver final : public Driver {
   void close() noexcept override;
   const Description& description() const override { return description_; }
 
-  /// How often the scan of the inputs had to be begun anew, since open.
-  std::uint64_t overruns() const;
-  std::uint64_t underruns() const;  ///< of the output, since open
+  const char* left_on() const noexcept override {
+    return left_on_.empty() ? nullptr : left_on_.c_str();
+  }
+  Counts counts() const noexcept override;
+  /// How often the scan of the inputs had to be begun anew, of all times that it was open.
+  std::uint64_t overruns() const noexcept { return overruns_.load(std::memory_order_relaxed); }
+  /// How often the output ran dry.
+  std::uint64_t underruns() const noexcept { return underruns_.load(std::memory_order_relaxed); }
 
  private:
   class Board;
@@ -60,6 +66,9 @@ class Usb1208fsPlusDriver final : public Driver {
   HostClock& clock_;
   Description description_;
   std::string refusal_;
+  std::string left_on_;                     // empty: the output rests
+  std::atomic<std::uint64_t> overruns_{0};  // they outlive the board, which counts in them
+  std::atomic<std::uint64_t> underruns_{0};
   std::unique_ptr<Board> board_;
 };
 

@@ -207,7 +207,7 @@ TEST_F(EmulatedHidapiBridge, TellsTheCureWhereAccessIsRefused) {
   drivers::PhidgetBridge gauge(settings, inputs, clock);
   const auto refused = gauge.open();
   EXPECT_EQ(refused.outcome, drivers::Outcome::needs_attention);
-  EXPECT_THAT(refused.message, HasSubstr("ATTRS{idVendor}==\"06c2\""));
+  EXPECT_THAT(refused.message, HasSubstr("70-stickslip.rules"));
 }
 
 TEST_F(EmulatedHidapiBridge, RefusesSettingsInWords) {

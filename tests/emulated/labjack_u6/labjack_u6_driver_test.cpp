@@ -234,6 +234,33 @@ TEST(LabjackU6OnABus, AHostThatSleepsLosesScansAndKnowsHowMany) {
     missing += frames[i].sequence - frames[i - 1].sequence - 1;
   }
   EXPECT_EQ(missing, bench.board.scans_lost());
+
+  const auto count = [&bench](const std::string& name) {
+    const drivers::Counts counts = bench.driver.counts();
+    for (const drivers::Count& one : counts.all()) {
+      if (one.name == name) return one.value;
+    }
+    return std::uint64_t{0xDEAD};
+  };
+  const std::uint64_t overflows = bench.board.recoveries();
+  const std::uint64_t thrown_away = bench.board.scans_lost();
+  EXPECT_EQ(count("overflows"), overflows);
+  EXPECT_EQ(count("scans_thrown_away"), thrown_away);
+  EXPECT_EQ(count("scans_lost"), thrown_away);
+  EXPECT_EQ(count("packets_lost"), 0U);
+  EXPECT_GT(count("fullest_backlog_of_256"), 128U);
+  // They go on with the next stream, also of a board that was opened again.
+  bench.driver.stop();
+  bench.driver.close();
+  EXPECT_EQ(count("overflows"), overflows);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  bench.frames(milliseconds(60));
+  bench.board.schedule(U6StreamFault::lost, bench.board.packets() + 20);
+  bench.frames(milliseconds(100));
+  EXPECT_GE(count("overflows"), overflows);
+  EXPECT_GE(count("packets_lost"), 1U);
+  EXPECT_GT(count("scans_lost"), thrown_away);
 }
 
 TEST(LabjackU6OnABus, DrivesTheOutputAndTheEnableLine) {
@@ -280,6 +307,26 @@ TEST(LabjackU6OnABus, ADaemonThatDiesLeavesTheLineToTheWatchdog) {
   bench.board.catch_up();
   EXPECT_GT(bench.board.watchdog_bites(), 0U);
   EXPECT_FALSE(bench.wires.is_enabled());
+}
+
+TEST(LabjackU6OnABus, AnOffThatTheBoardNeverConfirmedIsToldAtTheEnd) {
+  Bench bench(1, 1000.0);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  bench.frames(milliseconds(50));
+  bench.driver.stop();
+  EXPECT_EQ(bench.driver.left_on(), nullptr);
+  ASSERT_TRUE(bench.driver.start());
+  bench.frames(milliseconds(50));
+  bench.board.fall_silent(true);
+  bench.driver.stop();
+  bench.driver.close();
+  ASSERT_NE(bench.driver.left_on(), nullptr);
+  EXPECT_THAT(bench.driver.left_on(), HasSubstr("360009876"));
+  EXPECT_THAT(bench.driver.left_on(), HasSubstr("press the emergency stop"));
+  bench.board.fall_silent(false);
+  ASSERT_TRUE(bench.driver.open());
+  EXPECT_EQ(bench.driver.left_on(), nullptr);
 }
 
 TEST(LabjackU6OnABus, AnUnchangedDriveFeedsTheWatchdogAllTheSame) {
@@ -351,6 +398,35 @@ TEST(LabjackU6OnABus, WithoutPermissionItSaysWhatToDo) {
   bench.driver.close();
   bench.bus.refuse_access(bench.board, false);
   EXPECT_TRUE(bench.driver.open());
+}
+
+TEST(LabjackU6OnABus, OfTwoTheSerialNumberChooses) {
+  Bench bench;
+  LabjackU6Options options = board_options(2);
+  options.serial = 360001111;
+  EmulatedLabjackU6 other(
+      bench.wires, [&bench] { return bench.clock.now_ns(); }, options);
+  bench.bus.plug(other, 2);
+  const Result several = bench.driver.open();
+  EXPECT_EQ(several.outcome, Outcome::needs_attention);
+  EXPECT_STREQ(several.message,
+               "several LabJack U6 are attached (360009876, 360001111). Say which with serial = "
+               "... in [labjack_u6]");
+  EXPECT_EQ(drivers::find_labjack_u6().size(), 2U);
+  config::LabjackU6 chosen = settings();
+  for (const std::uint32_t serial : {360009876U, 360001111U}) {
+    chosen.serial = serial;
+    LabjackU6Driver driver(chosen, inputs(), 5000.0, bench.clock);
+    ASSERT_TRUE(driver.open());
+    EXPECT_THAT(driver.description().name, HasSubstr(std::to_string(serial)));
+  }
+  chosen.serial = 1;
+  LabjackU6Driver neither(chosen, inputs(), 5000.0, bench.clock);
+  EXPECT_STREQ(neither.open().message,
+               "LabJack U6 #1 is not attached. Attached: 360009876, 360001111");
+  // The one that is asked for may be the one that may not be opened.
+  bench.bus.refuse_access(other);
+  EXPECT_THAT(neither.open().message, HasSubstr("70-stickslip.rules"));
 }
 
 TEST(LabjackU6OnABus, AStreamThatADeadProcessLeftBehindIsEnded) {
@@ -430,6 +506,77 @@ TEST(LabjackU6OnABus, LinesThatNobodyKnowsCountAsPressed) {
 }
 
 // Commands that nobody confirmed feed no watchdog: the board may not have had them.
+/// Whether the emergency stop was seen pressed within that time, and the longest turn of the loop.
+struct Watched {
+  bool pressed = false;
+  steady_clock::duration longest{};
+};
+Watched watch(Bench& bench, milliseconds time, drivers::Actuation wanted) {
+  Watched out;
+  auto before = steady_clock::now();
+  const auto end = before + time;
+  while (!out.pressed && before < end) {
+    Frame frame;
+    static_cast<void>(bench.driver.read(frame));
+    static_cast<void>(bench.driver.write(wanted));
+    out.pressed = bench.driver.signals().emergency_stop;
+    const auto now = steady_clock::now();
+    out.longest = std::max(out.longest, now - before);
+    before = now;
+  }
+  return out;
+}
+
+// A host that stands still makes the lines old by itself: rounds in which it did do not count.
+TEST(LabjackU6OnABus, ASingleAnswerThatIsLostIsNoEmergencyStop) {
+  for (const bool on : {false, true}) {
+    SCOPED_TRACE(on);
+    Bench bench(1, 1000.0);
+    ASSERT_TRUE(bench.driver.open());
+    ASSERT_TRUE(bench.driver.start());
+    int pressed = 0;
+    int counted = 0;
+    for (int round = 0; round < 20 && counted < 4; ++round) {
+      drive(bench, milliseconds(60), {3.0, on});
+      bench.board.schedule(U6ReplyFault::missing);
+      const Watched watched = watch(bench, milliseconds(220), {3.0, on});
+      drive(bench, milliseconds(60), {3.0, on});
+      if (watched.longest > milliseconds(12)) continue;
+      ++counted;
+      if (watched.pressed) ++pressed;
+    }
+    if (counted == 0) GTEST_SKIP() << "this host is too busy";
+    EXPECT_LE(pressed, counted / 4) << "of " << counted;
+  }
+}
+
+TEST(LabjackU6OnABus, WhileAnAnswerIsAwaitedThatWasLostAnEmergencyStopIsSeenAllTheSame) {
+  Bench bench(1, 1000.0);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  drive(bench, milliseconds(100), {3.0, true});
+  bench.board.schedule(U6ReplyFault::missing);
+  drive(bench, milliseconds(30), {3.0, true});
+  bench.wires.pressed = true;
+  const auto begun = steady_clock::now();
+  EXPECT_TRUE(watch(bench, milliseconds(400), {3.0, true}).pressed);
+  EXPECT_LT(steady_clock::now() - begun, milliseconds(180));  // 100 and a busy host's
+}
+
+// The bound: whatever becomes of the answers, what is not known counts as pressed.
+TEST(LabjackU6OnABus, ABoardThatAnswersNothingCountsAsPressedAfterATenthOfASecond) {
+  Bench bench(1, 1000.0);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  drive(bench, milliseconds(100), {3.0, true});
+  ASSERT_FALSE(bench.driver.signals().emergency_stop);
+  const auto begun = steady_clock::now();
+  bench.board.chance(U6ReplyFault::missing, 1.0);
+  EXPECT_TRUE(watch(bench, milliseconds(1000), {3.0, true}).pressed);
+  EXPECT_GT(steady_clock::now() - begun, milliseconds(50));
+  EXPECT_LT(steady_clock::now() - begun, milliseconds(200));
+}
+
 TEST(LabjackU6OnABus, WhatWasNeverConfirmedDoesNotSwitchOnAgain) {
   Bench bench(1, 1000.0);
   ASSERT_TRUE(bench.driver.open());

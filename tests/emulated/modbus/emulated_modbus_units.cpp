@@ -259,6 +259,11 @@ std::uint64_t EmulatedModbusUnits::requests(int unit) const {
   return units_.at(unit).requests;
 }
 
+std::uint64_t EmulatedModbusUnits::writes(int unit) const {
+  const std::lock_guard lock(mutex_);
+  return units_.at(unit).writes;
+}
+
 std::uint64_t EmulatedModbusUnits::faults() const {
   const std::lock_guard lock(mutex_);
   return faults_;
@@ -395,6 +400,7 @@ Bytes EmulatedModbusUnits::answer(Unit& unit, const Bytes& message) {
     if (unit.rules.pairs_only && count != 2) return refusal(illegal_value);
     return read_registers(unit, static_cast<Table>(function), address, count);
   }
+  ++unit.writes;
   return write(unit, message);
 }
 

@@ -108,6 +108,7 @@ class EmulatedModbusUnits {
   void plug_in();
   void close_connections();
   std::uint64_t requests(int unit) const;  ///< that reached it
+  std::uint64_t writes(int unit) const;    ///< of those, the ones that write
   std::uint64_t faults() const;            ///< that befell answers
   /// Requests that a unit would have to refuse as nonsense: a wrong checksum, an unknown shape.
   std::uint64_t nonsense() const;
@@ -123,6 +124,7 @@ class EmulatedModbusUnits {
     bool dead = false;
     std::uint8_t refusal = 0;
     std::uint64_t requests = 0;
+    std::uint64_t writes = 0;
   };
   /// A serial line or a TCP connection.
   struct Line {

@@ -344,6 +344,99 @@ TEST_P(ModbusBench, SettingsAreWrittenAndReadBack) {
   EXPECT_THAT(result.message, HasSubstr("cannot hold 1000000"));
 }
 
+// Many units keep settings in memory that takes some ten thousand writes.
+TEST_P(ModbusBench, ASettingThatTheUnitHoldsAlreadyIsNotWrittenAgain) {
+  units_.add(1, {}, {at(10, Kind::u16), at(12, Kind::f32)});
+  units_.start();
+  config::ModbusUnit unit = settings(1);
+  unit.map.registers = {reg("filter", 10, RegisterType::uint16),
+                        reg("gain", 12, RegisterType::float32)};
+  for (ModbusRegister& its : unit.map.registers) {
+    its.role = RegisterRole::setting;
+    its.set_to = 7.0;
+  }
+  Gauge& gauge = make({unit});
+  for (int i = 0; i < 5; ++i) {
+    ASSERT_TRUE(gauge.open());
+    EXPECT_EQ(units_.writes(1), 2U);
+  }
+  // Another program: only what differs.
+  unit.map.registers[1].set_to = 8.0;
+  ASSERT_TRUE(make({unit}).open());
+  EXPECT_EQ(units_.writes(1), 3U);
+  EXPECT_EQ(units_.written(1, Table::holding, 12), 0x4100);
+}
+
+TEST_P(ModbusBench, AWriteThatWasDoneButNotAnsweredIsNotDoneAgain) {
+  units_.add(1, {}, {at(10, Kind::u16)});
+  units_.start();
+  config::ModbusUnit unit = settings(1);
+  unit.map.registers = {reg("filter", 10, RegisterType::uint16)};
+  unit.map.registers[0].role = RegisterRole::setting;
+  unit.map.registers[0].set_to = 7.0;
+  units_.next(1, LineFault::none);    // it is read
+  units_.next(1, LineFault::silent);  // it is written
+  const Result opened = make({unit}).open();
+  ASSERT_TRUE(opened) << opened.message;
+  EXPECT_EQ(units_.writes(1), 1U);
+  EXPECT_EQ(units_.written(1, Table::holding, 10), 7.0);
+}
+
+TEST_P(ModbusBench, ALockedSettingIsWrittenOnceHoweverOftenTheUnitIsOpened) {
+  Parameter locked = at(10, Kind::u16);
+  locked.locked = true;
+  units_.add(1, {}, {locked});
+  units_.start();
+  config::ModbusUnit unit = settings(1);
+  unit.map.registers = {reg("filter", 10, RegisterType::uint16)};
+  unit.map.registers[0].role = RegisterRole::setting;
+  unit.map.registers[0].set_to = 7.0;
+  Gauge& gauge = make({unit});
+  for (int i = 0; i < 5; ++i) {
+    const Result opened = gauge.open();
+    ASSERT_EQ(opened.outcome, Outcome::needs_attention);
+    EXPECT_THAT(opened.message, HasSubstr("was given 7 (7) and reads back 0"));
+    EXPECT_THAT(opened.message, HasSubstr("switched off and on"));
+  }
+  EXPECT_EQ(units_.writes(1), 1U);
+  // It was away: perhaps somebody has unlocked it.
+  units_.dead(1, true);
+  ASSERT_EQ(gauge.open().outcome, Outcome::lost);
+  units_.dead(1, false);
+  EXPECT_EQ(gauge.open().outcome, Outcome::needs_attention);
+  EXPECT_EQ(units_.writes(1), 2U);
+}
+
+// A unit that was asked may speak until its time is over: on a pair of wires both would be heard.
+TEST_P(ModbusBench, WhoeverLeavesASerialLineInTheMiddleKeepsItQuietUntilTheAnswerWouldHaveCome) {
+  units_.add(1, {}, {constant(0, Kind::u16, 1.0)});
+  units_.add(2, {}, {constant(0, Kind::u16, 2.0)});
+  units_.start();
+  drivers::modbus::ModbusBus bus(settings(1), clock_);
+  std::string why;
+  ASSERT_EQ(bus.connect(why), Outcome::ok) << why;
+  drivers::modbus::Caller first;
+  first.timeout_ns = 120 * ms;
+  drivers::modbus::Caller second;
+  second.unit = 2;
+  const auto ask = [](int unit) {
+    return drivers::modbus::read_message(unit, {RegisterTable::holding_registers, 0, 1});
+  };
+  units_.next(1, LineFault::late, 60 * ms);
+  const std::int64_t asked_ns = clock_.now_ns();
+  ASSERT_EQ(bus.exchange(first, ask(1), asked_ns + 20 * ms).progress,
+            drivers::modbus::Progress::waiting);
+  bus.leave(first);
+  const drivers::modbus::Exchange answer =
+      bus.exchange(second, ask(2), clock_.now_ns() + 2000 * ms);
+  ASSERT_EQ(answer.progress, drivers::modbus::Progress::answered) << answer.why;
+  EXPECT_EQ(answer.words, std::vector<std::uint16_t>{2});
+  // And 3.5 characters, or that. On TCP nobody has to wait for another.
+  if (!tcp()) {
+    EXPECT_GE(answer.sent_ns - asked_ns, 120 * ms + 1'750'000);
+  }
+}
+
 TEST_P(ModbusBench, ExceptionsOfPassingKindsPassAndOthersNeedAPerson) {
   units_.add(1, {}, {constant(0, Kind::u16, 1.0)});
   units_.start();

@@ -98,14 +98,18 @@ class ControlTest : public testing::Test {
   void open() {
     control = std::make_unique<Control>(
         settings, *loop, clock, 1000.0,
-        ControlHandlers{
-            .status = [this] { return status_of(loop->snapshot(), ledger, loop->timing()); },
-            .refusal = [](const Setting& setting) -> std::optional<std::string> {
-              if (setting.value > 5.0) return "beyond limits.velocity_m_s";
-              return std::nullopt;
-            },
-            .was_set = [this](const Setting& setting) { latest_setting = setting; },
-            .reload = [] { return std::vector<std::string>{"nothing"}; }});
+        ControlHandlers{.status =
+                            [this] {
+                              Status status = status_of(loop->snapshot(), ledger, loop->timing());
+                              status.devices = loop->device_counts();
+                              return status;
+                            },
+                        .refusal = [](const Setting& setting) -> std::optional<std::string> {
+                          if (setting.value > 5.0) return "beyond limits.velocity_m_s";
+                          return std::nullopt;
+                        },
+                        .was_set = [this](const Setting& setting) { latest_setting = setting; },
+                        .reload = [] { return std::vector<std::string>{"nothing"}; }});
   }
 
   /// Loop and server, in turns.
@@ -162,6 +166,14 @@ TEST_F(ControlTest, APersonBringsTheRigToMoveAndToRest) {
   run(30);
   EXPECT_FALSE(driver.last.amplifier_on);
   EXPECT_EQ(ask(client, {{"do", "status"}})["state"], "idle");
+}
+
+TEST_F(ControlTest, TheStatusHasWhatTheDevicesCount) {
+  driver.losses = 17;
+  open();
+  Client client(settings.path);
+  const json answer = ask(client, {{"do", "status"}});
+  EXPECT_EQ(answer["status"]["source"]["devices"]["fake"]["losses"], 17);
 }
 
 TEST_F(ControlTest, ABrokenInterlockRefusesToBeClearedAndArmedAndSaysWhy) {

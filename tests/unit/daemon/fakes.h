@@ -70,6 +70,12 @@ class FakeDriver final : public drivers::Driver {
   void close() noexcept override {}
   const drivers::Description& description() const override { return description_; }
   drivers::Signals signals() const noexcept override { return lines; }
+  const char* left_on() const noexcept override { return left; }
+  drivers::Counts counts() const noexcept override {
+    drivers::Counts out;
+    out.add({"fake", "losses", losses});
+    return out;
+  }
 
   drivers::Signals lines;
   std::function<drivers::Result(std::uint64_t)> on_read;
@@ -83,6 +89,8 @@ class FakeDriver final : public drivers::Driver {
   bool keep_actuations = true;
   std::vector<drivers::Actuation> actuations;
   drivers::Actuation last;
+  std::uint64_t losses = 0;
+  const char* left = nullptr;
   bool started = false;
   bool stopped = false;
   drivers::Description description_;

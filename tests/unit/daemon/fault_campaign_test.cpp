@@ -241,7 +241,7 @@ void Campaign::run(FaultKind kind, bool variant, RigState state, std::uint32_t s
       ASSERT_EQ(loop.snapshot().state, state);
     }
     if (i >= 200 && loop.device_is_gone()) {
-      ASSERT_TRUE(DeviceKeeper::try_to_bring_back(witness, loop));
+      ASSERT_TRUE(DeviceKeeper::try_to_bring_back(witness, loop, [] {}));
     }
     // Whatever it was, a person brings the rig back to moving, without a restart.
     if (mended == 0 && i >= 200 && witness.good_in_a_row >= 8 &&

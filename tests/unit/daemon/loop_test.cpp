@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "daemon/event.h"
 #include "tests/unit/daemon/fakes.h"
 
 namespace stickslip::daemon {
@@ -84,6 +85,18 @@ TEST(Loop, RunsTheFramesThatItWasAskedForAndEndsWithTheAmplifierOff) {
   EXPECT_EQ(bench.sink.samples.back().drive.value, 0.0);
   EXPECT_FALSE(bench.sink.samples.back().amplifier_on);
   EXPECT_TRUE(bench.sink.samples[500].amplifier_on);
+}
+
+TEST(Loop, ALastOffThatWasNotConfirmedIsToldWithWhatToDo) {
+  Bench bench({.frames = 20, .ramp_s = 0.01});
+  bench.driver.left = "fake may still be on: press the emergency stop";
+  bench.loop.run();
+  const auto notices = bench.notices();
+  ASSERT_THAT(notices, Contains(IsKind(Notice::Kind::left_on)));
+  const Event event = event_of(notices.back());
+  EXPECT_EQ(event.code, "left_on");
+  EXPECT_EQ(event.severity, Severity::error);
+  EXPECT_EQ(event.message, "fake may still be on: press the emergency stop");
 }
 
 TEST(Loop, KeepsTheGridOfItsDeadlines) {

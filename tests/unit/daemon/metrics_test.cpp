@@ -187,6 +187,21 @@ TEST(Metrics, AreWhatTheFormatWantsAndSayTheStatus) {
   EXPECT_EQ(page.at("lost_messages_total"), 6);
 }
 
+TEST(Metrics, SayWhatEachDeviceCounts) {
+  Status status = some_status();
+  status.devices.add({"LabJack U6", "overflows", 4});
+  status.devices.add({"LabJack U6", "backlog", 200, drivers::Count::Kind::level});
+  status.devices.add({"a \"bridge\"", "readings_missing", 9});
+  const Scrape page = scrape(metrics_text(status, "r", 0));
+  EXPECT_THAT(page.problems, testing::IsEmpty());
+  const auto labels = [](const char* device, const char* event) {
+    return Labels{{"device", device}, {"event", event}};
+  };
+  EXPECT_EQ(page.at("device_events_total", labels("LabJack U6", "overflows")), 4);
+  EXPECT_EQ(page.at("device_events_total", labels("a \"bridge\"", "readings_missing")), 9);
+  EXPECT_EQ(page.at("device_level", {{"device", "LabJack U6"}, {"level", "backlog"}}), 200);
+}
+
 TEST(Metrics, AConsumerThatNobodyAskedForIsAbsentAndNotZero) {
   const Scrape page = scrape(metrics_text(some_status(), "r", 0));
   for (const auto& [name_and_labels, value] : page.samples) {

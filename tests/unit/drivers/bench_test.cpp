@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "drivers/bench/bench_driver.h"
+#include "drivers/faults/faulty_driver.h"
 
 namespace stickslip::drivers {
 namespace {
@@ -100,6 +101,8 @@ struct BoardState {
   Result write_answer{};
   Signals signals;
   bool own_clock = false;
+  std::uint64_t count = 0;
+  const char* left_on = nullptr;
 };
 
 class FakeBoard final : public Driver {
@@ -129,6 +132,12 @@ class FakeBoard final : public Driver {
   void close() noexcept override {}
   const Description& description() const override { return description_; }
   Signals signals() const noexcept override { return state_.signals; }
+  const char* left_on() const noexcept override { return state_.left_on; }
+  Counts counts() const noexcept override {
+    Counts out;
+    out.add({"board 3", "overruns", state_.count});
+    return out;
+  }
 
  private:
   BoardState& state_;
@@ -139,6 +148,7 @@ struct ContactsState {
   std::vector<bool> writes;
   Signals signals;
   Result write_answer{};
+  int failing_writes = 1'000'000;  // that get this answer, if it is one of a failure
 };
 
 class FakeContacts final : public Contacts {
@@ -151,6 +161,7 @@ class FakeContacts final : public Contacts {
   Result write(bool on) override {
     state_.writes.push_back(on);
     board_.order.emplace_back("contacts");
+    if (!state_.write_answer && --state_.failing_writes < 0) return {};
     return state_.write_answer;
   }
   Signals signals() const noexcept override { return state_.signals; }
@@ -257,6 +268,17 @@ TEST(GaugeReader, OpensAGaugeAgainThatWasLostAndSaysSoMeanwhile) {
   EXPECT_TRUE(soon([&] { return reader.latest(0, 50 * ms).value == 4.0; }));
 }
 
+TEST(GaugeReader, OneThatOpensAndIsLostBeforeItSpeaksIsLeftAloneForLongerAndLonger) {
+  GaugeState state;
+  state.answer({}, {Outcome::lost, "unplugged"});
+  GaugeReader reader(std::make_unique<FakeGauge>(state), {1 * ms, 10'000 * ms});
+  ASSERT_TRUE(reader.open(true));
+  std::this_thread::sleep_for(milliseconds(300));
+  const std::lock_guard lock(state.mutex);
+  EXPECT_GE(state.opened, 3);
+  EXPECT_LE(state.opened, 10);  // after 1, 3, 7, ... 255 ms
+}
+
 TEST(GaugeReader, DoesNotGoOnWithOneThatIsBeyondHelp) {
   GaugeState state;
   GaugeReader reader(std::make_unique<FakeGauge>(state), quick);
@@ -287,6 +309,55 @@ TEST(GaugeReader, CountsTheLossesOfAllTimesThatTheGaugeWasOpen) {
     state.open_answer = {};
   }
   EXPECT_TRUE(soon([&] { return reader.losses().missing == 5 && reader.losses().rejected == 1; }));
+}
+
+TEST(GaugeReader, KeepsTheLossesOfAGaugeThatWasClosedWithoutBeingLost) {
+  GaugeState state;
+  GaugeReader reader(std::make_unique<FakeGauge>(state), quick);
+  for (const std::uint64_t times : {1U, 2U}) {
+    ASSERT_TRUE(reader.open(true));
+    {
+      const std::lock_guard lock(state.mutex);
+      state.losses = {4, 1};
+    }
+    ASSERT_TRUE(soon([&] { return reader.losses().missing == 4 * times; }));
+    reader.close();
+    EXPECT_EQ(reader.losses().missing, 4 * times);
+    EXPECT_EQ(reader.losses().rejected, times);
+    const std::lock_guard lock(state.mutex);
+    state.losses = {};
+  }
+}
+
+TEST(BenchDriver, TellsWhatItsBoardAndEachOfItsGaugesCount) {
+  Bench bench;
+  bench.board.count = 3;
+  ASSERT_TRUE(bench.driver.open());
+  {
+    const std::lock_guard lock(bench.gauge.mutex);
+    bench.gauge.losses = {5, 2};
+  }
+  const auto text = [&] {
+    std::string out;
+    const Counts counts = bench.driver.counts();
+    for (const Count& count : counts.all()) {
+      out +=
+          std::string(count.device) + ' ' + count.name + ' ' + std::to_string(count.value) + '\n';
+    }
+    return out;
+  };
+  EXPECT_TRUE(soon([&] {
+    return text() ==
+           "board 3 overruns 3\nbridge 7 readings_missing 5\nbridge 7 readings_rejected 2\n";
+  })) << text();
+}
+
+TEST(Counts, WhatFindsNoRoomIsLeftOut) {
+  Counts counts;
+  for (std::uint64_t i = 0; i < 1000; ++i) counts.add({"board", "overruns", i});
+  ASSERT_GT(counts.all().size(), 32U);
+  ASSERT_LT(counts.all().size(), 1000U);
+  EXPECT_EQ(counts.all().back().value, counts.all().size() - 1);
 }
 
 TEST(BenchDriver, AFrameHoldsTheScanAndTheGaugesWithTheirAge) {
@@ -378,6 +449,123 @@ TEST(BenchDriver, OffReachesBothWhateverOneOfThemSays) {
             Outcome::fatal);
   EXPECT_FALSE(bench.board.writes.back().amplifier_on);
   EXPECT_FALSE(bench.contacts.writes.back());
+}
+
+TEST(BenchDriver, AContactThatCannotBeSwitchedOffAtTheEndIsTold) {
+  Bench bench;
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.write({0.0, true}));
+  bench.driver.stop();
+  EXPECT_EQ(bench.driver.left_on(), nullptr);
+  bench.contacts.write_answer = {Outcome::lost, "the amplifier's GPIO chip gpiochip1 is gone"};
+  bench.driver.stop();
+  ASSERT_NE(bench.driver.left_on(), nullptr);
+  EXPECT_THAT(bench.driver.left_on(), testing::HasSubstr("gpiochip1 is gone"));
+  EXPECT_THAT(bench.driver.left_on(), testing::HasSubstr("press the emergency stop"));
+  bench.driver.close();
+  EXPECT_NE(bench.driver.left_on(), nullptr);
+  // Whoever opens the contact has made it inactive.
+  bench.contacts.write_answer = {};
+  ASSERT_TRUE(bench.driver.open());
+  EXPECT_EQ(bench.driver.left_on(), nullptr);
+}
+
+TEST(BenchDriver, AContactThatFailsForOnceIsSwitchedOffAtTheEndAllTheSame) {
+  Bench bench;
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.write({0.0, true}));
+  bench.contacts.write_answer = {Outcome::temporary, "interrupted"};
+  bench.contacts.failing_writes = 2;
+  bench.driver.stop();
+  EXPECT_EQ(bench.driver.left_on(), nullptr);
+  EXPECT_THAT(bench.contacts.writes, testing::ElementsAre(true, false, false, false));
+}
+
+TEST(BenchDriver, ABoardThatWasLeftOnIsTold) {
+  Bench bench;
+  ASSERT_TRUE(bench.driver.open());
+  bench.board.left_on = "board 3 may still be on";
+  bench.driver.stop();
+  EXPECT_STREQ(bench.driver.left_on(), "board 3 may still be on");
+}
+
+// One noise, one drop, one unplugging: the rehearsal of faults works on a bench as on any device.
+TEST(BenchDriver, AFaultScriptBefallsItLikeAnyOtherDevice) {
+  GaugeState gauge;
+  BoardState board;
+  ContactsState contacts;
+  BenchParts parts;
+  parts.clock = std::make_unique<FixedClock>();
+  parts.board = std::make_unique<FakeBoard>(board);
+  parts.gauges.push_back(std::make_unique<FakeGauge>(gauge));
+  parts.amplifier = std::make_unique<FakeContacts>(contacts, board);
+  const auto fault = [](config::FaultKind kind, double at_s, double duration_s, double amount) {
+    config::Fault out;
+    out.kind = kind;
+    out.from_s = out.to_s = at_s;
+    out.duration_s = duration_s;
+    out.amount = amount;
+    return out;
+  };
+  config::FaultScript script;
+  script.faults = {fault(config::FaultKind::noise, 0.010, 0.010, 0.1),
+                   fault(config::FaultKind::drop, 0.030, 0.005, 0.0),
+                   fault(config::FaultKind::unplug, 0.050, 0.020, 0.0)};
+  script.faults[0].channel = Channel::displacement;
+  auto clock = std::make_shared<FixedClock>();
+  FaultyDriver faulty(
+      std::make_unique<BenchDriver>(std::move(parts), Bench::inputs(),
+                                    config::ShakerOutput{.volts_per_unit = 1.0}, quick),
+      script, Pace{}, clock);
+  ASSERT_TRUE(faulty.open());
+  EXPECT_THAT(faulty.description().name, testing::HasSubstr("board 3, bridge 7"));
+  ASSERT_TRUE(faulty.start());
+  ASSERT_TRUE(faulty.write({0.01, true}));
+  ASSERT_TRUE(contacts.writes.back());
+  const auto read = [&](std::int64_t number, Frame& frame) {
+    Frame scan;
+    scan.time_ns = number * ms;
+    scan.sequence = static_cast<std::uint64_t>(number);
+    scan.set(Channel::displacement, 1.0);
+    board.frames = {scan};
+    return faulty.read(frame);
+  };
+  std::vector<std::uint64_t> noisy;
+  std::vector<std::uint64_t> missing;
+  Result result;
+  for (std::int64_t i = 0; i < 50; ++i) {
+    Frame frame;
+    result = read(i, frame);
+    const auto number = static_cast<std::uint64_t>(i);
+    if (!result) {
+      EXPECT_EQ(result.outcome, Outcome::no_data) << i << ' ' << result.message;
+      missing.push_back(number);
+    } else if (frame[Channel::displacement] != 1.0) {
+      noisy.push_back(number);
+    }
+  }
+  using testing::ElementsAre;
+  EXPECT_THAT(noisy, ElementsAre(10, 11, 12, 13, 14, 15, 16, 17, 18, 19));
+  EXPECT_THAT(missing, ElementsAre(30, 31, 32, 33, 34));
+  Frame frame;
+  EXPECT_EQ(read(50, frame).outcome, Outcome::lost);
+  EXPECT_FALSE(contacts.writes.back());
+  EXPECT_FALSE(board.writes.back().amplifier_on);
+  const Counts counts = faulty.counts();
+  EXPECT_EQ(counts.all().size(), 3U) << "of what stands behind it";
+  // As whoever keeps devices does.
+  faulty.stop();
+  faulty.close();
+  int attempts = 0;
+  while (!(result = faulty.open())) {
+    ASSERT_EQ(result.outcome, Outcome::lost);
+    ASSERT_LT(++attempts, 10);
+    clock->now += 5 * ms;
+  }
+  EXPECT_GE(attempts, 3);
+  ASSERT_TRUE(faulty.start());
+  ASSERT_TRUE(read(100, frame));
+  EXPECT_EQ(frame[Channel::displacement], 1.0);
 }
 
 TEST(BenchDriver, AGaugeThatIsLostCostsItsChannelsAndIsNamed) {

@@ -80,6 +80,7 @@ class FakeBoard final : public emulated::UsbDevice {
         running = false;
         return {};
       case 0x18:
+        if (refuses_rest) return {UsbStatus::stall, {}};
         resting_at = setup.value;
         return {};
       case 0x1A:
@@ -153,6 +154,7 @@ class FakeBoard final : public emulated::UsbDevice {
   bool output_running = false;
   bool stalled = false;
   bool output_stalled = false;
+  bool refuses_rest = false;
   int resting_at = -1;
   std::vector<int> driven;
 
@@ -240,6 +242,15 @@ TEST_F(Usb1208fsPlus, AnOverrunIsToldOnceAndTheSequenceJumps) {
   const auto elapsed_ms = static_cast<double>(clock.now_ns() - before_ns) * 1e-6;
   EXPECT_NEAR(static_cast<double>(frame.sequence - before), elapsed_ms, 20.0);
   EXPECT_EQ(driver->overruns(), 1U);
+  // They are for an operator, and outlive the board.
+  driver->close();
+  const Counts counts = driver->counts();
+  ASSERT_EQ(counts.all().size(), 2U);
+  EXPECT_STREQ(counts.all()[0].device, "USB-1208FS-Plus");
+  EXPECT_STREQ(counts.all()[0].name, "overruns");
+  EXPECT_EQ(counts.all()[0].value, 1U);
+  EXPECT_STREQ(counts.all()[1].name, "underruns");
+  EXPECT_EQ(counts.all()[1].value, 0U);
 }
 
 TEST_F(Usb1208fsPlus, DrivesOneValueForEachFrameAndRestsAtOnce) {
@@ -266,6 +277,26 @@ TEST_F(Usb1208fsPlus, DrivesOneValueForEachFrameAndRestsAtOnce) {
   const std::lock_guard hold(board.lock);
   EXPECT_FALSE(board.output_running);
   EXPECT_EQ(board.resting_at, 1638);
+}
+
+TEST_F(Usb1208fsPlus, AnOutputThatDoesNotGoToRestAtTheEndIsTold) {
+  begin();
+  ASSERT_TRUE(driver->write({3.0, true}));
+  Frame frame;
+  for (int i = 0; i < 30; ++i) ASSERT_TRUE(next(frame));
+  driver->stop();
+  EXPECT_EQ(driver->left_on(), nullptr);
+  ASSERT_TRUE(driver->start());
+  ASSERT_TRUE(driver->write({3.0, true}));
+  for (int i = 0; i < 30; ++i) ASSERT_TRUE(next(frame));
+  {
+    const std::lock_guard hold(board.lock);
+    board.refuses_rest = true;
+  }
+  driver->stop();
+  ASSERT_NE(driver->left_on(), nullptr);
+  EXPECT_THAT(driver->left_on(), HasSubstr("01A2B3C4"));
+  EXPECT_THAT(driver->left_on(), HasSubstr("press the emergency stop"));
 }
 
 TEST_F(Usb1208fsPlus, AnOutputThatRanDryIsStartedAgain) {
@@ -366,7 +397,7 @@ TEST_F(Usb1208fsPlus, RefusalsTellTheCure) {
   bus.refuse_access(board);
   Result refused = driver->open();
   EXPECT_EQ(refused.outcome, Outcome::needs_attention);
-  EXPECT_THAT(refused.message, HasSubstr("ATTR{idVendor}==\"09db\""));
+  EXPECT_THAT(refused.message, HasSubstr("70-stickslip.rules gives it to the group stickslip"));
   ASSERT_EQ(find_usb_1208fs_plus().size(), 1U);
   EXPECT_THAT(find_usb_1208fs_plus()[0].trouble, HasSubstr("udev"));
   bus.refuse_access(board, false);
@@ -381,7 +412,8 @@ TEST_F(Usb1208fsPlus, RefusalsTellTheCure) {
   bus.unplug(other);
   settings.serial = "00000000";
   driver.emplace(settings, inputs, 1000.0, clock);
-  EXPECT_THAT(driver->open().message, HasSubstr("there is 01A2B3C4"));
+  EXPECT_THAT(driver->open().message,
+              HasSubstr("USB-1208FS-Plus #00000000 is not attached. Attached: 01A2B3C4"));
 }
 
 }  // namespace
