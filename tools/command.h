@@ -13,6 +13,7 @@ using Action = std::function<int()>;
 
 void add_simulate(CLI::App& app, Action& action);
 void add_diagnose(CLI::App& app, Action& action);
+void add_estimate(CLI::App& app, Action& action);
 void add_evaluate(CLI::App& app, Action& action);
 void add_calibration(CLI::App& app, Action& action);
 void add_check(CLI::App& app, Action& action);

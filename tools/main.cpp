@@ -23,6 +23,7 @@ int run(int argc, char** argv) {
   Action action;
   add_simulate(app, action);
   add_diagnose(app, action);
+  add_estimate(app, action);
   add_evaluate(app, action);
   add_calibration(app, action);
   add_check(app, action);

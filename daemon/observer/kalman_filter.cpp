@@ -175,9 +175,47 @@ Covariance KalmanFilter::output_noise() const {
   return noise;
 }
 
-bool KalmanFilter::use_reading(Channel channel, double innovation, double reading_variance) {
-  const int j = layout_.of(channel).reading;
-  const double expected = covariance_(j, j) + reading_variance;
+KalmanFilter::Look KalmanFilter::look(Channel channel, const Frame& frame,
+                                      const Vector& states) const {
+  Look out;
+  const double age_s = frame.age_us[index_of(channel)] * 1.0e-6;
+  out.sight = sight_of(layout_.of(channel), age_s);
+  out.variance = noise_->reading_variance(channel);
+  out.foretold = out.sight.weight[0] * states[out.sight.at[0]];
+  if (out.sight.count > 1) {
+    const double since = out.sight.weight[1] * states[out.sight.at[1]] +
+                         (out.sight.weight[0] - 1.0) * states[out.sight.at[0]];
+    out.foretold = states[out.sight.at[0]] + since;
+    out.variance += square(0.5 * age_s * out.sight.bend_per_s * since);
+  }
+  return out;
+}
+
+// A slow source's reading stays in the frames, growing older, until the next one; it says something
+// once.
+bool KalmanFilter::is_new(Channel channel, const Frame& frame) {
+  const std::size_t i = index_of(channel);
+  const std::int64_t at_ns = frame.time_ns - std::int64_t{frame.age_us[i]} * 1000;
+  const bool first = !has_read_[i];
+  const auto half_period_ns = static_cast<std::int64_t>(0.5e9 * period_s_);
+  if (!first && std::abs(at_ns - read_at_ns_[i]) < half_period_ns) return false;
+  read_at_ns_[i] = at_ns;
+  has_read_[i] = true;
+  return true;
+}
+
+bool KalmanFilter::use_reading(Channel channel, const Look& look, double innovation) {
+  const Sight& sight = look.sight;
+  covariance_.column(sight.at[0], column_);
+  double variance = column_[sight.at[0]];
+  if (sight.count > 1) {
+    covariance_.column(sight.at[1], gain_);
+    for (int k = 0; k < layout_.count; ++k) {
+      column_[k] = sight.weight[0] * column_[k] + sight.weight[1] * gain_[k];
+    }
+    variance = sight.weight[0] * column_[sight.at[0]] + sight.weight[1] * column_[sight.at[1]];
+  }
+  const double expected = variance + look.variance;
   const std::size_t i = index_of(channel);
   const auto bit = static_cast<std::uint8_t>(1U << i);
   estimate_.innovation[i] = innovation;
@@ -194,7 +232,6 @@ bool KalmanFilter::use_reading(Channel channel, double innovation, double readin
   estimate_.nis += squared;
   ++estimate_.nis_freedom;
 
-  covariance_.column(j, column_);
   for (int k = 0; k < layout_.count; ++k) gain_[k] = column_[k] / expected;
   if (layout_.mu >= 0) gain_[layout_.mu] *= lesson_;
   if (layout_.log_rate >= 0 && since_start_s_ < learn_s_) gain_[layout_.log_rate] = 0.0;
@@ -215,10 +252,10 @@ void KalmanFilter::correct(const Frame& frame) {
     lesson_ = since_start_s_ < learn_s_ ? 0.0 : noise_->lesson(mean_, slip_variance(covariance_));
   }
   for (Channel channel : all_channels) {
-    if (!frame.has(channel) || !layout_.of(channel).used) continue;
-    const double variance = noise_->reading_variance(channel);
-    const double innovation = frame[channel] - mean_[layout_.of(channel).reading];
-    const bool used = use_reading(channel, innovation, variance);
+    if (!frame.has(channel) || !layout_.of(channel).used || !is_new(channel, frame)) continue;
+    const Look seeing = look(channel, frame, mean_);
+    const double innovation = frame[channel] - seeing.foretold;
+    const bool used = use_reading(channel, seeing, innovation);
     const std::size_t i = index_of(channel);
     if (channel == drive_channel(rig_.structure())) {
       since_drive_s_ = 0.0;

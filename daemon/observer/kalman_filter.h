@@ -52,9 +52,14 @@ class KalmanFilter {
   Covariance process_noise() const;
   Covariance output_noise() const;
 
-  /// The state that a channel reads, and the variance of its readings.
-  int reading_of(Channel channel) const { return layout_.of(channel).reading; }
-  double reading_variance(Channel channel) const { return noise_->reading_variance(channel); }
+  /// How a channel of a frame is read: at its own age, with the variance of its readings and of
+  /// what is neglected by looking back along a straight line.
+  struct Look {
+    Sight sight;
+    double variance = 0.0;
+    double foretold = 0.0;
+  };
+  Look look(Channel channel, const Frame& frame, const Vector& states) const;
 
   /// What these states and their covariance say, in the fields of an estimate that speak of the
   /// rig.
@@ -66,7 +71,8 @@ class KalmanFilter {
   void name_quantities();
   void begin(const Frame& frame);
   void correct(const Frame& frame);
-  bool use_reading(Channel channel, double innovation, double reading_variance);
+  bool use_reading(Channel channel, const Look& look, double innovation);
+  bool is_new(Channel channel, const Frame& frame);
   bool is_healthy() const;
   void forget_readings();
   void report(const Frame& frame);
@@ -103,6 +109,8 @@ class KalmanFilter {
   double lesson_ = 1.0;  ///< share of the gain on mu
   double absurd_s_ = 0.0;
   std::array<int, channel_count> outliers_in_a_row_{};
+  std::array<std::int64_t, channel_count> read_at_ns_{};  ///< of the last reading of each channel
+  std::array<bool, channel_count> has_read_{};
   FrictionEstimate estimate_;
 };
 

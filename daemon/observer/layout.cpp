@@ -29,6 +29,28 @@ std::vector<Section> sections_of(const physics::Sensor& sensor) {
 
 }  // namespace
 
+Sight sight_of(const Chain& chain, double age_s) {
+  Sight sight;
+  sight.at[0] = chain.reading;
+  sight.weight[0] = 1.0;
+  if (age_s <= 0.0 || chain.sections.empty()) return sight;
+  const Section& last = chain.sections.back();
+  sight.bend_per_s = last.omega;
+  if (last.second_order) {
+    sight.at[1] = chain.reading + 1;
+    sight.weight[1] = -age_s;
+    sight.count = 2;
+  } else if (chain.sections.size() > 1) {
+    // A first-order section follows what the section before it delivers.
+    const bool pair = chain.sections[chain.sections.size() - 2].second_order;
+    sight.at[1] = chain.reading - (pair ? 2 : 1);
+    sight.weight[1] = -age_s * last.omega;
+    sight.weight[0] = 1.0 + age_s * last.omega;
+    sight.count = 2;
+  }
+  return sight;
+}
+
 Channel drive_channel(const physics::Structure& structure) {
   return structure.excitation == Excitation::force ? Channel::drive_force
                                                    : Channel::base_displacement;

@@ -39,6 +39,18 @@ struct Chain {
   std::vector<Section> sections;
 };
 
+/// What a reading of some age is in terms of the states: the chain's output, less what it has
+/// changed by since.
+struct Sight {
+  std::array<int, 2> at{};
+  std::array<double, 2> weight{};
+  int count = 1;
+  double bend_per_s = 0.0;  ///< how fast the second state is forgotten: what a straight line misses
+};
+
+/// Of a chain's reading `age_s` ago; a chain without filters is read as if it stood still.
+Sight sight_of(const Chain& chain, double age_s);
+
 struct Layout {
   std::array<int, physics::max_rig_states> rig{};  ///< by physics::state; -1: not there
   int mu = -1;

@@ -61,10 +61,11 @@ struct Passage {
 
 /// A moment at which the filter stood.
 struct Moment {
-  std::optional<Passage> passage;             ///< to it; none where the filter began
-  Belief predicted;                           ///< before its readings; the mean alone
-  Belief held;                                ///< after them
-  std::array<double, channel_count> off{};    ///< readings less predictions
+  std::optional<Passage> passage;           ///< to it; none where the filter began
+  Belief predicted;                         ///< before its readings; the mean alone
+  Belief held;                              ///< after them
+  std::array<double, channel_count> off{};  ///< readings less predictions
+  std::array<Sight, channel_count> sight{};
   std::array<double, channel_count> exact{};  ///< 1 / variance of the readings; 0: not used
   std::optional<FrictionEstimate> estimate;   ///< none of a frame that is missing
 };
@@ -125,8 +126,10 @@ void Smoother::add(const Frame& frame) {
       const std::size_t i = index_of(channel);
       const unsigned used = estimate.innovation_valid & ~unsigned{estimate.refused};
       if (((used >> i) & 1U) == 0) continue;
-      moment.off[i] = frame[channel] - moment.predicted.mean[filter_.reading_of(channel)];
-      moment.exact[i] = 1.0 / filter_.reading_variance(channel);
+      const KalmanFilter::Look look = filter_.look(channel, frame, moment.predicted.mean);
+      moment.sight[i] = look.sight;
+      moment.off[i] = frame[channel] - look.foretold;
+      moment.exact[i] = 1.0 / look.variance;
     }
   }
   if (moments_.size() >= keep_ + ahead_) look_back(keep_);
@@ -138,9 +141,15 @@ void Smoother::step_back(const Moment& moment, Future& future) const {
   for (Channel channel : all_channels) {
     const std::size_t i = index_of(channel);
     if (moment.exact[i] == 0.0) continue;
-    const int at = filter_.reading_of(channel);
-    future.weight(at, at) += moment.exact[i];
-    future.pull[at] += moment.exact[i] * moment.off[i];
+    const Sight& sight = moment.sight[i];
+    const auto terms = static_cast<std::size_t>(sight.count);
+    for (std::size_t j = 0; j < terms; ++j) {
+      for (std::size_t k = 0; k < terms; ++k) {
+        future.weight(sight.at[j], sight.at[k]) +=
+            moment.exact[i] * sight.weight[j] * sight.weight[k];
+      }
+      future.pull[sight.at[j]] += moment.exact[i] * sight.weight[j] * moment.off[i];
+    }
   }
   future.blur(moment.passage->output_noise);
   const Matrix& f = moment.passage->derivatives;

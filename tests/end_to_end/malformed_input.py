@@ -88,6 +88,7 @@ class MalformedInput(EndToEnd):
         return [
             ("diagnose", recording, "--model", self.good_model),
             ("evaluate", recording, "--model", self.good_model),
+            ("estimate", recording, "--model", self.good_model),
             ("simulate", "--model", self.good_model, "--drive", recording,
              "--out", self.folder / "out.csv"),
             ("convert", recording, self.folder / "out.log"),
@@ -97,6 +98,7 @@ class MalformedInput(EndToEnd):
         return [
             ("diagnose", self.good_recording, "--model", model),
             ("evaluate", self.good_recording, "--model", model),
+            ("estimate", self.good_recording, "--model", model),
             ("simulate", "--model", model, "--drive", self.good_recording,
              "--out", self.folder / "out.csv"),
         ]
@@ -105,7 +107,7 @@ class MalformedInput(EndToEnd):
         """Otherwise the refusals below would prove nothing."""
         self.succeed("check", self.good_model)
         self.succeed("convert", self.good_recording, self.folder / "good.log")
-        self.succeed(*self.readers_of_a_model(self.good_model)[2])
+        self.succeed(*self.readers_of_a_model(self.good_model)[3])
         self.succeed("evaluate", self.good_recording, "--model", self.good_model)
 
     def test_recordings(self):
@@ -252,7 +254,7 @@ class MalformedInput(EndToEnd):
                                         stderr=subprocess.PIPE, text=True, timeout=60)
                 self.assertEqual(result.returncode, 1, result.stderr)
                 self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
-        for command in ("diagnose", "evaluate"):
+        for command in ("diagnose", "evaluate", "estimate"):
             nowhere = self.folder / "nowhere" / "out.json"
             result = stickslip(command, self.folder / "absent.csv", "--model", self.good_model,
                                "--json", nowhere)

@@ -370,6 +370,68 @@ TEST(Observer, FollowsAMeasuredNormalLoad) {
   EXPECT_NEAR(run.back().estimate.mu, 0.8, 0.03);
 }
 
+// Channels of slower sources stand in the frames, growing older, until their next reading.
+TEST(Observer, TakesReadingsAtTheirOwnAge) {
+  Model model = paper_rig(Law::state_variable);
+  model.normal_load->load_n.sigma = 0.02;
+  struct Held {
+    double value = 0.0;
+    std::int64_t time_ns = 0;
+  };
+  const auto slow = [](bool tell_age) {
+    return [held = std::array<Held, channel_count>{}, tell_age](Frame& frame) mutable {
+      for (const Channel channel :
+           {Channel::friction_force, Channel::normal_load, Channel::displacement}) {
+        Held& h = held[index_of(channel)];
+        const std::int64_t every_ns = channel == Channel::displacement ? 5'000'000 : 8'000'000;
+        if (frame.time_ns - h.time_ns >= every_ns || h.time_ns == 0) {
+          h = {frame[channel], frame.time_ns};
+        }
+        frame.set(channel, h.value);
+        frame.age_us[index_of(channel)] =
+            tell_age ? static_cast<std::int32_t>((frame.time_ns - h.time_ns) / 1000) : 0;
+      }
+    };
+  };
+  test::Watch how;
+  const auto prompt = watch(model, model, how);
+  how.spoil = slow(true);
+  const auto aged = watch(model, model, how);
+  how.spoil = slow(false);
+  const auto unknowing = watch(model, model, how);
+  const auto force = [](const Moment& m) {
+    return m.estimate.friction_force_n - m.truth.friction_force_n;
+  };
+  EXPECT_LT(test::rms(aged, 3.0, force), 2.0 * test::rms(prompt, 3.0, force));
+  EXPECT_GT(test::rms(unknowing, 3.0, force), 2.0 * test::rms(aged, 3.0, force));
+  EXPECT_EQ(aged.back().estimate.restarts, 0U);
+  EXPECT_LT(test::mean_nis(aged, 3.0), 1.3);
+}
+
+TEST(Observer, LooksBackAlongAStraightLineAtAReadingThatIsOld) {
+  // All channels at once 2 ms late, and saying so.
+  const Model model = paper_rig(Law::coulomb);
+  test::Watch how;
+  how.spoil = [last = std::array<Frame, 3>{}, n = std::size_t{0}](Frame& frame) mutable {
+    const Frame now = frame;
+    const Frame& before = n < 2 ? now : last[(n - 2) % 3];
+    for (Channel channel : all_channels) {
+      if (!now.has(channel)) continue;
+      frame.set(channel, before[channel]);
+      frame.age_us[index_of(channel)] =
+          static_cast<std::int32_t>((now.time_ns - before.time_ns) / 1000);
+    }
+    last[n % 3] = now;
+    ++n;
+  };
+  const auto moments = watch(model, model, how);
+  const auto velocity = [](const Moment& m) {
+    return m.estimate.velocity_m_s - m.truth.velocity_m_s;
+  };
+  EXPECT_LT(test::rms(moments, 3.0, velocity), 0.01);
+  EXPECT_EQ(moments.back().estimate.restarts, 0U);
+}
+
 TEST(Observer, LearnsALoadThatTheModelDoubts) {
   Model real = paper_rig(Law::coulomb, true);
   Model believed = real;

@@ -1,0 +1,80 @@
+"""`stickslip estimate` on a recording of which the truth is known: what it says, writes and refuses."""
+
+import csv
+import json
+import math
+
+from programs import SOURCE, EndToEnd, main, stickslip
+
+TRUTH = SOURCE / "config/models/simulated-truth.toml"
+BELIEVED = SOURCE / "config/models/simulated.toml"
+
+
+def drive(t):
+    """A base that is moved as by hand, 3.2 Hz with an envelope."""
+    return 0.009 * (0.55 - 0.45 * math.cos(0.7 * t)) * math.sin(2 * math.pi * 3.2 * t)
+
+
+class Estimate(EndToEnd):
+    def setUp(self):
+        super().setUp()
+        driven = self.folder / "drive.csv"
+        driven.write_text("time_s,base_displacement_m\n" + "".join(
+            f"{k / 1000:.3f},{drive(k / 1000):.9e}\n" for k in range(12000)))
+        self.recording = self.folder / "run.csv"
+        self.succeed("simulate", "--model", TRUTH, "--drive", driven, "--out", self.recording)
+
+    def test_mu_and_gamma_of_the_rig_are_found(self):
+        out = self.folder / "estimates.csv"
+        summary = self.folder / "summary.json"
+        said = self.succeed("estimate", self.recording, "--model", BELIEVED, "--out", out,
+                            "--json", summary).stdout
+        self.assertIn("mu 0.8", said)
+        found = json.loads(summary.read_text())
+        # The model says 0.8 and 150; its spring is wrong on purpose, so not to the last digit.
+        self.assertAlmostEqual(found["mu"]["mean"], 0.82, delta=0.02)
+        self.assertAlmostEqual(found["gamma_per_s"]["mean"], 145.0, delta=25.0)
+        self.assertGreater(found["good_frames"], 0.9 * found["frames"])
+
+        with out.open() as file:
+            rows = list(csv.DictReader(file))
+        self.assertEqual(len(rows), found["frames"])
+        with self.recording.open() as file:
+            times = [float(row["time_s"]) for row in csv.DictReader(file)]
+        self.assertEqual([float(row["time_s"]) for row in rows], times)
+        for row in rows[::100]:
+            self.assertLess(abs(float(row["theta"])), 1.2)
+            self.assertGreater(float(row["theta_std"]), 0.0)
+            self.assertTrue(0.0 <= float(row["sticking"]) <= 1.0)
+            friction = float(row["theta"]) * float(row["mu"]) * float(row["normal_load_n"])
+            self.assertAlmostEqual(friction, float(row["friction_force_n"]), delta=0.02)
+
+    def test_a_better_model_foretells_better(self):
+        nll = []
+        for model in (TRUTH, BELIEVED):
+            summary = self.folder / "nll.json"
+            self.succeed("estimate", self.recording, "--model", model, "--json", summary)
+            nll.append(json.loads(summary.read_text())["nll_per_reading"])
+        self.assertLess(nll[0], nll[1])
+
+    def test_the_table_can_go_to_standard_output(self):
+        said = self.succeed("estimate", self.recording, "--model", BELIEVED, "--out", "-").stdout
+        self.assertTrue(said.startswith("time_s,displacement_m,displacement_m_std,"), said[:80])
+
+    def test_a_model_that_cannot_be_followed_is_refused_with_its_reason(self):
+        imposed = self.folder / "imposed.toml"
+        imposed.write_text("""schema = 1
+[oscillator]
+excitation = "imposed"
+[friction]
+law = "coulomb"
+mu = 1.0
+transition_speed_m_s = 0.01
+""")
+        result = stickslip("estimate", self.recording, "--model", imposed)
+        self.assertEqual(result.returncode, 2)
+        self.assertIn(f"{imposed}: the observer follows rigs with a force balance", result.stderr)
+
+
+if __name__ == "__main__":
+    main()
