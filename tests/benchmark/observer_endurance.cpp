@@ -1,0 +1,128 @@
+// Whether the observer's covariance lasts: many steps (10^8 by default) with channels that drop out
+// and come back, looked at every 10^5 steps.
+//
+//   observer_endurance [--steps N] [--rig NAME]
+//
+// Ends with status 1 where a state's variance was not positive, where the covariance of what is
+// reported had an eigenvalue below -10^-9 of its largest (each state measured by its own
+// deviation), where a number was not finite, or where the filter began anew more often than every
+// 10^7 steps.
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <numbers>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "config/rig.h"
+#include "daemon/observer/kalman_filter.h"
+#include "physics/simulator.h"
+
+namespace stickslip {
+namespace {
+
+constexpr double period_s = 1.0e-3;
+
+// One minute of the rig, driven so that it ends as it began; it is gone through again and again.
+std::vector<Frame> minute_of(const config::Rig& rig) {
+  physics::RigSimulator simulator(rig.model, {.step_s = 1.0e-4, .seed = 1});
+  const double w = 2.0 * std::numbers::pi * std::round(10.0 * rig.excitation.carrier_hz) / 10.0;
+  const double s = 2.0 * std::numbers::pi * 0.1;
+  const auto input = [&](double t) {
+    const double a = rig.excitation.amplitude;
+    physics::Input now;
+    const double envelope = 0.55 - 0.45 * std::cos(s * t);
+    const double envelope_1 = 0.45 * s * std::sin(s * t);
+    const double envelope_2 = 0.45 * s * s * std::cos(s * t);
+    now.base_displacement_m = a * envelope * std::sin(w * t);
+    now.base_acceleration_m_s2 =
+        a * (envelope_2 * std::sin(w * t) + 2.0 * envelope_1 * w * std::cos(w * t) -
+             envelope * w * w * std::sin(w * t));
+    return now;
+  };
+  simulator.set_input(input(0.0));
+  std::vector<Frame> frames;
+  constexpr int warm_up = 10'000;
+  constexpr int count = 60'000;
+  for (int k = 1; k <= warm_up + count; ++k) {
+    simulator.advance(period_s, input(k * period_s));
+    if (k > warm_up) frames.push_back(simulator.read());
+  }
+  return frames;
+}
+
+/// Channels that are gone for a while.
+class Outages {
+ public:
+  void befall(Frame& frame) {
+    for (Channel channel : all_channels) {
+      long& left = left_[index_of(channel)];
+      if (left == 0 && random_() % 5000 == 0) left = 1 + static_cast<long>(random_() % 300);
+      if (left == 0) continue;
+      --left;
+      if (frame.has(channel)) frame.invalidate(channel);
+    }
+  }
+
+ private:
+  std::mt19937_64 random_{1};
+  std::array<long, channel_count> left_{};
+};
+
+/// The least eigenvalue of all states' covariance over its largest, each state by its own
+/// deviation.
+double least_eigenvalue(const observer::Covariance& p) {
+  Eigen::MatrixXd scaled(p.count(), p.count());
+  for (int i = 0; i < p.count(); ++i) {
+    for (int j = 0; j < p.count(); ++j) {
+      scaled(i, j) = p(i, j) / std::sqrt(std::max(1.0e-300, p(i, i) * p(j, j)));
+    }
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scaled, Eigen::EigenvaluesOnly);
+  return solver.eigenvalues().minCoeff() / solver.eigenvalues().maxCoeff();
+}
+
+int endure(const std::string& name, long steps) {
+  const config::Rig rig =
+      config::load_rig(std::string(STICKSLIP_SOURCE_DIR "/config/") + name + ".toml");
+  const std::vector<Frame> minute = minute_of(rig);
+  observer::KalmanFilter filter(rig.model, period_s);
+  Outages outages;
+  double worst = 1.0;
+  bool sound = true;
+  for (long step = 0; step < steps && sound; ++step) {
+    Frame frame = minute[static_cast<std::size_t>(step) % minute.size()];
+    frame.time_ns = step * 1'000'000;
+    frame.sequence = static_cast<std::uint64_t>(step);
+    outages.befall(frame);
+    filter.update(frame);
+    if (step % 100'000 != 99'999) continue;
+    for (int i = 0; i < filter.covariance().count(); ++i) {
+      sound = sound && filter.covariance()(i, i) > 0.0 && std::isfinite(filter.mean()[i]);
+    }
+    worst = std::min(worst, least_eigenvalue(filter.covariance()));
+    sound = sound && worst > -1.0e-9;
+  }
+  const auto restarts = static_cast<double>(filter.estimate().restarts);
+  std::printf(
+      "%s: %ld steps, least eigenvalue %.2g of the largest, %.0f restarts, mu %.4f of %.4f\n",
+      name.c_str(), steps, worst, restarts, filter.estimate().mu, rig.model.friction.mu.value);
+  return sound && restarts <= 1.0 + static_cast<double>(steps) / 1.0e7 ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace stickslip
+
+int main(int argc, char** argv) {
+  long steps = 100'000'000;
+  std::string rig = "simulated";
+  for (int i = 1; i + 1 < argc; i += 2) {
+    const std::string option = argv[i];
+    if (option == "--steps") steps = std::atol(argv[i + 1]);
+    if (option == "--rig") rig = argv[i + 1];
+  }
+  return stickslip::endure(rig, steps);
+}
