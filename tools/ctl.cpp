@@ -85,6 +85,9 @@ void print_status(const json& answer) {
                     number(status.value("uptime_s", 0.0)) + " s");
   say("publishing", account_text(ledger.at("published"), "published"));
   say("recording", account_text(ledger.at("recorded"), "recorded"));
+  if (const auto model = status.find("model"); model != status.end()) {
+    say("model", model->value("statement", model->value("standing", "")));
+  }
   const json& timing = status.at("timing");
   say("timing", "woken late by at most " + microseconds(timing, "lateness_p99_s") + " us (99 %), " +
                     microseconds(timing, "lateness_max_s") + " us (longest); " +
