@@ -792,6 +792,20 @@ constexpr std::array rig_table_itself = {
         .type = Type::boolean,
         .sentence = "Whether friction is estimated while the rig runs.",
         .fallback = "true"},
+    Key{.path = "observer.model_check",
+        .type = Type::boolean,
+        .sentence =
+            "Whether a warning is given when the rig no longer follows its model. Needs the "
+            "observer.",
+        .fallback = "true"},
+    Key{.path = "observer.days_between_false_alarms",
+        .type = Type::number,
+        .unit = "days",
+        .sentence = "Mean time between false warnings that the model check's thresholds are made "
+                    "for.",
+        .fallback = "30.0",
+        .low = 0.01,
+        .high = 10000},
     Key{.path = "metrics.file",
         .type = Type::file,
         .sentence = "Status for Prometheus, written once a second; named *.prom, in the folder "

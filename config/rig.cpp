@@ -235,6 +235,9 @@ class Reader {
     rig.recording.rotate_mb = document_.number("recording.rotate_mb");
     take(rig.recording.sync_s, document_.number("recording.sync_s"));
     take(rig.observer.enabled, document_.boolean("observer.enabled"));
+    take(rig.observer.model_check, document_.boolean("observer.model_check"));
+    take(rig.observer.days_between_false_alarms,
+         document_.number("observer.days_between_false_alarms"));
     rig.metrics.file = path_at("metrics.file");
   }
 

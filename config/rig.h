@@ -201,6 +201,8 @@ struct RecordingOutput {
 
 struct Observer {
   bool enabled = true;
+  bool model_check = true;
+  double days_between_false_alarms = 30.0;  ///< of the model check
 };
 
 struct Metrics {

@@ -122,6 +122,27 @@ std::optional<Command::Kind> kind_of(const std::string& command) {
 
 }  // namespace
 
+namespace {
+
+json model_of(const Status& status) {
+  if (!status.model_checked) return {{"standing", "off"}};
+  const ModelVerdict& verdict = status.model;
+  json out = {{"standing", observer::name_of(verdict.standing)}, {"alarms", verdict.alarms}};
+  if (verdict.standing != observer::ModelStanding::broken) return out;
+  out["statement"] = observer::words_for(verdict);
+  out["relation"] = physics::name_of(verdict.relation);
+  const bool sensor = verdict.relation == physics::Relation::sensor;
+  out["channel"] = sensor ? json(info(verdict.channel).stem) : json(nullptr);
+  out["alternative"] = physics::name_of(verdict.alternative);
+  out["probability"] = verdict.probability;
+  out["since_time_ns"] = verdict.since_ns;
+  out["told_time_ns"] = verdict.told_ns;
+  out["recording_time_ns"] = {verdict.from_ns, verdict.to_ns};
+  return out;
+}
+
+}  // namespace
+
 json json_of(const Status& status) {
   return {{"state", name_of(status.state)},
           {"interlock", status.state == RigState::faulted ? name_of(status.interlock) : ""},
@@ -150,6 +171,7 @@ json json_of(const Status& status) {
             {"failed_reads", status.failed_reads},
             {"failed_writes", status.failed_writes},
             {"devices", json_of(status.devices)}}},
+          {"model", model_of(status)},
           {"lost_messages", status.lost_messages}};
 }
 

@@ -1,11 +1,14 @@
 // What the loop knows of the observer: a type that it calls, and a type that it hands on.
 #pragma once
 
+#include "daemon/observer/model_check.h"
 #include "daemon/observer/observer.h"
 
 namespace stickslip::daemon {
 
 using Estimate = observer::FrictionEstimate;
 using Observer = observer::FrictionObserver;
+using ModelCheck = observer::ModelCheck;
+using ModelVerdict = observer::ModelVerdict;
 
 }  // namespace stickslip::daemon

@@ -1,6 +1,9 @@
 #include "daemon/event.h"
 
+#include <array>
 #include <cstddef>
+#include <cstdio>
+#include <cstdlib>
 #include <utility>
 
 namespace stickslip::daemon {
@@ -80,8 +83,30 @@ Event event_of(const Notice& notice) {
     case Notice::Kind::estimate_restarted:
       say(Severity::warning, "estimate_restarted", "the observer diverged and began anew");
       break;
+    case Notice::Kind::model_broken:
+      say(Severity::warning, "model_broken", observer::words_for(notice.verdict));
+      break;
+    case Notice::Kind::model_follows:
+      say(Severity::info, "model_follows", "the rig follows its model again");
+      break;
   }
   return out;
+}
+
+Event with_times(Event event, const ModelVerdict& verdict, std::int64_t utc_us) {
+  constexpr std::int64_t us_per_s = 1'000'000;
+  const std::int64_t since_us = utc_us - (verdict.told_ns - verdict.since_ns) / 1000;
+  const std::int64_t second = since_us / us_per_s % 86400;
+  const auto seconds = [](std::int64_t time_ns) {
+    const std::int64_t tenths = time_ns / 100'000'000;
+    return std::to_string(tenths / 10) + '.' + std::to_string(std::abs(tenths % 10)) + " s";
+  };
+  std::array<char, 16> clock{};
+  std::snprintf(clock.data(), clock.size(), "%02d:%02d:%02d", static_cast<int>(second / 3600),
+                static_cast<int>(second / 60 % 60), static_cast<int>(second % 60));
+  event.message += ", since " + std::string(clock.data()) + " UTC; diagnose the recording from " +
+                   seconds(verdict.from_ns) + " to " + seconds(verdict.to_ns) + " of its time_ns";
+  return event;
 }
 
 Event event_of(const Notice& sum, std::uint64_t notices) {

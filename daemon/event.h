@@ -21,6 +21,10 @@ struct Event {
 /// The notice in words.
 Event event_of(const Notice& notice);
 
+/// A model_broken with the times that a person and a diagnosis need: the time of day (UTC) since
+/// when it is so, and the stretch of the recording. `utc_us`: now.
+Event with_times(Event event, const ModelVerdict& verdict, std::int64_t utc_us);
+
 /// Several of a kind in words, told as of the latest: `sum` holds their counts together and the
 /// longest duration. For gaps and repetitions of the sequence number, and for overruns.
 Event event_of(const Notice& sum, std::uint64_t notices);

@@ -375,9 +375,21 @@ void Loop::acquire(Frame raw) {
       interlocks_.observer_restarted(true);
     }
     restarts_ = estimate->restarts;
+    check_model(*estimate);
   }
   const bool due = frames_ % settings_.frames_per_estimate == 0;
   hand_over(sample, due ? estimate : nullptr);
+}
+
+void Loop::check_model(const Estimate& estimate) {
+  ModelCheck* const check = settings_.model_check;
+  if (check == nullptr || !check->update(estimate)) return;
+  const ModelVerdict& verdict = check->verdict();
+  const bool broken = verdict.standing == observer::ModelStanding::broken;
+  // That it has learnt enough is no news.
+  if (broken || verdict.alarms > 0) {
+    notice(broken ? Notice::Kind::model_broken : Notice::Kind::model_follows);
+  }
 }
 
 // A notice for each channel of `now` that was not among those `before`.
@@ -545,6 +557,10 @@ void Loop::publish(std::int64_t now_ns) {
   out.raw = raw_;
   if (previous_) out.frame = *previous_;
   out.frames = frames_;
+  if (settings_.model_check != nullptr) {
+    out.model_checked = true;
+    out.model = settings_.model_check->verdict();
+  }
   snapshot_.write(out);
 }
 
@@ -559,6 +575,7 @@ void Loop::notice(Notice::Kind kind, std::uint64_t count, std::int64_t duration_
   out.count = count;
   out.duration_ns = duration_ns;
   out.set_text(text);
+  if (kind == Notice::Kind::model_broken) out.verdict = settings_.model_check->verdict();
   if (!notices_.push(out)) count_up(timing_.lost_events);
 }
 

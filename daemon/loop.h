@@ -45,8 +45,9 @@ struct LoopSettings {
   LiveSettings live = {};
   /// Clears, arms and starts by itself: for rigs on which nothing moves.
   bool start_at_once = false;
-  bool end_on_fault = false;         ///< else the fault latches and the loop goes on
-  const Stream* recorder = nullptr;  ///< whose losses the interlocks look at; may be null
+  bool end_on_fault = false;          ///< else the fault latches and the loop goes on
+  const Stream* recorder = nullptr;   ///< whose losses the interlocks look at; may be null
+  ModelCheck* model_check = nullptr;  ///< fed with the observer's estimates; may be null
 };
 
 /// Why the loop ended.
@@ -73,6 +74,8 @@ struct Snapshot {
   Frame raw;
   Frame frame;  ///< calibrated
   std::uint64_t frames = 0;
+  bool model_checked = false;
+  ModelVerdict model;  ///< where the model is checked
 };
 
 class Loop {
@@ -131,6 +134,7 @@ class Loop {
   bool read();
   void acquire(Frame raw);
   bool place_in_time(Frame& frame);
+  void check_model(const Estimate& estimate);
   void tell_new(Notice::Kind kind, std::uint8_t now, std::uint8_t before);
   void judge();
   void trip(const Interlocks::Broken& broken);

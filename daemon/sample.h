@@ -50,6 +50,8 @@ struct Notice {
     overrun,             ///< by `duration_ns`; `count` periods were skipped
     end_of_data,
     estimate_restarted,  ///< the observer diverged and began anew
+    model_broken,        ///< the rig no longer follows its model; `verdict` says in what
+    model_follows,       ///< it follows again
   };
   Kind kind = Kind::fault;
   std::int64_t time_ns = 0;    ///< of the latest frame
@@ -57,6 +59,7 @@ struct Notice {
   std::uint64_t count = 0;
   std::int64_t duration_ns = 0;
   std::array<char, 200> text{};  ///< zero-terminated
+  ModelVerdict verdict;          ///< of a model_broken
 
   /// Copies as much of `words` as fits.
   void set_text(std::string_view words) {

@@ -119,6 +119,13 @@ std::unique_ptr<Observer> observer_for(const config::Rig& rig) {
   return nullptr;
 }
 
+std::unique_ptr<ModelCheck> model_check_for(const config::Rig& rig, const Observer* observer) {
+  if (observer == nullptr || !rig.observer.model_check) return nullptr;
+  return std::make_unique<ModelCheck>(
+      rig.model, 1.0 / rig.loop.rate_hz,
+      observer::ModelCheckSettings{rig.observer.days_between_false_alarms});
+}
+
 std::int64_t ns_of(double seconds) { return std::llround(seconds * 1e9); }
 
 InterlockSettings interlocks_of(const config::Rig& rig, const drivers::Description& device) {
@@ -300,8 +307,11 @@ int Service::run() {
   open_consumers();
 
   const std::unique_ptr<Observer> observer = observer_for(rig_);
-  Loop loop(*driver, clock_, loop_settings(driver->description()),
-            Excitation(rig_.excitation, driven_rig(rig_)), observer.get(), ledger_, streams());
+  const std::unique_ptr<ModelCheck> model_check = model_check_for(rig_, observer.get());
+  LoopSettings settings = loop_settings(driver->description());
+  settings.model_check = model_check.get();
+  Loop loop(*driver, clock_, settings, Excitation(rig_.excitation, driven_rig(rig_)),
+            observer.get(), ledger_, streams());
   const std::unique_ptr<Control> control = open_control(loop, driver->description());
 
   const bool real_time = rig_.loop.real_time_scheduling && pacing_ != Pacing::free;
@@ -465,6 +475,10 @@ void Service::drain_notices(Loop& loop) {
   while (loop.next_notice(notice)) {
     if (notice.kind == Notice::Kind::overrun) {
       longest_untold_ns_ = std::max(longest_untold_ns_, notice.duration_ns);
+    }
+    if (notice.kind == Notice::Kind::model_broken) {
+      tell_and_log(with_times(event_of(notice), notice.verdict, utc_us()));
+      continue;
     }
     if (const auto event = bursts_.take(notice, clock_.now_ns())) tell_and_log(*event);
   }

@@ -99,6 +99,9 @@ void print_status(const json& answer) {
   if (const auto source = status.find("source"); source != status.end()) {
     say_counts(source->value("devices", json::object()));
   }
+  if (const auto model = status.find("model"); model != status.end()) {
+    say("model", model->value("statement", model->value("standing", "")));
+  }
   const json& timing = status.at("timing");
   say("timing", "woken late by at most " + microseconds(timing, "lateness_p99_s") + " us (99 %), " +
                     microseconds(timing, "lateness_max_s") + " us (longest); " +

@@ -275,7 +275,7 @@ TEST(Messages, EventsAndTheRecordingsDescriptionOfItself) {
 }
 
 TEST(Events, EveryNoticeHasItsWordsAndLongTextIsCut) {
-  for (int kind = 0; kind <= static_cast<int>(Notice::Kind::estimate_restarted); ++kind) {
+  for (int kind = 0; kind <= static_cast<int>(Notice::Kind::model_follows); ++kind) {
     Notice notice;
     notice.kind = static_cast<Notice::Kind>(kind);
     EXPECT_FALSE(event_of(notice).code.empty());

@@ -1,0 +1,87 @@
+// How often the model check finds what has changed, names it, and warns of nothing: over many
+// seeded rigs. Prints a table; docs/observer.md holds the latest one.
+//
+//   model_check_campaign [--seeds N] [--first SEED] [--null-hours H] [--days D]
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <string_view>
+#include <vector>
+
+#include "tests/unit/observer/model_check_run.h"
+
+namespace stickslip::observer::test {
+namespace {
+
+struct Options {
+  std::uint64_t seeds = 100;
+  std::uint64_t first = 1000;  ///< others than thresholds were looked at with
+  double null_hours = 1.0;
+  double days = 30.0;
+};
+
+Options options_of(int count, char** words) {
+  Options out;
+  for (int i = 1; i + 1 < count; i += 2) {
+    const std::string_view word = words[i];
+    const double value = std::atof(words[i + 1]);
+    if (word == "--seeds") out.seeds = static_cast<std::uint64_t>(value);
+    if (word == "--first") out.first = static_cast<std::uint64_t>(value);
+    if (word == "--null-hours") out.null_hours = value;
+    if (word == "--days") out.days = value;
+  }
+  return out;
+}
+
+void find(Change change, const Options& options) {
+  std::uint64_t found = 0, right = 0, early = 0;
+  std::vector<double> after_s;
+  for (std::uint64_t seed = options.first; seed < options.first + options.seeds; ++seed) {
+    const Scene scene = sliding_scene_of(seed, change == Change::load_cell);
+    std::mt19937_64 random(seed);
+    const double change_s = std::uniform_real_distribution<double>(20.0, 35.0)(random);
+    const Outcome outcome = run_check(scene, change, change_s, 10.0, seed, {options.days});
+    early += outcome.alarms_before > 0 ? 1 : 0;
+    if (!outcome.after_s) continue;
+    ++found;
+    after_s.push_back(*outcome.after_s);
+    right += is_right(change, outcome.verdict) ? 1 : 0;
+  }
+  std::sort(after_s.begin(), after_s.end());
+  const auto quantile = [&](double share) {
+    if (after_s.empty()) return 0.0;
+    return after_s[static_cast<std::size_t>(share * static_cast<double>(after_s.size() - 1))];
+  };
+  std::printf(
+      "%-26s %4llu runs: found in 10 s %4llu, named right %4llu, warned before %llu; "
+      "median %.1f s, 95 %% %.1f s\n",
+      std::string(name_of(change)).c_str(), static_cast<unsigned long long>(options.seeds),
+      static_cast<unsigned long long>(found), static_cast<unsigned long long>(right),
+      static_cast<unsigned long long>(early), quantile(0.5), quantile(0.95));
+  std::fflush(stdout);
+}
+
+void stay_silent(const Options& options) {
+  constexpr double run_s = 240.0;
+  const auto runs = static_cast<std::uint64_t>(std::ceil(options.null_hours * 3600.0 / run_s));
+  std::uint64_t alarms = 0;
+  for (std::uint64_t seed = options.first; seed < options.first + runs; ++seed) {
+    const Outcome outcome =
+        run_check(scene_of(seed), Change::none, 0.0, run_s, seed, {options.days});
+    alarms += outcome.alarms_before;
+  }
+  std::printf("nothing changes: %llu false alarms in %.2f h of rig time (%llu rigs)\n",
+              static_cast<unsigned long long>(alarms), static_cast<double>(runs) * run_s / 3600.0,
+              static_cast<unsigned long long>(runs));
+}
+
+}  // namespace
+}  // namespace stickslip::observer::test
+
+int main(int count, char** words) {
+  using namespace stickslip::observer::test;
+  const Options options = options_of(count, words);
+  for (const Change change : changes) find(change, options);
+  stay_silent(options);
+  return 0;
+}

@@ -1,0 +1,253 @@
+#include "daemon/observer/model_check.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+#include <stdexcept>
+
+#include "tests/unit/observer/model_check_run.h"
+
+namespace stickslip::observer {
+namespace {
+
+using physics::Relation;
+using test::Change;
+using test::Law;
+
+TEST(ModelCheckTest, AGrownEnergyIsALikelihoodRatioForThreeDegreesOfFreedomAtTwiceTheReference) {
+  std::mt19937_64 random(1);
+  std::chi_squared_distribution<double> chi(3.0);
+  double sum = 0.0;
+  constexpr int count = 400000;
+  for (int i = 0; i < count; ++i) sum += std::exp(energy_evidence(2.0 * chi(random) / 3.0));
+  // Its expectation is 1; that is what the bound on the false alarms rests on.
+  EXPECT_NEAR(sum / count, 1.0, 0.05);
+  EXPECT_LT(energy_evidence(1.0), 0.0);
+  EXPECT_GT(energy_evidence(5.0), 0.0);
+}
+
+TEST(ModelCheckTest, AMovedParameterIsALikelihoodRatioForAGaussian) {
+  std::mt19937_64 random(2);
+  std::normal_distribution<double> normal;
+  double sum = 0.0;
+  constexpr int count = 400000;
+  for (int i = 0; i < count; ++i) {
+    const double deviation = normal(random);
+    sum += std::exp(parameter_evidence(deviation * deviation));
+  }
+  EXPECT_NEAR(sum / count, 1.0, 0.1);
+  EXPECT_LT(parameter_evidence(1.0), 0.0);
+  EXPECT_GT(parameter_evidence(9.0), 0.0);
+}
+
+/// How often Page's test passes its threshold in so many blocks.
+int alarms_in(int blocks, double threshold, double correlation, double inflation,
+              std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  std::array<double, 3> part{};
+  double evidence = 0.0;
+  int alarms = 0;
+  for (int block = 0; block < blocks; ++block) {
+    double energy = 0.0;
+    for (double& p : part) {
+      p = correlation * p + std::sqrt(1.0 - correlation * correlation) * normal(random);
+      energy += p * p / 3.0;
+    }
+    evidence = std::max(0.0, evidence + energy_evidence(inflation * energy));
+    if (evidence < threshold) continue;
+    ++alarms;
+    evidence = 0.0;
+  }
+  return alarms;
+}
+
+TEST(ModelCheckTest, GivesNoMoreFalseAlarmsThanItsThresholdSays) {
+  constexpr int blocks = 300000;
+  const double threshold = 6.0;
+  EXPECT_LT(alarms_in(blocks, threshold, 0.0, 2.0, 3), blocks * std::exp(-threshold));
+}
+
+TEST(ModelCheckTest, StandsBlocksThatHangTogetherAsLongAsTheirEnergyIsAsExpected) {
+  constexpr int blocks = 300000;
+  const double threshold = 6.0;
+  EXPECT_LT(alarms_in(blocks, threshold, 0.5, 1.0, 4), 0.1 * blocks * std::exp(-threshold));
+}
+
+TEST(ModelCheckTest, ItsThresholdIsTheLogarithmOfTheBlocksBetweenFalseAlarms) {
+  EXPECT_NEAR(evidence_threshold(30.0, 10.0), std::log(30.0 * 86400.0 / 0.1 * 10.0), 1.0e-12);
+}
+
+TEST(ModelCheckTest, RefusesSettingsThatMeanNothing) {
+  const physics::Model model = test::paper_rig(Law::coulomb);
+  EXPECT_THROW(ModelCheck(model, 0.0), std::invalid_argument);
+  EXPECT_THROW(ModelCheck(model, 1.0e-3, {0.0}), std::invalid_argument);
+  EXPECT_THROW(ModelCheck(model, 1.0e-3, {-1.0}), std::invalid_argument);
+}
+
+/// Estimates as a filter gives them that is right, of a mass that swings.
+class Made {
+ public:
+  explicit Made(std::uint64_t seed) : random_(seed) {}
+
+  FrictionEstimate next() {
+    ++frame_;
+    const double t = 1.0e-3 * static_cast<double>(frame_);
+    FrictionEstimate e;
+    e.time_ns = frame_ * 1'000'000;
+    e.standing = Standing::good;
+    e.valid = true;
+    e.displacement_m = 0.01 * std::sin(19.0 * t);
+    e.velocity_m_s = 0.19 * std::cos(19.0 * t);
+    e.slip_velocity_m_s = e.velocity_m_s;
+    e.mu = mu * (1.0 + 0.005 * std::sin(0.7 * t));
+    e.quantities[0] = Quantity::mu;
+    e.used = 1;
+    e.covariance[0][0] = 4.0e-6;
+    for (const Channel channel : {Channel::displacement, Channel::velocity, Channel::friction_force,
+                                  Channel::base_displacement}) {
+      const std::size_t i = index_of(channel);
+      if ((dropped >> i & 1U) != 0) continue;
+      e.innovation_std[i] = 1.0e-3;
+      slow_[i] += 0.05 * (normal_(random_) - slow_[i]);
+      e.innovation[i] = 1.0e-3 * grown[i] * (colour * 4.0 * slow_[i] + normal_(random_));
+      e.innovation_valid = static_cast<std::uint8_t>(e.innovation_valid | 1U << i);
+    }
+    return e;
+  }
+
+  double mu = 0.8;
+  double colour = 0.0;
+  unsigned dropped = 0;
+  std::array<double, channel_count> grown = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0};
+
+ private:
+  std::mt19937_64 random_;
+  std::normal_distribution<double> normal_;
+  std::array<double, channel_count> slow_{};
+  std::int64_t frame_ = 0;
+};
+
+/// Feeds for so long; the seconds until an alarm, or nothing.
+std::optional<double> feed(ModelCheck& check, Made& made, double duration_s) {
+  for (int k = 0; k < static_cast<int>(1000.0 * duration_s); ++k) {
+    if (check.update(made.next()) && check.verdict().standing == ModelStanding::broken) {
+      return 1.0e-3 * k;
+    }
+  }
+  return std::nullopt;
+}
+
+ModelCheck check_of_the_paper_rig() { return ModelCheck(test::paper_rig(Law::coulomb), 1.0e-3); }
+
+TEST(ModelCheckTest, LeavesWhiteInnovationsAlone) {
+  ModelCheck check = check_of_the_paper_rig();
+  Made made(5);
+  EXPECT_FALSE(feed(check, made, 300.0));
+  EXPECT_EQ(check.verdict().standing, ModelStanding::follows);
+}
+
+TEST(ModelCheckTest, LearnsInnovationsThatAreNotWhite) {
+  ModelCheck check = check_of_the_paper_rig();
+  Made made(6);
+  made.colour = 3.0;
+  EXPECT_FALSE(feed(check, made, 300.0));
+}
+
+TEST(ModelCheckTest, FindsAMuThatHasMoved) {
+  ModelCheck check = check_of_the_paper_rig();
+  Made made(7);
+  ASSERT_FALSE(feed(check, made, 20.0));
+  made.mu = 0.96;
+  const auto after = feed(check, made, 10.0);
+  ASSERT_TRUE(after);
+  const ModelVerdict& verdict = check.verdict();
+  EXPECT_EQ(verdict.relation, Relation::friction_law);
+  EXPECT_NEAR(verdict.parameter_was, 0.8, 0.01);
+  EXPECT_NEAR(verdict.parameter_is, 0.96, 0.01);
+  EXPECT_NEAR(1.0e-9 * static_cast<double>(verdict.since_ns), 20.0, 0.3);
+  EXPECT_LT(verdict.from_ns, verdict.since_ns);
+  EXPECT_GE(verdict.to_ns, verdict.told_ns);
+  EXPECT_NE(words_for(verdict).find("friction_law"), std::string::npos);
+}
+
+TEST(ModelCheckTest, FindsAForceChannelWhoseInnovationsHaveGrownAlone) {
+  ModelCheck check = check_of_the_paper_rig();
+  Made made(8);
+  ASSERT_FALSE(feed(check, made, 20.0));
+  made.grown[index_of(Channel::friction_force)] = 6.0;
+  ASSERT_TRUE(feed(check, made, 10.0));
+  EXPECT_EQ(check.verdict().relation, Relation::sensor);
+  EXPECT_EQ(check.verdict().channel, Channel::friction_force);
+}
+
+TEST(ModelCheckTest, TakesAKnockForAKnock) {
+  ModelCheck check = check_of_the_paper_rig();
+  Made made(9);
+  ASSERT_FALSE(feed(check, made, 20.0));
+  made.grown.fill(8.0);
+  ASSERT_FALSE(feed(check, made, 0.6));
+  made.grown.fill(1.0);
+  EXPECT_FALSE(feed(check, made, 30.0));
+}
+
+TEST(ModelCheckTest, DoesNotMissAChannelThatIsNotThere) {
+  ModelCheck check = check_of_the_paper_rig();
+  Made made(10);
+  ASSERT_FALSE(feed(check, made, 20.0));
+  made.dropped = 1U << index_of(Channel::velocity);
+  EXPECT_FALSE(feed(check, made, 20.0));
+  made.dropped = 0;
+  EXPECT_FALSE(feed(check, made, 20.0));
+}
+
+TEST(ModelCheckTest, SaysThatTheRigFollowsAgain) {
+  ModelCheck check = check_of_the_paper_rig();
+  Made made(11);
+  ASSERT_FALSE(feed(check, made, 20.0));
+  made.mu = 0.6;
+  ASSERT_TRUE(feed(check, made, 10.0));
+  made.mu = 0.8;
+  ASSERT_FALSE(feed(check, made, 60.0));
+  EXPECT_EQ(check.verdict().standing, ModelStanding::follows);
+  EXPECT_EQ(check.verdict().alarms, 1U);
+}
+
+// The whole way, on a simulated rig; model_check_campaign has the numbers over many seeds.
+class SimulatedChange : public testing::TestWithParam<Change> {};
+
+TEST_P(SimulatedChange, IsFoundAndNamed) {
+  const Change change = GetParam();
+  test::Scene scene;
+  scene.believed = test::paper_rig(Law::state_variable);
+  scene.real = scene.believed;
+  for (std::uint64_t seed = 1; seed <= 2; ++seed) {
+    const test::Outcome outcome =
+        test::run_check(scene, change, 14.0 + static_cast<double>(seed), 10.0, seed);
+    EXPECT_EQ(outcome.alarms_before, 0U);
+    ASSERT_TRUE(outcome.after_s) << test::name_of(change);
+    EXPECT_LT(std::abs(outcome.onset_error_s), 1.0);
+    // What disturbs the force channel alone is hard to tell apart: a yielding contact may stand
+    // second.
+    const bool second =
+        change == Change::bristle && outcome.verdict.alternative == Relation::friction_law;
+    EXPECT_TRUE(second || test::is_right(change, outcome.verdict)) << words_for(outcome.verdict);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Changes, SimulatedChange,
+                         testing::Values(Change::mu_up, Change::mu_down, Change::load_cell,
+                                         Change::late_force, Change::late_displacement,
+                                         Change::bristle, Change::stiffness));
+
+TEST(ModelCheckTest, LeavesARigAloneThatFollowsItsModel) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const test::Outcome outcome =
+        test::run_check(test::scene_of(seed), Change::none, 0.0, 60.0, seed);
+    EXPECT_EQ(outcome.alarms_before, 0U) << words_for(outcome.verdict);
+  }
+}
+
+}  // namespace
+}  // namespace stickslip::observer
