@@ -102,9 +102,8 @@ class TruthWriter {
           double value[channel_count];
         } row{};
         row.time_ns = next_ns_;
-        for (const Channel channel : all_channels) {
-          row.value[index_of(channel)] = plant_.truth(channel, next_ns_);
-        }
+        const Frame truth = plant_.truth(next_ns_);
+        for (const Channel channel : all_channels) row.value[index_of(channel)] = truth[channel];
         out_.write(reinterpret_cast<const char*>(&row), sizeof row);
       }
       out_.flush();
@@ -165,7 +164,7 @@ int run(const std::filesystem::path& rig_file, const std::filesystem::path& fold
 
   UsbipServer board_port(board, 0);
   UsbipServer bridge_port(bridge, 1);
-  UsbipServer gpio_port(gpio, 2, 500);  // it never speaks by itself
+  UsbipServer gpio_port(gpio, 2);
   for (UsbipServer* port : {&board_port, &bridge_port, &gpio_port}) port->plug();
   const TruthWriter truth(plant, folder / "truth", begin_ns);
 

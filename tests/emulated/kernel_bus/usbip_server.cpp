@@ -119,23 +119,25 @@ void UsbipServer::unplug() {
   ::close(socket_);
   socket_ = -1;
   waiting_.clear();
+  replies_.clear();
 }
 
 void UsbipServer::serve() {
-  // While something waits for the device, it is asked again and again, as a host asks.
+  // While something waits for the device, it is asked again when it may have something.
   for (;;) {
     bool any = false;
     for (const auto& [endpoint, requests] : waiting_) any = any || !requests.empty();
-    if (!take(any ? poll_ms_ : 1000)) return;
+    if (!take(any ? device_.quiet_ns() : 1'000'000'000)) return;
     answer_what_can_be();
+    if (!send_replies()) return;
   }
 }
 
 /// Takes in all that is there; false where the connection is gone.
-bool UsbipServer::take(int timeout_ms) {
-  for (int wait_ms = timeout_ms;; wait_ms = 0) {
+bool UsbipServer::take(std::int64_t timeout_ns) {
+  for (timespec wait{timeout_ns / 1'000'000'000, timeout_ns % 1'000'000'000};; wait = {}) {
     pollfd poll_socket{socket_, POLLIN, 0};
-    const int ready = ::poll(&poll_socket, 1, wait_ms);
+    const int ready = ::ppoll(&poll_socket, 1, &wait, nullptr);
     if (ready < 0 && errno != EINTR) return false;
     if (ready <= 0) return true;
     Header header{};
@@ -168,7 +170,7 @@ bool UsbipServer::take(int timeout_ms) {
       put(out, 4, request.number);
       // What was answered before it was given up is no longer there to be given up.
       put(out, 20, found ? static_cast<std::uint32_t>(-ECONNRESET) : 0U);
-      if (!send(socket_, out.data(), out.size())) return false;
+      replies_.insert(replies_.end(), out.begin(), out.end());
     } else {
       return false;
     }
@@ -180,10 +182,17 @@ void UsbipServer::answer_what_can_be() {
     while (!requests.empty()) {
       const auto answer = try_request(requests.front());
       if (!answer) break;
-      if (!reply(requests.front(), *answer)) return;
+      reply(requests.front(), *answer);
       requests.pop_front();
     }
   }
+}
+
+/// Each message of its own would wake the controller, and twice where it has data.
+bool UsbipServer::send_replies() {
+  const bool sent = send(socket_, replies_.data(), replies_.size());
+  replies_.clear();
+  return sent;
 }
 
 /// Nothing: the device is not ready.
@@ -249,7 +258,7 @@ UsbAnswer UsbipServer::descriptor(const UsbSetup& setup) const {
   }
 }
 
-bool UsbipServer::reply(const Request& request, const UsbAnswer& answer) {
+void UsbipServer::reply(const Request& request, const UsbAnswer& answer) {
   const bool ok = answer.status == UsbStatus::ok;
   const std::size_t length = !ok ? 0U
                              : request.in
@@ -260,8 +269,11 @@ bool UsbipServer::reply(const Request& request, const UsbAnswer& answer) {
   put(out, 4, request.number);
   put(out, 20, ok ? 0U : static_cast<std::uint32_t>(-EPIPE));
   put(out, 24, static_cast<std::uint32_t>(length));
-  if (!send(socket_, out.data(), out.size())) return false;
-  return !ok || !request.in || send(socket_, answer.bytes.data(), length);
+  replies_.insert(replies_.end(), out.begin(), out.end());
+  if (ok && request.in) {
+    replies_.insert(replies_.end(), answer.bytes.begin(),
+                    answer.bytes.begin() + static_cast<std::ptrdiff_t>(length));
+  }
 }
 
 }  // namespace stickslip::emulated
