@@ -60,9 +60,6 @@ class UsbDevice {
   /// At most `room` bytes of one transfer: whole packets until one is short, `room` is full or
   /// nothing more is there now. With at least one byte or a packet of none: ok.
   virtual UsbAnswer in(std::uint8_t endpoint, std::size_t room) = 0;
-  /// For how long from now it does nothing by itself and has nothing new to give, unless it is told
-  /// something: when to ask it again, at the latest.
-  virtual std::int64_t quiet_ns() const { return 1'000'000; }
   virtual void clear_halt(std::uint8_t endpoint_address) { static_cast<void>(endpoint_address); }
   /// The bus was reset, or it was plugged in: as after power-up.
   virtual void reset() = 0;

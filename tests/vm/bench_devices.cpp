@@ -164,7 +164,7 @@ int run(const std::filesystem::path& rig_file, const std::filesystem::path& fold
 
   UsbipServer board_port(board, 0);
   UsbipServer bridge_port(bridge, 1);
-  UsbipServer gpio_port(gpio, 2);
+  UsbipServer gpio_port(gpio, 2, 500);  // it never speaks by itself
   for (UsbipServer* port : {&board_port, &bridge_port, &gpio_port}) port->plug();
   const TruthWriter truth(plant, folder / "truth", begin_ns);
 

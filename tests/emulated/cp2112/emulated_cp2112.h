@@ -32,8 +32,6 @@ class EmulatedCp2112 final : public UsbDevice {
   UsbAnswer control(const UsbSetup& setup, std::span<const std::uint8_t> out) override;
   UsbStatus out(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) override;
   UsbAnswer in(std::uint8_t endpoint, std::size_t room) override;
-  /// It never speaks by itself.
-  std::int64_t quiet_ns() const override { return 500'000'000; }
   void reset() override;
 
   /// How often the heartbeat's line has changed.

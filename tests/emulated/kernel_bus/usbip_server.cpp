@@ -119,25 +119,23 @@ void UsbipServer::unplug() {
   ::close(socket_);
   socket_ = -1;
   waiting_.clear();
-  replies_.clear();
 }
 
 void UsbipServer::serve() {
-  // While something waits for the device, it is asked again when it may have something.
+  // While something waits for the device, it is asked again and again, as a host asks.
   for (;;) {
     bool any = false;
     for (const auto& [endpoint, requests] : waiting_) any = any || !requests.empty();
-    if (!take(any ? device_.quiet_ns() : 1'000'000'000)) return;
+    if (!take(any ? poll_ms_ : 1000)) return;
     answer_what_can_be();
-    if (!send_replies()) return;
   }
 }
 
 /// Takes in all that is there; false where the connection is gone.
-bool UsbipServer::take(std::int64_t timeout_ns) {
-  for (timespec wait{timeout_ns / 1'000'000'000, timeout_ns % 1'000'000'000};; wait = {}) {
+bool UsbipServer::take(int timeout_ms) {
+  for (int wait_ms = timeout_ms;; wait_ms = 0) {
     pollfd poll_socket{socket_, POLLIN, 0};
-    const int ready = ::ppoll(&poll_socket, 1, &wait, nullptr);
+    const int ready = ::poll(&poll_socket, 1, wait_ms);
     if (ready < 0 && errno != EINTR) return false;
     if (ready <= 0) return true;
     Header header{};
@@ -170,7 +168,7 @@ bool UsbipServer::take(std::int64_t timeout_ns) {
       put(out, 4, request.number);
       // What was answered before it was given up is no longer there to be given up.
       put(out, 20, found ? static_cast<std::uint32_t>(-ECONNRESET) : 0U);
-      replies_.insert(replies_.end(), out.begin(), out.end());
+      if (!send(socket_, out.data(), out.size())) return false;
     } else {
       return false;
     }
@@ -182,17 +180,10 @@ void UsbipServer::answer_what_can_be() {
     while (!requests.empty()) {
       const auto answer = try_request(requests.front());
       if (!answer) break;
-      reply(requests.front(), *answer);
+      if (!reply(requests.front(), *answer)) return;
       requests.pop_front();
     }
   }
-}
-
-/// Each message of its own would wake the controller, and twice where it has data.
-bool UsbipServer::send_replies() {
-  const bool sent = send(socket_, replies_.data(), replies_.size());
-  replies_.clear();
-  return sent;
 }
 
 /// Nothing: the device is not ready.
@@ -258,7 +249,7 @@ UsbAnswer UsbipServer::descriptor(const UsbSetup& setup) const {
   }
 }
 
-void UsbipServer::reply(const Request& request, const UsbAnswer& answer) {
+bool UsbipServer::reply(const Request& request, const UsbAnswer& answer) {
   const bool ok = answer.status == UsbStatus::ok;
   const std::size_t length = !ok ? 0U
                              : request.in
@@ -269,11 +260,8 @@ void UsbipServer::reply(const Request& request, const UsbAnswer& answer) {
   put(out, 4, request.number);
   put(out, 20, ok ? 0U : static_cast<std::uint32_t>(-EPIPE));
   put(out, 24, static_cast<std::uint32_t>(length));
-  replies_.insert(replies_.end(), out.begin(), out.end());
-  if (ok && request.in) {
-    replies_.insert(replies_.end(), answer.bytes.begin(),
-                    answer.bytes.begin() + static_cast<std::ptrdiff_t>(length));
-  }
+  if (!send(socket_, out.data(), out.size())) return false;
+  return !ok || !request.in || send(socket_, answer.bytes.data(), length);
 }
 
 }  // namespace stickslip::emulated

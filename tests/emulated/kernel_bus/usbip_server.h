@@ -19,8 +19,10 @@ namespace stickslip::emulated {
 /// Serves one device in a thread of its own. plug and unplug are for one other thread.
 class UsbipServer {
  public:
-  /// `port`: one of the controller's first eight, each for one device at a time.
-  UsbipServer(UsbDevice& device, int port) : device_(device), port_(port) {}
+  /// `port`: one of the controller's first eight, each for one device at a time. `poll_ms`: how
+  /// often a device that has nothing to say is asked again.
+  UsbipServer(UsbDevice& device, int port, int poll_ms = 1)
+      : device_(device), port_(port), poll_ms_(poll_ms) {}
   ~UsbipServer() { unplug(); }
   UsbipServer(const UsbipServer&) = delete;
   UsbipServer& operator=(const UsbipServer&) = delete;
@@ -45,20 +47,19 @@ class UsbipServer {
   };
 
   void serve();
-  bool take(std::int64_t timeout_ns);
+  bool take(int timeout_ms);
   void answer_what_can_be();
   std::optional<UsbAnswer> try_request(const Request& request);
   UsbAnswer control(const Request& request);
   UsbAnswer descriptor(const UsbSetup& setup) const;
-  void reply(const Request& request, const UsbAnswer& answer);
-  bool send_replies();
+  bool reply(const Request& request, const UsbAnswer& answer);
 
   UsbDevice& device_;
   int port_;
+  int poll_ms_;
   int socket_ = -1;
   std::thread thread_;
   std::map<std::uint8_t, std::deque<Request>> waiting_;  // by endpoint address
-  Bytes replies_;                                        // made, still to be sent
 };
 
 }  // namespace stickslip::emulated

@@ -199,17 +199,6 @@ UsbAnswer EmulatedLabjackU6::in(std::uint8_t endpoint, std::size_t room) {
   return data;
 }
 
-std::int64_t EmulatedLabjackU6::quiet_ns() const {
-  const std::lock_guard hold(lock_);
-  const std::int64_t now = now_();
-  std::int64_t until = now + 50'000'000;
-  if (watchdog_.armed()) until = std::min(until, watchdog_.due_ns());
-  if (!answers_.empty()) until = std::min(until, answers_.front().ready_ns);
-  if (stream_.running()) until = std::min(until, stream_.packet_due_ns());
-  // What was due and not taken is not new.
-  return until > now ? until - now : UsbDevice::quiet_ns();
-}
-
 void EmulatedLabjackU6::clear_halt(std::uint8_t endpoint_address) {
   const std::lock_guard hold(lock_);
   if ((endpoint_address & 0x0FU) == in_endpoint) response_stalled_ = false;

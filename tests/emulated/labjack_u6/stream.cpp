@@ -71,13 +71,6 @@ void U6Stream::sample_until(std::int64_t now_ns) {
   while (running_ && fatal_error_ == 0 && scan_time(next_scan_) <= now_ns) take_scan();
 }
 
-std::int64_t U6Stream::packet_due_ns() const {
-  const auto wanted = static_cast<std::size_t>(config_->samples_per_packet);
-  if (fifo_.size() >= wanted) return begun_ns_;
-  const std::size_t each = config_->channels.size();
-  return scan_time(next_scan_ + (wanted - fifo_.size() + each - 1) / each - 1);
-}
-
 void U6Stream::take_scan() {
   U6Scan scan;
   scan.time_ns = scan_time(next_scan_);

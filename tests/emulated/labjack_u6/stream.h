@@ -75,8 +75,6 @@ class U6Stream {
   void power_up();
 
   void sample_until(std::int64_t now_ns);
-  /// When the scan comes that completes the next packet; in the past where it is complete. It runs.
-  std::int64_t packet_due_ns() const;
   /// The next packet, if it is complete. A stall that is due makes `stalled` true.
   std::optional<Bytes> next_packet();
   bool stalled() const { return stalled_; }

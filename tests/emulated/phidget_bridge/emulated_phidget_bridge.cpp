@@ -152,10 +152,6 @@ UsbAnswer EmulatedPhidgetBridge::in(std::uint8_t endpoint, std::size_t room) {
   return {UsbStatus::ok, std::move(report)};
 }
 
-std::int64_t EmulatedPhidgetBridge::quiet_ns() const {
-  return std::max<std::int64_t>(0, next_report_ns_ - now_());
-}
-
 void EmulatedPhidgetBridge::clear_halt(std::uint8_t endpoint_address) {
   if (endpoint_address == 0x81) halted_ = false;
 }

@@ -73,7 +73,6 @@ class EmulatedPhidgetBridge final : public UsbDevice {
   UsbAnswer control(const UsbSetup& setup, std::span<const std::uint8_t> out) override;
   UsbStatus out(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) override;
   UsbAnswer in(std::uint8_t endpoint, std::size_t room) override;
-  std::int64_t quiet_ns() const override;
   void clear_halt(std::uint8_t endpoint_address) override;
   void reset() override;
 
