@@ -284,16 +284,18 @@ double EmulatedModbusUnits::written(int unit, Table table, int address) const {
 void EmulatedModbusUnits::run() {
   while (!stopping_) {
     std::vector<pollfd> waited;
+    int wait_ms = 20;
     {
       const std::lock_guard lock(mutex_);
       send_due();
+      if (!due_.empty()) wait_ms = 1;
       waited.push_back({listener_, POLLIN, 0});
       for (const Line& line : lines_) {
         if (line.file >= 0) waited.push_back({line.file, POLLIN, 0});
       }
     }
     // Short: late answers and newly plugged lines are looked at when it returns.
-    ::poll(waited.data(), waited.size(), 1);
+    ::poll(waited.data(), waited.size(), wait_ms);
     const std::lock_guard lock(mutex_);
     if ((waited[0].revents & POLLIN) != 0) accept_connection();
     serve_lines();

@@ -53,18 +53,25 @@ void SimulatedPlant::advance_to(std::int64_t time_ns) {
 }
 
 double SimulatedPlant::truth(Channel channel, std::int64_t time_ns) {
+  return truth(time_ns)[channel];
+}
+
+Frame SimulatedPlant::truth(std::int64_t time_ns) {
   const std::lock_guard lock(mutex_);
   advance_to(time_ns);
   const std::int64_t rig_ns = time_ns - begin_ns_;
   const auto after =
       std::lower_bound(past_.begin(), past_.end(), rig_ns,
                        [](const Frame& frame, std::int64_t t) { return frame.time_ns < t; });
-  if (after == past_.begin()) return past_.front()[channel];
+  if (after == past_.begin()) return past_.front();
   const Frame& b = *after;
-  const Frame& a = *std::prev(after);
+  Frame out = *std::prev(after);
   const double part =
-      static_cast<double>(rig_ns - a.time_ns) / static_cast<double>(b.time_ns - a.time_ns);
-  return a[channel] + part * (b[channel] - a[channel]);
+      static_cast<double>(rig_ns - out.time_ns) / static_cast<double>(b.time_ns - out.time_ns);
+  for (std::size_t i = 0; i < channel_count; ++i)
+    out.value[i] += part * (b.value[i] - out.value[i]);
+  out.time_ns = rig_ns;
+  return out;
 }
 
 void SimulatedPlant::drive(double volts, std::int64_t time_ns) {

@@ -33,6 +33,8 @@ class SimulatedPlant final : public Wires {
   /// In between steps the truth is a straight line. Before the plant's memory: what it remembers
   /// first.
   double truth(Channel channel, std::int64_t time_ns) override;
+  /// All channels at once.
+  Frame truth(std::int64_t time_ns);
   void drive(double volts, std::int64_t time_ns) override;
   void enable(bool on, std::int64_t time_ns) override;
   bool amplifier_fault() const override;
