@@ -46,7 +46,7 @@ struct Status {
   std::uint64_t not_finite = 0;
   std::uint64_t failed_reads = 0;
   std::uint64_t failed_writes = 0;
-  drivers::Counts devices;          ///< what those behind the driver count themselves
+  drivers::Counts devices;  ///< what those behind the driver count themselves
   bool model_checked = false;
   ModelVerdict model;               ///< where the model is checked
   std::uint64_t lost_messages = 0;  ///< events, estimates and status messages that found no room
