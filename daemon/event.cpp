@@ -44,7 +44,7 @@ Event event_of(const Notice& notice) {
           "the device is back; the fault stays until a person clears it");
       break;
     case Notice::Kind::left_on:
-      say(Severity::error, "left_on", cause);
+      say(Severity::error, "left_on", cause.empty() ? "the last \"off\" was not confirmed" : cause);
       break;
     case Notice::Kind::clock_parted:
       say(Severity::warning, "clock_parted",

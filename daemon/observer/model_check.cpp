@@ -33,6 +33,8 @@ constexpr double parameter_blocks_to_learn = 30.0;
 constexpr double parameter_blocks_remembered = 600.0;
 constexpr double first_weight = 0.15;  // while it is learnt
 
+// A sum of ratios is seldom just 0; what begins is what goes beyond this.
+constexpr double suspicious_evidence = 2.0;
 constexpr double signature_s = 1.0;
 constexpr double least_signature_s = 0.3;
 constexpr double stirred_energy = 400.0;
@@ -276,7 +278,7 @@ bool ModelCheck::end_block(const FrictionEstimate& e) {
     since_quiet_s_ = quiet_block_ ? since_quiet_s_ + elapsed_s : 0.0;
   }
   // Where nothing can be judged yet, what begins is kept for its name.
-  if (worst <= 0.0 && !is_stirred()) {
+  if (worst < suspicious_evidence && !is_stirred()) {
     forget_suspicion();
   } else {
     if (!suspicious_) {
