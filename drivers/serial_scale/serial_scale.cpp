@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <cmath>
 #include <cstdio>
 
 namespace stickslip::drivers {
 
-constexpr double standard_gravity = 9.80665;       // [m/s^2]
-constexpr std::size_t longest_line = 64;           // more than any has
+constexpr double standard_gravity = 9.80665;  // [m/s^2]
+constexpr std::size_t longest_line = 64;      // more than any has
+constexpr std::int64_t usual_interval_ns = 100'000'000;
 constexpr std::int64_t patience_ns = 190'000'000;  // of a read
 
 namespace serial_scale {
@@ -41,16 +41,6 @@ std::optional<Weight> parse_line(std::string_view line) {
   return Weight{value * (field[2] == "g" ? 1.0e-3 : 1.0) * standard_gravity, true};
 }
 
-std::uint64_t Rhythm::take(std::int64_t time_ns, std::uint64_t lines) {
-  const auto come = static_cast<double>(lines);
-  const double passed = (static_cast<double>(time_ns) - last_ns_) / interval_ns_;
-  const double due = std::max(come, std::floor(lines > 0 ? passed + 0.25 : passed - 0.75));
-  last_ns_ = lines > 0 ? static_cast<double>(time_ns) : last_ns_ + due * interval_ns_;
-  if (lines > 0) interval_ns_ *= 1.0 + 0.05 * (passed / due - 1.0);
-  interval_ns_ = std::clamp(interval_ns_, 0.5e8, 2.0e8);
-  return static_cast<std::uint64_t>(due - come);
-}
-
 }  // namespace serial_scale
 
 SerialScale::SerialScale(const config::GaugeAt& settings, const config::BenchInputs& inputs,
@@ -75,7 +65,7 @@ Result SerialScale::open() {
   }
   std::string why;
   const Outcome opened = line_.open(settings_.port, settings_.baud, why);
-  rhythm_ = serial_scale::Rhythm(clock_.now_ns());
+  rhythm_ = Rhythm(usual_interval_ns, clock_.now_ns());
   return opened == Outcome::ok ? Result{} : tell(opened, why);
 }
 

@@ -11,6 +11,7 @@
 #include "config/bench.h"
 #include "drivers/gauge.h"
 #include "drivers/host_clock.h"
+#include "drivers/rhythm.h"
 #include "drivers/serial_line.h"
 
 namespace stickslip::drivers {
@@ -27,21 +28,6 @@ struct Weight {
 /// checksum sees whatever befalls one byte, or eight bits in a row; two digits that change places,
 /// or have the same bit turned, it cannot see.
 std::optional<Weight> parse_line(std::string_view line);
-
-/// Counts lines that should have come. The interval that is usual for this balance is learned,
-/// from 0.1 s on.
-class Rhythm {
- public:
-  /// `begin_ns`: from when on the balance can be heard.
-  explicit Rhythm(std::int64_t begin_ns = 0) : last_ns_(static_cast<double>(begin_ns)) {}
-  /// By `time_ns`, `lines` more have come, well or not: how many are missing that were not told
-  /// before. A line is missing once it is late by three quarters of the interval.
-  std::uint64_t take(std::int64_t time_ns, std::uint64_t lines);
-
- private:
-  double last_ns_;  // when the last line came, or should have
-  double interval_ns_ = 1.0e8;
-};
 
 }  // namespace serial_scale
 
@@ -72,7 +58,7 @@ class SerialScale final : public Gauge {
   HostClock& clock_;
   SerialLine line_;
   std::string received_;  // of which nothing is told yet
-  serial_scale::Rhythm rhythm_;
+  Rhythm rhythm_;
   GaugeLosses losses_;
   std::string message_;
 };

@@ -45,7 +45,7 @@ void look_at(std::string line, std::uint8_t other) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   std::string_view text(reinterpret_cast<const char*>(data), size);
-  Rhythm rhythm;
+  stickslip::drivers::Rhythm rhythm(100'000'000, 0);
   std::int64_t time_ns = 0;
   std::uint64_t told = 0;
   while (!text.empty()) {

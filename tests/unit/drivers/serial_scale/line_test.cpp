@@ -134,7 +134,7 @@ RC_GTEST_PROP(SerialScaleLineProperty, AnyBytesAreNothingUnlessTheirChecksumIsRi
 
 TEST(SerialScaleRhythm, MissesNothingInLinesThatWander) {
   for (const std::int64_t interval : {80 * ms, 100 * ms, 120 * ms}) {
-    Rhythm rhythm(0);
+    Rhythm rhythm(100'000'000, 0);
     const std::int64_t late[] = {0, 30 * ms, 5 * ms, 50 * ms, 0, 12 * ms};
     for (int i = 1; i < 500; ++i) {
       EXPECT_EQ(rhythm.take(i * interval + late[i % 6], 1), 0U) << interval << " " << i;
@@ -143,7 +143,7 @@ TEST(SerialScaleRhythm, MissesNothingInLinesThatWander) {
 }
 
 TEST(SerialScaleRhythm, CountsTheLinesOfAGapOnce) {
-  Rhythm rhythm(0);
+  Rhythm rhythm(100'000'000, 0);
   for (int i = 1; i <= 20; ++i) EXPECT_EQ(rhythm.take(i * 100 * ms, 1), 0U);
   EXPECT_EQ(rhythm.take(2400 * ms, 1), 3U);
   EXPECT_EQ(rhythm.take(2500 * ms, 1), 0U);
@@ -155,7 +155,7 @@ TEST(SerialScaleRhythm, CountsTheLinesOfAGapOnce) {
 }
 
 TEST(SerialScaleRhythm, WhatComesTogetherLateIsNotMissing) {
-  Rhythm rhythm(0);
+  Rhythm rhythm(100'000'000, 0);
   for (int i = 1; i <= 20; ++i) rhythm.take(i * 100 * ms, 1);
   EXPECT_EQ(rhythm.take(2500 * ms, 5), 0U);
   EXPECT_EQ(rhythm.take(3000 * ms, 3), 2U);
