@@ -120,13 +120,8 @@ bool StreamSession::end() noexcept {
 void StreamSession::run() {
   int failures = 0;
   while (!finishing_.load(std::memory_order_acquire)) {
-    timeval patience{0, 50'000};
-    const int error = libusb_handle_events_timeout_completed(context_, &patience, nullptr);
-    failures = error == LIBUSB_SUCCESS || error == LIBUSB_ERROR_INTERRUPTED ? 0 : failures + 1;
-    if (failures == 0) continue;
+    failures = events_.handle(context_, std::chrono::milliseconds(50)) ? 0 : failures + 1;
     if (failures == 100) finish(StreamEnd::usb_error);
-    const timespec pause{0, 1'000'000};
-    nanosleep(&pause, nullptr);
   }
   reap();
 }
@@ -142,8 +137,7 @@ void StreamSession::reap() noexcept {
     if (outgoing.leaving) libusb_cancel_transfer(outgoing.transfer.get());
   }
   for (int round = 0; round < 200 && in_flight_.load() > 0; ++round) {
-    timeval patience{0, 10'000};
-    libusb_handle_events_timeout_completed(context_, &patience, nullptr);
+    static_cast<void>(events_.handle(context_, std::chrono::milliseconds(10)));
   }
 }
 
@@ -180,6 +174,7 @@ bool StreamSession::usable(libusb_transfer_status status) {
 
 void LIBUSB_CALL StreamSession::samples_came(libusb_transfer* transfer) {
   auto& self = *static_cast<StreamSession*>(transfer->user_data);
+  self.events_.heard();
   if (self.usable(transfer->status) && self.ended() == StreamEnd::not_ended) {
     self.decode({transfer->buffer, static_cast<std::size_t>(transfer->actual_length)});
     if (self.ended() == StreamEnd::not_ended) self.submit(transfer);
@@ -189,6 +184,7 @@ void LIBUSB_CALL StreamSession::samples_came(libusb_transfer* transfer) {
 
 void LIBUSB_CALL StreamSession::reply_came(libusb_transfer* transfer) {
   auto& self = *static_cast<StreamSession*>(transfer->user_data);
+  self.events_.heard();
   if (self.usable(transfer->status)) {
     self.dispatch({transfer->buffer, static_cast<std::size_t>(transfer->actual_length)});
     self.submit(transfer);
@@ -199,6 +195,7 @@ void LIBUSB_CALL StreamSession::reply_came(libusb_transfer* transfer) {
 void LIBUSB_CALL StreamSession::command_left(libusb_transfer* transfer) {
   auto& outgoing = *static_cast<Outgoing*>(transfer->user_data);
   StreamSession& self = *outgoing.session;
+  self.events_.heard();
   if (transfer->status == LIBUSB_TRANSFER_NO_DEVICE) self.finish(StreamEnd::unplugged);
   if (transfer->status != LIBUSB_TRANSFER_COMPLETED) {
     self.settle(outgoing, {Verdict::Kind::length});

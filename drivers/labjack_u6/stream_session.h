@@ -15,6 +15,7 @@
 #include "drivers/labjack_u6/board_link.h"
 #include "drivers/labjack_u6/protocol.h"
 #include "drivers/labjack_u6/stream_decoder.h"
+#include "drivers/usb_events.h"
 #include "physics/frame.h"
 
 namespace stickslip::drivers::labjack_u6 {
@@ -164,6 +165,7 @@ class StreamSession {
   StreamDecoder::Counts counted_;  // of this stream, and told already
   std::atomic<int> in_flight_{0};
   std::atomic<bool> finishing_{false};
+  UsbEvents events_;
   std::thread thread_;
 };
 

@@ -18,6 +18,7 @@
 #include "drivers/usb_1208fs_plus/numbering.h"
 #include "drivers/usb_1208fs_plus/protocol.h"
 #include "drivers/usb_1208fs_plus/session.h"
+#include "drivers/usb_events.h"
 
 namespace stickslip::drivers {
 
@@ -173,6 +174,7 @@ class Usb1208fsPlusDriver::Board {
   std::vector<std::uint16_t> fill_;  // what is queued ahead when the output begins
   Transfers inputs_;
   Transfers outputs_;
+  UsbEvents events_;
   std::thread thread_;
   std::atomic<bool> stopping_ = false;
   std::atomic<bool> gone_ = false;
@@ -280,15 +282,12 @@ void Usb1208fsPlusDriver::Board::ask_status() {
 }
 
 void Usb1208fsPlusDriver::Board::handle_events(int milliseconds) {
-  timeval patience{0, milliseconds * 1000};
-  const int error = libusb_handle_events_timeout_completed(session_.context(), &patience, nullptr);
-  if (error == LIBUSB_SUCCESS || error == LIBUSB_ERROR_INTERRUPTED) return;
-  // It did not wait. At the priority of this thread, nothing else on its processor would run.
-  std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  static_cast<void>(events_.handle(session_.context(), std::chrono::milliseconds(milliseconds)));
 }
 
 void Usb1208fsPlusDriver::Board::ended(libusb_transfer* transfer) {
   auto& one = *static_cast<Transfer*>(transfer->user_data);
+  one.board->events_.heard();
   one.in_flight = false;
   if (transfer->status == LIBUSB_TRANSFER_NO_DEVICE) {
     one.board->gone_ = true;
