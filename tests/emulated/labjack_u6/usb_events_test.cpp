@@ -1,0 +1,48 @@
+// A thread that waits for USB transfers leaves its processor to others, whatever libusb does.
+#include "drivers/usb_events.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/emulated/attach/emulated_bus.h"
+
+namespace stickslip::emulated {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using std::chrono::milliseconds;
+
+class UsbEventsBench : public testing::Test {
+ protected:
+  UsbEventsBench() { libusb_init(&context_); }
+  ~UsbEventsBench() override { libusb_exit(context_); }
+
+  /// How long so many waits of 50 ms take that end at once with nothing to tell.
+  Clock::duration wait_for_nothing(int times) {
+    const Clock::time_point begun = Clock::now();
+    for (int i = 0; i < times; ++i) {
+      libusb_interrupt_event_handler(context_);
+      EXPECT_TRUE(events_.handle(context_, milliseconds(50)));
+    }
+    return Clock::now() - begun;
+  }
+
+  EmulatedBus bus_;
+  libusb_context* context_ = nullptr;
+  drivers::UsbEvents events_;
+};
+
+// As from when the kernel has marked a board that is unplugged until it has taken it away.
+TEST_F(UsbEventsBench, ABoardThatIsReadyWithoutEndIsAskedOnceInAMillisecond) {
+  EXPECT_GE(wait_for_nothing(60), milliseconds(49));
+}
+
+TEST_F(UsbEventsBench, WaitsThatAreOnesAndAFewWakeUpsAreNotDelayed) {
+  EXPECT_LT(wait_for_nothing(5), milliseconds(40));
+  const Clock::time_point begun = Clock::now();
+  EXPECT_TRUE(events_.handle(context_, milliseconds(20)));
+  EXPECT_GE(Clock::now() - begun, milliseconds(19));
+  EXPECT_LT(wait_for_nothing(5), milliseconds(40));  // it counts anew
+}
+
+}  // namespace
+}  // namespace stickslip::emulated
