@@ -7,10 +7,9 @@ namespace stickslip::drivers {
 
 class Rhythm {
  public:
-  Rhythm() = default;
   /// `usual_ns`: the interval to begin with; what is learned stays within half and twice of it.
   /// `begin_ns`: from when on the device can be heard.
-  Rhythm(std::int64_t usual_ns, std::int64_t begin_ns)
+  explicit Rhythm(std::int64_t usual_ns = 100'000'000, std::int64_t begin_ns = 0)
       : usual_ns_(static_cast<double>(usual_ns)),
         last_ns_(static_cast<double>(begin_ns)),
         interval_ns_(usual_ns_) {}
@@ -20,9 +19,9 @@ class Rhythm {
   std::uint64_t take(std::int64_t time_ns, std::uint64_t messages);
 
  private:
-  double usual_ns_ = 1.0e8;
-  double last_ns_ = 0.0;  // when the last message came, or should have
-  double interval_ns_ = 1.0e8;
+  double usual_ns_;
+  double last_ns_;  // when the last message came, or should have
+  double interval_ns_;
 };
 
 }  // namespace stickslip::drivers

@@ -110,7 +110,7 @@ Response OpenRig::respond(const Vector& start, const Cause& cause) const {
     const std::size_t i = index_of(Channel::displacement);
     return chains_[i].output_rate(memory[i]);
   };
-  rig.friction = early_steps > 0 ? cause.early_n : cause.late_n;
+  rig.friction = cause.early_n;
   const Quantities<double> first = rig_.quantities(rig, input_at(cause, 0.0), numbers_);
   for (Channel channel : all_channels) {  // displacement comes before velocity
     if (!layout_.of(channel).used) continue;
@@ -128,7 +128,6 @@ Response OpenRig::respond(const Vector& start, const Cause& cause) const {
     rig.friction = k < early_steps ? cause.early_n : cause.late_n;
     kick(rig, rig.friction);
     rig_.step(rig, begin, end, t, step_s_, numbers_);
-    rig.friction = k < early_steps ? cause.early_n : cause.late_n;
     kick(rig, rig.friction);
     if (k + 1 == first_stage_steps) {
       response.middle_x = rig.s[state::x];
@@ -168,19 +167,10 @@ bool ContactPrediction::serves(const physics::Rig& rig, const physics::Model& mo
 
 ContactPrediction::ContactPrediction(const physics::Rig& rig, const physics::Model& model,
                                      const Layout& layout, double period_s)
-    : Prediction(rig, layout),
-      rig_(&rig),
-      layout_(&layout),
-      period_s_(period_s),
-      loaded_by_measurement_(rig.structure().loaded &&
-                             rig.structure().load_law == NormalLoadLaw::measured),
+    : Prediction(rig, layout, period_s),
       load_varies_(rig.structure().loaded && (rig.structure().load_law == NormalLoadLaw::wedge ||
                                               model.normal_load_bridge.has_value())),
       core_(layout.core) {
-  const std::vector<double>& values = rig.parameter_values();
-  const std::vector<physics::Dual> dual_values(values.begin(), values.end());
-  dual_numbers_ = rig.numbers<physics::Dual>(std::span<const physics::Dual>(dual_values));
-  next_ = Vector::Zero(layout.count);
   still_ = Matrix::Zero(layout.count, layout.count);
   bend_rate_ = bend_acceleration_ = early_ = late_ = load_before_ = load_after_ = next_;
   find_responses(model);

@@ -70,13 +70,8 @@ class ContactPrediction final : public Prediction {
               const Sloped& from, double speed, const Vector& mean);
   void put_shared(int sum, const Row& slope);
 
-  const physics::Rig* rig_;
-  const Layout* layout_;
-  double period_s_;
-  bool loaded_by_measurement_;
   bool load_varies_;  ///< with x
   int core_;
-  physics::RigNumbers<physics::Dual> dual_numbers_;
   physics::RigState<physics::Dual> dual_state_;
 
   // Found once.
@@ -103,7 +98,6 @@ class ContactPrediction final : public Prediction {
   std::vector<Span> linear_;
 
   double last_slip_ = 0.0;
-  Vector next_;
 };
 
 }  // namespace stickslip::observer

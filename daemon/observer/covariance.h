@@ -26,7 +26,7 @@ class Covariance {
 
   /// One value for each state.
   struct alignas(32) States {
-    std::array<double, 48> of{};
+    std::array<double, padded(max_states)> of{};
     double& operator[](int i) { return of[static_cast<std::size_t>(i)]; }
     double operator[](int i) const { return of[static_cast<std::size_t>(i)]; }
   };
@@ -38,8 +38,7 @@ class Covariance {
   void correct(const States& gain, const States& column, double expected);
 
  private:
-  static constexpr int most = 48;
-  static_assert(max_states <= most);
+  static constexpr int most = padded(max_states);
   std::size_t place(int row, int column) const {
     const auto [low, high] = std::minmax(row, column);
     return static_cast<std::size_t>(high) * static_cast<std::size_t>(width_) +

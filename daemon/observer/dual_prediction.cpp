@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <span>
-#include <vector>
 
 namespace stickslip::observer {
 
@@ -14,7 +12,6 @@ using physics::Dual;
 using physics::Excitation;
 using physics::FilterMemory;
 using physics::Input;
-using physics::NormalLoadLaw;
 using physics::RigState;
 namespace state = physics::state;
 
@@ -41,26 +38,17 @@ Dual doubt(const Dual& x) { return {0.0, x.d}; }
 
 DualPrediction::DualPrediction(const physics::Rig& rig, const physics::Model& model,
                                const Layout& layout, double period_s, int steps)
-    : Prediction(rig, layout),
-      rig_(&rig),
-      layout_(&layout),
-      period_s_(period_s),
+    : Prediction(rig, layout, period_s),
       steps_(steps),
-      loaded_by_measurement_(rig.structure().loaded &&
-                             rig.structure().load_law == NormalLoadLaw::measured),
       quasi_static_(rig.structure().load_cell && !rig.structure().resonant) {
   for (Channel channel : all_channels) {
     if (!layout.of(channel).used) continue;
     chains_[index_of(channel)] =
         physics::FilterChain(model.sensors[index_of(channel)].filters, period_s / steps);
   }
-  const std::vector<double>& values = rig.parameter_values();
-  const std::vector<Dual> dual_values(values.begin(), values.end());
-  dual_numbers_ = rig.numbers<Dual>(std::span<const Dual>(dual_values));
   const int tail = layout.count - layout.core;
   by_core_ = Matrix::Zero(layout.count, layout.core);
   memory_ = Matrix::Zero(tail, tail);
-  next_ = Vector::Zero(layout.count);
   fill_memory_transition();
 }
 

@@ -22,17 +22,11 @@ class DualPrediction final : public Prediction {
   void pass(const Vector& mean, double time_s, int offset);
   physics::Dual seed(const Vector& mean, int index, int offset) const;
 
-  const physics::Rig* rig_;
-  const Layout* layout_;
-  double period_s_;
   int steps_;
-  bool loaded_by_measurement_;
   bool quasi_static_;
   std::array<physics::FilterChain, channel_count> chains_;
-  physics::RigNumbers<physics::Dual> dual_numbers_;
   Matrix by_core_;  ///< d states' / d core
   Matrix memory_;   ///< d tail' / d tail; the chains' own memories, which never change
-  Vector next_;
 };
 
 }  // namespace stickslip::observer

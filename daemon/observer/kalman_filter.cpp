@@ -1,10 +1,8 @@
 #include "daemon/observer/kalman_filter.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <numbers>
-#include <stdexcept>
 
 #include "daemon/observer/covariance.h"
 #include "daemon/observer/layout.h"
@@ -96,7 +94,7 @@ KalmanFilter::KalmanFilter(const Model& declared, double period_s, Contact conta
   name_quantities();
 }
 
-// The parts of the covariance_ that go out, and where they stand in the filter.
+// The parts of the covariance that go out, and where they stand in the filter.
 void KalmanFilter::name_quantities() {
   const auto name = [this](Quantity quantity, int index) {
     if (index < 0) return;
@@ -181,11 +179,11 @@ KalmanFilter::Look KalmanFilter::look(Channel channel, const Frame& frame,
   const double age_s = frame.age_us[index_of(channel)] * 1.0e-6;
   out.sight = sight_of(layout_.of(channel), age_s);
   out.variance = noise_->reading_variance(channel);
-  out.foretold = out.sight.weight[0] * states[out.sight.at[0]];
+  out.foretold = states[out.sight.at[0]];
   if (out.sight.count > 1) {
     const double since = out.sight.weight[1] * states[out.sight.at[1]] +
                          (out.sight.weight[0] - 1.0) * states[out.sight.at[0]];
-    out.foretold = states[out.sight.at[0]] + since;
+    out.foretold += since;
     out.variance += square(0.5 * age_s * out.sight.bend_per_s * since);
   }
   return out;
@@ -196,9 +194,8 @@ KalmanFilter::Look KalmanFilter::look(Channel channel, const Frame& frame,
 bool KalmanFilter::is_new(Channel channel, const Frame& frame) {
   const std::size_t i = index_of(channel);
   const std::int64_t at_ns = frame.time_ns - std::int64_t{frame.age_us[i]} * 1000;
-  const bool first = !has_read_[i];
   const auto half_period_ns = static_cast<std::int64_t>(0.5e9 * period_s_);
-  if (!first && std::abs(at_ns - read_at_ns_[i]) < half_period_ns) return false;
+  if (has_read_[i] && std::abs(at_ns - read_at_ns_[i]) < half_period_ns) return false;
   read_at_ns_[i] = at_ns;
   has_read_[i] = true;
   return true;
@@ -222,7 +219,7 @@ bool KalmanFilter::use_reading(Channel channel, const Look& look, double innovat
   estimate_.innovation_std[i] = std::sqrt(expected);
   estimate_.innovation_valid = static_cast<std::uint8_t>(estimate_.innovation_valid | bit);
   const double squared = square(innovation) / expected;
-  if (since_start_s_ > 2.0 * settle_s_ && squared > square(outlier_sigmas)) {
+  if (since_start_s_ > learn_s_ && squared > square(outlier_sigmas)) {
     estimate_.refused = static_cast<std::uint8_t>(estimate_.refused | bit);
     ++estimate_.refusals;
     ++outliers_in_a_row_[i];
@@ -280,14 +277,14 @@ bool KalmanFilter::is_healthy() const {
   }
   if (sum != 0.0 || std::isnan(sum) || least < -1.0e-18) return false;
   if (absurd_s_ > absurd_to_restart_s) return false;
-  if (since_start_s_ > 2.0 * settle_s_ && nis_level_ > nis_to_restart) return false;
+  if (since_start_s_ > learn_s_ && nis_level_ > nis_to_restart) return false;
   const int most = std::max(5, static_cast<int>(outliers_to_restart_s / period_s_));
   return std::none_of(outliers_in_a_row_.begin(), outliers_in_a_row_.end(),
                       [most](int count) { return count > most; });
 }
 
 // The second derivative of what the base sensor's chain delivers: as late as the reading of the
-// load cell where both have the same filters, as on the paper's rig_.
+// load cell where both have the same filters, as on the paper's rig.
 double KalmanFilter::base_acceleration_behind_its_chain() const {
   const Chain& chain = layout_.of(Channel::base_displacement);
   if (chain.sections.empty() || !chain.sections.back().second_order) {

@@ -92,7 +92,8 @@ class KalmanFilter {
   std::unique_ptr<Prediction> prediction_;
   std::unique_ptr<Noise> noise_;
   double settle_s_ = 0.0;
-  double learn_s_ = 0.0;  ///< mu and gamma are learnt from then on
+  /// The start is over: mu and gamma are learnt, and readings refused, from then on.
+  double learn_s_ = 0.0;
 
   Vector mean_;
   Covariance::States gain_, column_;

@@ -46,6 +46,8 @@ constexpr double drive_lesson_s = 1.0;
 constexpr double drive_trend_s = 0.01;
 // Doubt of the slip velocity makes the backbone doubtful; alike over this time.
 constexpr double jump_memory_s = 5.0e-4;
+// Of it this share is not taken back by the next readings; what observer_campaign found right.
+constexpr double jump_share = 0.1;
 // mu is learnt from slip faster than this many (doubtful) transition speeds.
 constexpr double lesson_speeds = 2.0;
 constexpr double noise_hearing_s = 1.0;
@@ -162,7 +164,8 @@ double Noise::backbone_variance(const Vector& mean, double slip_variance) const 
   const double wide = own + 0.5 * pi * slip_variance;
   const double slip = mean[l.rig[state::v]] - (l.rig[state::u] >= 0 ? mean[l.rig[state::u]] : 0.0);
   const double left = 1.0 - square(std::tanh(slip / std::sqrt(wide)));
-  return 0.1 * std::max(0.0, left * (wide - own) / wide - square(left) * slip_variance / wide);
+  return jump_share *
+         std::max(0.0, left * (wide - own) / wide - square(left) * slip_variance / wide);
 }
 
 double Noise::lesson(const Vector& mean, double slip_variance) const {

@@ -8,9 +8,19 @@
 
 namespace stickslip::observer {
 
-Prediction::Prediction(const physics::Rig& rig, const Layout& layout)
-    : numbers_(rig.numbers<double>(std::span<const double>(rig.parameter_values()))),
-      transition_(layout.count) {}
+Prediction::Prediction(const physics::Rig& rig, const Layout& layout, double period_s)
+    : rig_(&rig),
+      layout_(&layout),
+      period_s_(period_s),
+      loaded_by_measurement_(rig.structure().loaded &&
+                             rig.structure().load_law == physics::NormalLoadLaw::measured),
+      numbers_(rig.numbers<double>(std::span<const double>(rig.parameter_values()))),
+      transition_(layout.count),
+      next_(Vector::Zero(layout.count)) {
+  const std::vector<double>& values = rig.parameter_values();
+  const std::vector<physics::Dual> dual_values(values.begin(), values.end());
+  dual_numbers_ = rig.numbers<physics::Dual>(std::span<const physics::Dual>(dual_values));
+}
 
 double Prediction::widened_transition_speed(double slip_variance) const {
   const double own = numbers_.c.transition_speed;

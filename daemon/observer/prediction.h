@@ -26,15 +26,21 @@ class Prediction {
   const physics::RigNumbers<double>& numbers() const { return numbers_; }
 
  protected:
-  Prediction(const physics::Rig& rig, const Layout& layout);
+  Prediction(const physics::Rig& rig, const Layout& layout, double period_s);
 
   /// The transition speed of the mean of g over that doubt of the slip velocity: the mean of tanh(v
   /// / v0) is about a wider tanh, exact in slope for v0 = 0, where it is erf. So the set-valued law
   /// has derivatives too.
   double widened_transition_speed(double slip_variance) const;
 
+  const physics::Rig* rig_;
+  const Layout* layout_;
+  double period_s_;
+  bool loaded_by_measurement_;
   physics::RigNumbers<double> numbers_;
+  physics::RigNumbers<physics::Dual> dual_numbers_;
   Transition transition_;
+  Vector next_;  ///< the states that advance() arrives at
 };
 
 /// p' and p'' of the drive are forgotten over this time, so that a drive that nobody measures

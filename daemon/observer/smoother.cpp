@@ -62,7 +62,7 @@ struct Passage {
 /// A moment at which the filter stood.
 struct Moment {
   std::optional<Passage> passage;           ///< to it; none where the filter began
-  Belief predicted;                         ///< before its readings; the mean alone
+  Vector predicted;                         ///< before its readings
   Belief held;                              ///< after them
   std::array<double, channel_count> off{};  ///< readings less predictions
   std::array<Sight, channel_count> sight{};
@@ -102,8 +102,8 @@ void Smoother::pass(KalmanFilter& filter) {
   passage.derivatives = filter.transition().dense();
   passage.output_noise = matrix_of(filter.output_noise());
   moment.passage = std::move(passage);
-  moment.predicted.mean = filter.mean();
-  moment.held = {filter.mean(), matrix_of(filter.covariance())};
+  moment.predicted = filter.mean();
+  moment.held.mean = filter.mean();  // of a frame that is missing
   moments_.push_back(std::move(moment));
 }
 
@@ -126,7 +126,7 @@ void Smoother::add(const Frame& frame) {
       const std::size_t i = index_of(channel);
       const unsigned used = estimate.innovation_valid & ~unsigned{estimate.refused};
       if (((used >> i) & 1U) == 0) continue;
-      const KalmanFilter::Look look = filter_.look(channel, frame, moment.predicted.mean);
+      const KalmanFilter::Look look = filter_.look(channel, frame, moment.predicted);
       moment.sight[i] = look.sight;
       moment.off[i] = frame[channel] - look.foretold;
       moment.exact[i] = 1.0 / look.variance;
@@ -137,7 +137,7 @@ void Smoother::add(const Frame& frame) {
 
 // From after a moment's readings to before the period that led to it.
 void Smoother::step_back(const Moment& moment, Future& future) const {
-  future.pull += future.weight * (moment.held.mean - moment.predicted.mean);
+  future.pull += future.weight * (moment.held.mean - moment.predicted);
   for (Channel channel : all_channels) {
     const std::size_t i = index_of(channel);
     if (moment.exact[i] == 0.0) continue;
