@@ -30,6 +30,7 @@
 #include "daemon/observer/observer.h"
 #include "physics/sensor_chain.h"
 #include "physics/simulator.h"
+#include "tests/unit/observer/bench.h"
 
 namespace stickslip {
 namespace {
@@ -37,6 +38,7 @@ namespace {
 using observer::FrictionEstimate;
 using observer::FrictionObserver;
 using observer::Quantity;
+namespace test = observer::test;
 using physics::Model;
 
 constexpr double period_s = 1.0e-3;
@@ -46,24 +48,6 @@ struct Options {
   int seeds = 200;
   double seconds = 25.0;
   std::string rig;
-};
-
-// The rig's own excitation, a little otherwise, amplitude-modulated as by hand.
-struct Drive {
-  double amplitude_m = 0.01, carrier_hz = 3.0, modulation_hz = 0.1, depth = 0.9, phase = 0.0;
-  physics::Input at(double t) const {
-    const double w = 2.0 * std::numbers::pi * carrier_hz;
-    const double s = 2.0 * std::numbers::pi * modulation_hz;
-    const double half = 0.5 * depth * amplitude_m;
-    const double a = amplitude_m - half + half * std::cos(s * t + phase);
-    const double a1 = -half * s * std::sin(s * t + phase);
-    const double a2 = -half * s * s * std::cos(s * t + phase);
-    physics::Input input;
-    input.base_displacement_m = a * std::sin(w * t);
-    input.base_acceleration_m_s2 =
-        a2 * std::sin(w * t) + 2.0 * a1 * w * std::cos(w * t) - a * w * w * std::sin(w * t);
-    return input;
-  }
 };
 
 struct Run {
@@ -112,19 +96,21 @@ Run run_of(const config::Rig& preset_rig, std::uint64_t seed, double seconds) {
     doubt(run.believed_half.friction.rate_per_s, random() % 2 == 0 ? 0.5 : 1.5, 0.5);
   }
   const auto about = [&](double value, double share) { return value * relative(random, share); };
-  Drive drive;
+  // The rig's own excitation, a little otherwise, amplitude-modulated as by hand.
+  test::ModulatedBase drive;
   drive.carrier_hz = about(preset_rig.excitation.carrier_hz, 0.05);
   drive.amplitude_m = about(preset_rig.excitation.amplitude, 0.2);
   drive.modulation_hz = about(0.15, 0.5);
-  drive.phase = about(std::numbers::pi, 1.0);
+  drive.phase_rad = about(std::numbers::pi, 1.0) + std::numbers::pi;
+  drive.depth = 0.9;
 
   physics::RigSimulator rig(run.real, {.step_s = period_s / steps_a_period, .seed = seed});
-  rig.set_input(drive.at(0.0));
+  rig.set_input(drive(0.0));
   const auto count = static_cast<long>(std::llround(seconds / period_s));
   for (long k = 1; k <= count; ++k) {
     for (int piece = 1; piece <= 4; ++piece) {
       const double t = (static_cast<double>(k - 1) + 0.25 * piece) * period_s;
-      rig.advance(0.25 * period_s, drive.at(t));
+      rig.advance(0.25 * period_s, drive(t));
     }
     run.frames.push_back(rig.read());
     run.truth.push_back(rig.truth());

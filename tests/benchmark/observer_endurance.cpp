@@ -12,7 +12,6 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <numbers>
 #include <random>
 #include <string>
 #include <vector>
@@ -20,6 +19,7 @@
 #include "config/rig.h"
 #include "daemon/observer/kalman_filter.h"
 #include "physics/simulator.h"
+#include "tests/unit/observer/bench.h"
 
 namespace stickslip {
 namespace {
@@ -29,20 +29,10 @@ constexpr double period_s = 1.0e-3;
 // One minute of the rig, driven so that it ends as it began; it is gone through again and again.
 std::vector<Frame> minute_of(const config::Rig& rig) {
   physics::RigSimulator simulator(rig.model, {.step_s = 1.0e-4, .seed = 1});
-  const double w = 2.0 * std::numbers::pi * std::round(10.0 * rig.excitation.carrier_hz) / 10.0;
-  const double s = 2.0 * std::numbers::pi * 0.1;
-  const auto input = [&](double t) {
-    const double a = rig.excitation.amplitude;
-    physics::Input now;
-    const double envelope = 0.55 - 0.45 * std::cos(s * t);
-    const double envelope_1 = 0.45 * s * std::sin(s * t);
-    const double envelope_2 = 0.45 * s * s * std::cos(s * t);
-    now.base_displacement_m = a * envelope * std::sin(w * t);
-    now.base_acceleration_m_s2 =
-        a * (envelope_2 * std::sin(w * t) + 2.0 * envelope_1 * w * std::cos(w * t) -
-             envelope * w * w * std::sin(w * t));
-    return now;
-  };
+  const observer::test::ModulatedBase input{
+      .amplitude_m = rig.excitation.amplitude,
+      .carrier_hz = std::round(10.0 * rig.excitation.carrier_hz) / 10.0,
+      .depth = 0.9};
   simulator.set_input(input(0.0));
   std::vector<Frame> frames;
   constexpr int warm_up = 10'000;

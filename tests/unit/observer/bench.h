@@ -42,18 +42,23 @@ inline physics::Model paper_rig(Law law, bool wedge = false, bool resonant = tru
   return model;
 }
 
-/// Base motion A(t) sin(w t) with A going from 0 to `amplitude_m` and back, and its acceleration.
+/// Base motion A(t) sin(w t), A going slowly between `amplitude_m` and (1 - depth) of it, from the
+/// least on where the phase is 0; and its acceleration.
 struct ModulatedBase {
   double amplitude_m = 0.012;
   double carrier_hz = 3.0;
   double modulation_hz = 0.1;
+  double depth = 1.0;
+  double phase_rad = 0.0;
 
   physics::Input operator()(double t) const {
     const double w = 2.0 * std::numbers::pi * carrier_hz;
     const double s = 2.0 * std::numbers::pi * modulation_hz;
-    const double a = 0.5 * amplitude_m * (1.0 - std::cos(s * t));
-    const double a1 = 0.5 * amplitude_m * s * std::sin(s * t);
-    const double a2 = 0.5 * amplitude_m * s * s * std::cos(s * t);
+    const double swing = 0.5 * depth * amplitude_m;
+    const double at = s * t + phase_rad;
+    const double a = amplitude_m - swing - swing * std::cos(at);
+    const double a1 = swing * s * std::sin(at);
+    const double a2 = swing * s * s * std::cos(at);
     physics::Input input;
     input.base_displacement_m = a * std::sin(w * t);
     input.base_acceleration_m_s2 =
