@@ -130,6 +130,7 @@ json model_of(const Status& status) {
   json out = {{"standing", observer::name_of(verdict.standing)}, {"alarms", verdict.alarms}};
   if (verdict.standing != observer::ModelStanding::broken) return out;
   out["statement"] = observer::words_for(verdict);
+  out["explained"] = status.model_explained;
   out["relation"] = physics::name_of(verdict.relation);
   const bool sensor = verdict.relation == physics::Relation::sensor;
   out["channel"] = sensor ? json(info(verdict.channel).stem) : json(nullptr);

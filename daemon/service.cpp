@@ -28,6 +28,7 @@
 #include "daemon/control.h"
 #include "daemon/device_keeper.h"
 #include "daemon/event.h"
+#include "daemon/examiner.h"
 #include "daemon/ledger.h"
 #include "daemon/loss_watch.h"
 #include "daemon/messages.h"
@@ -51,6 +52,7 @@ constexpr std::size_t loop_memory = 512UL << 10U;
 constexpr auto housekeeping_period = 50ms;
 constexpr std::int64_t status_period_ns = 1'000'000'000;
 // Patience at the end: the network takes what it takes at once; a disk may be busy.
+constexpr auto examine_patience = 5s;
 constexpr auto publish_patience = 5s;
 constexpr auto record_patience = 30s;
 
@@ -94,6 +96,16 @@ struct Consumer {
   const char* name;
   std::unique_ptr<Outlet> outlet;
   MessageSink sink;
+  Stream stream;
+};
+
+/// The examiner, as a consumer whose losses are in no ledger: it owes nobody a frame.
+struct Examination {
+  Examination(const config::Rig& rig, const StreamSettings& settings)
+      : examiner(rig.model, 1.0 / rig.loop.rate_hz), stream(examiner, account, settings) {}
+
+  Examiner examiner;
+  Account account;
   Stream stream;
 };
 
@@ -202,6 +214,7 @@ class Service {
   std::int64_t utc_us() { return utc_.utc_us(clock_.now_ns(), wall_us()); }
   void tell_and_log(const Event& event);
   void drain_notices(Loop& loop);
+  void tell_findings();
   Status status(const Loop& loop);
   void send_status(const Loop& loop);
   void write_metrics_of(const Status& status);
@@ -219,6 +232,8 @@ class Service {
   Pacing pacing_ = Pacing::deadlines;
   std::unique_ptr<Consumer> publisher_;
   std::unique_ptr<Consumer> recorder_;
+  std::unique_ptr<Examination> examination_;  // where the model is checked
+  std::string model_explained_;
   ProcessorLatencyRequest latency_request_;
   std::atomic<bool> loop_ended_{false};
   std::int64_t started_ns_ = 0;
@@ -256,12 +271,16 @@ void Service::open_consumers() {
     publisher_ = std::make_unique<Consumer>("publisher", open_lcm(rig_.lcm.url),
                                             ledger_.published(), settings);
   }
+  if (rig_.observer.enabled && rig_.observer.model_check) {
+    examination_ = std::make_unique<Examination>(rig_, settings);
+  }
 }
 
 std::vector<Stream*> Service::streams() {
   std::vector<Stream*> out;
   if (recorder_) out.push_back(&recorder_->stream);
   if (publisher_) out.push_back(&publisher_->stream);
+  if (examination_) out.push_back(&examination_->stream);
   return out;
 }
 
@@ -478,11 +497,23 @@ void Service::drain_notices(Loop& loop) {
     }
     if (notice.kind == Notice::Kind::model_broken) {
       tell_and_log(with_times(event_of(notice), notice.verdict, utc_us()));
+      model_explained_.clear();
+      if (examination_) examination_->examiner.ask(notice.verdict);
       continue;
     }
     if (const auto event = bursts_.take(notice, clock_.now_ns())) tell_and_log(*event);
   }
   for (const Event& event : bursts_.due(clock_.now_ns())) tell_and_log(event);
+  tell_findings();
+}
+
+void Service::tell_findings() {
+  if (!examination_) return;
+  while (const auto finding = examination_->examiner.next_finding()) {
+    const Event event = event_of(*finding);
+    model_explained_ = event.message;
+    tell_and_log(event);
+  }
 }
 
 void Service::tell_and_log(const Event& event) {
@@ -495,6 +526,7 @@ Status Service::status(const Loop& loop) {
   Status out = status_of(loop.snapshot(), ledger_, loop.timing());
   out.uptime_ns = clock_.now_ns() - started_ns_;
   out.devices = loop.device_counts();
+  out.model_explained = model_explained_;
   for (const Consumer* consumer : {publisher_.get(), recorder_.get()}) {
     if (consumer != nullptr) out.lost_messages += consumer->stream.lost_messages();
   }
@@ -543,6 +575,8 @@ int Service::finish(Loop& loop) {
   sd_notify(0, "STOPPING=1\nSTATUS=draining");
   drain_notices(loop);
   for (const Event& event : bursts_.rest()) tell_and_log(event);
+  if (examination_) examination_->stream.finish(examine_patience);
+  tell_findings();
   if (publisher_) publisher_->stream.finish(publish_patience);
   if (recorder_) recorder_->stream.finish(record_patience);
 

@@ -49,6 +49,7 @@ struct Status {
   drivers::Counts devices;  ///< what those behind the driver count themselves
   bool model_checked = false;
   ModelVerdict model;               ///< where the model is checked
+  std::string model_explained;      ///< what the latest alarm means, in words; empty: not known
   std::uint64_t lost_messages = 0;  ///< events, estimates and status messages that found no room
 };
 

@@ -101,6 +101,7 @@ void print_status(const json& answer) {
   }
   if (const auto model = status.find("model"); model != status.end()) {
     say("model", model->value("statement", model->value("standing", "")));
+    if (const auto why = model->value("explained", ""); !why.empty()) say("", why);
   }
   const json& timing = status.at("timing");
   say("timing", "woken late by at most " + microseconds(timing, "lateness_p99_s") + " us (99 %), " +

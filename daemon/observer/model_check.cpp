@@ -18,7 +18,7 @@ constexpr double skip_after_start_s = 0.1;
 constexpr double largest_innovation = 8.0;  // [standard deviations] of what is counted
 constexpr double smallest_speed_m_s = 1.0e-3;
 // A contact that sticks, or creeps, shows what a parameter is off by rather than what has changed.
-constexpr double moving_speed_m_s = 0.02;
+constexpr double moving_speed_m_s = 0.006;
 constexpr double most_sticking = 0.8;
 constexpr double motion_weight = 0.2;
 constexpr double skip_after_rest_s = 0.5;
@@ -258,7 +258,6 @@ bool ModelCheck::end_block(const FrictionEstimate& e) {
   const double restarts = restart_evidence_;
   restart_evidence_ =
       std::clamp(restarts + restart_evidence_per_s * elapsed_s, 0.0, 2.0 * threshold_);
-  double worst = restart_evidence_;
   const bool enough = block_.frames >= 0.5 * frames_per_block_;
   if (enough) {
     // Over half a second: a contact that slides sticks at each reversal.
@@ -273,10 +272,12 @@ bool ModelCheck::end_block(const FrictionEstimate& e) {
     if (good_s_ == 0.0) good_since_ns_ = block_.begun_ns;
     good_s_ += elapsed_s;
     bin_ = bin_of(speed);
-    worst = std::max(worst, weigh_channels());
-    worst = std::max(worst, weigh_parameters(e, quiet_block_));
+    weigh_channels();
+    weigh_parameters(e, quiet_block_);
     since_quiet_s_ = quiet_block_ ? since_quiet_s_ + elapsed_s : 0.0;
   }
+  // Between two slips nothing is seen, and nothing forgotten.
+  const double worst = worst_evidence();
   // Where nothing can be judged yet, what begins is kept for its name.
   if (worst < suspicious_evidence && !is_stirred()) {
     forget_suspicion();
@@ -323,16 +324,22 @@ bool ModelCheck::is_stirred() const {
   return false;
 }
 
-// Page's cumulative sums; returns the largest.
-double ModelCheck::weigh_channels() {
-  double worst = 0.0;
+// A filter begins anew where a parameter has moved too far for it: both say the same thing.
+double ModelCheck::worst_evidence() const {
+  double parameter = 0.0;
+  for (const Watched& w : watched_) parameter = std::max(parameter, w.evidence);
+  const double channel = *std::max_element(evidence_.begin(), evidence_.end());
+  return std::max(channel, parameter + restart_evidence_);
+}
+
+// Page's cumulative sums.
+void ModelCheck::weigh_channels() {
   quiet_block_ = true;
   for (std::size_t i = 0; i < channel_count; ++i) {
     if (block_.count[i] < 0.5 * block_.frames) continue;
     const double energy = slow_gain_ * block_.square[i] / block_.count[i];
     const double step = std::min(energy_evidence(energy / expected_energy(i)), most_per_block_);
     evidence_[i] = std::clamp(evidence_[i] + step, 0.0, 2.0 * threshold_);
-    worst = std::max(worst, evidence_[i]);
     quiet_block_ = quiet_block_ && step < 0.0;
     if (step >= 0.0 || suspicious_) continue;
     Reference& known = reference(i);
@@ -340,13 +347,11 @@ double ModelCheck::weigh_channels() {
     known.mean += (energy - known.mean) / known.blocks;
     known.mean_square += (square(energy) - known.mean_square) / known.blocks;
   }
-  return worst;
 }
 
 // One value in parameter_memory_s counts as one observation: estimates a block apart are the same
 // news again.
-double ModelCheck::weigh_parameters(const FrictionEstimate& e, bool quiet) {
-  double worst = 0.0;
+void ModelCheck::weigh_parameters(const FrictionEstimate& e, bool quiet) {
   for (Watched& w : watched_) {
     if (!w.used) continue;
     const double deviation = e.standard_deviation(w.quantity);
@@ -374,9 +379,7 @@ double ModelCheck::weigh_parameters(const FrictionEstimate& e, bool quiet) {
         w.spread += weight * (square(value - w.reference) - w.spread);
       }
     }
-    worst = std::max(worst, w.evidence);
   }
-  return worst;
 }
 
 void ModelCheck::forget_suspicion() {
@@ -391,7 +394,10 @@ bool ModelCheck::judge(std::int64_t now_ns) {
   const bool loud = since_quiet_s_ < loud_memory_s || restart_evidence_ >= threshold_;
   const Watched* moved = nullptr;
   for (const Watched& w : watched_) {
-    if (w.evidence >= threshold_ && (moved == nullptr || w.evidence > moved->evidence)) moved = &w;
+    if (w.evidence + restart_evidence_ >= threshold_ && w.evidence > suspicious_evidence &&
+        (moved == nullptr || w.evidence > moved->evidence)) {
+      moved = &w;
+    }
   }
   if (loud && moved != nullptr && since_onset_s_ < parameter_patience_s) return false;
   if (loud) return tell(now_ns, nullptr);
@@ -517,6 +523,17 @@ bool ModelCheck::tell(std::int64_t now_ns, const Watched* moved) {
   out.parameter_was = 0.0;
   out.parameter_is = 0.0;
   ++out.alarms;
+  const auto usual = [this](Quantity quantity) {
+    for (const Watched& w : watched_) {
+      if (w.quantity == quantity && w.used && w.blocks >= parameter_blocks_to_learn) {
+        return w.reference;
+      }
+    }
+    return 0.0;
+  };
+  out.usual_mu = usual(Quantity::mu);
+  out.usual_gamma_per_s = usual(Quantity::gamma);
+  out.usual_load_n = usual(Quantity::normal_load);
   if (moved != nullptr) {
     out.relation = moved->relation;
     out.alternative =

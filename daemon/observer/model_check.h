@@ -53,6 +53,10 @@ struct ModelVerdict {
   /// Where a parameter has moved: what it was and what it is; 0 and 0 otherwise.
   double parameter_was = 0.0;
   double parameter_is = 0.0;
+  /// What had been learnt of the rig until the change; 0 where nothing was.
+  double usual_mu = 0.0;
+  double usual_gamma_per_s = 0.0;
+  double usual_load_n = 0.0;  ///< the normal load at rest
   /// Log likelihood ratio of the worst statistic and the threshold that it passed.
   double evidence = 0.0;
   double threshold = 0.0;
@@ -152,8 +156,9 @@ class ModelCheck {
   void add_frame(const FrictionEstimate& e);
   bool end_block(const FrictionEstimate& e);
   bool is_stirred() const;
-  double weigh_channels();
-  double weigh_parameters(const FrictionEstimate& e, bool quiet);
+  double worst_evidence() const;
+  void weigh_channels();
+  void weigh_parameters(const FrictionEstimate& e, bool quiet);
   bool judge(std::int64_t now_ns);
   bool tell(std::int64_t now_ns, const Watched* moved);
   void forget_suspicion();

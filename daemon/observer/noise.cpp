@@ -241,15 +241,12 @@ void Noise::start(const Frame& frame, double mu, Vector& mean, Covariance& covar
   }
   if (l.mu >= 0) {
     const bool sane = mu > 0.1 * c.mu && mu < 10.0 * c.mu;
-    const double doubt = contact_ == Contact::learnt
-                             ? learnt_doubt * c.mu
-                             : std::max(model_->friction.mu.sigma, mu_doubt * c.mu);
-    set(l.mu, sane ? mu : c.mu, doubt);
+    const double doubt = std::max(model_->friction.mu.sigma, mu_doubt * c.mu);
+    set(l.mu, sane ? mu : c.mu, doubt_at_start(doubt, learnt_doubt * c.mu));
   }
   if (l.log_rate >= 0) {
     const double doubt = std::min(1.0, relative(model_->friction.rate_per_s));
-    set(l.log_rate, std::log(c.rate),
-        contact_ == Contact::learnt ? std::min(doubt, learnt_doubt) : doubt);
+    set(l.log_rate, std::log(c.rate), doubt_at_start(doubt, std::min(doubt, learnt_doubt)));
   }
   if (l.load_rate >= 0) {
     set(l.load, load, 0.5 * std::abs(load) + 1.0e-6);
@@ -342,12 +339,13 @@ void Noise::add_process(const Vector& mean, double slip_variance, double since_s
     const double size = std::max(friction, c.stiffness * std::abs(x));
     grow(l.rig[static_cast<std::size_t>(i)], square(force_doubt * size) * h / force_memory_s);
   }
-  const double restless =
-      contact_ == Contact::learnt ? 0.0 : std::exp(-since_start_s / restless_s) / restless_s;
-  if (l.mu >= 0) {
+  const bool restive = contact_ == Contact::to_be_learnt;
+  const double restless = restive ? std::exp(-since_start_s / restless_s) / restless_s : 0.0;
+  const bool walks = contact_ != Contact::known;
+  if (l.mu >= 0 && walks) {
     grow(l.mu, square(c.mu) * (square(mu_walk) + square(mu_restlessness) * restless) * h);
   }
-  if (l.log_rate >= 0) {
+  if (l.log_rate >= 0 && walks) {
     grow(l.log_rate, (square(rate_walk) + square(rate_restlessness) * restless) * h);
   }
   if (l.load_rate >= 0) {
@@ -372,6 +370,18 @@ void Noise::add_process(const Vector& mean, double slip_variance, double since_s
   if (covariance(p + 3, p + 3) < square(lambda)) {
     grow(p + 3, square(2.0 * frequency_walk * lambda) * h);
   }
+}
+
+double Noise::doubt_at_start(double unlearnt, double learnt) const {
+  switch (contact_) {
+    case Contact::known:
+      return 0.0;
+    case Contact::learnt:
+      return learnt;
+    case Contact::to_be_learnt:
+      break;
+  }
+  return unlearnt;
 }
 
 bool Noise::is_absurd(const Vector& mean) const {

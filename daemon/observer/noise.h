@@ -16,6 +16,7 @@ namespace stickslip::observer {
 enum class Contact : std::uint8_t {
   to_be_learnt,  ///< what the model says, with its doubt
   learnt,        ///< what this recording itself said, when it was gone through before
+  known,         ///< what the model says, without doubt: nothing is learnt
 };
 
 class Noise {
@@ -66,6 +67,7 @@ class Noise {
     double size = 0.0;
   };
 
+  double doubt_at_start(double unlearnt, double learnt) const;
   double backbone_variance(const Vector& mean, double slip_variance) const;
   double friction_level(const Vector& mean) const;
 

@@ -3,6 +3,7 @@ channels that are no numbers are not believed, a pulled cable ends the run and s
 gives the same recording, to the bit."""
 import hashlib
 import json
+import re
 import unittest
 
 import frames
@@ -72,6 +73,41 @@ class FaultsThroughTheDaemon(EndToEnd):
         result, recording = self.daemon('[[fault]]\nkind = "unplug"\nat_s = 2.0\n', "unplug")
         self.assertEqual([frame.sequence for frame in recording][:2000], list(range(2000)))
         self.assertIn("fault 1 of script.toml: the device is unplugged", result.stderr)
+
+    def test_a_channel_that_becomes_late_breaks_the_model_and_is_named(self):
+        self.write("script.toml", """
+            schema = 1
+            [[fault]]
+            kind = "delay"
+            channel = "friction_force"
+            at_s = 25.0
+            duration_s = 60.0
+            amount = 0.006
+            """)
+        config = self.write("rig.toml", f"""
+            schema = 1
+            rig = {{ name = "late", model = "{SOURCE}/config/models/simulated.toml" }}
+            driver.kind = "simulated"
+            driver.faults = "script.toml"
+            driver.simulated.real_time = false
+            control.start_at_once = true
+            [excitation]
+            enabled = true
+            carrier_hz = 3.2
+            amplitude = 0.012
+            modulation_hz = 0.2
+            modulation_depth = 0.5
+            """)
+        result = run(STICKSLIPD, "--config", config, "--no-lcm", "--duration", 45)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        said = result.stdout + result.stderr
+        broken = said.find(" the rig no longer follows its model: ")
+        late = re.search("why the rig no longer follows its model: the channel friction_force is late by "
+                         r"([0-9.]+) ms \(sensor", said)
+        self.assertGreater(broken, 0, said)
+        self.assertTrue(late, said)
+        self.assertGreater(late.start(), broken, said)
+        self.assertAlmostEqual(float(late.group(1)), 6.0, delta=0.6)
 
     def test_a_script_that_is_wrong_is_refused_with_its_line(self):
         self.write("script.toml", 'schema = 1\n[[fault]]\nkind = "noise"\nat_s = 1.0\n')

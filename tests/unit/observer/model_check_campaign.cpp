@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "daemon/observer/explanation.h"
 #include "tests/unit/observer/model_check_run.h"
 
 namespace stickslip::observer::test {
@@ -34,18 +35,21 @@ Options options_of(int count, char** words) {
 }
 
 void find(Change change, const Options& options) {
-  std::uint64_t found = 0, right = 0, early = 0;
+  std::uint64_t found = 0, guessed = 0, explained = 0, early = 0;
   std::vector<double> after_s;
   for (std::uint64_t seed = options.first; seed < options.first + options.seeds; ++seed) {
     const Scene scene = sliding_scene_of(seed, change == Change::load_cell);
     std::mt19937_64 random(seed);
     const double change_s = std::uniform_real_distribution<double>(20.0, 35.0)(random);
-    const Outcome outcome = run_check(scene, change, change_s, 10.0, seed, {options.days});
+    std::vector<Frame> frames;
+    const Outcome outcome = run_check(scene, change, change_s, 10.0, seed, {options.days}, &frames);
     early += outcome.alarms_before > 0 ? 1 : 0;
     if (!outcome.after_s) continue;
     ++found;
     after_s.push_back(*outcome.after_s);
-    right += is_right(change, outcome.verdict) ? 1 : 0;
+    guessed += is_right(change, outcome.verdict) ? 1 : 0;
+    const auto explanations = explanations_of(scene.believed, period_s, frames, outcome.verdict);
+    explained += !explanations.empty() && is_right(change, explanations.front()) ? 1 : 0;
   }
   std::sort(after_s.begin(), after_s.end());
   const auto quantile = [&](double share) {
@@ -53,11 +57,13 @@ void find(Change change, const Options& options) {
     return after_s[static_cast<std::size_t>(share * static_cast<double>(after_s.size() - 1))];
   };
   std::printf(
-      "%-26s %4llu runs: found in 10 s %4llu, named right %4llu, warned before %llu; "
+      "%-26s %4llu runs: found in 10 s %4llu, guessed right %4llu, "
+      "explained right %4llu, warned before %llu; "
       "median %.1f s, 95 %% %.1f s\n",
       std::string(name_of(change)).c_str(), static_cast<unsigned long long>(options.seeds),
-      static_cast<unsigned long long>(found), static_cast<unsigned long long>(right),
-      static_cast<unsigned long long>(early), quantile(0.5), quantile(0.95));
+      static_cast<unsigned long long>(found), static_cast<unsigned long long>(guessed),
+      static_cast<unsigned long long>(explained), static_cast<unsigned long long>(early),
+      quantile(0.5), quantile(0.95));
   std::fflush(stdout);
 }
 

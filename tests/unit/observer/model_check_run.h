@@ -6,7 +6,9 @@
 #include <optional>
 #include <random>
 #include <string_view>
+#include <vector>
 
+#include "daemon/observer/explanation.h"
 #include "daemon/observer/model_check.h"
 #include "tests/unit/observer/bench.h"
 #include "tests/unit/observer/changing_rig.h"
@@ -36,11 +38,13 @@ inline std::string_view name_of(Change change) {
   return names[static_cast<std::size_t>(change)];
 }
 
-/// Whether a name of the relation is right.
-inline bool is_right(Change change, const ModelVerdict& verdict) {
+/// Whether a name of the relation is right. `named`: a verdict or an explanation.
+template <class Named>
+bool is_right(Change change, const Named& named) {
   using physics::Relation;
+  const Relation relation = named.relation;
   const auto sensor = [&](Channel channel) {
-    return verdict.relation == Relation::sensor && verdict.channel == channel;
+    return relation == Relation::sensor && named.channel == channel;
   };
   switch (change) {
     case Change::none:
@@ -48,17 +52,17 @@ inline bool is_right(Change change, const ModelVerdict& verdict) {
     case Change::mu_up:
     case Change::mu_down:
     case Change::bristle:
-      return verdict.relation == Relation::friction_law;
+      return relation == Relation::friction_law;
     case Change::load_cell:
-      return verdict.relation == Relation::load_cell;
+      return relation == Relation::load_cell;
     case Change::late_force:
       return sensor(Channel::friction_force);
     case Change::late_velocity:
-      return sensor(Channel::velocity) || verdict.relation == Relation::kinematics;
+      return sensor(Channel::velocity) || relation == Relation::kinematics;
     case Change::late_displacement:
       return sensor(Channel::displacement);
     case Change::stiffness:
-      return verdict.relation == Relation::force_balance;
+      return relation == Relation::force_balance;
   }
   return false;
 }
@@ -150,10 +154,13 @@ struct Outcome {
   Signature signature;
 };
 
-/// Runs until `until_s` after the change, or until the alarm that follows it.
+inline constexpr double period_s = 1.0e-3;
+
+/// Runs until `until_s` after the change, or until the alarm that follows it; where `frames` is
+/// given, it receives all frames and the run goes on until they can be explained.
 inline Outcome run_check(const Scene& scene, Change change, double change_s, double until_s,
-                         std::uint64_t seed, const ModelCheckSettings& settings = {}) {
-  constexpr double period_s = 1.0e-3;
+                         std::uint64_t seed, const ModelCheckSettings& settings = {},
+                         std::vector<Frame>* frames = nullptr) {
   constexpr int pieces = 6;
   std::mt19937_64 random(seed);
   ChangingRig rig(scene.real, period_s / pieces, seed);
@@ -168,9 +175,9 @@ inline Outcome run_check(const Scene& scene, Change change, double change_s, dou
     if (t < node) return scene.base(t);
     return t < node + rest ? physics::Input{} : scene.base(t);
   };
-  const auto frames = std::llround((change_s + until_s) / period_s);
+  const auto count = std::llround((change_s + until_s) / period_s);
   const auto change_at = std::llround(change_s / period_s);
-  for (long long k = 1; k <= frames; ++k) {
+  for (long long k = 1; k <= count; ++k) {
     if (k == change_at) {
       const int late = std::uniform_int_distribution<int>(3, 8)(random);
       if (change == Change::late_force) rig.delay(Channel::friction_force, late);
@@ -183,7 +190,14 @@ inline Outcome run_check(const Scene& scene, Change change, double change_s, dou
       rig.step(
           drive((static_cast<double>(k - 1) + static_cast<double>(piece) / pieces) * period_s));
     }
-    if (!check.update(observer.update(rig.read()))) continue;
+    const Frame frame = rig.read();
+    if (frames != nullptr) frames->push_back(frame);
+    if (out.after_s) {
+      // What follows the alarm helps to explain it.
+      if (frame.time_ns >= explained_until_ns(out.verdict)) break;
+      continue;
+    }
+    if (!check.update(observer.update(frame))) continue;
     if (check.verdict().standing != ModelStanding::broken) continue;
     if (k < change_at || change == Change::none) {
       ++out.alarms_before;
@@ -195,7 +209,7 @@ inline Outcome run_check(const Scene& scene, Change change, double change_s, dou
     out.verdict = check.verdict();
     out.signature = check.signature();
     out.onset_error_s = 1.0e-9 * static_cast<double>(out.verdict.since_ns) - change_s;
-    break;
+    if (frames == nullptr) break;
   }
   return out;
 }
