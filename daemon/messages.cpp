@@ -294,6 +294,11 @@ Put MessageSink::put_estimate(const Estimate& estimate) {
   out.nis = estimate.nis;
   out.nis_freedom = estimate.nis_freedom;
   out.restarts = signed_of(estimate.restarts);
+  out.nis_mean = estimate.nis_mean;
+  out.nis_mean_low = estimate.nis_mean_low;
+  out.nis_mean_high = estimate.nis_mean_high;
+  std::copy(estimate.whiteness.begin(), estimate.whiteness.end(), out.whiteness);
+  std::copy(estimate.whiteness_bound.begin(), estimate.whiteness_bound.end(), out.whiteness_bound);
   return put(estimate_channel_, out, time_us(estimate.time_ns));
 }
 

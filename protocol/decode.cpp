@@ -94,6 +94,8 @@ struct Former {
 constexpr std::array<std::uint8_t, 4> no_elements = {};
 constexpr std::array<std::uint8_t, 10> two_empty_texts = {0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
 constexpr std::array<std::uint8_t, 8> minus_one = {0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF};
+constexpr std::array<std::uint8_t, 15 * 8> fifteen_zeros = {};
+constexpr Former former_estimate = {0xEF306B050D44EA73U, fifteen_zeros};
 constexpr Former former_excitation = {0xEF474DC1C55BAEC7U, no_elements};
 constexpr Former former_status = {0xD60837B0454EEC63U, minus_one};
 constexpr Former former_recording_info = {0x019FE800B2CECE78U, two_empty_texts};
@@ -132,6 +134,8 @@ bool decode(std::span<const std::uint8_t> bytes, frame_block_t& message) {
 }
 
 bool decode(std::span<const std::uint8_t> bytes, friction_estimate_t& message) {
+  const std::vector<std::uint8_t> present = brought_up<friction_estimate_t>(bytes, former_estimate);
+  if (!present.empty()) bytes = present;
   Walk walk(bytes);
   // time, sequence, valid, and the eight numbers of the estimate
   walk.skip(2 * number + 1 + 8 * number);

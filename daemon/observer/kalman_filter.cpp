@@ -74,7 +74,8 @@ KalmanFilter::KalmanFilter(const Model& declared, double period_s, Contact conta
       period_s_(period_s),
       layout_(layout_of(model_, rig_, unsupported_)),
       steps_(static_cast<int>(std::ceil(period_s / rig_.longest_step_s() - 1.0e-9))),
-      covariance_(std::min(layout_.count, max_states)) {
+      covariance_(std::min(layout_.count, max_states)),
+      consistency_(period_s) {
   if (unsupported_.empty() && steps_ > most_steps) {
     unsupported_ = "the sampling period of " + std::to_string(period_s) + " s needs " +
                    std::to_string(steps_) + " integration steps of this rig, the observer takes " +
@@ -149,6 +150,7 @@ void KalmanFilter::begin(const Frame& frame) {
   since_start_s_ = 0.0;
   since_sight_s_ = 0.0;
   nis_level_ = 1.0;
+  consistency_.begin_anew();
   outliers_in_a_row_.fill(0);
 }
 
@@ -226,6 +228,7 @@ bool KalmanFilter::use_reading(Channel channel, const Look& look, double innovat
     return false;
   }
   outliers_in_a_row_[i] = 0;
+  consistency_.take(i, innovation / estimate_.innovation_std[i]);
   estimate_.nis += squared;
   ++estimate_.nis_freedom;
 
@@ -263,6 +266,7 @@ void KalmanFilter::correct(const Frame& frame) {
   }
   since_sight_s_ = seen ? 0.0 : since_sight_s_ + period_s_;
   if (estimate_.nis_freedom > 0) {
+    consistency_.take_frame(estimate_.nis, estimate_.nis_freedom);
     const double weight = std::min(1.0, period_s_ / nis_memory_s);
     nis_level_ += weight * (estimate_.nis / estimate_.nis_freedom - nis_level_);
   }
@@ -348,12 +352,26 @@ void KalmanFilter::report(const Frame& frame) {
     }
     if (e.normal_load_n > 0.0) e.raw_friction_over_load = e.raw_friction_force_n / e.normal_load_n;
   }
+  report_consistency();
   if (since_start_s_ < settle_s_) {
     e.standing = Standing::settling;
   } else if (since_sight_s_ > blind_after_s) {
     e.standing = Standing::blind;
   } else {
     e.standing = Standing::good;
+  }
+}
+
+void KalmanFilter::report_consistency() {
+  FrictionEstimate& e = estimate_;
+  const RunningMean& nis = consistency_.nis();
+  e.nis_mean = nis.mean();
+  const bool any = nis.bound() > 0.0;
+  e.nis_mean_low = any ? 1.0 - nis.bound() : 0.0;
+  e.nis_mean_high = any ? 1.0 + nis.bound() : 0.0;
+  for (std::size_t i = 0; i < channel_count; ++i) {
+    e.whiteness[i] = consistency_.whiteness(i).mean();
+    e.whiteness_bound[i] = consistency_.whiteness(i).bound();
   }
 }
 

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "daemon/observer/consistency.h"
 #include "daemon/observer/covariance.h"
 #include "daemon/observer/layout.h"
 #include "daemon/observer/noise.h"
@@ -76,6 +77,7 @@ class KalmanFilter {
   bool is_healthy() const;
   void forget_readings();
   void report(const Frame& frame);
+  void report_consistency();
   double base_acceleration_behind_its_chain() const;
   double slip_variance(const Covariance& covariance) const;
   double normal_load(const Vector& mean) const;
@@ -106,6 +108,7 @@ class KalmanFilter {
   double since_start_s_ = 0.0;
   double since_sight_s_ = 0.0;
   double nis_level_ = 1.0;
+  Consistency consistency_;
   double since_drive_s_ = 1.0e9;
   double lesson_ = 1.0;  ///< share of the gain on mu
   double absurd_s_ = 0.0;

@@ -95,6 +95,15 @@ struct FrictionEstimate {
   /// nis_freedom degrees where the filter is right about its doubt.
   double nis = 0.0;
 
+  /// NIS per degree of freedom, mean over the last two seconds, and the bounds that hold 95 % of
+  /// such means where the filter is right about its doubt; 0, 0, 0 before the first reading.
+  double nis_mean = 0.0, nis_mean_low = 0.0, nis_mean_high = 0.0;
+  /// Correlation of each channel's normalised innovations with those of the frame before, mean over
+  /// the last two seconds, and the magnitude below which 95 % of such means are where they are
+  /// white.
+  std::array<double, channel_count> whiteness{};
+  std::array<double, channel_count> whiteness_bound{};
+
   std::uint64_t restarts = 0;  ///< how often the filter diverged and began anew
   std::uint64_t refusals = 0;  ///< channel readings refused as outliers since construction
 

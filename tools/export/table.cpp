@@ -147,6 +147,12 @@ constexpr Field<friction_estimate_t> estimate_fields[] = {
      [](const friction_estimate_t& m) { return m.nis; }},
     {"nis_freedom", "1", "channels in it",
      [](const friction_estimate_t& m) { return static_cast<double>(m.nis_freedom); }},
+    {"nis_mean", "1", "normalised innovation squared per channel, mean over two seconds",
+     [](const friction_estimate_t& m) { return m.nis_mean; }},
+    {"nis_mean_low", "1", "lower bound of 95 % of such means where the observer is right",
+     [](const friction_estimate_t& m) { return m.nis_mean_low; }},
+    {"nis_mean_high", "1", "upper bound of 95 % of such means where the observer is right",
+     [](const friction_estimate_t& m) { return m.nis_mean_high; }},
 };
 
 /// The messages of one channel of a log as a table: when, then the fields.

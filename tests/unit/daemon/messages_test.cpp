@@ -196,6 +196,11 @@ TEST(Messages, AnEstimateCarriesItsCovarianceByName) {
   estimate.innovation_std[0] = 2e-5;
   estimate.innovation[1] = 1.0;  // did not take part
   estimate.innovation_valid = 1;
+  estimate.nis_mean = 1.25;
+  estimate.nis_mean_low = 0.5;
+  estimate.nis_mean_high = 1.5;
+  estimate.whiteness[5] = -0.25;
+  estimate.whiteness_bound[2] = 0.125;
   EXPECT_EQ(sink.put_estimate(estimate), Put::done);
   const auto out = decoded<friction_estimate_t>(outlet.caught.at(0).bytes);
   EXPECT_EQ(out.sequence, 7);
@@ -207,6 +212,11 @@ TEST(Messages, AnEstimateCarriesItsCovarianceByName) {
                                                    testing::ElementsAre(0.002, 0.04)));
   EXPECT_DOUBLE_EQ(out.innovation_variance[0], 4e-10);
   EXPECT_EQ(out.innovation[1], 0.0);
+  EXPECT_EQ(out.nis_mean, 1.25);
+  EXPECT_EQ(out.nis_mean_low, 0.5);
+  EXPECT_EQ(out.nis_mean_high, 1.5);
+  EXPECT_EQ(out.whiteness[5], -0.25);
+  EXPECT_EQ(out.whiteness_bound[2], 0.125);
 
   // The next one has nothing to say, and nothing of the last one is left in it.
   EXPECT_EQ(sink.put_estimate(Estimate{}), Put::done);

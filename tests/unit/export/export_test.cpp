@@ -123,7 +123,8 @@ TEST_F(Export, CsvHasARowForEachFrameAndWhatBelongsToIt) {
             "excitation_amplifier_on,estimate_valid,estimate_theta,estimate_mu,"
             "estimate_gamma_per_s,estimate_friction_force_n,estimate_slip_velocity_m_s,"
             "estimate_sticking,estimate_raw_friction_force_n,estimate_raw_coefficient,"
-            "estimate_nis,estimate_nis_freedom,estimate_state_mu,estimate_state_mu_std");
+            "estimate_nis,estimate_nis_freedom,estimate_nis_mean,"
+            "estimate_nis_mean_low,estimate_nis_mean_high,estimate_state_mu,estimate_state_mu_std");
   EXPECT_THAT(rows[1], HasSubstr(",1720000000000000001,100,9,1,0.15,0.00025,,,,,,,"));
   EXPECT_THAT(rows[4], HasSubstr(",103,8,,0.15,"));  // displacement was not measured
   EXPECT_THAT(rows[6], HasSubstr(",105,9,0.16666666666666666,0.15,0.00025,0.001,0.5,0,0.25,0,,,"));

@@ -200,6 +200,22 @@ TEST(DecodeFormer, AnExcitationWithoutTheFramesBeforeIt) {
   }
 }
 
+// Of logs written before estimates told their consistency.
+TEST(DecodeFormer, AnEstimateWithoutItsConsistency) {
+  friction_estimate_t estimate = some(friction_estimate_t{});
+  estimate.mu = 0.8;
+  const Bytes bytes = former(encoded(estimate), 0xEF306B050D44EA73U, 15 * 8);
+  friction_estimate_t message{};
+  message.nis_mean = 3.0;  // of another message
+  ASSERT_TRUE(decode(bytes, message));
+  EXPECT_EQ(message.mu, 0.8);
+  EXPECT_EQ(message.nis_mean, 0.0);
+  EXPECT_EQ(encoded(message), encoded(estimate));
+  for (std::size_t size = 0; size < bytes.size(); ++size) {
+    EXPECT_FALSE(decode(std::span(bytes).first(size), message)) << size;
+  }
+}
+
 TEST(DecodeFormer, AStatusThatDoesNotKnowWhatTheDiskConfirmed) {
   status_t status = some(status_t{});
   status.record_confirmed = -1;
