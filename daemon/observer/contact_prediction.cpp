@@ -27,6 +27,10 @@ constexpr int small_steps = 140;
 constexpr int first_stage_steps = 41;
 constexpr int early_steps = small_steps - first_stage_steps;
 
+// What changes a state in a period by less than this share of its size is left out.
+constexpr double negligible = 1.0e-5;
+constexpr double fast_drive_rad_s = 2.0 * std::numbers::pi * 10.0;
+
 /// What happens to a rig during one period.
 struct Cause {
   std::array<double, 5> drive{};  ///< p and its derivatives, at the start
@@ -175,6 +179,7 @@ ContactPrediction::ContactPrediction(const physics::Rig& rig, const physics::Mod
   bend_rate_ = bend_acceleration_ = early_ = late_ = load_before_ = load_after_ = next_;
   find_responses(model);
   find_load_chain(model);
+  drop_the_negligible();
   lay_rows();
 }
 
@@ -275,6 +280,65 @@ void ContactPrediction::find_load_chain(const physics::Model& model) {
   if (l.load_rate >= 0) still_.col(l.load_rate) += period_s_ * load_after_;
 }
 
+// How large each state is where the mass is deflected by a metre and the friction is as large as
+// the spring's force; 0 where that says nothing.
+Vector ContactPrediction::sizes(double force_n) const {
+  const Layout& l = *layout_;
+  const auto& c = numbers_.c;
+  Vector size = Vector::Zero(l.count);
+  const auto set = [&size](int at, double value) {
+    if (at >= 0) size[at] = value;
+  };
+  const double speed = std::sqrt(c.stiffness / c.mass);
+  set(l.rig[state::x], 1.0);
+  set(l.rig[state::v], speed);
+  if (l.rig[state::y] >= 0) {
+    const double deflection = force_n / c.cell_stiffness;
+    set(l.rig[state::y], deflection);
+    set(l.rig[state::u], deflection * std::sqrt(c.cell_stiffness / c.cell_mass));
+  }
+  const bool base = rig_->structure().excitation == Excitation::base;
+  const double drive = base ? 1.0 : force_n;
+  double each = drive;
+  for (int i = 0; i < 3; ++i, each *= fast_drive_rad_s) set(l.drive + i, each);
+  const auto chain = [&](Channel channel, double value) {
+    if (!l.of(channel).used) return;
+    int next = l.of(channel).first;
+    if (l.of(channel).sections.empty()) set(next, value);
+    for (const Section& section : l.of(channel).sections) {
+      set(next++, value);
+      if (section.second_order) set(next++, value * section.omega);
+    }
+  };
+  chain(Channel::displacement, 1.0);
+  chain(Channel::velocity, speed);
+  chain(Channel::friction_force, force_n);
+  chain(drive_channel(rig_->structure()), drive);
+  return size;
+}
+
+// A state far down a chain feels what is far up it in the ninth digit: nobody misses that, but half
+// the time of a period would go into it.
+void ContactPrediction::drop_the_negligible() {
+  const Layout& l = *layout_;
+  const double force_n = std::max(numbers_.c.stiffness, 1.0e-9);
+  const Vector size = sizes(force_n);
+  const double rate = size[l.drive + 1];
+  const double lambda = fast_drive_rad_s * fast_drive_rad_s;
+  for (int row = 0; row < l.count; ++row) {
+    const double least = negligible * size[row];
+    if (least == 0.0) continue;
+    const auto drop = [least](double& weight, double by) {
+      if (by > 0.0 && std::abs(weight) * by < least) weight = 0.0;
+    };
+    for (int column = 0; column < l.count; ++column) drop(still_(row, column), size[column]);
+    drop(bend_rate_[row], lambda * rate);
+    drop(bend_acceleration_[row], lambda * size[l.drive + 2]);
+    drop(early_[row], force_n);
+    drop(late_[row], force_n);
+  }
+}
+
 void ContactPrediction::lay_rows() {
   const Layout& l = *layout_;
   for (const int at : l.rig) {
@@ -283,7 +347,9 @@ void ContactPrediction::lay_rows() {
   for (const int at : {l.mu, l.log_rate, l.load, l.load_rate}) {
     if (at >= 0) columns_.push_back(at);
   }
-  for (int i = 0; i < 4; ++i) columns_.push_back(l.drive + i);
+  // A base that is elsewhere is felt by nobody.
+  const bool base = rig_->structure().excitation == Excitation::base;
+  for (int i = base ? 1 : 0; i < 4; ++i) columns_.push_back(l.drive + i);
 
   const bool friction = rig_->structure().friction;
   const bool load_sensed = load_varies_ && l.of(Channel::normal_load).used;
@@ -433,8 +499,7 @@ ContactPrediction::Stage ContactPrediction::close(const Sloped& free_slip, doubl
   double follows = 1.0;
   double follows_by_log_rate = 0.0;
   if (rig_->structure().kinetics == Kinetics::relaxing) {
-    const double rate = l.log_rate >= 0 ? std::exp(mean[l.log_rate]) : numbers_.c.rate;
-    const double turn = gamma_ars * period_s_ * rate;
+    const double turn = gamma_ars * period_s_ * rate_;
     stays = 1.0 / (1.0 + turn);
     follows = turn * stays;
     follows_by_log_rate = turn * stays * stays;
@@ -470,6 +535,7 @@ void ContactPrediction::add_contact(const Vector& mean, double speed) {
   const bool relaxing = rig_->structure().kinetics == Kinetics::relaxing;
   Sloped theta{0.0, no_slope()};
   if (relaxing) {
+    rate_ = l.log_rate >= 0 ? std::exp(mean[l.log_rate]) : numbers_.c.rate;
     theta.value = mean[l.theta];
     theta.slope[l.theta] = 1.0;
   }

@@ -55,6 +55,8 @@ class ContactPrediction final : public Prediction {
 
   void find_responses(const physics::Model& model);
   void find_load_chain(const physics::Model& model);
+  Vector sizes(double force_n) const;
+  void drop_the_negligible();
   void lay_rows();
   void renew_drive(const Vector& mean);
   void add_contact(const Vector& mean, double speed);
@@ -98,6 +100,7 @@ class ContactPrediction final : public Prediction {
   std::vector<Span> linear_;
 
   double last_slip_ = 0.0;
+  double rate_ = 0.0;  ///< gamma in this period
 };
 
 }  // namespace stickslip::observer

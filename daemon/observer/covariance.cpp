@@ -1,5 +1,6 @@
 #include "daemon/observer/covariance.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace stickslip::observer {
@@ -15,25 +16,34 @@ using Lanes = double __attribute__((vector_size(lanes * sizeof(double)), may_ali
 Lanes* lanes_of(double* row) { return reinterpret_cast<Lanes*>(row); }
 const Lanes* lanes_of(const double* row) { return reinterpret_cast<const Lanes*>(row); }
 
-// out = sum of weight times row, over the first `blocks` registers of rows.
+/// Some rows of a transition, one after the other: row i has the entries from end[i - 1] to end[i].
+struct Rows {
+  const Transition::Entry* entry;
+  const int* end;
+  int begun;  ///< where the first row begins
+  int count;
+};
+
+// Each row of out, `width` apart, is the sum of weight times row of `from`, over the first `blocks`
+// registers.
 template <int blocks>
-void weighted_rows(const Transition::Entry* entry, const Transition::Entry* end, const double* rows,
-                   double* out) {
-  Lanes sum[blocks] = {};  // an array of the library loses the alignment
-  for (; entry != end; ++entry) {
-    const Lanes* row = lanes_of(rows + entry->place);
-    const double weight = entry->weight;
+void weighted_rows(const Rows& rows, const double* from, double* out, int width) {
+  int at = rows.begun;
+  for (int row = 0; row < rows.count; ++row, out += width) {
+    Lanes sum[blocks] = {};  // an array of the library loses the alignment
+    for (; at < rows.end[row]; ++at) {
+      const Transition::Entry& entry = rows.entry[at];
+      const Lanes* lanes = lanes_of(from + entry.place);
+      const double weight = entry.weight;
 #pragma GCC unroll 12
-    for (int i = 0; i < blocks; ++i) {
-      sum[i] += weight * row[i];
+      for (int i = 0; i < blocks; ++i) sum[i] += weight * lanes[i];
     }
-  }
 #pragma GCC unroll 12
-  for (int i = 0; i < blocks; ++i) lanes_of(out)[i] = sum[i];
+    for (int i = 0; i < blocks; ++i) lanes_of(out)[i] = sum[i];
+  }
 }
 
-using WeightedRows = void (*)(const Transition::Entry*, const Transition::Entry*, const double*,
-                              double*);
+using WeightedRows = void (*)(const Rows&, const double*, double*, int);
 
 template <int... blocks>
 constexpr std::array<WeightedRows, sizeof...(blocks)> table(
@@ -45,6 +55,10 @@ constexpr auto weighted = table(std::make_integer_sequence<int, 12>{});
 
 WeightedRows weighted_for(int columns) {
   return weighted[static_cast<std::size_t>((columns - 1) / lanes)];
+}
+
+Rows rows_of(const Transition& f, int first, int count) {
+  return {f.entries(), f.row_ends(first), f.row_start(first), count};
 }
 
 // Transposes a square of four by four.
@@ -70,24 +84,21 @@ void Covariance::propagate(const Transition& f) {
     return rows.data() + static_cast<std::size_t>(row) * static_cast<std::size_t>(width_);
   };
   const WeightedRows whole = weighted_for(width_);
+  // Sums may use those before them: they are rows behind the states'.
   const auto share = [&](double* rows) {
-    for (int i = 0; i < f.shared(); ++i) {
-      whole(f.shared_begin(i), f.shared_end(i), rows,
-            rows + static_cast<std::size_t>(width_ + i) * static_cast<std::size_t>(width_));
-    }
+    whole(rows_of(f, -f.shared(), f.shared()), rows, rows + width_ * width_, width_);
   };
   mirror();
   share(states_.data());
-  for (int i = 0; i < count_; ++i) {
-    whole(f.row_begin(i), f.row_end(i), states_.data(), at(half_, i));
-  }
+  whole(rows_of(f, 0, count_), states_.data(), half_.data(), width_);
   for (int i = 0; i < width_; i += lanes) {
     for (int j = 0; j < width_; j += lanes) turn(at(half_, i) + j, at(turned_, j) + i, width_);
   }
   share(turned_.data());
   // The lower triangle is enough.
-  for (int i = 0; i < count_; ++i) {
-    weighted_for(i + 1)(f.row_begin(i), f.row_end(i), turned_.data(), at(states_, i));
+  for (int i = 0; i < count_; i += lanes) {
+    weighted_for(i + 1)(rows_of(f, i, std::min(lanes, count_ - i)), turned_.data(), at(states_, i),
+                        width_);
   }
 }
 

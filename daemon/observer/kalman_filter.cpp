@@ -51,7 +51,9 @@ Model without_jumps(Model model) {
 double square(double x) { return x * x; }
 
 double probability_below(double limit, double mean, double deviation) {
-  if (deviation <= 0.0) return std::abs(mean) < limit ? 1.0 : 0.0;
+  // Beyond eight deviations the law is 0 or 1 to the last digit.
+  const double beyond = std::abs(mean) - limit;
+  if (std::abs(beyond) >= 8.0 * deviation) return beyond < 0.0 ? 1.0 : 0.0;
   const double scale = 1.0 / (deviation * std::numbers::sqrt2);
   return 0.5 * (std::erf((limit - mean) * scale) + std::erf((limit + mean) * scale));
 }

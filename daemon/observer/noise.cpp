@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "physics/backbone.h"
+
 namespace stickslip::observer {
 
 namespace {
@@ -68,6 +70,7 @@ Noise::Noise(const physics::Model& model, const physics::Rig& rig, const Layout&
       contact_(contact) {
   const auto& c = numbers.c;
   const double stiffness = rig.structure().two_well ? 2.0 * c.well_linear : c.stiffness;
+  log_rate_ = std::log(std::max(c.rate, 1.0e-300));
   natural_rad_s_ = std::max(std::sqrt(stiffness / c.mass), 2.0 * pi * 0.5);
   const physics::Oscillator& oscillator = model.oscillator;
   mass_doubt_kg_ = oscillator.mass_kg.sigma;
@@ -163,7 +166,7 @@ double Noise::backbone_variance(const Vector& mean, double slip_variance) const 
   const double own = square(numbers_->c.transition_speed);
   const double wide = own + 0.5 * pi * slip_variance;
   const double slip = mean[l.rig[state::v]] - (l.rig[state::u] >= 0 ? mean[l.rig[state::u]] : 0.0);
-  const double left = 1.0 - square(std::tanh(slip / std::sqrt(wide)));
+  const double left = 1.0 - square(physics::quick_tanh(slip / std::sqrt(wide)));
   return jump_share *
          std::max(0.0, left * (wide - own) / wide - square(left) * slip_variance / wide);
 }
@@ -172,7 +175,7 @@ double Noise::lesson(const Vector& mean, double slip_variance) const {
   const Layout& l = *layout_;
   const double slip = mean[l.rig[state::v]] - (l.rig[state::u] >= 0 ? mean[l.rig[state::u]] : 0.0);
   const double wide = square(numbers_->c.transition_speed) + 0.5 * pi * slip_variance;
-  return square(std::tanh(square(slip) / (lesson_speeds * lesson_speeds * wide)));
+  return square(physics::quick_tanh(square(slip) / (lesson_speeds * lesson_speeds * wide)));
 }
 
 void Noise::add_output(const Vector& mean, Covariance& covariance) const {
@@ -246,7 +249,7 @@ void Noise::start(const Frame& frame, double mu, Vector& mean, Covariance& covar
   }
   if (l.log_rate >= 0) {
     const double doubt = std::min(1.0, relative(model_->friction.rate_per_s));
-    set(l.log_rate, std::log(c.rate), doubt_at_start(doubt, std::min(doubt, learnt_doubt)));
+    set(l.log_rate, log_rate_, doubt_at_start(doubt, std::min(doubt, learnt_doubt)));
   }
   if (l.load_rate >= 0) {
     set(l.load, load, 0.5 * std::abs(load) + 1.0e-6);
@@ -339,7 +342,7 @@ void Noise::add_process(const Vector& mean, double slip_variance, double since_s
     const double size = std::max(friction, c.stiffness * std::abs(x));
     grow(l.rig[static_cast<std::size_t>(i)], square(force_doubt * size) * h / force_memory_s);
   }
-  const bool restive = contact_ == Contact::to_be_learnt;
+  const bool restive = contact_ == Contact::to_be_learnt && since_start_s < 30.0 * restless_s;
   const double restless = restive ? std::exp(-since_start_s / restless_s) / restless_s : 0.0;
   const bool walks = contact_ != Contact::known;
   if (l.mu >= 0 && walks) {
@@ -388,7 +391,7 @@ bool Noise::is_absurd(const Vector& mean) const {
   const Layout& l = *layout_;
   const auto& c = numbers_->c;
   const bool mu = l.mu >= 0 && (mean[l.mu] < absurd_mu * c.mu || mean[l.mu] * absurd_mu > c.mu);
-  const bool rate = l.log_rate >= 0 && std::abs(mean[l.log_rate] - std::log(c.rate)) > absurd_log;
+  const bool rate = l.log_rate >= 0 && std::abs(mean[l.log_rate] - log_rate_) > absurd_log;
   return mu || rate;
 }
 
@@ -397,8 +400,7 @@ void Noise::confine(Vector& mean) const {
   const auto& c = numbers_->c;
   if (l.mu >= 0) mean[l.mu] = std::max(mean[l.mu], 1.0e-3 * c.mu);
   if (l.log_rate >= 0) {
-    const double centre = std::log(c.rate);
-    mean[l.log_rate] = std::clamp(mean[l.log_rate], centre - 4.0, centre + 4.0);
+    mean[l.log_rate] = std::clamp(mean[l.log_rate], log_rate_ - 4.0, log_rate_ + 4.0);
   }
   if (l.load >= 0 && l.load_rate < 0) mean[l.load] = std::max(mean[l.load], 1.0e-3 * c.load);
   mean[l.drive + 3] = std::clamp(mean[l.drive + 3], 0.0, square(most_drive_rad_s));

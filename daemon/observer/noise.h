@@ -78,6 +78,7 @@ class Noise {
   double period_s_;
   Contact contact_;
   double natural_rad_s_;
+  double log_rate_;  ///< of what the model says of gamma
   double spring_doubt_n_m_, damping_doubt_n_s_m_, mass_doubt_kg_, cell_doubt_n_m_;
   double drive_trend_ = 0.0;
   double log_jerk_density_, least_log_density_, most_log_density_;

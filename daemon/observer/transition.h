@@ -62,6 +62,12 @@ class Transition {
   const Entry* row_begin(int state) const { return begin(shared_ + state); }
   const Entry* row_end(int state) const { return begin(shared_ + state + 1); }
 
+  /// All rows in one: that of `state` begins at row_start and ends at *row_ends, those of the next
+  /// ones stand behind. The shared sums are the rows from -shared() on.
+  const Entry* entries() const { return entry_.data(); }
+  int row_start(int state) const { return first_[static_cast<std::size_t>(shared_ + state)]; }
+  const int* row_ends(int state) const { return first_.data() + shared_ + state + 1; }
+
   /// The same as a matrix; for what is not in a hurry.
   Matrix dense() const;
 
