@@ -16,7 +16,8 @@ namespace stickslip::daemon {
 class BurstWatch {
  public:
   /// What to say of a notice now; nothing where it is held back for `due`. Gaps of the sequence
-  /// number, repeated numbers and overruns are held back; all others never are.
+  /// number, repeated numbers, overruns and restarts of the observer are held back; all others
+  /// never are.
   std::optional<Event> take(const Notice& notice, std::int64_t now_ns);
 
   /// What has been held back for a second. To be asked more often than that.
@@ -34,7 +35,8 @@ class BurstWatch {
     Notice latest = {};
   };
   static constexpr std::array kinds = {Notice::Kind::frames_missing,
-                                       Notice::Kind::sequence_repeated, Notice::Kind::overrun};
+                                       Notice::Kind::sequence_repeated, Notice::Kind::overrun,
+                                       Notice::Kind::estimate_restarted};
 
   static Event summary(const Burst& burst);
 

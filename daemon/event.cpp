@@ -124,6 +124,9 @@ Event event_of(const Notice& sum, std::uint64_t notices) {
       out.message = times + " cycles more came late, by up to " + milliseconds(sum.duration_ns) +
                     ", " + count + " periods skipped";
       break;
+    case Notice::Kind::estimate_restarted:
+      out.message += ", " + times + " times more";
+      break;
     default:
       break;
   }

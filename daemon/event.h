@@ -26,7 +26,8 @@ Event event_of(const Notice& notice);
 Event with_times(Event event, const ModelVerdict& verdict, std::int64_t utc_us);
 
 /// Several of a kind in words, told as of the latest: `sum` holds their counts together and the
-/// longest duration. For gaps and repetitions of the sequence number, and for overruns.
+/// longest duration. For gaps and repetitions of the sequence number, overruns, and restarts
+/// of the observer.
 Event event_of(const Notice& sum, std::uint64_t notices);
 
 }  // namespace stickslip::daemon

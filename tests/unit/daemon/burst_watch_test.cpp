@@ -50,6 +50,19 @@ TEST(BurstWatch, WhatComesNowAndThenIsToldAsWhatItIs) {
   EXPECT_EQ(due[0].message, event_of(notice(Notice::Kind::sequence_repeated, 8)).message);
 }
 
+// A filter that cannot follow a rig begins anew several times a second.
+TEST(BurstWatch, AnObserverThatCannotFollowIsToldOnceASecond) {
+  BurstWatch watch;
+  EXPECT_TRUE(watch.take(notice(Notice::Kind::estimate_restarted), 0));
+  for (std::int64_t t = 200; t < 1000; t += 200) {
+    EXPECT_FALSE(watch.take(notice(Notice::Kind::estimate_restarted), t * ms));
+  }
+  const std::vector<Event> due = watch.due(1000 * ms);
+  ASSERT_EQ(due.size(), 1U);
+  EXPECT_EQ(due[0].code, "estimate_restarted");
+  EXPECT_EQ(due[0].message, "the observer diverged and began anew, 4 times more");
+}
+
 TEST(BurstWatch, KindsDoNotHideEachOtherAndFaultsAreNeverHeldBack) {
   BurstWatch watch;
   EXPECT_TRUE(watch.take(notice(Notice::Kind::frames_missing), 0));
