@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -137,11 +136,8 @@ Errors watch(const Run& run, const Model& believed, double from_s, const Estimat
   long judged = 0, right = 0, counted = 0, raw_counted = 0;
   double nis = 0.0, nis_freedom = 0.0;
   const FrictionEstimate* latest = nullptr;
-  std::chrono::steady_clock::duration spent{};
   for (std::size_t i = 0; i < run.frames.size(); ++i) {
-    const auto begin = std::chrono::steady_clock::now();
     const FrictionEstimate& e = estimator(run.frames[i]);
-    spent += std::chrono::steady_clock::now() - begin;
     latest = &e;
     if (i < from || !e.valid) continue;
     const physics::RigTruth& t = run.truth[i];
@@ -173,8 +169,6 @@ Errors watch(const Run& run, const Model& believed, double from_s, const Estimat
   out.raw = raw_counted > 0 ? std::sqrt(out.raw / static_cast<double>(raw_counted)) : 0.0;
   out.mean_nees /= n;
   out.nis = nis / std::max(nis_freedom, 1.0);
-  out.ns_a_step = std::chrono::duration<double, std::nano>(spent).count() /
-                  static_cast<double>(run.frames.size());
   const FrictionEstimate& last = *latest;
   out.nees = nees_of(last, run.truth.back(), mu);
   out.mu = std::abs(last.mu / mu - 1.0);

@@ -43,7 +43,6 @@ struct Errors {
   double mu = 0.0, gamma = 0.0;  ///< at the end, relative
   double classified = 0.0;       ///< share of stick and slip told rightly, away from transitions
   std::uint64_t restarts = 0;
-  double ns_a_step = 0.0;  ///< time that the estimator took
 };
 
 /// Takes a frame and says what is known at its time; the reference holds until the next one.
