@@ -22,7 +22,8 @@
 //   ns          of the processor a step, in the quickest of three passes
 // Then, where --reference-seeds is not 0, the RMS errors of all filters from 6 s on over that of a
 // Rao-Blackwellised particle filter (particle_reference.h) which begins at 5 s with the observer's
-// belief; no one is given the normal load's channel there. What of the particles' error is chance
+// belief; all know the rig's own numbers but for doubt of mu and gamma, "own, not knowing" is off
+// as above; no one is given the normal load's channel there. What of the particles' error is chance
 // is estimated by a second such filter with a quarter of them.
 //
 // Ends with status 1 where KalmanFilter and its dense twin differ.
@@ -189,13 +190,16 @@ struct Reference {
   long samples = 0;
 };
 
-Reference refer(const runs::Run& run, const Model& believed, const Options& options) {
+/// All know the rig's own numbers; last comes the observer's own filter with what the runs believe.
+Reference refer(const runs::Run& run, const Options& options) {
   const std::vector<Contender> all = contenders();
+  const Model known = runs::knowing(run);
   Reference out;
-  out.contender.resize(all.size());
   std::vector<Estimator> estimators;
-  for (const Contender& each : all) estimators.push_back(each.make(believed));
-  observer::LinearisedFilter guide(believed, runs::period_s);
+  for (const Contender& each : all) estimators.push_back(each.make(known));
+  estimators.push_back(all.front().make(run.believed));
+  out.contender.resize(estimators.size());
+  observer::LinearisedFilter guide(known, runs::period_s);
   std::unique_ptr<observer::ParticleReference> full, quarter;
   const auto begins = static_cast<std::size_t>(std::llround(5.0 / runs::period_s));
   const auto scored = static_cast<std::size_t>(std::llround(6.0 / runs::period_s));
@@ -214,7 +218,7 @@ Reference refer(const runs::Run& run, const Model& believed, const Options& opti
                                                               options.particles / 4, 2);
     }
     const physics::RigTruth& t = run.truth[i];
-    for (std::size_t k = 0; k < all.size(); ++k) {
+    for (std::size_t k = 0; k < estimators.size(); ++k) {
       const FrictionEstimate& e = estimators[k](frame);
       if (i < scored) continue;
       out.contender[k].add(e.theta - t.theta, e.friction_force_n - t.friction_force_n);
@@ -232,15 +236,17 @@ Reference refer(const runs::Run& run, const Model& believed, const Options& opti
 
 void refer_to_particles(const std::string& name, const config::Rig& preset,
                         const Options& options) {
-  const std::vector<Contender> all = contenders();
-  std::vector<std::vector<double>> theta(all.size()), force(all.size());
+  std::vector<std::string> names;
+  for (const Contender& each : contenders()) names.push_back(each.name);
+  names.push_back("own, not knowing");
+  std::vector<std::vector<double>> theta(names.size()), force(names.size());
   std::vector<double> error, stated, by_chance, effective;
   const double seconds = 6.0 + options.reference_seconds;
   for (int seed = 1; seed <= options.reference_seeds; ++seed) {
     const runs::Run run = runs::run_of(preset, static_cast<std::uint64_t>(seed), seconds);
-    const Reference r = refer(run, run.believed, options);
+    const Reference r = refer(run, options);
     const auto samples = static_cast<double>(r.samples);
-    for (std::size_t k = 0; k < all.size(); ++k) {
+    for (std::size_t k = 0; k < names.size(); ++k) {
       theta[k].push_back(std::sqrt(r.contender[k].theta / r.full.theta));
       force[k].push_back(std::sqrt(r.contender[k].force / r.full.force));
     }
@@ -256,8 +262,8 @@ void refer_to_particles(const std::string& name, const config::Rig& preset,
       "effective number %.0f\n",
       name.c_str(), options.reference_seeds, seconds, options.particles, quantile(error, 0.5),
       quantile(by_chance, 0.5), quantile(stated, 0.5), quantile(effective, 0.0));
-  for (std::size_t k = 0; k < all.size(); ++k) {
-    std::printf("  %-20s theta %.2f (%.2f to %.2f)  f %.2f (%.2f to %.2f)\n", all[k].name.c_str(),
+  for (std::size_t k = 0; k < names.size(); ++k) {
+    std::printf("  %-20s theta %.2f (%.2f to %.2f)  f %.2f (%.2f to %.2f)\n", names[k].c_str(),
                 quantile(theta[k], 0.5), quantile(theta[k], 0.0), quantile(theta[k], 1.0),
                 quantile(force[k], 0.5), quantile(force[k], 0.0), quantile(force[k], 1.0));
   }

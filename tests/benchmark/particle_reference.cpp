@@ -52,7 +52,7 @@ ParticleReference::ParticleReference(RivalFilter& guide, double period_s, int pa
   std::vector<int> drawn;
   const bool relaxing = structure.kinetics == Kinetics::relaxing;
   if (relaxing) drawn.push_back(l.theta);
-  for (const int i : {l.mu, l.log_rate, l.load}) {
+  for (const int i : {l.mu, l.log_rate, l.load, l.drive + 3}) {
     if (i >= 0) drawn.push_back(i);
   }
   const Eigen::MatrixXd among = b.covariance(drawn, drawn);
@@ -76,6 +76,7 @@ ParticleReference::ParticleReference(RivalFilter& guide, double period_s, int pa
   mu_ = values(l.mu, c.mu);
   log_rate_ = values(l.log_rate, relaxing ? std::log(c.rate) : 0.0);
   load_ = values(l.load, structure.loaded ? c.load : 1.0);
+  bend_ = values(l.drive + 3, lambda_);
   force_ = slip_ = log_weight_ = Eigen::RowVectorXd::Zero(particles);
 }
 
@@ -182,6 +183,12 @@ void ParticleReference::discretise() {
   discrete_.by_middle_force = first.topRightCorner(count_, 1);
   discrete_.by_late_force = discrete_.by_middle_force;
   discrete_.by_early_force = discrete_.middle * rest.topRightCorner(count_, 1);
+  const int p = at(l.drive);
+  const double off = 0.01 * std::max(lambda_, 1.0);
+  Eigen::MatrixXd faster = a.topLeftCorner(count_, count_);
+  faster(p + 2, p + 1) -= off;
+  const Eigen::MatrixXd moved = exponential(faster, period_s_) - discrete_.whole;
+  discrete_.bend = moved.middleCols(p + 1, 2) / off;
 }
 
 void ParticleReference::draw_parameters() {
@@ -201,6 +208,7 @@ void ParticleReference::draw_parameters() {
   walk(mu_, l.mu);
   walk(log_rate_, l.log_rate);
   walk(load_, l.load);
+  walk(bend_, l.drive + 3);
   for (int i = 0; i < count_; ++i) {
     for (int j = 0; j < count_; ++j) {
       const int row = linear_[static_cast<std::size_t>(i)];
@@ -256,7 +264,7 @@ void ParticleReference::close(const Eigen::RowVectorXd& free_slip, double give,
 
 void ParticleReference::update(const Frame& frame) {
   if (steps_++ % 50 == 0) {
-    lambda_ = guide_->belief().mean[guide_->layout().drive + 3];
+    lambda_ = bend_.mean();
     discretise();
   }
   draw_parameters();
@@ -277,7 +285,11 @@ void ParticleReference::update(const Frame& frame) {
   close(free, -slip_of(d.by_middle_force)[0], middle_x, theta_, theta, force);
 
   draw_along(slip_of(d.whole), slip_of(d.by_early_force)[0] * force, free);
+  const int p = at(l.drive);
+  Eigen::MatrixXd turned = means_.middleRows(p + 1, 2);
+  turned.array().rowwise() *= bend_.array() - lambda_;
   means_ = d.whole * means_;
+  means_ += d.bend * turned;
   means_ += d.by_early_force * force;
   covariance_ = d.whole * covariance_ * d.whole.transpose();
   const double on = (1.0 - gamma_ars) / gamma_ars;
@@ -334,7 +346,7 @@ void ParticleReference::report_and_resample() {
   }
   chosen.resize(static_cast<std::size_t>(particles), particles - 1);
   means_ = means_(Eigen::all, chosen).eval();
-  for (Eigen::RowVectorXd* values : {&theta_, &mu_, &log_rate_, &load_, &force_, &slip_}) {
+  for (Eigen::RowVectorXd* values : {&theta_, &mu_, &log_rate_, &load_, &bend_, &force_, &slip_}) {
     *values = (*values)(chosen).eval();
   }
   log_weight_.setZero();

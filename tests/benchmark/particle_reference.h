@@ -5,10 +5,9 @@
 // force is known, so each particle has a Kalman filter for it, whose covariance is the same for
 // all.
 //
-// Against the model that the observer holds to be true it leaves out: doubt of the base motion's
-// lambda (taken from the observer's filter), and of x within a wedge's normal load (each particle
-// takes its mean). It uses Bayes' rule throughout, without the observer's three choices of what not
-// to learn from what.
+// Against the model that the observer holds to be true it leaves out the doubt of x within a
+// wedge's normal load (each particle takes its mean). It uses Bayes' rule throughout, without the
+// observer's three choices of what not to learn from what.
 #pragma once
 
 #include <array>
@@ -44,6 +43,7 @@ class ParticleReference {
     Eigen::MatrixXd middle;                                          ///< of the first stage
     Eigen::MatrixXd whole;                                           ///< of the period
     Eigen::VectorXd by_middle_force, by_early_force, by_late_force;  ///< [per N]
+    Eigen::MatrixXd bend;  ///< what p' and p'' add for each lambda beyond lambda_
   };
   void lay_out();
   Eigen::MatrixXd rates() const;
@@ -63,12 +63,13 @@ class ParticleReference {
   int count_ = 0;
   Eigen::VectorXd force_rate_;  ///< what a newton does to the rates
   Discrete discrete_;
-  double lambda_ = 0.0;
+  double lambda_ = 0.0;  ///< that discrete_ was made with
   long steps_ = 0;
 
   Eigen::MatrixXd means_;       ///< a column for each particle
   Eigen::MatrixXd covariance_;  ///< of all of them
-  Eigen::RowVectorXd theta_, mu_, log_rate_, load_, force_, slip_;
+  // bend_: the drive's lambda
+  Eigen::RowVectorXd theta_, mu_, log_rate_, load_, bend_, force_, slip_;
   Eigen::RowVectorXd log_weight_;
   std::mt19937_64 random_;
   std::normal_distribution<double> normal_;

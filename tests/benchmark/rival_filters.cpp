@@ -67,26 +67,28 @@ void RivalFilter::begin(const Frame& frame) {
   nis_level_ = 1.0;
   absurd_s_ = 0.0;
   std::fill(refused_in_a_row_.begin(), refused_in_a_row_.end(), 0);
-  begun(belief_);
 }
 
 const FrictionEstimate& RivalFilter::update(const Frame& frame) {
   noise_->listen(frame);
   Sighting seen;
+  since_drive_s_ += period_s_;
   if (!started_) {
     begin(frame);
+    seen = correct(frame, belief_);
+    begun(belief_);
   } else {
     since_start_s_ += period_s_;
-    since_drive_s_ += period_s_;
     seen = pass(frame, belief_);
-    if (frame.has(drive_channel(rig_.structure()))) {
-      since_drive_s_ = 0.0;
-      noise_->learn_drive(seen.drive);
-    }
-    if (!is_healthy(seen)) {
-      ++estimate_.restarts;
-      begin(frame);
-    }
+  }
+  if (frame.has(drive_channel(rig_.structure()))) {
+    since_drive_s_ = 0.0;
+    noise_->learn_drive(seen.drive);
+  }
+  if (!is_healthy(seen)) {
+    ++estimate_.restarts;
+    begin(frame);
+    begun(belief_);
   }
   for (int i = 0; i < layout_.count; ++i) {
     for (int j = 0; j <= i; ++j) scratch_.set(i, j, belief_.covariance(i, j));
