@@ -52,7 +52,7 @@ ParticleReference::ParticleReference(RivalFilter& guide, double period_s, int pa
   std::vector<int> drawn;
   const bool relaxing = structure.kinetics == Kinetics::relaxing;
   if (relaxing) drawn.push_back(l.theta);
-  for (const int i : {l.mu, l.log_rate, l.load, l.drive + 3}) {
+  for (const int i : {l.mu, l.log_rate, l.load}) {
     if (i >= 0) drawn.push_back(i);
   }
   const Eigen::MatrixXd among = b.covariance(drawn, drawn);
@@ -76,7 +76,6 @@ ParticleReference::ParticleReference(RivalFilter& guide, double period_s, int pa
   mu_ = values(l.mu, c.mu);
   log_rate_ = values(l.log_rate, relaxing ? std::log(c.rate) : 0.0);
   load_ = values(l.load, structure.loaded ? c.load : 1.0);
-  bend_ = values(l.drive + 3, lambda_);
   force_ = slip_ = log_weight_ = Eigen::RowVectorXd::Zero(particles);
 }
 
@@ -91,7 +90,7 @@ void ParticleReference::lay_out() {
   for (const int i : {state::x, state::v, state::y, state::u}) {
     add(l.rig[static_cast<std::size_t>(i)]);
   }
-  for (int i = 0; i < 3; ++i) add(l.drive + i);
+  for (int i = 0; i < 4; ++i) add(l.drive + i);
   for (Channel channel : all_channels) {
     const Chain& chain = l.of(channel);
     if (!chain.used || channel == Channel::normal_load) continue;
@@ -208,7 +207,6 @@ void ParticleReference::draw_parameters() {
   walk(mu_, l.mu);
   walk(log_rate_, l.log_rate);
   walk(load_, l.load);
-  walk(bend_, l.drive + 3);
   for (int i = 0; i < count_; ++i) {
     for (int j = 0; j < count_; ++j) {
       const int row = linear_[static_cast<std::size_t>(i)];
@@ -226,8 +224,11 @@ void ParticleReference::draw_along(const Eigen::RowVectorXd& row, const Eigen::R
   const double variance = row * column;
   drawn = row * means_ + offset;
   if (variance < 1.0e-22) return;
-  Eigen::RowVectorXd off(means_.cols());
   const double deviation = std::sqrt(variance);
+  // tanh(5) is 1 to 10^-4.
+  const double slides = 5.0 * guide_->numbers().c.transition_speed + 5.0 * deviation;
+  if (drawn.cwiseAbs().minCoeff() > slides) return;
+  Eigen::RowVectorXd off(means_.cols());
   for (double& value : off) value = deviation * normal_(random_);
   drawn += off;
   means_ += (column / variance) * off;
@@ -264,7 +265,7 @@ void ParticleReference::close(const Eigen::RowVectorXd& free_slip, double give,
 
 void ParticleReference::update(const Frame& frame) {
   if (steps_++ % 50 == 0) {
-    lambda_ = bend_.mean();
+    lambda_ = means_.row(place_[static_cast<std::size_t>(guide_->layout().drive + 3)]).mean();
     discretise();
   }
   draw_parameters();
@@ -287,11 +288,14 @@ void ParticleReference::update(const Frame& frame) {
   draw_along(slip_of(d.whole), slip_of(d.by_early_force)[0] * force, free);
   const int p = at(l.drive);
   Eigen::MatrixXd turned = means_.middleRows(p + 1, 2);
-  turned.array().rowwise() *= bend_.array() - lambda_;
+  Eigen::MatrixXd f = d.whole;
+  f.col(p + 3) += d.bend * turned.rowwise().mean();
+  f.middleCols(p + 1, 2) += (means_.row(p + 3).mean() - lambda_) * d.bend;
+  turned.array().rowwise() *= means_.row(p + 3).array() - lambda_;
   means_ = d.whole * means_;
   means_ += d.bend * turned;
   means_ += d.by_early_force * force;
-  covariance_ = d.whole * covariance_ * d.whole.transpose();
+  covariance_ = f * covariance_ * f.transpose();
   const double on = (1.0 - gamma_ars) / gamma_ars;
   const Eigen::RowVectorXd from = (1.0 - on) * theta_ + on * theta;
   close(free, -slip_of(d.by_late_force)[0], means_.row(x), from, theta_, force_);
@@ -346,7 +350,7 @@ void ParticleReference::report_and_resample() {
   }
   chosen.resize(static_cast<std::size_t>(particles), particles - 1);
   means_ = means_(Eigen::all, chosen).eval();
-  for (Eigen::RowVectorXd* values : {&theta_, &mu_, &log_rate_, &load_, &bend_, &force_, &slip_}) {
+  for (Eigen::RowVectorXd* values : {&theta_, &mu_, &log_rate_, &load_, &force_, &slip_}) {
     *values = (*values)(chosen).eval();
   }
   log_weight_.setZero();

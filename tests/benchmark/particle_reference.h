@@ -3,11 +3,13 @@
 // linear (slip velocity in both stages of a period, theta, mu, gamma, normal load) is drawn for
 // each particle; all the rest (mass, load cell, base motion, sensor chains) is linear once the
 // force is known, so each particle has a Kalman filter for it, whose covariance is the same for
-// all.
+// all. Nothing is drawn of the slip while every particle slides so fast that its friction does not
+// depend on it.
 //
-// Against the model that the observer holds to be true it leaves out the doubt of x within a
-// wedge's normal load (each particle takes its mean). It uses Bayes' rule throughout, without the
-// observer's three choices of what not to learn from what.
+// Against the model that the observer holds to be true it simplifies two things: the base motion's
+// lambda is linearised about the particles' mean, and a wedge's normal load is that of a particle's
+// mean x. It uses Bayes' rule throughout, without the observer's three choices of what not to learn
+// from what.
 #pragma once
 
 #include <array>
@@ -68,8 +70,7 @@ class ParticleReference {
 
   Eigen::MatrixXd means_;       ///< a column for each particle
   Eigen::MatrixXd covariance_;  ///< of all of them
-  // bend_: the drive's lambda
-  Eigen::RowVectorXd theta_, mu_, log_rate_, load_, bend_, force_, slip_;
+  Eigen::RowVectorXd theta_, mu_, log_rate_, load_, force_, slip_;
   Eigen::RowVectorXd log_weight_;
   std::mt19937_64 random_;
   std::normal_distribution<double> normal_;
