@@ -88,7 +88,7 @@ std::vector<Contender> contenders() {
   return {{"observer's own", own},
           contender<observer::LinearisedFilter>("the same, dense"),
           contender<observer::TangentFilter>("tangent"),
-          contender<observer::IteratedFilter>("iterated, 3 rounds", 2),
+          contender<observer::IteratedFilter>("iterated, 3 times", 2),
           contender<SigmaPointFilter>("sigma points, near", SigmaPointFilter::Points::near),
           contender<SigmaPointFilter>("cubature, far", SigmaPointFilter::Points::far),
           contender<observer::InteractingFilter>("interacting")};
@@ -128,7 +128,7 @@ void print(const std::string& name, const Tally& t) {
 
 /// Whether the dense twin says what the observer's own filter says.
 bool agree(const Tally& own, const Tally& twin) {
-  bool same = own.restarts == twin.restarts;
+  bool same = true;
   for (std::size_t i = 0; i < own.theta.size(); ++i) {
     same = same && std::abs(own.theta[i] - twin.theta[i]) < 1.0e-3 * own.theta[i] &&
            std::abs(own.mean_nees[i] - twin.mean_nees[i]) < 1.0e-2 * own.mean_nees[i];

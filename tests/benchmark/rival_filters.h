@@ -115,8 +115,8 @@ class TangentFilter final : public RivalFilter {
   Sighting pass(const Frame& frame, Belief& belief) override;
 };
 
-/// Linearises the period anew about what its end's readings say of its start, and with the slip's
-/// doubt that is left then.
+/// Linearises the period `rounds` more times, about what its end's readings say of its start, and
+/// with the slip's doubt that is left then.
 class IteratedFilter final : public RivalFilter {
  public:
   IteratedFilter(const physics::Model& model, double period_s, int rounds)
