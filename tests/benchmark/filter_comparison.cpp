@@ -241,10 +241,15 @@ void refer_to_particles(const std::string& name, const config::Rig& preset,
   names.push_back("own, not knowing");
   std::vector<std::vector<double>> theta(names.size()), force(names.size());
   std::vector<double> error, stated, by_chance, effective;
+  int lost = 0;
   const double seconds = 6.0 + options.reference_seconds;
   for (int seed = 1; seed <= options.reference_seeds; ++seed) {
     const runs::Run run = runs::run_of(preset, static_cast<std::uint64_t>(seed), seconds);
     const Reference r = refer(run, options);
+    if (!std::isfinite(r.full.theta) || !std::isfinite(r.apart)) {
+      ++lost;
+      continue;
+    }
     const auto samples = static_cast<double>(r.samples);
     for (std::size_t k = 0; k < names.size(); ++k) {
       theta[k].push_back(std::sqrt(r.contender[k].theta / r.full.theta));
@@ -256,11 +261,13 @@ void refer_to_particles(const std::string& name, const config::Rig& preset,
     by_chance.push_back(std::sqrt(r.apart / 5.0 / samples));
     effective.push_back(r.least_effective);
   }
+  if (lost > 0) std::printf("%s: the particles lost their way in %d runs\n", name.c_str(), lost);
+  if (error.empty()) return;
   std::printf(
-      "%s, %d runs, errors from 6 s to %.0f s over those of %d particles\n"
+      "%s, %zu runs, errors from 6 s to %.0f s over those of %d particles\n"
       "  the particles' own theta %.4f, of which by chance %.4f, stated deviation %.4f; least "
       "effective number %.0f\n",
-      name.c_str(), options.reference_seeds, seconds, options.particles, quantile(error, 0.5),
+      name.c_str(), error.size(), seconds, options.particles, quantile(error, 0.5),
       quantile(by_chance, 0.5), quantile(stated, 0.5), quantile(effective, 0.0));
   for (std::size_t k = 0; k < names.size(); ++k) {
     std::printf("  %-20s theta %.2f (%.2f to %.2f)  f %.2f (%.2f to %.2f)\n", names[k].c_str(),
