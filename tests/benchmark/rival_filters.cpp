@@ -1,0 +1,430 @@
+#include "rival_filters.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+namespace stickslip::observer {
+
+namespace {
+
+namespace state = physics::state;
+
+// As in KalmanFilter.
+constexpr double steep_transition_m_s = 5.0e-4;
+constexpr double outlier_sigmas = 8.0;
+constexpr double outliers_to_restart_s = 0.05;
+constexpr double nis_memory_s = 0.5;
+constexpr double nis_to_restart = 12.0;
+constexpr double absurd_to_restart_s = 0.2;
+constexpr double drive_trusted_s = 0.1;
+
+double square(double x) { return x * x; }
+
+physics::Model without_jumps(physics::Model model) {
+  auto& speed = model.friction.transition_speed_m_s.value;
+  speed = std::max(speed, steep_transition_m_s);
+  return model;
+}
+
+Vector small(const Eigen::VectorXd& states) { return states; }
+
+}  // namespace
+
+RivalFilter::RivalFilter(const physics::Model& model, double period_s)
+    : model_(without_jumps(model)),
+      rig_(model_),
+      period_s_(period_s),
+      layout_(layout_of(model_, rig_, reason_)),
+      teller_(model, period_s),
+      scratch_(std::min(layout_.count, max_states)) {
+  if (!teller_.unsupported().empty()) throw std::invalid_argument(teller_.unsupported());
+  const int steps = static_cast<int>(std::ceil(period_s / rig_.longest_step_s() - 1.0e-9));
+  prediction_ = prediction_for(rig_, model_, layout_, period_s_, steps);
+  noise_ = std::make_unique<Noise>(model_, rig_, layout_, prediction_->numbers(), period_s_,
+                                   Contact::to_be_learnt);
+  const physics::SensorBank bank(model_, period_s_ / steps);
+  settle_s_ = std::clamp(bank.settling_time_s(), 20.0 * period_s_, 2.0);
+  learn_s_ = 2.0 * settle_s_;
+  refused_in_a_row_.assign(channel_count, 0);
+  estimate_ = teller_.estimate();
+}
+
+void RivalFilter::begin(const Frame& frame) {
+  const bool keeps_mu = layout_.mu >= 0 && started_ && std::isfinite(belief_.mean[layout_.mu]);
+  const double old_mu = keeps_mu ? belief_.mean[layout_.mu] : 0.0;
+  Vector mean = Vector::Zero(layout_.count);
+  scratch_.set_zero();
+  noise_->start(frame, old_mu, mean, scratch_);
+  belief_.mean = mean;
+  belief_.covariance.setZero(layout_.count, layout_.count);
+  for (int i = 0; i < layout_.count; ++i) {
+    for (int j = 0; j < layout_.count; ++j) belief_.covariance(i, j) = scratch_(i, j);
+  }
+  started_ = true;
+  since_start_s_ = 0.0;
+  nis_level_ = 1.0;
+  absurd_s_ = 0.0;
+  std::fill(refused_in_a_row_.begin(), refused_in_a_row_.end(), 0);
+}
+
+const FrictionEstimate& RivalFilter::update(const Frame& frame) {
+  noise_->listen(frame);
+  Sighting seen;
+  since_drive_s_ += period_s_;
+  if (!started_) {
+    begin(frame);
+    seen = correct(frame, belief_);
+    begun(belief_);
+  } else {
+    since_start_s_ += period_s_;
+    seen = pass(frame, belief_);
+  }
+  if (frame.has(drive_channel(rig_.structure()))) {
+    since_drive_s_ = 0.0;
+    noise_->learn_drive(seen.drive);
+  }
+  if (!is_healthy(seen)) {
+    ++estimate_.restarts;
+    begin(frame);
+    begun(belief_);
+  }
+  for (int i = 0; i < layout_.count; ++i) {
+    for (int j = 0; j <= i; ++j) scratch_.set(i, j, belief_.covariance(i, j));
+  }
+  teller_.tell(small(belief_.mean), scratch_, estimate_);
+  estimate_.time_ns = frame.time_ns;
+  estimate_.nis = seen.nis;
+  estimate_.nis_freedom = static_cast<std::uint8_t>(seen.nis_freedom);
+  estimate_.standing = since_start_s_ < settle_s_ ? Standing::settling : Standing::good;
+  estimate_.valid = estimate_.standing == Standing::good;
+  return estimate_;
+}
+
+bool RivalFilter::is_healthy(const Sighting& seen) {
+  if (seen.nis_freedom > 0) {
+    nis_level_ +=
+        std::min(1.0, period_s_ / nis_memory_s) * (seen.nis / seen.nis_freedom - nis_level_);
+  }
+  for (std::size_t i = 0; i < channel_count; ++i) {
+    refused_in_a_row_[i] = (seen.refused >> i & 1U) != 0 ? refused_in_a_row_[i] + 1 : 0;
+  }
+  if (!belief_.mean.allFinite() || !belief_.covariance.allFinite()) return false;
+  absurd_s_ = noise_->is_absurd(small(belief_.mean)) ? absurd_s_ + period_s_ : 0.0;
+  if (absurd_s_ > absurd_to_restart_s) return false;
+  if (belief_.covariance.diagonal().minCoeff() < -1.0e-18) return false;
+  if (since_start_s_ > learn_s_ && nis_level_ > nis_to_restart) return false;
+  const int most = std::max(5, static_cast<int>(outliers_to_restart_s / period_s_));
+  return *std::max_element(refused_in_a_row_.begin(), refused_in_a_row_.end()) <= most;
+}
+
+Eigen::RowVectorXd RivalFilter::slip_row() const {
+  Eigen::RowVectorXd row = Eigen::RowVectorXd::Zero(layout_.count);
+  row[layout_.rig[state::v]] = 1.0;
+  if (layout_.rig[state::u] >= 0) row[layout_.rig[state::u]] = -1.0;
+  return row;
+}
+
+double RivalFilter::slip_variance(const Eigen::MatrixXd& p) const {
+  const int v = layout_.rig[state::v];
+  const int u = layout_.rig[state::u];
+  if (u < 0) return p(v, v);
+  return p(v, v) + p(u, u) - 2.0 * p(v, u);
+}
+
+Eigen::MatrixXd RivalFilter::process_noise(const Belief& belief, double slip_variance) {
+  scratch_.set_zero();
+  // How much is added to the drive's lambda depends on what is there.
+  const int lambda = layout_.drive + 3;
+  const double before = belief.covariance(lambda, lambda);
+  scratch_.set(lambda, lambda, before);
+  noise_->add_process(small(belief.mean), slip_variance, since_start_s_ - period_s_, scratch_);
+  scratch_.add(lambda, lambda, -before);
+  Eigen::MatrixXd q(layout_.core, layout_.core);
+  for (int i = 0; i < layout_.core; ++i) {
+    for (int j = 0; j < layout_.core; ++j) q(i, j) = scratch_(i, j);
+  }
+  return q;
+}
+
+void RivalFilter::add_output_noise(Belief& belief) {
+  if (layout_.friction < 0) return;
+  scratch_.set_zero();
+  noise_->add_output(small(belief.mean), scratch_);
+  for (const int i : {layout_.theta, layout_.friction}) {
+    for (const int j : {layout_.theta, layout_.friction}) belief.covariance(i, j) += scratch_(i, j);
+  }
+}
+
+void RivalFilter::predict(Belief& belief, double doubt) {
+  belief.covariance.topLeftCorner(layout_.core, layout_.core) += process_noise(belief, doubt);
+  Vector mean = belief.mean;
+  prediction_->advance(mean, 0.0, doubt);
+  belief.mean = mean;
+  const Eigen::MatrixXd f = prediction_->transition().dense();
+  belief.covariance = f * belief.covariance * f.transpose();
+  add_output_noise(belief);
+}
+
+Sighting RivalFilter::correct(const Frame& frame, Belief& belief) const {
+  Sighting seen;
+  Eigen::VectorXd& mean = belief.mean;
+  Eigen::MatrixXd& p = belief.covariance;
+  const bool learning = since_start_s_ < learn_s_;
+  const double lesson =
+      learning ? 0.0 : noise_->lesson(small(mean), slip_variance(belief.covariance));
+  const Channel driven = drive_channel(rig_.structure());
+  double since_drive_s = since_drive_s_;
+  for (Channel channel : all_channels) {
+    const Chain& chain = layout_.of(channel);
+    if (!frame.has(channel) || !chain.used) continue;
+    const Eigen::VectorXd column = p.col(chain.reading);
+    const double innovation = frame[channel] - mean[chain.reading];
+    const double expected = column[chain.reading] + noise_->reading_variance(channel);
+    const double squared = square(innovation) / expected;
+    if (channel == driven) {
+      seen.drive = innovation / std::sqrt(expected);
+      since_drive_s = 0.0;
+    }
+    seen.log_likelihood -= 0.5 * (std::min(squared, square(outlier_sigmas)) + std::log(expected));
+    if (since_start_s_ > learn_s_ && squared > square(outlier_sigmas)) {
+      seen.refused = static_cast<std::uint8_t>(seen.refused | (1U << index_of(channel)));
+      continue;
+    }
+    seen.nis += squared;
+    ++seen.nis_freedom;
+    Eigen::VectorXd gain = column / expected;
+    if (layout_.mu >= 0) gain[layout_.mu] *= lesson;
+    if (layout_.log_rate >= 0 && learning) gain[layout_.log_rate] = 0.0;
+    if (channel != driven && since_drive_s < drive_trusted_s) {
+      gain.segment(layout_.drive, 4).setZero();
+      gain.segment(layout_.of(driven).first, layout_.of(driven).count).setZero();
+    }
+    mean += gain * innovation;
+    const Eigen::VectorXd rest = column - expected * gain;
+    p -= gain * column.transpose() + rest * gain.transpose();
+    p = (0.5 * (p + p.transpose())).eval();
+  }
+  Vector confined = mean;
+  noise_->confine(confined);
+  mean = confined;
+  return seen;
+}
+
+Sighting TangentFilter::pass(const Frame& frame, Belief& belief) {
+  predict(belief, 0.0);
+  return correct(frame, belief);
+}
+
+Sighting LinearisedFilter::pass(const Frame& frame, Belief& belief) {
+  predict(belief, slip_variance(belief.covariance));
+  return correct(frame, belief);
+}
+
+Sighting IteratedFilter::pass(const Frame& frame, Belief& belief) {
+  const double doubt = slip_variance(belief.covariance);
+  Eigen::MatrixXd before = belief.covariance;
+  before.topLeftCorner(layout_.core, layout_.core) += process_noise(belief, doubt);
+  std::vector<Channel> read;
+  for (Channel channel : all_channels) {
+    if (frame.has(channel) && layout_.of(channel).used) read.push_back(channel);
+  }
+  const auto m = static_cast<Eigen::Index>(read.size());
+
+  Eigen::VectorXd about = belief.mean;  // where the period is linearised
+  double about_doubt = doubt;
+  Belief predicted;
+  for (int round = 0; round <= rounds_; ++round) {
+    Vector end = about;
+    prediction_->advance(end, 0.0, about_doubt);
+    const Eigen::MatrixXd f = prediction_->transition().dense();
+    predicted.mean = end + f * (belief.mean - about);
+    const Eigen::MatrixXd across = before * f.transpose();
+    predicted.covariance = f * across;
+    if (round == rounds_) break;
+    Eigen::MatrixXd with_readings(layout_.count, m);
+    Eigen::MatrixXd s(m, m);
+    Eigen::VectorXd innovation(m);
+    for (Eigen::Index i = 0; i < m; ++i) {
+      const Channel channel = read[static_cast<std::size_t>(i)];
+      const int at = layout_.of(channel).reading;
+      with_readings.col(i) = across.col(at);
+      innovation[i] = frame[channel] - predicted.mean[at];
+      for (Eigen::Index j = 0; j < m; ++j) {
+        s(i, j) = predicted.covariance(at, layout_.of(read[static_cast<std::size_t>(j)]).reading);
+      }
+      s(i, i) += noise_->reading_variance(channel);
+    }
+    // What is not to be learnt from these readings stays as it is.
+    with_readings.middleRows(layout_.drive, 4).setZero();
+    if (layout_.mu >= 0) with_readings.row(layout_.mu).setZero();
+    const Eigen::LDLT<Eigen::MatrixXd> factor(s);
+    about = belief.mean + with_readings * factor.solve(innovation);
+    const Eigen::RowVectorXd slip = slip_row() * with_readings;
+    about_doubt = std::max(0.0, slip_variance(before) - slip.dot(factor.solve(slip.transpose())));
+    about_doubt = std::min(about_doubt, doubt);
+  }
+  belief = predicted;
+  add_output_noise(belief);
+  return correct(frame, belief);
+}
+
+Eigen::MatrixXd root_of(const Eigen::MatrixXd& covariance) {
+  const Eigen::Index n = covariance.rows();
+  Eigen::MatrixXd l = Eigen::MatrixXd::Zero(n, n);
+  for (Eigen::Index j = 0; j < n; ++j) {
+    Eigen::VectorXd column =
+        covariance.col(j).tail(n - j) - l.block(j, 0, n - j, j) * l.row(j).head(j).transpose();
+    // What is left of a state that follows from others is rounding.
+    if (!(column[0] > 1.0e-12 * covariance(j, j))) continue;
+    l.col(j).tail(n - j) = column / std::sqrt(column[0]);
+  }
+  return l;
+}
+
+Sighting SigmaPointFilter::pass(const Frame& frame, Belief& belief) {
+  const int n = layout_.count;
+  const int core = layout_.core;
+  // No widened tanh, and none of the noise for what it leaves out: the points see the bend.
+  belief.covariance.topLeftCorner(core, core) += process_noise(belief, 0.0);
+  const Eigen::MatrixXd root = root_of(belief.covariance);
+  const auto arrive = [&](const Eigen::VectorXd& from) -> Eigen::VectorXd {
+    Vector states = from;
+    prediction_->advance(states, 0.0, 0.0);
+    return states;
+  };
+  const Eigen::VectorXd centre = arrive(belief.mean);
+  const Eigen::MatrixXd f = prediction_->transition().dense();
+  const double h2 = points_ == Points::near ? 3.0 : static_cast<double>(n);
+  const double h = std::sqrt(h2);
+  Eigen::MatrixXd slope = f * root;  // of the linear directions; the others follow
+  Eigen::MatrixXd bend = Eigen::MatrixXd::Zero(n, core);
+  for (int j = 0; j < core; ++j) {
+    const Eigen::VectorXd ahead = arrive(belief.mean + h * root.col(j));
+    const Eigen::VectorXd behind = arrive(belief.mean - h * root.col(j));
+    slope.col(j) = (ahead - behind) / (2.0 * h);
+    bend.col(j) = 0.5 * (ahead + behind) - centre;
+  }
+  const Eigen::VectorXd shift = bend.rowwise().sum() / h2;
+  belief.mean = centre + shift;
+  belief.covariance = slope * slope.transpose();
+  if (points_ == Points::near) {
+    belief.covariance += (h2 - 1.0) / (h2 * h2) * bend * bend.transpose();
+  } else {
+    const Eigen::MatrixXd about_mean = bend.colwise() - shift;
+    belief.covariance += (about_mean * about_mean.transpose() +
+                          static_cast<double>(n - core) * shift * shift.transpose()) /
+                         h2;
+  }
+  add_output_noise(belief);
+  return correct(frame, belief);
+}
+
+Belief merged(const std::vector<double>& weights, const std::vector<Belief>& beliefs) {
+  Belief out{Eigen::VectorXd::Zero(beliefs.front().mean.size()), {}};
+  const Eigen::Index n = out.mean.size();
+  out.covariance = Eigen::MatrixXd::Zero(n, n);
+  for (std::size_t i = 0; i < beliefs.size(); ++i) out.mean += weights[i] * beliefs[i].mean;
+  for (std::size_t i = 0; i < beliefs.size(); ++i) {
+    const Eigen::VectorXd off = beliefs[i].mean - out.mean;
+    out.covariance += weights[i] * (beliefs[i].covariance + off * off.transpose());
+  }
+  return out;
+}
+
+namespace {
+
+double density(double z) { return std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi); }
+double share_below(double z) { return 0.5 * std::erfc(-z / std::numbers::sqrt2); }
+
+/// A Gaussian cut to low..high.
+struct Part {
+  double share = 0.0;
+  double mean = 0.0;
+  double variance = 0.0;
+};
+
+Part part_of(double mean, double variance, double low, double high) {
+  const double deviation = std::sqrt(variance);
+  const double a = (low - mean) / deviation;
+  const double b = (high - mean) / deviation;
+  Part part;
+  // In the tail where it is small, for its digits.
+  part.share = a > 0.0 ? share_below(-a) - share_below(-b) : share_below(b) - share_below(a);
+  if (part.share < 1.0e-9) return part;
+  const double at_a = std::isfinite(a) ? density(a) : 0.0;
+  const double at_b = std::isfinite(b) ? density(b) : 0.0;
+  const double shift = (at_a - at_b) / part.share;
+  const double a_edge = std::isfinite(a) ? a * at_a : 0.0;
+  const double b_edge = std::isfinite(b) ? b * at_b : 0.0;
+  part.mean = mean + deviation * shift;
+  part.variance =
+      variance * std::clamp(1.0 + (a_edge - b_edge) / part.share - square(shift), 1.0e-3, 1.0);
+  return part;
+}
+
+}  // namespace
+
+// The beliefs of the three regions of the slip velocity, those with hardly any weight left out.
+std::vector<InteractingFilter::Mode> InteractingFilter::mixed() const {
+  // tanh(2) = 0.96: beyond it the contact slides.
+  const double limit = 2.0 * prediction_->numbers().c.transition_speed;
+  const double edges[] = {-HUGE_VAL, -limit, limit, HUGE_VAL};
+  constexpr double least_weight = 1.0e-6;
+  const Eigen::RowVectorXd slip = slip_row();
+  std::vector<Mode> out;
+  for (int region = 0; region < 3; ++region) {
+    std::vector<double> weights;
+    std::vector<Belief> beliefs;
+    double sum = 0.0;
+    for (const Mode& mode : modes_) {
+      const double mean = slip * mode.belief.mean;
+      const double variance = std::max(slip_variance(mode.belief.covariance), 1.0e-18);
+      const Part part = part_of(mean, variance, edges[region], edges[region + 1]);
+      const double weight = mode.weight * part.share;
+      if (weight < least_weight) continue;
+      const Eigen::VectorXd gain = mode.belief.covariance * slip.transpose() / variance;
+      beliefs.push_back(
+          {mode.belief.mean + gain * (part.mean - mean),
+           mode.belief.covariance + gain * gain.transpose() * (part.variance - variance)});
+      weights.push_back(weight);
+      sum += weight;
+    }
+    if (weights.empty()) continue;
+    for (double& weight : weights) weight /= sum;
+    out.push_back({sum, merged(weights, beliefs)});
+  }
+  return out;
+}
+
+Sighting InteractingFilter::pass(const Frame& frame, Belief& belief) {
+  modes_ = mixed();
+  std::vector<Sighting> seen;
+  for (Mode& mode : modes_) {
+    predict(mode.belief, slip_variance(mode.belief.covariance));
+    seen.push_back(correct(frame, mode.belief));
+  }
+  std::size_t best = 0;
+  for (std::size_t i = 1; i < seen.size(); ++i) {
+    if (seen[i].log_likelihood > seen[best].log_likelihood) best = i;
+  }
+  double sum = 0.0;
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    modes_[i].weight *= std::exp(seen[i].log_likelihood - seen[best].log_likelihood);
+    sum += modes_[i].weight;
+  }
+  std::vector<double> weights;
+  std::vector<Belief> beliefs;
+  std::size_t heaviest = 0;
+  for (std::size_t i = 0; i < modes_.size(); ++i) {
+    modes_[i].weight /= sum;
+    weights.push_back(modes_[i].weight);
+    beliefs.push_back(modes_[i].belief);
+    if (modes_[i].weight > modes_[heaviest].weight) heaviest = i;
+  }
+  belief = merged(weights, beliefs);
+  return seen[heaviest];
+}
+
+}  // namespace stickslip::observer
