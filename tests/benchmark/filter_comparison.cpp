@@ -296,14 +296,29 @@ config::Rig rig_named(const std::string& name) {
 int main(int argc, char** argv) {
   using namespace stickslip;
   Options options;
-  for (int i = 1; i + 1 < argc; i += 2) {
+  for (int i = 1; i < argc; i += 2) {
     const std::string option = argv[i];
-    if (option == "--seeds") options.seeds = std::atoi(argv[i + 1]);
-    if (option == "--seconds") options.seconds = std::atof(argv[i + 1]);
-    if (option == "--rig") options.rig = argv[i + 1];
-    if (option == "--particles") options.particles = std::atoi(argv[i + 1]);
-    if (option == "--reference-seeds") options.reference_seeds = std::atoi(argv[i + 1]);
-    if (option == "--reference-seconds") options.reference_seconds = std::atof(argv[i + 1]);
+    const char* const value = i + 1 < argc ? argv[i + 1] : "";
+    if (option == "--seeds") {
+      options.seeds = std::atoi(value);
+    } else if (option == "--seconds") {
+      options.seconds = std::atof(value);
+    } else if (option == "--rig") {
+      options.rig = value;
+    } else if (option == "--particles") {
+      options.particles = std::atoi(value);
+    } else if (option == "--reference-seeds") {
+      options.reference_seeds = std::atoi(value);
+    } else if (option == "--reference-seconds") {
+      options.reference_seconds = std::atof(value);
+    } else {
+      std::fprintf(
+          stderr,
+          "filter_comparison [--seeds N] [--seconds S] [--rig NAME] [--particles N]\n"
+          "                  [--reference-seeds N] [--reference-seconds S]\n"
+          "With particles this takes tens of minutes; --reference-seeds 0 leaves them out.\n");
+      return 2;
+    }
   }
   bool same = true;
   for (const char* rig : {"simulated", "set-valued", "beam-1", "beam-3-paper"}) {
