@@ -54,7 +54,7 @@ class Manual(EndToEnd):
                 self.assertEqual((result.returncode, result.stdout, result.stderr), (0, "", ""))
 
     def test_the_build_wrote_the_same(self):
-        built = pathlib.Path(STICKSLIP).parent / "manual"
+        built = pathlib.Path(STICKSLIP).parent / "man"
         if not built.is_dir():
             self.skipTest("the manual is not built")
         undated = lambda page: page.read_text().split("\n", 2)[2]

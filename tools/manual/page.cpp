@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cstdint>
 #include <cstdlib>
 #include <ctime>
 #include <string_view>
@@ -129,17 +130,28 @@ std::string option_text(const CLI::Option& option) {
   return out + paragraph(without_stop(text) + ".");
 }
 
-std::string options_text(const CLI::App& command) {
+enum class Help : std::uint8_t { told, left_out };
+
+std::string options_text(const CLI::App& command, Help help) {
   std::string out;
   for (const bool positional : {true, false}) {
-    for (const CLI::Option* each : options_of(command, positional)) out += option_text(*each);
+    for (const CLI::Option* each : options_of(command, positional)) {
+      if (help == Help::told || each != command.get_help_ptr()) out += option_text(*each);
+    }
   }
   return out;
 }
 
+/// A command begins with the footer of the one above it, which has its own page.
+std::string own_footer(const CLI::App& command) {
+  const CLI::App* above = command.get_parent();
+  const std::string footer = command.get_footer();
+  return above != nullptr && above->get_footer() == footer ? "" : footer;
+}
+
 /// The footer without what it says of the exit status.
 std::string footer_text(const CLI::App& command) {
-  const std::string footer = command.get_footer();
+  const std::string footer = own_footer(command);
   const std::string text = footer.substr(0, footer.find(exit_status_word));
   return text.empty() ? "" : ".PP\n" + paragraph(text);
 }
@@ -156,7 +168,7 @@ std::string commands_text(const CLI::App& command, const Heading& heading) {
     }
     out += ".SS " + escaped(each->get_name()) + "\n" + synopsis_of(*each) + ".PP\n" +
            paragraph(without_stop(each->get_description()) + ".") + footer_text(*each) +
-           options_text(*each);
+           options_text(*each, Help::left_out);
     const std::string status = exit_status_of(*each);
     if (!status.empty()) out += ".PP\n" + paragraph("Exit status: " + status);
   }
@@ -198,7 +210,7 @@ std::string name_of(const CLI::App& command, const Heading& heading) {
 }
 
 std::string exit_status_of(const CLI::App& command) {
-  const std::string footer = command.get_footer();
+  const std::string footer = own_footer(command);
   const auto at = footer.find(exit_status_word);
   return at == std::string::npos ? "" : footer.substr(at + exit_status_word.size());
 }
@@ -215,7 +227,7 @@ std::string page(const CLI::App& command, const Heading& heading, const Notes& n
   out += ".SH DESCRIPTION\n" + paragraph(without_stop(command.get_description()) + ".");
   if (!notes.more.empty()) out += ".PP\n" + paragraph(notes.more);
   out += footer_text(command);
-  const std::string options = options_text(command);
+  const std::string options = options_text(command, Help::told);
   if (!options.empty()) out += ".SH OPTIONS\n" + options;
   if (!commands_of(command).empty()) out += commands_text(command, heading);
   const std::string own = exit_status_of(command);

@@ -77,9 +77,24 @@ Cell count_that_should_be_0(std::uint64_t count) {
   return {std::to_string(count), count > 0 ? Tone::bad : Tone::plain};
 }
 
+enum Heading : std::size_t {
+  channel,
+  messages,
+  rate,
+  jitter,
+  kilobytes,
+  size,
+  age,
+  lost,
+  bad,
+  type
+};
 constexpr std::array headings = {"CHANNEL", "MESSAGES", "RATE/s", "JITTER ms", "kB/s",
                                  "SIZE B",  "AGE s",    "LOST",   "BAD",       "TYPE"};
+// What a narrow terminal goes without, one after the other. Losses are what one looks for.
+constexpr std::array dispensable = {kilobytes, jitter, type, size, age, messages};
 using Row = std::array<Cell, headings.size()>;
+constexpr std::string_view between = "  ";
 
 Row row_of(const ChannelTraffic& seen, std::int64_t now_us) {
   return {Cell{printable(seen.channel)},
@@ -91,22 +106,44 @@ Row row_of(const ChannelTraffic& seen, std::int64_t now_us) {
           Cell{number("%.1f", std::max(0.0, seen.age_s(now_us)))},
           seen.is_frames ? count_that_should_be_0(seen.sequence.lost) : Cell{"-"},
           seen.type.empty() ? Cell{"-"} : count_that_should_be_0(seen.undecoded),
-          Cell{type_text(seen), seen.type.empty() ? Tone::warning : Tone::plain}};
+          seen.type.empty() ? Cell{"unknown", Tone::warning} : Cell{std::string(seen.type)}};
 }
 
-/// Cells side by side in so many columns: numbers to the right. What does not fit is cut, and what
-/// is cut is not painted, so that no sequence is torn.
-std::string laid_out(const Row& row, const std::array<std::size_t, headings.size()>& width,
-                     std::size_t columns, const Paint& paint) {
+/// How wide each column is; 0: it is left out.
+using Widths = std::array<std::size_t, headings.size()>;
+
+Widths widths_of(const std::vector<Row>& rows, std::size_t columns) {
+  Widths width{};
+  for (const Row& row : rows) {
+    for (std::size_t i = 0; i < width.size(); ++i) {
+      width[i] = std::max(width[i], terminal::columns_in(row[i].text));
+    }
+  }
+  const auto all = [&width] {
+    std::size_t sum = 0;
+    for (const std::size_t each : width) sum += each > 0 ? each + between.size() : 0;
+    return sum - between.size();
+  };
+  for (const Heading each : dispensable) {
+    if (columns > 0 && all() > columns) width[each] = 0;
+  }
+  return width;
+}
+
+/// Cells side by side in so many columns: numbers to the right. What still does not fit is cut, and
+/// what is cut is not painted, so that no sequence is torn.
+std::string laid_out(const Row& row, const Widths& width, std::size_t columns, const Paint& paint) {
   std::string plain;
   std::string painted;
   for (std::size_t i = 0; i < row.size(); ++i) {
-    const bool left = i == 0 || i + 1 == row.size();
-    const std::string between = i == 0 ? "" : "  ";
-    const std::string cell =
-        left ? padded(row[i].text, i == 0 ? width[i] : 0) : padded_left(row[i].text, width[i]);
-    plain += between + cell;
-    painted += between + paint(row[i].tone, cell);
+    if (width[i] == 0) continue;
+    const bool left = i == channel || i == type;
+    const std::string cell = left ? padded(row[i].text, i == channel ? width[i] : 0)
+                                  : padded_left(row[i].text, width[i]);
+    plain += (plain.empty() ? "" : between);
+    painted += (painted.empty() ? "" : between);
+    plain += cell;
+    painted += paint(row[i].tone, cell);
   }
   const bool fits = columns == 0 || terminal::columns_in(plain) <= columns;
   return (fits ? painted : cut_to(plain, columns)) + "\n";
@@ -152,24 +189,16 @@ std::vector<const ChannelTraffic*> seen_through(const View& view, const Traffic&
 
 std::string table(const View& view, const Traffic& traffic, std::int64_t now_us,
                   std::size_t columns, const Paint& paint) {
-  Row heading;
-  std::array<std::size_t, headings.size()> width{};
-  for (std::size_t i = 0; i < headings.size(); ++i) {
-    heading[i] = {headings[i], Tone::faint};
-    width[i] = heading[i].text.size();
-  }
+  std::vector<Row> rows(1);
+  for (std::size_t i = 0; i < headings.size(); ++i) rows[0][i] = {headings[i], Tone::faint};
   const auto seen = seen_through(view, traffic, now_us);
-  std::vector<Row> rows;
-  for (const ChannelTraffic* each : seen) {
-    rows.push_back(row_of(*each, now_us));
-    for (std::size_t i = 0; i < width.size(); ++i) {
-      width[i] = std::max(width[i], terminal::columns_in(rows.back()[i].text));
-    }
-  }
-  std::string out = laid_out(heading, width, columns, paint);
+  for (const ChannelTraffic* each : seen) rows.push_back(row_of(*each, now_us));
+  const Widths width = widths_of(rows, columns);
+  std::string out = laid_out(rows[0], width, columns, paint);
   for (std::size_t i = 0; i < seen.size(); ++i) {
     const ChannelTraffic& each = *seen[i];
-    out += laid_out(rows[i], width, columns, paint);
+    out += laid_out(rows[i + 1], width, columns, paint);
+    if (each.type.empty()) out += cut_line("  " + type_text(each), Tone::warning, columns, paint);
     if (each.is_frames) {
       const bool lost = each.sequence.lost > 0;
       out += cut_line("  " + frames_text(each), lost ? Tone::bad : Tone::plain, columns, paint);

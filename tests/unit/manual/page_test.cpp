@@ -99,6 +99,9 @@ TEST(Page, OfACommandHoldsTheCommandsBelowIt) {
   const std::string text = page(*program.command, heading, {}, "");
   EXPECT_TRUE(holds(text, ".SS check\n\\fBstickslip log check\\fR [\\fIOPTIONS\\fR]\n")) << text;
   EXPECT_TRUE(holds(text, "\\fB\\-\\-json\\fR\nAs JSON.\n")) << text;
+  // The footer above it is said once, and so is --help.
+  EXPECT_EQ(text.find("0 sound; 1 damaged"), text.rfind("0 sound; 1 damaged"));
+  EXPECT_EQ(text.find("\\-\\-help"), text.rfind("\\-\\-help"));
 }
 
 TEST(Page, ShowsExamplesAsTheyAreTyped) {

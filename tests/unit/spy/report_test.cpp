@@ -65,14 +65,22 @@ TEST(View, ShowsChannelsWhoseNameHoldsAWord) {
 TEST(Table, HasACellForEverything) {
   const auto rows =
       lines_of(table({{}, Order::rate, false}, some_traffic(), now_us, 0, terminal::Paint(false)));
-  ASSERT_EQ(rows.size(), 5U);  // heading, frames with their losses and values, the camera
+  ASSERT_EQ(rows.size(), 6U);  // heading, frames with their losses and values, the camera
   EXPECT_EQ(rows[0],
             "CHANNEL           MESSAGES  RATE/s  JITTER ms  kB/s  SIZE B  AGE s  LOST  BAD  TYPE");
   EXPECT_EQ(rows[1].substr(0, 43), "STICKSLIP_FRAMES        11    11.0      400");
   EXPECT_NE(rows[1].find("  0.5     9    0  frame_block_t"), std::string::npos) << rows[1];
   EXPECT_EQ(rows[2], "  11 frames, lost 9 in 1 gaps");
   EXPECT_EQ(rows[3], "  t 0.020 s: displacement 0.02 m");
-  EXPECT_NE(rows[4].find("unknown type 0xabababababababab"), std::string::npos) << rows[4];
+  EXPECT_NE(rows[4].find("2000    0.1     -    -  unknown"), std::string::npos) << rows[4];
+  EXPECT_EQ(rows[5], "  unknown type 0xabababababababab");
+}
+
+TEST(Table, KeepsLossesWhereItIsNarrow) {
+  const View view{{"frames"}, Order::name, false};
+  const auto rows = lines_of(table(view, some_traffic(), now_us, 60, terminal::Paint(false)));
+  EXPECT_EQ(rows[0], "CHANNEL           MESSAGES  RATE/s  SIZE B  AGE s  LOST  BAD");
+  EXPECT_TRUE(rows[1].ends_with("  0.5     9    0")) << rows[1];
 }
 
 TEST(Table, TellsBetweenWhichValuesEachWas) {
