@@ -16,7 +16,7 @@ from programs import STICKSLIP, EndToEnd, main, run
 
 GROUP = ("239.255.76.67", 7667)
 CSV = "time_s,displacement_m,friction_force_n\n" + "".join(
-    f"{i / 100:.2f},{1e-3 * (i % 7)!r},{0.1 * (i % 3)!r}\n" for i in range(300))
+    f"{i / 100:.2f},{1e-3 * (i % 7)!r},{0.1 * (i % 3)!r}\n" for i in range(200))
 TO_EMPTY_LINE = "\r\033[K"
 
 
@@ -42,6 +42,9 @@ class OnATerminal:
             stdout=subprocess.PIPE if piped else inside, env=env or environment())
         os.close(inside)
         self.shown = ""
+        self.began = time.monotonic()
+        self.first_s = None  # when it wrote first, since it was started
+        self.took_s = None
 
     def read(self, seconds):
         """Reads for so long; False once the program has closed the terminal."""
@@ -53,6 +56,7 @@ class OnATerminal:
                 self.shown += os.read(self.terminal, 65536).decode(errors="replace")
             except OSError:  # the other end is closed
                 return False
+            self.first_s = self.first_s or time.monotonic() - self.began
         return True
 
     def wait_for(self, pattern, seconds=60):
@@ -68,6 +72,7 @@ class OnATerminal:
         while self.read(0.2):
             assert time.monotonic() < until, self.shown
         self.process.wait(seconds)
+        self.took_s = time.monotonic() - self.began
         if self.process.stdout:
             self.process.stdout.close()
         os.close(self.terminal)
@@ -75,21 +80,22 @@ class OnATerminal:
 
 
 class Progress(EndToEnd):
-    """Of a replay: it cannot be faster than its recording, 3 s."""
+    """Of a replay: it cannot be faster than its recording, 2 s."""
 
     def setUp(self):
         super().setUp()
         self.recording = self.write("run.csv", CSV)
 
     def test_it_appears_tells_the_time_left_and_goes(self):
-        shown = OnATerminal(STICKSLIP, "replay", self.recording, piped=True).end()
+        replay = OnATerminal(STICKSLIP, "replay", self.recording, piped=True)
+        shown = replay.end()
         drawn = [line for line in shown.split(TO_EMPTY_LINE) if line]
-        self.assertGreater(len(drawn), 3, shown)
-        self.assertLessEqual(len(drawn), 30, "drawn more often than ten times a second")
+        self.assertTrue(drawn, "it never appeared")
+        self.assertGreaterEqual(replay.first_s, 1.0, "it came before its first second")
+        self.assertLessEqual(len(drawn), 10 * replay.took_s, "drawn more often than ten times a second")
         for line in drawn:
             self.assertRegex(line, r"^ *\d+ %  publishing .*, \d+ s left$")
         shares = [int(line.split("%")[0]) for line in drawn]
-        self.assertGreaterEqual(shares[0], 25, "it came before its first second")
         self.assertEqual(shares, sorted(shares))
         self.assertTrue(shown.endswith(TO_EMPTY_LINE), "the line was left behind")
 
@@ -99,10 +105,11 @@ class Progress(EndToEnd):
         self.assertNotIn("\033", result.stdout)
 
     def test_a_dumb_terminal_hears_nothing(self):
-        for term in ("dumb", None):
+        replays = {term: OnATerminal(STICKSLIP, "replay", self.recording, piped=True,
+                                     env=environment(TERM=term)) for term in ("dumb", None)}
+        for term, replay in replays.items():
             with self.subTest(TERM=term):
-                self.assertEqual(OnATerminal(STICKSLIP, "replay", self.recording, piped=True,
-                                             env=environment(TERM=term)).end(), "")
+                self.assertEqual(replay.end(), "")
 
     def test_no_color_is_about_colours_alone(self):
         shown = OnATerminal(STICKSLIP, "replay", self.recording, piped=True,
@@ -111,17 +118,18 @@ class Progress(EndToEnd):
         self.assertNotRegex(shown, r"\033\[[0-9;]*m")
 
     def test_a_narrow_terminal_gets_whole_lines(self):
-        for columns in (24, 8, 3):
+        replays = {columns: OnATerminal(STICKSLIP, "replay", self.recording, piped=True, columns=columns)
+                   for columns in (24, 8, 3)}
+        for columns, replay in replays.items():
             with self.subTest(columns=columns):
-                shown = OnATerminal(STICKSLIP, "replay", self.recording, piped=True,
-                                    columns=columns).end()
+                shown = replay.end()
                 self.assertNotIn("\n", shown)
                 for line in shown.split(TO_EMPTY_LINE):
                     self.assertLess(len(line), columns, shown)
 
     def test_the_result_stands_on_an_empty_line(self):
         shown = OnATerminal(STICKSLIP, "replay", self.recording).end()
-        self.assertRegex(shown.split(TO_EMPTY_LINE)[-1], r"^published 300 of 300 frames")
+        self.assertRegex(shown.split(TO_EMPTY_LINE)[-1], r"^published 200 of 200 frames")
 
     def test_what_nobody_can_foretell_tells_the_time_that_has_passed(self):
         recorder = OnATerminal(STICKSLIP, "record", self.folder / "out.log", piped=True)
@@ -178,15 +186,17 @@ class Spy(EndToEnd):
             udp.sendto(struct.pack(">II", 0x4C433032, 1) + channel.encode() + b"\0" + payload, GROUP)
 
     def replay(self):
-        player = subprocess.Popen([STICKSLIP, "replay", self.recording], stdout=subprocess.DEVNULL)
+        player = subprocess.Popen([STICKSLIP, "replay", self.recording, "--speed", "0.3"],
+                                  stdout=subprocess.DEVNULL)
         self.addCleanup(player.wait)
         self.addCleanup(player.kill)
 
     def heard(self, *options):
         """What `spy` prints into a pipe while a replay and a stranger speak."""
-        spy = subprocess.Popen([STICKSLIP, "spy", "--duration", "3", *options],
+        spy = subprocess.Popen([STICKSLIP, "spy", "--duration", "5", *options],
                                stdout=subprocess.PIPE, text=True)
         self.addCleanup(spy.kill)
+        spy.stdout.readline()  # it listens
         self.replay()
         while spy.poll() is None:
             self.publish("STRANGER", bytes(range(1, 21)))
