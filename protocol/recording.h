@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "physics/frame.h"
+#include "protocol/share_done.h"
 
 namespace stickslip::protocol {
 
@@ -56,18 +57,20 @@ double median_period_s(std::span<const Frame> frames);
 /// unknown or doubled column, a missing or surplus cell, text or nan in a number, time that does
 /// not increase, a log that is damaged before its end or holds no frames. An empty cell is a sample
 /// that is not there. A log that only ends too early is read up to there: see cut_off_bytes.
-Recording read_recording(const std::filesystem::path& file);
+/// `done`, here and below, is told how far it is.
+Recording read_recording(const std::filesystem::path& file, const ShareDone& done = {});
 
 /// The same for text in memory; `name` stands for the file in messages.
-Recording parse_csv(std::string_view text, const std::string& name);
+Recording parse_csv(std::string_view text, const std::string& name, const ShareDone& done = {});
 
 /// Writes CSV for ".csv" or "-" (standard output), an LCM event log for ".lcm" and ".log". Throws
 /// InputError where the name says neither or the file cannot be written.
-void write_recording(const Recording& recording, const std::filesystem::path& file);
+void write_recording(const Recording& recording, const std::filesystem::path& file,
+                     const ShareDone& done = {});
 
 /// CSV by the contract: time_s exact to the nanosecond, values so that they read back to the bit.
 /// Sequence numbers are not part of it: a CSV file counts from 0.
-void write_csv(const Recording& recording, std::ostream& out);
+void write_csv(const Recording& recording, std::ostream& out, const ShareDone& done = {});
 
 /// Appends events to an LCM event log, which stock lcm-logplayer plays.
 class LogWriter {
@@ -99,6 +102,6 @@ class LogWriter {
 
 /// Writes the recording as a log: its description, then blocks of `frames_per_block` frames.
 void write_log(const Recording& recording, const std::filesystem::path& file,
-               std::size_t frames_per_block = 10);
+               std::size_t frames_per_block = 10, const ShareDone& done = {});
 
 }  // namespace stickslip::protocol

@@ -115,7 +115,8 @@ std::optional<std::int64_t> nanoseconds(std::string_view text) {
 
 class CsvParser {
  public:
-  CsvParser(std::string_view text, const std::string& name) : text_(text), name_(name) {
+  CsvParser(std::string_view text, const std::string& name, const ShareDone& done)
+      : text_(text), bytes_(text.size()), name_(name), done_(done) {
     recording_.source = name;
   }
 
@@ -153,6 +154,9 @@ class CsvParser {
     line = trimmed(text_.substr(0, end));
     text_.remove_prefix(end == std::string_view::npos ? text_.size() : end + 1);
     ++line_;
+    if (done_ && line_ % 1024 == 0) {
+      done_(1.0 - static_cast<double>(text_.size()) / static_cast<double>(bytes_));
+    }
     return true;
   }
 
@@ -255,7 +259,9 @@ class CsvParser {
 
  private:
   std::string_view text_;
+  std::size_t bytes_;
   std::string name_;
+  const ShareDone& done_;
   int line_ = 0;
   std::vector<int> columns_;
   Recording recording_;
@@ -263,11 +269,11 @@ class CsvParser {
 
 }  // namespace
 
-Recording parse_csv(std::string_view text, const std::string& name) {
-  return CsvParser(text, name).parse();
+Recording parse_csv(std::string_view text, const std::string& name, const ShareDone& done) {
+  return CsvParser(text, name, done).parse();
 }
 
-Recording read_recording(const std::filesystem::path& file) {
+Recording read_recording(const std::filesystem::path& file, const ShareDone& done) {
   std::error_code failure;
   if (std::filesystem::is_directory(file, failure)) {
     throw InputError(
@@ -281,14 +287,14 @@ Recording read_recording(const std::filesystem::path& file) {
   std::array<char, 4> head{};
   in.read(head.data(), head.size());
   const auto got = static_cast<std::size_t>(in.gcount());
-  if (is_log({head.data(), got})) return read_log(file);
+  if (is_log({head.data(), got})) return read_log(file, done);
   in.clear();
   in.seekg(0);
   const std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
-  return parse_csv(text, file.string());
+  return parse_csv(text, file.string(), done);
 }
 
-void write_csv(const Recording& recording, std::ostream& out) {
+void write_csv(const Recording& recording, std::ostream& out, const ShareDone& done) {
   std::uint8_t channels = recording.channels;
   for (const Frame& frame : recording.frames) channels |= frame.valid;
   std::string text = "time_s";
@@ -299,7 +305,11 @@ void write_csv(const Recording& recording, std::ostream& out) {
   }
   text += "\n";
   std::array<char, 40> number{};
+  std::size_t written = 0;
   for (const Frame& frame : recording.frames) {
+    if (done && ++written % 1024 == 0) {
+      done(static_cast<double>(written) / static_cast<double>(recording.frames.size()));
+    }
     text += CsvParser::time_text(frame.time_ns);
     for (const Channel channel : all_channels) {
       if (((channels >> index_of(channel)) & 1U) == 0) continue;
@@ -318,15 +328,16 @@ void write_csv(const Recording& recording, std::ostream& out) {
   out << text;
 }
 
-void write_recording(const Recording& recording, const std::filesystem::path& file) {
+void write_recording(const Recording& recording, const std::filesystem::path& file,
+                     const ShareDone& done) {
   if (file == "-") {
-    write_csv(recording, std::cout);
+    write_csv(recording, std::cout, done);
     std::cout.flush();
     return;
   }
   const auto extension = file.extension();
   if (extension == ".lcm" || extension == ".log") {
-    write_log(recording, file);
+    write_log(recording, file, 10, done);
     return;
   }
   if (extension != ".csv") {
@@ -334,7 +345,7 @@ void write_recording(const Recording& recording, const std::filesystem::path& fi
                              "says neither CSV (.csv) nor LCM event log (.lcm, .log) by its name"});
   }
   std::ofstream out(file, std::ios::binary);
-  if (out) write_csv(recording, out);
+  if (out) write_csv(recording, out, done);
   out.close();
   if (!out) {
     throw InputError(

@@ -41,7 +41,8 @@ struct EventReader::Header {
   }
 };
 
-EventReader::EventReader(std::istream& in, std::string name) : in_(in), name_(std::move(name)) {
+EventReader::EventReader(std::istream& in, std::string name, ShareDone done)
+    : in_(in), name_(std::move(name)), done_(std::move(done)) {
   in_.clear();
   in_.seekg(0, std::ios::end);
   size_ = in_.tellg();
@@ -168,6 +169,7 @@ void EventReader::read_event(const Header& header, LogEvent& event) {
 
 EventReader::Found EventReader::next(LogEvent& event) {
   if (at_ >= size_) return Found::end;
+  if (done_) done_(static_cast<double>(at_) / static_cast<double>(size_));
   Header header;
   const bool whole = read_header(at_, header);
   if (!distrusted_ && whole && is_event(at_, header)) {

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "protocol/share_done.h"
+
 namespace stickslip::protocol {
 
 /// An event on disk: sync word, event number, time, two lengths, channel, data; big-endian.
@@ -40,7 +42,7 @@ class EventReader {
 
   /// A stream that can seek; it must outlive the reader. `name` stands for it in messages. Throws
   /// InputError, here and in `next`, where it cannot be read.
-  EventReader(std::istream& in, std::string name);
+  EventReader(std::istream& in, std::string name, ShareDone done = {});
 
   /// Goes on. What was found: an event, or (with `at`, `end` alone) the bytes that are none.
   Found next(LogEvent& event);
@@ -69,6 +71,7 @@ class EventReader {
 
   std::istream& in_;
   std::string name_;
+  ShareDone done_;
   std::int64_t size_ = 0;
   std::int64_t at_ = 0;
   std::vector<char> window_;  // what was read last: a stream forgets its buffer at every seek

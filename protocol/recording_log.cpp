@@ -42,17 +42,17 @@ using Log = std::unique_ptr<lcm_eventlog_t, CloseLog>;
 
 bool is_log(std::string_view head) { return head.substr(0, 4) == sync_word; }
 
-Recording read_log(const std::filesystem::path& file) {
+Recording read_log(const std::filesystem::path& file, const ShareDone& done) {
   std::ifstream in(file, std::ios::binary);
   if (!in) {
     throw InputError(
         Problem{file.string(), 0, 0, std::string("cannot be read: ") + std::strerror(errno)});
   }
-  return parse_log(in, file.string());
+  return parse_log(in, file.string(), done);
 }
 
-Recording parse_log(std::istream& in, const std::string& name) {
-  EventReader reader(in, name);
+Recording parse_log(std::istream& in, const std::string& name, const ShareDone& done) {
+  EventReader reader(in, name, done);
   Recording recording;
   recording.source = name;
   frame_block_t block;
@@ -256,7 +256,7 @@ std::vector<std::uint8_t> encoded(const Message& message) {
 }  // namespace
 
 void write_log(const Recording& recording, const std::filesystem::path& file,
-               std::size_t frames_per_block) {
+               std::size_t frames_per_block, const ShareDone& done) {
   LogWriter writer(file);
   const auto require = [&](bool written) {
     if (!written) {
@@ -272,6 +272,7 @@ void write_log(const Recording& recording, const std::filesystem::path& file,
   frame_block_t block;
   const std::span<const Frame> frames(recording.frames);
   for (std::size_t first = 0; first < frames.size(); first += frames_per_block) {
+    if (done) done(static_cast<double>(first) / static_cast<double>(frames.size()));
     const auto some = frames.subspan(first, std::min(frames_per_block, frames.size() - first));
     to_block(some, block);
     require(writer.append(frames_channel, encoded(block), time_us(some.back())));

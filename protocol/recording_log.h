@@ -23,10 +23,10 @@ inline constexpr std::int32_t log_schema = 3;
 bool is_log(std::string_view head);
 
 /// As read_recording, for a file that is one.
-Recording read_log(const std::filesystem::path& file);
+Recording read_log(const std::filesystem::path& file, const ShareDone& done = {});
 
 /// The same for a stream that can seek; `name` stands for the file in messages.
-Recording parse_log(std::istream& in, const std::string& name);
+Recording parse_log(std::istream& in, const std::string& name, const ShareDone& done = {});
 
 /// The message with which a log begins, the digests of its texts included. `frames`: how many the
 /// source had, -1: being recorded.

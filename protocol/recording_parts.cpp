@@ -22,10 +22,11 @@ std::string named(const LogSurvey& part) {
 }
 
 /// The parts by number, each sound and all of one recording.
-std::vector<LogSurvey> parts_of(std::span<const std::filesystem::path> files) {
+std::vector<LogSurvey> parts_of(std::span<const std::filesystem::path> files,
+                                const ShareDone& done) {
   std::vector<LogSurvey> parts;
   for (const auto& file : files) {
-    parts.push_back(survey_log(file));
+    parts.push_back(survey_log(file, share_of_one(done, parts.size(), 2 * files.size())));
     if (!parts.back().info) {
       refuse(file.string(),
              "does not begin with its description: which recording it is a part of "
@@ -97,14 +98,15 @@ std::vector<std::string> faults_between(std::span<const LogSurvey> parts) {
   return out;
 }
 
-Joined join_logs(std::span<const std::filesystem::path> files, const std::filesystem::path& out) {
+Joined join_logs(std::span<const std::filesystem::path> files, const std::filesystem::path& out,
+                 const ShareDone& done) {
   std::error_code none;
   for (const auto& file : files) {
     if (std::filesystem::equivalent(file, out, none)) {
       refuse(out.string(), "is one of the parts; the whole goes into another file");
     }
   }
-  const std::vector<LogSurvey> parts = parts_of(files);
+  const std::vector<LogSurvey> parts = parts_of(files, done);
   Joined joined;
   joined.parts = parts.size();
   joined.cut_off_bytes = parts.back().cut_off_bytes;
@@ -117,9 +119,10 @@ Joined join_logs(std::span<const std::filesystem::path> files, const std::filesy
     }
   };
   const LogSurvey* before = nullptr;
+  std::size_t copied = parts.size();  // of twice as many: each was looked at before
   for (const LogSurvey& part : parts) {
     std::ifstream in(part.source, std::ios::binary);
-    EventReader reader(in, part.source);
+    EventReader reader(in, part.source, share_of_one(done, copied++, 2 * parts.size()));
     for (LogEvent event; reader.next(event) == EventReader::Found::event;) {
       if (before != nullptr && event.channel == recording_channel) continue;
       require(writer.append(event.channel, event.data, event.time_us));

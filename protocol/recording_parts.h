@@ -32,6 +32,7 @@ struct Joined {
 /// Puts the parts, in any order, together into one log: the first one's description, then the
 /// events of all. Throws InputError, with nothing left behind, where one is damaged (the last may
 /// be cut off), they do not belong together, or one is missing between others.
-Joined join_logs(std::span<const std::filesystem::path> files, const std::filesystem::path& out);
+Joined join_logs(std::span<const std::filesystem::path> files, const std::filesystem::path& out,
+                 const ShareDone& done = {});
 
 }  // namespace stickslip::protocol

@@ -85,8 +85,8 @@ class Visitor {
   virtual void cut_off(const LogEvent& place) = 0;
 };
 
-void walk(std::istream& in, const std::string& name, Visitor& visitor) {
-  EventReader reader(in, name);
+void walk(std::istream& in, const std::string& name, Visitor& visitor, const ShareDone& done) {
+  EventReader reader(in, name, done);
   LogEvent event;
   Content content;
   while (true) {
@@ -341,7 +341,7 @@ std::vector<std::string> LogSurvey::faults() const {
   return out;
 }
 
-LogSurvey survey_log(const std::filesystem::path& file) {
+LogSurvey survey_log(const std::filesystem::path& file, const ShareDone& done) {
   std::ifstream in = open_log(file);
   std::array<char, 4> head{};
   in.read(head.data(), head.size());
@@ -353,17 +353,17 @@ LogSurvey survey_log(const std::filesystem::path& file) {
   if (text) {
     throw InputError(Problem{file.string(), 0, 0, "is text, and no LCM event log"});
   }
-  return survey_log(in, file.string());
+  return survey_log(in, file.string(), done);
 }
 
-LogSurvey survey_log(std::istream& in, const std::string& name) {
+LogSurvey survey_log(std::istream& in, const std::string& name, const ShareDone& done) {
   LogSurvey out;
   out.source = name;
   in.clear();
   in.seekg(0, std::ios::end);
   out.bytes = in.tellg();
   Survey survey(out);
-  walk(in, name, survey);
+  walk(in, name, survey, done);
   return out;
 }
 
@@ -373,14 +373,15 @@ bool Repair::dropped_anything() const {
 }
 
 Repair repair_log(std::istream& in, const std::string& name,
-                  const std::function<void(const LogEvent&)>& keep) {
+                  const std::function<void(const LogEvent&)>& keep, const ShareDone& done) {
   Repair out;
   Mender mender(out, keep);
-  walk(in, name, mender);
+  walk(in, name, mender, done);
   return out;
 }
 
-Repair repair_log(const std::filesystem::path& file, const std::filesystem::path& out) {
+Repair repair_log(const std::filesystem::path& file, const std::filesystem::path& out,
+                  const ShareDone& done) {
   std::error_code none;
   if (std::filesystem::equivalent(file, out, none)) {
     throw InputError(
@@ -394,9 +395,10 @@ Repair repair_log(const std::filesystem::path& file, const std::filesystem::path
           Problem{out.string(), 0, 0, std::string("cannot be written: ") + std::strerror(errno)});
     }
   };
-  const Repair repair = repair_log(in, file.string(), [&](const LogEvent& event) {
+  const auto keep = [&](const LogEvent& event) {
     require(writer.append(event.channel, event.data, event.time_us));
-  });
+  };
+  const Repair repair = repair_log(in, file.string(), keep, done);
   require(writer.close());
   if (repair.events == 0) {
     std::filesystem::remove(out, none);

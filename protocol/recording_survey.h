@@ -91,9 +91,9 @@ struct LogSurvey {
 };
 
 /// Reads all of it. Throws InputError where the file cannot be read or is no LCM event log.
-LogSurvey survey_log(const std::filesystem::path& file);
+LogSurvey survey_log(const std::filesystem::path& file, const ShareDone& done = {});
 /// The same for a stream that can seek; `name` stands for the file. Any bytes do.
-LogSurvey survey_log(std::istream& in, const std::string& name);
+LogSurvey survey_log(std::istream& in, const std::string& name, const ShareDone& done = {});
 
 /// What was kept of a log, and what was not.
 struct Repair {
@@ -112,10 +112,11 @@ struct Repair {
 /// Hands every whole and sound event to `keep`, in order; with those of ours that a recording can
 /// go on with, `read_recording` reads the result.
 Repair repair_log(std::istream& in, const std::string& name,
-                  const std::function<void(const LogEvent&)>& keep);
+                  const std::function<void(const LogEvent&)>& keep, const ShareDone& done = {});
 
 /// The same into another file. Throws InputError where either cannot be used, both are one, or
 /// nothing is whole.
-Repair repair_log(const std::filesystem::path& file, const std::filesystem::path& out);
+Repair repair_log(const std::filesystem::path& file, const std::filesystem::path& out,
+                  const ShareDone& done = {});
 
 }  // namespace stickslip::protocol

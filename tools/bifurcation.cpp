@@ -1,7 +1,5 @@
 #include "tools/dynamics/bifurcation.h"
 
-#include <unistd.h>
-
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -13,6 +11,7 @@
 #include "tools/drive_options.h"
 #include "tools/option_checks.h"
 #include "tools/parallel/for_each.h"
+#include "tools/terminal/progress.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -56,11 +55,6 @@ int run(const Arguments& arguments) {
     options.base_amplitude_m = arguments.drive->amplitude;
   }
   options.threads = parallel::threads_for(arguments.jobs);
-  if (isatty(STDERR_FILENO) != 0) {
-    options.progress = [](std::size_t done, std::size_t all) {
-      std::fprintf(stderr, "\r%zu of %zu values%s", done, all, done == all ? "\n" : "");
-    };
-  }
   std::vector<double> values;
   for (int i = 0; i < arguments.values; ++i) {
     const double share =
@@ -77,7 +71,11 @@ int run(const Arguments& arguments) {
   std::string table = "value,displacement_m,velocity_m_s";
   table += arguments.exponents ? ",exponent_per_s\n" : "\n";
   char line[160];
-  for (const auto& column : dynamics::bifurcation(model, drive, arguments.over, values, options)) {
+  terminal::Progress progress(std::to_string(values.size()) + " values of " + arguments.over);
+  options.progress = [&progress](std::size_t done, std::size_t all) { progress.at(done, all); };
+  const auto columns = dynamics::bifurcation(model, drive, arguments.over, values, options);
+  progress.finish();
+  for (const auto& column : columns) {
     for (const dynamics::Point& point : column.section) {
       std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g", column.value, point.x(), point.v());
       table += line;

@@ -1,5 +1,7 @@
 // `stickslip check`: what is wrong with a rig, a model, a fault script or a calibration, all of it
 // at once, without a daemon.
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -18,8 +20,10 @@
 #include "drivers/make_bench.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
+#include "tools/colour_option.h"
 #include "tools/command.h"
 #include "tools/recording_input.h"
+#include "tools/terminal/progress.h"
 
 namespace stickslip::tools {
 namespace {
@@ -28,6 +32,7 @@ struct Arguments {
   std::vector<std::string> files;
   bool keys = false;
   bool live = false;
+  terminal::Colours colours = terminal::Colours::automatic;
 };
 
 std::string number(double value) {
@@ -194,7 +199,8 @@ void summarise(const config::FaultScript& script) {
 }
 
 /// Prints what a file is, or every problem in it. Whether it is sound.
-bool check(const std::string& file) {
+bool check(const std::string& file, const terminal::Paint& paint) {
+  const std::string sound = paint(terminal::Tone::good, "sound");
   try {
     const std::string text = config::read_text(file);
     const auto kind = config::kind_of(text);
@@ -211,32 +217,32 @@ bool check(const std::string& file) {
         if (rig.driver == config::DriverKind::replay) {
           recording_from(rig.replay.recording);
         }
-        std::printf("%s: sound\n", file.c_str());
+        std::printf("%s: %s\n", file.c_str(), sound.c_str());
         summarise(rig);
         break;
       }
       case config::FileKind::model: {
         const physics::Model model = config::parse_model(text, file);
-        std::printf("%s: sound\n", file.c_str());
+        std::printf("%s: %s\n", file.c_str(), sound.c_str());
         say("model", model_summary(model));
         break;
       }
       case config::FileKind::fault_script: {
         const config::FaultScript script = config::parse_fault_script(text, file);
-        std::printf("%s: sound\n", file.c_str());
+        std::printf("%s: %s\n", file.c_str(), sound.c_str());
         summarise(script);
         break;
       }
       case config::FileKind::modbus_map: {
         const config::ModbusMap map = config::parse_modbus_map(text, file);
-        std::printf("%s: sound\n", file.c_str());
+        std::printf("%s: %s\n", file.c_str(), sound.c_str());
         say("unit", map.name);
         say("registers", std::to_string(map.registers.size()));
         break;
       }
       case config::FileKind::calibration: {
         const config::CalibrationFile calibration = config::parse_calibration(text, file);
-        std::printf("%s: sound\n", file.c_str());
+        std::printf("%s: %s\n", file.c_str(), sound.c_str());
         summarise(calibration);
         break;
       }
@@ -252,19 +258,24 @@ bool check(const std::string& file) {
 }
 
 /// Asks each device of a sound rig for its first readings. Whether all speak.
-bool try_live(const std::string& file) {
+bool try_live(const std::string& file, const terminal::Paint& paint) {
   const config::Rig rig = config::load_rig(file);
   if (rig.driver != config::DriverKind::bench) {
     throw InputError(Problem{file, 0, 0, "has no devices: --live is for driver.kind = \"bench\""});
   }
   constexpr double patience_s = 2.0;
+  terminal::Progress progress("asking the devices of " + file);
   const auto tried = drivers::try_bench(drivers::make_bench_parts(rig.bench, rig.loop.rate_hz),
                                         rig.bench, patience_s);
+  progress.finish();
   bool well = true;
   for (const drivers::TriedDevice& device : tried) {
     well = well && device.well;
-    std::printf("%s: %s%s%s\n", device.name.c_str(), device.well ? "speaks" : "FAILS",
-                device.words.empty() ? "" : ": ", device.words.c_str());
+    std::printf(
+        "%s: %s%s%s\n", device.name.c_str(),
+        (device.well ? paint(terminal::Tone::good, "speaks") : paint(terminal::Tone::bad, "FAILS"))
+            .c_str(),
+        device.words.empty() ? "" : ": ", device.words.c_str());
     for (const drivers::FirstReading& reading : device.readings) {
       const config::ChannelCalibration& line = rig.calibration[index_of(reading.channel)];
       const ChannelInfo& channel = info(reading.channel);
@@ -287,12 +298,13 @@ int run(const Arguments& arguments) {
     return 0;
   }
   if (arguments.files.empty()) throw InputError(Problem{"", 0, 0, "check: expected FILE..."});
+  const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
   bool sound = true;
-  for (const std::string& file : arguments.files) sound = check(file) && sound;
+  for (const std::string& file : arguments.files) sound = check(file, paint) && sound;
   if (!sound) return 2;
   if (!arguments.live) return 0;
   bool well = true;
-  for (const std::string& file : arguments.files) well = try_live(file) && well;
+  for (const std::string& file : arguments.files) well = try_live(file, paint) && well;
   return well ? 0 : 1;
 }
 
@@ -311,6 +323,7 @@ void add_check(CLI::App& app, Action& action) {
                     "driven, and no daemon may run on it");
   command->add_flag("--keys", arguments->keys, "Print every key as docs/configuration.md has them")
       ->group("");
+  add_colour_option(*command, arguments->colours);
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }
 

@@ -71,8 +71,8 @@ Value value_of(const CLI::Option& option) {
     }
     return {Value::Kind::choice, keys};
   }
-  for (const char* number : {"FLOAT", "INT", "UINT"}) {
-    if (type.starts_with(number)) return {Value::Kind::any, {}};
+  for (const char* no_file : {"FLOAT", "INT", "UINT", "NAME"}) {
+    if (type.starts_with(no_file)) return {Value::Kind::any, {}};
   }
   return {Value::Kind::file, {}};
 }

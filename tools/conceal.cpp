@@ -1,5 +1,3 @@
-#include <unistd.h>
-
 #include <algorithm>
 #include <atomic>
 #include <cstdio>
@@ -19,6 +17,7 @@
 #include "tools/conceal/secret.h"
 #include "tools/option_checks.h"
 #include "tools/parallel/for_each.h"
+#include "tools/terminal/progress.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -87,7 +86,7 @@ int run(Arguments arguments) {
   order.kind = kinds.at(arguments.kind);
   order.ids = arguments.effects;
   order.duration_s = arguments.duration_s;
-  const bool terminal = isatty(STDERR_FILENO) != 0;
+  terminal::Progress progress("concealing");
   std::atomic<std::size_t> done = 0;
   parallel::for_each(count, parallel::threads_for(arguments.jobs), [&](std::size_t i) {
     char name[32];
@@ -103,11 +102,9 @@ int run(Arguments arguments) {
     write_file(truth / (std::string(name) + ".json"), sealed);
     write_file(folder / "seal.txt",
                "SHA-256 of the truth file: " + protocol::sha256_of(sealed) + "\n");
-    if (terminal) {
-      std::fprintf(stderr, "\r\033[K%zu of %zu recordings", done.fetch_add(1) + 1, count);
-    }
+    progress.at(done.fetch_add(1) + 1, count);
   });
-  if (terminal) std::fprintf(stderr, "\r\033[K");
+  progress.finish();
   std::printf("%zu concealed recordings in %s, their truth in %s\n", count, out.c_str(),
               truth.c_str());
   return 0;

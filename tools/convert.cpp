@@ -9,10 +9,13 @@
 #include "protocol/recording.h"
 #include "tools/command.h"
 #include "tools/recording_input.h"
+#include "tools/terminal/progress.h"
 
 namespace stickslip::tools {
 
 namespace {
+
+constexpr std::size_t frames_per_block = 10;
 
 struct Arguments {
   std::string in;
@@ -20,9 +23,10 @@ struct Arguments {
   std::string format;
 };
 
-void write_as_csv(const protocol::Recording& recording, const std::string& path) {
+void write_as_csv(const protocol::Recording& recording, const std::string& path,
+                  const protocol::ShareDone& done) {
   std::ofstream out(path, std::ios::binary);
-  if (out) protocol::write_csv(recording, out);
+  if (out) protocol::write_csv(recording, out, done);
   out.close();
   if (!out) {
     throw InputError(
@@ -41,13 +45,16 @@ int run(const Arguments& arguments) {
     return 0;
   }
   // Only now is anything written: what went in was read whole, so IN and OUT may be one file.
+  terminal::Progress progress("writing " + arguments.out);
+  const protocol::ShareDone done = [&progress](double share) { progress.at(share); };
   if (arguments.format == "csv") {
-    write_as_csv(recording, arguments.out);
+    write_as_csv(recording, arguments.out, done);
   } else if (arguments.format == "lcm") {
-    protocol::write_log(recording, arguments.out);
+    protocol::write_log(recording, arguments.out, frames_per_block, done);
   } else {
-    protocol::write_recording(recording, arguments.out);
+    protocol::write_recording(recording, arguments.out, done);
   }
+  progress.finish();
   const double seconds = recording.frames.back().time_s() - recording.frames.front().time_s();
   std::printf("%s: %zu frames, %.3f s\n", arguments.out.c_str(), recording.frames.size(), seconds);
   return 0;

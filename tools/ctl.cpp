@@ -1,4 +1,6 @@
 // `stickslip ctl`: tells a running daemon what to do, and what it says.
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -10,21 +12,28 @@
 
 #include "physics/frame.h"
 #include "physics/problem.h"
+#include "tools/colour_option.h"
 #include "tools/command.h"
 #include "tools/control_client.h"
 #include "tools/ctl_calibrate.h"
 #include "tools/lcm_client.h"
 #include "tools/option_checks.h"
+#include "tools/terminal/progress.h"
+#include "tools/terminal/text.h"
 
 namespace stickslip::tools {
 namespace {
 
 using namespace std::chrono_literals;
 using nlohmann::json;
+using terminal::padded;
+using terminal::Paint;
+using terminal::Tone;
 
 struct Arguments {
   std::string socket;
   bool json_output = false;
+  terminal::Colours colours = terminal::Colours::automatic;
   bool dead_man = false;
   bool wait = false;
   double seconds = 1.0;
@@ -56,10 +65,22 @@ std::string account_text(const json& account, const char* verb) {
   return out;
 }
 
-void print_state(const json& answer) {
-  say("state", answer.value("state", ""));
+Tone tone_of_state(const std::string& state) {
+  if (state == "faulted") return Tone::bad;
+  if (state == "running") return Tone::good;
+  return state == "stopping" ? Tone::warning : Tone::plain;
+}
+
+Tone tone_of_severity(const std::string& severity) {
+  if (severity == "error") return Tone::bad;
+  return severity == "warning" ? Tone::warning : Tone::plain;
+}
+
+void print_state(const json& answer, const Paint& paint) {
+  const std::string state = answer.value("state", "");
+  say("state", paint(tone_of_state(state), state));
   if (const std::string cause = answer.value("cause", ""); !cause.empty()) {
-    say("fault", answer.value("interlock", "") + ": " + cause);
+    say("fault", paint(Tone::bad, answer.value("interlock", "") + ": " + cause));
   }
   if (const std::string broken = answer.value("broken", ""); !broken.empty()) {
     say("broken now", broken + ": " + answer.value("broken_cause", ""));
@@ -77,8 +98,8 @@ void say_counts(const json& devices) {
   }
 }
 
-void print_status(const json& answer) {
-  print_state(answer);
+void print_status(const json& answer, const Paint& paint) {
+  print_state(answer, paint);
   say("amplifier", answer.value("amplifier_on", false) ? "on" : "off");
   if (!answer.value("device_here", true)) say("device", "gone");
   const json& drive = answer.at("drive");
@@ -110,12 +131,17 @@ void print_status(const json& answer) {
                     (timing.value("degraded", false) ? "; degraded" : ""));
 }
 
+Paint paint_of(const Arguments& arguments) {
+  return Paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
+}
+
 /// The answer as it was asked for; the exit status.
-int report(const Arguments& arguments, const json& answer, void (*print)(const json&)) {
+int report(const Arguments& arguments, const json& answer,
+           void (*print)(const json&, const Paint&)) {
   if (arguments.json_output) {
     std::printf("%s\n", answer.dump().c_str());
   } else if (answer.value("ok", false)) {
-    print(answer);
+    print(answer, paint_of(arguments));
   }
   if (answer.value("ok", false)) return 0;
   if (!arguments.json_output) {
@@ -148,7 +174,10 @@ json wait_while(ControlClient& client, const std::string& state) {
 int stop(const Arguments& arguments) {
   ControlClient client(control_socket(arguments.socket));
   json answer = client.ask("stop");
-  if (arguments.wait && answer.value("ok", false)) answer = wait_while(client, "stopping");
+  if (arguments.wait && answer.value("ok", false)) {
+    terminal::Progress progress("coming to rest");
+    answer = wait_while(client, "stopping");
+  }
   return report(arguments, answer, print_state);
 }
 
@@ -182,7 +211,7 @@ int set(const Arguments& arguments) {
                 print_state);
 }
 
-void print_average(const json& answer) {
+void print_average(const json& answer, const Paint&) {
   for (const auto& [stem, raw] : answer.at("average").at("raw").items()) {
     std::printf("%-18s %.9g +- %.3g raw (one reading), %llu readings\n", stem.c_str(),
                 raw.value("mean", 0.0), raw.value("deviation", 0.0),
@@ -194,11 +223,14 @@ int average(const Arguments& arguments) {
   ControlClient client(control_socket(arguments.socket));
   const auto patience =
       10s + std::chrono::milliseconds(static_cast<std::int64_t>(arguments.seconds * 1e3));
-  return report(arguments, client.ask("average", {{"seconds", arguments.seconds}}, patience),
-                print_average);
+  terminal::Progress progress("averaging");
+  progress.takes(arguments.seconds);
+  const json answer = client.ask("average", {{"seconds", arguments.seconds}}, patience);
+  progress.finish();
+  return report(arguments, answer, print_average);
 }
 
-void print_changes(const json& answer) {
+void print_changes(const json& answer, const Paint&) {
   for (const json& line : answer.at("changes"))
     std::printf("%s\n", line.get<std::string>().c_str());
 }
@@ -208,14 +240,17 @@ int reload(const Arguments& arguments) {
   return report(arguments, client.ask("reload"), print_changes);
 }
 
-void print_watched(const json& line) {
+void print_watched(const json& line, const Paint& paint) {
   if (const auto event = line.find("event"); event != line.end()) {
-    std::printf("%-11s %s: %s\n", event->value("severity", "").c_str(),
+    const std::string severity = event->value("severity", "");
+    std::printf("%s %s: %s\n", paint(tone_of_severity(severity), padded(severity, 11)).c_str(),
                 event->value("code", "").c_str(), event->value("message", "").c_str());
   } else if (const auto status = line.find("status"); status != line.end()) {
     const json& drive = line.at("drive");
+    const std::string state = line.value("state", "");
     std::printf(
-        "%-11s %llu frames, amplitude %s at %s Hz%s\n", line.value("state", "").c_str(),
+        "%s %llu frames, amplitude %s at %s Hz%s\n",
+        paint(tone_of_state(state), padded(state, 11)).c_str(),
         static_cast<unsigned long long>(status->at("ledger").value("produced", std::uint64_t{0})),
         number(drive.value("amplitude", 0.0)).c_str(),
         number(drive.value("carrier_hz", 0.0)).c_str(),
@@ -236,7 +271,7 @@ int watch(const Arguments& arguments) {
       if (arguments.json_output) {
         std::printf("%s\n", line->dump().c_str());
       } else {
-        print_watched(*line);
+        print_watched(*line, paint_of(arguments));
       }
       std::fflush(stdout);
     }
@@ -253,6 +288,7 @@ void add_ctl(CLI::App& app, Action& action) {
   ctl->add_option("--socket", arguments->socket,
                   "The daemon's control socket; else $STICKSLIP_CONTROL, else "
                   "/run/stickslip/control.sock");
+  add_colour_option(*ctl, arguments->colours);
   ctl->add_flag("--json", arguments->json_output, "Print the daemon's answers as they are");
   const auto command = [&](const char* name, const char* sentence,
                            std::function<int(const Arguments&)> run) {

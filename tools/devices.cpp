@@ -9,6 +9,7 @@
 
 #include "drivers/find_devices.h"
 #include "tools/command.h"
+#include "tools/terminal/progress.h"
 
 namespace stickslip::tools {
 namespace {
@@ -47,7 +48,9 @@ void print_text(const std::vector<Attached>& devices) {
 }
 
 int run(const Arguments& arguments) {
+  terminal::Progress progress("asking the devices");
   const std::vector<Attached> devices = drivers::find_devices();
+  progress.finish();
   if (arguments.json) {
     print_json(devices);
   } else {

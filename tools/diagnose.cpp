@@ -11,6 +11,7 @@
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "protocol/sha256.h"
+#include "tools/colour_option.h"
 #include "tools/command.h"
 #include "tools/diagnose/bootstrap.h"
 #include "tools/diagnose/report.h"
@@ -19,6 +20,7 @@
 #include "tools/parallel/for_each.h"
 #include "tools/read_file.h"
 #include "tools/recording_input.h"
+#include "tools/terminal/progress.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -35,6 +37,7 @@ struct Arguments {
   int jobs = 0;
   double horizon_s = 0.0;
   std::size_t bootstrap = 0;
+  terminal::Colours colours = terminal::Colours::automatic;
 };
 
 // What one must know to make the report again.
@@ -60,6 +63,18 @@ diagnosis::Provenance provenance_of(const Arguments& arguments) {
   return out;
 }
 
+terminal::Tone tone_of(diagnosis::Verdict verdict) {
+  switch (verdict) {
+    case diagnosis::Verdict::consistent:
+      return terminal::Tone::good;
+    case diagnosis::Verdict::missing_physics:
+      return terminal::Tone::warning;
+    case diagnosis::Verdict::unexplained:
+      return terminal::Tone::bad;
+  }
+  return terminal::Tone::plain;
+}
+
 int run(const Arguments& arguments) {
   expect_writable(arguments.json);
   expect_writable(arguments.html);
@@ -74,19 +89,25 @@ int run(const Arguments& arguments) {
   options.threads = parallel::threads_for(arguments.jobs);
   if (arguments.horizon_s > 0.0) options.horizon_s = arguments.horizon_s;
   options.evidence = !arguments.html.empty();
-  const bool terminal = isatty(STDERR_FILENO) != 0;
-  if (terminal) {
-    options.progress = [](const std::string& what, double done) {
-      std::fprintf(stderr, "\r\033[K%3.0f %%  %s", 100.0 * done, what.c_str());
-      if (done >= 1.0) std::fprintf(stderr, "\r\033[K");
-    };
-  }
+  terminal::Progress progress("diagnosing");
+  options.progress = [&progress](const std::string& what, double done) {
+    progress.say(what);
+    progress.at(done);
+  };
   diagnosis::Diagnosis result = diagnosis::diagnose(recordings, model, options);
+  progress.finish();
   if (arguments.bootstrap > 0) {
+    terminal::Progress again("diagnosing recordings of the declared model");
+    options.progress = [&again](const std::string&, double done) { again.at(done); };
     result.false_alarms =
         diagnosis::false_alarms(recordings, model, result, arguments.bootstrap, options);
   }
-  std::fputs(diagnosis::report_text(result).c_str(), stdout);
+  const std::string report = diagnosis::report_text(result);
+  const std::size_t verdict = report.find(':');
+  const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
+  std::fputs(
+      (paint(tone_of(result.verdict), report.substr(0, verdict)) + report.substr(verdict)).c_str(),
+      stdout);
   if (!arguments.json.empty()) {
     write_file(arguments.json, diagnosis::report_json(result).dump(2) + "\n");
   }
@@ -127,6 +148,7 @@ void add_diagnose(CLI::App& app, Action& action) {
       ->capture_default_str();
   command->add_option("--horizon", arguments->horizon_s, "Length of a prediction window [s]")
       ->check(positive_number());
+  add_colour_option(*command, arguments->colours);
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }
 

@@ -1,4 +1,6 @@
 // `stickslip doctor`: is this machine one for a rig? What is not, and the command that mends it.
+#include <unistd.h>
+
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
@@ -7,20 +9,26 @@
 
 #include "config/rig.h"
 #include "protocol/channels.h"
+#include "tools/colour_option.h"
 #include "tools/command.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/needs.h"
 #include "tools/doctor/report.h"
 #include "tools/linux_host.h"
 #include "tools/option_checks.h"
+#include "tools/terminal/progress.h"
 
 namespace stickslip::tools {
 namespace {
+
+// About what all takes beside the measurement of wake-ups.
+constexpr double other_checks_s = 1.0;
 
 struct Arguments {
   std::string config;
   double duration_s = 1.0;
   bool json = false;
+  terminal::Colours colours = terminal::Colours::automatic;
 };
 
 doctor::Needs needs(const Arguments& arguments) {
@@ -32,8 +40,13 @@ doctor::Needs needs(const Arguments& arguments) {
 int run(const Arguments& arguments) {
   doctor::Needs rig = needs(arguments);
   rig.latency_duration_s = arguments.duration_s;
+  terminal::Progress progress("examining this machine");
+  progress.takes(arguments.duration_s + other_checks_s);
   const std::vector<doctor::Finding> findings = doctor::examine(LinuxHost(), rig);
-  std::fputs((arguments.json ? doctor::json(findings) : doctor::text(findings)).c_str(), stdout);
+  progress.finish();
+  const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
+  std::fputs((arguments.json ? doctor::json(findings) : doctor::text(findings, paint)).c_str(),
+             stdout);
   return doctor::worst(findings) == doctor::Verdict::fail ? 1 : 0;
 }
 
@@ -49,6 +62,7 @@ void add_doctor(CLI::App& app, Action& action) {
       ->check(positive_number())
       ->capture_default_str();
   command->add_flag("--json", arguments->json, "As JSON");
+  add_colour_option(*command, arguments->colours);
   command->footer(
       "Nothing is changed, and no packet leaves the host. Exit status: 0 nothing fails; 1 "
       "something "

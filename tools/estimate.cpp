@@ -1,3 +1,5 @@
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -15,6 +17,8 @@
 #include "protocol/recording.h"
 #include "tools/command.h"
 #include "tools/recording_input.h"
+#include "tools/terminal/abilities.h"
+#include "tools/terminal/progress.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -156,16 +160,22 @@ int run(const Arguments& arguments) {
   Summary summary;
   Table table(arguments.out);
   observer::Foretelling foretelling;
+  terminal::Progress progress("estimating");
+  // The table is what shows that something happens where it goes to the same terminal.
+  if (arguments.out == "-" && terminal::abilities_of(STDOUT_FILENO).terminal) progress.finish();
   try {
-    foretelling = observer::smooth(model, protocol::median_period_s(recording.frames),
-                                   recording.frames, [&](const FrictionEstimate& e) {
-                                     summary.add(e);
-                                     table.add(e);
-                                   });
+    foretelling = observer::smooth(
+        model, protocol::median_period_s(recording.frames), recording.frames,
+        [&](const FrictionEstimate& e) {
+          summary.add(e);
+          table.add(e);
+        },
+        {}, [&progress](double share) { progress.at(share); });
   } catch (const std::invalid_argument& reason) {
     throw InputError(Problem{arguments.model, 0, 0, reason.what()});
   }
   table.finish();
+  progress.finish();
 
   const double readings = std::max(1.0, static_cast<double>(foretelling.readings));
   const double nll = foretelling.negative_log_likelihood / readings;

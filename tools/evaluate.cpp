@@ -12,6 +12,7 @@
 #include "tools/option_checks.h"
 #include "tools/parallel/for_each.h"
 #include "tools/recording_input.h"
+#include "tools/terminal/progress.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -36,7 +37,9 @@ int run(const Arguments& arguments) {
   if (arguments.horizon_s > 0.0) options.horizon_s = arguments.horizon_s;
   options.free_run = arguments.free_run;
   options.threads = parallel::threads_for(arguments.jobs);
+  terminal::Progress progress("predicting");
   const Evaluation done = evaluate(recording, model, options);
+  progress.finish();
   const Score& result = done.score;
 
   nlohmann::ordered_json json;

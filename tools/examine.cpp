@@ -1,5 +1,3 @@
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -23,6 +21,7 @@
 #include "tools/option_checks.h"
 #include "tools/parallel/for_each.h"
 #include "tools/read_file.h"
+#include "tools/terminal/progress.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -176,8 +175,7 @@ int run(const Arguments& arguments) {
   }
 
   make_folder(reports);
-  const bool terminal = isatty(STDERR_FILENO) != 0;
-  const auto begun = std::chrono::steady_clock::now();
+  terminal::Progress progress("examining");
   std::vector<Outcome> outcomes(names.size());
   std::mutex shown;
   std::size_t done = 0;
@@ -200,15 +198,11 @@ int run(const Arguments& arguments) {
     const std::scoped_lock lock(shown);
     ++done;
     if (is_new) ++made;
-    if (!terminal) return;
-    const std::chrono::duration<double> so_far = std::chrono::steady_clock::now() - begun;
-    const double left = made == 0 ? 0.0
-                                  : so_far.count() / static_cast<double>(made) *
-                                        static_cast<double>(names.size() - done);
-    std::fprintf(stderr, "\r\033[K%zu of %zu cases, about %.0f min left", done, names.size(),
-                 std::ceil(left / 60.0));
+    progress.say("examining, " + std::to_string(done) + " of " + std::to_string(names.size()) +
+                 " cases done");
+    progress.at(made, made + names.size() - done);  // earlier reports took no time
   });
-  if (terminal) std::fprintf(stderr, "\r\033[K");
+  progress.finish();
 
   if (!fs::is_directory(truth_folder)) {
     std::printf("%zu reports in %s; %s holds no truth to grade them by\n", names.size(),

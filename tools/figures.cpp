@@ -1,5 +1,3 @@
-#include <unistd.h>
-
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -10,6 +8,7 @@
 #include "tools/figures/paper_figures.h"
 #include "tools/option_checks.h"
 #include "tools/parallel/for_each.h"
+#include "tools/terminal/progress.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -31,13 +30,13 @@ int run(const Arguments& arguments) {
   options.numbers = arguments.only;
   options.periods = arguments.periods;
   options.threads = parallel::threads_for(arguments.jobs);
-  if (isatty(STDERR_FILENO) != 0) {
-    options.progress = [](int number, std::size_t ready, std::size_t all) {
-      std::fprintf(stderr, "Figure %d, %zu of %zu\n", number, ready, all);
-    };
-  }
   make_folder(options.out);
+  terminal::Progress progress("drawing the figures");
+  options.progress = [&progress](int, std::size_t ready, std::size_t all) {
+    progress.at(ready, all);
+  };
   const std::vector<figures::Figure> drawn = figures::draw_paper_figures(options);
+  progress.finish();
   const std::filesystem::path page = options.out / "index.html";
   write_file(page, figures::page(drawn, "stickslip figures --out " + arguments.out));
   std::printf("%s: %zu figures\n", page.c_str(), drawn.size());

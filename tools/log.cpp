@@ -1,5 +1,7 @@
 // `stickslip log`: recordings as files: what is in them, whether they are whole, and making them
 // so.
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -13,8 +15,10 @@
 #include "physics/problem.h"
 #include "protocol/recording_parts.h"
 #include "protocol/recording_survey.h"
+#include "tools/colour_option.h"
 #include "tools/command.h"
 #include "tools/export/table.h"
+#include "tools/terminal/progress.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -30,6 +34,7 @@ struct Arguments {
   std::string file;
   std::string out;
   bool json = false;
+  terminal::Colours colours = terminal::Colours::automatic;
 };
 
 std::string number(double value) {
@@ -89,8 +94,11 @@ std::string part_text(const recording_info_t& info) {
 
 // check
 
-void tell(const LogSurvey& log, const std::vector<std::string>& faults) {
-  std::printf("%s: %s\n", log.source.c_str(), faults.empty() ? "sound" : "damaged");
+void tell(const LogSurvey& log, const std::vector<std::string>& faults,
+          const terminal::Paint& paint) {
+  const std::string verdict =
+      faults.empty() ? paint(terminal::Tone::good, "sound") : paint(terminal::Tone::bad, "damaged");
+  std::printf("%s: %s\n", log.source.c_str(), verdict.c_str());
   for (const std::string& fault : faults) std::printf("  %s\n", fault.c_str());
   for (std::size_t i = 0; i < std::min(log.spoilt.size(), most_places_told); ++i) {
     const protocol::Spoilt& place = log.spoilt[i];
@@ -138,13 +146,19 @@ std::vector<std::string> faults_between(const std::vector<LogSurvey>& logs) {
   return faults;
 }
 
+LogSurvey survey(const std::string& file) {
+  terminal::Progress progress("reading " + file);
+  return protocol::survey_log(file, [&progress](double share) { progress.at(share); });
+}
+
 int check(const Arguments& arguments) {
+  const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
   bool sound = true;
   std::vector<LogSurvey> logs;
   for (const std::string& file : arguments.files) {
-    logs.push_back(protocol::survey_log(file));
+    logs.push_back(survey(file));
     const std::vector<std::string> faults = logs.back().faults();
-    tell(logs.back(), faults);
+    tell(logs.back(), faults, paint);
     sound = sound && faults.empty();
   }
   for (const std::string& fault : faults_between(logs)) {
@@ -157,8 +171,11 @@ int check(const Arguments& arguments) {
 // repair
 
 int repair(const Arguments& arguments) {
-  const protocol::Repair done = protocol::repair_log(std::filesystem::path(arguments.file),
-                                                     std::filesystem::path(arguments.out));
+  terminal::Progress progress("repairing " + arguments.file);
+  const protocol::Repair done = protocol::repair_log(
+      std::filesystem::path(arguments.file), std::filesystem::path(arguments.out),
+      [&progress](double share) { progress.at(share); });
+  progress.finish();
   std::printf("%s: %s with %s kept\n", arguments.out.c_str(),
               count_of(done.events, "event").c_str(), count_of(done.frames, "frame").c_str());
   const auto dropped = [](std::uint64_t count, const std::string& what) {
@@ -178,7 +195,10 @@ int repair(const Arguments& arguments) {
 
 int join(const Arguments& arguments) {
   const std::vector<std::filesystem::path> files(arguments.files.begin(), arguments.files.end());
-  const protocol::Joined joined = protocol::join_logs(files, arguments.out);
+  terminal::Progress progress("joining");
+  const protocol::Joined joined =
+      protocol::join_logs(files, arguments.out, [&progress](double share) { progress.at(share); });
+  progress.finish();
   if (joined.cut_off_bytes > 0) {
     std::fprintf(stderr, "stickslip: the last part was cut off: its last %lld bytes are left out\n",
                  static_cast<long long>(joined.cut_off_bytes));
@@ -303,7 +323,7 @@ void tell_info(const LogSurvey& log) {
 }
 
 int info(const Arguments& arguments) {
-  const LogSurvey log = protocol::survey_log(arguments.file);
+  const LogSurvey log = survey(arguments.file);
   if (arguments.json) {
     // What a damaged text holds need not be UTF-8.
     std::printf("%s\n", info_json(log).dump(2, ' ', false, Json::error_handler_t::replace).c_str());
@@ -317,12 +337,16 @@ int info(const Arguments& arguments) {
 
 int export_recording(const Arguments& arguments) {
   expect_writable(arguments.out);
-  const Tables tables = tables_of(arguments.file);
+  terminal::Progress reading("reading " + arguments.file);
+  const Tables tables = tables_of(arguments.file, [&reading](double share) { reading.at(share); });
+  reading.finish();
   if (tables.cut_off_bytes > 0) {
     std::fprintf(stderr, "stickslip: %s: cut off: its last %llu bytes are no whole event\n",
                  arguments.file.c_str(), static_cast<unsigned long long>(tables.cut_off_bytes));
   }
-  write_tables(tables, arguments.out);
+  terminal::Progress writing("writing " + arguments.out);
+  write_tables(tables, arguments.out, [&writing](double share) { writing.at(share); });
+  writing.finish();
   std::printf("%s:", arguments.out.c_str());
   for (const Table& table : tables.tables) {
     std::printf("%s %zu rows of %s", &table == tables.tables.data() ? "" : ",", table.rows(),
@@ -352,12 +376,14 @@ void add_log(CLI::App& app, Action& action) {
     each->add_option("--out", arguments->out, "The log to write")->required()->type_name("FILE");
   };
 
-  command("check", "Walk every event of logs: status 0 where they are sound, 1 where not", check)
-      ->add_option("files", arguments->files,
+  CLI::App* each = command(
+      "check", "Walk every event of logs: status 0 where they are sound, 1 where not", check);
+  each->add_option("files", arguments->files,
                    "LCM event logs; of a recording in parts, all of them")
       ->required()
       ->type_name("FILE...");
-  CLI::App* each = command("repair", "Keep every whole and sound event of a damaged log", repair);
+  add_colour_option(*each, arguments->colours);
+  each = command("repair", "Keep every whole and sound event of a damaged log", repair);
   one_file(each, "LCM event log");
   out(each);
   each = command("join", "Put the parts of a recording together again", join);

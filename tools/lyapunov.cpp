@@ -9,6 +9,7 @@
 #include "tools/command.h"
 #include "tools/drive_options.h"
 #include "tools/option_checks.h"
+#include "tools/terminal/progress.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -30,7 +31,10 @@ int run(const Arguments& arguments) {
   options.steps_per_period = arguments.drive->steps;
   options.x_m = arguments.drive->x_m;
   options.v_m_s = arguments.drive->v_m_s;
+  terminal::Progress progress("following two orbits");
+  options.progress = [&progress](double share) { progress.at(share); };
   const dynamics::Lyapunov found = dynamics::largest_exponent(model, drive, options);
+  progress.finish();
 
   const char* says = "not told from zero: periodic or quasi-periodic";
   if (found.exponent_per_s > 3.0 * found.standard_error_per_s) says = "chaotic";

@@ -8,6 +8,7 @@
 
 #include "physics/problem.h"
 #include "tools/command.h"
+#include "tools/manual_notes.h"
 
 namespace {
 
@@ -44,6 +45,7 @@ int run(int argc, char** argv) {
   add_devices(app, action);
   add_doctor(app, action);
   add_completion(app, action);
+  add_manual(app, action);
 
   std::string known;
   bool is_known = false;
@@ -65,7 +67,8 @@ int run(int argc, char** argv) {
     std::fprintf(stderr, "stickslip: %s (--help tells what can be given)\n", error.what());
     return 2;
   }
-  const int status = action();
+  const Action chosen = action;  // `manual` parses once more
+  const int status = chosen();
   // Standard output is buffered: that it could not be written shows here.
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
     throw std::runtime_error(std::string("standard output cannot be written: ") +

@@ -1,12 +1,14 @@
 #include <cstdio>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "config/model_file.h"
 #include "tools/command.h"
 #include "tools/drive_options.h"
 #include "tools/dynamics/portrait.h"
 #include "tools/option_checks.h"
+#include "tools/terminal/progress.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -27,9 +29,15 @@ int run(const Arguments& arguments) {
   options.periods = arguments.periods;
   options.phase = arguments.phase;
 
+  terminal::Progress progress("following the orbit");
+  // Ranges and shares take a second run.
+  const double runs = arguments.out == "-" ? 1.0 : 2.0;
+  options.progress = [&](double share) { progress.at(share / runs); };
   std::string table = "time_s,displacement_m,velocity_m_s,theta\n";
   char line[160];
-  for (const dynamics::Point& point : dynamics::poincare_section(model, drive, options)) {
+  const std::vector<dynamics::Point> section = dynamics::poincare_section(model, drive, options);
+  if (arguments.out == "-") progress.finish();
+  for (const dynamics::Point& point : section) {
     std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g,%.9g\n", point.time_s, point.x(), point.v(),
                   point.state.theta);
     table += line;
@@ -37,7 +45,9 @@ int run(const Arguments& arguments) {
   write_table(arguments.out, table);
   if (arguments.out == "-") return 0;
 
+  options.progress = [&](double share) { progress.at((1.0 + share) / runs); };
   const dynamics::Portrait seen = dynamics::portrait(model, drive, options);
+  progress.finish();
   std::printf(
       "displacement %.5g to %.5g m, velocity %.5g to %.5g m/s, normal load %.4g to %.4g N\n",
       seen.displacement_m.low, seen.displacement_m.high, seen.velocity_m_s.low,

@@ -21,7 +21,8 @@
 #include "tools/command.h"
 #include "tools/lcm_client.h"
 #include "tools/option_checks.h"
-#include "tools/sequence.h"
+#include "tools/spy/sequence.h"
+#include "tools/terminal/progress.h"
 
 namespace stickslip::tools {
 
@@ -82,9 +83,9 @@ class Recorder {
   }
 
   bool done() const { return done_; }
-  /// The stream could not go on in this recording: a reader would refuse it.
-  bool broken() const { return broken_; }
-  const Sequence& sequence() const { return sequence_; }
+  /// Why the stream could not go on in this recording, where a reader would refuse it; else empty.
+  const std::string& broken_by() const { return broken_by_; }
+  const spy::Sequence& sequence() const { return sequence_; }
 
   void rest() {
     const auto now = steady_clock::now();
@@ -131,13 +132,12 @@ class Recorder {
     }
     for (const Frame& frame : frames_) {
       if (sequence_.frames > 0 && frame.time_ns <= last_ns_) {
-        std::fprintf(stderr,
-                     "stickslip: the stream's time went back, from %lld ns to %lld ns: its source "
-                     "began anew, or there are two; the recording ends before that\n",
-                     static_cast<long long>(last_ns_), static_cast<long long>(frame.time_ns));
+        broken_by_ = "the stream's time went back, from " + std::to_string(last_ns_) + " ns to " +
+                     std::to_string(frame.time_ns) +
+                     " ns: its source began anew, or there are two; the recording ends before that";
         frames_.resize(static_cast<std::size_t>(&frame - frames_.data()));
         whole = false;
-        done_ = broken_ = true;
+        done_ = true;
         break;
       }
       if (sequence_.frames == 0) first_ns_ = frame.time_ns;
@@ -184,14 +184,14 @@ class Recorder {
   frame_block_t block_{};
   std::vector<Frame> frames_;
   std::vector<std::uint8_t> bytes_;
-  Sequence sequence_;
+  spy::Sequence sequence_;
   std::int64_t first_ns_ = 0;
   std::int64_t last_ns_ = 0;
   std::uint64_t blocks_ = 0;
   std::uint64_t others_ = 0;
   std::uint64_t undecoded_ = 0;
   bool done_ = false;
-  bool broken_ = false;
+  std::string broken_by_;
 };
 
 int run(const Arguments& arguments) {
@@ -203,11 +203,25 @@ int run(const Arguments& arguments) {
   std::fflush(stdout);
   const auto end = after(steady_clock::now(), arguments.duration_s);
   bool stopped = false;
+  terminal::Progress progress("recording");
+  if (arguments.frames == 0) progress.takes(arguments.duration_s);
+  auto told = steady_clock::now();
+  const auto tell = [&] {
+    if (arguments.frames > 0) {
+      progress.at(static_cast<double>(recorder.sequence().frames) /
+                  static_cast<double>(arguments.frames));
+    }
+    if (steady_clock::now() - told < flush_period) return;
+    told = steady_clock::now();
+    progress.say("recording, " + std::to_string(recorder.sequence().frames) + " frames, lost " +
+                 std::to_string(recorder.sequence().lost));
+  };
   while (!stopped && !recorder.done() && steady_clock::now() < end) {
     const Woken woken = wait_for(*lcm, stop, std::min(end, steady_clock::now() + flush_period));
     stopped = woken == Woken::stop;
     if (woken == Woken::message) lcm->handle();
     recorder.rest();
+    tell();
   }
   // What had arrived before the stop belongs to the recording, also what LCM's own thread is still
   // reading from the socket; a stream that goes on does not hold up the stop.
@@ -216,6 +230,10 @@ int run(const Arguments& arguments) {
   while (!recorder.done() && steady_clock::now() < patience && lcm->handleTimeout(quiet_ms) > 0) {
   }
   recorder.close();
+  progress.finish();
+  if (!recorder.broken_by().empty()) {
+    std::fprintf(stderr, "stickslip: %s\n", recorder.broken_by().c_str());
+  }
   recorder.tell();
   if (recorder.sequence().frames == 0) {
     std::fprintf(stderr,
@@ -223,7 +241,7 @@ int run(const Arguments& arguments) {
                  protocol::frames_channel, arguments.url.c_str());
     return 1;
   }
-  return recorder.broken() ? 1 : 0;
+  return recorder.broken_by().empty() ? 0 : 1;
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "config/model_file.h"
 #include "protocol/recording.h"
@@ -13,6 +14,7 @@
 #include "tools/option_checks.h"
 #include "tools/recording_input.h"
 #include "tools/reduce/reduction.h"
+#include "tools/terminal/progress.h"
 #include "tools/write_file.h"
 
 namespace stickslip::tools {
@@ -61,7 +63,9 @@ int run(const Arguments& arguments) {
   options.samples = arguments.samples;
   options.drive_hz = arguments.drive_hz;
   options.bins = arguments.bins;
+  terminal::Progress reducing("reducing");
   const reduction::Reduction reduced = reduction::reduce(recording, model, options);
+  reducing.finish();
   tell(reduced, arguments, recording);
   if (!arguments.out) return 0;
 
@@ -71,8 +75,12 @@ int run(const Arguments& arguments) {
   write_file(folder / "surface.csv", figures::surface_csv(reduced));
   std::string written = "samples.csv, surface.csv";
   if (!arguments.no_pictures) {
-    for (const figures::Picture& picture : figures::reduction_pictures(reduced)) {
+    terminal::Progress progress("drawing");
+    const std::vector<figures::Picture> pictures = figures::reduction_pictures(reduced);
+    for (const figures::Picture& picture : pictures) {
+      progress.say("drawing " + picture.stem);
       figures::draw(picture, folder);
+      progress.at(static_cast<std::size_t>(&picture - pictures.data()) + 1, pictures.size());
       written += ", " + picture.stem + ".svg";
     }
   }

@@ -16,6 +16,7 @@
 #include "tools/lcm_client.h"
 #include "tools/option_checks.h"
 #include "tools/recording_input.h"
+#include "tools/terminal/progress.h"
 
 namespace stickslip::tools {
 
@@ -52,6 +53,7 @@ int run(const Arguments& arguments) {
   std::size_t done = 0;
   std::size_t blocks = 0;
   double latest_s = 0.0;
+  terminal::Progress progress("publishing " + arguments.recording);
   while (done < frames.size()) {
     const auto some =
         frames.subspan(done, std::min(arguments.frames_per_block, frames.size() - done));
@@ -70,7 +72,9 @@ int run(const Arguments& arguments) {
     publish(*lcm, protocol::frames_channel, block);
     done += some.size();
     ++blocks;
+    progress.at(done, frames.size());
   }
+  progress.finish();
   const double took_s = std::chrono::duration<double>(steady_clock::now() - start).count();
   std::printf("published %zu of %zu frames in %zu blocks at %s, %.3f s", done, frames.size(),
               blocks, arguments.url.c_str(), took_s);

@@ -11,6 +11,7 @@
 #include "tools/command.h"
 #include "tools/option_checks.h"
 #include "tools/recording_input.h"
+#include "tools/terminal/progress.h"
 
 namespace stickslip::tools {
 
@@ -136,13 +137,16 @@ int run(const Arguments& arguments) {
   simulator.set_input(inputs.front());
   protocol::Recording out;
   out.source = arguments.out;
+  terminal::Progress progress("simulating");
   for (std::size_t i = 0; i < inputs.size(); ++i) {
+    progress.at(i, inputs.size());
     if (i > 0) simulator.advance(time[i] - time[i - 1], inputs[i]);
     Frame frame = simulator.read();
     frame.time_ns = drive.frames[i].time_ns;
     out.channels |= frame.valid;
     out.frames.push_back(frame);
   }
+  progress.finish();
   protocol::write_recording(out, arguments.out);
   if (arguments.out != "-") {
     std::printf("%s: %zu samples over %.3f s\n", arguments.out.c_str(), out.frames.size(),

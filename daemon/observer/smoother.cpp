@@ -259,24 +259,35 @@ class Learnt {
   Mean mu_, gamma_;
 };
 
+/// The share of the whole work that the first of the two passes takes.
+constexpr double first_pass = 0.1;
+
 }  // namespace
 
 Foretelling smooth(const physics::Model& model, double period_s, std::span<const Frame> frames,
                    const std::function<void(const FrictionEstimate&)>& take,
-                   const SmoothingWindow& window) {
+                   const SmoothingWindow& window,
+                   const std::function<void(double share)>& progress) {
   if (!(period_s > 0.0)) throw std::invalid_argument("smooth: the period must be more than 0");
   // The filter is linear about what it holds to be true: once more, from where it ended.
   Learnt learnt;
   KalmanFilter first(model, period_s);
   if (!first.unsupported().empty()) throw std::invalid_argument(first.unsupported());
   Foretelling foretelling;
+  const double count_of_frames = static_cast<double>(frames.size());
+  double done = 0.0;
   for (const Frame& frame : frames) {
+    if (progress) progress(first_pass * done++ / count_of_frames);
     first.update(frame);
     learnt.add(first.estimate());
     if (first.estimate().standing != Standing::out_of_step) count(first.estimate(), foretelling);
   }
   Smoother smoother(learnt.in(model), period_s, window, take);
-  for (const Frame& frame : frames) smoother.add(frame);
+  done = 0.0;
+  for (const Frame& frame : frames) {
+    if (progress) progress(first_pass + (1.0 - first_pass) * done++ / count_of_frames);
+    smoother.add(frame);
+  }
   smoother.finish();
   return foretelling;
 }

@@ -32,10 +32,13 @@ struct SmoothingWindow {
 /// covariance are smoothed, what is said of the readings is the filter's. Where the filter began
 /// anew nothing is carried across. The recording is gone through twice, the second time from the mu
 /// and the gamma that were learnt in the first; what is returned is the first's. Memory does not
-/// grow with the recording. Throws std::invalid_argument as FrictionObserver does, and where the
+/// grow with the recording. `progress`, unless empty, is told the share of the work that is done, 0
+/// to
+/// 1. Throws std::invalid_argument as FrictionObserver does, and where the
 /// observer cannot follow the model, with its reason.
 Foretelling smooth(const physics::Model& model, double period_s, std::span<const Frame> frames,
                    const std::function<void(const FrictionEstimate&)>& take,
-                   const SmoothingWindow& window = {});
+                   const SmoothingWindow& window = {},
+                   const std::function<void(double share)>& progress = {});
 
 }  // namespace stickslip::observer

@@ -19,7 +19,8 @@ SOURCE, BUILD = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 
 ROOMS = ["physics", "protocol", "config", "drivers", "daemon/observer", "daemon", "tools/parallel",
          "tools/diagnose", "tools/conceal", "tools/examine", "tools/dynamics", "tools/reduce",
-         "tools/figures", "tools/doctor", "tools/export", "tools/calibrate", "tools"]
+         "tools/figures", "tools/doctor", "tools/export", "tools/calibrate", "tools/terminal",
+         "tools/spy", "tools/manual", "tools"]
 # Room: the rooms that it may use, beside itself.
 MAY_USE = {
     "physics": set(),
@@ -36,13 +37,16 @@ MAY_USE = {
     "tools/reduce": {"physics", "protocol", "tools/parallel", "tools/diagnose"},
     "tools/figures": {"physics", "protocol", "config", "tools/parallel", "tools/diagnose",
                       "tools/dynamics", "tools/reduce"},
-    "tools/doctor": {"physics", "protocol", "config"},
+    "tools/doctor": {"physics", "protocol", "config", "tools/terminal"},
+    "tools/terminal": set(),
+    "tools/spy": {"physics", "protocol", "tools/terminal"},
+    "tools/manual": set(),
     "tools/calibrate": {"physics", "config"},
     "tools/export": {"physics", "protocol"},
     "tools": {"physics", "protocol", "config", "drivers", "daemon/observer", "tools/parallel",
               "tools/diagnose",
               "tools/dynamics", "tools/reduce", "tools/figures", "tools/doctor", "tools/conceal", "tools/examine",
-              "tools/export", "tools/calibrate"},
+              "tools/export", "tools/calibrate", "tools/terminal", "tools/spy", "tools/manual"},
 }
 # What the table allows and the build links today; a permission that is not used is no dependency.
 MUST_FIND = {
@@ -58,11 +62,13 @@ MUST_FIND = {
     "tools/reduce": {"physics", "protocol", "tools/diagnose"},
     "tools/figures": {"physics", "protocol", "config", "tools/parallel", "tools/dynamics",
                       "tools/reduce"},
-    "tools/doctor": {"protocol", "config"},
+    "tools/doctor": {"protocol", "config", "tools/terminal"},
+    "tools/spy": {"physics", "protocol", "tools/terminal"},
     "tools/calibrate": {"physics", "config"},
     "tools/export": {"physics", "protocol"},
     "tools": {"physics", "protocol", "config", "tools/diagnose", "tools/dynamics", "tools/reduce",
-              "tools/figures", "tools/doctor", "tools/conceal", "tools/examine", "tools/export", "tools/calibrate"},
+              "tools/figures", "tools/doctor", "tools/conceal", "tools/examine", "tools/export", "tools/calibrate",
+              "tools/terminal", "tools/spy", "tools/manual"},
 }
 # Room: system headers that it must not include, and why.
 LCM = r"lcm/.*"
@@ -78,6 +84,8 @@ MUST_NOT_KNOW = {
     "config": [LCM, r"libusb.*", r"hidapi.*", r"modbus.*", r"gpiod.*"],
     "drivers": [LCM, TOML, r"nlohmann/.*", r"CLI/.*"],
     "daemon/observer": [LCM, TOML, INPUT_OUTPUT, THREADS, CLOCK],
+    # Told of traffic, whoever hears it; how a library works is told to callbacks.
+    "tools/spy": [r"lcm/.*", THREADS, CLOCK, r"sys/.*", r"unistd\.h"],
     # Its checks ask a Host, so that a test can answer for a machine.
     "tools/doctor": [TOML, THREADS, CLOCK, r"sys/.*", r"unistd\.h", r"fcntl\.h"],
 }

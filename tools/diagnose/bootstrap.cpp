@@ -1,6 +1,7 @@
 #include "tools/diagnose/bootstrap.h"
 
 #include <algorithm>
+#include <mutex>
 
 #include "tools/diagnose/experiment.h"
 #include "tools/diagnose/rerun.h"
@@ -16,6 +17,8 @@ FalseAlarms false_alarms(const std::vector<protocol::Recording>& recordings,
     experiments.push_back(make_experiment(recording, declared));
   }
   std::vector<Diagnosis> diagnoses(count);
+  std::mutex telling;
+  std::size_t done = 0;
   parallel::for_each(count, options.threads, [&](std::size_t i) {
     std::vector<protocol::Recording> again;
     for (const Experiment& experiment : experiments) {
@@ -26,6 +29,10 @@ FalseAlarms false_alarms(const std::vector<protocol::Recording>& recordings,
     own.horizon_s = result.horizon_s;
     own.seed = options.seed + i;
     diagnoses[i] = diagnose(again, declared, own);
+    if (!options.progress) return;
+    const std::scoped_lock lock(telling);
+    options.progress("diagnosing recordings of the declared model",
+                     static_cast<double>(++done) / static_cast<double>(count));
   });
   FalseAlarms out;
   out.recordings = count;

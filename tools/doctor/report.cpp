@@ -9,18 +9,36 @@
 
 namespace stickslip::doctor {
 
-std::string text(const std::vector<Finding>& findings) {
+namespace {
+
+terminal::Tone tone_of(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::ok:
+      return terminal::Tone::good;
+    case Verdict::note:
+      return terminal::Tone::note;
+    case Verdict::warn:
+      return terminal::Tone::warning;
+    case Verdict::fail:
+      return terminal::Tone::bad;
+  }
+  return terminal::Tone::plain;
+}
+
+}  // namespace
+
+std::string text(const std::vector<Finding>& findings, const terminal::Paint& paint) {
   std::size_t width = 0;
   for (const Finding& each : findings) width = std::max(width, each.check.size());
   std::array<std::size_t, 4> counts{};
   std::string out;
   for (const Finding& each : findings) {
     ++counts[static_cast<std::size_t>(each.verdict)];
-    std::string line(name_of(each.verdict));
-    line.resize(6, ' ');
-    line += each.check;
-    line.resize(6 + width + 2, ' ');
-    out += line + each.found + '\n';
+    const std::string verdict(name_of(each.verdict));
+    std::string check = each.check;
+    check.resize(width + 2, ' ');
+    out += paint(tone_of(each.verdict), verdict) + std::string(6 - verdict.size(), ' ') + check +
+           each.found + '\n';
     if (!each.command.empty()) out += std::string(6 + width + 2, ' ') + "$ " + each.command + '\n';
   }
   return out + std::to_string(counts[0]) + " ok, " + std::to_string(counts[1]) + " notes, " +

@@ -53,8 +53,11 @@ Lyapunov largest_exponent(const physics::Model& model, const Drive& drive,
 
   std::array<double, stretches> growth{};
   const int periods_each = options.periods / stretches;
+  const double parts = static_cast<double>(stretches) * periods_each * renewals;
+  double parts_done = 0.0;
   for (double& sum : growth) {
     for (int part = 0; part < periods_each * renewals; ++part) {
+      if (options.progress) options.progress(parts_done++ / parts);
       for (int k = 0; k < steps / renewals; ++k) {
         orbit.step();
         neighbour.step();

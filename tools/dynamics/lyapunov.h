@@ -1,6 +1,8 @@
 // The largest Lyapunov exponent: how fast neighbouring motions part.
 #pragma once
 
+#include <functional>
+
 #include "tools/dynamics/orbit.h"
 
 namespace stickslip::dynamics {
@@ -11,6 +13,7 @@ struct LyapunovOptions {
   int steps_per_period = 0;  ///< 0: enough_steps
   double x_m = 0.0;          ///< start
   double v_m_s = 0.0;
+  std::function<void(double share)> progress = {};  ///< told how much is done, 0 to 1; may be empty
 };
 
 struct Lyapunov {

@@ -35,6 +35,7 @@ std::vector<Point> section_of_flow(const physics::Model& model, const Drive& dri
   std::vector<Point> points;
   points.reserve(static_cast<std::size_t>(std::max(0, options.periods)));
   for (int period = 0; period < options.periods; ++period) {
+    if (options.progress) options.progress(static_cast<double>(period) / options.periods);
     flow.advance((options.transient + period + phase) * drive.period_s());
     points.push_back(flow.now());
   }
@@ -55,6 +56,7 @@ std::vector<Point> poincare_section(const physics::Model& model, const Drive& dr
   std::vector<Point> points;
   points.reserve(static_cast<std::size_t>(std::max(0, options.periods)));
   for (int period = 0; period < options.periods; ++period) {
+    if (options.progress) options.progress(static_cast<double>(period) / options.periods);
     points.push_back(orbit.now());
     orbit.skip(1);
   }
@@ -89,6 +91,7 @@ Portrait portrait(const physics::Model& model, const Drive& drive, const Portrai
   double farthest = 0.0;
   double sum = 0.0;
   for (long k = 0; k < steps; ++k) {
+    if (options.progress) options.progress(static_cast<double>(k) / static_cast<double>(steps));
     orbit.step();
     const Point& now = orbit.now();
     const double v = now.v();

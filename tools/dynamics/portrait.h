@@ -2,6 +2,7 @@
 // loses contact, and by how much it overshoots the plane of zero velocity.
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "tools/dynamics/orbit.h"
@@ -15,6 +16,7 @@ struct PortraitOptions {
   double phase = 0.0;        ///< of the section, in turns of the drive [0, 1)
   double x_m = 0.0;          ///< start
   double v_m_s = 0.0;
+  std::function<void(double share)> progress = {};  ///< told how much is done, 0 to 1; may be empty
 };
 
 struct Range {

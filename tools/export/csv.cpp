@@ -80,7 +80,8 @@ class Beside {
 
 }  // namespace
 
-void write_tables_csv(const Tables& tables, const std::filesystem::path& out) {
+void write_tables_csv(const Tables& tables, const std::filesystem::path& out,
+                      const protocol::ShareDone& done) {
   std::ofstream file(out, std::ios::binary);
   const Table& frames = tables.tables.front();
   std::vector<Beside> others;
@@ -98,6 +99,7 @@ void write_tables_csv(const Tables& tables, const std::filesystem::path& out) {
   text += '\n';
   const auto& time_ns = std::get<std::vector<std::int64_t>>(frames.find("time_ns")->values);
   for (std::size_t row = 0; row < frames.rows(); ++row) {
+    if (done) done(static_cast<double>(row) / static_cast<double>(frames.rows()));
     for (const Column& column : frames.columns) {
       if (&column != frames.columns.data()) text += ',';
       append(text, column, row);

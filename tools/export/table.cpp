@@ -225,7 +225,7 @@ void take_states(const friction_estimate_t& message, MessageTable<friction_estim
 }
 
 void add_messages(const std::filesystem::path& log, std::span<const Frame> frames,
-                  std::vector<Table>& tables) {
+                  const protocol::ShareDone& done, std::vector<Table>& tables) {
   std::unordered_map<std::int64_t, std::int64_t> time_by_sequence;
   time_by_sequence.reserve(frames.size());
   for (const Frame& frame : frames) {
@@ -237,7 +237,7 @@ void add_messages(const std::filesystem::path& log, std::span<const Frame> frame
     return known->second;
   };
   std::ifstream in(log, std::ios::binary);
-  protocol::EventReader reader(in, log.string());
+  protocol::EventReader reader(in, log.string(), done);
   MessageTable<excitation_t> drive("excitation", "what the shaker was asked for",
                                    excitation_fields);
   MessageTable<friction_estimate_t> estimate("estimate", "what the observer believed",
@@ -277,8 +277,9 @@ const Table* Tables::find(const std::string& wanted) const {
   return found == tables.end() ? nullptr : &*found;
 }
 
-Tables tables_of(const std::filesystem::path& recording) {
-  const protocol::Recording read = protocol::read_recording(recording);
+Tables tables_of(const std::filesystem::path& recording, const protocol::ShareDone& done) {
+  const protocol::Recording read =
+      protocol::read_recording(recording, protocol::share_of_one(done, 0, 2));
   Tables out;
   out.source = recording.filename().string();
   out.description = read.description;
@@ -287,7 +288,7 @@ Tables tables_of(const std::filesystem::path& recording) {
   std::array<char, 4> head{};
   std::ifstream(recording, std::ios::binary).read(head.data(), head.size());
   if (protocol::is_log({head.data(), head.size()})) {
-    add_messages(recording, read.frames, out.tables);
+    add_messages(recording, read.frames, protocol::share_of_one(done, 1, 2), out.tables);
   }
   return out;
 }
@@ -308,9 +309,10 @@ std::vector<std::pair<std::string, std::string>> description_texts(const Tables&
   return out;
 }
 
-void write_tables(const Tables& tables, const std::filesystem::path& out) {
+void write_tables(const Tables& tables, const std::filesystem::path& out,
+                  const protocol::ShareDone& done) {
   const std::string ending = out.extension().string();
-  if (ending == ".csv") return write_tables_csv(tables, out);
+  if (ending == ".csv") return write_tables_csv(tables, out, done);
   if (ending == ".mat") return write_tables_mat(tables, out);
   if (ending == ".h5" || ending == ".hdf5") return write_tables_hdf5(tables, out);
   throw InputError(

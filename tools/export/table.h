@@ -42,17 +42,19 @@ struct Tables {
 };
 
 /// Reads a recording, and from a log what the shaker was asked for and what the observer believed.
-/// Throws InputError as protocol::read_recording does.
-Tables tables_of(const std::filesystem::path& recording);
+/// `done` is told how far it is. Throws InputError as protocol::read_recording does.
+Tables tables_of(const std::filesystem::path& recording, const protocol::ShareDone& done = {});
 
 /// Writes them by the ending of `out`: .csv, .mat (MATLAB 5) or .h5. Throws InputError where the
 /// ending is another, the file cannot be written, or the format cannot hold as much.
-void write_tables(const Tables& tables, const std::filesystem::path& out);
+void write_tables(const Tables& tables, const std::filesystem::path& out,
+                  const protocol::ShareDone& done = {});
 
 /// The description as names and texts, in one order for all formats.
 std::vector<std::pair<std::string, std::string>> description_texts(const Tables& tables);
 
-void write_tables_csv(const Tables& tables, const std::filesystem::path& out);
+void write_tables_csv(const Tables& tables, const std::filesystem::path& out,
+                      const protocol::ShareDone& done = {});
 void write_tables_mat(const Tables& tables, const std::filesystem::path& out);
 void write_tables_hdf5(const Tables& tables, const std::filesystem::path& out);
 

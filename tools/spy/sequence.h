@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-namespace stickslip::tools {
+namespace stickslip::spy {
 
 /// Counts frames and what is missing between them. A number that does not increase is a source that
 /// began anew, or a second one; it is counted, and no loss.
@@ -28,4 +28,4 @@ struct Sequence {
   std::uint64_t last_ = 0;
 };
 
-}  // namespace stickslip::tools
+}  // namespace stickslip::spy

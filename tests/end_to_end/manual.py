@@ -1,0 +1,68 @@
+"""The manual: a page for every command, without a fault that mandoc finds, as it was built."""
+import pathlib
+import re
+import shutil
+import unittest
+
+from programs import STICKSLIP, STICKSLIPD, EndToEnd, main, run
+
+SECTIONS = ["NAME", "SYNOPSIS", "DESCRIPTION", "OPTIONS", "EXIT STATUS", "SEE ALSO"]
+
+
+class Manual(EndToEnd):
+    def setUp(self):
+        super().setUp()
+        self.succeed("manual", self.folder / "man1")
+        self.daemon = self.write("stickslipd.8", run(STICKSLIPD, "--manual").stdout)
+        self.pages = {page.stem: page for page in [*(self.folder / "man1").iterdir(), self.daemon]}
+
+    def commands(self):
+        text = self.succeed("--help").stdout.split("Subcommands:")[1]
+        return re.findall(r"^  ([a-z]+) ", text, re.MULTILINE)
+
+    def test_there_is_a_page_for_every_command_and_no_other(self):
+        self.assertGreater(len(self.commands()), 10)
+        self.assertEqual(set(self.pages),
+                         {"stickslip", "stickslipd", *(f"stickslip-{each}" for each in self.commands())})
+
+    def test_every_page_has_its_sections(self):
+        for name, page in self.pages.items():
+            with self.subTest(page=name):
+                found = re.findall(r"^\.SH (.*)$", page.read_text(), re.MULTILINE)
+                for section in SECTIONS:
+                    self.assertIn(section, found)
+
+    def test_every_option_of_help_is_on_the_page(self):
+        for command in self.commands():
+            with self.subTest(command=command):
+                page = self.pages[f"stickslip-{command}"].read_text().replace("\\-", "-")
+                for option in re.findall(r"^  (?:-\w,)?(--[a-z-]+)", self.succeed(command, "--help").stdout,
+                                         re.MULTILINE):
+                    self.assertIn(option, page)
+
+    def test_pages_that_are_named_exist(self):
+        for name, page in self.pages.items():
+            for other in re.findall(r"\\fB(stickslip[a-z\\-]*)\\fR\([18]\)", page.read_text()):
+                with self.subTest(page=name, names=other):
+                    self.assertIn(other.replace("\\-", "-"), self.pages)
+
+    @unittest.skipUnless(shutil.which("mandoc"), "mandoc is not installed")
+    def test_mandoc_finds_no_fault(self):
+        for name, page in self.pages.items():
+            with self.subTest(page=name):
+                result = run("mandoc", "-T", "lint", "-W", "warning", page)
+                self.assertEqual((result.returncode, result.stdout, result.stderr), (0, "", ""))
+
+    def test_the_build_wrote_the_same(self):
+        built = pathlib.Path(STICKSLIP).parent / "man"
+        if not built.is_dir():
+            self.skipTest("the manual is not built")
+        undated = lambda page: page.read_text().split("\n", 2)[2]
+        for name, page in self.pages.items():
+            with self.subTest(page=name):
+                folder = "man8" if page.suffix == ".8" else "man1"
+                self.assertEqual(undated(built / folder / page.name), undated(page))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,268 @@
+"""What a person sees on a terminal, and what a pipe is spared: progress, colours, the live table."""
+import fcntl
+import json
+import os
+import pty
+import re
+import select
+import signal
+import socket
+import struct
+import subprocess
+import termios
+import time
+
+from programs import STICKSLIP, EndToEnd, main, run
+
+GROUP = ("239.255.76.67", 7667)
+CSV = "time_s,displacement_m,friction_force_n\n" + "".join(
+    f"{i / 100:.2f},{1e-3 * (i % 7)!r},{0.1 * (i % 3)!r}\n" for i in range(200))
+TO_EMPTY_LINE = "\r\033[K"
+
+
+def environment(**changes):
+    """This one, with a terminal that knows colours, and changes; None takes a variable out."""
+    out = {**os.environ, "TERM": "xterm-256color"}
+    out.pop("NO_COLOR", None)
+    for name, value in changes.items():
+        out.pop(name, None)
+        if value is not None:
+            out[name] = value
+    return out
+
+
+class OnATerminal:
+    """A program whose standard error (and output, unless `piped`) is a pseudo terminal."""
+
+    def __init__(self, *command, columns=80, lines=24, piped=False, env=None):
+        self.terminal, inside = pty.openpty()
+        fcntl.ioctl(inside, termios.TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
+        self.process = subprocess.Popen(
+            [str(part) for part in command], stdin=subprocess.DEVNULL, stderr=inside,
+            stdout=subprocess.PIPE if piped else inside, env=env or environment())
+        os.close(inside)
+        self.shown = ""
+        self.began = time.monotonic()
+        self.first_s = None  # when it wrote first, since it was started
+        self.took_s = None
+
+    def read(self, seconds):
+        """Reads for so long; False once the program has closed the terminal."""
+        until = time.monotonic() + seconds
+        while (left := until - time.monotonic()) > 0:
+            if not select.select([self.terminal], [], [], left)[0]:
+                return True
+            try:
+                self.shown += os.read(self.terminal, 65536).decode(errors="replace")
+            except OSError:  # the other end is closed
+                return False
+            self.first_s = self.first_s or time.monotonic() - self.began
+        return True
+
+    def wait_for(self, pattern, seconds=60):
+        until = time.monotonic() + seconds
+        while not re.search(pattern, self.shown):
+            assert time.monotonic() < until, f"{pattern} was not shown: {self.shown!r}"
+            assert self.read(0.1) or re.search(pattern, self.shown), \
+                f"{pattern} was not shown: {self.shown!r}"
+
+    def end(self, seconds=60):
+        """Everything that was shown, once the program has ended."""
+        until = time.monotonic() + seconds
+        while self.read(0.2):
+            assert time.monotonic() < until, self.shown
+        self.process.wait(seconds)
+        self.took_s = time.monotonic() - self.began
+        if self.process.stdout:
+            self.process.stdout.close()
+        os.close(self.terminal)
+        return self.shown
+
+
+class Progress(EndToEnd):
+    """Of a replay: it cannot be faster than its recording, 2 s."""
+
+    def setUp(self):
+        super().setUp()
+        self.recording = self.write("run.csv", CSV)
+
+    def test_it_appears_tells_the_time_left_and_goes(self):
+        replay = OnATerminal(STICKSLIP, "replay", self.recording, piped=True)
+        shown = replay.end()
+        drawn = [line for line in shown.split(TO_EMPTY_LINE) if line]
+        self.assertTrue(drawn, "it never appeared")
+        self.assertGreaterEqual(replay.first_s, 1.0, "it came before its first second")
+        self.assertLessEqual(len(drawn), 10 * replay.took_s, "drawn more often than ten times a second")
+        for line in drawn:
+            self.assertRegex(line, r"^ *\d+ %  publishing .*, \d+ s left$")
+        shares = [int(line.split("%")[0]) for line in drawn]
+        self.assertEqual(shares, sorted(shares))
+        self.assertTrue(shown.endswith(TO_EMPTY_LINE), "the line was left behind")
+
+    def test_a_pipe_hears_nothing(self):
+        result = run(STICKSLIP, "replay", self.recording)
+        self.assertEqual((result.returncode, result.stderr), (0, ""))
+        self.assertNotIn("\033", result.stdout)
+
+    def test_a_dumb_terminal_hears_nothing(self):
+        replays = {term: OnATerminal(STICKSLIP, "replay", self.recording, piped=True,
+                                     env=environment(TERM=term)) for term in ("dumb", None)}
+        for term, replay in replays.items():
+            with self.subTest(TERM=term):
+                self.assertEqual(replay.end(), "")
+
+    def test_no_color_is_about_colours_alone(self):
+        shown = OnATerminal(STICKSLIP, "replay", self.recording, piped=True,
+                            env=environment(NO_COLOR="1")).end()
+        self.assertIn("left", shown)
+        self.assertNotRegex(shown, r"\033\[[0-9;]*m")
+
+    def test_a_narrow_terminal_gets_whole_lines(self):
+        replays = {columns: OnATerminal(STICKSLIP, "replay", self.recording, piped=True, columns=columns)
+                   for columns in (24, 8, 3)}
+        for columns, replay in replays.items():
+            with self.subTest(columns=columns):
+                shown = replay.end()
+                self.assertNotIn("\n", shown)
+                for line in shown.split(TO_EMPTY_LINE):
+                    self.assertLess(len(line), columns, shown)
+
+    def test_the_result_stands_on_an_empty_line(self):
+        shown = OnATerminal(STICKSLIP, "replay", self.recording).end()
+        self.assertRegex(shown.split(TO_EMPTY_LINE)[-1], r"^published 200 of 200 frames")
+
+    def test_what_nobody_can_foretell_tells_the_time_that_has_passed(self):
+        recorder = OnATerminal(STICKSLIP, "record", self.folder / "out.log", piped=True)
+        recorder.wait_for(r"recording, 0 frames, lost 0, \d+ s")
+        recorder.process.send_signal(signal.SIGTERM)
+        shown = recorder.end()
+        self.assertNotIn("left", shown)
+        self.assertRegex(shown, r"\r\033\[Kstickslip: no frames arrived")
+
+
+class Colours(EndToEnd):
+    def setUp(self):
+        super().setUp()
+        self.log = self.folder / "run.log"
+        self.succeed("convert", self.write("run.csv", CSV), self.log)
+
+    def shown(self, *options, **changes):
+        return OnATerminal(STICKSLIP, "log", "check", self.log, *options,
+                           env=environment(**changes)).end()
+
+    def test_a_terminal_has_them(self):
+        self.assertIn("\033[32msound\033[0m", self.shown())
+
+    def test_no_color_and_dumb_terminals_have_none(self):
+        self.assertIn(": sound", self.shown(NO_COLOR="1"))
+        self.assertIn("\033[32m", self.shown(NO_COLOR=""), "an empty NO_COLOR says nothing")
+        self.assertIn(": sound", self.shown(TERM="dumb"))
+        self.assertIn(": sound", self.shown("--color=never"))
+
+    def test_a_pipe_has_them_where_they_are_asked_for(self):
+        self.assertNotIn("\033", self.succeed("log", "check", self.log).stdout)
+        self.assertIn("\033[32m", self.succeed("log", "check", self.log, "--color=always").stdout)
+        self.assertIn("\033[32m", self.shown("--color", "always", NO_COLOR="1"))
+
+    def test_damage_is_painted_otherwise(self):
+        self.log.write_bytes(self.log.read_bytes()[:-10])
+        self.assertIn("\033[1;31mdamaged\033[0m", self.shown())
+
+    def test_every_command_that_paints_says_so(self):
+        for command in (("spy",), ("doctor",), ("check",), ("ctl",), ("log", "check")):
+            with self.subTest(command=command):
+                self.assertIn("--color", self.succeed(*command, "--help").stdout)
+
+
+class Spy(EndToEnd):
+    def setUp(self):
+        super().setUp()
+        self.recording = self.write("run.csv", CSV)
+
+    def publish(self, channel, payload):
+        """One message of a stranger: the short form of LCM's UDP protocol."""
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
+            udp.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+            udp.sendto(struct.pack(">II", 0x4C433032, 1) + channel.encode() + b"\0" + payload, GROUP)
+
+    def replay(self):
+        player = subprocess.Popen([STICKSLIP, "replay", self.recording, "--speed", "0.3"],
+                                  stdout=subprocess.DEVNULL)
+        self.addCleanup(player.wait)
+        self.addCleanup(player.kill)
+
+    def heard(self, *options):
+        """What `spy` prints into a pipe while a replay and a stranger speak."""
+        spy = subprocess.Popen([STICKSLIP, "spy", "--duration", "5", *options],
+                               stdout=subprocess.PIPE, text=True)
+        self.addCleanup(spy.kill)
+        spy.stdout.readline()  # it listens
+        self.replay()
+        while spy.poll() is None:
+            self.publish("STRANGER", bytes(range(1, 21)))
+            time.sleep(0.05)
+        return spy.communicate()[0]
+
+    def test_a_program_reads_the_same_as_a_person(self):
+        reports = [json.loads(line) for line in self.heard("--json").splitlines()]
+        self.assertGreaterEqual(len(reports), 2)
+        channels = {each["channel"]: each for each in reports[-1]["channels"]}
+        frames = channels["STICKSLIP_FRAMES"]
+        self.assertEqual(frames["type"], "frame_block_t")
+        self.assertEqual((frames["frames"]["lost"], frames["not_decoded"]), (0, 0))
+        self.assertGreater(frames["frames"]["count"], 10)
+        force = frames["values"]["friction_force"]
+        self.assertEqual((force["unit"], force["least"], force["greatest"]), ("N", 0.0, 0.2))
+        stranger = channels["STRANGER"]
+        self.assertEqual((stranger["type"], stranger["fingerprint"], stranger["last_bytes"]),
+                         (None, "0x0102030405060708", 20))
+
+    def test_names_choose_and_a_key_sorts(self):
+        said = self.heard("strang", "--values")
+        self.assertIn("unknown type 0x0102030405060708", said)
+        self.assertNotIn("STICKSLIP_FRAMES", said)
+        report = json.loads(self.heard("--sort", "size", "--json").splitlines()[-1])
+        sizes = [channel["last_bytes"] for channel in report["channels"]]
+        self.assertEqual(len(sizes), 3)
+        self.assertEqual(sizes, sorted(sizes, reverse=True))
+
+    def test_what_is_not_its_type_is_counted(self):
+        spy = subprocess.Popen([STICKSLIP, "spy", "--duration", "2.5", "--json"],
+                               stdout=subprocess.PIPE, text=True)
+        self.addCleanup(spy.kill)
+        while spy.poll() is None:
+            self.publish("STICKSLIP_STATUS", b"no status")
+            time.sleep(0.05)
+        channel = json.loads(spy.communicate()[0].splitlines()[-1])["channels"][0]
+        self.assertGreater(channel["not_decoded"], 0)
+        self.assertEqual(channel["not_decoded"], channel["messages"])
+
+    def test_a_terminal_shows_a_table_that_is_drawn_over_itself(self):
+        for colours in (True, False):
+            with self.subTest(colours=colours):
+                spy = OnATerminal(STICKSLIP, "spy", "--values", columns=100, lines=40,
+                                  env=environment(NO_COLOR=None if colours else "1"))
+                self.replay()
+                spy.wait_for(r"STICKSLIP_FRAMES +\d+ +\d+\.\d")
+                spy.wait_for(r"displacement +[-\d.e]+ m +from")
+                spy.process.send_signal(signal.SIGINT)
+                shown = spy.end()
+                self.assertEqual(spy.process.returncode, 0)
+                self.assertIn("\033[H", shown)
+                self.assertNotIn("\033[2J", shown)  # it would flicker
+                painted = re.search(r"\033\[[0-9;]*m", shown) is not None
+                self.assertEqual(painted, colours, shown)
+                for line in re.sub(r"\033\[[0-9;]*[A-Za-z]", "", shown).split("\r\n"):
+                    self.assertLessEqual(len(line), 100, line)
+
+    def test_a_low_terminal_does_not_scroll(self):
+        spy = OnATerminal(STICKSLIP, "spy", "--values", lines=8)
+        self.replay()
+        spy.wait_for("name a channel to see no others")
+        spy.process.send_signal(signal.SIGINT)
+        for screen in spy.end().split("\033[H")[1:]:
+            self.assertLess(screen.count("\r\n"), 8, screen)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+// How far reading and writing are, as they tell it.
+#include "protocol/share_done.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <sstream>
+#include <vector>
+
+#include "protocol/recording.h"
+#include "protocol/recording_parts.h"
+#include "protocol/recording_survey.h"
+
+namespace stickslip::protocol {
+namespace {
+
+Recording long_recording() {
+  Recording out;
+  for (int i = 0; i < 20000; ++i) {
+    Frame frame;
+    frame.sequence = static_cast<std::uint64_t>(i);
+    frame.time_ns = i * std::int64_t{1'000'000};
+    frame.set(Channel::displacement, 1e-3 * (i % 17));
+    out.channels |= frame.valid;
+    out.frames.push_back(frame);
+  }
+  return out;
+}
+
+/// A folder that is gone afterwards.
+struct Folder {
+  std::filesystem::path path = std::filesystem::path(testing::TempDir()) / "stickslip-share-done";
+  Folder() { std::filesystem::create_directories(path); }
+  ~Folder() { std::filesystem::remove_all(path); }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+};
+
+class Told {
+ public:
+  ShareDone done() {
+    return [this](double share) { shares_.push_back(share); };
+  }
+  /// Often, never back, never beyond 0 and 1, and nearly to the end.
+  void expect_sound() const {
+    ASSERT_GT(shares_.size(), 5U);
+    double before = 0.0;
+    for (const double share : shares_) {
+      EXPECT_GE(share, before);
+      EXPECT_LE(share, 1.0);
+      before = share;
+    }
+    EXPECT_LT(shares_.front(), 0.2);
+    EXPECT_GT(shares_.back(), 0.9);
+  }
+
+ private:
+  std::vector<double> shares_;
+};
+
+TEST(ShareDone, IsToldByWritingAndReadingOfBothForms) {
+  const Folder folder;
+  const Recording recording = long_recording();
+  for (const char* name : {"run.csv", "run.log"}) {
+    SCOPED_TRACE(name);
+    Told written;
+    write_recording(recording, folder.path / name, written.done());
+    written.expect_sound();
+    Told read;
+    EXPECT_EQ(read_recording(folder.path / name, read.done()).frames.size(), 20000U);
+    read.expect_sound();
+  }
+}
+
+TEST(ShareDone, IsToldBySurveyRepairAndJoin) {
+  const Folder folder;
+  Recording recording = long_recording();
+  recording.description.started_utc_us = 1;
+  write_recording(recording, folder.path / "run.log");
+  Told surveyed;
+  survey_log(folder.path / "run.log", surveyed.done());
+  surveyed.expect_sound();
+  Told repaired;
+  repair_log(folder.path / "run.log", folder.path / "whole.log", repaired.done());
+  repaired.expect_sound();
+  Told joined;
+  const std::vector<std::filesystem::path> parts = {folder.path / "run.log"};
+  join_logs(parts, folder.path / "joined.log", joined.done());
+  joined.expect_sound();
+}
+
+TEST(ShareDone, OfAPieceIsAPartOfTheWhole) {
+  double told = -1.0;
+  const ShareDone whole = [&told](double share) { told = share; };
+  share_of_one(whole, 1, 4)(0.5);
+  EXPECT_DOUBLE_EQ(told, 0.375);
+  EXPECT_FALSE(share_of_one({}, 1, 4));
+}
+
+}  // namespace
+}  // namespace stickslip::protocol

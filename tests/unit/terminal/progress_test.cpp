@@ -1,0 +1,38 @@
+// That progress does no harm where nobody looks. What a person sees is tested on a pseudo terminal
+// in tests/end_to_end/terminal.py.
+#include "tools/terminal/progress.h"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+#include <vector>
+
+namespace {
+
+using stickslip::terminal::Progress;
+
+TEST(Progress, TakesNumbersFromManyThreads) {
+  Progress progress("counting");
+  {
+    std::vector<std::jthread> threads;
+    for (int t = 0; t < 4; ++t) {
+      threads.emplace_back([&progress, t] {
+        for (std::size_t i = 0; i < 10000; ++i) {
+          progress.at(i, 10000);
+          if (i % 1000 == 0) progress.say("thread " + std::to_string(t));
+        }
+      });
+    }
+  }
+  progress.finish();
+  progress.finish();
+  progress.at(0.5);  // after the end it is heard by nobody
+  progress.say("nothing");
+}
+
+TEST(Progress, DividesByNoZero) {
+  Progress progress("nothing at all");
+  progress.at(0, 0);
+}
+
+}  // namespace

@@ -1,0 +1,17 @@
+// What the manual pages say of commands beyond their options.
+#pragma once
+
+#include <string_view>
+
+#include "tools/command.h"
+#include "tools/manual/page.h"
+
+namespace stickslip::tools {
+
+void add_manual(CLI::App& app, Action& action);
+
+/// Of the command of that name; of the program for "". A command that has none has a page
+/// nevertheless.
+manual::Notes manual_notes(std::string_view command);
+
+}  // namespace stickslip::tools
