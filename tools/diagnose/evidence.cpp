@@ -1,15 +1,16 @@
 #include "tools/diagnose/evidence.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <limits>
 #include <numbers>
+#include <unsupported/Eigen/FFT>
+#include <utility>
 
+#include "tools/diagnose/base_noise.h"
 #include "tools/diagnose/drive_phase.h"
 #include "tools/diagnose/median.h"
-#include "tools/diagnose/residual_power.h"
-#include "tools/parallel/for_each.h"
 
 namespace stickslip::diagnosis {
 
@@ -20,49 +21,43 @@ using std::numbers::pi;
 constexpr std::size_t phase_parts = 24;
 constexpr std::size_t shown_windows = 3;
 
-// Takes out of the readings of a window what the base's noise would most probably have added to
-// them: its knots, given the residuals.
-void take_base_out(Readings& readings, const Task& task, std::size_t w, BaseResponse response) {
-  const Experiment& e = task.experiments[task.windows[w].experiment];
-  const Window& window = e.windows[task.windows[w].window];
-  Eigen::VectorXd residual(response.rows());
-  const auto each_row = [&](auto&& visit) {
-    Eigen::Index row = 0;
-    for (std::size_t k = window.begin; k < window.end; ++k) {
-      for (std::size_t c = 0; c < predicted_channels; ++c) {
-        if (((e.valid[k] >> c) & 1U) != 0) visit(row++, k, c);
-      }
-    }
-  };
-  each_row([&](Eigen::Index row, std::size_t k, std::size_t c) {
-    response.row(row) /= task.sigma[c];
-    residual[row] = (readings[k - window.begin][c] - e.reading[k][c]) / task.sigma[c];
-  });
-  if (!residual.allFinite()) return;
-  using Square = Eigen::Matrix<double, base_knots, base_knots>;
-  const Square information = Square::Identity() + response.transpose() * response;
-  const Eigen::Matrix<double, base_knots, 1> knots =
-      information.llt().solve(response.transpose() * residual);
-  const Eigen::VectorXd share = response * knots;
-  each_row([&](Eigen::Index row, std::size_t k, std::size_t c) {
-    readings[k - window.begin][c] -= share[row] * task.sigma[c];
-  });
+// A model that blew up in a window tells nothing more than that.
+double bounded(double residual) {
+  return std::isfinite(residual) ? std::clamp(residual, -1.0e6, 1.0e6) : 1.0e6;
 }
 
-std::vector<Readings> readings_of(const Task& task, const Explanation& explanation,
-                                  bool& base_doubted) {
-  const auto response =
-      base_response_of(task, *explanation.hypothesis, explanation.z, *explanation.state);
-  base_doubted = !response.empty();
-  std::vector<Readings> readings(task.windows.size());
-  parallel::for_each(task.windows.size(), task.threads, [&](std::size_t w) {
-    const Experiment& e = task.experiments[task.windows[w].experiment];
+std::vector<double> mean_power(const Task& task, const std::vector<Readings>& readings,
+                               std::size_t c, double period_s, std::vector<double>& frequency_hz) {
+  std::vector<double> power;
+  double count = 0.0;
+  for (std::size_t w = 0; w < task.windows.size(); ++w) {
+    if (task.windows[w].experiment != 0) continue;
+    const Experiment& e = task.experiments.front();
     const Window& window = e.windows[task.windows[w].window];
-    readings[w] = predict(e, window, window.end, *explanation.hypothesis, explanation.z,
-                          (*explanation.state)[w]);
-    if (base_doubted) take_base_out(readings[w], task, w, *response[w]);
-  });
-  return readings;
+    const std::size_t n = window.end - window.begin;
+    if (!power.empty() && n / 2 + 1 != power.size()) continue;
+    std::vector<double> residual(n, 0.0);
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::size_t k = window.begin + i;
+      if (((e.valid[k] >> c) & 1U) == 0) continue;
+      residual[i] = bounded((readings[w][i][c] - e.reading[k][c]) / task.sigma[c]);
+    }
+    Eigen::FFT<double> fft;
+    std::vector<std::complex<double>> spectrum;
+    fft.fwd(spectrum, residual);
+    power.resize(n / 2 + 1, 0.0);
+    for (std::size_t i = 0; i < power.size(); ++i) {
+      power[i] += std::norm(spectrum[i]) / static_cast<double>(n);
+    }
+    count += 1.0;
+  }
+  frequency_hz.clear();
+  for (std::size_t i = 0; i < power.size(); ++i) {
+    power[i] /= std::max(1.0, count);
+    frequency_hz.push_back(static_cast<double>(i) /
+                           (2.0 * period_s * static_cast<double>(power.size() - 1)));
+  }
+  return power;
 }
 
 // A mean of squares before and after, as it grows.
@@ -156,8 +151,9 @@ Channel drive_channel_of(physics::Excitation excitation) {
 Evidence evidence_of(const Task& task, const Explanation& before, const Explanation& after) {
   Evidence out;
   const Experiment& e = task.experiments.front();
-  const auto early = readings_of(task, before, out.base_doubted);
-  const auto late = readings_of(task, after, out.base_doubted);
+  const auto early = readings_of(task, *before.hypothesis, before.z, *before.state);
+  const auto late = readings_of(task, *after.hypothesis, after.z, *after.state);
+  out.base_doubted = e.base_doubt_m_s2 > 0.0;
   const auto order = in_order_of_time(task);
   const DrivePhase drive = drive_phase_of(e);
   out.driven_by = drive_channel_of(before.hypothesis->model().oscillator.excitation);

@@ -76,7 +76,16 @@ struct Axis {
         list.push_back(std::pow(10.0, e));
       }
       if (list.size() < 2) list = {low, high};
-      return list;
+      if (list.size() > 3 || step > 1.0) return list;
+      // Few decades: 2 and 5 of each as well.
+      std::vector<double> finer;
+      for (double e = std::floor(std::log10(low)); e <= std::log10(high); e += 1.0) {
+        for (const double digit : {1.0, 2.0, 5.0}) {
+          const double tick = digit * std::pow(10.0, e);
+          if (tick >= low * (1.0 - 1.0e-9) && tick <= high * (1.0 + 1.0e-9)) finer.push_back(tick);
+        }
+      }
+      return finer;
     }
     const double step = round_step(high - low, count);
     for (double k = std::ceil(low / step - 1.0e-9); k * step <= high + 1.0e-9 * step; k += 1.0) {
@@ -155,7 +164,8 @@ std::string path_of(const Series& series, const Axis& x, const Axis& y) {
   };
   for (std::size_t i = 0; i < series.x.size(); ++i) {
     const double value = series.y[i];
-    if (!std::isfinite(value) || (y.logarithmic && !(value > 0.0))) {
+    if (!std::isfinite(value) || (y.logarithmic && !(value > 0.0)) ||
+        (x.logarithmic && !(series.x[i] > 0.0))) {
       flush();
       pen_down = false;
       continue;
@@ -201,8 +211,9 @@ struct Extent {
     y_low = std::min(y_low, value);
     y_high = std::max(y_high, value);
   }
-  void hold(double x, double y, bool log_y) {
-    if (!std::isfinite(x) || !std::isfinite(y) || (log_y && !(y > 0.0))) return;
+  void hold(double x, double y, const LinePlot& plot) {
+    if (!std::isfinite(x) || !std::isfinite(y)) return;
+    if ((plot.log_y && !(y > 0.0)) || (plot.log_x && !(x > 0.0))) return;
     x_low = std::min(x_low, x);
     x_high = std::max(x_high, x);
     hold_y(y);
@@ -213,13 +224,13 @@ Extent extent_of(const LinePlot& plot) {
   Extent out;
   for (const Series& series : plot.series) {
     for (std::size_t i = 0; i < series.x.size(); ++i) {
-      out.hold(series.x[i], series.y[i], plot.log_y);
+      out.hold(series.x[i], series.y[i], plot);
     }
   }
   for (const Band& band : plot.bands) {
     for (std::size_t i = 0; i < band.x.size(); ++i) {
-      out.hold(band.x[i], band.low[i], plot.log_y);
-      out.hold(band.x[i], band.high[i], plot.log_y);
+      out.hold(band.x[i], band.low[i], plot);
+      out.hold(band.x[i], band.high[i], plot);
     }
   }
   if (!(out.x_high > out.x_low)) return out;
@@ -267,7 +278,7 @@ std::string marks_of(const LinePlot& plot, const Axis& x, const Axis& y) {
     if (!(mark.at >= x.low && mark.at <= x.high)) continue;
     out += line(x.at(mark.at), y.from, x.at(mark.at), y.to, "mark");
     if (mark.words.empty()) continue;
-    const bool right = x.at(mark.at) > 0.7 * x.to;
+    const bool right = x.at(mark.at) > 0.6 * x.to;
     out += text_at(x.at(mark.at) + (right ? -3.0 : 3.0), y.to + 11.0 + 13.0 * (row++ % 3),
                    right ? "end" : "start", mark.words, "note");
   }
@@ -367,7 +378,7 @@ std::string html_text(const std::string& text) {
 std::string line_plot_svg(const LinePlot& plot) {
   const Extent extent = extent_of(plot);
   if (!(extent.x_high > extent.x_low)) return "";
-  const Axis x{extent.x_low, extent.x_high, left_margin, plot.width - right_margin, false};
+  const Axis x{extent.x_low, extent.x_high, left_margin, plot.width - right_margin, plot.log_x};
   const Axis y{extent.y_low, extent.y_high, plot.height - 40.0, 44.0, plot.log_y};
   std::string out = opening(plot.width, plot.height, plot.title, plot.says);
   out += x_axis(x, y.to, y.from, plot.x_label, plot.width / 90.0);

@@ -36,6 +36,7 @@ struct LinePlot {
   std::string says;  ///< what a person who cannot see it should know
   std::string x_label;
   std::string y_label;
+  bool log_x = false;
   bool log_y = false;
   std::vector<Series> series;
   std::vector<Band> bands;

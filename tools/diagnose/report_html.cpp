@@ -28,8 +28,7 @@ std::string code(std::string_view text) {
 class Table {
  public:
   Table(const std::string& caption, const std::vector<std::string>& headings) {
-    html_ =
-        "<div class=\"scroll\"><table>\n<caption>" + html_text(caption) + "</caption>\n<thead><tr>";
+    html_ = "<table>\n<caption>" + html_text(caption) + "</caption>\n<thead><tr>";
     for (const std::string& each : headings) {
       html_ += "<th scope=\"col\">" + html_text(each) + "</th>";
     }
@@ -37,16 +36,23 @@ class Table {
   }
   // The first cell names the row.
   void row(const std::vector<std::string>& cells) {
+    ++rows_;
     html_ += "<tr>";
     for (std::size_t i = 0; i < cells.size(); ++i) {
       html_ += i == 0 ? "<th scope=\"row\">" + cells[i] + "</th>" : "<td>" + cells[i] + "</td>";
     }
     html_ += "</tr>\n";
   }
-  std::string html() const { return html_ + "</tbody>\n</table></div>\n"; }
+  // A short table stays on one sheet of paper.
+  std::string html() const {
+    const std::string style = rows_ <= most_together ? "scroll together" : "scroll";
+    return "<div class=\"" + style + "\">" + html_ + "</tbody>\n</table></div>\n";
+  }
 
  private:
+  static constexpr int most_together = 16;
   std::string html_;
+  int rows_ = 0;
 };
 
 std::string text_cell(const std::string& text) { return html_text(text); }
@@ -87,6 +93,13 @@ std::string answer(const std::string& question, const std::string& html) {
   return "<div><dt>" + html_text(question) + "</dt><dd>" + html + "</dd></div>\n";
 }
 
+const physics::ParameterCard* card_of(const Finding& finding, const Estimate& estimate) {
+  for (const physics::ParameterCard& card : finding.effect->card().parameters) {
+    if (card.name == estimate.name) return &card;
+  }
+  return nullptr;
+}
+
 std::string what_answer(const Diagnosis& d) {
   if (d.findings.empty()) {
     return html_text(d.verdict == Verdict::consistent
@@ -96,12 +109,15 @@ std::string what_answer(const Diagnosis& d) {
   }
   std::string out;
   for (const Finding& finding : d.findings) {
-    out += "<p>" + html_text(finding.statement);
+    out += "<p>" + html_text(plain_words(finding.statement));
     if (!finding.parameters.empty()) {
       const Estimate& first = finding.parameters.front();
       const EstimateWords words = estimate_words(first.value, first.low, first.high);
-      out += " " + code(first.name) + " = <span class=\"number\">" + words.value +
-             "</span> (95\u00a0%: " + words.low + " to " + words.high + ").";
+      const physics::ParameterCard* card = card_of(finding, first);
+      const std::string unit = card != nullptr ? unit_words(card->unit, finding.place) : "";
+      out += " In numbers: " + code(first.name) + " = <span class=\"number\">" + words.value +
+             "</span>" + html_text(unit.empty() ? unit : "\u00a0" + unit) +
+             " (95\u00a0%: " + words.low + " to " + words.high + ").";
     }
     out += "</p>";
   }
@@ -115,11 +131,12 @@ std::string where_answer(const Diagnosis& d) {
         "is left is the noise.");
   }
   std::string out = html_text(plain_words(d.location->statement));
-  if (!d.location->regions.empty()) {
-    const Region& worst = d.location->regions.front();
+  for (const Region& worst : d.location->regions) {
+    if (d.location->channel && worst.channel != *d.location->channel) continue;
     out += html_text(" Most conspicuous: " + channel_words(worst.channel) + " " + worst.words +
                      ", " + number_words(std::sqrt(worst.energy)) + " times the noise (elsewhere " +
                      number_words(std::sqrt(worst.energy_outside)) + ").");
+    break;
   }
   return out;
 }
@@ -134,7 +151,7 @@ const Trial* trial_of(const Diagnosis& d, const Finding& finding) {
 }
 
 std::string windows_words(const Diagnosis& d) {
-  return std::to_string(d.heldout_windows) + " stretches of " + quantity_words(d.horizon_s, "s") +
+  return std::to_string(d.heldout_windows) + " stretches of " + seconds_words(d.horizon_s) +
          " to which no parameter was fitted";
 }
 
@@ -193,7 +210,7 @@ std::string fit_answer(const Diagnosis& d) {
     if (d.augmented && d.augmented->rmse[c]) {
       out += " before, " + quantity_words(*d.augmented->rmse[c], channel.unit) + " with it";
     }
-    out += html_text(", up to " + quantity_words(d.horizon_s, "s") + " ahead.");
+    out += html_text(", up to " + seconds_words(d.horizon_s) + " ahead.");
     break;  // the first channel stands for the others here; all of them follow below
   }
   return out;
@@ -282,20 +299,15 @@ std::string first_screen(const Diagnosis& d, const Provenance& provenance) {
 // ---- What was left out
 
 std::string parameter_table(const Finding& finding) {
-  const physics::Card& card = finding.effect->card();
   Table table("Its numbers, with 95 % intervals.",
               {"what", "name", "value", "95 % interval", "unit"});
   for (const Estimate& each : finding.parameters) {
     const EstimateWords words = estimate_words(each.value, each.low, each.high);
-    std::string meaning;
-    std::string unit;
-    for (const auto& parameter : card.parameters) {
-      if (parameter.name != each.name) continue;
-      meaning = parameter.meaning;
-      unit = parameter.unit;
-    }
-    table.row({text_cell(meaning), code(each.name), words.value, words.low + " to " + words.high,
-               text_cell(unit == "1" ? "none" : unit)});
+    const physics::ParameterCard* card = card_of(finding, each);
+    const std::string unit = card != nullptr ? unit_words(card->unit, finding.place) : "";
+    table.row({card != nullptr ? text_cell(std::string(card->meaning)) : "", code(each.name),
+               words.value, words.low + " to " + words.high,
+               text_cell(unit.empty() ? "none" : unit)});
   }
   return table.html();
 }
@@ -321,7 +333,7 @@ Section findings_section(const Diagnosis& d) {
     const physics::Card& card = finding.effect->card();
     out += "<h3>" + std::to_string(++number) + ". " +
            html_text(suspect_words({finding.effect, finding.place})) + "</h3>\n" +
-           paragraph(finding.statement);
+           paragraph(plain_words(finding.statement));
     out += paragraph(std::string(card.sentence), "soft");
     out += "<p>As a formula: " + code(card.equation) + "</p>\n";
     if (finding.when_s) {
@@ -413,10 +425,10 @@ Section fit_section(const Diagnosis& d) {
   const bool changed = d.augmented.has_value();
   std::vector<std::string> headings = {"quantity", "declared model"};
   if (changed) headings.insert(headings.end(), {"with what was found", "remaining", ""});
-  Table table("Errors of predictions up to " + quantity_words(d.horizon_s, "s") +
+  Table table("Errors of predictions up to " + seconds_words(d.horizon_s) +
                   " ahead (root mean square), over " + std::to_string(d.heldout_windows) +
                   " held-out windows; " + std::to_string(d.fitted_windows) +
-                  " others were fitted. Bars: dashed model above, mended one below.",
+                  " others were fitted. Bars: the declared model above, with what was found below.",
               headings);
   const auto row = [&](const std::string& name, double before, std::optional<double> after,
                        std::string_view unit) {
@@ -424,7 +436,7 @@ Section fit_section(const Diagnosis& d) {
     if (changed && after) {
       const double most = std::max({before, *after, 1.0e-300});
       cells.push_back(quantity_words(*after, unit));
-      cells.push_back(percent_words(*after / std::max(before, 1.0e-300)));
+      cells.push_back(number_words(100.0 * *after / std::max(before, 1.0e-300)) + "\u00a0%");
       cells.push_back("<div class=\"bar\">" + bar(before / most, "was") + bar(*after / most) +
                       "</div>");
     }
@@ -524,9 +536,9 @@ Section unseen_section(const Diagnosis& d) {
   Table table("From which size on each effect would have been named.",
               {"effect", "by this number", "from", "unit"});
   for (const DetectionLimit& limit : d.detection.limits) {
-    const std::string unit(limit.parameter().unit);
+    const std::string unit = unit_words(limit.parameter().unit, limit.suspect.place);
     table.row({text_cell(suspect_words(limit.suspect)), code(limit.parameter().name),
-               text_cell(value_text(limit)), text_cell(unit == "1" ? "none" : unit)});
+               text_cell(plain_words(value_text(limit))), text_cell(unit.empty() ? "none" : unit)});
   }
   out += table.html();
   if (!d.detection.lookalikes.empty()) {
@@ -576,7 +588,7 @@ Section repeat_section(const Diagnosis& d, const Provenance& provenance) {
   std::string made = "stickslip " + provenance.version + ", seed " +
                      std::to_string(provenance.seed) + ", " + std::to_string(d.fitted_windows) +
                      " windows fitted, " + std::to_string(d.heldout_windows) + " held out, " +
-                     quantity_words(d.horizon_s, "s") + " each.";
+                     seconds_words(d.horizon_s) + " each.";
   if (!provenance.built_with.empty()) made += " Built with " + provenance.built_with + ".";
   out += paragraph(made + " The same files, seed and version give the same numbers.");
   Table table("What went in, by its SHA-256 (sha256sum FILE prints it).", {"file", "SHA-256"});

@@ -46,6 +46,23 @@ std::vector<Mark> restarts_of(const Evidence& evidence) {
   return out;
 }
 
+// The channel first in which the declared model misses most.
+std::vector<const ChannelEvidence*> worst_first(const Evidence& evidence) {
+  std::vector<const ChannelEvidence*> out;
+  for (const ChannelEvidence& channel : evidence.channels) out.push_back(&channel);
+  const auto miss = [](const ChannelEvidence* channel) {
+    std::vector<double> known;
+    for (const double each : channel->window_before) {
+      if (std::isfinite(each)) known.push_back(each);
+    }
+    return known.empty() ? 0.0 : median(std::move(known));
+  };
+  std::stable_sort(out.begin(), out.end(), [&](const ChannelEvidence* a, const ChannelEvidence* b) {
+    return miss(a) > miss(b);
+  });
+  return out;
+}
+
 std::string overlay_figure(const Evidence& evidence, const ChannelEvidence& channel, bool changed) {
   const std::string name = channel_words(channel.channel);
   const AxisUnit unit = axis_unit(largest_of(channel.recorded), info(channel.channel).unit);
@@ -227,6 +244,7 @@ std::string spectrum_figure(const Diagnosis& d, const ChannelEvidence& channel, 
       "frequencies of the rig marked.";
   plot.x_label = "frequency [Hz]";
   plot.y_label = "power / noise power";
+  plot.log_x = true;
   plot.log_y = true;
   plot.marks = known_frequencies(d);
   plot.levels = {{1.0, "noise"}};
@@ -332,9 +350,9 @@ std::string stretch_figures(const Diagnosis& d) {
   const Evidence& evidence = *d.evidence;
   const bool changed = d.augmented.has_value();
   std::string out = "<div class=\"plots\">\n";
-  for (const ChannelEvidence& channel : evidence.channels) {
-    out += overlay_figure(evidence, channel, changed);
-    out += difference_figure(evidence, channel, changed);
+  for (const ChannelEvidence* channel : worst_first(evidence)) {
+    out += overlay_figure(evidence, *channel, changed);
+    out += difference_figure(evidence, *channel, changed);
   }
   return out + "</div>\n";
 }
@@ -350,10 +368,10 @@ std::string residual_figures(const Diagnosis& d) {
                     "</div>\n<h3>By operating condition</h3>\n<div class=\"plots\">\n" +
                     condition_maps(evidence, changed) + "</div>\n";
   out += "<h3>By frequency and by phase of the drive</h3>\n<div class=\"plots\">\n";
-  for (const ChannelEvidence& channel : evidence.channels) {
-    out += figure(spectrum_figure(d, channel, changed),
+  for (const ChannelEvidence* channel : worst_first(evidence)) {
+    out += figure(spectrum_figure(d, *channel, changed),
                   "A peak tells which motion is not described; noise alone is flat at 1.");
-    out += figure(drive_phase_figure(channel, changed),
+    out += figure(drive_phase_figure(*channel, changed),
                   "A hump tells at which part of every cycle the model misses; noise alone is flat "
                   "at 1.");
   }

@@ -5,8 +5,10 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <regex>
 
 #include "physics/effects/catalogue.h"
+#include "physics/effects/number_text.h"
 
 namespace stickslip::diagnosis {
 
@@ -160,8 +162,36 @@ std::string plain_words(std::string text) {
                    text.begin() + static_cast<std::ptrdiff_t>(at + stem.size()), '_', ' ');
     }
   }
-  return text;
+  static const std::regex number(R"([-+]?[0-9]+(\.[0-9]+)?e[-+][0-9]{2,3})");
+  std::string out;
+  std::smatch found;
+  while (std::regex_search(text, found, number)) {
+    out += found.prefix().str() + number_words(std::strtod(found.str().c_str(), nullptr));
+    text = found.suffix().str();
+  }
+  return out + text;
 }
+
+std::string unit_words(std::string_view unit, const physics::Place& place) {
+  constexpr std::string_view of_channel = "unit of the channel";
+  if (unit == "1") return "";
+  if (unit.starts_with(of_channel) && place.channel) {
+    return std::string(info(*place.channel).unit).append(unit.substr(of_channel.size()));
+  }
+  // "N/m3" or "N/m^3"
+  std::string out;
+  for (std::size_t i = 0; i < unit.size(); ++i) {
+    const bool power = i > 0 && unit[i] >= '2' && unit[i] <= '9' && unit[i - 1] != ' ';
+    if (power) {
+      out += raised(unit[i] - '0');
+    } else if (unit[i] != '^') {
+      out += unit[i];
+    }
+  }
+  return out;
+}
+
+std::string seconds_words(double seconds) { return physics::number_text(seconds) + "\u00a0s"; }
 
 std::string suspect_words(const Suspect& suspect) {
   std::string out(suspect.effect->card().name);

@@ -35,8 +35,14 @@ std::string percent_words(double share);
 
 /// "friction force"
 std::string channel_words(Channel channel);
-/// A text that names columns or stems, with the names of the channels as a person says them.
+/// A text of the program's, as a person reads it: names of channels without underscores, numbers
+/// without an e.
 std::string plain_words(std::string text);
+/// The unit of a parameter as its card has it, with that of the channel it is about; empty for a
+/// plain number.
+std::string unit_words(std::string_view unit, const physics::Place& place);
+/// "0.4 s", for lengths of time that somebody chose.
+std::string seconds_words(double seconds);
 
 /// "wrong gain (velocity)"
 std::string suspect_words(const Suspect& suspect);

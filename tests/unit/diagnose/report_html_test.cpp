@@ -205,10 +205,11 @@ TEST(ReportHtml, SaysWhatWasFoundHowSureAndHowToRepeatIt) {
 
 TEST(ReportHtml, NumbersOfTheFirstScreenAreThoseOfTheDiagnosis) {
   const std::string top = first_screen_of(report_html(with_a_finding(), provenance()));
-  for (const char* part : {"9.50 \u2192 1.02", "123\u00a0\u00b5m before, 21.9\u00a0\u00b5m with it",
-                           "up to 0.400\u00a0s ahead", "<b>90\u00a0%</b>", "end stop, 10\u00a0%",
-                           "700</span>", "680 to 720", "7.5 standard errors", "28 stretches",
-                           "4.00 times the noise", "elsewhere 1.00"}) {
+  for (const char* part :
+       {"9.50 \u2192 1.02", "123\u00a0\u00b5m before, 21.9\u00a0\u00b5m with it",
+        "up to 0.4\u00a0s ahead", "<b>90\u00a0%</b>", "end stop, 10\u00a0%", "700</span>",
+        "680 to 720", "700</span>\u00a0N/m\u00b3", "7.5 standard errors", "28 stretches",
+        "4.00 times the noise", "elsewhere 1.00"}) {
     EXPECT_THAT(top, HasSubstr(part));
   }
 }
@@ -314,6 +315,12 @@ TEST(ReportWords, NumbersAreWrittenAsPeopleWriteThem) {
   EXPECT_EQ(quantity_words(2.19e-5, "m"), "21.9\u00a0\u00b5m");
   EXPECT_EQ(quantity_words(0.13, "N"), "130\u00a0mN");
   EXPECT_EQ(quantity_words(1.5, "1"), "1.50");
+  EXPECT_EQ(plain_words("friction_force wanders by -1.25e-05 N in 4.38e+03 s"),
+            "friction force wanders by \u22121.25 \u00d7 10\u207b\u2075 N in 4380 s");
+  EXPECT_EQ(unit_words("unit of the channel per second", {Channel::velocity, {}}),
+            "m/s per second");
+  EXPECT_EQ(unit_words("1", {}), "");
+  EXPECT_EQ(unit_words("N s^2/m2", {}), "N s\u00b2/m\u00b2");
   EXPECT_EQ(percent_words(0.99999), "over 99.9\u00a0%");
 }
 
