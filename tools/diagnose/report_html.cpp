@@ -187,9 +187,7 @@ std::string sure_answer(const Diagnosis& d) {
   if (d.false_alarms) out += html_text(sentence_of(*d.false_alarms) + " ");
   if (!d.detection.limits.empty()) {
     out += html_text(std::to_string(d.detection.limits.size()) +
-                     " effects were looked for whose size a number tells. From which size on each "
-                     "would have been seen stands under ") +
-           "<a href=\"#unseen\">what else would have been seen</a>.";
+                     " effects were looked for whose size a number tells.");
   }
   return out;
 }
@@ -210,10 +208,34 @@ std::string fit_answer(const Diagnosis& d) {
     if (d.augmented && d.augmented->rmse[c]) {
       out += " before, " + quantity_words(*d.augmented->rmse[c], channel.unit) + " with it";
     }
-    out += html_text(", up to " + seconds_words(d.horizon_s) + " ahead.");
+    out += html_text(", up to " + seconds_words(d.horizon_s) + " ahead");
+    for (const auto& [measured, noise] : d.noise_std) {
+      if (measured == all_channels[c])
+        out += "; its noise is " + quantity_words(noise, channel.unit);
+    }
+    out += ".";
     break;  // the first channel stands for the others here; all of them follow below
   }
   return out;
+}
+
+// The smallest sizes of physics that the contract lists, as far as a first screen has room; all of
+// them follow below.
+std::string unseen_answer(const Diagnosis& d) {
+  constexpr std::size_t most = 5;
+  std::vector<std::string> limits;
+  for (const DetectionLimit& limit : d.detection.limits) {
+    const physics::Card& card = limit.suspect.effect->card();
+    if (!card.depends_on.empty() || limit.suspect.place.channel || limits.size() == most) continue;
+    const std::string unit = unit_words(limit.parameter().unit, limit.suspect.place);
+    limits.push_back(html_text(suspect_words(limit.suspect)) + " (" + code(limit.parameter().name) +
+                     " = " + html_text(plain_words(value_text(limit))) +
+                     html_text(unit.empty() ? unit : "\u00a0" + unit) + ")");
+  }
+  if (limits.empty()) return "";
+  std::string out = "From these sizes on: ";
+  for (std::size_t i = 0; i < limits.size(); ++i) out += (i > 0 ? ", " : "") + limits[i];
+  return out + "; the others stand under <a href=\"#unseen\">what else would have been seen</a>.";
 }
 
 std::string next_answer(const Diagnosis& d) {
@@ -291,6 +313,8 @@ std::string first_screen(const Diagnosis& d, const Provenance& provenance) {
   out += answer("Where it shows", where_answer(d));
   out += answer("How sure", sure_answer(d));
   out += answer("The fit on data that nothing was fitted to", fit_answer(d));
+  const std::string unseen = kind == Answer::consistent ? unseen_answer(d) : "";
+  if (!unseen.empty()) out += answer("What would have been seen", unseen);
   const std::string next = next_answer(d);
   if (!next.empty()) out += answer("What to do next", next);
   return out + "</dl>\n</header>\n";
@@ -403,7 +427,8 @@ std::string region_table(const Diagnosis& d) {
 }
 
 Section residual_section(const Diagnosis& d) {
-  Section out("where", "Where it fails, and what is left over");
+  Section out("where", d.verdict == Verdict::consistent ? "What is left over"
+                                                        : "Where it fails, and what is left over");
   const std::string figures = residual_figures(d);
   if (!figures.empty()) {
     out += paragraph(

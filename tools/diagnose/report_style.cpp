@@ -76,6 +76,7 @@ dl.words dt { font-weight:600; margin-top:8px; } dl.words dd { margin:0; max-wid
   body { padding:14px; } h1 { font-size:23px; } .answers, .plots { grid-template-columns:1fr; }
   .verdict { padding-left:12px; } .bar { width:90px; } th, td { padding-right:10px; }
 }
+td code { overflow-wrap:break-word; }
 @page { size:A4; margin:16mm 14mm; }
 @media print {
   :root { color-scheme:light; --ink:#000; --soft:#333; --rule:#bbb; --card:#fff; --link:#000; }
@@ -84,6 +85,7 @@ dl.words dt { font-weight:600; margin-top:8px; } dl.words dd { margin:0; max-wid
   h2, h3, caption, thead { break-after:avoid; } figure, tr, .answers div, .together { break-inside:avoid; }
   thead { display:table-header-group; } table { font-size:9.5pt; } .scroll { overflow:visible; }
   figcaption, caption { font-size:9pt; } code, pre { font-size:8pt; }
+  td code { overflow-wrap:anywhere; }
   a { text-decoration:none; }
 }
 )";

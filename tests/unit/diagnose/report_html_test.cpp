@@ -166,8 +166,12 @@ Diagnosis consistent() {
   d.baseline.chi2_per_sample = 1.004;
   d.heldout_windows = 28;
   d.horizon_s = 0.4;
-  Evidence evidence = small_evidence();
-  d.evidence = evidence;
+  d.baseline.rmse[0] = 1.2e-5;
+  d.noise_std = {{Channel::displacement, 1.0e-5}};
+  d.detection.limits = {
+      {Suspect{physics::find_effect("cubic_stiffness"), {}}, 6540.0, 0.0},
+      {Suspect{physics::find_effect("gain_error"), {Channel::velocity, {}}}, 1.1, 0.0}};
+  d.evidence = small_evidence();
   return d;
 }
 Diagnosis ambiguous() {
@@ -217,7 +221,11 @@ TEST(ReportHtml, NumbersOfTheFirstScreenAreThoseOfTheDiagnosis) {
 TEST(ReportHtml, EveryKindOfAnswerHasItsOwnFirstScreen) {
   EXPECT_THAT(first_screen_of(report_html(consistent(), provenance())),
               AllOf(HasSubstr("Nothing is missing"), HasSubstr("class=\"consistent\""),
-                    HasSubstr("1.00</b>"), HasSubstr("28 stretches"), Not(HasSubstr("\u2192"))));
+                    HasSubstr("1.00</b>"), HasSubstr("28 stretches"),
+                    HasSubstr("its noise is 10.0\u00a0\u00b5m"),
+                    HasSubstr("hardening or softening spring (<code>k3_n_m3</code> = "
+                              "6540\u00a0N/m\u00b3)"),
+                    Not(HasSubstr("wrong gain")), Not(HasSubstr("\u2192"))));
   EXPECT_THAT(first_screen_of(report_html(sure(), provenance())),
               AllOf(HasSubstr("The model leaves out one piece of physics: hardening"),
                     HasSubstr("over 99.9\u00a0%"), Not(HasSubstr("What to do next"))));
