@@ -60,6 +60,7 @@ diagnosis::Provenance provenance_of(const Arguments& arguments) {
   out.command += " --html " + arguments.html;
   out.version = STICKSLIP_VERSION;
   out.seed = arguments.seed;
+  out.built_with = std::string("g++ ") + __VERSION__;
   return out;
 }
 
@@ -112,7 +113,9 @@ int run(const Arguments& arguments) {
     write_file(arguments.json, diagnosis::report_json(result).dump(2) + "\n");
   }
   if (!arguments.html.empty()) {
-    write_file(arguments.html, diagnosis::report_html(result, provenance_of(arguments)));
+    diagnosis::Provenance provenance = provenance_of(arguments);
+    provenance.mended_model = config::model_text(result.model);
+    write_file(arguments.html, diagnosis::report_html(result, provenance));
   }
   if (!arguments.write_model.empty()) {
     write_file(arguments.write_model, config::model_text(result.model));

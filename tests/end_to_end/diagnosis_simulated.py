@@ -2,6 +2,7 @@
 which, names the first, and what it writes can be used again."""
 import math
 import unittest
+import xml.etree.ElementTree
 
 from contract import faults_of_diagnosis, faults_of_evaluation
 from programs import SOURCE, EndToEnd, main, read_json
@@ -37,10 +38,39 @@ class SimulatedDiagnosis(EndToEnd):
         self.assertEqual(faults_of_diagnosis(content), [])
         return content, result.stdout
 
+    def first_screen(self, page):
+        """What a person reads first, as text. The page is one file that needs nothing else: well
+        formed, nothing loaded, nothing run, and small enough to be sent."""
+        text = page.read_text()
+        self.assertLess(len(text), 1_000_000)
+        tree = xml.etree.ElementTree.fromstring(text)  # throws where it is no XML
+        for element in tree.iter():
+            self.assertNotIn(element.tag, {"script", "link", "iframe", "img", "object", "embed"})
+            for name, value in element.attrib.items():
+                self.assertNotIn("://", value)
+                self.assertFalse(name.startswith("on"), name)
+                self.assertTrue(name != "href" or value.startswith("#"), value)
+        self.assertNotRegex(tree.find("head/style").text, r"url\(|@import")
+        # Every picture has a name and a description, every link a place.
+        for picture in tree.iter("svg"):
+            self.assertTrue(picture.find("title").text and picture.find("desc").text)
+        places = {element.get("id") for element in tree.iter()}
+        for link in tree.iter("a"):
+            self.assertIn(link.get("href")[1:], places)
+        return " ".join("".join(tree.find("body/main/header").itertext()).split())
+
     def test_a_hidden_cubic_stiffness_is_named_and_the_model_mended(self):
         recording = self.record(TRUTH, 11)
         mended = self.folder / "mended.toml"
-        report, said = self.diagnose(recording, "--write-model", mended)
+        # A name that HTML would take for markup.
+        page = self.folder / "<b>&page\".html"
+        report, said = self.diagnose(recording, "--write-model", mended, "--html", page)
+        top = self.first_screen(page)
+        self.assertIn("leaves out one piece of physics", top)
+        self.assertIn(recording.name, top)
+        held_out = report["fit"]["heldout"]
+        self.assertIn(f"\u2192 {held_out['augmented']['chi2_per_sample']:#.3g}", top)
+        self.assertIn(mended.read_text().splitlines()[-1], page.read_text())
         self.assertEqual(report["verdict"], "missing_physics")
         self.assertEqual(report["location"]["relation"], "force_balance")
         self.assertEqual([finding["id"] for finding in report["findings"]], ["cubic_stiffness"])
@@ -73,8 +103,13 @@ class SimulatedDiagnosis(EndToEnd):
         self.assertEqual(read_json(again)["verdict"], "consistent")
 
     def test_a_rig_that_follows_its_model_is_called_consistent(self):
-        report, said = self.diagnose(self.record(BELIEVED, 13))
+        page = self.folder / "page.html"
+        report, said = self.diagnose(self.record(BELIEVED, 13), "--html", page)
         self.assertEqual(report["verdict"], "consistent", said)
+        top = self.first_screen(page)
+        self.assertIn("Nothing is missing", top)
+        chi2 = report["fit"]["heldout"]["baseline"]["chi2_per_sample"]
+        self.assertIn(f"{chi2:#.3g} chi-squared per sample: 1 is what noise alone leaves", top)
         self.assertEqual(report["findings"], [])
 
     def test_the_answer_is_the_same_however_the_recording_is_cut_and_sampled(self):

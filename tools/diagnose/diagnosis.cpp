@@ -6,6 +6,7 @@
 #include <numeric>
 #include <random>
 #include <span>
+#include <tuple>
 
 #include "physics/effects/catalogue.h"
 #include "physics/problem.h"
@@ -374,6 +375,17 @@ std::vector<double> by_card_of(const Candidate& candidate) {
   return by_card;
 }
 
+// How uncertain the unknown `u` is, which is the k-th parameter of an effect's card: by what noise
+// does to the fit, and because the formula itself is only so good. In z.
+double doubt_of(const Hypothesis& hypothesis, const Fit& fitted, double inflation, std::size_t u,
+                const physics::ParameterCard& card) {
+  const auto i = static_cast<Eigen::Index>(u);
+  const double value = hypothesis.value(u, fitted.z[u]);
+  const double doubt = card.formula_doubt * std::abs(value - card.neutral);
+  const double slope = std::max(std::abs(hypothesis.slope(u, fitted.z[u])), 1.0e-300);
+  return std::hypot(inflation * std::sqrt(std::max(0.0, fitted.covariance(i, i))), doubt / slope);
+}
+
 Finding finding_of(const Candidate& candidate, const Fit& fitted, double inflation) {
   Finding finding;
   finding.effect = candidate.suspect.effect;
@@ -389,12 +401,7 @@ Finding finding_of(const Candidate& candidate, const Fit& fitted, double inflati
     by_card.push_back(values[at]);
     for (std::size_t u = 0; u < hypothesis.unknowns().size(); ++u) {
       if (hypothesis.unknowns()[u].parameter != at) continue;
-      const auto i = static_cast<Eigen::Index>(u);
-      // Beside what noise does to the fit, the formula itself is only so good.
-      const double doubt = card.formula_doubt * std::abs(values[at] - card.neutral);
-      const double slope = std::max(std::abs(hypothesis.slope(u, fitted.z[u])), 1.0e-300);
-      const double sigma = inflation * std::sqrt(std::max(0.0, fitted.covariance(i, i)));
-      const double half = 1.96 * std::hypot(sigma, doubt / slope);
+      const double half = 1.96 * doubt_of(hypothesis, fitted, inflation, u, card);
       const double low = hypothesis.value(u, fitted.z[u] - half);
       const double high = hypothesis.value(u, fitted.z[u] + half);
       finding.parameters.push_back(
@@ -403,6 +410,57 @@ Finding finding_of(const Candidate& candidate, const Fit& fitted, double inflati
   }
   finding.statement = effect.statement(by_card);
   return finding;
+}
+
+// What was fitted, drawn, with the interval that follows from all parameters of the effect.
+std::vector<Curve> portrait_with_bands(const Candidate& candidate, const Fit& fitted,
+                                       double inflation, const Experiment& experiment) {
+  const Hypothesis& hypothesis = *candidate.hypothesis;
+  const Effect& effect = *candidate.suspect.effect;
+  const auto places = places_of(candidate);
+  const auto like = by_card_of(candidate);
+  const Model model = hypothesis.model_at(fitted.z);
+  const double friction_n =
+      model.friction.mu.value * (model.normal_load ? experiment.mean_load_n : 1.0);
+  const auto at = [&](const std::vector<double>& values) {
+    return portrait_of(effect, candidate.suspect.place, values, like, experiment, friction_n);
+  };
+  std::vector<std::size_t> unknown;
+  std::vector<std::size_t> of_card;
+  for (std::size_t k = 0; k < places.size(); ++k) {
+    for (std::size_t u = 0; u < hypothesis.unknowns().size(); ++u) {
+      if (hypothesis.unknowns()[u].parameter != places[k]) continue;
+      unknown.push_back(u);
+      of_card.push_back(k);
+    }
+  }
+  const auto n = static_cast<Eigen::Index>(unknown.size());
+  std::vector<double> sigma;
+  for (std::size_t i = 0; i < unknown.size(); ++i) {
+    sigma.push_back(std::max(
+        doubt_of(hypothesis, fitted, inflation, unknown[i], effect.card().parameters[of_card[i]]),
+        1.0e-300));
+  }
+  Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j < n; ++j) {
+      if (i == j) continue;
+      const auto a = static_cast<std::size_t>(i);
+      const auto b = static_cast<std::size_t>(j);
+      correlation(i, j) = inflation * inflation *
+                          fitted.covariance(static_cast<Eigen::Index>(unknown[a]),
+                                            static_cast<Eigen::Index>(unknown[b])) /
+                          (sigma[a] * sigma[b]);
+    }
+  }
+  std::vector<Curve> curves = at(like);
+  add_bands(curves, correlation, [&](Eigen::Index i, double by) {
+    const auto k = static_cast<std::size_t>(i);
+    std::vector<double> values = like;
+    values[of_card[k]] = hypothesis.value(unknown[k], fitted.z[unknown[k]] + by * sigma[k]);
+    return at(values);
+  });
+  return curves;
 }
 
 double total_loss(const HeldOut& held_out) {
@@ -1138,6 +1196,7 @@ std::vector<Finding> findings_of(const Search& search, double horizon_s, std::ui
                         first.start_s + std::clamp(*end_s, 0.0, last_s)};
     }
     finding.shape = shape_of(*finding.effect, own, first);
+    finding.portrait = portrait_with_bands(named, result.fitted, inflation, first);
     if (finding.probability < sure && !finding.alternatives.empty()) {
       finding.separating_experiment =
           experiment_between(claim.rivals, weight, first, horizon_s, seed, search.held().threads);
@@ -1145,6 +1204,19 @@ std::vector<Finding> findings_of(const Search& search, double horizon_s, std::ui
     findings.push_back(std::move(finding));
   }
   return findings;
+}
+
+// The 95 % interval of an unknown, where its fit went to its end; its value alone otherwise.
+std::pair<double, double> interval_of(const Candidate& candidate, std::size_t u) {
+  const Fit& fitted = candidate.fitted;
+  const auto i = static_cast<Eigen::Index>(u);
+  double half = 0.0;
+  if (i < fitted.covariance.rows()) {
+    const double inflation = std::sqrt(std::max(1.0, fitted.chi2_per_sample()));
+    half = 1.96 * inflation * std::sqrt(std::max(0.0, fitted.covariance(i, i)));
+  }
+  return std::minmax(candidate.hypothesis->value(u, fitted.z[u] - half),
+                     candidate.hypothesis->value(u, fitted.z[u] + half));
 }
 
 Evidence evidence_of(const Search& search, const std::vector<Experiment>& experiments,
@@ -1274,8 +1346,11 @@ Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Mod
     for (const auto& named : stated_parameters) {
       if (named.path == each.path && named.parameter->sigma > 0.0) {
         each.sigmas_off = (each.value - named.parameter->value) / named.parameter->sigma;
+        each.declared = named.parameter->value;
+        each.sigma = named.parameter->sigma;
       }
     }
+    std::tie(each.low, each.high) = interval_of(result, u);
     out.calibrated.push_back(each);
   }
   const Experiment& first = experiments.front();

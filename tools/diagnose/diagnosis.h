@@ -18,6 +18,7 @@
 #include "tools/diagnose/integrity.h"
 #include "tools/diagnose/regions.h"
 #include "tools/diagnose/score.h"
+#include "tools/diagnose/shape.h"
 #include "tools/diagnose/suspects.h"
 
 namespace stickslip::diagnosis {
@@ -50,8 +51,9 @@ struct Finding {
   double probability = 0.0;                         ///< relative to the alternatives tried
   std::vector<Alternative> alternatives;
   std::optional<std::string> separating_experiment;
-  std::vector<Curve> shape;  ///< as it was fitted, over the range of the recording
-  double chi2_before = 0.0;  ///< held-out, before this finding and with it
+  std::vector<Curve> shape;     ///< as it was fitted, over the range of the recording
+  std::vector<Curve> portrait;  ///< the same for a person, with 95 % bands: see portrait_of
+  double chi2_before = 0.0;     ///< held-out, before this finding and with it
   double chi2_after = 0.0;
 };
 
@@ -78,6 +80,10 @@ struct Calibration {
   std::string path;
   double value = 0.0;
   double sigmas_off = 0.0;  ///< from the owner's value, in his sigma
+  double declared = 0.0;    ///< the owner's value
+  double sigma = 0.0;       ///< and how well he knew it
+  double low = 0.0;         ///< 95 % interval of `value`, his knowledge included
+  double high = 0.0;
 };
 
 /// What became of recordings like this one in which nothing was missing.

@@ -1,44 +1,31 @@
 // What a person looks at to believe a diagnosis: where the residuals were and where they are with
-// what was found, the recording beside both predictions, and the laws that were fitted.
+// what was found, and the recording beside both predictions. What the noise of the base's own
+// channel can explain of a residual is taken out of it and of the predictions, as it is where
+// models are judged.
 #pragma once
 
 #include <array>
-#include <optional>
+#include <cstddef>
 #include <span>
-#include <string>
 #include <vector>
 
-#include "physics/effects/effect.h"
 #include "tools/diagnose/shooting.h"
 
 namespace stickslip::diagnosis {
-
-/// A quantity of the fitted physics over one variable.
-struct Curve {
-  std::string variable;  ///< "displacement"
-  std::string variable_unit;
-  std::string quantity;  ///< "force on the mass"
-  std::string unit;
-  std::vector<double> at;
-  std::vector<double> value;
-};
-
-/// How an effect with these parameters (in the order of its card) depends on what it acts on, over
-/// the range of a recording. Empty for what is no function of one variable: faults of sensors,
-/// hidden states.
-std::vector<Curve> shape_of(const physics::Effect& effect, std::span<const double> parameters,
-                            const Experiment& experiment);
 
 /// Before: the calibrated declared model; after: with all that was found (the same where nothing
 /// was).
 struct ChannelEvidence {
   Channel channel = Channel::displacement;
-  /// Mean square of the residual over the noise variance, by window.
-  std::vector<double> window_time_s, window_before, window_after;
+  double sigma = 0.0;  ///< noise by which residuals are divided, in the channel's unit
+  /// Mean square of the residual over the noise variance, by window of Evidence::windows; NaN where
+  /// the channel was not recorded.
+  std::vector<double> window_before, window_after;
   /// Mean power of the whitened residual by frequency; 1 is white noise.
   std::vector<double> frequency_hz, power_before, power_after;
-  /// The recording and both predictions where the declared model fails most; a prediction starts
-  /// anew with every window.
+  /// Root mean square of the whitened residual by the phase of the drive; NaN where it never was.
+  std::vector<double> phase_deg, phase_before, phase_after;
+  /// The recording and both predictions over Stretch; a prediction starts anew with every window.
   std::vector<double> time_s, recorded, before, after;
 };
 
@@ -51,10 +38,33 @@ struct PhaseMap {
   std::vector<double> before, after;  ///< cells * cells, rows of constant velocity
 };
 
+/// One window of the recording: how the rig was driven, and how far predictions were off.
+struct WindowEvidence {
+  double begin_s = 0.0;
+  double end_s = 0.0;
+  bool held_out = false;
+  double drive_hz = 0.0;
+  double drive_amplitude = 0.0;  ///< m, or N of a drive force
+  double before = 0.0;           ///< mean square of the whitened residuals of all channels
+  double after = 0.0;
+};
+
+/// The part of the recording that is shown: neighbouring held-out windows, those of them in which
+/// the declared model misses most.
+struct Stretch {
+  std::size_t first = 0;  ///< of Evidence::windows
+  std::size_t count = 0;
+  double before = 0.0;   ///< mean square there, of the declared model
+  double typical = 0.0;  ///< the same of the median held-out window
+};
+
 struct Evidence {
   std::vector<ChannelEvidence> channels;
   PhaseMap map;
-  std::vector<double> window_begin_s;  ///< of the stretch that is shown
+  std::vector<WindowEvidence> windows;  ///< in the order of time
+  Stretch stretch;
+  Channel driven_by = Channel::base_displacement;  ///< whose amplitude stands in the windows
+  bool base_doubted = false;  ///< whether there was any noise of the base to take out
 };
 
 /// A hypothesis with its parameters and the states of the windows of the task.

@@ -9,6 +9,7 @@
 #include <random>
 #include <unsupported/Eigen/FFT>
 
+#include "tools/diagnose/drive_phase.h"
 #include "tools/parallel/for_each.h"
 
 namespace stickslip::diagnosis {
@@ -166,33 +167,13 @@ class Conditions {
   }
 
  private:
-  // The phase of what drives the rig, from its value and its rate.
+  // In which part of its cycle the drive is.
   class Drive {
    public:
     explicit Drive(const Experiment& e) {
-      std::vector<double> value(e.samples);
-      for (std::size_t k = 0; k < e.samples; ++k) {
-        const physics::Input& input = e.input[k * static_cast<std::size_t>(e.substeps)];
-        value[k] = input.base_displacement_m + input.drive_force_n + input.displacement_m;
-      }
-      double mean = 0.0;
-      for (const double each : value) mean += each / static_cast<double>(e.samples);
-      std::vector<double> rate(e.samples);
-      double square = 0.0;
-      double rate_square = 0.0;
-      for (std::size_t k = 0; k < e.samples; ++k) {
-        value[k] -= mean;
-        if (k > 0 && k + 1 < e.samples) rate[k] = value[k + 1] + mean - value[k - 1];
-        square += value[k] * value[k];
-        rate_square += rate[k] * rate[k];
-      }
-      const double scale = rate_square > 0.0 ? std::sqrt(square / rate_square) : 0.0;
-      part_.resize(e.samples);
-      for (std::size_t k = 0; k < e.samples; ++k) {
-        double phase = std::atan2(-scale * rate[k], value[k]);
-        if (phase < 0.0) phase += 2.0 * pi;
-        part_[k] =
-            std::min(phase_parts - 1, static_cast<std::size_t>(phase / (2.0 * pi) * phase_parts));
+      for (const double phase : drive_phase_of(e).phase_rad) {
+        part_.push_back(
+            std::min(phase_parts - 1, static_cast<std::size_t>(phase / (2.0 * pi) * phase_parts)));
       }
     }
     std::size_t part(std::size_t k) const { return part_[k]; }

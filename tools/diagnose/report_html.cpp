@@ -3,421 +3,692 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
-#include "physics/effects/number_text.h"
 #include "tools/diagnose/picture.h"
 #include "tools/diagnose/report.h"
+#include "tools/diagnose/report_pictures.h"
+#include "tools/diagnose/report_style.h"
+#include "tools/diagnose/report_words.h"
 
 namespace stickslip::diagnosis {
 
 namespace {
-
-using physics::number_text;
-
-// Series are told apart by lightness and dashes as well as by hue.
-constexpr const char* style_sheet = R"(
-:root { --ink:#1b1f24; --soft:#59636e; --paper:#ffffff; --rule:#d8dee4; --card:#f6f8fa;
-  --s0:#59636e; --s1:#c2410c; --s2:#0b5cad; --s3:#7c3aed; --good:#116329; --bad:#a40e26;
-  --m0:#f4f1ea; --m1:#e6ddc9; --m2:#d9c4a0; --m3:#cba775; --m4:#b9874f; --m5:#a06632;
-  --m6:#80481f; --m7:#5d2d14; --m8:#37160b; }
-@media (prefers-color-scheme: dark) { :root { --ink:#e6edf3; --soft:#9198a1; --paper:#0d1117;
-  --rule:#30363d; --card:#161b22; --s0:#9198a1; --s1:#ff9b66; --s2:#6cb6ff; --s3:#c297ff;
-  --good:#56d364; --bad:#ff7b72; } }
-@media print { :root { --ink:#000; --soft:#333; --paper:#fff; --rule:#bbb; --card:#fff; }
-  section { break-inside: avoid; } }
-* { box-sizing: border-box; }
-body { margin:0 auto; padding:24px; max-width:1080px; background:var(--paper); color:var(--ink);
-  font:15px/1.5 system-ui, sans-serif; }
-h1 { font-size:26px; line-height:1.25; margin:0 0 4px; } h2 { font-size:18px; margin:32px 0 8px; }
-h3 { font-size:15px; margin:18px 0 4px; }
-p { margin:6px 0; } .soft { color:var(--soft); } code { font:13px ui-monospace, monospace;
-  overflow-wrap:anywhere; }
-.cards { display:flex; flex-wrap:wrap; gap:12px; margin:16px 0; }
-.card { background:var(--card); border:1px solid var(--rule); border-radius:6px; padding:10px 14px;
-  flex:1 1 200px; }
-.card b { display:block; font-size:22px; font-weight:600; }
-.scroll { overflow-x:auto; }
-table { border-collapse:collapse; margin:8px 0; } th, td { text-align:left; padding:3px 14px 3px 0;
-  border-bottom:1px solid var(--rule); vertical-align:top; font-variant-numeric:tabular-nums; }
-th { font-weight:600; } .plots { display:flex; flex-wrap:wrap; gap:14px; }
-svg { max-width:100%; height:auto; } .tick { font-size:11px; fill:var(--soft); }
-.label { font-size:12px; fill:var(--soft); } .title { font-size:12.5px; font-weight:600;
-  fill:var(--ink); }
-.grid { stroke:var(--rule); stroke-width:0.7; } .mark { stroke:var(--soft); stroke-width:0.7;
-  stroke-dasharray:2 3; }
-.line { fill:none; stroke-width:1.6; } .s0 { stroke:var(--s0); } .s1 { stroke:var(--s1);
-  stroke-dasharray:5 3; } .s2 { stroke:var(--s2); } .s3 { stroke:var(--s3); stroke-dasharray:1 3; }
-.dot { stroke:none; } .dot.s0 { fill:var(--s0); } .dot.s1 { fill:var(--s1); }
-.dot.s2 { fill:var(--s2); }
-)";
-
-std::string map_colours() {
-  std::string out;
-  for (int i = 0; i < 9; ++i) {
-    const std::string n = std::to_string(i);
-    out.append(".m").append(n).append(" { fill:var(--m").append(n).append("); }\n");
-  }
-  return out;
-}
-
-std::string percent(double share) {
-  if (share > 0.999) return "over 99.9 %";
-  return number_text(100.0 * share) + " %";
-}
 
 std::string paragraph(const std::string& text, const char* style = "") {
   return std::string("<p") + (*style != 0 ? std::string(" class=\"") + style + "\"" : "") + ">" +
          html_text(text) + "</p>\n";
 }
 
-std::string card(const std::string& what, const std::string& value) {
-  return "<div class=\"card\">" + html_text(what) + "<b>" + html_text(value) + "</b></div>\n";
+std::string code(std::string_view text) {
+  return "<code>" + html_text(std::string(text)) + "</code>";
 }
 
-std::string headline(const Diagnosis& d) {
-  switch (d.verdict) {
-    case Verdict::consistent:
-      return "Consistent: nothing beyond the noise; the model explains the recording.";
-    case Verdict::unexplained:
-      return "Unexplained: the model and the recording differ, and nothing that was tried explains "
-             "it well enough.";
-    case Verdict::missing_physics:
-      break;
-  }
-  std::string names;
-  for (std::size_t i = 0; i < d.findings.size(); ++i) {
-    if (i > 0) names += i + 1 == d.findings.size() ? " and " : ", ";
-    names += std::string(d.findings[i].effect->card().name);
-    if (d.findings[i].place.channel) {
-      names += " (" + std::string(info(*d.findings[i].place.channel).stem) + ")";
+// A table; what goes into cells is HTML, what goes into captions and headings is text.
+class Table {
+ public:
+  Table(const std::string& caption, const std::vector<std::string>& headings) {
+    html_ = "<table>\n<caption>" + html_text(caption) + "</caption>\n<thead><tr>";
+    for (const std::string& each : headings) {
+      html_ += "<th scope=\"col\">" + html_text(each) + "</th>";
     }
+    html_ += "</tr></thead>\n<tbody>\n";
   }
-  return "Missing physics: " + names + ".";
+  // The first cell names the row.
+  void row(const std::vector<std::string>& cells) {
+    ++rows_;
+    html_ += "<tr>";
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      html_ += i == 0 ? "<th scope=\"row\">" + cells[i] + "</th>" : "<td>" + cells[i] + "</td>";
+    }
+    html_ += "</tr>\n";
+  }
+  // A short table stays on one sheet of paper.
+  std::string html() const {
+    const std::string style = rows_ <= most_together ? "scroll together" : "scroll";
+    return "<div class=\"" + style + "\">" + html_ + "</tbody>\n</table></div>\n";
+  }
+
+ private:
+  static constexpr int most_together = 16;
+  std::string html_;
+  int rows_ = 0;
+};
+
+std::string text_cell(const std::string& text) { return html_text(text); }
+
+// A bar of that share of the cell.
+std::string bar(double share, const char* style = "") {
+  char width[32];
+  std::snprintf(width, sizeof width, "%.1f", 100.0 * std::clamp(share, 0.0, 1.0));
+  return std::string("<i") + (*style != 0 ? std::string(" class=\"") + style + "\"" : "") +
+         " style=\"width:" + width + "%\"></i>";
 }
 
-std::string first_screen(const Diagnosis& d) {
-  std::string out = "<h1>" + html_text(headline(d)) + "</h1>\n";
-  if (d.location) out += paragraph(d.location->statement);
-  for (const Finding& finding : d.findings) out += paragraph(finding.statement);
-  out += "<div class=\"cards\">\n";
-  const auto before = number_text(d.baseline.chi2_per_sample);
-  out += card("held-out chi-squared per sample (1: only noise)",
-              d.augmented ? before + " → " + number_text(d.augmented->chi2_per_sample) : before);
-  if (!d.findings.empty()) {
-    out += card("probability among what was tried", percent(d.findings.front().probability));
+class Section {
+ public:
+  Section(const char* id, const char* heading) : id_(id), heading_(heading) {}
+  Section& operator+=(const std::string& html) {
+    html_ += html;
+    return *this;
   }
+  bool empty() const { return html_.empty(); }
+  std::string link() const {
+    return "<li><a href=\"#" + id_ + "\">" + html_text(heading_) + "</a></li>\n";
+  }
+  std::string html() const {
+    return "<section id=\"" + id_ + "\">\n<h2>" + html_text(heading_) + "</h2>\n" + html_ +
+           "</section>\n";
+  }
+
+ private:
+  std::string id_;
+  std::string heading_;
+  std::string html_;
+};
+
+// ---- The first screen
+
+std::string answer(const std::string& question, const std::string& html) {
+  return "<div><dt>" + html_text(question) + "</dt><dd>" + html + "</dd></div>\n";
+}
+
+const physics::ParameterCard* card_of(const Finding& finding, const Estimate& estimate) {
+  for (const physics::ParameterCard& card : finding.effect->card().parameters) {
+    if (card.name == estimate.name) return &card;
+  }
+  return nullptr;
+}
+
+std::string what_answer(const Diagnosis& d) {
+  if (d.findings.empty()) {
+    return html_text(d.verdict == Verdict::consistent
+                         ? "Nothing. No effect of the catalogue predicts the recording better than "
+                           "the model does without it."
+                         : "Not known. No effect of the catalogue explains the difference.");
+  }
+  std::string out;
+  for (const Finding& finding : d.findings) {
+    out += "<p>" + html_text(plain_words(finding.statement));
+    if (!finding.parameters.empty()) {
+      const Estimate& first = finding.parameters.front();
+      const EstimateWords words = estimate_words(first.value, first.low, first.high);
+      const physics::ParameterCard* card = card_of(finding, first);
+      const std::string unit = card != nullptr ? unit_words(card->unit, finding.place) : "";
+      out += " In numbers: " + code(first.name) + " = <span class=\"number\">" + words.value +
+             "</span>" + html_text(unit.empty() ? unit : "\u00a0" + unit) +
+             " (95\u00a0%: " + words.low + " to " + words.high + ").";
+    }
+    out += "</p>";
+  }
+  return out;
+}
+
+std::string where_answer(const Diagnosis& d) {
+  if (!d.location) {
+    return html_text(
+        "Nowhere: in every channel, at all times, at all speeds and deflections what "
+        "is left is the noise.");
+  }
+  std::string out = html_text(plain_words(d.location->statement));
+  for (const Region& worst : d.location->regions) {
+    if (d.location->channel && worst.channel != *d.location->channel) continue;
+    out += html_text(" Most conspicuous: " + channel_words(worst.channel) + " " + worst.words +
+                     ", " + number_words(std::sqrt(worst.energy)) + " times the noise (elsewhere " +
+                     number_words(std::sqrt(worst.energy_outside)) + ").");
+    break;
+  }
+  return out;
+}
+
+// The gain of a finding in standard errors, if it was tried alone.
+const Trial* trial_of(const Diagnosis& d, const Finding& finding) {
+  const std::string name = Suspect{finding.effect, finding.place}.name();
+  for (const Trial& trial : d.trials) {
+    if (trial.id == name) return &trial;
+  }
+  return nullptr;
+}
+
+std::string windows_words(const Diagnosis& d) {
+  return std::to_string(d.heldout_windows) + " stretches of " + seconds_words(d.horizon_s) +
+         " to which no parameter was fitted";
+}
+
+std::string sure_of_findings(const Diagnosis& d) {
+  std::string out;
+  for (const Finding& finding : d.findings) {
+    const std::string name = suspect_words({finding.effect, finding.place});
+    out += "<p><b>" + percent_words(finding.probability) + "</b> " +
+           html_text((d.findings.size() > 1 ? "for " + name + ", " : std::string()) +
+                     "among the explanations that were tried.");
+    if (!finding.alternatives.empty()) {
+      const Alternative& next = finding.alternatives.front();
+      out += html_text(" Next: " + suspect_words(next.suspect) + ", ") +
+             percent_words(next.probability) + ".";
+    }
+    const Trial* trial = trial_of(d, finding);
+    if (trial != nullptr && trial->stage == 0 && trial->gain_z > 0.0) {
+      out += html_text(" It predicts better by " + number_words(trial->gain_z, 2) +
+                       " standard errors, over " + windows_words(d) + ".");
+    }
+    out += "</p>";
+  }
+  return out;
+}
+
+std::string sure_answer(const Diagnosis& d) {
+  if (!d.findings.empty()) return sure_of_findings(d);
+  if (d.verdict == Verdict::unexplained) {
+    return html_text("That there is a difference is sure: over " + windows_words(d) +
+                     " the model misses by more than the noise can.");
+  }
+  std::string out = html_text("The model was held against " + windows_words(d) + ". ");
+  if (d.false_alarms) out += html_text(sentence_of(*d.false_alarms) + " ");
+  if (!d.detection.limits.empty()) {
+    out += html_text(std::to_string(d.detection.limits.size()) +
+                     " effects were looked for whose size a number tells.");
+  }
+  return out;
+}
+
+std::string fit_answer(const Diagnosis& d) {
+  std::string out = "<b>" + number_words(d.baseline.chi2_per_sample);
+  if (d.augmented) out += " \u2192 " + number_words(d.augmented->chi2_per_sample);
+  out +=
+      "</b> " + html_text(d.augmented
+                              ? "chi-squared per sample, before and with what was found: 1 is what "
+                                "noise alone leaves."
+                              : "chi-squared per sample: 1 is what noise alone leaves.");
   for (std::size_t c = 0; c < predicted_channels; ++c) {
     if (!d.baseline.rmse[c]) continue;
     const ChannelInfo& channel = channel_table[c];
-    std::string value = number_text(*d.baseline.rmse[c]);
-    if (d.augmented && d.augmented->rmse[c]) value += " → " + number_text(*d.augmented->rmse[c]);
-    out += card("prediction error, " + std::string(channel.stem),
-                value + " " + std::string(channel.unit));
+    out += html_text(" Predictions of the " + channel_words(all_channels[c]) + " are off by ") +
+           quantity_words(*d.baseline.rmse[c], channel.unit);
+    if (d.augmented && d.augmented->rmse[c]) {
+      out += " before, " + quantity_words(*d.augmented->rmse[c], channel.unit) + " with it";
+    }
+    out += html_text(", up to " + seconds_words(d.horizon_s) + " ahead");
+    for (const auto& [measured, noise] : d.noise_std) {
+      if (measured == all_channels[c])
+        out += "; its noise is " + quantity_words(noise, channel.unit);
+    }
+    out += ".";
     break;  // the first channel stands for the others here; all of them follow below
   }
-  return out + "</div>\n";
+  return out;
 }
 
-std::string regions_section(const Diagnosis& d) {
-  if (!d.location || d.location->regions.empty()) return "";
-  constexpr std::size_t most = 12;
-  std::string out =
-      "<section><h2>Where it fails more than elsewhere</h2>\n<div class=\"scroll\"><table><tr>"
-      "<th>channel</th><th>condition</th><th>residual there, in units of the noise</th>"
-      "<th>elsewhere</th></tr>\n";
-  const auto& regions = d.location->regions;
-  for (std::size_t i = 0; i < std::min(most, regions.size()); ++i) {
-    out.append("<tr><td>").append(info(regions[i].channel).stem).append("</td><td>");
-    out.append(html_text(regions[i].words)).append("</td><td>");
-    out.append(number_text(std::sqrt(regions[i].energy))).append("</td><td>");
-    out.append(number_text(std::sqrt(regions[i].energy_outside))).append("</td></tr>\n");
+// The smallest sizes of physics that the contract lists, as far as a first screen has room; all of
+// them follow below.
+std::string unseen_answer(const Diagnosis& d) {
+  constexpr std::size_t most = 5;
+  std::vector<std::string> limits;
+  for (const DetectionLimit& limit : d.detection.limits) {
+    const physics::Card& card = limit.suspect.effect->card();
+    if (!card.depends_on.empty() || limit.suspect.place.channel || limits.size() == most) continue;
+    const std::string unit = unit_words(limit.parameter().unit, limit.suspect.place);
+    limits.push_back(html_text(suspect_words(limit.suspect)) + " (" + code(limit.parameter().name) +
+                     " = " + html_text(plain_words(value_text(limit))) +
+                     html_text(unit.empty() ? unit : "\u00a0" + unit) + ")");
   }
-  out += "</table></div>\n";
-  return out +
-         paragraph(
-             "Of all conditions that were looked at, those whose residuals are larger than "
-             "elsewhere; of the entries of such lists one in twenty at most is there by chance "
-             "(Benjamini and Yekutieli over blocks of windows drawn anew).",
-             "soft") +
-         "</section>\n";
+  if (limits.empty()) return "";
+  std::string out = "From these sizes on: ";
+  for (std::size_t i = 0; i < limits.size(); ++i) out += (i > 0 ? ", " : "") + limits[i];
+  return out + "; the others stand under <a href=\"#unseen\">what else would have been seen</a>.";
 }
 
-std::string findings_section(const Diagnosis& d) {
-  if (d.findings.empty()) return "";
-  std::string out = "<section><h2>What was left out</h2>\n";
+std::string next_answer(const Diagnosis& d) {
+  switch (answer_of(d)) {
+    case Answer::ambiguous:
+      for (const Finding& finding : d.findings) {
+        if (finding.separating_experiment) {
+          return html_text("This run would tell them apart: " +
+                           plain_words(*finding.separating_experiment) + ".");
+        }
+      }
+      return html_text("Record more, or under other drives: these data do not tell them apart.");
+    case Answer::unexplained:
+      return html_text(
+          "Look at the pictures below for when and where it fails, check the recording "
+          "itself (its rails, losses and mains are listed), and check numbers that the "
+          "model gives as exactly known.");
+    case Answer::consistent:
+    case Answer::named:
+      break;
+  }
+  return "";
+}
+
+const char* kicker_of(Answer kind) {
+  switch (kind) {
+    case Answer::consistent:
+      return "Verdict: consistent";
+    case Answer::named:
+      return "Verdict: missing physics, named";
+    case Answer::ambiguous:
+      return "Verdict: missing physics, two explanations are left";
+    case Answer::unexplained:
+      break;
+  }
+  return "Verdict: unexplained";
+}
+
+const char* style_of(Answer kind) {
+  switch (kind) {
+    case Answer::consistent:
+      return "consistent";
+    case Answer::named:
+      return "named";
+    case Answer::ambiguous:
+      return "ambiguous";
+    case Answer::unexplained:
+      break;
+  }
+  return "unexplained";
+}
+
+// What was compared with what, for somebody who was handed the page.
+std::string subject_of(const Diagnosis& d, const Provenance& provenance) {
+  std::string out = "<p class=\"soft\">" + html_text("Compared: ");
+  for (std::size_t i = 0; i < provenance.files.size(); ++i) {
+    const bool model = i + 1 == provenance.files.size();
+    if (i > 0) out += model ? html_text(" with the model ") : ", ";
+    out += code(provenance.files[i].name);
+  }
+  double seconds = 0.0;
+  for (const Integrity& each : d.integrity) seconds += each.duration_s;
+  if (seconds > 0.0) out += html_text(", " + number_words(seconds) + " s of recording");
+  return out + html_text(". The rig, as the model has it: " + rig_words(d.baseline_model)) +
+         "</p>\n";
+}
+
+std::string first_screen(const Diagnosis& d, const Provenance& provenance) {
+  const Answer kind = answer_of(d);
+  std::string out = "<header class=\"" + std::string(style_of(kind)) +
+                    "\">\n<div class=\"verdict\">\n<p class=\"kicker\">" + kicker_of(kind) +
+                    "</p>\n<h1>" + html_text(headline_of(d)) + "</h1>\n</div>\n" +
+                    subject_of(d, provenance) + "<dl class=\"answers\">\n";
+  out += answer("What was left out", what_answer(d));
+  out += answer("Where it shows", where_answer(d));
+  out += answer("How sure", sure_answer(d));
+  out += answer("The fit on data that nothing was fitted to", fit_answer(d));
+  const std::string unseen = kind == Answer::consistent ? unseen_answer(d) : "";
+  if (!unseen.empty()) out += answer("What would have been seen", unseen);
+  const std::string next = next_answer(d);
+  if (!next.empty()) out += answer("What to do next", next);
+  return out + "</dl>\n</header>\n";
+}
+
+// ---- What was left out
+
+std::string parameter_table(const Finding& finding) {
+  Table table("Its numbers, with 95 % intervals.",
+              {"what", "name", "value", "95 % interval", "unit"});
+  for (const Estimate& each : finding.parameters) {
+    const EstimateWords words = estimate_words(each.value, each.low, each.high);
+    const physics::ParameterCard* card = card_of(finding, each);
+    const std::string unit = card != nullptr ? unit_words(card->unit, finding.place) : "";
+    table.row({card != nullptr ? text_cell(std::string(card->meaning)) : "", code(each.name),
+               words.value, words.low + " to " + words.high,
+               text_cell(unit.empty() ? "none" : unit)});
+  }
+  return table.html();
+}
+
+std::string alternative_table(const Finding& finding) {
+  Table table(
+      "What it could have been instead: the candidates that explained most, and how "
+      "probable each is among them. Candidates under 0.5 % are not listed.",
+      {"candidate", "name", "probability", ""});
+  const auto row = [&](const Suspect& suspect, double probability) {
+    table.row({text_cell(suspect_words(suspect)), code(suspect.name()), percent_words(probability),
+               "<div class=\"bar\">" + bar(probability) + "</div>"});
+  };
+  row({finding.effect, finding.place}, finding.probability);
+  for (const Alternative& each : finding.alternatives) row(each.suspect, each.probability);
+  return table.html();
+}
+
+Section findings_section(const Diagnosis& d) {
+  Section out("findings", "What was left out");
   int number = 0;
   for (const Finding& finding : d.findings) {
     const physics::Card& card = finding.effect->card();
-    out += "<h3>" + std::to_string(++number) + ". " + html_text(std::string(card.name));
-    if (finding.place.channel) out += ", channel " + std::string(info(*finding.place.channel).stem);
-    out += "</h3>\n" + paragraph(finding.statement);
-    out += "<p class=\"soft\"><code>" + html_text(std::string(card.equation)) + "</code></p>\n";
-    out +=
-        "<div class=\"scroll\"><table><tr><th>parameter</th><th>value</th><th>95 % "
-        "interval</th><th>meaning</th></tr>\n";
-    for (const Estimate& each : finding.parameters) {
-      std::string meaning;
-      for (const auto& parameter : card.parameters) {
-        if (parameter.name == each.name) meaning = parameter.meaning;
-      }
-      out += "<tr><td>" + html_text(each.name) + "</td><td>" + number_text(each.value) +
-             "</td><td>" + number_text(each.low) + " to " + number_text(each.high) + "</td><td>" +
-             html_text(meaning) + "</td></tr>\n";
+    out += "<h3>" + std::to_string(++number) + ". " +
+           html_text(suspect_words({finding.effect, finding.place})) + "</h3>\n" +
+           paragraph(plain_words(finding.statement));
+    out += paragraph(std::string(card.sentence), "soft");
+    out += "<p>As a formula: " + code(card.equation) + "</p>\n";
+    if (finding.when_s) {
+      out += paragraph("It lasts from " + number_words(finding.when_s->first) + " to " +
+                       number_words(finding.when_s->second) + " s.");
     }
-    out +=
-        "</table></div>\n<div class=\"scroll\"><table><tr><th>candidate</th><th>probability</th>"
-        "</tr>\n<tr><td><b>" +
-        html_text(Suspect{finding.effect, finding.place}.name()) + "</b></td><td>" +
-        percent(finding.probability) + "</td></tr>\n";
-    for (const Alternative& each : finding.alternatives) {
-      out += "<tr><td>" + html_text(each.suspect.name()) + "</td><td>" + percent(each.probability) +
-             "</td></tr>\n";
-    }
-    out += "</table></div>\n";
+    out += paragraph("Held-out chi-squared per sample: " + number_words(finding.chi2_before) +
+                     " without it, " + number_words(finding.chi2_after) + " with it.");
+    out += parameter_table(finding);
+    out += shape_figures(finding);
+    out += alternative_table(finding);
     if (finding.separating_experiment) {
-      out +=
-          paragraph("The run that would tell them apart: " + *finding.separating_experiment + ".");
+      out += "<p><b>The run that would tell them apart:</b> " +
+             html_text(plain_words(*finding.separating_experiment)) + ".</p>\n";
+    } else if (!card.experiment.empty()) {
+      out += paragraph("To see it by itself: " + std::string(card.experiment) + ".", "soft");
     }
-    out += "<div class=\"plots\">\n";
-    for (const Curve& curve : finding.shape) {
-      LinePlot plot;
-      plot.title = curve.quantity + " over " + curve.variable;
-      plot.x_label = curve.variable + " [" + curve.variable_unit + "]";
-      plot.y_label = curve.quantity + (curve.unit == "1" ? "" : " [" + curve.unit + "]");
-      plot.width = 420.0;
-      plot.series.push_back({"", curve.at, curve.value, 2, false});
-      out += line_plot_svg(plot);
-    }
-    out += "</div>\n";
   }
-  return out + "</section>\n";
+  return out;
 }
 
-std::string pictures_section(const Diagnosis& d) {
-  if (!d.evidence) return "";
+// ---- Pictures
+
+std::string base_words(const Evidence& evidence) {
+  return evidence.base_doubted
+             ? " What the noise of the base's own channel can explain is taken out."
+             : "";
+}
+
+Section stretch_section(const Diagnosis& d) {
+  Section out("recorded", "Recorded and simulated");
+  const std::string figures = stretch_figures(d);
+  if (figures.empty()) return out;
   const Evidence& evidence = *d.evidence;
-  const bool changed = d.augmented.has_value();
-  std::string out;
-  out += "<section><h2>Recorded and predicted</h2>\n" +
-         paragraph(
-             "Where the declared model fails most. Dotted lines: a prediction starts anew, "
-             "from a state that is fitted to that window alone.",
-             "soft") +
-         "<div class=\"plots\">\n";
-  for (const ChannelEvidence& channel : evidence.channels) {
-    const ChannelInfo& name = info(channel.channel);
-    LinePlot plot;
-    plot.title = std::string(name.stem);
-    plot.x_label = "time [s]";
-    plot.y_label = std::string(name.stem) + " [" + std::string(name.unit) + "]";
-    plot.width = 1000.0;
-    plot.marks = evidence.window_begin_s;
-    plot.series.push_back({"recorded", channel.time_s, channel.recorded, 0, false});
-    plot.series.push_back({"declared model", channel.time_s, channel.before, 1, false});
-    if (changed) {
-      plot.series.push_back({"with what was found", channel.time_s, channel.after, 2, false});
-    }
-    out += line_plot_svg(plot);
-  }
-  out += "</div></section>\n<section><h2>What is left over</h2>\n" +
-         paragraph("Residuals over the noise: 1 is noise alone.", "soft") +
-         "<div class=\"plots\">\n";
-  for (const ChannelEvidence& channel : evidence.channels) {
-    const std::string name(info(channel.channel).stem);
-    LinePlot by_time;
-    by_time.title = name + ", by time";
-    by_time.x_label = "time [s]";
-    by_time.y_label = "chi-squared";
-    by_time.log_y = true;
-    by_time.width = 490.0;
-    by_time.series.push_back({"before", channel.window_time_s, channel.window_before, 1, true});
-    if (changed) {
-      by_time.series.push_back({"after", channel.window_time_s, channel.window_after, 2, true});
-    }
-    out += line_plot_svg(by_time);
-    LinePlot spectrum;
-    spectrum.title = name + ", by frequency";
-    spectrum.x_label = "frequency [Hz]";
-    spectrum.y_label = "power";
-    spectrum.log_y = true;
-    spectrum.width = 490.0;
-    spectrum.series.push_back({"before", channel.frequency_hz, channel.power_before, 1, false});
-    if (changed) {
-      spectrum.series.push_back({"after", channel.frequency_hz, channel.power_after, 2, false});
-    }
-    out += line_plot_svg(spectrum);
-  }
-  const auto map = [&](const char* title, const std::vector<double>& value) {
-    MapPlot plot;
-    plot.title = title;
-    plot.x_label = "displacement [m]";
-    plot.y_label = "velocity [m/s]";
-    plot.value_label = "residual / noise";
-    plot.columns = PhaseMap::cells;
-    plot.x_low = -evidence.map.displacement_m;
-    plot.x_high = evidence.map.displacement_m;
-    plot.y_low = -evidence.map.velocity_m_s;
-    plot.y_high = evidence.map.velocity_m_s;
-    plot.value_low = 0.5;
-    double most = 2.0;
-    for (const double each : evidence.map.before) {
-      if (std::isfinite(each)) most = std::max(most, each);
-    }
-    plot.value_high = most;
-    plot.value = value;
-    plot.width = 490.0;
-    plot.height = 340.0;
-    return map_plot_svg(plot);
-  };
-  out += map("Phase space, declared model", evidence.map.before);
-  if (changed) out += map("Phase space, with what was found", evidence.map.after);
-  return out + "</div></section>\n";
+  const Stretch& stretch = evidence.stretch;
+  const double from_s = evidence.windows[stretch.first].begin_s;
+  const double to_s = evidence.windows[stretch.first + stretch.count - 1].end_s;
+  out += paragraph("Shown: " + number_words(from_s, 4) + " to " + number_words(to_s, 4) +
+                   " s. Chosen by this rule: of the stretches to which no parameter was fitted, "
+                   "the one in which "
+                   "the declared model misses most. There its residuals have a mean square of " +
+                   number_words(stretch.before) +
+                   " times the noise; in the typical such window it is " +
+                   number_words(stretch.typical) +
+                   ". Dotted lines: a simulation starts anew, from a state that is fitted to that "
+                   "window alone." +
+                   base_words(evidence));
+  out += figures;
+  return out;
 }
 
-std::string numbers_section(const Diagnosis& d) {
-  std::string out =
-      "<section><h2>Numbers</h2>\n<div class=\"scroll\"><table><tr><th>held-out "
-      "prediction error</th><th>declared</th><th>with what was found</th></tr>\n";
+std::string region_table(const Diagnosis& d) {
+  if (!d.location || d.location->regions.empty()) return "";
+  constexpr std::size_t most = 12;
+  const auto& regions = d.location->regions;
+  Table table(
+      "Conditions under which the declared model misses more than elsewhere: residuals over the "
+      "noise, root mean square. Of the entries of such lists one in twenty at most is there by "
+      "chance (Benjamini and Yekutieli's rule, over blocks of windows drawn anew).",
+      {"channel", "condition", "there", "elsewhere"});
+  for (std::size_t i = 0; i < std::min(most, regions.size()); ++i) {
+    table.row({text_cell(channel_words(regions[i].channel)), text_cell(regions[i].words),
+               number_words(std::sqrt(regions[i].energy)),
+               number_words(std::sqrt(regions[i].energy_outside))});
+  }
+  return table.html();
+}
+
+Section residual_section(const Diagnosis& d) {
+  Section out("where", d.verdict == Verdict::consistent ? "What is left over"
+                                                        : "Where it fails, and what is left over");
+  const std::string figures = residual_figures(d);
+  if (!figures.empty()) {
+    out += paragraph(
+        "Residual: what is left when a simulation is taken from the recording, divided by the "
+        "noise "
+        "of the channel; 1 is noise alone. All stretches of the recording are in these pictures, "
+        "fitted and held out." +
+        base_words(*d.evidence));
+    out += figures;
+  }
+  out += region_table(d);
+  return out;
+}
+
+// ---- Numbers
+
+Section fit_section(const Diagnosis& d) {
+  Section out("fit", "The fit on data that nothing was fitted to");
+  const bool changed = d.augmented.has_value();
+  std::vector<std::string> headings = {"quantity", "declared model"};
+  if (changed) headings.insert(headings.end(), {"with what was found", "remaining", ""});
+  Table table("Errors of predictions up to " + seconds_words(d.horizon_s) +
+                  " ahead (root mean square), over " + std::to_string(d.heldout_windows) +
+                  " held-out windows; " + std::to_string(d.fitted_windows) +
+                  " others were fitted. Bars: the declared model above, with what was found below.",
+              headings);
+  const auto row = [&](const std::string& name, double before, std::optional<double> after,
+                       std::string_view unit) {
+    std::vector<std::string> cells = {text_cell(name), quantity_words(before, unit)};
+    if (changed && after) {
+      const double most = std::max({before, *after, 1.0e-300});
+      cells.push_back(quantity_words(*after, unit));
+      cells.push_back(number_words(100.0 * *after / std::max(before, 1.0e-300)) + "\u00a0%");
+      cells.push_back("<div class=\"bar\">" + bar(before / most, "was") + bar(*after / most) +
+                      "</div>");
+    }
+    table.row(cells);
+  };
   for (std::size_t c = 0; c < predicted_channels; ++c) {
     if (!d.baseline.rmse[c]) continue;
-    const std::string unit = " " + std::string(channel_table[c].unit);
-    out += "<tr><td>" + std::string(channel_table[c].stem) + ", " + number_text(d.horizon_s) +
-           " s ahead</td><td>" + number_text(*d.baseline.rmse[c]) + unit + "</td><td>" +
-           (d.augmented && d.augmented->rmse[c] ? number_text(*d.augmented->rmse[c]) + unit : "") +
-           "</td></tr>\n";
+    row(channel_words(all_channels[c]), *d.baseline.rmse[c],
+        changed ? d.augmented->rmse[c] : std::nullopt, channel_table[c].unit);
   }
-  out += "<tr><td>chi-squared per sample</td><td>" + number_text(d.baseline.chi2_per_sample) +
-         "</td><td>" + (d.augmented ? number_text(d.augmented->chi2_per_sample) : "") +
-         "</td></tr>\n</table></div>\n";
-  if (!d.calibrated.empty()) {
-    out +=
-        "<div class=\"scroll\"><table><tr><th>calibrated parameter</th><th>value</th><th>sigmas "
-        "from the declared value</th></tr>\n";
-    for (const Calibration& each : d.calibrated) {
-      char off[32];
-      std::snprintf(off, sizeof off, "%+.1f", each.sigmas_off);
-      out += "<tr><td>" + html_text(each.path) + "</td><td>" + number_text(each.value) +
-             "</td><td>" + off + "</td></tr>\n";
-    }
-    out += "</table></div>\n";
+  row("chi-squared per sample", d.baseline.chi2_per_sample,
+      changed ? std::optional(d.augmented->chi2_per_sample) : std::nullopt, "1");
+  out += table.html();
+  return out;
+}
+
+Section calibration_section(const Diagnosis& d) {
+  Section out("calibration", "Calibrated parameters");
+  if (d.calibrated.empty()) return out;
+  out += paragraph(
+      "What the model gives with a doubt is adjusted within that doubt before anything is called "
+      "missing. A parameter that is only off within its doubt is not missing physics.");
+  Table table("Calibrated parameters with 95 % intervals; units stand at the end of the names.",
+              {"parameter", "declared", "calibrated", "95 % interval", "shift in declared sigmas"});
+  for (const Calibration& each : d.calibrated) {
+    char shift[32];
+    std::snprintf(shift, sizeof shift, "%.1f", std::abs(each.sigmas_off));
+    const EstimateWords words = estimate_words(each.value, each.low, each.high);
+    const bool known = each.high > each.low;
+    table.row({code(each.path),
+               each.sigma > 0.0
+                   ? number_words(each.declared, 4) + " \u00b1 " + number_words(each.sigma, 2)
+                   : std::string(),
+               words.value, known ? words.low + " to " + words.high : "not known",
+               (each.sigmas_off < 0.0 ? "\u2212" : "+") + std::string(shift)});
   }
-  out +=
-      "<div class=\"scroll\"><table><tr><th>noise</th><th>standard deviation</th><th></th></tr>\n";
+  out += table.html();
+  out += calibration_figure(d);
+  return out;
+}
+
+Section noise_section(const Diagnosis& d) {
+  Section out("noise", "Noise floor");
+  if (d.noise_std.empty()) return out;
+  Table table("The noise of each channel, as a standard deviation: what no model can explain.",
+              {"channel", "noise", "where it comes from"});
   for (const auto& [channel, value] : d.noise_std) {
     const bool estimated = std::find(d.noise_estimated.begin(), d.noise_estimated.end(), channel) !=
                            d.noise_estimated.end();
-    out += "<tr><td>" + std::string(info(channel).stem) + "</td><td>" + number_text(value) + " " +
-           std::string(info(channel).unit) + "</td><td>" +
-           (estimated ? "estimated from the recording" : "declared") + "</td></tr>\n";
+    table.row({text_cell(channel_words(channel)), quantity_words(value, info(channel).unit),
+               estimated ? "estimated from the recording" : "declared by the model"});
   }
-  out +=
-      "</table></div>\n<h3>What was tried</h3>\n<div class=\"scroll\"><table><tr><th>added to"
-      "</th><th>candidate</th><th>held-out chi-squared</th></tr>\n";
-  for (const Trial& trial : d.trials) {
-    out += "<tr><td>" +
-           (trial.stage == 0 ? std::string("the declared model")
-                             : std::to_string(trial.stage) + " found before") +
-           "</td><td>" + html_text(trial.id) + "</td><td>" + number_text(trial.heldout_chi2) +
-           "</td></tr>\n";
-  }
-  return out + "</table></div></section>\n";
+  out += table.html();
+  return out;
 }
 
-std::string detection_section(const Diagnosis& d) {
-  if (d.detection.limits.empty() && !d.false_alarms) return "";
-  std::string out = "<section><h2>What else would have been seen</h2>\n";
+// In the order of their stages, the best of each first.
+std::vector<const Trial*> sorted_trials(const Diagnosis& d) {
+  std::vector<const Trial*> out;
+  for (const Trial& trial : d.trials) out.push_back(&trial);
+  std::stable_sort(out.begin(), out.end(), [](const Trial* a, const Trial* b) {
+    return std::pair(a->stage, a->heldout_chi2) < std::pair(b->stage, b->heldout_chi2);
+  });
+  return out;
+}
+
+Section trial_section(const Diagnosis& d) {
+  Section out("tried", "What was tried");
+  if (d.trials.empty()) return out;
+  out += paragraph(
+      "Every effect of the catalogue that the model could lack is looked at in one step, the best "
+      "are fitted roughly, and these to their end. A small difference in chi-squared does not "
+      "decide by itself: the simpler explanation, and one that has a name, is preferred as long as "
+      "it explains nearly as much.");
+  Table table(
+      "What was fitted to its end, by what it leaves on held-out data (1: noise alone). Gain: "
+      "how much better it predicts than without it, in standard errors over windows.",
+      {"candidate", "name", "added to", "held-out chi-squared", "gain"});
+  for (const Trial* trial : sorted_trials(d)) {
+    table.row({text_cell(trial_words(trial->id)), code(trial->id),
+               trial->stage == 0 ? std::string("the declared model")
+                                 : std::to_string(trial->stage) + " found before",
+               number_words(trial->heldout_chi2), number_words(trial->gain_z, 2)});
+  }
+  out += table.html();
+  return out;
+}
+
+Section unseen_section(const Diagnosis& d) {
+  Section out("unseen", "What else would have been seen");
+  if (d.detection.limits.empty() && !d.false_alarms) return out;
   if (d.false_alarms) out += paragraph(sentence_of(*d.false_alarms));
   out += paragraph(
-      "From these sizes on the recording would have shown it, beside what was found. Effects that "
-      "replace a law instead of bending it are not in this table.");
-  out += "<div class=\"scroll\"><table><tr><th>effect</th><th>parameter</th><th>from</th></tr>\n";
+      "What is not found may still be there, only smaller. From these sizes on the recording would "
+      "have shown it, beside what was found. Effects that replace a law instead of bending it are "
+      "not in this table.");
+  Table table("From which size on each effect would have been named.",
+              {"effect", "by this number", "from", "unit"});
   for (const DetectionLimit& limit : d.detection.limits) {
-    out += "<tr><td>" + html_text(limit.suspect.name()) + "</td><td>" +
-           html_text(std::string(limit.parameter().name)) + "</td><td>" + value_text(limit) + " " +
-           html_text(std::string(limit.parameter().unit)) + "</td></tr>\n";
+    const std::string unit = unit_words(limit.parameter().unit, limit.suspect.place);
+    table.row({text_cell(suspect_words(limit.suspect)), code(limit.parameter().name),
+               text_cell(plain_words(value_text(limit))), text_cell(unit.empty() ? "none" : unit)});
   }
-  out += "</table></div>\n";
+  out += table.html();
   if (!d.detection.lookalikes.empty()) {
-    out +=
-        paragraph("These move the readings alike; this recording cannot tell one from the other.");
-    out += "<div class=\"scroll\"><table><tr><th>one</th><th>other</th><th>cosine</th></tr>\n";
+    Table pairs(
+        "These move the readings alike: this recording cannot tell one from the other. "
+        "Likeness: 1 is the same.",
+        {"one", "other", "likeness"});
     for (const Lookalikes& pair : d.detection.lookalikes) {
-      out += "<tr><td>" + html_text(d.detection.limits[pair.one].suspect.name()) + "</td><td>" +
-             html_text(d.detection.limits[pair.other].suspect.name()) + "</td><td>" +
-             number_text(pair.cosine) + "</td></tr>\n";
+      pairs.row({text_cell(suspect_words(d.detection.limits[pair.one].suspect)),
+                 text_cell(suspect_words(d.detection.limits[pair.other].suspect)),
+                 number_words(pair.cosine)});
     }
-    out += "</table></div>\n";
+    out += pairs.html();
   }
-  return out + "</section>\n";
+  return out;
 }
 
-std::string recordings_section(const Diagnosis& d) {
-  std::string out = "<section><h2>The recordings themselves</h2>\n";
-  for (const Integrity& each : d.integrity) {
-    out += paragraph(each.source + ": " + number_text(each.duration_s) + " s at " +
-                     number_text(each.rate_hz) + " Hz, " + std::to_string(each.frames) +
-                     " frames, " + std::to_string(each.lost) + " lost.");
-    out +=
-        "<div class=\"scroll\"><table><tr><th>channel</th><th>lowest</th><th>highest</th>"
-        "<th>step</th><th>samples at a rail</th><th>line of the mains</th></tr>\n";
-    for (const ChannelIntegrity& c : each.channels) {
-      const auto cell = [&out](const std::string& text) {
-        out.append("<td>").append(text).append("</td>");
-      };
-      const auto amount = [&c](double value) {
-        return number_text(value).append(" ").append(info(c.channel).unit);
-      };
-      out += "<tr>";
-      cell(std::string(info(c.channel).stem));
-      cell(amount(c.lowest));
-      cell(amount(c.highest));
-      cell(c.step > 0.0 ? amount(c.step) : "none seen");
-      cell(std::to_string(c.at_low_rail + c.at_high_rail));
-      cell(c.mains ? amount(c.mains->amplitude)
-                         .append(" at ")
-                         .append(number_text(c.mains->frequency_hz))
-                         .append(" Hz")
-                   : "none");
-      out += "</tr>\n";
-    }
-    out += "</table></div>\n";
-    for (const std::string& remark : each.remarks) out += paragraph(remark);
+std::string integrity_table(const Integrity& integrity) {
+  Table table(
+      integrity.source + ": " + number_words(integrity.duration_s) + " s at " +
+          number_words(integrity.rate_hz, 4) + " Hz, " + std::to_string(integrity.frames) +
+          " frames, " + std::to_string(integrity.lost) + " lost.",
+      {"channel", "lowest", "highest", "smallest step", "samples at a rail", "line of the mains"});
+  for (const ChannelIntegrity& c : integrity.channels) {
+    const auto amount = [&c](double value) { return quantity_words(value, info(c.channel).unit); };
+    table.row({text_cell(channel_words(c.channel)), amount(c.lowest), amount(c.highest),
+               c.step > 0.0 ? amount(c.step) : "none seen",
+               std::to_string(c.at_low_rail + c.at_high_rail),
+               c.mains ? amount(c.mains->amplitude) + " at " +
+                             number_words(c.mains->frequency_hz, 4) + "\u00a0Hz"
+                       : "none"});
   }
-  return out + "</section>\n";
+  std::string out = table.html();
+  for (const std::string& remark : integrity.remarks) out += paragraph(plain_words(remark));
+  return out;
 }
 
-std::string repeat_section(const Diagnosis& d, const Provenance& provenance) {
-  std::string out = "<section><h2>To repeat this</h2>\n<p><code>" + html_text(provenance.command) +
-                    "</code></p>\n";
-  out += paragraph("stickslip " + provenance.version + ", seed " + std::to_string(provenance.seed) +
-                   "; " + std::to_string(d.fitted_windows) + " windows fitted, " +
-                   std::to_string(d.heldout_windows) + " held out, " + number_text(d.horizon_s) +
-                   " s each.");
-  out += "<div class=\"scroll\"><table><tr><th>file</th><th>SHA-256</th></tr>\n";
-  for (const auto& file : provenance.files) {
-    out +=
-        "<tr><td>" + html_text(file.name) + "</td><td><code>" + file.sha256 + "</code></td></tr>\n";
+Section recordings_section(const Diagnosis& d) {
+  Section out("recordings", "The recordings themselves");
+  for (const Integrity& each : d.integrity) out += integrity_table(each);
+  return out;
+}
+
+Section repeat_section(const Diagnosis& d, const Provenance& provenance) {
+  Section out("repeat", "To repeat this");
+  out += "<pre>" + html_text(provenance.command) + "</pre>\n";
+  std::string made = "stickslip " + provenance.version + ", seed " +
+                     std::to_string(provenance.seed) + ", " + std::to_string(d.fitted_windows) +
+                     " windows fitted, " + std::to_string(d.heldout_windows) + " held out, " +
+                     seconds_words(d.horizon_s) + " each.";
+  if (!provenance.built_with.empty()) made += " Built with " + provenance.built_with + ".";
+  out += paragraph(made + " The same files, seed and version give the same numbers.");
+  Table table("What went in, by its SHA-256 (sha256sum FILE prints it).", {"file", "SHA-256"});
+  for (const auto& file : provenance.files) table.row({code(file.name), code(file.sha256)});
+  out += table.html();
+  if (!provenance.mended_model.empty()) {
+    out += "<h3>The model that comes out</h3>\n" +
+           paragraph(
+               "Calibrated, with a term for all that was found; save it as a file to simulate "
+               "or to diagnose with it.") +
+           "<pre>" + html_text(provenance.mended_model) + "</pre>\n";
   }
-  return out + "</table></div></section>\n";
+  return out;
+}
+
+Section words_section() {
+  Section out("words", "Words that are used here");
+  out += "<dl class=\"words\">\n";
+  const auto word = [&](const char* name, const char* meaning) {
+    out += "<dt>" + html_text(name) + "</dt><dd>" + html_text(meaning) + "</dd>\n";
+  };
+  word("Declared model",
+       "The physics that the owner of the rig believes in, as equations with numbers; some of them "
+       "with a doubt, within which they are calibrated first.");
+  word("Missing physics",
+       "An effect that is in the recording and not in the model: a force, a law of friction, a "
+       "property of an instrument.");
+  word("Held out",
+       "Stretches of the recording to which no parameter was fitted. What predicts them better has "
+       "learnt something about the rig, not about its noise.");
+  word("Residual", "What is left when the simulation is taken from the recording.");
+  word("Noise", "What the instruments add at random; no model can explain it.");
+  word("Chi-squared per sample",
+       "The mean square of the residual over that of the noise: 1 if only noise is left, 4 if "
+       "residuals are twice as large as the noise.");
+  word("95 % interval", "A range that holds the true value in 95 of 100 such cases.");
+  word("Probability",
+       "How probable an explanation is among those that were tried; something that nobody thought "
+       "of is not among them.");
+  word("Phase space",
+       "Displacement to the right, velocity upwards: every state of the mass is a "
+       "point, a cycle of its motion goes around.");
+  out += "</dl>\n";
+  return out;
 }
 
 }  // namespace
 
 std::string report_html(const Diagnosis& diagnosis, const Provenance& provenance) {
+  const std::vector<Section> sections = {findings_section(diagnosis),
+                                         stretch_section(diagnosis),
+                                         residual_section(diagnosis),
+                                         fit_section(diagnosis),
+                                         calibration_section(diagnosis),
+                                         noise_section(diagnosis),
+                                         trial_section(diagnosis),
+                                         unseen_section(diagnosis),
+                                         recordings_section(diagnosis),
+                                         repeat_section(diagnosis, provenance),
+                                         words_section()};
   std::string out =
-      "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
-      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-      "<title>Diagnosis: " +
-      html_text(headline(diagnosis)) + "</title>\n<style>" + style_sheet + map_colours() +
-      "</style>\n</head>\n<body>\n<main>\n";
-  out += first_screen(diagnosis);
-  out += findings_section(diagnosis);
-  out += regions_section(diagnosis);
-  out += pictures_section(diagnosis);
-  out += numbers_section(diagnosis);
-  out += detection_section(diagnosis);
-  out += recordings_section(diagnosis);
-  out += repeat_section(diagnosis, provenance);
+      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n"
+      "<meta charset=\"utf-8\"/>\n"
+      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>" +
+      html_text("Diagnosis: " + headline_of(diagnosis)) + "</title>\n<style>" +
+      std::string(report_style()) + "</style>\n</head>\n<body>\n<main>\n";
+  out += first_screen(diagnosis, provenance);
+  out += "<nav aria-label=\"Contents\"><ul>\n";
+  for (const Section& section : sections) {
+    if (!section.empty()) out += section.link();
+  }
+  out += "</ul></nav>\n";
+  for (const Section& section : sections) {
+    if (!section.empty()) out += section.html();
+  }
   return out + "</main>\n</body>\n</html>\n";
 }
 
