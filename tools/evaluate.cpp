@@ -38,6 +38,7 @@ int run(const Arguments& arguments) {
   options.free_run = arguments.free_run;
   options.threads = parallel::threads_for(arguments.jobs);
   terminal::Progress progress("predicting");
+  options.progress = [&progress](double share) { progress.at(share); };
   const Evaluation done = evaluate(recording, model, options);
   progress.finish();
   const Score& result = done.score;

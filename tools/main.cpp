@@ -8,7 +8,6 @@
 
 #include "physics/problem.h"
 #include "tools/command.h"
-#include "tools/manual_notes.h"
 
 namespace {
 

@@ -3,12 +3,9 @@
 
 #include <string_view>
 
-#include "tools/command.h"
 #include "tools/manual/page.h"
 
 namespace stickslip::tools {
-
-void add_manual(CLI::App& app, Action& action);
 
 /// Of the command of that name; of the program for "". A command that has none has a page
 /// nevertheless.

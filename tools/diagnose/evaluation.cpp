@@ -1,5 +1,7 @@
 #include "tools/diagnose/evaluation.h"
 
+#include <atomic>
+
 #include "physics/effects/number_text.h"
 #include "physics/problem.h"
 
@@ -36,7 +38,16 @@ Evaluation evaluate(const protocol::Recording& recording, const physics::Model& 
   task.sigma = noise_sigma(experiments);
   task.threads = options.threads;
   for (std::size_t w = 0; w < e.windows.size(); ++w) task.windows.push_back({0, w});
+  // States are fitted twice where the base is doubted, and once more to predict ahead.
+  const double passes = e.base_doubt_m_s2 > 0.0 ? 3.0 : 2.0;
+  std::atomic<std::size_t> fitted = 0;
+  if (options.progress) {
+    task.window_done = [&] {
+      options.progress(static_cast<double>(++fitted) / (passes * static_cast<double>(out.windows)));
+    };
+  }
   out.score = score(task, hypothesis, {});
+  task.window_done = {};
   if (options.free_run) out.free_run = free_run(task, hypothesis, {});
   return out;
 }

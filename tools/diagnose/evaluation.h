@@ -1,6 +1,7 @@
 // How well a model, as it stands, predicts a recording.
 #pragma once
 
+#include <functional>
 #include <optional>
 
 #include "physics/model.h"
@@ -13,6 +14,8 @@ struct EvaluationOptions {
   std::optional<double> horizon_s;  ///< of a prediction; absent: what suits the model
   bool free_run = false;
   int threads = 1;
+  /// Told the share of the work that is done, 0 to 1, from the threads that do it; may be empty.
+  std::function<void(double share)> progress = {};
 };
 
 struct Evaluation {

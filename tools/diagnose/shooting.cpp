@@ -779,8 +779,10 @@ Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
 
   if (!options.parameters_free) {
     problem.prepare(z);
-    for_each(windows, task.threads,
-             [&](std::size_t w) { blocks[w] = fit_state(problem, w, states[w], options); });
+    for_each(windows, task.threads, [&](std::size_t w) {
+      blocks[w] = fit_state(problem, w, states[w], options);
+      if (task.window_done) task.window_done();
+    });
     if (options.rescue) rescue(problem, task.threads, states, blocks);
     Fit result;
     result.z = std::move(z);

@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <functional>
 #include <memory>
 #include <span>
 #include <vector>
@@ -42,6 +43,9 @@ struct Task {
   std::vector<std::shared_ptr<const BaseResponse>> base_response = {};
   double share = 1.0;  ///< only this share of each window, from its beginning, is compared
   int threads = 1;
+  /// Told of each window whose states were fitted while the unknowns are held, from the thread that
+  /// did it; may be empty.
+  std::function<void()> window_done = {};
 };
 
 struct Fit {
