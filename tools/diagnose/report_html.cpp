@@ -206,12 +206,13 @@ std::string fit_answer(const Diagnosis& d) {
     out += html_text(" Predictions of the " + channel_words(all_channels[c]) + " are off by ") +
            quantity_words(*d.baseline.rmse[c], channel.unit);
     if (d.augmented && d.augmented->rmse[c]) {
-      out += " before, " + quantity_words(*d.augmented->rmse[c], channel.unit) + " with it";
+      out += " before, " +
+             quantity_words(*d.augmented->rmse[c], channel.unit, *d.baseline.rmse[c]) + " with it";
     }
     out += html_text(", up to " + seconds_words(d.horizon_s) + " ahead");
     for (const auto& [measured, noise] : d.noise_std) {
       if (measured == all_channels[c])
-        out += "; its noise is " + quantity_words(noise, channel.unit);
+        out += "; its noise is " + quantity_words(noise, channel.unit, *d.baseline.rmse[c]);
     }
     out += ".";
     break;  // the first channel stands for the others here; all of them follow below
@@ -460,7 +461,7 @@ Section fit_section(const Diagnosis& d) {
     std::vector<std::string> cells = {text_cell(name), quantity_words(before, unit)};
     if (changed && after) {
       const double most = std::max({before, *after, 1.0e-300});
-      cells.push_back(quantity_words(*after, unit));
+      cells.push_back(quantity_words(*after, unit, before));
       cells.push_back(number_words(100.0 * *after / std::max(before, 1.0e-300)) + "\u00a0%");
       cells.push_back("<div class=\"bar\">" + bar(before / most, "was") + bar(*after / most) +
                       "</div>");

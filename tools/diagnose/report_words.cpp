@@ -125,8 +125,8 @@ AxisUnit axis_unit(double largest, std::string_view unit) {
   return {1.0e9, std::string("n").append(unit)};
 }
 
-std::string quantity_words(double value, std::string_view unit) {
-  const AxisUnit scaled = axis_unit(std::abs(value), unit);
+std::string quantity_words(double value, std::string_view unit, double beside) {
+  const AxisUnit scaled = axis_unit(std::max(std::abs(value), std::abs(beside)), unit);
   const std::string number = number_words(value * scaled.factor);
   return unit == "1" || unit.empty() ? number : number + "\u00a0" + scaled.unit;
 }

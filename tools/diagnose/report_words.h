@@ -12,8 +12,9 @@ namespace stickslip::diagnosis {
 /// minus; "not known" for what is no number.
 std::string number_words(double value, int digits = 3);
 
-/// With the unit's prefix that suits: "21.9 µm", "1.13 mm/s", "0.13 N"; a unit of "1" is left out.
-std::string quantity_words(double value, std::string_view unit);
+/// With the unit's prefix that suits it, or the larger `beside` which it stands: "21.9 µm",
+/// "1.13 mm/s", "130 mN"; a unit of "1" is left out.
+std::string quantity_words(double value, std::string_view unit, double beside = 0.0);
 
 /// By which factor values up to `largest` are multiplied for an axis, and the unit they then have.
 struct AxisUnit {
