@@ -110,7 +110,14 @@ void add_scope(CLI::App& app, Action& action) {
   command
       ->add_option("--token", arguments->admission.token,
                    "A word without which nothing is shown; part of the page's address")
-      ->envname("STICKSLIP_SCOPE_TOKEN");
+      ->envname("STICKSLIP_SCOPE_TOKEN")
+      ->check(CLI::Validator(
+          [](std::string& word) {
+            return scope::is_token(word) ? std::string()
+                                         : "expected letters, digits and -._~ only, as a URL "
+                                           "carries them";
+          },
+          ""));
   command->add_option("--allow-origin", arguments->admission.allowed_origins,
                       "Pages from elsewhere that may open the stream, as https://rig.lab");
   command->add_option("--host-name", arguments->admission.host_names,

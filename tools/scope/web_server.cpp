@@ -32,7 +32,7 @@ using Clock = std::chrono::steady_clock;
 static_assert(Message::headroom >= LWS_PRE);
 
 // What waits in the kernel for a slow reader is as stale as what waits here.
-constexpr int send_buffer_bytes = 256 * 1024;
+constexpr int send_buffer_bytes = 128 * 1024;
 constexpr std::size_t file_piece_bytes = 16 * 1024;
 constexpr int most_at_once =
     64;  ///< connections taken, or messages written, before others have a turn

@@ -46,6 +46,15 @@ TEST(Backlog, TooMuchLosesTelemetryKeepsTheRestAndSaysSo) {
   EXPECT_EQ(backlog.lost(), 2U);
 }
 
+TEST(Backlog, WhoReadsAgainIsAtThePresent) {
+  Backlog backlog(100);
+  for (int i = 0; i < 50; ++i) backlog.add(telemetry(30), start);
+  const auto latest = telemetry(30);
+  EXPECT_EQ(read_json(*backlog.take())["messages"], 50);
+  backlog.add(latest, start);
+  EXPECT_EQ(backlog.take(), latest);
+}
+
 TEST(Backlog, LosesForAsLongAsItIsNeverEmpty) {
   Backlog backlog(100);
   EXPECT_EQ(backlog.losing_for(start), 0s);
