@@ -192,8 +192,7 @@ TEST_F(ServerTest, AConnectionWithoutARequestIsShed) {
 
 TEST_F(ServerTest, TheOldestWithoutARequestMakesRoomAndStreamsDoNot) {
   ServerLimits limits;
-  limits.connections = 4;
-  limits.connections_per_address = 4;
+  limits.requests = 3;
   limits.request = 1h;
   start(limits);
   Client stream(port);
