@@ -20,7 +20,7 @@ SOURCE, BUILD = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 ROOMS = ["physics", "protocol", "config", "drivers", "daemon/observer", "daemon", "tools/parallel",
          "tools/diagnose", "tools/conceal", "tools/examine", "tools/dynamics", "tools/reduce",
          "tools/figures", "tools/doctor", "tools/export", "tools/calibrate", "tools/terminal",
-         "tools/spy", "tools/manual", "tools"]
+         "tools/spy", "tools/manual", "tools/scope", "tools"]
 # Room: the rooms that it may use, beside itself.
 MAY_USE = {
     "physics": set(),
@@ -43,10 +43,11 @@ MAY_USE = {
     "tools/manual": set(),
     "tools/calibrate": {"physics", "config"},
     "tools/export": {"physics", "protocol"},
+    "tools/scope": {"physics", "protocol", "config"},
     "tools": {"physics", "protocol", "config", "drivers", "daemon/observer", "tools/parallel",
               "tools/diagnose",
               "tools/dynamics", "tools/reduce", "tools/figures", "tools/doctor", "tools/conceal", "tools/examine",
-              "tools/export", "tools/calibrate", "tools/terminal", "tools/spy", "tools/manual"},
+              "tools/export", "tools/calibrate", "tools/terminal", "tools/spy", "tools/manual", "tools/scope"},
 }
 # What the table allows and the build links today; a permission that is not used is no dependency.
 MUST_FIND = {
@@ -66,9 +67,10 @@ MUST_FIND = {
     "tools/spy": {"physics", "protocol", "tools/terminal"},
     "tools/calibrate": {"physics", "config"},
     "tools/export": {"physics", "protocol"},
+    "tools/scope": {"physics", "protocol"},
     "tools": {"physics", "protocol", "config", "tools/diagnose", "tools/dynamics", "tools/reduce",
               "tools/figures", "tools/doctor", "tools/conceal", "tools/examine", "tools/export", "tools/calibrate",
-              "tools/terminal", "tools/spy", "tools/manual"},
+              "tools/terminal", "tools/spy", "tools/manual", "tools/scope"},
 }
 # Room: system headers that it must not include, and why.
 LCM = r"lcm/.*"
