@@ -45,18 +45,10 @@ export function expose(app) {
       }
       return result;
     },
-    // What stands on a canvas, by the next frame: points in CSS pixels, limits of its axes, pixels with ink.
-    drawn(name) {
-      return new Promise((resolve) => {
-        app.touch();
-        const before = app.inspect;
-        app.inspect = () => {
-          app.inspect = before;
-          before?.();
-          resolve(drawn(app, name));
-        };
-      });
-    },
+    // What stands on a canvas, by the next frame: points in CSS pixels, limits of its axes.
+    drawn: (name) => atNextPicture(app, () => drawn(app, name)),
+    // Number of pixels with ink on the canvas of the traces (given a channel), or of a portrait.
+    ink: (name) => atNextPicture(app, () => inkOf(app, name)),
     // How the page keeps up [ms], and values looked at for the last picture of the oscilloscope.
     pace() {
       const { lag, work, interval } = app.pace;
@@ -75,6 +67,26 @@ export function expose(app) {
   Object.defineProperty(window, "stickslip", { value: Object.freeze(inspection) });
 }
 
+// What a canvas of WebGL holds can be read only in the task that drew it.
+function atNextPicture(app, look) {
+  return new Promise((resolve) => {
+    app.touch();
+    const before = app.inspect;
+    app.inspect = () => {
+      app.inspect = before;
+      before?.();
+      resolve(look());
+    };
+  });
+}
+
+function inkOf(app, name) {
+  const { scope, portraits } = app;
+  const portrait = portraits.figures.find((one) => one.name === name);
+  if (portrait) portraits.drawOne(portrait, performance.now());
+  return (portrait ? portraits : scope).traces.inkedPixels();
+}
+
 function drawn(app, name) {
   const { scope, portraits, spectrum, estimates } = app;
   const lane = scope.lanes.find(({ channel }) => channel.key === name);
@@ -82,20 +94,18 @@ function drawn(app, name) {
     return {
       points: [...lane.points.subarray(0, 2 * lane.count)], low: lane.limits.low, high: lane.limits.high, top: lane.top, height: lane.height,
       left_ns: scope.left_ns, span_ns: scope.span_ns, firstColumn: scope.firstColumn, column_ns: scope.column_ns, dense: scope.dense,
-      plot: { left: scope.gutter, width: scope.plotWidth }, inked: scope.traces.inkedPixels(), touched: app.store.frames.touched,
+      plot: { left: scope.gutter, width: scope.plotWidth }, touched: app.store.frames.touched,
     };
   }
   const portrait = portraits.figures.find((one) => one.name === name);
   if (portrait) {
-    portraits.wantInk = name;
     portraits.drawOne(portrait, performance.now());
-    portraits.wantInk = null;
     const points = [];
     for (let i = 0; i < portrait.count; ++i) points.push(portraits.x[i], portraits.y[i]);
     const { section } = portraits;
     const passages = [];
     for (let i = section.begin; i < section.end; ++i) passages.push([section.time[i % section.time.length], section.x[i % section.time.length], section.v[i % section.time.length]]);
-    return { points, limits: portrait.drawn, inked: portraits.inked, passages, pixels: [...portraits.points.subarray(0, 2 * portrait.count)] };
+    return { points, limits: portrait.drawn, passages, pixels: [...portraits.points.subarray(0, 2 * portrait.count)] };
   }
   if (name === "spectrum") {
     return { frequency: [...(spectrum.data?.[0] ?? [])], value: [...(spectrum.data?.[1] ?? [])], length: spectrum.length, rate_hz: spectrum.rate_hz, newest: app.store.frames.end, chosen: { ...spectrum.chosen } };

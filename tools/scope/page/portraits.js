@@ -227,7 +227,6 @@ export class Portraits {
     traces.line(this.points, points, colour, theme.large ? 1.8 : 1.15, 0.25);
     if (one.overlay) this.#drawEstimate(traces, theme, xLow, yHigh, xScale, yScale);
     if (one.section) this.#drawSection(traces, theme, xLow, yHigh, xScale, yScale);
-    this.inked = this.wantInk === one.name ? traces.inkedPixels() : this.inked;
     context.drawImage(traces.canvas, place.left, place.top, traces.width, traces.height);
     if (one.x === "drive") this.#drawPhaseMark(one, place, theme);
     this.#drawLatest(one, place, points, theme);
