@@ -32,6 +32,7 @@ void add_conceal(CLI::App& app, Action& action);
 void add_examine(CLI::App& app, Action& action);
 void add_figures(CLI::App& app, Action& action);
 void add_devices(CLI::App& app, Action& action);
+void add_scope(CLI::App& app, Action& action);
 void add_doctor(CLI::App& app, Action& action);
 void add_completion(CLI::App& app, Action& action);
 

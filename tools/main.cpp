@@ -33,6 +33,7 @@ int run(int argc, char** argv) {
   add_convert(app, action);
   add_ctl(app, action);
   add_spy(app, action);
+  add_scope(app, action);
   add_log(app, action);
   add_poincare(app, action);
   add_lyapunov(app, action);

@@ -19,7 +19,7 @@ SOURCE, BUILD = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 
 ROOMS = ["physics", "protocol", "config", "drivers", "daemon/observer", "daemon", "tools/parallel",
          "tools/diagnose", "tools/conceal", "tools/examine", "tools/dynamics", "tools/reduce",
-         "tools/figures", "tools/doctor", "tools/export", "tools/calibrate", "tools"]
+         "tools/figures", "tools/doctor", "tools/export", "tools/calibrate", "tools/scope", "tools"]
 # Room: the rooms that it may use, beside itself.
 MAY_USE = {
     "physics": set(),
@@ -39,10 +39,11 @@ MAY_USE = {
     "tools/doctor": {"physics", "protocol", "config"},
     "tools/calibrate": {"physics", "config"},
     "tools/export": {"physics", "protocol"},
+    "tools/scope": {"physics", "protocol", "config"},
     "tools": {"physics", "protocol", "config", "drivers", "daemon/observer", "tools/parallel",
               "tools/diagnose",
               "tools/dynamics", "tools/reduce", "tools/figures", "tools/doctor", "tools/conceal", "tools/examine",
-              "tools/export", "tools/calibrate"},
+              "tools/export", "tools/calibrate", "tools/scope"},
 }
 # What the table allows and the build links today; a permission that is not used is no dependency.
 MUST_FIND = {
@@ -61,8 +62,10 @@ MUST_FIND = {
     "tools/doctor": {"protocol", "config"},
     "tools/calibrate": {"physics", "config"},
     "tools/export": {"physics", "protocol"},
+    "tools/scope": {"physics", "protocol"},
     "tools": {"physics", "protocol", "config", "tools/diagnose", "tools/dynamics", "tools/reduce",
-              "tools/figures", "tools/doctor", "tools/conceal", "tools/examine", "tools/export", "tools/calibrate"},
+              "tools/figures", "tools/doctor", "tools/conceal", "tools/examine", "tools/export", "tools/calibrate",
+              "tools/scope"},
 }
 # Room: system headers that it must not include, and why.
 LCM = r"lcm/.*"

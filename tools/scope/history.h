@@ -1,0 +1,79 @@
+// The latest frames, for who joins later, and when each of them was measured.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "physics/frame.h"
+#include "tools/scope/message.h"
+#include "tools/scope/wire.h"
+
+namespace stickslip::scope {
+
+/// The frames of the last seconds, by the device's time, as messages that are ready to be sent.
+/// Full chunks are encoded once; every client that joins gets the same ones.
+class FrameHistory {
+ public:
+  /// Frames in one message.
+  static constexpr std::size_t chunk_frames = 1000;
+
+  /// `length_s`: 0 or more. `most_bytes` bounds the whole, whatever the times of the frames say.
+  FrameHistory(double length_s, std::size_t most_bytes);
+
+  /// Appends frames, in order of time; gaps are kept as they are.
+  void add(std::span<const Frame> frames, bool degraded, double received_unix_ms);
+  void clear();
+
+  /// All messages, oldest first, marked as history.
+  std::vector<SharedMessage> messages() const;
+
+  /// What the messages hold now, in bytes; never above `most_bytes` by more than one chunk.
+  std::size_t bytes() const { return bytes_ + open_.size() * frame_bytes; }
+
+ private:
+  struct Chunk {
+    SharedMessage message;
+    std::int64_t last_time_ns = 0;
+  };
+
+  void close_chunk();
+  void forget_old();
+
+  std::int64_t length_ns_;
+  std::size_t most_bytes_;
+  std::deque<Chunk> chunks_;
+  std::vector<Frame> open_;  ///< not yet a chunk
+  BlockNotes open_notes_;
+  std::size_t bytes_ = 0;  ///< of the chunks
+};
+
+/// When each of the latest frames was measured, by its sequence number.
+class FrameTimes {
+ public:
+  FrameTimes();
+
+  void add(const Frame& frame);
+  void clear();
+
+  /// The time [ns] of the frame of that number: exact where the frame was heard, else from the
+  /// period of the latest two frames and the frame `reference`, whose time is known. Nothing where
+  /// no two frames were heard.
+  std::optional<std::int64_t> time_ns(std::uint64_t sequence, std::uint64_t reference,
+                                      std::int64_t reference_time_ns) const;
+
+ private:
+  struct Entry {
+    std::uint64_t sequence = 0;
+    std::int64_t time_ns = 0;
+    bool known = false;
+  };
+
+  std::vector<Entry> entries_;  ///< by sequence number modulo their count
+  std::optional<Entry> latest_;
+  double period_ns_ = 0.0;  ///< 0: not known
+};
+
+}  // namespace stickslip::scope

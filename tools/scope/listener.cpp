@@ -1,0 +1,79 @@
+#include "tools/scope/listener.h"
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <stdexcept>
+
+namespace stickslip::scope {
+
+namespace {
+
+constexpr int most_unaccepted = 512;
+
+struct SocketAddress {
+  sockaddr_storage storage{};
+  socklen_t size = 0;
+};
+
+SocketAddress socket_address(const ListenAddress& at) {
+  SocketAddress out;
+  auto& four = reinterpret_cast<sockaddr_in&>(out.storage);
+  if (inet_pton(AF_INET, at.address.c_str(), &four.sin_addr) == 1) {
+    four.sin_family = AF_INET;
+    four.sin_port = htons(at.port);
+    out.size = sizeof(sockaddr_in);
+    return out;
+  }
+  auto& six = reinterpret_cast<sockaddr_in6&>(out.storage);
+  if (inet_pton(AF_INET6, at.address.c_str(), &six.sin6_addr) != 1) {
+    throw std::runtime_error(at.address + " is no numeric address");
+  }
+  six.sin6_family = AF_INET6;
+  six.sin6_port = htons(at.port);
+  out.size = sizeof(sockaddr_in6);
+  return out;
+}
+
+std::uint16_t port_of(int file) {
+  sockaddr_storage storage{};
+  socklen_t size = sizeof storage;
+  getsockname(file, reinterpret_cast<sockaddr*>(&storage), &size);
+  return ntohs(storage.ss_family == AF_INET6
+                   ? reinterpret_cast<const sockaddr_in6&>(storage).sin6_port
+                   : reinterpret_cast<const sockaddr_in&>(storage).sin_port);
+}
+
+std::string reason_for(int error) {
+  if (error == EADDRINUSE) {
+    return "another program listens there; --listen ADDRESS:0 takes any port that is free";
+  }
+  if (error == EADDRNOTAVAIL) return "this machine has no such address (ip address lists them)";
+  if (error == EACCES) return "ports below 1024 are for root";
+  return std::strerror(error);
+}
+
+}  // namespace
+
+Listener::Listener(const ListenAddress& at) : address_(at) {
+  const SocketAddress where = socket_address(at);
+  file_ = socket(where.storage.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  const int yes = 1;
+  // A server that is started again finds its port although old connections are not forgotten yet.
+  if (file_ < 0 || setsockopt(file_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
+      bind(file_, reinterpret_cast<const sockaddr*>(&where.storage), where.size) != 0 ||
+      listen(file_, most_unaccepted) != 0) {
+    const int error = errno;
+    if (file_ >= 0) close(file_);
+    throw std::runtime_error("cannot listen at " + text_of(at) + ": " + reason_for(error));
+  }
+  address_.port = port_of(file_);
+}
+
+Listener::~Listener() { close(file_); }
+
+}  // namespace stickslip::scope

@@ -1,0 +1,176 @@
+#include "tools/scope/live_feed.h"
+
+#include <utility>
+
+#include "config/model_file.h"
+#include "physics/problem.h"
+#include "protocol/channels.h"
+#include "protocol/decode.h"
+#include "protocol/frame_block.h"
+
+namespace stickslip::scope {
+
+namespace {
+
+constexpr auto silence = std::chrono::seconds(1);
+constexpr std::int64_t restart_ns = 1'000'000'000;
+
+bool is_verdict(const event_t& event) {
+  return event.code == "model_broken" || event.code == "model_follows";
+}
+
+}  // namespace
+
+LiveFeed::LiveFeed(FeedSettings settings, Send send)
+    : settings_(std::move(settings)),
+      send_(std::move(send)),
+      hello_(shared_message(encode_hello(settings_.version, settings_.history_s, settings_.url))),
+      history_(settings_.history_s, settings_.history_most_bytes),
+      began_(Clock::now()) {
+  if (!settings_.marks.empty()) model_ = shared_message(encode_model("", settings_.marks));
+}
+
+void LiveFeed::take(std::string_view channel, std::span<const std::uint8_t> bytes,
+                    double received_unix_ms, Clock::time_point now) {
+  if (channel == protocol::frames_channel) return take_block(bytes, received_unix_ms, now);
+  if (channel == protocol::excitation_channel) return take_excitation(bytes);
+  if (channel == protocol::event_channel) return take_event(bytes);
+  if (channel == protocol::recording_channel) return take_description(bytes);
+  const auto take_as = [&]<class Type>(Type message, Message (*encode)(const Type&),
+                                       SharedMessage& latest) {
+    if (!protocol::decode(bytes, message)) {
+      ++undecoded_;
+      return;
+    }
+    latest = shared_message(encode(message));
+    send(latest);
+  };
+  if (channel == protocol::estimate_channel) {
+    take_as(friction_estimate_t{}, encode_estimate, estimate_);
+  } else if (channel == protocol::status_channel) {
+    take_as(status_t{}, encode_status, status_);
+  } else if (channel == protocol::timing_channel) {
+    take_as(timing_t{}, encode_timing, timing_);
+  }
+}
+
+void LiveFeed::take_block(std::span<const std::uint8_t> bytes, double received_unix_ms,
+                          Clock::time_point now) {
+  frame_block_t block{};
+  frames_.clear();
+  if (!protocol::decode(bytes, block) || !protocol::from_block(block, frames_)) {
+    ++undecoded_;
+    return;
+  }
+  if (begins_anew(frames_.front())) forget_the_run();
+  const double silent_s = silence_s(now);
+  heard_ = now;
+  if (!connected_) {
+    connected_ = true;
+    send(shared_message(encode_source(true, silent_s)));
+  }
+  last_ = frames_.back();
+  frames_taken_ += frames_.size();
+  for (const Frame& frame : frames_) times_.add(frame);
+  const bool degraded = (block.flags & 1) != 0;
+  send(shared_message(encode_frames(frames_, {degraded, false, received_unix_ms})));
+  history_.add(frames_, degraded, received_unix_ms);
+}
+
+bool LiveFeed::begins_anew(const Frame& next) const {
+  if (!last_) return false;
+  return next.sequence <= last_->sequence ||
+         (next.time_ns<last_->time_ns&& static_cast<std::uint64_t>(last_->time_ns) -
+                       static_cast<std::uint64_t>(next.time_ns)>
+              restart_ns);
+}
+
+void LiveFeed::forget_the_run() {
+  history_.clear();
+  times_.clear();
+  estimate_.reset();
+  timing_.reset();
+  verdict_.reset();
+  opposite_verdict_.reset();
+  verdict_code_.clear();
+  send(shared_message(encode_restart()));
+}
+
+void LiveFeed::take_excitation(std::span<const std::uint8_t> bytes) {
+  excitation_t message{};
+  if (!protocol::decode(bytes, message)) {
+    ++undecoded_;
+    return;
+  }
+  const auto sequence = static_cast<std::uint64_t>(message.sequence);
+  std::vector<std::optional<std::int64_t>> times;
+  times.reserve(message.earlier_by.size());
+  for (const std::int32_t by : message.earlier_by) {
+    times.push_back(
+        times_.time_ns(sequence - static_cast<std::uint64_t>(by), sequence, message.time_ns));
+  }
+  send(shared_message(encode_excitation(message, times)));
+}
+
+void LiveFeed::take_event(std::span<const std::uint8_t> bytes) {
+  event_t message{};
+  if (!protocol::decode(bytes, message)) {
+    ++undecoded_;
+    return;
+  }
+  const SharedMessage event = shared_message(encode_event(message));
+  if (is_verdict(message)) {
+    if (!verdict_code_.empty() && message.code != verdict_code_) opposite_verdict_ = verdict_;
+    verdict_code_ = message.code;
+    verdict_ = event;
+  }
+  send(event);
+}
+
+void LiveFeed::take_description(std::span<const std::uint8_t> bytes) {
+  recording_info_t message{};
+  if (!protocol::decode(bytes, message)) {
+    ++undecoded_;
+    return;
+  }
+  std::vector<Mark> marks = settings_.marks;
+  if (marks.empty() && !message.model.empty()) {
+    try {
+      marks = marks_of(config::parse_model(message.model, "the model on LCM"));
+    } catch (const InputError&) {
+      ++undecoded_;  // of a later version, perhaps; the rig's name is worth telling
+    }
+  }
+  model_ = shared_message(encode_model(message.rig, marks));
+  send(model_);
+}
+
+void LiveFeed::look_at_the_time(Clock::time_point now) {
+  if (!connected_ || now - *heard_ < silence) return;
+  connected_ = false;
+  send(shared_message(encode_source(false, silence_s(now))));
+}
+
+std::vector<SharedMessage> LiveFeed::greeting(Clock::time_point now) const {
+  std::vector<SharedMessage> out = {hello_};
+  const auto append = [&out](const SharedMessage& message) {
+    if (message) out.push_back(message);
+  };
+  append(model_);
+  append(shared_message(encode_source(connected_, connected_ ? 0.0 : silence_s(now))));
+  for (const SharedMessage& message : history_.messages()) append(message);
+  append(status_);
+  append(timing_);
+  append(estimate_);
+  append(opposite_verdict_);
+  append(verdict_);
+  return out;
+}
+
+double LiveFeed::silence_s(Clock::time_point now) const {
+  return std::chrono::duration<double>(now - heard_.value_or(began_)).count();
+}
+
+void LiveFeed::send(SharedMessage message) { send_(message); }
+
+}  // namespace stickslip::scope
