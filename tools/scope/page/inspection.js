@@ -9,7 +9,7 @@ export function expose(app) {
       const { scope, link, paused, units, theme, stream } = app;
       return {
         link: link.state, opened: stream.opened, refused: stream.refused, paused, units: units.system,
-        theme: document.documentElement.dataset.theme, large: theme.large,
+        theme: document.documentElement.dataset.theme, themeChoice: theme.choice, large: theme.large,
         renderer: scope.traces.kind, rig: app.rig.status?.state ?? null, verdict: app.rig.verdict?.code ?? null,
         source: app.source?.connected ?? null, dropped: app.dropped, lost: app.live.frames.lost,
         span_s: scope.span_s, span_ns: scope.span_ns, left_ns: scope.left_ns, held: scope.held, dense: scope.dense,

@@ -313,7 +313,7 @@ export class Oscilloscope {
       axes.stroke();
     }
     if (limits.known) {
-      const step = roundStep(limits.high - limits.low, Math.max(2, Math.floor(height / (small * 2.4))));
+      const step = roundStep(limits.high - limits.low, Math.max(2, Math.floor(height / (small * 1.7))));
       axes.textAlign = "right";
       axes.textBaseline = "middle";
       axes.fillStyle = colours.quiet;
@@ -690,7 +690,6 @@ export class Oscilloscope {
     }, { passive: false });
     screen.addEventListener("dblclick", () => this.reset());
     this.#drag(screen, (event, start) => {
-      if (event.target !== screen && event.type === "pointerdown") return;
       const part = this.#partOf(event);
       if (event.type === "pointerdown") { this.dragPart = part; return; }
       if (Math.abs(part - this.dragPart) * this.plotWidth < 3 && !start.moved) return;

@@ -20,7 +20,7 @@ export class RigState {
       const canvas = figure.querySelector("canvas");
       return { name: figure.dataset.timing, figure, canvas, context: canvas.getContext("2d"), note: figure.querySelector("p") };
     });
-    this.visible = watchVisible(this.histograms.map(({ figure }) => figure));
+    this.visible = watchVisible(this.histograms.map(({ figure }) => figure), () => this.drawTiming());
     this.events = [];
     this.verdict = null;
   }

@@ -28,12 +28,12 @@ export class Units {
 const dash = "–";
 const minus = "\u2212";
 
-// A number of about four significant digits; a dash where there is none.
+// A number of so many significant digits (as many as there are before the point, at least); a dash where there is none.
 export function number(value, digits = 4) {
   if (!Number.isFinite(value)) return dash;
   const size = Math.abs(value);
   if (size !== 0 && (size >= 1e6 || size < 1e-4)) return value.toExponential(Math.max(0, digits - 2)).replace(/-/g, minus);
-  const whole = size >= 1 ? Math.floor(Math.log10(size)) + 1 : size >= 0.1 || size === 0 ? 1 : Math.floor(Math.log10(size)) + 2;
+  const whole = size === 0 ? 1 : Math.floor(Math.log10(size)) + 1;
   return value.toFixed(Math.max(0, digits - whole)).replace("-", minus);
 }
 
