@@ -49,11 +49,11 @@ export function expose(app) {
     drawn: (name) => atNextPicture(app, () => drawn(app, name)),
     // Number of pixels with ink on the canvas of the traces (given a channel), or of a portrait.
     ink: (name) => atNextPicture(app, () => inkOf(app, name)),
-    // How the page keeps up [ms], and values looked at for the last picture of the oscilloscope.
+    // How the page keeps up [ms], what the last picture of the oscilloscope took [ms], and values looked at for it.
     pace() {
       const { lag, work, interval } = app.pace;
       const of = (recent) => ({ count: recent.count, median: recent.quantile(0.5), p95: recent.quantile(0.95), max: recent.quantile(1) });
-      return { lag: of(lag), work: of(work), interval: of(interval), touched: app.scope.app.store.frames.touched };
+      return { scope_ms: app.scopeWork_ms, lag: of(lag), work: of(work), interval: of(interval), touched: app.scope.app.store.frames.touched };
     },
     // Bytes and rows of the rings.
     sizes() {

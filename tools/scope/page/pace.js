@@ -27,6 +27,21 @@ class Recent {
   }
 }
 
+// What can wait: lets a thing be done again only when four times as long as it took has passed, so that a
+// slow machine draws it less often and the oscilloscope not.
+export class Turn {
+  constructor() {
+    this.next_ms = 0;
+  }
+
+  take(now_ms, work) {
+    if (now_ms < this.next_ms) return;
+    const began_ms = performance.now();
+    work();
+    this.next_ms = now_ms + 4 * (performance.now() - began_ms);
+  }
+}
+
 export class Pace {
   constructor() {
     this.interval = new Recent(); // ms between frames of the screen
@@ -60,7 +75,8 @@ export class Pace {
   words(frames, dropped) {
     if (frames.empty) return "";
     const lag = this.lag.quantile(0.5);
-    const lagText = lag > -5 && lag < 10000 ? `lag ${number(Math.max(0, lag), 2)} ms` : "lag unknown: the clocks of the two machines differ";
+    // Beyond these the clocks of the server's machine and of this one may well be what differs.
+    const lagText = !(lag > -5) ? "lag –" : lag < 10000 ? `lag ${number(Math.max(0, lag), 2)} ms` : "lag > 10 s";
     const lost = frames.lost + dropped > 0 ? ` · lost ${frames.lost} frames, ${dropped} messages` : "";
     return `${number(frames.rate_hz, 4)} Hz · ${lagText} · ${Math.round(this.framesPerSecond)} pictures/s${lost}`;
   }

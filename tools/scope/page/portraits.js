@@ -64,18 +64,9 @@ export class Portraits {
     button.addEventListener("click", () => {
       const large = figure.classList.toggle("large");
       setPressed(button, large);
-      this.layout();
       this.app.touch();
     });
     return one;
-  }
-
-  layout() {
-    for (const one of this.figures) {
-      const box = one.canvas.getBoundingClientRect();
-      one.width = box.width;
-      one.height = box.height;
-    }
   }
 
   forget() {
@@ -103,6 +94,8 @@ export class Portraits {
   }
 
   drawOne(one, now_ms) {
+    one.width = one.canvas.clientWidth;
+    one.height = one.canvas.clientHeight;
     const points = this.#fill(one);
     one.count = points;
     if (one.x === "drive") one.xLimits.set(0, 360);
@@ -190,6 +183,8 @@ export class Portraits {
       if (y > yHigh) yHigh = y;
     }
     if (one.x !== "drive") one.xLimits.follow(xLow, xHigh, now_ms);
+    // Noise about a constant load is not drawn as if it were a loop.
+    if (one.y === "load") one.yLimits.least = 0.2 * Math.abs(yLow + yHigh) / 2;
     one.yLimits.follow(yLow, yHigh, now_ms);
   }
 

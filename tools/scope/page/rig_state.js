@@ -121,6 +121,7 @@ export class RigState {
     // What is repeated to those who join is shown once.
     const key = `${event.utc_us} ${event.code} ${event.message}`;
     if (this.events.some((one) => one.key === key)) return;
+    byId("no-event").hidden = true;
     this.events.unshift({ key, ...event });
     this.events.sort((a, b) => b.utc_us - a.utc_us);
     const list = byId("event-list");

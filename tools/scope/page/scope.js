@@ -10,7 +10,7 @@ import { Spectrum } from "./spectrum.js";
 import { Store } from "./store.js";
 import { Stream } from "./stream.js";
 import { expose } from "./inspection.js";
-import { Pace } from "./pace.js";
+import { Pace, Turn } from "./pace.js";
 import { Settings, Theme } from "./theme.js";
 import { Units, number } from "./units.js";
 
@@ -27,6 +27,8 @@ class App {
     this.frozen = null; // made when a person first pauses
     this.paused = false;
     this.pace = new Pace();
+    this.portraitTurn = new Turn();
+    this.estimateTurn = new Turn();
     this.changed = true;
     this.link = { state: "connecting" };
     this.source = null;
@@ -170,7 +172,6 @@ class App {
 
   layout() {
     this.scope.layout();
-    this.portraits.layout();
     this.changed = true;
   }
 
@@ -191,19 +192,25 @@ class App {
     this.pace.begin(now_ms);
     if (this.changed) {
       this.changed = false;
+      const began_ms = performance.now();
       this.scope.draw(now_ms);
-      this.portraits.draw(now_ms);
-      this.estimates.update();
+      this.scopeWork_ms = performance.now() - began_ms;
+      this.#drawInTurns(now_ms);
       this.inspect?.(); // see inspection.js
       this.pace.drew();
-      this.stale = this.portraits.figures.length; // what takes turns has to come round
+      this.stale = 60; // what takes turns has to come round
     } else if (this.stale > 0) {
       this.stale -= 1;
-      this.portraits.draw(now_ms);
-      this.estimates.update();
+      this.#drawInTurns(now_ms);
     }
     this.#fewTimesASecond(now_ms);
     this.pace.end();
+  }
+
+  // One portrait and one plot of the observer.
+  #drawInTurns(now_ms) {
+    this.portraitTurn.take(now_ms, () => this.portraits.draw(now_ms));
+    this.estimateTurn.take(now_ms, () => this.estimates.update());
   }
 
   #fewTimesASecond(now_ms) {

@@ -2,7 +2,7 @@
 
 import { byId, fillSelect, setText, watchVisible } from "./elements.js";
 import { Fft, windowWeight } from "./fft.js";
-import { channels, duration, number } from "./units.js";
+import { channels, duration, number, tick } from "./units.js";
 import uPlot from "./uPlot.esm.js";
 
 const lengths = [1024, 2048, 4096, 8192, 16384, 32768, 65536];
@@ -133,7 +133,7 @@ export class Spectrum {
     const box = this.element.getBoundingClientRect();
     const axis = { stroke: colours.quiet, font, labelFont: font, grid: { stroke: colours.line, width: 1 }, ticks: { stroke: colours.line, width: 1 } };
     const log = this.chosen.axis === "log";
-    const power = (list) => list.map((value) => (value === null ? "" : number(value, 2)));
+    const round = (value) => (value === null || (log && !isRound(value)) ? "" : tick(value, value || 1));
     this.plot = new uPlot({
       width: Math.floor(box.width), height: Math.floor(box.height),
       legend: { show: false },
@@ -143,7 +143,7 @@ export class Spectrum {
         y: { distr: 3, range: (plot, low, high) => this.#range(low, high) },
       },
       axes: [
-        { ...axis, label: "frequency (Hz)", labelSize: theme.small * 1.7, size: theme.small * 2.4, values: (plot, list) => power(list) },
+        { ...axis, label: "frequency (Hz)", labelSize: theme.small * 1.7, size: theme.small * 2.4, values: (plot, list) => list.map(round) },
         { ...axis, label: `${channel.symbol} (${this.chosen.quantity === "amplitude" ? unit : `${unit}/√Hz`})`, labelSize: theme.small * 1.7, size: theme.small * 4.6, values: (plot, list) => list.map((v) => (v === null ? "" : powerOfTen(v))) },
       ],
       series: [{}, { stroke: colours[`c${this.chosen.channel}`], width: theme.large ? 2 : 1.2, points: { show: false } }],
@@ -166,6 +166,7 @@ export class Spectrum {
     context.save();
     context.font = font.replace(/^\d+/, String(Math.round(small * ratio * 0.92)));
     context.textBaseline = "top";
+    context.textAlign = "left";
     const { min, max } = plot.scales.x;
     const mark = (hz, label, colour, dash, row) => {
       if (!(hz > min && hz < max)) return;
@@ -213,8 +214,14 @@ export class Spectrum {
   }
 }
 
+// 1, 2 or 5 times a power of ten.
+function isRound(value) {
+  const part = value / 10 ** Math.floor(Math.log10(value) + 1e-9);
+  return [1, 2, 5].some((digit) => Math.abs(part - digit) < 1e-6);
+}
+
 function powerOfTen(value) {
   const power = Math.round(Math.log10(value));
   if (Math.abs(value / 10 ** power - 1) > 1e-6) return "";
-  return power >= -3 && power <= 3 ? String(10 ** power).replace(/^1e-7$/, "0") : `10${[...String(power)].map((c) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[c] ?? "⁻").join("")}`;
+  return power >= -3 && power <= 3 ? String(10 ** power) : `10${[...String(power)].map((c) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[c] ?? "⁻").join("")}`;
 }

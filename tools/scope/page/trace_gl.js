@@ -65,10 +65,23 @@ void main() {
   result = colour * cover * strength;
 }`;
 
-// Which of the two to use: ?webgl=1 and ?webgl=0 force one; else WebGL unless it is emulated in software.
-export function wantsWebGl(search = window.location.search) {
-  const wish = new URLSearchParams(search).get("webgl");
-  return wish === "1" ? "always" : wish === "0" ? "never" : "fast";
+let wanted = null;
+
+// Whether to use WebGL: ?webgl=1 and ?webgl=0 decide; else where a graphics processor does it. Emulated
+// in software it is slower than the 2-D canvas by far.
+function wantsWebGl() {
+  const wish = new URLSearchParams(window.location.search).get("webgl");
+  wanted ??= wish === null ? hasGraphicsProcessor() : wish !== "0";
+  return wanted;
+}
+
+function hasGraphicsProcessor() {
+  const gl = document.createElement("canvas").getContext("webgl2", { failIfMajorPerformanceCaveat: true });
+  if (!gl) return false;
+  const named = gl.getExtension("WEBGL_debug_renderer_info");
+  const renderer = String(gl.getParameter(named ? named.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return !/swiftshader|llvmpipe|softpipe|software|basic render/i.test(renderer);
 }
 
 export class TraceCanvas {
@@ -79,16 +92,13 @@ export class TraceCanvas {
   #bytes = 0;
   #colours = new Map();
 
-  constructor(canvas, wish = wantsWebGl()) {
+  constructor(canvas) {
     this.canvas = canvas;
     this.width = 0;
     this.height = 0;
     this.ratio = 1;
-    if (wish !== "never") {
-      this.#gl = canvas.getContext("webgl2", {
-        antialias: false, depth: false, stencil: false, premultipliedAlpha: true,
-        failIfMajorPerformanceCaveat: wish === "fast",
-      });
+    if (wantsWebGl()) {
+      this.#gl = canvas.getContext("webgl2", { antialias: false, depth: false, stencil: false, premultipliedAlpha: true });
     }
     if (this.#gl) {
       this.#prepare();
