@@ -10,6 +10,7 @@
 #include "config/model_file.h"
 #include "tools/command.h"
 #include "tools/lcm_client.h"
+#include "tools/network_of.h"
 #include "tools/option_checks.h"
 #include "tools/scope/listener.h"
 #include "tools/scope/live_feed.h"
@@ -28,6 +29,8 @@ struct Arguments {
   scope::Admission admission;
   double history_s = 60.0;
   std::string model;
+  int network_of = 0;  ///< a process; 0: this one
+  scope::ServerLimits limits;
 };
 
 double unix_ms_of(const lcm::ReceiveBuffer& buffer) {
@@ -78,11 +81,13 @@ int run(const Arguments& arguments) {
   scope::Admission admission = arguments.admission;
   admission.listen_address = listener.address().address;
 
+  // What listens stays outside; what hears LCM goes in.
+  if (arguments.network_of > 0) enter_network_of(arguments.network_of);
   const std::unique_ptr<lcm::LCM> lcm = join_lcm(arguments.url);
   std::unique_ptr<scope::WebServer> server;
   scope::LiveFeed feed(settings,
                        [&server](const scope::SharedMessage& message) { server->send(message); });
-  server = std::make_unique<scope::WebServer>(listener, admission, scope::ServerLimits{}, [&feed] {
+  server = std::make_unique<scope::WebServer>(listener, admission, arguments.limits, [&feed] {
     return feed.greeting(steady_clock::now());
   });
   Ear ear(feed);
@@ -110,7 +115,14 @@ void add_scope(CLI::App& app, Action& action) {
   command
       ->add_option("--token", arguments->admission.token,
                    "A word without which nothing is shown; part of the page's address")
-      ->envname("STICKSLIP_SCOPE_TOKEN");
+      ->envname("STICKSLIP_SCOPE_TOKEN")
+      ->check(CLI::Validator(
+          [](std::string& word) {
+            return scope::is_token(word) ? std::string()
+                                         : "expected letters, digits and -._~ only, as a URL "
+                                           "carries them";
+          },
+          ""));
   command->add_option("--allow-origin", arguments->admission.allowed_origins,
                       "Pages from elsewhere that may open the stream, as https://rig.lab");
   command->add_option("--host-name", arguments->admission.host_names,
@@ -123,6 +135,19 @@ void add_scope(CLI::App& app, Action& action) {
       ->capture_default_str();
   command->add_option("--model", arguments->model,
                       "Model file, for the frequencies to mark (else what LCM says of the rig)");
+  command->add_option("--pages", arguments->limits.streams, "Pages that may be open at once")
+      ->check(whole_number(1, 1000))
+      ->capture_default_str();
+  command
+      ->add_option("--pages-per-address", arguments->limits.streams_per_address,
+                   "Of them, from one address; behind a proxy all have the proxy's")
+      ->check(whole_number(1, 1000))
+      ->capture_default_str();
+  command
+      ->add_option("--network-of", arguments->network_of,
+                   "Hear LCM as this process (its number) does, in a network of its own, and be "
+                   "reached from here")
+      ->check(whole_number(1, 2147483647));
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }
 

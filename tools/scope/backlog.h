@@ -11,8 +11,9 @@
 
 namespace stickslip::scope {
 
-/// Messages on their way to one client. One that is too slow loses telemetry, all that waits at
-/// once, so that it is at the present again; it is told how much. What a page must know is kept.
+/// Messages on their way to one client. One that is too slow loses telemetry: all that waits, and
+/// all that comes until it reads again, so that it is at the present then. It is told how much that
+/// was. What a page must know is kept.
 class Backlog {
  public:
   using Clock = std::chrono::steady_clock;

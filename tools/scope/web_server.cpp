@@ -32,7 +32,7 @@ using Clock = std::chrono::steady_clock;
 static_assert(Message::headroom >= LWS_PRE);
 
 // What waits in the kernel for a slow reader is as stale as what waits here.
-constexpr int send_buffer_bytes = 256 * 1024;
+constexpr int send_buffer_bytes = 128 * 1024;
 constexpr std::size_t file_piece_bytes = 16 * 1024;
 constexpr int most_at_once =
     64;  ///< connections taken, or messages written, before others have a turn
@@ -193,7 +193,6 @@ class WebServer::Loop {
   bool make_room(const std::string& peer);
   bool shed_oldest_request(const std::string* peer);
   void shed(lws* wsi);
-  std::size_t connections_of(const std::string& peer) const;
   std::size_t streams_of(const std::string& peer) const;
 
   int answer_request(lws* wsi);
@@ -261,9 +260,10 @@ WebServer::Loop::Loop(const Listener& listener, Admission admission, ServerLimit
   info.gid = static_cast<decltype(info.gid)>(-1);
   info.options = LWS_SERVER_OPTION_SKIP_SERVER_CANONICAL_NAME;
   info.max_http_header_data = static_cast<unsigned short>(limits_.header_bytes);
-  info.max_http_header_pool = static_cast<unsigned short>(limits_.connections + most_at_once);
+  const std::size_t connections = limits_.streams + limits_.requests;
+  info.max_http_header_pool = static_cast<unsigned short>(connections + most_at_once);
   // The default is a table for every file that the system would let this program open.
-  info.fd_limit_per_thread = static_cast<unsigned>(limits_.connections + most_at_once + 16);
+  info.fd_limit_per_thread = static_cast<unsigned>(connections + most_at_once + 16);
   info.timeout_secs = static_cast<unsigned>(
       std::chrono::duration_cast<std::chrono::seconds>(limits_.request).count() + 1);
   info.timeout_secs_ah_idle = info.timeout_secs;
@@ -397,12 +397,6 @@ void WebServer::Loop::accept_all() {
   }
 }
 
-std::size_t WebServer::Loop::connections_of(const std::string& peer) const {
-  return static_cast<std::size_t>(
-      std::count_if(connections_.begin(), connections_.end(),
-                    [&peer](const auto& each) { return each.second.peer == peer; }));
-}
-
 std::size_t WebServer::Loop::streams_of(const std::string& peer) const {
   return static_cast<std::size_t>(
       std::count_if(connections_.begin(), connections_.end(), [&peer](const auto& each) {
@@ -413,10 +407,18 @@ std::size_t WebServer::Loop::streams_of(const std::string& peer) const {
 // Who has come last may be a person, who asks within milliseconds; who has waited longest without
 // asking is none. So a flood of connections keeps nobody out.
 bool WebServer::Loop::make_room(const std::string& peer) {
-  if (connections_of(peer) >= limits_.connections_per_address && !shed_oldest_request(&peer)) {
+  const auto is_request = [](const auto& each) { return each.second.stage != Stage::streaming; };
+  const auto is_of_peer = [&](const auto& each) {
+    return is_request(each) && each.second.peer == peer;
+  };
+  const auto count = [this](const auto& condition) {
+    return static_cast<std::size_t>(
+        std::count_if(connections_.begin(), connections_.end(), condition));
+  };
+  if (count(is_of_peer) >= limits_.requests_per_address && !shed_oldest_request(&peer)) {
     return false;
   }
-  return connections_.size() < limits_.connections || shed_oldest_request(nullptr);
+  return count(is_request) < limits_.requests || shed_oldest_request(nullptr);
 }
 
 bool WebServer::Loop::shed_oldest_request(const std::string* peer) {

@@ -18,8 +18,8 @@ namespace stickslip::scope {
 struct ServerLimits {
   std::size_t streams = 64;              ///< open at once
   std::size_t streams_per_address = 32;  ///< of them, from one address
-  std::size_t connections = 256;         ///< of any kind at once
-  std::size_t connections_per_address = 192;
+  std::size_t requests = 192;            ///< connections at once that are no streams
+  std::size_t requests_per_address = 128;
   std::chrono::milliseconds request{5000};  ///< in which a request must be complete
   std::chrono::milliseconds answer{20000};  ///< in which a file must have been read
   std::chrono::milliseconds losing{30000};  ///< for which a stream may go on losing messages

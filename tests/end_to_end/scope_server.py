@@ -1,0 +1,576 @@
+"""The live view's server: what the stream carries is what LCM carried, and nobody who misbehaves is
+felt by the others. The client is written here by hand, so that it can misbehave."""
+import collections
+import json
+import os
+import re
+import signal
+import socket
+import struct
+import subprocess
+import threading
+import time
+
+from frames import CHANNELS, generate_types, payloads
+from programs import SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main
+from web_socket import (BINARY, PING, TEXT, Closed, Refused, WebSocket, connect, frame, handshake)
+
+RIG = SOURCE / "config/simulated.toml"
+
+
+def decoded(message):
+    """(columns, flags) of a message of frames: time_ns, sequence, and each channel's bits."""
+    kind, flags, channels, n = struct.unpack_from("<BBHI", message)
+    assert kind == 1 and channels == len(CHANNELS), (kind, channels)
+    assert len(message) == 16 + 8 * n * (2 + channels)
+    column = [struct.unpack_from(f"<{n}Q", message, 16 + 8 * n * i) for i in range(2 + channels)]
+    return column, flags
+
+
+def frames_in(messages, history=None):
+    """{sequence: (time, bits of the channels)} of binary messages; `history`: only such, or only not."""
+    out = {}
+    for kind, payload in messages:
+        if kind != BINARY:
+            continue
+        column, flags = decoded(payload)
+        if history is not None and bool(flags & 2) != history:
+            continue
+        for row in zip(*column):
+            assert row[1] not in out, f"frame {row[1]} came twice"
+            out[row[1]] = row[0:1] + row[2:]
+    return out
+
+
+def texts_in(messages):
+    return [json.loads(payload) for kind, payload in messages if kind == TEXT]
+
+
+def is_nan(bits):
+    return bits & 0x7FF0000000000000 == 0x7FF0000000000000 and bits & 0x000FFFFFFFFFFFFF != 0
+
+
+class Reader(threading.Thread):
+    """A good client: takes all that it gets until it is told to end, and knows what it missed."""
+
+    def __init__(self, port):
+        super().__init__(daemon=True)
+        self.stream = WebSocket(port, timeout=0.5)
+        self.messages = []
+        self.failure = None
+        self.ending = threading.Event()
+        self.start()
+
+    def run(self):
+        try:
+            while not self.ending.is_set():
+                try:
+                    self.messages.append(self.stream.receive())
+                except TimeoutError:
+                    pass
+        except Exception as error:  # told to the test, which is another thread
+            self.failure = error
+
+    def end(self):
+        self.ending.set()
+        self.join(10)
+        self.stream.close()
+        return self.messages
+
+
+class Scope(EndToEnd):
+    """One server, and LCM to feed it."""
+    options = ()
+
+    def setUp(self):
+        super().setUp()
+        self.server, self.port = self.start_scope(*self.options)
+
+    def start_scope(self, *options):
+        log = open(self.folder / "scope.log", "w+")
+        self.addCleanup(log.close)
+        server = subprocess.Popen([STICKSLIP, "scope", "--listen", "127.0.0.1:0", *options],
+                                  stdout=subprocess.PIPE, stderr=log, text=True)
+        self.addCleanup(server.stdout.close)
+        self.addCleanup(server.wait)
+        self.addCleanup(server.kill)
+        line = server.stdout.readline()
+        found = re.fullmatch(r"live view: http://127\.0\.0\.1:(\d+)/\S*\n", line)
+        self.assertIsNotNone(found, line + (self.folder / "scope.log").read_text())
+        return server, int(found[1])
+
+    def start_daemon(self, *options):
+        daemon = subprocess.Popen([STICKSLIPD, "--config", str(RIG), *options],
+                                  stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.addCleanup(daemon.wait)
+        self.addCleanup(daemon.kill)
+        return daemon
+
+    def stop(self, process):
+        process.send_signal(signal.SIGTERM)
+        return process.wait(30)
+
+    def wait_for_frames(self, client, count=50):
+        """Messages until `count` frames have come that are no history."""
+        out = []
+        seen = 0
+        end = time.monotonic() + 30
+        while seen < count:
+            self.assertLess(time.monotonic(), end, texts_in(out)[-3:])
+            out.append(client.receive())
+            seen += len(frames_in(out[-1:], history=False))
+        return out
+
+    def assert_still_serves(self):
+        """Somebody who behaves gets the page and a stream."""
+        self.assertIsNone(self.server.poll(), "the server has ended")
+        status, _, body = self.get("/")
+        self.assertEqual(status, 200)
+        self.assertIn(b"<!doctype html>", body.lower())
+        with WebSocket(self.port) as client:
+            self.assertEqual(texts_in([client.receive()])[0]["type"], "hello")
+
+    def ask(self, request, timeout=10.0, whole=True):
+        """Sends bytes and gives back what comes until the other side ends."""
+        with connect(self.port, timeout) as peer:
+            out = b""
+            try:
+                peer.sendall(request)
+                if whole:
+                    peer.shutdown(socket.SHUT_WR)
+                while data := peer.recv(1 << 16):
+                    out += data
+            except TimeoutError:
+                raise
+            except OSError:
+                pass  # hung up
+            return out
+
+    def get(self, path, method="GET", host=None, headers=()):
+        """(status, headers, body); status 0 where the server only hung up."""
+        lines = [f"{method} {path} HTTP/1.1", f"Host: {host or f'127.0.0.1:{self.port}'}",
+                 "Connection: close", *headers]
+        answer = self.ask(("\r\n".join(lines) + "\r\n\r\n").encode("latin-1"), whole=False)
+        head, _, body = answer.partition(b"\r\n\r\n")
+        if not head.startswith(b"HTTP/1."):
+            return 0, {}, b""
+        first, *rest = head.decode("latin-1").split("\r\n")
+        return int(first.split()[1]), \
+            {k.lower(): v for k, v in (line.split(": ", 1) for line in rest if ": " in line)}, body
+
+
+class Streams(Scope):
+    def heard(self):
+        """The frames of a recording that LCM itself made beside the server: what a stream must equal."""
+        types = generate_types(self.folder)
+        out = {}
+        for payload in payloads(self.folder / "heard.log", "STICKSLIP_FRAMES"):
+            block = types.frame_block_t.decode(payload)
+            columns = [getattr(block, name) for name in CHANNELS]
+            for i in range(block.count):
+                bits = tuple(struct.unpack("<Q", struct.pack("<d", column[i]))[0]
+                             if block.valid[i] >> c & 1 else None for c, column in enumerate(columns))
+                out[block.sequence[i]] = (block.time_ns[i],) + bits
+        return out
+
+    def test_ten_clients_get_every_frame_as_lcm_carried_it(self):
+        recorder = subprocess.Popen([STICKSLIP, "record", str(self.folder / "heard.log")],
+                                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.addCleanup(recorder.wait)
+        self.addCleanup(recorder.kill)
+        clients = [Reader(self.port) for _ in range(10)]
+        time.sleep(1)
+        daemon = self.start_daemon("--duration", "5")
+        self.assertEqual(daemon.wait(60), 0)
+        time.sleep(1)
+        self.assertEqual(self.stop(recorder), 0)
+        heard = self.heard()
+        self.assertGreater(len(heard), 3000)
+        for client in clients:
+            messages = client.end()
+            self.assertIsNone(client.failure)
+            got = frames_in(messages)
+            self.assertEqual(set(got), set(heard))
+            for sequence, row in heard.items():
+                time_ns, *bits = got[sequence]
+                self.assertEqual(time_ns, row[0])
+                for ours, theirs in zip(bits, row[1:]):
+                    if theirs is None:
+                        self.assertTrue(is_nan(ours))
+                    else:
+                        self.assertEqual(ours, theirs)
+            kinds = collections.Counter(text["type"] for text in texts_in(messages))
+            self.assertNotIn("dropped", kinds)
+            for kind in ("hello", "model", "source", "estimate", "excitation", "status", "timing", "event"):
+                self.assertIn(kind, kinds)
+
+    def test_excitation_has_the_time_of_each_frame(self):
+        client = Reader(self.port)
+        self.assertEqual(self.start_daemon("--duration", "3").wait(60), 0)
+        messages = client.end()
+        times = {row[0] for row in frames_in(messages).values()}
+        told = [t for text in texts_in(messages) if text["type"] == "excitation" for t in text["time_ns"]]
+        self.assertGreater(len(told), 2000)
+        self.assertEqual(len(told), len(set(told)))
+        self.assertEqual(set(told) - times, set())
+
+    def test_who_joins_gets_the_history_and_then_all_that_follows(self):
+        self.start_daemon()
+        with WebSocket(self.port) as early:
+            before = frames_in(self.wait_for_frames(early, 2000))
+            with WebSocket(self.port) as late:
+                messages = self.wait_for_frames(late, 500)
+        self.assertEqual([text["type"] for text in texts_in(messages)][:3], ["hello", "model", "source"])
+        past = frames_in(messages, history=True)
+        now = frames_in(messages, history=False)
+        self.assertEqual(set(before) - set(past) - set(now), set())
+        for sequence in set(before) & set(past):
+            self.assertEqual(before[sequence], past[sequence])
+        everything = sorted([*past, *now])
+        self.assertEqual(everything, list(range(everything[0], everything[0] + len(everything))),
+                         "a gap or a repetition between history and stream")
+
+    def test_a_daemon_that_is_started_again_is_told(self):
+        with WebSocket(self.port) as client:
+            first = self.start_daemon()
+            self.wait_for_frames(client, 500)
+            self.stop(first)
+            texts = []
+            while not texts or texts[-1] != ("source", False):
+                texts += [(t["type"], t.get("connected")) for t in texts_in([client.receive()])]
+            self.start_daemon()
+            messages = self.wait_for_frames(client, 100)
+            kinds = [t["type"] for t in texts_in(messages)]
+            self.assertIn("restart", kinds)
+            self.assertIn(("source", True), [(t["type"], t.get("connected")) for t in texts_in(messages)])
+            at = next(i for i, m in enumerate(messages) if m[0] == TEXT and b'"restart"' in m[1])
+            self.assertEqual(frames_in(messages[:at]), {}, "frames of the new run before the restart")
+            with WebSocket(self.port) as late:
+                past = frames_in(self.wait_for_frames(late, 1), history=True)
+            self.assertLess(min(past), 100, "history is that of the new run")
+
+    def test_it_ends_by_a_signal_and_says_so_to_its_clients(self):
+        with WebSocket(self.port) as client:
+            client.receive()
+            self.server.send_signal(signal.SIGINT)
+            with self.assertRaises((Closed, ConnectionResetError)):
+                while True:
+                    client.receive()
+        self.assertEqual(self.server.wait(10), 0)
+
+
+class Page(Scope):
+    def test_the_page_comes_with_its_fences(self):
+        status, headers, body = self.get("/")
+        self.assertEqual(status, 200)
+        self.assertEqual(int(headers["content-length"]), len(body))
+        self.assertTrue(headers["content-type"].startswith("text/html"))
+        policy = headers["content-security-policy"]
+        for fence in ("default-src 'none'", "script-src 'self'", "connect-src 'self'", "frame-ancestors 'none'"):
+            self.assertIn(fence, policy)
+        self.assertNotIn("unsafe", policy)
+        self.assertEqual(headers["x-content-type-options"], "nosniff")
+        self.assertEqual(headers["referrer-policy"], "no-referrer")
+        self.assertEqual(headers["cross-origin-resource-policy"], "same-origin")
+        self.assertNotIn("access-control-allow-origin", headers)
+        # Refusals have them as well.
+        _, headers, _ = self.get("/nothing")
+        self.assertIn("content-security-policy", headers)
+
+    def test_every_file_of_the_page_is_in_the_program(self):
+        for file in sorted((SOURCE / "tools/scope/page").iterdir()):
+            if file.suffix not in (".html", ".css", ".js", ".svg", ".png"):
+                continue
+            with self.subTest(file=file.name):
+                status, headers, body = self.get("/" if file.name == "index.html" else "/" + file.name)
+                self.assertEqual((status, body), (200, file.read_bytes()))
+                self.assertIn({".html": "html", ".css": "css", ".js": "javascript", ".svg": "svg",
+                               ".png": "png"}[file.suffix], headers["content-type"])
+        for name in ("/uPlot.esm.js", "/uPlot.min.css"):
+            status, _, body = self.get(name)
+            self.assertEqual(status, 200)
+            self.assertGreater(len(body), 1000)
+
+    def test_what_a_browser_has_is_not_sent_again(self):
+        status, headers, body = self.get("/uPlot.esm.js")
+        again = self.get("/uPlot.esm.js", headers=[f"If-None-Match: {headers['etag']}"])
+        self.assertEqual((again[0], again[2]), (304, b""))
+        self.assertEqual(self.get("/uPlot.esm.js", method="HEAD")[0], 200)
+        self.assertEqual(self.get("/uPlot.esm.js", method="HEAD")[2], b"")
+
+
+class Hostile(Scope):
+    """Each test has a good client beside it, which must not lose one frame."""
+
+    def setUp(self):
+        super().setUp()
+        self.start_daemon()
+        self.good = Reader(self.port)
+        end = time.monotonic() + 30
+        while len(self.good.messages) < 50:
+            self.assertLess(time.monotonic(), end)
+            time.sleep(0.05)
+
+    def tearDown(self):
+        time.sleep(0.3)
+        messages = self.good.end()
+        self.assertIsNone(self.good.failure, "the good client lost its stream")
+        got = sorted(frames_in(messages))
+        self.assertEqual(got, list(range(got[0], got[0] + len(got))), "the good client lost frames")
+        self.assertNotIn("dropped", [text["type"] for text in texts_in(messages)])
+        self.assert_still_serves()
+        super().tearDown()
+
+    def refused(self, expected, **asked):
+        with self.assertRaises(Refused) as caught:
+            WebSocket(self.port, **asked)
+        self.assertEqual(caught.exception.status, expected, caught.exception)
+
+    def test_other_pages_and_other_names_are_refused(self):
+        own = f"127.0.0.1:{self.port}"
+        WebSocket(self.port, origin=f"http://{own}").close()
+        WebSocket(self.port, host="localhost:1", origin="http://localhost:1").close()
+        for origin in ("http://evil.example", "null", "http://127.0.0.1", f"http://{own}.evil.example",
+                       f"http://{own}@evil.example", f"ftp://{own}"):
+            with self.subTest(origin=origin):
+                self.refused(403, origin=origin)
+        for host in ("evil.example", f"evil.example:{self.port}", "127.0.0.1.evil.example", "10.1.2.3",
+                     f"{own}, evil.example", "a b"):
+            with self.subTest(host=host):
+                self.refused(403, host=host)
+                self.assertEqual(self.get("/", host=host)[0], 403)
+        nameless = self.ask(b"GET / HTTP/1.0\r\n\r\n")
+        self.assertNotIn(b"200", nameless.split(b"\r\n")[0])
+
+    def test_the_stream_is_where_it_is(self):
+        self.refused(404, path="/")
+        self.refused(404, path="/stream/")
+        self.refused(404, path="/uPlot.esm.js")
+        self.refused(400, subprotocol="chat")
+        self.refused(400, subprotocol=None)
+        self.assertEqual(self.get("/stream")[0], 404)
+        # HTTP/2 in the clear is not spoken.
+        answer = self.ask(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{self.port}\r\nConnection: Upgrade, "
+                          "HTTP2-Settings\r\nUpgrade: h2c\r\nHTTP2-Settings: AAMAAABkAAQAAP__\r\n\r\n".encode(),
+                          whole=False)
+        self.assertNotIn(b" 101 ", answer.split(b"\r\n")[0])
+
+    def test_nothing_but_the_page_is_found(self):
+        secret = b"root:"
+        page = self.get("/")[2]
+        for path in ("/../../../../etc/passwd", "/..%2f..%2f..%2fetc/passwd", "/%2e%2e/%2e%2e/etc/passwd",
+                     "/....//....//etc/passwd", "//etc/passwd", "/etc/passwd", "/scope/../../etc/passwd",
+                     "/..\\..\\etc\\passwd", "/%00", "/uPlot.esm.js%00.html", "/uPlot.esm.js/",
+                     "/page/index.html", "/.git/config", "/index.html/../../etc/passwd", "/%c0%ae%c0%ae/",
+                     "file:///etc/passwd", "http://127.0.0.1/etc/passwd", "/%", "/%zz", "*", "/?/../etc/passwd",
+                     "/" + "../" * 200 + "etc/passwd", "/" + "a" * 3000):
+            with self.subTest(path=path[:60]):
+                status, _, body = self.get(path)
+                self.assertNotIn(secret, body)
+                if status == 200:  # what stands before a question mark or a zero may be the page
+                    self.assertEqual(body, page)
+                else:
+                    self.assertIn(status, (0, 400, 403, 404, 414, 431))
+
+    def test_other_methods_are_refused(self):
+        for method in ("POST", "PUT", "DELETE", "OPTIONS", "PATCH", "TRACE", "CONNECT", "PROPFIND",
+                       "GETS", "X" * 200, "\x00", "PRI"):
+            with self.subTest(method=method[:20]):
+                self.assertIn(self.get("/", method=method)[0], (0, 400, 403, 404, 405, 501))
+        body = b"x" * 100000
+        answer = self.ask(f"POST / HTTP/1.1\r\nHost: 127.0.0.1:{self.port}\r\nContent-Length: {len(body)}\r\n\r\n"
+                          .encode() + body)
+        self.assertNotIn(b" 200 ", answer.split(b"\r\n")[0])
+
+    def test_headers_have_an_end(self):
+        own = f"Host: 127.0.0.1:{self.port}\r\n".encode()
+        for name, request in {
+                "one long header": b"GET / HTTP/1.1\r\n" + own + b"X: " + b"a" * 2000000 + b"\r\n\r\n",
+                "a long cookie": b"GET / HTTP/1.1\r\n" + own + b"Cookie: " + b"a" * 100000 + b"\r\n\r\n",
+                "many headers": b"GET / HTTP/1.1\r\n" + own + b"".join(b"X%d: y\r\n" % i for i in range(50000)),
+                "a long path": b"GET /" + b"a" * 200000 + b" HTTP/1.1\r\n" + own + b"\r\n",
+                "a long query": b"GET /?token=" + b"a" * 200000 + b" HTTP/1.1\r\n" + own + b"\r\n",
+                "rubbish": bytes(range(256)) * 400,
+                "TLS": b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + os.urandom(500),
+                "HTTP/2": b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + b"\x00" * 100}.items():
+            with self.subTest(what=name):
+                self.assertNotIn(b" 101 ", self.ask(request)[:40])
+
+    def test_a_client_that_sends_is_closed(self):
+        for name, data in {"text": frame(TEXT, b"hello"), "binary": frame(BINARY, b"x" * 200),
+                           "empty": frame(TEXT, b""), "a part": frame(TEXT, b"x", final=False),
+                           "much": frame(BINARY, b"x" * 500000),
+                           "claims 4 EB": frame(BINARY, b"x" * 1000, claimed=1 << 62),
+                           "claims more than there is": frame(BINARY, b"x", claimed=1 << 63),
+                           "unmasked": frame(TEXT, b"hello", masked=False),
+                           "a reserved opcode": frame(0xB, b"x"),
+                           "reserved bits": bytes([0xF1, 0x80, 0, 0, 0, 0]),
+                           "a long ping": bytes([0x89, 0xFE, 0x40, 0x00]) + b"\0" * 20000,
+                           "rubbish": os.urandom(4000)}.items():
+            with self.subTest(sent=name), WebSocket(self.port) as client:
+                self.wait_for_frames(client, 1)
+                with self.assertRaises((Closed, ConnectionResetError, BrokenPipeError)) as caught:
+                    client.send(data)
+                    end = time.monotonic() + 10
+                    while time.monotonic() < end:
+                        client.receive()
+                if name == "text":  # it is told why, unless a message was just being written
+                    self.assertIn(getattr(caught.exception, "code", None), (1008, None))
+
+    def test_a_ping_is_answered_and_a_flood_of_them_harms_nobody(self):
+        with WebSocket(self.port) as client:
+            client.receive()
+            try:
+                for _ in range(3000):
+                    client.send(frame(PING, b"x" * 100))
+                client.receive()
+            except (Closed, OSError):
+                pass  # it may be shown the door
+
+    def test_a_slow_reader_loses_and_is_told_and_others_notice_nothing(self):
+        with WebSocket(self.port, receive_buffer=2048) as slow:
+            slow.receive()
+            before = len(self.good.messages)
+            # Nothing is read while more goes by than a backlog and what kernels hold.
+            end = time.monotonic() + 60
+            while sum(len(m[1]) for m in self.good.messages[before:]) < 2_500_000:
+                self.assertLess(time.monotonic(), end)
+                time.sleep(0.2)
+            kinds = collections.Counter()
+            end = time.monotonic() + 20
+            while not kinds["dropped"] and time.monotonic() < end:
+                for text in texts_in([slow.receive()]):
+                    kinds[text["type"]] += 1
+                    if text["type"] == "dropped":
+                        self.assertGreater(text["messages"], 100)
+            self.assertEqual(kinds["dropped"], 1, "it was not told")
+            at = max(frames_in(self.good.messages[-50:]))
+            first = min(frames_in(self.wait_for_frames(slow, 1), history=False))
+            self.assertGreater(first, at - 1000, "what it gets after the loss is not the present")
+
+    def test_half_open_requests_by_the_hundred_keep_nobody_out(self):
+        half = []
+        self.addCleanup(lambda: [peer.close() for peer in half])
+        for i in range(600):
+            peer = connect(self.port)
+            half.append(peer)
+            try:
+                peer.sendall(b"GET / HTTP/1.1\r\nHost: 127.0" if i % 2 else b"")
+            except OSError:
+                pass  # shed already
+            if i % 100 == 50:
+                self.assert_still_serves()
+        # A request has seconds, not minutes: drops of it now and then do not help.
+        end = time.monotonic() + 30
+        left = set(half)
+        while left and time.monotonic() < end:
+            for peer in list(left):
+                try:
+                    peer.sendall(b"X")
+                    peer.setblocking(False)
+                    if peer.recv(1) == b"":
+                        left.discard(peer)
+                except BlockingIOError:
+                    peer.settimeout(1)
+                except OSError:
+                    left.discard(peer)
+            time.sleep(0.5)
+        self.assertEqual(len(left), 0, "connections without a request are still there")
+
+    def test_thousands_of_connections(self):
+        for _ in range(30):
+            wave = []
+            for _ in range(100):
+                try:
+                    wave.append(connect(self.port, timeout=5))
+                except OSError:
+                    pass
+            for peer in wave:
+                peer.close()
+        self.assert_still_serves()
+
+    def test_more_pages_than_it_takes(self):
+        streams = []
+        self.addCleanup(lambda: [stream.close() for stream in streams])
+        with self.assertRaises(Refused) as caught:
+            for _ in range(200):
+                streams.append(WebSocket(self.port))
+        self.assertEqual(caught.exception.status, 503)
+        self.assertGreaterEqual(len(streams), 20)
+        self.assertEqual(self.get("/")[0], 200)
+        while streams:
+            streams.pop().close()
+        end = time.monotonic() + 10
+        while time.monotonic() < end:
+            try:
+                WebSocket(self.port).close()
+                return
+            except Refused:
+                time.sleep(0.1)
+        self.fail("places of pages that were closed are not free again")
+
+
+class Token(Scope):
+    options = ("--token", "s3cret.Word~1", "--allow-origin", "https://notes.lab", "--host-name", "rig.lab")
+
+    def test_nothing_is_shown_without_it(self):
+        for query in ("", "?token=", "?token=s3cret", "?token=s3cret.Word~2", "?Token=s3cret.Word~1",
+                      "?x=1&tokens=s3cret.Word~1", "?token=s3cret.Word~1x", "?token=" + "a" * 2000):
+            with self.subTest(query=query[:40]):
+                with self.assertRaises(Refused) as caught:
+                    WebSocket(self.port, path="/stream" + query)
+                self.assertEqual(caught.exception.status, 403)
+                self.assertEqual(self.get("/" + query)[0], 403)
+        self.assertEqual(self.get("/?token=s3cret.Word~1")[0], 200)
+        self.assertEqual(self.get("/?theme=dark&token=s3cret.Word~1")[0], 200)
+        self.assertEqual(self.get("/uPlot.esm.js")[0], 200)
+        WebSocket(self.port, path="/stream?token=s3cret.Word~1").close()
+
+    def test_names_and_origins_that_were_declared(self):
+        path = "/stream?token=s3cret.Word~1"
+        WebSocket(self.port, path=path, host="rig.lab", origin="https://rig.lab").close()
+        WebSocket(self.port, path=path, host="rig.lab", origin="https://notes.lab").close()
+        with self.assertRaises(Refused):
+            WebSocket(self.port, path=path, host="rig.lab", origin="https://other.lab")
+
+
+class Arguments(EndToEnd):
+    def scope(self, *options):
+        return subprocess.run([STICKSLIP, "scope", *options], capture_output=True, text=True, timeout=30)
+
+    def test_mistakes_are_told_in_one_line(self):
+        for options, words in {("--listen", "localhost:80"): "127.0.0.1:8088",
+                               ("--listen", "192.0.2.1:0"): "ip address",
+                               ("--token", "a b"): "letters",
+                               ("--history", "-1"): "0 to 3600",
+                               ("--model", "nothing.toml"): "nothing.toml",
+                               ("--url", "http://x"): "udpm://"}.items():
+            with self.subTest(options=options):
+                result = self.scope(*options)
+                self.assertIn(result.returncode, (1, 2))
+                self.assertEqual(result.stdout, "")
+                self.assertEqual(result.stderr.count("\n"), 1, result.stderr)
+                self.assertIn(words, result.stderr)
+
+    def test_a_port_that_is_taken(self):
+        with socket.socket() as other:
+            other.bind(("127.0.0.1", 0))
+            other.listen()
+            result = self.scope("--listen", f"127.0.0.1:{other.getsockname()[1]}")
+        self.assertEqual(result.returncode, 1)
+        self.assertIn("another program", result.stderr)
+
+    def test_listening_to_all_without_a_token_is_warned_of(self):
+        for options, warned in ((("--listen", "0.0.0.0:0"), "no --token"),
+                                (("--listen", "0.0.0.0:0", "--token", "abc"), "nothing is encrypted")):
+            server = subprocess.Popen([STICKSLIP, "scope", *options], stdout=subprocess.PIPE,
+                                      stderr=subprocess.PIPE, text=True)
+            server.stdout.readline()
+            server.send_signal(signal.SIGTERM)
+            _, said = server.communicate(timeout=20)
+            self.assertEqual(server.returncode, 0)
+            self.assertIn(warned, said)
+
+
+if __name__ == "__main__":
+    main()
