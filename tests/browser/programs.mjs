@@ -122,3 +122,29 @@ export async function until(page, condition, argument, timeout_ms = 10000) {
     await new Promise((resolve) => setTimeout(resolve, 30));
   }
 }
+
+// What stickslip.frames or stickslip.rows of the page answers, bit for bit; lists as Float64Array.
+export async function held(page, question, ...args) {
+  const packed = await page.evaluate(([question, args]) => {
+    const answer = stickslip[question](...args);
+    for (const [name, list] of Object.entries(answer)) {
+      if (!Array.isArray(list)) continue;
+      const bytes = new Uint8Array(new Float64Array(list).buffer);
+      let text = "";
+      for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));
+      answer[name] = { packed: btoa(text) };
+    }
+    return answer;
+  }, [question, args]);
+  for (const [name, value] of Object.entries(packed)) {
+    if (value?.packed === undefined) continue;
+    const bytes = Uint8Array.from(Buffer.from(value.packed, "base64"));
+    packed[name] = new Float64Array(bytes.buffer);
+  }
+  return packed;
+}
+
+// What stickslip.drawn of the page answers; null where it holds no number.
+export async function drawn(page, name) {
+  return JSON.parse(await page.evaluate(async (name) => JSON.stringify(await stickslip.drawn(name)), name));
+}

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import fs from "node:fs";
 import path from "node:path";
 import { after, before, test } from "node:test";
-import { openPage, run, Running, source, startBrowser, startScope, stickslip, stickslipd, temporaryFolder, until } from "./programs.mjs";
+import { drawn, held, openPage, run, Running, source, startBrowser, startScope, stickslip, stickslipd, temporaryFolder, until } from "./programs.mjs";
 
 const folder = temporaryFolder();
 let browser;
@@ -47,39 +47,39 @@ test("the page holds and draws what the daemon recorded, bit for bit", async (t)
   daemon = startDaemon("--record", log);
   await daemon.said(/recording into/);
   page = await openPage(browser, `${scope.url}?webgl=0`);
-  await until(page, () => stickslip.state().rig === "running" && stickslip.sizes().live.held > 5000, undefined, 60000);
+  await until(page, () => stickslip.state().rig === "running" && stickslip.sizes().live.driven > 4000, undefined, 60000);
   const pace = await page.evaluate(() => stickslip.pace());
   t.diagnostic(`lag from LCM to pixel: median ${pace.lag.median.toFixed(1)} ms, 95 % ${pace.lag.p95.toFixed(1)} ms; ` +
     `${(1000 / pace.interval.median).toFixed(0)} pictures/s, work of each ${pace.work.median.toFixed(2)} ms (without a graphics processor, on a busy machine)`);
   assert.equal(await page.locator("#rig-name").innerText(), "simulated Beam II");
   await page.keyboard.press("p");
-  const held = [];
-  for (let channel = 0; channel < 6; ++channel) held.push(await page.evaluate((channel) => stickslip.frames(channel), channel));
+  const frames = [];
+  for (let channel = 0; channel < 6; ++channel) frames.push(await held(page, "frames", channel));
   const estimates = {};
   const estimated = ["theta", "mu", "gamma_per_s", "friction_force_n", "slip_velocity_m_s", "sticking", "raw_friction_force_n", "raw_coefficient", "nis", "nis_freedom"];
-  for (const name of estimated) estimates[name] = await page.evaluate((name) => stickslip.rows("estimates", name), name);
+  for (const name of estimated) estimates[name] = await held(page, "rows", "estimates", name);
   const excited = {};
-  for (const name of ["drive", "phase_rad", "amplitude"]) excited[name] = await page.evaluate((name) => stickslip.rows("excitation", name), name);
-  const loop = await page.evaluate(() => stickslip.drawn("friction-velocity"));
-  const section = await page.evaluate(() => stickslip.drawn("phase"));
+  for (const name of ["drive", "phase_rad", "amplitude"]) excited[name] = await held(page, "rows", "excitation", name);
+  const loop = await drawn(page, "friction-velocity");
+  const section = await drawn(page, "phase");
   await page.keyboard.press("p");
   await daemon.stop();
 
   const rows = recorded(log);
   const names = ["displacement_m", "velocity_m_s", "friction_force_n", "normal_load_n", "base_displacement_m"];
-  const origin = BigInt(held[0].origin_ns);
+  const origin = BigInt(frames[0].origin_ns);
   const byTime = new Map();
-  assert.ok(held[0].sequence.length > 5000);
+  assert.ok(frames[0].sequence.length > 4000);
   for (const [channel, name] of names.entries()) {
-    held[channel].sequence.forEach((sequence, i) => {
+    frames[channel].sequence.forEach((sequence, i) => {
       const row = rows.get(sequence);
       assert.ok(row, `frame ${sequence} was recorded`);
-      assert.equal(origin + BigInt(held[channel].time_ns[i]), BigInt(row.time_ns));
-      assert.ok(Object.is(held[channel].value[i], row[name]), `${name} of frame ${sequence}: ${held[channel].value[i]} and ${row[name]}`);
-      byTime.set(held[channel].time_ns[i], row);
+      assert.equal(origin + BigInt(frames[channel].time_ns[i]), BigInt(row.time_ns));
+      assert.ok(Object.is(frames[channel].value[i], row[name]), `${name} of frame ${sequence}: ${frames[channel].value[i]} and ${row[name]}`);
+      byTime.set(frames[channel].time_ns[i], row);
     });
   }
-  assert.ok(held[5].value.every(Number.isNaN), "the drive force of this rig is not measured");
+  assert.ok(frames[5].value.every(Number.isNaN), "the drive force of this rig is not measured");
   for (const [ring, columns, prefix] of [[estimates, estimated, "estimate_"], [excited, ["drive", "phase_rad", "amplitude"], "excitation_"]]) {
     for (const name of columns) {
       let compared = 0;
@@ -91,15 +91,15 @@ test("the page holds and draws what the daemon recorded, bit for bit", async (t)
         assert.ok(Object.is(ring[name].value[i], recordedValue), `${name} at ${time}: ${ring[name].value[i]} and ${recordedValue}`);
         compared += 1;
       });
-      assert.ok(compared > (prefix === "estimate_" ? 100 : 4000), `${compared} of ${name} compared`);
+      assert.ok(compared > (prefix === "estimate_" ? 100 : 3000), `${compared} of ${name} compared`);
     }
   }
   // The friction loop, recomputed from the log.
-  const last = held[0].sequence.slice(-loop.points.length / 2);
+  const last = frames[0].sequence.slice(-loop.points.length / 2);
   last.forEach((sequence, k) => {
     const row = rows.get(sequence);
-    assert.equal(loop.points[2 * k], row.velocity_m_s * 1e3);
-    assert.equal(loop.points[2 * k + 1], row.friction_force_n / row.normal_load_n);
+    assert.equal(loop.points[2 * k], row.velocity_m_s * 1e3 + 0); // JSON knows no -0
+    assert.equal(loop.points[2 * k + 1], row.friction_force_n / row.normal_load_n + 0);
   });
   // The section: at each of its times the recorded phase passes 0.
   assert.ok(section.passages.length >= 10, `${section.passages.length} passages`);
@@ -116,7 +116,7 @@ test("a silent source is named; a daemon that is started again begins a new pict
   await until(page, () => document.querySelector("#banner").textContent.includes("has sent no frames"));
   daemon = startDaemon();
   await until(page, () => stickslip.state().source === true && stickslip.state().rig === "running" && stickslip.sizes().live.held > 300, undefined, 60000);
-  const frames = await page.evaluate(() => stickslip.frames(0, -Infinity, Infinity, true));
+  const frames = await held(page, "frames", 0, -Infinity, Infinity, true);
   assert.ok(frames.sequence.every((sequence, i) => i === 0 || sequence > frames.sequence[i - 1]));
   assert.ok(frames.sequence.length < 5000 || frames.sequence[0] < 5000, "nothing of the first daemon is left");
   await until(page, () => document.querySelector("#banner").hidden);

@@ -59,7 +59,7 @@ export function expose(app) {
     sizes() {
       const one = (kept) => (kept ? {
         bytes: kept.bytes, frames: kept.frames.rows, estimates: kept.estimates.rows, excitation: kept.excitation.rows,
-        held: kept.frames.end - kept.frames.begin,
+        held: kept.frames.end - kept.frames.begin, driven: kept.excitation.end - kept.excitation.begin,
       } : null);
       return { live: one(app.live), frozen: one(app.frozen), events: app.rig.events.length, labels: app.scope.labels.size };
     },
