@@ -3,6 +3,11 @@
 const turn = 2 * Math.PI;
 const most = 4096;
 
+function since(origin_rad, phase_rad) {
+  const phase = phase_rad - origin_rad;
+  return phase < 0 ? phase + turn : phase;
+}
+
 export class Section {
   constructor() {
     this.phase_rad = 0;
@@ -32,15 +37,14 @@ export class Section {
     if (this.row > excitation.end) this.forget();
     let row = Math.max(this.row, excitation.begin + 1);
     for (; row < excitation.end && time[row & mask] <= frames.last_ns; ++row) {
-      const before = phase[(row - 1) & mask];
-      let advance = phase[row & mask] - before;
-      if (advance < 0) advance += turn;
-      let distance = this.phase_rad - before;
-      if (distance <= 0) distance += turn;
+      // Phases since the section's, so that a frame exactly on it belongs to one passage and no other.
+      const before = since(this.phase_rad, phase[(row - 1) & mask]);
+      const now = since(this.phase_rad, phase[row & mask]);
+      const advance = now + turn - before;
       // More than a third of a turn between two frames is a gap or a jump of the phase, no passage.
-      if (!(advance > 0 && advance < turn / 3 && distance <= advance)) continue;
+      if (!(now < before && advance < turn / 3)) continue;
       const from = time[(row - 1) & mask];
-      this.#add(from + ((time[row & mask] - from) * distance) / advance, frames);
+      this.#add(from + (time[row & mask] - from) * ((turn - before) / advance), frames);
     }
     this.row = Math.max(this.row, row);
     while (this.begin < this.end && this.time[this.begin % most] < frames.first_ns) this.begin += 1;
