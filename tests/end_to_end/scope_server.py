@@ -286,7 +286,7 @@ class Page(Scope):
                 self.assertEqual((status, body), (200, file.read_bytes()))
                 self.assertIn({".html": "html", ".css": "css", ".js": "javascript", ".svg": "svg",
                                ".png": "png"}[file.suffix], headers["content-type"])
-        for name in ("/uPlot.esm.js", "/uPlot.min.css"):
+        for name in ("/uPlot.esm.js", "/uPlot.min.css", "/uPlot-license.txt"):
             status, _, body = self.get(name)
             self.assertEqual(status, 200)
             self.assertGreater(len(body), 1000)
