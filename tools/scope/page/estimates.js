@@ -88,9 +88,12 @@ export class Estimates {
     const values = columns[one.name];
     const deviations = columns[`${one.name}_deviation`];
     const raws = one.raw ? columns[one.raw] : null;
+    const longest_ns = this.#longestStep(estimates, stride);
     for (let i = 0; i < points; ++i) {
       const at = (first + i * stride) & mask;
-      const value = finite(values[at]);
+      // Where estimates were lost a curve ends: the first one after them is left out.
+      const lost = i > 0 && estimates.time[at] - estimates.time[(first + (i - 1) * stride) & mask] > longest_ns;
+      const value = lost ? null : finite(values[at]);
       one.data[0][i] = estimates.time[at] / 1e9 + origin_s;
       one.data[1][i] = value;
       if (one.nis) {
@@ -101,10 +104,15 @@ export class Estimates {
         const reach = 2 * deviations[at];
         one.data[2][i] = value === null ? null : finite(value - reach);
         one.data[3][i] = value === null ? null : finite(value + reach);
-        if (raws) one.data[4][i] = finite(raws[at]);
+        if (raws) one.data[4][i] = lost ? null : finite(raws[at]);
       }
     }
     return points;
+  }
+
+  // Between estimates that follow each other, by the latest two.
+  #longestStep({ time, mask, begin, end }, stride) {
+    return end - begin < 2 ? Infinity : 5 * stride * Math.max(time[(end - 1) & mask] - time[(end - 2) & mask], 2e7);
   }
 
   #describe(one) {

@@ -158,7 +158,8 @@ export class Portraits {
       if (drive >= excitation.end) break;
       if (excitation.time[drive & excitation.mask] !== time[at]) continue;
       const phase = phases[drive & excitation.mask] * degrees;
-      if (phase < last) {
+      const lost = row > from && frames.columns.sequence[at] - frames.columns.sequence[(row - stride) & mask] > stride;
+      if (phase < last || lost) {
         this.x[points] = NaN;
         this.y[points] = NaN;
         points += 1;
