@@ -105,6 +105,40 @@ test("close up, every frame is a point, and lost frames are a gap that is counte
   await close(page);
 });
 
+test("least and greatest of any stretch are those of its frames, after the ring has gone round as well", async () => {
+  const page = await open();
+  const wrong = await page.evaluate(async () => {
+    const { FrameStore } = await import(new URL("store.js", document.baseURI).href);
+    const { decodeFrames } = await import(new URL("stream.js", document.baseURI).href);
+    let seed = 20261122;
+    const random = () => { seed = (Math.imul(seed, 1664525) + 1013904223) >>> 0; return seed / 2 ** 32; };
+    feed.value = (channel) => (channel === 0 ? random() - 0.5 : channel === 1 && random() < 0.999 ? NaN : random());
+    const frames = new FrameStore();
+    const pair = new Float64Array(2);
+    const wrong = [];
+    for (let round = 0; round < 3; ++round) {
+      for (let i = 0; i < 70000; i += 1000) frames.append(decodeFrames(feed.block(round * 70000 + i, 1000)));
+      for (let k = 0; k < 200; ++k) {
+        const from = frames.begin + Math.floor(random() * (frames.end - frames.begin));
+        const to = Math.min(frames.end, from + Math.floor(random() * 10 ** (1 + (k % 4))));
+        for (const channel of [0, 1]) {
+          let [low, high] = [Infinity, -Infinity];
+          for (let row = from; row < to; ++row) {
+            const value = frames.values[channel][row & frames.mask];
+            if (value < low) low = value;
+            if (value > high) high = value;
+          }
+          frames.extremes(channel, from, to, pair);
+          if (pair[0] !== low || pair[1] !== high) wrong.push([channel, from, to, low, high, pair[0], pair[1]]);
+        }
+      }
+    }
+    return { wrong: wrong.slice(0, 3), held: frames.end - frames.begin };
+  });
+  assert.deepEqual(wrong, { wrong: [], held: 131072 });
+  await close(page);
+});
+
 test("a pause keeps the picture while the stream goes on", async () => {
   const page = await open();
   await page.evaluate(() => feed.frames(0, 15000, { per: 500 }));
