@@ -136,12 +136,12 @@ void add_scope(CLI::App& app, Action& action) {
   command->add_option("--model", arguments->model,
                       "Model file, for the frequencies to mark (else what LCM says of the rig)");
   command->add_option("--pages", arguments->limits.streams, "Pages that may be open at once")
-      ->check(whole_number(1, 1000))
+      ->check(whole_number(1, 500))
       ->capture_default_str();
   command
       ->add_option("--pages-per-address", arguments->limits.streams_per_address,
                    "Of them, from one address; behind a proxy all have the proxy's")
-      ->check(whole_number(1, 1000))
+      ->check(whole_number(1, 500))
       ->capture_default_str();
   command
       ->add_option("--network-of", arguments->network_of,

@@ -534,6 +534,26 @@ class Token(Scope):
             WebSocket(self.port, path=path, host="rig.lab", origin="https://other.lab")
 
 
+class OtherNetwork(Scope):
+    """The page here, LCM in a network namespace of the daemon's own, as tools/demo has it."""
+
+    def setUp(self):
+        self.daemon = subprocess.Popen([SOURCE / "tools/own-network", STICKSLIPD, "--config", str(RIG)],
+                                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.addCleanup(self.daemon.wait)
+        self.addCleanup(self.daemon.kill)
+        end = time.monotonic() + 30
+        while os.readlink(f"/proc/{self.daemon.pid}/exe") != os.path.realpath(STICKSLIPD):
+            self.assertLess(time.monotonic(), end)
+            time.sleep(0.05)
+        self.options = ("--network-of", str(self.daemon.pid))
+        super().setUp()
+
+    def test_frames_come_through(self):
+        with WebSocket(self.port) as client:
+            self.assertGreater(len(frames_in(self.wait_for_frames(client, 100))), 99)
+
+
 class Arguments(EndToEnd):
     def scope(self, *options):
         return subprocess.run([STICKSLIP, "scope", *options], capture_output=True, text=True, timeout=30)
@@ -544,7 +564,9 @@ class Arguments(EndToEnd):
                                ("--token", "a b"): "letters",
                                ("--history", "-1"): "0 to 3600",
                                ("--model", "nothing.toml"): "nothing.toml",
-                               ("--url", "http://x"): "udpm://"}.items():
+                               ("--pages", "0"): "1 to 500",
+                               ("--listen", "127.0.0.1:0", "--network-of", "2147483647"): "no such process",
+                               ("--url", "http://x", "--listen", "127.0.0.1:0"): "udpm://"}.items():
             with self.subTest(options=options):
                 result = self.scope(*options)
                 self.assertIn(result.returncode, (1, 2))

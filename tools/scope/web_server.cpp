@@ -13,66 +13,27 @@
 #include <cerrno>
 #include <cstring>
 #include <exception>
-#include <map>
 #include <stdexcept>
 #include <string>
 #include <unordered_map>
 #include <utility>
 
-#include "protocol/sha256.h"
-#include "tools/scope/backlog.h"
-#include "tools/scope/page.h"
+#include "tools/scope/connections.h"
+#include "tools/scope/http_exchange.h"
 
 namespace stickslip::scope {
 
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 static_assert(Message::headroom >= LWS_PRE);
 
 // What waits in the kernel for a slow reader is as stale as what waits here.
 constexpr int send_buffer_bytes = 128 * 1024;
 constexpr std::size_t file_piece_bytes = 16 * 1024;
-constexpr int most_at_once =
-    64;  ///< connections taken, or messages written, before others have a turn
+// Connections taken, or messages written, before others have a turn.
+constexpr int most_at_once = 64;
 constexpr lws_usec_t tick_us = 100'000;
-
-/// Everything that a page may load comes from here, and nothing may show it inside another page.
-constexpr const char* content_policy =
-    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
-    "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-
-struct Header {
-  const char* name;
-  const char* value;
-};
-constexpr std::array<Header, 7> fixed_headers = {{
-    {"content-security-policy:", content_policy},
-    {"x-content-type-options:", "nosniff"},
-    // The token stands in the page's address.
-    {"referrer-policy:", "no-referrer"},
-    {"x-frame-options:", "DENY"},
-    {"cross-origin-opener-policy:", "same-origin"},
-    {"cross-origin-embedder-policy:", "require-corp"},
-    {"cross-origin-resource-policy:", "same-origin"},
-}};
-
-/// A file with its tag, by which a browser finds that it has it already.
-struct TaggedFile {
-  const PageFile* file = nullptr;
-  std::string tag;
-};
-
-std::map<std::string_view, TaggedFile> tagged_files() {
-  std::map<std::string_view, TaggedFile> out;
-  for (const PageFile& file : page_files()) {
-    const std::string_view text(reinterpret_cast<const char*>(file.content.data()),
-                                file.content.size());
-    out[file.path] = {&file, '"' + protocol::sha256_of(text).substr(0, 32) + '"'};
-  }
-  return out;
-}
+constexpr const char* subprotocol = "stickslip-scope";
 
 /// The address at the other end, without its port; empty where it is gone already.
 std::string peer_of(int file) {
@@ -88,86 +49,6 @@ std::string peer_of(int file) {
                                                                                     : text.data();
 }
 
-std::string header_of(lws* wsi, lws_token_indexes which) {
-  const int size = lws_hdr_total_length(wsi, which);
-  if (size <= 0) return {};
-  std::string out(static_cast<std::size_t>(size) + 1, '\0');
-  const int copied = lws_hdr_copy(wsi, out.data(), static_cast<int>(out.size()), which);
-  out.resize(copied > 0 ? static_cast<std::size_t>(copied) : 0);
-  return out;
-}
-
-/// The value of the query's `name`; libwebsockets has undone the escapes.
-std::string argument_of(lws* wsi, std::string_view name) {
-  std::array<char, 1024> text{};
-  for (int i = 0; i < 16; ++i) {
-    const int size = lws_hdr_copy_fragment(wsi, text.data(), static_cast<int>(text.size()),
-                                           WSI_TOKEN_HTTP_URI_ARGS, i);
-    if (size < 0) break;
-    const std::string_view argument(text.data(), static_cast<std::size_t>(size));
-    if (argument.starts_with(name) && argument.substr(name.size()).starts_with('=')) {
-      return std::string(argument.substr(name.size() + 1));
-    }
-  }
-  return {};
-}
-
-enum class Stage { requesting, answering, streaming };
-
-/// One accepted connection.
-struct Connection {
-  Connection(std::string from, std::size_t backlog_bytes, Clock::time_point now)
-      : peer(std::move(from)), since(now), backlog(backlog_bytes) {}
-
-  std::string peer;
-  Stage stage = Stage::requesting;
-  Clock::time_point since;  ///< of the stage
-  Backlog backlog;          ///< streaming
-  std::string body;         ///< answering: what is left to be sent begins at `sent`
-  std::size_t sent = 0;
-};
-
-struct MethodToken {
-  lws_token_indexes token;
-  std::string_view method;
-};
-constexpr std::array<MethodToken, 8> methods = {{{WSI_TOKEN_GET_URI, "GET"},
-                                                 {WSI_TOKEN_HEAD_URI, "HEAD"},
-                                                 {WSI_TOKEN_POST_URI, "POST"},
-                                                 {WSI_TOKEN_PUT_URI, "PUT"},
-                                                 {WSI_TOKEN_PATCH_URI, "PATCH"},
-                                                 {WSI_TOKEN_DELETE_URI, "DELETE"},
-                                                 {WSI_TOKEN_OPTIONS_URI, "OPTIONS"},
-                                                 {WSI_TOKEN_CONNECT, "CONNECT"}}};
-
-/// A request's parts, copied out of libwebsockets.
-struct ReceivedRequest {
-  std::string method;
-  std::string path;
-  std::string host;
-  std::string origin;
-  std::string token;
-
-  explicit ReceivedRequest(lws* wsi)
-      : host(header_of(wsi, WSI_TOKEN_HOST)),
-        origin(header_of(wsi, WSI_TOKEN_ORIGIN)),
-        token(argument_of(wsi, "token")) {
-    for (const MethodToken& each : methods) {
-      if (lws_hdr_total_length(wsi, each.token) <= 0) continue;
-      method = each.method;
-      path = header_of(wsi, each.token);
-    }
-  }
-  Request view() const { return {method, path, host, origin, token}; }
-};
-
-struct Answer {
-  unsigned status = 200;
-  std::string_view content_type = "text/plain; charset=utf-8";
-  std::string tag;
-  std::string body;
-};
-
 }  // namespace
 
 class WebServer::Loop {
@@ -180,7 +61,7 @@ class WebServer::Loop {
   void send(const SharedMessage& message);
   void run();
   void stop() { stopping_ = true; }
-  std::size_t streams() const { return streams_; }
+  std::size_t streams() const { return connections_.streams(); }
   const ServerCounts& counts() const { return counts_; }
 
  private:
@@ -191,12 +72,11 @@ class WebServer::Loop {
 
   void accept_all();
   bool make_room(const std::string& peer);
-  bool shed_oldest_request(const std::string* peer);
+  bool shed_oldest(const std::string* peer);
   void shed(lws* wsi);
-  std::size_t streams_of(const std::string& peer) const;
 
   int answer_request(lws* wsi);
-  Answer answer_to(lws* wsi, const ReceivedRequest& request);
+  Answer answer_to(const ReceivedRequest& request);
   int begin_answer(lws* wsi, Connection& connection, Answer answer, bool with_body);
   int go_on_answering(lws* wsi, Connection& connection);
   int confirm_upgrade(lws* wsi, const char* to);
@@ -205,7 +85,6 @@ class WebServer::Loop {
   int write_stream(lws* wsi, Connection& connection);
   int refuse_data(lws* wsi);
   void look_at_the_time();
-  Connection* connection_of(lws* wsi);
   void forget(lws* wsi);
 
   // libwebsockets keeps pointers to these.
@@ -217,18 +96,18 @@ class WebServer::Loop {
   const Listener& listener_;
   Admission admission_;
   ServerLimits limits_;
+  Patience patience_;
   Greeting greeting_;
-  std::map<std::string_view, TaggedFile> files_ = tagged_files();
-  std::array<lws_protocol_vhost_options, fixed_headers.size()> headers_{};
+  PageFiles files_;
+  FixedHeaders headers_;
   std::array<lws_protocols, 4> protocols_{};
   lws_retry_bo_t idle_{};
   Timer timer_;
   lws_context* context_ = nullptr;
   lws_vhost* vhost_ = nullptr;
-  std::unordered_map<lws*, Connection> connections_;
+  Connections connections_;
   std::unordered_map<lws*, std::function<void()>> watched_;
   std::function<void()> tick_;
-  std::size_t streams_ = 0;
   ServerCounts counts_;
   bool stopping_ = false;
   std::exception_ptr failure_;
@@ -239,20 +118,17 @@ WebServer::Loop::Loop(const Listener& listener, Admission admission, ServerLimit
     : listener_(listener),
       admission_(std::move(admission)),
       limits_(limits),
+      patience_{limits.request, limits.answer, limits.losing},
       greeting_(std::move(greeting)) {
   lws_set_log_level(0, nullptr);  // what it would say of clients is theirs to write
-  for (std::size_t i = 0; i < headers_.size(); ++i) {
-    headers_[i] = {i + 1 < headers_.size() ? &headers_[i + 1] : nullptr, nullptr,
-                   fixed_headers[i].name, fixed_headers[i].value};
-  }
   protocols_[0] = {"http", &Loop::on_event, 0, 0, 0, nullptr, 0};
-  protocols_[1] = {"stickslip-scope", &Loop::on_event, 0, 256, 0, nullptr, 0};
+  protocols_[1] = {subprotocol, &Loop::on_event, 0, 256, 0, nullptr, 0};
   protocols_[2] = {"files", &Loop::on_event, 0, 0, 0, nullptr, 0};
 
   lws_context_creation_info info{};
   info.port = CONTEXT_PORT_NO_LISTEN_SERVER;
   info.protocols = protocols_.data();
-  info.headers = headers_.data();
+  info.headers = headers_.first();
   info.server_string = "stickslip";
   info.vhost_name = "stickslip";
   info.user = this;
@@ -339,7 +215,7 @@ int WebServer::Loop::handle(lws* wsi, lws_callback_reasons reason, void* in) {
     case LWS_CALLBACK_HTTP_BODY:  // nothing that is sent is wanted
       return -1;
     case LWS_CALLBACK_HTTP_WRITEABLE: {
-      Connection* connection = connection_of(wsi);
+      Connection* connection = connections_.find(wsi);
       return connection == nullptr ? -1 : go_on_answering(wsi, *connection);
     }
     case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE:
@@ -348,7 +224,7 @@ int WebServer::Loop::handle(lws* wsi, lws_callback_reasons reason, void* in) {
       open_stream(wsi);
       return 0;
     case LWS_CALLBACK_SERVER_WRITEABLE: {
-      Connection* connection = connection_of(wsi);
+      Connection* connection = connections_.find(wsi);
       return connection == nullptr ? -1 : write_stream(wsi, *connection);
     }
     case LWS_CALLBACK_RECEIVE:
@@ -361,18 +237,12 @@ int WebServer::Loop::handle(lws* wsi, lws_callback_reasons reason, void* in) {
   }
 }
 
-Connection* WebServer::Loop::connection_of(lws* wsi) {
-  const auto found = connections_.find(wsi);
-  return found == connections_.end() ? nullptr : &found->second;
-}
-
 void WebServer::Loop::forget(lws* wsi) {
   watched_.erase(wsi);
-  const auto found = connections_.find(wsi);
-  if (found == connections_.end()) return;
-  if (found->second.stage == Stage::streaming) --streams_;
-  counts_.messages_lost += found->second.backlog.lost();
-  connections_.erase(found);
+  const Connection* connection = connections_.find(wsi);
+  if (connection == nullptr) return;
+  counts_.messages_lost += connection->backlog.lost();
+  connections_.erase(wsi);
 }
 
 // Who gets in ----------------------------------------------------------------------------------
@@ -380,7 +250,11 @@ void WebServer::Loop::forget(lws* wsi) {
 void WebServer::Loop::accept_all() {
   for (int i = 0; i < most_at_once; ++i) {
     const int file = accept4(listener_.file(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
-    if (file < 0) return;
+    if (file < 0) {
+      // Without a file left there is nothing to take the connection with: somebody has to go.
+      if (errno == EMFILE || errno == ENFILE) shed_oldest(nullptr);
+      return;
+    }
     const std::string peer = peer_of(file);
     if (!make_room(peer)) {
       ++counts_.connections_shed;
@@ -392,46 +266,24 @@ void WebServer::Loop::accept_all() {
     setsockopt(file, SOL_SOCKET, SO_SNDBUF, &send_buffer_bytes, sizeof send_buffer_bytes);
     lws* wsi = lws_adopt_socket_vhost(vhost_, file);  // closes the file where it fails
     if (wsi != nullptr) {
-      connections_.try_emplace(wsi, peer, limits_.backlog_bytes, Clock::now());
+      connections_.add(wsi, Connection(peer, limits_.backlog_bytes, Clock::now()));
     }
   }
-}
-
-std::size_t WebServer::Loop::streams_of(const std::string& peer) const {
-  return static_cast<std::size_t>(
-      std::count_if(connections_.begin(), connections_.end(), [&peer](const auto& each) {
-        return each.second.peer == peer && each.second.stage == Stage::streaming;
-      }));
 }
 
 // Who has come last may be a person, who asks within milliseconds; who has waited longest without
 // asking is none. So a flood of connections keeps nobody out.
 bool WebServer::Loop::make_room(const std::string& peer) {
-  const auto is_request = [](const auto& each) { return each.second.stage != Stage::streaming; };
-  const auto is_of_peer = [&](const auto& each) {
-    return is_request(each) && each.second.peer == peer;
-  };
-  const auto count = [this](const auto& condition) {
-    return static_cast<std::size_t>(
-        std::count_if(connections_.begin(), connections_.end(), condition));
-  };
-  if (count(is_of_peer) >= limits_.requests_per_address && !shed_oldest_request(&peer)) {
+  if (connections_.requests(&peer) >= limits_.requests_per_address && !shed_oldest(&peer)) {
     return false;
   }
-  return count(is_request) < limits_.requests || shed_oldest_request(nullptr);
+  return connections_.requests() < limits_.requests || shed_oldest(nullptr);
 }
 
-bool WebServer::Loop::shed_oldest_request(const std::string* peer) {
-  auto oldest = connections_.end();
-  for (auto each = connections_.begin(); each != connections_.end(); ++each) {
-    const Connection& connection = each->second;
-    if (connection.stage != Stage::requesting) continue;
-    if (peer != nullptr && connection.peer != *peer) continue;
-    if (oldest == connections_.end() || connection.since < oldest->second.since) oldest = each;
-  }
-  if (oldest == connections_.end()) return false;
-  shed(oldest->first);
-  return true;
+bool WebServer::Loop::shed_oldest(const std::string* peer) {
+  lws* const oldest = connections_.oldest_request(peer);
+  if (oldest != nullptr) shed(oldest);
+  return oldest != nullptr;
 }
 
 void WebServer::Loop::shed(lws* wsi) {
@@ -443,58 +295,22 @@ void WebServer::Loop::shed(lws* wsi) {
 // The page -------------------------------------------------------------------------------------
 
 int WebServer::Loop::answer_request(lws* wsi) {
-  Connection* connection = connection_of(wsi);
+  Connection* connection = connections_.find(wsi);
   if (connection == nullptr) return -1;
   const ReceivedRequest request(wsi);
-  return begin_answer(wsi, *connection, answer_to(wsi, request), request.method != "HEAD");
+  return begin_answer(wsi, *connection, answer_to(request), request.method != "HEAD");
 }
 
-Answer WebServer::Loop::answer_to(lws* wsi, const ReceivedRequest& request) {
-  const auto refuse = [this](const Refusal& refusal) {
-    ++counts_.refused;
-    Answer answer;
-    answer.status = static_cast<unsigned>(refusal.status);
-    answer.body = refusal.reason + "\n";
-    return answer;
-  };
-  if (const auto refusal = refuse_page(request.view(), admission_)) return refuse(*refusal);
-  const auto file = files_.find(request.path == "/index.html" ? "/" : request.path);
-  if (file == files_.end()) return refuse({404, "there is no such file here"});
-  Answer answer;
-  answer.content_type = file->second.file->content_type;
-  answer.tag = file->second.tag;
-  if (header_of(wsi, WSI_TOKEN_HTTP_IF_NONE_MATCH) == answer.tag) {
-    answer.status = 304;
-    return answer;
-  }
-  const auto content = file->second.file->content;
-  answer.body.assign(reinterpret_cast<const char*>(content.data()), content.size());
+Answer WebServer::Loop::answer_to(const ReceivedRequest& request) {
+  const auto refusal = refuse_page(request.view(), admission_);
+  Answer answer = refusal ? answer_for(*refusal) : files_.answer_to(request);
+  if (answer.status >= 400) ++counts_.refused;
   return answer;
 }
 
 int WebServer::Loop::begin_answer(lws* wsi, Connection& connection, Answer answer, bool with_body) {
-  std::array<unsigned char, LWS_PRE + 2048> room{};
-  unsigned char* const start = room.data() + LWS_PRE;
-  unsigned char* at = start;
-  unsigned char* const end = room.data() + room.size();
-  const auto add = [&](lws_token_indexes name, std::string_view value) {
-    return lws_add_http_header_by_token(wsi, name,
-                                        reinterpret_cast<const unsigned char*>(value.data()),
-                                        static_cast<int>(value.size()), &at, end) == 0;
-  };
-  const bool has_length = answer.status != 304;
-  const bool fits =
-      lws_add_http_header_status(wsi, answer.status, &at, end) == 0 &&
-      add(WSI_TOKEN_HTTP_CONTENT_TYPE, answer.content_type) &&
-      (!has_length || lws_add_http_header_content_length(wsi, answer.body.size(), &at, end) == 0) &&
-      // Always asked again, and sent again only where it has changed.
-      add(WSI_TOKEN_HTTP_CACHE_CONTROL, answer.tag.empty() ? "no-store" : "no-cache") &&
-      (answer.tag.empty() || add(WSI_TOKEN_HTTP_ETAG, answer.tag)) &&
-      (answer.status != 405 || add(WSI_TOKEN_HTTP_ALLOW, "GET, HEAD")) &&
-      lws_finalize_write_http_header(wsi, start, &at, end) == 0;
-  if (!fits) return -1;
-  connection.stage = Stage::answering;
-  connection.since = Clock::now();
+  if (!write_head(wsi, answer)) return -1;
+  connection.enter(Stage::answering, Clock::now());
   connection.body = with_body ? std::move(answer.body) : std::string();
   connection.sent = 0;
   lws_callback_on_writable(wsi);
@@ -519,24 +335,24 @@ int WebServer::Loop::go_on_answering(lws* wsi, Connection& connection) {
     }
   }
   connection.body.clear();
-  connection.stage = Stage::requesting;
-  connection.since = Clock::now();
+  connection.enter(Stage::requesting, Clock::now());
   return lws_http_transaction_completed(wsi) != 0 ? -1 : 0;
 }
 
 // The stream -----------------------------------------------------------------------------------
 
 std::optional<Refusal> WebServer::Loop::refuse_upgrade(lws* wsi, const char* to) {
-  const Connection* connection = connection_of(wsi);
+  const Connection* connection = connections_.find(wsi);
   if (connection == nullptr || to == nullptr || std::strcmp(to, "websocket") != 0) {
     return Refusal{400, "only WebSockets are spoken here"};
   }
   const ReceivedRequest request(wsi);
   if (auto refusal = refuse_stream(request.view(), admission_)) return refusal;
-  if (header_of(wsi, WSI_TOKEN_PROTOCOL) != "stickslip-scope") {
+  if (request.subprotocol != subprotocol) {
     return Refusal{400, "the stream's subprotocol is stickslip-scope"};
   }
-  if (streams_ >= limits_.streams || streams_of(connection->peer) >= limits_.streams_per_address) {
+  if (connections_.streams() >= limits_.streams ||
+      connections_.streams(&connection->peer) >= limits_.streams_per_address) {
     return Refusal{503, "as many pages are open as this server takes"};
   }
   return std::nullopt;
@@ -551,11 +367,9 @@ int WebServer::Loop::confirm_upgrade(lws* wsi, const char* to) {
 }
 
 void WebServer::Loop::open_stream(lws* wsi) {
-  Connection* connection = connection_of(wsi);
+  Connection* connection = connections_.find(wsi);
   if (connection == nullptr) return;
-  connection->stage = Stage::streaming;
-  connection->since = Clock::now();
-  ++streams_;
+  connection->enter(Stage::streaming, Clock::now());
   ++counts_.streams_opened;
   connection->backlog.greet(greeting_());
   lws_callback_on_writable(wsi);
@@ -603,19 +417,11 @@ int WebServer::Loop::refuse_data(lws* wsi) {
 
 void WebServer::Loop::look_at_the_time() {
   const auto now = Clock::now();
-  std::vector<lws*> overdue;
-  for (const auto& [wsi, connection] : connections_) {
-    const auto age = now - connection.since;
-    if ((connection.stage == Stage::requesting && age > limits_.request) ||
-        (connection.stage == Stage::answering && age > limits_.answer)) {
-      overdue.push_back(wsi);
-    } else if (connection.stage == Stage::streaming &&
-               connection.backlog.losing_for(now) > limits_.losing) {
-      ++counts_.too_slow;
-      overdue.push_back(wsi);
-    }
+  for (lws* wsi : connections_.overdue(patience_, now)) {
+    const Connection* connection = connections_.find(wsi);
+    if (connection->stage == Stage::streaming) ++counts_.too_slow;
+    shed(wsi);
   }
-  for (lws* wsi : overdue) shed(wsi);
   if (tick_) tick_();
 }
 

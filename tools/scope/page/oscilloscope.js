@@ -440,7 +440,7 @@ export class Oscilloscope {
   #showNote() {
     const note = byId("screen-note");
     const text = this.app.paused ? (this.trigger.done ? "single shot, paused" : "paused")
-      : this.trigger.mode !== "roll" && Number.isNaN(this.trigger.fired_ns) ? "waiting for the trigger" : "";
+      : this.trigger.word === "waiting" ? "waiting for the trigger" : this.held ? "triggered" : "";
     note.hidden = text === "";
     setText(note, text);
   }
