@@ -1,0 +1,146 @@
+// The page of `stickslip scope` beside the simulated daemon at 1 kHz: what it holds and draws against what
+// the daemon recorded of the same seconds; restarts of the daemon and of the server.
+import assert from "node:assert/strict";
+import fs from "node:fs";
+import path from "node:path";
+import { after, before, test } from "node:test";
+import { drawn, held, openPage, run, Running, source, startBrowser, startScope, stickslip, stickslipd, temporaryFolder, until } from "./programs.mjs";
+
+const folder = temporaryFolder();
+let browser;
+let scope;
+let daemon;
+let page;
+
+const startDaemon = (...args) => new Running(stickslipd, ["--config", path.join(source, "config/simulated.toml"), ...args]);
+const liveFrames = (page) => page.evaluate(() => stickslip.sizes().live.held);
+
+before(async () => {
+  scope = await startScope();
+  browser = await startBrowser();
+});
+
+after(async () => {
+  await browser?.close();
+  await daemon?.stop();
+  await scope?.stop();
+  fs.rmSync(folder, { recursive: true });
+});
+
+// The recording as rows by sequence number, each a map from column to number (NaN where there is none).
+function recorded(log) {
+  const table = path.join(folder, "recorded.csv");
+  run(stickslip, ["log", "export", log, table]);
+  const lines = fs.readFileSync(table, "utf8").split("\n").filter((line) => line !== "" && !line.startsWith("#"));
+  const names = lines[0].split(",");
+  const rows = new Map();
+  for (const line of lines.slice(1)) {
+    const cells = line.split(",");
+    const row = Object.fromEntries(names.map((name, i) => [name, cells[i] === "" || cells[i] === undefined ? NaN : Number(cells[i])]));
+    rows.set(row.sequence, row);
+  }
+  return rows;
+}
+
+test("the page holds and draws what the daemon recorded, bit for bit", async (t) => {
+  const log = path.join(folder, "run.log");
+  daemon = startDaemon("--record", log);
+  await daemon.said(/recording into/);
+  page = await openPage(browser, `${scope.url}?webgl=0`);
+  await until(page, () => stickslip.state().rig === "running" && stickslip.sizes().live.driven > 4000, undefined, 60000);
+  const pace = await page.evaluate(() => stickslip.pace());
+  t.diagnostic(`lag from LCM to pixel: median ${pace.lag.median.toFixed(1)} ms, 95 % ${pace.lag.p95.toFixed(1)} ms; ` +
+    `${(1000 / pace.interval.median).toFixed(0)} pictures/s, work of each ${pace.work.median.toFixed(2)} ms (without a graphics processor, on a busy machine)`);
+  assert.equal(await page.locator("#rig-name").innerText(), "simulated Beam II");
+  await page.keyboard.press("p");
+  const frames = [];
+  for (let channel = 0; channel < 6; ++channel) frames.push(await held(page, "frames", channel));
+  const estimates = {};
+  const estimated = ["theta", "mu", "gamma_per_s", "friction_force_n", "slip_velocity_m_s", "sticking", "raw_friction_force_n", "raw_coefficient", "nis", "nis_freedom"];
+  for (const name of estimated) estimates[name] = await held(page, "rows", "estimates", name);
+  const excited = {};
+  for (const name of ["drive", "phase_rad", "amplitude"]) excited[name] = await held(page, "rows", "excitation", name);
+  const loop = await drawn(page, "friction-velocity");
+  const section = await drawn(page, "phase");
+  await page.keyboard.press("p");
+  await daemon.stop();
+
+  const rows = recorded(log);
+  const names = ["displacement_m", "velocity_m_s", "friction_force_n", "normal_load_n", "base_displacement_m"];
+  const origin = BigInt(frames[0].origin_ns);
+  const byTime = new Map();
+  assert.ok(frames[0].sequence.length > 4000);
+  for (const [channel, name] of names.entries()) {
+    frames[channel].sequence.forEach((sequence, i) => {
+      const row = rows.get(sequence);
+      assert.ok(row, `frame ${sequence} was recorded`);
+      assert.equal(origin + BigInt(frames[channel].time_ns[i]), BigInt(row.time_ns));
+      assert.ok(Object.is(frames[channel].value[i], row[name]), `${name} of frame ${sequence}: ${frames[channel].value[i]} and ${row[name]}`);
+      byTime.set(frames[channel].time_ns[i], row);
+    });
+  }
+  assert.ok(frames[5].value.every(Number.isNaN), "the drive force of this rig is not measured");
+  for (const [ring, columns, prefix] of [[estimates, estimated, "estimate_"], [excited, ["drive", "phase_rad", "amplitude"], "excitation_"]]) {
+    for (const name of columns) {
+      let compared = 0;
+      ring[name].time_ns.forEach((time, i) => {
+        const row = byTime.get(time);
+        if (!row || row.estimate_valid === 0) return;
+        // Amplitude and phase go as single precision; the log holds the same.
+        const recordedValue = row[prefix + name];
+        assert.ok(Object.is(ring[name].value[i], recordedValue), `${name} at ${time}: ${ring[name].value[i]} and ${recordedValue}`);
+        compared += 1;
+      });
+      assert.ok(compared > (prefix === "estimate_" ? 100 : 3000), `${compared} of ${name} compared`);
+    }
+  }
+  // The friction loop, recomputed from the log.
+  const last = frames[0].sequence.slice(-loop.points.length / 2);
+  last.forEach((sequence, k) => {
+    const row = rows.get(sequence);
+    assert.equal(loop.points[2 * k], row.velocity_m_s * 1e3 + 0); // JSON knows no -0
+    assert.equal(loop.points[2 * k + 1], row.friction_force_n / row.normal_load_n + 0);
+  });
+  // The section: once wherever the recorded phase passes 0 (at 3.2 Hz it falls on a frame every second time).
+  const driven = [...excited.drive.time_ns].filter((time) => byTime.has(time));
+  const passages = section.passages.filter(([time]) => time > driven[0] && time <= driven.at(-1));
+  const wraps = driven.slice(1).filter((time, i) => byTime.get(time).excitation_phase_rad < byTime.get(driven[i]).excitation_phase_rad);
+  assert.ok(wraps.length >= 10, `${wraps.length} passages`);
+  assert.equal(passages.length, wraps.length);
+  passages.forEach(([time, x], k) => {
+    const later = byTime.get(wraps[k]);
+    const earlier = byTime.get(wraps[k] - 1e6);
+    // The phase goes over LCM in single precision: 3e-8 rad are some nanoseconds.
+    assert.ok(time > wraps[k] - 1e6 - 100 && time < wraps[k] + 100, `passage ${k} at ${time}, the phase wraps at ${wraps[k]}`);
+    const [low, high] = [earlier.displacement_m, later.displacement_m].sort((a, b) => a - b);
+    assert.ok(x >= low - 1e-7 && x <= high + 1e-7);
+  });
+});
+
+test("a silent source is named; a daemon that is started again begins a new picture", async () => {
+  await until(page, () => document.querySelector("#banner").textContent.includes("has sent no frames"));
+  daemon = startDaemon();
+  await until(page, () => stickslip.state().source === true && stickslip.state().rig === "running" && stickslip.sizes().live.held > 300, undefined, 60000);
+  const frames = await held(page, "frames", 0, -Infinity, Infinity, true);
+  assert.ok(frames.sequence.every((sequence, i) => i === 0 || sequence > frames.sequence[i - 1]));
+  assert.ok(frames.sequence.length < 5000 || frames.sequence[0] < 5000, "nothing of the first daemon is left");
+  await until(page, () => document.querySelector("#banner").hidden);
+});
+
+test("a server that is started again is found again", async () => {
+  const { port } = scope;
+  await scope.stop();
+  await until(page, () => stickslip.state().link === "waiting" && document.querySelector("#banner").textContent.includes("No connection"));
+  const before = await liveFrames(page);
+  scope = await startScope(port);
+  await page.keyboard.press("r");
+  await until(page, () => stickslip.state().link === "open" && stickslip.state().opened === 2);
+  await until(page, (before) => stickslip.sizes().live.held > before + 300, before, 30000);
+  page.complaints = page.complaints.filter((line) => !/ERR_CONNECTION_REFUSED|WebSocket connection/.test(line)); // the browser's own note
+});
+
+test("nothing went wrong in the page, and nothing was asked of anybody else", async () => {
+  assert.deepEqual(page.complaints, []);
+  assert.deepEqual(page.elsewhere, []);
+  assert.ok(page.requests > 20);
+});

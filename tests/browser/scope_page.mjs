@@ -1,0 +1,654 @@
+// The page of `stickslip scope`, its stream in the hands of the test: everything it draws against what the
+// stream held, everything a person can do with it, what it weighs and what it costs.
+import assert from "node:assert/strict";
+import fs from "node:fs";
+import { after, before, test } from "node:test";
+import { drawn, held, openPage, startBrowser, startScope, until } from "./programs.mjs";
+
+let scope;
+let browser;
+
+before(async () => {
+  scope = await startScope();
+  browser = await startBrowser();
+});
+
+after(async () => {
+  await browser?.close();
+  await scope?.stop();
+});
+
+async function open(options = {}, query = "?webgl=0") {
+  const page = await openPage(browser, scope.url + query, { fake: true, ...options });
+  await page.evaluate(() => feed.open());
+  return page;
+}
+
+// Closes a page; nothing may have gone wrong in it, and nothing may have been asked of anybody else.
+async function close(page) {
+  await page.context().close();
+  assert.deepEqual(page.complaints, []);
+  assert.deepEqual(page.elsewhere, []);
+}
+
+const state = (page) => page.evaluate(() => stickslip.state());
+const ink = (page, name) => page.evaluate((name) => stickslip.ink(name), name);
+const text = (page, selector) => page.locator(selector).innerText();
+const near = (a, b, tolerance, message) => assert.ok(Math.abs(a - b) <= tolerance, `${message ?? ""} ${a} is not ${b} within ${tolerance}`);
+// Values that every machine computes alike, bit for bit; a sine is not one.
+const exact = (channel, t) => ((Math.round(t * 1000) * 7919 + channel * 104729) % 10007) / 10007 - 0.5 + channel + t / 7;
+const signal = (channel, t) => Math.sin(2 * Math.PI * 2 * t) * (channel + 1);
+
+test("traces hold the stream bit for bit, and are drawn where its values lie", async () => {
+  const page = await open();
+  await page.evaluate(() => {
+    feed.value = (channel, t) => (channel === 5 ? NaN : ((Math.round(t * 1000) * 7919 + channel * 104729) % 10007) / 10007 - 0.5 + channel + t / 7);
+    feed.t0_ns = 4_611_686_018_427_387_904n; feed.frames(0, 12000, { per: 1000, flags: 2 }); feed.frames(12000, 500);
+  });
+  for (let channel = 0; channel < 5; ++channel) {
+    const frames = await held(page, "frames", channel);
+    assert.equal(frames.origin_ns, "4611686018427387904");
+    assert.equal(frames.value.length, 12500);
+    frames.value.forEach((value, i) => assert.ok(Object.is(value, exact(channel, i / 1000)), `channel ${channel}, frame ${i}`));
+    frames.time_ns.forEach((time, i) => assert.equal(time, i * 1e6));
+  }
+  // 10 s on screen: two points for each column, at the least and the greatest of its frames.
+  const names = ["displacement", "velocity", "friction_force", "normal_load", "base_displacement"];
+  const factors = [1e3, 1e3, 1, 1, 1e3];
+  for (const [channel, name] of names.entries()) {
+    const picture = await drawn(page, name);
+    assert.ok(picture.dense);
+    const scale = picture.height / (picture.high - picture.low);
+    let columns = 0;
+    for (let i = 0; i + 1 < picture.points.length / 2;) {
+      const x = picture.points[2 * i];
+      if (x < -1e8) { i += 1; continue; }
+      const column = Math.round((x - picture.plot.left - 0.5) + (picture.left_ns - picture.firstColumn * picture.column_ns) / picture.column_ns) + picture.firstColumn;
+      const from = Math.max(0, Math.ceil((column * picture.column_ns) / 1e6 - 1e-9));
+      const to = Math.min(12500, Math.ceil(((column + 1) * picture.column_ns) / 1e6 - 1e-9));
+      const values = Array.from({ length: to - from }, (_, k) => exact(channel, (from + k) / 1000) * factors[channel]);
+      const ys = [picture.points[2 * i + 1], picture.points[2 * i + 3]].map((y) => picture.low + (picture.top + picture.height - y) / scale);
+      near(Math.min(...ys), Math.min(...values), 0.01 / scale, `${name}, column ${column}: least`);
+      near(Math.max(...ys), Math.max(...values), 0.01 / scale, `${name}, column ${column}: greatest`);
+      columns += 1;
+      i += 2;
+    }
+    assert.ok(columns > 0.95 * picture.plot.width, `${columns} columns`);
+  }
+  assert.ok((await ink(page, "displacement")) > 1000);
+  assert.deepEqual((await state(page)).visible, names); // the drive force was never measured
+  await close(page);
+});
+
+test("close up, every frame is a point, and lost frames are a gap that is counted", async () => {
+  const page = await open();
+  await page.evaluate(() => { feed.frames(0, 900); feed.frames(920, 100); });
+  await page.locator("#time-base").selectOption("0.2");
+  const picture = await drawn(page, "velocity");
+  assert.ok(!picture.dense);
+  const points = [];
+  for (let i = 0; i < picture.points.length; i += 2) points.push([picture.points[i], picture.points[i + 1]]);
+  const gaps = points.filter(([x]) => x < -1e8).length;
+  assert.equal(gaps, 1);
+  const scale = picture.height / (picture.high - picture.low);
+  const frames = [...Array(1020).keys()].filter((i) => (i < 900 || i >= 920) && i * 1e6 >= picture.left_ns - 1.5e6);
+  const solid = points.filter(([x]) => x > -1e8);
+  const first = frames.length - solid.length;
+  assert.ok(first >= 0 && first <= 2);
+  solid.forEach(([x, y], k) => {
+    const i = frames[k + first];
+    near(x, picture.plot.left + ((i * 1e6 - picture.left_ns) / picture.span_ns) * picture.plot.width, 0.01, `x of frame ${i}`);
+    near(picture.low + (picture.top + picture.height - y) / scale, signal(1, i / 1000) * 1e3, 0.02 / scale, `y of frame ${i}`);
+  });
+  await until(page, () => document.querySelector("#scope-summary").textContent.includes("20 frames were lost"));
+  assert.equal((await state(page)).lost, 20);
+  await close(page);
+});
+
+test("least and greatest of any stretch are those of its frames, after the ring has gone round as well", async () => {
+  const page = await open();
+  const wrong = await page.evaluate(async () => {
+    const { FrameStore } = await import(new URL("store.js", document.baseURI).href);
+    const { decodeFrames } = await import(new URL("stream.js", document.baseURI).href);
+    let seed = 20261122;
+    const random = () => { seed = (Math.imul(seed, 1664525) + 1013904223) >>> 0; return seed / 2 ** 32; };
+    feed.value = (channel) => (channel === 0 ? random() - 0.5 : channel === 1 && random() < 0.999 ? NaN : random());
+    const frames = new FrameStore();
+    const pair = new Float64Array(2);
+    const wrong = [];
+    for (let round = 0; round < 3; ++round) {
+      for (let i = 0; i < 70000; i += 1000) frames.append(decodeFrames(feed.block(round * 70000 + i, 1000)));
+      for (let k = 0; k < 200; ++k) {
+        const from = frames.begin + Math.floor(random() * (frames.end - frames.begin));
+        const to = Math.min(frames.end, from + Math.floor(random() * 10 ** (1 + (k % 4))));
+        for (const channel of [0, 1]) {
+          let [low, high] = [Infinity, -Infinity];
+          for (let row = from; row < to; ++row) {
+            const value = frames.values[channel][row & frames.mask];
+            if (value < low) low = value;
+            if (value > high) high = value;
+          }
+          frames.extremes(channel, from, to, pair);
+          if (pair[0] !== low || pair[1] !== high) wrong.push([channel, from, to, low, high, pair[0], pair[1]]);
+        }
+      }
+    }
+    return { wrong: wrong.slice(0, 3), held: frames.end - frames.begin };
+  });
+  assert.deepEqual(wrong, { wrong: [], held: 131072 });
+  await close(page);
+});
+
+test("a pause keeps the picture while the stream goes on", async () => {
+  const page = await open();
+  await page.evaluate(() => feed.frames(0, 15000, { per: 500 }));
+  await drawn(page, "displacement"); // a picture is drawn
+  await page.keyboard.press("Space");
+  const before = await drawn(page, "displacement");
+  await page.evaluate(() => feed.frames(15000, 150000, { per: 1000 })); // more than the ring holds
+  const later = await drawn(page, "displacement");
+  assert.deepEqual(later.points, before.points);
+  assert.equal((await held(page, "frames", 0)).value.length, 15000);
+  assert.equal(await page.locator("#pause").getAttribute("aria-pressed"), "true");
+  await page.locator("#pause").click();
+  const after_ = await drawn(page, "displacement");
+  assert.equal(after_.left_ns, 164999e6 - 10e9);
+  assert.equal((await state(page)).paused, false);
+  await close(page);
+});
+
+test("the trigger stands where the channel crosses the level", async () => {
+  const page = await open();
+  await page.evaluate(() => feed.frames(0, 2000));
+  await page.locator("#time-base").selectOption("0.5");
+  await drawn(page, "velocity");
+  await page.locator("#trigger-mode").selectOption("normal");
+  await page.locator("#trigger-channel").selectOption("1");
+  await page.locator("#trigger-level").fill("1000"); // mm/s; velocity is 2 sin(2 pi 2 t) m/s
+  await page.locator("#trigger-level").press("Enter");
+  await until(page, () => !document.querySelector("#screen-note").hidden && document.querySelector("#screen-note").textContent.includes("waiting"));
+  await page.evaluate(() => feed.frames(2000, 3000));
+  await until(page, () => stickslip.state().held);
+  const crossing = (seconds, phase) => { const turns = seconds * 2 - phase; return turns - Math.round(turns); };
+  let now = await state(page);
+  near(crossing(now.trigger.fired_ns / 1e9, 1 / 12), 0, 1e-5, "rising"); // sin = 1/2 at 1/12 of a turn
+  near(now.left_ns, now.trigger.fired_ns - 0.2 * now.span_ns, 1);
+  const fired = now.trigger.fired_ns;
+  assert.ok(fired / 1e9 > 4.0, "the newest full screen");
+  await page.locator("#screen").focus();
+  await page.keyboard.press("e");
+  await page.evaluate(() => feed.frames(5000, 2000));
+  await until(page, (fired) => stickslip.state().trigger.fired_ns > fired, fired);
+  now = await state(page);
+  near(crossing(now.trigger.fired_ns / 1e9, 5 / 12), 0, 1e-5, "falling");
+  // A level that is never reached: normal waits, auto rolls.
+  await page.locator("#trigger-level").fill("2500");
+  await page.locator("#trigger-level").press("Enter");
+  await page.evaluate(() => feed.frames(7000, 1000));
+  await drawn(page, "velocity");
+  assert.equal((await state(page)).held, false);
+  await page.locator("#trigger-mode").selectOption("auto");
+  await page.evaluate(() => feed.frames(8000, 1000));
+  await drawn(page, "velocity");
+  now = await state(page);
+  assert.equal(now.left_ns, 8999e6 - now.span_ns);
+  // A single shot fires once and stops; its level can be moved by keys.
+  await page.locator("#trigger-level").fill("0");
+  await page.locator("#trigger-level").press("Enter");
+  await page.locator("#level-handle").focus();
+  await page.keyboard.press("Shift+ArrowUp");
+  assert.ok((await state(page)).trigger.level > 0.1);
+  await page.locator("#trigger-mode").selectOption("single");
+  await page.evaluate(() => feed.frames(9000, 2500));
+  await until(page, () => stickslip.state().paused);
+  const shot = (await state(page)).trigger;
+  assert.ok(shot.done);
+  assert.ok(shot.fired_ns < 9.9e9, "the first crossing after arming");
+  await page.evaluate(() => feed.frames(11500, 1000));
+  assert.equal((await state(page)).trigger.fired_ns, shot.fired_ns);
+  await page.locator("#trigger-arm").click();
+  assert.equal((await state(page)).paused, false);
+  await close(page);
+});
+
+test("zoom by wheel, keys and buttons; drag moves; reset brings all back", async () => {
+  const page = await open();
+  await page.evaluate(() => feed.frames(0, 60000, { per: 1000 }));
+  const box = await page.locator("#screen").boundingBox();
+  const x = Math.round(box.x + box.width * 0.4);
+  const y = Math.round(box.y + 40);
+  await page.mouse.move(x, y);
+  await page.keyboard.press("p");
+  const before = await state(page);
+  const pointed = (s) => s.left_ns + ((x - box.x - s.plot.left) / s.plot.width) * s.span_ns;
+  await page.mouse.wheel(0, -300);
+  await until(page, (span) => stickslip.state().span_s < span, before.span_s);
+  const zoomed = await state(page);
+  near(pointed(zoomed), pointed(before), before.span_ns / before.plot.width, "the time under the pointer stays");
+  await page.mouse.down();
+  await page.mouse.move(x + 100, y, { steps: 4 });
+  await page.mouse.up();
+  const moved = await state(page);
+  near(moved.left_ns, zoomed.left_ns - (100 / moved.plot.width) * moved.span_ns, moved.span_ns * 0.005, "drag");
+  await page.keyboard.down("Shift");
+  const scale = await drawn(page, "displacement");
+  await page.mouse.wheel(0, 200);
+  await page.keyboard.up("Shift");
+  await until(page, async (range) => { const now = await stickslip.drawn("displacement"); return now.high - now.low > 1.1 * range; }, scale.high - scale.low);
+  await page.locator("#reset").click();
+  assert.equal((await state(page)).span_s, 10);
+  await page.keyboard.press("+");
+  assert.equal((await state(page)).span_s, 5);
+  await page.keyboard.press("-");
+  await page.keyboard.press("-");
+  assert.equal((await state(page)).span_s, 20);
+  const here = (await state(page)).left_ns;
+  await page.keyboard.press("ArrowLeft");
+  near((await state(page)).left_ns, here - 2e9, 1e3, "arrow");
+  await page.locator("#zoom-in").click();
+  assert.equal((await state(page)).span_s, 10);
+  await close(page);
+});
+
+test("units change what is shown, not what is held", async () => {
+  const page = await open();
+  await page.evaluate(() => { feed.value = (c) => 0.0125 * (c + 1); feed.frames(0, 3000); });
+  const cell = "#readings tbody tr:nth-child(1) td:nth-child(2)";
+  await until(page, (cell) => document.querySelector(cell)?.textContent === "12.50", cell);
+  assert.match(await text(page, "#readings tbody tr:nth-child(2)"), /Velocity \(mm\/s\)\s+25\.00/);
+  const millimetres = await drawn(page, "displacement");
+  await page.keyboard.press("u");
+  await until(page, (cell) => document.querySelector(cell)?.textContent === "0.01250", cell);
+  assert.match(await text(page, "#readings tbody tr:nth-child(3)"), /Friction force \(N\)\s+0\.03750/);
+  const metres = await drawn(page, "displacement");
+  near(metres.high * 1e3, millimetres.high, 0.02 * Math.abs(millimetres.high) + 1e-6);
+  assert.deepEqual([...(await held(page, "frames", 0)).value.slice(-3)], [0.0125, 0.0125, 0.0125]);
+  await page.reload();
+  await until(page, () => window.stickslip !== undefined);
+  assert.equal((await state(page)).units, "m", "the choice is remembered");
+  await close(page);
+});
+
+test("cursors read times, values and their differences", async () => {
+  const page = await open();
+  await page.evaluate(() => feed.frames(0, 12000, { per: 1000 }));
+  await drawn(page, "displacement");
+  await page.keyboard.press("p");
+  await page.keyboard.press("c");
+  await page.locator("#cursor-a").focus();
+  await page.keyboard.press("Home");
+  for (let i = 0; i < 7; ++i) await page.keyboard.press("Shift+ArrowRight");
+  await page.locator("#cursor-b").focus();
+  await page.keyboard.press("ArrowLeft");
+  const box = await page.locator("#screen").boundingBox();
+  const handle = await page.locator("#cursor-b").boundingBox();
+  await page.mouse.move(handle.x + handle.width / 2, handle.y + 60);
+  await page.mouse.down();
+  await page.mouse.move(box.x + box.width * 0.7, handle.y + 60, { steps: 3 });
+  await page.mouse.up();
+  const now = await state(page);
+  const [a, b] = now.cursors;
+  near(a, now.left_ns + (140 / now.plot.width) * now.span_ns, 10);
+  near(b, now.left_ns + ((box.width * 0.7 - now.plot.left) / now.plot.width) * now.span_ns, now.span_ns / 500);
+  const rows = await page.locator("#cursor-readings tbody tr:not([hidden])").evaluateAll((list) => list.map((row) => [...row.cells].map((cell) => cell.textContent.replace("\u2212", "-"))));
+  near(Number(rows[0][1]), a / 1e9, 2e-3, "time of A");
+  near(Number(rows[0][3]), (b - a) / 1e9, 1e-4 * ((b - a) / 1e9), "difference");
+  near(Number(rows[1][3]), 1e9 / (b - a), 1e-4 * (1e9 / (b - a)), "1/dt");
+  const at = (t) => { const i = Math.floor(t / 1e6); const part = t / 1e6 - i; return 1e3 * (signal(0, i / 1000) * (1 - part) + signal(0, (i + 1) / 1000) * part); };
+  near(Number(rows[2][1]), at(a), 0.06, "x at A");
+  near(Number(rows[2][2]), at(b), 0.06, "x at B");
+  near(Number(rows[2][3]), at(b) - at(a), 0.2, "x of B less A");
+  // The cursors keep their times when a paused picture is zoomed.
+  await page.keyboard.press("-");
+  const after_ = await state(page);
+  near(after_.cursors[0], a, 1e4);
+  await close(page);
+});
+
+test("everything can be reached and done with keys, and the help lists them", async () => {
+  const page = await open();
+  await page.evaluate(() => { feed.frames(0, 3000); feed.status(); });
+  await drawn(page, "displacement");
+  await page.keyboard.press("?");
+  assert.ok(await page.locator("#help").evaluate((dialog) => dialog.open));
+  const listed = await page.locator("#key-table kbd").allInnerTexts();
+  assert.ok(listed.length >= 25);
+  await page.keyboard.press("Escape");
+  assert.ok(!(await page.locator("#help").evaluate((dialog) => dialog.open)));
+  const changes = async (key, what) => {
+    const before = JSON.stringify(what(await state(page)));
+    await page.keyboard.press(key);
+    const now = JSON.stringify(what(await state(page)));
+    assert.notEqual(now, before, `key ${key}`);
+  };
+  await changes("t", (s) => s.trigger.mode);
+  await changes("n", (s) => s.trigger.channel);
+  await changes("e", (s) => s.trigger.rising);
+  await changes(".", (s) => s.trigger.level);
+  await changes("c", (s) => s.cursors === null);
+  await page.keyboard.press("p");
+  await changes("[", (s) => s.cursors[0]);
+  await changes("}", (s) => s.cursors[1]);
+  await changes("u", (s) => s.units);
+  await changes("l", (s) => s.themeChoice);
+  await changes("l", (s) => s.theme);
+  await changes("b", (s) => s.large);
+  await changes("b", (s) => s.large);
+  await changes(">", (s) => s.section_deg);
+  await page.keyboard.press("2");
+  await drawn(page, "displacement");
+  assert.ok(!(await state(page)).visible.includes("velocity"));
+  await page.keyboard.press("j");
+  await page.keyboard.press("j");
+  assert.equal(await page.evaluate(() => document.activeElement.id), "rig");
+  await page.keyboard.press("s");
+  assert.match(await page.locator("#spoken").textContent(), /displacement .* The rig is running/);
+  // Every control is met by Tab, and what has the focus shows it.
+  const met = new Set();
+  await page.keyboard.press("2");
+  await drawn(page, "displacement");
+  await page.locator(".skip").focus();
+  for (let i = 0; i < 90; ++i) {
+    await page.keyboard.press("Tab");
+    const focus = await page.evaluate(() => ({ id: document.activeElement.id, outline: getComputedStyle(document.activeElement).outlineStyle, body: document.activeElement === document.body }));
+    if (focus.body) break;
+    assert.notEqual(focus.outline, "none", `#${focus.id} shows no focus`);
+    met.add(focus.id);
+  }
+  for (const id of ["pause", "units", "theme", "large", "keys", "time-base", "trigger-mode", "trigger-level", "screen", "cursor-a", "cursor-b", "level-handle", "portrait-span", "section-phase", "spectrum-channel", "estimate-span", "event-list"]) {
+    assert.ok(met.has(id), `Tab does not reach #${id}`);
+  }
+  await close(page);
+});
+
+test("portraits draw the loops of the stream, and the section where the drive passes its phase", async () => {
+  const page = await open();
+  const values = (t) => [0.01 * Math.sin(6 * t), 0.06 * Math.cos(6 * t), 0.15 * Math.cos(6 * t), 0.5 + 0.02 * Math.sin(6 * t), 0.001, NaN];
+  await page.evaluate(() => {
+    feed.value = (c, t) => [0.01 * Math.sin(6 * t), 0.06 * Math.cos(6 * t), 0.15 * Math.cos(6 * t), 0.5 + 0.02 * Math.sin(6 * t), 0.001, NaN][c];
+    for (let i = 0; i < 12000; i += 100) { feed.frames(i, 100, { per: 100 }); feed.excitation(i, 100, 3.2, 0.001); feed.estimate(i + 99); }
+  });
+  const shown = {
+    "friction-velocity": (v) => [v[1] * 1e3, v[2] / v[3]],
+    "friction-displacement": (v) => [v[0] * 1e3, v[2] / v[3]],
+    phase: (v) => [v[0] * 1e3, v[1] * 1e3],
+    "load-displacement": (v) => [v[0] * 1e3, v[3]],
+  };
+  const count = 10001; // the last 10 s, both ends
+  for (const [name, quantities] of Object.entries(shown)) {
+    const picture = await drawn(page, name);
+    assert.equal(picture.points.length, 2 * count, name);
+    for (let k = 0; k < count; k += 7) {
+      const expected = quantities(values((12000 - count + k) / 1000));
+      near(picture.points[2 * k], expected[0], 1e-11, `${name}, point ${k}: x`);
+      near(picture.points[2 * k + 1], expected[1], 1e-11, `${name}, point ${k}: y`);
+      const { xLow, xHigh, yLow, yHigh, width, height } = picture.limits;
+      near(picture.pixels[2 * k], ((expected[0] - xLow) / (xHigh - xLow)) * width, 0.01, `${name}, x of point ${k}`);
+      near(picture.pixels[2 * k + 1], ((yHigh - expected[1]) / (yHigh - yLow)) * height, 0.01, `${name}, y of point ${k}`);
+    }
+    assert.ok((await ink(page, name)) > 100, name);
+  }
+  // Each frame stands at its own phase of the drive.
+  const cylinder = await drawn(page, "cylinder");
+  let frame = 12000 - count;
+  for (let k = 0; k < cylinder.points.length; k += 2) {
+    if (cylinder.points[k] === null) continue;
+    const turns = (frame / 1000) * 3.2;
+    near(cylinder.points[k], (turns - Math.floor(turns)) * 360, 1e-6, `phase of frame ${frame}`);
+    near(cylinder.points[k + 1], values(frame / 1000)[0] * 1e3, 1e-11);
+    frame += 1;
+  }
+  assert.equal(frame, 12000);
+  // The section at 90 degrees: t = (k + 1/4) / 3.2 s.
+  await page.locator("#section-phase").fill("90");
+  const { passages } = await drawn(page, "phase");
+  assert.equal(passages.length, Math.floor(11.999 * 3.2 - 0.25) + 1);
+  passages.forEach(([time, x, v], k) => {
+    const t = (k + 0.25) / 3.2;
+    near(time / 1e9, t, 1e-8, `passage ${k}`);
+    near(x, 0.01 * Math.sin(6 * t), 1e-7); // between frames on a straight line
+    near(v, 0.06 * Math.cos(6 * t), 1e-6);
+  });
+  await close(page);
+});
+
+test("the spectrum is that of the frames, in amplitude and in density", async () => {
+  const page = await open();
+  const sample = (i) => 0.004 * Math.sin((2 * Math.PI * 125 * i) / 4096) + 0.001 * Math.cos(2 * Math.PI * 0.0731 * i) + 0.3;
+  await page.evaluate(() => {
+    feed.value = (c, t) => { const i = Math.round(t * 1000); return 0.004 * Math.sin((2 * Math.PI * 125 * i) / 4096) + 0.001 * Math.cos(2 * Math.PI * 0.0731 * i) + 0.3; };
+    feed.frames(0, 6000, { per: 1000 });
+  });
+  await page.locator("#spectrum-length").selectOption("4096");
+  await page.locator("#spectrum-plot").scrollIntoViewIfNeeded();
+  await until(page, () => document.querySelector("#spectrum-plot canvas") !== null);
+  const read = () => drawn(page, "spectrum");
+  const direct = (bin, weights) => {
+    const samples = Array.from({ length: 4096 }, (_, k) => sample(6000 - 4096 + k));
+    const mean = samples.reduce((sum, value) => sum + value, 0) / 4096;
+    let [re, im] = [0, 0];
+    samples.forEach((value, k) => { re += (value - mean) * weights(k) * Math.cos((2 * Math.PI * bin * k) / 4096); im -= (value - mean) * weights(k) * Math.sin((2 * Math.PI * bin * k) / 4096); });
+    return Math.hypot(re, im);
+  };
+  const hann = (k) => 0.5 - 0.5 * Math.cos((2 * Math.PI * k) / 4096);
+  let spectrum = await read();
+  assert.equal(spectrum.length, 4096);
+  near(spectrum.frequency[124], 125 * 1000 / 4096, 1e-9);
+  near(spectrum.value[124], 4, 0.01, "amplitude of the sine in mm");
+  for (const bin of [3, 124, 125, 299, 300, 1000, 2000]) near(spectrum.value[bin - 1], (direct(bin, hann) * 2 * 1e3) / 2048, 1e-9, `bin ${bin}`);
+  await page.locator("#spectrum-window").selectOption("rectangular");
+  await page.locator("#spectrum-quantity").selectOption("density");
+  spectrum = await read();
+  for (const bin of [3, 125, 299, 1000]) near(spectrum.value[bin - 1], direct(bin, () => 1) * 1e3 * Math.sqrt(2 / (1000 * 4096)), 1e-9, `density, bin ${bin}`);
+  assert.ok(await page.locator("#spectrum-plot canvas").count() === 1);
+  assert.match(await text(page, "#spectrum-summary"), /4096 frames, 4\.10 s/);
+  await close(page);
+});
+
+test("estimates, their bands and the bounds of the NIS are those of the messages", async () => {
+  const page = await open();
+  await page.evaluate(() => {
+    feed.frames(0, 1000);
+    for (let i = 0; i < 1000; i += 10) feed.estimate(i, { mu: 0.3 + i / 1e4, nis: 1 + i / 100, raw_coefficient: i === 500 ? null : 0.31 });
+    feed.estimate(999, { valid: false });
+  });
+  const mu = (await drawn(page, "mu")).data;
+  assert.equal(mu[0].length, 101);
+  for (let k = 0; k < 100; ++k) {
+    assert.equal(mu[0][k], (k * 10e6) / 1e9);
+    assert.equal(mu[1][k], 0.3 + (10 * k) / 1e4);
+    assert.equal(mu[2][k], 0.3 + (10 * k) / 1e4 - 0.02);
+    assert.equal(mu[3][k], 0.3 + (10 * k) / 1e4 + 0.02);
+    assert.equal(mu[4][k], k === 50 ? null : 0.31);
+  }
+  assert.equal(mu[1][100], null, "what is not valid is not drawn");
+  const gamma = (await drawn(page, "gamma_per_s")).data;
+  assert.equal(gamma[1][3], 20);
+  assert.equal(gamma[2][3], null, "no deviation, no band");
+  const nis = (await drawn(page, "nis")).data;
+  near(nis[2][0], 0.831212, 1e-6, "lower bound, 5 degrees of freedom");
+  near(nis[3][0], 12.832502, 1e-6, "upper bound");
+  assert.equal(nis[1][50], 6);
+  const force = (await drawn(page, "friction_force_n")).data;
+  near(force[1][10], 0.2 * Math.sin(0.1), 1e-15);
+  near(force[4][10], 0.21 * Math.sin(0.1), 1e-15);
+  await close(page);
+});
+
+test("state, fault and its cause, ledger, verdict, timing and events are shown; text stays text", async () => {
+  const page = await open();
+  await page.evaluate(() => {
+    feed.text({ type: "model", rig: "Beam <b>II</b>", marks: [{ name: "natural frequency", hz: 2.5 }] });
+    feed.frames(0, 1000);
+    feed.status();
+    feed.event(1, "model_broken", "friction law since 12 s");
+    feed.event(0, "started", "<img src=x onerror=alert(1)> was here", 1.69e15);
+    feed.event(1, "model_broken", "friction law since 12 s"); // repeated to who joins
+    feed.text({ type: "timing", upper_edge_ns: [1000, 10000, 100000], lateness: [5, 90, 5], cycle: [0, 10, 90], read: [0, 0, 0], cycles: 100 });
+  });
+  assert.equal(await text(page, "#state-chip"), "running");
+  assert.equal(await text(page, "#rig-name"), "Beam <b>II</b>");
+  assert.match(await text(page, "#ledger"), /on its way\s+10\s+20/);
+  assert.match(await text(page, "#verdict"), /no longer follows its model. friction law since 12 s/);
+  assert.equal(await page.locator("#event-list li").count(), 2);
+  assert.match(await text(page, "#event-list li:nth-child(2)"), /<img src=x/);
+  assert.equal(await page.locator("#event-list img, #rig-name b").count(), 0);
+  await page.locator("#timing").scrollIntoViewIfNeeded();
+  await until(page, () => document.querySelector('[data-timing="lateness"] p').textContent !== "");
+  assert.match(await page.locator('[data-timing="lateness"] p').textContent(), /median ≤ 10\.0 µs, 99 % ≤ 100 µs, all ≤ 100 µs; 100 counted/);
+  await page.evaluate(() => {
+    feed.status({ state: "faulted", interlock: "emergency_stop", cause: "the emergency stop is pressed", amplifier_on: false, record_loss: { ring_full: 7, disk: 0 } });
+    feed.event(0, "model_follows", "since 20 s", 1.71e15);
+  });
+  assert.equal(await text(page, "#state-chip"), "faulted");
+  assert.equal(await text(page, "#amplifier-chip"), "amplifier off");
+  assert.match(await text(page, "#fault"), /emergency stop: the emergency stop is pressed/);
+  await until(page, () => document.querySelector("#banner").textContent.includes("the emergency stop is pressed"));
+  assert.equal(await page.locator("#ledger td[data-state=bad]").innerText(), "7");
+  assert.match(await text(page, "#verdict"), /The rig follows its model/);
+  assert.match(await page.locator("#spoken").textContent(), /The rig is faulted/);
+  await close(page);
+});
+
+test("a broken connection is made again; nothing is held twice; a daemon that began anew begins anew", async () => {
+  const page = await open();
+  await page.evaluate(() => { feed.frames(0, 3000); feed.text({ type: "source", connected: false, silent_s: 1.5 }); });
+  await until(page, () => document.querySelector("#banner").textContent.includes("no frames for 1.5"));
+  await page.evaluate(() => feed.drop("server is ending"));
+  await until(page, () => document.querySelector("#banner").textContent.includes("No connection to stickslip scope (server is ending)"));
+  await until(page, () => feed.sockets.length === 2);
+  await page.evaluate(() => { feed.drop(); });
+  await page.keyboard.press("r");
+  assert.equal(await page.evaluate(() => feed.sockets.length), 3);
+  await page.evaluate(() => { feed.open(); feed.text({ type: "source", connected: true, silent_s: 0 }); feed.frames(1000, 2000, { per: 1000, flags: 2 }); feed.frames(3000, 500); });
+  assert.deepEqual([...(await held(page, "frames", 0)).sequence], [...Array(3500).keys()]);
+  assert.equal((await state(page)).lost, 0);
+  await until(page, () => document.querySelector("#banner").hidden);
+  // Without being told: time goes on, the sequence began anew; and: time went back.
+  await page.evaluate(() => feed.bytes(feed.block(4000, 100, { shift: -4000 })));
+  assert.deepEqual([...(await held(page, "frames", 0)).sequence], [...Array(100).keys()]);
+  await page.evaluate(() => feed.frames(0, 50));
+  assert.equal((await held(page, "frames", 0)).sequence.length, 50);
+  await page.evaluate(() => { feed.text({ type: "restart" }); feed.frames(10, 20); });
+  assert.equal((await held(page, "frames", 0)).sequence.length, 20);
+  // What is no message of ours is counted and left out.
+  await page.evaluate(() => { feed.bytes(new ArrayBuffer(24)); feed.bytes(new ArrayBuffer(0)); feed.text("{"); feed.bytes(feed.block(0, 5).slice(0, -8)); });
+  assert.equal((await state(page)).refused, 4);
+  assert.ok(await page.evaluate(() => feed.sockets.every((socket) => socket.sent.length === 0)), "the page sends nothing");
+  await close(page);
+});
+
+test("drawn by WebGL, the traces have ink too", async () => {
+  const page = await open({}, "?webgl=1");
+  await page.evaluate(() => { feed.frames(0, 20000, { per: 1000 }); });
+  assert.equal((await state(page)).renderer, "webgl2");
+  const picture = await drawn(page, "velocity");
+  const inked = await ink(page, "velocity");
+  assert.ok(inked > 1000, `${inked} pixels of the oscilloscope`);
+  assert.ok((await ink(page, "phase")) > 50);
+  const plain = await open({}, "?webgl=0");
+  await plain.evaluate(() => { feed.frames(0, 20000, { per: 1000 }); });
+  assert.equal((await state(plain)).renderer, "canvas2d");
+  assert.deepEqual((await drawn(plain, "velocity")).points, picture.points);
+  const other = await ink(plain, "velocity");
+  assert.ok(inked / other > 0.5 && inked / other < 2, `${inked} and ${other} pixels`);
+  await close(page);
+  await close(plain);
+});
+
+test("what a minute on screen costs is bounded by its columns, not by its frames", async (t) => {
+  const page = await open();
+  await page.evaluate(() => feed.frames(0, 61000, { per: 1000 }));
+  const cost = {};
+  for (const span of ["10", "60"]) {
+    await page.locator("#time-base").selectOption(span);
+    await drawn(page, "velocity");
+    const picture = await drawn(page, "velocity");
+    // The script's own time, least of many so that what else the machine does hardly counts.
+    const work_ms = await page.evaluate(async () => {
+      let least = Infinity;
+      for (let i = 0; i < 30; ++i) { await stickslip.drawn("none"); least = Math.min(least, stickslip.pace().scope_ms); }
+      return least;
+    });
+    cost[span] = { touched: picture.touched, columns: picture.plot.width + 2, work_ms };
+  }
+  const { touched, columns } = cost["60"];
+  t.diagnostic(`values looked at for one picture of 300000: ${touched}; script ${cost["60"].work_ms.toFixed(2)} ms at 60 s, ${cost["10"].work_ms.toFixed(2)} ms at 10 s`);
+  // A column has at most 15 single frames at each side, and its blocks of 16 between.
+  assert.ok(touched <= 5 * columns * (30 + Math.ceil(60000 / columns / 16)), `${touched} values for ${columns} columns`);
+  assert.ok(touched < 6 * 50000, "fewer than there are");
+  assert.ok(cost["60"].touched < 3 * cost["10"].touched, "six times as many frames are not three times as much");
+  await close(page);
+});
+
+test("half an hour leaves memory as it was", async (t) => {
+  const page = await open({ width: 1000, height: 700 });
+  const session = await page.context().newCDPSession(page);
+  const heap = async () => {
+    await session.send("HeapProfiler.collectGarbage");
+    return (await session.send("Runtime.getHeapUsage")).usedSize;
+  };
+  // Half an hour of everything, as quickly as it is taken; a picture is drawn at every 20 s of it.
+  const minutes = (from, to) => page.evaluate(async ([from, to]) => {
+    feed.value = (channel, t) => (channel === 5 ? NaN : channel + (t % 1));
+    for (let second = from * 60; second < to * 60; second += 2) {
+      const i = second * 1000;
+      for (let k = i; k < i + 2000; k += 500) {
+        feed.bytes(feed.block(k, 500));
+        feed.excitation(k, 50, 3.2, 0.01);
+        for (let e = 0; e < 4; ++e) feed.estimate(k + 125 * e);
+      }
+      feed.status({ utc_us: 1.7e15 + second * 1e6 });
+      feed.event(0, "note", `second ${second}`, 1.7e15 + second * 1e6);
+      if (second % 20 === 0) await new Promise(requestAnimationFrame);
+    }
+  }, [from, to]);
+  await minutes(0, 8);
+  const before = { heap: await heap(), sizes: await page.evaluate(() => stickslip.sizes()) };
+  await minutes(8, 30);
+  const later = { heap: await heap(), sizes: await page.evaluate(() => stickslip.sizes()) };
+  t.diagnostic(`heap after 8 min ${(before.heap / 1e6).toFixed(2)} MB, after 30 min ${(later.heap / 1e6).toFixed(2)} MB; rings ${(later.sizes.live.bytes / 1e6).toFixed(1)} MB`);
+  assert.equal(later.sizes.live.bytes, before.sizes.live.bytes);
+  assert.ok(later.sizes.live.held >= 60000, "a minute and more is held");
+  assert.equal(later.sizes.events, 200);
+  assert.equal(await page.locator("#event-list li").count(), 200);
+  assert.ok(later.heap < before.heap + 1.5e6, `the heap grew from ${before.heap} to ${later.heap} bytes`);
+  await close(page);
+});
+
+// Looks at the page as it stands; nothing serious may be found, and nothing may stick out at the side.
+async function lookForBarriers(page, name) {
+  if (!(await page.evaluate(() => window.axe !== undefined))) await page.evaluate(fs.readFileSync(process.env.AXE, "utf8"));
+  const { violations } = await page.evaluate(() => window.axe.run(document, { resultTypes: ["violations"] }));
+  const serious = violations.filter(({ impact }) => impact === "serious" || impact === "critical");
+  assert.deepEqual(serious.map(({ id, nodes }) => [id, nodes.map(({ target, failureSummary }) => `${target}: ${failureSummary}`)]), [], name);
+  assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= window.innerWidth), `${name}: wider than the window`);
+}
+
+for (const [name, options] of [["desk", {}], ["phone", { width: 390, height: 844, isMobile: true, hasTouch: true }]]) {
+  test(`nobody is shut out: ${name}`, async () => {
+    const page = await open(options);
+    await page.evaluate(() => {
+      feed.frames(0, 12000, { per: 1000 });
+      feed.excitation(0, 12000, 3.2, 0.01);
+      for (let i = 0; i < 12000; i += 100) feed.estimate(i);
+      feed.text({ type: "timing", upper_edge_ns: [1000, 10000, 100000], lateness: [5, 90, 5], cycle: [0, 10, 90], read: [1, 0, 0], cycles: 100 });
+      feed.status({ state: "faulted", interlock: "emergency_stop", cause: "the emergency stop is pressed" });
+      feed.event(2, "emergency_stop", "pressed");
+      feed.event(1, "model_broken", "friction law");
+      feed.event(1, "timing_degraded", "late");
+    });
+    await page.locator("#spectrum-plot").scrollIntoViewIfNeeded();
+    await until(page, () => !document.querySelector("#banner").hidden && document.querySelector("#spectrum-plot canvas") !== null);
+    await lookForBarriers(page, "light");
+    await page.emulateMedia({ colorScheme: "dark" });
+    await lookForBarriers(page, "dark");
+    if (name === "desk") {
+      for (const key of ["b", "c", "t"]) await page.keyboard.press(key);
+      await lookForBarriers(page, "large, with cursors and a trigger");
+      await page.keyboard.press("?");
+      await lookForBarriers(page, "help");
+    }
+    await close(page);
+  });
+}

@@ -1,0 +1,119 @@
+// window.stickslip: what the page holds and has drawn, as copies, for tests and for the curious.
+// Nothing in it changes anything.
+
+export function expose(app) {
+  const store = (live) => (live ? app.live : app.store);
+  const inspection = {
+    // The state of the page, as plain values.
+    state() {
+      const { scope, link, paused, units, theme, stream } = app;
+      return {
+        link: link.state, opened: stream.opened, refused: stream.refused, paused, units: units.system,
+        theme: document.documentElement.dataset.theme, themeChoice: theme.choice, large: theme.large,
+        renderer: scope.traces.kind, rig: app.rig.status?.state ?? null, verdict: app.rig.verdict?.code ?? null,
+        source: app.source?.connected ?? null, dropped: app.dropped, lost: app.live.frames.lost,
+        span_s: scope.span_s, span_ns: scope.span_ns, left_ns: scope.left_ns, held: scope.held, dense: scope.dense,
+        plot: { left: scope.gutter, width: scope.plotWidth, height: scope.plotHeight },
+        trigger: {
+          mode: scope.trigger.mode, channel: scope.trigger.channel, level: scope.trigger.level,
+          rising: scope.trigger.rising, fired_ns: scope.trigger.fired_ns, done: scope.trigger.done,
+        },
+        cursors: scope.cursorsOn ? [scope.cursorTime_ns(0), scope.cursorTime_ns(1)] : null,
+        section_deg: app.portraits.phase_deg,
+        visible: scope.lanes.filter((lane) => lane.visible).map((lane) => lane.channel.key),
+      };
+    },
+    // Frames held: device times [ns, as text], sequence numbers and values of a channel, those with times
+    // from left_ns to right_ns after the origin.
+    frames(channel, left_ns = -Infinity, right_ns = Infinity, live = false) {
+      const { frames } = store(live);
+      const result = { origin_ns: String(frames.origin_ns), time_ns: [], sequence: [], value: [] };
+      for (let row = frames.rowAt(left_ns); row < frames.end && frames.time[row & frames.mask] <= right_ns; ++row) {
+        result.time_ns.push(frames.time[row & frames.mask]);
+        result.sequence.push(frames.columns.sequence[row & frames.mask]);
+        result.value.push(frames.values[channel][row & frames.mask]);
+      }
+      return result;
+    },
+    // A column of the estimates or of the excitation, by its name.
+    rows(ring, column, live = false) {
+      const from = store(live)[ring];
+      const result = { time_ns: [], value: [] };
+      for (let row = from.begin; row < from.end; ++row) {
+        result.time_ns.push(from.time[row & from.mask]);
+        result.value.push(from.columns[column][row & from.mask]);
+      }
+      return result;
+    },
+    // What stands on a canvas, by the next frame: points in CSS pixels, limits of its axes.
+    drawn: (name) => atNextPicture(app, () => drawn(app, name)),
+    // Number of pixels with ink on the canvas of the traces (given a channel), or of a portrait.
+    ink: (name) => atNextPicture(app, () => inkOf(app, name)),
+    // How the page keeps up [ms], what the last picture of the oscilloscope took [ms], and values looked at for it.
+    pace() {
+      const { lag, work, interval } = app.pace;
+      const of = (recent) => ({ count: recent.count, median: recent.quantile(0.5), p95: recent.quantile(0.95), max: recent.quantile(1) });
+      return { scope_ms: app.scopeWork_ms, lag: of(lag), work: of(work), interval: of(interval), touched: app.scope.app.store.frames.touched };
+    },
+    // Bytes and rows of the rings.
+    sizes() {
+      const one = (kept) => (kept ? {
+        bytes: kept.bytes, frames: kept.frames.rows, estimates: kept.estimates.rows, excitation: kept.excitation.rows,
+        held: kept.frames.end - kept.frames.begin, driven: kept.excitation.end - kept.excitation.begin,
+      } : null);
+      return { live: one(app.live), frozen: one(app.frozen), events: app.rig.events.length, labels: app.scope.labels.size };
+    },
+  };
+  Object.defineProperty(window, "stickslip", { value: Object.freeze(inspection) });
+}
+
+// What a canvas of WebGL holds can be read only in the task that drew it.
+function atNextPicture(app, look) {
+  return new Promise((resolve) => {
+    app.touch();
+    const before = app.inspect;
+    app.inspect = () => {
+      app.inspect = before;
+      before?.();
+      resolve(look());
+    };
+  });
+}
+
+function inkOf(app, name) {
+  const { scope, portraits } = app;
+  const portrait = portraits.figures.find((one) => one.name === name);
+  if (portrait) portraits.drawOne(portrait, performance.now());
+  return (portrait ? portraits : scope).traces.inkedPixels();
+}
+
+function drawn(app, name) {
+  const { scope, portraits, spectrum, estimates } = app;
+  const lane = scope.lanes.find(({ channel }) => channel.key === name);
+  if (lane) {
+    return {
+      points: [...lane.points.subarray(0, 2 * lane.count)], low: lane.limits.low, high: lane.limits.high, top: lane.top, height: lane.height,
+      left_ns: scope.left_ns, span_ns: scope.span_ns, firstColumn: scope.firstColumn, column_ns: scope.column_ns, dense: scope.dense,
+      plot: { left: scope.gutter, width: scope.plotWidth }, touched: app.store.frames.touched,
+    };
+  }
+  const portrait = portraits.figures.find((one) => one.name === name);
+  if (portrait) {
+    portraits.drawOne(portrait, performance.now());
+    const points = [];
+    for (let i = 0; i < portrait.count; ++i) points.push(portraits.x[i], portraits.y[i]);
+    const { section } = portraits;
+    const passages = [];
+    for (let i = section.begin; i < section.end; ++i) passages.push([section.time[i % section.time.length], section.x[i % section.time.length], section.v[i % section.time.length]]);
+    return { points, limits: portrait.drawn, passages, pixels: [...portraits.points.subarray(0, 2 * portrait.count)] };
+  }
+  if (name === "spectrum") {
+    return { frequency: [...(spectrum.data?.[0] ?? [])], value: [...(spectrum.data?.[1] ?? [])], length: spectrum.length, rate_hz: spectrum.rate_hz, newest: app.store.frames.end, chosen: { ...spectrum.chosen } };
+  }
+  const estimate = estimates.figures.find((one) => one.name === name);
+  if (estimate) {
+    estimates.updateOne(estimate);
+    return { data: estimate.data?.map((list) => [...list]) ?? null };
+  }
+  return null;
+}

@@ -1,0 +1,740 @@
+// The oscilloscope: channels one below the other over device time, with trigger, cursors and readings.
+
+import { Limits, eachTick, fitCanvas, roundStep } from "./axes.js";
+import { byId, fillSelect, setPressed, setText, tableRow } from "./elements.js";
+import { TraceCanvas, gap } from "./trace_gl.js";
+import { Trigger, modes } from "./trigger.js";
+import { channels, duration, number, tick } from "./units.js";
+
+export const timeBases_s = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60];
+const mostPoints = 16384;
+const shortest_s = 0.002;
+const longest_s = 120;
+
+export class Oscilloscope {
+  // app: store (what is shown), live, paused, pause(), units, theme, settings.
+  constructor(app) {
+    this.app = app;
+    this.screen = byId("screen");
+    this.axesCanvas = byId("scope-axes");
+    this.axes = this.axesCanvas.getContext("2d");
+    this.traces = new TraceCanvas(byId("scope-traces"));
+    this.trigger = new Trigger();
+    this.span_s = 10;
+    this.left_ns = 0; // of what is on screen
+    this.span_ns = 1e10;
+    this.held = false; // the picture stands at a trigger
+    this.lanes = channels.map((channel, index) => ({
+      index, channel, wanted: true, present: false, manual: false, limits: new Limits(),
+      points: new Float32Array(2 * mostPoints), count: 0, top: 0, height: 0, step: 1,
+    }));
+    this.shown = [];
+    this.low = new Float64Array(mostPoints);
+    this.high = new Float64Array(mostPoints);
+    this.bounds = new Float64Array(mostPoints + 1);
+    this.pair = new Float64Array(2);
+    this.cursors = [{ part: 0.35, element: byId("cursor-a") }, { part: 0.65, element: byId("cursor-b") }];
+    this.cursorsOn = false;
+    this.labels = new Map();
+    this.labelStep = 0;
+    this.#restore();
+    this.#buildControls();
+    this.#buildReadings();
+    this.#listen();
+    this.layout();
+  }
+
+  #restore() {
+    const kept = this.app.settings.get("oscilloscope") ?? {};
+    if (kept.span_s >= shortest_s && kept.span_s <= longest_s) this.span_s = kept.span_s;
+    for (const lane of this.lanes) lane.wanted = !(kept.hidden ?? []).includes(lane.channel.key);
+  }
+
+  #keep() {
+    const hidden = this.lanes.filter((lane) => !lane.wanted).map((lane) => lane.channel.key);
+    this.app.settings.set("oscilloscope", { span_s: this.span_s, hidden });
+  }
+
+  // --- what is on screen ---------------------------------------------------------------------------
+
+  layout() {
+    const box = this.screen.getBoundingClientRect();
+    const { rem, small } = this.app.theme;
+    this.width = box.width;
+    this.height = box.height;
+    this.gutter = Math.round(small * 4.6);
+    this.rightGutter = Math.round(rem * 1.25);
+    this.bottom = Math.round(small * 1.9);
+    this.plotWidth = Math.max(40, Math.floor(this.width - this.gutter - this.rightGutter));
+    this.plotHeight = Math.max(40, this.height - this.bottom);
+    this.ratio = Math.min(3, window.devicePixelRatio || 1);
+    this.traces.resize(this.width, this.height, this.ratio);
+    fitCanvas(this.axesCanvas, this.axes, this.width, this.height, this.ratio);
+  }
+
+  #findWindow() {
+    const { store, live, paused } = this.app;
+    if (paused) return;
+    this.span_ns = this.span_s * 1e9;
+    const lane = this.lanes[this.trigger.channel];
+    this.trigger.hysteresis = lane.limits.known ? ((lane.limits.high - lane.limits.low) * 0.01) / this.#factor(lane) : 0;
+    this.trigger.scan(live.frames, this.span_ns);
+    this.held = this.trigger.holds(live.frames, this.span_ns);
+    if (this.held) this.left_ns = this.trigger.fired_ns - this.span_ns * this.trigger.before;
+    else if (this.trigger.mode === "roll" || this.trigger.mode === "auto" || store.frames.empty) this.left_ns = store.frames.last_ns - this.span_ns;
+    if (this.trigger.done) this.app.pause(true);
+  }
+
+  #factor(lane) { return this.app.units.factor(lane.channel.quantity); }
+
+  // Lays out the lanes of the channels that are wanted and measured.
+  #placeLanes() {
+    const { frames } = this.app.store;
+    let count = 0;
+    for (const lane of this.lanes) {
+      if (!lane.present) {
+        frames.extremes(lane.index, Math.max(frames.begin, frames.end - 2000), frames.end, this.pair);
+        lane.present = this.pair[0] <= this.pair[1];
+      }
+      lane.visible = lane.wanted && lane.present;
+      if (lane.visible) count += 1;
+    }
+    const each = this.plotHeight / Math.max(1, count);
+    let top = 0;
+    for (const lane of this.lanes) {
+      if (!lane.visible) continue;
+      lane.top = top;
+      lane.height = each;
+      top += each;
+    }
+  }
+
+  forget() {
+    for (const lane of this.lanes) {
+      lane.present = false;
+      lane.limits.reset();
+    }
+    this.trigger.arm();
+  }
+
+  draw(now_ms) {
+    this.#findWindow();
+    this.#placeLanes();
+    const { frames } = this.app.store;
+    frames.touched = 0;
+    this.#fillColumns(frames);
+    for (const lane of this.lanes) {
+      lane.count = 0;
+      if (lane.visible && !frames.empty) this.#fillLane(lane, frames, now_ms);
+    }
+    this.#drawTraces();
+    this.#drawAxes();
+    this.#placeHandles();
+  }
+
+  // Rows of the frames at each edge of a column of one pixel. Columns lie at whole multiples of their
+  // width in device time, so that what is seen of a frame does not depend on when it is seen.
+  #fillColumns(frames) {
+    const width = this.plotWidth;
+    this.column_ns = this.span_ns / width;
+    this.firstColumn = Math.floor(this.left_ns / this.column_ns);
+    this.columnCount = width + 2;
+    this.fromRow = frames.rowAt(this.left_ns);
+    this.toRow = frames.rowAt(this.left_ns + this.span_ns, this.fromRow);
+    this.dense = this.toRow - this.fromRow > 2 * width;
+    if (!this.dense) return;
+    let row = frames.begin;
+    for (let i = 0; i <= this.columnCount; ++i) {
+      row = frames.rowAt((this.firstColumn + i) * this.column_ns, row);
+      this.bounds[i] = row;
+    }
+  }
+
+  #fillLane(lane, frames, now_ms) {
+    if (this.dense) this.#summariseDense(lane, frames);
+    else this.#summariseSparse(lane, frames);
+    if (!lane.manual) {
+      const factor = this.#factor(lane);
+      lane.limits.follow(this.pair[0] * factor, this.pair[1] * factor, now_ms);
+    }
+    if (!lane.limits.known) return;
+    if (this.dense) this.#traceDense(lane);
+    else this.#traceSparse(lane, frames);
+  }
+
+  #summariseDense(lane, frames) {
+    let low = Infinity;
+    let high = -Infinity;
+    for (let i = 0; i < this.columnCount; ++i) {
+      frames.extremes(lane.index, this.bounds[i], this.bounds[i + 1], this.pair);
+      this.low[i] = this.pair[0];
+      this.high[i] = this.pair[1];
+      if (this.pair[0] < low) low = this.pair[0];
+      if (this.pair[1] > high) high = this.pair[1];
+    }
+    this.pair[0] = low;
+    this.pair[1] = high;
+  }
+
+  #summariseSparse(lane, frames) {
+    frames.extremes(lane.index, Math.max(frames.begin, this.fromRow - 1), Math.min(frames.end, this.toRow + 1), this.pair);
+  }
+
+  // Two points for each column, the one nearer to the column before first.
+  #traceDense(lane) {
+    const { points } = lane;
+    const scale = (this.#factor(lane) * lane.height) / (lane.limits.high - lane.limits.low);
+    const base = lane.top + lane.height + (lane.limits.low * lane.height) / (lane.limits.high - lane.limits.low);
+    const shift = this.gutter + (this.firstColumn * this.column_ns - this.left_ns) / this.column_ns + 0.5;
+    let last = 0;
+    let count = 0;
+    for (let i = 0; i < this.columnCount; ++i) {
+      const low = this.low[i];
+      const high = this.high[i];
+      const at = 2 * count;
+      if (!(low <= high)) {
+        points[at] = gap;
+        points[at + 1] = 0;
+        count += 1;
+        continue;
+      }
+      const lowFirst = Math.abs(low - last) <= Math.abs(high - last);
+      points[at] = shift + i;
+      points[at + 1] = base - (lowFirst ? low : high) * scale;
+      points[at + 2] = shift + i;
+      points[at + 3] = base - (lowFirst ? high : low) * scale;
+      last = lowFirst ? high : low;
+      count += 2;
+    }
+    lane.count = count;
+  }
+
+  #traceSparse(lane, frames) {
+    const { points } = lane;
+    const { time, mask } = frames;
+    const data = frames.values[lane.index];
+    const sequence = frames.columns.sequence;
+    const scale = (this.#factor(lane) * lane.height) / (lane.limits.high - lane.limits.low);
+    const base = lane.top + lane.height + (lane.limits.low * lane.height) / (lane.limits.high - lane.limits.low);
+    const perNs = this.plotWidth / this.span_ns;
+    const from = Math.max(frames.begin, this.fromRow - 1);
+    const to = Math.min(frames.end, this.toRow + 1);
+    let count = 0;
+    for (let row = from; row < to && count < mostPoints - 2; ++row) {
+      const value = data[row & mask];
+      const lost = row > from && sequence[row & mask] - sequence[(row - 1) & mask] !== 1;
+      if (lost || value !== value) {
+        points[2 * count] = gap;
+        points[2 * count + 1] = 0;
+        count += 1;
+      }
+      if (value === value) {
+        points[2 * count] = this.gutter + (time[row & mask] - this.left_ns) * perNs;
+        points[2 * count + 1] = base - value * scale;
+        count += 1;
+      }
+    }
+    lane.count = count;
+  }
+
+  #drawTraces() {
+    const { traces } = this;
+    const { channel: colours, large } = this.app.theme;
+    const thick = large ? 2.2 : 1.4;
+    traces.begin();
+    for (const lane of this.lanes) {
+      if (!lane.visible || lane.count === 0) continue;
+      traces.clip(this.gutter, lane.top, this.plotWidth, lane.height);
+      traces.line(lane.points, lane.count, colours[lane.index], thick);
+      // Frames that lie far apart are shown as what they are: points.
+      if (!this.dense && (this.toRow - this.fromRow) * 7 < this.plotWidth) traces.dots(lane.points, lane.count, colours[lane.index], thick * 2.6);
+      traces.unclip();
+    }
+  }
+
+  // --- axes ----------------------------------------------------------------------------------------
+
+  #drawAxes() {
+    const { axes, gutter, plotWidth, plotHeight } = this;
+    const { colours, font, small } = this.app.theme;
+    axes.clearRect(0, 0, this.width, this.height);
+    axes.font = font;
+    axes.lineWidth = 1;
+    this.#drawTimeAxis(axes, colours, small);
+    for (const lane of this.lanes) if (lane.visible) this.#drawLane(axes, lane);
+    axes.strokeStyle = colours["strong-line"];
+    axes.strokeRect(gutter + 0.5, 0.5, plotWidth - 1, plotHeight - 1);
+    if (this.held) this.#drawTriggerLine(axes, colours.accent);
+  }
+
+  // Device time; relative to the crossing where a trigger holds the picture.
+  #drawTimeAxis(axes, colours, small) {
+    const { frames } = this.app.store;
+    const origin_s = this.held ? -this.trigger.fired_ns / 1e9 : frames.origin_ns === null ? 0 : Number(frames.origin_ns) / 1e9;
+    if (!Number.isFinite(this.left_ns)) return;
+    const low = this.left_ns / 1e9 + origin_s;
+    const span = this.span_ns / 1e9;
+    const step = roundStep(span, Math.max(2, Math.floor(this.plotWidth / (small * 7))));
+    if (step !== this.labelStep || this.labels.size > 400) {
+      this.labels.clear();
+      this.labelStep = step;
+    }
+    axes.strokeStyle = colours.line;
+    axes.fillStyle = colours.quiet;
+    axes.textAlign = "center";
+    axes.textBaseline = "bottom";
+    axes.beginPath();
+    eachTick(low, low + span, step, (value) => {
+      const x = this.gutter + Math.round(((value - low) / span) * this.plotWidth) + 0.5;
+      axes.moveTo(x, 0);
+      axes.lineTo(x, this.plotHeight);
+      if (x < this.gutter + small * 3 || x > this.width - small * 9) return;
+      const key = Math.round(value / step);
+      let label = this.labels.get(key);
+      if (label === undefined) {
+        label = tick(value, step);
+        this.labels.set(key, label);
+      }
+      axes.fillText(label, x, this.height - 1);
+    });
+    axes.stroke();
+    axes.textAlign = "right";
+    axes.fillText(this.held ? "s after trigger" : "device time (s)", this.width - this.rightGutter, this.height - 1);
+  }
+
+  #drawLane(axes, lane) {
+    const { colours, channel: traceColours, small, font, bold } = this.app.theme;
+    const { limits, top, height } = lane;
+    if (top > 0) {
+      axes.strokeStyle = colours["strong-line"];
+      axes.beginPath();
+      axes.moveTo(0, Math.round(top) + 0.5);
+      axes.lineTo(this.gutter + this.plotWidth, Math.round(top) + 0.5);
+      axes.stroke();
+    }
+    if (limits.known) {
+      const step = roundStep(limits.high - limits.low, Math.max(2, Math.floor(height / (small * 1.7))));
+      axes.textAlign = "right";
+      axes.textBaseline = "middle";
+      axes.fillStyle = colours.quiet;
+      axes.strokeStyle = colours.line;
+      axes.beginPath();
+      eachTick(limits.low, limits.high, step, (value) => {
+        const y = Math.round(top + height * (1 - (value - limits.low) / (limits.high - limits.low))) + 0.5;
+        axes.moveTo(this.gutter, y);
+        axes.lineTo(this.gutter + this.plotWidth, y);
+        if (y - top > small * 0.7 && top + height - y > small * 0.7) axes.fillText(tick(value, step), this.gutter - 5, y);
+      });
+      axes.stroke();
+    }
+    axes.textAlign = "left";
+    axes.textBaseline = "top";
+    axes.font = bold;
+    axes.fillStyle = traceColours[lane.index];
+    const unit = this.app.units.label(lane.channel.quantity);
+    lane.title = `${lane.channel.symbol}  ${lane.channel.name.toLowerCase()} (${unit})${lane.manual ? ", fixed scale" : ""}`;
+    const wide = axes.measureText(lane.title).width;
+    axes.globalAlpha = 0.85;
+    axes.fillStyle = colours.panel;
+    axes.fillRect(this.gutter + 4, top + 3, wide + 6, small * 1.25);
+    axes.globalAlpha = 1;
+    axes.fillStyle = traceColours[lane.index];
+    axes.fillText(lane.title, this.gutter + 7, top + 4);
+    axes.font = font;
+  }
+
+  #drawTriggerLine(axes, colour) {
+    const x = this.gutter + ((this.trigger.fired_ns - this.left_ns) / this.span_ns) * this.plotWidth;
+    axes.strokeStyle = colour;
+    axes.setLineDash([2, 3]);
+    axes.beginPath();
+    axes.moveTo(x, 0);
+    axes.lineTo(x, this.plotHeight);
+    const lane = this.lanes[this.trigger.channel];
+    const y = this.#levelY(lane);
+    if (lane.visible && y !== null) {
+      axes.moveTo(this.gutter, y);
+      axes.lineTo(this.gutter + this.plotWidth, y);
+    }
+    axes.stroke();
+    axes.setLineDash([]);
+  }
+
+  #levelY(lane) {
+    if (!lane.limits.known) return null;
+    const part = (this.trigger.level * this.#factor(lane) - lane.limits.low) / (lane.limits.high - lane.limits.low);
+    return lane.top + lane.height * (1 - Math.min(1, Math.max(0, part)));
+  }
+
+  #placeHandles() {
+    const lane = this.lanes[this.trigger.channel];
+    const handle = this.levelHandle;
+    const y = lane.visible && this.trigger.mode !== "roll" ? this.#levelY(lane) : null;
+    if (handle.hidden !== (y === null)) handle.hidden = y === null;
+    if (y !== null && handle.shownAt !== y) {
+      handle.shownAt = y;
+      handle.style.top = `${y}px`;
+    }
+    for (const cursor of this.cursors) {
+      const x = this.gutter + cursor.part * this.plotWidth;
+      if (cursor.shownAt === x) continue;
+      cursor.shownAt = x;
+      cursor.element.style.left = `${x}px`;
+    }
+  }
+
+  // --- readings, a few times a second --------------------------------------------------------------
+
+  #buildReadings() {
+    const body = byId("readings").tBodies[0];
+    for (const lane of this.lanes) {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.textContent = lane.channel.name;
+      button.style.setProperty("--colour", `var(--c${lane.index})`);
+      button.title = `Show or hide (${lane.index + 1})`;
+      button.addEventListener("click", () => this.toggleLane(lane.index));
+      lane.button = button;
+      lane.row = tableRow(button, 5);
+      lane.row.cells[1].classList.add("last");
+      body.append(lane.row);
+      setPressed(button, lane.wanted);
+    }
+    const table = byId("cursor-readings").tBodies[0];
+    this.cursorTime = tableRow("t (s)", 3);
+    this.cursorRate = tableRow("1/Δt (Hz)", 3);
+    table.append(this.cursorTime, this.cursorRate);
+    for (const lane of this.lanes) {
+      lane.cursorRow = tableRow("", 3);
+      table.append(lane.cursorRow);
+    }
+  }
+
+  updateReadings() {
+    const { frames } = this.app.store;
+    const from = frames.rowAt(this.left_ns);
+    const to = frames.rowAt(this.left_ns + this.span_ns, from);
+    const said = [];
+    for (const lane of this.lanes) {
+      lane.row.hidden = !lane.present;
+      if (!lane.present) continue;
+      this.#measure(lane, frames, from, to);
+      const factor = this.#factor(lane);
+      const unit = this.app.units.label(lane.channel.quantity);
+      const { last, low, high, mean, rms } = lane.measured;
+      setText(lane.button, `${lane.channel.name} (${unit})`);
+      const cells = lane.row.cells;
+      [last, low, high, mean, rms].forEach((value, i) => setText(cells[i + 1], number(value * factor)));
+      said.push(`${lane.channel.name.toLowerCase()} ${number(last * factor)} ${unit}`);
+    }
+    this.summary = said.length === 0 ? "No frames have come yet." : said.join(", ");
+    const lost = frames.empty ? 0 : this.#lostInView(frames, from, to);
+    const place = lost > 0 ? ` ${lost} frames were lost in it.` : "";
+    setText(byId("scope-summary"), frames.empty ? "No frames have come yet."
+      : `${to - from} frames on screen at ${number(frames.rate_hz)} Hz, ${duration(this.span_ns / 1e9)} of device time.${place}`);
+    setText(byId("trigger-state"), this.trigger.word);
+    this.#showNote();
+    if (this.cursorsOn) this.#updateCursors(frames);
+  }
+
+  #showNote() {
+    const note = byId("screen-note");
+    const text = this.app.paused ? (this.trigger.done ? "single shot, paused" : "paused")
+      : this.trigger.word === "waiting" ? "waiting for the trigger" : this.held ? "triggered" : "";
+    note.hidden = text === "";
+    setText(note, text);
+  }
+
+  #lostInView(frames, from, to) {
+    if (to - from < 2) return 0;
+    const { sequence } = frames.columns;
+    return sequence[(to - 1) & frames.mask] - sequence[from & frames.mask] - (to - 1 - from);
+  }
+
+  #measure(lane, frames, from, to) {
+    const data = frames.values[lane.index];
+    const { mask } = frames;
+    let count = 0;
+    let sum = 0;
+    let low = Infinity;
+    let high = -Infinity;
+    for (let row = from; row < to; ++row) {
+      const value = data[row & mask];
+      if (value !== value) continue;
+      count += 1;
+      sum += value;
+      if (value < low) low = value;
+      if (value > high) high = value;
+    }
+    const mean = sum / count;
+    let square = 0;
+    for (let row = from; row < to; ++row) {
+      const value = data[row & mask];
+      if (value === value) square += (value - mean) * (value - mean);
+    }
+    lane.measured ??= {};
+    lane.measured.last = frames.empty ? NaN : data[(frames.end - 1) & mask];
+    lane.measured.low = low;
+    lane.measured.high = high;
+    lane.measured.mean = mean;
+    lane.measured.rms = Math.sqrt(square / count);
+  }
+
+  // --- cursors -------------------------------------------------------------------------------------
+
+  cursorTime_ns(index) { return this.left_ns + this.cursors[index].part * this.span_ns; }
+
+  #updateCursors(frames) {
+    const [a, b] = [this.cursorTime_ns(0), this.cursorTime_ns(1)];
+    const origin_s = this.held ? -this.trigger.fired_ns / 1e9 : frames.origin_ns === null ? 0 : Number(frames.origin_ns) / 1e9;
+    const step = this.span_ns / 1e9 / 1e4;
+    const write = (row, ...texts) => texts.forEach((text, i) => setText(row.cells[i + 1], text));
+    write(this.cursorTime, tick(a / 1e9 + origin_s, step), tick(b / 1e9 + origin_s, step), number((b - a) / 1e9, 5));
+    write(this.cursorRate, "", "", a === b ? "–" : number(1e9 / Math.abs(b - a), 5));
+    this.cursors.forEach((cursor, i) => {
+      const text = `${tick((i === 0 ? a : b) / 1e9 + origin_s, step)} s`;
+      cursor.element.setAttribute("aria-valuenow", cursor.part.toFixed(4));
+      cursor.element.setAttribute("aria-valuetext", text);
+    });
+    for (const lane of this.lanes) {
+      lane.cursorRow.hidden = !lane.visible;
+      if (!lane.visible) continue;
+      const factor = this.#factor(lane);
+      const atA = frames.valueAt(lane.index, a) * factor;
+      const atB = frames.valueAt(lane.index, b) * factor;
+      setText(lane.cursorRow.cells[0], `${lane.channel.symbol} (${this.app.units.label(lane.channel.quantity)})`);
+      write(lane.cursorRow, number(atA), number(atB), number(atB - atA));
+    }
+  }
+
+  toggleCursors(on = !this.cursorsOn) {
+    this.cursorsOn = on;
+    for (const cursor of this.cursors) {
+      cursor.element.hidden = !on;
+      cursor.element.setAttribute("aria-valuemin", "0");
+      cursor.element.setAttribute("aria-valuemax", "1");
+    }
+    byId("cursor-readings").hidden = !on;
+    setPressed(byId("cursors"), on);
+    if (on) this.#updateCursors(this.app.store.frames);
+    this.app.touch();
+  }
+
+  moveCursor(index, part) {
+    if (!this.cursorsOn) this.toggleCursors(true);
+    this.cursors[index].part = Math.min(1, Math.max(0, part));
+    this.#updateCursors(this.app.store.frames);
+    this.app.touch();
+  }
+
+  nudgeCursor(index, pixels) { this.moveCursor(index, this.cursors[index].part + pixels / this.plotWidth); }
+
+  // --- what a person can do ------------------------------------------------------------------------
+
+  toggleLane(index) {
+    const lane = this.lanes[index];
+    lane.wanted = !lane.wanted;
+    setPressed(lane.button, lane.wanted);
+    this.#keep();
+    this.app.touch();
+  }
+
+  // Sets the time base. While paused the time at `part` of the screen stays where it is.
+  setSpan(span_s, part = 0.5) {
+    this.span_s = Math.min(longest_s, Math.max(shortest_s, span_s));
+    if (this.app.paused) {
+      const kept = this.cursors.map((_, i) => this.cursorTime_ns(i));
+      const fixed = this.left_ns + this.span_ns * part;
+      this.span_ns = this.span_s * 1e9;
+      this.left_ns = fixed - this.span_ns * part;
+      this.#keepCursors(kept);
+    }
+    this.#showTimeBase();
+    this.#keep();
+    this.app.touch();
+  }
+
+  #keepCursors(times_ns) {
+    this.cursors.forEach((cursor, i) => { cursor.part = Math.min(1, Math.max(0, (times_ns[i] - this.left_ns) / this.span_ns)); });
+  }
+
+  // The next longer (1) or shorter (-1) time base of the list.
+  stepSpan(direction, part) {
+    const longer = timeBases_s.find((span) => span > this.span_s * 1.001);
+    const shorter = timeBases_s.findLast((span) => span < this.span_s * 0.999);
+    const next = direction > 0 ? longer : shorter;
+    if (next !== undefined) this.setSpan(next, part);
+  }
+
+  // Moves along time by a part of the screen; a running picture is paused first.
+  pan(part) {
+    if (!this.app.paused) this.app.pause(true);
+    const kept = this.cursors.map((_, i) => this.cursorTime_ns(i));
+    const { frames } = this.app.store;
+    const least = frames.first_ns - this.span_ns * 0.9;
+    const most = frames.last_ns - this.span_ns * 0.1;
+    const wanted = this.left_ns + part * this.span_ns;
+    this.left_ns = frames.empty ? wanted : Math.min(most, Math.max(least, wanted));
+    this.#keepCursors(kept);
+    this.app.touch();
+  }
+
+  // Scales a lane about its middle; it keeps that scale until the view is reset.
+  scaleLane(index, factor) {
+    const { limits } = this.lanes[index];
+    if (!limits.known) return;
+    const middle = (limits.low + limits.high) / 2;
+    const half = ((limits.high - limits.low) / 2) * factor;
+    this.lanes[index].manual = true;
+    limits.set(middle - half, middle + half);
+    this.app.touch();
+  }
+
+  reset() {
+    for (const lane of this.lanes) {
+      lane.manual = false;
+      lane.limits.reset();
+    }
+    this.setSpan(10);
+    if (this.app.paused) this.left_ns = this.app.store.frames.last_ns - this.span_ns;
+    this.app.touch();
+  }
+
+  unitsChanged() {
+    for (const lane of this.lanes) {
+      lane.manual = false;
+      lane.limits.reset();
+    }
+    this.#showTrigger();
+  }
+
+  setTrigger(change) {
+    this.trigger.set(change, this.app.live.frames.end);
+    if (this.app.paused && this.trigger.mode !== "roll") this.app.pause(false);
+    this.#showTrigger();
+    this.app.touch();
+  }
+
+  nextTriggerMode() { this.setTrigger({ mode: modes[(modes.indexOf(this.trigger.mode) + 1) % modes.length] }); }
+
+  // Moves the level by a part of the lane's height.
+  nudgeLevel(part) {
+    const lane = this.lanes[this.trigger.channel];
+    if (!lane.limits.known) return;
+    this.setTrigger({ level: this.trigger.level + (part * (lane.limits.high - lane.limits.low)) / this.#factor(lane) });
+  }
+
+  #buildControls() {
+    this.levelHandle = byId("level-handle");
+    this.timeBase = byId("time-base");
+    this.timeBase.addEventListener("change", () => this.setSpan(Number(this.timeBase.value)));
+    byId("zoom-in").addEventListener("click", () => this.stepSpan(-1));
+    byId("zoom-out").addEventListener("click", () => this.stepSpan(1));
+    byId("reset").addEventListener("click", () => this.reset());
+    byId("cursors").addEventListener("click", () => this.toggleCursors());
+    fillSelect(byId("trigger-channel"), channels.map((channel, i) => [i, channel.name]), 0);
+    byId("trigger-mode").addEventListener("change", (event) => this.setTrigger({ mode: event.target.value }));
+    byId("trigger-channel").addEventListener("change", (event) => this.setTrigger({ channel: Number(event.target.value) }));
+    byId("trigger-edge").addEventListener("click", () => this.setTrigger({ rising: !this.trigger.rising }));
+    byId("trigger-arm").addEventListener("click", () => this.setTrigger({}));
+    byId("trigger-level").addEventListener("change", (event) => {
+      const value = Number(event.target.value);
+      if (Number.isFinite(value)) this.setTrigger({ level: value / this.#factor(this.lanes[this.trigger.channel]) });
+    });
+    this.#showTimeBase();
+    this.#showTrigger();
+  }
+
+  #showTimeBase() {
+    const listed = timeBases_s.includes(this.span_s);
+    const options = timeBases_s.map((span) => [span, duration(span)]);
+    if (!listed) options.push([this.span_s, duration(this.span_s)]);
+    fillSelect(this.timeBase, options, this.span_s);
+  }
+
+  #showTrigger() {
+    const { trigger } = this;
+    const lane = this.lanes[trigger.channel];
+    byId("trigger-mode").value = trigger.mode;
+    byId("trigger-channel").value = String(trigger.channel);
+    const edge = byId("trigger-edge");
+    setText(edge, trigger.rising ? "↗" : "↘");
+    edge.setAttribute("aria-label", trigger.rising ? "Edge: rising" : "Edge: falling");
+    const unit = this.app.units.label(lane.channel.quantity);
+    byId("trigger-level").value = String(Number((trigger.level * this.#factor(lane)).toPrecision(4)));
+    setText(byId("trigger-unit"), unit);
+    byId("trigger-arm").disabled = trigger.mode === "roll";
+    this.levelHandle.setAttribute("aria-valuenow", String(Number((trigger.level * this.#factor(lane)).toPrecision(4))));
+    this.levelHandle.setAttribute("aria-valuetext", `${number(trigger.level * this.#factor(lane))} ${unit}`);
+  }
+
+  #partOf(event) {
+    const box = this.screen.getBoundingClientRect();
+    return (event.clientX - box.left - this.gutter) / this.plotWidth;
+  }
+
+  #laneAt(event) {
+    const y = event.clientY - this.screen.getBoundingClientRect().top;
+    return this.lanes.find((lane) => lane.visible && y >= lane.top && y < lane.top + lane.height);
+  }
+
+  #listen() {
+    const { screen } = this;
+    screen.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      const turn = event.deltaY || event.deltaX;
+      const factor = Math.exp(Math.max(-0.5, Math.min(0.5, turn * 0.0015)));
+      const lane = this.#laneAt(event);
+      if (event.shiftKey && lane) this.scaleLane(lane.index, factor);
+      else this.setSpan(this.span_s * factor, this.#partOf(event));
+    }, { passive: false });
+    screen.addEventListener("dblclick", () => this.reset());
+    this.#drag(screen, (event, start) => {
+      const part = this.#partOf(event);
+      if (event.type === "pointerdown") { this.dragPart = part; return; }
+      if (Math.abs(part - this.dragPart) * this.plotWidth < 3 && !start.moved) return;
+      start.moved = true;
+      this.pan(this.dragPart - part);
+      this.dragPart = part;
+    });
+    this.cursors.forEach((cursor, i) => {
+      this.#drag(cursor.element, (event) => { if (event.type === "pointermove") this.moveCursor(i, this.#partOf(event)); });
+      cursor.element.addEventListener("keydown", (event) => {
+        const step = event.shiftKey ? 20 : 1;
+        const moves = { ArrowLeft: -step, ArrowRight: step };
+        if (event.key in moves) this.nudgeCursor(i, moves[event.key]);
+        else if (event.key === "Home") this.moveCursor(i, 0);
+        else if (event.key === "End") this.moveCursor(i, 1);
+        else return;
+        event.preventDefault();
+        event.stopPropagation();
+      });
+    });
+    this.#drag(this.levelHandle, (event) => {
+      if (event.type !== "pointermove") return;
+      const lane = this.lanes[this.trigger.channel];
+      const y = event.clientY - this.screen.getBoundingClientRect().top;
+      const part = Math.min(1, Math.max(0, 1 - (y - lane.top) / lane.height));
+      this.setTrigger({ level: (lane.limits.low + part * (lane.limits.high - lane.limits.low)) / this.#factor(lane) });
+    });
+    this.levelHandle.addEventListener("keydown", (event) => {
+      const step = event.shiftKey ? 0.1 : 0.01;
+      if (event.key !== "ArrowUp" && event.key !== "ArrowDown") return;
+      this.nudgeLevel(event.key === "ArrowUp" ? step : -step);
+      event.preventDefault();
+      event.stopPropagation();
+    });
+  }
+
+  #drag(element, use) {
+    let start = null;
+    element.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0 || event.target.closest(".cursor, .level") !== element.closest(".cursor, .level")) return;
+      start = { moved: false };
+      element.setPointerCapture(event.pointerId);
+      use(event, start);
+    });
+    element.addEventListener("pointermove", (event) => { if (start) use(event, start); });
+    for (const end of ["pointerup", "pointercancel"]) element.addEventListener(end, () => { start = null; });
+  }
+}

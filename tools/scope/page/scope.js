@@ -1,0 +1,253 @@
+// The page of `stickslip scope`: puts its parts together, and draws once for each frame of the screen.
+
+import { byId, setPressed, setState, setText } from "./elements.js";
+import { Estimates } from "./estimates.js";
+import { listenToKeys } from "./keyboard.js";
+import { Oscilloscope } from "./oscilloscope.js";
+import { Portraits } from "./portraits.js";
+import { RigState } from "./rig_state.js";
+import { Spectrum } from "./spectrum.js";
+import { Store } from "./store.js";
+import { Stream } from "./stream.js";
+import { expose } from "./inspection.js";
+import { Pace, Turn } from "./pace.js";
+import { Settings, Theme } from "./theme.js";
+import { Units, number } from "./units.js";
+
+const readingsEvery_ms = 250;
+const spectrumEvery_ms = 300;
+
+class App {
+  constructor() {
+    this.settings = new Settings();
+    this.theme = new Theme(this.settings);
+    this.units = new Units();
+    this.units.system = this.settings.get("units");
+    this.live = new Store();
+    this.frozen = null; // made when a person first pauses
+    this.paused = false;
+    this.pace = new Pace();
+    this.portraitTurn = new Turn();
+    this.estimateTurn = new Turn();
+    this.changed = true;
+    this.link = { state: "connecting" };
+    this.source = null;
+    this.dropped = 0;
+    this.driveIsForce = false;
+    this.rig = new RigState(this);
+    this.scope = new Oscilloscope(this);
+    this.portraits = new Portraits(this);
+    this.spectrum = new Spectrum(this);
+    this.estimates = new Estimates(this);
+    this.stream = new Stream({
+      onFrames: (block) => this.#takeFrames(block),
+      onMessage: (message) => this.#takeMessage(message),
+      onLink: (link) => { this.link = { ...link, since_ms: performance.now() }; },
+    });
+    this.#listen();
+    listenToKeys(this);
+    this.#showUnits();
+    this.layout();
+    this.theme.onChange(() => this.#restyle());
+    expose(this);
+  }
+
+  // What is shown: all that has come, or what had come when it was paused.
+  get store() { return this.paused ? this.frozen : this.live; }
+
+  // There is something new to draw.
+  touch() { this.changed = true; }
+
+  say(text) { setText(byId("spoken"), text); }
+
+  start() {
+    this.stream.connect();
+    requestAnimationFrame((now) => this.#frame(now));
+  }
+
+  // --- what comes ----------------------------------------------------------------------------------
+
+  #takeFrames(block) {
+    const anew = this.live.addFrames(block);
+    if (anew) this.#beginAnew();
+    if ((block.flags & 2) === 0) this.pace.arrived(block.received_unix_ms);
+    this.degraded = (block.flags & 1) !== 0;
+    if (!this.paused) this.changed = true;
+  }
+
+  #takeMessage(message) {
+    switch (message.type) {
+      case "hello":
+        this.hello = message;
+        break;
+      case "model":
+        this.rig.take(message);
+        if (Array.isArray(message.marks) && message.marks.length > 0) this.spectrum.setMarks(message.marks);
+        break;
+      case "estimate":
+        this.live.addEstimate(message);
+        break;
+      case "excitation":
+        this.live.addExcitation(message);
+        this.rig.take(message);
+        break;
+      case "source":
+        this.source = message;
+        if (!message.connected) this.rig.silent();
+        break;
+      case "dropped":
+        this.dropped += message.messages;
+        break;
+      case "restart":
+        this.live.clear();
+        this.#beginAnew();
+        break;
+      default:
+        this.rig.take(message);
+    }
+  }
+
+  // The daemon was started again: nothing of before is comparable.
+  #beginAnew() {
+    if (this.paused) this.pause(false);
+    this.scope.forget();
+    this.portraits.forget();
+    this.changed = true;
+  }
+
+  // --- what a person does --------------------------------------------------------------------------
+
+  pause(paused) {
+    if (paused === this.paused) return;
+    if (paused) {
+      this.frozen ??= new Store();
+      this.frozen.copy(this.live);
+    } else if (this.scope.trigger.done) {
+      this.scope.trigger.arm(this.live.frames.end);
+    }
+    this.paused = paused;
+    this.portraits.section.forget();
+    if (!paused) this.scope.setSpan(this.scope.span_s);
+    setPressed(byId("pause"), paused);
+    setText(byId("pause"), paused ? "Go on" : "Pause");
+    this.changed = true;
+  }
+
+  toggleUnits() {
+    this.units.toggle();
+    this.settings.set("units", this.units.system);
+    this.#showUnits();
+    this.scope.unitsChanged();
+    this.portraits.unitsChanged();
+    this.spectrum.rebuild();
+    this.changed = true;
+  }
+
+  #showUnits() { setText(byId("units-now"), this.units.system); }
+
+  help(open) {
+    const dialog = byId("help");
+    if (open && !dialog.open) dialog.showModal();
+    else if (!open) dialog.close();
+  }
+
+  #listen() {
+    byId("pause").addEventListener("click", () => this.pause(!this.paused));
+    byId("units").addEventListener("click", () => this.toggleUnits());
+    byId("theme").addEventListener("click", () => this.theme.next());
+    byId("large").addEventListener("click", () => this.theme.toggleLarge());
+    byId("keys").addEventListener("click", () => this.help(true));
+    byId("help-close").addEventListener("click", () => this.help(false));
+    new ResizeObserver(() => this.#resized()).observe(document.querySelector("main"));
+    window.addEventListener("resize", () => this.#resized());
+    this.#showTheme();
+  }
+
+  #resized() {
+    this.layout();
+    this.spectrum.rebuild();
+    this.estimates.rebuild();
+    this.rig.drawTiming();
+  }
+
+  layout() {
+    this.scope.layout();
+    this.changed = true;
+  }
+
+  #restyle() {
+    this.#showTheme();
+    this.#resized();
+  }
+
+  #showTheme() {
+    setText(byId("theme-now"), this.theme.choice);
+    setPressed(byId("large"), this.theme.large);
+  }
+
+  // --- the screen ----------------------------------------------------------------------------------
+
+  #frame(now_ms) {
+    requestAnimationFrame((next) => this.#frame(next));
+    this.pace.begin(now_ms);
+    if (this.changed) {
+      this.changed = false;
+      const began_ms = performance.now();
+      this.scope.draw(now_ms);
+      this.scopeWork_ms = performance.now() - began_ms;
+      this.#drawInTurns(now_ms);
+      this.inspect?.(); // see inspection.js
+      this.pace.drew();
+      this.stale = 60; // what takes turns has to come round
+    } else if (this.stale > 0) {
+      this.stale -= 1;
+      this.#drawInTurns(now_ms);
+    }
+    this.#fewTimesASecond(now_ms);
+    this.pace.end();
+  }
+
+  // One portrait and one plot of the observer.
+  #drawInTurns(now_ms) {
+    this.portraitTurn.take(now_ms, () => this.portraits.draw(now_ms));
+    this.estimateTurn.take(now_ms, () => this.estimates.update());
+  }
+
+  #fewTimesASecond(now_ms) {
+    if (!(now_ms - this.readAt_ms < readingsEvery_ms)) {
+      this.readAt_ms = now_ms;
+      this.scope.updateReadings();
+      this.rig.update();
+      this.#showLink(now_ms);
+      this.driveIsForce = this.scope.lanes[5].present && !this.scope.lanes[4].present;
+    } else if (!(now_ms - this.spectrumAt_ms < spectrumEvery_ms)) {
+      this.spectrumAt_ms = now_ms;
+      this.spectrum.update();
+    }
+  }
+
+  #showLink(now_ms) {
+    const chip = byId("link-chip");
+    const banner = byId("banner");
+    let warning = "";
+    if (this.link.state === "open") {
+      const silent = this.source !== null && !this.source.connected;
+      setText(chip, silent ? "connected, no frames" : "connected");
+      setState(chip, silent ? "warn" : this.degraded ? "warn" : "good");
+      if (silent) warning = `The rig has sent no frames for ${number(this.source.silent_s, 3)} s. Is its daemon running, and is LCM's route set (stickslip doctor)?`;
+    } else {
+      const left_s = Math.max(0, (this.link.wait_s ?? 0) - (now_ms - this.link.since_ms) / 1e3);
+      setText(chip, this.link.state === "waiting" ? "not connected" : "connecting");
+      setState(chip, this.link.state === "waiting" ? "bad" : "unknown");
+      if (this.link.state === "waiting") warning = `No connection to stickslip scope${this.link.reason ? ` (${this.link.reason})` : ""}; again in ${Math.ceil(left_s)} s, or at once with R.`;
+    }
+    const fault = this.rig.status?.state === "faulted" && warning === "" ? `Faulted: ${this.rig.status.cause || this.rig.status.interlock || "no cause was given"}` : "";
+    banner.hidden = warning === "" && fault === "";
+    setState(banner, fault === "" ? "warn" : "bad");
+    setText(banner, warning || fault);
+    setText(byId("meter"), this.pace.words(this.live.frames, this.dropped));
+  }
+}
+
+const app = new App();
+app.start();

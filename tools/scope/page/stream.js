@@ -1,0 +1,90 @@
+// The socket: what comes from the server, decoded; the page itself sends nothing.
+
+const subprotocol = "stickslip-scope";
+const firstWait_ms = 500;
+const longestWait_ms = 8000;
+const headerBytes = 16;
+const channelCount = 6;
+
+// A binary message of kind 1. `words` views the times and sequence numbers (8 bytes each, times first),
+// `numbers` the values, channel after channel. Throws a RangeError where the message is not whole.
+export function decodeFrames(buffer) {
+  const header = new DataView(buffer);
+  if (header.getUint8(0) !== 1) throw new RangeError(`message of kind ${header.getUint8(0)}, expected 1`);
+  const channels = header.getUint16(2, true);
+  const count = header.getUint32(4, true);
+  const length = headerBytes + count * 8 * (2 + channelCount);
+  if (channels !== channelCount || buffer.byteLength !== length) {
+    throw new RangeError(`frames of ${channels} channels in ${buffer.byteLength} bytes, expected ${channelCount} in ${length}`);
+  }
+  return {
+    flags: header.getUint8(1),
+    count,
+    received_unix_ms: header.getFloat64(8, true),
+    words: new DataView(buffer, headerBytes, count * 16),
+    numbers: new Float64Array(buffer, headerBytes + count * 16, count * channelCount),
+  };
+}
+
+// Keeps a connection. `take` has onFrames(block), onMessage(object) and onLink({state, wait_s, reason}), state
+// being "connecting", "open" or "waiting".
+export class Stream {
+  #take;
+  #wait_ms = firstWait_ms;
+  #socket = null;
+  #timer = 0;
+
+  constructor(take) {
+    this.#take = take;
+    this.refused = 0; // messages that were not understood
+    this.opened = 0; // connections made
+  }
+
+  // Address of the stream beside the page: same host, same token.
+  static address(page = window.location) {
+    const token = new URLSearchParams(page.search).get("token");
+    const url = new URL("stream", page.href);
+    url.protocol = page.protocol === "https:" ? "wss:" : "ws:";
+    url.search = token === null ? "" : `?token=${encodeURIComponent(token)}`;
+    url.hash = "";
+    return url.href;
+  }
+
+  connect() {
+    clearTimeout(this.#timer);
+    this.#take.onLink({ state: "connecting" });
+    const socket = new WebSocket(Stream.address(), subprotocol);
+    socket.binaryType = "arraybuffer";
+    this.#socket = socket;
+    socket.onopen = () => {
+      this.opened += 1;
+      this.#wait_ms = firstWait_ms;
+      this.#take.onLink({ state: "open" });
+    };
+    socket.onmessage = (event) => this.#receive(event.data);
+    socket.onclose = (event) => this.#closed(event);
+  }
+
+  // Connects at once, if not connected: what a person asks for who does not want to wait.
+  hurry() {
+    if (this.#socket && this.#socket.readyState > 1) this.connect();
+  }
+
+  #receive(data) {
+    try {
+      if (typeof data === "string") this.#take.onMessage(JSON.parse(data));
+      else this.#take.onFrames(decodeFrames(data));
+    } catch (error) {
+      if (!(error instanceof RangeError || error instanceof SyntaxError)) throw error;
+      this.refused += 1;
+    }
+  }
+
+  #closed(event) {
+    // Spread, so that a hundred pages do not come back in the same moment.
+    const wait_ms = this.#wait_ms * (0.75 + 0.5 * Math.random());
+    this.#wait_ms = Math.min(longestWait_ms, this.#wait_ms * 2);
+    this.#take.onLink({ state: "waiting", wait_s: wait_ms / 1e3, reason: event.reason || "" });
+    this.#timer = setTimeout(() => this.connect(), wait_ms);
+  }
+}

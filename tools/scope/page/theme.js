@@ -1,0 +1,76 @@
+// Light and dark, text size, and the colours that canvases need, as the style sheet has them.
+
+const names = ["ink", "quiet", "line", "strong-line", "panel", "accent", "band", "mark", "good", "bad",
+  "c0", "c1", "c2", "c3", "c4", "c5"];
+const order = ["auto", "light", "dark"];
+
+export class Theme {
+  constructor(settings) {
+    this.settings = settings;
+    this.choice = order.includes(settings.get("theme")) ? settings.get("theme") : "auto";
+    this.large = settings.get("large") === true;
+    this.colours = {};
+    this.listeners = [];
+    this.dark = window.matchMedia("(prefers-color-scheme: dark)");
+    this.dark.addEventListener("change", () => this.apply());
+    this.calm = window.matchMedia("(prefers-reduced-motion: reduce)");
+    this.apply();
+  }
+
+  // Whether a person asked for less motion.
+  get calmed() { return this.calm.matches; }
+
+  onChange(listener) { this.listeners.push(listener); }
+
+  next() {
+    this.choice = order[(order.indexOf(this.choice) + 1) % order.length];
+    this.settings.set("theme", this.choice);
+    this.apply();
+  }
+
+  toggleLarge() {
+    this.large = !this.large;
+    this.settings.set("large", this.large);
+    this.apply();
+  }
+
+  apply() {
+    const root = document.documentElement;
+    root.dataset.theme = this.choice === "auto" ? (this.dark.matches ? "dark" : "light") : this.choice;
+    root.dataset.large = this.large ? "yes" : "no";
+    const style = getComputedStyle(root);
+    for (const name of names) this.colours[name] = style.getPropertyValue(`--${name}`).trim();
+    this.channel = [0, 1, 2, 3, 4, 5].map((i) => this.colours[`c${i}`]);
+    const size = parseFloat(style.fontSize) || 16;
+    this.rem = size;
+    this.small = Math.round(size * 0.75);
+    const family = style.getPropertyValue("--text").trim() || "sans-serif";
+    this.font = `${this.small}px ${family}`;
+    this.bold = `600 ${this.small}px ${family}`;
+    for (const listener of this.listeners) listener(this);
+  }
+}
+
+// What is remembered of a person's choices, in this browser only; nothing where that is forbidden.
+export class Settings {
+  #values = {};
+
+  constructor() {
+    try {
+      this.#values = JSON.parse(window.localStorage.getItem("stickslip-scope") ?? "{}") ?? {};
+    } catch {
+      this.#values = {};
+    }
+  }
+
+  get(name) { return this.#values[name]; }
+
+  set(name, value) {
+    this.#values[name] = value;
+    try {
+      window.localStorage.setItem("stickslip-scope", JSON.stringify(this.#values));
+    } catch {
+      // Private windows refuse; the choice then lasts as long as the page.
+    }
+  }
+}

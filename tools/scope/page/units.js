@@ -1,0 +1,59 @@
+// The channels of a frame in their order on the wire, and the units that they are shown in.
+
+export const channels = [
+  { key: "displacement", name: "Displacement", symbol: "x", quantity: "length" },
+  { key: "velocity", name: "Velocity", symbol: "v", quantity: "velocity" },
+  { key: "friction_force", name: "Friction force", symbol: "F", quantity: "force" },
+  { key: "normal_load", name: "Normal load", symbol: "N", quantity: "force" },
+  { key: "base_displacement", name: "Base displacement", symbol: "b", quantity: "length" },
+  { key: "drive_force", name: "Drive force", symbol: "D", quantity: "force" },
+];
+
+const systems = {
+  mm: { length: ["mm", 1e3], velocity: ["mm/s", 1e3], force: ["N", 1] },
+  m: { length: ["m", 1], velocity: ["m/s", 1], force: ["N", 1] },
+};
+
+// Shown value = value in SI units * factor(quantity).
+export class Units {
+  #system = "mm";
+
+  get system() { return this.#system; }
+  set system(name) { if (name in systems) this.#system = name; }
+  toggle() { this.#system = this.#system === "mm" ? "m" : "mm"; }
+  label(quantity) { return (systems[this.#system][quantity] ?? [quantity === "ratio" ? "" : quantity])[0]; }
+  factor(quantity) { return (systems[this.#system][quantity] ?? ["", 1])[1]; }
+}
+
+const dash = "–";
+const minus = "\u2212";
+
+// A number of so many significant digits (as many as there are before the point, at least); a dash where there is none.
+export function number(value, digits = 4) {
+  if (!Number.isFinite(value)) return dash;
+  const size = Math.abs(value);
+  if (size !== 0 && (size >= 1e6 || size < 1e-4)) return value.toExponential(Math.max(0, digits - 2)).replace(/-/g, minus);
+  const whole = size === 0 ? 1 : Math.floor(Math.log10(size)) + 1;
+  return value.toFixed(Math.max(0, digits - whole)).replace("-", minus);
+}
+
+// A number with so many decimals as a step of an axis needs.
+export function tick(value, step) {
+  if (Math.abs(value) < step * 1e-6) return "0";
+  if (step < 1e-5 || step >= 1e6) return value.toExponential(1).replace(/-/g, minus);
+  return value.toFixed(Math.max(0, -Math.floor(Math.log10(step) + 1e-9))).replace("-", minus);
+}
+
+// A whole number in groups of three.
+export function count(value) {
+  return Number.isFinite(value) ? String(Math.round(value)).replace(/\B(?=(\d{3})+$)/g, "\u202f").replace("-", minus) : dash;
+}
+
+// A duration [s] in the unit that fits it.
+export function duration(seconds, digits = 3) {
+  if (!Number.isFinite(seconds)) return dash;
+  const size = Math.abs(seconds);
+  if (size >= 1 || size === 0) return `${number(seconds, digits)} s`;
+  if (size >= 1e-3) return `${number(seconds * 1e3, digits)} ms`;
+  return `${number(seconds * 1e6, digits)} µs`;
+}
