@@ -116,6 +116,24 @@ std::unique_ptr<lcm::LCM> join_lcm(const std::string& url) {
              "; expected for example " + protocol::default_url);
 }
 
+void expect_to_hear(lcm::LCM& lcm) {
+  const auto nothing = [](const lcm_recv_buf_t*, const char*, void*) {};
+  std::string said;
+  {
+    const Overheard lcm_words;
+    lcm_subscription_t* const trial =
+        lcm_subscribe(lcm.getUnderlyingLCM(), "STICKSLIP_NOTHING", nothing, nullptr);
+    if (trial != nullptr) {
+      lcm_unsubscribe(lcm.getUnderlyingLCM(), trial);
+      return;
+    }
+    said = lcm_words.first_line();
+  }
+  refuse_lcm("does not hear itself" + (said.empty() ? "" : " (" + said + ")") +
+             ": another program may have taken its port for itself (ss -ulnp | grep 7667 shows "
+             "which), or a firewall keeps multicast away");
+}
+
 Woken wait_for(lcm::LCM& lcm, const StopSignals& stop, steady_clock::time_point until) {
   std::array<pollfd, 2> files = {{{stop.file(), POLLIN, 0}, {lcm.getFileno(), POLLIN, 0}}};
   const timespec left = duration_until(until);

@@ -36,6 +36,11 @@ class StopSignals {
 /// not carry it, with what to do.
 std::unique_ptr<lcm::LCM> join_lcm(const std::string& url);
 
+/// Throws InputError where LCM could be joined but does not hear itself: its port is taken, or a
+/// firewall stands between. To be asked before anything is subscribed to; LCM's own C++ interface
+/// ends the program there.
+void expect_to_hear(lcm::LCM& lcm);
+
 /// Hands every message on the channels that match the regular expression `channels` to `method` of
 /// `listener`. The queue has no limit: LCM's default of 30 loses bursts. Throws InputError where
 /// LCM refuses.
@@ -64,6 +69,7 @@ template <class Listener>
 void listen(lcm::LCM& lcm, const std::string& channels,
             void (Listener::*method)(const lcm::ReceiveBuffer*, const std::string&),
             Listener* listener) {
+  expect_to_hear(lcm);
   lcm::Subscription* subscription = lcm.subscribe(channels, method, listener);
   if (subscription == nullptr || subscription->setQueueCapacity(0) != 0) {
     refuse_lcm("does not subscribe to " + channels);

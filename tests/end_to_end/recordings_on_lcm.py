@@ -3,6 +3,7 @@ keeps and what a stranger hears; each tool ends as it should."""
 import json
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -157,6 +158,18 @@ class RecordingsOnLcm(EndToEnd):
             with self.subTest(command[0]):
                 result = stickslip(*command)
                 self.assertEqual(result.returncode, 1, result.stdout + result.stderr)
+
+    def test_a_port_that_another_program_holds_is_one_line(self):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as greedy:
+            greedy.bind(("0.0.0.0", 7667))  # without SO_REUSEADDR: for itself
+            for command in (["spy", "--duration", 1], ["record", self.folder / "none.log", "--duration", 1],
+                            ["scope", "--listen", "127.0.0.1:0"]):
+                with self.subTest(command=command[0]):
+                    result = stickslip(*command)
+                    self.assertEqual(result.returncode, 2, result.stderr)
+                    self.assertEqual(result.stderr.count("\n"), 1, result.stderr)
+                    self.assertIn("does not hear itself", result.stderr)
+                    self.assertIn("7667", result.stderr)
 
     def test_bad_places_are_one_line(self):
         cases = ("nonsense", "foo://x", "udpm://239.255.76.67:99999", "udpm://10.0.0.1:7667",

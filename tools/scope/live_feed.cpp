@@ -16,7 +16,8 @@ constexpr auto silence = std::chrono::seconds(1);
 constexpr std::int64_t restart_ns = 1'000'000'000;
 
 bool is_verdict(const event_t& event) {
-  return event.code == "model_broken" || event.code == "model_follows";
+  return event.code == "model_broken" || event.code == "model_follows" ||
+         event.code == "model_explained" || event.code == "model_unexplained";
 }
 
 }  // namespace
@@ -90,9 +91,7 @@ void LiveFeed::forget_the_run() {
   times_.clear();
   estimate_.reset();
   timing_.reset();
-  verdict_.reset();
-  opposite_verdict_.reset();
-  verdict_code_.clear();
+  verdicts_.clear();
   send(shared_message(encode_restart()));
 }
 
@@ -120,9 +119,8 @@ void LiveFeed::take_event(std::span<const std::uint8_t> bytes) {
   }
   const SharedMessage event = shared_message(encode_event(message));
   if (is_verdict(message)) {
-    if (!verdict_code_.empty() && message.code != verdict_code_) opposite_verdict_ = verdict_;
-    verdict_code_ = message.code;
-    verdict_ = event;
+    std::erase_if(verdicts_, [&](const Verdict& one) { return one.code == message.code; });
+    verdicts_.push_back({message.code, event});
   }
   send(event);
 }
@@ -162,8 +160,7 @@ std::vector<SharedMessage> LiveFeed::greeting(Clock::time_point now) const {
   append(status_);
   append(timing_);
   append(estimate_);
-  append(opposite_verdict_);
-  append(verdict_);
+  for (const Verdict& verdict : verdicts_) append(verdict.event);
   return out;
 }
 

@@ -67,9 +67,11 @@ class LiveFeed {
   SharedMessage estimate_;
   SharedMessage status_;
   SharedMessage timing_;
-  SharedMessage verdict_;           ///< the model check's latest event
-  SharedMessage opposite_verdict_;  ///< and the latest of the other kind
-  std::string verdict_code_;
+  struct Verdict {
+    std::string code;
+    SharedMessage event;
+  };
+  std::vector<Verdict> verdicts_;  ///< the model check's latest event of each kind, oldest first
   FrameHistory history_;
   FrameTimes times_;
   std::vector<Frame> frames_;

@@ -174,17 +174,20 @@ TEST_F(LiveFeedTest, WhoJoinsIsToldWhatHolds) {
   take(protocol::timing_channel, timing_t{});
   take(protocol::estimate_channel, friction_estimate_t{});
   take(protocol::event_channel, event_of("started"));
+  take(protocol::event_channel, event_of("model_follows"));
   take(protocol::event_channel, event_of("model_broken"));
   take(protocol::event_channel, event_of("model_broken"));
+  take(protocol::event_channel, event_of("model_explained"));
   take(protocol::event_channel, event_of("model_follows"));
   frames(frames_from(1, 1500));
   const auto greeting = feed.greeting(now);
   EXPECT_EQ(types_of(greeting), (Types{"hello", "model", "source", "frames", "frames", "status",
-                                       "timing", "estimate", "event", "event"}));
+                                       "timing", "estimate", "event", "event", "event"}));
   EXPECT_EQ(read_json(*greeting[1])["rig"], "a rig");
   EXPECT_EQ(read_json(*greeting[1])["marks"].size(), 2U);
   EXPECT_EQ(read_json(*greeting[8])["code"], "model_broken");
-  EXPECT_EQ(read_json(*greeting[9])["code"], "model_follows") << "the one that holds comes last";
+  EXPECT_EQ(read_json(*greeting[9])["code"], "model_explained");
+  EXPECT_EQ(read_json(*greeting[10])["code"], "model_follows") << "the one that holds comes last";
   EXPECT_EQ(read_block(*greeting[3]).flags, 2U);
 }
 

@@ -118,6 +118,7 @@ export class RigState {
 
   #takeEvent(event) {
     if (event.code === "model_broken" || event.code === "model_follows") this.#takeVerdict(event);
+    if (event.code === "model_explained" || event.code === "model_unexplained") this.#takeExplanation(event);
     // What is repeated to those who join is shown once.
     const key = `${event.utc_us} ${event.code} ${event.message}`;
     if (this.events.some((one) => one.key === key)) return;
@@ -162,6 +163,13 @@ export class RigState {
     const chip = byId("verdict-chip");
     setText(chip, broken ? "model broken" : "model follows");
     setState(chip, broken ? "bad" : "good");
+  }
+
+  // It belongs to the alarm before it.
+  #takeExplanation(event) {
+    if (this.verdict?.code !== "model_broken" || event.utc_us < this.verdict.utc_us) return;
+    const line = byId("verdict");
+    setText(line, `✕ ${event.message[0].toUpperCase()}${event.message.slice(1)}. Told first: ${this.verdict.message}`);
   }
 
   // --- histograms of timing ------------------------------------------------------------------------
