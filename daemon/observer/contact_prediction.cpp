@@ -354,7 +354,7 @@ void ContactPrediction::lay_rows() {
 
   const bool friction = rig_->structure().friction;
   const bool load_sensed = load_varies_ && l.of(Channel::normal_load).used;
-  const int sums = load_sensed ? 5 : (friction ? 3 : 0);
+  const int sums = load_sensed ? 4 : (friction ? 2 : 0);
   for (int sum = 0; sum < sums; ++sum) {
     transition_.begin_shared();
     for (const int column : columns_) {
@@ -366,8 +366,15 @@ void ContactPrediction::lay_rows() {
   for (int row = 0; row < l.count; ++row) {
     transition_.begin_row();
     Span& linear = linear_[static_cast<std::size_t>(row)];
-    if (friction && (row == l.friction || row == l.theta)) {
-      transition_.add_shared(row == l.friction ? 1 : 2, 1.0);
+    if (friction && row == l.friction) {
+      transition_.add_shared(1, 1.0);
+      continue;
+    }
+    if (friction && row == l.theta) {
+      for (const int column : columns_) {
+        const int place = transition_.add(column, 0.0);
+        if (column == columns_.front()) theta_place_ = place;
+      }
       continue;
     }
     const bool bent = bend_rate_[row] != 0.0 || bend_acceleration_[row] != 0.0;
@@ -388,13 +395,13 @@ void ContactPrediction::lay_rows() {
     }
     if (friction && early_[row] != 0.0) transition_.add_shared(0, early_[row]);
     if (friction && late_[row] != 0.0) transition_.add_shared(1, late_[row]);
-    if (load_sensed && load_before_[row] != 0.0) transition_.add_shared(3, load_before_[row]);
-    if (load_sensed && load_after_[row] != 0.0) transition_.add_shared(4, load_after_[row]);
+    if (load_sensed && load_before_[row] != 0.0) transition_.add_shared(2, load_before_[row]);
+    if (load_sensed && load_after_[row] != 0.0) transition_.add_shared(3, load_after_[row]);
   }
 }
 
-void ContactPrediction::put_shared(int sum, const Row& slope) {
-  int place = shared_place_[static_cast<std::size_t>(sum)];
+// Into what stands in the transition from `place` on.
+void ContactPrediction::put(int place, const Row& slope) {
   for (const int column : columns_) transition_.at(place++) = slope[column];
 }
 
@@ -565,9 +572,9 @@ void ContactPrediction::add_contact(const Vector& mean, double speed) {
   next_ += early_ * middle.force.value + late_ * end.force.value;
   next_[l.friction] = end.force.value;
   next_[l.theta] = end.theta.value;
-  put_shared(0, middle.force.slope);
-  put_shared(1, end.force.slope);
-  put_shared(2, end.theta.slope);
+  put(shared_place_[0], middle.force.slope);
+  put(shared_place_[1], end.force.slope);
+  put(theta_place_, end.theta.slope);
   if (!load_varies_ || !l.of(Channel::normal_load).used) return;
   sum(x_after, late_[l.rig[state::x]], end.force);
   add_load_chain(mean, x_after);
@@ -582,10 +589,10 @@ void ContactPrediction::add_load_chain(const Vector& mean, const Sloped& x_after
   next_ += load_before_ * before.value + load_after_ * after.value;
   Row slope = no_slope();
   add_load_slope(slope, 1.0, before, x_before);
-  put_shared(3, slope);
+  put(shared_place_[2], slope);
   slope = no_slope();
   add_load_slope(slope, 1.0, after, x_after.slope);
-  put_shared(4, slope);
+  put(shared_place_[3], slope);
 }
 
 void ContactPrediction::advance(Vector& mean, double /*time_s*/, double slip_variance) {

@@ -70,7 +70,7 @@ class ContactPrediction final : public Prediction {
   void add_load_slope(Row& to, double weight, const Load& load, const Row& x) const;
   Stage close(const Sloped& free_slip, double give, const Load& load, const Sloped& x,
               const Sloped& from, double speed, const Vector& mean);
-  void put_shared(int sum, const Row& slope);
+  void put(int place, const Row& slope);
 
   bool load_varies_;  ///< with x
   int core_;
@@ -88,6 +88,7 @@ class ContactPrediction final : public Prediction {
   // Where in the transition things stand.
   std::vector<int> columns_;  ///< of the core that the contact depends on
   std::array<int, max_shared_sums> shared_place_{};
+  int theta_place_ = 0;
   struct Bent {
     int row = 0;
     int rate = 0, acceleration = 0, lambda = 0;

@@ -9,7 +9,7 @@
 
 namespace stickslip::observer {
 
-inline constexpr int max_shared_sums = 5;
+inline constexpr int max_shared_sums = 4;
 
 /// A number of states, filled up to whole registers of four.
 constexpr int padded(int count) { return (count + 3) / 4 * 4; }
