@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <regex>
 
 #include "physics/effects/catalogue.h"
 #include "physics/effects/number_text.h"
@@ -152,6 +152,34 @@ std::string percent_words(double share) {
   return printed("%.*g", 3, 100.0 * share) + "\u00a0%";
 }
 
+namespace {
+
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+/// The numbers of a text that a program has written with an exponent, "2.5e-03", as people write
+/// them.
+std::string without_exponents(const std::string& text) {
+  std::string out;
+  const char* const end = text.data() + text.size();
+  for (const char* at = text.data(); at != end;) {
+    const bool has_sign = (*at == '-' || *at == '+') && at + 1 != end;
+    if (!is_digit(has_sign ? at[1] : *at)) {
+      out += *at++;
+      continue;
+    }
+    double value = 0.0;
+    // It knows no plus.
+    const auto [stop, error] = std::from_chars(*at == '+' ? at + 1 : at, end, value);
+    const char* const exponent = std::find(at, stop, 'e');
+    const bool programmed = error == std::errc() && exponent != stop && !is_digit(exponent[1]);
+    out += programmed ? number_words(value) : std::string(at, stop);
+    at = stop;
+  }
+  return out;
+}
+
+}  // namespace
+
 std::string channel_words(Channel channel) { return plain_words(std::string(info(channel).stem)); }
 
 std::string plain_words(std::string text) {
@@ -162,14 +190,7 @@ std::string plain_words(std::string text) {
                    text.begin() + static_cast<std::ptrdiff_t>(at + stem.size()), '_', ' ');
     }
   }
-  static const std::regex number(R"([-+]?[0-9]+(\.[0-9]+)?e[-+][0-9]{2,3})");
-  std::string out;
-  std::smatch found;
-  while (std::regex_search(text, found, number)) {
-    out += found.prefix().str() + number_words(std::strtod(found.str().c_str(), nullptr));
-    text = found.suffix().str();
-  }
-  return out + text;
+  return without_exponents(text);
 }
 
 std::string unit_words(std::string_view unit, const physics::Place& place) {

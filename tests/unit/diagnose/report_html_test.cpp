@@ -324,6 +324,9 @@ TEST(ReportWords, NumbersAreWrittenAsPeopleWriteThem) {
   EXPECT_EQ(quantity_words(0.13, "N"), "130\u00a0mN");
   EXPECT_EQ(quantity_words(1.5, "1"), "1.50");
   EXPECT_EQ(quantity_words(1.07e-4, "m", 2.52e-4), "0.107\u00a0mm");
+  EXPECT_EQ(plain_words("k3_n_m3 is 7000, +5 - 3.5e, 1e999 and -"),
+            "k3_n_m3 is 7000, +5 - 3.5e, 1e999 and -");
+  EXPECT_EQ(plain_words("+2.5e+01"), plain_words("2.5e+01"));
   EXPECT_EQ(plain_words("friction_force wanders by -1.25e-05 N in 4.38e+03 s"),
             "friction force wanders by \u22121.25 \u00d7 10\u207b\u2075 N in 4380 s");
   EXPECT_EQ(unit_words("unit of the channel per second", {Channel::velocity, {}}),
