@@ -5,14 +5,17 @@
 #include <functional>
 #include <optional>
 #include <string_view>
+#include <utility>
 
 #include "daemon/observer/kalman_filter.h"
+#include "physics/effects/number_text.h"
 
 namespace stickslip::observer {
 
 namespace {
 
 using physics::Model;
+using physics::number_text;
 using physics::Relation;
 
 // The change is dated to about 0.2 s.
@@ -46,18 +49,26 @@ struct Suspect {
   std::vector<double> sizes;
   double least;  ///< of a change worth an alarm: the size itself for a delay, else its logarithm
   std::function<Setting(const Model&, double)> setting;
-  std::function<std::string(const Model&, double)> words;
+  std::function<std::string(double)> words;
 };
 
-std::string digits(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
-}
-
-std::string became(std::string_view what, double was, double is, std::string_view unit) {
-  return std::string(what) + " is " + digits(is) + std::string(unit) + " instead of " +
-         digits(was) + std::string(unit);
+/// A number of the model that has become another one; sizes are factors.
+Suspect moved(Relation relation, std::vector<double> sizes, double least, std::string_view what,
+              std::string_view unit, physics::Parameter& (*number)(Model&), Model model) {
+  const double was = number(model).value;
+  return {relation,
+          {},
+          std::move(sizes),
+          least,
+          [number](const Model& m, double size) {
+            Setting out{m};
+            number(out.model).value *= size;
+            return out;
+          },
+          [what = std::string(what), unit = std::string(unit), was](double size) {
+            return what + " is " + number_text(size * was) + unit + " instead of " +
+                   number_text(was) + unit;
+          }};
 }
 
 Model with_bristle(Model model, double stiffness_n_m) {
@@ -70,93 +81,43 @@ Model with_bristle(Model model, double stiffness_n_m) {
 
 void add_friction(const Model& model, std::vector<Suspect>& out) {
   if (model.friction.law == physics::FrictionLaw::none) return;
-  out.push_back({Relation::friction_law,
-                 {},
-                 {0.85, 1.2, 0.7, 1.4},
-                 0.04,
-                 [](const Model& m, double size) {
-                   Setting s{m};
-                   s.model.friction.mu.value *= size;
-                   return s;
-                 },
-                 [](const Model& m, double size) {
-                   return became("mu", m.friction.mu.value, size * m.friction.mu.value, "");
-                 }});
+  out.push_back(moved(
+      Relation::friction_law, {0.85, 1.2, 0.7, 1.4}, 0.04, "mu", "",
+      [](Model& m) -> physics::Parameter& { return m.friction.mu; }, model));
   if (model.friction.law == physics::FrictionLaw::state_variable) {
-    out.push_back({Relation::friction_law,
-                   {},
-                   {0.6, 1.6, 0.3, 3.0},
-                   0.3,
-                   [](const Model& m, double size) {
-                     Setting s{m};
-                     s.model.friction.rate_per_s.value *= size;
-                     return s;
-                   },
-                   [](const Model& m, double size) {
-                     const double rate = m.friction.rate_per_s.value;
-                     return became("the rate gamma", rate, size * rate, " /s");
-                   }});
+    out.push_back(moved(
+        Relation::friction_law, {0.6, 1.6, 0.3, 3.0}, 0.3, "the rate gamma", " /s",
+        [](Model& m) -> physics::Parameter& { return m.friction.rate_per_s; }, model));
   }
   const bool yields = std::any_of(model.terms.begin(), model.terms.end(),
                                   [](const auto& term) { return term.id == "contact_compliance"; });
   if (yields) return;
-  out.push_back({Relation::friction_law,
-                 {},
-                 {30.0, 60.0, 120.0, 240.0, 500.0},
-                 0.0,
-                 [](const Model& m, double size) { return Setting{with_bristle(m, size)}; },
-                 [](const Model&, double size) {
-                   return "the contact yields, with " + digits(size) + " N/m";
-                 }});
+  out.push_back(
+      {Relation::friction_law,
+       {},
+       {30.0, 60.0, 120.0, 240.0, 500.0},
+       0.0,
+       [](const Model& m, double size) { return Setting{with_bristle(m, size)}; },
+       [](double size) { return "the contact yields, with " + number_text(size) + " N/m"; }});
 }
 
 void add_structure(const Model& model, std::vector<Suspect>& out) {
   if (model.oscillator.natural_frequency_hz) {
-    out.push_back({Relation::force_balance,
-                   {},
-                   {0.95, 1.05, 0.9, 1.1, 0.85, 1.15},
-                   0.02,
-                   [](const Model& m, double size) {
-                     Setting s{m};
-                     s.model.oscillator.natural_frequency_hz->value *= size;
-                     return s;
-                   },
-                   [](const Model& m, double size) {
-                     const double hz = m.oscillator.natural_frequency_hz->value;
-                     return became("the mass's natural frequency", hz, size * hz, " Hz");
-                   }});
+    out.push_back(moved(
+        Relation::force_balance, {0.95, 1.05, 0.9, 1.1, 0.85, 1.15}, 0.02,
+        "the mass's natural frequency", " Hz",
+        [](Model& m) -> physics::Parameter& { return *m.oscillator.natural_frequency_hz; }, model));
   }
   if (model.load_cell && model.load_cell->dynamics == physics::LoadCellDynamics::resonant) {
-    out.push_back({Relation::load_cell,
-                   {},
-                   {0.9, 0.8, 0.7, 0.6, 0.5, 1.15},
-                   0.04,
-                   [](const Model& m, double size) {
-                     Setting s{m};
-                     s.model.load_cell->natural_frequency_hz.value *= size;
-                     return s;
-                   },
-                   [](const Model& m, double size) {
-                     const double hz = m.load_cell->natural_frequency_hz.value;
-                     return became("the load cell's natural frequency", hz, size * hz, " Hz");
-                   }});
+    out.push_back(moved(
+        Relation::load_cell, {0.9, 0.8, 0.7, 0.6, 0.5, 1.15}, 0.04,
+        "the load cell's natural frequency", " Hz",
+        [](Model& m) -> physics::Parameter& { return m.load_cell->natural_frequency_hz; }, model));
   }
-  const bool declared =
-      model.normal_load && model.normal_load->law != physics::NormalLoadLaw::measured;
-  if (declared) {
-    out.push_back({Relation::normal_load,
-                   {},
-                   {0.85, 1.15, 0.7, 1.3},
-                   0.04,
-                   [](const Model& m, double size) {
-                     Setting s{m};
-                     s.model.normal_load->load_n.value *= size;
-                     return s;
-                   },
-                   [](const Model& m, double size) {
-                     const double load_n = m.normal_load->load_n.value;
-                     return became("the normal load at rest", load_n, size * load_n, " N");
-                   }});
+  if (model.normal_load && model.normal_load->law != physics::NormalLoadLaw::measured) {
+    out.push_back(moved(
+        Relation::normal_load, {0.85, 1.15, 0.7, 1.3}, 0.04, "the normal load at rest", " N",
+        [](Model& m) -> physics::Parameter& { return m.normal_load->load_n; }, model));
   }
 }
 
@@ -167,16 +128,18 @@ void add_sensor(Channel channel, std::vector<Suspect>& out) {
                  {0.002, 0.004, 0.006, 0.009},
                  0.001,
                  [](const Model& m, double size) { return Setting{.model = m, .delay_s = size}; },
-                 [name](const Model&, double size) {
-                   return "the channel " + name + " is late by " + digits(1.0e3 * size) + " ms";
+                 [name](double size) {
+                   return "the channel " + name + " is late by " + number_text(1.0e3 * size) +
+                          " ms";
                  }});
   out.push_back({Relation::sensor,
                  channel,
                  {0.9, 1.1, 0.75, 1.3},
                  0.02,
                  [](const Model& m, double size) { return Setting{.model = m, .gain = size}; },
-                 [name](const Model&, double size) {
-                   return "the channel " + name + " reads " + digits(size) + " times what it did";
+                 [name](double size) {
+                   return "the channel " + name + " reads " + number_text(size) +
+                          " times what it did";
                  }});
 }
 
@@ -368,7 +331,7 @@ std::vector<Explanation> explanations_of(const Model& believed, double period_s,
     e.relation = trial.suspect->relation;
     e.channel = trial.suspect->channel;
     e.size = trial.size;
-    e.words = trial.suspect->words(before, trial.size);
+    e.words = trial.suspect->words(trial.size);
     e.log_likelihood = observations * (trial.score - *unchanged) - price_of_a_parameter;
     e.probability = std::exp(observations * (trial.score - trials.front().score));
     sum += e.probability;
