@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import fs from "node:fs";
 import path from "node:path";
-import { after, before, test } from "node:test";
+import { after, before, test as nodeTest } from "node:test";
 import { drawn, held, openPage, run, Running, source, startBrowser, startScope, stickslip, stickslipd, temporaryFolder, until } from "./programs.mjs";
 
 const folder = temporaryFolder();
@@ -14,6 +14,20 @@ let page;
 
 const startDaemon = (...args) => new Running(stickslipd, ["--config", path.join(source, "config/simulated.toml"), ...args]);
 const liveFrames = (page) => page.evaluate(() => stickslip.sizes().live.held);
+
+// A test whose failure also shows what the programs beside it said.
+function test(name, body) {
+  nodeTest(name, async (t) => {
+    try {
+      await body(t);
+    } catch (error) {
+      for (const program of [daemon, scope]) {
+        if (program) t.diagnostic(`${program.name}, status ${program.status ?? "running"}, said at last:\n${program.output.slice(-2000)}`);
+      }
+      throw error;
+    }
+  });
+}
 
 before(async () => {
   scope = await startScope();
@@ -80,41 +94,56 @@ test("the page holds and draws what the daemon recorded, bit for bit", async (t)
     });
   }
   assert.ok(frames[5].value.every(Number.isNaN), "the drive force of this rig is not measured");
+  // Amplitude and phase go as single precision, but for the last frame of each message; the log and the stream
+  // may end their messages at different frames.
+  const single = new Set(["amplitude", "phase_rad"]);
   for (const [ring, columns, prefix] of [[estimates, estimated, "estimate_"], [excited, ["drive", "phase_rad", "amplitude"], "excitation_"]]) {
     for (const name of columns) {
+      const kept = single.has(name) ? Math.fround : (value) => value;
       let compared = 0;
       ring[name].time_ns.forEach((time, i) => {
         const row = byTime.get(time);
         if (!row || row.estimate_valid === 0) return;
-        // Amplitude and phase go as single precision; the log holds the same.
         const recordedValue = row[prefix + name];
-        assert.ok(Object.is(ring[name].value[i], recordedValue), `${name} at ${time}: ${ring[name].value[i]} and ${recordedValue}`);
+        assert.ok(Object.is(kept(ring[name].value[i]), kept(recordedValue)), `${name} at ${time}: ${ring[name].value[i]} and ${recordedValue}`);
         compared += 1;
       });
       assert.ok(compared > (prefix === "estimate_" ? 100 : 3000), `${compared} of ${name} compared`);
     }
   }
+  // What the network lost (a stalled machine loses datagrams) is not in the page; the rest is judged the same.
+  const lost = frames[0].sequence.filter((sequence, i, all) => i > 0 && sequence !== all[i - 1] + 1).length;
+  t.diagnostic(`${lost} gaps in ${frames[0].sequence.length} frames`);
   // The friction loop, recomputed from the log.
-  const last = frames[0].sequence.slice(-loop.points.length / 2);
-  last.forEach((sequence, k) => {
+  const points = [];
+  for (let k = 0; k < loop.points.length; k += 2) {
+    if (loop.points[k] !== null) points.push([loop.points[k], loop.points[k + 1]]); // null: a line ends at a gap
+  }
+  assert.ok(points.length > 1000, `${points.length} points of the loop`);
+  frames[0].sequence.slice(-points.length).forEach((sequence, k) => {
     const row = rows.get(sequence);
-    assert.equal(loop.points[2 * k], row.velocity_m_s * 1e3 + 0); // JSON knows no -0
-    assert.equal(loop.points[2 * k + 1], row.friction_force_n / row.normal_load_n + 0);
+    assert.deepEqual(points[k], [row.velocity_m_s * 1e3 + 0, row.friction_force_n / row.normal_load_n + 0]); // JSON knows no -0
   });
   // The section: once wherever the recorded phase passes 0 (at 3.2 Hz it falls on a frame every second time).
   const driven = [...excited.drive.time_ns].filter((time) => byTime.has(time));
   const passages = section.passages.filter(([time]) => time > driven[0] && time <= driven.at(-1));
-  const wraps = driven.slice(1).filter((time, i) => byTime.get(time).excitation_phase_rad < byTime.get(driven[i]).excitation_phase_rad);
-  assert.ok(wraps.length >= 10, `${wraps.length} passages`);
-  assert.equal(passages.length, wraps.length);
-  passages.forEach(([time, x], k) => {
-    const later = byTime.get(wraps[k]);
-    const earlier = byTime.get(wraps[k] - 1e6);
+  let wraps = 0;
+  for (let i = 1; i < driven.length; ++i) {
+    const [earlier, later] = [byTime.get(driven[i - 1]), byTime.get(driven[i])];
+    if (later.sequence !== earlier.sequence + 1) continue; // frames were lost between
     // The phase goes over LCM in single precision: 3e-8 rad are some nanoseconds.
-    assert.ok(time > wraps[k] - 1e6 - 100 && time < wraps[k] + 100, `passage ${k} at ${time}, the phase wraps at ${wraps[k]}`);
+    const here = passages.filter(([time]) => time > driven[i - 1] + 100 && time < driven[i] - 100);
+    if (!(later.excitation_phase_rad < earlier.excitation_phase_rad)) {
+      assert.deepEqual(here, [], `no phase wraps between ${driven[i - 1]} and ${driven[i]}`);
+      continue;
+    }
+    wraps += 1;
+    const near = passages.filter(([time]) => time > driven[i - 1] - 100 && time < driven[i] + 100);
+    assert.equal(near.length, 1, `passages at ${driven[i]}, where the phase wraps`);
     const [low, high] = [earlier.displacement_m, later.displacement_m].sort((a, b) => a - b);
-    assert.ok(x >= low - 1e-7 && x <= high + 1e-7);
-  });
+    assert.ok(near[0][1] >= low - 1e-7 && near[0][1] <= high + 1e-7);
+  }
+  assert.ok(wraps >= 8, `${wraps} passages`);
 });
 
 test("a silent source is named; a daemon that is started again begins a new picture", async () => {
@@ -129,12 +158,13 @@ test("a silent source is named; a daemon that is started again begins a new pict
 
 test("a server that is started again is found again", async () => {
   const { port } = scope;
+  const opened = await page.evaluate(() => stickslip.state().opened);
   await scope.stop();
   await until(page, () => stickslip.state().link === "waiting" && document.querySelector("#banner").textContent.includes("No connection"));
   const before = await liveFrames(page);
   scope = await startScope(port);
   await page.keyboard.press("r");
-  await until(page, () => stickslip.state().link === "open" && stickslip.state().opened === 2);
+  await until(page, (opened) => stickslip.state().link === "open" && stickslip.state().opened > opened, opened);
   await until(page, (before) => stickslip.sizes().live.held > before + 300, before, 30000);
   page.complaints = page.complaints.filter((line) => !/ERR_CONNECTION_REFUSED|WebSocket connection/.test(line)); // the browser's own note
 });
