@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <span>
 
 #include "daemon/observer/covariance.h"
 #include "daemon/observer/layout.h"
@@ -90,6 +91,7 @@ KalmanFilter::KalmanFilter(const Model& declared, double period_s, Contact conta
   prediction_ = prediction_for(rig_, model_, layout_, period_s_, steps_);
   noise_ =
       std::make_unique<Noise>(model_, rig_, layout_, prediction_->numbers(), period_s_, contact);
+  constants_ = std::make_unique<DoubtedConstants>(model_, rig_, layout_, period_s_);
   const physics::SensorBank bank(model_, period_s_ / steps_);
   settle_s_ = std::clamp(bank.settling_time_s(), 20.0 * period_s_, 2.0);
   learn_s_ = 2.0 * settle_s_;
@@ -147,6 +149,7 @@ void KalmanFilter::begin(const Frame& frame) {
   const bool keeps_mu = layout_.mu >= 0 && started_ && std::isfinite(mean_[layout_.mu]);
   const double old_mu = keeps_mu ? mean_[layout_.mu] : 0.0;
   noise_->start(frame, old_mu, mean_, covariance_);
+  constants_->forget();
   absurd_s_ = 0.0;
   started_ = true;
   since_start_s_ = 0.0;
@@ -160,8 +163,10 @@ void KalmanFilter::predict() {
   const double time_s = static_cast<double>(time_ns_ - origin_ns_) * 1.0e-9;
   const double doubt = slip_variance(covariance_);
   noise_->add_process(mean_, doubt, since_start_s_, covariance_);
+  constants_->push(mean_);
   prediction_->advance(mean_, time_s, doubt);
   covariance_.propagate(prediction_->transition());
+  constants_->propagate(prediction_->transition());
   if (layout_.friction >= 0) noise_->add_output(mean_, covariance_);
 }
 
@@ -244,6 +249,7 @@ bool KalmanFilter::use_reading(Channel channel, const Look& look, double innovat
   }
   for (int k = 0; k < layout_.count; ++k) mean_[k] += gain_[k] * innovation;
   covariance_.correct(gain_, column_, expected);
+  constants_->correct(sight, gain_);
   return true;
 }
 
@@ -307,14 +313,16 @@ double KalmanFilter::base_acceleration_behind_its_chain() const {
 }
 
 void KalmanFilter::tell(const Vector& mean, const Covariance& covariance,
-                        FrictionEstimate& e) const {
+                        const DoubtedConstants* constants, FrictionEstimate& e) const {
   const auto& structure = rig_.structure();
   const auto& c = prediction_->numbers().c;
   e.displacement_m = mean[layout_.rig[state::x]];
   e.velocity_m_s = mean[layout_.rig[state::v]];
   const int u = layout_.rig[state::u];
   e.slip_velocity_m_s = e.velocity_m_s - (u >= 0 ? mean[u] : 0.0);
-  e.slip_velocity_std_m_s = std::sqrt(std::max(0.0, slip_variance(covariance)));
+  double doubt = slip_variance(covariance);
+  if (constants != nullptr) doubt += constants->slip_variance();
+  e.slip_velocity_std_m_s = std::sqrt(std::max(0.0, doubt));
   e.normal_load_n = normal_load(mean);
   if (structure.friction) {
     e.theta = mean[layout_.theta];
@@ -331,17 +339,23 @@ void KalmanFilter::tell(const Vector& mean, const Covariance& covariance,
   for (std::size_t i = 0; i < e.used; ++i) {
     scale[i] = e.quantities[i] == Quantity::gamma ? e.gamma_per_s : 1.0;
   }
+  const auto states = std::span(source_).first(e.used);
+  if (constants != nullptr) {
+    constants->covariance_of(states, e.covariance);
+  } else {
+    for (std::size_t i = 0; i < e.used; ++i) e.covariance[i].fill(0.0);
+  }
   for (std::size_t i = 0; i < e.used; ++i) {
     for (std::size_t j = 0; j <= i; ++j) {
       e.covariance[i][j] = e.covariance[j][i] =
-          scale[i] * scale[j] * covariance(source_[i], source_[j]);
+          scale[i] * scale[j] * (e.covariance[i][j] + covariance(source_[i], source_[j]));
     }
   }
 }
 
 void KalmanFilter::report(const Frame& frame) {
   FrictionEstimate& e = estimate_;
-  tell(mean_, covariance_, e);
+  tell(mean_, covariance_, constants_->any() ? constants_.get() : nullptr, e);
   const auto& structure = rig_.structure();
   e.raw_valid = structure.friction && frame.has(Channel::friction_force);
   e.raw_friction_force_n = 0.0;

@@ -9,6 +9,7 @@
 
 #include "daemon/observer/consistency.h"
 #include "daemon/observer/covariance.h"
+#include "daemon/observer/doubted_constants.h"
 #include "daemon/observer/layout.h"
 #include "daemon/observer/noise.h"
 #include "daemon/observer/observer.h"
@@ -63,8 +64,9 @@ class KalmanFilter {
   Look look(Channel channel, const Frame& frame, const Vector& states) const;
 
   /// What these states and their covariance say, in the fields of an estimate that speak of the
-  /// rig.
-  void tell(const Vector& mean, const Covariance& covariance, FrictionEstimate& e) const;
+  /// rig; and what doubted constants add to the doubt, unless null.
+  void tell(const Vector& mean, const Covariance& covariance, const DoubtedConstants* constants,
+            FrictionEstimate& e) const;
 
  private:
   int arrive(Frame& frame);
@@ -93,6 +95,7 @@ class KalmanFilter {
   // Made only for a supported model.
   std::unique_ptr<Prediction> prediction_;
   std::unique_ptr<Noise> noise_;
+  std::unique_ptr<DoubtedConstants> constants_;
   double settle_s_ = 0.0;
   /// The start is over: mu and gamma are learnt, and readings refused, from then on.
   double learn_s_ = 0.0;

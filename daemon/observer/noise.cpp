@@ -23,6 +23,10 @@ double sixth(double x) { return square(x * x * x); }
 constexpr double force_doubt = 0.002;
 constexpr double spring_doubt = 0.0005;
 constexpr double force_memory_s = 0.01;
+// What the model itself doubts of mass, spring and damping does not change from one moment to the
+// next. DoubtedConstants follows it; this share of it stays noise, so that the filter leans on its
+// model a little less.
+constexpr double constant_share = 0.6;
 // The backbone g: this much off, alike over force_memory_s.
 constexpr double backbone_doubt = 0.002;
 // Random walks of the parameters, as a fraction of their size over the root of a second.
@@ -73,15 +77,17 @@ Noise::Noise(const physics::Model& model, const physics::Rig& rig, const Layout&
   log_rate_ = std::log(std::max(c.rate, 1.0e-300));
   natural_rad_s_ = std::max(std::sqrt(stiffness / c.mass), 2.0 * pi * 0.5);
   const physics::Oscillator& oscillator = model.oscillator;
-  mass_doubt_kg_ = oscillator.mass_kg.sigma;
-  spring_doubt_n_m_ = c.stiffness * std::max({spring_doubt, relative(oscillator.stiffness_n_m),
-                                              2.0 * relative(oscillator.natural_frequency_hz)});
+  mass_doubt_kg_ = constant_share * oscillator.mass_kg.sigma;
+  const double spring_sigma =
+      std::max(relative(oscillator.stiffness_n_m), 2.0 * relative(oscillator.natural_frequency_hz));
+  spring_doubt_n_m_ = c.stiffness * std::max(spring_doubt, constant_share * spring_sigma);
   if (oscillator.two_well) {
-    spring_doubt_n_m_ =
-        std::max(oscillator.two_well->linear_n_m.sigma, spring_doubt * c.well_linear);
+    spring_doubt_n_m_ = std::max(constant_share * oscillator.two_well->linear_n_m.sigma,
+                                 spring_doubt * c.well_linear);
   }
   damping_doubt_n_s_m_ =
-      c.damping * std::max(relative(oscillator.damping_ratio), relative(oscillator.damping_n_s_m));
+      constant_share * c.damping *
+      std::max(relative(oscillator.damping_ratio), relative(oscillator.damping_n_s_m));
   cell_doubt_n_m_ = 0.0;
   if (model.load_cell) {
     cell_doubt_n_m_ = c.cell_stiffness *

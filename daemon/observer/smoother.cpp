@@ -203,7 +203,7 @@ FrictionEstimate Smoother::told(const Moment& moment, const Future& future, bool
       covariance.set(i, j, 0.5 * (known(i, j) + known(j, i)) * scale[i] * scale[j]);
     }
   }
-  filter_.tell(mean, covariance, estimate);
+  filter_.tell(mean, covariance, nullptr, estimate);
   if (estimate.standing == Standing::settling && followed) {
     estimate.standing = Standing::good;
     estimate.valid = true;

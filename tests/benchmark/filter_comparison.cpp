@@ -27,10 +27,10 @@
 // is estimated by a second such filter with a quarter of them.
 //
 // Ends with status 1 where KalmanFilter and its dense twin differ.
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <ctime>
 #include <functional>
 #include <memory>
@@ -287,6 +287,10 @@ config::Rig rig_named(const std::string& name) {
     rig.model.friction.transition_speed_m_s = {};
     rig.model.friction.rate_per_s = {};
   }
+  // What constants do that are no states is followed beside a filter, whatever its form.
+  for (const physics::NamedParameter& named : physics::parameters_of(rig.model)) {
+    if (named.path.starts_with("oscillator.")) named.parameter->sigma = 0.0;
+  }
   return rig;
 }
 
@@ -295,33 +299,20 @@ config::Rig rig_named(const std::string& name) {
 
 int main(int argc, char** argv) {
   using namespace stickslip;
+  const std::vector<std::string> rigs = {"simulated", "set-valued", "beam-1", "beam-3-paper"};
   Options options;
-  for (int i = 1; i < argc; i += 2) {
-    const std::string option = argv[i];
-    const char* const value = i + 1 < argc ? argv[i + 1] : "";
-    if (option == "--seeds") {
-      options.seeds = std::atoi(value);
-    } else if (option == "--seconds") {
-      options.seconds = std::atof(value);
-    } else if (option == "--rig") {
-      options.rig = value;
-    } else if (option == "--particles") {
-      options.particles = std::atoi(value);
-    } else if (option == "--reference-seeds") {
-      options.reference_seeds = std::atoi(value);
-    } else if (option == "--reference-seconds") {
-      options.reference_seconds = std::atof(value);
-    } else {
-      std::fprintf(
-          stderr,
-          "filter_comparison [--seeds N] [--seconds S] [--rig NAME] [--particles N]\n"
-          "                  [--reference-seeds N] [--reference-seconds S]\n"
-          "With particles this takes tens of minutes; --reference-seeds 0 leaves them out.\n");
-      return 2;
-    }
-  }
+  CLI::App app(
+      "Filters that follow the runs of observer_campaign. With particles this takes tens of "
+      "minutes; --reference-seeds 0 leaves them out.");
+  app.add_option("--seeds", options.seeds)->capture_default_str();
+  app.add_option("--seconds", options.seconds, "of each run")->capture_default_str();
+  app.add_option("--rig", options.rig, "one of them only")->check(CLI::IsMember(rigs));
+  app.add_option("--particles", options.particles)->capture_default_str();
+  app.add_option("--reference-seeds", options.reference_seeds)->capture_default_str();
+  app.add_option("--reference-seconds", options.reference_seconds)->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
   bool same = true;
-  for (const char* rig : {"simulated", "set-valued", "beam-1", "beam-3-paper"}) {
+  for (const std::string& rig : rigs) {
     if (!options.rig.empty() && options.rig != rig) continue;
     const config::Rig preset = rig_named(rig);
     if (options.seeds > 0) same = compare(rig, preset, options) && same;

@@ -15,8 +15,8 @@
 // Ends with status 1 where a goal is missed: theta/bound and f/bound below 1.3, f/Eq. (1) below 0.5
 // and stick above 98 % in the median run, mu within 2 % and gamma within 10 % in 95 % of the runs.
 // NEES is judged by whoever reads it: a handful of runs says nothing about it.
+#include <CLI/CLI.hpp>
 #include <cstdio>
-#include <cstdlib>
 #include <string>
 #include <vector>
 
@@ -94,16 +94,18 @@ bool campaign(const std::string& name, const Options& options) {
 }  // namespace stickslip
 
 int main(int argc, char** argv) {
+  const std::vector<std::string> rigs = {"simulated",       "beam-1", "beam-2",      "beam-3-paper",
+                                         "beam-3-titanium", "beam-4", "motivational"};
   stickslip::Options options;
-  for (int i = 1; i + 1 < argc; i += 2) {
-    const std::string option = argv[i];
-    if (option == "--seeds") options.seeds = std::atoi(argv[i + 1]);
-    if (option == "--seconds") options.seconds = std::atof(argv[i + 1]);
-    if (option == "--rig") options.rig = argv[i + 1];
-  }
+  CLI::App app("How right the observer is, and how right about its doubt.");
+  app.add_option("--seeds", options.seeds)->check(CLI::PositiveNumber)->capture_default_str();
+  app.add_option("--seconds", options.seconds, "of each run")
+      ->check(CLI::Range(21.0, 1.0e6))
+      ->capture_default_str();
+  app.add_option("--rig", options.rig, "one of them only")->check(CLI::IsMember(rigs));
+  CLI11_PARSE(app, argc, argv);
   bool reached = true;
-  for (const char* rig : {"simulated", "beam-1", "beam-2", "beam-3-paper", "beam-3-titanium",
-                          "beam-4", "motivational"}) {
+  for (const std::string& rig : rigs) {
     if (!options.rig.empty() && options.rig != rig) continue;
     reached = stickslip::campaign(rig, options) && reached;
   }

@@ -7,11 +7,11 @@
 // reported had an eigenvalue below -10^-9 of its largest (each state measured by its own
 // deviation), where a number was not finite, or where the filter began anew more often than every
 // 10^7 steps.
+#include <CLI/CLI.hpp>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <random>
 #include <string>
 #include <vector>
@@ -109,10 +109,9 @@ int endure(const std::string& name, long steps) {
 int main(int argc, char** argv) {
   long steps = 100'000'000;
   std::string rig = "simulated";
-  for (int i = 1; i + 1 < argc; i += 2) {
-    const std::string option = argv[i];
-    if (option == "--steps") steps = std::atol(argv[i + 1]);
-    if (option == "--rig") rig = argv[i + 1];
-  }
+  CLI::App app("Whether the observer's covariance lasts.");
+  app.add_option("--steps", steps)->check(CLI::PositiveNumber)->capture_default_str();
+  app.add_option("--rig", rig, "of config/")->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
   return stickslip::endure(rig, steps);
 }

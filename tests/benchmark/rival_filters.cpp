@@ -93,7 +93,7 @@ const FrictionEstimate& RivalFilter::update(const Frame& frame) {
   for (int i = 0; i < layout_.count; ++i) {
     for (int j = 0; j <= i; ++j) scratch_.set(i, j, belief_.covariance(i, j));
   }
-  teller_.tell(small(belief_.mean), scratch_, estimate_);
+  teller_.tell(small(belief_.mean), scratch_, nullptr, estimate_);
   estimate_.time_ns = frame.time_ns;
   estimate_.nis = seen.nis;
   estimate_.nis_freedom = static_cast<std::uint8_t>(seen.nis_freedom);

@@ -2,10 +2,10 @@
 // seeded rigs. Prints a table; docs/observer.md holds the latest one.
 //
 //   model_check_campaign [--seeds N] [--first SEED] [--null-hours H] [--days D]
+#include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
-#include <cstdlib>
-#include <string_view>
 #include <vector>
 
 #include "daemon/observer/explanation.h"
@@ -20,19 +20,6 @@ struct Options {
   double null_hours = 1.0;
   double days = 30.0;
 };
-
-Options options_of(int count, char** words) {
-  Options out;
-  for (int i = 1; i + 1 < count; i += 2) {
-    const std::string_view word = words[i];
-    const double value = std::atof(words[i + 1]);
-    if (word == "--seeds") out.seeds = static_cast<std::uint64_t>(value);
-    if (word == "--first") out.first = static_cast<std::uint64_t>(value);
-    if (word == "--null-hours") out.null_hours = value;
-    if (word == "--days") out.days = value;
-  }
-  return out;
-}
 
 void find(Change change, const Options& options) {
   std::uint64_t found = 0, guessed = 0, explained = 0, early = 0;
@@ -84,9 +71,15 @@ void stay_silent(const Options& options) {
 }  // namespace
 }  // namespace stickslip::observer::test
 
-int main(int count, char** words) {
+int main(int argc, char** argv) {
   using namespace stickslip::observer::test;
-  const Options options = options_of(count, words);
+  Options options;
+  CLI::App app("How often the model check finds what has changed, names it, and warns of nothing.");
+  app.add_option("--seeds", options.seeds, "of each change")->capture_default_str();
+  app.add_option("--first", options.first, "first seed")->capture_default_str();
+  app.add_option("--null-hours", options.null_hours, "without a change")->capture_default_str();
+  app.add_option("--days", options.days, "between false alarms")->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
   for (const Change change : changes) find(change, options);
   stay_silent(options);
   return 0;

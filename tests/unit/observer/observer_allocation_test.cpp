@@ -48,6 +48,8 @@ TEST(ObserverAllocation, UpdatesTouchNoHeapThroughGapsOutliersAndRestarts) {
   physics::Model model = test::paper_rig(test::Law::state_variable, true);
   model.friction.rate_per_s.sigma = 30.0;
   model.normal_load->load_n.sigma = 0.01;
+  model.oscillator.mass_kg.sigma = 0.001;
+  model.oscillator.damping_ratio->sigma = 0.003;
   model.terms.push_back({"hysteresis", {}, {{"stiffness_n_m", {3.0}}, {"slip_force_n", {0.03}}}});
   physics::RigSimulator rig(model);
   const test::ModulatedBase base;
