@@ -1,6 +1,7 @@
 #include "daemon/observer/doubted_constants.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <span>
 #include <utility>
@@ -12,21 +13,26 @@ namespace state = physics::state;
 DoubtedConstants::DoubtedConstants(physics::Model model, const physics::Rig& rig,
                                    const Layout& layout, double period_s)
     : structure_(&rig.structure()), layout_(&layout), period_s_(period_s) {
-  std::vector<double> values = rig.parameter_values();
+  const std::vector<double>& values = rig.parameter_values();
   const std::vector<physics::NamedParameter> parameters = physics::parameters_of(model);
   for (std::size_t i = 0; i < parameters.size(); ++i) {
     const double sigma = parameters[i].parameter->sigma;
+    // Imposed motion has no oscillator, and the rest is a state, noise, or not followed.
     if (!(sigma > 0.0) || !parameters[i].path.starts_with("oscillator.")) continue;
-    // Halfway on both sides: a sigma may be as large as the value.
+    // The slope at the value, within half of it: a doubt may be larger than a mass can be.
+    const double size = std::abs(values[i]);
+    const double off = size > 0.0 ? std::min(0.5 * sigma, 0.5 * size) : 0.5 * sigma;
+    const double sigmas = 0.5 * sigma / off;
     const auto numbers_at = [&](double offset) {
       std::vector<double> moved = values;
       moved[i] += offset;
       return rig.numbers<double>(std::span<const double>(moved));
     };
-    const physics::RigNumbers<double> more = numbers_at(0.5 * sigma);
-    const physics::RigNumbers<double> less = numbers_at(-0.5 * sigma);
+    const physics::RigNumbers<double> more = numbers_at(off);
+    const physics::RigNumbers<double> less = numbers_at(-off);
     const auto change = [&](auto coefficient) {
-      return coefficient(more.c) * more.inverse_mass - coefficient(less.c) * less.inverse_mass;
+      return sigmas *
+             (coefficient(more.c) * more.inverse_mass - coefficient(less.c) * less.inverse_mass);
     };
     Push push;
     push.by_v = -change([](const auto& c) { return c.damping; });
@@ -36,11 +42,12 @@ DoubtedConstants::DoubtedConstants(physics::Model model, const physics::Rig& rig
     } else {
       push.by_x = -change([](const auto& c) { return c.stiffness; });
     }
-    push.by_force = more.inverse_mass - less.inverse_mass;
+    push.by_force = sigmas * (more.inverse_mass - less.inverse_mass);
     push_.push_back(push);
   }
   used_ = static_cast<int>(push_.size());
   group_.resize((push_.size() + lanes - 1) / lanes);
+  forget();
 }
 
 void DoubtedConstants::forget() {

@@ -49,7 +49,7 @@ class DoubtedConstants {
   /// By how much one sigma changes the mass' acceleration, per unit of what it is multiplied by.
   struct Push {
     double by_x = 0.0, by_x_cubed = 0.0, by_v = 0.0;
-    double by_force = 0.0;  ///< forces from outside the spring and the damper
+    double by_force = 0.0;  ///< friction and the drive; those of [[physics]] terms are left out
   };
   static constexpr int lanes = 4;
   /// One value for each of four constants: what a state is off by if that constant is by one sigma.

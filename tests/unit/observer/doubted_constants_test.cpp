@@ -141,6 +141,17 @@ INSTANTIATE_TEST_SUITE_P(
              [](Model& m) -> Parameter& { return m.oscillator.two_well->cubic_n_m3; }, 0.005}),
     [](const auto& one) { return one.param.name; });
 
+// A doubt beyond what a mass can be is large, and no more.
+TEST(DoubtedConstants, MayBeDoubtedByMoreThanTheyAre) {
+  Model model = linear_rig();
+  model.oscillator.mass_kg.sigma = 3.0 * model.oscillator.mass_kg.value;
+  const Followed one = follow(linear_rig(), model, 2.0);
+  for (const double value : one.told.back()) {
+    EXPECT_TRUE(std::isfinite(value));
+    EXPECT_GT(value, 0.0);
+  }
+}
+
 TEST(DoubtedConstants, AddNothingWhereTheModelDoubtsNone) {
   const Followed one = follow(linear_rig(), linear_rig(), 0.5);
   for (const auto& told : one.told) {
