@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <span>
-#include <utility>
 
 namespace stickslip::observer {
 
@@ -45,7 +43,6 @@ DoubtedConstants::DoubtedConstants(physics::Model model, const physics::Rig& rig
     push.by_force = sigmas * (more.inverse_mass - less.inverse_mass);
     push_.push_back(push);
   }
-  used_ = static_cast<int>(push_.size());
   group_.resize((push_.size() + lanes - 1) / lanes);
   forget();
 }
@@ -61,7 +58,7 @@ void DoubtedConstants::push(const Vector& mean) {
   double force = l.friction >= 0 ? -mean[l.friction] : 0.0;
   if (structure_->excitation == physics::Excitation::force) force += mean[l.drive];
   const auto at = [](int index) { return static_cast<std::size_t>(index); };
-  for (int i = 0; i < used_; ++i) {
+  for (int i = 0; i < static_cast<int>(push_.size()); ++i) {
     const Push& p = push_[at(i)];
     const double acceleration =
         p.by_x * x + p.by_x_cubed * x * x * x + p.by_v * v + p.by_force * force;

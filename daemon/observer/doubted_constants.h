@@ -27,7 +27,7 @@ class DoubtedConstants {
                    double period_s);
 
   /// Whether the model doubts any.
-  bool any() const { return used_ > 0; }
+  bool any() const { return !push_.empty(); }
 
   /// The estimate begins anew, from readings alone.
   void forget();
@@ -61,7 +61,6 @@ class DoubtedConstants {
   const physics::Structure* structure_;
   const Layout* layout_;
   double period_s_;
-  int used_ = 0;
   std::vector<Push> push_;
   std::vector<Group> group_;  ///< constants by fours
   Group next_;
