@@ -581,7 +581,9 @@ TEST(LabjackU6OnABus, WhatWasNeverConfirmedDoesNotSwitchOnAgain) {
   Bench bench(1, 1000.0);
   ASSERT_TRUE(bench.driver.open());
   ASSERT_TRUE(bench.driver.start());
-  drive(bench, milliseconds(300), {3.0, true});
+  for (int tenth = 0; tenth < 20 && !bench.wires.is_enabled(); ++tenth) {
+    drive(bench, milliseconds(100), {3.0, true});
+  }
   ASSERT_TRUE(bench.wires.is_enabled());
   bench.board.chance(U6ReplyFault::error, 1.0, {.error = 96});
   drive(bench, milliseconds(1200), {3.0, true});
@@ -590,7 +592,9 @@ TEST(LabjackU6OnABus, WhatWasNeverConfirmedDoesNotSwitchOnAgain) {
   EXPECT_FALSE(bench.wires.is_enabled());
   EXPECT_THAT(bench.driver.write({3.0, true}).message, HasSubstr("watchdog"));
   drive(bench, milliseconds(100), {2.5, false});
-  drive(bench, milliseconds(400), {3.0, true});
+  for (int tenth = 0; tenth < 20 && !bench.wires.is_enabled(); ++tenth) {
+    drive(bench, milliseconds(100), {3.0, true});
+  }
   EXPECT_TRUE(bench.wires.is_enabled());
 }
 
