@@ -1,6 +1,6 @@
 // Whether the amplifier may be on. Off is the default and the answer to every doubt; a fault
 // latches and names its cause, and only a person's command clears it. The loop asks once a cycle,
-// and no other thread is needed for "off".
+// and no other thread has a say in "off".
 #pragma once
 
 #include <array>

@@ -5,7 +5,7 @@
 
 namespace stickslip::drivers {
 
-/// open, write and close in the loop's thread (or one after the other); signals in any.
+/// open, write, switch_off and close in the loop's thread (or one after the other); signals in any.
 class Contacts {
  public:
   Contacts() = default;
@@ -14,8 +14,11 @@ class Contacts {
   virtual ~Contacts() = default;
 
   virtual Result open() = 0;
-  /// Once a cycle, off as well as on.
+  /// Once a cycle, off as well as on. Does not wait for the contacts: what they did not do is told
+  /// by one of the next calls.
   virtual Result write(bool amplifier_on) = 0;
+  /// Off, and known to be off where the result is well. For the end: it may wait.
+  virtual Result switch_off() = 0;
   virtual Signals signals() const noexcept = 0;
   virtual void close() noexcept = 0;
 };

@@ -62,6 +62,22 @@ std::string listed(const std::vector<gpio::Chip>& chips) {
   return text.empty() ? "none" : text;
 }
 
+void wake(int event) {
+  const std::uint64_t one = 1;
+  // If this should fail, the thread looks for itself within 50 ms.
+  static_cast<void>(!::write(event, &one, sizeof one));
+}
+
+/// Of a thread that has been told to stop.
+void end(std::thread& thread, int& event) {
+  if (thread.joinable()) {
+    wake(event);
+    thread.join();
+  }
+  if (event >= 0) ::close(event);
+  event = -1;
+}
+
 }  // namespace
 
 Amplifier::Amplifier(const config::Amplifier& settings, HostClock& clock)
@@ -73,10 +89,20 @@ Amplifier::Amplifier(const config::Amplifier& settings, HostClock& clock)
                     " of the amplifier is gone: plug it in again; gpiodetect lists what is there"),
       failed_message_("the GPIO chip " + settings.chip +
                       " of the amplifier did not do what it was told this time"),
+      hangs_message_("the GPIO chip " + settings.chip +
+                     " of the amplifier does not answer: pull it out and plug it in again"),
       emergency_stop_(settings.emergency_stop.has_value()),
       fault_(settings.fault.has_value()) {}
 
 Amplifier::~Amplifier() { close(); }
+
+std::uint64_t Amplifier::Order::word() const {
+  return std::uint64_t{serial} << 32U | (enable ? 2U : 0U) | (heartbeat ? 1U : 0U);
+}
+
+Amplifier::Order Amplifier::Order::in(std::uint64_t word) {
+  return {(word & 2U) != 0, (word & 1U) != 0, static_cast<std::uint32_t>(word >> 32U)};
+}
 
 Result Amplifier::open() {
   close();
@@ -89,18 +115,26 @@ Result Amplifier::open() {
     return refused(refusal);
   }
   lost_ = false;
+  lost_because_ = lost_message_.c_str();
   failures_in_row_ = 0;
-  enable_is_ = false;
-  heartbeat_is_ = false;
+  order_ = Order();
+  answered_ = 0;
+  order_failed_ = false;
+  given_ = 0;
+  answer_ = 0;
   next_beat_ns_ = clock_.now_ns();
   open_ = true;
+  stopping_ = false;
+  if (outputs_) {
+    given_event_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    setter_ = std::thread([this] { carry_out_orders(); });
+  }
   if (!inputs_) return {};
   std::array<bool, most_lines> none{};
   if (!look_at_inputs(none)) {
     close();
     return {Outcome::lost, lost_message_.c_str()};
   }
-  stopping_ = false;
   wake_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
   watcher_ = std::thread([this] { watch_inputs(); });
   return {};
@@ -207,39 +241,102 @@ Result Amplifier::write(bool amplifier_on) {
     if (!amplifier_on) return {};
     return {Outcome::fatal, "write to an amplifier that is not open"};
   }
-  const bool gone = lost_.load(std::memory_order_relaxed);
-  // Off is tried even where the chip seems to be gone.
-  const bool shall_be_on = amplifier_on && !gone;
-  if (enable_ && enable_is_ != shall_be_on) {
-    const int error = outputs_->set(*enable_, shall_be_on);
-    if (error != 0) {
-      enable_is_.reset();
-      return failed(error);
-    }
-    enable_is_ = shall_be_on;
-  }
-  if (gone) return {Outcome::lost, lost_message_.c_str()};
   const std::int64_t now = clock_.now_ns();
-  if (heartbeat_ && now >= next_beat_ns_) {
-    const int error = outputs_->set(*heartbeat_, !heartbeat_is_);
-    if (error != 0) return failed(error);
-    heartbeat_is_ = !heartbeat_is_;
+  const Result result = take_answer(now);
+  const bool gone = lost_.load(std::memory_order_relaxed);
+  Order order = order_;
+  // Off is tried even where the chip seems to be gone.
+  order.enable = enable_.has_value() && amplifier_on && !gone;
+  // A beat is not turned back before it was one.
+  const bool done = answered_ == order_.serial && !order_failed_;
+  if (heartbeat_ && !gone && done && now >= next_beat_ns_) {
+    order.heartbeat = !order.heartbeat;
     next_beat_ns_ += heartbeat_period_ns_;
     if (next_beat_ns_ <= now) next_beat_ns_ = now + heartbeat_period_ns_;
   }
-  failures_in_row_ = 0;
-  return {};
+  if (order_failed_ || order.enable != order_.enable || order.heartbeat != order_.heartbeat) {
+    give(order, now);
+  }
+  return gone ? Result{Outcome::lost, lost_because_} : result;
+}
+
+Result Amplifier::switch_off() {
+  Result result = write(false);
+  if (!outputs_) return result;
+  constexpr int patience_ms = static_cast<int>(believed_for_ns / 1'000'000);
+  for (int waited_ms = 0; waited_ms < patience_ms; ++waited_ms) {
+    if (answered_ == order_.serial && !order_failed_) return result;
+    if (failures_in_row_ >= failures_of_a_lost_chip) break;
+    ::poll(nullptr, 0, 1);
+    result = write(false);
+  }
+  if (!result) return result;
+  return {Outcome::lost, hangs_message_.c_str()};
+}
+
+void Amplifier::give(Order order, std::int64_t now_ns) {
+  if (answered_ == order_.serial) waiting_since_ns_ = now_ns;
+  order.serial = order_.serial + 1;
+  order_ = order;
+  order_failed_ = false;
+  given_.store(order.word(), std::memory_order_release);
+  wake(given_event_);
+}
+
+Result Amplifier::take_answer(std::int64_t now_ns) {
+  const std::uint64_t answer = answer_.load(std::memory_order_acquire);
+  const auto serial = static_cast<std::uint32_t>(answer >> 32U);
+  if (serial != answered_) {
+    answered_ = serial;
+    waiting_since_ns_ = now_ns;
+    const int error = static_cast<int>(answer & 0xFFFF'FFFFU);
+    order_failed_ = error != 0 && answered_ == order_.serial;
+    if (error != 0) return failed(error);
+    failures_in_row_ = 0;
+  }
+  if (answered_ == order_.serial || now_ns - waiting_since_ns_ <= believed_for_ns) return {};
+  if (!lost_.exchange(true, std::memory_order_relaxed)) lost_because_ = hangs_message_.c_str();
+  return {Outcome::lost, lost_because_};
 }
 
 Result Amplifier::failed(int error) {
-  // What the lines hold is not known: enable is set again with the next write.
-  enable_is_.reset();
-  if (!is_gone(error) && ++failures_in_row_ < failures_of_a_lost_chip &&
-      !lost_.load(std::memory_order_relaxed)) {
+  failures_in_row_ = is_gone(error) ? failures_of_a_lost_chip : failures_in_row_ + 1;
+  if (failures_in_row_ < failures_of_a_lost_chip && !lost_.load(std::memory_order_relaxed)) {
     return {Outcome::temporary, failed_message_.c_str()};
   }
   lost_.store(true, std::memory_order_relaxed);
-  return {Outcome::lost, lost_message_.c_str()};
+  return {Outcome::lost, lost_because_};
+}
+
+void Amplifier::carry_out_orders() {
+  // As they were requested.
+  bool enable_is = false;
+  bool enable_is_known = true;
+  bool heartbeat_is = false;
+  std::uint32_t done = 0;
+  pollfd waited{given_event_, POLLIN, 0};
+  for (;;) {
+    ::poll(&waited, 1, look_every_ms);
+    std::uint64_t count = 0;
+    static_cast<void>(!::read(waited.fd, &count, sizeof count));
+    if (stopping_.load(std::memory_order_relaxed)) return;
+    const Order order = Order::in(given_.load(std::memory_order_acquire));
+    if (order.serial == done) continue;
+    int error = 0;
+    if (enable_ && (!enable_is_known || enable_is != order.enable)) {
+      error = outputs_->set(*enable_, order.enable);
+      // What the line holds after an error nobody knows.
+      enable_is_known = error == 0;
+      enable_is = order.enable;
+    }
+    if (error == 0 && heartbeat_ && heartbeat_is != order.heartbeat) {
+      error = outputs_->set(*heartbeat_, order.heartbeat);
+      if (error == 0) heartbeat_is = order.heartbeat;
+    }
+    done = order.serial;
+    answer_.store(std::uint64_t{done} << 32U | static_cast<std::uint32_t>(error),
+                  std::memory_order_release);
+  }
 }
 
 bool Amplifier::is_known() const noexcept {
@@ -300,16 +397,10 @@ void Amplifier::watch_inputs() {
 }
 
 void Amplifier::close() noexcept {
+  stopping_.store(true, std::memory_order_relaxed);
+  end(setter_, given_event_);
   if (outputs_ && enable_) outputs_->set(*enable_, false);
-  if (watcher_.joinable()) {
-    stopping_.store(true, std::memory_order_relaxed);
-    const std::uint64_t one = 1;
-    // If this should fail, it looks for itself within 50 ms.
-    static_cast<void>(!::write(wake_, &one, sizeof one));
-    watcher_.join();
-  }
-  if (wake_ >= 0) ::close(wake_);
-  wake_ = -1;
+  end(watcher_, wake_);
   outputs_.reset();
   inputs_.reset();
   open_ = false;

@@ -20,8 +20,10 @@
 
 namespace stickslip::drivers {
 
-/// open, write and close in the loop's thread (or one after the other); signals in any. Off needs
-/// no other thread than the one that calls.
+/// open, write, switch_off and close in the loop's thread (or one after the other); signals in any.
+///
+/// The loop decides, and a thread of its own sets the lines: the kernel gives a chip at USB that
+/// hangs five seconds for every transfer, and the loop has none of them.
 ///
 /// Whatever is not known is pressed: an emergency stop that is configured counts as pressed, and a
 /// fault as one, before open, after close, when the chip is gone, and when nobody has looked at the
@@ -30,7 +32,8 @@ namespace stickslip::drivers {
 class Amplifier final : public Contacts {
  public:
   /// Lines are looked at every 50 ms. A look that is older than this is no knowledge: the thread
-  /// that looks hangs in the chip's driver, or gets no processor.
+  /// that looks hangs in the chip's driver, or gets no processor. The same holds for the thread
+  /// that sets lines.
   static constexpr std::int64_t believed_for_ns = 300'000'000;
 
   /// `clock` is asked from several threads, and must outlive it.
@@ -41,22 +44,40 @@ class Amplifier final : public Contacts {
   /// inactive, and have never been active in between.
   Result open() override;
 
-  /// Once a cycle. Sets enable where it is not known to be as it should, and turns the heartbeat
-  /// when its period is over: a loop that hangs lets it stop. Allocates nothing, takes no lock, and
-  /// waits for nothing but the chip.
+  /// Once a cycle. Orders enable to be as it should, where it is not known to be so, and turns the
+  /// heartbeat when its period is over: a loop that hangs lets it stop. Allocates nothing, takes no
+  /// lock and waits for nobody. An order that failed is given again; one that nobody has carried
+  /// out for `believed_for_ns` means that the chip is lost.
   Result write(bool amplifier_on) override;
+
+  /// Waits until enable is known to be inactive, no longer than `believed_for_ns`.
+  Result switch_off() override;
 
   Signals signals() const noexcept override;
 
-  /// Leaves enable inactive and the heartbeat still.
+  /// Leaves enable inactive and the heartbeat still. Waits for a chip that hangs until the kernel
+  /// has given it up.
   void close() noexcept override;
 
  private:
+  /// How the outputs shall be. The serial number makes the same one, given again, another.
+  struct Order {
+    bool enable = false;
+    bool heartbeat = false;
+    std::uint32_t serial = 0;
+
+    /// In one word, which is handed over without a lock.
+    std::uint64_t word() const;
+    static Order in(std::uint64_t word);
+  };
   Result refused(const gpio::Refusal& refusal);
   Result find_chip(std::string& path);
   bool request_outputs(const std::string& path, gpio::Refusal& refusal);
   bool request_inputs(const std::string& path, gpio::Refusal& refusal);
   Result failed(int error);
+  void give(Order order, std::int64_t now_ns);
+  Result take_answer(std::int64_t now_ns);
+  void carry_out_orders();
   void watch_inputs();
   bool look_at_inputs(std::span<bool> went_active);
   void say_unknown() noexcept;
@@ -68,16 +89,26 @@ class Amplifier final : public Contacts {
   std::string message_;
   std::string lost_message_;
   std::string failed_message_;
+  std::string hangs_message_;
 
   // The loop's.
-  std::unique_ptr<gpio::Lines> outputs_;
   std::optional<std::size_t> enable_;
   std::optional<std::size_t> heartbeat_;
-  std::optional<bool> enable_is_;  // nothing: not known
-  bool heartbeat_is_ = false;
+  Order order_;                        // the latest one
+  std::uint32_t answered_ = 0;         // the serial number of the latest that was carried out
+  bool order_failed_ = false;          // that one
+  std::int64_t waiting_since_ns_ = 0;  // for an answer, if one is due
   std::int64_t next_beat_ns_ = 0;
   int failures_in_row_ = 0;
+  const char* lost_because_ = nullptr;
   bool open_ = false;
+
+  // The setting thread's, while it runs. An answer: the order's serial number, and the error's.
+  std::unique_ptr<gpio::Lines> outputs_;
+  std::atomic<std::uint64_t> given_{0};
+  std::atomic<std::uint64_t> answer_{0};
+  int given_event_ = -1;
+  std::thread setter_;
 
   // The watching thread's, while it runs.
   struct Input {

@@ -128,15 +128,9 @@ void BenchDriver::stop() noexcept {
   board_->stop();
 }
 
-/// A chip that fails for once is asked again: there is no next cycle.
 void BenchDriver::switch_contact_off() noexcept {
   if (!amplifier_) return;
-  constexpr int attempts = 5;
-  Result off;
-  for (int i = 0; i < attempts; ++i) {
-    off = amplifier_->write(false);
-    if (off.outcome != Outcome::temporary) break;
-  }
+  const Result off = amplifier_->switch_off();
   if (off) return;
   try {
     left_on_ = std::string(

@@ -5,6 +5,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
 
 #include "tests/emulated/gpio/emulated_gpio.h"
 
@@ -56,6 +60,11 @@ class AmplifierBench : public testing::Test {
     gpio_.put(chip, stop, true);
   }
 
+  ~AmplifierBench() override {
+    gpio_.hold_gets(false);
+    gpio_.hold_sets(false);
+  }
+
   Amplifier& make() {
     amplifier_ = std::make_unique<Amplifier>(settings_, clock_);
     return *amplifier_;
@@ -68,6 +77,24 @@ class AmplifierBench : public testing::Test {
     clock_.pass(300 * ms);
     EXPECT_TRUE(soon([&] { return !amplifier.signals().emergency_stop; }));
     return amplifier;
+  }
+  /// Told so, cycle by cycle, until the line is so.
+  bool becomes(bool on) {
+    return soon([&] {
+      EXPECT_TRUE(amplifier_->write(on));
+      return gpio_.level(chip, enable) == on;
+    });
+  }
+  /// What write() answers, cycle by cycle, until it answers that: how often it said each other one.
+  std::map<Outcome, int> until(bool on, Outcome awaited) {
+    std::map<Outcome, int> before;
+    EXPECT_TRUE(soon([&] {
+      const Outcome outcome = amplifier_->write(on).outcome;
+      if (outcome == awaited) return true;
+      ++before[outcome];
+      return false;
+    }));
+    return before;
   }
   template <typename Condition>
   bool soon(Condition condition) {
@@ -109,14 +136,14 @@ TEST_F(AmplifierBench, EnableIsNeverActiveUnlessItWasToldSo) {
   }
 }
 
-TEST_F(AmplifierBench, EnableFollowsInTheCallItself) {
+TEST_F(AmplifierBench, EnableFollowsASingleCall) {
   Amplifier& amplifier = make_open();
-  EXPECT_TRUE(amplifier.write(true));
-  EXPECT_TRUE(gpio_.level(chip, enable));
-  EXPECT_TRUE(amplifier.write(true));
-  EXPECT_TRUE(amplifier.write(false));
-  EXPECT_FALSE(gpio_.level(chip, enable));
-  EXPECT_TRUE(amplifier.write(true));
+  for (const bool on : {true, false}) {
+    EXPECT_TRUE(amplifier.write(on));
+    EXPECT_TRUE(soon([&] { return gpio_.level(chip, enable) == on; }));
+    EXPECT_TRUE(amplifier.write(on));
+  }
+  EXPECT_TRUE(becomes(true));
   amplifier.close();
   EXPECT_FALSE(gpio_.level(chip, enable));
   EXPECT_THAT(gpio_.history(chip, enable), ElementsAre(false, true, false, true, false))
@@ -131,19 +158,25 @@ TEST_F(AmplifierBench, BeforeOpenOffIsFineAndOnIsNot) {
 TEST_F(AmplifierBench, TheHeartbeatBeatsAsLongAsTheLoopRuns) {
   Amplifier& amplifier = make_open();
   const std::size_t before = gpio_.history(chip, heartbeat).size();
+  drivers::MonotonicHostClock real;
   for (int cycle = 0; cycle < 1000; ++cycle) {
     clock_.pass(ms);
     ASSERT_TRUE(amplifier.write(false));
+    real.sleep_until(real.now_ns() + ms / 2);
   }
+  real.sleep_until(real.now_ns() + 120 * ms);
   const std::vector<bool> beats = gpio_.history(chip, heartbeat);
   EXPECT_NEAR(static_cast<double>(beats.size() - before), 10.0, 1.0);
   for (std::size_t i = 1; i < beats.size(); ++i) EXPECT_NE(beats[i], beats[i - 1]);
   // The loop hangs: nobody else beats.
   clock_.pass(10000 * ms);
+  real.sleep_until(real.now_ns() + 120 * ms);
   EXPECT_EQ(gpio_.history(chip, heartbeat).size(), beats.size());
   // And goes on: one beat, not a hundred.
-  ASSERT_TRUE(amplifier.write(false));
-  ASSERT_TRUE(amplifier.write(false));
+  for (int cycle = 0; cycle < 100; ++cycle) {
+    ASSERT_TRUE(amplifier.write(false));
+    real.sleep_until(real.now_ns() + ms);
+  }
   EXPECT_EQ(gpio_.history(chip, heartbeat).size(), beats.size() + 1);
   amplifier.close();
   EXPECT_EQ(gpio_.history(chip, heartbeat).size(), beats.size() + 1);
@@ -209,7 +242,7 @@ TEST_F(AmplifierBench, APulseCountsForATenthOfASecondEvenWithoutDebouncing) {
 
 TEST_F(AmplifierBench, WhatNobodyHasLookedAtForTooLongIsPressed) {
   Amplifier& amplifier = make_open();
-  ASSERT_TRUE(amplifier.write(true));
+  ASSERT_TRUE(becomes(true));
   drivers::MonotonicHostClock real;
   real.sleep_until(real.now_ns() + 120 * ms);  // it was looked at, at this time
   gpio_.hold_gets(true);                       // whoever looks hangs in the chip's driver
@@ -220,13 +253,70 @@ TEST_F(AmplifierBench, WhatNobodyHasLookedAtForTooLongIsPressed) {
   const drivers::Signals after = amplifier.signals();
   EXPECT_TRUE(after.emergency_stop);
   EXPECT_TRUE(after.amplifier_fault);
-  EXPECT_TRUE(amplifier.write(false));
-  EXPECT_FALSE(gpio_.level(chip, enable)) << "off needs nobody else";
+  EXPECT_TRUE(becomes(false)) << "off does not need the one that looks";
   gpio_.hold_gets(false);
   EXPECT_TRUE(soon([&] {
     const drivers::Signals now = amplifier.signals();
     return !now.emergency_stop && !now.amplifier_fault;
   }));
+}
+
+TEST_F(AmplifierBench, AChipThatHangsHoldsUpNobodyAndIsLost) {
+  Amplifier& amplifier = make_open();
+  ASSERT_TRUE(becomes(true));
+  drivers::MonotonicHostClock real;
+  // The beat that is due hangs in the chip's driver, and the loop goes on.
+  gpio_.hold_sets(true);
+  clock_.pass(100 * ms);
+  ASSERT_TRUE(amplifier.write(true));
+  // Somebody stops the rig meanwhile: that is told, and waits its turn.
+  clock_.pass(100 * ms);
+  ASSERT_TRUE(amplifier.write(false));
+  clock_.pass(200 * ms);
+  EXPECT_TRUE(amplifier.write(false)) << "0.3 s are not over since the first of them";
+  clock_.pass(1);
+  const Result result = amplifier.write(false);
+  EXPECT_EQ(result.outcome, Outcome::lost);
+  EXPECT_THAT(result.message, HasSubstr("cp2112_gpio of the amplifier does not answer"));
+  EXPECT_TRUE(amplifier.signals().emergency_stop);
+  EXPECT_TRUE(amplifier.signals().amplifier_fault);
+  EXPECT_EQ(amplifier.switch_off().outcome, Outcome::lost);
+  EXPECT_TRUE(gpio_.level(chip, enable));
+  gpio_.hold_sets(false);
+  EXPECT_TRUE(soon([&] { return !gpio_.level(chip, enable); })) << "off comes through in the end";
+  EXPECT_EQ(amplifier.write(true).outcome, Outcome::lost);
+  EXPECT_FALSE(gpio_.level(chip, enable)) << "once lost, it is not switched on";
+  EXPECT_TRUE(amplifier.open());
+  EXPECT_TRUE(becomes(true));
+}
+
+TEST_F(AmplifierBench, BeatsDoNotPileUpBehindASlowChip) {
+  Amplifier& amplifier = make_open();
+  ASSERT_TRUE(becomes(true));
+  gpio_.hold_sets(true);
+  clock_.pass(100 * ms);
+  for (int cycle = 0; cycle < 20; ++cycle) {
+    ASSERT_TRUE(amplifier.write(cycle < 10));
+    clock_.pass(10 * ms);
+  }
+  const std::size_t beats = gpio_.history(chip, heartbeat).size();
+  gpio_.hold_sets(false);
+  EXPECT_TRUE(soon([&] { return !gpio_.level(chip, enable); }));
+  EXPECT_LE(gpio_.history(chip, heartbeat).size(), beats + 1) << "beats do not pile up";
+}
+
+TEST_F(AmplifierBench, SwitchOffKnowsWhetherItIsOff) {
+  EXPECT_TRUE(make().switch_off()) << "not open: off is what it is";
+  Amplifier& amplifier = make_open();
+  ASSERT_TRUE(becomes(true));
+  gpio_.fail_next_sets(chip, 2);
+  EXPECT_TRUE(amplifier.switch_off());
+  EXPECT_FALSE(gpio_.level(chip, enable));
+  ASSERT_TRUE(becomes(true));
+  gpio_.fail_next_sets(chip, 1000);
+  const Result result = amplifier.switch_off();
+  EXPECT_EQ(result.outcome, Outcome::lost);
+  EXPECT_THAT(result.message, HasSubstr("cp2112_gpio"));
 }
 
 TEST_F(AmplifierBench, ALineThatIsNotThereIsNeverPressed) {
@@ -324,7 +414,7 @@ TEST_F(AmplifierBench, TwoChipsOfOneLabelNeedAPerson) {
 
 TEST_F(AmplifierBench, AChipThatIsPulledOutIsLostAndStopsEverything) {
   Amplifier& amplifier = make_open();
-  ASSERT_TRUE(amplifier.write(true));
+  ASSERT_TRUE(becomes(true));
   gpio_.unplug(chip);
   EXPECT_TRUE(soon([&] { return amplifier.signals().emergency_stop; })) << "without any write";
   EXPECT_EQ(amplifier.write(true).outcome, Outcome::lost);
@@ -336,23 +426,23 @@ TEST_F(AmplifierBench, AChipThatIsPulledOutIsLostAndStopsEverything) {
   gpio_.add_chip(chip, "cp2112_gpio", {"enable", "", "stop", "", "", "beat", "", ""});
   gpio_.put(chip, stop, true);
   EXPECT_TRUE(amplifier.open());
-  EXPECT_TRUE(amplifier.write(true));
-  EXPECT_TRUE(gpio_.level(chip, enable));
+  EXPECT_TRUE(becomes(true));
 }
 
 TEST_F(AmplifierBench, OffIsAssertedAgainAfterAnError) {
   Amplifier& amplifier = make_open();
-  ASSERT_TRUE(amplifier.write(true));
+  ASSERT_TRUE(becomes(true));
   gpio_.fail_next_sets(chip, 2);
-  EXPECT_EQ(amplifier.write(false).outcome, Outcome::temporary);
-  EXPECT_EQ(amplifier.write(false).outcome, Outcome::temporary);
-  EXPECT_TRUE(gpio_.level(chip, enable));
-  EXPECT_TRUE(amplifier.write(false));
-  EXPECT_FALSE(gpio_.level(chip, enable));
+  int failures = 0;
+  EXPECT_TRUE(soon([&] {
+    const Outcome outcome = amplifier.write(false).outcome;
+    EXPECT_TRUE(outcome == Outcome::ok || outcome == Outcome::temporary);
+    failures += outcome == Outcome::temporary ? 1 : 0;
+    return !gpio_.level(chip, enable);
+  }));
+  EXPECT_EQ(failures, 2) << "each is told once";
   gpio_.fail_next_sets(chip, 3);
-  EXPECT_EQ(amplifier.write(true).outcome, Outcome::temporary);
-  EXPECT_EQ(amplifier.write(true).outcome, Outcome::temporary);
-  EXPECT_EQ(amplifier.write(true).outcome, Outcome::lost);
+  EXPECT_EQ(until(true, Outcome::lost)[Outcome::temporary], 2);
   EXPECT_TRUE(amplifier.signals().emergency_stop);
   EXPECT_EQ(amplifier.write(true).outcome, Outcome::lost);
   EXPECT_FALSE(gpio_.level(chip, enable)) << "once lost, it is not switched on";

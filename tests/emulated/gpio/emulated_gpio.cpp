@@ -86,6 +86,12 @@ void EmulatedGpio::hold_gets(bool hold) {
   let_go_.notify_all();
 }
 
+void EmulatedGpio::hold_sets(bool hold) {
+  const std::lock_guard lock(mutex_);
+  holds_sets_ = hold;
+  let_go_.notify_all();
+}
+
 void EmulatedGpio::edge_taken(const std::string& path, const GpioEdge& edge) {
   const std::lock_guard lock(mutex_);
   Chip* its = chip(path);
@@ -179,7 +185,8 @@ void EmulatedGpio::release(const std::string& path, unsigned offset) {
 }
 
 int EmulatedGpio::set(const std::string& path, unsigned offset, bool active) {
-  const std::lock_guard lock(mutex_);
+  std::unique_lock lock(mutex_);
+  let_go_.wait(lock, [this] { return !holds_sets_; });
   Chip* its = chip(path);
   if (its == nullptr) return ENODEV;
   if (its->failing_sets > 0) {

@@ -48,6 +48,8 @@ class EmulatedGpio {
   void let_float(const std::string& path, unsigned offset, bool floats);
   /// Whoever asks for a level waits until it is let go.
   void hold_gets(bool hold);
+  /// Whoever sets a line waits until it is let go.
+  void hold_sets(bool hold);
   bool level(const std::string& path, unsigned offset) const;
   /// Every voltage that an output was given, the one that it was requested with first.
   std::vector<bool> history(const std::string& path, unsigned offset) const;
@@ -92,6 +94,7 @@ class EmulatedGpio {
   mutable std::mutex mutex_;
   mutable std::condition_variable let_go_;
   bool holds_gets_ = false;
+  bool holds_sets_ = false;
   std::deque<Chip> chips_;
 };
 
