@@ -7,7 +7,8 @@
 // FOLDER gets `line` (the serial line), `ports.json`, and `truth`, rows of a time [ns] and six
 // channels, one every half millisecond. Commands come by lines on standard input, answers go by
 // lines to standard output:
-//   unplug|plug u6|bridge|gpio|lvdt|amplifier     press|release     fault|mend     state     quit
+//   unplug|plug u6|bridge|gpio|lvdt|amplifier     hang gpio     press|release     fault|mend
+//   state     quit
 #include <atomic>
 #include <chrono>
 #include <cstdint>
@@ -117,6 +118,17 @@ class TruthWriter {
   std::thread thread_;
 };
 
+/// The worst moment, always: left to chance it is one pull in some dozens. A chip that nobody asks
+/// anything for a second is pulled all the same.
+void pull_in_mid_transfer(UsbipServer& port) {
+  port.hang();
+  const std::int64_t end_ns = now_ns() + 1'000'000'000;
+  while (port.plugged() && !port.asked_in_vain() && now_ns() < end_ns) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  port.unplug();
+}
+
 int run(const std::filesystem::path& rig_file, const std::filesystem::path& folder) {
   if (!UsbipServer::available()) {
     std::fprintf(stderr, "bench_devices: no virtual USB controller (modprobe vhci-hcd, as root)\n");
@@ -171,7 +183,7 @@ int run(const std::filesystem::path& rig_file, const std::filesystem::path& fold
   const std::map<std::string, std::function<void(bool)>> plugs = {
       {"u6", [&](bool in) { in ? board_port.plug() : board_port.unplug(); }},
       {"bridge", [&](bool in) { in ? bridge_port.plug() : bridge_port.unplug(); }},
-      {"gpio", [&](bool in) { in ? gpio_port.plug() : gpio_port.unplug(); }},
+      {"gpio", [&](bool in) { in ? gpio_port.plug() : pull_in_mid_transfer(gpio_port); }},
       {"lvdt", [&](bool in) { in ? units.plug_in() : units.unplug(); }},
       {"amplifier", [&](bool in) { units.dead(2, !in); }},
   };
@@ -188,6 +200,8 @@ int run(const std::filesystem::path& rig_file, const std::filesystem::path& fold
       // A board without power lets its lines go.
       if (word == "unplug" && which == "u6") circuit.close(0, false, now_ns());
       if (word == "unplug" && which == "gpio") circuit.close(1, false, now_ns());
+    } else if (word == "hang" && which == "gpio") {
+      gpio_port.hang();
     } else if (word == "press" || word == "release") {
       plant.press_emergency_stop(word == "press");
     } else if (word == "fault" || word == "mend") {

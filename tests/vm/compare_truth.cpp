@@ -3,8 +3,8 @@
 //   compare_truth RECORDING TRUTH CARRIER_HZ FROM_NS TO_NS
 //
 // prints, as JSON, for each channel how much the readings are late as a whole and how far they are
-// from the truth then, how many frames are missing in between, and the amplitude with which the
-// base really moved at the carrier between the two times.
+// from the truth then, how fast that changes there, how many frames are missing in between, and the
+// amplitude with which the base really moved at the carrier between the two times.
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -104,15 +104,20 @@ double lateness_ns(const std::vector<Point>& points, const std::vector<Row>& row
   return best_ns;
 }
 
-/// How fast the truth changes, RMS [1/s].
-double slope(const std::vector<Row>& rows, std::size_t channel) {
+/// How fast the truth changes where it was read, RMS [1/s].
+double slope_at(const std::vector<Point>& points, const std::vector<Row>& rows,
+                std::size_t channel) {
+  constexpr double step_ns = 1e6;
   double squares = 0.0;
-  for (std::size_t i = 1; i < rows.size(); ++i) {
-    const double rise = rows[i].value[channel] - rows[i - 1].value[channel];
-    const double step_s = 1e-9 * static_cast<double>(rows[i].time_ns - rows[i - 1].time_ns);
-    squares += rise * rise / (step_s * step_s);
+  std::size_t count = 0;
+  for (const Point& point : points) {
+    const double rise = truth_at(rows, channel, point.time_ns + 0.5 * step_ns) -
+                        truth_at(rows, channel, point.time_ns - 0.5 * step_ns);
+    if (!std::isfinite(rise)) continue;
+    squares += rise * rise / (1e-18 * step_ns * step_ns);
+    ++count;
   }
-  return std::sqrt(squares / static_cast<double>(rows.size() - 1));
+  return count == 0 ? 0.0 : std::sqrt(squares / static_cast<double>(count));
 }
 
 double amplitude(const std::vector<Row>& rows, double carrier_hz, std::int64_t from_ns,
@@ -158,7 +163,7 @@ int run(char** argv) {
     std::printf(
         ", \"%s\": {\"readings\": %zu, \"late_ms\": %.3f, \"rms\": %.6g, \"slope_per_s\": %.6g}",
         info(channel).stem.data(), points.size(), late_ns * 1e-6, rms_at(points, rows, i, late_ns),
-        slope(rows, i));
+        slope_at(points, rows, i));
   }
   std::puts("}");
   return 0;

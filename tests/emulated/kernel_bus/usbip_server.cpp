@@ -96,6 +96,7 @@ void UsbipServer::plug() {
     throw std::runtime_error(std::string("no socket pair: ") + std::strerror(errno));
   }
   device_.reset();
+  hangs_ = asked_in_vain_ = false;
   socket_ = ends[1];
   constexpr int bus_and_device = 1 << 16 | 2;
   try {
@@ -127,7 +128,11 @@ void UsbipServer::serve() {
     bool any = false;
     for (const auto& [endpoint, requests] : waiting_) any = any || !requests.empty();
     if (!take(any ? poll_ms_ : 1000)) return;
-    answer_what_can_be();
+    if (!hangs_) {
+      answer_what_can_be();
+    } else if (!waiting_[0].empty() || !waiting_[0x80].empty()) {
+      asked_in_vain_ = true;
+    }
   }
 }
 

@@ -3,6 +3,7 @@
 // kernel's documentation, usb/usbip_protocol). Needs root, and the module vhci-hcd.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -16,7 +17,7 @@
 
 namespace stickslip::emulated {
 
-/// Serves one device in a thread of its own. plug and unplug are for one other thread.
+/// Serves one device in a thread of its own. The rest is for one other thread.
 class UsbipServer {
  public:
   /// `port`: one of the controller's first eight, each for one device at a time. `poll_ms`: how
@@ -35,6 +36,13 @@ class UsbipServer {
   /// Gone at once, in the middle of whatever is under way.
   void unplug();
   bool plugged() const { return thread_.joinable(); }
+
+  /// Its firmware hangs: it is there, and answers nothing, until it is plugged in again.
+  void hang() { hangs_ = true; }
+  /// Whether one that hangs has been asked something since. A cable that is pulled then is pulled
+  /// in the middle of a transfer, which a virtual controller, other than a real one, does not give
+  /// back: the kernel waits for it as long as for one that hangs, five seconds.
+  bool asked_in_vain() const { return asked_in_vain_; }
 
  private:
   struct Request {
@@ -58,6 +66,8 @@ class UsbipServer {
   int port_;
   int poll_ms_;
   int socket_ = -1;
+  std::atomic<bool> hangs_{false};
+  std::atomic<bool> asked_in_vain_{false};
   std::thread thread_;
   std::map<std::uint8_t, std::deque<Request>> waiting_;  // by endpoint address
 };
