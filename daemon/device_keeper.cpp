@@ -32,9 +32,11 @@ void DeviceKeeper::stop() {
 bool DeviceKeeper::try_to_bring_back(drivers::Driver& driver, Loop& loop,
                                      const std::function<void()>& schedule) {
   driver.stop();
+  // Every few seconds, and with reason. Closing may take as long, and may find out itself.
+  const char* const left_on = driver.left_on();
+  if (left_on != nullptr) spdlog::error("{}", left_on);
   driver.close();
-  // Every few seconds, and with reason.
-  if (const char* left_on = driver.left_on()) spdlog::error("{}", left_on);
+  if (left_on == nullptr && driver.left_on() != nullptr) spdlog::error("{}", driver.left_on());
   drivers::Result result = driver.open();
   if (result) {
     // A thread that ends with it, so that the next attempt waits at no real-time priority.

@@ -132,7 +132,8 @@ Interlocks::Broken Interlocks::broken(std::int64_t now_ns) const {
     return out;
   };
   if (signals_.emergency_stop) {
-    return is(Interlock::emergency_stop, "the emergency stop is pressed, or its wire is cut");
+    return is(Interlock::emergency_stop,
+              "the emergency stop is pressed, its wire is cut, or what reads it does not answer");
   }
   if (signals_.amplifier_fault) {
     return is(Interlock::amplifier_fault, "the amplifier reports a fault of its own");

@@ -64,7 +64,7 @@ constexpr bool amplifier_allowed(RigState state) {
 enum class Interlock : std::uint8_t {
   none,
   just_started,       ///< nobody has looked at the rig since the daemon began
-  emergency_stop,     ///< pressed, or its wire is cut
+  emergency_stop,     ///< pressed, its wire is cut, or nobody can say
   amplifier_fault,    ///< the amplifier's own protection
   device_lost,        ///< gone, or not to be used as it is
   device_silent,      ///< no frame, or no write taken, for too long

@@ -364,8 +364,13 @@ int Service::run() {
   sd_notify(0, "READY=1\nSTATUS=running");
 
   housekeeping(loop, control.get(), driver->description());
+  // Nobody feeds the watchdog any more, and closing a device that hangs takes its time.
+  sd_notify(0, "STOPPING=1\nSTATUS=closing the device");
   loop_thread.join();
+  drain_notices(loop);
   keeper.stop();
+  // The keeper may not have come to it.
+  if (loop.device_is_gone()) driver->stop();
   driver->close();
   // Of one that is here the loop has told.
   const char* const left_on = loop.device_is_gone() ? driver->left_on() : nullptr;

@@ -17,7 +17,7 @@ class Contacts {
   /// Once a cycle, off as well as on. Does not wait for the contacts: what they did not do is told
   /// by one of the next calls.
   virtual Result write(bool amplifier_on) = 0;
-  /// Off, and known to be off where the result is well. For the end: it may wait.
+  /// Off, and confirmed where the result is well. For the end: it may wait.
   virtual Result switch_off() = 0;
   virtual Signals signals() const noexcept = 0;
   virtual void close() noexcept = 0;

@@ -42,7 +42,7 @@ struct Actuation {
 
 /// Lines that stand beside the channels, as they were when the latest frame was read.
 struct Signals {
-  bool emergency_stop = false;   ///< pressed, or its wire is cut
+  bool emergency_stop = false;   ///< pressed, its wire is cut, or nobody can say
   bool amplifier_fault = false;  ///< the amplifier's own protection has tripped
   /// A device beside the one that yields the frames is not there: a sentence for a person, which
   /// lives as long as the driver. Null: all are there.

@@ -90,7 +90,8 @@ Amplifier::Amplifier(const config::Amplifier& settings, HostClock& clock)
       failed_message_("the GPIO chip " + settings.chip +
                       " of the amplifier did not do what it was told this time"),
       hangs_message_("the GPIO chip " + settings.chip +
-                     " of the amplifier does not answer: pull it out and plug it in again"),
+                     " of the amplifier does not answer: pull it out and plug it in again, unless "
+                     "this host was too busy to ask it"),
       emergency_stop_(settings.emergency_stop.has_value()),
       fault_(settings.fault.has_value()) {}
 
@@ -125,6 +126,14 @@ Result Amplifier::open() {
   next_beat_ns_ = clock_.now_ns();
   open_ = true;
   stopping_ = false;
+  if (enable_) {
+    const int level = outputs_->get(*enable_);
+    reads_back_ = level >= 0;
+    if (level == 1) {
+      close();
+      return {Outcome::lost, failed_message_.c_str()};
+    }
+  }
   if (outputs_) {
     given_event_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     setter_ = std::thread([this] { carry_out_orders(); });
@@ -262,7 +271,7 @@ Result Amplifier::write(bool amplifier_on) {
 
 Result Amplifier::switch_off() {
   Result result = write(false);
-  if (!outputs_) return result;
+  if (!open_ || !enable_) return result;
   constexpr int patience_ms = static_cast<int>(believed_for_ns / 1'000'000);
   for (int waited_ms = 0; waited_ms < patience_ms; ++waited_ms) {
     if (answered_ == order_.serial && !order_failed_) return result;
@@ -289,10 +298,10 @@ Result Amplifier::take_answer(std::int64_t now_ns) {
   if (serial != answered_) {
     answered_ = serial;
     waiting_since_ns_ = now_ns;
-    const int error = static_cast<int>(answer & 0xFFFF'FFFFU);
+    const int error = static_cast<int>(answer & 0xFFFFU);
+    failures_in_row_ = static_cast<int>(answer >> 16U & 0xFFFFU);
     order_failed_ = error != 0 && answered_ == order_.serial;
     if (error != 0) return failed(error);
-    failures_in_row_ = 0;
   }
   if (answered_ == order_.serial || now_ns - waiting_since_ns_ <= believed_for_ns) return {};
   if (!lost_.exchange(true, std::memory_order_relaxed)) lost_because_ = hangs_message_.c_str();
@@ -300,12 +309,22 @@ Result Amplifier::take_answer(std::int64_t now_ns) {
 }
 
 Result Amplifier::failed(int error) {
-  failures_in_row_ = is_gone(error) ? failures_of_a_lost_chip : failures_in_row_ + 1;
+  if (is_gone(error)) failures_in_row_ = failures_of_a_lost_chip;
   if (failures_in_row_ < failures_of_a_lost_chip && !lost_.load(std::memory_order_relaxed)) {
     return {Outcome::temporary, failed_message_.c_str()};
   }
   lost_.store(true, std::memory_order_relaxed);
   return {Outcome::lost, lost_because_};
+}
+
+/// What the line holds is read again: Debian 12's kernel (6.1), where a chip's driver cannot answer
+/// a set, says that it was well even when the transfer at USB failed.
+int Amplifier::set_enable(bool active) noexcept {
+  const int error = outputs_->set(*enable_, active);
+  if (error != 0 || !reads_back_) return error;
+  const int level = outputs_->get(*enable_);
+  if (level < 0) return -level;
+  return (level == 1) == active ? 0 : EIO;
 }
 
 void Amplifier::carry_out_orders() {
@@ -314,6 +333,7 @@ void Amplifier::carry_out_orders() {
   bool enable_is_known = true;
   bool heartbeat_is = false;
   std::uint32_t done = 0;
+  std::uint32_t failures = 0;
   pollfd waited{given_event_, POLLIN, 0};
   for (;;) {
     ::poll(&waited, 1, look_every_ms);
@@ -324,7 +344,7 @@ void Amplifier::carry_out_orders() {
     if (order.serial == done) continue;
     int error = 0;
     if (enable_ && (!enable_is_known || enable_is != order.enable)) {
-      error = outputs_->set(*enable_, order.enable);
+      error = set_enable(order.enable);
       // What the line holds after an error nobody knows.
       enable_is_known = error == 0;
       enable_is = order.enable;
@@ -334,7 +354,8 @@ void Amplifier::carry_out_orders() {
       if (error == 0) heartbeat_is = order.heartbeat;
     }
     done = order.serial;
-    answer_.store(std::uint64_t{done} << 32U | static_cast<std::uint32_t>(error),
+    failures = error == 0 ? 0U : std::min(failures + 1U, 0xFFFFU);
+    answer_.store(std::uint64_t{done} << 32U | failures << 16U | static_cast<std::uint32_t>(error),
                   std::memory_order_release);
   }
 }

@@ -41,7 +41,7 @@ class Amplifier final : public Contacts {
   ~Amplifier() override;
 
   /// Finds the chip by path, name or label and requests the lines; enable and heartbeat begin
-  /// inactive, and have never been active in between.
+  /// inactive, and have never been active in between. Lost, where enable reads as active.
   Result open() override;
 
   /// Once a cycle. Orders enable to be as it should, where it is not known to be so, and turns the
@@ -50,7 +50,8 @@ class Amplifier final : public Contacts {
   /// out for `believed_for_ns` means that the chip is lost.
   Result write(bool amplifier_on) override;
 
-  /// Waits until enable is known to be inactive, no longer than `believed_for_ns`.
+  /// Waits until enable is inactive as far as the chip tells, no longer than `believed_for_ns`.
+  /// Well only if so, and if the chip is not lost.
   Result switch_off() override;
 
   Signals signals() const noexcept override;
@@ -75,6 +76,7 @@ class Amplifier final : public Contacts {
   bool request_outputs(const std::string& path, gpio::Refusal& refusal);
   bool request_inputs(const std::string& path, gpio::Refusal& refusal);
   Result failed(int error);
+  int set_enable(bool active) noexcept;
   void give(Order order, std::int64_t now_ns);
   Result take_answer(std::int64_t now_ns);
   void carry_out_orders();
@@ -103,8 +105,10 @@ class Amplifier final : public Contacts {
   const char* lost_because_ = nullptr;
   bool open_ = false;
 
-  // The setting thread's, while it runs. An answer: the order's serial number, and the error's.
+  // The setting thread's, while it runs. An answer: the order's serial number, how many have failed
+  // in a row, and the error's number.
   std::unique_ptr<gpio::Lines> outputs_;
+  bool reads_back_ = false;  // the chip tells what an output holds
   std::atomic<std::uint64_t> given_{0};
   std::atomic<std::uint64_t> answer_{0};
   int given_event_ = -1;

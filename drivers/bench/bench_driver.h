@@ -27,8 +27,8 @@ struct BenchParts {
 /// Frames are the board's, in V, with the latest reading of each gauge that is not newer than the
 /// scan, in the gauge's unit, and its age. A gauge that is lost costs its channels and is looked
 /// for by its own thread; the board or the amplifier costs the rig, and whoever owns this closes it
-/// and opens it again. The amplifier's contact is the first to be opened, goes off before the
-/// board's output and on after it; a board that fails for once does not switch it.
+/// and opens it again. The amplifier's contact is the first to be opened, is told "off" before
+/// the board's output and "on" after it; a board that fails for once does not switch it.
 class BenchDriver final : public Driver {
  public:
   /// `inputs` says which channel comes from which input of which gauge; those of the board are the

@@ -7,7 +7,7 @@
 // FOLDER gets `line` (the serial line), `ports.json`, and `truth`, rows of a time [ns] and six
 // channels, one every half millisecond. Commands come by lines on standard input, answers go by
 // lines to standard output:
-//   unplug|plug u6|bridge|gpio|lvdt|amplifier     hang gpio     press|release     fault|mend
+//   unplug|plug u6|bridge|gpio|lvdt|amplifier     hang|pull gpio     press|release     fault|mend
 //   state     quit
 #include <atomic>
 #include <chrono>
@@ -118,7 +118,7 @@ class TruthWriter {
   std::thread thread_;
 };
 
-/// The worst moment, always: left to chance it is one pull in some dozens. A chip that nobody asks
+/// The worst moment to unplug, which chance finds once in some dozens. A chip that nobody asks
 /// anything for a second is pulled all the same.
 void pull_in_mid_transfer(UsbipServer& port) {
   port.hang();
@@ -183,7 +183,7 @@ int run(const std::filesystem::path& rig_file, const std::filesystem::path& fold
   const std::map<std::string, std::function<void(bool)>> plugs = {
       {"u6", [&](bool in) { in ? board_port.plug() : board_port.unplug(); }},
       {"bridge", [&](bool in) { in ? bridge_port.plug() : bridge_port.unplug(); }},
-      {"gpio", [&](bool in) { in ? gpio_port.plug() : pull_in_mid_transfer(gpio_port); }},
+      {"gpio", [&](bool in) { in ? gpio_port.plug() : gpio_port.unplug(); }},
       {"lvdt", [&](bool in) { in ? units.plug_in() : units.unplug(); }},
       {"amplifier", [&](bool in) { units.dead(2, !in); }},
   };
@@ -202,6 +202,9 @@ int run(const std::filesystem::path& rig_file, const std::filesystem::path& fold
       if (word == "unplug" && which == "gpio") circuit.close(1, false, now_ns());
     } else if (word == "hang" && which == "gpio") {
       gpio_port.hang();
+    } else if (word == "pull" && which == "gpio") {
+      pull_in_mid_transfer(gpio_port);
+      circuit.close(1, false, now_ns());
     } else if (word == "press" || word == "release") {
       plant.press_emergency_stop(word == "press");
     } else if (word == "fault" || word == "mend") {

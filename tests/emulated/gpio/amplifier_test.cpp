@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <map>
 #include <memory>
 #include <string>
@@ -78,12 +79,29 @@ class AmplifierBench : public testing::Test {
     EXPECT_TRUE(soon([&] { return !amplifier.signals().emergency_stop; }));
     return amplifier;
   }
-  /// Told so, cycle by cycle, until the line is so.
+  static void let_pass(std::int64_t ns) {
+    drivers::MonotonicHostClock real;
+    real.sleep_until(real.now_ns() + ns);
+  }
+  /// Told so, cycle by cycle, until the line is so and nothing is under way any more.
   bool becomes(bool on) {
-    return soon([&] {
+    const bool did = soon([&] {
       EXPECT_TRUE(amplifier_->write(on));
       return gpio_.level(chip, enable) == on;
     });
+    for (int cycle = 0; cycle < 3; ++cycle) {
+      let_pass(20 * ms);
+      EXPECT_TRUE(amplifier_->write(on));
+    }
+    return did;
+  }
+  /// Nothing but off is ordered from now on, whatever it is told.
+  void expect_never_on_again() {
+    for (int cycle = 0; cycle < 5; ++cycle) {
+      EXPECT_EQ(amplifier_->write(true).outcome, Outcome::lost);
+      let_pass(20 * ms);
+    }
+    EXPECT_FALSE(gpio_.level(chip, enable)) << "once lost, it is not switched on";
   }
   /// What write() answers, cycle by cycle, until it answers that: how often it said each other one.
   std::map<Outcome, int> until(bool on, Outcome awaited) {
@@ -162,7 +180,7 @@ TEST_F(AmplifierBench, TheHeartbeatBeatsAsLongAsTheLoopRuns) {
   for (int cycle = 0; cycle < 1000; ++cycle) {
     clock_.pass(ms);
     ASSERT_TRUE(amplifier.write(false));
-    real.sleep_until(real.now_ns() + ms / 2);
+    real.sleep_until(real.now_ns() + ms);
   }
   real.sleep_until(real.now_ns() + 120 * ms);
   const std::vector<bool> beats = gpio_.history(chip, heartbeat);
@@ -284,8 +302,7 @@ TEST_F(AmplifierBench, AChipThatHangsHoldsUpNobodyAndIsLost) {
   EXPECT_TRUE(gpio_.level(chip, enable));
   gpio_.hold_sets(false);
   EXPECT_TRUE(soon([&] { return !gpio_.level(chip, enable); })) << "off comes through in the end";
-  EXPECT_EQ(amplifier.write(true).outcome, Outcome::lost);
-  EXPECT_FALSE(gpio_.level(chip, enable)) << "once lost, it is not switched on";
+  expect_never_on_again();
   EXPECT_TRUE(amplifier.open());
   EXPECT_TRUE(becomes(true));
 }
@@ -302,6 +319,7 @@ TEST_F(AmplifierBench, BeatsDoNotPileUpBehindASlowChip) {
   const std::size_t beats = gpio_.history(chip, heartbeat).size();
   gpio_.hold_sets(false);
   EXPECT_TRUE(soon([&] { return !gpio_.level(chip, enable); }));
+  let_pass(60 * ms);
   EXPECT_LE(gpio_.history(chip, heartbeat).size(), beats + 1) << "beats do not pile up";
 }
 
@@ -317,6 +335,43 @@ TEST_F(AmplifierBench, SwitchOffKnowsWhetherItIsOff) {
   const Result result = amplifier.switch_off();
   EXPECT_EQ(result.outcome, Outcome::lost);
   EXPECT_THAT(result.message, HasSubstr("cp2112_gpio"));
+}
+
+TEST_F(AmplifierBench, SwitchOffDoesNotWaitForAChipThatHangs) {
+  Amplifier& amplifier = make_open();
+  ASSERT_TRUE(becomes(true));
+  gpio_.hold_sets(true);
+  const Result result = amplifier.switch_off();
+  EXPECT_EQ(result.outcome, Outcome::lost);
+  EXPECT_THAT(result.message, HasSubstr("does not answer"));
+}
+
+TEST_F(AmplifierBench, ASetThatDidNothingIsNotBelieved) {
+  Amplifier& amplifier = make_open();
+  ASSERT_TRUE(becomes(true));
+  gpio_.swallow_next_sets(chip, 2);
+  EXPECT_TRUE(amplifier.switch_off());
+  EXPECT_FALSE(gpio_.level(chip, enable));
+  ASSERT_TRUE(becomes(true));
+  gpio_.swallow_next_sets(chip, 1000);
+  EXPECT_EQ(amplifier.switch_off().outcome, Outcome::lost);
+  EXPECT_TRUE(gpio_.level(chip, enable));
+}
+
+TEST_F(AmplifierBench, AChipThatDoesNotReadItsOutputsIsBelieved) {
+  gpio_.reads_outputs(chip, false);
+  Amplifier& amplifier = make_open();
+  EXPECT_TRUE(becomes(true));
+  EXPECT_TRUE(amplifier.switch_off());
+  EXPECT_FALSE(gpio_.level(chip, enable));
+}
+
+TEST_F(AmplifierBench, AHeartbeatAloneLeavesNoContactClosed) {
+  settings_.enable.reset();
+  Amplifier& amplifier = make_open();
+  gpio_.hold_sets(true);
+  clock_.pass(100 * ms);
+  EXPECT_TRUE(amplifier.switch_off());
 }
 
 TEST_F(AmplifierBench, ALineThatIsNotThereIsNeverPressed) {
@@ -444,8 +499,7 @@ TEST_F(AmplifierBench, OffIsAssertedAgainAfterAnError) {
   gpio_.fail_next_sets(chip, 3);
   EXPECT_EQ(until(true, Outcome::lost)[Outcome::temporary], 2);
   EXPECT_TRUE(amplifier.signals().emergency_stop);
-  EXPECT_EQ(amplifier.write(true).outcome, Outcome::lost);
-  EXPECT_FALSE(gpio_.level(chip, enable)) << "once lost, it is not switched on";
+  expect_never_on_again();
 }
 
 TEST_F(AmplifierBench, ChipsAreListedWithWhatKeepsThemFromBeingUsed) {

@@ -58,6 +58,16 @@ void EmulatedGpio::fail_next_sets(const std::string& path, int count) {
   chip(path)->failing_sets = count;
 }
 
+void EmulatedGpio::swallow_next_sets(const std::string& path, int count) {
+  const std::lock_guard lock(mutex_);
+  chip(path)->swallowed_sets = count;
+}
+
+void EmulatedGpio::reads_outputs(const std::string& path, bool reads) {
+  const std::lock_guard lock(mutex_);
+  chip(path)->reads_outputs = reads;
+}
+
 void EmulatedGpio::occupy(const std::string& path, unsigned offset, const std::string& consumer) {
   const std::lock_guard lock(mutex_);
   chip(path)->lines.at(offset).consumer = consumer;
@@ -195,6 +205,10 @@ int EmulatedGpio::set(const std::string& path, unsigned offset, bool active) {
   }
   Line& line = its->lines.at(offset);
   if (!line.wish.output) return EPERM;
+  if (its->swallowed_sets > 0) {
+    --its->swallowed_sets;
+    return 0;
+  }
   line.high = active != line.wish.active_low;
   line.history.push_back(line.high);
   return 0;
@@ -206,6 +220,7 @@ int EmulatedGpio::get(const std::string& path, unsigned offset, bool& active) co
   const Chip* its = chip(path);
   if (its == nullptr) return ENODEV;
   const Line& line = its->lines.at(offset);
+  if (line.wish.output && !its->reads_outputs) return EIO;
   active = line.high != line.wish.active_low;
   return 0;
 }

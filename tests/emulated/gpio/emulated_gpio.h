@@ -40,6 +40,10 @@ class EmulatedGpio {
   void tells_edges(const std::string& path, bool tells);
   void unplug(const std::string& path);
   void fail_next_sets(const std::string& path, int count);
+  /// They do nothing and say that it was well, as kernels tell of chips at USB.
+  void swallow_next_sets(const std::string& path, int count);
+  /// Outputs cannot be read.
+  void reads_outputs(const std::string& path, bool reads);
   /// Somebody else has it, or nobody any more (empty).
   void occupy(const std::string& path, unsigned offset, const std::string& consumer);
   /// The voltage at a line that is an input; without `tell` its edge is lost.
@@ -87,6 +91,8 @@ class EmulatedGpio {
     bool gone = false;
     bool tells_edges = true;
     int failing_sets = 0;
+    int swallowed_sets = 0;
+    bool reads_outputs = true;
   };
   Chip* chip(const std::string& path);
   const Chip* chip(const std::string& path) const;

@@ -148,6 +148,7 @@ struct ContactsState {
   std::vector<bool> writes;
   Signals signals;
   Result write_answer{};
+  Result switch_off_answer{};
 };
 
 class FakeContacts final : public Contacts {
@@ -162,7 +163,10 @@ class FakeContacts final : public Contacts {
     board_.order.emplace_back("contacts");
     return state_.write_answer;
   }
-  Result switch_off() override { return write(false); }
+  Result switch_off() override {
+    state_.writes.push_back(false);
+    return state_.switch_off_answer;
+  }
   Signals signals() const noexcept override { return state_.signals; }
   void close() noexcept override {}
 
@@ -456,7 +460,7 @@ TEST(BenchDriver, AContactThatCannotBeSwitchedOffAtTheEndIsTold) {
   ASSERT_TRUE(bench.driver.write({0.0, true}));
   bench.driver.stop();
   EXPECT_EQ(bench.driver.left_on(), nullptr);
-  bench.contacts.write_answer = {Outcome::lost, "the amplifier's GPIO chip gpiochip1 is gone"};
+  bench.contacts.switch_off_answer = {Outcome::lost, "the amplifier's GPIO chip gpiochip1 is gone"};
   bench.driver.stop();
   ASSERT_NE(bench.driver.left_on(), nullptr);
   EXPECT_THAT(bench.driver.left_on(), testing::HasSubstr("gpiochip1 is gone"));
@@ -464,7 +468,7 @@ TEST(BenchDriver, AContactThatCannotBeSwitchedOffAtTheEndIsTold) {
   bench.driver.close();
   EXPECT_NE(bench.driver.left_on(), nullptr);
   // Whoever opens the contact has made it inactive.
-  bench.contacts.write_answer = {};
+  bench.contacts.switch_off_answer = {};
   ASSERT_TRUE(bench.driver.open());
   EXPECT_EQ(bench.driver.left_on(), nullptr);
 }
