@@ -84,19 +84,20 @@ Finding check_real_time_priority(const Host& host, const Needs& needs) {
   if (tried.done) return {check, Verdict::ok, wish + " is granted", ""};
   std::string found = wish + " is refused: " + tried.words;
   const std::int64_t limit = host.limit(Limit::real_time_priority);
-  const bool limited = limit >= 0 && limit < loop_priority && !host.caller().root;
+  const bool limited = limit >= 0 && limit < loop_priority;
   std::string command;
   if (const std::string budget = empty_budget(host); !budget.empty()) {
     found += ", the budget of its control group is 0";
     command = "echo 950000 | sudo tee " + budget;
-  } else if (limited) {
-    found += ", RLIMIT_RTPRIO is " + std::to_string(limit);
-    command = limits_command;
   } else {
     found +=
-        ", the limits would allow it: a container without CAP_SYS_NICE, or a kernel with "
-        "CONFIG_RT_GROUP_SCHED";
-    command = "docker run --cap-add SYS_NICE --ulimit rtprio=50 ...";
+        limited ? ", RLIMIT_RTPRIO is " + std::to_string(limit) : ", the limits would allow it";
+    if (limited && !host.caller().root) {
+      command = limits_command;
+    } else {  // limits do not bind root, unless that was taken from it
+      found += ": a container without CAP_SYS_NICE, or a kernel with CONFIG_RT_GROUP_SCHED";
+      command = "docker run --cap-add SYS_NICE --ulimit rtprio=50 ...";
+    }
   }
   if (!needs.real_time) return {check, Verdict::note, found + "; the rig does not ask for it", ""};
   return {check, Verdict::fail, found, command};

@@ -21,6 +21,12 @@ TEST(RealTimePriorityCheck, TellsWhichGateIsClosed) {
   host.priority_limit = 0;
   EXPECT_THAT(check_real_time_priority(host, needs),
               AllOf(is(Verdict::fail, "RLIMIT_RTPRIO is 0"), mended_by(limits)));
+  // What refuses root is not its limits; that they are low is told all the same.
+  host.who.root = true;
+  EXPECT_THAT(check_real_time_priority(host, needs),
+              AllOf(is(Verdict::fail, "RLIMIT_RTPRIO is 0"), is(Verdict::fail, "container"),
+                    mended_by("docker run --cap-add SYS_NICE --ulimit rtprio=50 ...")));
+  host.who.root = false;
   host.priority_limit = 99;
   EXPECT_THAT(check_real_time_priority(host, needs),
               AllOf(is(Verdict::fail, "container"),
