@@ -59,6 +59,16 @@ T misread(const ReadingLaw<T>& law, const T& value, double time_s) {
   return out;
 }
 
+std::optional<RightedReading> put_right(const ReadingLaw<double>& law, double reading,
+                                        double margin) {
+  if (law.limit > 0.0 && std::abs(reading) > law.limit - margin) return std::nullopt;
+  // The branch of reading = straight (1 + curvature straight) that goes through 0.
+  const double square = 1.0 + 4.0 * law.curvature * reading;
+  if (!(square > 0.0)) return std::nullopt;
+  const double root = std::sqrt(square);
+  return RightedReading{2.0 * reading / ((1.0 + root) * law.gain), 1.0 / (root * law.gain)};
+}
+
 template double misread(const ReadingLaw<double>&, const double&, double);
 template Dual misread(const ReadingLaw<Dual>&, const Dual&, double);
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "physics/effects/effect.h"
@@ -63,6 +64,18 @@ struct FaultMemory {
 /// What a channel delivers instead of `value`, but for its delay and what leaks into it.
 template <class T>
 T misread(const ReadingLaw<T>& law, const T& value, double time_s);
+
+/// What misread() was given, and how fast that goes with the reading.
+struct RightedReading {
+  double value = 0.0;
+  double slope = 1.0;
+};
+
+/// The inverse of misread(), but for what leaks in, drifts and hums. None of a reading that says no
+/// more than that the truth is beyond the law's limit (it is less than `margin` from it), or that
+/// the law's curve does not reach.
+std::optional<RightedReading> put_right(const ReadingLaw<double>& law, double reading,
+                                        double margin);
 
 /// The faults of one rig at one step length. Immutable; `bank` must outlive it.
 template <class T>

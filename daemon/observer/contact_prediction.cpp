@@ -607,6 +607,7 @@ void ContactPrediction::advance(Vector& mean, double /*time_s*/, double slip_var
     next_[row] = sum;
   }
   if (rig_->structure().friction) add_contact(mean, widened_transition_speed(slip_variance));
+  reading_states_.advance(mean, next_, transition_);
   mean = next_;
 }
 

@@ -49,8 +49,7 @@ class Covariance {
   int count_;
   int width_;  ///< of a row
   // Behind the states' rows come those of the shared sums of a transition.
-  static constexpr std::size_t with_sums =
-      static_cast<std::size_t>((most + max_shared_sums) * most);
+  static constexpr std::size_t with_sums = std::size_t{most + max_shared_sums} * std::size_t{most};
   alignas(64) std::array<double, with_sums> states_{};
   alignas(64) std::array<double, with_sums> turned_{};
   alignas(64) std::array<double, static_cast<std::size_t>(most* most)> half_{};

@@ -101,8 +101,10 @@ void DoubtedConstants::correct(const Sight& sight, const Covariance::States& gai
   for (Group& group : group_) {
     Off seen = group[static_cast<std::size_t>(sight.at[0])];
     if (sight.count > 1) {
-      seen =
-          sight.weight[0] * seen + sight.weight[1] * group[static_cast<std::size_t>(sight.at[1])];
+      seen *= sight.weight[0];
+      for (std::size_t j = 1; j < static_cast<std::size_t>(sight.count); ++j) {
+        seen += sight.weight[j] * group[static_cast<std::size_t>(sight.at[j])];
+      }
     }
     if ((seen == 0.0).all()) continue;  // the drive, which no constant pushes
     for (int i = 0; i < layout_->count; ++i) group[static_cast<std::size_t>(i)] -= gain[i] * seen;

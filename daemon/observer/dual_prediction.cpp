@@ -96,8 +96,9 @@ void DualPrediction::advance(Vector& mean, double time_s, double slip_variance) 
   for (int offset = 0; offset < layout_->core; offset += Dual::directions) {
     pass(mean, time_s, offset);
   }
-  mean = next_;
   fill_transition();
+  reading_states_.advance(mean, next_, transition_);
+  mean = next_;
 }
 
 void DualPrediction::fill_transition() {

@@ -16,7 +16,6 @@ namespace {
 
 using physics::Excitation;
 using physics::Model;
-using physics::Rig;
 namespace state = physics::state;
 
 constexpr int longest_gap_periods = 10;
@@ -72,10 +71,14 @@ constexpr std::array mechanical_channels = {Channel::displacement, Channel::velo
 }  // namespace
 
 KalmanFilter::KalmanFilter(const Model& declared, double period_s, Contact contact)
-    : model_(without_jumps(declared)),
+    : KalmanFilter(followed(declared), period_s, contact) {}
+
+KalmanFilter::KalmanFilter(const Followed& followed, double period_s, Contact contact)
+    : model_(without_jumps(followed.model)),
+      misreadings_(followed.laws),
       rig_(model_),
       period_s_(period_s),
-      layout_(layout_of(model_, rig_, unsupported_)),
+      layout_(layout_of(model_, rig_, unsupported_, followed.laws)),
       steps_(static_cast<int>(std::ceil(period_s / rig_.longest_step_s() - 1.0e-9))),
       covariance_(std::min(layout_.count, max_states)),
       consistency_(period_s) {
@@ -93,9 +96,14 @@ KalmanFilter::KalmanFilter(const Model& declared, double period_s, Contact conta
       std::make_unique<Noise>(model_, rig_, layout_, prediction_->numbers(), period_s_, contact);
   constants_ = std::make_unique<DoubtedConstants>(model_, rig_, layout_, period_s_);
   const physics::SensorBank bank(model_, period_s_ / steps_);
-  settle_s_ = std::clamp(bank.settling_time_s(), 20.0 * period_s_, 2.0);
+  double latest_s = 0.0;
+  for (const Chain& chain : layout_.chain) latest_s = std::max(latest_s, chain.delay_s);
+  settle_s_ = std::clamp(bank.settling_time_s() + latest_s, 20.0 * period_s_, 2.0);
   learn_s_ = 2.0 * settle_s_;
   mean_ = Vector::Zero(layout_.count);
+  for (Channel channel : all_channels) {
+    sights_[index_of(channel)].sight = sight_of(layout_.of(channel), 0.0);
+  }
   name_quantities();
 }
 
@@ -132,6 +140,13 @@ double KalmanFilter::normal_load(const Vector& mean) const {
   const double load = layout_.load >= 0 ? mean[layout_.load] : c.load;
   if (structure.load_law != physics::NormalLoadLaw::wedge) return std::max(0.0, load);
   return std::max(0.0, load * (1.0 + c.load_slope * mean[layout_.rig[state::x]]));
+}
+
+void KalmanFilter::take_back_misreadings(Frame& frame) {
+  for (Channel channel : all_channels) {
+    variance_[index_of(channel)] = noise_->reading_variance(channel);
+  }
+  misreadings_.take_back(frame, variance_);
 }
 
 // Starts, or starts anew, from what this frame says by itself.
@@ -182,18 +197,24 @@ Covariance KalmanFilter::output_noise() const {
   return noise;
 }
 
-KalmanFilter::Look KalmanFilter::look(Channel channel, const Frame& frame,
-                                      const Vector& states) const {
+KalmanFilter::Look KalmanFilter::look(Channel channel, const Frame& frame, const Vector& states) {
   Look out;
-  const double age_s = frame.age_us[index_of(channel)] * 1.0e-6;
-  out.sight = sight_of(layout_.of(channel), age_s);
-  out.variance = noise_->reading_variance(channel);
-  out.foretold = states[out.sight.at[0]];
-  if (out.sight.count > 1) {
-    const double since = out.sight.weight[1] * states[out.sight.at[1]] +
-                         (out.sight.weight[0] - 1.0) * states[out.sight.at[0]];
-    out.foretold += since;
-    out.variance += square(0.5 * age_s * out.sight.bend_per_s * since);
+  const Chain& chain = layout_.of(channel);
+  const double age_s =
+      std::max(0, frame.age_us[index_of(channel)]) * 1.0e-6 + std::min(0.0, chain.delay_s);
+  Aged& last = sights_[index_of(channel)];
+  if (last.age_s != age_s) last = {age_s, sight_of(chain, age_s)};
+  out.sight = &last.sight;
+  out.variance =
+      misreadings_.any() ? variance_[index_of(channel)] : noise_->reading_variance(channel);
+  const auto& [at, weight, count, bend_per_s] = last.sight;
+  out.foretold = weight[0] * states[at[0]];
+  for (std::size_t j = 1; j < static_cast<std::size_t>(count); ++j) {
+    out.foretold += weight[j] * states[at[j]];
+  }
+  if (bend_per_s > 0.0) {
+    const double since = (weight[0] - 1.0) * states[at[0]] + weight[1] * states[at[1]];
+    out.variance += square(0.5 * age_s * bend_per_s * since);
   }
   return out;
 }
@@ -211,21 +232,28 @@ bool KalmanFilter::is_new(Channel channel, const Frame& frame) {
 }
 
 bool KalmanFilter::use_reading(Channel channel, const Look& look, double innovation) {
-  const Sight& sight = look.sight;
+  const Sight& sight = *look.sight;
   covariance_.column(sight.at[0], column_);
   double variance = column_[sight.at[0]];
   if (sight.count > 1) {
-    covariance_.column(sight.at[1], gain_);
-    for (int k = 0; k < layout_.count; ++k) {
-      column_[k] = sight.weight[0] * column_[k] + sight.weight[1] * gain_[k];
+    const auto terms = static_cast<std::size_t>(sight.count);
+    for (int k = 0; k < layout_.count; ++k) column_[k] *= sight.weight[0];
+    for (std::size_t j = 1; j < terms; ++j) {
+      covariance_.column(sight.at[j], gain_);
+      for (int k = 0; k < layout_.count; ++k) column_[k] += sight.weight[j] * gain_[k];
     }
-    variance = sight.weight[0] * column_[sight.at[0]] + sight.weight[1] * column_[sight.at[1]];
+    variance = 0.0;
+    for (std::size_t j = 0; j < terms; ++j) variance += sight.weight[j] * column_[sight.at[j]];
   }
   const double expected = variance + look.variance;
   const std::size_t i = index_of(channel);
   const auto bit = static_cast<std::uint8_t>(1U << i);
   estimate_.innovation[i] = innovation;
   estimate_.innovation_std[i] = std::sqrt(expected);
+  if (misreadings_.any()) {  // of the reading as it was read
+    estimate_.innovation[i] /= misreadings_.stretch(channel);
+    estimate_.innovation_std[i] /= misreadings_.stretch(channel);
+  }
   estimate_.innovation_valid = static_cast<std::uint8_t>(estimate_.innovation_valid | bit);
   const double squared = square(innovation) / expected;
   if (since_start_s_ > learn_s_ && squared > square(outlier_sigmas)) {
@@ -235,7 +263,7 @@ bool KalmanFilter::use_reading(Channel channel, const Look& look, double innovat
     return false;
   }
   outliers_in_a_row_[i] = 0;
-  consistency_.take(i, innovation / estimate_.innovation_std[i]);
+  consistency_.take(i, estimate_.innovation[i] / estimate_.innovation_std[i]);
   estimate_.nis += squared;
   ++estimate_.nis_freedom;
 
@@ -245,7 +273,7 @@ bool KalmanFilter::use_reading(Channel channel, const Look& look, double innovat
   if (channel != drive_channel(rig_.structure()) && since_drive_s_ < drive_trusted_s) {
     for (int k = 0; k < 4; ++k) gain_[layout_.drive + k] = 0.0;
     const Chain& chain = layout_.of(drive_channel(rig_.structure()));
-    for (int k = 0; k < chain.count; ++k) gain_[chain.first + k] = 0.0;
+    chain.each_own_state([this](int state) { gain_[state] = 0.0; });
   }
   for (int k = 0; k < layout_.count; ++k) mean_[k] += gain_[k] * innovation;
   covariance_.correct(gain_, column_, expected);
@@ -267,7 +295,7 @@ void KalmanFilter::correct(const Frame& frame) {
     const std::size_t i = index_of(channel);
     if (channel == drive_channel(rig_.structure())) {
       since_drive_s_ = 0.0;
-      noise_->learn_drive(innovation / estimate_.innovation_std[i]);
+      noise_->learn_drive(estimate_.innovation[i] / estimate_.innovation_std[i]);
     }
     seen = seen || (used && std::find(mechanical_channels.begin(), mechanical_channels.end(),
                                       channel) != mechanical_channels.end());
@@ -415,6 +443,7 @@ int KalmanFilter::arrive(Frame& frame) {
   e.raw_valid = false;
 
   noise_->listen(frame);
+  if (misreadings_.any()) take_back_misreadings(frame);
   const double elapsed = static_cast<double>(frame.time_ns - time_ns_) * 1.0e-9;
   const double periods = std::round(elapsed / period_s_);
   if (!started_ || std::abs(periods) > longest_gap_periods) {

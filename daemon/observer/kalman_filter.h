@@ -11,6 +11,7 @@
 #include "daemon/observer/covariance.h"
 #include "daemon/observer/doubted_constants.h"
 #include "daemon/observer/layout.h"
+#include "daemon/observer/misreadings.h"
 #include "daemon/observer/noise.h"
 #include "daemon/observer/observer.h"
 #include "daemon/observer/prediction.h"
@@ -29,6 +30,9 @@ class KalmanFilter {
   const std::string& unsupported() const { return unsupported_; }
   const FrictionEstimate& estimate() const { return estimate_; }
 
+  /// The last frame as the filter took it: put right where the model says that it was read wrongly.
+  const Frame& frame() const { return frame_; }
+
   const Vector& mean() const { return mean_; }
   const Covariance& covariance() const { return covariance_; }
   const Transition& transition() const { return prediction_->transition(); }
@@ -40,6 +44,7 @@ class KalmanFilter {
     const int periods = arrive(frame);
     if (periods < 0) return;
     for (int k = 0; k < periods; ++k) pass(*this);
+    frame_ = frame;
     learn(frame);
   }
   void update(const Frame& frame) {
@@ -57,11 +62,11 @@ class KalmanFilter {
   /// How a channel of a frame is read: at its own age, with the variance of its readings and of
   /// what is neglected by looking back along a straight line.
   struct Look {
-    Sight sight;
+    const Sight* sight = nullptr;  ///< until the next look at this channel
     double variance = 0.0;
     double foretold = 0.0;
   };
-  Look look(Channel channel, const Frame& frame, const Vector& states) const;
+  Look look(Channel channel, const Frame& frame, const Vector& states);
 
   /// What these states and their covariance say, in the fields of an estimate that speak of the
   /// rig; and what doubted constants add to the doubt, unless null.
@@ -69,9 +74,12 @@ class KalmanFilter {
             FrictionEstimate& e) const;
 
  private:
+  KalmanFilter(const Followed& followed, double period_s, Contact contact);
+
   int arrive(Frame& frame);
   void learn(const Frame& frame);
   void name_quantities();
+  void take_back_misreadings(Frame& frame);
   void begin(const Frame& frame);
   void correct(const Frame& frame);
   bool use_reading(Channel channel, const Look& look, double innovation);
@@ -87,6 +95,7 @@ class KalmanFilter {
   // Declared before the layout, which says into it why there is none.
   std::string unsupported_;
   physics::Model model_;
+  Misreadings misreadings_;
   physics::Rig rig_;
   double period_s_;
   Layout layout_;
@@ -103,6 +112,15 @@ class KalmanFilter {
   Vector mean_;
   Covariance::States gain_, column_;
   std::array<int, quantity_count> source_{};  ///< of reported quantities
+
+  /// How each channel was looked at last: almost always in the same way.
+  struct Aged {
+    double age_s = 0.0;
+    Sight sight;
+  };
+  std::array<Aged, channel_count> sights_;
+  Frame frame_;
+  Misreadings::PerChannel variance_{};  ///< of its readings, where they were put right
 
   bool started_ = false;
   std::int64_t origin_ns_ = 0;  ///< time 0 of the model

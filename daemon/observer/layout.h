@@ -1,7 +1,8 @@
 // Which states the filter has for a model, and where they stand.
 //
 // The core moves by itself: the rig, the drive and the parameters. The tail is what the core and
-// the tail's own past make of it: friction and the memories of the sensor chains.
+// the tail's own past make of it: friction, the memories of the sensor chains, and what is
+// between those and the readings.
 #pragma once
 
 #include <Eigen/Core>
@@ -37,18 +38,43 @@ struct Chain {
   /// where there are no filters.
   int count = 0;
   std::vector<Section> sections;
+
+  // What [[physics]] says of the channel, behind all chains (reading_states.h).
+  double delay_s = 0.0;  ///< how much later than the others it is read; less than 0: earlier
+  int first_delay = 0;   ///< a late one's delay sections: two states each, value and rate
+  int delays = 0;
+  int hum = -1;  ///< two states: the hum in the reading, and a quarter of its period before
+  double hum_rad_s = 0.0;
+  double hum_size = 0.0;
+  int offset = -1;  ///< one state: how far the reading's zero has wandered
+  double offset_per_s = 0.0;
+
+  /// States from `first` on that belong to the channel alone.
+  template <class Visit>
+  void each_own_state(Visit&& visit) const {
+    for (int k = 0; k < count; ++k) visit(first + k);
+    for (int k = 0; k < 2 * delays; ++k) visit(first_delay + k);
+    for (int k = 0; hum >= 0 && k < 2; ++k) visit(hum + k);
+    if (offset >= 0) visit(offset);
+  }
 };
+
+inline constexpr int max_delays = 8;  ///< sections of a channel
 
 /// What a reading of some age is in terms of the states: the chain's output, less what it has
 /// changed by since.
 struct Sight {
-  std::array<int, 2> at{};
-  std::array<double, 2> weight{};
-  int count = 1;
-  double bend_per_s = 0.0;  ///< how fast the second state is forgotten: what a straight line misses
+  static constexpr std::size_t most = 1 + max_delays + 3;
+  std::array<int, most> at{};
+  std::array<double, most> weight{};
+  int count = 0;
+  /// How fast the second state is forgotten, which a straight line misses; 0: it is not looked
+  /// along.
+  double bend_per_s = 0.0;
 };
 
-/// Of a chain's reading `age_s` ago; a chain without filters is read as if it stood still.
+/// Of a chain's reading `age_s` ago, beside its own delay; a chain without filters is read as if it
+/// stood still. An age of less than 0 looks ahead.
 Sight sight_of(const Chain& chain, double age_s);
 
 struct Layout {
@@ -63,6 +89,7 @@ struct Layout {
   int friction = -1;  ///< f
   int theta = -1;     ///< theta; in the core where it has a memory
   std::array<Chain, channel_count> chain;
+  int behind_chains = 0;  ///< the first state of delays, hum and offsets
   int count = 0;
 
   const Chain& of(Channel channel) const { return chain[index_of(channel)]; }
@@ -71,7 +98,9 @@ struct Layout {
 /// The channel that the drive is measured by.
 Channel drive_channel(const physics::Structure& structure);
 
-/// The layout for a sound model, or in `reason` why there is none.
-Layout layout_of(const physics::Model& model, const physics::Rig& rig, std::string& reason);
+/// The layout for a sound model whose channels are read by `laws`, or in `reason` why there is
+/// none.
+Layout layout_of(const physics::Model& model, const physics::Rig& rig, std::string& reason,
+                 const physics::ReadingLaws<double>& laws = {});
 
 }  // namespace stickslip::observer

@@ -57,6 +57,9 @@ constexpr double jump_share = 0.1;
 // mu is learnt from slip faster than this many (doubtful) transition speeds.
 constexpr double lesson_speeds = 2.0;
 constexpr double noise_hearing_s = 1.0;
+// Hum is another one after this time, and a zero that wanders is off by what it drifts in that one.
+constexpr double hum_memory_s = 10.0;
+constexpr double offset_memory_s = 10.0;
 
 double relative(const Parameter& p) { return p.value != 0.0 ? std::abs(p.sigma / p.value) : 0.0; }
 
@@ -281,6 +284,15 @@ void Noise::start(const Frame& frame, double mu, Vector& mean, Covariance& covar
                             double rate_doubt) {
     const Chain& chain = l.of(channel);
     if (!chain.used) return;
+    if (chain.hum >= 0) {
+      set(chain.hum, 0.0, chain.hum_size);
+      set(chain.hum + 1, 0.0, chain.hum_size);
+    }
+    set(chain.offset, 0.0, offset_memory_s * chain.offset_per_s);
+    for (int k = 0; k < chain.delays; ++k) {
+      set(chain.first_delay + 2 * k, value, value_doubt);
+      set(chain.first_delay + 2 * k + 1, rate, rate_doubt);
+    }
     if (chain.sections.empty()) {
       set(chain.reading, value, value_doubt);
       return;
@@ -362,6 +374,16 @@ void Noise::add_process(const Vector& mean, double slip_variance, double since_s
     grow(l.load_rate, square(load_rate_walk * load) * h);
   } else if (l.load >= 0) {
     grow(l.load, square(load_walk * c.load) * h * 0.01);
+  }
+
+  if (l.behind_chains < l.count) {
+    for (const Chain& chain : l.chain) {
+      if (chain.hum >= 0) {
+        grow(chain.hum, square(chain.hum_size) * h / hum_memory_s);
+        grow(chain.hum + 1, square(chain.hum_size) * h / hum_memory_s);
+      }
+      grow(chain.offset, square(chain.offset_per_s) * offset_memory_s * h);
+    }
   }
 
   // The drive: p''' is white noise of that density.

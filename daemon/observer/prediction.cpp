@@ -14,6 +14,7 @@ Prediction::Prediction(const physics::Rig& rig, const Layout& layout, double per
       period_s_(period_s),
       loaded_by_measurement_(rig.structure().loaded &&
                              rig.structure().load_law == physics::NormalLoadLaw::measured),
+      reading_states_(layout, period_s),
       numbers_(rig.numbers<double>(std::span<const double>(rig.parameter_values()))),
       transition_(layout.count),
       next_(Vector::Zero(layout.count)) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "daemon/observer/layout.h"
+#include "daemon/observer/reading_states.h"
 #include "daemon/observer/transition.h"
 #include "physics/rig.h"
 
@@ -37,6 +38,7 @@ class Prediction {
   const Layout* layout_;
   double period_s_;
   bool loaded_by_measurement_;
+  ReadingStates reading_states_;
   physics::RigNumbers<double> numbers_;
   physics::RigNumbers<physics::Dual> dual_numbers_;
   Transition transition_;

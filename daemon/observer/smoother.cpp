@@ -126,9 +126,9 @@ void Smoother::add(const Frame& frame) {
       const std::size_t i = index_of(channel);
       const unsigned used = estimate.innovation_valid & ~unsigned{estimate.refused};
       if (((used >> i) & 1U) == 0) continue;
-      const KalmanFilter::Look look = filter_.look(channel, frame, moment.predicted);
-      moment.sight[i] = look.sight;
-      moment.off[i] = frame[channel] - look.foretold;
+      const KalmanFilter::Look look = filter_.look(channel, filter_.frame(), moment.predicted);
+      moment.sight[i] = *look.sight;
+      moment.off[i] = filter_.frame()[channel] - look.foretold;
       moment.exact[i] = 1.0 / look.variance;
     }
   }

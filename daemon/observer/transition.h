@@ -52,6 +52,12 @@ class Transition {
   }
   int add_shared(int sum, double weight) { return add(padded(count_) + sum, weight); }
 
+  /// Forgets the rows from that of `state` on, which then come anew.
+  void clear_from(int state) {
+    rows_ = shared_ + state;
+    entries_ = first_[static_cast<std::size_t>(rows_)];
+  }
+
   /// The weight at a place, to be renewed without building anew.
   double& at(int place) { return entry_[static_cast<std::size_t>(place)].weight; }
 
@@ -65,14 +71,15 @@ class Transition {
   /// All rows in one: that of `state` begins at row_start and ends at *row_ends, those of the next
   /// ones stand behind. The shared sums are the rows from -shared() on.
   const Entry* entries() const { return entry_.data(); }
-  int row_start(int state) const { return first_[static_cast<std::size_t>(shared_ + state)]; }
-  const int* row_ends(int state) const { return first_.data() + shared_ + state + 1; }
+  int row_start(int state) const { return *first_of(state); }
+  const int* row_ends(int state) const { return first_of(state) + 1; }
 
   /// The same as a matrix; for what is not in a hurry.
   Matrix dense() const;
 
  private:
   static constexpr std::size_t max_rows = max_states + max_shared_sums;
+  const int* first_of(int state) const { return first_.data() + shared_ + state; }
   const Entry* begin(int row) const {
     return entry_.data() + first_[static_cast<std::size_t>(row)];
   }

@@ -57,6 +57,41 @@ class Estimate(EndToEnd):
             nll.append(json.loads(summary.read_text())["nll_per_reading"])
         self.assertLess(nll[0], nll[1])
 
+    def test_channels_that_a_diagnosis_found_wrong_are_put_right(self):
+        wrong = self.folder / "wrong.toml"
+        wrong.write_text(TRUTH.read_text() + """
+[[physics]]
+id = "channel_delay"
+channel = "friction_force"
+delay_s = 0.006
+
+[[physics]]
+id = "gain_error"
+channel = "velocity"
+gain = 0.8
+
+[[physics]]
+id = "mains_hum"
+channel = "displacement"
+frequency_hz = 50.0
+amplitude = 0.0005
+phase_rad = 1.0
+""")
+        recording = self.folder / "wrong.csv"
+        self.succeed("simulate", "--model", wrong, "--drive", self.folder / "drive.csv",
+                     "--out", recording)
+        found = {}
+        for name, model, run in (("sound", TRUTH, self.recording), ("told", wrong, recording),
+                                 ("untold", TRUTH, recording)):
+            summary = self.folder / "found.json"
+            self.succeed("estimate", run, "--model", model, "--json", summary)
+            found[name] = json.loads(summary.read_text())
+        self.assertAlmostEqual(found["told"]["mu"]["mean"], found["sound"]["mu"]["mean"], delta=0.002)
+        self.assertAlmostEqual(found["told"]["nll_per_reading"], found["sound"]["nll_per_reading"],
+                               delta=0.2)
+        self.assertGreater(found["untold"]["nll_per_reading"],
+                           found["told"]["nll_per_reading"] + 10.0)
+
     def test_the_table_can_go_to_standard_output(self):
         said = self.succeed("estimate", self.recording, "--model", BELIEVED, "--out", "-").stdout
         self.assertTrue(said.startswith("time_s,displacement_m,displacement_m_std,"), said[:80])

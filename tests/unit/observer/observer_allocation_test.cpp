@@ -51,6 +51,11 @@ TEST(ObserverAllocation, UpdatesTouchNoHeapThroughGapsOutliersAndRestarts) {
   model.oscillator.mass_kg.sigma = 0.001;
   model.oscillator.damping_ratio->sigma = 0.003;
   model.terms.push_back({"hysteresis", {}, {{"stiffness_n_m", {3.0}}, {"slip_force_n", {0.03}}}});
+  model.terms.push_back({"channel_delay", Channel::friction_force, {{"delay_s", {0.006}}}});
+  model.terms.push_back({"clipping", Channel::velocity, {{"limit", {0.15}}}});
+  model.terms.push_back({"mains_hum",
+                         Channel::velocity,
+                         {{"frequency_hz", {50.0}}, {"amplitude", {0.01}}, {"phase_rad", {0.4}}}});
   physics::RigSimulator rig(model);
   const test::ModulatedBase base;
   std::vector<Frame> frames;

@@ -7,6 +7,7 @@
 
 #include "daemon/observer/contact_prediction.h"
 #include "daemon/observer/dual_prediction.h"
+#include "daemon/observer/misreadings.h"
 #include "tests/unit/observer/bench.h"
 
 namespace stickslip::observer {
@@ -61,13 +62,26 @@ std::vector<Case> cases() {
   Model bare = paper_rig(Law::state_variable);
   for (physics::Sensor& sensor : bare.sensors) sensor.filters.clear();
   out.push_back({"WithoutFilters", bare});
+  for (auto [name, model] : {std::pair{"Misread", with_doubts(paper_rig(Law::state_variable))},
+                             std::pair{"MisreadWithoutFilters", bare}}) {
+    model.terms = {{"channel_delay", Channel::friction_force, {{"delay_s", {0.0095}}}},
+                   {"channel_delay", Channel::displacement, {{"delay_s", {0.0007}}}},
+                   {"mains_hum",
+                    Channel::friction_force,
+                    {{"frequency_hz", {50.0}}, {"amplitude", {0.01}}, {"phase_rad", {0.4}}}},
+                   {"sensor_drift", Channel::velocity, {{"rate_per_s", {0.02}}}}};
+    out.push_back({name, model});
+  }
   return out;
 }
 
 class Predictions : public testing::TestWithParam<Case> {
  protected:
   Predictions()
-      : model_(GetParam().model), rig_(model_), layout_(layout_of(model_, rig_, reason_)) {}
+      : followed_(followed(GetParam().model)),
+        model_(followed_.model),
+        rig_(model_),
+        layout_(layout_of(model_, rig_, reason_, followed_.laws)) {}
 
   // A rig that swings, slips and is driven, somewhere on its way.
   Vector somewhere(std::mt19937& random) const {
@@ -103,11 +117,18 @@ class Predictions : public testing::TestWithParam<Case> {
         set(next++, scale);
         if (section.second_order) set(next++, 20.0 * scale);
       }
+      for (int k = 0; k < chain.delays; ++k) {
+        set(chain.first_delay + 2 * k, scale);
+        set(chain.first_delay + 2 * k + 1, 20.0 * scale);
+      }
+      if (chain.hum >= 0) set(chain.hum, scale);
+      set(chain.offset, scale);
     }
     return z;
   }
 
   std::string reason_;
+  Followed followed_;
   Model model_;
   physics::Rig rig_;
   Layout layout_;
@@ -179,6 +200,9 @@ TEST_P(Predictions, OfAContactReadAtRestWhatIsThere) {
     const Chain& chain = layout_.of(channel);
     if (!chain.used) return;
     EXPECT_NEAR(z[chain.reading], value, 2.0e-6 * std::abs(value) + tolerance);
+    for (int k = 0; k < chain.delays; ++k) {
+      EXPECT_NEAR(z[chain.first_delay + 2 * k], value, 2.0e-6 * std::abs(value) + tolerance);
+    }
   };
   namespace state = physics::state;
   expect(drive_channel(rig_.structure()), z[layout_.drive]);

@@ -1,0 +1,233 @@
+// Sensor effects that a diagnosis has added to the model: a rig whose channels are read wrongly is
+// followed about as well as one whose channels are not, by an observer that knows of it.
+#include "daemon/observer/misreadings.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <ostream>
+#include <string>
+
+#include "daemon/observer/reading_states.h"
+#include "daemon/observer/smoother.h"
+#include "tests/unit/observer/bench.h"
+
+namespace stickslip::observer {
+namespace {
+
+using test::Law;
+using test::Moment;
+using test::paper_rig;
+using test::rms;
+
+double theta_error(const Moment& m) { return m.estimate.theta - m.truth.theta; }
+double velocity_error(const Moment& m) { return m.estimate.velocity_m_s - m.truth.velocity_m_s; }
+
+struct Case {
+  std::string name;
+  std::vector<physics::Term> terms;
+  double worse = 1.15;  ///< at most, than with sound readings
+};
+
+void PrintTo(const Case& one, std::ostream* out) { *out << one.name; }
+
+physics::Term wrong(std::string id, Channel channel,
+                    std::map<std::string, physics::Parameter> parameters,
+                    std::optional<Channel> from = {}) {
+  return {std::move(id), channel, std::move(parameters), from};
+}
+
+physics::Term hum(Channel channel, double amplitude) {
+  return wrong("mains_hum", channel,
+               {{"frequency_hz", {50.0}}, {"amplitude", {amplitude}}, {"phase_rad", {0.7}}});
+}
+
+std::vector<Case> cases() {
+  using enum Channel;
+  const auto late = [](Channel channel, double by_s) {
+    return wrong("channel_delay", channel, {{"delay_s", {by_s}}});
+  };
+  const auto gain = [](Channel channel, double by) {
+    return wrong("gain_error", channel, {{"gain", {by}}});
+  };
+  const physics::Term drift = wrong("sensor_drift", velocity, {{"rate_per_s", {0.002}}});
+  // What is late is also known later: the filter cannot be as good as with all channels in time.
+  constexpr double late_is_less = 1.4;
+  return {
+      {"WrongGain", {gain(friction_force, 1.3)}},
+      {"TwoWrongGains", {gain(displacement, 0.8), gain(base_displacement, 1.2)}},
+      {"LateForce", {late(friction_force, 0.006)}, late_is_less},
+      {"LateDisplacement", {late(displacement, 0.0123)}},
+      {"LateVelocity", {late(velocity, 0.0045)}},
+      {"LateBase", {late(base_displacement, 0.008)}},
+      {"VeryLateVelocity", {late(velocity, 0.03)}, late_is_less},
+      {"EarlyForce", {late(friction_force, -0.002)}},
+      {"SlowDifferentiator", {{"differentiator_lag", {}, {{"cutoff_hz", {12.0}}}}}},
+      {"Leaks",
+       {wrong("crosstalk", friction_force, {{"coefficient", {3.0}}}, displacement),
+        wrong("crosstalk", displacement, {{"coefficient", {0.01}}}, friction_force)}},
+      {"CurvedBridge", {wrong("bridge_nonlinearity", friction_force, {{"curvature", {0.8}}})}},
+      {"Drift", {drift}},
+      {"Hum", {hum(friction_force, 0.02)}},
+      {"Clipped", {wrong("clipping", velocity, {{"limit", {0.1}}})}},
+      {"LateWeakAndWandering",
+       {late(friction_force, 0.006), gain(friction_force, 0.7), drift},
+       late_is_less},
+  };
+}
+
+std::vector<Moment> smoothed(std::vector<Moment> moments, const physics::Model& model) {
+  std::vector<Frame> frames;
+  frames.reserve(moments.size());
+  for (const Moment& moment : moments) frames.push_back(moment.frame);
+  std::size_t next = 0;
+  smooth(model, 1.0e-3, frames, [&](const FrictionEstimate& e) { moments[next++].estimate = e; });
+  return moments;
+}
+
+class Misread : public testing::TestWithParam<Case> {};
+
+TEST_P(Misread, RigsAreFollowedAboutAsWellByWhoKnows) {
+  const physics::Model sound = paper_rig(Law::state_variable);
+  physics::Model misread = sound;
+  misread.terms = GetParam().terms;
+  const auto reference = test::watch(sound, sound);
+  const auto aware = test::watch(misread, misread);
+  EXPECT_EQ(aware.back().estimate.restarts, 0U);
+  for (const auto& error : {theta_error, velocity_error}) {
+    EXPECT_LT(rms(aware, 3.0, error), GetParam().worse * rms(reference, 3.0, error));
+  }
+  // It doubts its readings as much as they are off.
+  EXPECT_GT(test::mean_nis(aware, 3.0), 0.8);
+  EXPECT_LT(test::mean_nis(aware, 3.0), 1.05);
+  const auto unaware = test::watch(misread, sound);
+  EXPECT_TRUE(rms(unaware, 3.0, theta_error) > 2.0 * rms(aware, 3.0, theta_error) ||
+              rms(unaware, 3.0, velocity_error) > 2.0 * rms(aware, 3.0, velocity_error));
+}
+
+INSTANTIATE_TEST_SUITE_P(Channels, Misread, testing::ValuesIn(cases()),
+                         [](const auto& info) { return info.param.name; });
+
+// Of a whole recording nothing is late; but the smoother goes along the filter's way, and that is
+// not quite as near the truth.
+TEST(Misreadings, AreTakenBackByTheSmootherToo) {
+  const physics::Model sound = paper_rig(Law::state_variable);
+  const auto reference = smoothed(test::watch(sound, sound, {.duration_s = 4.0}), sound);
+  for (const Case& one : cases()) {
+    if (one.name != "LateForce" && one.name != "Leaks" && one.name != "Hum") continue;
+    physics::Model misread = sound;
+    misread.terms = one.terms;
+    const auto aware = smoothed(test::watch(misread, misread, {.duration_s = 4.0}), misread);
+    for (const auto& error : {theta_error, velocity_error}) {
+      EXPECT_LT(rms(aware, 2.0, error), 1.25 * rms(reference, 2.0, error)) << one.name;
+    }
+  }
+}
+
+// Beside other physics, which the thorough prediction follows.
+TEST(Misreadings, AreTakenBackFromRigsWithOtherPhysicsToo) {
+  physics::Model sound = paper_rig(Law::coulomb);
+  sound.terms = {{"cubic_stiffness", {}, {{"k3_n_m3", {2.0e4}}}}};
+  physics::Model misread = sound;
+  misread.terms.push_back(wrong("channel_delay", Channel::velocity, {{"delay_s", {0.006}}}));
+  misread.terms.push_back(wrong("gain_error", Channel::friction_force, {{"gain", {1.4}}}));
+  misread.terms.push_back(hum(Channel::displacement, 0.001));
+  const auto reference = test::watch(sound, sound, {.duration_s = 8.0});
+  const auto aware = test::watch(misread, misread, {.duration_s = 8.0});
+  EXPECT_EQ(aware.back().estimate.restarts, 0U);
+  for (const auto& error : {theta_error, velocity_error}) {
+    EXPECT_LT(rms(aware, 3.0, error), 1.25 * rms(reference, 3.0, error));
+  }
+}
+
+// The daemon's clock does not begin when that of the recording began which the model was made from.
+TEST(Misreadings, HumIsFoundWhateverItsPhase) {
+  const physics::Model sound = paper_rig(Law::state_variable);
+  physics::Model misread = sound;
+  misread.terms = {hum(Channel::friction_force, 0.02)};
+  physics::Model believed = misread;
+  believed.terms.front().parameters["phase_rad"] = {-2.5};
+  believed.terms.front().parameters["amplitude"] = {0.014};
+  const auto reference = test::watch(sound, sound);
+  const auto aware = test::watch(misread, believed);
+  EXPECT_LT(rms(aware, 3.0, theta_error), 1.15 * rms(reference, 3.0, theta_error));
+}
+
+// Innovations are those of what was read, so that a likelihood is that of the readings.
+TEST(Misreadings, InnovationsHaveTheUnitOfTheReading) {
+  const physics::Model sound = paper_rig(Law::state_variable);
+  physics::Model misread = sound;
+  misread.terms = {wrong("gain_error", Channel::friction_force, {{"gain", {3.0}}})};
+  // The same readings, three times as large.
+  misread.sensors[index_of(Channel::friction_force)].noise_std = 3.0 * 6.0e-4;
+  const auto one = test::watch(sound, sound, {.duration_s = 3.0});
+  const auto three = test::watch(misread, misread, {.duration_s = 3.0});
+  const auto innovation = [](const Moment& m) {
+    return m.estimate.innovation[index_of(Channel::friction_force)];
+  };
+  EXPECT_NEAR(rms(three, 1.0, innovation), 3.0 * rms(one, 1.0, innovation),
+              0.01 * rms(three, 1.0, innovation));
+  EXPECT_NEAR(three.back().estimate.innovation_std[index_of(Channel::friction_force)],
+              3.0 * one.back().estimate.innovation_std[index_of(Channel::friction_force)], 1.0e-6);
+}
+
+// exp(-i w delay), up to the frequencies at which a rig moves.
+TEST(ReadingStates, DelayASineByTheirDelay) {
+  constexpr double period_s = 1.0e-3;
+  for (const double delay_s : {0.0003, 0.004, 0.011, 0.03}) {
+    physics::Model model = paper_rig(Law::coulomb);
+    model.terms = {wrong("channel_delay", Channel::displacement, {{"delay_s", {delay_s}}})};
+    const Followed what = followed(model);
+    const physics::Rig rig(what.model);
+    std::string reason;
+    const Layout layout = layout_of(what.model, rig, reason, what.laws);
+    ASSERT_EQ(reason, "");
+    const ReadingStates states(layout, period_s);
+    const Chain& chain = layout.of(Channel::displacement);
+    const Sight sight = sight_of(chain, 0.0);
+    for (const double frequency_hz : {2.4, 19.3, 50.0}) {
+      const double w = 2.0 * std::numbers::pi * frequency_hz;
+      Vector before = Vector::Zero(layout.count);
+      Vector after = before;
+      double worst = 0.0;
+      for (int k = 1; k <= 2000; ++k) {
+        const double t = k * period_s;
+        Transition transition(layout.count);
+        transition.clear();
+        for (int i = 0; i < layout.count; ++i) transition.begin_row();
+        after[chain.reading] = std::sin(w * t);
+        states.advance(before, after, transition);
+        double read = 0.0;
+        for (std::size_t j = 0; j < static_cast<std::size_t>(sight.count); ++j) {
+          read += sight.weight[j] * after[sight.at[j]];
+        }
+        if (k > 500) worst = std::max(worst, std::abs(read - std::sin(w * (t - delay_s))));
+        before = after;
+      }
+      EXPECT_LT(worst, frequency_hz < 20.0 ? 0.01 : 0.1) << delay_s << " s, " << frequency_hz;
+    }
+  }
+}
+
+TEST(Misreadings, AreRefusedWithAReasonWhereThereIsNoRoom) {
+  physics::Model model = paper_rig(Law::state_variable);
+  for (const Channel channel :
+       {Channel::displacement, Channel::velocity, Channel::friction_force}) {
+    model.terms.push_back(wrong("channel_delay", channel, {{"delay_s", {0.02}}}));
+  }
+  const FrictionObserver crowded(model, 1.0e-3);
+  EXPECT_NE(crowded.unsupported().find("[[physics]]"), std::string::npos) << crowded.unsupported();
+
+  model.terms = {{"differentiator_lag", {}, {{"cutoff_hz", {30.0}}}}};
+  model.sensors[index_of(Channel::velocity)].filters = {
+      {physics::FilterKind::butterworth_lowpass, 8, 100.0},
+      {physics::FilterKind::butterworth_lowpass, 4, 100.0}};
+  const FrictionObserver long_chain(model, 1.0e-3);
+  EXPECT_NE(long_chain.unsupported().find("velocity channel has 7 filter sections"),
+            std::string::npos)
+      << long_chain.unsupported();
+}
+
+}  // namespace
+}  // namespace stickslip::observer
