@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <random>
 #include <string>
 #include <vector>
@@ -113,5 +114,10 @@ int main(int argc, char** argv) {
   app.add_option("--steps", steps)->check(CLI::PositiveNumber)->capture_default_str();
   app.add_option("--rig", rig, "of config/")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
-  return stickslip::endure(rig, steps);
+  try {
+    return stickslip::endure(rig, steps);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "observer_endurance: %s\n", error.what());
+    return 2;
+  }
 }
