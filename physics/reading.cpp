@@ -59,12 +59,12 @@ T misread(const ReadingLaw<T>& law, const T& value, double time_s) {
   return out;
 }
 
-std::optional<RightedReading> put_right(const ReadingLaw<double>& law, double reading,
-                                        double margin) {
-  if (law.limit > 0.0 && std::abs(reading) > law.limit - margin) return std::nullopt;
-  // The branch of reading = straight (1 + curvature straight) that goes through 0.
+std::optional<RightedReading> put_right(const ReadingLaw<double>& law, double reading) {
+  // The branch of reading = straight (1 + curvature straight) that goes through 0. Its slope is the
+  // root; of a reading where that is small the second order counts as much as the first.
+  constexpr double least_root = 0.25;
   const double square = 1.0 + 4.0 * law.curvature * reading;
-  if (!(square > 0.0)) return std::nullopt;
+  if (!(square > least_root * least_root)) return std::nullopt;
   const double root = std::sqrt(square);
   return RightedReading{2.0 * reading / ((1.0 + root) * law.gain), 1.0 / (root * law.gain)};
 }

@@ -71,11 +71,9 @@ struct RightedReading {
   double slope = 1.0;
 };
 
-/// The inverse of misread(), but for what leaks in, drifts and hums. None of a reading that says no
-/// more than that the truth is beyond the law's limit (it is less than `margin` from it), or that
-/// the law's curve does not reach.
-std::optional<RightedReading> put_right(const ReadingLaw<double>& law, double reading,
-                                        double margin);
+/// Takes the gain and the curvature of misread() back. None of a reading near to where the curve
+/// turns back or beyond: there it says little or nothing.
+std::optional<RightedReading> put_right(const ReadingLaw<double>& law, double reading);
 
 /// The faults of one rig at one step length. Immutable; `bank` must outlive it.
 template <class T>

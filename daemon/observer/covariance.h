@@ -31,9 +31,9 @@ class Covariance {
     double operator[](int i) const { return of[static_cast<std::size_t>(i)]; }
   };
 
-  /// P H' for a reading of one state.
+  /// A column of P: P H' for a reading of one state.
   void column(int state, States& out) const;
-  /// P becomes (I - K H) P (I - K H)' + K r K' for a reading of one state and any gain K; `column`
+  /// P becomes (I - K H) P (I - K H)' + K r K' for any reading and any gain K; `column`
   /// is P H', `expected` is H P H' + r. Joseph's form, so P stays a covariance.
   void correct(const States& gain, const States& column, double expected);
 

@@ -88,7 +88,8 @@ void DoubtedConstants::move(Group& group, const Transition& transition) {
   };
   const int count = transition.count();
   for (int i = 0; i < transition.shared(); ++i) {
-    group[static_cast<std::size_t>(padded(count) + i)] =
+    const int sum = padded(count) + i;
+    group[static_cast<std::size_t>(sum)] =
         sum_of(transition.shared_begin(i), transition.shared_end(i));
   }
   for (int i = 0; i < count; ++i) {

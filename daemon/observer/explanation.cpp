@@ -39,7 +39,6 @@ constexpr std::size_t refined = 4;  // suspects
 struct Setting {
   Model model;
   double delay_s = 0.0;  ///< of the channel
-  double gain = 1.0;     ///< of the channel
 };
 
 /// Something that may have changed, with the sizes to begin with, most usual first.
@@ -101,6 +100,17 @@ void add_friction(const Model& model, std::vector<Suspect>& out) {
        [](double size) { return "the contact yields, with " + number_text(size) + " N/m"; }});
 }
 
+/// The channel reads so many times what it did.
+Model with_gain(Model model, Channel channel, double factor) {
+  for (physics::Term& term : model.terms) {
+    if (term.id != "gain_error" || term.channel != channel) continue;
+    term.parameters["gain"].value *= factor;
+    return model;
+  }
+  model.terms.push_back({"gain_error", channel, {{"gain", {factor}}}});
+  return model;
+}
+
 void add_structure(const Model& model, std::vector<Suspect>& out) {
   if (model.oscillator.natural_frequency_hz) {
     out.push_back(moved(
@@ -136,7 +146,9 @@ void add_sensor(Channel channel, std::vector<Suspect>& out) {
                  channel,
                  {0.9, 1.1, 0.75, 1.3},
                  0.02,
-                 [](const Model& m, double size) { return Setting{.model = m, .gain = size}; },
+                 [channel](const Model& m, double size) {
+                   return Setting{.model = with_gain(m, channel, size)};
+                 },
                  [name](double size) {
                    return "the channel " + name + " reads " + number_text(size) +
                           " times what it did";
@@ -153,9 +165,8 @@ std::vector<Suspect> suspects_of(const Model& model) {
   return out;
 }
 
-/// The frames as they would have been if the channel had neither lag nor another gain.
-std::vector<Frame> put_right(std::span<const Frame> frames, Channel channel, double periods,
-                             double gain) {
+/// The frames as they would have been if the channel had no lag.
+std::vector<Frame> put_in_time(std::span<const Frame> frames, Channel channel, double periods) {
   std::vector<Frame> out(frames.begin(), frames.end());
   const auto whole = static_cast<std::size_t>(periods);
   const double part = periods - static_cast<double>(whole);
@@ -166,8 +177,7 @@ std::vector<Frame> put_right(std::span<const Frame> frames, Channel channel, dou
       out[k].invalidate(channel);
       continue;
     }
-    const double value = (1.0 - part) * frames[next - 1][channel] + part * frames[next][channel];
-    out[k].set(channel, value / gain);
+    out[k].set(channel, (1.0 - part) * frames[next - 1][channel] + part * frames[next][channel]);
   }
   return out;
 }
@@ -197,16 +207,12 @@ class Replay {
 
   /// Of the readings under this setting; nothing where the observer does not follow its model.
   std::optional<double> score(const Setting& setting, Channel channel) const {
-    if (setting.delay_s == 0.0 && setting.gain == 1.0) return score(setting.model, frames_, 0.0);
-    const std::vector<Frame> frames =
-        put_right(frames_, channel, setting.delay_s / period_s_, setting.gain);
-    // A reading divided by its gain is denser by it.
-    return score(setting.model, frames, -std::log(setting.gain));
+    if (setting.delay_s == 0.0) return follow(setting.model, frames_);
+    return follow(setting.model, put_in_time(frames_, channel, setting.delay_s / period_s_));
   }
 
  private:
-  std::optional<double> score(const Model& model, std::span<const Frame> frames,
-                              double each) const {
+  std::optional<double> follow(const Model& model, std::span<const Frame> frames) const {
     KalmanFilter filter(model, period_s_, Contact::known);
     if (!filter.unsupported().empty()) return std::nullopt;
     // What would be lost by delay is lost by all: the last frames are not counted.
@@ -220,7 +226,7 @@ class Replay {
       if (k < settle) continue;
       // While a filter that was lost finds its way it explains nothing.
       const bool lost = !e.valid;
-      if (!lost) latest = log_likelihood(e) + each;
+      if (!lost) latest = log_likelihood(e);
       sum += lost ? latest - price_of_being_lost : latest;
     }
     return sum;
@@ -319,7 +325,7 @@ std::vector<Explanation> explanations_of(const Model& believed, double period_s,
   }
   const Model before = as_it_was(believed, verdict);
   const Replay replay(before, period_s, seen);
-  const std::optional<double> unchanged = replay.score({before}, {});
+  const std::optional<double> unchanged = replay.score(Setting{before}, {});
   if (!unchanged) return {};
   const std::vector<Suspect> suspects = suspects_of(before);
   const std::vector<Trial> trials = trials_of(suspects, replay);

@@ -102,7 +102,9 @@ KalmanFilter::KalmanFilter(const Followed& followed, double period_s, Contact co
   learn_s_ = 2.0 * settle_s_;
   mean_ = Vector::Zero(layout_.count);
   for (Channel channel : all_channels) {
-    sights_[index_of(channel)].sight = sight_of(layout_.of(channel), 0.0);
+    if (!layout_.of(channel).used) continue;
+    Eye& eye = eyes_[index_of(channel)];
+    eye.in_time = eye.aged = sight_of(layout_, channel, 0.0);
   }
   name_quantities();
 }
@@ -142,11 +144,25 @@ double KalmanFilter::normal_load(const Vector& mean) const {
   return std::max(0.0, load * (1.0 + c.load_slope * mean[layout_.rig[state::x]]));
 }
 
-void KalmanFilter::take_back_misreadings(Frame& frame) {
-  for (Channel channel : all_channels) {
-    variance_[index_of(channel)] = noise_->reading_variance(channel);
-  }
+double KalmanFilter::reading_variance(Channel channel) const {
+  return misreadings_.any() ? variance_[index_of(channel)] : noise_->reading_variance(channel);
+}
+
+// What is at its limit has no noise to be heard.
+void KalmanFilter::hear_and_put_right(Frame& frame) {
+  const auto of_readings = [this] {
+    for (Channel channel : all_channels) {
+      variance_[index_of(channel)] = noise_->reading_variance(channel);
+    }
+  };
+  of_readings();
+  misreadings_.leave_out_limited(frame, variance_);
+  noise_->listen(frame);
+  of_readings();
   misreadings_.take_back(frame, variance_);
+  for (Channel channel : all_channels) {
+    if (frame.has(channel) && !is_possible(channel, frame[channel])) frame.invalidate(channel);
+  }
 }
 
 // Starts, or starts anew, from what this frame says by itself.
@@ -177,7 +193,8 @@ void KalmanFilter::begin(const Frame& frame) {
 void KalmanFilter::predict() {
   const double time_s = static_cast<double>(time_ns_ - origin_ns_) * 1.0e-9;
   const double doubt = slip_variance(covariance_);
-  noise_->add_process(mean_, doubt, since_start_s_, covariance_);
+  noise_->add_process(mean_, doubt, since_start_s_,
+                      reading_variance(drive_channel(rig_.structure())), covariance_);
   constants_->push(mean_);
   prediction_->advance(mean_, time_s, doubt);
   covariance_.propagate(prediction_->transition());
@@ -187,7 +204,8 @@ void KalmanFilter::predict() {
 
 Covariance KalmanFilter::process_noise() const {
   Covariance noise(layout_.count);
-  noise_->add_process(mean_, slip_variance(covariance_), since_start_s_, noise);
+  noise_->add_process(mean_, slip_variance(covariance_), since_start_s_,
+                      reading_variance(drive_channel(rig_.structure())), noise);
   return noise;
 }
 
@@ -202,19 +220,19 @@ KalmanFilter::Look KalmanFilter::look(Channel channel, const Frame& frame, const
   const Chain& chain = layout_.of(channel);
   const double age_s =
       std::max(0, frame.age_us[index_of(channel)]) * 1.0e-6 + std::min(0.0, chain.delay_s);
-  Aged& last = sights_[index_of(channel)];
-  if (last.age_s != age_s) last = {age_s, sight_of(chain, age_s)};
-  out.sight = &last.sight;
-  out.variance =
-      misreadings_.any() ? variance_[index_of(channel)] : noise_->reading_variance(channel);
-  const auto& [at, weight, count, bend_per_s] = last.sight;
-  out.foretold = weight[0] * states[at[0]];
-  for (std::size_t j = 1; j < static_cast<std::size_t>(count); ++j) {
-    out.foretold += weight[j] * states[at[j]];
+  Eye& eye = eyes_[index_of(channel)];
+  if (eye.age_s != age_s) {
+    eye.age_s = age_s;
+    eye.aged = sight_of(layout_, channel, age_s);
   }
-  if (bend_per_s > 0.0) {
-    const double since = (weight[0] - 1.0) * states[at[0]] + weight[1] * states[at[1]];
-    out.variance += square(0.5 * age_s * bend_per_s * since);
+  const Sight& sight = eye.aged;
+  out.sight = &sight;
+  out.variance = reading_variance(channel);
+  out.foretold = sight.of(states, sight.count);
+  if (age_s != 0.0) {
+    const double since =
+        sight.of(states, sight.moving) - eye.in_time.of(states, eye.in_time.moving);
+    out.variance += square(0.5 * age_s * sight.bend_per_s * since);
   }
   return out;
 }
@@ -442,8 +460,11 @@ int KalmanFilter::arrive(Frame& frame) {
   e.refused = 0;
   e.raw_valid = false;
 
-  noise_->listen(frame);
-  if (misreadings_.any()) take_back_misreadings(frame);
+  if (misreadings_.any()) {
+    hear_and_put_right(frame);
+  } else {
+    noise_->listen(frame);
+  }
   const double elapsed = static_cast<double>(frame.time_ns - time_ns_) * 1.0e-9;
   const double periods = std::round(elapsed / period_s_);
   if (!started_ || std::abs(periods) > longest_gap_periods) {

@@ -79,7 +79,8 @@ class KalmanFilter {
   int arrive(Frame& frame);
   void learn(const Frame& frame);
   void name_quantities();
-  void take_back_misreadings(Frame& frame);
+  double reading_variance(Channel channel) const;
+  void hear_and_put_right(Frame& frame);
   void begin(const Frame& frame);
   void correct(const Frame& frame);
   bool use_reading(Channel channel, const Look& look, double innovation);
@@ -113,12 +114,13 @@ class KalmanFilter {
   Covariance::States gain_, column_;
   std::array<int, quantity_count> source_{};  ///< of reported quantities
 
-  /// How each channel was looked at last: almost always in the same way.
-  struct Aged {
+  /// How each channel is looked at: in time, and as it was last, which is almost always the same.
+  struct Eye {
+    Sight in_time;
     double age_s = 0.0;
-    Sight sight;
+    Sight aged;
   };
-  std::array<Aged, channel_count> sights_;
+  std::array<Eye, channel_count> eyes_;
   Frame frame_;
   Misreadings::PerChannel variance_{};  ///< of its readings, where they were put right
 

@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -39,7 +40,10 @@ struct Chain {
   int count = 0;
   std::vector<Section> sections;
 
-  // What [[physics]] says of the channel, behind all chains (reading_states.h).
+  int input = -1;       ///< the state that goes into the first section; -1: no single one does
+  int input_rate = -1;  ///< the state that is its rate; -1: none is
+
+  // What [[physics]] says of the channel. The states stand behind all chains (reading_states.h).
   double delay_s = 0.0;  ///< how much later than the others it is read; less than 0: earlier
   int first_delay = 0;   ///< a late one's delay sections: two states each, value and rate
   int delays = 0;
@@ -48,8 +52,10 @@ struct Chain {
   double hum_size = 0.0;
   int offset = -1;  ///< one state: how far the reading's zero has wandered
   double offset_per_s = 0.0;
+  std::optional<Channel> leak_from;
+  double leak = 0.0;  ///< of what that channel would read
 
-  /// States from `first` on that belong to the channel alone.
+  /// Calls visit(state) for those that belong to the channel alone.
   template <class Visit>
   void each_own_state(Visit&& visit) const {
     for (int k = 0; k < count; ++k) visit(first + k);
@@ -61,21 +67,27 @@ struct Chain {
 
 inline constexpr int max_delays = 8;  ///< sections of a channel
 
-/// What a reading of some age is in terms of the states: the chain's output, less what it has
-/// changed by since.
+/// What a reading of some age is in terms of the states: what its chain and its delay deliver, less
+/// what that has changed by since, what leaks into it, its hum and its offset.
 struct Sight {
-  static constexpr std::size_t most = 1 + max_delays + 3;
-  std::array<int, most> at{};
-  std::array<double, most> weight{};
+  std::array<int, max_states> at{};
+  std::array<double, max_states> weight{};
   int count = 0;
-  /// How fast the second state is forgotten, which a straight line misses; 0: it is not looked
-  /// along.
+  int moving = 0;  ///< how many of them, the first ones, are not hum or offset
+  /// How fast what moves turns; a straight line back to its age misses that. 0: none is drawn.
   double bend_per_s = 0.0;
-};
 
-/// Of a chain's reading `age_s` ago, beside its own delay; a chain without filters is read as if it
-/// stood still. An age of less than 0 looks ahead.
-Sight sight_of(const Chain& chain, double age_s);
+  /// One state more, or more of it.
+  void see(int state, double by);
+  /// What the first `terms` make of these states.
+  double of(const Vector& states, int terms) const {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(terms); ++i) {
+      sum += weight[i] * states[at[i]];
+    }
+    return sum;
+  }
+};
 
 struct Layout {
   std::array<int, physics::max_rig_states> rig{};  ///< by physics::state; -1: not there
@@ -94,6 +106,10 @@ struct Layout {
 
   const Chain& of(Channel channel) const { return chain[index_of(channel)]; }
 };
+
+/// Of a reading `age_s` ago, beside the channel's own delay; less than 0 looks ahead. A reading
+/// whose rate no state tells is taken as if it stood still.
+Sight sight_of(const Layout& layout, Channel channel, double age_s);
 
 /// The channel that the drive is measured by.
 Channel drive_channel(const physics::Structure& structure);

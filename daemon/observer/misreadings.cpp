@@ -1,6 +1,5 @@
 #include "daemon/observer/misreadings.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <span>
@@ -40,51 +39,32 @@ Followed followed(const physics::Model& declared) {
   return out;
 }
 
-Misreadings::Misreadings(const physics::ReadingLaws<double>& laws)
-    : laws_(laws), any_(laws.wrong), apart_(decltype(apart_)::Identity()) {
+Misreadings::Misreadings(const physics::ReadingLaws<double>& laws) : laws_(laws) {
   stretch_.fill(1.0);
+}
+
+void Misreadings::leave_out_limited(Frame& frame, const PerChannel& variance) const {
   for (Channel channel : all_channels) {
-    const physics::ReadingLaw<double>& law = laws.of[index_of(channel)];
-    if (!law.leak_from) continue;
-    apart_(static_cast<int>(channel), static_cast<int>(*law.leak_from)) = law.leak;
+    const std::size_t i = index_of(channel);
+    const double limit = laws_.of[i].limit;
+    if (!(limit > 0.0) || !frame.has(channel)) continue;
+    const double margin = std::max(margin_sigmas * std::sqrt(variance[i]), margin_share * limit);
+    if (std::abs(frame[channel]) > limit - margin) frame.invalidate(channel);
   }
-  apart_ = apart_.inverse().eval();
 }
 
 void Misreadings::take_back(Frame& frame, PerChannel& variance) {
-  PerChannel alone{};
-  PerChannel slope{};
   for (Channel channel : all_channels) {
     if (!frame.has(channel)) continue;
     const std::size_t i = index_of(channel);
-    const physics::ReadingLaw<double>& law = laws_.of[i];
-    const double margin =
-        std::max(margin_sigmas * std::sqrt(variance[i]), margin_share * law.limit);
-    const auto righted = physics::put_right(law, frame[channel], margin);
+    const auto righted = physics::put_right(laws_.of[i], frame[channel]);
     if (!righted) {
       frame.invalidate(channel);
       continue;
     }
-    alone[i] = righted->value;
-    slope[i] = righted->slope;
-  }
-  const Frame known = frame;
-  const PerChannel read = variance;
-  for (Channel channel : all_channels) {
-    if (!known.has(channel)) continue;
-    const std::size_t i = index_of(channel);
-    double sum = 0.0;
-    variance[i] = 0.0;
-    for (Channel other : all_channels) {
-      const std::size_t j = index_of(other);
-      const double share = apart_(static_cast<int>(i), static_cast<int>(j));
-      if (share == 0.0) continue;
-      if (!known.has(other)) frame.invalidate(channel);
-      sum += share * alone[j];
-      variance[i] += share * share * slope[j] * slope[j] * read[j];
-    }
-    if (frame.has(channel)) frame.set(channel, sum);
-    stretch_[i] = std::abs(apart_(static_cast<int>(i), static_cast<int>(i)) * slope[i]);
+    frame.set(channel, righted->value);
+    variance[i] *= righted->slope * righted->slope;
+    stretch_[i] = std::abs(righted->slope);
   }
 }
 

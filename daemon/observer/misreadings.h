@@ -1,9 +1,9 @@
-// What a model's [[physics]] terms say is wrong with readings, taken back from them before the
-// filter sees them: limit, curvature, gain, and what leaks in from other channels. Delays, hum and
-// drift cannot be: the filter has states for them (reading_states.h).
+// What a model's [[physics]] terms say is wrong with readings. Taken back from each reading before
+// the filter sees it: gain and curvature; a reading at its limit is left out. The rest cannot be:
+// the filter has states for delays, hum and drift (reading_states.h), and sees a leak in the
+// channel that it leaks into (sight_of).
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 
 #include "physics/effects/effect.h"
@@ -26,22 +26,23 @@ class Misreadings {
  public:
   explicit Misreadings(const physics::ReadingLaws<double>& laws);
 
-  bool any() const { return any_; }
+  bool any() const { return laws_.wrong; }
 
   using PerChannel = std::array<double, channel_count>;
 
-  /// Puts the readings of a frame right; those that cannot be are no longer valid. `variance` is of
-  /// the readings, and becomes that of what is left.
+  /// Makes readings invalid that only say that the truth is beyond a limit. `variance`: of
+  /// readings.
+  void leave_out_limited(Frame& frame, const PerChannel& variance) const;
+
+  /// Puts the other readings of a frame right; those that cannot be are no longer valid. `variance`
+  /// becomes that of what is left.
   void take_back(Frame& frame, PerChannel& variance);
 
-  /// How much more a righted reading changes than what was read, in the last frame.
+  /// d righted / d read of a channel in the last frame that had it.
   double stretch(Channel channel) const { return stretch_[index_of(channel)]; }
 
  private:
   physics::ReadingLaws<double> laws_;
-  bool any_;
-  /// What the channels were before others leaked into them.
-  Eigen::Matrix<double, channel_count, channel_count> apart_;
   PerChannel stretch_;
 };
 

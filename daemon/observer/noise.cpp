@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "daemon/observer/reading_states.h"
 #include "physics/backbone.h"
 
 namespace stickslip::observer {
@@ -57,8 +58,7 @@ constexpr double jump_share = 0.1;
 // mu is learnt from slip faster than this many (doubtful) transition speeds.
 constexpr double lesson_speeds = 2.0;
 constexpr double noise_hearing_s = 1.0;
-// Hum is another one after this time, and a zero that wanders is off by what it drifts in that one.
-constexpr double hum_memory_s = 10.0;
+// A zero that wanders walks in this time as far as it drifts in it.
 constexpr double offset_memory_s = 10.0;
 
 double relative(const Parameter& p) { return p.value != 0.0 ? std::abs(p.sigma / p.value) : 0.0; }
@@ -314,7 +314,7 @@ void Noise::start(const Frame& frame, double mu, Vector& mean, Covariance& covar
 }
 
 void Noise::add_process(const Vector& mean, double slip_variance, double since_start_s,
-                        Covariance& covariance) const {
+                        double drive_variance, Covariance& covariance) const {
   const Layout& l = *layout_;
   const auto& c = numbers_->c;
   const auto& structure = rig_->structure();
@@ -378,17 +378,16 @@ void Noise::add_process(const Vector& mean, double slip_variance, double since_s
 
   if (l.behind_chains < l.count) {
     for (const Chain& chain : l.chain) {
-      if (chain.hum >= 0) {
-        grow(chain.hum, square(chain.hum_size) * h / hum_memory_s);
-        grow(chain.hum + 1, square(chain.hum_size) * h / hum_memory_s);
+      if (chain.hum >= 0) {  // as much as it forgets
+        grow(chain.hum, square(chain.hum_size) * 2.0 * h / hum_memory_s);
+        grow(chain.hum + 1, square(chain.hum_size) * 2.0 * h / hum_memory_s);
       }
       grow(chain.offset, square(chain.offset_per_s) * offset_memory_s * h);
     }
   }
 
   // The drive: p''' is white noise of that density.
-  const Channel driven = drive_channel(structure);
-  const double q = std::exp(log_jerk_density_) * reading_variance(driven) * h;
+  const double q = std::exp(log_jerk_density_) * drive_variance * h;
   const int p = l.drive;
   const auto pair = [&](int i, int j, double value) { covariance.add(p + i, p + j, value); };
   pair(0, 0, q * h * h * h * h * h / 20.0);

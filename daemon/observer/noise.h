@@ -29,9 +29,10 @@ class Noise {
   void start(const Frame& frame, double mu, Vector& mean, Covariance& covariance) const;
 
   /// Adds what one period adds to the doubt about the core. `slip_variance`: of the slip velocity
-  /// [(m/s)^2]. `since_start_s`: since the filter began.
+  /// [(m/s)^2]. `since_start_s`: since the filter began. `drive_variance`: of the drive's readings,
+  /// as the filter uses them.
   void add_process(const Vector& mean, double slip_variance, double since_start_s,
-                   Covariance& covariance) const;
+                   double drive_variance, Covariance& covariance) const;
 
   /// Adds the doubt of the friction law itself to friction and theta where they have no memory.
   void add_output(const Vector& mean, Covariance& covariance) const;

@@ -78,8 +78,8 @@ struct FrictionEstimate {
   /// less), the filter's doubt about the speed being taken as Gaussian. 0 to 1.
   double sticking = 0.0;
 
-  /// Eq. (1) of the paper on the force channel as it was read (put right where [[physics]] terms
-  /// say that its gain or the like is wrong), k_l y + m_l b'', with the delay of its sensor chain
+  /// Eq. (1) of the paper on the force channel as it was read (but for a gain or a
+  /// curvature that [[physics]] terms tell), k_l y + m_l b'', with the delay of its sensor chain
   /// in it; and that over N, 0 where N is. For comparison; see raw_valid.
   double raw_friction_force_n = 0.0;
   double raw_friction_over_load = 0.0;

@@ -6,13 +6,16 @@
 // rate; what comes out is its input less delay times the rate.
 #pragma once
 
-#include <array>
+#include <Eigen/Core>
 #include <vector>
 
 #include "daemon/observer/layout.h"
 #include "daemon/observer/transition.h"
 
 namespace stickslip::observer {
+
+/// Hum is another one after this time.
+inline constexpr double hum_memory_s = 10.0;
 
 class ReadingStates {
  public:
@@ -24,18 +27,15 @@ class ReadingStates {
   void advance(const Vector& before, Vector& after, Transition& transition) const;
 
  private:
-  /// A section of a channel's delay; all of them are alike.
-  struct Section {
-    double delay_s = 0.0;
-    std::array<double, 4> stay{};                   ///< row-major: value and rate by themselves
-    std::array<double, 2> by_before{}, by_after{};  ///< of the input at both ends
-  };
+  static constexpr int most = 2 * max_delays;
   struct Channel {
     const Chain* chain = nullptr;
-    Section section;
-    double cosine = 1.0, sine = 0.0;  ///< by which the hum turns
+    // The states of the delay by themselves, and of its input at both ends of a period.
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, most, most> stay;
+    Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, most, 1> by_before, by_after;
+    double cosine = 1.0, sine = 0.0;  ///< by which the hum turns, as far as it stays the same
   };
-  static Section section_of(double delay_s, double period_s);
+  static void find_delay(Channel& channel, double period_s);
   static void delay(const Channel& channel, const Vector& before, Vector& after,
                     Transition& transition);
   static void hum(const Channel& channel, const Vector& before, Vector& after,

@@ -107,17 +107,15 @@ int endure(const std::string& name, long steps) {
 }  // namespace
 }  // namespace stickslip
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
   long steps = 100'000'000;
   std::string rig = "simulated";
   CLI::App app("Whether the observer's covariance lasts.");
   app.add_option("--steps", steps)->check(CLI::PositiveNumber)->capture_default_str();
   app.add_option("--rig", rig, "of config/")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
-  try {
-    return stickslip::endure(rig, steps);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "observer_endurance: %s\n", error.what());
-    return 2;
-  }
+  return stickslip::endure(rig, steps);
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "observer_endurance: %s\n", error.what());
+  return 2;
 }

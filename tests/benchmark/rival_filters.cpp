@@ -139,7 +139,8 @@ Eigen::MatrixXd RivalFilter::process_noise(const Belief& belief, double slip_var
   const int lambda = layout_.drive + 3;
   const double before = belief.covariance(lambda, lambda);
   scratch_.set(lambda, lambda, before);
-  noise_->add_process(small(belief.mean), slip_variance, since_start_s_ - period_s_, scratch_);
+  noise_->add_process(small(belief.mean), slip_variance, since_start_s_ - period_s_,
+                      noise_->reading_variance(drive_channel(rig_.structure())), scratch_);
   scratch_.add(lambda, lambda, -before);
   Eigen::MatrixXd q(layout_.core, layout_.core);
   for (int i = 0; i < layout_.core; ++i) {

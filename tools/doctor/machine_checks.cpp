@@ -32,8 +32,7 @@ std::string empty_budget(const Host& host) {
     const std::string controllers = ',' + line.substr(first + 1, second - first - 1) + ',';
     if (controllers.find(",cpu,") == std::string::npos) continue;
     const std::string path = line.substr(second + 1);
-    const std::string file =
-        "/sys/fs/cgroup/cpu" + (path == "/" ? "" : path) + "/cpu.rt_runtime_us";
+    std::string file = "/sys/fs/cgroup/cpu" + (path == "/" ? "" : path) + "/cpu.rt_runtime_us";
     if (host.read(file) == "0") return file;
   }
   return {};

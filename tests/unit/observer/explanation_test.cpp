@@ -122,6 +122,24 @@ TEST(ExplanationTest, ProbabilitiesAddUpAndFall) {
   EXPECT_NEAR(sum, 1.0, 1.0e-9);
 }
 
+// What the model says of how a channel is read still holds: a limit stays where it is, a gain that
+// was known is multiplied.
+TEST(ExplanationTest, FindsAGainBesideWhatIsKnownOfTheChannel) {
+  const physics::Model rig = test::paper_rig(Law::coulomb);
+  auto frames = frames_of(rig, Change::none, 6.2, 19);
+  physics::Model believed = rig;
+  believed.terms = {{"clipping", Channel::velocity, {{"limit", {0.1}}}},
+                    {"gain_error", Channel::velocity, {{"gain", {0.8}}}}};
+  for (Frame& frame : frames) {
+    const double gain = frame.time_s() < change_s ? 0.8 : 0.8 * 1.2;
+    frame.set(Channel::velocity, std::clamp(gain * frame[Channel::velocity], -0.1, 0.1));
+  }
+  const auto found = explanations_of(believed, test::period_s, frames, alarm());
+  ASSERT_FALSE(found.empty());
+  EXPECT_EQ(found.front().words, "the channel velocity reads 1.2 times what it did");
+  EXPECT_GT(found.front().probability, 0.99);
+}
+
 TEST(ExplanationTest, CannotTellALoadThatNobodyMeasuresFromMu) {
   const physics::Model model = test::paper_rig(Law::coulomb);
   auto frames = frames_of(model, Change::mu_up, 6.2, 17);

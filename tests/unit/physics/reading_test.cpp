@@ -104,20 +104,18 @@ TEST(Reading, IsPutRightAsFarAsItsLawAllows) {
     law.curvature = 0.15 * any(random);
     const double truth = any(random);
     const double reading = misread(law, truth, 0.0);
-    const auto righted = put_right(law, reading, 0.0);
+    const auto righted = put_right(law, reading);
     ASSERT_TRUE(righted);
     EXPECT_NEAR(righted->value, truth, 1.0e-13);
-    const double next = put_right(law, reading + 1.0e-6, 0.0)->value;
+    const double next = put_right(law, reading + 1.0e-6)->value;
     EXPECT_NEAR(righted->slope, (next - truth) / 1.0e-6, 1.0e-4);
   }
   ReadingLaw<double> law;
-  law.limit = 2.0;
-  EXPECT_FALSE(put_right(law, -2.0, 1.0e-9));
-  EXPECT_FALSE(put_right(law, 1.95, 0.1));
-  EXPECT_TRUE(put_right(law, 1.95, 0.01));
-  law = {};
   law.curvature = -1.0;
-  EXPECT_FALSE(put_right(law, 0.3, 0.0)) << "it turns back at a quarter";
+  EXPECT_FALSE(put_right(law, 0.3)) << "it turns back at a quarter";
+  EXPECT_FALSE(put_right(law, 0.24));
+  EXPECT_TRUE(put_right(law, 0.2));
+  EXPECT_TRUE(put_right(law, -5.0));
 }
 
 // A first-order low-pass of 30 Hz delays a slow velocity by 1 / (2 pi 30) s, in place of the 150 Hz
