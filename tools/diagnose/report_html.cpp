@@ -300,7 +300,8 @@ std::string subject_of(const Diagnosis& d, const Provenance& provenance) {
   double seconds = 0.0;
   for (const Integrity& each : d.integrity) seconds += each.duration_s;
   if (seconds > 0.0) out += html_text(", " + number_words(seconds) + " s of recording");
-  return out + html_text(". The rig, as the model has it: " + rig_words(d.baseline_model)) +
+  return out +
+         html_text(". The rig, with the numbers that fit the recording: " + rig_words(d.model)) +
          "</p>\n";
 }
 
@@ -557,7 +558,9 @@ Section unseen_section(const Diagnosis& d) {
   if (d.false_alarms) out += paragraph(sentence_of(*d.false_alarms));
   out += paragraph(
       "What is not found may still be there, only smaller. From these sizes on the recording would "
-      "have shown it, beside what was found. Effects that replace a law instead of bending it are "
+      "have shown it" +
+      std::string(d.findings.empty() ? "" : ", beside what was found") +
+      ". Effects that replace a law instead of bending it are "
       "not in this table.");
   Table table("From which size on each effect would have been named.",
               {"effect", "by this number", "from", "unit"});

@@ -58,7 +58,7 @@ Answer answer_of(const Diagnosis& diagnosis);
 /// One sentence: the verdict.
 std::string headline_of(const Diagnosis& diagnosis);
 
-/// What the rig is, as the model has it, with the calibrated numbers.
+/// What the rig is, with the numbers of this model.
 std::string rig_words(const physics::Model& model);
 
 }  // namespace stickslip::diagnosis

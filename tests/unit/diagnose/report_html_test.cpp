@@ -218,6 +218,17 @@ TEST(ReportHtml, NumbersOfTheFirstScreenAreThoseOfTheDiagnosis) {
   }
 }
 
+// Those of the table of parameters, not those of the declared model bent to fit without the
+// finding.
+TEST(ReportHtml, TheRigIsDescribedWithTheNumbersThatFit) {
+  Diagnosis d = with_a_finding();
+  d.model.oscillator.mass_kg.value = 0.0612;
+  d.baseline_model.oscillator.mass_kg.value = 0.0521;
+  const std::string page = report_html(d, provenance());
+  EXPECT_THAT(page, HasSubstr("A mass of 0.0612"));
+  EXPECT_THAT(page, Not(HasSubstr("0.0521")));
+}
+
 TEST(ReportHtml, EveryKindOfAnswerHasItsOwnFirstScreen) {
   EXPECT_THAT(first_screen_of(report_html(consistent(), provenance())),
               AllOf(HasSubstr("Nothing is missing"), HasSubstr("class=\"consistent\""),
