@@ -65,6 +65,12 @@ bool is_possible(Channel channel, double value) {
   return std::abs(value) < (force ? 1.0e9 : 1.0e4);  // false for NaN
 }
 
+void drop_what_is_impossible(Frame& frame) {
+  for (Channel channel : all_channels) {
+    if (frame.has(channel) && !is_possible(channel, frame[channel])) frame.invalidate(channel);
+  }
+}
+
 constexpr std::array mechanical_channels = {Channel::displacement, Channel::velocity,
                                             Channel::friction_force};
 
@@ -160,9 +166,7 @@ void KalmanFilter::hear_and_put_right(Frame& frame) {
   noise_->listen(frame);
   of_readings();
   misreadings_.take_back(frame, variance_);
-  for (Channel channel : all_channels) {
-    if (frame.has(channel) && !is_possible(channel, frame[channel])) frame.invalidate(channel);
-  }
+  drop_what_is_impossible(frame);
 }
 
 // Starts, or starts anew, from what this frame says by itself.
@@ -448,9 +452,7 @@ void KalmanFilter::forget_readings() {
 // How many periods have passed until this frame, of which absurd values are taken out; 0 too where
 // the filter began with it, -1 where there is nothing to learn from it.
 int KalmanFilter::arrive(Frame& frame) {
-  for (Channel channel : all_channels) {
-    if (frame.has(channel) && !is_possible(channel, frame[channel])) frame.invalidate(channel);
-  }
+  drop_what_is_impossible(frame);
   FrictionEstimate& e = estimate_;
   e.time_ns = frame.time_ns;
   e.sequence = frame.sequence;

@@ -81,7 +81,9 @@ void see_output(const Chain& chain, double by, double age_s, Sight& sight) {
     sight.see(value + 1, -back * 6.0 / each_s);
   }
   if (known || chain.delays > 0) {
-    sight.bend_per_s = chain.sections.empty() ? unfiltered_rad_s : chain.sections.back().omega;
+    const double bend_per_s =
+        chain.sections.empty() ? unfiltered_rad_s : chain.sections.back().omega;
+    sight.bend_per_s = std::max(sight.bend_per_s, bend_per_s);
   }
 }
 
@@ -97,14 +99,12 @@ void Sight::see(int state, double by) {
 Sight sight_of(const Layout& layout, Channel channel, double age_s) {
   const Chain& chain = layout.of(channel);
   Sight sight;
-  // A leak is as old as the reading that it is in, and has a bend of its own.
+  // A leak is as old as the reading that it is in.
   if (chain.leak_from && layout.of(*chain.leak_from).used) {
     const Chain& from = layout.of(*chain.leak_from);
     see_output(from, chain.leak, age_s + std::min(0.0, from.delay_s), sight);
   }
-  const double leak_bend_per_s = sight.bend_per_s;
   see_output(chain, 1.0, age_s, sight);
-  sight.bend_per_s = std::max(sight.bend_per_s, leak_bend_per_s);
   sight.moving = sight.count;
   if (chain.hum >= 0) {
     sight.see(chain.hum, std::cos(chain.hum_rad_s * age_s));

@@ -11,8 +11,7 @@
 
 #include "daemon/observer/kalman_filter.h"
 #include "daemon/observer/reading_states.h"
-#include "daemon/observer/smoother.h"
-#include "tests/unit/observer/bench.h"
+#include "tests/unit/observer/smoothed.h"
 
 namespace stickslip::observer {
 namespace {
@@ -21,6 +20,7 @@ using test::Law;
 using test::Moment;
 using test::paper_rig;
 using test::rms;
+using test::smoothed;
 
 double theta_error(const Moment& m) { return m.estimate.theta - m.truth.theta; }
 double velocity_error(const Moment& m) { return m.estimate.velocity_m_s - m.truth.velocity_m_s; }
@@ -88,15 +88,6 @@ std::vector<Case> cases() {
        {late(friction_force, 0.006), gain(friction_force, 0.7), drift},
        late_is_less},
   };
-}
-
-std::vector<Moment> smoothed(std::vector<Moment> moments, const physics::Model& model) {
-  std::vector<Frame> frames;
-  frames.reserve(moments.size());
-  for (const Moment& moment : moments) frames.push_back(moment.frame);
-  std::size_t next = 0;
-  smooth(model, 1.0e-3, frames, [&](const FrictionEstimate& e) { moments[next++].estimate = e; });
-  return moments;
 }
 
 class Misread : public testing::TestWithParam<Case> {};

@@ -3,30 +3,16 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/unit/observer/bench.h"
+#include "tests/unit/observer/smoothed.h"
 
 namespace stickslip::observer {
 namespace {
 
+using test::frames_of;
 using test::Law;
 using test::Moment;
 using test::paper_rig;
-
-std::vector<Frame> frames_of(const std::vector<Moment>& moments) {
-  std::vector<Frame> frames;
-  for (const Moment& moment : moments) frames.push_back(moment.frame);
-  return frames;
-}
-
-std::vector<Moment> smoothed(std::vector<Moment> moments, const physics::Model& model,
-                             const SmoothingWindow& window = {}) {
-  std::size_t next = 0;
-  smooth(
-      model, 1.0e-3, frames_of(moments),
-      [&](const FrictionEstimate& e) { moments[next++].estimate = e; }, window);
-  EXPECT_EQ(next, moments.size());
-  return moments;
-}
+using test::smoothed;
 
 double theta_error(const Moment& m) { return m.estimate.theta - m.truth.theta; }
 double force_error(const Moment& m) {
