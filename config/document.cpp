@@ -1069,7 +1069,7 @@ std::vector<Fault> Document::faults() const {
     fault.every_s = number_in(table.get("every_s"));
     fault.probability = number_in(table.get("probability")).value_or(fault.probability);
     fault.amount = number_in(table.get("amount")).value_or(fault.amount);
-    fault.told = table["told"].value_or(fault.told);
+    fault.reported = table["reported"].value_or(fault.reported);
     fault.stall_blocking = table["stall_blocking"].value_or(fault.stall_blocking);
     // A stall's length is its amount; what lasts is alike for all from here on.
     if (fault.kind == FaultKind::stall) fault.duration_s = fault.amount;

@@ -5,18 +5,12 @@
 
 #include "config/document.h"
 #include "config/key.h"
+#include "physics/number_text.h"
 #include "physics/problem.h"
 
 namespace stickslip::config {
 
 namespace {
-
-/// As a person writes it.
-std::string number(double value) {
-  std::ostringstream text;
-  text << value;
-  return text.str();
-}
 
 // What the keys of one fault mean together.
 void check(Document& document, std::size_t position, const Fault& fault, bool at, bool between) {
@@ -44,10 +38,10 @@ void check(Document& document, std::size_t position, const Fault& fault, bool at
   const double needed_s = fault.to_s - fault.from_s + *fault.duration_s;
   // As close as nanoseconds tell.
   if (needed_s > *fault.every_s + 0.5e-9) {
-    report("every_s", "is " + number(*fault.every_s) +
+    report("every_s", "is " + physics::number_text(*fault.every_s, 6) +
                           " s, but what has to end before it comes "
                           "again takes up to " +
-                          number(needed_s) + " s: expected that much or more");
+                          physics::number_text(needed_s, 6) + " s: expected that much or more");
   }
 }
 
@@ -58,14 +52,15 @@ std::string where(const Fault& fault) {
 std::string what(const Fault& fault) {
   switch (fault.kind) {
     case FaultKind::noise:
-      return "noise" + where(fault) + ", standard deviation " + number(fault.amount);
+      return "noise" + where(fault) + ", standard deviation " +
+             physics::number_text(fault.amount, 6);
     case FaultKind::stick:
       return "a value that is kept" + where(fault);
     case FaultKind::drift:
-      return "drift" + where(fault) + ", " + number(fault.amount) + " a second";
+      return "drift" + where(fault) + ", " + physics::number_text(fault.amount, 6) + " a second";
     case FaultKind::delay:
-      return "delay of " + number(fault.amount) + " s" + where(fault) +
-             (fault.told ? ", told" : ", not told");
+      return "delay of " + physics::number_text(fault.amount, 6) + " s" + where(fault) +
+             (fault.reported ? ", reported" : ", not reported");
     case FaultKind::drop:
       return "frames are lost";
     case FaultKind::duplicate:
@@ -73,11 +68,11 @@ std::string what(const Fault& fault) {
     case FaultKind::reorder:
       return "frames change places with their successors";
     case FaultKind::saturate:
-      return "saturation" + where(fault) + " at " + number(fault.amount);
+      return "saturation" + where(fault) + " at " + physics::number_text(fault.amount, 6);
     case FaultKind::nan:
       return "not a number" + where(fault);
     case FaultKind::clock_jump:
-      return "the device's clock is " + number(std::abs(fault.amount)) + " s " +
+      return "the device's clock is " + physics::number_text(std::abs(fault.amount), 6) + " s " +
              (fault.amount > 0.0 ? "ahead" : "behind");
     case FaultKind::unplug:
       return "the device is unplugged";
@@ -96,13 +91,15 @@ std::string what(const Fault& fault) {
 }
 
 std::string when(const Fault& fault) {
-  std::string text = fault.from_s == fault.to_s ? "at " + number(fault.from_s) + " s"
-                                                : "some time between " + number(fault.from_s) +
-                                                      " s and " + number(fault.to_s) + " s";
-  text += fault.duration_s ? " for " + number(*fault.duration_s) + " s" : " to the end";
-  if (fault.every_s) text += ", every " + number(*fault.every_s) + " s";
+  std::string text = fault.from_s == fault.to_s
+                         ? "at " + physics::number_text(fault.from_s, 6) + " s"
+                         : "some time between " + physics::number_text(fault.from_s, 6) +
+                               " s and " + physics::number_text(fault.to_s, 6) + " s";
+  text += fault.duration_s ? " for " + physics::number_text(*fault.duration_s, 6) + " s"
+                           : " to the end";
+  if (fault.every_s) text += ", every " + physics::number_text(*fault.every_s, 6) + " s";
   if (fault.probability < 1.0) {
-    text += ", " + number(fault.probability * 100.0) + " % of the ";
+    text += ", " + physics::number_text(fault.probability * 100.0, 6) + " % of the ";
     text += fault.kind == FaultKind::read_error    ? "reads"
             : fault.kind == FaultKind::write_error ? "writes"
                                                    : "frames";

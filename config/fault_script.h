@@ -45,7 +45,7 @@ struct Fault {
   std::optional<double> every_s;     ///< to_s - from_s + duration_s or more; absent: once
   double probability = 1.0;          ///< above 0 to 1; of each frame, read or write, by kind
   double amount = 0.0;               ///< unit and range by kind: fault_amount_keys()
-  bool told = false;                 ///< delay: frames tell the channel's age
+  bool reported = false;             ///< delay: frames carry the age of the channel
   bool stall_blocking = false;       ///< stall: one read takes all of it
 
   friend bool operator==(const Fault&, const Fault&) = default;

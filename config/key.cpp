@@ -912,7 +912,7 @@ constexpr std::array fault_table = {
         .need = Need::always,
         .when = "kind=noise|drift|delay|saturate|clock_jump|stall",
         .only_then = true},
-    Key{.path = "told",
+    Key{.path = "reported",
         .type = Type::boolean,
         .sentence = "delay only: whether the frame tells the channel's age.",
         .fallback = "false",

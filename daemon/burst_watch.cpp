@@ -13,8 +13,8 @@ std::optional<Event> BurstWatch::take(const Notice& notice, std::int64_t now_ns)
   const auto* const kind = std::find(kinds.begin(), kinds.end(), notice.kind);
   if (kind == kinds.end()) return event_of(notice);
   Burst& burst = bursts_[static_cast<std::size_t>(kind - kinds.begin())];
-  if (!burst.told_ns || (burst.notices == 0 && now_ns - *burst.told_ns >= second_ns)) {
-    burst.told_ns = now_ns;
+  if (!burst.reported_ns || (burst.notices == 0 && now_ns - *burst.reported_ns >= second_ns)) {
+    burst.reported_ns = now_ns;
     return event_of(notice);
   }
   ++burst.notices;
@@ -27,10 +27,10 @@ std::optional<Event> BurstWatch::take(const Notice& notice, std::int64_t now_ns)
 std::vector<Event> BurstWatch::due(std::int64_t now_ns) {
   std::vector<Event> out;
   for (Burst& burst : bursts_) {
-    if (burst.notices == 0 || now_ns - *burst.told_ns < second_ns) continue;
+    if (burst.notices == 0 || now_ns - *burst.reported_ns < second_ns) continue;
     out.push_back(summary(burst));
     burst = Burst{};
-    burst.told_ns = now_ns;
+    burst.reported_ns = now_ns;
   }
   return out;
 }

@@ -28,10 +28,10 @@ class BurstWatch {
 
  private:
   struct Burst {
-    std::optional<std::int64_t> told_ns = {};  ///< when something last was
-    std::uint64_t notices = 0;                 ///< held back since
-    std::uint64_t count = 0;                   ///< sum of theirs
-    std::int64_t longest_ns = 0;               ///< of their durations
+    std::optional<std::int64_t> reported_ns = {};  ///< when something last was
+    std::uint64_t notices = 0;                     ///< held back since
+    std::uint64_t count = 0;                       ///< sum of theirs
+    std::int64_t longest_ns = 0;                   ///< of their durations
     Notice latest = {};
   };
   static constexpr std::array kinds = {Notice::Kind::frames_missing,

@@ -137,7 +137,7 @@ json model_of(const Status& status) {
   out["alternative"] = physics::name_of(verdict.alternative);
   out["probability"] = verdict.probability;
   out["since_time_ns"] = verdict.since_ns;
-  out["told_time_ns"] = verdict.told_ns;
+  out["told_time_ns"] = verdict.reported_ns;
   out["recording_time_ns"] = {verdict.from_ns, verdict.to_ns};
   return out;
 }

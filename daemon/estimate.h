@@ -1,8 +1,8 @@
 // What the loop knows of the observer: a type that it calls, and a type that it hands on.
 #pragma once
 
-#include "daemon/observer/model_check.h"
-#include "daemon/observer/observer.h"
+#include "observer/model_check.h"
+#include "observer/observer.h"
 
 namespace stickslip::daemon {
 

@@ -95,7 +95,7 @@ Event event_of(const Notice& notice) {
 
 Event with_times(Event event, const ModelVerdict& verdict, std::int64_t utc_us) {
   constexpr std::int64_t us_per_s = 1'000'000;
-  const std::int64_t since_us = utc_us - (verdict.told_ns - verdict.since_ns) / 1000;
+  const std::int64_t since_us = utc_us - (verdict.reported_ns - verdict.since_ns) / 1000;
   const std::int64_t second = since_us / us_per_s % 86400;
   const auto seconds = [](std::int64_t time_ns) {
     const std::int64_t tenths = time_ns / 100'000'000;

@@ -27,7 +27,7 @@ std::string percent(double probability) {
 Event event_of(const Finding& finding) {
   Event out;
   out.severity = Severity::warning;
-  out.time_ns = finding.verdict.told_ns;
+  out.time_ns = finding.verdict.reported_ns;
   const auto& found = finding.explanations;
   if (found.empty() || found.front().log_likelihood < least_gain) {
     out.code = "model_unexplained";

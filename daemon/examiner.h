@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "daemon/event.h"
-#include "daemon/observer/explanation.h"
 #include "daemon/stream.h"
+#include "observer/explanation.h"
 #include "physics/model.h"
 
 namespace stickslip::daemon {

@@ -17,13 +17,13 @@
 #include "daemon/interlocks.h"
 #include "daemon/latest.h"
 #include "daemon/ledger.h"
+#include "daemon/ring.h"
 #include "daemon/safety.h"
 #include "daemon/sample.h"
 #include "daemon/stream.h"
 #include "daemon/timing.h"
 #include "drivers/device_clock.h"
 #include "drivers/driver.h"
-#include "drivers/ring.h"
 
 namespace stickslip::daemon {
 

@@ -9,35 +9,14 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <string_view>
 
 #include "config/rig.h"
 #include "daemon/service.h"
 #include "physics/problem.h"
-#include "tools/manual/page.h"
 
 namespace {
 
 using stickslip::daemon::Overrides;
-
-/// The page stickslipd(8), which is made of the options themselves when the daemon is built.
-std::string manual_page(const CLI::App& app) {
-  stickslip::manual::Notes notes;
-  notes.examples = {
-      {"A simulated rig, recorded",
-       "stickslipd --config config/simulated.toml --record run.log --control run.sock"},
-      {"Below systemd, with the rig of /etc/stickslip/rig.toml", "systemctl start stickslipd"}};
-  notes.environment = {
-      {"NOTIFY_SOCKET, WATCHDOG_USEC", "Set by systemd: readiness and the watchdog"}};
-  notes.files = {{"/etc/stickslip/rig.toml", "The rig that the unit runs"},
-                 {"/run/stickslip/control.sock", "Where stickslip ctl finds it"},
-                 {"/usr/local/lib/systemd/system/stickslipd.service", "The unit"}};
-  notes.see_also = {"stickslip(1)", "stickslip-ctl(1)", "stickslip-check(1)", "stickslip-doctor(1)",
-                    "stickslip-spy(1)"};
-  const stickslip::manual::Heading heading{"stickslipd", 8, STICKSLIP_VERSION,
-                                           stickslip::manual::date_of_build()};
-  return stickslip::manual::page(app, heading, notes, "");
-}
 
 int run(int argc, char** argv) {
   CLI::App app{"Runs a dry-friction oscillator rig: acquires, drives, publishes on LCM, records.",
@@ -66,10 +45,6 @@ int run(int argc, char** argv) {
   app.add_flag("--no-lcm", overrides.no_lcm, "Do not publish")->excludes(lcm_url);
   auto* control = app.add_option("--control", socket, "Where stickslip ctl finds the daemon");
   app.add_flag("--quiet", quiet, "Say nothing but warnings and errors");
-  if (argc == 2 && std::string_view(argv[1]) == "--manual") {
-    std::fputs(manual_page(app).c_str(), stdout);
-    return std::fflush(stdout) == 0 ? 0 : 1;
-  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

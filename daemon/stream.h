@@ -16,8 +16,8 @@
 #include <vector>
 
 #include "daemon/ledger.h"
+#include "daemon/ring.h"
 #include "daemon/sample.h"
-#include "drivers/ring.h"
 
 namespace stickslip::daemon {
 

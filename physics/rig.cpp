@@ -119,7 +119,7 @@ Rig::Rig(const Model& model) : model_(model) {
     paths_.push_back(named.path);
   }
   for (const Term& term : model_.terms) {
-    TermEntry entry;
+    BoundTerm entry;
     entry.effect = find_effect(term.id);
     entry.hooks = entry.effect->hooks();
     entry.place = {term.channel, term.from};
@@ -221,7 +221,7 @@ RigNumbers<T> Rig::numbers(std::span<const T> parameters) const {
     if (structure_.resonant) n.inverse_cell_mass = 1.0 / n.c.cell_mass;
   }
   for (std::size_t i = 0; i < terms_.size(); ++i) {
-    const TermEntry& entry = terms_[i];
+    const BoundTerm& entry = terms_[i];
     const std::size_t count = entry.effect->card().parameters.size();
     for (std::size_t j = 0; j < count; ++j) {
       n.term[i][j] = entry.parameter[j] >= 0

@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "physics/effects/effect.h"
+#include "physics/input.h"
 #include "physics/model.h"
-#include "physics/simulator.h"
 
 namespace stickslip::physics {
 
@@ -67,6 +67,18 @@ struct RigNumbers {
   T input_lead_s{0.0};
 };
 
+/// A term of the model, resolved once when the rig is made.
+struct BoundTerm {
+  const Effect* effect = nullptr;
+  unsigned hooks = 0;  ///< effect->hooks()
+  Place place;
+  int first_state = 0;  ///< index into RigState::s of the first of the effect's own states
+  /// By position on the effect's card: the index into parameter_values(), -1 where the model leaves
+  /// the parameter out, and the value that holds in that case.
+  std::array<int, max_effect_parameters> parameter{};
+  std::array<double, max_effect_parameters> fallback{};
+};
+
 /// The structure of a rig. Immutable; all state is in RigState.
 class Rig {
  public:
@@ -79,6 +91,9 @@ class Rig {
   const std::vector<std::string>& parameter_paths() const { return paths_; }
 
   const Structure& structure() const { return structure_; }
+
+  /// The terms of the model, in its order.
+  std::span<const BoundTerm> terms() const { return terms_; }
 
   /// Whether the state at that index takes part in this rig's motion.
   bool has_state(int index) const;
@@ -122,18 +137,9 @@ class Rig {
   void close_contact(RigState<T>& state, double alpha, const Input& now, double time_s,
                      const RigNumbers<T>& n) const;
 
-  struct TermEntry {
-    const Effect* effect = nullptr;
-    unsigned hooks = 0;
-    Place place;
-    int first_state = 0;
-    std::array<int, max_effect_parameters> parameter{};  ///< index into the parameter values
-    std::array<double, max_effect_parameters> fallback{};
-  };
-
   Model model_;
   Structure structure_;
-  std::vector<TermEntry> terms_;
+  std::vector<BoundTerm> terms_;
   std::vector<double> values_;
   std::vector<std::string> paths_;
   int state_count_ = state::first_effect;

@@ -7,22 +7,10 @@
 #include <memory>
 
 #include "physics/frame.h"
+#include "physics/input.h"
 #include "physics/model.h"
 
 namespace stickslip::physics {
-
-/// What drives a rig at one instant. Only what the model's excitation and laws use needs a value.
-struct Input {
-  double base_displacement_m = 0.0;
-  double base_acceleration_m_s2 = 0.0;
-  double drive_force_n = 0.0;
-  double displacement_m = 0.0;  ///< imposed motion only
-  double velocity_m_s = 0.0;    ///< imposed motion only
-  double normal_load_n = 0.0;   ///< normal-load law "measured" only
-};
-
-/// The input a fraction of the way from `a` to `b`.
-Input between(const Input& a, const Input& b, double fraction);
 
 /// What nobody can measure: the mechanical state of the simulated rig, free of sensors and noise.
 struct RigTruth {

@@ -49,7 +49,7 @@ void GaugeReader::close() noexcept {
   if (condition_.load(std::memory_order_relaxed) == Condition::here) keep_losses();
   gauge_->close();
   // The loop is not at work while this is closed.
-  while (told_.front() != nullptr) told_.pop();
+  while (told_.peek() != nullptr) told_.pop();
   std::fill(latest_.begin(), latest_.end(), Reading{});
   condition_.store(Condition::gone, std::memory_order_release);
 }
@@ -137,7 +137,7 @@ void GaugeReader::pause(std::int64_t ns) {
 
 void GaugeReader::tell(std::size_t input, const Reading& reading) {
   // A loop that does not look has no use for it either.
-  static_cast<void>(told_.push({input, reading}));
+  static_cast<void>(told_.try_enqueue({input, reading}));
 }
 
 /// What was said before is no longer believed once the gauge speaks again.
@@ -160,7 +160,7 @@ void GaugeReader::keep_losses() {
 }
 
 Reading GaugeReader::latest(std::size_t input, std::int64_t time_ns) {
-  while (const Told* told = told_.front()) {
+  while (const Told* told = told_.peek()) {
     if (told->reading.time_ns > time_ns) break;
     latest_[told->input] = told->reading;
     told_.pop();

@@ -2,6 +2,8 @@
 // the loop, which never waits for it.
 #pragma once
 
+#include <readerwriterqueue/readerwriterqueue.h>
+
 #include <array>
 #include <atomic>
 #include <condition_variable>
@@ -14,7 +16,6 @@
 #include <vector>
 
 #include "drivers/gauge.h"
-#include "drivers/ring.h"
 
 namespace stickslip::drivers {
 
@@ -77,7 +78,7 @@ class GaugeReader {
   std::unique_ptr<Gauge> gauge_;
   Patience patience_;
   std::array<std::string, 4> sentences_;  // by Condition
-  Ring<Told> told_;
+  moodycamel::ReaderWriterQueue<Told> told_;
   std::vector<Reading> latest_;  // by input; the loop's
   std::atomic<Condition> condition_{Condition::gone};
   std::atomic<std::uint64_t> missing_{0};

@@ -448,7 +448,7 @@ void FaultyDriver::delay_channels(Frame& frame) {
       continue;
     }
     frame.value[i] = old.value[i];
-    if (!longest[i]->fault.told) continue;
+    if (!longest[i]->fault.reported) continue;
     const std::int64_t age_us = old.age_us[i] + (frame.time_ns - old.time_ns) / 1000;
     frame.age_us[i] = static_cast<std::int32_t>(
         std::min<std::int64_t>(age_us, std::numeric_limits<std::int32_t>::max()));

@@ -8,6 +8,7 @@
 #include "drivers/labjack_u6/board_link.h"
 #include "drivers/labjack_u6/protocol.h"
 #include "drivers/labjack_u6/stream_session.h"
+#include "physics/number_text.h"
 
 namespace stickslip::drivers {
 
@@ -31,12 +32,6 @@ constexpr double rate_tolerance = 50e-6;
 constexpr double transfer_s = 0.005;
 constexpr int most_packets_per_transfer = 32;
 
-std::string number(double value) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.9g", value);
-  return text;
-}
-
 std::string trouble_with_line(const char* key, const std::optional<int>& line) {
   if (!line || (*line >= 0 && *line < u6::digital_lines)) return {};
   return std::string(key) + " = " + std::to_string(*line) +
@@ -58,26 +53,29 @@ std::string trouble_with_input(Channel channel, const config::BenchInput& input)
     return where + "a differential pair begins with an even input (AIN0 against AIN1)";
   }
   if (!u6::gain_of(input.range_v)) {
-    return where + "range_v = " + number(input.range_v) + ": it has to be 10, 1, 0.1 or 0.01";
+    return where + "range_v = " + physics::number_text(input.range_v, 9) +
+           ": it has to be 10, 1, 0.1 or 0.01";
   }
   return {};
 }
 
 std::string trouble_with_rate(double rate_hz, std::size_t channels) {
   if (!(rate_hz > 0.0) || !std::isfinite(rate_hz)) {
-    return "loop.rate_hz = " + number(rate_hz) + ": it has to be positive";
+    return "loop.rate_hz = " + physics::number_text(rate_hz, 9) + ": it has to be positive";
   }
   const double samples_hz = rate_hz * static_cast<double>(channels);
   if (samples_hz > u6::highest_sample_rate_hz) {
-    return "loop.rate_hz = " + number(rate_hz) + " with " + std::to_string(channels) +
+    return "loop.rate_hz = " + physics::number_text(rate_hz, 9) + " with " +
+           std::to_string(channels) +
            " inputs: the board takes 50000 samples/s together, so at most " +
-           number(u6::highest_sample_rate_hz / static_cast<double>(channels)) + " Hz";
+           physics::number_text(u6::highest_sample_rate_hz / static_cast<double>(channels), 9) +
+           " Hz";
   }
   const u6::ScanClock clock = u6::nearest_clock(rate_hz);
   if (u6::deviation(clock, rate_hz) > rate_tolerance) {
-    return "loop.rate_hz = " + number(rate_hz) +
+    return "loop.rate_hz = " + physics::number_text(rate_hz, 9) +
            ": the board's clocks cannot make it within 50 parts in a million. The nearest is " +
-           number(clock.rate_hz());
+           physics::number_text(clock.rate_hz(), 9);
   }
   return {};
 }

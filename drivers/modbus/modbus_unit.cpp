@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "drivers/modbus/value.h"
+#include "physics/number_text.h"
 
 namespace stickslip::drivers {
 
@@ -48,13 +49,6 @@ const char* name_of(RegisterTable table) {
 
 std::string title_of(const ModbusRegister& its) {
   return "\"" + its.name + "\" (" + name_of(its.table) + " " + std::to_string(its.address) + ")";
-}
-
-std::string number(double value) {
-  std::string text = std::to_string(value);
-  text.erase(text.find_last_not_of('0') + 1);
-  if (text.back() == '.') text.pop_back();
-  return text;
 }
 
 template <typename Numbers>
@@ -168,7 +162,8 @@ Result ModbusUnit::apply_setting(std::size_t at) {
   const auto words = modbus::words_for(its, *its.set_to);
   if (!words) {
     return tell(Outcome::needs_attention, "setting " + title_of(its) + " cannot hold " +
-                                              number(*its.set_to) + ": see its type and scale");
+                                              physics::shortest_text(*its.set_to) +
+                                              ": see its type and scale");
   }
   const std::string what = "setting " + title_of(its);
   const auto read = modbus::read_message(settings_.unit,
@@ -190,8 +185,8 @@ Result ModbusUnit::apply_setting(std::size_t at) {
     if (written || (refusal != refused_.end() && refusal->second == held)) {
       refused_[at] = held;
       return tell(Outcome::needs_attention,
-                  what + " was given " + number(*its.set_to) + " (" + listed(wanted, " ") +
-                      ") and reads back " + listed(held, " ") +
+                  what + " was given " + physics::shortest_text(*its.set_to) + " (" +
+                      listed(wanted, " ") + ") and reads back " + listed(held, " ") +
                       ": the unit refuses that value, or is locked. It is not written again "
                       "before the unit was switched off and on, or the daemon restarted");
     }
@@ -274,8 +269,8 @@ Result ModbusUnit::failed(const Exchange& exchange, const std::string& what) {
 }
 
 Result ModbusUnit::silent(const std::string& what) {
-  const std::string words =
-      "no answer to " + what + " within " + number(1.0e3 * settings_.timeout_s) + " ms";
+  const std::string words = "no answer to " + what + " within " +
+                            physics::shortest_text(1.0e3 * settings_.timeout_s) + " ms";
   if (++silent_in_row_ <= settings_.retries) return tell(Outcome::temporary, words);
   put_off_poll();
   alarm_is_unknown();

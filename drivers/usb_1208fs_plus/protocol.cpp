@@ -1,4 +1,5 @@
 #include "drivers/usb_1208fs_plus/protocol.h"
+#include "physics/number_text.h"
 
 #include <algorithm>
 #include <bit>
@@ -35,12 +36,6 @@ bool believable(const Correction& correction) {
          std::abs(correction.slope - 1.0F) < 0.25F && std::abs(correction.offset) < 512.0F;
 }
 
-std::string text_of(double number) {
-  std::array<char, 32> text{};
-  const auto end = std::to_chars(text.data(), text.data() + text.size(), number).ptr;
-  return {text.data(), end};
-}
-
 /// "CH3": 3. Nothing for what is no input.
 std::optional<std::uint8_t> channel_number(const std::string& name) {
   if (name.size() != 3 || !name.starts_with("CH") || name[2] < '0' || name[2] > '7') {
@@ -58,7 +53,7 @@ std::optional<std::uint8_t> range_code(double range_v, bool differential) {
 }
 
 std::string refusal_of_range(const std::string& where, double range_v, bool differential) {
-  return where + " has a range of " + text_of(range_v) + " V; a " +
+  return where + " has a range of " + physics::shortest_text(range_v) + " V; a " +
          (differential ? "differential input of this board has 20, 10, 5, 4, 2.5, 2, 1.25 or 1 V"
                        : "single-ended input of this board has 10 V, a differential one has others "
                          "(set differential = true)");
@@ -161,8 +156,8 @@ std::optional<ScanPlan> plan_scan(const config::BenchInputs& inputs, double rate
   const double samples_hz = rate_hz * static_cast<double>(plan.channels.size());
   if (!(rate_hz >= 1.0) || samples_hz > largest_sample_rate_hz) {
     refusal = "USB-1208FS-Plus: " + std::to_string(plan.channels.size()) + " inputs at " +
-              text_of(rate_hz) + " Hz; the board samples at most " +
-              text_of(largest_sample_rate_hz) +
+              physics::shortest_text(rate_hz) + " Hz; the board samples at most " +
+              physics::shortest_text(largest_sample_rate_hz) +
               " times a second, all inputs together, and each at 1 Hz or more. Change loop.rate_hz";
     return std::nullopt;
   }

@@ -14,7 +14,6 @@
 #include <thread>
 #include <utility>
 
-#include "drivers/ring.h"
 #include "drivers/usb_1208fs_plus/numbering.h"
 #include "drivers/usb_1208fs_plus/protocol.h"
 #include "drivers/usb_1208fs_plus/session.h"
@@ -109,7 +108,7 @@ class Usb1208fsPlusDriver::Board {
   }
   std::size_t ahead() const { return ahead_; }
   /// The loop has not read them yet: it is behind.
-  bool frames_wait() const { return frames_.size() != 0; }
+  bool frames_wait() const { return frames_.peek() != nullptr; }
   bool dry() const { return dryness_.load(std::memory_order_acquire) == Dryness::dry; }
   /// What is in the queue from now on is no old drive.
   void begin_again() { dryness_.store(Dryness::begin_again, std::memory_order_release); }
@@ -180,7 +179,7 @@ class Usb1208fsPlusDriver::Board {
   std::atomic<bool> gone_ = false;
   std::atomic<bool> keeps_ = false;
 
-  Ring<Frame> frames_{room_for_frames};
+  moodycamel::ReaderWriterQueue<Frame> frames_{room_for_frames};
   sem_t available_{};  // as often as there are frames
   moodycamel::ReaderWriterQueue<std::uint16_t> values_{4096};
   std::atomic<std::uint16_t> rest_;
@@ -225,7 +224,7 @@ void Usb1208fsPlusDriver::Board::stop() {
   if (!running()) return;
   stopping_ = true;
   thread_.join();
-  while (frames_.front() != nullptr) frames_.pop();
+  while (frames_.peek() != nullptr) frames_.pop();
   while (sem_trywait(&available_) == 0) {
   }
 }
@@ -240,7 +239,7 @@ bool Usb1208fsPlusDriver::Board::next(Frame& frame) {
     } while (waited != 0 && errno == EINTR);
     if (waited != 0) return false;
   }
-  const Frame* oldest = frames_.front();
+  const Frame* oldest = frames_.peek();
   if (oldest == nullptr) return false;
   frame = *oldest;
   frames_.pop();
@@ -415,7 +414,7 @@ void Usb1208fsPlusDriver::Board::publish(std::span<const std::uint16_t> codes) {
         std::lround(static_cast<double>(last - i) * plan_.conversion_s() * 1e6));
   }
   // Where the loop does not keep up, the jump of the sequence says so.
-  if (frames_.push(frame)) sem_post(&available_);
+  if (frames_.try_enqueue(frame)) sem_post(&available_);
 }
 
 // Output

@@ -4,7 +4,7 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -17,7 +17,7 @@ constexpr std::array parameters = {
                   .high = 200.0,
                   .positive = true,
                   .fixed_default = std::nullopt,
-                  .formula_doubt = 0.003},
+                  .formula_uncertainty = 0.003},
     ParameterCard{.name = "amplitude_n",
                   .unit = "N",
                   .meaning = "its amplitude",

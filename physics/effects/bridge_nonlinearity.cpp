@@ -2,7 +2,7 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -30,6 +30,7 @@ constexpr Card entry = {
     .experiment = "a calibration of this channel at five loads on both sides of zero",
     .rivals = rivals,
     .depends_on = depends_on,
+    .tier = Tier::formula,
 };
 
 // One active arm of a Wheatstone bridge: e (1 + e / 2)^-1, to second order.

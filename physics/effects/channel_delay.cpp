@@ -3,7 +3,7 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -15,7 +15,7 @@ constexpr std::array parameters = {ParameterCard{.name = "delay_s",
                                                  .high = 0.03,
                                                  .positive = false,
                                                  .fixed_default = std::nullopt,
-                                                 .formula_doubt = 0.003}};
+                                                 .formula_uncertainty = 0.003}};
 constexpr std::array<std::string_view, 2> rivals = {"differentiator_lag", "load_cell_resonance"};
 constexpr Card entry = {
     .id = "channel_delay",

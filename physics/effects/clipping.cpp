@@ -2,7 +2,7 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -14,7 +14,7 @@ constexpr std::array parameters = {ParameterCard{.name = "limit",
                                                  .high = 1000000000.0,
                                                  .positive = true,
                                                  .fixed_default = std::nullopt,
-                                                 .formula_doubt = 0.003}};
+                                                 .formula_uncertainty = 0.003}};
 constexpr std::array<std::string_view, 2> rivals = {"gain_error", "end_stop"};
 constexpr Card entry = {
     .id = "clipping",

@@ -3,7 +3,7 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -29,6 +29,7 @@ constexpr Card entry = {
     .experiment = "a wide range of slip speeds",
     .rivals = rivals,
     .depends_on = depends_on,
+    .tier = Tier::formula,
 };
 
 class ContactViscosity final : public EffectOf<ContactViscosity> {

@@ -4,8 +4,8 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
 #include "physics/effects/renewal.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {

@@ -22,6 +22,13 @@ enum class Relation { kinematics, force_balance, friction_law, normal_load, load
 
 std::string_view name_of(Relation relation);
 
+/// How much a name says: the diagnosis prefers the lower tier of two that explain equally well.
+enum class Tier {
+  listed,       ///< in the catalogue of docs/formats.md: reported under its id
+  formula,      ///< a formula that the catalogue does not list: reported as `unlisted`
+  drawn_shape,  ///< a curve free to bend anywhere: reported as `unlisted`
+};
+
 /// One parameter of an effect.
 struct ParameterCard {
   std::string_view name;  ///< as in the contract, with its unit as suffix
@@ -37,7 +44,7 @@ struct ParameterCard {
   double neutral = 0.0;
   /// How far the value can be off because nature does not follow the formula to the letter: a
   /// standard deviation, relative to the distance from `neutral`.
-  double formula_doubt = 0.03;
+  double formula_uncertainty = 0.03;
   double start_sigma = 0.0;  ///< how well a start is known, standard deviation; 0: not at all
 };
 
@@ -57,6 +64,7 @@ struct Card {
   /// Which parameter says how much of the effect there is: at its `neutral` there is none. None
   /// where no single number does.
   std::optional<std::size_t> strength = 0;
+  Tier tier = Tier::listed;
 };
 
 /// Where an effect acts, as far as that is a choice.

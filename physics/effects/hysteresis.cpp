@@ -4,7 +4,7 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -17,7 +17,7 @@ constexpr std::array parameters = {
                   .high = 10000000.0,
                   .positive = true,
                   .fixed_default = std::nullopt,
-                  .formula_doubt = 0.15},
+                  .formula_uncertainty = 0.15},
     ParameterCard{.name = "slip_force_n",
                   .unit = "N",
                   .meaning = "force at which it slips",
@@ -25,7 +25,7 @@ constexpr std::array parameters = {
                   .high = 10000.0,
                   .positive = true,
                   .fixed_default = std::nullopt,
-                  .formula_doubt = 0.25},
+                  .formula_uncertainty = 0.25},
     ParameterCard{.name = "loop_shape",
                   .unit = "1",
                   .meaning = "0: slips alike in loading and unloading; below -1: does not slip in "

@@ -4,7 +4,7 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -16,7 +16,7 @@ constexpr std::array parameters = {ParameterCard{.name = "frequency_hz",
                                                  .high = 500.0,
                                                  .positive = true,
                                                  .fixed_default = std::nullopt,
-                                                 .formula_doubt = 0.003},
+                                                 .formula_uncertainty = 0.003},
                                    ParameterCard{.name = "damping_ratio",
                                                  .unit = "1",
                                                  .meaning = "its damping ratio",

@@ -2,7 +2,7 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -28,6 +28,7 @@ constexpr Card entry = {
     .experiment = "a slow sweep over the whole track with the normal-load bridge recorded",
     .rivals = rivals,
     .depends_on = depends_on,
+    .tier = Tier::formula,
 };
 
 class LoadCurvature final : public EffectOf<LoadCurvature> {

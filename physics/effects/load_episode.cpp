@@ -3,7 +3,7 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -28,6 +28,7 @@ constexpr Card entry = {
     .experiment = "the same run again: an episode does not come back",
     .rivals = rivals,
     .depends_on = depends_on,
+    .tier = Tier::formula,
 };
 
 class LoadEpisode final : public EffectOf<LoadEpisode> {

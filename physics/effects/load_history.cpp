@@ -4,8 +4,8 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
 #include "physics/effects/renewal.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -46,6 +46,7 @@ constexpr Card entry = {
     .experiment = "steps of the normal load while the contact slips steadily",
     .rivals = rivals,
     .depends_on = depends_on,
+    .tier = Tier::formula,
 };
 
 // Linker and Dieterich (1992): after a step of the normal stress the contacts' state jumps and

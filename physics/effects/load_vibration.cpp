@@ -4,7 +4,7 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -24,7 +24,7 @@ constexpr std::array parameters = {
                   .high = 500.0,
                   .positive = true,
                   .fixed_default = std::nullopt,
-                  .formula_doubt = 0.003},
+                  .formula_uncertainty = 0.003},
     ParameterCard{.name = "phase_rad",
                   .unit = "rad",
                   .meaning = "phase at the beginning of the recording",
@@ -44,6 +44,7 @@ constexpr Card entry = {
     .experiment = "a recording of the normal load with the rig at rest",
     .rivals = rivals,
     .depends_on = depends_on,
+    .tier = Tier::formula,
 };
 
 class LoadVibration final : public EffectOf<LoadVibration> {

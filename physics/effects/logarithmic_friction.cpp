@@ -4,7 +4,7 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -36,6 +36,7 @@ constexpr Card entry = {
     .experiment = "a wide range of slip speeds, down to creep",
     .rivals = rivals,
     .depends_on = depends_on,
+    .tier = Tier::formula,
 };
 
 class LogarithmicFriction final : public EffectOf<LogarithmicFriction> {

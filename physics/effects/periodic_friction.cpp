@@ -4,7 +4,7 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -42,6 +42,7 @@ constexpr Card entry = {
     .experiment = "a slow sweep over the whole track",
     .rivals = rivals,
     .depends_on = depends_on,
+    .tier = Tier::formula,
 };
 
 class PeriodicFriction final : public EffectOf<PeriodicFriction> {

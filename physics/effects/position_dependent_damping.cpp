@@ -2,7 +2,7 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -34,6 +34,7 @@ constexpr Card entry = {
     .experiment = "free decays around several places",
     .rivals = rivals,
     .depends_on = depends_on,
+    .tier = Tier::formula,
 };
 
 class PositionDependentDamping final : public EffectOf<PositionDependentDamping> {

@@ -2,7 +2,7 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -26,6 +26,7 @@ constexpr Card entry = {
     .experiment = "amplitude steps: the mean position shifts with the square of the amplitude",
     .rivals = rivals,
     .depends_on = depends_on,
+    .tier = Tier::formula,
 };
 
 class QuadraticStiffness final : public EffectOf<QuadraticStiffness> {

@@ -2,7 +2,7 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -27,6 +27,7 @@ constexpr Card entry = {
     .experiment = "stepped amplitudes: the resonance moves with the fourth power of the amplitude",
     .rivals = rivals,
     .depends_on = depends_on,
+    .tier = Tier::formula,
 };
 
 class QuinticStiffness final : public EffectOf<QuinticStiffness> {

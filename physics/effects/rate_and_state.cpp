@@ -4,8 +4,8 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
 #include "physics/effects/renewal.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -57,6 +57,7 @@ constexpr Card entry = {
     .rivals = rivals,
     .depends_on = depends_on,
     .strength = 1,
+    .tier = Tier::formula,
 };
 
 // Dieterich's (1979) and Ruina's (1983) law with ageing, regularised at rest.

@@ -3,7 +3,7 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -16,7 +16,7 @@ constexpr std::array parameters = {
                   .high = 500.0,
                   .positive = true,
                   .fixed_default = std::nullopt,
-                  .formula_doubt = 0.003},
+                  .formula_uncertainty = 0.003},
     ParameterCard{.name = "friction_share_per_kg",
                   .unit = "1/kg",
                   .meaning = "acceleration of the mode for each newton of friction",

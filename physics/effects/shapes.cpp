@@ -7,7 +7,7 @@
 
 #include "physics/effects/effect.h"
 #include "physics/effects/entries.h"
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
@@ -191,7 +191,8 @@ constexpr Card card_of(std::string_view id, Relation relation, std::string_view 
               .parameters = parameters,
               .experiment = experiment,
               .rivals = no_rivals,
-              .depends_on = depends_on};
+              .depends_on = depends_on,
+              .tier = Tier::drawn_shape};
 }
 
 }  // namespace

@@ -4,8 +4,8 @@
 
 #include <chrono>
 
-#include "tests/unit/diagnose/bench.h"
-#include "tools/diagnose/diagnosis.h"
+#include "diagnosis/diagnosis.h"
+#include "tests/unit/diagnosis/bench.h"
 
 namespace stickslip::diagnosis {
 namespace {

@@ -38,7 +38,7 @@
 #include <vector>
 
 #include "config/rig.h"
-#include "daemon/observer/kalman_filter.h"
+#include "observer/kalman_filter.h"
 #include "observer_runs.h"
 #include "particle_reference.h"
 #include "rival_filters.h"

@@ -19,11 +19,11 @@
 #include <vector>
 
 #include "config/rig.h"
-#include "daemon/observer/contact_prediction.h"
-#include "daemon/observer/covariance.h"
-#include "daemon/observer/dual_prediction.h"
-#include "daemon/observer/noise.h"
-#include "daemon/observer/observer.h"
+#include "observer/contact_prediction.h"
+#include "observer/covariance.h"
+#include "observer/dual_prediction.h"
+#include "observer/noise.h"
+#include "observer/observer.h"
 #include "tests/unit/observer/bench.h"
 
 namespace stickslip::observer {

@@ -21,7 +21,7 @@
 #include <vector>
 
 #include "config/rig.h"
-#include "daemon/observer/observer.h"
+#include "observer/observer.h"
 #include "observer_runs.h"
 
 namespace stickslip {

@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "config/rig.h"
-#include "daemon/observer/kalman_filter.h"
+#include "observer/kalman_filter.h"
 #include "physics/simulator.h"
 #include "tests/unit/observer/bench.h"
 

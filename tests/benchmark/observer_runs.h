@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "config/rig.h"
-#include "daemon/observer/observer.h"
+#include "observer/observer.h"
 #include "physics/frame.h"
 #include "physics/model.h"
 #include "physics/simulator.h"

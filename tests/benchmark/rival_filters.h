@@ -10,11 +10,11 @@
 
 #include <Eigen/Dense>
 
-#include "daemon/observer/covariance.h"
-#include "daemon/observer/kalman_filter.h"
-#include "daemon/observer/layout.h"
-#include "daemon/observer/noise.h"
-#include "daemon/observer/prediction.h"
+#include "observer/covariance.h"
+#include "observer/kalman_filter.h"
+#include "observer/layout.h"
+#include "observer/noise.h"
+#include "observer/prediction.h"
 
 namespace stickslip::observer {
 

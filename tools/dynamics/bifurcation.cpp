@@ -6,8 +6,8 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "diagnosis/parallel/for_each.h"
 #include "tools/dynamics/lyapunov.h"
-#include "tools/parallel/for_each.h"
 
 namespace stickslip::dynamics {
 

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <stdexcept>
 
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::dynamics {
 

@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "physics/effects/number_text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::dynamics {
 

@@ -7,6 +7,7 @@
 
 #include "config/model_file.h"
 #include "config/rig.h"
+#include "diagnosis/parallel/for_each.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "tools/dynamics/lyapunov.h"
@@ -14,8 +15,7 @@
 #include "tools/figures/cylinder.h"
 #include "tools/figures/reduction_pictures.h"
 #include "tools/figures/sweep.h"
-#include "tools/parallel/for_each.h"
-#include "tools/reduce/reduction.h"
+#include "tools/reduction/reduction.h"
 
 namespace stickslip::figures {
 

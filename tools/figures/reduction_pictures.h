@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "tools/figures/gnuplot.h"
-#include "tools/reduce/reduction.h"
+#include "tools/reduction/reduction.h"
 
 namespace stickslip::figures {
 

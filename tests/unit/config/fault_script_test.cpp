@@ -43,7 +43,7 @@ amount = 0.125
 kind = "delay"
 at_s = 3
 amount = 0.5
-told = true
+reported = true
 [[fault]]
 kind = "stall"
 at_s = 4
@@ -68,7 +68,7 @@ stall_blocking = true
   delay.kind = FaultKind::delay;
   delay.from_s = delay.to_s = 3.0;
   delay.amount = 0.5;
-  delay.told = true;
+  delay.reported = true;
   EXPECT_EQ(script.faults[1], delay);
   Fault stall;
   stall.kind = FaultKind::stall;

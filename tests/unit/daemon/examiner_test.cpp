@@ -32,7 +32,7 @@ ModelVerdict alarm() {
   ModelVerdict out;
   out.standing = observer::ModelStanding::broken;
   out.since_ns = 1'000'000'000;
-  out.told_ns = 3'000'000'000;
+  out.reported_ns = 3'000'000'000;
   return out;
 }
 
@@ -62,7 +62,7 @@ TEST_F(ExaminerTest, AnswersWhenEnoughFramesHaveFollowedTheAlarm) {
   EXPECT_EQ(event.code, "model_explained");
   EXPECT_NE(event.message.find("mu is 0.96 instead of 0.8"), std::string::npos) << event.message;
   EXPECT_NE(event.message.find("friction_law"), std::string::npos) << event.message;
-  EXPECT_EQ(event.time_ns, alarm().told_ns);
+  EXPECT_EQ(event.time_ns, alarm().reported_ns);
   EXPECT_FALSE(examiner_.next_finding());
 }
 

@@ -141,7 +141,7 @@ Fault fault_of(FaultKind kind, bool variant, double at_s, double duration_s, std
       break;
     case FaultKind::delay:
       fault.amount = 0.04;
-      fault.told = variant;
+      fault.reported = variant;
       break;
     case FaultKind::saturate:
       fault.amount = 0.1;

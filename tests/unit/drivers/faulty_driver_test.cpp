@@ -316,7 +316,7 @@ TEST(FaultyDriver, IsLateAndDoesNotSaySo) {
 
 TEST(FaultyDriver, IsLateAndSaysSo) {
   Fault late = on(Channel::normal_load, fault(FaultKind::delay, begin_s, length_s, 0.0075));
-  late.told = true;
+  late.reported = true;
   Bench bench({late});
   const auto frames = bench.run().frames(50);
   for (std::size_t i = 0; i < frames.size(); ++i) {
@@ -857,7 +857,7 @@ Fault some_fault() {
   if (*rc::gen::arbitrary<bool>()) {
     out.channel = *rc::gen::element(Channel::displacement, Channel::velocity, Channel::normal_load);
   }
-  out.told = *rc::gen::arbitrary<bool>();
+  out.reported = *rc::gen::arbitrary<bool>();
   switch (out.kind) {
     case FaultKind::noise:
     case FaultKind::nan:

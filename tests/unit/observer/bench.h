@@ -6,7 +6,7 @@
 #include <numbers>
 #include <vector>
 
-#include "daemon/observer/observer.h"
+#include "observer/observer.h"
 #include "physics/simulator.h"
 
 namespace stickslip::observer::test {

@@ -1,4 +1,4 @@
-#include "daemon/observer/consistency.h"
+#include "observer/consistency.h"
 
 #include <gtest/gtest.h>
 

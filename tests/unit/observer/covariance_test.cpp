@@ -1,5 +1,5 @@
 // The two things that happen to a covariance, against the same by plain matrices.
-#include "daemon/observer/covariance.h"
+#include "observer/covariance.h"
 
 #include <gtest/gtest.h>
 

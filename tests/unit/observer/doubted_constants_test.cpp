@@ -1,4 +1,4 @@
-#include "daemon/observer/doubted_constants.h"
+#include "observer/doubted_constants.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <functional>
 #include <string>
 
-#include "daemon/observer/kalman_filter.h"
+#include "observer/kalman_filter.h"
 #include "tests/unit/observer/bench.h"
 
 namespace stickslip::observer {

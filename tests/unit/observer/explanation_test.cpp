@@ -1,4 +1,4 @@
-#include "daemon/observer/explanation.h"
+#include "observer/explanation.h"
 
 #include <gtest/gtest.h>
 
@@ -50,7 +50,7 @@ ModelVerdict alarm() {
   ModelVerdict out;
   out.standing = ModelStanding::broken;
   out.since_ns = std::llround(1.0e9 * change_s);
-  out.told_ns = out.since_ns + 2'000'000'000;
+  out.reported_ns = out.since_ns + 2'000'000'000;
   return out;
 }
 

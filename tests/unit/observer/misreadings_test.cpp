@@ -1,6 +1,6 @@
 // Sensor effects that a diagnosis has added to the model: a rig whose channels are read wrongly is
 // followed about as well as one whose channels are not, by an observer that knows of it.
-#include "daemon/observer/misreadings.h"
+#include "observer/misreadings.h"
 
 #include <gtest/gtest.h>
 
@@ -9,8 +9,8 @@
 #include <ostream>
 #include <string>
 
-#include "daemon/observer/kalman_filter.h"
-#include "daemon/observer/reading_states.h"
+#include "observer/kalman_filter.h"
+#include "observer/reading_states.h"
 #include "tests/unit/observer/smoothed.h"
 
 namespace stickslip::observer {

@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <vector>
 
-#include "daemon/observer/explanation.h"
+#include "observer/explanation.h"
 #include "tests/unit/observer/model_check_run.h"
 
 namespace stickslip::observer::test {

@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "daemon/observer/explanation.h"
-#include "daemon/observer/model_check.h"
+#include "observer/explanation.h"
+#include "observer/model_check.h"
 #include "tests/unit/observer/bench.h"
 #include "tests/unit/observer/changing_rig.h"
 

@@ -1,4 +1,4 @@
-#include "daemon/observer/model_check.h"
+#include "observer/model_check.h"
 
 #include <gtest/gtest.h>
 
@@ -168,7 +168,7 @@ TEST(ModelCheckTest, FindsAMuThatHasMoved) {
   EXPECT_NEAR(verdict.parameter_is, 0.96, 0.01);
   EXPECT_NEAR(1.0e-9 * static_cast<double>(verdict.since_ns), 20.0, 0.3);
   EXPECT_LT(verdict.from_ns, verdict.since_ns);
-  EXPECT_GE(verdict.to_ns, verdict.told_ns);
+  EXPECT_GE(verdict.to_ns, verdict.reported_ns);
   EXPECT_NE(words_for(verdict).find("friction_law"), std::string::npos);
 }
 

@@ -1,4 +1,4 @@
-#include "daemon/observer/observer.h"
+#include "observer/observer.h"
 
 #include <gtest/gtest.h>
 

@@ -1,13 +1,13 @@
 // Two ways to predict the same rig, and what each says of its derivatives.
-#include "daemon/observer/prediction.h"
+#include "observer/prediction.h"
 
 #include <gtest/gtest.h>
 
 #include <random>
 
-#include "daemon/observer/contact_prediction.h"
-#include "daemon/observer/dual_prediction.h"
-#include "daemon/observer/misreadings.h"
+#include "observer/contact_prediction.h"
+#include "observer/dual_prediction.h"
+#include "observer/misreadings.h"
 #include "tests/unit/observer/bench.h"
 
 namespace stickslip::observer {

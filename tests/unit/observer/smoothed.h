@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "daemon/observer/smoother.h"
+#include "observer/smoother.h"
 #include "tests/unit/observer/bench.h"
 
 namespace stickslip::observer::test {

@@ -1,5 +1,5 @@
 // What came after, taken into account: the smoother against the truth and against the filter.
-#include "daemon/observer/smoother.h"
+#include "observer/smoother.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "tools/parallel/for_each.h"
+#include "diagnosis/parallel/for_each.h"
 
 #include <gtest/gtest.h>
 

@@ -1,0 +1,110 @@
+#include "diagnosis/rerun.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "physics/simulator.h"
+
+namespace stickslip::diagnosis {
+
+namespace {
+
+constexpr double ramp_s = 0.5;
+
+// The recorded drive that many seconds after the beginning.
+physics::Input recorded_at(const Experiment& recorded, double time_s) {
+  const double h = recorded.period_s / recorded.substeps;
+  const double last = static_cast<double>(recorded.input.size() - 1);
+  const double there = std::clamp(time_s / h, 0.0, last);
+  const auto before = std::min(static_cast<std::size_t>(there), recorded.input.size() - 2);
+  return physics::between(recorded.input[before], recorded.input[before + 1],
+                          there - static_cast<double>(before));
+}
+
+// By what a drive in bursts is multiplied, with its derivatives.
+struct Envelope {
+  double value = 1.0;
+  double first = 0.0;   // [1/s]
+  double second = 0.0;  // [1/s2]
+};
+
+Envelope envelope_of(const Rerun& run, double time_s) {
+  if (!(run.burst_s > 0.0)) return {};
+  const double phase = std::fmod(time_s, 2.0 * run.burst_s);
+  const double into = std::min(phase, run.burst_s - phase);  // from the nearer end of the burst
+  if (into <= 0.0) return {0.0, 0.0, 0.0};
+  if (into >= ramp_s) return {};
+  const double turn = std::numbers::pi / ramp_s;
+  const double direction = phase < 0.5 * run.burst_s ? 1.0 : -1.0;
+  return {0.5 * (1.0 - std::cos(turn * into)), 0.5 * direction * turn * std::sin(turn * into),
+          0.5 * turn * turn * std::cos(turn * into)};
+}
+
+// What drives the rig in such a run. Displacements and their derivatives stay those of one motion.
+physics::Input input_of(const Rerun& run, const Experiment& recorded, double time_s) {
+  constexpr double around_s = 0.01;
+  physics::Input input = recorded_at(recorded, run.pace * time_s);
+  const double rate_m_s =
+      (recorded_at(recorded, run.pace * time_s + around_s).base_displacement_m -
+       recorded_at(recorded, run.pace * time_s - around_s).base_displacement_m) /
+      (2.0 * around_s);
+  const Envelope envelope = envelope_of(run, time_s);
+  const double way = run.amplitude / (run.pace * run.pace);  // for the same accelerations
+  input.drive_force_n *= run.amplitude * envelope.value;
+  input.base_acceleration_m_s2 = run.amplitude * envelope.value * input.base_acceleration_m_s2 +
+                                 2.0 * way * run.pace * envelope.first * rate_m_s +
+                                 way * envelope.second * input.base_displacement_m;
+  input.base_displacement_m *= way * envelope.value;
+  input.velocity_m_s = way * (run.pace * envelope.value * input.velocity_m_s +
+                              envelope.first * input.displacement_m);
+  input.displacement_m *= way * envelope.value;
+  return input;
+}
+
+}  // namespace
+
+physics::Model with_noise_of(physics::Model model, const Experiment& recorded) {
+  for (const Channel channel : all_channels) {
+    const std::size_t c = index_of(channel);
+    if (recorded.noise_std[c] > 0.0) model.sensors[c].noise_std = recorded.noise_std[c];
+  }
+  return model;
+}
+
+protocol::Recording rerun(const Experiment& recorded, const physics::Model& model, const Rerun& run,
+                          std::uint64_t seed) {
+  physics::SimulationOptions options;
+  options.seed = seed;
+  options.step_s = recorded.period_s / recorded.substeps;
+  physics::RigTruth start;
+  start.displacement_m = run.release * recorded.largest.displacement_m;
+  physics::RigSimulator rig(with_noise_of(model, recorded), options, start);
+  protocol::Recording recording;
+  recording.source = "simulated";
+  double duration_s = recorded.period_s * static_cast<double>(recorded.samples);
+  if (run.longest_s > 0.0) duration_s = std::min(duration_s, run.longest_s);
+  if (run.pace > 1.0) duration_s /= run.pace;  // then the recorded drive is at its end
+  const auto samples = static_cast<std::size_t>(duration_s / recorded.period_s);
+  rig.set_input(input_of(run, recorded, 0.0));
+  for (std::size_t k = 0; k < samples; ++k) {
+    const double time_s = recorded.period_s * static_cast<double>(k);
+    for (int part = 1; k > 0 && part <= recorded.substeps; ++part) {
+      const double h = recorded.period_s / recorded.substeps;
+      rig.advance(h, input_of(run, recorded, time_s - recorded.period_s + h * part));
+    }
+    Frame frame = rig.read();
+    frame.time_ns = std::llround(time_s * 1.0e9);
+    for (const Channel channel : all_channels) {
+      // Only what was recorded is recorded again.
+      if (!(recorded.channel_std[index_of(channel)] > 0.0)) {
+        frame.valid &= static_cast<std::uint8_t>(~(1U << index_of(channel)));
+      }
+    }
+    recording.channels |= frame.valid;
+    recording.frames.push_back(frame);
+  }
+  return recording;
+}
+
+}  // namespace stickslip::diagnosis

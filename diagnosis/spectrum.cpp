@@ -1,0 +1,136 @@
+#include "diagnosis/spectrum.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <unsupported/Eigen/FFT>
+
+#include "diagnosis/median.h"
+
+namespace stickslip::diagnosis {
+
+namespace {
+
+using std::numbers::pi;
+using Complex = std::complex<double>;
+
+}  // namespace
+
+std::vector<Complex> spectrum_of(std::vector<double> values) {
+  std::size_t length = 1;  // lengths with large prime factors are slow to transform
+  while (length < values.size()) length *= 2;
+  values.resize(length, 0.0);
+  std::vector<Complex> spectrum;
+  Eigen::FFT<double> fft;
+  fft.fwd(spectrum, values);
+  return spectrum;
+}
+
+std::vector<Complex> windowed_spectrum(std::vector<double> values) {
+  double mean = 0.0;
+  for (const double v : values) mean += v;
+  mean /= static_cast<double>(values.size());
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    const double phase =
+        2.0 * pi * (static_cast<double>(k) + 0.5) / static_cast<double>(values.size());
+    values[k] = (values[k] - mean) * 0.5 * (1.0 - std::cos(phase));
+  }
+  std::vector<Complex> spectrum = spectrum_of(std::move(values));
+  spectrum.resize(spectrum.size() / 2);
+  return spectrum;
+}
+
+namespace {
+
+// The line near `frequency_hz`, looked for between the neighbours of the grid of the spectrum.
+physics::Line sharpened(const std::vector<double>& values, double period_s, double frequency_hz,
+                        double step_hz) {
+  double mean = 0.0;
+  for (const double v : values) mean += v / static_cast<double>(values.size());
+  const auto at = [&](double hz) {
+    // The mean of the window is 1/2, and half of a sine's amplitude is at -hz.
+    Complex sum = 0.0;
+    Complex turn = 1.0;
+    const Complex each = std::polar(1.0, -2.0 * pi * hz * period_s);
+    for (std::size_t k = 0; k < values.size(); ++k, turn *= each) {
+      const double phase =
+          2.0 * pi * (static_cast<double>(k) + 0.5) / static_cast<double>(values.size());
+      sum += (values[k] - mean) * (1.0 - std::cos(phase)) * turn;
+    }
+    return 2.0 * sum / static_cast<double>(values.size());
+  };
+  double low = frequency_hz - step_hz;
+  double high = frequency_hz + step_hz;
+  constexpr double golden = 0.381966;
+  for (int i = 0; i < 24; ++i) {
+    const double left = low + golden * (high - low);
+    const double right = high - golden * (high - low);
+    if (std::abs(at(left)) < std::abs(at(right))) {
+      low = left;
+    } else {
+      high = right;
+    }
+  }
+  physics::Line line;
+  line.frequency_hz = 0.5 * (low + high);
+  const Complex found = at(line.frequency_hz);
+  line.amplitude = std::abs(found);
+  line.phase_rad = std::arg(found) + 0.5 * pi;  // a sine, not a cosine
+  return line;
+}
+
+}  // namespace
+
+std::optional<physics::Line> mains_of(const std::vector<double>& values, double period_s) {
+  const auto spectrum = windowed_spectrum(values);
+  const double step_hz = 0.5 / (period_s * static_cast<double>(spectrum.size()));
+  // As long as several bins of the untransformed length, on both sides.
+  const double resolution_hz = 1.0 / (period_s * static_cast<double>(values.size()));
+  std::optional<physics::Line> strongest;
+  for (const double grid_hz : {50.0, 60.0}) {
+    for (const double harmonic : {1.0, 2.0, 3.0}) {
+      const double centre = harmonic * grid_hz;
+      const double searched = 0.006 * centre;  // grids stay within 0.6 % but in emergencies
+      const double around = searched + 12.0 * resolution_hz;
+      const auto bin = [&](double hz) {
+        return static_cast<std::ptrdiff_t>(std::lround(hz / step_hz));
+      };
+      const std::ptrdiff_t first = bin(centre - around);
+      const std::ptrdiff_t last = bin(centre + around);
+      if (first < 1 || last >= static_cast<std::ptrdiff_t>(spectrum.size())) continue;
+      const auto power = [&](std::ptrdiff_t i) {
+        return std::norm(spectrum[static_cast<std::size_t>(i)]);
+      };
+      std::ptrdiff_t top = bin(centre - searched);
+      for (std::ptrdiff_t i = top; i <= bin(centre + searched); ++i) {
+        if (power(i) > power(top)) top = i;
+      }
+      std::vector<double> surroundings;
+      const std::ptrdiff_t own = bin(3.0 * resolution_hz);
+      for (std::ptrdiff_t i = first; i <= last; ++i) {
+        if (std::abs(i - top) > own) surroundings.push_back(power(i));
+      }
+      if (surroundings.size() < 8) continue;
+      const double usual = median(std::move(surroundings)) / std::numbers::ln2;
+      // The power of noise is exponentially distributed: e^-20 leaves room for every bin, line and
+      // channel that is looked at.
+      if (power(top) < 20.0 * usual) continue;
+      const physics::Line line =
+          sharpened(values, period_s, static_cast<double>(top) * step_hz, step_hz);
+      if (!strongest || line.amplitude > strongest->amplitude) strongest = line;
+    }
+  }
+  return strongest;
+}
+
+std::vector<double> without_mains(std::vector<double> values, double period_s) {
+  const std::optional<physics::Line> line = mains_of(values, period_s);
+  if (!line) return values;
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    const double t = period_s * static_cast<double>(k);
+    values[k] -= line->amplitude * std::sin(2.0 * pi * line->frequency_hz * t + line->phase_rad);
+  }
+  return values;
+}
+
+}  // namespace stickslip::diagnosis

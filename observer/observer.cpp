@@ -1,0 +1,55 @@
+#include "observer/observer.h"
+
+#include <cmath>
+#include <stdexcept>
+
+#include "observer/kalman_filter.h"
+
+namespace stickslip::observer {
+
+std::string_view words_for(Standing standing) {
+  switch (standing) {
+    case Standing::good:
+      return "good";
+    case Standing::waiting:
+      return "waiting for a frame with displacement, velocity or friction force";
+    case Standing::settling:
+      return "settling: started less than the sensor chains' memory ago";
+    case Standing::blind:
+      return "blind: no channel of the mass or of the friction force for too long";
+    case Standing::out_of_step:
+      return "the frame's time did not advance";
+    case Standing::unsupported:
+      return "the observer cannot follow this model";
+  }
+  return "";
+}
+
+double FrictionEstimate::standard_deviation(Quantity quantity) const {
+  for (std::size_t i = 0; i < used; ++i) {
+    if (quantities[i] == quantity) return std::sqrt(std::max(0.0, covariance[i][i]));
+  }
+  return 0.0;
+}
+
+FrictionObserver::FrictionObserver(const physics::Model& model, double period_s) {
+  if (!(period_s > 0.0) || !std::isfinite(period_s)) {
+    throw std::invalid_argument("observer: the sampling period must be more than 0");
+  }
+  filter_ = std::make_unique<KalmanFilter>(model, period_s);
+}
+
+FrictionObserver::~FrictionObserver() = default;
+FrictionObserver::FrictionObserver(FrictionObserver&&) noexcept = default;
+FrictionObserver& FrictionObserver::operator=(FrictionObserver&&) noexcept = default;
+
+const std::string& FrictionObserver::unsupported() const { return filter_->unsupported(); }
+
+const FrictionEstimate& FrictionObserver::latest() const { return filter_->estimate(); }
+
+const FrictionEstimate& FrictionObserver::update(const Frame& frame) {
+  filter_->update(frame);
+  return filter_->estimate();
+}
+
+}  // namespace stickslip::observer

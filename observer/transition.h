@@ -1,0 +1,95 @@
+// The derivatives of one period as a sparse product: every state after it is a weighted sum of the
+// states before it and of a few sums that several of them share, such as the force in the contact.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "observer/layout.h"
+
+namespace stickslip::observer {
+
+inline constexpr int max_shared_sums = 4;
+
+/// A number of states, filled up to whole registers of four.
+constexpr int padded(int count) { return (count + 3) / 4 * 4; }
+
+class Transition {
+ public:
+  struct Entry {
+    double weight = 0.0;
+    std::uint32_t from = 0;   ///< a state, or padded(count()) + i for the shared sum i
+    std::uint32_t place = 0;  ///< of that row, where rows have padded(count()) values
+  };
+
+  /// For `count` states; no rows yet.
+  explicit Transition(int count) : count_(count) {}
+
+  int count() const { return count_; }
+  int shared() const { return shared_; }
+
+  /// Forgets all rows. Then come the shared sums in their order, which may use those before them,
+  /// and the rows of all states in theirs; each is a begin_ and its add()s.
+  void clear() { entries_ = rows_ = shared_ = 0; }
+  void begin_shared() {
+    ++shared_;
+    begin_row();
+  }
+  void begin_row() {
+    first_[static_cast<std::size_t>(rows_)] = entries_;
+    ++rows_;
+    first_[static_cast<std::size_t>(rows_)] = entries_;
+  }
+  /// Adds weight times a state, or times a shared sum, to the row that was begun last; says at
+  /// which place, for at().
+  int add(int from, double weight) {
+    const auto row = static_cast<std::uint32_t>(from);
+    entry_[static_cast<std::size_t>(entries_)] = {weight, row,
+                                                  row * static_cast<std::uint32_t>(padded(count_))};
+    ++entries_;
+    first_[static_cast<std::size_t>(rows_)] = entries_;
+    return entries_ - 1;
+  }
+  int add_shared(int sum, double weight) { return add(padded(count_) + sum, weight); }
+
+  /// Forgets the rows from that of `state` on, which then come anew.
+  void clear_from(int state) {
+    rows_ = shared_ + state;
+    entries_ = first_[static_cast<std::size_t>(rows_)];
+  }
+
+  /// The weight at a place, to be renewed without building anew.
+  double& at(int place) { return entry_[static_cast<std::size_t>(place)].weight; }
+
+  const Entry& entry(int place) const { return entry_[static_cast<std::size_t>(place)]; }
+
+  const Entry* shared_begin(int sum) const { return begin(sum); }
+  const Entry* shared_end(int sum) const { return begin(sum + 1); }
+  const Entry* row_begin(int state) const { return begin(shared_ + state); }
+  const Entry* row_end(int state) const { return begin(shared_ + state + 1); }
+
+  /// All rows in one: that of `state` begins at row_start and ends at *row_ends, those of the next
+  /// ones stand behind. The shared sums are the rows from -shared() on.
+  const Entry* entries() const { return entry_.data(); }
+  int row_start(int state) const { return *first_of(state); }
+  const int* row_ends(int state) const { return first_of(state) + 1; }
+
+  /// The same as a matrix; for what is not in a hurry.
+  Matrix dense() const;
+
+ private:
+  static constexpr std::size_t max_rows = max_states + max_shared_sums;
+  const int* first_of(int state) const { return first_.data() + shared_ + state; }
+  const Entry* begin(int row) const {
+    return entry_.data() + first_[static_cast<std::size_t>(row)];
+  }
+
+  int count_;
+  int shared_ = 0;
+  int rows_ = 0;
+  int entries_ = 0;
+  std::array<int, max_rows + 1> first_{};
+  std::array<Entry, max_rows * max_states> entry_{};
+};
+
+}  // namespace stickslip::observer

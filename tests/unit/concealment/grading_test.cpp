@@ -1,0 +1,157 @@
+#include "tools/concealment/grading.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+namespace stickslip::concealment {
+namespace {
+
+using concealment::TrueEffect;
+using concealment::Truth;
+using Json = nlohmann::ordered_json;
+using testing::HasSubstr;
+
+Truth hidden(std::vector<TrueEffect> effects) {
+  Truth truth;
+  truth.name = "case-001";
+  truth.kind = effects.empty() ? "null" : (effects.size() == 1 ? "single" : "pair");
+  truth.verdict = effects.empty() ? "consistent" : "missing_physics";
+  truth.effects = std::move(effects);
+  return truth;
+}
+TrueEffect cubic() {
+  TrueEffect e;
+  e.id = "cubic_stiffness";
+  e.accept = {"cubic_stiffness"};
+  e.relations = {"force_balance"};
+  e.parameters["k3_n_m3"] = {1000.0, 0.25, 0.0, true, false};
+  return e;
+}
+TrueEffect late_velocity() {
+  TrueEffect e;
+  e.id = "channel_delay";
+  e.accept = {"channel_delay"};
+  e.relations = {"sensor"};
+  e.channel = Channel::velocity;
+  e.parameters["delay_s"] = {0.004, 0.25, 0.0, true, false};
+  return e;
+}
+Json finding(const char* id, const char* relation, const char* name, double value, double half,
+             const char* channel = nullptr) {
+  Json json;
+  json["id"] = id;
+  json["relation"] = relation;
+  json["channel"] = channel == nullptr ? Json(nullptr) : Json(channel);
+  json["parameters"][name] = {{"value", value}, {"ci95", {value - half, value + half}}};
+  return json;
+}
+Json report(const char* verdict, std::vector<Json> findings) {
+  Json json;
+  json["verdict"] = verdict;
+  json["location"] = {{"relation", "force_balance"}, {"when_s", {{0.0, 30.0}}}};
+  json["findings"] = findings;
+  json["fit"]["heldout"]["baseline"]["chi2_per_sample"] = 9.0;
+  json["fit"]["heldout"]["augmented"]["chi2_per_sample"] = 1.02;
+  return json;
+}
+
+TEST(Grading, ARightAnswerIsRightInAllRespects) {
+  const Grade g =
+      grade(hidden({cubic()}),
+            report("missing_physics",
+                   {finding("cubic_stiffness", "force_balance", "k3_n_m3", 1050.0, 60.0)}));
+  EXPECT_TRUE(g.first_right && g.exact && g.relation_right && g.verdict_right);
+  EXPECT_EQ(g.parameters, 1);
+  EXPECT_EQ(g.within_tolerance, 1);
+  EXPECT_EQ(g.within_tenth, 1);
+  EXPECT_EQ(g.covered, 1);
+  EXPECT_DOUBLE_EQ(*g.chi2_after, 1.02);
+}
+
+TEST(Grading, AWrongNameAFalseAlarmAMissAndASurplusAreSeen) {
+  const Json wrong =
+      report("missing_physics", {finding("end_stop", "force_balance", "gap_m", 0.01, 0.001)});
+  const Grade g = grade(hidden({cubic()}), wrong);
+  EXPECT_FALSE(g.first_right || g.exact);
+  EXPECT_TRUE(g.relation_right);
+  EXPECT_EQ(g.within_tolerance, 0);
+  EXPECT_EQ(g.parameters, 1);
+  EXPECT_TRUE(grade(hidden({}), wrong).false_alarm);
+  EXPECT_TRUE(grade(hidden({}), report("consistent", {})).exact);
+  EXPECT_TRUE(grade(hidden({cubic()}), report("consistent", {})).missed);
+  const Grade more =
+      grade(hidden({cubic()}),
+            report("missing_physics",
+                   {finding("cubic_stiffness", "force_balance", "k3_n_m3", 1000.0, 60.0),
+                    finding("bias_force", "force_balance", "force_n", 0.01, 0.001)}));
+  EXPECT_TRUE(more.first_right);
+  EXPECT_EQ(more.surplus, 1);
+  EXPECT_FALSE(more.exact);
+}
+
+TEST(Grading, ASensorFaultMustBeAtItsChannelAndAnIntervalMustHoldTheTruth) {
+  const auto at = [](const char* channel, double half) {
+    return report("missing_physics",
+                  {finding("channel_delay", "sensor", "delay_s", 0.0045, half, channel)});
+  };
+  const Grade right = grade(hidden({late_velocity()}), at("velocity", 0.001));
+  EXPECT_TRUE(right.exact && *right.channel_right);
+  EXPECT_EQ(right.covered, 1);
+  EXPECT_EQ(grade(hidden({late_velocity()}), at("velocity", 0.0001)).covered, 0);
+  const Grade elsewhere = grade(hidden({late_velocity()}), at("displacement", 0.001));
+  EXPECT_FALSE(elsewhere.exact || *elsewhere.channel_right);
+  EXPECT_TRUE(elsewhere.first_right);
+}
+
+TEST(Grading, APairNeedsBothAndAnEventItsTime) {
+  const auto both = report("missing_physics",
+                           {finding("channel_delay", "sensor", "delay_s", 0.004, 1.0, "velocity"),
+                            finding("cubic_stiffness", "force_balance", "k3_n_m3", 1000.0, 1.0)});
+  EXPECT_TRUE(grade(hidden({cubic(), late_velocity()}), both).exact);
+  EXPECT_FALSE(
+      grade(hidden({cubic(), late_velocity()}), report("missing_physics", {both["findings"][1]}))
+          .exact);
+  TrueEffect event = cubic();
+  event.when_s = {{10.0, 20.0}};
+  Json timed = report("missing_physics",
+                      {finding("cubic_stiffness", "force_balance", "k3_n_m3", 1000.0, 1.0)});
+  timed["findings"][0]["when_s"] = {{12.0, 20.0}};
+  EXPECT_NEAR(*grade(hidden({event}), timed).overlap, 0.8, 1.0e-12);
+}
+
+TEST(Grading, NoReportIsNoRightAnswer) {
+  const Grade g = grade(hidden({cubic()}), Json(nullptr));
+  EXPECT_FALSE(g.exact || g.first_right || g.relation_right);
+  EXPECT_TRUE(g.missed);
+  EXPECT_EQ(g.parameters, 1);
+}
+
+TEST(Summary, CountsRatesWithTheirIntervalsAndShowsWhatWasConfused) {
+  Grade good;
+  good.kind = "single";
+  good.name = "case-001";
+  good.hidden = good.named = {"cubic_stiffness"};
+  good.first_right = good.exact = good.relation_right = good.verdict_right = true;
+  good.verdict = "missing_physics";
+  Grade bad = good;
+  bad.name = "case-002";
+  bad.named = {"end_stop"};
+  bad.first_right = bad.exact = false;
+  const std::vector<Grade> grades{good, bad};
+  const std::string text = summary_text(grades);
+  EXPECT_THAT(text, HasSubstr("cubic_stiffness -> end_stop: 1 (case-002)"));
+  EXPECT_THAT(text, HasSubstr("1 of 2"));
+  EXPECT_EQ(summary_json(grades)["rates"]["single effects named right first"]["hits"], 1);
+}
+
+TEST(RateInterval, IsWilsons) {
+  // Tabulated: 8 of 10.
+  EXPECT_NEAR(rate_interval(8, 10).low, 0.4902, 1.0e-4);
+  EXPECT_NEAR(rate_interval(8, 10).high, 0.9433, 1.0e-4);
+  EXPECT_EQ(rate_interval(0, 0).high, 1.0);
+}
+
+}  // namespace
+}  // namespace stickslip::concealment

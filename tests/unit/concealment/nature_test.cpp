@@ -1,0 +1,167 @@
+// The second simulator against what is known without any simulator, and against the first one,
+// which shares no line with it.
+#include "tools/concealment/nature.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "physics/simulator.h"
+
+namespace stickslip::concealment {
+namespace {
+
+constexpr double two_pi = 2.0 * std::numbers::pi;
+
+Nature frictionless() {
+  Nature n;
+  n.excitation = physics::Excitation::force;
+  n.loaded = false;
+  n.friction = false;
+  n.mass_kg = 0.06;
+  n.stiffness_n_m = 14.0;
+  n.damping_n_s_m = 0.05;
+  n.drive = {Tone{0.02, 2.0, 0.0, {}}};
+  n.reading[index_of(Channel::displacement)].recorded = true;
+  return n;
+}
+
+TEST(Motion, HasTheDerivativesOfItsValue) {
+  Tone tone{0.01, 3.0, 0.4, {}};
+  tone.envelope = {{{0.3, 0.11, 1.0}, {0.2, 0.2, 2.0}, {0.1, 0.31, 0.0}}};
+  const double t = 1.7;
+  const double h = 1.0e-5;
+  const auto at = [&](double time) { return motion_of({tone}, time); };
+  EXPECT_NEAR(at(t).first, (at(t + h).value - at(t - h).value) / (2.0 * h), 1.0e-8);
+  EXPECT_NEAR(at(t).second, (at(t + h).first - at(t - h).first) / (2.0 * h), 1.0e-6);
+}
+
+TEST(Nature, ADrivenLinearRigSwingsAsItsResonanceCurveSays) {
+  const Nature n = frictionless();
+  RigRun run(n, 30.0);
+  const double w = two_pi * 2.0;
+  const double expected =
+      0.02 / std::hypot(n.stiffness_n_m - n.mass_kg * w * w, n.damping_n_s_m * w);
+  double largest = 0.0;
+  for (int k = 1; k <= 2000; ++k) {
+    run.advance(k * 0.5e-3);
+    largest = std::max(largest, run.read()[index_of(Channel::displacement)]);
+  }
+  EXPECT_NEAR(largest / expected, 1.0, 1.0e-3);
+}
+
+TEST(Nature, SetValuedFrictionHoldsTheMassAndALargerForceMovesIt) {
+  Nature n = frictionless();
+  n.friction = true;
+  n.mu = 0.03;  // newtons, above the drive's 0.02
+  RigRun held(n, 5.0);
+  for (int k = 1; k <= 1000; ++k) {
+    held.advance(k * 1.0e-3);
+    ASSERT_NEAR(held.read()[index_of(Channel::displacement)], 0.0, 1.0e-20);
+  }
+  EXPECT_EQ(held.slip_share(), 0.0);
+  n.mu = 0.005;
+  RigRun moved(n, 5.0);
+  moved.advance(2.0);
+  EXPECT_GT(moved.slip_share(), 0.3);
+}
+
+TEST(Nature, AgreesWithTheFirstSimulatorOnARigWithFrictionAndARingingLoadCell) {
+  physics::Model model;
+  model.oscillator.mass_kg = {0.06};
+  model.oscillator.natural_frequency_hz = physics::Parameter{2.4};
+  model.oscillator.damping_ratio = physics::Parameter{0.015};
+  model.normal_load = physics::NormalLoad{physics::NormalLoadLaw::wedge, {0.2}, {30.0}};
+  model.friction.law = physics::FrictionLaw::state_variable;
+  model.friction.mu = {0.5};
+  model.friction.transition_speed_m_s = {0.003};
+  model.friction.rate_per_s = {150.0};
+  model.load_cell =
+      physics::LoadCell{{0.0126}, {19.3}, {0.016}, physics::LoadCellDynamics::resonant};
+  Nature n;
+  n.drive = {Tone{0.006, 3.0, 0.0, {}}};
+  n.mass_kg = 0.06;
+  const double w0 = two_pi * 2.4;
+  n.stiffness_n_m = 0.06 * w0 * w0;
+  n.damping_n_s_m = 2.0 * 0.015 * 0.06 * w0;
+  n.load_n = 0.2;
+  n.load_slope_per_m = 30.0;
+  n.mu = 0.5;
+  n.transition_speed_m_s = 0.003;
+  n.relaxation_per_s = 150.0;
+  n.cell = n.cell_rings = true;
+  n.cell_mass_kg = 0.0126;
+  n.cell_frequency_hz = 19.3;
+  n.cell_damping_ratio = 0.016;
+  for (const Channel channel : {Channel::displacement, Channel::velocity, Channel::friction_force,
+                                Channel::normal_load, Channel::base_displacement}) {
+    std::vector<physics::Filter> filters = {{physics::FilterKind::butterworth_lowpass, 4, 25.0}};
+    if (channel == Channel::velocity) {
+      filters = {{physics::FilterKind::first_order_lowpass, 1, 150.0}};
+    }
+    n.reading[index_of(channel)].recorded = true;
+    n.reading[index_of(channel)].filters = filters;
+    model.sensors[index_of(channel)].filters = filters;
+  }
+
+  // The first simulator knows no time before 0: the second starts there too.
+  RigRun run(n, 0.0);
+  physics::SimulationOptions options;
+  options.step_s = 2.0e-5;
+  options.noise = false;
+  physics::RigSimulator first(model, options);
+  const auto input_at = [&](double t) {
+    const Motion m = motion_of(n.drive, t);
+    physics::Input input;
+    input.base_displacement_m = m.value;
+    input.base_acceleration_m_s2 = m.second;
+    return input;
+  };
+  first.set_input(input_at(0.0));
+  std::array<double, channel_count> square{};
+  std::array<double, channel_count> off{};
+  for (int k = 1; k <= 6000; ++k) {
+    const double t = k * 5.0e-4;
+    first.advance(5.0e-4, input_at(t));
+    run.advance(t);
+    if (t < 0.5) continue;  // filters begin differently
+    const Frame frame = first.read();
+    const auto readings = run.read();
+    for (std::size_t c = 0; c < 5; ++c) {
+      square[c] += frame.value[c] * frame.value[c];
+      off[c] += std::pow(frame.value[c] - readings[c], 2);
+    }
+  }
+  for (std::size_t c = 0; c < 5; ++c) {
+    EXPECT_LT(std::sqrt(off[c] / square[c]), 5.0e-3) << channel_table[c].stem;
+  }
+}
+
+TEST(Nature, FaultsOfAChannelDoWhatTheySay) {
+  Nature n = frictionless();
+  const std::size_t x = index_of(Channel::displacement);
+  const auto reading_at = [&](const Nature& nature, double t) {
+    RigRun run(nature, 10.0);
+    run.advance(t);
+    return run.read()[x];
+  };
+  const double plain = reading_at(n, 0.3);
+  Nature faulty = n;
+  faulty.reading[x].gain = 1.1;
+  EXPECT_NEAR(reading_at(faulty, 0.3), 1.1 * plain, 1.0e-12);
+  faulty = n;
+  faulty.reading[x].drift_per_s = 1.0e-3;
+  EXPECT_NEAR(reading_at(faulty, 0.3), plain + 3.0e-4, 1.0e-9);
+  faulty = n;
+  faulty.reading[x].delay_s = 0.01;
+  EXPECT_NEAR(reading_at(faulty, 0.3), reading_at(n, 0.29), 1.0e-7);
+  faulty.reading[x].bessel_delay = true;
+  EXPECT_NEAR(reading_at(faulty, 0.3), reading_at(n, 0.29), 2.0e-3 * std::abs(plain) + 2.0e-5);
+  faulty = n;
+  faulty.reading[x].limit = 1.0e-4;
+  EXPECT_LE(std::abs(reading_at(faulty, 0.3)), 1.0e-4);
+}
+
+}  // namespace
+}  // namespace stickslip::concealment

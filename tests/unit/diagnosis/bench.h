@@ -1,0 +1,106 @@
+// A small rig that several tests record and diagnose: a mass on a spring, driven by a force,
+// sampled at 200 Hz. It has no load cell, so that a diagnosis takes a second and not a minute.
+#pragma once
+
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <utility>
+
+#include "diagnosis/experiment.h"
+#include "diagnosis/shooting.h"
+#include "physics/simulator.h"
+#include "protocol/recording.h"
+
+namespace stickslip::diagnosis::test {
+
+inline constexpr double rate_hz = 200.0;
+
+/// 1 kg at 2 Hz, known within a few per cent; displacement is read with 20 um of noise.
+inline physics::Model driven_mass() {
+  physics::Model model;
+  model.oscillator.excitation = physics::Excitation::force;
+  model.oscillator.mass_kg = {1.0};
+  model.oscillator.stiffness_n_m = physics::Parameter{158.0, 5.0};
+  model.oscillator.damping_n_s_m = physics::Parameter{0.5, 0.2};
+  model.sensors[index_of(Channel::displacement)].noise_std = 2.0e-5;
+  return model;
+}
+
+/// The same with a term of the catalogue.
+inline physics::Model with_term(physics::Model model, const char* id,
+                                std::map<std::string, physics::Parameter> parameters) {
+  physics::Term term;
+  term.id = id;
+  term.parameters = std::move(parameters);
+  model.terms.push_back(term);
+  return model;
+}
+
+/// A carrier at resonance whose amplitude swells and fades, and a slower tone: it passes through
+/// small and large motion, and through rest.
+inline double swelling_force_n(double time_s) {
+  const double turn = 2.0 * std::numbers::pi * time_s;
+  return 1.5 * (1.0 - std::cos(turn / 6.0)) * std::sin(2.0 * turn) + std::sin(0.7 * turn);
+}
+
+inline constexpr std::uint8_t bits_of_displacement_and_force =
+    (1U << index_of(Channel::displacement)) | (1U << index_of(Channel::drive_force));
+
+/// What the rig reads, displacement and drive force, while that force drives it.
+inline protocol::Recording record(const physics::Model& model, double duration_s,
+                                  std::uint64_t seed = 1, bool noise = true,
+                                  const std::function<double(double)>& force = swelling_force_n) {
+  physics::SimulationOptions options;
+  options.seed = seed;
+  options.noise = noise;
+  options.step_s = 5.0e-4;
+  physics::RigSimulator rig(model, options);
+  protocol::Recording recording;
+  recording.source = "bench.csv";
+  const auto samples = static_cast<std::int64_t>(std::llround(duration_s * rate_hz)) + 1;
+  physics::Input input;
+  input.drive_force_n = force(0.0);
+  rig.set_input(input);
+  for (std::int64_t k = 0; k < samples; ++k) {
+    // The force goes on between samples; only its samples are recorded.
+    for (int part = 1; k > 0 && part <= 10; ++part) {
+      input.drive_force_n = force((static_cast<double>(k - 1) + 0.1 * part) / rate_hz);
+      rig.advance(0.1 / rate_hz, input);
+    }
+    Frame frame = rig.read();
+    frame.time_ns = k * static_cast<std::int64_t>(1.0e9 / rate_hz);
+    frame.valid &= bits_of_displacement_and_force;
+    recording.channels |= frame.valid;
+    recording.frames.push_back(frame);
+  }
+  return recording;
+}
+
+/// The recording cut into windows of 0.4 s, ready for models.
+inline Experiment experiment_of(const protocol::Recording& recording, const physics::Model& model) {
+  Experiment experiment = make_experiment(recording, model);
+  cut_windows(experiment, model, 0.4);
+  return experiment;
+}
+
+/// All its windows, in units of the noise.
+inline Task all_windows(std::span<const Experiment> experiments) {
+  Task task;
+  task.experiments = experiments;
+  task.sigma.fill(2.0e-5);
+  for (std::size_t i = 0; i < experiments.size(); ++i) {
+    for (std::size_t w = 0; w < experiments[i].windows.size(); ++w) task.windows.push_back({i, w});
+  }
+  return task;
+}
+
+/// The states of all windows, the declared parameters as they are.
+inline Fit with_fitted_states(const Task& task, const Hypothesis& hypothesis) {
+  FitOptions options;
+  options.parameters_free = false;
+  return fit(task, hypothesis, std::vector<double>(hypothesis.unknowns().size(), 0.0),
+             guessed_states(task, hypothesis), options);
+}
+
+}  // namespace stickslip::diagnosis::test

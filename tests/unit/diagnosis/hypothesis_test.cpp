@@ -1,0 +1,98 @@
+#include "diagnosis/hypothesis.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "physics/effects/catalogue.h"
+#include "tests/unit/diagnosis/bench.h"
+
+namespace stickslip::diagnosis {
+namespace {
+
+using test::driven_mass;
+
+Hypothesis with_dry_friction(double start_n) {
+  const auto* effect = physics::find_effect("dry_friction");
+  const std::vector<double> start = {start_n};
+  physics::Scales scales;
+  return Hypothesis(driven_mass()).with(*effect, {}, start, effect->fixed(scales), Detail::coarse);
+}
+
+TEST(Hypothesis, HasOneUnknownForEveryParameterWithASigma) {
+  const Hypothesis hypothesis(driven_mass());
+  ASSERT_EQ(hypothesis.unknowns().size(), 2U);  // stiffness and damping; the mass is exact
+  for (const Unknown& unknown : hypothesis.unknowns()) {
+    EXPECT_TRUE(unknown.of_model);
+    EXPECT_EQ(unknown.prior_sigma, 1.0);
+  }
+}
+
+TEST(Hypothesis, AtTheOriginIsTheDeclaredModel) {
+  const Hypothesis hypothesis(driven_mass());
+  EXPECT_EQ(hypothesis.model_at(std::vector<double>(2, 0.0)), driven_mass());
+}
+
+TEST(Hypothesis, UnknownsMoveInUnitsOfTheirSigma) {
+  const Hypothesis hypothesis(driven_mass());
+  const auto model = hypothesis.model_at(std::vector<double>{2.0, -1.0});
+  EXPECT_DOUBLE_EQ(model.oscillator.stiffness_n_m->value, 168.0);
+  EXPECT_DOUBLE_EQ(model.oscillator.damping_n_s_m->value, 0.3);
+}
+
+TEST(Hypothesis, WhatLosesItsMeaningAtZeroStaysAboveIt) {
+  const Hypothesis hypothesis(driven_mass());
+  const auto model = hypothesis.model_at(std::vector<double>{-1000.0, 0.0});
+  EXPECT_GT(model.oscillator.stiffness_n_m->value, 0.0);
+}
+
+TEST(Hypothesis, AnAddedTermBringsItsUnknownAfterThoseOfTheModel) {
+  const Hypothesis hypothesis = with_dry_friction(0.7);
+  ASSERT_EQ(hypothesis.unknowns().size(), 3U);
+  EXPECT_FALSE(hypothesis.unknowns()[2].of_model);
+  const auto model = hypothesis.model_at(std::vector<double>(3, 0.0));
+  ASSERT_EQ(model.terms.size(), 1U);
+  EXPECT_DOUBLE_EQ(model.terms[0].parameters.at("friction_force_n").value, 0.7);
+}
+
+TEST(Hypothesis, AnEffectOnAnEffectLeavesTheFirstWhereItWas) {
+  const Hypothesis one = with_dry_friction(0.7);
+  const auto* second = physics::find_effect("cubic_stiffness");
+  const std::vector<double> start = {12.0};
+  const Hypothesis two = one.with(*second, {}, start, {});
+  ASSERT_EQ(two.unknowns().size(), 4U);
+  const std::vector<double> z(4, 0.0);
+  EXPECT_DOUBLE_EQ(two.value(2, 0.0), 0.7);
+  EXPECT_DOUBLE_EQ(two.model_at(z).terms[1].parameters.at("k3_n_m3").value, 12.0);
+}
+
+TEST(Hypothesis, SlopeIsTheDerivativeOfTheValue) {
+  const Hypothesis hypothesis = with_dry_friction(0.7);
+  for (std::size_t u = 0; u < hypothesis.unknowns().size(); ++u) {
+    for (const double z : {-0.8, 0.0, 1.3}) {
+      const double h = 1.0e-5;
+      const double slope = (hypothesis.value(u, z + h) - hypothesis.value(u, z - h)) / (2.0 * h);
+      EXPECT_NEAR(hypothesis.slope(u, z), slope, 1.0e-6 * (1.0 + std::abs(slope)));
+    }
+  }
+}
+
+TEST(Hypothesis, RefinementsAreFreedLaterAndStandAfterWhatWasThere) {
+  const auto* effect = physics::find_effect("hysteresis");
+  const std::vector<double> start = {5.0, 0.02, 0.3, 1.5};
+  const Hypothesis coarse = Hypothesis(driven_mass()).with(*effect, {}, start, {}, Detail::coarse);
+  ASSERT_EQ(coarse.unknowns().size(), 4U);  // two of the model, stiffness and slip force
+  const Hypothesis all = coarse.refined();
+  ASSERT_EQ(all.unknowns().size(), 6U);
+  for (std::size_t u = 0; u < 4; ++u) {
+    EXPECT_EQ(all.unknowns()[u].parameter, coarse.unknowns()[u].parameter);
+  }
+  // Where it stood, it stands.
+  EXPECT_EQ(all.model_at(std::vector<double>(6, 0.0)),
+            coarse.model_at(std::vector<double>(4, 0.0)));
+  EXPECT_EQ(all.refined().unknowns().size(), 6U);
+}
+
+}  // namespace
+}  // namespace stickslip::diagnosis

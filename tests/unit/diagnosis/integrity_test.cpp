@@ -1,0 +1,135 @@
+#include "diagnosis/integrity.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "physics/sensor_chain.h"
+
+namespace stickslip::diagnosis {
+namespace {
+
+using std::numbers::pi;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr double rate_hz = 500.0;
+
+double motion_m(double t) {
+  return 0.01 * std::sin(2.0 * pi * 2.3 * t) + 0.004 * std::sin(2.0 * pi * 3.71 * t + 0.4);
+}
+
+double speed_m_s(double t) {
+  return 0.01 * 2.0 * pi * 2.3 * std::cos(2.0 * pi * 2.3 * t) +
+         0.004 * 2.0 * pi * 3.71 * std::cos(2.0 * pi * 3.71 * t + 0.4);
+}
+
+// 20 s of two tones, read to 16 bits with noise, velocity `late_s` behind.
+protocol::Recording two_tones(double late_s = 0.0) {
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> normal;
+  protocol::Recording recording;
+  recording.source = "tones.csv";
+  for (int k = 0; k < 10000; ++k) {
+    const double t = k / rate_hz;
+    Frame frame;
+    frame.time_ns = std::llround(t * 1.0e9);
+    const auto read = [](double value, double step) { return step * std::round(value / step); };
+    frame.set(Channel::displacement, read(motion_m(t) + 2.0e-5 * normal(random), 1.0e-6));
+    frame.set(Channel::velocity, read(speed_m_s(t - late_s) + 5.0e-4 * normal(random), 1.0e-5));
+    recording.channels |= frame.valid;
+    recording.frames.push_back(frame);
+  }
+  return recording;
+}
+
+TEST(Integrity, OfACleanRecordingHasNoRemarks) {
+  const Integrity found = integrity_of(two_tones(), physics::Model{});
+  EXPECT_THAT(found.remarks, IsEmpty());
+  EXPECT_EQ(found.frames, 10000u);
+  EXPECT_EQ(found.lost, 0u);
+  EXPECT_NEAR(found.rate_hz, 500.0, 1.0e-6);
+  EXPECT_NEAR(found.duration_s, 20.0, 1.0e-6);
+  ASSERT_EQ(found.channels.size(), 2u);
+  EXPECT_NEAR(found.channels[0].step, 1.0e-6, 1.0e-12);
+  EXPECT_FALSE(found.channels[0].mains);
+}
+
+TEST(Integrity, CountsWhatIsLostAndTheLongestGap) {
+  auto recording = two_tones();
+  recording.frames.erase(recording.frames.begin() + 500, recording.frames.begin() + 510);
+  recording.frames.erase(recording.frames.begin() + 3000);
+  const Integrity found = integrity_of(recording, physics::Model{});
+  EXPECT_EQ(found.lost, 11u);
+  EXPECT_NEAR(found.longest_gap_s, 11.0 / rate_hz, 1.0e-9);
+  EXPECT_THAT(found.remarks, ElementsAre("11 of 10000 samples are not there; the longest gap is "
+                                         "0.022 s"));
+}
+
+TEST(Integrity, SeesAChannelAtItsRails) {
+  auto recording = two_tones();
+  for (Frame& frame : recording.frames) {
+    frame.set(Channel::displacement, std::min(frame[Channel::displacement], 0.0095));
+  }
+  const Integrity found = integrity_of(recording, physics::Model{});
+  EXPECT_EQ(found.channels[0].highest, 0.0095);
+  EXPECT_GT(found.channels[0].at_high_rail, 500u);
+  EXPECT_EQ(found.channels[0].at_low_rail, 0u);
+  ASSERT_FALSE(found.remarks.empty());
+  EXPECT_THAT(found.remarks[0], HasSubstr("displacement stands still at its lowest"));
+}
+
+TEST(Integrity, SeesALineOfTheMainsHalfAsHighAsTheNoise) {
+  auto recording = two_tones();
+  for (Frame& frame : recording.frames) {
+    frame.set(Channel::displacement,
+              frame[Channel::displacement] + 1.0e-5 * std::sin(2.0 * pi * 50.03 * frame.time_s()));
+  }
+  const Integrity found = integrity_of(recording, physics::Model{});
+  ASSERT_TRUE(found.channels[0].mains);
+  EXPECT_NEAR(found.channels[0].mains->frequency_hz, 50.03, 0.03);
+  EXPECT_NEAR(found.channels[0].mains->amplitude, 1.0e-5, 2.0e-6);
+  EXPECT_FALSE(found.channels[1].mains);
+  ASSERT_EQ(found.remarks.size(), 1u);
+  EXPECT_THAT(found.remarks[0], HasSubstr("look for a ground loop"));
+}
+
+TEST(Integrity, TellsHowLateTheVelocityIs) {
+  for (const double late_s : {4.0e-4, -1.5e-3}) {
+    const Integrity found = integrity_of(two_tones(late_s), physics::Model{});
+    ASSERT_TRUE(found.velocity_delay_s);
+    EXPECT_NEAR(*found.velocity_delay_s, late_s, 4.0 * found.velocity_delay_error_s);
+    EXPECT_LT(found.velocity_delay_error_s, 5.0e-5);
+    ASSERT_EQ(found.remarks.size(), 1u);
+    EXPECT_THAT(found.remarks[0], HasSubstr(late_s > 0.0 ? "later" : "earlier"));
+  }
+}
+
+TEST(Integrity, TakesADeclaredRollOffForWhatItIs) {
+  physics::Model model;
+  model.sensors[index_of(Channel::velocity)].filters = {
+      {physics::FilterKind::first_order_lowpass, 1, 40.0}};
+  // A first-order roll-off delays slow tones by 1 / (2 pi cut-off).
+  const Integrity found = integrity_of(two_tones(1.0 / (2.0 * pi * 40.0)), model);
+  EXPECT_NEAR(*found.velocity_delay_s, 0.0, 3.0e-5);
+}
+
+TEST(Integrity, SaysWhereAChannelIsCoarseOrDead) {
+  auto recording = two_tones();
+  for (Frame& frame : recording.frames) {
+    frame.set(Channel::displacement, 1.0e-4 * std::round(frame[Channel::displacement] / 1.0e-4));
+    frame.set(Channel::normal_load, 0.15);
+    recording.channels |= frame.valid;
+  }
+  const Integrity found = integrity_of(recording, physics::Model{});
+  ASSERT_EQ(found.remarks.size(), 2u);
+  EXPECT_THAT(found.remarks[0], HasSubstr("displacement is resolved in 2"));
+  EXPECT_EQ(found.remarks[1], "normal_load never changes: is it connected?");
+}
+
+}  // namespace
+}  // namespace stickslip::diagnosis

@@ -1,0 +1,485 @@
+#include "diagnosis/report/html.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "diagnosis/report/picture.h"
+#include "diagnosis/report/words.h"
+#include "physics/effects/catalogue.h"
+
+namespace stickslip::diagnosis {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+Evidence small_evidence() {
+  Evidence evidence;
+  evidence.windows = {{.begin_s = 0.0,
+                       .end_s = 0.4,
+                       .held_out = true,
+                       .drive_hz = 2.0,
+                       .drive_amplitude = 0.004,
+                       .before = 9.0,
+                       .after = 1.0},
+                      {.begin_s = 0.4,
+                       .end_s = 0.8,
+                       .held_out = true,
+                       .drive_hz = 2.2,
+                       .drive_amplitude = 0.005,
+                       .before = 10.0,
+                       .after = 1.1}};
+  evidence.stretch = {.first = 0, .count = 2, .before = 9.5, .typical = 9.0};
+  ChannelEvidence channel;
+  channel.sigma = 1.0e-5;
+  channel.window_before = {9.0, 10.0};
+  channel.window_after = {1.0, 1.1};
+  channel.frequency_hz = {0.0, 1.0, 2.0};
+  channel.power_before = {5.0, 4.0, 1.0};
+  channel.power_after = {1.0, 1.0, 1.0};
+  channel.phase_deg = {90.0, 180.0, 270.0};
+  channel.phase_before = {3.0, 2.0, 3.0};
+  channel.phase_after = {1.0, 1.0, 1.0};
+  channel.time_s = {0.0, 0.1, 0.2};
+  channel.recorded = channel.before = channel.after = {0.0, 0.001, 0.0};
+  evidence.channels.push_back(channel);
+  evidence.map.displacement_m = 0.01;
+  evidence.map.velocity_m_s = 0.1;
+  evidence.map.before.assign(PhaseMap::cells * PhaseMap::cells, 3.0);
+  evidence.map.after.assign(PhaseMap::cells * PhaseMap::cells, 1.0);
+  return evidence;
+}
+
+Diagnosis with_a_finding() {
+  Diagnosis d;
+  d.verdict = Verdict::missing_physics;
+  d.location = Location{physics::Relation::force_balance,
+                        Channel::displacement,
+                        {{0.0, 30.0}},
+                        {},
+                        std::nullopt,
+                        "They part in the force balance of the mass.",
+                        {{.channel = Channel::displacement,
+                          .aspect = Aspect::displacement,
+                          .from = 0.01,
+                          .to = 0.02,
+                          .words = "at displacements from 0.01 to 0.02 m",
+                          .energy = 16.0,
+                          .energy_outside = 1.0,
+                          .p_value = 1.0e-9}}};
+  Finding finding;
+  finding.effect = physics::find_effect("cubic_stiffness");
+  finding.statement = "The spring hardens.";
+  finding.parameters = {{"k3_n_m3", 700.0, 680.0, 720.0}};
+  finding.probability = 0.9;
+  finding.alternatives = {{Suspect{physics::find_effect("end_stop"), {}}, 0.1}};
+  finding.separating_experiment = "stepped amplitudes";
+  finding.portrait = {{"displacement",
+                       "m",
+                       "force against +x",
+                       "N",
+                       {-0.01, 0.0, 0.01},
+                       {-0.007, 0.0, 0.007},
+                       {-0.008, 0.0, 0.006},
+                       {-0.006, 0.0, 0.008}}};
+  d.findings.push_back(finding);
+  d.baseline.chi2_per_sample = 9.5;
+  d.augmented = d.baseline;
+  d.augmented->chi2_per_sample = 1.02;
+  d.baseline.rmse[0] = 1.234e-4;
+  d.augmented->rmse[0] = 2.19e-5;
+  d.horizon_s = 0.4;
+  d.heldout_windows = 28;
+  d.fitted_windows = 64;
+  d.calibrated = {{.path = "oscillator.mass_kg",
+                   .value = 0.0612,
+                   .sigmas_off = 1.5,
+                   .declared = 0.06,
+                   .sigma = 0.0008,
+                   .low = 0.0606,
+                   .high = 0.0618}};
+  d.noise_std = {{Channel::displacement, 1.0e-5}};
+  d.trials = {{"cubic_stiffness", 0, 1.02, 7.5}, {"end_stop", 0, 1.4, 5.0}};
+  Integrity integrity;
+  integrity.source = "run.csv";
+  integrity.channels = {{.channel = Channel::displacement}};
+  integrity.remarks = {"a clipped channel"};
+  d.integrity = {integrity};
+  d.evidence = small_evidence();
+  return d;
+}
+
+Provenance provenance() {
+  return {"stickslip diagnose <odd> & name.csv --model m.toml",
+          "1.2.3",
+          42,
+          {{"<odd> & name.csv", "abc123"}}};
+}
+
+// The tags of a page as a parser of XML sees them: every one closed, in order, and every attribute
+// in quotes. Gives what is wrong, or nothing.
+std::string fault_of_markup(const std::string& page) {
+  std::vector<std::string> open;
+  for (std::size_t at = page.find('<'); at != std::string::npos; at = page.find('<', at)) {
+    const std::size_t end = page.find('>', at);
+    if (end == std::string::npos) return "a tag is never closed";
+    std::string tag = page.substr(at + 1, end - at - 1);
+    at = end;
+    if (tag.starts_with("!DOCTYPE")) continue;
+    if (tag.find('<') != std::string::npos) return "a tag within " + tag;
+    if (std::count(tag.begin(), tag.end(), '"') % 2 != 0) return "an odd quote in " + tag;
+    if (tag.ends_with("/")) continue;
+    if (tag.starts_with("/")) {
+      if (open.empty() || open.back() != tag.substr(1)) return "unexpected " + tag;
+      open.pop_back();
+      continue;
+    }
+    open.push_back(tag.substr(0, tag.find_first_of(" \n")));
+  }
+  // Every ampersand begins one of these.
+  for (std::size_t at = page.find('&'); at != std::string::npos; at = page.find('&', at + 1)) {
+    bool known = false;
+    for (const char* entity : {"&lt;", "&gt;", "&amp;", "&quot;", "&#39;"}) {
+      known = known || page.compare(at, std::strlen(entity), entity) == 0;
+    }
+    if (!known) return "an ampersand before " + page.substr(at, 12);
+  }
+  return open.empty() ? "" : open.back() + " is never closed";
+}
+
+// What a person sees before scrolling.
+std::string first_screen_of(const std::string& page) {
+  return page.substr(page.find("<header"), page.find("</header>") - page.find("<header"));
+}
+
+// A diagnosis of every kind of answer.
+Diagnosis consistent() {
+  Diagnosis d;
+  d.baseline.chi2_per_sample = 1.004;
+  d.heldout_windows = 28;
+  d.horizon_s = 0.4;
+  d.baseline.rmse[0] = 1.2e-5;
+  d.noise_std = {{Channel::displacement, 1.0e-5}};
+  d.detection.limits = {
+      {Suspect{physics::find_effect("cubic_stiffness"), {}}, 6540.0, 0.0},
+      {Suspect{physics::find_effect("gain_error"), {Channel::velocity, {}}}, 1.1, 0.0}};
+  d.evidence = small_evidence();
+  return d;
+}
+Diagnosis ambiguous() {
+  Diagnosis d = with_a_finding();
+  d.findings.front().probability = 0.7;
+  d.findings.front().alternatives.front().probability = 0.3;
+  return d;
+}
+Diagnosis sure() {
+  Diagnosis d = with_a_finding();
+  d.findings.front().probability = 0.9996;
+  d.findings.front().alternatives.clear();
+  d.findings.front().separating_experiment.reset();
+  return d;
+}
+Diagnosis unexplained() {
+  Diagnosis d = with_a_finding();
+  d.verdict = Verdict::unexplained;
+  d.findings.clear();
+  d.augmented.reset();
+  return d;
+}
+
+TEST(ReportHtml, SaysWhatWasFoundHowSureAndHowToRepeatIt) {
+  const std::string page = report_html(with_a_finding(), provenance());
+  for (const char* part :
+       {"hardening or softening spring", "They part in the force balance", "k3_n_m3", "end stop",
+        "stepped amplitudes", "force against +x over displacement", "Phase space", "seed 42",
+        "1.2.3", "abc123", "at displacements from 0.01 to 0.02 m", "a clipped channel",
+        "oscillator.mass_kg", "0.06060 to 0.06180", "95 % interval", "Operating condition",
+        "By phase of the drive", "Channel by time", "mean square of 9.50 times the noise"}) {
+    EXPECT_THAT(page, HasSubstr(part));
+  }
+}
+
+TEST(ReportHtml, NumbersOfTheFirstScreenAreThoseOfTheDiagnosis) {
+  const std::string top = first_screen_of(report_html(with_a_finding(), provenance()));
+  for (const char* part :
+       {"9.50 \u2192 1.02", "123\u00a0\u00b5m before, 21.9\u00a0\u00b5m with it",
+        "up to 0.4\u00a0s ahead", "<b>90\u00a0%</b>", "end stop, 10\u00a0%", "700</span>",
+        "680 to 720", "700</span>\u00a0N/m\u00b3", "7.5 standard errors", "28 stretches",
+        "4.00 times the noise", "elsewhere 1.00"}) {
+    EXPECT_THAT(top, HasSubstr(part));
+  }
+}
+
+// Those of the table of parameters, not those of the declared model bent to fit without the
+// finding.
+TEST(ReportHtml, TheRigIsDescribedWithTheNumbersThatFit) {
+  Diagnosis d = with_a_finding();
+  d.model.oscillator.mass_kg.value = 0.0612;
+  d.baseline_model.oscillator.mass_kg.value = 0.0521;
+  const std::string page = report_html(d, provenance());
+  EXPECT_THAT(page, HasSubstr("A mass of 0.0612"));
+  EXPECT_THAT(page, Not(HasSubstr("0.0521")));
+}
+
+TEST(ReportHtml, EveryKindOfAnswerHasItsOwnFirstScreen) {
+  EXPECT_THAT(first_screen_of(report_html(consistent(), provenance())),
+              AllOf(HasSubstr("Nothing is missing"), HasSubstr("class=\"consistent\""),
+                    HasSubstr("1.00</b>"), HasSubstr("28 stretches"),
+                    HasSubstr("its noise is 10.0\u00a0\u00b5m"),
+                    HasSubstr("hardening or softening spring (<code>k3_n_m3</code> = "
+                              "6540\u00a0N/m\u00b3)"),
+                    Not(HasSubstr("wrong gain")), Not(HasSubstr("\u2192"))));
+  EXPECT_THAT(first_screen_of(report_html(sure(), provenance())),
+              AllOf(HasSubstr("The model leaves out one piece of physics: hardening"),
+                    HasSubstr("over 99.9\u00a0%"), Not(HasSubstr("What to do next"))));
+  EXPECT_THAT(first_screen_of(report_html(ambiguous(), provenance())),
+              AllOf(HasSubstr("most probably hardening"), HasSubstr("does not rule out end stop"),
+                    HasSubstr("This run would tell them apart: stepped amplitudes"),
+                    HasSubstr("class=\"ambiguous\"")));
+  EXPECT_THAT(first_screen_of(report_html(unexplained(), provenance())),
+              AllOf(HasSubstr("nothing that was tried explains why"), HasSubstr("What to do next"),
+                    HasSubstr("class=\"unexplained\"")));
+}
+
+TEST(ReportHtml, IsWellFormedWhateverTheAnswer) {
+  for (const Diagnosis& d : {consistent(), sure(), ambiguous(), unexplained(), Diagnosis()}) {
+    EXPECT_EQ(fault_of_markup(report_html(d, provenance())), "");
+  }
+}
+
+TEST(ReportHtml, HeadingsGoDownOneStepAtATime) {
+  const std::string page = report_html(with_a_finding(), provenance());
+  int before = 0;
+  int ones = 0;
+  for (std::size_t at = page.find("<h"); at != std::string::npos; at = page.find("<h", at + 1)) {
+    const int level = page[at + 2] - '0';
+    if (level < 1 || level > 6) continue;
+    EXPECT_LE(level, before + 1);
+    ones += level == 1 ? 1 : 0;
+    before = level;
+  }
+  EXPECT_EQ(ones, 1);
+}
+
+TEST(ReportHtml, LoadsNothingFromElsewhereAndRunsNothing) {
+  const std::string page = report_html(with_a_finding(), provenance());
+  for (const char* part : {"http:", "https:", "src=", "@import", "url(", "<script", "<link",
+                           "<iframe", "javascript:"}) {
+    EXPECT_THAT(page, Not(HasSubstr(part)));
+  }
+  for (const char* handler : {" onload=", " onclick=", " onerror=", " onmouseover="}) {
+    EXPECT_THAT(page, Not(HasSubstr(handler)));
+  }
+  for (std::size_t at = page.find("href="); at != std::string::npos;
+       at = page.find("href=", at + 1)) {
+    EXPECT_EQ(page.substr(at, 7), "href=\"#");
+  }
+}
+
+TEST(ReportHtml, TakesNoNameForMarkup) {
+  const std::string hostile = "</code><script>alert(\"1\")</script>&'<img src=x onerror=y>\x01";
+  Diagnosis d = with_a_finding();
+  d.integrity.front().source = hostile;
+  d.integrity.front().remarks = {hostile};
+  d.findings.front().statement = hostile;
+  d.findings.front().separating_experiment = hostile;
+  d.findings.front().parameters.front().name = hostile;
+  d.location->statement = hostile;
+  d.location->regions.front().words = hostile;
+  d.calibrated.front().path = hostile;
+  d.trials.front().id = hostile;
+  const std::string page =
+      report_html(d, {hostile, hostile, 1, {{hostile, hostile}}, hostile, hostile});
+  EXPECT_EQ(fault_of_markup(page), "");
+  for (const char* part : {"<script", "<img", "\x01"}) EXPECT_THAT(page, Not(HasSubstr(part)));
+  EXPECT_THAT(page, HasSubstr("&lt;script&gt;alert(&quot;1&quot;)&lt;/script&gt;&amp;&#39;"));
+}
+
+TEST(ReportHtml, IsTheSameForTheSameDiagnosis) {
+  EXPECT_EQ(report_html(with_a_finding(), provenance()),
+            report_html(with_a_finding(), provenance()));
+}
+
+TEST(ReportHtml, EveryPictureSaysWhatItShows) {
+  const std::string page = report_html(with_a_finding(), provenance());
+  const auto count = [&page](const std::string& part) {
+    std::size_t times = 0;
+    for (std::size_t at = page.find(part); at != std::string::npos; at = page.find(part, at + 1)) {
+      ++times;
+    }
+    return times;
+  };
+  EXPECT_GE(count("<svg"), 12U);
+  EXPECT_EQ(count("<desc>"), count("<svg"));
+  EXPECT_EQ(count("<figcaption>"), count("<svg"));
+  EXPECT_EQ(count("<caption>"), count("<table>"));
+}
+
+TEST(ReportWords, NumbersAreWrittenAsPeopleWriteThem) {
+  EXPECT_EQ(number_words(7310.4), "7310");
+  EXPECT_EQ(number_words(73104.0), "73100");
+  EXPECT_EQ(number_words(-0.01254), "\u22120.0125");
+  EXPECT_EQ(number_words(0.9996), "1.00");
+  EXPECT_EQ(number_words(1.2e-6), "1.20 \u00d7 10\u207b\u2076");
+  EXPECT_EQ(number_words(0.0), "0");
+  EXPECT_EQ(number_words(std::numeric_limits<double>::quiet_NaN()), "not known");
+  EXPECT_EQ(quantity_words(2.19e-5, "m"), "21.9\u00a0\u00b5m");
+  EXPECT_EQ(quantity_words(0.13, "N"), "130\u00a0mN");
+  EXPECT_EQ(quantity_words(1.5, "1"), "1.50");
+  EXPECT_EQ(quantity_words(1.07e-4, "m", 2.52e-4), "0.107\u00a0mm");
+  EXPECT_EQ(plain_words("k3_n_m3 is 7000, +5 - 3.5e, 1e999 and -"),
+            "k3_n_m3 is 7000, +5 - 3.5e, 1e999 and -");
+  EXPECT_EQ(plain_words("+2.5e+01"), plain_words("2.5e+01"));
+  EXPECT_EQ(plain_words("friction_force wanders by -1.25e-05 N in 4.38e+03 s"),
+            "friction force wanders by \u22121.25 \u00d7 10\u207b\u2075 N in 4380 s");
+  EXPECT_EQ(unit_words("unit of the channel per second", {Channel::velocity, {}}),
+            "m/s per second");
+  EXPECT_EQ(unit_words("1", {}), "");
+  EXPECT_EQ(unit_words("N s^2/m2", {}), "N s\u00b2/m\u00b2");
+  EXPECT_EQ(percent_words(0.99999), "over 99.9\u00a0%");
+}
+
+TEST(ReportWords, AnIntervalDecidesHowManyDigitsAreWritten) {
+  const EstimateWords close = estimate_words(1.15, 1.141, 1.159);
+  EXPECT_EQ(close.value, "1.1500");
+  EXPECT_EQ(close.low, "1.1410");
+  const EstimateWords wide = estimate_words(-7300.0, -7750.0, -6840.0);
+  EXPECT_EQ(wide.value, "\u22127300");
+  EXPECT_EQ(wide.high, "\u22126840");
+  EXPECT_EQ(estimate_words(9.9, 9.5, 10.3).high, "10.30");
+}
+
+TEST(ReportWords, TrialsAreNamedAsPeopleSayThem) {
+  EXPECT_EQ(trial_words("gain_error of friction_force + cubic_stiffness"),
+            "wrong gain (friction force) and hardening or softening spring");
+  EXPECT_EQ(trial_words("crosstalk of velocity from displacement"),
+            "crosstalk (velocity from displacement)");
+  EXPECT_EQ(trial_words("nobody knows this"), "nobody knows this");
+}
+
+TEST(LinePlot, LeavesOutWhatIsNoNumberAndKeepsEverySpike) {
+  LinePlot plot;
+  Series series;
+  for (int i = 0; i < 20000; ++i) {
+    series.x.push_back(i);
+    series.y.push_back(i == 12345 ? 1000.0 : std::sin(i * 0.01));
+  }
+  series.y[10] = std::numeric_limits<double>::quiet_NaN();
+  plot.series.push_back(series);
+  const std::string svg = line_plot_svg(plot);
+  EXPECT_THAT(svg, Not(HasSubstr("nan")));
+  // 20000 points are drawn by at most two a pixel.
+  EXPECT_LT(svg.size(), 60000U);
+  plot.series[0].y[12345] = 0.0;
+  EXPECT_NE(line_plot_svg(plot), svg);
+}
+
+TEST(LinePlot, OfNothingIsNothing) {
+  EXPECT_EQ(line_plot_svg({}), "");
+  LinePlot plot;
+  plot.log_y = true;
+  plot.series.push_back({"", {0.0, 1.0}, {0.0, -1.0}, 0});
+  EXPECT_EQ(line_plot_svg(plot), "");
+}
+
+TEST(MapPlot, LeavesOutWhereNothingWasAndDrawsEachShadeOnce) {
+  MapPlot plot;
+  plot.cells = {{0.0, 0.5, 0.0, 0.5, 1.0},
+                {0.5, 1.0, 0.0, 0.5, 1.0},
+                {0.0, 0.5, 0.5, 1.0, 10.0},
+                {0.5, 1.0, 0.5, 1.0, std::numeric_limits<double>::quiet_NaN()}};
+  const std::string svg = map_plot_svg(plot);
+  EXPECT_THAT(svg, HasSubstr("<path class=\"m0\""));
+  EXPECT_THAT(svg, HasSubstr("<path class=\"m8\""));
+  EXPECT_THAT(svg, Not(HasSubstr("nan")));
+  EXPECT_EQ(map_plot_svg({}), "");
+}
+
+TEST(Shape, OfACubicSpringIsItsForceOverDeflection) {
+  Experiment e;
+  e.largest.displacement_m = 0.01;
+  e.largest.velocity_m_s = 0.1;
+  e.period_s = 0.001;
+  e.samples = 1000;
+  const physics::Effect& cubic = *physics::find_effect("cubic_stiffness");
+  const std::vector<double> k3 = {7000.0};
+  const auto curves = shape_of(cubic, k3, e);
+  ASSERT_EQ(curves.size(), 1U);
+  EXPECT_EQ(curves[0].variable, "displacement");
+  EXPECT_NEAR(curves[0].value.back(), 7000.0 * 1.0e-6, 1.0e-12);
+}
+
+Experiment of_a_small_rig() {
+  Experiment e;
+  e.largest.displacement_m = 0.01;
+  e.largest.velocity_m_s = 0.1;
+  e.period_s = 0.001;
+  e.samples = 1000;
+  e.mean_load_n = 0.2;
+  e.channel_std.fill(0.01);
+  return e;
+}
+
+std::vector<Curve> portrait(const char* id, const physics::Place& place,
+                            const std::vector<double>& parameters) {
+  return portrait_of(*physics::find_effect(id), place, parameters, parameters, of_a_small_rig(),
+                     0.1);
+}
+
+TEST(Portrait, OfWhatRemembersIsALoop) {
+  const auto curves = portrait("hysteresis", {}, {50.0, 0.1, 0.0, 1.0});
+  ASSERT_EQ(curves.size(), 1U);
+  EXPECT_EQ(curves[0].variable, "displacement");
+  // It slips: the force stays within the slip force, and comes close to it both ways.
+  const auto [least, most] = std::minmax_element(curves[0].value.begin(), curves[0].value.end());
+  EXPECT_NEAR(*most, 0.1, 0.01);
+  EXPECT_NEAR(*least, -0.1, 0.01);
+}
+
+TEST(Portrait, OfASensorIsWhatItReads) {
+  const auto gain = portrait("gain_error", {Channel::velocity, {}}, {1.2});
+  ASSERT_EQ(gain.size(), 1U);
+  EXPECT_EQ(gain[0].quantity, "reading");
+  EXPECT_NEAR(gain[0].value.back(), 1.2 * gain[0].at.back(), 1.0e-12);
+  const auto clipped = portrait("clipping", {Channel::displacement, {}}, {0.005});
+  ASSERT_EQ(clipped.size(), 1U);
+  EXPECT_NEAR(clipped[0].value.back(), 0.005, 1.0e-12);
+}
+
+TEST(Portrait, OfAMemoryIsHowFrictionTurnsAround) {
+  const auto curves = portrait("friction_memory", {}, {100.0, 0.0});
+  ASSERT_EQ(curves.size(), 1U);
+  EXPECT_NEAR(curves[0].value.front(), -1.0, 1.0e-12);
+  EXPECT_NEAR(curves[0].value.back(), 1.0 - 2.0 * std::exp(-5.0), 1.0e-9);
+}
+
+TEST(Bands, FollowTheCorrelationOfWhatWasFitted) {
+  // value = a + b x with a and b one standard deviation of 1 each.
+  const std::vector<Curve> line = {{"x", "m", "y", "N", {0.0, 1.0}, {0.0, 0.0}}};
+  const auto changed = [&](Eigen::Index i, double by) {
+    std::vector<Curve> out = line;
+    for (std::size_t k = 0; k < 2; ++k) out[0].value[k] = i == 0 ? by : by * out[0].at[k];
+    return out;
+  };
+  Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(2, 2);
+  std::vector<Curve> free = line;
+  add_bands(free, correlation, changed);
+  EXPECT_NEAR(free[0].high[0], 1.96, 1.0e-12);
+  EXPECT_NEAR(free[0].high[1], 1.96 * std::sqrt(2.0), 1.0e-12);
+  correlation(0, 1) = correlation(1, 0) = -1.0;
+  std::vector<Curve> bound = line;
+  add_bands(bound, correlation, changed);
+  EXPECT_NEAR(bound[0].high[1], 0.0, 1.0e-12);
+  EXPECT_NEAR(bound[0].low[0], -1.96, 1.0e-12);
+}
+
+}  // namespace
+}  // namespace stickslip::diagnosis

@@ -1,0 +1,155 @@
+#include "diagnosis/report/report.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "physics/effects/catalogue.h"
+
+namespace stickslip::diagnosis {
+namespace {
+
+using ::testing::HasSubstr;
+
+Diagnosis consistent() {
+  Diagnosis diagnosis;
+  diagnosis.baseline.chi2_per_sample = 1.01;
+  diagnosis.baseline.rmse[0] = 2.0e-5;
+  diagnosis.baseline.nrmse[0] = 0.004;
+  diagnosis.horizon_s = 0.4;
+  diagnosis.calibrated = {{"oscillator.mass_kg", 0.0601, 0.4}};
+  diagnosis.noise_std = {{Channel::displacement, 2.0e-5}};
+  return diagnosis;
+}
+
+Diagnosis undecided() {
+  Diagnosis diagnosis = consistent();
+  diagnosis.verdict = Verdict::missing_physics;
+  Location location;
+  location.relation = physics::Relation::friction_law;
+  location.channel = Channel::friction_force;
+  location.when_s = {{1.0, 2.5}};
+  location.statement = "They part.";
+  location.regions = {{.channel = Channel::velocity,
+                       .aspect = Aspect::motion,
+                       .words = "around reversals",
+                       .energy = 9.0,
+                       .energy_outside = 1.0,
+                       .p_value = 1.0e-6}};
+  diagnosis.location = location;
+  Integrity integrity;
+  integrity.source = "run.csv";
+  integrity.rate_hz = 500.0;
+  integrity.duration_s = 30.0;
+  integrity.channels = {{.channel = Channel::displacement, .at_high_rail = 12}};
+  integrity.remarks = {"3 of 15000 samples are not there"};
+  diagnosis.integrity = {integrity};
+  Finding finding;
+  finding.effect = physics::find_effect("dry_friction");
+  finding.statement = "Dry friction of 20 N.";
+  finding.parameters = {{"friction_force_n", 20.0, 19.0, 21.0}};
+  finding.probability = 0.6;
+  finding.alternatives = {{{physics::find_effect("bias_force"), {}}, 0.4}};
+  finding.separating_experiment = "push it both ways";
+  diagnosis.findings = {finding};
+  diagnosis.augmented = diagnosis.baseline;
+  diagnosis.augmented->chi2_per_sample = 1.0;
+  diagnosis.noise_estimated = {Channel::displacement};
+  return diagnosis;
+}
+
+TEST(ReportJson, OfAConsistentRecordingHoldsNothingButTheFit) {
+  const auto json = report_json(consistent());
+  EXPECT_EQ(json["schema"], 1);
+  EXPECT_EQ(json["verdict"], "consistent");
+  EXPECT_TRUE(json["location"].is_null());
+  EXPECT_TRUE(json["findings"].empty());
+  // Nothing was added: the augmented model is the declared one.
+  EXPECT_EQ(json["fit"]["heldout"]["augmented"], json["fit"]["heldout"]["baseline"]);
+  EXPECT_EQ(json["calibrated"]["oscillator.mass_kg"], 0.0601);
+  EXPECT_EQ(json["noise_std"]["displacement_m"], 2.0e-5);
+}
+
+TEST(ReportJson, HoldsTheFindingItsIntervalAndItsRivals) {
+  const auto json = report_json(undecided());
+  EXPECT_EQ(json["verdict"], "missing_physics");
+  EXPECT_EQ(json["location"]["relation"], "friction_law");
+  EXPECT_EQ(json["location"]["channel"], "friction_force");
+  const auto& finding = json["findings"][0];
+  EXPECT_EQ(finding["id"], "dry_friction");
+  EXPECT_EQ(finding["parameters"]["friction_force_n"]["value"], 20.0);
+  EXPECT_EQ(finding["parameters"]["friction_force_n"]["ci95"][1], 21.0);
+  EXPECT_EQ(finding["alternatives"][0]["id"], "bias_force");
+  EXPECT_EQ(finding["separating_experiment"], "push it both ways");
+  EXPECT_EQ(json["fit"]["heldout"]["augmented"]["chi2_per_sample"], 1.0);
+}
+
+TEST(ReportJson, HoldsWhereItFailsAndWhatTheRecordingIsWorth) {
+  const auto json = report_json(undecided());
+  const auto& region = json["location"]["regions"][0];
+  EXPECT_EQ(region["channel"], "velocity");
+  EXPECT_EQ(region["aspect"], "motion");
+  EXPECT_TRUE(region["span"].is_null());
+  EXPECT_EQ(region["energy"], 9.0);
+  const auto& integrity = json["integrity"][0];
+  EXPECT_EQ(integrity["rate_hz"], 500.0);
+  EXPECT_EQ(json.dump().find("run.csv"), std::string::npos);
+  EXPECT_EQ(integrity["channels"]["displacement"]["at_high_rail"], 12);
+  EXPECT_EQ(integrity["remarks"][0], "3 of 15000 samples are not there");
+}
+
+Diagnosis with_limits() {
+  Diagnosis diagnosis = consistent();
+  diagnosis.detection.limits = {
+      {{physics::find_effect("stribeck"), {}}, 1.0042},
+      {{physics::find_effect("cubic_stiffness"), {}}, 310.0},
+      {{physics::find_effect("quintic_stiffness"), {}}, 4.0e6},
+      {{physics::find_effect("gain_error"), {Channel::velocity, {}}}, 1.02}};
+  diagnosis.detection.lookalikes = {{1, 2, 0.991}};
+  diagnosis.false_alarms = FalseAlarms{20, 1, {0.97, 1.01, 1.04}};
+  return diagnosis;
+}
+
+TEST(ReportJson, HoldsWhatElseWouldHaveBeenSeen) {
+  const auto json = report_json(with_limits());
+  ASSERT_EQ(json["detection"]["limits"].size(), 4U);
+  EXPECT_EQ(json["detection"]["limits"][2]["id"], "unlisted");
+  EXPECT_EQ(json["detection"]["limits"][2]["name"], "quintic_stiffness");
+  EXPECT_EQ(json["detection"]["limits"][3]["name"], "gain_error of velocity");
+  EXPECT_EQ(json["detection"]["inseparable"][0]["one"], "cubic_stiffness");
+  EXPECT_EQ(json["detection"]["inseparable"][0]["other"], "quintic_stiffness");
+  EXPECT_EQ(json["bootstrap"]["recordings"], 20);
+  EXPECT_EQ(json["bootstrap"]["alarms"], 1);
+  EXPECT_FALSE(report_json(consistent()).contains("bootstrap"));
+}
+
+// With digits enough to see that it is not nothing, and only what the contract lists of the rig's
+// own physics.
+TEST(ReportText, SaysFromWhichSizeOnThingsWouldHaveBeenNamed) {
+  const std::string text = report_text(with_limits());
+  EXPECT_THAT(text,
+              HasSubstr("stribeck (static_ratio = 1.004), cubic_stiffness (k3_n_m3 = 310)\n"));
+  EXPECT_THAT(text, HasSubstr("Of 20 recordings"));
+  EXPECT_THAT(text,
+              HasSubstr("1 would have been accused; noise alone left a chi-squared of 0.97 to"));
+}
+
+TEST(ReportText, SaysTheVerdictFirst) {
+  EXPECT_THAT(report_text(consistent()), ::testing::StartsWith("CONSISTENT"));
+  const std::string text = report_text(undecided());
+  EXPECT_THAT(text, ::testing::StartsWith("MISSING PHYSICS: 1 effect was left out"));
+  EXPECT_THAT(text, HasSubstr("friction_force_n = 20"));
+  EXPECT_THAT(text, HasSubstr("or bias_force (40 %)"));
+  EXPECT_THAT(text, HasSubstr("to tell: push it both ways"));
+  EXPECT_THAT(text, HasSubstr("Noise estimated from the recording, not declared: displacement"));
+  EXPECT_THAT(text, HasSubstr("velocity is off more around reversals (3 times the noise, "
+                              "elsewhere 1)"));
+  EXPECT_THAT(text, HasSubstr("Recording run.csv: 30 s at 500 Hz\n    3 of 15000 samples"));
+  auto unexplained = undecided();
+  unexplained.verdict = Verdict::unexplained;
+  EXPECT_THAT(report_text(unexplained), ::testing::StartsWith("UNEXPLAINED"));
+}
+
+}  // namespace
+}  // namespace stickslip::diagnosis

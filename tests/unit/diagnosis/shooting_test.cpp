@@ -1,0 +1,230 @@
+#include "diagnosis/shooting.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/unit/diagnosis/bench.h"
+
+namespace stickslip::diagnosis {
+namespace {
+
+using test::all_windows;
+using test::driven_mass;
+using test::experiment_of;
+using test::record;
+using test::with_term;
+
+// The rig as it is: not quite where its owner believes it to be.
+physics::Model real_mass() {
+  auto model = driven_mass();
+  model.oscillator.stiffness_n_m = physics::Parameter{161.0};
+  model.oscillator.damping_n_s_m = physics::Parameter{0.62};
+  return model;
+}
+
+Fit fit_from_declared(const Task& task, const Hypothesis& hypothesis) {
+  return fit(task, hypothesis, std::vector<double>(hypothesis.unknowns().size(), 0.0),
+             guessed_states(task, hypothesis));
+}
+
+TEST(Fit, FindsTheParametersOfATrueModelWithinTheirUncertainty) {
+  const std::vector<Experiment> experiments = {
+      experiment_of(record(real_mass(), 12.0), driven_mass())};
+  const Task task = all_windows(experiments);
+  const Hypothesis hypothesis(driven_mass());
+  const Fit fitted = fit_from_declared(task, hypothesis);
+  EXPECT_NEAR(fitted.chi2_per_sample(), 1.0, 0.1);
+  const std::vector<double> truth = {161.0, 0.62};
+  for (std::size_t u = 0; u < truth.size(); ++u) {
+    const auto i = static_cast<Eigen::Index>(u);
+    const double sigma = std::sqrt(fitted.covariance(i, i)) * hypothesis.unknowns()[u].scale;
+    // Steps of 1 ms put the frequency of 2 Hz off by some 1e-5.
+    EXPECT_NEAR(hypothesis.value(u, fitted.z[u]), truth[u], 4.0 * sigma + 3.0e-5 * truth[u]);
+    EXPECT_LT(sigma, 0.02 * truth[u]);
+  }
+}
+
+// A mass between two wells, of which first guesses have every other stretch in the wrong one: a
+// window goes on from where the one before it ends.
+TEST(Fit, TakesAWindowFromWhereTheOneBeforeEnds) {
+  physics::Model wells;
+  wells.oscillator.excitation = physics::Excitation::force;
+  wells.oscillator.mass_kg = {1.0};
+  wells.oscillator.damping_n_s_m = physics::Parameter{0.5};
+  wells.oscillator.two_well = physics::TwoWell{{100.0}, {1.0e6}};
+  wells.oscillator.stiffness_n_m = physics::Parameter{0.0};
+  wells.sensors[index_of(Channel::displacement)].noise_std = 2.0e-5;
+  std::vector<Experiment> experiments = {experiment_of(record(wells, 12.0), wells)};
+  Experiment& e = experiments.front();
+  ASSERT_GT(e.windows.size(), 15U);
+  for (std::size_t w = 5; w < 9; ++w) {
+    StateGuess& guess = e.guess[e.windows[w].warm];
+    guess.displacement_m *= -1.0;
+    guess.velocity_m_s *= -1.0;
+  }
+  const Task task = all_windows(experiments);
+  const Hypothesis truth(wells);
+  FitOptions options;
+  options.parameters_free = false;
+  options.rescue = false;
+  const Fit lost = fit(task, truth, {}, guessed_states(task, truth), options);
+  options.rescue = true;
+  const Fit found = fit(task, truth, {}, guessed_states(task, truth), options);
+  const auto followed = [](const Fit& fitted) {
+    return std::count_if(fitted.chi2.begin(), fitted.chi2.end(), [&](const double& chi2) {
+      return chi2 < 3.0 * fitted.count[static_cast<std::size_t>(&chi2 - fitted.chi2.data())];
+    });
+  };
+  EXPECT_LT(followed(lost), static_cast<std::ptrdiff_t>(e.windows.size()));
+  EXPECT_GT(followed(found), followed(lost));
+}
+
+TEST(Fit, OfStatesOnlyLeavesTheParametersAlone) {
+  const std::vector<Experiment> experiments = {
+      experiment_of(record(real_mass(), 6.0), driven_mass())};
+  const Task task = all_windows(experiments);
+  const Hypothesis hypothesis(driven_mass());
+  FitOptions options;
+  options.parameters_free = false;
+  const std::vector<double> z = {0.25, -0.5};
+  const Fit fitted = fit(task, hypothesis, z, guessed_states(task, hypothesis), options);
+  EXPECT_EQ(fitted.z, z);
+  EXPECT_EQ(fitted.states_per_window, 2);
+}
+
+TEST(Fit, GivesTheSameBitsOnHoweverManyThreads) {
+  const std::vector<Experiment> experiments = {
+      experiment_of(record(real_mass(), 8.0), driven_mass())};
+  Task task = all_windows(experiments);
+  const Hypothesis hypothesis(driven_mass());
+  const Fit one = fit_from_declared(task, hypothesis);
+  task.threads = 3;
+  const Fit three = fit_from_declared(task, hypothesis);
+  EXPECT_EQ(one.z, three.z);
+  EXPECT_EQ(one.chi2, three.chi2);
+}
+
+TEST(Fit, AWindowThatNoModelFollowsHoldsUpNoOther) {
+  auto recording = record(real_mass(), 12.0);
+  Experiment e = experiment_of(recording, driven_mass());
+  // A knock: one window's displacement is thrown off by a thousand times the noise.
+  const Window& hit = e.windows[5];
+  for (std::size_t k = hit.begin; k < hit.end; ++k) e.reading[k][0] += (k % 7 == 0) ? 0.02 : 0.0;
+  const std::vector<Experiment> experiments = {std::move(e)};
+  const Task task = all_windows(experiments);
+  const Hypothesis hypothesis(driven_mass());
+  const Fit fitted = fit_from_declared(task, hypothesis);
+  EXPECT_NEAR(hypothesis.value(0, fitted.z[0]), 161.0, 1.0);
+  for (std::size_t w = 0; w < task.windows.size(); ++w) {
+    if (w == 5) continue;
+    EXPECT_LT(fitted.chi2[w] / fitted.count[w], 2.5) << w;
+  }
+}
+
+// The bench of the paper: friction with a memory, seen through a resonant load cell. Its windows'
+// costs have several valleys in the state theta, which no channel shows.
+physics::Model bench_with_memory() {
+  physics::Model model;
+  model.oscillator.mass_kg = {0.06};
+  model.oscillator.natural_frequency_hz = physics::Parameter{2.4};
+  model.oscillator.damping_ratio = physics::Parameter{0.015};
+  model.normal_load = physics::NormalLoad{physics::NormalLoadLaw::constant, {0.15}, {}};
+  model.friction.law = physics::FrictionLaw::state_variable;
+  model.friction.mu = {0.8};
+  model.friction.transition_speed_m_s = {0.0025};
+  model.friction.rate_per_s = {150.0};
+  model.load_cell =
+      physics::LoadCell{{0.0126}, {19.3}, {0.016}, physics::LoadCellDynamics::resonant};
+  model.sensors[index_of(Channel::displacement)].noise_std = 2.0e-5;
+  model.sensors[index_of(Channel::velocity)].noise_std = 5.0e-4;
+  model.sensors[index_of(Channel::friction_force)].noise_std = 4.0e-4;
+  return model;
+}
+
+// A base motion and its exact acceleration, so that nothing but the states is in doubt.
+Experiment shaken(const physics::Model& model, double duration_s) {
+  physics::SimulationOptions options;
+  options.seed = 4;
+  physics::RigSimulator rig(model, options);
+  const auto displacement = [](double t) {
+    const double turn = 2.0 * std::numbers::pi * t;
+    return 0.006 * (1.0 - std::cos(turn / 8.0)) * std::sin(2.5 * turn);
+  };
+  const auto base = [&](double t) {
+    constexpr double h = 1.0e-4;
+    physics::Input input;
+    input.base_displacement_m = displacement(t);
+    input.base_acceleration_m_s2 =
+        (displacement(t + h) - 2.0 * displacement(t) + displacement(t - h)) / (h * h);
+    return input;
+  };
+  rig.set_input(base(0.0));
+  protocol::Recording recording;
+  recording.source = "bench.csv";
+  const auto samples = static_cast<std::int64_t>(duration_s * 1000.0);
+  for (std::int64_t k = 0; k <= samples; ++k) {
+    if (k > 0) rig.advance(1.0e-3, base(1.0e-3 * static_cast<double>(k)));
+    Frame frame = rig.read();
+    frame.time_ns = k * 1'000'000;
+    recording.channels |= frame.valid;
+    recording.frames.push_back(frame);
+  }
+  return experiment_of(recording, model);
+}
+
+TEST(Fit, LeavesAWrongValleyOfTheHiddenState) {
+  const auto model = bench_with_memory();
+  const std::vector<Experiment> experiments = {shaken(model, 8.0)};
+  Task task = all_windows(experiments);
+  task.sigma = {2.0e-5, 5.0e-4, 4.0e-4, 1.0};
+  task.threads = 2;
+  const Hypothesis hypothesis(model);
+  FitOptions options;
+  options.parameters_free = false;
+  options.iterations = 12;
+  auto wrong = guessed_states(task, hypothesis);
+  for (WindowState& state : wrong) state[physics::state::contact] = 0.3;
+  const auto worst = [&](const Fit& fitted) {
+    double most = 0.0;
+    for (std::size_t w = 0; w < task.windows.size(); ++w) {
+      most = std::max(most, fitted.chi2[w] / fitted.count[w]);
+    }
+    return most;
+  };
+  options.rescue = false;
+  EXPECT_GT(worst(fit(task, hypothesis, {}, wrong, options)), 10.0)
+      << "no window fell into a wrong valley: this test tests nothing";
+  options.rescue = true;
+  EXPECT_LT(worst(fit(task, hypothesis, {}, wrong, options)), 1.2);
+}
+
+TEST(Fit, AMissingTermLeavesMoreThanNoise) {
+  const auto truth = with_term(driven_mass(), "dry_friction", {{"friction_force_n", {0.5}}});
+  const std::vector<Experiment> experiments = {experiment_of(record(truth, 12.0), driven_mass())};
+  const Task task = all_windows(experiments);
+  EXPECT_GT(fit_from_declared(task, Hypothesis(driven_mass())).chi2_per_sample(), 10.0);
+}
+
+TEST(Predict, FromTheTrueStateReadsWhatWasRecorded) {
+  const auto model = driven_mass();
+  const auto recording = record(model, 6.0, 1, false);
+  const Experiment e = experiment_of(recording, model);
+  const std::vector<Experiment> experiments = {e};
+  const Task task = all_windows(experiments);
+  const Hypothesis hypothesis(model);
+  const std::vector<double> z(2, 0.0);
+  FitOptions options;
+  options.parameters_free = false;
+  const Fit fitted = fit(task, hypothesis, z, guessed_states(task, hypothesis), options);
+  const Window& window = e.windows[4];
+  const auto readings = predict(e, window, window.end, hypothesis, z, fitted.state[4]);
+  ASSERT_EQ(readings.size(), window.end - window.begin);
+  for (std::size_t i = 0; i < readings.size(); ++i) {
+    EXPECT_NEAR(readings[i][0], e.reading[window.begin + i][0], 2.0e-6);
+  }
+}
+
+}  // namespace
+}  // namespace stickslip::diagnosis

@@ -1,0 +1,45 @@
+#include "tools/calibration/calibration_file.h"
+
+#include <array>
+#include <ctime>
+#include <system_error>
+
+#include "config/document.h"
+#include "tools/calibration/renewal.h"
+#include "tools/files/write_file.h"
+
+namespace stickslip::calibration {
+
+using namespace files;
+namespace {
+
+std::string text_of(const std::filesystem::path& file) {
+  std::error_code error;
+  if (!std::filesystem::exists(file, error)) return {};
+  return config::read_text(file);
+}
+
+}  // namespace
+
+std::optional<config::ChannelCalibration> calibration_before(const std::filesystem::path& file,
+                                                             Channel channel) {
+  const std::string text = text_of(file);
+  if (text.empty()) return std::nullopt;
+  return config::parse_calibration(text, file.string()).channel[index_of(channel)];
+}
+
+void renew_calibration(const std::filesystem::path& file, Channel channel,
+                       const config::ChannelCalibration& made) {
+  replace_file(file.string(), calibration::renewed(text_of(file), file.string(), channel, made));
+}
+
+std::string now_utc() {
+  const std::time_t now = std::time(nullptr);
+  std::tm parts{};
+  gmtime_r(&now, &parts);
+  std::array<char, 32> text{};
+  std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &parts);
+  return text.data();
+}
+
+}  // namespace stickslip::calibration

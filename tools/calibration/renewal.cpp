@@ -1,0 +1,28 @@
+#include "tools/calibration/renewal.h"
+
+#include <stdexcept>
+
+#include "physics/problem.h"
+
+namespace stickslip::calibration {
+
+std::string renewed(const std::string& text, const std::string& name, Channel channel,
+                    const config::ChannelCalibration& calibration) {
+  config::CalibrationFile file;
+  if (!text.empty()) file = config::parse_calibration(text, name);
+  config::renew(file, channel, calibration, name);
+  std::string out = config::calibration_text(file);
+  constexpr std::size_t largest_file = 1U << 20U;  // what a configuration file may be
+  if (out.size() > largest_file) {
+    throw InputError(
+        Problem{name, 0, 0,
+                "would be larger than 1 MiB: move the oldest [[history]] tables into a "
+                "file of their own"});
+  }
+  if (config::parse_calibration(out, name) != file) {
+    throw std::runtime_error(name + ": does not read back as it was meant");
+  }
+  return out;
+}
+
+}  // namespace stickslip::calibration

@@ -1,0 +1,26 @@
+// The option of every command whose words have colours.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <map>
+#include <memory>
+#include <string>
+
+#include "tools/terminal/colour.h"
+
+namespace stickslip::command_line {
+
+/// Adds `--color`. What is painted with it goes to standard output.
+inline void add_colour_option(CLI::App& command, terminal::Colours& colours) {
+  const std::map<std::string, terminal::Colours> choices = {{"auto", terminal::Colours::automatic},
+                                                            {"always", terminal::Colours::always},
+                                                            {"never", terminal::Colours::never}};
+  command
+      .add_option_function<std::string>(
+          "--color", [&colours, choices](const std::string& asked) { colours = choices.at(asked); },
+          "Colours: on a terminal, unless NO_COLOR is set (auto); always; never")
+      ->check(CLI::IsMember({"auto", "always", "never"}))
+      ->default_str("auto");
+}
+
+}  // namespace stickslip::command_line

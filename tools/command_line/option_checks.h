@@ -1,0 +1,43 @@
+// What the value of an option must be, said in one line when it is not.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <cstdlib>
+#include <string>
+
+namespace stickslip::command_line {
+
+/// A finite number for which `holds` is true; `expected` completes "expected ...".
+template <typename Condition>
+CLI::Validator number_that(Condition holds, const std::string& expected) {
+  return CLI::Validator(
+      [holds, expected](std::string& text) {
+        char* end = nullptr;
+        const double value = std::strtod(text.c_str(), &end);
+        const bool number = end != text.c_str() && *end == '\0' && std::isfinite(value);
+        return number && holds(value) ? std::string() : "expected " + expected + ", found " + text;
+      },
+      "");
+}
+
+inline CLI::Validator finite_number() {
+  return number_that([](double) { return true; }, "a finite number");
+}
+inline CLI::Validator positive_number() {
+  return number_that([](double v) { return v > 0.0; }, "a finite number above 0");
+}
+inline CLI::Validator not_negative_number() {
+  return number_that([](double v) { return v >= 0.0; }, "a finite number, 0 or more");
+}
+inline CLI::Validator whole_number(double low, double high) {
+  const auto word = [](double v) { return std::to_string(static_cast<long long>(v)); };
+  return number_that([=](double v) { return v >= low && v <= high && v == std::floor(v); },
+                     "a whole number from " + word(low) + " to " + word(high));
+}
+/// 0 (one per core) up to 1024.
+inline CLI::Validator number_of_threads() { return whole_number(0, 1024); }
+/// What a random sequence begins with.
+inline CLI::Validator seed_number() { return whole_number(0, 9007199254740992.0); }
+
+}  // namespace stickslip::command_line

@@ -1,0 +1,128 @@
+#include "tools/dynamics/bifurcation.h"
+
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "config/model_file.h"
+#include "diagnosis/parallel/for_each.h"
+#include "physics/number_text.h"
+#include "physics/problem.h"
+#include "tools/command_line/drive_options.h"
+#include "tools/command_line/option_checks.h"
+#include "tools/commands/commands.h"
+#include "tools/files/write_file.h"
+#include "tools/terminal/progress.h"
+
+namespace stickslip::commands {
+
+using namespace command_line;
+using namespace files;
+
+using namespace command_line;
+using namespace files;
+
+namespace {
+
+struct Arguments {
+  std::shared_ptr<DriveOptions> drive = std::make_shared<DriveOptions>();
+  std::string over;
+  double from = 0.0;
+  double to = 0.0;
+  int values = 200;
+  int periods = 100;
+  bool exponents = false;
+  int jobs = 0;
+  std::string out = "-";
+};
+
+int run(const Arguments& arguments) {
+  const physics::Model model = config::load_model(arguments.drive->model);
+  using Swept = DriveOptions::Swept;
+  const Swept swept =
+      arguments.over == "drive.frequency_hz" ? Swept::frequency
+      : arguments.over == "drive.amplitude_m" || arguments.over == "drive.acceleration_m_s2"
+          ? Swept::strength
+          : Swept::nothing;
+  const dynamics::Drive drive = arguments.drive->drive(model, swept);
+  const auto paths = dynamics::bifurcation_paths(model);
+  if (std::find(paths.begin(), paths.end(), arguments.over) == paths.end()) {
+    std::string known;
+    for (const std::string& path : paths) known += (known.empty() ? "" : ", ") + path;
+    throw InputError(
+        Problem{arguments.drive->model, 0, 0,
+                "has no parameter \"" + arguments.over + "\"; expected one of " + known});
+  }
+  dynamics::BifurcationOptions options;
+  options.portrait = arguments.drive->portrait();
+  options.portrait.periods = arguments.periods;
+  options.with_exponents = arguments.exponents;
+  if (model.oscillator.excitation == physics::Excitation::base) {
+    options.base_amplitude_m = arguments.drive->amplitude;
+  }
+  options.threads = parallel::threads_for(arguments.jobs);
+  std::vector<double> values;
+  for (int i = 0; i < arguments.values; ++i) {
+    const double share =
+        arguments.values > 1 ? static_cast<double>(i) / (arguments.values - 1) : 0.0;
+    values.push_back(arguments.from + share * (arguments.to - arguments.from));
+  }
+  for (const double value : values) {
+    const std::string why = dynamics::refusal(model, arguments.over, value);
+    if (!why.empty()) {
+      throw InputError(Problem{"--from, --to", 0, 0,
+                               arguments.over + " = " + physics::number_text(value) + ": " + why});
+    }
+  }
+  std::string table = "value,displacement_m,velocity_m_s";
+  table += arguments.exponents ? ",exponent_per_s\n" : "\n";
+  char line[160];
+  terminal::Progress progress(std::to_string(values.size()) + " values of " + arguments.over);
+  options.progress = [&progress](std::size_t done, std::size_t all) { progress.at(done, all); };
+  const auto columns = dynamics::bifurcation(model, drive, arguments.over, values, options);
+  progress.finish();
+  for (const auto& column : columns) {
+    for (const dynamics::Point& point : column.section) {
+      std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g", column.value, point.x(), point.v());
+      table += line;
+      if (arguments.exponents) {
+        std::snprintf(line, sizeof line, ",%.6g", column.exponent_per_s);
+        table += line;
+      }
+      table += '\n';
+    }
+  }
+  write_table(arguments.out, table);
+  return 0;
+}
+
+}  // namespace
+
+void add_bifurcation(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "bifurcation", "Poincare sections over the values of one parameter, on all cores");
+  add_drive_options(*command, arguments->drive);
+  command
+      ->add_option(
+          "--over", arguments->over,
+          "Parameter: drive.amplitude_m, drive.acceleration_m_s2, drive.frequency_hz, or one of "
+          "the model's (friction.mu, normal_load.load_n, ...)")
+      ->required();
+  command->add_option("--from", arguments->from, "First value")->check(finite_number())->required();
+  command->add_option("--to", arguments->to, "Last value")->check(finite_number())->required();
+  command->add_option("--values", arguments->values, "Number of values")
+      ->check(whole_number(1, 1000000))
+      ->capture_default_str();
+  command->add_option("--periods", arguments->periods, "Points per value")
+      ->check(whole_number(1, 1000000))
+      ->capture_default_str();
+  command->add_flag("--exponents", arguments->exponents, "Also the largest Lyapunov exponent");
+  command->add_option("--jobs", arguments->jobs, "Threads (0: as many as there are cores)")
+      ->check(number_of_threads());
+  command->add_option("--out", arguments->out, "Table to write (CSV; -: standard output)")
+      ->capture_default_str();
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::commands

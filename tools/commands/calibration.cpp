@@ -1,0 +1,211 @@
+// `stickslip calibration`: calibration files made from points that were taken, and shown.
+#include <cstdio>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "config/calibration.h"
+#include "config/document.h"
+#include "physics/problem.h"
+#include "tools/calibration/calibration_file.h"
+#include "tools/calibration/line_fit.h"
+#include "tools/calibration/points_csv.h"
+#include "tools/calibration/words.h"
+#include "tools/command_line/option_checks.h"
+#include "tools/commands/commands.h"
+
+namespace stickslip::commands {
+
+using namespace calibration;
+using namespace command_line;
+
+using namespace calibration;
+using namespace command_line;
+
+namespace {
+
+struct FitArguments {
+  std::string points;
+  std::string channel;
+  std::string file;
+  std::string reference;
+  std::string by;
+  std::string date;
+  std::string raw_unit;
+  std::vector<double> valid_range;
+  double accuracy_percent = 0.1;
+  double scale_sigma_percent = 0.0;
+  bool force = false;
+  bool dry_run = false;
+};
+
+struct ShowArguments {
+  std::string file;
+  bool history = false;
+};
+
+std::string joined(const std::vector<calibration::Objection>& objections) {
+  std::string out;
+  for (const calibration::Objection& each : objections) {
+    out += (out.empty() ? "" : "; ") + each.sentence;
+  }
+  return out;
+}
+
+config::ChannelCalibration proposal(const FitArguments& arguments, const calibration::LineFit& fit,
+                                    const std::vector<calibration::Point>& points) {
+  config::ChannelCalibration out = calibration::calibration_of(fit, points);
+  out.reference = arguments.reference;
+  out.by = arguments.by;
+  out.date = arguments.date.empty() ? now_utc() : arguments.date;
+  out.raw_unit = arguments.raw_unit;
+  if (!arguments.valid_range.empty()) {
+    const config::ValidRange range{arguments.valid_range[0], arguments.valid_range[1]};
+    if (range.low >= range.high) {
+      throw InputError(Problem{"", 0, 0, "--valid-range: expected LOW below HIGH"});
+    }
+    out.valid = range;
+  }
+  return out;
+}
+
+int run_fit(const FitArguments& arguments) {
+  const Channel channel = *channel_named(arguments.channel);
+  const auto points =
+      calibration::parse_points(config::read_text(arguments.points), arguments.points);
+  calibration::FitOptions options;
+  options.accuracy = arguments.accuracy_percent / 100.0;
+  options.scale_sigma = arguments.scale_sigma_percent / 100.0;
+  options.two_references = arguments.force;
+  options.unit = info(channel).unit;
+  const calibration::LineFit fit = calibration::fit(points, options);
+  if (!fit.solved || (!fit.acceptable() && !arguments.force)) {
+    std::fputs(calibration::fit_text(fit, points, channel, arguments.raw_unit).c_str(), stdout);
+    std::fflush(stdout);
+    throw InputError(
+        Problem{arguments.points, 0, 0,
+                "no calibration: " + joined(fit.objections) +
+                    (fit.solved ? " (--force takes it nevertheless, and says so in the "
+                                  "file)"
+                                : "")});
+  }
+  const config::ChannelCalibration made = proposal(arguments, fit, points);
+
+  const auto before = calibration_before(arguments.file, channel);
+  std::printf("%s: %zu points\n", arguments.channel.c_str(), points.size());
+  std::fputs(calibration::fit_text(fit, points, channel, arguments.raw_unit).c_str(), stdout);
+  std::fputs(calibration::change_text(before, made, channel).c_str(), stdout);
+  if (arguments.dry_run) return 0;
+  renew_calibration(arguments.file, channel, made);
+  std::printf("%s: written%s\n", arguments.file.c_str(),
+              before ? ", the former calibration is in its history" : "");
+  return 0;
+}
+
+int run_show(const ShowArguments& arguments) {
+  const config::CalibrationFile file = config::load_calibration(arguments.file);
+  for (Channel channel : all_channels) {
+    const auto& holds = file.channel[index_of(channel)];
+    if (!holds) continue;
+    std::printf("%s\n  %s\n", std::string(info(channel).stem).c_str(),
+                calibration::calibration_words(*holds, channel).c_str());
+    const std::string unit(info(channel).unit);
+    if (holds->valid) {
+      for (const double si : {holds->valid->low, holds->valid->high}) {
+        std::printf("  at %s %s: +- %s %s by the calibration\n",
+                    calibration::short_number(si).c_str(), unit.c_str(),
+                    calibration::short_number(config::calibration_sigma(*holds, si)).c_str(),
+                    unit.c_str());
+      }
+    }
+    for (Channel other : all_channels) {
+      const double leak = holds->crosstalk[index_of(other)];
+      if (leak == 0.0) continue;
+      std::printf("  less %s of %s\n", calibration::short_number(leak).c_str(),
+                  std::string(info(other).stem).c_str());
+    }
+    std::printf("  %zu points, residuals %s %s\n", holds->points.size(),
+                calibration::short_number(holds->residual_std).c_str(), unit.c_str());
+    for (const config::FormerCalibration& each : file.history) {
+      if (!arguments.history || each.channel != channel) continue;
+      std::printf("  before: %s\n",
+                  calibration::calibration_words(each.calibration, channel).c_str());
+    }
+  }
+  if (!arguments.history && !file.history.empty()) {
+    std::printf("%zu former calibrations: --history shows them\n", file.history.size());
+  }
+  return 0;
+}
+
+void add_fit(CLI::App& parent, Action& action) {
+  auto arguments = std::make_shared<FitArguments>();
+  CLI::App* command = parent.add_subcommand(
+      "fit", "Fit a straight line to points, and put it into a calibration file");
+  command
+      ->add_option("points", arguments->points,
+                   "Points (CSV: raw, reference_si, and, if known, raw_std, reference_sigma), in "
+                   "the order in which they were taken")
+      ->required();
+  std::vector<std::string> stems;
+  for (const ChannelInfo& channel : channel_table) stems.emplace_back(channel.stem);
+  command->add_option("--channel", arguments->channel, "The channel that was calibrated")
+      ->required()
+      ->check(CLI::IsMember(stems));
+  command->add_option("--file", arguments->file, "Calibration file (TOML), renewed or made")
+      ->required();
+  command
+      ->add_option("--reference", arguments->reference,
+                   "Against what: \"weights set 12, class M1\"")
+      ->required()
+      ->check([](const std::string& text) {
+        return text.empty() ? std::string("expected a text") : std::string();
+      });
+  command->add_option("--by", arguments->by, "Who did it");
+  command->add_option("--date", arguments->date, "When, ISO 8601 (default: now)");
+  command->add_option("--raw-unit", arguments->raw_unit,
+                      "Unit of the readings, as the driver names it");
+  command
+      ->add_option("--valid-range", arguments->valid_range,
+                   "LOW HIGH, SI: where it holds (default: the references)")
+      ->expected(2)
+      ->check(finite_number());
+  command
+      ->add_option("--accuracy-percent", arguments->accuracy_percent,
+                   "Share of the span below which deviations do not matter")
+      ->check(not_negative_number())
+      ->capture_default_str();
+  command
+      ->add_option("--scale-sigma-percent", arguments->scale_sigma_percent,
+                   "Standard uncertainty that all references have in common, such as gravity's")
+      ->check(not_negative_number())
+      ->capture_default_str();
+  command->add_flag(
+      "--force", arguments->force,
+      "Take it whatever speaks against it, two references included; the file says so");
+  command->add_flag("--dry-run", arguments->dry_run, "Show it, and write nothing");
+  command->callback([&action, arguments] { action = [arguments] { return run_fit(*arguments); }; });
+}
+
+void add_show(CLI::App& parent, Action& action) {
+  auto arguments = std::make_shared<ShowArguments>();
+  CLI::App* command =
+      parent.add_subcommand("show", "What a calibration file says, with its uncertainties");
+  command->add_option("file", arguments->file, "Calibration file (TOML)")->required();
+  command->add_flag("--history", arguments->history, "Former calibrations as well");
+  command->callback(
+      [&action, arguments] { action = [arguments] { return run_show(*arguments); }; });
+}
+
+}  // namespace
+
+void add_calibration(CLI::App& app, Action& action) {
+  CLI::App* command =
+      app.add_subcommand("calibration", "Make calibration files from points, and show them");
+  command->require_subcommand(1);
+  add_fit(*command, action);
+  add_show(*command, action);
+}
+
+}  // namespace stickslip::commands

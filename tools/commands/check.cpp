@@ -1,0 +1,337 @@
+// `stickslip check`: what is wrong with a rig, a model, a fault script or a calibration, all of it
+// at once, without a daemon.
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "config/calibration.h"
+#include "config/demand.h"
+#include "config/document.h"
+#include "config/fault_script.h"
+#include "config/key.h"
+#include "config/model_file.h"
+#include "config/rig.h"
+#include "drivers/bench/try_bench.h"
+#include "drivers/make_bench.h"
+#include "physics/number_text.h"
+#include "physics/problem.h"
+#include "protocol/recording.h"
+#include "tools/command_line/colour_option.h"
+#include "tools/command_line/recording_input.h"
+#include "tools/commands/commands.h"
+#include "tools/terminal/progress.h"
+
+namespace stickslip::commands {
+
+using namespace command_line;
+
+using namespace command_line;
+namespace {
+
+struct Arguments {
+  std::vector<std::string> files;
+  bool keys = false;
+  bool live = false;
+  terminal::Colours colours = terminal::Colours::automatic;
+};
+
+void say(const char* what, const std::string& text) {
+  std::printf("  %-12s %s\n", what, text.c_str());
+}
+
+std::string oscillator_text(const physics::Model& model) {
+  switch (model.oscillator.excitation) {
+    case physics::Excitation::base:
+      return "driven by its base, " + physics::number_text(model.oscillator.mass_kg.value, 6) +
+             " kg";
+    case physics::Excitation::force:
+      return "driven by a force, " + physics::number_text(model.oscillator.mass_kg.value, 6) +
+             " kg";
+    case physics::Excitation::imposed:
+      return "imposed motion";
+  }
+  return "";
+}
+
+std::string model_summary(physics::Model model) {
+  const auto named = [](std::string_view path, std::size_t position) {
+    return std::string(config::choice_at(config::model_keys(), path, position));
+  };
+  std::string text = oscillator_text(model);
+  text += ", friction " + named("friction.law", static_cast<std::size_t>(model.friction.law));
+  text += ", load " + (model.normal_load ? named("normal_load.law",
+                                                 static_cast<std::size_t>(model.normal_load->law))
+                                         : "not declared");
+  text += ", load cell " +
+          (model.load_cell
+               ? named("load_cell.dynamics", static_cast<std::size_t>(model.load_cell->dynamics))
+               : "none");
+  for (const physics::Term& term : model.terms) text += ", " + term.id;
+  const auto parameters = physics::parameters_of(model);
+  std::size_t uncertain = 0;
+  for (const physics::NamedParameter& each : parameters) {
+    if (each.parameter->sigma > 0.0) ++uncertain;
+  }
+  return text + "; " + std::to_string(uncertain) + " of " + std::to_string(parameters.size()) +
+         " parameters are to be calibrated";
+}
+
+/// "bench, labjack_u6; displacement from labjack_u6/AIN0, ..."
+std::string bench_summary(const config::Bench& bench) {
+  std::string text =
+      "bench, " + std::string(config::choice_at(config::rig_keys(), "driver.bench.board",
+                                                static_cast<std::size_t>(bench.board)));
+  const char* between = "; ";
+  for (const Channel channel : all_channels) {
+    const auto& input = bench.inputs[index_of(channel)];
+    if (!input) continue;
+    text +=
+        between + std::string(info(channel).stem) + " from " + input->device + "/" + input->input;
+    between = ", ";
+  }
+  return text;
+}
+
+std::string driver_summary(const config::Rig& rig) {
+  if (rig.driver == config::DriverKind::replay) {
+    return "replay of " + rig.replay.recording.string() +
+           (rig.replay.speed > 0.0
+                ? " at " + physics::number_text(rig.replay.speed, 6) + " times its speed"
+                : ", as fast as it goes");
+  }
+  if (rig.driver == config::DriverKind::bench) return bench_summary(rig.bench);
+  return "simulated, truth " + rig.simulated.truth_file.string() +
+         (rig.simulated.real_time ? "" : ", as fast as it goes");
+}
+
+std::string drive_summary(const config::Rig& rig) {
+  const config::Excitation& drive = rig.excitation;
+  if (rig.driver == config::DriverKind::replay) return "none: a replay moves nothing";
+  if (!drive.enabled) return "off";
+  const bool base = rig.model.oscillator.excitation == physics::Excitation::base;
+  const auto sized = [base](double amplitude) {
+    return base ? physics::number_text(amplitude * 1000.0, 6) + " mm"
+                : physics::number_text(amplitude, 6) + " N";
+  };
+  const std::string reach = "up to " + sized(config::demand_of(drive).displacement);
+  const std::string span = physics::number_text(drive.sweep.from_hz, 6) + " to " +
+                           physics::number_text(drive.sweep.to_hz, 6) + " Hz, " + reach;
+  switch (drive.kind) {
+    case config::ExcitationKind::modulated:
+      break;
+    case config::ExcitationKind::by_hand:
+      return physics::number_text(drive.carrier_hz, 6) + " Hz, as if by hand from " +
+             sized(drive.by_hand.lowest) + " " + reach;
+    case config::ExcitationKind::sweep:
+      return "sweep, " + span + ", in " + physics::number_text(drive.sweep.duration_s, 6) + " s";
+    case config::ExcitationKind::chirp:
+      return "bursts, " + span + ", of " + physics::number_text(drive.sweep.duration_s, 6) + " s";
+    case config::ExcitationKind::multisine:
+      return std::to_string(config::lines_of(drive).size()) + " sines, " + reach;
+    case config::ExcitationKind::file:
+      return drive.file.path.string();
+  }
+  std::string text = physics::number_text(drive.carrier_hz, 6) + " Hz, " + reach;
+  if (!drive.envelope.empty()) {
+    text += ", envelope of " + physics::number_text(drive.envelope.back().time_s, 6) + " s";
+    if (drive.repeat) text += ", repeated";
+  } else if (drive.modulation_hz > 0.0 && drive.modulation_depth > 0.0) {
+    text += ", modulated at " + physics::number_text(drive.modulation_hz, 6) + " Hz";
+  }
+  return text;
+}
+
+/// "friction_force = (raw - 1.18e-05) 2114.6 N - 0.012 normal_load of 2026-03-02"
+std::string calibration_line(const config::ChannelCalibration& calibration, Channel channel) {
+  std::string text =
+      std::string(info(channel).stem) + " = (raw - " + physics::number_text(calibration.offset, 6) +
+      ") " + physics::number_text(calibration.gain, 6) + " " + std::string(info(channel).unit);
+  for (Channel other : all_channels) {
+    const double leak = calibration.crosstalk[index_of(other)];
+    if (leak != 0.0)
+      text += " - " + physics::number_text(leak, 6) + " " + std::string(info(other).stem);
+  }
+  return text + (calibration.date.empty() ? "" : " of " + calibration.date);
+}
+
+std::string calibration_summary(const config::Rig& rig) {
+  std::string text;
+  for (Channel channel : all_channels) {
+    const config::ChannelCalibration& each = rig.calibration[index_of(channel)];
+    if (each == config::ChannelCalibration{}) continue;
+    text += (text.empty() ? "" : ", ") + calibration_line(each, channel);
+  }
+  return text.empty() ? "none: every channel is read in SI units" : text;
+}
+
+void summarise(const config::CalibrationFile& file) {
+  for (Channel channel : all_channels) {
+    const auto& each = file.channel[index_of(channel)];
+    if (!each) continue;
+    say("calibration", calibration_line(*each, channel) + ", against " + each->reference);
+  }
+  say("history", std::to_string(file.history.size()) + " former calibrations");
+}
+
+void summarise(const config::Rig& rig) {
+  say("rig", rig.name);
+  say("rate",
+      physics::number_text(rig.loop.rate_hz, 6) + " Hz, " +
+          std::to_string(rig.loop.frames_per_block) + " frames a message" +
+          (rig.loop.duration_s ? ", for " + physics::number_text(*rig.loop.duration_s, 6) + " s"
+                               : ""));
+  say("driver", driver_summary(rig));
+  if (rig.faults) {
+    say("faults", rig.faults->file.string() + ": " + std::to_string(rig.faults->faults.size()));
+  }
+  say("drive", drive_summary(rig));
+  say("calibration", calibration_summary(rig));
+  say("model", rig.model_file.string() + ": " + model_summary(rig.model));
+  say("LCM", rig.lcm.enabled ? rig.lcm.url : "off");
+  say("recording", rig.recording.enabled ? rig.recording.file.string() : "off");
+  say("observer", rig.observer.enabled ? "on" : "off");
+}
+
+void summarise(const config::FaultScript& script) {
+  say("seed", std::to_string(script.seed));
+  if (script.faults.empty()) say("faults", "none: the device stays as it is");
+  for (std::size_t i = 0; i < script.faults.size(); ++i) {
+    say(("fault " + std::to_string(i + 1)).c_str(), config::in_words(script.faults[i]));
+  }
+}
+
+/// Prints what a file is, or every problem in it. Whether it is sound.
+bool check(const std::string& file, const terminal::Paint& paint) {
+  const std::string sound = paint(terminal::Tone::good, "sound");
+  try {
+    const std::string text = config::read_text(file);
+    const auto kind = config::kind_of(text);
+    if (!kind) {
+      throw InputError(Problem{
+          file, 1, 1,
+          "is no rig, which has a table [rig], no model, which has [oscillator], no fault "
+          "script, which has [[fault]], no calibration, which has [channel.CHANNEL], and no "
+          "register map, which has [[register]]"});
+    }
+    switch (*kind) {
+      case config::FileKind::rig: {
+        const config::Rig rig = config::load_rig(file);
+        if (rig.driver == config::DriverKind::replay) {
+          recording_from(rig.replay.recording);
+        }
+        std::printf("%s: %s\n", file.c_str(), sound.c_str());
+        summarise(rig);
+        break;
+      }
+      case config::FileKind::model: {
+        const physics::Model model = config::parse_model(text, file);
+        std::printf("%s: %s\n", file.c_str(), sound.c_str());
+        say("model", model_summary(model));
+        break;
+      }
+      case config::FileKind::fault_script: {
+        const config::FaultScript script = config::parse_fault_script(text, file);
+        std::printf("%s: %s\n", file.c_str(), sound.c_str());
+        summarise(script);
+        break;
+      }
+      case config::FileKind::modbus_map: {
+        const config::ModbusMap map = config::parse_modbus_map(text, file);
+        std::printf("%s: %s\n", file.c_str(), sound.c_str());
+        say("unit", map.name);
+        say("registers", std::to_string(map.registers.size()));
+        break;
+      }
+      case config::FileKind::calibration: {
+        const config::CalibrationFile calibration = config::parse_calibration(text, file);
+        std::printf("%s: %s\n", file.c_str(), sound.c_str());
+        summarise(calibration);
+        break;
+      }
+    }
+    return true;
+  } catch (const InputError& error) {
+    std::fflush(stdout);
+    for (const Problem& problem : error.problems()) {
+      std::fprintf(stderr, "%s\n", problem.text().c_str());
+    }
+    return false;
+  }
+}
+
+/// Asks each device of a sound rig for its first readings. Whether all speak.
+bool try_live(const std::string& file, const terminal::Paint& paint) {
+  const config::Rig rig = config::load_rig(file);
+  if (rig.driver != config::DriverKind::bench) {
+    throw InputError(Problem{file, 0, 0, "has no devices: --live is for driver.kind = \"bench\""});
+  }
+  constexpr double patience_s = 2.0;
+  terminal::Progress progress("asking the devices of " + file);
+  const auto tried = drivers::try_bench(drivers::make_bench_parts(rig.bench, rig.loop.rate_hz),
+                                        rig.bench, patience_s);
+  progress.finish();
+  bool well = true;
+  for (const drivers::TriedDevice& device : tried) {
+    well = well && device.well;
+    std::printf(
+        "%s: %s%s%s\n", device.name.c_str(),
+        (device.well ? paint(terminal::Tone::good, "speaks") : paint(terminal::Tone::bad, "FAILS"))
+            .c_str(),
+        device.words.empty() ? "" : ": ", device.words.c_str());
+    for (const drivers::FirstReading& reading : device.readings) {
+      const config::ChannelCalibration& line = rig.calibration[index_of(reading.channel)];
+      const ChannelInfo& channel = info(reading.channel);
+      const std::string what = std::string(channel.stem) + " from " + reading.input;
+      if (reading.readings == 0) {
+        std::printf("  %-32s no reading\n", what.c_str());
+        continue;
+      }
+      std::printf("  %-32s %.6g %s, scatter %.2g, %zu readings: %.6g %s\n", what.c_str(),
+                  reading.mean, reading.unit.c_str(), reading.spread, reading.readings,
+                  (reading.mean - line.offset) * line.gain, channel.unit.data());
+    }
+  }
+  return well;
+}
+
+int run(const Arguments& arguments) {
+  if (arguments.keys) {
+    std::fputs(config::keys_page().c_str(), stdout);
+    return 0;
+  }
+  if (arguments.files.empty()) throw InputError(Problem{"", 0, 0, "check: expected FILE..."});
+  const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
+  bool sound = true;
+  for (const std::string& file : arguments.files) sound = check(file, paint) && sound;
+  if (!sound) return 2;
+  if (!arguments.live) return 0;
+  bool well = true;
+  for (const std::string& file : arguments.files) well = try_live(file, paint) && well;
+  return well ? 0 : 1;
+}
+
+}  // namespace
+
+void add_check(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "check",
+      "Tell everything that is wrong with rigs, models, calibrations and fault scripts, offline "
+      "and at once");
+  command->add_option("FILE", arguments->files,
+                      "Rig configurations, models, calibrations or fault scripts (TOML)");
+  command->add_flag("--live", arguments->live,
+                    "Then try each device of the rig and print its first readings; nothing is "
+                    "driven, and no daemon may run on it");
+  command->add_flag("--keys", arguments->keys, "Print every key as docs/configuration.md has them")
+      ->group("");
+  add_colour_option(*command, arguments->colours);
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::commands

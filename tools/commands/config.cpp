@@ -1,0 +1,155 @@
+// `stickslip config`: what holds in a rig, defaults included, and where each value comes from.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "config/document.h"
+#include "config/key.h"
+#include "config/rig.h"
+#include "config/settings.h"
+#include "physics/problem.h"
+#include "tools/commands/commands.h"
+
+namespace stickslip::commands {
+namespace {
+
+using config::Setting;
+
+struct Arguments {
+  std::string file;
+  std::string key;
+  bool explain = false;
+  bool json = false;
+};
+
+std::string origin(const Setting& setting, const std::string& file) {
+  return setting.stated() ? file + ":" + std::to_string(setting.line) : "default";
+}
+
+/// The settings that `asked` names: one key, or all of a table; all of them where it is empty.
+/// Throws InputError where there is none.
+std::vector<Setting> chosen(const std::vector<Setting>& settings, const std::string& asked) {
+  std::vector<Setting> out;
+  for (const Setting& each : settings) {
+    const bool within = asked.empty() || each.path == asked || each.path.starts_with(asked + ".");
+    if (within) out.push_back(each);
+  }
+  if (!out.empty()) return out;
+  std::vector<std::string> names;
+  for (const Setting& each : settings) names.push_back(each.path);
+  const std::string meant = config::nearest(asked, names);
+  throw InputError(Problem{"", 0, 0,
+                           "config: there is no key \"" + asked + "\"" +
+                               (meant.empty() ? "; `stickslip check --keys` lists them"
+                                              : ": did you mean " + meant + "?")});
+}
+
+/// "number [Hz], above 0 to 1000".
+std::string kind_of_value(const config::Key& key) {
+  std::string text(name_of(key.type));
+  const bool unit = !key.unit.empty() && key.unit != "1";
+  if (unit) text += " [" + std::string(key.unit) + "]";
+  const std::string range = config::range_of(key);
+  if (!range.empty()) text += ", " + range;
+  return text;
+}
+
+/// The rig as one file: what it says, with the defaults as comments to be taken out of it.
+void print_values(const std::vector<Setting>& settings, const std::string& file) {
+  for (const Setting& each : settings) {
+    if (each.value.empty()) {
+      std::printf("# %s: %s\n", each.path.c_str(), each.words.c_str());
+    } else {
+      std::printf("%s%s = %s  # %s\n", each.stated() ? "" : "# ", each.path.c_str(),
+                  each.value.c_str(), origin(each, file).c_str());
+    }
+  }
+}
+
+void print_explained(const std::vector<Setting>& settings, const std::string& file) {
+  const char* between = "";
+  for (const Setting& each : settings) {
+    const config::Key& key = *each.key;
+    const std::string value = each.value.empty() ? "(" + each.words + ")" : each.value;
+    std::printf("%s%s = %s\n", between, each.path.c_str(), value.c_str());
+    std::printf("  from        %s\n", origin(each, file).c_str());
+    std::printf("  meaning     %.*s\n", static_cast<int>(key.sentence.size()), key.sentence.data());
+    std::printf("  type        %s\n", kind_of_value(key).c_str());
+    std::printf("  without it  %s\n", config::absence_of(key).c_str());
+    std::printf("  change      %s\n", key.live ? "live: a running daemon takes it over on SIGHUP"
+                                               : "needs a restart of the daemon");
+    between = "\n";
+  }
+}
+
+nlohmann::ordered_json as_json(const std::vector<Setting>& settings, const std::string& file) {
+  nlohmann::ordered_json keys = nlohmann::ordered_json::array();
+  const auto bound = [](double value) {
+    return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json();
+  };
+  for (const Setting& each : settings) {
+    const config::Key& key = *each.key;
+    nlohmann::ordered_json entry;
+    entry["key"] = each.path;
+    entry["toml"] =
+        each.value.empty() ? nlohmann::ordered_json() : nlohmann::ordered_json(each.value);
+    entry["words"] = each.words;
+    entry["stated"] = each.stated();
+    entry["line"] = each.stated() ? nlohmann::ordered_json(each.line) : nlohmann::ordered_json();
+    entry["type"] = name_of(key.type);
+    entry["unit"] = key.unit;
+    entry["minimum"] = bound(key.low);
+    entry["minimum_excluded"] = key.above_low;
+    entry["maximum"] = bound(key.high);
+    entry["choices"] = config::choices_of(key.choices);
+    entry["without_it"] = config::absence_of(key);
+    entry["live"] = key.live;
+    entry["sentence"] = key.sentence;
+    keys.push_back(std::move(entry));
+  }
+  return {{"schema", 1}, {"file", file}, {"keys", std::move(keys)}};
+}
+
+int run(const Arguments& arguments) {
+  config::Rig rig = config::load_rig(arguments.file);
+  // Paths that stay true wherever the output is put.
+  rig.file = std::filesystem::absolute(rig.file);
+  const std::vector<Setting> settings = chosen(config::settings_of(rig), arguments.key);
+  if (arguments.json) {
+    std::printf("%s\n", as_json(settings, arguments.file).dump(2).c_str());
+  } else if (arguments.explain) {
+    print_explained(settings, arguments.file);
+  } else {
+    print_values(settings, arguments.file);
+  }
+  return 0;
+}
+
+}  // namespace
+
+void add_config(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "config", "Print all of a rig, defaults included, each value with where it comes from");
+  command->add_option("RIG", arguments->file, "Rig configuration (TOML)")->required();
+  CLI::Option* explain =
+      command
+          ->add_option("--explain", arguments->key,
+                       "Tell what each key means, its unit and range, and whether a running daemon "
+                       "takes a change over; KEY or a table: only that")
+          ->type_name("KEY")
+          ->expected(0, 1);
+  command->add_flag("--json", arguments->json, "As JSON, with everything that --explain tells");
+  command->callback([&action, arguments, explain] {
+    arguments->explain = explain->count() > 0;
+    action = [arguments] { return run(*arguments); };
+  });
+}
+
+}  // namespace stickslip::commands

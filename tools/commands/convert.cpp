@@ -1,0 +1,86 @@
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <string>
+
+#include "physics/problem.h"
+#include "protocol/recording.h"
+#include "tools/command_line/recording_input.h"
+#include "tools/commands/commands.h"
+#include "tools/terminal/progress.h"
+
+namespace stickslip::commands {
+
+using namespace command_line;
+
+using namespace command_line;
+
+namespace {
+
+constexpr std::size_t frames_per_block = 10;
+
+struct Arguments {
+  std::string in;
+  std::string out;
+  std::string format;
+};
+
+void write_as_csv(const protocol::Recording& recording, const std::string& path,
+                  const protocol::ShareDone& done) {
+  std::ofstream out(path, std::ios::binary);
+  if (out) protocol::write_csv(recording, out, done);
+  out.close();
+  if (!out) {
+    throw InputError(
+        Problem{path, 0, 0, "cannot be written; does its folder exist, and is there room?"});
+  }
+}
+
+int run(const Arguments& arguments) {
+  const protocol::Recording recording = recording_from(arguments.in);
+  if (arguments.out == "-") {
+    if (arguments.format == "lcm") {
+      throw InputError(Problem{"-", 0, 0, "only CSV goes to standard output: name a file"});
+    }
+    protocol::write_csv(recording, std::cout);
+    if (!std::cout.flush()) throw std::runtime_error("standard output cannot be written");
+    return 0;
+  }
+  // Only now is anything written: what went in was read whole, so IN and OUT may be one file.
+  terminal::Progress progress("writing " + arguments.out);
+  const protocol::ShareDone done = [&progress](double share) { progress.at(share); };
+  if (arguments.format == "csv") {
+    write_as_csv(recording, arguments.out, done);
+  } else if (arguments.format == "lcm") {
+    protocol::write_log(recording, arguments.out, frames_per_block, done);
+  } else {
+    protocol::write_recording(recording, arguments.out, done);
+  }
+  progress.finish();
+  const double seconds = recording.frames.back().time_s() - recording.frames.front().time_s();
+  std::printf("%s: %zu frames, %.3f s\n", arguments.out.c_str(), recording.frames.size(), seconds);
+  return 0;
+}
+
+}  // namespace
+
+void add_convert(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command =
+      app.add_subcommand("convert", "Rewrite a recording as CSV or as an LCM event log");
+  command->add_option("in", arguments->in, "Recording (CSV or LCM log, told by its content)")
+      ->required()
+      ->type_name("IN");
+  command
+      ->add_option("out", arguments->out,
+                   "Where to: .csv, .lcm or .log; \"-\" is CSV on standard output")
+      ->required()
+      ->type_name("OUT");
+  command->add_option("--format", arguments->format, "Format of OUT, whatever its name says")
+      ->check(CLI::IsMember({"csv", "lcm"}));
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::commands

@@ -1,0 +1,332 @@
+// `stickslip ctl`: tells a running daemon what to do, and what it says.
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+
+#include "physics/frame.h"
+#include "physics/number_text.h"
+#include "physics/problem.h"
+#include "tools/command_line/colour_option.h"
+#include "tools/command_line/option_checks.h"
+#include "tools/commands/commands.h"
+#include "tools/control_client/control_client.h"
+#include "tools/telemetry/lcm_client.h"
+#include "tools/terminal/progress.h"
+#include "tools/terminal/text.h"
+
+namespace stickslip::commands {
+
+using namespace command_line;
+using namespace control_client;
+using namespace telemetry;
+
+using namespace command_line;
+using namespace control_client;
+using namespace telemetry;
+namespace {
+
+using namespace std::chrono_literals;
+using nlohmann::json;
+using terminal::padded;
+using terminal::Paint;
+using terminal::Tone;
+
+struct Arguments {
+  std::string socket;
+  bool json_output = false;
+  terminal::Colours colours = terminal::Colours::automatic;
+  bool dead_man = false;
+  bool wait = false;
+  double seconds = 1.0;
+  double duration_s = 0.0;
+  std::string key;
+  double value = 0.0;
+};
+
+void say(const char* what, const std::string& text) {
+  if (!text.empty()) std::printf("%-11s %s\n", what, text.c_str());
+}
+
+std::string microseconds(const json& timing, const char* key) {
+  return physics::number_text(timing.value(key, 0.0) * 1e6, 6);
+}
+
+std::string account_text(const json& account, const char* verb) {
+  if (!account.value("enabled", false)) return "off";
+  std::string out = std::to_string(account.value("delivered", std::uint64_t{0})) + ' ' + verb;
+  for (const auto& [why, lost] : account.at("lost").items()) {
+    if (lost != 0) out += ", " + lost.dump() + " lost (" + why + ')';
+  }
+  return out;
+}
+
+Tone tone_of_state(const std::string& state) {
+  if (state == "faulted") return Tone::bad;
+  if (state == "running") return Tone::good;
+  return state == "stopping" ? Tone::warning : Tone::plain;
+}
+
+Tone tone_of_severity(const std::string& severity) {
+  if (severity == "error") return Tone::bad;
+  return severity == "warning" ? Tone::warning : Tone::plain;
+}
+
+void print_state(const json& answer, const Paint& paint) {
+  const std::string state = answer.value("state", "");
+  say("state", paint(tone_of_state(state), state));
+  if (const std::string cause = answer.value("cause", ""); !cause.empty()) {
+    say("fault", paint(Tone::bad, answer.value("interlock", "") + ": " + cause));
+  }
+  if (const std::string broken = answer.value("broken", ""); !broken.empty()) {
+    say("broken now", broken + ": " + answer.value("broken_cause", ""));
+  }
+}
+
+/// One line for each device; what is 0 is not worth a word.
+void say_counts(const json& devices) {
+  for (const auto& [device, counts] : devices.items()) {
+    std::string text;
+    for (const auto& [name, count] : counts.items()) {
+      if (count != 0) text += (text.empty() ? ": " : ", ") + count.dump() + ' ' + name;
+    }
+    say("device", device + (text.empty() ? ": nothing lost" : text));
+  }
+}
+
+void print_status(const json& answer, const Paint& paint) {
+  print_state(answer, paint);
+  say("amplifier", answer.value("amplifier_on", false) ? "on" : "off");
+  if (!answer.value("device_here", true)) say("device", "gone");
+  const json& drive = answer.at("drive");
+  say("drive", physics::number_text(drive.value("value", 0.0), 6) + ", amplitude " +
+                   physics::number_text(drive.value("amplitude", 0.0), 6) + " at " +
+                   physics::number_text(drive.value("carrier_hz", 0.0), 6) + " Hz");
+  for (const auto& [stem, value] : answer.at("channels").items()) {
+    const auto channel = channel_named(stem);
+    say("channel", stem + " " + physics::number_text(value.get<double>(), 6) + " " +
+                       (channel ? std::string(info(*channel).unit) : std::string()));
+  }
+  const json& status = answer.at("status");
+  const json& ledger = status.at("ledger");
+  say("frames", std::to_string(ledger.value("produced", std::uint64_t{0})) + " produced in " +
+                    physics::number_text(status.value("uptime_s", 0.0), 6) + " s");
+  say("publishing", account_text(ledger.at("published"), "published"));
+  say("recording", account_text(ledger.at("recorded"), "recorded"));
+  if (const auto source = status.find("source"); source != status.end()) {
+    say_counts(source->value("devices", json::object()));
+  }
+  if (const auto model = status.find("model"); model != status.end()) {
+    say("model", model->value("statement", model->value("standing", "")));
+    if (const auto why = model->value("explained", ""); !why.empty()) say("", why);
+  }
+  const json& timing = status.at("timing");
+  say("timing", "woken late by at most " + microseconds(timing, "lateness_p99_s") + " us (99 %), " +
+                    microseconds(timing, "lateness_max_s") + " us (longest); " +
+                    std::to_string(timing.value("overruns", std::uint64_t{0})) + " overruns" +
+                    (timing.value("degraded", false) ? "; degraded" : ""));
+}
+
+Paint paint_of(const Arguments& arguments) {
+  return Paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
+}
+
+/// The answer as it was asked for; the exit status.
+int report(const Arguments& arguments, const json& answer,
+           void (*print)(const json&, const Paint&)) {
+  if (arguments.json_output) {
+    std::printf("%s\n", answer.dump().c_str());
+  } else if (answer.value("ok", false)) {
+    print(answer, paint_of(arguments));
+  }
+  if (answer.value("ok", false)) return 0;
+  if (!arguments.json_output) {
+    std::fprintf(stderr, "stickslip: the daemon refuses: %s\n",
+                 answer.value("error", "it does not say why").c_str());
+  }
+  return 1;
+}
+
+int simple(const Arguments& arguments, const std::string& command) {
+  ControlClient client(control_socket(arguments.socket));
+  return report(arguments, client.ask(command), print_state);
+}
+
+int status(const Arguments& arguments) {
+  ControlClient client(control_socket(arguments.socket));
+  return report(arguments, client.ask("status"), print_status);
+}
+
+/// Waits until the rig has left `state`, for as long as it takes it to come down.
+json wait_while(ControlClient& client, const std::string& state) {
+  json answer = client.ask("alive");
+  while (answer.value("state", "") == state) {
+    std::this_thread::sleep_for(50ms);
+    answer = client.ask("alive");
+  }
+  return answer;
+}
+
+int stop(const Arguments& arguments) {
+  ControlClient client(control_socket(arguments.socket));
+  json answer = client.ask("stop");
+  if (arguments.wait && answer.value("ok", false)) {
+    terminal::Progress progress("coming to rest");
+    answer = wait_while(client, "stopping");
+  }
+  return report(arguments, answer, print_state);
+}
+
+// The handle is held for as long as this runs and nobody interrupts it.
+int start(const Arguments& arguments) {
+  if (!arguments.dead_man) return simple(arguments, "start");
+  const StopSignals stop_signals;
+  ControlClient client(control_socket(arguments.socket));
+  json answer = client.ask("start", {{"dead_man", true}});
+  const int result = report(arguments, answer, print_state);
+  if (result != 0) return result;
+  if (!arguments.json_output) {
+    std::printf("holding the dead-man's handle; Ctrl-C stops the rig\n");
+  }
+  std::fflush(stdout);
+  while (!stopped_before(stop_signals, std::chrono::steady_clock::now() + 200ms)) {
+    answer = client.ask("alive");
+    const std::string state = answer.value("state", "");
+    if (state != "running" && state != "stopping") {
+      report(arguments, answer, print_state);
+      return state == "faulted" ? 1 : 0;
+    }
+  }
+  client.ask("stop");
+  return report(arguments, wait_while(client, "stopping"), print_state);
+}
+
+int set(const Arguments& arguments) {
+  ControlClient client(control_socket(arguments.socket));
+  return report(arguments, client.ask("set", {{"key", arguments.key}, {"value", arguments.value}}),
+                print_state);
+}
+
+void print_average(const json& answer, const Paint&) {
+  for (const auto& [stem, raw] : answer.at("average").at("raw").items()) {
+    std::printf("%-18s %.9g +- %.3g raw (one reading), %llu readings\n", stem.c_str(),
+                raw.value("mean", 0.0), raw.value("deviation", 0.0),
+                static_cast<unsigned long long>(raw.value("count", std::uint64_t{0})));
+  }
+}
+
+int average(const Arguments& arguments) {
+  ControlClient client(control_socket(arguments.socket));
+  const auto patience =
+      10s + std::chrono::milliseconds(static_cast<std::int64_t>(arguments.seconds * 1e3));
+  terminal::Progress progress("averaging");
+  progress.takes(arguments.seconds);
+  const json answer = client.ask("average", {{"seconds", arguments.seconds}}, patience);
+  progress.finish();
+  return report(arguments, answer, print_average);
+}
+
+void print_changes(const json& answer, const Paint&) {
+  for (const json& line : answer.at("changes"))
+    std::printf("%s\n", line.get<std::string>().c_str());
+}
+
+int reload(const Arguments& arguments) {
+  ControlClient client(control_socket(arguments.socket));
+  return report(arguments, client.ask("reload"), print_changes);
+}
+
+void print_watched(const json& line, const Paint& paint) {
+  if (const auto event = line.find("event"); event != line.end()) {
+    const std::string severity = event->value("severity", "");
+    std::printf("%s %s: %s\n", paint(tone_of_severity(severity), padded(severity, 11)).c_str(),
+                event->value("code", "").c_str(), event->value("message", "").c_str());
+  } else if (const auto status = line.find("status"); status != line.end()) {
+    const json& drive = line.at("drive");
+    const std::string state = line.value("state", "");
+    std::printf(
+        "%s %llu frames, amplitude %s at %s Hz%s\n",
+        paint(tone_of_state(state), padded(state, 11)).c_str(),
+        static_cast<unsigned long long>(status->at("ledger").value("produced", std::uint64_t{0})),
+        physics::number_text(drive.value("amplitude", 0.0), 6).c_str(),
+        physics::number_text(drive.value("carrier_hz", 0.0), 6).c_str(),
+        status->at("timing").value("degraded", false) ? ", timing degraded" : "");
+  }
+}
+
+int watch(const Arguments& arguments) {
+  const StopSignals stop_signals;
+  ControlClient client(control_socket(arguments.socket));
+  const json answer = client.ask("watch");
+  const int result = report(arguments, answer, print_state);
+  if (result != 0) return result;
+  const auto until = after(std::chrono::steady_clock::now(), arguments.duration_s);
+  while (std::chrono::steady_clock::now() < until) {
+    if (stopped_before(stop_signals, std::chrono::steady_clock::now())) break;
+    if (const auto line = client.next(100ms)) {
+      if (arguments.json_output) {
+        std::printf("%s\n", line->dump().c_str());
+      } else {
+        print_watched(*line, paint_of(arguments));
+      }
+      std::fflush(stdout);
+    }
+  }
+  return 0;
+}
+
+}  // namespace
+
+void add_ctl(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* ctl = app.add_subcommand("ctl", "Tell a running daemon what to do");
+  ctl->require_subcommand(1);
+  ctl->add_option("--socket", arguments->socket,
+                  "The daemon's control socket; else $STICKSLIP_CONTROL, else "
+                  "/run/stickslip/control.sock");
+  add_colour_option(*ctl, arguments->colours);
+  ctl->add_flag("--json", arguments->json_output, "Print the daemon's answers as they are");
+  const auto command = [&](const char* name, const char* sentence,
+                           std::function<int(const Arguments&)> run) {
+    CLI::App* const out = ctl->add_subcommand(name, sentence);
+    out->fallthrough();
+    out->callback([&action, arguments, run] { action = [=] { return run(*arguments); }; });
+    return out;
+  };
+  command("status", "State, fault, channels, ledger and timing", status);
+  for (const auto& [name, sentence] :
+       {std::pair{"clear", "Say that a person has looked at the fault; refused while it lasts"},
+        std::pair{"arm", "Allow a start; refused while an interlock is broken"},
+        std::pair{"disarm", "Take that back; ramps down what moves"}}) {
+    command(name, sentence,
+            [name = std::string(name)](const Arguments& a) { return simple(a, name); });
+  }
+  CLI::App* const starting = command("start", "Let an armed rig move", start);
+  starting->add_flag("--dead-man", arguments->dead_man,
+                     "Only while this command runs: it stays, and Ctrl-C stops the rig");
+  CLI::App* const stopping = command("stop", "Ramp down and switch the amplifier off", stop);
+  stopping->add_flag("--wait", arguments->wait, "Return when the rig is at rest");
+  CLI::App* const setting = command("set", "Change the excitation while it runs", set);
+  setting->add_option("KEY", arguments->key, "As in the rig file: excitation.carrier_hz")
+      ->required();
+  setting->add_option("VALUE", arguments->value, "In the key's unit")
+      ->required()
+      ->check(finite_number());
+  CLI::App* const averaging = command("average", "Mean of the raw readings", average);
+  averaging->add_option("--seconds", arguments->seconds, "For how long (1)")
+      ->check(positive_number());
+  add_ctl_calibrate(*ctl, {arguments, &arguments->socket}, action);
+  command("reload", "Read the configuration again, as SIGHUP does", reload);
+  CLI::App* const watching =
+      command("watch", "Events as they come, the status every second", watch);
+  watching->add_option("--duration", arguments->duration_s, "End after so many seconds")
+      ->check(positive_number());
+}
+
+}  // namespace stickslip::commands

@@ -1,0 +1,129 @@
+
+#include <chrono>
+#include <cstdio>
+#include <iostream>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "physics/frame.h"
+#include "physics/problem.h"
+#include "tools/calibration/calibration_file.h"
+#include "tools/calibration/dialog.h"
+#include "tools/calibration/words.h"
+#include "tools/command_line/option_checks.h"
+#include "tools/commands/commands.h"
+#include "tools/control_client/control_client.h"
+
+namespace stickslip::control_client {
+
+using namespace calibration;
+using namespace command_line;
+
+using namespace calibration;
+using namespace command_line;
+namespace {
+
+using namespace std::chrono_literals;
+using calibration::Dialog;
+using nlohmann::json;
+
+struct Arguments {
+  std::shared_ptr<const std::string> socket;
+  std::string channel;
+  std::string file;
+  double seconds = 5.0;
+  std::optional<double> gravity_m_s2;
+};
+
+/// A reading of the channel from the daemon, or why there is none.
+void offer_reading(Dialog& dialog, ControlClient& client, const Arguments& arguments) {
+  const auto patience =
+      10s + std::chrono::milliseconds(static_cast<std::int64_t>(arguments.seconds * 1e3));
+  const json answer = client.ask("average", {{"seconds", arguments.seconds}}, patience);
+  if (!answer.value("ok", false)) {
+    return dialog.reading_failed(answer.value("error", "the daemon does not say why"));
+  }
+  const json& raw = answer.at("average").at("raw");
+  const auto found = raw.find(arguments.channel);
+  if (found == raw.end()) return dialog.reading_failed("the channel was never valid");
+  dialog.offer({found->value("mean", 0.0), found->value("deviation", 0.0),
+                found->value("independent", 1.0)});
+}
+
+void show(Dialog& dialog) {
+  std::fputs(dialog.take_text().c_str(), stdout);
+  std::fflush(stdout);
+}
+
+int run(const Arguments& arguments) {
+  const Channel channel = *channel_named(arguments.channel);
+  ControlClient client(control_socket(*arguments.socket));
+  const std::string state = client.ask("alive").value("state", "");
+  if (state == "running" || state == "stopping") {
+    throw InputError(Problem{"", 0, 0, "the rig moves: stickslip ctl stop --wait, then calibrate"});
+  }
+  calibration::DialogSettings settings;
+  settings.channel = channel;
+  settings.date = now_utc();
+  settings.reading_s = arguments.seconds;
+  settings.gravity_m_s2 = arguments.gravity_m_s2;
+  settings.before = calibration_before(arguments.file, channel);
+  const auto before = settings.before;
+  Dialog dialog(std::move(settings));
+  show(dialog);
+  for (std::string line; dialog.wants() != Dialog::Wants::nothing; show(dialog)) {
+    if (dialog.wants() == Dialog::Wants::reading) {
+      offer_reading(dialog, client, arguments);
+    } else if (std::getline(std::cin, line)) {
+      dialog.answer(line);
+    } else {
+      dialog.answer("quit");
+    }
+  }
+  if (!dialog.result()) {
+    std::printf("%s is as it was\n", arguments.file.c_str());
+    return 1;
+  }
+  renew_calibration(arguments.file, channel, *dialog.result());
+  std::printf("%s: written%s\n", arguments.file.c_str(),
+              before ? ", the former calibration is in its history" : "");
+  // The daemon reads the file that its rig names; another one is for another day.
+  const json answer = client.ask("reload");
+  if (!answer.value("ok", false)) {
+    std::fprintf(stderr, "stickslip: the daemon refuses to read it: %s\n",
+                 answer.value("error", "").c_str());
+    return 1;
+  }
+  for (const json& each : answer.at("changes")) {
+    std::printf("daemon: %s\n", each.get<std::string>().c_str());
+  }
+  return 0;
+}
+
+}  // namespace
+
+void add_ctl_calibrate(CLI::App& ctl, std::shared_ptr<const std::string> socket, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  arguments->socket = std::move(socket);
+  CLI::App* const command = ctl.add_subcommand(
+      "calibrate", "Walk through zero, known weights or gauge blocks, and write the calibration");
+  command->fallthrough();
+  std::vector<std::string> stems;
+  for (const ChannelInfo& channel : channel_table) stems.emplace_back(channel.stem);
+  command->add_option("CHANNEL", arguments->channel, "The channel that is calibrated")
+      ->required()
+      ->check(CLI::IsMember(stems));
+  command
+      ->add_option("--file", arguments->file,
+                   "Calibration file that the rig names in calibration.file; renewed or made")
+      ->required();
+  command->add_option("--seconds", arguments->seconds, "For how long each reading is averaged (5)")
+      ->check(positive_number());
+  command->add_option("--gravity", arguments->gravity_m_s2, "Local gravity in m/s^2, for weights")
+      ->check(positive_number());
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::control_client

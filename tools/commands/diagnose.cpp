@@ -1,0 +1,164 @@
+#include <unistd.h>
+
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "config/model_file.h"
+#include "diagnosis/bootstrap.h"
+#include "diagnosis/parallel/for_each.h"
+#include "diagnosis/report/html.h"
+#include "diagnosis/report/report.h"
+#include "physics/number_text.h"
+#include "physics/problem.h"
+#include "protocol/recording.h"
+#include "protocol/sha256.h"
+#include "tools/command_line/colour_option.h"
+#include "tools/command_line/option_checks.h"
+#include "tools/command_line/recording_input.h"
+#include "tools/commands/commands.h"
+#include "tools/files/read_file.h"
+#include "tools/files/write_file.h"
+#include "tools/terminal/progress.h"
+
+namespace stickslip::commands {
+
+using namespace command_line;
+using namespace files;
+
+using namespace command_line;
+using namespace files;
+
+namespace {
+
+struct Arguments {
+  std::vector<std::string> recordings;
+  std::string model;
+  std::string json;
+  std::string html;
+  std::string write_model;
+  std::uint64_t seed = 1;
+  int jobs = 0;
+  double horizon_s = 0.0;
+  std::size_t bootstrap = 0;
+  terminal::Colours colours = terminal::Colours::automatic;
+};
+
+// What one must know to make the report again.
+diagnosis::Provenance provenance_of(const Arguments& arguments) {
+  diagnosis::Provenance out;
+  out.command = "stickslip diagnose";
+  std::vector<std::string> files = arguments.recordings;
+  files.push_back(arguments.model);
+  for (const std::string& name : files) {
+    out.files.push_back({name, protocol::sha256_of(content_of(name))});
+  }
+  for (const std::string& name : arguments.recordings) out.command += " " + name;
+  out.command += " --model " + arguments.model + " --seed " + std::to_string(arguments.seed);
+  if (arguments.horizon_s > 0.0) {
+    out.command += " --horizon " + physics::number_text(arguments.horizon_s);
+  }
+  if (arguments.bootstrap > 0) {
+    out.command += " --bootstrap " + std::to_string(arguments.bootstrap);
+  }
+  out.command += " --html " + arguments.html;
+  out.version = STICKSLIP_VERSION;
+  out.seed = arguments.seed;
+  out.built_with = std::string("g++ ") + __VERSION__;
+  return out;
+}
+
+terminal::Tone tone_of(diagnosis::Verdict verdict) {
+  switch (verdict) {
+    case diagnosis::Verdict::consistent:
+      return terminal::Tone::good;
+    case diagnosis::Verdict::missing_physics:
+      return terminal::Tone::warning;
+    case diagnosis::Verdict::unexplained:
+      return terminal::Tone::bad;
+  }
+  return terminal::Tone::plain;
+}
+
+int run(const Arguments& arguments) {
+  expect_writable(arguments.json);
+  expect_writable(arguments.html);
+  expect_writable(arguments.write_model);
+  const physics::Model model = config::load_model(arguments.model);
+  std::vector<protocol::Recording> recordings;
+  for (const std::string& path : arguments.recordings) {
+    recordings.push_back(recording_from(path));
+  }
+  diagnosis::Options options;
+  options.seed = arguments.seed;
+  options.threads = parallel::threads_for(arguments.jobs);
+  if (arguments.horizon_s > 0.0) options.horizon_s = arguments.horizon_s;
+  options.evidence = !arguments.html.empty();
+  terminal::Progress progress("diagnosing");
+  options.progress = [&progress](const std::string& what, double done) {
+    progress.say(what);
+    progress.at(done);
+  };
+  diagnosis::Diagnosis result = diagnosis::diagnose(recordings, model, options);
+  progress.finish();
+  if (arguments.bootstrap > 0) {
+    terminal::Progress again("diagnosing recordings of the declared model");
+    options.progress = [&again](const std::string&, double done) { again.at(done); };
+    result.false_alarms =
+        diagnosis::false_alarms(recordings, model, result, arguments.bootstrap, options);
+  }
+  const std::string report = diagnosis::report_text(result);
+  const std::size_t verdict = report.find(':');
+  const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
+  std::fputs(
+      (paint(tone_of(result.verdict), report.substr(0, verdict)) + report.substr(verdict)).c_str(),
+      stdout);
+  if (!arguments.json.empty()) {
+    write_file(arguments.json, diagnosis::report_json(result).dump(2) + "\n");
+  }
+  if (!arguments.html.empty()) {
+    diagnosis::Provenance provenance = provenance_of(arguments);
+    provenance.mended_model = config::model_text(result.model);
+    write_file(arguments.html, diagnosis::report_html(result, provenance));
+  }
+  if (!arguments.write_model.empty()) {
+    write_file(arguments.write_model, config::model_text(result.model));
+  }
+  return 0;
+}
+
+}  // namespace
+
+void add_diagnose(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "diagnose", "Find where a model and recordings part, and name what physics was left out");
+  command->add_option("recordings", arguments->recordings, "Recordings of one rig (CSV or LCM log)")
+      ->required()
+      ->type_name("RECORDING");
+  command->add_option("--model", arguments->model, "The model that is believed (TOML)")->required();
+  command->add_option("--json", arguments->json, "Write the report as JSON");
+  command->add_option("--html", arguments->html,
+                      "Write the report as one page, with pictures of what was left over");
+  command->add_option("--write-model", arguments->write_model,
+                      "Write the calibrated model with the physics that was found");
+  command->add_option("--seed", arguments->seed, "Seed of the bootstrap")
+      ->check(seed_number())
+      ->capture_default_str();
+  command->add_option("--jobs", arguments->jobs, "Threads (0: as many as there are cores)")
+      ->check(number_of_threads());
+  command
+      ->add_option("--bootstrap", arguments->bootstrap,
+                   "Also diagnose so many recordings of the calibrated declared model, under the "
+                   "same drive and noise, and say how many are accused of missing anything")
+      ->check(CLI::Range(0, 10000))
+      ->capture_default_str();
+  command->add_option("--horizon", arguments->horizon_s, "Length of a prediction window [s]")
+      ->check(positive_number());
+  add_colour_option(*command, arguments->colours);
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::commands

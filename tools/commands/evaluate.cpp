@@ -1,0 +1,99 @@
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "config/model_file.h"
+#include "diagnosis/evaluation.h"
+#include "diagnosis/parallel/for_each.h"
+#include "diagnosis/report/report.h"
+#include "physics/number_text.h"
+#include "protocol/recording.h"
+#include "tools/command_line/option_checks.h"
+#include "tools/command_line/recording_input.h"
+#include "tools/commands/commands.h"
+#include "tools/files/write_file.h"
+#include "tools/terminal/progress.h"
+
+namespace stickslip::commands {
+
+using namespace command_line;
+using namespace files;
+
+using namespace command_line;
+using namespace files;
+
+namespace {
+
+struct Arguments {
+  std::string recording;
+  std::string model;
+  std::string json;
+  double horizon_s = 0.0;
+  bool free_run = false;
+  int jobs = 0;
+};
+
+int run(const Arguments& arguments) {
+  using namespace diagnosis;
+  expect_writable(arguments.json);
+  const physics::Model model = config::load_model(arguments.model);
+  const protocol::Recording recording = recording_from(arguments.recording);
+  EvaluationOptions options;
+  if (arguments.horizon_s > 0.0) options.horizon_s = arguments.horizon_s;
+  options.free_run = arguments.free_run;
+  options.threads = parallel::threads_for(arguments.jobs);
+  terminal::Progress progress("predicting");
+  options.progress = [&progress](double share) { progress.at(share); };
+  const Evaluation done = evaluate(recording, model, options);
+  progress.finish();
+  const Score& result = done.score;
+
+  nlohmann::ordered_json json;
+  json["schema"] = 1;
+  json["fit"] = score_json(result, true);
+  json["horizon_s"] = done.horizon_s;
+  json["free_run"] = nullptr;
+  if (done.free_run) json["free_run"] = free_run_json(*done.free_run);
+  if (!arguments.json.empty()) write_file(arguments.json, json.dump(2) + "\n");
+
+  std::printf("chi-squared per sample %s over %zu windows of %s s (1: only noise is left)\n",
+              physics::number_text(result.chi2_per_sample).c_str(), done.windows,
+              physics::number_text(done.horizon_s).c_str());
+  for (std::size_t c = 0; c < predicted_channels; ++c) {
+    if (!result.rmse[c]) continue;
+    std::printf(
+        "%s: prediction error %s %s, %s of its standard deviation\n",
+        std::string(channel_table[c].stem).c_str(), physics::number_text(*result.rmse[c]).c_str(),
+        std::string(channel_table[c].unit).c_str(), physics::number_text(*result.nrmse[c]).c_str());
+  }
+  if (arguments.free_run) {
+    for (const auto& [name, value] : json["free_run"]["rmse"].items()) {
+      std::printf("free run, %s: %s\n", name.c_str(),
+                  physics::number_text(value.get<double>()).c_str());
+    }
+  }
+  return 0;
+}
+
+}  // namespace
+
+void add_evaluate(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command =
+      app.add_subcommand("evaluate", "Score a model on a recording; no parameter is fitted");
+  command->add_option("recording", arguments->recording, "Recording (CSV or LCM log)")
+      ->required()
+      ->type_name("RECORDING");
+  command->add_option("--model", arguments->model, "Model (TOML)")->required();
+  command->add_option("--json", arguments->json, "Write the scores as JSON");
+  command->add_option("--horizon", arguments->horizon_s, "Length of a prediction [s]")
+      ->check(positive_number());
+  command->add_flag("--free-run", arguments->free_run,
+                    "Also simulate once from the first state to the end");
+  command->add_option("--jobs", arguments->jobs, "Threads (0: as many as there are cores)")
+      ->check(number_of_threads());
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::commands

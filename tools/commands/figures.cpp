@@ -1,0 +1,76 @@
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "diagnosis/parallel/for_each.h"
+#include "tools/command_line/option_checks.h"
+#include "tools/commands/commands.h"
+#include "tools/figures/paper_figures.h"
+#include "tools/files/write_file.h"
+#include "tools/terminal/progress.h"
+
+namespace stickslip::commands {
+
+using namespace command_line;
+using namespace files;
+
+using namespace command_line;
+using namespace files;
+
+namespace {
+
+struct Arguments {
+  std::string out;
+  std::string presets = "config";
+  std::vector<int> only;
+  int periods = 2000;
+  int jobs = 0;
+};
+
+int run(const Arguments& arguments) {
+  figures::FigureOptions options;
+  options.out = arguments.out;
+  options.presets = arguments.presets;
+  options.numbers = arguments.only;
+  options.periods = arguments.periods;
+  options.threads = parallel::threads_for(arguments.jobs);
+  make_folder(options.out);
+  terminal::Progress progress("drawing the figures");
+  options.progress = [&progress](int, std::size_t ready, std::size_t all) {
+    progress.at(ready, all);
+  };
+  const std::vector<figures::Figure> drawn = figures::draw_paper_figures(options);
+  progress.finish();
+  const std::filesystem::path page = options.out / "index.html";
+  write_file(page, figures::page(drawn, "stickslip figures --out " + arguments.out));
+  std::printf("%s: %zu figures\n", page.c_str(), drawn.size());
+  return 0;
+}
+
+}  // namespace
+
+void add_figures(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "figures", "Figures 2 to 10 of the paper from the presets, as one HTML page");
+  command->add_option("--out", arguments->out, "Folder for the page, the pictures and their data")
+      ->required();
+  command
+      ->add_option("--presets", arguments->presets,
+                   "Folder of the rigs beam-1.toml to beam-4.toml and motivational.toml")
+      ->capture_default_str();
+  command->add_option("--only", arguments->only, "Numbers of the figures to draw")->delimiter(',');
+  command
+      ->add_option("--periods", arguments->periods,
+                   "Drive periods behind each exponent and each share of time")
+      ->check(whole_number(40, 1000000))
+      ->capture_default_str();
+  command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
+      ->check(number_of_threads())
+      ->capture_default_str();
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::commands

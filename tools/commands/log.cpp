@@ -1,0 +1,407 @@
+// `stickslip log`: recordings as files: what is in them, whether they are whole, and making them
+// so.
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "physics/number_text.h"
+#include "physics/problem.h"
+#include "protocol/recording_parts.h"
+#include "protocol/recording_survey.h"
+#include "tools/command_line/colour_option.h"
+#include "tools/commands/commands.h"
+#include "tools/files/write_file.h"
+#include "tools/recording_export/table.h"
+#include "tools/terminal/progress.h"
+
+namespace stickslip::commands {
+
+using namespace command_line;
+using namespace files;
+using namespace recording_export;
+
+using namespace command_line;
+using namespace files;
+using namespace recording_export;
+namespace {
+
+using protocol::LogSurvey;
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t most_places_told = 10;
+
+struct Arguments {
+  std::vector<std::string> files;
+  std::string file;
+  std::string out;
+  bool json = false;
+  terminal::Colours colours = terminal::Colours::automatic;
+};
+
+std::string fixed(double value, int digits) {
+  std::array<char, 64> text{};
+  std::snprintf(text.data(), text.size(), "%.*f", digits, value);
+  return text.data();
+}
+
+template <class Count>
+std::string count_of(Count count, const std::string& what) {
+  return std::to_string(count) + ' ' + what + (count == 1 ? "" : "s");
+}
+
+void say(const std::string& what, const std::string& text) {
+  std::printf("  %-22s %s\n", what.c_str(), text.c_str());
+}
+
+std::string frames_text(const LogSurvey& log) {
+  if (log.frames == 0) return "none";
+  std::string text = std::to_string(log.frames) + ", " + fixed(log.duration_s(), 3) +
+                     " s, sequence " + std::to_string(log.first_sequence) + " to " +
+                     std::to_string(log.last_sequence);
+  text += log.gaps == 0
+              ? ", no gap"
+              : ", " + count_of(log.missing, "frame") + " missing in " + count_of(log.gaps, "gap");
+  if (log.repeats > 0) text += ", " + count_of(log.repeats, "number") + " that did not increase";
+  return text;
+}
+
+std::string ledger_text(const LogSurvey& log) {
+  const protocol::RecordedLedger& ledger = *log.ledger;
+  std::string text = std::to_string(ledger.produced) +
+                     " produced = " + std::to_string(ledger.recorded) + " recorded";
+  for (std::size_t i = 0; i < ledger.losses.size(); ++i) {
+    if (ledger.losses[i] == 0) continue;
+    text += " + " + std::to_string(ledger.losses[i]) + " lost (" + ledger.loss_names[i] + ')';
+  }
+  if (!ledger.closed()) {
+    text +=
+        " + " + std::to_string(ledger.produced - ledger.recorded - ledger.lost()) + " on their way";
+  }
+  return text;
+}
+
+std::string part_text(const recording_info_t& info) {
+  std::string text = std::to_string(info.part);
+  if (info.part == 0 && info.frames_before == 0) return text + ", the first";
+  return text + ", behind " + info.previous_part + "; " + count_of(info.frames_before, "frame") +
+         " in those before";
+}
+
+// check
+
+void tell(const LogSurvey& log, const std::vector<std::string>& faults,
+          const terminal::Paint& paint) {
+  const std::string verdict =
+      faults.empty() ? paint(terminal::Tone::good, "sound") : paint(terminal::Tone::bad, "damaged");
+  std::printf("%s: %s\n", log.source.c_str(), verdict.c_str());
+  for (const std::string& fault : faults) std::printf("  %s\n", fault.c_str());
+  for (std::size_t i = 0; i < std::min(log.spoilt.size(), most_places_told); ++i) {
+    const protocol::Spoilt& place = log.spoilt[i];
+    say("at byte " + std::to_string(place.at), count_of(place.bytes, "byte") + ": " + place.why);
+  }
+  const std::uint64_t places = log.spoilt_places + log.bad_checksums + log.undecodable;
+  if (places > most_places_told) {
+    std::printf("  ... and %llu more\n",
+                static_cast<unsigned long long>(places - most_places_told));
+  }
+  if (log.info && (log.info->part > 0 || !log.info->previous_part.empty())) {
+    say("part", part_text(*log.info));
+  }
+  say("frames", frames_text(log));
+  if (log.ledger) {
+    say("ledger", ledger_text(log));
+  } else {
+    say("ledger", "none");
+  }
+  for (const protocol::ChannelEvents& channel : log.channels) {
+    say(channel.name, count_of(channel.events, "event") + ", " + count_of(channel.bytes, "byte"));
+  }
+}
+
+/// What is wrong between the files, by recording.
+std::vector<std::string> faults_between(const std::vector<LogSurvey>& logs) {
+  std::vector<std::vector<LogSurvey>> recordings;
+  for (const LogSurvey& log : logs) {
+    if (!log.info) continue;
+    const auto same = [&log](const std::vector<LogSurvey>& recording) {
+      return protocol::belong_together(*recording.front().info, *log.info);
+    };
+    auto known = std::find_if(recordings.begin(), recordings.end(), same);
+    if (known == recordings.end()) known = recordings.insert(known, std::vector<LogSurvey>{});
+    known->push_back(log);
+  }
+  std::vector<std::string> faults;
+  for (std::vector<LogSurvey>& parts : recordings) {
+    // Converted logs have no start that would tell them apart.
+    if (parts.front().info->started_utc_us == 0) continue;
+    std::sort(parts.begin(), parts.end(),
+              [](const LogSurvey& a, const LogSurvey& b) { return a.part() < b.part(); });
+    for (std::string& fault : protocol::faults_between(parts)) faults.push_back(std::move(fault));
+  }
+  return faults;
+}
+
+LogSurvey survey(const std::string& file) {
+  terminal::Progress progress("reading " + file);
+  return protocol::survey_log(file, [&progress](double share) { progress.at(share); });
+}
+
+int check(const Arguments& arguments) {
+  const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
+  bool sound = true;
+  std::vector<LogSurvey> logs;
+  for (const std::string& file : arguments.files) {
+    logs.push_back(survey(file));
+    const std::vector<std::string> faults = logs.back().faults();
+    tell(logs.back(), faults, paint);
+    sound = sound && faults.empty();
+  }
+  for (const std::string& fault : faults_between(logs)) {
+    std::printf("%s\n", fault.c_str());
+    sound = false;
+  }
+  return sound ? 0 : 1;
+}
+
+// repair
+
+int repair(const Arguments& arguments) {
+  terminal::Progress progress("repairing " + arguments.file);
+  const protocol::Repair done = protocol::repair_log(
+      std::filesystem::path(arguments.file), std::filesystem::path(arguments.out),
+      [&progress](double share) { progress.at(share); });
+  progress.finish();
+  std::printf("%s: %s with %s kept\n", arguments.out.c_str(),
+              count_of(done.events, "event").c_str(), count_of(done.frames, "frame").c_str());
+  const auto dropped = [](std::uint64_t count, const std::string& what) {
+    if (count > 0) say("dropped", count_of(count, what));
+  };
+  dropped(done.spoilt_places, "place that is no event");
+  dropped(done.bad_checksums, "block of frames with a bad checksum");
+  dropped(done.undecodable, "message that cannot be decoded");
+  dropped(done.blocks_back_in_time, "block of frames whose time went back");
+  dropped(static_cast<std::uint64_t>(done.spoilt_bytes), "byte");
+  dropped(static_cast<std::uint64_t>(done.cut_off_bytes), "byte of a last event that was cut off");
+  if (!done.dropped_anything()) say("dropped", "nothing: it was whole");
+  return 0;
+}
+
+// join
+
+int join(const Arguments& arguments) {
+  const std::vector<std::filesystem::path> files(arguments.files.begin(), arguments.files.end());
+  terminal::Progress progress("joining");
+  const protocol::Joined joined =
+      protocol::join_logs(files, arguments.out, [&progress](double share) { progress.at(share); });
+  progress.finish();
+  if (joined.cut_off_bytes > 0) {
+    std::fprintf(stderr, "stickslip: the last part was cut off: its last %lld bytes are left out\n",
+                 static_cast<long long>(joined.cut_off_bytes));
+  }
+  std::printf("%s: %s, %s", arguments.out.c_str(), count_of(joined.parts, "part").c_str(),
+              count_of(joined.frames, "frame").c_str());
+  if (joined.missing > 0) {
+    std::printf("; %s jumped over between parts, which the recorder had lost",
+                count_of(joined.missing, "frame").c_str());
+  }
+  std::printf("\n");
+  return 0;
+}
+
+// info
+
+struct Digest {
+  const char* name;
+  const std::string& text;
+  const std::string& sha256;
+};
+
+std::array<Digest, 4> digests_of(const recording_info_t& info) {
+  return {{{"configuration", info.configuration, info.configuration_sha256},
+           {"model", info.model, info.model_sha256},
+           {"calibration", info.calibration, info.calibration_sha256},
+           {"fault_script", info.fault_script, info.fault_script_sha256}}};
+}
+
+bool is_spoilt(const LogSurvey& log, const std::string& text) {
+  return std::find(log.spoilt_texts.begin(), log.spoilt_texts.end(), text) !=
+         log.spoilt_texts.end();
+}
+
+Json info_json(const LogSurvey& log) {
+  Json out;
+  out["file"] = log.source;
+  out["bytes"] = log.bytes;
+  if (log.info) {
+    const recording_info_t& info = *log.info;
+    out["rig"] = info.rig;
+    out["program"] = info.program;
+    out["version"] = info.version;
+    out["schema"] = info.schema;
+    out["started_utc_us"] = info.started_utc_us;
+    out["part"] = {{"number", info.part},
+                   {"previous", info.previous_part},
+                   {"frames_before", info.frames_before}};
+    for (const Digest& digest : digests_of(info)) {
+      if (digest.text.empty()) continue;
+      out["texts"][digest.name] = {{"bytes", digest.text.size()},
+                                   {"sha256", digest.sha256},
+                                   {"verified", !is_spoilt(log, digest.name)}};
+    }
+  }
+  out["duration_s"] = log.duration_s();
+  out["rate_hz"] = log.rate_hz();
+  out["frames"] = {{"count", log.frames},
+                   {"first_sequence", log.first_sequence},
+                   {"last_sequence", log.last_sequence},
+                   {"gaps", log.gaps},
+                   {"missing", log.missing}};
+  for (const Channel channel : all_channels) {
+    const protocol::ChannelRange& range = log.ranges[index_of(channel)];
+    if (range.values == 0) continue;
+    out["channels"][std::string(stickslip::info(channel).column)] = {
+        {"values", range.values}, {"least", range.least}, {"greatest", range.greatest}};
+  }
+  for (const protocol::ChannelEvents& channel : log.channels) {
+    out["events"][channel.name] = channel.events;
+  }
+  if (log.ledger) {
+    Json lost = Json::object();
+    for (std::size_t i = 0; i < log.ledger->losses.size(); ++i) {
+      lost[log.ledger->loss_names[i]] = log.ledger->losses[i];
+    }
+    out["ledger"] = {{"produced", log.ledger->produced},
+                     {"recorded", log.ledger->recorded},
+                     {"lost", lost},
+                     {"closed", log.ledger->closed()}};
+  }
+  out["cut_off_bytes"] = log.cut_off_bytes;
+  out["faults"] = log.faults();
+  return out;
+}
+
+void tell_info(const LogSurvey& log) {
+  std::printf("%s\n", log.source.c_str());
+  if (log.info) {
+    const recording_info_t& info = *log.info;
+    say("rig", info.rig.empty() ? "not told" : info.rig);
+    say("program", info.program.empty() ? "not told" : info.program + ' ' + info.version);
+    if (info.started_utc_us > 0) say("start", protocol::utc_text(info.started_utc_us));
+    say("part", part_text(info));
+    for (const Digest& digest : digests_of(info)) {
+      std::string name = digest.name;
+      std::replace(name.begin(), name.end(), '_', ' ');
+      if (digest.text.empty()) {
+        say(name, "none");
+      } else {
+        say(name, "SHA-256 " + digest.sha256 +
+                      (is_spoilt(log, digest.name) ? ", of another text" : ", verified"));
+      }
+    }
+  } else {
+    say("description", "none: the log does not begin with one");
+  }
+  say("duration", fixed(log.duration_s(), 3) + " s");
+  say("rate", physics::number_text(log.rate_hz(), 6) + " Hz");
+  say("frames", frames_text(log));
+  for (const Channel channel : all_channels) {
+    const protocol::ChannelRange& range = log.ranges[index_of(channel)];
+    if (range.values == 0) continue;
+    const ChannelInfo& known = stickslip::info(channel);
+    std::string text = physics::number_text(range.least, 6) + " to " +
+                       physics::number_text(range.greatest, 6) + ' ' + std::string(known.unit);
+    if (range.values < log.frames) text += ", in " + count_of(range.values, "frame");
+    say(std::string(known.stem), text);
+  }
+  if (log.ledger) say("ledger", ledger_text(log));
+  for (const std::string& fault : log.faults()) say("fault", fault);
+}
+
+int info(const Arguments& arguments) {
+  const LogSurvey log = survey(arguments.file);
+  if (arguments.json) {
+    // What a damaged text holds need not be UTF-8.
+    std::printf("%s\n", info_json(log).dump(2, ' ', false, Json::error_handler_t::replace).c_str());
+  } else {
+    tell_info(log);
+  }
+  return 0;
+}
+
+// export
+
+int export_recording(const Arguments& arguments) {
+  expect_writable(arguments.out);
+  terminal::Progress reading("reading " + arguments.file);
+  const Tables tables = tables_of(arguments.file, [&reading](double share) { reading.at(share); });
+  reading.finish();
+  if (tables.cut_off_bytes > 0) {
+    std::fprintf(stderr, "stickslip: %s: cut off: its last %llu bytes are no whole event\n",
+                 arguments.file.c_str(), static_cast<unsigned long long>(tables.cut_off_bytes));
+  }
+  terminal::Progress writing("writing " + arguments.out);
+  write_tables(tables, arguments.out, [&writing](double share) { writing.at(share); });
+  writing.finish();
+  std::printf("%s:", arguments.out.c_str());
+  for (const Table& table : tables.tables) {
+    std::printf("%s %zu rows of %s", &table == tables.tables.data() ? "" : ",", table.rows(),
+                table.name.c_str());
+  }
+  std::printf("\n");
+  return 0;
+}
+
+}  // namespace
+
+void add_log(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* log = app.add_subcommand(
+      "log", "Check, repair, join, describe and export recordings in LCM event logs");
+  log->require_subcommand(1);
+  const auto command = [&](const char* name, const char* what, int (*run)(const Arguments&)) {
+    CLI::App* each = log->add_subcommand(name, what);
+    each->callback(
+        [&action, arguments, run] { action = [arguments, run] { return run(*arguments); }; });
+    return each;
+  };
+  const auto one_file = [&arguments](CLI::App* each, const char* what) {
+    each->add_option("file", arguments->file, what)->required()->type_name("FILE");
+  };
+  const auto out = [&arguments](CLI::App* each) {
+    each->add_option("--out", arguments->out, "The log to write")->required()->type_name("FILE");
+  };
+
+  CLI::App* each = command(
+      "check", "Walk every event of logs: status 0 where they are sound, 1 where not", check);
+  each->add_option("files", arguments->files,
+                   "LCM event logs; of a recording in parts, all of them")
+      ->required()
+      ->type_name("FILE...");
+  add_colour_option(*each, arguments->colours);
+  each = command("repair", "Keep every whole and sound event of a damaged log", repair);
+  one_file(each, "LCM event log");
+  out(each);
+  each = command("join", "Put the parts of a recording together again", join);
+  each->add_option("parts", arguments->files, "Its parts, in any order")
+      ->required()
+      ->type_name("PARTS...");
+  out(each);
+  each = command("info", "Say what a log is a recording of", info);
+  one_file(each, "LCM event log");
+  each->add_flag("--json", arguments->json, "As JSON");
+  each = command("export", "Write a recording for other programs", export_recording);
+  one_file(each, "Recording (LCM event log or CSV)");
+  each->add_option("out", arguments->out, "Where to: .csv, .mat (MATLAB 5) or .h5 (HDF5)")
+      ->required()
+      ->type_name("OUT");
+}
+
+}  // namespace stickslip::commands

@@ -1,0 +1,78 @@
+#include "tools/dynamics/lyapunov.h"
+
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "config/model_file.h"
+#include "tools/command_line/drive_options.h"
+#include "tools/command_line/option_checks.h"
+#include "tools/commands/commands.h"
+#include "tools/files/write_file.h"
+#include "tools/terminal/progress.h"
+
+namespace stickslip::commands {
+
+using namespace command_line;
+using namespace files;
+
+using namespace command_line;
+using namespace files;
+
+namespace {
+
+struct Arguments {
+  std::shared_ptr<DriveOptions> drive = std::make_shared<DriveOptions>();
+  int periods = 2000;
+  std::string json;
+};
+
+int run(const Arguments& arguments) {
+  const physics::Model model = config::load_model(arguments.drive->model);
+  const dynamics::Drive drive = arguments.drive->drive(model);
+  dynamics::LyapunovOptions options;
+  options.periods = arguments.periods;
+  options.transient = arguments.drive->transient;
+  options.steps_per_period = arguments.drive->steps;
+  options.x_m = arguments.drive->x_m;
+  options.v_m_s = arguments.drive->v_m_s;
+  terminal::Progress progress("following two orbits");
+  options.progress = [&progress](double share) { progress.at(share); };
+  const dynamics::Lyapunov found = dynamics::largest_exponent(model, drive, options);
+  progress.finish();
+
+  const char* says = "not told from zero: periodic or quasi-periodic";
+  if (found.exponent_per_s > 3.0 * found.standard_error_per_s) says = "chaotic";
+  if (found.exponent_per_s < -3.0 * found.standard_error_per_s) says = "periodic";
+  std::printf(
+      "largest Lyapunov exponent %.4f +- %.4f per second (one standard error), %.3f per drive "
+      "period, over %d periods: %s\n",
+      found.exponent_per_s, found.standard_error_per_s, found.per_period, arguments.periods, says);
+  if (!arguments.json.empty()) {
+    nlohmann::ordered_json json;
+    json["schema"] = 1;
+    json["exponent_per_s"] = found.exponent_per_s;
+    json["standard_error_per_s"] = found.standard_error_per_s;
+    json["per_period"] = found.per_period;
+    json["periods"] = arguments.periods;
+    write_file(arguments.json, json.dump(2) + "\n");
+  }
+  return 0;
+}
+
+}  // namespace
+
+void add_lyapunov(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "lyapunov", "Largest Lyapunov exponent of a model under a periodic drive, with its error");
+  add_drive_options(*command, arguments->drive);
+  command->add_option("--periods", arguments->periods, "Drive periods to average over")
+      ->check(whole_number(20, 10000000))
+      ->capture_default_str();
+  command->add_option("--json", arguments->json, "Write the result as JSON");
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::commands

@@ -1,0 +1,89 @@
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "config/model_file.h"
+#include "tools/command_line/drive_options.h"
+#include "tools/command_line/option_checks.h"
+#include "tools/commands/commands.h"
+#include "tools/dynamics/portrait.h"
+#include "tools/files/write_file.h"
+#include "tools/terminal/progress.h"
+
+namespace stickslip::commands {
+
+using namespace command_line;
+using namespace files;
+
+using namespace command_line;
+using namespace files;
+
+namespace {
+
+struct Arguments {
+  std::shared_ptr<DriveOptions> drive = std::make_shared<DriveOptions>();
+  int periods = 2000;
+  double phase = 0.0;
+  std::string out = "-";
+};
+
+int run(const Arguments& arguments) {
+  const physics::Model model = config::load_model(arguments.drive->model);
+  const dynamics::Drive drive = arguments.drive->drive(model);
+  dynamics::PortraitOptions options = arguments.drive->portrait();
+  options.periods = arguments.periods;
+  options.phase = arguments.phase;
+
+  terminal::Progress progress("following the orbit");
+  // Ranges and shares take a second run.
+  const double runs = arguments.out == "-" ? 1.0 : 2.0;
+  options.progress = [&](double share) { progress.at(share / runs); };
+  std::string table = "time_s,displacement_m,velocity_m_s,theta\n";
+  char line[160];
+  const std::vector<dynamics::Point> section = dynamics::poincare_section(model, drive, options);
+  if (arguments.out == "-") progress.finish();
+  for (const dynamics::Point& point : section) {
+    std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g,%.9g\n", point.time_s, point.x(), point.v(),
+                  point.state.theta);
+    table += line;
+  }
+  write_table(arguments.out, table);
+  if (arguments.out == "-") return 0;
+
+  options.progress = [&](double share) { progress.at((1.0 + share) / runs); };
+  const dynamics::Portrait seen = dynamics::portrait(model, drive, options);
+  progress.finish();
+  std::printf(
+      "displacement %.5g to %.5g m, velocity %.5g to %.5g m/s, normal load %.4g to %.4g N\n",
+      seen.displacement_m.low, seen.displacement_m.high, seen.velocity_m_s.low,
+      seen.velocity_m_s.high, seen.normal_load_n.low, seen.normal_load_n.high);
+  std::printf(
+      "contact lost %.2f %% of the time, friction and velocity of opposite sign %.2f %%, at rest "
+      "%.2f %%; "
+      "overshoot %.2f %% of the velocity range over %d arrivals\n",
+      100.0 * seen.contact_lost, 100.0 * seen.negative_friction, 100.0 * seen.sticking,
+      100.0 * seen.overshoot, seen.arrivals);
+  return 0;
+}
+
+}  // namespace
+
+void add_poincare(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "poincare", "Poincare section of a model under a periodic drive, once per period");
+  add_drive_options(*command, arguments->drive);
+  command->add_option("--periods", arguments->periods, "Points of the section")
+      ->check(whole_number(1, 10000000))
+      ->capture_default_str();
+  command->add_option("--phase", arguments->phase, "Phase of the section, in turns of the drive")
+      ->check(finite_number())
+      ->capture_default_str();
+  command->add_option("--out", arguments->out, "Table to write (CSV; -: standard output)")
+      ->capture_default_str();
+  command->footer("With --out FILE it also tells ranges, lost contact, sticking and overshoot.");
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::commands

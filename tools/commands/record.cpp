@@ -1,0 +1,273 @@
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <span>
+#include <stickslip/frame_block_t.hpp>
+#include <stickslip/recording_info_t.hpp>
+#include <string>
+#include <vector>
+
+#include "physics/problem.h"
+#include "protocol/channels.h"
+#include "protocol/decode.h"
+#include "protocol/frame_block.h"
+#include "protocol/recording.h"
+#include "protocol/recording_log.h"
+#include "tools/command_line/option_checks.h"
+#include "tools/commands/commands.h"
+#include "tools/spy/sequence.h"
+#include "tools/telemetry/lcm_client.h"
+#include "tools/terminal/progress.h"
+
+namespace stickslip::commands {
+
+using namespace command_line;
+using namespace telemetry;
+
+using namespace command_line;
+using namespace telemetry;
+
+namespace {
+
+using std::chrono::steady_clock;
+
+// How much of a log a killed recorder may cost, beside what the kernel has not written yet.
+constexpr auto flush_period = std::chrono::milliseconds(200);
+
+struct Arguments {
+  std::string out;
+  std::string url;
+  double duration_s = 0.0;
+  std::uint64_t frames = 0;
+};
+
+// Takes what LCM brings: a log as it comes, to the byte; CSV from memory at the end, since its
+// header names the channels that some frame held.
+class Recorder {
+ public:
+  explicit Recorder(const Arguments& arguments) : wanted_(arguments.frames), file_(arguments.out) {
+    recording_.source = arguments.url;
+    if (file_.extension() == ".csv") {
+      // Said now rather than after an hour.
+      std::FILE* probe = std::fopen(file_.c_str(), "wb");
+      if (probe == nullptr) refuse_file();
+      std::fclose(probe);
+    } else if (file_.extension() == ".lcm" || file_.extension() == ".log") {
+      log_.emplace(file_);
+      protocol::Description description;
+      description.started_utc_us = std::chrono::duration_cast<std::chrono::microseconds>(
+                                       std::chrono::system_clock::now().time_since_epoch())
+                                       .count();
+      description.program = "stickslip record";
+      description.version = STICKSLIP_VERSION;
+      const recording_info_t info = protocol::info_of(description, -1);
+      bytes_.resize(static_cast<std::size_t>(info.getEncodedSize()));
+      info.encode(bytes_.data(), 0, static_cast<int>(bytes_.size()));
+      append(protocol::recording_channel, bytes_, info.started_utc_us);
+    } else {
+      throw InputError(
+          Problem{file_.string(), 0, 0,
+                  "says neither CSV (.csv) nor LCM event log (.lcm, .log) by its name"});
+    }
+  }
+
+  void take(const lcm::ReceiveBuffer* buffer, const std::string& channel) {
+    if (done_) return;
+    const std::span<const std::uint8_t> bytes(static_cast<const std::uint8_t*>(buffer->data),
+                                              buffer->data_size);
+    if (channel == protocol::frames_channel) {
+      take_block(bytes, buffer->recv_utime);
+    } else if (log_) {
+      append(channel, bytes, buffer->recv_utime);
+      ++others_;
+    }
+  }
+
+  bool done() const { return done_; }
+  /// Why the stream could not go on in this recording, where a reader would refuse it; else empty.
+  const std::string& broken_by() const { return broken_by_; }
+  const spy::Sequence& sequence() const { return sequence_; }
+
+  void rest() {
+    const auto now = steady_clock::now();
+    if (!log_ || now - flushed_ < flush_period) return;
+    flushed_ = now;
+    if (!log_->flush()) refuse_file();
+  }
+
+  void close() {
+    if (log_) {
+      if (!log_->close()) refuse_file();
+    } else {
+      protocol::write_recording(recording_, file_);
+    }
+  }
+
+  void tell() const {
+    std::printf("%s: %llu frames in %llu blocks, %.3f s; lost %llu frames in %llu gaps",
+                file_.c_str(), static_cast<unsigned long long>(sequence_.frames),
+                static_cast<unsigned long long>(blocks_),
+                static_cast<double>(last_ns_ - first_ns_) * 1e-9,
+                static_cast<unsigned long long>(sequence_.lost),
+                static_cast<unsigned long long>(sequence_.gaps));
+    if (others_ > 0) std::printf("; %llu other messages", static_cast<unsigned long long>(others_));
+    if (undecoded_ > 0) {
+      std::printf("; %llu blocks left out that could not be decoded",
+                  static_cast<unsigned long long>(undecoded_));
+    }
+    std::printf("\n");
+  }
+
+ private:
+  void take_block(std::span<const std::uint8_t> bytes, std::int64_t time_us) {
+    frames_.clear();
+    if (!protocol::decode(bytes, block_) || !protocol::from_block(block_, frames_)) {
+      ++undecoded_;
+      return;
+    }
+    if (frames_.empty()) return;
+    bool whole = true;
+    if (wanted_ > 0 && sequence_.frames + frames_.size() > wanted_) {
+      frames_.resize(static_cast<std::size_t>(wanted_ - sequence_.frames));
+      whole = false;
+    }
+    for (const Frame& frame : frames_) {
+      if (sequence_.frames > 0 && frame.time_ns <= last_ns_) {
+        broken_by_ = "the stream's time went back, from " + std::to_string(last_ns_) + " ns to " +
+                     std::to_string(frame.time_ns) +
+                     " ns: its source began anew, or there are two; the recording ends before that";
+        frames_.resize(static_cast<std::size_t>(&frame - frames_.data()));
+        whole = false;
+        done_ = true;
+        break;
+      }
+      if (sequence_.frames == 0) first_ns_ = frame.time_ns;
+      last_ns_ = frame.time_ns;
+      sequence_.add(frame.sequence);
+    }
+    if (!frames_.empty()) keep(bytes, whole, time_us);
+    if (wanted_ > 0 && sequence_.frames >= wanted_) done_ = true;
+  }
+
+  void keep(std::span<const std::uint8_t> bytes, bool whole, std::int64_t time_us) {
+    ++blocks_;
+    if (!log_) {
+      recording_.frames.insert(recording_.frames.end(), frames_.begin(), frames_.end());
+      return;
+    }
+    if (whole) {
+      append(protocol::frames_channel, bytes, time_us);
+      return;
+    }
+    const std::int32_t flags = block_.flags;
+    protocol::to_block(frames_, block_);
+    block_.flags = flags;
+    bytes_.resize(static_cast<std::size_t>(block_.getEncodedSize()));
+    block_.encode(bytes_.data(), 0, static_cast<int>(bytes_.size()));
+    append(protocol::frames_channel, bytes_, time_us);
+  }
+
+  void append(const std::string& channel, std::span<const std::uint8_t> bytes,
+              std::int64_t time_us) {
+    if (!log_->append(channel, bytes, time_us)) refuse_file();
+  }
+
+  [[noreturn]] void refuse_file() const {
+    throw InputError(
+        Problem{file_.string(), 0, 0, std::string("cannot be written: ") + std::strerror(errno)});
+  }
+
+  std::uint64_t wanted_;
+  std::filesystem::path file_;
+  std::optional<protocol::LogWriter> log_;
+  protocol::Recording recording_;
+  steady_clock::time_point flushed_;
+  frame_block_t block_{};
+  std::vector<Frame> frames_;
+  std::vector<std::uint8_t> bytes_;
+  spy::Sequence sequence_;
+  std::int64_t first_ns_ = 0;
+  std::int64_t last_ns_ = 0;
+  std::uint64_t blocks_ = 0;
+  std::uint64_t others_ = 0;
+  std::uint64_t undecoded_ = 0;
+  bool done_ = false;
+  std::string broken_by_;
+};
+
+int run(const Arguments& arguments) {
+  const StopSignals stop;
+  const std::unique_ptr<lcm::LCM> lcm = join_lcm(arguments.url);
+  Recorder recorder(arguments);
+  listen(*lcm, "STICKSLIP_.*", &Recorder::take, &recorder);
+  std::printf("recording %s into %s\n", arguments.url.c_str(), arguments.out.c_str());
+  std::fflush(stdout);
+  const auto end = after(steady_clock::now(), arguments.duration_s);
+  bool stopped = false;
+  terminal::Progress progress("recording");
+  if (arguments.frames == 0) progress.takes(arguments.duration_s);
+  auto told = steady_clock::now();
+  const auto tell = [&] {
+    if (arguments.frames > 0) {
+      progress.at(static_cast<double>(recorder.sequence().frames) /
+                  static_cast<double>(arguments.frames));
+    }
+    if (steady_clock::now() - told < flush_period) return;
+    told = steady_clock::now();
+    progress.say("recording, " + std::to_string(recorder.sequence().frames) + " frames, lost " +
+                 std::to_string(recorder.sequence().lost));
+  };
+  while (!stopped && !recorder.done() && steady_clock::now() < end) {
+    const Woken woken = wait_for(*lcm, stop, std::min(end, steady_clock::now() + flush_period));
+    stopped = woken == Woken::stop;
+    if (woken == Woken::message) lcm->handle();
+    recorder.rest();
+    tell();
+  }
+  // What had arrived before the stop belongs to the recording, also what LCM's own thread is still
+  // reading from the socket; a stream that goes on does not hold up the stop.
+  const auto patience = after(steady_clock::now(), stopped ? 0.2 : 1.0);
+  const int quiet_ms = stopped ? 50 : 0;
+  while (!recorder.done() && steady_clock::now() < patience && lcm->handleTimeout(quiet_ms) > 0) {
+  }
+  recorder.close();
+  progress.finish();
+  if (!recorder.broken_by().empty()) {
+    std::fprintf(stderr, "stickslip: %s\n", recorder.broken_by().c_str());
+  }
+  recorder.tell();
+  if (recorder.sequence().frames == 0) {
+    std::fprintf(stderr,
+                 "stickslip: no frames arrived on %s at %s; does the daemon publish there?\n",
+                 protocol::frames_channel, arguments.url.c_str());
+    return 1;
+  }
+  return recorder.broken_by().empty() ? 0 : 1;
+}
+
+}  // namespace
+
+void add_record(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "record", "Record what is on LCM; UDP may lose, the daemon's own recording does not");
+  command
+      ->add_option(
+          "out", arguments->out,
+          "Where to: .lcm or .log, written as it comes; .csv, kept in memory until the end")
+      ->required()
+      ->type_name("OUT");
+  add_url_option(*command, arguments->url);
+  command->add_option("--duration", arguments->duration_s, "Stop after so many seconds")
+      ->check(positive_number());
+  command->add_option("--frames", arguments->frames, "Stop after so many frames")
+      ->check(whole_number(1, 1e15));
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::commands

@@ -1,0 +1,133 @@
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "config/model_file.h"
+#include "protocol/recording.h"
+#include "tools/command_line/option_checks.h"
+#include "tools/command_line/recording_input.h"
+#include "tools/commands/commands.h"
+#include "tools/figures/gnuplot.h"
+#include "tools/figures/reduction_pictures.h"
+#include "tools/files/write_file.h"
+#include "tools/reduction/reduction.h"
+#include "tools/terminal/progress.h"
+
+namespace stickslip::commands {
+
+using namespace command_line;
+using namespace files;
+
+using namespace command_line;
+using namespace files;
+
+namespace {
+
+struct Arguments {
+  std::string recording;
+  std::string model;
+  std::string method = "deconvolved";
+  std::optional<std::size_t> first;
+  std::optional<std::size_t> samples;
+  std::optional<double> drive_hz;
+  std::size_t bins = 24;
+  std::optional<std::string> out;
+  bool no_pictures = false;
+};
+
+void tell(const reduction::Reduction& reduced, const Arguments& arguments,
+          const protocol::Recording& recording) {
+  const auto& samples = reduced.samples;
+  std::printf("%s: %zu of %zu samples, %.3f s to %.3f s, driven at %.3f Hz, method %s\n",
+              arguments.recording.c_str(), samples.size(), recording.frames.size(),
+              samples.front().time_s, samples.back().time_s, reduced.drive_hz,
+              arguments.method.c_str());
+  std::printf("inertia of the load cell: up to %.1f %% of the largest friction force\n",
+              100.0 * reduced.inertia_share);
+  std::printf("normal load: %.4f to %.4f N; N = %.4f N (1 %+.4g/m x) has %.1f %% of its variance\n",
+              reduced.normal_load_n.low, reduced.normal_load_n.high, reduced.load_n,
+              reduced.slope_per_m, 100.0 * reduced.linear_share);
+  std::printf(
+      "sliding mu: %.3f to %.3f (10 %% to 90 %% of mu sign(v) while abs(v) is above half of its "
+      "largest)\n",
+      reduced.sliding_mu.low, reduced.sliding_mu.high);
+  std::printf("friction and velocity of opposite sign: %.2f %% of the samples\n",
+              100.0 * reduced.negative_friction);
+}
+
+int run(const Arguments& arguments) {
+  const physics::Model model = config::load_model(arguments.model);
+  const protocol::Recording recording = recording_from(arguments.recording);
+  reduction::Options options;
+  options.method =
+      arguments.method == "paper" ? reduction::Method::paper : reduction::Method::deconvolved;
+  options.first = arguments.first;
+  options.samples = arguments.samples;
+  options.drive_hz = arguments.drive_hz;
+  options.bins = arguments.bins;
+  terminal::Progress reducing("reducing");
+  const reduction::Reduction reduced = reduction::reduce(recording, model, options);
+  reducing.finish();
+  tell(reduced, arguments, recording);
+  if (!arguments.out) return 0;
+
+  const std::filesystem::path folder = *arguments.out;
+  make_folder(folder);
+  write_file(folder / "samples.csv", figures::samples_csv(reduced));
+  write_file(folder / "surface.csv", figures::surface_csv(reduced));
+  std::string written = "samples.csv, surface.csv";
+  if (!arguments.no_pictures) {
+    terminal::Progress progress("drawing");
+    const std::vector<figures::Picture> pictures = figures::reduction_pictures(reduced);
+    for (const figures::Picture& picture : pictures) {
+      progress.say("drawing " + picture.stem);
+      figures::draw(picture, folder);
+      progress.at(static_cast<std::size_t>(&picture - pictures.data()) + 1, pictures.size());
+      written += ", " + picture.stem + ".svg";
+    }
+  }
+  std::printf("%s: %s\n", folder.c_str(), written.c_str());
+  return 0;
+}
+
+}  // namespace
+
+void add_reduce(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "reduce", "The coefficient of friction of a recording over displacement and velocity");
+  command->add_option("recording", arguments->recording, "Recording (.csv or .lcm)")->required();
+  command
+      ->add_option("--model", arguments->model,
+                   "Model (TOML): its load cell, and the filters of its sensors")
+      ->required();
+  command
+      ->add_option("--method", arguments->method,
+                   "paper: 800 samples as they were read, drift removed, Eq. (1); deconvolved: all "
+                   "samples, filters undone, the load cell's own equation")
+      ->check(CLI::IsMember({"paper", "deconvolved"}))
+      ->capture_default_str();
+  command->add_option("--samples", arguments->samples, "How many samples")
+      ->check(whole_number(1, 1e12));
+  command->add_option(
+      "--first", arguments->first,
+      "Sample to begin at, from 0 (default: where the longest stretch without a gap "
+      "begins)");
+  command
+      ->add_option("--drive-hz", arguments->drive_hz,
+                   "Frequency of the drive in Eq. (1) (default: the base's strongest tone)")
+      ->check(positive_number());
+  command->add_option("--bins", arguments->bins, "Cells of the surface along each axis")
+      ->check(whole_number(1, 1000))
+      ->capture_default_str();
+  command->add_option("--out", arguments->out,
+                      "Folder for samples.csv, surface.csv and the pictures (SVG and PNG)");
+  command->add_flag("--no-pictures", arguments->no_pictures, "Write the tables only");
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::commands

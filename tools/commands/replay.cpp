@@ -1,0 +1,114 @@
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <span>
+#include <stickslip/frame_block_t.hpp>
+#include <string>
+
+#include "physics/problem.h"
+#include "protocol/channels.h"
+#include "protocol/frame_block.h"
+#include "protocol/recording.h"
+#include "protocol/recording_log.h"
+#include "tools/command_line/option_checks.h"
+#include "tools/command_line/recording_input.h"
+#include "tools/commands/commands.h"
+#include "tools/telemetry/lcm_client.h"
+#include "tools/terminal/progress.h"
+
+namespace stickslip::commands {
+
+using namespace command_line;
+using namespace telemetry;
+
+using namespace command_line;
+using namespace telemetry;
+
+namespace {
+
+using std::chrono::steady_clock;
+
+struct Arguments {
+  std::string recording;
+  std::string url;
+  double speed = 1.0;
+  std::size_t frames_per_block = 10;
+};
+
+template <class Message>
+void publish(lcm::LCM& lcm, const char* channel, const Message& message) {
+  if (lcm.publish(channel, &message) != 0) {
+    throw std::runtime_error(std::string("LCM cannot publish on ") + channel +
+                             "; is its network up, and has its group a route?");
+  }
+}
+
+int run(const Arguments& arguments) {
+  const protocol::Recording recording = recording_from(arguments.recording);
+  const std::span<const Frame> frames(recording.frames);
+  const StopSignals stop;
+  const std::unique_ptr<lcm::LCM> lcm = join_lcm(arguments.url);
+  publish(
+      *lcm, protocol::recording_channel,
+      protocol::info_of(recording.description, static_cast<std::int64_t>(recording.frames.size())));
+
+  const auto start = steady_clock::now();
+  frame_block_t block{};
+  std::size_t done = 0;
+  std::size_t blocks = 0;
+  double latest_s = 0.0;
+  terminal::Progress progress("publishing " + arguments.recording);
+  while (done < frames.size()) {
+    const auto some =
+        frames.subspan(done, std::min(arguments.frames_per_block, frames.size() - done));
+    auto due = steady_clock::now();
+    if (arguments.speed > 0.0) {
+      // As at the rig: a block is complete when its last frame has been measured.
+      const double at_s = static_cast<double>(some.back().time_ns - frames.front().time_ns) * 1e-9;
+      due = at_s > 0.0 ? after(start, at_s / arguments.speed) : start;
+    }
+    if (stopped_before(stop, due)) break;
+    if (arguments.speed > 0.0) {
+      latest_s =
+          std::max(latest_s, std::chrono::duration<double>(steady_clock::now() - due).count());
+    }
+    protocol::to_block(some, block);
+    publish(*lcm, protocol::frames_channel, block);
+    done += some.size();
+    ++blocks;
+    progress.at(done, frames.size());
+  }
+  progress.finish();
+  const double took_s = std::chrono::duration<double>(steady_clock::now() - start).count();
+  std::printf("published %zu of %zu frames in %zu blocks at %s, %.3f s", done, frames.size(),
+              blocks, arguments.url.c_str(), took_s);
+  if (arguments.speed > 0.0) std::printf(", latest block %.3f ms late", latest_s * 1e3);
+  std::printf("%s\n", done < frames.size() ? " (stopped)" : "");
+  return 0;
+}
+
+}  // namespace
+
+void add_replay(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command =
+      app.add_subcommand("replay", "Publish a recording on LCM as the daemon would, in its pace");
+  command->add_option("recording", arguments->recording, "Recording (CSV or LCM log)")
+      ->required()
+      ->type_name("RECORDING");
+  add_url_option(*command, arguments->url);
+  command
+      ->add_option("--speed", arguments->speed,
+                   "Times as fast as recorded; 0: as fast as it goes, where UDP may lose blocks")
+      ->check(
+          number_that([](double v) { return v >= 0.0 && v <= 1.0e6; }, "a number from 0 to 1e6"))
+      ->capture_default_str();
+  command->add_option("--block", arguments->frames_per_block, "Frames in a block")
+      ->check(whole_number(1, 10000))
+      ->capture_default_str();
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::commands

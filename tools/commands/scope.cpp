@@ -1,0 +1,160 @@
+// `stickslip scope`: a rig seen in a browser while it runs.
+#include <chrono>
+#include <cstdio>
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "config/model_file.h"
+#include "tools/command_line/option_checks.h"
+#include "tools/commands/commands.h"
+#include "tools/scope/listener.h"
+#include "tools/scope/live_feed.h"
+#include "tools/scope/request.h"
+#include "tools/scope/web_server.h"
+#include "tools/telemetry/lcm_client.h"
+#include "tools/telemetry/network_of.h"
+
+namespace stickslip::commands {
+
+using namespace command_line;
+using namespace telemetry;
+
+using namespace command_line;
+using namespace telemetry;
+
+namespace {
+
+using std::chrono::steady_clock;
+
+struct Arguments {
+  std::string url;
+  std::string listen = "127.0.0.1:8088";
+  scope::Admission admission;
+  double history_s = 60.0;
+  std::string model;
+  int network_of = 0;  ///< a process; 0: this one
+  scope::ServerLimits limits;
+};
+
+double unix_ms_of(const lcm::ReceiveBuffer& buffer) {
+  if (buffer.recv_utime > 0) return static_cast<double>(buffer.recv_utime) * 1e-3;
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  return std::chrono::duration<double, std::milli>(now).count();
+}
+
+// What LCM carries, on its way to the feed.
+class Ear {
+ public:
+  explicit Ear(scope::LiveFeed& feed) : feed_(feed) {}
+  void take(const lcm::ReceiveBuffer* buffer, const std::string& channel) {
+    feed_.take(channel, {static_cast<const std::uint8_t*>(buffer->data), buffer->data_size},
+               unix_ms_of(*buffer), steady_clock::now());
+  }
+
+ private:
+  scope::LiveFeed& feed_;
+};
+
+void say_where(const scope::ListenAddress& at, const scope::Admission& admission) {
+  scope::ListenAddress shown = at;
+  if (scope::is_every_address(at.address)) shown.address = "127.0.0.1";
+  std::printf("live view: http://%s/%s\n", scope::text_of(shown).c_str(),
+              admission.token.empty() ? "" : ("?token=" + admission.token).c_str());
+  std::printf("Ctrl-C ends it\n");
+  std::fflush(stdout);
+  if (!scope::is_loopback(at.address)) {
+    std::fprintf(stderr,
+                 "stickslip scope: everyone who reaches %s can watch%s; nothing is encrypted: "
+                 "docs/scope.md says how a tunnel or a proxy does that\n",
+                 scope::text_of(at).c_str(),
+                 admission.token.empty() ? ", since no --token is asked for" : " with the token");
+  }
+}
+
+int run(const Arguments& arguments) {
+  const StopSignals stop;
+  scope::FeedSettings settings;
+  settings.version = STICKSLIP_VERSION;
+  settings.url = arguments.url;
+  settings.history_s = arguments.history_s;
+  if (!arguments.model.empty()) {
+    settings.marks = scope::marks_of(config::load_model(arguments.model));
+  }
+  const scope::Listener listener(scope::parse_listen_address(arguments.listen));
+  scope::Admission admission = arguments.admission;
+  admission.listen_address = listener.address().address;
+
+  // What listens stays outside; what hears LCM goes in.
+  if (arguments.network_of > 0) enter_network_of(arguments.network_of);
+  const std::unique_ptr<lcm::LCM> lcm = join_lcm(arguments.url);
+  std::unique_ptr<scope::WebServer> server;
+  scope::LiveFeed feed(settings,
+                       [&server](const scope::SharedMessage& message) { server->send(message); });
+  server = std::make_unique<scope::WebServer>(listener, admission, arguments.limits, [&feed] {
+    return feed.greeting(steady_clock::now());
+  });
+  Ear ear(feed);
+  listen(*lcm, "STICKSLIP_.*", &Ear::take, &ear);
+  server->watch(lcm->getFileno(), [&lcm] {
+    for (int i = 0; i < 64 && lcm->handleTimeout(0) > 0; ++i) {
+    }
+  });
+  server->watch(stop.file(), [&server] { server->stop(); });
+  server->every_tick([&feed] { feed.look_at_the_time(steady_clock::now()); });
+  say_where(listener.address(), admission);
+  server->run();
+  return 0;
+}
+
+}  // namespace
+
+void add_scope(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command =
+      app.add_subcommand("scope", "Show what is on LCM in a browser, while the rig runs");
+  add_url_option(*command, arguments->url);
+  command->add_option("--listen", arguments->listen, "Numeric address and port; port 0 takes any")
+      ->capture_default_str();
+  command
+      ->add_option("--token", arguments->admission.token,
+                   "A word without which nothing is shown; part of the page's address")
+      ->envname("STICKSLIP_SCOPE_TOKEN")
+      ->check(CLI::Validator(
+          [](std::string& word) {
+            return scope::is_token(word) ? std::string()
+                                         : "expected letters, digits and -._~ only, as a URL "
+                                           "carries them";
+          },
+          ""));
+  command->add_option("--allow-origin", arguments->admission.allowed_origins,
+                      "Pages from elsewhere that may open the stream, as https://rig.lab");
+  command->add_option("--host-name", arguments->admission.host_names,
+                      "Names under which this is asked for, beside loopback and the address");
+  command
+      ->add_option("--history", arguments->history_s,
+                   "Seconds of frames that a page gets when it is opened")
+      ->check(number_that([](double v) { return v >= 0.0 && v <= 3600.0; },
+                          "a number of seconds from 0 to 3600"))
+      ->capture_default_str();
+  command->add_option("--model", arguments->model,
+                      "Model file, for the frequencies to mark (else what LCM says of the rig)");
+  command->add_option("--pages", arguments->limits.streams, "Pages that may be open at once")
+      ->check(whole_number(1, 500))
+      ->capture_default_str();
+  command
+      ->add_option("--pages-per-address", arguments->limits.streams_per_address,
+                   "Of them, from one address; behind a proxy all have the proxy's")
+      ->check(whole_number(1, 500))
+      ->capture_default_str();
+  command
+      ->add_option("--network-of", arguments->network_of,
+                   "Hear LCM as this process (its number) does, in a network of its own, and be "
+                   "reached from here")
+      ->check(whole_number(1, 2147483647));
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::commands

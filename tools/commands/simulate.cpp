@@ -1,0 +1,185 @@
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "config/model_file.h"
+#include "physics/problem.h"
+#include "physics/simulator.h"
+#include "protocol/recording.h"
+#include "tools/command_line/option_checks.h"
+#include "tools/command_line/recording_input.h"
+#include "tools/commands/commands.h"
+#include "tools/terminal/progress.h"
+
+namespace stickslip::commands {
+
+using namespace command_line;
+
+using namespace command_line;
+
+namespace {
+
+struct Arguments {
+  std::string model;
+  std::string drive;
+  std::string out = "-";
+  std::uint64_t seed = 1;
+  bool no_noise = false;
+};
+
+// First and second derivative of samples on their own instants: the parabola through three
+// neighbours is not enough for a second derivative that drives a rig, so a quartic through five.
+struct Derivatives {
+  double first = 0.0;
+  double second = 0.0;
+};
+
+Derivatives derivatives_at(const std::vector<double>& t, const std::vector<double>& y,
+                           std::size_t i) {
+  const std::size_t n = t.size();
+  const std::size_t points = std::min<std::size_t>(5, n);
+  const std::size_t from = std::min(i >= 2 ? i - 2 : 0, n - points);
+  // Derivatives at t[i] of the Lagrange basis polynomials.
+  Derivatives out;
+  for (std::size_t j = from; j < from + points; ++j) {
+    double first = 0.0;
+    double second = 0.0;
+    for (std::size_t k = from; k < from + points; ++k) {
+      if (k == j) continue;
+      double product = 1.0;
+      for (std::size_t l = from; l < from + points; ++l) {
+        if (l != j && l != k) product *= (t[i] - t[l]) / (t[j] - t[l]);
+      }
+      first += product / (t[j] - t[k]);
+      for (std::size_t l = from; l < from + points; ++l) {
+        if (l == j || l == k) continue;
+        double rest = 1.0;
+        for (std::size_t q = from; q < from + points; ++q) {
+          if (q != j && q != k && q != l) rest *= (t[i] - t[q]) / (t[j] - t[q]);
+        }
+        second += rest / ((t[j] - t[k]) * (t[j] - t[l]));
+      }
+    }
+    out.first += first * y[j];
+    out.second += second * y[j];
+  }
+  return out;
+}
+
+std::vector<physics::Input> inputs_of(const protocol::Recording& drive, const physics::Model& model,
+                                      const std::vector<double>& time) {
+  const auto column = [&](Channel channel, const char* why) {
+    std::vector<double> values;
+    for (const Frame& frame : drive.frames) {
+      if (!frame.has(channel)) {
+        throw InputError(Problem{drive.source, 0, 0,
+                                 "lacks " + std::string(info(channel).column) + " at time " +
+                                     std::to_string(frame.time_s()) + " s, which " + why});
+      }
+      values.push_back(frame[channel]);
+    }
+    return values;
+  };
+  std::vector<physics::Input> inputs(drive.frames.size());
+  switch (model.oscillator.excitation) {
+    case physics::Excitation::base: {
+      const auto b = column(Channel::base_displacement, "drives a base-excited rig");
+      for (std::size_t i = 0; i < b.size(); ++i) {
+        inputs[i].base_displacement_m = b[i];
+        inputs[i].base_acceleration_m_s2 = derivatives_at(time, b, i).second;
+      }
+      break;
+    }
+    case physics::Excitation::force: {
+      const auto f = column(Channel::drive_force, "drives a force-excited rig");
+      for (std::size_t i = 0; i < f.size(); ++i) inputs[i].drive_force_n = f[i];
+      break;
+    }
+    case physics::Excitation::imposed: {
+      const auto x = column(Channel::displacement, "is the imposed motion");
+      for (std::size_t i = 0; i < x.size(); ++i) {
+        inputs[i].displacement_m = x[i];
+        inputs[i].velocity_m_s = derivatives_at(time, x, i).first;
+      }
+      break;
+    }
+  }
+  if (model.normal_load && model.normal_load->law == physics::NormalLoadLaw::measured) {
+    const auto load = column(Channel::normal_load, "the normal-load law \"measured\" takes as N");
+    for (std::size_t i = 0; i < load.size(); ++i) inputs[i].normal_load_n = load[i];
+  }
+  return inputs;
+}
+
+int run(const Arguments& arguments) {
+  const physics::Model model = config::load_model(arguments.model);
+  const protocol::Recording drive = recording_from(arguments.drive);
+  if (drive.frames.size() < 5) {
+    throw InputError(Problem{arguments.drive, 0, 0, "holds fewer than 5 samples"});
+  }
+  std::vector<double> time;
+  for (const Frame& frame : drive.frames) {
+    time.push_back(static_cast<double>(frame.time_ns - drive.frames.front().time_ns) * 1.0e-9);
+    // Beyond this nobody meant what the drive does between its samples.
+    constexpr double longest_s = 3600.0;
+    if (time.size() > 1 && time.back() - time[time.size() - 2] > longest_s) {
+      throw InputError(Problem{arguments.drive, 0, 0,
+                               "the sample at " + std::to_string(frame.time_s()) + " s comes " +
+                                   std::to_string(time.back() - time[time.size() - 2]) +
+                                   " s after the one before; expected at most " +
+                                   std::to_string(longest_s) + " s"});
+    }
+  }
+  const auto inputs = inputs_of(drive, model, time);
+
+  physics::SimulationOptions options;
+  options.seed = arguments.seed;
+  options.noise = !arguments.no_noise;
+  physics::RigSimulator simulator(model, options);
+  simulator.set_input(inputs.front());
+  protocol::Recording out;
+  out.source = arguments.out;
+  terminal::Progress progress("simulating");
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    progress.at(i, inputs.size());
+    if (i > 0) simulator.advance(time[i] - time[i - 1], inputs[i]);
+    Frame frame = simulator.read();
+    frame.time_ns = drive.frames[i].time_ns;
+    out.channels |= frame.valid;
+    out.frames.push_back(frame);
+  }
+  progress.finish();
+  protocol::write_recording(out, arguments.out);
+  if (arguments.out != "-") {
+    std::printf("%s: %zu samples over %.3f s\n", arguments.out.c_str(), out.frames.size(),
+                time.back());
+  }
+  return 0;
+}
+
+}  // namespace
+
+void add_simulate(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "simulate", "Integrate a model under a given drive and write what its sensors read");
+  command->add_option("--model", arguments->model, "Model (TOML)")->required();
+  command
+      ->add_option("--drive", arguments->drive,
+                   "What drives the rig: a recording with base_displacement_m, drive_force_n or, "
+                   "for imposed motion, displacement_m")
+      ->required();
+  command
+      ->add_option("--out", arguments->out,
+                   "Recording to write (.csv or .lcm; -: CSV on standard output)")
+      ->capture_default_str();
+  command->add_option("--seed", arguments->seed, "Seed of the sensor noise")
+      ->check(seed_number())
+      ->capture_default_str();
+  command->add_flag("--no-noise", arguments->no_noise, "Leave out the sensor noise");
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::commands

@@ -1,0 +1,203 @@
+// `stickslip spy`: what is on LCM, live.
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <cstdio>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "tools/command_line/colour_option.h"
+#include "tools/command_line/option_checks.h"
+#include "tools/commands/commands.h"
+#include "tools/spy/report.h"
+#include "tools/telemetry/lcm_client.h"
+#include "tools/terminal/abilities.h"
+
+namespace stickslip::commands {
+
+using namespace command_line;
+using namespace telemetry;
+
+using namespace command_line;
+using namespace telemetry;
+
+namespace {
+
+using std::chrono::steady_clock;
+
+struct Arguments {
+  std::string url;
+  double duration_s = 0.0;
+  bool once = false;
+  bool json = false;
+  spy::View view;
+  terminal::Colours colours = terminal::Colours::automatic;
+};
+
+std::int64_t wall_clock_us() {
+  return std::chrono::duration_cast<std::chrono::microseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+class Listener {
+ public:
+  // LCM's own stamp of arrival: what waits in the queue is not younger for that.
+  void take(const lcm::ReceiveBuffer* buffer, const std::string& channel) {
+    traffic_.take(channel, {static_cast<const std::uint8_t*>(buffer->data), buffer->data_size},
+                  buffer->recv_utime);
+  }
+  spy::Traffic& traffic() { return traffic_; }
+
+ private:
+  spy::Traffic traffic_;
+};
+
+/// Shows the traffic on standard output, in the form that suits it.
+class Display {
+ public:
+  Display(const Arguments& arguments, spy::Traffic& traffic)
+      : arguments_(arguments),
+        traffic_(traffic),
+        paint_(terminal::wants_colour(arguments.colours, STDOUT_FILENO)) {
+    const terminal::Abilities screen = terminal::abilities_of(STDOUT_FILENO);
+    table_ = screen.terminal && !arguments.json;
+    live_ = table_ && !screen.dumb && !arguments.once;
+  }
+
+  /// `interval_s`: since it was shown last; `seconds`: since the start.
+  void show(double interval_s, double seconds) {
+    traffic_.close_interval(std::max(1e-3, interval_s));
+    std::string out = text(seconds);
+    if (live_) out = on_screen(out, seconds);
+    std::fputs(out.c_str(), stdout);
+    std::fflush(stdout);
+  }
+
+ private:
+  std::string text(double seconds) const {
+    const std::int64_t now_us = wall_clock_us();
+    if (arguments_.json) return spy::json(arguments_.view, traffic_, now_us, seconds);
+    if (spy::seen_through(arguments_.view, traffic_, now_us).empty()) {
+      return (traffic_.empty() ? "nothing yet at " : "nothing of that name yet at ") +
+             arguments_.url + "\n";
+    }
+    if (!table_) return spy::lines(arguments_.view, traffic_, now_us);
+    return spy::table(arguments_.view, traffic_, now_us, terminal::columns_of(STDOUT_FILENO),
+                      paint_);
+  }
+
+  // Over what was there, line by line, so that nothing flickers; no more lines than there are.
+  std::string on_screen(const std::string& table, double seconds) const {
+    const std::size_t room = terminal::lines_of(STDOUT_FILENO);
+    std::string out = "\033[H" + arguments_.url + "  " +
+                      std::to_string(static_cast<long>(seconds)) +
+                      " s (Ctrl-C ends)\033[K\n\033[K\n";
+    std::size_t used = 3;  // with the one that the cursor ends on
+    for (std::size_t at = 0; at < table.size();) {
+      const std::size_t end = table.find('\n', at);
+      if (room > 4 && ++used >= room && end + 1 < table.size()) {
+        out += "... and more: name a channel to see no others\033[K\n";
+        break;
+      }
+      out += table.substr(at, end - at) + "\033[K\n";
+      at = end + 1;
+    }
+    return out + "\033[J";
+  }
+
+  const Arguments& arguments_;
+  spy::Traffic& traffic_;
+  terminal::Paint paint_;
+  bool table_ = false;
+  bool live_ = false;
+};
+
+int run(const Arguments& arguments) {
+  const StopSignals stop;
+  const std::unique_ptr<lcm::LCM> lcm = join_lcm(arguments.url);
+  Listener listener;
+  listen(*lcm, ".*", &Listener::take, &listener);
+  Display display(arguments, listener.traffic());
+  const auto start = steady_clock::now();
+  const auto period = std::chrono::seconds(1);
+  // --once waits for something to show, but not for ever.
+  const double patience_s = arguments.duration_s > 0.0 ? arguments.duration_s : 5.0;
+  const auto end = after(start, arguments.once ? patience_s : arguments.duration_s);
+  auto shown = start;
+  auto next = start + period;
+  bool stopped = false;
+  const auto show = [&](steady_clock::time_point now) {
+    display.show(std::chrono::duration<double>(now - shown).count(),
+                 std::chrono::duration<double>(now - start).count());
+    shown = now;
+  };
+  while (!stopped) {
+    const auto now = steady_clock::now();
+    if (now >= end) break;
+    if (now >= next) {
+      if (arguments.once && listener.traffic().has_frames()) break;
+      if (!arguments.once) show(now);
+      next = std::max(next + period, now);
+    }
+    switch (wait_for(*lcm, stop, std::min(end, next))) {
+      case Woken::stop:
+        stopped = true;
+        break;
+      case Woken::message:
+        lcm->handle();
+        break;
+      case Woken::time_out:
+        break;
+    }
+  }
+  const auto now = steady_clock::now();
+  if (arguments.once || now - shown > period / 2) show(now);
+  // A person who stops it has seen what there is; a script that waited wants to know.
+  return !listener.traffic().empty() || stopped ? 0 : 1;
+}
+
+}  // namespace
+
+void add_spy(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "spy", "Show what is on LCM: rates, sizes, losses, last values of every channel");
+  command
+      ->add_option("names", arguments->view.words,
+                   "Only channels whose name holds one of these words")
+      ->type_name("NAME");
+  add_url_option(*command, arguments->url);
+  command->add_flag("--values", arguments->view.values,
+                    "Every number with its unit, and between which values it was");
+  const std::map<std::string, spy::Order> orders = {{"name", spy::Order::name},
+                                                    {"rate", spy::Order::rate},
+                                                    {"size", spy::Order::size},
+                                                    {"age", spy::Order::age},
+                                                    {"lost", spy::Order::lost}};
+  command
+      ->add_option_function<std::string>(
+          "--sort",
+          [arguments, orders](const std::string& by) { arguments->view.order = orders.at(by); },
+          "Order of the channels; numbers from the largest down")
+      ->check(CLI::IsMember({"name", "rate", "size", "age", "lost"}))
+      ->default_str("name");
+  command->add_option("--duration", arguments->duration_s, "Stop after so many seconds")
+      ->check(positive_number());
+  command->add_flag("--once", arguments->once,
+                    "One table a second after the start, or once frames arrive (within "
+                    "--duration, 5 s unless told otherwise)");
+  command->add_flag("--json", arguments->json, "As JSON, one line a second");
+  add_colour_option(*command, arguments->colours);
+  command->footer(
+      "On a terminal a table that is drawn anew every second, elsewhere one line for each channel. "
+      "Channels of other programs are listed with the fingerprint of their type.\n"
+      "Exit status: 1 where nothing was heard.");
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+}
+
+}  // namespace stickslip::commands

@@ -1,0 +1,122 @@
+#include "tools/control_client/control_client.h"
+
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <stdexcept>
+
+#include "physics/problem.h"
+#include "protocol/control.h"
+
+namespace stickslip::control_client {
+namespace {
+
+using nlohmann::json;
+using std::chrono::steady_clock;
+
+std::string cure(int why) {
+  switch (why) {
+    case ENOENT:
+      return "; is the daemon running, with a control socket there? (stickslipd --control PATH, or "
+             "systemctl start stickslipd)";
+    case ECONNREFUSED:
+      return "; a daemon left it behind and is gone: start it again";
+    case EACCES:
+      return "; this user has to be in the daemon's group: usermod -aG stickslip USER, then log in "
+             "again";
+    default:
+      return "";
+  }
+}
+
+}  // namespace
+
+ControlClient::ControlClient(const std::string& socket) : socket_(socket) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  if (socket.size() >= sizeof address.sun_path) {
+    throw InputError(Problem{socket, 0, 0, "is too long for a socket"});
+  }
+  socket.copy(address.sun_path, socket.size());
+  file_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  if (file_ < 0 ||
+      ::connect(file_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
+    const int why = errno;
+    if (file_ >= 0) ::close(file_);
+    throw InputError(Problem{
+        socket, 0, 0, std::string("no daemon can be reached: ") + std::strerror(why) + cure(why)});
+  }
+}
+
+ControlClient::~ControlClient() { ::close(file_); }
+
+void ControlClient::send(const std::string& text) {
+  for (std::size_t sent = 0; sent < text.size();) {
+    const ssize_t put = ::send(file_, text.data() + sent, text.size() - sent, MSG_NOSIGNAL);
+    if (put < 0 && errno == EINTR) continue;
+    if (put < 0) throw std::runtime_error(socket_ + ": the daemon went away");
+    sent += static_cast<std::size_t>(put);
+  }
+}
+
+std::optional<json> ControlClient::line(steady_clock::time_point until) {
+  for (;;) {
+    if (const std::size_t end = in_.find('\n'); end != std::string::npos) {
+      json out = json::parse(in_.substr(0, end), nullptr, false);
+      in_.erase(0, end + 1);
+      if (out.is_discarded() || !out.is_object()) {
+        throw std::runtime_error(socket_ + ": what answers there is no stickslipd");
+      }
+      return out;
+    }
+    const auto left =
+        std::chrono::duration_cast<std::chrono::milliseconds>(until - steady_clock::now());
+    pollfd file{file_, POLLIN, 0};
+    const int ready = ::poll(&file, 1, static_cast<int>(std::max<std::int64_t>(0, left.count())));
+    if (ready == 0) return std::nullopt;
+    if (ready < 0) {
+      if (errno == EINTR) continue;
+      throw std::runtime_error(socket_ + ": " + std::strerror(errno));
+    }
+    std::array<char, 8192> part{};
+    const ssize_t got = ::recv(file_, part.data(), part.size(), 0);
+    if (got <= 0) throw std::runtime_error(socket_ + ": the daemon went away");
+    in_.append(part.data(), static_cast<std::size_t>(got));
+  }
+}
+
+json ControlClient::ask(const std::string& command, const json& arguments,
+                        std::chrono::milliseconds patience) {
+  const std::int64_t id = next_id_++;
+  send(protocol::control_request(id, command, arguments));
+  const auto until = steady_clock::now() + patience;
+  while (auto answer = line(until)) {
+    if (answer->contains("ok") && answer->value("id", id) == id) return *answer;
+    kept_.push_back(*std::move(answer));
+  }
+  throw std::runtime_error(socket_ + ": no answer to \"" + command + "\" within " +
+                           std::to_string(patience.count()) + " ms");
+}
+
+std::optional<json> ControlClient::next(std::chrono::milliseconds wait) {
+  if (!kept_.empty()) {
+    json out = std::move(kept_.front());
+    kept_.erase(kept_.begin());
+    return out;
+  }
+  return line(steady_clock::now() + wait);
+}
+
+std::string control_socket(const std::string& option) {
+  if (!option.empty()) return option;
+  const char* const named = std::getenv("STICKSLIP_CONTROL");
+  return named != nullptr && *named != '\0' ? named : protocol::default_control_socket;
+}
+
+}  // namespace stickslip::control_client

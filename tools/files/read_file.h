@@ -1,0 +1,17 @@
+// Reading a whole file.
+#pragma once
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+
+namespace stickslip::files {
+
+/// Its bytes; nothing where it cannot be read.
+inline std::string content_of(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+}  // namespace stickslip::files

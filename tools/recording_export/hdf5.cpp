@@ -1,0 +1,115 @@
+// HDF5 files: a group for each table, a dataset for each column with its unit and meaning as
+// attributes, and the description as attributes of the whole.
+#include <hdf5.h>
+
+#include <type_traits>
+#include <utility>
+
+#include "physics/problem.h"
+#include "tools/recording_export/table.h"
+
+namespace stickslip::recording_export {
+namespace {
+
+/// An identifier of the library, and how it is given back.
+class Handle {
+ public:
+  Handle(hid_t id, herr_t (*close)(hid_t), const std::filesystem::path& file)
+      : id_(id), close_(close) {
+    if (id_ < 0) refuse(file);
+  }
+  ~Handle() {
+    if (id_ >= 0) close_(id_);
+  }
+  Handle(const Handle&) = delete;
+  Handle& operator=(const Handle&) = delete;
+  operator hid_t() const { return id_; }
+
+  /// Closes now: what is written only then may fail.
+  void close(const std::filesystem::path& file) {
+    const hid_t id = std::exchange(id_, -1);
+    if (close_(id) < 0) refuse(file);
+  }
+
+  [[noreturn]] static void refuse(const std::filesystem::path& file) {
+    throw InputError(
+        Problem{file.string(), 0, 0, "cannot be written; does its folder exist, is there room?"});
+  }
+
+ private:
+  hid_t id_;
+  herr_t (*close_)(hid_t);
+};
+
+class Writer {
+ public:
+  explicit Writer(const std::filesystem::path& out)
+      : out_(out),
+        file_(H5Fcreate(out.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), H5Fclose, out) {}
+
+  void write(const Tables& tables) {
+    for (const auto& [name, text] : description_texts(tables)) attribute(file_, name, text);
+    for (const Table& table : tables.tables) write(table);
+    file_.close(out_);
+  }
+
+ private:
+  void write(const Table& table) {
+    const Handle group(H5Gcreate2(file_, table.name.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
+                       H5Gclose, out_);
+    attribute(group, "meaning", "a row is " + table.meaning);
+    for (const Column& column : table.columns) {
+      const hsize_t rows = column.rows();
+      const Handle space(H5Screate_simple(1, &rows, nullptr), H5Sclose, out_);
+      std::visit(
+          [&](const auto& values) {
+            using Number = typename std::decay_t<decltype(values)>::value_type;
+            const hid_t type = std::is_same_v<Number, double>         ? H5T_NATIVE_DOUBLE
+                               : std::is_same_v<Number, std::int64_t> ? H5T_NATIVE_INT64
+                                                                      : H5T_NATIVE_UINT8;
+            const Handle data(H5Dcreate2(group, column.name.c_str(), type, space, H5P_DEFAULT,
+                                         H5P_DEFAULT, H5P_DEFAULT),
+                              H5Dclose, out_);
+            if (H5Dwrite(data, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0) {
+              Handle::refuse(out_);
+            }
+            attribute(data, "unit", column.unit);
+            attribute(data, "meaning", column.meaning);
+          },
+          column.values);
+    }
+  }
+
+  // UTF-8 of its own length; an empty one is a single zero, since the library knows none of length
+  // 0. Dense storage would be needed beyond 64 kB: longer ones stand in a dataset of that name.
+  void attribute(hid_t of, const std::string& name, const std::string& text) {
+    const Handle type(H5Tcopy(H5T_C_S1), H5Tclose, out_);
+    H5Tset_size(type, text.size() + 1);
+    H5Tset_cset(type, H5T_CSET_UTF8);
+    const Handle space(H5Screate(H5S_SCALAR), H5Sclose, out_);
+    if (text.size() < 60000) {
+      const Handle attribute(H5Acreate2(of, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT),
+                             H5Aclose, out_);
+      if (H5Awrite(attribute, type, text.c_str()) < 0) Handle::refuse(out_);
+      return;
+    }
+    const Handle data(
+        H5Dcreate2(of, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Dclose,
+        out_);
+    if (H5Dwrite(data, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, text.c_str()) < 0) {
+      Handle::refuse(out_);
+    }
+  }
+
+  std::filesystem::path out_;
+  Handle file_;
+};
+
+}  // namespace
+
+void write_tables_hdf5(const Tables& tables, const std::filesystem::path& out) {
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // the library would print; our own line is enough
+  Writer(out).write(tables);
+}
+
+}  // namespace stickslip::recording_export

@@ -1,0 +1,61 @@
+// A recording as tables of columns, as programs of mathematics take them.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "protocol/recording.h"
+
+namespace stickslip::recording_export {
+
+/// One column. Numbers that were not measured, or that do not exist, are NaN.
+struct Column {
+  std::string name;
+  std::string unit;     ///< "1" for pure numbers and counts
+  std::string meaning;  ///< a few words
+  std::variant<std::vector<double>, std::vector<std::int64_t>, std::vector<std::uint8_t>> values;
+
+  std::size_t rows() const;
+};
+
+struct Table {
+  std::string name;     ///< "frames", "excitation", "estimate"
+  std::string meaning;  ///< of a row
+  std::vector<Column> columns;
+
+  std::size_t rows() const { return columns.empty() ? 0 : columns.front().rows(); }
+  /// The column of that name, or null.
+  const Column* find(const std::string& name) const;
+};
+
+/// A recording with all that belongs to it.
+struct Tables {
+  std::string source;
+  protocol::Description description;
+  std::uint64_t cut_off_bytes = 0;
+  std::vector<Table> tables;  ///< frames, then those of the others that have rows
+
+  const Table* find(const std::string& name) const;
+};
+
+/// Reads a recording, and from a log what the shaker was asked for and what the observer believed.
+/// `done` is told how far it is. Throws InputError as protocol::read_recording does.
+Tables tables_of(const std::filesystem::path& recording, const protocol::ShareDone& done = {});
+
+/// Writes them by the ending of `out`: .csv, .mat (MATLAB 5) or .h5. Throws InputError where the
+/// ending is another, the file cannot be written, or the format cannot hold as much.
+void write_tables(const Tables& tables, const std::filesystem::path& out,
+                  const protocol::ShareDone& done = {});
+
+/// The description as names and texts, in one order for all formats.
+std::vector<std::pair<std::string, std::string>> description_texts(const Tables& tables);
+
+void write_tables_csv(const Tables& tables, const std::filesystem::path& out,
+                      const protocol::ShareDone& done = {});
+void write_tables_mat(const Tables& tables, const std::filesystem::path& out);
+void write_tables_hdf5(const Tables& tables, const std::filesystem::path& out);
+
+}  // namespace stickslip::recording_export

@@ -1,0 +1,383 @@
+#include "tools/reduction/reduction.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numbers>
+
+#include "diagnosis/wide_band.h"
+#include "physics/problem.h"
+#include "physics/sensor_chain.h"
+
+namespace stickslip::reduction {
+
+namespace {
+
+using Values = std::vector<double>;
+
+constexpr std::size_t samples_of_the_paper = 800;
+constexpr double end_s = 0.1;  // the memory of two Butterworth filters of order 4 at 25 Hz
+
+[[noreturn]] void refuse(const std::string& source, const std::string& message) {
+  throw InputError(Problem{source, 0, 0, message});
+}
+
+double mean_of(const Values& values) {
+  double sum = 0.0;
+  for (const double each : values) sum += each;
+  return sum / static_cast<double>(values.size());
+}
+
+double largest_of(const Values& values) {
+  double most = 0.0;
+  for (const double each : values) most = std::max(most, std::abs(each));
+  return most;
+}
+
+// The straight line a + b i through the values, taken out of them.
+Values without_drift(Values values) {
+  const double n = static_cast<double>(values.size());
+  const double middle = 0.5 * (n - 1.0);
+  const double mean = mean_of(values);
+  double slope = 0.0;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    slope += (static_cast<double>(i) - middle) * (values[i] - mean);
+  }
+  slope /= n * (n * n - 1.0) / 12.0;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    values[i] -= mean + slope * (static_cast<double>(i) - middle);
+  }
+  return values;
+}
+
+// Power of one tone in values that are `period_s` apart. A hundred of them in a second are enough
+// for tones up to 20 Hz.
+double power_at(const Values& values, double period_s, double frequency_hz) {
+  const auto stride = std::max<std::size_t>(1, static_cast<std::size_t>(0.01 / period_s));
+  double in_phase = 0.0;
+  double quadrature = 0.0;
+  for (std::size_t i = 0; i < values.size(); i += stride) {
+    const double phase = 2.0 * std::numbers::pi * frequency_hz * period_s * static_cast<double>(i);
+    in_phase += values[i] * std::cos(phase);
+    quadrature += values[i] * std::sin(phase);
+  }
+  return in_phase * in_phase + quadrature * quadrature;
+}
+
+// The strongest tone between half a hertz and 20 Hz.
+double strongest_tone_hz(const Values& values, double period_s) {
+  const double duration_s = period_s * static_cast<double>(values.size());
+  double best = 0.0;
+  double most = -1.0;
+  const double fine = 0.25 / duration_s;
+  const double lowest = std::max(0.5, 1.0 / duration_s);
+  const double highest = std::min(20.0, 0.4 / period_s);
+  const auto steps = static_cast<int>(std::max(0.0, (highest - lowest) / fine));
+  for (int k = 0; k <= steps; ++k) {
+    const double f = lowest + fine * k;
+    const double power = power_at(values, period_s, f);
+    if (power > most) {
+      most = power;
+      best = f;
+    }
+  }
+  return best;
+}
+
+constexpr std::array needed{Channel::displacement, Channel::velocity, Channel::friction_force,
+                            Channel::normal_load, Channel::base_displacement};
+
+// Samples that follow one another in time with every channel that is needed: [begin, end).
+struct Stretch {
+  std::size_t begin = 0;
+  std::size_t end = 0;
+  std::size_t length() const { return end - begin; }
+};
+
+std::vector<Stretch> stretches_of(const std::vector<Frame>& frames, double period_s) {
+  std::vector<Stretch> out;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const bool whole = std::all_of(needed.begin(), needed.end(),
+                                   [&](Channel channel) { return frames[i].has(channel); });
+    if (!whole) continue;
+    const bool follows =
+        !out.empty() && out.back().end == i &&
+        static_cast<double>(frames[i].time_ns - frames[i - 1].time_ns) * 1.0e-9 < 1.5 * period_s;
+    if (follows) {
+      out.back().end = i + 1;
+    } else {
+      out.push_back({i, i + 1});
+    }
+  }
+  return out;
+}
+
+Values column(const protocol::Recording& recording, Channel channel, const Stretch& stretch) {
+  Values values;
+  values.reserve(stretch.length());
+  for (std::size_t i = stretch.begin; i < stretch.end; ++i) {
+    values.push_back(recording.frames[i][channel]);
+  }
+  return values;
+}
+
+double quantile(Values values, double share) {
+  if (values.empty()) return 0.0;
+  const auto at =
+      values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+// Everything that both methods need, by sample.
+struct Signals {
+  Values x;
+  Values v;
+  Values base;
+  Values force;  // on the mass
+  Values load;
+  double inertia = 0.0;  // largest m_l b''
+};
+
+Signals as_read(const std::array<Values, channel_count>& read, double cell_mass, double drive_hz) {
+  Signals out;
+  out.x = read[index_of(Channel::displacement)];
+  out.v = read[index_of(Channel::velocity)];
+  out.load = read[index_of(Channel::normal_load)];
+  out.base = without_drift(read[index_of(Channel::base_displacement)]);
+  out.force = without_drift(read[index_of(Channel::friction_force)]);
+  // Eq. (1): f = alpha S - m_l Omega^2 a cos(Omega t), where a cos(Omega t) is the input.
+  const double inertia = cell_mass * std::pow(2.0 * std::numbers::pi * drive_hz, 2);
+  for (std::size_t i = 0; i < out.force.size(); ++i) out.force[i] -= inertia * out.base[i];
+  out.inertia = inertia * largest_of(out.base);
+  return out;
+}
+
+Signals deconvolved(const std::array<Values, channel_count>& read, const physics::Model& model,
+                    double period_s) {
+  const auto undone = [&](Channel channel) {
+    const physics::Sensor& sensor = model.sensors[index_of(channel)];
+    const physics::FilterChain chain(sensor.filters, period_s);
+    const Values& values = read[index_of(channel)];
+    return diagnosis::wide_band(values, period_s, chain,
+                                sensor.noise_std.value_or(diagnosis::noise_of(values)));
+  };
+  const auto x = undone(Channel::displacement);
+  const auto signal = undone(Channel::friction_force);
+  const auto base = undone(Channel::base_displacement);
+  const physics::LoadCell& cell = *model.load_cell;
+  const double omega = 2.0 * std::numbers::pi * cell.natural_frequency_hz.value;
+  const bool resonant = cell.dynamics == physics::LoadCellDynamics::resonant;
+  Signals out;
+  out.x = x.value;
+  out.v = x.rate;
+  out.base = base.value;
+  out.load = undone(Channel::normal_load).value;
+  for (std::size_t i = 0; i < out.x.size(); ++i) {
+    // m_l y'' + c_l y' + k_l y - f = -m_l b'', and the channel reads S = k_l y.
+    const double inertia = cell.mass_kg.value * base.acceleration[i];
+    double force = signal.value[i] + inertia;
+    if (resonant) {
+      force += 2.0 * cell.damping_ratio.value / omega * signal.rate[i] +
+               signal.acceleration[i] / (omega * omega);
+    }
+    out.force.push_back(force);
+    out.inertia = std::max(out.inertia, std::abs(inertia));
+  }
+  return out;
+}
+
+std::vector<Cell> surface_of(const std::vector<Sample>& samples, std::size_t bins) {
+  double x_low = std::numeric_limits<double>::infinity();
+  double x_high = -x_low;
+  double v_low = x_low;
+  double v_high = -x_low;
+  for (const Sample& sample : samples) {
+    x_low = std::min(x_low, sample.displacement_m);
+    x_high = std::max(x_high, sample.displacement_m);
+    v_low = std::min(v_low, sample.velocity_m_s);
+    v_high = std::max(v_high, sample.velocity_m_s);
+  }
+  const auto bin_of = [bins](double value, double low, double high) {
+    const double share = high > low ? (value - low) / (high - low) : 0.0;
+    return std::min(bins - 1, static_cast<std::size_t>(share * static_cast<double>(bins)));
+  };
+  struct Gathered {
+    Cell cell;
+    double sum = 0.0;  // of the samples
+    double square = 0.0;
+    double visit_sum = 0.0;  // of the means of the visits that have ended
+    double visit_square = 0.0;
+    double now_sum = 0.0;  // of the visit that is going on
+    std::size_t now_count = 0;
+  };
+  std::map<std::pair<std::size_t, std::size_t>, Gathered> cells;
+  const auto end_visit = [](Gathered& g) {
+    if (g.now_count == 0) return;
+    const double mean = g.now_sum / static_cast<double>(g.now_count);
+    g.visit_sum += mean;
+    g.visit_square += mean * mean;
+    ++g.cell.visits;
+    g.now_sum = 0.0;
+    g.now_count = 0;
+  };
+  Gathered* last = nullptr;
+  for (const Sample& sample : samples) {
+    if (!std::isfinite(sample.mu)) continue;
+    const auto i = bin_of(sample.displacement_m, x_low, x_high);
+    const auto j = bin_of(sample.velocity_m_s, v_low, v_high);
+    Gathered& g = cells[{i, j}];
+    if (&g != last && last != nullptr) end_visit(*last);
+    last = &g;
+    const auto centre = [bins](std::size_t k, double low, double high) {
+      return low + (high - low) * (static_cast<double>(k) + 0.5) / static_cast<double>(bins);
+    };
+    g.cell.displacement_m = centre(i, x_low, x_high);
+    g.cell.velocity_m_s = centre(j, v_low, v_high);
+    g.sum += sample.mu;
+    g.square += sample.mu * sample.mu;
+    ++g.cell.samples;
+    g.now_sum += sample.mu;
+    ++g.now_count;
+  }
+  if (last != nullptr) end_visit(*last);
+  std::vector<Cell> out;
+  for (auto& [at, g] : cells) {
+    const auto deviation = [](double sum, double square, double n) {
+      return n > 1.0 ? std::sqrt(std::max(0.0, (square - sum * sum / n) / (n - 1.0))) : 0.0;
+    };
+    const auto n = static_cast<double>(g.cell.samples);
+    const auto visits = static_cast<double>(g.cell.visits);
+    g.cell.mu = g.visit_sum / visits;
+    g.cell.scatter = deviation(g.sum, g.square, n);
+    g.cell.standard_error = visits > 1.0
+                                ? deviation(g.visit_sum, g.visit_square, visits) / std::sqrt(visits)
+                                : g.cell.scatter;
+    out.push_back(g.cell);
+  }
+  return out;
+}
+
+void summarise(Reduction& out, double sliding_share) {
+  double fastest = 0.0;
+  out.normal_load_n = {std::numeric_limits<double>::infinity(),
+                       -std::numeric_limits<double>::infinity()};
+  double sum_x = 0.0;
+  double sum_n = 0.0;
+  for (const Sample& s : out.samples) {
+    fastest = std::max(fastest, std::abs(s.velocity_m_s));
+    out.normal_load_n.low = std::min(out.normal_load_n.low, s.normal_load_n);
+    out.normal_load_n.high = std::max(out.normal_load_n.high, s.normal_load_n);
+    sum_x += s.displacement_m;
+    sum_n += s.normal_load_n;
+  }
+  const auto count = static_cast<double>(out.samples.size());
+  const double mean_x = sum_x / count;
+  const double mean_n = sum_n / count;
+  double xx = 0.0;
+  double xn = 0.0;
+  double nn = 0.0;
+  std::size_t opposite = 0;
+  Values sliding;
+  for (const Sample& s : out.samples) {
+    const double x = s.displacement_m - mean_x;
+    const double n = s.normal_load_n - mean_n;
+    xx += x * x;
+    xn += x * n;
+    nn += n * n;
+    if (!std::isfinite(s.mu)) continue;
+    if (s.mu * s.velocity_m_s < 0.0 && std::abs(s.velocity_m_s) > 0.02 * fastest) ++opposite;
+    if (std::abs(s.velocity_m_s) > sliding_share * fastest)
+      sliding.push_back(std::copysign(1.0, s.velocity_m_s) * s.mu);
+  }
+  const double slope = xx > 0.0 ? xn / xx : 0.0;
+  out.load_n = mean_n - slope * mean_x;
+  out.slope_per_m = out.load_n != 0.0 ? slope / out.load_n : 0.0;
+  out.linear_share = xx > 0.0 && nn > 0.0 ? xn * xn / (xx * nn) : 0.0;
+  out.negative_friction = static_cast<double>(opposite) / count;
+  out.sliding_mu = {quantile(sliding, 0.10), quantile(sliding, 0.90)};
+}
+
+}  // namespace
+
+Reduction reduce(const protocol::Recording& recording, const physics::Model& model,
+                 const Options& options) {
+  if (!model.load_cell) {
+    refuse(recording.source,
+           "cannot be reduced with a model without [load_cell]: its mass stands in Eq. (1)");
+  }
+  if (model.oscillator.excitation != physics::Excitation::base) {
+    refuse(recording.source,
+           "cannot be reduced with a model that is not driven by its base "
+           "(excitation = \"base\"): Eq. (1) takes the base's inertia away");
+  }
+  const std::vector<Frame>& frames = recording.frames;
+  for (const Channel channel : needed) {
+    if (std::none_of(frames.begin(), frames.end(),
+                     [&](const Frame& frame) { return frame.has(channel); })) {
+      refuse(recording.source, "lacks the channel " + std::string(info(channel).column) +
+                                   ", which the coefficient of friction is made of");
+    }
+  }
+  if (frames.size() < 2) refuse(recording.source, "holds one sample: nothing to reduce");
+  const double period_s = protocol::median_period_s(frames);
+  const std::vector<Stretch> stretches = stretches_of(frames, period_s);
+  const bool whole = options.method == Method::deconvolved;
+  const std::size_t end = whole ? static_cast<std::size_t>(end_s / period_s) : 0;
+
+  // The stretch that holds the first sample that was asked for, or the longest.
+  const auto chosen = options.first
+                          ? std::find_if(stretches.begin(), stretches.end(),
+                                         [&](const Stretch& s) { return s.end > *options.first; })
+                          : std::max_element(stretches.begin(), stretches.end(),
+                                             [](const Stretch& a, const Stretch& b) {
+                                               return a.length() < b.length();
+                                             });
+  const Stretch stretch = chosen == stretches.end() ? Stretch{} : *chosen;
+  const std::size_t first = std::max(options.first.value_or(0), stretch.begin + end);
+  const std::size_t rest = stretch.end > first + end ? stretch.end - first - end : 0;
+  const std::size_t count = options.samples.value_or(whole ? rest : samples_of_the_paper);
+  constexpr std::size_t fewest = 32;
+  if (count < fewest || count > rest) {
+    refuse(recording.source, "offers " + std::to_string(rest) +
+                                 " samples in one piece from sample " + std::to_string(first) +
+                                 " on; expected " + std::to_string(std::max(count, fewest)) +
+                                 ": record longer, or ask for fewer with --samples (at least " +
+                                 std::to_string(fewest) + ")");
+  }
+  // What filters did is undone on the whole stretch: its ends are its worst part.
+  const Stretch taken = whole ? stretch : Stretch{first, first + count};
+  std::array<Values, channel_count> read;
+  for (const Channel channel : needed) read[index_of(channel)] = column(recording, channel, taken);
+
+  Reduction out;
+  out.first = first;
+  out.period_s = period_s;
+  out.drive_hz = options.drive_hz.value_or(
+      strongest_tone_hz(without_drift(read[index_of(Channel::base_displacement)]), period_s));
+  const Signals signals = whole ? deconvolved(read, model, period_s)
+                                : as_read(read, model.load_cell->mass_kg.value, out.drive_hz);
+  const double mean_load = mean_of(signals.load);
+  double largest_force = 0.0;
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t i = first - taken.begin + k;
+    Sample s;
+    s.time_s = frames[first + k].time_s();
+    s.displacement_m = signals.x[i];
+    s.velocity_m_s = signals.v[i];
+    s.base_displacement_m = signals.base[i];
+    s.friction_force_n = signals.force[i];
+    s.normal_load_n = signals.load[i];
+    s.mu = s.normal_load_n > 0.05 * mean_load ? s.friction_force_n / s.normal_load_n
+                                              : std::numeric_limits<double>::quiet_NaN();
+    largest_force = std::max(largest_force, std::abs(s.friction_force_n));
+    out.samples.push_back(s);
+  }
+  out.inertia_share = largest_force > 0.0 ? signals.inertia / largest_force : 0.0;
+  out.surface = surface_of(out.samples, std::max<std::size_t>(1, options.bins));
+  summarise(out, options.sliding_share);
+  return out;
+}
+
+}  // namespace stickslip::reduction

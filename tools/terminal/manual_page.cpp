@@ -1,0 +1,255 @@
+#include "tools/terminal/manual_page.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cstdint>
+#include <cstdlib>
+#include <ctime>
+#include <string_view>
+
+#include "tools/terminal/roff.h"
+
+namespace stickslip::terminal {
+
+namespace {
+
+constexpr std::string_view exit_status_word = "Exit status: ";
+
+std::string upper(std::string text) {
+  for (char& c : text) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+  return text;
+}
+
+std::string first_lower(std::string text) {
+  const bool word = text.size() > 1 && std::islower(static_cast<unsigned char>(text[1])) != 0;
+  if (word) text[0] = static_cast<char>(std::tolower(static_cast<unsigned char>(text[0])));
+  return text;
+}
+
+std::string without_stop(std::string text) {
+  while (!text.empty() && (text.back() == '.' || text.back() == '\n')) text.pop_back();
+  return text;
+}
+
+std::vector<const CLI::App*> commands_of(const CLI::App& app) {
+  std::vector<const CLI::App*> out;
+  for (const CLI::App* each : app.get_subcommands([](const CLI::App*) { return true; })) {
+    if (!each->get_group().empty()) out.push_back(each);
+  }
+  return out;
+}
+
+std::vector<const CLI::Option*> options_of(const CLI::App& app, bool positional) {
+  std::vector<const CLI::Option*> out;
+  for (const CLI::Option* each : app.get_options()) {
+    const bool hidden = each->get_group().empty();
+    if (!hidden && each->get_positional() == positional) out.push_back(each);
+  }
+  return out;
+}
+
+/// "stickslip log check"
+std::string words_of(const CLI::App& command) {
+  std::string out = command.get_name();
+  for (const CLI::App* above = command.get_parent(); above != nullptr;
+       above = above->get_parent()) {
+    out = above->get_name() + " " + out;
+  }
+  return out;
+}
+
+/// What stands for a value: "NUMBER", "FILE", "csv|lcm".
+std::string value_of(const CLI::Option& option) {
+  const std::string type = option.get_type_name();  // with the words of its checks
+  const auto open = type.find('{');
+  const auto close = type.find('}', open);
+  if (open != std::string::npos && close != std::string::npos) {
+    std::string choices = type.substr(open + 1, close - open - 1);
+    std::replace(choices.begin(), choices.end(), ',', '|');
+    return choices;
+  }
+  std::string word = type.substr(0, type.find(':'));
+  if (word.ends_with("...")) word.resize(word.size() - 3);
+  if (word == "FLOAT" || word == "INT" || word == "UINT") return "NUMBER";
+  return word == "TEXT" || word.empty() ? "TEXT" : word;
+}
+
+bool takes_value(const CLI::Option& option) { return option.get_items_expected_max() != 0; }
+bool takes_many(const CLI::Option& option) {
+  return option.get_items_expected_max() > 1000 || option.get_expected_max() > 1000;
+}
+
+/// A place of its own: its name where that says more than a type.
+std::string place_of(const CLI::Option& option) {
+  const std::string value = value_of(option);
+  return value == "TEXT" || value == "NUMBER" ? upper(option.get_name()) : value;
+}
+
+std::string synopsis_of(const CLI::App& command) {
+  std::string out = bold(words_of(command));
+  if (!options_of(command, false).empty()) out += " [" + italic("OPTIONS") + "]";
+  for (const CLI::Option* option : options_of(command, false)) {
+    if (!option->get_required()) continue;
+    out += " " + bold(option->get_name()) + " " + italic(value_of(*option));
+  }
+  for (const CLI::Option* option : options_of(command, true)) {
+    const std::string place = italic(place_of(*option)) + (takes_many(*option) ? "..." : "");
+    out += option->get_required() ? " " + place : " [" + place + "]";
+  }
+  if (!commands_of(command).empty()) out += " " + italic("COMMAND") + " ...";
+  return out + "\n";
+}
+
+std::string option_text(const CLI::Option& option) {
+  std::string out = ".TP\n";
+  if (option.get_positional()) {
+    out += italic(place_of(option)) + (takes_many(option) ? "..." : "") + "\n";
+  } else {
+    std::string names;
+    for (const std::string& each : option.get_snames()) {
+      names += (names.empty() ? "" : ", ") + bold("-" + each);
+    }
+    for (const std::string& each : option.get_lnames()) {
+      names += (names.empty() ? "" : ", ") + bold("--" + each);
+    }
+    out += names;
+    if (takes_value(option)) {
+      out += " " + italic(value_of(option));
+      if (option.get_items_expected_min() > 1 && option.get_items_expected_max() < 100) {
+        out += " ...";
+      }
+    }
+    out += "\n";
+  }
+  std::string text = option.get_description();
+  if (text.empty()) text = "See above";
+  if (option.get_required() && !option.get_positional()) text += " (required)";
+  if (!option.get_default_str().empty() && takes_value(option)) {
+    text += " (default: " + option.get_default_str() + ")";
+  }
+  return out + paragraph(without_stop(text) + ".");
+}
+
+enum class Help : std::uint8_t { told, left_out };
+
+std::string options_text(const CLI::App& command, Help help) {
+  std::string out;
+  for (const bool positional : {true, false}) {
+    for (const CLI::Option* each : options_of(command, positional)) {
+      if (help == Help::told || each != command.get_help_ptr()) out += option_text(*each);
+    }
+  }
+  return out;
+}
+
+/// A command begins with the footer of the one above it, which has its own page.
+std::string own_footer(const CLI::App& command) {
+  const CLI::App* above = command.get_parent();
+  const std::string footer = command.get_footer();
+  return above != nullptr && above->get_footer() == footer ? "" : footer;
+}
+
+/// The footer without what it says of the exit status.
+std::string footer_text(const CLI::App& command) {
+  const std::string footer = own_footer(command);
+  const std::string text = footer.substr(0, footer.find(exit_status_word));
+  return text.empty() ? "" : ".PP\n" + paragraph(text);
+}
+
+std::string commands_text(const CLI::App& command, const Heading& heading) {
+  const bool is_program = command.get_parent() == nullptr;
+  std::string out = ".SH COMMANDS\n";
+  for (const CLI::App* each : commands_of(command)) {
+    if (is_program) {
+      out += ".TP\n" + bold(each->get_name()) + "\n" +
+             paragraph(without_stop(each->get_description()) + ".") + "See " +
+             bold(heading.program + "-" + each->get_name()) + "(1).\n";
+      continue;
+    }
+    out += ".SS " + escaped(each->get_name()) + "\n" + synopsis_of(*each) + ".PP\n" +
+           paragraph(without_stop(each->get_description()) + ".") + footer_text(*each) +
+           options_text(*each, Help::left_out);
+    const std::string status = exit_status_of(*each);
+    if (!status.empty()) out += ".PP\n" + paragraph("Exit status: " + status);
+  }
+  return out;
+}
+
+std::string named_text(const char* section, const Notes::Named& list) {
+  std::string out = list.empty() ? "" : std::string(".SH ") + section + "\n";
+  for (const auto& [name, what] : list) {
+    out += ".TP\n" + bold(name) + "\n" + paragraph(without_stop(what) + ".");
+  }
+  return out;
+}
+
+std::string examples_text(const std::vector<Notes::Example>& examples) {
+  std::string out = examples.empty() ? "" : ".SH EXAMPLES\n";
+  for (const Notes::Example& each : examples) {
+    if (&each != examples.data()) out += ".PP\n";
+    out += paragraph(without_stop(each.what) + ":") + ".PP\n.RS 4\n.EX\n" +
+           paragraph("$ " + each.command) + ".EE\n.RE\n";
+  }
+  return out;
+}
+
+std::string see_also_text(const std::vector<std::string>& pages) {
+  std::string out = pages.empty() ? "" : ".SH SEE ALSO\n";
+  for (const std::string& each : pages) {
+    const auto open = each.find('(');
+    out += bold(each.substr(0, open)) + each.substr(open) + (&each == &pages.back() ? "\n" : ",\n");
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string name_of(const CLI::App& command, const Heading& heading) {
+  return command.get_parent() == nullptr ? heading.program
+                                         : heading.program + "-" + command.get_name();
+}
+
+std::string exit_status_of(const CLI::App& command) {
+  const std::string footer = own_footer(command);
+  const auto at = footer.find(exit_status_word);
+  return at == std::string::npos ? "" : footer.substr(at + exit_status_word.size());
+}
+
+std::string page(const CLI::App& command, const Heading& heading, const Notes& notes,
+                 const std::string& exit_status) {
+  const std::string name = name_of(command, heading);
+  std::string out = ".\\\" Made from the command line of " + heading.program + "; do not edit.\n";
+  out += ".TH " + upper(escaped(name)) + " " + std::to_string(heading.section) + " " +
+         heading.date + " \"" + heading.program + " " + heading.version + "\"\n";
+  out += ".SH NAME\n" + escaped(name) + " \\- " +
+         escaped(first_lower(without_stop(command.get_description()))) + "\n";
+  out += ".SH SYNOPSIS\n" + synopsis_of(command);
+  out += ".SH DESCRIPTION\n" + paragraph(without_stop(command.get_description()) + ".");
+  if (!notes.more.empty()) out += ".PP\n" + paragraph(notes.more);
+  out += footer_text(command);
+  const std::string options = options_text(command, Help::told);
+  if (!options.empty()) out += ".SH OPTIONS\n" + options;
+  if (!commands_of(command).empty()) out += commands_text(command, heading);
+  const std::string own = exit_status_of(command);
+  if (!own.empty() || !exit_status.empty()) out += ".SH EXIT STATUS\n";
+  if (!own.empty()) out += paragraph(own);
+  // What the program says of all its commands holds where a command says nothing else.
+  const bool both = !own.empty() && command.get_parent() != nullptr && !exit_status.empty();
+  if (both) out += ".PP\n" + paragraph("Else, as of all commands: " + exit_status);
+  if (own.empty()) out += paragraph(exit_status);
+  out += named_text("FILES", notes.files);
+  out += named_text("ENVIRONMENT", notes.environment);
+  out += examples_text(notes.examples);
+  return out + see_also_text(notes.see_also);
+}
+
+std::string date_of_build() {
+  const char* epoch = std::getenv("SOURCE_DATE_EPOCH");
+  const std::time_t when = epoch != nullptr ? std::strtoll(epoch, nullptr, 10) : std::time(nullptr);
+  std::tm utc{};
+  if (gmtime_r(&when, &utc) == nullptr) return "1970-01-01";
+  char text[16];
+  return {text, std::strftime(text, sizeof text, "%Y-%m-%d", &utc)};
+}
+
+}  // namespace stickslip::terminal
