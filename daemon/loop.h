@@ -170,9 +170,9 @@ class Loop {
   Interlocks::Broken broken_;
   Timing timing_;
   LoopEnd why_;
-  drivers::Ring<Notice> notices_;
-  drivers::Ring<Command> commands_;
-  drivers::Ring<Answer> answers_;
+  Ring<Notice> notices_;
+  Ring<Command> commands_;
+  Ring<Answer> answers_;
   Averaging averaging_;
   Latest<Snapshot> snapshot_;
   std::atomic<int> stop_requests_{0};

@@ -111,8 +111,8 @@ class Stream {
   Sink& sink_;
   Account& account_;
   StreamSettings settings_;
-  drivers::Ring<Sample> ring_;
-  drivers::Ring<NumberedEstimate> estimates_;
+  Ring<Sample> ring_;
+  Ring<NumberedEstimate> estimates_;
   std::mutex messages_lock_;  // neither side of this one is the loop
   std::deque<Message> messages_;
   std::vector<Sample> block_;
