@@ -2,42 +2,46 @@
 
 Usage: house.py SOURCE_FOLDER
 """
+import json
 import pathlib
 import re
 import subprocess
 import sys
 import unittest
 
+import checkout
+
 SOURCE = pathlib.Path(sys.argv[1]).resolve()
 
 TOP = {".ci", ".clang-format", ".clang-tidy", ".gitignore", "CHANGELOG.md", "CMakeLists.txt",
-       "CMakePresets.json", "README.md", "config", "daemon", "docs", "drivers", "physics",
-       "protocol", "systemd", "tests", "tools"}
+       "CMakePresets.json", "README.md", "config", "daemon", "diagnosis", "docs", "drivers",
+       "observer", "physics", "protocol", "systemd", "tests", "tools"}
 EMPTY_NAMES = re.compile(r"(^|[_-])(utils?|common|managers?|helpers?|misc)([_-]|$)", re.IGNORECASE)
 # A folder that exists on one machine only. (Written so that this line is not one.)
 ONE_MACHINE = re.compile(r"(?<![\w.~$}>)])/(?:home|root|work|farm|Users)/[\w.]")
 
 
-def committed():
-    """Every file that is under version control, relative to the checkout; in an unpacked archive,
-    every file outside the build folders."""
-    listed = subprocess.run(["git", "-c", f"safe.directory={SOURCE}", "-C", str(SOURCE), "ls-files", "-z"],
-                            capture_output=True)
-    if listed.returncode == 0 and listed.stdout:
-        names = [pathlib.PurePath(name) for name in listed.stdout.decode().split("\0") if name]
-        return [name for name in names if (SOURCE / name).is_file()]
-    return [path.relative_to(SOURCE) for path in SOURCE.rglob("*") if path.is_file()
-            and not path.relative_to(SOURCE).parts[0].startswith(("build", ".git"))]
-
-
-FILES = committed()
+FILES = checkout.committed(SOURCE)
+LONGEST_FUNCTION = 100
+LONG_FUNCTION = 60
+MOST_LONG_FUNCTIONS = 10
+LONGEST_LINE = 110  # of a document, tables and listings excepted
 
 
 def text_of(name):
-    try:
-        return (SOURCE / name).read_text()
-    except UnicodeDecodeError:
-        return ""  # binary
+    return checkout.text_of(SOURCE / name)
+
+
+def functions():
+    """(lines, file, name) of every function, by Universal Ctags; of tests, too."""
+    sources = [str(name) for name in FILES if name.suffix in (".h", ".cpp")]
+    listed = subprocess.run(["ctags", "-f", "-", "-L", "-", "--c++-kinds=f", "--fields=+ne",
+                             "--output-format=json"], cwd=SOURCE, input="\n".join(sources),
+                            capture_output=True, text=True, check=True)
+    for line in listed.stdout.splitlines():
+        tag = json.loads(line)
+        if "end" in tag:
+            yield tag["end"] - tag["line"] + 1, tag["path"], tag["name"]
 
 
 class House(unittest.TestCase):
@@ -85,6 +89,30 @@ class House(unittest.TestCase):
                     continue
                 with self.subTest(file=str(name), link=target):
                     self.assertTrue((SOURCE / name.parent / target).exists())
+
+    def test_functions_fit_on_a_screen(self):
+        lengths = sorted(functions(), reverse=True)
+        self.assertGreater(len(lengths), 1000)
+        self.assertEqual([each for each in lengths if each[0] > LONGEST_FUNCTION], [])
+        long = [each for each in lengths if each[0] > LONG_FUNCTION]
+        self.assertLessEqual(len(long), MOST_LONG_FUNCTIONS, long)
+
+    def test_files_of_tests_have_names_of_their_own(self):
+        names = [name.name for name in FILES if name.parts[0] == "tests" and name.suffix in (".cpp", ".h")]
+        self.assertEqual(sorted({name for name in names if names.count(name) > 1}), [])
+
+    def test_lines_of_documents_are_short(self):
+        for name in FILES:
+            if name.suffix != ".md":
+                continue
+            listing = False
+            for number, line in enumerate(text_of(name).splitlines(), 1):
+                if line.startswith("```"):
+                    listing = not listing
+                if listing or line.startswith(("|", "    ")):
+                    continue
+                with self.subTest(file=str(name), line=number):
+                    self.assertLessEqual(len(re.sub(r"\]\([^)]*\)", "]", line)), LONGEST_LINE)
 
     def test_the_commands_of_the_readme_can_be_run(self):
         for name in ("tools/demo", "tools/test", ".ci/run"):

@@ -1,8 +1,9 @@
-"""The room table of docs/architecture.md, held against the build.
+"""The table of rooms in docs/architecture.md, held against the build and the sources.
 
-For every room a file that includes one header is preprocessed with the very command that compiles
-that room. A header of a room that the table forbids must not be found; one that it allows must be.
-What include roots cannot enforce (system headers: LCM, TOML, threads, clocks) is read from the text.
+Every target that compiles a file of a room is probed with its own compile command: it must find the
+headers of the rooms that the table allows, their dependencies included, and no others. Includes are
+compared with the table directly. Include roots do not hide system headers (LCM, TOML, threads,
+clocks): these are looked for in the text.
 
 Usage: rooms.py SOURCE_FOLDER BUILD_FOLDER
 """
@@ -16,88 +17,66 @@ import tempfile
 import unittest
 
 SOURCE, BUILD = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
+TABLE = SOURCE / "docs/architecture.md"
 
-ROOMS = ["physics", "protocol", "config", "drivers", "daemon/observer", "daemon", "tools/parallel",
-         "tools/diagnose", "tools/conceal", "tools/examine", "tools/dynamics", "tools/reduce",
-         "tools/figures", "tools/doctor", "tools/export", "tools/calibrate", "tools/terminal",
-         "tools/spy", "tools/manual", "tools/scope", "tools"]
-# Room: the rooms that it may use, beside itself.
-MAY_USE = {
-    "physics": set(),
-    "protocol": {"physics"},
-    "config": {"physics"},
-    "drivers": {"physics", "config"},
-    "daemon/observer": {"physics"},
-    "daemon": {"physics", "protocol", "config", "drivers", "daemon/observer"},
-    "tools/parallel": set(),
-    "tools/diagnose": {"physics", "protocol", "config", "daemon/observer", "tools/parallel"},
-    "tools/conceal": {"physics", "protocol"},
-    "tools/examine": {"physics", "protocol", "tools/conceal"},
-    "tools/dynamics": {"physics", "tools/parallel"},
-    "tools/reduce": {"physics", "protocol", "tools/parallel", "tools/diagnose"},
-    "tools/figures": {"physics", "protocol", "config", "tools/parallel", "tools/diagnose",
-                      "tools/dynamics", "tools/reduce"},
-    "tools/doctor": {"physics", "protocol", "config", "tools/terminal"},
-    "tools/terminal": set(),
-    "tools/spy": {"physics", "protocol", "tools/terminal"},
-    "tools/manual": set(),
-    "tools/calibrate": {"physics", "config"},
-    "tools/export": {"physics", "protocol"},
-    "tools/scope": {"physics", "protocol", "config"},
-    "tools": {"physics", "protocol", "config", "drivers", "daemon/observer", "tools/parallel",
-              "tools/diagnose",
-              "tools/dynamics", "tools/reduce", "tools/figures", "tools/doctor", "tools/conceal", "tools/examine",
-              "tools/export", "tools/calibrate", "tools/terminal", "tools/spy", "tools/manual", "tools/scope"},
+# The last column of the table in words, and the system headers that each phrase rules out.
+# <cstdio> is for numbers in text (snprintf); calls that read or write are searched for by name.
+FORBIDDEN = {
+    "do I/O": r"fstream|iostream|filesystem|unistd\.h|fcntl\.h|sys/(?!time).*|spdlog/.*",
+    "start threads": r"thread|mutex|condition_variable|future|pthread\.h",
+    "read a clock": r"chrono|ctime|time\.h|sys/time\.h",
+    "LCM": r"lcm/.*",
+    "TOML": r"toml(\+\+|plusplus)?.*",
+    "JSON": r"nlohmann/.*",
+    "devices": r"libusb.*|hidapi.*|modbus.*|gpiod.*",
+    "a command line": r"CLI/.*",
 }
-# What the table allows and the build links today; a permission that is not used is no dependency.
-MUST_FIND = {
-    "protocol": {"physics"},
-    "config": {"physics"},
-    "drivers": {"physics", "config"},
-    "daemon/observer": {"physics"},
-    "daemon": {"physics", "protocol", "config", "drivers", "daemon/observer"},
-    "tools/diagnose": {"physics", "protocol", "tools/parallel"},
-    "tools/conceal": {"physics", "protocol"},
-    "tools/examine": {"physics", "tools/conceal"},
-    "tools/dynamics": {"physics", "tools/parallel"},
-    "tools/reduce": {"physics", "protocol", "tools/diagnose"},
-    "tools/figures": {"physics", "protocol", "config", "tools/parallel", "tools/dynamics",
-                      "tools/reduce"},
-    "tools/doctor": {"protocol", "config", "tools/terminal"},
-    "tools/spy": {"physics", "protocol", "tools/terminal"},
-    "tools/calibrate": {"physics", "config"},
-    "tools/export": {"physics", "protocol"},
-    "tools/scope": {"physics", "protocol"},
-    "tools": {"physics", "protocol", "config", "tools/diagnose", "tools/dynamics", "tools/reduce",
-              "tools/figures", "tools/doctor", "tools/conceal", "tools/examine", "tools/export", "tools/calibrate",
-              "tools/terminal", "tools/spy", "tools/manual", "tools/scope"},
-}
-# Room: system headers that it must not include, and why.
-LCM = r"lcm/.*"
-TOML = r"toml(\+\+|plusplus)?.*"
-# <cstdio> is for numbers in text (snprintf); what writes or reads is looked for by name below.
-INPUT_OUTPUT = r"(fstream|iostream|filesystem|unistd\.h|fcntl\.h|sys/.*|spdlog/.*)"
 INPUT_OUTPUT_CALLS = re.compile(r"\b(printf|fprintf|puts|fputs|fopen|getenv)\(")
-THREADS = r"(thread|mutex|condition_variable|future|pthread\.h)"
-CLOCK = r"(chrono|ctime|time\.h|sys/time\.h)"
-MUST_NOT_KNOW = {
-    "physics": [LCM, TOML, INPUT_OUTPUT, THREADS, CLOCK, r"nlohmann/.*", r"CLI/.*"],
-    "protocol": [TOML, r"libusb.*", r"hidapi.*", r"modbus.*", r"gpiod.*"],
-    "config": [LCM, r"libusb.*", r"hidapi.*", r"modbus.*", r"gpiod.*"],
-    "drivers": [LCM, TOML, r"nlohmann/.*", r"CLI/.*"],
-    "daemon/observer": [LCM, TOML, INPUT_OUTPUT, THREADS, CLOCK],
-    # Told of traffic, whoever hears it; how a library works is told to callbacks.
-    "tools/spy": [r"lcm/.*", THREADS, CLOCK, r"sys/.*", r"unistd\.h"],
-    # Its checks ask a Host, so that a test can answer for a machine.
-    "tools/doctor": [TOML, THREADS, CLOCK, r"sys/.*", r"unistd\.h", r"fcntl\.h"],
-}
+
+
+class Room:
+    def __init__(self, name, may_use, must_not):
+        self.name, self.may_use, self.must_not = name, may_use, must_not
+
+
+def cells_of(line):
+    return [cell.strip() for cell in line.strip().strip("|").split("|")]
+
+
+def rooms_in(text):
+    """The rooms of the table, by name without the trailing slash."""
+    rows = [cells_of(line) for line in text.splitlines() if re.match(r"\| `[a-z_/]+/` \|", line)]
+    names = [re.findall(r"`([^`]+)/`", row[0])[0] for row in rows]
+    rooms = {}
+    for name, (_, _, may_use, must_not) in zip(names, rows):
+        listed = set(re.findall(r"`([^`]+)/`", may_use))
+        uses = set(names) - {name} - listed if may_use.startswith("all but") else listed
+        phrases = [phrase for phrase in FORBIDDEN if re.search(rf"(?<!\w){re.escape(phrase)}(?!\w)", must_not)]
+        rooms[name] = Room(name, uses, phrases)
+        rooms[name].all_but = may_use.startswith("all but")
+        rooms[name].words = must_not
+    return rooms
+
+
+ROOMS = rooms_in(TABLE.read_text())
+
+
+def reachable_from(name):
+    """The rooms whose headers a target of this room can include: what it uses, and what that uses."""
+    found, todo = set(), [name]
+    while todo:
+        room = todo.pop()
+        if room not in found:
+            found.add(room)
+            todo += ROOMS[room].may_use
+    return found
 
 
 def room_of(path):
-    """The innermost room that this path (relative to the checkout) lies in."""
-    for room in sorted(ROOMS, key=len, reverse=True):
-        if path.as_posix().startswith(room + "/"):
-            return room
+    """The innermost room that holds this path (relative to the checkout)."""
+    for name in sorted(ROOMS, key=len, reverse=True):
+        if path.as_posix().startswith(name + "/"):
+            return name
     return None
 
 
@@ -106,92 +85,136 @@ def files_of(room, *suffixes):
                   if path.suffix in suffixes and room_of(path.relative_to(SOURCE)) == room)
 
 
+def includes_of(path):
+    return re.findall(r'^\s*#\s*include\s*[<"]([^">]+)[">]', path.read_text(), re.MULTILINE)
+
+
 def header_of(room):
-    """A header that stands for its room: the one that needs least, so that nothing else decides."""
     headers = files_of(room, ".h")
-    return min(headers, key=lambda path: (path.read_text().count("#include"), path)) \
-        .relative_to(SOURCE).as_posix() if headers else None
+    return headers[0].relative_to(SOURCE).as_posix() if headers else None
 
 
-def compile_commands():
-    """By room, the command that compiles its first source file."""
-    commands = {}
+def targets():
+    """One compile command of each target that compiles a file of a room: (target, room) -> entry."""
+    found = {}
     for entry in json.loads((BUILD / "compile_commands.json").read_text()):
         try:
             room = room_of(pathlib.Path(entry["file"]).relative_to(SOURCE))
         except ValueError:
-            continue  # generated or foreign
+            continue  # generated or third-party
         if room:
-            commands.setdefault(room, entry)
-    return commands
+            target = re.search(r"CMakeFiles/([^/]+)\.dir/", entry["command"])[1]
+            found.setdefault((target, room), entry)
+    return found
 
 
-COMMANDS = compile_commands()
+TARGETS = targets()
 
 
-def preprocess(room, header):
-    """Preprocesses a file that includes `header`, as a source file of `room`. (found, output)"""
-    entry = COMMANDS[room]
+def headers_found(entry):
+    """The rooms of which this compile command finds a header."""
     arguments = shlex.split(entry["command"])
     for option in ("-o", "-c", "-MF", "-MT", "-MQ"):
         while option in arguments:
             at = arguments.index(option)
             del arguments[at:at + 2]
-    arguments = [a for a in arguments if a not in ("-MD", "-MMD")]
+    arguments = [a for a in arguments if a not in ("-MD", "-MMD") and not a.endswith("ccache")]
     with tempfile.TemporaryDirectory() as folder:
         probe = pathlib.Path(folder) / "probe.cpp"
-        probe.write_text(f'#include "{header}"\n')
-        run = subprocess.run([*arguments, "-M", "-MG", str(probe)], cwd=entry["directory"],
+        probe.write_text("".join(f'#if __has_include("{header_of(room)}")\nfound {room}\n#endif\n'
+                                 for room in ROOMS if header_of(room)))
+        run = subprocess.run([*arguments, "-E", "-P", str(probe)], cwd=entry["directory"],
                              capture_output=True, text=True)
-    # -MG: a header that is nowhere (or not yet generated) is listed as it was written.
     if run.returncode != 0:
-        raise AssertionError(f"the probe of {room} did not preprocess:\n{run.stderr}")
-    listed = run.stdout.replace("\\\n", " ").split()
-    return header not in listed, run.stdout
+        raise AssertionError(f"the probe of {entry['file']} did not preprocess:\n{run.stderr}")
+    return set(re.findall(r"^found (\S+)$", run.stdout, re.MULTILINE))
 
 
 class Rooms(unittest.TestCase):
-    def test_every_room_is_compiled_and_has_a_header(self):
-        for room in ROOMS:
-            with self.subTest(room=room):
-                self.assertTrue(files_of(room, ".h"), f"{room} holds no header")
-                self.assertIn(room, COMMANDS, f"no source file of {room} is compiled")
+    def test_the_table_has_every_folder_of_the_build_and_no_other(self):
+        self.assertGreater(len(ROOMS), 20)
+        folders = {path.parent.relative_to(SOURCE).as_posix() for top in ("physics", "protocol", "config",
+                   "observer", "diagnosis", "drivers", "daemon", "tools")
+                   for path in (SOURCE / top).rglob("CMakeLists.txt")} - {"tools"}
+        self.assertEqual(folders, set(ROOMS))
 
-    def test_a_room_finds_its_own_headers_and_those_it_is_built_on(self):
-        for room in ROOMS:
-            for used in sorted({room} | MUST_FIND.get(room, set())):
-                with self.subTest(room=room, used=used):
-                    found, output = preprocess(room, header_of(used))
-                    self.assertTrue(found, f"{room} cannot include {header_of(used)}:\n{output}")
+    def test_the_table_rules_out_what_its_words_say(self):
+        for room in ROOMS.values():
+            rest = room.words
+            for phrase in room.must_not:
+                rest = rest.replace(phrase, "")
+            with self.subTest(room=room.name):
+                self.assertEqual(re.sub(r"\b(know|or)\b|[, ]", "", rest), "")
 
-    def test_a_forbidden_include_does_not_compile(self):
-        for room in ROOMS:
-            for other in ROOMS:
-                if other == room or other in MAY_USE[room]:
-                    continue
-                with self.subTest(room=room, other=other):
-                    found, _ = preprocess(room, header_of(other))
-                    self.assertFalse(found, f"{room} can include {header_of(other)}, "
-                                            f"but the table forbids {other} to it")
+    def test_no_arrow_leads_back(self):
+        for name, room in ROOMS.items():
+            for used in room.may_use:
+                with self.subTest(room=name, uses=used):
+                    self.assertNotIn(name, reachable_from(used))
+
+    def test_a_target_finds_the_headers_of_its_rooms_and_no_others(self):
+        self.assertEqual({room for _, room in TARGETS} | {"tools/files"}, set(ROOMS))
+        for (target, room), entry in sorted(TARGETS.items()):
+            allowed = reachable_from(room)
+            found = headers_found(entry)
+            with self.subTest(target=target, room=room):
+                self.assertEqual(found - allowed, set(), "finds what the table forbids")
+                self.assertIn(room, found | {r for r in [room] if header_of(r) is None})
+
+    def test_includes_are_those_of_the_table(self):
+        for name, room in ROOMS.items():
+            used = set()
+            for path in files_of(name, ".h", ".cpp"):
+                for header in includes_of(path):
+                    other = room_of(pathlib.PurePath(header))
+                    if other and other != name:
+                        used.add(other)
+                        with self.subTest(file=str(path.relative_to(SOURCE)), includes=header):
+                            self.assertIn(other, room.may_use)
+            if not room.all_but:
+                with self.subTest(room=name):
+                    self.assertEqual(room.may_use - used, set(), "allowed, but not used")
 
     def test_no_room_knows_what_it_must_not(self):
-        for room, forbidden in MUST_NOT_KNOW.items():
-            for path in files_of(room, ".h", ".cpp"):
-                for number, line in enumerate(path.read_text().splitlines(), 1):
-                    included = re.match(r'\s*#\s*include\s*[<"]([^">]+)[">]', line)
-                    if not included:
-                        continue
-                    for pattern in forbidden:
-                        with self.subTest(file=str(path.relative_to(SOURCE)), line=number):
-                            self.assertIsNone(re.fullmatch(pattern, included[1]),
-                                              f"{room} must not know <{included[1]}>")
+        for name, room in ROOMS.items():
+            for path in files_of(name, ".h", ".cpp"):
+                for header in includes_of(path):
+                    for phrase in room.must_not:
+                        with self.subTest(file=str(path.relative_to(SOURCE)), includes=header):
+                            self.assertIsNone(re.fullmatch(FORBIDDEN[phrase], header),
+                                              f"{name} must not {phrase}")
 
-    def test_the_equations_neither_read_nor_write(self):
+    def test_rooms_without_input_or_output_call_none(self):
         self.assertIsNotNone(INPUT_OUTPUT_CALLS.search('std::fprintf(stderr, "x")'))
-        for path in [*files_of("physics", ".h", ".cpp"), *files_of("daemon/observer", ".h", ".cpp")]:
-            for number, line in enumerate(path.read_text().splitlines(), 1):
-                with self.subTest(file=str(path.relative_to(SOURCE)), line=number):
-                    self.assertIsNone(INPUT_OUTPUT_CALLS.search(line.split("//")[0]), line)
+        for name, room in ROOMS.items():
+            if "do I/O" not in room.must_not:
+                continue
+            for path in files_of(name, ".h", ".cpp"):
+                for number, line in enumerate(path.read_text().splitlines(), 1):
+                    with self.subTest(file=str(path.relative_to(SOURCE)), line=number):
+                        self.assertIsNone(INPUT_OUTPUT_CALLS.search(line.split("//")[0]), line)
+
+    def test_files_do_not_include_each_other_in_a_circle(self):
+        """A header and its source count as one file."""
+        unit = lambda path: re.sub(r"\.(h|cpp)$", "", path)
+        uses = {}
+        for name in ROOMS:
+            for path in files_of(name, ".h", ".cpp"):
+                own = unit(path.relative_to(SOURCE).as_posix())
+                uses.setdefault(own, set()).update(
+                    unit(header) for header in includes_of(path)
+                    if room_of(pathlib.PurePath(header)) and unit(header) != own)
+        finished = set()
+
+        def visit(node, path):
+            self.assertNotIn(node, path, " -> ".join([*path, node]))
+            if node not in finished:
+                for other in uses.get(node, ()):
+                    visit(other, [*path, node])
+                finished.add(node)
+
+        for node in list(uses):
+            visit(node, [])
 
     def test_drivers_do_not_know_each_other(self):
         devices = [path for path in (SOURCE / "drivers").iterdir() if path.is_dir()]

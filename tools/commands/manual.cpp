@@ -42,15 +42,15 @@ int run(CLI::App& app, const std::filesystem::path& folder) {
                terminal::page(command, heading, notes, exit_status));
   };
   std::size_t count = 1;
-  write(app, manual_notes(""));
+  write(app, terminal::manual_notes(""));
   for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
     if (command->get_group().empty()) continue;
-    write(*command, manual_notes(command->get_name()));
+    write(*command, terminal::manual_notes(command->get_name()));
     ++count;
   }
-  try_examples(app, manual_notes(""));
+  try_examples(app, terminal::manual_notes(""));
   for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
-    try_examples(app, manual_notes(command->get_name()));
+    try_examples(app, terminal::manual_notes(command->get_name()));
   }
   std::printf("%s: %zu pages\n", folder.c_str(), count);
   return 0;
