@@ -24,8 +24,8 @@ class Flow::Solver {
 
 namespace {
 
-// tanh within 1e-8 by cubic pieces. It is taken six times a step, each time waited for: what counts
-// is how few operations follow one another.
+// tanh to 1e-8 by cubic pieces. It is evaluated six times a step with the result needed at once, so
+// the length of the dependency chain decides.
 class TanhTable {
  public:
   static const TanhTable& instance() {
@@ -47,7 +47,7 @@ class TanhTable {
   static constexpr double reach = 10.0;  // 1 - tanh(10) is 4e-9
   static constexpr double per_unit = 32.0;
 
-  // Hermite: value and slope are right at the ends of each piece.
+  // Hermite interpolation: exact value and slope at the ends of each piece.
   TanhTable() {
     const auto slope = [](double t) { return (1.0 - t * t) / per_unit; };
     for (std::size_t k = 0; k < pieces_.size(); ++k) {
@@ -61,8 +61,8 @@ class TanhTable {
   std::array<Piece, static_cast<std::size_t>(reach* per_unit)> pieces_{};
 };
 
-// The drive at the nodes of a step without a cosine for each of them: steps have lengths from a
-// ladder, and the angles of every rung's nodes are known.
+// The drive at the nodes of a step without a cosine for each: step lengths come from a fixed
+// ladder, so the rotations of the nodes of every rung are tabulated.
 class Tone {
  public:
   static constexpr int rungs = 64;
@@ -74,7 +74,7 @@ class Tone {
     const double whole = std::ldexp(longest_step_s_, -(rung / 2));
     return rung % 2 == 0 ? whole : whole * (0.5 * std::numbers::sqrt2);
   }
-  /// Before the nodes of a rung are asked for.
+  /// To be called before cosine_at() and move_on() of a rung.
   void prepare(int rung) {
     auto& row = table_[static_cast<std::size_t>(rung)];
     if (row[0].sine != 0.0 || row[0].cosine != 1.0) return;
@@ -144,7 +144,7 @@ class DormandPrince final : public Flow::Solver {
     y_.fill(0.0);
     y_[0] = x;
     y_[1] = v;
-    // Sizes below which errors do not count: a thousandth of what the drive alone would do.
+    // Scales of the error: at least a thousandth of the response of a free mass.
     const double reach = drive_.acceleration_m_s2 / (drive_.omega_rad_s * drive_.omega_rad_s);
     largest_.fill(1.0e-3 * std::max(reach, std::abs(x)));
     for (const std::size_t velocity : {std::size_t{1}, resonant ? iu : std::size_t{1}}) {
@@ -184,7 +184,7 @@ class DormandPrince final : public Flow::Solver {
     if (!loaded_) return 1.0;
     return wedge_ ? std::max(0.0, c_.load * (1.0 + c_.load_slope * y[0])) : c_.load;
   }
-  // Accelerations of the mass and of the cell without friction, where the free mass would have `a`.
+  // Accelerations of the mass and of the cell without friction; `a` is that of the free mass.
   double free_mass(const Vector& y, double a) const {
     double spring = 0.0;
     if constexpr (two_well) {
@@ -199,7 +199,7 @@ class DormandPrince final : public Flow::Solver {
     return (based_ ? a : 0.0) -
            (c_.cell_stiffness * y[iy] + c_.cell_damping * y[iu]) * inverse_cell_mass_;
   }
-  // The force that keeps the contact from slipping.
+  // The friction force that keeps the contact in stick.
   double holding(const Vector& y, double a) const {
     if constexpr (resonant) {
       return (free_mass(y, a) - free_cell(y, a)) / (inverse_mass_ + inverse_cell_mass_);
@@ -212,7 +212,7 @@ class DormandPrince final : public Flow::Solver {
     if constexpr (contact == Contact::memory) return c_.mu * load(y) * y[itheta];
     return sign == 0.0 ? holding(y, a) : sign * c_.mu * load(y);
   }
-  // Six times a step: a call would send every state through memory.
+  // Inlined into its six calls per step, so that states stay in registers.
   [[gnu::always_inline]] void rates(const Vector& y, double a, Vector& out) const {
     const double force = friction(y, a, sign_);
     out[0] = y[1];
@@ -244,12 +244,12 @@ class DormandPrince final : public Flow::Solver {
     rates(y_, drive_now(), k1_);
   }
 
-  // How long the present mode lasts: above 0 while it does.
+  // Event function: positive while the present mode (stick or slip) lasts.
   double margin(const Vector& y, double t) const {
     if (sign_ != 0.0) return sign_ * slip(y);
     return c_.mu * load(y) - std::abs(holding(y, drive_.at(t)));
   }
-  // At slip 0: sticks if it can be held, else slips where it is pushed.
+  // At zero slip: stick if friction can hold the mass, else slip in the direction of the force.
   void choose_mode(double t) {
     if constexpr (resonant) {
       y_[1] = y_[iu] = (c_.mass * y_[1] + c_.cell_mass * y_[iu]) / (c_.mass + c_.cell_mass);
@@ -258,7 +258,7 @@ class DormandPrince final : public Flow::Solver {
     }
     const double needed = holding(y_, drive_.at(t));
     const double most = c_.mu * load(y_);
-    // A mode that ended because the force exceeded the limit does not begin again.
+    // Stick that ended because the force exceeded the limit does not resume at the same instant.
     const bool was_stuck = sign_ == 0.0 && started_;
     started_ = true;
     sign_ = !was_stuck && std::abs(needed) <= most ? 0.0 : (needed > 0.0 ? 1.0 : -1.0);
@@ -295,8 +295,8 @@ class DormandPrince final : public Flow::Solver {
     return out;
   }
 
-  // How many rungs up (shorter) or down the next step should be: half a factor of two each, which
-  // is 2.5 in the logarithm of an error of fifth order; it aims at 0.6 of what is allowed.
+  // Change of the rung for the next step, positive for shorter steps. A rung is a factor sqrt(2) in
+  // length, 2^2.5 in an error of fifth order; the target is 0.6 of the tolerance.
   static int rungs_for(double error) {
     // Between 0.6 and 0.6 / 2^2.5 nothing changes; each further factor of 2^2.5 is a rung.
     constexpr double factor = 5.656854249492381;
@@ -372,8 +372,8 @@ class DormandPrince final : public Flow::Solver {
       accept(h, rung, next, k3, k4, k5, k6, k7);
       return;
     }
-    throw std::runtime_error("the motion leaves every bound at time " +
-                             physics::number_text(end_s_) + " s: the rig is unstable");
+    throw std::runtime_error("the motion diverges at time " + physics::number_text(end_s_) +
+                             " s: the rig is unstable");
   }
 
   void accept(double h, int rung, const Vector& next, const Vector& k3, const Vector& k4,
@@ -390,7 +390,7 @@ class DormandPrince final : public Flow::Solver {
         return margin(interpolated(share), begin_s_ + share * h);
       };
       const double last = margin(next, begin_s_ + h);
-      // A slip that is slowed down first and sped up in the end may have passed 0 in between.
+      // Slip that decelerates first and accelerates at the end may have reversed in between.
       const bool dips = sign_ != 0.0 && sign_ * slip(k1_) < 0.0 && sign_ * slip(k7) > 0.0;
       const bool within = last > 0.0 && (dips || sign_ == 0.0) && at(0.5) < 0.0;
       if (last <= 0.0 || within) {
@@ -401,7 +401,7 @@ class DormandPrince final : public Flow::Solver {
     y_ = next;
     k1_ = k7;
     for (std::size_t i = 0; i < size; ++i) largest_[i] = std::max(largest_[i], std::abs(y_[i]));
-    // The rotation of the tones gathers rounding.
+    // The rotations accumulate rounding errors.
     if (++since_exact_ >= 256) {
       restart(begin_s_ + h);
     } else {
@@ -411,12 +411,12 @@ class DormandPrince final : public Flow::Solver {
     }
   }
 
-  // The instant at which the margin passes 0: regula falsi (Illinois) on the dense output.
+  // Ends the mode at the zero of the margin: regula falsi (Illinois) on the dense output.
   template <typename Margin>
   void end_mode(Margin at, double high) {
     double low = 0.0;
     double below = at(high);
-    // At the very beginning of a mode its margin may be 0 up to rounding.
+    // At the beginning of a mode the margin may be 0 to within rounding.
     double above = std::max(at(low), 1.0e-300);
     int side = 0;
     for (int i = 0; i < 60 && (high - low) * dense_s_ > 1.0e-13 * (1.0 + begin_s_); ++i) {
@@ -486,14 +486,14 @@ class DormandPrince final : public Flow::Solver {
   Vector y_{};
   Vector k1_{};
   Vector largest_{};
-  // The last step, and its dense output once it is asked for.
+  // The last step, and its dense output once it is needed.
   Vector first_{};
   Vector last_{};
   std::array<Vector, 6> slopes_{};
   std::array<Vector, 5> dense_{};
   bool dense_ready_ = false;
   double begin_s_ = 0.0;  // of the last step
-  double dense_s_ = 1.0;  // its whole length, of which an event may have cut off the end
+  double dense_s_ = 1.0;  // its length before an event shortened it
   double dense_sign_ = 0.0;
   double end_s_ = 0.0;
 };
@@ -528,8 +528,8 @@ bool Flow::can_follow(const physics::Model& model) {
     case physics::FrictionLaw::coulomb:
       return friction.transition_speed_m_s.value == 0.0;
     case physics::FrictionLaw::state_variable: {
-      // Explicit steps are shorter than 3 / rate: beyond some hundred of them in the time that the
-      // rig's own motion takes, the implicit contact of physics::Rig is faster.
+      // Explicit steps are shorter than 3 / rate: for rates far above the fastest motion the
+      // implicit contact of physics::Rig is faster.
       if (!(friction.transition_speed_m_s.value > 0.0)) return false;
       const physics::Rig rig(model);
       const auto c = rig.numbers<double>(rig.parameter_values()).c;

@@ -1,4 +1,4 @@
-// The largest Lyapunov exponent: how fast neighbouring motions part.
+// The largest Lyapunov exponent: the rate at which neighbouring orbits diverge.
 #pragma once
 
 #include <functional>
@@ -13,7 +13,7 @@ struct LyapunovOptions {
   int steps_per_period = 0;  ///< 0: enough_steps
   double x_m = 0.0;          ///< start
   double v_m_s = 0.0;
-  std::function<void(double share)> progress = {};  ///< told how much is done, 0 to 1; may be empty
+  std::function<void(double share)> progress = {};  ///< share done, 0 to 1; may be empty
 };
 
 struct Lyapunov {
@@ -22,9 +22,9 @@ struct Lyapunov {
   double per_period = 0.0;            ///< the same over one drive period
 };
 
-/// By two neighbouring orbits whose distance is brought back to its size every twentieth of a
-/// period (Benettin and others, 1980). It needs no derivative, so it holds across sticking, lost
-/// contact and the set-valued law. Distances are measured in units of the orbit's own spread.
+/// Two neighbouring orbits whose distance is renormalised every twentieth of a period (Benettin et
+/// al., 1980). No derivative is needed, so sticking, lost contact and the set-valued law are
+/// covered. Distances are in units of the spread of the orbit.
 Lyapunov largest_exponent(const physics::Model& model, const Drive& drive,
                           const LyapunovOptions& options = {});
 

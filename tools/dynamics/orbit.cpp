@@ -23,7 +23,7 @@ Orbit::Orbit(const physics::Model& model, const Drive& drive, int steps_per_peri
       steps_per_period_(steps_per_period),
       step_s_(drive.period_s() / steps_per_period) {
   if (rig_.structure().excitation == physics::Excitation::imposed) {
-    throw std::invalid_argument("an imposed motion has no orbit of its own");
+    throw std::invalid_argument("a rig with imposed motion has no orbits");
   }
   if (steps_per_period < 16) {
     throw std::invalid_argument("an orbit needs at least 16 steps per drive period, not " +
@@ -61,7 +61,7 @@ void Orbit::skip(int periods) {
   for (int period = 0; period < periods; ++period) {
     for (int k = 0; k < steps_per_period_; ++k) step();
     if (!std::isfinite(now_.x()) || !std::isfinite(now_.v())) {
-      throw std::runtime_error("the motion leaves every bound before time " +
+      throw std::runtime_error("the motion diverges before time " +
                                physics::number_text(now_.time_s) +
                                " s: the steps are too long, or the rig is unstable");
     }

@@ -1,5 +1,5 @@
-// A rig under a periodic drive, followed step by step: what Poincaré sections, exponents and
-// diagrams are made of.
+// A rig under a periodic drive, integrated step by step: the basis of Poincaré sections, exponents
+// and bifurcation diagrams.
 #pragma once
 
 #include <cmath>
@@ -11,7 +11,7 @@
 
 namespace stickslip::dynamics {
 
-/// A drive a cos(omega t) cos(modulation t) of the mass, as the acceleration that it would give the
+/// A drive a cos(omega t) cos(modulation t) of the mass, as the acceleration of the
 /// free mass [m/s2]: -b'' of a base-excited rig, F / m of a force-excited one. For the paper's
 /// nondimensional equations it is the right-hand side a(t).
 struct Drive {
@@ -28,7 +28,7 @@ struct Drive {
 /// The drive of a base that moves as amplitude cos(omega t).
 Drive base_drive(double amplitude_m, double frequency_hz);
 
-/// A state and its place in time.
+/// A state and its time.
 struct Point {
   double time_s = 0.0;
   physics::RigState<double> state;
@@ -37,7 +37,7 @@ struct Point {
   double v() const { return state.s[physics::state::v]; }
 };
 
-/// One rig on its way. The step divides the drive's period, so that every section is met exactly.
+/// One rig in motion. The step divides the drive's period, so every section is met exactly.
 class Orbit {
  public:
   /// Starts at rest at deflection `x_m` and velocity `v_m_s` at time 0. Throws
@@ -48,15 +48,15 @@ class Orbit {
 
   /// One step.
   void step();
-  /// So many whole drive periods. Throws std::runtime_error where the motion leaves every bound.
+  /// This number of whole drive periods. Throws std::runtime_error if the motion diverges.
   void skip(int periods);
 
   const Point& now() const { return now_; }
   /// Replaces the mechanical state and completes what follows from it.
   void set_state(const std::array<double, physics::max_rig_states>& s);
 
-  /// The force that the mass would feel without friction [N]: while the friction can hold it, the
-  /// mass sticks under Coulomb's law.
+  /// Sum of the forces on the mass without friction [N]: under Coulomb's law the mass sticks while
+  /// friction can balance it.
   double force_without_friction_n() const;
   /// The largest friction force at this instant [N].
   double friction_limit_n() const;

@@ -43,7 +43,7 @@ Picture cylindrical_portrait(const std::vector<PhasePoint>& points, const Labels
     if (mine) {
       table.rows.push_back(place(point.turn, radius(point.x), point.v));
     } else if (!table.rows.empty() && !table.rows.back().empty()) {
-      // The point that leaves is drawn, so that the two colours meet; then the line is broken.
+      // The first point of the other colour is included, so that the lines meet.
       table.rows.push_back(place(point.turn, radius(point.x), point.v));
       table.rows.emplace_back();
       table.rows.emplace_back();

@@ -15,14 +15,14 @@
 
 #include "physics/problem.h"
 
-extern char** environ;  // NOLINT(readability-redundant-declaration): POSIX asks for it
+extern char** environ;  // NOLINT(readability-redundant-declaration): required by POSIX
 
 namespace stickslip::figures {
 
 namespace {
 
 std::string script_of(const Picture& picture) {
-  std::string out = "# Drawn by `stickslip figures`; run gnuplot on this file to draw it again.\n";
+  std::string out = "# Drawn by `stickslip figures`; run gnuplot on this file to redraw it.\n";
   char number[32];
   for (const Table& table : picture.tables) {
     out += "$" + table.name + " << EOD\n";
@@ -54,7 +54,7 @@ std::string script_of(const Picture& picture) {
   return out;
 }
 
-// Runs gnuplot in the folder; what it says on standard error.
+// Runs gnuplot in the folder; returns its standard error.
 std::string run_gnuplot(const std::string& script, const std::filesystem::path& folder,
                         int& status) {
   const std::string log = (folder / (script + ".log")).string();
@@ -78,11 +78,11 @@ std::string run_gnuplot(const std::string& script, const std::filesystem::path& 
   while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }
   std::ifstream in(log);
-  std::ostringstream said;
-  said << in.rdbuf();
+  std::ostringstream output;
+  output << in.rdbuf();
   in.close();
   std::filesystem::remove(log);
-  return said.str();
+  return output.str();
 }
 
 }  // namespace
@@ -97,9 +97,9 @@ void draw(const Picture& picture, const std::filesystem::path& folder) {
         Problem{script.string(), 0, 0, std::string("cannot be written: ") + std::strerror(errno)});
   }
   int status = 0;
-  const std::string said = run_gnuplot(script.filename().string(), script.parent_path(), status);
+  const std::string output = run_gnuplot(script.filename().string(), script.parent_path(), status);
   if (status != 0) {
-    throw std::runtime_error(script.string() + ": gnuplot does not take it: " + said);
+    throw std::runtime_error(script.string() + ": gnuplot rejected it: " + output);
   }
 }
 

@@ -1,5 +1,5 @@
-// Pictures by gnuplot: a script with its data is written beside each picture and run once for SVG
-// and once for PNG, so that anyone can change the script and draw it again.
+// Pictures by gnuplot, as SVG and PNG. The script with its data is kept next to each picture and
+// can be edited and run again.
 #pragma once
 
 #include <filesystem>
@@ -8,7 +8,7 @@
 
 namespace stickslip::figures {
 
-/// One set of rows of a plot; an empty row breaks a line.
+/// Data of a plot; an empty row breaks a line.
 struct Table {
   std::string name;  ///< "$name" in the commands
   std::vector<std::vector<double>> rows;
@@ -19,11 +19,11 @@ struct Picture {
   int width = 640;
   int height = 480;
   std::vector<Table> tables;
-  std::string commands;  ///< everything from `set` to `plot`; the tables stand before it
+  std::string commands;  ///< from `set` to `plot`; the tables precede them
 };
 
-/// Throws InputError where gnuplot is not there, and std::runtime_error with its message where it
-/// does not take the script.
+/// Throws InputError if gnuplot is not installed, and std::runtime_error with its message if it
+/// rejects the script.
 void draw(const Picture& picture, const std::filesystem::path& folder);
 
 }  // namespace stickslip::figures

@@ -53,8 +53,8 @@ std::string page(const std::vector<Figure>& figures, const std::string& command)
       "</style>\n</head>\n<body>\n<h1>The paper's figures, by Stickslip</h1>\n"
       "<p>Feeny and Moon, <cite>Empirical Dry-Friction Modeling in a Forced Oscillator Using "
       "Chaos</cite>: its rigs as simulated presets, its instruments, its reduction. Figures 2 to 8 "
-      "of the paper are measurements; ours are of simulated rigs whose numbers it does not all "
-      "give, so shapes and ranges can agree, not points. Made by <code>";
+      "of the paper are measurements; ours are of simulated rigs, not all of whose numbers it "
+      "gives, so shapes and ranges can agree, but not points. Made by <code>";
   out += escaped(command) + "</code>.</p>\n<nav>";
   for (const Figure& figure : figures) {
     const std::string number = std::to_string(figure.number);

@@ -1,4 +1,4 @@
-// The page that shows the figures, each beside what the paper says of it and our number for that.
+// The page of the figures, each with the statements of the paper and the numbers found here.
 #pragma once
 
 #include <string>
@@ -6,23 +6,23 @@
 
 namespace stickslip::figures {
 
-/// A statement of the paper and the number that stands for it here.
+/// A statement of the paper and the corresponding number of ours.
 struct Comparison {
   std::string statement;
-  std::string paper;  ///< its number or words
+  std::string paper;  ///< number or words
   std::string ours;
 };
 
 struct Figure {
   int number = 0;
   std::string title;
-  std::string parameters;                  ///< of what is shown
+  std::string parameters;                  ///< of the rig and the drive
   std::vector<std::string> panels = {};    ///< stems of the pictures, "figure-4a"
   std::vector<std::string> captions = {};  ///< one per panel
   std::vector<Comparison> comparisons = {};
 };
 
-/// One HTML file, without a script or anything from elsewhere; the pictures lie beside it.
+/// One self-contained HTML file without scripts; the pictures are in the same folder.
 std::string page(const std::vector<Figure>& figures, const std::string& command);
 
 }  // namespace stickslip::figures

@@ -35,7 +35,7 @@ std::string range(const char* form, double low, double high, const char* unit) {
 const Labels in_millimetres{"x [mm]", "v [m/s]"};
 const Labels without_units{"x", "v"};
 
-// The paper does not tell the rate of its 800 samples; ten seconds of them hold one modulation.
+// The paper does not state the rate of its 800 samples; at ten seconds they cover one modulation.
 constexpr double rate_of_the_paper_hz = 80.0;
 constexpr double rate_today_hz = 1000.0;
 constexpr double recorded_s = 10.2;
@@ -94,7 +94,7 @@ std::vector<PhasePoint> turns_of(const std::vector<dynamics::Point>& points,
   return out;
 }
 
-// A motion of some periods, with about 200 points in each.
+// A trajectory of some periods, with about 200 points each.
 std::vector<PhasePoint> motion(const physics::Model& model, const dynamics::Drive& drive,
                                int periods, double x_start, double x_unit) {
   dynamics::PortraitOptions options;
@@ -116,15 +116,14 @@ std::string exponent_of(const physics::Model& model, const dynamics::Drive& driv
               found.standard_error_per_s * drive.period_s());
 }
 
-// One instant of friction, for the loops.
+// Friction at one instant, for the hysteresis loops.
 struct Rubbing {
   double velocity = 0.0;
   double friction = 0.0;
 };
 
-// How friction differs between falling and rising velocity near rest: the opening of the loop, in
-// the unit of the friction. A velocity that changes by less than `at_rest` of its largest from
-// one instant to the next but one is that of a mass at rest, which neither falls nor rises.
+// Opening of the hysteresis loop near rest: friction at falling minus friction at rising velocity.
+// A velocity that changes by less than `at_rest` of its largest over two samples counts as rest.
 double loop_opening(const std::vector<Rubbing>& motion, double at_rest) {
   double fastest = 0.0;
   for (const Rubbing& r : motion) fastest = std::max(fastest, std::abs(r.velocity));
@@ -181,7 +180,7 @@ double roughness(const reduction::Reduction& reduced, bool outside) {
   return count > 0.0 ? sum / count : 0.0;
 }
 
-// Share of the time below 1 % of the largest speed.
+// Share of the time with a speed below 1 % of the largest.
 double share_near_rest(const std::vector<PhasePoint>& points) {
   double largest = 0.0;
   for (const PhasePoint& point : points) largest = std::max(largest, std::abs(point.v));
@@ -254,7 +253,7 @@ Figure figure_3(const Studio& studio) {
   return figure;
 }
 
-// Figures 4 to 8: one rig, reduced as the paper did it and as one would today.
+// Figures 4 to 8: one rig, reduced by the paper's method and by deconvolution.
 struct Measured {
   Figure figure;
   reduction::Reduction paper;

@@ -6,13 +6,15 @@
 #include <limits>
 #include <set>
 
+#include "physics/number_text.h"
+
 namespace stickslip::figures {
 
 namespace {
 
 constexpr double mm = 1.0e3;  // per metre
-constexpr double not_there = std::numeric_limits<double>::quiet_NaN();
-// Lines of a picture with more points than this hide one another.
+constexpr double missing = std::numeric_limits<double>::quiet_NaN();
+// More points would hide one another.
 constexpr std::size_t most_points = 6000;
 
 using Rows = std::vector<std::vector<double>>;
@@ -27,8 +29,7 @@ Rows rows_of(const reduction::Reduction& reduced, Row row) {
   return rows;
 }
 
-// The cells as the grid that a surface is drawn from: a block of rows per displacement, and NaN
-// where no sample fell.
+// The cells as gnuplot's grid of a surface: a block of rows per displacement, NaN for empty cells.
 Rows grid_of(const std::vector<reduction::Cell>& cells) {
   std::set<double> xs;
   std::set<double> vs;
@@ -37,23 +38,17 @@ Rows grid_of(const std::vector<reduction::Cell>& cells) {
     vs.insert(cell.velocity_m_s);
   }
   Rows rows;
-  auto cell = cells.begin();  // by displacement, then velocity, as the grid is
+  auto cell = cells.begin();  // in the order of the grid
   for (const double x : xs) {
     for (const double v : vs) {
       const bool there =
           cell != cells.end() && cell->displacement_m == x && cell->velocity_m_s == v;
-      rows.push_back({x * mm, v, there ? cell->mu : not_there});
+      rows.push_back({x * mm, v, there ? cell->mu : missing});
       if (there) ++cell;
     }
     rows.push_back({});
   }
   return rows;
-}
-
-std::string number(double value, const char* form = "%.4g") {
-  char text[32];
-  std::snprintf(text, sizeof text, form, value);
-  return text;
 }
 
 }  // namespace
@@ -72,7 +67,7 @@ Picture mu_surface(const reduction::Reduction& reduced, const std::string& stem)
     scatter.push_back({});
     scatter.push_back({});
   }
-  if (scatter.empty()) scatter.push_back({0, 0, not_there});
+  if (scatter.empty()) scatter.push_back({0, 0, missing});
   out.tables = {
       {"samples", rows_of(reduced,
                           [](const auto& s) {
@@ -135,14 +130,14 @@ Picture load_against_displacement(const reduction::Reduction& reduced, const std
   out.tables = {{"samples", rows_of(reduced, [](const auto& s) {
                    return std::vector<double>{s.displacement_m * mm, s.normal_load_n};
                  })}};
-  const std::string load = number(reduced.load_n);
-  const std::string slope = number(reduced.load_n * reduced.slope_per_m / mm, "%.6g");
+  const std::string load = physics::number_text(reduced.load_n, 4);
+  const std::string slope = physics::number_text(reduced.load_n * reduced.slope_per_m / mm, 6);
   out.commands =
       "set xlabel 'x [mm]'\nset ylabel 'N [N]'\nset grid lc rgb '#dddddd'\nset key top left\n"
       "set yrange [0:*]\n"
       "plot $samples using 1:2 with points pt 7 ps 0.25 lc rgb '#1f5a99' title 'samples', " +
       load + " + (" + slope + ") * x with lines lc rgb '#c8502a' lw 1.5 title '" + load + " N (1 " +
-      number(reduced.slope_per_m, "%+.3g") + "/m x)'";
+      (reduced.slope_per_m < 0.0 ? "" : "+") + physics::number_text(reduced.slope_per_m) + "/m x)'";
   return out;
 }
 
@@ -160,7 +155,7 @@ std::string samples_csv(const reduction::Reduction& reduced) {
     std::snprintf(line, sizeof line, "%.9f,%.9g,%.9g,%.9g,%.9g,%.9g,", s.time_s, s.displacement_m,
                   s.velocity_m_s, s.base_displacement_m, s.friction_force_n, s.normal_load_n);
     out += line;
-    if (std::isfinite(s.mu)) out += number(s.mu, "%.9g");
+    if (std::isfinite(s.mu)) out += physics::number_text(s.mu, 9);
     out += '\n';
   }
   return out;

@@ -1,4 +1,4 @@
-// What section 3.4 of the paper is drawn as: its Figures 3 and 4, of any recording.
+// Pictures of a reduction, as in Figures 3 and 4 of the paper.
 #pragma once
 
 #include <string>
@@ -9,20 +9,20 @@
 
 namespace stickslip::figures {
 
-/// mu over (x, v): cells with their scatter, and the samples beneath.
+/// mu over (x, v): cells with their scatter, and the samples.
 Picture mu_surface(const reduction::Reduction& reduced, const std::string& stem);
 /// The samples in the (x, v) plane.
 Picture phase_sweep(const reduction::Reduction& reduced, const std::string& stem);
 /// mu against v, and mu against x: the hysteresis loops.
 Picture mu_against_velocity(const reduction::Reduction& reduced, const std::string& stem);
 Picture mu_against_displacement(const reduction::Reduction& reduced, const std::string& stem);
-/// N against x with its straight line.
+/// N against x with its regression line.
 Picture load_against_displacement(const reduction::Reduction& reduced, const std::string& stem);
 
 /// All five; the stems are "surface", "sweep", "mu-v", "mu-x" and "n-x".
 std::vector<Picture> reduction_pictures(const reduction::Reduction& reduced);
 
-/// The same as tables for other programs: a header and one row per sample, or per cell.
+/// CSV tables: a header and one row per sample or cell.
 std::string samples_csv(const reduction::Reduction& reduced);
 std::string surface_csv(const reduction::Reduction& reduced);
 

@@ -10,8 +10,8 @@ namespace stickslip::figures {
 
 namespace {
 
-// b and b'' of A(t) sin(w t), A(t) = a (1 - d (1 - cos(q t)) / 2) r(t), with a ramp r that rises
-// smoothly over half a second.
+// b and b'' of A(t) sin(w t), A(t) = a (1 - d (1 - cos(q t)) / 2) r(t), with a smooth ramp r of
+// half a second.
 physics::Input base_at(const Sweep& sweep, double t) {
   constexpr double ramp_s = 0.5;
   const double w = 2.0 * std::numbers::pi * sweep.frequency_hz;
@@ -37,7 +37,7 @@ physics::Input base_at(const Sweep& sweep, double t) {
 
 protocol::Recording record(const physics::Model& model, const Sweep& sweep) {
   if (model.oscillator.excitation != physics::Excitation::base) {
-    throw std::invalid_argument("a sweep shakes the base: the model is not driven by it");
+    throw std::invalid_argument("a sweep needs a base-excited model");
   }
   physics::SimulationOptions options;
   options.seed = sweep.seed;
@@ -49,7 +49,7 @@ protocol::Recording record(const physics::Model& model, const Sweep& sweep) {
   const auto samples = std::llround(sweep.duration_s * sweep.rate_hz);
   protocol::Recording out;
   out.source = "simulated";
-  // The drive is curved between samples: it is followed in pieces of a millisecond at most.
+  // Interpolated linearly over at most a millisecond, since the drive is curved between samples.
   const auto pieces = std::max(1LL, std::llround(step_s / 1.0e-3));
   for (long long k = 0; k <= transient + samples; ++k) {
     if (k >= transient) {

@@ -1,5 +1,5 @@
-// A recording of a simulated rig whose base is shaken at one frequency, with an amplitude that
-// swells and fades as a hand would turn it.
+// A recording of a simulated rig under a base motion of one frequency with modulated amplitude, as
+// a hand-turned knob produces it.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@ namespace stickslip::figures {
 struct Sweep {
   double frequency_hz = 2.5;
   double amplitude_m = 0.01;   ///< the largest
-  double modulation_hz = 0.0;  ///< of the amplitude; 0: it stays
+  double modulation_hz = 0.0;  ///< of the amplitude; 0: constant
   double modulation_depth = 0.9;
   double transient_s = 0.0;  ///< before the recording begins
   double duration_s = 10.0;

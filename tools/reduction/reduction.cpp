@@ -17,7 +17,9 @@ namespace {
 using Values = std::vector<double>;
 
 constexpr std::size_t samples_of_the_paper = 800;
-constexpr double end_s = 0.1;  // the memory of two Butterworth filters of order 4 at 25 Hz
+constexpr std::size_t fewest_samples = 32;
+constexpr double least_load = 0.05;  // of the mean load, for a coefficient of friction
+constexpr double end_s = 0.1;        // settling time of two Butterworth filters of order 4 at 25 Hz
 
 [[noreturn]] void refuse(const std::string& source, const std::string& message) {
   throw InputError(Problem{source, 0, 0, message});
@@ -35,7 +37,7 @@ double largest_of(const Values& values) {
   return most;
 }
 
-// The straight line a + b i through the values, taken out of them.
+// The values without their straight line a + b i.
 Values without_drift(Values values) {
   const double n = static_cast<double>(values.size());
   const double middle = 0.5 * (n - 1.0);
@@ -51,8 +53,8 @@ Values without_drift(Values values) {
   return values;
 }
 
-// Power of one tone in values that are `period_s` apart. A hundred of them in a second are enough
-// for tones up to 20 Hz.
+// Power of one tone in values that are `period_s` apart, of which a hundred per second suffice for
+// tones up to 20 Hz.
 double power_at(const Values& values, double period_s, double frequency_hz) {
   const auto stride = std::max<std::size_t>(1, static_cast<std::size_t>(0.01 / period_s));
   double in_phase = 0.0;
@@ -88,7 +90,7 @@ double strongest_tone_hz(const Values& values, double period_s) {
 constexpr std::array needed{Channel::displacement, Channel::velocity, Channel::friction_force,
                             Channel::normal_load, Channel::base_displacement};
 
-// Samples that follow one another in time with every channel that is needed: [begin, end).
+// Consecutive samples with every needed channel: [begin, end).
 struct Stretch {
   std::size_t begin = 0;
   std::size_t end = 0;
@@ -130,7 +132,7 @@ double quantile(Values values, double share) {
   return *at;
 }
 
-// Everything that both methods need, by sample.
+// The signals that either method yields, by sample.
 struct Signals {
   Values x;
   Values v;
@@ -156,16 +158,16 @@ Signals as_read(const std::array<Values, channel_count>& read, double cell_mass,
 
 Signals deconvolved(const std::array<Values, channel_count>& read, const physics::Model& model,
                     double period_s) {
-  const auto undone = [&](Channel channel) {
+  const auto wide_band = [&](Channel channel) {
     const physics::Sensor& sensor = model.sensors[index_of(channel)];
     const physics::FilterChain chain(sensor.filters, period_s);
     const Values& values = read[index_of(channel)];
     return diagnosis::wide_band(values, period_s, chain,
                                 sensor.noise_std.value_or(diagnosis::noise_of(values)));
   };
-  const auto x = undone(Channel::displacement);
-  const auto signal = undone(Channel::friction_force);
-  const auto base = undone(Channel::base_displacement);
+  const auto x = wide_band(Channel::displacement);
+  const auto signal = wide_band(Channel::friction_force);
+  const auto base = wide_band(Channel::base_displacement);
   const physics::LoadCell& cell = *model.load_cell;
   const double omega = 2.0 * std::numbers::pi * cell.natural_frequency_hz.value;
   const bool resonant = cell.dynamics == physics::LoadCellDynamics::resonant;
@@ -173,7 +175,7 @@ Signals deconvolved(const std::array<Values, channel_count>& read, const physics
   out.x = x.value;
   out.v = x.rate;
   out.base = base.value;
-  out.load = undone(Channel::normal_load).value;
+  out.load = wide_band(Channel::normal_load).value;
   for (std::size_t i = 0; i < out.x.size(); ++i) {
     // m_l y'' + c_l y' + k_l y - f = -m_l b'', and the channel reads S = k_l y.
     const double inertia = cell.mass_kg.value * base.acceleration[i];
@@ -188,74 +190,91 @@ Signals deconvolved(const std::array<Values, channel_count>& read, const physics
   return out;
 }
 
-std::vector<Cell> surface_of(const std::vector<Sample>& samples, std::size_t bins) {
-  double x_low = std::numeric_limits<double>::infinity();
-  double x_high = -x_low;
-  double v_low = x_low;
-  double v_high = -x_low;
-  for (const Sample& sample : samples) {
-    x_low = std::min(x_low, sample.displacement_m);
-    x_high = std::max(x_high, sample.displacement_m);
-    v_low = std::min(v_low, sample.velocity_m_s);
-    v_high = std::max(v_high, sample.velocity_m_s);
+struct Bins {
+  double low = std::numeric_limits<double>::infinity();
+  double high = -std::numeric_limits<double>::infinity();
+  std::size_t count = 1;
+
+  void include(double value) {
+    low = std::min(low, value);
+    high = std::max(high, value);
   }
-  const auto bin_of = [bins](double value, double low, double high) {
+  std::size_t of(double value) const {
     const double share = high > low ? (value - low) / (high - low) : 0.0;
-    return std::min(bins - 1, static_cast<std::size_t>(share * static_cast<double>(bins)));
-  };
-  struct Gathered {
-    Cell cell;
-    double sum = 0.0;  // of the samples
-    double square = 0.0;
-    double visit_sum = 0.0;  // of the means of the visits that have ended
-    double visit_square = 0.0;
-    double now_sum = 0.0;  // of the visit that is going on
-    std::size_t now_count = 0;
-  };
-  std::map<std::pair<std::size_t, std::size_t>, Gathered> cells;
-  const auto end_visit = [](Gathered& g) {
-    if (g.now_count == 0) return;
-    const double mean = g.now_sum / static_cast<double>(g.now_count);
-    g.visit_sum += mean;
-    g.visit_square += mean * mean;
-    ++g.cell.visits;
-    g.now_sum = 0.0;
-    g.now_count = 0;
-  };
-  Gathered* last = nullptr;
+    return std::min(count - 1, static_cast<std::size_t>(share * static_cast<double>(count)));
+  }
+  double centre(std::size_t k) const {
+    return low + (high - low) * (static_cast<double>(k) + 0.5) / static_cast<double>(count);
+  }
+};
+
+// Sums over the samples of one cell, over its visits that have ended, and over the present visit.
+struct CellSums {
+  Cell cell;
+  double sum = 0.0;
+  double square = 0.0;
+  double visit_sum = 0.0;
+  double visit_square = 0.0;
+  double present_sum = 0.0;
+  std::size_t present_count = 0;
+
+  void add(double mu) {
+    sum += mu;
+    square += mu * mu;
+    ++cell.samples;
+    present_sum += mu;
+    ++present_count;
+  }
+  void end_visit() {
+    if (present_count == 0) return;
+    const double mean = present_sum / static_cast<double>(present_count);
+    visit_sum += mean;
+    visit_square += mean * mean;
+    ++cell.visits;
+    present_sum = 0.0;
+    present_count = 0;
+  }
+};
+
+double standard_deviation(double sum, double square, double n) {
+  return n > 1.0 ? std::sqrt(std::max(0.0, (square - sum * sum / n) / (n - 1.0))) : 0.0;
+}
+
+Cell finished(const CellSums& sums) {
+  Cell cell = sums.cell;
+  const auto visits = static_cast<double>(cell.visits);
+  cell.mu = sums.visit_sum / visits;
+  cell.scatter = standard_deviation(sums.sum, sums.square, static_cast<double>(cell.samples));
+  cell.standard_error =
+      visits > 1.0
+          ? standard_deviation(sums.visit_sum, sums.visit_square, visits) / std::sqrt(visits)
+          : cell.scatter;
+  return cell;
+}
+
+std::vector<Cell> surface_of(const std::vector<Sample>& samples, std::size_t bins) {
+  Bins x{.count = bins};
+  Bins v{.count = bins};
+  for (const Sample& sample : samples) {
+    x.include(sample.displacement_m);
+    v.include(sample.velocity_m_s);
+  }
+  std::map<std::pair<std::size_t, std::size_t>, CellSums> cells;
+  CellSums* last = nullptr;
   for (const Sample& sample : samples) {
     if (!std::isfinite(sample.mu)) continue;
-    const auto i = bin_of(sample.displacement_m, x_low, x_high);
-    const auto j = bin_of(sample.velocity_m_s, v_low, v_high);
-    Gathered& g = cells[{i, j}];
-    if (&g != last && last != nullptr) end_visit(*last);
-    last = &g;
-    const auto centre = [bins](std::size_t k, double low, double high) {
-      return low + (high - low) * (static_cast<double>(k) + 0.5) / static_cast<double>(bins);
-    };
-    g.cell.displacement_m = centre(i, x_low, x_high);
-    g.cell.velocity_m_s = centre(j, v_low, v_high);
-    g.sum += sample.mu;
-    g.square += sample.mu * sample.mu;
-    ++g.cell.samples;
-    g.now_sum += sample.mu;
-    ++g.now_count;
+    const auto i = x.of(sample.displacement_m);
+    const auto j = v.of(sample.velocity_m_s);
+    CellSums& sums = cells[{i, j}];
+    if (&sums != last && last != nullptr) last->end_visit();
+    last = &sums;
+    sums.cell.displacement_m = x.centre(i);
+    sums.cell.velocity_m_s = v.centre(j);
+    sums.add(sample.mu);
   }
-  if (last != nullptr) end_visit(*last);
+  if (last != nullptr) last->end_visit();
   std::vector<Cell> out;
-  for (auto& [at, g] : cells) {
-    const auto deviation = [](double sum, double square, double n) {
-      return n > 1.0 ? std::sqrt(std::max(0.0, (square - sum * sum / n) / (n - 1.0))) : 0.0;
-    };
-    const auto n = static_cast<double>(g.cell.samples);
-    const auto visits = static_cast<double>(g.cell.visits);
-    g.cell.mu = g.visit_sum / visits;
-    g.cell.scatter = deviation(g.sum, g.square, n);
-    g.cell.standard_error = visits > 1.0
-                                ? deviation(g.visit_sum, g.visit_square, visits) / std::sqrt(visits)
-                                : g.cell.scatter;
-    out.push_back(g.cell);
-  }
+  for (const auto& [at, sums] : cells) out.push_back(finished(sums));
   return out;
 }
 
@@ -299,34 +318,40 @@ void summarise(Reduction& out, double sliding_share) {
   out.sliding_mu = {quantile(sliding, 0.10), quantile(sliding, 0.90)};
 }
 
-}  // namespace
-
-Reduction reduce(const protocol::Recording& recording, const physics::Model& model,
-                 const Options& options) {
+void check_reducible(const protocol::Recording& recording, const physics::Model& model) {
   if (!model.load_cell) {
     refuse(recording.source,
-           "cannot be reduced with a model without [load_cell]: its mass stands in Eq. (1)");
+           "cannot be reduced with a model without [load_cell]: its mass enters Eq. (1)");
   }
   if (model.oscillator.excitation != physics::Excitation::base) {
     refuse(recording.source,
            "cannot be reduced with a model that is not driven by its base "
-           "(excitation = \"base\"): Eq. (1) takes the base's inertia away");
+           "(excitation = \"base\"): Eq. (1) subtracts the base's inertia");
   }
   const std::vector<Frame>& frames = recording.frames;
   for (const Channel channel : needed) {
     if (std::none_of(frames.begin(), frames.end(),
                      [&](const Frame& frame) { return frame.has(channel); })) {
       refuse(recording.source, "lacks the channel " + std::string(info(channel).column) +
-                                   ", which the coefficient of friction is made of");
+                                   ", which the coefficient of friction is computed from");
     }
   }
   if (frames.size() < 2) refuse(recording.source, "holds one sample: nothing to reduce");
-  const double period_s = protocol::median_period_s(frames);
-  const std::vector<Stretch> stretches = stretches_of(frames, period_s);
+}
+
+// The samples to reduce, and the stretch without gaps around them.
+struct Selection {
+  Stretch stretch;
+  std::size_t first = 0;
+  std::size_t count = 0;
+};
+
+Selection selection_of(const protocol::Recording& recording, const Options& options,
+                       double period_s) {
+  const std::vector<Stretch> stretches = stretches_of(recording.frames, period_s);
   const bool whole = options.method == Method::deconvolved;
   const std::size_t end = whole ? static_cast<std::size_t>(end_s / period_s) : 0;
-
-  // The stretch that holds the first sample that was asked for, or the longest.
+  // The stretch with the first sample asked for, or the longest.
   const auto chosen = options.first
                           ? std::find_if(stretches.begin(), stretches.end(),
                                          [&](const Stretch& s) { return s.end > *options.first; })
@@ -334,19 +359,33 @@ Reduction reduce(const protocol::Recording& recording, const physics::Model& mod
                                              [](const Stretch& a, const Stretch& b) {
                                                return a.length() < b.length();
                                              });
-  const Stretch stretch = chosen == stretches.end() ? Stretch{} : *chosen;
-  const std::size_t first = std::max(options.first.value_or(0), stretch.begin + end);
-  const std::size_t rest = stretch.end > first + end ? stretch.end - first - end : 0;
-  const std::size_t count = options.samples.value_or(whole ? rest : samples_of_the_paper);
-  constexpr std::size_t fewest = 32;
-  if (count < fewest || count > rest) {
-    refuse(recording.source, "offers " + std::to_string(rest) +
-                                 " samples in one piece from sample " + std::to_string(first) +
-                                 " on; expected " + std::to_string(std::max(count, fewest)) +
+  Selection out;
+  if (chosen != stretches.end()) out.stretch = *chosen;
+  out.first = std::max(options.first.value_or(0), out.stretch.begin + end);
+  const std::size_t available =
+      out.stretch.end > out.first + end ? out.stretch.end - out.first - end : 0;
+  out.count = options.samples.value_or(whole ? available : samples_of_the_paper);
+  if (out.count < fewest_samples || out.count > available) {
+    refuse(recording.source, "offers " + std::to_string(available) +
+                                 " samples without a gap from sample " + std::to_string(out.first) +
+                                 " on; expected " +
+                                 std::to_string(std::max(out.count, fewest_samples)) +
                                  ": record longer, or ask for fewer with --samples (at least " +
-                                 std::to_string(fewest) + ")");
+                                 std::to_string(fewest_samples) + ")");
   }
-  // What filters did is undone on the whole stretch: its ends are its worst part.
+  return out;
+}
+
+}  // namespace
+
+Reduction reduce(const protocol::Recording& recording, const physics::Model& model,
+                 const Options& options) {
+  check_reducible(recording, model);
+  const std::vector<Frame>& frames = recording.frames;
+  const double period_s = protocol::median_period_s(frames);
+  const auto [stretch, first, count] = selection_of(recording, options, period_s);
+  const bool whole = options.method == Method::deconvolved;
+  // Filters are inverted over the whole stretch: its ends are the least accurate part.
   const Stretch taken = whole ? stretch : Stretch{first, first + count};
   std::array<Values, channel_count> read;
   for (const Channel channel : needed) read[index_of(channel)] = column(recording, channel, taken);
@@ -369,8 +408,8 @@ Reduction reduce(const protocol::Recording& recording, const physics::Model& mod
     s.base_displacement_m = signals.base[i];
     s.friction_force_n = signals.force[i];
     s.normal_load_n = signals.load[i];
-    s.mu = s.normal_load_n > 0.05 * mean_load ? s.friction_force_n / s.normal_load_n
-                                              : std::numeric_limits<double>::quiet_NaN();
+    s.mu = s.normal_load_n > least_load * mean_load ? s.friction_force_n / s.normal_load_n
+                                                    : std::numeric_limits<double>::quiet_NaN();
     largest_force = std::max(largest_force, std::abs(s.friction_force_n));
     out.samples.push_back(s);
   }

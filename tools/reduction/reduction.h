@@ -1,5 +1,5 @@
-// From a recording to a coefficient of friction: section 3.4 of the paper as it was done, and as
-// one would do it today.
+// Reduction of a recording to a coefficient of friction, by the method of section 3.4 of the paper
+// and by deconvolution.
 #pragma once
 
 #include <cstddef>
@@ -13,28 +13,28 @@
 namespace stickslip::reduction {
 
 enum class Method : std::uint8_t {
-  /// As the paper: 800 samples as they were read, drift removed from friction force and input, Eq.
+  /// The paper's: 800 samples as they were read, drift removed from friction force and input, Eq.
   /// (1) with the drive's frequency, division by the normal load as it was read.
   paper,
-  /// As today: any length; the filters of all channels undone, the load cell's own equation instead
-  /// of Eq. (1). The first and the last tenth of a second are used, but not given: nothing is known
-  /// of what the filters held before and what they would have told after.
+  /// Any length; the filters of all channels inverted, the load cell's equation instead of Eq. (1).
+  /// The first and the last tenth of a second are used but not returned: the state of the filters
+  /// is unknown there.
   deconvolved,
 };
 
 struct Options {
   Method method = Method::deconvolved;
-  std::optional<std::size_t> samples;  ///< how many; absent: 800 (paper), else all
-  /// The sample of the recording to begin at; absent: the beginning of the longest stretch without
-  /// a gap in time or in a channel.
+  std::optional<std::size_t> samples;  ///< absent: 800 (paper), else all
+  /// First sample of the recording to use; absent: the first of the longest stretch without a gap
+  /// in time or in a channel.
   std::optional<std::size_t> first;
   std::optional<double> drive_hz;  ///< of Eq. (1); absent: the strongest tone of the base
   std::size_t bins = 24;           ///< of the surface, along each axis
-  /// The mass slides steadily where abs(v) is above this share of its largest value.
+  /// Steady sliding: abs(v) above this share of its largest value.
   double sliding_share = 0.5;
 };
 
-/// One sample on its way to a coefficient of friction.
+/// One sample with its coefficient of friction.
 struct Sample {
   double time_s = 0.0;
   double displacement_m = 0.0;
@@ -45,8 +45,8 @@ struct Sample {
   double mu = 0.0;  ///< not finite where the load is below a twentieth of its mean
 };
 
-/// One cell of the surface mu(x, v). Samples that follow one another share their state, so each
-/// visit counts once: the standard error is that of the mean over visits.
+/// One cell of the surface mu(x, v). Consecutive samples share their state, so each visit to the
+/// cell counts once: the standard error is that of the mean over visits.
 struct Cell {
   double displacement_m = 0.0;  ///< centre
   double velocity_m_s = 0.0;
@@ -54,7 +54,7 @@ struct Cell {
   std::size_t visits = 0;
   double mu = 0.0;              ///< mean over visits
   double scatter = 0.0;         ///< standard deviation over samples
-  double standard_error = 0.0;  ///< of the mean; the scatter itself where there was one visit
+  double standard_error = 0.0;  ///< of the mean; the scatter itself after a single visit
 };
 
 struct Range {
@@ -69,9 +69,9 @@ struct Reduction {
   std::vector<Cell> surface;  ///< cells with samples, by displacement, then velocity
   double drive_hz = 0.0;
   double inertia_share =
-      0.0;  ///< largest m_l b'' over the largest friction force: what Eq. (1) adds
+      0.0;  ///< largest m_l b'' over the largest friction force: the size of Eq. (1)'s correction
   Range normal_load_n;
-  Range sliding_mu;  ///< 10 % to 90 % of mu sign(v) while it slides steadily
+  Range sliding_mu;  ///< 10 % to 90 % quantiles of mu sign(v) in steady sliding
   /// Straight line N = load_n (1 + slope_per_m x) through the samples, and its share of the
   /// variance of N.
   double load_n = 0.0;
@@ -82,10 +82,10 @@ struct Reduction {
   double negative_friction = 0.0;
 };
 
-/// Reduces samples between which nothing is missing. Throws InputError where the recording lacks
-/// displacement_m, velocity_m_s, friction_force_n, normal_load_n or base_displacement_m, or holds
-/// fewer samples in one piece than are asked for, and where the model has no load cell or another
-/// excitation than its base.
+/// Reduces consecutive samples. Throws InputError where the recording lacks
+/// displacement_m, velocity_m_s, friction_force_n, normal_load_n or base_displacement_m, or has
+/// fewer consecutive samples than requested, and where the model has no load cell or is not driven
+/// by its base.
 Reduction reduce(const protocol::Recording& recording, const physics::Model& model,
                  const Options& options = {});
 
