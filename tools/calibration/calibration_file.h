@@ -1,4 +1,4 @@
-// A calibration file on disk, renewed.
+// Calibration files on disk.
 #pragma once
 
 #include <filesystem>
@@ -10,18 +10,17 @@
 
 namespace stickslip::calibration {
 
-/// The calibration that holds for the channel in that file; nothing where there is no such file, or
-/// no such channel in it. Throws InputError for a file that is not sound.
+/// The present calibration of the channel; none if the file or the channel does not exist. Throws
+/// InputError for an invalid file.
 std::optional<config::ChannelCalibration> calibration_before(const std::filesystem::path& file,
                                                              Channel channel);
 
-/// Replaces the file, in one step, by one in which the channel has the new calibration and the
-/// former one stands in its history. Throws InputError where the file is not sound or cannot be
-/// written.
+/// Atomically replaces the file by one in which the channel has the new calibration and the former
+/// one is part of its history. Throws InputError if the file is invalid or cannot be written.
 void renew_calibration(const std::filesystem::path& file, Channel channel,
                        const config::ChannelCalibration& made);
 
-/// Now, as calibration files have it: "2026-11-22T14:03:00Z".
+/// The present time in the format of calibration files: "2026-11-22T14:03:00Z".
 std::string now_utc();
 
 }  // namespace stickslip::calibration

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "physics/number_text.h"
 #include "tools/calibration/words.h"
 
 namespace stickslip::calibration {
@@ -14,8 +15,10 @@ namespace {
 
 constexpr double standard_gravity_m_s2 = 9.80665;
 // From equator to pole gravity lies between 9.780 and 9.832 m/s^2.
-constexpr double gravity_sigma_of_nowhere = (9.832 - 9.780) / 9.80665 / 3.4641;
-constexpr double wobble = 10.0;  // times the calmest reading
+constexpr double relative_gravity_sigma = (9.832 - 9.780) / 9.80665 / 3.4641;
+constexpr double unsteady = 10.0;  // standard deviation over the smallest of all readings
+
+std::string four_digits(double value) { return physics::number_text(value, 4); }
 
 std::string trimmed(std::string_view text) {
   const auto first = text.find_first_not_of(" \t\r\n");
@@ -23,7 +26,7 @@ std::string trimmed(std::string_view text) {
   return std::string(text.substr(first, text.find_last_not_of(" \t\r\n") - first + 1));
 }
 
-/// A finite number at the beginning of the text, which loses it.
+/// Removes a finite number from the beginning of the text.
 std::optional<double> take_number(std::string_view& text) {
   std::string_view rest = text;
   if (rest.starts_with('+')) rest.remove_prefix(1);
@@ -38,7 +41,7 @@ std::optional<double> take_number(std::string_view& text) {
 
 struct Unit {
   std::string_view name;
-  std::string_view of;  // unit of the channels that it fits
+  std::string_view of;  // unit of the channels it applies to
   double si;
   bool mass;
 };
@@ -55,7 +58,7 @@ constexpr std::array units = {Unit{"kg", "N", 1.0, true},
                               Unit{"m/s", "m/s", 1.0, false},
                               Unit{"mm/s", "m/s", 1.0e-3, false}};
 
-/// "200 g" or whatever fits the channel, for questions.
+/// Example values for questions, in units that fit the channel.
 const char* example_of(Channel channel) {
   const std::string_view unit = info(channel).unit;
   if (unit == "N") return "200 g, 0.2 kg or 1.5 N";
@@ -88,11 +91,11 @@ std::optional<KnownValue> known_value(std::string_view text, Channel channel, do
 Dialog::Dialog(DialogSettings settings) : settings_(std::move(settings)) {
   settings_.fit.unit = info(settings_.channel).unit;
   say("Calibration of " + std::string(info(settings_.channel).stem) + " with " +
-      things(settings_.channel) + ": the zero, then known values up and down again, and the zero " +
-      "once more. Readings are averaged over " + short_number(settings_.reading_s) +
-      " s; the rig has to be at rest, and channels that leak into this one at zero. `again N` "
-      "takes "
-      "point N anew, `list` shows what there is, `quit` ends without a change.");
+      things(settings_.channel) + ": the zero, then known values in ascending and descending " +
+      "order, and the zero once more. Readings are averaged over " +
+      four_digits(settings_.reading_s) +
+      " s; the rig must be at rest, and channels with crosstalk into this one at zero. `again N` "
+      "repeats point N, `list` shows the points, `quit` ends without a change.");
   if (settings_.before)
     say("Now: " + calibration_words(*settings_.before, settings_.channel) + ".");
   ask();
@@ -106,13 +109,13 @@ Dialog::Wants Dialog::wants() const {
 std::string Dialog::take_text() { return std::exchange(text_, {}); }
 
 std::string Dialog::value_text(double si) const {
-  return short_number(si) + " " + std::string(info(settings_.channel).unit);
+  return four_digits(si) + " " + std::string(info(settings_.channel).unit);
 }
 
 void Dialog::ask() {
   switch (step_) {
     case Step::reference:
-      say("Against what, e.g. \"weights set 12, class M1\"?");
+      say("Against what reference, e.g. \"weights set 12, class M1\"?");
       break;
     case Step::person:
       say("Who calibrates?");
@@ -123,37 +126,37 @@ void Dialog::ask() {
           ", or 0? (A tolerance is 1.7 of them.)");
       break;
     case Step::zero:
-      say("Take everything off, let it come to rest, then Enter.");
+      say("Remove all load, wait until it is at rest, then press Enter.");
       break;
     case Step::up:
-      say(std::string("Put the next on and type its value, e.g. ") + example_of(settings_.channel) +
-          "; Enter alone after the largest.");
+      say(std::string("Apply the next reference and type its value, e.g. ") +
+          example_of(settings_.channel) + "; Enter alone after the largest.");
       break;
     case Step::down:
-      say("On the way down: leave " + value_text(way_down_.back()) +
-          " on, then Enter (`skip` leaves it out).");
+      say("Descending: reduce to " + value_text(way_down_.back()) +
+          ", then press Enter (`skip` omits it).");
       break;
     case Step::last_zero:
-      say("Take everything off once more, then Enter.");
+      say("Remove all load once more, then press Enter.");
       break;
     case Step::again:
-      say("Point " + std::to_string(target_ + 1) + " anew: put " + value_text(target_si_) +
-          " on, then Enter.");
+      say("Point " + std::to_string(target_ + 1) + " again: apply " + value_text(target_si_) +
+          ", then press Enter.");
       break;
     case Step::review:
       say(fit_->acceptable() ? "`accept`, `again N` or `quit`?" : "`again N` or `quit`?");
       break;
     case Step::range:
-      say("In which range shall it hold, in " + std::string(info(settings_.channel).unit) +
-          "? Enter for where it was looked at, " + short_number(proposed_->valid->low) + " to " +
-          short_number(proposed_->valid->high) + ", or LOW HIGH.");
+      say("Valid range, in " + std::string(info(settings_.channel).unit) +
+          "? Enter for the range of the references, " + four_digits(proposed_->valid->low) +
+          " to " + four_digits(proposed_->valid->high) + ", or LOW HIGH.");
       break;
     case Step::over:
       break;
   }
 }
 
-/// Whether the line was one of those that every question knows.
+/// Handles the commands that every question accepts; true if the line was one.
 bool Dialog::command(const std::string& line) {
   if (line == "quit") {
     step_ = Step::over;
@@ -163,7 +166,7 @@ bool Dialog::command(const std::string& line) {
   if (line == "list") {
     for (std::size_t i = 0; i < points_.size(); ++i) {
       say("  " + std::to_string(i + 1) + "  " + value_text(points_[i].reference_si) + "  " +
-          short_number(points_[i].raw) + " +- " + short_number(points_[i].raw_std));
+          four_digits(points_[i].raw) + " +- " + four_digits(points_[i].raw_std));
     }
     if (points_.empty()) say("  no points yet");
     ask();
@@ -196,7 +199,7 @@ void Dialog::answer(std::string_view typed) {
   switch (step_) {
     case Step::reference:
       if (line.empty()) {
-        say("A calibration that does not say against what is none.");
+        say("A calibration needs a reference.");
       } else {
         reference_ = line;
         step_ = Step::person;
@@ -217,7 +220,7 @@ void Dialog::answer(std::string_view typed) {
         target_ = points_.size();
         read(0.0);
       } else {
-        say("Only Enter, `again N`, `list` or `quit` are understood here.");
+        say("Expected Enter, `again N`, `list` or `quit`.");
         ask();
       }
       break;
@@ -225,7 +228,7 @@ void Dialog::answer(std::string_view typed) {
       if (line.empty()) {
         read(target_si_);
       } else {
-        say("Only Enter, `again N`, `list` or `quit` are understood here.");
+        say("Expected Enter, `again N`, `list` or `quit`.");
         ask();
       }
       break;
@@ -288,11 +291,11 @@ void Dialog::begin_down() {
     if (point.reference_si != 0.0) way_down_.push_back(point.reference_si);
   }
   if (way_down_.size() < 2) {
-    say("Two values besides the zero are the fewest that can contradict a straight line.");
+    say("At least two values besides the zero are needed to test a straight line.");
     ask();
     return;
   }
-  way_down_.pop_back();  // the largest, which is on
+  way_down_.pop_back();  // the largest, which is applied now
   step_ = Step::down;
   ask();
 }
@@ -307,7 +310,7 @@ void Dialog::answer_down(const std::string& line) {
     way_down_.pop_back();
     if (way_down_.empty()) step_ = Step::last_zero;
   } else {
-    say("Only Enter, `skip`, `again N`, `list` or `quit` are understood here.");
+    say("Expected Enter, `skip`, `again N`, `list` or `quit`.");
   }
   ask();
 }
@@ -315,7 +318,7 @@ void Dialog::answer_down(const std::string& line) {
 void Dialog::read(double reference_si) {
   target_si_ = reference_si;
   reading_ = true;
-  say("Reading for " + short_number(settings_.reading_s) + " s ...");
+  say("Reading for " + four_digits(settings_.reading_s) + " s ...");
 }
 
 void Dialog::reading_failed(const std::string& why) {
@@ -329,7 +332,7 @@ void Dialog::offer(const Reading& reading) {
   if (wants() != Wants::reading) return;
   if (!std::isfinite(reading.mean) || !(reading.std >= 0.0) || !std::isfinite(reading.std) ||
       !(reading.n >= 1.0)) {
-    reading_failed("the channel did not say a number all the time");
+    reading_failed("the channel was not valid all the time");
     return;
   }
   reading_ = false;
@@ -345,15 +348,15 @@ void Dialog::offer(const Reading& reading) {
     points_.push_back(point);
   }
   say("Point " + std::to_string(target_ + 1) + ": " + value_text(target_si_) + " reads " +
-      short_number(point.raw) + " +- " + short_number(point.raw_std) +
+      four_digits(point.raw) + " +- " + four_digits(point.raw_std) +
       (settings_.raw_unit.empty() ? "" : " " + settings_.raw_unit));
-  if (calmest_std_ > 0.0 && reading.std > wobble * calmest_std_) {
-    say("It wobbled " + short_number(reading.std / calmest_std_) +
-        " times as much as the calmest: was it at rest? (`again " + std::to_string(target_ + 1) +
-        "`)");
+  if (smallest_std_ > 0.0 && reading.std > unsteady * smallest_std_) {
+    say("Its standard deviation is " + physics::number_text(reading.std / smallest_std_, 4) +
+        " times the smallest of all readings: was it at rest? (`again " +
+        std::to_string(target_ + 1) + "`)");
   }
   if (reading.std > 0.0) {
-    calmest_std_ = calmest_std_ > 0.0 ? std::min(calmest_std_, reading.std) : reading.std;
+    smallest_std_ = smallest_std_ > 0.0 ? std::min(smallest_std_, reading.std) : reading.std;
   }
   after_reading();
 }
@@ -372,7 +375,7 @@ void Dialog::after_reading() {
       return;
     case Step::again:
       step_ = back_;
-      // What was proposed was made of the point as it was.
+      // The proposal was computed from the previous value of the point.
       if (step_ == Step::review || step_ == Step::range) {
         review();
         return;
@@ -387,7 +390,7 @@ void Dialog::after_reading() {
 void Dialog::review() {
   FitOptions options = settings_.fit;
   if (by_mass_ && !settings_.gravity_m_s2) {
-    options.scale_sigma = std::hypot(options.scale_sigma, gravity_sigma_of_nowhere);
+    options.scale_sigma = std::hypot(options.scale_sigma, relative_gravity_sigma);
   }
   step_ = Step::review;
   fit_ = fit(points_, options);
@@ -409,7 +412,7 @@ void Dialog::answer_review(const std::string& line) {
   if (line == "accept" && proposed_) {
     step_ = Step::range;
   } else {
-    say(line == "accept" ? "It is refused for what stands above." : "That is not understood here.");
+    say(line == "accept" ? "It is refused for the reasons above." : "Unknown answer.");
   }
   ask();
 }

@@ -1,5 +1,5 @@
-// The talk with a person who calibrates a channel, without any input or output: it asks in text,
-// takes lines that a person typed and readings that the caller averaged.
+// The dialogue with a person who calibrates a channel, without I/O: it yields questions as text and
+// accepts typed lines and averaged readings.
 #pragma once
 
 #include <cstddef>
@@ -14,62 +14,62 @@
 
 namespace stickslip::calibration {
 
-/// Raw values over some seconds at rest.
+/// Raw values averaged over some seconds at rest.
 struct Reading {
   double mean = 0.0;
   double std = 0.0;  ///< of single values
-  /// How many of them were independent, 1 or more. Filtered values are not: where every value is
-  /// like the ten before it, a tenth of their number.
+  /// Number of independent values, 1 or more; smaller than the number of values if they are
+  /// filtered.
   double n = 1.0;
 };
 
 struct DialogSettings {
   Channel channel = Channel::friction_force;
-  std::string raw_unit;    ///< as the driver names it; empty: not known
+  std::string raw_unit;    ///< as the driver names it; empty: unknown
   std::string date;        ///< of the new calibration, ISO 8601
-  double reading_s = 5.0;  ///< how long readings are averaged, for the text
-  /// Local gravity, which makes masses forces. Absent: standard gravity, and as nobody said where
-  /// on Earth it is, a gain that is known to 0.15 % at best.
+  double reading_s = 5.0;  ///< averaging time of a reading, for the text
+  /// Local gravity, which converts masses to forces. Absent: standard gravity with the standard
+  /// deviation of gravity over the Earth, so the gain is known to 0.15 % at best.
   std::optional<double> gravity_m_s2;
-  std::optional<config::ChannelCalibration> before;  ///< what holds now
-  FitOptions fit;  ///< its unit and what references have in common are set here
+  std::optional<config::ChannelCalibration> before;  ///< the present calibration
+  FitOptions fit;  ///< its unit and scale_sigma are set by the dialogue
 };
 
-/// A known value as a person types it: "200 g", "0.2 kg", "-1.5 N", "10 mm", "250 um", "0".
+/// A typed reference value: "200 g", "0.2 kg", "-1.5 N", "10 mm", "250 um", "0".
 struct KnownValue {
   double si = 0.0;
-  bool by_mass = false;  ///< it took gravity to make it a force
+  bool by_mass = false;  ///< converted from a mass
 };
 
-/// Nothing where the text is no number with a unit that fits the channel.
+/// None if the text is not a number with a unit that fits the channel.
 std::optional<KnownValue> known_value(std::string_view text, Channel channel, double gravity_m_s2);
 
 class Dialog {
  public:
   enum class Wants {
-    answer,   ///< a line that a person types
+    answer,   ///< a typed line
     reading,  ///< raw values, averaged from now on
-    nothing,  ///< it is over
+    nothing,  ///< finished
   };
 
   explicit Dialog(DialogSettings settings);
 
   Wants wants() const;
 
-  /// What is to be shown since the last call; ends with a question while an answer is wanted.
+  /// The text since the last call; ends with a question while an answer is wanted.
   std::string take_text();
 
-  /// While an answer is wanted. In every question `quit` ends without a change, `again N` takes
-  /// point N anew, `list` shows the points.
+  /// To be called while an answer is wanted. Every question accepts `quit` (end without a change),
+  /// `again N` (repeat point N) and `list` (show the points).
   void answer(std::string_view line);
 
-  /// While a reading is wanted.
+  /// To be called while a reading is wanted.
   void offer(const Reading& reading);
 
-  /// While a reading is wanted and there is none: why, as a sentence.
+  /// To be called while a reading is wanted and none is available; `why` is a sentence.
   void reading_failed(const std::string& why);
 
-  /// What was accepted, once it is over; nothing where the person quit.
+  /// The accepted calibration once finished; none if the person quit.
   const std::optional<config::ChannelCalibration>& result() const { return result_; }
 
   const std::vector<Point>& points() const { return points_; }
@@ -105,7 +105,7 @@ class Dialog {
 
   DialogSettings settings_;
   Step step_ = Step::reference;
-  Step back_ = Step::reference;  // where `again` returns to
+  Step back_ = Step::reference;  // the step to which `again` returns
   bool reading_ = false;
   std::string text_;
   std::string reference_;
@@ -113,11 +113,11 @@ class Dialog {
   double absolute_sigma_ = 0.0;  // of each reference, SI
   double relative_sigma_ = 0.0;
   bool by_mass_ = false;
-  std::size_t target_ = 0;  // the point that the reading is for
+  std::size_t target_ = 0;  // index of the point being read
   double target_si_ = 0.0;
   std::vector<Point> points_;
-  std::vector<double> way_down_;  // last is next
-  double calmest_std_ = 0.0;
+  std::vector<double> way_down_;  // remaining references, the next one last
+  double smallest_std_ = 0.0;
   std::optional<LineFit> fit_;
   std::optional<config::ChannelCalibration> proposed_;
   std::optional<config::ChannelCalibration> result_;

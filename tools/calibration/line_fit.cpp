@@ -1,5 +1,4 @@
 #include "tools/calibration/line_fit.h"
-#include "physics/number_text.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -10,6 +9,7 @@
 #include <set>
 #include <utility>
 
+#include "physics/number_text.h"
 #include "tools/calibration/significance.h"
 
 namespace stickslip::calibration {
@@ -26,7 +26,7 @@ constexpr double outlier_below = 0.01;  // p-value, for as many points as there 
 
 std::string percent(double share) { return physics::number_text(100.0 * share, 4) + " %"; }
 
-// Points on a scale on which both readings and references lie within -1 to 1.
+// Points scaled so that readings and references lie within -1 to 1.
 struct Scaled {
   double raw_middle = 0.0;
   double raw_half = 1.0;
@@ -43,7 +43,7 @@ struct Line {
   double slope = 0.0;
   MatrixXd weight;      // inverse covariance of the residuals
   VectorXd residual;    // of the readings
-  MatrixXd directions;  // columns: 1, the references as far as they can be told
+  MatrixXd directions;  // columns: 1, the adjusted references
   Eigen::Matrix2d covariance;
   double chi2 = 0.0;
 };
@@ -59,7 +59,7 @@ Scaled scaled(std::span<const Point> points, bool weighted) {
     out.reading[i] = points[static_cast<std::size_t>(i)].raw;
     out.reference[i] = points[static_cast<std::size_t>(i)].reference_si;
   }
-  // Halves first: the sum of the largest numbers is none.
+  // Halved first: the sum of very large numbers would overflow.
   out.raw_middle = 0.5 * out.reading.maxCoeff() + 0.5 * out.reading.minCoeff();
   out.raw_half = 0.5 * out.reading.maxCoeff() - 0.5 * out.reading.minCoeff();
   out.reference_middle = 0.5 * out.reference.maxCoeff() + 0.5 * out.reference.minCoeff();
@@ -80,16 +80,15 @@ Scaled scaled(std::span<const Point> points, bool weighted) {
   return out;
 }
 
-/// York's solution: at the minimum of chi-squared, the references as they probably were take the
-/// place of the references as they were told.
+/// York's solution: at the minimum of chi-squared the adjusted references replace the stated ones.
 std::optional<Line> solve(const Scaled& points) {
   const Index n = points.reading.size();
   Line line;
   const VectorXd u = points.reference.array() - points.reference.mean();
   line.slope = u.dot(points.reading) / u.squaredNorm();
   line.at_middle = points.reading.mean() - line.slope * points.reference.mean();
-  MatrixXd told(n, 2);
-  told << VectorXd::Ones(n), points.reference;
+  MatrixXd stated(n, 2);
+  stated << VectorXd::Ones(n), points.reference;
   constexpr int most = 200;
   for (int i = 0; i < most; ++i) {
     MatrixXd covariance = line.slope * line.slope * points.reference_covariance;
@@ -98,10 +97,10 @@ std::optional<Line> solve(const Scaled& points) {
     line.weight = solver.solve(MatrixXd::Identity(n, n));
     line.residual = points.reading.array() - line.at_middle - line.slope * points.reference.array();
     const VectorXd pull = line.weight * line.residual;
-    line.directions = told;
+    line.directions = stated;
     line.directions.col(1) += line.slope * points.reference_covariance * pull;
     const MatrixXd left = line.directions.transpose() * line.weight;
-    const Eigen::Vector2d next = (left * told).fullPivLu().solve(left * points.reading);
+    const Eigen::Vector2d next = (left * stated).fullPivLu().solve(left * points.reading);
     if (!next.allFinite()) return std::nullopt;
     const double change = std::abs(next[0] - line.at_middle) + std::abs(next[1] - line.slope);
     line.at_middle = next[0];
@@ -115,9 +114,9 @@ std::optional<Line> solve(const Scaled& points) {
   return line;
 }
 
-/// The p-value of a deviation of so many standard deviations, each of them wrong by the root of
-/// `excess` (chi-squared per degree of freedom of what remains) where that is above 1 or, without
-/// weights, whatever it is.
+/// The p-value of a deviation in standard deviations, which are first scaled by the root of
+/// `excess` (chi-squared per degree of freedom of the residuals) if that is above 1 or there are no
+/// weights.
 double p_value_of(double deviations, double excess, int degrees_of_freedom, bool weighted) {
   if (deviations == 0.0) return 1.0;
   if (!std::isfinite(deviations)) return 0.0;
@@ -175,8 +174,7 @@ struct Mean {
   double variance() const { return variance_sum / count / count; }
 };
 
-/// How much less the sensor reads on the way up than on the way down, at references between the
-/// outermost ones.
+/// Difference of descending and ascending readings at the inner references.
 std::optional<Finding> hysteresis_of(std::span<const Point> points,
                                      const std::vector<bool>& falling, double raw_span,
                                      bool weighted) {
@@ -213,7 +211,7 @@ std::optional<Finding> hysteresis_of(std::span<const Point> points,
                                                 left > 0 ? chi2 / left : 0.0, left, weighted)};
 }
 
-/// First against last reading of the reference nearest to 0.
+/// Last minus first reading of the reference nearest to 0.
 std::optional<Finding> zero_drift_of(std::span<const Point> points, double raw_span,
                                      std::optional<double> unweighted_variance,
                                      int degrees_of_freedom) {
@@ -276,8 +274,8 @@ class Fit {
     const auto line = solve(on_scale);
     if (!line || std::abs(line->slope) < 1.0e-9) {
       object(Reason::no_span,
-             "the readings do not follow the references: look at the wiring, and whether this is "
-             "the right channel");
+             "the readings do not follow the references: check the wiring, and that this is the "
+             "right channel");
       return out_;
     }
     out_.solved = true;
@@ -285,7 +283,7 @@ class Fit {
     unscale(*line, on_scale);
     spread();
     each_point(*line);
-    look_for_deviations(*line, on_scale);
+    test_deviations(*line, on_scale);
     object_to_deviations();
     give_hints();
     return out_;
@@ -309,8 +307,8 @@ class Fit {
       if (finite && point.raw_std >= 0.0 && point.reference_sigma >= 0.0) continue;
       object(Reason::unusable_point,
              name(i) +
-                 " is no reading: its numbers have to be finite and its uncertainties 0 or "
-                 "more; take it again");
+                 " is not a reading: its numbers must be finite and its uncertainties 0 or "
+                 "more; repeat it");
       return false;
     }
     const std::size_t references = references_of(points_).size();
@@ -324,8 +322,7 @@ class Fit {
     if (references < least) {
       object(Reason::too_few_points,
              "there are " + std::to_string(references) +
-                 " different references, and three are the fewest that can contradict a straight "
-                 "line: take more");
+                 " different references; testing a straight line takes three: take more");
       return false;
     }
     const auto [low, high] =
@@ -333,8 +330,8 @@ class Fit {
                             [](const Point& a, const Point& b) { return a.raw < b.raw; });
     if (low->raw == high->raw) {
       object(Reason::no_span,
-             "all readings are the same, whatever the reference: look at the wiring, and whether "
-             "this is the right channel");
+             "all readings are the same, whatever the reference: check the wiring, and that this "
+             "is the right channel");
       return false;
     }
     return true;
@@ -347,7 +344,7 @@ class Fit {
     out_.gain = 1.0 / sensitivity;
     out_.degrees_of_freedom = static_cast<int>(points_.size()) - 2;
     const double wide = widening(line);
-    // Offset and gain by the line's value in the middle and its slope.
+    // Derivatives of offset and gain by the value of the line in the middle and its slope.
     Eigen::Matrix2d by;
     by << on_scale.raw_half, -on_scale.raw_half * arm, 0.0,
         -out_.gain * out_.gain * on_scale.raw_half / on_scale.reference_half;
@@ -356,7 +353,7 @@ class Fit {
                        covariance(1, 1) + std::pow(out_.gain * options_.scale_sigma, 2)};
   }
 
-  /// What the covariance is multiplied by.
+  /// Factor on the covariance.
   double widening(const Line& line) {
     const int left = out_.degrees_of_freedom;
     if (left <= 0) return out_.weighted ? 1.0 : 0.0;
@@ -403,7 +400,7 @@ class Fit {
     chi2_ = line.chi2;
   }
 
-  void look_for_deviations(const Line& line, const Scaled& on_scale) {
+  void test_deviations(const Line& line, const Scaled& on_scale) {
     const std::vector<bool> falling = falling_in(points_);
     const int left = out_.degrees_of_freedom;
     out_.curvature = curvature_of(line, on_scale, out_.weighted);
@@ -427,47 +424,47 @@ class Fit {
         out_.residual_std > options_.accuracy * span_si) {
       object(Reason::scatter,
              "the points lie " + physics::number_text(out_.residual_std, 4) + " " + options_.unit +
-                 " about the line, and their uncertainties allow less (chi-squared per degree of "
+                 " from the line, more than their uncertainties explain (chi-squared per degree of "
                  "freedom " +
                  physics::number_text(*out_.chi2_per_dof, 4) + "): " + blamed());
     }
     if (matters(out_.curvature)) {
       object(Reason::curvature,
              "the readings bend by " + percent(out_.curvature->share) +
-                 " of their span: calibrate a smaller range, or look for a stop, a clipping "
-                 "amplifier or a load that is not along the axis");
+                 " of their span: calibrate a smaller range, or check for a stop, a clipping "
+                 "amplifier or an off-axis load");
     }
     if (matters(out_.hysteresis)) {
       object(
           Reason::hysteresis,
-          "up and down differ by " + percent(out_.hysteresis->share) +
-              " of the span: look for friction in the fixture and screws that are not tight, and "
-              "wait longer before each reading");
+          "ascending and descending readings differ by " + percent(out_.hysteresis->share) +
+              " of the span: check for friction in the fixture and loose screws, and wait longer "
+              "before each reading");
     }
     if (matters(out_.zero_drift)) {
       object(
           Reason::zero_drift,
           "the zero moved by " + percent(out_.zero_drift->share) +
-              " of the span from first to last: let it warm up, see that nothing touches it, and "
-              "take all points again");
+              " of the span from first to last: let it warm up, check that nothing touches it, and "
+              "repeat all points");
     }
     const double relative = std::sqrt(out_.covariance.gain) / std::abs(out_.gain);
     if (!(relative <= options_.largest_gain_sigma)) {
       object(Reason::gain_uncertain,
-             "the gain is known to " + percent(relative) + ", and " +
+             "the gain is known to " + percent(relative) + "; " +
                  percent(options_.largest_gain_sigma) +
-                 " are wanted: take references that lie further apart, or average longer");
+                 " is required: use references further apart, or average longer");
     }
   }
 
   std::string blamed() const {
     const auto apart = outlier();
-    if (!apart) return "take longer readings of a rig at rest, and look at the fixture";
+    if (!apart) return "take longer readings of a rig at rest, and check the fixture";
     return name(*apart) + " makes up " + percent(out_.points[*apart].chi2_share / chi2_) +
-           " of it: take that one again";
+           " of it: repeat that one";
   }
 
-  /// The point without which the rest is a straight line.
+  /// The point without which the others are consistent with a line.
   std::optional<std::size_t> outlier() const {
     const int left = out_.degrees_of_freedom;
     if (left < 2 || chi2_ <= 0.0) return std::nullopt;
@@ -483,18 +480,18 @@ class Fit {
 
   void give_hints() {
     if (const auto apart = outlier()) {
-      out_.hints.push_back(name(*apart) + " stands apart by " +
+      out_.hints.push_back(name(*apart) + " is an outlier by " +
                            physics::number_text(out_.points[*apart].residual_si, 4) + " " +
-                           options_.unit + ": was it the right one, and at rest?");
+                           options_.unit + ": was it the right reference, at rest?");
     }
     for (std::size_t i = 0; i < points_.size(); ++i) {
       if (points_.size() > 3 && out_.points[i].leverage > nearly_all_leverage) {
-        out_.hints.push_back(name(i) + " decides the line alone: take another near it");
+        out_.hints.push_back(name(i) + " determines the line alone: add another near it");
       }
     }
     if (!out_.weighted) {
       out_.hints.emplace_back(
-          "not every reading came with a standard deviation: all were weighted alike");
+          "not every reading has a standard deviation: all have the same weight");
     }
   }
 

@@ -43,7 +43,7 @@ std::vector<std::string_view> cells_of(std::string_view line) {
   }
 }
 
-/// Text out of a file as a message can show it.
+/// Text of a file, made printable for a message.
 std::string shown(std::string_view text) {
   constexpr std::size_t longest = 40;
   std::string out;
@@ -86,7 +86,7 @@ std::vector<config::CalibrationPoint> parse_points(std::string_view text, const 
           throw refuse("unknown column \"" + shown(cell) + "\": " + expected_columns);
         }
         for (const Column* other : header) {
-          if (other == known) throw refuse("the column " + shown(cell) + " stands twice");
+          if (other == known) throw refuse("the column " + shown(cell) + " appears twice");
         }
         header.push_back(known);
       }

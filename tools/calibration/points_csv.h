@@ -1,4 +1,4 @@
-// Points of a calibration as a table.
+// Calibration points as CSV.
 #pragma once
 
 #include <string>
@@ -9,9 +9,9 @@
 
 namespace stickslip::calibration {
 
-/// Reads CSV with a header of the columns raw and reference_si and, where they are known, raw_std
-/// and reference_sigma, in any order; lines that start with '#' are comments. Throws InputError,
-/// naming `name` and the line, for what is wrong.
+/// Reads CSV with a header of the columns raw and reference_si and optionally raw_std
+/// and reference_sigma, in any order; lines starting with '#' are comments. Throws InputError with
+/// `name` and the line.
 std::vector<config::CalibrationPoint> parse_points(std::string_view text, const std::string& name);
 
 }  // namespace stickslip::calibration

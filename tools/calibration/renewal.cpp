@@ -12,15 +12,15 @@ std::string renewed(const std::string& text, const std::string& name, Channel ch
   if (!text.empty()) file = config::parse_calibration(text, name);
   config::renew(file, channel, calibration, name);
   std::string out = config::calibration_text(file);
-  constexpr std::size_t largest_file = 1U << 20U;  // what a configuration file may be
+  constexpr std::size_t largest_file = 1U << 20U;  // limit of configuration files
   if (out.size() > largest_file) {
     throw InputError(
         Problem{name, 0, 0,
-                "would be larger than 1 MiB: move the oldest [[history]] tables into a "
-                "file of their own"});
+                "would be larger than 1 MiB: move the oldest [[history]] tables into another "
+                "file"});
   }
   if (config::parse_calibration(out, name) != file) {
-    throw std::runtime_error(name + ": does not read back as it was meant");
+    throw std::runtime_error(name + ": does not read back identically");
   }
   return out;
 }

@@ -1,4 +1,4 @@
-// A calibration file with a new calibration in it.
+// Insertion of a new calibration into a calibration file.
 #pragma once
 
 #include <string>
@@ -8,10 +8,9 @@
 
 namespace stickslip::calibration {
 
-/// The text of the file `name` once the channel has the new calibration and the former one stands
-/// in its history; `text` is what the file holds now, empty where there is none. What comes back
-/// has been read again. Throws InputError where the old or the new text is no sound calibration
-/// file.
+/// The text of the file `name` with the new calibration of the channel, and the former one in its
+/// history. `text` is the present content, empty if there is no file. The result has been parsed
+/// again. Throws InputError if the old or the new text is not a valid calibration file.
 std::string renewed(const std::string& text, const std::string& name, Channel channel,
                     const config::ChannelCalibration& calibration);
 

@@ -1,9 +1,9 @@
 #include "tools/calibration/words.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
+
+#include "physics/number_text.h"
 
 namespace stickslip::calibration {
 
@@ -14,15 +14,11 @@ std::string padded(std::string text, std::size_t width) {
   return text;
 }
 
-std::string long_number(double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.7g", value);
-  return text.data();
-}
+std::string long_number(double value) { return physics::number_text(value, 7); }
 
 std::string percent(double share) { return short_number(100.0 * share) + " %"; }
 
-/// "value +- sigma unit (0.1 %)"; without the sigma where nobody knows it.
+/// "value +- sigma unit (0.1 %)"; without an unknown sigma.
 std::string with_sigma(double value, double sigma, const std::string& unit, bool relative) {
   std::string text = long_number(value);
   if (sigma > 0.0) text += " +- " + short_number(sigma);
@@ -46,18 +42,13 @@ void say(std::string& out, const char* what, const std::string& text) {
 
 void say(std::string& out, const char* what, const std::optional<Finding>& finding) {
   say(out, what,
-      finding ? percent(finding->share) +
-                    " of the span, by chance with p = " + short_number(finding->p_value)
-              : std::string("these points cannot tell"));
+      finding ? percent(finding->share) + " of the span, p = " + short_number(finding->p_value)
+              : std::string("not testable with these points"));
 }
 
 }  // namespace
 
-std::string short_number(double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.4g", value);
-  return text.data();
-}
+std::string short_number(double value) { return physics::number_text(value, 4); }
 
 std::string fit_text(const LineFit& fit, std::span<const Point> points, Channel channel,
                      const std::string& raw_unit) {
@@ -75,8 +66,8 @@ std::string fit_text(const LineFit& fit, std::span<const Point> points, Channel 
     say(out, "gain",
         with_sigma(fit.gain, std::sqrt(fit.covariance.gain), per(unit, raw_unit), true));
     say(out, "95 % within",
-        short_number(fit.coverage_95) + " of these standard uncertainties" +
-            (fit.scaled ? ", which were widened to the scatter that was found" : ""));
+        short_number(fit.coverage_95) + " standard uncertainties" +
+            (fit.scaled ? ", which are scaled by the observed scatter" : ""));
     say(out, "residuals",
         short_number(fit.residual_std) + " " + unit +
             (fit.chi2_per_dof
@@ -88,7 +79,7 @@ std::string fit_text(const LineFit& fit, std::span<const Point> points, Channel 
     say(out, "zero drift", fit.zero_drift);
     say(out, "repeatability",
         fit.repeatability_si ? short_number(*fit.repeatability_si) + " " + unit
-                             : std::string("these points cannot tell"));
+                             : std::string("not testable with these points"));
   }
   for (const std::string& hint : fit.hints) say(out, "hint", hint);
   for (const Objection& each : fit.objections) say(out, "REFUSED", each.sentence);

@@ -1,4 +1,4 @@
-// Calibrations and fits as a person reads them.
+// Calibrations and fits as text.
 #pragma once
 
 #include <optional>
@@ -14,13 +14,12 @@ namespace stickslip::calibration {
 /// A number with four significant digits.
 std::string short_number(double value);
 
-/// The points one a line, the line with its uncertainties, and what was looked for; ends with what
-/// speaks against it, if anything does.
+/// The points, one per line, the fitted line with its uncertainties, and the tests; ends with the
+/// objections, if any.
 std::string fit_text(const LineFit& fit, std::span<const Point> points, Channel channel,
                      const std::string& raw_unit);
 
-/// What changes: offset, gain and the largest difference over the points, with uncertainties;
-/// `before` absent: there was none.
+/// The change: offset, gain and the largest difference over the points, with uncertainties.
 std::string change_text(const std::optional<config::ChannelCalibration>& before,
                         const config::ChannelCalibration& after, Channel channel);
 

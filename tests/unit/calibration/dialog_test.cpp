@@ -28,7 +28,7 @@ DialogSettings settings() {
   return out;
 }
 
-/// A person and a sensor at the other end.
+/// A simulated person and sensor.
 class Talk {
  public:
   explicit Talk(DialogSettings settings) : dialog(std::move(settings)) {}
@@ -39,7 +39,7 @@ class Talk {
     return dialog.take_text();
   }
 
-  /// What the person types, and then the sensor reads that force.
+  /// Types a line, then lets the sensor read that force.
   std::string measure(const std::string& line, double force_n) {
     std::string text = type(line);
     EXPECT_EQ(dialog.wants(), Wants::reading) << line;
@@ -53,7 +53,7 @@ class Talk {
     type("5 mg");
   }
 
-  /// Up to the review; the reading at 200 g on the way down is off by so much.
+  /// Up to the review, with an error of the descending reading at 200 g.
   std::string whole(double error_n = 0.0) {
     introduce();
     measure("", 0.0);
@@ -90,7 +90,7 @@ TEST(KnownValue, IsANumberWithAUnitOfTheChannel) {
   EXPECT_FALSE(known_value("1 g", Channel::base_displacement, 10.0));
 }
 
-TEST(Dialog, LeadsToACalibration) {
+TEST(Dialog, YieldsACalibration) {
   Talk talk(settings());
   EXPECT_THAT(talk.dialog.take_text(), HasSubstr("Against what"));
   const std::string review = talk.whole();
@@ -114,13 +114,13 @@ TEST(Dialog, LeadsToACalibration) {
   EXPECT_EQ(got.points[0].reference_sigma, 0.0) << "nothing weighs exactly nothing";
 }
 
-TEST(Dialog, RefusesABadFitUntilThePointIsTakenAgain) {
+TEST(Dialog, RejectsABadFitUntilThePointIsRepeated) {
   Talk talk(settings());
   const std::string review = talk.whole(0.05);
   EXPECT_THAT(review, HasSubstr("REFUSED"));
   EXPECT_THAT(review, HasSubstr("point 5 (1.962 N)"));
   EXPECT_THAT(talk.type("accept"), HasSubstr("refused"));
-  EXPECT_THAT(talk.type("again 5"), HasSubstr("put 1.962 N on"));
+  EXPECT_THAT(talk.type("again 5"), HasSubstr("apply 1.962 N"));
   EXPECT_THAT(talk.measure("", 0.2 * gravity), HasSubstr("`accept`"));
   talk.type("accept");
   talk.type("");
@@ -129,7 +129,7 @@ TEST(Dialog, RefusesABadFitUntilThePointIsTakenAgain) {
   EXPECT_TRUE(talk.dialog.result()->despite.empty());
 }
 
-TEST(Dialog, CanBeLeftAnywhereWithoutAChange) {
+TEST(Dialog, QuitsAtAnyStepWithoutAChange) {
   for (int answers = 0; answers < 6; ++answers) {
     Talk talk(settings());
     const std::vector<std::string> lines = {"weights", "me", "0", "", "100 g"};
@@ -143,7 +143,7 @@ TEST(Dialog, CanBeLeftAnywhereWithoutAChange) {
   }
 }
 
-TEST(Dialog, AsksAgainWhereItDoesNotUnderstand) {
+TEST(Dialog, RepeatsTheQuestionAfterAnInvalidAnswer) {
   Talk talk(settings());
   EXPECT_THAT(talk.type(""), HasSubstr("Against what"));
   EXPECT_THAT(talk.type("again 1"), HasSubstr("no points yet"));
@@ -152,7 +152,7 @@ TEST(Dialog, AsksAgainWhereItDoesNotUnderstand) {
   EXPECT_THAT(talk.type("a little"), HasSubstr("found \"a little\""));
   EXPECT_THAT(talk.type("-1 g"), HasSubstr("Expected a share"));
   talk.type("0.01 %");
-  EXPECT_THAT(talk.type("200 g"), HasSubstr("Take everything off"));
+  EXPECT_THAT(talk.type("200 g"), HasSubstr("Remove all load"));
   talk.measure("", 0.0);
   EXPECT_THAT(talk.type("200"), HasSubstr("number with its unit"));
   EXPECT_THAT(talk.type(""), HasSubstr("Two values besides the zero"));
@@ -161,7 +161,7 @@ TEST(Dialog, AsksAgainWhereItDoesNotUnderstand) {
   EXPECT_EQ(talk.dialog.points().size(), 1U);
 }
 
-TEST(Dialog, AReadingThatFailsIsAskedForAgain) {
+TEST(Dialog, RepeatsAFailedReading) {
   Talk talk(settings());
   talk.introduce();
   talk.type("");
@@ -173,13 +173,13 @@ TEST(Dialog, AReadingThatFailsIsAskedForAgain) {
   EXPECT_TRUE(talk.dialog.points().empty());
   talk.measure("", 0.0);
   EXPECT_EQ(talk.dialog.points().size(), 1U);
-  // One that wobbles is told.
+  // An unsteady reading is reported.
   talk.type("1 N");
   talk.dialog.offer({1e-3, 1e-5, 100.0});
-  EXPECT_THAT(talk.dialog.take_text(), HasSubstr("wobbled 100 times"));
+  EXPECT_THAT(talk.dialog.take_text(), HasSubstr("standard deviation is 100 times"));
 }
 
-TEST(Dialog, GravityThatNobodyToldMakesTheGainUncertain) {
+TEST(Dialog, UnknownGravityMakesTheGainUncertain) {
   DialogSettings nowhere = settings();
   nowhere.gravity_m_s2.reset();
   Talk talk(nowhere);
@@ -197,7 +197,7 @@ TEST(Dialog, GravityThatNobodyToldMakesTheGainUncertain) {
   EXPECT_NEAR(std::sqrt(talk.dialog.result()->covariance.gain) / gain, 0.0015, 1e-4);
 }
 
-TEST(Dialog, ShowsWhatChangesAndKeepsTheCrosstalk) {
+TEST(Dialog, ShowsTheChangeAndKeepsTheCrosstalk) {
   DialogSettings again = settings();
   again.before = config::ChannelCalibration{offset, 1.01 * gain};
   again.before->crosstalk[index_of(Channel::normal_load)] = 0.012;
@@ -210,7 +210,7 @@ TEST(Dialog, ShowsWhatChangesAndKeepsTheCrosstalk) {
   EXPECT_EQ(talk.dialog.result()->crosstalk, again.before->crosstalk);
 }
 
-TEST(Renewal, PutsTheFormerOneIntoTheHistory) {
+TEST(Renewal, KeepsTheFormerCalibrationInTheHistory) {
   config::ChannelCalibration first;
   first.gain = 2.0;
   first.date = "2026-01-01";

@@ -14,10 +14,10 @@ namespace {
 constexpr double true_offset = 3.2e-5;
 constexpr double true_gain = 2100.0;
 
-/// Up and down again, the zero at both ends [N].
+/// Ascending, then descending, zero at both ends [N].
 const std::vector<double> cycle = {0.0, 0.5, 1.0, 1.5, 2.0, 1.5, 1.0, 0.5, 0.0};
 
-/// Readings of a true sensor.
+/// Readings of an ideal sensor.
 std::vector<Point> exact(const std::vector<double>& references, double raw_std = 0.0,
                          double reference_sigma = 0.0) {
   std::vector<Point> out;
@@ -28,7 +28,7 @@ std::vector<Point> exact(const std::vector<double>& references, double raw_std =
   return out;
 }
 
-/// The same with the noise that they declare; an equal reference is the same weight.
+/// The same with the declared noise; equal references share their error.
 std::vector<Point> noisy(std::vector<Point> points, std::mt19937_64& random) {
   std::normal_distribution<double> normal;
   std::map<double, double> error;
@@ -60,9 +60,9 @@ TEST(LineFit, FindsAnExactLine) {
   }
 }
 
-// What a line is and how sure it is, over many calibrations of the same sensor.
+// Statistics over many calibrations of the same sensor.
 struct Coverage {
-  double offset = 0.0;  // share of 95 % intervals that hold the truth
+  double offset = 0.0;  // coverage of the 95 % intervals
   double gain = 0.0;
   double mahalanobis = 0.0;  // mean; 2 for a true covariance
   double offset_bias = 0.0;  // of the mean, in standard errors
@@ -111,11 +111,11 @@ Coverage coverage_of(const std::vector<Point>& declared, bool tell_std, const Fi
   return out;
 }
 
-constexpr double told_accuracy = 0.0;  // nothing is too small to be held against the points
+constexpr double no_tolerance = 0.0;  // every significant deviation is an objection
 
 TEST(LineFitCoverage, IntervalsHoldTheTruthIn95Percent) {
   FitOptions options;
-  options.accuracy = told_accuracy;
+  options.accuracy = no_tolerance;
   const Coverage got = coverage_of(exact(cycle, 2e-7, 4e-4), true, options);
   // 2000 rounds: a standard deviation of 0.5 %. Widening in one of twenty adds a little.
   EXPECT_NEAR(got.offset, 0.952, 0.016);
@@ -128,9 +128,9 @@ TEST(LineFitCoverage, IntervalsHoldTheTruthIn95Percent) {
   EXPECT_GT(got.refused, 0.0005);
 }
 
-TEST(LineFitCoverage, AlsoWhereTheReferencesAreTheWorse) {
+TEST(LineFitCoverage, HoldsIfReferencesDominateTheError) {
   FitOptions options;
-  options.accuracy = told_accuracy;
+  options.accuracy = no_tolerance;
   const Coverage got =
       coverage_of(exact({0.0, 0.4, 0.8, 1.2, 1.6, 2.0}, 1e-7, 0.02), true, options);
   EXPECT_NEAR(got.offset, 0.952, 0.016);
@@ -139,15 +139,15 @@ TEST(LineFitCoverage, AlsoWhereTheReferencesAreTheWorse) {
   EXPECT_LT(std::abs(got.gain_bias), 3.3);
 }
 
-TEST(LineFitCoverage, AlsoWhereTheScatterHasToBeFound) {
+TEST(LineFitCoverage, HoldsIfTheScatterIsEstimated) {
   FitOptions options;
-  options.accuracy = told_accuracy;
+  options.accuracy = no_tolerance;
   const Coverage got = coverage_of(exact(cycle, 2e-7, 0.0), false, options);
   EXPECT_NEAR(got.offset, 0.95, 0.016);
   EXPECT_NEAR(got.gain, 0.95, 0.016);
 }
 
-TEST(LineFit, PointsThatScatterMoreThanTheySayWidenItsUncertainty) {
+TEST(LineFit, ExcessScatterScalesTheUncertainty) {
   std::mt19937_64 random(3);
   auto points = noisy(exact(cycle, 4e-7), random);
   const LineFit honest = fit(points);
@@ -159,7 +159,7 @@ TEST(LineFit, PointsThatScatterMoreThanTheySayWidenItsUncertainty) {
   EXPECT_TRUE(boastful.acceptable()) << "0.04 % of the span does not matter";
 }
 
-TEST(LineFit, WhatAllReferencesHaveInCommonAddsToTheGain) {
+TEST(LineFit, CommonUncertaintyOfTheReferencesAddsToTheGain) {
   const auto points = exact(cycle, 1e-9);
   FitOptions options;
   options.scale_sigma = 0.003;
@@ -184,7 +184,7 @@ TEST(LineFit, DoesNotDependOnTheScaleOfItsUnits) {
   EXPECT_NEAR(b.covariance.gain / a.covariance.gain, 1e-30, 1e-35);
 }
 
-// Every refusal, provoked; and each with a sentence.
+// Every objection is provoked, and has a sentence.
 TEST(LineFitRefuses, FewerThanThreeReferences) {
   EXPECT_THAT(reasons(fit({})), testing::ElementsAre(Reason::too_few_points));
   EXPECT_THAT(reasons(fit(exact({0.0}, 1e-8))), testing::ElementsAre(Reason::too_few_points));
@@ -198,17 +198,17 @@ TEST(LineFitRefuses, FewerThanThreeReferences) {
   const LineFit forced = fit(two, options);
   EXPECT_TRUE(forced.solved);
   EXPECT_NEAR(forced.gain, true_gain, 1e-6);
-  EXPECT_FALSE(forced.curvature) << "nobody can tell";
+  EXPECT_FALSE(forced.curvature) << "not testable";
 }
 
-TEST(LineFitRefuses, PointsThatDoNotSpan) {
+TEST(LineFitRefuses, PointsWithoutASpan) {
   EXPECT_THAT(reasons(fit(exact({1.0, 1.0, 1.0}, 1e-8))), testing::ElementsAre(Reason::no_span));
   auto dead = exact({0.0, 1.0, 2.0}, 1e-8);
   for (Point& point : dead) point.raw = 0.5;
   EXPECT_THAT(reasons(fit(dead)), testing::ElementsAre(Reason::no_span));
 }
 
-TEST(LineFitRefuses, PointsThatAreNone) {
+TEST(LineFitRefuses, UnusablePoints) {
   for (const int field : {0, 1, 2, 3}) {
     auto points = exact(cycle, 1e-8);
     const double nothing = std::numeric_limits<double>::quiet_NaN();
@@ -227,7 +227,7 @@ TEST(LineFitRefuses, PointsThatAreNone) {
   EXPECT_THAT(reasons(fit(negative)), testing::ElementsAre(Reason::unusable_point));
 }
 
-TEST(LineFitRefuses, OnePointApartAndNamesIt) {
+TEST(LineFitRefuses, AnOutlierAndNamesIt) {
   auto points = exact({0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 1.8, 1.4, 1.0, 0.6, 0.2}, 1e-7);
   points[3].raw += 0.02 / true_gain;
   const LineFit found = fit(points);
@@ -238,7 +238,7 @@ TEST(LineFitRefuses, OnePointApartAndNamesIt) {
   EXPECT_THAT(fit(points, newton).hints, testing::Contains(testing::HasSubstr("point 4 (1.2 N)")));
 }
 
-TEST(LineFitRefuses, ABentLine) {
+TEST(LineFitRefuses, Curvature) {
   auto points = exact({0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0}, 1e-7);
   for (Point& point : points) {
     const double u = point.reference_si - 1.0;
@@ -258,37 +258,37 @@ TEST(LineFitRefuses, Hysteresis) {
   const LineFit found = fit(points);
   EXPECT_THAT(reasons(found), testing::Contains(Reason::hysteresis));
   EXPECT_NEAR(found.hysteresis->share, 0.005, 1e-4);
-  // Also where nobody says how the readings scatter.
+  // Also without standard deviations of the readings.
   std::mt19937_64 random(4);
   points = noisy(points, random);
   for (Point& point : points) point.raw_std = 0.0;
   EXPECT_THAT(reasons(fit(points)), testing::Contains(Reason::hysteresis));
 }
 
-TEST(LineFitRefuses, AZeroThatMoves) {
+TEST(LineFitRefuses, ZeroDrift) {
   auto points = exact(cycle, 1e-7);
   points.back().raw += 0.01 / true_gain;
   const LineFit found = fit(points);
   EXPECT_THAT(reasons(found), testing::Contains(Reason::zero_drift));
   EXPECT_NEAR(found.zero_drift->share, 0.005, 1e-4);
-  EXPECT_FALSE(fit(exact({0.0, 1.0, 2.0}, 1e-7)).zero_drift) << "nobody can tell";
+  EXPECT_FALSE(fit(exact({0.0, 1.0, 2.0}, 1e-7)).zero_drift) << "not testable";
 }
 
-TEST(LineFitRefuses, AGainThatNobodyKnows) {
+TEST(LineFitRefuses, AnUncertainGain) {
   std::mt19937_64 random(6);
   const LineFit found = fit(noisy(exact(cycle, 6e-5), random));
   EXPECT_THAT(reasons(found), testing::ElementsAre(Reason::gain_uncertain));
 }
 
-TEST(LineFit, APointThatDecidesAloneIsHintedAt) {
+TEST(LineFit, HintsAtAnInfluentialPoint) {
   const LineFit found = fit(exact({0.0, 0.01, 0.0, 0.01, 2.0}, 1e-7));
-  EXPECT_THAT(found.hints, testing::ElementsAre(testing::HasSubstr("point 5 (2 SI) decides")));
+  EXPECT_THAT(found.hints, testing::ElementsAre(testing::HasSubstr("point 5 (2 SI) determines")));
   double sum = 0.0;
   for (const PointResidual& each : found.points) sum += each.leverage;
   EXPECT_NEAR(sum, 2.0, 1e-9) << "two numbers are fitted";
 }
 
-TEST(LineFit, RepeatabilityIsThatOfReadingsFromOneSide) {
+TEST(LineFit, RepeatabilityIsOfReadingsFromOneSide) {
   auto points = exact({0.0, 1.0, 1.0, 2.0, 1.0, 0.0}, 1e-7);
   points[1].raw += 0.001 / true_gain;
   points[2].raw -= 0.001 / true_gain;
@@ -298,7 +298,7 @@ TEST(LineFit, RepeatabilityIsThatOfReadingsFromOneSide) {
   EXPECT_FALSE(fit(exact(cycle, 1e-7)).repeatability_si);
 }
 
-TEST(CalibrationOf, HoldsThePointsAndWhatSpokeAgainstThem) {
+TEST(CalibrationOf, HoldsThePointsAndTheObjections) {
   auto points = exact(cycle, 1e-7, 1e-4);
   points.back().raw += 0.01 / true_gain;
   const LineFit found = fit(points);

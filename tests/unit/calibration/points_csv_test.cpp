@@ -10,7 +10,7 @@ namespace {
 
 using config::CalibrationPoint;
 
-TEST(PointsCsv, ColumnsStandInAnyOrder) {
+TEST(PointsCsv, AcceptsColumnsInAnyOrder) {
   EXPECT_THAT(parse_points("# by hand\nreference_si, raw\n0.0,1.5e-3\r\n\n2.5,-7\n", "p.csv"),
               testing::ElementsAre(CalibrationPoint{1.5e-3, 0.0, 0.0, 0.0},
                                    CalibrationPoint{-7.0, 0.0, 2.5, 0.0}));
@@ -18,7 +18,7 @@ TEST(PointsCsv, ColumnsStandInAnyOrder) {
               testing::ElementsAre(CalibrationPoint{1.0, 2.0, 3.0, 4.0}));
 }
 
-TEST(PointsCsv, WhatIsWrongIsToldWithItsLine) {
+TEST(PointsCsv, ErrorsNameTheLine) {
   const auto one = [](const char* text, const char* message) {
     try {
       parse_points(text, "p.csv");
@@ -30,7 +30,7 @@ TEST(PointsCsv, WhatIsWrongIsToldWithItsLine) {
   one("", "p.csv: holds no header");
   one("raw,reference_si\n", "p.csv: holds no points");
   one("#\nraw,force\n", "p.csv:2: unknown column \"force\"");
-  one("raw,raw,reference_si\n", "p.csv:1: the column raw stands twice");
+  one("raw,raw,reference_si\n", "p.csv:1: the column raw appears twice");
   one("raw,raw_std\n1,2\n", "p.csv:1: lacks the column reference_si");
   one("raw,reference_si\n1,2\n1\n", "p.csv:3: has 1 cells, expected 2");
   one("raw,reference_si\n1,2kg\n", "p.csv:2: reference_si: expected a number, found \"2kg\"");

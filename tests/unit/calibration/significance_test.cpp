@@ -7,8 +7,8 @@
 namespace stickslip::calibration {
 namespace {
 
-// The tables at the end of every statistics book.
-TEST(Significance, IsThatOfTheTables) {
+// Values of statistical tables.
+TEST(Significance, AgreesWithTables) {
   EXPECT_NEAR(chi_squared_beyond(3.841459, 1), 0.05, 1e-7);
   EXPECT_NEAR(chi_squared_beyond(10.827566, 1), 0.001, 1e-8);
   EXPECT_NEAR(chi_squared_beyond(18.307038, 10), 0.05, 1e-7);
@@ -23,7 +23,7 @@ TEST(Significance, IsThatOfTheTables) {
   EXPECT_EQ(student_beyond(std::numeric_limits<double>::infinity(), 3), 0.0);
 }
 
-TEST(Significance, CoverageTurnsItRound) {
+TEST(Significance, CoverageIsTheInverse) {
   EXPECT_NEAR(student_coverage_95(1), 12.706205, 1e-5);
   EXPECT_NEAR(student_coverage_95(4), 2.776445, 1e-5);
   EXPECT_NEAR(student_coverage_95(1000), 1.962339, 1e-5);

@@ -30,7 +30,7 @@ BifurcationOptions quick(int threads) {
   return options;
 }
 
-TEST(Bifurcation, IsTheSameOnHoweverManyThreads) {
+TEST(Bifurcation, DoesNotDependOnTheNumberOfThreads) {
   const std::vector<double> values = {0.2, 0.4, 0.6, 0.8, 1.0};
   const auto one = bifurcation(rubbing(), {1.0, 1.2, 0.0}, "friction.mu", values, quick(1));
   const auto three = bifurcation(rubbing(), {1.0, 1.2, 0.0}, "friction.mu", values, quick(3));
@@ -47,7 +47,7 @@ TEST(Bifurcation, IsTheSameOnHoweverManyThreads) {
 TEST(Bifurcation, OverTheDriveChangesTheDrive) {
   const auto columns =
       bifurcation(rubbing(), {1.0, 1.2, 0.0}, "drive.acceleration_m_s2", {0.1, 2.0}, quick(1));
-  // Below the friction nothing moves but for the creep of the smooth law.
+  // Below the friction limit only the creep of the smooth law remains.
   EXPECT_LT(std::abs(columns[0].section[3].x()), 0.1);
   EXPECT_GT(std::abs(columns[1].section[3].x()), 0.3);
   const auto by_amplitude =
@@ -60,7 +60,7 @@ TEST(Bifurcation, OverTheDriveChangesTheDrive) {
   EXPECT_NEAR(by_frequency[0].section[0].time_s, 5.0 / 0.5, 1.0e-9);
 }
 
-TEST(Bifurcation, OverTheFrequencyKeepsTheBasesAmplitudeWhereItIsTold) {
+TEST(Bifurcation, OverTheFrequencyKeepsTheBaseAmplitudeOnRequest) {
   BifurcationOptions options = quick(1);
   const Drive drive{9.0, 1.2, 0.0};
   const double omega = 2.0 * std::numbers::pi * 0.3;
@@ -85,7 +85,7 @@ TEST(Bifurcation, RefusesValuesThatAParameterCannotHave) {
                std::invalid_argument);
 }
 
-TEST(Bifurcation, KnowsWhatItCanBeDrawnOver) {
+TEST(Bifurcation, ListsItsParameters) {
   const auto paths = bifurcation_paths(rubbing());
   EXPECT_THAT(paths, ::testing::Contains("drive.acceleration_m_s2"));
   EXPECT_THAT(paths, ::testing::Contains("friction.mu"));

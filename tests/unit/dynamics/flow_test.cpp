@@ -100,10 +100,10 @@ std::vector<Case> cases() {
 
 class Agreement : public testing::TestWithParam<Case> {};
 
-// Two solvers that share nothing but the model: small steps of the rig, and the flow.
+// Two independent solvers: small steps of the rig, and the flow.
 TEST_P(Agreement, WithSmallStepsOfTheRig) {
   const auto& [name, model, drive] = GetParam();
-  // The steps find the instant at which a contact is let go to within one of them.
+  // The steps resolve the end of contact to one step.
   const bool set_valued = model.friction.law == physics::FrictionLaw::coulomb;
   const int steps = set_valued ? 320000 : 40000;
   Orbit orbit(model, drive, steps, 0.004);
@@ -125,8 +125,8 @@ TEST_P(Agreement, WithSmallStepsOfTheRig) {
 INSTANTIATE_TEST_SUITE_P(Rigs, Agreement, testing::ValuesIn(cases()),
                          [](const auto& info) { return info.param.name; });
 
-// Section 7 of the paper's system loses 4 mu N / k of its swing per cycle without a drive, and then
-// stays where it is, exactly.
+// Without a drive the system of section 7 loses 4 mu N / k of its amplitude per cycle, and then
+// stays at rest exactly.
 TEST(Flow, CoulombFreeDecayLosesFourMuNOverKPerCycleAndThenRests) {
   physics::Model model = bench();
   model.oscillator.damping_ratio = physics::Parameter{0.0};
@@ -147,7 +147,7 @@ TEST(Flow, CoulombFreeDecayLosesFourMuNOverKPerCycleAndThenRests) {
   EXPECT_EQ(flow.now().v(), 0.0);
 }
 
-TEST(Flow, DoesNotDependOnWhereItIsLookedAt) {
+TEST(Flow, DoesNotDependOnTheOutputTimes) {
   Flow once(paper(1.5), {1.9, 1.25, 0.0}, 1.0e-7, 0.5);
   Flow often(paper(1.5), {1.9, 1.25, 0.0}, 1.0e-7, 0.5);
   once.advance(40.0);

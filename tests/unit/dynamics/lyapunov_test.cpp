@@ -29,7 +29,7 @@ TEST(Lyapunov, OfALinearOscillatorIsItsDamping) {
 }
 
 // Eqs. (5) and (6) of the paper with the parameters of its Figure 10: 0.101 per unit time over 4000
-// periods. A quarter of that here; the standard error says what that costs.
+// periods. A quarter of that here, with its standard error.
 TEST(Lyapunov, OfThePapersMotivationalOscillatorIsPositive) {
   physics::Model model = duffing_without_friction(0.0);
   model.normal_load = physics::NormalLoad{physics::NormalLoadLaw::wedge, {1.0}, {1.5}};

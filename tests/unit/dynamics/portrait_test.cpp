@@ -54,8 +54,8 @@ TEST(Portrait, OfFigure9HasTheExtremesOfOneModulationPeriod) {
   EXPECT_NEAR(seen.negative_friction, 0.0398, 5.0e-4);
 }
 
-// What the paper says of its Figure 10: both have the torus, only the state-variable model
-// overshoots the plane of zero velocity.
+// Figure 10 of the paper: both models have the torus, only the state-variable model overshoots the
+// plane of zero velocity.
 TEST(Portrait, OnlyTheStateVariableModelOvershoots) {
   PortraitOptions options;
   options.x_m = 0.5;

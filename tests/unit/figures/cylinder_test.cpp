@@ -28,7 +28,7 @@ TEST(CylindricalPortrait, FlowsClockwise) {
   EXPECT_NEAR(forth[1][0], 0.0, 1.0e-12);
   EXPECT_NEAR(forth[1][1], -(1.0 + hole), 1.0e-12);
   EXPECT_NEAR(forth[1][2], 2.0, 1.0e-12);
-  // The line goes on to the point beneath the plane and breaks there.
+  // The line continues to the point beneath the plane and breaks there.
   ASSERT_GE(forth.size(), 4U);
   EXPECT_NEAR(forth[2][2], -1.0, 1.0e-12);
   EXPECT_TRUE(forth[3].empty());

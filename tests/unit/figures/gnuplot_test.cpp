@@ -43,24 +43,24 @@ Picture line() {
   return picture;
 }
 
-TEST_F(Draw, MakesBothPicturesAndLeavesTheScript) {
+TEST_F(Draw, MakesBothPicturesAndKeepsTheScript) {
   draw(line(), folder_);
   EXPECT_THAT(content("line.svg"), HasSubstr("</svg>"));
   EXPECT_THAT(content("line.svg"), HasSubstr("a line"));
   EXPECT_THAT(content("line.png"), StartsWith("\x89PNG"));
   EXPECT_THAT(content("line.gp"), HasSubstr("$data << EOD\n0 1\n1 2\n\n2 NaN\nEOD\n"));
-  // Nothing else stays behind.
+  // No other files remain.
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), {}), 3);
 }
 
-TEST_F(Draw, PassesOnWhatGnuplotSays) {
+TEST_F(Draw, ReportsTheErrorOfGnuplot) {
   Picture picture = line();
   picture.commands = "plot nothing that is there";
   EXPECT_THAT([&] { draw(picture, folder_); },
               ThrowsMessage<std::runtime_error>(HasSubstr("line.gp")));
 }
 
-TEST_F(Draw, NamesThePackageWhereGnuplotIsNot) {
+TEST_F(Draw, NamesThePackageIfGnuplotIsMissing) {
   const char* before = std::getenv("PATH");
   const std::string path = before != nullptr ? before : "";
   setenv("PATH", folder_.c_str(), 1);

@@ -9,7 +9,7 @@ namespace {
 using testing::HasSubstr;
 using testing::Not;
 
-TEST(Page, ShowsEachFigureWithItsNumbersAndNothingFromElsewhere) {
+TEST(Page, ShowsEachFigureWithItsNumbersAndIsSelfContained) {
   Figure figure{7, "Titanium & paper", "at 3.5 Hz"};
   figure.panels = {"figure-7a"};
   figure.captions = {"mu < 1"};

@@ -35,7 +35,7 @@ TEST(Sweep, GivesTheSteadyStateOfALinearOscillator) {
   EXPECT_NEAR(largest, expected, 2.0e-4 * expected);
 }
 
-TEST(Sweep, SwellsAndFadesBetweenItsLargestAndItsSmallestAmplitude) {
+TEST(Sweep, IsModulatedBetweenItsLargestAndSmallestAmplitude) {
   Sweep sweep;
   sweep.frequency_hz = 10.0;
   sweep.amplitude_m = 3.0e-3;

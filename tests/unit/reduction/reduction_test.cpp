@@ -37,7 +37,7 @@ Reduction reduced(const std::string& name, Method method) {
   return reduce(recording_of(rig, method == Method::paper ? 80.0 : 1000.0), rig.model, options);
 }
 
-/// A short recording of Beam I: enough for what does not depend on its content.
+/// A short recording of Beam I, for tests that do not depend on its content.
 const protocol::Recording& short_recording() {
   static const protocol::Recording recording = [] {
     figures::Sweep sweep;
@@ -47,8 +47,9 @@ const protocol::Recording& short_recording() {
   return recording;
 }
 
-// What the paper tells of each preset's figure: the normal load, and for Beams I and II the range
-// of the coefficient of sliding friction. Its numbers have one digit; so have these tolerances.
+// The statements of the paper on each preset's figure: the normal load, and for Beams I and II the
+// range of the coefficient of sliding friction. Its numbers have one digit; so have these
+// tolerances.
 struct PaperNumbers {
   const char* preset;
   Range load_n;
@@ -90,8 +91,8 @@ TEST(PaperMethod, FindsSkewedPlatesLinearAndParallelOnesFlatter) {
   EXPECT_LT(parallel.slope_per_m, 0.1 * skewed.slope_per_m);
 }
 
-// The spread that the paper reports is there although mu is one number: it is the load cell that
-// rings, and Eq. (1) does not know. Undone, the number comes back.
+// The spread that the paper reports appears although mu is one number: the load cell rings, which
+// Eq. (1) ignores. Deconvolution recovers the number.
 TEST(DeconvolvedMethod, FindsTheOneCoefficientBehindThePapersSpread) {
   for (const char* name : {"beam-1", "beam-2"}) {
     const double mu = preset(name).model.friction.mu.value;
@@ -103,10 +104,9 @@ TEST(DeconvolvedMethod, FindsTheOneCoefficientBehindThePapersSpread) {
   }
 }
 
-// A friction force that is nothing but noise, and noise that lasts longer than a sample: the truth
-// is 0 in each cell, and the cells must miss it as often as their errors say. Errors that took each
-// sample for a new one would be too small by half and more.
-TEST(Surface, GivesEachCellAnErrorThatHolds) {
+// A friction force of correlated noise only: the truth is 0 in each cell, and the cells must miss
+// it as often as their errors predict. Errors from independent samples would be too small by half.
+TEST(Surface, GivesEachCellACorrectError) {
   protocol::Recording recording;
   recording.source = "made";
   std::mt19937_64 random(11);
@@ -155,8 +155,8 @@ TEST(Surface, CountsEachSampleOnceAndEachVisitOnce) {
   EXPECT_EQ(samples, got.samples.size());
 }
 
-// Eq. (1) by hand: a force that is nothing but the inertia of the load cell is no friction.
-TEST(PaperMethod, TakesTheInertiaOfTheLoadCellAway) {
+// Eq. (1) by hand: the inertia of the load cell alone is no friction.
+TEST(PaperMethod, SubtractsTheInertiaOfTheLoadCell) {
   physics::Model model = preset("beam-1").model;
   const double cell_mass = model.load_cell->mass_kg.value;
   protocol::Recording recording;
@@ -200,7 +200,7 @@ TEST(Reduce, TakesTheLongestStretchWithoutAGap) {
   EXPECT_THROW(reduce(recording, model, options), InputError);
 }
 
-TEST(Reduce, SaysWhatIsMissing) {
+TEST(Reduce, ReportsMissingInput) {
   using testing::HasSubstr;
   using testing::ThrowsMessage;
   const physics::Model model = preset("beam-1").model;
