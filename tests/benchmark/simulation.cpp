@@ -1,10 +1,10 @@
-// Simulated time per second of computing, for each preset and both laws of friction, against
+// Simulated time per second of computing, for each preset and both friction laws, against
 // SUNDIALS CVODE (with root finding for set-valued Coulomb friction) and Boost.odeint
 // (dormand-prince with dense output), in one run.
 //
 // The same accuracy: each solver gets the coarsest setting at which it, and its next finer setting,
 // stay within `target` of a reference (CVODE at 1e-11) over two seconds; of CVODE's methods (BDF,
-// Adams) the faster counts. Only the mechanics is integrated: no sensor, no noise.
+// Adams) the faster counts. Only the mechanics is integrated, without sensors and noise.
 #include <benchmark/benchmark.h>
 #include <cvode/cvode.h>
 #include <nvector/nvector_serial.h>
@@ -33,14 +33,14 @@
 namespace stickslip {
 namespace {
 
-constexpr double target = 1.0e-4;  // of the largest displacement: below what the bench can see
+constexpr double target = 1.0e-4;  // of the largest displacement: below the resolution of the bench
 constexpr int samples = 40;        // several in each drive period; a Poincare section needs one
 constexpr double sample_s = 0.05;
 constexpr std::size_t dimension = 5;
 using State = std::array<double, dimension>;  // x, v, y, u, theta
 using Samples = std::array<double, samples>;  // of x
 
-// The equations of a preset, written down a second time, for solvers that know nothing of ours.
+// The equations of a preset, written a second time, for solvers independent of ours.
 struct Equations {
   physics::RigNumbers<double> numbers;
   bool resonant = false;
@@ -62,7 +62,7 @@ struct Equations {
     return c.mu * (wedge ? std::max(0.0, c.load * (1.0 + c.load_slope * s[0])) : c.load);
   }
   double slip(const State& s) const { return s[1] - s[3]; }
-  // Everything but friction on the mass, and on the load cell.
+  // Accelerations without friction, of the mass and of the load cell.
   double on_mass(const State& s, double t) const {
     const auto& c = numbers.c;
     const double spring =
@@ -75,14 +75,14 @@ struct Equations {
                           c.cell_mass * base_acceleration(t)
                     : 0.0;
   }
-  // The friction that keeps the contact from slipping.
+  // The friction force that maintains stick.
   double holding(const State& s, double t) const {
     const auto& c = numbers.c;
     if (!resonant) return on_mass(s, t);
     return (on_mass(s, t) / c.mass - on_cell(s, t) / c.cell_mass) /
            (1.0 / c.mass + 1.0 / c.cell_mass);
   }
-  // mode: of a set-valued contact, the sign of its slip, or 0 while it sticks.
+  // mode: sign of the slip of a set-valued contact, 0 in stick.
   void rates(const State& s, State& rate, double t, int mode) const {
     const auto& c = numbers.c;
     double friction = 0.0;
@@ -97,7 +97,7 @@ struct Equations {
     rate[3] = resonant ? (on_cell(s, t) + friction) / c.cell_mass : 0.0;
     rate[4] = set_valued ? 0.0 : -c.rate * (s[4] - std::tanh(slip(s) / c.transition_speed));
   }
-  // What a contact does that slips no more, or cannot be held any more.
+  // The mode after the end of slip or stick.
   int mode_after(State& s, double t, bool stuck) const {
     const double force = holding(s, t);
     if (resonant) {
@@ -107,7 +107,7 @@ struct Equations {
     } else {
       s[1] = 0.0;
     }
-    // What could not be held any more is not held again at the same instant.
+    // Stick that has ended does not resume at the same instant.
     return !stuck && std::abs(force) <= limit(s) ? 0 : (force > 0.0 ? 1 : -1);
   }
 };
@@ -139,7 +139,7 @@ physics::Model model_of(const config::Rig& rig, bool set_valued) {
   return model;
 }
 
-/// What `poincare` and `bifurcation` follow orbits with.
+/// The solver of `poincare` and `bifurcation`.
 dynamics::Flow flow_of(const physics::Model& model, const Equations& equations, double tolerance) {
   return {model,
           {equations.amplitude_m * equations.omega * equations.omega, equations.omega, 0.0},
@@ -156,8 +156,8 @@ Samples follow(dynamics::Flow& flow, const Equations& equations) {
   return out;
 }
 
-/// The step of the simulated rig, the observer and the diagnosis: it must serve inputs that are not
-/// known ahead, and derivatives.
+/// The step of the simulated rig, the observer and the diagnosis, which serves inputs unknown in
+/// advance, and derivatives.
 Samples step_by_step(const physics::Model& model, const Equations& equations,
                      int steps_per_sample) {
   const physics::Rig rig(model);
@@ -193,7 +193,7 @@ class Cvode {
     SUNContext_Create(nullptr, &context_);
     y_ = N_VNew_Serial(dimension, context_);
     absolute_ = N_VNew_Serial(dimension, context_);
-    // Sizes of a millimetre, a tenth of a metre per second, and one.
+    // Scales: a millimetre, a tenth of a metre per second, and one.
     constexpr State sizes = {1.0e-3, 1.0e-1, 1.0e-3, 1.0e-1, 1.0};
     for (std::size_t i = 0; i < dimension; ++i) {
       N_VGetArrayPointer(absolute_)[i] = tolerance * sizes[i];
@@ -311,7 +311,7 @@ class Odeint {
     const auto system = [&](const State& at, State& rate, double t) {
       equations_.rates(at, rate, t, mode);
     };
-    // Above 0 while the mode lasts. Right after a start from rest the slip is 0.
+    // Event function, positive while the mode lasts. After a start from rest the slip is 0.
     const auto lasts = [&](const State& at, double t) {
       return mode != 0 ? mode * equations_.slip(at)
                        : equations_.limit(at) - std::abs(equations_.holding(at, t));
@@ -465,7 +465,7 @@ void compare(benchmark::State& state, const std::string& preset, bool set_valued
   }
 }
 
-/// A bifurcation diagram on one thread and on all: how much the cores share.
+/// A bifurcation diagram on one thread and on all: the speed-up by the cores.
 void diagram(benchmark::State& state) {
   const config::Rig rig = config::load_rig(STICKSLIP_SOURCE_DIR "/config/motivational.toml");
   const auto drive = dynamics::base_drive(rig.excitation.amplitude, rig.excitation.carrier_hz);

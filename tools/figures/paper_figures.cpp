@@ -522,10 +522,10 @@ std::vector<Figure> draw_paper_figures(const FigureOptions& options) {
   const Studio studio{options};
   std::vector<Figure> figures(numbers.size());
   std::size_t ready = 0;
-  std::mutex telling;
+  std::mutex progress_mutex;
   parallel::for_each(numbers.size(), options.threads, [&](std::size_t i) {
     figures[i] = drawers[numbers[i] - first](studio);
-    const std::lock_guard lock(telling);
+    const std::lock_guard lock(progress_mutex);
     ++ready;
     if (options.progress) options.progress(numbers[i], ready, numbers.size());
   });

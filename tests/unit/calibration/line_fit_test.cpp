@@ -70,7 +70,7 @@ struct Coverage {
   double refused = 0.0;
 };
 
-Coverage coverage_of(const std::vector<Point>& declared, bool tell_std, const FitOptions& options) {
+Coverage coverage_of(const std::vector<Point>& declared, bool with_std, const FitOptions& options) {
   std::mt19937_64 random(20261122);
   constexpr int rounds = 2000;
   Coverage out;
@@ -78,7 +78,7 @@ Coverage coverage_of(const std::vector<Point>& declared, bool tell_std, const Fi
   double variance_gain = 0.0;
   for (int round = 0; round < rounds; ++round) {
     auto points = noisy(declared, random);
-    if (!tell_std) {
+    if (!with_std) {
       for (Point& point : points) point.raw_std = 0.0;
     }
     const LineFit found = fit(points, options);
