@@ -1,5 +1,5 @@
-// Stands in for the page's socket, inside the page: a test says what comes over it, and when. Installed
-// before the page's own scripts run; `feed` is what tests call.
+// Replaces the page's socket inside the page, under control of a test through `feed`. Installed before the
+// page's scripts run.
 (() => {
   const sockets = [];
 
@@ -58,7 +58,7 @@
       for (let i = from; i < from + count; i += per) feed.bytes(feed.block(i, Math.min(per, from + count - i), options));
     },
 
-    // Drive of so many hertz at the same frames.
+    // Drive of this frequency [Hz] at the same frames.
     excitation(from, count, carrier_hz, amplitude) {
       const message = { type: "excitation", time_ns: [], drive: [], phase_rad: [], amplitude: [], carrier_hz, gain: 1, limited: 0, amplifier_on: true };
       for (let i = from; i < from + count; ++i) {

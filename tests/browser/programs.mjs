@@ -10,7 +10,7 @@ export const stickslip = process.env.STICKSLIP ?? "stickslip";
 export const stickslipd = process.env.STICKSLIPD ?? "stickslipd";
 export const source = process.env.STICKSLIP_SOURCE_DIR ?? path.resolve(import.meta.dirname ?? ".", "../..");
 
-// A test that cannot work here ends so; its last line says why.
+// Ends a test that cannot run here; the last line is the reason.
 export function skip(reason) {
   console.log(`skipped: ${reason}`);
   process.exit(77);
@@ -24,7 +24,7 @@ export function temporaryFolder() {
   return fs.mkdtempSync(path.join(os.tmpdir(), "stickslip-browser-"));
 }
 
-// A program that runs beside the test. `said(pattern)` waits for a line of its output.
+// A program that runs alongside the test. `said(pattern)` waits for a line of its output.
 export class Running {
   constructor(command, args) {
     this.name = path.basename(command);
@@ -60,7 +60,7 @@ export class Running {
   }
 }
 
-// The server of the page, on a port of its own choice or a given one. `url` ends with a slash.
+// The server of the page, on a free port or a given one. `url` ends with a slash.
 export async function startScope(port = 0, ...args) {
   const scope = new Running(stickslip, ["scope", "--listen", `127.0.0.1:${port}`, ...args]);
   const [, url] = await scope.said(/(http:\/\/127\.0\.0\.1:\d+\/\S*)/);
@@ -78,15 +78,15 @@ export function run(command, args, timeout = 60000) {
 export async function startBrowser() {
   return chromium.launch({
     executablePath: chromiumPath,
-    // Without a graphics processor: WebGL by SwiftShader, all else without it.
+    // Without a graphics processor: WebGL by SwiftShader.
     args: ["--headless", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader",
       "--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run", "--disable-default-apps",
       "--js-flags=--expose-gc"],
   });
 }
 
-// A page in a window of its own that is watched: `page.complaints` holds errors of scripts, errors on the
-// console, and every request that goes elsewhere than to the page's own server (which is also refused).
+// A watched page in its own window: `page.complaints` holds script errors, console errors, and requests to
+// other servers (which are blocked).
 export async function openPage(browser, url, { fake = false, width = 1100, height = 760, ...options } = {}) {
   const context = await browser.newContext({ viewport: { width, height }, colorScheme: "light", ...options });
   const page = await context.newPage();
@@ -96,7 +96,7 @@ export async function openPage(browser, url, { fake = false, width = 1100, heigh
   const own = new URL(url).host;
   page.on("pageerror", (error) => page.complaints.push(`script: ${error.stack}`));
   page.on("console", (message) => {
-    if (/getImageData|ReadPixels/.test(message.text())) return; // the test's own looking at pixels
+    if (/getImageData|ReadPixels/.test(message.text())) return; // caused by the test itself
     if (message.type() === "error" || message.type() === "warning") page.complaints.push(`console: ${message.text()}`);
   });
   page.on("request", () => { page.requests += 1; });
@@ -113,8 +113,8 @@ export async function openPage(browser, url, { fake = false, width = 1100, heigh
   return page;
 }
 
-// Waits until a function of the page is true of it. Playwright's own waiting evaluates text inside the page,
-// which the page's content policy forbids.
+// Waits until a function is true in the page. Playwright's own method evaluates text inside the page, which
+// the content policy forbids.
 export async function until(page, condition, argument, timeout_ms = 10000) {
   const end = Date.now() + timeout_ms;
   while (!(await page.evaluate(condition, argument))) {
@@ -123,7 +123,7 @@ export async function until(page, condition, argument, timeout_ms = 10000) {
   }
 }
 
-// What stickslip.frames or stickslip.rows of the page answers, bit for bit; lists as Float64Array.
+// Result of stickslip.frames or stickslip.rows in the page, bit for bit; lists as Float64Array.
 export async function held(page, question, ...args) {
   const packed = await page.evaluate(([question, args]) => {
     const answer = stickslip[question](...args);
@@ -144,7 +144,7 @@ export async function held(page, question, ...args) {
   return packed;
 }
 
-// What stickslip.drawn of the page answers; null where it holds no number.
+// Result of stickslip.drawn in the page; null for missing numbers.
 export async function drawn(page, name) {
   return JSON.parse(await page.evaluate(async (name) => JSON.stringify(await stickslip.drawn(name)), name));
 }

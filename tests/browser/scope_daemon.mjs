@@ -1,5 +1,5 @@
-// The page of `stickslip scope` beside the simulated daemon at 1 kHz: what it holds and draws against what
-// the daemon recorded of the same seconds; restarts of the daemon and of the server.
+// The page of `stickslip scope` with the simulated daemon at 1 kHz: its data and drawings against the
+// recording of the same seconds; restarts of the daemon and of the server.
 import assert from "node:assert/strict";
 import fs from "node:fs";
 import path from "node:path";
@@ -15,7 +15,7 @@ let page;
 const startDaemon = (...args) => new Running(stickslipd, ["--config", path.join(source, "config/simulated.toml"), ...args]);
 const liveFrames = (page) => page.evaluate(() => stickslip.sizes().live.held);
 
-// A test whose failure also shows what the programs beside it said.
+// A test whose failure shows the output of the programs.
 function test(name, body) {
   nodeTest(name, async (t) => {
     try {
@@ -41,7 +41,7 @@ after(async () => {
   fs.rmSync(folder, { recursive: true });
 });
 
-// The recording as rows by sequence number, each a map from column to number (NaN where there is none).
+// The recording as rows by sequence number, each a map from column to number (NaN for none).
 function recorded(log) {
   const table = path.join(folder, "recorded.csv");
   run(stickslip, ["log", "export", log, table]);
@@ -94,8 +94,8 @@ test("the page holds and draws what the daemon recorded, bit for bit", async (t)
     });
   }
   assert.ok(frames[5].value.every(Number.isNaN), "the drive force of this rig is not measured");
-  // Amplitude and phase go as single precision, but for the last frame of each message; the log and the stream
-  // may end their messages at different frames.
+  // Amplitude and phase have single precision except for the last frame of a message; log and stream may end
+  // messages at different frames.
   const single = new Set(["amplitude", "phase_rad"]);
   for (const [ring, columns, prefix] of [[estimates, estimated, "estimate_"], [excited, ["drive", "phase_rad", "amplitude"], "excitation_"]]) {
     for (const name of columns) {
@@ -111,7 +111,7 @@ test("the page holds and draws what the daemon recorded, bit for bit", async (t)
       assert.ok(compared > (prefix === "estimate_" ? 100 : 3000), `${compared} of ${name} compared`);
     }
   }
-  // What the network lost (a stalled machine loses datagrams) is not in the page; the rest is judged the same.
+  // Frames lost by the network (a stalled machine loses datagrams) are missing in the page; the rest is compared.
   const lost = frames[0].sequence.filter((sequence, i, all) => i > 0 && sequence !== all[i - 1] + 1).length;
   t.diagnostic(`${lost} gaps in ${frames[0].sequence.length} frames`);
   // The friction loop, recomputed from the log.
@@ -146,7 +146,7 @@ test("the page holds and draws what the daemon recorded, bit for bit", async (t)
   assert.ok(wraps >= 10, `${wraps} passages`);
 });
 
-test("a silent source is named; a daemon that is started again begins a new picture", async () => {
+test("a silent source is shown; a restarted daemon starts a new picture", async () => {
   await until(page, () => document.querySelector("#banner").textContent.includes("has sent no frames"));
   daemon = startDaemon();
   await until(page, () => stickslip.state().source === true && stickslip.state().rig === "running" && stickslip.sizes().live.held > 300, undefined, 60000);
@@ -156,7 +156,7 @@ test("a silent source is named; a daemon that is started again begins a new pict
   await until(page, () => document.querySelector("#banner").hidden);
 });
 
-test("a server that is started again is found again", async () => {
+test("the page reconnects to a restarted server", async () => {
   const { port } = scope;
   const opened = await page.evaluate(() => stickslip.state().opened);
   await scope.stop();
@@ -169,7 +169,7 @@ test("a server that is started again is found again", async () => {
   page.complaints = page.complaints.filter((line) => !/ERR_CONNECTION_REFUSED|WebSocket connection/.test(line)); // the browser's own note
 });
 
-test("nothing went wrong in the page, and nothing was asked of anybody else", async () => {
+test("the page had no errors and no requests to other servers", async () => {
   assert.deepEqual(page.complaints, []);
   assert.deepEqual(page.elsewhere, []);
   assert.ok(page.requests > 20);

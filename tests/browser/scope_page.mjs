@@ -1,5 +1,5 @@
-// The page of `stickslip scope`, its stream in the hands of the test: everything it draws against what the
-// stream held, everything a person can do with it, what it weighs and what it costs.
+// The page of `stickslip scope` with a stream controlled by the test: drawings against data, all user actions,
+// memory and cost.
 import assert from "node:assert/strict";
 import fs from "node:fs";
 import { after, before, test } from "node:test";
@@ -24,7 +24,7 @@ async function open(options = {}, query = "?webgl=0") {
   return page;
 }
 
-// Closes a page; nothing may have gone wrong in it, and nothing may have been asked of anybody else.
+// Closes a page, which must have had no errors and no requests to other servers.
 async function close(page) {
   await page.context().close();
   assert.deepEqual(page.complaints, []);
@@ -35,11 +35,11 @@ const state = (page) => page.evaluate(() => stickslip.state());
 const ink = (page, name) => page.evaluate((name) => stickslip.ink(name), name);
 const text = (page, selector) => page.locator(selector).innerText();
 const near = (a, b, tolerance, message) => assert.ok(Math.abs(a - b) <= tolerance, `${message ?? ""} ${a} is not ${b} within ${tolerance}`);
-// Values that every machine computes alike, bit for bit; a sine is not one.
+// Values that are identical on every machine, bit for bit, unlike a sine.
 const exact = (channel, t) => ((Math.round(t * 1000) * 7919 + channel * 104729) % 10007) / 10007 - 0.5 + channel + t / 7;
 const signal = (channel, t) => Math.sin(2 * Math.PI * 2 * t) * (channel + 1);
 
-test("traces hold the stream bit for bit, and are drawn where its values lie", async () => {
+test("traces hold the stream bit for bit and are drawn at its values", async () => {
   const page = await open();
   await page.evaluate(() => {
     feed.value = (channel, t) => (channel === 5 ? NaN : ((Math.round(t * 1000) * 7919 + channel * 104729) % 10007) / 10007 - 0.5 + channel + t / 7);
@@ -80,7 +80,7 @@ test("traces hold the stream bit for bit, and are drawn where its values lie", a
   await close(page);
 });
 
-test("close up, every frame is a point, and lost frames are a gap that is counted", async () => {
+test("zoomed in, every frame is a point, and lost frames are a counted gap", async () => {
   const page = await open();
   await page.evaluate(() => { feed.frames(0, 900); feed.frames(920, 100); });
   await page.locator("#time-base").selectOption("0.2");
@@ -105,7 +105,7 @@ test("close up, every frame is a point, and lost frames are a gap that is counte
   await close(page);
 });
 
-test("least and greatest of any stretch are those of its frames, after the ring has gone round as well", async () => {
+test("extremes of any range are those of its frames, also after the ring has wrapped", async () => {
   const page = await open();
   const wrong = await page.evaluate(async () => {
     const { FrameStore } = await import(new URL("store.js", document.baseURI).href);
@@ -157,7 +157,7 @@ test("a pause keeps the picture while the stream goes on", async () => {
   await close(page);
 });
 
-test("the trigger stands where the channel crosses the level", async () => {
+test("the trigger holds the picture at the crossing of the level", async () => {
   const page = await open();
   await page.evaluate(() => feed.frames(0, 2000));
   await page.locator("#time-base").selectOption("0.5");
@@ -211,7 +211,7 @@ test("the trigger stands where the channel crosses the level", async () => {
   await close(page);
 });
 
-test("zoom by wheel, keys and buttons; drag moves; reset brings all back", async () => {
+test("zoom by wheel, keys and buttons; drag moves; reset restores the view", async () => {
   const page = await open();
   await page.evaluate(() => feed.frames(0, 60000, { per: 1000 }));
   const box = await page.locator("#screen").boundingBox();
@@ -250,7 +250,7 @@ test("zoom by wheel, keys and buttons; drag moves; reset brings all back", async
   await close(page);
 });
 
-test("units change what is shown, not what is held", async () => {
+test("units change the display, not the data", async () => {
   const page = await open();
   await page.evaluate(() => { feed.value = (c) => 0.0125 * (c + 1); feed.frames(0, 3000); });
   const cell = "#readings tbody tr:nth-child(1) td:nth-child(2)";
@@ -305,7 +305,7 @@ test("cursors read times, values and their differences", async () => {
   await close(page);
 });
 
-test("everything can be reached and done with keys, and the help lists them", async () => {
+test("every action has a key, and the help lists them", async () => {
   const page = await open();
   await page.evaluate(() => { feed.frames(0, 3000); feed.status(); });
   await drawn(page, "displacement");
@@ -343,7 +343,7 @@ test("everything can be reached and done with keys, and the help lists them", as
   assert.equal(await page.evaluate(() => document.activeElement.id), "rig");
   await page.keyboard.press("s");
   assert.match(await page.locator("#spoken").textContent(), /displacement .* The rig is running/);
-  // Every control is met by Tab, and what has the focus shows it.
+  // Every control is reached by Tab and shows its focus.
   const met = new Set();
   await page.keyboard.press("2");
   await drawn(page, "displacement");
@@ -361,7 +361,7 @@ test("everything can be reached and done with keys, and the help lists them", as
   await close(page);
 });
 
-test("portraits draw the loops of the stream, and the section where the drive passes its phase", async () => {
+test("portraits draw the loops of the stream, and the section at its drive phase", async () => {
   const page = await open();
   const values = (t) => [0.01 * Math.sin(6 * t), 0.06 * Math.cos(6 * t), 0.15 * Math.cos(6 * t), 0.5 + 0.02 * Math.sin(6 * t), 0.001, NaN];
   await page.evaluate(() => {
@@ -388,7 +388,7 @@ test("portraits draw the loops of the stream, and the section where the drive pa
     }
     assert.ok((await ink(page, name)) > 100, name);
   }
-  // Each frame stands at its own phase of the drive.
+  // Each frame is at its own drive phase.
   const cylinder = await drawn(page, "cylinder");
   let frame = 12000 - count;
   for (let k = 0; k < cylinder.points.length; k += 2) {
@@ -406,13 +406,13 @@ test("portraits draw the loops of the stream, and the section where the drive pa
   passages.forEach(([time, x, v], k) => {
     const t = (k + 0.25) / 3.2;
     near(time / 1e9, t, 1e-8, `passage ${k}`);
-    near(x, 0.01 * Math.sin(6 * t), 1e-7); // between frames on a straight line
+    near(x, 0.01 * Math.sin(6 * t), 1e-7); // interpolated between frames
     near(v, 0.06 * Math.cos(6 * t), 1e-6);
   });
   await close(page);
 });
 
-test("the spectrum is that of the frames, in amplitude and in density", async () => {
+test("the spectrum is that of the frames, as amplitude and as density", async () => {
   const page = await open();
   const sample = (i) => 0.004 * Math.sin((2 * Math.PI * 125 * i) / 4096) + 0.001 * Math.cos(2 * Math.PI * 0.0731 * i) + 0.3;
   await page.evaluate(() => {
@@ -483,7 +483,7 @@ test("state, fault and its cause, ledger, verdict, timing and events are shown; 
     feed.status();
     feed.event(1, "model_broken", "friction law since 12 s");
     feed.event(0, "started", "<img src=x onerror=alert(1)> was here", 1.69e15);
-    feed.event(1, "model_broken", "friction law since 12 s"); // repeated to who joins
+    feed.event(1, "model_broken", "friction law since 12 s"); // repeated for a new connection
     feed.text({ type: "timing", upper_edge_ns: [1000, 10000, 100000], lateness: [5, 90, 5], cycle: [0, 10, 90], read: [0, 0, 0], cycles: 100 });
   });
   assert.equal(await text(page, "#state-chip"), "running");
@@ -491,7 +491,7 @@ test("state, fault and its cause, ledger, verdict, timing and events are shown; 
   assert.match(await text(page, "#ledger"), /on its way\s+10\s+20/);
   assert.match(await text(page, "#verdict"), /no longer follows its model. friction law since 12 s/);
   await page.evaluate(() => feed.event(1, "model_explained", "why the rig no longer follows its model: mu is 0.9", 1.705e15));
-  assert.match(await text(page, "#verdict"), /✕ Why the rig no longer follows its model: mu is 0\.9\. Told first: friction law since 12 s/);
+  assert.match(await text(page, "#verdict"), /✕ Why the rig no longer follows its model: mu is 0\.9\. First report: friction law since 12 s/);
   assert.equal(await page.locator("#event-list li").count(), 3);
   assert.match(await text(page, "#event-list li:nth-child(3)"), /<img src=x/);
   assert.equal(await page.locator("#event-list img, #rig-name b").count(), 0);
@@ -512,7 +512,7 @@ test("state, fault and its cause, ledger, verdict, timing and events are shown; 
   await close(page);
 });
 
-test("a broken connection is made again; nothing is held twice; a daemon that began anew begins anew", async () => {
+test("the page reconnects without duplicates; a restarted daemon starts a new picture", async () => {
   const page = await open();
   await page.evaluate(() => { feed.frames(0, 3000); feed.text({ type: "source", connected: false, silent_s: 1.5 }); });
   await until(page, () => document.querySelector("#banner").textContent.includes("no frames for 1.5"));
@@ -526,14 +526,14 @@ test("a broken connection is made again; nothing is held twice; a daemon that be
   assert.deepEqual([...(await held(page, "frames", 0)).sequence], [...Array(3500).keys()]);
   assert.equal((await state(page)).lost, 0);
   await until(page, () => document.querySelector("#banner").hidden);
-  // Without being told: time goes on, the sequence began anew; and: time went back.
+  // Without a restart message: the sequence restarted while time went on; time went back.
   await page.evaluate(() => feed.bytes(feed.block(4000, 100, { shift: -4000 })));
   assert.deepEqual([...(await held(page, "frames", 0)).sequence], [...Array(100).keys()]);
   await page.evaluate(() => feed.frames(0, 50));
   assert.equal((await held(page, "frames", 0)).sequence.length, 50);
   await page.evaluate(() => { feed.text({ type: "restart" }); feed.frames(10, 20); });
   assert.equal((await held(page, "frames", 0)).sequence.length, 20);
-  // What is no message of ours is counted and left out.
+  // Unknown messages are counted and ignored.
   await page.evaluate(() => { feed.bytes(new ArrayBuffer(24)); feed.bytes(new ArrayBuffer(0)); feed.text("{"); feed.bytes(feed.block(0, 5).slice(0, -8)); });
   assert.equal((await state(page)).refused, 4);
   assert.ok(await page.evaluate(() => feed.sockets.every((socket) => socket.sent.length === 0)), "the page sends nothing");
@@ -558,7 +558,7 @@ test("drawn by WebGL, the traces have ink too", async () => {
   await close(plain);
 });
 
-test("what a minute on screen costs is bounded by its columns, not by its frames", async (t) => {
+test("the cost of a minute on screen is bounded by its columns, not its frames", async (t) => {
   const page = await open();
   await page.evaluate(() => feed.frames(0, 61000, { per: 1000 }));
   const cost = {};
@@ -566,7 +566,7 @@ test("what a minute on screen costs is bounded by its columns, not by its frames
     await page.locator("#time-base").selectOption(span);
     await drawn(page, "velocity");
     const picture = await drawn(page, "velocity");
-    // The script's own time, least of many so that what else the machine does hardly counts.
+    // Script time, minimum of many runs to exclude other load.
     const work_ms = await page.evaluate(async () => {
       let least = Infinity;
       for (let i = 0; i < 30; ++i) { await stickslip.drawn("none"); least = Math.min(least, stickslip.pace().scope_ms); }
@@ -583,14 +583,14 @@ test("what a minute on screen costs is bounded by its columns, not by its frames
   await close(page);
 });
 
-test("half an hour leaves memory as it was", async (t) => {
+test("memory is constant over half an hour", async (t) => {
   const page = await open({ width: 1000, height: 700 });
   const session = await page.context().newCDPSession(page);
   const heap = async () => {
     await session.send("HeapProfiler.collectGarbage");
     return (await session.send("Runtime.getHeapUsage")).usedSize;
   };
-  // Half an hour of everything, as quickly as it is taken; a picture is drawn at every 20 s of it.
+  // Half an hour of all messages at full speed, with a picture every 20 s.
   const minutes = (from, to) => page.evaluate(async ([from, to]) => {
     feed.value = (channel, t) => (channel === 5 ? NaN : channel + (t % 1));
     for (let second = from * 60; second < to * 60; second += 2) {
@@ -618,7 +618,7 @@ test("half an hour leaves memory as it was", async (t) => {
   await close(page);
 });
 
-// Looks at the page as it stands; nothing serious may be found, and nothing may stick out at the side.
+// Checks accessibility: no serious finding, no horizontal overflow.
 async function lookForBarriers(page, name) {
   if (!(await page.evaluate(() => window.axe !== undefined))) await page.evaluate(fs.readFileSync(process.env.AXE, "utf8"));
   const { violations } = await page.evaluate(() => window.axe.run(document, { resultTypes: ["violations"] }));
@@ -628,7 +628,7 @@ async function lookForBarriers(page, name) {
 }
 
 for (const [name, options] of [["desk", {}], ["phone", { width: 390, height: 844, isMobile: true, hasTouch: true }]]) {
-  test(`nobody is shut out: ${name}`, async () => {
+  test(`accessible: ${name}`, async () => {
     const page = await open(options);
     await page.evaluate(() => {
       feed.frames(0, 12000, { per: 1000 });

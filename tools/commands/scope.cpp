@@ -103,7 +103,7 @@ int run(const Arguments& arguments) {
     }
   });
   server->watch(stop.file(), [&server] { server->stop(); });
-  server->every_tick([&feed] { feed.look_at_the_time(steady_clock::now()); });
+  server->every_tick([&feed] { feed.check_silence(steady_clock::now()); });
   say_where(listener.address(), admission);
   server->run();
   return 0;

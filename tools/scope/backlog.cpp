@@ -13,7 +13,7 @@ void Backlog::greet(std::vector<SharedMessage> messages) {
 bool Backlog::add(const SharedMessage& message, Clock::time_point now) {
   waiting_.push_back(message);
   bytes_ += message->size();
-  // Once behind, nothing is gathered that would be old when the client reads again.
+  // A client that is behind gets no telemetry that would be old when it reads again.
   if (lost_ > 0 || bytes_ > most_bytes_) lose_telemetry(now);
   return bytes_ <= most_bytes_;
 }

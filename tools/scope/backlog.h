@@ -1,4 +1,4 @@
-// What is still to be sent to one client, bounded in bytes.
+// The bounded queue of messages to one client.
 #pragma once
 
 #include <chrono>
@@ -11,23 +11,23 @@
 
 namespace stickslip::scope {
 
-/// Messages on their way to one client. One that is too slow loses telemetry: all that waits, and
-/// all that comes until it reads again, so that it is at the present then. It is told how much that
-/// was. What a page must know is kept.
+/// Messages queued for one client. A client that is too slow loses telemetry: all that is queued
+/// and all that arrives until it reads again, so that it resumes at the present; it is sent the
+/// number of lost messages. State that a page must know is kept.
 class Backlog {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// `most_bytes`: what may wait, without the greeting.
+  /// `most_bytes`: capacity, without the greeting.
   explicit Backlog(std::size_t most_bytes) : most_bytes_(most_bytes) {}
 
-  /// What is sent first; it does not count, since it is shared and known.
+  /// The first messages; not counted, since they are shared by all clients.
   void greet(std::vector<SharedMessage> messages);
 
-  /// Returns false where what must be kept alone is more than may wait: the client is past help.
+  /// False if the messages that must be kept exceed the capacity: the client has to be closed.
   bool add(const SharedMessage& message, Clock::time_point now);
 
-  /// The next message to send; null where nothing waits.
+  /// The next message to send; null if there is none.
   SharedMessage take();
 
   bool empty() const { return greeting_.empty() && waiting_.empty() && lost_ == 0; }
@@ -35,7 +35,7 @@ class Backlog {
   /// Messages lost since the start.
   std::uint64_t lost() const { return lost_in_all_; }
 
-  /// For how long this client has been losing, without a moment at which all had been sent.
+  /// Time since this client began to lose messages without catching up.
   Clock::duration losing_for(Clock::time_point now) const;
 
  private:
@@ -45,7 +45,7 @@ class Backlog {
   std::deque<SharedMessage> greeting_;
   std::deque<SharedMessage> waiting_;
   std::size_t bytes_ = 0;   ///< of `waiting_`
-  std::uint64_t lost_ = 0;  ///< and not yet told
+  std::uint64_t lost_ = 0;  ///< not yet reported to the client
   std::uint64_t lost_in_all_ = 0;
   std::optional<Clock::time_point> losing_since_;
 };

@@ -10,15 +10,15 @@ bool is_of(const Connection& connection, const std::string* peer) {
   return peer == nullptr || connection.peer == *peer;
 }
 
-bool is_overdue(const Connection& connection, const Patience& patience, Clock::time_point now) {
+bool is_overdue(const Connection& connection, const TimeLimits& limits, Clock::time_point now) {
   const auto age = now - connection.since;
   switch (connection.stage) {
     case Stage::requesting:
-      return age > patience.request;
+      return age > limits.request;
     case Stage::answering:
-      return age > patience.answer;
+      return age > limits.answer;
     case Stage::streaming:
-      return connection.backlog.losing_for(now) > patience.losing;
+      return connection.backlog.losing_for(now) > limits.losing;
   }
   return true;
 }
@@ -57,10 +57,10 @@ lws* Connections::oldest_request(const std::string* peer) const {
   return oldest == nullptr ? nullptr : oldest->first;
 }
 
-std::vector<lws*> Connections::overdue(const Patience& patience, Clock::time_point now) const {
+std::vector<lws*> Connections::overdue(const TimeLimits& limits, Clock::time_point now) const {
   std::vector<lws*> out;
   for (const auto& [wsi, connection] : map_) {
-    if (is_overdue(connection, patience, now)) out.push_back(wsi);
+    if (is_overdue(connection, limits, now)) out.push_back(wsi);
   }
   return out;
 }

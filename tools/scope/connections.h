@@ -1,4 +1,4 @@
-// Who is connected, what for and since when: the books of the web server, without a network.
+// The connections of the web server and their stages, without a network.
 #pragma once
 
 #include <chrono>
@@ -10,15 +10,15 @@
 
 #include "tools/scope/backlog.h"
 
-struct lws;  // libwebsockets' connection; here only a name
+struct lws;  // a connection of libwebsockets
 
 namespace stickslip::scope {
 
 using Clock = std::chrono::steady_clock;
 
 enum class Stage {
-  requesting,  ///< its request is not complete
-  answering,   ///< it is being sent a file
+  requesting,  ///< request incomplete
+  answering,   ///< a file is being sent
   streaming,
 };
 
@@ -36,15 +36,15 @@ struct Connection {
   Stage stage = Stage::requesting;
   Clock::time_point since;  ///< of the stage
   Backlog backlog;          ///< streaming
-  std::string body;         ///< answering: what is left to be sent begins at `sent`
+  std::string body;         ///< answering: the unsent rest begins at `sent`
   std::size_t sent = 0;
 };
 
-/// How long a connection may stay in each stage.
-struct Patience {
+/// Time limits of the stages.
+struct TimeLimits {
   Clock::duration request;
   Clock::duration answer;
-  Clock::duration losing;  ///< a stream that loses, without once catching up
+  Clock::duration losing;  ///< a stream that loses messages without catching up
 };
 
 class Connections {
@@ -52,19 +52,19 @@ class Connections {
   using Map = std::unordered_map<lws*, Connection>;
 
   void add(lws* wsi, Connection connection);
-  /// Null where it is not known.
+  /// Null if unknown.
   Connection* find(lws* wsi);
   void erase(lws* wsi);
 
-  /// How many are streams, and how many are none; of one address, or of all (null).
+  /// Number of streams, and of other connections; of one address, or of all (null).
   std::size_t streams(const std::string* peer = nullptr) const;
   std::size_t requests(const std::string* peer = nullptr) const;
 
-  /// Who has waited longest without a complete request; null where nobody does.
+  /// The oldest connection without a complete request; null if there is none.
   lws* oldest_request(const std::string* peer = nullptr) const;
 
-  /// Whose patience is at its end.
-  std::vector<lws*> overdue(const Patience& patience, Clock::time_point now) const;
+  /// Connections that exceed the limit of their stage.
+  std::vector<lws*> overdue(const TimeLimits& limits, Clock::time_point now) const;
 
   Map::iterator begin() { return map_.begin(); }
   Map::iterator end() { return map_.end(); }

@@ -7,7 +7,7 @@ namespace stickslip::scope {
 
 namespace {
 
-// More frames than any excitation message looks back on.
+// More frames than any excitation message covers.
 constexpr std::size_t remembered_times = 1U << 15U;
 
 }  // namespace
@@ -50,7 +50,7 @@ void FrameHistory::close_chunk() {
 void FrameHistory::forget_old() {
   if (chunks_.empty()) return;
   const std::int64_t latest = open_.empty() ? chunks_.back().last_time_ns : open_.back().time_ns;
-  // Computed without a sign: times may lie anywhere in their range.
+  // Unsigned arithmetic: times may be anywhere in their range.
   const auto age_ns = [latest](const Chunk& chunk) {
     return chunk.last_time_ns > latest ? 0U
                                        : static_cast<std::uint64_t>(latest) -
@@ -88,7 +88,7 @@ std::optional<std::int64_t> FrameTimes::time_ns(std::uint64_t sequence, std::uin
   if (!(period_ns_ > 0.0)) return std::nullopt;
   const double frames = static_cast<double>(sequence) - static_cast<double>(reference);
   const double offset_ns = frames * period_ns_;
-  if (!(std::abs(offset_ns) < 1e15)) return std::nullopt;  // two weeks: nothing sane
+  if (!(std::abs(offset_ns) < 1e15)) return std::nullopt;  // two weeks: implausible
   return static_cast<std::int64_t>(static_cast<std::uint64_t>(reference_time_ns) +
                                    static_cast<std::uint64_t>(std::llround(offset_ns)));
 }

@@ -1,4 +1,4 @@
-// The latest frames, for who joins later, and when each of them was measured.
+// The latest frames, for clients that join later, and their times of measurement.
 #pragma once
 
 #include <cstdint>
@@ -13,14 +13,14 @@
 
 namespace stickslip::scope {
 
-/// The frames of the last seconds, by the device's time, as messages that are ready to be sent.
-/// Full chunks are encoded once; every client that joins gets the same ones.
+/// The frames of the last seconds of device time as messages. Full chunks are encoded once and
+/// shared by all clients that join.
 class FrameHistory {
  public:
   /// Frames in one message.
   static constexpr std::size_t chunk_frames = 1000;
 
-  /// `length_s`: 0 or more. `most_bytes` bounds the whole, whatever the times of the frames say.
+  /// `length_s`: 0 or more. `most_bytes` bounds the size, whatever the times of the frames.
   FrameHistory(double length_s, std::size_t most_bytes);
 
   /// Appends frames, in order of time; gaps are kept as they are.
@@ -30,7 +30,7 @@ class FrameHistory {
   /// All messages, oldest first, marked as history.
   std::vector<SharedMessage> messages() const;
 
-  /// What the messages hold now, in bytes; never above `most_bytes` by more than one chunk.
+  /// Present size in bytes; at most `most_bytes` and one chunk.
   std::size_t bytes() const { return bytes_ + open_.size() * frame_bytes; }
 
  private:
@@ -50,7 +50,7 @@ class FrameHistory {
   std::size_t bytes_ = 0;  ///< of the chunks
 };
 
-/// When each of the latest frames was measured, by its sequence number.
+/// Times of measurement of the latest frames by sequence number.
 class FrameTimes {
  public:
   FrameTimes();
@@ -58,9 +58,9 @@ class FrameTimes {
   void add(const Frame& frame);
   void clear();
 
-  /// The time [ns] of the frame of that number: exact where the frame was heard, else from the
-  /// period of the latest two frames and the frame `reference`, whose time is known. Nothing where
-  /// no two frames were heard.
+  /// Time [ns] of the frame with that number: exact if the frame was received, else extrapolated
+  /// from the frame `reference` by the period of the latest two frames. None before two frames were
+  /// received.
   std::optional<std::int64_t> time_ns(std::uint64_t sequence, std::uint64_t reference,
                                       std::int64_t reference_time_ns) const;
 
@@ -73,7 +73,7 @@ class FrameTimes {
 
   std::vector<Entry> entries_;  ///< by sequence number modulo their count
   std::optional<Entry> latest_;
-  double period_ns_ = 0.0;  ///< 0: not known
+  double period_ns_ = 0.0;  ///< 0: unknown
 };
 
 }  // namespace stickslip::scope

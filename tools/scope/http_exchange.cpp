@@ -8,7 +8,7 @@ namespace stickslip::scope {
 
 namespace {
 
-/// Everything that a page may load comes from here, and nothing may show it inside another page.
+/// A page may load from this server only, and may not be embedded.
 constexpr const char* content_policy =
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
     "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
@@ -20,7 +20,7 @@ struct Header {
 constexpr std::array<Header, 7> fixed_headers = {{
     {"content-security-policy:", content_policy},
     {"x-content-type-options:", "nosniff"},
-    // The token stands in the page's address.
+    // The page's URL contains the token.
     {"referrer-policy:", "no-referrer"},
     {"x-frame-options:", "DENY"},
     {"cross-origin-opener-policy:", "same-origin"},
@@ -37,7 +37,7 @@ std::string header_of(lws* wsi, lws_token_indexes which) {
   return out;
 }
 
-/// The value of the query's `name`; libwebsockets has undone the escapes.
+/// The unescaped value of `name` in the query.
 std::string argument_of(lws* wsi, std::string_view name) {
   std::array<char, 1024> text{};
   for (int i = 0; i < 16; ++i) {
@@ -104,7 +104,7 @@ PageFiles::PageFiles() {
 
 Answer PageFiles::answer_to(const ReceivedRequest& request) const {
   const auto found = files_.find(request.path == "/index.html" ? "/" : request.path);
-  if (found == files_.end()) return answer_for({404, "there is no such file here"});
+  if (found == files_.end()) return answer_for({404, "no such file"});
   Answer answer;
   answer.content_type = found->second.file->content_type;
   answer.tag = found->second.tag;
@@ -132,7 +132,7 @@ bool write_head(lws* wsi, const Answer& answer) {
          add(WSI_TOKEN_HTTP_CONTENT_TYPE, answer.content_type) &&
          (!has_length ||
           lws_add_http_header_content_length(wsi, answer.body.size(), &at, end) == 0) &&
-         // Always asked again, and sent again only where it has changed.
+         // Revalidated on every load.
          add(WSI_TOKEN_HTTP_CACHE_CONTROL, answer.tag.empty() ? "no-store" : "no-cache") &&
          (answer.tag.empty() || add(WSI_TOKEN_HTTP_ETAG, answer.tag)) &&
          (answer.status != 405 || add(WSI_TOKEN_HTTP_ALLOW, "GET, HEAD")) &&

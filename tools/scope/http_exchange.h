@@ -1,4 +1,4 @@
-// Requests out of libwebsockets, and answers into it.
+// Requests from and answers to libwebsockets.
 #pragma once
 
 #include <libwebsockets.h>
@@ -14,8 +14,7 @@
 
 namespace stickslip::scope {
 
-/// The headers that every answer has, whatever it is, as libwebsockets wants them: a list that it
-/// keeps pointers into.
+/// The headers of every answer, as the linked list that libwebsockets keeps pointers into.
 class FixedHeaders {
  public:
   FixedHeaders();
@@ -27,7 +26,7 @@ class FixedHeaders {
   std::vector<lws_protocol_vhost_options> list_;
 };
 
-/// A request's parts, copied out.
+/// A copy of the parts of a request.
 struct ReceivedRequest {
   explicit ReceivedRequest(lws* wsi);
   Request view() const { return {method, path, host, origin, token}; }
@@ -38,24 +37,24 @@ struct ReceivedRequest {
   std::string origin;
   std::string token;
   std::string subprotocol;    ///< of a WebSocket
-  std::string if_none_match;  ///< the tag of what the browser has
+  std::string if_none_match;  ///< the tag of the browser's copy
 };
 
 struct Answer {
   unsigned status = 200;
   std::string_view content_type = "text/plain; charset=utf-8";
-  std::string tag;  ///< by which a browser finds that it has this already; empty: never kept
+  std::string tag;  ///< ETag; empty: not cached
   std::string body;
 };
 
-/// An answer that says why there is none.
+/// The answer to a rejected request.
 Answer answer_for(const Refusal& refusal);
 
 /// The files of the page, each with its tag.
 class PageFiles {
  public:
   PageFiles();
-  /// The file at that path, or that the browser has it, or that there is none.
+  /// 200 with the file, 304 or 404.
   Answer answer_to(const ReceivedRequest& request) const;
 
  private:
@@ -66,7 +65,7 @@ class PageFiles {
   std::map<std::string_view, TaggedFile> files_;
 };
 
-/// Writes status and headers; false where the connection is gone.
+/// Writes status and headers; false if the connection is closed.
 bool write_head(lws* wsi, const Answer& answer);
 
 }  // namespace stickslip::scope

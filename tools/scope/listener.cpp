@@ -31,7 +31,7 @@ SocketAddress socket_address(const ListenAddress& at) {
   }
   auto& six = reinterpret_cast<sockaddr_in6&>(out.storage);
   if (inet_pton(AF_INET6, at.address.c_str(), &six.sin6_addr) != 1) {
-    throw std::runtime_error(at.address + " is no numeric address");
+    throw std::runtime_error(at.address + " is not a numeric address");
   }
   six.sin6_family = AF_INET6;
   six.sin6_port = htons(at.port);
@@ -50,10 +50,10 @@ std::uint16_t port_of(int file) {
 
 std::string reason_for(int error) {
   if (error == EADDRINUSE) {
-    return "another program listens there; --listen ADDRESS:0 takes any port that is free";
+    return "another program listens there; --listen ADDRESS:0 uses any free port";
   }
   if (error == EADDRNOTAVAIL) return "this machine has no such address (ip address lists them)";
-  if (error == EACCES) return "ports below 1024 are for root";
+  if (error == EACCES) return "ports below 1024 need root";
   return std::strerror(error);
 }
 
@@ -63,7 +63,7 @@ Listener::Listener(const ListenAddress& at) : address_(at) {
   const SocketAddress where = socket_address(at);
   file_ = socket(where.storage.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   const int yes = 1;
-  // A server that is started again finds its port although old connections are not forgotten yet.
+  // A restarted server can bind its port while old connections are in TIME_WAIT.
   if (file_ < 0 || setsockopt(file_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
       bind(file_, reinterpret_cast<const sockaddr*>(&where.storage), where.size) != 0 ||
       listen(file_, most_unaccepted) != 0) {

@@ -1,12 +1,12 @@
-// The socket that a server listens at.
+// The listening socket of a server.
 #pragma once
 
 #include "tools/scope/request.h"
 
 namespace stickslip::scope {
 
-/// Listens from its making on. Throws std::runtime_error, in one line, where the address is not
-/// this machine's or the port is taken.
+/// Listens from construction on. Throws std::runtime_error with one line if the address does not
+/// belong to this machine or the port is in use.
 class Listener {
  public:
   explicit Listener(const ListenAddress& at);
@@ -15,7 +15,7 @@ class Listener {
   Listener& operator=(const Listener&) = delete;
 
   int file() const { return file_; }
-  /// With the port that the system chose where any was asked for.
+  /// With the port that the system chose for port 0.
   const ListenAddress& address() const { return address_; }
 
  private:

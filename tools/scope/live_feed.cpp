@@ -63,7 +63,7 @@ void LiveFeed::take_block(std::span<const std::uint8_t> bytes, double received_u
     ++undecoded_;
     return;
   }
-  if (begins_anew(frames_.front())) forget_the_run();
+  if (is_restart(frames_.front())) reset_run();
   const double silent_s = silence_s(now);
   heard_ = now;
   if (!connected_) {
@@ -78,7 +78,7 @@ void LiveFeed::take_block(std::span<const std::uint8_t> bytes, double received_u
   history_.add(frames_, degraded, received_unix_ms);
 }
 
-bool LiveFeed::begins_anew(const Frame& next) const {
+bool LiveFeed::is_restart(const Frame& next) const {
   if (!last_) return false;
   return next.sequence <= last_->sequence ||
          (next.time_ns<last_->time_ns&& static_cast<std::uint64_t>(last_->time_ns) -
@@ -86,7 +86,7 @@ bool LiveFeed::begins_anew(const Frame& next) const {
               restart_ns);
 }
 
-void LiveFeed::forget_the_run() {
+void LiveFeed::reset_run() {
   history_.clear();
   times_.clear();
   estimate_.reset();
@@ -136,14 +136,14 @@ void LiveFeed::take_description(std::span<const std::uint8_t> bytes) {
     try {
       marks = marks_of(config::parse_model(message.model, "the model on LCM"));
     } catch (const InputError&) {
-      ++undecoded_;  // of a later version, perhaps; the rig's name is worth telling
+      ++undecoded_;  // perhaps of a later version; the rig's name is still published
     }
   }
   model_ = shared_message(encode_model(message.rig, marks));
   send(model_);
 }
 
-void LiveFeed::look_at_the_time(Clock::time_point now) {
+void LiveFeed::check_silence(Clock::time_point now) {
   if (!connected_ || now - *heard_ < silence) return;
   connected_ = false;
   send(shared_message(encode_source(false, silence_s(now))));

@@ -1,4 +1,4 @@
-// One message to the pages, encoded once and shared by all who get it.
+// A message to the pages, encoded once and shared by all recipients.
 #pragma once
 
 #include <algorithm>
@@ -12,14 +12,14 @@
 
 namespace stickslip::scope {
 
-/// What becomes of a message when a client is too slow for it.
+/// Handling of a message to a client that is too slow.
 enum class Keep {
-  may_be_lost,  ///< telemetry: the next one says more
-  always,       ///< changes what a page believes: model, restart, event
+  may_be_lost,  ///< telemetry: superseded by the next
+  always,       ///< changes the state of a page: model, restart, event
 };
 
-/// The payload of a WebSocket message. In front of it there is room for the header, which the
-/// server writes in place; it is the same for every client.
+/// The payload of a WebSocket message, with headroom for the header, which the server writes in
+/// place and which is the same for every client.
 class Message {
  public:
   static constexpr std::size_t headroom = 32;
@@ -45,8 +45,8 @@ class Message {
   Keep keep_;
 };
 
-/// Shared by the backlogs of all clients. Nobody changes a payload once it has been handed out; the
-/// header in front of it is written again, alike, for each client, always by the server's thread.
+/// Shared by the backlogs of all clients. The payload is immutable once shared; the header is
+/// rewritten identically for each client by the server's thread.
 using SharedMessage = std::shared_ptr<Message>;
 
 template <class... Arguments>

@@ -1,4 +1,4 @@
-// The page's files, as they stand in the program.
+// The page's files, compiled into the program.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ struct PageFile {
   std::span<const std::uint8_t> content;
 };
 
-/// Every file, put into the program when it was built (tools/scope/CMakeLists.txt).
+/// All files (see tools/scope/CMakeLists.txt).
 std::span<const PageFile> page_files();
 
 }  // namespace stickslip::scope

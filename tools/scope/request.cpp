@@ -14,7 +14,7 @@ namespace {
 
 using Address6 = std::array<std::uint8_t, 16>;
 
-/// A numeric address as IPv6 has it; IPv4 is mapped.
+/// A numeric address as IPv6; IPv4 is mapped.
 std::optional<Address6> numeric(const std::string& address) {
   Address6 out{};
   if (inet_pton(AF_INET6, address.c_str(), out.data()) == 1) return out;
@@ -49,12 +49,12 @@ std::optional<std::uint16_t> parse_port(std::string_view text) {
 }
 
 std::string host_words(std::string_view host) {
-  std::string out = "this live view is not known as \"";
+  std::string out = "this live view does not have the name \"";
   for (const char c : host.substr(0, 80)) {
-    // What a browser would take for markup, or a terminal for a command, is not repeated.
+    // Characters that could be markup or terminal control are not echoed.
     out += is_of_names(c) || c == ':' || c == '[' || c == ']' ? c : '?';
   }
-  return out + "\"; it is started with --host-name for each name that it has";
+  return out + "\"; declare each of its names with --host-name";
 }
 
 const char* const token_words =
@@ -163,9 +163,9 @@ bool is_token(std::string_view word) {
 std::optional<Refusal> refuse_page(const Request& request, const Admission& admission) {
   if (!is_host_allowed(request.host, admission)) return Refusal{403, host_words(request.host)};
   if (request.method != "GET" && request.method != "HEAD") {
-    return Refusal{405, "only GET and HEAD are answered here"};
+    return Refusal{405, "only GET and HEAD are supported"};
   }
-  // Scripts and styles are no secret; what they show is.
+  // Scripts and styles are public; data is not.
   const bool is_page = request.path == "/" || request.path == "/index.html";
   if (is_page && !admission.token.empty() && !is_same_secret(request.token, admission.token)) {
     return Refusal{403, token_words};

@@ -1,4 +1,4 @@
-// Who may ask for what: the checks of a request, without a server.
+// Access checks of HTTP requests, without a server.
 #pragma once
 
 #include <cstdint>
@@ -9,44 +9,44 @@
 
 namespace stickslip::scope {
 
-/// An address and a port to listen at.
+/// Address and port of a listening socket.
 struct ListenAddress {
   std::string address = "127.0.0.1";  ///< IPv4 or IPv6, numeric, without brackets
-  std::uint16_t port = 8088;          ///< 0: any that is free
+  std::uint16_t port = 8088;          ///< 0: any free port
   friend bool operator==(const ListenAddress&, const ListenAddress&) = default;
 };
 
-/// "127.0.0.1:8088", "[::1]:8088", "0.0.0.0:0". Throws InputError where `text` is none: names are
-/// not looked up, since what they lead to may change.
+/// "127.0.0.1:8088", "[::1]:8088", "0.0.0.0:0". Throws InputError for other text: names are
+/// not resolved, since their address may change.
 ListenAddress parse_listen_address(const std::string& text);
 
-/// "127.0.0.1:8088" or "[::1]:8088", as a URL has it.
+/// "127.0.0.1:8088" or "[::1]:8088", as in a URL.
 std::string text_of(const ListenAddress& address);
 
 /// 127.0.0.0/8 or ::1.
 bool is_loopback(const std::string& address);
 
-/// 0.0.0.0 or ::, which mean every address of this machine.
+/// 0.0.0.0 or ::, every address of this machine.
 bool is_every_address(const std::string& address);
 
-/// A host and a port as a Host header has them; the host is in small letters and without brackets.
+/// Host and port of a Host header; the host in lower case, without brackets.
 struct HostAndPort {
   std::string host;
-  std::string port;  ///< empty: none was given
+  std::string port;  ///< empty: none
 };
-/// Nothing where `header` is not exactly that: a host of letters, digits, dots, hyphens and
-/// underscores, or an IPv6 address in brackets, and perhaps a port.
+/// None unless `header` is a host of letters, digits, dots, hyphens and underscores, or an IPv6
+/// address in brackets, and an optional port.
 std::optional<HostAndPort> parse_host(std::string_view header);
 
-/// What a request must be to be answered.
+/// Conditions for access.
 struct Admission {
   std::string listen_address = "127.0.0.1";
-  std::vector<std::string> host_names;       ///< beside loopback and the listen address
-  std::vector<std::string> allowed_origins;  ///< beside the page's own, as "https://rig.lab"
-  std::string token;                         ///< empty: none is asked for
+  std::vector<std::string> host_names;       ///< besides loopback and the listen address
+  std::vector<std::string> allowed_origins;  ///< besides the page's own, e.g. "https://rig.lab"
+  std::string token;                         ///< empty: none required
 };
 
-/// What of a request the checks look at; a header that was not sent is empty.
+/// The checked parts of a request; a missing header is empty.
 struct Request {
   std::string_view method;
   std::string_view path;  ///< without the query
@@ -55,25 +55,25 @@ struct Request {
   std::string_view token;  ///< of the query
 };
 
-/// Why a request is turned away: an HTTP status and a sentence.
+/// Reason for rejecting a request: HTTP status and sentence.
 struct Refusal {
   int status = 403;
   std::string reason;
 };
 
-/// Whether a page may be asked for under this Host header. A page elsewhere whose name is made to
-/// lead here (DNS rebinding) still asks for its own name. Ports are not compared: a tunnel has its
-/// own. Where every address is listened at, an address is as good as a name that was declared.
+/// True if the page may be requested under this Host header; a foreign page under DNS rebinding
+/// sends its own name. Ports are not compared, since a tunnel has its own. A server that listens at
+/// every address accepts numeric addresses like declared names.
 bool is_host_allowed(std::string_view host, const Admission& admission);
 
-/// Whether a page of this origin may open the stream: the page of this very server, as the Host
-/// header calls it, or one that was allowed. A program that is no browser sends no origin.
+/// True if a page of this origin may open the stream: the page of this server, as named by the Host
+/// header, or an allowed one. Programs other than browsers send no origin.
 bool is_origin_allowed(std::string_view origin, std::string_view host, const Admission& admission);
 
-/// Compares in a time that depends on the lengths only.
+/// Comparison in constant time for equal lengths.
 bool is_same_secret(std::string_view given, std::string_view expected);
 
-/// Whether `word` can be a token: letters, digits and -._~ only, which a URL carries as they are.
+/// True for a valid token: letters, digits and -._~, which need no escaping in a URL.
 bool is_token(std::string_view word);
 
 /// For the page and its files: GET or HEAD, from an allowed host; the page itself with the token.

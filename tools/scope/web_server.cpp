@@ -27,15 +27,15 @@ namespace {
 
 static_assert(Message::headroom >= LWS_PRE);
 
-// What waits in the kernel for a slow reader is as stale as what waits here.
+// Data in the kernel buffer of a slow reader is as stale as data queued here.
 constexpr int send_buffer_bytes = 128 * 1024;
 constexpr std::size_t file_piece_bytes = 16 * 1024;
-// Connections taken, or messages written, before others have a turn.
+// Connections accepted, or messages written, per turn.
 constexpr int most_at_once = 64;
 constexpr lws_usec_t tick_us = 100'000;
 constexpr const char* subprotocol = "stickslip-scope";
 
-/// The address at the other end, without its port; empty where it is gone already.
+/// Address of the peer without its port; empty if already closed.
 std::string peer_of(int file) {
   sockaddr_storage storage{};
   socklen_t size = sizeof storage;
@@ -84,7 +84,7 @@ class WebServer::Loop {
   void open_stream(lws* wsi);
   int write_stream(lws* wsi, Connection& connection);
   int refuse_data(lws* wsi);
-  void look_at_the_time();
+  void check_time_limits();
   void forget(lws* wsi);
 
   // libwebsockets keeps pointers to these.
@@ -96,7 +96,7 @@ class WebServer::Loop {
   const Listener& listener_;
   Admission admission_;
   ServerLimits limits_;
-  Patience patience_;
+  TimeLimits time_limits_;
   Greeting greeting_;
   PageFiles files_;
   FixedHeaders headers_;
@@ -118,9 +118,9 @@ WebServer::Loop::Loop(const Listener& listener, Admission admission, ServerLimit
     : listener_(listener),
       admission_(std::move(admission)),
       limits_(limits),
-      patience_{limits.request, limits.answer, limits.losing},
+      time_limits_{limits.request, limits.answer, limits.losing},
       greeting_(std::move(greeting)) {
-  lws_set_log_level(0, nullptr);  // what it would say of clients is theirs to write
+  lws_set_log_level(0, nullptr);  // its log would contain text chosen by clients
   protocols_[0] = {"http", &Loop::on_event, 0, 0, 0, nullptr, 0};
   protocols_[1] = {subprotocol, &Loop::on_event, 0, 256, 0, nullptr, 0};
   protocols_[2] = {"files", &Loop::on_event, 0, 0, 0, nullptr, 0};
@@ -138,18 +138,18 @@ WebServer::Loop::Loop(const Listener& listener, Admission admission, ServerLimit
   info.max_http_header_data = static_cast<unsigned short>(limits_.header_bytes);
   const std::size_t connections = limits_.streams + limits_.requests;
   info.max_http_header_pool = static_cast<unsigned short>(connections + most_at_once);
-  // The default is a table for every file that the system would let this program open.
+  // The default is a table of the size of the limit of open files.
   info.fd_limit_per_thread = static_cast<unsigned>(connections + most_at_once + 16);
   info.timeout_secs = static_cast<unsigned>(
       std::chrono::duration_cast<std::chrono::seconds>(limits_.request).count() + 1);
   info.timeout_secs_ah_idle = info.timeout_secs;
   info.keepalive_timeout = 5;
-  // Streams whose client is gone without a word are found by pings.
+  // Pings find clients that vanished without closing.
   idle_.secs_since_valid_ping = 20;
   idle_.secs_since_valid_hangup = 40;
   info.retry_and_idle_policy = &idle_;
   context_ = lws_create_context(&info);
-  if (context_ == nullptr) throw std::runtime_error("libwebsockets does not begin");
+  if (context_ == nullptr) throw std::runtime_error("libwebsockets cannot start");
   vhost_ = lws_get_vhost_by_name(context_, "stickslip");
   watch(listener_.file(), [this] { accept_all(); });
   timer_.loop = this;
@@ -163,19 +163,19 @@ WebServer::Loop::~Loop() {
 
 void WebServer::Loop::watch(int file, std::function<void()> readable) {
   lws_sock_file_fd_type descriptor{};
-  // libwebsockets closes what it was given.
+  // libwebsockets closes adopted files.
   descriptor.filefd = fcntl(file, F_DUPFD_CLOEXEC, 0);
   lws* wsi = descriptor.filefd < 0 ? nullptr
                                    : lws_adopt_descriptor_vhost(vhost_, LWS_ADOPT_RAW_FILE_DESC,
                                                                 descriptor, "files", nullptr);
-  if (wsi == nullptr) throw std::runtime_error("libwebsockets does not watch a file");
+  if (wsi == nullptr) throw std::runtime_error("libwebsockets cannot watch a file");
   watched_[wsi] = std::move(readable);
 }
 
 void WebServer::Loop::run() {
   while (!stopping_ && !failure_) {
     if (lws_service(context_, 0) < 0 && !stopping_) {
-      throw std::runtime_error("libwebsockets does not go on");
+      throw std::runtime_error("libwebsockets failed");
     }
   }
   if (failure_) std::rethrow_exception(std::exchange(failure_, nullptr));
@@ -196,7 +196,7 @@ int WebServer::Loop::on_event(lws* wsi, lws_callback_reasons reason, void*, void
 void WebServer::Loop::on_tick(lws_sorted_usec_list_t* list) {
   Loop& loop = *reinterpret_cast<Timer*>(list)->loop;
   try {
-    loop.look_at_the_time();
+    loop.check_time_limits();
   } catch (...) {
     if (!loop.failure_) loop.failure_ = std::current_exception();
   }
@@ -212,7 +212,7 @@ int WebServer::Loop::handle(lws* wsi, lws_callback_reasons reason, void* in) {
     }
     case LWS_CALLBACK_HTTP:
       return answer_request(wsi);
-    case LWS_CALLBACK_HTTP_BODY:  // nothing that is sent is wanted
+    case LWS_CALLBACK_HTTP_BODY:  // request bodies are rejected
       return -1;
     case LWS_CALLBACK_HTTP_WRITEABLE: {
       Connection* connection = connections_.find(wsi);
@@ -245,13 +245,13 @@ void WebServer::Loop::forget(lws* wsi) {
   connections_.erase(wsi);
 }
 
-// Who gets in ----------------------------------------------------------------------------------
+// Admission ------------------------------------------------------------------------------------
 
 void WebServer::Loop::accept_all() {
   for (int i = 0; i < most_at_once; ++i) {
     const int file = accept4(listener_.file(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
     if (file < 0) {
-      // Without a file left there is nothing to take the connection with: somebody has to go.
+      // Without a free file descriptor an old connection has to be closed first.
       if (errno == EMFILE || errno == ENFILE) shed_oldest(nullptr);
       return;
     }
@@ -264,15 +264,15 @@ void WebServer::Loop::accept_all() {
     const int yes = 1;
     setsockopt(file, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
     setsockopt(file, SOL_SOCKET, SO_SNDBUF, &send_buffer_bytes, sizeof send_buffer_bytes);
-    lws* wsi = lws_adopt_socket_vhost(vhost_, file);  // closes the file where it fails
+    lws* wsi = lws_adopt_socket_vhost(vhost_, file);  // closes the file on failure
     if (wsi != nullptr) {
       connections_.add(wsi, Connection(peer, limits_.backlog_bytes, Clock::now()));
     }
   }
 }
 
-// Who has come last may be a person, who asks within milliseconds; who has waited longest without
-// asking is none. So a flood of connections keeps nobody out.
+// The oldest connection without a request is closed first: browsers send their request within
+// milliseconds, so a flood of idle connections does not lock users out.
 bool WebServer::Loop::make_room(const std::string& peer) {
   if (connections_.requests(&peer) >= limits_.requests_per_address && !shed_oldest(&peer)) {
     return false;
@@ -344,7 +344,7 @@ int WebServer::Loop::go_on_answering(lws* wsi, Connection& connection) {
 std::optional<Refusal> WebServer::Loop::refuse_upgrade(lws* wsi, const char* to) {
   const Connection* connection = connections_.find(wsi);
   if (connection == nullptr || to == nullptr || std::strcmp(to, "websocket") != 0) {
-    return Refusal{400, "only WebSockets are spoken here"};
+    return Refusal{400, "a WebSocket is required"};
   }
   const ReceivedRequest request(wsi);
   if (auto refusal = refuse_stream(request.view(), admission_)) return refusal;
@@ -353,7 +353,7 @@ std::optional<Refusal> WebServer::Loop::refuse_upgrade(lws* wsi, const char* to)
   }
   if (connections_.streams() >= limits_.streams ||
       connections_.streams(&connection->peer) >= limits_.streams_per_address) {
-    return Refusal{503, "as many pages are open as this server takes"};
+    return Refusal{503, "the server has reached its limit of open pages"};
   }
   return std::nullopt;
 }
@@ -415,9 +415,9 @@ int WebServer::Loop::refuse_data(lws* wsi) {
   return -1;
 }
 
-void WebServer::Loop::look_at_the_time() {
+void WebServer::Loop::check_time_limits() {
   const auto now = Clock::now();
-  for (lws* wsi : connections_.overdue(patience_, now)) {
+  for (lws* wsi : connections_.overdue(time_limits_, now)) {
     const Connection* connection = connections_.find(wsi);
     if (connection->stage == Stage::streaming) ++counts_.too_slow;
     shed(wsi);

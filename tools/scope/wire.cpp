@@ -30,7 +30,7 @@ class Writer {
   std::span<std::uint8_t> room_;
 };
 
-// What is not finite becomes null; text of others that is not UTF-8 is mended, not refused.
+// Non-finite numbers become null; invalid UTF-8 is replaced, not rejected.
 Message text_message(const json& message, Keep keep) {
   return {message.dump(-1, ' ', false, json::error_handler_t::replace), keep};
 }
@@ -53,13 +53,13 @@ json root_of(double variance) {
   return variance >= 0.0 ? json(std::sqrt(variance)) : json(nullptr);
 }
 
-/// The standard deviation of a state, null where the estimate says none.
+/// Standard deviation of a state, or null.
 json deviation(const friction_estimate_t& estimate, std::string_view state) {
   const auto i = index_of_state(estimate, state);
   return i ? root_of(estimate.covariance[*i][*i]) : json(nullptr);
 }
 
-/// Slip is the mass's velocity less the load cell's, where there is one that moves.
+/// Slip is the velocity of the mass minus that of the load cell, if it moves.
 json slip_deviation(const friction_estimate_t& estimate) {
   const auto v = index_of_state(estimate, "velocity_m_s");
   const auto l = index_of_state(estimate, "load_cell_velocity_m_s");

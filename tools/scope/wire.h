@@ -1,6 +1,5 @@
-// What the server tells a page: LCM's messages as the WebSocket carries them. docs/scope.md lists
-// them; fields have the names and units of protocol/lcm/. Pure functions: the same message in, the
-// same bytes out.
+// The messages of the WebSocket, encoded from LCM messages. docs/scope.md lists them; fields have
+// the names and units of protocol/lcm/.
 #pragma once
 
 #include <cstdint>
@@ -20,11 +19,11 @@
 
 namespace stickslip::scope {
 
-/// What is said of a block of frames beside the frames.
+/// Attributes of a block of frames.
 struct BlockNotes {
-  bool degraded = false;          ///< timing was out of its limits while it was taken
-  bool history = false;           ///< it is from before the page joined
-  double received_unix_ms = 0.0;  ///< when LCM handed it over [ms since 1970, UTC]
+  bool degraded = false;          ///< timing limits were violated during the block
+  bool history = false;           ///< older than the connection of the page
+  double received_unix_ms = 0.0;  ///< time of receipt [ms since 1970, UTC]
 };
 
 /// Bytes of an encoded block: a header, and 8 bytes for each number.
@@ -34,29 +33,28 @@ inline constexpr std::size_t frame_bytes = 8 * (2 + channel_count);
 /// A block of frames, binary, little-endian:
 ///   u8 1; u8 flags (bit 0 degraded, bit 1 history); u16 number of channels; u32 n;
 ///   f64 received_unix_ms; i64 time_ns[n]; i64 sequence[n]; f64 value[channels][n]
-/// where a value that is no measurement is NaN.
+/// with NaN for values that were not measured.
 Message encode_frames(std::span<const Frame> frames, const BlockNotes& notes);
 
-/// The first message to each page. `history_s`: how far back the frames go that follow.
+/// The first message to each page. `history_s`: length of the history that follows.
 Message encode_hello(const std::string& version, double history_s, const std::string& url);
 
-/// A known frequency of the rig, to be marked in a spectrum.
+/// A known frequency of the rig, marked in spectra.
 struct Mark {
   std::string name;
   double hz = 0.0;
   friend bool operator==(const Mark&, const Mark&) = default;
 };
 
-/// The frequencies that a model declares: that of the oscillator, of the load cell, of a bending
-/// mode. Those that it does not declare are left out.
+/// The declared frequencies of a model: oscillator, load cell, further modes.
 std::vector<Mark> marks_of(const physics::Model& model);
 
 Message encode_model(const std::string& rig, const std::vector<Mark>& marks);
 
 Message encode_estimate(const friction_estimate_t& estimate);
 
-/// `time_ns` holds the time of each frame of the message, oldest first, the last of them that of
-/// the message itself; a time that is not known is left out together with its frame.
+/// `time_ns`: time of each frame of the message, oldest first, the last that of the message itself.
+/// Frames of unknown time are omitted.
 Message encode_excitation(const excitation_t& excitation,
                           std::span<const std::optional<std::int64_t>> time_ns);
 
@@ -64,13 +62,13 @@ Message encode_status(const status_t& status);
 Message encode_timing(const timing_t& timing);
 Message encode_event(const event_t& event);
 
-/// Whether frames are coming. `silent_s`: for how long none came.
+/// `connected`: frames are arriving. `silent_s`: time since the last one.
 Message encode_source(bool connected, double silent_s);
 
-/// To one client: it missed so many messages because it was slow.
+/// Number of messages that a slow client has missed.
 Message encode_dropped(std::uint64_t messages);
 
-/// Time or sequence began anew: what a page has drawn is of an earlier run.
+/// Time or sequence number restarted: earlier frames belong to another run.
 Message encode_restart();
 
 }  // namespace stickslip::scope

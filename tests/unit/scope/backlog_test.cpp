@@ -17,7 +17,7 @@ const Backlog::Clock::time_point start{};
 SharedMessage telemetry(std::size_t size) { return shared_message(size); }
 SharedMessage kept() { return shared_message(encode_restart()); }
 
-TEST(Backlog, GivesWhatItGotInOrder) {
+TEST(Backlog, KeepsTheOrder) {
   Backlog backlog(1000);
   const auto first = telemetry(10);
   const auto second = kept();
@@ -32,7 +32,7 @@ TEST(Backlog, GivesWhatItGotInOrder) {
   EXPECT_EQ(backlog.bytes(), 0U);
 }
 
-TEST(Backlog, TooMuchLosesTelemetryKeepsTheRestAndSaysSo) {
+TEST(Backlog, OverflowLosesTelemetryAndReportsIt) {
   Backlog backlog(100);
   const auto important = kept();
   EXPECT_TRUE(backlog.add(telemetry(40), start));
@@ -46,7 +46,7 @@ TEST(Backlog, TooMuchLosesTelemetryKeepsTheRestAndSaysSo) {
   EXPECT_EQ(backlog.lost(), 2U);
 }
 
-TEST(Backlog, WhoReadsAgainIsAtThePresent) {
+TEST(Backlog, AResumingClientGetsThePresent) {
   Backlog backlog(100);
   for (int i = 0; i < 50; ++i) backlog.add(telemetry(30), start);
   const auto latest = telemetry(30);
@@ -55,12 +55,12 @@ TEST(Backlog, WhoReadsAgainIsAtThePresent) {
   EXPECT_EQ(backlog.take(), latest);
 }
 
-TEST(Backlog, LosesForAsLongAsItIsNeverEmpty) {
+TEST(Backlog, LosesUntilItIsEmpty) {
   Backlog backlog(100);
   EXPECT_EQ(backlog.losing_for(start), 0s);
   backlog.add(telemetry(200), start + 1s);
   EXPECT_EQ(backlog.losing_for(start + 3s), 2s);
-  backlog.take();  // what was dropped
+  backlog.take();  // the report of the loss
   backlog.add(telemetry(50), start + 3s);
   EXPECT_EQ(backlog.losing_for(start + 4s), 3s);
   backlog.take();
@@ -68,7 +68,7 @@ TEST(Backlog, LosesForAsLongAsItIsNeverEmpty) {
   EXPECT_EQ(backlog.losing_for(start + 5s), 0s) << "it has caught up";
 }
 
-TEST(Backlog, AClientThatDoesNotEvenTakeWhatItMustKnowIsPastHelp) {
+TEST(Backlog, OverflowOfMessagesToKeepClosesTheClient) {
   Backlog backlog(100);
   bool helped = true;
   for (int i = 0; i < 20 && helped; ++i) helped = backlog.add(kept(), start);
@@ -80,14 +80,14 @@ RC_GTEST_PROP(Backlog, IsBoundedAndEveryMessageIsSentOrCounted, ()) {
   Backlog backlog(most);
   std::uint64_t added = 0;
   std::uint64_t sent = 0;
-  std::uint64_t told = 0;
+  std::uint64_t reported = 0;
   const auto take = [&] {
     const auto message = backlog.take();
     if (!message) return false;
     if (message->binary()) {
       ++sent;
     } else {
-      told += read_json(*message)["messages"].get<std::uint64_t>();
+      reported += read_json(*message)["messages"].get<std::uint64_t>();
     }
     return true;
   };
@@ -102,7 +102,7 @@ RC_GTEST_PROP(Backlog, IsBoundedAndEveryMessageIsSentOrCounted, ()) {
   }
   while (take()) {
   }
-  RC_ASSERT(sent + told == added);
+  RC_ASSERT(sent + reported == added);
   RC_ASSERT(backlog.empty() && backlog.bytes() == 0U);
 }
 

@@ -12,7 +12,7 @@ using testing::UnorderedElementsAre;
 
 const Clock::time_point start{};
 
-/// Names of connections; nothing is ever looked for behind them.
+/// Dummy connections; never dereferenced.
 lws* name(std::uintptr_t number) { return reinterpret_cast<lws*>(number); }
 
 class ConnectionsTest : public testing::Test {
@@ -50,21 +50,21 @@ TEST_F(ConnectionsTest, TheOldestRequestIsNeitherAStreamNorAnAnswer) {
   EXPECT_EQ(connections.oldest_request(&a), name(3));
 }
 
-TEST_F(ConnectionsTest, EachStageHasItsPatience) {
-  const Patience patience{5s, 20s, 30s};
+TEST_F(ConnectionsTest, EachStageHasItsTimeLimit) {
+  const TimeLimits limits{5s, 20s, 30s};
   add(1, "10.0.0.1", start, Stage::requesting);
   add(2, "10.0.0.1", start, Stage::answering);
   add(3, "10.0.0.1", start, Stage::streaming);
-  EXPECT_THAT(connections.overdue(patience, start + 5s), ElementsAre());
-  EXPECT_THAT(connections.overdue(patience, start + 6s), ElementsAre(name(1)));
-  EXPECT_THAT(connections.overdue(patience, start + 21s), UnorderedElementsAre(name(1), name(2)));
-  // A stream may be open for ever; it may only not lose for ever.
-  EXPECT_THAT(connections.overdue(patience, start + 1000h), UnorderedElementsAre(name(1), name(2)));
+  EXPECT_THAT(connections.overdue(limits, start + 5s), ElementsAre());
+  EXPECT_THAT(connections.overdue(limits, start + 6s), ElementsAre(name(1)));
+  EXPECT_THAT(connections.overdue(limits, start + 21s), UnorderedElementsAre(name(1), name(2)));
+  // A stream may stay open for ever, but not lose messages for ever.
+  EXPECT_THAT(connections.overdue(limits, start + 1000h), UnorderedElementsAre(name(1), name(2)));
   connections.find(name(3))->backlog.add(shared_message(std::size_t{200}), start + 1000h);
-  EXPECT_THAT(connections.overdue(patience, start + 1000h + 31s),
+  EXPECT_THAT(connections.overdue(limits, start + 1000h + 31s),
               UnorderedElementsAre(name(1), name(2), name(3)));
   connections.find(name(1))->enter(Stage::answering, start + 1000h);
-  EXPECT_THAT(connections.overdue(patience, start + 1000h + 6s), ElementsAre(name(2)));
+  EXPECT_THAT(connections.overdue(limits, start + 1000h + 6s), ElementsAre(name(2)));
 }
 
 }  // namespace

@@ -44,7 +44,7 @@ RC_GTEST_PROP(FrameHistory, HoldsTheLatestFramesInOrderAndAtLeastItsLength, ()) 
   RC_ASSERT(held.size() <= wanted + FrameHistory::chunk_frames);
 }
 
-TEST(FrameHistory, FullChunksAreSharedAndNotMadeAgain) {
+TEST(FrameHistory, FullChunksAreEncodedOnceAndShared) {
   FrameHistory history(60.0, plenty);
   history.add(frames_from(1, 2500), false, 7.0);
   const auto first = history.messages();
@@ -55,7 +55,7 @@ TEST(FrameHistory, FullChunksAreSharedAndNotMadeAgain) {
   EXPECT_EQ(read_block(*first[2]).received_unix_ms, 7.0);
 }
 
-TEST(FrameHistory, ADegradedBlockDoesNotBlameItsNeighbours) {
+TEST(FrameHistory, MarksOnlyTheDegradedBlock) {
   FrameHistory history(60.0, plenty);
   history.add(frames_from(1, 10), false, 0.0);
   history.add(frames_from(11, 10), true, 0.0);
@@ -67,11 +67,11 @@ TEST(FrameHistory, ADegradedBlockDoesNotBlameItsNeighbours) {
   EXPECT_EQ(read_block(*messages[2]).flags, 2U);
 }
 
-TEST(FrameHistory, IsBoundedWhateverTheTimesSay) {
+TEST(FrameHistory, IsBoundedWhateverTheTimes) {
   const std::size_t most = 3 * FrameHistory::chunk_frames * frame_bytes;
   FrameHistory history(60.0, most);
   std::vector<Frame> frames = frames_from(1, 500);
-  for (Frame& frame : frames) frame.time_ns = 5;  // a source whose clock stands still
+  for (Frame& frame : frames) frame.time_ns = 5;  // a source with a stopped clock
   for (int i = 0; i < 100; ++i) history.add(frames, false, 0.0);
   EXPECT_LE(history.bytes(), most + FrameHistory::chunk_frames * frame_bytes);
   for (Frame& frame : frames) frame.time_ns = std::numeric_limits<std::int64_t>::max();
@@ -81,13 +81,13 @@ TEST(FrameHistory, IsBoundedWhateverTheTimesSay) {
   EXPECT_LE(history.bytes(), most + FrameHistory::chunk_frames * frame_bytes);
 }
 
-TEST(FrameHistory, OfNoLengthHoldsNothing) {
+TEST(FrameHistory, OfZeroLengthIsEmpty) {
   FrameHistory history(0.0, plenty);
   history.add(frames_from(1, 5000), false, 0.0);
   EXPECT_TRUE(history.messages().empty());
 }
 
-TEST(FrameHistory, IsGoneWhenCleared) {
+TEST(FrameHistory, IsEmptyAfterClear) {
   FrameHistory history(60.0, plenty);
   history.add(frames_from(1, 1500), false, 0.0);
   history.clear();
@@ -95,7 +95,7 @@ TEST(FrameHistory, IsGoneWhenCleared) {
   EXPECT_EQ(history.bytes(), 0U);
 }
 
-TEST(FrameTimes, AreExactForWhatWasHeard) {
+TEST(FrameTimes, AreExactForReceivedFrames) {
   FrameTimes times;
   Frame odd = frame_at(12);
   odd.time_ns += 321;
@@ -105,7 +105,7 @@ TEST(FrameTimes, AreExactForWhatWasHeard) {
   EXPECT_EQ(times.time_ns(12, 13, 13'000'000), 12'000'321);
 }
 
-TEST(FrameTimes, FollowThePeriodForWhatWasNot) {
+TEST(FrameTimes, AreExtrapolatedForMissedFrames) {
   FrameTimes times;
   EXPECT_EQ(times.time_ns(3, 4, 4'000'000), std::nullopt);
   times.add(frame_at(10));
@@ -117,7 +117,7 @@ TEST(FrameTimes, FollowThePeriodForWhatWasNot) {
   EXPECT_EQ(times.time_ns(10, 14, 14'000'000), std::nullopt);
 }
 
-TEST(FrameTimes, ForgetWhatIsLongAgoAndNeverMistakeItForAnother) {
+TEST(FrameTimes, DoNotConfuseOldFrames) {
   FrameTimes times;
   for (std::uint64_t i = 1; i < 100'000; ++i) times.add(frame_at(i));
   for (std::uint64_t i = 1; i < 100'000; i += 997) {
@@ -125,7 +125,7 @@ TEST(FrameTimes, ForgetWhatIsLongAgoAndNeverMistakeItForAnother) {
   }
 }
 
-RC_GTEST_PROP(FrameTimes, AnswerWhateverTheyAreAsked, ()) {
+RC_GTEST_PROP(FrameTimes, DoNotOverflow, ()) {
   FrameTimes times;
   for (int i = 0; i < 5; ++i) {
     Frame frame;
@@ -133,7 +133,7 @@ RC_GTEST_PROP(FrameTimes, AnswerWhateverTheyAreAsked, ()) {
     frame.time_ns = *rc::gen::arbitrary<std::int64_t>();
     times.add(frame);
   }
-  // Sanitizers watch that no arithmetic overflows.
+  // Overflows are detected by the sanitizers.
   times.time_ns(*rc::gen::arbitrary<std::uint64_t>(), *rc::gen::arbitrary<std::uint64_t>(),
                 *rc::gen::arbitrary<std::int64_t>());
 }

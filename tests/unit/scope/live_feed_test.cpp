@@ -34,7 +34,7 @@ event_t event_of(const std::string& code) {
   return event;
 }
 
-/// A feed, and what it has sent.
+/// A feed and the messages it has sent.
 class LiveFeedTest : public testing::Test {
  protected:
   void frames(const std::vector<Frame>& frames, int flags = 0) {
@@ -46,7 +46,7 @@ class LiveFeedTest : public testing::Test {
   void take(const char* channel, const Type& message) {
     feed.take(channel, encoded(message), 1.0e12, now);
   }
-  /// The types of what was sent since the last call; "frames" for blocks.
+  /// Types of the messages since the last call; "frames" for blocks.
   std::vector<std::string> types() {
     std::vector<std::string> out = types_of(sent);
     sent.clear();
@@ -67,7 +67,7 @@ class LiveFeedTest : public testing::Test {
 
 using Types = std::vector<std::string>;
 
-TEST_F(LiveFeedTest, ABlockIsSentAtOnce) {
+TEST_F(LiveFeedTest, SendsABlockImmediately) {
   frames(frames_from(1, 10), 1);
   ASSERT_EQ(types_of(sent), (Types{"source", "frames"}));
   EXPECT_EQ(read_json(*sent[0])["connected"], true);
@@ -77,27 +77,27 @@ TEST_F(LiveFeedTest, ABlockIsSentAtOnce) {
   EXPECT_EQ(block.sequence.size(), 10U);
 }
 
-TEST_F(LiveFeedTest, SilenceIsToldOnceAndSoIsItsEnd) {
+TEST_F(LiveFeedTest, ReportsSilenceAndItsEndOnce) {
   frames(frames_from(1, 10));
   types();
   now += 900ms;
-  feed.look_at_the_time(now);
+  feed.check_silence(now);
   EXPECT_EQ(types(), Types{});
   now += 200ms;
-  feed.look_at_the_time(now);
+  feed.check_silence(now);
   ASSERT_EQ(types_of(sent), Types{"source"});
   EXPECT_EQ(read_json(*sent[0])["connected"], false);
   EXPECT_NEAR(read_json(*sent[0])["silent_s"].get<double>(), 1.1, 1e-9);
   types();
-  feed.look_at_the_time(now + 5s);
+  feed.check_silence(now + 5s);
   EXPECT_EQ(types(), Types{});
   now += 9s;
   frames(frames_from(11, 10));
   EXPECT_EQ(types(), (Types{"source", "frames"}));
 }
 
-TEST_F(LiveFeedTest, ASourceThatWasNeverHeardIsToldToWhoJoins) {
-  feed.look_at_the_time(now + 10s);
+TEST_F(LiveFeedTest, GreetsWithTheSilenceOfTheSource) {
+  feed.check_silence(now + 10s);
   EXPECT_EQ(types(), Types{});
   const auto greeting = feed.greeting(now + 10s);
   ASSERT_EQ(types_of(greeting), (Types{"hello", "source"}));
@@ -105,31 +105,31 @@ TEST_F(LiveFeedTest, ASourceThatWasNeverHeardIsToldToWhoJoins) {
   EXPECT_GE(read_json(*greeting[1])["silent_s"].get<double>(), 9.0);
 }
 
-TEST_F(LiveFeedTest, ADaemonThatBeginsAnewIsToldBeforeItsFrames) {
+TEST_F(LiveFeedTest, ReportsARestartBeforeItsFrames) {
   frames(frames_from(1000, 10));
   types();
   frames(frames_from(0, 10));
   EXPECT_EQ(types(), (Types{"restart", "frames"}));
   const auto greeting = feed.greeting(now);
   ASSERT_EQ(types_of(greeting), (Types{"hello", "source", "frames"}));
-  EXPECT_EQ(read_block(*greeting[2]).sequence.front(), 0) << "nothing is left of the run before";
+  EXPECT_EQ(read_block(*greeting[2]).sequence.front(), 0) << "no frames of the previous run";
 }
 
-TEST_F(LiveFeedTest, TimeThatGoesBackByMoreThanASecondIsANewRunAndAGapIsNone) {
+TEST_F(LiveFeedTest, TimeBackByMoreThanASecondIsARestart) {
   frames(frames_from(5000, 10));
   frames(frames_from(9000, 10));
   types();
   auto back = frames_from(9010, 10);
   for (Frame& frame : back) frame.time_ns -= 500'000'000;
   frames(back);
-  EXPECT_EQ(types(), Types{"frames"}) << "half a second is no new run";
+  EXPECT_EQ(types(), Types{"frames"}) << "half a second is not a restart";
   auto anew = frames_from(9020, 10);
   for (Frame& frame : anew) frame.time_ns -= 3'000'000'000;
   frames(anew);
   EXPECT_EQ(types(), (Types{"restart", "frames"}));
 }
 
-TEST_F(LiveFeedTest, WhatIsNoMessageIsCountedAndLeftOut) {
+TEST_F(LiveFeedTest, CountsAndDropsUndecodableMessages) {
   frames(frames_from(1, 10));
   types();
   const std::vector<std::uint8_t> rubbish(100, 0xFF);
@@ -145,7 +145,7 @@ TEST_F(LiveFeedTest, WhatIsNoMessageIsCountedAndLeftOut) {
   EXPECT_EQ(types(), Types{"frames"});
 }
 
-TEST_F(LiveFeedTest, TheExcitationHasTheTimesOfItsFrames) {
+TEST_F(LiveFeedTest, SendsTheExcitationWithTheTimesOfItsFrames) {
   auto odd = frames_from(1, 10);
   odd[6].time_ns += 17;
   frames(odd);
@@ -164,7 +164,7 @@ TEST_F(LiveFeedTest, TheExcitationHasTheTimesOfItsFrames) {
   EXPECT_EQ(read_json(*sent[0])["time_ns"], nlohmann::json({7'000'017, 9'000'000, 10'000'000}));
 }
 
-TEST_F(LiveFeedTest, WhoJoinsIsToldWhatHolds) {
+TEST_F(LiveFeedTest, GreetsWithThePresentState) {
   recording_info_t description{};
   description.rig = "a rig";
   description.model = config::model_text(
@@ -187,11 +187,11 @@ TEST_F(LiveFeedTest, WhoJoinsIsToldWhatHolds) {
   EXPECT_EQ(read_json(*greeting[1])["marks"].size(), 2U);
   EXPECT_EQ(read_json(*greeting[8])["code"], "model_broken");
   EXPECT_EQ(read_json(*greeting[9])["code"], "model_explained");
-  EXPECT_EQ(read_json(*greeting[10])["code"], "model_follows") << "the one that holds comes last";
+  EXPECT_EQ(read_json(*greeting[10])["code"], "model_follows") << "the present one is last";
   EXPECT_EQ(read_block(*greeting[3]).flags, 2U);
 }
 
-TEST_F(LiveFeedTest, AModelThatIsNoneLeavesTheRigItsName) {
+TEST_F(LiveFeedTest, PublishesTheRigOfAnInvalidModel) {
   recording_info_t description{};
   description.rig = "a rig";
   description.model = "this is [ no model";

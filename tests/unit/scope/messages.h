@@ -26,7 +26,7 @@ struct ReadBlock {
   double received_unix_ms = 0.0;
   std::vector<std::int64_t> time_ns;
   std::vector<std::int64_t> sequence;
-  std::vector<std::vector<std::uint64_t>> bits;  ///< by channel, to tell NaN and -0
+  std::vector<std::vector<std::uint64_t>> bits;  ///< by channel, to distinguish NaN and -0
 };
 
 template <class Number>

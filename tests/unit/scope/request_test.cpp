@@ -18,7 +18,7 @@ TEST(ListenAddress, IsANumericAddressAndAPort) {
   EXPECT_EQ(text_of({"127.0.0.1", 80}), "127.0.0.1:80");
 }
 
-TEST(ListenAddress, AnythingElseIsRefusedWithAnExample) {
+TEST(ListenAddress, RejectsOtherTextWithAnExample) {
   for (const char* text : {"", "8088", ":8088", "localhost:8088", "127.0.0.1", "127.0.0.1:",
                            "127.0.0.1:65536", "127.0.0.1:-1", "127.0.0.1:80 ", "127.1:80", "::1:80",
                            "[::1]", "[127.0.0.1]:80", "[::1:80", "127.0.0.1:0x50"}) {
@@ -45,7 +45,7 @@ TEST(Addresses, AreLoopbackOrNot) {
   EXPECT_FALSE(is_every_address("127.0.0.1"));
 }
 
-TEST(Host, IsReadStrictly) {
+TEST(Host, IsParsedStrictly) {
   EXPECT_EQ(parse_host("Rig.Lab:80")->host, "rig.lab");
   EXPECT_EQ(parse_host("Rig.Lab:80")->port, "80");
   EXPECT_EQ(parse_host("[::1]:80")->host, "::1");
@@ -70,14 +70,14 @@ TEST(Host, OnlyOwnNamesAreAllowed) {
   }
 }
 
-TEST(Host, AnAddressIsAllowedWhereItIsListenedAt) {
+TEST(Host, TheListenAddressIsAllowed) {
   Admission admission;
   admission.listen_address = "10.0.0.1";
   EXPECT_TRUE(is_host_allowed("10.0.0.1:8088", admission));
   EXPECT_FALSE(is_host_allowed("10.0.0.2:8088", admission));
   admission.listen_address = "0.0.0.0";
   EXPECT_TRUE(is_host_allowed("10.0.0.2:8088", admission));
-  EXPECT_FALSE(is_host_allowed("evil.example", admission)) << "a name can be made to lead here";
+  EXPECT_FALSE(is_host_allowed("evil.example", admission)) << "DNS rebinding";
 }
 
 TEST(Origin, IsThePagesOwnOrAllowed) {
@@ -96,7 +96,7 @@ TEST(Origin, IsThePagesOwnOrAllowed) {
   EXPECT_FALSE(is_origin_allowed("http://", "", admission));
 }
 
-TEST(Secret, IsTheSameOrNot) {
+TEST(Secret, IsComparedCompletely) {
   EXPECT_TRUE(is_same_secret("abc", "abc"));
   EXPECT_TRUE(is_same_secret("", ""));
   for (const char* given : {"", "a", "ab", "abd", "abcabc", "abc ", "ABC"}) {
@@ -123,7 +123,7 @@ TEST(Stream, IsOpenedByAGoodRequestOnly) {
   EXPECT_THAT(refuse_stream(request, admission)->reason, HasSubstr("--allow-origin"));
 }
 
-TEST(Token, IsAskedForByPageAndStreamButNotByTheFilesOfThePage) {
+TEST(Token, IsRequiredForPageAndStreamButNotForStaticFiles) {
   Admission admission;
   admission.token = "s3cret";
   Request request = good();
@@ -149,10 +149,10 @@ TEST(Page, IsForGetAndHeadOfItsOwnHost) {
   EXPECT_EQ(refuse_page({"", "/", "localhost", "", ""}, admission)->status, 405);
   const auto refusal = refuse_page({"GET", "/", "<b>evil</b>", "", ""}, admission);
   ASSERT_TRUE(refusal);
-  EXPECT_EQ(refusal->reason.find('<'), std::string::npos) << "what was sent is not sent back";
+  EXPECT_EQ(refusal->reason.find('<'), std::string::npos) << "input is not echoed";
 }
 
-TEST(TokenWord, IsWhatAUrlCarriesAsItIs) {
+TEST(TokenWord, NeedsNoEscapingInAUrl) {
   EXPECT_TRUE(is_token("aB3-._~"));
   for (const char* word : {"", "a b", "a&b", "a%20", "a/b", "a?b", "\xc3\xa9"}) {
     EXPECT_FALSE(is_token(word)) << word;

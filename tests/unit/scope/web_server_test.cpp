@@ -1,5 +1,5 @@
-// The server's limits of time and room, made small. What a browser or a hostile client sees at the
-// real ones is tested in tests/end_to_end/scope_server.py.
+// The limits of the server, with small values. tests/end_to_end/scope_server.py tests browsers and
+// hostile clients with the real ones.
 #include "tools/scope/web_server.h"
 
 #include <arpa/inet.h>
@@ -24,9 +24,9 @@ namespace stickslip::scope {
 namespace {
 
 using namespace std::chrono_literals;
-constexpr int patience_ms = 5000;
+constexpr int timeout_ms = 5000;
 
-/// A TCP client that gives what it got as text.
+/// A TCP client with received data as text.
 class Client {
  public:
   explicit Client(std::uint16_t port, int receive_buffer = 0) {
@@ -54,14 +54,14 @@ class Client {
         "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n"
         "Sec-WebSocket-Protocol: stickslip-scope\r\n\r\n");
   }
-  /// Reads until `what` has come or the other side has ended; false for the end.
+  /// Reads until `what` has been received; false if the connection ends before.
   bool wait_for(const std::string& what) {
     while (got_.find(what) == std::string::npos) {
       if (!more()) return false;
     }
     return true;
   }
-  /// Whether the other side ends; what it sends until then is thrown away.
+  /// True if the server closes the connection; data until then is discarded.
   bool ends() {
     while (more()) got_.clear();
     return !timed_out_;
@@ -70,7 +70,7 @@ class Client {
  private:
   bool more() {
     pollfd readable{file_, POLLIN, 0};
-    if (poll(&readable, 1, patience_ms) <= 0) {
+    if (poll(&readable, 1, timeout_ms) <= 0) {
       timed_out_ = true;
       return false;
     }
@@ -86,7 +86,7 @@ class Client {
   bool timed_out_ = false;
 };
 
-/// A server in a thread of its own; what is posted runs in that thread.
+/// A server in a thread; posted functions run in that thread.
 class ServerTest : public testing::Test {
  protected:
   void start(ServerLimits limits) {
@@ -122,9 +122,9 @@ class ServerTest : public testing::Test {
     close(wake);
   }
 
-  /// Waits until `condition` holds; false where it does not in 20 s.
+  /// Waits for `condition`; false after 20 s.
   static bool holds(const std::function<bool()>& condition) {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(patience_ms);
+    const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(timeout_ms);
     while (!condition()) {
       if (std::chrono::steady_clock::now() > end) return false;
       std::this_thread::sleep_for(5ms);
@@ -146,11 +146,11 @@ class ServerTest : public testing::Test {
   std::thread thread;
 };
 
-TEST_F(ServerTest, AStreamThatGoesOnLosingIsClosed) {
+TEST_F(ServerTest, ClosesAStreamThatKeepsLosing) {
   ServerLimits limits;
   limits.losing = 300ms;
   limits.backlog_bytes = 100'000;
-  each_tick = [this] {  // in a second more than kernels hold for who does not read
+  each_tick = [this] {  // in a second more than the kernel buffers
     server->send(shared_message(std::size_t{90'000}));
     streams = server->streams();
     too_slow = server->counts().too_slow;
@@ -163,7 +163,7 @@ TEST_F(ServerTest, AStreamThatGoesOnLosingIsClosed) {
   EXPECT_TRUE(slow.ends());
 }
 
-TEST_F(ServerTest, AStreamThatReadsIsKept) {
+TEST_F(ServerTest, KeepsAStreamThatReads) {
   ServerLimits limits;
   limits.losing = 1ms;
   each_tick = [this] {
@@ -179,7 +179,7 @@ TEST_F(ServerTest, AStreamThatReadsIsKept) {
   EXPECT_EQ(too_slow, 0U);
 }
 
-TEST_F(ServerTest, AConnectionWithoutARequestIsShed) {
+TEST_F(ServerTest, ClosesAConnectionWithoutARequest) {
   ServerLimits limits;
   limits.request = 200ms;
   start(limits);
@@ -190,7 +190,7 @@ TEST_F(ServerTest, AConnectionWithoutARequestIsShed) {
   EXPECT_TRUE(halfway.ends());
 }
 
-TEST_F(ServerTest, TheOldestWithoutARequestMakesRoomAndStreamsDoNot) {
+TEST_F(ServerTest, ClosesTheOldestIdleConnectionButNoStream) {
   ServerLimits limits;
   limits.requests = 3;
   limits.request = 1h;
@@ -206,7 +206,7 @@ TEST_F(ServerTest, TheOldestWithoutARequestMakesRoomAndStreamsDoNot) {
   EXPECT_TRUE(others.back()->wait_for("hello"));
 }
 
-TEST_F(ServerTest, PlacesForStreamsAreCounted) {
+TEST_F(ServerTest, LimitsTheNumberOfStreams) {
   ServerLimits limits;
   limits.streams_per_address = 1;
   start(limits);
@@ -218,7 +218,7 @@ TEST_F(ServerTest, PlacesForStreamsAreCounted) {
   EXPECT_TRUE(second.wait_for(" 503 "));
 }
 
-TEST_F(ServerTest, WhatACallbackThrowsComesOut) {
+TEST_F(ServerTest, RethrowsExceptionsOfCallbacks) {
   start({});
   post([] { throw std::runtime_error("by the test"); });
   thread.join();

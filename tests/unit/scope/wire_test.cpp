@@ -15,7 +15,7 @@ namespace {
 using test::read_block;
 using test::read_json;
 
-TEST(Wire, AHeaderFitsInFrontOfEveryMessage) { EXPECT_GE(Message::headroom, 16U); }
+TEST(Wire, HeadroomFitsTheHeader) { EXPECT_GE(Message::headroom, 16U); }
 
 RC_GTEST_PROP(Wire, FramesArriveBitForBit, ()) {
   const auto count = *rc::gen::inRange<std::size_t>(1, 40);
@@ -66,14 +66,14 @@ TEST(Wire, AnEstimateHasItsDeviationsByName) {
   EXPECT_EQ(json["type"], "estimate");
   EXPECT_EQ(json["valid"], true);
   EXPECT_EQ(json["mu"], 0.81);
-  EXPECT_TRUE(json["nis"].is_null()) << "what is not finite is no JSON";
+  EXPECT_TRUE(json["nis"].is_null()) << "JSON has no infinity";
   EXPECT_EQ(json["deviation"]["mu"], 0.5);
   EXPECT_DOUBLE_EQ(json["deviation"]["slip_velocity_m_s"].get<double>(), std::sqrt(11.0));
   EXPECT_TRUE(json["deviation"]["theta"].is_null());
   EXPECT_EQ(json["innovation"].size(), 6U);
 }
 
-TEST(Wire, ASlipThatIsTheMasssOwnHasItsDeviation) {
+TEST(Wire, SlipOfARigidAttachmentHasTheDeviationOfTheMass) {
   friction_estimate_t estimate{};
   estimate.state_count = 1;
   estimate.state_name = {"velocity_m_s"};
@@ -128,7 +128,7 @@ TEST(Wire, AStatusHasItsLossesByName) {
   EXPECT_EQ(json["amplifier_on"], false);
 }
 
-TEST(Wire, TextThatIsNoUtf8StillMakesJson) {
+TEST(Wire, InvalidUtf8YieldsValidJson) {
   event_t event{};
   event.code = "odd";
   event.message = "\xff\xfe \"quoted\"\n";
@@ -140,7 +140,7 @@ TEST(Wire, TextThatIsNoUtf8StillMakesJson) {
   EXPECT_EQ(message.keep(), Keep::always);
 }
 
-TEST(Wire, MarksAreWhatTheModelDeclares) {
+TEST(Wire, MarksAreTheDeclaredFrequencies) {
   physics::Model model;
   EXPECT_TRUE(marks_of(model).empty());
   model.oscillator.mass_kg = {0.5, 0.0};

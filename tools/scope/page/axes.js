@@ -9,7 +9,7 @@ export function roundStep(range, most) {
   return power * (part <= 1 ? 1 : part <= 2 ? 2 : part <= 5 ? 5 : 10);
 }
 
-// Limits of an axis that follow the data: at once where it outgrows them, slowly where it shrinks.
+// Axis limits that follow the data: they grow immediately and shrink slowly.
 export class Limits {
   constructor(least = 0) {
     this.least = least; // no narrower than this
@@ -45,8 +45,8 @@ export class Limits {
   get known() { return this.low < this.high; }
 }
 
-// Makes a canvas as large as its box in device pixels, and its context draw in CSS pixels. Setting a
-// canvas's size empties it, so it is done only on change. Returns whether it was.
+// Fits a canvas to its box in device pixels, with its context in CSS pixels. Setting the size clears the
+// canvas, so it is done on change only. Returns true if it changed.
 export function fitCanvas(canvas, context, width, height, ratio) {
   const across = Math.max(1, Math.round(width * ratio));
   const down = Math.max(1, Math.round(height * ratio));

@@ -13,8 +13,8 @@ function lnGamma(x) {
   return shift + (at - 0.5) * Math.log(at) - at + 0.5 * Math.log(2 * Math.PI) + series;
 }
 
-// Probability that chi-square with so many degrees of freedom is at most x, by the series of the lower
-// incomplete gamma function (all its terms are positive).
+// Cumulative probability of chi-square at x, by the series of the lower incomplete gamma function (all
+// its terms are positive).
 export function chiSquareCdf(x, freedom) {
   if (!(x > 0)) return 0;
   const a = freedom / 2;

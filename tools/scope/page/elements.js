@@ -1,8 +1,8 @@
-// Small things about the document.
+// Access to elements of the document.
 
 export const byId = (id) => document.getElementById(id);
 
-// Writes a text only where it is another: the document is not laid out anew for nothing.
+// Sets a text if it differs, to avoid needless layout.
 export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
@@ -31,7 +31,7 @@ export function tableRow(heading, cells) {
   return row;
 }
 
-// Rows of a <dl>, made when they are first named; set(name, text, state) writes one.
+// Rows of a <dl>, created on first use; set(name, text, state) updates one.
 export class Facts {
   #rows = new Map();
 
@@ -51,7 +51,7 @@ export class Facts {
   }
 }
 
-// Whether an element can be seen at all; what cannot is not drawn.
+// True if an element is visible; others are not drawn.
 export function watchVisible(elements, changed) {
   const visible = new Map(elements.map((element) => [element, true]));
   const observer = new IntersectionObserver((entries) => {

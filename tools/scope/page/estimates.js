@@ -1,12 +1,12 @@
-// What the observer believes, over device time, with bands of two standard deviations; its normalised
-// innovation squared with the bounds that a right filter keeps 95 % of the time.
+// Estimates of the observer over device time, with bands of two standard deviations, and its normalised
+// innovation squared with the 95 % bounds of a consistent filter.
 
 import { chiSquareQuantile } from "./chi_square.js";
 import { byId, fillSelect, setText, watchVisible } from "./elements.js";
 import { count, number } from "./units.js";
 import uPlot from "./uPlot.esm.js";
 
-// raw: the value of Eq. (1) beside it. colour: of the theme.
+// raw: the corresponding value of Eq. (1). colour: of the theme.
 const plots = {
   friction_force_n: { colour: "c2", unit: "N", band: true, raw: "raw_friction_force_n" },
   mu: { colour: "c2", unit: "", band: true, raw: "raw_coefficient" },
@@ -42,7 +42,7 @@ export class Estimates {
     }
   }
 
-  // Lower and upper bound of 95 % for a number of degrees of freedom.
+  // Bounds of the 95 % interval for a number of degrees of freedom.
   nisBounds(freedom) {
     if (!(freedom >= 1)) return [NaN, NaN];
     let pair = this.bounds.get(freedom);
@@ -53,7 +53,7 @@ export class Estimates {
     return pair;
   }
 
-  // Draws the next plot that can be seen.
+  // Draws the next visible plot.
   update() {
     for (let i = 0; i < this.figures.length; ++i) {
       this.turn = (this.turn + 1) % this.figures.length;
@@ -78,7 +78,7 @@ export class Estimates {
     const { mask, columns } = estimates;
     const from = estimates.rowAt(estimates.last_ns - this.span_s * 1e9);
     const stride = Math.max(1, Math.ceil((estimates.end - from) / mostPoints));
-    // The same rows are left out each time, so that a curve does not tremble.
+    // The same rows are omitted each time, so that curves do not flicker.
     const first = Math.ceil(from / stride) * stride;
     const points = Math.max(0, Math.floor((estimates.end - 1 - first) / stride) + 1);
     const lists = one.nis ? 4 : one.band ? (one.raw ? 5 : 4) : 2;
@@ -91,7 +91,7 @@ export class Estimates {
     const longest_ns = this.#longestStep(estimates, stride);
     for (let i = 0; i < points; ++i) {
       const at = (first + i * stride) & mask;
-      // Where estimates were lost a curve ends: the first one after them is left out.
+      // Lost estimates break the curve: the first one after them is omitted.
       const lost = i > 0 && estimates.time[at] - estimates.time[(first + (i - 1) * stride) & mask] > longest_ns;
       const value = lost ? null : finite(values[at]);
       one.data[0][i] = estimates.time[at] / 1e9 + origin_s;
@@ -110,7 +110,7 @@ export class Estimates {
     return points;
   }
 
-  // Between estimates that follow each other, by the latest two.
+  // Interval between consecutive estimates, from the latest two.
   #longestStep({ time, mask, begin, end }, stride) {
     return end - begin < 2 ? Infinity : 5 * stride * Math.max(time[(end - 1) & mask] - time[(end - 2) & mask], 2e7);
   }
@@ -180,7 +180,7 @@ export class Estimates {
     }, one.data, one.box);
   }
 
-  // The value and its raw estimate decide the scale; a band of a quantity that is hardly known may leave it.
+  // The value and its raw estimate determine the scale; a wide band may exceed it.
   #range(one) {
     let low = Infinity;
     let high = -Infinity;

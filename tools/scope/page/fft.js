@@ -54,7 +54,7 @@ export class Fft {
 
 const flatTop = [0.21557895, -0.41663158, 0.277263158, -0.083578947, 0.006947368]; // as in MATLAB and SciPy
 
-// Weight of sample i of n; periodic, as a spectrum wants it.
+// Weight of sample i of n of the periodic window.
 export function windowWeight(name, i, n) {
   const angle = (2 * Math.PI * i) / n;
   if (name === "hann") return 0.5 - 0.5 * Math.cos(angle);

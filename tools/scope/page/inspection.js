@@ -1,5 +1,4 @@
-// window.stickslip: what the page holds and has drawn, as copies, for tests and for the curious.
-// Nothing in it changes anything.
+// window.stickslip: copies of the state of the page and of its drawings, read-only, for tests.
 
 export function expose(app) {
   const store = (live) => (live ? app.live : app.store);
@@ -45,11 +44,11 @@ export function expose(app) {
       }
       return result;
     },
-    // What stands on a canvas, by the next frame: points in CSS pixels, limits of its axes.
+    // Content of a canvas at the next frame: points in CSS pixels, axis limits.
     drawn: (name) => atNextPicture(app, () => drawn(app, name)),
     // Number of pixels with ink on the canvas of the traces (given a channel), or of a portrait.
     ink: (name) => atNextPicture(app, () => inkOf(app, name)),
-    // How the page keeps up [ms], what the last picture of the oscilloscope took [ms], and values looked at for it.
+    // Pace of the page [ms], time for the last picture of the oscilloscope [ms], and values read for it.
     pace() {
       const { lag, work, interval } = app.pace;
       const of = (recent) => ({ count: recent.count, median: recent.quantile(0.5), p95: recent.quantile(0.95), max: recent.quantile(1) });
@@ -67,7 +66,7 @@ export function expose(app) {
   Object.defineProperty(window, "stickslip", { value: Object.freeze(inspection) });
 }
 
-// What a canvas of WebGL holds can be read only in the task that drew it.
+// The content of a WebGL canvas can be read only in the task that drew it.
 function atNextPicture(app, look) {
   return new Promise((resolve) => {
     app.touch();

@@ -1,8 +1,8 @@
-// Every key, in one table that the page and its help share.
+// Table of keys, for the page and its help.
 
 import { byId } from "./elements.js";
 
-// [keys, what is shown, what it does, action]
+// [keys, label, description, action]
 function table(app) {
   const { scope } = app;
   const panels = ["oscilloscope", "rig", "portraits", "spectrum", "observer", "timing", "events"];
@@ -73,7 +73,7 @@ export function listenToKeys(app) {
   });
 }
 
-// What a focused control does with a key of its own.
+// Keys that a focused control handles itself.
 function taken(event) {
   const { target, key } = event;
   if (target.closest("input[type=number]")) return key !== "?";

@@ -1,4 +1,4 @@
-// The oscilloscope: channels one below the other over device time, with trigger, cursors and readings.
+// The oscilloscope: stacked channels over device time, with trigger, cursors and readings.
 
 import { Limits, eachTick, fitCanvas, roundStep } from "./axes.js";
 import { byId, fillSelect, setPressed, setText, tableRow } from "./elements.js";
@@ -12,7 +12,7 @@ const shortest_s = 0.002;
 const longest_s = 120;
 
 export class Oscilloscope {
-  // app: store (what is shown), live, paused, pause(), units, theme, settings.
+  // app: store (the data shown), live, paused, pause(), units, theme, settings.
   constructor(app) {
     this.app = app;
     this.screen = byId("screen");
@@ -55,7 +55,7 @@ export class Oscilloscope {
     this.app.settings.set("oscilloscope", { span_s: this.span_s, hidden });
   }
 
-  // --- what is on screen ---------------------------------------------------------------------------
+  // --- visible range -------------------------------------------------------------------------------
 
   layout() {
     const box = this.screen.getBoundingClientRect();
@@ -87,7 +87,7 @@ export class Oscilloscope {
 
   #factor(lane) { return this.app.units.factor(lane.channel.quantity); }
 
-  // Lays out the lanes of the channels that are wanted and measured.
+  // Lays out the lanes of the selected, measured channels.
   #placeLanes() {
     const { frames } = this.app.store;
     let count = 0;
@@ -132,8 +132,8 @@ export class Oscilloscope {
     this.#placeHandles();
   }
 
-  // Rows of the frames at each edge of a column of one pixel. Columns lie at whole multiples of their
-  // width in device time, so that what is seen of a frame does not depend on when it is seen.
+  // Rows of the frames at each edge of a column of one pixel. Columns are at whole multiples of their
+  // width in device time, so that the picture of a frame does not change while it scrolls.
   #fillColumns(frames) {
     const width = this.plotWidth;
     this.column_ns = this.span_ns / width;
@@ -246,7 +246,7 @@ export class Oscilloscope {
       if (!lane.visible || lane.count === 0) continue;
       traces.clip(this.gutter, lane.top, this.plotWidth, lane.height);
       traces.line(lane.points, lane.count, colours[lane.index], thick);
-      // Frames that lie far apart are shown as what they are: points.
+      // Frames far apart are drawn as points.
       if (!this.dense && (this.toRow - this.fromRow) * 7 < this.plotWidth) traces.dots(lane.points, lane.count, colours[lane.index], thick * 2.6);
       traces.unclip();
     }
@@ -529,7 +529,7 @@ export class Oscilloscope {
 
   nudgeCursor(index, pixels) { this.moveCursor(index, this.cursors[index].part + pixels / this.plotWidth); }
 
-  // --- what a person can do ------------------------------------------------------------------------
+  // --- actions -------------------------------------------------------------------------------------
 
   toggleLane(index) {
     const lane = this.lanes[index];
@@ -539,7 +539,7 @@ export class Oscilloscope {
     this.app.touch();
   }
 
-  // Sets the time base. While paused the time at `part` of the screen stays where it is.
+  // Sets the time base. While paused the time at `part` of the screen is kept.
   setSpan(span_s, part = 0.5) {
     this.span_s = Math.min(longest_s, Math.max(shortest_s, span_s));
     if (this.app.paused) {
@@ -579,7 +579,7 @@ export class Oscilloscope {
     this.app.touch();
   }
 
-  // Scales a lane about its middle; it keeps that scale until the view is reset.
+  // Scales a lane about its middle, until the view is reset.
   scaleLane(index, factor) {
     const { limits } = this.lanes[index];
     if (!limits.known) return;

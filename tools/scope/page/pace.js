@@ -1,4 +1,4 @@
-// How well the page keeps up: frames of the screen, work for each, and the lag from LCM to pixel.
+// Pace of the page: screen frames, work per frame, and latency from LCM to pixel.
 
 import { number } from "./units.js";
 
@@ -16,7 +16,7 @@ class Recent {
     this.count += 1;
   }
 
-  // The value that `part` of the recent ones do not exceed; NaN where there are none.
+  // Quantile `part` of the recent values; NaN if there are none.
   quantile(part) {
     const held = Math.min(this.count, kept);
     if (held === 0) return NaN;
@@ -27,8 +27,8 @@ class Recent {
   }
 }
 
-// What can wait: lets a thing be done again only when four times as long as it took has passed, so that a
-// slow machine draws it less often and the oscilloscope not.
+// Rate limit of secondary plots: one is redrawn only after four times its own drawing time, so that a
+// slow machine redraws them less often than the oscilloscope.
 export class Turn {
   constructor() {
     this.next_ms = 0;
@@ -61,7 +61,7 @@ export class Pace {
     this.began_ms = performance.now();
   }
 
-  // All that had come is on the canvas: the oldest of it waited longest.
+  // Everything received is on the canvas: the oldest has the largest latency.
   drew() {
     if (Number.isNaN(this.oldest_unix_ms)) return;
     this.lag.add(performance.timeOrigin + performance.now() - this.oldest_unix_ms);
@@ -75,7 +75,7 @@ export class Pace {
   words(frames, dropped) {
     if (frames.empty) return "";
     const lag = this.lag.quantile(0.5);
-    // Beyond these the clocks of the server's machine and of this one may well be what differs.
+    // Larger values are probably a difference between the clocks of server and browser.
     const lagText = !(lag > -5) ? "lag –" : lag < 10000 ? `lag ${number(Math.max(0, lag), 2)} ms` : "lag > 10 s";
     const lost = frames.lost + dropped > 0 ? ` · lost ${frames.lost} frames, ${dropped} messages` : "";
     return `${number(frames.rate_hz, 4)} Hz · ${lagText} · ${Math.round(this.framesPerSecond)} pictures/s${lost}`;

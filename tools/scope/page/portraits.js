@@ -1,5 +1,5 @@
 // The portraits: friction loops, phase portrait with its section, cylindrical portrait, load against
-// displacement. One is drawn in each frame, in turn, so that five cost no more than one.
+// displacement. One is drawn per frame, in turn, so that five cost no more than one.
 
 import { Limits, eachTick, fitCanvas, roundStep } from "./axes.js";
 import { byId, fillSelect, setPressed, setText, watchVisible } from "./elements.js";
@@ -12,7 +12,7 @@ const mostOverlay = 8192;
 const [displacement, velocity, friction, load] = [0, 1, 2, 3];
 const degrees = 180 / Math.PI;
 
-// What each portrait shows: x and y as names of quantities below.
+// The portraits: x and y are names of quantities below.
 const portraits = {
   "friction-velocity": { x: "v", y: "ratio", overlay: "estimate" },
   "friction-displacement": { x: "x", y: "ratio" },
@@ -81,7 +81,7 @@ export class Portraits {
     }
   }
 
-  // Draws the next portrait that can be seen.
+  // Draws the next visible portrait.
   draw(now_ms) {
     this.section.follow(this.app.store);
     for (let i = 0; i < this.figures.length; ++i) {
@@ -115,8 +115,8 @@ export class Portraits {
     }
   }
 
-  // Values of the portrait's two quantities into this.x and this.y, in the units shown; NaN where a line
-  // ends. Returns their number.
+  // Writes the portrait's two quantities to this.x and this.y, in the units shown; NaN breaks a line.
+  // Returns their number.
   #fill(one) {
     const { frames, excitation } = this.app.store;
     const { mask, values } = frames;
@@ -145,7 +145,7 @@ export class Portraits {
     return points;
   }
 
-  // The phase of the drive belongs to frames by their time.
+  // The phase of the drive at the times of the frames.
   #fillCylinder(frames, excitation, from, stride, factor) {
     const { mask, time, values } = frames;
     const phases = excitation.columns.phase_rad;
@@ -184,7 +184,7 @@ export class Portraits {
       if (y > yHigh) yHigh = y;
     }
     if (one.x !== "drive") one.xLimits.follow(xLow, xHigh, now_ms);
-    // Noise about a constant load is not drawn as if it were a loop.
+    // Noise about a constant load must not look like a loop.
     if (one.y === "load") one.yLimits.least = 0.2 * Math.abs(yLow + yHigh) / 2;
     one.yLimits.follow(yLow, yHigh, now_ms);
   }
@@ -312,7 +312,7 @@ export class Portraits {
       this.overlay[2 * dots + 1] = (yHigh - section.v[at] * vFactor) * yScale;
       dots += 1;
     }
-    // A rim in the colour of the ground keeps dots apart from the lines beneath.
+    // A rim in the background colour separates dots from lines.
     traces.dots(this.overlay, dots, theme.colours.panel, theme.large ? 8 : 6);
     traces.dots(this.overlay, dots, theme.colours.c1, theme.large ? 6 : 4);
   }
@@ -329,7 +329,7 @@ export class Portraits {
     context.setLineDash([]);
   }
 
-  // Where the rig is now.
+  // The present state of the rig.
   #drawLatest(one, place, points, theme) {
     const at = 2 * (points - 1);
     if (points === 0 || this.points[at] < -1e8) return;

@@ -1,4 +1,4 @@
-// How the rig and its daemon are: state, faults, excitation, ledger, timing, events, the model check.
+// State of the rig and the daemon: faults, excitation, ledger, timing, events, model check.
 
 import { roundStep, eachTick, fitCanvas } from "./axes.js";
 import { Facts, byId, setState, setText, tableRow, watchVisible } from "./elements.js";
@@ -33,7 +33,7 @@ export class RigState {
     else if (message.type === "model") setText(byId("rig-name"), message.rig || "scope");
   }
 
-  // A source that is silent says nothing of its state.
+  // The state of a silent source is unknown.
   silent() {
     const chip = byId("state-chip");
     setText(chip, this.status ? `was ${this.status.state}` : "no status yet");
@@ -96,7 +96,7 @@ export class RigState {
     facts.set("lost messages", count(status.lost_messages), bad(status.lost_messages));
   }
 
-  // A few times a second: what comes too often to be shown each time.
+  // A few times a second: values that arrive too often to be shown each time.
   update() {
     const now = this.excitation;
     if (!now) return;
@@ -119,7 +119,7 @@ export class RigState {
   #takeEvent(event) {
     if (event.code === "model_broken" || event.code === "model_follows") this.#takeVerdict(event);
     if (event.code === "model_explained" || event.code === "model_unexplained") this.#takeExplanation(event);
-    // What is repeated to those who join is shown once.
+    // Events repeated for a new connection are shown once.
     const key = `${event.utc_us} ${event.code} ${event.message}`;
     if (this.events.some((one) => one.key === key)) return;
     byId("no-event").hidden = true;
@@ -165,11 +165,11 @@ export class RigState {
     setState(chip, broken ? "bad" : "good");
   }
 
-  // It belongs to the alarm before it.
+  // Belongs to the preceding alarm.
   #takeExplanation(event) {
     if (this.verdict?.code !== "model_broken" || event.utc_us < this.verdict.utc_us) return;
     const line = byId("verdict");
-    setText(line, `✕ ${event.message[0].toUpperCase()}${event.message.slice(1)}. Told first: ${this.verdict.message}`);
+    setText(line, `✕ ${event.message[0].toUpperCase()}${event.message.slice(1)}. First report: ${this.verdict.message}`);
   }
 
   // --- histograms of timing ------------------------------------------------------------------------
@@ -179,7 +179,7 @@ export class RigState {
     for (const one of this.histograms) if (this.visible(one.figure)) this.#drawHistogram(one);
   }
 
-  // Durations on a logarithmic axis, counts on another: one late cycle in a million is seen.
+  // Durations on a logarithmic axis, counts on another: one late cycle in a million is visible.
   #drawHistogram(one) {
     const { context, canvas } = one;
     const { theme } = this.app;
@@ -239,7 +239,7 @@ export class RigState {
   }
 }
 
-// The bins grow; the first begins at 0, which a logarithm cannot show.
+// Bins of increasing width; the first begins at 0, which a logarithmic axis cannot show.
 function lowerEdge(edges, bin) {
   return bin > 0 ? edges[bin - 1] : (edges[0] * edges[0]) / edges[1];
 }

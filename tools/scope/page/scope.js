@@ -1,4 +1,4 @@
-// The page of `stickslip scope`: puts its parts together, and draws once for each frame of the screen.
+// The page of `stickslip scope`: connects its parts and draws once per screen frame.
 
 import { byId, setPressed, setState, setText } from "./elements.js";
 import { Estimates } from "./estimates.js";
@@ -52,10 +52,10 @@ class App {
     expose(this);
   }
 
-  // What is shown: all that has come, or what had come when it was paused.
+  // The data shown: live, or as it was when paused.
   get store() { return this.paused ? this.frozen : this.live; }
 
-  // There is something new to draw.
+  // Requests a redraw.
   touch() { this.changed = true; }
 
   say(text) { setText(byId("spoken"), text); }
@@ -65,7 +65,7 @@ class App {
     requestAnimationFrame((now) => this.#frame(now));
   }
 
-  // --- what comes ----------------------------------------------------------------------------------
+  // --- incoming messages ---------------------------------------------------------------------------
 
   #takeFrames(block) {
     const anew = this.live.addFrames(block);
@@ -107,7 +107,7 @@ class App {
     }
   }
 
-  // The daemon was started again: nothing of before is comparable.
+  // The daemon was restarted: earlier data is not comparable.
   #beginAnew() {
     if (this.paused) this.pause(false);
     this.scope.forget();
@@ -115,7 +115,7 @@ class App {
     this.changed = true;
   }
 
-  // --- what a person does --------------------------------------------------------------------------
+  // --- user actions --------------------------------------------------------------------------------
 
   pause(paused) {
     if (paused === this.paused) return;

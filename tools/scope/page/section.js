@@ -17,7 +17,7 @@ export class Section {
     this.forget();
   }
 
-  // Begins anew with all that the rings hold.
+  // Restarts with all rows of the rings.
   forget() {
     this.begin = 0;
     this.end = 0;
@@ -29,7 +29,7 @@ export class Section {
     this.forget();
   }
 
-  // Takes what is new, as far as both frames and drive are known.
+  // Adds new rows, as far as both frames and drive are known.
   follow(store) {
     const { excitation, frames } = store;
     const { time, mask } = excitation;
@@ -37,11 +37,11 @@ export class Section {
     if (this.row > excitation.end) this.forget();
     let row = Math.max(this.row, excitation.begin + 1);
     for (; row < excitation.end && time[row & mask] <= frames.last_ns; ++row) {
-      // Phases since the section's, so that a frame exactly on it belongs to one passage and no other.
+      // Phases relative to the section, so that a frame exactly on it belongs to one passage only.
       const before = since(this.phase_rad, phase[(row - 1) & mask]);
       const now = since(this.phase_rad, phase[row & mask]);
       const advance = now + turn - before;
-      // More than a third of a turn between two frames is a gap or a jump of the phase, no passage.
+      // More than a third of a turn between two frames is a gap or a phase jump, not a passage.
       if (!(now < before && advance < turn / 3)) continue;
       const from = time[(row - 1) & mask];
       this.#add(from + (time[row & mask] - from) * ((turn - before) / advance), frames);

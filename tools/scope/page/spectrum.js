@@ -1,4 +1,4 @@
-// The spectrum of one channel, with the frequencies that are known marked in it.
+// The spectrum of one channel, with known frequencies marked.
 
 import { byId, fillSelect, setText, watchVisible } from "./elements.js";
 import { Fft, windowWeight } from "./fft.js";
@@ -6,7 +6,7 @@ import { channels, duration, number, tick } from "./units.js";
 import uPlot from "./uPlot.esm.js";
 
 const lengths = [1024, 2048, 4096, 8192, 16384, 32768, 65536];
-// The paper's rig, until a model says otherwise.
+// The paper's rig, until a model is known.
 const usualMarks = [{ name: "natural", hz: 2.4 }, { name: "load cell", hz: 19.3 }, { name: "bending", hz: 37 }];
 const mostHarmonics = 7;
 
@@ -40,7 +40,7 @@ export class Spectrum {
     if (this.plot) this.plot.redraw();
   }
 
-  // A new plot: another theme, size, unit or axis.
+  // Rebuilds the plot after a change of theme, size, unit or axis.
   rebuild() {
     this.plot?.destroy();
     this.plot = null;
@@ -151,7 +151,7 @@ export class Spectrum {
     }, this.data, this.element);
   }
 
-  // Ten decades at most, so that a bin without power does not squeeze the rest.
+  // Ten decades at most, so that an empty bin does not compress the rest.
   #range(low, high) {
     if (!(high > 0)) return [1e-6, 1];
     const top = 10 ** Math.ceil(Math.log10(high) + 0.15);

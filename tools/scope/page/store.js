@@ -1,13 +1,13 @@
-// What the stream has brought, in rings of typed arrays: no object for each sample, and no growth once
-// a ring spans the time that it has to.
+// The received data in rings of typed arrays: no object per sample, and no growth once a ring spans the
+// required time.
 
 const lowWord = 2 ** 32;
 
-// Rows of numbers by time. Rows are numbered from 0 for ever: `begin` is the oldest that is still
+// Rows of numbers by time. Row numbers start at 0 and never wrap: `begin` is the oldest row that is
 // held, `end` is one past the newest. Time is in ns since `origin_ns` (a BigInt, device time), so that a
 // double holds it exactly for 104 days.
 export class Ring {
-  // columns: their names, beside `time`. span_s: a full ring that spans less grows, up to `limit` rows.
+  // columns: names besides `time`. span_s: a full ring that spans less grows, up to `limit` rows.
   constructor(columns, { rows = 8192, span_s = 66, limit = 2 ** 20 } = {}) {
     this.names = columns;
     this.span_ns = span_s * 1e9;
@@ -33,11 +33,11 @@ export class Ring {
 
   get empty() { return this.end === this.begin; }
   get bytes() { return this.rows * 8 * (1 + this.names.length); }
-  // Time of the oldest and of the newest row; NaN where there is none.
+  // Time of the oldest and of the newest row; NaN if there is none.
   get first_ns() { return this.empty ? NaN : this.time[this.begin & this.mask]; }
   get last_ns() { return this.empty ? NaN : this.time[(this.end - 1) & this.mask]; }
 
-  // The place in the arrays of a new newest row.
+  // Array index of a new row.
   push(time_ns) {
     if (this.end - this.begin === this.rows) {
       if (this.rows < this.limit && time_ns - this.first_ns < this.span_ns) this.#grow();
@@ -59,7 +59,7 @@ export class Ring {
     this.regrown?.();
   }
 
-  // Number of the first row at or after a time; `end` where there is none. `from`: begin of the search.
+  // Number of the first row at or after a time; `end` if there is none. `from`: start of the search.
   rowAt(time_ns, from = this.begin) {
     let low = Math.max(from, this.begin);
     let high = this.end;
@@ -71,7 +71,7 @@ export class Ring {
     return low;
   }
 
-  // Becomes the same as another ring with the same columns: what a pause shows.
+  // Copies another ring with the same columns, for a pause.
   copy(other) {
     if (this.rows !== other.rows) this.#allocate(other.rows);
     this.time.set(other.time);
@@ -89,8 +89,8 @@ export class Ring {
 const fineShift = 4;
 const coarseShift = 9;
 
-// Frames, with the least and the greatest value of every 16 and every 512 of them, so that drawing a
-// minute costs as much as drawing a second.
+// Frames with the extremes of every 16 and every 512 rows, so that drawing a minute costs as much as
+// drawing a second.
 export class FrameStore extends Ring {
   constructor(options) {
     super(["sequence", "c0", "c1", "c2", "c3", "c4", "c5"], { rows: 2 ** 17, ...options });
@@ -142,8 +142,8 @@ export class FrameStore extends Ring {
     }
   }
 
-  // Appends a block as it came (see `decodeFrames`). Frames that are held already are left out. Returns
-  // whether the source began anew, in which case all that was held is gone.
+  // Appends a decoded block (see `decodeFrames`) without frames that are held already. Returns true if the
+  // source restarted, in which case earlier rows are discarded.
   append(block) {
     const { count, words, numbers } = block;
     let anew = false;
@@ -175,8 +175,8 @@ export class FrameStore extends Ring {
     return anew;
   }
 
-  // Least and greatest value of a channel in the rows [from, to): into into[0] and into[1]; Infinity and
-  // -Infinity where no row holds one.
+  // Extremes of a channel in the rows [from, to) in into[0] and into[1]; Infinity and -Infinity without
+  // values.
   extremes(channel, from, to, into) {
     const { mask, values } = this;
     const data = values[channel];
@@ -187,7 +187,7 @@ export class FrameStore extends Ring {
       const left = to - row;
       let newLow;
       let newHigh;
-      // A block whose oldest rows have been overwritten is never asked for: begin lies behind them.
+      // Blocks with overwritten rows lie before begin and are never read.
       if (left >= 512 && (row & 511) === 0) {
         newLow = this.coarseLow[channel][(row & mask) >> coarseShift];
         newHigh = this.coarseHigh[channel][(row & mask) >> coarseShift];
@@ -209,7 +209,7 @@ export class FrameStore extends Ring {
     into[1] = high;
   }
 
-  // Frames per second over the last second or so; NaN where nothing is known.
+  // Frames per second over the last second or so; NaN if unknown.
   get rate_hz() {
     const from = Math.max(this.begin, this.end - 1001);
     const span = this.last_ns - this.time[from & this.mask];
@@ -241,7 +241,7 @@ export const estimateColumns = [
   "slip_velocity_m_s_deviation", "nis", "nis_freedom",
 ];
 
-// Everything that is drawn over time: frames, the observer's estimates, what the shaker was told.
+// All time series: frames, estimates, excitation.
 export class Store {
   constructor() {
     this.frames = new FrameStore();
@@ -265,7 +265,7 @@ export class Store {
 
   get bytes() { return this.frames.bytes + this.estimates.bytes + this.excitation.bytes; }
 
-  // Takes a block of frames; returns whether the source began anew.
+  // Adds a block of frames; returns true if the source restarted.
   addFrames(block) {
     const anew = this.frames.append(block);
     if (anew) {

@@ -1,4 +1,4 @@
-// The socket: what comes from the server, decoded; the page itself sends nothing.
+// The WebSocket and its decoder; the page sends nothing.
 
 const subprotocol = "stickslip-scope";
 const firstWait_ms = 500;
@@ -7,7 +7,7 @@ const headerBytes = 16;
 const channelCount = 6;
 
 // A binary message of kind 1. `words` views the times and sequence numbers (8 bytes each, times first),
-// `numbers` the values, channel after channel. Throws a RangeError where the message is not whole.
+// `numbers` the values, channel after channel. Throws a RangeError for an incomplete message.
 export function decodeFrames(buffer) {
   const header = new DataView(buffer);
   if (header.getUint8(0) !== 1) throw new RangeError(`message of kind ${header.getUint8(0)}, expected 1`);
@@ -40,7 +40,7 @@ export class Stream {
     this.opened = 0; // connections made
   }
 
-  // Address of the stream beside the page: same host, same token.
+  // Address of the stream: host and token of the page.
   static address(page = window.location) {
     const token = new URLSearchParams(page.search).get("token");
     const url = new URL("stream", page.href);
@@ -65,7 +65,7 @@ export class Stream {
     socket.onclose = (event) => this.#closed(event);
   }
 
-  // Connects at once, if not connected: what a person asks for who does not want to wait.
+  // Connects immediately if not connected, on request of the user.
   hurry() {
     if (this.#socket && this.#socket.readyState > 1) this.connect();
   }
@@ -81,7 +81,7 @@ export class Stream {
   }
 
   #closed(event) {
-    // Spread, so that a hundred pages do not come back in the same moment.
+    // Random delay, so that many pages do not reconnect at the same moment.
     const wait_ms = this.#wait_ms * (0.75 + 0.5 * Math.random());
     this.#wait_ms = Math.min(longestWait_ms, this.#wait_ms * 2);
     this.#take.onLink({ state: "waiting", wait_s: wait_ms / 1e3, reason: event.reason || "" });

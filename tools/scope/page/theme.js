@@ -1,4 +1,4 @@
-// Light and dark, text size, and the colours that canvases need, as the style sheet has them.
+// Light and dark, text size, and the colours of the style sheet for canvases.
 
 const names = ["ink", "quiet", "line", "strong-line", "panel", "accent", "band", "mark", "good", "bad",
   "c0", "c1", "c2", "c3", "c4", "c5"];
@@ -17,7 +17,7 @@ export class Theme {
     this.apply();
   }
 
-  // Whether a person asked for less motion.
+  // True if the user prefers reduced motion.
   get calmed() { return this.calm.matches; }
 
   onChange(listener) { this.listeners.push(listener); }
@@ -51,7 +51,7 @@ export class Theme {
   }
 }
 
-// What is remembered of a person's choices, in this browser only; nothing where that is forbidden.
+// Settings stored in this browser, if storage is allowed.
 export class Settings {
   #values = {};
 
@@ -70,7 +70,7 @@ export class Settings {
     try {
       window.localStorage.setItem("stickslip-scope", JSON.stringify(this.#values));
     } catch {
-      // Private windows refuse; the choice then lasts as long as the page.
+      // Not available in private windows; the setting then lasts as long as the page.
     }
   }
 }

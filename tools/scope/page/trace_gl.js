@@ -1,4 +1,4 @@
-// Lines and dots of many points on a canvas: WebGL2 where there is some, else the 2-D canvas.
+// Lines and dots of many points on a canvas: WebGL2 if available, else the 2-D canvas.
 // Points are x, y pairs in CSS pixels in a Float32Array; a point with x = gap ends a line.
 
 export const gap = -1e9;
@@ -67,8 +67,8 @@ void main() {
 
 let wanted = null;
 
-// Whether to use WebGL: ?webgl=1 and ?webgl=0 decide; else where a graphics processor does it. Emulated
-// in software it is slower than the 2-D canvas by far.
+// WebGL is used on a graphics processor, unless ?webgl=1 or ?webgl=0 decides: emulated in software it is
+// much slower than the 2-D canvas.
 function wantsWebGl() {
   const wish = new URLSearchParams(window.location.search).get("webgl");
   wanted ??= wish === null ? hasGraphicsProcessor() : wish !== "0";
@@ -148,7 +148,7 @@ export class TraceCanvas {
     this.ratio = ratio;
   }
 
-  // Empties the canvas.
+  // Clears the canvas.
   begin() {
     const gl = this.#gl;
     if (gl) {
@@ -162,7 +162,7 @@ export class TraceCanvas {
     }
   }
 
-  // What follows is seen inside this rectangle only.
+  // Clips the following drawing to this rectangle.
   clip(x, y, width, height) {
     const gl = this.#gl;
     if (gl) {
@@ -181,7 +181,7 @@ export class TraceCanvas {
     if (!this.#gl) this.#flat.restore();
   }
 
-  // A line through `count` points; `fade` is the strength of its oldest part.
+  // A line through `count` points; `fade` is the opacity of its oldest part.
   line(points, count, colour, width, fade = 1) {
     if (count < 2) return;
     if (this.#gl) this.#drawGl("line", points, count, count - 1, colour, width, fade);
@@ -265,7 +265,7 @@ export class TraceCanvas {
     }
   }
 
-  // How many pixels are not empty. Only in the frame that drew them.
+  // Number of non-empty pixels; valid only in the frame that drew them.
   inkedPixels() {
     const { width, height } = this.canvas;
     let data;

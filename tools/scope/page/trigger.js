@@ -15,7 +15,7 @@ export class Trigger {
     this.arm();
   }
 
-  // Begins anew with what comes from now on.
+  // Restarts with future frames.
   arm(row = 0) {
     this.row = row;
     this.ready = false;
@@ -30,7 +30,7 @@ export class Trigger {
     this.arm(row);
   }
 
-  // Looks at the frames that are new. The window of `span_ns` around a crossing is shown once it is full.
+  // Searches new frames. The window of `span_ns` around a crossing is shown once it is complete.
   scan(frames, span_ns) {
     if (this.mode === "roll" || this.done) { this.row = frames.end; return; }
     this.#findCrossings(frames);
@@ -64,7 +64,7 @@ export class Trigger {
     this.row = frames.end;
   }
 
-  // Whether the picture stands at a crossing; else it rolls, or waits.
+  // True if the picture is held at a crossing; else it rolls or waits.
   holds(frames, span_ns) {
     if (this.mode === "roll" || Number.isNaN(this.fired_ns)) return false;
     return this.mode !== "auto" || frames.last_ns - this.fired_ns < Math.max(2.5 * span_ns, 1e9);

@@ -1,4 +1,4 @@
-// The channels of a frame in their order on the wire, and the units that they are shown in.
+// The channels of a frame in their order on the wire, and their display units.
 
 export const channels = [
   { key: "displacement", name: "Displacement", symbol: "x", quantity: "length" },
@@ -28,7 +28,7 @@ export class Units {
 const dash = "–";
 const minus = "\u2212";
 
-// A number of so many significant digits (as many as there are before the point, at least); a dash where there is none.
+// A number with this many significant digits, at least all before the point; a dash for none.
 export function number(value, digits = 4) {
   if (!Number.isFinite(value)) return dash;
   const size = Math.abs(value);
@@ -37,7 +37,7 @@ export function number(value, digits = 4) {
   return value.toFixed(Math.max(0, digits - whole)).replace("-", minus);
 }
 
-// A number with so many decimals as a step of an axis needs.
+// A number with the decimals that the step of an axis needs.
 export function tick(value, step) {
   if (Math.abs(value) < step * 1e-6) return "0";
   if (step < 1e-5 || step >= 1e6) return value.toExponential(1).replace(/-/g, minus);
