@@ -1,8 +1,8 @@
-# Steps of tools/demo and tools/test: each says one line with its seconds, keeps its whole output in
-# a log, and shows the end of that log and the command when it fails. Sourced, not run.
+# Steps of tools/demo, tools/test and tools/benchmark: each prints one line with its duration, logs its
+# output, and shows the end of the log and the command if it fails. Sourced, not run.
 # Expects `root` (the checkout) and `log_folder` to be set.
 
-PATH=$PATH:/usr/sbin:/sbin # where Debian keeps `ip` from ordinary users
+PATH=$PATH:/usr/sbin:/sbin # for `ip`, which Debian keeps off the PATH of ordinary users
 
 say() { printf '%s\n' "$*"; }
 fail() {
@@ -12,8 +12,8 @@ fail() {
 
 seconds_since() { awk -v a="$1" -v b="$(date +%s.%N)" 'BEGIN { printf "%.1f", b - a }'; }
 
-# step NAME COMMAND [ARGUMENT ...]: runs the command with its output in NAME's log.
-# Returns the command's status; `step_log` is left naming the log.
+# step NAME COMMAND [ARGUMENT ...]: runs the command, whose output goes to a log named after NAME.
+# Returns the command's status and sets `step_log` to the log.
 step() {
   local name=$1 began status=0
   shift
@@ -33,7 +33,7 @@ step() {
   return "$status"
 }
 
-# packages_for PURPOSE ...: their names from tools/packages.
+# packages_for PURPOSE ...: package names from tools/packages.
 packages_for() {
   local purpose
   for purpose in "$@"; do
@@ -41,8 +41,8 @@ packages_for() {
   done
 }
 
-# as_root COMMAND ...: as it is for root, through sudo for others; never asks for a password where
-# nobody could type it.
+# as_root COMMAND ...: directly for root, otherwise with sudo, which asks for a password only on a
+# terminal.
 as_root() {
   if [ "$(id -u)" -eq 0 ]; then
     "$@"
@@ -58,11 +58,11 @@ apt_install() {
     as_root env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends "$@"
 }
 
-# install_packages PURPOSE ...: installs what is missing, and touches nothing when nothing is.
+# install_packages PURPOSE ...: installs missing packages, if any.
 install_packages() {
   local package missing=()
   command -v dpkg-query >/dev/null && command -v apt-get >/dev/null ||
-    fail "this is not Debian (no apt-get); install what tools/packages lists by your own means," \
+    fail "this is not Debian (no apt-get); install the equivalents of tools/packages," \
       "then build with 'cmake --preset release && cmake --build --preset release'"
   while read -r package; do
     [ "$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null)" = installed ] ||
@@ -74,8 +74,8 @@ install_packages() {
   fi
   if [ "$(id -u)" -ne 0 ]; then
     command -v sudo >/dev/null ||
-      fail "needs root or sudo to install: apt-get install ${missing[*]}"
-    # A password is asked for here, in sight, and not behind a log.
+      fail "installation requires root or sudo: apt-get install ${missing[*]}"
+    # Ask for a password here, since the output of steps is logged.
     if [ -t 2 ]; then sudo -v || fail "sudo refused"; fi
   fi
   step "install ${#missing[@]} Debian packages" apt_install "${missing[@]}" || exit 1

@@ -19,7 +19,7 @@ class Completion(EndToEnd):
         self.write("my recording.csv", "")
 
     def bash(self, *words):
-        """What bash offers for the last of `words`, behind `stickslip`."""
+        """Completions in bash of the last of `words`, after `stickslip`."""
         split = [part for word in words for part in (re.split("(=)", word) if word[:2] == "--" else [word])]
         line = " ".join(shlex.quote(word) for word in ("stickslip", *split))
         script = (f"{self.scripts['bash']}\nCOMP_WORDS=({line}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1))\n"
@@ -29,7 +29,7 @@ class Completion(EndToEnd):
         return result.stdout.split("\n")[:-1]
 
     def commands(self):
-        """The commands that --help lists."""
+        """Commands listed by --help."""
         text = self.succeed("--help").stdout.split("Subcommands:")[1]
         return re.findall(r"^  ([a-z]+) ", text, re.MULTILINE)
 
@@ -53,7 +53,7 @@ class Completion(EndToEnd):
         self.assertIn("excitation.carrier_hz",
                       self.bash("config", "rig.toml", "--explain", "excitation."))
 
-    def test_bash_offers_files_where_files_stand(self):
+    def test_bash_offers_files_for_file_arguments(self):
         self.assertEqual(self.bash("diagnose", "m"), ["model.toml", "my recording.csv"])
         self.assertEqual(self.bash("diagnose", "--model", "mo"), ["model.toml"])
         self.assertEqual(self.bash("diagnose", "--model=mo"), ["model.toml"])
@@ -61,7 +61,7 @@ class Completion(EndToEnd):
     def test_bash_offers_nothing_for_a_number(self):
         self.assertEqual(self.bash("diagnose", "--jobs", "m"), [""])
 
-    def test_a_value_that_looks_like_a_command_is_none(self):
+    def test_a_value_is_not_taken_for_a_command(self):
         self.assertIn("--json", self.bash("diagnose", "--model", "spy", "--"))
 
     def test_zsh(self):
@@ -71,8 +71,8 @@ class Completion(EndToEnd):
             return
         script = self.write("_stickslip", self.scripts["zsh"])
         self.assertEqual(run(zsh, "-n", script).stderr, "")
-        # A shell on a terminal, which is asked with two tabs.
-        shown = self.on_a_terminal(
+        # A shell on a terminal; two tabs request the completions.
+        shown = self.shell_output(
             [zsh, "-f"], ["PS1='> '; unsetopt zle_bracketed_paste; LISTMAX=1000; autoload -Uz compinit; "
                           "compinit -D -u; source ./_stickslip; echo rea''dy\n"], "stickslip convert --format \t\t")
         self.assertRegex(shown, r"csv\s+lcm")
@@ -98,14 +98,14 @@ class Completion(EndToEnd):
         self.assertEqual(offered("stickslip completion "), ["bash", "fish", "zsh"])
 
     def check_words(self, shell):
-        """Without the shell itself: quotes are closed, and every command stands there."""
+        """Checks a script without its shell: quotes are balanced, and every command occurs."""
         words = shlex.split(self.scripts[shell], comments=True)
         for command in self.commands():
             self.assertTrue(any(word == command or word.startswith(command + ":") for word in words),
                             command)
 
-    def on_a_terminal(self, command, setup, typed):
-        """What a shell shows after `typed`, on a pseudo terminal; it is waited for, not slept for."""
+    def shell_output(self, command, setup, typed):
+        """Output of a shell on a pseudo terminal after `typed`."""
         pid, terminal = pty.fork()
         if pid == 0:
             os.chdir(self.folder)
@@ -130,7 +130,7 @@ class Completion(EndToEnd):
         read_until(r"lcm")
         return shown
 
-    def test_another_shell_is_refused(self):
+    def test_other_shells_are_refused(self):
         result = stickslip("completion", "tcsh")
         self.assertEqual(result.returncode, 2)
         self.assertIn("{bash,zsh,fish}", result.stderr)

@@ -1,4 +1,4 @@
-"""The code that docs/python.md shows, run out of that page: every reader says the same of a recording."""
+"""The examples of docs/python.md: every reader prints the same statistics of a recording."""
 import os
 import re
 import shutil
@@ -13,7 +13,7 @@ ROWS = [(i / 100, None if i % 7 == 3 else 1e-3 * ((i * 7919) % 101) / 3.0, 0.1 *
 
 
 def blocks(language):
-    """Code of the page, with the heading that it stands below."""
+    """Pairs of heading and code of the page."""
     heading, found = "", []
     for part in re.finditer(r"^## ([^\n]*)$|^```(\w+)\n(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL):
         heading = part[1] or heading
@@ -23,7 +23,7 @@ def blocks(language):
 
 
 def python_with(packages):
-    """A Python that has all of these: this one, else Debian's, whose packages another does not see."""
+    """A Python with these packages: this one, or that of Debian; None if neither has them."""
     for python in (sys.executable, "/usr/bin/python3"):
         if shutil.which(python) and run(python, "-c", "".join(f"import {each}\n" for each in packages)).returncode == 0:
             return python
@@ -44,26 +44,26 @@ class Python(EndToEnd):
                                   env={**os.environ, "PATH": path}, timeout=60)
             self.assertEqual(done.returncode, 0, done.stderr)
         x = [x for _, x, _ in ROWS if x is not None]
-        self.said = (f"{len(ROWS)} frames, {ROWS[-1][0] - ROWS[0][0]:.3f} s, "
+        self.expected = (f"{len(ROWS)} frames, {ROWS[-1][0] - ROWS[0][0]:.3f} s, "
                      f"displacement {min(x):.6g} to {max(x):.6g} m\n")
 
-    def test_every_reader_says_the_same(self):
+    def test_all_readers_print_the_same(self):
         readers = blocks("python")
-        self.assertEqual(len(readers), 4, "this test knows of four readers")
+        self.assertEqual(len(readers), 4, "four readers are expected")
         for heading, code in readers:
             with self.subTest(heading):
                 packages = sorted(set(re.findall(r"^(?:import|from) (h5py|scipy|numpy)", code, re.MULTILINE)))
                 python = python_with(packages)
                 if python is None:
                     self.assertTrue(packages)
-                    print(f"not tried: {heading}: no Python here has {', '.join(packages)}", flush=True)
+                    print(f"not tested: {heading}: no Python has {', '.join(packages)}", flush=True)
                     continue
                 done = run(python, "-c", code, cwd=self.folder)
                 self.assertEqual((done.returncode, done.stderr), (0, ""))
-                self.assertEqual(done.stdout, self.said)
+                self.assertEqual(done.stdout, self.expected)
 
-    def test_export_without_its_comments_is_a_table(self):
-        """As docs/other-programs.md has it, for programs whose first line is the header."""
+    def test_an_export_without_comments_is_a_table(self):
+        """As in docs/other-programs.md, for programs that take the first line for the header."""
         self.succeed("log", "export", self.folder / "run.log", self.folder / "all.csv")
         lines = [line for line in (self.folder / "all.csv").read_text().splitlines() if line[:1] != "#"]
         self.assertTrue(lines[0].startswith("time_s,"))
@@ -75,7 +75,7 @@ class Python(EndToEnd):
         done = run("octave-cli", "--eval", "load run.mat; printf('%d frames, %.3f s, displacement %.6g to %.6g m\\n', "
                    "numel(frames.time_s), frames.time_s(end) - frames.time_s(1), min(frames.displacement_m), "
                    "max(frames.displacement_m))", cwd=self.folder)
-        self.assertEqual(done.stdout, self.said, done.stderr)
+        self.assertEqual(done.stdout, self.expected, done.stderr)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
-"""The live view's server: what the stream carries is what LCM carried, and nobody who misbehaves is
-felt by the others. The client is written here by hand, so that it can misbehave."""
+"""The server of the live view: streams equal the traffic on LCM, and clients that violate the protocol
+do not affect others."""
 import collections
 import json
 import os
@@ -19,7 +19,7 @@ RIG = SOURCE / "config/simulated.toml"
 
 
 def decoded(message):
-    """(columns, flags) of a message of frames: time_ns, sequence, and each channel's bits."""
+    """(columns, flags) of a message of frames. Columns: time_ns, sequence, and the bits of each channel."""
     kind, flags, channels, n = struct.unpack_from("<BBHI", message)
     assert kind == 1 and channels == len(CHANNELS), (kind, channels)
     assert len(message) == 16 + 8 * n * (2 + channels)
@@ -28,7 +28,7 @@ def decoded(message):
 
 
 def frames_in(messages, history=None):
-    """{sequence: (time, bits of the channels)} of binary messages; `history`: only such, or only not."""
+    """{sequence: (time, bits of the channels)} of binary messages. `history`: selects past or live ones."""
     out = {}
     for kind, payload in messages:
         if kind != BINARY:
@@ -37,7 +37,7 @@ def frames_in(messages, history=None):
         if history is not None and bool(flags & 2) != history:
             continue
         for row in zip(*column):
-            assert row[1] not in out, f"frame {row[1]} came twice"
+            assert row[1] not in out, f"frame {row[1]} was received twice"
             out[row[1]] = row[0:1] + row[2:]
     return out
 
@@ -51,7 +51,7 @@ def is_nan(bits):
 
 
 class Reader(threading.Thread):
-    """A good client: takes all that it gets until it is told to end, and knows what it missed."""
+    """A well-behaved client that collects all messages until `end`."""
 
     def __init__(self, port):
         super().__init__(daemon=True)
@@ -68,7 +68,7 @@ class Reader(threading.Thread):
                     self.messages.append(self.stream.receive())
                 except TimeoutError:
                     pass
-        except Exception as error:  # told to the test, which is another thread
+        except Exception as error:  # checked by the test in its own thread
             self.failure = error
 
     def end(self):
@@ -79,7 +79,7 @@ class Reader(threading.Thread):
 
 
 class Scope(EndToEnd):
-    """One server, and LCM to feed it."""
+    """A server that is fed from LCM."""
     options = ()
 
     def setUp(self):
@@ -111,7 +111,7 @@ class Scope(EndToEnd):
         return process.wait(30)
 
     def wait_for_frames(self, client, count=50):
-        """Messages until `count` frames have come that are no history."""
+        """Messages until `count` live frames have been received."""
         out = []
         seen = 0
         end = time.monotonic() + 30
@@ -122,7 +122,7 @@ class Scope(EndToEnd):
         return out
 
     def assert_still_serves(self):
-        """Somebody who behaves gets the page and a stream."""
+        """A well-behaved client still receives the page and a stream."""
         self.assertIsNone(self.server.poll(), "the server has ended")
         status, _, body = self.get("/")
         self.assertEqual(status, 200)
@@ -130,8 +130,8 @@ class Scope(EndToEnd):
         with WebSocket(self.port) as client:
             self.assertEqual(texts_in([client.receive()])[0]["type"], "hello")
 
-    def ask(self, request, timeout=10.0, whole=True):
-        """Sends bytes and gives back what comes until the other side ends."""
+    def request(self, request, timeout=10.0, whole=True):
+        """Sends bytes and returns the answer until the server closes."""
         with connect(self.port, timeout) as peer:
             out = b""
             try:
@@ -143,14 +143,14 @@ class Scope(EndToEnd):
             except TimeoutError:
                 raise
             except OSError:
-                pass  # hung up
+                pass  # closed by the server
             return out
 
     def get(self, path, method="GET", host=None, headers=()):
-        """(status, headers, body); status 0 where the server only hung up."""
+        """(status, headers, body); status 0 if the server only closed the connection."""
         lines = [f"{method} {path} HTTP/1.1", f"Host: {host or f'127.0.0.1:{self.port}'}",
                  "Connection: close", *headers]
-        answer = self.ask(("\r\n".join(lines) + "\r\n\r\n").encode("latin-1"), whole=False)
+        answer = self.request(("\r\n".join(lines) + "\r\n\r\n").encode("latin-1"), whole=False)
         head, _, body = answer.partition(b"\r\n\r\n")
         if not head.startswith(b"HTTP/1."):
             return 0, {}, b""
@@ -160,11 +160,11 @@ class Scope(EndToEnd):
 
 
 class Streams(Scope):
-    def heard(self):
-        """The frames of a recording that LCM itself made beside the server: what a stream must equal."""
+    def recorded_frames(self):
+        """Frames of a recording made in parallel from LCM: the reference for the streams."""
         types = generate_types(self.folder)
         out = {}
-        for payload in payloads(self.folder / "heard.log", "STICKSLIP_FRAMES"):
+        for payload in payloads(self.folder / "reference.log", "STICKSLIP_FRAMES"):
             block = types.frame_block_t.decode(payload)
             columns = [getattr(block, name) for name in CHANNELS]
             for i in range(block.count):
@@ -173,8 +173,8 @@ class Streams(Scope):
                 out[block.sequence[i]] = (block.time_ns[i],) + bits
         return out
 
-    def test_ten_clients_get_every_frame_as_lcm_carried_it(self):
-        recorder = subprocess.Popen([STICKSLIP, "record", str(self.folder / "heard.log")],
+    def test_ten_clients_receive_every_frame_unchanged(self):
+        recorder = subprocess.Popen([STICKSLIP, "record", str(self.folder / "reference.log")],
                                     stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self.addCleanup(recorder.wait)
         self.addCleanup(recorder.kill)
@@ -184,14 +184,14 @@ class Streams(Scope):
         self.assertEqual(daemon.wait(60), 0)
         time.sleep(1)
         self.assertEqual(self.stop(recorder), 0)
-        heard = self.heard()
-        self.assertGreater(len(heard), 3000)
+        recorded = self.recorded_frames()
+        self.assertGreater(len(recorded), 3000)
         for client in clients:
             messages = client.end()
             self.assertIsNone(client.failure)
             got = frames_in(messages)
-            self.assertEqual(set(got), set(heard))
-            for sequence, row in heard.items():
+            self.assertEqual(set(got), set(recorded))
+            for sequence, row in recorded.items():
                 time_ns, *bits = got[sequence]
                 self.assertEqual(time_ns, row[0])
                 for ours, theirs in zip(bits, row[1:]):
@@ -209,12 +209,12 @@ class Streams(Scope):
         self.assertEqual(self.start_daemon("--duration", "3").wait(60), 0)
         messages = client.end()
         times = {row[0] for row in frames_in(messages).values()}
-        told = [t for text in texts_in(messages) if text["type"] == "excitation" for t in text["time_ns"]]
-        self.assertGreater(len(told), 2000)
-        self.assertEqual(len(told), len(set(told)))
-        self.assertEqual(set(told) - times, set())
+        times_sent = [t for text in texts_in(messages) if text["type"] == "excitation" for t in text["time_ns"]]
+        self.assertGreater(len(times_sent), 2000)
+        self.assertEqual(len(times_sent), len(set(times_sent)))
+        self.assertEqual(set(times_sent) - times, set())
 
-    def test_who_joins_gets_the_history_and_then_all_that_follows(self):
+    def test_a_new_client_receives_the_history_and_then_live_frames(self):
         self.start_daemon()
         with WebSocket(self.port) as early:
             before = frames_in(self.wait_for_frames(early, 2000))
@@ -230,7 +230,7 @@ class Streams(Scope):
         self.assertEqual(everything, list(range(everything[0], everything[0] + len(everything))),
                          "a gap or a repetition between history and stream")
 
-    def test_a_daemon_that_is_started_again_is_told(self):
+    def test_a_restart_of_the_daemon_is_reported(self):
         with WebSocket(self.port) as client:
             first = self.start_daemon()
             self.wait_for_frames(client, 500)
@@ -249,7 +249,7 @@ class Streams(Scope):
                 past = frames_in(self.wait_for_frames(late, 1), history=True)
             self.assertLess(min(past), 100, "history is that of the new run")
 
-    def test_it_ends_by_a_signal_and_says_so_to_its_clients(self):
+    def test_a_signal_closes_all_streams(self):
         with WebSocket(self.port) as client:
             client.receive()
             self.server.send_signal(signal.SIGINT)
@@ -260,24 +260,24 @@ class Streams(Scope):
 
 
 class Page(Scope):
-    def test_the_page_comes_with_its_fences(self):
+    def test_the_page_has_its_security_headers(self):
         status, headers, body = self.get("/")
         self.assertEqual(status, 200)
         self.assertEqual(int(headers["content-length"]), len(body))
         self.assertTrue(headers["content-type"].startswith("text/html"))
         policy = headers["content-security-policy"]
-        for fence in ("default-src 'none'", "script-src 'self'", "connect-src 'self'", "frame-ancestors 'none'"):
-            self.assertIn(fence, policy)
+        for directive in ("default-src 'none'", "script-src 'self'", "connect-src 'self'", "frame-ancestors 'none'"):
+            self.assertIn(directive, policy)
         self.assertNotIn("unsafe", policy)
         self.assertEqual(headers["x-content-type-options"], "nosniff")
         self.assertEqual(headers["referrer-policy"], "no-referrer")
         self.assertEqual(headers["cross-origin-resource-policy"], "same-origin")
         self.assertNotIn("access-control-allow-origin", headers)
-        # Refusals have them as well.
+        # Refusals have them too.
         _, headers, _ = self.get("/nothing")
         self.assertIn("content-security-policy", headers)
 
-    def test_every_file_of_the_page_is_in_the_program(self):
+    def test_every_file_of_the_page_is_served(self):
         for file in sorted((SOURCE / "tools/scope/page").iterdir()):
             if file.suffix not in (".html", ".css", ".js", ".svg", ".png"):
                 continue
@@ -291,7 +291,7 @@ class Page(Scope):
             self.assertEqual(status, 200)
             self.assertGreater(len(body), 1000)
 
-    def test_what_a_browser_has_is_not_sent_again(self):
+    def test_cached_files_are_not_sent_again(self):
         status, headers, body = self.get("/uPlot.esm.js")
         again = self.get("/uPlot.esm.js", headers=[f"If-None-Match: {headers['etag']}"])
         self.assertEqual((again[0], again[2]), (304, b""))
@@ -300,7 +300,7 @@ class Page(Scope):
 
 
 class Hostile(Scope):
-    """Each test has a good client beside it, which must not lose one frame."""
+    """Each test runs next to a well-behaved client, which must not lose a frame."""
 
     def setUp(self):
         super().setUp()
@@ -314,19 +314,19 @@ class Hostile(Scope):
     def tearDown(self):
         time.sleep(0.3)
         messages = self.good.end()
-        self.assertIsNone(self.good.failure, "the good client lost its stream")
+        self.assertIsNone(self.good.failure, "the well-behaved client lost its stream")
         got = sorted(frames_in(messages))
-        self.assertEqual(got, list(range(got[0], got[0] + len(got))), "the good client lost frames")
+        self.assertEqual(got, list(range(got[0], got[0] + len(got))), "the well-behaved client lost frames")
         self.assertNotIn("dropped", [text["type"] for text in texts_in(messages)])
         self.assert_still_serves()
         super().tearDown()
 
-    def refused(self, expected, **asked):
+    def refused(self, expected, **request):
         with self.assertRaises(Refused) as caught:
-            WebSocket(self.port, **asked)
+            WebSocket(self.port, **request)
         self.assertEqual(caught.exception.status, expected, caught.exception)
 
-    def test_other_pages_and_other_names_are_refused(self):
+    def test_foreign_origins_and_host_names_are_refused(self):
         own = f"127.0.0.1:{self.port}"
         WebSocket(self.port, origin=f"http://{own}").close()
         WebSocket(self.port, host="localhost:1", origin="http://localhost:1").close()
@@ -339,23 +339,23 @@ class Hostile(Scope):
             with self.subTest(host=host):
                 self.refused(403, host=host)
                 self.assertEqual(self.get("/", host=host)[0], 403)
-        nameless = self.ask(b"GET / HTTP/1.0\r\n\r\n")
+        nameless = self.request(b"GET / HTTP/1.0\r\n\r\n")
         self.assertNotIn(b"200", nameless.split(b"\r\n")[0])
 
-    def test_the_stream_is_where_it_is(self):
+    def test_the_stream_has_one_path_and_subprotocol(self):
         self.refused(404, path="/")
         self.refused(404, path="/stream/")
         self.refused(404, path="/uPlot.esm.js")
         self.refused(400, subprotocol="chat")
         self.refused(400, subprotocol=None)
         self.assertEqual(self.get("/stream")[0], 404)
-        # HTTP/2 in the clear is not spoken.
-        answer = self.ask(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{self.port}\r\nConnection: Upgrade, "
+        # HTTP/2 without TLS is not supported.
+        answer = self.request(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{self.port}\r\nConnection: Upgrade, "
                           "HTTP2-Settings\r\nUpgrade: h2c\r\nHTTP2-Settings: AAMAAABkAAQAAP__\r\n\r\n".encode(),
                           whole=False)
         self.assertNotIn(b" 101 ", answer.split(b"\r\n")[0])
 
-    def test_nothing_but_the_page_is_found(self):
+    def test_only_files_of_the_page_are_served(self):
         secret = b"root:"
         page = self.get("/")[2]
         for path in ("/../../../../etc/passwd", "/..%2f..%2f..%2fetc/passwd", "/%2e%2e/%2e%2e/etc/passwd",
@@ -367,7 +367,7 @@ class Hostile(Scope):
             with self.subTest(path=path[:60]):
                 status, _, body = self.get(path)
                 self.assertNotIn(secret, body)
-                if status == 200:  # what stands before a question mark or a zero may be the page
+                if status == 200:  # the part before a question mark or a zero may name the page
                     self.assertEqual(body, page)
                 else:
                     self.assertIn(status, (0, 400, 403, 404, 414, 431))
@@ -378,11 +378,11 @@ class Hostile(Scope):
             with self.subTest(method=method[:20]):
                 self.assertIn(self.get("/", method=method)[0], (0, 400, 403, 404, 405, 501))
         body = b"x" * 100000
-        answer = self.ask(f"POST / HTTP/1.1\r\nHost: 127.0.0.1:{self.port}\r\nContent-Length: {len(body)}\r\n\r\n"
+        answer = self.request(f"POST / HTTP/1.1\r\nHost: 127.0.0.1:{self.port}\r\nContent-Length: {len(body)}\r\n\r\n"
                           .encode() + body)
         self.assertNotIn(b" 200 ", answer.split(b"\r\n")[0])
 
-    def test_headers_have_an_end(self):
+    def test_headers_are_limited(self):
         own = f"Host: 127.0.0.1:{self.port}\r\n".encode()
         for name, request in {
                 "one long header": b"GET / HTTP/1.1\r\n" + own + b"X: " + b"a" * 2000000 + b"\r\n\r\n",
@@ -394,9 +394,9 @@ class Hostile(Scope):
                 "TLS": b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + os.urandom(500),
                 "HTTP/2": b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + b"\x00" * 100}.items():
             with self.subTest(what=name):
-                self.assertNotIn(b" 101 ", self.ask(request)[:40])
+                self.assertNotIn(b" 101 ", self.request(request)[:40])
 
-    def test_a_client_that_sends_is_closed(self):
+    def test_a_client_that_sends_is_disconnected(self):
         for name, data in {"text": frame(TEXT, b"hello"), "binary": frame(BINARY, b"x" * 200),
                            "empty": frame(TEXT, b""), "a part": frame(TEXT, b"x", final=False),
                            "much": frame(BINARY, b"x" * 500000),
@@ -414,10 +414,10 @@ class Hostile(Scope):
                     end = time.monotonic() + 10
                     while time.monotonic() < end:
                         client.receive()
-                if name == "text":  # it is told why, unless a message was just being written
+                if name == "text":  # with a reason, unless a message was being written
                     self.assertIn(getattr(caught.exception, "code", None), (1008, None))
 
-    def test_a_ping_is_answered_and_a_flood_of_them_harms_nobody(self):
+    def test_a_flood_of_pings_is_harmless(self):
         with WebSocket(self.port) as client:
             client.receive()
             try:
@@ -425,13 +425,13 @@ class Hostile(Scope):
                     client.send(frame(PING, b"x" * 100))
                 client.receive()
             except (Closed, OSError):
-                pass  # it may be shown the door
+                pass  # it may be disconnected
 
-    def test_a_slow_reader_loses_and_is_told_and_others_notice_nothing(self):
+    def test_losses_of_a_slow_reader_are_reported_and_do_not_affect_others(self):
         with WebSocket(self.port, receive_buffer=2048) as slow:
             slow.receive()
             before = len(self.good.messages)
-            # Nothing is read while more goes by than a backlog and what kernels hold.
+            # More data passes unread than the backlog and the socket buffers hold.
             end = time.monotonic() + 60
             while sum(len(m[1]) for m in self.good.messages[before:]) < 2_500_000:
                 self.assertLess(time.monotonic(), end)
@@ -443,12 +443,12 @@ class Hostile(Scope):
                     kinds[text["type"]] += 1
                     if text["type"] == "dropped":
                         self.assertGreater(text["messages"], 100)
-            self.assertEqual(kinds["dropped"], 1, "it was not told")
+            self.assertEqual(kinds["dropped"], 1, "the loss was not reported")
             at = max(frames_in(self.good.messages[-50:]))
             first = min(frames_in(self.wait_for_frames(slow, 1), history=False))
-            self.assertGreater(first, at - 1000, "what it gets after the loss is not the present")
+            self.assertGreater(first, at - 1000, "frames after the loss are not live")
 
-    def test_half_open_requests_by_the_hundred_keep_nobody_out(self):
+    def test_hundreds_of_half_open_requests_do_not_block_others(self):
         half = []
         self.addCleanup(lambda: [peer.close() for peer in half])
         for i in range(600):
@@ -457,10 +457,10 @@ class Hostile(Scope):
             try:
                 peer.sendall(b"GET / HTTP/1.1\r\nHost: 127.0" if i % 2 else b"")
             except OSError:
-                pass  # shed already
+                pass  # closed already
             if i % 100 == 50:
                 self.assert_still_serves()
-        # A request has seconds, not minutes: drops of it now and then do not help.
+        # A request must be complete within seconds, even if it makes progress.
         end = time.monotonic() + 30
         left = set(half)
         while left and time.monotonic() < end:
@@ -475,7 +475,7 @@ class Hostile(Scope):
                 except OSError:
                     left.discard(peer)
             time.sleep(0.5)
-        self.assertEqual(len(left), 0, "connections without a request are still there")
+        self.assertEqual(len(left), 0, "connections without a request are still open")
 
     def test_thousands_of_connections(self):
         for _ in range(30):
@@ -489,7 +489,7 @@ class Hostile(Scope):
                 peer.close()
         self.assert_still_serves()
 
-    def test_more_pages_than_it_takes(self):
+    def test_the_number_of_pages_is_limited(self):
         streams = []
         self.addCleanup(lambda: [stream.close() for stream in streams])
         with self.assertRaises(Refused) as caught:
@@ -507,13 +507,13 @@ class Hostile(Scope):
                 return
             except Refused:
                 time.sleep(0.1)
-        self.fail("places of pages that were closed are not free again")
+        self.fail("closed pages still count")
 
 
 class Token(Scope):
     options = ("--token", "s3cret.Word~1", "--allow-origin", "https://notes.lab", "--host-name", "rig.lab")
 
-    def test_nothing_is_shown_without_it(self):
+    def test_requests_without_the_token_are_refused(self):
         for query in ("", "?token=", "?token=s3cret", "?token=s3cret.Word~2", "?Token=s3cret.Word~1",
                       "?x=1&tokens=s3cret.Word~1", "?token=s3cret.Word~1x", "?token=" + "a" * 2000):
             with self.subTest(query=query[:40]):
@@ -526,7 +526,7 @@ class Token(Scope):
         self.assertEqual(self.get("/uPlot.esm.js")[0], 200)
         WebSocket(self.port, path="/stream?token=s3cret.Word~1").close()
 
-    def test_names_and_origins_that_were_declared(self):
+    def test_declared_names_and_origins_are_accepted(self):
         path = "/stream?token=s3cret.Word~1"
         WebSocket(self.port, path=path, host="rig.lab", origin="https://rig.lab").close()
         WebSocket(self.port, path=path, host="rig.lab", origin="https://notes.lab").close()
@@ -535,7 +535,7 @@ class Token(Scope):
 
 
 class OtherNetwork(Scope):
-    """The page here, LCM in a network namespace of the daemon's own, as tools/demo has it."""
+    """The page in this network namespace, LCM in that of the daemon, as in tools/demo."""
 
     def setUp(self):
         self.daemon = subprocess.Popen([SOURCE / "tools/own-network", STICKSLIPD, "--config", str(RIG)],
@@ -549,7 +549,7 @@ class OtherNetwork(Scope):
         self.options = ("--network-of", str(self.daemon.pid))
         super().setUp()
 
-    def test_frames_come_through(self):
+    def test_frames_are_received(self):
         with WebSocket(self.port) as client:
             self.assertGreater(len(frames_in(self.wait_for_frames(client, 100))), 99)
 
@@ -558,7 +558,7 @@ class Arguments(EndToEnd):
     def scope(self, *options):
         return subprocess.run([STICKSLIP, "scope", *options], capture_output=True, text=True, timeout=30)
 
-    def test_mistakes_are_told_in_one_line(self):
+    def test_errors_are_reported_in_one_line(self):
         for options, words in {("--listen", "localhost:80"): "127.0.0.1:8088",
                                ("--listen", "192.0.2.1:0"): "ip address",
                                ("--token", "a b"): "letters",
@@ -574,7 +574,7 @@ class Arguments(EndToEnd):
                 self.assertEqual(result.stderr.count("\n"), 1, result.stderr)
                 self.assertIn(words, result.stderr)
 
-    def test_a_port_that_is_taken(self):
+    def test_a_taken_port_is_reported(self):
         with socket.socket() as other:
             other.bind(("127.0.0.1", 0))
             other.listen()
@@ -582,16 +582,16 @@ class Arguments(EndToEnd):
         self.assertEqual(result.returncode, 1)
         self.assertIn("another program", result.stderr)
 
-    def test_listening_to_all_without_a_token_is_warned_of(self):
+    def test_listening_on_all_addresses_is_warned_of(self):
         for options, warned in ((("--listen", "0.0.0.0:0"), "no --token"),
                                 (("--listen", "0.0.0.0:0", "--token", "abc"), "nothing is encrypted")):
             server = subprocess.Popen([STICKSLIP, "scope", *options], stdout=subprocess.PIPE,
                                       stderr=subprocess.PIPE, text=True)
             server.stdout.readline()
             server.send_signal(signal.SIGTERM)
-            _, said = server.communicate(timeout=20)
+            _, errors = server.communicate(timeout=20)
             self.assertEqual(server.returncode, 0)
-            self.assertIn(warned, said)
+            self.assertIn(warned, errors)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What a person sees on a terminal, and what a pipe is spared: progress, colours, the live table."""
+"""Progress, colours and the live table on a pseudo terminal and in a pipe."""
 import fcntl
 import json
 import os
@@ -17,11 +17,11 @@ from programs import STICKSLIP, EndToEnd, main, run
 GROUP = ("239.255.76.67", 7667)
 CSV = "time_s,displacement_m,friction_force_n\n" + "".join(
     f"{i / 100:.2f},{1e-3 * (i % 7)!r},{0.1 * (i % 3)!r}\n" for i in range(200))
-TO_EMPTY_LINE = "\r\033[K"
+ERASE_LINE = "\r\033[K"
 
 
 def environment(**changes):
-    """This one, with a terminal that knows colours, and changes; None takes a variable out."""
+    """The environment with a colour terminal and changes; None removes a variable."""
     out = {**os.environ, "TERM": "xterm-256color"}
     out.pop("NO_COLOR", None)
     for name, value in changes.items():
@@ -43,11 +43,11 @@ class OnATerminal:
         os.close(inside)
         self.shown = ""
         self.began = time.monotonic()
-        self.first_s = None  # when it wrote first, since it was started
+        self.first_s = None  # time of its first output since its start
         self.took_s = None
 
     def read(self, seconds):
-        """Reads for so long; False once the program has closed the terminal."""
+        """Reads for this duration; False once the program has closed the terminal."""
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0:
             if not select.select([self.terminal], [], [], left)[0]:
@@ -67,7 +67,7 @@ class OnATerminal:
                 f"{pattern} was not shown: {self.shown!r}"
 
     def end(self, seconds=60):
-        """Everything that was shown, once the program has ended."""
+        """The whole output, once the program has ended."""
         until = time.monotonic() + seconds
         while self.read(0.2):
             assert time.monotonic() < until, self.shown
@@ -80,58 +80,58 @@ class OnATerminal:
 
 
 class Progress(EndToEnd):
-    """Of a replay: it cannot be faster than its recording, 2 s."""
+    """Progress of a replay, which takes the 2 s of its recording."""
 
     def setUp(self):
         super().setUp()
         self.recording = self.write("run.csv", CSV)
 
-    def test_it_appears_tells_the_time_left_and_goes(self):
+    def test_it_appears_with_the_time_left_and_is_erased(self):
         replay = OnATerminal(STICKSLIP, "replay", self.recording, piped=True)
         shown = replay.end()
-        drawn = [line for line in shown.split(TO_EMPTY_LINE) if line]
-        self.assertTrue(drawn, "it never appeared")
-        self.assertGreaterEqual(replay.first_s, 1.0, "it came before its first second")
-        self.assertLessEqual(len(drawn), 10 * replay.took_s, "drawn more often than ten times a second")
+        drawn = [line for line in shown.split(ERASE_LINE) if line]
+        self.assertTrue(drawn, "it did not appear")
+        self.assertGreaterEqual(replay.first_s, 1.0, "it appeared before the first second")
+        self.assertLessEqual(len(drawn), 10 * replay.took_s, "drawn more than ten times a second")
         for line in drawn:
             self.assertRegex(line, r"^ *\d+ %  publishing .*, \d+ s left$")
         shares = [int(line.split("%")[0]) for line in drawn]
         self.assertEqual(shares, sorted(shares))
-        self.assertTrue(shown.endswith(TO_EMPTY_LINE), "the line was left behind")
+        self.assertTrue(shown.endswith(ERASE_LINE), "the line was left behind")
 
-    def test_a_pipe_hears_nothing(self):
+    def test_a_pipe_receives_nothing(self):
         result = run(STICKSLIP, "replay", self.recording)
         self.assertEqual((result.returncode, result.stderr), (0, ""))
         self.assertNotIn("\033", result.stdout)
 
-    def test_a_dumb_terminal_hears_nothing(self):
+    def test_a_dumb_terminal_receives_nothing(self):
         replays = {term: OnATerminal(STICKSLIP, "replay", self.recording, piped=True,
                                      env=environment(TERM=term)) for term in ("dumb", None)}
         for term, replay in replays.items():
             with self.subTest(TERM=term):
                 self.assertEqual(replay.end(), "")
 
-    def test_no_color_is_about_colours_alone(self):
+    def test_no_color_does_not_affect_progress(self):
         shown = OnATerminal(STICKSLIP, "replay", self.recording, piped=True,
                             env=environment(NO_COLOR="1")).end()
         self.assertIn("left", shown)
         self.assertNotRegex(shown, r"\033\[[0-9;]*m")
 
-    def test_a_narrow_terminal_gets_whole_lines(self):
+    def test_the_line_fits_a_narrow_terminal(self):
         replays = {columns: OnATerminal(STICKSLIP, "replay", self.recording, piped=True, columns=columns)
                    for columns in (24, 8, 3)}
         for columns, replay in replays.items():
             with self.subTest(columns=columns):
                 shown = replay.end()
                 self.assertNotIn("\n", shown)
-                for line in shown.split(TO_EMPTY_LINE):
+                for line in shown.split(ERASE_LINE):
                     self.assertLess(len(line), columns, shown)
 
-    def test_the_result_stands_on_an_empty_line(self):
+    def test_the_result_is_on_an_empty_line(self):
         shown = OnATerminal(STICKSLIP, "replay", self.recording).end()
-        self.assertRegex(shown.split(TO_EMPTY_LINE)[-1], r"^published 200 of 200 frames")
+        self.assertRegex(shown.split(ERASE_LINE)[-1], r"^published 200 of 200 frames")
 
-    def test_what_nobody_can_foretell_tells_the_time_that_has_passed(self):
+    def test_the_elapsed_time_is_shown_if_the_total_is_unknown(self):
         recorder = OnATerminal(STICKSLIP, "record", self.folder / "out.log", piped=True)
         recorder.wait_for(r"recording, 0 frames, lost 0, \d+ s")
         recorder.process.send_signal(signal.SIGTERM)
@@ -150,25 +150,25 @@ class Colours(EndToEnd):
         return OnATerminal(STICKSLIP, "log", "check", self.log, *options,
                            env=environment(**changes)).end()
 
-    def test_a_terminal_has_them(self):
+    def test_a_terminal_has_colours(self):
         self.assertIn("\033[32msound\033[0m", self.shown())
 
     def test_no_color_and_dumb_terminals_have_none(self):
         self.assertIn(": sound", self.shown(NO_COLOR="1"))
-        self.assertIn("\033[32m", self.shown(NO_COLOR=""), "an empty NO_COLOR says nothing")
+        self.assertIn("\033[32m", self.shown(NO_COLOR=""), "an empty NO_COLOR is ignored")
         self.assertIn(": sound", self.shown(TERM="dumb"))
         self.assertIn(": sound", self.shown("--color=never"))
 
-    def test_a_pipe_has_them_where_they_are_asked_for(self):
+    def test_a_pipe_has_them_on_request(self):
         self.assertNotIn("\033", self.succeed("log", "check", self.log).stdout)
         self.assertIn("\033[32m", self.succeed("log", "check", self.log, "--color=always").stdout)
         self.assertIn("\033[32m", self.shown("--color", "always", NO_COLOR="1"))
 
-    def test_damage_is_painted_otherwise(self):
+    def test_damage_is_red(self):
         self.log.write_bytes(self.log.read_bytes()[:-10])
         self.assertIn("\033[1;31mdamaged\033[0m", self.shown())
 
-    def test_every_command_that_paints_says_so(self):
+    def test_commands_with_colours_have_the_option(self):
         for command in (("spy",), ("doctor",), ("check",), ("ctl",), ("log", "check")):
             with self.subTest(command=command):
                 self.assertIn("--color", self.succeed(*command, "--help").stdout)
@@ -180,7 +180,7 @@ class Spy(EndToEnd):
         self.recording = self.write("run.csv", CSV)
 
     def publish(self, channel, payload):
-        """One message of a stranger: the short form of LCM's UDP protocol."""
+        """One message of another program, as a short packet of LCM's UDP protocol."""
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
             udp.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
             udp.sendto(struct.pack(">II", 0x4C433032, 1) + channel.encode() + b"\0" + payload, GROUP)
@@ -191,20 +191,20 @@ class Spy(EndToEnd):
         self.addCleanup(player.wait)
         self.addCleanup(player.kill)
 
-    def heard(self, *options):
-        """What `spy` prints into a pipe while a replay and a stranger speak."""
+    def output(self, *options):
+        """Output of `spy` in a pipe while a replay and another program publish."""
         spy = subprocess.Popen([STICKSLIP, "spy", "--duration", "5", *options],
                                stdout=subprocess.PIPE, text=True)
         self.addCleanup(spy.kill)
-        spy.stdout.readline()  # it listens
+        spy.stdout.readline()  # it has subscribed
         self.replay()
         while spy.poll() is None:
-            self.publish("STRANGER", bytes(range(1, 21)))
+            self.publish("FOREIGN", bytes(range(1, 21)))
             time.sleep(0.05)
         return spy.communicate()[0]
 
-    def test_a_program_reads_the_same_as_a_person(self):
-        reports = [json.loads(line) for line in self.heard("--json").splitlines()]
+    def test_json_has_the_statistics(self):
+        reports = [json.loads(line) for line in self.output("--json").splitlines()]
         self.assertGreaterEqual(len(reports), 2)
         channels = {each["channel"]: each for each in reports[-1]["channels"]}
         frames = channels["STICKSLIP_FRAMES"]
@@ -213,20 +213,20 @@ class Spy(EndToEnd):
         self.assertGreater(frames["frames"]["count"], 10)
         force = frames["values"]["friction_force"]
         self.assertEqual((force["unit"], force["least"], force["greatest"]), ("N", 0.0, 0.2))
-        stranger = channels["STRANGER"]
-        self.assertEqual((stranger["type"], stranger["fingerprint"], stranger["last_bytes"]),
+        foreign = channels["FOREIGN"]
+        self.assertEqual((foreign["type"], foreign["fingerprint"], foreign["last_bytes"]),
                          (None, "0x0102030405060708", 20))
 
-    def test_names_choose_and_a_key_sorts(self):
-        said = self.heard("strang", "--values")
-        self.assertIn("unknown type 0x0102030405060708", said)
-        self.assertNotIn("STICKSLIP_FRAMES", said)
-        report = json.loads(self.heard("--sort", "size", "--json").splitlines()[-1])
+    def test_selection_and_order(self):
+        output = self.output("forei", "--values")
+        self.assertIn("unknown type 0x0102030405060708", output)
+        self.assertNotIn("STICKSLIP_FRAMES", output)
+        report = json.loads(self.output("--sort", "size", "--json").splitlines()[-1])
         sizes = [channel["last_bytes"] for channel in report["channels"]]
         self.assertEqual(len(sizes), 3)
         self.assertEqual(sizes, sorted(sizes, reverse=True))
 
-    def test_what_is_not_its_type_is_counted(self):
+    def test_messages_that_cannot_be_decoded_are_counted(self):
         spy = subprocess.Popen([STICKSLIP, "spy", "--duration", "2.5", "--json"],
                                stdout=subprocess.PIPE, text=True)
         self.addCleanup(spy.kill)
@@ -237,7 +237,7 @@ class Spy(EndToEnd):
         self.assertGreater(channel["not_decoded"], 0)
         self.assertEqual(channel["not_decoded"], channel["messages"])
 
-    def test_a_terminal_shows_a_table_that_is_drawn_over_itself(self):
+    def test_a_terminal_shows_a_table_that_is_redrawn_in_place(self):
         for colours in (True, False):
             with self.subTest(colours=colours):
                 spy = OnATerminal(STICKSLIP, "spy", "--values", columns=100, lines=40,

@@ -1,4 +1,4 @@
-"""A WebSocket client by hand (RFC 6455), as good or as hostile as a test wants it."""
+"""A WebSocket client (RFC 6455) that can also violate the protocol."""
 import base64
 import os
 import socket
@@ -10,7 +10,7 @@ SUBPROTOCOL = "stickslip-scope"
 
 
 class Refused(Exception):
-    """The server did not open the stream; `status` is that of HTTP, 0 where it only hung up."""
+    """The server did not open the stream. `status`: of HTTP; 0 if it only closed the connection."""
 
     def __init__(self, status, answer):
         super().__init__(f"{status}: {answer[:300]!r}")
@@ -19,7 +19,7 @@ class Refused(Exception):
 
 
 class Closed(Exception):
-    """The server ended the stream; `code` is that of its close frame, None where there was none."""
+    """The server closed the stream. `code`: of its close frame; None if there was none."""
 
     def __init__(self, code, reason=""):
         super().__init__(f"{code} {reason}")
@@ -27,7 +27,7 @@ class Closed(Exception):
 
 
 def connect(port, timeout=10.0, address="127.0.0.1", receive_buffer=None):
-    """A plain TCP connection. A small `receive_buffer` makes a slow reader slow at once."""
+    """A TCP connection. With a small `receive_buffer` back pressure sets in immediately."""
     out = socket.socket()
     if receive_buffer:
         out.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
@@ -48,7 +48,7 @@ def handshake(port, path="/stream", host=None, origin=None, subprotocol=SUBPROTO
 
 
 def frame(opcode, payload=b"", final=True, masked=True, claimed=None):
-    """A frame as a client sends it; `claimed` lies about the length."""
+    """A frame from a client. `claimed`: a wrong length for the header."""
     size = len(payload) if claimed is None else claimed
     head = bytes([(0x80 if final else 0) | opcode])
     mask_bit = 0x80 if masked else 0
@@ -65,13 +65,13 @@ def frame(opcode, payload=b"", final=True, masked=True, claimed=None):
 
 
 class WebSocket:
-    """An open stream. `receive` gives (opcode, payload) of whole messages."""
+    """An open stream. `receive` returns (opcode, payload) of whole messages."""
 
-    def __init__(self, port, timeout=10.0, receive_buffer=None, **asked):
+    def __init__(self, port, timeout=10.0, receive_buffer=None, **request):
         self.socket = connect(port, timeout, receive_buffer=receive_buffer)
         self.buffer = bytearray()
         try:
-            self.socket.sendall(handshake(port, **asked))
+            self.socket.sendall(handshake(port, **request))
             self.answer = self._head()
             status = int(self.answer.split(b" ", 2)[1]) if self.answer.startswith(b"HTTP/") else 0
             if status != 101:
@@ -121,7 +121,7 @@ class WebSocket:
     def _frame(self):
         first, second = self._take(2)
         if second & 0x80 or first & 0x70:
-            raise ValueError("a server neither masks nor uses reserved bits here")
+            raise ValueError("frame from the server is masked or has reserved bits set")
         size = second & 0x7F
         if size == 126:
             size = struct.unpack(">H", self._take(2))[0]
@@ -130,7 +130,7 @@ class WebSocket:
         return first & 0x0F, bool(first & 0x80), self._take(size)
 
     def receive(self):
-        """The next message; answers pings. Raises Closed, or TimeoutError."""
+        """The next message. Answers pings. Raises Closed or TimeoutError."""
         whole, kind = b"", None
         while True:
             opcode, final, payload = self._frame()
@@ -148,7 +148,7 @@ class WebSocket:
                 return kind, whole
 
     def receive_for(self, seconds):
-        """All messages of the next seconds."""
+        """All messages within a duration."""
         end = time.monotonic() + seconds
         out = []
         while (left := end - time.monotonic()) > 0:

@@ -1,12 +1,12 @@
-// What a subcommand leaves behind when the command line has been parsed.
+// Result of parsing the command line: the subcommand to run.
 #pragma once
 
 #include <functional>
 
 namespace stickslip::command_line {
 
-/// Runs the chosen subcommand and returns its exit status. An InputError becomes status 2, any
-/// other exception status 1, each with one line on standard error.
+/// Runs the selected subcommand and returns its exit status. main() turns an InputError into status
+/// 2 and any other exception into status 1, each with one line on standard error.
 using Action = std::function<int()>;
 
 }  // namespace stickslip::command_line

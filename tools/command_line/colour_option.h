@@ -1,4 +1,4 @@
-// The option of every command whose words have colours.
+// Option of the commands with coloured output.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -10,15 +10,16 @@
 
 namespace stickslip::command_line {
 
-/// Adds `--color`. What is painted with it goes to standard output.
+/// Adds `--color`, which applies to standard output.
 inline void add_colour_option(CLI::App& command, terminal::Colours& colours) {
   const std::map<std::string, terminal::Colours> choices = {{"auto", terminal::Colours::automatic},
                                                             {"always", terminal::Colours::always},
                                                             {"never", terminal::Colours::never}};
   command
       .add_option_function<std::string>(
-          "--color", [&colours, choices](const std::string& asked) { colours = choices.at(asked); },
-          "Colours: on a terminal, unless NO_COLOR is set (auto); always; never")
+          "--color",
+          [&colours, choices](const std::string& chosen) { colours = choices.at(chosen); },
+          "Colours: on a terminal unless NO_COLOR is set (auto), always, or never")
       ->check(CLI::IsMember({"auto", "always", "never"}))
       ->default_str("auto");
 }

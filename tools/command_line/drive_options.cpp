@@ -13,12 +13,12 @@ dynamics::Drive DriveOptions::drive(const physics::Model& rig, Swept swept) cons
     throw InputError(Problem{source, 0, 0, message});
   };
   const auto check_one = [&](bool first, bool second, bool is_swept, const std::string& options,
-                             const std::string& what) {
+                             const std::string& quantity) {
     if (first && second) refuse(options, "both are given: expected one of them");
-    if (!first && !second && !is_swept) refuse(options, "expected one of them: " + what);
+    if (!first && !second && !is_swept) refuse(options, "expected one of them: " + quantity);
   };
   if (rig.oscillator.excitation == physics::Excitation::imposed) {
-    refuse(model, "has imposed motion (excitation = \"imposed\"): it has no orbits of its own");
+    refuse(model, "has imposed motion (excitation = \"imposed\"), hence no free orbits");
   }
   check_one(frequency_hz.has_value(), omega_rad_s.has_value(), swept == Swept::frequency,
             "--frequency-hz, --omega", "the drive's frequency");
@@ -56,28 +56,27 @@ void add_drive_options(CLI::App& command, const std::shared_ptr<DriveOptions>& o
   command.add_option("--model", options->model, "Model (TOML)")->required();
   command.add_option("--frequency-hz", options->frequency_hz, "Frequency of the drive [Hz]")
       ->check(positive_number());
-  command.add_option("--omega", options->omega_rad_s, "or its angular frequency [rad/s]")
+  command.add_option("--omega", options->omega_rad_s, "Angular frequency of the drive [rad/s]")
       ->check(positive_number());
   command
       .add_option("--amplitude", options->amplitude,
-                  "Amplitude of the base's motion [m], or of the force [N]")
+                  "Amplitude of the base motion [m] or of the force [N]")
       ->check(not_negative_number());
   command
       .add_option("--acceleration", options->acceleration_m_s2,
-                  "or the acceleration that it gives the free mass [m/s2]")
+                  "Amplitude as acceleration of the free mass [m/s2]")
       ->check(not_negative_number());
-  command.add_option("--x", options->x_m, "Deflection to start from [m]")
+  command.add_option("--x", options->x_m, "Initial deflection [m]")
       ->check(finite_number())
       ->capture_default_str();
-  command.add_option("--v", options->v_m_s, "Velocity to start from [m/s]")
+  command.add_option("--v", options->v_m_s, "Initial velocity [m/s]")
       ->check(finite_number())
       ->capture_default_str();
-  command.add_option("--transient", options->transient, "Drive periods that are left out")
+  command.add_option("--transient", options->transient, "Initial drive periods to discard")
       ->check(whole_number(0, 10000000))
       ->capture_default_str();
   command
-      .add_option("--steps", options->steps,
-                  "Integration steps per drive period (0: what the rig needs)")
+      .add_option("--steps", options->steps, "Integration steps per drive period (0: automatic)")
       ->check(number_that(
           [](double v) { return v == 0.0 || (v >= 16.0 && v <= 1.0e7 && v == std::floor(v)); },
           "0, or a whole number from 16 to 10000000"))

@@ -1,4 +1,4 @@
-// How a command is told what drives a rig periodically.
+// Options for a periodic drive.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -22,19 +22,19 @@ struct DriveOptions {
   int transient = 200;
   int steps = 0;
 
-  /// What the caller will set itself, over and over, and which therefore need not be told.
+  /// Quantity that the caller sweeps; its option is not required.
   enum class Swept { nothing, frequency, strength };
 
-  /// The drive that was asked for. Throws InputError where it is not told, or not by one option
-  /// only, where the model's motion is imposed, and where a period of the drive holds more steps of
-  /// the rig than anyone can wait for.
+  /// Drive given by the options. Throws InputError if frequency or strength are missing or given
+  /// twice, if the motion of the model is imposed, or if a drive period requires too many
+  /// integration steps.
   dynamics::Drive drive(const physics::Model& model, Swept swept = Swept::nothing) const;
 
-  /// Start, transient and steps; the rest is as it stands there.
+  /// Start, transient and steps; otherwise the defaults.
   dynamics::PortraitOptions portrait() const;
 };
 
-/// Adds --model, the drive, the start and the transient to a command.
+/// Adds --model and the options of the drive, the initial state and the transient to a command.
 void add_drive_options(CLI::App& command, const std::shared_ptr<DriveOptions>& options);
 
 }  // namespace stickslip::command_line

@@ -1,4 +1,4 @@
-// What the value of an option must be, said in one line when it is not.
+// Checks of option values.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -8,15 +8,16 @@
 
 namespace stickslip::command_line {
 
-/// A finite number for which `holds` is true; `expected` completes "expected ...".
+/// A finite number that satisfies `condition`; `expected` completes "expected ...".
 template <typename Condition>
-CLI::Validator number_that(Condition holds, const std::string& expected) {
+CLI::Validator number_that(Condition condition, const std::string& expected) {
   return CLI::Validator(
-      [holds, expected](std::string& text) {
+      [condition, expected](std::string& text) {
         char* end = nullptr;
         const double value = std::strtod(text.c_str(), &end);
         const bool number = end != text.c_str() && *end == '\0' && std::isfinite(value);
-        return number && holds(value) ? std::string() : "expected " + expected + ", found " + text;
+        return number && condition(value) ? std::string()
+                                          : "expected " + expected + ", found " + text;
       },
       "");
 }
@@ -30,14 +31,15 @@ inline CLI::Validator positive_number() {
 inline CLI::Validator not_negative_number() {
   return number_that([](double v) { return v >= 0.0; }, "a finite number, 0 or more");
 }
+/// Limits included.
 inline CLI::Validator whole_number(double low, double high) {
-  const auto word = [](double v) { return std::to_string(static_cast<long long>(v)); };
+  const auto text = [](double v) { return std::to_string(static_cast<long long>(v)); };
   return number_that([=](double v) { return v >= low && v <= high && v == std::floor(v); },
-                     "a whole number from " + word(low) + " to " + word(high));
+                     "a whole number from " + text(low) + " to " + text(high));
 }
-/// 0 (one per core) up to 1024.
+/// 0 (one per core) to 1024.
 inline CLI::Validator number_of_threads() { return whole_number(0, 1024); }
-/// What a random sequence begins with.
+/// Seed of a random sequence: 0 to 2^53.
 inline CLI::Validator seed_number() { return whole_number(0, 9007199254740992.0); }
 
 }  // namespace stickslip::command_line

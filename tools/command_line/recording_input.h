@@ -1,4 +1,4 @@
-// A recording that a command was given.
+// Recordings named on the command line.
 #pragma once
 
 #include <cstdio>
@@ -9,8 +9,8 @@
 
 namespace stickslip::command_line {
 
-/// As protocol::read_recording, with its progress on a terminal; of a log that was cut off it says
-/// so on standard error, and goes on with what is there.
+/// As protocol::read_recording, with progress on a terminal. Warns on standard error of a truncated
+/// log, whose intact part is returned.
 inline protocol::Recording recording_from(const std::filesystem::path& file) {
   terminal::Progress progress("reading " + file.filename().string());
   protocol::Recording recording =

@@ -1,8 +1,11 @@
+// `stickslip bifurcation`: bifurcation diagrams of a model.
 #include "tools/dynamics/bifurcation.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "config/model_file.h"
 #include "diagnosis/parallel/for_each.h"
@@ -15,9 +18,6 @@
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
-
-using namespace command_line;
-using namespace files;
 
 using namespace command_line;
 using namespace files;
@@ -36,23 +36,66 @@ struct Arguments {
   std::string out = "-";
 };
 
+DriveOptions::Swept swept_quantity(const std::string& path) {
+  using Swept = DriveOptions::Swept;
+  if (path == "drive.frequency_hz") return Swept::frequency;
+  if (path == "drive.amplitude_m" || path == "drive.acceleration_m_s2") return Swept::strength;
+  return Swept::nothing;
+}
+
+/// Throws InputError if the model does not have the swept parameter.
+void check_parameter(const Arguments& arguments, const physics::Model& model) {
+  const auto paths = dynamics::bifurcation_paths(model);
+  if (std::find(paths.begin(), paths.end(), arguments.over) != paths.end()) return;
+  std::string known;
+  for (const std::string& path : paths) known += (known.empty() ? "" : ", ") + path;
+  throw InputError(
+      Problem{arguments.drive->model, 0, 0,
+              "has no parameter \"" + arguments.over + "\"; expected one of " + known});
+}
+
+/// Values of the parameter, equally spaced. Throws InputError if the model refuses one of them.
+std::vector<double> swept_values(const Arguments& arguments, const physics::Model& model) {
+  std::vector<double> values;
+  for (int i = 0; i < arguments.values; ++i) {
+    const double share =
+        arguments.values > 1 ? static_cast<double>(i) / (arguments.values - 1) : 0.0;
+    values.push_back(arguments.from + share * (arguments.to - arguments.from));
+  }
+  for (const double value : values) {
+    const std::string reason = dynamics::refusal(model, arguments.over, value);
+    if (!reason.empty()) {
+      throw InputError(
+          Problem{"--from, --to", 0, 0,
+                  arguments.over + " = " + physics::number_text(value) + ": " + reason});
+    }
+  }
+  return values;
+}
+
+template <class Columns>
+std::string table_of(const Columns& columns, bool with_exponents) {
+  std::string table = "value,displacement_m,velocity_m_s";
+  table += with_exponents ? ",exponent_per_s\n" : "\n";
+  char line[160];
+  for (const auto& column : columns) {
+    for (const dynamics::Point& point : column.section) {
+      std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g", column.value, point.x(), point.v());
+      table += line;
+      if (with_exponents) {
+        std::snprintf(line, sizeof line, ",%.6g", column.exponent_per_s);
+        table += line;
+      }
+      table += '\n';
+    }
+  }
+  return table;
+}
+
 int run(const Arguments& arguments) {
   const physics::Model model = config::load_model(arguments.drive->model);
-  using Swept = DriveOptions::Swept;
-  const Swept swept =
-      arguments.over == "drive.frequency_hz" ? Swept::frequency
-      : arguments.over == "drive.amplitude_m" || arguments.over == "drive.acceleration_m_s2"
-          ? Swept::strength
-          : Swept::nothing;
-  const dynamics::Drive drive = arguments.drive->drive(model, swept);
-  const auto paths = dynamics::bifurcation_paths(model);
-  if (std::find(paths.begin(), paths.end(), arguments.over) == paths.end()) {
-    std::string known;
-    for (const std::string& path : paths) known += (known.empty() ? "" : ", ") + path;
-    throw InputError(
-        Problem{arguments.drive->model, 0, 0,
-                "has no parameter \"" + arguments.over + "\"; expected one of " + known});
-  }
+  const dynamics::Drive drive = arguments.drive->drive(model, swept_quantity(arguments.over));
+  check_parameter(arguments, model);
   dynamics::BifurcationOptions options;
   options.portrait = arguments.drive->portrait();
   options.portrait.periods = arguments.periods;
@@ -61,38 +104,12 @@ int run(const Arguments& arguments) {
     options.base_amplitude_m = arguments.drive->amplitude;
   }
   options.threads = parallel::threads_for(arguments.jobs);
-  std::vector<double> values;
-  for (int i = 0; i < arguments.values; ++i) {
-    const double share =
-        arguments.values > 1 ? static_cast<double>(i) / (arguments.values - 1) : 0.0;
-    values.push_back(arguments.from + share * (arguments.to - arguments.from));
-  }
-  for (const double value : values) {
-    const std::string why = dynamics::refusal(model, arguments.over, value);
-    if (!why.empty()) {
-      throw InputError(Problem{"--from, --to", 0, 0,
-                               arguments.over + " = " + physics::number_text(value) + ": " + why});
-    }
-  }
-  std::string table = "value,displacement_m,velocity_m_s";
-  table += arguments.exponents ? ",exponent_per_s\n" : "\n";
-  char line[160];
+  const std::vector<double> values = swept_values(arguments, model);
   terminal::Progress progress(std::to_string(values.size()) + " values of " + arguments.over);
   options.progress = [&progress](std::size_t done, std::size_t all) { progress.at(done, all); };
   const auto columns = dynamics::bifurcation(model, drive, arguments.over, values, options);
   progress.finish();
-  for (const auto& column : columns) {
-    for (const dynamics::Point& point : column.section) {
-      std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g", column.value, point.x(), point.v());
-      table += line;
-      if (arguments.exponents) {
-        std::snprintf(line, sizeof line, ",%.6g", column.exponent_per_s);
-        table += line;
-      }
-      table += '\n';
-    }
-  }
-  write_table(arguments.out, table);
+  write_table(arguments.out, table_of(columns, arguments.exponents));
   return 0;
 }
 
@@ -101,13 +118,13 @@ int run(const Arguments& arguments) {
 void add_bifurcation(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "bifurcation", "Poincare sections over the values of one parameter, on all cores");
+      "bifurcation", "Compute Poincare sections over the values of one parameter");
   add_drive_options(*command, arguments->drive);
   command
       ->add_option(
           "--over", arguments->over,
-          "Parameter: drive.amplitude_m, drive.acceleration_m_s2, drive.frequency_hz, or one of "
-          "the model's (friction.mu, normal_load.load_n, ...)")
+          "Parameter: drive.amplitude_m, drive.acceleration_m_s2, drive.frequency_hz, or a "
+          "parameter of the model (friction.mu, normal_load.load_n, ...)")
       ->required();
   command->add_option("--from", arguments->from, "First value")->check(finite_number())->required();
   command->add_option("--to", arguments->to, "Last value")->check(finite_number())->required();
@@ -117,12 +134,19 @@ void add_bifurcation(CLI::App& app, Action& action) {
   command->add_option("--periods", arguments->periods, "Points per value")
       ->check(whole_number(1, 1000000))
       ->capture_default_str();
-  command->add_flag("--exponents", arguments->exponents, "Also the largest Lyapunov exponent");
-  command->add_option("--jobs", arguments->jobs, "Threads (0: as many as there are cores)")
+  command->add_flag("--exponents", arguments->exponents, "Add the largest Lyapunov exponent");
+  command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
       ->check(number_of_threads());
   command->add_option("--out", arguments->out, "Table to write (CSV; -: standard output)")
       ->capture_default_str();
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(*command,
+           {.examples = {{"Sweep the amplitude of the drive",
+                          "stickslip bifurcation --model config/models/motivational.toml "
+                          "--frequency-hz 4.2 --over drive.amplitude_m --from 0.006 --to 0.012 "
+                          "--out diagram.csv"}},
+            .files = {model_files},
+            .see_also = {"stickslip-poincare(1)", "stickslip-lyapunov(1)"}});
 }
 
 }  // namespace stickslip::commands

@@ -1,4 +1,4 @@
-// `stickslip calibration`: calibration files made from points that were taken, and shown.
+// `stickslip calibration`: writes calibration files from measured points, and prints them.
 #include <cstdio>
 #include <memory>
 #include <optional>
@@ -16,9 +16,6 @@
 #include "tools/commands/commands.h"
 
 namespace stickslip::commands {
-
-using namespace calibration;
-using namespace command_line;
 
 using namespace calibration;
 using namespace command_line;
@@ -86,9 +83,7 @@ int run_fit(const FitArguments& arguments) {
     throw InputError(
         Problem{arguments.points, 0, 0,
                 "no calibration: " + joined(fit.objections) +
-                    (fit.solved ? " (--force takes it nevertheless, and says so in the "
-                                  "file)"
-                                : "")});
+                    (fit.solved ? " (--force accepts it and records that in the file)" : "")});
   }
   const config::ChannelCalibration made = proposal(arguments, fit, points);
 
@@ -99,34 +94,38 @@ int run_fit(const FitArguments& arguments) {
   if (arguments.dry_run) return 0;
   renew_calibration(arguments.file, channel, made);
   std::printf("%s: written%s\n", arguments.file.c_str(),
-              before ? ", the former calibration is in its history" : "");
+              before ? ", the previous calibration is in its history" : "");
   return 0;
+}
+
+void print_calibration(const config::ChannelCalibration& entry, Channel channel) {
+  std::printf("%s\n  %s\n", std::string(info(channel).stem).c_str(),
+              calibration::calibration_words(entry, channel).c_str());
+  const std::string unit(info(channel).unit);
+  if (entry.valid) {
+    for (const double si : {entry.valid->low, entry.valid->high}) {
+      std::printf("  at %s %s: +- %s %s by the calibration\n",
+                  calibration::short_number(si).c_str(), unit.c_str(),
+                  calibration::short_number(config::calibration_sigma(entry, si)).c_str(),
+                  unit.c_str());
+    }
+  }
+  for (Channel other : all_channels) {
+    const double crosstalk = entry.crosstalk[index_of(other)];
+    if (crosstalk == 0.0) continue;
+    std::printf("  less %s of %s\n", calibration::short_number(crosstalk).c_str(),
+                std::string(info(other).stem).c_str());
+  }
+  std::printf("  %zu points, residuals %s %s\n", entry.points.size(),
+              calibration::short_number(entry.residual_std).c_str(), unit.c_str());
 }
 
 int run_show(const ShowArguments& arguments) {
   const config::CalibrationFile file = config::load_calibration(arguments.file);
   for (Channel channel : all_channels) {
-    const auto& holds = file.channel[index_of(channel)];
-    if (!holds) continue;
-    std::printf("%s\n  %s\n", std::string(info(channel).stem).c_str(),
-                calibration::calibration_words(*holds, channel).c_str());
-    const std::string unit(info(channel).unit);
-    if (holds->valid) {
-      for (const double si : {holds->valid->low, holds->valid->high}) {
-        std::printf("  at %s %s: +- %s %s by the calibration\n",
-                    calibration::short_number(si).c_str(), unit.c_str(),
-                    calibration::short_number(config::calibration_sigma(*holds, si)).c_str(),
-                    unit.c_str());
-      }
-    }
-    for (Channel other : all_channels) {
-      const double leak = holds->crosstalk[index_of(other)];
-      if (leak == 0.0) continue;
-      std::printf("  less %s of %s\n", calibration::short_number(leak).c_str(),
-                  std::string(info(other).stem).c_str());
-    }
-    std::printf("  %zu points, residuals %s %s\n", holds->points.size(),
-                calibration::short_number(holds->residual_std).c_str(), unit.c_str());
+    const auto& entry = file.channel[index_of(channel)];
+    if (!entry) continue;
+    print_calibration(*entry, channel);
     for (const config::FormerCalibration& each : file.history) {
       if (!arguments.history || each.channel != channel) continue;
       std::printf("  before: %s\n",
@@ -134,7 +133,7 @@ int run_show(const ShowArguments& arguments) {
     }
   }
   if (!arguments.history && !file.history.empty()) {
-    std::printf("%zu former calibrations: --history shows them\n", file.history.size());
+    std::printf("%zu previous calibrations: --history shows them\n", file.history.size());
   }
   return 0;
 }
@@ -142,58 +141,58 @@ int run_show(const ShowArguments& arguments) {
 void add_fit(CLI::App& parent, Action& action) {
   auto arguments = std::make_shared<FitArguments>();
   CLI::App* command = parent.add_subcommand(
-      "fit", "Fit a straight line to points, and put it into a calibration file");
+      "fit", "Fit a straight line to points and write it to a calibration file");
   command
       ->add_option("points", arguments->points,
-                   "Points (CSV: raw, reference_si, and, if known, raw_std, reference_sigma), in "
-                   "the order in which they were taken")
+                   "Points (CSV: raw, reference_si, optionally raw_std, reference_sigma), in the "
+                   "order of measurement")
       ->required();
   std::vector<std::string> stems;
   for (const ChannelInfo& channel : channel_table) stems.emplace_back(channel.stem);
-  command->add_option("--channel", arguments->channel, "The channel that was calibrated")
+  command->add_option("--channel", arguments->channel, "Calibrated channel")
       ->required()
       ->check(CLI::IsMember(stems));
-  command->add_option("--file", arguments->file, "Calibration file (TOML), renewed or made")
+  command->add_option("--file", arguments->file, "Calibration file (TOML), updated or created")
       ->required();
   command
       ->add_option("--reference", arguments->reference,
-                   "Against what: \"weights set 12, class M1\"")
+                   "Reference standard: \"weights set 12, class M1\"")
       ->required()
       ->check([](const std::string& text) {
         return text.empty() ? std::string("expected a text") : std::string();
       });
-  command->add_option("--by", arguments->by, "Who did it");
-  command->add_option("--date", arguments->date, "When, ISO 8601 (default: now)");
+  command->add_option("--by", arguments->by, "Name of the operator");
+  command->add_option("--date", arguments->date, "Date, ISO 8601 (default: now)");
   command->add_option("--raw-unit", arguments->raw_unit,
-                      "Unit of the readings, as the driver names it");
+                      "Unit of the raw readings, as the driver names it");
   command
       ->add_option("--valid-range", arguments->valid_range,
-                   "LOW HIGH, SI: where it holds (default: the references)")
+                   "LOW HIGH, SI: valid range (default: range of the references)")
       ->expected(2)
       ->check(finite_number());
   command
       ->add_option("--accuracy-percent", arguments->accuracy_percent,
-                   "Share of the span below which deviations do not matter")
+                   "Deviations below this share of the span are negligible")
       ->check(not_negative_number())
       ->capture_default_str();
   command
       ->add_option("--scale-sigma-percent", arguments->scale_sigma_percent,
-                   "Standard uncertainty that all references have in common, such as gravity's")
+                   "Standard uncertainty common to all references, such as that of gravity")
       ->check(not_negative_number())
       ->capture_default_str();
   command->add_flag(
       "--force", arguments->force,
-      "Take it whatever speaks against it, two references included; the file says so");
-  command->add_flag("--dry-run", arguments->dry_run, "Show it, and write nothing");
+      "Accept the fit despite objections, with two references too; recorded in the file");
+  command->add_flag("--dry-run", arguments->dry_run, "Print the result, write nothing");
   command->callback([&action, arguments] { action = [arguments] { return run_fit(*arguments); }; });
 }
 
 void add_show(CLI::App& parent, Action& action) {
   auto arguments = std::make_shared<ShowArguments>();
   CLI::App* command =
-      parent.add_subcommand("show", "What a calibration file says, with its uncertainties");
+      parent.add_subcommand("show", "Print a calibration file with its uncertainties");
   command->add_option("file", arguments->file, "Calibration file (TOML)")->required();
-  command->add_flag("--history", arguments->history, "Former calibrations as well");
+  command->add_flag("--history", arguments->history, "Print previous calibrations too");
   command->callback(
       [&action, arguments] { action = [arguments] { return run_show(*arguments); }; });
 }
@@ -202,10 +201,17 @@ void add_show(CLI::App& parent, Action& action) {
 
 void add_calibration(CLI::App& app, Action& action) {
   CLI::App* command =
-      app.add_subcommand("calibration", "Make calibration files from points, and show them");
+      app.add_subcommand("calibration", "Create calibration files from points, or print them");
   command->require_subcommand(1);
   add_fit(*command, action);
   add_show(*command, action);
+  describe(
+      *command,
+      {.examples = {{"Fit a line to points and write it to a calibration file",
+                     "stickslip calibration fit points.csv --channel friction_force "
+                     "--reference \"weights set 12\" --file calibration.toml"},
+                    {"Print a calibration file", "stickslip calibration show calibration.toml"}},
+       .see_also = {"stickslip-ctl(1)"}});
 }
 
 }  // namespace stickslip::commands

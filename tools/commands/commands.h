@@ -1,5 +1,8 @@
-// How a subcommand of `stickslip` presents itself: it adds its options to the parser and leaves
-// behind what to do if it is the one that was called.
+// The subcommands of `stickslip`. Each is one file of this folder, named as the subcommand, that
+// defines
+//   void add_NAME(CLI::App& app, Action& action);
+// which adds the subcommand with its options to the parser, sets `action` from its callback, and
+// describes it for the manual. CMakeLists.txt finds the files.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -7,36 +10,19 @@
 #include <string>
 
 #include "tools/command_line/action.h"
+#include "tools/command_line/program.h"
 
 namespace stickslip::commands {
 
 using command_line::Action;
+using command_line::describe;
+using command_line::lcm_url_variable;
+using command_line::model_files;
+using command_line::no_color_variable;
+using command_line::recording_files;
 
-void add_simulate(CLI::App& app, Action& action);
-void add_diagnose(CLI::App& app, Action& action);
-void add_estimate(CLI::App& app, Action& action);
-void add_evaluate(CLI::App& app, Action& action);
-void add_calibration(CLI::App& app, Action& action);
-void add_check(CLI::App& app, Action& action);
-void add_config(CLI::App& app, Action& action);
-void add_record(CLI::App& app, Action& action);
-void add_replay(CLI::App& app, Action& action);
-void add_convert(CLI::App& app, Action& action);
-void add_ctl(CLI::App& app, Action& action);
-void add_spy(CLI::App& app, Action& action);
-void add_poincare(CLI::App& app, Action& action);
-void add_log(CLI::App& app, Action& action);
-void add_lyapunov(CLI::App& app, Action& action);
-void add_bifurcation(CLI::App& app, Action& action);
-void add_reduce(CLI::App& app, Action& action);
-void add_conceal(CLI::App& app, Action& action);
-void add_examine(CLI::App& app, Action& action);
-void add_figures(CLI::App& app, Action& action);
-void add_devices(CLI::App& app, Action& action);
-void add_scope(CLI::App& app, Action& action);
-void add_doctor(CLI::App& app, Action& action);
-void add_completion(CLI::App& app, Action& action);
-void add_manual(CLI::App& app, Action& action);
+/// Adds all subcommands, in the order in which --help lists them. `action` must outlive the parser.
+void add_subcommands(command_line::Program& program, Action& action);
 
 /// `ctl calibrate`. `socket`: the option of `ctl`, set once the command line has been parsed.
 void add_ctl_calibrate(CLI::App& ctl, std::shared_ptr<const std::string> socket, Action& action);

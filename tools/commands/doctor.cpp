@@ -1,4 +1,4 @@
-// `stickslip doctor`: is this machine one for a rig? What is not, and the command that mends it.
+// `stickslip doctor`: checks this machine against the requirements of a rig.
 #include <unistd.h>
 
 #include <cstdio>
@@ -13,8 +13,8 @@
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
 #include "tools/doctor/examination.h"
-#include "tools/doctor/needs.h"
 #include "tools/doctor/report.h"
+#include "tools/doctor/requirements.h"
 #include "tools/linux_host/linux_host.h"
 #include "tools/terminal/progress.h"
 
@@ -22,12 +22,9 @@ namespace stickslip::commands {
 
 using namespace command_line;
 using namespace linux_host;
-
-using namespace command_line;
-using namespace linux_host;
 namespace {
 
-// About what all takes beside the measurement of wake-ups.
+// Approximate duration of all checks except the wake-up measurement.
 constexpr double other_checks_s = 1.0;
 
 struct Arguments {
@@ -37,18 +34,20 @@ struct Arguments {
   terminal::Colours colours = terminal::Colours::automatic;
 };
 
-doctor::Needs needs(const Arguments& arguments) {
-  if (!arguments.config.empty()) return doctor::needs_of(config::load_rig(arguments.config));
+doctor::Requirements requirements(const Arguments& arguments) {
+  if (!arguments.config.empty()) {
+    return doctor::requirements_of(config::load_rig(arguments.config));
+  }
   const char* url = std::getenv("LCM_DEFAULT_URL");
-  return doctor::needs_without_rig(url != nullptr && *url != '\0' ? url : protocol::default_url);
+  return doctor::default_requirements(url != nullptr && *url != '\0' ? url : protocol::default_url);
 }
 
 int run(const Arguments& arguments) {
-  doctor::Needs rig = needs(arguments);
+  doctor::Requirements rig = requirements(arguments);
   rig.latency_duration_s = arguments.duration_s;
   terminal::Progress progress("examining this machine");
-  progress.takes(arguments.duration_s + other_checks_s);
-  const std::vector<doctor::Finding> findings = doctor::examine(LinuxHost(), rig);
+  progress.set_duration(arguments.duration_s + other_checks_s);
+  const std::vector<doctor::Finding> findings = doctor::run_checks(LinuxHost(), rig);
   progress.finish();
   const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
   std::fputs((arguments.json ? doctor::json(findings) : doctor::text(findings, paint)).c_str(),
@@ -61,19 +60,25 @@ int run(const Arguments& arguments) {
 void add_doctor(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "doctor", "Try everything that a rig needs of this machine, and tell what mends the rest");
+      "doctor", "Check this machine against the requirements of a rig, and print the remedies");
   command->add_option("--config", arguments->config,
-                      "The rig that shall run here (TOML); without it, the defaults");
-  command->add_option("--duration", arguments->duration_s, "For how long wake-ups are measured [s]")
+                      "Rig to check for (TOML); without it, the defaults");
+  command
+      ->add_option("--duration", arguments->duration_s, "Duration of the wake-up measurement [s]")
       ->check(positive_number())
       ->capture_default_str();
-  command->add_flag("--json", arguments->json, "As JSON");
+  command->add_flag("--json", arguments->json, "Print JSON");
   add_colour_option(*command, arguments->colours);
   command->footer(
-      "Nothing is changed, and no packet leaves the host. Exit status: 0 nothing fails; 1 "
-      "something "
-      "does.");
+      "Nothing is changed, and no packet leaves the host. Exit status: 0 no check fails; 1 one "
+      "fails.");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(*command, {.examples = {{"Check this machine for a rig",
+                                    "stickslip doctor --config config/simulated.toml"},
+                                   {"Measure the tail of the wake-up latency over ten minutes",
+                                    "stickslip doctor --duration 600"}},
+                      .environment = {lcm_url_variable, no_color_variable},
+                      .see_also = {"stickslip-check(1)", "stickslipd(8)"}});
 }
 
 }  // namespace stickslip::commands

@@ -1,3 +1,4 @@
+// `stickslip figures`: the figures of the paper.
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -12,9 +13,6 @@
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
-
-using namespace command_line;
-using namespace files;
 
 using namespace command_line;
 using namespace files;
@@ -54,23 +52,26 @@ int run(const Arguments& arguments) {
 void add_figures(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "figures", "Figures 2 to 10 of the paper from the presets, as one HTML page");
+      "figures", "Draw figures 2 to 10 of the paper from the presets, on one HTML page");
   command->add_option("--out", arguments->out, "Folder for the page, the pictures and their data")
       ->required();
   command
       ->add_option("--presets", arguments->presets,
-                   "Folder of the rigs beam-1.toml to beam-4.toml and motivational.toml")
+                   "Folder with the rigs beam-1.toml to beam-4.toml and motivational.toml")
       ->capture_default_str();
   command->add_option("--only", arguments->only, "Numbers of the figures to draw")->delimiter(',');
   command
       ->add_option("--periods", arguments->periods,
-                   "Drive periods behind each exponent and each share of time")
+                   "Drive periods over which exponents and shares of time are computed")
       ->check(whole_number(40, 1000000))
       ->capture_default_str();
   command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
       ->check(number_of_threads())
       ->capture_default_str();
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(*command,
+           {.examples = {{"Draw all figures of the paper", "stickslip figures --out figures"}},
+            .see_also = {"stickslip-reduce(1)", "gnuplot(1)"}});
 }
 
 }  // namespace stickslip::commands

@@ -1,3 +1,4 @@
+// `stickslip lyapunov`: the largest Lyapunov exponent of a model.
 #include "tools/dynamics/lyapunov.h"
 
 #include <cstdio>
@@ -13,9 +14,6 @@
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
-
-using namespace command_line;
-using namespace files;
 
 using namespace command_line;
 using namespace files;
@@ -37,18 +35,19 @@ int run(const Arguments& arguments) {
   options.steps_per_period = arguments.drive->steps;
   options.x_m = arguments.drive->x_m;
   options.v_m_s = arguments.drive->v_m_s;
-  terminal::Progress progress("following two orbits");
+  terminal::Progress progress("integrating two orbits");
   options.progress = [&progress](double share) { progress.at(share); };
   const dynamics::Lyapunov found = dynamics::largest_exponent(model, drive, options);
   progress.finish();
 
-  const char* says = "not told from zero: periodic or quasi-periodic";
-  if (found.exponent_per_s > 3.0 * found.standard_error_per_s) says = "chaotic";
-  if (found.exponent_per_s < -3.0 * found.standard_error_per_s) says = "periodic";
+  const char* verdict = "not significantly different from zero: periodic or quasi-periodic";
+  if (found.exponent_per_s > 3.0 * found.standard_error_per_s) verdict = "chaotic";
+  if (found.exponent_per_s < -3.0 * found.standard_error_per_s) verdict = "periodic";
   std::printf(
       "largest Lyapunov exponent %.4f +- %.4f per second (one standard error), %.3f per drive "
       "period, over %d periods: %s\n",
-      found.exponent_per_s, found.standard_error_per_s, found.per_period, arguments.periods, says);
+      found.exponent_per_s, found.standard_error_per_s, found.per_period, arguments.periods,
+      verdict);
   if (!arguments.json.empty()) {
     nlohmann::ordered_json json;
     json["schema"] = 1;
@@ -66,13 +65,18 @@ int run(const Arguments& arguments) {
 void add_lyapunov(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "lyapunov", "Largest Lyapunov exponent of a model under a periodic drive, with its error");
+      "lyapunov", "Estimate the largest Lyapunov exponent of a model under a periodic drive");
   add_drive_options(*command, arguments->drive);
   command->add_option("--periods", arguments->periods, "Drive periods to average over")
       ->check(whole_number(20, 10000000))
       ->capture_default_str();
   command->add_option("--json", arguments->json, "Write the result as JSON");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(*command, {.examples = {{"Test for chaos",
+                                    "stickslip lyapunov --model config/models/paper-figure-10.toml "
+                                    "--omega 1.25 --acceleration 1.9 --x 0.5"}},
+                      .files = {model_files},
+                      .see_also = {"stickslip-poincare(1)", "stickslip-bifurcation(1)"}});
 }
 
 }  // namespace stickslip::commands

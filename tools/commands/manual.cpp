@@ -1,6 +1,4 @@
-// `stickslip manual`: the manual pages of all commands, from the parser itself.
-#include "tools/terminal/manual_page.h"
-
+// `stickslip manual`: manual pages of all commands, generated from the parser.
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -9,18 +7,18 @@
 
 #include "tools/commands/commands.h"
 #include "tools/files/write_file.h"
-#include "tools/terminal/manual_notes.h"
+#include "tools/terminal/command_tree.h"
+#include "tools/terminal/manual_page.h"
 
 namespace stickslip::commands {
 
-using namespace files;
-
+using namespace command_line;
 using namespace files;
 
 namespace {
 
-// An example that the parser would refuse must not be printed.
-void try_examples(CLI::App& app, const terminal::Notes& notes) {
+/// Throws std::runtime_error if the parser refuses an example.
+void check_examples(CLI::App& app, const terminal::Notes& notes) {
   for (const terminal::Notes::Example& each : notes.examples) {
     if (!each.command.starts_with("stickslip ")) continue;
     try {
@@ -28,31 +26,29 @@ void try_examples(CLI::App& app, const terminal::Notes& notes) {
       app.parse(each.command, true);
     } catch (const CLI::ParseError& error) {
       throw std::runtime_error("the manual's example `" + each.command +
-                               "` cannot be run: " + error.what());
+                               "` is invalid: " + error.what());
     }
   }
 }
 
-int run(CLI::App& app, const std::filesystem::path& folder) {
+int run(Program& program, const std::filesystem::path& folder) {
   make_folder(folder);
-  const terminal::Heading heading{"stickslip", 1, STICKSLIP_VERSION, terminal::date_of_build()};
-  const std::string exit_status = terminal::exit_status_of(app);
+  const terminal::Heading heading{"stickslip", 1, STICKSLIP_VERSION, terminal::build_date()};
+  const std::string exit_status = terminal::exit_status_of(program);
   const auto write = [&](const CLI::App& command, const terminal::Notes& notes) {
-    write_file(folder / (terminal::name_of(command, heading) + ".1"),
+    write_file(folder / (terminal::page_name(command, heading) + ".1"),
                terminal::page(command, heading, notes, exit_status));
   };
-  std::size_t count = 1;
-  write(app, terminal::manual_notes(""));
-  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
-    if (command->get_group().empty()) continue;
-    write(*command, terminal::manual_notes(command->get_name()));
-    ++count;
+  const auto commands = terminal::visible_subcommands(program);
+  write(program, program.notes(program));
+  for (const CLI::App* command : commands) {
+    terminal::Notes notes = program.notes(*command);
+    notes.see_also.insert(notes.see_also.begin(), "stickslip(1)");
+    write(*command, notes);
   }
-  try_examples(app, terminal::manual_notes(""));
-  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
-    try_examples(app, terminal::manual_notes(command->get_name()));
-  }
-  std::printf("%s: %zu pages\n", folder.c_str(), count);
+  check_examples(program, program.notes(program));
+  for (const CLI::App* command : commands) check_examples(program, program.notes(*command));
+  std::printf("%s: %zu pages\n", folder.c_str(), commands.size() + 1);
   return 0;
 }
 
@@ -62,12 +58,17 @@ void add_manual(CLI::App& app, Action& action) {
   auto folder = std::make_shared<std::string>();
   CLI::App* command =
       app.add_subcommand("manual", "Write the manual pages of these commands into a folder");
-  command->add_option("folder", *folder, "Where to: share/man/man1 of an installation")
+  command->add_option("folder", *folder, "Folder: share/man/man1 of an installation")
       ->required()
       ->type_name("DIR");
   command->footer("Installed with the program. To read one from the build: man -l FILE");
-  command->callback(
-      [&app, &action, folder] { action = [&app, name = *folder] { return run(app, name); }; });
+  command->callback([&app, &action, folder] {
+    action = [&app, name = *folder] { return run(program_of(app), name); };
+  });
+  describe(*command,
+           {.examples = {{"Write the pages into the folder man1", "stickslip manual man1"}},
+            .environment = {{"SOURCE_DATE_EPOCH", "Date of the pages, for reproducible builds"}},
+            .see_also = {"man(1)", "stickslip-completion(1)"}});
 }
 
 }  // namespace stickslip::commands

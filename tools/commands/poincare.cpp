@@ -1,3 +1,4 @@
+// `stickslip poincare`: Poincare sections of a model.
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -12,9 +13,6 @@
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
-
-using namespace command_line;
-using namespace files;
 
 using namespace command_line;
 using namespace files;
@@ -35,8 +33,8 @@ int run(const Arguments& arguments) {
   options.periods = arguments.periods;
   options.phase = arguments.phase;
 
-  terminal::Progress progress("following the orbit");
-  // Ranges and shares take a second run.
+  terminal::Progress progress("integrating the orbit");
+  // Ranges and shares require a second integration.
   const double runs = arguments.out == "-" ? 1.0 : 2.0;
   options.progress = [&](double share) { progress.at(share / runs); };
   std::string table = "time_s,displacement_m,velocity_m_s,theta\n";
@@ -52,18 +50,18 @@ int run(const Arguments& arguments) {
   if (arguments.out == "-") return 0;
 
   options.progress = [&](double share) { progress.at((1.0 + share) / runs); };
-  const dynamics::Portrait seen = dynamics::portrait(model, drive, options);
+  const dynamics::Portrait portrait = dynamics::portrait(model, drive, options);
   progress.finish();
   std::printf(
       "displacement %.5g to %.5g m, velocity %.5g to %.5g m/s, normal load %.4g to %.4g N\n",
-      seen.displacement_m.low, seen.displacement_m.high, seen.velocity_m_s.low,
-      seen.velocity_m_s.high, seen.normal_load_n.low, seen.normal_load_n.high);
+      portrait.displacement_m.low, portrait.displacement_m.high, portrait.velocity_m_s.low,
+      portrait.velocity_m_s.high, portrait.normal_load_n.low, portrait.normal_load_n.high);
   std::printf(
       "contact lost %.2f %% of the time, friction and velocity of opposite sign %.2f %%, at rest "
       "%.2f %%; "
       "overshoot %.2f %% of the velocity range over %d arrivals\n",
-      100.0 * seen.contact_lost, 100.0 * seen.negative_friction, 100.0 * seen.sticking,
-      100.0 * seen.overshoot, seen.arrivals);
+      100.0 * portrait.contact_lost, 100.0 * portrait.negative_friction, 100.0 * portrait.sticking,
+      100.0 * portrait.overshoot, portrait.arrivals);
   return 0;
 }
 
@@ -72,9 +70,10 @@ int run(const Arguments& arguments) {
 void add_poincare(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "poincare", "Poincare section of a model under a periodic drive, once per period");
+      "poincare", "Compute a Poincare section of a model under a periodic drive");
   add_drive_options(*command, arguments->drive);
-  command->add_option("--periods", arguments->periods, "Points of the section")
+  command
+      ->add_option("--periods", arguments->periods, "Points of the section, one per drive period")
       ->check(whole_number(1, 10000000))
       ->capture_default_str();
   command->add_option("--phase", arguments->phase, "Phase of the section, in turns of the drive")
@@ -82,8 +81,13 @@ void add_poincare(CLI::App& app, Action& action) {
       ->capture_default_str();
   command->add_option("--out", arguments->out, "Table to write (CSV; -: standard output)")
       ->capture_default_str();
-  command->footer("With --out FILE it also tells ranges, lost contact, sticking and overshoot.");
+  command->footer("With --out FILE, ranges, lost contact, sticking and overshoot are printed.");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(*command, {.examples = {{"Compute a section at 4.2 Hz",
+                                    "stickslip poincare --model config/models/motivational.toml "
+                                    "--frequency-hz 4.2 --amplitude 0.008 --out section.csv"}},
+                      .files = {model_files},
+                      .see_also = {"stickslip-lyapunov(1)", "stickslip-bifurcation(1)"}});
 }
 
 }  // namespace stickslip::commands

@@ -1,4 +1,4 @@
-// `stickslip scope`: a rig seen in a browser while it runs.
+// `stickslip scope`: a live view of the rig in a browser.
 #include <chrono>
 #include <cstdio>
 #include <functional>
@@ -22,9 +22,6 @@ namespace stickslip::commands {
 using namespace command_line;
 using namespace telemetry;
 
-using namespace command_line;
-using namespace telemetry;
-
 namespace {
 
 using std::chrono::steady_clock;
@@ -35,7 +32,7 @@ struct Arguments {
   scope::Admission admission;
   double history_s = 60.0;
   std::string model;
-  int network_of = 0;  ///< a process; 0: this one
+  int network_of = 0;  ///< process number; 0: none
   scope::ServerLimits limits;
 };
 
@@ -45,10 +42,10 @@ double unix_ms_of(const lcm::ReceiveBuffer& buffer) {
   return std::chrono::duration<double, std::milli>(now).count();
 }
 
-// What LCM carries, on its way to the feed.
-class Ear {
+// Passes messages from LCM to the feed.
+class Subscriber {
  public:
-  explicit Ear(scope::LiveFeed& feed) : feed_(feed) {}
+  explicit Subscriber(scope::LiveFeed& feed) : feed_(feed) {}
   void take(const lcm::ReceiveBuffer* buffer, const std::string& channel) {
     feed_.take(channel, {static_cast<const std::uint8_t*>(buffer->data), buffer->data_size},
                unix_ms_of(*buffer), steady_clock::now());
@@ -58,19 +55,19 @@ class Ear {
   scope::LiveFeed& feed_;
 };
 
-void say_where(const scope::ListenAddress& at, const scope::Admission& admission) {
+void print_address(const scope::ListenAddress& at, const scope::Admission& admission) {
   scope::ListenAddress shown = at;
   if (scope::is_every_address(at.address)) shown.address = "127.0.0.1";
   std::printf("live view: http://%s/%s\n", scope::text_of(shown).c_str(),
               admission.token.empty() ? "" : ("?token=" + admission.token).c_str());
-  std::printf("Ctrl-C ends it\n");
+  std::printf("Ctrl-C stops it\n");
   std::fflush(stdout);
   if (!scope::is_loopback(at.address)) {
     std::fprintf(stderr,
-                 "stickslip scope: everyone who reaches %s can watch%s; nothing is encrypted: "
-                 "docs/scope.md says how a tunnel or a proxy does that\n",
+                 "stickslip scope: anyone who can reach %s can watch%s; nothing is encrypted: see "
+                 "docs/scope.md for a tunnel or a proxy\n",
                  scope::text_of(at).c_str(),
-                 admission.token.empty() ? ", since no --token is asked for" : " with the token");
+                 admission.token.empty() ? ", since no --token is required" : " with the token");
   }
 }
 
@@ -87,7 +84,7 @@ int run(const Arguments& arguments) {
   scope::Admission admission = arguments.admission;
   admission.listen_address = listener.address().address;
 
-  // What listens stays outside; what hears LCM goes in.
+  // The listening socket stays in this network namespace, LCM is joined in the other.
   if (arguments.network_of > 0) enter_network_of(arguments.network_of);
   const std::unique_ptr<lcm::LCM> lcm = join_lcm(arguments.url);
   std::unique_ptr<scope::WebServer> server;
@@ -96,15 +93,15 @@ int run(const Arguments& arguments) {
   server = std::make_unique<scope::WebServer>(listener, admission, arguments.limits, [&feed] {
     return feed.greeting(steady_clock::now());
   });
-  Ear ear(feed);
-  listen(*lcm, "STICKSLIP_.*", &Ear::take, &ear);
+  Subscriber subscriber(feed);
+  listen(*lcm, "STICKSLIP_.*", &Subscriber::take, &subscriber);
   server->watch(lcm->getFileno(), [&lcm] {
     for (int i = 0; i < 64 && lcm->handleTimeout(0) > 0; ++i) {
     }
   });
   server->watch(stop.file(), [&server] { server->stop(); });
   server->every_tick([&feed] { feed.check_silence(steady_clock::now()); });
-  say_where(listener.address(), admission);
+  print_address(listener.address(), admission);
   server->run();
   return 0;
 }
@@ -113,48 +110,54 @@ int run(const Arguments& arguments) {
 
 void add_scope(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App* command =
-      app.add_subcommand("scope", "Show what is on LCM in a browser, while the rig runs");
+  CLI::App* command = app.add_subcommand("scope", "Serve a live view of the rig for a browser");
   add_url_option(*command, arguments->url);
-  command->add_option("--listen", arguments->listen, "Numeric address and port; port 0 takes any")
+  command
+      ->add_option("--listen", arguments->listen,
+                   "Numeric address and port; port 0 selects a free one")
       ->capture_default_str();
   command
       ->add_option("--token", arguments->admission.token,
-                   "A word without which nothing is shown; part of the page's address")
+                   "Token without which nothing is shown; part of the page's address")
       ->envname("STICKSLIP_SCOPE_TOKEN")
       ->check(CLI::Validator(
           [](std::string& word) {
             return scope::is_token(word) ? std::string()
-                                         : "expected letters, digits and -._~ only, as a URL "
-                                           "carries them";
+                                         : "expected letters, digits and -._~ only, as in a URL";
           },
           ""));
   command->add_option("--allow-origin", arguments->admission.allowed_origins,
-                      "Pages from elsewhere that may open the stream, as https://rig.lab");
+                      "Origins of other pages that may open the stream, as https://rig.lab");
   command->add_option("--host-name", arguments->admission.host_names,
-                      "Names under which this is asked for, beside loopback and the address");
+                      "Host names to accept besides loopback and the address");
   command
       ->add_option("--history", arguments->history_s,
-                   "Seconds of frames that a page gets when it is opened")
+                   "Frames that a page receives when it is opened [s]")
       ->check(number_that([](double v) { return v >= 0.0 && v <= 3600.0; },
                           "a number of seconds from 0 to 3600"))
       ->capture_default_str();
   command->add_option("--model", arguments->model,
-                      "Model file, for the frequencies to mark (else what LCM says of the rig)");
-  command->add_option("--pages", arguments->limits.streams, "Pages that may be open at once")
+                      "Model whose frequencies are marked (default: the model published on LCM)");
+  command->add_option("--pages", arguments->limits.streams, "Maximum number of open pages")
       ->check(whole_number(1, 500))
       ->capture_default_str();
   command
       ->add_option("--pages-per-address", arguments->limits.streams_per_address,
-                   "Of them, from one address; behind a proxy all have the proxy's")
+                   "Maximum per address; behind a proxy all pages have the address of the proxy")
       ->check(whole_number(1, 500))
       ->capture_default_str();
   command
       ->add_option("--network-of", arguments->network_of,
-                   "Hear LCM as this process (its number) does, in a network of its own, and be "
-                   "reached from here")
+                   "Join LCM in the network namespace of this process (its number), but listen in "
+                   "the present one")
       ->check(whole_number(1, 2147483647));
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(*command, {.examples = {{"Show the rig at http://127.0.0.1:8088", "stickslip scope"},
+                                   {"Admit other hosts that have a token",
+                                    "stickslip scope --listen 0.0.0.0:8088 --token s3cret"}},
+                      .environment = {lcm_url_variable,
+                                      {"STICKSLIP_SCOPE_TOKEN", "Token if --token is not given"}},
+                      .see_also = {"stickslip-spy(1)", "stickslipd(8)"}});
 }
 
 }  // namespace stickslip::commands

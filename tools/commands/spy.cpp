@@ -1,4 +1,4 @@
-// `stickslip spy`: what is on LCM, live.
+// `stickslip spy`: live statistics of the traffic on LCM.
 #include <unistd.h>
 
 #include <algorithm>
@@ -18,9 +18,6 @@
 #include "tools/terminal/abilities.h"
 
 namespace stickslip::commands {
-
-using namespace command_line;
-using namespace telemetry;
 
 using namespace command_line;
 using namespace telemetry;
@@ -46,10 +43,10 @@ std::int64_t wall_clock_us() {
 
 class Listener {
  public:
-  // LCM's own stamp of arrival: what waits in the queue is not younger for that.
+  // LCM's own arrival time: waiting in the queue does not change it.
   void take(const lcm::ReceiveBuffer* buffer, const std::string& channel) {
-    traffic_.take(channel, {static_cast<const std::uint8_t*>(buffer->data), buffer->data_size},
-                  buffer->recv_utime);
+    traffic_.add(channel, {static_cast<const std::uint8_t*>(buffer->data), buffer->data_size},
+                 buffer->recv_utime);
   }
   spy::Traffic& traffic() { return traffic_; }
 
@@ -57,7 +54,7 @@ class Listener {
   spy::Traffic traffic_;
 };
 
-/// Shows the traffic on standard output, in the form that suits it.
+/// Prints the traffic to standard output: a live table, a table, lines or JSON.
 class Display {
  public:
   Display(const Arguments& arguments, spy::Traffic& traffic)
@@ -69,7 +66,7 @@ class Display {
     live_ = table_ && !screen.dumb && !arguments.once;
   }
 
-  /// `interval_s`: since it was shown last; `seconds`: since the start.
+  /// `interval_s`: since the last call; `seconds`: since the start.
   void show(double interval_s, double seconds) {
     traffic_.close_interval(std::max(1e-3, interval_s));
     std::string out = text(seconds);
@@ -82,7 +79,7 @@ class Display {
   std::string text(double seconds) const {
     const std::int64_t now_us = wall_clock_us();
     if (arguments_.json) return spy::json(arguments_.view, traffic_, now_us, seconds);
-    if (spy::seen_through(arguments_.view, traffic_, now_us).empty()) {
+    if (spy::selected_channels(arguments_.view, traffic_, now_us).empty()) {
       return (traffic_.empty() ? "nothing yet at " : "nothing of that name yet at ") +
              arguments_.url + "\n";
     }
@@ -91,16 +88,16 @@ class Display {
                       paint_);
   }
 
-  // Over what was there, line by line, so that nothing flickers; no more lines than there are.
+  // Overwrites the screen line by line, which avoids flicker, and stays within its height.
   std::string on_screen(const std::string& table, double seconds) const {
-    const std::size_t room = terminal::lines_of(STDOUT_FILENO);
+    const std::size_t height = terminal::lines_of(STDOUT_FILENO);
     std::string out = "\033[H" + arguments_.url + "  " +
                       std::to_string(static_cast<long>(seconds)) +
                       " s (Ctrl-C ends)\033[K\n\033[K\n";
-    std::size_t used = 3;  // with the one that the cursor ends on
+    std::size_t used = 3;  // including the one that the cursor ends on
     for (std::size_t at = 0; at < table.size();) {
       const std::size_t end = table.find('\n', at);
-      if (room > 4 && ++used >= room && end + 1 < table.size()) {
+      if (height > 4 && ++used >= height && end + 1 < table.size()) {
         out += "... and more: name a channel to see no others\033[K\n";
         break;
       }
@@ -125,7 +122,7 @@ int run(const Arguments& arguments) {
   Display display(arguments, listener.traffic());
   const auto start = steady_clock::now();
   const auto period = std::chrono::seconds(1);
-  // --once waits for something to show, but not for ever.
+  // --once waits for frames, within limits.
   const double patience_s = arguments.duration_s > 0.0 ? arguments.duration_s : 5.0;
   const auto end = after(start, arguments.once ? patience_s : arguments.duration_s);
   auto shown = start;
@@ -145,19 +142,19 @@ int run(const Arguments& arguments) {
       next = std::max(next + period, now);
     }
     switch (wait_for(*lcm, stop, std::min(end, next))) {
-      case Woken::stop:
+      case Wake::stop:
         stopped = true;
         break;
-      case Woken::message:
+      case Wake::message:
         lcm->handle();
         break;
-      case Woken::time_out:
+      case Wake::time_out:
         break;
     }
   }
   const auto now = steady_clock::now();
   if (arguments.once || now - shown > period / 2) show(now);
-  // A person who stops it has seen what there is; a script that waited wants to know.
+  // A user who interrupts has seen the table; a script needs the status.
   return !listener.traffic().empty() || stopped ? 0 : 1;
 }
 
@@ -166,14 +163,14 @@ int run(const Arguments& arguments) {
 void add_spy(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "spy", "Show what is on LCM: rates, sizes, losses, last values of every channel");
+      "spy", "Show the traffic on LCM: rates, sizes, losses and last values of every channel");
   command
-      ->add_option("names", arguments->view.words,
-                   "Only channels whose name holds one of these words")
+      ->add_option("names", arguments->view.name_filters,
+                   "Show only channels whose name contains one of these words")
       ->type_name("NAME");
   add_url_option(*command, arguments->url);
   command->add_flag("--values", arguments->view.values,
-                    "Every number with its unit, and between which values it was");
+                    "Show every value with its unit, minimum and maximum");
   const std::map<std::string, spy::Order> orders = {{"name", spy::Order::name},
                                                     {"rate", spy::Order::rate},
                                                     {"size", spy::Order::size},
@@ -183,21 +180,28 @@ void add_spy(CLI::App& app, Action& action) {
       ->add_option_function<std::string>(
           "--sort",
           [arguments, orders](const std::string& by) { arguments->view.order = orders.at(by); },
-          "Order of the channels; numbers from the largest down")
+          "Sort key of the channels; numbers descending")
       ->check(CLI::IsMember({"name", "rate", "size", "age", "lost"}))
       ->default_str("name");
-  command->add_option("--duration", arguments->duration_s, "Stop after so many seconds")
+  command->add_option("--duration", arguments->duration_s, "Stop after this time [s]")
       ->check(positive_number());
   command->add_flag("--once", arguments->once,
-                    "One table a second after the start, or once frames arrive (within "
-                    "--duration, 5 s unless told otherwise)");
-  command->add_flag("--json", arguments->json, "As JSON, one line a second");
+                    "Print one table after the first second with frames, at the latest after "
+                    "--duration (default: 5 s)");
+  command->add_flag("--json", arguments->json, "Print JSON, one line per second");
   add_colour_option(*command, arguments->colours);
   command->footer(
-      "On a terminal a table that is drawn anew every second, elsewhere one line for each channel. "
+      "On a terminal a table that is redrawn every second, elsewhere one line per channel. "
       "Channels of other programs are listed with the fingerprint of their type.\n"
-      "Exit status: 1 where nothing was heard.");
+      "Exit status: 1 if no message was received.");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(*command,
+           {.examples = {{"Sort the channels by their rate", "stickslip spy --sort rate"},
+                         {"Show minimum and maximum of every value in the frames",
+                          "stickslip spy frames --values"},
+                         {"Print one snapshot for a program", "stickslip spy --once --json"}},
+            .environment = {lcm_url_variable, no_color_variable},
+            .see_also = {"stickslip-record(1)", "stickslip-ctl(1)", "stickslipd(8)"}});
 }
 
 }  // namespace stickslip::commands

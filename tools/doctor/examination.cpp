@@ -4,28 +4,28 @@
 
 namespace stickslip::doctor {
 
-std::vector<Finding> examine(const Host& host, const Needs& needs) {
-  const Finding priority = check_real_time_priority(host, needs);
+std::vector<Finding> run_checks(const Host& host, const Requirements& required) {
+  const Finding priority = check_real_time_priority(host, required);
   const Finding kernel = check_kernel(host);
   const Finding governor = check_governor(host);
   const Finding sleep = check_processor_sleep(host);
-  const Wakeups wakeups = host.measure_wakeups(needs.rate_hz, needs.latency_duration_s);
+  const Wakeups wakeups = host.measure_wakeups(required.rate_hz, required.latency_duration_s);
   return {
       check_loopback(host),
-      check_lcm_url(needs),
-      check_lcm_route(host, needs),
-      check_receive_buffer(host, needs),
-      check_lcm_round_trip(host, needs),
-      check_lcm_queue(needs),
+      check_lcm_url(required),
+      check_lcm_route(host, required),
+      check_receive_buffer(host, required),
+      check_lcm_round_trip(host, required),
+      check_lcm_queue(required),
       check_group(host),
-      check_runtime_folder(host, needs),
-      check_control_socket(host, needs),
-      check_udev_rules(host, needs),
-      check_usb(host, needs),
+      check_runtime_folder(host, required),
+      check_control_socket(host, required),
+      check_udev_rules(host, required),
+      check_usb(host, required),
       check_hid(host),
-      check_gpio(host, needs),
+      check_gpio(host, required),
       priority,
-      check_locked_memory(host, needs),
+      check_locked_memory(host, required),
       check_real_time_share(host),
       sleep,
       governor,
@@ -33,9 +33,9 @@ std::vector<Finding> examine(const Host& host, const Needs& needs) {
       check_isolated_processors(host),
       check_clock_source(host),
       check_virtual_machine(host),
-      check_wakeups(wakeups, needs, {priority, sleep, governor, kernel}),
-      check_recording_space(host, needs),
-      check_recording_speed(host, needs),
+      check_wakeups(wakeups, required, {priority, sleep, governor, kernel}),
+      check_recording_space(host, required),
+      check_recording_speed(host, required),
       check_wall_clock(host),
       check_clock_steps(wakeups),
   };

@@ -1,4 +1,4 @@
-// Every check of `stickslip doctor`: a question to the host, held against what the rig needs.
+// The checks of `stickslip doctor`: properties of the host against the requirements of a rig.
 #pragma once
 
 #include <string>
@@ -6,32 +6,32 @@
 
 #include "tools/doctor/finding.h"
 #include "tools/doctor/host.h"
-#include "tools/doctor/needs.h"
+#include "tools/doctor/requirements.h"
 
 namespace stickslip::doctor {
 
-// Telemetry: does LCM carry what the rig publishes, and does it stay on this host?
-Finding check_lcm_url(const Needs& needs);
+// Telemetry: delivery by LCM, confinement to this host.
+Finding check_lcm_url(const Requirements& required);
 Finding check_loopback(const Host& host);
-Finding check_lcm_route(const Host& host, const Needs& needs);
-Finding check_receive_buffer(const Host& host, const Needs& needs);
-Finding check_lcm_round_trip(const Host& host, const Needs& needs);
-Finding check_lcm_queue(const Needs& needs);
+Finding check_lcm_route(const Host& host, const Requirements& required);
+Finding check_receive_buffer(const Host& host, const Requirements& required);
+Finding check_lcm_round_trip(const Host& host, const Requirements& required);
+Finding check_lcm_queue(const Requirements& required);
 
-// Places: who may command the rig, reach its devices, write its recordings?
+// Access: to the control socket, the devices and the recordings.
 Finding check_group(const Host& host);
-Finding check_runtime_folder(const Host& host, const Needs& needs);
-Finding check_control_socket(const Host& host, const Needs& needs);
-Finding check_udev_rules(const Host& host, const Needs& needs);
-Finding check_usb(const Host& host, const Needs& needs);
+Finding check_runtime_folder(const Host& host, const Requirements& required);
+Finding check_control_socket(const Host& host, const Requirements& required);
+Finding check_udev_rules(const Host& host, const Requirements& required);
+Finding check_usb(const Host& host, const Requirements& required);
 Finding check_hid(const Host& host);
-Finding check_gpio(const Host& host, const Needs& needs);
-Finding check_recording_space(const Host& host, const Needs& needs);
-Finding check_recording_speed(const Host& host, const Needs& needs);
+Finding check_gpio(const Host& host, const Requirements& required);
+Finding check_recording_space(const Host& host, const Requirements& required);
+Finding check_recording_speed(const Host& host, const Requirements& required);
 
-// Time: is the loop on time?
-Finding check_real_time_priority(const Host& host, const Needs& needs);
-Finding check_locked_memory(const Host& host, const Needs& needs);
+// Timing of the loop.
+Finding check_real_time_priority(const Host& host, const Requirements& required);
+Finding check_locked_memory(const Host& host, const Requirements& required);
 Finding check_processor_sleep(const Host& host);
 Finding check_real_time_share(const Host& host);
 Finding check_kernel(const Host& host);
@@ -39,16 +39,16 @@ Finding check_governor(const Host& host);
 Finding check_isolated_processors(const Host& host);
 Finding check_clock_source(const Host& host);
 Finding check_virtual_machine(const Host& host);
-/// `remedies`: findings that may be the cause; the command of the first that has one is the cure.
-Finding check_wakeups(const Wakeups& wakeups, const Needs& needs,
-                      const std::vector<Finding>& remedies);
+/// `causes`: findings that may explain late wake-ups; the first with a command provides the remedy.
+Finding check_wakeups(const Wakeups& wakeups, const Requirements& required,
+                      const std::vector<Finding>& causes);
 Finding check_wall_clock(const Host& host);
 Finding check_clock_steps(const Wakeups& wakeups);
 
-/// All of them, in the order in which a person would mend them.
-std::vector<Finding> examine(const Host& host, const Needs& needs);
+/// All findings, in the order in which problems are best solved.
+std::vector<Finding> run_checks(const Host& host, const Requirements& required);
 
-/// The worst of them.
+/// Worst verdict; ok for an empty list.
 Verdict worst(const std::vector<Finding>& findings);
 
 }  // namespace stickslip::doctor

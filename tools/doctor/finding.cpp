@@ -1,8 +1,8 @@
 #include "tools/doctor/finding.h"
 
-#include <array>
 #include <cmath>
-#include <cstdio>
+
+#include "physics/number_text.h"
 
 namespace stickslip::doctor {
 
@@ -20,10 +20,10 @@ std::string_view name_of(Verdict verdict) {
   return "";
 }
 
-std::string number(double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), std::abs(value) >= 100.0 ? "%.0f" : "%.3g", value);
-  return text.data();
+std::string short_number(double value) {
+  constexpr int all_digits = 17;
+  return std::abs(value) >= 100.0 ? physics::number_text(std::nearbyint(value), all_digits)
+                                  : physics::number_text(value);
 }
 
 std::string shell_word(const std::string& word) {

@@ -1,4 +1,4 @@
-// What a check found, and the command that mends it.
+// Result of a check and its remedy.
 #pragma once
 
 #include <string>
@@ -8,25 +8,25 @@ namespace stickslip::doctor {
 
 enum class Verdict {
   ok,
-  note,  ///< nothing is wrong; worth knowing
-  warn,  ///< the rig runs, worse than it could
-  fail,  ///< the rig will not run as its configuration says, or not safely
+  note,  ///< for information
+  warn,  ///< the rig runs with reduced quality
+  fail,  ///< the rig does not run as configured, or not safely
 };
 
 /// "ok", "note", "warn", "fail".
 std::string_view name_of(Verdict verdict);
 
 struct Finding {
-  std::string check;  ///< what was looked at, in two or three words
+  std::string check;  ///< name of the check, two or three words
   Verdict verdict = Verdict::ok;
-  std::string found;    ///< what was found, one line
-  std::string command;  ///< for a shell, to be copied as it is; empty where all is well
+  std::string found;    ///< result in one line
+  std::string command;  ///< shell command that solves the problem; empty if there is none
 };
 
-/// With three digits, or all of those before the point.
-std::string number(double value);
+/// Number to three significant digits, or to all digits before the decimal point.
+std::string short_number(double value);
 
-/// A path or a URL as one word of a shell.
+/// A path or URL quoted as one shell word.
 std::string shell_word(const std::string& word);
 
 }  // namespace stickslip::doctor

@@ -1,5 +1,5 @@
-// The machine as the checks see it: every question that they ask of it. Answers are what was tried
-// or read at that moment; nothing is guessed. Tests answer instead of a machine.
+// The machine as seen by the checks. Properties are attempted or read at the time of the call.
+// Tests substitute a simulated machine.
 #pragma once
 
 #include <cstddef>
@@ -11,63 +11,63 @@
 
 namespace stickslip::doctor {
 
-/// Something that was tried.
-struct Tried {
+/// Result of an attempted operation.
+struct Attempt {
   bool done = false;
-  int error = 0;      ///< errno where it was refused
-  std::string words;  ///< the same in words
+  int error = 0;       ///< errno if it was refused
+  std::string reason;  ///< description of the error
 };
 
-/// What stands at a path.
+/// Directory entry.
 struct Entry {
   enum class Kind { none, file, folder, socket, device, other };
-  Kind kind = Kind::none;  ///< none: nothing, or not to be seen by the caller
+  Kind kind = Kind::none;  ///< none: missing, or hidden from the caller
   unsigned mode = 0;       ///< permission bits
   std::string owner;
   std::string group;
   bool readable = false;  ///< by the caller
   bool writable = false;
-  bool searchable = false;  ///< a folder that the caller may enter
+  bool searchable = false;  ///< the caller may enter the folder
 
-  bool there() const { return kind != Kind::none; }
+  bool exists() const { return kind != Kind::none; }
 };
 
 struct Caller {
   std::string name;
   bool root = false;
-  std::vector<std::string> groups;  ///< of this process, as it is now
+  std::vector<std::string> groups;  ///< of this process
 };
 
-/// Where packets for an address go.
+/// Route of packets to an address.
 struct Route {
-  bool there = false;
+  bool found = false;
   std::string interface;  ///< "lo"
-  std::string words;      ///< where there is none: why
+  std::string reason;     ///< why there is none
 };
 
-/// Messages that were sent and waited for.
+/// Round trips of messages, one at a time.
 struct RoundTrip {
   bool done = false;  ///< LCM could be joined
-  std::string words;
+  std::string reason;
   int sent = 0;
   int received = 0;
   std::int64_t median_ns = 0;
   std::int64_t longest_ns = 0;
 };
 
-/// Wake-ups of a periodic thread, and the clock meanwhile.
+/// Wake-ups of a periodic thread, and the step of the clock meanwhile.
 struct Wakeups {
-  bool real_time = false;  ///< at SCHED_FIFO; else as an ordinary thread
+  bool real_time = false;  ///< at SCHED_FIFO; otherwise as an ordinary thread
   std::size_t count = 0;
-  std::int64_t p50_ns = 0;  ///< lateness against the deadline
+  std::int64_t p50_ns = 0;  ///< lateness with respect to the deadline
   std::int64_t p99_ns = 0;
   std::int64_t longest_ns = 0;
-  std::int64_t clock_step_ns = 0;  ///< by which the wall clock left the monotonic one
+  std::int64_t clock_step_ns = 0;  ///< step of the wall clock with respect to the monotonic one
 };
 
 struct WriteSpeed {
-  Tried tried;
-  double bytes_per_s = 0.0;  ///< written and forced to the disk
+  Attempt attempt;
+  double bytes_per_s = 0.0;  ///< written and synced
   std::int64_t longest_sync_ns = 0;
 };
 
@@ -77,10 +77,10 @@ struct Kernel {
   std::string machine;  ///< "x86_64"
 };
 
-/// What the kernel says of the wall clock.
+/// State of the wall clock as reported by the kernel.
 struct WallClock {
   bool synchronised = false;
-  std::int64_t error_us = 0;  ///< the most by which it may be off
+  std::int64_t error_us = 0;  ///< bound of the error
 };
 
 enum class Limit { real_time_priority, locked_memory };
@@ -89,42 +89,43 @@ class Host {
  public:
   virtual ~Host() = default;
 
-  /// The content of a small file without the white space at its end; nothing where it cannot be
+  /// Content of a small file (64 KiB at most) without trailing white space; nothing if it cannot be
   /// read.
   virtual std::optional<std::string> read(const std::filesystem::path& file) const = 0;
-  /// The names in a folder, in order; empty where it cannot be read.
+  /// Sorted names in a folder; empty if it cannot be read.
   virtual std::vector<std::string> names_in(const std::filesystem::path& folder) const = 0;
-  virtual Entry look_at(const std::filesystem::path& path) const = 0;
+  virtual Entry entry_at(const std::filesystem::path& path) const = 0;
   /// Opens for writing and closes again, without writing.
-  virtual Tried open_for_writing(const std::filesystem::path& path) const = 0;
-  /// Connects to a Unix socket and closes again, without a word.
-  virtual Tried connect_to(const std::filesystem::path& socket) const = 0;
+  virtual Attempt open_for_writing(const std::filesystem::path& path) const = 0;
+  /// Connects to a Unix socket and closes the connection.
+  virtual Attempt connect_to(const std::filesystem::path& socket) const = 0;
 
   virtual Caller caller() const = 0;
   virtual bool group_exists(const std::string& name) const = 0;
   virtual Kernel kernel() const = 0;
-  /// Soft limit of the process; -1: none.
+  /// Soft limit of the process; -1: unlimited.
   virtual std::int64_t limit(Limit which) const = 0;
 
-  /// Whether a network interface is up; nothing where there is none of that name.
+  /// True if a network interface is up; nothing if there is none of that name.
   virtual std::optional<bool> interface_up(const std::string& name) const = 0;
   virtual Route route_to(const std::string& address) const = 0;
-  /// How many messages of a size a UDP socket holds while nobody reads; 0 where none came through.
-  /// `receive_buffer_bytes`: as asked for with SO_RCVBUF; 0: the machine's default.
-  virtual std::size_t messages_held(std::size_t bytes, int receive_buffer_bytes) const = 0;
-  /// Publishes on a channel of its own at `url` and receives it, one message after the other.
+  /// Number of messages that the receive buffer of a UDP socket holds; 0 if none is delivered.
+  /// `receive_buffer_bytes`: value of SO_RCVBUF; 0: the default.
+  virtual std::size_t receive_buffer_messages(std::size_t bytes,
+                                              int receive_buffer_bytes) const = 0;
+  /// Publishes messages at `url` on a private channel and receives them, one at a time.
   virtual RoundTrip lcm_round_trip(const std::string& url, std::size_t bytes) const = 0;
 
-  /// In a thread of its own.
-  virtual Tried take_real_time_priority(int priority) const = 0;
-  /// In a process of its own, with room for what the daemon adds later.
-  virtual Tried lock_memory() const = 0;
-  /// With real-time priority where it is granted. Takes `duration_s`.
+  /// Attempted in a separate thread.
+  virtual Attempt take_real_time_priority(int priority) const = 0;
+  /// Attempted in a child process, with a reserve for later allocations of the daemon.
+  virtual Attempt lock_memory() const = 0;
+  /// With real-time priority if it is granted. Blocks for `duration_s`.
   virtual Wakeups measure_wakeups(double rate_hz, double duration_s) const = 0;
 
-  /// Bytes that the caller may still write in a folder; nothing where it cannot be told.
+  /// Space in a folder that is available to the caller; nothing if unknown.
   virtual std::optional<std::uint64_t> free_bytes(const std::filesystem::path& folder) const = 0;
-  /// With a file that is gone afterwards.
+  /// Writes a temporary file.
   virtual WriteSpeed measure_writing(const std::filesystem::path& folder) const = 0;
   virtual std::optional<WallClock> wall_clock() const = 0;
 };

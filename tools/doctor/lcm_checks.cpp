@@ -1,4 +1,4 @@
-// Telemetry: does LCM carry what the rig publishes, and does it stay on this host?
+// Telemetry: delivery by LCM, confinement to this host.
 #include <algorithm>
 #include <cstdlib>
 
@@ -8,15 +8,15 @@ namespace stickslip::doctor {
 
 namespace {
 
-constexpr int lcm_queue = 30;  // messages that LCM keeps for a subscriber unless told otherwise
+constexpr int lcm_queue = 30;  // default capacity of a subscriber's queue [messages]
 
 std::string microseconds(std::int64_t ns) { return std::to_string((ns + 500) / 1000) + " us"; }
 
-/// Why the network is not asked; empty where it is.
-std::string no_network(const Needs& needs) {
-  if (!needs.publishes) return "the rig does not publish";
-  const LcmUrl url = parse_lcm_url(needs.lcm_url);
-  if (url.provider != "udpm") return url.provider + " is not LCM's multicast: not looked at";
+/// Why network checks do not apply; empty if they do.
+std::string not_applicable(const Requirements& required) {
+  if (!required.publishes) return "the rig does not publish";
+  const LcmUrl url = parse_lcm_url(required.lcm_url);
+  if (url.provider != "udpm") return url.provider + " is not LCM's multicast: not checked";
   return {};
 }
 
@@ -29,31 +29,31 @@ bool is_multicast(const std::string& address) {
   return first >= 224 && first <= 239;
 }
 
-/// In the rig's file, or in the environment that names the URL.
-std::string url_command(const Needs& needs, const std::string& url) {
-  if (needs.config_file.empty()) return "export LCM_DEFAULT_URL=" + shell_word(url);
-  return "sed -i 's|" + needs.lcm_url + "|" + url + "|' " + shell_word(needs.config_file);
+/// Changes the URL in the rig file, or in the environment if there is no rig file.
+std::string url_command(const Requirements& required, const std::string& url) {
+  if (required.config_file.empty()) return "export LCM_DEFAULT_URL=" + shell_word(url);
+  return "sed -i 's|" + required.lcm_url + "|" + url + "|' " + shell_word(required.config_file);
 }
 
 }  // namespace
 
-Finding check_lcm_url(const Needs& needs) {
+Finding check_lcm_url(const Requirements& required) {
   const std::string check = "LCM URL";
-  const std::string not_asked = no_network(needs);
-  if (!not_asked.empty()) return {check, Verdict::note, not_asked, ""};
-  const LcmUrl url = parse_lcm_url(needs.lcm_url);
+  const std::string skipped = not_applicable(required);
+  if (!skipped.empty()) return {check, Verdict::note, skipped, ""};
+  const LcmUrl url = parse_lcm_url(required.lcm_url);
   const std::string place = url.address + ":" + url.port;
   const std::string own = "udpm://" + place + "?ttl=0";
   if (!is_multicast(url.address)) {
     return {check, Verdict::fail,
-            url.address + " is no multicast address (224.0.0.0 to 239.255.255.255)",
-            url_command(needs, "udpm://239.255.76.67:" + url.port + "?ttl=0")};
+            url.address + " is not a multicast address (224.0.0.0 to 239.255.255.255)",
+            url_command(required, "udpm://239.255.76.67:" + url.port + "?ttl=0")};
   }
   if (url.ttl > 0) {
     return {check, Verdict::warn,
             place + ", ttl " + std::to_string(url.ttl) +
-                ": telemetry leaves this host, where LCM keeps nobody from reading or forging it",
-            url_command(needs, own)};
+                ": telemetry leaves this host, where LCM neither encrypts nor authenticates it",
+            url_command(required, own)};
   }
   return {check, Verdict::ok, place + ", ttl 0: stays on this host", ""};
 }
@@ -66,67 +66,67 @@ Finding check_loopback(const Host& host) {
           "sudo ip link set lo up"};
 }
 
-Finding check_lcm_route(const Host& host, const Needs& needs) {
+Finding check_lcm_route(const Host& host, const Requirements& required) {
   const std::string check = "LCM route";
-  const std::string not_asked = no_network(needs);
-  if (!not_asked.empty()) return {check, Verdict::note, not_asked, ""};
-  const LcmUrl url = parse_lcm_url(needs.lcm_url);
+  const std::string skipped = not_applicable(required);
+  if (!skipped.empty()) return {check, Verdict::note, skipped, ""};
+  const LcmUrl url = parse_lcm_url(required.lcm_url);
   const Route route = host.route_to(url.address);
-  if (!route.there) {
-    return {check, Verdict::fail, "there is none for " + url.address + ": " + route.words,
+  if (!route.found) {
+    return {check, Verdict::fail, "no route to " + url.address + ": " + route.reason,
             route_command(url.address)};
   }
   if (route.interface != "lo" && url.ttl == 0) {
     return {check, Verdict::warn,
-            url.address + " goes through " + route.interface + ", and is gone when that goes down",
+            url.address + " goes through " + route.interface + ", and is lost when that goes down",
             route_command(url.address)};
   }
   return {check, Verdict::ok, url.address + " goes through " + route.interface, ""};
 }
 
-Finding check_receive_buffer(const Host& host, const Needs& needs) {
+Finding check_receive_buffer(const Host& host, const Requirements& required) {
   const std::string check = "receive buffer";
-  const std::string not_asked = no_network(needs);
-  if (!not_asked.empty()) return {check, Verdict::note, not_asked, ""};
-  const LcmUrl url = parse_lcm_url(needs.lcm_url);
-  const std::size_t bytes = needs.block_bytes();
-  const std::size_t held = host.messages_held(bytes, url.receive_buffer_bytes);
-  // Every message counted as large as a block of frames.
-  const double seconds = static_cast<double>(held) / needs.messages_per_s();
+  const std::string skipped = not_applicable(required);
+  if (!skipped.empty()) return {check, Verdict::note, skipped, ""};
+  const LcmUrl url = parse_lcm_url(required.lcm_url);
+  const std::size_t bytes = required.block_bytes();
+  const std::size_t held = host.receive_buffer_messages(bytes, url.receive_buffer_bytes);
+  // All messages counted with the size of a block of frames.
+  const double seconds = static_cast<double>(held) / required.messages_per_s();
   const std::optional<std::string> limit = host.read("/proc/sys/net/core/rmem_max");
   const std::string found = "holds " + std::to_string(held) + " messages of " +
-                            std::to_string(bytes) + " B, " + number(seconds) + " s of this rig" +
-                            (limit ? " (net.core.rmem_max " + *limit + ")" : "");
+                            std::to_string(bytes) + " B, " + short_number(seconds) +
+                            " s of this rig" + (limit ? " (net.core.rmem_max " + *limit + ")" : "");
   if (seconds >= 1.0) return {check, Verdict::ok, found, ""};
-  // Two seconds, and never less than what LCM's own documentation asks for.
+  // Two seconds, and at least the 2 MiB that LCM's documentation recommends.
   std::size_t wanted = std::size_t{2} << 20U;
   const double per_message = 2.0 * static_cast<double>(bytes) + 1280.0;
-  while (static_cast<double>(wanted) < 2.0 * needs.messages_per_s() * per_message) wanted *= 2;
+  while (static_cast<double>(wanted) < 2.0 * required.messages_per_s() * per_message) wanted *= 2;
   const std::string size = std::to_string(wanted);
-  // What is larger already stays.
+  // A larger limit is kept.
   const std::size_t most =
       std::max<std::size_t>(wanted, limit ? std::strtoull(limit->c_str(), nullptr, 10) : 0);
   return {check, seconds >= 0.1 ? Verdict::warn : Verdict::fail,
-          found + ": a subscriber that is kept waiting longer loses some",
+          found + ": a subscriber that is delayed longer loses messages",
           "printf 'net.core.rmem_max = " + std::to_string(most) + "\\nnet.core.rmem_default = " +
               size + "\\n' | sudo tee /etc/sysctl.d/70-stickslip.conf && sudo sysctl --system"};
 }
 
-Finding check_lcm_round_trip(const Host& host, const Needs& needs) {
+Finding check_lcm_round_trip(const Host& host, const Requirements& required) {
   const std::string check = "LCM round trip";
-  const std::string not_asked = no_network(needs);
-  if (!not_asked.empty()) return {check, Verdict::note, not_asked, ""};
-  const LcmUrl url = parse_lcm_url(needs.lcm_url);
-  // Whatever the rig says, the probe stays on this host.
+  const std::string skipped = not_applicable(required);
+  if (!skipped.empty()) return {check, Verdict::note, skipped, ""};
+  const LcmUrl url = parse_lcm_url(required.lcm_url);
+  // The probe stays on this host even if the URL of the rig has a larger ttl.
   const std::string probe = "udpm://" + url.address + ":" + url.port + "?ttl=0";
-  const RoundTrip trip = host.lcm_round_trip(probe, needs.block_bytes());
+  const RoundTrip trip = host.lcm_round_trip(probe, required.block_bytes());
   if (!trip.done) {
-    return {check, Verdict::fail, trip.words, route_command(url.address)};
+    return {check, Verdict::fail, trip.reason, route_command(url.address)};
   }
   const std::string found =
-      std::to_string(trip.received) + " of " + std::to_string(trip.sent) + " messages came back";
+      std::to_string(trip.received) + " of " + std::to_string(trip.sent) + " messages received";
   if (trip.received == 0) {
-    return {check, Verdict::fail, found + ": something filters them",
+    return {check, Verdict::fail, found + ": a filter drops them",
             "sudo iptables -I INPUT -i lo -d " + url.address + " -j ACCEPT"};
   }
   const std::string times = ", in " + microseconds(trip.median_ns) + " (median), " +
@@ -138,15 +138,15 @@ Finding check_lcm_round_trip(const Host& host, const Needs& needs) {
   return {check, Verdict::ok, found + times, ""};
 }
 
-Finding check_lcm_queue(const Needs& needs) {
+Finding check_lcm_queue(const Requirements& required) {
   const std::string check = "LCM queue";
-  const std::string not_asked = no_network(needs);
-  if (!not_asked.empty()) return {check, Verdict::note, not_asked, ""};
+  const std::string skipped = not_applicable(required);
+  if (!skipped.empty()) return {check, Verdict::note, skipped, ""};
   return {check, Verdict::note,
-          "LCM keeps " + std::to_string(lcm_queue) +
-              " messages of a channel for a slow subscriber, " +
-              number(lcm_queue * needs.frames_per_block / needs.rate_hz) +
-              " s of frames: call setQueueCapacity(0) in yours, as these tools do",
+          "LCM queues " + std::to_string(lcm_queue) +
+              " messages per channel for a slow subscriber, " +
+              short_number(lcm_queue * required.frames_per_block / required.rate_hz) +
+              " s of frames: call setQueueCapacity(0) in your own programs, as these tools do",
           ""};
 }
 

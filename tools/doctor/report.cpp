@@ -56,7 +56,7 @@ std::string json(const std::vector<Finding>& findings) {
   }
   const Json report = {
       {"schema", 1}, {"verdict", name_of(worst(findings))}, {"checks", std::move(checks)}};
-  // Paths and names of the machine may hold any bytes.
+  // Paths and names of the machine may contain any bytes.
   return report.dump(2, ' ', false, Json::error_handler_t::replace) + '\n';
 }
 

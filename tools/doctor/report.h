@@ -1,4 +1,4 @@
-// Findings for a person, and for a program.
+// Findings as text and as JSON.
 #pragma once
 
 #include <string>
@@ -9,12 +9,12 @@
 
 namespace stickslip::doctor {
 
-/// One line for each finding, with its command below where it has one, and a last line that counts.
+/// One line per finding, its command below, and a last line with the counts.
 std::string text(const std::vector<Finding>& findings,
                  const terminal::Paint& paint = terminal::Paint(false));
 
 /// {"schema": 1, "verdict": "warn", "checks": [{"check", "verdict", "found", "command"}, ...]};
-/// command is null where there is none.
+/// command is null if there is none.
 std::string json(const std::vector<Finding>& findings);
 
 }  // namespace stickslip::doctor

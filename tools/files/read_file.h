@@ -8,7 +8,7 @@
 
 namespace stickslip::files {
 
-/// Its bytes; nothing where it cannot be read.
+/// Content of a file; empty if it cannot be read.
 inline std::string content_of(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), {}};

@@ -1,4 +1,4 @@
-// Writing a whole file, or saying why not.
+// Writing whole files.
 #pragma once
 
 #include <fcntl.h>
@@ -19,34 +19,34 @@
 
 namespace stickslip::files {
 
-/// Makes the folder, and those above it, unless it is there. Throws InputError where it cannot be.
+/// Creates the folder and its parents unless it exists. Throws InputError if that is impossible.
 inline void make_folder(const std::filesystem::path& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error || !std::filesystem::is_directory(folder)) {
     throw InputError(
         Problem{folder.string(), 0, 0,
-                "is no folder and cannot be made one: " +
-                    (error ? error.message() : std::string("something else bears the name"))});
+                "cannot be created as a folder: " +
+                    (error ? error.message() : std::string("a file of that name exists"))});
   }
 }
 
-/// Throws InputError where `path` (unless empty) cannot be opened for writing: before the work
-/// whose result shall go there. Changes no file, and leaves none behind.
+/// Throws InputError if `path` (unless empty) cannot be opened for writing. To be called before a
+/// long computation whose result goes there. Changes no file and leaves none behind.
 inline void expect_writable(const std::string& path) {
   if (path.empty()) return;
-  const bool there = std::filesystem::exists(path);
+  const bool existed = std::filesystem::exists(path);
   const bool opened = std::ofstream(path, std::ios::binary | std::ios::app).is_open();
   const int error = errno;
   if (!opened) {
     throw InputError(
         Problem{path, 0, 0, std::string("cannot be written: ") + std::strerror(error)});
   }
-  if (!there) std::filesystem::remove(path);
+  if (!existed) std::filesystem::remove(path);
 }
 
-/// Throws InputError where the file cannot be opened for writing, and std::runtime_error where it
-/// cannot hold all of the content.
+/// Throws InputError if the file cannot be opened for writing, std::runtime_error if not all of the
+/// content could be written.
 inline void write_file(const std::string& path, const std::string& content) {
   std::ofstream file(path, std::ios::binary);
   if (!file) {
@@ -56,14 +56,34 @@ inline void write_file(const std::string& path, const std::string& content) {
   file << content;
   file.close();
   if (!file) {
-    throw std::runtime_error(path + ": is not complete: " + std::strerror(errno));
+    throw std::runtime_error(path + ": is incomplete: " + std::strerror(errno));
   }
 }
 
-/// Puts the content in the place of the file so that, whatever happens, either the old or the new
-/// one is there as a whole: a file beside it, on the disk before it takes the name. Follows a link,
-/// keeps the permissions. Throws InputError where no file can be made there, and std::runtime_error
-/// where it cannot hold all of the content; the old file is then as it was.
+/// Writes all of the content, sets the permissions and syncs. The errno of the failure, or 0.
+inline int write_and_sync(int file, std::string_view content, mode_t mode) {
+  if (::fchmod(file, mode) != 0) return errno;
+  while (!content.empty()) {
+    const ssize_t count = ::write(file, content.data(), content.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) return errno;
+    content.remove_prefix(static_cast<std::size_t>(count));
+  }
+  return ::fsync(file) == 0 ? 0 : errno;
+}
+
+/// Makes the name durable, as far as the folder can be synced.
+inline void sync_folder(const std::filesystem::path& folder) {
+  const int directory = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (directory < 0) return;
+  ::fsync(directory);
+  ::close(directory);
+}
+
+/// Replaces the content of a file atomically: after a crash either the old or the new content is
+/// there as a whole. Follows symbolic links, keeps the permissions. Throws InputError if no
+/// temporary file can be created next to it, std::runtime_error if writing fails, which leaves the
+/// old file.
 inline void replace_file(const std::filesystem::path& path, const std::string& content) {
   std::error_code error;
   std::filesystem::path target = std::filesystem::weakly_canonical(path, error);
@@ -80,37 +100,17 @@ inline void replace_file(const std::filesystem::path& path, const std::string& c
   }
   struct stat old {};
   const mode_t mode = ::stat(target.c_str(), &old) == 0 ? old.st_mode & 07777U : 0644U;
-  std::string_view rest = content;
-  bool written = ::fchmod(file, mode) == 0;
-  while (written && !rest.empty()) {
-    const ssize_t count = ::write(file, rest.data(), rest.size());
-    if (count < 0 && errno == EINTR) continue;
-    written = count >= 0;
-    if (written) rest.remove_prefix(static_cast<std::size_t>(count));
-  }
-  written = written && ::fsync(file) == 0;
-  int cause = errno;
-  if (::close(file) != 0 && written) {
-    written = false;
-    cause = errno;
-  }
-  if (written && std::rename(name.c_str(), target.c_str()) != 0) {
-    written = false;
-    cause = errno;
-  }
-  if (!written) {
+  int error_number = write_and_sync(file, content, mode);
+  if (::close(file) != 0 && error_number == 0) error_number = errno;
+  if (error_number == 0 && std::rename(name.c_str(), target.c_str()) != 0) error_number = errno;
+  if (error_number != 0) {
     ::unlink(name.c_str());
-    throw std::runtime_error(path.string() + ": is as it was: " + std::strerror(cause));
+    throw std::runtime_error(path.string() + ": is unchanged: " + std::strerror(error_number));
   }
-  // The name itself has to be on the disk as well; where a folder cannot be synced, it is not lost.
-  const int directory = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (directory >= 0) {
-    ::fsync(directory);
-    ::close(directory);
-  }
+  sync_folder(folder);
 }
 
-/// As write_file, but "-" is standard output, which main() looks at in the end.
+/// As write_file, but "-" is standard output, whose state the caller checks at exit.
 inline void write_table(const std::string& file, const std::string& text) {
   if (file == "-") {
     std::fwrite(text.data(), 1, text.size(), stdout);

@@ -43,9 +43,9 @@ using namespace telemetry;
 
 namespace {
 
-using doctor::Tried;
+using doctor::Attempt;
 
-/// A file descriptor that is closed when it goes.
+/// Owner of a file descriptor.
 class Descriptor {
  public:
   explicit Descriptor(int file) : file_(file) {}
@@ -61,8 +61,8 @@ class Descriptor {
   int file_;
 };
 
-Tried refused(int error) { return {false, error, std::strerror(error)}; }
-Tried granted() { return {true, 0, {}}; }
+Attempt refused(int error) { return {false, error, std::strerror(error)}; }
+Attempt granted() { return {true, 0, {}}; }
 
 std::int64_t now_ns(clockid_t clock) {
   timespec time{};
@@ -70,7 +70,7 @@ std::int64_t now_ns(clockid_t clock) {
   return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
 }
 
-/// By how much the wall clock is ahead of the monotonic one, to the shortest of a few looks.
+/// Lead of the wall clock over the monotonic clock, from the tightest of several readings.
 std::int64_t wall_lead_ns() {
   std::int64_t best_width = 0;
   std::int64_t lead = 0;
@@ -114,17 +114,17 @@ const sockaddr* as_address(const sockaddr_in& address) {
   return reinterpret_cast<const sockaddr*>(&address);
 }
 
-/// The interface of the narrowest route to an address in a table as /proc/net/route has it; empty
-/// where none leads there.
+/// Interface of the most specific route to an address, from a table in the format of
+/// /proc/net/route; empty if there is none.
 std::string interface_in(const std::string& table, in_addr address) {
   std::istringstream lines(table);
   std::string best;
   unsigned long best_mask = 0;
   unsigned long best_metric = 0;
   std::string line;
-  std::getline(lines, line);  // the names of the columns
+  std::getline(lines, line);  // column names
   while (std::getline(lines, line)) {
-    std::istringstream words(line);
+    std::istringstream fields(line);
     std::string name;
     std::string gateway;
     unsigned long destination = 0;
@@ -133,10 +133,10 @@ std::string interface_in(const std::string& table, in_addr address) {
     unsigned long used = 0;
     unsigned long metric = 0;
     unsigned long mask = 0;
-    words >> name >> std::hex >> destination >> gateway >> flags >> std::dec >> references >>
+    fields >> name >> std::hex >> destination >> gateway >> flags >> std::dec >> references >>
         used >> metric >> std::hex >> mask;
-    // Addresses stand as they lie in memory, like s_addr.
-    if (!words || (address.s_addr & mask) != destination) continue;
+    // Addresses are in network byte order, like s_addr.
+    if (!fields || (address.s_addr & mask) != destination) continue;
     const unsigned long width = ntohl(static_cast<std::uint32_t>(mask));
     if (!best.empty() && (width < best_mask || (width == best_mask && metric >= best_metric))) {
       continue;
@@ -148,13 +148,13 @@ std::string interface_in(const std::string& table, in_addr address) {
   return best;
 }
 
-/// What comes back on the probe's channel.
+/// Receiver of the probe messages.
 struct Echo {
   void take(const lcm::ReceiveBuffer*, const std::string&) { ++received; }
   int received = 0;
 };
 
-/// Lateness of each wake-up on a grid of `period_ns`; periods that have passed are skipped.
+/// Lateness of each wake-up on a grid of `period_ns`; missed periods are skipped.
 std::vector<std::int64_t> lateness_of(std::int64_t period_ns, std::size_t count) {
   std::vector<std::int64_t> late;
   late.reserve(count);
@@ -200,7 +200,7 @@ std::vector<std::string> LinuxHost::names_in(const std::filesystem::path& folder
   return out;
 }
 
-doctor::Entry LinuxHost::look_at(const std::filesystem::path& path) const {
+doctor::Entry LinuxHost::entry_at(const std::filesystem::path& path) const {
   using Kind = doctor::Entry::Kind;
   doctor::Entry out;
   struct stat status {};
@@ -222,12 +222,12 @@ doctor::Entry LinuxHost::look_at(const std::filesystem::path& path) const {
   return out;
 }
 
-Tried LinuxHost::open_for_writing(const std::filesystem::path& path) const {
+Attempt LinuxHost::open_for_writing(const std::filesystem::path& path) const {
   const Descriptor out(open(path.c_str(), O_WRONLY | O_CLOEXEC | O_NONBLOCK));
   return out.open() ? granted() : refused(errno);
 }
 
-Tried LinuxHost::connect_to(const std::filesystem::path& socket_path) const {
+Attempt LinuxHost::connect_to(const std::filesystem::path& socket_path) const {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   const std::string path = socket_path.string();
@@ -279,7 +279,7 @@ std::int64_t LinuxHost::limit(doctor::Limit which) const {
 }
 
 std::optional<bool> LinuxHost::interface_up(const std::string& name) const {
-  // Not from /sys/class/net, which may show another network namespace than this process is in.
+  // /sys/class/net may show a different network namespace.
   ifaddrs* all = nullptr;
   if (getifaddrs(&all) != 0) return std::nullopt;
   const std::unique_ptr<ifaddrs, void (*)(ifaddrs*)> owner(all, freeifaddrs);
@@ -290,19 +290,19 @@ std::optional<bool> LinuxHost::interface_up(const std::string& name) const {
 }
 
 doctor::Route LinuxHost::route_to(const std::string& address) const {
-  // Connecting a datagram socket looks the route up and sends nothing.
+  // Connecting a datagram socket resolves the route and sends nothing.
   const Descriptor probe(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   const sockaddr_in to = internet_address(address, 7667);
   if (!probe.open() || connect(probe.get(), as_address(to), sizeof to) != 0) {
     return {false, {}, std::strerror(errno)};
   }
-  // Which interface that was stands in the table of this process's own network namespace.
+  // /proc/self/net shows the network namespace of this process.
   const std::string interface =
       interface_in(read("/proc/self/net/route").value_or(""), to.sin_addr);
   return {true, interface.empty() ? "an unnamed interface" : interface, {}};
 }
 
-std::size_t LinuxHost::messages_held(std::size_t bytes, int receive_buffer_bytes) const {
+std::size_t LinuxHost::receive_buffer_messages(std::size_t bytes, int receive_buffer_bytes) const {
   const Descriptor in(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   const Descriptor out(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   if (!in.open() || !out.open()) return 0;
@@ -318,8 +318,8 @@ std::size_t LinuxHost::messages_held(std::size_t bytes, int receive_buffer_bytes
       getsockopt(in.get(), SOL_SOCKET, SO_RCVBUF, &buffer, &buffer_size) != 0) {
     return 0;
   }
-  // Loopback delivers before sendto returns. The kernel counts more than the bytes of a message, so
-  // this many do not fit.
+  // Loopback delivers before sendto returns. The kernel accounts for more than the bytes of a
+  // message, so this number exceeds the capacity.
   const std::vector<char> message(bytes);
   const std::size_t too_many =
       static_cast<std::size_t>(buffer) / std::max<std::size_t>(1, bytes) + 16;
@@ -349,7 +349,7 @@ doctor::RoundTrip LinuxHost::lcm_round_trip(const std::string& url, std::size_t 
       if (lcm->publish(channel, message.data(), static_cast<unsigned>(message.size())) != 0)
         continue;
       pollfd file{lcm->getFileno(), POLLIN, 0};
-      // What does not come is not waited for more than twice.
+      // At most two missing messages are waited for at length.
       const int patience_ms = out.sent - static_cast<int>(times.size()) < 2 ? 500 : 20;
       if (poll(&file, 1, patience_ms) > 0) lcm->handle();
       if (echo.received > before) times.push_back(now_ns(CLOCK_MONOTONIC) - start);
@@ -360,12 +360,12 @@ doctor::RoundTrip LinuxHost::lcm_round_trip(const std::string& url, std::size_t 
     out.median_ns = quantile(times, 0.5);
     out.longest_ns = times.empty() ? 0 : times.back();
   } catch (const InputError& error) {
-    out.words = error.problems().front().message;
+    out.reason = error.problems().front().message;
   }
   return out;
 }
 
-Tried LinuxHost::take_real_time_priority(int priority) const {
+Attempt LinuxHost::take_real_time_priority(int priority) const {
   int error = 0;
   std::thread([&error, priority] {
     sched_param parameter{};
@@ -375,9 +375,9 @@ Tried LinuxHost::take_real_time_priority(int priority) const {
   return error == 0 ? granted() : refused(error);
 }
 
-Tried LinuxHost::lock_memory() const {
-  // The daemon asks for as much beyond what it has: a limit may let the lock succeed and make a
-  // later allocation fail.
+Attempt LinuxHost::lock_memory() const {
+  // The daemon allocates this reserve too: under a limit the lock may succeed and a later
+  // allocation fail.
   constexpr std::size_t reserve_bytes = 64UL << 20U;
   const pid_t child = fork();
   if (child < 0) return refused(errno);
@@ -391,7 +391,7 @@ Tried LinuxHost::lock_memory() const {
   while (waitpid(child, &status, 0) < 0) {
     if (errno != EINTR) return refused(errno);
   }
-  // Killed: there was not as much memory.
+  // The child was killed for lack of memory.
   const int error = WIFEXITED(status) ? WEXITSTATUS(status) : ENOMEM;
   return error == 0 ? granted() : refused(error);
 }
@@ -405,11 +405,11 @@ doctor::Wakeups LinuxHost::measure_wakeups(double rate_hz, double duration_s) co
   std::vector<std::int64_t> late;
   const std::int64_t lead = wall_lead_ns();
   {
-    // As the daemon does while it runs.
+    // As the daemon does.
     const Descriptor awake(open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC));
     const std::int32_t microseconds = 0;
-    const bool asked = awake.open() && write(awake.get(), &microseconds, sizeof microseconds) > 0;
-    static_cast<void>(asked);  // refused: another check says so
+    const bool written = awake.open() && write(awake.get(), &microseconds, sizeof microseconds) > 0;
+    static_cast<void>(written);  // check_processor_sleep reports a refusal
     std::thread([&] {
       sched_param parameter{};
       parameter.sched_priority = priority;
@@ -434,11 +434,11 @@ std::optional<std::uint64_t> LinuxHost::free_bytes(const std::filesystem::path& 
 
 doctor::WriteSpeed LinuxHost::measure_writing(const std::filesystem::path& folder) const {
   doctor::WriteSpeed out;
-  // Gone as soon as it is closed, whatever happens.
+  // Unlinked immediately, so that no exit path leaves it behind.
   std::string name = (folder / ".stickslip-doctor-XXXXXX").string();
   const Descriptor file(mkostemp(name.data(), O_CLOEXEC));
   if (!file.open()) {
-    out.tried = refused(errno);
+    out.attempt = refused(errno);
     return out;
   }
   unlink(name.c_str());
@@ -451,26 +451,26 @@ doctor::WriteSpeed LinuxHost::measure_writing(const std::filesystem::path& folde
       const ssize_t some = write(file.get(), block.data() + written, block.size() - written);
       if (some < 0 && errno == EINTR) continue;
       if (some <= 0) {
-        out.tried = refused(some < 0 ? errno : ENOSPC);
+        out.attempt = refused(some < 0 ? errno : ENOSPC);
         return out;
       }
       written += static_cast<std::size_t>(some);
     }
     const std::int64_t before = now_ns(CLOCK_MONOTONIC);
     if (fdatasync(file.get()) != 0) {
-      out.tried = refused(errno);
+      out.attempt = refused(errno);
       return out;
     }
     out.longest_sync_ns = std::max(out.longest_sync_ns, now_ns(CLOCK_MONOTONIC) - before);
   }
   const auto taken_ns = static_cast<double>(now_ns(CLOCK_MONOTONIC) - start);
-  out.tried = granted();
+  out.attempt = granted();
   out.bytes_per_s = blocks * static_cast<double>(block.size()) / (taken_ns * 1e-9);
   return out;
 }
 
 std::optional<doctor::WallClock> LinuxHost::wall_clock() const {
-  timex state{};  // no mode: nothing is set
+  timex state{};  // modes = 0: read only
   const int status = adjtimex(&state);
   if (status < 0) return std::nullopt;
   return doctor::WallClock{status != TIME_ERROR && (state.status & STA_UNSYNC) == 0,

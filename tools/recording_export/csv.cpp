@@ -1,4 +1,4 @@
-// One table: the frames, and beside each what belongs to it.
+// CSV: one table of frames, joined with the rows of the other tables.
 #include <array>
 #include <cerrno>
 #include <charconv>
@@ -27,7 +27,7 @@ void append(std::string& text, const Column& column, std::size_t row) {
       column.values);
 }
 
-/// A text of many lines as comments.
+/// Appends "# name: value"; further lines of the value become comments too.
 void append_comment(std::string& text, const std::string& name, const std::string& value) {
   if (value.empty()) return;
   text += "# " + name + ": ";
@@ -38,10 +38,10 @@ void append_comment(std::string& text, const std::string& name, const std::strin
   if (value.back() != '\n') text += '\n';
 }
 
-/// Walks along a table beside the frames: its rows belong to some of them, in order.
-class Beside {
+/// Joins a table with the frames by time. Its rows belong to some of the frames, in the same order.
+class JoinedTable {
  public:
-  explicit Beside(const Table& table)
+  explicit JoinedTable(const Table& table)
       : table_(table),
         time_ns_(std::get<std::vector<std::int64_t>>(table.find("time_ns")->values)) {}
 
@@ -56,10 +56,10 @@ class Beside {
   }
   void append_row(std::string& text, std::int64_t time_ns) {
     while (row_ < time_ns_.size() && time_ns_[row_] < time_ns) ++row_;
-    const bool belongs = row_ < time_ns_.size() && time_ns_[row_] == time_ns;
+    const bool joined = row_ < time_ns_.size() && time_ns_[row_] == time_ns;
     each([&](const Column& column) {
       text += ',';
-      if (belongs) append(text, column, row_);
+      if (joined) append(text, column, row_);
     });
   }
 
@@ -84,18 +84,18 @@ void write_tables_csv(const Tables& tables, const std::filesystem::path& out,
                       const protocol::ShareDone& done) {
   std::ofstream file(out, std::ios::binary);
   const Table& frames = tables.tables.front();
-  std::vector<Beside> others;
+  std::vector<JoinedTable> others;
   for (std::size_t i = 1; i < tables.tables.size(); ++i) others.emplace_back(tables.tables[i]);
   std::string text;
   for (const auto& [name, value] : description_texts(tables)) append_comment(text, name, value);
   for (const Column& column : frames.columns) {
     append_comment(text, column.name, column.meaning + " [" + column.unit + "]");
   }
-  for (const Beside& other : others) other.append_units(text);
+  for (const JoinedTable& other : others) other.append_units(text);
   for (const Column& column : frames.columns) {
     text += (&column == frames.columns.data() ? "" : ",") + column.name;
   }
-  for (const Beside& other : others) other.append_names(text);
+  for (const JoinedTable& other : others) other.append_names(text);
   text += '\n';
   const auto& time_ns = std::get<std::vector<std::int64_t>>(frames.find("time_ns")->values);
   for (std::size_t row = 0; row < frames.rows(); ++row) {
@@ -104,7 +104,7 @@ void write_tables_csv(const Tables& tables, const std::filesystem::path& out,
       if (&column != frames.columns.data()) text += ',';
       append(text, column, row);
     }
-    for (Beside& other : others) other.append_row(text, time_ns[row]);
+    for (JoinedTable& other : others) other.append_row(text, time_ns[row]);
     text += '\n';
     if (text.size() > 1U << 16U) {
       file << text;

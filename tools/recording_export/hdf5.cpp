@@ -1,5 +1,5 @@
-// HDF5 files: a group for each table, a dataset for each column with its unit and meaning as
-// attributes, and the description as attributes of the whole.
+// HDF5: a group for each table, a dataset for each column with its unit and meaning as attributes,
+// and the description as attributes of the file.
 #include <hdf5.h>
 
 #include <type_traits>
@@ -11,12 +11,12 @@
 namespace stickslip::recording_export {
 namespace {
 
-/// An identifier of the library, and how it is given back.
+/// Owner of an HDF5 identifier.
 class Handle {
  public:
   Handle(hid_t id, herr_t (*close)(hid_t), const std::filesystem::path& file)
       : id_(id), close_(close) {
-    if (id_ < 0) refuse(file);
+    if (id_ < 0) throw_write_error(file);
   }
   ~Handle() {
     if (id_ >= 0) close_(id_);
@@ -25,15 +25,15 @@ class Handle {
   Handle& operator=(const Handle&) = delete;
   operator hid_t() const { return id_; }
 
-  /// Closes now: what is written only then may fail.
+  /// Closes with a check, since the library may write only now.
   void close(const std::filesystem::path& file) {
     const hid_t id = std::exchange(id_, -1);
-    if (close_(id) < 0) refuse(file);
+    if (close_(id) < 0) throw_write_error(file);
   }
 
-  [[noreturn]] static void refuse(const std::filesystem::path& file) {
-    throw InputError(
-        Problem{file.string(), 0, 0, "cannot be written; does its folder exist, is there room?"});
+  [[noreturn]] static void throw_write_error(const std::filesystem::path& file) {
+    throw InputError(Problem{file.string(), 0, 0,
+                             "cannot be written; does its folder exist, is there free space?"});
   }
 
  private:
@@ -71,7 +71,7 @@ class Writer {
                                          H5P_DEFAULT, H5P_DEFAULT),
                               H5Dclose, out_);
             if (H5Dwrite(data, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0) {
-              Handle::refuse(out_);
+              Handle::throw_write_error(out_);
             }
             attribute(data, "unit", column.unit);
             attribute(data, "meaning", column.meaning);
@@ -80,8 +80,8 @@ class Writer {
     }
   }
 
-  // UTF-8 of its own length; an empty one is a single zero, since the library knows none of length
-  // 0. Dense storage would be needed beyond 64 kB: longer ones stand in a dataset of that name.
+  // UTF-8 with a terminating zero, since HDF5 has no strings of length 0. Attributes are limited to
+  // 64 kB without dense storage: longer texts are written as a dataset of that name.
   void attribute(hid_t of, const std::string& name, const std::string& text) {
     const Handle type(H5Tcopy(H5T_C_S1), H5Tclose, out_);
     H5Tset_size(type, text.size() + 1);
@@ -90,14 +90,14 @@ class Writer {
     if (text.size() < 60000) {
       const Handle attribute(H5Acreate2(of, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT),
                              H5Aclose, out_);
-      if (H5Awrite(attribute, type, text.c_str()) < 0) Handle::refuse(out_);
+      if (H5Awrite(attribute, type, text.c_str()) < 0) Handle::throw_write_error(out_);
       return;
     }
     const Handle data(
         H5Dcreate2(of, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Dclose,
         out_);
     if (H5Dwrite(data, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, text.c_str()) < 0) {
-      Handle::refuse(out_);
+      Handle::throw_write_error(out_);
     }
   }
 
@@ -108,7 +108,7 @@ class Writer {
 }  // namespace
 
 void write_tables_hdf5(const Tables& tables, const std::filesystem::path& out) {
-  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // the library would print; our own line is enough
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // errors are reported by exceptions
   Writer(out).write(tables);
 }
 

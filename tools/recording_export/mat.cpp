@@ -1,5 +1,4 @@
-// MATLAB 5 files: a struct for each table, with the columns as fields, one with their units, and
-// the description.
+// MATLAB 5: a struct of columns and a struct of their units for each table, and the description.
 #include <matio.h>
 
 #include <array>
@@ -21,13 +20,13 @@ struct FreeVariable {
 using File = std::unique_ptr<mat_t, CloseFile>;
 using Variable = std::unique_ptr<matvar_t, FreeVariable>;
 
-// What a variable of a MATLAB 5 file may take, its whole struct included.
+// Maximum size of a variable of a MATLAB 5 file, including all fields of a struct.
 constexpr std::uint64_t most_bytes = (1ULL << 31U) - (1U << 20U);
 
 matvar_t* variable_of(const char* name, const Column& column) {
   const auto make = [&](matio_classes kind, matio_types type, const void* data) {
     std::array<std::size_t, 2> size = {column.rows(), 1};
-    // matio copies what it is given; its interface is older than const.
+    // matio copies the data; its interface lacks const.
     return Mat_VarCreate(name, kind, type, 2, size.data(),
                          const_cast<void*>(data),  // NOLINT(cppcoreguidelines-pro-type-const-cast)
                          0);
@@ -43,7 +42,7 @@ matvar_t* variable_of(const char* name, const Column& column) {
 
 matvar_t* text_of(const char* name, const std::string& text) {
   std::array<std::size_t, 2> size = {text.empty() ? 0U : 1U, text.size()};
-  // Text is UTF-8; matio keeps it so, and MATLAB and Octave read it so.
+  // UTF-8, which matio preserves and MATLAB and Octave read.
   return Mat_VarCreate(
       name, MAT_C_CHAR, MAT_T_UTF8, 2, size.data(),
       const_cast<char*>(text.data()),  // NOLINT(cppcoreguidelines-pro-type-const-cast)
@@ -56,18 +55,18 @@ Variable struct_of(const std::string& name, const std::vector<std::string>& fiel
   std::array<std::size_t, 2> one = {1, 1};
   Variable out(Mat_VarCreateStruct(name.c_str(), 2, one.data(), names.data(),
                                    static_cast<unsigned>(names.size())));
-  if (!out) throw std::runtime_error("no room for a MATLAB struct");
+  if (!out) throw std::runtime_error("not enough memory for a MATLAB struct");
   return out;
 }
 
-/// The struct owns its fields.
-void set(matvar_t* into, std::size_t field, matvar_t* value) {
+/// Passes ownership of the value to the struct.
+void set_field(matvar_t* into, std::size_t field, matvar_t* value) {
   Mat_VarSetStructFieldByIndex(into, field, 0, value);
 }
 
 void write(mat_t* file, const Variable& variable, const std::filesystem::path& out) {
   if (Mat_VarWrite(file, variable.get(), MAT_COMPRESSION_ZLIB) != 0) {
-    throw InputError(Problem{out.string(), 0, 0, "cannot be written: is there room?"});
+    throw InputError(Problem{out.string(), 0, 0, "cannot be written: is there free space?"});
   }
 }
 
@@ -80,15 +79,15 @@ void write_table(mat_t* file, const Table& table, const std::filesystem::path& o
   }
   if (bytes > most_bytes) {
     throw InputError(Problem{out.string(), 0, 0,
-                             "a MATLAB 5 file holds at most 2 GiB in a variable, and " +
-                                 table.name + " take more: export to .h5, which MATLAB reads too"});
+                             "a variable of a MATLAB 5 file is limited to 2 GiB, which " +
+                                 table.name + " exceed: export to .h5, which MATLAB reads too"});
   }
   const Variable values = struct_of(table.name, names);
   const Variable units = struct_of(table.name + "_units", names);
   for (std::size_t i = 0; i < table.columns.size(); ++i) {
     const Column& column = table.columns[i];
-    set(values.get(), i, variable_of(column.name.c_str(), column));
-    set(units.get(), i, text_of(column.name.c_str(), column.unit));
+    set_field(values.get(), i, variable_of(column.name.c_str(), column));
+    set_field(units.get(), i, text_of(column.name.c_str(), column.unit));
   }
   write(file, values, out);
   write(file, units, out);
@@ -100,8 +99,8 @@ void write_tables_mat(const Tables& tables, const std::filesystem::path& out) {
   const File file(
       Mat_CreateVer(out.c_str(), "MATLAB 5.0 MAT-file, written by stickslip", MAT_FT_MAT5));
   if (!file) {
-    throw InputError(
-        Problem{out.string(), 0, 0, "cannot be written; does its folder exist, is there room?"});
+    throw InputError(Problem{out.string(), 0, 0,
+                             "cannot be written; does its folder exist, is there free space?"});
   }
   for (const Table& table : tables.tables) write_table(file.get(), table, out);
   const auto texts = description_texts(tables);
@@ -109,7 +108,7 @@ void write_tables_mat(const Tables& tables, const std::filesystem::path& out) {
   for (const auto& [name, text] : texts) names.push_back(name);
   const Variable description = struct_of("description", names);
   for (std::size_t i = 0; i < texts.size(); ++i) {
-    set(description.get(), i, text_of(texts[i].first.c_str(), texts[i].second));
+    set_field(description.get(), i, text_of(texts[i].first.c_str(), texts[i].second));
   }
   write(file.get(), description, out);
 }

@@ -20,7 +20,7 @@
 namespace stickslip::recording_export {
 namespace {
 
-constexpr double nothing = std::numeric_limits<double>::quiet_NaN();
+constexpr double missing = std::numeric_limits<double>::quiet_NaN();
 
 const char* meaning_of(Channel channel) {
   switch (channel) {
@@ -59,15 +59,15 @@ Table frames_table(const protocol::Recording& recording) {
     for (const Channel channel : all_channels) {
       const std::size_t c = index_of(channel);
       if ((recording.channels >> c & 1U) == 0) continue;
-      value[c].push_back(frame.has(channel) ? frame[channel] : nothing);
-      age_s[c].push_back(frame.has(channel) ? 1e-6 * frame.age_us[c] : nothing);
+      value[c].push_back(frame.has(channel) ? frame[channel] : missing);
+      age_s[c].push_back(frame.has(channel) ? 1e-6 * frame.age_us[c] : missing);
       if (frame.age_us[c] != 0) aged = static_cast<std::uint8_t>(aged | 1U << c);
     }
   }
   table.columns.push_back({"time_s", "s", "time of measurement", std::move(time_s)});
   table.columns.push_back({"time_ns", "ns", "time of measurement, exact", std::move(time_ns)});
   table.columns.push_back(
-      {"sequence", "1", "number at the source; a jump is a loss", std::move(sequence)});
+      {"sequence", "1", "number at the source; a gap is a loss", std::move(sequence)});
   table.columns.push_back({"valid", "1", "bit i: channel i holds a measurement", std::move(valid)});
   for (const Channel channel : all_channels) {
     const std::size_t c = index_of(channel);
@@ -77,12 +77,13 @@ Table frames_table(const protocol::Recording& recording) {
                              meaning_of(channel), std::move(value[c])});
     if ((aged >> c & 1U) == 0) continue;
     table.columns.push_back({std::string(known.stem) + "_age_s", "s",
-                             "how long before the frame it was measured", std::move(age_s[c])});
+                             "age of the measurement at the time of the frame",
+                             std::move(age_s[c])});
   }
   return table;
 }
 
-/// A number of a message, as a column.
+/// Numerical field of a message, exported as a column.
 template <class Message>
 struct Field {
   const char* name;
@@ -91,8 +92,8 @@ struct Field {
   double (*value)(const Message&);
 };
 
-/// The messages that hold what was asked of the shaker during each frame, oldest first, as one for
-/// each frame. `time_of`: the time of the frame of a sequence number, where it is known.
+/// Splits a message into the commanded excitation of each frame that it covers, oldest first.
+/// `time_of`: time of the frame with a sequence number, if known.
 template <class TimeOf>
 std::vector<excitation_t> by_frame(const excitation_t& message, const TimeOf& time_of) {
   std::vector<excitation_t> out;
@@ -100,7 +101,7 @@ std::vector<excitation_t> by_frame(const excitation_t& message, const TimeOf& ti
     excitation_t one{};
     one.sequence = message.sequence - message.earlier_by[i];
     const std::optional<std::int64_t> time_ns = time_of(one.sequence);
-    if (!time_ns) continue;  // a frame that was lost on its way
+    if (!time_ns) continue;  // the frame was lost
     one.time_ns = *time_ns;
     one.drive = message.earlier_drive[i];
     one.amplitude = static_cast<double>(message.earlier_amplitude[i]);
@@ -118,8 +119,7 @@ std::vector<excitation_t> by_frame(const excitation_t& message, const TimeOf& ti
 constexpr Field<excitation_t> excitation_fields[] = {
     {"drive", "m or N", "commanded base displacement, or force on force-excited rigs",
      [](const excitation_t& m) { return m.drive; }},
-    {"amplitude", "m or N", "amplitude at this moment",
-     [](const excitation_t& m) { return m.amplitude; }},
+    {"amplitude", "m or N", "present amplitude", [](const excitation_t& m) { return m.amplitude; }},
     {"carrier_hz", "Hz", "carrier frequency", [](const excitation_t& m) { return m.carrier_hz; }},
     {"phase_rad", "rad", "carrier phase", [](const excitation_t& m) { return m.phase_rad; }},
     {"amplifier_on", "1", "1: the amplifier is enabled",
@@ -141,7 +141,7 @@ constexpr Field<friction_estimate_t> estimate_fields[] = {
      [](const friction_estimate_t& m) { return m.sticking; }},
     {"raw_friction_force_n", "N", "Eq. (1): k_l y + m_l b''",
      [](const friction_estimate_t& m) { return m.raw_friction_force_n; }},
-    {"raw_coefficient", "1", "the same over the normal load",
+    {"raw_coefficient", "1", "the same divided by the normal load",
      [](const friction_estimate_t& m) { return m.raw_coefficient; }},
     {"nis", "1", "normalised innovation squared",
      [](const friction_estimate_t& m) { return m.nis; }},
@@ -149,13 +149,13 @@ constexpr Field<friction_estimate_t> estimate_fields[] = {
      [](const friction_estimate_t& m) { return static_cast<double>(m.nis_freedom); }},
     {"nis_mean", "1", "normalised innovation squared per channel, mean over two seconds",
      [](const friction_estimate_t& m) { return m.nis_mean; }},
-    {"nis_mean_low", "1", "lower bound of 95 % of such means where the observer is right",
+    {"nis_mean_low", "1", "lower 95 % bound of this mean for a consistent observer",
      [](const friction_estimate_t& m) { return m.nis_mean_low; }},
-    {"nis_mean_high", "1", "upper bound of 95 % of such means where the observer is right",
+    {"nis_mean_high", "1", "upper 95 % bound of this mean for a consistent observer",
      [](const friction_estimate_t& m) { return m.nis_mean_high; }},
 };
 
-/// The messages of one channel of a log as a table: when, then the fields.
+/// Table of the messages on one channel of a log: times, then fields.
 template <class Message>
 class MessageTable {
  public:
@@ -165,41 +165,42 @@ class MessageTable {
         fields_(fields),
         values_(fields.size()) {}
 
-  void take(const Message& message, bool valid) {
+  void add_row(const Message& message, bool valid) {
     time_s_.push_back(seconds(message.time_ns));
     time_ns_.push_back(message.time_ns);
     sequence_.push_back(message.sequence);
     valid_.push_back(static_cast<std::uint8_t>(valid));
     for (std::size_t i = 0; i < fields_.size(); ++i) {
-      values_[i].push_back(valid ? fields_[i].value(message) : nothing);
+      values_[i].push_back(valid ? fields_[i].value(message) : missing);
     }
-    for (auto& [ignored, column] : more_) column.push_back(nothing);
+    for (auto& [ignored, column] : optional_) column.push_back(missing);
   }
 
-  /// A value of the row taken last, in a column that not every row has.
-  void also(const std::string& column, double value) {
-    const auto [known, is_new] = more_.try_emplace(column);
-    if (is_new) known->second.assign(time_s_.size(), nothing);
+  /// Sets a value of the last row in a column that not every row has.
+  void set_optional(const std::string& column, double value) {
+    const auto [known, is_new] = optional_.try_emplace(column);
+    if (is_new) known->second.assign(time_s_.size(), missing);
     known->second.back() = value;
   }
 
   bool empty() const { return time_s_.empty(); }
 
-  /// `valid`: what that column means; null: it has none.
+  /// `valid`: meaning of the column `valid`; null: omits it.
   Table table(const char* valid) && {
     Table out{name_, meaning_, {}};
-    out.columns.push_back({"time_s", "s", "of the frame that it belongs to", std::move(time_s_)});
-    out.columns.push_back({"time_ns", "ns", "the same, exact", std::move(time_ns_)});
-    out.columns.push_back({"sequence", "1", "of that frame", std::move(sequence_)});
+    out.columns.push_back({"time_s", "s", "time of the frame", std::move(time_s_)});
+    out.columns.push_back({"time_ns", "ns", "time of the frame, exact", std::move(time_ns_)});
+    out.columns.push_back({"sequence", "1", "sequence number of the frame", std::move(sequence_)});
     if (valid != nullptr) out.columns.push_back({"valid", "1", valid, std::move(valid_)});
     for (std::size_t i = 0; i < fields_.size(); ++i) {
       out.columns.push_back(
           {fields_[i].name, fields_[i].unit, fields_[i].meaning, std::move(values_[i])});
     }
-    for (auto& [name, column] : more_) {
+    for (auto& [name, column] : optional_) {
       const bool deviation = name.ends_with("_std");
       out.columns.push_back(
-          {name, "SI", deviation ? "its standard deviation" : "a state", std::move(column)});
+          {name, "SI", deviation ? "standard deviation of the state" : "state of the observer",
+           std::move(column)});
     }
     return out;
   }
@@ -213,14 +214,14 @@ class MessageTable {
   std::vector<std::int64_t> sequence_;
   std::vector<std::uint8_t> valid_;
   std::vector<std::vector<double>> values_;
-  std::map<std::string, std::vector<double>> more_;
+  std::map<std::string, std::vector<double>> optional_;
 };
 
-void take_states(const friction_estimate_t& message, MessageTable<friction_estimate_t>& table) {
+void add_states(const friction_estimate_t& message, MessageTable<friction_estimate_t>& table) {
   for (std::size_t i = 0; i < message.state.size(); ++i) {
     const std::string name = "state_" + message.state_name[i];
-    table.also(name, message.state[i]);
-    table.also(name + "_std", std::sqrt(message.covariance[i][i]));
+    table.set_optional(name, message.state[i]);
+    table.set_optional(name + "_std", std::sqrt(message.covariance[i][i]));
   }
 }
 
@@ -238,24 +239,24 @@ void add_messages(const std::filesystem::path& log, std::span<const Frame> frame
   };
   std::ifstream in(log, std::ios::binary);
   protocol::EventReader reader(in, log.string(), done);
-  MessageTable<excitation_t> drive("excitation", "what the shaker was asked for",
-                                   excitation_fields);
-  MessageTable<friction_estimate_t> estimate("estimate", "what the observer believed",
+  MessageTable<excitation_t> drive("excitation", "the commanded excitation", excitation_fields);
+  MessageTable<friction_estimate_t> estimate("estimate", "an estimate of the observer",
                                              estimate_fields);
   excitation_t excitation{};
-  friction_estimate_t belief{};
+  friction_estimate_t friction{};
   for (protocol::LogEvent event; reader.next(event) == protocol::EventReader::Found::event;) {
     if (event.channel == protocol::excitation_channel && protocol::decode(event.data, excitation)) {
-      for (const excitation_t& asked : by_frame(excitation, time_of)) drive.take(asked, true);
+      for (const excitation_t& command : by_frame(excitation, time_of))
+        drive.add_row(command, true);
     } else if (event.channel == protocol::estimate_channel &&
-               protocol::decode(event.data, belief)) {
-      estimate.take(belief, belief.valid != 0);
-      if (belief.valid != 0) take_states(belief, estimate);
+               protocol::decode(event.data, friction)) {
+      estimate.add_row(friction, friction.valid != 0);
+      if (friction.valid != 0) add_states(friction, estimate);
     }
   }
   if (!drive.empty()) tables.push_back(std::move(drive).table(nullptr));
   if (!estimate.empty()) {
-    tables.push_back(std::move(estimate).table("0: the observer could not follow"));
+    tables.push_back(std::move(estimate).table("0: the estimate is invalid"));
   }
 }
 
@@ -316,7 +317,7 @@ void write_tables(const Tables& tables, const std::filesystem::path& out,
   if (ending == ".mat") return write_tables_mat(tables, out);
   if (ending == ".h5" || ending == ".hdf5") return write_tables_hdf5(tables, out);
   throw InputError(
-      Problem{out.string(), 0, 0, "says no format by its name; expected .csv, .mat or .h5"});
+      Problem{out.string(), 0, 0, "has no known extension; expected .csv, .mat or .h5"});
 }
 
 }  // namespace stickslip::recording_export

@@ -1,4 +1,4 @@
-// A recording as tables of columns, as programs of mathematics take them.
+// A recording as tables of columns, for export to other programs.
 #pragma once
 
 #include <cstdint>
@@ -11,11 +11,11 @@
 
 namespace stickslip::recording_export {
 
-/// One column. Numbers that were not measured, or that do not exist, are NaN.
+/// One column. Missing values are NaN.
 struct Column {
   std::string name;
-  std::string unit;     ///< "1" for pure numbers and counts
-  std::string meaning;  ///< a few words
+  std::string unit;     ///< "1" for dimensionless numbers and counts
+  std::string meaning;  ///< short description
   std::variant<std::vector<double>, std::vector<std::int64_t>, std::vector<std::uint8_t>> values;
 
   std::size_t rows() const;
@@ -31,26 +31,27 @@ struct Table {
   const Column* find(const std::string& name) const;
 };
 
-/// A recording with all that belongs to it.
+/// A recording with its description.
 struct Tables {
   std::string source;
   protocol::Description description;
   std::uint64_t cut_off_bytes = 0;
-  std::vector<Table> tables;  ///< frames, then those of the others that have rows
+  std::vector<Table> tables;  ///< frames, then other tables that have rows
 
   const Table* find(const std::string& name) const;
 };
 
-/// Reads a recording, and from a log what the shaker was asked for and what the observer believed.
-/// `done` is told how far it is. Throws InputError as protocol::read_recording does.
+/// Reads a recording, and from a log also the commanded excitation and the estimates of the
+/// observer. `done` receives the progress. Throws InputError as protocol::read_recording does.
 Tables tables_of(const std::filesystem::path& recording, const protocol::ShareDone& done = {});
 
-/// Writes them by the ending of `out`: .csv, .mat (MATLAB 5) or .h5. Throws InputError where the
-/// ending is another, the file cannot be written, or the format cannot hold as much.
+/// Writes the format given by the extension of `out`: .csv, .mat (MATLAB 5), .h5 or .hdf5. Throws
+/// InputError if the extension is unknown, the file cannot be written, or a limit of the format is
+/// exceeded.
 void write_tables(const Tables& tables, const std::filesystem::path& out,
                   const protocol::ShareDone& done = {});
 
-/// The description as names and texts, in one order for all formats.
+/// The description as pairs of name and text, in the same order for all formats.
 std::vector<std::pair<std::string, std::string>> description_texts(const Tables& tables);
 
 void write_tables_csv(const Tables& tables, const std::filesystem::path& out,

@@ -31,9 +31,9 @@ std::string values_of(const Frame& frame) {
   return "t " + text("%.3f", frame.time_s()) + " s: " + (out.empty() ? "nothing measured" : out);
 }
 
-void tell(const friction_estimate_t& estimate, Content& out) {
+void summarise(const friction_estimate_t& estimate, Content& out) {
   if (!estimate.valid) {
-    out.words = "not valid";
+    out.summary = "not valid";
     out.tone = Tone::warning;
     return;
   }
@@ -44,35 +44,35 @@ void tell(const friction_estimate_t& estimate, Content& out) {
                   {"slip_velocity", "m/s", estimate.slip_velocity_m_s},
                   {"sticking", "1", estimate.sticking},
                   {"nis", "1", estimate.nis}};
-  out.words = "mu " + text("%.4g", estimate.mu) + ", theta " + text("%.3f", estimate.theta) +
-              ", friction " + text("%.4g", estimate.friction_force_n) + " N, slip " +
-              text("%.4g", estimate.slip_velocity_m_s) + " m/s, sticks " +
-              text("%.2f", estimate.sticking) + ", NIS " + text("%.3g", estimate.nis) + " of " +
-              std::to_string(estimate.nis_freedom);
+  out.summary = "mu " + text("%.4g", estimate.mu) + ", theta " + text("%.3f", estimate.theta) +
+                ", friction " + text("%.4g", estimate.friction_force_n) + " N, slip " +
+                text("%.4g", estimate.slip_velocity_m_s) + " m/s, sticks " +
+                text("%.2f", estimate.sticking) + ", NIS " + text("%.3g", estimate.nis) + " of " +
+                std::to_string(estimate.nis_freedom);
 }
 
-void tell(const excitation_t& excitation, Content& out) {
+void summarise(const excitation_t& excitation, Content& out) {
   out.readings = {{"drive", "m or N", excitation.drive},
                   {"amplitude", "m or N", excitation.amplitude},
                   {"carrier", "Hz", excitation.carrier_hz},
                   {"gain", "1", excitation.gain}};
-  out.words = "drive " + text("%.4g", excitation.drive) + ", amplitude " +
-              text("%.4g", excitation.amplitude) + " at " + text("%.4g", excitation.carrier_hz) +
-              " Hz, amplifier " + (excitation.amplifier_on ? "on" : "off");
+  out.summary = "drive " + text("%.4g", excitation.drive) + ", amplitude " +
+                text("%.4g", excitation.amplitude) + " at " + text("%.4g", excitation.carrier_hz) +
+                " Hz, amplifier " + (excitation.amplifier_on ? "on" : "off");
 }
 
-std::string losses(const char* what, const std::vector<std::string>& names,
+std::string losses(const char* verb, const std::vector<std::string>& names,
                    const std::vector<std::int64_t>& counts) {
   std::string out;
   for (std::size_t i = 0; i < counts.size(); ++i) {
     if (counts[i] != 0) {
-      out += std::string(", not ") + what + " (" + names[i] + ") " + std::to_string(counts[i]);
+      out += std::string(", not ") + verb + " (" + names[i] + ") " + std::to_string(counts[i]);
     }
   }
   return out;
 }
 
-void tell(const status_t& status, Content& out) {
+void summarise(const status_t& status, Content& out) {
   out.readings = {{"uptime", "s", static_cast<double>(status.uptime_ns) * 1e-9},
                   {"produced", "1", static_cast<double>(status.produced)},
                   {"overruns", "1", static_cast<double>(status.overruns)},
@@ -80,19 +80,19 @@ void tell(const status_t& status, Content& out) {
                   {"cycle_p99", "us", static_cast<double>(status.cycle_p99_ns) * 1e-3}};
   const std::string lost = losses("published", status.publish_loss_name, status.publish_loss) +
                            losses("recorded", status.record_loss_name, status.record_loss);
-  out.words = status.state + ", produced " + std::to_string(status.produced);
-  if (status.publishing) out.words += ", published " + std::to_string(status.published);
-  if (status.recording) out.words += ", recorded " + std::to_string(status.recorded);
-  out.words += lost;
-  if (!status.cause.empty()) out.words += ", " + status.interlock + ": " + status.cause;
-  out.words += ", overruns " + std::to_string(status.overruns);
-  if (status.degraded) out.words += ", timing degraded";
+  out.summary = status.state + ", produced " + std::to_string(status.produced);
+  if (status.publishing) out.summary += ", published " + std::to_string(status.published);
+  if (status.recording) out.summary += ", recorded " + std::to_string(status.recorded);
+  out.summary += lost;
+  if (!status.cause.empty()) out.summary += ", " + status.interlock + ": " + status.cause;
+  out.summary += ", overruns " + std::to_string(status.overruns);
+  if (status.degraded) out.summary += ", timing degraded";
   if (status.state == "running") out.tone = Tone::good;
   if (status.degraded || !lost.empty()) out.tone = Tone::warning;
   if (status.state == "faulted") out.tone = Tone::bad;
 }
 
-void tell(const timing_t& timing, Content& out) {
+void summarise(const timing_t& timing, Content& out) {
   std::int64_t counted = 0;
   for (const std::int64_t in_bin : timing.lateness) counted += in_bin;
   std::int64_t seen = 0;
@@ -101,29 +101,29 @@ void tell(const timing_t& timing, Content& out) {
     if (seen < counted - counted / 100) continue;
     const double late_us = static_cast<double>(timing.upper_edge_ns[i]) * 1e-3;
     out.readings = {{"lateness_p99", "us", late_us}};
-    out.words = "99 % of wake-ups late by at most " + text("%.4g", late_us) + " us";
+    out.summary = "99 % of wake-ups late by at most " + text("%.4g", late_us) + " us";
     return;
   }
-  out.words = std::to_string(timing.cycles) + " cycles";
+  out.summary = std::to_string(timing.cycles) + " cycles";
 }
 
-void tell(const event_t& event, Content& out) {
-  out.words = event.code + ": " + event.message;
+void summarise(const event_t& event, Content& out) {
+  out.summary = event.code + ": " + event.message;
   constexpr std::array tones = {Tone::plain, Tone::warning, Tone::bad};
   const auto severity = static_cast<std::size_t>(std::max<int>(event.severity, 0));
   out.tone = tones[std::min(severity, tones.size() - 1)];
 }
 
-void tell(const recording_info_t& info, Content& out) {
-  out.words = info.rig.empty() ? "rig not named" : "rig \"" + info.rig + "\"";
-  if (!info.program.empty()) out.words += ", " + info.program + " " + info.version;
+void summarise(const recording_info_t& info, Content& out) {
+  out.summary = info.rig.empty() ? "rig not named" : "rig \"" + info.rig + "\"";
+  if (!info.program.empty()) out.summary += ", " + info.program + " " + info.version;
 }
 
 template <class Message>
 bool read_as(std::span<const std::uint8_t> bytes, Content& out) {
   Message message{};
   if (!protocol::decode(bytes, message)) return false;
-  tell(message, out);
+  summarise(message, out);
   return true;
 }
 
@@ -135,7 +135,7 @@ bool read_block(std::span<const std::uint8_t> bytes, Content& out) {
   }
   out.degraded = (block.flags & 1) != 0;
   if (out.degraded) out.tone = Tone::warning;
-  if (!out.frames.empty()) out.words = values_of(out.frames.back());
+  if (!out.frames.empty()) out.summary = values_of(out.frames.back());
   return true;
 }
 
@@ -161,9 +161,10 @@ const Type* type_of(std::string_view channel, std::uint64_t fingerprint) {
   const auto known =
       std::find_if(protocol::lcm_channels.begin(), protocol::lcm_channels.end(),
                    [&](const protocol::LcmChannel& each) { return each.name == channel; });
-  const bool ours = known != protocol::lcm_channels.end();
+  const bool known_channel = known != protocol::lcm_channels.end();
   const auto found = std::find_if(types().begin(), types().end(), [&](const Type& type) {
-    return ours ? type.name == known->type : static_cast<std::uint64_t>(type.hash) == fingerprint;
+    return known_channel ? type.name == known->type
+                         : static_cast<std::uint64_t>(type.hash) == fingerprint;
   });
   return found == types().end() ? nullptr : &*found;
 }
@@ -183,7 +184,7 @@ void read_message(std::string_view channel, std::span<const std::uint8_t> bytes,
   content.decoded = content.degraded = false;
   content.frames.clear();
   content.readings.clear();
-  content.words.clear();
+  content.summary.clear();
   content.tone = Tone::plain;
   const Type* type = type_of(channel, fingerprint_of(bytes));
   if (type == nullptr) return;

@@ -1,4 +1,4 @@
-// What a message on LCM says, for a person.
+// Content of messages on LCM as readings and text.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace stickslip::spy {
 
-/// A number in a message.
+/// Numerical field of a message.
 struct Reading {
   std::string_view name;
   std::string_view unit;  ///< "1" for pure numbers
@@ -20,20 +20,20 @@ struct Reading {
 };
 
 struct Content {
-  std::string_view type;      ///< "frame_block_t"; empty: none of ours
-  bool decoded = false;       ///< false where the type is ours and the bytes are no such message
-  std::vector<Frame> frames;  ///< of a block
-  bool degraded = false;      ///< the loop did not keep its time while the block was made
-  std::vector<Reading> readings;                ///< of other messages
-  std::string words;                            ///< all of it in one line
-  terminal::Tone tone = terminal::Tone::plain;  ///< how bad that is
+  std::string_view type;          ///< "frame_block_t"; empty: unknown
+  bool decoded = false;           ///< false if a known type cannot be decoded
+  std::vector<Frame> frames;      ///< of a block
+  bool degraded = false;          ///< timing of the loop was degraded during the block
+  std::vector<Reading> readings;  ///< of other messages
+  std::string summary;            ///< one line
+  terminal::Tone tone = terminal::Tone::plain;  ///< severity of the summary
 };
 
-/// The first eight bytes, by which LCM tells types apart; 0 for less.
+/// LCM type fingerprint: the first eight bytes; 0 if there are fewer.
 std::uint64_t fingerprint_of(std::span<const std::uint8_t> bytes);
 
-/// By the type that belongs to the channel (protocol/channels.h), on other channels by the type
-/// that the fingerprint tells. The memory of `content` is used again.
+/// Decodes a message by the type of its channel (protocol/channels.h), on other channels by the
+/// fingerprint. Reuses the memory of `content`.
 void read_message(std::string_view channel, std::span<const std::uint8_t> bytes, Content& content);
 
 }  // namespace stickslip::spy

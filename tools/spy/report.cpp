@@ -36,14 +36,15 @@ std::string lower(std::string text) {
   return text;
 }
 
-bool holds(const std::string& name, const std::vector<std::string>& words) {
+bool matches(const std::string& name, const std::vector<std::string>& filters) {
   const std::string lowered = lower(name);
-  return words.empty() || std::any_of(words.begin(), words.end(), [&](const std::string& word) {
-           return lowered.find(lower(word)) != std::string::npos;
+  return filters.empty() ||
+         std::any_of(filters.begin(), filters.end(), [&](const std::string& each) {
+           return lowered.find(lower(each)) != std::string::npos;
          });
 }
 
-double weight(const ChannelTraffic& seen, Order order, std::int64_t now_us) {
+double sort_key(const ChannelTraffic& seen, Order order, std::int64_t now_us) {
   switch (order) {
     case Order::name:
       break;
@@ -63,17 +64,17 @@ std::string type_text(const ChannelTraffic& seen) {
   return seen.type.empty() ? "unknown type " + hex(seen.fingerprint) : std::string(seen.type);
 }
 
-std::string unit_behind(const Quantity& quantity) {
+std::string unit_suffix(const Quantity& quantity) {
   return quantity.unit == "1" ? "" : " " + quantity.unit;
 }
 
-/// What stands in a cell, and how bad it is.
+/// Text of a cell and its severity.
 struct Cell {
   std::string text;
   Tone tone = Tone::plain;
 };
 
-Cell count_that_should_be_0(std::uint64_t count) {
+Cell error_count(std::uint64_t count) {
   return {std::to_string(count), count > 0 ? Tone::bad : Tone::plain};
 }
 
@@ -91,10 +92,10 @@ enum Heading : std::size_t {
 };
 constexpr std::array headings = {"CHANNEL", "MESSAGES", "RATE/s", "JITTER ms", "kB/s",
                                  "SIZE B",  "AGE s",    "LOST",   "BAD",       "TYPE"};
-// What a narrow terminal goes without, one after the other. Losses are what one looks for.
+// Columns that are dropped on a narrow terminal, in this order. Losses stay.
 constexpr std::array dispensable = {kilobytes, jitter, type, size, age, messages};
 using Row = std::array<Cell, headings.size()>;
-constexpr std::string_view between = "  ";
+constexpr std::string_view separator = "  ";
 
 Row row_of(const ChannelTraffic& seen, std::int64_t now_us) {
   return {Cell{printable(seen.channel)},
@@ -104,12 +105,12 @@ Row row_of(const ChannelTraffic& seen, std::int64_t now_us) {
           Cell{number("%.1f", seen.bytes_per_s * 1e-3)},
           Cell{std::to_string(seen.last_bytes)},
           Cell{number("%.1f", std::max(0.0, seen.age_s(now_us)))},
-          seen.is_frames ? count_that_should_be_0(seen.sequence.lost) : Cell{"-"},
-          seen.type.empty() ? Cell{"-"} : count_that_should_be_0(seen.undecoded),
+          seen.is_frames ? error_count(seen.sequence.lost) : Cell{"-"},
+          seen.type.empty() ? Cell{"-"} : error_count(seen.undecoded),
           seen.type.empty() ? Cell{"unknown", Tone::warning} : Cell{std::string(seen.type)}};
 }
 
-/// How wide each column is; 0: it is left out.
+/// Width of each column; 0: dropped.
 using Widths = std::array<std::size_t, headings.size()>;
 
 Widths widths_of(const std::vector<Row>& rows, std::size_t columns) {
@@ -121,8 +122,8 @@ Widths widths_of(const std::vector<Row>& rows, std::size_t columns) {
   }
   const auto all = [&width] {
     std::size_t sum = 0;
-    for (const std::size_t each : width) sum += each > 0 ? each + between.size() : 0;
-    return sum - between.size();
+    for (const std::size_t each : width) sum += each > 0 ? each + separator.size() : 0;
+    return sum - separator.size();
   };
   for (const Heading each : dispensable) {
     if (columns > 0 && all() > columns) width[each] = 0;
@@ -130,9 +131,10 @@ Widths widths_of(const std::vector<Row>& rows, std::size_t columns) {
   return width;
 }
 
-/// Cells side by side in so many columns: numbers to the right. What still does not fit is cut, and
-/// what is cut is not painted, so that no sequence is torn.
-std::string laid_out(const Row& row, const Widths& width, std::size_t columns, const Paint& paint) {
+/// One line of the table, with numbers aligned to the right. A line that does not fit is truncated
+/// and not coloured, which keeps control sequences whole.
+std::string table_line(const Row& row, const Widths& width, std::size_t columns,
+                       const Paint& paint) {
   std::string plain;
   std::string painted;
   for (std::size_t i = 0; i < row.size(); ++i) {
@@ -140,8 +142,8 @@ std::string laid_out(const Row& row, const Widths& width, std::size_t columns, c
     const bool left = i == channel || i == type;
     const std::string cell = left ? padded(row[i].text, i == channel ? width[i] : 0)
                                   : padded_left(row[i].text, width[i]);
-    plain += (plain.empty() ? "" : between);
-    painted += (painted.empty() ? "" : between);
+    plain += (plain.empty() ? "" : separator);
+    painted += (painted.empty() ? "" : separator);
     plain += cell;
     painted += paint(row[i].tone, cell);
   }
@@ -149,18 +151,18 @@ std::string laid_out(const Row& row, const Widths& width, std::size_t columns, c
   return (fits ? painted : cut_to(plain, columns)) + "\n";
 }
 
-std::string cut_line(const std::string& text, Tone tone, std::size_t columns, const Paint& paint) {
+std::string text_line(const std::string& text, Tone tone, std::size_t columns, const Paint& paint) {
   const std::string line = printable(text);
   return paint(tone, columns == 0 ? line : cut_to(line, columns)) + "\n";
 }
 
-/// What the frames' own numbers say beyond the counts of messages.
+/// Frames and losses by their sequence numbers.
 std::string frames_text(const ChannelTraffic& seen) {
   std::string out = std::to_string(seen.sequence.frames) + " frames, lost " +
                     std::to_string(seen.sequence.lost) + " in " +
                     std::to_string(seen.sequence.gaps) + " gaps";
   if (seen.sequence.restarts > 0) {
-    out += ", " + std::to_string(seen.sequence.restarts) + " times begun anew";
+    out += ", restarted " + std::to_string(seen.sequence.restarts) + " times";
   }
   if (seen.degraded_blocks > 0) {
     out += ", " + std::to_string(seen.degraded_blocks) + " blocks of degraded timing";
@@ -170,19 +172,20 @@ std::string frames_text(const ChannelTraffic& seen) {
 
 std::string quantity_text(const Quantity& quantity) {
   return padded(quantity.name, 18) + padded_left(number("%.5g", quantity.last), 13) +
-         padded(unit_behind(quantity), 7) + " from " +
+         padded(unit_suffix(quantity), 7) + " from " +
          padded_left(number("%.5g", quantity.least), 12) + " to " +
          padded_left(number("%.5g", quantity.greatest), 12);
 }
 
 }  // namespace
 
-std::vector<const ChannelTraffic*> seen_through(const View& view, const Traffic& traffic,
-                                                std::int64_t now_us) {
+std::vector<const ChannelTraffic*> selected_channels(const View& view, const Traffic& traffic,
+                                                     std::int64_t now_us) {
   std::vector<const ChannelTraffic*> out = traffic.channels();
-  std::erase_if(out, [&](const ChannelTraffic* each) { return !holds(each->channel, view.words); });
+  std::erase_if(
+      out, [&](const ChannelTraffic* each) { return !matches(each->channel, view.name_filters); });
   std::stable_sort(out.begin(), out.end(), [&](const ChannelTraffic* a, const ChannelTraffic* b) {
-    return weight(*a, view.order, now_us) > weight(*b, view.order, now_us);
+    return sort_key(*a, view.order, now_us) > sort_key(*b, view.order, now_us);
   });
   return out;
 }
@@ -191,22 +194,22 @@ std::string table(const View& view, const Traffic& traffic, std::int64_t now_us,
                   std::size_t columns, const Paint& paint) {
   std::vector<Row> rows(1);
   for (std::size_t i = 0; i < headings.size(); ++i) rows[0][i] = {headings[i], Tone::faint};
-  const auto seen = seen_through(view, traffic, now_us);
+  const auto seen = selected_channels(view, traffic, now_us);
   for (const ChannelTraffic* each : seen) rows.push_back(row_of(*each, now_us));
   const Widths width = widths_of(rows, columns);
-  std::string out = laid_out(rows[0], width, columns, paint);
+  std::string out = table_line(rows[0], width, columns, paint);
   for (std::size_t i = 0; i < seen.size(); ++i) {
     const ChannelTraffic& each = *seen[i];
-    out += laid_out(rows[i + 1], width, columns, paint);
-    if (each.type.empty()) out += cut_line("  " + type_text(each), Tone::warning, columns, paint);
+    out += table_line(rows[i + 1], width, columns, paint);
+    if (each.type.empty()) out += text_line("  " + type_text(each), Tone::warning, columns, paint);
     if (each.is_frames) {
       const bool lost = each.sequence.lost > 0;
-      out += cut_line("  " + frames_text(each), lost ? Tone::bad : Tone::plain, columns, paint);
+      out += text_line("  " + frames_text(each), lost ? Tone::bad : Tone::plain, columns, paint);
     }
-    if (!each.words.empty()) out += cut_line("  " + each.words, each.tone, columns, paint);
+    if (!each.summary.empty()) out += text_line("  " + each.summary, each.tone, columns, paint);
     if (!view.values) continue;
     for (const Quantity& quantity : each.quantities) {
-      out += cut_line("    " + quantity_text(quantity), Tone::plain, columns, paint);
+      out += text_line("    " + quantity_text(quantity), Tone::plain, columns, paint);
     }
   }
   return out;
@@ -214,19 +217,19 @@ std::string table(const View& view, const Traffic& traffic, std::int64_t now_us,
 
 std::string lines(const View& view, const Traffic& traffic, std::int64_t now_us) {
   std::string out;
-  for (const ChannelTraffic* each : seen_through(view, traffic, now_us)) {
+  for (const ChannelTraffic* each : selected_channels(view, traffic, now_us)) {
     std::string line = padded(each->channel, 22) + " " + std::to_string(each->messages) +
                        " messages, " + number("%.1f", each->rate_per_s) + "/s, " +
                        std::to_string(each->last_bytes) + " B, " + type_text(*each) + ", " +
                        number("%.1f", std::max(0.0, each->age_s(now_us))) + " s ago";
     if (each->is_frames) line += ", " + frames_text(*each);
     if (each->undecoded > 0) line += ", " + std::to_string(each->undecoded) + " not decoded";
-    if (!each->words.empty()) line += " | " + each->words;
+    if (!each->summary.empty()) line += " | " + each->summary;
     out += printable(line) + "\n";
     if (!view.values) continue;
     for (const Quantity& quantity : each->quantities) {
       out += printable(each->channel + " " + quantity.name + " " + number("%.9g", quantity.last) +
-                       unit_behind(quantity) + ", from " + number("%.9g", quantity.least) + " to " +
+                       unit_suffix(quantity) + ", from " + number("%.9g", quantity.least) + " to " +
                        number("%.9g", quantity.greatest)) +
              "\n";
     }
@@ -237,7 +240,7 @@ std::string lines(const View& view, const Traffic& traffic, std::int64_t now_us)
 std::string json(const View& view, const Traffic& traffic, std::int64_t now_us, double seconds) {
   using Json = nlohmann::ordered_json;
   Json channels = Json::array();
-  for (const ChannelTraffic* each : seen_through(view, traffic, now_us)) {
+  for (const ChannelTraffic* each : selected_channels(view, traffic, now_us)) {
     Json one = {{"channel", each->channel},
                 {"type", each->type.empty() ? Json() : Json(std::string(each->type))},
                 {"fingerprint", hex(each->fingerprint)},
@@ -249,7 +252,7 @@ std::string json(const View& view, const Traffic& traffic, std::int64_t now_us, 
                 {"jitter_s", each->jitter_s ? Json(*each->jitter_s) : Json()},
                 {"age_s", std::max(0.0, each->age_s(now_us))},
                 {"not_decoded", each->undecoded},
-                {"says", each->words}};
+                {"says", each->summary}};
     if (each->is_frames) {
       one["frames"] = {{"count", each->sequence.frames},
                        {"lost", each->sequence.lost},
@@ -267,7 +270,7 @@ std::string json(const View& view, const Traffic& traffic, std::int64_t now_us, 
     channels.push_back(std::move(one));
   }
   const Json out = {{"schema", 1}, {"seconds", seconds}, {"channels", std::move(channels)}};
-  // Names and texts of others may hold any bytes.
+  // Foreign names and texts may contain any bytes.
   return out.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

@@ -1,4 +1,4 @@
-// Traffic on LCM as a person and as a program read it.
+// Statistics of the LCM traffic as text and as JSON.
 #pragma once
 
 #include <cstdint>
@@ -12,26 +12,26 @@ namespace stickslip::spy {
 
 enum class Order : std::uint8_t { name, rate, size, age, lost };
 
-/// What of the traffic is told.
+/// Selection and order of the channels.
 struct View {
-  std::vector<std::string> words;  ///< channels whose name holds one of these; empty: all
-  Order order = Order::name;       ///< others than name: the largest first
-  bool values = false;             ///< every number with its least and greatest
+  std::vector<std::string> name_filters;  ///< channels whose name contains one of these; empty: all
+  Order order = Order::name;              ///< descending, except by name
+  bool values = false;                    ///< show every value with its range
 };
 
 /// The channels of a view, in its order.
-std::vector<const ChannelTraffic*> seen_through(const View& view, const Traffic& traffic,
-                                                std::int64_t now_us);
+std::vector<const ChannelTraffic*> selected_channels(const View& view, const Traffic& traffic,
+                                                     std::int64_t now_us);
 
-/// A table for a terminal, each line cut to `columns`; 0: not cut.
+/// A table for a terminal, each line truncated to `columns`; 0: not truncated.
 std::string table(const View& view, const Traffic& traffic, std::int64_t now_us,
                   std::size_t columns, const terminal::Paint& paint);
 
-/// One line for each channel that says all by itself.
+/// One self-contained line per channel.
 std::string lines(const View& view, const Traffic& traffic, std::int64_t now_us);
 
 /// {"schema": 1, "seconds", "channels": [{"channel", "type", "fingerprint", "messages", ...}]} in
-/// one line. type is null for those that are none of ours.
+/// one line. type is null if it is unknown.
 std::string json(const View& view, const Traffic& traffic, std::int64_t now_us, double seconds);
 
 }  // namespace stickslip::spy

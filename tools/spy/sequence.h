@@ -1,12 +1,12 @@
-// What the sequence numbers of a stream say about its losses.
+// Losses of a stream from its sequence numbers.
 #pragma once
 
 #include <cstdint>
 
 namespace stickslip::spy {
 
-/// Counts frames and what is missing between them. A number that does not increase is a source that
-/// began anew, or a second one; it is counted, and no loss.
+/// Counts frames and gaps. A number that does not increase indicates a restarted or a second
+/// source; it is counted as a restart, not as a loss.
 struct Sequence {
   std::uint64_t frames = 0;
   std::uint64_t gaps = 0;      ///< jumps

@@ -6,8 +6,8 @@ namespace stickslip::spy {
 
 namespace {
 
-void take_value(std::vector<Quantity>& quantities, std::string_view name, std::string_view unit,
-                double value) {
+void add_value(std::vector<Quantity>& quantities, std::string_view name, std::string_view unit,
+               double value) {
   const auto known = std::find_if(quantities.begin(), quantities.end(),
                                   [name](const Quantity& each) { return each.name == name; });
   if (known == quantities.end()) {
@@ -19,26 +19,26 @@ void take_value(std::vector<Quantity>& quantities, std::string_view name, std::s
   known->greatest = std::max(known->greatest, value);
 }
 
-void take_content(const Content& content, ChannelTraffic& seen) {
+void add_content(const Content& content, ChannelTraffic& seen) {
   for (const Frame& frame : content.frames) {
     seen.sequence.add(frame.sequence);
     for (const Channel channel : all_channels) {
       if (!frame.has(channel)) continue;
-      take_value(seen.quantities, info(channel).stem, info(channel).unit, frame[channel]);
+      add_value(seen.quantities, info(channel).stem, info(channel).unit, frame[channel]);
     }
   }
   for (const Reading& reading : content.readings) {
-    take_value(seen.quantities, reading.name, reading.unit, reading.value);
+    add_value(seen.quantities, reading.name, reading.unit, reading.value);
   }
   if (content.degraded) ++seen.degraded_blocks;
-  if (!content.words.empty()) seen.words = content.words;
+  if (!content.summary.empty()) seen.summary = content.summary;
   seen.tone = content.tone;
 }
 
 }  // namespace
 
-void Traffic::take(const std::string& channel, std::span<const std::uint8_t> bytes,
-                   std::int64_t arrival_us) {
+void Traffic::add(const std::string& channel, std::span<const std::uint8_t> bytes,
+                  std::int64_t arrival_us) {
   Counted& counted = channels_[channel];
   ChannelTraffic& seen = counted.seen;
   if (seen.messages == 0) {
@@ -58,7 +58,7 @@ void Traffic::take(const std::string& channel, std::span<const std::uint8_t> byt
   seen.type = content_.type;
   seen.is_frames = content_.type == "frame_block_t";
   if (content_.decoded) {
-    take_content(content_, seen);
+    add_content(content_, seen);
   } else if (!content_.type.empty()) {
     ++seen.undecoded;
   }

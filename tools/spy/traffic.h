@@ -1,4 +1,4 @@
-// What came in on LCM, channel by channel, counted.
+// Statistics of the LCM traffic per channel.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@
 
 namespace stickslip::spy {
 
-/// A number that messages of a channel hold: the last one, and between which it was.
+/// Numerical field of the messages on a channel: last value and range.
 struct Quantity {
   std::string name;
   std::string unit;
@@ -23,43 +23,44 @@ struct Quantity {
   double greatest = 0.0;
 };
 
-/// What came in on one channel since the start.
+/// Statistics of one channel since the start.
 struct ChannelTraffic {
   std::string channel;
-  std::string_view type;          ///< by name; empty: none of ours
+  std::string_view type;          ///< name; empty: unknown
   std::uint64_t fingerprint = 0;  ///< of the last message
   std::uint64_t messages = 0;
   std::uint64_t bytes = 0;       ///< of data, all messages
   std::uint32_t last_bytes = 0;  ///< of the last message
-  std::uint64_t undecoded = 0;   ///< messages that are none of the channel's type
-  std::int64_t last_us = 0;      ///< when the last came in
+  std::uint64_t undecoded = 0;   ///< messages that are not of the type of the channel
+  std::int64_t last_us = 0;      ///< arrival of the last message
 
   bool is_frames = false;
   Sequence sequence;  ///< of frames
   std::uint64_t degraded_blocks = 0;
 
   std::vector<Quantity> quantities;  ///< in the order of their first appearance
-  std::string words;                 ///< what the last message says
+  std::string summary;               ///< of the last message
   terminal::Tone tone = terminal::Tone::plain;
 
-  // Over the last interval that was closed.
+  // Over the last closed interval.
   double rate_per_s = 0.0;
   double bytes_per_s = 0.0;
-  std::optional<double> jitter_s;  ///< longest less shortest time between messages; absent below 2
+  std::optional<double>
+      jitter_s;  ///< longest less shortest time between messages; needs two such times
 
   double age_s(std::int64_t now_us) const { return static_cast<double>(now_us - last_us) * 1e-6; }
 };
 
 class Traffic {
  public:
-  /// `arrival_us`: any clock, in microseconds, that goes on.
-  void take(const std::string& channel, std::span<const std::uint8_t> bytes,
-            std::int64_t arrival_us);
+  /// `arrival_us`: time of any clock that does not go backwards.
+  void add(const std::string& channel, std::span<const std::uint8_t> bytes,
+           std::int64_t arrival_us);
 
-  /// Ends an interval of so many seconds (above 0): rates and jitter are those within it.
+  /// Ends an interval of `seconds` > 0, over which rates and jitter are computed.
   void close_interval(double seconds);
 
-  /// By name.
+  /// Sorted by name.
   std::vector<const ChannelTraffic*> channels() const;
   bool empty() const { return channels_.empty(); }
   bool has_frames() const;

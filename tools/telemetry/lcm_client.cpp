@@ -20,28 +20,28 @@ namespace {
 
 using std::chrono::steady_clock;
 
-// LCM explains itself on standard error over many lines, with a random number for the address that
-// has no route. While this lives it speaks into memory instead.
-class Overheard {
+// LCM reports errors on standard error, in many lines. During the lifetime of this object standard
+// error is redirected to memory.
+class CapturedStderr {
  public:
-  Overheard() : memory_(memfd_create("lcm", MFD_CLOEXEC)) {
+  CapturedStderr() : memory_(memfd_create("lcm", MFD_CLOEXEC)) {
     std::fflush(stderr);
     if (memory_ < 0) return;
-    before_ = dup(STDERR_FILENO);
-    if (before_ >= 0) dup2(memory_, STDERR_FILENO);
+    previous_ = dup(STDERR_FILENO);
+    if (previous_ >= 0) dup2(memory_, STDERR_FILENO);
   }
-  ~Overheard() {
+  ~CapturedStderr() {
     std::fflush(stderr);
-    if (before_ >= 0) {
-      dup2(before_, STDERR_FILENO);
-      close(before_);
+    if (previous_ >= 0) {
+      dup2(previous_, STDERR_FILENO);
+      close(previous_);
     }
     if (memory_ >= 0) close(memory_);
   }
-  Overheard(const Overheard&) = delete;
-  Overheard& operator=(const Overheard&) = delete;
+  CapturedStderr(const CapturedStderr&) = delete;
+  CapturedStderr& operator=(const CapturedStderr&) = delete;
 
-  /// The first line of what was said; may be empty.
+  /// First line of the captured text; may be empty.
   std::string first_line() const {
     std::fflush(stderr);
     std::array<char, 400> text{};
@@ -53,7 +53,7 @@ class Overheard {
 
  private:
   int memory_ = -1;
-  int before_ = -1;
+  int previous_ = -1;
 };
 
 timespec duration_until(steady_clock::time_point until) {
@@ -67,13 +67,13 @@ timespec duration_until(steady_clock::time_point until) {
 
 }  // namespace
 
-void refuse_lcm(const std::string& what) { throw InputError(Problem{"", 0, 0, "LCM " + what}); }
+void throw_lcm_error(const std::string& problem) {
+  throw InputError(Problem{"", 0, 0, "LCM " + problem});
+}
 
 void add_url_option(CLI::App& command, std::string& url) {
   url = protocol::default_url;
-  command.add_option("--url", url, "Where LCM is")
-      ->envname("LCM_DEFAULT_URL")
-      ->capture_default_str();
+  command.add_option("--url", url, "LCM URL")->envname("LCM_DEFAULT_URL")->capture_default_str();
 }
 
 StopSignals::StopSignals() {
@@ -91,58 +91,61 @@ StopSignals::StopSignals() {
 }
 
 StopSignals::~StopSignals() {
-  // What is pending has been seen; it must not end the program on the way out.
-  signalfd_siginfo seen{};
-  while (read(file_, &seen, sizeof seen) == sizeof seen) {
+  // Pending signals have been handled; unblocking must not deliver them.
+  signalfd_siginfo signal{};
+  while (read(file_, &signal, sizeof signal) == sizeof signal) {
   }
   close(file_);
   pthread_sigmask(SIG_SETMASK, &before_, nullptr);
 }
 
 std::unique_ptr<lcm::LCM> join_lcm(const std::string& url) {
-  std::string said;
+  std::string error;
   {
-    const Overheard lcm_words;
+    const CapturedStderr captured;
     auto lcm = std::make_unique<lcm::LCM>(url);
     if (lcm->good()) return lcm;
-    said = lcm_words.first_line();
+    error = captured.first_line();
   }
-  if (said.find("unreachable") != std::string::npos) {
-    refuse_lcm("has no route for " + url +
-               "; to use it on this host only: ip link set lo up; ip route add 239.255.76.67/32 "
-               "dev lo");
+  if (error.find("unreachable") != std::string::npos) {
+    throw_lcm_error(
+        "has no route for " + url +
+        "; to use it on this host only: ip link set lo up; ip route add 239.255.76.67/32 "
+        "dev lo");
   }
-  refuse_lcm("does not accept the URL \"" + url + "\"" + (said.empty() ? "" : " (" + said + ")") +
-             "; expected for example " + protocol::default_url);
+  throw_lcm_error("does not accept the URL \"" + url + "\"" +
+                  (error.empty() ? "" : " (" + error + ")") + "; expected for example " +
+                  protocol::default_url);
 }
 
-void expect_to_hear(lcm::LCM& lcm) {
+void check_reception(lcm::LCM& lcm) {
   const auto nothing = [](const lcm_recv_buf_t*, const char*, void*) {};
-  std::string said;
+  std::string error;
   {
-    const Overheard lcm_words;
+    const CapturedStderr captured;
     lcm_subscription_t* const trial =
         lcm_subscribe(lcm.getUnderlyingLCM(), "STICKSLIP_NOTHING", nothing, nullptr);
     if (trial != nullptr) {
       lcm_unsubscribe(lcm.getUnderlyingLCM(), trial);
       return;
     }
-    said = lcm_words.first_line();
+    error = captured.first_line();
   }
-  refuse_lcm("does not hear itself" + (said.empty() ? "" : " (" + said + ")") +
-             ": another program may have taken its port for itself (ss -ulnp | grep 7667 shows "
-             "which), or a firewall keeps multicast away");
+  throw_lcm_error(
+      "does not receive its own messages" + (error.empty() ? "" : " (" + error + ")") +
+      ": another program may hold its port exclusively (see ss -ulnp | grep 7667), or a "
+      "firewall may drop multicast");
 }
 
-Woken wait_for(lcm::LCM& lcm, const StopSignals& stop, steady_clock::time_point until) {
+Wake wait_for(lcm::LCM& lcm, const StopSignals& stop, steady_clock::time_point until) {
   std::array<pollfd, 2> files = {{{stop.file(), POLLIN, 0}, {lcm.getFileno(), POLLIN, 0}}};
   const timespec left = duration_until(until);
   const int ready = ppoll(files.data(), files.size(), &left, nullptr);
   if (ready < 0 && errno != EINTR) {
     throw std::runtime_error(std::string("cannot wait for LCM: ") + std::strerror(errno));
   }
-  if (ready <= 0) return Woken::time_out;
-  return files[0].revents != 0 ? Woken::stop : Woken::message;
+  if (ready <= 0) return Wake::time_out;
+  return files[0].revents != 0 ? Wake::stop : Wake::message;
 }
 
 bool stopped_before(const StopSignals& stop, steady_clock::time_point until) {

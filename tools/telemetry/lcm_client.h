@@ -1,25 +1,24 @@
-// How a tool joins LCM: where, with what queue, and what a person is told when that fails.
+// LCM for the tools: URL option, joining, subscription without queue limit, waiting, stop signals.
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <chrono>
 #include <csignal>
 #include <lcm/lcm-cpp.hpp>
 #include <memory>
 #include <string>
 
-#include "tools/command_line/action.h"
-
 namespace stickslip::telemetry {
 
-/// Adds `--url` to a subcommand: the option itself, else LCM_DEFAULT_URL, else the project's group
-/// on this host only (protocol/channels.h).
+/// Adds `--url` to a subcommand. The default is LCM_DEFAULT_URL, or protocol::default_url, which
+/// stays on this host.
 void add_url_option(CLI::App& command, std::string& url);
 
-/// SIGINT and SIGTERM as something to wait for instead of something that interrupts. To be made
-/// before any thread is started, LCM's own included: threads inherit what is blocked.
+/// Blocks SIGINT and SIGTERM and makes them available as a file to poll. Must be constructed before
+/// any thread is started, including that of LCM, since threads inherit the signal mask.
 class StopSignals {
  public:
-  /// Throws std::runtime_error where the system refuses.
+  /// Throws std::runtime_error if the system refuses.
   StopSignals();
   ~StopSignals();
   StopSignals(const StopSignals&) = delete;
@@ -32,47 +31,48 @@ class StopSignals {
   int file_ = -1;
 };
 
-/// Joins LCM at `url`. Throws InputError, in one line, where the URL is none or the network does
-/// not carry it, with what to do.
+/// Joins LCM at `url`. Throws InputError with the remedy if the URL is invalid or there is no
+/// route.
 std::unique_ptr<lcm::LCM> join_lcm(const std::string& url);
 
-/// Throws InputError where LCM could be joined but does not hear itself: its port is taken, or a
-/// firewall stands between. To be asked before anything is subscribed to; LCM's own C++ interface
-/// ends the program there.
-void expect_to_hear(lcm::LCM& lcm);
+/// Throws InputError if LCM cannot receive: its port is taken, or a firewall drops multicast. Must
+/// be called before the first subscription, in which LCM's C++ interface would terminate the
+/// program.
+void check_reception(lcm::LCM& lcm);
 
-/// Hands every message on the channels that match the regular expression `channels` to `method` of
-/// `listener`. The queue has no limit: LCM's default of 30 loses bursts. Throws InputError where
-/// LCM refuses.
+/// Passes every message on the channels that match the regular expression `channels` to `method` of
+/// `listener`. The queue is unlimited: LCM's default of 30 messages loses bursts. Throws InputError
+/// if LCM refuses.
 template <class Listener>
 void listen(lcm::LCM& lcm, const std::string& channels,
             void (Listener::*method)(const lcm::ReceiveBuffer*, const std::string&),
             Listener* listener);
 
-enum class Woken { message, stop, time_out };
+enum class Wake { message, stop, time_out };
 
-/// Waits for a message (then lcm.handle() does not block), a stop signal, or `until`. A stop goes
-/// before a message.
-Woken wait_for(lcm::LCM& lcm, const StopSignals& stop, std::chrono::steady_clock::time_point until);
+/// Waits for a message (lcm.handle() will not block), a stop signal, or `until`. A stop signal
+/// takes precedence over a message.
+Wake wait_for(lcm::LCM& lcm, const StopSignals& stop, std::chrono::steady_clock::time_point until);
 
-/// Waits for a stop signal or `until`; true for the signal.
+/// Waits for a stop signal or `until`; true if a signal arrived.
 bool stopped_before(const StopSignals& stop, std::chrono::steady_clock::time_point until);
 
-/// `from` + `seconds`; the end of time where seconds is not positive or beyond what a clock holds.
+/// `from` + `seconds`; a century later if seconds is not positive or exceeds the range of the
+/// clock.
 std::chrono::steady_clock::time_point after(std::chrono::steady_clock::time_point from,
                                             double seconds);
 
-/// What LCM answers when it will not do something, as the exception to throw.
-[[noreturn]] void refuse_lcm(const std::string& what);
+/// Throws InputError("LCM " + problem).
+[[noreturn]] void throw_lcm_error(const std::string& problem);
 
 template <class Listener>
 void listen(lcm::LCM& lcm, const std::string& channels,
             void (Listener::*method)(const lcm::ReceiveBuffer*, const std::string&),
             Listener* listener) {
-  expect_to_hear(lcm);
+  check_reception(lcm);
   lcm::Subscription* subscription = lcm.subscribe(channels, method, listener);
   if (subscription == nullptr || subscription->setQueueCapacity(0) != 0) {
-    refuse_lcm("does not subscribe to " + channels);
+    throw_lcm_error("does not subscribe to " + channels);
   }
 }
 

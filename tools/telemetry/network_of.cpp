@@ -16,7 +16,7 @@ namespace stickslip::telemetry {
 
 namespace {
 
-/// What tells one namespace from another; 0 where it cannot be seen.
+/// Inode number that identifies a namespace; 0 if it is not accessible.
 ino_t namespace_of(const std::string& process, const char* kind) {
   struct stat found {};
   return stat(("/proc/" + process + "/ns/" + kind).c_str(), &found) == 0 ? found.st_ino : 0;
@@ -35,7 +35,7 @@ void enter_network_of(int pid) {
   if (file < 0) {
     throw InputError(Problem{"", 0, 0, "--network-of " + process + ": there is no such process"});
   }
-  // A namespace of users that is ours already must not be entered again.
+  // A user namespace that is shared already must not be entered again.
   int wanted = is_shared(process, "net") ? 0 : CLONE_NEWNET;
   if (wanted != 0 && !is_shared(process, "user")) wanted |= CLONE_NEWUSER;
   const int failed = wanted == 0 ? 0 : setns(file, wanted);
@@ -44,7 +44,7 @@ void enter_network_of(int pid) {
   if (failed != 0) {
     throw std::runtime_error("cannot enter the network of process " + process + ": " +
                              std::strerror(error) +
-                             "; this is for root, and for the user whose process it is");
+                             "; this requires root or the owner of the process");
   }
 }
 

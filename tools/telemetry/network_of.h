@@ -1,12 +1,12 @@
-// LCM where another process hears it: in a network namespace of its own.
+// Access to LCM in the network namespace of another process.
 #pragma once
 
 namespace stickslip::telemetry {
 
-/// Puts this process into the network namespace of process `pid`, as tools/own-network makes one.
-/// Sockets that are open stay where they are: one that listens outside goes on to do so. To be
-/// called before any thread is started. Throws InputError where there is no such process, and
-/// std::runtime_error where the system does not permit it.
+/// Moves this process into the network namespace of process `pid`, for example one made by
+/// tools/own-network. Open sockets keep their namespace. Must be called before any thread is
+/// started. Throws InputError if there is no such process, std::runtime_error if the system
+/// refuses.
 void enter_network_of(int pid);
 
 }  // namespace stickslip::telemetry

@@ -29,7 +29,7 @@ std::size_t lines_of(int file) { return size_of(file).ws_row; }
 
 bool in_foreground(int file) {
   const pid_t front = tcgetpgrp(file);
-  return front < 0 || front == getpgrp();  // below 0: it controls no jobs
+  return front < 0 || front == getpgrp();  // negative: no job control
 }
 
 }  // namespace stickslip::terminal

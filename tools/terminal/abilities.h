@@ -1,25 +1,25 @@
-// What stands behind a file descriptor: a terminal that a person looks at, or something else.
+// Capabilities of the terminal behind a file descriptor.
 #pragma once
 
 #include <cstddef>
 
 namespace stickslip::terminal {
 
-/// What can be shown there.
+/// Capabilities of a file descriptor for display.
 struct Abilities {
-  bool terminal = false;  ///< a terminal, and no pipe or file
-  bool dumb = false;      ///< it understands no control sequences: TERM is "dumb", or not set
+  bool terminal = false;  ///< a terminal, not a pipe or file
+  bool dumb = false;      ///< no control sequences: TERM is "dumb" or unset
 };
 
-/// Asks the system and $TERM.
+/// Queries the system and $TERM.
 Abilities abilities_of(int file);
 
-/// Its width and height in characters, as they are now; 0 where nobody knows.
+/// Present width and height in characters; 0 if unknown.
 std::size_t columns_of(int file);
 std::size_t lines_of(int file);
 
-/// False where the terminal belongs to another job of the shell just now: what is written by a job
-/// in the background disturbs the one in front.
+/// False if this process is a background job of the terminal, whose output would disturb the
+/// foreground job.
 bool in_foreground(int file);
 
 }  // namespace stickslip::terminal

@@ -6,7 +6,7 @@ namespace stickslip::terminal {
 
 namespace {
 
-// The eight colours of any terminal, so that its own scheme, light or dark, decides their shades.
+// The eight standard colours, whose shades follow the colour scheme of the terminal.
 const char* sequence_of(Tone tone) {
   switch (tone) {
     case Tone::plain:
@@ -27,14 +27,14 @@ const char* sequence_of(Tone tone) {
 
 }  // namespace
 
-bool wants_colour(Colours asked, const Abilities& abilities, const char* no_color) {
-  if (asked != Colours::automatic) return asked == Colours::always;
+bool wants_colour(Colours choice, const Abilities& abilities, const char* no_color) {
+  if (choice != Colours::automatic) return choice == Colours::always;
   if (no_color != nullptr && *no_color != '\0') return false;
   return abilities.terminal && !abilities.dumb;
 }
 
-bool wants_colour(Colours asked, int file) {
-  return wants_colour(asked, abilities_of(file), std::getenv("NO_COLOR"));
+bool wants_colour(Colours choice, int file) {
+  return wants_colour(choice, abilities_of(file), std::getenv("NO_COLOR"));
 }
 
 std::string Paint::operator()(Tone tone, std::string_view text) const {

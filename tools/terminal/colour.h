@@ -1,4 +1,4 @@
-// Colour where it helps: how bad something is, a verdict, a state. Words never depend on it.
+// Colours for verdicts and states. The text carries the same information.
 #pragma once
 
 #include <cstdint>
@@ -11,16 +11,16 @@ namespace stickslip::terminal {
 
 enum class Colours : std::uint8_t { automatic, always, never };
 
-/// Whether to paint. By itself only a terminal that is not dumb, and not where NO_COLOR
-/// (https://no-color.org) is set to anything but nothing; what was asked for goes before both.
-bool wants_colour(Colours asked, const Abilities& abilities, const char* no_color);
+/// True if output is to be coloured. `automatic` requires a terminal that is not dumb, and NO_COLOR
+/// (https://no-color.org) unset or empty.
+bool wants_colour(Colours choice, const Abilities& abilities, const char* no_color);
 
 /// The same for a file descriptor, with NO_COLOR from the environment.
-bool wants_colour(Colours asked, int file);
+bool wants_colour(Colours choice, int file);
 
 enum class Tone : std::uint8_t { plain, good, note, warning, bad, faint };
 
-/// Paints, or leaves as it is.
+/// Colours text, or returns it unchanged.
 class Paint {
  public:
   explicit Paint(bool on) : on_(on) {}

@@ -1,4 +1,4 @@
-// Manual pages out of the definition of a command line, so that no option can be missing or wrong.
+// Manual pages generated from the definition of a command line, which makes them complete.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -8,22 +8,23 @@
 
 namespace stickslip::terminal {
 
-/// What a page says that the definition of its command line does not know.
+/// Sections of a manual page that the definition of the command line does not contain.
 struct Notes {
   struct Example {
-    std::string what;     ///< a sentence
+    std::string purpose;  ///< a short phrase
     std::string command;  ///< as it is typed
   };
-  using Named = std::vector<std::pair<std::string, std::string>>;
+  /// Name and meaning.
+  using Entry = std::pair<std::string, std::string>;
 
-  std::vector<Example> examples;
-  Named environment;                       ///< names of variables and what they are for
-  Named files;                             ///< paths and what they are
-  std::string more = {};                   ///< of the description, after the command's own sentence
+  std::vector<Example> examples = {};
+  std::vector<Entry> environment = {};     ///< variables
+  std::vector<Entry> files = {};           ///< paths
+  std::string description = {};            ///< continues the command's own description
   std::vector<std::string> see_also = {};  ///< "stickslip-spy(1)"
 };
 
-/// Which page it is.
+/// Contents of the .TH line.
 struct Heading {
   std::string program;  ///< "stickslip"
   int section = 1;
@@ -31,19 +32,19 @@ struct Heading {
   std::string date;     ///< "2026-11-22"
 };
 
-/// "stickslip-log" for the command `log`; the program's own name for the program.
-std::string name_of(const CLI::App& command, const Heading& heading);
+/// Name of a page: "stickslip-log" for the command `log`; the program's own name for the program.
+std::string page_name(const CLI::App& command, const Heading& heading);
 
-/// The page of a program or of one of its commands, with the commands below it, in the language of
-/// man(7). The exit status is what stands in the command's footer behind "Exit status:", and what
-/// holds for all commands, `exit_status`.
+/// Page of a program or of one of its commands, with the subcommands of the latter, in man(7)
+/// markup. EXIT STATUS is the text behind "Exit status:" in the command's footer, followed by
+/// `exit_status`, which applies to all commands.
 std::string page(const CLI::App& command, const Heading& heading, const Notes& notes,
                  const std::string& exit_status);
 
-/// The sentence behind "Exit status:" of a command's footer; empty where there is none.
+/// Text behind "Exit status:" in a command's footer; empty if there is none.
 std::string exit_status_of(const CLI::App& command);
 
-/// Today, or the day that SOURCE_DATE_EPOCH names, for builds that can be repeated to the bit.
-std::string date_of_build();
+/// Today, or the day given by SOURCE_DATE_EPOCH, for reproducible builds.
+std::string build_date();
 
 }  // namespace stickslip::terminal

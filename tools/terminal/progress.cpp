@@ -18,7 +18,7 @@ namespace stickslip::terminal {
 namespace {
 
 constexpr int file = STDERR_FILENO;
-constexpr std::size_t usual_columns = 80;  // where the terminal does not say
+constexpr std::size_t default_columns = 80;  // if the terminal does not report its width
 
 double now_s() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -28,8 +28,8 @@ double now_s() {
 
 class Progress::Painter {
  public:
-  explicit Painter(std::string what)
-      : what_(std::move(what)), thread_([this](const std::stop_token& stop) { run(stop); }) {}
+  explicit Painter(std::string label)
+      : label_(std::move(label)), thread_([this](const std::stop_token& stop) { run(stop); }) {}
 
   void at(double share) noexcept {
     double before = share_.load(std::memory_order_relaxed);
@@ -37,20 +37,22 @@ class Progress::Painter {
            !share_.compare_exchange_weak(before, share, std::memory_order_relaxed)) {
     }
   }
-  void takes(double seconds) noexcept { takes_s_.store(seconds, std::memory_order_relaxed); }
-  void say(std::string what) {
+  void set_duration(double seconds) noexcept {
+    duration_s_.store(seconds, std::memory_order_relaxed);
+  }
+  void set_label(std::string label) {
     const std::scoped_lock lock(mutex_);
-    what_ = std::move(what);
+    label_ = std::move(label);
   }
 
  private:
-  Standing standing() const {
-    Standing out;
-    out.what = what_;
+  Status status() const {
+    Status out;
+    out.label = label_;
     const double share = share_.load(std::memory_order_relaxed);
-    const double takes_s = takes_s_.load(std::memory_order_relaxed);
-    if (takes_s > 0.0) {
-      out.done = (now_s() - begun_s_) / takes_s;
+    const double duration_s = duration_s_.load(std::memory_order_relaxed);
+    if (duration_s > 0.0) {
+      out.done = (now_s() - begun_s_) / duration_s;
     } else if (share >= 0.0) {
       out.done = share;
     }
@@ -65,12 +67,12 @@ class Progress::Painter {
                       [] { return false; });
       if (stop.stop_requested() || !in_foreground(file)) continue;
       const std::size_t columns = columns_of(file);
-      write(line.draw(now_s(), standing(), columns > 0 ? columns : usual_columns));
+      write(line.draw(now_s(), status(), columns > 0 ? columns : default_columns));
     }
     write(line.erase());
   }
 
-  // What a terminal does not take is not worth an error.
+  // A failure to write to the terminal is ignored.
   static void write(const std::string& text) {
     if (!text.empty()) [[maybe_unused]]
       const auto written = ::write(file, text.data(), text.size());
@@ -79,15 +81,15 @@ class Progress::Painter {
   const double begun_s_ = now_s();
   std::mutex mutex_;
   std::condition_variable_any woken_;
-  std::string what_;  // under the mutex
+  std::string label_;  // guarded by the mutex
   std::atomic<double> share_{-1.0};
-  std::atomic<double> takes_s_{0.0};
-  std::jthread thread_;  // the last: it uses all of the above
+  std::atomic<double> duration_s_{0.0};
+  std::jthread thread_;  // last, since it uses the members above
 };
 
-Progress::Progress(std::string what) {
+Progress::Progress(std::string label) {
   const Abilities abilities = abilities_of(file);
-  if (abilities.terminal && !abilities.dumb) painter_ = std::make_unique<Painter>(std::move(what));
+  if (abilities.terminal && !abilities.dumb) painter_ = std::make_unique<Painter>(std::move(label));
 }
 
 Progress::~Progress() = default;
@@ -100,12 +102,12 @@ void Progress::at(std::size_t done, std::size_t all) noexcept {
   if (all > 0) at(static_cast<double>(done) / static_cast<double>(all));
 }
 
-void Progress::takes(double seconds) noexcept {
-  if (painter_) painter_->takes(seconds);
+void Progress::set_duration(double seconds) noexcept {
+  if (painter_) painter_->set_duration(seconds);
 }
 
-void Progress::say(std::string what) {
-  if (painter_) painter_->say(std::move(what));
+void Progress::set_label(std::string label) {
+  if (painter_) painter_->set_label(std::move(label));
 }
 
 void Progress::finish() noexcept { painter_.reset(); }

@@ -1,4 +1,4 @@
-// Progress of what a command does, on standard error, for a person who waits.
+// Progress of a command on standard error.
 #pragma once
 
 #include <cstddef>
@@ -7,33 +7,33 @@
 
 namespace stickslip::terminal {
 
-/// Tells how far a work is from its first second on, in one line with the time that is left, and
-/// takes the line away when it ends. It is silent where standard error is no terminal, a dumb one,
-/// or that of another job. A thread of its own draws: whoever works only stores a number.
+/// Shows the progress and the time remaining in one line, from the first second on, and erases the
+/// line at the end. Silent if standard error is not a terminal, a dumb one, or this is a background
+/// job. A separate thread draws, so that reporting progress only stores a number.
 ///
-/// What is printed while one lives would stand in its line: call `finish` before.
+/// Call `finish` before other output, which would share the line.
 class Progress {
  public:
-  /// `what` is being done: "reading run.log".
-  explicit Progress(std::string what);
+  /// `label`: the present activity, "reading run.log".
+  explicit Progress(std::string label);
   ~Progress();
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  /// The share that is done, 0 to 1. From any thread, as often as one likes.
+  /// Share done, 0 to 1. Callable from any thread at any rate.
   void at(double share) noexcept;
-  /// `done` pieces of `all`; shares that went back, since threads overtake each other, count not.
+  /// `done` items of `all`. Decreasing shares, from threads that overtake each other, are ignored.
   void at(std::size_t done, std::size_t all) noexcept;
-  /// The work takes so long by the clock, whatever is done meanwhile.
-  void takes(double seconds) noexcept;
-  /// What is being done now. From any thread, a few times a second at most.
-  void say(std::string what);
-  /// Takes the line away; nothing is drawn from then on.
+  /// Fixed total duration: progress follows the clock.
+  void set_duration(double seconds) noexcept;
+  /// Changes the label. Callable from any thread, a few times a second at most.
+  void set_label(std::string label);
+  /// Erases the line and stops drawing.
   void finish() noexcept;
 
  private:
   class Painter;
-  std::unique_ptr<Painter> painter_;  // none where nobody looks
+  std::unique_ptr<Painter> painter_;  // null if silent
 };
 
 }  // namespace stickslip::terminal

@@ -10,68 +10,68 @@ namespace stickslip::terminal {
 
 namespace {
 
-// Back to the first column, and nothing behind it.
-constexpr const char* to_empty_line = "\r\033[K";
+// Carriage return, then erase to the end of the line.
+constexpr const char* erase_line = "\r\033[K";
 
-// Below this the rate so far says nothing yet.
+// Below this share the rate is not yet meaningful.
 constexpr double least_share = 1e-3;
 
 }  // namespace
 
 std::string duration_text(double seconds) {
   if (!std::isfinite(seconds) || seconds > 1e9) return "very long";
-  constexpr double rounding = 1e-6;  // of what was a whole number before it was divided
+  constexpr double rounding = 1e-6;  // rounding error of a whole number of seconds
   const auto all = static_cast<std::int64_t>(std::ceil(std::max(0.0, seconds - rounding)));
-  const auto two = [](std::int64_t large, const char* unit, std::int64_t small,
-                      const char* smaller) {
+  const auto two_units = [](std::int64_t large, const char* unit, std::int64_t small,
+                            const char* smaller) {
     std::string text = std::to_string(large) + ' ' + unit;
     return small == 0 ? text : text + ' ' + std::to_string(small) + ' ' + smaller;
   };
   if (all < 60) return std::to_string(all) + " s";
-  if (all < 3600) return two(all / 60, "min", all % 60, "s");
-  if (all < 86400) return two(all / 3600, "h", all % 3600 / 60, "min");
-  return two(all / 86400, "d", all % 86400 / 3600, "h");
+  if (all < 3600) return two_units(all / 60, "min", all % 60, "s");
+  if (all < 86400) return two_units(all / 3600, "h", all % 3600 / 60, "min");
+  return two_units(all / 86400, "d", all % 86400 / 3600, "h");
 }
 
-std::string progress_text(const Standing& standing, double elapsed_s, std::size_t columns) {
+std::string progress_text(const Status& status, double elapsed_s, std::size_t columns) {
   if (columns < 2) return "";
-  const std::size_t room = columns - 1;  // a full line would begin another one
-  const std::string what = printable(standing.what);
+  const std::size_t width = columns - 1;  // a full line would wrap
+  const std::string label = printable(status.label);
   std::string before;
   std::string after = ", " + duration_text(std::floor(elapsed_s));
   std::string alone = after.substr(2);
-  if (standing.done) {
-    const double done = std::clamp(*standing.done, 0.0, 1.0);
+  if (status.done) {
+    const double done = std::clamp(*status.done, 0.0, 1.0);
     std::string percent = std::to_string(static_cast<int>(std::floor(100.0 * done))) + " %";
     before = padded_left(percent, 5) + "  ";
     after =
         done >= least_share ? ", " + duration_text(elapsed_s * (1.0 - done) / done) + " left" : "";
     alone = percent + after;
-    if (columns_in(alone) > room) alone = std::move(percent);
+    if (columns_in(alone) > width) alone = std::move(percent);
   }
-  // Some words of what is done, or none at all.
-  constexpr std::size_t least_words = 8;
+  // The label is omitted rather than shortened below this length.
+  constexpr std::size_t shortest_label = 8;
   const std::size_t taken = columns_in(before) + columns_in(after);
-  if (room >= taken + std::min(least_words, columns_in(what)) && !what.empty()) {
-    return before + cut_to(what, room - taken) + after;
+  if (width >= taken + std::min(shortest_label, columns_in(label)) && !label.empty()) {
+    return before + cut_to(label, width - taken) + after;
   }
-  return columns_in(alone) <= room ? alone : "";
+  return columns_in(alone) <= width ? alone : "";
 }
 
-std::string ProgressLine::draw(double now_s, const Standing& standing, std::size_t columns) {
+std::string ProgressLine::draw(double now_s, const Status& status, std::size_t columns) {
   if (now_s - begun_s_ < patience_s) return "";
   if (drawn_s_ && now_s - *drawn_s_ < period_s) return "";
-  std::string text = progress_text(standing, now_s - begun_s_, columns);
+  std::string text = progress_text(status, now_s - begun_s_, columns);
   if (text == shown_) return "";
   drawn_s_ = now_s;
   shown_ = std::move(text);
-  return to_empty_line + shown_;
+  return erase_line + shown_;
 }
 
 std::string ProgressLine::erase() {
   if (shown_.empty()) return "";
   shown_.clear();
-  return to_empty_line;
+  return erase_line;
 }
 
 }  // namespace stickslip::terminal

@@ -1,4 +1,4 @@
-// The line that tells how far a work is, as a function of time: no clock and no terminal in it.
+// The progress line as a function of time, independent of clock and terminal.
 #pragma once
 
 #include <cstddef>
@@ -7,32 +7,32 @@
 
 namespace stickslip::terminal {
 
-/// How far a work is.
-struct Standing {
-  std::string what;            ///< what is being done, a few words
-  std::optional<double> done;  ///< its share, 0 to 1; absent: nobody knows how much there is
+/// State of a task.
+struct Status {
+  std::string label;           ///< present activity, a few words
+  std::optional<double> done;  ///< share done, 0 to 1; absent: the total is unknown
 };
 
-/// "12 s", "3 min 20 s", "2 h 5 min", "4 d 7 h": rounded up, so that it is not over before it ends.
+/// "12 s", "3 min 20 s", "2 h 5 min", "4 d 7 h": rounded up.
 std::string duration_text(double seconds);
 
-/// "42 %  fitting, 12 s left", or "listening, 12 s" where the share is not known, in less than
-/// `columns` columns: what is said of the work goes first where there is no room. Empty where
-/// nothing that helps fits. The time left is what the rest takes at the rate so far.
-std::string progress_text(const Standing& standing, double elapsed_s, std::size_t columns);
+/// "42 %  fitting, 12 s left", or "listening, 12 s" if the share is unknown, in less than `columns`
+/// columns. The label is shortened first; empty if nothing useful fits. The time left is
+/// extrapolated at the mean rate.
+std::string progress_text(const Status& status, double elapsed_s, std::size_t columns);
 
-/// What is written to a terminal, and when.
+/// Output to the terminal over time.
 class ProgressLine {
  public:
-  static constexpr double patience_s = 1.0;  ///< what takes no longer is not told of
-  static constexpr double period_s = 0.1;    ///< it is not drawn more often
+  static constexpr double patience_s = 1.0;  ///< shorter tasks show nothing
+  static constexpr double period_s = 0.1;    ///< shortest time between redraws
 
   explicit ProgressLine(double begun_s) : begun_s_(begun_s) {}
 
-  /// The bytes to write at `now_s`; empty where nothing is to be changed.
-  std::string draw(double now_s, const Standing& standing, std::size_t columns);
+  /// Bytes to write at `now_s`; empty if the line is unchanged.
+  std::string draw(double now_s, const Status& status, std::size_t columns);
 
-  /// The bytes that take the line away; empty where it is not there.
+  /// Bytes that erase the line; empty if it is not shown.
   std::string erase();
 
  private:

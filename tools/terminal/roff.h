@@ -1,4 +1,4 @@
-// Text as man(7) takes it.
+// Text in man(7) markup.
 #pragma once
 
 #include <string>
@@ -6,10 +6,10 @@
 
 namespace stickslip::terminal {
 
-/// Plain text within a line: backslashes and hyphens are what they are.
+/// Plain text within a line, with roff special characters escaped.
 std::string escaped(std::string_view text);
 
-/// Text of its own lines: none of them is taken for a request.
+/// Lines of text, ended by a line feed; none of them can be read as a roff request.
 std::string paragraph(std::string_view text);
 
 std::string bold(std::string_view text);

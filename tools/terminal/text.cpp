@@ -7,8 +7,8 @@ namespace {
 bool begins_character(char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; }
 
 std::string blanks_for(std::string_view text, std::size_t columns) {
-  const std::size_t there = columns_in(text);
-  return std::string(columns > there ? columns - there : 0, ' ');
+  const std::size_t present = columns_in(text);
+  return std::string(columns > present ? columns - present : 0, ' ');
 }
 
 }  // namespace

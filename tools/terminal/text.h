@@ -1,4 +1,4 @@
-// Text of any origin on one line of a terminal.
+// Text of unknown origin on one line of a terminal.
 #pragma once
 
 #include <cstddef>
@@ -7,17 +7,17 @@
 
 namespace stickslip::terminal {
 
-/// Control characters as blanks: what others wrote stays on its line and is no command to the
-/// terminal.
+/// Replaces control characters by blanks, so that foreign text neither breaks the line nor controls
+/// the terminal.
 std::string printable(std::string_view text);
 
-/// At most `columns` characters of UTF-8, with "..." for what was cut where there is room for it.
+/// At most `columns` characters of UTF-8, with "..." for the rest if `columns` > 6.
 std::string cut_to(std::string_view text, std::size_t columns);
 
-/// Characters of UTF-8, each taken for one column.
+/// Number of UTF-8 characters; each is assumed to take one column.
 std::size_t columns_in(std::string_view text);
 
-/// With blanks behind (or before) it, up to so many columns; what is longer stays as it is.
+/// Padded with blanks behind (before) the text to `columns`; longer text is unchanged.
 std::string padded(std::string_view text, std::size_t columns);
 std::string padded_left(std::string_view text, std::size_t columns);
 

@@ -1,4 +1,4 @@
-// A machine that answers as a test says; untouched, it is one on which every check is green.
+// A simulated machine. Every check passes on its default state.
 #pragma once
 
 #include <gmock/gmock.h>
@@ -54,10 +54,10 @@ class FakeHost final : public Host {
       {"/dev/gpiochip0", entry(Entry::Kind::device, 0660)},
       {"/usr/bin/timedatectl", entry(Entry::Kind::file)},
   };
-  Tried opened{true, 0, ""};
-  Tried connected{true, 0, ""};
-  Tried prioritised{true, 0, ""};
-  Tried locked{true, 0, ""};
+  Attempt opened{true, 0, ""};
+  Attempt connected{true, 0, ""};
+  Attempt prioritised{true, 0, ""};
+  Attempt locked{true, 0, ""};
   Caller who{"ada", false, {"ada", "stickslip"}};
   bool group = true;
   Kernel running{"6.1.0-18-rt-amd64", "#1 SMP PREEMPT_RT Debian", "x86_64"};
@@ -83,12 +83,12 @@ class FakeHost final : public Host {
     const auto found = folders.find(folder.string());
     return found == folders.end() ? std::vector<std::string>{} : found->second;
   }
-  Entry look_at(const std::filesystem::path& path) const override {
+  Entry entry_at(const std::filesystem::path& path) const override {
     const auto found = entries.find(path.string());
     return found == entries.end() ? Entry{} : found->second;
   }
-  Tried open_for_writing(const std::filesystem::path&) const override { return opened; }
-  Tried connect_to(const std::filesystem::path&) const override { return connected; }
+  Attempt open_for_writing(const std::filesystem::path&) const override { return opened; }
+  Attempt connect_to(const std::filesystem::path&) const override { return connected; }
   Caller caller() const override { return who; }
   bool group_exists(const std::string&) const override { return group; }
   Kernel kernel() const override { return running; }
@@ -97,7 +97,7 @@ class FakeHost final : public Host {
   }
   std::optional<bool> interface_up(const std::string&) const override { return loopback; }
   Route route_to(const std::string&) const override { return route; }
-  std::size_t messages_held(std::size_t, int receive_buffer_bytes) const override {
+  std::size_t receive_buffer_messages(std::size_t, int receive_buffer_bytes) const override {
     asked_receive_buffer = receive_buffer_bytes;
     return held;
   }
@@ -105,8 +105,8 @@ class FakeHost final : public Host {
     probed_url = url;
     return trip;
   }
-  Tried take_real_time_priority(int) const override { return prioritised; }
-  Tried lock_memory() const override { return locked; }
+  Attempt take_real_time_priority(int) const override { return prioritised; }
+  Attempt lock_memory() const override { return locked; }
   Wakeups measure_wakeups(double, double) const override { return woken; }
   std::optional<std::uint64_t> free_bytes(const std::filesystem::path&) const override {
     return free;
@@ -115,28 +115,30 @@ class FakeHost final : public Host {
   std::optional<WallClock> wall_clock() const override { return wall; }
 };
 
-inline Needs some_needs() { return needs_without_rig("udpm://239.255.76.67:7667?ttl=0"); }
-
-inline Needs hardware_needs() {
-  Needs needs = some_needs();
-  needs.config_file = "rig.toml";
-  needs.hardware = true;
-  needs.records = true;
-  return needs;
+inline Requirements some_requirements() {
+  return default_requirements("udpm://239.255.76.67:7667?ttl=0");
 }
 
-/// The verdict, with a part of what was found.
+inline Requirements hardware_requirements() {
+  Requirements required = some_requirements();
+  required.config_file = "rig.toml";
+  required.hardware = true;
+  required.records = true;
+  return required;
+}
+
+/// Matches the verdict and a part of the result.
 inline testing::Matcher<const Finding&> is(Verdict verdict, const std::string& part) {
   return testing::AllOf(testing::Field("verdict", &Finding::verdict, verdict),
                         testing::Field("found", &Finding::found, testing::HasSubstr(part)));
 }
 
-inline testing::Matcher<const Finding&> is_green() {
+inline testing::Matcher<const Finding&> passes() {
   return testing::AllOf(testing::Field("verdict", &Finding::verdict, Verdict::ok),
                         testing::Field("command", &Finding::command, ""));
 }
 
-inline testing::Matcher<const Finding&> mended_by(const std::string& command) {
+inline testing::Matcher<const Finding&> remedied_by(const std::string& command) {
   return testing::Field("command", &Finding::command, command);
 }
 

@@ -8,19 +8,19 @@
 namespace stickslip::doctor {
 namespace {
 
-TEST(Examination, OfAMachineForARigFindsNothing) {
-  const auto findings = examine(FakeHost(), some_needs());
+TEST(Examination, PassesOnASuitableMachine) {
+  const auto findings = run_checks(FakeHost(), some_requirements());
   std::set<std::string> names;
   for (const Finding& each : findings) {
     EXPECT_LE(each.verdict, Verdict::note) << each.check << ": " << each.found;
     EXPECT_FALSE(each.found.empty()) << each.check;
-    EXPECT_TRUE(names.insert(each.check).second) << each.check << " stands twice";
+    EXPECT_TRUE(names.insert(each.check).second) << each.check << " occurs twice";
   }
   EXPECT_LE(worst(findings), Verdict::note);
 }
 
-TEST(Examination, WhateverIsRedSaysWhatToDo) {
-  FakeHost host;  // a bare machine: nothing is there, nothing is granted
+TEST(Examination, GivesARemedyForEveryProblem) {
+  FakeHost host;  // a bare machine: nothing exists, nothing is granted
   host.files = {{"/proc/sys/kernel/sched_rt_runtime_us", "0"},
                 {"/proc/sys/kernel/sched_rt_period_us", "1000000"}};
   host.folders.clear();
@@ -36,22 +36,22 @@ TEST(Examination, WhateverIsRedSaysWhatToDo) {
   host.woken = {false, 10, 2'000'000, 3'000'000, 4'000'000, 9'000'000};
   host.free.reset();
   host.wall->synchronised = false;
-  std::size_t red = 0;
-  for (const Finding& each : examine(host, hardware_needs())) {
+  std::size_t problems = 0;
+  for (const Finding& each : run_checks(host, hardware_requirements())) {
     if (each.verdict < Verdict::warn) continue;
-    ++red;
+    ++problems;
     EXPECT_FALSE(each.command.empty()) << each.check;
     EXPECT_EQ(each.command.find('\n'), std::string::npos) << each.check;
   }
-  EXPECT_GE(red, 15U);
-  EXPECT_EQ(worst(examine(host, hardware_needs())), Verdict::fail);
+  EXPECT_GE(problems, 15U);
+  EXPECT_EQ(worst(run_checks(host, hardware_requirements())), Verdict::fail);
 }
 
 const std::vector<Finding> some = {{"loopback", Verdict::ok, "lo is up", ""},
                                    {"LCM route", Verdict::fail, "none", "sudo ip route"},
                                    {"GPIO", Verdict::note, "none", ""}};
 
-TEST(Report, IsALineForEachAndItsCommandBelow) {
+TEST(Report, HasOneLinePerFindingAndItsCommandBelow) {
   EXPECT_EQ(text(some),
             "ok    loopback   lo is up\n"
             "fail  LCM route  none\n"
@@ -60,7 +60,7 @@ TEST(Report, IsALineForEachAndItsCommandBelow) {
             "1 ok, 1 notes, 0 warnings, 1 failures\n");
 }
 
-TEST(Report, IsJsonWhateverNamesTheMachineHas) {
+TEST(Report, IsValidJsonForAnyBytes) {
   auto findings = some;
   findings.push_back({"disk", Verdict::warn, "\xff\"\n", "c"});
   const auto report = nlohmann::json::parse(json(findings));
@@ -73,27 +73,27 @@ TEST(Report, IsJsonWhateverNamesTheMachineHas) {
   EXPECT_EQ(report["checks"][3]["verdict"], "warn");
 }
 
-TEST(Words, OfAShell) {
+TEST(ShellWord, IsQuotedIfNecessary) {
   EXPECT_EQ(shell_word("/var/lib/x-1.log"), "/var/lib/x-1.log");
   EXPECT_EQ(shell_word("my rig"), "'my rig'");
   EXPECT_EQ(shell_word("it's"), "'it'\\''s'");
   EXPECT_EQ(shell_word(""), "''");
 }
 
-TEST(Needs, OfARigComeFromItsFile) {
+TEST(Requirements, AreReadFromTheRigFile) {
   const config::Rig rig = config::load_rig(STICKSLIP_SOURCE_DIR "/config/simulated.toml");
-  const Needs needs = needs_of(rig);
-  EXPECT_EQ(needs.rate_hz, 1000.0);
-  EXPECT_EQ(needs.frames_per_block, 10);
-  EXPECT_FALSE(needs.hardware);
-  EXPECT_FALSE(needs.records);
-  EXPECT_TRUE(needs.real_time);
-  EXPECT_EQ(needs.lcm_url, rig.lcm.url);
-  EXPECT_EQ(needs.control_socket, "/run/stickslip/control.sock");
-  // Ten frames of 65 bytes, and what is around them.
-  EXPECT_GT(needs.block_bytes(), 650U);
-  EXPECT_LT(needs.block_bytes(), 750U);
-  EXPECT_EQ(needs.messages_per_s(), 300.0);
+  const Requirements required = requirements_of(rig);
+  EXPECT_EQ(required.rate_hz, 1000.0);
+  EXPECT_EQ(required.frames_per_block, 10);
+  EXPECT_FALSE(required.hardware);
+  EXPECT_FALSE(required.records);
+  EXPECT_TRUE(required.real_time);
+  EXPECT_EQ(required.lcm_url, rig.lcm.url);
+  EXPECT_EQ(required.control_socket, "/run/stickslip/control.sock");
+  // Ten frames of 65 bytes, and the header.
+  EXPECT_GT(required.block_bytes(), 650U);
+  EXPECT_LT(required.block_bytes(), 750U);
+  EXPECT_EQ(required.messages_per_s(), 300.0);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// What other programs find in an exported recording.
+// Contents of exported recordings.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <hdf5.h>
@@ -27,7 +27,7 @@ namespace fs = std::filesystem;
 using testing::HasSubstr;
 
 constexpr std::size_t frame_count = 25;
-// Far from 0, where a double cannot hold nanoseconds.
+// Large enough that a double cannot represent nanoseconds.
 constexpr std::int64_t origin_ns = 1'720'000'000'000'000'001;
 
 class Export : public testing::Test {
@@ -74,7 +74,7 @@ class Export : public testing::Test {
     excitation.drive = 0.004;
     excitation.amplifier_on = 1;
     excitation.earlier = 3;
-    excitation.earlier_by = {20, 4, 1};  // the first is of a frame that is not in the log
+    excitation.earlier_by = {20, 4, 1};  // the first refers to a frame that is not in the log
     excitation.earlier_drive = {1.0, 0.001, 0.003};
     excitation.earlier_amplitude = {1.0F, 0.5F, 0.5F};
     excitation.earlier_phase_rad = {1.0F, 0.25F, 0.5F};
@@ -104,7 +104,7 @@ class Export : public testing::Test {
   fs::path folder_;
 };
 
-TEST_F(Export, CsvHasARowForEachFrameAndWhatBelongsToIt) {
+TEST_F(Export, CsvHasOneRowPerFrame) {
   std::ifstream in(export_to("run.csv"));
   std::vector<std::string> comments;
   std::vector<std::string> rows;
@@ -141,7 +141,7 @@ struct FreeMat {
   void operator()(matvar_t* variable) const { Mat_VarFree(variable); }
 };
 
-TEST_F(Export, MatlabFindsStructsOfColumns) {
+TEST_F(Export, MatlabFileHasStructsOfColumns) {
   const std::unique_ptr<mat_t, CloseMat> file(
       Mat_Open(export_to("run.mat").c_str(), MAT_ACC_RDONLY));
   ASSERT_TRUE(file);
@@ -236,7 +236,7 @@ TEST_F(Export, Hdf5HasUnitsAndTheDescriptionAsAttributes) {
   EXPECT_EQ(file.attribute("/", "calibration"), "");
 }
 
-TEST_F(Export, ALongConfigurationFindsRoomInHdf5) {
+TEST_F(Export, ALongConfigurationIsAnHdf5Dataset) {
   Tables tables = tables_of(folder_ / "run.log");
   tables.description.configuration = std::string(200'000, 'x');
   write_tables(tables, folder_ / "long.h5");
@@ -250,14 +250,14 @@ TEST_F(Export, ALongConfigurationFindsRoomInHdf5) {
   H5Fclose(id);
 }
 
-TEST_F(Export, ACsvRecordingIsExportedToo) {
+TEST_F(Export, CsvRecordingsAreExported) {
   std::ofstream(folder_ / "in.csv") << "time_s,velocity_m_s\n0,1\n0.001,2\n";
   write_tables(tables_of(folder_ / "in.csv"), folder_ / "out.h5");
   const Hdf5File file(folder_ / "out.h5");
   EXPECT_EQ(file.values<double>("/frames/velocity_m_s", H5T_NATIVE_DOUBLE)[1], 2.0);
 }
 
-TEST_F(Export, SaysWhereItCannotWrite) {
+TEST_F(Export, ReportsUnwritableFiles) {
   const Tables tables = tables_of(folder_ / "run.log");
   for (const char* name : {"/nowhere/at/all/run.csv", "/nowhere/at/all/run.mat",
                            "/nowhere/at/all/run.h5", "run.xlsx"}) {

@@ -1,4 +1,4 @@
-// Messages as they come over LCM.
+// Encoded messages.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ std::vector<std::uint8_t> encoded(const Message& message) {
   return bytes;
 }
 
-/// A block of frames with these sequence numbers, whose displacement [m] is a thousandth of them.
+/// A block of frames with these sequence numbers; the displacement [m] is a thousandth of each.
 inline std::vector<std::uint8_t> block_of(const std::vector<std::uint64_t>& sequences) {
   std::vector<Frame> frames;
   for (const std::uint64_t sequence : sequences) {

@@ -1,4 +1,4 @@
-// What a person and a program read of the traffic.
+// Statistics of the traffic as text and as JSON.
 #include "tools/spy/report.h"
 
 #include <gtest/gtest.h>
@@ -18,11 +18,10 @@ constexpr std::int64_t now_us = 1'000'000;
 Traffic some_traffic() {
   Traffic traffic;
   for (std::uint64_t i = 0; i < 10; ++i) {
-    traffic.take(protocol::frames_channel, block_of({i + 1}),
-                 static_cast<std::int64_t>(i) * 10'000);
+    traffic.add(protocol::frames_channel, block_of({i + 1}), static_cast<std::int64_t>(i) * 10'000);
   }
-  traffic.take(protocol::frames_channel, block_of({20}), 500'000);
-  traffic.take("CAMERA_LEFT", std::vector<std::uint8_t>(2000, 0xAB), 900'000);
+  traffic.add(protocol::frames_channel, block_of({20}), 500'000);
+  traffic.add("CAMERA_LEFT", std::vector<std::uint8_t>(2000, 0xAB), 900'000);
   traffic.close_interval(1.0);
   return traffic;
 }
@@ -36,7 +35,7 @@ std::vector<std::string> lines_of(const std::string& text) {
 
 std::vector<std::string> names(const View& view, const Traffic& traffic) {
   std::vector<std::string> out;
-  for (const ChannelTraffic* each : seen_through(view, traffic, now_us)) {
+  for (const ChannelTraffic* each : selected_channels(view, traffic, now_us)) {
     out.push_back(each->channel);
   }
   return out;
@@ -44,7 +43,7 @@ std::vector<std::string> names(const View& view, const Traffic& traffic) {
 
 using Names = std::vector<std::string>;
 
-TEST(View, SortsByWhatIsAskedFor) {
+TEST(View, SortsByTheChosenKey) {
   const Traffic traffic = some_traffic();
   const Names frames_first = {"STICKSLIP_FRAMES", "CAMERA_LEFT"};
   const Names camera_first = {"CAMERA_LEFT", "STICKSLIP_FRAMES"};
@@ -55,14 +54,14 @@ TEST(View, SortsByWhatIsAskedFor) {
   EXPECT_EQ(names({{}, Order::lost, false}, traffic), frames_first);
 }
 
-TEST(View, ShowsChannelsWhoseNameHoldsAWord) {
+TEST(View, SelectsChannelsByName) {
   const Traffic traffic = some_traffic();
   EXPECT_EQ(names({{"left"}, Order::name, false}, traffic), Names{"CAMERA_LEFT"});
   EXPECT_EQ(names({{"left", "frames"}, Order::name, false}, traffic).size(), 2U);
   EXPECT_TRUE(names({{"right"}, Order::name, false}, traffic).empty());
 }
 
-TEST(Table, HasACellForEverything) {
+TEST(Table, ShowsEveryStatistic) {
   const auto rows =
       lines_of(table({{}, Order::rate, false}, some_traffic(), now_us, 0, terminal::Paint(false)));
   ASSERT_EQ(rows.size(), 6U);  // heading, frames with their losses and values, the camera
@@ -76,14 +75,14 @@ TEST(Table, HasACellForEverything) {
   EXPECT_EQ(rows[5], "  unknown type 0xabababababababab");
 }
 
-TEST(Table, KeepsLossesWhereItIsNarrow) {
+TEST(Table, KeepsLossesIfNarrow) {
   const View view{{"frames"}, Order::name, false};
   const auto rows = lines_of(table(view, some_traffic(), now_us, 60, terminal::Paint(false)));
   EXPECT_EQ(rows[0], "CHANNEL           MESSAGES  RATE/s  SIZE B  AGE s  LOST  BAD");
   EXPECT_TRUE(rows[1].ends_with("  0.5     9    0")) << rows[1];
 }
 
-TEST(Table, TellsBetweenWhichValuesEachWas) {
+TEST(Table, ShowsTheRangeOfEveryValue) {
   const std::string text =
       table({{"frames"}, Order::name, true}, some_traffic(), now_us, 0, terminal::Paint(false));
   EXPECT_NE(text.find("displacement               0.02 m      from        0.001 to         0.02"),
@@ -91,7 +90,7 @@ TEST(Table, TellsBetweenWhichValuesEachWas) {
       << text;
 }
 
-TEST(Table, StaysWithinAnyWidthAndTearsNoSequence) {
+TEST(Table, StaysWithinAnyWidthAndKeepsSequencesWhole) {
   const Traffic traffic = some_traffic();
   for (std::size_t columns = 1; columns < 140; ++columns) {
     for (const std::string& row : lines_of(
@@ -111,13 +110,13 @@ TEST(Table, StaysWithinAnyWidthAndTearsNoSequence) {
   }
 }
 
-TEST(Table, PaintsWhatIsLost) {
+TEST(Table, HighlightsLosses) {
   const std::string text =
       table({{}, Order::name, false}, some_traffic(), now_us, 0, terminal::Paint(true));
   EXPECT_NE(text.find("\033[1;31m   9\033[0m"), std::string::npos) << text;
 }
 
-TEST(Lines, SayAllOfAChannelInOne) {
+TEST(Lines, AreSelfContained) {
   const auto rows = lines_of(lines({{"frames"}, Order::name, false}, some_traffic(), now_us));
   ASSERT_EQ(rows.size(), 1U);
   EXPECT_NE(rows[0].find("11 messages, 11.0/s"), std::string::npos) << rows[0];
@@ -126,9 +125,9 @@ TEST(Lines, SayAllOfAChannelInOne) {
       << rows[0];
 }
 
-TEST(Lines, KeepNamesOfOthersOnOneLine) {
+TEST(Lines, EscapeForeignNames) {
   Traffic traffic;
-  traffic.take("EVIL\033[2J\nNAME", std::vector<std::uint8_t>{}, 0);
+  traffic.add("EVIL\033[2J\nNAME", std::vector<std::uint8_t>{}, 0);
   const std::string text = lines({}, traffic, now_us);
   EXPECT_EQ(text.find('\033'), std::string::npos);
   EXPECT_EQ(lines_of(text).size(), 1U);
@@ -136,7 +135,7 @@ TEST(Lines, KeepNamesOfOthersOnOneLine) {
   EXPECT_EQ(drawn.find('\033'), std::string::npos);
 }
 
-TEST(Json, HoldsTheSame) {
+TEST(Json, HasTheSameStatistics) {
   const auto report =
       nlohmann::json::parse(json({{}, Order::rate, false}, some_traffic(), now_us, 3.0));
   EXPECT_EQ(report["schema"], 1);
@@ -150,9 +149,9 @@ TEST(Json, HoldsTheSame) {
   EXPECT_EQ(report["channels"][1]["fingerprint"], "0xabababababababab");
 }
 
-TEST(Json, IsJsonWhateverANameHolds) {
+TEST(Json, IsValidForAnyName) {
   Traffic traffic;
-  traffic.take("\xFF\n", std::vector<std::uint8_t>{}, 0);
+  traffic.add("\xFF\n", std::vector<std::uint8_t>{}, 0);
   EXPECT_FALSE(
       nlohmann::json::parse(json({}, traffic, now_us, 1.0), nullptr, false).is_discarded());
 }

@@ -1,4 +1,4 @@
-// When something is painted, and what painting does.
+// Choice and application of colours.
 #include "tools/terminal/colour.h"
 
 #include <gtest/gtest.h>
@@ -11,30 +11,30 @@ constexpr Abilities terminal{true, false};
 constexpr Abilities dumb{true, true};
 constexpr Abilities pipe_end{false, false};
 
-TEST(Colour, IsForATerminalThatUnderstandsIt) {
+TEST(Colour, RequiresACapableTerminal) {
   EXPECT_TRUE(wants_colour(Colours::automatic, terminal, nullptr));
   EXPECT_FALSE(wants_colour(Colours::automatic, dumb, nullptr));
   EXPECT_FALSE(wants_colour(Colours::automatic, pipe_end, nullptr));
 }
 
-TEST(Colour, YieldsToNoColorUnlessThatIsEmpty) {
+TEST(Colour, IsDisabledByNoColorUnlessEmpty) {
   EXPECT_FALSE(wants_colour(Colours::automatic, terminal, "1"));
   EXPECT_FALSE(wants_colour(Colours::automatic, terminal, "0"));
   EXPECT_TRUE(wants_colour(Colours::automatic, terminal, ""));
 }
 
-TEST(Colour, FollowsWhatWasAskedForBeforeAll) {
+TEST(Colour, FollowsAnExplicitChoice) {
   EXPECT_TRUE(wants_colour(Colours::always, pipe_end, "1"));
   EXPECT_TRUE(wants_colour(Colours::always, dumb, nullptr));
   EXPECT_FALSE(wants_colour(Colours::never, terminal, nullptr));
 }
 
-TEST(Paint, AddsNothingWhenItIsOff) {
+TEST(Paint, IsPlainIfOff) {
   const Paint paint(false);
   EXPECT_EQ(paint(Tone::bad, "faulted"), "faulted");
 }
 
-TEST(Paint, EndsWhatItBegins) {
+TEST(Paint, ResetsTheColour) {
   const Paint paint(true);
   for (const Tone tone : {Tone::good, Tone::note, Tone::warning, Tone::bad, Tone::faint}) {
     const std::string painted = paint(tone, "word");

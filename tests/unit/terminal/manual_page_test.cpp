@@ -23,7 +23,7 @@ struct Program {
     command->add_option("files", files, "Logs")->required()->type_name("FILE...");
     command->add_option("-s,--speed", number, "How fast")->capture_default_str();
     command->add_option("--format", text, "Which")->check(CLI::IsMember({"csv", "lcm"}));
-    command->add_option("--secret", text, "Not for everybody")->group("");
+    command->add_option("--secret", text, "Internal")->group("");
     command->footer(".hidden files are taken, too. Exit status: 0 sound; 1 damaged.");
   }
 };
@@ -38,11 +38,11 @@ std::string page_of_command() {
   return page(*program.command, heading, notes, "of the program");
 }
 
-bool holds(const std::string& text, const std::string& part) {
+bool contains(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
-TEST(Roff, LeavesEveryCharacterWhatItIs) {
+TEST(Roff, EscapesSpecialCharacters) {
   EXPECT_EQ(escaped("a-b \\ '~^`"), "a\\-b \\e \\(aq\\(ti\\(ha\\(ga");
   EXPECT_EQ(paragraph(".TH is no request\n.nor here"), "\\&.TH is no request\n\\&.nor here\n");
   EXPECT_EQ(paragraph("'quoted"), "\\(aqquoted\n");
@@ -59,53 +59,54 @@ TEST(Page, HasAllSectionsInTheirOrder) {
     EXPECT_GT(at, before) << section;
     before = at;
   }
-  EXPECT_TRUE(holds(text, "stickslip\\-log \\- check and repair recordings\n")) << text;
+  EXPECT_TRUE(contains(text, "stickslip\\-log \\- check and repair recordings\n")) << text;
 }
 
-TEST(Page, HoldsEveryOptionWithItsValueAndDefault) {
+TEST(Page, ListsEveryOptionWithItsValueAndDefault) {
   const std::string text = page_of_command();
-  EXPECT_TRUE(
-      holds(text, "\\fB\\-s\\fR, \\fB\\-\\-speed\\fR \\fINUMBER\\fR\nHow fast (default: 0.5).\n"))
+  EXPECT_TRUE(contains(
+      text, "\\fB\\-s\\fR, \\fB\\-\\-speed\\fR \\fINUMBER\\fR\nHow fast (default: 0.5).\n"))
       << text;
-  EXPECT_TRUE(holds(text, "\\fB\\-\\-format\\fR \\fIcsv|lcm\\fR")) << text;
-  EXPECT_TRUE(holds(text, "\\fBstickslip log\\fR [\\fIOPTIONS\\fR] \\fIFILE\\fR...\n")) << text;
-  EXPECT_FALSE(holds(text, "secret"));
+  EXPECT_TRUE(contains(text, "\\fB\\-\\-format\\fR \\fIcsv|lcm\\fR")) << text;
+  EXPECT_TRUE(contains(text, "\\fBstickslip log\\fR [\\fIOPTIONS\\fR] \\fIFILE\\fR...\n")) << text;
+  EXPECT_FALSE(contains(text, "secret"));
 }
 
 TEST(Page, PutsTheExitStatusOfTheFooterIntoItsSection) {
   const std::string text = page_of_command();
-  EXPECT_TRUE(holds(text,
-                    ".SH EXIT STATUS\n0 sound; 1 damaged.\n.PP\nElse, as of all commands: of "
-                    "the program\n"))
+  EXPECT_TRUE(
+      contains(text,
+               ".SH EXIT STATUS\n0 sound; 1 damaged.\n.PP\nOtherwise, as for all commands: of "
+               "the program\n"))
       << text;
-  EXPECT_TRUE(holds(text, "\\&.hidden files are taken, too.")) << text;
+  EXPECT_TRUE(contains(text, "\\&.hidden files are taken, too.")) << text;
 }
 
 TEST(Page, OfTheProgramNamesItsCommands) {
   Program program;
   const std::string text = page(program.app, heading, {}, exit_status_of(program.app));
-  EXPECT_TRUE(holds(text,
-                    ".SH COMMANDS\n.TP\n\\fBlog\\fR\nCheck and repair recordings.\nSee "
-                    "\\fBstickslip\\-log\\fR(1).\n"))
+  EXPECT_TRUE(contains(text,
+                       ".SH COMMANDS\n.TP\n\\fBlog\\fR\nCheck and repair recordings.\nSee "
+                       "\\fBstickslip\\-log\\fR(1).\n"))
       << text;
-  EXPECT_TRUE(holds(text, ".SH EXIT STATUS\n0 done; 2 bad arguments.\n")) << text;
+  EXPECT_TRUE(contains(text, ".SH EXIT STATUS\n0 done; 2 bad arguments.\n")) << text;
 }
 
-TEST(Page, OfACommandHoldsTheCommandsBelowIt) {
+TEST(Page, OfACommandContainsItsSubcommands) {
   Program program;
   CLI::App* below = program.command->add_subcommand("check", "Walk every event");
   bool json = false;
   below->add_flag("--json", json, "As JSON");
   const std::string text = page(*program.command, heading, {}, "");
-  EXPECT_TRUE(holds(text, ".SS check\n\\fBstickslip log check\\fR [\\fIOPTIONS\\fR]\n")) << text;
-  EXPECT_TRUE(holds(text, "\\fB\\-\\-json\\fR\nAs JSON.\n")) << text;
-  // The footer above it is said once, and so is --help.
+  EXPECT_TRUE(contains(text, ".SS check\n\\fBstickslip log check\\fR [\\fIOPTIONS\\fR]\n")) << text;
+  EXPECT_TRUE(contains(text, "\\fB\\-\\-json\\fR\nAs JSON.\n")) << text;
+  // The inherited footer and --help occur once.
   EXPECT_EQ(text.find("0 sound; 1 damaged"), text.rfind("0 sound; 1 damaged"));
   EXPECT_EQ(text.find("\\-\\-help"), text.rfind("\\-\\-help"));
 }
 
-TEST(Page, ShowsExamplesAsTheyAreTyped) {
-  EXPECT_TRUE(holds(page_of_command(), ".EX\n$ stickslip log \\-\\- a\\eb.log\n.EE\n"));
+TEST(Page, ShowsExamplesVerbatim) {
+  EXPECT_TRUE(contains(page_of_command(), ".EX\n$ stickslip log \\-\\- a\\eb.log\n.EE\n"));
 }
 
 }  // namespace

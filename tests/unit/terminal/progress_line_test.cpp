@@ -1,4 +1,4 @@
-// What a person sees of a work that takes long, with time and width made up.
+// The progress line under simulated time and width.
 #include "tools/terminal/progress_line.h"
 
 #include <gtest/gtest.h>
@@ -9,9 +9,9 @@ namespace {
 
 using namespace stickslip::terminal;
 
-constexpr const char* to_empty_line = "\r\033[K";
+constexpr const char* erase_line = "\r\033[K";
 
-std::string drawn(const std::string& text) { return to_empty_line + text; }
+std::string drawn(const std::string& text) { return erase_line + text; }
 
 TEST(DurationText, RoundsUpAndUsesTwoUnitsAtMost) {
   EXPECT_EQ(duration_text(0.0), "0 s");
@@ -23,16 +23,16 @@ TEST(DurationText, RoundsUpAndUsesTwoUnitsAtMost) {
   EXPECT_EQ(duration_text(1e300), "very long");
 }
 
-TEST(ProgressText, TellsTheTimeThatIsLeftAtTheRateSoFar) {
+TEST(ProgressText, ExtrapolatesTheTimeLeft) {
   EXPECT_EQ(progress_text({"fitting", 0.25}, 10.0, 80), " 25 %  fitting, 30 s left");
   EXPECT_EQ(progress_text({"fitting", 0.999}, 999.0, 80), " 99 %  fitting, 1 s left");
 }
 
-TEST(ProgressText, DoesNotGuessFromNothing) {
+TEST(ProgressText, DoesNotExtrapolateFromZero) {
   EXPECT_EQ(progress_text({"fitting", 0.0}, 5.0, 80), "  0 %  fitting");
 }
 
-TEST(ProgressText, TellsTheTimeThatHasPassedWhereNobodyKnowsTheRest) {
+TEST(ProgressText, ShowsTheElapsedTimeIfTheTotalIsUnknown) {
   EXPECT_EQ(progress_text({"recording", {}}, 75.9, 80), "recording, 1 min 15 s");
 }
 
@@ -47,31 +47,31 @@ TEST(ProgressText, StaysWithinAnyWidth) {
   }
 }
 
-TEST(ProgressText, GivesUpWordsFirstAndNumbersLast) {
-  const Standing standing{"reading a recording", 0.25};
-  EXPECT_EQ(progress_text(standing, 10.0, 36), " 25 %  reading a reco..., 30 s left");
-  EXPECT_EQ(progress_text(standing, 10.0, 20), "25 %, 30 s left");
-  EXPECT_EQ(progress_text(standing, 10.0, 10), "25 %");
-  EXPECT_EQ(progress_text(standing, 10.0, 4), "");
+TEST(ProgressText, ShortensTheLabelFirst) {
+  const Status status{"reading a recording", 0.25};
+  EXPECT_EQ(progress_text(status, 10.0, 36), " 25 %  reading a reco..., 30 s left");
+  EXPECT_EQ(progress_text(status, 10.0, 20), "25 %, 30 s left");
+  EXPECT_EQ(progress_text(status, 10.0, 10), "25 %");
+  EXPECT_EQ(progress_text(status, 10.0, 4), "");
 }
 
-TEST(ProgressText, TakesSharesBeyondTheirRange) {
+TEST(ProgressText, ClampsTheShare) {
   EXPECT_EQ(progress_text({"x", 1.7}, 3.0, 80), "100 %  x, 0 s left");
   EXPECT_EQ(progress_text({"x", -3.0}, 3.0, 80), "  0 %  x");
 }
 
-TEST(ProgressLine, SaysNothingInTheFirstSecond) {
+TEST(ProgressLine, IsEmptyInTheFirstSecond) {
   ProgressLine line(100.0);
   EXPECT_EQ(line.draw(100.0, {"x", 0.5}, 80), "");
   EXPECT_EQ(line.draw(100.99, {"x", 0.9}, 80), "");
-  EXPECT_EQ(line.erase(), "");  // what was never drawn leaves no bytes
+  EXPECT_EQ(line.erase(), "");  // never drawn
 }
 
-TEST(ProgressLine, AppearsIsRedrawnAndGoes) {
+TEST(ProgressLine, AppearsIsRedrawnAndErased) {
   ProgressLine line(100.0);
   EXPECT_EQ(line.draw(101.0, {"x", 0.5}, 80), drawn(" 50 %  x, 1 s left"));
   EXPECT_EQ(line.draw(104.0, {"x", 0.8}, 80), drawn(" 80 %  x, 1 s left"));
-  EXPECT_EQ(line.erase(), to_empty_line);
+  EXPECT_EQ(line.erase(), erase_line);
   EXPECT_EQ(line.erase(), "");
 }
 
@@ -86,21 +86,21 @@ TEST(ProgressLine, IsDrawnTenTimesASecondAtMost) {
   EXPECT_LE(count, 40);
 }
 
-TEST(ProgressLine, IsNotDrawnAgainWhereItIsTheSame) {
+TEST(ProgressLine, IsNotRedrawnUnchanged) {
   ProgressLine line(0.0);
   EXPECT_NE(line.draw(2.0, {"x", {}}, 80), "");
   EXPECT_EQ(line.draw(2.5, {"x", {}}, 80), "");
   EXPECT_NE(line.draw(3.0, {"x", {}}, 80), "");
 }
 
-TEST(ProgressLine, GoesWhereTheTerminalBecomesTooNarrow) {
+TEST(ProgressLine, IsErasedIfTheTerminalBecomesTooNarrow) {
   ProgressLine line(0.0);
   EXPECT_EQ(line.draw(2.0, {"x", 0.5}, 80), drawn(" 50 %  x, 2 s left"));
-  EXPECT_EQ(line.draw(3.0, {"x", 0.5}, 3), to_empty_line);
+  EXPECT_EQ(line.draw(3.0, {"x", 0.5}, 3), erase_line);
   EXPECT_EQ(line.draw(4.0, {"x", 0.5}, 3), "");
 }
 
-TEST(ProgressLine, ShowsNoCommandToTheTerminal) {
+TEST(ProgressLine, ContainsNoForeignControlSequences) {
   ProgressLine line(0.0);
   EXPECT_EQ(line.draw(2.0, {"reading \033[2J", 0.5}, 80), drawn(" 50 %  reading  [2J, 2 s left"));
 }

@@ -1,5 +1,4 @@
-// That progress does no harm where nobody looks. What a person sees is tested on a pseudo terminal
-// in tests/end_to_end/terminal.py.
+// Progress without a terminal. On a pseudo terminal it is tested in tests/end_to_end/terminal.py.
 #include "tools/terminal/progress.h"
 
 #include <gtest/gtest.h>
@@ -11,7 +10,7 @@ namespace {
 
 using stickslip::terminal::Progress;
 
-TEST(Progress, TakesNumbersFromManyThreads) {
+TEST(Progress, IsThreadSafe) {
   Progress progress("counting");
   {
     std::vector<std::jthread> threads;
@@ -19,18 +18,18 @@ TEST(Progress, TakesNumbersFromManyThreads) {
       threads.emplace_back([&progress, t] {
         for (std::size_t i = 0; i < 10000; ++i) {
           progress.at(i, 10000);
-          if (i % 1000 == 0) progress.say("thread " + std::to_string(t));
+          if (i % 1000 == 0) progress.set_label("thread " + std::to_string(t));
         }
       });
     }
   }
   progress.finish();
   progress.finish();
-  progress.at(0.5);  // after the end it is heard by nobody
-  progress.say("nothing");
+  progress.at(0.5);  // ignored after the end
+  progress.set_label("nothing");
 }
 
-TEST(Progress, DividesByNoZero) {
+TEST(Progress, AcceptsATotalOfZero) {
   Progress progress("nothing at all");
   progress.at(0, 0);
 }

@@ -1,4 +1,4 @@
-// What a rig needs of its machine.
+// Requirements of a rig on its machine.
 #pragma once
 
 #include <cstddef>
@@ -9,41 +9,41 @@
 
 namespace stickslip::doctor {
 
-/// An LCM URL in its parts.
+/// Components of an LCM URL.
 struct LcmUrl {
   std::string provider;  ///< "udpm"
   std::string address;   ///< "239.255.76.67"
   std::string port;
-  int ttl = 0;                   ///< of udpm; LCM takes 0 where the URL does not say
-  int receive_buffer_bytes = 0;  ///< 0: the machine's default
+  int ttl = 0;                   ///< of udpm; LCM's default is 0
+  int receive_buffer_bytes = 0;  ///< 0: the default of the machine
 };
 
 LcmUrl parse_lcm_url(const std::string& url);
 
-struct Needs {
-  std::string config_file;  ///< empty: no rig was named, and these are the defaults
+struct Requirements {
+  std::string config_file;  ///< empty: no rig is given, and these are the defaults
   bool publishes = true;
   std::string lcm_url;
   double rate_hz = 1000.0;
   int frames_per_block = 10;
-  bool real_time = true;  ///< the rig asks for real-time scheduling
+  bool real_time = true;  ///< the rig uses real-time scheduling
   bool hardware = false;  ///< its channels come from devices
   bool records = false;
   std::filesystem::path recording_folder = "/var/lib/stickslip/recordings";
   std::filesystem::path control_socket = "/run/stickslip/control.sock";
-  double latency_duration_s = 1.0;  ///< for how long wake-ups are measured
+  double latency_duration_s = 1.0;  ///< duration of the wake-up measurement
 
   double period_ns() const { return 1e9 / rate_hz; }
-  /// Of a block of frames as LCM carries it.
+  /// Size of a block of frames with the header of LCM.
   std::size_t block_bytes() const;
-  /// Frames, estimate and excitation for each block.
+  /// Rate of messages: frames, estimate and excitation for each block.
   double messages_per_s() const { return 3.0 * rate_hz / frames_per_block; }
   double recorded_bytes_per_s() const;
 };
 
-/// Of a rig without a configuration, at the given LCM URL.
-Needs needs_without_rig(const std::string& lcm_url);
+/// Requirements without a rig file, at the given LCM URL.
+Requirements default_requirements(const std::string& lcm_url);
 
-Needs needs_of(const config::Rig& rig);
+Requirements requirements_of(const config::Rig& rig);
 
 }  // namespace stickslip::doctor

@@ -1,4 +1,4 @@
-#include "tools/doctor/needs.h"
+#include "tools/doctor/requirements.h"
 
 #include <charconv>
 #include <string_view>
@@ -34,7 +34,7 @@ LcmUrl parse_lcm_url(const std::string& url) {
   out.address = place.substr(0, place.find(':'));
   if (place.find(':') != std::string::npos) out.port = place.substr(place.find(':') + 1);
   if (out.provider == "udpm") {
-    // As LCM: what the URL leaves out is its own group.
+    // LCM's defaults.
     if (out.address.empty()) out.address = "239.255.76.67";
     if (out.port.empty()) out.port = "7667";
   }
@@ -45,46 +45,45 @@ LcmUrl parse_lcm_url(const std::string& url) {
   return out;
 }
 
-std::size_t Needs::block_bytes() const {
+std::size_t Requirements::block_bytes() const {
   const std::vector<Frame> frames(static_cast<std::size_t>(frames_per_block));
   frame_block_t block{};
   protocol::to_block(frames, block);
-  // LCM's own header: magic number, counter and the channel's name.
+  // Header of LCM: magic number, counter and channel name.
   return static_cast<std::size_t>(block.getEncodedSize()) + 8 +
          std::string_view(protocol::frames_channel).size() + 1;
 }
 
-double Needs::recorded_bytes_per_s() const {
-  // Frames are a part; the estimate with its covariance, the excitation and the log's own headers
-  // are somewhat more again.
+double Requirements::recorded_bytes_per_s() const {
+  // The factor covers the estimate with its covariance, the excitation and the headers of the log.
   return 2.5 * static_cast<double>(block_bytes()) * rate_hz / frames_per_block;
 }
 
-Needs needs_without_rig(const std::string& lcm_url) {
-  Needs needs;
-  needs.lcm_url = lcm_url;
-  return needs;
+Requirements default_requirements(const std::string& lcm_url) {
+  Requirements required;
+  required.lcm_url = lcm_url;
+  return required;
 }
 
-Needs needs_of(const config::Rig& rig) {
+Requirements requirements_of(const config::Rig& rig) {
   const std::vector<config::Setting> settings = config::settings_of(rig);
-  Needs needs;
-  needs.config_file = rig.file.string();
-  needs.publishes = rig.lcm.enabled;
-  needs.lcm_url = rig.lcm.url;
-  needs.rate_hz = rig.loop.rate_hz;
-  needs.frames_per_block = rig.loop.frames_per_block;
-  needs.real_time = rig.loop.real_time_scheduling;
+  Requirements required;
+  required.config_file = rig.file.string();
+  required.publishes = rig.lcm.enabled;
+  required.lcm_url = rig.lcm.url;
+  required.rate_hz = rig.loop.rate_hz;
+  required.frames_per_block = rig.loop.frames_per_block;
+  required.real_time = rig.loop.real_time_scheduling;
   const std::string driver = config::plain_text(settings, "driver.kind");
-  needs.hardware = driver != "simulated" && driver != "replay";
-  needs.records = rig.recording.enabled;
+  required.hardware = driver != "simulated" && driver != "replay";
+  required.records = rig.recording.enabled;
   if (rig.recording.enabled) {
-    needs.recording_folder =
+    required.recording_folder =
         rig.recording.file.has_parent_path() ? rig.recording.file.parent_path() : ".";
   }
   const std::string socket = config::plain_text(settings, "control.socket");
-  if (!socket.empty()) needs.control_socket = socket;
-  return needs;
+  if (!socket.empty()) required.control_socket = socket;
+  return required;
 }
 
 }  // namespace stickslip::doctor

@@ -1,0 +1,99 @@
+// The command line of `stickslip` as a whole.
+#include "tools/commands/commands.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <functional>
+#include <set>
+#include <string>
+
+#include "tools/terminal/command_tree.h"
+
+namespace stickslip::commands {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Parser {
+  command_line::Program program{"Tools.", "stickslip"};
+  Action action;
+
+  Parser() { add_subcommands(program, action); }
+
+  /// Calls `check` with every command below the program, at any depth.
+  void for_each(const std::function<void(const CLI::App&)>& check) const { visit(program, check); }
+
+ private:
+  static void visit(const CLI::App& app, const std::function<void(const CLI::App&)>& check) {
+    for (const CLI::App* each : app.get_subcommands([](const CLI::App*) { return true; })) {
+      check(*each);
+      visit(*each, check);
+    }
+  }
+};
+
+TEST(Commands, EveryFileOfTheFolderIsACommand) {
+  std::set<std::string> files;
+  for (const auto& entry : fs::directory_iterator(STICKSLIP_SOURCE_DIR "/tools/commands")) {
+    if (entry.path().extension() == ".cpp") files.insert(entry.path().stem());
+  }
+  std::set<std::string> names = {"ctl_calibrate"};
+  const Parser parser;
+  for (const CLI::App* each : terminal::visible_subcommands(parser.program)) {
+    EXPECT_TRUE(names.insert(each->get_name()).second) << each->get_name();
+  }
+  EXPECT_EQ(names, files);
+}
+
+TEST(Commands, HaveADescription) {
+  Parser().for_each([](const CLI::App& command) {
+    const std::string text = command.get_description();
+    EXPECT_FALSE(text.empty()) << command.get_name();
+    EXPECT_EQ(text.find('\n'), std::string::npos) << command.get_name();
+    EXPECT_NE(text.back(), '.') << command.get_name() << ": the manual adds the full stop";
+  });
+}
+
+TEST(Commands, DescribeEveryOption) {
+  Parser().for_each([](const CLI::App& command) {
+    for (const CLI::Option* option : command.get_options()) {
+      EXPECT_FALSE(option->get_description().empty())
+          << command.get_name() << " " << option->get_name();
+    }
+  });
+}
+
+TEST(Commands, HaveAnExampleAndReferencesInTheManual) {
+  const Parser parser;
+  for (const CLI::App* command : terminal::visible_subcommands(parser.program)) {
+    const terminal::Notes notes = parser.program.notes(*command);
+    EXPECT_FALSE(notes.see_also.empty()) << command->get_name();
+    ASSERT_FALSE(notes.examples.empty()) << command->get_name();
+    for (const auto& example : notes.examples) {
+      EXPECT_TRUE(example.command.starts_with("stickslip " + command->get_name()))
+          << example.command;
+    }
+  }
+}
+
+TEST(Commands, ParseTheirExamplesAndSetAnAction) {
+  Parser parser;
+  for (const CLI::App* command : terminal::visible_subcommands(parser.program)) {
+    for (const auto& example : parser.program.notes(*command).examples) {
+      parser.action = nullptr;
+      parser.program.clear();
+      EXPECT_NO_THROW(parser.program.parse(example.command, true)) << example.command;
+      EXPECT_TRUE(parser.action) << example.command;
+    }
+  }
+}
+
+TEST(Commands, AreRefusedIfUnknown) {
+  Parser parser;
+  EXPECT_THROW(parser.program.parse("stickslip simulate --nonsense", true), CLI::ParseError);
+}
+
+}  // namespace
+}  // namespace stickslip::commands

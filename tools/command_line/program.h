@@ -1,0 +1,43 @@
+// Parser of a program whose subcommands carry notes for their manual pages.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <map>
+
+#include "tools/terminal/manual_page.h"
+
+namespace stickslip::command_line {
+
+class Program : public CLI::App {
+ public:
+  using CLI::App::App;
+
+  /// Notes of the program itself or of one of its subcommands; empty if `describe` was not called.
+  terminal::Notes notes(const CLI::App& command) const;
+
+  void set_notes(const CLI::App& command, terminal::Notes notes);
+
+ private:
+  std::map<const CLI::App*, terminal::Notes> notes_;
+};
+
+/// The program that a command belongs to, at any depth. Throws std::logic_error if the root of the
+/// parser is not a Program.
+Program& program_of(CLI::App& command);
+
+/// Sets the notes for the manual page of a command or of the program itself.
+void describe(CLI::App& command, terminal::Notes notes);
+
+// Notes that several commands share.
+inline const terminal::Notes::Entry lcm_url_variable = {
+    "LCM_DEFAULT_URL", "LCM URL if --url is not given; udpm://239.255.76.67:7667?ttl=0 if unset"};
+inline const terminal::Notes::Entry no_color_variable = {
+    "NO_COLOR", "If set and not empty, disables colours unless --color requests them"};
+inline const terminal::Notes::Entry recording_files = {
+    "*.log, *.lcm, *.csv",
+    "Recordings: LCM event logs, or CSV with a column time_s and the channels in SI units. The "
+    "format is detected from the content"};
+inline const terminal::Notes::Entry model_files = {
+    "config/models/*.toml", "Models, in the source; docs/configuration.md describes every key"};
+
+}  // namespace stickslip::command_line
