@@ -11,19 +11,19 @@ namespace stickslip::daemon {
 namespace {
 
 constexpr double two_pi = 2.0 * std::numbers::pi;
-/// Fewer samples are not fitted; a block then is more than a period.
+/// Of a block; with fewer samples to a period, a block takes several periods.
 constexpr int least_samples = 32;
-/// A loop of an integrator that sees its effect a block later does not ring from here on.
+/// Time constant in blocks: an integrator with a delay of one block does not ring above it.
 constexpr double least_blocks = 3.0;
 constexpr double largest_error = 0.5;
-/// A drift is looked for only where the error is small, so that a step does not overshoot.
+/// The integral part is active only for small errors, so that a step does not overshoot.
 constexpr double drift_error = 0.03;
 constexpr double largest_drift_per_s = 0.03;
 /// Relative standard deviation of a fitted amplitude that halves its weight.
-constexpr double usual_doubt = 0.01;
-/// How far beyond its range the gain that is needed may be.
+constexpr double reference_std = 0.01;
+/// Factor by which the required gain may exceed its range.
 constexpr double plausible = 2.0;
-/// Harmonics are fitted up to this part of the sampling rate.
+/// Largest carrier frequency, over the sampling rate, at which harmonics are fitted.
 constexpr double highest_carrier = 1.0 / 16.0;
 
 }  // namespace
@@ -60,28 +60,28 @@ void AmplitudeControl::discard() {
   unit_ = 0.0;
   samples_ = 0;
   missing_ = 0;
-  spoilt_ = false;
+  discarded_ = false;
 }
 
-void AmplitudeControl::update(double measured, bool valid, const Drive& drive, Hold because) {
+void AmplitudeControl::update(double measured, bool valid, const Drive& drive, Hold reason) {
   const bool new_period = drive.phase_turns < phase_turns_;
   phase_turns_ = drive.phase_turns;
   const bool usable = valid && std::isfinite(measured);
-  if (because != Hold::none) {
-    spoilt_ = true;
+  if (reason != Hold::none) {
+    discarded_ = true;
     rate_per_s_ = 0.0;
     drift_per_s_ = 0.0;
-    hold_ = because;
+    hold_ = reason;
   } else if (usable) {
     gain_ = std::clamp(gain_ * std::exp(rate_per_s_ * period_s_), settings_.gain_min,
                        settings_.gain_max);
   }
-  if (new_period && (spoilt_ || samples_ + missing_ >= least_samples)) {
-    if (!spoilt_) evaluate(drive.carrier_hz);
+  if (new_period && (discarded_ || samples_ + missing_ >= least_samples)) {
+    if (!discarded_) evaluate(drive.carrier_hz);
     discard();
-    spoilt_ = because != Hold::none;
+    discarded_ = reason != Hold::none;
   }
-  if (spoilt_) return;
+  if (discarded_) return;
   if (usable) {
     add(measured, drive);
   } else {
@@ -117,7 +117,7 @@ void AmplitudeControl::evaluate(double carrier_hz) {
     hold_ = Hold::no_signal;
     return;
   }
-  // Terms that the sampling cannot tell apart are left out.
+  // Aliased harmonics are left out of the fit.
   if (carrier_hz * period_s_ > highest_carrier) {
     for (int i = 3; i < terms; ++i) {
       normal_.row(i).setZero();
@@ -129,19 +129,21 @@ void AmplitudeControl::evaluate(double carrier_hz) {
   const Eigen::LDLT<Matrix> solver(normal_);
   const Vector fit = solver.solve(right_);
   const double level = std::hypot(fit(1), fit(2));
-  const double left = std::max(0.0, squares_ - fit.dot(right_)) / (samples_ - terms);
-  const Vector of_sine = solver.solve(Vector::Unit(1));
+  const double residual_variance = std::max(0.0, squares_ - fit.dot(right_)) / (samples_ - terms);
+  const Vector sine_covariance = solver.solve(Vector::Unit(1));
   if (!fit.allFinite() || !(level > 0.0)) {
     hold_ = Hold::implausible;
     drift_per_s_ = 0.0;
     return;
   }
-  const double doubt = std::sqrt(left * std::max(0.0, of_sine(1))) / level;
+  const double relative_std =
+      std::sqrt(residual_variance * std::max(0.0, sine_covariance(1))) / level;
   const double harmonics = std::sqrt(fit.tail<4>().squaredNorm());
-  follow(level / unit_, doubt, harmonics / level, block_s);
+  follow(level / unit_, relative_std, harmonics / level, block_s);
 }
 
-void AmplitudeControl::follow(double ratio, double doubt, double distortion, double block_s) {
+void AmplitudeControl::follow(double ratio, double relative_std, double distortion,
+                              double block_s) {
   ratio_ = ratio;
   distortion_ = distortion;
   const double needed = gain_ / ratio;
@@ -157,7 +159,7 @@ void AmplitudeControl::follow(double ratio, double doubt, double distortion, dou
     return;
   }
   hold_ = Hold::none;
-  const double weight = 1.0 / (1.0 + doubt * doubt / (usual_doubt * usual_doubt));
+  const double weight = 1.0 / (1.0 + relative_std * relative_std / (reference_std * reference_std));
   const double time_s = std::max(settings_.time_constant_s, least_blocks * block_s);
   if (std::abs(error) < drift_error) {
     drift_per_s_ = std::clamp(drift_per_s_ + weight * error * block_s / (4.0 * time_s * time_s),

@@ -7,12 +7,12 @@
 namespace stickslip::daemon {
 namespace {
 
-/// Time in which a value that is not finite brings the motion from its limit to 0.
+/// Time in which commands that are not finite bring the motion from its limit to 0.
 constexpr double fade_s = 1.0;
-/// Braking is planned with this much less than may be used, so that rounding has room.
+/// Relative reserve of the planned braking, for rounding errors.
 constexpr double least_reserve = 1e-9;
 constexpr double largest_reserve = 1e-3;
-/// Gaps count as no larger, so that what is made of them does not overflow.
+/// Largest gap, so that its square does not overflow.
 constexpr double farthest_gap = 1e100;
 
 double towards_zero(double value, double step) {
@@ -21,12 +21,12 @@ double towards_zero(double value, double step) {
 
 }  // namespace
 
-double braking_step(double room, double change) {
+double braking_step(double distance, double change) {
   // A step r with n = floor(r / change) further ones after it covers (n + 1) r - change n (n + 1) /
   // 2. That is continuous in r: an n that rounding makes one too large or small costs nothing.
-  if (!std::isfinite(change)) return room;
-  const double n = std::floor((std::sqrt(1.0 + 8.0 * room / change) - 1.0) / 2.0);
-  return n > 0.0 ? room / (n + 1.0) + change * n / 2.0 : room;
+  if (!std::isfinite(change)) return distance;
+  const double n = std::floor((std::sqrt(1.0 + 8.0 * distance / change) - 1.0) / 2.0);
+  return n > 0.0 ? distance / (n + 1.0) + change * n / 2.0 : distance;
 }
 
 const char* name_of(Limit limit) {
@@ -48,7 +48,7 @@ const char* name_of(Limit limit) {
 BaseLimits::BaseLimits(const MotionLimits& limits, double period_s) : most_(limits.displacement) {
   if (!(limits.displacement > 0.0) || !(limits.velocity > 0.0) || !(limits.acceleration > 0.0) ||
       !(period_s > 0.0)) {
-    throw std::invalid_argument("limits of motion and the period have to be above 0");
+    throw std::invalid_argument("limits of motion and the period must be above 0");
   }
   // Differences of values as large as X are exact to some roundings of X.
   const double rounding =
@@ -73,8 +73,8 @@ void BaseLimits::reset() {
   limited_ = Limit::none;
 }
 
-/// Position first, then speed, then the change of speed: where rounding lets them disagree, the
-/// later one holds, and what the earlier one then lacks is within its reserve.
+/// Position first, then velocity, then acceleration: if rounding makes them inconsistent, the later
+/// one wins, at the expense of the earlier one's reserve.
 BaseLimits::Range BaseLimits::allowed_steps() const {
   Range range;
   const auto tighten = [](Bound& bound, double step, Limit by) {
@@ -100,22 +100,22 @@ double BaseLimits::substitute() {
 
 double BaseLimits::next(double wanted) {
   const bool finite = std::isfinite(wanted);
-  const double asked = finite ? wanted : substitute();
+  const double command = finite ? wanted : substitute();
   if (finite) substituting_ = false;
 
-  const double step = asked - x_;
+  const double step = command - x_;
   bool joins = following_;
   double chosen = step;
   if (!following_) {
-    // In the frame of what is asked for, which moves on by `pace` a cycle, come to rest at it.
-    // Half of the acceleration is kept for its own.
-    const double pace = std::clamp(asked - wanted_, -stride_, stride_);
+    // In the frame of the command, which moves by `pace` a cycle, come to rest at it. Half of the
+    // acceleration is reserved for the command's own.
+    const double pace = std::clamp(command - wanted_, -stride_, stride_);
     const double gap = std::clamp(step - pace, -farthest_, farthest_);
     const double half = change_ / 2.0;
     joins = std::abs(gap) <= half;
     if (!joins) chosen = pace + std::copysign(braking_step(std::abs(gap), half), gap);
   }
-  wanted_ = asked;
+  wanted_ = command;
 
   const Range range = allowed_steps();
   double taken = chosen;
@@ -126,10 +126,10 @@ double BaseLimits::next(double wanted) {
     taken = -range.low.step;
     limited_ = range.low.by;
   }
-  // The step may be within the wall by rounding where the value itself is not.
-  following_ = joins && taken == step && std::abs(asked) <= most_;
+  // By rounding the step may be within the bound and the value beyond it.
+  following_ = joins && taken == step && std::abs(command) <= most_;
   const double before = x_;
-  x_ = following_ ? asked : std::clamp(before + taken, -most_, most_);
+  x_ = following_ ? command : std::clamp(before + taken, -most_, most_);
   step_ = x_ - before;
   if (!finite) {
     limited_ = Limit::not_finite;

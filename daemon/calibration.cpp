@@ -29,15 +29,15 @@ Calibration::Calibration(const config::ChannelCalibrations& channels) {
     for (std::size_t j = 0; j < channel_count; ++j) {
       if (channel.crosstalk[j] == 0.0) continue;
       mixing(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) += channel.crosstalk[j];
-      mark(needs_[i], j);
-      mark(leaky_, i);
+      mark(sources_[i], j);
+      mark(crosstalk_, i);
     }
   }
-  // What leaks into a channel that leaks on: as many steps as there are channels reach all.
+  // Transitive closure of the crosstalk: one step per channel suffices.
   for (std::size_t step = 0; step < channel_count; ++step) {
-    for (std::uint8_t& needs : needs_) {
+    for (std::uint8_t& sources : sources_) {
       for (std::size_t j = 0; j < channel_count; ++j) {
-        if ((needs & bit_of(j)) != 0) needs = static_cast<std::uint8_t>(needs | needs_[j]);
+        if ((sources & bit_of(j)) != 0) sources = static_cast<std::uint8_t>(sources | sources_[j]);
       }
     }
   }
@@ -46,9 +46,9 @@ Calibration::Calibration(const config::ChannelCalibrations& channels) {
     for (std::size_t j = 0; j < channel_count; ++j) {
       const auto row = static_cast<Eigen::Index>(i);
       const auto column = static_cast<Eigen::Index>(j);
-      const bool reached = i == j || (needs_[i] & bit_of(j)) != 0;
+      const bool coupled = i == j || (sources_[i] & bit_of(j)) != 0;
       mixing_[i][j] = mixing(row, column);
-      unmixing_[i][j] = reached ? inverse(row, column) : 0.0;
+      unmixing_[i][j] = coupled ? inverse(row, column) : 0.0;
     }
   }
 }
@@ -68,7 +68,7 @@ Calibrated Calibration::operator()(const Frame& raw) const {
       mark(out.not_finite, i);
     }
   }
-  if (leaky_ != 0) take_off_leaks(out);
+  if (crosstalk_ != 0) correct_crosstalk(out);
   for (std::size_t i = 0; ranged_ != 0 && i < channel_count; ++i) {
     if ((ranged_ & out.frame.valid & bit_of(i)) == 0) continue;
     const double si = out.frame.value[i];
@@ -77,13 +77,13 @@ Calibrated Calibration::operator()(const Frame& raw) const {
   return out;
 }
 
-void Calibration::take_off_leaks(Calibrated& out) const {
+void Calibration::correct_crosstalk(Calibrated& out) const {
   const Frame read = out.frame;
   for (Channel channel : all_channels) {
     const std::size_t i = index_of(channel);
-    if (!read.has(channel) || (leaky_ & bit_of(i)) == 0) continue;
-    if ((needs_[i] & ~read.valid) != 0) {
-      // By how much it is wrong nobody can tell.
+    if (!read.has(channel) || (crosstalk_ & bit_of(i)) == 0) continue;
+    if ((sources_[i] & ~read.valid) != 0) {
+      // The correction is unknown.
       mark(out.uncorrected, i);
       out.frame.invalidate(channel);
       continue;
@@ -109,10 +109,10 @@ double Calibration::sigma(const Frame& si, Channel channel) const {
   double variance = 0.0;
   for (std::size_t j = 0; j < channel_count; ++j) {
     const bool own = j == index_of(channel);
-    const double weight = leaky_ == 0 ? (own ? 1.0 : 0.0) : unmixing_[index_of(channel)][j];
+    const double weight = crosstalk_ == 0 ? (own ? 1.0 : 0.0) : unmixing_[index_of(channel)][j];
     if (weight == 0.0) continue;
     double reading = si.value[j];
-    if (leaky_ != 0) {
+    if (crosstalk_ != 0) {
       reading = 0.0;
       for (std::size_t k = 0; k < channel_count; ++k) reading += mixing_[j][k] * si.value[k];
     }
@@ -135,7 +135,7 @@ std::vector<std::string> unit_disagreements(const config::ChannelCalibrations& c
     if (calibrated_in == read_in) continue;
     out.push_back(std::string(info(channel).stem) + " was calibrated in " + calibrated_in +
                   ", but " + device.name + " reads in " + read_in +
-                  ": calibrate it anew, or name the calibration file of this device");
+                  ": recalibrate it, or set the calibration file of this device");
   }
   return out;
 }

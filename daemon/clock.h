@@ -1,5 +1,4 @@
-// The time that the loop lives by. Absolute, monotonic, and replaceable in tests: the host's, as
-// the drivers know it.
+// The loop's clock: absolute, monotonic, and replaceable in tests.
 #pragma once
 
 #include "drivers/host_clock.h"
@@ -8,8 +7,8 @@ namespace stickslip::daemon {
 
 using Clock = drivers::HostClock;
 
-/// CLOCK_MONOTONIC: never set, never stepped, stands still while the machine is suspended. Signals
-/// do not end its waits.
+/// CLOCK_MONOTONIC: never set or stepped, stopped while the machine is suspended. Its waits survive
+/// signals.
 using MonotonicClock = drivers::MonotonicHostClock;
 
 }  // namespace stickslip::daemon

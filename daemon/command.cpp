@@ -6,9 +6,9 @@
 namespace stickslip::daemon {
 
 void Averaging::Moments::add(double value) {
-  const double off = value - mean;
-  mean += off / static_cast<double>(++count);
-  squares += off * (value - mean);
+  const double deviation = value - mean;
+  mean += deviation / static_cast<double>(++count);
+  squares += deviation * (value - mean);
 }
 
 double Averaging::Moments::variance() const {
@@ -19,7 +19,7 @@ void Averaging::begin(std::uint64_t frames, std::uint64_t id) {
   wanted_ = std::max<std::uint64_t>(1, frames);
   id_ = id;
   frames_ = 0;
-  all_ = part_ = part_means_ = {};
+  all_ = batch_ = batch_means_ = {};
 }
 
 bool Averaging::add(const Frame& raw) {
@@ -27,17 +27,17 @@ bool Averaging::add(const Frame& raw) {
   for (std::size_t i = 0; i < channel_count; ++i) {
     if ((raw.valid >> i & 1U) == 0 || !std::isfinite(raw.value[i])) continue;
     all_[i].add(raw.value[i]);
-    part_[i].add(raw.value[i]);
+    batch_[i].add(raw.value[i]);
   }
-  if (frames_ % std::max<std::uint64_t>(1, wanted_ / parts) == 0) close_part();
+  if (frames_ % std::max<std::uint64_t>(1, wanted_ / batches) == 0) close_batch();
   return frames_ >= wanted_;
 }
 
-void Averaging::close_part() {
+void Averaging::close_batch() {
   for (std::size_t i = 0; i < channel_count; ++i) {
-    if (part_[i].count > 0) part_means_[i].add(part_[i].mean);
+    if (batch_[i].count > 0) batch_means_[i].add(batch_[i].mean);
   }
-  part_ = {};
+  batch_ = {};
 }
 
 Average Averaging::take() {
@@ -48,10 +48,10 @@ Average Averaging::take() {
     out.count[i] = all_[i].count;
     out.mean[i] = all_[i].mean;
     out.deviation[i] = std::sqrt(all_[i].variance());
-    const double of_mean =
-        part_means_[i].variance() / std::max(1.0, static_cast<double>(part_means_[i].count));
-    const double alike = of_mean > 0.0 ? all_[i].variance() / of_mean : count;
-    out.independent[i] = std::clamp(alike, std::min(1.0, count), count);
+    const double variance_of_mean =
+        batch_means_[i].variance() / std::max(1.0, static_cast<double>(batch_means_[i].count));
+    const double effective = variance_of_mean > 0.0 ? all_[i].variance() / variance_of_mean : count;
+    out.independent[i] = std::clamp(effective, std::min(1.0, count), count);
   }
   wanted_ = 0;
   return out;

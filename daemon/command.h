@@ -1,5 +1,4 @@
-// What a person asks of the loop, and what it answers. Plain values of fixed size: they travel
-// through rings.
+// Commands to the loop and its answers. Plain values of fixed size, which pass through rings.
 #pragma once
 
 #include <array>
@@ -14,7 +13,7 @@
 
 namespace stickslip::daemon {
 
-/// What may change while the loop runs, all of it at once.
+/// Settings that can change while the loop runs, always together.
 struct LiveSettings {
   Calibration calibration{};
   InterlockSettings interlocks;
@@ -29,11 +28,11 @@ struct Command {
     stop,
     set,      ///< `setting` of the excitation
     apply,    ///< `live` from the next frame on
-    average,  ///< raw readings of the next `frames` frames; answered when they are in
+    average,  ///< raw readings of the next `frames` frames; answered when they are complete
   };
   Kind kind = Kind::stop;
-  std::uint64_t id = 0;   ///< comes back in the answer
-  bool dead_man = false;  ///< start: only while Loop::touch is called often enough
+  std::uint64_t id = 0;   ///< returned in the answer
+  bool dead_man = false;  ///< start: only while Loop::keep_alive is called often enough
   std::uint64_t frames = 0;
   Setting setting;
   LiveSettings live;
@@ -44,10 +43,10 @@ static_assert(std::is_trivially_copyable_v<Command>);
 struct Average {
   std::uint64_t frames = 0;
   std::array<std::uint64_t, channel_count> count{};  ///< frames in which the channel was valid
-  std::array<double, channel_count> mean{};          ///< raw; 0 where there were none
-  std::array<double, channel_count> deviation{};     ///< of a single reading; 0 where under two
-  /// How many independent readings would know the mean as well: fewer than `count` where a filter
-  /// or a hum makes neighbours alike, as told by the scatter of the means of sixteen parts.
+  std::array<double, channel_count> mean{};          ///< raw; 0 if there were none
+  std::array<double, channel_count> deviation{};     ///< of a single reading; 0 for fewer than two
+  /// Effective number of independent readings: less than `count` if a filter or mains hum
+  /// correlates neighbouring readings; from the variance of the means of sixteen batches.
   std::array<double, channel_count> independent{};
 };
 
@@ -60,20 +59,20 @@ struct Answer {
 };
 static_assert(std::is_trivially_copyable_v<Answer>);
 
-/// Sums for an Average, without memory of the readings (Welford's recurrence: offsets of a bridge
-/// are large against its noise).
+/// Running sums of an Average by Welford's recurrence: offsets of a bridge are large compared with
+/// its noise. Does not store the readings.
 class Averaging {
  public:
   void begin(std::uint64_t frames, std::uint64_t id);
   bool active() const { return wanted_ > 0; }
-  /// Whether that was the last.
+  /// True if this was the last frame.
   bool add(const Frame& raw);
   std::uint64_t id() const { return id_; }
-  /// What has been summed; ends it.
+  /// The average so far; ends the averaging.
   Average take();
 
  private:
-  static constexpr std::uint64_t parts = 16;
+  static constexpr std::uint64_t batches = 16;
   struct Moments {
     double mean = 0.0;
     double squares = 0.0;  // sum of squared deviations
@@ -81,14 +80,14 @@ class Averaging {
     void add(double value);
     double variance() const;
   };
-  void close_part();
+  void close_batch();
 
   std::uint64_t wanted_ = 0;
   std::uint64_t id_ = 0;
   std::uint64_t frames_ = 0;
   std::array<Moments, channel_count> all_{};
-  std::array<Moments, channel_count> part_{};
-  std::array<Moments, channel_count> part_means_{};
+  std::array<Moments, channel_count> batch_{};
+  std::array<Moments, channel_count> batch_means_{};
 };
 
 }  // namespace stickslip::daemon

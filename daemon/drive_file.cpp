@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t least_samples = 4;
 
-/// Solves the system with `diagonal`, and `off[i]` between rows i and i + 1, in place.
+/// Solves a symmetric tridiagonal system in place; `off[i]` couples rows i and i + 1.
 void solve_tridiagonal(std::vector<double> diagonal, const std::vector<double>& off,
                        std::vector<double>& right) {
   const std::size_t n = diagonal.size();
@@ -28,7 +28,7 @@ void solve_tridiagonal(std::vector<double> diagonal, const std::vector<double>& 
   }
 }
 
-/// Second derivatives at the knots of the spline whose own vanish at the ends.
+/// Second derivatives at the knots of the natural spline, zero at the ends.
 std::vector<double> natural_curvatures(const std::vector<double>& t, const std::vector<double>& u) {
   const std::size_t inner = t.size() - 2;
   std::vector<double> diagonal(inner);
@@ -47,11 +47,11 @@ std::vector<double> natural_curvatures(const std::vector<double>& t, const std::
   return right;
 }
 
-/// Those of the spline that goes on at its end as it begins. The corner that closes the circle is
-/// taken out of the matrix and put back by the formula of Sherman and Morrison.
+/// Second derivatives of the periodic spline. The corner elements of the cyclic matrix are treated
+/// as a rank-one update, by the Sherman-Morrison formula.
 std::vector<double> periodic_curvatures(const std::vector<double>& t,
                                         const std::vector<double>& u) {
-  const std::size_t n = t.size() - 1;  // the last knot is the first
+  const std::size_t n = t.size() - 1;  // the last knot equals the first
   std::vector<double> diagonal(n);
   std::vector<double> off(n);
   std::vector<double> right(n);
@@ -98,7 +98,7 @@ DriveFile::DriveFile(std::vector<double> times_s, std::vector<double> values, bo
           name, 0, 0,
           "begins at " + config::short_number(values_.front()) + " and ends at " +
               config::short_number(values_.back()) +
-              ": a drive that repeats has to end as it begins; or set excitation.file.at_end = "
+              ": a drive that repeats must end at its first value; or set excitation.file.at_end = "
               "\"ramp_down\""});
     }
     values_.back() = values_.front();
@@ -133,7 +133,7 @@ DriveFile DriveFile::load(const config::DriveFile& settings, Channel channel) {
 double DriveFile::at(double time_s) {
   if (times_s_.empty()) return 0.0;
   const double t = std::clamp(time_s, 0.0, times_s_.back());
-  // Mostly the same piece, or the next; else found anew.
+  // Usually the same interval or the next; otherwise a search.
   if (t < times_s_[piece_] || (piece_ + 2 < times_s_.size() && t > times_s_[piece_ + 2])) {
     const auto after = std::upper_bound(times_s_.begin() + 1, times_s_.end() - 1, t);
     piece_ = static_cast<std::size_t>(after - times_s_.begin()) - 1;

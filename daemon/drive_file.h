@@ -1,4 +1,4 @@
-// A drive out of a recording: a cubic spline through its samples.
+// A drive from a recording: a cubic spline through its samples.
 #pragma once
 
 #include <filesystem>
@@ -11,36 +11,35 @@
 
 namespace stickslip::daemon {
 
-/// u(t) for t from 0 to length_s. Twice continuously differentiable; where it repeats, over its
-/// ends too. Evaluation does not allocate.
+/// u(t) for t from 0 to length_s, twice continuously differentiable; if it repeats, periodically.
+/// Evaluation does not allocate.
 class DriveFile {
  public:
   DriveFile() = default;
 
-  /// `channel` of the recording at settings.path. Throws InputError naming the file where it cannot
-  /// be read, lacks the channel or a sample of it, has fewer than four samples, or repeats and does
-  /// not end as it begins.
+  /// `channel` of the recording at settings.path. Throws InputError with the file's name if it
+  /// cannot be read, lacks the channel or a sample of it, has fewer than four samples, or repeats
+  /// and does not end at its first value.
   static DriveFile load(const config::DriveFile& settings, Channel channel);
 
-  /// Samples at increasing times [s]; the first time becomes 0. Throws like `load`, `name` standing
-  /// for the file.
+  /// Samples at increasing times [s]; the first time becomes 0. Throws like `load`, with `name` for
+  /// the file.
   DriveFile(std::vector<double> times_s, std::vector<double> values, bool periodic,
             const std::string& name);
 
   double length_s() const { return times_s_.empty() ? 0.0 : times_s_.back(); }
 
-  /// The value at a time within its length [m or N]; at one beyond, that of the nearer end. Quick
-  /// where times increase slowly from call to call.
+  /// Value at a time [m or N], clamped to the ends. Fast if times increase slowly between calls.
   double at(double time_s);
 
-  /// The largest |u|, |u'| and |u''| in steps of a period.
+  /// Largest |u|, |u'| and |u''| in steps of a period.
   config::Demand demand(double period_s);
 
  private:
   std::vector<double> times_s_;
   std::vector<double> values_;
   std::vector<double> curvatures_;  // second derivatives at the samples
-  std::size_t piece_ = 0;           // the one that was last used
+  std::size_t piece_ = 0;           // latest interval
 };
 
 }  // namespace stickslip::daemon

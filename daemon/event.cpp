@@ -15,82 +15,99 @@ std::string milliseconds(std::int64_t ns) {
   return std::to_string(us / 1000) + '.' + std::string(3 - fraction.size(), '0') + fraction + " ms";
 }
 
-std::string channel_name(std::uint64_t index) {
-  return index < channel_count ? std::string(channel_table[index].stem) : "unknown channel";
+std::string count_of(const Notice& notice) { return std::to_string(notice.count); }
+std::string text_of(const Notice& notice) { return notice.text.data(); }
+
+std::string channel_of(const Notice& notice) {
+  return notice.count < channel_count ? std::string(channel_table[notice.count].stem)
+                                      : "unknown channel";
 }
+
+struct Description {
+  Notice::Kind kind;
+  Severity severity;
+  const char* code;
+  std::string (*message)(const Notice&);
+};
+
+using enum Notice::Kind;
+using enum Severity;
+
+/// In the order of Notice::Kind.
+constexpr std::array descriptions = {
+    Description{fault, error, "fault",
+                [](const Notice& notice) { return "amplifier off: " + text_of(notice); }},
+    Description{state, info, "state",
+                [](const Notice& notice) { return "the rig is " + text_of(notice); }},
+    Description{left_on, error, "left_on",
+                [](const Notice& notice) {
+                  return notice.text.front() == '\0'
+                             ? std::string("the last \"off\" was not acknowledged")
+                             : text_of(notice);
+                }},
+    Description{device_back, warning, "device_back",
+                [](const Notice&) {
+                  return std::string(
+                      "the device is back; the fault stays latched until an operator clears it");
+                }},
+    Description{clock_parted, warning, "clock_parted",
+                [](const Notice&) {
+                  return std::string(
+                      "the clocks of device and host diverged; their correction was restarted");
+                }},
+    Description{
+        read_failed, warning, "read_failed",
+        [](const Notice& notice) { return "reading the device failed: " + text_of(notice); }},
+    Description{write_failed, warning, "write_failed",
+                [](const Notice& notice) {
+                  return "writing the drive to the device failed: " + text_of(notice);
+                }},
+    Description{
+        frames_missing, warning, "frames_missing",
+        [](const Notice& notice) { return "the source lost " + count_of(notice) + " frames"; }},
+    Description{sequence_repeated, warning, "sequence_repeated",
+                [](const Notice& notice) {
+                  return "the source's sequence number did not increase: " + count_of(notice) +
+                         " after " + std::to_string(notice.sequence);
+                }},
+    Description{not_finite, warning, "not_finite",
+                [](const Notice& notice) {
+                  return channel_of(notice) + " is not a finite number; invalid until it is";
+                }},
+    Description{beyond_calibration, warning, "beyond_calibration",
+                [](const Notice& notice) {
+                  return channel_of(notice) + " is outside its calibrated range";
+                }},
+    Description{overrun, warning, "overrun",
+                [](const Notice& notice) {
+                  return "a cycle was " + milliseconds(notice.duration_ns) + " late, " +
+                         count_of(notice) + " periods skipped";
+                }},
+    Description{end_of_data, info, "end_of_data",
+                [](const Notice&) { return std::string("the source has no more data"); }},
+    Description{
+        estimate_restarted, warning, "estimate_restarted",
+        [](const Notice&) { return std::string("the observer diverged and was restarted"); }},
+    Description{model_broken, warning, "model_broken",
+                [](const Notice& notice) { return observer::words_for(notice.verdict); }},
+    Description{model_follows, info, "model_follows",
+                [](const Notice&) { return std::string("the rig follows its model again"); }},
+};
+
+constexpr bool in_order() {
+  for (std::size_t i = 0; i < descriptions.size(); ++i) {
+    if (static_cast<std::size_t>(descriptions[i].kind) != i) return false;
+  }
+  return true;
+}
+static_assert(in_order() && descriptions.back().kind == model_follows);
 
 }  // namespace
 
 Event event_of(const Notice& notice) {
-  Event out;
-  out.time_ns = notice.time_ns;
-  out.sequence = notice.sequence;
-  const std::string count = std::to_string(notice.count);
-  const std::string cause = notice.text.data();
-  const auto say = [&out](Severity severity, const char* code, std::string message) {
-    out.severity = severity;
-    out.code = code;
-    out.message = std::move(message);
-  };
-  switch (notice.kind) {
-    case Notice::Kind::fault:
-      say(Severity::error, "fault", "amplifier off: " + cause);
-      break;
-    case Notice::Kind::state:
-      say(Severity::info, "state", "the rig is " + cause);
-      break;
-    case Notice::Kind::device_back:
-      say(Severity::warning, "device_back",
-          "the device is back; the fault stays until a person clears it");
-      break;
-    case Notice::Kind::left_on:
-      say(Severity::error, "left_on", cause.empty() ? "the last \"off\" was not confirmed" : cause);
-      break;
-    case Notice::Kind::clock_parted:
-      say(Severity::warning, "clock_parted",
-          "the clocks of device and host have parted; their correction begins anew");
-      break;
-    case Notice::Kind::read_failed:
-      say(Severity::warning, "read_failed", "the device did not answer a read: " + cause);
-      break;
-    case Notice::Kind::write_failed:
-      say(Severity::warning, "write_failed", "the device did not take a drive value: " + cause);
-      break;
-    case Notice::Kind::frames_missing:
-      say(Severity::warning, "frames_missing", "the source lost " + count + " frames");
-      break;
-    case Notice::Kind::sequence_repeated:
-      say(Severity::warning, "sequence_repeated",
-          "the source's sequence number did not grow: " + count + " after " +
-              std::to_string(notice.sequence));
-      break;
-    case Notice::Kind::not_finite:
-      say(Severity::warning, "not_finite",
-          channel_name(notice.count) + " is not a finite number; invalid until it is one");
-      break;
-    case Notice::Kind::beyond_calibration:
-      say(Severity::warning, "beyond_calibration",
-          channel_name(notice.count) + " is beyond the range in which it was calibrated");
-      break;
-    case Notice::Kind::overrun:
-      say(Severity::warning, "overrun",
-          "a cycle came " + milliseconds(notice.duration_ns) + " late, " + count +
-              " periods skipped");
-      break;
-    case Notice::Kind::end_of_data:
-      say(Severity::info, "end_of_data", "the source has no more data");
-      break;
-    case Notice::Kind::estimate_restarted:
-      say(Severity::warning, "estimate_restarted", "the observer diverged and began anew");
-      break;
-    case Notice::Kind::model_broken:
-      say(Severity::warning, "model_broken", observer::words_for(notice.verdict));
-      break;
-    case Notice::Kind::model_follows:
-      say(Severity::info, "model_follows", "the rig follows its model again");
-      break;
-  }
-  return out;
+  const Description& description = descriptions.at(static_cast<std::size_t>(notice.kind));
+  return {description.severity, description.code, description.message(notice), notice.time_ns,
+          notice.sequence};
 }
 
 Event with_times(Event event, const ModelVerdict& verdict, std::int64_t utc_us) {
@@ -112,20 +129,19 @@ Event with_times(Event event, const ModelVerdict& verdict, std::int64_t utc_us) 
 Event event_of(const Notice& sum, std::uint64_t notices) {
   Event out = event_of(sum);
   const std::string times = std::to_string(notices);
-  const std::string count = std::to_string(sum.count);
   switch (sum.kind) {
-    case Notice::Kind::frames_missing:
-      out.message = "the source lost " + count + " frames more, in " + times + " gaps";
+    case frames_missing:
+      out.message = "the source lost " + count_of(sum) + " more frames, in " + times + " gaps";
       break;
-    case Notice::Kind::sequence_repeated:
-      out.message = "the source's sequence number did not grow, " + times + " times more";
+    case sequence_repeated:
+      out.message = "the source's sequence number did not increase, " + times + " more times";
       break;
-    case Notice::Kind::overrun:
-      out.message = times + " cycles more came late, by up to " + milliseconds(sum.duration_ns) +
-                    ", " + count + " periods skipped";
+    case overrun:
+      out.message = times + " more cycles were late, by up to " + milliseconds(sum.duration_ns) +
+                    ", " + count_of(sum) + " periods skipped";
       break;
-    case Notice::Kind::estimate_restarted:
-      out.message += ", " + times + " times more";
+    case estimate_restarted:
+      out.message += ", " + times + " more times";
       break;
     default:
       break;

@@ -11,10 +11,10 @@
 namespace stickslip::daemon {
 namespace {
 
-/// Time in which an amplitude moves through its whole range, where the configuration is silent.
-constexpr double usual_slew_s = 2.0;
+/// Time in which the amplitude passes through its whole range, unless configured.
+constexpr double default_slew_s = 2.0;
 
-/// Zero slope at both ends, so that a ramp does not kick the shaker's velocity.
+/// Zero slope at both ends, so that a ramp does not step the shaker's velocity.
 double smooth_step(double u) { return u * u * (3.0 - 2.0 * u); }
 
 DriveFile file_of(const config::Excitation& settings, const DrivenRig& rig) {
@@ -31,8 +31,8 @@ DriveFile file_of(const config::Excitation& settings, const DrivenRig& rig) {
 }
 
 double amplitude_slew(const config::Excitation& settings, const DrivenRig& rig) {
-  // A number even where there are no limits.
-  return settings.amplitude_slew.value_or(std::min(rig.limits.displacement, 1e6) / usual_slew_s);
+  // Finite even without limits.
+  return settings.amplitude_slew.value_or(std::min(rig.limits.displacement, 1e6) / default_slew_s);
 }
 
 }  // namespace
@@ -84,18 +84,18 @@ void Excitation::rest() {
 
 void Excitation::observe(const Frame& frame, bool amplifier_on) {
   if (!control_) return;
-  Hold because = Hold::none;
+  Hold reason = Hold::none;
   if (!amplifier_on || is_off()) {
-    because = Hold::amplifier_off;
+    reason = Hold::amplifier_off;
   } else if (state_ != State::steady) {
-    because = Hold::ramping;
+    reason = Hold::ramping;
   } else if (now_.limited != Limit::none) {
-    because = Hold::limited;
+    reason = Hold::limited;
   }
-  control_->update(frame[channel_], frame.has(channel_), now_, because);
+  control_->update(frame[channel_], frame.has(channel_), now_, reason);
 }
 
-/// The part of the waveform that is applied, after one step of the ramp.
+/// Applied fraction of the waveform, after one step of the ramp.
 double Excitation::ramp_step(double duration_s) {
   const double step = ramp_s_ > 0.0 ? duration_s / ramp_s_ : 1.0;
   if (state_ == State::rising) {
@@ -110,21 +110,21 @@ double Excitation::ramp_step(double duration_s) {
 Drive Excitation::advance(double duration_s) {
   if (duration_s <= 0.0) return now_;
   if (state_ == State::off) {
-    // What led to rest is not forgotten: a start in the next cycle has to begin with it.
+    // The limits keep their history: a start in the next cycle continues from it.
     limits_.next(0.0);
     now_.carrier_hz = waveform_.idle_carrier_hz();
     return now_;
   }
   waveform_.advance(duration_s);
   if (waveform_.over()) stop();
-  const double part = ramp_step(duration_s);
+  const double fraction = ramp_step(duration_s);
   const double gain = control_ ? control_->gain() : 1.0;
   now_.gain = gain;
   now_.carrier_hz = waveform_.carrier_hz();
   now_.phase_turns = waveform_.phase_turns();
   now_.modulation_turns = waveform_.modulation_turns();
-  now_.amplitude = part * waveform_.amplitude();
-  now_.value = limits_.next(gain * (part * waveform_.value()));
+  now_.amplitude = fraction * waveform_.amplitude();
+  now_.value = limits_.next(gain * (fraction * waveform_.value()));
   now_.limited = limits_.limited();
   if (state_ == State::falling && ramp_ <= 0.0 && limits_.is_at_zero()) rest();
   return now_;

@@ -1,6 +1,5 @@
-// What the shaker is told, cycle by cycle: the configured waveform, ramped, times the gain of the
-// amplitude control, through the limits. Pure: no clock, no device; time is what the caller says
-// has passed.
+// The drive of the shaker, cycle by cycle: the configured waveform, ramped, times the gain of the
+// amplitude control, through the limits. Pure: no clock, no device; the caller supplies the time.
 #pragma once
 
 #include <cstdint>
@@ -17,59 +16,58 @@ namespace stickslip::daemon {
 
 /// The signal at one instant.
 struct Drive {
-  double value = 0.0;             ///< told to the device: [m] of base displacement, or [N]
-  double amplitude = 0.0;         ///< of the carrier now as asked for, ramp included; same unit
-  double carrier_hz = 0.0;        ///< now; 0 where there is no carrier
+  double value = 0.0;             ///< sent to the device: [m] of base displacement, or [N]
+  double amplitude = 0.0;         ///< commanded, of the carrier, ramp included; same unit
+  double carrier_hz = 0.0;        ///< present; 0 without a carrier
   double phase_turns = 0.0;       ///< of the carrier, [0, 1)
   double modulation_turns = 0.0;  ///< of the modulation, the envelope, the sweep, the file; [0, 1)
-  double gain = 1.0;              ///< of the amplitude control, by which `value` holds more or less
-  Limit limited = Limit::none;    ///< why `value` is not what was asked for
+  double gain = 1.0;              ///< of the amplitude control; part of `value`
+  Limit limited = Limit::none;    ///< why `value` differs from the command
 
   friend bool operator==(const Drive&, const Drive&) = default;
 };
 
-/// The rig that an excitation drives, as far as it has to know it.
+/// Properties of the rig that an excitation drives.
 struct DrivenRig {
   MotionLimits limits{};
-  Channel channel = Channel::base_displacement;  ///< or drive_force: what is driven, and measured
+  Channel channel = Channel::base_displacement;  ///< or drive_force: driven and measured
   double period_s = 1e-3;                        ///< of the loop
 };
 
-/// What holds for a rig's configuration.
 DrivenRig driven_rig(const config::Rig& rig);
 
-/// Phase, ramp and limits are carried from step to step, so that a change of frequency, a start and
-/// a stop never jump. Does not allocate after construction.
+/// Phase, ramp and limits are continuous from step to step: changes of frequency, starts and stops
+/// never jump. Does not allocate after construction.
 class Excitation {
  public:
-  /// Without limits: for rigs that cannot be driven, and for tests.
+  /// Without limits: for rigs without a drive, and for tests.
   explicit Excitation(const config::Excitation& settings) : Excitation(settings, DrivenRig{}) {}
 
-  /// Throws InputError for a file that is no drive, or one beyond the limits.
+  /// Throws InputError for a drive file that is invalid or exceeds the limits.
   Excitation(const config::Excitation& settings, const DrivenRig& rig);
 
-  /// Ramps up: a carrier from where it is, a sweep, a burst or a file from its beginning. No effect
-  /// where the configuration has it disabled.
+  /// Ramps up: a carrier from its present phase, a sweep, a burst or a file from its beginning. No
+  /// effect if the configuration disables the excitation.
   void start();
 
-  /// Ramps down to zero within ramp_s; then, as soon as the limits have let it come to rest there,
-  /// the state is `off`.
+  /// Ramps down to zero within ramp_s; the state becomes `off` once the limits have let it come to
+  /// rest.
   void stop();
 
-  /// Zero at once: after a fault the amplifier is off anyway.
+  /// Zero immediately: after a fault the amplifier is off anyway.
   void cut();
 
-  /// Turns a knob: carrier and amplitude glide to their new values, what lessens the motion first,
-  /// and the phase goes on. What `refusal` refuses is the caller's to hold back; here a value
-  /// without sense is ignored, and the limits hold in any case.
+  /// Changes a parameter: carrier and amplitude approach their new values at a limited rate, the
+  /// one that reduces the motion first, with continuous phase. The caller checks the setting with
+  /// `refusal`; here an invalid value is ignored, and the limits hold in any case.
   void set(const Setting& setting) { waveform_.set(setting); }
 
-  /// The calibrated frame that was taken while now() was applied, for the amplitude control. Once a
-  /// frame, before `advance`; no effect where the control is disabled.
+  /// The calibrated frame taken while now() was applied, for the amplitude control. Once a frame,
+  /// before `advance`; no effect without amplitude control.
   void observe(const Frame& frame, bool amplifier_on);
 
-  /// Moves time on by `duration_s` and returns the drive there; one step of the limits. Without
-  /// duration nothing moves.
+  /// Advances time by `duration_s`, with one step of the limits, and returns the drive. No effect
+  /// for a duration of 0.
   Drive advance(double duration_s);
 
   enum class State : std::uint8_t { off, rising, steady, falling };
@@ -77,10 +75,10 @@ class Excitation {
   const Drive& now() const { return now_; }
   State state() const { return state_; }
   bool is_off() const { return state_ == State::off; }
-  /// Whether the configuration has it drive at all.
+  /// True if the configuration enables the excitation.
   bool enabled() const { return enabled_; }
   const BaseLimits& limits() const { return limits_; }
-  /// Null where it is disabled.
+  /// Null without amplitude control.
   const AmplitudeControl* control() const { return control_ ? &*control_ : nullptr; }
 
  private:
@@ -94,7 +92,7 @@ class Excitation {
   std::optional<AmplitudeControl> control_;
   BaseLimits limits_;
   State state_ = State::off;
-  double ramp_ = 0.0;  // 0 to 1, linear in time; what is applied is its smooth step
+  double ramp_ = 0.0;  // 0 to 1, linear in time; applied through a smooth step
   Drive now_;
 };
 

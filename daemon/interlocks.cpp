@@ -17,7 +17,7 @@ const ChannelInfo& channel_at(int index) { return channel_table[static_cast<std:
 Interlocks::Interlocks(const InterlockSettings& settings, std::uint8_t channels)
     : settings_(settings), channels_(channels) {}
 
-void Interlocks::answered(const drivers::Result& result, std::int64_t now_ns, Silence& silence) {
+void Interlocks::update(const drivers::Result& result, std::int64_t now_ns, Silence& silence) {
   switch (result.outcome) {
     case Outcome::ok:
     case Outcome::end_of_data:
@@ -60,7 +60,7 @@ void Interlocks::cycle_late(std::int64_t late_ns) {
   overrun_ns_ = too_late ? late_ns : 0;
 }
 
-void Interlocks::device_is_back() {
+void Interlocks::device_restored() {
   reads_ = Silence();
   writes_ = Silence();
   signals_ = drivers::Signals();
@@ -133,10 +133,10 @@ Interlocks::Broken Interlocks::broken(std::int64_t now_ns) const {
   };
   if (signals_.emergency_stop) {
     return is(Interlock::emergency_stop,
-              "the emergency stop is pressed, its wire is cut, or what reads it does not answer");
+              "the emergency stop is pressed, its wire is cut, or its input does not respond");
   }
   if (signals_.amplifier_fault) {
-    return is(Interlock::amplifier_fault, "the amplifier reports a fault of its own");
+    return is(Interlock::amplifier_fault, "the amplifier reports a fault");
   }
   out = device_broken(now_ns);
   if (out.interlock != Interlock::none) return out;
@@ -145,11 +145,11 @@ Interlocks::Broken Interlocks::broken(std::int64_t now_ns) const {
   if (channel_broken(now_ns, out)) return out;
   if (overrun_ns_ > 0) {
     out.interlock = Interlock::overrun;
-    out.cause.add("a cycle came ").add(ms_of(overrun_ns_)).add(" ms late");
+    out.cause.add("a cycle was ").add(ms_of(overrun_ns_)).add(" ms late");
     return out;
   }
   if (settings_.recorder_failing && recorder_failing_) {
-    return is(Interlock::recorder_failing, "the recording loses frames");
+    return is(Interlock::recorder_failing, "the recording is losing frames");
   }
   if (settings_.observer_diverged && observer_restarted_) {
     return is(Interlock::observer_diverged, "the observer diverged");

@@ -1,6 +1,5 @@
-// What has to hold for the amplifier to be on, looked at in every cycle. An interlock is broken for
-// as long as what it watches is wrong, if only for a cycle; whether that latches is for Safety to
-// decide.
+// Conditions for the amplifier to be on, checked in every cycle. An interlock is broken as long as
+// its condition is violated, if only for a cycle; Safety decides whether that latches.
 #pragma once
 
 #include <array>
@@ -19,7 +18,7 @@ struct Range {
   double high = std::numeric_limits<double>::infinity();
 };
 
-/// What the rig's owner asks for. Times of 0: no limit.
+/// Limits from the configuration. Times of 0: no limit.
 struct InterlockSettings {
   std::int64_t longest_silence_ns = 100'000'000;  ///< of the device
   std::int64_t stale_after_ns = 0;                ///< without a measurement of a channel
@@ -31,43 +30,42 @@ struct InterlockSettings {
   std::array<Range, channel_count> range{};  ///< SI
 };
 
-/// What was seen last of everything that is watched. All times on the loop's clock. Does not
-/// allocate.
+/// Latest observation of each condition. All times on the loop's clock. Does not allocate.
 class Interlocks {
  public:
   Interlocks() = default;
-  /// `channels`: those that the device yields (bit i: Channel i).
+  /// `channels`: yielded by the device (bit i: Channel i).
   Interlocks(const InterlockSettings& settings, std::uint8_t channels);
 
-  /// New limits; what has been seen so far stays.
+  /// New limits; the observations stay.
   void set(const InterlockSettings& settings) { settings_ = settings; }
 
-  /// What the device answered. Lost, fatal and needs_attention break at once; temporary failures,
-  /// and no data, when they have gone on for too long.
-  void read_answered(const drivers::Result& result, std::int64_t now_ns) {
-    answered(result, now_ns, reads_);
+  /// Outcome of a call of the device. Lost, fatal and needs_attention break immediately, temporary
+  /// failures and no_data only if they last too long.
+  void read_result(const drivers::Result& result, std::int64_t now_ns) {
+    update(result, now_ns, reads_);
   }
-  void write_answered(const drivers::Result& result, std::int64_t now_ns) {
-    answered(result, now_ns, writes_);
+  void write_result(const drivers::Result& result, std::int64_t now_ns) {
+    update(result, now_ns, writes_);
   }
 
   void signals(const drivers::Signals& signals) { signals_ = signals; }
 
-  /// A calibrated frame, and its channels that were no numbers (bit i: Channel i).
+  /// A calibrated frame, and its channels that were not finite (bit i: Channel i).
   void frame(const Frame& si, std::uint8_t not_finite, std::int64_t now_ns);
 
-  /// How late a cycle came; 0 or less: in time.
+  /// Overrun of this cycle; 0 or less: none.
   void cycle_late(std::int64_t late_ns);
 
   void observer_restarted(bool in_this_cycle) { observer_restarted_ = in_this_cycle; }
   void recorder(bool failing) { recorder_failing_ = failing; }
   void drive(bool finite) { drive_finite_ = finite; }
 
-  /// The dead-man's handle: the time of the latest sign of life; nothing: nobody holds it.
+  /// Time of the latest sign of life from the holder of the dead-man's handle; nothing: not held.
   void dead_man(std::optional<std::int64_t> latest_ns) { dead_man_ns_ = latest_ns; }
 
-  /// The device is a new one, or the same again after it was away: nothing is held against it.
-  void device_is_back();
+  /// The device was restored or replaced: earlier observations of it no longer count.
+  void device_restored();
 
   struct Broken {
     Interlock interlock = Interlock::none;
@@ -77,7 +75,7 @@ class Interlocks {
 
   /// The most serious interlock that is broken at `now_ns`; `none` where all hold.
   Broken broken(std::int64_t now_ns) const;
-  /// device_lost or device_silent, whatever more serious is broken beside it; else `none`.
+  /// device_lost or device_silent, even if a more serious interlock is broken too; else `none`.
   Broken device_broken(std::int64_t now_ns) const;
 
  private:
@@ -87,7 +85,7 @@ class Interlocks {
     drivers::Outcome outcome = drivers::Outcome::ok;  // of a fault that does not wait
     Cause cause;
   };
-  void answered(const drivers::Result& result, std::int64_t now_ns, Silence& silence);
+  static void update(const drivers::Result& result, std::int64_t now_ns, Silence& silence);
   bool silence_broken(const Silence& silence, std::int64_t now_ns, Broken& out) const;
   bool channel_broken(std::int64_t now_ns, Broken& out) const;
 

@@ -45,8 +45,8 @@ AccountBalance Account::balance() const {
   AccountBalance out;
   out.enabled = enabled_.load(std::memory_order_acquire);
   out.delivered = delivered_.load(std::memory_order_acquire);
-  if (asked_to_confirm_.load(std::memory_order_relaxed)) {
-    // The disk may have them a moment before the books do.
+  if (confirms_.load(std::memory_order_relaxed)) {
+    // A sync may be entered a moment before the delivery.
     out.confirmed = std::min(out.delivered, confirmed_.load(std::memory_order_acquire));
   }
   for (std::size_t i = 0; i < loss_count; ++i) {

@@ -31,7 +31,7 @@ sockaddr_un address_of(const std::filesystem::path& path) {
   address.sun_family = AF_UNIX;
   const std::string name = path.string();
   if (name.size() >= sizeof address.sun_path) {
-    refuse(path, "is too long for a socket: expected at most " +
+    refuse(path, "the path is too long for a socket: expected at most " +
                      std::to_string(sizeof address.sun_path - 1) + " bytes");
   }
   name.copy(address.sun_path, name.size());
@@ -42,12 +42,11 @@ const sockaddr* as_socket_address(const sockaddr_un& address) {
   return reinterpret_cast<const sockaddr*>(&address);
 }
 
-/// Whether somebody listens at the socket.
-bool somebody_listens(const sockaddr_un& address) {
+bool has_listener(const sockaddr_un& address) {
   const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   if (probe < 0) return false;
   const bool answered = ::connect(probe, as_socket_address(address), sizeof address) == 0;
-  const bool busy = !answered && errno == EAGAIN;  // its queue is full: it listens
+  const bool busy = !answered && errno == EAGAIN;  // a full queue has a listener
   ::close(probe);
   return answered || busy;
 }
@@ -56,7 +55,7 @@ gid_t group_named(const std::filesystem::path& path, const std::string& name) {
   if (name.empty()) return ::getegid();
   const ::group* const found = ::getgrnam(name.c_str());
   if (found == nullptr) {
-    refuse(path, "there is no group \"" + name + "\" whose members could use the control socket");
+    refuse(path, "there is no group \"" + name + "\" for the control socket");
   }
   return found->gr_gid;
 }
@@ -74,14 +73,14 @@ bool is_member(uid_t uid, gid_t primary, gid_t wanted) {
 
 }  // namespace
 
-LineServer::LineServer(const LineServerSettings& settings, Events events)
-    : settings_(settings), events_(std::move(events)) {
+LineServer::LineServer(const LineServerSettings& settings, Handlers handlers)
+    : settings_(settings), handlers_(std::move(handlers)) {
   const sockaddr_un address = address_of(settings_.path);
   group_ = group_named(settings_.path, settings_.group);
-  struct stat there {};
-  if (::lstat(address.sun_path, &there) == 0) {
-    if (!S_ISSOCK(there.st_mode)) refuse(settings_.path, "is there already, and is no socket");
-    if (somebody_listens(address)) {
+  struct stat existing {};
+  if (::lstat(address.sun_path, &existing) == 0) {
+    if (!S_ISSOCK(existing.st_mode)) refuse(settings_.path, "exists and is not a socket");
+    if (has_listener(address)) {
       refuse(settings_.path,
              "another daemon listens there: stop it, or give this one another "
              "control.socket");
@@ -89,30 +88,31 @@ LineServer::LineServer(const LineServerSettings& settings, Events events)
     ::unlink(address.sun_path);
   }
   listener_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  // Nobody may come before its mode is set.
-  const mode_t before = ::umask(0177);
+  // No client may connect before the mode is set.
+  const mode_t previous_mask = ::umask(0177);
   const bool bound =
       listener_ >= 0 && ::bind(listener_, as_socket_address(address), sizeof address) == 0;
-  const int why = errno;
-  ::umask(before);
+  const int error = errno;
+  ::umask(previous_mask);
   if (!bound) {
     if (listener_ >= 0) ::close(listener_);
-    refuse(settings_.path, std::string("the control socket cannot be made: ") + std::strerror(why) +
+    refuse(settings_.path, std::string("the control socket cannot be created: ") +
+                               std::strerror(error) +
                                "; does its folder exist, and may the daemon "
                                "write there?");
   }
-  if (::stat(address.sun_path, &there) == 0) {
-    device_ = there.st_dev;
-    inode_ = there.st_ino;
+  if (::stat(address.sun_path, &existing) == 0) {
+    device_ = existing.st_dev;
+    inode_ = existing.st_ino;
   }
   if ((!settings_.group.empty() &&
        ::chown(address.sun_path, static_cast<uid_t>(-1), group_) != 0) ||
       ::chmod(address.sun_path, 0660) != 0 || ::listen(listener_, 64) != 0) {
-    const int reason = errno;
+    const int error = errno;
     ::close(listener_);
     ::unlink(address.sun_path);
     refuse(settings_.path, std::string("the control socket cannot be opened to group \"") +
-                               settings_.group + "\": " + std::strerror(reason) +
+                               settings_.group + "\": " + std::strerror(error) +
                                "; is the daemon's user a member of it?");
   }
 }
@@ -120,41 +120,54 @@ LineServer::LineServer(const LineServerSettings& settings, Events events)
 LineServer::~LineServer() {
   for (auto& [id, client] : clients_) ::close(client.file);
   ::close(listener_);
-  struct stat there {};
+  struct stat existing {};
   const std::string name = settings_.path.string();
-  if (::lstat(name.c_str(), &there) == 0 && there.st_dev == device_ && there.st_ino == inode_) {
+  if (::lstat(name.c_str(), &existing) == 0 && existing.st_dev == device_ &&
+      existing.st_ino == inode_) {
     ::unlink(name.c_str());
   }
 }
 
 bool LineServer::serve(std::chrono::milliseconds wait, int also) {
+  const bool also_readable = poll_clients(wait, also);
+  serve_lines();
+  drop_finished(steady_clock::now());
+  return also_readable;
+}
+
+bool LineServer::poll_clients(std::chrono::milliseconds wait, int also) {
   std::vector<pollfd> files;
   std::vector<ClientId> ids;
   files.push_back({also, POLLIN, 0});
   files.push_back({listener_, POLLIN, 0});
-  bool more = false;  // lines that have come and were not looked at yet
+  bool pending = false;  // complete lines that were received and not handled yet
   for (auto& [id, client] : clients_) {
     const bool writes = client.sent < client.out.size();
     const bool reads =
-        !client.closing && !client.ended && client.in.size() < settings_.longest_line;
+        !client.closing && !client.half_closed && client.in.size() < settings_.longest_line;
     files.push_back(
         {client.file, static_cast<short>((reads ? POLLIN : 0) | (writes ? POLLOUT : 0)), 0});
     ids.push_back(id);
-    more = more || client.in.find('\n') != std::string::npos;
+    pending = pending || client.in.find('\n') != std::string::npos;
   }
-  const int ready = ::poll(files.data(), files.size(), more ? 0 : static_cast<int>(wait.count()));
+  const int ready =
+      ::poll(files.data(), files.size(), pending ? 0 : static_cast<int>(wait.count()));
   if (ready > 0) {
     for (std::size_t i = 0; i < ids.size(); ++i) {
-      const short what = files[i + 2].revents;
+      const short events = files[i + 2].revents;
       Client& client = clients_.at(ids[i]);
-      if ((what & POLLOUT) != 0) flush(client);
-      if ((what & (POLLIN | POLLHUP | POLLERR)) != 0) receive(client);
-      if ((what & (POLLHUP | POLLERR)) != 0) client.hung_up = true;
+      if ((events & POLLOUT) != 0) flush(client);
+      if ((events & (POLLIN | POLLHUP | POLLERR)) != 0) receive(client);
+      if ((events & (POLLHUP | POLLERR)) != 0) client.hung_up = true;
     }
-    if ((files[1].revents & POLLIN) != 0) accept_some();
+    if ((files[1].revents & POLLIN) != 0) accept_clients();
   }
+  return (files[0].revents & POLLIN) != 0;
+}
 
-  // A line of each in turn, so that one that floods delays the others by no more than its share.
+// Round robin, a line of each client at a time: one that floods delays the others by no more than
+// its share.
+void LineServer::serve_lines() {
   std::vector<ClientId> order;
   for (const auto& [id, client] : clients_) order.push_back(id);
   std::rotate(order.begin(), std::upper_bound(order.begin(), order.end(), turn_), order.end());
@@ -170,68 +183,66 @@ bool LineServer::serve(std::chrono::milliseconds wait, int also) {
       ++lines;
     }
   }
-  drop_the_done(steady_clock::now());
-  return (files[0].revents & POLLIN) != 0;
 }
 
-void LineServer::accept_some() {
-  // A burst of connections is taken in parts; what is not taken waits in the kernel's queue.
+void LineServer::accept_clients() {
+  // A burst of connections is accepted in parts; the rest waits in the kernel's queue.
   for (int i = 0; i < 16; ++i) {
     const int file = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
     if (file < 0) return;
     ucred credentials{};
     socklen_t size = sizeof credentials;
-    Peer peer;
-    if (::getsockopt(file, SOL_SOCKET, SO_PEERCRED, &credentials, &size) == 0) {
-      peer = {credentials.pid, credentials.uid, credentials.gid};
-    } else {
+    if (::getsockopt(file, SOL_SOCKET, SO_PEERCRED, &credentials, &size) != 0) {
       ::close(file);
       continue;
     }
-    if (clients_.size() >= settings_.most_clients) make_room();
-    const ClientId id = next_++;
-    Client& client = clients_[id];
-    client.file = file;
-    client.peer = peer;
-    client.begun = client.heard = steady_clock::now();
-    if (!may_come(peer)) {
-      client.out = "{\"v\": 1, \"ok\": false, \"error\": \"you may not use this socket\"}\n";
-      client.closing = true;
-      client.why = "user " + std::to_string(peer.uid) + " may not use the control socket";
-      flush(client);
-      continue;
-    }
-    if (events_.joined) events_.joined(id, peer);
+    admit(file, {credentials.pid, credentials.uid, credentials.gid});
   }
 }
 
-bool LineServer::may_come(const Peer& peer) const {
+void LineServer::admit(int file, const Peer& peer) {
+  if (clients_.size() >= settings_.most_clients) drop_longest_silent();
+  const ClientId id = next_++;
+  Client& client = clients_[id];
+  client.file = file;
+  client.peer = peer;
+  client.begun = client.active = steady_clock::now();
+  if (!is_allowed(peer)) {
+    client.out = "{\"v\": 1, \"ok\": false, \"error\": \"you may not use this socket\"}\n";
+    client.closing = true;
+    client.reason = "user " + std::to_string(peer.uid) + " may not use the control socket";
+    flush(client);
+    return;
+  }
+  if (handlers_.joined) handlers_.joined(id, peer);
+}
+
+bool LineServer::is_allowed(const Peer& peer) const {
   return peer.uid == 0 || peer.uid == ::geteuid() || is_member(peer.uid, peer.gid, group_);
 }
 
-/// The one that has been silent for longest makes room: clients that only sit there shut nobody
-/// out.
-void LineServer::make_room() {
+/// Idle clients cannot keep others out.
+void LineServer::drop_longest_silent() {
   const auto oldest = std::min_element(
       clients_.begin(), clients_.end(),
-      [](const auto& a, const auto& b) { return a.second.heard < b.second.heard; });
+      [](const auto& a, const auto& b) { return a.second.active < b.second.active; });
   if (oldest == clients_.end()) return;
-  oldest->second.why = "too many clients: it was silent for longest";
+  oldest->second.reason = "too many clients: it was silent for longest";
   oldest->second.closing = true;
   oldest->second.out.clear();
   oldest->second.sent = 0;
-  drop_the_done(steady_clock::now());
+  drop_finished(steady_clock::now());
 }
 
 void LineServer::receive(Client& client) {
-  if (client.closing || client.ended) return;
+  if (client.closing || client.half_closed) return;
   std::array<char, 8192> part{};
   while (client.in.size() < settings_.longest_line) {
     const ssize_t got = ::recv(client.file, part.data(), part.size(), 0);
     if (got < 0 && (errno == EAGAIN || errno == EINTR)) return;
     if (got <= 0) {
-      client.ended = true;
-      if (client.why.empty()) client.why = "the client went";
+      client.half_closed = true;
+      if (client.reason.empty()) client.reason = "the client disconnected";
       return;
     }
     if (client.in.empty()) client.begun = steady_clock::now();
@@ -246,16 +257,16 @@ bool LineServer::take_line(ClientId id, Client& client) {
     if (client.in.size() < settings_.longest_line) return false;
     send(id, "{\"v\": 1, \"ok\": false, \"error\": \"the line is longer than " +
                  std::to_string(settings_.longest_line) + " bytes\"}");
-    client.why = "a line that is too long";
+    client.reason = "it sent too long a line";
     client.closing = true;
     client.in.clear();
     return false;
   }
   std::string line = client.in.substr(0, end);
   client.in.erase(0, end + 1);
-  client.begun = client.heard = steady_clock::now();
+  client.begun = client.active = steady_clock::now();
   if (!line.empty() && line.back() == '\r') line.pop_back();
-  if (!line.empty() && events_.line) events_.line(id, line);
+  if (!line.empty() && handlers_.line) handlers_.line(id, line);
   return true;
 }
 
@@ -263,8 +274,8 @@ void LineServer::send(ClientId id, std::string_view line) {
   const auto found = clients_.find(id);
   if (found == clients_.end() || found->second.closing) return;
   Client& client = found->second;
-  if (client.out.size() - client.sent + line.size() + 1 > settings_.most_waiting_bytes) {
-    client.why = "it does not read what it asked for";
+  if (client.out.size() - client.sent + line.size() + 1 > settings_.most_unread_bytes) {
+    client.reason = "it does not read its answers";
     client.closing = true;
     client.out.clear();
     client.sent = 0;
@@ -281,7 +292,7 @@ void LineServer::flush(Client& client) {
     if (put < 0) {
       if (errno == EAGAIN || errno == EINTR) break;
       client.closing = true;
-      client.why = "the client went";
+      client.reason = "the client disconnected";
       client.sent = client.out.size();
       break;
     }
@@ -293,28 +304,28 @@ void LineServer::flush(Client& client) {
   }
 }
 
-void LineServer::drop_the_done(steady_clock::time_point now) {
+void LineServer::drop_finished(steady_clock::time_point now) {
   for (auto at = clients_.begin(); at != clients_.end();) {
     Client& client = at->second;
     const bool all_sent = client.sent >= client.out.size();
     if (!client.in.empty() && client.in.find('\n') == std::string::npos &&
         now - client.begun > settings_.patience) {
-      client.why = "a line that did not end in time";
+      client.reason = "it did not finish a line in time";
       client.closing = true;
     }
-    const bool silent = now - client.heard > settings_.patience;
-    const bool gone =
-        client.ended && client.in.find('\n') == std::string::npos && (client.hung_up || silent);
+    const bool silent = now - client.active > settings_.patience;
+    const bool left = client.half_closed && client.in.find('\n') == std::string::npos &&
+                      (client.hung_up || silent);
     const bool stuck = client.closing && silent;
-    if (!((client.closing && all_sent) || gone || stuck)) {
+    if (!((client.closing && all_sent) || left || stuck)) {
       ++at;
       continue;
     }
     ::close(client.file);
     const ClientId id = at->first;
-    const std::string why = client.why;
+    const std::string reason = client.reason;
     at = clients_.erase(at);
-    if (events_.left) events_.left(id, why);
+    if (handlers_.left) handlers_.left(id, reason);
   }
 }
 

@@ -5,24 +5,32 @@
 #include <cmath>
 #include <utility>
 
-#include "daemon/deadline.h"
-
 namespace stickslip::daemon {
 namespace {
 
 using drivers::Outcome;
 
-constexpr std::size_t notice_room = 1024;
-constexpr std::size_t command_room = 64;
-/// A step of the source's time that is longer is a gap, or a clock that was set: nothing to drive
-/// by.
-constexpr std::int64_t longest_step_ns = 1'000'000'000;
-/// A thousandth or so of what a ring holds: waking up often costs more than what it waits for.
-constexpr std::int64_t ring_wait_ns = 500'000;
-constexpr std::int64_t ring_patience_ns = 2'000'000'000;
+constexpr std::size_t notice_capacity = 1024;
+constexpr std::size_t command_capacity = 64;
+/// About a thousandth of what a ring holds: frequent wake-ups cost more than the wait itself.
+constexpr std::int64_t consumer_wait_ns = 500'000;
+constexpr std::int64_t consumer_patience_ns = 2'000'000'000;
 
 constexpr bool is_fault(Outcome outcome) {
   return outcome != Outcome::ok && outcome != Outcome::no_data && outcome != Outcome::end_of_data;
+}
+
+LoopSettings with_defaults(LoopSettings settings) {
+  if (settings.lateness_limit_ns <= 0) settings.lateness_limit_ns = settings.period_ns;
+  return settings;
+}
+
+/// The cycle at which the ramp down has to begin.
+std::uint64_t ramp_down_cycle(const LoopSettings& settings) {
+  const double frames =
+      std::ceil(settings.ramp_s * 1e9 / static_cast<double>(settings.period_ns)) + 1.0;
+  const auto ramp = static_cast<std::uint64_t>(std::max(0.0, frames));
+  return *settings.frames > ramp ? *settings.frames - ramp : 0;
 }
 
 }  // namespace
@@ -31,26 +39,22 @@ Loop::Loop(drivers::Driver& driver, Clock& clock, const LoopSettings& settings,
            Excitation excitation, Observer* observer, Ledger& ledger, std::vector<Stream*> streams)
     : driver_(driver),
       clock_(clock),
-      settings_(settings),
+      settings_(with_defaults(settings)),
       excitation_(std::move(excitation)),
       observer_(observer),
       ledger_(ledger),
       streams_(std::move(streams)),
       can_drive_(driver.description().can_drive),
-      own_clock_(driver.description().own_clock),
-      time_of_frames_(settings.pacing != Pacing::deadlines || driver.description().time_of_its_own),
+      pacer_(clock,
+             {settings_.pacing, settings_.period_ns, settings_.lateness_limit_ns, can_drive_}),
+      frame_time_(!pacer_.has_deadlines() || driver.description().time_of_its_own),
+      sequencer_(settings_.period_ns, driver.description().own_clock),
       interlocks_(settings.live.interlocks, driver.description().channels),
-      notices_(notice_room),
-      commands_(command_room),
-      answers_(command_room) {
-  why_.message.reserve(sizeof Notice::text);
-  if (settings_.lateness_limit_ns <= 0) settings_.lateness_limit_ns = settings_.period_ns;
-  if (settings_.frames) {
-    const double ramp_frames =
-        std::ceil(settings_.ramp_s * 1e9 / static_cast<double>(settings_.period_ns)) + 1.0;
-    const auto ramp = static_cast<std::uint64_t>(std::max(0.0, ramp_frames));
-    stop_at_cycle_ = *settings_.frames > ramp ? *settings_.frames - ramp : 0;
-  }
+      notices_(notice_capacity),
+      commands_(command_capacity),
+      answers_(command_capacity) {
+  end_.message.reserve(sizeof Notice::text);
+  if (settings_.frames) stop_at_cycle_ = ramp_down_cycle(settings_);
 }
 
 const LoopEnd& Loop::run() {
@@ -60,41 +64,42 @@ const LoopEnd& Loop::run() {
     } while (cycle());
   }
   end();
-  return why_;
+  return end_;
 }
 
 bool Loop::begin() {
   const drivers::Result result = driver_.start();
-  // There is nothing to be careful with.
-  if (!can_drive_) change(RigInput::clear);
+  // A device that drives nothing needs no operator's consent.
+  if (!can_drive_) apply(RigInput::clear);
   if (settings_.start_at_once) {
-    for (const RigInput input : {RigInput::clear, RigInput::arm, RigInput::start}) change(input);
+    for (const RigInput input : {RigInput::clear, RigInput::arm, RigInput::start}) apply(input);
     excitation_.start();
   }
-  answered_ns_ = clock_.now_ns();
-  due_ns_ = answered_ns_ - settings_.period_ns;
+  read_ns_ = clock_.now_ns();
+  const std::int64_t origin_ns = read_ns_ - settings_.period_ns;
+  pacer_.start(origin_ns);
   if (!result) {
     const bool fault = is_fault(result.outcome);
-    interlocks_.read_answered({fault ? result.outcome : Outcome::fatal, result.message}, due_ns_);
-    judge();
+    interlocks_.read_result({fault ? result.outcome : Outcome::fatal, result.message}, origin_ns);
+    check_interlocks();
     if (settings_.end_on_fault) finish(LoopEnd::Reason::fault);
   }
-  publish(due_ns_);
-  return why_.reason == LoopEnd::Reason::none;
+  publish_snapshot(origin_ns);
+  return end_.reason == LoopEnd::Reason::none;
 }
 
 void Loop::end() {
-  // Whatever happened before: the last word to the shaker is "off".
-  if (can_drive_ && device_here()) driver_.write({0.0, false});
+  // Whatever the reason: the last command to the shaker is "off".
+  if (can_drive_ && device_present()) driver_.write({0.0, false});
   amplifier_on_ = false;
   excitation_.cut();
-  change(RigInput::stop);
-  change(RigInput::at_rest);
-  if (device_here()) {
+  apply(RigInput::stop);
+  apply(RigInput::at_rest);
+  if (device_present()) {
     driver_.stop();
-    if (const char* left_on = driver_.left_on()) notice(Notice::Kind::left_on, 0, 0, left_on);
+    if (const char* left_on = driver_.left_on()) notify(Notice::Kind::left_on, 0, 0, left_on);
   }
-  publish(clock_.now_ns());
+  publish_snapshot(clock_.now_ns());
 }
 
 bool Loop::next_answer(Answer& answer) {
@@ -114,123 +119,84 @@ bool Loop::next_notice(Notice& notice) {
 }
 
 void Loop::wait() {
-  late_ = false;
-  overrun_ns_ = 0;
-  if (!device_here() && settings_.pacing != Pacing::deadlines) return wait_without_device();
-  if (settings_.pacing == Pacing::driver && can_drive_) look_for_a_stall();
-  if (settings_.pacing != Pacing::deadlines) return;
-  const Deadline next = next_deadline(due_ns_, settings_.period_ns, clock_.now_ns());
-  if (!time_of_frames_) elapsed_ns_ = next.due_ns - due_ns_;
-  due_ns_ = next.due_ns;
-  // The first cycle has no deadline before it that it could have missed.
-  if (next.late_ns > 0 && timing_.cycles.load(std::memory_order_relaxed) > 0) {
-    overrun_ns_ = next.late_ns;
+  wakeup_ = pacer_.wait(device_present());
+  if (!frame_time_) elapsed_ns_ = wakeup_.elapsed_ns;
+  if (wakeup_.overrun_ns > 0) {
+    const auto skipped = static_cast<std::uint64_t>(wakeup_.skipped);
     count_up(timing_.overruns);
-    count_up(timing_.skipped_periods, static_cast<std::uint64_t>(next.skipped));
-    if (next.late_ns > timing_.longest_overrun_ns.load(std::memory_order_relaxed)) {
-      timing_.longest_overrun_ns.store(next.late_ns, std::memory_order_relaxed);
+    count_up(timing_.skipped_periods, skipped);
+    if (wakeup_.overrun_ns > timing_.longest_overrun_ns.load(std::memory_order_relaxed)) {
+      timing_.longest_overrun_ns.store(wakeup_.overrun_ns, std::memory_order_relaxed);
     }
-    notice(Notice::Kind::overrun, static_cast<std::uint64_t>(next.skipped), next.late_ns);
-  } else {
-    clock_.sleep_until(due_ns_);
+    notify(Notice::Kind::overrun, skipped, wakeup_.overrun_ns);
   }
-  const std::int64_t lateness_ns = clock_.now_ns() - due_ns_;
-  timing_.lateness.add(lateness_ns);
-  late_ = overrun_ns_ > 0 || lateness_ns > settings_.lateness_limit_ns;
-  if (late_) count_up(timing_.late);
-}
-
-// A board goes on sampling while the loop is held up, and hands over at once what has waited: then
-// the drive would be played faster than it was meant.
-void Loop::look_for_a_stall() {
-  const std::int64_t now_ns = clock_.now_ns();
-  const std::int64_t allowed_ns = drivers::longest_paced_wait_ns + settings_.lateness_limit_ns;
-  if (begun_ns_ && now_ns - *begun_ns_ > allowed_ns) {
-    overrun_ns_ = now_ns - *begun_ns_ - drivers::longest_paced_wait_ns;
-    late_ = true;
-    count_up(timing_.late);
-    count_up(timing_.overruns);
-    if (overrun_ns_ > timing_.longest_overrun_ns.load(std::memory_order_relaxed)) {
-      timing_.longest_overrun_ns.store(overrun_ns_, std::memory_order_relaxed);
-    }
-    notice(Notice::Kind::overrun, 0, overrun_ns_);
-  }
-  begun_ns_ = now_ns;
-}
-
-// A driver that paces the loop is gone: somebody has to.
-void Loop::wait_without_device() {
-  begun_ns_.reset();
-  const std::int64_t now_ns = clock_.now_ns();
-  due_ns_ = now_ns + settings_.period_ns;
-  clock_.sleep_until(due_ns_);
+  if (wakeup_.lateness_ns) timing_.lateness.add(*wakeup_.lateness_ns);
+  if (wakeup_.late) count_up(timing_.late);
 }
 
 bool Loop::cycle() {
   const std::int64_t begun_ns = clock_.now_ns();
-  if (device_.load(std::memory_order_acquire) == Device::back) welcome_device();
-  heed_stop_requests();
-  heed_command();
+  if (device_.load(std::memory_order_acquire) == Device::restored) attach_device();
+  handle_stop_requests();
+  handle_command();
   const bool at_rest = !amplifier_on_;
   bool more = true;
   interlocks_.observer_restarted(false);
-  if (device_here()) {
+  if (device_present()) {
     more = read();
   } else {
     ++cycles_without_device_;
-    ++cycles_away_;
+    sequencer_.skip_cycle();
   }
-  judge();
+  check_interlocks();
   drive();
   count_up(timing_.cycles);
   const std::int64_t ended_ns = clock_.now_ns();
-  if (settings_.pacing == Pacing::deadlines) timing_.work.add(ended_ns - begun_ns);
+  if (pacer_.has_deadlines()) timing_.work.add(ended_ns - begun_ns);
   const bool over = is_over(more, at_rest);
-  publish(ended_ns);
+  publish_snapshot(ended_ns);
   return !over;
 }
 
 bool Loop::is_over(bool more, bool at_rest) {
-  const std::uint64_t cycles = frames_ + cycles_without_device_;
   if (safety_.faulted() && settings_.end_on_fault) {
     finish(LoopEnd::Reason::fault);
   } else if (!more) {
     finish(LoopEnd::Reason::end_of_data);
-  } else if (settings_.frames && cycles >= *settings_.frames) {
+  } else if (settings_.frames && cycles_of_rig_time() >= *settings_.frames) {
     finish(LoopEnd::Reason::frames_done);
   } else if (stop_requests_.load(std::memory_order_acquire) > 0 && excitation_.is_off() &&
              at_rest) {
-    // Only now: the frame that was just handed over shows the shaker at rest.
-    finish(LoopEnd::Reason::asked);
+    // Not earlier: the frame that was just handed over shows the shaker at rest.
+    finish(LoopEnd::Reason::requested);
   }
-  return why_.reason != LoopEnd::Reason::none;
+  return end_.reason != LoopEnd::Reason::none;
 }
 
-void Loop::heed_stop_requests() {
+void Loop::handle_stop_requests() {
   const int requests = stop_requests_.load(std::memory_order_acquire);
-  const std::uint64_t cycles = frames_ + cycles_without_device_;
-  if (requests > 0 || (settings_.frames && cycles >= stop_at_cycle_)) {
-    if (change(RigInput::stop)) excitation_.stop();
+  if (requests > 0 || (settings_.frames && cycles_of_rig_time() >= stop_at_cycle_)) {
+    if (apply(RigInput::stop)) excitation_.stop();
   }
   if (requests > 1) excitation_.cut();
 }
 
-// One a cycle: a burst of commands takes no more of any cycle than one of them does.
-void Loop::heed_command() {
+// One command a cycle: a burst of them takes no more of any cycle than a single one.
+void Loop::handle_command() {
   const Command* const command = commands_.front();
-  // An answer that finds no room would be lost: the command waits.
-  if (command == nullptr || !answers_.has_room()) return;
+  // The command waits while there is no space for its answer.
+  if (command == nullptr || answers_.full()) return;
   Answer answer;
   answer.id = command->id;
   answer.accepted = true;
-  obey(*command, answer);
-  const bool later = command->kind == Command::Kind::average && answer.accepted;
+  execute(*command, answer);
+  const bool answered_later = command->kind == Command::Kind::average && answer.accepted;
   commands_.pop();
   answer.state = safety_.state();
-  if (!later) answers_.push(answer);
+  if (!answered_later) answers_.push(answer);
 }
 
-// What was summed, or, with a reason, that there is no average. Either ends it.
+// Ends the averaging: with the average, or with the reason why there is none.
 void Loop::answer_average(const Cause* refusal) {
   Answer answer;
   answer.id = averaging_.id();
@@ -245,34 +211,34 @@ void Loop::answer_average(const Cause* refusal) {
   answers_.push(answer);
 }
 
-void Loop::obey(const Command& command, Answer& answer) {
-  const auto refused = [&answer](std::string_view words) {
+void Loop::execute(const Command& command, Answer& answer) {
+  const auto refuse = [&answer](std::string_view reason) {
     answer.accepted = false;
-    answer.reason.add(words);
+    answer.reason.add(reason);
   };
   const Interlocks::Broken broken = interlocks_.broken(clock_.now_ns());
   switch (command.kind) {
     case Command::Kind::clear:
-      if (!safety_.faulted()) return refused("there is no fault to clear");
-      if (latches_at_rest(broken.interlock) && refuse(broken, answer)) return;
-      change(RigInput::clear);
+      if (!safety_.faulted()) return refuse("there is no fault to clear");
+      if (latches_at_rest(broken.interlock) && refuse_if_broken(broken, answer)) return;
+      apply(RigInput::clear);
       return;
     case Command::Kind::arm:
-      if (safety_.state() != RigState::idle) return refused("only an idle rig can be armed");
-      if (refuse(broken, answer)) return;
-      if (!can_drive_) return refused("this device drives nothing");
-      change(RigInput::arm);
+      if (safety_.state() != RigState::idle) return refuse("only an idle rig can be armed");
+      if (refuse_if_broken(broken, answer)) return;
+      if (!can_drive_) return refuse("this device has no output to drive a shaker with");
+      apply(RigInput::arm);
       return;
     case Command::Kind::start:
-      if (safety_.state() != RigState::armed) return refused("only an armed rig can be started");
-      if (!excitation_.enabled()) return refused("excitation.enabled is false");
+      if (safety_.state() != RigState::armed) return refuse("only an armed rig can be started");
+      if (!excitation_.enabled()) return refuse("excitation.enabled is false");
       dead_man_ = command.dead_man;
-      change(RigInput::start);
+      apply(RigInput::start);
       excitation_.start();
       return;
     case Command::Kind::disarm:
     case Command::Kind::stop:
-      change(command.kind == Command::Kind::stop ? RigInput::stop : RigInput::disarm);
+      apply(command.kind == Command::Kind::stop ? RigInput::stop : RigInput::disarm);
       excitation_.stop();
       return;
     case Command::Kind::set:
@@ -283,102 +249,122 @@ void Loop::obey(const Command& command, Answer& answer) {
       interlocks_.set(command.live.interlocks);
       return;
     case Command::Kind::average:
-      if (averaging_.active()) return refused("readings are being averaged for another client");
-      if (!device_here()) return refused("the device is gone");
+      if (averaging_.active()) return refuse("readings are being averaged for another client");
+      if (!device_present()) return refuse("the device is lost");
       averaging_.begin(command.frames, command.id);
       return;
   }
 }
 
-bool Loop::refuse(const Interlocks::Broken& broken, Answer& answer) const {
+bool Loop::refuse_if_broken(const Interlocks::Broken& broken, Answer& answer) const {
   if (broken.interlock == Interlock::none) return false;
   answer.accepted = false;
   answer.reason.add(name_of(broken.interlock)).add(": ").add(broken.cause.c_str());
   return true;
 }
 
-bool Loop::change(RigInput input) {
+bool Loop::apply(RigInput input) {
   if (!safety_.apply(input)) return false;
   if (safety_.state() == RigState::idle) dead_man_ = false;
-  notice(Notice::Kind::state, 0, 0, name_of(safety_.state()));
+  notify(Notice::Kind::state, 0, 0, name_of(safety_.state()));
   return true;
 }
 
-void Loop::welcome_device() {
-  device_.store(Device::here, std::memory_order_relaxed);
-  interlocks_.device_is_back();
-  device_clock_ = drivers::DeviceClock();
-  // What it yields now has nothing to do with what it yielded before but that time goes on.
-  numbering_is_new_ = true;
+void Loop::attach_device() {
+  device_.store(Device::present, std::memory_order_relaxed);
+  interlocks_.device_restored();
+  sequencer_.restart_numbering();
   read_failing_ = false;
   write_failing_ = false;
-  notice(Notice::Kind::device_back);
+  notify(Notice::Kind::device_back);
 }
 
 /// False at the end of the data.
 bool Loop::read() {
   Frame raw;
-  const std::int64_t asked_ns = clock_.now_ns();
+  const std::int64_t begun_ns = clock_.now_ns();
   const drivers::Result result = driver_.read(raw);
   const std::int64_t now_ns = clock_.now_ns();
-  answered_ns_ = now_ns;
-  timing_.read.add(now_ns - asked_ns);
-  interlocks_.read_answered(result, now_ns);
+  read_ns_ = now_ns;
+  timing_.read.add(now_ns - begun_ns);
+  interlocks_.read_result(result, now_ns);
   interlocks_.signals(driver_.signals());
   if (result) {
     read_failing_ = false;
     acquire(raw);
   } else if (is_fault(result.outcome)) {
     count_up(timing_.failed_reads);
-    if (!read_failing_) notice(Notice::Kind::read_failed, 0, 0, result.message);
+    if (!read_failing_) notify(Notice::Kind::read_failed, 0, 0, result.message);
     read_failing_ = true;
   } else if (result.outcome == Outcome::end_of_data) {
-    notice(Notice::Kind::end_of_data);
+    notify(Notice::Kind::end_of_data);
     return false;
   }
   return true;
 }
 
 void Loop::acquire(Frame raw) {
-  if (!place_in_time(raw)) return;
+  if (!sequence(raw)) return;
   raw_ = raw;
   if (averaging_.active() && averaging_.add(raw)) answer_average(nullptr);
-  const Calibrated si = calibrated(raw, settings_.live.calibration);
-  if (si.not_finite != 0) {
-    count_up(timing_.not_finite, static_cast<std::uint64_t>(std::popcount(si.not_finite)));
-    tell_new(Notice::Kind::not_finite, si.not_finite, not_finite_);
-  }
-  tell_new(Notice::Kind::beyond_calibration, si.out_of_range, beyond_calibration_);
-  beyond_calibration_ = si.out_of_range;
-  not_finite_ = si.not_finite;
-  interlocks_.frame(si.frame, si.not_finite, answered_ns_);
+  const Calibrated si = calibrate(raw);
+  interlocks_.frame(si.frame, si.not_finite, read_ns_);
   excitation_.observe(si.frame, amplifier_on_);
-
-  if (time_of_frames_) {
-    const std::int64_t step = previous_ ? si.frame.time_ns - previous_->time_ns : 0;
-    elapsed_ns_ = step > 0 && step <= longest_step_ns ? step : settings_.period_ns;
-  }
 
   Sample sample;
   sample.frame = si.frame;
   sample.drive = applied_;
   sample.amplifier_on = amplifier_on_;
-  sample.late = late_;
+  sample.late = wakeup_.late;
   sample.state = safety_.state();
   sample.number = frames_++;
-  previous_ = si.frame;
-  const Estimate* estimate = nullptr;
-  if (observer_ != nullptr) {
-    estimate = &observer_->update(si.frame);
-    if (estimate->restarts != restarts_) {
-      notice(Notice::Kind::estimate_restarted);
-      interlocks_.observer_restarted(true);
-    }
-    restarts_ = estimate->restarts;
-    check_model(*estimate);
-  }
+  latest_ = si.frame;
+  const Estimate* const estimate = observe(si.frame);
   const bool due = frames_ % settings_.frames_per_estimate == 0;
   hand_over(sample, due ? estimate : nullptr);
+}
+
+/// False for a frame that is to be left out: what has been handed over stays.
+bool Loop::sequence(Frame& raw) {
+  const FramePlacement placement = sequencer_.place(raw, read_ns_);
+  if (placement.clocks_diverged) notify(Notice::Kind::clock_parted);
+  if (!placement.accepted) {
+    count_up(timing_.repeated);
+    if (placement.first_repeat) notify(Notice::Kind::sequence_repeated, raw.sequence);
+    return false;
+  }
+  if (placement.missing > 0) {
+    count_up(timing_.missing_at_source, placement.missing);
+    notify(Notice::Kind::frames_missing, placement.missing);
+  }
+  if (placement.time_stepped_back) notify(Notice::Kind::clock_parted);
+  if (frame_time_) elapsed_ns_ = placement.step_ns;
+  return true;
+}
+
+Calibrated Loop::calibrate(const Frame& raw) {
+  const Calibrated si = calibrated(raw, settings_.live.calibration);
+  if (si.not_finite != 0) {
+    count_up(timing_.not_finite, static_cast<std::uint64_t>(std::popcount(si.not_finite)));
+    report_new_channels(Notice::Kind::not_finite, si.not_finite, not_finite_);
+  }
+  report_new_channels(Notice::Kind::beyond_calibration, si.out_of_range, beyond_calibration_);
+  beyond_calibration_ = si.out_of_range;
+  not_finite_ = si.not_finite;
+  return si;
+}
+
+/// Null without an observer.
+const Estimate* Loop::observe(const Frame& frame) {
+  if (observer_ == nullptr) return nullptr;
+  const Estimate& estimate = observer_->update(frame);
+  if (estimate.restarts != observer_restarts_) {
+    notify(Notice::Kind::estimate_restarted);
+    interlocks_.observer_restarted(true);
+  }
+  observer_restarts_ = estimate.restarts;
+  check_model(estimate);
+  return &estimate;
 }
 
 void Loop::check_model(const Estimate& estimate) {
@@ -386,90 +372,47 @@ void Loop::check_model(const Estimate& estimate) {
   if (check == nullptr || !check->update(estimate)) return;
   const ModelVerdict& verdict = check->verdict();
   const bool broken = verdict.standing == observer::ModelStanding::broken;
-  // That it has learnt enough is no news.
+  // The end of the learning phase is not reported.
   if (broken || verdict.alarms > 0) {
-    notice(broken ? Notice::Kind::model_broken : Notice::Kind::model_follows);
+    notify(broken ? Notice::Kind::model_broken : Notice::Kind::model_follows);
   }
 }
 
-// A notice for each channel of `now` that was not among those `before`.
-void Loop::tell_new(Notice::Kind kind, std::uint8_t now, std::uint8_t before) {
+// A notice for each channel in `now` that is not in `before`.
+void Loop::report_new_channels(Notice::Kind kind, std::uint8_t now, std::uint8_t before) {
   for (const Channel channel : all_channels) {
     const unsigned bit = 1U << index_of(channel);
-    if ((now & bit) != 0 && (before & bit) == 0) notice(kind, index_of(channel));
+    if ((now & bit) != 0 && (before & bit) == 0) notify(kind, index_of(channel));
   }
-}
-
-// Sequence and time of what goes on from here increase strictly, whatever the source does.
-bool Loop::place_in_time(Frame& frame) {
-  if (own_clock_) {
-    const std::uint64_t restarts = device_clock_.restarts();
-    frame.time_ns = device_clock_.host_time(frame.time_ns, answered_ns_);
-    if (device_clock_.restarts() != restarts) notice(Notice::Kind::clock_parted);
-  }
-  if (numbering_is_new_) {
-    sequence_offset_ = last_sequence_ + 1 + cycles_away_ - frame.sequence;
-    cycles_away_ = 0;
-    numbering_is_new_ = false;
-  }
-  frame.sequence += sequence_offset_;
-  if (previous_ && frame.sequence <= previous_->sequence) {
-    // The same sample again, or one that was overtaken: what has been handed over stays.
-    count_up(timing_.repeated);
-    if (!repeating_) notice(Notice::Kind::sequence_repeated, frame.sequence);
-    repeating_ = true;
-    return false;
-  }
-  repeating_ = false;
-  frame.time_ns += time_offset_ns_;
-  std::uint64_t missing = 0;
-  if (previous_) {
-    missing = frame.sequence - previous_->sequence - 1;
-    if (missing > 0) {
-      count_up(timing_.missing_at_source, missing);
-      notice(Notice::Kind::frames_missing, missing);
-    }
-    if (frame.time_ns <= previous_->time_ns) {
-      const std::int64_t periods = static_cast<std::int64_t>(missing) + 1;
-      const std::int64_t back_ns =
-          previous_->time_ns + periods * settings_.period_ns - frame.time_ns;
-      time_offset_ns_ += back_ns;
-      frame.time_ns += back_ns;
-      notice(Notice::Kind::clock_parted);
-    }
-  }
-  last_sequence_ = frame.sequence;
-  return true;
 }
 
 void Loop::hand_over(const Sample& sample, const Estimate* estimate) {
   ledger_.produce();
   for (Stream* stream : streams_) {
-    if (settings_.pacing == Pacing::free) wait_for_room(*stream);
+    if (pacer_.waits_for_consumers()) wait_for_consumer(*stream);
     if (estimate != nullptr) stream->offer({sample.number, *estimate});
     stream->offer(sample);
   }
 }
 
-// Simulated time can stand still. But a stop must not wait for a consumer that is stuck.
-void Loop::wait_for_room(const Stream& stream) {
-  while (!stream.has_room()) {
+// Simulated time can pause, but a stop must not wait for a consumer that hangs.
+void Loop::wait_for_consumer(const Stream& stream) {
+  while (stream.full()) {
     const std::int64_t now_ns = clock_.now_ns();
     const int requests = stop_requests_.load(std::memory_order_acquire);
-    if (requests > 0 && give_up_ns_ == 0) give_up_ns_ = now_ns + ring_patience_ns;
+    if (requests > 0 && give_up_ns_ == 0) give_up_ns_ = now_ns + consumer_patience_ns;
     if (requests > 1 || (requests > 0 && now_ns >= give_up_ns_)) return;
-    clock_.sleep_until(now_ns + ring_wait_ns);
+    clock_.sleep_until(now_ns + consumer_wait_ns);
   }
 }
 
-// Whatever is wrong is seen here, in the cycle in which it came, and answered before the next
-// write.
-void Loop::judge() {
-  // As of the device's answer: a thread that was held up since then did not make a channel stale.
-  const std::int64_t now_ns = device_here() ? answered_ns_ : clock_.now_ns();
-  interlocks_.cycle_late(overrun_ns_);
+// A broken interlock is detected in the cycle in which it breaks, before the next write.
+void Loop::check_interlocks() {
+  // As of the device's answer: a thread that was delayed since then does not make a channel stale.
+  const std::int64_t now_ns = device_present() ? read_ns_ : clock_.now_ns();
+  interlocks_.cycle_late(wakeup_.overrun_ns);
   if (settings_.recorder != nullptr) interlocks_.recorder(settings_.recorder->failing());
-  interlocks_.dead_man(dead_man_ ? std::optional(touched_ns_.load(std::memory_order_acquire))
+  interlocks_.dead_man(dead_man_ ? std::optional(kept_alive_ns_.load(std::memory_order_acquire))
                                  : std::nullopt);
   broken_ = interlocks_.broken(now_ns);
   if (broken_.interlock != Interlock::none) trip(broken_);
@@ -478,23 +421,23 @@ void Loop::judge() {
 void Loop::trip(const Interlocks::Broken& broken) {
   if (safety_.trip(broken.interlock, broken.cause, broken.outcome)) {
     dead_man_ = false;
-    notice(Notice::Kind::fault, static_cast<std::uint64_t>(broken.interlock), 0,
+    notify(Notice::Kind::fault, static_cast<std::uint64_t>(broken.interlock), 0,
            broken.cause.c_str());
   }
 }
 
 void Loop::drive() {
   const double elapsed_s = static_cast<double>(elapsed_ns_) * 1e-9;
-  if (time_of_frames_) elapsed_ns_ = 0;  // until the next frame says more
+  if (frame_time_) elapsed_ns_ = 0;  // until the next frame
   if (safety_.amplifier_allowed()) {
     excitation_.advance(elapsed_s);
     const bool finite = std::isfinite(excitation_.now().value);
     interlocks_.drive(finite);
-    if (!finite) judge();
-    // The drive has come down, after a stop or because there was no more of it.
+    if (!finite) check_interlocks();
+    // At rest after a stop, or at the end of a drive file.
     if (excitation_.is_off() && excitation_.enabled()) {
-      change(RigInput::stop);
-      change(RigInput::at_rest);
+      apply(RigInput::stop);
+      apply(RigInput::at_rest);
     }
   }
   if (!safety_.amplifier_allowed()) excitation_.cut();
@@ -502,44 +445,48 @@ void Loop::drive() {
   const bool was_faulted = safety_.faulted();
   apply_drive();
   if (can_drive_ && safety_.faulted() && !was_faulted) {
-    // The write itself tripped: say "off" once more, in the same cycle.
+    // The write itself tripped: repeat "off" in the same cycle.
     excitation_.cut();
     apply_drive();
   }
-  // An emergency stop that is pressed as well does not bring the device back.
-  const Interlocks::Broken device = interlocks_.device_broken(answered_ns_);
-  if (device.interlock != Interlock::none && device_here() && !settings_.end_on_fault) {
-    beyond_help_.store(device.outcome == Outcome::fatal, std::memory_order_release);
-    device_.store(Device::gone, std::memory_order_release);
-    if (averaging_.active()) answer_average(&device.cause);
-  }
+  release_lost_device();
+}
+
+// Independent of more serious interlocks: an emergency stop at the same time does not bring a lost
+// device back.
+void Loop::release_lost_device() {
+  const Interlocks::Broken device = interlocks_.device_broken(read_ns_);
+  if (device.interlock == Interlock::none || !device_present() || settings_.end_on_fault) return;
+  device_failed_.store(device.outcome == Outcome::fatal, std::memory_order_release);
+  device_.store(Device::lost, std::memory_order_release);
+  if (averaging_.active()) answer_average(&device.cause);
 }
 
 void Loop::apply_drive() {
   applied_ = excitation_.now();
   amplifier_on_ = can_drive_ && safety_.amplifier_allowed() && !excitation_.is_off();
-  if (!can_drive_ || !device_here()) return;
+  if (!can_drive_ || !device_present()) return;
   const drivers::Result result = driver_.write({applied_.value, amplifier_on_});
-  interlocks_.write_answered(result, clock_.now_ns());
+  interlocks_.write_result(result, clock_.now_ns());
   if (is_fault(result.outcome)) {
     count_up(timing_.failed_writes);
-    if (!write_failing_) notice(Notice::Kind::write_failed, 0, 0, result.message);
-    judge();
+    if (!write_failing_) notify(Notice::Kind::write_failed, 0, 0, result.message);
+    check_interlocks();
   }
   write_failing_ = is_fault(result.outcome);
 }
 
 void Loop::finish(LoopEnd::Reason reason) {
   if (safety_.faulted() && reason == LoopEnd::Reason::fault) {
-    why_.outcome = safety_.outcome();
-    // Room was reserved: no allocation even now.
+    end_.outcome = safety_.outcome();
+    // Capacity was reserved: no allocation even here.
     const std::string_view cause(safety_.cause().c_str());
-    why_.message.assign(cause.data(), std::min(cause.size(), why_.message.capacity()));
+    end_.message.assign(cause.data(), std::min(cause.size(), end_.message.capacity()));
   }
-  why_.reason = reason;
+  end_.reason = reason;
 }
 
-void Loop::publish(std::int64_t now_ns) {
+void Loop::publish_snapshot(std::int64_t now_ns) {
   Snapshot out;
   out.clock_ns = now_ns;
   out.state = safety_.state();
@@ -548,14 +495,14 @@ void Loop::publish(std::int64_t now_ns) {
   out.broken = broken_.interlock;
   out.broken_cause = broken_.cause;
   out.amplifier_on = amplifier_on_;
-  out.device_here = device_here();
-  out.late = late_;
-  // While it is gone, another thread closes and opens it.
-  if (device_here()) signals_ = driver_.signals();
+  out.device_present = device_present();
+  out.late = wakeup_.late;
+  // A lost device is closed and opened by another thread.
+  if (device_present()) signals_ = driver_.signals();
   out.signals = signals_;
   out.drive = applied_;
   out.raw = raw_;
-  if (previous_) out.frame = *previous_;
+  if (latest_) out.frame = *latest_;
   out.frames = frames_;
   if (settings_.model_check != nullptr) {
     out.model_checked = true;
@@ -564,13 +511,13 @@ void Loop::publish(std::int64_t now_ns) {
   snapshot_.write(out);
 }
 
-void Loop::notice(Notice::Kind kind, std::uint64_t count, std::int64_t duration_ns,
+void Loop::notify(Notice::Kind kind, std::uint64_t count, std::int64_t duration_ns,
                   const char* text) {
   Notice out;
   out.kind = kind;
-  if (previous_) {
-    out.time_ns = previous_->time_ns;
-    out.sequence = previous_->sequence;
+  if (latest_) {
+    out.time_ns = latest_->time_ns;
+    out.sequence = latest_->sequence;
   }
   out.count = count;
   out.duration_ns = duration_ns;

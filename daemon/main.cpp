@@ -1,4 +1,4 @@
-// `stickslipd`: acquires from a rig, drives its shaker, publishes and records.
+// `stickslipd`: the command line of the daemon.
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
@@ -23,9 +23,9 @@ int run(int argc, char** argv) {
                "stickslipd"};
   app.set_version_flag("--version", "stickslipd " STICKSLIP_VERSION);
   app.footer(
-      "Stops cleanly on SIGTERM or SIGINT: ramps down, switches the amplifier off, drains, "
-      "closes.\n"
-      "Reads its configuration again on SIGHUP. Commands: stickslip ctl.\n"
+      "On SIGTERM or SIGINT it ramps the drive down, switches the amplifier off, drains its queues "
+      "and\n"
+      "exits. On SIGHUP it reloads its configuration. Commands are given with stickslip ctl.\n"
       "Exit status: 0 done; 2 bad arguments or configuration; 1 anything else: a device fault, or "
       "a\n"
       "ledger that does not balance.");
@@ -39,12 +39,12 @@ int run(int argc, char** argv) {
   bool quiet = false;
   app.add_option("--config", config_file, "Rig configuration (TOML)")->required();
   auto* duration =
-      app.add_option("--duration", duration_s, "Stop after so many seconds of rig time");
-  auto* recording = app.add_option("--record", record, "Record into this LCM event log");
-  auto* lcm_url = app.add_option("--lcm-url", url, "Publish at this LCM URL");
+      app.add_option("--duration", duration_s, "Stop after this many seconds of rig time");
+  auto* recording = app.add_option("--record", record, "Record to this LCM event log");
+  auto* lcm_url = app.add_option("--lcm-url", url, "Publish to this LCM URL");
   app.add_flag("--no-lcm", overrides.no_lcm, "Do not publish")->excludes(lcm_url);
-  auto* control = app.add_option("--control", socket, "Where stickslip ctl finds the daemon");
-  app.add_flag("--quiet", quiet, "Say nothing but warnings and errors");
+  auto* control = app.add_option("--control", socket, "Path of the control socket");
+  app.add_flag("--quiet", quiet, "Log warnings and errors only");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -62,8 +62,8 @@ int run(int argc, char** argv) {
   logger->flush_on(spdlog::level::info);
   spdlog::set_default_logger(logger);
 
-  // Before any thread is made, so that all inherit it: the housekeeping waits for these.
-  const sigset_t signals = stickslip::daemon::heeded_signals();
+  // Before the first thread, so that all inherit the mask: the housekeeping reads these signals.
+  const sigset_t signals = stickslip::daemon::handled_signals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
 
   const auto rig =

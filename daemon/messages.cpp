@@ -22,7 +22,7 @@ std::int64_t wall_us() {
       .count();
 }
 
-/// Encodes into `bytes`, which is only ever made longer; the encoded size, or -1.
+/// Encodes into `bytes`, which only grows; returns the encoded size, or -1.
 template <class Type>
 int encode(const Type& message, std::vector<std::uint8_t>& bytes) {
   const int size = message.getEncodedSize();
@@ -39,10 +39,10 @@ Message message_of(const std::string& channel, const Type& content, std::int64_t
   return out;
 }
 
-/// What is asked of the shaker goes out that often, in the time of the frames.
+/// Of the excitation messages, in the time of the frames.
 constexpr std::int64_t excitation_period_ns = 100'000'000;
-/// And after that many frames: messages of fast rigs stay small.
-constexpr std::size_t most_asked = 2000;
+/// Limits the size of excitation messages of fast rigs.
+constexpr std::size_t most_drive_records = 2000;
 
 std::int64_t signed_of(std::uint64_t count) { return static_cast<std::int64_t>(count); }
 
@@ -54,7 +54,7 @@ void fill_losses(const AccountBalance& account, std::int32_t& count,
   for (const std::uint64_t lost : account.lost) losses.push_back(signed_of(lost));
 }
 
-/// The value of a quantity that an estimate gives one for.
+/// Nothing for quantities of which an estimate has no value.
 std::optional<double> value_of(const Estimate& estimate, observer::Quantity quantity) {
   using observer::Quantity;
   switch (quantity) {
@@ -172,11 +172,12 @@ Message recording_info_message(const config::Rig& rig, std::int64_t started_utc_
 }
 
 template <class Type>
-Put MessageSink::put(const std::string& channel, const Type& message, std::int64_t time_us) {
+WriteResult MessageSink::write(const std::string& channel, const Type& message,
+                               std::int64_t time_us) {
   const int size = encode(message, bytes_);
-  if (size < 0) return Put::encode_error;
+  if (size < 0) return WriteResult::encode_error;
   const std::span<const std::uint8_t> bytes(bytes_.data(), static_cast<std::size_t>(size));
-  return outlet_.put(channel, bytes, time_us) ? Put::done : Put::write_error;
+  return writer_.write(channel, bytes, time_us) ? WriteResult::ok : WriteResult::write_error;
 }
 
 std::int64_t MessageSink::time_us(std::int64_t time_ns) {
@@ -184,45 +185,46 @@ std::int64_t MessageSink::time_us(std::int64_t time_ns) {
   return *origin_us_ + time_ns / 1000;
 }
 
-Put MessageSink::put_block(std::span<const Sample> block) {
+WriteResult MessageSink::write_block(std::span<const Sample> block) {
   frames_.clear();
   for (const Sample& sample : block) frames_.push_back(sample.frame);
   const bool late = std::any_of(block.begin(), block.end(), [](const Sample& s) { return s.late; });
   protocol::encode_block(frames_, late ? 1 : 0, bytes_);
-  if (!outlet_.put(frames_channel_, bytes_, time_us(block.back().frame.time_ns))) {
-    return Put::write_error;
+  if (!writer_.write(frames_channel_, bytes_, time_us(block.back().frame.time_ns))) {
+    return WriteResult::write_error;
   }
-  for (const Sample& sample : block) gather(sample);
-  if (!told_ns_ || asked_.back().time_ns - *told_ns_ >= excitation_period_ns ||
-      asked_.size() >= most_asked) {
-    put_excitation();
+  for (const Sample& sample : block) record_drive(sample);
+  if (!excitation_published_ns_ ||
+      drive_records_.back().time_ns - *excitation_published_ns_ >= excitation_period_ns ||
+      drive_records_.size() >= most_drive_records) {
+    write_excitation();
   }
-  return Put::done;
+  return WriteResult::ok;
 }
 
-void MessageSink::gather(const Sample& sample) {
+void MessageSink::record_drive(const Sample& sample) {
   const Drive& drive = sample.drive;
-  asked_.push_back({sample.frame.time_ns, sample.frame.sequence, drive.value, drive.amplitude,
-                    2.0 * std::numbers::pi * drive.phase_turns, drive.limited,
-                    sample.amplifier_on});
-  asked_carrier_hz_ = drive.carrier_hz;
-  asked_gain_ = drive.gain;
+  drive_records_.push_back({sample.frame.time_ns, sample.frame.sequence, drive.value,
+                            drive.amplitude, 2.0 * std::numbers::pi * drive.phase_turns,
+                            drive.limited, sample.amplifier_on});
+  carrier_hz_ = drive.carrier_hz;
+  gain_ = drive.gain;
 }
 
-void MessageSink::put_excitation() {
-  if (asked_.empty()) return;
-  const Asked& last = asked_.back();
+void MessageSink::write_excitation() {
+  if (drive_records_.empty()) return;
+  const DriveRecord& last = drive_records_.back();
   excitation_t& out = excitation_;
   out.time_ns = last.time_ns;
   out.sequence = signed_of(last.sequence);
   out.drive = last.drive;
   out.amplitude = last.amplitude;
-  out.carrier_hz = asked_carrier_hz_;
+  out.carrier_hz = carrier_hz_;
   out.phase_rad = last.phase_rad;
-  out.gain = asked_gain_;
+  out.gain = gain_;
   out.limited = static_cast<std::int8_t>(last.limited);
   out.amplifier_on = static_cast<std::int8_t>(last.amplifier_on);
-  const std::size_t earlier = asked_.size() - 1;
+  const std::size_t earlier = drive_records_.size() - 1;
   out.earlier = static_cast<std::int32_t>(earlier);
   out.earlier_by.resize(earlier);
   out.earlier_drive.resize(earlier);
@@ -230,27 +232,27 @@ void MessageSink::put_excitation() {
   out.earlier_phase_rad.resize(earlier);
   out.earlier_state.resize(earlier);
   for (std::size_t i = 0; i < earlier; ++i) {
-    const Asked& asked = asked_[i];
+    const DriveRecord& record = drive_records_[i];
     out.earlier_by[i] = static_cast<std::int32_t>(std::min<std::uint64_t>(
-        last.sequence - asked.sequence, std::numeric_limits<std::int32_t>::max()));
-    out.earlier_drive[i] = asked.drive;
-    out.earlier_amplitude[i] = static_cast<float>(asked.amplitude);
-    out.earlier_phase_rad[i] = static_cast<float>(asked.phase_rad);
-    out.earlier_state[i] = static_cast<std::uint8_t>(static_cast<unsigned>(asked.limited) |
-                                                     (asked.amplifier_on ? 0x80U : 0U));
+        last.sequence - record.sequence, std::numeric_limits<std::int32_t>::max()));
+    out.earlier_drive[i] = record.drive;
+    out.earlier_amplitude[i] = static_cast<float>(record.amplitude);
+    out.earlier_phase_rad[i] = static_cast<float>(record.phase_rad);
+    out.earlier_state[i] = static_cast<std::uint8_t>(static_cast<unsigned>(record.limited) |
+                                                     (record.amplifier_on ? 0x80U : 0U));
   }
-  asked_.clear();
-  told_ns_ = out.time_ns;
-  put(excitation_channel_, out, time_us(out.time_ns));
+  drive_records_.clear();
+  excitation_published_ns_ = out.time_ns;
+  write(excitation_channel_, out, time_us(out.time_ns));
 }
 
-bool MessageSink::settle() {
-  // A log whose next part is about to begin: each part has what belongs to its frames.
-  if (outlet_.wants_to_settle()) put_excitation();
-  return outlet_.settle();
+bool MessageSink::flush() {
+  // Before a new part of the log: each part contains the excitation of its frames.
+  if (writer_.wants_flush()) write_excitation();
+  return writer_.flush();
 }
 
-Put MessageSink::put_estimate(const Estimate& estimate) {
+WriteResult MessageSink::write_estimate(const Estimate& estimate) {
   const bool any = estimate.standing != observer::Standing::waiting &&
                    estimate.standing != observer::Standing::unsupported;
   friction_estimate_t& out = estimate_;
@@ -286,10 +288,10 @@ Put MessageSink::put_estimate(const Estimate& estimate) {
     }
   }
   for (std::size_t i = 0; i < channel_count; ++i) {
-    const bool took_part = ((estimate.innovation_valid >> i) & 1U) != 0;
-    out.innovation[i] = took_part ? estimate.innovation[i] : 0.0;
+    const bool used_channel = ((estimate.innovation_valid >> i) & 1U) != 0;
+    out.innovation[i] = used_channel ? estimate.innovation[i] : 0.0;
     out.innovation_variance[i] =
-        took_part ? estimate.innovation_std[i] * estimate.innovation_std[i] : 0.0;
+        used_channel ? estimate.innovation_std[i] * estimate.innovation_std[i] : 0.0;
   }
   out.nis = estimate.nis;
   out.nis_freedom = estimate.nis_freedom;
@@ -299,13 +301,13 @@ Put MessageSink::put_estimate(const Estimate& estimate) {
   out.nis_mean_high = estimate.nis_mean_high;
   std::copy(estimate.whiteness.begin(), estimate.whiteness.end(), out.whiteness);
   std::copy(estimate.whiteness_bound.begin(), estimate.whiteness_bound.end(), out.whiteness_bound);
-  return put(estimate_channel_, out, time_us(estimate.time_ns));
+  return write(estimate_channel_, out, time_us(estimate.time_ns));
 }
 
-Put MessageSink::put_message(const Message& message) {
-  if (message.bytes.empty()) return Put::encode_error;
-  return outlet_.put(message.channel, message.bytes, message.time_us) ? Put::done
-                                                                      : Put::write_error;
+WriteResult MessageSink::write_message(const Message& message) {
+  if (message.bytes.empty()) return WriteResult::encode_error;
+  return writer_.write(message.channel, message.bytes, message.time_us) ? WriteResult::ok
+                                                                        : WriteResult::write_error;
 }
 
 }  // namespace stickslip::daemon

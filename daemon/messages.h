@@ -12,7 +12,7 @@
 
 #include "config/rig.h"
 #include "daemon/event.h"
-#include "daemon/outlet.h"
+#include "daemon/message_writer.h"
 #include "daemon/status.h"
 #include "daemon/stream.h"
 #include "protocol/channels.h"
@@ -20,36 +20,35 @@
 namespace stickslip::daemon {
 
 Message status_message(const Status& status, std::int64_t utc_us);
-/// The histograms up to the longest duration that any of them has seen.
+/// The histograms, up to the longest duration that any of them counted.
 Message timing_message(const Timing& timing, std::int64_t utc_us);
-/// Writes the books into a status message.
+/// Enters the ledger into a status message.
 void set_ledger(const Balance& ledger, status_t& status);
 
 Message event_message(const Event& event, std::int64_t utc_us);
 
-/// What makes a log stand alone: configuration, model, version, start.
+/// Makes a log self-contained: configuration, model, version, start.
 Message recording_info_message(const config::Rig& rig, std::int64_t started_utc_us);
 
-/// Encodes what a stream carries and puts it into an outlet, with buffers that are used again.
-/// Frames are stamped with rig time that begins at the wall clock's, so that a log of simulated
-/// time plays at the rig's pace.
+/// Encodes the contents of a stream and passes them to a writer, with buffers that are reused.
+/// Frames are stamped with rig time counted from the wall clock at the first frame, so that a log
+/// of simulated time plays at the rig's pace.
 class MessageSink final : public Sink {
  public:
-  /// `outlet` must outlive the sink.
-  explicit MessageSink(Outlet& outlet) : outlet_(outlet) {}
+  /// `writer` must outlive the sink.
+  explicit MessageSink(MessageWriter& writer) : writer_(writer) {}
 
-  /// Frames, and every 0.1 s of them what was asked of the shaker during each. Done means that the
-  /// frames got through.
-  Put put_block(std::span<const Sample> block) override;
-  Put put_estimate(const Estimate& estimate) override;
-  Put put_message(const Message& message) override;
-  bool settle() override;
-  void finish() override { put_excitation(); }
-  bool wants_to_settle() const override { return outlet_.wants_to_settle(); }
+  /// Frames, and every 0.1 s of them the drive during each. The result is that of the frames.
+  WriteResult write_block(std::span<const Sample> block) override;
+  WriteResult write_estimate(const Estimate& estimate) override;
+  WriteResult write_message(const Message& message) override;
+  bool flush() override;
+  void finish() override { write_excitation(); }
+  bool wants_flush() const override { return writer_.wants_flush(); }
 
  private:
-  /// What was asked of the shaker during one frame.
-  struct Asked {
+  /// Drive during one frame.
+  struct DriveRecord {
     std::int64_t time_ns = 0;
     std::uint64_t sequence = 0;
     double drive = 0.0;
@@ -59,22 +58,22 @@ class MessageSink final : public Sink {
     bool amplifier_on = false;
   };
   template <class Type>
-  Put put(const std::string& channel, const Type& message, std::int64_t time_us);
+  WriteResult write(const std::string& channel, const Type& message, std::int64_t time_us);
   std::int64_t time_us(std::int64_t time_ns);
-  void gather(const Sample& sample);
-  void put_excitation();
+  void record_drive(const Sample& sample);
+  void write_excitation();
 
-  Outlet& outlet_;
-  // Made once: they are too long for a string without memory of its own.
+  MessageWriter& writer_;
+  // Constructed once: too long for the small-string optimisation.
   const std::string frames_channel_ = protocol::frames_channel;
   const std::string excitation_channel_ = protocol::excitation_channel;
   const std::string estimate_channel_ = protocol::estimate_channel;
   std::optional<std::int64_t> origin_us_;  // wall clock at rig time 0
   std::vector<Frame> frames_;
-  std::vector<Asked> asked_;             // of the shaker, since the latest message that said so
-  std::optional<std::int64_t> told_ns_;  // the latest frame of that message
-  double asked_carrier_hz_ = 0.0;        // at the latest of them
-  double asked_gain_ = 1.0;
+  std::vector<DriveRecord> drive_records_;               // since the latest excitation message
+  std::optional<std::int64_t> excitation_published_ns_;  // time of that message
+  double carrier_hz_ = 0.0;                              // at the latest record
+  double gain_ = 1.0;
   excitation_t excitation_{};
   friction_estimate_t estimate_{};
   std::vector<std::uint8_t> bytes_;

@@ -6,21 +6,22 @@
 
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <cstddef>
 #include <cstdio>
 #include <cstring>
 #include <span>
 #include <utility>
 
+#include "physics/number_text.h"
+
 namespace stickslip::daemon {
 namespace {
 
-/// As status_t names them.
+/// Names as in status_t.
 constexpr std::array<std::string_view, 5> states = {"idle", "armed", "running", "stopping",
                                                     "faulted"};
 
-/// A label's value: backslash, quote and line feed are all that the format wants escaped.
+/// A label's value: the format requires escapes of backslash, quote and line feed only.
 std::string escaped(std::string_view value) {
   std::string out;
   for (const char c : value) {
@@ -34,14 +35,9 @@ std::string escaped(std::string_view value) {
   return out;
 }
 
-/// The shortest decimal that reads back to the same number.
-std::string number(double value) {
-  std::array<char, 32> digits{};
-  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr;
-  return {digits.data(), end};
-}
-std::string number(std::uint64_t value) { return std::to_string(value); }
-std::string number(std::int64_t value) { return std::to_string(value); }
+std::string text_of(double value) { return physics::shortest_text(value); }
+std::string text_of(std::uint64_t value) { return std::to_string(value); }
+std::string text_of(std::int64_t value) { return std::to_string(value); }
 
 template <class Integer>
 double seconds(Integer ns) {
@@ -70,7 +66,7 @@ class Page {
   template <class Value>
   void sample(Value value, std::string_view labels = {}, std::string_view suffix = {}) {
     text_ += name_ + std::string(suffix) + '{' + rig_ + (labels.empty() ? "" : ",") +
-             std::string(labels) + "} " + number(value) + '\n';
+             std::string(labels) + "} " + text_of(value) + '\n';
   }
 
   template <class Value>
@@ -90,7 +86,7 @@ class Page {
 std::uint64_t flag(bool value) { return value ? 1 : 0; }
 
 void add_state(Page& page, const Status& status) {
-  page.family("state", "gauge", "1 for the state that the rig is in, 0 for the others.");
+  page.family("state", "gauge", "1 for the present state of the rig, 0 for the others.");
   for (const std::string_view state : states) {
     page.sample(flag(name_of(status.state) == state), "state=\"" + std::string(state) + '"');
   }
@@ -109,18 +105,17 @@ void add_ledger(Page& page, const Balance& ledger) {
       {{"consumer=\"publisher\"", ledger.published}, {"consumer=\"recorder\"", ledger.recorded}}};
   page.single("frames_produced_total", "counter", "Frames that the driver yielded.",
               ledger.produced);
-  page.family("frames_delivered_total", "counter",
-              "Frames handed over to the network or the disk without an error.");
+  page.family("frames_delivered_total", "counter", "Frames accepted by the network or the disk.");
   for (const Consumer& each : consumers) {
     if (each.account.enabled) page.sample(each.account.delivered, each.label);
   }
-  page.family("frames_lost_total", "counter", "Frames that did not get there, by the reason.");
+  page.family("frames_lost_total", "counter", "Frames that were not delivered, by reason.");
   for (const Consumer& each : consumers) {
     for (std::size_t i = 0; each.account.enabled && i < loss_count; ++i) {
       page.sample(each.account.lost[i], each.label + ",reason=\"" + word(loss_names[i]) + '"');
     }
   }
-  page.family("frames_pending", "gauge", "Frames on their way; not 0 after the end: unaccounted.");
+  page.family("frames_pending", "gauge", "Frames in transit; after the end: unaccounted for.");
   for (const Consumer& each : consumers) {
     if (each.account.enabled) page.sample(ledger.pending(each.account), each.label);
   }
@@ -147,34 +142,33 @@ void add_durations(Page& page, const std::string& name, const std::string& of,
 
 void add_timing(Page& page, const Status& status) {
   page.single("cycles_total", "counter", "Cycles of the real-time loop.", status.cycles);
-  page.single("overruns_total", "counter", "Cycles that ended after the next should have begun.",
+  page.single("overruns_total", "counter", "Cycles that ended after the next deadline.",
               status.overruns);
   page.single("skipped_periods_total", "counter", "Periods without a cycle, from overruns.",
               status.skipped_periods);
   page.single("overrun_max_seconds", "gauge", "The longest overrun since the start.",
               seconds(status.longest_overrun_ns));
-  page.single("timing_degraded", "gauge", "1 where cycles overran since the last status.",
+  page.single("timing_degraded", "gauge", "1 if cycles were late since the last status.",
               flag(status.degraded));
   add_durations(page, "wakeup_lateness", "Lateness of the loop's wake-up against its deadline",
                 {status.lateness_p50_ns, status.lateness_p99_ns, status.lateness_max_ns,
                  status.lateness_total_ns, status.lateness_count});
-  add_durations(page, "cycle_work", "Length of a cycle from wake-up to the last hand-over",
+  add_durations(page, "cycle_work", "Duration of a cycle from wake-up to the last hand-over",
                 {status.work_p50_ns, status.work_p99_ns, status.work_max_ns, status.work_total_ns,
                  status.work_count});
 }
 
 void add_device(Page& page, const Status& status) {
   page.single("frames_missing_at_source_total", "counter",
-              "Frames that the device itself lost, by jumps of its sequence number.",
+              "Frames lost by the device, from jumps of its sequence number.",
               status.missing_at_source);
   page.single("readings_not_finite_total", "counter", "Readings that were NaN or infinite.",
               status.not_finite);
-  page.single("failed_reads_total", "counter", "Reads that the device did not answer.",
-              status.failed_reads);
-  page.single("failed_writes_total", "counter", "Writes that the device did not take.",
+  page.single("failed_reads_total", "counter", "Failed reads of the device.", status.failed_reads);
+  page.single("failed_writes_total", "counter", "Failed writes to the device.",
               status.failed_writes);
   page.single("lost_messages_total", "counter",
-              "Events, estimates and status messages that found no room.", status.lost_messages);
+              "Events, estimates and status messages that were dropped.", status.lost_messages);
 }
 
 std::string label(std::string_view name, std::string_view value) {
@@ -188,13 +182,13 @@ void add_device_counts(Page& page, std::span<const drivers::Count> counts) {
       page.sample(count.value, label("device", count.device) + ',' + label(name, count.name));
     }
   };
-  page.family("device_events_total", "counter", "What befell a device, by its own count.");
+  page.family("device_events_total", "counter", "Events of a device, by its own count.");
   add(drivers::Count::Kind::sum, "event");
-  page.family("device_level", "gauge", "What a device tells of itself.");
+  page.family("device_level", "gauge", "Levels that a device reports, such as its backlog.");
   add(drivers::Count::Kind::level, "level");
 }
 
-std::string why() { return std::strerror(errno); }
+std::string error_text() { return std::strerror(errno); }
 
 bool write_all(int file, std::string_view text) {
   while (!text.empty()) {
@@ -210,10 +204,9 @@ bool write_all(int file, std::string_view text) {
 
 std::string metrics_text(const Status& status, std::string_view rig, std::int64_t utc_us) {
   Page page(rig);
-  page.family("info", "gauge", "Always 1; its labels say what runs.");
+  page.family("info", "gauge", "Always 1; labels with the running version.");
   page.sample(std::uint64_t{1}, "version=\"" STICKSLIP_VERSION "\"");
-  page.single("updated_timestamp_seconds", "gauge",
-              "When this was written, since 1970; a daemon that is gone writes no more.",
+  page.single("updated_timestamp_seconds", "gauge", "Time of the latest update, since 1970.",
               static_cast<double>(utc_us) * 1e-6);
   add_state(page, status);
   add_ledger(page, status.ledger);
@@ -224,21 +217,22 @@ std::string metrics_text(const Status& status, std::string_view rig, std::int64_
 }
 
 std::string write_metrics(const std::filesystem::path& file, const std::string& text) {
-  // In the same folder, so that the rename is one step, and not named *.prom, which would be read.
-  const std::string beside = file.string() + ".new";
+  // In the same folder, so that the rename is atomic; not *.prom, which would be collected.
+  const std::string temporary = file.string() + ".new";
   const int out =
-      ::open(beside.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0644);
-  if (out < 0) return beside + " cannot be written: " + why();
+      ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0644);
+  if (out < 0) return temporary + " cannot be written: " + error_text();
   std::string problem;
-  // The unit's umask keeps others out of recordings; these numbers are for them.
+  // The unit's umask, which protects recordings, must not apply.
   if (::fchmod(out, 0644) != 0 || !write_all(out, text)) {
-    problem = beside + " cannot be written: " + why();
+    problem = temporary + " cannot be written: " + error_text();
   }
-  if (::close(out) != 0 && problem.empty()) problem = beside + " cannot be written: " + why();
-  if (problem.empty() && std::rename(beside.c_str(), file.c_str()) != 0) {
-    problem = file.string() + " cannot be replaced: " + why();
+  if (::close(out) != 0 && problem.empty())
+    problem = temporary + " cannot be written: " + error_text();
+  if (problem.empty() && std::rename(temporary.c_str(), file.c_str()) != 0) {
+    problem = file.string() + " cannot be replaced: " + error_text();
   }
-  if (!problem.empty()) ::unlink(beside.c_str());
+  if (!problem.empty()) ::unlink(temporary.c_str());
   return problem;
 }
 

@@ -1,5 +1,5 @@
-// The status for Prometheus: a text file that node_exporter's textfile collector reads, so that a
-// lab's monitoring sees the rig without a port being opened.
+// Status for Prometheus: a text file for node_exporter's textfile collector, so that monitoring
+// needs no open port.
 #pragma once
 
 #include <cstdint>
@@ -16,9 +16,8 @@ namespace stickslip::daemon {
 /// wall clock, us since 1970.
 std::string metrics_text(const Status& status, std::string_view rig, std::int64_t utc_us);
 
-/// Replaces `file` by `text` in one step: a reader sees the whole old file or the whole new one.
-/// Everyone may read it, since node_exporter runs as another user; it is not forced to the disk.
-/// Returns why it could not; empty: it is written. Opens, writes and renames: not for the loop.
+/// Replaces `file` atomically. Readable by everyone, since node_exporter runs as another user; not
+/// synced to the disk. Returns the error; empty: written. Not for the real-time thread.
 [[nodiscard]] std::string write_metrics(const std::filesystem::path& file, const std::string& text);
 
 }  // namespace stickslip::daemon

@@ -1,11 +1,11 @@
-// LCM as an outlet.
+// The publisher: messages on LCM.
 #include <spdlog/spdlog.h>
 
 #include <cerrno>
 #include <cstring>
 #include <lcm/lcm-cpp.hpp>
 
-#include "daemon/outlet.h"
+#include "daemon/message_writer.h"
 #include "physics/problem.h"
 
 namespace stickslip::daemon {
@@ -16,22 +16,23 @@ namespace {
                     "LCM does not accept the URL '" + url +
                         "': expected for example udpm://239.255.76.67:7667?ttl=0, and a route "
                         "for its group (for one host: ip route add 239.255.76.67/32 dev lo); "
-                        "--no-lcm runs without"});
+                        "--no-lcm runs without LCM"});
 }
 
-/// What LCM can publish through. Asked before LCM is, which would add lines of its own.
-bool is_known(const std::string& url) {
+/// True for the providers that can publish. Checked before LCM does, which would print lines of its
+/// own.
+bool is_supported(const std::string& url) {
   return url.starts_with("udpm://") || url.starts_with("tcpq://") || url.starts_with("memq://");
 }
 
-class LcmOutlet final : public Outlet {
+class LcmWriter final : public MessageWriter {
  public:
-  explicit LcmOutlet(const std::string& url) : url_(url), lcm_(url) {
+  explicit LcmWriter(const std::string& url) : url_(url), lcm_(url) {
     if (!lcm_.good()) refuse(url);
   }
 
-  bool put(const std::string& channel, std::span<const std::uint8_t> bytes,
-           std::int64_t /*time_us*/) override {
+  bool write(const std::string& channel, std::span<const std::uint8_t> bytes,
+             std::int64_t /*time_us*/) override {
     errno = 0;
     const bool sent =
         lcm_.publish(channel, bytes.data(), static_cast<unsigned int>(bytes.size())) == 0;
@@ -57,9 +58,9 @@ class LcmOutlet final : public Outlet {
 
 }  // namespace
 
-std::unique_ptr<Outlet> open_lcm(const std::string& url) {
-  if (!is_known(url)) refuse(url);
-  return std::make_unique<LcmOutlet>(url);
+std::unique_ptr<MessageWriter> open_lcm(const std::string& url) {
+  if (!is_supported(url)) refuse(url);
+  return std::make_unique<LcmWriter>(url);
 }
 
 }  // namespace stickslip::daemon

@@ -19,11 +19,11 @@ namespace stickslip::daemon {
 
 Grant lock_memory() {
   Grant grant{"locked memory", false, {}};
-  const char* cure =
+  const char* remedy =
       "; to grant it: LimitMEMLOCK=infinity in the systemd unit, or `ulimit -l unlimited`, or "
       "CAP_IPC_LOCK";
   if (mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
-    grant.words = std::string("refused by the kernel: ") + std::strerror(errno) + cure;
+    grant.refusal = std::string("refused by the kernel: ") + std::strerror(errno) + remedy;
     return grant;
   }
   // With a finite limit the lock on future memory turns the next large allocation or thread into a
@@ -35,8 +35,8 @@ Grant lock_memory() {
     munlockall();
     rlimit limit{};
     getrlimit(RLIMIT_MEMLOCK, &limit);
-    grant.words =
-        "the limit of " + std::to_string(limit.rlim_cur / 1024) + " KiB is too low" + cure;
+    grant.refusal =
+        "the limit of " + std::to_string(limit.rlim_cur / 1024) + " KiB is too low" + remedy;
     return grant;
   }
   munmap(probe, reserve_bytes);
@@ -51,17 +51,17 @@ Grant make_thread_real_time(int priority) {
   const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter);
   grant.granted = error == 0;
   if (!grant.granted) {
-    grant.words = std::string("refused by the kernel: ") + std::strerror(error) +
-                  "; to grant it: LimitRTPRIO=" + std::to_string(priority) +
-                  " in the systemd unit, or `ulimit -r " + std::to_string(priority) +
-                  "`, or CAP_SYS_NICE; in a container also a real-time budget of the cgroup";
+    grant.refusal = std::string("refused by the kernel: ") + std::strerror(error) +
+                    "; to grant it: LimitRTPRIO=" + std::to_string(priority) +
+                    " in the systemd unit, or `ulimit -r " + std::to_string(priority) +
+                    "`, or CAP_SYS_NICE; in a container also a real-time budget of the cgroup";
   }
   return grant;
 }
 
 void prefault(std::size_t bytes) {
   constexpr std::size_t page = 4096;
-  // Not given back to the kernel, and not taken from it by other means either.
+  // Freed memory stays with the process, and large blocks come from the same heap.
   mallopt(M_TRIM_THRESHOLD, -1);
   mallopt(M_MMAP_MAX, 0);
   std::vector<char> heap(bytes);
@@ -92,24 +92,25 @@ std::vector<int> isolated_processors() {
 
 Grant pin_thread(std::optional<int> processor) {
   const std::vector<int> isolated = isolated_processors();
-  Grant grant{"a processor of its own", false, {}};
+  Grant grant{"a dedicated processor", false, {}};
   if (!processor && isolated.empty()) {
-    grant.words =
+    grant.refusal =
         "this host isolates none; to grant it: isolcpus=N nohz_full=N on the kernel's command "
-        "line, or name one in loop.cpu";
+        "line, or set loop.cpu";
     return grant;
   }
   const int chosen = processor ? *processor : isolated.front();
-  grant.wish = "processor " + std::to_string(chosen) + " for the loop";
+  grant.request = "processor " + std::to_string(chosen) + " for the loop";
   cpu_set_t set;
   CPU_ZERO(&set);
   if (chosen >= 0 && chosen < CPU_SETSIZE) CPU_SET(static_cast<unsigned>(chosen), &set);
   const int error = pthread_setaffinity_np(pthread_self(), sizeof set, &set);
   grant.granted = error == 0;
   if (!grant.granted) {
-    grant.words = std::string("refused by the kernel: ") + std::strerror(error) +
-                  "; to grant it: name one in loop.cpu that is there and that CPUAffinity= and the "
-                  "container leave to the daemon";
+    grant.refusal =
+        std::string("refused by the kernel: ") + std::strerror(error) +
+        "; to grant it: set loop.cpu to an existing processor that CPUAffinity= and the "
+        "container allow the daemon";
   }
   return grant;
 }
@@ -125,7 +126,7 @@ Grant ProcessorLatencyRequest::request() {
   if (file_ >= 0 && ::write(file_, &microseconds, sizeof microseconds) == sizeof microseconds) {
     grant.granted = true;
   } else {
-    grant.words =
+    grant.refusal =
         std::string("refused: ") + std::strerror(errno) +
         "; to grant it: DeviceAllow=/dev/cpu_dma_latency rw in the systemd unit and write "
         "permission on that file";
@@ -136,8 +137,8 @@ Grant ProcessorLatencyRequest::request() {
 std::string text(const std::vector<Grant>& grants) {
   std::string out;
   for (const Grant& grant : grants) {
-    out += (out.empty() ? "" : "\n") + grant.wish + ": " +
-           (grant.granted ? "granted" : "not granted: " + grant.words);
+    out += (out.empty() ? "" : "\n") + grant.request + ": " +
+           (grant.granted ? "granted" : "not granted: " + grant.refusal);
   }
   return out;
 }

@@ -1,4 +1,4 @@
-// An LCM event log as an outlet.
+// The recorder: messages in an LCM event log.
 #include <fcntl.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
@@ -14,8 +14,8 @@
 #include <utility>
 #include <vector>
 
+#include "daemon/message_writer.h"
 #include "daemon/messages.h"
-#include "daemon/outlet.h"
 #include "physics/problem.h"
 #include "protocol/channels.h"
 #include "protocol/decode.h"
@@ -28,8 +28,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// Where a part cannot be begun, because the disk is full or the folder is gone.
-constexpr auto rotation_patience = std::chrono::seconds(1);
+// Before another attempt to begin a part, after one that failed: full disk, missing folder.
+constexpr auto rotation_retry = std::chrono::seconds(1);
 
 std::int64_t utc_now_us() {
   return std::chrono::duration_cast<std::chrono::microseconds>(
@@ -44,9 +44,9 @@ std::vector<std::uint8_t> encoded(const Type& message) {
   return bytes;
 }
 
-/// A log that is there already holds somebody's measurements, for example those of a daemon that
-/// was killed and begins anew: it goes out of the way, to a name with the time of its last change.
-void keep_what_is_there(const std::filesystem::path& file) {
+/// Renames an existing log, for example that of a daemon that was killed and restarted, to a name
+/// with the time of its last change.
+void keep_existing(const std::filesystem::path& file) {
   namespace fs = std::filesystem;
   std::error_code error;
   if (fs::symlink_status(file, error).type() != fs::file_type::regular ||
@@ -69,19 +69,19 @@ void keep_what_is_there(const std::filesystem::path& file) {
   fs::rename(file, kept, error);
   if (error) {
     throw InputError({file.string(), 0, 0,
-                      "holds a recording already, which cannot be moved to " + kept.string() +
+                      "already holds a recording, which cannot be renamed to " + kept.string() +
                           ": " + error.message()});
   }
-  spdlog::warn("{} was there already: kept as {}", file.string(), kept.string());
+  spdlog::warn("{} already exists: kept as {}", file.string(), kept.string());
 }
 
 protocol::LogWriter begin_log(const std::filesystem::path& file) {
-  keep_what_is_there(file);
+  keep_existing(file);
   return protocol::LogWriter(file);
 }
 
-/// So that after a power cut the folder knows the name of a new log. An error here is none of the
-/// recording: some file systems cannot, and the log itself is synced and watched.
+/// Makes the name of a new log survive a power cut. Errors are ignored: some file systems do not
+/// support it, and the log itself is synced and checked.
 void sync_folder_of(const std::filesystem::path& file) {
   const std::string folder = file.has_parent_path() ? file.parent_path().string() : ".";
   const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -90,64 +90,64 @@ void sync_folder_of(const std::filesystem::path& file) {
   ::close(descriptor);
 }
 
-/// All of it happens in the recorder's own thread.
-class LogOutlet final : public Outlet {
+/// Used by the recorder's thread only.
+class RecordingWriter final : public MessageWriter {
  public:
-  LogOutlet(std::filesystem::path file, const RecorderSettings& settings)
+  RecordingWriter(std::filesystem::path file, const RecorderSettings& settings)
       : file_(std::move(file)), settings_(settings), name_(file_.string()), log_(begin_log(file_)) {
     if (settings_.sync_s <= 0.0) return;
     sync_folder_of(file_);
     if (settings_.ledger != nullptr) settings_.ledger->recorded().confirm(0);
   }
 
-  bool put(const std::string& channel, std::span<const std::uint8_t> bytes,
-           std::int64_t time_us) override {
-    // Players and seekers expect times that do not go back; where rig time runs faster than the
-    // wall clock, messages of the wall's time would.
+  bool write(const std::string& channel, std::span<const std::uint8_t> bytes,
+             std::int64_t time_us) override {
+    // Players expect times that never decrease; with rig time faster than the wall clock, messages
+    // stamped with wall time would go back.
     latest_us_ = std::max(latest_us_, time_us);
     const bool frames = channel == protocol::frames_channel;
     if (channel == protocol::recording_channel && !info_) {
       recording_info_t info{};
       if (protocol::decode(bytes, info)) info_ = std::move(info);
-      if (info_) return begun() || told(false);
+      if (info_) return write_info() || report(false);
     }
     if (channel == protocol::status_channel) protocol::decode(bytes, status_);
-    if (frames && unsettled_frames_ == 0 && is_due()) rotate();
-    const bool taken = begun() && log_.append(channel, bytes, latest_us_);
-    if (frames && taken) {
+    if (frames && unflushed_frames_ == 0 && is_due()) rotate();
+    const bool appended = write_info() && log_.append(channel, bytes, latest_us_);
+    if (frames && appended) {
       if (!part_began_us_) part_began_us_ = latest_us_;
-      unsettled_frames_ += protocol::frames_in(bytes);
+      unflushed_frames_ += protocol::frames_in(bytes);
     }
-    // Taken is not yet written: that it works again is known when it has settled.
-    return taken || told(false);
+    // An append is only buffered: recovery is reported by a successful flush.
+    return appended || report(false);
   }
 
-  bool settle() override {
+  bool flush() override {
     const bool written = log_.flush();
     if (written) {
-      frames_ += unsettled_frames_;
+      frames_ += unflushed_frames_;
     } else if (log_.bytes_written() == 0) {
-      begun_ = false;  // not even the description: it has to be first
+      info_written_ = false;  // not even the description, which has to be first
     }
-    unsettled_frames_ = 0;
-    const bool worked = told(written);
+    unflushed_frames_ = 0;
+    const bool working = report(written);
     if (written && is_time_to_sync()) sync(log_);
-    return worked;
+    return working;
   }
 
-  bool wants_to_settle() const override { return unsettled_frames_ > 0 && is_due(); }
+  bool wants_flush() const override { return unflushed_frames_ > 0 && is_due(); }
 
   bool close() override {
     const bool written = log_.flush();
     if (written && settings_.sync_s > 0.0) sync(log_);
-    return told(log_.close() && written) && synced_well_;
+    return report(log_.close() && written) && all_synced_;
   }
 
  private:
   /// The description is the first event of every part.
-  bool begun() {
-    if (!begun_ && info_) begun_ = append_info(log_, *info_);
-    return begun_ || !info_;
+  bool write_info() {
+    if (!info_written_ && info_) info_written_ = append_info(log_, *info_);
+    return info_written_ || !info_;
   }
 
   bool append_info(protocol::LogWriter& log, const recording_info_t& info) const {
@@ -162,21 +162,21 @@ class LogOutlet final : public Outlet {
             static_cast<double>(log_.bytes_written()) >= *settings_.rotate_mb * 1e6);
   }
 
-  /// Ends this part and begins the next; where that cannot be, this one goes on. Everything that
-  /// was put has settled, so its ledger is that of the frames in it.
+  /// Ends this part and begins the next; if that fails, this one continues. Everything written has
+  /// been flushed, so that its ledger is that of the frames in it.
   void rotate() {
     recording_info_t next = *info_;
     next.part += 1;
     next.previous_part = protocol::part_file(file_, info_->part).filename().string();
     next.frames_before = frames_;
     const std::filesystem::path file = protocol::part_file(file_, next.part);
-    rotate_again_ = Clock::now() + rotation_patience;
+    rotate_again_ = Clock::now() + rotation_retry;
     try {
       protocol::LogWriter log = begin_log(file);
       if (!append_info(log, next) || !log.flush() || !end_part()) {
         std::error_code none;
         std::filesystem::remove(file, none);
-        told(false);
+        report(false);
         return;
       }
       if (settings_.sync_s > 0.0) {
@@ -186,20 +186,20 @@ class LogOutlet final : public Outlet {
       static_cast<void>(log_.close());  // all of it was flushed
       log_ = std::move(log);
     } catch (const InputError& error) {
-      if (told_of_rotation_) return;
-      told_of_rotation_ = true;
-      spdlog::error("{}: the part before goes on", error.what());
+      if (rotation_failure_reported_) return;
+      rotation_failure_reported_ = true;
+      spdlog::error("{}: recording continues in the previous part", error.what());
       return;
     }
     name_ = file.string();
     info_ = std::move(next);
     part_began_us_.reset();
     rotate_again_ = {};
-    told_of_rotation_ = false;
-    spdlog::info("recording goes on in {}", name_);
+    rotation_failure_reported_ = false;
+    spdlog::info("recording continues in {}", name_);
   }
 
-  /// The last word of a part: the latest status, with the books as they are now.
+  /// The last event of a part: the latest status, with the current ledger.
   bool end_part() {
     if (settings_.ledger != nullptr) {
       status_t last = status_;
@@ -209,7 +209,7 @@ class LogOutlet final : public Outlet {
       last.utc_us = now_us;
       set_ledger(settings_.ledger->balance(), last);
       if (!log_.append(protocol::status_channel, encoded(last), latest_us_)) {
-        static_cast<void>(log_.flush());  // it goes back to where it can go on
+        static_cast<void>(log_.flush());  // rewinds to the last complete event
         return false;
       }
     }
@@ -226,28 +226,29 @@ class LogOutlet final : public Outlet {
     const bool worked = log.sync();
     synced_ = Clock::now();
     synced_bytes_ = log.bytes_written();
-    // What a failed call was about stays in doubt, whatever later ones say: the kernel tells of a
-    // lost write once.
-    const std::int64_t frames = frames_ - asked_about_;
-    asked_about_ = frames_;
+    // Frames of a failed sync stay unconfirmed even if later syncs succeed: the kernel reports a
+    // lost write only once.
+    const std::int64_t frames = frames_ - sync_requested_;
+    sync_requested_ = frames_;
     if (worked && settings_.ledger != nullptr) {
       settings_.ledger->recorded().confirm(static_cast<std::uint64_t>(frames));
     }
-    if (worked || !synced_well_) return;
-    synced_well_ = false;
-    spdlog::error("{}: the disk does not confirm what was written: {}; a power cut may cost it",
+    if (worked || !all_synced_) return;
+    all_synced_ = false;
+    spdlog::error("{}: the disk did not confirm what was written: {}; a power cut may lose it",
                   name_, std::strerror(errno));
   }
 
-  /// Says once when the disk begins to refuse, and once when it takes again.
-  bool told(bool worked) {
+  /// Logs the first failure of a row, and the recovery. Returns `worked`.
+  bool report(bool worked) {
     if (worked == working_) return worked;
     working_ = worked;
     if (worked) {
       spdlog::info("recording into {} works again", name_);
     } else {
-      spdlog::error("recording into {} fails: {}; the rig goes on, the loss is counted", name_,
-                    std::strerror(errno));
+      spdlog::error(
+          "recording into {} fails: {}; the rig keeps running and the lost frames are counted",
+          name_, std::strerror(errno));
     }
     return worked;
   }
@@ -258,31 +259,31 @@ class LogOutlet final : public Outlet {
   protocol::LogWriter log_;
   std::optional<recording_info_t> info_;  // of this part
   status_t status_{};                     // the latest
-  bool begun_ = false;                    // the description is in the file
+  bool info_written_ = false;
   std::int64_t latest_us_ = 0;
   std::optional<std::int64_t> part_began_us_;  // the first block of this part
-  std::int64_t frames_ = 0;                    // that are in the files for good
-  std::int64_t unsettled_frames_ = 0;
-  std::int64_t asked_about_ = 0;  // of frames_, how many the disk was asked to confirm
+  std::int64_t frames_ = 0;                    // flushed to the files
+  std::int64_t unflushed_frames_ = 0;
+  std::int64_t sync_requested_ = 0;  // frames_ at the latest sync
   Clock::time_point rotate_again_;
   Clock::time_point synced_ = Clock::now();
   std::uint64_t synced_bytes_ = 0;
-  bool synced_well_ = true;
+  bool all_synced_ = true;
   bool working_ = true;
-  bool told_of_rotation_ = false;
+  bool rotation_failure_reported_ = false;
 };
 
 }  // namespace
 
-std::unique_ptr<Outlet> open_log(const std::filesystem::path& file,
-                                 const RecorderSettings& settings) {
+std::unique_ptr<MessageWriter> open_log(const std::filesystem::path& file,
+                                        const RecorderSettings& settings) {
   if (file.extension() == ".csv") {
     throw InputError({file.string(), 0, 0,
                       "the daemon records LCM event logs, not CSV; record into '" +
                           std::filesystem::path(file).replace_extension(".log").string() +
                           "' and convert that: stickslip convert LOG CSV"});
   }
-  return std::make_unique<LogOutlet>(file, settings);
+  return std::make_unique<RecordingWriter>(file, settings);
 }
 
 }  // namespace stickslip::daemon

@@ -1,5 +1,5 @@
-// A queue between two threads: one writer, one reader, neither ever waits, and no
-// memory is asked for after construction.
+// Queue between two threads: one writer, one reader, neither ever waits, and no memory is
+// allocated after construction.
 #pragma once
 
 #include <readerwriterqueue/readerwriterqueue.h>
@@ -13,25 +13,25 @@ namespace stickslip::daemon {
 template <class T>
 class Ring {
  public:
-  /// `room` > 0: how many it holds, exactly.
-  explicit Ring(std::size_t room) : room_(room), queue_(room) {}
+  /// `capacity` > 0: exact number of elements.
+  explicit Ring(std::size_t capacity) : capacity_(capacity), queue_(capacity) {}
 
-  /// Writer only; false where it is full.
+  /// Writer only; false if full.
   bool push(const T& value) {
-    if (!has_room() || !queue_.try_enqueue(value)) return false;
+    if (full() || !queue_.try_enqueue(value)) return false;
     pushed_.store(pushed_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
     return true;
   }
 
-  /// Writer only: whether the next push will be taken.
-  bool has_room() const {
+  /// Writer only.
+  bool full() const {
     const std::uint64_t pushed = pushed_.load(std::memory_order_relaxed);
-    if (pushed - popped_seen_ < room_) return true;
+    if (pushed - popped_seen_ < capacity_) return false;
     popped_seen_ = popped_.load(std::memory_order_acquire);
-    return pushed - popped_seen_ < room_;
+    return pushed - popped_seen_ >= capacity_;
   }
 
-  /// Reader only: the oldest, or null. Valid until it is popped.
+  /// Reader only: the oldest element, or null. Valid until it is popped.
   const T* front() const {
     const std::uint64_t popped = popped_.load(std::memory_order_relaxed);
     if (pushed_seen_ == popped) {
@@ -53,12 +53,12 @@ class Ring {
   }
 
  private:
-  std::size_t room_;
+  std::size_t capacity_;
   moodycamel::ReaderWriterQueue<T> queue_;
-  // They make the room exact, and order the slots for everyone who reads this code, the thread
-  // sanitizer included, which cannot see the fences by which the queue orders them too.
-  // Each side asks for the other's counter only when what it saw of it last is used up: fetching it
-  // from another core at every frame costs more than all the rest.
+  // The counters make the capacity exact, and order the slots for the thread sanitizer too, which
+  // does not see the fences inside the queue. Each side keeps the last value it saw of the other's
+  // counter and fetches it only when that is used up: a cache line moved between cores for every
+  // frame costs more than everything else.
   alignas(64) std::atomic<std::uint64_t> pushed_{0};
   mutable std::uint64_t popped_seen_ = 0;  // the writer's
   alignas(64) std::atomic<std::uint64_t> popped_{0};

@@ -1,6 +1,5 @@
-// Whether the amplifier may be on. Off is the default and the answer to every doubt; a fault
-// latches and names its cause, and only a person's command clears it. The loop asks once a cycle,
-// and no other thread has a say in "off".
+// Permission of the amplifier to be on. Off is the default; a fault latches with its cause and is
+// cleared only by an operator's command. Decided by the loop once a cycle, by no other thread.
 #pragma once
 
 #include <array>
@@ -12,32 +11,30 @@
 
 namespace stickslip::daemon {
 
-/// `faulted` is where every daemon begins: nobody has looked at the rig yet.
+/// Every daemon starts `faulted`: the rig has not been inspected yet.
 enum class RigState : std::uint8_t {
   faulted,   ///< amplifier off, latched
-  idle,      ///< amplifier off, nothing is asked of the shaker
+  idle,      ///< amplifier off
   armed,     ///< amplifier off, every interlock holds, a start is allowed
   running,   ///< excitation on
   stopping,  ///< ramping down
 };
 inline constexpr std::size_t state_count = 5;
 
-/// In words, for status and logs.
 const char* name_of(RigState state);
 
-/// What can happen to a rig, as far as its state is concerned.
 enum class RigInput : std::uint8_t {
-  clear,    ///< a person has looked at the fault, and its cause is gone
-  arm,      ///< a person wants to start soon, and every interlock holds
-  disarm,   ///< a person gave that up
-  start,    ///< a person lets it move
-  stop,     ///< a person, or the end of the time asked for, lets it come to rest
-  at_rest,  ///< the drive has come down to zero
+  clear,    ///< an operator has inspected the fault, and no interlock is broken
+  arm,      ///< an operator prepares a start, and every interlock holds
+  disarm,   ///< an operator withdraws that
+  start,    ///< an operator starts the excitation
+  stop,     ///< an operator, or the end of the duration, stops it
+  at_rest,  ///< the drive has ramped down to zero
   fault,    ///< an interlock broke
 };
 inline constexpr std::size_t input_count = 7;
 
-/// The whole machine. What a state has no use for leaves it as it is.
+/// The state machine. Inputs that do not apply to a state leave it unchanged.
 constexpr RigState next_state(RigState state, RigInput input) {
   if (input == RigInput::fault) return RigState::faulted;
   switch (state) {
@@ -60,32 +57,32 @@ constexpr bool amplifier_allowed(RigState state) {
   return state == RigState::running || state == RigState::stopping;
 }
 
-/// Why the amplifier may not be on.
+/// Reasons why the amplifier may not be on.
 enum class Interlock : std::uint8_t {
   none,
-  just_started,       ///< nobody has looked at the rig since the daemon began
-  emergency_stop,     ///< pressed, its wire is cut, or nobody can say
+  just_started,       ///< not cleared since the start of the daemon
+  emergency_stop,     ///< pressed, wire cut, or unknown
   amplifier_fault,    ///< the amplifier's own protection
-  device_lost,        ///< gone, or not to be used as it is
-  device_silent,      ///< no frame, or no write taken, for too long
-  part_lost,          ///< a device beside the board is gone: a bridge, an LVDT
+  device_lost,        ///< disconnected, or unusable
+  device_silent,      ///< no frame, or no write accepted, for too long
+  part_lost,          ///< an auxiliary device is lost: a bridge, an LVDT
   stale_channel,      ///< a channel has not been measured for too long
-  overrun,            ///< a cycle came too late
-  not_finite,         ///< a channel is no number
-  out_of_range,       ///< a channel, strain gauges among them, is beyond its limit
-  drive_not_finite,   ///< the excitation is no number
-  observer_diverged,  ///< where the configuration says that this matters
-  recorder_failing,   ///< where the configuration says that this matters
+  overrun,            ///< a cycle was too late
+  not_finite,         ///< a reading is not finite
+  out_of_range,       ///< a channel, strain gauges included, is beyond its limit
+  drive_not_finite,   ///< the excitation is not finite
+  observer_diverged,  ///< if configured
+  recorder_failing,   ///< if configured
   client_gone,        ///< the client that holds the dead-man's handle is silent
 };
 inline constexpr std::size_t interlock_count = 15;
 
-/// One word that programs can look for: "emergency_stop".
+/// Identifier for programs: "emergency_stop".
 const char* name_of(Interlock interlock);
 
-/// Interlocks that latch whatever the state is. The others latch while the rig is armed or moves,
-/// and before that keep it from being armed: a gauge that is out of range while somebody hangs
-/// weights on it is no fault.
+/// True for interlocks that latch in every state. The others latch while the rig is armed or moves,
+/// and otherwise prevent arming: a gauge out of range during a calibration with weights is no
+/// fault.
 constexpr bool latches_at_rest(Interlock interlock) {
   switch (interlock) {
     case Interlock::just_started:
@@ -99,14 +96,14 @@ constexpr bool latches_at_rest(Interlock interlock) {
   }
 }
 
-/// Words of fixed room: a cause is written on the hot path and must not ask for memory.
+/// Text of fixed capacity: written in the real-time thread without allocation.
 class Cause {
  public:
   Cause() = default;
-  /// The first 199 bytes of `words`.
-  explicit Cause(std::string_view words) { add(words); }
-  Cause& add(std::string_view words) {
-    size_ += words.copy(text_.data() + size_, text_.size() - 1 - size_);
+  explicit Cause(std::string_view text) { add(text); }
+  /// Truncated at 199 bytes in total.
+  Cause& add(std::string_view text) {
+    size_ += text.copy(text_.data() + size_, text_.size() - 1 - size_);
     text_[size_] = '\0';
     return *this;
   }
@@ -120,15 +117,14 @@ class Cause {
   std::size_t size_ = 0;
 };
 
-/// The state with the cause of its latest fault. Does not allocate.
+/// The state, with the cause of the latest fault. Does not allocate.
 class Safety {
  public:
-  /// Applies the input. `clear` and `arm` are for the caller to refuse while an interlock is
-  /// broken. Whether the state changed.
+  /// True if the state changed. The caller refuses `clear` and `arm` while an interlock is broken.
   bool apply(RigInput input);
 
-  /// An interlock that is broken now. Latches, if it does so in this state; the first cause stays
-  /// until it is cleared. Whether it latched.
+  /// A broken interlock. Latches if it does so in this state; the first cause stays until it is
+  /// cleared. True if it latched.
   bool trip(Interlock interlock, const Cause& cause,
             drivers::Outcome outcome = drivers::Outcome::ok);
 
@@ -143,7 +139,7 @@ class Safety {
  private:
   RigState state_ = RigState::faulted;
   Interlock interlock_ = Interlock::just_started;
-  Cause cause_{"the daemon has just started; nobody has looked at the rig yet"};
+  Cause cause_{"the daemon has just started; inspect the rig, then clear"};
   drivers::Outcome outcome_ = drivers::Outcome::ok;
 };
 

@@ -7,11 +7,12 @@
 #include <string>
 
 #include "config/rig.h"
-#include "daemon/loop.h"
+#include "daemon/pacing.h"
+#include "drivers/driver.h"
 
 namespace stickslip::daemon {
 
-/// What a command line says beyond the configuration.
+/// Command-line options that override the configuration.
 struct Overrides {
   std::optional<double> duration_s;
   std::optional<std::filesystem::path> record;
@@ -20,21 +21,20 @@ struct Overrides {
   std::optional<std::filesystem::path> control;
 };
 
-/// The configuration with the overrides in it. Throws InputError where one makes no sense.
+/// The configuration with the overrides applied. Throws InputError for an invalid one.
 config::Rig with_overrides(config::Rig rig, const Overrides& overrides);
 
-/// Who paces the loop on this rig.
 Pacing pacing_of(const config::Rig& rig, const drivers::Description& device);
 
-/// What `serve` waits for: SIGTERM and SIGINT stop, SIGHUP reloads.
-sigset_t heeded_signals();
+/// SIGTERM and SIGINT, which stop `serve`, and SIGHUP, which makes it reload.
+sigset_t handled_signals();
 
-/// Runs the rig until it is told to stop by SIGTERM or SIGINT, its time is over, its data ends, or
-/// a device fails. Progress goes to the default spdlog logger. Returns the exit status: 0 where the
-/// run ended as it should and the ledger balances, else 1. Throws InputError for a configuration
-/// that cannot be run (recording folder, LCM URL, recording to replay).
+/// Runs the rig until SIGTERM or SIGINT, the end of its duration or data, or a fault that ends it.
+/// Logs to the default spdlog logger. Returns the exit status: 0 if the run ended as intended and
+/// the ledger balances, else 1. Throws InputError for a configuration that cannot be run (recording
+/// folder, LCM URL, recording to replay).
 ///
-/// The heeded signals must be blocked in every thread of the process before the call.
+/// The handled signals must be blocked in every thread of the process before the call.
 int serve(const config::Rig& rig);
 
 }  // namespace stickslip::daemon

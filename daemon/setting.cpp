@@ -10,8 +10,8 @@ namespace {
 
 using config::ExcitationKind;
 
-constexpr Knob all_knobs[] = {Knob::carrier_hz, Knob::amplitude, Knob::modulation_hz,
-                              Knob::modulation_depth};
+constexpr Tunable all_tunables[] = {Tunable::carrier_hz, Tunable::amplitude, Tunable::modulation_hz,
+                                    Tunable::modulation_depth};
 
 std::optional<config::Excess> excess_with(const config::Excitation& excitation,
                                           const SettingBounds& bounds, const Setting& setting) {
@@ -22,16 +22,16 @@ std::optional<config::Excess> excess_with(const config::Excitation& excitation,
   return config::excess_of(demand, bounds.limits, bounds.force);
 }
 
-/// A demand grows with any knob: halve until the last bit that a person would write.
+/// By bisection: the demand grows with every parameter.
 double largest_allowed(const config::Excitation& excitation, const SettingBounds& bounds,
                        const Setting& setting) {
   double low = 0.0;
   double high = setting.value;
   for (int i = 0; i < 50; ++i) {
     const double middle = (low + high) / 2.0;
-    (excess_with(excitation, bounds, {setting.knob, middle}) ? high : low) = middle;
+    (excess_with(excitation, bounds, {setting.tunable, middle}) ? high : low) = middle;
   }
-  // Rounded down, so that what is said is granted.
+  // Rounded down, so that the reported value is allowed.
   if (low <= 0.0) return 0.0;
   const double digit = std::pow(10.0, std::floor(std::log10(low)) - 3.0);
   return std::floor(low / digit) * digit;
@@ -39,54 +39,54 @@ double largest_allowed(const config::Excitation& excitation, const SettingBounds
 
 }  // namespace
 
-const char* name_of(Knob knob) {
-  switch (knob) {
-    case Knob::carrier_hz:
+const char* name_of(Tunable tunable) {
+  switch (tunable) {
+    case Tunable::carrier_hz:
       return "carrier_hz";
-    case Knob::amplitude:
+    case Tunable::amplitude:
       return "amplitude";
-    case Knob::modulation_hz:
+    case Tunable::modulation_hz:
       return "modulation_hz";
-    case Knob::modulation_depth:
+    case Tunable::modulation_depth:
       return "modulation_depth";
   }
   return "";
 }
 
-std::optional<Knob> knob_named(std::string_view name) {
-  for (const Knob knob : all_knobs) {
-    if (name == name_of(knob)) return knob;
+std::optional<Tunable> tunable_named(std::string_view name) {
+  for (const Tunable tunable : all_tunables) {
+    if (name == name_of(tunable)) return tunable;
   }
   return std::nullopt;
 }
 
-bool has_knob(const config::Excitation& excitation, Knob knob) {
+bool has_tunable(const config::Excitation& excitation, Tunable tunable) {
   const ExcitationKind kind = excitation.kind;
   const bool envelope = !excitation.envelope.empty();
-  switch (knob) {
-    case Knob::carrier_hz:
+  switch (tunable) {
+    case Tunable::carrier_hz:
       return kind == ExcitationKind::modulated || kind == ExcitationKind::by_hand;
-    case Knob::amplitude:
+    case Tunable::amplitude:
       return kind != ExcitationKind::file && !envelope && excitation.multisine.lines.empty();
-    case Knob::modulation_hz:
-    case Knob::modulation_depth:
+    case Tunable::modulation_hz:
+    case Tunable::modulation_depth:
       return kind == ExcitationKind::modulated && !envelope;
   }
   return false;
 }
 
 config::Excitation with_setting(config::Excitation excitation, const Setting& setting) {
-  switch (setting.knob) {
-    case Knob::carrier_hz:
+  switch (setting.tunable) {
+    case Tunable::carrier_hz:
       excitation.carrier_hz = setting.value;
       break;
-    case Knob::amplitude:
+    case Tunable::amplitude:
       excitation.amplitude = setting.value;
       break;
-    case Knob::modulation_hz:
+    case Tunable::modulation_hz:
       excitation.modulation_hz = setting.value;
       break;
-    case Knob::modulation_depth:
+    case Tunable::modulation_depth:
       excitation.modulation_depth = setting.value;
       break;
   }
@@ -95,9 +95,9 @@ config::Excitation with_setting(config::Excitation excitation, const Setting& se
 
 std::optional<std::string> refusal(const config::Excitation& excitation,
                                    const SettingBounds& bounds, const Setting& setting) {
-  const std::string name = name_of(setting.knob);
+  const std::string name = name_of(setting.tunable);
   const std::string asked = name + " = " + config::short_number(setting.value);
-  if (!has_knob(excitation, setting.knob)) {
+  if (!has_tunable(excitation, setting.tunable)) {
     return name + " cannot be set: the excitation's kind is \"" +
            std::string(config::choice_at(config::rig_keys(), "excitation.kind",
                                          static_cast<std::size_t>(excitation.kind))) +
@@ -108,11 +108,11 @@ std::optional<std::string> refusal(const config::Excitation& excitation,
                         (key.above_low ? setting.value > key.low : setting.value >= key.low) &&
                         setting.value <= key.high;
   if (!in_range) return asked + ": expected " + config::expectation(key);
-  if (setting.knob == Knob::carrier_hz && setting.value > bounds.rate_hz / 4.0) {
+  if (setting.tunable == Tunable::carrier_hz && setting.value > bounds.rate_hz / 4.0) {
     return asked + " is more than a quarter of loop.rate_hz: at most " +
            config::short_number(bounds.rate_hz / 4.0);
   }
-  if (setting.knob == Knob::amplitude && excitation.kind == ExcitationKind::by_hand &&
+  if (setting.tunable == Tunable::amplitude && excitation.kind == ExcitationKind::by_hand &&
       setting.value < excitation.by_hand.lowest) {
     return asked + " is below excitation.by_hand.lowest: at least " +
            config::short_number(excitation.by_hand.lowest);

@@ -1,4 +1,4 @@
-// What can be turned while the rig runs, and whether it may be turned that far.
+// Parameters of the excitation that can be changed while it runs, and the check of a change.
 #pragma once
 
 #include <cstdint>
@@ -10,34 +10,34 @@
 
 namespace stickslip::daemon {
 
-enum class Knob : std::uint8_t { carrier_hz, amplitude, modulation_hz, modulation_depth };
+enum class Tunable : std::uint8_t { carrier_hz, amplitude, modulation_hz, modulation_depth };
 
-/// The knob's key in [excitation], and back.
-const char* name_of(Knob knob);
-std::optional<Knob> knob_named(std::string_view name);
+/// The parameter's key in [excitation], and back.
+const char* name_of(Tunable tunable);
+std::optional<Tunable> tunable_named(std::string_view name);
 
-/// One turn of a knob; trivially copyable, to travel through a ring.
+/// A new value of a parameter; trivially copyable, to pass through a ring.
 struct Setting {
-  Knob knob = Knob::amplitude;
+  Tunable tunable = Tunable::amplitude;
   double value = 0.0;  ///< in the unit of the key
 };
 
-/// Whether a setting means anything to that excitation.
-bool has_knob(const config::Excitation& excitation, Knob knob);
+/// True if the excitation has that parameter.
+bool has_tunable(const config::Excitation& excitation, Tunable tunable);
 
 /// The excitation after the setting.
 config::Excitation with_setting(config::Excitation excitation, const Setting& setting);
 
-/// The rig around an excitation, as far as settings depend on it.
+/// Properties of the rig that bound a setting.
 struct SettingBounds {
   config::Limits limits{};
   bool force = false;         ///< a force drives the rig
   double rate_hz = 1000.0;    ///< of the loop
-  double control_gain = 1.0;  ///< what the amplitude control multiplies the drive with just now
+  double control_gain = 1.0;  ///< present gain of the amplitude control
 };
 
-/// Why the setting is refused, in one sentence that names the limit and the largest value that
-/// would do; nothing where it may be made. `excitation` is as last set. Not for the hot path.
+/// Why the setting is refused, in one sentence with the limit and the largest allowed value;
+/// nothing if it is allowed. `excitation`: with all earlier settings. Not for the real-time thread.
 std::optional<std::string> refusal(const config::Excitation& excitation,
                                    const SettingBounds& bounds, const Setting& setting);
 

@@ -57,7 +57,7 @@ std::string text(const Status& status) {
   }
   if (status.repeated > 0) {
     out += "\n        " + std::to_string(status.repeated) +
-           " came twice or too late from the source and were left out";
+           " were repeated or out of order at the source and were left out";
   }
   if (status.lateness_max_ns > 0 || status.overruns > 0) {
     out += "\ntiming: wake-up late by " + microseconds(status.lateness_p50_ns) + " us (median), " +

@@ -1,4 +1,4 @@
-// The state of the daemon at one moment, as it is published, recorded and logged.
+// State of the daemon at one moment, as it is published, recorded and logged.
 #pragma once
 
 #include <cstdint>
@@ -25,11 +25,10 @@ struct Status {
   std::uint64_t skipped_periods = 0;
   std::int64_t longest_overrun_ns = 0;
   bool degraded = false;             ///< late cycles since the previous status
-  std::uint64_t lateness_count = 0;  ///< wake-ups counted; 0 where the driver or nobody paces
+  std::uint64_t lateness_count = 0;  ///< wake-ups counted; 0 unless paced by deadlines
   std::uint64_t lateness_total_ns = 0;
   std::int64_t lateness_mean_ns = 0;
-  std::int64_t lateness_p50_ns =
-      0;  ///< of the wake-up; 0 where the driver or nobody paces the loop
+  std::int64_t lateness_p50_ns = 0;  ///< of the wake-up; 0 unless paced by deadlines
   std::int64_t lateness_p99_ns = 0;
   std::int64_t lateness_max_ns = 0;
   std::uint64_t work_count = 0;  ///< cycles counted
@@ -38,7 +37,7 @@ struct Status {
   std::int64_t work_p50_ns = 0;  ///< of a cycle
   std::int64_t work_p99_ns = 0;
   std::int64_t work_max_ns = 0;
-  std::int64_t read_p50_ns = 0;  ///< of the device's answer
+  std::int64_t read_p50_ns = 0;  ///< of a read of the device
   std::int64_t read_p99_ns = 0;
   std::int64_t read_max_ns = 0;
   std::uint64_t missing_at_source = 0;
@@ -46,17 +45,17 @@ struct Status {
   std::uint64_t not_finite = 0;
   std::uint64_t failed_reads = 0;
   std::uint64_t failed_writes = 0;
-  drivers::Counts devices;  ///< what those behind the driver count themselves
+  drivers::Counts devices;  ///< the devices' own counts
   bool model_checked = false;
-  ModelVerdict model;               ///< where the model is checked
-  std::string model_explained;      ///< what the latest alarm means, in words; empty: not known
-  std::uint64_t lost_messages = 0;  ///< events, estimates and status messages that found no room
+  ModelVerdict model;               ///< valid if model_checked
+  std::string model_explained;      ///< cause of the latest alarm; empty: unknown
+  std::uint64_t lost_messages = 0;  ///< events, estimates and status messages
 };
 
-/// The numbers as they are now; the loop need not stand still.
+/// Present values; the loop may be running.
 Status status_of(const Snapshot& rig, const Ledger& ledger, const Timing& timing);
 
-/// Two or three lines for a person: ledger and timing.
+/// Ledger and timing in a few lines of text.
 std::string text(const Status& status);
 
 }  // namespace stickslip::daemon

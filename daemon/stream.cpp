@@ -5,9 +5,13 @@
 namespace stickslip::daemon {
 namespace {
 
-constexpr std::size_t message_room = 1024;
+using std::chrono::steady_clock;
 
-Loss loss_of(Put put) { return put == Put::encode_error ? Loss::encode_error : Loss::write_error; }
+constexpr std::size_t message_capacity = 1024;
+
+Loss loss_of(WriteResult result) {
+  return result == WriteResult::encode_error ? Loss::encode_error : Loss::write_error;
+}
 
 }  // namespace
 
@@ -30,27 +34,20 @@ void Stream::offer(const Sample& sample) {
 }
 
 void Stream::offer(const NumberedEstimate& estimate) {
-  if (!estimates_.push(estimate)) lost_messages_.fetch_add(1, std::memory_order_relaxed);
-}
-
-void Stream::lose_waiting() {
-  for (; ring_.front() != nullptr; ring_.pop()) account_.lose(Loss::shutdown, 1);
-  for (; estimates_.front() != nullptr; estimates_.pop()) {
-    lost_messages_.fetch_add(1, std::memory_order_relaxed);
-  }
+  if (!estimates_.push(estimate)) count_lost_message();
 }
 
 void Stream::send(Message message) {
   if (thread_.joinable()) {
     const std::lock_guard lock(messages_lock_);
-    if (messages_.size() < message_room) {
+    if (messages_.size() < message_capacity) {
       messages_.push_back(std::move(message));
       return;
     }
-  } else if (sink_.put_message(message) == Put::done) {
+  } else if (sink_.write_message(message) == WriteResult::ok) {
     return;
   }
-  lost_messages_.fetch_add(1, std::memory_order_relaxed);
+  count_lost_message();
 }
 
 void Stream::start() {
@@ -59,14 +56,13 @@ void Stream::start() {
 
 void Stream::finish(std::chrono::nanoseconds patience) {
   if (!thread_.joinable()) {
-    lose_waiting();  // never started: what was offered has nowhere to go
+    discard_rings();  // the thread was never started
     return;
   }
   draining_.store(true, std::memory_order_release);
-  const auto until = std::chrono::steady_clock::now() + patience;
+  const auto until = steady_clock::now() + patience;
   while (!ended_.load(std::memory_order_acquire)) {
-    if (std::chrono::steady_clock::now() >= until)
-      abandoned_.store(true, std::memory_order_release);
+    if (steady_clock::now() >= until) abandoned_.store(true, std::memory_order_release);
     std::this_thread::sleep_for(std::chrono::microseconds(500));
   }
   thread_.join();
@@ -74,41 +70,49 @@ void Stream::finish(std::chrono::nanoseconds patience) {
 
 void Stream::run() {
   while (!abandoned_.load(std::memory_order_acquire)) {
-    // Read before the ring: what was offered before the drain began is then seen in the ring.
+    // Read before the ring, so that everything offered before the drain began is seen in the ring.
     const bool draining = draining_.load(std::memory_order_acquire);
     const bool busy = take_samples();
-    if (put_messages() || busy) continue;
+    if (write_messages() || busy) continue;
     if (draining) break;
-    if (!block_.empty() &&
-        std::chrono::steady_clock::now() - block_begun_ >= settings_.longest_wait) {
-      put_block();
+    if (!block_.empty() && steady_clock::now() - block_begun_ >= settings_.longest_wait) {
+      write_block();
     }
-    if (std::chrono::steady_clock::now() - settled_ >= settings_.settle_period) settle();
+    if (steady_clock::now() - flushed_at_ >= settings_.flush_period) flush();
     std::this_thread::sleep_for(settings_.poll);
   }
   if (abandoned_.load(std::memory_order_acquire)) {
-    account_.lose(Loss::shutdown, block_.size());
-    block_.clear();
-    while (next_message()) lost_messages_.fetch_add(1, std::memory_order_relaxed);
-    lose_waiting();
+    abandon();
   } else if (!block_.empty()) {
-    put_block();
+    write_block();
   }
   sink_.finish();
-  settle();
+  flush();
   ended_.store(true, std::memory_order_release);
 }
 
-// At most one block, so that messages and the end are looked at in between.
+void Stream::abandon() {
+  account_.lose(Loss::shutdown, block_.size());
+  block_.clear();
+  while (next_message()) count_lost_message();
+  discard_rings();
+}
+
+void Stream::discard_rings() {
+  for (; ring_.front() != nullptr; ring_.pop()) account_.lose(Loss::shutdown, 1);
+  for (; estimates_.front() != nullptr; estimates_.pop()) count_lost_message();
+}
+
+// One block at most, so that messages and the end are checked in between.
 bool Stream::take_samples() {
   bool any = false;
   while (const Sample* sample = ring_.front()) {
-    if (block_.empty()) block_begun_ = std::chrono::steady_clock::now();
+    if (block_.empty()) block_begun_ = steady_clock::now();
     block_.push_back(*sample);
     ring_.pop();
     any = true;
     if (block_.size() == settings_.frames_per_block) {
-      put_block();
+      write_block();
       break;
     }
   }
@@ -123,53 +127,46 @@ std::optional<Message> Stream::next_message() {
   return message;
 }
 
-bool Stream::put_messages() {
+bool Stream::write_messages() {
   bool any = false;
   while (const std::optional<Message> message = next_message()) {
-    if (sink_.put_message(*message) != Put::done) {
-      lost_messages_.fetch_add(1, std::memory_order_relaxed);
-    }
+    if (sink_.write_message(*message) != WriteResult::ok) count_lost_message();
     any = true;
   }
   return any;
 }
 
-void Stream::put_block() {
-  const Put put = sink_.put_block(block_);
-  if (put == Put::done) {
-    unsettled_ += block_.size();
+void Stream::write_block() {
+  const WriteResult result = sink_.write_block(block_);
+  if (result == WriteResult::ok) {
+    unflushed_ += block_.size();
   } else {
-    account_.lose(loss_of(put), block_.size());
+    account_.lose(loss_of(result), block_.size());
     failing_.store(true, std::memory_order_relaxed);
   }
-  put_estimates(block_.back().number);
+  write_estimates(block_.back().number);
   block_.clear();
-  if (sink_.wants_to_settle() ||
-      std::chrono::steady_clock::now() - settled_ >= settings_.settle_period) {
-    settle();
-  }
+  if (sink_.wants_flush() || steady_clock::now() - flushed_at_ >= settings_.flush_period) flush();
 }
 
-// Only what has left for good is delivered.
-void Stream::settle() {
-  settled_ = std::chrono::steady_clock::now();
-  const bool settled = sink_.settle();
-  if (settled) {
-    account_.deliver(unsettled_);
+// Frames count as delivered only after a successful flush.
+void Stream::flush() {
+  flushed_at_ = steady_clock::now();
+  const bool flushed = sink_.flush();
+  if (flushed) {
+    account_.deliver(unflushed_);
   } else {
-    account_.lose(Loss::write_error, unsettled_);
+    account_.lose(Loss::write_error, unflushed_);
   }
-  failing_.store(!settled, std::memory_order_relaxed);
-  unsettled_ = 0;
+  failing_.store(!flushed, std::memory_order_relaxed);
+  unflushed_ = 0;
 }
 
-// Those that belong to the block just put; a later one waits for its own.
-void Stream::put_estimates(std::uint64_t up_to_number) {
+// The estimates of the block just written; later ones wait for their own block.
+void Stream::write_estimates(std::uint64_t up_to_number) {
   for (; const NumberedEstimate* next = estimates_.front(); estimates_.pop()) {
     if (next->number > up_to_number) return;
-    if (sink_.put_estimate(next->estimate) != Put::done) {
-      lost_messages_.fetch_add(1, std::memory_order_relaxed);
-    }
+    if (sink_.write_estimate(next->estimate) != WriteResult::ok) count_lost_message();
   }
 }
 

@@ -1,16 +1,16 @@
-// The wall clock as messages carry it: it follows the host's, but never runs backwards.
+// Wall clock for messages: follows the host's, but never runs backwards.
 #pragma once
 
 #include <cstdint>
 
 namespace stickslip::daemon {
 
-/// Between looks it runs with the monotonic clock. A host whose clock was set forward is followed
-/// at once; one whose clock was set back is waited for, at half a per mille, so that whoever sorts
-/// by this time sees what happened in its order.
+/// Advances with the monotonic clock. Follows a host clock that was set forward immediately, and
+/// waits for one that was set back by running slow at 500 parts per million, so that messages
+/// sorted by this time stay in order.
 class UtcClock {
  public:
-  /// What the clocks say now [ns], [us since 1970]; the result in us since 1970.
+  /// From the present readings of both clocks; wall clock and result in us since 1970.
   std::int64_t utc_us(std::int64_t monotonic_ns, std::int64_t wall_us);
 
  private:

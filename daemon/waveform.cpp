@@ -15,21 +15,21 @@ using config::ExcitationKind;
 
 constexpr double two_pi = 2.0 * std::numbers::pi;
 constexpr double last_turn = 1.0 - 0x1p-53;
-/// Time in which a glide gets to its rate, or comes to rest from it.
-constexpr double glide_ease_s = 0.25;
+/// Time in which a parameter reaches its rate, or comes to rest from it.
+constexpr double ease_s = 0.25;
 constexpr double modulation_slew_hz_s = 0.5;
 constexpr double depth_slew_per_s = 0.5;
-/// A hand does not turn by less, as a part of what it may turn.
-constexpr double least_turn = 0.35;
-/// The longest movement of the hand over the shortest.
-constexpr double longest_movement = 3.0;
+/// Shortest movement of the hand, over its range.
+constexpr double least_movement = 0.35;
+/// Longest duration of a movement of the hand, over the shortest.
+constexpr double longest_duration = 3.0;
 
 double wrapped(double turns) { return turns - std::floor(turns); }
 
 /// Zero slope at both ends.
 double smooth_step(double u) { return u * u * (3.0 - 2.0 * u); }
 
-/// The way of a hand from 0 to 1 with the least jerk: zero slope and curvature at both ends.
+/// Minimum-jerk movement from 0 to 1: zero slope and curvature at both ends.
 double hand_step(double u) { return u * u * u * (10.0 + u * (6.0 * u - 15.0)); }
 
 double interpolated(const std::vector<config::EnvelopePoint>& table, double time_s) {
@@ -43,19 +43,19 @@ double interpolated(const std::vector<config::EnvelopePoint>& table, double time
   return a.amplitude + (b.amplitude - a.amplitude) * (time_s - a.time_s) / (b.time_s - a.time_s);
 }
 
-/// How far a sweep is from from_hz (0) to to_hz (1) at a time since its start.
+/// Progress of a sweep from from_hz (0) to to_hz (1).
 double sweep_progress(const config::Sweep& sweep, double time_s) {
-  const double passed = time_s / sweep.duration_s;
+  const double fraction = time_s / sweep.duration_s;
   switch (sweep.at_end) {
     case config::SweepEnd::hold:
-      return std::min(1.0, passed);
+      return std::min(1.0, fraction);
     case config::SweepEnd::back:
-      return passed <= 1.0 ? passed : std::max(0.0, 2.0 - passed);
+      return fraction <= 1.0 ? fraction : std::max(0.0, 2.0 - fraction);
     case config::SweepEnd::repeat:
       break;
   }
-  const double around = std::fmod(passed, 2.0);
-  return around <= 1.0 ? around : 2.0 - around;
+  const double cycle = std::fmod(fraction, 2.0);
+  return cycle <= 1.0 ? cycle : 2.0 - cycle;
 }
 
 double sweep_hz(const config::Sweep& sweep, double progress) {
@@ -64,7 +64,7 @@ double sweep_hz(const config::Sweep& sweep, double progress) {
              : sweep.from_hz * std::pow(sweep.to_hz / sweep.from_hz, progress);
 }
 
-/// SplitMix64: a number in [0, 1) and the next state.
+/// SplitMix64: uniform in [0, 1).
 double uniform(std::uint64_t& state) {
   state += 0x9e3779b97f4a7c15U;
   std::uint64_t z = state;
@@ -92,10 +92,10 @@ double length_of(const config::Excitation& settings, const DriveFile& file) {
 
 }  // namespace
 
-void Glide::advance(double duration_s, bool may_rise) {
+void SlewLimiter::advance(double duration_s, bool may_rise) {
   if (duration_s <= 0.0 || (value_ == target_ && rate_per_s_ == 0.0)) return;
   const double goal = may_rise ? target_ : std::min(target_, value_);
-  const double change = slew_per_s_ / glide_ease_s * duration_s * duration_s;
+  const double change = slew_per_s_ / ease_s * duration_s * duration_s;
   const double before = rate_per_s_ * duration_s;
   const double gap = goal - value_;
   const double step = std::clamp(
@@ -108,26 +108,26 @@ void Glide::advance(double duration_s, bool may_rise) {
 Waveform::Waveform(const config::Excitation& settings, double amplitude_slew, DriveFile file)
     : settings_(settings),
       file_(std::move(file)),
-      level_(has_knob(settings, Knob::amplitude) ? settings.amplitude : 1.0, amplitude_slew),
+      level_(has_tunable(settings, Tunable::amplitude) ? settings.amplitude : 1.0, amplitude_slew),
       carrier_(settings.carrier_hz, settings.carrier_slew_hz_s),
       modulation_hz_(settings.modulation_hz, modulation_slew_hz_s),
       modulation_depth_(settings.modulation_depth, depth_slew_per_s),
       length_s_(length_of(settings, file_)),
       random_(settings.by_hand.seed) {
   if (settings.kind == ExcitationKind::multisine) {
-    config::Excitation of_unit_size = settings;
-    of_unit_size.amplitude = 1.0;
-    lines_ = config::lines_of(of_unit_size);
+    config::Excitation unit_amplitude = settings;
+    unit_amplitude.amplitude = 1.0;
+    lines_ = config::lines_of(unit_amplitude);
     line_turns_.assign(lines_.size(), 0.0);
-    for (const config::Line& line : settings.multisine.lines) size_of_lines_ += line.amplitude;
-    if (settings.multisine.lines.empty()) size_of_lines_ = 1.0;
+    for (const config::Line& line : settings.multisine.lines) lines_amplitude_ += line.amplitude;
+    if (settings.multisine.lines.empty()) lines_amplitude_ = 1.0;
   }
   next_movement();
 }
 
 void Waveform::restart() {
   if (settings_.kind == ExcitationKind::modulated || settings_.kind == ExcitationKind::by_hand) {
-    return;  // a carrier has no beginning
+    return;  // its phase continues
   }
   time_s_ = 0.0;
   phase_turns_ = 0.0;
@@ -136,31 +136,31 @@ void Waveform::restart() {
 }
 
 double Waveform::idle_carrier_hz() const {
-  return has_knob(settings_, Knob::carrier_hz) ? carrier_.value() : 0.0;
+  return has_tunable(settings_, Tunable::carrier_hz) ? carrier_.value() : 0.0;
 }
 
 void Waveform::set(const Setting& setting) {
   const double value = setting.value;
-  if (!has_knob(settings_, setting.knob) || !std::isfinite(value) || value < 0.0) return;
-  switch (setting.knob) {
-    case Knob::carrier_hz:
+  if (!has_tunable(settings_, setting.tunable) || !std::isfinite(value) || value < 0.0) return;
+  switch (setting.tunable) {
+    case Tunable::carrier_hz:
       if (value > 0.0) carrier_.set(value);
       break;
-    case Knob::amplitude:
+    case Tunable::amplitude:
       level_.set(value);
       break;
-    case Knob::modulation_hz:
+    case Tunable::modulation_hz:
       modulation_hz_.set(value);
       break;
-    case Knob::modulation_depth:
+    case Tunable::modulation_depth:
       if (value <= 1.0) modulation_depth_.set(value);
       break;
   }
 }
 
 void Waveform::advance(double duration_s) {
-  // What makes the motion smaller comes first: on the way from one setting that keeps the limits to
-  // another, none is passed that does not.
+  // The change that reduces the motion comes first, so that the transition between two settings
+  // within the limits stays within them.
   const bool carrier_falls = carrier_.target() < carrier_.value();
   const bool level_falls = level_.target() < level_.value();
   carrier_.advance(duration_s, !level_falls);
@@ -169,7 +169,7 @@ void Waveform::advance(double duration_s) {
     case ExcitationKind::modulated:
       return modulate(duration_s);
     case ExcitationKind::by_hand:
-      return turn_by_hand(duration_s);
+      return modulate_by_hand(duration_s);
     case ExcitationKind::sweep:
       return sweep(duration_s);
     case ExcitationKind::chirp:
@@ -206,35 +206,35 @@ void Waveform::modulate(double duration_s) {
   value_ = amplitude_ * std::sin(two_pi * phase_turns_);
 }
 
-/// To a place not too near, in a time that is not always the same.
+/// To a random position at least `least_movement` away, in a random time.
 void Waveform::next_movement() {
   hand_from_ = hand_to_;
-  const double below = std::max(0.0, hand_from_ - least_turn);
-  const double above = std::max(0.0, 1.0 - least_turn - hand_from_);
-  const double place = uniform(random_) * (below + above);
-  hand_to_ = place < below ? place : hand_from_ + least_turn + (place - below);
+  const double below = std::max(0.0, hand_from_ - least_movement);
+  const double above = std::max(0.0, 1.0 - least_movement - hand_from_);
+  const double target = uniform(random_) * (below + above);
+  hand_to_ = target < below ? target : hand_from_ + least_movement + (target - below);
   hand_time_s_ = 0.0;
   hand_duration_s_ = config::shortest_move_s(settings_.by_hand) *
-                     (1.0 + (longest_movement - 1.0) * uniform(random_));
+                     (1.0 + (longest_duration - 1.0) * uniform(random_));
 }
 
-void Waveform::turn_by_hand(double duration_s) {
+void Waveform::modulate_by_hand(double duration_s) {
   advance_carrier(carrier_.value(), duration_s);
   hand_time_s_ += duration_s;
   if (hand_time_s_ >= hand_duration_s_) {
-    const double into = hand_time_s_ - hand_duration_s_;
+    const double excess_s = hand_time_s_ - hand_duration_s_;
     next_movement();
-    hand_time_s_ = std::min(into, hand_duration_s_);
+    hand_time_s_ = std::min(excess_s, hand_duration_s_);
   }
   modulation_turns_ = std::min(hand_time_s_ / hand_duration_s_, last_turn);
-  const double place = hand_from_ + (hand_to_ - hand_from_) * hand_step(modulation_turns_);
+  const double position = hand_from_ + (hand_to_ - hand_from_) * hand_step(modulation_turns_);
   const double lowest = std::min(settings_.by_hand.lowest, level_.value());
-  amplitude_ = lowest + (level_.value() - lowest) * place;
+  amplitude_ = lowest + (level_.value() - lowest) * position;
   value_ = amplitude_ * std::sin(two_pi * phase_turns_);
 }
 
 void Waveform::sweep(double duration_s) {
-  // The frequency in the middle of the step: exact for a linear sweep.
+  // Midpoint frequency: exact for a linear sweep.
   const double middle = sweep_progress(settings_.sweep, time_s_ + duration_s / 2.0);
   phase_turns_ = wrapped(phase_turns_ + sweep_hz(settings_.sweep, middle) * duration_s);
   time_s_ += duration_s;
@@ -252,7 +252,7 @@ void Waveform::burst(double duration_s) {
   double step_s = duration_s;
   time_s_ += duration_s;
   if (time_s_ >= length_s_) {
-    // Each burst is the same: it begins at phase 0, where the one before has faded.
+    // Identical bursts: each begins at phase 0, after the previous one has faded out.
     time_s_ = std::fmod(time_s_, length_s_);
     phase_turns_ = 0.0;
     step_s = time_s_;
@@ -279,7 +279,7 @@ void Waveform::sum_lines(double duration_s) {
     line_turns_[i] = wrapped(line_turns_[i] + line.frequency_hz * duration_s);
     sum += line.amplitude * std::sin(two_pi * (line_turns_[i] + line.phase_deg / 360.0));
   }
-  amplitude_ = level_.value() * size_of_lines_;
+  amplitude_ = level_.value() * lines_amplitude_;
   value_ = level_.value() * sum;
 }
 

@@ -1,11 +1,11 @@
-// What a frame costs on its whole way through the daemon - read, calibrate, observe, hand over,
-// encode, publish on LCM, record - against a loop that does nothing but publish the same blocks.
-// Both in one run, as processor time of all threads, so that the ratio holds on any machine.
+// Cost of a frame on its whole path through the daemon - read, calibrate, observe, hand over,
+// encode, publish on LCM, record - compared with a loop that only publishes the same blocks. Both
+// in one run, as processor time of all threads, so that the ratio is valid on any machine.
 //
-// `ratio` is the whole way over the bare loop, `consumers_ratio` what publishing and recording add
-// to the same way without them. Publishing is to add at most 1.3.
+// `ratio` is the whole path over the bare loop, `consumers_ratio` the cost added by publishing and
+// recording, over the bare loop. Publishing should add at most 1.3.
 //
-// Publishes at LCM's multicast group: run it through tools/own-network.
+// Publishes to LCM's multicast group: run it through tools/own-network.
 #include <benchmark/benchmark.h>
 
 #include <chrono>
@@ -21,8 +21,8 @@
 
 #include "config/model_file.h"
 #include "daemon/loop.h"
+#include "daemon/message_writer.h"
 #include "daemon/messages.h"
-#include "daemon/outlet.h"
 #include "drivers/make_driver.h"
 #include "protocol/channels.h"
 #include "protocol/frame_block.h"
@@ -52,7 +52,7 @@ std::vector<Frame> sines() {
   return frames;
 }
 
-/// Processor seconds of publishing `frames` in blocks that are already filled.
+/// Processor seconds of publishing `frames` in blocks that are filled in advance.
 double publish_only(const std::vector<Frame>& frames) {
   lcm::LCM lcm(protocol::default_url);
   frame_block_t block{};
@@ -70,7 +70,7 @@ struct Cost {
   bool complete = false;
 };
 
-/// The whole way of `frames`, replayed as fast as it goes; nothing is lost.
+/// The whole path of `frames`, replayed as fast as possible without loss.
 Cost whole_path(const std::vector<Frame>& frames, bool observe, bool publish, bool record) {
   config::Rig rig;
   rig.driver = config::DriverKind::replay;
@@ -81,12 +81,12 @@ Cost whole_path(const std::vector<Frame>& frames, bool observe, bool publish, bo
   Ledger ledger;
   const std::filesystem::path file =
       std::filesystem::temp_directory_path() / "stickslip-benchmark.log";
-  std::vector<std::unique_ptr<Outlet>> outlets;
+  std::vector<std::unique_ptr<MessageWriter>> writers;
   std::vector<std::unique_ptr<MessageSink>> sinks;
   std::vector<std::unique_ptr<Stream>> streams;
-  const auto add = [&](std::unique_ptr<Outlet> outlet, Account& account) {
-    outlets.push_back(std::move(outlet));
-    sinks.push_back(std::make_unique<MessageSink>(*outlets.back()));
+  const auto add = [&](std::unique_ptr<MessageWriter> writer, Account& account) {
+    writers.push_back(std::move(writer));
+    sinks.push_back(std::make_unique<MessageSink>(*writers.back()));
     streams.push_back(std::make_unique<Stream>(*sinks.back(), account, StreamSettings{}));
   };
   if (publish) add(open_lcm(protocol::default_url), ledger.published());
@@ -100,7 +100,7 @@ Cost whole_path(const std::vector<Frame>& frames, bool observe, bool publish, bo
                      1e-3);
   }
   LoopSettings settings;
-  settings.pacing = Pacing::free;
+  settings.pacing = Pacing::free_running;
   settings.live.interlocks.longest_silence_ns = 0;
   Loop loop(*driver, clock, settings, Excitation({}), observe ? &*observer : nullptr, ledger, all);
 
@@ -109,7 +109,7 @@ Cost whole_path(const std::vector<Frame>& frames, bool observe, bool publish, bo
   for (Stream* stream : all) stream->start();
   loop.run();
   for (Stream* stream : all) stream->finish(std::chrono::minutes(1));
-  for (const auto& outlet : outlets) outlet->close();
+  for (const auto& writer : writers) writer->close();
   const Cost out{seconds(CLOCK_PROCESS_CPUTIME_ID) - cpu, seconds(CLOCK_MONOTONIC) - wall,
                  ledger.balance().is_closed() && ledger.balance().produced == frames.size() &&
                      ledger.balance().published.lost_in_total() == 0 &&

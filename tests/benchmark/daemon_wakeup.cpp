@@ -1,5 +1,5 @@
-// How late the loop wakes up at 1 kHz, against cyclictest (rt-tests) doing the same on the same
-// machine, in turns within one run, so that the ratio holds on any machine.
+// Wake-up lateness of the loop at 1 kHz, compared with cyclictest (rt-tests) on the same machine,
+// alternating within one run, so that the ratio is valid on any machine.
 #include <benchmark/benchmark.h>
 
 #include <array>
@@ -20,7 +20,7 @@ namespace {
 constexpr int priority = 50;
 constexpr std::uint64_t cycles = 3000;
 
-/// A device that answers at once.
+/// A device that answers immediately.
 class Instant final : public drivers::Driver {
  public:
   Instant() {
@@ -79,7 +79,7 @@ Lateness of_the_loop() {
           static_cast<double>(lateness.longest_ns()) * 1e-3};
 }
 
-/// Counts of cyclictest's histogram by microsecond; empty where there is no cyclictest.
+/// Counts of cyclictest's histogram by microsecond; empty without cyclictest.
 std::vector<std::uint64_t> cyclictest() {
   const std::string command = "cyclictest -q -m -t1 -p" + std::to_string(priority) + " -i1000 -l" +
                               std::to_string(cycles) + " -h20000 2>/dev/null";
@@ -121,7 +121,7 @@ void wakeup(benchmark::State& state) {
   for ([[maybe_unused]] auto _ : state) {
     const std::vector<std::uint64_t> counts = cyclictest();
     if (counts.empty()) {
-      state.SetLabel("there is no cyclictest here: install rt-tests, and be allowed SCHED_FIFO");
+      state.SetLabel("no cyclictest: install rt-tests, and allow SCHED_FIFO");
     }
     const Lateness their = of_cyclictest(counts);
     const Lateness our = of_the_loop();

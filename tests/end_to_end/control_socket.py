@@ -1,5 +1,5 @@
-"""The one door for commands, as people and machines use it: `stickslip ctl` against a running daemon,
-what a killed daemon or a killed client leaves behind, and clients that mean no good."""
+"""The control socket: `stickslip ctl` against a running daemon, killed daemons and clients, and hostile
+clients."""
 import json
 import os
 import random
@@ -10,13 +10,13 @@ import threading
 import time
 import unittest
 
-from programs import SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, as_somebody_else, main, run
+from programs import SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, as_other_user, main, run
 
-HOLD_S = 0.15  # for how long the relay stays on without a word
+HOLD_S = 0.15  # time for which the relay stays on without a message
 
 
 class Relay(threading.Thread):
-    """An amplifier behind a watchdog: on while it is told so, off when it hears nothing."""
+    """An amplifier behind a watchdog relay: on while messages enable it, off without messages."""
 
     def __init__(self, path):
         super().__init__(daemon=True)
@@ -35,17 +35,17 @@ class Relay(threading.Thread):
     def listen(self):
         while not self.ended:
             try:
-                told = self.socket.recv(16) == b"1"
+                enabled = self.socket.recv(16) == b"1"
             except TimeoutError:
-                told = False
-            if self.on and not told:
+                enabled = False
+            if self.on and not enabled:
                 self.went_off = time.monotonic()
-            self.on = told
+            self.on = enabled
 
 
 class ControlSocket(EndToEnd):
     def start(self, more="", rig=""):
-        """A daemon on the simulated rig that waits for a person."""
+        """A daemon on the simulated rig, waiting for commands."""
         self.socket = self.folder / "control.sock"
         config = self.write("rig.toml", f"""
             schema = 1
@@ -75,7 +75,7 @@ class ControlSocket(EndToEnd):
         return daemon
 
     def listens(self):
-        """Whether somebody does; a daemon that was killed leaves its socket behind."""
+        """A killed daemon leaves its socket behind, without a listener."""
         with socket.socket(socket.AF_UNIX) as client:
             return client.connect_ex(str(self.socket)) == 0
 
@@ -103,7 +103,7 @@ class ControlSocket(EndToEnd):
         self.assertEqual(daemon.wait(timeout=30), status, self.log())
         self.assertFalse(self.socket.exists())
 
-    def test_a_person_brings_it_to_move_and_to_rest(self):
+    def test_an_operator_starts_and_stops_the_rig(self):
         daemon = self.start()
         now = self.ctl("status")
         self.assertEqual((now["state"], now["interlock"]), ("faulted", "just_started"))
@@ -134,14 +134,14 @@ class ControlSocket(EndToEnd):
         time.sleep(HOLD_S + 0.3)
         self.assertFalse(relay.on)
         self.assertLess(relay.went_off - killed, HOLD_S + 0.25)
-        # The next one begins where every daemon begins.
+        # The next daemon starts faulted, like every daemon.
         again = self.start(rig='simulated.relay = "relay.sock"')
         self.assertEqual(self.ctl("status")["state"], "faulted")
         time.sleep(0.2)
         self.assertFalse(relay.on)
         self.end(again)
 
-    def test_a_dead_man_lets_go(self):
+    def test_releasing_the_dead_mans_handle_stops_the_rig(self):
         daemon = self.start("[safety]\ndead_man_s = 0.3")
         self.ctl("clear")
         self.ctl("arm")
@@ -153,7 +153,7 @@ class ControlSocket(EndToEnd):
             time.sleep(1.0)
             self.assertEqual(self.ctl("status")["state"], "running")
             holder.send_signal(how)
-            if how == signal.SIGTERM:  # a person pressed Ctrl-C: no fault
+            if how == signal.SIGTERM:  # Ctrl-C is no fault
                 self.assertEqual(holder.wait(timeout=10), 0)
                 self.wait_for("idle")
                 continue
@@ -166,7 +166,7 @@ class ControlSocket(EndToEnd):
             self.ctl("arm")
         self.end(daemon)
 
-    def test_a_device_that_was_unplugged_comes_back_but_its_fault_stays(self):
+    def test_an_unplugged_device_is_restored_but_its_fault_stays(self):
         self.write("script.toml", 'schema = 1\n[[fault]]\nkind = "unplug"\nat_s = 2.0\n'
                                   'duration_s = 1.0\n')
         daemon = self.start(rig='faults = "script.toml"')
@@ -186,7 +186,7 @@ class ControlSocket(EndToEnd):
         self.wait_for("running")
         self.end(daemon)
 
-    def test_a_new_configuration_is_taken_over_as_far_as_it_can_be(self):
+    def test_a_reload_applies_what_can_change_while_running(self):
         daemon = self.start()
         self.move()
         path = self.folder / "rig.toml"
@@ -199,7 +199,7 @@ class ControlSocket(EndToEnd):
         while abs(self.ctl("status")["drive"]["carrier_hz"] - 2.5) > 1e-6:
             self.assertLess(time.monotonic(), until)
             time.sleep(0.05)
-        # What is not sound changes nothing, and SIGHUP is the same as reload.
+        # An invalid configuration changes nothing, and SIGHUP is the same as reload.
         path.write_text("nonsense")
         daemon.send_signal(signal.SIGHUP)
         until = time.monotonic() + 10
@@ -209,7 +209,7 @@ class ControlSocket(EndToEnd):
         self.assertEqual(self.ctl("status")["state"], "running")
         self.end(daemon)
 
-    def test_a_person_calibrates_with_readings_of_the_daemon(self):
+    def test_a_calibration_with_readings_of_the_daemon(self):
         self.write("cal.toml", (SOURCE / "config/calibrations/beam.toml").read_text())
         daemon = self.start()
         result = subprocess.run([STICKSLIP, "ctl", "--socket", str(self.socket), "calibrate",
@@ -218,12 +218,12 @@ class ControlSocket(EndToEnd):
                                 capture_output=True, text=True, timeout=60)
         self.assertEqual(result.returncode, 1, result.stdout + result.stderr)
         self.assertIn("Point 1: 0 N reads", result.stdout)
-        self.assertIn("is as it was", result.stdout)
+        self.assertIn("is unchanged", result.stdout)
         self.assertEqual((self.folder / "cal.toml").read_text(),
                          (SOURCE / "config/calibrations/beam.toml").read_text())
         self.end(daemon)
 
-    def test_thousands_of_hostile_connections_delay_neither_the_loop_nor_a_person(self):
+    def test_thousands_of_hostile_connections_delay_neither_the_loop_nor_an_operator(self):
         daemon = self.start()
         self.move()
         dice = random.Random(7)
@@ -254,19 +254,19 @@ class ControlSocket(EndToEnd):
         self.assertLess(len(self.log()), 200_000, "the log was flooded")
         self.end(daemon)
 
-    def test_where_no_daemon_is_that_is_said_with_what_to_do(self):
+    def test_without_a_daemon_the_error_names_the_remedy(self):
         result = run(STICKSLIP, "ctl", "--socket", self.folder / "none.sock", "status")
         self.assertEqual(result.returncode, 2)
         self.assertIn("is the daemon running", result.stderr)
         self.assertEqual(len(result.stderr.strip().splitlines()), 1)
 
-    def test_a_stranger_is_turned_away(self):
-        stranger = as_somebody_else()
+    def test_an_unauthorised_user_is_refused(self):
+        stranger = as_other_user()
         if not stranger:
-            self.skipTest("nobody can become another user here; run it as root")
+            self.skipTest("cannot run as another user here; run it as root")
         daemon = self.start()
         self.folder.chmod(0o755)
-        os.chmod(self.socket, 0o666)  # as if somebody had opened it: the credentials still count
+        os.chmod(self.socket, 0o666)  # even with these permissions the credentials are checked
         code = ("import socket,sys; s=socket.socket(socket.AF_UNIX); s.connect(sys.argv[1]); "
                 "s.sendall(b'{\"v\":1,\"do\":\"clear\"}\\n'); print(s.recv(1000).decode())")
         result = run(*stranger, "python3", "-c", code, self.socket, timeout=30)

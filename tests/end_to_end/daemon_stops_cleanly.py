@@ -1,5 +1,5 @@
-"""Whatever ends the daemon, nothing is lost: the recording holds every frame that was produced, the
-ledger says so and balances, and the last word to the shaker is "off"."""
+"""However the daemon ends, nothing is lost: the recording holds every frame produced, the ledger
+balances, and the last command to the shaker is "off"."""
 import collections
 import hashlib
 import os
@@ -17,7 +17,7 @@ CONFIG = SOURCE / "config/simulated.toml"
 LEDGER = re.compile(r"(publishing|recording): (\d+) produced = (\d+) (?:published|recorded)"
                     r"((?: \+ \d+ lost \([a-z ]+\))+)")
 
-Asked = collections.namedtuple("Asked", "sequence drive amplitude amplifier_on")
+Drive = collections.namedtuple("Drive", "sequence drive amplitude amplifier_on")
 
 
 class DaemonStopsCleanly(EndToEnd):
@@ -87,15 +87,15 @@ class DaemonStopsCleanly(EndToEnd):
         return recording
 
     def excitations(self, log):
-        """What was asked of the shaker during each frame."""
+        """The drive during each frame."""
         out = []
         for payload in frames.payloads(log, "STICKSLIP_EXCITATION"):
             latest = self.types.excitation_t.decode(payload)
-            out += [Asked(latest.sequence - by, drive, amplitude, state >= 0x80)
+            out += [Drive(latest.sequence - by, drive, amplitude, state >= 0x80)
                     for by, drive, amplitude, state in
                     zip(latest.earlier_by, latest.earlier_drive, latest.earlier_amplitude,
                         latest.earlier_state)]
-            out.append(Asked(latest.sequence, latest.drive, latest.amplitude,
+            out.append(Drive(latest.sequence, latest.drive, latest.amplitude,
                              bool(latest.amplifier_on)))
         return out
 
@@ -110,7 +110,7 @@ class DaemonStopsCleanly(EndToEnd):
                          [frame.sequence for frame in recording])
         self.assertGreater(max(drive.amplitude for drive in drives), 1e-3)
         self.assertEqual((drives[-1].drive, drives[-1].amplitude), (0.0, 0.0))
-        # Half a second of ramp: the amplitude falls over many frames, never by a leap.
+        # Half a second of ramp: the amplitude falls over many frames, without a jump.
         ramp = [drive.amplitude for drive in drives[-450::10]]
         self.assertLess(max(abs(a - b) for a, b in zip(ramp, ramp[1:])), 0.08 * max(ramp))
 
@@ -125,18 +125,18 @@ class DaemonStopsCleanly(EndToEnd):
             if dice.random() < 0.5:
                 time.sleep(dice.uniform(0.0, 0.3))
                 if daemon.poll() is None:
-                    daemon.send_signal(number)  # once more: at once
+                    daemon.send_signal(number)  # the second one stops immediately
             with self.subTest(signal=number):
                 self.check(self.end(daemon), log)
 
-    def test_a_duration_is_kept_to_the_frame(self):
+    def test_a_duration_is_exact_to_the_frame(self):
         daemon, log = self.start("--duration", "1.5", "--no-lcm")
         said = self.end(daemon)
         self.assertEqual(len(self.check(said, log, published=False)), 1500)
         self.assertEqual(self.excitations(log)[-1].drive, 0.0)
         self.assertFalse(self.excitations(log)[-1].amplifier_on)
 
-    def test_time_that_is_simulated_runs_ahead_and_loses_nothing(self):
+    def test_simulated_time_runs_faster_and_loses_nothing(self):
         config = SOURCE / "config"
         text = CONFIG.read_text().replace("models/", f"{config}/models/")
         self.assertIn("[driver.simulated]\n", text)
@@ -148,10 +148,10 @@ class DaemonStopsCleanly(EndToEnd):
         self.assertLess(time.monotonic() - began, 15)
         self.assertEqual(len(self.check(said, log, published=False)), 20000)
 
-    def test_a_network_that_refuses_is_in_the_ledger_and_stops_nothing(self):
+    def test_network_errors_are_in_the_ledger_and_stop_nothing(self):
         daemon, log = self.start("--duration", "2")
         self.wait_for_recording(log)
-        # In this test's own network namespace: nobody else loses a route.
+        # In this test's own network namespace.
         subprocess.run(["ip", "route", "del", "239.255.76.67/32"], check=True)
         self.addCleanup(subprocess.run, ["ip", "route", "add", "239.255.76.67/32", "dev", "lo"])
         said = self.end(daemon)
@@ -161,7 +161,7 @@ class DaemonStopsCleanly(EndToEnd):
         self.assertGreater(lost, 0, said)
         self.assertIn("ip route add", said)
 
-    def test_no_route_at_the_start_is_said_with_its_cure(self):
+    def test_a_missing_route_is_reported_with_its_remedy(self):
         subprocess.run(["ip", "route", "del", "239.255.76.67/32"], check=True)
         self.addCleanup(subprocess.run, ["ip", "route", "add", "239.255.76.67/32", "dev", "lo"])
         daemon, _ = self.start("--duration", "1")
@@ -172,7 +172,7 @@ class DaemonStopsCleanly(EndToEnd):
         daemon = subprocess.Popen([STICKSLIPD, "--config", str(CONFIG), "--record", "/dev/full",
                                    "--duration", "1"], stdout=subprocess.PIPE,
                                   stderr=subprocess.STDOUT, text=True)
-        said = self.end(daemon, status=1)  # a recording that was asked for and is not there
+        said = self.end(daemon, status=1)  # the requested recording is missing
         ledger = self.ledger(said)
         produced, recorded, lost = ledger["recording"]
         self.assertEqual(produced, 1000)
@@ -181,7 +181,7 @@ class DaemonStopsCleanly(EndToEnd):
         self.assertEqual(ledger["publishing"], (1000, 1000, 0))
         self.assertIn("No space left", said)
 
-    def test_what_cannot_run_says_so_in_one_line(self):
+    def test_invalid_arguments_are_reported_in_one_line(self):
         for arguments, words in (
                 (["--config", str(self.folder / "none.toml")], "none.toml"),
                 (["--config", str(CONFIG), "--record", str(self.folder / "x.csv")], "stickslip convert"),

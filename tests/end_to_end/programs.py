@@ -1,7 +1,7 @@
-"""The programs under test, and running them as a person would.
+"""The programs under test, run as a user would.
 
-ctest names them in the environment: STICKSLIP and STICKSLIPD (the programs), STICKSLIP_SOURCE_DIR
-(the checkout), LCM_GEN. STICKSLIP_SHARED may name a folder with recordings that others made.
+ctest sets the environment: STICKSLIP and STICKSLIPD (the programs), STICKSLIP_SOURCE_DIR (the
+checkout), LCM_GEN. STICKSLIP_SHARED may name a folder with recordings from other sources.
 """
 import json
 import os
@@ -14,11 +14,11 @@ import unittest
 STICKSLIP = os.environ.get("STICKSLIP", "stickslip")
 STICKSLIPD = os.environ.get("STICKSLIPD", "stickslipd")
 SOURCE = pathlib.Path(os.environ.get("STICKSLIP_SOURCE_DIR", pathlib.Path(__file__).parents[2]))
-SKIPPED = 77  # what ctest takes for "skipped"
+SKIPPED = 77  # exit status that ctest takes as "skipped"
 
 
 def shared_folder():
-    """The folder with recordings that others made, or None."""
+    """The folder with recordings from other sources, or None."""
     for folder in (os.environ.get("STICKSLIP_SHARED"), SOURCE.parent / "shared"):
         if folder and (pathlib.Path(folder) / "recordings").is_dir():
             return pathlib.Path(folder)
@@ -31,9 +31,9 @@ def run(*command, timeout=120, cwd=None):
                           timeout=timeout, cwd=cwd, stdin=subprocess.DEVNULL)
 
 
-def as_somebody_else():
-    """What makes a command another user's, without any rights; empty where nobody can become one. In
-    a network that an ordinary user has made, it is root by name only: nobody else exists in there."""
+def as_other_user():
+    """Prefix that runs a command as another user without privileges; empty if that is not possible, as
+    in a user namespace, in which no other user exists."""
     command = ("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups")
     return command if run(*command, "true").returncode == 0 else ()
 
@@ -43,14 +43,14 @@ def stickslip(*arguments, **options):
 
 
 def read_json(path):
-    """A JSON file, strictly: NaN and Infinity are no JSON."""
+    """A JSON file, strictly: without NaN and Infinity."""
     def refuse(word):
         raise ValueError(f"{path} holds {word}, which is not JSON")
     return json.loads(pathlib.Path(path).read_text(), parse_constant=refuse)
 
 
 class EndToEnd(unittest.TestCase):
-    """A test with a folder of its own, `self.folder`, that is gone afterwards."""
+    """A test with a temporary folder, `self.folder`."""
     longMessage = True
     maxDiff = None
 
@@ -65,7 +65,7 @@ class EndToEnd(unittest.TestCase):
         return path
 
     def succeed(self, *arguments, **options):
-        """`stickslip ...` that has to do its work."""
+        """`stickslip ...` that has to succeed."""
         result = stickslip(*arguments, **options)
         self.assertEqual(result.returncode, 0,
                          f"stickslip {' '.join(map(str, arguments))}\n{result.stdout}{result.stderr}")
@@ -73,8 +73,8 @@ class EndToEnd(unittest.TestCase):
 
 
 def main():
-    """Runs the tests of the calling script. Skipped as a whole counts as skipped for ctest; the
-    reason is the last line."""
+    """Runs the tests of the calling script. If all are skipped, ctest counts the script as skipped; the
+    reason is on the last line."""
     program = unittest.main(exit=False, verbosity=2)
     result = program.result
     if not result.wasSuccessful():

@@ -1,5 +1,5 @@
-"""A recording that is played through the daemon comes out as it went in, to the bit, and what the
-observer makes of it is the same to the bit each time."""
+"""A recording replayed through the daemon is bit-identical, and so are the observer's estimates of every
+replay."""
 import unittest
 
 import frames
@@ -38,7 +38,7 @@ class ReplayThroughTheDaemon(EndToEnd):
     def record_simulated(self):
         return self.daemon(SOURCE / "config/simulated.toml", self.folder / "simulated.log", seconds=4)
 
-    def test_frames_are_the_same_to_the_bit(self):
+    def test_frames_are_bit_identical(self):
         original = self.record_simulated()
         before = frames.frames(original, self.types)
         self.assertGreater(len(before), 3000)
@@ -49,24 +49,24 @@ class ReplayThroughTheDaemon(EndToEnd):
                 self.assertEqual(len(after), len(before))
                 self.assertEqual(after, before)
 
-    def test_a_csv_is_replayed_as_the_log_that_it_was_made_from(self):
+    def test_a_csv_is_replayed_like_the_log_it_was_converted_from(self):
         original = self.record_simulated()
         csv = self.folder / "simulated.csv"
         self.succeed("convert", original, csv)
         before = frames.frames(original, self.types)
         after = frames.frames(self.replay(csv, "from_csv", 0.0), self.types)
-        # A CSV carries no sequence numbers and no origin but its first row's; all else is the same.
+        # A CSV has no sequence numbers; everything else is the same.
         self.assertEqual([(f.time_ns, f.valid, f.values) for f in after],
                          [(f.time_ns, f.valid, f.values) for f in before])
 
-    def test_estimates_are_the_same_to_the_bit_each_time(self):
+    def test_estimates_are_bit_identical_in_every_replay(self):
         original = self.record_simulated()
         first, second = (
             frames.payloads(self.replay(original, name, 0.0), "STICKSLIP_ESTIMATE")
             for name in ("once", "again"))
         self.assertGreater(len(first), 0)
         self.assertEqual(first, second)
-        # The test could not fail if the estimates said nothing.
+        # Guards against estimates that are all alike.
         self.assertGreater(len(set(first)), len(first) // 2)
 
 

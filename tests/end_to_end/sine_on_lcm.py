@@ -1,5 +1,5 @@
-"""A sine of known amplitude on the simulated rig arrives on LCM, in SI units and to within the noise,
-at a subscriber that shares no code with the daemon."""
+"""A sine of known amplitude on the simulated rig, received over LCM in SI units and to within the noise
+by a subscriber that shares no code with the daemon."""
 import json
 import math
 import os
@@ -72,7 +72,7 @@ def solve(matrix, right):
 
 
 def fit_sine(times, values, frequency_hz):
-    """(amplitude, standard deviation of what is left) of offset + sine of that frequency."""
+    """(amplitude, standard deviation of the residual) of a fit of offset + sine."""
     basis = [[1.0, math.sin(2 * math.pi * frequency_hz * t), math.cos(2 * math.pi * frequency_hz * t)]
              for t in times]
     normal = [[sum(b[i] * b[j] for b in basis) for j in range(3)] for i in range(3)]
@@ -100,7 +100,7 @@ class SineOnLcm(EndToEnd):
         self.assertEqual(daemon.returncode, 0, said)
 
         frames = [json.loads(line) for line in heard.stdout.splitlines()]
-        # 4 mm at 3 Hz needs the ramp of half a second and the shaker's filter to be over.
+        # After the ramp of half a second and the transient of the shaker's filter.
         self.assertGreater(len(frames), 900 * seconds, said)
         sequences = [frame["sequence"] for frame in frames]
         self.assertEqual(sequences, list(range(sequences[0], sequences[0] + len(sequences))))
@@ -109,13 +109,13 @@ class SineOnLcm(EndToEnd):
         last = frames[-count:]
         times = [frame["time_ns"] * 1e-9 for frame in last]
         amplitude, left = fit_sine(times, [frame["base_displacement_m"] for frame in last], CARRIER_HZ)
-        # The fit's own doubt, five times, and what a 60 Hz shaker filter may do to 3 Hz.
-        doubt = 5 * NOISE_M * math.sqrt(2 / count)
-        self.assertAlmostEqual(amplitude, AMPLITUDE_M, delta=doubt + 2e-4 * AMPLITUDE_M)
+        # Five standard deviations of the fit, and the effect of a 60 Hz shaker filter at 3 Hz.
+        uncertainty = 5 * NOISE_M * math.sqrt(2 / count)
+        self.assertAlmostEqual(amplitude, AMPLITUDE_M, delta=uncertainty + 2e-4 * AMPLITUDE_M)
         self.assertAlmostEqual(left / NOISE_M, 1.0, delta=0.1)
         for frame in last:
             self.assertTrue(math.isfinite(frame["displacement_m"]))
-        # The rest of the rig moves too: the pad slips.
+        # The pad slips.
         self.assertGreater(max(abs(frame["displacement_m"]) for frame in last), 1e-3)
 
 

@@ -1,4 +1,4 @@
-// `stickslip ctl`: tells a running daemon what to do, and what it says.
+// `stickslip ctl`: commands to a running daemon, and its answers.
 #include <unistd.h>
 
 #include <algorithm>
@@ -26,10 +26,6 @@ namespace stickslip::commands {
 using namespace command_line;
 using namespace control_client;
 using namespace telemetry;
-
-using namespace command_line;
-using namespace control_client;
-using namespace telemetry;
 namespace {
 
 using namespace std::chrono_literals;
@@ -50,8 +46,8 @@ struct Arguments {
   double value = 0.0;
 };
 
-void say(const char* what, const std::string& text) {
-  if (!text.empty()) std::printf("%-11s %s\n", what, text.c_str());
+void print_line(const char* label, const std::string& text) {
+  if (!text.empty()) std::printf("%-11s %s\n", label, text.c_str());
 }
 
 std::string microseconds(const json& timing, const char* key) {
@@ -80,64 +76,66 @@ Tone tone_of_severity(const std::string& severity) {
 
 void print_state(const json& answer, const Paint& paint) {
   const std::string state = answer.value("state", "");
-  say("state", paint(tone_of_state(state), state));
+  print_line("state", paint(tone_of_state(state), state));
   if (const std::string cause = answer.value("cause", ""); !cause.empty()) {
-    say("fault", paint(Tone::bad, answer.value("interlock", "") + ": " + cause));
+    print_line("fault", paint(Tone::bad, answer.value("interlock", "") + ": " + cause));
   }
   if (const std::string broken = answer.value("broken", ""); !broken.empty()) {
-    say("broken now", broken + ": " + answer.value("broken_cause", ""));
+    print_line("broken now", broken + ": " + answer.value("broken_cause", ""));
   }
 }
 
-/// One line for each device; what is 0 is not worth a word.
-void say_counts(const json& devices) {
+/// One line for each device, with its non-zero counts.
+void print_counts(const json& devices) {
   for (const auto& [device, counts] : devices.items()) {
     std::string text;
     for (const auto& [name, count] : counts.items()) {
       if (count != 0) text += (text.empty() ? ": " : ", ") + count.dump() + ' ' + name;
     }
-    say("device", device + (text.empty() ? ": nothing lost" : text));
+    print_line("device", device + (text.empty() ? ": nothing lost" : text));
   }
 }
 
 void print_status(const json& answer, const Paint& paint) {
   print_state(answer, paint);
-  say("amplifier", answer.value("amplifier_on", false) ? "on" : "off");
-  if (!answer.value("device_here", true)) say("device", "gone");
+  print_line("amplifier", answer.value("amplifier_on", false) ? "on" : "off");
+  if (!answer.value("device_here", true)) print_line("device", "lost");
   const json& drive = answer.at("drive");
-  say("drive", physics::number_text(drive.value("value", 0.0), 6) + ", amplitude " +
-                   physics::number_text(drive.value("amplitude", 0.0), 6) + " at " +
-                   physics::number_text(drive.value("carrier_hz", 0.0), 6) + " Hz");
+  print_line("drive", physics::number_text(drive.value("value", 0.0), 6) + ", amplitude " +
+                          physics::number_text(drive.value("amplitude", 0.0), 6) + " at " +
+                          physics::number_text(drive.value("carrier_hz", 0.0), 6) + " Hz");
   for (const auto& [stem, value] : answer.at("channels").items()) {
     const auto channel = channel_named(stem);
-    say("channel", stem + " " + physics::number_text(value.get<double>(), 6) + " " +
-                       (channel ? std::string(info(*channel).unit) : std::string()));
+    print_line("channel", stem + " " + physics::number_text(value.get<double>(), 6) + " " +
+                              (channel ? std::string(info(*channel).unit) : std::string()));
   }
   const json& status = answer.at("status");
   const json& ledger = status.at("ledger");
-  say("frames", std::to_string(ledger.value("produced", std::uint64_t{0})) + " produced in " +
-                    physics::number_text(status.value("uptime_s", 0.0), 6) + " s");
-  say("publishing", account_text(ledger.at("published"), "published"));
-  say("recording", account_text(ledger.at("recorded"), "recorded"));
+  print_line("frames", std::to_string(ledger.value("produced", std::uint64_t{0})) +
+                           " produced in " +
+                           physics::number_text(status.value("uptime_s", 0.0), 6) + " s");
+  print_line("publishing", account_text(ledger.at("published"), "published"));
+  print_line("recording", account_text(ledger.at("recorded"), "recorded"));
   if (const auto source = status.find("source"); source != status.end()) {
-    say_counts(source->value("devices", json::object()));
+    print_counts(source->value("devices", json::object()));
   }
   if (const auto model = status.find("model"); model != status.end()) {
-    say("model", model->value("statement", model->value("standing", "")));
-    if (const auto why = model->value("explained", ""); !why.empty()) say("", why);
+    print_line("model", model->value("statement", model->value("standing", "")));
+    if (const auto why = model->value("explained", ""); !why.empty()) print_line("", why);
   }
   const json& timing = status.at("timing");
-  say("timing", "woken late by at most " + microseconds(timing, "lateness_p99_s") + " us (99 %), " +
-                    microseconds(timing, "lateness_max_s") + " us (longest); " +
-                    std::to_string(timing.value("overruns", std::uint64_t{0})) + " overruns" +
-                    (timing.value("degraded", false) ? "; degraded" : ""));
+  print_line("timing", "wake-up late by " + microseconds(timing, "lateness_p99_s") +
+                           " us (99 %), " + microseconds(timing, "lateness_max_s") +
+                           " us (longest); " +
+                           std::to_string(timing.value("overruns", std::uint64_t{0})) +
+                           " overruns" + (timing.value("degraded", false) ? "; degraded" : ""));
 }
 
 Paint paint_of(const Arguments& arguments) {
   return Paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
 }
 
-/// The answer as it was asked for; the exit status.
+/// Prints the answer as text or JSON; returns the exit status.
 int report(const Arguments& arguments, const json& answer,
            void (*print)(const json&, const Paint&)) {
   if (arguments.json_output) {
@@ -147,8 +145,8 @@ int report(const Arguments& arguments, const json& answer,
   }
   if (answer.value("ok", false)) return 0;
   if (!arguments.json_output) {
-    std::fprintf(stderr, "stickslip: the daemon refuses: %s\n",
-                 answer.value("error", "it does not say why").c_str());
+    std::fprintf(stderr, "stickslip: refused by the daemon: %s\n",
+                 answer.value("error", "no reason given").c_str());
   }
   return 1;
 }
@@ -163,7 +161,7 @@ int status(const Arguments& arguments) {
   return report(arguments, client.ask("status"), print_status);
 }
 
-/// Waits until the rig has left `state`, for as long as it takes it to come down.
+/// Waits until the rig has left `state`, without a time limit.
 json wait_while(ControlClient& client, const std::string& state) {
   json answer = client.ask("alive");
   while (answer.value("state", "") == state) {
@@ -177,13 +175,13 @@ int stop(const Arguments& arguments) {
   ControlClient client(control_socket(arguments.socket));
   json answer = client.ask("stop");
   if (arguments.wait && answer.value("ok", false)) {
-    terminal::Progress progress("coming to rest");
+    terminal::Progress progress("ramping down");
     answer = wait_while(client, "stopping");
   }
   return report(arguments, answer, print_state);
 }
 
-// The handle is held for as long as this runs and nobody interrupts it.
+// Holds the dead-man's handle until it is interrupted.
 int start(const Arguments& arguments) {
   if (!arguments.dead_man) return simple(arguments, "start");
   const StopSignals stop_signals;
@@ -285,13 +283,13 @@ int watch(const Arguments& arguments) {
 
 void add_ctl(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App* ctl = app.add_subcommand("ctl", "Tell a running daemon what to do");
+  CLI::App* ctl = app.add_subcommand("ctl", "Send commands to a running daemon");
   ctl->require_subcommand(1);
   ctl->add_option("--socket", arguments->socket,
-                  "The daemon's control socket; else $STICKSLIP_CONTROL, else "
-                  "/run/stickslip/control.sock");
+                  "The daemon's control socket (default: $STICKSLIP_CONTROL, or "
+                  "/run/stickslip/control.sock)");
   add_colour_option(*ctl, arguments->colours);
-  ctl->add_flag("--json", arguments->json_output, "Print the daemon's answers as they are");
+  ctl->add_flag("--json", arguments->json_output, "Print the daemon's answers unchanged");
   const auto command = [&](const char* name, const char* sentence,
                            std::function<int(const Arguments&)> run) {
     CLI::App* const out = ctl->add_subcommand(name, sentence);
@@ -301,31 +299,31 @@ void add_ctl(CLI::App& app, Action& action) {
   };
   command("status", "State, fault, channels, ledger and timing", status);
   for (const auto& [name, sentence] :
-       {std::pair{"clear", "Say that a person has looked at the fault; refused while it lasts"},
+       {std::pair{"clear", "Clear a fault after inspecting it; refused while it persists"},
         std::pair{"arm", "Allow a start; refused while an interlock is broken"},
-        std::pair{"disarm", "Take that back; ramps down what moves"}}) {
+        std::pair{"disarm", "Withdraw that; ramps down if running"}}) {
     command(name, sentence,
             [name = std::string(name)](const Arguments& a) { return simple(a, name); });
   }
-  CLI::App* const starting = command("start", "Let an armed rig move", start);
+  CLI::App* const starting = command("start", "Start the excitation of an armed rig", start);
   starting->add_flag("--dead-man", arguments->dead_man,
-                     "Only while this command runs: it stays, and Ctrl-C stops the rig");
+                     "Only while this command runs; Ctrl-C stops the rig");
   CLI::App* const stopping = command("stop", "Ramp down and switch the amplifier off", stop);
   stopping->add_flag("--wait", arguments->wait, "Return when the rig is at rest");
   CLI::App* const setting = command("set", "Change the excitation while it runs", set);
-  setting->add_option("KEY", arguments->key, "As in the rig file: excitation.carrier_hz")
+  setting->add_option("KEY", arguments->key, "As in the rig file, such as excitation.carrier_hz")
       ->required();
   setting->add_option("VALUE", arguments->value, "In the key's unit")
       ->required()
       ->check(finite_number());
   CLI::App* const averaging = command("average", "Mean of the raw readings", average);
-  averaging->add_option("--seconds", arguments->seconds, "For how long (1)")
+  averaging->add_option("--seconds", arguments->seconds, "Averaging time in s (1)")
       ->check(positive_number());
   add_ctl_calibrate(*ctl, {arguments, &arguments->socket}, action);
-  command("reload", "Read the configuration again, as SIGHUP does", reload);
+  command("reload", "Reload the configuration, as SIGHUP does", reload);
   CLI::App* const watching =
-      command("watch", "Events as they come, the status every second", watch);
-  watching->add_option("--duration", arguments->duration_s, "End after so many seconds")
+      command("watch", "Print events as they occur, and the status every second", watch);
+  watching->add_option("--duration", arguments->duration_s, "End after this many seconds")
       ->check(positive_number());
 }
 

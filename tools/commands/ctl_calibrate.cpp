@@ -1,7 +1,9 @@
-
+// `stickslip ctl calibrate`: a channel's calibration with readings from a running daemon.
 #include <chrono>
 #include <cstdio>
 #include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -16,13 +18,11 @@
 #include "tools/commands/commands.h"
 #include "tools/control_client/control_client.h"
 
-namespace stickslip::control_client {
+namespace stickslip::commands {
 
 using namespace calibration;
 using namespace command_line;
-
-using namespace calibration;
-using namespace command_line;
+using namespace control_client;
 namespace {
 
 using namespace std::chrono_literals;
@@ -37,13 +37,13 @@ struct Arguments {
   std::optional<double> gravity_m_s2;
 };
 
-/// A reading of the channel from the daemon, or why there is none.
+/// Passes the dialog a reading of the channel, or the reason why there is none.
 void offer_reading(Dialog& dialog, ControlClient& client, const Arguments& arguments) {
   const auto patience =
       10s + std::chrono::milliseconds(static_cast<std::int64_t>(arguments.seconds * 1e3));
   const json answer = client.ask("average", {{"seconds", arguments.seconds}}, patience);
   if (!answer.value("ok", false)) {
-    return dialog.reading_failed(answer.value("error", "the daemon does not say why"));
+    return dialog.reading_failed(answer.value("error", "no reason given by the daemon"));
   }
   const json& raw = answer.at("average").at("raw");
   const auto found = raw.find(arguments.channel);
@@ -62,7 +62,8 @@ int run(const Arguments& arguments) {
   ControlClient client(control_socket(*arguments.socket));
   const std::string state = client.ask("alive").value("state", "");
   if (state == "running" || state == "stopping") {
-    throw InputError(Problem{"", 0, 0, "the rig moves: stickslip ctl stop --wait, then calibrate"});
+    throw InputError(
+        Problem{"", 0, 0, "the rig is running: stickslip ctl stop --wait, then calibrate"});
   }
   calibration::DialogSettings settings;
   settings.channel = channel;
@@ -83,16 +84,16 @@ int run(const Arguments& arguments) {
     }
   }
   if (!dialog.result()) {
-    std::printf("%s is as it was\n", arguments.file.c_str());
+    std::printf("%s is unchanged\n", arguments.file.c_str());
     return 1;
   }
   renew_calibration(arguments.file, channel, *dialog.result());
   std::printf("%s: written%s\n", arguments.file.c_str(),
-              before ? ", the former calibration is in its history" : "");
-  // The daemon reads the file that its rig names; another one is for another day.
+              before ? ", the previous calibration is in its history" : "");
+  // Has an effect if it is the file of the daemon's rig.
   const json answer = client.ask("reload");
   if (!answer.value("ok", false)) {
-    std::fprintf(stderr, "stickslip: the daemon refuses to read it: %s\n",
+    std::fprintf(stderr, "stickslip: the daemon could not reload it: %s\n",
                  answer.value("error", "").c_str());
     return 1;
   }
@@ -112,18 +113,18 @@ void add_ctl_calibrate(CLI::App& ctl, std::shared_ptr<const std::string> socket,
   command->fallthrough();
   std::vector<std::string> stems;
   for (const ChannelInfo& channel : channel_table) stems.emplace_back(channel.stem);
-  command->add_option("CHANNEL", arguments->channel, "The channel that is calibrated")
+  command->add_option("CHANNEL", arguments->channel, "Channel to calibrate")
       ->required()
       ->check(CLI::IsMember(stems));
   command
       ->add_option("--file", arguments->file,
-                   "Calibration file that the rig names in calibration.file; renewed or made")
+                   "Calibration file, as in the rig's calibration.file; created or updated")
       ->required();
-  command->add_option("--seconds", arguments->seconds, "For how long each reading is averaged (5)")
+  command->add_option("--seconds", arguments->seconds, "Averaging time of each reading in s (5)")
       ->check(positive_number());
   command->add_option("--gravity", arguments->gravity_m_s2, "Local gravity in m/s^2, for weights")
       ->check(positive_number());
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }
 
-}  // namespace stickslip::control_client
+}  // namespace stickslip::commands

@@ -20,15 +20,15 @@ namespace {
 using nlohmann::json;
 using std::chrono::steady_clock;
 
-std::string cure(int why) {
-  switch (why) {
+std::string remedy(int error) {
+  switch (error) {
     case ENOENT:
       return "; is the daemon running, with a control socket there? (stickslipd --control PATH, or "
              "systemctl start stickslipd)";
     case ECONNREFUSED:
-      return "; a daemon left it behind and is gone: start it again";
+      return "; it belongs to a daemon that has ended: start it again";
     case EACCES:
-      return "; this user has to be in the daemon's group: usermod -aG stickslip USER, then log in "
+      return "; this user must be in the daemon's group: usermod -aG stickslip USER, then log in "
              "again";
     default:
       return "";
@@ -41,16 +41,17 @@ ControlClient::ControlClient(const std::string& socket) : socket_(socket) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   if (socket.size() >= sizeof address.sun_path) {
-    throw InputError(Problem{socket, 0, 0, "is too long for a socket"});
+    throw InputError(Problem{socket, 0, 0, "the path is too long for a socket"});
   }
   socket.copy(address.sun_path, socket.size());
   file_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
   if (file_ < 0 ||
       ::connect(file_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
-    const int why = errno;
+    const int error = errno;
     if (file_ >= 0) ::close(file_);
-    throw InputError(Problem{
-        socket, 0, 0, std::string("no daemon can be reached: ") + std::strerror(why) + cure(why)});
+    throw InputError(
+        Problem{socket, 0, 0,
+                std::string("no daemon can be reached: ") + std::strerror(error) + remedy(error)});
   }
 }
 
@@ -60,7 +61,7 @@ void ControlClient::send(const std::string& text) {
   for (std::size_t sent = 0; sent < text.size();) {
     const ssize_t put = ::send(file_, text.data() + sent, text.size() - sent, MSG_NOSIGNAL);
     if (put < 0 && errno == EINTR) continue;
-    if (put < 0) throw std::runtime_error(socket_ + ": the daemon went away");
+    if (put < 0) throw std::runtime_error(socket_ + ": the daemon disconnected");
     sent += static_cast<std::size_t>(put);
   }
 }
@@ -71,7 +72,7 @@ std::optional<json> ControlClient::line(steady_clock::time_point until) {
       json out = json::parse(in_.substr(0, end), nullptr, false);
       in_.erase(0, end + 1);
       if (out.is_discarded() || !out.is_object()) {
-        throw std::runtime_error(socket_ + ": what answers there is no stickslipd");
+        throw std::runtime_error(socket_ + ": the answer is not from a stickslipd");
       }
       return out;
     }
@@ -86,7 +87,7 @@ std::optional<json> ControlClient::line(steady_clock::time_point until) {
     }
     std::array<char, 8192> part{};
     const ssize_t got = ::recv(file_, part.data(), part.size(), 0);
-    if (got <= 0) throw std::runtime_error(socket_ + ": the daemon went away");
+    if (got <= 0) throw std::runtime_error(socket_ + ": the daemon disconnected");
     in_.append(part.data(), static_cast<std::size_t>(got));
   }
 }

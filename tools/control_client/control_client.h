@@ -1,4 +1,4 @@
-// The tools' end of the daemon's control socket.
+// Client of the daemon's control socket.
 #pragma once
 
 #include <chrono>
@@ -8,25 +8,24 @@
 
 namespace stickslip::control_client {
 
-/// A connection to a daemon. Not for several threads.
+/// A connection to a daemon. Not thread-safe.
 class ControlClient {
  public:
-  /// Throws InputError where nobody listens at `socket` or this user may not, with what to do.
+  /// Throws InputError, with a remedy, if no daemon listens at `socket` or access is denied.
   explicit ControlClient(const std::string& socket);
   ~ControlClient();
   ControlClient(const ControlClient&) = delete;
   ControlClient& operator=(const ControlClient&) = delete;
 
-  /// Asks and waits for the answer; what comes in between for a client that watches is kept for
-  /// `next`. Throws std::runtime_error where the daemon goes away or does not answer within
-  /// `patience`.
+  /// Sends a command and waits for its answer; other lines received meanwhile are kept for `next`.
+  /// Throws std::runtime_error if the daemon disconnects or does not answer within `patience`.
   nlohmann::json ask(const std::string& command, const nlohmann::json& arguments = {},
                      std::chrono::milliseconds patience = std::chrono::seconds(10));
 
-  /// The next line that is no answer; nothing where none comes within `wait`.
+  /// The next event or status of a `watch`; nothing if none arrives within `wait`.
   std::optional<nlohmann::json> next(std::chrono::milliseconds wait);
 
-  /// To wait for, besides other things.
+  /// For polling together with other files.
   int file() const { return file_; }
 
  private:
@@ -40,7 +39,7 @@ class ControlClient {
   std::vector<nlohmann::json> kept_;
 };
 
-/// The option itself, else STICKSLIP_CONTROL, else where systemd's service listens.
+/// The option, else STICKSLIP_CONTROL, else the socket of the systemd service.
 std::string control_socket(const std::string& option);
 
 }  // namespace stickslip::control_client

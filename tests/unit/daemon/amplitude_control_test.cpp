@@ -27,8 +27,8 @@ config::Excitation controlled(double carrier_hz = 2.5) {
   return out;
 }
 
-/// The chain of the loop around a simulated shaker: what it is told passes an amplifier, 60 Hz of
-/// four poles, and a sensor with noise and an offset.
+/// The control loop around a simulated shaker: amplifier, four-pole low-pass of 60 Hz, and a sensor
+/// with noise and offset.
 class Bench {
  public:
   explicit Bench(const config::Excitation& settings, const MotionLimits& limits = {0.02, 0.6, 30.0})
@@ -54,7 +54,7 @@ class Bench {
   void run(double seconds) {
     for (int i = 0; i < static_cast<int>(std::lround(seconds / h)); ++i) step();
   }
-  /// The largest deflection of the base in so many seconds from now.
+  /// Largest displacement of the base during the next seconds.
   double reached_in(double seconds) {
     peak = 0.0;
     run(seconds);
@@ -75,7 +75,7 @@ class Bench {
   std::normal_distribution<double> noise_{0.0, 1e-5};
 };
 
-TEST(AmplitudeControl, MakesUpForAGainThatIsOffByThirtyPercentWithoutOvershoot) {
+TEST(AmplitudeControl, CompensatesAGainErrorOfThirtyPercentWithoutOvershoot) {
   for (const double carrier_hz : {2.5, 6.0}) {
     for (const double gain : {0.7, 1.3}) {
       Bench bench(controlled(carrier_hz));
@@ -86,7 +86,7 @@ TEST(AmplitudeControl, MakesUpForAGainThatIsOffByThirtyPercentWithoutOvershoot) 
       EXPECT_LE(later, std::max(1.05, gain) * asked);
       EXPECT_NEAR(bench.reached_in(2.0), asked, 0.005 * asked) << gain << " at " << carrier_hz;
       EXPECT_NEAR(bench.excitation.control()->gain(), 1.0 / gain, 0.005 / gain);
-      // And stays, for a minute.
+      // And stays there for a minute.
       const double highest = bench.reached_in(60.0);
       EXPECT_NEAR(highest, asked, 0.005 * asked);
       EXPECT_EQ(bench.excitation.control()->hold(), Hold::none);
@@ -102,7 +102,7 @@ TEST(AmplitudeControl, FollowsADrift) {
   for (int i = 0; i < 20; ++i) EXPECT_NEAR(bench.reached_in(1.0), asked, 0.005 * asked) << i;
 }
 
-// The amplitude goes down to a tenth and back, and the gain is that of the shaker at any time.
+// With the amplitude modulated down to a tenth, the gain stays that of the shaker.
 TEST(AmplitudeControl, EstimatesAGainAndNotALevel) {
   config::Excitation settings = controlled(3.2);
   settings.modulation_hz = 0.11;
@@ -116,8 +116,8 @@ TEST(AmplitudeControl, EstimatesAGainAndNotALevel) {
   }
 }
 
-// An amplifier that cannot give what is asked for: the gain stays near what it is where the
-// amplifier is linear, and when less is asked for, that is what comes.
+// Beyond the amplifier's range the gain stays near that of its linear range, and a smaller
+// amplitude is then reached correctly.
 TEST(AmplitudeControl, DoesNotWindUpOnASaturatedAmplifier) {
   const auto hard = [](double u, double) { return std::clamp(0.9 * u, -0.006, 0.006); };
   const auto soft = [](double u, double) { return 0.01 * std::tanh(0.9 * u / 0.01); };
@@ -127,26 +127,26 @@ TEST(AmplitudeControl, DoesNotWindUpOnASaturatedAmplifier) {
     bench.run(60.0);
     EXPECT_EQ(bench.excitation.control()->hold(), Hold::saturated);
     EXPECT_LT(bench.excitation.control()->gain() * 0.9, 1.06);
-    bench.excitation.set({Knob::amplitude, 0.003});
+    bench.excitation.set({Tunable::amplitude, 0.003});
     bench.run(2.0);
     EXPECT_LE(bench.reached_in(10.0), 0.003 * 1.05);
     EXPECT_NEAR(bench.reached_in(2.0), 0.003, 0.008 * 0.003);
   }
 }
 
-TEST(AmplitudeControl, StandsStillWhileTheLimitsCut) {
+TEST(AmplitudeControl, IsHeldWhileTheLimitsAct) {
   Bench bench(controlled(), {0.007, 0.6, 30.0});
   bench.amplifier = [](double u, double) { return 0.7 * u; };
   bench.run(20.0);
   EXPECT_EQ(bench.excitation.control()->hold(), Hold::limited);
   EXPECT_EQ(bench.excitation.control()->gain(), 1.0);
-  // From where it can be followed on, it is.
-  bench.excitation.set({Knob::amplitude, 0.003});
+  // Within the limits the control resumes.
+  bench.excitation.set({Tunable::amplitude, 0.003});
   bench.run(12.0);
   EXPECT_NEAR(bench.reached_in(1.0), 0.003, 0.015 * 0.003);
 }
 
-TEST(AmplitudeControl, StandsStillWithoutAMeasurementOrAnAmplifier) {
+TEST(AmplitudeControl, IsHeldWithoutAMeasurementOrAnAmplifier) {
   Bench bench(controlled());
   bench.amplifier = [](double u, double) { return 0.8 * u; };
   bench.run(10.0);
@@ -163,8 +163,8 @@ TEST(AmplitudeControl, StandsStillWithoutAMeasurementOrAnAmplifier) {
   EXPECT_EQ(bench.excitation.control()->hold(), Hold::amplifier_off);
 }
 
-// A sensor that reads zero must not be answered with all the gain there is.
-TEST(AmplitudeControl, DoesNotBelieveADeadSensor) {
+// A sensor that reads zero must not drive the gain to its maximum.
+TEST(AmplitudeControl, IgnoresADeadSensor) {
   Bench bench(controlled());
   bench.amplifier = [](double, double) { return 0.0; };
   bench.run(20.0);
@@ -196,7 +196,7 @@ TEST(AmplitudeControl, FollowsASweep) {
   for (int i = 0; i < 100; ++i) EXPECT_NEAR(bench.reached_in(1.0), 0.006, 0.01 * 0.006) << i;
 }
 
-// Few samples in a period, as at a carrier near a quarter of the rate.
+// A carrier near a quarter of the sampling rate.
 TEST(AmplitudeControl, WorksWithFewSamplesInAPeriod) {
   AmplitudeControl control({.enabled = true}, h);
   double turns = 0.0;

@@ -18,7 +18,7 @@ constexpr double h = 1e-3;
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr MotionLimits usual{0.015, 0.5, 20.0};
 
-/// Feeds the limiter and looks at every value that leaves it, from rest at 0.
+/// Feeds the limiter from rest at 0 and checks every output.
 class Watched {
  public:
   Watched(const MotionLimits& limits, double period_s)
@@ -47,19 +47,19 @@ class Watched {
   bool sound_ = true;
 };
 
-TEST(BrakingStep, IsTheLongestAfterWhichBrakingEndsBeforeTheWall) {
+TEST(BrakingStep, IsTheLongestFromWhichBrakingEndsBeforeTheBound) {
   for (const double change : {1.0, 0.37, 1e-5}) {
-    for (double room = 0.0; room < 60.0 * change; room += 0.73 * change) {
-      const double step = braking_step(room, change);
+    for (double distance = 0.0; distance < 60.0 * change; distance += 0.73 * change) {
+      const double step = braking_step(distance, change);
       double covered = 0.0;
       for (double s = step; s > 0.0; s -= change) covered += s;
-      EXPECT_NEAR(covered, room, 1e-12 * (room + change)) << room << " " << change;
+      EXPECT_NEAR(covered, distance, 1e-12 * (distance + change)) << distance << " " << change;
     }
   }
   EXPECT_EQ(braking_step(0.3, std::numeric_limits<double>::infinity()), 0.3);
 }
 
-// Whatever comes: steps, noise, signals that are far too large, NaN and infinity.
+// Steps, noise, signals that are far too large, NaN and infinity.
 RC_GTEST_PROP(BaseLimits, HoldForAnySequence, ()) {
   const auto between = [](double low, double high) {
     return std::exp(std::log(low) + std::log(high / low) * 1e-3 * *rc::gen::inRange(0, 1001));
@@ -89,9 +89,9 @@ RC_GTEST_PROP(BaseLimits, HoldForAnySequence, ()) {
   }
 }
 
-// From wall to wall in one step, towards a value that is beyond the wall by one rounding: the
-// difference of the two is the same to the bit, the value is not.
-TEST(BaseLimits, AValueOneRoundingBeyondTheWallIsBeyondIt) {
+// A step across the whole range towards a value one rounding beyond the bound: the differences are
+// bit-identical, the values are not.
+TEST(BaseLimits, AValueOneRoundingBeyondTheBoundIsLimited) {
   constexpr double wall = 0x1.41d51f35aa45p-13;
   Watched watched({wall, 0x1.f89583ad75cfp-6, 0x1.80b980a2c83adp+2}, 1e-2);
   for (int i = 0; i < 50; ++i) watched.next(-2.0 * wall);
@@ -100,8 +100,8 @@ TEST(BaseLimits, AValueOneRoundingBeyondTheWallIsBeyondIt) {
   EXPECT_LE(watched.stage().value(), wall);
 }
 
-// The worst that something upstream can do: always towards the farther wall, at the moment that
-// hurts most. Long, so that rounding has the time to add up.
+// Worst-case input: always towards the farther bound, at the worst moment. Long, so that rounding
+// errors accumulate.
 TEST(BaseLimits, HoldAgainstAnAdversaryThatSeesTheState) {
   for (const MotionLimits& limits :
        {usual, MotionLimits{0.1, 0.05, 0.5}, MotionLimits{1e-3, 5.0, 900.0}}) {
@@ -119,8 +119,8 @@ TEST(BaseLimits, HoldAgainstAnAdversaryThatSeesTheState) {
   }
 }
 
-// What keeps the limits is not touched, not in its last bit.
-RC_GTEST_PROP(BaseLimits, LetPassToTheBitWhatKeepsThem, ()) {
+// Sequences within the limits pass bit-identically.
+RC_GTEST_PROP(BaseLimits, PassSequencesWithinThemBitIdentically, ()) {
   const double frequency_hz = 0.1 * *rc::gen::inRange(1, 200);
   const double start_turns = *rc::gen::element(0.25, 0.75);
   const double omega = two_pi * frequency_hz;
@@ -140,7 +140,7 @@ RC_GTEST_PROP(BaseLimits, LetPassToTheBitWhatKeepsThem, ()) {
   RC_ASSERT(watched.sound());
 }
 
-TEST(BaseLimits, OnePartInAHundredMoreThanTheLimitIsLimitedAndSaysByWhich) {
+TEST(BaseLimits, OnePercentBeyondALimitIsLimitedAndReported) {
   const auto limited_by = [](const MotionLimits& limits) {
     BaseLimits stage(limits, h);
     // 10 mm at 3 Hz: 0.188 m/s, 3.55 m/s^2; the amplitude grows within two seconds.
@@ -158,7 +158,7 @@ TEST(BaseLimits, OnePartInAHundredMoreThanTheLimitIsLimitedAndSaysByWhich) {
   EXPECT_GT(limited_by({0.0101, 0.191, 3.50})[index(Limit::acceleration)], 10U);
 }
 
-// A step is reached as fast as half of the acceleration allows, and not overshot by anything.
+// A step is reached with half of the acceleration and without any overshoot.
 RC_GTEST_PROP(BaseLimits, ReachAStepWithoutOvershoot, ()) {
   BaseLimits stage(usual, h);
   double from = 0.0;
@@ -176,8 +176,8 @@ RC_GTEST_PROP(BaseLimits, ReachAStepWithoutOvershoot, ()) {
   }
 }
 
-// After a jump of phase the signal is joined again, and stays so to the bit.
-TEST(BaseLimits, JoinAMovingSignalAgain) {
+// After a jump of phase the signal is rejoined exactly.
+TEST(BaseLimits, RejoinAMovingSignal) {
   BaseLimits stage(usual, h);
   double phase = 0.0;
   int limited = 0;
@@ -195,7 +195,7 @@ TEST(BaseLimits, JoinAMovingSignalAgain) {
   EXPECT_LT(limited, 400);
 }
 
-TEST(BaseLimits, ANumberThatIsNoneHoldsAndThenComesToRestAtZero) {
+TEST(BaseLimits, ValuesThatAreNotFiniteHoldAndThenComeToRestAtZero) {
   BaseLimits stage(usual, h);
   for (int i = 0; i < 500; ++i) stage.next(0.01 * std::sin(two_pi * 0.5 * h * i));
   const double held = stage.value();
@@ -239,7 +239,7 @@ TEST(BaseLimits, ResetIsNoMotion) {
   EXPECT_EQ(stage.limited(), Limit::none);
 }
 
-TEST(BaseLimits, AreRefusedWhereTheyMeanNothing) {
+TEST(BaseLimits, AreRefusedIfInvalid) {
   EXPECT_THROW(BaseLimits({0.0, 1.0, 1.0}, h), std::invalid_argument);
   EXPECT_THROW(BaseLimits({1.0, -1.0, 1.0}, h), std::invalid_argument);
   EXPECT_THROW(BaseLimits({1.0, 1.0, nan}, h), std::invalid_argument);

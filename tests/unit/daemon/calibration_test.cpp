@@ -12,7 +12,7 @@
 namespace stickslip::daemon {
 namespace {
 
-TEST(Calibration, TakesOffsetThenGain) {
+TEST(Calibration, AppliesOffsetThenGain) {
   config::ChannelCalibrations channels{};
   channels[index_of(Channel::displacement)] = {2.5, 0.004};
   Frame raw;
@@ -37,14 +37,14 @@ TEST(Calibration, InvalidStaysInvalidAndIsZero) {
   EXPECT_EQ(out.frame[Channel::displacement], 0.0);
 }
 
-TEST(Calibration, WhatIsNotFiniteBecomesInvalidAndIsNamed) {
+TEST(Calibration, NotFiniteReadingsBecomeInvalidAndAreMarked) {
   config::ChannelCalibrations channels{};
   channels[index_of(Channel::normal_load)].gain = 1e300;
   Frame raw;
   for (Channel channel : all_channels) raw.set(channel, 1.0);
   raw.value[index_of(Channel::velocity)] = std::numeric_limits<double>::quiet_NaN();
   raw.value[index_of(Channel::drive_force)] = -std::numeric_limits<double>::infinity();
-  raw.value[index_of(Channel::normal_load)] = 1e300;  // finite until the gain
+  raw.value[index_of(Channel::normal_load)] = 1e300;  // finite before the gain
   const Calibrated out = calibrated(raw, Calibration(channels));
   EXPECT_EQ(out.not_finite, 0b101010);
   EXPECT_EQ(out.frame.valid, 0b010101);
@@ -69,7 +69,7 @@ TEST(Calibration, AgesAreKept) {
   EXPECT_EQ(out.frame, raw);
 }
 
-config::ChannelCalibrations with_leaks() {
+config::ChannelCalibrations with_crosstalk() {
   config::ChannelCalibrations channels{};
   channels[index_of(Channel::friction_force)] = {0.5, 2.0};
   channels[index_of(Channel::friction_force)].crosstalk[index_of(Channel::normal_load)] = 0.012;
@@ -79,13 +79,13 @@ config::ChannelCalibrations with_leaks() {
   return channels;
 }
 
-TEST(Calibration, CrosstalkIsTakenOff) {
-  const config::ChannelCalibrations channels = with_leaks();
+TEST(Calibration, CorrectsCrosstalk) {
+  const config::ChannelCalibrations channels = with_crosstalk();
   const Calibration calibration(channels);
   std::mt19937_64 random(5);
   std::normal_distribution<double> normal;
   for (int round = 0; round < 100; ++round) {
-    // What there is, what then is read, and what is made of it.
+    // True values, the readings that follow from them, and the calibrated values.
     Frame truth;
     for (Channel channel : all_channels) truth.set(channel, normal(random));
     Frame raw = truth;
@@ -101,14 +101,14 @@ TEST(Calibration, CrosstalkIsTakenOff) {
     for (std::size_t i = 0; i < channel_count; ++i) {
       EXPECT_NEAR(out.frame.value[i], truth.value[i], 1e-12);
     }
-    // Into the others nothing leaks: not a bit of them may change.
+    // Channels without crosstalk are bit-identical.
     EXPECT_EQ(out.frame[Channel::velocity], raw[Channel::velocity]);
     EXPECT_EQ(out.frame[Channel::displacement], raw[Channel::displacement]);
   }
 }
 
-TEST(Calibration, WhatLeaksInHasToBeKnownAndLendsItsAge) {
-  const Calibration calibration(with_leaks());
+TEST(Calibration, SourcesOfCrosstalkMustBeValidAndPassOnTheirAge) {
+  const Calibration calibration(with_crosstalk());
   Frame raw;
   for (Channel channel : all_channels) raw.set(channel, 1.0);
   raw.age_us[index_of(Channel::displacement)] = 700;
@@ -140,20 +140,20 @@ TEST(Calibration, ValuesOutsideTheRangeAreMarkedAndKept) {
   };
   EXPECT_EQ(marked(0.0), 0U);
   EXPECT_EQ(marked(1.0), 0U);
-  EXPECT_EQ(marked(1.0001), 0b001000) << "and the velocity, which is not there, is not marked";
+  EXPECT_EQ(marked(1.0001), 0b001000) << "an invalid velocity is not marked";
   EXPECT_EQ(marked(-0.0001), 0b001000);
 }
 
-TEST(Calibration, UncertaintyIsThatOfManyCalibrations) {
-  config::ChannelCalibrations channels = with_leaks();
+TEST(Calibration, TheUncertaintyIsThatOfMonteCarloCalibrations) {
+  config::ChannelCalibrations channels = with_crosstalk();
   channels[index_of(Channel::friction_force)].covariance = {4e-4, 1e-4, 1e-4};
   channels[index_of(Channel::normal_load)].covariance = {1e-4, 0.0, 9e-4};
   Frame raw;
   for (Channel channel : all_channels) raw.set(channel, 0.7);
   const Calibration calibration(channels);
-  const double told =
+  const double sigma =
       calibration.sigma(calibrated(raw, calibration).frame, Channel::friction_force);
-  // Offsets and gains as they could have come out as well.
+  // Offsets and gains drawn from their covariances.
   std::mt19937_64 random(11);
   std::normal_distribution<double> normal;
   double sum = 0.0;
@@ -174,11 +174,11 @@ TEST(Calibration, UncertaintyIsThatOfManyCalibrations) {
     squares += si * si;
   }
   const double spread = std::sqrt(squares / rounds - (sum / rounds) * (sum / rounds));
-  EXPECT_NEAR(told / spread, 1.0, 0.03);
+  EXPECT_NEAR(sigma / spread, 1.0, 0.03);
   EXPECT_EQ(Calibration{}.sigma(raw, Channel::velocity), 0.0);
 }
 
-TEST(Calibration, AnotherUnitThanTheDevicesIsTold) {
+TEST(Calibration, ReportsADifferentUnitThanTheDevices) {
   config::ChannelCalibrations channels{};
   channels[index_of(Channel::velocity)].raw_unit = std::string("V");
   channels[index_of(Channel::normal_load)].raw_unit = std::string("V/V");
@@ -187,9 +187,10 @@ TEST(Calibration, AnotherUnitThanTheDevicesIsTold) {
   device.name = "bridge";
   device.unit[index_of(Channel::normal_load)] = "counts";
   device.unit[index_of(Channel::friction_force)] = "V/V";
-  const auto told = unit_disagreements(channels, device);
-  ASSERT_EQ(told.size(), 1U);
-  EXPECT_EQ(told[0].find("normal_load was calibrated in V/V, but bridge reads in counts"), 0U);
+  const auto disagreements = unit_disagreements(channels, device);
+  ASSERT_EQ(disagreements.size(), 1U);
+  EXPECT_EQ(disagreements[0].find("normal_load was calibrated in V/V, but bridge reads in counts"),
+            0U);
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 namespace stickslip::daemon {
 namespace {
 
-TEST(Averaging, GivesMeanAndDeviationOfWhatIsValid) {
+TEST(Averaging, GivesMeanAndDeviationOfValidReadings) {
   Averaging averaging;
   EXPECT_FALSE(averaging.active());
   averaging.begin(4, 17);
@@ -34,7 +34,7 @@ TEST(Averaging, GivesMeanAndDeviationOfWhatIsValid) {
   EXPECT_EQ(out.count[index_of(Channel::displacement)], 0U);
 }
 
-TEST(Averaging, CountsReadingsThatAreAlikeAsFewerThanTheyAre) {
+TEST(Averaging, CountsCorrelatedReadingsAsFewer) {
   std::mt19937 dice(3);
   std::normal_distribution<double> noise;
   Averaging averaging;
@@ -48,10 +48,10 @@ TEST(Averaging, CountsReadingsThatAreAlikeAsFewerThanTheyAre) {
     averaging.add(frame);
   }
   const Average out = averaging.take();
-  const double alike = out.independent[index_of(Channel::friction_force)];
+  const double correlated = out.independent[index_of(Channel::friction_force)];
   const double white = out.independent[index_of(Channel::normal_load)];
-  EXPECT_GT(alike, 400.0 / 3.0);  // sixteen parts tell a variance to a factor of three
-  EXPECT_LT(alike, 400.0 * 3.0);
+  EXPECT_GT(correlated, 400.0 / 3.0);  // sixteen batches give a variance to a factor of three
+  EXPECT_LT(correlated, 400.0 * 3.0);
   EXPECT_GT(white, 8000.0 / 3.0);
   EXPECT_LE(white, 8000.0);
 }

@@ -8,12 +8,12 @@ namespace {
 
 constexpr std::int64_t ms = 1'000'000;
 
-TEST(Deadline, IsOnePeriodOnWhenInTime) {
+TEST(Deadline, IsOnePeriodLaterIfInTime) {
   EXPECT_EQ(next_deadline(10 * ms, ms, 10 * ms + 1), (Deadline{11 * ms, 0, 0}));
   EXPECT_EQ(next_deadline(10 * ms, ms, 11 * ms), (Deadline{11 * ms, 0, 0}));
 }
 
-TEST(Deadline, ALittleLateRunsLateAndSkipsNothing) {
+TEST(Deadline, LessThanAPeriodLateRunsLateAndSkipsNothing) {
   EXPECT_EQ(next_deadline(10 * ms, ms, 11 * ms + 300), (Deadline{11 * ms, 300, 0}));
   EXPECT_EQ(next_deadline(10 * ms, ms, 12 * ms - 1), (Deadline{11 * ms, ms - 1, 0}));
 }
@@ -23,7 +23,7 @@ TEST(Deadline, WholePeriodsThatPassedAreSkipped) {
   EXPECT_EQ(next_deadline(10 * ms, ms, 15 * ms + 7), (Deadline{15 * ms, 4 * ms + 7, 4}));
 }
 
-RC_GTEST_PROP(Deadline, KeepsPhaseAndLosesNoMoreThanItMust, ()) {
+RC_GTEST_PROP(Deadline, KeepsPhaseAndSkipsNoMoreThanNecessary, ()) {
   const std::int64_t period = *rc::gen::inRange<std::int64_t>(1, 10 * ms);
   std::int64_t due = *rc::gen::inRange<std::int64_t>(0, 1'000'000 * ms);
   const std::int64_t origin = due;

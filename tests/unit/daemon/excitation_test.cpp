@@ -28,7 +28,7 @@ void run(Excitation& excitation, double seconds) {
   for (int i = 0; i < static_cast<int>(std::lround(seconds / dt)); ++i) excitation.advance(dt);
 }
 
-TEST(Excitation, IsZeroUntilStartedAndWhereDisabled) {
+TEST(Excitation, IsZeroUntilStartedAndIfDisabled) {
   Excitation off(sine(0.008, 2.5));
   EXPECT_EQ(off.advance(1.0).value, 0.0);
   config::Excitation disabled = sine(0.008, 2.5);
@@ -39,7 +39,7 @@ TEST(Excitation, IsZeroUntilStartedAndWhereDisabled) {
   EXPECT_TRUE(excitation.is_off());
 }
 
-TEST(Excitation, IsTheSineThatWasAskedForAfterTheRamp) {
+TEST(Excitation, IsTheConfiguredSineAfterTheRamp) {
   Excitation excitation(sine(0.008, 2.5));
   excitation.start();
   double t = 0.0;
@@ -100,7 +100,7 @@ TEST(Excitation, RampsToExactlyZeroWithinRampTimeFromAnyMoment) {
   }
 }
 
-TEST(Excitation, CutIsZeroAtOnce) {
+TEST(Excitation, CutIsZeroImmediately) {
   Excitation excitation(sine(0.008, 2.5));
   excitation.start();
   run(excitation, 1.03);
@@ -110,8 +110,8 @@ TEST(Excitation, CutIsZeroAtOnce) {
   EXPECT_EQ(excitation.advance(dt).value, 0.0);
 }
 
-// Between two steps the drive may not move faster than carrier, modulation and ramp together
-// explain, whatever happens to the excitation in between.
+// The drive never moves faster than carrier, modulation and ramp together explain, with any
+// sequence of actions.
 RC_GTEST_PROP(Excitation, NeverJumps, ()) {
   config::Excitation settings = sine(0.01, *rc::gen::inRange(1, 20) * 0.5);
   settings.modulation_hz = *rc::gen::inRange(0, 10) * 0.1;
@@ -119,7 +119,7 @@ RC_GTEST_PROP(Excitation, NeverJumps, ()) {
   settings.ramp_s = *rc::gen::inRange(1, 10) * 0.1;
   settings.amplitude_slew = 0.01;
   settings.carrier_slew_hz_s = 10.0;
-  // Of the carrier, the modulation, the ramp, and both knobs that lead to the amplitude.
+  // Of the carrier, the modulation, the ramp, and both parameters of the amplitude.
   const double rate =
       two_pi * 10.0 + 0.5 * two_pi * settings.modulation_hz + 1.5 / settings.ramp_s + 1.0 + 0.5;
   const double largest_step = 0.01 * rate * dt * 1.01;
@@ -131,9 +131,9 @@ RC_GTEST_PROP(Excitation, NeverJumps, ()) {
            rc::gen::weightedElement<int>({{500, 0}, {1, 1}, {1, 2}, {1, 3}, {1, 4}, {1, 5}}))) {
     if (action == 1) excitation.start();
     if (action == 2) excitation.stop();
-    if (action == 3) excitation.set({Knob::carrier_hz, *rc::gen::inRange(1, 20) * 0.5});
-    if (action == 4) excitation.set({Knob::amplitude, *rc::gen::inRange(0, 11) * 0.001});
-    if (action == 5) excitation.set({Knob::modulation_depth, *rc::gen::inRange(0, 11) * 0.1});
+    if (action == 3) excitation.set({Tunable::carrier_hz, *rc::gen::inRange(1, 20) * 0.5});
+    if (action == 4) excitation.set({Tunable::amplitude, *rc::gen::inRange(0, 11) * 0.001});
+    if (action == 5) excitation.set({Tunable::modulation_depth, *rc::gen::inRange(0, 11) * 0.1});
     const double value = excitation.advance(dt).value;
     RC_ASSERT(std::abs(value - previous) <= largest_step);
     previous = value;
@@ -142,7 +142,7 @@ RC_GTEST_PROP(Excitation, NeverJumps, ()) {
 
 constexpr DrivenRig usual{{0.015, 0.5, 20.0}, Channel::base_displacement, dt};
 
-/// The extremes of a drive and of its differences, from rest at zero.
+/// Extremes of a drive and of its differences, from rest at zero.
 class Extremes {
  public:
   void add(double value) {
@@ -165,7 +165,7 @@ class Extremes {
   double before_ = 0.0;
 };
 
-// Whatever is configured, and whichever knobs are turned how: no check stands before this.
+// Any configuration and any settings, without the checks of the loader and of `refusal`.
 RC_GTEST_PROP(Excitation, NothingUpstreamExceedsTheLimits, ()) {
   config::Excitation settings = sine(0.001 * *rc::gen::inRange(0, 200), 0.5);
   settings.carrier_hz = *rc::gen::inRange(1, 200) * 0.5;
@@ -184,15 +184,15 @@ RC_GTEST_PROP(Excitation, NothingUpstreamExceedsTheLimits, ()) {
            3000, rc::gen::weightedElement<int>({{500, 0}, {3, 1}, {1, 2}, {3, 3}, {3, 4}}))) {
     if (action == 1) excitation.start();
     if (action == 2) excitation.stop();
-    if (action == 3) excitation.set({Knob::carrier_hz, *rc::gen::inRange(1, 200) * 0.5});
-    if (action == 4) excitation.set({Knob::amplitude, 0.001 * *rc::gen::inRange(0, 200)});
+    if (action == 3) excitation.set({Tunable::carrier_hz, *rc::gen::inRange(1, 200) * 0.5});
+    if (action == 4) excitation.set({Tunable::amplitude, 0.001 * *rc::gen::inRange(0, 200)});
     // After an overrun, more than one period has passed.
     extremes.add(excitation.advance(action == 3 ? 5.0 * dt : dt).value);
     RC_ASSERT(extremes.within(usual.limits));
   }
 }
 
-TEST(Excitation, WithinItsLimitsIsWhatItIsWithoutThem) {
+TEST(Excitation, WithinItsLimitsIsUnchangedByThem) {
   config::Excitation settings = sine(0.012, 2.5);
   settings.modulation_hz = 0.1;
   settings.modulation_depth = 0.9;
@@ -205,7 +205,7 @@ TEST(Excitation, WithinItsLimitsIsWhatItIsWithoutThem) {
 
 TEST(Excitation, AStopKeepsTheLimitsAndEndsAtRest) {
   config::Excitation settings = sine(0.012, 4.0);
-  settings.ramp_s = 0.0;  // all at once, as far as the configuration goes
+  settings.ramp_s = 0.0;  // no ramp
   for (const double before : {0.31, 0.37, 0.41, 0.44}) {
     Excitation excitation(settings, usual);
     excitation.start();
@@ -232,15 +232,15 @@ TEST(Excitation, WithoutTimeNothingMoves) {
   for (int i = 0; i < 100; ++i) EXPECT_EQ(excitation.advance(0.0), before);
 }
 
-TEST(Excitation, CarrierAndAmplitudeGlideAndThePhaseGoesOn) {
+TEST(Excitation, CarrierAndAmplitudeChangeAtALimitedRateWithContinuousPhase) {
   config::Excitation settings = sine(0.008, 2.5);
   settings.amplitude_slew = 0.004;
   settings.carrier_slew_hz_s = 0.5;
   Excitation excitation(settings, usual);
   excitation.start();
   run(excitation, 2.0);
-  excitation.set({Knob::carrier_hz, 3.5});
-  excitation.set({Knob::amplitude, 0.010});
+  excitation.set({Tunable::carrier_hz, 3.5});
+  excitation.set({Tunable::amplitude, 0.010});
   double phase = excitation.now().phase_turns;
   for (int i = 0; i < 4000; ++i) {
     const Drive before = excitation.now();
@@ -259,38 +259,39 @@ TEST(Excitation, CarrierAndAmplitudeGlideAndThePhaseGoesOn) {
 }
 
 // 12 mm at 2.5 Hz and 3 mm at 9 Hz are both within the limits; 12 mm at 9 Hz is far beyond.
-TEST(Excitation, OnTheWayBetweenTwoSettingsWhatLessensTheMotionComesFirst) {
+TEST(Excitation, BetweenTwoSettingsTheChangeThatReducesTheMotionComesFirst) {
   Excitation excitation(sine(0.012, 2.5), usual);
   excitation.start();
   run(excitation, 3.0);
-  for (const Setting& setting : {Setting{Knob::carrier_hz, 9.0}, Setting{Knob::amplitude, 0.003},
-                                 Setting{Knob::amplitude, 0.012}, Setting{Knob::carrier_hz, 2.5}}) {
+  for (const Setting& setting :
+       {Setting{Tunable::carrier_hz, 9.0}, Setting{Tunable::amplitude, 0.003},
+        Setting{Tunable::amplitude, 0.012}, Setting{Tunable::carrier_hz, 2.5}}) {
     excitation.set(setting);
-    const bool pair = setting.knob == Knob::amplitude && setting.value == 0.003;
-    if (!pair && setting.value != 2.5) continue;  // two at a time
+    const bool pair = setting.tunable == Tunable::amplitude && setting.value == 0.003;
+    if (!pair && setting.value != 2.5) continue;  // two settings at a time
     for (int i = 0; i < 15'000; ++i) ASSERT_EQ(excitation.advance(dt).limited, Limit::none) << i;
     EXPECT_EQ(excitation.now().carrier_hz, pair ? 9.0 : 2.5);
     EXPECT_EQ(excitation.now().amplitude, pair ? 0.003 : 0.012);
   }
 }
 
-TEST(Excitation, ASettingWithoutSenseIsIgnored) {
+TEST(Excitation, AnInvalidSettingIsIgnored) {
   Excitation excitation(sine(0.008, 2.5));
   excitation.start();
   run(excitation, 2.0);
   for (const double value : {std::nan(""), -1.0, HUGE_VAL}) {
-    excitation.set({Knob::carrier_hz, value});
-    excitation.set({Knob::amplitude, value});
-    excitation.set({Knob::modulation_depth, value});
+    excitation.set({Tunable::carrier_hz, value});
+    excitation.set({Tunable::amplitude, value});
+    excitation.set({Tunable::modulation_depth, value});
   }
-  excitation.set({Knob::carrier_hz, 0.0});
-  excitation.set({Knob::modulation_depth, 1.5});
+  excitation.set({Tunable::carrier_hz, 0.0});
+  excitation.set({Tunable::modulation_depth, 1.5});
   run(excitation, 5.0);
   EXPECT_EQ(excitation.now().carrier_hz, 2.5);
   EXPECT_EQ(excitation.now().amplitude, 0.008);
 }
 
-TEST(Excitation, ASweepBeginsAnewAtEachStart) {
+TEST(Excitation, ASweepRestartsAtEachStart) {
   config::Excitation settings = sine(0.004, 2.5);
   settings.kind = config::ExcitationKind::sweep;
   settings.sweep = {.from_hz = 2.0, .to_hz = 6.0, .duration_s = 4.0};
@@ -322,55 +323,55 @@ TEST(Excitation, TheGainOfTheControlPassesTheLimitsToo) {
   EXPECT_EQ(excitation.control()->hold(), Hold::limited);
 }
 
-TEST(Refusal, NamesTheLimitAndTheLargestValueThatWouldDo) {
+TEST(Refusal, NamesTheLimitAndTheLargestAllowedValue) {
   const config::Excitation excitation = sine(0.008, 2.5);
   const SettingBounds bounds;
-  EXPECT_EQ(refusal(excitation, bounds, {Knob::amplitude, 0.012}), std::nullopt);
+  EXPECT_EQ(refusal(excitation, bounds, {Tunable::amplitude, 0.012}), std::nullopt);
   EXPECT_EQ(
-      refusal(excitation, bounds, {Knob::amplitude, 0.018}),
+      refusal(excitation, bounds, {Tunable::amplitude, 0.018}),
       "amplitude = 0.018 asks for 0.018 m, limits.displacement_m allows 0.015: at most 0.015");
-  EXPECT_EQ(refusal(excitation, bounds, {Knob::carrier_hz, 9.0}),
+  EXPECT_EQ(refusal(excitation, bounds, {Tunable::carrier_hz, 9.0}),
             "carrier_hz = 9 asks for 25.58 m/s^2, limits.acceleration_m_s2 allows 20: at most "
             "7.957");
-  EXPECT_EQ(refusal(excitation, bounds, {Knob::carrier_hz, 7.957}), std::nullopt);
-  EXPECT_EQ(refusal(excitation, {.control_gain = 2.0}, {Knob::amplitude, 0.009}),
+  EXPECT_EQ(refusal(excitation, bounds, {Tunable::carrier_hz, 7.957}), std::nullopt);
+  EXPECT_EQ(refusal(excitation, {.control_gain = 2.0}, {Tunable::amplitude, 0.009}),
             "amplitude = 0.009 asks for 0.018 m, limits.displacement_m allows 0.015: at most "
             "0.0075");
-  EXPECT_EQ(refusal(excitation, {.force = true}, {Knob::amplitude, 6.0}),
+  EXPECT_EQ(refusal(excitation, {.force = true}, {Tunable::amplitude, 6.0}),
             "amplitude = 6 asks for 6 N, limits.force_n allows 5: at most 5");
-  EXPECT_EQ(refusal(excitation, {.rate_hz = 100.0}, {Knob::carrier_hz, 30.0}),
+  EXPECT_EQ(refusal(excitation, {.rate_hz = 100.0}, {Tunable::carrier_hz, 30.0}),
             "carrier_hz = 30 is more than a quarter of loop.rate_hz: at most 25");
-  EXPECT_EQ(refusal(excitation, bounds, {Knob::modulation_depth, 1.5}),
+  EXPECT_EQ(refusal(excitation, bounds, {Tunable::modulation_depth, 1.5}),
             "modulation_depth = 1.5: expected a number, from 0 to 1");
-  EXPECT_EQ(refusal(excitation, bounds, {Knob::amplitude, std::nan("")}),
+  EXPECT_EQ(refusal(excitation, bounds, {Tunable::amplitude, std::nan("")}),
             "amplitude = nan: expected a number, 0 or more");
 }
 
-TEST(Refusal, OfAKnobThatTheKindLacks) {
+TEST(Refusal, OfAParameterThatTheKindLacks) {
   config::Excitation excitation = sine(0.004, 2.5);
   excitation.kind = config::ExcitationKind::sweep;
   excitation.sweep = {.from_hz = 2.0, .to_hz = 6.0, .duration_s = 10.0};
-  EXPECT_EQ(refusal(excitation, {}, {Knob::carrier_hz, 3.0}),
+  EXPECT_EQ(refusal(excitation, {}, {Tunable::carrier_hz, 3.0}),
             "carrier_hz cannot be set: the excitation's kind is \"sweep\"");
-  EXPECT_EQ(refusal(excitation, {}, {Knob::amplitude, 0.005}), std::nullopt);
+  EXPECT_EQ(refusal(excitation, {}, {Tunable::amplitude, 0.005}), std::nullopt);
   config::Excitation table = sine(0.0, 2.5);
   table.envelope = {{0.0, 0.001}, {1.0, 0.001}};
-  EXPECT_EQ(refusal(table, {}, {Knob::amplitude, 0.005}),
+  EXPECT_EQ(refusal(table, {}, {Tunable::amplitude, 0.005}),
             "amplitude cannot be set: the excitation's kind is \"modulated\" with an envelope");
-  EXPECT_EQ(knob_named("carrier_hz"), Knob::carrier_hz);
-  EXPECT_EQ(knob_named("offset"), std::nullopt);
+  EXPECT_EQ(tunable_named("carrier_hz"), Tunable::carrier_hz);
+  EXPECT_EQ(tunable_named("offset"), std::nullopt);
 }
 
-// What is refused would be limited, and what is granted is not.
-RC_GTEST_PROP(Refusal, IsWhatTheLimitsWouldDo, ()) {
+// Settings that are allowed are never limited.
+RC_GTEST_PROP(Refusal, AgreesWithTheLimits, ()) {
   config::Excitation settings = sine(0.001 * *rc::gen::inRange(1, 20), 0.25);
   settings.carrier_hz = *rc::gen::inRange(2, 40) * 0.25;
   settings.modulation_hz = *rc::gen::inRange(0, 10) * 0.1;
   settings.modulation_depth = *rc::gen::inRange(0, 11) * 0.1;
   settings.ramp_s = 5.0;
   const double before = *rc::gen::inRange(1, 1000) * 1e-6;
-  RC_PRE(!refusal(settings, {}, {Knob::amplitude, before}));
-  const Setting wanted{Knob::amplitude, settings.amplitude};
+  RC_PRE(!refusal(settings, {}, {Tunable::amplitude, before}));
+  const Setting wanted{Tunable::amplitude, settings.amplitude};
   const bool granted = !refusal(settings, {}, wanted);
   Excitation excitation(settings, usual);
   excitation.start();

@@ -1,4 +1,4 @@
-// Devices, clocks and sinks that do what a test tells them.
+// Fake devices, clocks and sinks, controlled by the test.
 #pragma once
 
 #include <atomic>
@@ -15,25 +15,25 @@
 
 namespace stickslip::daemon::test {
 
-/// Time that only moves when told. Each look at it costs `cost_of_look_ns`.
+/// Time advances only by the test, and by `cost_per_reading_ns` at each reading.
 class FakeClock final : public Clock {
  public:
   std::int64_t now_ns() override {
-    if (on_look) on_look();
-    return now += cost_of_look_ns;
+    if (on_reading) on_reading();
+    return now += cost_per_reading_ns;
   }
   void sleep_until(std::int64_t due_ns) override {
     if (due_ns > now) now = due_ns;
     now += oversleep_ns;
   }
   std::int64_t now = 1'000'000'000;
-  std::int64_t cost_of_look_ns = 0;
+  std::int64_t cost_per_reading_ns = 0;
   std::int64_t oversleep_ns = 0;
-  std::function<void()> on_look;
+  std::function<void()> on_reading;
 };
 
-/// A device with one displacement channel, `period_ns` apart; answers what `on_read` and `on_write`
-/// say (by the number of the call, from 0), or ok.
+/// A device with all channels and frames `period_ns` apart. `on_read` and `on_write` give the
+/// outcome by the number of the call, from 0; default: ok.
 class FakeDriver final : public drivers::Driver {
  public:
   explicit FakeDriver(bool time_of_its_own = false) {
@@ -96,26 +96,27 @@ class FakeDriver final : public drivers::Driver {
   drivers::Description description_;
 };
 
-/// Keeps all that it is given; answers what `on_block` says.
+/// Stores everything written; `on_block` and `on_flush` give the result.
 class FakeSink final : public Sink {
  public:
-  Put put_block(std::span<const Sample> block) override {
-    const Put put = on_block ? on_block(block) : Put::done;
-    if (put == Put::done && keep) samples.insert(samples.end(), block.begin(), block.end());
+  WriteResult write_block(std::span<const Sample> block) override {
+    const WriteResult result = on_block ? on_block(block) : WriteResult::ok;
+    if (result == WriteResult::ok && keep)
+      samples.insert(samples.end(), block.begin(), block.end());
     sizes.push_back(block.size());
-    return put;
+    return result;
   }
-  Put put_estimate(const Estimate& estimate) override {
+  WriteResult write_estimate(const Estimate& estimate) override {
     estimates.push_back(estimate);
-    return Put::done;
+    return WriteResult::ok;
   }
-  Put put_message(const Message& message) override {
+  WriteResult write_message(const Message& message) override {
     messages.push_back(message);
-    return Put::done;
+    return WriteResult::ok;
   }
-  bool settle() override { return !on_settle || on_settle(); }
-  std::function<bool()> on_settle;
-  std::function<Put(std::span<const Sample>)> on_block;
+  bool flush() override { return !on_flush || on_flush(); }
+  std::function<bool()> on_flush;
+  std::function<WriteResult(std::span<const Sample>)> on_block;
   bool keep = true;
   std::vector<Sample> samples;
   std::vector<std::size_t> sizes;

@@ -1,5 +1,5 @@
-// Every fault that a script knows, at many moments, in every state of the rig. What must follow is
-// told by the device's own answers, not by the daemon's opinion of them.
+// Every fault of a fault script, at many moments, in every state of the rig. The expected reaction
+// is derived from the device's answers alone, independently of the daemon.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "config/fault_script.h"
-#include "daemon/device_keeper.h"
+#include "daemon/device_supervisor.h"
 #include "daemon/loop.h"
 #include "drivers/faults/faulty_driver.h"
 #include "tests/unit/daemon/fakes.h"
@@ -28,7 +28,7 @@ constexpr std::int64_t silence_ns = 20 * ms;
 constexpr std::int64_t stale_ns = 25 * ms;
 constexpr std::int64_t overrun_ns = 5 * ms;
 
-/// The loop's clock as the decorator sees it.
+/// The loop's clock for the fault decorator.
 class SharedClock final : public drivers::HostClock {
  public:
   explicit SharedClock(test::FakeClock& clock) : clock_(clock) {}
@@ -39,7 +39,7 @@ class SharedClock final : public drivers::HostClock {
   test::FakeClock& clock_;
 };
 
-/// Keeps a device that somebody else owns.
+/// Forwards to a device owned by the test.
 class Borrowed final : public drivers::Driver {
  public:
   explicit Borrowed(drivers::Driver& device) : device_(device) {}
@@ -55,8 +55,8 @@ class Borrowed final : public drivers::Driver {
   drivers::Driver& device_;
 };
 
-/// Stands between the loop and the faulty device and notes, by rules of its own, from which moment
-/// on the amplifier has to be off.
+/// Between the loop and the faulty device: derives from the device's answers when the amplifier has
+/// to be off.
 class Witness final : public drivers::Driver {
  public:
   Witness(drivers::Driver& device, test::FakeClock& clock) : device_(device), clock_(clock) {}
@@ -66,16 +66,16 @@ class Witness final : public drivers::Driver {
     return device_.start();
   }
   Result read(Frame& frame) override {
-    const std::int64_t asked_ns = clock_.now;
+    const std::int64_t begun_ns = clock_.now;
     const Result result = device_.read(frame);
     must_be_off = false;
     good_in_a_row = result ? good_in_a_row + 1 : 0;
-    heed(result, reads_silent_since_);
-    if (clock_.now - asked_ns > overrun_ns + ms) must_be_off = true;  // the next cycle comes late
+    judge(result, reads_silent_since_);
+    if (clock_.now - begun_ns > overrun_ns + ms) must_be_off = true;  // the next cycle is late
     const drivers::Signals lines = device_.signals();
     if (lines.emergency_stop || lines.amplifier_fault) must_be_off = true;
     if (!result) return result;
-    ++given;
+    ++yielded;
     for (const Channel channel : all_channels) {
       if (!frame.has(channel)) continue;
       const double value = frame[channel];
@@ -87,7 +87,7 @@ class Witness final : public drivers::Driver {
   Result write(const drivers::Actuation& actuation) override {
     const Result result = device_.write(actuation);
     if (!result) good_in_a_row = 0;
-    heed(result, writes_silent_since_);
+    judge(result, writes_silent_since_);
     return result;
   }
   void stop() noexcept override { device_.stop(); }
@@ -96,11 +96,11 @@ class Witness final : public drivers::Driver {
   drivers::Signals signals() const noexcept override { return device_.signals(); }
 
   bool must_be_off = false;
-  std::uint64_t given = 0;
+  std::uint64_t yielded = 0;
   int good_in_a_row = 0;  ///< cycles
 
  private:
-  void heed(const Result& result, std::int64_t& silent_since) {
+  void judge(const Result& result, std::int64_t& silent_since) {
     switch (result.outcome) {
       case Outcome::ok:
       case Outcome::end_of_data:
@@ -151,7 +151,7 @@ Fault fault_of(FaultKind kind, bool variant, double at_s, double duration_s, std
       break;
     case FaultKind::stall:
       fault.amount = 0.05;
-      fault.duration_s = fault.amount;  // as a script's reader has it
+      fault.duration_s = fault.amount;  // as the script's loader sets it
       fault.stall_blocking = variant;
       break;
     case FaultKind::drop:
@@ -170,145 +170,195 @@ Fault fault_of(FaultKind kind, bool variant, double at_s, double duration_s, std
 
 struct Tally {
   int runs = 0;
-  int off = 0;     ///< in which the amplifier had to go off while it was on
-  int latest = 0;  ///< cycles that this took at most
+  int switched_off = 0;  ///< runs in which the amplifier had to go off while it was on
+  int latest = 0;        ///< longest time that this took [cycles]
 };
 
-class Campaign : public testing::TestWithParam<int> {
- protected:
-  /// One run: to `state`, the fault, its end, and back to moving.
-  void run(FaultKind kind, bool variant, RigState state, std::uint32_t seed, Tally& tally);
-};
-
-void Campaign::run(FaultKind kind, bool variant, RigState state, std::uint32_t seed, Tally& tally) {
-  std::mt19937 dice(seed);
-  test::FakeClock clock;
-  test::FakeDriver device;
-  device.keep_actuations = false;
-  device.on_frame = [](Frame& frame) {
-    for (const Channel channel : all_channels) {
-      frame.set(channel, std::sin(0.02 * static_cast<double>(frame.sequence) +
-                                  static_cast<double>(index_of(channel))));
-    }
-  };
-  config::FaultScript script;
-  script.file = "campaign.toml";
-  script.seed = seed;
-  const double at_s = 0.040 + 0.001 * static_cast<double>(dice() % 60);
-  script.faults.push_back(fault_of(kind, variant, at_s, 0.060, dice));
-  auto faulty = std::make_unique<drivers::FaultyDriver>(std::make_unique<Borrowed>(device), script,
-                                                        drivers::Pace{},
-                                                        std::make_shared<SharedClock>(clock));
-  ASSERT_TRUE(faulty->open());
-  Witness witness(*faulty, clock);
-
-  config::Excitation shaking;
-  shaking.enabled = true;
-  shaking.amplitude = 0.01;
-  shaking.ramp_s = state == RigState::stopping ? 2.0 : 0.005;
-  LoopSettings settings;
-  settings.live.interlocks.longest_silence_ns = silence_ns;
-  settings.live.interlocks.stale_after_ns = stale_ns;
-  settings.live.interlocks.longest_overrun_ns = overrun_ns;
-  settings.live.interlocks.not_finite = true;
-  settings.live.interlocks.range.fill({-limit, limit});
-  test::FakeSink sink;
-  Ledger ledger;
-  Stream stream(sink, ledger.recorded(),
-                {.ring_frames = 1024, .poll = std::chrono::microseconds(20)});
-  stream.start();
-  Loop loop(witness, clock, settings, Excitation(shaking), nullptr, ledger, {&stream});
-  ASSERT_TRUE(loop.begin());
-
-  const auto ask = [&loop](Command::Kind what) {
-    Command command;
-    command.kind = what;
-    loop.ask(command);
-  };
-  using enum Command::Kind;
-  int on_for = 0;  // cycles since the amplifier had to be off
-  bool was_on = false;
-  // The script's time stands still while the device is gone: how long it takes is not known before.
-  int mended = 0;  // the cycle in which all is well again
-  for (int i = 0; mended == 0 || i < mended + 30; ++i) {
-    ASSERT_LT(i, 2000) << "script time " << faulty->script_time_ns() << ", "
-                       << loop.snapshot().broken_cause.c_str();
-    if (i == 2 && state != RigState::faulted) ask(clear);
-    if (i == 4 && state != RigState::faulted && state != RigState::idle) ask(arm);
-    if (i == 6 && (state == RigState::running || state == RigState::stopping)) ask(start);
-    if (i == 30 && state == RigState::stopping) ask(stop);
-    if (i == 38) {
-      ASSERT_EQ(loop.snapshot().state, state);
-    }
-    if (i >= 200 && loop.device_is_gone()) {
-      ASSERT_TRUE(DeviceKeeper::try_to_bring_back(witness, loop, [] {}));
-    }
-    // Whatever it was, a person brings the rig back to moving, without a restart.
-    if (mended == 0 && i >= 200 && witness.good_in_a_row >= 8 &&
-        faulty->script_time_ns() > 170 * ms && !witness.must_be_off) {
-      mended = i;
-    }
-    if (mended > 0 && i == mended + 2) ask(clear);
-    if (mended > 0 && i == mended + 4) ask(arm);
-    if (mended > 0 && i == mended + 6) ask(start);
-    was_on = device.last.amplifier_on;
-    loop.wait();
-    ASSERT_TRUE(loop.cycle());
-    clock.now += 10'000;
-    if (witness.must_be_off) {
-      if (on_for == 0 && was_on) ++tally.off;
-      ++on_for;
-      if (device.last.amplifier_on) {
-        tally.latest = std::max(tally.latest, on_for + 1);
-      } else if (was_on) {
-        tally.latest = std::max(tally.latest, on_for);
-      }
-      ASSERT_FALSE(device.last.amplifier_on && on_for >= 2) << "cycle " << i;
-    } else {
-      on_for = 0;
-    }
-  }
-  // A rig whose ramp takes 2 s is still coming down, if nothing stopped it.
-  const RigState now = loop.snapshot().state;
-  if (state != RigState::stopping || now != RigState::stopping) {
-    EXPECT_EQ(now, RigState::running) << loop.snapshot().cause.c_str();
-    EXPECT_TRUE(device.last.amplifier_on);
-  }
-  loop.end();
-  EXPECT_FALSE(device.last.amplifier_on);
-  stream.finish(std::chrono::seconds(10));
-  Answer answer;
-  while (loop.next_answer(answer)) {
-  }
-
-  // The books: of the device, of the decorator, of the daemon, and what the sink holds.
-  EXPECT_TRUE(ledger.balance().is_closed());
-  EXPECT_EQ(ledger.balance().recorded.lost_in_total(), 0U);
-  EXPECT_TRUE(faulty->account().balances());
-  EXPECT_EQ(witness.given, ledger.balance().produced + loop.timing().repeated);
-  EXPECT_EQ(sink.samples.size(), ledger.balance().produced);
-  for (std::size_t i = 1; i < sink.samples.size(); ++i) {
-    ASSERT_GT(sink.samples[i].frame.sequence, sink.samples[i - 1].frame.sequence);
-    ASSERT_GT(sink.samples[i].frame.time_ns, sink.samples[i - 1].frame.time_ns);
-  }
-  ++tally.runs;
+config::Excitation shaking(RigState state) {
+  config::Excitation out;
+  out.enabled = true;
+  out.amplitude = 0.01;
+  out.ramp_s = state == RigState::stopping ? 2.0 : 0.005;
+  return out;
 }
 
-TEST_P(Campaign, TheAmplifierIsOffWithinTwoCyclesTheBooksBalanceAndAPersonBringsItBack) {
+LoopSettings with_interlocks() {
+  LoopSettings out;
+  out.live.interlocks.longest_silence_ns = silence_ns;
+  out.live.interlocks.stale_after_ns = stale_ns;
+  out.live.interlocks.longest_overrun_ns = overrun_ns;
+  out.live.interlocks.not_finite = true;
+  out.live.interlocks.range.fill({-limit, limit});
+  return out;
+}
+
+/// A device that yields sines, with one fault.
+class FaultyRig {
+ public:
+  FaultyRig(FaultKind kind, bool variant, std::uint32_t seed) {
+    std::mt19937 dice(seed);
+    device.keep_actuations = false;
+    device.on_frame = [](Frame& frame) {
+      for (const Channel channel : all_channels) {
+        frame.set(channel, std::sin(0.02 * static_cast<double>(frame.sequence) +
+                                    static_cast<double>(index_of(channel))));
+      }
+    };
+    config::FaultScript script;
+    script.file = "campaign.toml";
+    script.seed = seed;
+    const double at_s = 0.040 + 0.001 * static_cast<double>(dice() % 60);
+    script.faults.push_back(fault_of(kind, variant, at_s, 0.060, dice));
+    faulty = std::make_unique<drivers::FaultyDriver>(std::make_unique<Borrowed>(device), script,
+                                                     drivers::Pace{},
+                                                     std::make_shared<SharedClock>(clock));
+    EXPECT_TRUE(faulty->open());
+    witness = std::make_unique<Witness>(*faulty, clock);
+  }
+
+  test::FakeClock clock;
+  test::FakeDriver device;
+  std::unique_ptr<drivers::FaultyDriver> faulty;
+  std::unique_ptr<Witness> witness;
+};
+
+/// One run: to `state`, the fault, its end, and back to running.
+class CampaignRun {
+ public:
+  CampaignRun(FaultKind kind, bool variant, RigState state, std::uint32_t seed)
+      : state_(state), rig_(kind, variant, seed) {
+    stream_.start();
+  }
+
+  void operator()(Tally& tally) {
+    ASSERT_TRUE(loop_.begin());
+    // The script's time pauses while the device is lost: the duration is not known in advance.
+    for (int i = 0; recovered_ == 0 || i < recovered_ + 30; ++i) {
+      ASSERT_LT(i, 2000) << "script time " << rig_.faulty->script_time_ns() << ", "
+                         << loop_.snapshot().broken_cause.c_str();
+      step(i, tally);
+      if (testing::Test::HasFatalFailure()) return;
+    }
+    expect_running();
+    loop_.end();
+    EXPECT_FALSE(rig_.device.last.amplifier_on);
+    stream_.finish(std::chrono::seconds(10));
+    Answer answer;
+    while (loop_.next_answer(answer)) {
+    }
+    expect_balanced_accounts();
+    ++tally.runs;
+  }
+
+ private:
+  void ask(Command::Kind kind) {
+    Command command;
+    command.kind = kind;
+    loop_.ask(command);
+  }
+
+  void step(int i, Tally& tally) {
+    bring_to_state(i);
+    if (i == 38) {
+      ASSERT_EQ(loop_.snapshot().state, state_);
+    }
+    if (i >= 200 && loop_.device_lost()) {
+      ASSERT_TRUE(DeviceSupervisor::try_to_restore(*rig_.witness, loop_, [] {}));
+    }
+    bring_back(i);
+    const bool was_on = rig_.device.last.amplifier_on;
+    loop_.wait();
+    ASSERT_TRUE(loop_.cycle());
+    rig_.clock.now += 10'000;
+    check_amplifier(i, was_on, tally);
+  }
+
+  void bring_to_state(int i) {
+    using enum Command::Kind;
+    if (i == 2 && state_ != RigState::faulted) ask(clear);
+    if (i == 4 && state_ != RigState::faulted && state_ != RigState::idle) ask(arm);
+    if (i == 6 && (state_ == RigState::running || state_ == RigState::stopping)) ask(start);
+    if (i == 30 && state_ == RigState::stopping) ask(stop);
+  }
+
+  // After any fault, an operator brings the rig back to running, without a restart.
+  void bring_back(int i) {
+    using enum Command::Kind;
+    if (recovered_ == 0 && i >= 200 && rig_.witness->good_in_a_row >= 8 &&
+        rig_.faulty->script_time_ns() > 170 * ms && !rig_.witness->must_be_off) {
+      recovered_ = i;
+    }
+    if (recovered_ > 0 && i == recovered_ + 2) ask(clear);
+    if (recovered_ > 0 && i == recovered_ + 4) ask(arm);
+    if (recovered_ > 0 && i == recovered_ + 6) ask(start);
+  }
+
+  void check_amplifier(int i, bool was_on, Tally& tally) {
+    if (!rig_.witness->must_be_off) {
+      cycles_to_be_off_ = 0;
+      return;
+    }
+    if (cycles_to_be_off_ == 0 && was_on) ++tally.switched_off;
+    ++cycles_to_be_off_;
+    const bool is_on = rig_.device.last.amplifier_on;
+    if (is_on) {
+      tally.latest = std::max(tally.latest, cycles_to_be_off_ + 1);
+    } else if (was_on) {
+      tally.latest = std::max(tally.latest, cycles_to_be_off_);
+    }
+    ASSERT_FALSE(is_on && cycles_to_be_off_ >= 2) << "cycle " << i;
+  }
+
+  void expect_running() const {
+    // A rig whose ramp takes 2 s is still ramping down, if nothing stopped it.
+    const RigState now = loop_.snapshot().state;
+    if (state_ == RigState::stopping && now == RigState::stopping) return;
+    EXPECT_EQ(now, RigState::running) << loop_.snapshot().cause.c_str();
+    EXPECT_TRUE(rig_.device.last.amplifier_on);
+  }
+
+  // Of the device, the decorator, the daemon and the sink.
+  void expect_balanced_accounts() const {
+    EXPECT_TRUE(ledger_.balance().is_closed());
+    EXPECT_EQ(ledger_.balance().recorded.lost_in_total(), 0U);
+    EXPECT_TRUE(rig_.faulty->account().balances());
+    EXPECT_EQ(rig_.witness->yielded, ledger_.balance().produced + loop_.timing().repeated);
+    EXPECT_EQ(sink_.samples.size(), ledger_.balance().produced);
+    for (std::size_t i = 1; i < sink_.samples.size(); ++i) {
+      ASSERT_GT(sink_.samples[i].frame.sequence, sink_.samples[i - 1].frame.sequence);
+      ASSERT_GT(sink_.samples[i].frame.time_ns, sink_.samples[i - 1].frame.time_ns);
+    }
+  }
+
+  RigState state_;
+  FaultyRig rig_;
+  test::FakeSink sink_;
+  Ledger ledger_;
+  Stream stream_{
+      sink_, ledger_.recorded(), {.ring_frames = 1024, .poll = std::chrono::microseconds(20)}};
+  Loop loop_{*rig_.witness, rig_.clock, with_interlocks(), Excitation(shaking(state_)),
+             nullptr,       ledger_,    {&stream_}};
+  int cycles_to_be_off_ = 0;  // since the amplifier had to be off
+  int recovered_ = 0;         // cycle in which the fault is over
+};
+
+class Campaign : public testing::TestWithParam<int> {};
+
+TEST_P(Campaign, TheAmplifierIsOffWithinTwoCyclesTheAccountsBalanceAndAnOperatorRecovers) {
   const auto kind = static_cast<FaultKind>(GetParam());
   for (const RigState state : {RigState::faulted, RigState::idle, RigState::armed,
                                RigState::running, RigState::stopping}) {
     for (const bool variant : {false, true}) {
       Tally tally;
       for (std::uint32_t seed = 1; seed <= 100; ++seed) {
-        run(kind, variant, state, seed, tally);
+        CampaignRun(kind, variant, state, seed)(tally);
         ASSERT_FALSE(HasFatalFailure() || HasNonfatalFailure())
             << name_of(state) << ", variant " << variant << ", seed " << seed;
       }
       EXPECT_EQ(tally.runs, 100);
       EXPECT_LE(tally.latest, 2);
       RecordProperty(std::string(name_of(state)) + (variant ? "_strong" : "_weak"),
-                     std::to_string(tally.off) + " switched off, within " +
+                     std::to_string(tally.switched_off) + " switched off, within " +
                          std::to_string(tally.latest) + " cycles");
     }
   }

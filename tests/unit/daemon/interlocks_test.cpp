@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <functional>
+#include <span>
 #include <string>
 
 namespace stickslip::daemon {
@@ -38,7 +38,7 @@ Frame good() {
 struct Watched {
   explicit Watched(const InterlockSettings& settings = strict())
       : interlocks(settings, two_channels) {
-    interlocks.read_answered({}, 0);
+    interlocks.read_result({}, 0);
     interlocks.frame(good(), 0, 0);
   }
   Interlock now(std::int64_t at) const { return interlocks.broken(at).interlock; }
@@ -48,91 +48,99 @@ struct Watched {
 
 TEST(Interlocks, AllHoldOnAGoodRig) { EXPECT_EQ(Watched().now(ms), Interlock::none); }
 
-// One line for each: what breaks it, what it is called, what the cause says.
-TEST(Interlocks, EachIsBrokenByWhatItWatchesAndHoldsAgainAfterwards) {
-  struct Case {
-    Interlock interlock;
-    std::function<void(Interlocks&)> break_it;
-    std::function<void(Interlocks&)> mend_it;
-    std::string words;
-  };
-  const auto fresh = [](Interlocks& i) { i.frame(good(), 0, 10 * ms); };
-  const std::vector<Case> cases = {
-      {Interlock::emergency_stop,
-       [](Interlocks& i) {
-         i.signals({true, false});
-       },
-       [](Interlocks& i) { i.signals({}); }, "emergency stop"},
-      {Interlock::amplifier_fault,
-       [](Interlocks& i) {
-         i.signals({false, true});
-       },
-       [](Interlocks& i) { i.signals({}); }, "amplifier"},
-      {Interlock::device_lost,
-       [](Interlocks& i) {
-         i.read_answered({Outcome::lost, "cable pulled"}, ms);
-       },
-       [](Interlocks& i) { i.read_answered({}, ms); }, "cable pulled"},
-      {Interlock::device_lost,
-       [](Interlocks& i) {
-         i.write_answered({Outcome::fatal, "DAC gone"}, ms);
-       },
-       [fresh](Interlocks& i) {
-         i.device_is_back();
-         fresh(i);
-       },
-       "DAC gone"},
-      {Interlock::device_silent,
-       [](Interlocks& i) {
-         i.read_answered({Outcome::temporary, "checksum"}, -90 * ms);
-       },
-       [](Interlocks& i) { i.read_answered({}, ms); }, "checksum"},
-      {Interlock::device_silent,
-       [](Interlocks& i) {
-         i.read_answered({Outcome::no_data, ""}, -90 * ms);
-       },
-       [](Interlocks& i) { i.read_answered({}, ms); }, "yields no data"},
-      {Interlock::part_lost, [](Interlocks& i) { i.signals({.lost_part = "the bridge is gone"}); },
-       [](Interlocks& i) { i.signals({}); }, "the bridge is gone"},
-      {Interlock::stale_channel,
-       [](Interlocks& i) {
-         Frame frame = good();
-         frame.age_us[1] = 60'000;
-         i.frame(frame, 0, 10 * ms);
-       },
-       fresh, "velocity was last measured 60 ms ago"},
-      {Interlock::not_finite, [](Interlocks& i) { i.frame(good(), 0b10, 10 * ms); }, fresh,
-       "velocity is not a finite number"},
-      {Interlock::out_of_range,
-       [](Interlocks& i) {
-         Frame frame = good();
-         frame.set(Channel::velocity, 0.75);
-         i.frame(frame, 0, 10 * ms);
-       },
-       fresh, "velocity was 0.75 m/s, beyond its limits of -0.5 and 0.5"},
-      {Interlock::overrun, [](Interlocks& i) { i.cycle_late(7 * ms); },
-       [](Interlocks& i) { i.cycle_late(0); }, "7 ms late"},
-      {Interlock::drive_not_finite, [](Interlocks& i) { i.drive(false); },
-       [](Interlocks& i) { i.drive(true); }, "not a finite number"},
-      {Interlock::recorder_failing, [](Interlocks& i) { i.recorder(true); },
-       [](Interlocks& i) { i.recorder(false); }, "loses frames"},
-      {Interlock::observer_diverged, [](Interlocks& i) { i.observer_restarted(true); },
-       [](Interlocks& i) { i.observer_restarted(false); }, "diverged"},
-      {Interlock::client_gone, [](Interlocks& i) { i.dead_man(-500 * ms); },
-       [](Interlocks& i) { i.dead_man({}); }, "silent"},
-  };
+struct Case {
+  Interlock interlock;
+  void (*break_it)(Interlocks&);
+  void (*restore_it)(Interlocks&);
+  const char* cause;  // contained in it
+};
+
+void good_frame(Interlocks& i) { i.frame(good(), 0, 10 * ms); }
+
+constexpr Case device_cases[] = {
+    {Interlock::emergency_stop, [](Interlocks& i) { i.signals({.emergency_stop = true}); },
+     [](Interlocks& i) { i.signals({}); }, "emergency stop"},
+    {Interlock::amplifier_fault, [](Interlocks& i) { i.signals({.amplifier_fault = true}); },
+     [](Interlocks& i) { i.signals({}); }, "amplifier"},
+    {Interlock::device_lost,
+     [](Interlocks& i) {
+       i.read_result({Outcome::lost, "cable pulled"}, ms);
+     },
+     [](Interlocks& i) { i.read_result({}, ms); }, "cable pulled"},
+    {Interlock::device_lost,
+     [](Interlocks& i) {
+       i.write_result({Outcome::fatal, "DAC gone"}, ms);
+     },
+     [](Interlocks& i) {
+       i.device_restored();
+       good_frame(i);
+     },
+     "DAC gone"},
+    {Interlock::device_silent,
+     [](Interlocks& i) {
+       i.read_result({Outcome::temporary, "checksum"}, -90 * ms);
+     },
+     [](Interlocks& i) { i.read_result({}, ms); }, "checksum"},
+    {Interlock::device_silent,
+     [](Interlocks& i) {
+       i.read_result({Outcome::no_data, ""}, -90 * ms);
+     },
+     [](Interlocks& i) { i.read_result({}, ms); }, "yields no data"},
+    {Interlock::part_lost, [](Interlocks& i) { i.signals({.lost_part = "the bridge is gone"}); },
+     [](Interlocks& i) { i.signals({}); }, "the bridge is gone"},
+};
+
+constexpr Case channel_cases[] = {
+    {Interlock::stale_channel,
+     [](Interlocks& i) {
+       Frame frame = good();
+       frame.age_us[1] = 60'000;
+       i.frame(frame, 0, 10 * ms);
+     },
+     good_frame, "velocity was last measured 60 ms ago"},
+    {Interlock::not_finite, [](Interlocks& i) { i.frame(good(), 0b10, 10 * ms); }, good_frame,
+     "velocity is not a finite number"},
+    {Interlock::out_of_range,
+     [](Interlocks& i) {
+       Frame frame = good();
+       frame.set(Channel::velocity, 0.75);
+       i.frame(frame, 0, 10 * ms);
+     },
+     good_frame, "velocity was 0.75 m/s, beyond its limits of -0.5 and 0.5"},
+};
+
+constexpr Case daemon_cases[] = {
+    {Interlock::overrun, [](Interlocks& i) { i.cycle_late(7 * ms); },
+     [](Interlocks& i) { i.cycle_late(0); }, "7 ms late"},
+    {Interlock::drive_not_finite, [](Interlocks& i) { i.drive(false); },
+     [](Interlocks& i) { i.drive(true); }, "not a finite number"},
+    {Interlock::recorder_failing, [](Interlocks& i) { i.recorder(true); },
+     [](Interlocks& i) { i.recorder(false); }, "losing frames"},
+    {Interlock::observer_diverged, [](Interlocks& i) { i.observer_restarted(true); },
+     [](Interlocks& i) { i.observer_restarted(false); }, "diverged"},
+    {Interlock::client_gone, [](Interlocks& i) { i.dead_man(-500 * ms); },
+     [](Interlocks& i) { i.dead_man({}); }, "silent"},
+};
+
+void expect_broken_and_restored(std::span<const Case> cases) {
   for (const Case& each : cases) {
     SCOPED_TRACE(name_of(each.interlock));
     Watched rig;
     each.break_it(rig.interlocks);
     EXPECT_EQ(rig.now(10 * ms), each.interlock);
-    EXPECT_THAT(rig.cause(10 * ms), HasSubstr(each.words));
-    each.mend_it(rig.interlocks);
+    EXPECT_THAT(rig.cause(10 * ms), HasSubstr(each.cause));
+    each.restore_it(rig.interlocks);
     EXPECT_EQ(rig.now(10 * ms), Interlock::none) << rig.cause(10 * ms);
   }
 }
 
-TEST(Interlocks, WhatTheOwnerDidNotAskForBreaksNothing) {
+TEST(Interlocks, EachIsBrokenByItsConditionAndHoldsAgainAfterwards) {
+  expect_broken_and_restored(device_cases);
+  expect_broken_and_restored(channel_cases);
+  expect_broken_and_restored(daemon_cases);
+}
+
+TEST(Interlocks, LimitsThatAreNotConfiguredBreakNothing) {
   Watched rig{InterlockSettings()};
   rig.interlocks.cycle_late(1000 * ms);
   rig.interlocks.recorder(true);
@@ -143,23 +151,23 @@ TEST(Interlocks, WhatTheOwnerDidNotAskForBreaksNothing) {
   EXPECT_EQ(rig.now(10'000 * ms), Interlock::none);
 }
 
-TEST(Interlocks, TemporaryFailuresBreakOnlyWhenTheyLast) {
+TEST(Interlocks, TemporaryFailuresBreakOnlyIfTheyPersist) {
   Watched rig;
   for (std::int64_t t = 0; t < 1000; t += 40) {
     rig.interlocks.frame(good(), 0, t * ms);
-    rig.interlocks.read_answered({Outcome::temporary, "checksum"}, t * ms);
-    rig.interlocks.read_answered({Outcome::no_data, ""}, (t + 10) * ms);
+    rig.interlocks.read_result({Outcome::temporary, "checksum"}, t * ms);
+    rig.interlocks.read_result({Outcome::no_data, ""}, (t + 10) * ms);
     EXPECT_EQ(rig.now((t + 30) * ms), Interlock::none);
-    rig.interlocks.read_answered({}, (t + 30) * ms);  // one good reading ends the count
+    rig.interlocks.read_result({}, (t + 30) * ms);  // one good reading resets the time
   }
-  rig.interlocks.read_answered({Outcome::temporary, "checksum"}, 2000 * ms);
-  rig.interlocks.write_answered({}, 2050 * ms);  // a write that works says nothing about reads
+  rig.interlocks.read_result({Outcome::temporary, "checksum"}, 2000 * ms);
+  rig.interlocks.write_result({}, 2050 * ms);  // a successful write does not count for reads
   rig.interlocks.frame(good(), 0, 2099 * ms);
   EXPECT_EQ(rig.now(2099 * ms), Interlock::none);
   EXPECT_EQ(rig.now(2100 * ms), Interlock::device_silent);
 }
 
-TEST(Interlocks, AChannelThatTheDeviceDoesNotYieldIsNeverStale) {
+TEST(Interlocks, AChannelThatTheDeviceLacksIsNeverStale) {
   Watched rig;
   for (std::int64_t t = 0; t < 1000; t += 10) {
     Frame frame = good();
@@ -170,20 +178,20 @@ TEST(Interlocks, AChannelThatTheDeviceDoesNotYieldIsNeverStale) {
   }
 }
 
-TEST(Interlocks, ADeviceThatHasNotYieldedAFrameHoldsNoInterlock) {
+TEST(Interlocks, ADeviceWithoutAFrameIsStale) {
   EXPECT_EQ(Interlocks(strict(), two_channels).broken(0).interlock, Interlock::stale_channel);
   Watched rig;
   EXPECT_EQ(rig.now(ms), Interlock::none);
-  rig.interlocks.device_is_back();
+  rig.interlocks.device_restored();
   EXPECT_EQ(rig.now(ms), Interlock::stale_channel);
   rig.interlocks.frame(good(), 0, ms);
   EXPECT_EQ(rig.now(ms), Interlock::none);
 }
 
-TEST(Interlocks, TheMostSeriousIsNamed) {
+TEST(Interlocks, TheMostSeriousIsReported) {
   Watched rig;
   rig.interlocks.cycle_late(7 * ms);
-  rig.interlocks.read_answered({Outcome::lost, "gone"}, ms);
+  rig.interlocks.read_result({Outcome::lost, "gone"}, ms);
   EXPECT_EQ(rig.now(ms), Interlock::device_lost);
   rig.interlocks.signals({true, true});
   EXPECT_EQ(rig.now(ms), Interlock::emergency_stop);

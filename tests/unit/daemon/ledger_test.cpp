@@ -22,7 +22,7 @@ Sample sample_of(std::uint64_t sequence) {
   return sample;
 }
 
-TEST(Ledger, BalancesWhenEveryFrameHasALine) {
+TEST(Ledger, BalancesIfEveryFrameHasAnEntry) {
   Ledger ledger;
   ledger.published().enable();
   ledger.recorded().enable();
@@ -44,7 +44,7 @@ TEST(Ledger, BalancesWhenEveryFrameHasALine) {
             "lost (encode error) + 0 lost (shutdown)");
 }
 
-TEST(Ledger, AFrameThatIsCountedTwiceDoesNotBalance) {
+TEST(Ledger, DoesNotBalanceIfAFrameIsCountedTwice) {
   Ledger ledger;
   ledger.recorded().enable();
   ledger.produce();
@@ -54,7 +54,7 @@ TEST(Ledger, AFrameThatIsCountedTwiceDoesNotBalance) {
   EXPECT_EQ(ledger.balance().pending(ledger.balance().recorded), -1);
 }
 
-TEST(Ledger, AConsumerThatNobodyAskedForOwesNothing) {
+TEST(Ledger, HasNoAccountForADisabledConsumer) {
   Ledger ledger;
   ledger.produce();
   EXPECT_TRUE(ledger.balance().is_closed());
@@ -80,7 +80,7 @@ TEST(Stream, DeliversEverythingInOrderInWholeBlocksAndTheRestAtTheEnd) {
   EXPECT_TRUE(ledger.balance().is_closed());
 }
 
-TEST(Stream, AFrameDoesNotWaitForeverForItsBlockToFill) {
+TEST(Stream, AFrameWaitsALimitedTimeForItsBlockToFill) {
   Ledger ledger;
   test::FakeSink sink;
   Stream stream(sink, ledger.published(),
@@ -93,17 +93,17 @@ TEST(Stream, AFrameDoesNotWaitForeverForItsBlockToFill) {
   EXPECT_EQ(ledger.balance().published.delivered, 1U);
 }
 
-TEST(Stream, WhatIsRefusedOnlyAfterItWasTakenIsAWriteError) {
+TEST(Stream, ARefusalByTheFlushIsAWriteError) {
   Ledger ledger;
   test::FakeSink sink;
-  // The first settlement of something.
-  sink.on_settle = [&sink, refused = false]() mutable {
+  // Refuses the first flush that has something to flush.
+  sink.on_flush = [&sink, refused = false]() mutable {
     if (refused || sink.sizes.empty()) return true;
     refused = true;
     return false;
   };
   Stream stream(sink, ledger.recorded(),
-                {.frames_per_block = 10, .poll = 100us, .settle_period = 1h});
+                {.frames_per_block = 10, .poll = 100us, .flush_period = 1h});
   stream.start();
   for (std::uint64_t i = 0; i < 95; ++i) {
     ledger.produce();
@@ -116,7 +116,7 @@ TEST(Stream, WhatIsRefusedOnlyAfterItWasTakenIsAWriteError) {
   EXPECT_EQ(recorded.delivered + recorded.lost_to(Loss::write_error), 95U);
 }
 
-TEST(Stream, EstimatesFollowTheirBlockWhateverTheSequenceNumbersDo) {
+TEST(Stream, EstimatesFollowTheirBlockWithAnySequenceNumbers) {
   Ledger ledger;
   test::FakeSink sink;
   Stream stream(sink, ledger.published(), {.frames_per_block = 10, .poll = 100us});
@@ -124,7 +124,7 @@ TEST(Stream, EstimatesFollowTheirBlockWhateverTheSequenceNumbersDo) {
   for (std::uint64_t i = 0; i < 5000; ++i) {
     Sample sample = sample_of(i % 7 == 0 ? 1'000'000 : i % 100);
     sample.number = i;
-    while (!stream.has_room()) std::this_thread::sleep_for(100us);
+    while (stream.full()) std::this_thread::sleep_for(100us);
     if (i % 10 == 9) {
       NumberedEstimate estimate{i, {}};
       estimate.estimate.mu = static_cast<double>(i);
@@ -139,7 +139,7 @@ TEST(Stream, EstimatesFollowTheirBlockWhateverTheSequenceNumbersDo) {
   EXPECT_EQ(stream.lost_messages(), 0U);
 }
 
-TEST(Stream, AFullRingLosesTheNewestAndSaysSo) {
+TEST(Stream, AFullRingLosesTheNewestAndReportsIt) {
   Ledger ledger;
   test::FakeSink sink;
   Stream stream(sink, ledger.recorded(), {.frames_per_block = 10, .ring_frames = 100, .poll = 1ms});
@@ -147,7 +147,7 @@ TEST(Stream, AFullRingLosesTheNewestAndSaysSo) {
     ledger.produce();
     stream.offer(sample_of(i));
   }
-  EXPECT_FALSE(stream.has_room());
+  EXPECT_TRUE(stream.full());
   EXPECT_EQ(ledger.balance().recorded.lost_to(Loss::ring_full), 50U);
   stream.start();
   stream.finish(10s);
@@ -169,12 +169,12 @@ TEST(Stream, MessagesArriveBeforeAndAfterTheEnd) {
   EXPECT_EQ(sink.messages[1].channel, "B");
 }
 
-TEST(Stream, WhatASlowSinkCannotTakeInTimeIsLostToShutdown) {
+TEST(Stream, FramesThatASlowSinkCannotTakeInTimeAreLostToShutdown) {
   Ledger ledger;
   test::FakeSink sink;
   sink.on_block = [](std::span<const Sample>) {
     std::this_thread::sleep_for(20ms);
-    return Put::done;
+    return WriteResult::ok;
   };
   Stream stream(sink, ledger.recorded(), {.frames_per_block = 10, .poll = 1ms});
   stream.start();
@@ -189,49 +189,58 @@ TEST(Stream, WhatASlowSinkCannotTakeInTimeIsLostToShutdown) {
   EXPECT_TRUE(balance.is_closed()) << balance.text();
 }
 
-// Whatever the consumers do - stall, refuse, fail to encode - and however small their rings are,
-// the books balance at the end, pending is never negative on the way, and what is delivered is what
-// the sink really got.
-RC_GTEST_PROP(Ledger, BalancesUnderRandomStallsRefusalsAndFullRings, ()) {
-  struct Consumer {
-    test::FakeSink sink;
-    std::uint64_t got = 0;
-    std::uint64_t refused = 0;
-    std::uint64_t broken = 0;
-  };
-  Ledger ledger;
-  Consumer publisher;
-  Consumer recorder;
-  for (Consumer* consumer : {&publisher, &recorder}) {
-    consumer->sink.keep = false;
+/// A sink that delays, refuses and fails to encode at random, and counts the frames it took.
+class UnreliableConsumer {
+ public:
+  UnreliableConsumer() {
+    sink.keep = false;
     const int stall = *rc::gen::inRange(0, 20);
     const int refuse = *rc::gen::inRange(0, 20);
     const int garble = *rc::gen::inRange(0, 20);
     std::uint64_t calls = *rc::gen::inRange<std::uint64_t>(0, 1000);
-    consumer->sink.on_block = [=](std::span<const Sample> block) mutable {
+    sink.on_block = [this, stall, refuse, garble, calls](std::span<const Sample> block) mutable {
       const auto dice = static_cast<int>((++calls * 2654435761U >> 8U) % 100U);
       if (dice < stall) std::this_thread::sleep_for(300us);
       if (dice < refuse) {
-        consumer->refused += block.size();
-        return Put::write_error;
+        refused += block.size();
+        return WriteResult::write_error;
       }
       if (dice < refuse + garble) {
-        consumer->broken += block.size();
-        return Put::encode_error;
+        garbled += block.size();
+        return WriteResult::encode_error;
       }
-      consumer->got += block.size();
-      return Put::done;
+      taken += block.size();
+      return WriteResult::ok;
     };
   }
+
+  test::FakeSink sink;
+  std::uint64_t taken = 0;
+  std::uint64_t refused = 0;
+  std::uint64_t garbled = 0;
+};
+
+StreamSettings with_small_ring(std::size_t frames_per_block) {
+  return {.frames_per_block = frames_per_block,
+          .ring_frames = *rc::gen::inRange<std::size_t>(1, 300),
+          .poll = 50us};
+}
+
+void expect_nothing_negative(const Ledger& ledger) {
+  const Balance balance = ledger.balance();
+  RC_ASSERT(balance.pending(balance.published) >= 0);
+  RC_ASSERT(balance.pending(balance.recorded) >= 0);
+}
+
+// With any behaviour of the consumers and any size of their rings, the ledger balances at the end,
+// pending is never negative, and the sinks took what counts as delivered.
+RC_GTEST_PROP(Ledger, BalancesUnderRandomStallsRefusalsAndFullRings, ()) {
+  Ledger ledger;
+  UnreliableConsumer publisher;
+  UnreliableConsumer recorder;
   const auto frames_per_block = *rc::gen::inRange<std::size_t>(1, 17);
-  Stream publishing(publisher.sink, ledger.published(),
-                    {.frames_per_block = frames_per_block,
-                     .ring_frames = *rc::gen::inRange<std::size_t>(1, 300),
-                     .poll = 50us});
-  Stream recording(recorder.sink, ledger.recorded(),
-                   {.frames_per_block = frames_per_block,
-                    .ring_frames = *rc::gen::inRange<std::size_t>(1, 300),
-                    .poll = 50us});
+  Stream publishing(publisher.sink, ledger.published(), with_small_ring(frames_per_block));
+  Stream recording(recorder.sink, ledger.recorded(), with_small_ring(frames_per_block));
   publishing.start();
   recording.start();
   const auto frames = *rc::gen::inRange<std::uint64_t>(0, 3000);
@@ -241,11 +250,7 @@ RC_GTEST_PROP(Ledger, BalancesUnderRandomStallsRefusalsAndFullRings, ()) {
     publishing.offer(sample_of(i));
     recording.offer(sample_of(i));
     if (i % pause_every == 0) std::this_thread::sleep_for(100us);
-    if (i % 64 == 0) {
-      const Balance balance = ledger.balance();
-      RC_ASSERT(balance.pending(balance.published) >= 0);
-      RC_ASSERT(balance.pending(balance.recorded) >= 0);
-    }
+    if (i % 64 == 0) expect_nothing_negative(ledger);
   }
   const auto patience = std::chrono::microseconds(*rc::gen::element(0, 200, 10'000'000));
   publishing.finish(patience);
@@ -254,10 +259,10 @@ RC_GTEST_PROP(Ledger, BalancesUnderRandomStallsRefusalsAndFullRings, ()) {
   const Balance balance = ledger.balance();
   RC_ASSERT(balance.is_closed());
   RC_ASSERT(balance.produced == frames);
-  RC_ASSERT(balance.published.delivered == publisher.got);
-  RC_ASSERT(balance.recorded.delivered == recorder.got);
+  RC_ASSERT(balance.published.delivered == publisher.taken);
+  RC_ASSERT(balance.recorded.delivered == recorder.taken);
   RC_ASSERT(balance.published.lost_to(Loss::write_error) == publisher.refused);
-  RC_ASSERT(balance.recorded.lost_to(Loss::encode_error) == recorder.broken);
+  RC_ASSERT(balance.recorded.lost_to(Loss::encode_error) == recorder.garbled);
 }
 
 }  // namespace

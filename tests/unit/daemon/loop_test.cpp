@@ -32,19 +32,19 @@ config::Excitation shaking() {
   return out;
 }
 
-/// Starts without a person, and ends with the first fault.
-LoopSettings by_itself(LoopSettings settings) {
+/// Starts without an operator, and ends with the first fault.
+LoopSettings unattended(LoopSettings settings) {
   settings.start_at_once = true;
   settings.end_on_fault = true;
   return settings;
 }
 
-/// A loop on fakes, with one stream whose thread is started only by `finish`.
+/// A loop on fakes, with one stream whose thread starts only when the samples are read.
 struct Bench {
   explicit Bench(LoopSettings settings = {}, const config::Excitation& excitation = shaking(),
                  bool time_of_its_own = false)
       : driver(time_of_its_own),
-        loop(driver, clock, by_itself(settings), Excitation(excitation), nullptr, ledger,
+        loop(driver, clock, unattended(settings), Excitation(excitation), nullptr, ledger,
              {&stream}) {}
 
   const std::vector<Sample>& samples() {
@@ -70,7 +70,7 @@ struct Bench {
 MATCHER_P(IsKind, kind, "") { return arg.kind == kind; }
 MATCHER(IsOff, "") { return !arg.amplifier_on && arg.drive == 0.0; }
 
-TEST(Loop, RunsTheFramesThatItWasAskedForAndEndsWithTheAmplifierOff) {
+TEST(Loop, RunsTheRequestedFramesAndEndsWithTheAmplifierOff) {
   Bench bench({.frames = 1000, .ramp_s = 0.05});
   EXPECT_EQ(bench.loop.run().reason, LoopEnd::Reason::frames_done);
   EXPECT_EQ(bench.loop.snapshot().state, RigState::idle);
@@ -81,13 +81,13 @@ TEST(Loop, RunsTheFramesThatItWasAskedForAndEndsWithTheAmplifierOff) {
     ASSERT_EQ(bench.sink.samples[i].frame.sequence, i);
   }
   EXPECT_TRUE(bench.ledger.balance().is_closed());
-  // The ramp down is part of the time asked for: the last frames see no drive.
+  // The ramp down is part of the duration: the last frames see no drive.
   EXPECT_EQ(bench.sink.samples.back().drive.value, 0.0);
   EXPECT_FALSE(bench.sink.samples.back().amplifier_on);
   EXPECT_TRUE(bench.sink.samples[500].amplifier_on);
 }
 
-TEST(Loop, ALastOffThatWasNotConfirmedIsToldWithWhatToDo) {
+TEST(Loop, ReportsALastOffThatWasNotAcknowledgedWithItsRemedy) {
   Bench bench({.frames = 20, .ramp_s = 0.01});
   bench.driver.left = "fake may still be on: press the emergency stop";
   bench.loop.run();
@@ -112,7 +112,7 @@ TEST(Loop, KeepsTheGridOfItsDeadlines) {
   EXPECT_EQ(bench.loop.timing().lateness.longest_ns(), 0);
 }
 
-TEST(Loop, CountsAnOverrunWithItsLengthAndKeepsPhase) {
+TEST(Loop, CountsAnOverrunWithItsDurationAndKeepsPhase) {
   Bench bench({.frames = 100, .ramp_s = 0.01});
   const std::int64_t origin = bench.clock.now;
   bench.driver.on_read = [&](std::uint64_t call) {
@@ -162,8 +162,8 @@ TEST(Loop, ExcitationKeepsItsPhaseThroughAnOverrun) {
   }
 }
 
-// A rig of equations does not move on while the host is late: for it there was no pause.
-TEST(Loop, ARigWithATimeOfItsOwnIsDrivenThroughAnOverrunAsIfNothingHadHappened) {
+// A simulated rig does not advance while the host is late: there was no pause in its time.
+TEST(Loop, ARigWithSimulatedTimeIsDrivenThroughAnOverrunWithoutAGap) {
   config::Excitation steady = shaking();
   steady.ramp_s = 0.0;
   Bench bench({.frames = 400, .ramp_s = 0.0}, steady, true);
@@ -180,28 +180,29 @@ TEST(Loop, ARigWithATimeOfItsOwnIsDrivenThroughAnOverrunAsIfNothingHadHappened) 
   }
 }
 
-// Found in a soak on a busy machine: a thread that was held up between the read and the judgement.
-TEST(Loop, AThreadThatIsHeldUpAfterTheReadMakesNoChannelStale) {
+// Found in a soak test on a busy machine: a delay between the read and the check of interlocks.
+TEST(Loop, ADelayAfterTheReadMakesNoChannelStale) {
   LoopSettings settings;
   settings.frames = 200;
   settings.ramp_s = 0.05;
   settings.live.interlocks.stale_after_ns = 50 * ms;
   Bench bench(settings);
-  bench.clock.cost_of_look_ns = 100;
+  bench.clock.cost_per_reading_ns = 100;
   int looks = 0;
   bench.driver.on_frame = [&](Frame& frame) {
     if (frame.sequence == 120) looks = 1;
   };
-  bench.clock.on_look = [&] {
-    // The first look after that read is its answer; before the next one the thread is held up.
+  bench.clock.on_reading = [&] {
+    // The first reading of the clock is that of the device's answer; the delay comes before the
+    // next.
     if (looks > 0 && looks++ == 2) bench.clock.now += 80 * ms;
   };
   EXPECT_EQ(bench.loop.run().reason, LoopEnd::Reason::frames_done)
-      << bench.loop.why_ended().message;
+      << bench.loop.end_status().message;
   EXPECT_EQ(looks > 2, true);
 }
 
-TEST(Loop, AStopRequestRampsDownAndASecondOneEndsAtOnce) {
+TEST(Loop, AStopRequestRampsDownAndASecondOneEndsImmediately) {
   for (const int requests : {1, 2}) {
     Bench bench;
     bench.driver.on_read = [&](std::uint64_t call) {
@@ -210,7 +211,7 @@ TEST(Loop, AStopRequestRampsDownAndASecondOneEndsAtOnce) {
       }
       return Result{};
     };
-    EXPECT_EQ(bench.loop.run().reason, LoopEnd::Reason::asked);
+    EXPECT_EQ(bench.loop.run().reason, LoopEnd::Reason::requested);
     EXPECT_THAT(bench.driver.last, IsOff());
     const std::size_t after = bench.driver.reads - 201;
     if (requests == 1) {
@@ -251,7 +252,7 @@ TEST(Loop, EveryDeviceFaultSwitchesTheAmplifierOffInTheSameCycle) {
   }
 }
 
-TEST(Loop, AFailedWriteThatIsAFaultIsFollowedByOffInTheSameCycle) {
+TEST(Loop, AFaultOfAWriteIsFollowedByOffInTheSameCycle) {
   Bench bench;
   bench.driver.on_write = [&](std::uint64_t call) {
     return call == 100 ? Result{Outcome::lost, "DAC gone"} : Result{};
@@ -261,12 +262,12 @@ TEST(Loop, AFailedWriteThatIsAFaultIsFollowedByOffInTheSameCycle) {
   EXPECT_THAT(bench.driver.actuations[101], IsOff());
 }
 
-TEST(Loop, ABoardThatSampledOnWhileTheLoopWasHeldUpIsNotPlayedFaster) {
-  LoopSettings settings = by_itself({.pacing = Pacing::driver});
+TEST(Loop, BufferedSamplesAfterAStallDoNotPlayTheDriveFaster) {
+  LoopSettings settings = unattended({.pacing = Pacing::driver});
   settings.live.interlocks.longest_overrun_ns = 50 * ms;
   Bench bench(settings);
   bench.driver.on_read = [&](std::uint64_t call) {
-    // Bundles of five, as a board hands them over; then nothing happens for a while.
+    // Bundles of five samples, as a board delivers them; then the loop stalls.
     if (call % 5 == 0) bench.clock.now += 5 * ms;
     if (call == 400) bench.clock.now += 300 * ms;
     return Result{};
@@ -278,8 +279,8 @@ TEST(Loop, ABoardThatSampledOnWhileTheLoopWasHeldUpIsNotPlayedFaster) {
   EXPECT_LE(bench.driver.reads, 402U);
 }
 
-TEST(Loop, APacedDriverMayWaitAsLongAsItSays) {
-  LoopSettings settings = by_itself({.pacing = Pacing::driver, .frames = 50, .ramp_s = 0.0});
+TEST(Loop, APacedDriverMayWaitUpToItsLimit) {
+  LoopSettings settings = unattended({.pacing = Pacing::driver, .frames = 50, .ramp_s = 0.0});
   settings.live.interlocks.longest_overrun_ns = 5 * ms;
   Bench bench(settings);
   bench.driver.on_read = [&](std::uint64_t) {
@@ -290,7 +291,7 @@ TEST(Loop, APacedDriverMayWaitAsLongAsItSays) {
   EXPECT_EQ(bench.loop.timing().overruns, 0U);
 }
 
-TEST(Loop, ADeviceThatIsLostIsGoneWhateverElseIsWrong) {
+TEST(Loop, ALostDeviceIsReleasedEvenIfAMoreSeriousInterlockIsBroken) {
   test::FakeDriver driver;
   test::FakeClock clock;
   Ledger ledger;
@@ -299,28 +300,28 @@ TEST(Loop, ADeviceThatIsLostIsGoneWhateverElseIsWrong) {
   ASSERT_TRUE(loop.begin());
   loop.wait();
   loop.cycle();
-  EXPECT_FALSE(loop.device_is_gone());
+  EXPECT_FALSE(loop.device_lost());
   driver.on_write = [](std::uint64_t) { return Result{Outcome::lost, "the chip is gone"}; };
   loop.wait();
   loop.cycle();
   EXPECT_EQ(loop.snapshot().broken, Interlock::emergency_stop);
-  EXPECT_TRUE(loop.device_is_gone());
+  EXPECT_TRUE(loop.device_lost());
 }
 
 TEST(Loop, TheCauseSurvivesADriverThatReusesItsMessage) {
   Bench bench;
-  std::string words = "unplugged";
+  std::string message = "unplugged";
   bench.driver.on_read = [&](std::uint64_t call) {
-    return call == 3 ? Result{Outcome::lost, words.c_str()} : Result{};
+    return call == 3 ? Result{Outcome::lost, message.c_str()} : Result{};
   };
   bench.driver.on_write = [&](std::uint64_t call) {
-    if (call >= 3) words = "overwritten";
+    if (call >= 3) message = "overwritten";
     return Result{};
   };
   EXPECT_EQ(bench.loop.run().message, "unplugged");
 }
 
-TEST(Loop, TemporaryFailuresAreCountedAndOnlyFatalWhenTheyLast) {
+TEST(Loop, TemporaryFailuresAreCountedAndAreFaultsOnlyIfTheyPersist) {
   LoopSettings settings;
   settings.live.interlocks.longest_silence_ns = 20 * ms;
   Bench bench(settings);
@@ -345,8 +346,8 @@ TEST(Loop, ADriverThatDoesNotStartIsAFaultAndNothingIsRead) {
   EXPECT_THAT(bench.driver.actuations, Each(IsOff()));
 }
 
-TEST(Loop, EndsWithTheDataAndCountsWhatTheSourceLost) {
-  Bench bench({.pacing = Pacing::free});
+TEST(Loop, EndsWithTheDataAndCountsTheFramesThatTheSourceLost) {
+  Bench bench({.pacing = Pacing::free_running});
   bench.driver.on_read = [&](std::uint64_t call) {
     if (call == 10) bench.driver.sequence += 3;
     return call == 40 ? Result{Outcome::end_of_data, ""} : Result{};
@@ -357,7 +358,7 @@ TEST(Loop, EndsWithTheDataAndCountsWhatTheSourceLost) {
   EXPECT_EQ(bench.samples().size(), 40U);
 }
 
-TEST(Loop, NotFiniteReadingsAreInvalidCountedAndToldOnce) {
+TEST(Loop, NotFiniteReadingsAreInvalidCountedAndReportedOnce) {
   Bench bench({.frames = 100, .ramp_s = 0.01});
   bench.driver.on_frame = [](Frame& frame) {
     if (frame.sequence >= 20 && frame.sequence < 30) {
@@ -375,7 +376,7 @@ TEST(Loop, NotFiniteReadingsAreInvalidCountedAndToldOnce) {
   EXPECT_TRUE(bench.sink.samples[25].frame.has(Channel::displacement));
 }
 
-TEST(Loop, AChannelThatLeavesTheRangeOfItsCalibrationIsToldOnceAndKept) {
+TEST(Loop, AChannelOutsideItsCalibratedRangeIsReportedOnceAndKept) {
   config::ChannelCalibrations channels;
   channels[index_of(Channel::velocity)].valid = config::ValidRange{-1.0, 30.0};
   LoopSettings settings;
@@ -383,7 +384,7 @@ TEST(Loop, AChannelThatLeavesTheRangeOfItsCalibrationIsToldOnceAndKept) {
   settings.ramp_s = 0.01;
   settings.live.calibration = Calibration(channels);
   Bench bench(settings);
-  bench.loop.run();  // velocity is the frame's number and a tenth
+  bench.loop.run();  // the velocity is the frame's number plus 0.1
   const auto notices = bench.notices();
   EXPECT_EQ(std::count_if(notices.begin(), notices.end(),
                           [](const Notice& notice) {
@@ -403,19 +404,19 @@ TEST(Loop, NothingIsWrittenToADriverThatCannotDrive) {
   EXPECT_EQ(bench.driver.writes, 0U);
 }
 
-TEST(Loop, AFreeRunningSourceWaitsForRoomInsteadOfLosing) {
+TEST(Loop, AFreeRunningSourceWaitsForItsConsumersAndLosesNothing) {
   test::FakeDriver driver;
   driver.keep_actuations = false;
   MonotonicClock clock;
   test::FakeSink sink;
   sink.on_block = [](std::span<const Sample>) {
     std::this_thread::sleep_for(50us);
-    return Put::done;
+    return WriteResult::ok;
   };
   Ledger ledger;
   Stream stream(sink, ledger.recorded(), {.ring_frames = 64, .poll = 50us});
-  Loop loop(driver, clock, {.pacing = Pacing::free, .frames = 5000, .ramp_s = 0.0}, Excitation({}),
-            nullptr, ledger, {&stream});
+  Loop loop(driver, clock, {.pacing = Pacing::free_running, .frames = 5000, .ramp_s = 0.0},
+            Excitation({}), nullptr, ledger, {&stream});
   stream.start();
   loop.run();
   stream.finish(10s);
@@ -423,19 +424,20 @@ TEST(Loop, AFreeRunningSourceWaitsForRoomInsteadOfLosing) {
   EXPECT_EQ(ledger.balance().recorded.lost_in_total(), 0U);
 }
 
-TEST(Loop, AFreeRunningSourceCanBeStoppedWhileItsSinkIsStuck) {
+TEST(Loop, AFreeRunningSourceCanBeStoppedWhileItsSinkHangs) {
   test::FakeDriver driver;
   MonotonicClock clock;
   test::FakeSink sink;
   Ledger ledger;
   Stream stream(sink, ledger.recorded(), {.ring_frames = 64});  // never started: nothing drains it
-  Loop loop(driver, clock, {.pacing = Pacing::free}, Excitation({}), nullptr, ledger, {&stream});
+  Loop loop(driver, clock, {.pacing = Pacing::free_running}, Excitation({}), nullptr, ledger,
+            {&stream});
   std::thread stopper([&] {
     std::this_thread::sleep_for(50ms);
     loop.request_stop();
     loop.request_stop();
   });
-  EXPECT_EQ(loop.run().reason, LoopEnd::Reason::asked);
+  EXPECT_EQ(loop.run().reason, LoopEnd::Reason::requested);
   stopper.join();
   stream.finish(0s);
   EXPECT_TRUE(ledger.balance().is_closed());

@@ -24,10 +24,10 @@ struct Caught {
   std::int64_t time_us;
 };
 
-class FakeOutlet final : public Outlet {
+class FakeWriter final : public MessageWriter {
  public:
-  bool put(const std::string& channel, std::span<const std::uint8_t> bytes,
-           std::int64_t time_us) override {
+  bool write(const std::string& channel, std::span<const std::uint8_t> bytes,
+             std::int64_t time_us) override {
     if (channel == refused) return false;
     caught.push_back({channel, {bytes.begin(), bytes.end()}, time_us});
     return true;
@@ -57,18 +57,18 @@ std::vector<Sample> block_of(std::size_t frames) {
   return out;
 }
 
-TEST(Messages, FramesComeThroughToTheBitAndWithThemWhatWasAskedOfTheShaker) {
-  FakeOutlet outlet;
-  MessageSink sink(outlet);
+TEST(Messages, FramesPassBitIdenticallyTogetherWithTheDrive) {
+  FakeWriter writer;
+  MessageSink sink(writer);
   std::vector<Sample> block = block_of(7);
   block.back().drive = {0.003, 0.008, 2.5, 0.25, 0.0};
   block.back().amplifier_on = true;
-  EXPECT_EQ(sink.put_block(block), Put::done);
-  ASSERT_EQ(outlet.caught.size(), 2U);
+  EXPECT_EQ(sink.write_block(block), WriteResult::ok);
+  ASSERT_EQ(writer.caught.size(), 2U);
 
-  EXPECT_EQ(outlet.caught[0].channel, protocol::frames_channel);
+  EXPECT_EQ(writer.caught[0].channel, protocol::frames_channel);
   std::vector<Frame> frames;
-  const auto message = decoded<frame_block_t>(outlet.caught[0].bytes);
+  const auto message = decoded<frame_block_t>(writer.caught[0].bytes);
   ASSERT_TRUE(protocol::from_block(message, frames));
   EXPECT_EQ(message.flags, 0);
   ASSERT_EQ(frames.size(), 7U);
@@ -77,8 +77,8 @@ TEST(Messages, FramesComeThroughToTheBitAndWithThemWhatWasAskedOfTheShaker) {
     EXPECT_TRUE(std::signbit(frames[i][Channel::displacement]));
   }
 
-  EXPECT_EQ(outlet.caught[1].channel, protocol::excitation_channel);
-  const auto excitation = decoded<excitation_t>(outlet.caught[1].bytes);
+  EXPECT_EQ(writer.caught[1].channel, protocol::excitation_channel);
+  const auto excitation = decoded<excitation_t>(writer.caught[1].bytes);
   EXPECT_EQ(excitation.sequence, 106);
   EXPECT_EQ(excitation.drive, 0.003);
   EXPECT_EQ(excitation.carrier_hz, 2.5);
@@ -87,15 +87,15 @@ TEST(Messages, FramesComeThroughToTheBitAndWithThemWhatWasAskedOfTheShaker) {
   EXPECT_EQ(excitation.earlier_by, (std::vector<std::int32_t>{6, 5, 4, 3, 2, 1}));
 }
 
-TEST(Messages, TheDriveAtEveryFrameIsToldOnceATenthOfASecondAndAtTheEnd) {
-  FakeOutlet outlet;
-  MessageSink sink(outlet);
+TEST(Messages, TheDriveAtEveryFrameIsPublishedEveryTenthOfASecondAndAtTheEnd) {
+  FakeWriter writer;
+  MessageSink sink(writer);
   std::vector<double> asked;
   std::uint64_t sequence = 50;
   for (int block = 0; block < 25; ++block) {
     std::vector<Sample> samples(10);
     for (Sample& sample : samples) {
-      sequence += asked.size() % 7 == 3 ? 5 : 1;  // the source loses some
+      sequence += asked.size() % 7 == 3 ? 5 : 1;  // the source loses some frames
       sample.frame.sequence = sequence;
       sample.frame.time_ns = static_cast<std::int64_t>(asked.size()) * 1'000'000;
       sample.drive.value = std::sin(0.1 * static_cast<double>(asked.size()));
@@ -105,19 +105,19 @@ TEST(Messages, TheDriveAtEveryFrameIsToldOnceATenthOfASecondAndAtTheEnd) {
       sample.amplifier_on = asked.size() >= 100;
       asked.push_back(sample.drive.value);
     }
-    ASSERT_EQ(sink.put_block(samples), Put::done);
+    ASSERT_EQ(sink.write_block(samples), WriteResult::ok);
   }
   sink.finish();
 
   std::vector<excitation_t> messages;
-  for (const Caught& caught : outlet.caught) {
+  for (const Caught& caught : writer.caught) {
     if (caught.channel != protocol::excitation_channel) continue;
     excitation_t message{};
     ASSERT_TRUE(protocol::decode(caught.bytes, message));
     messages.push_back(message);
   }
-  ASSERT_EQ(messages.size(), 4U);  // of the first block, at 0.1 s and 0.2 s from there, at the end
-  std::vector<double> told;
+  ASSERT_EQ(messages.size(), 4U);  // first block, 0.1 s and 0.2 s later, end
+  std::vector<double> published;
   std::int64_t latest = 50;
   for (const excitation_t& message : messages) {
     for (std::size_t i = 0; i < message.earlier_by.size(); ++i) {
@@ -126,59 +126,59 @@ TEST(Messages, TheDriveAtEveryFrameIsToldOnceATenthOfASecondAndAtTheEnd) {
       EXPECT_EQ(message.earlier_amplitude[i], 0.5F);
       EXPECT_FLOAT_EQ(message.earlier_phase_rad[i], static_cast<float>(1.5 * M_PI));
       EXPECT_EQ(message.earlier_state[i],
-                (told.size() % 2 == 0 ? static_cast<int>(Limit::velocity) : 0) |
-                    (told.size() >= 100 ? 0x80 : 0));
-      told.push_back(message.earlier_drive[i]);
+                (published.size() % 2 == 0 ? static_cast<int>(Limit::velocity) : 0) |
+                    (published.size() >= 100 ? 0x80 : 0));
+      published.push_back(message.earlier_drive[i]);
     }
-    told.push_back(message.drive);
+    published.push_back(message.drive);
     latest = message.sequence;
   }
-  EXPECT_EQ(told, asked);
+  EXPECT_EQ(published, asked);
   EXPECT_EQ(latest, static_cast<std::int64_t>(sequence));
 }
 
-TEST(Messages, FramesThatWereRefusedHadNoDriveToTell) {
-  FakeOutlet outlet;
-  MessageSink sink(outlet);
-  outlet.refused = protocol::frames_channel;
-  EXPECT_EQ(sink.put_block(block_of(3)), Put::write_error);
+TEST(Messages, RefusedFramesHaveNoDriveToPublish) {
+  FakeWriter writer;
+  MessageSink sink(writer);
+  writer.refused = protocol::frames_channel;
+  EXPECT_EQ(sink.write_block(block_of(3)), WriteResult::write_error);
   sink.finish();
-  EXPECT_TRUE(outlet.caught.empty());
+  EXPECT_TRUE(writer.caught.empty());
 }
 
 TEST(Messages, ALateCycleMarksItsBlock) {
-  FakeOutlet outlet;
-  MessageSink sink(outlet);
+  FakeWriter writer;
+  MessageSink sink(writer);
   std::vector<Sample> block = block_of(3);
   block[1].late = true;
-  sink.put_block(block);
-  EXPECT_EQ(decoded<frame_block_t>(outlet.caught[0].bytes).flags, 1);
+  sink.write_block(block);
+  EXPECT_EQ(decoded<frame_block_t>(writer.caught[0].bytes).flags, 1);
 }
 
 TEST(Messages, LogTimeRunsWithRigTimeFromTheWallClock) {
-  FakeOutlet outlet;
-  MessageSink sink(outlet);
+  FakeWriter writer;
+  MessageSink sink(writer);
   const auto now_us = std::chrono::duration_cast<std::chrono::microseconds>(
                           std::chrono::system_clock::now().time_since_epoch())
                           .count();
   std::vector<Sample> block = block_of(1);
-  sink.put_block(block);
+  sink.write_block(block);
   block[0].frame.time_ns += 3'600'000'000'000;
-  sink.put_block(block);
-  EXPECT_NEAR(static_cast<double>(outlet.caught[0].time_us - now_us), 0.0, 60e6);
-  EXPECT_EQ(outlet.caught[2].time_us - outlet.caught[0].time_us, 3'600'000'000);
+  sink.write_block(block);
+  EXPECT_NEAR(static_cast<double>(writer.caught[0].time_us - now_us), 0.0, 60e6);
+  EXPECT_EQ(writer.caught[2].time_us - writer.caught[0].time_us, 3'600'000'000);
 }
 
 TEST(Messages, ARefusedBlockIsAWriteError) {
-  FakeOutlet outlet;
-  outlet.refused = protocol::frames_channel;
-  MessageSink sink(outlet);
-  EXPECT_EQ(sink.put_block(block_of(2)), Put::write_error);
+  FakeWriter writer;
+  writer.refused = protocol::frames_channel;
+  MessageSink sink(writer);
+  EXPECT_EQ(sink.write_block(block_of(2)), WriteResult::write_error);
 }
 
 TEST(Messages, AnEstimateCarriesItsCovarianceByName) {
-  FakeOutlet outlet;
-  MessageSink sink(outlet);
+  FakeWriter writer;
+  MessageSink sink(writer);
   Estimate estimate;
   estimate.time_ns = 42;
   estimate.sequence = 7;
@@ -194,15 +194,15 @@ TEST(Messages, AnEstimateCarriesItsCovarianceByName) {
   estimate.covariance[2][2] = 0.04;
   estimate.innovation[0] = 1e-5;
   estimate.innovation_std[0] = 2e-5;
-  estimate.innovation[1] = 1.0;  // did not take part
+  estimate.innovation[1] = 1.0;  // not used
   estimate.innovation_valid = 1;
   estimate.nis_mean = 1.25;
   estimate.nis_mean_low = 0.5;
   estimate.nis_mean_high = 1.5;
   estimate.whiteness[5] = -0.25;
   estimate.whiteness_bound[2] = 0.125;
-  EXPECT_EQ(sink.put_estimate(estimate), Put::done);
-  const auto out = decoded<friction_estimate_t>(outlet.caught.at(0).bytes);
+  EXPECT_EQ(sink.write_estimate(estimate), WriteResult::ok);
+  const auto out = decoded<friction_estimate_t>(writer.caught.at(0).bytes);
   EXPECT_EQ(out.sequence, 7);
   EXPECT_EQ(out.valid, 1);
   EXPECT_EQ(out.mu, 0.8);
@@ -218,9 +218,9 @@ TEST(Messages, AnEstimateCarriesItsCovarianceByName) {
   EXPECT_EQ(out.whiteness[5], -0.25);
   EXPECT_EQ(out.whiteness_bound[2], 0.125);
 
-  // The next one has nothing to say, and nothing of the last one is left in it.
-  EXPECT_EQ(sink.put_estimate(Estimate{}), Put::done);
-  const auto none = decoded<friction_estimate_t>(outlet.caught.at(1).bytes);
+  // The next one is empty and keeps nothing of the previous one.
+  EXPECT_EQ(sink.write_estimate(Estimate{}), WriteResult::ok);
+  const auto none = decoded<friction_estimate_t>(writer.caught.at(1).bytes);
   EXPECT_EQ(none.valid, 0);
   EXPECT_EQ(none.state_count, 0);
 }
@@ -250,7 +250,7 @@ TEST(Messages, StatusHoldsTheWholeLedger) {
   EXPECT_EQ(out.overruns, 5);
 }
 
-TEST(Messages, EventsAndTheRecordingsDescriptionOfItself) {
+TEST(Messages, EventsAndTheDescriptionOfTheRecording) {
   Notice notice;
   notice.kind = Notice::Kind::fault;
   notice.sequence = 9;
@@ -284,7 +284,7 @@ TEST(Messages, EventsAndTheRecordingsDescriptionOfItself) {
   EXPECT_EQ(faulty.fault_script_sha256.size(), 64U);
 }
 
-TEST(Events, EveryNoticeHasItsWordsAndLongTextIsCut) {
+TEST(Events, EveryNoticeHasAMessageAndLongTextIsTruncated) {
   for (int kind = 0; kind <= static_cast<int>(Notice::Kind::model_follows); ++kind) {
     Notice notice;
     notice.kind = static_cast<Notice::Kind>(kind);
@@ -295,7 +295,7 @@ TEST(Events, EveryNoticeHasItsWordsAndLongTextIsCut) {
   overrun.kind = Notice::Kind::overrun;
   overrun.count = 4;
   overrun.duration_ns = 4'050'000;
-  EXPECT_EQ(event_of(overrun).message, "a cycle came 4.050 ms late, 4 periods skipped");
+  EXPECT_EQ(event_of(overrun).message, "a cycle was 4.050 ms late, 4 periods skipped");
   Notice longer;
   longer.set_text(std::string(1000, 'x'));
   EXPECT_EQ(std::string(longer.text.data()).size(), longer.text.size() - 1);

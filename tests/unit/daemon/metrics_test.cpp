@@ -20,8 +20,8 @@ namespace {
 
 using Labels = std::map<std::string, std::string>;
 
-/// What a Prometheus server would read from a page. Everything that the text format or the naming
-/// rules forbid is a problem.
+/// A page as a Prometheus server reads it. Violations of the text format or the naming rules are
+/// problems.
 struct Scrape {
   std::map<std::string, std::string> types;
   std::map<std::pair<std::string, Labels>, double> samples;
@@ -35,8 +35,8 @@ struct Scrape {
   }
 };
 
-/// The name at `at`: letters, digits, underscores and, where `colons`, colons; no digit first.
-/// Empty where there is none.
+/// The name at `at`: letters, digits, underscores and, with `colons`, colons; no digit first. Empty
+/// if there is none.
 std::string name_at(const std::string& line, std::size_t at, bool colons) {
   std::size_t end = at;
   while (end < line.size()) {
@@ -48,7 +48,7 @@ std::string name_at(const std::string& line, std::size_t at, bool colons) {
   return line.substr(at, end - at);
 }
 
-/// Reads `{name="value",...}` from `at`; false where it is malformed.
+/// Parses `{name="value",...}` from `at`; false if malformed.
 bool read_labels(const std::string& line, std::size_t& at, Labels& labels) {
   if (line.at(at) != '{') return true;
   ++at;
@@ -92,7 +92,7 @@ Scrape scrape(const std::string& page) {
     std::string name;
     if (line.starts_with("# HELP ")) {
       words >> hash >> keyword >> name;
-      if (!helped.insert(name).second) problem("helped twice");
+      if (!helped.insert(name).second) problem("duplicate help");
       if (line.size() <= 8 + name.size()) problem("no help");
       family = name;
       continue;
@@ -101,7 +101,7 @@ Scrape scrape(const std::string& page) {
       std::string type;
       words >> hash >> keyword >> name >> type;
       if (name != family) problem("a type without its help");
-      if (!out.types.emplace(name, type).second) problem("typed twice");
+      if (!out.types.emplace(name, type).second) problem("duplicate type");
       if (!std::set<std::string>{"counter", "gauge", "summary"}.contains(type)) problem("type");
       if (name.ends_with("_total") != (type == "counter")) problem("counters end in _total");
       for (const char* unit : {"_ns", "_us", "_ms", "_milliseconds", "_count", "_sum"}) {
@@ -125,9 +125,9 @@ Scrape scrape(const std::string& page) {
     const std::string& type = out.types[family];
     const bool own = name == family ||
                      (type == "summary" && (name == family + "_sum" || name == family + "_count"));
-    if (!own) problem("stands outside its family");
+    if (!own) problem("outside its family");
     if (labels.contains("quantile") && type != "summary") problem("a quantile in no summary");
-    if (!out.samples.emplace(std::pair(name, labels), value).second) problem("stands twice");
+    if (!out.samples.emplace(std::pair(name, labels), value).second) problem("duplicate");
   }
   return out;
 }
@@ -159,7 +159,7 @@ Status some_status() {
   return status;
 }
 
-TEST(Metrics, AreWhatTheFormatWantsAndSayTheStatus) {
+TEST(Metrics, FollowTheFormatAndHoldTheStatus) {
   const Scrape page = scrape(metrics_text(some_status(), "r", 1'700'000'000'250'000));
   EXPECT_THAT(page.problems, testing::IsEmpty());
   EXPECT_EQ(page.at("updated_timestamp_seconds"), 1'700'000'000.25);
@@ -187,7 +187,7 @@ TEST(Metrics, AreWhatTheFormatWantsAndSayTheStatus) {
   EXPECT_EQ(page.at("lost_messages_total"), 6);
 }
 
-TEST(Metrics, SayWhatEachDeviceCounts) {
+TEST(Metrics, HoldTheCountsOfEachDevice) {
   Status status = some_status();
   status.devices.add({"LabJack U6", "overflows", 4});
   status.devices.add({"LabJack U6", "backlog", 200, drivers::Count::Kind::level});
@@ -202,7 +202,7 @@ TEST(Metrics, SayWhatEachDeviceCounts) {
   EXPECT_EQ(page.at("device_level", {{"device", "LabJack U6"}, {"level", "backlog"}}), 200);
 }
 
-TEST(Metrics, AConsumerThatNobodyAskedForIsAbsentAndNotZero) {
+TEST(Metrics, ADisabledConsumerIsAbsentAndNotZero) {
   const Scrape page = scrape(metrics_text(some_status(), "r", 0));
   for (const auto& [name_and_labels, value] : page.samples) {
     const auto consumer = name_and_labels.second.find("consumer");
@@ -229,14 +229,13 @@ TEST(Metrics, TheRigIsInOneStateAtATimeAndAFaultIsAFlag) {
 
 TEST(Metrics, LargeCountersKeepEveryDigit) {
   Status status = some_status();
-  status.ledger.produced = 9'007'199'254'740'993;  // no double
+  status.ledger.produced = 9'007'199'254'740'993;  // not representable as double
   EXPECT_THAT(metrics_text(status, "r", 0),
               testing::HasSubstr("stickslip_frames_produced_total{rig=\"r\"} 9007199254740993\n"));
 }
 
-RC_GTEST_PROP(Metrics, AnyNameOfARigComesBack, (const std::string& name)) {
-  // Labels are any characters; only three are escaped. A carriage return would be a line's end to
-  // this test's reader alone.
+RC_GTEST_PROP(Metrics, AnyNameOfARigIsReadBack, (const std::string& name)) {
+  // Labels may hold any characters; only three are escaped.
   const Scrape page = scrape(metrics_text(some_status(), name, 0));
   RC_ASSERT(page.problems.empty());
   for (const auto& [name_and_labels, value] : page.samples) {
@@ -244,7 +243,7 @@ RC_GTEST_PROP(Metrics, AnyNameOfARigComesBack, (const std::string& name)) {
   }
 }
 
-TEST(Metrics, TheLintSeesWhatIsWrong) {
+TEST(Metrics, TheLintDetectsViolations) {
   const auto problems = [](const std::string& page) { return scrape(page).problems.size(); };
   EXPECT_EQ(problems("# HELP a_total h\n# TYPE a_total counter\na_total{x=\"\\\"\"} 1\n"), 0U);
   EXPECT_GT(problems("# HELP a h\n# TYPE a counter\na 1\n"), 0U);
@@ -273,11 +272,11 @@ class MetricsFile : public testing::Test {
   std::filesystem::path folder_;
 };
 
-TEST_F(MetricsFile, IsReplacedWholeAndEveryoneMayReadIt) {
+TEST_F(MetricsFile, IsReplacedAtomicallyAndReadableByEveryone) {
   const auto file = folder_ / "stickslip.prom";
   const mode_t before = umask(0077);
   EXPECT_EQ(write_metrics(file, "a 1\n"), "");
-  std::ifstream reader(file);  // opened before the second: it keeps the first
+  std::ifstream reader(file);  // opened before the second write: keeps the first content
   EXPECT_EQ(write_metrics(file, "b 2\n"), "");
   umask(before);
   EXPECT_EQ(content(file), "b 2\n");
@@ -288,7 +287,7 @@ TEST_F(MetricsFile, IsReplacedWholeAndEveryoneMayReadIt) {
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), {}), 1);
 }
 
-TEST_F(MetricsFile, WhatStandsInItsWayIsSaidAndNothingIsLeftBehind) {
+TEST_F(MetricsFile, ErrorsAreReportedAndNothingIsLeftBehind) {
   EXPECT_THAT(write_metrics(folder_ / "none" / "stickslip.prom", "a 1\n"),
               testing::HasSubstr("cannot be written: No such file or directory"));
   std::filesystem::create_directories(folder_ / "stickslip.prom" / "taken");

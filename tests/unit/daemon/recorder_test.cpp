@@ -1,4 +1,4 @@
-// The recorder's log: its parts, what it keeps, and what it does while the disk refuses.
+// The recorder's log: its parts, existing logs, and errors of the disk.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <stdlib.h>
@@ -14,9 +14,9 @@
 #include <stickslip/status_t.hpp>
 #include <vector>
 
-#include "daemon/loss_watch.h"
+#include "daemon/loss_monitor.h"
+#include "daemon/message_writer.h"
 #include "daemon/messages.h"
-#include "daemon/outlet.h"
 #include "protocol/recording.h"
 #include "protocol/recording_parts.h"
 #include "protocol/recording_survey.h"
@@ -25,7 +25,7 @@ namespace {
 bool disk_confirms = true;
 }
 
-// In the place of the C library's: a disk that does not keep its word, when a test wants one.
+// Replaces the C library's function: a disk that fails to sync, if a test needs one.
 extern "C" int fdatasync(int file) {
   if (disk_confirms) return static_cast<int>(::syscall(SYS_fdatasync, file));
   errno = EIO;
@@ -51,9 +51,9 @@ class RecorderTest : public testing::Test {
     rig_.name = "bench";
     rig_.text = "[rig]\n";
     rig_.model_text = "schema = 1\n";
-    keep_new_books();
+    open_new_ledger();
   }
-  void keep_new_books() {
+  void open_new_ledger() {
     ledger_ = std::make_unique<Ledger>();
     ledger_->recorded().enable();
   }
@@ -65,13 +65,14 @@ class RecorderTest : public testing::Test {
 
   void open(RecorderSettings settings) {
     settings.ledger = ledger_.get();
-    outlet_ = open_log(file_, settings);
-    sink_ = std::make_unique<MessageSink>(*outlet_);
-    EXPECT_EQ(sink_->put_message(recording_info_message(rig_, 1'720'000'000'000'000)), Put::done);
+    writer_ = open_log(file_, settings);
+    sink_ = std::make_unique<MessageSink>(*writer_);
+    EXPECT_EQ(sink_->write_message(recording_info_message(rig_, 1'720'000'000'000'000)),
+              WriteResult::ok);
   }
 
-  /// What a stream does with a block; whether it was taken.
-  bool put_block(std::size_t frames = 10) {
+  /// As a stream does; true if the block was taken.
+  bool write_block(std::size_t frames = 10) {
     std::vector<Sample> block(frames);
     for (Sample& sample : block) {
       sample.frame.sequence = next_++;
@@ -79,33 +80,33 @@ class RecorderTest : public testing::Test {
       sample.frame.set(Channel::displacement, 1e-3);
       ledger_->produce();
     }
-    if (sink_->put_block(block) != Put::done) {
+    if (sink_->write_block(block) != WriteResult::ok) {
       ledger_->recorded().lose(Loss::write_error, frames);
       return false;
     }
-    unsettled_ += frames;
-    if (sink_->wants_to_settle()) settle();
+    unflushed_ += frames;
+    if (sink_->wants_flush()) flush();
     return true;
   }
-  void settle() {
-    if (sink_->settle()) {
-      ledger_->recorded().deliver(unsettled_);
+  void flush() {
+    if (sink_->flush()) {
+      ledger_->recorded().deliver(unflushed_);
     } else {
-      ledger_->recorded().lose(Loss::write_error, unsettled_);
+      ledger_->recorded().lose(Loss::write_error, unflushed_);
     }
-    unsettled_ = 0;
+    unflushed_ = 0;
   }
-  void send_status() {
+  void publish_status() {
     Status status;
     status.state = RigState::running;
     status.ledger = ledger_->balance();
-    sink_->put_message(status_message(status, 1'720'000'000'000'000));
+    sink_->write_message(status_message(status, 1'720'000'000'000'000));
   }
-  /// As the service ends: everything has settled, then the last status.
+  /// As the service ends: a flush, then the last status.
   bool finish() {
-    settle();
-    send_status();
-    return outlet_->close();
+    flush();
+    publish_status();
+    return writer_->close();
   }
 
   /// The parts on disk, in order.
@@ -121,7 +122,7 @@ class RecorderTest : public testing::Test {
     for (const auto& part : parts()) out.push_back(protocol::survey_log(part));
     return out;
   }
-  /// No frame is lost or doubled, each part stands alone and its last word is its ledger.
+  /// No frame is lost or duplicated, each part is self-contained and ends with its ledger.
   void expect_one_recording(std::uint64_t frames) const {
     const auto logs = surveys();
     EXPECT_THAT(protocol::faults_between(logs), IsEmpty());
@@ -148,23 +149,23 @@ class RecorderTest : public testing::Test {
   std::filesystem::path file_;
   config::Rig rig_;
   std::unique_ptr<Ledger> ledger_;
-  std::unique_ptr<Outlet> outlet_;
+  std::unique_ptr<MessageWriter> writer_;
   std::unique_ptr<MessageSink> sink_;
   std::uint64_t next_ = 0;
-  std::uint64_t unsettled_ = 0;
+  std::uint64_t unflushed_ = 0;
 };
 
 TEST_F(RecorderTest, WithoutLimitsThereIsOnePart) {
   open({});
-  for (int i = 0; i < 100; ++i) put_block();
+  for (int i = 0; i < 100; ++i) write_block();
   EXPECT_TRUE(finish());
   EXPECT_EQ(parts().size(), 1U);
   expect_one_recording(1000);
 }
 
-TEST_F(RecorderTest, BeginsAPartWhenItsTimeIsOverToTheBlock) {
+TEST_F(RecorderTest, BeginsAPartAfterItsDurationToTheBlock) {
   open({.rotate_s = 1.0});
-  for (int i = 0; i < 305; ++i) put_block();
+  for (int i = 0; i < 305; ++i) write_block();
   EXPECT_TRUE(finish());
   const auto logs = surveys();
   ASSERT_EQ(logs.size(), 4U);
@@ -179,8 +180,8 @@ TEST_F(RecorderTest, BeginsAPartWhenItsTimeIsOverToTheBlock) {
 TEST_F(RecorderTest, BeginsAPartWhenItIsLargeEnough) {
   open({.rotate_mb = 0.05});
   for (int i = 0; i < 300; ++i) {
-    put_block();
-    if (i % 37 == 0) send_status();
+    write_block();
+    if (i % 37 == 0) publish_status();
   }
   EXPECT_TRUE(finish());
   const auto logs = surveys();
@@ -192,12 +193,12 @@ TEST_F(RecorderTest, BeginsAPartWhenItIsLargeEnough) {
   expect_one_recording(3000);
 }
 
-TEST_F(RecorderTest, AnyCuttingLosesAndDoublesNothing) {
+TEST_F(RecorderTest, AnyRotationNeitherLosesNorDuplicatesFrames) {
   std::mt19937 random(11);
   for (int round = 0; round < 8; ++round) {
     TearDown();
     std::filesystem::create_directory(folder_);
-    keep_new_books();
+    open_new_ledger();
     open({.rotate_s = 1.0 + 0.01 * static_cast<double>(random() % 100),
           .rotate_mb = 0.01 + 0.001 * static_cast<double>(random() % 100),
           .sync_s = static_cast<double>(random() % 2) * 1e-6});
@@ -206,21 +207,21 @@ TEST_F(RecorderTest, AnyCuttingLosesAndDoublesNothing) {
     std::uint64_t frames = 0;
     for (std::size_t i = 0; i < blocks; ++i) {
       const std::size_t some = 1 + random() % 20;
-      EXPECT_TRUE(put_block(some));
+      EXPECT_TRUE(write_block(some));
       frames += some;
-      if (random() % 9 == 0) settle();
-      if (random() % 9 == 0) send_status();
+      if (random() % 9 == 0) flush();
+      if (random() % 9 == 0) publish_status();
     }
     EXPECT_TRUE(finish());
     expect_one_recording(frames);
   }
 }
 
-TEST_F(RecorderTest, ALogThatIsThereIsKept) {
+TEST_F(RecorderTest, AnExistingLogIsKept) {
   for (int round = 0; round < 3; ++round) {
     open({});
     next_ = 0;
-    for (int i = 0; i <= round; ++i) put_block();
+    for (int i = 0; i <= round; ++i) write_block();
     static_cast<void>(finish());
   }
   std::vector<std::size_t> frames;
@@ -231,7 +232,7 @@ TEST_F(RecorderTest, ALogThatIsThereIsKept) {
   EXPECT_EQ(protocol::read_recording(file_).frames.size(), 30U);
 }
 
-// A limit on the size of files stands for a full disk: the same refusal, in the middle of an event.
+// A limit on the size of files in place of a full disk: writes fail in the middle of an event.
 class FullDisk {
  public:
   FullDisk() {
@@ -252,14 +253,14 @@ class FullDisk {
   rlimit before_{};
 };
 
-TEST_F(RecorderTest, AFullDiskCostsWhatTheBooksSayAndTheLogStaysWhole) {
+TEST_F(RecorderTest, AFullDiskLosesWhatTheLedgerSaysAndTheLogStaysValid) {
   const FullDisk disk;
   open({});
   for (int i = 0; i < 400; ++i) {
     if (i == 100) disk.limit(60'000);
     if (i == 300) disk.lift();
-    put_block();
-    if (i % 5 == 4) settle();
+    write_block();
+    if (i % 5 == 4) flush();
   }
   EXPECT_TRUE(finish());
   const auto log = protocol::survey_log(file_);
@@ -270,16 +271,16 @@ TEST_F(RecorderTest, AFullDiskCostsWhatTheBooksSayAndTheLogStaysWhole) {
   EXPECT_EQ(log.missing, static_cast<std::uint64_t>(log.ledger->lost()));
 }
 
-TEST_F(RecorderTest, ADiskThatIsFullAtTheStartGetsTheDescriptionFirstAllTheSame) {
+TEST_F(RecorderTest, TheDescriptionComesFirstEvenIfTheDiskIsFullAtTheStart) {
   const FullDisk disk;
   open({});
   disk.limit(20);
   for (int i = 0; i < 20; ++i) {
-    put_block();
-    settle();
+    write_block();
+    flush();
   }
   disk.lift();
-  for (int i = 0; i < 20; ++i) put_block();
+  for (int i = 0; i < 20; ++i) write_block();
   EXPECT_TRUE(finish());
   const auto log = protocol::survey_log(file_);
   EXPECT_THAT(log.faults(), IsEmpty());
@@ -288,49 +289,49 @@ TEST_F(RecorderTest, ADiskThatIsFullAtTheStartGetsTheDescriptionFirstAllTheSame)
   EXPECT_EQ(log.first_sequence, 200U);
 }
 
-TEST_F(RecorderTest, WhereNoPartCanBeBegunTheOneBeforeGoesOn) {
+TEST_F(RecorderTest, RecordingContinuesInThePreviousPartIfNoneCanBeBegun) {
   open({.rotate_s = 1.0});
   std::filesystem::create_directory(folder_ / "run.001.log");  // in the way
-  for (int i = 0; i < 305; ++i) put_block();
+  for (int i = 0; i < 305; ++i) write_block();
   EXPECT_TRUE(finish());
   EXPECT_EQ(protocol::read_recording(file_).frames.size(), 3050U);
 }
 
-TEST_F(RecorderTest, WhatIsNoFileOnADiskIsNotSynced) {
+TEST_F(RecorderTest, ADeviceFileIsNotSynced) {
   file_ = "/dev/null";
   open({.sync_s = 1e-9});
-  for (int i = 0; i < 20; ++i) put_block();
+  for (int i = 0; i < 20; ++i) write_block();
   EXPECT_TRUE(finish());
 }
 
-TEST_F(RecorderTest, TheBooksSayWhatTheDiskHasConfirmed) {
-  open({.sync_s = 1e-9});  // at every settlement
+TEST_F(RecorderTest, TheLedgerHoldsWhatTheDiskHasConfirmed) {
+  open({.sync_s = 1e-9});  // at every flush
   EXPECT_THAT(ledger_->balance().recorded.confirmed, Optional(0U));
-  for (int i = 0; i < 3; ++i) put_block();
-  settle();
+  for (int i = 0; i < 3; ++i) write_block();
+  flush();
   EXPECT_THAT(ledger_->balance().recorded.confirmed, Optional(30U));
   EXPECT_THAT(ledger_->balance().text(), Not(HasSubstr("confirmed")));
 
   disk_confirms = false;
-  for (int i = 0; i < 4; ++i) put_block();
-  settle();
-  EXPECT_EQ(ledger_->balance().recorded.delivered, 70U);  // the kernel has them
+  for (int i = 0; i < 4; ++i) write_block();
+  flush();
+  EXPECT_EQ(ledger_->balance().recorded.delivered, 70U);  // held by the kernel
   EXPECT_THAT(ledger_->balance().recorded.confirmed, Optional(30U));
   EXPECT_THAT(ledger_->balance().text(), HasSubstr("the disk has confirmed 30 of them"));
 
-  // What comes later is confirmed, and says nothing about what was in doubt.
+  // Later frames are confirmed; the frames of the failed sync stay unconfirmed.
   disk_confirms = true;
-  for (int i = 0; i < 5; ++i) put_block();
+  for (int i = 0; i < 5; ++i) write_block();
   EXPECT_FALSE(finish());
   EXPECT_EQ(ledger_->balance().recorded.delivered, 120U);
   EXPECT_THAT(ledger_->balance().recorded.confirmed, Optional(80U));
   EXPECT_TRUE(ledger_->balance().is_closed());
 }
 
-TEST_F(RecorderTest, ADiskThatIsNotAskedConfirmsNothing) {
+TEST_F(RecorderTest, NothingIsConfirmedWithoutSyncs) {
   disk_confirms = false;
   open({.sync_s = 0.0});
-  put_block();
+  write_block();
   EXPECT_TRUE(finish());
   EXPECT_EQ(ledger_->balance().recorded.confirmed, std::nullopt);
 }
@@ -343,31 +344,31 @@ AccountBalance account(std::uint64_t ring_full, std::uint64_t write_error) {
   return out;
 }
 
-TEST(LossWatch, TellsOnceThatFramesAreBeingLostAndOnceThatItHasEnded) {
-  LossWatch watch;
+TEST(LossMonitor, ReportsTheBeginningAndTheEndOfLossesOnce) {
+  LossMonitor monitor;
   Balance balance;
   balance.recorded = account(0, 0);
-  EXPECT_THAT(watch.look(balance), IsEmpty());
-  std::vector<Event> told;
+  EXPECT_THAT(monitor.update(balance), IsEmpty());
+  std::vector<Event> reported;
   for (const std::uint64_t lost : {5U, 1000U, 2000U, 90'000U}) {
     balance.recorded = account(lost, 0);
-    for (Event& event : watch.look(balance)) told.push_back(std::move(event));
+    for (Event& event : monitor.update(balance)) reported.push_back(std::move(event));
   }
-  ASSERT_EQ(told.size(), 1U);
-  EXPECT_EQ(told[0].severity, Severity::warning);
-  EXPECT_EQ(told[0].code, "ring_full");
-  told = watch.look(balance);
-  ASSERT_EQ(told.size(), 1U);
-  EXPECT_EQ(told[0].severity, Severity::info);
-  EXPECT_EQ(told[0].message, "recording keeps up again; 90000 frames were lost (ring full)");
-  EXPECT_THAT(watch.look(balance), IsEmpty());
-  // Each consumer and each cause by itself; the second episode counts from its own beginning.
+  ASSERT_EQ(reported.size(), 1U);
+  EXPECT_EQ(reported[0].severity, Severity::warning);
+  EXPECT_EQ(reported[0].code, "ring_full");
+  reported = monitor.update(balance);
+  ASSERT_EQ(reported.size(), 1U);
+  EXPECT_EQ(reported[0].severity, Severity::info);
+  EXPECT_EQ(reported[0].message, "recording keeps up again; 90000 frames were lost (ring full)");
+  EXPECT_THAT(monitor.update(balance), IsEmpty());
+  // Separately for each consumer and cause; the second episode counts from its beginning.
   balance.recorded = account(90'010, 3);
   balance.published = account(0, 7);
-  EXPECT_EQ(watch.look(balance).size(), 3U);
-  told = watch.look(balance);
-  ASSERT_EQ(told.size(), 3U);
-  EXPECT_THAT(told[0].message, testing::HasSubstr("; 10 frames were lost"));
+  EXPECT_EQ(monitor.update(balance).size(), 3U);
+  reported = monitor.update(balance);
+  ASSERT_EQ(reported.size(), 3U);
+  EXPECT_THAT(reported[0].message, testing::HasSubstr("; 10 frames were lost"));
 }
 
 }  // namespace

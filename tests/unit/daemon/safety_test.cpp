@@ -18,7 +18,7 @@ constexpr std::array all_states = {faulted, idle, armed, running, stopping};
 constexpr std::array all_inputs = {clear, arm, disarm, start, stop, at_rest, fault};
 static_assert(all_states.size() == state_count && all_inputs.size() == input_count);
 
-// The whole machine, written a second time: a row for each state, a column for each input.
+// The state machine, independently of the implementation: states by inputs.
 constexpr RigState table[state_count][input_count] = {
     //            clear    arm      disarm    start    stop      at_rest   fault
     /* faulted */ {idle, faulted, faulted, faulted, faulted, faulted, faulted},
@@ -28,7 +28,7 @@ constexpr RigState table[state_count][input_count] = {
     /* stopping*/ {stopping, stopping, stopping, stopping, stopping, idle, faulted},
 };
 
-TEST(Safety, EveryStateAnswersEveryInputAsTheTableSays) {
+TEST(Safety, EveryStateRespondsToEveryInputAsInTheTable) {
   for (const RigState state : all_states) {
     for (const RigInput input : all_inputs) {
       EXPECT_EQ(next_state(state, input),
@@ -38,7 +38,7 @@ TEST(Safety, EveryStateAnswersEveryInputAsTheTableSays) {
   }
 }
 
-// What the table has to mean, whatever it says.
+// Required properties of any such table.
 TEST(Safety, NothingMovesWithoutClearArmAndStartInThisOrder) {
   for (const RigState state : all_states) {
     EXPECT_EQ(next_state(state, fault), faulted);
@@ -72,7 +72,7 @@ TEST(Safety, EverySequenceOfSixInputsKeepsTheAmplifierOffUnlessItWasStarted) {
   for (int code = 0; code < 117'649; ++code) {
     int rest = code;
     RigState state = faulted;
-    int stage = 0;  // of clear, arm, start; a fault begins anew
+    int stage = 0;  // of clear, arm, start; reset by a fault
     for (RigInput& input : inputs) {
       input = all_inputs[static_cast<std::size_t>(rest % 7)];
       rest /= 7;
@@ -91,7 +91,7 @@ TEST(Safety, EverySequenceOfSixInputsKeepsTheAmplifierOffUnlessItWasStarted) {
   }
 }
 
-TEST(Safety, BeginsFaultedAndLatchedUntilSomebodyClearsIt) {
+TEST(Safety, StartsFaultedAndLatchedUntilCleared) {
   Safety safety;
   EXPECT_EQ(safety.state(), faulted);
   EXPECT_EQ(safety.interlock(), Interlock::just_started);
@@ -124,7 +124,7 @@ TEST(Safety, AFaultLatchesInEveryStateInWhichItMatters) {
   }
 }
 
-TEST(Safety, EveryNameIsItsOwn) {
+TEST(Safety, NamesAreUnique) {
   std::set<std::string> names;
   for (std::size_t i = 0; i < interlock_count; ++i) {
     names.insert(name_of(static_cast<Interlock>(i)));
@@ -132,7 +132,7 @@ TEST(Safety, EveryNameIsItsOwn) {
   EXPECT_EQ(names.size(), interlock_count);
 }
 
-TEST(Cause, TakesWhatFitsAndNumbersAsPeopleWriteThem) {
+TEST(Cause, TruncatesAndFormatsNumbersForPeople) {
   Cause cause("x was ");
   cause.add(0.0123).add(" m");
   EXPECT_STREQ(cause.c_str(), "x was 0.0123 m");

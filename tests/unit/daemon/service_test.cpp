@@ -7,7 +7,7 @@
 #include <functional>
 #include <string>
 
-#include "daemon/outlet.h"
+#include "daemon/message_writer.h"
 #include "physics/problem.h"
 
 namespace stickslip::daemon {
@@ -22,7 +22,7 @@ std::string refusal(const std::function<void()>& action) {
   return {};
 }
 
-TEST(Overrides, WinOverTheConfiguration) {
+TEST(Overrides, OverrideTheConfiguration) {
   config::Rig rig;
   rig.loop.duration_s = 3.0;
   Overrides overrides;
@@ -40,7 +40,7 @@ TEST(Overrides, WinOverTheConfiguration) {
   EXPECT_EQ(with_overrides(rig, overrides).loop.duration_s, 3.0);
 }
 
-TEST(Overrides, ATimeThatIsNoneIsRefused) {
+TEST(Overrides, AnInvalidDurationIsRefused) {
   for (const double duration : {0.0, -1.0, std::nan(""), HUGE_VAL}) {
     Overrides overrides;
     overrides.duration_s = duration;
@@ -55,20 +55,20 @@ TEST(Pacing, IsDecidedByTheConfigurationAndTheDevice) {
   device.paced = true;
   EXPECT_EQ(pacing_of(rig, device), Pacing::driver);
   rig.simulated.real_time = false;
-  EXPECT_EQ(pacing_of(rig, device), Pacing::free);
+  EXPECT_EQ(pacing_of(rig, device), Pacing::free_running);
   rig.driver = config::DriverKind::replay;
   EXPECT_EQ(pacing_of(rig, device), Pacing::driver);
   rig.replay.speed = 0.0;
-  EXPECT_EQ(pacing_of(rig, device), Pacing::free);
+  EXPECT_EQ(pacing_of(rig, device), Pacing::free_running);
 }
 
-TEST(Outlets, RefuseWhatTheyCannotDoWithACure) {
+TEST(MessageWriters, RefuseInvalidDestinationsWithARemedy) {
   EXPECT_THAT(refusal([] { open_log("run.csv"); }),
               testing::AllOf(testing::HasSubstr("run.log"), testing::HasSubstr("convert")));
   EXPECT_THAT(refusal([] { open_log("/nowhere/at/all/run.log"); }),
               testing::HasSubstr("/nowhere/at/all"));
   EXPECT_THAT(refusal([] { open_lcm("nonsense://x"); }), testing::HasSubstr("nonsense://x"));
-  EXPECT_TRUE(open_lcm("memq://")->put("X", {}, 0));
+  EXPECT_TRUE(open_lcm("memq://")->write("X", {}, 0));
 }
 
 }  // namespace

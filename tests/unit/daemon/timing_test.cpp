@@ -10,7 +10,7 @@
 namespace stickslip::daemon {
 namespace {
 
-TEST(DurationHistogram, IsEmptyAtFirstAndTakesNegativesAsZero) {
+TEST(DurationHistogram, IsInitiallyEmptyAndCountsNegativesAsZero) {
   DurationHistogram histogram;
   EXPECT_EQ(histogram.quantile_ns(0.5), 0);
   histogram.add(-5);

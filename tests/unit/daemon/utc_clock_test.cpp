@@ -10,18 +10,18 @@ namespace {
 constexpr std::int64_t second_us = 1'000'000;
 constexpr std::int64_t start_us = 1'700'000'000 * second_us;
 
-TEST(UtcClock, FollowsAHostWhoseClockIsLeftAlone) {
+TEST(UtcClock, FollowsAnUndisturbedHostClock) {
   UtcClock clock;
   for (std::int64_t s = 0; s < 100; ++s) {
     EXPECT_EQ(clock.utc_us(s * 1'000'000'000, start_us + s * second_us), start_us + s * second_us);
   }
 }
 
-TEST(UtcClock, AStepForwardIsTakenAndAStepBackIsWaitedFor) {
+TEST(UtcClock, FollowsAStepForwardAndWaitsForAStepBack) {
   UtcClock clock;
   clock.utc_us(0, start_us);
   EXPECT_EQ(clock.utc_us(1'000'000'000, start_us + 3600 * second_us), start_us + 3600 * second_us);
-  // Set back by a tenth of a second: an hour of waiting is more than enough.
+  // Set back by a tenth of a second: caught up after 200 s.
   std::int64_t before = start_us + 3600 * second_us;
   for (std::int64_t s = 2; s < 400; ++s) {
     const std::int64_t wall = start_us + (3599 + s) * second_us - second_us / 10;
@@ -35,7 +35,7 @@ TEST(UtcClock, AStepForwardIsTakenAndAStepBackIsWaitedFor) {
   }
 }
 
-TEST(UtcClock, NeverRunsBackwardsWhateverIsDoneToTheHost) {
+TEST(UtcClock, NeverRunsBackwardsWithAnyStepsOfTheHostClock) {
   std::mt19937_64 dice(5);
   UtcClock clock;
   std::int64_t monotonic_ns = 0;

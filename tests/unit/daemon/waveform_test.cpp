@@ -36,7 +36,7 @@ config::Excitation of_kind(ExcitationKind kind, double amplitude) {
 
 Waveform made(const config::Excitation& settings) { return {settings, 0.01, {}}; }
 
-/// Bounds of the signal and of its differences over so many cycles.
+/// Extremes of the signal and of its differences over a number of cycles.
 config::Demand seen(Waveform& waveform, int cycles) {
   config::Demand out;
   double before = 0.0;
@@ -62,7 +62,7 @@ void expect_within(const config::Demand& seen, const config::Demand& bound) {
   EXPECT_LE(seen.acceleration, bound.acceleration * 1.0001);
 }
 
-TEST(Waveform, EveryKindKeepsToItsDemandAndComesNearIt) {
+TEST(Waveform, EveryKindStaysWithinItsDemandAndComesNearIt) {
   std::vector<config::Excitation> all;
   all.push_back(of_kind(ExcitationKind::modulated, 0.01));
   all.back().modulation_hz = 0.7;
@@ -93,7 +93,7 @@ TEST(Waveform, EveryKindKeepsToItsDemandAndComesNearIt) {
   }
 }
 
-TEST(Waveform, TheHandIsSeededStaysWithinItsBoundsAndGoesThroughAllOfThem) {
+TEST(Waveform, TheHandIsSeededAndCoversItsRange) {
   config::Excitation settings = of_kind(ExcitationKind::by_hand, 0.012);
   settings.by_hand = {0.002, 0.2, 4};
   Waveform a = made(settings);
@@ -119,7 +119,7 @@ TEST(Waveform, TheHandIsSeededStaysWithinItsBoundsAndGoesThroughAllOfThem) {
   EXPECT_GT(high, 0.011);
 }
 
-// Of what changes in the amplitude, hardly anything is faster than the bandwidth.
+// The variation of the amplitude above the bandwidth is negligible.
 TEST(Waveform, TheHandHasItsBandwidth) {
   config::Excitation settings = of_kind(ExcitationKind::by_hand, 0.01);
   settings.by_hand = {0.0, 0.25, 11};
@@ -138,7 +138,7 @@ TEST(Waveform, TheHandHasItsBandwidth) {
   for (int k = 1; k < samples / 2; ++k) {
     double real = 0.0;
     double imaginary = 0.0;
-    // A window, so that the ends of the record do not leak.
+    // Hann window against spectral leakage.
     for (int i = 0; i < samples; ++i) {
       const double window = 0.5 - 0.5 * std::cos(two_pi * i / samples);
       const double angle = two_pi * (static_cast<double>(k) * i / samples);
@@ -166,7 +166,7 @@ TEST(Waveform, ALinearSweepIsTheSineOfItsIntegratedFrequency) {
   EXPECT_DOUBLE_EQ(waveform.carrier_hz(), 6.0);
 }
 
-TEST(Waveform, ASweepEndsAsItIsTold) {
+TEST(Waveform, ASweepEndsAsConfigured) {
   config::Excitation settings = of_kind(ExcitationKind::sweep, 0.005);
   const auto frequency_at = [&](double seconds) {
     Waveform waveform = made(settings);
@@ -185,7 +185,7 @@ TEST(Waveform, ASweepEndsAsItIsTold) {
   EXPECT_NEAR(frequency_at(25.0), 4.0, 1e-9);
 }
 
-TEST(Waveform, BurstsOfAChirpAreTheSameAndRestBetween) {
+TEST(Waveform, BurstsOfAChirpAreIdenticalWithRestsBetween) {
   config::Excitation settings = of_kind(ExcitationKind::chirp, 0.005);
   settings.sweep = {
       .from_hz = 2.0, .to_hz = 6.0, .duration_s = 3.0, .pause_s = 1.0, .taper_s = 0.5};
@@ -216,28 +216,28 @@ TEST(Waveform, AMultisineHasItsLines) {
   }
 }
 
-TEST(Glide, MovesAtItsRateAndStopsWithoutOvershoot) {
-  Glide glide(0.002, 0.004);
-  glide.set(0.010);
-  double before = glide.value();
+TEST(SlewLimiter, MovesAtItsRateAndStopsWithoutOvershoot) {
+  SlewLimiter limiter(0.002, 0.004);
+  limiter.set(0.010);
+  double before = limiter.value();
   double rate_before = 0.0;
   int cycles = 0;
-  while (glide.value() != 0.010) {
-    glide.advance(h);
-    const double rate = (glide.value() - before) / h;
+  while (limiter.value() != 0.010) {
+    limiter.advance(h);
+    const double rate = (limiter.value() - before) / h;
     ASSERT_GE(rate, -1e-12);
     ASSERT_LE(rate, 0.004 * 1.000001);
     ASSERT_LE(std::abs(rate - rate_before), 0.004 / 0.25 * h * 1.001);
     ASSERT_LE(++cycles, 2500);
-    before = glide.value();
+    before = limiter.value();
     rate_before = rate;
   }
   EXPECT_GE(cycles, 2000);
-  for (int i = 0; i < 10; ++i) glide.advance(h);
-  EXPECT_EQ(glide.value(), 0.010);
+  for (int i = 0; i < 10; ++i) limiter.advance(h);
+  EXPECT_EQ(limiter.value(), 0.010);
 }
 
-/// A folder of its own with a drive in it, gone at the end.
+/// A temporary folder with a drive file.
 class DriveInAFile : public testing::Test {
  protected:
   void SetUp() override {
@@ -305,7 +305,7 @@ TEST_F(DriveInAFile, RampsDownAtItsEndAndIsOff) {
   EXPECT_EQ(excitation.now().value, 0.0);
 }
 
-TEST_F(DriveInAFile, IsRefusedInWords) {
+TEST_F(DriveInAFile, IsRefusedWithAReason) {
   using config::DriveFileEnd;
   EXPECT_EQ(refusal_of(written(sine(111, 0.01, 0.01), DriveFileEnd::repeat)).substr(0, 49),
             "drive.csv: begins at 0 and ends at 0.009511: a dr");

@@ -1,4 +1,4 @@
-#include "daemon/examiner.h"
+#include "daemon/alarm_analyser.h"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@ namespace {
 using observer::Explanation;
 using physics::Relation;
 
-/// A rig whose mu is a fifth larger than believed, from the beginning on.
+/// A rig whose mu is 20 % larger than the model's from the start.
 std::vector<Sample> samples_of(double duration_s) {
   const physics::Model model = observer::test::paper_rig(observer::test::Law::coulomb);
   physics::Model real = model;
@@ -36,25 +36,25 @@ ModelVerdict alarm() {
   return out;
 }
 
-class ExaminerTest : public testing::Test {
+class AlarmAnalyserTest : public testing::Test {
  protected:
   void put(const std::vector<Sample>& samples, std::size_t from, std::size_t to) {
     for (std::size_t k = from; k < to; k += 10) {
-      ASSERT_EQ(examiner_.put_block(std::span(samples).subspan(k, 10)), Put::done);
+      ASSERT_EQ(analyser_.write_block(std::span(samples).subspan(k, 10)), WriteResult::ok);
     }
   }
 
-  Examiner examiner_{observer::test::paper_rig(observer::test::Law::coulomb), 1.0e-3};
+  AlarmAnalyser analyser_{observer::test::paper_rig(observer::test::Law::coulomb), 1.0e-3};
 };
 
-TEST_F(ExaminerTest, AnswersWhenEnoughFramesHaveFollowedTheAlarm) {
+TEST_F(AlarmAnalyserTest, AnalysesWhenEnoughFramesHaveFollowedTheAlarm) {
   const auto samples = samples_of(6.0);
   put(samples, 0, 3000);
-  examiner_.ask(alarm());
+  analyser_.request(alarm());
   put(samples, 3000, 4900);
-  EXPECT_FALSE(examiner_.next_finding());
+  EXPECT_FALSE(analyser_.next_finding());
   put(samples, 4900, 6000);
-  const auto finding = examiner_.next_finding();
+  const auto finding = analyser_.next_finding();
   ASSERT_TRUE(finding);
   ASSERT_FALSE(finding->explanations.empty());
   EXPECT_EQ(finding->explanations.front().relation, Relation::friction_law);
@@ -63,32 +63,32 @@ TEST_F(ExaminerTest, AnswersWhenEnoughFramesHaveFollowedTheAlarm) {
   EXPECT_NE(event.message.find("mu is 0.96 instead of 0.8"), std::string::npos) << event.message;
   EXPECT_NE(event.message.find("friction_law"), std::string::npos) << event.message;
   EXPECT_EQ(event.time_ns, alarm().reported_ns);
-  EXPECT_FALSE(examiner_.next_finding());
+  EXPECT_FALSE(analyser_.next_finding());
 }
 
-TEST_F(ExaminerTest, AnswersAtTheEndWithWhatThereIs) {
+TEST_F(AlarmAnalyserTest, AnalysesAPendingAlarmAtTheEnd) {
   const auto samples = samples_of(4.0);
   put(samples, 0, 4000);
-  examiner_.ask(alarm());
-  examiner_.finish();
-  const auto finding = examiner_.next_finding();
+  analyser_.request(alarm());
+  analyser_.finish();
+  const auto finding = analyser_.next_finding();
   ASSERT_TRUE(finding);
   EXPECT_FALSE(finding->explanations.empty());
 }
 
-TEST_F(ExaminerTest, ForgetsFramesWhenTheSourceBeginsAnew) {
+TEST_F(AlarmAnalyserTest, DiscardsFramesWhenTheSourceRestarts) {
   const auto samples = samples_of(2.0);
   put(samples, 0, 2000);
   put(samples, 0, 500);
-  examiner_.ask(alarm());
-  examiner_.finish();
-  const auto finding = examiner_.next_finding();
+  analyser_.request(alarm());
+  analyser_.finish();
+  const auto finding = analyser_.next_finding();
   ASSERT_TRUE(finding);
   EXPECT_TRUE(finding->explanations.empty());
   EXPECT_EQ(event_of(*finding).code, "model_unexplained");
 }
 
-TEST(FindingTest, NamesTheOneThatIsHardToTellFromTheFirst) {
+TEST(FindingTest, NamesTheClosestAlternative) {
   Finding finding;
   Explanation first;
   first.words = "mu is 1 instead of 0.8";

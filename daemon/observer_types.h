@@ -1,4 +1,4 @@
-// What the loop knows of the observer: a type that it calls, and a type that it hands on.
+// The observer's types that the loop uses and hands on.
 #pragma once
 
 #include "observer/model_check.h"

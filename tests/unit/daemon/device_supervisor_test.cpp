@@ -1,4 +1,4 @@
-#include "daemon/device_keeper.h"
+#include "daemon/device_supervisor.h"
 
 #include <gtest/gtest.h>
 #include <sched.h>
@@ -28,7 +28,7 @@ int first_processor() {
   return first;
 }
 
-/// A board whose driver starts a thread of its own for the transfers.
+/// A board whose driver starts a thread for the transfers.
 class Threaded final : public drivers::Driver {
  public:
   drivers::Result open() override {
@@ -52,9 +52,9 @@ class Threaded final : public drivers::Driver {
   drivers::Description description_;
 };
 
-TEST(DeviceKeeper, ADeviceThatIsStartedAgainGetsThreadsLikeTheFirstTime) {
+TEST(DeviceSupervisor, ARestartedDeviceGetsThreadsWithTheSameScheduling) {
   const int all = processors();
-  if (all < 2) GTEST_SKIP() << "one processor: nothing to tell them apart by";
+  if (all < 2) GTEST_SKIP() << "one processor: nothing to publish_event them apart by";
   const auto schedule = [] { ASSERT_TRUE(pin_thread(first_processor()).granted); };
   Threaded driver;
   test::FakeClock clock;
@@ -66,10 +66,10 @@ TEST(DeviceKeeper, ADeviceThatIsStartedAgainGetsThreadsLikeTheFirstTime) {
     loop.wait();
     ASSERT_TRUE(loop.cycle());
   }).join();
-  ASSERT_TRUE(loop.device_is_gone());
-  ASSERT_TRUE(DeviceKeeper::try_to_bring_back(driver, loop, schedule));
+  ASSERT_TRUE(loop.device_lost());
+  ASSERT_TRUE(DeviceSupervisor::try_to_restore(driver, loop, schedule));
   EXPECT_EQ(driver.events_on, (std::vector<int>{1, 1}));
-  // What a device starts when it is opened, such as threads of gauges, is nobody's in a hurry.
+  // Threads that a device starts when it is opened, such as those of gauges, need no scheduling.
   EXPECT_EQ(driver.opened_on, all);
   EXPECT_EQ(processors(), all);
 }

@@ -1,4 +1,4 @@
-#include "daemon/control.h"
+#include "daemon/control_server.h"
 
 #include <spdlog/spdlog.h>
 
@@ -18,11 +18,11 @@ using nlohmann::json;
 using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
-/// The loop answers within a cycle or two; without an answer for so long it is not running.
+/// The loop answers within a cycle or two; after this time it is considered stopped.
 constexpr auto answer_patience = std::chrono::seconds(5);
 constexpr double longest_average_s = 600.0;
-/// A sign of life so old that the dead-man's handle counts as released.
-constexpr std::int64_t long_ago_ns = std::numeric_limits<std::int64_t>::min() / 4;
+/// Time of a sign of life that releases the dead-man's handle.
+constexpr std::int64_t released_ns = std::numeric_limits<std::int64_t>::min() / 4;
 
 [[noreturn]] void refuse_request(const std::string& why) {
   throw InputError(Problem{"", 0, 0, why});
@@ -54,7 +54,7 @@ json json_of(const AccountBalance& account) {
   return {{"enabled", account.enabled}, {"delivered", account.delivered}, {"lost", lost}};
 }
 
-/// By device, by name.
+/// Counts by device and name.
 json json_of(const drivers::Counts& counts) {
   json out = json::object();
   for (const drivers::Count& count : counts.all()) out[count.device][count.name] = count.value;
@@ -85,7 +85,7 @@ json json_of(const Average& average) {
 bool flag(const json& arguments, const char* name) {
   const auto found = arguments.find(name);
   if (found == arguments.end()) return false;
-  if (!found->is_boolean()) refuse_request(std::string("\"") + name + "\" has to be true or false");
+  if (!found->is_boolean()) refuse_request(std::string("\"") + name + "\" must be true or false");
   return found->get<bool>();
 }
 
@@ -102,13 +102,13 @@ Setting setting_of(const json& arguments) {
   const std::string name =
       key != arguments.end() && key->is_string() ? key->get<std::string>() : "";
   constexpr std::string_view table = "excitation.";
-  const auto knob = knob_named(name.starts_with(table) ? name.substr(table.size()) : name);
-  if (!knob) {
+  const auto tunable = tunable_named(name.starts_with(table) ? name.substr(table.size()) : name);
+  if (!tunable) {
     refuse_request(
         "expected \"key\": excitation.carrier_hz, excitation.amplitude, "
         "excitation.modulation_hz or excitation.modulation_depth");
   }
-  return {*knob, number(arguments, "value")};
+  return {*tunable, number(arguments, "value")};
 }
 
 std::optional<Command::Kind> kind_of(const std::string& command) {
@@ -119,10 +119,6 @@ std::optional<Command::Kind> kind_of(const std::string& command) {
   if (command == "stop") return Command::Kind::stop;
   return std::nullopt;
 }
-
-}  // namespace
-
-namespace {
 
 json model_of(const Status& status) {
   if (!status.model_checked) return {{"standing", "off"}};
@@ -137,7 +133,7 @@ json model_of(const Status& status) {
   out["alternative"] = physics::name_of(verdict.alternative);
   out["probability"] = verdict.probability;
   out["since_time_ns"] = verdict.since_ns;
-  out["told_time_ns"] = verdict.reported_ns;
+  out["reported_time_ns"] = verdict.reported_ns;
   out["recording_time_ns"] = {verdict.from_ns, verdict.to_ns};
   return out;
 }
@@ -176,8 +172,8 @@ json json_of(const Status& status) {
           {"lost_messages", status.lost_messages}};
 }
 
-Control::Control(const LineServerSettings& settings, Loop& loop, Clock& clock, double rate_hz,
-                 ControlHandlers handlers)
+ControlServer::ControlServer(const LineServerSettings& settings, Loop& loop, Clock& clock,
+                             double rate_hz, ControlHandlers handlers)
     : loop_(loop),
       clock_(clock),
       rate_hz_(rate_hz),
@@ -203,85 +199,94 @@ bool LogBudget::allows(steady_clock::time_point now) {
   return true;
 }
 
-bool Control::serve(milliseconds wait, int also) {
+bool ControlServer::serve(milliseconds wait, int also) {
   const bool can_read =
       server_.serve(waiting_.empty() ? wait : std::min(wait, milliseconds(2)), also);
-  take_answers();
+  handle_answers();
   return can_read;
 }
 
-void Control::line(ClientId client, std::string_view text) {
+void ControlServer::line(ClientId client, std::string_view text) {
   std::int64_t id = 0;
   try {
     const protocol::ControlRequest request = protocol::parse_control_request(text);
     id = request.id;
-    obey(client, request);
+    handle(client, request);
   } catch (const InputError& error) {
     refuse(client, id, error.problems().front().message);
   }
 }
 
-void Control::left(ClientId client, const std::string& why) {
+void ControlServer::left(ClientId client, const std::string& why) {
   clients_.erase(client);
   if (holder_ == client) {
-    spdlog::warn("the client that held the dead-man's handle is gone: {}", why);
+    spdlog::warn("the client that held the dead-man's handle disconnected: {}", why);
     holder_ = 0;
-    loop_.touch(long_ago_ns);
-  } else if (why != "the client went" && log_.allows(steady_clock::now())) {
-    spdlog::warn("control client {} was shut out: {}", client, why);
+    loop_.keep_alive(released_ns);
+  } else if (why != "the client disconnected" && log_.allows(steady_clock::now())) {
+    spdlog::warn("control client {} was dropped: {}", client, why);
   }
 }
 
-void Control::obey(ClientId client, const protocol::ControlRequest& request) {
-  const json arguments = json::parse(request.arguments);
-  const std::string& command = request.command;
-  if (client == holder_) loop_.touch(clock_.now_ns());
-  if (command == "alive") return answer(client, request.id, rig_state());
-  if (command == "status") {
-    json out = rig_state();
-    out["status"] = json_of(handlers_.status());
-    return answer(client, request.id, out);
-  }
-  if (command == "watch") {
-    clients_[client].watches = true;
-    return answer(client, request.id, rig_state());
-  }
+void ControlServer::handle(ClientId client, const protocol::ControlRequest& request) {
+  if (client == holder_) loop_.keep_alive(clock_.now_ns());
+  if (answer_query(client, request)) return;
   const Peer peer = clients_[client].peer;
   if (log_.allows(steady_clock::now())) {
-    spdlog::info("user {} (process {}) asks: {}", peer.uid, peer.pid, command.substr(0, 40));
+    spdlog::info("user {} (process {}) requests: {}", peer.uid, peer.pid,
+                 request.command.substr(0, 40));
   }
-  if (command == "reload") {
+  if (request.command == "reload") {
     json out = rig_state();
     out["changes"] = handlers_.reload();
     return answer(client, request.id, out);
   }
-  Command asked;
-  if (const auto kind = kind_of(command)) {
-    asked.kind = *kind;
-    if (asked.kind == Command::Kind::start) {
-      asked.dead_man = flag(arguments, "dead_man");
-      if (asked.dead_man && holder_ == 0) loop_.touch(clock_.now_ns());
+  submit(client, request, command_of(request));
+}
+
+/// False for a request that is not a query. Queries are not logged.
+bool ControlServer::answer_query(ClientId client, const protocol::ControlRequest& request) {
+  if (request.command != "alive" && request.command != "status" && request.command != "watch") {
+    return false;
+  }
+  if (request.command == "watch") clients_[client].watches = true;
+  json out = rig_state();
+  if (request.command == "status") out["status"] = json_of(handlers_.status());
+  answer(client, request.id, out);
+  return true;
+}
+
+Command ControlServer::command_of(const protocol::ControlRequest& request) {
+  const json arguments = json::parse(request.arguments);
+  const std::string& name = request.command;
+  Command command;
+  if (const auto kind = kind_of(name)) {
+    command.kind = *kind;
+    if (command.kind == Command::Kind::start) {
+      command.dead_man = flag(arguments, "dead_man");
+      if (command.dead_man && holder_ == 0) loop_.keep_alive(clock_.now_ns());
     }
-  } else if (command == "set") {
-    asked.kind = Command::Kind::set;
-    asked.setting = setting_of(arguments);
-    if (const auto why = handlers_.refusal(asked.setting)) refuse_request(*why);
-  } else if (command == "average") {
+  } else if (name == "set") {
+    command.kind = Command::Kind::set;
+    command.setting = setting_of(arguments);
+    if (const auto why = handlers_.refusal(command.setting)) refuse_request(*why);
+  } else if (name == "average") {
     const double seconds = number(arguments, "seconds");
     if (!(seconds > 0.0 && seconds <= longest_average_s)) {
-      refuse_request("\"seconds\" has to be above 0 and at most 600");
+      refuse_request("\"seconds\" must be above 0 and at most 600");
     }
-    asked.kind = Command::Kind::average;
-    asked.frames = static_cast<std::uint64_t>(std::ceil(seconds * rate_hz_));
+    command.kind = Command::Kind::average;
+    command.frames = static_cast<std::uint64_t>(std::ceil(seconds * rate_hz_));
   } else {
-    refuse_request("there is no command \"" + command.substr(0, 40) +
+    refuse_request("there is no command \"" + name.substr(0, 40) +
                    "\"; expected status, clear, arm, disarm, start, stop, alive, set, average, "
                    "reload or watch");
   }
-  ask(client, request, asked);
+  return command;
 }
 
-void Control::ask(ClientId client, const protocol::ControlRequest& request, Command command) {
+void ControlServer::submit(ClientId client, const protocol::ControlRequest& request,
+                           Command command) {
   command.id = next_command_++;
   if (!loop_.ask(command)) refuse_request("the rig is busy with other commands; try again");
   const auto patience =
@@ -296,40 +301,45 @@ void Control::ask(ClientId client, const protocol::ControlRequest& request, Comm
       steady_clock::now() + patience};
 }
 
-void Control::take_answers() {
-  Answer given;
-  while (loop_.next_answer(given)) {
-    const auto found = waiting_.find(given.id);
-    if (found == waiting_.end()) continue;
-    const Waiting asked = found->second;
-    waiting_.erase(found);
-    const char* const state = name_of(given.state);
-    if (!given.accepted) {
-      answer(asked.client, asked.id,
-             {{"ok", false}, {"state", state}, {"error", given.reason.c_str()}});
-      continue;
-    }
-    if (asked.setting) handlers_.was_set(*asked.setting);
-    if (asked.dead_man) {
-      holder_ = clients_.contains(asked.client) ? asked.client : 0;
-      if (holder_ == 0) loop_.touch(long_ago_ns);
-    }
-    json out = {{"ok", true}, {"state", state}};
-    if (asked.frames > 0) out["average"] = json_of(given.average);
-    answer(asked.client, asked.id, out);
+void ControlServer::handle_answers() {
+  Answer answer;
+  while (loop_.next_answer(answer)) handle_answer(answer);
+  drop_overdue();
+}
+
+void ControlServer::handle_answer(const Answer& received) {
+  const auto found = waiting_.find(received.id);
+  if (found == waiting_.end()) return;
+  const Waiting request = found->second;
+  waiting_.erase(found);
+  const char* const state = name_of(received.state);
+  if (!received.accepted) {
+    return answer(request.client, request.id,
+                  {{"ok", false}, {"state", state}, {"error", received.reason.c_str()}});
   }
+  if (request.setting) handlers_.was_set(*request.setting);
+  if (request.dead_man) {
+    holder_ = clients_.contains(request.client) ? request.client : 0;
+    if (holder_ == 0) loop_.keep_alive(released_ns);
+  }
+  json out = {{"ok", true}, {"state", state}};
+  if (request.frames > 0) out["average"] = json_of(received.average);
+  answer(request.client, request.id, out);
+}
+
+void ControlServer::drop_overdue() {
   const auto now = steady_clock::now();
   for (auto at = waiting_.begin(); at != waiting_.end();) {
     if (now < at->second.until) {
       ++at;
       continue;
     }
-    refuse(at->second.client, at->second.id, "the loop does not answer; see stickslip ctl status");
+    refuse(at->second.client, at->second.id, "the loop does not respond; see stickslip ctl status");
     at = waiting_.erase(at);
   }
 }
 
-json Control::rig_state() const {
+json ControlServer::rig_state() const {
   const Snapshot rig = loop_.snapshot();
   return {{"ok", true},
           {"state", name_of(rig.state)},
@@ -338,7 +348,7 @@ json Control::rig_state() const {
           {"broken", rig.broken == Interlock::none ? "" : name_of(rig.broken)},
           {"broken_cause", rig.broken_cause.c_str()},
           {"amplifier_on", rig.amplifier_on},
-          {"device_here", rig.device_here},
+          {"device_here", rig.device_present},
           {"drive",
            {{"value", rig.drive.value},
             {"amplitude", rig.drive.amplitude},
@@ -351,18 +361,18 @@ json Control::rig_state() const {
           {"raw", json_of(rig.raw)}};
 }
 
-void Control::answer(ClientId client, std::int64_t id, json content) {
+void ControlServer::answer(ClientId client, std::int64_t id, json content) {
   content["v"] = protocol::control_version;
   content["id"] = id;
-  // A cause may hold what a driver took from a device.
+  // A cause may contain text from a device that is not UTF-8.
   server_.send(client, content.dump(-1, ' ', false, json::error_handler_t::replace));
 }
 
-void Control::refuse(ClientId client, std::int64_t id, const std::string& why) {
+void ControlServer::refuse(ClientId client, std::int64_t id, const std::string& why) {
   answer(client, id, {{"ok", false}, {"state", name_of(loop_.snapshot().state)}, {"error", why}});
 }
 
-void Control::publish(const Event& event) {
+void ControlServer::publish(const Event& event) {
   std::string text;
   for (const auto& [id, client] : clients_) {
     if (!client.watches) continue;
@@ -374,7 +384,7 @@ void Control::publish(const Event& event) {
   }
 }
 
-void Control::publish(const Status& status) {
+void ControlServer::publish(const Status& status) {
   std::string text;
   for (const auto& [id, client] : clients_) {
     if (!client.watches) continue;

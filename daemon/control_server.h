@@ -1,5 +1,4 @@
-// The one door for commands: what clients ask over the control socket, handed to the loop, and its
-// answers. LCM never commands.
+// Server of the control socket: passes clients' commands to the loop and returns its answers.
 #pragma once
 
 #include <chrono>
@@ -19,19 +18,19 @@
 
 namespace stickslip::daemon {
 
-/// What the daemon does besides the loop when a client asks.
+/// Requests that the daemon answers without the loop.
 struct ControlHandlers {
   std::function<Status()> status;
-  /// Why a knob of the excitation may not be turned so far; nothing where it may.
+  /// Why a setting of the excitation is refused; nothing if it is allowed.
   std::function<std::optional<std::string>(const Setting&)> refusal;
-  /// It has been.
+  /// The loop has applied the setting.
   std::function<void(const Setting&)> was_set;
-  /// Reads the configuration again and applies what can change; one line each of what did and what
-  /// did not. Throws InputError where it is not sound.
+  /// Reloads the configuration and applies what can change while running; one line for each change.
+  /// Throws InputError for an invalid configuration.
   std::function<std::vector<std::string>()> reload;
 };
 
-/// Lines for the log at no client's discretion: a burst, then a few a second.
+/// Limits the log lines that clients can cause: a burst, then a few a second.
 class LogBudget {
  public:
   bool allows(std::chrono::steady_clock::time_point now);
@@ -41,17 +40,17 @@ class LogBudget {
   std::chrono::steady_clock::time_point latest_{};
 };
 
-class Control {
+class ControlServer {
  public:
-  /// Everything referred to must outlive it. Throws InputError where the socket cannot be made.
-  Control(const LineServerSettings& settings, Loop& loop, Clock& clock, double rate_hz,
-          ControlHandlers handlers);
+  /// Everything referred to must outlive it. Throws InputError if the socket cannot be created.
+  ControlServer(const LineServerSettings& settings, Loop& loop, Clock& clock, double rate_hz,
+                ControlHandlers handlers);
 
-  /// Serves clients for at most `wait`, less while answers are outstanding, or until `also` can be
-  /// read. Whether `also` can be read.
+  /// Serves clients for `wait` at most, less while answers are outstanding, or until the file
+  /// `also` is readable. True if `also` is readable.
   bool serve(std::chrono::milliseconds wait, int also);
 
-  /// Passes on what happened to the clients that watch.
+  /// To the clients that watch.
   void publish(const Event& event);
   void publish(const Status& status);
 
@@ -72,9 +71,13 @@ class Control {
 
   void line(ClientId client, std::string_view text);
   void left(ClientId client, const std::string& why);
-  void obey(ClientId client, const protocol::ControlRequest& request);
-  void ask(ClientId client, const protocol::ControlRequest& request, Command command);
-  void take_answers();
+  void handle(ClientId client, const protocol::ControlRequest& request);
+  bool answer_query(ClientId client, const protocol::ControlRequest& request);
+  Command command_of(const protocol::ControlRequest& request);
+  void submit(ClientId client, const protocol::ControlRequest& request, Command command);
+  void handle_answers();
+  void handle_answer(const Answer& answer);
+  void drop_overdue();
   void answer(ClientId client, std::int64_t id, nlohmann::json content);
   void refuse(ClientId client, std::int64_t id, const std::string& why);
   nlohmann::json rig_state() const;
@@ -84,14 +87,14 @@ class Control {
   double rate_hz_;
   ControlHandlers handlers_;
   std::map<ClientId, Client> clients_;
-  std::map<std::uint64_t, Waiting> waiting_;  // by the number of the command
+  std::map<std::uint64_t, Waiting> waiting_;  // by command id
   std::uint64_t next_command_ = 1;
   LogBudget log_;
-  ClientId holder_ = 0;  // of the dead-man's handle; 0: nobody
+  ClientId holder_ = 0;  // of the dead-man's handle; 0: none
   LineServer server_;
 };
 
-/// The status as clients read it.
+/// The status as sent to clients.
 nlohmann::json json_of(const Status& status);
 
 }  // namespace stickslip::daemon

@@ -1,4 +1,4 @@
-#include "daemon/burst_watch.h"
+#include "daemon/event_throttle.h"
 
 #include <algorithm>
 
@@ -9,7 +9,7 @@ constexpr std::int64_t second_ns = 1'000'000'000;
 
 }  // namespace
 
-std::optional<Event> BurstWatch::take(const Notice& notice, std::int64_t now_ns) {
+std::optional<Event> EventThrottle::accept(const Notice& notice, std::int64_t now_ns) {
   const auto* const kind = std::find(kinds.begin(), kinds.end(), notice.kind);
   if (kind == kinds.end()) return event_of(notice);
   Burst& burst = bursts_[static_cast<std::size_t>(kind - kinds.begin())];
@@ -24,7 +24,7 @@ std::optional<Event> BurstWatch::take(const Notice& notice, std::int64_t now_ns)
   return std::nullopt;
 }
 
-std::vector<Event> BurstWatch::due(std::int64_t now_ns) {
+std::vector<Event> EventThrottle::due(std::int64_t now_ns) {
   std::vector<Event> out;
   for (Burst& burst : bursts_) {
     if (burst.notices == 0 || now_ns - *burst.reported_ns < second_ns) continue;
@@ -35,7 +35,7 @@ std::vector<Event> BurstWatch::due(std::int64_t now_ns) {
   return out;
 }
 
-std::vector<Event> BurstWatch::rest() {
+std::vector<Event> EventThrottle::flush() {
   std::vector<Event> out;
   for (Burst& burst : bursts_) {
     if (burst.notices > 0) out.push_back(summary(burst));
@@ -44,8 +44,8 @@ std::vector<Event> BurstWatch::rest() {
   return out;
 }
 
-// One of them needs no other words than its own.
-Event BurstWatch::summary(const Burst& burst) {
+// A single notice is reported like any other.
+Event EventThrottle::summary(const Burst& burst) {
   if (burst.notices == 1) return event_of(burst.latest);
   Notice notice = burst.latest;
   notice.count = burst.count;

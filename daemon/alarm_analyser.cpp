@@ -1,4 +1,4 @@
-#include "daemon/examiner.h"
+#include "daemon/alarm_analyser.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,10 +10,11 @@ namespace stickslip::daemon {
 
 namespace {
 
-// An alarm comes within ten seconds of what it is about, and is examined a few seconds later; more
-// for a simulated rig that runs faster than time.
-constexpr std::int64_t remembered_ns = 40'000'000'000;
-// Nothing is said by a suspect that explains the readings hardly better than the model does.
+// An alarm is raised within ten seconds of the change and analysed a few seconds later; longer for
+// a simulated rig that runs faster than real time.
+constexpr std::int64_t history_ns = 40'000'000'000;
+// An explanation has to be at least this much more likely than the unchanged model (log
+// likelihood).
 constexpr double least_gain = 5.0;
 
 std::string percent(double probability) {
@@ -32,8 +33,7 @@ Event event_of(const Finding& finding) {
   if (found.empty() || found.front().log_likelihood < least_gain) {
     out.code = "model_unexplained";
     out.message =
-        "none of the usual suspects explains why the rig no longer follows its model: diagnose the "
-        "recording";
+        "no known effect explains why the rig no longer follows its model: diagnose the recording";
     return out;
   }
   out.code = "model_explained";
@@ -48,15 +48,15 @@ Event event_of(const Finding& finding) {
   return out;
 }
 
-Examiner::Examiner(const physics::Model& believed, double period_s)
-    : believed_(believed), period_s_(period_s) {}
+AlarmAnalyser::AlarmAnalyser(const physics::Model& model, double period_s)
+    : model_(model), period_s_(period_s) {}
 
-void Examiner::ask(const ModelVerdict& verdict) {
+void AlarmAnalyser::request(const ModelVerdict& verdict) {
   const std::lock_guard lock(lock_);
-  question_ = verdict;
+  request_ = verdict;
 }
 
-std::optional<Finding> Examiner::next_finding() {
+std::optional<Finding> AlarmAnalyser::next_finding() {
   const std::lock_guard lock(lock_);
   if (findings_.empty()) return std::nullopt;
   Finding out = std::move(findings_.front());
@@ -64,31 +64,31 @@ std::optional<Finding> Examiner::next_finding() {
   return out;
 }
 
-std::optional<ModelVerdict> Examiner::due_question(std::int64_t now_ns) {
+std::optional<ModelVerdict> AlarmAnalyser::due_request(std::int64_t now_ns) {
   const std::lock_guard lock(lock_);
-  if (!question_ || now_ns < observer::explained_until_ns(*question_)) return std::nullopt;
-  return std::exchange(question_, std::nullopt);
+  if (!request_ || now_ns < observer::explained_until_ns(*request_)) return std::nullopt;
+  return std::exchange(request_, std::nullopt);
 }
 
-Put Examiner::put_block(std::span<const Sample> block) {
+WriteResult AlarmAnalyser::write_block(std::span<const Sample> block) {
   for (const Sample& sample : block) {
-    // The source's time may begin anew.
+    // A replayed source may start again.
     if (!frames_.empty() && sample.frame.time_ns <= frames_.back().time_ns) frames_.clear();
     frames_.push_back(sample.frame);
   }
-  while (frames_.front().time_ns < frames_.back().time_ns - remembered_ns) frames_.pop_front();
-  if (const auto question = due_question(frames_.back().time_ns)) answer(*question);
-  return Put::done;
+  while (frames_.front().time_ns < frames_.back().time_ns - history_ns) frames_.pop_front();
+  if (const auto verdict = due_request(frames_.back().time_ns)) analyse(*verdict);
+  return WriteResult::ok;
 }
 
-void Examiner::finish() {
-  const auto question = due_question(std::numeric_limits<std::int64_t>::max());
-  if (question) answer(*question);
+void AlarmAnalyser::finish() {
+  const auto verdict = due_request(std::numeric_limits<std::int64_t>::max());
+  if (verdict) analyse(*verdict);
 }
 
-void Examiner::answer(const ModelVerdict& verdict) {
+void AlarmAnalyser::analyse(const ModelVerdict& verdict) {
   const std::vector<Frame> frames(frames_.begin(), frames_.end());
-  Finding finding{verdict, observer::explanations_of(believed_, period_s_, frames, verdict)};
+  Finding finding{verdict, observer::explanations_of(model_, period_s_, frames, verdict)};
   const std::lock_guard lock(lock_);
   findings_.push_back(std::move(finding));
 }

@@ -1,5 +1,5 @@
-// A value that one thread writes often and others read now and then: neither ever waits for the
-// other. A reader that meets a write half done reads again.
+// Sequence lock: a value that one thread writes often and others read occasionally. The writer
+// never waits; a reader that meets an unfinished write reads again.
 #pragma once
 
 #include <array>
@@ -12,11 +12,11 @@
 namespace stickslip::daemon {
 
 template <class T>
-class Latest {
+class SeqLock {
   static_assert(std::is_trivially_copyable_v<T>);
 
  public:
-  Latest() { write(T{}); }
+  SeqLock() { write(T{}); }
 
   /// One writer only.
   void write(const T& value) {
@@ -24,14 +24,14 @@ class Latest {
     std::memcpy(buffer.data(), &value, sizeof value);
     const std::uint64_t begun = version_.load(std::memory_order_relaxed) + 1;
     version_.store(begun, std::memory_order_relaxed);
-    // Stores of the words stay behind the odd version, loads of a reader before the even one.
+    // Stores of the words stay behind the odd version, a reader's loads before the even one.
     for (std::size_t i = 0; i < words; ++i) {
       words_[i].store(buffer[i], std::memory_order_release);
     }
     version_.store(begun + 1, std::memory_order_release);
   }
 
-  /// Any thread but the writer's: the value of some moment, whole.
+  /// Any other thread: a consistent copy.
   T read() const {
     std::array<std::uint64_t, words> buffer{};
     for (;;) {

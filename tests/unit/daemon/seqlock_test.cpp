@@ -1,4 +1,4 @@
-#include "daemon/latest.h"
+#include "daemon/seqlock.h"
 
 #include <gtest/gtest.h>
 
@@ -9,11 +9,11 @@
 namespace stickslip::daemon {
 namespace {
 
-// A value of which every part says which one it is: half of one and half of another would show.
+// Every element holds the number of the write: a torn read is detected.
 using Value = std::array<std::uint64_t, 50>;
 
-TEST(Latest, AReaderOnlySeesWholeValuesAndNeverAnOlderOne) {
-  Latest<Value> latest;
+TEST(SeqLock, AReaderOnlySeesConsistentValuesInOrder) {
+  SeqLock<Value> latest;
   std::atomic<bool> done{false};
   std::thread writer([&] {
     Value value{};

@@ -1,4 +1,4 @@
-#include "daemon/control.h"
+#include "daemon/control_server.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -35,7 +35,7 @@ config::Excitation shaking() {
   return out;
 }
 
-/// A client that never blocks, so that one thread can be client, server and loop.
+/// A client that never blocks, so that client, server and loop can share a thread.
 class Client {
  public:
   explicit Client(const std::filesystem::path& path) {
@@ -49,12 +49,12 @@ class Client {
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
 
-  /// How much of it the socket took.
+  /// Number of bytes that the socket accepted.
   std::size_t send(std::string_view text) {
     const ssize_t put = ::send(file_, text.data(), text.size(), MSG_NOSIGNAL);
     return put > 0 ? static_cast<std::size_t>(put) : 0;
   }
-  /// Whole lines that have come.
+  /// Complete lines received.
   std::vector<json> lines() {
     std::array<char, 65536> part{};
     for (ssize_t got = 0; (got = ::recv(file_, part.data(), part.size(), 0)) >= 0;) {
@@ -96,7 +96,7 @@ class ControlTest : public testing::Test {
   ~ControlTest() override { std::filesystem::remove_all(folder); }
 
   void open() {
-    control = std::make_unique<Control>(
+    control = std::make_unique<ControlServer>(
         settings, *loop, clock, 1000.0,
         ControlHandlers{.status =
                             [this] {
@@ -112,7 +112,7 @@ class ControlTest : public testing::Test {
                         .reload = [] { return std::vector<std::string>{"nothing"}; }});
   }
 
-  /// Loop and server, in turns.
+  /// Server and loop, alternating.
   void run(int turns = 1) {
     for (int i = 0; i < turns; ++i) {
       control->serve(0ms, -1);
@@ -142,11 +142,11 @@ class ControlTest : public testing::Test {
   test::FakeClock clock;
   Ledger ledger;
   std::unique_ptr<Loop> loop;
-  std::unique_ptr<Control> control;
+  std::unique_ptr<ControlServer> control;
   Setting latest_setting;
 };
 
-TEST_F(ControlTest, APersonBringsTheRigToMoveAndToRest) {
+TEST_F(ControlTest, AnOperatorStartsAndStopsTheRig) {
   open();
   Client client(settings.path);
   json answer = ask(client, {{"do", "status"}, {"id", 5}});
@@ -168,7 +168,7 @@ TEST_F(ControlTest, APersonBringsTheRigToMoveAndToRest) {
   EXPECT_EQ(ask(client, {{"do", "status"}})["state"], "idle");
 }
 
-TEST_F(ControlTest, TheStatusHasWhatTheDevicesCount) {
+TEST_F(ControlTest, TheStatusHasTheCountsOfTheDevices) {
   driver.losses = 17;
   open();
   Client client(settings.path);
@@ -176,24 +176,24 @@ TEST_F(ControlTest, TheStatusHasWhatTheDevicesCount) {
   EXPECT_EQ(answer["status"]["source"]["devices"]["fake"]["losses"], 17);
 }
 
-TEST_F(ControlTest, ABrokenInterlockRefusesToBeClearedAndArmedAndSaysWhy) {
+TEST_F(ControlTest, ABrokenInterlockPreventsClearingAndArmingWithItsReason) {
   open();
   Client client(settings.path);
-  bool gone = true;
+  bool lost = true;
   driver.on_read = [&](std::uint64_t) {
-    return gone ? Result{Outcome::needs_attention, "no permission on /dev/hidraw0"} : Result{};
+    return lost ? Result{Outcome::needs_attention, "no permission on /dev/hidraw0"} : Result{};
   };
   run(3);
   const json refused = ask(client, {{"do", "clear"}});
   EXPECT_EQ(refused["ok"], false);
   EXPECT_THAT(refused["error"].get<std::string>(), HasSubstr("no permission on /dev/hidraw0"));
-  gone = false;
-  loop->device_is_back();
+  lost = false;
+  loop->device_restored();
   EXPECT_EQ(ask(client, {{"do", "clear"}})["state"], "idle");
   EXPECT_EQ(ask(client, {{"do", "arm"}})["state"], "armed");
 }
 
-TEST_F(ControlTest, ADeadManWhoLetsGoStopsTheRigAtOnce) {
+TEST_F(ControlTest, ReleasingTheDeadMansHandleStopsTheRigImmediately) {
   open();
   for (const bool closes : {false, true}) {
     Client person(settings.path);
@@ -206,7 +206,7 @@ TEST_F(ControlTest, ADeadManWhoLetsGoStopsTheRigAtOnce) {
       EXPECT_EQ(ask(*holder, {{"do", "alive"}})["state"], "running");
       EXPECT_EQ(ask(person, {{"do", "alive"}})["state"], "running");
     }
-    // Another client's signs of life do not count.
+    // Requests of other clients do not count.
     if (closes) holder.reset();
     run(closes ? 3 : 51);
     EXPECT_EQ(ask(person, {{"do", "alive"}})["interlock"], "client_gone");
@@ -215,12 +215,12 @@ TEST_F(ControlTest, ADeadManWhoLetsGoStopsTheRigAtOnce) {
   }
 }
 
-TEST_F(ControlTest, TurnsTheKnobsOfTheExcitationAsFarAsItMay) {
+TEST_F(ControlTest, ChangesTheExcitationWithinItsLimits) {
   open();
   Client client(settings.path);
   EXPECT_EQ(ask(client, {{"do", "set"}, {"key", "excitation.carrier_hz"}, {"value", 3.5}})["ok"],
             true);
-  EXPECT_EQ(latest_setting.knob, Knob::carrier_hz);
+  EXPECT_EQ(latest_setting.tunable, Tunable::carrier_hz);
   EXPECT_EQ(latest_setting.value, 3.5);
   const json refused =
       ask(client, {{"do", "set"}, {"key", "excitation.carrier_hz"}, {"value", 50.0}});
@@ -244,7 +244,7 @@ TEST_F(ControlTest, AveragesRawReadings) {
   }
 }
 
-TEST_F(ControlTest, WhatIsNoRequestIsRefusedWithAReasonAndTheRigStaysAsItIs) {
+TEST_F(ControlTest, InvalidRequestsAreRefusedWithAReasonAndChangeNothing) {
   open();
   Client client(settings.path);
   const std::string deep(200, '[');
@@ -265,7 +265,7 @@ TEST_F(ControlTest, WhatIsNoRequestIsRefusedWithAReasonAndTheRigStaysAsItIs) {
   EXPECT_EQ(loop->snapshot().state, RigState::faulted);
 }
 
-TEST_F(ControlTest, ThousandsOfBadClientsDelayNeitherTheLoopNorAGoodOne) {
+TEST_F(ControlTest, ThousandsOfMisbehavingClientsDelayNeitherTheLoopNorAGoodOne) {
   open();
   std::mt19937 dice(11);
   Client good(settings.path);
@@ -276,12 +276,12 @@ TEST_F(ControlTest, ThousandsOfBadClientsDelayNeitherTheLoopNorAGoodOne) {
   for (int i = 0; i < 3000; ++i) {
     auto client = std::make_unique<Client>(settings.path);
     switch (dice() % 5) {
-      case 0:  // says nothing
+      case 0:  // silent
         break;
-      case 1:  // a line that never ends
+      case 1:  // an unfinished line
         client->send("{\"v\":1,\"do\":\"sta");
         break;
-      case 2:  // more than any line may have
+      case 2:  // too long a line
         client->send(endless);
         client->send(endless);
         break;
@@ -291,7 +291,7 @@ TEST_F(ControlTest, ThousandsOfBadClientsDelayNeitherTheLoopNorAGoodOne) {
         client->send(noise);
         break;
       }
-      default:  // asks without end and never reads
+      default:  // sends requests and never reads
         for (int k = 0; k < 50; ++k) client->send("{\"v\":1,\"do\":\"status\"}\n");
     }
     bad.push_back(std::move(client));
@@ -302,7 +302,7 @@ TEST_F(ControlTest, ThousandsOfBadClientsDelayNeitherTheLoopNorAGoodOne) {
         run();
         if (!good.lines().empty()) break;
         ++turns_waited;
-        ASSERT_LT(turn, 10) << "the good client waits";
+        ASSERT_LT(turn, 10) << "the good client is delayed";
         ASSERT_FALSE(good.closed);
       }
     }
@@ -312,7 +312,7 @@ TEST_F(ControlTest, ThousandsOfBadClientsDelayNeitherTheLoopNorAGoodOne) {
   EXPECT_EQ(loop->snapshot().state, RigState::faulted);
 }
 
-TEST_F(ControlTest, AClientThatHalfClosesStillGetsItsAnswer) {
+TEST_F(ControlTest, AClientThatHalfClosesGetsItsAnswer) {
   open();
   Client client(settings.path);
   client.send("{\"v\":1,\"id\":3,\"do\":\"clear\"}\n");
@@ -320,15 +320,15 @@ TEST_F(ControlTest, AClientThatHalfClosesStillGetsItsAnswer) {
   EXPECT_EQ(client.lines().at(0)["state"], "idle");
 }
 
-TEST_F(ControlTest, TheSocketIsForTheGroupAndGoesWithTheDaemon) {
+TEST_F(ControlTest, TheSocketIsForTheGroupAndIsRemovedWithTheDaemon) {
   open();
   struct stat info {};
   ASSERT_EQ(::stat(settings.path.c_str(), &info), 0);
   EXPECT_EQ(info.st_mode & 0777U, 0660U);
-  EXPECT_THROW(open(), InputError);  // somebody listens
+  EXPECT_THROW(open(), InputError);  // another server listens
   control.reset();
   EXPECT_FALSE(std::filesystem::exists(settings.path));
-  // One that a daemon left behind when it was killed is replaced.
+  // The stale socket of a killed daemon is replaced.
   const int stale = ::socket(AF_UNIX, SOCK_STREAM, 0);
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
@@ -341,7 +341,7 @@ TEST_F(ControlTest, TheSocketIsForTheGroupAndGoesWithTheDaemon) {
   EXPECT_THROW(open(), InputError);
 }
 
-TEST_F(ControlTest, WatchersHearEventsAndStatus) {
+TEST_F(ControlTest, WatchersReceiveEventsAndStatus) {
   open();
   Client client(settings.path);
   ask(client, {{"do", "watch"}});

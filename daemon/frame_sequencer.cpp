@@ -1,0 +1,47 @@
+#include "daemon/frame_sequencer.h"
+
+namespace stickslip::daemon {
+
+void FrameSequencer::renumber(Frame& frame) {
+  if (renumber_) {
+    const std::uint64_t last = previous_ ? previous_->sequence : 0;
+    sequence_offset_ = last + 1 + cycles_skipped_ - frame.sequence;
+    cycles_skipped_ = 0;
+    renumber_ = false;
+  }
+  frame.sequence += sequence_offset_;
+}
+
+FramePlacement FrameSequencer::place(Frame& frame, std::int64_t read_ns) {
+  FramePlacement out;
+  if (has_device_clock_) {
+    const std::uint64_t restarts = device_clock_.restarts();
+    frame.time_ns = device_clock_.host_time(frame.time_ns, read_ns);
+    out.clocks_diverged = device_clock_.restarts() != restarts;
+  }
+  renumber(frame);
+  if (previous_ && frame.sequence <= previous_->sequence) {
+    out.accepted = false;
+    out.first_repeat = !repeating_;
+    repeating_ = true;
+    return out;
+  }
+  repeating_ = false;
+  frame.time_ns += time_offset_ns_;
+  if (previous_) {
+    out.missing = frame.sequence - previous_->sequence - 1;
+    if (frame.time_ns <= previous_->time_ns) {
+      const std::int64_t periods = static_cast<std::int64_t>(out.missing) + 1;
+      const std::int64_t shift_ns = previous_->time_ns + periods * period_ns_ - frame.time_ns;
+      time_offset_ns_ += shift_ns;
+      frame.time_ns += shift_ns;
+      out.time_stepped_back = true;
+    }
+  }
+  const std::int64_t step_ns = previous_ ? frame.time_ns - previous_->time_ns : 0;
+  out.step_ns = step_ns > 0 && step_ns <= longest_step_ns ? step_ns : period_ns_;
+  previous_ = {frame.time_ns, frame.sequence};
+  return out;
+}
+
+}  // namespace stickslip::daemon
