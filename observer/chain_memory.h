@@ -1,4 +1,4 @@
-// The memory of a sensor chain, between the filter's states and physics::FilterMemory.
+// Conversion between filter states and physics::FilterMemory of a sensor chain.
 #pragma once
 
 #include "observer/layout.h"
@@ -6,10 +6,11 @@
 
 namespace stickslip::observer {
 
-/// A chain's memory from the filter's states; what an input just was is not a state of its own.
+/// Sets the memory of a chain from the filter's states. The chain's input, which is not a state of
+/// the chain, is given.
 template <class T>
-void recall(physics::FilterMemory<T>& memory, const Chain& chain, const Vector& states,
-            const T& input, const T& input_rate) {
+void load_memory(physics::FilterMemory<T>& memory, const Chain& chain, const Vector& states,
+                 const T& input, const T& input_rate) {
   memory.input = input;
   memory.input_rate = input_rate;
   T before = input;
@@ -26,8 +27,8 @@ void recall(physics::FilterMemory<T>& memory, const Chain& chain, const Vector& 
 
 /// Calls visit(state index, value) for every state of a chain.
 template <class T, class Visit>
-void each_state(const Chain& chain, const physics::FilterChain& filters,
-                const physics::FilterMemory<T>& memory, Visit visit) {
+void for_each_state(const Chain& chain, const physics::FilterChain& filters,
+                    const physics::FilterMemory<T>& memory, Visit visit) {
   if (chain.sections.empty()) {
     visit(chain.reading, filters.output(memory));
     return;

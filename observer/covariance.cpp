@@ -7,8 +7,8 @@ namespace stickslip::observer {
 
 namespace {
 
-// Four doubles in a register; whole expressions of them become fused instructions where there are
-// some (CMakeLists.txt allows contraction for this file).
+// Four doubles in a register. CMakeLists.txt allows contraction to fused multiply-add for this
+// file.
 constexpr int lanes = 4;
 static_assert(padded(1) == lanes);
 using Lanes = double __attribute__((vector_size(lanes * sizeof(double)), may_alias));
@@ -16,21 +16,21 @@ using Lanes = double __attribute__((vector_size(lanes * sizeof(double)), may_ali
 Lanes* lanes_of(double* row) { return reinterpret_cast<Lanes*>(row); }
 const Lanes* lanes_of(const double* row) { return reinterpret_cast<const Lanes*>(row); }
 
-/// Some rows of a transition, one after the other: row i has the entries from end[i - 1] to end[i].
+/// Consecutive rows of a transition: row i has the entries from end[i - 1] to end[i].
 struct Rows {
   const Transition::Entry* entry;
   const int* end;
-  int begun;  ///< where the first row begins
+  int begin;  ///< first entry of the first row
   int count;
 };
 
-// Each row of out, `width` apart, is the sum of weight times row of `from`, over the first `blocks`
-// registers.
+// Sparse product: each row of `out`, `width` apart, is a weighted sum of rows of `from`, over the
+// first `blocks` registers.
 template <int blocks>
 void weighted_rows(const Rows& rows, const double* from, double* out, int width) {
-  int at = rows.begun;
+  int at = rows.begin;
   for (int row = 0; row < rows.count; ++row, out += width) {
-    Lanes sum[blocks] = {};  // an array of the library loses the alignment
+    Lanes sum[blocks] = {};  // std::array would lose the alignment
     for (; at < rows.end[row]; ++at) {
       const Transition::Entry& entry = rows.entry[at];
       const Lanes* lanes = lanes_of(from + entry.place);
@@ -50,7 +50,7 @@ constexpr std::array<WeightedRows, sizeof...(blocks)> table(
     std::integer_sequence<int, blocks...> /*counts*/) {
   return {weighted_rows<blocks + 1>...};
 }
-// By the number of registers less 1.
+// Indexed by the number of registers minus 1.
 constexpr auto weighted = table(std::make_integer_sequence<int, 12>{});
 
 WeightedRows weighted_for(int columns) {
@@ -61,8 +61,8 @@ Rows rows_of(const Transition& f, int first, int count) {
   return {f.entries(), f.row_ends(first), f.row_start(first), count};
 }
 
-// Transposes a square of four by four.
-void turn(const double* from, double* to, int width) {
+// Transposes a 4 x 4 block.
+void transpose(const double* from, double* to, int width) {
   Lanes row[lanes];
   for (int i = 0; i < lanes; ++i) row[i] = lanes_of(from + i * width)[0];
   const Lanes low01 = __builtin_shufflevector(row[0], row[1], 0, 4, 2, 6);
@@ -83,22 +83,23 @@ void Covariance::propagate(const Transition& f) {
   const auto at = [this](auto& rows, int row) {
     return rows.data() + static_cast<std::size_t>(row) * static_cast<std::size_t>(width_);
   };
-  const WeightedRows whole = weighted_for(width_);
-  // Sums may use those before them: they are rows behind the states'.
-  const auto share = [&](double* rows) {
-    whole(rows_of(f, -f.shared(), f.shared()), rows, rows + width_ * width_, width_);
+  const WeightedRows full_width = weighted_for(width_);
+  // The shared sums, each of which may use previous ones, are rows after the states'.
+  const auto add_shared = [&](double* rows) {
+    full_width(rows_of(f, -f.shared(), f.shared()), rows, rows + width_ * width_, width_);
   };
   mirror();
-  share(states_.data());
-  whole(rows_of(f, 0, count_), states_.data(), half_.data(), width_);
+  add_shared(states_.data());
+  full_width(rows_of(f, 0, count_), states_.data(), product_.data(), width_);
   for (int i = 0; i < width_; i += lanes) {
-    for (int j = 0; j < width_; j += lanes) turn(at(half_, i) + j, at(turned_, j) + i, width_);
+    for (int j = 0; j < width_; j += lanes)
+      transpose(at(product_, i) + j, at(transposed_, j) + i, width_);
   }
-  share(turned_.data());
-  // The lower triangle is enough.
+  add_shared(transposed_.data());
+  // Lower triangle only.
   for (int i = 0; i < count_; i += lanes) {
-    weighted_for(i + 1)(rows_of(f, i, std::min(lanes, count_ - i)), turned_.data(), at(states_, i),
-                        width_);
+    weighted_for(i + 1)(rows_of(f, i, std::min(lanes, count_ - i)), transposed_.data(),
+                        at(states_, i), width_);
   }
 }
 
@@ -108,13 +109,13 @@ void Covariance::column(int state, States& out) const {
   for (int i = state + 1; i < count_; ++i) out[i] = below[i * width_];
 }
 
-void Covariance::correct(const States& gain, const States& column, double expected) {
+void Covariance::correct(const States& gain, const States& column, double innovation_variance) {
   // (I - K H) P (I - K H)' + K r K' = P - K p' - (p - K s) K' with p = P H', s = H P H' + r.
   Lanes rest[most / lanes];
   for (int j = 0; j < width_ / lanes; ++j) {
-    rest[j] = lanes_of(column.of.data())[j] - expected * lanes_of(gain.of.data())[j];
+    rest[j] = lanes_of(column.of.data())[j] - innovation_variance * lanes_of(gain.of.data())[j];
   }
-  // Four rows at a time, for which gain and rest are fetched once.
+  // Four rows at a time share the loads of gain and rest.
   for (int i = 0; i < width_; i += lanes) {
     Lanes* first = lanes_of(states_.data() + place(i, 0));
     const int stride = width_ / lanes;
@@ -131,13 +132,13 @@ void Covariance::correct(const States& gain, const States& column, double expect
   }
 }
 
-// The upper triangle after the lower one.
+// Copies the lower triangle to the upper one.
 void Covariance::mirror() {
   const auto at = [this](int row, int column) {
     return states_.data() + static_cast<std::size_t>(row * width_ + column);
   };
   for (int i = 0; i < width_; i += lanes) {
-    for (int j = 0; j < i; j += lanes) turn(at(i, j), at(j, i), width_);
+    for (int j = 0; j < i; j += lanes) transpose(at(i, j), at(j, i), width_);
     for (int k = i; k < i + lanes; ++k) {
       for (int l = k + 1; l < i + lanes; ++l) *at(k, l) = *at(l, k);
     }

@@ -1,5 +1,5 @@
-// The covariance of the filter's states, and the two things that happen to it: a period passes, and
-// a reading is used. Almost all of the observer's time is spent here.
+// Covariance of the filter's states with its time update and measurement update, where almost all
+// of the observer's time is spent.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 
 namespace stickslip::observer {
 
-/// Symmetric, of which the lower triangle is kept. Rows are padded with zeros to whole registers.
+/// Symmetric; the lower triangle is stored. Rows are padded with zeros to whole registers.
 class Covariance {
  public:
   /// Zero, for `count` states, at most max_states.
@@ -21,10 +21,10 @@ class Covariance {
   void add(int row, int column, double value) { states_[place(row, column)] += value; }
   void set_zero() { states_.fill(0.0); }
 
-  /// P becomes F P F'.
+  /// Time update: P becomes F P F'.
   void propagate(const Transition& transition);
 
-  /// One value for each state.
+  /// One value per state.
   struct alignas(32) States {
     std::array<double, padded(max_states)> of{};
     double& operator[](int i) { return of[static_cast<std::size_t>(i)]; }
@@ -33,9 +33,9 @@ class Covariance {
 
   /// A column of P: P H' for a reading of one state.
   void column(int state, States& out) const;
-  /// P becomes (I - K H) P (I - K H)' + K r K' for any reading and any gain K; `column`
-  /// is P H', `expected` is H P H' + r. Joseph's form, so P stays a covariance.
-  void correct(const States& gain, const States& column, double expected);
+  /// Measurement update in Joseph form, for any scalar reading and any gain K: P becomes
+  /// (I - K H) P (I - K H)' + K r K'. `column`: P H'; `innovation_variance`: H P H' + r.
+  void correct(const States& gain, const States& column, double innovation_variance);
 
  private:
   static constexpr int most = padded(max_states);
@@ -48,11 +48,11 @@ class Covariance {
 
   int count_;
   int width_;  ///< of a row
-  // Behind the states' rows come those of the shared sums of a transition.
+  // The rows of the states are followed by those of a transition's shared sums.
   static constexpr std::size_t with_sums = std::size_t{most + max_shared_sums} * std::size_t{most};
   alignas(64) std::array<double, with_sums> states_{};
-  alignas(64) std::array<double, with_sums> turned_{};
-  alignas(64) std::array<double, static_cast<std::size_t>(most* most)> half_{};
+  alignas(64) std::array<double, with_sums> transposed_{};
+  alignas(64) std::array<double, static_cast<std::size_t>(most* most)> product_{};
 };
 
 }  // namespace stickslip::observer

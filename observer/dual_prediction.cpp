@@ -17,7 +17,7 @@ namespace state = physics::state;
 
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
-// p''' = -lambda p' over h. The series of cosine and sine need no root of lambda, which may be 0.
+// p''' = -lambda p' over h. Series of cosine and sine, because lambda may be 0.
 void advance_drive(std::array<Dual, 4>& drive, double h) {
   auto& [p, rate, acceleration, lambda] = drive;
   const Dual z = lambda * (h * h);
@@ -31,8 +31,8 @@ void advance_drive(std::array<Dual, 4>& drive, double h) {
   acceleration = kept * (acceleration * cosine - lambda * sine * old_rate);
 }
 
-// Only the derivatives: its value is already in the Input.
-Dual doubt(const Dual& x) { return {0.0, x.d}; }
+// Derivatives only: the value is already in the Input.
+Dual derivatives_of(const Dual& x) { return {0.0, x.d}; }
 
 }  // namespace
 
@@ -40,7 +40,8 @@ DualPrediction::DualPrediction(const physics::Rig& rig, const physics::Model& mo
                                const Layout& layout, double period_s, int steps)
     : Prediction(rig, layout, period_s),
       steps_(steps),
-      quasi_static_(rig.structure().load_cell && !rig.structure().resonant) {
+      quasi_static_(rig.structure().load_cell && !rig.structure().resonant),
+      base_excited_(rig.structure().excitation == Excitation::base) {
   for (Channel channel : all_channels) {
     if (!layout.of(channel).used) continue;
     chains_[index_of(channel)] =
@@ -52,7 +53,7 @@ DualPrediction::DualPrediction(const physics::Rig& rig, const physics::Model& mo
   fill_memory_transition();
 }
 
-// The chains are linear, so their own memory moves on in the same way for ever.
+// The chains are linear and time-invariant, so their transition is found once.
 void DualPrediction::fill_memory_transition() {
   const int core = layout_->core;
   Vector unit = Vector::Zero(layout_->count);
@@ -65,20 +66,21 @@ void DualPrediction::fill_memory_transition() {
       if (!chain.used || channel == Channel::velocity) continue;
       const auto& filters = chains_[index_of(channel)];
       FilterMemory<double> memory;
-      recall(memory, chain, unit, 0.0, 0.0);
+      load_memory(memory, chain, unit, 0.0, 0.0);
       const bool differentiated = channel == Channel::displacement;
       const auto& differentiator = chains_[index_of(Channel::velocity)];
       if (differentiated) {
-        recall(velocity, layout_->of(Channel::velocity), unit, filters.output_rate(memory), 0.0);
+        load_memory(velocity, layout_->of(Channel::velocity), unit, filters.output_rate(memory),
+                    0.0);
       }
       for (int k = 0; k < steps_; ++k) {
         filters.advance(memory, 0.0, 0.0);
         if (differentiated) differentiator.advance(velocity, filters.output_rate(memory), 0.0);
       }
       const auto put = [&](int row, double value) { memory_(row - core, column - core) = value; };
-      each_state(chain, filters, memory, put);
+      for_each_state(chain, filters, memory, put);
       if (differentiated) {
-        each_state(layout_->of(Channel::velocity), differentiator, velocity, put);
+        for_each_state(layout_->of(Channel::velocity), differentiator, velocity, put);
       }
     }
   }
@@ -94,10 +96,10 @@ Dual DualPrediction::seed(const Vector& mean, int index, int offset) const {
 void DualPrediction::advance(Vector& mean, double time_s, double slip_variance) {
   dual_numbers_.c.transition_speed = Dual(widened_transition_speed(slip_variance));
   for (int offset = 0; offset < layout_->core; offset += Dual::directions) {
-    pass(mean, time_s, offset);
+    propagate(mean, time_s, offset);
   }
   fill_transition();
-  reading_states_.advance(mean, next_, transition_);
+  sensor_error_states_.advance(mean, next_, transition_);
   mean = next_;
 }
 
@@ -117,120 +119,122 @@ void DualPrediction::fill_transition() {
   }
 }
 
-void DualPrediction::pass(const Vector& mean, double time_s, int offset) {
+// The measured load enters the equations as a plain number; its derivatives are carried by mu.
+void DualPrediction::set_measured_load(const Dual& mu, const Dual& load) {
+  if (loaded_by_measurement_ && load.a > 0.0) dual_numbers_.c.mu = mu * (load / load.a);
+}
+
+Input DualPrediction::input_of(const DualStates& s) const {
+  Input input;
+  if (base_excited_) {
+    input.base_displacement_m = s.drive[0].a;
+    input.base_acceleration_m_s2 = s.drive[2].a;
+  } else {
+    input.drive_force_n = s.drive[0].a;
+  }
+  input.normal_load_n = s.load.a;
+  return input;
+}
+
+Dual DualPrediction::friction_reading(const DualStates& s) const {
+  if (!quasi_static_ || !base_excited_) return s.quantities.friction_reading;
+  return s.quantities.friction_reading - dual_numbers_.c.cell_mass * derivatives_of(s.drive[2]);
+}
+
+Dual DualPrediction::load_reading(const DualStates& s) const {
+  return loaded_by_measurement_ ? s.load : s.quantities.normal_load;
+}
+
+void DualPrediction::load_states(const Vector& mean, int offset, DualStates& s) {
   const Layout& layout = *layout_;
-  const physics::Structure& structure = rig_->structure();
-  const bool base = structure.excitation == Excitation::base;
-  const double h = period_s_ / steps_;
   physics::RigNumbers<Dual>& n = dual_numbers_;
-
-  RigState<Dual> rig;
   for (std::size_t i = 0; i < layout.rig.size(); ++i) {
-    if (layout.rig[i] >= 0) rig.s[i] = seed(mean, layout.rig[i], offset);
+    if (layout.rig[i] >= 0) s.rig.s[i] = seed(mean, layout.rig[i], offset);
   }
-  rig.slip = rig.s[state::v] - rig.s[state::u];
-  Dual mu(numbers_.c.mu);
-  if (layout.mu >= 0) mu = seed(mean, layout.mu, offset);
-  n.c.mu = mu;
+  s.rig.slip = s.rig.s[state::v] - s.rig.s[state::u];
+  s.mu = Dual(numbers_.c.mu);
+  if (layout.mu >= 0) s.mu = seed(mean, layout.mu, offset);
+  n.c.mu = s.mu;
   if (layout.log_rate >= 0) n.c.rate = exp(seed(mean, layout.log_rate, offset));
-  Dual load(1.0);
-  Dual load_rate(0.0);
-  if (layout.load >= 0) load = seed(mean, layout.load, offset);
-  if (layout.load_rate >= 0) load_rate = seed(mean, layout.load_rate, offset);
-  if (layout.load >= 0 && !loaded_by_measurement_) n.c.load = load;
-  std::array<Dual, 4> drive;
-  for (int i = 0; i < 4; ++i) drive[at(i)] = seed(mean, layout.drive + i, offset);
+  if (layout.load >= 0) s.load = seed(mean, layout.load, offset);
+  if (layout.load_rate >= 0) s.load_rate = seed(mean, layout.load_rate, offset);
+  if (layout.load >= 0 && !loaded_by_measurement_) n.c.load = s.load;
+  for (int i = 0; i < 4; ++i) s.drive[at(i)] = seed(mean, layout.drive + i, offset);
+}
 
-  const auto input_now = [&] {
-    Input now;
-    if (base) {
-      now.base_displacement_m = drive[0].a;
-      now.base_acceleration_m_s2 = drive[2].a;
-    } else {
-      now.drive_force_n = drive[0].a;
-    }
-    now.normal_load_n = load.a;
-    return now;
+void DualPrediction::load_chains(const Vector& mean, DualStates& s) const {
+  const Layout& layout = *layout_;
+  const auto load = [&](Channel c, const Dual& input, const Dual& input_rate) {
+    load_memory(s.memory[index_of(c)], layout.of(c), mean, input, input_rate);
   };
-  // The measured load enters the equations as a plain number; its doubt goes in with mu.
-  const auto weigh = [&](const Dual& n_load) {
-    if (loaded_by_measurement_ && n_load.a > 0.0) n.c.mu = mu * (n_load / n_load.a);
+  constexpr std::size_t x = index_of(Channel::displacement);
+  load(Channel::displacement, s.quantities.displacement, s.quantities.velocity);
+  load(Channel::velocity, chains_[x].output_rate(s.memory[x]), Dual(0.0));
+  if (layout.of(Channel::friction_force).used) {
+    load(Channel::friction_force, friction_reading(s), Dual(0.0));
+  }
+  if (layout.of(Channel::normal_load).used) {
+    load(Channel::normal_load, load_reading(s), Dual(0.0));
+  }
+  load(drive_channel(rig_->structure()), s.drive[0], Dual(0.0));
+}
+
+// The derivatives by the input act as an impulse before the step; the displacement that an impulse
+// at the start overestimates is subtracted.
+void DualPrediction::apply_input_derivatives(DualStates& s, const std::array<Dual, 4>& drive_before,
+                                             double h) const {
+  RigState<Dual>& rig = s.rig;
+  if (base_excited_) {
+    const Dual kick = (-0.5 * h) * derivatives_of(drive_before[2] + s.drive[2]);
+    const Dual back = (-0.5 * h) * kick;
+    rig.s[state::v] += kick;
+    rig.s[state::x] += back;
+    if (rig_->structure().resonant) {
+      rig.s[state::u] += kick;
+      rig.s[state::y] += back;
+    }
+  } else {
+    const Dual kick =
+        (0.5 * h * numbers_.inverse_mass) * derivatives_of(drive_before[0] + s.drive[0]);
+    rig.s[state::v] += kick;
+    rig.s[state::x] += (-0.5 * h) * kick;
+  }
+}
+
+void DualPrediction::advance_chains(DualStates& s) const {
+  const auto advance = [&](Channel c, const Dual& input, const Dual& input_rate) {
+    chains_[index_of(c)].advance(s.memory[index_of(c)], input, input_rate);
   };
-  const auto friction_reading = [&](const physics::Quantities<Dual>& q) {
-    if (!quasi_static_ || !base) return q.friction_reading;
-    return q.friction_reading - n.c.cell_mass * doubt(drive[2]);
-  };
-
-  Input now = input_now();
-  weigh(load);
-  rig_->complete(rig, now, time_s, n);
-  physics::Quantities<Dual> q = rig_->quantities(rig, now, n);
-
-  std::array<FilterMemory<Dual>, channel_count> memory;
-  const auto chain = [&](Channel c) -> const physics::FilterChain& { return chains_[index_of(c)]; };
-  const auto of = [&](Channel c) -> FilterMemory<Dual>& { return memory[index_of(c)]; };
-  const Channel driven = drive_channel(structure);
-  const bool reads_friction = layout.of(Channel::friction_force).used;
-  const bool reads_load = layout.of(Channel::normal_load).used;
-  recall(of(Channel::displacement), layout.of(Channel::displacement), mean, q.displacement,
-         q.velocity);
-  recall(of(Channel::velocity), layout.of(Channel::velocity), mean,
-         chain(Channel::displacement).output_rate(of(Channel::displacement)), Dual(0.0));
-  if (reads_friction) {
-    recall(of(Channel::friction_force), layout.of(Channel::friction_force), mean,
-           friction_reading(q), Dual(0.0));
+  constexpr std::size_t x = index_of(Channel::displacement);
+  advance(Channel::displacement, s.quantities.displacement, s.quantities.velocity);
+  advance(Channel::velocity, chains_[x].output_rate(s.memory[x]), Dual(0.0));
+  if (layout_->of(Channel::friction_force).used) {
+    advance(Channel::friction_force, friction_reading(s), Dual(0.0));
   }
-  if (reads_load) {
-    recall(of(Channel::normal_load), layout.of(Channel::normal_load), mean,
-           loaded_by_measurement_ ? load : q.normal_load, Dual(0.0));
+  if (layout_->of(Channel::normal_load).used) {
+    advance(Channel::normal_load, load_reading(s), Dual(0.0));
   }
-  recall(of(driven), layout.of(driven), mean, drive[0], Dual(0.0));
+  advance(drive_channel(rig_->structure()), s.drive[0], Dual(0.0));
+}
 
-  for (int k = 0; k < steps_; ++k) {
-    const Input begin = now;
-    const std::array<Dual, 4> drive_before = drive;
-    const Dual load_before = load;
-    advance_drive(drive, h);
-    load += load_rate * h;
-    load_rate *= 1.0 - h / load_rate_memory_s;
-    now = input_now();
-    weigh(0.5 * (load_before + load));
+void DualPrediction::step(DualStates& s, double time_s) {
+  const double h = period_s_ / steps_;
+  const Input begin = input_of(s);
+  const std::array<Dual, 4> drive_before = s.drive;
+  const Dual load_before = s.load;
+  advance_drive(s.drive, h);
+  s.load += s.load_rate * h;
+  s.load_rate *= 1.0 - h / load_rate_memory_s;
+  const Input end = input_of(s);
+  set_measured_load(s.mu, 0.5 * (load_before + s.load));
+  apply_input_derivatives(s, drive_before, h);
+  rig_->step(s.rig, begin, end, time_s, h, dual_numbers_);
+  s.quantities = rig_->quantities(s.rig, end, dual_numbers_);
+  advance_chains(s);
+}
 
-    // The input's doubt acts as a kick before the step; the deflection that a kick at the start
-    // makes too much of is taken back.
-    if (base) {
-      const Dual kick = (-0.5 * h) * doubt(drive_before[2] + drive[2]);
-      const Dual back = (-0.5 * h) * kick;
-      rig.s[state::v] += kick;
-      rig.s[state::x] += back;
-      if (structure.resonant) {
-        rig.s[state::u] += kick;
-        rig.s[state::y] += back;
-      }
-    } else {
-      const Dual kick = (0.5 * h * numbers_.inverse_mass) * doubt(drive_before[0] + drive[0]);
-      rig.s[state::v] += kick;
-      rig.s[state::x] += (-0.5 * h) * kick;
-    }
-    rig_->step(rig, begin, now, time_s + k * h, h, n);
-
-    q = rig_->quantities(rig, now, n);
-    chain(Channel::displacement).advance(of(Channel::displacement), q.displacement, q.velocity);
-    chain(Channel::velocity)
-        .advance(of(Channel::velocity),
-                 chain(Channel::displacement).output_rate(of(Channel::displacement)), Dual(0.0));
-    if (reads_friction) {
-      chain(Channel::friction_force)
-          .advance(of(Channel::friction_force), friction_reading(q), Dual(0.0));
-    }
-    if (reads_load) {
-      chain(Channel::normal_load)
-          .advance(of(Channel::normal_load), loaded_by_measurement_ ? load : q.normal_load,
-                   Dual(0.0));
-    }
-    chain(driven).advance(of(driven), drive[0], Dual(0.0));
-  }
-
+void DualPrediction::store_states(const Vector& mean, int offset, const DualStates& s) {
+  const Layout& layout = *layout_;
   const int directions = std::min(Dual::directions, layout.core - offset);
   const auto put = [&](int row, const Dual& value) {
     next_[row] = value.a;
@@ -239,20 +243,34 @@ void DualPrediction::pass(const Vector& mean, double time_s, int offset) {
   const auto put_same = [&](int row) {
     if (row >= 0) put(row, seed(mean, row, offset));
   };
-  if (layout.friction >= 0) put(layout.friction, rig.friction);
-  if (layout.theta >= 0) put(layout.theta, rig.theta);
+  if (layout.friction >= 0) put(layout.friction, s.rig.friction);
+  if (layout.theta >= 0) put(layout.theta, s.rig.theta);
   for (std::size_t i = 0; i < layout.rig.size(); ++i) {
-    if (layout.rig[i] >= 0) put(layout.rig[i], rig.s[i]);
+    if (layout.rig[i] >= 0) put(layout.rig[i], s.rig.s[i]);
   }
   put_same(layout.mu);
   put_same(layout.log_rate);
-  if (layout.load >= 0) put(layout.load, load);
-  if (layout.load_rate >= 0) put(layout.load_rate, load_rate);
-  for (int i = 0; i < 4; ++i) put(layout.drive + i, drive[at(i)]);
+  if (layout.load >= 0) put(layout.load, s.load);
+  if (layout.load_rate >= 0) put(layout.load_rate, s.load_rate);
+  for (int i = 0; i < 4; ++i) put(layout.drive + i, s.drive[at(i)]);
   for (Channel channel : all_channels) {
-    const Chain& each = layout.of(channel);
-    if (each.used) each_state(each, chain(channel), of(channel), put);
+    const Chain& chain = layout.of(channel);
+    const std::size_t i = index_of(channel);
+    if (chain.used) for_each_state(chain, chains_[i], s.memory[i], put);
   }
+}
+
+void DualPrediction::propagate(const Vector& mean, double time_s, int offset) {
+  DualStates s;
+  load_states(mean, offset, s);
+  const Input start = input_of(s);
+  set_measured_load(s.mu, s.load);
+  rig_->complete(s.rig, start, time_s, dual_numbers_);
+  s.quantities = rig_->quantities(s.rig, start, dual_numbers_);
+  load_chains(mean, s);
+  const double h = period_s_ / steps_;
+  for (int k = 0; k < steps_; ++k) step(s, time_s + k * h);
+  store_states(mean, offset, s);
 }
 
 }  // namespace stickslip::observer

@@ -1,5 +1,4 @@
-// The extended Kalman filter behind FrictionObserver, for those who look into it: the observer and
-// the smoother.
+// Extended Kalman filter of FrictionObserver, with the interface that the smoother and tests need.
 #pragma once
 
 #include <array>
@@ -7,136 +6,141 @@
 #include <string>
 #include <vector>
 
+#include "observer/consider_parameters.h"
 #include "observer/consistency.h"
 #include "observer/covariance.h"
-#include "observer/doubted_constants.h"
 #include "observer/layout.h"
-#include "observer/misreadings.h"
 #include "observer/noise.h"
 #include "observer/observer.h"
 #include "observer/prediction.h"
+#include "observer/sensor_correction.h"
 
 namespace stickslip::observer {
 
 class KalmanFilter {
  public:
   KalmanFilter(const physics::Model& declared, double period_s,
-               Contact contact = Contact::to_be_learnt);
-  // The prediction and the noise point at the rig and the layout.
+               FrictionPrior prior = FrictionPrior::from_model);
+  // The prediction and the noise model point at the rig and the layout.
   KalmanFilter(const KalmanFilter&) = delete;
   KalmanFilter& operator=(const KalmanFilter&) = delete;
 
-  /// Why the model cannot be followed; empty where it can.
+  /// Reason why the model is not supported; empty where it is.
   const std::string& unsupported() const { return unsupported_; }
   const FrictionEstimate& estimate() const { return estimate_; }
 
-  /// The last frame as the filter took it: put right where the model says that it was read wrongly.
+  /// Last frame, with its sensor errors corrected.
   const Frame& frame() const { return frame_; }
 
   const Vector& mean() const { return mean_; }
   const Covariance& covariance() const { return covariance_; }
   const Transition& transition() const { return prediction_->transition(); }
 
-  /// Takes a frame; `pass(*this)` is called for each period until then, and calls predict().
-  template <class Pass>
-  void update(const Frame& given, Pass&& pass) {
+  /// Processes a frame. `time_update(*this)` is called for each period up to it, and has to call
+  /// predict().
+  template <class TimeUpdate>
+  void update(const Frame& given, TimeUpdate&& time_update) {
     Frame frame = given;
-    const int periods = arrive(frame);
+    const int periods = accept(frame);
     if (periods < 0) return;
-    for (int k = 0; k < periods; ++k) pass(*this);
+    for (int k = 0; k < periods; ++k) time_update(*this);
     frame_ = frame;
-    learn(frame);
+    measurement_update(frame);
   }
   void update(const Frame& frame) {
     update(frame, [](KalmanFilter& filter) { filter.predict(); });
   }
 
-  /// One period passes.
+  /// Time update by one period.
   void predict();
 
-  /// What the next predict() adds to the doubt before the period, and what the last one added after
+  /// Noise that the next predict() adds before the transition, and that the last one added after
   /// it.
   Covariance process_noise() const;
   Covariance output_noise() const;
 
-  /// How a channel of a frame is read: at its own age, with the variance of its readings and of
-  /// what is neglected by looking back along a straight line.
-  struct Look {
-    const Sight* sight = nullptr;  ///< until the next look at this channel
+  /// Prediction of a reading at its own age.
+  struct PredictedReading {
+    const MeasurementRow* row = nullptr;  ///< valid until the next prediction for this channel
+    /// Variance of the reading's noise and of the error of the linear extrapolation to its age.
     double variance = 0.0;
-    double foretold = 0.0;
+    double value = 0.0;
   };
-  Look look(Channel channel, const Frame& frame, const Vector& states);
+  PredictedReading predict_reading(Channel channel, const Frame& frame, const Vector& states);
 
-  /// What these states and their covariance say, in the fields of an estimate that speak of the
-  /// rig; and what doubted constants add to the doubt, unless null.
-  void tell(const Vector& mean, const Covariance& covariance, const DoubtedConstants* constants,
-            FrictionEstimate& e) const;
+  /// Fills the fields of an estimate that describe the rig from states and their covariance.
+  /// `consider`: added to the covariance unless null.
+  void fill_estimate(const Vector& mean, const Covariance& covariance,
+                     const ConsiderParameters* consider, FrictionEstimate& e) const;
 
  private:
-  KalmanFilter(const Followed& followed, double period_s, Contact contact);
+  KalmanFilter(const SeparatedModel& separated, double period_s, FrictionPrior prior);
 
-  int arrive(Frame& frame);
-  void learn(const Frame& frame);
-  void name_quantities();
+  int accept(Frame& frame);
+  void measurement_update(const Frame& frame);
+  void map_quantities();
   double reading_variance(Channel channel) const;
-  void hear_and_put_right(Frame& frame);
-  void begin(const Frame& frame);
-  void correct(const Frame& frame);
-  bool use_reading(Channel channel, const Look& look, double innovation);
+  void correct_sensor_errors(Frame& frame);
+  void reinitialise(const Frame& frame);
+  void apply_readings(const Frame& frame);
+  double project_covariance(const MeasurementRow& row);
+  bool apply_reading(Channel channel, const PredictedReading& predicted, double innovation);
+  void compute_gain(Channel channel, double innovation_variance);
   bool is_new(Channel channel, const Frame& frame);
   bool is_healthy() const;
-  void forget_readings();
-  void report(const Frame& frame);
+  void clear_innovations();
+  void fill_report(const Frame& frame);
+  void fill_covariance(const Covariance& covariance, const ConsiderParameters* consider,
+                       FrictionEstimate& e) const;
   void report_consistency();
-  double base_acceleration_behind_its_chain() const;
+  double filtered_base_acceleration() const;
   double slip_variance(const Covariance& covariance) const;
   double normal_load(const Vector& mean) const;
 
-  // Declared before the layout, which says into it why there is none.
+  // Declared before the layout, whose construction sets it.
   std::string unsupported_;
   physics::Model model_;
-  Misreadings misreadings_;
+  SensorCorrection correction_;
   physics::Rig rig_;
   double period_s_;
   Layout layout_;
   int steps_;
   Covariance covariance_;
-  // Made only for a supported model.
+  // Only for a supported model.
   std::unique_ptr<Prediction> prediction_;
-  std::unique_ptr<Noise> noise_;
-  std::unique_ptr<DoubtedConstants> constants_;
+  std::unique_ptr<NoiseModel> noise_;
+  std::unique_ptr<ConsiderParameters> consider_;
   double settle_s_ = 0.0;
-  /// The start is over: mu and gamma are learnt, and readings refused, from then on.
-  double learn_s_ = 0.0;
+  /// Duration of the start, during which mu and gamma are not estimated and no reading is rejected.
+  double startup_s_ = 0.0;
 
   Vector mean_;
   Covariance::States gain_, column_;
-  std::array<int, quantity_count> source_{};  ///< of reported quantities
+  std::array<int, quantity_count> source_{};  ///< states of the reported quantities
 
-  /// How each channel is looked at: in time, and as it was last, which is almost always the same.
-  struct Eye {
-    Sight in_time;
+  /// Measurement row of a channel for age 0, and for its last age, which rarely changes.
+  struct CachedRow {
+    MeasurementRow current;
     double age_s = 0.0;
-    Sight aged;
+    MeasurementRow aged;
   };
-  std::array<Eye, channel_count> eyes_;
+  std::array<CachedRow, channel_count> rows_;
   Frame frame_;
-  Misreadings::PerChannel variance_{};  ///< of its readings, where they were put right
+  SensorCorrection::PerChannel variance_{};  ///< of corrected readings
 
   bool started_ = false;
   std::int64_t origin_ns_ = 0;  ///< time 0 of the model
   bool has_origin_ = false;
   std::int64_t time_ns_ = 0;
   double since_start_s_ = 0.0;
-  double since_sight_s_ = 0.0;
+  double since_mechanical_s_ = 0.0;  ///< since a reading of mass or friction force was used
   double nis_level_ = 1.0;
   Consistency consistency_;
   double since_drive_s_ = 1.0e9;
-  double lesson_ = 1.0;  ///< share of the gain on mu
-  double absurd_s_ = 0.0;
+  double mu_gain_factor_ = 1.0;
+  double implausible_s_ = 0.0;
   std::array<int, channel_count> outliers_in_a_row_{};
-  std::array<std::int64_t, channel_count> read_at_ns_{};  ///< of the last reading of each channel
+  std::array<std::int64_t, channel_count> read_at_ns_{};  ///< time of each channel's last reading
   std::array<bool, channel_count> has_read_{};
   FrictionEstimate estimate_;
 };

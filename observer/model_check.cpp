@@ -1,10 +1,11 @@
 #include "observer/model_check.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
+
+#include "physics/number_text.h"
 
 namespace stickslip::observer {
 
@@ -13,48 +14,49 @@ namespace {
 using physics::Relation;
 
 constexpr double block_s = 0.1;
-constexpr double slow_s = 0.02;
+constexpr double low_pass_s = 0.02;
 constexpr double skip_after_start_s = 0.1;
-constexpr double largest_innovation = 8.0;  // [standard deviations] of what is counted
+constexpr double largest_innovation = 8.0;  // [standard deviations]; larger ones are clamped
 constexpr double smallest_speed_m_s = 1.0e-3;
-// A contact that sticks, or creeps, shows what a parameter is off by rather than what has changed.
+// A contact that sticks or creeps shows the error of a parameter rather than a change.
 constexpr double moving_speed_m_s = 0.006;
 constexpr double most_sticking = 0.8;
 constexpr double motion_weight = 0.2;
 constexpr double skip_after_rest_s = 0.5;
 
-constexpr double blocks_to_learn = 15.0;
-constexpr double blocks_remembered = 600.0;
-constexpr double worst_reference = 400.0;
+constexpr double reference_blocks = 15.0;  // needed for a reference
+constexpr double most_reference_blocks = 600.0;
+constexpr double largest_reference = 400.0;
 
-constexpr double doubtful_parameter = 0.05;  // relative deviation above which it says nothing
+constexpr double largest_parameter_std =
+    0.05;  // relative; parameters with a larger one are ignored
 constexpr double parameter_memory_s = 1.0;
-constexpr double parameter_blocks_to_learn = 30.0;
-constexpr double parameter_blocks_remembered = 600.0;
-constexpr double first_weight = 0.15;  // while it is learnt
+constexpr double parameter_reference_blocks = 30.0;
+constexpr double most_parameter_reference_blocks = 600.0;
+constexpr double first_weight = 0.15;  // until the reference is known
 
-// A sum of ratios is seldom just 0; what begins is what goes beyond this.
-constexpr double suspicious_evidence = 2.0;
+// A CUSUM of a sound rig is rarely 0; a change is possible above this value.
+constexpr double smallest_change_cusum = 2.0;
 constexpr double signature_s = 1.0;
-constexpr double least_signature_s = 0.3;
-constexpr double stirred_energy = 400.0;
-constexpr double stirred_share = 0.1;  // of refused readings
+constexpr double shortest_signature_s = 0.3;
+constexpr double disturbed_energy = 400.0;
+constexpr double disturbed_share = 0.1;  // of frames with rejected readings
 constexpr double persistence_s = 2.0;
-constexpr double parameter_patience_s = 3.0;
-constexpr double loud_memory_s = 0.7;
-constexpr double disturbance_s = 4.0;
+constexpr double parameter_delay_s = 3.0;
+constexpr double disturbance_memory_s = 0.7;
+constexpr double longest_disturbance_s = 4.0;
 constexpr double recovery_s = 30.0;
 constexpr double lead_s = 20.0;
 constexpr double tail_s = 5.0;
 
-// A restart once in ten minutes is nothing, one a second is a filter that is lost.
-constexpr double restart_evidence_each = 6.4;
-constexpr double restart_evidence_per_s = -1.0;
+// A restart in ten minutes is insignificant, one a second means divergence.
+constexpr double log_ratio_per_restart = 6.4;
+constexpr double restart_decay_per_s = -1.0;
 
 // Six channels, three parameters, restarts.
 constexpr double test_count = 10.0;
 
-// In load-cell periods: where a cell rings that is looser than declared.
+// In periods of the load cell: ringing of a cell that is softer than declared.
 constexpr std::array ring_periods = {1.25, 1.45, 1.65};
 
 constexpr std::size_t x = index_of(Channel::displacement);
@@ -71,24 +73,24 @@ std::int64_t nanoseconds(double s) { return std::llround(s * 1.0e9); }
 
 }  // namespace
 
-std::string_view name_of(ModelStanding standing) {
+std::string_view name_of(ModelStatus status) {
   constexpr std::array<std::string_view, 3> names = {"learning", "follows", "broken"};
-  return names[static_cast<std::size_t>(standing)];
+  return names[static_cast<std::size_t>(status)];
 }
 
-double energy_evidence(double ratio) {
+double energy_log_ratio(double ratio) {
   constexpr double freedom = 3.0;
   constexpr double inflation = 2.0;
   constexpr double growth = 4.0;
   return 0.5 * freedom * (ratio / inflation * (1.0 - 1.0 / growth) - std::log(growth));
 }
 
-double parameter_evidence(double squared_deviation) {
+double parameter_log_ratio(double squared_deviation) {
   constexpr double growth = 9.0;
   return 0.5 * (squared_deviation * (1.0 - 1.0 / growth) - std::log(growth));
 }
 
-double evidence_threshold(double days, double tests) {
+double cusum_threshold(double days, double tests) {
   return std::log(days * 86400.0 / block_s * tests);
 }
 
@@ -102,10 +104,10 @@ ModelCheck::ModelCheck(const physics::Model& model, double period_s,
       !std::isfinite(settings.days_between_false_alarms)) {
     throw std::invalid_argument("model check: the days between false alarms must be more than 0");
   }
-  threshold_ = std::max(5.0, evidence_threshold(settings.days_between_false_alarms, test_count));
+  threshold_ = std::max(5.0, cusum_threshold(settings.days_between_false_alarms, test_count));
   most_per_block_ = 0.25 * threshold_;
-  slow_ = 1.0 - std::exp(-period_s / slow_s);
-  slow_gain_ = (2.0 - slow_) / slow_;
+  low_pass_ = 1.0 - std::exp(-period_s / low_pass_s);
+  low_pass_gain_ = (2.0 - low_pass_) / low_pass_;
   frames_per_block_ = std::max(1, static_cast<int>(std::lround(block_s / period_s)));
   if (model.normal_load && model.normal_load->law == physics::NormalLoadLaw::wedge) {
     wedge_slope_ = model.normal_load->slope_per_m.value;
@@ -113,32 +115,32 @@ ModelCheck::ModelCheck(const physics::Model& model, double period_s,
   if (model.load_cell && model.load_cell->natural_frequency_hz.value > 0.0) {
     const double cell_period = 1.0 / (model.load_cell->natural_frequency_hz.value * period_s);
     const double longest = cell_period * ring_periods.back();
-    past_stride_ = 1 + static_cast<std::size_t>(longest / (force_past - 2));
+    history_stride_ = 1 + static_cast<std::size_t>(longest / (force_history - 2));
     for (std::size_t i = 0; i < ring_lags; ++i) {
-      const double frames = cell_period * ring_periods[i] / static_cast<double>(past_stride_);
-      if (frames < 4.0) continue;  // sampled too slowly to see it
+      const double frames = cell_period * ring_periods[i] / static_cast<double>(history_stride_);
+      if (frames < 4.0) continue;  // not resolved at this sampling rate
       whole_lag_[i] = static_cast<std::size_t>(std::lround(frames));
       half_lag_[i] = static_cast<std::size_t>(std::lround(0.5 * frames));
     }
   }
   const bool load_is_a_parameter =
       model.normal_load && model.normal_load->law != physics::NormalLoadLaw::measured;
-  watched_ = {Watched{.quantity = Quantity::mu,
-                      .relation = Relation::friction_law,
-                      .tolerance = 0.03,
-                      .used = true},
-              Watched{.quantity = Quantity::gamma,
-                      .relation = Relation::friction_law,
-                      .tolerance = 0.25,
-                      .used = true},
-              Watched{.quantity = Quantity::normal_load,
-                      .relation = Relation::normal_load,
-                      .tolerance = 0.03,
-                      .used = load_is_a_parameter}};
+  parameters_ = {MonitoredParameter{.quantity = Quantity::mu,
+                                    .relation = Relation::friction_law,
+                                    .tolerance = 0.03,
+                                    .used = true},
+                 MonitoredParameter{.quantity = Quantity::gamma,
+                                    .relation = Relation::friction_law,
+                                    .tolerance = 0.25,
+                                    .used = true},
+                 MonitoredParameter{.quantity = Quantity::normal_load,
+                                    .relation = Relation::normal_load,
+                                    .tolerance = 0.03,
+                                    .used = load_is_a_parameter}};
 }
 
 void ModelCheck::Sums::add(const Sums& other) {
-  if (frames == 0.0) begun_ns = other.begun_ns;
+  if (frames == 0.0) begin_ns = other.begin_ns;
   frames += other.frames;
   for (std::size_t i = 0; i < channel_count; ++i) {
     count[i] += other.count[i];
@@ -169,45 +171,44 @@ double ModelCheck::Reference::level() const {
 bool ModelCheck::update(const FrictionEstimate& e) {
   const bool restarted = e.restarts != restarts_;
   if (restarted) {
-    restart_evidence_ += restart_evidence_each;
+    restart_cusum_ += log_ratio_per_restart;
     restarts_ = e.restarts;
-    // What follows is the filter finding its way.
-    if (suspicion_.frames * period_s_ > least_signature_s) collecting_ = false;
+    // The innovations that follow are those of the convergence.
+    if (change_.frames * period_s_ > shortest_signature_s) collecting_ = false;
   }
   if (!e.valid) {
     to_skip_ = static_cast<int>(std::lround(skip_after_start_s / period_s_));
-    slow_part_.fill(0.0);
-    past_force_.fill(0.0);
+    low_pass_innovation_.fill(0.0);
+    force_history_.fill(0.0);
   } else if (to_skip_ > 0) {
     --to_skip_;
   } else {
     add_frame(e);
   }
-  if (++frames_seen_ < frames_per_block_) return false;
-  frames_seen_ = 0;
-  const bool told = end_block(e);
+  if (++block_frames_ < frames_per_block_) return false;
+  block_frames_ = 0;
+  const bool changed = end_block(e);
   block_ = Sums{};
-  last_ns_ = e.time_ns;
-  return told;
+  return changed;
 }
 
 void ModelCheck::add_frame(const FrictionEstimate& e) {
   Sums& s = block_;
-  if (s.frames == 0.0) s.begun_ns = e.time_ns;
+  if (s.frames == 0.0) s.begin_ns = e.time_ns;
   s.frames += 1.0;
   if (e.refused != 0) s.refused += 1.0;
   for (std::size_t i = 0; i < channel_count; ++i) {
     if ((e.innovation_valid >> i & 1U) == 0 || !(e.innovation_std[i] > 0.0)) continue;
     const double z =
         std::clamp(e.innovation[i] / e.innovation_std[i], -largest_innovation, largest_innovation);
-    slow_part_[i] += slow_ * (z - slow_part_[i]);
+    low_pass_innovation_[i] += low_pass_ * (z - low_pass_innovation_[i]);
     s.count[i] += 1.0;
-    s.square[i] += square(slow_part_[i]);
+    s.square[i] += square(low_pass_innovation_[i]);
   }
-  const double force = slow_part_[f];
-  const double velocity = slow_part_[v];
+  const double force = low_pass_innovation_[f];
+  const double velocity = low_pass_innovation_[v];
   s.velocity_force += velocity * force;
-  s.displacement_velocity += slow_part_[x] * velocity;
+  s.displacement_velocity += low_pass_innovation_[x] * velocity;
   s.xx += square(e.displacement_m);
   s.xv += e.displacement_m * e.velocity_m_s;
   s.vv += square(e.velocity_m_s);
@@ -215,19 +216,26 @@ void ModelCheck::add_frame(const FrictionEstimate& e) {
   s.v_innovation += e.velocity_m_s * velocity;
   s.speed_square += square(e.slip_velocity_m_s);
   s.sticking += e.sticking;
+  add_force_frame(e);
+}
 
-  if (past_stride_ == 1 || static_cast<std::size_t>(frames_seen_) % past_stride_ == 0) {
-    past_at_ = (past_at_ + 1) % force_past;
-    past_force_[past_at_] = force;
+void ModelCheck::add_force_frame(const FrictionEstimate& e) {
+  Sums& s = block_;
+  const double force = low_pass_innovation_[f];
+  if (history_stride_ == 1 || static_cast<std::size_t>(block_frames_) % history_stride_ == 0) {
+    history_at_ = (history_at_ + 1) % force_history;
+    force_history_[history_at_] = force;
   }
   for (std::size_t i = 0; i < ring_lags; ++i) {
-    s.whole_lag[i] += force * past_force_[(past_at_ + force_past - whole_lag_[i]) % force_past];
-    s.half_lag[i] += force * past_force_[(past_at_ + force_past - half_lag_[i]) % force_past];
+    s.whole_lag[i] +=
+        force * force_history_[(history_at_ + force_history - whole_lag_[i]) % force_history];
+    s.half_lag[i] +=
+        force * force_history_[(history_at_ + force_history - half_lag_[i]) % force_history];
   }
   if (e.raw_valid) {
-    slow_reading_ += slow_ * (e.raw_friction_force_n - slow_reading_);
-    slower_reading_ += 2.0 * slow_ * (slow_reading_ - slower_reading_);
-    const double rate = slow_reading_ - slower_reading_;
+    filtered_force_ += low_pass_ * (e.raw_friction_force_n - filtered_force_);
+    slow_force_ += 2.0 * low_pass_ * (filtered_force_ - slow_force_);
+    const double rate = filtered_force_ - slow_force_;
     s.rate_force += rate * force;
     s.rate_square += square(rate);
   }
@@ -239,185 +247,202 @@ std::size_t ModelCheck::bin_of(double speed_m_s) const {
   return std::min(bins - 1, static_cast<std::size_t>(octaves) + 1);
 }
 
-// What a wrong model leaves over grows with the motion: fourfold in energy with each octave.
+// The innovations of a wrong model grow with the motion: fourfold in energy per octave of speed.
 double ModelCheck::expected_energy(std::size_t channel) const {
-  const auto learnt = [&](std::size_t bin) {
-    return references_[bin][channel].blocks >= blocks_to_learn;
+  const auto known = [&](std::size_t bin) {
+    return references_[bin][channel].blocks >= reference_blocks;
   };
-  if (learnt(bin_)) return std::clamp(references_[bin_][channel].level(), 1.0, worst_reference);
+  if (known(bin_)) return std::clamp(references_[bin_][channel].level(), 1.0, largest_reference);
   for (std::size_t below = bin_; below-- > 0;) {
-    if (!learnt(below)) continue;
+    if (!known(below)) continue;
     const double scale = std::exp2(2.0 * static_cast<double>(bin_ - below));
-    return std::clamp(references_[below][channel].level() * scale, 1.0, worst_reference);
+    return std::clamp(references_[below][channel].level() * scale, 1.0, largest_reference);
   }
-  return worst_reference;
+  return largest_reference;
+}
+
+// Speed and sticking are averaged over half a second: a sliding contact sticks at each reversal.
+bool ModelCheck::is_moving(double elapsed_s) {
+  const bool enough = block_.frames >= 0.5 * frames_per_block_;
+  if (enough) {
+    speed_square_ += motion_weight * (block_.speed_square / block_.frames - speed_square_);
+    sticking_ += motion_weight * (block_.sticking / block_.frames - sticking_);
+  }
+  const bool moving =
+      enough && std::sqrt(speed_square_) > moving_speed_m_s && sticking_ < most_sticking;
+  moving_s_ = moving ? moving_s_ + elapsed_s : 0.0;
+  return moving_s_ > skip_after_rest_s;
+}
+
+void ModelCheck::update_tests(const FrictionEstimate& e, double elapsed_s) {
+  if (tested_s_ == 0.0) tested_since_ns_ = block_.begin_ns;
+  tested_s_ += elapsed_s;
+  bin_ = bin_of(std::sqrt(speed_square_));
+  update_channel_tests();
+  update_parameter_tests(e, nominal_block_);
+  since_disturbed_s_ = nominal_block_ ? since_disturbed_s_ + elapsed_s : 0.0;
+}
+
+void ModelCheck::track_change(std::int64_t now_ns, double elapsed_s) {
+  if (!change_possible_) {
+    change_possible_ = true;
+    collecting_ = true;
+    change_ = Sums{};
+    since_change_s_ = 0.0;
+    change_bin_ = bin_;
+    verdict_.cusum = 0.0;
+    change_.begin_ns = now_ns - nanoseconds(elapsed_s);
+  }
+  since_change_s_ += elapsed_s;
+  change_bin_ = std::max(change_bin_, bin_);
+  if (collecting_ && block_.frames > 0.0 && change_.frames * period_s_ < signature_s) {
+    const std::int64_t begin_ns = change_.begin_ns;
+    change_.add(block_);
+    change_.begin_ns = begin_ns;
+  }
 }
 
 bool ModelCheck::end_block(const FrictionEstimate& e) {
   const double elapsed_s = frames_per_block_ * period_s_;
-  const double restarts = restart_evidence_;
-  restart_evidence_ =
-      std::clamp(restarts + restart_evidence_per_s * elapsed_s, 0.0, 2.0 * threshold_);
-  const bool enough = block_.frames >= 0.5 * frames_per_block_;
-  if (enough) {
-    // Over half a second: a contact that slides sticks at each reversal.
-    speed_square_ += motion_weight * (block_.speed_square / block_.frames - speed_square_);
-    sticking_ += motion_weight * (block_.sticking / block_.frames - sticking_);
-  }
-  const double speed = std::sqrt(speed_square_);
-  const bool moving = enough && speed > moving_speed_m_s && sticking_ < most_sticking;
-  moving_s_ = moving ? moving_s_ + elapsed_s : 0.0;
-  const bool seen = moving_s_ > skip_after_rest_s;
-  if (seen) {
-    if (good_s_ == 0.0) good_since_ns_ = block_.begun_ns;
-    good_s_ += elapsed_s;
-    bin_ = bin_of(speed);
-    weigh_channels();
-    weigh_parameters(e, quiet_block_);
-    since_quiet_s_ = quiet_block_ ? since_quiet_s_ + elapsed_s : 0.0;
-  }
-  // Between two slips nothing is seen, and nothing forgotten.
-  const double worst = worst_evidence();
-  // Where nothing can be judged yet, what begins is kept for its name.
-  if (worst < suspicious_evidence && !is_stirred()) {
-    forget_suspicion();
+  restart_cusum_ =
+      std::clamp(restart_cusum_ + restart_decay_per_s * elapsed_s, 0.0, 2.0 * threshold_);
+  // While the contact sticks nothing is tested, and no sum is reset.
+  if (is_moving(elapsed_s)) update_tests(e, elapsed_s);
+  const double largest = largest_cusum();
+  // A disturbed block is kept for its signature even where it cannot be tested yet.
+  if (largest < smallest_change_cusum && !is_disturbed()) {
+    discard_change();
   } else {
-    if (!suspicious_) {
-      suspicious_ = true;
-      collecting_ = true;
-      suspicion_ = Sums{};
-      since_onset_s_ = 0.0;
-      onset_bin_ = bin_;
-      verdict_.evidence = 0.0;
-      suspicion_.begun_ns = e.time_ns - nanoseconds(elapsed_s);
-    }
-    since_onset_s_ += elapsed_s;
-    onset_bin_ = std::max(onset_bin_, bin_);
-    if (collecting_ && block_.frames > 0.0 && suspicion_.frames * period_s_ < signature_s) {
-      const std::int64_t begun_ns = suspicion_.begun_ns;
-      suspicion_.add(block_);
-      suspicion_.begun_ns = begun_ns;
-    }
+    track_change(e.time_ns, elapsed_s);
   }
-  if (verdict_.standing == ModelStanding::broken) {
-    const bool well = worst <= 0.0 && since_quiet_s_ > recovery_s;
-    if (!well) return false;
-    verdict_.standing = ModelStanding::follows;
+  if (verdict_.status == ModelStatus::broken) {
+    const bool recovered = largest <= 0.0 && since_disturbed_s_ > recovery_s;
+    if (!recovered) return false;
+    verdict_.status = ModelStatus::follows;
     return true;
   }
-  if (worst >= threshold_) {
-    verdict_.evidence = std::max(verdict_.evidence, worst);
-    return judge(e.time_ns);
+  if (largest >= threshold_) {
+    verdict_.cusum = std::max(verdict_.cusum, largest);
+    return decide(e.time_ns);
   }
-  if (verdict_.standing == ModelStanding::learning && good_s_ > 2.0 * blocks_to_learn * block_s) {
-    verdict_.standing = ModelStanding::follows;
+  if (verdict_.status == ModelStatus::learning && tested_s_ > 2.0 * reference_blocks * block_s) {
+    verdict_.status = ModelStatus::follows;
     return true;
   }
   return false;
 }
 
-bool ModelCheck::is_stirred() const {
-  if (block_.refused > stirred_share * block_.frames) return true;
+bool ModelCheck::is_disturbed() const {
+  if (block_.refused > disturbed_share * block_.frames) return true;
   for (std::size_t i = 0; i < channel_count; ++i) {
-    if (slow_gain_ * block_.square[i] > stirred_energy * block_.count[i]) return true;
+    if (low_pass_gain_ * block_.square[i] > disturbed_energy * block_.count[i]) return true;
   }
   return false;
 }
 
-// A filter begins anew where a parameter has moved too far for it: both say the same thing.
-double ModelCheck::worst_evidence() const {
+// A large change of a parameter makes the filter restart: both are evidence of the same change.
+double ModelCheck::largest_cusum() const {
   double parameter = 0.0;
-  for (const Watched& w : watched_) parameter = std::max(parameter, w.evidence);
-  const double channel = *std::max_element(evidence_.begin(), evidence_.end());
-  return std::max(channel, parameter + restart_evidence_);
+  for (const MonitoredParameter& p : parameters_) parameter = std::max(parameter, p.cusum);
+  const double channel = *std::max_element(cusum_.begin(), cusum_.end());
+  return std::max(channel, parameter + restart_cusum_);
 }
 
 // Page's cumulative sums.
-void ModelCheck::weigh_channels() {
-  quiet_block_ = true;
+void ModelCheck::update_channel_tests() {
+  nominal_block_ = true;
   for (std::size_t i = 0; i < channel_count; ++i) {
     if (block_.count[i] < 0.5 * block_.frames) continue;
-    const double energy = slow_gain_ * block_.square[i] / block_.count[i];
-    const double step = std::min(energy_evidence(energy / expected_energy(i)), most_per_block_);
-    evidence_[i] = std::clamp(evidence_[i] + step, 0.0, 2.0 * threshold_);
-    quiet_block_ = quiet_block_ && step < 0.0;
-    if (step >= 0.0 || suspicious_) continue;
+    const double energy = low_pass_gain_ * block_.square[i] / block_.count[i];
+    const double step = std::min(energy_log_ratio(energy / expected_energy(i)), most_per_block_);
+    cusum_[i] = std::clamp(cusum_[i] + step, 0.0, 2.0 * threshold_);
+    nominal_block_ = nominal_block_ && step < 0.0;
+    if (step >= 0.0 || change_possible_) continue;
     Reference& known = reference(i);
-    known.blocks = std::min(known.blocks + 1.0, blocks_remembered);
+    known.blocks = std::min(known.blocks + 1.0, most_reference_blocks);
     known.mean += (energy - known.mean) / known.blocks;
     known.mean_square += (square(energy) - known.mean_square) / known.blocks;
   }
 }
 
-// One value in parameter_memory_s counts as one observation: estimates a block apart are the same
-// news again.
-void ModelCheck::weigh_parameters(const FrictionEstimate& e, bool quiet) {
-  for (Watched& w : watched_) {
-    if (!w.used) continue;
-    const double deviation = e.standard_deviation(w.quantity);
-    double value = w.quantity == Quantity::mu ? e.mu : e.gamma_per_s;
-    if (w.quantity == Quantity::normal_load) {
+void ModelCheck::update_parameter_tests(const FrictionEstimate& e, bool nominal) {
+  for (MonitoredParameter& p : parameters_) {
+    if (!p.used) continue;
+    const double deviation = e.standard_deviation(p.quantity);
+    double value = p.quantity == Quantity::mu ? e.mu : e.gamma_per_s;
+    if (p.quantity == Quantity::normal_load) {
       const double share = 1.0 + wedge_slope_ * e.displacement_m;
       value = share > 0.1 ? e.normal_load_n / share : 0.0;
     }
-    const bool known = deviation > 0.0 && value > 0.0 && deviation < doubtful_parameter * value;
-    if (known) {
-      w.now = value;
-      const bool learnt = w.blocks >= parameter_blocks_to_learn;
-      const double tolerance = w.tolerance * w.reference;
-      // What it wandered by counts, but not without bound: a filter may have begun far off.
-      const double variance =
-          square(tolerance) + square(2.0 * deviation) + std::min(w.spread, square(tolerance));
-      const double squared = learnt ? square(value - w.reference) / variance : 0.0;
-      const double step =
-          std::min(parameter_evidence(squared) * block_s / parameter_memory_s, most_per_block_);
-      if (learnt) w.evidence = std::clamp(w.evidence + step, 0.0, 2.0 * threshold_);
-      if (quiet && w.evidence == 0.0) {
-        w.blocks = std::min(w.blocks + 1.0, parameter_blocks_remembered);
-        const double weight = learnt ? 1.0 / parameter_blocks_remembered : first_weight;
-        w.reference += (w.blocks == 1.0 ? 1.0 : weight) * (value - w.reference);
-        w.spread += weight * (square(value - w.reference) - w.spread);
-      }
-    }
+    const bool known = deviation > 0.0 && value > 0.0 && deviation < largest_parameter_std * value;
+    if (known) update_parameter_test(p, value, deviation, nominal);
   }
 }
 
-void ModelCheck::forget_suspicion() {
-  suspicious_ = false;
+// Estimates of consecutive blocks are correlated: one value per parameter_memory_s counts as one
+// observation.
+void ModelCheck::update_parameter_test(MonitoredParameter& p, double value, double deviation,
+                                       bool nominal) {
+  p.now = value;
+  const bool has_reference = p.blocks >= parameter_reference_blocks;
+  const double tolerance = p.tolerance * p.reference;
+  // Past variation counts up to a limit: the filter may have started far from the true value.
+  const double variance =
+      square(tolerance) + square(2.0 * deviation) + std::min(p.spread, square(tolerance));
+  const double squared = has_reference ? square(value - p.reference) / variance : 0.0;
+  const double step =
+      std::min(parameter_log_ratio(squared) * block_s / parameter_memory_s, most_per_block_);
+  if (has_reference) p.cusum = std::clamp(p.cusum + step, 0.0, 2.0 * threshold_);
+  if (!nominal || p.cusum != 0.0) return;
+  p.blocks = std::min(p.blocks + 1.0, most_parameter_reference_blocks);
+  const double weight = has_reference ? 1.0 / most_parameter_reference_blocks : first_weight;
+  p.reference += (p.blocks == 1.0 ? 1.0 : weight) * (value - p.reference);
+  p.spread += weight * (square(value - p.reference) - p.spread);
+}
+
+void ModelCheck::discard_change() {
+  change_possible_ = false;
   collecting_ = false;
-  since_onset_s_ = 0.0;
+  since_change_s_ = 0.0;
 }
 
-// Something has changed. Is it still so, and what is it?
-bool ModelCheck::judge(std::int64_t now_ns) {
-  if (since_onset_s_ < persistence_s) return false;
-  const bool loud = since_quiet_s_ < loud_memory_s || restart_evidence_ >= threshold_;
-  const Watched* moved = nullptr;
-  for (const Watched& w : watched_) {
-    if (w.evidence + restart_evidence_ >= threshold_ && w.evidence > suspicious_evidence &&
-        (moved == nullptr || w.evidence > moved->evidence)) {
-      moved = &w;
+const ModelCheck::MonitoredParameter* ModelCheck::changed_parameter() const {
+  const MonitoredParameter* changed = nullptr;
+  for (const MonitoredParameter& p : parameters_) {
+    if (p.cusum + restart_cusum_ >= threshold_ && p.cusum > smallest_change_cusum &&
+        (changed == nullptr || p.cusum > changed->cusum)) {
+      changed = &p;
     }
   }
-  if (loud && moved != nullptr && since_onset_s_ < parameter_patience_s) return false;
-  if (loud) return tell(now_ns, nullptr);
-  if (moved != nullptr) return tell(now_ns, moved);
-  if (since_onset_s_ > disturbance_s && bin_ + 1 >= onset_bin_) {
-    // Somebody knocked at the rig: it is as it was before.
-    evidence_.fill(0.0);
-    restart_evidence_ = 0.0;
-    forget_suspicion();
+  return changed;
+}
+
+// A sum is above the threshold: alarm, wait, or transient disturbance. True for an alarm.
+bool ModelCheck::decide(std::int64_t now_ns) {
+  if (since_change_s_ < persistence_s) return false;
+  const bool disturbed = since_disturbed_s_ < disturbance_memory_s || restart_cusum_ >= threshold_;
+  const MonitoredParameter* changed = changed_parameter();
+  if (disturbed && changed != nullptr && since_change_s_ < parameter_delay_s) return false;
+  if (disturbed || changed != nullptr) {
+    raise_alarm(now_ns, disturbed ? nullptr : changed);
+    return true;
+  }
+  if (since_change_s_ > longest_disturbance_s && bin_ + 1 >= change_bin_) {
+    // Transient, for example a knock: the rig is as before.
+    cusum_.fill(0.0);
+    restart_cusum_ = 0.0;
+    discard_change();
   }
   return false;
 }
 
 Signature ModelCheck::signature() const {
-  const Sums& s = suspicion_;
+  const Sums& s = change_;
   Signature out;
   out.frames = s.frames;
   if (s.frames == 0.0) return out;
   for (std::size_t i = 0; i < channel_count; ++i) {
-    if (s.count[i] > 0.0) out.energy[i] = slow_gain_ * s.square[i] / s.count[i];
+    if (s.count[i] > 0.0) out.energy[i] = low_pass_gain_ * s.square[i] / s.count[i];
   }
   out.velocity_force = correlation(s.velocity_force, s.square[v], s.square[f]);
   out.displacement_velocity = correlation(s.displacement_velocity, s.square[x], s.square[v]);
@@ -440,7 +465,7 @@ Signature ModelCheck::signature() const {
 
 namespace {
 
-struct Name {
+struct Classification {
   Relation relation = Relation::friction_law;
   Relation alternative = Relation::friction_law;
   Channel channel = Channel::displacement;
@@ -449,10 +474,10 @@ struct Name {
 
 double logistic(double score) { return 1.0 / (1.0 + std::exp(-score)); }
 
-// By whose innovations are disturbed, and how they hang together; docs/observer.md says why.
-Name name_of_signature(const Signature& s) {
+// From the channels whose innovations have grown, and their correlations; see docs/observer.md.
+Classification classify(const Signature& s) {
   const double motion = std::max({s.energy[x], s.energy[v], s.energy[f]});
-  Name out;
+  Classification out;
   for (const Channel channel :
        {Channel::normal_load, Channel::base_displacement, Channel::drive_force}) {
     const double energy = s.energy[index_of(channel)];
@@ -467,28 +492,30 @@ Name name_of_signature(const Signature& s) {
   const double ex = std::log(std::max(s.energy[x], 0.1));
   const double ev = std::log(std::max(s.energy[v], 0.1));
   const double ef = std::log(std::max(s.energy[f], 0.1));
-  // Displacement and velocity contradict each other: their innovations go apart.
-  const bool displacement_alone = ex - std::max(ev, ef) > 2.3 && ef < 2.3;
-  const bool velocity_alone = ev - std::max(ex, ef) > 2.4;
-  const bool apart = (s.displacement_velocity < -0.3 && ex > ef - 1.0) ||
-                     (ex > ev - 1.0 && std::min(ex, ev) - ef > 2.5);
-  if (displacement_alone || velocity_alone || apart) {
+  // Displacement and velocity contradict each other: their innovations have opposite signs.
+  const bool only_displacement = ex - std::max(ev, ef) > 2.3 && ef < 2.3;
+  const bool only_velocity = ev - std::max(ex, ef) > 2.4;
+  const bool opposed = (s.displacement_velocity < -0.3 && ex > ef - 1.0) ||
+                       (ex > ev - 1.0 && std::min(ex, ev) - ef > 2.5);
+  if (only_displacement || only_velocity || opposed) {
     out.relation = Relation::sensor;
     out.alternative = Relation::kinematics;
-    out.channel = displacement_alone ? Channel::displacement : Channel::velocity;
+    out.channel = only_displacement ? Channel::displacement : Channel::velocity;
     out.probability = 0.8;
     return out;
   }
-  // The mass moves otherwise than spring and measured friction say, as its deflection has it.
+  // The acceleration contradicts spring and measured friction, in proportion to deflection and
+  // velocity.
   if (ev - ef > 0.8 && s.velocity_by_motion > 0.85) {
     out.relation = Relation::force_balance;
     out.alternative = Relation::friction_law;
     out.probability = logistic(1.0 + ev - ef - 0.8);
     return out;
   }
-  // A loose cell rings, late or early: its innovations follow no rate of the reading.
+  // A loose cell rings: its innovations are not proportional to the rate of the reading, as those
+  // of a delay are.
   const double cell = 6.0 * (s.ringing - 0.2) + 5.0 * (s.force_rate + 0.35);
-  // A friction law that is wrong moves the mass too, a force that is read wrongly does not.
+  // A wrong friction law affects the mass too, an error of the force sensor does not.
   const double contact = ev - ef + 1.5 - 6.0 * (s.velocity_force + 0.55);
   out.channel = Channel::friction_force;
   const Relation other = contact > 0.0 ? Relation::friction_law : Relation::sensor;
@@ -505,64 +532,60 @@ Name name_of_signature(const Signature& s) {
   return out;
 }
 
-std::string digits(double value) {
-  std::string out = std::to_string(value);
-  return out.substr(0, std::min(out.size(), out.find('.') + 4));
-}
-
 }  // namespace
 
-bool ModelCheck::tell(std::int64_t now_ns, const Watched* moved) {
+double ModelCheck::known_reference(Quantity quantity) const {
+  for (const MonitoredParameter& p : parameters_) {
+    if (p.quantity == quantity && p.used && p.blocks >= parameter_reference_blocks) {
+      return p.reference;
+    }
+  }
+  return 0.0;
+}
+
+void ModelCheck::raise_alarm(std::int64_t now_ns, const MonitoredParameter* changed) {
   ModelVerdict& out = verdict_;
-  out.standing = ModelStanding::broken;
-  out.since_ns = suspicion_.begun_ns;
+  out.status = ModelStatus::broken;
+  out.since_ns = change_.begin_ns;
   out.reported_ns = now_ns;
-  out.from_ns = std::max(good_since_ns_, out.since_ns - nanoseconds(lead_s));
+  out.from_ns = std::max(tested_since_ns_, out.since_ns - nanoseconds(lead_s));
   out.to_ns = std::max(now_ns, out.since_ns + nanoseconds(tail_s));
   out.threshold = threshold_;
   out.parameter_was = 0.0;
   out.parameter_is = 0.0;
   ++out.alarms;
-  const auto usual = [this](Quantity quantity) {
-    for (const Watched& w : watched_) {
-      if (w.quantity == quantity && w.used && w.blocks >= parameter_blocks_to_learn) {
-        return w.reference;
-      }
-    }
-    return 0.0;
-  };
-  out.usual_mu = usual(Quantity::mu);
-  out.usual_gamma_per_s = usual(Quantity::gamma);
-  out.usual_load_n = usual(Quantity::normal_load);
-  if (moved != nullptr) {
-    out.relation = moved->relation;
-    out.alternative =
-        moved->relation == Relation::friction_law ? Relation::normal_load : Relation::friction_law;
+  out.reference_mu = known_reference(Quantity::mu);
+  out.reference_gamma_per_s = known_reference(Quantity::gamma);
+  out.reference_load_n = known_reference(Quantity::normal_load);
+  if (changed != nullptr) {
+    out.relation = changed->relation;
+    out.alternative = changed->relation == Relation::friction_law ? Relation::normal_load
+                                                                  : Relation::friction_law;
     out.channel = Channel::friction_force;
-    out.parameter_was = moved->reference;
-    out.parameter_is = moved->now;
+    out.parameter_was = changed->reference;
+    out.parameter_is = changed->now;
     out.probability = 0.9;
-    return true;
+    return;
   }
-  const Name name = name_of_signature(signature());
-  out.relation = name.relation;
-  out.alternative = name.alternative;
-  out.channel = name.channel;
-  out.probability = name.probability;
-  return true;
+  const Classification found = classify(signature());
+  out.relation = found.relation;
+  out.alternative = found.alternative;
+  out.channel = found.channel;
+  out.probability = found.probability;
 }
 
 std::string words_for(const ModelVerdict& verdict) {
+  using physics::number_text;
   std::string out = "the rig no longer follows its model: ";
   out += name_of(verdict.relation);
   if (verdict.relation == Relation::sensor) {
     out += " (" + std::string(channel_table[index_of(verdict.channel)].stem) + ")";
   }
-  out += ", probability " + digits(verdict.probability) + ", otherwise " +
+  out += ", probability " + number_text(verdict.probability) + ", otherwise " +
          std::string(name_of(verdict.alternative));
   if (verdict.parameter_is > 0.0) {
-    out += "; the estimate went from " + digits(verdict.parameter_was) + " to " +
-           digits(verdict.parameter_is);
+    out += "; the estimate changed from " + number_text(verdict.parameter_was) + " to " +
+           number_text(verdict.parameter_is);
   }
   return out;
 }

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "observer/reading_states.h"
+#include "observer/sensor_error_states.h"
 #include "physics/backbone.h"
 
 namespace stickslip::observer {
@@ -20,45 +20,44 @@ using std::numbers::pi;
 double square(double x) { return x * x; }
 double sixth(double x) { return square(x * x * x); }
 
-// Unmodelled forces: this fraction of mu N and of the spring's force, alike over this time.
-constexpr double force_doubt = 0.002;
-constexpr double spring_doubt = 0.0005;
+// Unmodelled forces: share of mu N and of the spring's force, correlated over force_memory_s.
+constexpr double force_share = 0.002;
+constexpr double spring_share = 0.0005;
 constexpr double force_memory_s = 0.01;
-// What the model itself doubts of mass, spring and damping does not change from one moment to the
-// next. DoubtedConstants follows it; this share of it stays noise, so that the filter leans on its
-// model a little less.
+// Uncertainty of mass, spring and damping is constant in time and followed by ConsiderParameters;
+// this share of it remains process noise, so that the filter relies less on its model.
 constexpr double constant_share = 0.6;
-// The backbone g: this much off, alike over force_memory_s.
-constexpr double backbone_doubt = 0.002;
-// Random walks of the parameters, as a fraction of their size over the root of a second.
+// Relative error of the backbone g, correlated over force_memory_s.
+constexpr double backbone_std = 0.002;
+// Random walks of the parameters, relative, per root of a second.
 constexpr double mu_walk = 0.0005;
 constexpr double rate_walk = 0.005;
 constexpr double load_walk = 0.002;
 constexpr double load_rate_walk = 20.0;
 constexpr double frequency_walk = 0.05;
-// At first mu and gamma are learnt where the filter is not yet right about the motion: what it then
-// holds to be known is forgotten again over this time, as if they had walked by these fractions.
-constexpr double restless_s = 1.5;
-constexpr double mu_restlessness = 0.2;
-constexpr double rate_restlessness = 0.3;
-// What is at least in doubt about parameters at the start, as a fraction.
-constexpr double mu_doubt = 0.3;
-constexpr double learnt_doubt = 0.05;  // where they were learnt before
-// Beyond these, as a share of what the model says and as a logarithm, they are absurd.
-constexpr double absurd_mu = 1.0 / 30.0;
-constexpr double absurd_log = 3.5;
-// A drive's frequency is sought below this.
+// While the motion is still converging, estimates of mu and gamma become overconfident: their walks
+// are larger at the start by these relative amounts, with this decay time.
+constexpr double startup_s = 1.5;
+constexpr double mu_startup_walk = 0.2;
+constexpr double rate_startup_walk = 0.3;
+// Smallest relative standard deviations of parameters at the start.
+constexpr double mu_initial_std = 0.3;
+constexpr double recording_initial_std = 0.05;  // estimated from the same recording before
+// Limits of plausible parameters: share of the model's mu, logarithm of the ratio of gamma.
+constexpr double implausible_mu = 1.0 / 30.0;
+constexpr double implausible_log_rate = 3.5;
+// Largest frequency of the drive.
 constexpr double most_drive_rad_s = 2.0 * pi * 40.0;
-constexpr double drive_lesson_s = 1.0;
+constexpr double drive_adaptation_s = 1.0;
 constexpr double drive_trend_s = 0.01;
-// Doubt of the slip velocity makes the backbone doubtful; alike over this time.
+// Correlation time of the backbone's error due to the uncertain slip velocity.
 constexpr double jump_memory_s = 5.0e-4;
-// Of it this share is not taken back by the next readings; what observer_campaign found right.
+// Share of that error that the next readings do not correct; tuned with observer_campaign.
 constexpr double jump_share = 0.1;
-// mu is learnt from slip faster than this many (doubtful) transition speeds.
-constexpr double lesson_speeds = 2.0;
-constexpr double noise_hearing_s = 1.0;
-// A zero that wanders walks in this time as far as it drifts in it.
+// Slip velocity above which mu is observable, in widened transition speeds.
+constexpr double sliding_speeds = 2.0;
+constexpr double noise_memory_s = 1.0;
+// Correlation time of an offset, over which it walks as far as it drifts.
 constexpr double offset_memory_s = 10.0;
 
 double relative(const Parameter& p) { return p.value != 0.0 ? std::abs(p.sigma / p.value) : 0.0; }
@@ -67,94 +66,95 @@ double relative(const std::optional<Parameter>& p) { return p ? relative(*p) : 0
 
 }  // namespace
 
-Noise::Noise(const physics::Model& model, const physics::Rig& rig, const Layout& layout,
-             const physics::RigNumbers<double>& numbers, double period_s, Contact contact)
+NoiseModel::NoiseModel(const physics::Model& model, const physics::Rig& rig, const Layout& layout,
+                       const physics::RigNumbers<double>& numbers, double period_s,
+                       FrictionPrior prior)
     : model_(&model),
       rig_(&rig),
       layout_(&layout),
       numbers_(&numbers),
       period_s_(period_s),
-      contact_(contact) {
+      prior_(prior) {
   const auto& c = numbers.c;
   const double stiffness = rig.structure().two_well ? 2.0 * c.well_linear : c.stiffness;
   log_rate_ = std::log(std::max(c.rate, 1.0e-300));
   natural_rad_s_ = std::max(std::sqrt(stiffness / c.mass), 2.0 * pi * 0.5);
   const physics::Oscillator& oscillator = model.oscillator;
-  mass_doubt_kg_ = constant_share * oscillator.mass_kg.sigma;
+  mass_std_kg_ = constant_share * oscillator.mass_kg.sigma;
   const double spring_sigma =
       std::max(relative(oscillator.stiffness_n_m), 2.0 * relative(oscillator.natural_frequency_hz));
-  spring_doubt_n_m_ = c.stiffness * std::max(spring_doubt, constant_share * spring_sigma);
+  spring_std_n_m_ = c.stiffness * std::max(spring_share, constant_share * spring_sigma);
   if (oscillator.two_well) {
-    spring_doubt_n_m_ = std::max(constant_share * oscillator.two_well->linear_n_m.sigma,
-                                 spring_doubt * c.well_linear);
+    spring_std_n_m_ = std::max(constant_share * oscillator.two_well->linear_n_m.sigma,
+                               spring_share * c.well_linear);
   }
-  damping_doubt_n_s_m_ =
+  damping_std_n_s_m_ =
       constant_share * c.damping *
       std::max(relative(oscillator.damping_ratio), relative(oscillator.damping_n_s_m));
-  cell_doubt_n_m_ = 0.0;
+  cell_std_n_m_ = 0.0;
   if (model.load_cell) {
-    cell_doubt_n_m_ = c.cell_stiffness *
-                      std::max(spring_doubt, 2.0 * relative(model.load_cell->natural_frequency_hz));
+    cell_std_n_m_ = c.cell_stiffness *
+                    std::max(spring_share, 2.0 * relative(model.load_cell->natural_frequency_hz));
   }
   for (Channel channel : all_channels) {
     const auto& declared = model.sensors[index_of(channel)].noise_std;
-    listeners_[index_of(channel)].declared = declared ? square(*declared) : 0.0;
+    reading_noise_[index_of(channel)].declared = declared ? square(*declared) : 0.0;
   }
-  // A Kalman filter for p''' = white noise of density q and readings of density r follows up to
-  // (q / r)^(1/6) rad/s; the drive's density may move between what that means for 0.3 and 60 Hz.
+  // A Kalman filter for p''' = white noise of density q and readings of density r has a
+  // bandwidth of (q / r)^(1/6) rad/s; the density is limited to bandwidths of 0.3 to 60 Hz.
   least_log_density_ = std::log(sixth(2.0 * pi * 0.3));
   most_log_density_ = std::log(sixth(2.0 * pi * 60.0));
   log_jerk_density_ = std::log(sixth(2.0 * pi * 20.0));
 }
 
-double Noise::reading_variance(Channel channel) const {
-  const Listener& listener = listeners_[index_of(channel)];
-  if (listener.declared > 0.0) return listener.declared;
-  const double floor = square(1.0e-4 * listener.size) + 1.0e-24;
-  if (listener.heard == 0.0) return square(0.02 * listener.size) + floor;
-  return std::max(listener.variance, floor);
+double NoiseModel::reading_variance(Channel channel) const {
+  const ReadingNoise& noise = reading_noise_[index_of(channel)];
+  if (noise.declared > 0.0) return noise.declared;
+  const double floor = square(1.0e-4 * noise.largest) + 1.0e-24;
+  if (noise.count == 0.0) return square(0.02 * noise.largest) + floor;
+  return std::max(noise.variance, floor);
 }
 
-// The third difference of a reading behind an anti-alias filter is noise alone, 20 times its
-// variance; where it is not, the reading is thought noisier than it is, which is the safe side.
-void Noise::listen(const Frame& frame) {
+// Behind an anti-aliasing filter the third difference of a reading is noise alone, with 20 times
+// its variance. Without one the noise is overestimated, which is conservative.
+void NoiseModel::estimate_reading_noise(const Frame& frame) {
   for (Channel channel : all_channels) {
-    Listener& listener = listeners_[index_of(channel)];
-    if (listener.declared > 0.0) continue;
+    ReadingNoise& noise = reading_noise_[index_of(channel)];
+    if (noise.declared > 0.0) continue;
     if (!frame.has(channel)) {
-      listener.in_a_row = 0;
+      noise.in_a_row = 0;
       continue;
     }
     const double now = frame[channel];
-    auto& [a, b, c] = listener.last;
-    const double largest = 1.0e3 * listener.size;
-    if (listener.heard > 0.0 && std::abs(now) > largest) continue;  // an absurd reading
-    listener.size = std::max(listener.size, std::abs(now));
-    if (listener.in_a_row >= 3) {
+    auto& [a, b, c] = noise.last;
+    const double limit = 1.0e3 * noise.largest;
+    if (noise.count > 0.0 && std::abs(now) > limit) continue;  // an outlier
+    noise.largest = std::max(noise.largest, std::abs(now));
+    if (noise.in_a_row >= 3) {
       const double third = now - 3.0 * a + 3.0 * b - c;
-      listener.heard = std::min(listener.heard + 1.0, std::max(10.0, noise_hearing_s / period_s_));
-      listener.variance += (third * third / 20.0 - listener.variance) / listener.heard;
+      noise.count = std::min(noise.count + 1.0, std::max(10.0, noise_memory_s / period_s_));
+      noise.variance += (third * third / 20.0 - noise.variance) / noise.count;
     }
     c = b;
     b = a;
     a = now;
-    ++listener.in_a_row;
+    ++noise.in_a_row;
   }
 }
 
-void Noise::learn_drive(double normalised_innovation) {
-  if (!std::isfinite(normalised_innovation)) return;  // the filter is lost, the drive is not
-  // Innovations of a right filter are white: a trend in them says too tame, a contrary one too
-  // wild.
+void NoiseModel::adapt_drive_noise(double normalised_innovation) {
+  if (!std::isfinite(normalised_innovation)) return;  // the filter has diverged, not the drive
+  // Innovations of a consistent filter are white: positive correlation means too little process
+  // noise, negative correlation too much.
   const double size = std::min(square(normalised_innovation) - 1.0, 20.0);
   const double trend = std::clamp(normalised_innovation * drive_trend_, -20.0, 20.0);
   drive_trend_ += -drive_trend_ * std::min(1.0, period_s_ / drive_trend_s) +
                   std::clamp(normalised_innovation, -5.0, 5.0);
-  const double step = (size + trend) * period_s_ / drive_lesson_s;
+  const double step = (size + trend) * period_s_ / drive_adaptation_s;
   log_jerk_density_ = std::clamp(log_jerk_density_ + step, least_log_density_, most_log_density_);
 }
 
-double Noise::friction_level(const Vector& mean) const {
+double NoiseModel::sliding_friction(const Vector& mean) const {
   const Layout& l = *layout_;
   if (l.mu < 0) return 0.0;
   const auto& structure = rig_->structure();
@@ -168,9 +168,9 @@ double Noise::friction_level(const Vector& mean) const {
   return std::abs(mean[l.mu]) * load;
 }
 
-// What the widened backbone leaves out: the variance of tanh over the doubt of the slip velocity,
-// less what is linear in it.
-double Noise::backbone_variance(const Vector& mean, double slip_variance) const {
+// Variance that the widened backbone neglects: that of tanh over the distribution of the slip
+// velocity, minus its linear part.
+double NoiseModel::backbone_variance(const Vector& mean, double slip_variance) const {
   const Layout& l = *layout_;
   const double own = square(numbers_->c.transition_speed);
   const double wide = own + 0.5 * pi * slip_variance;
@@ -180,249 +180,329 @@ double Noise::backbone_variance(const Vector& mean, double slip_variance) const 
          std::max(0.0, left * (wide - own) / wide - square(left) * slip_variance / wide);
 }
 
-double Noise::lesson(const Vector& mean, double slip_variance) const {
+double NoiseModel::mu_gain_factor(const Vector& mean, double slip_variance) const {
   const Layout& l = *layout_;
   const double slip = mean[l.rig[state::v]] - (l.rig[state::u] >= 0 ? mean[l.rig[state::u]] : 0.0);
   const double wide = square(numbers_->c.transition_speed) + 0.5 * pi * slip_variance;
-  return square(physics::quick_tanh(square(slip) / (lesson_speeds * lesson_speeds * wide)));
+  return square(physics::quick_tanh(square(slip) / (sliding_speeds * sliding_speeds * wide)));
 }
 
-void Noise::add_output(const Vector& mean, Covariance& covariance) const {
+void NoiseModel::add_output_noise(const Vector& mean, Covariance& covariance) const {
   const Layout& l = *layout_;
   if (l.theta < l.core) return;
-  const double level = friction_level(mean);
-  const double variance = square(backbone_doubt);
+  const double level = sliding_friction(mean);
+  const double variance = square(backbone_std);
   covariance.add(l.theta, l.theta, variance);
   covariance.add(l.friction, l.friction, variance * square(level));
   covariance.add(l.theta, l.friction, variance * level);
 }
 
-void Noise::start(const Frame& frame, double mu, Vector& mean, Covariance& covariance) const {
-  const Layout& l = *layout_;
+/// Sets initial values with independent standard deviations.
+class NoiseModel::InitialState {
+ public:
+  InitialState(Vector& mean, Covariance& covariance) : mean_(mean), covariance_(covariance) {
+    mean_.setZero();
+    covariance_.set_zero();
+  }
+  void set(int index, double value, double deviation) {
+    if (index < 0) return;
+    mean_[index] = value;
+    covariance_.set(index, index, square(deviation));
+  }
+
+ private:
+  Vector& mean_;
+  Covariance& covariance_;
+};
+
+namespace {
+
+double reading_or_zero(const Frame& frame, Channel channel) {
+  return frame.has(channel) ? frame[channel] : 0.0;
+}
+
+}  // namespace
+
+NoiseModel::Scales NoiseModel::scales(const Frame& frame) const {
   const auto& c = numbers_->c;
   const auto& structure = rig_->structure();
-  const Channel driven = drive_channel(structure);
-  const auto read = [&](Channel channel) { return frame.has(channel) ? frame[channel] : 0.0; };
-
-  mean.setZero();
-  covariance.set_zero();
-  const auto set = [&](int index, double value, double deviation) {
-    if (index < 0) return;
-    mean[index] = value;
-    covariance.set(index, index, square(deviation));
-  };
-
-  // Sizes of things, from the model and this frame.
-  double load = c.load;
-  if (l.load_rate >= 0) load = read(Channel::normal_load);
-  if (!structure.loaded) load = 1.0;
-  const double friction = structure.friction ? std::max(c.mu * std::abs(load), 1.0e-9) : 0.0;
-  const double x = read(Channel::displacement);
-  const double v = read(Channel::velocity);
+  Scales out;
+  out.load = c.load;
+  if (layout_->load_rate >= 0) out.load = reading_or_zero(frame, Channel::normal_load);
+  if (!structure.loaded) out.load = 1.0;
+  out.friction = structure.friction ? std::max(c.mu * std::abs(out.load), 1.0e-9) : 0.0;
+  const double x = reading_or_zero(frame, Channel::displacement);
+  const double v = reading_or_zero(frame, Channel::velocity);
   double length = std::max({std::abs(x), std::abs(v) / natural_rad_s_, 1.0e-4});
   if (structure.two_well) {
     length = std::max(length, std::sqrt(c.well_linear / std::max(c.well_cubic, 1.0e-12)));
   } else {
-    length = std::max(length, friction / (c.mass * square(natural_rad_s_)));
+    length = std::max(length, out.friction / (c.mass * square(natural_rad_s_)));
   }
-  if (structure.excitation == Excitation::base) length = std::max(length, std::abs(read(driven)));
-  const double speed = length * natural_rad_s_;
+  const double p = reading_or_zero(frame, drive_channel(structure));
+  if (structure.excitation == Excitation::base) length = std::max(length, std::abs(p));
+  out.length = length;
+  out.speed = length * natural_rad_s_;
+  out.drive = structure.excitation == Excitation::base
+                  ? length
+                  : std::max({std::abs(p), out.friction, c.mass * square(natural_rad_s_) * length});
+  out.drive_rad_s = std::max(natural_rad_s_, 2.0 * pi * 2.0);
+  return out;
+}
 
-  const bool sees_x = frame.has(Channel::displacement);
-  const bool sees_v = frame.has(Channel::velocity);
-  set(l.rig[state::x], x, sees_x ? 0.5 * length : 2.0 * length);
-  set(l.rig[state::v], v, sees_v ? 0.5 * speed : 2.0 * speed);
-  const double force = read(Channel::friction_force);
+void NoiseModel::initialise_rig(const Frame& frame, const Scales& scale, InitialState& out) const {
+  const Layout& l = *layout_;
+  const auto& c = numbers_->c;
+  const auto& structure = rig_->structure();
+  const bool has_x = frame.has(Channel::displacement);
+  const bool has_v = frame.has(Channel::velocity);
+  out.set(l.rig[state::x], reading_or_zero(frame, Channel::displacement),
+          has_x ? 0.5 * scale.length : 2.0 * scale.length);
+  out.set(l.rig[state::v], reading_or_zero(frame, Channel::velocity),
+          has_v ? 0.5 * scale.speed : 2.0 * scale.speed);
+  const double force = reading_or_zero(frame, Channel::friction_force);
   if (structure.resonant) {
     const double cell_rad_s = std::sqrt(c.cell_stiffness / c.cell_mass);
-    const double deflection = (friction + std::abs(force)) / c.cell_stiffness;
-    set(l.rig[state::y], force / c.cell_stiffness, deflection);
-    set(l.rig[state::u], 0.0, deflection * cell_rad_s);
+    const double deflection = (scale.friction + std::abs(force)) / c.cell_stiffness;
+    out.set(l.rig[state::y], force / c.cell_stiffness, deflection);
+    out.set(l.rig[state::u], 0.0, deflection * cell_rad_s);
   }
-  const double theta = friction > 0.0 ? std::clamp(force / friction, -1.0, 1.0) : 0.0;
+  const double theta = scale.friction > 0.0 ? std::clamp(force / scale.friction, -1.0, 1.0) : 0.0;
   if (structure.kinetics == Kinetics::bristle) {
-    const double reach = friction / std::max(c.contact_stiffness, 1.0e-12);
-    set(l.rig[state::contact], theta * reach, 0.5 * reach);
+    const double reach = scale.friction / std::max(c.contact_stiffness, 1.0e-12);
+    out.set(l.rig[state::contact], theta * reach, 0.5 * reach);
   } else {
-    set(l.rig[state::contact], theta, 0.5);
+    out.set(l.rig[state::contact], theta, 0.5);
   }
   for (int i = state::first_effect; i < physics::max_rig_states; ++i) {
-    // States of effects are forces or deflections of their own: as large as the rig's own ones.
-    set(l.rig[static_cast<std::size_t>(i)], 0.0,
-        std::max(friction, c.mass * square(natural_rad_s_) * length));
+    // States of effects are forces or deflections, of the magnitude of the rig's own.
+    out.set(l.rig[static_cast<std::size_t>(i)], 0.0,
+            std::max(scale.friction, c.mass * square(natural_rad_s_) * scale.length));
   }
+  const Channel driven = drive_channel(structure);
+  out.set(l.drive, reading_or_zero(frame, driven),
+          frame.has(driven) ? scale.drive : 3.0 * scale.drive);
+  out.set(l.drive + 1, 0.0, 2.0 * scale.drive * scale.drive_rad_s);
+  out.set(l.drive + 2, 0.0, 2.0 * scale.drive * square(scale.drive_rad_s));
+  out.set(l.drive + 3, square(scale.drive_rad_s), square(scale.drive_rad_s));
+  out.set(l.friction, theta * scale.friction, scale.friction);
+  if (l.theta >= l.core) out.set(l.theta, theta, 0.7);
+}
+
+void NoiseModel::initialise_parameters(double mu, const Scales& scale, InitialState& out) const {
+  const Layout& l = *layout_;
+  const auto& c = numbers_->c;
   if (l.mu >= 0) {
-    const bool sane = mu > 0.1 * c.mu && mu < 10.0 * c.mu;
-    const double doubt = std::max(model_->friction.mu.sigma, mu_doubt * c.mu);
-    set(l.mu, sane ? mu : c.mu, doubt_at_start(doubt, learnt_doubt * c.mu));
+    const bool plausible = mu > 0.1 * c.mu && mu < 10.0 * c.mu;
+    const double deviation = std::max(model_->friction.mu.sigma, mu_initial_std * c.mu);
+    out.set(l.mu, plausible ? mu : c.mu,
+            initial_deviation(deviation, recording_initial_std * c.mu));
   }
   if (l.log_rate >= 0) {
-    const double doubt = std::min(1.0, relative(model_->friction.rate_per_s));
-    set(l.log_rate, log_rate_, doubt_at_start(doubt, std::min(doubt, learnt_doubt)));
+    const double deviation = std::min(1.0, relative(model_->friction.rate_per_s));
+    out.set(l.log_rate, log_rate_,
+            initial_deviation(deviation, std::min(deviation, recording_initial_std)));
   }
   if (l.load_rate >= 0) {
-    set(l.load, load, 0.5 * std::abs(load) + 1.0e-6);
-    set(l.load_rate, 0.0, std::abs(load) * natural_rad_s_);
+    out.set(l.load, scale.load, 0.5 * std::abs(scale.load) + 1.0e-6);
+    out.set(l.load_rate, 0.0, std::abs(scale.load) * natural_rad_s_);
   } else if (l.load >= 0) {
-    set(l.load, c.load, model_->normal_load->load_n.sigma);
+    out.set(l.load, c.load, model_->normal_load->load_n.sigma);
   }
+}
 
-  const double p = read(driven);
-  const double drive_size =
-      structure.excitation == Excitation::base
-          ? length
-          : std::max({std::abs(p), friction, c.mass * square(natural_rad_s_) * length});
-  const double drive_rad_s = std::max(natural_rad_s_, 2.0 * pi * 2.0);
-  set(l.drive, p, frame.has(driven) ? drive_size : 3.0 * drive_size);
-  set(l.drive + 1, 0.0, 2.0 * drive_size * drive_rad_s);
-  set(l.drive + 2, 0.0, 2.0 * drive_size * square(drive_rad_s));
-  set(l.drive + 3, square(drive_rad_s), square(drive_rad_s));
-
-  set(l.friction, theta * friction, friction);
-  if (l.theta >= l.core) set(l.theta, theta, 0.7);
-  const auto remember = [&](Channel channel, double value, double value_doubt, double rate,
-                            double rate_doubt) {
-    const Chain& chain = l.of(channel);
+void NoiseModel::initialise_chains(const Frame& frame, const Scales& scale,
+                                   InitialState& out) const {
+  const auto initialise = [&](Channel channel, double value, double value_std, double rate,
+                              double rate_std) {
+    const Chain& chain = layout_->of(channel);
     if (!chain.used) return;
     if (chain.hum >= 0) {
-      set(chain.hum, 0.0, chain.hum_size);
-      set(chain.hum + 1, 0.0, chain.hum_size);
+      out.set(chain.hum, 0.0, chain.hum_amplitude);
+      out.set(chain.hum + 1, 0.0, chain.hum_amplitude);
     }
-    set(chain.offset, 0.0, offset_memory_s * chain.offset_per_s);
+    out.set(chain.offset, 0.0, offset_memory_s * chain.drift_per_s);
     for (int k = 0; k < chain.delays; ++k) {
-      set(chain.first_delay + 2 * k, value, value_doubt);
-      set(chain.first_delay + 2 * k + 1, rate, rate_doubt);
+      out.set(chain.first_delay + 2 * k, value, value_std);
+      out.set(chain.first_delay + 2 * k + 1, rate, rate_std);
     }
     if (chain.sections.empty()) {
-      set(chain.reading, value, value_doubt);
+      out.set(chain.reading, value, value_std);
       return;
     }
     int next = chain.first;
     for (const Section& section : chain.sections) {
-      set(next++, value, value_doubt);
-      if (section.second_order) set(next++, rate, rate_doubt);
+      out.set(next++, value, value_std);
+      if (section.second_order) out.set(next++, rate, rate_std);
     }
   };
-  remember(Channel::displacement, x, length, v, speed);
-  remember(Channel::velocity, v, speed, 0.0, 2.0 * speed * natural_rad_s_);
-  const double force_size = friction + std::abs(force);
-  remember(Channel::friction_force, force, force_size, 0.0, 100.0 * force_size);
-  const double load_reading = frame.has(Channel::normal_load) ? frame[Channel::normal_load] : load;
-  remember(Channel::normal_load, load_reading, 0.5 * std::abs(load) + 1.0e-6, 0.0,
-           std::abs(load) * natural_rad_s_);
-  remember(driven, p, drive_size, 0.0, 2.0 * drive_size * drive_rad_s);
+  const double v = reading_or_zero(frame, Channel::velocity);
+  initialise(Channel::displacement, reading_or_zero(frame, Channel::displacement), scale.length, v,
+             scale.speed);
+  initialise(Channel::velocity, v, scale.speed, 0.0, 2.0 * scale.speed * natural_rad_s_);
+  const double force = reading_or_zero(frame, Channel::friction_force);
+  const double force_std = scale.friction + std::abs(force);
+  initialise(Channel::friction_force, force, force_std, 0.0, 100.0 * force_std);
+  const double load = frame.has(Channel::normal_load) ? frame[Channel::normal_load] : scale.load;
+  initialise(Channel::normal_load, load, 0.5 * std::abs(scale.load) + 1.0e-6, 0.0,
+             std::abs(scale.load) * natural_rad_s_);
+  const Channel driven = drive_channel(rig_->structure());
+  initialise(driven, reading_or_zero(frame, driven), scale.drive, 0.0,
+             2.0 * scale.drive * scale.drive_rad_s);
 }
 
-void Noise::add_process(const Vector& mean, double slip_variance, double since_start_s,
-                        double drive_variance, Covariance& covariance) const {
+void NoiseModel::initialise(const Frame& frame, double mu, Vector& mean,
+                            Covariance& covariance) const {
+  const Scales scale = scales(frame);
+  InitialState out(mean, covariance);
+  initialise_rig(frame, scale, out);
+  initialise_parameters(mu, scale, out);
+  initialise_chains(frame, scale, out);
+}
+
+namespace {
+
+void add_variance(Covariance& covariance, int index, double variance) {
+  if (index >= 0) covariance.add(index, index, variance);
+}
+
+}  // namespace
+
+double NoiseModel::present_load(const Vector& mean) const {
+  return layout_->load >= 0 ? std::abs(mean[layout_->load]) : numbers_->c.load;
+}
+
+void NoiseModel::add_force_noise(const Vector& mean, double slip_variance,
+                                 Covariance& covariance) const {
   const Layout& l = *layout_;
   const auto& c = numbers_->c;
   const auto& structure = rig_->structure();
   const double h = period_s_;
-  const double colour = 2.0 * force_memory_s * h;  // white noise as strong as the coloured doubt
-  const auto grow = [&](int index, double variance) {
-    if (index >= 0) covariance.add(index, index, variance);
-  };
-
+  const double colour = 2.0 * force_memory_s * h;  // white noise equivalent to the coloured one
   const double x = mean[l.rig[state::x]];
   const double v = mean[l.rig[state::v]];
-  const double load = l.load >= 0 ? std::abs(mean[l.load]) : c.load;
-  const double friction = friction_level(mean);
+  const double friction = sliding_friction(mean);
   const double jump = structure.friction && structure.kinetics != Kinetics::bristle
                           ? backbone_variance(mean, slip_variance)
                           : 0.0;
-  const bool at_once = structure.kinetics == Kinetics::instantaneous;
-  const double by_jump = at_once ? 2.0 * jump_memory_s * h * jump * square(friction) : 0.0;
+  const bool instantaneous = structure.kinetics == Kinetics::instantaneous;
+  const double by_jump = instantaneous ? 2.0 * jump_memory_s * h * jump * square(friction) : 0.0;
   const double base_acceleration =
       structure.excitation == Excitation::base ? mean[l.drive + 2] : 0.0;
-  const double on_mass = square(force_doubt * friction) + square(spring_doubt_n_m_ * x) +
-                         square(damping_doubt_n_s_m_ * v) +
-                         square(mass_doubt_kg_ * base_acceleration);
-  grow(l.rig[state::v], (colour * on_mass + by_jump) / square(c.mass));
+  const double on_mass = square(force_share * friction) + square(spring_std_n_m_ * x) +
+                         square(damping_std_n_s_m_ * v) + square(mass_std_kg_ * base_acceleration);
+  add_variance(covariance, l.rig[state::v], (colour * on_mass + by_jump) / square(c.mass));
   if (structure.resonant) {
     const double y = mean[l.rig[state::y]];
-    const double on_cell = square(force_doubt * friction) + square(cell_doubt_n_m_ * y);
-    grow(l.rig[state::u], (colour * on_cell + by_jump) / square(c.cell_mass));
+    const double on_cell = square(force_share * friction) + square(cell_std_n_m_ * y);
+    add_variance(covariance, l.rig[state::u], (colour * on_cell + by_jump) / square(c.cell_mass));
   }
   if (structure.kinetics == Kinetics::relaxing) {
     const double rate = l.log_rate >= 0 ? std::exp(mean[l.log_rate]) : c.rate;
-    // Behind a fast rate theta is g, and so is its doubt.
+    // For a fast rate theta equals g, and so does its uncertainty.
     const double share = 1.0 - std::exp(-rate * h);
-    grow(l.rig[state::contact],
-         square(share) * (square(backbone_doubt) * std::max(1.0, 2.0 * force_memory_s / h) +
-                          jump * std::max(1.0, 2.0 * jump_memory_s / h)));
+    add_variance(covariance, l.rig[state::contact],
+                 square(share) * (square(backbone_std) * std::max(1.0, 2.0 * force_memory_s / h) +
+                                  jump * std::max(1.0, 2.0 * jump_memory_s / h)));
   }
   if (structure.kinetics == Kinetics::bristle && structure.friction) {
     const double reach = friction / std::max(c.contact_stiffness, 1.0e-12);
-    grow(l.rig[state::contact], square(backbone_doubt * reach) * h / force_memory_s);
+    add_variance(covariance, l.rig[state::contact],
+                 square(backbone_std * reach) * h / force_memory_s);
   }
   for (int i = state::first_effect; i < physics::max_rig_states; ++i) {
     const double size = std::max(friction, c.stiffness * std::abs(x));
-    grow(l.rig[static_cast<std::size_t>(i)], square(force_doubt * size) * h / force_memory_s);
-  }
-  const bool restive = contact_ == Contact::to_be_learnt && since_start_s < 30.0 * restless_s;
-  const double restless = restive ? std::exp(-since_start_s / restless_s) / restless_s : 0.0;
-  const bool walks = contact_ != Contact::known;
-  if (l.mu >= 0 && walks) {
-    grow(l.mu, square(c.mu) * (square(mu_walk) + square(mu_restlessness) * restless) * h);
-  }
-  if (l.log_rate >= 0 && walks) {
-    grow(l.log_rate, (square(rate_walk) + square(rate_restlessness) * restless) * h);
-  }
-  if (l.load_rate >= 0) {
-    grow(l.load, square(load_walk * load) * h);
-    grow(l.load_rate, square(load_rate_walk * load) * h);
-  } else if (l.load >= 0) {
-    grow(l.load, square(load_walk * c.load) * h * 0.01);
-  }
-
-  if (l.behind_chains < l.count) {
-    for (const Chain& chain : l.chain) {
-      if (chain.hum >= 0) {  // as much as it forgets
-        grow(chain.hum, square(chain.hum_size) * 2.0 * h / hum_memory_s);
-        grow(chain.hum + 1, square(chain.hum_size) * 2.0 * h / hum_memory_s);
-      }
-      grow(chain.offset, square(chain.offset_per_s) * offset_memory_s * h);
-    }
-  }
-
-  // The drive: p''' is white noise of that density.
-  const double q = std::exp(log_jerk_density_) * drive_variance * h;
-  const int p = l.drive;
-  const auto pair = [&](int i, int j, double value) { covariance.add(p + i, p + j, value); };
-  pair(0, 0, q * h * h * h * h * h / 20.0);
-  pair(0, 1, q * h * h * h * h / 8.0);
-  pair(0, 2, q * h * h * h / 6.0);
-  pair(1, 1, q * h * h * h / 3.0);
-  pair(1, 2, q * h * h / 2.0);
-  pair(2, 2, q * h);
-  const double lambda = std::max(mean[p + 3], square(2.0 * pi * 0.5));
-  if (covariance(p + 3, p + 3) < square(lambda)) {
-    grow(p + 3, square(2.0 * frequency_walk * lambda) * h);
+    add_variance(covariance, l.rig[static_cast<std::size_t>(i)],
+                 square(force_share * size) * h / force_memory_s);
   }
 }
 
-double Noise::doubt_at_start(double unlearnt, double learnt) const {
-  switch (contact_) {
-    case Contact::known:
-      return 0.0;
-    case Contact::learnt:
-      return learnt;
-    case Contact::to_be_learnt:
-      break;
-  }
-  return unlearnt;
-}
-
-bool Noise::is_absurd(const Vector& mean) const {
+void NoiseModel::add_parameter_noise(const Vector& mean, double since_start_s,
+                                     Covariance& covariance) const {
   const Layout& l = *layout_;
   const auto& c = numbers_->c;
-  const bool mu = l.mu >= 0 && (mean[l.mu] < absurd_mu * c.mu || mean[l.mu] * absurd_mu > c.mu);
-  const bool rate = l.log_rate >= 0 && std::abs(mean[l.log_rate] - log_rate_) > absurd_log;
+  const double h = period_s_;
+  const bool starting = prior_ == FrictionPrior::from_model && since_start_s < 30.0 * startup_s;
+  const double startup = starting ? std::exp(-since_start_s / startup_s) / startup_s : 0.0;
+  const bool walks = prior_ != FrictionPrior::fixed;
+  if (l.mu >= 0 && walks) {
+    add_variance(covariance, l.mu,
+                 square(c.mu) * (square(mu_walk) + square(mu_startup_walk) * startup) * h);
+  }
+  if (l.log_rate >= 0 && walks) {
+    add_variance(covariance, l.log_rate,
+                 (square(rate_walk) + square(rate_startup_walk) * startup) * h);
+  }
+  if (l.load_rate >= 0) {
+    const double load = present_load(mean);
+    add_variance(covariance, l.load, square(load_walk * load) * h);
+    add_variance(covariance, l.load_rate, square(load_rate_walk * load) * h);
+  } else if (l.load >= 0) {
+    add_variance(covariance, l.load, square(load_walk * c.load) * h * 0.01);
+  }
+}
+
+void NoiseModel::add_sensor_error_noise(Covariance& covariance) const {
+  const double h = period_s_;
+  for (const Chain& chain : layout_->chain) {
+    if (chain.hum >= 0) {  // balances the damping of the hum
+      const double variance = square(chain.hum_amplitude) * 2.0 * h / hum_memory_s;
+      add_variance(covariance, chain.hum, variance);
+      add_variance(covariance, chain.hum + 1, variance);
+    }
+    add_variance(covariance, chain.offset, square(chain.drift_per_s) * offset_memory_s * h);
+  }
+}
+
+// The third derivative of p is white noise.
+void NoiseModel::add_drive_noise(const Vector& mean, double drive_variance,
+                                 Covariance& covariance) const {
+  const double h = period_s_;
+  const double q = std::exp(log_jerk_density_) * drive_variance * h;
+  const int p = layout_->drive;
+  covariance.add(p, p, q * h * h * h * h * h / 20.0);
+  covariance.add(p, p + 1, q * h * h * h * h / 8.0);
+  covariance.add(p, p + 2, q * h * h * h / 6.0);
+  covariance.add(p + 1, p + 1, q * h * h * h / 3.0);
+  covariance.add(p + 1, p + 2, q * h * h / 2.0);
+  covariance.add(p + 2, p + 2, q * h);
+  const double lambda = std::max(mean[p + 3], square(2.0 * pi * 0.5));
+  if (covariance(p + 3, p + 3) < square(lambda)) {
+    add_variance(covariance, p + 3, square(2.0 * frequency_walk * lambda) * h);
+  }
+}
+
+void NoiseModel::add_process_noise(const Vector& mean, double slip_variance, double since_start_s,
+                                   double drive_variance, Covariance& covariance) const {
+  add_force_noise(mean, slip_variance, covariance);
+  add_parameter_noise(mean, since_start_s, covariance);
+  if (layout_->first_sensor_error < layout_->count) add_sensor_error_noise(covariance);
+  add_drive_noise(mean, drive_variance, covariance);
+}
+
+double NoiseModel::initial_deviation(double from_model, double from_recording) const {
+  switch (prior_) {
+    case FrictionPrior::fixed:
+      return 0.0;
+    case FrictionPrior::from_recording:
+      return from_recording;
+    case FrictionPrior::from_model:
+      break;
+  }
+  return from_model;
+}
+
+bool NoiseModel::is_implausible(const Vector& mean) const {
+  const Layout& l = *layout_;
+  const auto& c = numbers_->c;
+  const bool mu =
+      l.mu >= 0 && (mean[l.mu] < implausible_mu * c.mu || mean[l.mu] * implausible_mu > c.mu);
+  const bool rate =
+      l.log_rate >= 0 && std::abs(mean[l.log_rate] - log_rate_) > implausible_log_rate;
   return mu || rate;
 }
 
-void Noise::confine(Vector& mean) const {
+void NoiseModel::constrain(Vector& mean) const {
   const Layout& l = *layout_;
   const auto& c = numbers_->c;
   if (l.mu >= 0) mean[l.mu] = std::max(mean[l.mu], 1.0e-3 * c.mu);

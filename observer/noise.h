@@ -1,5 +1,5 @@
-// What the filter does not know: how noisy a reading is, how far the model is from the rig, how
-// wild the drive is, and how little it knows at its start.
+// Noise model of the filter: noise of readings, process noise, adaptive noise of the drive, and the
+// initial state with its covariance.
 #pragma once
 
 #include <array>
@@ -12,78 +12,99 @@
 
 namespace stickslip::observer {
 
-/// What is known of mu and gamma at the start.
-enum class Contact : std::uint8_t {
-  to_be_learnt,  ///< what the model says, with its doubt
-  learnt,        ///< what this recording itself said, when it was gone through before
-  known,         ///< what the model says, without doubt: nothing is learnt
+/// Prior of mu and gamma at the start.
+enum class FrictionPrior {
+  from_model,      ///< the model's values with their standard deviations
+  from_recording,  ///< values estimated before from the same recording
+  fixed,           ///< the model's values; neither is estimated
 };
 
-class Noise {
+class NoiseModel {
  public:
-  Noise(const physics::Model& model, const physics::Rig& rig, const Layout& layout,
-        const physics::RigNumbers<double>& numbers, double period_s, Contact contact);
+  NoiseModel(const physics::Model& model, const physics::Rig& rig, const Layout& layout,
+             const physics::RigNumbers<double>& numbers, double period_s, FrictionPrior prior);
 
-  /// State and covariance as a first frame gives them. `mu`: an estimate to go on with, which is
-  /// dropped where it is absurd; 0 where there is none.
-  void start(const Frame& frame, double mu, Vector& mean, Covariance& covariance) const;
+  /// Initial state and covariance from a first frame. `mu`: previous estimate, ignored where it is
+  /// implausible; 0: none.
+  void initialise(const Frame& frame, double mu, Vector& mean, Covariance& covariance) const;
 
-  /// Adds what one period adds to the doubt about the core. `slip_variance`: of the slip velocity
-  /// [(m/s)^2]. `since_start_s`: since the filter began. `drive_variance`: of the drive's readings,
-  /// as the filter uses them.
-  void add_process(const Vector& mean, double slip_variance, double since_start_s,
-                   double drive_variance, Covariance& covariance) const;
+  /// Adds the process noise of one period to the covariance of the core and the sensor errors.
+  /// `slip_variance`: of the slip velocity [(m/s)^2]. `since_start_s`: since the filter was
+  /// initialised. `drive_variance`: of the drive's readings, as the filter uses them.
+  void add_process_noise(const Vector& mean, double slip_variance, double since_start_s,
+                         double drive_variance, Covariance& covariance) const;
 
-  /// Adds the doubt of the friction law itself to friction and theta where they have no memory.
-  void add_output(const Vector& mean, Covariance& covariance) const;
+  /// Adds the uncertainty of the friction law to friction and theta, where theta has no memory.
+  void add_output_noise(const Vector& mean, Covariance& covariance) const;
 
-  /// How much a frame may teach about mu: 1 where the contact slides, 0 where it sticks. A sticking
-  /// contact shows mu theta only, and a linearised filter would share that out at random.
-  double lesson(const Vector& mean, double slip_variance) const;
+  /// Factor on the gain of mu, 0 to 1: 1 while the contact slides, 0 while it sticks. A sticking
+  /// contact observes the product mu theta only, which a linearised filter would distribute
+  /// arbitrarily.
+  double mu_gain_factor(const Vector& mean, double slip_variance) const;
 
-  /// Keeps states inside what they can mean.
-  void confine(Vector& mean) const;
+  /// Limits states to their physical range.
+  void constrain(Vector& mean) const;
 
-  /// Whether mu or gamma have gone where no contact of this model would be: a filter that has lost
-  /// its way can explain every reading there.
-  bool is_absurd(const Vector& mean) const;
+  /// True if mu or gamma is beyond any value plausible for this model: a diverged filter can fit
+  /// every reading there.
+  bool is_implausible(const Vector& mean) const;
 
-  /// Hears every frame: where no noise_std is declared it is estimated from the readings.
-  void listen(const Frame& frame);
+  /// Updates the noise of channels without noise_std; to be called with every frame.
+  void estimate_reading_noise(const Frame& frame);
 
-  /// Variance of the noise of a reading [unit of the channel squared].
+  /// Variance of a reading's noise [unit of the channel squared].
   double reading_variance(Channel channel) const;
 
-  /// Makes the drive's model wilder or tamer, by whether its channel's innovations, over their
-  /// expected deviation, are too large and go on in one direction.
-  void learn_drive(double normalised_innovation);
+  /// Adapts the process noise of the drive to the size and the correlation of its channel's
+  /// normalised innovations.
+  void adapt_drive_noise(double normalised_innovation);
 
  private:
-  struct Listener {
+  /// Noise of a channel, estimated from third differences of its readings.
+  struct ReadingNoise {
     double declared = 0.0;  ///< variance; 0: not declared
     std::array<double, 3> last{};
     int in_a_row = 0;
-    double heard = 0.0;
+    double count = 0.0;
     double variance = 0.0;
-    double size = 0.0;
+    double largest = 0.0;  ///< magnitude of readings
   };
+  /// Magnitudes at the start, from the model and the first frame.
+  struct Scales {
+    double load = 0.0, friction = 0.0;  ///< [N]
+    double length = 0.0;                ///< [m]
+    double speed = 0.0;                 ///< [m/s]
+    double drive = 0.0;                 ///< [m] or [N]
+    double drive_rad_s = 0.0;
+  };
+  class InitialState;
 
-  double doubt_at_start(double unlearnt, double learnt) const;
+  Scales scales(const Frame& frame) const;
+  void initialise_rig(const Frame& frame, const Scales& scale, InitialState& out) const;
+  void initialise_parameters(double mu, const Scales& scale, InitialState& out) const;
+  void initialise_chains(const Frame& frame, const Scales& scale, InitialState& out) const;
+  void add_force_noise(const Vector& mean, double slip_variance, Covariance& covariance) const;
+  void add_parameter_noise(const Vector& mean, double since_start_s, Covariance& covariance) const;
+  void add_sensor_error_noise(Covariance& covariance) const;
+  void add_drive_noise(const Vector& mean, double drive_variance, Covariance& covariance) const;
+  double initial_deviation(double from_model, double from_recording) const;
   double backbone_variance(const Vector& mean, double slip_variance) const;
-  double friction_level(const Vector& mean) const;
+  double sliding_friction(const Vector& mean) const;
+  double present_load(const Vector& mean) const;
 
   const physics::Model* model_;
   const physics::Rig* rig_;
   const Layout* layout_;
   const physics::RigNumbers<double>* numbers_;
   double period_s_;
-  Contact contact_;
+  FrictionPrior prior_;
   double natural_rad_s_;
-  double log_rate_;  ///< of what the model says of gamma
-  double spring_doubt_n_m_, damping_doubt_n_s_m_, mass_doubt_kg_, cell_doubt_n_m_;
+  double log_rate_;  ///< ln of the model's gamma
+  /// Standard deviations of model constants.
+  double spring_std_n_m_, damping_std_n_s_m_, mass_std_kg_, cell_std_n_m_;
   double drive_trend_ = 0.0;
   double log_jerk_density_, least_log_density_, most_log_density_;
-  std::array<Listener, channel_count> listeners_;
+  std::array<ReadingNoise, channel_count> reading_noise_;
 };
 
 }  // namespace stickslip::observer

@@ -7,20 +7,20 @@
 
 namespace stickslip::observer {
 
-std::string_view words_for(Standing standing) {
-  switch (standing) {
-    case Standing::good:
+std::string_view words_for(EstimateStatus status) {
+  switch (status) {
+    case EstimateStatus::good:
       return "good";
-    case Standing::waiting:
+    case EstimateStatus::waiting:
       return "waiting for a frame with displacement, velocity or friction force";
-    case Standing::settling:
-      return "settling: started less than the sensor chains' memory ago";
-    case Standing::blind:
-      return "blind: no channel of the mass or of the friction force for too long";
-    case Standing::out_of_step:
+    case EstimateStatus::settling:
+      return "settling: started less than the settling time of the sensor chains ago";
+    case EstimateStatus::blind:
+      return "blind: no reading of the mass or of the friction force for too long";
+    case EstimateStatus::out_of_step:
       return "the frame's time did not advance";
-    case Standing::unsupported:
-      return "the observer cannot follow this model";
+    case EstimateStatus::unsupported:
+      return "the observer does not support this model";
   }
   return "";
 }

@@ -14,7 +14,7 @@ Prediction::Prediction(const physics::Rig& rig, const Layout& layout, double per
       period_s_(period_s),
       loaded_by_measurement_(rig.structure().loaded &&
                              rig.structure().load_law == physics::NormalLoadLaw::measured),
-      reading_states_(layout, period_s),
+      sensor_error_states_(layout, period_s),
       numbers_(rig.numbers<double>(std::span<const double>(rig.parameter_values()))),
       transition_(layout.count),
       next_(Vector::Zero(layout.count)) {
@@ -25,13 +25,13 @@ Prediction::Prediction(const physics::Rig& rig, const Layout& layout, double per
 
 double Prediction::widened_transition_speed(double slip_variance) const {
   const double own = numbers_.c.transition_speed;
-  const double doubtful = 0.5 * std::numbers::pi * std::max(slip_variance, 0.0);
-  return std::sqrt(own * own + doubtful + 1.0e-14);
+  const double spread = 0.5 * std::numbers::pi * std::max(slip_variance, 0.0);
+  return std::sqrt(own * own + spread + 1.0e-14);
 }
 
-std::unique_ptr<Prediction> prediction_for(const physics::Rig& rig, const physics::Model& model,
-                                           const Layout& layout, double period_s, int steps) {
-  if (ContactPrediction::serves(rig, model)) {
+std::unique_ptr<Prediction> make_prediction(const physics::Rig& rig, const physics::Model& model,
+                                            const Layout& layout, double period_s, int steps) {
+  if (ContactPrediction::supports(rig, model)) {
     return std::make_unique<ContactPrediction>(rig, model, layout, period_s);
   }
   return std::make_unique<DualPrediction>(rig, model, layout, period_s, steps);

@@ -1,5 +1,5 @@
-// The derivatives of one period as a sparse product: every state after it is a weighted sum of the
-// states before it and of a few sums that several of them share, such as the force in the contact.
+// Jacobian of one period in sparse form: every state is a weighted sum of the previous states and
+// of a few shared sums, such as the contact force, which several rows use.
 #pragma once
 
 #include <array>
@@ -11,7 +11,7 @@ namespace stickslip::observer {
 
 inline constexpr int max_shared_sums = 4;
 
-/// A number of states, filled up to whole registers of four.
+/// Number of states, rounded up to whole registers of four.
 constexpr int padded(int count) { return (count + 3) / 4 * 4; }
 
 class Transition {
@@ -19,7 +19,7 @@ class Transition {
   struct Entry {
     double weight = 0.0;
     std::uint32_t from = 0;   ///< a state, or padded(count()) + i for the shared sum i
-    std::uint32_t place = 0;  ///< of that row, where rows have padded(count()) values
+    std::uint32_t place = 0;  ///< offset of that row in rows of padded(count()) values
   };
 
   /// For `count` states; no rows yet.
@@ -28,8 +28,8 @@ class Transition {
   int count() const { return count_; }
   int shared() const { return shared_; }
 
-  /// Forgets all rows. Then come the shared sums in their order, which may use those before them,
-  /// and the rows of all states in theirs; each is a begin_ and its add()s.
+  /// Removes all rows. To be followed by the shared sums in order, each of which may use previous
+  /// ones, and the rows of all states in order; each is a begin_ and its add()s.
   void clear() { entries_ = rows_ = shared_ = 0; }
   void begin_shared() {
     ++shared_;
@@ -40,8 +40,8 @@ class Transition {
     ++rows_;
     first_[static_cast<std::size_t>(rows_)] = entries_;
   }
-  /// Adds weight times a state, or times a shared sum, to the row that was begun last; says at
-  /// which place, for at().
+  /// Adds weight times a state, or times a shared sum, to the current row; returns the position
+  /// for at().
   int add(int from, double weight) {
     const auto row = static_cast<std::uint32_t>(from);
     entry_[static_cast<std::size_t>(entries_)] = {weight, row,
@@ -52,13 +52,13 @@ class Transition {
   }
   int add_shared(int sum, double weight) { return add(padded(count_) + sum, weight); }
 
-  /// Forgets the rows from that of `state` on, which then come anew.
+  /// Removes the rows from that of `state` on, to be added again.
   void clear_from(int state) {
     rows_ = shared_ + state;
     entries_ = first_[static_cast<std::size_t>(rows_)];
   }
 
-  /// The weight at a place, to be renewed without building anew.
+  /// Weight at a position, to be changed in place.
   double& at(int place) { return entry_[static_cast<std::size_t>(place)].weight; }
 
   const Entry& entry(int place) const { return entry_[static_cast<std::size_t>(place)]; }
@@ -68,13 +68,13 @@ class Transition {
   const Entry* row_begin(int state) const { return begin(shared_ + state); }
   const Entry* row_end(int state) const { return begin(shared_ + state + 1); }
 
-  /// All rows in one: that of `state` begins at row_start and ends at *row_ends, those of the next
-  /// ones stand behind. The shared sums are the rows from -shared() on.
+  /// Contiguous access: the row of `state` begins at row_start and ends at *row_ends, the next rows
+  /// follow. The shared sums are the rows from -shared() on.
   const Entry* entries() const { return entry_.data(); }
   int row_start(int state) const { return *first_of(state); }
   const int* row_ends(int state) const { return first_of(state) + 1; }
 
-  /// The same as a matrix; for what is not in a hurry.
+  /// As a dense matrix; slow.
   Matrix dense() const;
 
  private:

@@ -1,32 +1,31 @@
-// Which filter for the observer: the same seeded runs as observer_campaign, the same model, noises
-// and rules, and several ways to carry doubt through the contact.
+// Comparison of filters for the observer: the seeded runs of observer_campaign, the same model,
+// noise and rules, and several ways to propagate the distribution of the state through the contact.
 //
-// Rigs: simulated, set-valued (the same with a jump for a law of friction), beam-1, beam-3-paper.
+// Rigs: simulated, set-valued (the same with Coulomb's set-valued law), beam-1, beam-3-paper.
 //
 //   filter_comparison [--seeds N] [--seconds S] [--rig NAME] [--particles N]
 //                     [--reference-seeds N] [--reference-seconds S]
 //
-// Filters: the observer's own (KalmanFilter); the same written with dense matrices, as which it
-// must agree and against which the others' time is to be held; iterated; sigma points near and far;
-// interacting filters for stick and slip. rival_filters.h says what each does. In the median run,
-// unless it says otherwise:
+// Filters: the observer's own (KalmanFilter); the same with dense matrices, which must agree and is
+// the reference for the others' time; iterated; sigma points near and far; interacting filters for
+// stick and slip (see rival_filters.h). Output, in the median run unless stated otherwise:
 //   theta, f    RMS error from 5 s on, f in mN
-//   /stated     that over the root mean variance that the filter states of it
+//   /stated     ratio to the filter's own root mean variance
 //   worst       theta's RMS error in the worst run
-//   NEES        mean over the run per degree of freedom; share of the runs at whose end it is
-//   within
-//               its 95 % bounds
-//   stick       share of samples classified rightly, away from transitions
+//   NEES        mean over the run per degree of freedom; share of runs that end within its 95 %
+//               bounds
+//   stick       share of samples classified correctly, away from transitions
 //   mu          error at the end from 50 % off: median and worst
 //   restarts    of all runs, from both starts
-//   ns          of the processor a step, in the quickest of three passes
-// Then, where --reference-seeds is not 0, the RMS errors of all filters from 6 s on over that of a
-// Rao-Blackwellised particle filter (particle_reference.h) which begins at 5 s with the observer's
-// belief; all know the rig's own numbers but for doubt of mu and gamma, "own, not knowing" is off
-// as above; no one is given the normal load's channel there. What of the particles' error is chance
-// is estimated by a second such filter with a quarter of them.
+//   ns          processor time per step, fastest of three passes
+// Then, unless --reference-seeds is 0, the RMS errors of all filters from 6 s on relative to those
+// of a Rao-Blackwellised particle filter (particle_reference.h) that starts at 5 s from the
+// observer's estimate. All have the rig's true parameters with a standard deviation of mu and
+// gamma, except "own, assumed model", which is off as above; the channel of the normal load is not
+// used. The sampling error of the particles is estimated with a second such filter of a quarter of
+// the particles.
 //
-// Ends with status 1 where KalmanFilter and its dense twin differ.
+// Exit status 1 where KalmanFilter and its dense equivalent differ.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
@@ -62,13 +61,13 @@ struct Options {
   double reference_seconds = 4.0;
 };
 
-struct Contender {
+struct Candidate {
   std::string name;
   std::function<Estimator(const Model&)> make;
 };
 
 template <class Filter, class... More>
-Contender contender(const std::string& name, More... more) {
+Candidate candidate(const std::string& name, More... more) {
   return {name, [more...](const Model& model) -> Estimator {
             auto filter = std::make_shared<Filter>(model, runs::period_s, more...);
             return [filter](const Frame& frame) -> const FrictionEstimate& {
@@ -77,7 +76,7 @@ Contender contender(const std::string& name, More... more) {
           }};
 }
 
-std::vector<Contender> contenders() {
+std::vector<Candidate> candidates() {
   const auto own = [](const Model& model) -> Estimator {
     auto filter = std::make_shared<KalmanFilter>(model, runs::period_s);
     return [filter](const Frame& frame) -> const FrictionEstimate& {
@@ -86,12 +85,12 @@ std::vector<Contender> contenders() {
     };
   };
   return {{"observer's own", own},
-          contender<observer::LinearisedFilter>("the same, dense"),
-          contender<observer::TangentFilter>("tangent"),
-          contender<observer::IteratedFilter>("iterated, 3 times", 2),
-          contender<SigmaPointFilter>("sigma points, near", SigmaPointFilter::Points::near),
-          contender<SigmaPointFilter>("cubature, far", SigmaPointFilter::Points::far),
-          contender<observer::InteractingFilter>("interacting")};
+          candidate<observer::LinearisedFilter>("the same, dense"),
+          candidate<observer::TangentFilter>("tangent"),
+          candidate<observer::IteratedFilter>("iterated, 3 times", 2),
+          candidate<SigmaPointFilter>("sigma points, near", SigmaPointFilter::Points::near),
+          candidate<SigmaPointFilter>("cubature, far", SigmaPointFilter::Points::far),
+          candidate<observer::InteractingFilter>("interacting")};
 }
 
 struct Tally {
@@ -101,16 +100,16 @@ struct Tally {
   std::uint64_t restarts = 0;
 };
 
-void count(Tally& tally, const runs::Errors& e, const runs::Errors& learnt) {
+void count(Tally& tally, const runs::Errors& e, const runs::Errors& converged) {
   tally.theta.push_back(e.theta);
   tally.force.push_back(e.force * 1.0e3);
-  tally.theta_stated.push_back(e.theta / e.theta_doubt);
-  tally.force_stated.push_back(e.force / e.force_doubt);
+  tally.theta_stated.push_back(e.theta / e.theta_std);
+  tally.force_stated.push_back(e.force / e.force_std);
   tally.mean_nees.push_back(e.mean_nees);
   tally.classified.push_back(100.0 * e.classified);
-  tally.mu.push_back(100.0 * learnt.mu);
+  tally.mu.push_back(100.0 * converged.mu);
   if (runs::inside_bounds(e.nees)) ++tally.inside;
-  tally.restarts += e.restarts + learnt.restarts;
+  tally.restarts += e.restarts + converged.restarts;
 }
 
 void print(const std::string& name, const Tally& t) {
@@ -126,21 +125,21 @@ void print(const std::string& name, const Tally& t) {
   std::fflush(stdout);
 }
 
-/// Whether the dense twin says what the observer's own filter says.
-bool agree(const Tally& own, const Tally& twin) {
+/// True if the dense equivalent agrees with the observer's own filter.
+bool agree(const Tally& own, const Tally& dense) {
   bool same = true;
   for (std::size_t i = 0; i < own.theta.size(); ++i) {
-    same = same && std::abs(own.theta[i] - twin.theta[i]) < 1.0e-3 * own.theta[i] &&
-           std::abs(own.mean_nees[i] - twin.mean_nees[i]) < 1.0e-2 * own.mean_nees[i];
+    same = same && std::abs(own.theta[i] - dense.theta[i]) < 1.0e-3 * own.theta[i] &&
+           std::abs(own.mean_nees[i] - dense.mean_nees[i]) < 1.0e-2 * own.mean_nees[i];
   }
   return same;
 }
 
-double nanoseconds_a_step(const Contender& contender, const runs::Run& run) {
+double nanoseconds_a_step(const Candidate& candidate, const runs::Run& run) {
   const std::size_t count = std::min<std::size_t>(2000, run.frames.size());
   double best = 1.0e12;
   for (int pass = 0; pass < 3; ++pass) {
-    const Estimator estimator = contender.make(run.believed);
+    const Estimator estimator = candidate.make(run.assumed);
     const std::clock_t begin = std::clock();
     for (std::size_t i = 0; i < count; ++i) estimator(run.frames[i]);
     const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
@@ -150,16 +149,16 @@ double nanoseconds_a_step(const Contender& contender, const runs::Run& run) {
 }
 
 bool compare(const std::string& name, const config::Rig& preset, const Options& options) {
-  const std::vector<Contender> all = contenders();
+  const std::vector<Candidate> all = candidates();
   std::vector<Tally> tallies(all.size());
   for (int seed = 1; seed <= options.seeds; ++seed) {
     const runs::Run run = runs::run_of(preset, static_cast<std::uint64_t>(seed), options.seconds);
-    const double learnt_s = std::min(20.0, 0.8 * options.seconds);
+    const double converged_s = std::min(20.0, 0.8 * options.seconds);
     for (std::size_t i = 0; i < all.size(); ++i) {
-      const runs::Errors e = runs::watch(run, run.believed, 5.0, all[i].make(run.believed));
-      const runs::Errors learnt =
-          runs::watch(run, run.believed_half, learnt_s, all[i].make(run.believed_half));
-      count(tallies[i], e, learnt);
+      const runs::Errors e = runs::evaluate(run, run.assumed, 5.0, all[i].make(run.assumed));
+      const runs::Errors converged =
+          runs::evaluate(run, run.assumed_half, converged_s, all[i].make(run.assumed_half));
+      count(tallies[i], e, converged);
       if (seed == 1) tallies[i].ns = nanoseconds_a_step(all[i], run);
     }
   }
@@ -172,7 +171,7 @@ bool compare(const std::string& name, const config::Rig& preset, const Options& 
   return agree(tallies[0], tallies[1]);
 }
 
-/// Sums of squares of theta and of f.
+/// Sums of squared errors of theta and f.
 struct Squares {
   double theta = 0.0, force = 0.0;
   void add(double theta_error, double force_error) {
@@ -182,23 +181,23 @@ struct Squares {
 };
 
 struct Reference {
-  std::vector<Squares> contender;
-  Squares full;         ///< of the particles
-  double stated = 0.0;  ///< sum of the full one's variances of theta
-  double apart = 0.0;   ///< sum of squared differences between both in theta
+  std::vector<Squares> candidate;
+  Squares full;             ///< of the particles
+  double stated = 0.0;      ///< sum of their variances of theta
+  double difference = 0.0;  ///< sum of squared differences of theta between both particle filters
   double least_effective = 0.0;
   long samples = 0;
 };
 
-/// All know the rig's own numbers; last comes the observer's own filter with what the runs believe.
-Reference refer(const runs::Run& run, const Options& options) {
-  const std::vector<Contender> all = contenders();
-  const Model known = runs::knowing(run);
+/// All with the true parameters; the last is the observer's own filter with the assumed model.
+Reference run_reference(const runs::Run& run, const Options& options) {
+  const std::vector<Candidate> all = candidates();
+  const Model known = runs::with_true_parameters(run);
   Reference out;
   std::vector<Estimator> estimators;
-  for (const Contender& each : all) estimators.push_back(each.make(known));
-  estimators.push_back(all.front().make(run.believed));
-  out.contender.resize(estimators.size());
+  for (const Candidate& each : all) estimators.push_back(each.make(known));
+  estimators.push_back(all.front().make(run.assumed));
+  out.candidate.resize(estimators.size());
   observer::LinearisedFilter guide(known, runs::period_s);
   std::unique_ptr<observer::ParticleReference> full, quarter;
   const auto begins = static_cast<std::size_t>(std::llround(5.0 / runs::period_s));
@@ -221,54 +220,56 @@ Reference refer(const runs::Run& run, const Options& options) {
     for (std::size_t k = 0; k < estimators.size(); ++k) {
       const FrictionEstimate& e = estimators[k](frame);
       if (i < scored) continue;
-      out.contender[k].add(e.theta - t.theta, e.friction_force_n - t.friction_force_n);
+      out.candidate[k].add(e.theta - t.theta, e.friction_force_n - t.friction_force_n);
     }
     if (i < scored) continue;
     out.full.add(full->theta() - t.theta, full->force_n() - t.friction_force_n);
     out.stated += full->theta_variance();
     const double difference = full->theta() - quarter->theta();
-    out.apart += difference * difference;
+    out.difference += difference * difference;
     ++out.samples;
   }
   out.least_effective = full ? full->least_effective() : 0.0;
   return out;
 }
 
-void refer_to_particles(const std::string& name, const config::Rig& preset,
-                        const Options& options) {
+void compare_with_particles(const std::string& name, const config::Rig& preset,
+                            const Options& options) {
   std::vector<std::string> names;
-  for (const Contender& each : contenders()) names.push_back(each.name);
-  names.push_back("own, not knowing");
+  for (const Candidate& each : candidates()) names.push_back(each.name);
+  names.push_back("own, assumed model");
   std::vector<std::vector<double>> theta(names.size()), force(names.size());
-  std::vector<double> error, stated, by_chance, effective;
-  int lost = 0;
+  std::vector<double> error, stated, sampling, effective;
+  int diverged = 0;
   const double seconds = 6.0 + options.reference_seconds;
   for (int seed = 1; seed <= options.reference_seeds; ++seed) {
     const runs::Run run = runs::run_of(preset, static_cast<std::uint64_t>(seed), seconds);
-    const Reference r = refer(run, options);
-    if (!std::isfinite(r.full.theta) || !std::isfinite(r.apart)) {
-      ++lost;
+    const Reference r = run_reference(run, options);
+    if (!std::isfinite(r.full.theta) || !std::isfinite(r.difference)) {
+      ++diverged;
       continue;
     }
     const auto samples = static_cast<double>(r.samples);
     for (std::size_t k = 0; k < names.size(); ++k) {
-      theta[k].push_back(std::sqrt(r.contender[k].theta / r.full.theta));
-      force[k].push_back(std::sqrt(r.contender[k].force / r.full.force));
+      theta[k].push_back(std::sqrt(r.candidate[k].theta / r.full.theta));
+      force[k].push_back(std::sqrt(r.candidate[k].force / r.full.force));
     }
     error.push_back(std::sqrt(r.full.theta / samples));
     stated.push_back(std::sqrt(r.stated / samples));
-    // A quarter of the particles has four times the variance by chance.
-    by_chance.push_back(std::sqrt(r.apart / 5.0 / samples));
+    // With a quarter of the particles the sampling variance is four times as large.
+    sampling.push_back(std::sqrt(r.difference / 5.0 / samples));
     effective.push_back(r.least_effective);
   }
-  if (lost > 0) std::printf("%s: the particles lost their way in %d runs\n", name.c_str(), lost);
+  if (diverged > 0) {
+    std::printf("%s: the particle filter diverged in %d runs\n", name.c_str(), diverged);
+  }
   if (error.empty()) return;
   std::printf(
       "%s, %zu runs, errors from 6 s to %.0f s over those of %d particles\n"
-      "  the particles' own theta %.4f, of which by chance %.4f, stated deviation %.4f; least "
+      "  theta error of the particles %.4f, sampling error %.4f, stated deviation %.4f; smallest "
       "effective number %.0f\n",
       name.c_str(), error.size(), seconds, options.particles, quantile(error, 0.5),
-      quantile(by_chance, 0.5), quantile(stated, 0.5), quantile(effective, 0.0));
+      quantile(sampling, 0.5), quantile(stated, 0.5), quantile(effective, 0.0));
   for (std::size_t k = 0; k < names.size(); ++k) {
     std::printf("  %-20s theta %.2f (%.2f to %.2f)  f %.2f (%.2f to %.2f)\n", names[k].c_str(),
                 quantile(theta[k], 0.5), quantile(theta[k], 0.0), quantile(theta[k], 1.0),
@@ -277,7 +278,7 @@ void refer_to_particles(const std::string& name, const config::Rig& preset,
   std::fflush(stdout);
 }
 
-/// A shipped rig, or "set-valued": the simulated one with Coulomb's law and no transition at all.
+/// A shipped rig, or "set-valued": the simulated one with Coulomb's law without transition.
 config::Rig rig_named(const std::string& name) {
   const bool set_valued = name == "set-valued";
   config::Rig rig = config::load_rig(std::string(STICKSLIP_SOURCE_DIR "/config/") +
@@ -287,7 +288,7 @@ config::Rig rig_named(const std::string& name) {
     rig.model.friction.transition_speed_m_s = {};
     rig.model.friction.rate_per_s = {};
   }
-  // What constants do that are no states is followed beside a filter, whatever its form.
+  // Consider parameters are independent of the form of the filter.
   for (const physics::NamedParameter& named : physics::parameters_of(rig.model)) {
     if (named.path.starts_with("oscillator.")) named.parameter->sigma = 0.0;
   }
@@ -302,11 +303,11 @@ int main(int argc, char** argv) {
   const std::vector<std::string> rigs = {"simulated", "set-valued", "beam-1", "beam-3-paper"};
   Options options;
   CLI::App app(
-      "Filters that follow the runs of observer_campaign. With particles this takes tens of "
-      "minutes; --reference-seeds 0 leaves them out.");
+      "Comparison of filters on the runs of observer_campaign. With particles this takes tens of "
+      "minutes; --reference-seeds 0 omits them.");
   app.add_option("--seeds", options.seeds)->capture_default_str();
-  app.add_option("--seconds", options.seconds, "of each run")->capture_default_str();
-  app.add_option("--rig", options.rig, "one of them only")->check(CLI::IsMember(rigs));
+  app.add_option("--seconds", options.seconds, "duration of each run [s]")->capture_default_str();
+  app.add_option("--rig", options.rig, "only this rig")->check(CLI::IsMember(rigs));
   app.add_option("--particles", options.particles)->capture_default_str();
   app.add_option("--reference-seeds", options.reference_seeds)->capture_default_str();
   app.add_option("--reference-seconds", options.reference_seconds)->capture_default_str();
@@ -316,8 +317,8 @@ int main(int argc, char** argv) {
     if (!options.rig.empty() && options.rig != rig) continue;
     const config::Rig preset = rig_named(rig);
     if (options.seeds > 0) same = compare(rig, preset, options) && same;
-    if (options.reference_seeds > 0) refer_to_particles(rig, preset, options);
+    if (options.reference_seeds > 0) compare_with_particles(rig, preset, options);
   }
-  if (!same) std::printf("the observer's own filter and its dense twin differ\n");
+  if (!same) std::printf("the observer's own filter and its dense equivalent differ\n");
   return same ? 0 : 1;
 }

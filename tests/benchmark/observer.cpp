@@ -1,12 +1,11 @@
-// What one step of the observer costs, for several sizes of state, within one run:
+// Cost of one observer step for several state dimensions, within one run:
 //   ours         FrictionObserver::update
-//   bound        its multiplications (covariance only), at the speed that this machine multiplies
-//                small matrices at
-//   textbook     an extended Kalman filter as books write it, with dynamic Eigen matrices: the
-//   rig's
-//                own integrator in dual numbers, F P F' + Q, one gain for all readings, Joseph's
-//                form
-//   its algebra  the same with our prediction, so that only the matrices differ
+//   bound        its multiplications (covariance only), at this machine's speed for products of
+//                small matrices
+//   textbook     a textbook extended Kalman filter with dynamic Eigen matrices: the rig's
+//   integrator
+//                in dual numbers, F P F' + Q, one gain for all readings, Joseph form
+//   its algebra  the same with our prediction, so that only the matrix algebra differs
 #include <benchmark/benchmark.h>
 
 #include <Eigen/Dense>
@@ -32,13 +31,13 @@ namespace {
 constexpr double period_s = 1.0e-3;
 
 std::vector<Frame> frames_of(const physics::Model& model) {
-  test::Watch how;
-  how.duration_s = 4.0;
-  physics::RigSimulator rig(model, {.step_s = 1.25e-4, .seed = how.seed});
-  rig.set_input(how.drive(0.0));
+  test::RunOptions options;
+  options.duration_s = 4.0;
+  physics::RigSimulator rig(model, {.step_s = 1.25e-4, .seed = options.seed});
+  rig.set_input(options.drive(0.0));
   std::vector<Frame> frames;
   for (int k = 1; k <= 4000; ++k) {
-    rig.advance(period_s, how.drive(k * period_s));
+    rig.advance(period_s, options.drive(k * period_s));
     frames.push_back(rig.read());
   }
   return frames;
@@ -47,20 +46,20 @@ std::vector<Frame> frames_of(const physics::Model& model) {
 class Textbook {
  public:
   Textbook(const physics::Model& model, bool our_prediction)
-      : rig_(model), layout_(layout_of(model, rig_, reason_)) {
+      : rig_(model), layout_(make_layout(model, rig_, reason_)) {
     const int steps = static_cast<int>(std::ceil(period_s / rig_.longest_step_s() - 1.0e-9));
     if (our_prediction) {
       prediction_ = std::make_unique<ContactPrediction>(rig_, model, layout_, period_s);
     } else {
       prediction_ = std::make_unique<DualPrediction>(rig_, model, layout_, period_s, steps);
     }
-    noise_ = std::make_unique<Noise>(model, rig_, layout_, prediction_->numbers(), period_s,
-                                     Contact::to_be_learnt);
+    noise_ = std::make_unique<NoiseModel>(model, rig_, layout_, prediction_->numbers(), period_s,
+                                          FrictionPrior::from_model);
     Covariance start(layout_.count);
     mean_ = Vector::Zero(layout_.count);
     Frame frame;
     for (Channel channel : all_channels) frame.set(channel, 1.0e-3);
-    noise_->start(frame, 0.0, mean_, start);
+    noise_->initialise(frame, 0.0, mean_, start);
     p_ = q_ = Eigen::MatrixXd::Zero(layout_.count, layout_.count);
     for (int i = 0; i < layout_.count; ++i) {
       p_(i, i) = start(i, i);
@@ -94,11 +93,11 @@ class Textbook {
     mean_ += k * innovation;
     const Eigen::MatrixXd rest = Eigen::MatrixXd::Identity(layout_.count, layout_.count) - k * h;
     p_ = rest * p_ * rest.transpose() + k * r * k.transpose();
-    noise_->confine(mean_);
+    noise_->constrain(mean_);
     return mean_[layout_.rig[physics::state::x]];
   }
 
-  /// Multiplications of the covariance in our form: rows of the transition twice, the second time
+  /// Multiplications of our covariance update: the rows of the transition twice, the second time
   /// for a triangle, and two for each element of a triangle and reading.
   double multiplications(int readings) const {
     const Transition& f = prediction_->transition();
@@ -118,7 +117,7 @@ class Textbook {
   physics::Rig rig_;
   Layout layout_;
   std::unique_ptr<Prediction> prediction_;
-  std::unique_ptr<Noise> noise_;
+  std::unique_ptr<NoiseModel> noise_;
   Vector mean_;
   Eigen::MatrixXd p_, q_;
 };
@@ -130,7 +129,7 @@ double nanoseconds_each(long count, const std::function<void()>& work) {
   return std::chrono::duration<double, std::nano>(end - start).count() / static_cast<double>(count);
 }
 
-// Of products of 16 x 16, which stay in the first cache.
+// Of 16 x 16 products, which stay in the L1 cache.
 double multiplications_per_ns() {
   using Small = Eigen::Matrix<double, 16, 16>;
   Small a = Small::Random();
@@ -153,8 +152,8 @@ void step(benchmark::State& state, const physics::Model& model) {
   FrictionObserver ours(model, period_s);
   Textbook textbook(model, false);
   Textbook algebra(model, true);
-  // The quickest of several rounds each, in turns: whatever else runs here slows all down. Ours in
-  // slices, so that a round is as short as one of the others.
+  // Fastest of several alternating rounds, because other processes slow all of them down. Ours in
+  // slices, so that rounds have similar durations.
   constexpr long slices = 20;
   std::array<double, slices> best_slice;
   best_slice.fill(1.0e12);

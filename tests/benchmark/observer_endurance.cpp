@@ -1,12 +1,11 @@
-// Whether the observer's covariance lasts: many steps (10^8 by default) with channels that drop out
-// and come back, looked at every 10^5 steps.
+// Long-term stability of the observer's covariance: many steps (10^8 by default) with dropouts of
+// channels, checked every 10^5 steps.
 //
 //   observer_endurance [--steps N] [--rig NAME]
 //
-// Ends with status 1 where a state's variance was not positive, where the covariance of what is
-// reported had an eigenvalue below -10^-9 of its largest (each state measured by its own
-// deviation), where a number was not finite, or where the filter began anew more often than every
-// 10^7 steps.
+// Exit status 1 where a variance was not positive, where the covariance, scaled by the standard
+// deviations, had an eigenvalue below -10^-9 of the largest, where a value was not finite, or where
+// the filter restarted more often than every 10^7 steps.
 #include <CLI/CLI.hpp>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -27,7 +26,7 @@ namespace {
 
 constexpr double period_s = 1.0e-3;
 
-// One minute of the rig, driven so that it ends as it began; it is gone through again and again.
+// One period of the rig's modulated drive, 60 s, which is repeated.
 std::vector<Frame> minute_of(const config::Rig& rig) {
   physics::RigSimulator simulator(rig.model, {.step_s = 1.0e-4, .seed = 1});
   const observer::test::ModulatedBase input{
@@ -45,10 +44,10 @@ std::vector<Frame> minute_of(const config::Rig& rig) {
   return frames;
 }
 
-/// Channels that are gone for a while.
+/// Random dropouts of channels.
 class Outages {
  public:
-  void befall(Frame& frame) {
+  void apply(Frame& frame) {
     for (Channel channel : all_channels) {
       long& left = left_[index_of(channel)];
       if (left == 0 && random_() % 5000 == 0) left = 1 + static_cast<long>(random_() % 300);
@@ -63,8 +62,7 @@ class Outages {
   std::array<long, channel_count> left_{};
 };
 
-/// The least eigenvalue of all states' covariance over its largest, each state by its own
-/// deviation.
+/// Ratio of the smallest to the largest eigenvalue of the correlation matrix of all states.
 double least_eigenvalue(const observer::Covariance& p) {
   Eigen::MatrixXd scaled(p.count(), p.count());
   for (int i = 0; i < p.count(); ++i) {
@@ -76,7 +74,7 @@ double least_eigenvalue(const observer::Covariance& p) {
   return solver.eigenvalues().minCoeff() / solver.eigenvalues().maxCoeff();
 }
 
-int endure(const std::string& name, long steps) {
+int run(const std::string& name, long steps) {
   const config::Rig rig =
       config::load_rig(std::string(STICKSLIP_SOURCE_DIR "/config/") + name + ".toml");
   const std::vector<Frame> minute = minute_of(rig);
@@ -88,7 +86,7 @@ int endure(const std::string& name, long steps) {
     Frame frame = minute[static_cast<std::size_t>(step) % minute.size()];
     frame.time_ns = step * 1'000'000;
     frame.sequence = static_cast<std::uint64_t>(step);
-    outages.befall(frame);
+    outages.apply(frame);
     filter.update(frame);
     if (step % 100'000 != 99'999) continue;
     for (int i = 0; i < filter.covariance().count(); ++i) {
@@ -110,11 +108,11 @@ int endure(const std::string& name, long steps) {
 int main(int argc, char** argv) try {
   long steps = 100'000'000;
   std::string rig = "simulated";
-  CLI::App app("Whether the observer's covariance lasts.");
+  CLI::App app("Long-term stability of the observer's covariance.");
   app.add_option("--steps", steps)->check(CLI::PositiveNumber)->capture_default_str();
-  app.add_option("--rig", rig, "of config/")->capture_default_str();
+  app.add_option("--rig", rig, "name of a rig in config/")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
-  return stickslip::endure(rig, steps);
+  return stickslip::run(rig, steps);
 } catch (const std::exception& error) {
   std::fprintf(stderr, "observer_endurance: %s\n", error.what());
   return 2;

@@ -20,13 +20,14 @@ using physics::Model;
 
 namespace {
 
-constexpr int steps_a_period = 50;
+constexpr int steps_per_period = 50;
 
 double relative(std::mt19937_64& random, double share) {
   return 1.0 + std::uniform_real_distribution<double>(-share, share)(random);
 }
 
-void doubt(physics::Parameter& parameter, double factor, double sigma) {
+/// Scales a parameter and sets its relative standard deviation.
+void set_prior(physics::Parameter& parameter, double factor, double sigma) {
   parameter.value *= factor;
   parameter.sigma = sigma * std::abs(parameter.value);
 }
@@ -38,12 +39,12 @@ Run run_of(const config::Rig& preset_rig, std::uint64_t seed, double seconds) {
   std::mt19937_64 random(seed);
   Run run;
   run.real = preset;
-  // Whatever the model doubts is drawn from its doubt.
+  // Parameters with a standard deviation are drawn from their distribution.
   for (const physics::NamedParameter& named : physics::parameters_of(run.real)) {
     physics::Parameter& parameter = *named.parameter;
     if (parameter.sigma == 0.0) continue;
-    const double off = std::normal_distribution<double>(0.0, parameter.sigma)(random);
-    parameter.value = std::max(parameter.value + off, 0.2 * parameter.value);
+    const double error = std::normal_distribution<double>(0.0, parameter.sigma)(random);
+    parameter.value = std::max(parameter.value + error, 0.2 * parameter.value);
   }
   run.real.friction.mu = preset.friction.mu;
   run.real.friction.rate_per_s = preset.friction.rate_per_s;
@@ -51,18 +52,18 @@ Run run_of(const config::Rig& preset_rig, std::uint64_t seed, double seconds) {
   if (run.real.friction.rate_per_s.value > 0.0) {
     run.real.friction.rate_per_s.value *= relative(random, 0.2);
   }
-  run.believed = run.believed_half = preset;
+  run.assumed = run.assumed_half = preset;
   const double side = random() % 2 == 0 ? 0.5 : 1.5;
-  run.believed_half.friction.mu = run.real.friction.mu;
-  run.believed_half.friction.rate_per_s = run.real.friction.rate_per_s;
-  doubt(run.believed.friction.mu, 1.0, 0.15);
-  doubt(run.believed_half.friction.mu, side, 0.5 / side);
+  run.assumed_half.friction.mu = run.real.friction.mu;
+  run.assumed_half.friction.rate_per_s = run.real.friction.rate_per_s;
+  set_prior(run.assumed.friction.mu, 1.0, 0.15);
+  set_prior(run.assumed_half.friction.mu, side, 0.5 / side);
   if (preset.friction.law == physics::FrictionLaw::state_variable) {
-    doubt(run.believed.friction.rate_per_s, 1.0, 0.15);
-    doubt(run.believed_half.friction.rate_per_s, random() % 2 == 0 ? 0.5 : 1.5, 0.5);
+    set_prior(run.assumed.friction.rate_per_s, 1.0, 0.15);
+    set_prior(run.assumed_half.friction.rate_per_s, random() % 2 == 0 ? 0.5 : 1.5, 0.5);
   }
   const auto about = [&](double value, double share) { return value * relative(random, share); };
-  // The rig's own excitation, a little otherwise, amplitude-modulated as by hand.
+  // The rig's excitation with small random changes and an amplitude modulation.
   test::ModulatedBase drive;
   drive.carrier_hz = about(preset_rig.excitation.carrier_hz, 0.05);
   drive.amplitude_m = about(preset_rig.excitation.amplitude, 0.2);
@@ -70,7 +71,7 @@ Run run_of(const config::Rig& preset_rig, std::uint64_t seed, double seconds) {
   drive.phase_rad = about(std::numbers::pi, 1.0) + std::numbers::pi;
   drive.depth = 0.9;
 
-  physics::RigSimulator rig(run.real, {.step_s = period_s / steps_a_period, .seed = seed});
+  physics::RigSimulator rig(run.real, {.step_s = period_s / steps_per_period, .seed = seed});
   rig.set_input(drive(0.0));
   const auto count = static_cast<long>(std::llround(seconds / period_s));
   for (long k = 1; k <= count; ++k) {
@@ -84,28 +85,28 @@ Run run_of(const config::Rig& preset_rig, std::uint64_t seed, double seconds) {
   return run;
 }
 
-physics::Model knowing(const Run& run) {
+physics::Model with_true_parameters(const Run& run) {
   Model model = run.real;
-  model.friction.mu.sigma = run.believed.friction.mu.sigma;
-  model.friction.rate_per_s.sigma = run.believed.friction.rate_per_s.sigma;
+  model.friction.mu.sigma = run.assumed.friction.mu.sigma;
+  model.friction.rate_per_s.sigma = run.assumed.friction.rate_per_s.sigma;
   return model;
 }
 
 namespace {
 
-// Of x, v, theta and mu, which every model has.
-constexpr int judged_states = 4;
+// x, v, theta and mu, which every model has.
+constexpr int nees_states = 4;
 double nees_of(const FrictionEstimate& e, const physics::RigTruth& t, double mu) {
-  constexpr std::array<Quantity, judged_states> judged = {
+  constexpr std::array<Quantity, nees_states> quantities = {
       Quantity::displacement, Quantity::velocity, Quantity::theta, Quantity::mu};
-  std::array<std::size_t, judged_states> at{};
-  for (std::size_t i = 0; i < judged_states; ++i) {
+  std::array<std::size_t, nees_states> at{};
+  for (std::size_t i = 0; i < nees_states; ++i) {
     at[i] = static_cast<std::size_t>(
-        std::find(e.quantities.begin(), e.quantities.end(), judged[i]) - e.quantities.begin());
+        std::find(e.quantities.begin(), e.quantities.end(), quantities[i]) - e.quantities.begin());
   }
   Eigen::Matrix4d covariance;
-  for (std::size_t i = 0; i < judged_states; ++i) {
-    for (std::size_t j = 0; j < judged_states; ++j) {
+  for (std::size_t i = 0; i < nees_states; ++i) {
+    for (std::size_t j = 0; j < nees_states; ++j) {
       covariance(static_cast<int>(i), static_cast<int>(j)) = e.covariance[at[i]][at[j]];
     }
   }
@@ -116,66 +117,107 @@ double nees_of(const FrictionEstimate& e, const physics::RigTruth& t, double mu)
 
 }  // namespace
 
-Errors watch(const Run& run, const Model& believed, double from_s, const Estimator& estimator) {
-  Errors out;
+namespace {
+
+double square(double x) { return x * x; }
+
+/// Sticking of the truth at each frame, and which frames are away from transitions.
+struct Contact {
+  std::vector<bool> sticks;
+  std::vector<bool> steady;
+};
+
+/// `delay`: frames from a transition within which a classification is not judged.
+Contact contact_of(const Run& run, double transition_speed_m_s, long delay) {
+  Contact out;
+  for (const auto& truth : run.truth) {
+    out.sticks.push_back(std::abs(truth.slip_velocity_m_s) < transition_speed_m_s);
+  }
+  const std::vector<bool>& sticks = out.sticks;
+  std::vector<long> since(sticks.size());
+  for (std::size_t i = 1; i < sticks.size(); ++i) {
+    since[i] = sticks[i] == sticks[i - 1] ? since[i - 1] + 1 : 0;
+  }
+  std::vector<long> until(sticks.size(), 1000000);
+  for (std::size_t i = sticks.size() - 1; i-- > 0;) {
+    until[i] = sticks[i] == sticks[i + 1] ? until[i + 1] + 1 : 0;
+  }
+  for (std::size_t i = 0; i < sticks.size(); ++i) {
+    out.steady.push_back(since[i] > delay && until[i] > delay);
+  }
+  return out;
+}
+
+/// Sums of squares over the frames of a run.
+class ErrorSums {
+ public:
+  void add(const FrictionEstimate& e, const physics::RigTruth& t) {
+    ++count_;
+    sum_.theta += square(e.theta - t.theta);
+    sum_.force += square(e.friction_force_n - t.friction_force_n);
+    sum_.theta_std += square(e.standard_deviation(Quantity::theta));
+    sum_.force_std += square(e.standard_deviation(Quantity::friction_force));
+    if (e.raw_valid) {
+      sum_.raw += square(e.raw_friction_force_n - t.friction_force_n);
+      ++raw_count_;
+    }
+    nis_ += e.nis;
+    nis_freedom_ += e.nis_freedom;
+  }
+  void add_nees(double nees) { sum_.mean_nees += nees; }
+
+  Errors means() const {
+    const auto n = static_cast<double>(std::max(count_, 1L));
+    Errors out;
+    out.theta = std::sqrt(sum_.theta / n);
+    out.force = std::sqrt(sum_.force / n);
+    out.theta_std = std::sqrt(sum_.theta_std / n);
+    out.force_std = std::sqrt(sum_.force_std / n);
+    out.raw = raw_count_ > 0 ? std::sqrt(sum_.raw / static_cast<double>(raw_count_)) : 0.0;
+    out.mean_nees = sum_.mean_nees / n;
+    out.nis = nis_ / std::max(nis_freedom_, 1.0);
+    return out;
+  }
+
+ private:
+  Errors sum_;
+  long count_ = 0, raw_count_ = 0;
+  double nis_ = 0.0, nis_freedom_ = 0.0;
+};
+
+}  // namespace
+
+Errors evaluate(const Run& run, const Model& assumed, double from_s, const Estimator& estimator) {
   const double mu = run.real.friction.mu.value;
-  const double v0 = std::max(run.real.friction.transition_speed_m_s.value, 1.0e-3);
   const auto from = static_cast<std::size_t>(from_s / period_s);
-  // One delay of the filters away from a transition.
-  const physics::SensorBank bank(believed, period_s);
+  // About the delay of the filters.
+  const physics::SensorBank bank(assumed, period_s);
   const auto delay =
       static_cast<long>(bank.chain(Channel::displacement).settling_time_s() / 3.0 / period_s);
-  std::vector<bool> sticks;
-  for (const auto& truth : run.truth) sticks.push_back(std::abs(truth.slip_velocity_m_s) < v0);
-  std::vector<long> since(sticks.size());
-  for (std::size_t i = 1; i < sticks.size(); ++i)
-    since[i] = sticks[i] == sticks[i - 1] ? since[i - 1] + 1 : 0;
-  std::vector<long> until(sticks.size(), 1000000);
-  for (std::size_t i = sticks.size() - 1; i-- > 0;)
-    until[i] = sticks[i] == sticks[i + 1] ? until[i + 1] + 1 : 0;
-  long judged = 0, right = 0, counted = 0, raw_counted = 0;
-  double nis = 0.0, nis_freedom = 0.0;
+  const Contact contact =
+      contact_of(run, std::max(run.real.friction.transition_speed_m_s.value, 1.0e-3), delay);
+  ErrorSums sums;
+  constexpr std::size_t nees_stride = 50;
+  long judged = 0, correct = 0;
   const FrictionEstimate* latest = nullptr;
   for (std::size_t i = 0; i < run.frames.size(); ++i) {
     const FrictionEstimate& e = estimator(run.frames[i]);
     latest = &e;
     if (i < from || !e.valid) continue;
-    const physics::RigTruth& t = run.truth[i];
-    ++counted;
-    const auto square = [](double x) { return x * x; };
-    out.theta += square(e.theta - t.theta);
-    out.force += square(e.friction_force_n - t.friction_force_n);
-    out.theta_doubt += square(e.standard_deviation(Quantity::theta));
-    out.force_doubt += square(e.standard_deviation(Quantity::friction_force));
-    if (e.raw_valid) {
-      out.raw += square(e.raw_friction_force_n - t.friction_force_n);
-      ++raw_counted;
-    }
-    nis += e.nis;
-    nis_freedom += e.nis_freedom;
-    if (i % 50 == 0) {
-      out.mean_nees += nees_of(e, t, mu) / judged_states * 50.0;
-    }
-    if (since[i] > delay && until[i] > delay) {
-      ++judged;
-      if ((e.sticking > 0.5) == sticks[i]) ++right;
-    }
+    sums.add(e, run.truth[i]);
+    if (i % nees_stride == 0) sums.add_nees(nees_of(e, run.truth[i], mu) / nees_states * 50.0);
+    if (!contact.steady[i]) continue;
+    ++judged;
+    if ((e.sticking > 0.5) == contact.sticks[i]) ++correct;
   }
-  const auto n = static_cast<double>(std::max(counted, 1L));
-  out.theta = std::sqrt(out.theta / n);
-  out.force = std::sqrt(out.force / n);
-  out.theta_doubt = std::sqrt(out.theta_doubt / n);
-  out.force_doubt = std::sqrt(out.force_doubt / n);
-  out.raw = raw_counted > 0 ? std::sqrt(out.raw / static_cast<double>(raw_counted)) : 0.0;
-  out.mean_nees /= n;
-  out.nis = nis / std::max(nis_freedom, 1.0);
   const FrictionEstimate& last = *latest;
+  Errors out = sums.means();
   out.nees = nees_of(last, run.truth.back(), mu);
   out.mu = std::abs(last.mu / mu - 1.0);
   if (last.gamma_per_s > 0.0) {
     out.gamma = std::abs(last.gamma_per_s / run.real.friction.rate_per_s.value - 1.0);
   }
-  out.classified = judged > 0 ? static_cast<double>(right) / static_cast<double>(judged) : 1.0;
+  out.classified = judged > 0 ? static_cast<double>(correct) / static_cast<double>(judged) : 1.0;
   out.restarts = last.restarts;
   return out;
 }

@@ -40,36 +40,36 @@ ParticleReference::ParticleReference(RivalFilter& guide, double period_s, int pa
   if (structure.excitation != physics::Excitation::base || structure.two_well ||
       !structure.friction || structure.kinetics == Kinetics::bristle ||
       structure.load_law == NormalLoadLaw::measured) {
-    throw std::invalid_argument("the particle reference follows base-excited linear rigs only");
+    throw std::invalid_argument("the particle reference supports base-excited linear rigs only");
   }
-  lay_out();
-  lambda_ = guide.belief().mean[guide.layout().drive + 3];
+  build_layout();
+  lambda_ = guide.estimate().mean[guide.layout().drive + 3];
   discretise();
 
-  // The drawn states from their own Gaussian, the linear ones from what is left given those.
+  // Sampled states from their marginal distribution, linear ones from the conditional one.
   const Layout& l = guide.layout();
-  const Belief& b = guide.belief();
-  std::vector<int> drawn;
+  const Gaussian& b = guide.estimate();
+  std::vector<int> sampled;
   const bool relaxing = structure.kinetics == Kinetics::relaxing;
-  if (relaxing) drawn.push_back(l.theta);
+  if (relaxing) sampled.push_back(l.theta);
   for (const int i : {l.mu, l.log_rate, l.load}) {
-    if (i >= 0) drawn.push_back(i);
+    if (i >= 0) sampled.push_back(i);
   }
-  const Eigen::MatrixXd among = b.covariance(drawn, drawn);
-  const Eigen::MatrixXd across = b.covariance(linear_, drawn);
+  const Eigen::MatrixXd among = b.covariance(sampled, sampled);
+  const Eigen::MatrixXd across = b.covariance(linear_, sampled);
   const Eigen::MatrixXd gain = among.ldlt().solve(across.transpose()).transpose();
   covariance_ = b.covariance(linear_, linear_) - gain * across.transpose();
   const Eigen::MatrixXd root = root_of(among);
-  Eigen::MatrixXd off(drawn.size(), particles);
+  Eigen::MatrixXd off(sampled.size(), particles);
   for (Eigen::Index i = 0; i < off.size(); ++i) off.data()[i] = normal_(random_);
   off = (root * off).eval();
   means_ = (gain * off).colwise() + Eigen::VectorXd(b.mean(linear_));
   const auto values = [&](int index, double otherwise) -> Eigen::RowVectorXd {
-    const auto at = std::find(drawn.begin(), drawn.end(), index);
-    if (index < 0 || at == drawn.end()) {
+    const auto at = std::find(sampled.begin(), sampled.end(), index);
+    if (index < 0 || at == sampled.end()) {
       return Eigen::RowVectorXd::Constant(particles, otherwise);
     }
-    return (off.row(at - drawn.begin()).array() + b.mean[index]).matrix();
+    return (off.row(at - sampled.begin()).array() + b.mean[index]).matrix();
   };
   const auto& c = guide.numbers().c;
   theta_ = values(relaxing ? l.theta : -1, 0.0);
@@ -79,7 +79,7 @@ ParticleReference::ParticleReference(RivalFilter& guide, double period_s, int pa
   force_ = slip_ = log_weight_ = Eigen::RowVectorXd::Zero(particles);
 }
 
-void ParticleReference::lay_out() {
+void ParticleReference::build_layout() {
   const Layout& l = guide_->layout();
   place_.assign(static_cast<std::size_t>(l.count), -1);
   const auto add = [&](int index) {
@@ -98,7 +98,7 @@ void ParticleReference::lay_out() {
   }
 }
 
-// Of the linear states while no force acts in the contact; and what a newton of it adds.
+// Rate matrix of the linear states without contact force.
 Eigen::MatrixXd ParticleReference::rates() const {
   const Layout& l = guide_->layout();
   const auto& c = guide_->numbers().c;
@@ -166,7 +166,7 @@ void ParticleReference::discretise() {
   if (guide_->rig().structure().resonant) {
     by_force[at(l.rig[state::u])] = 1.0 / c.cell_mass;
   } else {
-    // The force itself goes into its channel's first section.
+    // The force is the input of its channel's first section.
     const Chain& chain = l.of(Channel::friction_force);
     const Section& first = chain.sections.front();
     const int row = at(chain.first) + (first.second_order ? 1 : 0);
@@ -179,20 +179,20 @@ void ParticleReference::discretise() {
   const Eigen::MatrixXd rest = exponential(a, (1.0 - gamma_ars) * period_s_);
   discrete_.middle = first.topLeftCorner(count_, count_);
   discrete_.whole = discrete_.middle * rest.topLeftCorner(count_, count_);
-  discrete_.by_middle_force = first.topRightCorner(count_, 1);
-  discrete_.by_late_force = discrete_.by_middle_force;
-  discrete_.by_early_force = discrete_.middle * rest.topRightCorner(count_, 1);
+  discrete_.by_force_at_middle = first.topRightCorner(count_, 1);
+  discrete_.by_end_force = discrete_.by_force_at_middle;
+  discrete_.by_middle_force = discrete_.middle * rest.topRightCorner(count_, 1);
   const int p = at(l.drive);
   const double off = 0.01 * std::max(lambda_, 1.0);
   Eigen::MatrixXd faster = a.topLeftCorner(count_, count_);
   faster(p + 2, p + 1) -= off;
   const Eigen::MatrixXd moved = exponential(faster, period_s_) - discrete_.whole;
-  discrete_.bend = moved.middleCols(p + 1, 2) / off;
+  discrete_.by_lambda = moved.middleCols(p + 1, 2) / off;
 }
 
-void ParticleReference::draw_parameters() {
+void ParticleReference::add_process_noise() {
   const Layout& l = guide_->layout();
-  Belief centre = guide_->belief();
+  Gaussian centre = guide_->estimate();
   for (int i = 0; i < count_; ++i) {
     centre.mean[linear_[static_cast<std::size_t>(i)]] = means_.row(i).mean();
   }
@@ -216,30 +216,30 @@ void ParticleReference::draw_parameters() {
   }
 }
 
-// Draws row * state of each particle, and tells the rest of the state. `offset` is what else is in
-// the drawn sum.
-void ParticleReference::draw_along(const Eigen::RowVectorXd& row, const Eigen::RowVectorXd& offset,
-                                   Eigen::RowVectorXd& drawn) {
+// Samples row * state + offset of each particle, and conditions its state on the result.
+void ParticleReference::sample_along(const Eigen::RowVectorXd& row,
+                                     const Eigen::RowVectorXd& offset,
+                                     Eigen::RowVectorXd& sampled) {
   const Eigen::VectorXd column = covariance_ * row.transpose();
   const double variance = row * column;
-  drawn = row * means_ + offset;
+  sampled = row * means_ + offset;
   if (variance < 1.0e-22) return;
   const double deviation = std::sqrt(variance);
   // tanh(5) is 1 to 10^-4.
   const double slides = 5.0 * guide_->numbers().c.transition_speed + 5.0 * deviation;
-  if (drawn.cwiseAbs().minCoeff() > slides) return;
+  if (sampled.cwiseAbs().minCoeff() > slides) return;
   Eigen::RowVectorXd off(means_.cols());
   for (double& value : off) value = deviation * normal_(random_);
-  drawn += off;
+  sampled += off;
   means_ += (column / variance) * off;
   covariance_ -= column * column.transpose() / variance;
   covariance_ = (0.5 * (covariance_ + covariance_.transpose())).eval();
 }
 
 // One implicit stage of the contact, as in the observer's prediction.
-void ParticleReference::close(const Eigen::RowVectorXd& free_slip, double give,
-                              const Eigen::RowVectorXd& x, const Eigen::RowVectorXd& from,
-                              Eigen::RowVectorXd& theta, Eigen::RowVectorXd& force) {
+void ParticleReference::solve_stage(const Eigen::RowVectorXd& free_slip, double compliance,
+                                    const Eigen::RowVectorXd& x, const Eigen::RowVectorXd& from,
+                                    Eigen::RowVectorXd& theta, Eigen::RowVectorXd& force) {
   const auto& c = guide_->numbers().c;
   const physics::Structure& structure = guide_->rig().structure();
   const bool relaxing = structure.kinetics == Kinetics::relaxing;
@@ -247,18 +247,18 @@ void ParticleReference::close(const Eigen::RowVectorXd& free_slip, double give,
   for (Eigen::Index i = 0; i < free_slip.size(); ++i) {
     const double load = wedge ? std::max(0.0, load_[i] * (1.0 + c.load_slope * x[i])) : load_[i];
     const double level = mu_[i] * load;
-    double stays = 0.0;
-    double follows = 1.0;
+    double kept = 0.0;
+    double gain = 1.0;
     if (relaxing) {
       const double turn = gamma_ars * period_s_ * std::exp(log_rate_[i]);
-      stays = 1.0 / (1.0 + turn);
-      follows = turn * stays;
+      kept = 1.0 / (1.0 + turn);
+      gain = turn * kept;
     }
-    const double held = stays * from[i];
-    const auto solved = physics::solve_backbone(free_slip[i], give * level, held, follows,
+    const double rest = kept * from[i];
+    const auto solved = physics::solve_backbone(free_slip[i], compliance * level, rest, gain,
                                                 c.transition_speed, slip_[i]);
     slip_[i] = solved.w;
-    theta[i] = held + follows * solved.tanh;
+    theta[i] = rest + gain * solved.tanh;
     force[i] = level * theta[i];
   }
 }
@@ -268,7 +268,7 @@ void ParticleReference::update(const Frame& frame) {
     lambda_ = means_.row(place_[static_cast<std::size_t>(guide_->layout().drive + 3)]).mean();
     discretise();
   }
-  draw_parameters();
+  add_process_noise();
   const Layout& l = guide_->layout();
   const auto at = [&](int index) { return place_[static_cast<std::size_t>(index)]; };
   const auto slip_of = [&](const Eigen::MatrixXd& m) -> Eigen::RowVectorXd {
@@ -280,31 +280,31 @@ void ParticleReference::update(const Frame& frame) {
   const Eigen::Index particles = means_.cols();
   const Discrete& d = discrete_;
   Eigen::RowVectorXd theta(particles), force(particles), free;
-  const Eigen::RowVectorXd nothing = Eigen::RowVectorXd::Zero(particles);
-  draw_along(slip_of(d.middle), nothing, free);
+  const Eigen::RowVectorXd zero = Eigen::RowVectorXd::Zero(particles);
+  sample_along(slip_of(d.middle), zero, free);
   const Eigen::RowVectorXd middle_x = d.middle.row(x) * means_;
-  close(free, -slip_of(d.by_middle_force)[0], middle_x, theta_, theta, force);
+  solve_stage(free, -slip_of(d.by_force_at_middle)[0], middle_x, theta_, theta, force);
 
-  draw_along(slip_of(d.whole), slip_of(d.by_early_force)[0] * force, free);
+  sample_along(slip_of(d.whole), slip_of(d.by_middle_force)[0] * force, free);
   const int p = at(l.drive);
   Eigen::MatrixXd turned = means_.middleRows(p + 1, 2);
   Eigen::MatrixXd f = d.whole;
-  f.col(p + 3) += d.bend * turned.rowwise().mean();
-  f.middleCols(p + 1, 2) += (means_.row(p + 3).mean() - lambda_) * d.bend;
+  f.col(p + 3) += d.by_lambda * turned.rowwise().mean();
+  f.middleCols(p + 1, 2) += (means_.row(p + 3).mean() - lambda_) * d.by_lambda;
   turned.array().rowwise() *= means_.row(p + 3).array() - lambda_;
   means_ = d.whole * means_;
-  means_ += d.bend * turned;
-  means_ += d.by_early_force * force;
+  means_ += d.by_lambda * turned;
+  means_ += d.by_middle_force * force;
   covariance_ = f * covariance_ * f.transpose();
   const double on = (1.0 - gamma_ars) / gamma_ars;
   const Eigen::RowVectorXd from = (1.0 - on) * theta_ + on * theta;
-  close(free, -slip_of(d.by_late_force)[0], means_.row(x), from, theta_, force_);
-  means_ += d.by_late_force * force_;
-  weigh(frame);
+  solve_stage(free, -slip_of(d.by_end_force)[0], means_.row(x), from, theta_, force_);
+  means_ += d.by_end_force * force_;
+  update_weights(frame);
   report_and_resample();
 }
 
-void ParticleReference::weigh(const Frame& frame) {
+void ParticleReference::update_weights(const Frame& frame) {
   const Layout& l = guide_->layout();
   std::vector<int> read;
   std::vector<double> reading, variance;
@@ -339,7 +339,7 @@ void ParticleReference::report_and_resample() {
   least_effective_ = std::min(least_effective_, effective);
   const Eigen::Index particles = means_.cols();
   if (effective > 0.5 * static_cast<double>(particles)) return;
-  // Systematic: one draw, then steps of equal weight.
+  // Systematic resampling.
   std::vector<Eigen::Index> chosen;
   const double step = 1.0 / static_cast<double>(particles);
   double next = step * std::uniform_real_distribution<double>(0.0, 1.0)(random_);

@@ -1,15 +1,13 @@
-// What is to be known of friction at best: a particle filter over the observer's own model, for
-// filter_comparison. Rao-Blackwellised: what the contact's force depends on in a way that is not
-// linear (slip velocity in both stages of a period, theta, mu, gamma, normal load) is drawn for
-// each particle; all the rest (mass, load cell, base motion, sensor chains) is linear once the
-// force is known, so each particle has a Kalman filter for it, whose covariance is the same for
-// all. Nothing is drawn of the slip while every particle slides so fast that its friction does not
-// depend on it.
+// Reference for filter_comparison: a Rao-Blackwellised particle filter on the observer's model.
+// States on which the contact force depends nonlinearly (slip velocity in both stages of a period,
+// theta, mu, gamma, normal load) are sampled. The others (mass, load cell, base motion, sensor
+// chains) are linear given the force, so each particle has a Kalman filter for them, whose
+// covariance is common to all. The slip velocity is not sampled while all particles slide so fast
+// that friction does not depend on it.
 //
-// Against the model that the observer holds to be true it simplifies two things: the base motion's
-// lambda is linearised about the particles' mean, and a wedge's normal load is that of a particle's
-// mean x. It uses Bayes' rule throughout, without the observer's three choices of what not to learn
-// from what.
+// Simplifications of the observer's model: the base motion's lambda is linearised about the
+// particles' mean, and the normal load of a wedge is that of a particle's mean x. All updates
+// follow Bayes' rule, without the observer's restrictions of the gain.
 #pragma once
 
 #include <array>
@@ -25,10 +23,10 @@ namespace stickslip::observer {
 
 class ParticleReference {
  public:
-  /// Begins with `guide`'s belief of now; its rig, layout and noises (which go on learning how wild
-  /// the base motion is) are used from then on, so it must outlive this and be updated with every
-  /// frame before. Throws std::invalid_argument for rigs other than base-excited ones that are
-  /// linear but for friction without bristle.
+  /// Starts from the present estimate of `guide`, whose rig, layout and adaptive noise are used
+  /// from then on: it must outlive this, and be updated with every frame first. Throws
+  /// std::invalid_argument for rigs other than base-excited ones that are linear except for
+  /// friction without bristle.
   ParticleReference(RivalFilter& guide, double period_s, int particles, std::uint64_t seed);
 
   void update(const Frame& frame);
@@ -37,39 +35,40 @@ class ParticleReference {
   double force_n() const { return force_mean_; }
   double mu() const { return mu_mean_; }
   double theta_variance() const { return theta_variance_; }
-  /// Of the weights, in particles: least of all frames so far.
+  /// Smallest effective number of particles so far.
   double least_effective() const { return least_effective_; }
 
  private:
   struct Discrete {
-    Eigen::MatrixXd middle;                                          ///< of the first stage
-    Eigen::MatrixXd whole;                                           ///< of the period
-    Eigen::VectorXd by_middle_force, by_early_force, by_late_force;  ///< [per N]
-    Eigen::MatrixXd bend;  ///< what p' and p'' add for each lambda beyond lambda_
+    Eigen::MatrixXd middle;  ///< transition of the first stage
+    Eigen::MatrixXd whole;   ///< transition of the period
+    /// Per newton of the first stage at its end and at the period's end, and of the last stage.
+    Eigen::VectorXd by_force_at_middle, by_middle_force, by_end_force;
+    Eigen::MatrixXd by_lambda;  ///< derivative by lambda of the columns of p' and p''
   };
-  void lay_out();
+  void build_layout();
   Eigen::MatrixXd rates() const;
   void discretise();
-  void draw_parameters();
-  void draw_along(const Eigen::RowVectorXd& row, const Eigen::RowVectorXd& offset,
-                  Eigen::RowVectorXd& drawn);
-  void close(const Eigen::RowVectorXd& free_slip, double give, const Eigen::RowVectorXd& x,
-             const Eigen::RowVectorXd& from, Eigen::RowVectorXd& theta, Eigen::RowVectorXd& force);
-  void weigh(const Frame& frame);
+  void add_process_noise();
+  void sample_along(const Eigen::RowVectorXd& row, const Eigen::RowVectorXd& offset,
+                    Eigen::RowVectorXd& drawn);
+  void solve_stage(const Eigen::RowVectorXd& free_slip, double compliance,
+                   const Eigen::RowVectorXd& x, const Eigen::RowVectorXd& from,
+                   Eigen::RowVectorXd& theta, Eigen::RowVectorXd& force);
+  void update_weights(const Frame& frame);
   void report_and_resample();
 
   RivalFilter* guide_;
   double period_s_;
-  std::vector<int> place_;   ///< of a state of the guide's layout among the linear ones; -1: none
-  std::vector<int> linear_;  ///< the layout's states that are linear
+  std::vector<int> place_;   ///< index of the guide's states among the linear ones; -1: none
+  std::vector<int> linear_;  ///< linear states of the layout
   int count_ = 0;
-  Eigen::VectorXd force_rate_;  ///< what a newton does to the rates
   Discrete discrete_;
-  double lambda_ = 0.0;  ///< that discrete_ was made with
+  double lambda_ = 0.0;  ///< of discrete_
   long steps_ = 0;
 
-  Eigen::MatrixXd means_;       ///< a column for each particle
-  Eigen::MatrixXd covariance_;  ///< of all of them
+  Eigen::MatrixXd means_;       ///< one column per particle
+  Eigen::MatrixXd covariance_;  ///< common to all
   Eigen::RowVectorXd theta_, mu_, log_rate_, load_, force_, slip_;
   Eigen::RowVectorXd log_weight_;
   std::mt19937_64 random_;

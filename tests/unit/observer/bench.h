@@ -1,4 +1,4 @@
-// The bench of the paper as a simulated rig, and an observer that watches it.
+// The paper's bench as a simulated rig, observed by a FrictionObserver.
 #pragma once
 
 #include <cmath>
@@ -13,7 +13,7 @@ namespace stickslip::observer::test {
 
 enum class Law { coulomb, state_variable, set_valued };
 
-/// The paper's rig with noises of about 0.3 % of the range of each channel.
+/// The paper's rig with noise of about 0.3 % of each channel's range.
 inline physics::Model paper_rig(Law law, bool wedge = false, bool resonant = true) {
   using namespace physics;
   Model model;
@@ -42,8 +42,8 @@ inline physics::Model paper_rig(Law law, bool wedge = false, bool resonant = tru
   return model;
 }
 
-/// Base motion A(t) sin(w t), A going slowly between `amplitude_m` and (1 - depth) of it, from the
-/// least on where the phase is 0; and its acceleration.
+/// Base motion A(t) sin(w t) and its acceleration. A varies slowly between `amplitude_m` and
+/// (1 - depth) of it, starting at the minimum for phase 0.
 struct ModulatedBase {
   double amplitude_m = 0.012;
   double carrier_hz = 3.0;
@@ -67,69 +67,69 @@ struct ModulatedBase {
   }
 };
 
-/// One frame, what was true when it was taken, and what the observer made of it.
-struct Moment {
+/// A frame, the true state at its time, and the observer's estimate.
+struct Sample {
   Frame frame;
   physics::RigTruth truth;
   FrictionEstimate estimate;
 };
 
-struct Watch {
+struct RunOptions {
   double duration_s = 12.0;
   double period_s = 1.0e-3;
   std::uint64_t seed = 1;
   std::function<physics::Input(double)> drive = ModulatedBase{};
-  std::function<void(Frame&)> spoil = [](Frame&) {};  ///< what happens to a frame on its way
+  std::function<void(Frame&)> modify = [](Frame&) {};  ///< applied to each frame
 };
 
-/// Lets an observer that believes `believed` watch a rig that is `real`.
-inline std::vector<Moment> watch(const physics::Model& real, const physics::Model& believed,
-                                 const Watch& how = {}) {
-  physics::RigSimulator rig(real, {.step_s = 1.25e-4, .seed = how.seed});
-  rig.set_input(how.drive(0.0));
-  FrictionObserver observer(believed, how.period_s);
-  std::vector<Moment> moments;
-  const auto count = static_cast<long>(std::llround(how.duration_s / how.period_s));
-  moments.reserve(static_cast<std::size_t>(count));
+/// Runs an observer with the model `assumed` on a rig with the model `real`.
+inline std::vector<Sample> run_observer(const physics::Model& real, const physics::Model& assumed,
+                                        const RunOptions& options = {}) {
+  physics::RigSimulator rig(real, {.step_s = 1.25e-4, .seed = options.seed});
+  rig.set_input(options.drive(0.0));
+  FrictionObserver observer(assumed, options.period_s);
+  std::vector<Sample> samples;
+  const auto count = static_cast<long>(std::llround(options.duration_s / options.period_s));
+  samples.reserve(static_cast<std::size_t>(count));
   for (long k = 1; k <= count; ++k) {
-    // The acceleration is no straight line over a millisecond of some drives: in small pieces.
-    for (int piece = 1; piece <= 2; ++piece) {
-      const double t = (static_cast<double>(k - 1) + 0.5 * piece) * how.period_s;
-      rig.advance(0.5 * how.period_s, how.drive(t));
+    // The acceleration of some drives is not linear over a millisecond.
+    for (int half = 1; half <= 2; ++half) {
+      const double t = (static_cast<double>(k - 1) + 0.5 * half) * options.period_s;
+      rig.advance(0.5 * options.period_s, options.drive(t));
     }
-    Moment moment;
-    moment.frame = rig.read();
-    how.spoil(moment.frame);
-    moment.truth = rig.truth();
-    moment.estimate = observer.update(moment.frame);
-    moments.push_back(moment);
+    Sample sample;
+    sample.frame = rig.read();
+    options.modify(sample.frame);
+    sample.truth = rig.truth();
+    sample.estimate = observer.update(sample.frame);
+    samples.push_back(sample);
   }
-  return moments;
+  return samples;
 }
 
-/// Root mean square of error(moment) over the moments from `from_s` on.
-inline double rms(const std::vector<Moment>& moments, double from_s,
-                  const std::function<double(const Moment&)>& error) {
+/// Root mean square of error(sample) over the samples from `from_s` on.
+inline double rms(const std::vector<Sample>& samples, double from_s,
+                  const std::function<double(const Sample&)>& error) {
   double sum = 0.0;
   std::size_t count = 0;
-  const double start = moments.front().frame.time_s();
-  for (const Moment& moment : moments) {
-    if (moment.frame.time_s() - start < from_s) continue;
-    sum += error(moment) * error(moment);
+  const double start = samples.front().frame.time_s();
+  for (const Sample& sample : samples) {
+    if (sample.frame.time_s() - start < from_s) continue;
+    sum += error(sample) * error(sample);
     ++count;
   }
   return std::sqrt(sum / static_cast<double>(count));
 }
 
-/// Mean normalised innovation squared per degree of freedom; 1 where the filter is right.
-inline double mean_nis(const std::vector<Moment>& moments, double from_s) {
+/// Mean normalised innovation squared per degree of freedom; 1 for a consistent filter.
+inline double mean_nis(const std::vector<Sample>& samples, double from_s) {
   double sum = 0.0;
   double freedom = 0.0;
-  const double start = moments.front().frame.time_s();
-  for (const Moment& moment : moments) {
-    if (moment.frame.time_s() - start < from_s) continue;
-    sum += moment.estimate.nis;
-    freedom += moment.estimate.nis_freedom;
+  const double start = samples.front().frame.time_s();
+  for (const Sample& sample : samples) {
+    if (sample.frame.time_s() - start < from_s) continue;
+    sum += sample.estimate.nis;
+    freedom += sample.estimate.nis_freedom;
   }
   return sum / freedom;
 }

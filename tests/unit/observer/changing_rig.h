@@ -1,5 +1,5 @@
-// A simulated rig whose physics becomes another in the middle of a run: state and sensor chains go
-// on, only the equations change. RigSimulator cannot do that.
+// A simulated rig whose model changes during a run, with continuous state and sensor chains.
+// RigSimulator does not support that.
 #pragma once
 
 #include <algorithm>
@@ -17,7 +17,7 @@
 
 namespace stickslip::observer::test {
 
-/// A base-excited rig with a load cell or without; its terms may not change a sensor.
+/// A base-excited rig, with or without load cell; its terms must not concern sensors.
 class ChangingRig {
  public:
   ChangingRig(const physics::Model& model, double step_s, std::uint64_t seed)
@@ -33,8 +33,8 @@ class ChangingRig {
     base_.settle(base_memory_, 0.0, 0.0);
   }
 
-  /// From here on the rig follows another model with the same sensor chains. Where the contact
-  /// becomes a bristle, it begins with the deflection that holds the present friction force.
+  /// Changes to another model with the same sensor chains. A bristle starts with the deflection
+  /// that gives the present friction force.
   void become(const physics::Model& model) {
     const bool was_bristle = rig_.structure().kinetics == physics::Kinetics::bristle;
     model_ = model;
@@ -45,13 +45,13 @@ class ChangingRig {
     }
   }
 
-  /// From here on that channel arrives so many frames late.
+  /// Delays a channel by `frames` frames from now on.
   void delay(Channel channel, int frames) {
     late_ = channel;
     late_frames_ = frames;
   }
 
-  /// Moves on by one step, at the end of which the input is `end`.
+  /// Advances by one step; `end`: input at its end.
   void step(const physics::Input& end) {
     rig_.step(state_, now_, end, time_s_, step_s_, numbers_);
     now_ = end;

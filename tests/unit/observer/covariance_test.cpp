@@ -1,4 +1,4 @@
-// The two things that happen to a covariance, against the same by plain matrices.
+// Time and measurement update of the covariance, compared with dense matrices.
 #include "observer/covariance.h"
 
 #include <gtest/gtest.h>
@@ -29,7 +29,7 @@ class CovarianceOf : public testing::TestWithParam<int> {
       for (int j = 0; j <= i; ++j) p.set(i, j, square(i, j));
     }
   }
-  // Two shared sums, the second of which uses the first, and rows of a few states and sums.
+  // Two shared sums, of which the second uses the first, and rows of a few states and sums.
   Transition transition(int count) {
     Transition f(count);
     const auto state = [&] { return static_cast<int>(random_() % static_cast<unsigned>(count)); };
@@ -51,7 +51,7 @@ class CovarianceOf : public testing::TestWithParam<int> {
   std::normal_distribution<double> gauss_;
 };
 
-TEST_P(CovarianceOf, MovesOnAsFPFt) {
+TEST_P(CovarianceOf, PropagatesAsFPFt) {
   const int count = GetParam();
   Covariance p(count);
   fill(p);
@@ -61,13 +61,12 @@ TEST_P(CovarianceOf, MovesOnAsFPFt) {
   p.propagate(f);
   const Plain expected = dense * before * dense.transpose();
   EXPECT_LT((plain(p) - expected).norm(), 1.0e-12 * expected.norm());
-  // And once more, from where it stands.
   p.propagate(f);
   const Plain again = dense * expected * dense.transpose();
   EXPECT_LT((plain(p) - again).norm(), 1.0e-12 * again.norm());
 }
 
-TEST_P(CovarianceOf, LearnsFromAReadingInJosephsForm) {
+TEST_P(CovarianceOf, IsUpdatedByAReadingInJosephForm) {
   const int count = GetParam();
   Covariance p(count);
   fill(p);

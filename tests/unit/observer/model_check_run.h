@@ -1,4 +1,4 @@
-// A seeded run of a rig that changes on its way, or does not, and what the model check says of it.
+// Seeded runs of a rig, with or without a change of its model, under the model check.
 #pragma once
 
 #include <cmath>
@@ -23,7 +23,7 @@ enum class Change {
   late_force,  ///< the channel, by 3 to 8 ms
   late_velocity,
   late_displacement,
-  bristle,    ///< the contact yields, 30 to 200 N/m
+  bristle,    ///< compliant contact, 30 to 200 N/m
   stiffness,  ///< the spring, by 20 % (natural frequency 10 %)
 };
 
@@ -38,13 +38,13 @@ inline std::string_view name_of(Change change) {
   return names[static_cast<std::size_t>(change)];
 }
 
-/// Whether a name of the relation is right. `named`: a verdict or an explanation.
-template <class Named>
-bool is_right(Change change, const Named& named) {
+/// True if a verdict or an explanation names the relation that the change breaks.
+template <class Result>
+bool is_right(Change change, const Result& result) {
   using physics::Relation;
-  const Relation relation = named.relation;
+  const Relation relation = result.relation;
   const auto sensor = [&](Channel channel) {
-    return relation == Relation::sensor && named.channel == channel;
+    return relation == Relation::sensor && result.channel == channel;
   };
   switch (change) {
     case Change::none:
@@ -67,15 +67,15 @@ bool is_right(Change change, const Named& named) {
   return false;
 }
 
-/// A rig, what is believed of it, and how it is driven, drawn from a seed.
-struct Scene {
-  physics::Model believed;
+/// A rig, its assumed model and its drive, drawn from a seed.
+struct Scenario {
+  physics::Model assumed;
   physics::Model real;
   ModulatedBase base;
   double rest_from_s = 1.0e9;  ///< the excitation pauses for 5 s of every 40
 };
 
-inline Scene scene_of(std::uint64_t seed, bool resonant_only = false) {
+inline Scenario make_scenario(std::uint64_t seed, bool resonant_only = false) {
   std::mt19937_64 random(seed * 7919 + 17);
   const auto uniform = [&](double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random);
@@ -84,13 +84,13 @@ inline Scene scene_of(std::uint64_t seed, bool resonant_only = false) {
     return std::uniform_int_distribution<int>(0, count - 1)(random);
   };
   constexpr std::array laws = {Law::coulomb, Law::state_variable, Law::set_valued};
-  Scene out;
+  Scenario out;
   const Law law = laws[static_cast<std::size_t>(pick(3))];
   const bool wedge = pick(2) == 1;
   const bool resonant = resonant_only || pick(4) != 0;
-  out.believed = paper_rig(law, wedge, resonant);
-  out.real = out.believed;
-  // As well as a careful person knows a rig.
+  out.assumed = paper_rig(law, wedge, resonant);
+  out.real = out.assumed;
+  // Errors of a careful identification.
   out.real.oscillator.mass_kg.value *= uniform(0.99, 1.01);
   out.real.oscillator.natural_frequency_hz->value *= uniform(0.995, 1.005);
   out.real.oscillator.damping_ratio->value *= uniform(0.8, 1.2);
@@ -105,10 +105,10 @@ inline Scene scene_of(std::uint64_t seed, bool resonant_only = false) {
   return out;
 }
 
-/// The same, driven so that the contact slides for most of the time: while it sticks a change of
-/// what only sliding shows cannot be seen.
-inline Scene sliding_scene_of(std::uint64_t seed, bool resonant_only = false) {
-  Scene out = scene_of(seed, resonant_only);
+/// As make_scenario, but driven so that the contact slides most of the time: some changes are not
+/// observable while it sticks.
+inline Scenario make_sliding_scenario(std::uint64_t seed, bool resonant_only = false) {
+  Scenario out = make_scenario(seed, resonant_only);
   std::mt19937_64 random(seed * 104729 + 5);
   out.base.amplitude_m = std::uniform_real_distribution<double>(0.012, 0.016)(random);
   out.base.modulation_hz = std::uniform_real_distribution<double>(0.15, 0.3)(random);
@@ -156,24 +156,24 @@ struct Outcome {
 
 inline constexpr double period_s = 1.0e-3;
 
-/// Runs until `until_s` after the change, or until the alarm that follows it; where `frames` is
-/// given, it receives all frames and the run goes on until they can be explained.
-inline Outcome run_check(const Scene& scene, Change change, double change_s, double until_s,
+/// Runs until `until_s` after the change, or until the alarm that follows it. If `frames` is given,
+/// it receives all frames, and the run continues until they suffice for an explanation.
+inline Outcome run_check(const Scenario& scenario, Change change, double change_s, double until_s,
                          std::uint64_t seed, const ModelCheckSettings& settings = {},
                          std::vector<Frame>* frames = nullptr) {
   constexpr int pieces = 6;
   std::mt19937_64 random(seed);
-  ChangingRig rig(scene.real, period_s / pieces, seed);
-  FrictionObserver observer(scene.believed, period_s);
-  ModelCheck check(scene.believed, period_s, settings);
+  ChangingRig rig(scenario.real, period_s / pieces, seed);
+  FrictionObserver observer(scenario.assumed, period_s);
+  ModelCheck check(scenario.assumed, period_s, settings);
   Outcome out;
-  const auto drive = [&scene](double t) {
-    // The modulation's own nodes are where a pause can begin without a jump.
-    const double cycle = 1.0 / scene.base.modulation_hz;
-    const double node = std::ceil(scene.rest_from_s / cycle) * cycle;
+  const auto drive = [&scenario](double t) {
+    // A pause begins and ends at nodes of the modulation, without a jump.
+    const double cycle = 1.0 / scenario.base.modulation_hz;
+    const double node = std::ceil(scenario.rest_from_s / cycle) * cycle;
     const double rest = std::ceil(5.0 / cycle) * cycle;
-    if (t < node) return scene.base(t);
-    return t < node + rest ? physics::Input{} : scene.base(t);
+    if (t < node) return scenario.base(t);
+    return t < node + rest ? physics::Input{} : scenario.base(t);
   };
   const auto count = std::llround((change_s + until_s) / period_s);
   const auto change_at = std::llround(change_s / period_s);
@@ -183,8 +183,8 @@ inline Outcome run_check(const Scene& scene, Change change, double change_s, dou
       if (change == Change::late_force) rig.delay(Channel::friction_force, late);
       if (change == Change::late_velocity) rig.delay(Channel::velocity, late);
       if (change == Change::late_displacement) rig.delay(Channel::displacement, late);
-      const physics::Model next = changed(scene.real, change, random);
-      if (!(next == scene.real)) rig.become(next);
+      const physics::Model next = changed(scenario.real, change, random);
+      if (!(next == scenario.real)) rig.become(next);
     }
     for (int piece = 1; piece <= pieces; ++piece) {
       rig.step(
@@ -193,12 +193,12 @@ inline Outcome run_check(const Scene& scene, Change change, double change_s, dou
     const Frame frame = rig.read();
     if (frames != nullptr) frames->push_back(frame);
     if (out.after_s) {
-      // What follows the alarm helps to explain it.
+      // Frames after the alarm are used for its explanation.
       if (frame.time_ns >= explained_until_ns(out.verdict)) break;
       continue;
     }
     if (!check.update(observer.update(frame))) continue;
-    if (check.verdict().standing != ModelStanding::broken) continue;
+    if (check.verdict().status != ModelStatus::broken) continue;
     if (k < change_at || change == Change::none) {
       ++out.alarms_before;
       out.verdict = check.verdict();

@@ -15,39 +15,39 @@ using physics::Relation;
 using test::Change;
 using test::Law;
 
-TEST(ModelCheckTest, AGrownEnergyIsALikelihoodRatioForThreeDegreesOfFreedomAtTwiceTheReference) {
+TEST(ModelCheckTest, EnergyLogRatioIsThatOfThreeDegreesOfFreedomAtTwiceTheReference) {
   std::mt19937_64 random(1);
   std::chi_squared_distribution<double> chi(3.0);
   double sum = 0.0;
   constexpr int count = 400000;
-  for (int i = 0; i < count; ++i) sum += std::exp(energy_evidence(2.0 * chi(random) / 3.0));
-  // Its expectation is 1; that is what the bound on the false alarms rests on.
+  for (int i = 0; i < count; ++i) sum += std::exp(energy_log_ratio(2.0 * chi(random) / 3.0));
+  // The bound on false alarms follows from an expectation of 1.
   EXPECT_NEAR(sum / count, 1.0, 0.05);
-  EXPECT_LT(energy_evidence(1.0), 0.0);
-  EXPECT_GT(energy_evidence(5.0), 0.0);
+  EXPECT_LT(energy_log_ratio(1.0), 0.0);
+  EXPECT_GT(energy_log_ratio(5.0), 0.0);
 }
 
-TEST(ModelCheckTest, AMovedParameterIsALikelihoodRatioForAGaussian) {
+TEST(ModelCheckTest, ParameterLogRatioIsThatOfAGaussian) {
   std::mt19937_64 random(2);
   std::normal_distribution<double> normal;
   double sum = 0.0;
   constexpr int count = 400000;
   for (int i = 0; i < count; ++i) {
     const double deviation = normal(random);
-    sum += std::exp(parameter_evidence(deviation * deviation));
+    sum += std::exp(parameter_log_ratio(deviation * deviation));
   }
   EXPECT_NEAR(sum / count, 1.0, 0.1);
-  EXPECT_LT(parameter_evidence(1.0), 0.0);
-  EXPECT_GT(parameter_evidence(9.0), 0.0);
+  EXPECT_LT(parameter_log_ratio(1.0), 0.0);
+  EXPECT_GT(parameter_log_ratio(9.0), 0.0);
 }
 
-/// How often Page's test passes its threshold in so many blocks.
+/// Number of alarms of Page's test in `blocks` blocks.
 int alarms_in(int blocks, double threshold, double correlation, double inflation,
               std::uint64_t seed) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
   std::array<double, 3> part{};
-  double evidence = 0.0;
+  double cusum = 0.0;
   int alarms = 0;
   for (int block = 0; block < blocks; ++block) {
     double energy = 0.0;
@@ -55,48 +55,48 @@ int alarms_in(int blocks, double threshold, double correlation, double inflation
       p = correlation * p + std::sqrt(1.0 - correlation * correlation) * normal(random);
       energy += p * p / 3.0;
     }
-    evidence = std::max(0.0, evidence + energy_evidence(inflation * energy));
-    if (evidence < threshold) continue;
+    cusum = std::max(0.0, cusum + energy_log_ratio(inflation * energy));
+    if (cusum < threshold) continue;
     ++alarms;
-    evidence = 0.0;
+    cusum = 0.0;
   }
   return alarms;
 }
 
-TEST(ModelCheckTest, GivesNoMoreFalseAlarmsThanItsThresholdSays) {
+TEST(ModelCheckTest, KeepsTheFalseAlarmRateOfItsThreshold) {
   constexpr int blocks = 300000;
   const double threshold = 6.0;
   EXPECT_LT(alarms_in(blocks, threshold, 0.0, 2.0, 3), blocks * std::exp(-threshold));
 }
 
-TEST(ModelCheckTest, StandsBlocksThatHangTogetherAsLongAsTheirEnergyIsAsExpected) {
+TEST(ModelCheckTest, ToleratesCorrelatedBlocksOfTheExpectedEnergy) {
   constexpr int blocks = 300000;
   const double threshold = 6.0;
   EXPECT_LT(alarms_in(blocks, threshold, 0.5, 1.0, 4), 0.1 * blocks * std::exp(-threshold));
 }
 
-TEST(ModelCheckTest, ItsThresholdIsTheLogarithmOfTheBlocksBetweenFalseAlarms) {
-  EXPECT_NEAR(evidence_threshold(30.0, 10.0), std::log(30.0 * 86400.0 / 0.1 * 10.0), 1.0e-12);
+TEST(ModelCheckTest, ThresholdIsTheLogarithmOfTheBlocksBetweenFalseAlarms) {
+  EXPECT_NEAR(cusum_threshold(30.0, 10.0), std::log(30.0 * 86400.0 / 0.1 * 10.0), 1.0e-12);
 }
 
-TEST(ModelCheckTest, RefusesSettingsThatMeanNothing) {
+TEST(ModelCheckTest, RejectsInvalidSettings) {
   const physics::Model model = test::paper_rig(Law::coulomb);
   EXPECT_THROW(ModelCheck(model, 0.0), std::invalid_argument);
   EXPECT_THROW(ModelCheck(model, 1.0e-3, {0.0}), std::invalid_argument);
   EXPECT_THROW(ModelCheck(model, 1.0e-3, {-1.0}), std::invalid_argument);
 }
 
-/// Estimates as a filter gives them that is right, of a mass that swings.
-class Made {
+/// Estimates of a consistent filter for a swinging mass.
+class SyntheticEstimates {
  public:
-  explicit Made(std::uint64_t seed) : random_(seed) {}
+  explicit SyntheticEstimates(std::uint64_t seed) : random_(seed) {}
 
   FrictionEstimate next() {
     ++frame_;
     const double t = 1.0e-3 * static_cast<double>(frame_);
     FrictionEstimate e;
     e.time_ns = frame_ * 1'000'000;
-    e.standing = Standing::good;
+    e.status = EstimateStatus::good;
     e.valid = true;
     e.displacement_m = 0.01 * std::sin(19.0 * t);
     e.velocity_m_s = 0.19 * std::cos(19.0 * t);
@@ -111,7 +111,7 @@ class Made {
       if ((dropped >> i & 1U) != 0) continue;
       e.innovation_std[i] = 1.0e-3;
       slow_[i] += 0.05 * (normal_(random_) - slow_[i]);
-      e.innovation[i] = 1.0e-3 * grown[i] * (colour * 4.0 * slow_[i] + normal_(random_));
+      e.innovation[i] = 1.0e-3 * scale[i] * (colour * 4.0 * slow_[i] + normal_(random_));
       e.innovation_valid = static_cast<std::uint8_t>(e.innovation_valid | 1U << i);
     }
     return e;
@@ -120,7 +120,7 @@ class Made {
   double mu = 0.8;
   double colour = 0.0;
   unsigned dropped = 0;
-  std::array<double, channel_count> grown = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0};
+  std::array<double, channel_count> scale = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0};
 
  private:
   std::mt19937_64 random_;
@@ -129,38 +129,38 @@ class Made {
   std::int64_t frame_ = 0;
 };
 
-/// Feeds for so long; the seconds until an alarm, or nothing.
-std::optional<double> feed(ModelCheck& check, Made& made, double duration_s) {
+/// Runs the check for `duration_s`; time until an alarm [s], if any.
+std::optional<double> run(ModelCheck& check, SyntheticEstimates& estimates, double duration_s) {
   for (int k = 0; k < static_cast<int>(1000.0 * duration_s); ++k) {
-    if (check.update(made.next()) && check.verdict().standing == ModelStanding::broken) {
+    if (check.update(estimates.next()) && check.verdict().status == ModelStatus::broken) {
       return 1.0e-3 * k;
     }
   }
   return std::nullopt;
 }
 
-ModelCheck check_of_the_paper_rig() { return ModelCheck(test::paper_rig(Law::coulomb), 1.0e-3); }
+ModelCheck paper_rig_check() { return ModelCheck(test::paper_rig(Law::coulomb), 1.0e-3); }
 
-TEST(ModelCheckTest, LeavesWhiteInnovationsAlone) {
-  ModelCheck check = check_of_the_paper_rig();
-  Made made(5);
-  EXPECT_FALSE(feed(check, made, 300.0));
-  EXPECT_EQ(check.verdict().standing, ModelStanding::follows);
+TEST(ModelCheckTest, AcceptsWhiteInnovations) {
+  ModelCheck check = paper_rig_check();
+  SyntheticEstimates estimates(5);
+  EXPECT_FALSE(run(check, estimates, 300.0));
+  EXPECT_EQ(check.verdict().status, ModelStatus::follows);
 }
 
-TEST(ModelCheckTest, LearnsInnovationsThatAreNotWhite) {
-  ModelCheck check = check_of_the_paper_rig();
-  Made made(6);
-  made.colour = 3.0;
-  EXPECT_FALSE(feed(check, made, 300.0));
+TEST(ModelCheckTest, AcceptsColouredInnovationsAsReference) {
+  ModelCheck check = paper_rig_check();
+  SyntheticEstimates estimates(6);
+  estimates.colour = 3.0;
+  EXPECT_FALSE(run(check, estimates, 300.0));
 }
 
-TEST(ModelCheckTest, FindsAMuThatHasMoved) {
-  ModelCheck check = check_of_the_paper_rig();
-  Made made(7);
-  ASSERT_FALSE(feed(check, made, 20.0));
-  made.mu = 0.96;
-  const auto after = feed(check, made, 10.0);
+TEST(ModelCheckTest, DetectsAChangeOfMu) {
+  ModelCheck check = paper_rig_check();
+  SyntheticEstimates estimates(7);
+  ASSERT_FALSE(run(check, estimates, 20.0));
+  estimates.mu = 0.96;
+  const auto after = run(check, estimates, 10.0);
   ASSERT_TRUE(after);
   const ModelVerdict& verdict = check.verdict();
   EXPECT_EQ(verdict.relation, Relation::friction_law);
@@ -172,78 +172,78 @@ TEST(ModelCheckTest, FindsAMuThatHasMoved) {
   EXPECT_NE(words_for(verdict).find("friction_law"), std::string::npos);
 }
 
-TEST(ModelCheckTest, FindsAForceChannelWhoseInnovationsHaveGrownAlone) {
-  ModelCheck check = check_of_the_paper_rig();
-  Made made(8);
-  ASSERT_FALSE(feed(check, made, 20.0));
-  made.grown[index_of(Channel::friction_force)] = 6.0;
-  ASSERT_TRUE(feed(check, made, 10.0));
+TEST(ModelCheckTest, ClassifiesGrowingForceInnovationsAsASensorFault) {
+  ModelCheck check = paper_rig_check();
+  SyntheticEstimates estimates(8);
+  ASSERT_FALSE(run(check, estimates, 20.0));
+  estimates.scale[index_of(Channel::friction_force)] = 6.0;
+  ASSERT_TRUE(run(check, estimates, 10.0));
   EXPECT_EQ(check.verdict().relation, Relation::sensor);
   EXPECT_EQ(check.verdict().channel, Channel::friction_force);
 }
 
-TEST(ModelCheckTest, TakesAKnockForAKnock) {
-  ModelCheck check = check_of_the_paper_rig();
-  Made made(9);
-  ASSERT_FALSE(feed(check, made, 20.0));
-  made.grown.fill(8.0);
-  ASSERT_FALSE(feed(check, made, 0.6));
-  made.grown.fill(1.0);
-  EXPECT_FALSE(feed(check, made, 30.0));
+TEST(ModelCheckTest, IgnoresATransientDisturbance) {
+  ModelCheck check = paper_rig_check();
+  SyntheticEstimates estimates(9);
+  ASSERT_FALSE(run(check, estimates, 20.0));
+  estimates.scale.fill(8.0);
+  ASSERT_FALSE(run(check, estimates, 0.6));
+  estimates.scale.fill(1.0);
+  EXPECT_FALSE(run(check, estimates, 30.0));
 }
 
-TEST(ModelCheckTest, DoesNotMissAChannelThatIsNotThere) {
-  ModelCheck check = check_of_the_paper_rig();
-  Made made(10);
-  ASSERT_FALSE(feed(check, made, 20.0));
-  made.dropped = 1U << index_of(Channel::velocity);
-  EXPECT_FALSE(feed(check, made, 20.0));
-  made.dropped = 0;
-  EXPECT_FALSE(feed(check, made, 20.0));
+TEST(ModelCheckTest, ToleratesAMissingChannel) {
+  ModelCheck check = paper_rig_check();
+  SyntheticEstimates estimates(10);
+  ASSERT_FALSE(run(check, estimates, 20.0));
+  estimates.dropped = 1U << index_of(Channel::velocity);
+  EXPECT_FALSE(run(check, estimates, 20.0));
+  estimates.dropped = 0;
+  EXPECT_FALSE(run(check, estimates, 20.0));
 }
 
-TEST(ModelCheckTest, SaysThatTheRigFollowsAgain) {
-  ModelCheck check = check_of_the_paper_rig();
-  Made made(11);
-  ASSERT_FALSE(feed(check, made, 20.0));
-  made.mu = 0.6;
-  ASSERT_TRUE(feed(check, made, 10.0));
-  made.mu = 0.8;
-  ASSERT_FALSE(feed(check, made, 60.0));
-  EXPECT_EQ(check.verdict().standing, ModelStanding::follows);
+TEST(ModelCheckTest, ReportsRecovery) {
+  ModelCheck check = paper_rig_check();
+  SyntheticEstimates estimates(11);
+  ASSERT_FALSE(run(check, estimates, 20.0));
+  estimates.mu = 0.6;
+  ASSERT_TRUE(run(check, estimates, 10.0));
+  estimates.mu = 0.8;
+  ASSERT_FALSE(run(check, estimates, 60.0));
+  EXPECT_EQ(check.verdict().status, ModelStatus::follows);
   EXPECT_EQ(check.verdict().alarms, 1U);
 }
 
-// The whole way, on a simulated rig; model_check_campaign has the numbers over many seeds. How
-// often the name is right differs: what disturbs the force channel alone is hard to tell apart.
+// Complete chain on a simulated rig; model_check_campaign has rates over many seeds. Changes that
+// affect the force channel only are hard to distinguish.
 struct Expected {
   Change change;
-  int named = 0;  ///< of six runs, at least, with the relation first or second
+  int classified = 0;  ///< smallest number of six runs with the relation first or second
 };
 
 class SimulatedChange : public testing::TestWithParam<Expected> {};
 
-TEST_P(SimulatedChange, IsFoundAndMostlyNamed) {
-  const auto [change, least_named] = GetParam();
-  test::Scene scene;
-  scene.believed = test::paper_rig(Law::state_variable);
-  scene.real = scene.believed;
-  int found = 0;
-  int named = 0;
+TEST_P(SimulatedChange, IsDetectedAndMostlyClassified) {
+  const auto [change, least_classified] = GetParam();
+  test::Scenario scenario;
+  scenario.assumed = test::paper_rig(Law::state_variable);
+  scenario.real = scenario.assumed;
+  int detected = 0;
+  int classified = 0;
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {
     const test::Outcome outcome =
-        test::run_check(scene, change, 14.0 + static_cast<double>(seed), 10.0, seed);
+        test::run_check(scenario, change, 14.0 + static_cast<double>(seed), 10.0, seed);
     EXPECT_EQ(outcome.alarms_before, 0U);
     if (!outcome.after_s) continue;
-    ++found;
-    // A rig that sticks shows nothing: it may be dated late, but not before.
+    ++detected;
+    // A change while the contact sticks is detected late, but never before.
     EXPECT_GT(outcome.onset_error_s, -1.0);
     ModelVerdict second = outcome.verdict;
     second.relation = outcome.verdict.alternative;
-    if (test::is_right(change, outcome.verdict) || test::is_right(change, second)) ++named;
+    if (test::is_right(change, outcome.verdict) || test::is_right(change, second)) ++classified;
   }
-  EXPECT_GE(found, 5);
-  EXPECT_GE(named, least_named);
+  EXPECT_GE(detected, 5);
+  EXPECT_GE(classified, least_classified);
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -258,10 +258,10 @@ INSTANTIATE_TEST_SUITE_P(
       return name;
     });
 
-TEST(ModelCheckTest, LeavesARigAloneThatFollowsItsModel) {
+TEST(ModelCheckTest, RaisesNoAlarmForASoundRig) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const test::Outcome outcome =
-        test::run_check(test::scene_of(seed), Change::none, 0.0, 60.0, seed);
+        test::run_check(test::make_scenario(seed), Change::none, 0.0, 60.0, seed);
     EXPECT_EQ(outcome.alarms_before, 0U) << words_for(outcome.verdict);
   }
 }

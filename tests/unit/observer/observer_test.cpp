@@ -16,22 +16,22 @@ namespace {
 
 using physics::Model;
 using test::Law;
-using test::Moment;
 using test::paper_rig;
-using test::watch;
+using test::run_observer;
+using test::Sample;
 
 Model with_mu(Model model, double factor) {
   model.friction.mu.value *= factor;
   return model;
 }
 
-double force_error(const Moment& m) {
+double force_error(const Sample& m) {
   return m.estimate.friction_force_n - m.truth.friction_force_n;
 }
-double raw_force_error(const Moment& m) {
+double raw_force_error(const Sample& m) {
   return m.estimate.raw_friction_force_n - m.truth.friction_force_n;
 }
-double theta_error(const Moment& m) { return m.estimate.theta - m.truth.theta; }
+double theta_error(const Sample& m) { return m.estimate.theta - m.truth.theta; }
 
 bool is_finite(const FrictionEstimate& e) {
   bool finite = true;
@@ -48,9 +48,9 @@ bool is_finite(const FrictionEstimate& e) {
   return finite;
 }
 
-bool all_finite(const std::vector<Moment>& moments) {
-  for (const Moment& moment : moments) {
-    if (!is_finite(moment.estimate)) return false;
+bool all_finite(const std::vector<Sample>& samples) {
+  for (const Sample& sample : samples) {
+    if (!is_finite(sample.estimate)) return false;
   }
   return true;
 }
@@ -65,23 +65,23 @@ struct Case {
 
 class PaperRig : public testing::TestWithParam<Case> {};
 
-// Eq. (1) is late by its sensor's filter and rings with the load cell; the observer is neither.
-TEST_P(PaperRig, IsFollowedFromAMuThatIsAThirdOff) {
+// Eq. (1) is delayed by the sensor's filter and rings with the load cell, the estimate is not.
+TEST_P(PaperRig, IsEstimatedFromAMuThatIsAThirdOff) {
   const Case& c = GetParam();
   const Model real = paper_rig(c.law, c.wedge, c.resonant);
-  const auto run = watch(real, with_mu(real, 1.3), {.duration_s = 20.0, .seed = c.seed});
+  const auto run = run_observer(real, with_mu(real, 1.3), {.duration_s = 20.0, .seed = c.seed});
   EXPECT_TRUE(all_finite(run));
   EXPECT_EQ(run.back().estimate.restarts, 0U);
   EXPECT_TRUE(run.back().estimate.valid);
   EXPECT_LT(rms(run, 5.0, force_error), 0.15 * rms(run, 5.0, raw_force_error));
-  const double raw_theta_error = rms(run, 5.0, [&](const Moment& m) {
+  const double raw_theta_error = rms(run, 5.0, [&](const Sample& m) {
     return m.estimate.raw_friction_over_load / real.friction.mu.value - m.truth.theta;
   });
   EXPECT_LT(rms(run, 5.0, theta_error), 0.15 * raw_theta_error);
   EXPECT_NEAR(run.back().estimate.mu, real.friction.mu.value, 0.02 * real.friction.mu.value);
-  const double doubt = run.back().estimate.standard_deviation(Quantity::mu);
-  EXPECT_LT(doubt, 0.03);
-  EXPECT_LT(std::abs(run.back().estimate.mu - real.friction.mu.value), 4.0 * doubt);
+  const double deviation = run.back().estimate.standard_deviation(Quantity::mu);
+  EXPECT_LT(deviation, 0.03);
+  EXPECT_LT(std::abs(run.back().estimate.mu - real.friction.mu.value), 4.0 * deviation);
   EXPECT_GT(mean_nis(run, 5.0), 0.85);
   EXPECT_LT(mean_nis(run, 5.0), 1.15);
   EXPECT_LT(run.back().estimate.refusals, 20U);
@@ -101,48 +101,48 @@ INSTANTIATE_TEST_SUITE_P(
                     Case{"set_valued_wedge", Law::set_valued, true, true, 10}),
     [](const auto& info) { return info.param.name; });
 
-TEST(Observer, DoubtsItsForceAboutAsMuchAsItIsWrong) {
+TEST(Observer, HasAConsistentForceVariance) {
   const Model model = paper_rig(Law::coulomb);
-  const auto run = watch(model, model);
-  const double normalised = rms(run, 5.0, [](const Moment& m) {
+  const auto run = run_observer(model, model);
+  const double normalised = rms(run, 5.0, [](const Sample& m) {
     return force_error(m) / m.estimate.standard_deviation(Quantity::friction_force);
   });
-  // This filter is on the careful side; never may it be overconfident.
+  // Conservative, never overconfident.
   EXPECT_GT(normalised, 0.2);
   EXPECT_LT(normalised, 1.2);
 }
 
-TEST(Observer, KnowsWhenTheContactSticks) {
+TEST(Observer, ClassifiesStickAndSlip) {
   const Model model = paper_rig(Law::coulomb, false, false);
-  const auto run = watch(model, model);
+  const auto run = run_observer(model, model);
   int right = 0;
-  int clear = 0;
-  for (const Moment& moment : run) {
-    if (moment.frame.time_s() < 1.0) continue;
-    const double speed = std::abs(moment.truth.slip_velocity_m_s);
-    if (speed > 0.0005 && speed < 0.02) continue;  // near the transition speed it is neither
-    ++clear;
-    if ((moment.estimate.sticking > 0.5) == (speed < 0.01)) ++right;
+  int considered = 0;
+  for (const Sample& sample : run) {
+    if (sample.frame.time_s() < 1.0) continue;
+    const double speed = std::abs(sample.truth.slip_velocity_m_s);
+    if (speed > 0.0005 && speed < 0.02) continue;  // ambiguous near the transition speed
+    ++considered;
+    if ((sample.estimate.sticking > 0.5) == (speed < 0.01)) ++right;
   }
-  EXPECT_GT(clear, 5000);
-  EXPECT_GT(right, 0.97 * clear);
+  EXPECT_GT(considered, 5000);
+  EXPECT_GT(right, 0.97 * considered);
 }
 
-TEST(Observer, LearnsGammaWhereTheModelDoubtsIt) {
+TEST(Observer, EstimatesGammaWithASigma) {
   const Model real = paper_rig(Law::state_variable);
-  Model believed = real;
-  believed.friction.rate_per_s = {105.0, 50.0};
-  const auto run = watch(real, believed);
+  Model assumed = real;
+  assumed.friction.rate_per_s = {105.0, 50.0};
+  const auto run = run_observer(real, assumed);
   EXPECT_NEAR(run.back().estimate.gamma_per_s, 150.0, 25.0);
   EXPECT_GT(run.back().estimate.standard_deviation(Quantity::gamma), 0.5);
 }
 
-TEST(Observer, FollowsWithoutAForceChannel) {
+TEST(Observer, WorksWithoutAForceChannel) {
   Model real = paper_rig(Law::coulomb);
   real.load_cell.reset();  // the motivational oscillator
   const auto run =
-      watch(real, with_mu(real, 1.3),
-            {.spoil = [](Frame& frame) { frame.invalidate(Channel::friction_force); }});
+      run_observer(real, with_mu(real, 1.3),
+                   {.modify = [](Frame& frame) { frame.invalidate(Channel::friction_force); }});
   EXPECT_TRUE(all_finite(run));
   EXPECT_EQ(run.back().estimate.restarts, 0U);
   EXPECT_FALSE(run.back().estimate.raw_valid);
@@ -150,12 +150,12 @@ TEST(Observer, FollowsWithoutAForceChannel) {
   EXPECT_NEAR(run.back().estimate.mu, 0.8, 0.04);
 }
 
-TEST(Observer, FollowsWithAnyOneMechanicalChannelMissing) {
+TEST(Observer, WorksWithAnyOneMechanicalChannelMissing) {
   const Model real = paper_rig(Law::coulomb);
   for (const Channel missing :
        {Channel::displacement, Channel::velocity, Channel::friction_force, Channel::normal_load}) {
-    const auto run =
-        watch(real, with_mu(real, 1.2), {.spoil = [&](Frame& f) { f.invalidate(missing); }});
+    const auto run = run_observer(real, with_mu(real, 1.2),
+                                  {.modify = [&](Frame& f) { f.invalidate(missing); }});
     EXPECT_TRUE(all_finite(run)) << info(missing).stem;
     EXPECT_EQ(run.back().estimate.restarts, 0U) << info(missing).stem;
     EXPECT_LT(rms(run, 5.0, force_error), 0.02) << info(missing).stem;
@@ -163,51 +163,51 @@ TEST(Observer, FollowsWithAnyOneMechanicalChannelMissing) {
   }
 }
 
-TEST(Observer, FollowsThroughChannelsThatDropOutAndComeBack) {
+TEST(Observer, ToleratesDropoutsOfChannels) {
   const Model real = paper_rig(Law::state_variable);
   std::mt19937_64 random(11);
-  std::array<int, channel_count> away{};
-  const auto run = watch(real, real, {.spoil = [&](Frame& frame) {
-                           for (const Channel channel : all_channels) {
-                             int& left = away[index_of(channel)];
-                             if (left == 0 && random() % 500 == 0)
-                               left = 1 + static_cast<int>(random() % 100);
-                             if (left > 0) {
-                               --left;
-                               frame.invalidate(channel);
-                             }
-                           }
-                         }});
+  std::array<int, channel_count> dropout{};
+  const auto run = run_observer(real, real, {.modify = [&](Frame& frame) {
+                                  for (const Channel channel : all_channels) {
+                                    int& left = dropout[index_of(channel)];
+                                    if (left == 0 && random() % 500 == 0)
+                                      left = 1 + static_cast<int>(random() % 100);
+                                    if (left > 0) {
+                                      --left;
+                                      frame.invalidate(channel);
+                                    }
+                                  }
+                                }});
   EXPECT_TRUE(all_finite(run));
   EXPECT_EQ(run.back().estimate.restarts, 0U);
   EXPECT_LT(rms(run, 5.0, force_error), 0.01);
   EXPECT_LT(mean_nis(run, 5.0), 1.3);
 }
 
-TEST(Observer, SaysThatItIsBlindAndSeesAgain) {
+TEST(Observer, ReportsBlindnessAndRecovers) {
   const Model real = paper_rig(Law::coulomb);
   const auto run =
-      watch(real, real, {.duration_s = 8.0, .spoil = [](Frame& frame) {
-                           if (frame.time_s() < 4.0 || frame.time_s() > 5.5) return;
-                           for (const Channel c : {Channel::displacement, Channel::velocity,
-                                                   Channel::friction_force}) {
-                             frame.invalidate(c);
-                           }
-                         }});
+      run_observer(real, real, {.duration_s = 8.0, .modify = [](Frame& frame) {
+                                  if (frame.time_s() < 4.0 || frame.time_s() > 5.5) return;
+                                  for (const Channel c : {Channel::displacement, Channel::velocity,
+                                                          Channel::friction_force}) {
+                                    frame.invalidate(c);
+                                  }
+                                }});
   EXPECT_TRUE(all_finite(run));
-  EXPECT_EQ(run[3900].estimate.standing, Standing::good);
-  EXPECT_EQ(run[5400].estimate.standing, Standing::blind);
+  EXPECT_EQ(run[3900].estimate.status, EstimateStatus::good);
+  EXPECT_EQ(run[5400].estimate.status, EstimateStatus::blind);
   EXPECT_FALSE(run[5400].estimate.valid);
   EXPECT_GT(run[5400].estimate.standard_deviation(Quantity::displacement),
             run[3900].estimate.standard_deviation(Quantity::displacement));
-  EXPECT_EQ(run.back().estimate.standing, Standing::good);
+  EXPECT_EQ(run.back().estimate.status, EstimateStatus::good);
   EXPECT_LT(rms(run, 7.0, force_error), 0.01);
 }
 
-TEST(Observer, IsTheSameBitForBitTwice) {
+TEST(Observer, IsDeterministic) {
   const Model model = paper_rig(Law::state_variable, true);
-  const auto once = watch(model, model, {.duration_s = 2.0});
-  const auto again = watch(model, model, {.duration_s = 2.0});
+  const auto once = run_observer(model, model, {.duration_s = 2.0});
+  const auto again = run_observer(model, model, {.duration_s = 2.0});
   for (std::size_t i = 0; i < once.size(); ++i) {
     const FrictionEstimate& a = once[i].estimate;
     const FrictionEstimate& b = again[i].estimate;
@@ -219,49 +219,50 @@ TEST(Observer, IsTheSameBitForBitTwice) {
   }
 }
 
-TEST(Observer, RefusesOneAbsurdReadingAndGoesOn) {
+TEST(Observer, RejectsASingleOutlier) {
   const Model model = paper_rig(Law::coulomb);
-  const auto run = watch(model, model, {.duration_s = 6.0, .spoil = [](Frame& frame) {
-                                          if (frame.sequence == 4000)
-                                            frame.set(Channel::displacement, 50.0);
-                                        }});
+  const auto run = run_observer(model, model, {.duration_s = 6.0, .modify = [](Frame& frame) {
+                                                 if (frame.sequence == 4000)
+                                                   frame.set(Channel::displacement, 50.0);
+                                               }});
   EXPECT_EQ(run[4000].estimate.refused, 1U << index_of(Channel::displacement));
   EXPECT_EQ(run.back().estimate.restarts, 0U);
   EXPECT_LT(rms(run, 4.0, force_error), 0.01);
 }
 
-TEST(Observer, RestartsAfterAStretchOfAbsurdReadingsAndRecovers) {
+TEST(Observer, RestartsAfterASequenceOfOutliersAndRecovers) {
   const Model model = paper_rig(Law::coulomb);
-  const auto run = watch(model, model, {.duration_s = 10.0, .spoil = [](Frame& frame) {
-                                          if (frame.time_s() < 4.0 || frame.time_s() > 4.5) return;
-                                          frame.set(Channel::displacement, 50.0);
-                                          frame.set(Channel::velocity, -9.0e3);
-                                          frame.set(Channel::friction_force, 9.0e8);
-                                        }});
+  const auto run = run_observer(model, model, {.duration_s = 10.0, .modify = [](Frame& frame) {
+                                                 if (frame.time_s() < 4.0 || frame.time_s() > 4.5)
+                                                   return;
+                                                 frame.set(Channel::displacement, 50.0);
+                                                 frame.set(Channel::velocity, -9.0e3);
+                                                 frame.set(Channel::friction_force, 9.0e8);
+                                               }});
   EXPECT_TRUE(all_finite(run));
   EXPECT_GT(run.back().estimate.restarts, 0U);
   EXPECT_TRUE(run.back().estimate.valid);
   EXPECT_LT(rms(run, 8.0, force_error), 0.02);
 }
 
-TEST(Observer, TakesValuesThatAreNotNumbersAsMissing) {
+TEST(Observer, TreatsNonFiniteValuesAsMissing) {
   const Model model = paper_rig(Law::coulomb);
-  const auto run =
-      watch(model, model,
-            {.duration_s = 6.0, .spoil = [](Frame& frame) {
-               if (frame.sequence % 7 == 0) {
-                 frame.set(Channel::velocity, std::numeric_limits<double>::quiet_NaN());
-               }
-               if (frame.sequence % 11 == 0) {
-                 frame.set(Channel::base_displacement, std::numeric_limits<double>::infinity());
-               }
-             }});
+  const auto run = run_observer(
+      model, model, {.duration_s = 6.0, .modify = [](Frame& frame) {
+                       if (frame.sequence % 7 == 0) {
+                         frame.set(Channel::velocity, std::numeric_limits<double>::quiet_NaN());
+                       }
+                       if (frame.sequence % 11 == 0) {
+                         frame.set(Channel::base_displacement,
+                                   std::numeric_limits<double>::infinity());
+                       }
+                     }});
   EXPECT_TRUE(all_finite(run));
   EXPECT_EQ(run.back().estimate.restarts, 0U);
   EXPECT_LT(rms(run, 3.0, force_error), 0.01);
 }
 
-TEST(Observer, BridgesMissingFramesAndStartsAnewAfterALongGap) {
+TEST(Observer, BridgesMissingFramesAndReinitialisesAfterALongGap) {
   const Model model = paper_rig(Law::coulomb);
   physics::RigSimulator rig(model, {.seed = 3});
   FrictionObserver observer(model, 1.0e-3);
@@ -271,12 +272,12 @@ TEST(Observer, BridgesMissingFramesAndStartsAnewAfterALongGap) {
   for (int k = 1; k <= 8000; ++k) {
     rig.advance(1.0e-3, base(1.0e-3 * k));
     const Frame frame = rig.read();
-    if (k % 40 < 5) continue;  // five frames in a row are lost
+    if (k % 40 < 5) continue;  // five missing frames
     if (k > 6000 && k < 6100) continue;
     const FrictionEstimate& e = observer.update(frame);
     ASSERT_TRUE(is_finite(e));
     if (k == 6100) {
-      EXPECT_EQ(e.standing, Standing::settling);
+      EXPECT_EQ(e.status, EstimateStatus::settling);
     }
     if (k > 3000 && k < 6000) {
       sum += std::pow(e.friction_force_n - rig.truth().friction_force_n, 2);
@@ -285,27 +286,27 @@ TEST(Observer, BridgesMissingFramesAndStartsAnewAfterALongGap) {
   }
   EXPECT_LT(std::sqrt(sum / count), 0.01);
   EXPECT_EQ(observer.latest().restarts, 0U);
-  EXPECT_EQ(observer.latest().standing, Standing::good);
+  EXPECT_EQ(observer.latest().status, EstimateStatus::good);
 
   Frame same;
   same.time_ns = observer.latest().time_ns;
   same.set(Channel::displacement, 0.0);
-  EXPECT_EQ(observer.update(same).standing, Standing::out_of_step);
+  EXPECT_EQ(observer.update(same).status, EstimateStatus::out_of_step);
 }
 
-TEST(Observer, WaitsForAFrameThatSaysSomething) {
+TEST(Observer, WaitsForAMechanicalReading) {
   FrictionObserver observer(paper_rig(Law::coulomb), 1.0e-3);
-  EXPECT_EQ(observer.latest().standing, Standing::waiting);
+  EXPECT_EQ(observer.latest().status, EstimateStatus::waiting);
   Frame frame;
   frame.time_ns = 1'000'000'000;
   frame.set(Channel::base_displacement, 0.001);
-  EXPECT_EQ(observer.update(frame).standing, Standing::waiting);
+  EXPECT_EQ(observer.update(frame).status, EstimateStatus::waiting);
   frame.time_ns += 1'000'000;
   frame.set(Channel::velocity, 0.0);
-  EXPECT_EQ(observer.update(frame).standing, Standing::settling);
+  EXPECT_EQ(observer.update(frame).status, EstimateStatus::settling);
 }
 
-TEST(Observer, SaysWhatItCannotFollow) {
+TEST(Observer, ReportsUnsupportedModels) {
   Model imposed;
   imposed.oscillator.excitation = physics::Excitation::imposed;
   imposed.friction.law = physics::FrictionLaw::coulomb;
@@ -315,7 +316,7 @@ TEST(Observer, SaysWhatItCannotFollow) {
   EXPECT_NE(observer.unsupported().find("imposed"), std::string::npos);
   Frame frame;
   frame.set(Channel::friction_force, 1.0);
-  EXPECT_EQ(observer.update(frame).standing, Standing::unsupported);
+  EXPECT_EQ(observer.update(frame).status, EstimateStatus::unsupported);
 
   FrictionObserver slow(paper_rig(Law::coulomb), 0.5);
   EXPECT_NE(slow.unsupported().find("sample faster"), std::string::npos);
@@ -326,18 +327,18 @@ TEST(Observer, SaysWhatItCannotFollow) {
   EXPECT_THROW(FrictionObserver(wrong, 1.0e-3), std::invalid_argument);
 }
 
-TEST(Observer, EstimatesNoiseThatIsNotDeclared) {
+TEST(Observer, EstimatesUndeclaredNoise) {
   const Model real = paper_rig(Law::coulomb);
-  Model believed = real;
-  for (physics::Sensor& sensor : believed.sensors) sensor.noise_std.reset();
-  const auto run = watch(real, believed);
+  Model assumed = real;
+  for (physics::Sensor& sensor : assumed.sensors) sensor.noise_std.reset();
+  const auto run = run_observer(real, assumed);
   EXPECT_EQ(run.back().estimate.restarts, 0U);
   EXPECT_LT(rms(run, 5.0, force_error), 0.01);
   EXPECT_GT(mean_nis(run, 5.0), 0.7);
   EXPECT_LT(mean_nis(run, 5.0), 1.3);
 }
 
-TEST(Observer, FollowsAForceExcitedRig) {
+TEST(Observer, SupportsForceExcitation) {
   Model real = paper_rig(Law::coulomb);
   real.oscillator.excitation = physics::Excitation::force;
   real.load_cell.reset();
@@ -347,13 +348,13 @@ TEST(Observer, FollowsAForceExcitedRig) {
     input.drive_force_n = 0.3 * std::sin(2.0 * std::numbers::pi * 3.0 * t);
     return input;
   };
-  const auto run = watch(real, with_mu(real, 1.3), {.drive = drive});
+  const auto run = run_observer(real, with_mu(real, 1.3), {.drive = drive});
   EXPECT_EQ(run.back().estimate.restarts, 0U);
   EXPECT_LT(rms(run, 5.0, force_error), 0.2 * rms(run, 5.0, raw_force_error));
   EXPECT_NEAR(run.back().estimate.mu, 0.8, 0.02);
 }
 
-TEST(Observer, FollowsAMeasuredNormalLoad) {
+TEST(Observer, SupportsAMeasuredNormalLoad) {
   Model real = paper_rig(Law::coulomb);
   real.normal_load = physics::NormalLoad{physics::NormalLoadLaw::measured, {}, {}};
   const auto drive = [base = test::ModulatedBase{}](double t) {
@@ -361,25 +362,25 @@ TEST(Observer, FollowsAMeasuredNormalLoad) {
     input.normal_load_n = 0.15 + 0.05 * std::sin(2.0 * std::numbers::pi * 0.7 * t);
     return input;
   };
-  const auto run = watch(real, with_mu(real, 1.3), {.drive = drive});
+  const auto run = run_observer(real, with_mu(real, 1.3), {.drive = drive});
   EXPECT_EQ(run.back().estimate.restarts, 0U);
   EXPECT_LT(rms(run, 5.0, force_error), 0.01);
   EXPECT_LT(rms(run, 5.0,
-                [](const Moment& m) { return m.estimate.normal_load_n - m.truth.normal_load_n; }),
+                [](const Sample& m) { return m.estimate.normal_load_n - m.truth.normal_load_n; }),
             0.003);
   EXPECT_NEAR(run.back().estimate.mu, 0.8, 0.03);
 }
 
-// Channels of slower sources stand in the frames, growing older, until their next reading.
-TEST(Observer, TakesReadingsAtTheirOwnAge) {
+// Readings of slower sources are repeated with growing age until the next one.
+TEST(Observer, UsesReadingsAtTheirAge) {
   Model model = paper_rig(Law::state_variable);
   model.normal_load->load_n.sigma = 0.02;
   struct Held {
     double value = 0.0;
     std::int64_t time_ns = 0;
   };
-  const auto slow = [](bool tell_age) {
-    return [held = std::array<Held, channel_count>{}, tell_age](Frame& frame) mutable {
+  const auto slow = [](bool with_age) {
+    return [held = std::array<Held, channel_count>{}, with_age](Frame& frame) mutable {
       for (const Channel channel :
            {Channel::friction_force, Channel::normal_load, Channel::displacement}) {
         Held& h = held[index_of(channel)];
@@ -389,30 +390,30 @@ TEST(Observer, TakesReadingsAtTheirOwnAge) {
         }
         frame.set(channel, h.value);
         frame.age_us[index_of(channel)] =
-            tell_age ? static_cast<std::int32_t>((frame.time_ns - h.time_ns) / 1000) : 0;
+            with_age ? static_cast<std::int32_t>((frame.time_ns - h.time_ns) / 1000) : 0;
       }
     };
   };
-  test::Watch how;
-  const auto prompt = watch(model, model, how);
-  how.spoil = slow(true);
-  const auto aged = watch(model, model, how);
-  how.spoil = slow(false);
-  const auto unknowing = watch(model, model, how);
-  const auto force = [](const Moment& m) {
+  test::RunOptions options;
+  const auto prompt = run_observer(model, model, options);
+  options.modify = slow(true);
+  const auto aged = run_observer(model, model, options);
+  options.modify = slow(false);
+  const auto without_age = run_observer(model, model, options);
+  const auto force = [](const Sample& m) {
     return m.estimate.friction_force_n - m.truth.friction_force_n;
   };
   EXPECT_LT(test::rms(aged, 3.0, force), 2.0 * test::rms(prompt, 3.0, force));
-  EXPECT_GT(test::rms(unknowing, 3.0, force), 2.0 * test::rms(aged, 3.0, force));
+  EXPECT_GT(test::rms(without_age, 3.0, force), 2.0 * test::rms(aged, 3.0, force));
   EXPECT_EQ(aged.back().estimate.restarts, 0U);
   EXPECT_LT(test::mean_nis(aged, 3.0), 1.3);
 }
 
-TEST(Observer, LooksBackAlongAStraightLineAtAReadingThatIsOld) {
-  // All channels at once 2 ms late, and saying so.
+TEST(Observer, ExtrapolatesToTheAgeOfAReading) {
+  // All channels with an age of 2 ms.
   const Model model = paper_rig(Law::coulomb);
-  test::Watch how;
-  how.spoil = [last = std::array<Frame, 3>{}, n = std::size_t{0}](Frame& frame) mutable {
+  test::RunOptions options;
+  options.modify = [last = std::array<Frame, 3>{}, n = std::size_t{0}](Frame& frame) mutable {
     const Frame now = frame;
     const Frame& before = n < 2 ? now : last[(n - 2) % 3];
     for (Channel channel : all_channels) {
@@ -424,28 +425,28 @@ TEST(Observer, LooksBackAlongAStraightLineAtAReadingThatIsOld) {
     last[n % 3] = now;
     ++n;
   };
-  const auto moments = watch(model, model, how);
-  const auto velocity = [](const Moment& m) {
+  const auto samples = run_observer(model, model, options);
+  const auto velocity = [](const Sample& m) {
     return m.estimate.velocity_m_s - m.truth.velocity_m_s;
   };
-  EXPECT_LT(test::rms(moments, 3.0, velocity), 0.01);
-  EXPECT_EQ(moments.back().estimate.restarts, 0U);
+  EXPECT_LT(test::rms(samples, 3.0, velocity), 0.01);
+  EXPECT_EQ(samples.back().estimate.restarts, 0U);
 }
 
-TEST(Observer, LearnsALoadThatTheModelDoubts) {
+TEST(Observer, EstimatesALoadWithASigma) {
   Model real = paper_rig(Law::coulomb, true);
-  Model believed = real;
-  believed.normal_load->load_n = {0.13, 0.03};
-  const auto run = watch(real, believed);
+  Model assumed = real;
+  assumed.normal_load->load_n = {0.13, 0.03};
+  const auto run = run_observer(real, assumed);
   EXPECT_EQ(run.back().estimate.restarts, 0U);
   EXPECT_LT(rms(run, 10.0,
-                [](const Moment& m) { return m.estimate.normal_load_n - m.truth.normal_load_n; }),
+                [](const Sample& m) { return m.estimate.normal_load_n - m.truth.normal_load_n; }),
             0.005);
   EXPECT_NEAR(run.back().estimate.mu, 0.8, 0.03);
 }
 
-// A model that a diagnosis has mended is followed with its terms.
-TEST(Observer, FollowsTermsThatADiagnosisAdded) {
+// Models as corrected by a diagnosis.
+TEST(Observer, SupportsPhysicsTerms) {
   const std::vector<physics::Term> terms = {
       {"cubic_stiffness", {}, {{"k3_n_m3", {2.0e4}}}},
       {"friction_memory", {}, {{"gamma_per_s", {150.0}}}},
@@ -457,7 +458,7 @@ TEST(Observer, FollowsTermsThatADiagnosisAdded) {
   for (const physics::Term& term : terms) {
     Model model = paper_rig(Law::coulomb);
     model.terms.push_back(term);
-    const auto run = watch(model, with_mu(model, 1.2), {.duration_s = 9.0});
+    const auto run = run_observer(model, with_mu(model, 1.2), {.duration_s = 9.0});
     EXPECT_TRUE(all_finite(run)) << term.id;
     EXPECT_EQ(run.back().estimate.restarts, 0U) << term.id;
     EXPECT_LT(rms(run, 5.0, force_error), 0.3 * rms(run, 5.0, raw_force_error)) << term.id;
@@ -465,27 +466,27 @@ TEST(Observer, FollowsTermsThatADiagnosisAdded) {
   }
 }
 
-TEST(Observer, FollowsTwoWells) {
+TEST(Observer, SupportsTwoWells) {
   Model real = paper_rig(Law::coulomb);
   const double k = 0.06 * std::pow(2.0 * std::numbers::pi * 2.4, 2);
   real.oscillator.two_well = physics::TwoWell{{k}, {k / (0.01 * 0.01)}};
-  const auto run = watch(real, with_mu(real, 1.2));
+  const auto run = run_observer(real, with_mu(real, 1.2));
   EXPECT_TRUE(all_finite(run));
   EXPECT_LT(run.back().estimate.restarts, 2U);
   EXPECT_LT(rms(run, 8.0, force_error), 0.3 * rms(run, 8.0, raw_force_error));
 }
 
-TEST(Observer, FollowsARigWithoutFriction) {
+TEST(Observer, SupportsARigWithoutFriction) {
   Model model = paper_rig(Law::coulomb);
   model.friction = {};
   model.load_cell.reset();
   model.oscillator.damping_ratio = physics::Parameter{0.1};
-  const auto run = watch(model, model, {.duration_s = 8.0});
+  const auto run = run_observer(model, model, {.duration_s = 8.0});
   EXPECT_TRUE(all_finite(run));
   EXPECT_EQ(run.back().estimate.restarts, 0U);
   EXPECT_EQ(run.back().estimate.friction_force_n, 0.0);
   EXPECT_LT(rms(run, 3.0,
-                [](const Moment& m) { return m.estimate.displacement_m - m.truth.displacement_m; }),
+                [](const Sample& m) { return m.estimate.displacement_m - m.truth.displacement_m; }),
             6.0e-5);
 }
 

@@ -1,4 +1,4 @@
-// Two ways to predict the same rig, and what each says of its derivatives.
+// ContactPrediction compared with DualPrediction, and both with their derivatives.
 #include "observer/prediction.h"
 
 #include <gtest/gtest.h>
@@ -7,7 +7,7 @@
 
 #include "observer/contact_prediction.h"
 #include "observer/dual_prediction.h"
-#include "observer/misreadings.h"
+#include "observer/sensor_correction.h"
 #include "tests/unit/observer/bench.h"
 
 namespace stickslip::observer {
@@ -24,7 +24,7 @@ struct Case {
   Model model;
 };
 
-Model with_doubts(Model model) {
+Model with_sigmas(Model model) {
   model.friction.mu.sigma = 0.1;
   if (model.friction.law == physics::FrictionLaw::state_variable) {
     model.friction.rate_per_s.sigma = 20.0;
@@ -38,11 +38,11 @@ std::vector<Case> cases() {
       {"Coulomb", paper_rig(Law::coulomb)},
       {"CoulombQuasiStatic", paper_rig(Law::coulomb, false, false)},
       {"StateVariable", paper_rig(Law::state_variable)},
-      {"Doubtful", with_doubts(paper_rig(Law::state_variable))},
+      {"Uncertain", with_sigmas(paper_rig(Law::state_variable))},
       {"Wedge", paper_rig(Law::coulomb, true)},
-      {"DoubtfulWedge", with_doubts(paper_rig(Law::state_variable, true, false))},
+      {"UncertainWedge", with_sigmas(paper_rig(Law::state_variable, true, false))},
   };
-  Model bridged = with_doubts(paper_rig(Law::state_variable, true));
+  Model bridged = with_sigmas(paper_rig(Law::state_variable, true));
   bridged.normal_load_bridge = physics::NormalLoadBridge{.mismatch = 0.03, .share = 0.55};
   out.push_back({"Bridged", bridged});
   Model measured = paper_rig(Law::state_variable);
@@ -62,8 +62,8 @@ std::vector<Case> cases() {
   Model bare = paper_rig(Law::state_variable);
   for (physics::Sensor& sensor : bare.sensors) sensor.filters.clear();
   out.push_back({"WithoutFilters", bare});
-  for (auto [name, model] : {std::pair{"Misread", with_doubts(paper_rig(Law::state_variable))},
-                             std::pair{"MisreadWithoutFilters", bare}}) {
+  for (auto [name, model] : {std::pair{"SensorErrors", with_sigmas(paper_rig(Law::state_variable))},
+                             std::pair{"SensorErrorsWithoutFilters", bare}}) {
     model.terms = {{"channel_delay", Channel::friction_force, {{"delay_s", {0.0095}}}},
                    {"channel_delay", Channel::displacement, {{"delay_s", {0.0007}}}},
                    {"mains_hum",
@@ -78,13 +78,13 @@ std::vector<Case> cases() {
 class Predictions : public testing::TestWithParam<Case> {
  protected:
   Predictions()
-      : followed_(followed(GetParam().model)),
-        model_(followed_.model),
+      : separated_(separate_sensor_errors(GetParam().model)),
+        model_(separated_.model),
         rig_(model_),
-        layout_(layout_of(model_, rig_, reason_, followed_.laws)) {}
+        layout_(make_layout(model_, rig_, reason_, separated_.laws)) {}
 
-  // A rig that swings, slips and is driven, somewhere on its way.
-  Vector somewhere(std::mt19937& random) const {
+  // A random state of a moving, slipping, driven rig.
+  Vector random_state(std::mt19937& random) const {
     std::normal_distribution<double> gauss;
     Vector z = Vector::Zero(layout_.count);
     const auto set = [&](int at, double scale) {
@@ -128,27 +128,27 @@ class Predictions : public testing::TestWithParam<Case> {
   }
 
   std::string reason_;
-  Followed followed_;
+  SeparatedModel separated_;
   Model model_;
   physics::Rig rig_;
   Layout layout_;
 };
 
-TEST_P(Predictions, OfAContactAgreesWithTheRigsOwnSmallSteps) {
-  ASSERT_TRUE(ContactPrediction::serves(rig_, model_));
-  ContactPrediction quick(rig_, model_, layout_, period_s);
-  DualPrediction thorough(rig_, model_, layout_, period_s, 64);
+TEST_P(Predictions, OfAContactAgreesWithTheRigsIntegrator) {
+  ASSERT_TRUE(ContactPrediction::supports(rig_, model_));
+  ContactPrediction contact(rig_, model_, layout_, period_s);
+  DualPrediction dual(rig_, model_, layout_, period_s, 64);
   std::mt19937 random(1);
   for (int round = 0; round < 5; ++round) {
-    Vector a = somewhere(random);
+    Vector a = random_state(random);
     Vector b = a;
     Vector error = Vector::Zero(layout_.count);
     Vector size = Vector::Zero(layout_.count);
     for (int k = 0; k < 300; ++k) {
-      // A doubt of the slip of 2 mm/s.
-      quick.advance(a, k * period_s, 4.0e-6);
-      thorough.advance(b, k * period_s, 4.0e-6);
-      if (k < 20) continue;  // after a start from which no rig would start
+      // Standard deviation of the slip velocity: 2 mm/s.
+      contact.advance(a, k * period_s, 4.0e-6);
+      dual.advance(b, k * period_s, 4.0e-6);
+      if (k < 20) continue;  // transient of the random initial state
       error += (a - b).cwiseAbs2();
       size += b.cwiseAbs2();
     }
@@ -161,7 +161,7 @@ TEST_P(Predictions, OfAContactAgreesWithTheRigsOwnSmallSteps) {
 void expect_derivatives(Prediction& prediction, const Vector& from, double relative) {
   Vector moved = from;
   prediction.advance(moved, 0.0, 1.0e-5);
-  const Matrix told = prediction.transition().dense();
+  const Matrix jacobian = prediction.transition().dense();
   for (int column = 0; column < from.size(); ++column) {
     const double step = 1.0e-5 * std::max(1.0e-3, std::abs(from[column]));
     Vector up = from;
@@ -172,28 +172,27 @@ void expect_derivatives(Prediction& prediction, const Vector& from, double relat
     prediction.advance(down, 0.0, 1.0e-5);
     for (int row = 0; row < from.size(); ++row) {
       const double measured = (up[row] - down[row]) / (2.0 * step);
-      EXPECT_NEAR(told(row, column), measured, relative * (1.0e-2 + std::abs(measured)))
+      EXPECT_NEAR(jacobian(row, column), measured, relative * (1.0e-2 + std::abs(measured)))
           << "d " << row << " / d " << column;
     }
   }
 }
 
-TEST_P(Predictions, OfAContactKnowsItsDerivatives) {
+TEST_P(Predictions, OfAContactHasExactDerivatives) {
   ContactPrediction prediction(rig_, model_, layout_, period_s);
   std::mt19937 random(2);
   for (int round = 0; round < 10; ++round) {
-    expect_derivatives(prediction, somewhere(random), 1.0e-4);
+    expect_derivatives(prediction, random_state(random), 1.0e-4);
   }
 }
 
-// What stands still is read as it is.
-TEST_P(Predictions, OfAContactReadAtRestWhatIsThere) {
+TEST_P(Predictions, OfAContactAtRestReadsTheTrueValues) {
   ContactPrediction prediction(rig_, model_, layout_, period_s);
   std::mt19937 random(3);
-  Vector z = somewhere(random);
+  Vector z = random_state(random);
   for (int i = 0; i < 3; ++i) z[layout_.drive + 1 + i] = 0.0;
   if (layout_.load_rate >= 0) z[layout_.load_rate] = 0.0;
-  // Smooth friction lets it creep, and without friction it swings for long.
+  // Smooth friction creeps, and without friction the oscillation decays slowly.
   const double tolerance = rig_.structure().friction ? 1.0e-6 : 1.0e-4;
   for (int k = 0; k < 20000; ++k) prediction.advance(z, 0.0, 1.0e-6);
   const auto expect = [&](Channel channel, double value) {
@@ -221,17 +220,17 @@ TEST_P(Predictions, OfAContactReadAtRestWhatIsThere) {
 INSTANTIATE_TEST_SUITE_P(Rigs, Predictions, testing::ValuesIn(cases()),
                          [](const auto& info) { return info.param.name; });
 
-TEST(Prediction, IsThatOfAContactWhereItServes) {
-  const auto serves = [](const Model& model) {
-    return ContactPrediction::serves(physics::Rig(model), model);
+TEST(Prediction, OfAContactSupportsLinearRigsOnly) {
+  const auto supports = [](const Model& model) {
+    return ContactPrediction::supports(physics::Rig(model), model);
   };
-  EXPECT_TRUE(serves(paper_rig(Law::coulomb)));
+  EXPECT_TRUE(supports(paper_rig(Law::coulomb)));
   Model hardening = paper_rig(Law::coulomb);
   hardening.terms.push_back({"cubic_stiffness", {}, {{"k3_n_m3", {1.0e4}}}});
-  EXPECT_FALSE(serves(hardening));
+  EXPECT_FALSE(supports(hardening));
   Model two_wells = paper_rig(Law::coulomb);
   two_wells.oscillator.two_well = physics::TwoWell{{10.0}, {1.0e5}};
-  EXPECT_FALSE(serves(two_wells));
+  EXPECT_FALSE(supports(two_wells));
 }
 
 }  // namespace

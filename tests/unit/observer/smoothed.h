@@ -1,4 +1,4 @@
-// What the smoother makes of what an observer has watched.
+// The smoother on the frames of an observer's run.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -10,22 +10,22 @@
 
 namespace stickslip::observer::test {
 
-inline std::vector<Frame> frames_of(const std::vector<Moment>& moments) {
+inline std::vector<Frame> frames_of(const std::vector<Sample>& samples) {
   std::vector<Frame> frames;
-  frames.reserve(moments.size());
-  for (const Moment& moment : moments) frames.push_back(moment.frame);
+  frames.reserve(samples.size());
+  for (const Sample& sample : samples) frames.push_back(sample.frame);
   return frames;
 }
 
-/// The same moments with the estimates of the smoother in place of those of the filter.
-inline std::vector<Moment> smoothed(std::vector<Moment> moments, const physics::Model& model,
+/// The same samples with the estimates of the smoother instead of the filter's.
+inline std::vector<Sample> smoothed(std::vector<Sample> samples, const physics::Model& model,
                                     const SmoothingWindow& window = {}) {
   std::size_t next = 0;
   smooth(
-      model, 1.0e-3, frames_of(moments),
-      [&](const FrictionEstimate& e) { moments[next++].estimate = e; }, window);
-  EXPECT_EQ(next, moments.size());
-  return moments;
+      model, 1.0e-3, frames_of(samples),
+      [&](const FrictionEstimate& e) { samples[next++].estimate = e; }, window);
+  EXPECT_EQ(next, samples.size());
+  return samples;
 }
 
 }  // namespace stickslip::observer::test

@@ -1,4 +1,4 @@
-// What came after, taken into account: the smoother against the truth and against the filter.
+// The smoother compared with the truth and with the filter.
 #include "observer/smoother.h"
 
 #include <gtest/gtest.h>
@@ -10,17 +10,17 @@ namespace {
 
 using test::frames_of;
 using test::Law;
-using test::Moment;
 using test::paper_rig;
+using test::Sample;
 using test::smoothed;
 
-double theta_error(const Moment& m) { return m.estimate.theta - m.truth.theta; }
-double force_error(const Moment& m) {
+double theta_error(const Sample& m) { return m.estimate.theta - m.truth.theta; }
+double force_error(const Sample& m) {
   return m.estimate.friction_force_n - m.truth.friction_force_n;
 }
-double velocity_error(const Moment& m) { return m.estimate.velocity_m_s - m.truth.velocity_m_s; }
+double velocity_error(const Sample& m) { return m.estimate.velocity_m_s - m.truth.velocity_m_s; }
 
-physics::Model doubting(physics::Model model) {
+physics::Model with_sigmas(physics::Model model) {
   model.friction.mu.sigma = 0.2;
   if (model.friction.law == physics::FrictionLaw::state_variable) {
     model.friction.rate_per_s.sigma = 30.0;
@@ -30,33 +30,33 @@ physics::Model doubting(physics::Model model) {
 
 class Smoothed : public testing::TestWithParam<Law> {};
 
-TEST_P(Smoothed, KnowsBetterThanTheFilter) {
-  physics::Model believed = doubting(paper_rig(GetParam()));
-  believed.friction.mu.value *= 1.2;
-  test::Watch how;
-  how.duration_s = 6.0;
-  const auto filtered = test::watch(paper_rig(GetParam()), believed, how);
-  const auto after = smoothed(filtered, believed);
-  // From the first frame on, where the filter had to learn first.
+TEST_P(Smoothed, IsMoreAccurateThanTheFilter) {
+  physics::Model assumed = with_sigmas(paper_rig(GetParam()));
+  assumed.friction.mu.value *= 1.2;
+  test::RunOptions options;
+  options.duration_s = 6.0;
+  const auto filtered = test::run_observer(paper_rig(GetParam()), assumed, options);
+  const auto after = smoothed(filtered, assumed);
+  // Including the start, where the filter has not converged.
   EXPECT_LT(test::rms(after, 0.5, theta_error), 0.7 * test::rms(filtered, 0.5, theta_error));
   EXPECT_LT(test::rms(after, 2.0, velocity_error), 0.5 * test::rms(filtered, 2.0, velocity_error));
   EXPECT_LT(test::rms(after, 2.0, force_error), 1.05 * test::rms(filtered, 2.0, force_error));
-  const auto mu_error = [](const Moment& m) { return m.estimate.mu - 0.8; };
+  const auto mu_error = [](const Sample& m) { return m.estimate.mu - 0.8; };
   EXPECT_LT(test::rms(after, 0.0, mu_error), 0.3 * test::rms(filtered, 0.0, mu_error));
 }
 
-TEST_P(Smoothed, DoubtsItselfAsMuchAsItIsWrong) {
-  const physics::Model model = doubting(paper_rig(GetParam()));
-  const auto after = smoothed(test::watch(model, model, {.duration_s = 5.0}), model);
-  const auto normalised = [](double error, const Moment& m, Quantity quantity) {
+TEST_P(Smoothed, HasAConsistentCovariance) {
+  const physics::Model model = with_sigmas(paper_rig(GetParam()));
+  const auto after = smoothed(test::run_observer(model, model, {.duration_s = 5.0}), model);
+  const auto normalised = [](double error, const Sample& m, Quantity quantity) {
     return error / m.estimate.standard_deviation(quantity);
   };
-  const double velocity = test::rms(after, 0.5, [&](const Moment& m) {
+  const double velocity = test::rms(after, 0.5, [&](const Sample& m) {
     return normalised(velocity_error(m), m, Quantity::velocity);
   });
   EXPECT_GT(velocity, 0.4);
   EXPECT_LT(velocity, 1.4);
-  const double force = test::rms(after, 0.5, [&](const Moment& m) {
+  const double force = test::rms(after, 0.5, [&](const Sample& m) {
     return normalised(force_error(m), m, Quantity::friction_force);
   });
   EXPECT_GT(force, 0.1);
@@ -65,23 +65,25 @@ TEST_P(Smoothed, DoubtsItselfAsMuchAsItIsWrong) {
 
 INSTANTIATE_TEST_SUITE_P(Laws, Smoothed, testing::Values(Law::coulomb, Law::state_variable));
 
-TEST(Smoother, DoesNotShowItsWindows) {
-  const physics::Model model = doubting(paper_rig(Law::state_variable));
-  const auto filtered = test::watch(model, model, {.duration_s = 4.0});
+TEST(Smoother, IsIndependentOfItsWindows) {
+  const physics::Model model = with_sigmas(paper_rig(Law::state_variable));
+  const auto filtered = test::run_observer(model, model, {.duration_s = 4.0});
   const auto whole = smoothed(filtered, model);
   const auto in_windows = smoothed(filtered, model, {.keep_s = 0.5, .ahead_s = 1.0});
   for (std::size_t i = 500; i < whole.size(); i += 7) {
-    const double doubt = whole[i].estimate.standard_deviation(Quantity::velocity);
-    EXPECT_NEAR(in_windows[i].estimate.velocity_m_s, whole[i].estimate.velocity_m_s, 0.5 * doubt);
+    const double deviation = whole[i].estimate.standard_deviation(Quantity::velocity);
+    EXPECT_NEAR(in_windows[i].estimate.velocity_m_s, whole[i].estimate.velocity_m_s,
+                0.5 * deviation);
   }
 }
 
-TEST(Smoother, CarriesNothingAcrossAGapNorAcrossARestart) {
-  const physics::Model model = doubting(paper_rig(Law::coulomb));
-  const auto filtered = test::watch(model, model, {.duration_s = 3.0});
+TEST(Smoother, CarriesNoInformationAcrossAGap) {
+  const physics::Model model = with_sigmas(paper_rig(Law::coulomb));
+  const auto filtered = test::run_observer(model, model, {.duration_s = 3.0});
   auto frames = frames_of(filtered);
   for (std::size_t i = 1500; i < frames.size(); ++i) frames[i].time_ns += 1'000'000'000;
-  // Of the first stretch nothing depends on what came after the gap.
+  // The first segment depends on frames after the gap only through the parameters of the second
+  // pass.
   std::vector<FrictionEstimate> one;
   std::vector<FrictionEstimate> other;
   smooth(model, 1.0e-3, frames, [&](const FrictionEstimate& e) { one.push_back(e); });
@@ -91,7 +93,6 @@ TEST(Smoother, CarriesNothingAcrossAGapNorAcrossARestart) {
   smooth(model, 1.0e-3, frames, [&](const FrictionEstimate& e) { other.push_back(e); });
   ASSERT_EQ(one.size(), frames.size());
   ASSERT_EQ(other.size(), frames.size());
-  // (But for the mu that the whole recording is gone through with the second time.)
   for (std::size_t i = 200; i < 1500; ++i) {
     EXPECT_NEAR(one[i].displacement_m, other[i].displacement_m,
                 0.1 * one[i].standard_deviation(Quantity::displacement));
@@ -99,9 +100,9 @@ TEST(Smoother, CarriesNothingAcrossAGapNorAcrossARestart) {
   EXPECT_NE(one[2000].displacement_m, other[2000].displacement_m);
 }
 
-TEST(Smoother, BridgesMissingFramesAndLeavesOutThoseThatComeTwice) {
-  const physics::Model model = doubting(paper_rig(Law::coulomb));
-  const auto filtered = test::watch(model, model, {.duration_s = 2.0});
+TEST(Smoother, BridgesMissingFramesAndSkipsRepeatedOnes) {
+  const physics::Model model = with_sigmas(paper_rig(Law::coulomb));
+  const auto filtered = test::run_observer(model, model, {.duration_s = 2.0});
   std::vector<Frame> frames;
   for (std::size_t i = 0; i < filtered.size(); ++i) {
     if (i % 100 > 94) continue;
@@ -121,21 +122,21 @@ TEST(Smoother, BridgesMissingFramesAndLeavesOutThoseThatComeTwice) {
   EXPECT_LT(worst, 5.0e-4);
 }
 
-TEST(Smoother, SaysHowWellTheReadingsWereForetold) {
+TEST(Smoother, ReportsTheQualityOfPredictions) {
   const physics::Model model = paper_rig(Law::coulomb);
-  const auto frames = frames_of(test::watch(model, model, {.duration_s = 4.0}));
+  const auto frames = frames_of(test::run_observer(model, model, {.duration_s = 4.0}));
   const auto ignore = [](const FrictionEstimate&) {};
-  const Foretelling right = smooth(model, 1.0e-3, frames, ignore);
+  const PredictionQuality right = smooth(model, 1.0e-3, frames, ignore);
   EXPECT_EQ(right.restarts, 0U);
   EXPECT_GT(right.readings, 15000);
   EXPECT_NEAR(right.normalised_squares / static_cast<double>(right.readings), 1.0, 0.15);
   physics::Model wrong = model;
   wrong.oscillator.natural_frequency_hz->value *= 1.2;
-  const Foretelling worse = smooth(wrong, 1.0e-3, frames, ignore);
+  const PredictionQuality worse = smooth(wrong, 1.0e-3, frames, ignore);
   EXPECT_GT(worse.negative_log_likelihood, right.negative_log_likelihood);
 }
 
-TEST(Smoother, RefusesWhatTheObserverCannotFollow) {
+TEST(Smoother, RejectsUnsupportedModels) {
   physics::Model imposed;
   imposed.oscillator.excitation = physics::Excitation::imposed;
   imposed.friction.law = physics::FrictionLaw::coulomb;

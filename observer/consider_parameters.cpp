@@ -1,4 +1,4 @@
-#include "observer/doubted_constants.h"
+#include "observer/consider_parameters.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,77 +8,77 @@ namespace stickslip::observer {
 
 namespace state = physics::state;
 
-DoubtedConstants::DoubtedConstants(physics::Model model, const physics::Rig& rig,
-                                   const Layout& layout, double period_s)
+ConsiderParameters::ConsiderParameters(physics::Model model, const physics::Rig& rig,
+                                       const Layout& layout, double period_s)
     : structure_(&rig.structure()), layout_(&layout), period_s_(period_s) {
   const std::vector<double>& values = rig.parameter_values();
   const std::vector<physics::NamedParameter> parameters = physics::parameters_of(model);
   for (std::size_t i = 0; i < parameters.size(); ++i) {
     const double sigma = parameters[i].parameter->sigma;
-    // Imposed motion has no oscillator, and the rest is a state, noise, or not followed.
+    // Other parameters are states or noise, or are not considered.
     if (!(sigma > 0.0) || !parameters[i].path.starts_with("oscillator.")) continue;
-    // The slope at the value, within half of it: a doubt may be larger than a mass can be.
+    // Central difference, with a step of at most half the value: sigma may exceed the mass.
     const double size = std::abs(values[i]);
-    const double off = size > 0.0 ? std::min(0.5 * sigma, 0.5 * size) : 0.5 * sigma;
-    const double sigmas = 0.5 * sigma / off;
+    const double step = size > 0.0 ? std::min(0.5 * sigma, 0.5 * size) : 0.5 * sigma;
+    const double sigmas = 0.5 * sigma / step;
     const auto numbers_at = [&](double offset) {
       std::vector<double> moved = values;
       moved[i] += offset;
       return rig.numbers<double>(std::span<const double>(moved));
     };
-    const physics::RigNumbers<double> more = numbers_at(off);
-    const physics::RigNumbers<double> less = numbers_at(-off);
+    const physics::RigNumbers<double> more = numbers_at(step);
+    const physics::RigNumbers<double> less = numbers_at(-step);
     const auto change = [&](auto coefficient) {
       return sigmas *
              (coefficient(more.c) * more.inverse_mass - coefficient(less.c) * less.inverse_mass);
     };
-    Push push;
-    push.by_v = -change([](const auto& c) { return c.damping; });
+    Input input;
+    input.by_v = -change([](const auto& c) { return c.damping; });
     if (structure_->two_well) {
-      push.by_x = change([](const auto& c) { return c.well_linear; });
-      push.by_x_cubed = -change([](const auto& c) { return c.well_cubic; });
+      input.by_x = change([](const auto& c) { return c.well_linear; });
+      input.by_x_cubed = -change([](const auto& c) { return c.well_cubic; });
     } else {
-      push.by_x = -change([](const auto& c) { return c.stiffness; });
+      input.by_x = -change([](const auto& c) { return c.stiffness; });
     }
-    push.by_force = sigmas * (more.inverse_mass - less.inverse_mass);
-    push_.push_back(push);
+    input.by_force = sigmas * (more.inverse_mass - less.inverse_mass);
+    input_.push_back(input);
   }
-  group_.resize((push_.size() + lanes - 1) / lanes);
-  forget();
+  group_.resize((input_.size() + lanes - 1) / lanes);
+  reset();
 }
 
-void DoubtedConstants::forget() {
-  for (Group& group : group_) group.fill(Off::Zero());
+void ConsiderParameters::reset() {
+  for (Group& group : group_) group.fill(Lanes::Zero());
 }
 
-void DoubtedConstants::push(const Vector& mean) {
+void ConsiderParameters::add_input(const Vector& mean) {
   const Layout& l = *layout_;
   const double x = mean[l.rig[state::x]];
   const double v = mean[l.rig[state::v]];
   double force = l.friction >= 0 ? -mean[l.friction] : 0.0;
   if (structure_->excitation == physics::Excitation::force) force += mean[l.drive];
   const auto at = [](int index) { return static_cast<std::size_t>(index); };
-  for (int i = 0; i < static_cast<int>(push_.size()); ++i) {
-    const Push& p = push_[at(i)];
+  for (int i = 0; i < static_cast<int>(input_.size()); ++i) {
+    const Input& p = input_[at(i)];
     const double acceleration =
         p.by_x * x + p.by_x_cubed * x * x * x + p.by_v * v + p.by_force * force;
     Group& group = group_[at(i / lanes)];
     group[at(l.rig[state::v])][i % lanes] += period_s_ * acceleration;
-    // At once, not bit by bit: with the whole of it the mass would go twice as far.
+    // The velocity changes at the start of the step: without this x would move twice as far.
     group[at(l.rig[state::x])][i % lanes] -= 0.5 * period_s_ * period_s_ * acceleration;
   }
 }
 
-void DoubtedConstants::propagate(const Transition& transition) {
-  for (Group& group : group_) move(group, transition);
+void ConsiderParameters::propagate(const Transition& transition) {
+  for (Group& group : group_) propagate(group, transition);
 }
 
-void DoubtedConstants::move(Group& group, const Transition& transition) {
+void ConsiderParameters::propagate(Group& group, const Transition& transition) {
   const auto sum_of = [&group](const Transition::Entry* entry,
-                               const Transition::Entry* end) -> Off {
-    // Two sums, so that an addition need not wait for the one before it.
-    Off even = Off::Zero();
-    Off odd = Off::Zero();
+                               const Transition::Entry* end) -> Lanes {
+    // Two independent sums hide the latency of the additions.
+    Lanes even = Lanes::Zero();
+    Lanes odd = Lanes::Zero();
     for (; end - entry > 1; entry += 2) {
       even += entry[0].weight * group[entry[0].from];
       odd += entry[1].weight * group[entry[1].from];
@@ -98,34 +98,34 @@ void DoubtedConstants::move(Group& group, const Transition& transition) {
   std::copy_n(next_.begin(), count, group.begin());
 }
 
-void DoubtedConstants::correct(const Sight& sight, const Covariance::States& gain) {
+void ConsiderParameters::correct(const MeasurementRow& row, const Covariance::States& gain) {
   for (Group& group : group_) {
-    Off seen = group[static_cast<std::size_t>(sight.at[0])];
-    if (sight.count > 1) {
-      seen *= sight.weight[0];
-      for (std::size_t j = 1; j < static_cast<std::size_t>(sight.count); ++j) {
-        seen += sight.weight[j] * group[static_cast<std::size_t>(sight.at[j])];
+    Lanes error = group[static_cast<std::size_t>(row.state[0])];
+    if (row.count > 1) {
+      error *= row.weight[0];
+      for (std::size_t j = 1; j < static_cast<std::size_t>(row.count); ++j) {
+        error += row.weight[j] * group[static_cast<std::size_t>(row.state[j])];
       }
     }
-    if ((seen == 0.0).all()) continue;  // the drive, which no constant pushes
-    for (int i = 0; i < layout_->count; ++i) group[static_cast<std::size_t>(i)] -= gain[i] * seen;
+    if ((error == 0.0).all()) continue;  // the drive, which does not depend on the parameters
+    for (int i = 0; i < layout_->count; ++i) group[static_cast<std::size_t>(i)] -= gain[i] * error;
   }
 }
 
-void DoubtedConstants::covariance_of(
+void ConsiderParameters::covariance_of(
     std::span<const int> states,
     std::array<std::array<double, quantity_count>, quantity_count>& out) const {
-  // By constants, so that a row of the result is a few sums over whole registers.
-  Eigen::Array<double, padded(quantity_count), lanes> off;
+  // Parameters outside, so that a row of the result is a few sums over whole registers.
+  Eigen::Array<double, padded(quantity_count), lanes> error;
   Eigen::Array<double, padded(quantity_count), padded(quantity_count)> sum;
-  off.setZero();
+  error.setZero();
   sum.setZero();
   for (const Group& group : group_) {
     for (std::size_t i = 0; i < states.size(); ++i) {
-      off.row(static_cast<int>(i)) = group[static_cast<std::size_t>(states[i])].transpose();
+      error.row(static_cast<int>(i)) = group[static_cast<std::size_t>(states[i])].transpose();
     }
     for (int i = 0; i < static_cast<int>(states.size()); ++i) {
-      for (int k = 0; k < lanes; ++k) sum.col(i) += off(i, k) * off.col(k);
+      for (int k = 0; k < lanes; ++k) sum.col(i) += error(i, k) * error.col(k);
     }
   }
   for (std::size_t i = 0; i < states.size(); ++i) {
@@ -135,12 +135,12 @@ void DoubtedConstants::covariance_of(
   }
 }
 
-double DoubtedConstants::slip_variance() const {
+double ConsiderParameters::slip_variance() const {
   const int v = layout_->rig[state::v];
   const int u = layout_->rig[state::u];
   double sum = 0.0;
   for (const Group& group : group_) {
-    Off slip = group[static_cast<std::size_t>(v)];
+    Lanes slip = group[static_cast<std::size_t>(v)];
     if (u >= 0) slip -= group[static_cast<std::size_t>(u)];
     sum += slip.square().sum();
   }

@@ -1,4 +1,4 @@
-#include "observer/doubted_constants.h"
+#include "observer/consider_parameters.h"
 
 #include <gtest/gtest.h>
 
@@ -16,7 +16,7 @@ using physics::Model;
 using physics::Parameter;
 
 constexpr double period_s = 1.0e-3;
-constexpr std::array judged = {Quantity::displacement, Quantity::velocity, Quantity::mu};
+constexpr std::array compared = {Quantity::displacement, Quantity::velocity, Quantity::mu};
 
 Model linear_rig() {
   Model model = test::paper_rig(test::Law::state_variable);
@@ -42,44 +42,44 @@ Model forced_rig() {
   return model;
 }
 
-/// What the base does to the mass of the paper's rig, as a force beside it.
+/// Base motion of the paper's rig, and the equivalent force on its mass.
 physics::Input drive(double t) {
   physics::Input input = test::ModulatedBase{}(t);
   input.drive_force_n = -0.06 * input.base_acceleration_m_s2;
   return input;
 }
 
-/// An estimate, its filter's own variance, and what doubted constants are told to lead it astray
-/// by, at each frame.
-struct Followed {
-  std::vector<std::array<double, judged.size()>> estimate, own, told;
+/// At each frame: the estimate, the filter's own variance, and the standard deviation that the
+/// consider parameters add.
+struct Trace {
+  std::vector<std::array<double, compared.size()>> estimate, own, added;
 };
 
-Followed follow(const Model& real, const Model& believed, double seconds) {
+Trace observe(const Model& real, const Model& assumed, double seconds) {
   physics::RigSimulator rig(real, {.step_s = 1.25e-4, .noise = false});
   rig.set_input(drive(0.0));
-  KalmanFilter filter(believed, period_s);
+  KalmanFilter filter(assumed, period_s);
   EXPECT_EQ(filter.unsupported(), "");
   std::string reason;
-  const physics::Rig equations(believed);
-  const Layout layout = layout_of(believed, equations, reason);
-  const std::array<int, judged.size()> state = {layout.rig[physics::state::x],
-                                                layout.rig[physics::state::v], layout.mu};
-  Followed out;
+  const physics::Rig equations(assumed);
+  const Layout layout = make_layout(assumed, equations, reason);
+  const std::array<int, compared.size()> state = {layout.rig[physics::state::x],
+                                                  layout.rig[physics::state::v], layout.mu};
+  Trace out;
   for (int k = 1; k * period_s <= seconds; ++k) {
-    for (int piece = 1; piece <= 2; ++piece) {
-      rig.advance(0.5 * period_s, drive((k - 1 + 0.5 * piece) * period_s));
+    for (int half = 1; half <= 2; ++half) {
+      rig.advance(0.5 * period_s, drive((k - 1 + 0.5 * half) * period_s));
     }
     filter.update(rig.read());
     const FrictionEstimate& e = filter.estimate();
     out.estimate.push_back({e.displacement_m, e.velocity_m_s, e.mu});
-    std::array<double, judged.size()> own{}, told{};
-    for (std::size_t i = 0; i < judged.size(); ++i) {
+    std::array<double, compared.size()> own{}, added{};
+    for (std::size_t i = 0; i < compared.size(); ++i) {
       own[i] = filter.covariance()(state[i], state[i]);
-      told[i] = std::sqrt(std::max(0.0, std::pow(e.standard_deviation(judged[i]), 2) - own[i]));
+      added[i] = std::sqrt(std::max(0.0, std::pow(e.standard_deviation(compared[i]), 2) - own[i]));
     }
     out.own.push_back(own);
-    out.told.push_back(told);
+    out.added.push_back(added);
   }
   return out;
 }
@@ -87,44 +87,45 @@ Followed follow(const Model& real, const Model& believed, double seconds) {
 struct Case {
   const char* name;
   Model (*rig)();
-  std::function<Parameter&(Model&)> constant;
+  std::function<Parameter&(Model&)> parameter;
   double share;  ///< sigma over value
 };
 
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 
-class DoubtedConstant : public testing::TestWithParam<Case> {};
+class ConsiderParameter : public testing::TestWithParam<Case> {};
 
-// Two filters whose constant differs by one sigma follow the same rig.
-TEST_P(DoubtedConstant, LeadsTheEstimateAstrayByWhatIsTold) {
+// Two filters whose parameter differs by one standard deviation observe the same rig.
+TEST_P(ConsiderParameter, AddsTheEffectOfOneStandardDeviation) {
   const Case& c = GetParam();
   const Model real = c.rig();
-  Model believed = real;
-  Parameter& doubted = c.constant(believed);
-  doubted.sigma = c.share * std::abs(doubted.value);
-  Model off = believed;
-  c.constant(off).value += doubted.sigma;
-  const Followed at = follow(real, believed, 12.0);
-  const Followed beside = follow(real, off, 12.0);
-  for (std::size_t i = 0; i < judged.size(); ++i) {
-    double astray = 0.0, told = 0.0, own = 0.0;
+  Model assumed = real;
+  Parameter& parameter = c.parameter(assumed);
+  parameter.sigma = c.share * std::abs(parameter.value);
+  Model shifted = assumed;
+  c.parameter(shifted).value += parameter.sigma;
+  const Trace nominal = observe(real, assumed, 12.0);
+  const Trace perturbed = observe(real, shifted, 12.0);
+  for (std::size_t i = 0; i < compared.size(); ++i) {
+    double difference = 0.0, added = 0.0, own = 0.0;
     constexpr std::size_t from = 6000;
-    for (std::size_t k = from; k < at.estimate.size(); ++k) {
-      astray += std::pow(beside.estimate[k][i] - at.estimate[k][i], 2);
-      told += std::pow(at.told[k][i], 2);
-      own += at.own[k][i];
+    for (std::size_t k = from; k < nominal.estimate.size(); ++k) {
+      difference += std::pow(perturbed.estimate[k][i] - nominal.estimate[k][i], 2);
+      added += std::pow(nominal.added[k][i], 2);
+      own += nominal.own[k][i];
     }
     const auto root_mean = [&](double sum) {
-      return std::sqrt(sum / static_cast<double>(at.estimate.size() - from));
+      return std::sqrt(sum / static_cast<double>(nominal.estimate.size() - from));
     };
-    // What is far below the filter's own doubt need not be exact.
-    EXPECT_NEAR(root_mean(told), root_mean(astray), 0.1 * root_mean(astray) + 0.1 * root_mean(own))
-        << name_of(judged[i]) << ", own doubt " << root_mean(own);
+    // Effects far below the filter's own standard deviation need not be exact.
+    EXPECT_NEAR(root_mean(added), root_mean(difference),
+                0.1 * root_mean(difference) + 0.1 * root_mean(own))
+        << name_of(compared[i]) << ", own standard deviation " << root_mean(own);
   }
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    Oscillators, DoubtedConstant,
+    Oscillators, ConsiderParameter,
     testing::Values(
         Case{"mass", linear_rig, [](Model& m) -> Parameter& { return m.oscillator.mass_kg; }, 0.02},
         Case{"frequency", linear_rig,
@@ -141,21 +142,20 @@ INSTANTIATE_TEST_SUITE_P(
              [](Model& m) -> Parameter& { return m.oscillator.two_well->cubic_n_m3; }, 0.005}),
     [](const auto& one) { return one.param.name; });
 
-// A doubt beyond what a mass can be is large, and no more.
-TEST(DoubtedConstants, MayBeDoubtedByMoreThanTheyAre) {
+TEST(ConsiderParameters, SigmaMayExceedTheValue) {
   Model model = linear_rig();
   model.oscillator.mass_kg.sigma = 3.0 * model.oscillator.mass_kg.value;
-  const Followed one = follow(linear_rig(), model, 2.0);
-  for (const double value : one.told.back()) {
+  const Trace trace = observe(linear_rig(), model, 2.0);
+  for (const double value : trace.added.back()) {
     EXPECT_TRUE(std::isfinite(value));
     EXPECT_GT(value, 0.0);
   }
 }
 
-TEST(DoubtedConstants, AddNothingWhereTheModelDoubtsNone) {
-  const Followed one = follow(linear_rig(), linear_rig(), 0.5);
-  for (const auto& told : one.told) {
-    for (const double value : told) EXPECT_LT(value, 1.0e-6);  // a root of rounding
+TEST(ConsiderParameters, AddNothingWithoutSigmas) {
+  const Trace trace = observe(linear_rig(), linear_rig(), 0.5);
+  for (const auto& added : trace.added) {
+    for (const double value : added) EXPECT_LT(value, 1.0e-6);  // square root of rounding errors
   }
 }
 

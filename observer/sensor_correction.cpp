@@ -1,4 +1,4 @@
-#include "observer/misreadings.h"
+#include "observer/sensor_correction.h"
 
 #include <algorithm>
 #include <cmath>
@@ -13,21 +13,21 @@ namespace stickslip::observer {
 
 namespace {
 
-// A reading this near to a limit may have been beyond it: of its noise, and of the limit, which is
-// known no better.
+// Distance from a limit within which a reading may be saturated: in standard deviations of its
+// noise, and as a share of the limit, which has an uncertainty of its own.
 constexpr double margin_sigmas = 3.0;
 constexpr double margin_share = 0.002;
 
-bool only_misreads(const physics::Term& term) {
+bool concerns_sensors_only(const physics::Term& term) {
   return physics::find_effect(term.id)->hooks() == physics::hook::reading;
 }
 
 }  // namespace
 
-Followed followed(const physics::Model& declared) {
+SeparatedModel separate_sensor_errors(const physics::Model& declared) {
   const physics::Rig rig(declared);
-  Followed out{declared, rig.numbers<double>(std::span(rig.parameter_values())).reading};
-  std::erase_if(out.model.terms, only_misreads);
+  SeparatedModel out{declared, rig.numbers<double>(std::span(rig.parameter_values())).reading};
+  std::erase_if(out.model.terms, concerns_sensors_only);
   if (out.laws.velocity_cutoff_hz > 0.0) {
     std::vector<physics::Filter>& filters = out.model.sensors[index_of(Channel::velocity)].filters;
     const bool declares_one =
@@ -39,11 +39,11 @@ Followed followed(const physics::Model& declared) {
   return out;
 }
 
-Misreadings::Misreadings(const physics::ReadingLaws<double>& laws) : laws_(laws) {
-  stretch_.fill(1.0);
+SensorCorrection::SensorCorrection(const physics::ReadingLaws<double>& laws) : laws_(laws) {
+  slope_.fill(1.0);
 }
 
-void Misreadings::leave_out_limited(Frame& frame, const PerChannel& variance) const {
+void SensorCorrection::drop_saturated(Frame& frame, const PerChannel& variance) const {
   for (Channel channel : all_channels) {
     const std::size_t i = index_of(channel);
     const double limit = laws_.of[i].limit;
@@ -53,18 +53,18 @@ void Misreadings::leave_out_limited(Frame& frame, const PerChannel& variance) co
   }
 }
 
-void Misreadings::take_back(Frame& frame, PerChannel& variance) {
+void SensorCorrection::correct(Frame& frame, PerChannel& variance) {
   for (Channel channel : all_channels) {
     if (!frame.has(channel)) continue;
     const std::size_t i = index_of(channel);
-    const auto righted = physics::put_right(laws_.of[i], frame[channel]);
-    if (!righted) {
+    const auto corrected = physics::put_right(laws_.of[i], frame[channel]);
+    if (!corrected) {
       frame.invalidate(channel);
       continue;
     }
-    frame.set(channel, righted->value);
-    variance[i] *= righted->slope * righted->slope;
-    stretch_[i] = std::abs(righted->slope);
+    frame.set(channel, corrected->value);
+    variance[i] *= corrected->slope * corrected->slope;
+    slope_[i] = std::abs(corrected->slope);
   }
 }
 
