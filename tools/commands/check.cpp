@@ -15,6 +15,7 @@
 #include "config/fault_script.h"
 #include "config/key.h"
 #include "config/model_file.h"
+#include "config/model_names.h"
 #include "config/rig.h"
 #include "drivers/bench/try_bench.h"
 #include "drivers/make_bench.h"
@@ -30,7 +31,6 @@ namespace stickslip::commands {
 
 using namespace command_line;
 
-using namespace command_line;
 namespace {
 
 struct Arguments {
@@ -59,18 +59,12 @@ std::string oscillator_text(const physics::Model& model) {
 }
 
 std::string model_summary(physics::Model model) {
-  const auto named = [](std::string_view path, std::size_t position) {
-    return std::string(config::choice_at(config::model_keys(), path, position));
-  };
   std::string text = oscillator_text(model);
-  text += ", friction " + named("friction.law", static_cast<std::size_t>(model.friction.law));
-  text += ", load " + (model.normal_load ? named("normal_load.law",
-                                                 static_cast<std::size_t>(model.normal_load->law))
-                                         : "not declared");
+  text += ", friction " + std::string(config::name_of(model.friction.law));
+  text += ", load " +
+          std::string(model.normal_load ? config::name_of(model.normal_load->law) : "not declared");
   text += ", load cell " +
-          (model.load_cell
-               ? named("load_cell.dynamics", static_cast<std::size_t>(model.load_cell->dynamics))
-               : "none");
+          std::string(model.load_cell ? config::name_of(model.load_cell->dynamics) : "none");
   for (const physics::Term& term : model.terms) text += ", " + term.id;
   const auto parameters = physics::parameters_of(model);
   std::size_t uncertain = 0;
@@ -83,9 +77,7 @@ std::string model_summary(physics::Model model) {
 
 /// "bench, labjack_u6; displacement from labjack_u6/AIN0, ..."
 std::string bench_summary(const config::Bench& bench) {
-  std::string text =
-      "bench, " + std::string(config::choice_at(config::rig_keys(), "driver.bench.board",
-                                                static_cast<std::size_t>(bench.board)));
+  std::string text = "bench, " + std::string(config::name_of(bench.board));
   const char* between = "; ";
   for (const Channel channel : all_channels) {
     const auto& input = bench.inputs[index_of(channel)];

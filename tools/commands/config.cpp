@@ -107,7 +107,7 @@ nlohmann::ordered_json as_json(const std::vector<Setting>& settings, const std::
     entry["minimum"] = bound(key.low);
     entry["minimum_excluded"] = key.above_low;
     entry["maximum"] = bound(key.high);
-    entry["choices"] = config::choices_of(key.choices);
+    entry["choices"] = std::vector<std::string_view>(key.choices.begin(), key.choices.end());
     entry["without_it"] = config::absence_of(key);
     entry["live"] = key.live;
     entry["sentence"] = key.sentence;

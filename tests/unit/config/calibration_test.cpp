@@ -143,7 +143,7 @@ TEST(CalibrationFile, ChannelsThatCannotBeToldApartAreRefused) {
   };
   EXPECT_THAT(problems(file(0.3, -0.5)), testing::IsEmpty());
   EXPECT_THAT(problems(file(0.99, 0.99)),
-              testing::ElementsAre(testing::HasSubstr("cannot be told apart")));
+              testing::ElementsAre(testing::HasSubstr("the channels cannot be separated")));
   EXPECT_THAT(problems(file(1e3, 1e-3)), testing::SizeIs(1));
   EXPECT_THAT(problems(file(10.0, 0.001)), testing::IsEmpty());
 }

@@ -8,6 +8,7 @@
 
 #include "config/document.h"
 #include "config/key.h"
+#include "config/key_tables.h"
 #include "physics/problem.h"
 
 namespace stickslip::config {
@@ -91,7 +92,7 @@ TEST(FaultScript, WhatItsKeysMeanTogether) {
   };
   only("kind = \"unplug\"\n", "f:2:1: fault.unplug.at_s: is missing");
   only("kind = \"unplug\"\nat_s = 1\nbetween_s = [1, 2]\n",
-       "f:5:13: fault.unplug.between_s: stands beside at_s");
+       "f:5:13: fault.unplug.between_s: is given together with at_s");
   only("kind = \"drop\"\nat_s = 1\nevery_s = 2\n", "f:2:1: fault.drop.duration_s: is missing");
   only("kind = \"drop\"\nat_s = 1\nevery_s = 2\nduration_s = 3\n",
        "f:5:11: fault.drop.every_s: is 2 s, but");
@@ -137,9 +138,9 @@ TEST(FaultScript, IsToldInWords) {
             "noise on velocity, standard deviation 0.01: at 2 s for 3 s, every 10 s, 50 % of the "
             "frames");
   EXPECT_EQ(words("kind = \"unplug\"\nbetween_s = [2, 4.5]\n"),
-            "the device is unplugged: some time between 2 s and 4.5 s to the end");
+            "the device is unplugged: at a random time from 2 s to 4.5 s to the end");
   EXPECT_EQ(words("kind = \"delay\"\nat_s = 0\namount = 0.02\n"),
-            "delay of 0.02 s on all channels, not told: at 0 s to the end");
+            "delay of 0.02 s on all channels, not reported: at 0 s to the end");
   EXPECT_EQ(words("kind = \"clock_jump\"\nat_s = 1\namount = -2\n"),
             "the device's clock is 2 s behind: at 1 s to the end");
   EXPECT_EQ(words("kind = \"write_error\"\nat_s = 1\nduration_s = 1\nprobability = 0.1\n"),
@@ -147,7 +148,7 @@ TEST(FaultScript, IsToldInWords) {
 }
 
 TEST(FaultLibrary, HasASoundScriptForEachKindAndOneForAll) {
-  const auto kinds = choices_of(find_key(fault_keys(), "kind")->choices);
+  const auto kinds = find_key(keys_of<Fault>(), "kind")->choices;
   for (std::size_t i = 0; i < kinds.size(); ++i) {
     const auto file = library / (std::string(kinds[i]) + ".toml");
     EXPECT_EQ(kind_of(read_text(file)), FileKind::fault_script);
@@ -164,7 +165,7 @@ TEST(FaultLibrary, HasASoundScriptForEachKindAndOneForAll) {
 }
 
 TEST(FaultLibrary, HoldsNothingElse) {
-  const auto kinds = choices_of(find_key(fault_keys(), "kind")->choices);
+  const auto kinds = find_key(keys_of<Fault>(), "kind")->choices;
   for (const auto& entry : std::filesystem::directory_iterator(library)) {
     const std::string name = entry.path().stem().string();
     EXPECT_TRUE(name == "everything" || std::find(kinds.begin(), kinds.end(), name) != kinds.end())

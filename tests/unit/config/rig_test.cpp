@@ -266,7 +266,7 @@ TEST_F(RigFile, AnExcitationBeyondItsLimitsIsRefused) {
   one("excitation.kind = \"multisine\"\n"
       "excitation.multisine.lines = [[2, 0.008, 0], [3, 0.008, 0]]\n",
       "excitation.multisine.lines: asks for 0.016 m");
-  one("limits.acceleration_m_s2 = 1e-12\n", "is too small to be kept at this loop.rate_hz");
+  one("limits.acceleration_m_s2 = 1e-12\n", "is too small to be enforced at this loop.rate_hz");
   // Ten newtons are not ten metres.
   write("model.toml",
         "schema = 1\n[oscillator]\nexcitation = \"force\"\nmass_kg = 0.06\n"
@@ -287,8 +287,8 @@ TEST_F(RigFile, AKindOfExcitationNeedsWhatItNeedsAndNothingElse) {
   one("kind = \"sweep\"\nsweep = { to_hz = 6, duration_s = 60 }\n",
       "excitation.sweep.from_hz is missing with excitation.kind = \"sweep\"");
   one("kind = \"sweep\"\ncarrier_hz = 3\n" + sweep,
-      "excitation.carrier_hz: does nothing with kind = \"sweep\"");
-  one("kind = \"sweep\"\nmodulation_depth = 0.5\n" + sweep, "does nothing with kind");
+      "excitation.carrier_hz: has no effect with kind = \"sweep\"");
+  one("kind = \"sweep\"\nmodulation_depth = 0.5\n" + sweep, "has no effect with kind");
   one("kind = \"sweep\"\nsweep = { from_hz = 2, to_hz = 300, duration_s = 60 }\n",
       "excitation.sweep.to_hz: is more than a quarter of loop.rate_hz");
   one("kind = \"chirp\"\nsweep = { from_hz = 2, to_hz = 3, duration_s = 2, taper_s = 1.5 }\n",
@@ -300,7 +300,7 @@ TEST_F(RigFile, AKindOfExcitationNeedsWhatItNeedsAndNothingElse) {
   one("kind = \"multisine\"\nmultisine = { count = 4, from_hz = 4, to_hz = 3 }\n",
       "is not below to_hz");
   one("kind = \"multisine\"\namplitude = 0.1\nmultisine.lines = [[1, 0.001, 0]]\n",
-      "does nothing beside multisine.lines");
+      "has no effect with multisine.lines");
   one("kind = \"multisine\"\nmultisine.lines = [[1, 0.001]]\n", "expected a line");
   one("kind = \"multisine\"\nmultisine.lines = [[0, 0.001, 0]]\n", "above 0 [Hz]");
   one("kind = \"multisine\"\nmultisine.lines = [[1, -0.001, 0]]\n", "0 or more");
@@ -356,10 +356,9 @@ TEST_F(RigFile, WhatThePageCallsTheDefaultIsTheDefault) {
     if (key.when.starts_with("driver.")) continue;  // of devices that this rig does not have
     const bool plain =
         key.type == Type::number || key.type == Type::integer || key.type == Type::boolean;
-    if (key.path == "lcm.url") {
-      all += "lcm.url = \"" + std::string(key.fallback) + "\"\n";
-    } else if (plain && key.fallback.find(' ') == std::string_view::npos) {
-      all += std::string(key.path) + " = " + std::string(key.fallback) + "\n";
+    const std::string value = default_value(key);
+    if ((plain || key.path == "lcm.url") && !value.empty()) {
+      all += std::string(key.path) + " = " + value + "\n";
     }
   }
   const Rig with = load(all);
@@ -421,9 +420,9 @@ TEST_F(RigFile, WhatItsKeysMeanTogether) {
   one("excitation.amplitude = 12\n", "amplitudes are in metres");
   one("excitation.envelope = [[0, 0.001], [1, 12]]\nexcitation.repeat = false\n",
       "amplitudes are in metres");
-  one("excitation.envelope = [[0, 0.001], [1, 0.002]]\n", "the drive would jump there");
+  one("excitation.envelope = [[0, 0.001], [1, 0.002]]\n", "the drive would jump");
   one("[excitation]\namplitude = 0.001\nenvelope = [[0, 0.001], [1, 0.001]]\n",
-      "beside an envelope");
+      "has no effect with an envelope");
   one("excitation.envelope = [[0, 0.001], [1, 0.002], [1, 0.001]]\n", "times have to increase");
   one("excitation.envelope = [[0.5, 0.001], [1, 0.001]]\n", "the first time has to be 0");
   one("excitation.envelope = [[0, 0.001], [1, -0.001], [2, 0.001]]\n", "0 or more");

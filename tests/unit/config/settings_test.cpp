@@ -10,6 +10,7 @@
 #include <fstream>
 
 #include "config/document.h"
+#include "config/toml_text.h"
 
 namespace stickslip::config {
 namespace {
@@ -80,7 +81,7 @@ TEST_F(Settings, WhatHoldsWithoutAKeyIsAValueOnlyWhereItIsOne) {
   const auto settings = settings_of(load(""));
   EXPECT_EQ(find_setting(settings, "lcm.url")->value, "\"udpm://239.255.76.67:7667?ttl=0\"");
   EXPECT_EQ(find_setting(settings, "loop.duration_s")->value, "");
-  EXPECT_EQ(find_setting(settings, "loop.duration_s")->words, "until told to stop");
+  EXPECT_EQ(find_setting(settings, "loop.duration_s")->words, "unlimited");
   EXPECT_EQ(find_setting(settings, "driver.replay.recording")->words, "required with kind replay");
   EXPECT_EQ(find_setting(settings, "excitation.envelope")->words, "none");
   EXPECT_EQ(find_setting(settings, "driver.simulated.truth")->value,
@@ -131,7 +132,7 @@ TEST_F(Settings, ChangesSayWhatARunningDaemonTakesOver) {
       "loop.duration_s = 5\n");
   EXPECT_THAT(changes(before, after),
               testing::ElementsAre(Change{"loop.rate_hz", "1000.0", "500.0", false},
-                                   Change{"loop.duration_s", "until told to stop", "5.0", false},
+                                   Change{"loop.duration_s", "unlimited", "5.0", false},
                                    Change{"calibration.velocity.gain", "1.0", "2.0", true},
                                    Change{"excitation.carrier_hz", "3.0", "3.5", true}));
   EXPECT_EQ(text(changes(before, after).front()), "loop.rate_hz: 1000.0 -> 500.0, needs a restart");
@@ -176,7 +177,7 @@ RC_GTEST_PROP(StringText, ReadsBackAsItWas, (const std::string& any)) {
   for (const char c : any) {
     if (c > 0) plain += c;
   }
-  const Document document("rig.name = " + string_text(plain) + "\n", "t", rig_keys());
+  const Document document("rig.name = " + toml_string(plain) + "\n", "t", rig_keys());
   RC_ASSERT(document.text("rig.name") == plain);
 }
 
