@@ -67,8 +67,8 @@ constexpr std::string_view calibrations = R"(
 ## Calibrations
 
 Named by `calibration.file` of a rig, as in
-[`config/calibrations/beam.toml`](../config/calibrations/beam.toml); [calibration.md](calibration.md)
-describes how to make one.
+[`config/calibrations/beam.toml`](../config/calibrations/beam.toml);
+[calibration.md](calibration.md) describes how to make one.
 
 )";
 

@@ -47,7 +47,7 @@ std::string found_text(const toml::node& node);
 /// A node as TOML on one line. `whole`: whole numbers remain so; otherwise 2 becomes 2.0.
 std::string toml_text(const toml::node& node, bool whole);
 
-/// A message on one line, whatever characters the file contains.
+/// A message on one line for any characters of the file.
 std::string one_line(std::string_view text);
 
 }  // namespace stickslip::config

@@ -26,10 +26,10 @@ std::vector<std::string> problems_of(const std::string& text) {
   return lines;
 }
 
-/// A script of one fault: `keys` by line, the first of them the file's third.
+/// A script of one fault with these keys, one per line from the third line on.
 std::string one(const std::string& keys) { return "schema = 1\n[[fault]]\n" + keys; }
 
-TEST(FaultScript, EveryKeyReachesTheScript) {
+TEST(FaultScript, EveryKeyIsRead) {
   const FaultScript script = parse_fault_script(R"(schema = 1
 seed = 42
 [[fault]]
@@ -86,7 +86,7 @@ TEST(FaultScript, WithoutFaultsItIsSound) {
   EXPECT_TRUE(script.faults.empty());
 }
 
-TEST(FaultScript, WhatItsKeysMeanTogether) {
+TEST(FaultScript, InconsistentKeysAreRefused) {
   const auto only = [](const std::string& keys, const char* line) {
     EXPECT_THAT(problems_of(one(keys)), testing::ElementsAre(testing::StartsWith(line))) << keys;
   };
@@ -105,7 +105,7 @@ TEST(FaultScript, WhatItsKeysMeanTogether) {
               testing::IsEmpty());
 }
 
-TEST(FaultScript, EachKindSaysWhatItsAmountHasToBe) {
+TEST(FaultScript, MessagesDescribeTheAmountOfEachKind) {
   for (const Key& amount : fault_amount_keys()) {
     const std::string kind(amount.path);
     const std::string head = "kind = \"" + kind + "\"\nat_s = 1\n";
@@ -120,7 +120,7 @@ TEST(FaultScript, EachKindSaysWhatItsAmountHasToBe) {
   }
 }
 
-TEST(FaultScript, MoreFaultsThanACycleHasTimeForAreRefused) {
+TEST(FaultScript, TooManyFaultsAreRefused) {
   std::string text = "schema = 1\n";
   for (int i = 0; i < 256; ++i) text += "[[fault]]\nkind = \"drop\"\nat_s = 1\n";
   EXPECT_THAT(problems_of(text), testing::IsEmpty());
@@ -129,7 +129,7 @@ TEST(FaultScript, MoreFaultsThanACycleHasTimeForAreRefused) {
               testing::ElementsAre(testing::StartsWith("f:770:1: fault: more than 256")));
 }
 
-TEST(FaultScript, IsToldInWords) {
+TEST(FaultScript, IsDescribedInWords) {
   const auto words = [](const std::string& keys) {
     return in_words(parse_fault_script(one(keys), "f").faults.at(0));
   };
@@ -164,7 +164,7 @@ TEST(FaultLibrary, HasASoundScriptForEachKindAndOneForAll) {
   EXPECT_EQ(all.size(), fault_kind_count);
 }
 
-TEST(FaultLibrary, HoldsNothingElse) {
+TEST(FaultLibrary, HasNoOtherFiles) {
   const auto kinds = find_key(keys_of<Fault>(), "kind")->choices;
   for (const auto& entry : std::filesystem::directory_iterator(library)) {
     const std::string name = entry.path().stem().string();

@@ -18,10 +18,10 @@
 namespace stickslip::config {
 namespace {
 
-TEST(Keys, PageOfTheDocumentationIsThatOfTheTable) {
+TEST(Keys, TheDocumentationIsUpToDate) {
   std::ifstream in(STICKSLIP_SOURCE_DIR "/docs/configuration.md");
   const std::string page{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-  EXPECT_EQ(page, keys_page()) << "write it anew: stickslip check --keys > docs/configuration.md";
+  EXPECT_EQ(page, keys_page()) << "run: stickslip check --keys > docs/configuration.md";
 }
 
 TEST(Keys, EveryKeyHasASentenceAndNumbersHaveAUnit) {
@@ -55,7 +55,7 @@ TEST(Keys, EveryKeyIsReadButTheSchemaAndTheAmountsByKind) {
   }
 }
 
-TEST(Keys, ConditionsSpeakOfChoicesThatThereAre) {
+TEST(Keys, ConditionsNameExistingChoices) {
   for (const auto keys : {model_keys(), keys_of<physics::Filter>(), rig_keys(), keys_of<Fault>()}) {
     for (const Key& key : keys) {
       if (key.when.empty()) continue;
@@ -103,7 +103,7 @@ TEST(Keys, EnumeratorsHaveTheirNames) {
   }
 }
 
-TEST(Keys, AmountsAreOfKindsThatHaveOne) {
+TEST(Keys, EveryKindWithAnAmountHasItsKey) {
   const Key* amount = find_key(keys_of<Fault>(), "amount");
   const auto kinds = alternatives_in(amount->when.substr(amount->when.find('=') + 1));
   EXPECT_EQ(kinds.size(), fault_amount_keys().size());
@@ -116,7 +116,7 @@ TEST(Keys, AmountsAreOfKindsThatHaveOne) {
   }
 }
 
-TEST(Keys, AStarStandsForAChannelAndNothingElse) {
+TEST(Keys, AStarMatchesChannelsOnly) {
   const Key key{.path = "sensors.*.noise_std", .sentence = ""};
   EXPECT_TRUE(matches(key, "sensors.normal_load.noise_std"));
   EXPECT_FALSE(matches(key, "sensors.noise_std"));
@@ -125,7 +125,7 @@ TEST(Keys, AStarStandsForAChannelAndNothingElse) {
   EXPECT_FALSE(matches(key, "sensors.normal_load"));
 }
 
-TEST(Keys, NumbersAreFloatsOfToml) {
+TEST(Keys, NumbersAreTomlFloats) {
   EXPECT_EQ(toml_number(2.0), "2.0");
   EXPECT_EQ(toml_number(0.1), "0.1");
   EXPECT_EQ(toml_number(-0.0), "-0.0");
