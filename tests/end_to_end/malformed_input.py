@@ -139,7 +139,7 @@ class MalformedInput(EndToEnd):
             "overwritten.log": whole[:second] + b"\0" * 28 + whole[second + 28:],
             "trailing_rubbish.log": whole + b"rubbish, not an event",
         }
-        for name, content in spoilt.items():
+        for name, content in damaged.items():
             recording = self.write(name, content)
             for command in self.readers_of_a_recording(recording):
                 with self.subTest(case=name, command=command[0]):
@@ -147,7 +147,7 @@ class MalformedInput(EndToEnd):
                     self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
                     self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
                     self.assertIn(str(recording), result.stderr)
-                    self.assertRegex(result.stderr, r"byte|holds no frames")
+                    self.assertRegex(result.stderr, r"byte|has no frames")
                     if name.startswith("overwritten"):
                         self.assertIn("stickslip log repair", result.stderr)
 

@@ -56,7 +56,7 @@ void survey_and_mend(const std::string& bytes) {
     const auto frames = protocol::parse_log(again, "fuzz.log").frames.size();
     require(frames == repair.frames, "a repaired log is readable");
   } catch (const InputError& error) {
-    require(std::string_view(error.what()).find(" holds no ") != std::string_view::npos,
+    require(std::string_view(error.what()).find(" has no ") != std::string_view::npos,
             "a repaired log is readable, or has no frames");
   }
 }
