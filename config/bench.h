@@ -1,5 +1,4 @@
-// What hangs on a bench of real devices: which of them carries which channel, how each is reached,
-// and how each is set.
+// A bench of real devices: the source of each channel, and the address and settings of each device.
 #pragma once
 
 #include <array>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "config/modbus_map.h"
+#include "config/names.h"
 #include "physics/frame.h"
 
 namespace stickslip::config {
@@ -17,52 +17,68 @@ namespace stickslip::config {
 /// The board whose scans are the frames.
 enum class BoardKind { labjack_u6, usb_1208fs_plus };
 
-/// [inputs.CHANNEL]: where a channel comes from. `from` in the file is DEVICE/INPUT.
+template <>
+inline constexpr auto names<BoardKind> = std::to_array<Name<BoardKind>>({
+    {BoardKind::labjack_u6, "labjack_u6"},
+    {BoardKind::usb_1208fs_plus, "usb_1208fs_plus"},
+});
+
+/// [inputs.CHANNEL]: source of a channel. `from` in the file is DEVICE/INPUT.
 struct BenchInput {
   std::string device;  ///< "labjack_u6", "usb_1208fs_plus", "phidget_bridge", or a [[modbus]] name
-  std::string input;   ///< "AIN3"; "2" of a bridge; the name of a register in the map
-  double range_v = 10.0;      ///< boards: the input's range is +-range_v
-  bool differential = false;  ///< boards: against the next input (AIN0 against AIN1)
+  std::string input;   ///< "AIN3"; "2" of a bridge; name of a register in the map
+  double range_v = 10.0;      ///< boards: the range is +-range_v
+  bool differential = false;  ///< boards: relative to the next input (AIN0 - AIN1)
   int gain = 1;               ///< bridges
 };
 
-/// By channel; nothing where the bench does not measure it.
+/// By channel; empty if the bench does not measure it.
 using BenchInputs = std::array<std::optional<BenchInput>, channel_count>;
 
 /// [labjack_u6]
 struct LabjackU6 {
-  std::optional<std::uint32_t> serial;    ///< absent: the only one that is attached
-  int resolution_index = 0;               ///< 0 to 8, as StreamConfig takes it
-  int settling = 0;                       ///< settling factor, as StreamConfig takes it
-  std::optional<int> samples_per_packet;  ///< 1 to 25; absent: as many as come in 5 ms
+  std::optional<std::uint32_t> serial;    ///< absent: the only one attached
+  int resolution_index = 0;               ///< 0 to 8, of StreamConfig
+  int settling = 0;                       ///< settling factor of StreamConfig
+  std::optional<int> samples_per_packet;  ///< 1 to 25; absent: those of 5 ms
   int transfers = 8;                      ///< stream transfers in flight
-  int dac = 0;                            ///< 0 or 1: what drives the amplifier
+  int dac = 0;                            ///< output to the amplifier, 0 or 1
   /// Digital lines, 0 to 19 (FIO0-7, EIO0-7, CIO0-3). Absent: not wired.
-  std::optional<int> enable_line;           ///< high while the amplifier may be on
-  std::optional<int> amplifier_fault_line;  ///< low: fault (a cut wire, pulled down, is one)
-  std::optional<int> emergency_stop_line;   ///< low: pressed, or its wire is cut
-  int watchdog_s = 2;   ///< the firmware lets enable_line go after so long without us; 0: never
-  double rest_v = 2.5;  ///< of the output: at which nothing moves; [shaker] rest_v
+  std::optional<int> enable_line;  ///< high: the amplifier may be on
+  std::optional<int>
+      amplifier_fault_line;  ///< low: fault (also with a cut wire, which is pulled down)
+  std::optional<int> emergency_stop_line;  ///< low: pressed, or its wire is cut
+  int watchdog_s = 2;   ///< the firmware releases enable_line after this silence; 0: never
+  double rest_v = 2.5;  ///< output voltage at rest; [shaker] rest_v
 };
 
 /// [usb_1208fs_plus]
 struct Usb1208fsPlus {
-  std::string serial;            ///< 8 characters; empty: the only one that is attached
-  int output = 0;                ///< 0 or 1: what drives the amplifier
-  double output_ahead_s = 0.02;  ///< how much drive is queued in the board: late, but never torn
-  double rest_v = 2.5;           ///< of the output: at which nothing moves; [shaker] rest_v
+  std::string serial;            ///< 8 characters; empty: the only one attached
+  int output = 0;                ///< output to the amplifier, 0 or 1
+  double output_ahead_s = 0.02;  ///< drive queued in the board: a delay, but no gaps
+  double rest_v = 2.5;           ///< output voltage at rest; [shaker] rest_v
 };
 
 /// [phidget_bridge], PhidgetBridge 4-Input 1046
 struct PhidgetBridge {
-  std::optional<std::uint32_t> serial;  ///< absent: the only one that is attached
+  std::optional<std::uint32_t> serial;  ///< absent: the only one attached
   int interval_ms = 8;                  ///< 8 to 1000, a multiple of 8; for all inputs
 };
 
 enum class ModbusTransport { rtu, tcp };
 
-/// One [[modbus]] table: a unit. Units with the same device, or the same host and port, share one
-/// bus.
+template <>
+inline constexpr auto names<ModbusTransport> = std::to_array<Name<ModbusTransport>>({
+    {ModbusTransport::rtu, "rtu"},
+    {ModbusTransport::tcp, "tcp"},
+});
+
+/// Parity of a serial line, by the letters of ModbusUnit::parity.
+inline constexpr auto parities =
+    std::to_array<Name<char>>({{'N', "none"}, {'E', "even"}, {'O', "odd"}});
+
+/// One [[modbus]] table: a unit. Units with the same port share one bus.
 struct ModbusUnit {
   std::string name;
   ModbusTransport transport = ModbusTransport::rtu;
@@ -75,13 +91,18 @@ struct ModbusUnit {
   std::filesystem::path map_file;
   double poll_period_s = 0.1;
   double timeout_s = 0.5;
-  int retries = 1;  ///< of a request, before it counts as failed
+  int retries = 1;  ///< repetitions of a request before it counts as failed
   double pause_between_requests_s = 0.0;
   double pause_after_connect_s = 0.0;
 };
 
-/// Instruments that need no more than to know where they are: one [[gauge]] table each.
+/// Kind of an instrument that needs no settings but its port.
 enum class GaugeKind { serial_scale };
+
+template <>
+inline constexpr auto names<GaugeKind> = std::to_array<Name<GaugeKind>>({
+    {GaugeKind::serial_scale, "serial_scale"},
+});
 
 /// One [[gauge]] table.
 struct GaugeAt {
@@ -97,8 +118,16 @@ struct GpioLine {
   std::string line;  ///< its name, or its offset in digits
   bool active_low = false;
   Bias bias = Bias::as_is;
-  double debounce_s = 0.0;  ///< inputs: a level counts once it has held for so long
+  double debounce_s = 0.0;  ///< inputs: a level counts after this time without a change
 };
+
+template <>
+inline constexpr auto names<GpioLine::Bias> = std::to_array<Name<GpioLine::Bias>>({
+    {GpioLine::Bias::as_is, "as_is"},
+    {GpioLine::Bias::disabled, "disabled"},
+    {GpioLine::Bias::pull_up, "pull_up"},
+    {GpioLine::Bias::pull_down, "pull_down"},
+});
 
 /// [amplifier]: its contacts on GPIO lines. Logical levels: active means enabled, fault, pressed.
 struct Amplifier {
@@ -106,17 +135,17 @@ struct Amplifier {
   std::optional<GpioLine> enable;
   std::optional<GpioLine> fault;
   std::optional<GpioLine> emergency_stop;
-  std::optional<GpioLine>
-      heartbeat;                    ///< toggles for as long as the loop runs; for a watchdog relay
-  double heartbeat_period_s = 0.1;  ///< from edge to edge
+  std::optional<GpioLine> heartbeat;  ///< toggles while the loop runs; for a watchdog relay
+  double heartbeat_period_s = 0.1;    ///< from edge to edge
 };
 
-/// [shaker]: from what the base (or the force) shall be to volts at the board's output.
+/// [shaker]: conversion of the commanded base displacement (or force) to the board's output
+/// voltage.
 struct ShakerOutput {
   double volts_per_unit = 0.0;  ///< [V/m], or [V/N] on force-excited rigs; may be negative
-  double rest_v = 2.5;          ///< at which nothing moves
-  double low_v = 0.0;           ///< never less than
-  double high_v = 5.0;          ///< never more than
+  double rest_v = 2.5;          ///< at rest
+  double low_v = 0.0;           ///< lower limit
+  double high_v = 5.0;          ///< upper limit
 };
 
 /// [driver] kind = "bench"
@@ -132,7 +161,7 @@ struct Bench {
   std::optional<Amplifier> amplifier;
 };
 
-/// The inputs of that device alone.
+/// Those of the inputs that belong to a device.
 BenchInputs inputs_of(const BenchInputs& inputs, const std::string& device);
 
 }  // namespace stickslip::config

@@ -8,7 +8,8 @@
 #include <set>
 #include <string_view>
 
-#include "config/key.h"
+#include "config/names.h"
+#include "physics/number_text.h"
 #include "physics/problem.h"
 
 namespace stickslip::config {
@@ -24,18 +25,9 @@ constexpr std::array usb_1208fs_ranges_v = {20.0, 10.0, 5.0, 4.0, 2.5, 2.0, 1.25
 constexpr std::array bridge_gains = {1, 8, 16, 32, 64, 128};
 constexpr std::string_view bridge = "phidget_bridge";
 
-std::string short_of(double value) {
-  std::array<char, 32> digits{};
-  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value,
-                                 std::chars_format::general, 6);
-  return {digits.data(), end.ptr};
-}
+std::string short_of(double value) { return physics::number_text(value, 6); }
 
-std::string name_of(BoardKind board) {
-  return std::string(choice_at(rig_keys(), "driver.bench.board", static_cast<std::size_t>(board)));
-}
-
-/// The number behind `prefix` in "AIN3", below `count`.
+/// The number after `prefix` in "AIN3", if below `count`.
 std::optional<int> numbered(std::string_view text, std::string_view prefix, int count) {
   if (!text.starts_with(prefix)) return std::nullopt;
   text.remove_prefix(prefix.size());
@@ -47,136 +39,37 @@ std::optional<int> numbered(std::string_view text, std::string_view prefix, int 
   return number;
 }
 
-template <class Target, class Value>
-void take(Target& target, const std::optional<Value>& value) {
-  if (value) target = static_cast<Target>(*value);
+void read_map(Document& document, std::size_t position, ModbusUnit& unit) {
+  std::string text;
+  try {
+    text = read_text(unit.map_file);
+  } catch (const InputError& error) {
+    document.report("modbus." + std::to_string(position) + ".map",
+                    unit.map_file.string() + ": " + error.problems().front().message);
+    return;
+  }
+  try {
+    unit.map = parse_modbus_map(text, unit.map_file.string());
+  } catch (const InputError& error) {
+    document.add(error.problems());
+  }
 }
 
-class Reader {
- public:
-  Reader(Document& document, const std::filesystem::path& folder)
-      : document_(document), folder_(folder) {}
-
-  Bench read() {
-    Bench bench;
-    take(bench.board, document_.choice("driver.bench.board"));
-    read_inputs(bench.inputs);
-    take(bench.shaker.volts_per_unit, document_.number("shaker.volts_per_unit"));
-    take(bench.shaker.rest_v, document_.number("shaker.rest_v"));
-    take(bench.shaker.low_v, document_.number("shaker.low_v"));
-    take(bench.shaker.high_v, document_.number("shaker.high_v"));
-    bench.labjack_u6.rest_v = bench.shaker.rest_v;
-    bench.usb_1208fs_plus.rest_v = bench.shaker.rest_v;
-    read_u6(bench.labjack_u6);
-    take(bench.usb_1208fs_plus.serial, document_.text("usb_1208fs_plus.serial"));
-    take(bench.usb_1208fs_plus.output, document_.integer("usb_1208fs_plus.output"));
-    take(bench.usb_1208fs_plus.output_ahead_s, document_.number("usb_1208fs_plus.output_ahead_s"));
-    bench.phidget_bridge.serial = serial("phidget_bridge.serial");
-    take(bench.phidget_bridge.interval_ms, document_.integer("phidget_bridge.interval_ms"));
-    read_units(bench.modbus);
-    bench.gauges = document_.gauges();
-    if (document_.has("amplifier")) read_amplifier(bench.amplifier.emplace());
-    return bench;
+/// Reports inputs that are not DEVICE/INPUT, and removes them.
+void check_form(Document& document, BenchInputs& inputs) {
+  for (const Channel channel : all_channels) {
+    const std::string path = "inputs." + std::string(info(channel).stem);
+    auto& input = inputs[index_of(channel)];
+    if (!document.has(path) || (input && !input->device.empty())) continue;
+    input.reset();
+    const std::string from = document.text(path + ".from").value_or("");
+    document.report(path + ".from",
+                    (from.empty() ? std::string("is missing") : "is \"" + from + '"') +
+                        ": expected DEVICE/INPUT, such as \"labjack_u6/AIN0\"");
   }
+}
 
- private:
-  std::optional<std::uint32_t> serial(std::string_view path) const {
-    const auto number = document_.integer(path);
-    if (!number) return std::nullopt;
-    return static_cast<std::uint32_t>(*number);
-  }
-
-  void read_inputs(BenchInputs& inputs) {
-    for (const Channel channel : all_channels) {
-      const std::string path = "inputs." + std::string(info(channel).stem);
-      if (!document_.has(path)) continue;
-      const std::string from = document_.text(path + ".from").value_or("");
-      const auto slash = from.find('/');
-      if (slash == std::string::npos || slash == 0 || slash + 1 == from.size()) {
-        document_.report(path + ".from",
-                         (from.empty() ? std::string("is missing") : "is \"" + from + '"') +
-                             ": expected DEVICE/INPUT, such as \"labjack_u6/AIN0\"");
-        continue;
-      }
-      BenchInput& input = inputs[index_of(channel)].emplace();
-      input.device = from.substr(0, slash);
-      input.input = from.substr(slash + 1);
-      take(input.range_v, document_.number(path + ".range_v"));
-      take(input.differential, document_.boolean(path + ".differential"));
-      take(input.gain, document_.integer(path + ".gain"));
-    }
-  }
-
-  void read_u6(LabjackU6& u6) const {
-    u6.serial = serial("labjack_u6.serial");
-    take(u6.resolution_index, document_.integer("labjack_u6.resolution_index"));
-    take(u6.settling, document_.integer("labjack_u6.settling"));
-    take(u6.transfers, document_.integer("labjack_u6.transfers"));
-    take(u6.dac, document_.integer("labjack_u6.dac"));
-    const auto whole = [this](std::string_view path) -> std::optional<int> {
-      const auto number = document_.integer(path);
-      if (!number) return std::nullopt;
-      return static_cast<int>(*number);
-    };
-    u6.samples_per_packet = whole("labjack_u6.samples_per_packet");
-    u6.enable_line = whole("labjack_u6.enable_line");
-    u6.amplifier_fault_line = whole("labjack_u6.amplifier_fault_line");
-    u6.emergency_stop_line = whole("labjack_u6.emergency_stop_line");
-    take(u6.watchdog_s, document_.integer("labjack_u6.watchdog_s"));
-  }
-
-  void read_units(std::vector<ModbusUnit>& units) {
-    units = document_.modbus_units();
-    for (std::size_t i = 0; i < units.size(); ++i) {
-      ModbusUnit& unit = units[i];
-      if (unit.map_file.is_relative()) {
-        unit.map_file = (folder_ / unit.map_file).lexically_normal();
-      }
-      std::string text;
-      try {
-        text = read_text(unit.map_file);
-      } catch (const InputError& error) {
-        document_.report("modbus." + std::to_string(i) + ".map",
-                         unit.map_file.string() + ": " + error.problems().front().message);
-        continue;
-      }
-      try {
-        unit.map = parse_modbus_map(text, unit.map_file.string());
-      } catch (const InputError& error) {
-        document_.add(error.problems());
-      }
-    }
-  }
-
-  std::optional<GpioLine> line(const std::string& path) const {
-    if (!document_.has(path)) return std::nullopt;
-    GpioLine line;
-    take(line.line, document_.text(path + ".line"));
-    take(line.active_low, document_.boolean(path + ".active_low"));
-    take(line.bias, document_.choice(path + ".bias"));
-    return line;
-  }
-
-  void read_amplifier(Amplifier& amplifier) const {
-    take(amplifier.chip, document_.text("amplifier.chip"));
-    amplifier.enable = line("amplifier.enable");
-    amplifier.fault = line("amplifier.fault");
-    amplifier.emergency_stop = line("amplifier.emergency_stop");
-    amplifier.heartbeat = line("amplifier.heartbeat");
-    if (amplifier.fault) {
-      take(amplifier.fault->debounce_s, document_.number("amplifier.fault.debounce_s"));
-    }
-    if (amplifier.emergency_stop) {
-      take(amplifier.emergency_stop->debounce_s,
-           document_.number("amplifier.emergency_stop.debounce_s"));
-    }
-    take(amplifier.heartbeat_period_s, document_.number("amplifier.heartbeat_period_s"));
-  }
-
-  Document& document_;
-  std::filesystem::path folder_;
-};
-
+/// Checks of a bench beyond those of single keys.
 class Checker {
  public:
   Checker(Document& document, const Rig& rig)
@@ -191,7 +84,7 @@ class Checker {
     const auto count = std::count_if(on_board.begin(), on_board.end(),
                                      [](const auto& input) { return input.has_value(); });
     if (count == 0) {
-      document_.report("inputs", "none of the channels comes from " + board_ +
+      document_.report("inputs", "no channel comes from " + board_ +
                                      ", whose scans are the frames: expected one or more from \"" +
                                      board_ + "/...\"");
     }
@@ -201,7 +94,7 @@ class Checker {
     check_shaker();
     if (bench_.phidget_bridge.interval_ms % 8 != 0) {
       document_.report("phidget_bridge.interval_ms",
-                       "is no multiple of 8, which is the bridge's step");
+                       "is not a multiple of 8, the step of the bridge");
     }
   }
 
@@ -210,10 +103,10 @@ class Checker {
     if (name.find('/') != std::string::npos || name == bridge || name == "labjack_u6" ||
         name == "usb_1208fs_plus") {
       document_.report(at, "\"" + name +
-                               "\" cannot name a device: expected a name without '/' that is no "
-                               "other device's");
+                               "\" cannot name a device: expected a name without '/' that no other "
+                               "device has");
     } else if (!names_.insert(name).second) {
-      document_.report(at, "\"" + name + "\" names another device already");
+      document_.report(at, "\"" + name + "\" already names another device");
     }
   }
 
@@ -254,7 +147,7 @@ class Checker {
                                         "stop_bits are the same for all units of a bus");
     }
     if (unit.unit == other.unit) {
-      document_.report(at + "unit", "is that of \"" + other.name + "\" on the same bus");
+      document_.report(at + "unit", "is already that of \"" + other.name + "\" on the same bus");
     }
   }
 
@@ -263,7 +156,8 @@ class Checker {
     const std::string from = input.device + "/" + input.input;
     const auto [taken, first] = taken_.emplace(from, info(channel).stem);
     if (!first) {
-      document_.report(path + ".from", "\"" + from + "\" is that of " + taken->second + " already");
+      document_.report(path + ".from",
+                       "\"" + from + "\" is already the source of " + taken->second);
     }
     if (input.device == board_) {
       check_board_input(path, input);
@@ -272,12 +166,12 @@ class Checker {
     } else {
       check_register(path, input);
     }
-    useless(path, input.device == board_, {"range_v", "differential"}, "inputs of a board");
-    useless(path, input.device == bridge, {"gain"}, "inputs of a bridge");
+    refuse_unused(path, input.device == board_, {"range_v", "differential"}, "inputs of a board");
+    refuse_unused(path, input.device == bridge, {"gain"}, "inputs of a bridge");
   }
 
-  void useless(const std::string& path, bool used, std::initializer_list<const char*> names,
-               const char* whose) {
+  void refuse_unused(const std::string& path, bool used, std::initializer_list<const char*> names,
+                     const char* whose) {
     for (const char* name : names) {
       const std::string at = path + "." + name;
       if (!used && document_.has(at)) {
@@ -292,11 +186,11 @@ class Checker {
     const char* prefix = u6 ? "AIN" : "CH";
     const auto number = numbered(input.input, prefix, inputs);
     if (!number || (u6 && input.differential && *number % 2 != 0)) {
-      document_.report(path + ".from", "\"" + input.input + "\" is no " +
-                                           (input.differential ? "differential " : "") +
-                                           "input of " + board_ + ": expected " + prefix + "0 to " +
-                                           prefix + std::to_string(inputs - 1) +
-                                           (u6 && input.differential ? ", the even ones" : ""));
+      document_.report(
+          path + ".from",
+          "\"" + input.input + "\" is " + (input.differential ? "not a differential " : "not an ") +
+              "input of " + board_ + ": expected " + prefix + "0 to " + prefix +
+              std::to_string(inputs - 1) + (u6 && input.differential ? ", the even ones" : ""));
     }
     check_range(path, input, u6);
   }
@@ -314,8 +208,8 @@ class Checker {
 
   void check_bridge_input(const std::string& path, const BenchInput& input) {
     if (!numbered(input.input, "", 4)) {
-      document_.report(path + ".from",
-                       "\"" + input.input + "\" is no input of a bridge: expected 0, 1, 2 or 3");
+      document_.report(path + ".from", "\"" + input.input +
+                                           "\" is not an input of a bridge: expected 0, 1, 2 or 3");
     }
     if (std::find(bridge_gains.begin(), bridge_gains.end(), input.gain) == bridge_gains.end()) {
       document_.report(path + ".gain",
@@ -327,7 +221,7 @@ class Checker {
     std::string known = board_ + ", phidget_bridge";
     for (const GaugeAt& gauge : bench_.gauges) {
       known += ", " + gauge.name;
-      if (gauge.name == input.device) return;  // the gauge itself knows its inputs
+      if (gauge.name == input.device) return;  // checked by the gauge itself
     }
     for (const ModbusUnit& unit : bench_.modbus) {
       known += ", " + unit.name;
@@ -345,12 +239,12 @@ class Checker {
         }
         document_.report(path + ".from", "the map " + unit.map_file.string() +
                                              " has no reading named \"" + input.input +
-                                             "\"; there are " + names);
+                                             "\"; its readings are " + names);
       }
       return;
     }
     document_.report(path + ".from", "there is no device \"" + input.device +
-                                         "\" on this bench; there are " + known);
+                                         "\" on this bench; its devices are " + known);
   }
 
   void check_rate(double inputs) {
@@ -374,28 +268,28 @@ class Checker {
     for (const auto& [path, line] : lines) {
       if (!line) continue;
       const auto [other, first] = used.emplace(*line, path);
-      if (!first) document_.report(path, std::string("is the line of ") + other->second + " too");
+      if (!first) document_.report(path, std::string("is already the line of ") + other->second);
     }
     const bool enable = u6.enable_line || (bench_.amplifier && bench_.amplifier->enable);
     if (!enable) {
       document_.report(
           "driver.bench.board",
-          "no line tells the amplifier that it may be on, and an output at rest is no "
-          "safe state: expected [amplifier.enable]" +
+          "no line enables the amplifier, and an output at rest is not a safe state: "
+          "expected [amplifier.enable]" +
               std::string(bench_.board == BoardKind::labjack_u6 ? " or labjack_u6.enable_line"
                                                                 : ""));
     }
   }
 
-  /// Something has to let go of the amplifier by itself when the daemon dies: a GPIO chip may go on
-  /// driving a line that nobody holds any more.
+  /// Some device must disable the amplifier on its own when the daemon dies: a GPIO chip may keep
+  /// driving a line that no process holds.
   void check_dead_daemon() {
     const bool u6 = bench_.labjack_u6.enable_line && bench_.labjack_u6.watchdog_s > 0;
     if (u6 || (bench_.amplifier && bench_.amplifier->heartbeat)) return;
     const bool has_line = bench_.labjack_u6.enable_line || bench_.amplifier;
-    if (!has_line) return;  // told already
+    if (!has_line) return;  // already reported
     document_.report(bench_.amplifier ? "amplifier" : "labjack_u6.watchdog_s",
-                     "nothing lets go of the amplifier when the daemon dies: expected "
+                     "nothing disables the amplifier when the daemon dies: expected "
                      "[amplifier.heartbeat] with a watchdog relay" +
                          std::string(bench_.board == BoardKind::labjack_u6
                                          ? ", or labjack_u6.enable_line with a watchdog_s above 0"
@@ -405,7 +299,7 @@ class Checker {
   void check_shaker() {
     const ShakerOutput& shaker = bench_.shaker;
     if (shaker.volts_per_unit == 0.0) {
-      document_.report("shaker.volts_per_unit", "is 0, so that nothing would ever move");
+      document_.report("shaker.volts_per_unit", "is 0: the shaker would never move");
       return;
     }
     if (shaker.low_v >= shaker.high_v || shaker.rest_v < shaker.low_v ||
@@ -416,14 +310,14 @@ class Checker {
     const bool force = rig_.model.oscillator.excitation == physics::Excitation::force;
     const double most = force ? rig_.limits.force_n : rig_.limits.displacement_m;
     const double swing = std::abs(shaker.volts_per_unit) * most;
-    const double room = std::min(shaker.rest_v - shaker.low_v, shaker.high_v - shaker.rest_v);
-    if (swing > room * (1.0 + 1.0e-9)) {
+    const double margin = std::min(shaker.rest_v - shaker.low_v, shaker.high_v - shaker.rest_v);
+    if (swing > margin * (1.0 + 1.0e-9)) {
       const char* path = force ? "limits.force_n" : "limits.displacement_m";
       document_.report(path, "takes " + short_of(swing) +
-                                 " V on either side of shaker.rest_v, and "
-                                 "there are " +
-                                 short_of(room) + " V: expected " +
-                                 short_of(room / std::abs(shaker.volts_per_unit)) + " or less");
+                                 " V on either side of shaker.rest_v, but "
+                                 "only " +
+                                 short_of(margin) + " V are available: expected " +
+                                 short_of(margin / std::abs(shaker.volts_per_unit)) + " or less");
     }
   }
 
@@ -432,13 +326,16 @@ class Checker {
   const Bench& bench_;
   std::string board_;
   std::set<std::string> names_;
-  std::map<std::string, std::string> taken_;  // by DEVICE/INPUT: the channel's stem
+  std::map<std::string, std::string> taken_;  // stem of the channel by DEVICE/INPUT
 };
 
 }  // namespace
 
-Bench read_bench(Document& document, const std::filesystem::path& folder) {
-  return Reader(document, folder).read();
+void complete_bench(Document& document, Bench& bench) {
+  check_form(document, bench.inputs);
+  bench.labjack_u6.rest_v = bench.shaker.rest_v;
+  bench.usb_1208fs_plus.rest_v = bench.shaker.rest_v;
+  for (std::size_t i = 0; i < bench.modbus.size(); ++i) read_map(document, i, bench.modbus[i]);
 }
 
 void check_bench(Document& document, const Rig& rig) { Checker(document, rig).check(); }

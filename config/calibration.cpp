@@ -10,6 +10,7 @@
 
 #include "config/document.h"
 #include "config/key.h"
+#include "config/toml_text.h"
 #include "physics/problem.h"
 
 namespace stickslip::config {
@@ -18,7 +19,7 @@ namespace {
 
 constexpr double least_determinant = 0.1;
 
-// Parts of a date: digits at fixed places.
+/// Number in fixed digits of a date.
 std::optional<int> digits_at(std::string_view text, std::size_t at, std::size_t count) {
   if (at + count > text.size()) return std::nullopt;
   int value = 0;
@@ -43,77 +44,42 @@ std::optional<int> zone_seconds(std::string_view zone) {
   return (zone[0] == '-' ? -1 : 1) * (*hours * 3600 + *minutes * 60);
 }
 
-std::string toml_string(std::string_view text) {
-  constexpr std::string_view hexadecimal = "0123456789abcdef";
-  std::string out = "\"";
-  for (const char c : text) {
-    const auto byte = static_cast<unsigned char>(c);
-    if (c == '"' || c == '\\') {
-      out += '\\';
-      out += c;
-    } else if (byte < 0x20 || byte == 0x7f) {
-      out += "\\u00";
-      out += hexadecimal[byte >> 4U];
-      out += hexadecimal[byte & 15U];
-    } else {
-      out += c;
-    }
-  }
-  return out += '"';
+void write_numbers(TomlWriter& out, std::string_view key, std::initializer_list<double> values) {
+  std::vector<std::string> texts;
+  for (const double value : values) texts.push_back(toml_number(value));
+  out.list(key, "[", texts, "]");
 }
 
-class Writer {
- public:
-  void line(std::string_view key, const std::string& value) {
-    text_.append(key).append(" = ").append(value).append("\n");
-  }
-  void number(std::string_view key, double value) { line(key, number_text(value)); }
-  void numbers(std::string_view key, std::initializer_list<double> values) {
-    std::vector<std::string> texts;
-    for (const double value : values) texts.push_back(number_text(value));
-    list(key, "[", texts, "]");
-  }
-  void list(std::string_view key, std::string_view open, const std::vector<std::string>& texts,
-            std::string_view close) {
-    text_.append(key).append(" = ").append(open);
-    for (std::size_t i = 0; i < texts.size(); ++i) text_.append(i > 0 ? ", " : "").append(texts[i]);
-    text_.append(close).append("\n");
-  }
-  /// Leaves out what was not told.
-  void text(std::string_view key, const std::string& value) {
-    if (!value.empty()) line(key, toml_string(value));
-  }
-  void table(const std::string& name) { text_.append("\n[").append(name).append("]\n"); }
-  void tables(const std::string& name) { text_.append("\n[[").append(name).append("]]\n"); }
-  void comment(std::string_view words) { text_.append("# ").append(words).append("\n"); }
-  std::string take() { return std::move(text_); }
+/// Omits an empty text, which stands for an unknown one.
+void write_known(TomlWriter& out, std::string_view key, const std::string& value) {
+  if (!value.empty()) out.text(key, value);
+}
 
- private:
-  std::string text_;
-};
-
-/// The keys of a table that was begun; `path` is that of the table.
-void write(Writer& out, const std::string& path, const ChannelCalibration& calibration) {
+/// Keys of a table that has been opened at `path`.
+void write(TomlWriter& out, const std::string& path, const ChannelCalibration& calibration) {
   out.number("offset", calibration.offset);
   out.number("gain", calibration.gain);
   if (calibration.covariance != LineCovariance{}) {
-    out.numbers("covariance", {calibration.covariance.offset, calibration.covariance.offset_gain,
-                               calibration.covariance.gain});
+    write_numbers(out, "covariance",
+                  {calibration.covariance.offset, calibration.covariance.offset_gain,
+                   calibration.covariance.gain});
   }
   if (calibration.residual_std != 0.0) out.number("residual_std", calibration.residual_std);
-  std::vector<std::string> leaks;
+  std::vector<std::string> crosstalk;
   for (Channel channel : all_channels) {
-    const double leak = calibration.crosstalk[index_of(channel)];
-    if (leak != 0.0) leaks.push_back(std::string(info(channel).stem) + " = " + number_text(leak));
+    const double share = calibration.crosstalk[index_of(channel)];
+    if (share != 0.0) {
+      crosstalk.push_back(std::string(info(channel).stem) + " = " + toml_number(share));
+    }
   }
-  if (!leaks.empty()) out.list("crosstalk", "{ ", leaks, " }");
+  if (!crosstalk.empty()) out.list("crosstalk", "{ ", crosstalk, " }");
   if (calibration.valid) {
-    out.numbers("valid_range", {calibration.valid->low, calibration.valid->high});
+    write_numbers(out, "valid_range", {calibration.valid->low, calibration.valid->high});
   }
-  out.text("raw_unit", calibration.raw_unit);
-  out.text("date", calibration.date);
-  out.text("reference", calibration.reference);
-  out.text("by", calibration.by);
+  write_known(out, "raw_unit", calibration.raw_unit);
+  write_known(out, "date", calibration.date);
+  write_known(out, "reference", calibration.reference);
+  write_known(out, "by", calibration.by);
   if (!calibration.despite.empty()) {
     std::vector<std::string> texts;
     for (const std::string& each : calibration.despite) texts.push_back(toml_string(each));
@@ -128,22 +94,22 @@ void write(Writer& out, const std::string& path, const ChannelCalibration& calib
   }
 }
 
-/// What the table of keys cannot say about one channel's calibration.
+/// Checks of one channel's calibration beyond those of single keys.
 void check(Document& document, const std::string& path, Channel channel,
            const ChannelCalibration& calibration) {
   if (calibration.gain == 0.0) {
-    document.report(path + ".gain", "is 0, so that every reading would be 0");
+    document.report(path + ".gain", "is 0: every reading would be 0");
   }
   if (calibration.crosstalk[index_of(channel)] != 0.0) {
-    document.report(path + ".crosstalk", "names the channel itself: that is its gain");
+    document.report(path + ".crosstalk", "names the channel itself, whose share is its gain");
   }
 }
 
 void check_order(Document& document, const CalibrationFile& file) {
   std::array<std::optional<std::int64_t>, channel_count> newer{};
   for (Channel channel : all_channels) {
-    const auto& holds = file.channel[index_of(channel)];
-    if (holds) newer[index_of(channel)] = utc_seconds(holds->date);
+    const auto& current = file.channel[index_of(channel)];
+    if (current) newer[index_of(channel)] = utc_seconds(current->date);
   }
   for (std::size_t i = 0; i < file.history.size(); ++i) {
     const FormerCalibration& each = file.history[i];
@@ -165,29 +131,28 @@ CalibrationFile load_calibration(const std::filesystem::path& file) {
 }
 
 CalibrationFile parse_calibration(std::string_view text, const std::string& name) {
-  Document document(text, name, calibration_file_keys());
+  Document document(text, name, keys_of<CalibrationFile>());
   CalibrationFile file;
   if (document.sound()) {
+    document.read(file);
     ChannelCalibrations all{};
     for (Channel channel : all_channels) {
       const std::string path = "channel." + std::string(info(channel).stem);
-      auto& calibration = file.channel[index_of(channel)];
-      calibration = document.calibration(path);
+      const auto& calibration = file.channel[index_of(channel)];
       if (!calibration) continue;
       check(document, path, channel, *calibration);
       all[index_of(channel)] = *calibration;
     }
-    file.history = document.history("history");
     for (std::size_t i = 0; i < file.history.size(); ++i) {
       check(document, "history." + std::to_string(i), file.history[i].channel,
             file.history[i].calibration);
     }
     check_order(document, file);
-    // Also where it is no number at all.
+    // Negated, so that NaN is refused as well.
     if (!(std::abs(crosstalk_determinant(all)) >= least_determinant)) {
       document.report("channel",
-                      "channels leak into each other so much that they cannot be told apart: look "
-                      "at their crosstalk");
+                      "the crosstalk is so large that the channels cannot be separated: check "
+                      "crosstalk");
     }
   }
   if (!document.sound()) throw InputError(document.take_problems());
@@ -195,10 +160,9 @@ CalibrationFile parse_calibration(std::string_view text, const std::string& name
 }
 
 std::string calibration_text(const CalibrationFile& file) {
-  Writer out;
-  out.comment(
-      "Written anew at each calibration: what was calibrated before is kept below, comments");
-  out.comment("are not.");
+  TomlWriter out;
+  out.comment("Rewritten at each calibration: previous calibrations are kept below, comments are");
+  out.comment("not.");
   out.line("schema", "1");
   for (Channel channel : all_channels) {
     const auto& calibration = file.channel[index_of(channel)];
@@ -222,22 +186,22 @@ void renew(CalibrationFile& file, Channel channel, ChannelCalibration calibratio
   if (!now) {
     throw InputError(Problem{name, 0, 0,
                              "the calibration of " + stem + " needs " +
-                                 expectation(*find_key(calibration_keys(), "date")) + ", found \"" +
-                                 calibration.date + "\""});
+                                 expectation(*find_key(keys_of<ChannelCalibration>(), "date")) +
+                                 ", found \"" + calibration.date + "\""});
   }
-  auto& holds = file.channel[index_of(channel)];
-  if (holds) {
-    if (utc_seconds(holds->date).value_or(*now) > *now) {
+  auto& current = file.channel[index_of(channel)];
+  if (current) {
+    if (utc_seconds(current->date).value_or(*now) > *now) {
       throw InputError(Problem{name, 0, 0,
-                               "the calibration of " + stem + " of " + holds->date +
+                               "the calibration of " + stem + " of " + current->date +
                                    " is newer than the new one, " + calibration.date +
                                    ": is the clock right?"});
     }
     const std::array<double, channel_count> none{};
-    if (calibration.crosstalk == none) calibration.crosstalk = holds->crosstalk;
-    file.history.insert(file.history.begin(), {channel, *std::move(holds)});
+    if (calibration.crosstalk == none) calibration.crosstalk = current->crosstalk;
+    file.history.insert(file.history.begin(), {channel, *std::move(current)});
   }
-  holds = std::move(calibration);
+  current = std::move(calibration);
 }
 
 double calibration_sigma(const ChannelCalibration& calibration, double si) {

@@ -5,17 +5,17 @@
 #include <cmath>
 #include <complex>
 #include <cstddef>
-#include <iomanip>
 #include <numbers>
-#include <sstream>
+
+#include "physics/number_text.h"
 
 namespace stickslip::config {
 namespace {
 
 constexpr double two_pi = 2.0 * std::numbers::pi;
 
-/// Of A(t) sin(phase(t)) with the amplitude and its derivatives, the angular frequency and its
-/// derivative bounded.
+/// Demand of A(t) sin(phase(t)) with bounds of A, its derivatives, the angular frequency and its
+/// derivative.
 Demand of_carrier(double amplitude, double slope, double curvature, double omega,
                   double omega_dot) {
   return {amplitude, std::hypot(amplitude * omega, slope),
@@ -43,7 +43,7 @@ Demand of_modulated(const Excitation& excitation) {
   return of_carrier(amplitude, slope, curvature, two_pi * excitation.carrier_hz, 0.0);
 }
 
-// The movements of the hand are polynomials; these are the extremes of their derivatives.
+// The movements of the hand are polynomials with these extremes of their derivatives.
 Demand of_hand(const Excitation& excitation) {
   const double span = std::max(0.0, excitation.amplitude - excitation.by_hand.lowest);
   const double shortest_s = shortest_move_s(excitation.by_hand);
@@ -66,8 +66,8 @@ Demand of_sweep(const Excitation& excitation) {
   return of_carrier(excitation.amplitude, slope, curvature, two_pi * highest, two_pi * rate);
 }
 
-/// Largest |sum of a_n (2 pi f_n)^k exp(i phase_n(t))| over time, for lines of equal spacing: found
-/// on a grid so fine that what lies between is no larger than the factor says.
+/// Bound of |sum of a_n (2 pi f_n)^k exp(i phase_n(t))| over time for lines of equal spacing: the
+/// maximum on a grid, and the factor by which the sum can be larger between its points.
 double largest_sum(const std::vector<Line>& lines, int derivative) {
   const std::size_t points = 16 * lines.size();
   double largest = 0.0;
@@ -88,7 +88,7 @@ Demand of_multisine(const Excitation& excitation) {
   if (excitation.multisine.lines.empty()) {
     return {excitation.amplitude, largest_sum(lines, 1), largest_sum(lines, 2)};
   }
-  // Lines of any frequencies meet at some time.
+  // Lines of arbitrary frequencies are in phase at some time.
   Demand out;
   for (const Line& line : lines) {
     const double omega = two_pi * line.frequency_hz;
@@ -163,25 +163,21 @@ std::optional<Excess> excess_of(const Demand& demand, const Limits& limits, bool
       {{"limits.force_n", limits.force_n, demand.displacement, "N"},
        {"limits.force_slew_n_s", limits.force_slew_n_s, demand.velocity, "N/s"}}};
   std::optional<Excess> worst;
-  const auto look = [&worst](const Excess& each) {
+  const auto compare = [&worst](const Excess& each) {
     if (!(each.demand <= each.limit * rounding) &&
         (!worst || each.demand / each.limit > worst->demand / worst->limit)) {
       worst = each;
     }
   };
   if (force) {
-    for (const Excess& each : of_force) look(each);
+    for (const Excess& each : of_force) compare(each);
   } else {
-    for (const Excess& each : of_base) look(each);
+    for (const Excess& each : of_base) compare(each);
   }
   return worst;
 }
 
-std::string short_number(double value) {
-  std::ostringstream text;
-  text << std::setprecision(4) << value;
-  return text.str();
-}
+std::string short_number(double value) { return physics::number_text(value, 4); }
 
 std::string text_of(const Excess& excess) {
   return short_number(excess.demand) + " " + excess.unit + ", " + excess.key + " allows " +

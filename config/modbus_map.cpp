@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "config/document.h"
-#include "config/key.h"
 #include "physics/problem.h"
 
 namespace stickslip::config {
@@ -18,7 +17,7 @@ bool holds_bits(RegisterTable table) {
   return table == RegisterTable::coils || table == RegisterTable::discrete_inputs;
 }
 
-// What the keys of one register mean together.
+// Consistency of the keys of one register.
 void check(Document& document, const std::string& at, const ModbusRegister& entry) {
   const auto report = [&](const char* key, const std::string& message) {
     document.report(at + key, message);
@@ -26,13 +25,13 @@ void check(Document& document, const std::string& at, const ModbusRegister& entr
   const bool bits = holds_bits(entry.table);
   if (bits != (entry.type == RegisterType::bit)) {
     report("type", bits ? "coils and discrete inputs hold bits: expected type = \"bit\""
-                        : "a bit stands in a table of its own kind: expected table = \"coils\" or "
+                        : "bits are in tables of bits: expected table = \"coils\" or "
                           "\"discrete_inputs\", or another type");
   }
-  if (entry.scale == 0.0) report("scale", "is 0, so that every value would be the same");
+  if (entry.scale == 0.0) report("scale", "is 0: every value would be the same");
   if (static_cast<std::size_t>(entry.address) + registers_of(entry.type) > 65536) {
-    report("address", "leaves no room for a value of " + std::to_string(registers_of(entry.type)) +
-                          " registers below 65536");
+    report("address", "is too high: a value of " + std::to_string(registers_of(entry.type)) +
+                          " registers would reach beyond 65535");
   }
   const bool writable =
       entry.table == RegisterTable::coils || entry.table == RegisterTable::holding_registers;
@@ -45,12 +44,12 @@ void check(Document& document, const std::string& at, const ModbusRegister& entr
   }
 }
 
-// A group is of one moment because it is one request.
+// A group is sampled simultaneously because it is one request.
 void check_groups(Document& document, const ModbusMap& map) {
   struct Extent {
     int first = 65536;
     int end = 0;
-    bool told = false;
+    bool reported = false;
   };
   std::map<std::pair<std::string, RegisterTable>, Extent> extents;
   for (std::size_t i = 0; i < map.registers.size(); ++i) {
@@ -60,15 +59,15 @@ void check_groups(Document& document, const ModbusMap& map) {
     extent.first = std::min(extent.first, its.address);
     extent.end = std::max(extent.end, its.address + static_cast<int>(registers_of(its.type)));
     const int most = most_in_one(its.table);
-    if (extent.end - extent.first <= most || extent.told) continue;
-    extent.told = true;
+    if (extent.end - extent.first <= most || extent.reported) continue;
+    extent.reported = true;
     document.report("register." + std::to_string(i) + ".group",
-                    "group \"" + its.group + "\" reaches from address " +
+                    "group \"" + its.group + "\" extends from address " +
                         std::to_string(extent.first) + " to " + std::to_string(extent.end - 1) +
                         ", which is " + std::to_string(extent.end - extent.first) +
                         "; one request reads at most " + std::to_string(most) +
                         (holds_bits(its.table) ? " bits" : " registers") +
-                        ": give those that are far apart groups of their own");
+                        ": put distant registers into different groups");
   }
 }
 
@@ -96,17 +95,16 @@ std::size_t registers_of(RegisterType type) {
 }
 
 ModbusMap parse_modbus_map(std::string_view text, const std::string& name) {
-  Document document(text, name, modbus_map_keys());
+  Document document(text, name, keys_of<ModbusMap>());
   ModbusMap map;
   if (document.sound()) {
-    map.name = document.text("name").value_or("");
-    map.registers = document.registers();
+    document.read(map);
     std::set<std::string> names;
     for (std::size_t i = 0; i < map.registers.size(); ++i) {
       const std::string at = "register." + std::to_string(i) + ".";
       check(document, at, map.registers[i]);
       if (!names.insert(map.registers[i].name).second) {
-        document.report(at + "name", "stands for another register already");
+        document.report(at + "name", "already names another register");
       }
     }
     check_groups(document, map);

@@ -1,4 +1,4 @@
-// model.toml: the physics that an experimenter believes in, as physics::Model.
+// model.toml: the assumed physics of a rig, as physics::Model.
 #pragma once
 
 #include <filesystem>
@@ -9,8 +9,7 @@
 
 namespace stickslip::config {
 
-/// Reads a model file (section 3 of the contract). Throws InputError with every problem that was
-/// found, each with file, line and column.
+/// Reads a model file. Throws InputError with every problem found, each with file, line, column.
 physics::Model load_model(const std::filesystem::path& file);
 
 /// The same for text in memory; `name` stands for the file in messages.

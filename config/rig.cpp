@@ -15,12 +15,6 @@ namespace {
 
 constexpr double largest_base_amplitude_m = 0.1;
 
-/// Sets `target` where the file says something.
-template <class Target, class Value>
-void take(Target& target, const std::optional<Value>& value) {
-  if (value) target = static_cast<Target>(*value);
-}
-
 class Reader {
  public:
   explicit Reader(const std::filesystem::path& file)
@@ -30,16 +24,14 @@ class Reader {
     Rig rig;
     rig.file = file_;
     rig.text = text_;
-    // The models are read even where the rig itself is not sound: all problems are told at once.
-    const bool model = model_at("rig.model", rig.model_file, rig.model, rig.model_text);
-    const bool truth = truth_of(rig, model);
+    // The files that it names are read even if the rig has problems, so that all are reported.
+    const bool model = read_model("rig.model", rig.model_file, rig.model, rig.model_text);
+    const bool truth = read_truth(rig, model);
     read_faults(rig);
     if (document_.sound()) {
-      read_device(rig);
-      read_safety(rig);
-      read_excitation(rig.excitation);
-      read_limits(rig.limits);
-      read_outlets(rig);
+      document_.read(rig);
+      if (rig.driver == DriverKind::bench) complete_bench(document_, rig.bench);
+      read_calibration(rig);
       check(rig, truth);
     }
     if (!document_.sound()) throw InputError(document_.take_problems());
@@ -47,16 +39,10 @@ class Reader {
   }
 
  private:
-  std::filesystem::path path_at(std::string_view path) const {
-    std::filesystem::path named = document_.text(path).value_or("");
-    if (named.empty() || named.is_absolute()) return named;
-    return (file_.parent_path() / named).lexically_normal();
-  }
-
-  /// Whether a model could be read; every problem in it is told.
-  bool model_at(std::string_view path, std::filesystem::path& file, physics::Model& model,
-                std::string& text) {
-    file = path_at(path);
+  /// False if the model has problems, which are reported.
+  bool read_model(std::string_view path, std::filesystem::path& file, physics::Model& model,
+                  std::string& text) {
+    file = document_.file_at(path);
     if (file.empty()) return false;
     try {
       text = read_text(file);
@@ -73,19 +59,20 @@ class Reader {
     }
   }
 
-  bool truth_of(Rig& rig, bool model_is_sound) {
-    const std::filesystem::path named = path_at("driver.simulated.truth");
+  bool read_truth(Rig& rig, bool model_is_sound) {
+    const std::filesystem::path named = document_.file_at("driver.simulated.truth");
     if (named.empty() || named == rig.model_file) {
       rig.simulated.truth = rig.model;
       rig.simulated.truth_file = rig.model_file;
       return model_is_sound;
     }
     std::string text;
-    return model_at("driver.simulated.truth", rig.simulated.truth_file, rig.simulated.truth, text);
+    return read_model("driver.simulated.truth", rig.simulated.truth_file, rig.simulated.truth,
+                      text);
   }
 
   void read_faults(Rig& rig) {
-    const std::filesystem::path named = path_at("driver.faults");
+    const std::filesystem::path named = document_.file_at("driver.faults");
     if (named.empty()) return;
     std::string text;
     try {
@@ -101,147 +88,33 @@ class Reader {
     }
   }
 
-  void read_device(Rig& rig) {
-    take(rig.name, document_.text("rig.name"));
-    take(rig.driver, document_.choice("driver.kind"));
-    take(rig.simulated.seed, document_.integer("driver.simulated.seed"));
-    take(rig.simulated.noise, document_.boolean("driver.simulated.noise"));
-    take(rig.simulated.step_s, document_.number("driver.simulated.step_s"));
-    take(rig.simulated.shaker_bandwidth_hz,
-         document_.number("driver.simulated.shaker_bandwidth_hz"));
-    rig.simulated.relay = path_at("driver.simulated.relay");
-    take(rig.simulated.real_time, document_.boolean("driver.simulated.real_time"));
-    rig.replay.recording = path_at("driver.replay.recording");
-    take(rig.replay.speed, document_.number("driver.replay.speed"));
-    for (Channel channel : all_channels) {
-      const std::string stem(info(channel).stem);
-      take(rig.simulated.resolution[index_of(channel)],
-           document_.number("driver.simulated.resolution." + stem));
-    }
-    if (rig.driver == DriverKind::bench) rig.bench = read_bench(document_, file_.parent_path());
-    read_calibration(rig);
-    take(rig.loop.rate_hz, document_.number("loop.rate_hz"));
-    take(rig.loop.frames_per_block, document_.integer("loop.frames_per_block"));
-    take(rig.loop.duration_s, document_.number("loop.duration_s"));
-    take(rig.loop.real_time_scheduling, document_.boolean("loop.real_time_scheduling"));
-    take(rig.loop.lateness_limit_s, document_.number("loop.lateness_limit_s"));
-    take(rig.loop.priority, document_.integer("loop.priority"));
-    if (const auto cpu = document_.integer("loop.cpu")) rig.loop.cpu = static_cast<int>(*cpu);
-  }
-
-  void read_safety(Rig& rig) {
-    rig.control.socket = path_at("control.socket");
-    take(rig.control.group, document_.text("control.group"));
-    take(rig.control.start_at_once, document_.boolean("control.start_at_once"));
-    Safety& safety = rig.safety;
-    take(safety.longest_silence_s, document_.number("safety.longest_silence_s"));
-    take(safety.stale_after_s, document_.number("safety.stale_after_s"));
-    take(safety.longest_overrun_s, document_.number("safety.longest_overrun_s"));
-    take(safety.dead_man_s, document_.number("safety.dead_man_s"));
-    take(safety.not_finite, document_.boolean("safety.not_finite"));
-    take(safety.observer_diverged, document_.boolean("safety.observer_diverged"));
-    take(safety.recorder_failing, document_.boolean("safety.recorder_failing"));
-    take(safety.exit_on_fault, document_.boolean("safety.exit_on_fault"));
-    for (Channel channel : all_channels) {
-      const std::string stem = "safety.range." + std::string(info(channel).stem);
-      take(safety.range[index_of(channel)].low, document_.number(stem + ".low"));
-      take(safety.range[index_of(channel)].high, document_.number(stem + ".high"));
-    }
-  }
-
+  /// The calibration file, whose channels must not be calibrated in the rig file as well.
   void read_calibration(Rig& rig) {
-    rig.calibration_file = path_at("calibration.file");
+    if (rig.calibration_file.empty()) return;
     CalibrationFile of_file;
-    if (!rig.calibration_file.empty()) {
-      try {
-        rig.calibration_text = read_text(rig.calibration_file);
-        of_file = parse_calibration(rig.calibration_text, rig.calibration_file.string());
-      } catch (const InputError& error) {
-        if (rig.calibration_text.empty()) {
-          document_.report("calibration.file",
-                           rig.calibration_file.string() + ": " + error.problems().front().message);
-        } else {
-          document_.add(error.problems());
-        }
+    try {
+      rig.calibration_text = read_text(rig.calibration_file);
+      of_file = parse_calibration(rig.calibration_text, rig.calibration_file.string());
+    } catch (const InputError& error) {
+      if (rig.calibration_text.empty()) {
+        document_.report("calibration.file",
+                         rig.calibration_file.string() + ": " + error.problems().front().message);
+      } else {
+        document_.add(error.problems());
       }
     }
     for (Channel channel : all_channels) {
-      ChannelCalibration& calibration = rig.calibration[index_of(channel)];
+      if (!of_file.channel[index_of(channel)]) continue;
+      rig.calibration[index_of(channel)] = *of_file.channel[index_of(channel)];
       const std::string path = "calibration." + std::string(info(channel).stem);
-      if (of_file.channel[index_of(channel)]) {
-        calibration = *of_file.channel[index_of(channel)];
-        if (document_.has(path)) {
-          document_.report(path, "is in " + rig.calibration_file.string() +
-                                     " as well, and only one can hold: take it out of one of the "
-                                     "two");
-        }
+      if (document_.has(path)) {
+        document_.report(path, "is in " + rig.calibration_file.string() +
+                                   " as well: remove it from one of the two");
       }
-      take(calibration.offset, document_.number(path + ".offset"));
-      take(calibration.gain, document_.number(path + ".gain"));
     }
   }
 
-  void read_excitation(Excitation& excitation) {
-    take(excitation.enabled, document_.boolean("excitation.enabled"));
-    take(excitation.carrier_hz, document_.number("excitation.carrier_hz"));
-    take(excitation.amplitude, document_.number("excitation.amplitude"));
-    take(excitation.modulation_hz, document_.number("excitation.modulation_hz"));
-    take(excitation.modulation_depth, document_.number("excitation.modulation_depth"));
-    excitation.envelope = document_.envelope("excitation.envelope");
-    take(excitation.repeat, document_.boolean("excitation.repeat"));
-    take(excitation.ramp_s, document_.number("excitation.ramp_s"));
-    take(excitation.kind, document_.choice("excitation.kind"));
-    take(excitation.by_hand.lowest, document_.number("excitation.by_hand.lowest"));
-    take(excitation.by_hand.bandwidth_hz, document_.number("excitation.by_hand.bandwidth_hz"));
-    take(excitation.by_hand.seed, document_.integer("excitation.by_hand.seed"));
-    Sweep& sweep = excitation.sweep;
-    take(sweep.from_hz, document_.number("excitation.sweep.from_hz"));
-    take(sweep.to_hz, document_.number("excitation.sweep.to_hz"));
-    take(sweep.duration_s, document_.number("excitation.sweep.duration_s"));
-    take(sweep.scale, document_.choice("excitation.sweep.scale"));
-    take(sweep.at_end, document_.choice("excitation.sweep.at_end"));
-    take(sweep.pause_s, document_.number("excitation.sweep.pause_s"));
-    take(sweep.taper_s, document_.number("excitation.sweep.taper_s"));
-    excitation.multisine.lines = document_.lines("excitation.multisine.lines");
-    take(excitation.multisine.count, document_.integer("excitation.multisine.count"));
-    take(excitation.multisine.from_hz, document_.number("excitation.multisine.from_hz"));
-    take(excitation.multisine.to_hz, document_.number("excitation.multisine.to_hz"));
-    excitation.file.path = path_at("excitation.file.path");
-    take(excitation.file.at_end, document_.choice("excitation.file.at_end"));
-    excitation.amplitude_slew = document_.number("excitation.amplitude_slew");
-    take(excitation.carrier_slew_hz_s, document_.number("excitation.carrier_slew_hz_s"));
-    AmplitudeControl& control = excitation.control;
-    take(control.enabled, document_.boolean("excitation.control.enabled"));
-    take(control.gain_min, document_.number("excitation.control.gain_min"));
-    take(control.gain_max, document_.number("excitation.control.gain_max"));
-    take(control.time_constant_s, document_.number("excitation.control.time_constant_s"));
-    take(control.distortion_max, document_.number("excitation.control.distortion_max"));
-  }
-
-  void read_limits(Limits& limits) {
-    take(limits.displacement_m, document_.number("limits.displacement_m"));
-    take(limits.velocity_m_s, document_.number("limits.velocity_m_s"));
-    take(limits.acceleration_m_s2, document_.number("limits.acceleration_m_s2"));
-    take(limits.force_n, document_.number("limits.force_n"));
-    take(limits.force_slew_n_s, document_.number("limits.force_slew_n_s"));
-  }
-
-  void read_outlets(Rig& rig) {
-    take(rig.lcm.enabled, document_.boolean("lcm.enabled"));
-    take(rig.lcm.url, document_.text("lcm.url"));
-    take(rig.recording.enabled, document_.boolean("recording.enabled"));
-    rig.recording.file = path_at("recording.file");
-    rig.recording.rotate_s = document_.number("recording.rotate_s");
-    rig.recording.rotate_mb = document_.number("recording.rotate_mb");
-    take(rig.recording.sync_s, document_.number("recording.sync_s"));
-    take(rig.observer.enabled, document_.boolean("observer.enabled"));
-    take(rig.observer.model_check, document_.boolean("observer.model_check"));
-    take(rig.observer.days_between_false_alarms,
-         document_.number("observer.days_between_false_alarms"));
-    rig.metrics.file = path_at("metrics.file");
-  }
-
-  // What the keys of the file mean together.
+  // Consistency of the keys with each other.
 
   void check(const Rig& rig, bool truth_is_sound) {
     if (rig.driver == DriverKind::simulated && truth_is_sound) check_truth(rig);
@@ -263,17 +136,17 @@ class Reader {
         document_.has("driver.simulated.truth") ? "driver.simulated.truth" : "rig.model";
     if (truth.oscillator.excitation == physics::Excitation::imposed) {
       document_.report(path, rig.simulated.truth_file.string() +
-                                 " has an imposed motion, which no simulated shaker can give: "
-                                 "expected excitation \"base\" or \"force\"");
+                                 " has an imposed motion, which a simulated shaker cannot "
+                                 "produce: expected excitation \"base\" or \"force\"");
     }
     if (truth.normal_load && truth.normal_load->law == physics::NormalLoadLaw::measured) {
       document_.report(path, rig.simulated.truth_file.string() +
-                                 " takes its normal load from a recording, and a simulated rig has "
-                                 "none: expected the law \"constant\" or \"wedge\"");
+                                 " takes its normal load from a recording, which a simulated rig "
+                                 "does not have: expected the law \"constant\" or \"wedge\"");
     }
     if (truth.oscillator.excitation != rig.model.oscillator.excitation) {
       document_.report(path, rig.simulated.truth_file.string() + " and " + rig.model_file.string() +
-                                 " do not agree on oscillator.excitation: one rig has one drive");
+                                 " differ in oscillator.excitation: a rig has a single drive");
     }
   }
 
@@ -290,12 +163,12 @@ class Reader {
       const ChannelCalibration& calibration = rig.calibration[index_of(channel)];
       const std::string path = "calibration." + std::string(info(channel).stem);
       if (calibration.gain == 0.0) {
-        document_.report(path + ".gain", "is 0, so that every reading would be 0");
+        document_.report(path + ".gain", "is 0: every reading would be 0");
       }
       const bool own = document_.has(path) || rig.calibration_file.empty();
       if (rig.driver == DriverKind::replay && calibration != ChannelCalibration{}) {
         document_.report(own ? path : "calibration.file",
-                         "a recording is in SI units already: leave the calibration out "
+                         "a recording is in SI units already: remove the calibration "
                          "while driver.kind is \"replay\"");
       }
     }
@@ -304,14 +177,14 @@ class Reader {
   void check_safety(const Rig& rig) {
     if (rig.control.start_at_once && rig.driver != DriverKind::simulated) {
       document_.report("control.start_at_once",
-                       "only a simulated rig may start by itself: on this one a person does, with "
+                       "only a simulated rig may start automatically; start this one with "
                        "`stickslip ctl clear`, `arm` and `start`");
     }
     for (Channel channel : all_channels) {
       const ChannelRange& range = rig.safety.range[index_of(channel)];
       if (range.low >= range.high) {
         document_.report("safety.range." + std::string(info(channel).stem),
-                         "leaves nothing: low has to be below high");
+                         "is empty: low has to be below high");
       }
     }
   }
@@ -325,25 +198,25 @@ class Reader {
       for (const char* name : {"amplitude", "modulation_hz", "modulation_depth"}) {
         const std::string path = std::string("excitation.") + name;
         if (document_.has(path)) {
-          document_.report(path, "does nothing beside an envelope: keep one of the two");
+          document_.report(path, "has no effect with an envelope: remove one of the two");
         }
       }
       if (excitation.repeat &&
           excitation.envelope.front().amplitude != excitation.envelope.back().amplitude) {
         document_.report("excitation.envelope",
-                         "ends on another amplitude than it begins with, and the drive would jump "
-                         "there: make them equal, or set repeat = false");
+                         "ends at another amplitude than it begins with, and the drive would "
+                         "jump: make them equal, or set repeat = false");
       }
     }
     if (!sound) return;
     if (highest_frequency_hz(excitation) > rig.loop.rate_hz / 4.0) {
       document_.report(place_of_frequency(excitation),
-                       "is more than a quarter of loop.rate_hz: the drive would be no sine");
+                       "is more than a quarter of loop.rate_hz: the drive would not be a sine");
     }
     check_limits(rig);
   }
 
-  /// What the kind of excitation needs, and what it has no use for.
+  /// Keys that the kind of excitation requires, and keys that it ignores.
   void check_kind(const Excitation& excitation) {
     using enum ExcitationKind;
     const ExcitationKind kind = excitation.kind;
@@ -351,23 +224,21 @@ class Reader {
     const auto useless = [this](bool used, const char* name, const std::string& why) {
       const std::string path = std::string("excitation.") + name;
       if (!used && document_.has(path))
-        document_.report(path, "does nothing " + why + ": remove it");
+        document_.report(path, "has no effect " + why + ": remove it");
     };
-    const std::string with_kind =
-        "with kind = \"" +
-        std::string(choice_at(rig_keys(), "excitation.kind", static_cast<std::size_t>(kind))) + '"';
+    const std::string with_kind = "with kind = \"" + std::string(name_of(kind)) + '"';
     for (const char* name : {"modulation_hz", "modulation_depth", "envelope", "repeat"}) {
       useless(kind == modulated, name, with_kind);
     }
     useless(kind == modulated || kind == by_hand, "carrier_hz", with_kind);
     useless(kind != file, "amplitude", with_kind);
-    useless(!lines, "amplitude", "beside multisine.lines");
+    useless(!lines, "amplitude", "with multisine.lines");
     if (kind == by_hand && excitation.by_hand.lowest > excitation.amplitude) {
       document_.report("excitation.by_hand.lowest", "is above excitation.amplitude");
     }
     if (kind == chirp && excitation.sweep.taper_s > excitation.sweep.duration_s / 2.0) {
       document_.report("excitation.sweep.taper_s",
-                       "is more than half of duration_s: a burst swells, and then fades");
+                       "is more than half of duration_s, which has to hold the rise and the decay");
     }
     if (kind == multisine) check_multisine(excitation.multisine);
     if (kind == file) {
@@ -379,7 +250,7 @@ class Reader {
     }
     if (excitation.control.enabled && (kind == multisine || kind == file)) {
       document_.report("excitation.control.enabled",
-                       "needs a carrier, and there is none " + with_kind);
+                       "needs a carrier, which does not exist " + with_kind);
     }
   }
 
@@ -430,19 +301,19 @@ class Reader {
       document_.report(place, "moves the base by more than 0.1 m: amplitudes are in metres");
       return;
     }
-    // Below, the acceleration of a cycle is lost in the rounding of the position.
+    // Below this the change of position in a cycle is lost in rounding.
     constexpr double least_change = 2.0e-11;
     const double rate = rig.loop.rate_hz;
     if (!force && limits.acceleration_m_s2 / (rate * rate) < least_change * limits.displacement_m) {
       document_.report("limits.acceleration_m_s2",
-                       "is too small to be kept at this loop.rate_hz: expected " +
+                       "is too small to be enforced at this loop.rate_hz: expected " +
                            short_number(least_change * limits.displacement_m * rate * rate) +
                            " or more");
     }
     if (const auto excess = excess_of(demand, limits, force)) {
       document_.report(place, "asks for " + text_of(*excess) + ": " +
                                   short_number(100.0 * excess->limit / excess->demand) +
-                                  " % of the amplitude would do");
+                                  " % of the amplitude is allowed");
     }
   }
 
@@ -462,8 +333,8 @@ class Reader {
     if (!rig.metrics.file.empty()) {
       if (rig.metrics.file.extension() != ".prom") {
         document_.report("metrics.file",
-                         "node_exporter reads only files named *.prom, and passes over " +
-                             rig.metrics.file.filename().string() + " without a word");
+                         "node_exporter reads only files named *.prom, and silently ignores " +
+                             rig.metrics.file.filename().string());
       }
       expect_folder_of("metrics.file", rig.metrics.file);
     }

@@ -1,5 +1,5 @@
-// A rig as its configuration file describes it: which device yields the channels, how they are
-// calibrated, how the shaker is driven, and where the data goes.
+// A rig as its configuration file describes it: the device that yields the channels, their
+// calibration, the excitation of the shaker, and the outputs.
 #pragma once
 
 #include <array>
@@ -13,64 +13,96 @@
 #include "config/bench.h"
 #include "config/calibration.h"
 #include "config/fault_script.h"
+#include "config/names.h"
 #include "physics/frame.h"
 #include "physics/model.h"
 
 namespace stickslip::config {
 
-/// [driver.simulated]: a rig of equations behind the driver interface.
+/// [driver.simulated]: a simulated rig behind the driver interface.
 struct SimulatedDriver {
-  physics::Model truth;  ///< what the rig really does; may hold physics that the rig's model lacks
+  physics::Model truth;  ///< simulated; may contain physics that the rig's model lacks
   std::filesystem::path truth_file;
   std::uint64_t seed = 1;
   bool noise = true;
   double step_s = 1.0e-4;
   double shaker_bandwidth_hz = 60.0;  ///< reconstruction filter and shaker, 4-pole low-pass
   std::array<double, channel_count> resolution{};  ///< quantisation step, SI; 0: none
-  std::filesystem::path relay;  ///< socket of a watchdog relay that is the amplifier; empty: none
-  bool real_time = true;        ///< false: time is simulated, as fast as it goes
+  std::filesystem::path
+      relay;              ///< socket of a watchdog relay in place of the amplifier; empty: none
+  bool real_time = true;  ///< false: simulated time, as fast as possible
 };
 
 /// [driver.replay]: a recording behind the driver interface.
 struct ReplayDriver {
   std::filesystem::path recording;
-  double speed = 1.0;  ///< 1: as recorded; 10: ten times as fast; 0: as fast as it goes
+  double speed = 1.0;  ///< relative to the recorded time; 0: as fast as possible
 };
 
 enum class DriverKind { simulated, replay, bench };
 
-/// One point of an amplitude envelope; amplitudes in between are linear in time.
+template <>
+inline constexpr auto names<DriverKind> = std::to_array<Name<DriverKind>>({
+    {DriverKind::simulated, "simulated"},
+    {DriverKind::replay, "replay"},
+    {DriverKind::bench, "bench"},
+});
+
+/// One point of an amplitude envelope, which is linear in time between its points.
 struct EnvelopePoint {
   double time_s = 0.0;
   double amplitude = 0.0;
 };
 
-/// What the drive looks like; docs/excitation.md has the formula of each.
+/// Shape of the excitation; docs/excitation.md has the formula of each.
 enum class ExcitationKind {
-  modulated,  ///< a carrier, its amplitude modulated or by an envelope table
-  by_hand,    ///< a carrier whose amplitude goes as if turned by hand
-  sweep,      ///< a carrier whose frequency moves
+  modulated,  ///< a carrier with modulated amplitude or an envelope table
+  by_hand,    ///< a carrier whose amplitude varies as if turned by hand
+  sweep,      ///< a carrier of varying frequency
   chirp,      ///< bursts of swept carrier
-  multisine,  ///< many sines at once
+  multisine,  ///< a sum of sines
   file,       ///< from a recording
 };
 
-/// [excitation.by_hand]: where the amplitude goes, from `lowest` to Excitation::amplitude.
+template <>
+inline constexpr auto names<ExcitationKind> = std::to_array<Name<ExcitationKind>>({
+    {ExcitationKind::modulated, "modulated"},
+    {ExcitationKind::by_hand, "by_hand"},
+    {ExcitationKind::sweep, "sweep"},
+    {ExcitationKind::chirp, "chirp"},
+    {ExcitationKind::multisine, "multisine"},
+    {ExcitationKind::file, "file"},
+});
+
+/// [excitation.by_hand]: an amplitude that varies between `lowest` and Excitation::amplitude.
 struct ByHand {
   double lowest = 0.0;        ///< [m] or [N]
-  double bandwidth_hz = 0.2;  ///< the amplitude has next to nothing above
+  double bandwidth_hz = 0.2;  ///< of the amplitude
   std::uint64_t seed = 1;
 };
 
 enum class SweepScale { linear, logarithmic };
 
+template <>
+inline constexpr auto names<SweepScale> = std::to_array<Name<SweepScale>>({
+    {SweepScale::linear, "linear"},
+    {SweepScale::logarithmic, "logarithmic"},
+});
+
 enum class SweepEnd {
   hold,    ///< stays at to_hz
-  back,    ///< comes back to from_hz in the same time and stays there
-  repeat,  ///< to and fro until it is stopped
+  back,    ///< returns to from_hz in the same time and stays there
+  repeat,  ///< sweeps up and down until it is stopped
 };
 
-/// [excitation.sweep], of a sweep and of each burst of a chirp.
+template <>
+inline constexpr auto names<SweepEnd> = std::to_array<Name<SweepEnd>>({
+    {SweepEnd::hold, "hold"},
+    {SweepEnd::back, "back"},
+    {SweepEnd::repeat, "repeat"},
+});
+
+/// [excitation.sweep]: a sweep, or each burst of a chirp.
 struct Sweep {
   double from_hz = 0.0;
   double to_hz = 0.0;
@@ -78,7 +110,7 @@ struct Sweep {
   SweepScale scale = SweepScale::linear;
   SweepEnd at_end = SweepEnd::hold;  ///< sweeps only
   double pause_s = 0.0;              ///< between bursts; chirps only
-  double taper_s = 0.5;              ///< in which a burst swells, and fades; chirps only
+  double taper_s = 0.5;              ///< rise time and decay time of a burst; chirps only
 };
 
 /// One sine of a multisine: amplitude sin(2 pi frequency_hz t + phase_deg).
@@ -88,8 +120,8 @@ struct Line {
   double phase_deg = 0.0;
 };
 
-/// [excitation.multisine]: `lines`, or `count` of equal amplitudes from from_hz to to_hz with
-/// Schroeder's phases, together as large as Excitation::amplitude.
+/// [excitation.multisine]: `lines`, or `count` lines of equal amplitude from from_hz to to_hz with
+/// Schroeder phases, whose sum peaks at Excitation::amplitude.
 struct Multisine {
   std::vector<Line> lines;
   int count = 0;
@@ -99,27 +131,33 @@ struct Multisine {
 
 enum class DriveFileEnd { repeat, ramp_down };
 
+template <>
+inline constexpr auto names<DriveFileEnd> = std::to_array<Name<DriveFileEnd>>({
+    {DriveFileEnd::repeat, "repeat"},
+    {DriveFileEnd::ramp_down, "ramp_down"},
+});
+
 /// [excitation.file]: base_displacement_m or drive_force_n over time_s.
 struct DriveFile {
   std::filesystem::path path;
   DriveFileEnd at_end = DriveFileEnd::ramp_down;
 };
 
-/// [excitation.control]: a gain on the drive that makes the measured amplitude the asked one.
+/// [excitation.control]: closed-loop control of the measured amplitude by a gain on the drive.
 struct AmplitudeControl {
   bool enabled = false;
   double gain_min = 0.5;
   double gain_max = 2.0;
   double time_constant_s = 1.0;
-  double distortion_max = 0.01;  ///< of the measured motion; beyond it the gain is not raised
+  double distortion_max = 0.01;  ///< of the measured motion; above it the gain is not raised
 };
 
-/// [excitation]: amplitude(t) sin(2 pi carrier_hz t), or what its kind says, in metres of base
-/// displacement on base-excited rigs and in newtons on force-excited ones. With the kind
-/// `modulated`, amplitude(t) is
+/// [excitation]: amplitude(t) sin(2 pi carrier_hz t), or the signal of its kind, in metres of base
+/// displacement on base-excited rigs and in newtons on force-excited ones. For `modulated`,
+/// amplitude(t) is
 ///   amplitude * (1 - depth/2 + depth/2 * cos(2 pi modulation_hz t))   without an envelope, or
-///   the envelope table, repeated where `repeat` says so,
-/// and any kind ramps up from zero over ramp_s and down to zero within ramp_s at the stop.
+///   the envelope table, repeated if `repeat` is set.
+/// Every kind ramps up from zero within ramp_s, and down to zero within ramp_s at the stop.
 struct Excitation {
   bool enabled = false;
   ExcitationKind kind = ExcitationKind::modulated;
@@ -134,12 +172,12 @@ struct Excitation {
   Sweep sweep;
   Multisine multisine;
   DriveFile file;
-  std::optional<double> amplitude_slew;  ///< [m/s] or [N/s]; absent: the limit in two seconds
+  std::optional<double> amplitude_slew;  ///< [m/s] or [N/s]; absent: to the limit in two seconds
   double carrier_slew_hz_s = 1.0;
   AmplitudeControl control;
 };
 
-/// [limits]: what the shaker is never told to exceed, whatever is asked for.
+/// [limits]: bounds of every command to the shaker.
 struct Limits {
   double displacement_m = 0.015;
   double velocity_m_s = 0.5;
@@ -153,27 +191,28 @@ struct Limits {
 struct Loop {
   double rate_hz = 1000.0;
   int frames_per_block = 10;
-  std::optional<double> duration_s;  ///< absent: until told to stop
-  bool real_time_scheduling = true;  ///< try SCHED_FIFO and locked memory; refused is reported
+  std::optional<double> duration_s;  ///< absent: unlimited
+  bool real_time_scheduling =
+      true;  ///< request SCHED_FIFO and locked memory; a refusal is reported
   std::optional<double> lateness_limit_s;  ///< absent: one period
   int priority = 50;
-  std::optional<int> cpu;  ///< absent: an isolated one, if there is any
+  std::optional<int> cpu;  ///< absent: an isolated one, if available
 };
 
-/// [control]: who may tell the rig what to do, and where.
+/// [control]: the control socket and who may use it.
 struct Control {
-  std::filesystem::path socket;  ///< empty: in systemd's runtime directory, or none
+  std::filesystem::path socket;  ///< empty: in systemd's runtime directory, otherwise none
   std::string group;             ///< empty: the daemon's own
   bool start_at_once = false;
 };
 
-/// Where a channel has to stay while the rig is armed or moves, SI.
+/// Permitted range of a channel while the rig is armed or moves, SI.
 struct ChannelRange {
   double low = -std::numeric_limits<double>::infinity();
   double high = std::numeric_limits<double>::infinity();
 };
 
-/// [safety]: what is a fault. Times of 0: no limit.
+/// [safety]: conditions that are faults. Times of 0: no limit.
 struct Safety {
   std::optional<double> longest_silence_s;
   double stale_after_s = 0.1;
@@ -194,26 +233,26 @@ struct Lcm {
 struct RecordingOutput {
   bool enabled = false;
   std::filesystem::path file;       ///< LCM event log; its folder must exist
-  std::optional<double> rotate_s;   ///< length of a part in rig time; absent: no limit
-  std::optional<double> rotate_mb;  ///< size of a part [10^6 bytes]; absent: no limit
-  double sync_s = 1.0;              ///< at most so much is lost in a power cut; 0: up to the kernel
+  std::optional<double> rotate_s;   ///< length of a part in rig time; absent: unlimited
+  std::optional<double> rotate_mb;  ///< size of a part [10^6 bytes]; absent: unlimited
+  double sync_s = 1.0;              ///< largest loss in a power cut; 0: left to the kernel
 };
 
 struct Observer {
   bool enabled = true;
   bool model_check = true;
-  double days_between_false_alarms = 30.0;  ///< of the model check
+  double days_between_false_alarms = 30.0;  ///< mean, of the model check
 };
 
 struct Metrics {
-  std::filesystem::path file;  ///< empty: none is written; its folder exists
+  std::filesystem::path file;  ///< empty: none; its folder exists
 };
 
-/// A whole rig configuration, sound in itself.
+/// A whole, consistent rig configuration.
 struct Rig {
   std::filesystem::path file;
   std::string name;
-  std::string text;  ///< the file as read, for the recording's description of itself
+  std::string text;  ///< the file as read, for the header of recordings
   physics::Model model;
   std::filesystem::path model_file;
   std::string model_text;
@@ -221,8 +260,8 @@ struct Rig {
   SimulatedDriver simulated;
   ReplayDriver replay;
   Bench bench;
-  std::optional<FaultScript> faults;       ///< what befalls the device, whichever it is
-  ChannelCalibrations calibration{};       ///< of the calibration file and of the rig's own keys
+  std::optional<FaultScript> faults;       ///< injected into the device, of any kind
+  ChannelCalibrations calibration{};       ///< from the calibration file and the rig's own keys
   std::filesystem::path calibration_file;  ///< empty: none
   std::string calibration_text;            ///< the calibration file as read
   Excitation excitation;
@@ -236,8 +275,8 @@ struct Rig {
   Metrics metrics;
 };
 
-/// Reads a rig configuration, the models and the fault script that it names (paths relative to the
-/// file). Throws InputError with every problem that was found, each with file, line and column.
+/// Reads a rig configuration and the models, calibration and fault script that it names (paths
+/// relative to the file). Throws InputError with every problem found, each with file, line, column.
 Rig load_rig(const std::filesystem::path& file);
 
 }  // namespace stickslip::config

@@ -3,65 +3,18 @@
 #include <algorithm>
 #include <charconv>
 #include <cstddef>
-#include <cstdint>
 #include <optional>
 #include <utility>
 
 #include "config/document.h"
+#include "config/toml_text.h"
 #include "physics/frame.h"
 
 namespace stickslip::config {
 
 namespace {
 
-/// The paths that a key's path stands for.
-std::vector<std::string> paths_of(const Key& key) {
-  const auto star = key.path.find('*');
-  if (star == std::string_view::npos) return {std::string(key.path)};
-  std::vector<std::string> out;
-  for (const Channel channel : all_channels) {
-    out.push_back(std::string(key.path).replace(star, 1, info(channel).stem));
-  }
-  return out;
-}
-
-template <class Number>
-std::optional<Number> whole_text_as(std::string_view text) {
-  Number value{};
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
-
-/// The default as a value; nothing where it is words for what happens.
-std::optional<std::string> default_value(const Key& key) {
-  switch (key.type) {
-    case Type::number:
-      if (const auto number = whole_text_as<double>(key.fallback)) return number_text(*number);
-      return std::nullopt;
-    case Type::integer:
-      if (whole_text_as<std::int64_t>(key.fallback)) return std::string(key.fallback);
-      return std::nullopt;
-    case Type::boolean:
-      if (key.fallback == "true" || key.fallback == "false") return std::string(key.fallback);
-      return std::nullopt;
-    case Type::choice: {
-      const auto choices = choices_of(key.choices);
-      if (std::find(choices.begin(), choices.end(), key.fallback) == choices.end()) break;
-      return string_text(key.fallback);
-    }
-    case Type::text:
-    case Type::file:
-      // Words have blanks between them.
-      if (key.fallback == "none" || key.fallback.find(' ') != std::string_view::npos) break;
-      return string_text(key.fallback);
-    default:
-      break;
-  }
-  return std::nullopt;
-}
-
-/// The string that string_text() made the text from.
+/// Inverse of toml_string().
 std::string unquoted(std::string_view text) {
   if (text.size() < 2 || text.front() != '"') return std::string(text);
   std::string out;
@@ -80,13 +33,13 @@ std::string unquoted(std::string_view text) {
   return out;
 }
 
-/// Whether the key has a meaning beside what the rig's other keys say; `before` are those of them
-/// that stand before it in the table, where every condition points to.
+/// False if the other keys of the rig exclude this one. `before`: settings of the keys before it in
+/// the table, which include those of its condition.
 bool has_meaning(const Key& key, const std::vector<Setting>& before) {
   if (!key.only_then) return true;
   const auto equals = key.when.find('=');
   const std::string value = plain_text(before, key.when.substr(0, equals));
-  const auto wanted = choices_of(key.when.substr(equals + 1));
+  const auto wanted = alternatives_in(key.when.substr(equals + 1));
   return std::find(wanted.begin(), wanted.end(), value) != wanted.end();
 }
 
@@ -112,19 +65,17 @@ std::vector<Setting> settings_of(const Rig& rig) {
         setting.column = stated->column;
       } else if (!has_meaning(key, out)) {
         setting.words = "only with " + std::string(key.when);
-      } else if (const Setting* same = find_setting(out, key.fallback)) {
-        setting.value = same->value;  // by default what another key says
-      } else if (const auto value =
-                     key.need == Need::optional ? default_value(key) : std::nullopt) {
-        setting.value = *value;
+      } else if (const Setting* same = find_setting(out, key.without)) {
+        setting.value = same->value;  // the default is the value of another key
       } else {
-        setting.words = absence_of(key);
+        setting.value = default_value(key);
+        if (setting.value.empty()) setting.words = absence_of(key);
       }
       if (stated && key.type == Type::file) {
         const std::filesystem::path named = unquoted(setting.value);
         const auto resolved =
             named.is_absolute() ? named : (rig.file.parent_path() / named).lexically_normal();
-        setting.value = string_text(resolved.string());
+        setting.value = toml_string(resolved.string());
       }
       out.push_back(std::move(setting));
     }

@@ -1,4 +1,4 @@
-// The LCM channels of a rig: one table, from which names, types and rates are read.
+// The LCM channels of a rig: names, types and rates.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@ inline constexpr const char* timing_channel = "STICKSLIP_TIMING";
 inline constexpr const char* event_channel = "STICKSLIP_EVENT";
 inline constexpr const char* recording_channel = "STICKSLIP_RECORDING";
 
-/// Where the tools and the daemon meet unless told otherwise: LCM's own group, on this host only.
+/// Default provider of the tools and the daemon: LCM's own group, on this host only.
 inline constexpr const char* default_url = "udpm://239.255.76.67:7667?ttl=0";
 
 struct LcmChannel {
@@ -29,7 +29,7 @@ inline constexpr std::array<LcmChannel, 7> lcm_channels = {{
     {excitation_channel, "excitation_t", "every 0.1 s, of all frames since"},
     {status_channel, "status_t", "once a second and at the end"},
     {timing_channel, "timing_t", "once a second"},
-    {event_channel, "event_t", "when something happens"},
+    {event_channel, "event_t", "at each event"},
     {recording_channel, "recording_info_t", "once, at the start"},
 }};
 

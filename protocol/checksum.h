@@ -1,4 +1,4 @@
-// CRC-32 as in zlib, Ethernet and PNG, so that any language can check what we write.
+// CRC-32 as in zlib, Ethernet and PNG, available in any language.
 #pragma once
 
 #include <array>
@@ -9,7 +9,7 @@
 
 namespace stickslip::protocol {
 
-/// Sums bytes in the order in which they are given.
+/// CRC-32 of the bytes added, in their order.
 class Checksum {
  public:
   void add(std::uint8_t byte) { state_ = tables[0][(state_ ^ byte) & 0xFFU] ^ (state_ >> 8U); }
@@ -43,7 +43,7 @@ class Checksum {
     return std::endian::native == std::endian::little ? word : __builtin_bswap64(word);
   }
 
-  /// Sixteen bytes at once: what the second eight do does not wait for the first.
+  /// Sixteen bytes in one step: the two halves do not depend on each other.
   void add_words(std::uint64_t first, std::uint64_t second) {
     first ^= state_;
     std::uint32_t of_first = 0;
@@ -55,7 +55,7 @@ class Checksum {
     state_ = of_first ^ of_second;
   }
 
-  // tables[n][b]: what byte b does to the sum when n further bytes have followed it.
+  // tables[n][b]: contribution of byte b followed by n further bytes.
   static constexpr std::array<std::array<std::uint32_t, 256>, 16> tables = [] {
     std::array<std::array<std::uint32_t, 256>, 16> out{};
     for (std::uint32_t b = 0; b < 256; ++b) {

@@ -15,7 +15,7 @@ namespace {
 
 ControlRequest parse_control_request(std::string_view line) {
   using nlohmann::json;
-  // Depth is what an attacker of a recursive parser has; nothing that is asked for is deep.
+  // Deep nesting exhausts the stack of a recursive parser; no request needs it.
   constexpr int deepest = 8;
   bool too_deep = false;
   const auto shallow = [&too_deep](int depth, json::parse_event_t, json&) {
@@ -25,11 +25,11 @@ ControlRequest parse_control_request(std::string_view line) {
   const json request = json::parse(line, shallow, false);
   if (too_deep) refuse("the request is nested too deeply");
   if (request.is_discarded() || !request.is_object()) {
-    refuse("expected one JSON object a line, as {\"v\": 1, \"id\": 1, \"do\": \"status\"}");
+    refuse("expected one JSON object per line, such as {\"v\": 1, \"id\": 1, \"do\": \"status\"}");
   }
   const auto version = request.find("v");
   if (version == request.end() || !version->is_number_integer() || *version != control_version) {
-    refuse("this daemon speaks version " + std::to_string(control_version) +
+    refuse("this daemon uses version " + std::to_string(control_version) +
            " of the control protocol: expected \"v\": " + std::to_string(control_version));
   }
   ControlRequest out;

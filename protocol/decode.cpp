@@ -13,9 +13,8 @@ namespace stickslip::protocol {
 
 namespace {
 
-// Walks over an encoded message as far as the counts and lengths that decoding it depends on. The
-// generated decoders check neither sign nor size of a count, and compute with any length of a text.
-// Once it has left the message it stays outside.
+// Walks over an encoded message to check counts and lengths: the generated decoders check neither
+// sign nor size of a count or of a text's length. Once outside the message it remains outside.
 class Walk {
  public:
   explicit Walk(std::span<const std::uint8_t> bytes) : left_(bytes) { skip(8); }  // fingerprint
@@ -36,14 +35,14 @@ class Walk {
     return static_cast<std::int32_t>(value);
   }
 
-  /// Length and characters, of which the last is a zero.
+  /// Length and characters, the last of which is zero.
   void text() {
     const std::int64_t size = int32();
     inside_ = inside_ && size >= 1;
     if (inside_) skip(static_cast<std::size_t>(size));
   }
 
-  /// The number of elements of arrays whose elements take, all arrays together, at least `bytes`.
+  /// Number of elements of arrays that together take at least `bytes` per element.
   std::size_t count(std::size_t bytes) {
     const std::int64_t claimed = int32();
     inside_ =
@@ -56,14 +55,14 @@ class Walk {
   bool inside_ = true;
 };
 
-// The generated decoders leave an array alone that has no elements this time: what an earlier
-// message left there would be taken for part of this one.
+// The generated decoders do not clear empty arrays, which would keep elements of an earlier
+// message.
 template <class Message>
 void forget(Message& message) {
   message = Message{};
 }
 
-// Keeps the memory of the arrays that every block has.
+// Keeps the capacity of the arrays that every block has.
 void forget(frame_block_t& message) { message.aged_channel.clear(); }
 
 template <class Message>
@@ -85,10 +84,10 @@ Fingerprint fingerprint_of(std::uint64_t hash) {
   return out;
 }
 
-/// An earlier form of a type, which lacks fields at the end.
+/// An earlier version of a type, without fields at the end.
 struct Former {
   std::uint64_t hash;                   ///< its fingerprint
-  std::span<const std::uint8_t> lacks;  ///< the encoding of those fields, where they say nothing
+  std::span<const std::uint8_t> lacks;  ///< encoding of neutral values of those fields
 };
 
 constexpr std::array<std::uint8_t, 4> no_elements = {};
@@ -100,7 +99,7 @@ constexpr Former former_excitation = {0xEF474DC1C55BAEC7U, no_elements};
 constexpr Former former_status = {0xD60837B0454EEC63U, minus_one};
 constexpr Former former_recording_info = {0x019FE800B2CECE78U, two_empty_texts};
 
-/// A message of the former type as one of the present type; empty where it is none.
+/// A message of the former type converted to the present type; empty if it is neither.
 template <class Message>
 std::vector<std::uint8_t> brought_up(std::span<const std::uint8_t> bytes, const Former& former) {
   const Fingerprint before = fingerprint_of(former.hash);

@@ -1,4 +1,4 @@
-// Messages out of bytes that nobody vouches for: packets of a network, a damaged file.
+// Decoding of messages from untrusted bytes: network packets, damaged files.
 #pragma once
 
 #include <cstdint>
@@ -13,12 +13,11 @@
 
 namespace stickslip::protocol {
 
-/// Fills `message`; false, with `message` in no particular state, where `bytes` are not exactly one
-/// message of its type, or a block of frames whose checksum is another. Never throws and never
-/// allocates more than a small multiple of the size of `bytes`, which the generated decoders alone
-/// do: they make room for as many elements as a message claims to have before they look for them.
-/// Recordings outlive types: excitation, status and description are understood as logs of format 2
-/// have them, too, without what has been added since.
+/// Fills `message`. Returns false, with `message` unspecified, unless `bytes` are exactly one
+/// message of its type, for a block of frames with a correct checksum. Never throws, and never
+/// allocates more than a small multiple of the size of `bytes`, unlike the generated decoders,
+/// which allocate as many elements as a message claims. Excitation, status and description of logs
+/// of format 2 are decoded, too, without the fields added since.
 bool decode(std::span<const std::uint8_t> bytes, frame_block_t& message);
 bool decode(std::span<const std::uint8_t> bytes, friction_estimate_t& message);
 bool decode(std::span<const std::uint8_t> bytes, excitation_t& message);

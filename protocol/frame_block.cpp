@@ -43,7 +43,7 @@ class Writer {
   std::uint8_t* at_;
 };
 
-/// Ages are rare: only the channels that have any take room.
+/// Ages are rare: only channels with ages are encoded.
 void ages_to_block(std::span<const Frame> frames, frame_block_t& block) {
   block.aged_channel.clear();
   for (const Channel channel : all_channels) {
@@ -62,7 +62,7 @@ void ages_to_block(std::span<const Frame> frames, frame_block_t& block) {
   }
 }
 
-/// Whether the ages of a block are what its counts say, each channel once.
+/// True if the ages of a block agree with its counts, each channel once.
 bool ages_are_sound(const frame_block_t& block) {
   const auto rows = static_cast<std::size_t>(std::max(0, block.aged));
   if (block.aged < 0 || block.aged_channel.size() != rows || block.age_us.size() != rows) {
@@ -130,7 +130,7 @@ void encode_block(std::span<const Frame> frames, std::int32_t flags,
   out.put64(static_cast<std::uint64_t>(frame_block_t::getHash()));
   out.put32(static_cast<std::uint32_t>(n));
   out.put32(static_cast<std::uint32_t>(flags));
-  out.put32(0);  // the checksum, when what it is of is there
+  out.put32(0);  // checksum, filled in below
   for (const Frame& frame : frames) out.put64(static_cast<std::uint64_t>(frame.time_ns));
   for (const Frame& frame : frames) out.put64(frame.sequence);
   for (const Frame& frame : frames) out.put8(frame.valid);

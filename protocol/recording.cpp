@@ -8,8 +8,8 @@ namespace stickslip::protocol {
 
 std::string cut_off_warning(const Recording& recording) {
   return recording.source + ": cut off: its last " + std::to_string(recording.cut_off_bytes) +
-         " bytes are no whole event; the " + std::to_string(recording.frames.size()) +
-         " frames before them are read";
+         " bytes are an incomplete event; the " + std::to_string(recording.frames.size()) +
+         " frames before it are read";
 }
 
 std::string utc_text(std::int64_t utc_us) {

@@ -35,7 +35,7 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(first, last - first + 1);
 }
 
-// Text out of a file as a message can show it: on one line, and not all of a file that is none.
+// Text of a file for a message: on one line and abbreviated.
 std::string shown(std::string_view text) {
   constexpr std::size_t longest = 60;
   std::string out;
@@ -82,8 +82,7 @@ std::optional<Decimal> decimal(std::string_view text) {
   return out;
 }
 
-// Seconds as decimal text to nanoseconds, rounded to the nearest. Exact, which a double would not
-// be far from its origin.
+// Nanoseconds from decimal seconds, rounded to the nearest. Exact, unlike a double at large times.
 std::optional<std::int64_t> nanoseconds(std::string_view text) {
   const auto number = decimal(text);
   if (!number) return std::nullopt;
@@ -92,7 +91,7 @@ std::optional<std::int64_t> nanoseconds(std::string_view text) {
     return !__builtin_mul_overflow(magnitude, 10U, &magnitude) &&
            !__builtin_add_overflow(magnitude, digit, &magnitude);
   };
-  // The power of ten, in nanoseconds, that the next digit stands for.
+  // Power of ten, in nanoseconds, of the next digit.
   int place = static_cast<int>(std::min<std::size_t>(number->whole.size(), 100000)) - 1 +
               number->exponent + 9;
   for (const std::string_view part : {number->whole, number->fraction}) {
@@ -115,7 +114,7 @@ std::optional<std::int64_t> nanoseconds(std::string_view text) {
 
 class CsvParser {
  public:
-  CsvParser(std::string_view text, const std::string& name, const ShareDone& done)
+  CsvParser(std::string_view text, const std::string& name, const ProgressCallback& done)
       : text_(text), bytes_(text.size()), name_(name), done_(done) {
     recording_.source = name;
   }
@@ -135,10 +134,10 @@ class CsvParser {
       line_ = 0;
       refuse("is empty: expected a header row of column names (" + columns_known() + ")");
     }
-    if (recording_.frames.empty()) refuse("holds no samples after its header");
+    if (recording_.frames.empty()) refuse("has no samples after its header");
     if (recording_.channels == 0) {
       line_ = 0;
-      refuse("holds no value: every cell beside time_s is empty");
+      refuse("has no values: every cell but time_s is empty");
     }
     return std::move(recording_);
   }
@@ -172,14 +171,14 @@ class CsvParser {
         column = static_cast<int>(index_of(*channel));
       }
       if (std::find(columns_.begin(), columns_.end(), column) != columns_.end()) {
-        refuse("column \"" + std::string(cell) + "\" stands twice");
+        refuse("column \"" + std::string(cell) + "\" occurs twice");
       }
       time = time || column == time_column;
       columns_.push_back(column);
     }
     if (!time) refuse("has no column time_s; its header is \"" + shown(line) + "\"");
     if (columns_.size() < 2)
-      refuse("has no channel beside time_s; expected one of " + columns_known());
+      refuse("has no channel besides time_s; expected one of " + columns_known());
   }
 
   std::vector<std::string_view> cells_of(std::string_view line) const {
@@ -238,7 +237,7 @@ class CsvParser {
     if (error != std::errc() || end != cell.data() + cell.size() || !std::isfinite(value)) {
       refuse(std::string(info(channel).column) + " is \"" + shown(cell) +
              "\"; expected a finite number in " + std::string(info(channel).unit) +
-             ", or nothing where it was not measured");
+             ", or an empty cell for a sample that was not measured");
     }
     frame.set(channel, value);
   }
@@ -261,7 +260,7 @@ class CsvParser {
   std::string_view text_;
   std::size_t bytes_;
   std::string name_;
-  const ShareDone& done_;
+  const ProgressCallback& done_;
   int line_ = 0;
   std::vector<int> columns_;
   Recording recording_;
@@ -269,11 +268,11 @@ class CsvParser {
 
 }  // namespace
 
-Recording parse_csv(std::string_view text, const std::string& name, const ShareDone& done) {
+Recording parse_csv(std::string_view text, const std::string& name, const ProgressCallback& done) {
   return CsvParser(text, name, done).parse();
 }
 
-Recording read_recording(const std::filesystem::path& file, const ShareDone& done) {
+Recording read_recording(const std::filesystem::path& file, const ProgressCallback& done) {
   std::error_code failure;
   if (std::filesystem::is_directory(file, failure)) {
     throw InputError(
@@ -294,7 +293,7 @@ Recording read_recording(const std::filesystem::path& file, const ShareDone& don
   return parse_csv(text, file.string(), done);
 }
 
-void write_csv(const Recording& recording, std::ostream& out, const ShareDone& done) {
+void write_csv(const Recording& recording, std::ostream& out, const ProgressCallback& done) {
   std::uint8_t channels = recording.channels;
   for (const Frame& frame : recording.frames) channels |= frame.valid;
   std::string text = "time_s";
@@ -329,7 +328,7 @@ void write_csv(const Recording& recording, std::ostream& out, const ShareDone& d
 }
 
 void write_recording(const Recording& recording, const std::filesystem::path& file,
-                     const ShareDone& done) {
+                     const ProgressCallback& done) {
   if (file == "-") {
     write_csv(recording, std::cout, done);
     std::cout.flush();
@@ -342,7 +341,7 @@ void write_recording(const Recording& recording, const std::filesystem::path& fi
   }
   if (extension != ".csv") {
     throw InputError(Problem{file.string(), 0, 0,
-                             "says neither CSV (.csv) nor LCM event log (.lcm, .log) by its name"});
+                             "has a name of neither CSV (.csv) nor LCM event log (.lcm, .log)"});
   }
   std::ofstream out(file, std::ios::binary);
   if (out) write_csv(recording, out, done);

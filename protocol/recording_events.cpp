@@ -14,7 +14,7 @@
 namespace stickslip::protocol {
 namespace {
 
-// What liblcm's own reader takes for a channel name at most.
+// Longest channel name that liblcm's own reader accepts.
 constexpr std::int64_t longest_channel = 999;
 
 constexpr std::int64_t window_bytes = 1 << 18;
@@ -41,17 +41,17 @@ struct EventReader::Header {
   }
 };
 
-EventReader::EventReader(std::istream& in, std::string name, ShareDone done)
+EventReader::EventReader(std::istream& in, std::string name, ProgressCallback done)
     : in_(in), name_(std::move(name)), done_(std::move(done)) {
   in_.clear();
   in_.seekg(0, std::ios::end);
   size_ = in_.tellg();
   if (size_ < 0) {
-    throw InputError(Problem{name_, 0, 0, "is nothing that can be read from end to end"});
+    throw InputError(Problem{name_, 0, 0, "is not a seekable file"});
   }
 }
 
-// False where so many bytes are not there.
+// False if the file has fewer bytes.
 bool EventReader::read(std::int64_t at, char* into, std::int64_t bytes) {
   if (bytes > size_ - at) return false;
   if (bytes > window_bytes) {
@@ -93,7 +93,7 @@ bool EventReader::is_event(std::int64_t at, const Header& header) const {
   return header.synchronous && header.sane() && header.size() <= size_ - at;
 }
 
-// Stricter than what is taken where an event is expected: four bytes may stand anywhere.
+// Stricter than where an event is expected, since the sync word can occur by chance.
 bool EventReader::looks_like_an_event(std::int64_t at) {
   Header header;
   if (!read_header(at, header) || !is_event(at, header) || header.number < 0) return false;
@@ -123,8 +123,8 @@ bool EventReader::is_zero_from(std::int64_t at) {
   return true;
 }
 
-// Whether what stands here is how an event begins, so that the rest of it may be missing. Some file
-// systems leave zeros where a file had grown before a power cut but its data were not written.
+// True if these bytes are the beginning of an event whose rest is missing. After a power cut some
+// file systems leave zeros for data that were not written.
 bool EventReader::is_begun(std::int64_t at) {
   std::array<char, 4> sync{};
   const std::int64_t there = std::min<std::int64_t>(4, size_ - at);
@@ -135,7 +135,7 @@ bool EventReader::is_begun(std::int64_t at) {
   return !read_header(at, header) || header.sane();
 }
 
-// The next place where an event begins, or the end of the file.
+// Position of the next event, or of the end of the file.
 std::int64_t EventReader::find_event(std::int64_t from) {
   std::array<char, 1U << 16U> chunk{};
   while (from + event_header_bytes <= size_) {
@@ -172,36 +172,37 @@ EventReader::Found EventReader::next(LogEvent& event) {
   if (done_) done_(static_cast<double>(at_) / static_cast<double>(size_));
   Header header;
   const bool whole = read_header(at_, header);
-  if (!distrusted_ && whole && is_event(at_, header)) {
+  if (!rejected_ && whole && is_event(at_, header)) {
     read_event(header, event);
     at_ = event.end;
     return Found::event;
   }
   const std::int64_t begin = at_;
   const std::int64_t found = find_event(begin + 1);
-  const bool cut_off = !distrusted_ && found == size_ && is_begun(begin);
-  if (distrusted_) {
-    why_ = "an event that says nothing sensible, and that no other follows";
+  const bool cut_off = !rejected_ && found == size_ && is_begun(begin);
+  if (rejected_) {
+    why_ = "an event with invalid data, not followed by another";
   } else if (whole && header.synchronous && !header.sane()) {
     why_ = "an event with a channel name of " + std::to_string(header.channel_size) +
            " bytes and " + std::to_string(header.data_size) + " bytes of data";
   } else if (whole && header.synchronous) {
-    why_ = "an event of " + std::to_string(header.size()) + " bytes, more than the file holds";
+    why_ =
+        "an event of " + std::to_string(header.size()) + " bytes, more than the rest of the file";
   } else {
-    why_ = "no event begins here, where the one before ends";
+    why_ = "no event begins here, where the previous one ends";
   }
-  distrusted_ = false;
+  rejected_ = false;
   event.at = begin;
   event.end = at_ = found;
   return cut_off ? Found::cut_off : Found::damage;
 }
 
-void EventReader::distrust(const LogEvent& event) {
-  // Events that claim to hold each other could otherwise be read over and over.
+void EventReader::reject(const LogEvent& event) {
+  // Otherwise nested lengths could cause repeated reading of the same data.
   read_again_ += event.end - event.at;
   if (read_again_ > 4 * size_) return;
   at_ = event.at;
-  distrusted_ = true;
+  rejected_ = true;
 }
 
 }  // namespace stickslip::protocol

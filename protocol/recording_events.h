@@ -1,4 +1,4 @@
-// The events of an LCM event log, one after the other, whatever became of the file.
+// Reading of the events of an LCM event log, which may be damaged.
 #pragma once
 
 #include <cstdint>
@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "protocol/share_done.h"
+#include "protocol/progress_callback.h"
 
 namespace stickslip::protocol {
 
@@ -14,45 +14,44 @@ namespace stickslip::protocol {
 inline constexpr std::int64_t event_header_bytes = 28;
 
 struct LogEvent {
-  std::int64_t number = 0;   ///< as the file says, from 0
-  std::int64_t time_us = 0;  ///< for players; what counts is the time within a message
+  std::int64_t number = 0;   ///< in the file, from 0
+  std::int64_t time_us = 0;  ///< for players; the time of a frame is in its message
   std::string channel;
   std::vector<std::uint8_t> data;
-  std::int64_t at = 0;   ///< its first byte in the file
-  std::int64_t end = 0;  ///< the byte behind it
-  /// Whether the file goes on behind it as behind an event: another one, or the end. If not, either
-  /// the next one is damaged or this one's lengths are.
+  std::int64_t at = 0;   ///< position of its first byte
+  std::int64_t end = 0;  ///< position after its last byte
+  /// True if another event, or the end of the file, follows. Otherwise either the next one or the
+  /// lengths of this one are damaged.
   bool followed = true;
 };
 
-/// Walks over the bytes of a log. Finds its way again behind what is damaged; reads a file from
-/// front to back a small number of times at most, whatever is in it.
+/// Reads the events of a log and resynchronises after damage. Any content is read only a small
+/// number of times.
 ///
-/// liblcm's own reader is not used: it skips what it does not understand without a word, prints
-/// some of it, and a length of 2^31 - 1 crashes it.
+/// liblcm's own reader is not used: it silently skips damaged data, prints to the terminal, and
+/// crashes on a length of 2^31 - 1.
 class EventReader {
  public:
   enum class Found : std::uint8_t {
-    event,    ///< a whole one; that its data are sound is for others to say
-    damage,   ///< bytes that are no event, with an event behind them, or strange ones at the end
-    cut_off,  ///< the beginning of an event, or zeros, and nothing behind: the file was cut off
-              ///< there
-    end,      ///< nothing is left
+    event,    ///< a complete one, whose data are not checked
+    damage,   ///< bytes outside of events
+    cut_off,  ///< the beginning of an event, or zeros, at the end of the file
+    end,      ///< end of the file
   };
 
-  /// A stream that can seek; it must outlive the reader. `name` stands for it in messages. Throws
-  /// InputError, here and in `next`, where it cannot be read.
-  EventReader(std::istream& in, std::string name, ShareDone done = {});
+  /// `in` must be seekable and outlive the reader. `name` stands for it in messages. Throws
+  /// InputError, here and in `next`, if it cannot be read.
+  EventReader(std::istream& in, std::string name, ProgressCallback done = {});
 
-  /// Goes on. What was found: an event, or (with `at`, `end` alone) the bytes that are none.
+  /// Reads the next item: an event, or other bytes, for which only `at` and `end` are set.
   Found next(LogEvent& event);
 
-  /// Of the damage found last, for a person: "no event begins here, ...".
+  /// Description of the latest damage: "no event begins here, ...".
   const std::string& why() const { return why_; }
 
-  /// The event found last is not believed: what looks like one within it is looked for instead, and
-  /// the bytes before that are damage, which the next call finds.
-  void distrust(const LogEvent& event);
+  /// Rejects the latest event: the next call searches for events within it and returns the bytes
+  /// before them as damage.
+  void reject(const LogEvent& event);
 
   std::int64_t size() const { return size_; }
 
@@ -71,13 +70,13 @@ class EventReader {
 
   std::istream& in_;
   std::string name_;
-  ShareDone done_;
+  ProgressCallback done_;
   std::int64_t size_ = 0;
   std::int64_t at_ = 0;
-  std::vector<char> window_;  // what was read last: a stream forgets its buffer at every seek
+  std::vector<char> window_;  // latest data: a stream drops its buffer at every seek
   std::int64_t window_at_ = 0;
-  bool distrusted_ = false;
-  std::int64_t read_again_ = 0;  // bytes that were part of events not believed
+  bool rejected_ = false;
+  std::int64_t read_again_ = 0;  // bytes of rejected events
   std::string why_;
 };
 

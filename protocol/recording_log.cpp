@@ -35,14 +35,14 @@ using Log = std::unique_ptr<lcm_eventlog_t, CloseLog>;
 [[noreturn]] void refuse_damage(const std::string& name, std::int64_t byte,
                                 const std::string& message) {
   refuse(name, byte,
-         message + "; `stickslip log repair " + name + " --out OTHER.log` keeps what is whole");
+         message + "; `stickslip log repair " + name + " --out OTHER.log` keeps the intact events");
 }
 
 }  // namespace
 
 bool is_log(std::string_view head) { return head.substr(0, 4) == sync_word; }
 
-Recording read_log(const std::filesystem::path& file, const ShareDone& done) {
+Recording read_log(const std::filesystem::path& file, const ProgressCallback& done) {
   std::ifstream in(file, std::ios::binary);
   if (!in) {
     throw InputError(
@@ -51,7 +51,7 @@ Recording read_log(const std::filesystem::path& file, const ShareDone& done) {
   return parse_log(in, file.string(), done);
 }
 
-Recording parse_log(std::istream& in, const std::string& name, const ShareDone& done) {
+Recording parse_log(std::istream& in, const std::string& name, const ProgressCallback& done) {
   EventReader reader(in, name, done);
   Recording recording;
   recording.source = name;
@@ -63,7 +63,7 @@ Recording parse_log(std::istream& in, const std::string& name, const ShareDone& 
     if (!decode(event.data, block) || !from_block(block, recording.frames)) {
       refuse_damage(
           name, event.at,
-          "a message on " + event.channel + " is damaged, or no frame_block_t of this version");
+          "a message on " + event.channel + " is damaged, or not a frame_block_t of this version");
     }
     for (std::size_t i = before; i < recording.frames.size(); ++i) {
       const Frame& frame = recording.frames[i];
@@ -89,17 +89,17 @@ Recording parse_log(std::istream& in, const std::string& name, const ShareDone& 
       if (!decode(event.data, info)) {
         refuse_damage(name, event.at,
                       "a message on " + event.channel +
-                          " is damaged, or no recording_info_t of this version");
+                          " is damaged, or not a recording_info_t of this version");
       }
       recording.description = description_of(info);
     }
   }
   if (recording.frames.empty()) {
     throw InputError(Problem{
-        name, 0, 0, std::string("holds no frames: nothing was recorded on ") + frames_channel});
+        name, 0, 0, std::string("has no frames: nothing was recorded on ") + frames_channel});
   }
   if (recording.channels == 0) {
-    throw InputError(Problem{name, 0, 0, "holds no value: no channel of its frames is valid"});
+    throw InputError(Problem{name, 0, 0, "has no values: no channel of its frames is valid"});
   }
   return recording;
 }
@@ -154,17 +154,17 @@ Description description_of(const recording_info_t& info) {
 }
 
 struct LogWriter::Implementation {
-  // A call of the system for so much, instead of one for a page. Before the log: it is used until
-  // that is closed.
+  // One system call per buffer instead of one per page. Declared before the log, which uses it
+  // until it is closed.
   std::vector<char> buffer = std::vector<char>(std::size_t{1} << 18U);
   Log log;
   std::uint64_t bytes = 0;
   bool refused = false;  // since the last flush
-  // As the last good flush left it.
+  // State after the last successful flush.
   std::uint64_t safe_bytes = 0;
   std::int64_t safe_events = 0;
 
-  // Drops what is neither whole nor wanted any more. Whether the file can be continued.
+  // Drops incomplete data. True if the file can be continued.
   bool go_back() {
     std::FILE* file = log->f;
     __fpurge(file);
@@ -197,7 +197,7 @@ LogWriter& LogWriter::operator=(LogWriter&&) noexcept = default;
 bool LogWriter::append(const std::string& channel, std::span<const std::uint8_t> bytes,
                        std::int64_t time_us) {
   if (!implementation_->log || implementation_->refused) return false;
-  // liblcm takes mutable pointers for what it only reads.
+  // liblcm takes mutable pointers to data that it only reads.
   lcm_eventlog_event_t event{};
   event.timestamp = time_us;
   event.channellen = static_cast<std::int32_t>(channel.size());
@@ -232,7 +232,7 @@ bool LogWriter::flush() {
 bool LogWriter::sync() {
   const Implementation& i = *implementation_;
   if (!i.log) return false;
-  // Pipes and devices have nothing to wait for.
+  // Pipes and devices cannot be synchronised.
   return fdatasync(fileno(i.log->f)) == 0 || errno == EINVAL || errno == EROFS;
 }
 
@@ -256,7 +256,7 @@ std::vector<std::uint8_t> encoded(const Message& message) {
 }  // namespace
 
 void write_log(const Recording& recording, const std::filesystem::path& file,
-               std::size_t frames_per_block, const ShareDone& done) {
+               std::size_t frames_per_block, const ProgressCallback& done) {
   LogWriter writer(file);
   const auto require = [&](bool written) {
     if (!written) {

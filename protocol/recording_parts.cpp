@@ -21,18 +21,16 @@ std::string named(const LogSurvey& part) {
   throw InputError(Problem{name, 0, 0, message});
 }
 
-/// The parts by number, each sound and all of one recording.
+/// The parts by number, all sound and of one recording.
 std::vector<LogSurvey> parts_of(std::span<const std::filesystem::path> files,
-                                const ShareDone& done) {
+                                const ProgressCallback& done) {
   std::vector<LogSurvey> parts;
   for (const auto& file : files) {
-    parts.push_back(survey_log(file, share_of_one(done, parts.size(), 2 * files.size())));
+    parts.push_back(survey_log(file, progress_of_part(done, parts.size(), 2 * files.size())));
     if (!parts.back().info) {
-      refuse(file.string(),
-             "does not begin with its description: which recording it is a part of "
-             "cannot be told");
+      refuse(file.string(), "does not begin with its description: its recording is unknown");
     }
-    if (!belong_together(*parts.front().info, *parts.back().info)) {
+    if (!of_one_recording(*parts.front().info, *parts.back().info)) {
       refuse(file.string(), "is of another recording than " + parts.front().source);
     }
   }
@@ -43,7 +41,7 @@ std::vector<LogSurvey> parts_of(std::span<const std::filesystem::path> files,
     if (&part == &parts.back()) whole.cut_off_bytes = 0;
     const std::vector<std::string> faults = whole.faults();
     if (!faults.empty()) {
-      refuse(part.source, faults.front() + "; `stickslip log repair` keeps what is whole");
+      refuse(part.source, faults.front() + "; `stickslip log repair` keeps the intact events");
     }
   }
   const std::vector<std::string> faults = faults_between(parts);
@@ -60,7 +58,7 @@ std::filesystem::path part_file(const std::filesystem::path& file, std::int32_t 
   return file.parent_path() / (file.stem().string() + '.' + number + file.extension().string());
 }
 
-bool belong_together(const recording_info_t& a, const recording_info_t& b) {
+bool of_one_recording(const recording_info_t& a, const recording_info_t& b) {
   return a.started_utc_us == b.started_utc_us && a.rig == b.rig && a.program == b.program &&
          a.version == b.version && a.configuration_sha256 == b.configuration_sha256 &&
          a.model_sha256 == b.model_sha256 && a.calibration_sha256 == b.calibration_sha256 &&
@@ -73,7 +71,7 @@ std::vector<std::string> faults_between(std::span<const LogSurvey> parts) {
     const LogSurvey& before = parts[i - 1];
     const LogSurvey& part = parts[i];
     if (part.part() == before.part()) {
-      out.push_back(named(part) + " and " + before.source + " are one and the same part");
+      out.push_back(named(part) + " and " + before.source + " are the same part");
       continue;
     }
     if (part.part() != before.part() + 1) {
@@ -85,8 +83,8 @@ std::vector<std::string> faults_between(std::span<const LogSurvey> parts) {
     }
     const auto begun = static_cast<std::uint64_t>(before.info->frames_before);
     if (static_cast<std::uint64_t>(part.info->frames_before) != begun + before.frames) {
-      out.push_back(named(before) + " holds " + std::to_string(before.frames) + " frames; " +
-                    part.source + " says that they were " +
+      out.push_back(named(before) + " has " + std::to_string(before.frames) + " frames; " +
+                    part.source + " expects " +
                     std::to_string(static_cast<std::uint64_t>(part.info->frames_before) - begun));
     }
     if (part.frames == 0 || before.frames == 0) continue;
@@ -98,16 +96,16 @@ std::vector<std::string> faults_between(std::span<const LogSurvey> parts) {
   return out;
 }
 
-Joined join_logs(std::span<const std::filesystem::path> files, const std::filesystem::path& out,
-                 const ShareDone& done) {
+JoinResult join_logs(std::span<const std::filesystem::path> files, const std::filesystem::path& out,
+                     const ProgressCallback& done) {
   std::error_code none;
   for (const auto& file : files) {
     if (std::filesystem::equivalent(file, out, none)) {
-      refuse(out.string(), "is one of the parts; the whole goes into another file");
+      refuse(out.string(), "is one of the parts; expected another file for the output");
     }
   }
   const std::vector<LogSurvey> parts = parts_of(files, done);
-  Joined joined;
+  JoinResult joined;
   joined.parts = parts.size();
   joined.cut_off_bytes = parts.back().cut_off_bytes;
   LogWriter writer(out);
@@ -119,10 +117,10 @@ Joined join_logs(std::span<const std::filesystem::path> files, const std::filesy
     }
   };
   const LogSurvey* before = nullptr;
-  std::size_t copied = parts.size();  // of twice as many: each was looked at before
+  std::size_t copied = parts.size();  // of twice as many steps: each part was surveyed before
   for (const LogSurvey& part : parts) {
     std::ifstream in(part.source, std::ios::binary);
-    EventReader reader(in, part.source, share_of_one(done, copied++, 2 * parts.size()));
+    EventReader reader(in, part.source, progress_of_part(done, copied++, 2 * parts.size()));
     for (LogEvent event; reader.next(event) == EventReader::Found::event;) {
       if (before != nullptr && event.channel == recording_channel) continue;
       require(writer.append(event.channel, event.data, event.time_us));

@@ -21,12 +21,11 @@
 namespace stickslip::protocol {
 namespace {
 
-constexpr std::size_t most_places_told = 100;
+constexpr std::size_t most_places_listed = 100;
 
 enum class Sound : std::uint8_t { yes, bad_checksum, undecodable };
 
-/// The messages of one event, and whether they can be believed. Others than ours are, as long as
-/// they stand where an event stands.
+/// Decoded message of one event. Events on other channels are accepted without decoding.
 class Content {
  public:
   Sound take(const LogEvent& event) {
@@ -70,7 +69,7 @@ class Content {
   event_t event_{};
 };
 
-/// What a walk over a log meets.
+/// Receiver of the items of a log.
 class Visitor {
  public:
   Visitor() = default;
@@ -78,14 +77,15 @@ class Visitor {
   Visitor& operator=(const Visitor&) = delete;
   virtual ~Visitor() = default;
   virtual void sound(const LogEvent& event, const Content& content) = 0;
-  /// Where an event is, but none that can be believed.
+  /// An event whose message is invalid.
   virtual void unsound(const LogEvent& event, Sound why) = 0;
-  /// Where no event is.
+  /// Bytes outside of events.
   virtual void damage(const LogEvent& place, const std::string& why) = 0;
   virtual void cut_off(const LogEvent& place) = 0;
 };
 
-void walk(std::istream& in, const std::string& name, Visitor& visitor, const ShareDone& done) {
+void walk(std::istream& in, const std::string& name, Visitor& visitor,
+          const ProgressCallback& done) {
   EventReader reader(in, name, done);
   LogEvent event;
   Content content;
@@ -101,14 +101,14 @@ void walk(std::istream& in, const std::string& name, Visitor& visitor, const Sha
         break;
       case EventReader::Found::event: {
         const Sound sound = content.take(event);
-        const bool believed = sound == Sound::yes && Content::is_ours(event.channel);
-        if (!event.followed && !believed) {
-          // Its own lengths may be what is wrong, and sound events within them.
-          reader.distrust(event);
+        const bool verified = sound == Sound::yes && Content::is_ours(event.channel);
+        if (!event.followed && !verified) {
+          // Its lengths may be damaged, and sound events may be within them.
+          reader.reject(event);
         }
         if (sound != Sound::yes) {
           visitor.unsound(event, sound);
-        } else if (event.followed || believed) {
+        } else if (event.followed || verified) {
           visitor.sound(event, content);
         }
       }
@@ -129,7 +129,7 @@ class Survey final : public Visitor {
       out_.info = content.info;
       take_digests(content.info);
     }
-    if (event.channel == status_channel && is_the_recorders_own()) take_ledger(content.status);
+    if (event.channel == status_channel && is_of_the_recorder()) take_ledger(content.status);
   }
 
   void unsound(const LogEvent& event, Sound why) override {
@@ -140,24 +140,25 @@ class Survey final : public Visitor {
       ++out_.undecodable;
     }
     if (event.followed) {
-      spoil(event, why == Sound::bad_checksum ? "a block of frames that does not add up"
-                                              : "no message of the type of " + event.channel);
+      add_damage(event, why == Sound::bad_checksum
+                            ? "a block of frames with a bad checksum"
+                            : "not a message of the type of " + event.channel);
     }
   }
 
   void damage(const LogEvent& place, const std::string& why) override {
-    ++out_.spoilt_places;
-    spoil(place, why);
-    next_number_.reset();  // how many events were there is not known
+    ++out_.damaged_places;
+    add_damage(place, why);
+    next_number_.reset();  // the number of lost events is unknown
   }
 
   void cut_off(const LogEvent& place) override { out_.cut_off_bytes = place.end - place.at; }
 
  private:
-  void spoil(const LogEvent& place, const std::string& why) {
-    out_.spoilt_bytes += place.end - place.at;
-    if (out_.spoilt.size() < most_places_told) {
-      out_.spoilt.push_back({place.at, place.end - place.at, why});
+  void add_damage(const LogEvent& place, const std::string& why) {
+    out_.damaged_bytes += place.end - place.at;
+    if (out_.damaged.size() < most_places_listed) {
+      out_.damaged.push_back({place.at, place.end - place.at, why});
     }
   }
 
@@ -204,7 +205,7 @@ class Survey final : public Visitor {
     const auto compare = [this](const char* name, const std::string& text,
                                 const std::string& digest) {
       if (digest != (text.empty() ? std::string() : sha256_of(text))) {
-        out_.spoilt_texts.emplace_back(name);
+        out_.altered_texts.emplace_back(name);
       }
     };
     compare("configuration", info.configuration, info.configuration_sha256);
@@ -213,8 +214,8 @@ class Survey final : public Visitor {
     compare("fault_script", info.fault_script, info.fault_script_sha256);
   }
 
-  // A log of what was heard on LCM holds a daemon's books too, but they are not about that log.
-  bool is_the_recorders_own() const { return out_.info && out_.info->program == "stickslipd"; }
+  // A log recorded from LCM also contains a daemon's ledger, but not that of the log.
+  bool is_of_the_recorder() const { return out_.info && out_.info->program == "stickslipd"; }
 
   void take_ledger(const status_t& status) {
     if (status.recording == 0) return;
@@ -232,12 +233,13 @@ class Survey final : public Visitor {
   std::optional<std::int64_t> next_number_ = 0;
 };
 
-class Mender final : public Visitor {
+class Repairer final : public Visitor {
  public:
-  Mender(Repair& out, const std::function<void(const LogEvent&)>& keep) : out_(out), keep_(keep) {}
+  Repairer(RepairResult& out, const std::function<void(const LogEvent&)>& keep)
+      : out_(out), keep_(keep) {}
 
   void sound(const LogEvent& event, const Content& content) override {
-    if (!goes_on(content.frames)) {
+    if (!continues(content.frames)) {
       ++out_.blocks_back_in_time;
       return;
     }
@@ -247,16 +249,16 @@ class Mender final : public Visitor {
   }
   void unsound(const LogEvent& event, Sound why) override {
     ++(why == Sound::bad_checksum ? out_.bad_checksums : out_.undecodable);
-    if (event.followed) out_.spoilt_bytes += event.end - event.at;
+    if (event.followed) out_.damaged_bytes += event.end - event.at;
   }
   void damage(const LogEvent& place, const std::string&) override {
-    ++out_.spoilt_places;
-    out_.spoilt_bytes += place.end - place.at;
+    ++out_.damaged_places;
+    out_.damaged_bytes += place.end - place.at;
   }
   void cut_off(const LogEvent& place) override { out_.cut_off_bytes = place.end - place.at; }
 
  private:
-  bool goes_on(std::span<const Frame> frames) {
+  bool continues(std::span<const Frame> frames) {
     std::optional<std::int64_t> last = last_ns_;
     for (const Frame& frame : frames) {
       if (last && frame.time_ns <= *last) return false;
@@ -266,7 +268,7 @@ class Mender final : public Visitor {
     return true;
   }
 
-  Repair& out_;
+  RepairResult& out_;
   const std::function<void(const LogEvent&)>& keep_;
   std::optional<std::int64_t> last_ns_;
 };
@@ -291,7 +293,7 @@ std::ifstream open_log(const std::filesystem::path& file) {
 }  // namespace
 
 std::int64_t RecordedLedger::lost() const {
-  // Counts out of a file: they may be anything, and their sum must not overflow.
+  // Counts of a file may have any value, and their sum must not overflow.
   return static_cast<std::int64_t>(std::accumulate(
       losses.begin(), losses.end(), std::uint64_t{0},
       [](std::uint64_t sum, std::int64_t n) { return sum + static_cast<std::uint64_t>(n); }));
@@ -311,22 +313,23 @@ std::vector<std::string> LogSurvey::faults() const {
   const auto add = [&out](bool wrong, const std::string& sentence) {
     if (wrong) out.push_back(sentence);
   };
-  add(spoilt_places > 0, "damaged in " + plural(spoilt_places, "place") + ", " +
-                             plural(static_cast<std::uint64_t>(spoilt_bytes), "byte") + " in all");
+  add(damaged_places > 0, "damaged in " + plural(damaged_places, "place") + ", " +
+                              plural(static_cast<std::uint64_t>(damaged_bytes), "byte") +
+                              " in all");
   add(bad_checksums > 0, plural(bad_checksums, "block") + " of frames with a bad checksum");
   add(undecodable > 0, plural(undecodable, "message") + " that cannot be decoded");
-  add(misnumbered > 0, plural(misnumbered, "event") +
-                           " whose number is not the one that follows: something was taken out");
+  add(misnumbered > 0,
+      plural(misnumbered, "event") + " whose number is not the next one: events were removed");
   add(cut_off_bytes > 0, "cut off: the last " +
                              plural(static_cast<std::uint64_t>(cut_off_bytes), "byte") +
-                             " are no whole event");
-  add(events == 0, "holds no event");
-  add(times_back > 0, plural(times_back, "frame") + " whose time is not behind the one before");
-  for (const std::string& text : spoilt_texts) {
-    out.push_back("its " + text + " is not the text that its SHA-256 was made of");
+                             " are an incomplete event");
+  add(events == 0, "has no events");
+  add(times_back > 0, plural(times_back, "frame") + " whose time does not increase");
+  for (const std::string& text : altered_texts) {
+    out.push_back("its " + text + " does not match its SHA-256");
   }
   if (info && info->frames >= 0 && static_cast<std::uint64_t>(info->frames) != frames) {
-    out.push_back("holds " + std::to_string(frames) + " frames; " + std::to_string(info->frames) +
+    out.push_back("has " + std::to_string(frames) + " frames; " + std::to_string(info->frames) +
                   " were written");
   }
   if (ledger) {
@@ -335,28 +338,28 @@ std::vector<std::string> LogSurvey::faults() const {
     const auto recorded = static_cast<std::uint64_t>(ledger->recorded);
     add(there < recorded || (ledger->closed() && there != recorded),
         "does not balance: the ledger says " + std::to_string(recorded - before) +
-            " frames up to its last status, the log holds " +
+            " frames up to its last status, the log has " +
             std::to_string(ledger->frames_before_it));
   }
   return out;
 }
 
-LogSurvey survey_log(const std::filesystem::path& file, const ShareDone& done) {
+LogSurvey survey_log(const std::filesystem::path& file, const ProgressCallback& done) {
   std::ifstream in = open_log(file);
   std::array<char, 4> head{};
   in.read(head.data(), head.size());
   const auto got = static_cast<std::size_t>(in.gcount());
-  // A damaged log may begin with anything, but a file of text is none.
+  // A damaged log may begin with any bytes, but a text file is not a log.
   const bool text = got > 0 && std::all_of(head.begin(), head.begin() + in.gcount(), [](char c) {
                       return c == '\t' || c == '\n' || c == '\r' || (c >= 0x20 && c < 0x7F);
                     });
   if (text) {
-    throw InputError(Problem{file.string(), 0, 0, "is text, and no LCM event log"});
+    throw InputError(Problem{file.string(), 0, 0, "is text, not an LCM event log"});
   }
   return survey_log(in, file.string(), done);
 }
 
-LogSurvey survey_log(std::istream& in, const std::string& name, const ShareDone& done) {
+LogSurvey survey_log(std::istream& in, const std::string& name, const ProgressCallback& done) {
   LogSurvey out;
   out.source = name;
   in.clear();
@@ -367,25 +370,26 @@ LogSurvey survey_log(std::istream& in, const std::string& name, const ShareDone&
   return out;
 }
 
-bool Repair::dropped_anything() const {
-  return spoilt_places > 0 || bad_checksums > 0 || undecodable > 0 || blocks_back_in_time > 0 ||
+bool RepairResult::dropped_anything() const {
+  return damaged_places > 0 || bad_checksums > 0 || undecodable > 0 || blocks_back_in_time > 0 ||
          cut_off_bytes > 0;
 }
 
-Repair repair_log(std::istream& in, const std::string& name,
-                  const std::function<void(const LogEvent&)>& keep, const ShareDone& done) {
-  Repair out;
-  Mender mender(out, keep);
+RepairResult repair_log(std::istream& in, const std::string& name,
+                        const std::function<void(const LogEvent&)>& keep,
+                        const ProgressCallback& done) {
+  RepairResult out;
+  Repairer mender(out, keep);
   walk(in, name, mender, done);
   return out;
 }
 
-Repair repair_log(const std::filesystem::path& file, const std::filesystem::path& out,
-                  const ShareDone& done) {
+RepairResult repair_log(const std::filesystem::path& file, const std::filesystem::path& out,
+                        const ProgressCallback& done) {
   std::error_code none;
   if (std::filesystem::equivalent(file, out, none)) {
-    throw InputError(
-        Problem{out.string(), 0, 0, "is the log itself; the repaired one goes into another file"});
+    throw InputError(Problem{out.string(), 0, 0,
+                             "is the log itself; expected another file for the repaired one"});
   }
   std::ifstream in = open_log(file);
   LogWriter writer(out);
@@ -398,11 +402,11 @@ Repair repair_log(const std::filesystem::path& file, const std::filesystem::path
   const auto keep = [&](const LogEvent& event) {
     require(writer.append(event.channel, event.data, event.time_us));
   };
-  const Repair repair = repair_log(in, file.string(), keep, done);
+  const RepairResult repair = repair_log(in, file.string(), keep, done);
   require(writer.close());
   if (repair.events == 0) {
     std::filesystem::remove(out, none);
-    throw InputError(Problem{file.string(), 0, 0, "holds no whole event of a log"});
+    throw InputError(Problem{file.string(), 0, 0, "has no intact event of a log"});
   }
   return repair;
 }

@@ -1,4 +1,4 @@
-// The SHA-256 of bytes: by which a text is known again.
+// SHA-256, which identifies a text.
 #pragma once
 
 #include <string>
@@ -6,7 +6,7 @@
 
 namespace stickslip::protocol {
 
-/// In hexadecimal, 64 digits. Throws std::runtime_error where OpenSSL does not offer it.
+/// Digest in hexadecimal, 64 digits. Throws std::runtime_error if OpenSSL does not provide it.
 std::string sha256_of(std::string_view bytes);
 
 }  // namespace stickslip::protocol

@@ -1,4 +1,4 @@
-"""Calibration files as a person makes them: from points, renewed, refused, shown, and checked."""
+"""Calibration files: made from points, renewed, refused, shown and checked."""
 import os
 import unittest
 
@@ -21,7 +21,7 @@ class Calibration(EndToEnd):
                          self.file, "--reference", "weights set 12", "--raw-unit", "V/V",
                          "--date", date, *more)
 
-    def test_points_become_a_file_that_is_sound_and_keeps_its_history(self):
+    def test_points_make_a_sound_file_with_history(self):
         first = self.fit("--by", "M. Weber")
         self.assertEqual(first.returncode, 0, first.stderr)
         self.assertIn("gain            1999.9", first.stdout)
@@ -39,7 +39,7 @@ class Calibration(EndToEnd):
         self.assertEqual(sorted(path.name for path in self.folder.iterdir()),
                          ["calibration.toml", "points.csv"])
 
-    def test_nothing_is_written_where_points_are_no_line(self):
+    def test_nothing_is_written_for_points_off_a_line(self):
         self.assertEqual(self.fit().returncode, 0)
         before = self.file.read_bytes()
         self.points = self.write("points.csv", GOOD.replace(",2.0\n", ",2.1\n"))
@@ -59,14 +59,14 @@ class Calibration(EndToEnd):
         self.assertEqual(refused.returncode, 2)
         self.assertIn("is the clock right?", refused.stderr)
 
-    def test_bad_points_are_told_with_their_line(self):
+    def test_bad_points_are_reported_with_their_line(self):
         self.points = self.write("points.csv", "raw,reference_si\n1,2\n1,x\n")
         refused = self.fit()
         self.assertEqual(refused.returncode, 2)
         self.assertIn("points.csv:3: reference_si: expected a number", refused.stderr)
         self.assertFalse(self.file.exists())
 
-    def test_a_file_that_cannot_be_written_is_told(self):
+    def test_a_file_that_cannot_be_written_is_reported(self):
         self.file = self.folder / "no" / "folder.toml"
         refused = self.fit()
         self.assertEqual(refused.returncode, 2)

@@ -1,6 +1,5 @@
-"""What a fault script lets befall the device is what the recording holds: lost frames leave their gaps,
-channels that are no numbers are not believed, a pulled cable ends the run and says why. The same script
-gives the same recording, to the bit."""
+"""Injected faults in recordings: lost frames leave gaps, channels that are not finite are invalid, a
+disconnected device ends the run with its reason. The same script gives the same recording, to the bit."""
 import hashlib
 import json
 import re
@@ -18,7 +17,7 @@ class FaultsThroughTheDaemon(EndToEnd):
         self.types = frames.generate_types(self.folder)
 
     def daemon(self, faults, name):
-        """The daemon on the simulated rig, five seconds as fast as they go: (result, frames)."""
+        """The daemon on the simulated rig, five seconds as fast as possible: (result, frames)."""
         self.write("script.toml", "schema = 1\nseed = 3\n" + faults)
         config = self.write("rig.toml", f"""
             schema = 1
@@ -35,7 +34,7 @@ class FaultsThroughTheDaemon(EndToEnd):
         result = run(STICKSLIPD, "--config", config, "--no-lcm", "--record", log, "--duration", 5)
         return result, frames.frames(log, self.types)
 
-    def test_lost_frames_leave_gaps_and_the_books_balance(self):
+    def test_lost_frames_leave_gaps_and_the_ledger_balances(self):
         script = '[[fault]]\nkind = "drop"\nat_s = 1.0\nduration_s = 2.0\nprobability = 0.1\n'
         result, recording = self.daemon(script, "drop")
         self.assertEqual(result.returncode, 0, result.stderr)  # else the ledger does not balance
@@ -46,14 +45,14 @@ class FaultsThroughTheDaemon(EndToEnd):
         self.assertTrue(all(1000 <= sequence < 3000 for sequence in lost), lost)
         # Five standard deviations of a binomial distribution.
         self.assertLess(abs(len(lost) - 200), 5 * (2000 * 0.1 * 0.9) ** 0.5)
-        # Two hundred gaps, told at most once a second.
+        # Two hundred gaps, reported at most once a second.
         self.assertLess((result.stdout + result.stderr).count("the source lost"), 10)
         _, again = self.daemon(script, "again")
         self.assertEqual(recording, again)
 
-    def test_the_recording_says_that_its_faults_were_asked_for(self):
-        self.daemon('[[fault]]\nkind = "drop"\nat_s = 1.0\nduration_s = 0.1\n', "told")
-        log = self.folder / "told.log"
+    def test_the_recording_contains_its_fault_script(self):
+        self.daemon('[[fault]]\nkind = "drop"\nat_s = 1.0\nduration_s = 0.1\n', "injected")
+        log = self.folder / "injected.log"
         script = (self.folder / "script.toml").read_text()
         said = self.succeed("log", "info", log).stdout
         digest = hashlib.sha256(script.encode()).hexdigest()
@@ -61,20 +60,20 @@ class FaultsThroughTheDaemon(EndToEnd):
         info = json.loads(self.succeed("log", "info", log, "--json").stdout)
         self.assertEqual(info["texts"]["fault_script"]["sha256"], digest)
 
-    def test_what_is_no_number_is_not_believed(self):
+    def test_values_that_are_not_finite_are_invalid(self):
         result, recording = self.daemon('[[fault]]\nkind = "nan"\nchannel = "friction_force"\n'
                                         'at_s = 2.0\nduration_s = 0.5\n', "nan")
         self.assertEqual(result.returncode, 0, result.stderr)
         for frame in recording:
-            believed = frame.valid >> FRICTION_FORCE & 1 == 1
-            self.assertEqual(believed, not 2000 <= frame.sequence < 2500, frame.sequence)
+            valid = frame.valid >> FRICTION_FORCE & 1 == 1
+            self.assertEqual(valid, not 2000 <= frame.sequence < 2500, frame.sequence)
 
-    def test_a_cable_that_is_pulled_is_named(self):
+    def test_a_disconnected_device_is_reported(self):
         result, recording = self.daemon('[[fault]]\nkind = "unplug"\nat_s = 2.0\n', "unplug")
         self.assertEqual([frame.sequence for frame in recording][:2000], list(range(2000)))
         self.assertIn("fault 1 of script.toml: the device is unplugged", result.stderr)
 
-    def test_a_channel_that_becomes_late_breaks_the_model_and_is_named(self):
+    def test_a_delayed_channel_is_found_by_the_model_check(self):
         self.write("script.toml", """
             schema = 1
             [[fault]]
@@ -109,7 +108,7 @@ class FaultsThroughTheDaemon(EndToEnd):
         self.assertGreater(late.start(), broken, said)
         self.assertAlmostEqual(float(late.group(1)), 6.0, delta=0.6)
 
-    def test_a_script_that_is_wrong_is_refused_with_its_line(self):
+    def test_a_malformed_script_is_refused_with_its_line(self):
         self.write("script.toml", 'schema = 1\n[[fault]]\nkind = "noise"\nat_s = 1.0\n')
         config = self.write("rig.toml", f"""
             schema = 1

@@ -1,5 +1,5 @@
-"""Whatever is wrong with an input, every command that reads it says so in one line that names the
-file and the line (a binary log: the byte), and ends with status 2."""
+"""Every command refuses a malformed input with one line that contains the file and the line (of a
+binary log: the byte), and with status 2."""
 import re
 import subprocess
 import unittest
@@ -27,8 +27,7 @@ transition_speed_m_s = 0.0025
 RECORDING = "time_s,displacement_m,base_displacement_m\n" + "".join(
     f"{i / 1000},{1e-3 * (i % 7)},{2e-3 * (i % 5)}\n" for i in range(400))
 
-# What is spoilt: (text that is replaced, what stands there instead, line that must be named,
-# a word that the message must hold).
+# Errors: (replaced text, its replacement, line in the message, a word of the message).
 BAD_RECORDINGS = {
     "no_time_column": ("time_s,", "t,", 1, "time_s"),
     "no_known_column": ("displacement_m,base_displacement_m", "a,b", 1, ""),
@@ -70,12 +69,12 @@ class MalformedInput(EndToEnd):
         self.good_model = self.write("good.toml", MODEL)
         self.good_recording = self.write("good.csv", RECORDING)
 
-    def spoilt(self, name, text, old, new):
+    def altered(self, name, text, old, new):
         self.assertEqual(text.count(old), 1, f"the case does not fit its text: {old!r}")
         return self.write(name, text.replace(old, new))
 
     def expect_refusal(self, result, file, line, word):
-        """One line on standard error, file and line in it, status 2."""
+        """One line with file and line on standard error, status 2."""
         said = f"{result.args}\n{result.stdout}{result.stderr}"
         self.assertEqual(result.returncode, 2, said)
         lines = result.stderr.splitlines()
@@ -104,7 +103,7 @@ class MalformedInput(EndToEnd):
         ]
 
     def test_the_good_inputs_are_accepted(self):
-        """Otherwise the refusals below would prove nothing."""
+        """Precondition of the refusals below."""
         self.succeed("check", self.good_model)
         self.succeed("convert", self.good_recording, self.folder / "good.log")
         self.succeed(*self.readers_of_a_model(self.good_model)[3])
@@ -112,7 +111,7 @@ class MalformedInput(EndToEnd):
 
     def test_recordings(self):
         for name, (old, new, line, word) in BAD_RECORDINGS.items():
-            recording = self.spoilt(f"{name}.csv", RECORDING, old, new)
+            recording = self.altered(f"{name}.csv", RECORDING, old, new)
             for command in self.readers_of_a_recording(recording):
                 with self.subTest(case=name, command=command[0]):
                     self.expect_refusal(stickslip(*command), recording, line, word)
@@ -128,19 +127,19 @@ class MalformedInput(EndToEnd):
                     self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
                     self.assertIn(str(recording), result.stderr)
 
-    def test_spoilt_logs(self):
+    def test_damaged_logs(self):
         log = self.folder / "good.log"
         self.succeed("convert", self.good_recording, log)
         whole = log.read_bytes()
         self.assertGreater(len(whole), 1000)
-        second = whole.index(b"\xed\xa1\xda\x01", 1)  # where the second event begins
-        spoilt = {
+        second = whole.index(b"\xed\xa1\xda\x01", 1)  # beginning of the second event
+        damaged = {
             "truncated_in_the_first_header.log": whole[:17],
             "truncated_within_the_description.log": whole[:second - 1],
             "overwritten.log": whole[:second] + b"\0" * 28 + whole[second + 28:],
-            "trailing_rubbish.log": whole + b"rubbish, and no event",
+            "trailing_rubbish.log": whole + b"rubbish, not an event",
         }
-        for name, content in spoilt.items():
+        for name, content in damaged.items():
             recording = self.write(name, content)
             for command in self.readers_of_a_recording(recording):
                 with self.subTest(case=name, command=command[0]):
@@ -148,7 +147,7 @@ class MalformedInput(EndToEnd):
                     self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
                     self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
                     self.assertIn(str(recording), result.stderr)
-                    self.assertRegex(result.stderr, r"byte|holds no frames")
+                    self.assertRegex(result.stderr, r"byte|has no frames")
                     if name.startswith("overwritten"):
                         self.assertIn("stickslip log repair", result.stderr)
 
@@ -165,11 +164,11 @@ class MalformedInput(EndToEnd):
                     self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
                     self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
                     self.assertRegex(result.stderr, re.escape(str(recording)) +
-                                     r": cut off: its last \d+ bytes are no whole event")
+                                     r": cut off: its last \d+ bytes are an incomplete event")
 
     def test_models(self):
         for name, (old, new, line, word) in BAD_MODELS.items():
-            model = self.spoilt(f"{name}.toml", MODEL, old, new)
+            model = self.altered(f"{name}.toml", MODEL, old, new)
             for command in self.readers_of_a_model(model):
                 with self.subTest(case=name, command=command[0]):
                     self.expect_refusal(stickslip(*command), model, line, word)
@@ -181,7 +180,7 @@ class MalformedInput(EndToEnd):
                 self.assertRegex(said, re.escape(str(model)) + f":{number}:" + r"\d+: ")
                 self.assertIn(word, said)
 
-    def test_check_tells_all_problems_at_once(self):
+    def test_check_reports_all_problems(self):
         model = MODEL
         for old, new in (("damping_ratio", "damping_ratoi"), ("sigma = 0.0006", "sigma = -1.0"),
                          ('"coulomb"', '"viscous"')):
@@ -194,7 +193,7 @@ class MalformedInput(EndToEnd):
             self.assertRegex(said, re.escape(str(file)) + f":{line}:" + r"\d+: ")
 
     def test_bad_arguments(self):
-        """One line that names the option (or the command), its value, and what was expected."""
+        """One line with the option (or the command), its value, and the expectation."""
         section = ("poincare", "--model", self.good_model, "--amplitude", "0.003")
         diagram = ("bifurcation", "--model", self.good_model, "--values", "2", "--periods", "2")
         cases = (
@@ -234,17 +233,17 @@ class MalformedInput(EndToEnd):
                 self.assertIn(word, result.stderr)
                 self.assertEqual(result.stdout, "")
 
-    def test_what_is_swept_need_not_be_told(self):
-        for over, told in (("drive.amplitude_m", ("--frequency-hz", "3")),
+    def test_a_swept_quantity_needs_no_option(self):
+        for over, given in (("drive.amplitude_m", ("--frequency-hz", "3")),
                            ("drive.frequency_hz", ("--amplitude", "0.003"))):
             with self.subTest(over=over):
-                result = self.succeed("bifurcation", "--model", self.good_model, *told, "--over",
+                result = self.succeed("bifurcation", "--model", self.good_model, *given, "--over",
                                       over, "--from", "0.5", "--to", "2", "--values", "2",
                                       "--periods", "2", "--transient", "1")
                 self.assertEqual(len(result.stdout.splitlines()), 5)
 
-    def test_a_result_that_cannot_be_written_is_told(self):
-        """A full disk on standard output: status 1. A place that cannot be: status 2, before work."""
+    def test_a_failed_write_is_reported(self):
+        """A full disk on standard output: status 1. An impossible path: status 2, before any work."""
         for command in (("poincare", "--model", self.good_model, "--amplitude", "0.003",
                          "--frequency-hz", "3", "--periods", "3"),
                         ("simulate", "--model", self.good_model, "--drive", self.good_recording),
@@ -261,7 +260,7 @@ class MalformedInput(EndToEnd):
             self.assertEqual(result.returncode, 2, result.stderr)
             self.assertIn(str(nowhere), result.stderr)
 
-    def test_a_recording_of_nothing_or_of_no_rig_gets_no_verdict(self):
+    def test_a_recording_without_motion_or_of_another_system_gets_no_verdict(self):
         still = "time_s,displacement_m,base_displacement_m\n" + "".join(
             f"{i / 1000},0,{2e-3 * (i % 5)}\n" for i in range(400))
         absurd = "time_s,displacement_m,base_displacement_m\n" + "".join(
@@ -276,8 +275,8 @@ class MalformedInput(EndToEnd):
                     self.assertIn(str(recording), result.stderr)
                     self.assertIn(word, result.stderr)
 
-    def test_check_reads_the_recording_that_is_to_be_replayed(self):
-        recording = self.spoilt("bad.csv", RECORDING, "\n0.1,0.002,", "\n0.1,nan,")
+    def test_check_reads_the_recording_of_a_replay(self):
+        recording = self.altered("bad.csv", RECORDING, "\n0.1,0.002,", "\n0.1,nan,")
         rig = self.write("replay.toml", f"""schema = 1
 
 [rig]

@@ -1,5 +1,5 @@
-"""A log plays in stock lcm-logplayer; what `stickslip replay` publishes is what `stickslip record`
-keeps and what a stranger hears; each tool ends as it should."""
+"""Stock lcm-logplayer plays our logs; `stickslip record` and an independent subscriber receive what
+`stickslip replay` publishes; each tool ends with the right status."""
 import json
 import shutil
 import signal
@@ -34,13 +34,13 @@ class RecordingsOnLcm(EndToEnd):
         return process
 
     def recorder(self, *arguments):
-        """`stickslip record`, once it listens."""
+        """`stickslip record`, when it is ready."""
         recorder = self.start(STICKSLIP, "record", *arguments)
         self.assertIn("recording", recorder.stdout.readline())
         return recorder
 
     def stranger(self, seconds, *options):
-        """The independent subscriber, once it hears."""
+        """The independent subscriber, when it is ready."""
         listener = self.start(sys.executable, SOURCE / "tests/end_to_end/lcm_subscriber.py",
                               "--duration", seconds, *options)
         self.assertEqual(listener.stderr.readline(), "listening\n")
@@ -61,7 +61,7 @@ class RecordingsOnLcm(EndToEnd):
         self.assertEqual(heard["messages"], {"STICKSLIP_FRAMES": BLOCKS, "STICKSLIP_RECORDING": 1})
         self.assertEqual((heard["frames"], heard["lost"]), (FRAME_COUNT, 0))
 
-    def test_replay_record_and_a_stranger_agree(self):
+    def test_replay_record_and_an_independent_subscriber_agree(self):
         rows = [line.split(",") for line in CSV.splitlines()[1:]]
         for block in (10, 1500):  # one packet, and a message in fragments
             with self.subTest(block=block):
@@ -89,7 +89,7 @@ class RecordingsOnLcm(EndToEnd):
 
     def test_record_counts_what_is_missing(self):
         log = self.folder / "holes.log"
-        # A CSV counts from 0, so the loss is made here: blocks taken out of a whole log.
+        # A CSV counts from 0, so blocks are removed from a complete log.
         events = list(frames.events(self.log))
         self.assertEqual(len(events), BLOCKS + 1)
         whole = self.log.read_bytes()
@@ -152,16 +152,16 @@ class RecordingsOnLcm(EndToEnd):
         self.assertRegex(line, r"lost 0 in 0 gaps.*displacement .* m, friction_force .* N")
         self.assertNotIn("velocity", line)
 
-    def test_nothing_to_hear(self):
+    def test_no_traffic(self):
         for command in (("record", self.folder / "none.log", "--duration", 0.5),
                         ("spy", "--duration", 0.5)):
             with self.subTest(command[0]):
                 result = stickslip(*command)
                 self.assertEqual(result.returncode, 1, result.stdout + result.stderr)
 
-    def test_a_port_that_another_program_holds_is_one_line(self):
+    def test_a_port_in_use_is_reported_in_one_line(self):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as greedy:
-            greedy.bind(("0.0.0.0", 7667))  # without SO_REUSEADDR: for itself
+            greedy.bind(("0.0.0.0", 7667))  # without SO_REUSEADDR: exclusively
             for command in (["spy", "--duration", 1], ["record", self.folder / "none.log", "--duration", 1],
                             ["scope", "--listen", "127.0.0.1:0"]):
                 with self.subTest(command=command[0]):
@@ -171,9 +171,9 @@ class RecordingsOnLcm(EndToEnd):
                     self.assertIn("does not hear itself", result.stderr)
                     self.assertIn("7667", result.stderr)
 
-    def test_bad_places_are_one_line(self):
+    def test_bad_urls_are_refused_in_one_line(self):
         cases = ("nonsense", "foo://x", "udpm://239.255.76.67:99999", "udpm://10.0.0.1:7667",
-                 "udpm://224.1.1.1:7667")  # the last: a group that has no route here
+                 "udpm://224.1.1.1:7667")  # the last: a group without a route
         for url in cases:
             for command in (("spy", "--once"), ("record", self.folder / "out.log"),
                             ("replay", self.log)):

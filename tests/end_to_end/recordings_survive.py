@@ -1,5 +1,5 @@
-"""What was recorded stays: a killed daemon leaves a log that opens and lacks next to nothing, parts
-are one recording, and what was damaged is found, told and mended."""
+"""Recordings survive: a killed daemon leaves a readable log with small losses, parts form one
+recording, and damage is found, reported and repaired."""
 import json
 import random
 import re
@@ -26,7 +26,7 @@ class RecordingsSurvive(EndToEnd):
         return process
 
     def rig(self, name, recording, fast=False):
-        """The simulated rig with more said about its recording."""
+        """The simulated rig with further keys of its recording."""
         text = CONFIG.read_text().replace("models/", f"{SOURCE}/config/models/")
         if fast:
             self.assertIn("[driver.simulated]\n", text)
@@ -57,7 +57,7 @@ class RecordingsSurvive(EndToEnd):
             time.sleep(dice.uniform(0.0, 1.5))
             daemon.kill()
             daemon.wait()
-            time.sleep(0.1)  # what LCM carried before the kill arrives
+            time.sleep(0.1)  # messages published before the kill arrive
             listener.send_signal(signal.SIGTERM)
             said, _ = listener.communicate(timeout=30)
             self.assertEqual(listener.returncode, 0, said)
@@ -77,7 +77,7 @@ class RecordingsSurvive(EndToEnd):
             for text in ("configuration", "model"):
                 self.assertTrue(info["texts"][text]["verified"])
 
-    def test_a_log_that_is_there_is_kept(self):
+    def test_an_existing_log_is_kept(self):
         config, log = self.rig("twice", "", fast=True)
         self.run_rig(config, 1)
         before = log.read_bytes()
@@ -125,7 +125,7 @@ class RecordingsSurvive(EndToEnd):
                 self.assertIn("part 1 is missing", refused.stderr)
                 self.assertFalse((self.folder / "x.log").exists())
 
-    def test_damage_is_found_told_and_mended(self):
+    def test_damage_is_found_reported_and_repaired(self):
         config, log = self.rig("damaged", "", fast=True)
         self.run_rig(config, 2)
         self.assertIn("damaged.log: sound", self.succeed("log", "check", log).stdout)
@@ -144,16 +144,16 @@ class RecordingsSurvive(EndToEnd):
         self.assertIn("cut off", checked.stdout)
         mended = self.folder / "mended.log"
         said = self.succeed("log", "repair", log, "--out", mended).stdout
-        self.assertIn("1 place that is no event", said)
+        self.assertIn("1 place outside of events", said)
         self.succeed("convert", mended, self.folder / "mended.csv")
         left = len((self.folder / "mended.csv").read_text().splitlines()) - 1
         self.assertGreaterEqual(left, 1980)
         self.assertLess(left, 2001)
-        # It is whole now, though not all there, which the ledger would say if it were not cut off.
+        # It is sound now, though incomplete, which its ledger cannot show after the cut.
         self.assertNotIn("damaged in", stickslip("log", "check", mended).stdout)
 
-    def test_info_says_what_a_log_is(self):
-        config, log = self.rig("told", "", fast=True)
+    def test_info_describes_a_log(self):
+        config, log = self.rig("described", "", fast=True)
         self.run_rig(config, 3)
         said = self.succeed("log", "info", log).stdout
         for line in (r"rig +simulated Beam II", r"program +stickslipd \d", r"part +0, the first",

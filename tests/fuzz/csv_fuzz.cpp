@@ -1,5 +1,5 @@
-// Any bytes as a CSV recording: refused in one printable line, or read into frames that hold what
-// frames promise and that survive being written and read again.
+// Any bytes as a CSV recording: refused in one printable line, or read into valid frames that
+// survive writing and reading.
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -40,14 +40,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     require(i == 0 || frame.time_ns > recording.frames[i - 1].time_ns, "time increases");
     for (const Channel channel : all_channels) {
       require(std::isfinite(frame[channel]), "values are finite");
-      require(frame.has(channel) || frame[channel] == 0.0, "what is not measured is 0");
+      require(frame.has(channel) || frame[channel] == 0.0, "values that are not measured are 0");
     }
   }
-  // A file all of whose cells are empty has a column; what is written from it has none.
+  // A column of empty cells is read, but not written.
   if (recording.channels == 0) return 0;
   std::ostringstream out;
   protocol::write_csv(recording, out);
   const protocol::Recording again = protocol::parse_csv(out.str(), "again.csv");
-  require(again.frames == recording.frames, "what is written reads back");
+  require(again.frames == recording.frames, "written frames read back");
   return 0;
 }

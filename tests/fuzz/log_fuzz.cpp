@@ -1,5 +1,5 @@
-// Any bytes as an LCM event log: refused in one line that says at which byte, or read into frames
-// that hold what frames promise; surveyed to the end; and mended into a log that is read.
+// Any bytes as an LCM event log: refused in one line with the byte, or read into valid frames;
+// surveyed to the end; and repaired into a readable log.
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -24,7 +24,7 @@ void append_big_endian(std::string& bytes, std::uint64_t value, int size) {
   }
 }
 
-/// As LogWriter writes it.
+/// An event as written by LogWriter.
 void append(std::string& log, const stickslip::protocol::LogEvent& event, std::uint64_t number) {
   log += stickslip::protocol::sync_word;
   append_big_endian(log, number, 8);
@@ -39,25 +39,25 @@ void survey_and_mend(const std::string& bytes) {
   using namespace stickslip;
   std::istringstream in(bytes);
   const protocol::LogSurvey survey = protocol::survey_log(in, "fuzz.log");
-  require(survey.spoilt_bytes + survey.cut_off_bytes <= survey.bytes, "no byte is spoilt twice");
+  require(survey.damaged_bytes + survey.cut_off_bytes <= survey.bytes, "no byte is damaged twice");
   std::string mended;
   std::uint64_t events = 0;
-  const protocol::Repair repair = protocol::repair_log(
+  const protocol::RepairResult repair = protocol::repair_log(
       in, "fuzz.log", [&](const protocol::LogEvent& event) { append(mended, event, events++); });
-  require(repair.events == events && events <= survey.events, "what is kept was sound");
+  require(repair.events == events && events <= survey.events, "kept events are sound");
   require(mended.size() <= bytes.size(), "nothing is added");
   std::istringstream again(mended);
   const protocol::LogSurvey after = protocol::survey_log(again, "fuzz.log");
-  require(after.events == events && after.frames == repair.frames, "what was kept is whole");
-  require(after.spoilt_places + after.bad_checksums + after.undecodable + after.misnumbered == 0 &&
+  require(after.events == events && after.frames == repair.frames, "all kept events are written");
+  require(after.damaged_places + after.bad_checksums + after.undecodable + after.misnumbered == 0 &&
               after.cut_off_bytes == 0 && after.times_back == 0,
-          "what was mended is sound");
+          "a repaired log is sound");
   try {
     const auto frames = protocol::parse_log(again, "fuzz.log").frames.size();
-    require(frames == repair.frames, "what was mended is read");
+    require(frames == repair.frames, "a repaired log is readable");
   } catch (const InputError& error) {
-    require(std::string_view(error.what()).find(" holds no ") != std::string_view::npos,
-            "what was mended is read, or holds nothing");
+    require(std::string_view(error.what()).find(" has no ") != std::string_view::npos,
+            "a repaired log is readable, or has no frames");
   }
 }
 
@@ -75,18 +75,18 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const std::string_view line = error.what();
     require(line.starts_with("fuzz.log: ") && line.size() < 1000,
             "a refusal names its file, briefly");
-    require(line.find("at byte ") != line.npos || line.find("holds no frames") != line.npos,
-            "a refusal says where");
+    require(line.find("at byte ") != line.npos || line.find("has no frames") != line.npos,
+            "a refusal has its place");
     return 0;
   }
-  require(recording.cut_off_bytes <= size, "what is cut off was there");
+  require(recording.cut_off_bytes <= size, "the file has the bytes that were cut off");
   require(!recording.frames.empty(), "a recording holds frames");
   for (std::size_t i = 0; i < recording.frames.size(); ++i) {
     const Frame& frame = recording.frames[i];
     require(i == 0 || frame.time_ns > recording.frames[i - 1].time_ns, "time increases");
     for (const Channel channel : all_channels) {
       require(std::isfinite(frame[channel]), "values are finite");
-      require(frame.has(channel) || frame[channel] == 0.0, "what is not measured is 0");
+      require(frame.has(channel) || frame[channel] == 0.0, "values that are not measured are 0");
     }
   }
   return 0;

@@ -1,5 +1,5 @@
-// Any bytes as a message of each type, as a network may bring them: refused, or decoded into what
-// encodes to as many bytes, or a little more where the type has grown since they were written.
+// Any bytes as a message of each type: refused, or decoded into a message whose encoding has as
+// many bytes, or slightly more for earlier versions of a type.
 #include <cstddef>
 #include <cstdint>
 #include <span>

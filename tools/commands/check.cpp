@@ -1,5 +1,5 @@
-// `stickslip check`: what is wrong with a rig, a model, a fault script or a calibration, all of it
-// at once, without a daemon.
+// `stickslip check`: reports every problem of rigs, models, fault scripts, calibrations and
+// register maps.
 #include <unistd.h>
 
 #include <algorithm>
@@ -15,6 +15,7 @@
 #include "config/fault_script.h"
 #include "config/key.h"
 #include "config/model_file.h"
+#include "config/model_names.h"
 #include "config/rig.h"
 #include "drivers/bench/try_bench.h"
 #include "drivers/make_bench.h"
@@ -30,7 +31,6 @@ namespace stickslip::commands {
 
 using namespace command_line;
 
-using namespace command_line;
 namespace {
 
 struct Arguments {
@@ -40,7 +40,7 @@ struct Arguments {
   terminal::Colours colours = terminal::Colours::automatic;
 };
 
-void say(const char* what, const std::string& text) {
+void print(const char* what, const std::string& text) {
   std::printf("  %-12s %s\n", what, text.c_str());
 }
 
@@ -59,18 +59,12 @@ std::string oscillator_text(const physics::Model& model) {
 }
 
 std::string model_summary(physics::Model model) {
-  const auto named = [](std::string_view path, std::size_t position) {
-    return std::string(config::choice_at(config::model_keys(), path, position));
-  };
   std::string text = oscillator_text(model);
-  text += ", friction " + named("friction.law", static_cast<std::size_t>(model.friction.law));
-  text += ", load " + (model.normal_load ? named("normal_load.law",
-                                                 static_cast<std::size_t>(model.normal_load->law))
-                                         : "not declared");
+  text += ", friction " + std::string(config::name_of(model.friction.law));
+  text += ", load " +
+          std::string(model.normal_load ? config::name_of(model.normal_load->law) : "not declared");
   text += ", load cell " +
-          (model.load_cell
-               ? named("load_cell.dynamics", static_cast<std::size_t>(model.load_cell->dynamics))
-               : "none");
+          std::string(model.load_cell ? config::name_of(model.load_cell->dynamics) : "none");
   for (const physics::Term& term : model.terms) text += ", " + term.id;
   const auto parameters = physics::parameters_of(model);
   std::size_t uncertain = 0;
@@ -78,14 +72,12 @@ std::string model_summary(physics::Model model) {
     if (each.parameter->sigma > 0.0) ++uncertain;
   }
   return text + "; " + std::to_string(uncertain) + " of " + std::to_string(parameters.size()) +
-         " parameters are to be calibrated";
+         " parameters are uncertain";
 }
 
 /// "bench, labjack_u6; displacement from labjack_u6/AIN0, ..."
 std::string bench_summary(const config::Bench& bench) {
-  std::string text =
-      "bench, " + std::string(config::choice_at(config::rig_keys(), "driver.bench.board",
-                                                static_cast<std::size_t>(bench.board)));
+  std::string text = "bench, " + std::string(config::name_of(bench.board));
   const char* between = "; ";
   for (const Channel channel : all_channels) {
     const auto& input = bench.inputs[index_of(channel)];
@@ -102,16 +94,16 @@ std::string driver_summary(const config::Rig& rig) {
     return "replay of " + rig.replay.recording.string() +
            (rig.replay.speed > 0.0
                 ? " at " + physics::number_text(rig.replay.speed, 6) + " times its speed"
-                : ", as fast as it goes");
+                : ", as fast as possible");
   }
   if (rig.driver == config::DriverKind::bench) return bench_summary(rig.bench);
   return "simulated, truth " + rig.simulated.truth_file.string() +
-         (rig.simulated.real_time ? "" : ", as fast as it goes");
+         (rig.simulated.real_time ? "" : ", as fast as possible");
 }
 
 std::string drive_summary(const config::Rig& rig) {
   const config::Excitation& drive = rig.excitation;
-  if (rig.driver == config::DriverKind::replay) return "none: a replay moves nothing";
+  if (rig.driver == config::DriverKind::replay) return "none: a replay has no drive";
   if (!drive.enabled) return "off";
   const bool base = rig.model.oscillator.excitation == physics::Excitation::base;
   const auto sized = [base](double amplitude) {
@@ -152,9 +144,9 @@ std::string calibration_line(const config::ChannelCalibration& calibration, Chan
       std::string(info(channel).stem) + " = (raw - " + physics::number_text(calibration.offset, 6) +
       ") " + physics::number_text(calibration.gain, 6) + " " + std::string(info(channel).unit);
   for (Channel other : all_channels) {
-    const double leak = calibration.crosstalk[index_of(other)];
-    if (leak != 0.0)
-      text += " - " + physics::number_text(leak, 6) + " " + std::string(info(other).stem);
+    const double share = calibration.crosstalk[index_of(other)];
+    if (share != 0.0)
+      text += " - " + physics::number_text(share, 6) + " " + std::string(info(other).stem);
   }
   return text + (calibration.date.empty() ? "" : " of " + calibration.date);
 }
@@ -166,46 +158,46 @@ std::string calibration_summary(const config::Rig& rig) {
     if (each == config::ChannelCalibration{}) continue;
     text += (text.empty() ? "" : ", ") + calibration_line(each, channel);
   }
-  return text.empty() ? "none: every channel is read in SI units" : text;
+  return text.empty() ? "none: every channel is in SI units" : text;
 }
 
 void summarise(const config::CalibrationFile& file) {
   for (Channel channel : all_channels) {
     const auto& each = file.channel[index_of(channel)];
     if (!each) continue;
-    say("calibration", calibration_line(*each, channel) + ", against " + each->reference);
+    print("calibration", calibration_line(*each, channel) + ", against " + each->reference);
   }
-  say("history", std::to_string(file.history.size()) + " former calibrations");
+  print("history", std::to_string(file.history.size()) + " former calibrations");
 }
 
 void summarise(const config::Rig& rig) {
-  say("rig", rig.name);
-  say("rate",
-      physics::number_text(rig.loop.rate_hz, 6) + " Hz, " +
-          std::to_string(rig.loop.frames_per_block) + " frames a message" +
-          (rig.loop.duration_s ? ", for " + physics::number_text(*rig.loop.duration_s, 6) + " s"
-                               : ""));
-  say("driver", driver_summary(rig));
+  print("rig", rig.name);
+  print("rate",
+        physics::number_text(rig.loop.rate_hz, 6) + " Hz, " +
+            std::to_string(rig.loop.frames_per_block) + " frames a message" +
+            (rig.loop.duration_s ? ", for " + physics::number_text(*rig.loop.duration_s, 6) + " s"
+                                 : ""));
+  print("driver", driver_summary(rig));
   if (rig.faults) {
-    say("faults", rig.faults->file.string() + ": " + std::to_string(rig.faults->faults.size()));
+    print("faults", rig.faults->file.string() + ": " + std::to_string(rig.faults->faults.size()));
   }
-  say("drive", drive_summary(rig));
-  say("calibration", calibration_summary(rig));
-  say("model", rig.model_file.string() + ": " + model_summary(rig.model));
-  say("LCM", rig.lcm.enabled ? rig.lcm.url : "off");
-  say("recording", rig.recording.enabled ? rig.recording.file.string() : "off");
-  say("observer", rig.observer.enabled ? "on" : "off");
+  print("drive", drive_summary(rig));
+  print("calibration", calibration_summary(rig));
+  print("model", rig.model_file.string() + ": " + model_summary(rig.model));
+  print("LCM", rig.lcm.enabled ? rig.lcm.url : "off");
+  print("recording", rig.recording.enabled ? rig.recording.file.string() : "off");
+  print("observer", rig.observer.enabled ? "on" : "off");
 }
 
 void summarise(const config::FaultScript& script) {
-  say("seed", std::to_string(script.seed));
-  if (script.faults.empty()) say("faults", "none: the device stays as it is");
+  print("seed", std::to_string(script.seed));
+  if (script.faults.empty()) print("faults", "none: the device is unaltered");
   for (std::size_t i = 0; i < script.faults.size(); ++i) {
-    say(("fault " + std::to_string(i + 1)).c_str(), config::in_words(script.faults[i]));
+    print(("fault " + std::to_string(i + 1)).c_str(), config::in_words(script.faults[i]));
   }
 }
 
-/// Prints what a file is, or every problem in it. Whether it is sound.
+/// Prints a summary of a file, or every problem in it. True if it is sound.
 bool check(const std::string& file, const terminal::Paint& paint) {
   const std::string sound = paint(terminal::Tone::good, "sound");
   try {
@@ -214,9 +206,9 @@ bool check(const std::string& file, const terminal::Paint& paint) {
     if (!kind) {
       throw InputError(Problem{
           file, 1, 1,
-          "is no rig, which has a table [rig], no model, which has [oscillator], no fault "
-          "script, which has [[fault]], no calibration, which has [channel.CHANNEL], and no "
-          "register map, which has [[register]]"});
+          "is not a configuration file: expected a rig with a table [rig], a model with "
+          "[oscillator], a fault script with [[fault]], a calibration with [channel.CHANNEL], or a "
+          "register map with [[register]]"});
     }
     switch (*kind) {
       case config::FileKind::rig: {
@@ -231,7 +223,7 @@ bool check(const std::string& file, const terminal::Paint& paint) {
       case config::FileKind::model: {
         const physics::Model model = config::parse_model(text, file);
         std::printf("%s: %s\n", file.c_str(), sound.c_str());
-        say("model", model_summary(model));
+        print("model", model_summary(model));
         break;
       }
       case config::FileKind::fault_script: {
@@ -243,8 +235,8 @@ bool check(const std::string& file, const terminal::Paint& paint) {
       case config::FileKind::modbus_map: {
         const config::ModbusMap map = config::parse_modbus_map(text, file);
         std::printf("%s: %s\n", file.c_str(), sound.c_str());
-        say("unit", map.name);
-        say("registers", std::to_string(map.registers.size()));
+        print("unit", map.name);
+        print("registers", std::to_string(map.registers.size()));
         break;
       }
       case config::FileKind::calibration: {
@@ -264,14 +256,14 @@ bool check(const std::string& file, const terminal::Paint& paint) {
   }
 }
 
-/// Asks each device of a sound rig for its first readings. Whether all speak.
+/// Reads each device of a sound rig for the first time. True if all respond.
 bool try_live(const std::string& file, const terminal::Paint& paint) {
   const config::Rig rig = config::load_rig(file);
   if (rig.driver != config::DriverKind::bench) {
-    throw InputError(Problem{file, 0, 0, "has no devices: --live is for driver.kind = \"bench\""});
+    throw InputError(Problem{file, 0, 0, "has no devices: --live needs driver.kind = \"bench\""});
   }
   constexpr double patience_s = 2.0;
-  terminal::Progress progress("asking the devices of " + file);
+  terminal::Progress progress("reading the devices of " + file);
   const auto tried = drivers::try_bench(drivers::make_bench_parts(rig.bench, rig.loop.rate_hz),
                                         rig.bench, patience_s);
   progress.finish();
@@ -321,14 +313,14 @@ void add_check(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "check",
-      "Tell everything that is wrong with rigs, models, calibrations and fault scripts, offline "
-      "and at once");
+      "Report every problem of rigs, models, calibrations, fault scripts and register maps");
   command->add_option("FILE", arguments->files,
-                      "Rig configurations, models, calibrations or fault scripts (TOML)");
-  command->add_flag("--live", arguments->live,
-                    "Then try each device of the rig and print its first readings; nothing is "
-                    "driven, and no daemon may run on it");
-  command->add_flag("--keys", arguments->keys, "Print every key as docs/configuration.md has them")
+                      "Rigs, models, calibrations, fault scripts or register maps (TOML)");
+  command->add_flag(
+      "--live", arguments->live,
+      "Then read each device of the rig and print its first readings, without driving "
+      "it; no daemon may use it");
+  command->add_flag("--keys", arguments->keys, "Print all keys as docs/configuration.md")
       ->group("");
   add_colour_option(*command, arguments->colours);
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });

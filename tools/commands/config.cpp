@@ -1,4 +1,4 @@
-// `stickslip config`: what holds in a rig, defaults included, and where each value comes from.
+// `stickslip config`: the effective settings of a rig, with defaults and origins.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -32,8 +32,8 @@ std::string origin(const Setting& setting, const std::string& file) {
   return setting.stated() ? file + ":" + std::to_string(setting.line) : "default";
 }
 
-/// The settings that `asked` names: one key, or all of a table; all of them where it is empty.
-/// Throws InputError where there is none.
+/// Settings of a key or of all keys of a table; all if `asked` is empty. Throws InputError if there
+/// are none.
 std::vector<Setting> chosen(const std::vector<Setting>& settings, const std::string& asked) {
   std::vector<Setting> out;
   for (const Setting& each : settings) {
@@ -60,7 +60,7 @@ std::string kind_of_value(const config::Key& key) {
   return text;
 }
 
-/// The rig as one file: what it says, with the defaults as comments to be taken out of it.
+/// The rig as one file, with the defaults as comments.
 void print_values(const std::vector<Setting>& settings, const std::string& file) {
   for (const Setting& each : settings) {
     if (each.value.empty()) {
@@ -82,7 +82,7 @@ void print_explained(const std::vector<Setting>& settings, const std::string& fi
     std::printf("  meaning     %.*s\n", static_cast<int>(key.sentence.size()), key.sentence.data());
     std::printf("  type        %s\n", kind_of_value(key).c_str());
     std::printf("  without it  %s\n", config::absence_of(key).c_str());
-    std::printf("  change      %s\n", key.live ? "live: a running daemon takes it over on SIGHUP"
+    std::printf("  change      %s\n", key.live ? "live: a running daemon applies it on SIGHUP"
                                                : "needs a restart of the daemon");
     between = "\n";
   }
@@ -107,7 +107,7 @@ nlohmann::ordered_json as_json(const std::vector<Setting>& settings, const std::
     entry["minimum"] = bound(key.low);
     entry["minimum_excluded"] = key.above_low;
     entry["maximum"] = bound(key.high);
-    entry["choices"] = config::choices_of(key.choices);
+    entry["choices"] = std::vector<std::string_view>(key.choices.begin(), key.choices.end());
     entry["without_it"] = config::absence_of(key);
     entry["live"] = key.live;
     entry["sentence"] = key.sentence;
@@ -118,7 +118,7 @@ nlohmann::ordered_json as_json(const std::vector<Setting>& settings, const std::
 
 int run(const Arguments& arguments) {
   config::Rig rig = config::load_rig(arguments.file);
-  // Paths that stay true wherever the output is put.
+  // Paths that are valid for the output in any folder.
   rig.file = std::filesystem::absolute(rig.file);
   const std::vector<Setting> settings = chosen(config::settings_of(rig), arguments.key);
   if (arguments.json) {
@@ -136,16 +136,17 @@ int run(const Arguments& arguments) {
 void add_config(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "config", "Print all of a rig, defaults included, each value with where it comes from");
+      "config", "Print all settings of a rig with defaults, and the origin of each value");
   command->add_option("RIG", arguments->file, "Rig configuration (TOML)")->required();
   CLI::Option* explain =
       command
-          ->add_option("--explain", arguments->key,
-                       "Tell what each key means, its unit and range, and whether a running daemon "
-                       "takes a change over; KEY or a table: only that")
+          ->add_option(
+              "--explain", arguments->key,
+              "Explain each key: meaning, unit, range, and whether a running daemon applies "
+              "a change; only KEY, or the keys of a table, if given")
           ->type_name("KEY")
           ->expected(0, 1);
-  command->add_flag("--json", arguments->json, "As JSON, with everything that --explain tells");
+  command->add_flag("--json", arguments->json, "As JSON, including all of --explain");
   command->callback([&action, arguments, explain] {
     arguments->explain = explain->count() > 0;
     action = [arguments] { return run(*arguments); };

@@ -28,13 +28,13 @@ struct Arguments {
 };
 
 void write_as_csv(const protocol::Recording& recording, const std::string& path,
-                  const protocol::ShareDone& done) {
+                  const protocol::ProgressCallback& done) {
   std::ofstream out(path, std::ios::binary);
   if (out) protocol::write_csv(recording, out, done);
   out.close();
   if (!out) {
     throw InputError(
-        Problem{path, 0, 0, "cannot be written; does its folder exist, and is there room?"});
+        Problem{path, 0, 0, "cannot be written; does its folder exist, and is the disk full?"});
   }
 }
 
@@ -42,15 +42,16 @@ int run(const Arguments& arguments) {
   const protocol::Recording recording = recording_from(arguments.in);
   if (arguments.out == "-") {
     if (arguments.format == "lcm") {
-      throw InputError(Problem{"-", 0, 0, "only CSV goes to standard output: name a file"});
+      throw InputError(
+          Problem{"-", 0, 0, "only CSV can be written to standard output: expected a file"});
     }
     protocol::write_csv(recording, std::cout);
     if (!std::cout.flush()) throw std::runtime_error("standard output cannot be written");
     return 0;
   }
-  // Only now is anything written: what went in was read whole, so IN and OUT may be one file.
+  // IN has been read completely, so IN and OUT may be the same file.
   terminal::Progress progress("writing " + arguments.out);
-  const protocol::ShareDone done = [&progress](double share) { progress.at(share); };
+  const protocol::ProgressCallback done = [&progress](double share) { progress.at(share); };
   if (arguments.format == "csv") {
     write_as_csv(recording, arguments.out, done);
   } else if (arguments.format == "lcm") {
@@ -69,16 +70,16 @@ int run(const Arguments& arguments) {
 void add_convert(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command =
-      app.add_subcommand("convert", "Rewrite a recording as CSV or as an LCM event log");
-  command->add_option("in", arguments->in, "Recording (CSV or LCM log, told by its content)")
+      app.add_subcommand("convert", "Convert a recording to CSV or to an LCM event log");
+  command->add_option("in", arguments->in, "Recording (CSV or LCM log, recognised by its content)")
       ->required()
       ->type_name("IN");
   command
       ->add_option("out", arguments->out,
-                   "Where to: .csv, .lcm or .log; \"-\" is CSV on standard output")
+                   "Output: .csv, .lcm or .log; \"-\" is CSV on standard output")
       ->required()
       ->type_name("OUT");
-  command->add_option("--format", arguments->format, "Format of OUT, whatever its name says")
+  command->add_option("--format", arguments->format, "Format of OUT, regardless of its name")
       ->check(CLI::IsMember({"csv", "lcm"}));
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }

@@ -1,5 +1,4 @@
-// `stickslip log`: recordings as files: what is in them, whether they are whole, and making them
-// so.
+// `stickslip log`: checks, repairs, joins, describes and exports recordings.
 #include <unistd.h>
 
 #include <algorithm>
@@ -28,15 +27,12 @@ using namespace command_line;
 using namespace files;
 using namespace recording_export;
 
-using namespace command_line;
-using namespace files;
-using namespace recording_export;
 namespace {
 
 using protocol::LogSurvey;
 using Json = nlohmann::ordered_json;
 
-constexpr std::size_t most_places_told = 10;
+constexpr std::size_t most_places_listed = 10;
 
 struct Arguments {
   std::vector<std::string> files;
@@ -57,7 +53,7 @@ std::string count_of(Count count, const std::string& what) {
   return std::to_string(count) + ' ' + what + (count == 1 ? "" : "s");
 }
 
-void say(const std::string& what, const std::string& text) {
+void print(const std::string& what, const std::string& text) {
   std::printf("  %-22s %s\n", what.c_str(), text.c_str());
 }
 
@@ -82,8 +78,7 @@ std::string ledger_text(const LogSurvey& log) {
     text += " + " + std::to_string(ledger.losses[i]) + " lost (" + ledger.loss_names[i] + ')';
   }
   if (!ledger.closed()) {
-    text +=
-        " + " + std::to_string(ledger.produced - ledger.recorded - ledger.lost()) + " on their way";
+    text += " + " + std::to_string(ledger.produced - ledger.recorded - ledger.lost()) + " pending";
   }
   return text;
 }
@@ -91,48 +86,48 @@ std::string ledger_text(const LogSurvey& log) {
 std::string part_text(const recording_info_t& info) {
   std::string text = std::to_string(info.part);
   if (info.part == 0 && info.frames_before == 0) return text + ", the first";
-  return text + ", behind " + info.previous_part + "; " + count_of(info.frames_before, "frame") +
-         " in those before";
+  return text + ", after " + info.previous_part + "; " + count_of(info.frames_before, "frame") +
+         " in the parts before";
 }
 
 // check
 
-void tell(const LogSurvey& log, const std::vector<std::string>& faults,
-          const terminal::Paint& paint) {
+void print_check(const LogSurvey& log, const std::vector<std::string>& faults,
+                 const terminal::Paint& paint) {
   const std::string verdict =
       faults.empty() ? paint(terminal::Tone::good, "sound") : paint(terminal::Tone::bad, "damaged");
   std::printf("%s: %s\n", log.source.c_str(), verdict.c_str());
   for (const std::string& fault : faults) std::printf("  %s\n", fault.c_str());
-  for (std::size_t i = 0; i < std::min(log.spoilt.size(), most_places_told); ++i) {
-    const protocol::Spoilt& place = log.spoilt[i];
-    say("at byte " + std::to_string(place.at), count_of(place.bytes, "byte") + ": " + place.why);
+  for (std::size_t i = 0; i < std::min(log.damaged.size(), most_places_listed); ++i) {
+    const protocol::DamagedRange& place = log.damaged[i];
+    print("at byte " + std::to_string(place.at), count_of(place.bytes, "byte") + ": " + place.why);
   }
-  const std::uint64_t places = log.spoilt_places + log.bad_checksums + log.undecodable;
-  if (places > most_places_told) {
+  const std::uint64_t places = log.damaged_places + log.bad_checksums + log.undecodable;
+  if (places > most_places_listed) {
     std::printf("  ... and %llu more\n",
-                static_cast<unsigned long long>(places - most_places_told));
+                static_cast<unsigned long long>(places - most_places_listed));
   }
   if (log.info && (log.info->part > 0 || !log.info->previous_part.empty())) {
-    say("part", part_text(*log.info));
+    print("part", part_text(*log.info));
   }
-  say("frames", frames_text(log));
+  print("frames", frames_text(log));
   if (log.ledger) {
-    say("ledger", ledger_text(log));
+    print("ledger", ledger_text(log));
   } else {
-    say("ledger", "none");
+    print("ledger", "none");
   }
   for (const protocol::ChannelEvents& channel : log.channels) {
-    say(channel.name, count_of(channel.events, "event") + ", " + count_of(channel.bytes, "byte"));
+    print(channel.name, count_of(channel.events, "event") + ", " + count_of(channel.bytes, "byte"));
   }
 }
 
-/// What is wrong between the files, by recording.
+/// Inconsistencies between the files of each recording.
 std::vector<std::string> faults_between(const std::vector<LogSurvey>& logs) {
   std::vector<std::vector<LogSurvey>> recordings;
   for (const LogSurvey& log : logs) {
     if (!log.info) continue;
     const auto same = [&log](const std::vector<LogSurvey>& recording) {
-      return protocol::belong_together(*recording.front().info, *log.info);
+      return protocol::of_one_recording(*recording.front().info, *log.info);
     };
     auto known = std::find_if(recordings.begin(), recordings.end(), same);
     if (known == recordings.end()) known = recordings.insert(known, std::vector<LogSurvey>{});
@@ -140,7 +135,7 @@ std::vector<std::string> faults_between(const std::vector<LogSurvey>& logs) {
   }
   std::vector<std::string> faults;
   for (std::vector<LogSurvey>& parts : recordings) {
-    // Converted logs have no start that would tell them apart.
+    // Converted logs have no start that would distinguish them.
     if (parts.front().info->started_utc_us == 0) continue;
     std::sort(parts.begin(), parts.end(),
               [](const LogSurvey& a, const LogSurvey& b) { return a.part() < b.part(); });
@@ -161,7 +156,7 @@ int check(const Arguments& arguments) {
   for (const std::string& file : arguments.files) {
     logs.push_back(survey(file));
     const std::vector<std::string> faults = logs.back().faults();
-    tell(logs.back(), faults, paint);
+    print_check(logs.back(), faults, paint);
     sound = sound && faults.empty();
   }
   for (const std::string& fault : faults_between(logs)) {
@@ -175,22 +170,22 @@ int check(const Arguments& arguments) {
 
 int repair(const Arguments& arguments) {
   terminal::Progress progress("repairing " + arguments.file);
-  const protocol::Repair done = protocol::repair_log(
+  const protocol::RepairResult done = protocol::repair_log(
       std::filesystem::path(arguments.file), std::filesystem::path(arguments.out),
       [&progress](double share) { progress.at(share); });
   progress.finish();
   std::printf("%s: %s with %s kept\n", arguments.out.c_str(),
               count_of(done.events, "event").c_str(), count_of(done.frames, "frame").c_str());
   const auto dropped = [](std::uint64_t count, const std::string& what) {
-    if (count > 0) say("dropped", count_of(count, what));
+    if (count > 0) print("dropped", count_of(count, what));
   };
-  dropped(done.spoilt_places, "place that is no event");
+  dropped(done.damaged_places, "place outside of events");
   dropped(done.bad_checksums, "block of frames with a bad checksum");
   dropped(done.undecodable, "message that cannot be decoded");
   dropped(done.blocks_back_in_time, "block of frames whose time went back");
-  dropped(static_cast<std::uint64_t>(done.spoilt_bytes), "byte");
-  dropped(static_cast<std::uint64_t>(done.cut_off_bytes), "byte of a last event that was cut off");
-  if (!done.dropped_anything()) say("dropped", "nothing: it was whole");
+  dropped(static_cast<std::uint64_t>(done.damaged_bytes), "byte");
+  dropped(static_cast<std::uint64_t>(done.cut_off_bytes), "byte of an incomplete last event");
+  if (!done.dropped_anything()) print("dropped", "nothing: the log was intact");
   return 0;
 }
 
@@ -199,17 +194,17 @@ int repair(const Arguments& arguments) {
 int join(const Arguments& arguments) {
   const std::vector<std::filesystem::path> files(arguments.files.begin(), arguments.files.end());
   terminal::Progress progress("joining");
-  const protocol::Joined joined =
+  const protocol::JoinResult joined =
       protocol::join_logs(files, arguments.out, [&progress](double share) { progress.at(share); });
   progress.finish();
   if (joined.cut_off_bytes > 0) {
-    std::fprintf(stderr, "stickslip: the last part was cut off: its last %lld bytes are left out\n",
+    std::fprintf(stderr, "stickslip: the last part was cut off: its last %lld bytes are omitted\n",
                  static_cast<long long>(joined.cut_off_bytes));
   }
   std::printf("%s: %s, %s", arguments.out.c_str(), count_of(joined.parts, "part").c_str(),
               count_of(joined.frames, "frame").c_str());
   if (joined.missing > 0) {
-    std::printf("; %s jumped over between parts, which the recorder had lost",
+    std::printf("; %s missing between parts, lost by the recorder",
                 count_of(joined.missing, "frame").c_str());
   }
   std::printf("\n");
@@ -231,9 +226,9 @@ std::array<Digest, 4> digests_of(const recording_info_t& info) {
            {"fault_script", info.fault_script, info.fault_script_sha256}}};
 }
 
-bool is_spoilt(const LogSurvey& log, const std::string& text) {
-  return std::find(log.spoilt_texts.begin(), log.spoilt_texts.end(), text) !=
-         log.spoilt_texts.end();
+bool is_altered(const LogSurvey& log, const std::string& text) {
+  return std::find(log.altered_texts.begin(), log.altered_texts.end(), text) !=
+         log.altered_texts.end();
 }
 
 Json info_json(const LogSurvey& log) {
@@ -254,7 +249,7 @@ Json info_json(const LogSurvey& log) {
       if (digest.text.empty()) continue;
       out["texts"][digest.name] = {{"bytes", digest.text.size()},
                                    {"sha256", digest.sha256},
-                                   {"verified", !is_spoilt(log, digest.name)}};
+                                   {"verified", !is_altered(log, digest.name)}};
     }
   }
   out["duration_s"] = log.duration_s();
@@ -288,30 +283,30 @@ Json info_json(const LogSurvey& log) {
   return out;
 }
 
-void tell_info(const LogSurvey& log) {
+void print_info(const LogSurvey& log) {
   std::printf("%s\n", log.source.c_str());
   if (log.info) {
     const recording_info_t& info = *log.info;
-    say("rig", info.rig.empty() ? "not told" : info.rig);
-    say("program", info.program.empty() ? "not told" : info.program + ' ' + info.version);
-    if (info.started_utc_us > 0) say("start", protocol::utc_text(info.started_utc_us));
-    say("part", part_text(info));
+    print("rig", info.rig.empty() ? "unknown" : info.rig);
+    print("program", info.program.empty() ? "unknown" : info.program + ' ' + info.version);
+    if (info.started_utc_us > 0) print("start", protocol::utc_text(info.started_utc_us));
+    print("part", part_text(info));
     for (const Digest& digest : digests_of(info)) {
       std::string name = digest.name;
       std::replace(name.begin(), name.end(), '_', ' ');
       if (digest.text.empty()) {
-        say(name, "none");
+        print(name, "none");
       } else {
-        say(name, "SHA-256 " + digest.sha256 +
-                      (is_spoilt(log, digest.name) ? ", of another text" : ", verified"));
+        print(name, "SHA-256 " + digest.sha256 +
+                        (is_altered(log, digest.name) ? ", does not match" : ", verified"));
       }
     }
   } else {
-    say("description", "none: the log does not begin with one");
+    print("description", "none");
   }
-  say("duration", fixed(log.duration_s(), 3) + " s");
-  say("rate", physics::number_text(log.rate_hz(), 6) + " Hz");
-  say("frames", frames_text(log));
+  print("duration", fixed(log.duration_s(), 3) + " s");
+  print("rate", physics::number_text(log.rate_hz(), 6) + " Hz");
+  print("frames", frames_text(log));
   for (const Channel channel : all_channels) {
     const protocol::ChannelRange& range = log.ranges[index_of(channel)];
     if (range.values == 0) continue;
@@ -319,19 +314,19 @@ void tell_info(const LogSurvey& log) {
     std::string text = physics::number_text(range.least, 6) + " to " +
                        physics::number_text(range.greatest, 6) + ' ' + std::string(known.unit);
     if (range.values < log.frames) text += ", in " + count_of(range.values, "frame");
-    say(std::string(known.stem), text);
+    print(std::string(known.stem), text);
   }
-  if (log.ledger) say("ledger", ledger_text(log));
-  for (const std::string& fault : log.faults()) say("fault", fault);
+  if (log.ledger) print("ledger", ledger_text(log));
+  for (const std::string& fault : log.faults()) print("fault", fault);
 }
 
 int info(const Arguments& arguments) {
   const LogSurvey log = survey(arguments.file);
   if (arguments.json) {
-    // What a damaged text holds need not be UTF-8.
+    // A damaged text need not be UTF-8.
     std::printf("%s\n", info_json(log).dump(2, ' ', false, Json::error_handler_t::replace).c_str());
   } else {
-    tell_info(log);
+    print_info(log);
   }
   return 0;
 }
@@ -344,7 +339,7 @@ int export_recording(const Arguments& arguments) {
   const Tables tables = tables_of(arguments.file, [&reading](double share) { reading.at(share); });
   reading.finish();
   if (tables.cut_off_bytes > 0) {
-    std::fprintf(stderr, "stickslip: %s: cut off: its last %llu bytes are no whole event\n",
+    std::fprintf(stderr, "stickslip: %s: cut off: its last %llu bytes are an incomplete event\n",
                  arguments.file.c_str(), static_cast<unsigned long long>(tables.cut_off_bytes));
   }
   terminal::Progress writing("writing " + arguments.out);
@@ -379,27 +374,26 @@ void add_log(CLI::App& app, Action& action) {
     each->add_option("--out", arguments->out, "The log to write")->required()->type_name("FILE");
   };
 
-  CLI::App* each = command(
-      "check", "Walk every event of logs: status 0 where they are sound, 1 where not", check);
-  each->add_option("files", arguments->files,
-                   "LCM event logs; of a recording in parts, all of them")
+  CLI::App* each =
+      command("check", "Check every event of logs: status 0 if they are sound, otherwise 1", check);
+  each->add_option("files", arguments->files, "LCM event logs; all parts of a recording")
       ->required()
       ->type_name("FILE...");
   add_colour_option(*each, arguments->colours);
-  each = command("repair", "Keep every whole and sound event of a damaged log", repair);
+  each = command("repair", "Keep every intact event of a damaged log", repair);
   one_file(each, "LCM event log");
   out(each);
-  each = command("join", "Put the parts of a recording together again", join);
+  each = command("join", "Join the parts of a recording", join);
   each->add_option("parts", arguments->files, "Its parts, in any order")
       ->required()
       ->type_name("PARTS...");
   out(each);
-  each = command("info", "Say what a log is a recording of", info);
+  each = command("info", "Describe a log", info);
   one_file(each, "LCM event log");
   each->add_flag("--json", arguments->json, "As JSON");
-  each = command("export", "Write a recording for other programs", export_recording);
+  each = command("export", "Export a recording for other programs", export_recording);
   one_file(each, "Recording (LCM event log or CSV)");
-  each->add_option("out", arguments->out, "Where to: .csv, .mat (MATLAB 5) or .h5 (HDF5)")
+  each->add_option("out", arguments->out, "Output: .csv, .mat (MATLAB 5) or .h5 (HDF5)")
       ->required()
       ->type_name("OUT");
 }

@@ -36,7 +36,7 @@ namespace {
 
 using std::chrono::steady_clock;
 
-// How much of a log a killed recorder may cost, beside what the kernel has not written yet.
+// Largest loss of a killed recorder, besides data not yet written by the kernel.
 constexpr auto flush_period = std::chrono::milliseconds(200);
 
 struct Arguments {
@@ -46,14 +46,14 @@ struct Arguments {
   std::uint64_t frames = 0;
 };
 
-// Takes what LCM brings: a log as it comes, to the byte; CSV from memory at the end, since its
-// header names the channels that some frame held.
+// Receiver of LCM messages. A log is written immediately, unaltered; CSV at the end, since its
+// header depends on the measured channels.
 class Recorder {
  public:
   explicit Recorder(const Arguments& arguments) : wanted_(arguments.frames), file_(arguments.out) {
     recording_.source = arguments.url;
     if (file_.extension() == ".csv") {
-      // Said now rather than after an hour.
+      // Fails now rather than at the end.
       std::FILE* probe = std::fopen(file_.c_str(), "wb");
       if (probe == nullptr) refuse_file();
       std::fclose(probe);
@@ -70,9 +70,8 @@ class Recorder {
       info.encode(bytes_.data(), 0, static_cast<int>(bytes_.size()));
       append(protocol::recording_channel, bytes_, info.started_utc_us);
     } else {
-      throw InputError(
-          Problem{file_.string(), 0, 0,
-                  "says neither CSV (.csv) nor LCM event log (.lcm, .log) by its name"});
+      throw InputError(Problem{file_.string(), 0, 0,
+                               "has a name of neither CSV (.csv) nor LCM event log (.lcm, .log)"});
     }
   }
 
@@ -89,7 +88,7 @@ class Recorder {
   }
 
   bool done() const { return done_; }
-  /// Why the stream could not go on in this recording, where a reader would refuse it; else empty.
+  /// Reason to end the recording because a reader would refuse the rest; otherwise empty.
   const std::string& broken_by() const { return broken_by_; }
   const spy::Sequence& sequence() const { return sequence_; }
 
@@ -108,7 +107,7 @@ class Recorder {
     }
   }
 
-  void tell() const {
+  void print_summary() const {
     std::printf("%s: %llu frames in %llu blocks, %.3f s; lost %llu frames in %llu gaps",
                 file_.c_str(), static_cast<unsigned long long>(sequence_.frames),
                 static_cast<unsigned long long>(blocks_),
@@ -117,7 +116,7 @@ class Recorder {
                 static_cast<unsigned long long>(sequence_.gaps));
     if (others_ > 0) std::printf("; %llu other messages", static_cast<unsigned long long>(others_));
     if (undecoded_ > 0) {
-      std::printf("; %llu blocks left out that could not be decoded",
+      std::printf("; %llu blocks discarded that could not be decoded",
                   static_cast<unsigned long long>(undecoded_));
     }
     std::printf("\n");
@@ -138,9 +137,10 @@ class Recorder {
     }
     for (const Frame& frame : frames_) {
       if (sequence_.frames > 0 && frame.time_ns <= last_ns_) {
-        broken_by_ = "the stream's time went back, from " + std::to_string(last_ns_) + " ns to " +
-                     std::to_string(frame.time_ns) +
-                     " ns: its source began anew, or there are two; the recording ends before that";
+        broken_by_ =
+            "the stream's time went back, from " + std::to_string(last_ns_) + " ns to " +
+            std::to_string(frame.time_ns) +
+            " ns: its source restarted, or there are two sources; the recording ends before that";
         frames_.resize(static_cast<std::size_t>(&frame - frames_.data()));
         whole = false;
         done_ = true;
@@ -211,14 +211,14 @@ int run(const Arguments& arguments) {
   bool stopped = false;
   terminal::Progress progress("recording");
   if (arguments.frames == 0) progress.takes(arguments.duration_s);
-  auto told = steady_clock::now();
-  const auto tell = [&] {
+  auto shown = steady_clock::now();
+  const auto show = [&] {
     if (arguments.frames > 0) {
       progress.at(static_cast<double>(recorder.sequence().frames) /
                   static_cast<double>(arguments.frames));
     }
-    if (steady_clock::now() - told < flush_period) return;
-    told = steady_clock::now();
+    if (steady_clock::now() - shown < flush_period) return;
+    shown = steady_clock::now();
     progress.say("recording, " + std::to_string(recorder.sequence().frames) + " frames, lost " +
                  std::to_string(recorder.sequence().lost));
   };
@@ -227,10 +227,10 @@ int run(const Arguments& arguments) {
     stopped = woken == Woken::stop;
     if (woken == Woken::message) lcm->handle();
     recorder.rest();
-    tell();
+    show();
   }
-  // What had arrived before the stop belongs to the recording, also what LCM's own thread is still
-  // reading from the socket; a stream that goes on does not hold up the stop.
+  // Messages that arrived before the stop belong to the recording, including those that LCM's
+  // thread is still reading from the socket; a continuing stream does not delay the stop.
   const auto patience = after(steady_clock::now(), stopped ? 0.2 : 1.0);
   const int quiet_ms = stopped ? 50 : 0;
   while (!recorder.done() && steady_clock::now() < patience && lcm->handleTimeout(quiet_ms) > 0) {
@@ -240,7 +240,7 @@ int run(const Arguments& arguments) {
   if (!recorder.broken_by().empty()) {
     std::fprintf(stderr, "stickslip: %s\n", recorder.broken_by().c_str());
   }
-  recorder.tell();
+  recorder.print_summary();
   if (recorder.sequence().frames == 0) {
     std::fprintf(stderr,
                  "stickslip: no frames arrived on %s at %s; does the daemon publish there?\n",
@@ -255,17 +255,16 @@ int run(const Arguments& arguments) {
 void add_record(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "record", "Record what is on LCM; UDP may lose, the daemon's own recording does not");
+      "record", "Record LCM messages; UDP may lose some, unlike the daemon's own recording");
   command
-      ->add_option(
-          "out", arguments->out,
-          "Where to: .lcm or .log, written as it comes; .csv, kept in memory until the end")
+      ->add_option("out", arguments->out,
+                   "Output: .lcm or .log, written immediately; .csv, kept in memory until the end")
       ->required()
       ->type_name("OUT");
   add_url_option(*command, arguments->url);
-  command->add_option("--duration", arguments->duration_s, "Stop after so many seconds")
+  command->add_option("--duration", arguments->duration_s, "Stop after this time [s]")
       ->check(positive_number());
-  command->add_option("--frames", arguments->frames, "Stop after so many frames")
+  command->add_option("--frames", arguments->frames, "Stop after this number of frames")
       ->check(whole_number(1, 1e15));
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }

@@ -41,7 +41,7 @@ template <class Message>
 void publish(lcm::LCM& lcm, const char* channel, const Message& message) {
   if (lcm.publish(channel, &message) != 0) {
     throw std::runtime_error(std::string("LCM cannot publish on ") + channel +
-                             "; is its network up, and has its group a route?");
+                             "; is its network up, and does its group have a route?");
   }
 }
 
@@ -65,7 +65,7 @@ int run(const Arguments& arguments) {
         frames.subspan(done, std::min(arguments.frames_per_block, frames.size() - done));
     auto due = steady_clock::now();
     if (arguments.speed > 0.0) {
-      // As at the rig: a block is complete when its last frame has been measured.
+      // As on a rig, a block is complete when its last frame has been measured.
       const double at_s = static_cast<double>(some.back().time_ns - frames.front().time_ns) * 1e-9;
       due = at_s > 0.0 ? after(start, at_s / arguments.speed) : start;
     }
@@ -94,14 +94,15 @@ int run(const Arguments& arguments) {
 void add_replay(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command =
-      app.add_subcommand("replay", "Publish a recording on LCM as the daemon would, in its pace");
+      app.add_subcommand("replay", "Publish a recording on LCM like the daemon, at its own rate");
   command->add_option("recording", arguments->recording, "Recording (CSV or LCM log)")
       ->required()
       ->type_name("RECORDING");
   add_url_option(*command, arguments->url);
   command
-      ->add_option("--speed", arguments->speed,
-                   "Times as fast as recorded; 0: as fast as it goes, where UDP may lose blocks")
+      ->add_option(
+          "--speed", arguments->speed,
+          "Speed relative to the recording; 0: as fast as possible, which may lose UDP packets")
       ->check(
           number_that([](double v) { return v >= 0.0 && v <= 1.0e6; }, "a number from 0 to 1e6"))
       ->capture_default_str();

@@ -1,4 +1,4 @@
-// What a sound bench becomes; what is wrong with bad ones is in problems_test.
+// Reading of a sound bench; problems_test.cpp has the errors.
 #include "config/bench.h"
 
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@ namespace {
 
 const std::filesystem::path rigs = std::filesystem::path(STICKSLIP_SOURCE_DIR) / "config";
 
-TEST(Bench, TheShippedBenchIsReadWhole) {
+TEST(Bench, TheShippedBenchIsReadCompletely) {
   const Rig rig = load_rig(rigs / "bench-u6.toml");
   EXPECT_EQ(rig.driver, DriverKind::bench);
   const Bench& bench = rig.bench;
@@ -39,7 +39,7 @@ TEST(Bench, TheShippedBenchIsReadWhole) {
   EXPECT_FALSE(bench.amplifier);
 }
 
-TEST(Bench, InputsOfADeviceAreItsOwnAlone) {
+TEST(Bench, InputsOfADeviceAreOnlyItsOwn) {
   const Rig rig = load_rig(rigs / "bench-u6.toml");
   const BenchInputs bridge = inputs_of(rig.bench.inputs, "phidget_bridge");
   EXPECT_TRUE(bridge[index_of(Channel::friction_force)]);

@@ -72,7 +72,7 @@ std::string with(const std::string& from, const std::string& to) {
   return text.replace(at, from.size(), to);
 }
 
-TEST(CalibrationFile, EveryKeyReachesIt) {
+TEST(CalibrationFile, EveryKeyIsRead) {
   const CalibrationFile file = parse_calibration(example, "c.toml");
   EXPECT_FALSE(file.channel[index_of(Channel::displacement)]);
   ASSERT_TRUE(file.channel[index_of(Channel::friction_force)]);
@@ -97,7 +97,7 @@ TEST(CalibrationFile, EveryKeyReachesIt) {
   EXPECT_EQ(file.history[0].calibration.points.at(0).reference_si, 2.0);
 }
 
-TEST(CalibrationFile, WhatIsWrongIsToldWithItsPlace) {
+TEST(CalibrationFile, ProblemsAreReportedWithTheirPlace) {
   const auto one = [](const std::string& from, const std::string& to, const char* line) {
     EXPECT_THAT(problems(with(from, to)), testing::ElementsAre(testing::StartsWith(line))) << to;
   };
@@ -131,36 +131,36 @@ TEST(CalibrationFile, WhatIsWrongIsToldWithItsPlace) {
   one("gain = 2000.0", "gain = 0.0", "c.toml:29:8: history.0.gain: is 0");
 }
 
-TEST(CalibrationFile, ChannelsThatCannotBeToldApartAreRefused) {
+TEST(CalibrationFile, InseparableChannelsAreRefused) {
   const auto file = [](double a, double b) {
-    const auto channel = [](const char* name, const char* other, double leak) {
+    const auto channel = [](const char* name, const char* other, double share) {
       return "[channel." + std::string(name) +
              "]\noffset = 0\ngain = 1\ndate = \"2026-01-01\"\nreference = \"r\"\ncrosstalk = { " +
-             other + " = " + std::to_string(leak) + " }\n";
+             other + " = " + std::to_string(share) + " }\n";
     };
     return "schema = 1\n" + channel("friction_force", "normal_load", a) +
            channel("normal_load", "friction_force", b);
   };
   EXPECT_THAT(problems(file(0.3, -0.5)), testing::IsEmpty());
   EXPECT_THAT(problems(file(0.99, 0.99)),
-              testing::ElementsAre(testing::HasSubstr("cannot be told apart")));
+              testing::ElementsAre(testing::HasSubstr("the channels cannot be separated")));
   EXPECT_THAT(problems(file(1e3, 1e-3)), testing::SizeIs(1));
   EXPECT_THAT(problems(file(10.0, 0.001)), testing::IsEmpty());
 }
 
-TEST(CalibrationFile, IsKnownForWhatItIs) {
+TEST(CalibrationFile, IsRecognised) {
   EXPECT_EQ(kind_of(example), FileKind::calibration);
   EXPECT_EQ(kind_of("schema = 1\n[oscillator]\n[[physics]]\nchannel = \"velocity\"\n"),
             FileKind::model);
 }
 
-TEST(CalibrationFile, TheShippedOneIsSound) {
+TEST(CalibrationFile, TheShippedFileIsSound) {
   const CalibrationFile file =
       load_calibration(STICKSLIP_SOURCE_DIR "/config/calibrations/beam.toml");
   EXPECT_EQ(parse_calibration(calibration_text(file), "written"), file);
 }
 
-// Any text that a person can type, numbers of any size, in any order of history.
+// Any printable text, numbers of any size, any order of history.
 rc::Gen<double> numbers() {
   return rc::gen::map(rc::gen::arbitrary<std::uint64_t>(), [](std::uint64_t bits) {
     const auto value = std::bit_cast<double>(bits);
@@ -208,7 +208,7 @@ RC_GTEST_PROP(CalibrationFileProperty, ReadsBackToTheBit, ()) {
   }
   const CalibrationFile read = parse_calibration(calibration_text(file), "written");
   RC_ASSERT(read == file);
-  // Equal is not the same to the bit where a zero has a sign.
+  // Equality does not distinguish the signs of zeros.
   const auto bits = [](double value) { return std::bit_cast<std::uint64_t>(value); };
   RC_ASSERT(bits(read.channel[index_of(channel)]->offset) ==
             bits(file.channel[index_of(channel)]->offset));
@@ -253,7 +253,7 @@ TEST(Renew, KeepsCrosstalkAndRefusesAClockThatGoesBack) {
   EXPECT_THROW(renew(file, Channel::friction_force, next, "c.toml"), InputError);
   next.date = "yesterday";
   EXPECT_THROW(renew(file, Channel::friction_force, next, "c.toml"), InputError);
-  EXPECT_EQ(file, parse_calibration(example, "c.toml")) << "a refusal changes nothing";
+  EXPECT_EQ(file, parse_calibration(example, "c.toml")) << "unchanged after a refusal";
   next.date = "2026-03-03";
   renew(file, Channel::friction_force, next, "c.toml");
   EXPECT_EQ(
@@ -263,7 +263,7 @@ TEST(Renew, KeepsCrosstalkAndRefusesAClockThatGoesBack) {
   EXPECT_EQ(file.history[0].calibration.gain, 2114.6);
 }
 
-TEST(CalibrationSigma, IsThatOfTheLine) {
+TEST(CalibrationSigma, AgreesWithErrorPropagation) {
   ChannelCalibration calibration;
   calibration.offset = 3.0;
   calibration.gain = 2.0;
@@ -277,7 +277,7 @@ TEST(CalibrationSigma, IsThatOfTheLine) {
                    std::sqrt(0.16 - 2.0 * 100.0 * 0.01 + 25.0));
 }
 
-TEST(UtcSeconds, AreThoseOfTheCalendar) {
+TEST(UtcSeconds, AgreeWithTheCalendar) {
   EXPECT_EQ(utc_seconds("1970-01-01"), 0);
   EXPECT_EQ(utc_seconds("2026-11-22T14:03:05Z"), 1795356185);
   EXPECT_EQ(utc_seconds("2026-11-22T15:03:05+01:00"), 1795356185);

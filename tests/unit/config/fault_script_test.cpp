@@ -8,6 +8,7 @@
 
 #include "config/document.h"
 #include "config/key.h"
+#include "config/key_tables.h"
 #include "physics/problem.h"
 
 namespace stickslip::config {
@@ -25,10 +26,10 @@ std::vector<std::string> problems_of(const std::string& text) {
   return lines;
 }
 
-/// A script of one fault: `keys` by line, the first of them the file's third.
+/// A script of one fault with these keys, one per line from the third line on.
 std::string one(const std::string& keys) { return "schema = 1\n[[fault]]\n" + keys; }
 
-TEST(FaultScript, EveryKeyReachesTheScript) {
+TEST(FaultScript, EveryKeyIsRead) {
   const FaultScript script = parse_fault_script(R"(schema = 1
 seed = 42
 [[fault]]
@@ -85,13 +86,13 @@ TEST(FaultScript, WithoutFaultsItIsSound) {
   EXPECT_TRUE(script.faults.empty());
 }
 
-TEST(FaultScript, WhatItsKeysMeanTogether) {
+TEST(FaultScript, InconsistentKeysAreRefused) {
   const auto only = [](const std::string& keys, const char* line) {
     EXPECT_THAT(problems_of(one(keys)), testing::ElementsAre(testing::StartsWith(line))) << keys;
   };
   only("kind = \"unplug\"\n", "f:2:1: fault.unplug.at_s: is missing");
   only("kind = \"unplug\"\nat_s = 1\nbetween_s = [1, 2]\n",
-       "f:5:13: fault.unplug.between_s: stands beside at_s");
+       "f:5:13: fault.unplug.between_s: is given together with at_s");
   only("kind = \"drop\"\nat_s = 1\nevery_s = 2\n", "f:2:1: fault.drop.duration_s: is missing");
   only("kind = \"drop\"\nat_s = 1\nevery_s = 2\nduration_s = 3\n",
        "f:5:11: fault.drop.every_s: is 2 s, but");
@@ -104,7 +105,7 @@ TEST(FaultScript, WhatItsKeysMeanTogether) {
               testing::IsEmpty());
 }
 
-TEST(FaultScript, EachKindSaysWhatItsAmountHasToBe) {
+TEST(FaultScript, MessagesDescribeTheAmountOfEachKind) {
   for (const Key& amount : fault_amount_keys()) {
     const std::string kind(amount.path);
     const std::string head = "kind = \"" + kind + "\"\nat_s = 1\n";
@@ -119,7 +120,7 @@ TEST(FaultScript, EachKindSaysWhatItsAmountHasToBe) {
   }
 }
 
-TEST(FaultScript, MoreFaultsThanACycleHasTimeForAreRefused) {
+TEST(FaultScript, TooManyFaultsAreRefused) {
   std::string text = "schema = 1\n";
   for (int i = 0; i < 256; ++i) text += "[[fault]]\nkind = \"drop\"\nat_s = 1\n";
   EXPECT_THAT(problems_of(text), testing::IsEmpty());
@@ -128,7 +129,7 @@ TEST(FaultScript, MoreFaultsThanACycleHasTimeForAreRefused) {
               testing::ElementsAre(testing::StartsWith("f:770:1: fault: more than 256")));
 }
 
-TEST(FaultScript, IsToldInWords) {
+TEST(FaultScript, IsDescribedInWords) {
   const auto words = [](const std::string& keys) {
     return in_words(parse_fault_script(one(keys), "f").faults.at(0));
   };
@@ -137,9 +138,9 @@ TEST(FaultScript, IsToldInWords) {
             "noise on velocity, standard deviation 0.01: at 2 s for 3 s, every 10 s, 50 % of the "
             "frames");
   EXPECT_EQ(words("kind = \"unplug\"\nbetween_s = [2, 4.5]\n"),
-            "the device is unplugged: some time between 2 s and 4.5 s to the end");
+            "the device is unplugged: at a random time from 2 s to 4.5 s to the end");
   EXPECT_EQ(words("kind = \"delay\"\nat_s = 0\namount = 0.02\n"),
-            "delay of 0.02 s on all channels, not told: at 0 s to the end");
+            "delay of 0.02 s on all channels, not reported: at 0 s to the end");
   EXPECT_EQ(words("kind = \"clock_jump\"\nat_s = 1\namount = -2\n"),
             "the device's clock is 2 s behind: at 1 s to the end");
   EXPECT_EQ(words("kind = \"write_error\"\nat_s = 1\nduration_s = 1\nprobability = 0.1\n"),
@@ -147,7 +148,7 @@ TEST(FaultScript, IsToldInWords) {
 }
 
 TEST(FaultLibrary, HasASoundScriptForEachKindAndOneForAll) {
-  const auto kinds = choices_of(find_key(fault_keys(), "kind")->choices);
+  const auto kinds = find_key(keys_of<Fault>(), "kind")->choices;
   for (std::size_t i = 0; i < kinds.size(); ++i) {
     const auto file = library / (std::string(kinds[i]) + ".toml");
     EXPECT_EQ(kind_of(read_text(file)), FileKind::fault_script);
@@ -163,8 +164,8 @@ TEST(FaultLibrary, HasASoundScriptForEachKindAndOneForAll) {
   EXPECT_EQ(all.size(), fault_kind_count);
 }
 
-TEST(FaultLibrary, HoldsNothingElse) {
-  const auto kinds = choices_of(find_key(fault_keys(), "kind")->choices);
+TEST(FaultLibrary, HasNoOtherFiles) {
+  const auto kinds = find_key(keys_of<Fault>(), "kind")->choices;
   for (const auto& entry : std::filesystem::directory_iterator(library)) {
     const std::string name = entry.path().stem().string();
     EXPECT_TRUE(name == "everything" || std::find(kinds.begin(), kinds.end(), name) != kinds.end())

@@ -19,7 +19,7 @@ namespace {
 using physics::Model;
 using physics::Parameter;
 
-/// The same cases at every run, unless somebody asks for others.
+/// The same cases in every run, unless RC_PARAMS is set.
 const int seeded = setenv("RC_PARAMS", "seed=20260101 max_success=300", 0);
 
 std::vector<std::string> problems_of(std::string_view text) {
@@ -32,7 +32,7 @@ std::vector<std::string> problems_of(std::string_view text) {
   return lines;
 }
 
-/// Every magnitude that a double can have.
+/// Doubles of any magnitude.
 double positive() {
   return std::ldexp(1.0 + *rc::gen::inRange(0, 1 << 30) / 1073741824.0,
                     *rc::gen::inRange(-1000, 1000));
@@ -138,7 +138,7 @@ Model some_model() {
   return model;
 }
 
-RC_GTEST_PROP(ModelFile, AModelThatIsWrittenReadsBackToTheBit, ()) {
+RC_GTEST_PROP(ModelFile, AWrittenModelReadsBackToTheBit, ()) {
   const Model model = some_model();
   const std::string text = model_text(model);
   const Model again = parse_model(text, "written");
@@ -209,14 +209,14 @@ force_n = 1
   EXPECT_EQ(model.terms[1].id, "bias_force");
 }
 
-TEST(ModelFile, AnImposedMotionNeedsNothingElse) {
+TEST(ModelFile, AnImposedMotionNeedsNoOtherKeys) {
   const Model model = parse_model("schema = 1\noscillator.excitation = \"imposed\"\n", "m");
   EXPECT_EQ(model.oscillator.excitation, physics::Excitation::imposed);
   EXPECT_EQ(model.friction.law, physics::FrictionLaw::none);
   EXPECT_FALSE(model.normal_load || model.load_cell);
 }
 
-TEST(ModelFile, AMisspeltKeyIsNotSaidToBeMissingToo) {
+TEST(ModelFile, AMisspeltKeyIsNotReportedMissing) {
   const auto said = problems_of(
       "schema = 1\n[oscillator]\nexcitation = \"force\"\nmas_kg = 1\nstiffness_n_m = 1\n"
       "damping_ratio = 0\n");
@@ -224,14 +224,14 @@ TEST(ModelFile, AMisspeltKeyIsNotSaidToBeMissingToo) {
               testing::ElementsAre("m:4:1: unknown key oscillator.mas_kg: did you mean mass_kg?"));
 }
 
-TEST(ModelFile, AProblemIsOneLineWhateverTheFileHolds) {
+TEST(ModelFile, AProblemIsOneLineForAnyContent) {
   for (const auto& line :
        problems_of("schema = 1\n[\"a\\nb\\u001b[2J\"]\noscillator.excitation = \"\\r\\n\"\n")) {
     for (const char c : line) EXPECT_FALSE(std::iscntrl(static_cast<unsigned char>(c))) << line;
   }
 }
 
-TEST(ModelFile, ASensorChainThatNoSimulatorTakesIsRefused) {
+TEST(ModelFile, ATooLongSensorChainIsRefused) {
   const std::string filter = "{ kind = \"butterworth_lowpass\", order = 5, cutoff_hz = 25.0 }";
   const std::string model =
       "schema = 1\noscillator.excitation = \"imposed\"\nsensors.displacement.filters = [" + filter +
@@ -241,7 +241,7 @@ TEST(ModelFile, ASensorChainThatNoSimulatorTakesIsRefused) {
               testing::ElementsAre(testing::HasSubstr("more than 12 poles")));
 }
 
-TEST(ModelFile, ThoseOfTheRealMachinesAreRead) {
+TEST(ModelFile, ModelsOfRealMachinesAreRead) {
   const char* shared = std::getenv("STICKSLIP_SHARED");
   if (shared == nullptr) GTEST_SKIP() << "STICKSLIP_SHARED names no folder of recordings";
   std::size_t count = 0;

@@ -1,5 +1,5 @@
-// Every bad file in tests/data/config is refused with exactly the lines that stand beside it in
-// NAME.expected. To accept new wording: run with STICKSLIP_ACCEPT=1 and read the difference.
+// Every bad file in tests/data/config is refused with exactly the lines of its NAME.expected. To
+// accept new wording: run with STICKSLIP_ACCEPT=1 and review the difference.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -48,7 +48,7 @@ std::vector<Problem> problems_of(const std::filesystem::path& file) {
   return {};
 }
 
-/// As `stickslip check` prints them, without the place of the source tree.
+/// Output of `stickslip check`, without the path of the source tree.
 std::string lines_of(const std::vector<Problem>& problems) {
   std::string out;
   for (const Problem& problem : problems) out += problem.text() + '\n';
@@ -83,7 +83,7 @@ TEST_P(BadFile, IsRefusedWithTheExpectedLines) {
   EXPECT_EQ(lines_of(problems), content_of(expected));
 }
 
-TEST_P(BadFile, HasEveryProblemOnceInItsOrderOnOneLine) {
+TEST_P(BadFile, HasEveryProblemOnceInOrderOnOneLine) {
   const auto problems = problems_of(folder / (GetParam() + ".toml"));
   for (std::size_t i = 0; i < problems.size(); ++i) {
     const Problem& problem = problems[i];
@@ -100,7 +100,7 @@ TEST_P(BadFile, HasEveryProblemOnceInItsOrderOnOneLine) {
 INSTANTIATE_TEST_SUITE_P(Golden, BadFile, testing::ValuesIn(bad_files()),
                          [](const auto& each) { return each.param; });
 
-/// A file for one test, gone with it.
+/// A temporary file for one test.
 class Scratch {
  public:
   explicit Scratch(const std::string& content)
@@ -145,7 +145,7 @@ TEST(Unreadable, NoText) {
   EXPECT_EQ(problems[0].line, 2);
 }
 
-TEST(KindOf, TellsRigsModelsAndFaultScriptsWhateverElseIsWrong) {
+TEST(KindOf, DistinguishesRigsModelsAndFaultScriptsEvenWithErrors) {
   EXPECT_EQ(kind_of("schema = 1\n[rig]\nname = \"x\"\n"), FileKind::rig);
   EXPECT_EQ(kind_of("schema = 1\n[oscillator]\nmass_kg = = 1\n"), FileKind::model);
   EXPECT_EQ(kind_of("oscillator.mass_kg = 1\n"), FileKind::model);

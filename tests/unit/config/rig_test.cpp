@@ -25,7 +25,7 @@ natural_frequency_hz = 2.4
 damping_ratio = 0.05
 )";
 
-/// A folder of its own with a model in it, gone at the end.
+/// A temporary folder with a model.
 class RigFile : public testing::Test {
  protected:
   void SetUp() override {
@@ -67,7 +67,7 @@ class RigFile : public testing::Test {
   std::filesystem::path folder_;
 };
 
-TEST_F(RigFile, EveryKeyReachesTheRig) {
+TEST_F(RigFile, DriverKeysAreRead) {
   write("other.toml", std::string(model) + "[[physics]]\nid = \"bias_force\"\nforce_n = 2.0\n");
   write("played.csv", "time_s\n");
   write("faults.toml", "schema = 1\nseed = 5\n[[fault]]\nkind = \"unplug\"\nat_s = 2\n");
@@ -82,6 +82,32 @@ driver.simulated.real_time = false
 driver.simulated.resolution.velocity = 0.5
 driver.replay.recording = "played.csv"
 driver.replay.speed = 4
+)");
+  EXPECT_EQ(rig.name, "r");
+  EXPECT_EQ(rig.file, folder_ / "rig.toml");
+  EXPECT_EQ(rig.model_file, folder_ / "model.toml");
+  EXPECT_EQ(rig.model_text, model);
+  EXPECT_EQ(rig.model, parse_model(model, "m"));
+  EXPECT_EQ(rig.driver, DriverKind::simulated);
+  ASSERT_TRUE(rig.faults);
+  EXPECT_EQ(rig.faults->file, folder_ / "faults.toml");
+  EXPECT_EQ(rig.faults->seed, 5U);
+  EXPECT_EQ(rig.faults->faults.at(0).kind, FaultKind::unplug);
+  EXPECT_EQ(rig.simulated.truth_file, folder_ / "other.toml");
+  EXPECT_EQ(rig.simulated.truth.terms.at(0).id, "bias_force");
+  EXPECT_EQ(rig.simulated.seed, 42U);
+  EXPECT_FALSE(rig.simulated.noise);
+  EXPECT_EQ(rig.simulated.step_s, 0.0002);
+  EXPECT_EQ(rig.simulated.shaker_bandwidth_hz, 80.0);
+  EXPECT_FALSE(rig.simulated.real_time);
+  EXPECT_EQ(rig.simulated.resolution[index_of(Channel::velocity)], 0.5);
+  EXPECT_EQ(rig.simulated.resolution[index_of(Channel::displacement)], 0.0);
+  EXPECT_EQ(rig.replay.recording, folder_ / "played.csv");
+  EXPECT_EQ(rig.replay.speed, 4.0);
+}
+
+TEST_F(RigFile, LoopExcitationAndOutputKeysAreRead) {
+  const Rig rig = load(R"(
 [loop]
 rate_hz = 500
 frames_per_block = 20
@@ -112,27 +138,6 @@ enabled = false
 [metrics]
 file = "stickslip.prom"
 )");
-  EXPECT_EQ(rig.name, "r");
-  EXPECT_EQ(rig.file, folder_ / "rig.toml");
-  EXPECT_EQ(rig.model_file, folder_ / "model.toml");
-  EXPECT_EQ(rig.model_text, model);
-  EXPECT_EQ(rig.model, parse_model(model, "m"));
-  EXPECT_EQ(rig.driver, DriverKind::simulated);
-  ASSERT_TRUE(rig.faults);
-  EXPECT_EQ(rig.faults->file, folder_ / "faults.toml");
-  EXPECT_EQ(rig.faults->seed, 5U);
-  EXPECT_EQ(rig.faults->faults.at(0).kind, FaultKind::unplug);
-  EXPECT_EQ(rig.simulated.truth_file, folder_ / "other.toml");
-  EXPECT_EQ(rig.simulated.truth.terms.at(0).id, "bias_force");
-  EXPECT_EQ(rig.simulated.seed, 42U);
-  EXPECT_FALSE(rig.simulated.noise);
-  EXPECT_EQ(rig.simulated.step_s, 0.0002);
-  EXPECT_EQ(rig.simulated.shaker_bandwidth_hz, 80.0);
-  EXPECT_FALSE(rig.simulated.real_time);
-  EXPECT_EQ(rig.simulated.resolution[index_of(Channel::velocity)], 0.5);
-  EXPECT_EQ(rig.simulated.resolution[index_of(Channel::displacement)], 0.0);
-  EXPECT_EQ(rig.replay.recording, folder_ / "played.csv");
-  EXPECT_EQ(rig.replay.speed, 4.0);
   EXPECT_EQ(rig.loop.rate_hz, 500.0);
   EXPECT_EQ(rig.loop.frames_per_block, 20);
   EXPECT_EQ(rig.loop.duration_s, 2.5);
@@ -157,7 +162,7 @@ file = "stickslip.prom"
   EXPECT_EQ(rig.metrics.file, folder_ / "stickslip.prom");
 }
 
-TEST_F(RigFile, ProblemsInItsFaultScriptAreToldWithItsOwn) {
+TEST_F(RigFile, ProblemsInItsFaultScriptAreReported) {
   write("faults.toml", "schema = 1\n[[fault]]\nkind = \"unplug\"\nat_s = -2\n");
   EXPECT_THAT(problems(std::string(least) + "driver.faults = \"faults.toml\"\nloop.rate_hz = 0\n"),
               testing::ElementsAre(testing::StartsWith("rig.toml:6:16: loop.rate_hz: expected"),
@@ -175,7 +180,7 @@ TEST_F(RigFile, AnEnvelopeIsRead) {
   EXPECT_EQ(rig.excitation.envelope[1].amplitude, 0.012);
 }
 
-TEST_F(RigFile, EveryKindOfExcitationIsRead) {
+TEST_F(RigFile, ExcitationsWithACarrierAreRead) {
   const Excitation hand = load(R"(
 [excitation]
 kind = "by_hand"
@@ -214,7 +219,9 @@ sweep = { from_hz = 6, to_hz = 2, duration_s = 20, scale = "logarithmic", at_end
   EXPECT_EQ(chirp.sweep.at_end, SweepEnd::repeat);
   EXPECT_EQ(chirp.sweep.pause_s, 3.0);
   EXPECT_EQ(chirp.sweep.taper_s, 2.0);
+}
 
+TEST_F(RigFile, MultisinesAndDriveFilesAreRead) {
   const Excitation lines = load(
                                "[excitation]\nkind = \"multisine\"\n"
                                "multisine.lines = [[2, 0.001, 0], [3.5, 0.002, -90.5]]\n")
@@ -266,8 +273,8 @@ TEST_F(RigFile, AnExcitationBeyondItsLimitsIsRefused) {
   one("excitation.kind = \"multisine\"\n"
       "excitation.multisine.lines = [[2, 0.008, 0], [3, 0.008, 0]]\n",
       "excitation.multisine.lines: asks for 0.016 m");
-  one("limits.acceleration_m_s2 = 1e-12\n", "is too small to be kept at this loop.rate_hz");
-  // Ten newtons are not ten metres.
+  one("limits.acceleration_m_s2 = 1e-12\n", "is too small to be enforced at this loop.rate_hz");
+  // Newtons have a limit of their own.
   write("model.toml",
         "schema = 1\n[oscillator]\nexcitation = \"force\"\nmass_kg = 0.06\n"
         "natural_frequency_hz = 2.4\ndamping_ratio = 0.05\n");
@@ -277,7 +284,7 @@ TEST_F(RigFile, AnExcitationBeyondItsLimitsIsRefused) {
   EXPECT_EQ(load("excitation.amplitude = 4\n").excitation.amplitude, 4.0);
 }
 
-TEST_F(RigFile, AKindOfExcitationNeedsWhatItNeedsAndNothingElse) {
+TEST_F(RigFile, AKindOfExcitationRequiresItsKeysOnly) {
   const auto one = [this](const std::string& more, const char* part) {
     EXPECT_THAT(problems(std::string(least) + "[excitation]\n" + more),
                 testing::ElementsAre(testing::HasSubstr(part)))
@@ -287,8 +294,8 @@ TEST_F(RigFile, AKindOfExcitationNeedsWhatItNeedsAndNothingElse) {
   one("kind = \"sweep\"\nsweep = { to_hz = 6, duration_s = 60 }\n",
       "excitation.sweep.from_hz is missing with excitation.kind = \"sweep\"");
   one("kind = \"sweep\"\ncarrier_hz = 3\n" + sweep,
-      "excitation.carrier_hz: does nothing with kind = \"sweep\"");
-  one("kind = \"sweep\"\nmodulation_depth = 0.5\n" + sweep, "does nothing with kind");
+      "excitation.carrier_hz: has no effect with kind = \"sweep\"");
+  one("kind = \"sweep\"\nmodulation_depth = 0.5\n" + sweep, "has no effect with kind");
   one("kind = \"sweep\"\nsweep = { from_hz = 2, to_hz = 300, duration_s = 60 }\n",
       "excitation.sweep.to_hz: is more than a quarter of loop.rate_hz");
   one("kind = \"chirp\"\nsweep = { from_hz = 2, to_hz = 3, duration_s = 2, taper_s = 1.5 }\n",
@@ -300,7 +307,7 @@ TEST_F(RigFile, AKindOfExcitationNeedsWhatItNeedsAndNothingElse) {
   one("kind = \"multisine\"\nmultisine = { count = 4, from_hz = 4, to_hz = 3 }\n",
       "is not below to_hz");
   one("kind = \"multisine\"\namplitude = 0.1\nmultisine.lines = [[1, 0.001, 0]]\n",
-      "does nothing beside multisine.lines");
+      "has no effect with multisine.lines");
   one("kind = \"multisine\"\nmultisine.lines = [[1, 0.001]]\n", "expected a line");
   one("kind = \"multisine\"\nmultisine.lines = [[0, 0.001, 0]]\n", "above 0 [Hz]");
   one("kind = \"multisine\"\nmultisine.lines = [[1, -0.001, 0]]\n", "0 or more");
@@ -311,8 +318,8 @@ TEST_F(RigFile, AKindOfExcitationNeedsWhatItNeedsAndNothingElse) {
       "needs a carrier");
 }
 
-// The sines that a demand is said of do reach it, and never more.
-TEST(Demand, IsThatOfTheSignal) {
+// The signal nearly reaches its demand and never exceeds it.
+TEST(Demand, BoundsTheSignal) {
   Excitation excitation;
   excitation.kind = ExcitationKind::multisine;
   excitation.amplitude = 0.005;
@@ -344,11 +351,11 @@ TEST(Demand, IsThatOfTheSignal) {
   EXPECT_GE(velocity, 0.85 * demand.velocity);
   EXPECT_LE(acceleration, demand.acceleration);
   EXPECT_GE(acceleration, 0.85 * demand.acceleration);
-  // Schroeder's phases: lines that all began together would reach four times as much.
+  // Schroeder phases: with equal phases the sum would be four times as large.
   EXPECT_GT(lines.front().amplitude * 15.0, 2.0 * excitation.amplitude);
 }
 
-TEST_F(RigFile, WhatThePageCallsTheDefaultIsTheDefault) {
+TEST_F(RigFile, DocumentedDefaultsAreTheDefaults) {
   const Rig without = load("");
   std::string all;
   for (const Key& key : rig_keys()) {
@@ -356,10 +363,9 @@ TEST_F(RigFile, WhatThePageCallsTheDefaultIsTheDefault) {
     if (key.when.starts_with("driver.")) continue;  // of devices that this rig does not have
     const bool plain =
         key.type == Type::number || key.type == Type::integer || key.type == Type::boolean;
-    if (key.path == "lcm.url") {
-      all += "lcm.url = \"" + std::string(key.fallback) + "\"\n";
-    } else if (plain && key.fallback.find(' ') == std::string_view::npos) {
-      all += std::string(key.path) + " = " + std::string(key.fallback) + "\n";
+    const std::string value = default_value(key);
+    if ((plain || key.path == "lcm.url") && !value.empty()) {
+      all += std::string(key.path) + " = " + value + "\n";
     }
   }
   const Rig with = load(all);
@@ -400,7 +406,7 @@ TEST_F(RigFile, WhatThePageCallsTheDefaultIsTheDefault) {
   EXPECT_EQ(without.simulated.truth_file, without.model_file);
 }
 
-TEST_F(RigFile, ProblemsInItsModelsAreToldWithItsOwn) {
+TEST_F(RigFile, ProblemsInItsModelsAreReported) {
   write("bad.toml", "schema = 1\n[oscillator]\nexcitation = \"base\"\nmass_kg = -1\n");
   EXPECT_THAT(
       problems("schema = 1\n[rig]\nname = \"r\"\nmodel = \"bad.toml\"\nspeed = 1\n[driver]\n"
@@ -411,7 +417,7 @@ TEST_F(RigFile, ProblemsInItsModelsAreToldWithItsOwn) {
           testing::StartsWith("bad.toml:4:11: oscillator.mass_kg: expected a number")));
 }
 
-TEST_F(RigFile, WhatItsKeysMeanTogether) {
+TEST_F(RigFile, InconsistentKeysAreRefused) {
   const auto one = [this](const std::string& more, const char* part) {
     EXPECT_THAT(problems(std::string(least) + more), testing::ElementsAre(testing::HasSubstr(part)))
         << more;
@@ -421,9 +427,9 @@ TEST_F(RigFile, WhatItsKeysMeanTogether) {
   one("excitation.amplitude = 12\n", "amplitudes are in metres");
   one("excitation.envelope = [[0, 0.001], [1, 12]]\nexcitation.repeat = false\n",
       "amplitudes are in metres");
-  one("excitation.envelope = [[0, 0.001], [1, 0.002]]\n", "the drive would jump there");
+  one("excitation.envelope = [[0, 0.001], [1, 0.002]]\n", "the drive would jump");
   one("[excitation]\namplitude = 0.001\nenvelope = [[0, 0.001], [1, 0.001]]\n",
-      "beside an envelope");
+      "has no effect with an envelope");
   one("excitation.envelope = [[0, 0.001], [1, 0.002], [1, 0.001]]\n", "times have to increase");
   one("excitation.envelope = [[0.5, 0.001], [1, 0.001]]\n", "the first time has to be 0");
   one("excitation.envelope = [[0, 0.001], [1, -0.001], [2, 0.001]]\n", "0 or more");
@@ -435,7 +441,7 @@ TEST_F(RigFile, WhatItsKeysMeanTogether) {
   one("metrics.file = \"stickslip.txt\"\n", "node_exporter reads only files named *.prom");
 }
 
-TEST_F(RigFile, AReplayNeedsItsRecordingAndNoCalibration) {
+TEST_F(RigFile, AReplayNeedsItsRecordingAndRefusesACalibration) {
   const std::string replay =
       "schema = 1\nrig.name = \"r\"\nrig.model = \"model.toml\"\ndriver.kind = \"replay\"\n";
   EXPECT_THAT(problems(replay),
@@ -458,7 +464,7 @@ date = "2026-01-01"
 reference = "r"
 )";
 
-TEST_F(RigFile, TakesItsCalibrationFromAFileAndTheRestFromItsOwnKeys) {
+TEST_F(RigFile, CalibrationIsReadFromItsFileAndFromKeys) {
   write("calibration.toml", calibration);
   const Rig rig =
       load("calibration.file = \"calibration.toml\"\ncalibration.normal_load.gain = 2\n");
@@ -480,7 +486,7 @@ TEST_F(RigFile, AChannelIsCalibratedInOnePlace) {
                   testing::HasSubstr("calibration.velocity: is in calibration.toml as well"))));
 }
 
-TEST_F(RigFile, ProblemsInItsCalibrationAreToldWithItsOwn) {
+TEST_F(RigFile, ProblemsInItsCalibrationAreReported) {
   write("calibration.toml", std::string(calibration) + "crosstalk = 3\n");
   const std::string file = std::string(least) + "calibration.file = \"calibration.toml\"\n";
   EXPECT_THAT(problems(file), testing::ElementsAre(testing::StartsWith(
@@ -490,7 +496,7 @@ TEST_F(RigFile, ProblemsInItsCalibrationAreToldWithItsOwn) {
       testing::ElementsAre("rig.toml:5:20: calibration.file: none.toml: there is no such file"));
 }
 
-TEST_F(RigFile, AReplayNeedsNoCalibrationFile) {
+TEST_F(RigFile, AReplayRefusesACalibrationFile) {
   write("played.csv", "time_s\n");
   write("calibration.toml", calibration);
   EXPECT_THAT(problems("schema = 1\nrig.name = \"r\"\nrig.model = \"model.toml\"\n"
@@ -523,24 +529,24 @@ TEST(ShippedRigs, AreSound) {
   EXPECT_GT(rigs, 0U);
 }
 
-TEST(ShippedRigs, TheSimulatedOneHidesAHardeningSpring) {
+TEST(ShippedRigs, TheSimulatedRigHasAHiddenHardeningSpring) {
   const Rig rig = load_rig(STICKSLIP_SOURCE_DIR "/config/simulated.toml");
   EXPECT_TRUE(rig.model.terms.empty());
   ASSERT_EQ(rig.simulated.truth.terms.size(), 1U);
   EXPECT_EQ(rig.simulated.truth.terms[0].id, "cubic_stiffness");
   EXPECT_GT(rig.simulated.truth.terms[0].parameters.at("k3_n_m3").value, 0.0);
-  // Anything else that differs is within what its owner says that he knows.
-  physics::Model believed = rig.model;
+  // All other differences are within the standard deviations of the model.
+  physics::Model assumed = rig.model;
   physics::Model truth = rig.simulated.truth;
   truth.terms.clear();
-  const auto a = physics::parameters_of(believed);
+  const auto a = physics::parameters_of(assumed);
   const auto b = physics::parameters_of(truth);
   ASSERT_EQ(a.size(), b.size());
   for (std::size_t i = 0; i < a.size(); ++i) {
     EXPECT_LE(std::abs(a[i].parameter->value - b[i].parameter->value), a[i].parameter->sigma)
         << a[i].path;
   }
-  EXPECT_EQ(believed.sensors, truth.sensors);
+  EXPECT_EQ(assumed.sensors, truth.sensors);
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include <fstream>
 
 #include "config/document.h"
+#include "config/toml_text.h"
 
 namespace stickslip::config {
 namespace {
@@ -25,7 +26,7 @@ damping_ratio = 0.05
 constexpr const char* least =
     "schema = 1\nrig.name = \"r\"\nrig.model = \"model.toml\"\ndriver.kind = \"simulated\"\n";
 
-/// A folder of its own with a model in it, gone at the end.
+/// A temporary folder with a model.
 class Settings : public testing::Test {
  protected:
   void SetUp() override {
@@ -47,7 +48,7 @@ class Settings : public testing::Test {
   std::filesystem::path folder_;
 };
 
-TEST_F(Settings, SayTheValueAndWhereItComesFrom) {
+TEST_F(Settings, HaveAValueAndItsOrigin) {
   const auto settings = settings_of(load("[loop]\nrate_hz = 500\n"));
   const Setting* rate = find_setting(settings, "loop.rate_hz");
   ASSERT_NE(rate, nullptr);
@@ -61,7 +62,7 @@ TEST_F(Settings, SayTheValueAndWhereItComesFrom) {
   EXPECT_EQ(find_setting(settings, "loop.rate"), nullptr);
 }
 
-TEST_F(Settings, EveryKeyStandsOnceAndThoseOfChannelsOnceForEach) {
+TEST_F(Settings, EveryKeyOccursOnceAndThoseOfChannelsOnceForEach) {
   const auto settings = settings_of(load(""));
   std::size_t expected = 0;
   for (const Key& key : rig_keys()) {
@@ -76,18 +77,18 @@ TEST_F(Settings, EveryKeyStandsOnceAndThoseOfChannelsOnceForEach) {
   }
 }
 
-TEST_F(Settings, WhatHoldsWithoutAKeyIsAValueOnlyWhereItIsOne) {
+TEST_F(Settings, ADefaultIsAValueOrWords) {
   const auto settings = settings_of(load(""));
   EXPECT_EQ(find_setting(settings, "lcm.url")->value, "\"udpm://239.255.76.67:7667?ttl=0\"");
   EXPECT_EQ(find_setting(settings, "loop.duration_s")->value, "");
-  EXPECT_EQ(find_setting(settings, "loop.duration_s")->words, "until told to stop");
+  EXPECT_EQ(find_setting(settings, "loop.duration_s")->words, "unlimited");
   EXPECT_EQ(find_setting(settings, "driver.replay.recording")->words, "required with kind replay");
   EXPECT_EQ(find_setting(settings, "excitation.envelope")->words, "none");
   EXPECT_EQ(find_setting(settings, "driver.simulated.truth")->value,
             find_setting(settings, "rig.model")->value);
 }
 
-TEST_F(Settings, PathsAreThoseThatAreOpened) {
+TEST_F(Settings, PathsAreResolved) {
   const Rig rig = load("");
   const auto settings = settings_of(rig);
   EXPECT_EQ(plain_text(settings, "rig.model"), rig.model_file.string());
@@ -96,8 +97,8 @@ TEST_F(Settings, PathsAreThoseThatAreOpened) {
   EXPECT_EQ(plain_text(settings, "no.such.key"), "");
 }
 
-/// The effective values, written out as a file, are the same rig.
-TEST_F(Settings, WrittenOutTheyAreTheSameRig) {
+/// The effective values, written as a file, give the same rig.
+TEST_F(Settings, WrittenAsAFileTheyGiveTheSameRig) {
   const Rig rig = load(
       "excitation.envelope = [[0, 0.001], [2.5, 0.012], [9.0, 0.001]]\n"
       "calibration.velocity.gain = 2\ndriver.simulated.seed = 7\n");
@@ -124,21 +125,21 @@ TEST_F(Settings, SpellingIsNoChange) {
   EXPECT_THAT(changes(before, before), testing::IsEmpty());
 }
 
-TEST_F(Settings, ChangesSayWhatARunningDaemonTakesOver) {
+TEST_F(Settings, ChangesAreLiveOrNeedARestart) {
   const Rig before = load("excitation.carrier_hz = 3\n");
   const Rig after = load(
       "excitation.carrier_hz = 3.5\ncalibration.velocity.gain = 2\nloop.rate_hz = 500\n"
       "loop.duration_s = 5\n");
   EXPECT_THAT(changes(before, after),
               testing::ElementsAre(Change{"loop.rate_hz", "1000.0", "500.0", false},
-                                   Change{"loop.duration_s", "until told to stop", "5.0", false},
+                                   Change{"loop.duration_s", "unlimited", "5.0", false},
                                    Change{"calibration.velocity.gain", "1.0", "2.0", true},
                                    Change{"excitation.carrier_hz", "3.0", "3.5", true}));
   EXPECT_EQ(text(changes(before, after).front()), "loop.rate_hz: 1000.0 -> 500.0, needs a restart");
   EXPECT_EQ(text(changes(before, after).back()), "excitation.carrier_hz: 3.0 -> 3.5");
 }
 
-TEST_F(Settings, AModelThatSaysSomethingElseIsAChangeOfTheKeyThatNamesIt) {
+TEST_F(Settings, NewContentsOfAModelAreAChangeOfItsKey) {
   const Rig before = load("");
   write("model.toml", std::string("# a word\n") + model);
   EXPECT_THAT(changes(before, load("")), testing::IsEmpty());
@@ -153,7 +154,7 @@ TEST_F(Settings, AModelThatSaysSomethingElseIsAChangeOfTheKeyThatNamesIt) {
   EXPECT_EQ(found[1].key, "driver.simulated.truth");
 }
 
-TEST(Keys, LiveAreTheKnobsOfTheDriveTheLimitsOfSafetyAndTheCalibration) {
+TEST(Keys, DriveSettingsSafetyLimitsAndCalibrationAreLive) {
   for (const Key& key : rig_keys()) {
     EXPECT_TRUE(key.live || !key.path.starts_with("calibration.")) << key.path;
     for (const char* table : {"driver.", "loop.", "rig.", "recording.", "limits.", "lcm."}) {
@@ -170,13 +171,13 @@ TEST(Keys, LiveAreTheKnobsOfTheDriveTheLimitsOfSafetyAndTheCalibration) {
   EXPECT_TRUE(live("metrics.file"));
 }
 
-RC_GTEST_PROP(StringText, ReadsBackAsItWas, (const std::string& any)) {
-  // TOML is UTF-8 without NUL; what is above ASCII passes through as it is.
+RC_GTEST_PROP(TomlString, ReadsBackAsItWas, (const std::string& any)) {
+  // TOML is UTF-8 without NUL; bytes above ASCII are unchanged.
   std::string plain;
   for (const char c : any) {
     if (c > 0) plain += c;
   }
-  const Document document("rig.name = " + string_text(plain) + "\n", "t", rig_keys());
+  const Document document("rig.name = " + toml_string(plain) + "\n", "t", rig_keys());
   RC_ASSERT(document.text("rig.name") == plain);
 }
 

@@ -1,4 +1,4 @@
-// What a CSV recording says, beside what is wrong with a bad one (malformed_test.cpp).
+// Reading and writing of CSV recordings; malformed_test.cpp has the errors.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -45,7 +45,7 @@ TEST(Csv, ReadsColumnsInAnyOrderWithCommentsBlankLinesAndCarriageReturns) {
   EXPECT_EQ(recording.channels, 0b11);
 }
 
-TEST(Csv, TheLastLineNeedsNoEnd) {
+TEST(Csv, TheLastLineNeedsNoNewline) {
   EXPECT_EQ(parse_csv("time_s,velocity_m_s\n0,1\n1,2", "t").frames.size(), 2U);
 }
 
@@ -71,7 +71,7 @@ TEST(Csv, TimeIsReadAsDecimalAndRoundedToTheNanosecond) {
   EXPECT_EQ(time_of("-9223372036.854775808"), std::numeric_limits<std::int64_t>::min());
 }
 
-TEST(Csv, RefusesTimesThatNoClockHolds) {
+TEST(Csv, RefusesTimesBeyondTheClock) {
   for (const char* cell : {"9223372036.854775808", "-9223372036.854775809", "1e300", "1e99999",
                            "1e+-3", "18446744073.7095516155", "", ".", "-", "1e", "1.2.3", "0x10",
                            "1 2", "inf", "nan", "1s", "--1"}) {
@@ -91,7 +91,7 @@ TEST(Csv, ValuesAreReadAsFiniteNumbersOnly) {
   }
 }
 
-TEST(Csv, WritesOnlyTheChannelsThatSomeFrameHoldsAndExactTimes) {
+TEST(Csv, WritesOnlyMeasuredChannelsAndExactTimes) {
   Recording recording;
   Frame frame;
   frame.time_ns = -1;
@@ -108,7 +108,7 @@ TEST(Csv, WritesOnlyTheChannelsThatSomeFrameHoldsAndExactTimes) {
             "1700000000.123456789,-0,\n");
 }
 
-TEST(Csv, AFileThatIsNoTextIsRefusedInOneShortLine) {
+TEST(Csv, ABinaryFileIsRefusedInOneShortLine) {
   std::string rubbish;
   for (int i = 0; i < 100000; ++i) rubbish += static_cast<char>((i * 7919 % 251) | (i % 3 == 0));
   for (char& c : rubbish) {
@@ -124,8 +124,8 @@ TEST(Csv, AFileThatIsNoTextIsRefusedInOneShortLine) {
   }
 }
 
-// A minute at 1 kHz must not be felt. The bound is wide: tests run beside each other.
-TEST(Csv, AMinuteOfFiveChannelsIsReadInNoTime) {
+// Reading a minute at 1 kHz must not be noticeable. The bound is wide, since tests run in parallel.
+TEST(Csv, AMinuteOfFiveChannelsIsReadQuickly) {
   std::string text =
       "time_s,displacement_m,velocity_m_s,friction_force_n,normal_load_n,base_displacement_m\n";
   for (int i = 0; i < 60000; ++i) {

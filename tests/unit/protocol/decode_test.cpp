@@ -96,7 +96,7 @@ void write_int32(Bytes& bytes, std::size_t at, std::uint32_t value) {
   }
 }
 
-// Where a message of `bytes` has the length of a text set to `length`.
+// `bytes` with the length of a text set to `length`.
 Bytes with_text_length(Bytes bytes, const std::string& text, std::uint32_t length) {
   const auto at = std::search(bytes.begin(), bytes.end(), text.begin(), text.end());
   write_int32(bytes, static_cast<std::size_t>(at - bytes.begin()) - 4, length);
@@ -109,7 +109,7 @@ using Messages = testing::Types<frame_block_t, friction_estimate_t, excitation_t
                                 timing_t, event_t, recording_info_t>;
 TYPED_TEST_SUITE(Decode, Messages);
 
-TYPED_TEST(Decode, TakesWhatWasEncoded) {
+TYPED_TEST(Decode, AcceptsEncodedMessages) {
   const Bytes bytes = encoded(some(TypeParam{}));
   TypeParam message{};
   ASSERT_TRUE(decode(bytes, message));
@@ -134,18 +134,18 @@ TYPED_TEST(Decode, RefusesAnotherType) {
   EXPECT_FALSE(decode(bytes, message));
 }
 
-// Every place where a count or a length may stand is set to what would make a careless decoder ask
-// for gigabytes, or wrap its sizes around. An address-space limit would notice only some of it, so
-// what is left in the message is looked at as well: nothing in it may be larger than its bytes.
-TYPED_TEST(Decode, CannotBeTalkedIntoMemory) {
+// Every possible position of a count or a length is set to values that make an unchecked decoder
+// allocate gigabytes or overflow. An address-space limit detects only part of that, so the decoded
+// message is checked as well: nothing in it may be larger than its bytes.
+TYPED_TEST(Decode, DoesNotAllocateForFalseCounts) {
   const Bytes bytes = encoded(some(TypeParam{}));
   for (std::size_t at = 0; at + 4 <= bytes.size(); ++at) {
     for (const std::uint32_t value :
          {0xFFFFFFFFU, 0x80000000U, 0x7FFFFFFFU, 0x20000000U, 0x10000001U, 0x01000000U, 0U}) {
-      Bytes spoilt = bytes;
-      write_int32(spoilt, at, value);
+      Bytes damaged = bytes;
+      write_int32(damaged, at, value);
       TypeParam message{};
-      if (decode(spoilt, message)) {
+      if (decode(damaged, message)) {
         EXPECT_EQ(message.getEncodedSize(), static_cast<int>(bytes.size()));
       }
       if constexpr (std::is_same_v<TypeParam, friction_estimate_t>) {
@@ -167,16 +167,16 @@ TYPED_TEST(Decode, SurvivesRandomDamage) {
   const Bytes bytes = encoded(some(TypeParam{}));
   std::mt19937 random(1);
   for (int round = 0; round < 5000; ++round) {
-    Bytes spoilt = bytes;
+    Bytes damaged = bytes;
     for (int i = 0; i < 3; ++i)
-      spoilt[8 + random() % (spoilt.size() - 8)] = static_cast<std::uint8_t>(random());
-    spoilt.resize(random() % (spoilt.size() + 1));
+      damaged[8 + random() % (damaged.size() - 8)] = static_cast<std::uint8_t>(random());
+    damaged.resize(random() % (damaged.size() + 1));
     TypeParam message{};
-    (void)decode(spoilt, message);
+    (void)decode(damaged, message);
   }
 }
 
-/// `bytes` as they were under another fingerprint and without `lacking` bytes at the end.
+/// `bytes` with another fingerprint and without `lacking` bytes at the end.
 Bytes former(Bytes bytes, std::uint64_t fingerprint, std::size_t lacking) {
   for (std::size_t i = 8; i > 0; --i, fingerprint >>= 8U) {
     bytes[i - 1] = static_cast<std::uint8_t>(fingerprint);
@@ -185,8 +185,8 @@ Bytes former(Bytes bytes, std::uint64_t fingerprint, std::size_t lacking) {
   return bytes;
 }
 
-// The fingerprints are those that lcm-gen gave the types of logs of format 2.
-TEST(DecodeFormer, AnExcitationWithoutTheFramesBeforeIt) {
+// Fingerprints of the types of logs of format 2, from lcm-gen.
+TEST(DecodeFormer, AnExcitationWithoutEarlierFrames) {
   excitation_t excitation{};
   excitation.sequence = 9;
   excitation.drive = 1.5;
@@ -200,7 +200,7 @@ TEST(DecodeFormer, AnExcitationWithoutTheFramesBeforeIt) {
   }
 }
 
-// Of logs written before estimates told their consistency.
+// Of logs written before estimates contained their consistency.
 TEST(DecodeFormer, AnEstimateWithoutItsConsistency) {
   friction_estimate_t estimate = some(friction_estimate_t{});
   estimate.mu = 0.8;
@@ -216,7 +216,7 @@ TEST(DecodeFormer, AnEstimateWithoutItsConsistency) {
   }
 }
 
-TEST(DecodeFormer, AStatusThatDoesNotKnowWhatTheDiskConfirmed) {
+TEST(DecodeFormer, AStatusWithoutConfirmedFrames) {
   status_t status = some(status_t{});
   status.record_confirmed = -1;
   const Bytes bytes = former(encoded(status), 0xD60837B0454EEC63U, 8);
@@ -241,9 +241,9 @@ TEST(DecodeFormer, ADescriptionWithoutAFaultScript) {
   }
 }
 
-// The generated decoder takes 1 from it: undefined for the smallest of all, which only the
-// sanitizers notice.
-TEST(DecodeText, RefusesLengthsThatNoTextHas) {
+// The generated decoder subtracts 1, which is undefined for the smallest length; only sanitizers
+// detect it.
+TEST(DecodeText, RefusesImpossibleLengths) {
   for (const std::uint32_t length : {0x80000000U, 0x80000001U, 0xFFFFFFFFU, 0U, 0x7FFFFFFFU}) {
     recording_info_t info{};
     EXPECT_FALSE(
@@ -258,19 +258,19 @@ TEST(DecodeText, RefusesLengthsThatNoTextHas) {
   }
 }
 
-TEST(DecodeFrameBlock, NoticesEveryFlippedBitOfTheFrames) {
+TEST(DecodeFrameBlock, DetectsEveryFlippedBitOfTheFrames) {
   const Bytes bytes = encoded(some(frame_block_t{}));
   frame_block_t block;
   for (std::size_t at = 16; at < bytes.size(); ++at) {
     for (unsigned bit = 0; bit < 8; ++bit) {
-      Bytes spoilt = bytes;
-      spoilt[at] = static_cast<std::uint8_t>(spoilt[at] ^ (1U << bit));
-      EXPECT_FALSE(decode(spoilt, block)) << "byte " << at;
+      Bytes damaged = bytes;
+      damaged[at] = static_cast<std::uint8_t>(damaged[at] ^ (1U << bit));
+      EXPECT_FALSE(decode(damaged, block)) << "byte " << at;
     }
   }
 }
 
-TEST(DecodeFrameBlock, FlagsAreNotUnderTheChecksum) {
+TEST(DecodeFrameBlock, FlagsAreNotPartOfTheChecksum) {
   frame_block_t block = some(frame_block_t{});
   block.flags = 1;
   frame_block_t again;

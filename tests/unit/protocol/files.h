@@ -1,4 +1,4 @@
-// A folder of its own for a test that needs files.
+// A temporary folder for a test.
 #pragma once
 
 #include <gtest/gtest.h>

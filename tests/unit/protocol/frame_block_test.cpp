@@ -26,7 +26,7 @@ std::vector<Frame> frames(std::size_t count) {
   return out;
 }
 
-TEST(FrameBlock, CarriesFramesThereAndBack) {
+TEST(FrameBlock, ConvertsFramesAndBack) {
   const std::vector<Frame> before = frames(7);
   frame_block_t block;
   to_block(before, block);
@@ -40,9 +40,9 @@ TEST(FrameBlock, CarriesFramesThereAndBack) {
   EXPECT_EQ(after, before);
 }
 
-TEST(FrameBlock, EncodedAtOnceIsTheSameToTheBit) {
+TEST(FrameBlock, DirectEncodingIsTheSameToTheBit) {
   std::mt19937_64 random(20240711);
-  std::vector<std::uint8_t> at_once;
+  std::vector<std::uint8_t> direct;
   for (int round = 0; round < 200; ++round) {
     std::vector<Frame> some = frames(1 + random() % 40);
     for (Frame& frame : some) {
@@ -59,12 +59,12 @@ TEST(FrameBlock, EncodedAtOnceIsTheSameToTheBit) {
     block.flags = static_cast<std::int32_t>(random() % 2);
     std::vector<std::uint8_t> by_block(static_cast<std::size_t>(block.getEncodedSize()));
     block.encode(by_block.data(), 0, static_cast<int>(by_block.size()));
-    encode_block(some, block.flags, at_once);
-    ASSERT_EQ(at_once, by_block) << "round " << round;
+    encode_block(some, block.flags, direct);
+    ASSERT_EQ(direct, by_block) << "round " << round;
   }
 }
 
-TEST(FrameBlock, AgesTravelWithTheChannelsThatHaveOne) {
+TEST(FrameBlock, AgesAreEncodedForChannelsThatHaveOne) {
   std::vector<Frame> before = frames(5);
   for (std::size_t i = 0; i < before.size(); ++i) {
     before[i].set(Channel::base_displacement, 1.0);
@@ -76,15 +76,15 @@ TEST(FrameBlock, AgesTravelWithTheChannelsThatHaveOne) {
   EXPECT_EQ(block.aged_channel[0], index_of(Channel::base_displacement));
   std::vector<std::uint8_t> bytes(static_cast<std::size_t>(block.getEncodedSize()));
   block.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
-  std::vector<std::uint8_t> at_once = {1, 2, 3};  // whatever was there
-  encode_block(before, 0, at_once);
-  EXPECT_EQ(at_once, bytes);
+  std::vector<std::uint8_t> direct = {1, 2, 3};  // overwritten
+  encode_block(before, 0, direct);
+  EXPECT_EQ(direct, bytes);
   frame_block_t heard;
   ASSERT_TRUE(decode(bytes, heard));
   std::vector<Frame> after;
   ASSERT_TRUE(from_block(heard, after));
   EXPECT_EQ(after, before);
-  // A channel twice, one that does not exist, and a count without its rows.
+  // A repeated channel, one that does not exist, and a count without rows.
   for (const std::uint8_t wrong : {std::uint8_t{4}, std::uint8_t{9}}) {
     frame_block_t bad = block;
     bad.aged = 2;
@@ -96,7 +96,7 @@ TEST(FrameBlock, AgesTravelWithTheChannelsThatHaveOne) {
   EXPECT_FALSE(from_block(block, after));
 }
 
-TEST(FrameBlock, AgesOfTheBlockBeforeAreForgotten) {
+TEST(FrameBlock, AgesOfThePreviousBlockAreCleared) {
   std::vector<Frame> aged(3);
   for (std::size_t i = 0; i < aged.size(); ++i) {
     aged[i].set(Channel::normal_load, 2.0);
@@ -130,7 +130,7 @@ TEST(FrameBlock, ARefillOfTheSameOrASmallerSizeAllocatesNothing) {
   }
 }
 
-TEST(FrameBlock, WhatAFramePromisesHoldsWhateverTheSenderDid) {
+TEST(FrameBlock, InvariantsOfAFrameAreRestored) {
   frame_block_t block;
   Frame frame;
   frame.set(Channel::velocity, 1.0);
@@ -146,7 +146,7 @@ TEST(FrameBlock, WhatAFramePromisesHoldsWhateverTheSenderDid) {
   EXPECT_EQ(out.at(0), expected);
 }
 
-TEST(FrameBlock, RefusesABlockThatContradictsItself) {
+TEST(FrameBlock, RefusesAnInconsistentBlock) {
   std::vector<Frame> out;
   for (const std::int32_t count : {-1, 0, 2, 4}) {
     frame_block_t block;
@@ -161,22 +161,22 @@ TEST(FrameBlock, RefusesABlockThatContradictsItself) {
   EXPECT_TRUE(out.empty());
 }
 
-TEST(Checksum, ManyBytesAtOnceAreTheSameAsOneAfterAnother) {
+TEST(Checksum, ManyBytesAreTheSameAsSingleBytes) {
   std::mt19937 random(3);
   for (std::size_t size = 0; size < 100; ++size) {
     std::vector<std::uint8_t> bytes(size);
     for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random());
-    Checksum at_once;
+    Checksum direct;
     Checksum one_by_one;
-    at_once.add(std::uint8_t{7});  // so that it does not begin with a fresh sum
+    direct.add(std::uint8_t{7});  // so that it does not begin with a fresh sum
     one_by_one.add(std::uint8_t{7});
-    at_once.add(std::span<const std::uint8_t>(bytes));
+    direct.add(std::span<const std::uint8_t>(bytes));
     for (const std::uint8_t byte : bytes) one_by_one.add(byte);
-    ASSERT_EQ(at_once.value(), one_by_one.value()) << size << " bytes";
+    ASSERT_EQ(direct.value(), one_by_one.value()) << size << " bytes";
   }
 }
 
-TEST(Checksum, IsTheOneOfZlib) {
+TEST(Checksum, IsThatOfZlib) {
   Checksum sum;
   for (const char c : {'1', '2', '3', '4', '5', '6', '7', '8', '9'}) {
     sum.add(static_cast<std::uint8_t>(c));

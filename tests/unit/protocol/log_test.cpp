@@ -75,7 +75,7 @@ TEST(Log, KeepsSequenceNumbersAndItsDescription) {
   EXPECT_EQ(after.source, (folder / "r.log").string());
 }
 
-TEST(Log, WhichFormIsDecidedByTheContent) {
+TEST(Log, TheContentDeterminesTheForm) {
   const Folder folder;
   write_log(some_recording(3), folder / "r.log");
   std::filesystem::rename(folder / "r.log", folder / "r.csv");
@@ -84,8 +84,8 @@ TEST(Log, WhichFormIsDecidedByTheContent) {
   EXPECT_EQ(read_recording(folder / "c.log").frames.size(), 1U);
 }
 
-// What we write, LCM's own reader reads: that is what lcm-logplayer is made of.
-TEST(Log, IsReadByLcmItself) {
+// LCM's own reader, which lcm-logplayer uses, reads our logs.
+TEST(Log, IsReadByTheReaderOfLcm) {
   const Folder folder;
   write_log(some_recording(25), folder / "r.log");
   lcm_eventlog_t* log = lcm_eventlog_create((folder / "r.log").c_str(), "r");
@@ -113,7 +113,7 @@ TEST(Log, IsReadByLcmItself) {
   EXPECT_EQ(frames, some_recording(25).frames);
 }
 
-TEST(Log, OtherMessagesAreNoneOfItsBusiness) {
+TEST(Log, IgnoresMessagesOfOtherChannels) {
   const Folder folder;
   {
     LogWriter writer(folder / "r.log");
@@ -128,7 +128,7 @@ TEST(Log, OtherMessagesAreNoneOfItsBusiness) {
   EXPECT_EQ(read_recording(folder / "r.log").frames, some_recording(4).frames);
 }
 
-TEST(Log, CutAnywhereItHoldsAllWholeEventsBefore) {
+TEST(Log, CutAnywhereItHasAllCompleteEventsBefore) {
   const Recording recording = some_recording(30);
   const std::string whole = log_text(recording);
   ASSERT_EQ(parse(whole).cut_off_bytes, 0U);
@@ -143,7 +143,7 @@ TEST(Log, CutAnywhereItHoldsAllWholeEventsBefore) {
     }
     const std::string cut = whole.substr(0, size);
     if (whole_events < 2) {  // the description is the first
-      EXPECT_THAT(refusal(cut), HasSubstr("holds no frames"));
+      EXPECT_THAT(refusal(cut), HasSubstr("has no frames"));
       continue;
     }
     const Recording read = parse(cut);
@@ -154,7 +154,7 @@ TEST(Log, CutAnywhereItHoldsAllWholeEventsBefore) {
   EXPECT_EQ(whole_events, 4U);
 }
 
-TEST(Log, ZerosThatAPowerCutLeftAreNoDamage) {
+TEST(Log, ZerosAfterAPowerCutAreNotDamage) {
   const std::string whole = log_text(some_recording(30));
   for (const std::size_t zeros : {1U, 3U, 4U, 28U, 5000U, 300'000U}) {
     const Recording read = parse(whole + std::string(zeros, '\0'));
@@ -164,46 +164,46 @@ TEST(Log, ZerosThatAPowerCutLeftAreNoDamage) {
   EXPECT_THAT(refusal(whole + std::string(5000, '\0') + whole), HasSubstr("damaged"));
 }
 
-// A length that a flipped bit made long would otherwise pass for a log that ends there.
-TEST(Log, DamageWithEventsBehindItIsNoCut) {
+// Otherwise a length increased by a flipped bit would look like the end of the log.
+TEST(Log, DamageFollowedByEventsIsNotTheEnd) {
   const std::string whole = log_text(some_recording(30));
   const std::size_t second = whole.find(sync_word, 1);
   for (std::size_t bit = 0; bit < 31; ++bit) {
-    std::string spoilt = whole;
+    std::string damaged = whole;
     const std::size_t at = second + 27 - bit / 8;
-    spoilt[at] = static_cast<char>(spoilt[at] ^ (1 << bit % 8));
-    const std::string said = refusal(spoilt);
+    damaged[at] = static_cast<char>(damaged[at] ^ (1 << bit % 8));
+    const std::string said = refusal(damaged);
     EXPECT_THAT(said, HasSubstr("damaged")) << bit;
     EXPECT_THAT(said, HasSubstr("stickslip log repair r.log")) << bit;
   }
 }
 
-TEST(Log, RefusesWhatFollowsItsEnd) {
+TEST(Log, RefusesBytesAfterItsEnd) {
   const std::string whole = log_text(some_recording(30));
   EXPECT_THAT(
-      refusal(whole + "rubbish, and no event"),
+      refusal(whole + "rubbish, not an event"),
       HasSubstr("at byte " + std::to_string(whole.size()) + ": damaged: no event begins here"));
 }
 
-TEST(Log, NoFlippedBitOfAFrameGoesUnnoticed) {
+TEST(Log, EveryFlippedBitOfAFrameIsDetected) {
   const std::string whole = log_text(some_recording(10));
   const std::size_t frames = whole.find(frames_channel) + std::string(frames_channel).size();
   std::mt19937 random(1);
   for (int round = 0; round < 2000; ++round) {
-    std::string spoilt = whole;
+    std::string damaged = whole;
     const std::size_t at = frames + 16 + random() % (whole.size() - frames - 16);
-    spoilt[at] = static_cast<char>(spoilt[at] ^ (1 << random() % 8));
-    EXPECT_THAT(refusal(spoilt), HasSubstr("is damaged")) << at;
+    damaged[at] = static_cast<char>(damaged[at] ^ (1 << random() % 8));
+    EXPECT_THAT(refusal(damaged), HasSubstr("is damaged")) << at;
   }
 }
 
-TEST(Log, SurvivesLengthsThatNoFileHas) {
+TEST(Log, SurvivesImpossibleLengths) {
   const std::string whole = log_text(some_recording(10));
   for (const std::size_t field : {20U, 24U}) {
     for (const std::string length : {"\x7F\xFF\xFF\xFF", "\xFF\xFF\xFF\xFF", "\x80", "\x7F"}) {
-      std::string spoilt = whole;
-      spoilt.replace(field, length.size(), length);
-      EXPECT_THAT(refusal(spoilt), testing::StartsWith("r.log: at byte 0: ")) << field;
+      std::string damaged = whole;
+      damaged.replace(field, length.size(), length);
+      EXPECT_THAT(refusal(damaged), testing::StartsWith("r.log: at byte 0: ")) << field;
     }
   }
 }
@@ -219,10 +219,10 @@ TEST(Log, RefusesALogWithoutFrames) {
   ASSERT_TRUE(writer.append(recording_channel, encoded(recording_info_t{}), 0));
   ASSERT_TRUE(writer.close());
   EXPECT_THAT(refusal(content(folder / "r.log")),
-              HasSubstr("holds no frames: nothing was recorded on STICKSLIP_FRAMES"));
+              HasSubstr("has no frames: nothing was recorded on STICKSLIP_FRAMES"));
 }
 
-TEST(LogWriter, CountsItsBytesAndFlushesWhatItWasGiven) {
+TEST(LogWriter, CountsAndFlushesItsBytes) {
   const Folder folder;
   LogWriter writer(folder / "r.log");
   const std::vector<std::uint8_t> data(100);
@@ -235,7 +235,7 @@ TEST(LogWriter, CountsItsBytesAndFlushesWhatItWasGiven) {
   EXPECT_FALSE(writer.flush());
 }
 
-TEST(LogWriter, SaysWhenTheDiskIsFull) {
+TEST(LogWriter, ReportsAFullDisk) {
   if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full here";
   LogWriter writer("/dev/full");
   const std::vector<std::uint8_t> data(100000);
@@ -245,7 +245,7 @@ TEST(LogWriter, SaysWhenTheDiskIsFull) {
   EXPECT_EQ(errno, ENOSPC);
 }
 
-TEST(LogWriter, RefusesAFolderThatIsNotThere) {
+TEST(LogWriter, RefusesAMissingFolder) {
   try {
     LogWriter writer("/nowhere/at/all/r.log");
     FAIL() << "accepted";
@@ -254,7 +254,7 @@ TEST(LogWriter, RefusesAFolderThatIsNotThere) {
   }
 }
 
-TEST(Recording, SaysWhatIsNoRecording) {
+TEST(Recording, RefusesFilesThatAreNotRecordings) {
   const Folder folder;
   EXPECT_THROW(read_recording(folder / "absent.csv"), InputError);
   EXPECT_THROW(read_recording(folder / "."), InputError);
@@ -269,7 +269,7 @@ TEST(Recording, SaysWhatIsNoRecording) {
   }
 }
 
-// A limit on the size of files stands for a full disk: the same refusal, in the middle of an event.
+// A limit of the file size simulates a full disk, which refuses data in the middle of an event.
 class FullDisk {
  public:
   FullDisk() {
@@ -289,7 +289,7 @@ class FullDisk {
   rlimit before_{};
 };
 
-TEST(LogWriter, HoldsExactlyWhatItConfirmedThoughTheDiskWasFullForAWhile) {
+TEST(LogWriter, HasExactlyTheConfirmedEventsAfterATemporarilyFullDisk) {
   const Folder folder;
   const Recording all = some_recording(4000);
   std::vector<Frame> confirmed;
@@ -323,7 +323,7 @@ TEST(LogWriter, HoldsExactlyWhatItConfirmedThoughTheDiskWasFullForAWhile) {
   EXPECT_EQ(read_recording(folder / "r.log").frames, confirmed);
 }
 
-TEST(LogWriter, LeavesAReadableLogWhereTheDiskStaysFull) {
+TEST(LogWriter, LeavesAReadableLogOnAFullDisk) {
   const Folder folder;
   FullDisk disk;
   const Recording all = some_recording(2000);

@@ -1,4 +1,4 @@
-// Logs as a daemon writes them, small and in memory.
+// Small logs like those of a daemon, in memory.
 #pragma once
 
 #include <cstdint>
@@ -32,7 +32,7 @@ inline std::vector<Frame> frames_from(std::uint64_t first, std::size_t count) {
   return out;
 }
 
-/// A daemon's recording, or one part of it.
+/// A recording of a daemon, or one part of it.
 struct LogOfADaemon {
   std::int32_t part = 0;
   std::uint64_t first = 0;  ///< sequence number of the first frame

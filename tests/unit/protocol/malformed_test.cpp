@@ -25,7 +25,7 @@ std::vector<std::string> cases() {
 
 class Malformed : public testing::TestWithParam<std::string> {};
 
-TEST_P(Malformed, IsRefusedInTheseWords) {
+TEST_P(Malformed, IsRefusedWithTheExpectedMessage) {
   const std::string name = GetParam();
   std::string said = "accepted";
   try {
@@ -39,7 +39,7 @@ TEST_P(Malformed, IsRefusedInTheseWords) {
 INSTANTIATE_TEST_SUITE_P(Csv, Malformed, testing::ValuesIn(cases()),
                          [](const auto& tested) { return tested.param; });
 
-TEST(MalformedRecordings, AreThere) { EXPECT_GE(cases().size(), 15U); }
+TEST(MalformedRecordings, Exist) { EXPECT_GE(cases().size(), 15U); }
 
 }  // namespace
 }  // namespace stickslip::protocol

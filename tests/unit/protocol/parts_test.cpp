@@ -53,9 +53,9 @@ TEST_F(Parts, AreNamedAfterTheFirst) {
   EXPECT_EQ(part_file("run", 2), "run.002");
 }
 
-TEST_F(Parts, JoinedInAnyOrderAreTheRecording) {
+TEST_F(Parts, AreJoinedInAnyOrder) {
   std::reverse(files.begin(), files.end());
-  const Joined joined = join_logs(files, folder / "all.log");
+  const JoinResult joined = join_logs(files, folder / "all.log");
   EXPECT_EQ(joined.parts, 3U);
   EXPECT_EQ(joined.frames, 90U);
   EXPECT_EQ(joined.missing, 0U);
@@ -71,29 +71,29 @@ TEST_F(Parts, JoinedInAnyOrderAreTheRecording) {
   EXPECT_EQ(events[status_channel], 3U);
 }
 
-TEST_F(Parts, AMissingOneIsNamed) {
+TEST_F(Parts, AMissingPartIsReported) {
   files.erase(files.begin() + 1);
   EXPECT_THAT(refusal(), testing::AllOf(HasSubstr("part 1 is missing"), HasSubstr("previous.log")));
 }
 
-TEST_F(Parts, OneThatIsThereTwiceIsRefused) {
+TEST_F(Parts, ARepeatedPartIsRefused) {
   std::filesystem::copy(files[1], folder / "copy.log");
   files.push_back(folder / "copy.log");
-  EXPECT_THAT(refusal(), HasSubstr("one and the same part"));
+  EXPECT_THAT(refusal(), HasSubstr("are the same part"));
 }
 
-TEST_F(Parts, OneOfAnotherRecordingIsRefused) {
+TEST_F(Parts, APartOfAnotherRecordingIsRefused) {
   write({.part = 1, .first = 20, .frames = 30, .started_utc_us = 5});
   EXPECT_THAT(refusal(), HasSubstr("another recording"));
 }
 
-TEST_F(Parts, FramesThatOneLostAreMissed) {
+TEST_F(Parts, MissingFramesOfAPartAreReported) {
   write({.part = 1, .first = 20, .frames = 20, .closed = false});
-  EXPECT_THAT(refusal(), HasSubstr("holds 20 frames; " + (folder / "run.002.log").string() +
-                                   " says that they were 30"));
+  EXPECT_THAT(refusal(),
+              HasSubstr("has 20 frames; " + (folder / "run.002.log").string() + " expects 30"));
 }
 
-TEST_F(Parts, ADamagedOneIsRefusedAndOnlyTheLastMayBeCutOff) {
+TEST_F(Parts, ADamagedPartIsRefusedAndOnlyTheLastMayBeCutOff) {
   const std::string last = content(files[2]);
   protocol::write(files[2], last.substr(0, last.size() - 3));
   EXPECT_GT(join_logs(files, folder / "all.log").cut_off_bytes, 0);
@@ -104,7 +104,7 @@ TEST_F(Parts, ADamagedOneIsRefusedAndOnlyTheLastMayBeCutOff) {
   EXPECT_THAT(refusal(), HasSubstr("stickslip log repair"));
 }
 
-RC_GTEST_PROP(Joining, UndoesAnyCutting, ()) {
+RC_GTEST_PROP(Joining, RestoresAnyPartition, ()) {
   const Folder folder;
   std::vector<std::filesystem::path> files;
   std::uint64_t first = 0;

@@ -1,4 +1,4 @@
-// Any frames survive either form, and both forms after each other, to the bit.
+// Round trips of random frames through both forms, to the bit.
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 #include <stdlib.h>
@@ -13,7 +13,7 @@
 namespace stickslip::protocol {
 namespace {
 
-// The properties draw the same cases in every run; RC_PARAMS in the environment overrides this.
+// The same cases in every run, unless RC_PARAMS is set.
 const bool seeded = setenv("RC_PARAMS", "seed=7667", 0) == 0;
 
 double any_finite() {
@@ -45,7 +45,7 @@ Recording any_recording() {
   return out;
 }
 
-// Comparing doubles would take -0 for 0.
+// Comparison of doubles does not distinguish -0 from 0.
 bool same_bits(const Frame& a, const Frame& b) {
   for (std::size_t c = 0; c < channel_count; ++c) {
     if (std::bit_cast<std::uint64_t>(a.value[c]) != std::bit_cast<std::uint64_t>(b.value[c])) {

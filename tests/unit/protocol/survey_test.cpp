@@ -1,4 +1,4 @@
-// What is wrong with a log, and what can be kept of it.
+// Survey and repair of logs.
 #include "protocol/recording_survey.h"
 
 #include <gmock/gmock.h>
@@ -26,10 +26,10 @@ LogSurvey survey(const std::string& text) {
   return survey_log(in, "r.log");
 }
 
-Repair repaired(const std::string& text, std::string& out) {
+RepairResult repaired(const std::string& text, std::string& out) {
   const Folder folder;
   write(folder / "in.log", text);
-  const Repair repair = repair_log(folder / "in.log", folder / "out.log");
+  const RepairResult repair = repair_log(folder / "in.log", folder / "out.log");
   out = content(folder / "out.log");
   return repair;
 }
@@ -39,7 +39,7 @@ std::vector<Frame> frames_of(const std::string& text) {
   return parse_log(in, "r.log").frames;
 }
 
-TEST(Survey, OfASoundLog) {
+TEST(Survey, AcceptsASoundLog) {
   const LogSurvey found = survey(LogOfADaemon{.frames = 95, .lost = 3}.text());
   EXPECT_THAT(found.faults(), IsEmpty());
   EXPECT_EQ(found.events, 12U);
@@ -61,7 +61,7 @@ TEST(Survey, OfASoundLog) {
   EXPECT_EQ(found.info->rig, "bench");
 }
 
-TEST(Survey, GapsAreCountedAndAreNoFaultOfTheLog) {
+TEST(Survey, GapsAreCountedButNotFaults) {
   const Folder folder;
   Recording recording;
   for (const std::uint64_t first : {0U, 20U, 15U}) {
@@ -78,7 +78,7 @@ TEST(Survey, GapsAreCountedAndAreNoFaultOfTheLog) {
   EXPECT_EQ(found.repeats, 1U);
 }
 
-TEST(Survey, AnEventThatWasTakenOutIsMissed) {
+TEST(Survey, ARemovedEventIsReported) {
   const std::string whole = LogOfADaemon{.closed = false}.text();
   const std::size_t second = whole.find(sync_word, whole.find(frames_channel));
   const std::size_t third = whole.find(sync_word, second + 1);
@@ -86,14 +86,14 @@ TEST(Survey, AnEventThatWasTakenOutIsMissed) {
   EXPECT_EQ(found.misnumbered, 1U);
   EXPECT_EQ(found.missing, 10U);
   EXPECT_EQ(found.frames, 40U);
-  // The number of an event, and the books.
-  EXPECT_THAT(found.faults(), ElementsAre(HasSubstr("something was taken out"),
+  // Number of an event, and the ledger.
+  EXPECT_THAT(found.faults(), ElementsAre(HasSubstr("events were removed"),
                                           HasSubstr("does not balance: the ledger says 50 frames "
-                                                    "up to its last status, the log holds 40")));
+                                                    "up to its last status, the log has 40")));
 }
 
 TEST(Survey, AClosedLedgerBalancesToTheFrame) {
-  // A block twice, with another time so that nothing else is wrong: one that nobody counted.
+  // A repeated, uncounted block, with another time so that there is no other fault.
   const Folder folder;
   LogOfADaemon{}.write(folder / "r.log");
   std::string text = content(folder / "r.log");
@@ -108,75 +108,75 @@ TEST(Survey, AClosedLedgerBalancesToTheFrame) {
   EXPECT_THAT(found.faults(), testing::Contains(HasSubstr("does not balance")));
 }
 
-TEST(Survey, ATextThatIsNotTheOneThatWasWrittenIsFound) {
+TEST(Survey, AnAlteredTextIsReported) {
   std::string text = LogOfADaemon{}.text();
   text[text.find("schema = 1")] = 'S';
   const LogSurvey found = survey(text);
-  EXPECT_THAT(found.faults(),
-              ElementsAre("its model is not the text that its SHA-256 was made of"));
+  EXPECT_THAT(found.faults(), ElementsAre("its model does not match its SHA-256"));
 }
 
-TEST(Survey, FindsItsWayAgainBehindDamage) {
+TEST(Survey, ResynchronisesAfterDamage) {
   const std::string whole = LogOfADaemon{.closed = false}.text();
   const std::size_t second = whole.find(sync_word, 1);
   const std::size_t third = whole.find(sync_word, second + 1);
   {  // a sync word
-    std::string spoilt = whole;
-    spoilt[second] = 'x';
-    const LogSurvey found = survey(spoilt);
+    std::string damaged = whole;
+    damaged[second] = 'x';
+    const LogSurvey found = survey(damaged);
     EXPECT_EQ(found.frames, 40U);
-    ASSERT_EQ(found.spoilt_places, 1U);
-    EXPECT_EQ(found.spoilt[0].at, static_cast<std::int64_t>(second));
-    EXPECT_EQ(found.spoilt[0].bytes, static_cast<std::int64_t>(third - second));
+    ASSERT_EQ(found.damaged_places, 1U);
+    EXPECT_EQ(found.damaged[0].at, static_cast<std::int64_t>(second));
+    EXPECT_EQ(found.damaged[0].bytes, static_cast<std::int64_t>(third - second));
     EXPECT_EQ(found.misnumbered, 0U);
   }
   {  // a value of a frame
-    std::string spoilt = whole;
-    spoilt[third - 5] = static_cast<char>(spoilt[third - 5] ^ 1);
-    const LogSurvey found = survey(spoilt);
+    std::string damaged = whole;
+    damaged[third - 5] = static_cast<char>(damaged[third - 5] ^ 1);
+    const LogSurvey found = survey(damaged);
     EXPECT_EQ(found.frames, 40U);
     EXPECT_EQ(found.bad_checksums, 1U);
-    EXPECT_EQ(found.spoilt_places, 0U);
+    EXPECT_EQ(found.damaged_places, 0U);
   }
-  // A length: whatever it becomes, only its own event is lost.
+  // A damaged length costs only its own event.
   for (std::size_t bit = 0; bit < 64; ++bit) {
-    std::string spoilt = whole;
+    std::string damaged = whole;
     const std::size_t at = second + 20 + bit / 8;
-    spoilt[at] = static_cast<char>(spoilt[at] ^ (1 << bit % 8));
-    const LogSurvey found = survey(spoilt);
+    damaged[at] = static_cast<char>(damaged[at] ^ (1 << bit % 8));
+    const LogSurvey found = survey(damaged);
     EXPECT_EQ(found.frames, 40U) << bit;
-    EXPECT_EQ(found.spoilt_places, 1U) << bit;
+    EXPECT_EQ(found.damaged_places, 1U) << bit;
     EXPECT_EQ(found.cut_off_bytes, 0) << bit;
-    EXPECT_EQ(found.spoilt_bytes, static_cast<std::int64_t>(third - second)) << bit;
+    EXPECT_EQ(found.damaged_bytes, static_cast<std::int64_t>(third - second)) << bit;
   }
 }
 
-TEST(Survey, RefusesWhatIsNoLog) {
+TEST(Survey, RefusesOtherFiles) {
   const Folder folder;
   write(folder / "r.csv", "time_s,displacement_m\n0,1\n");
   EXPECT_THROW(survey_log(folder / "r.csv"), InputError);
   EXPECT_THROW(survey_log(folder / "none.log"), InputError);
   EXPECT_THROW(survey_log(folder / "."), InputError);
-  EXPECT_THAT(survey("").faults(), ElementsAre("holds no event"));
+  EXPECT_THAT(survey("").faults(), ElementsAre("has no events"));
 }
 
-TEST(Repair, LeavesASoundLogAsItIs) {
+TEST(Repair, DoesNotChangeASoundLog) {
   const std::string whole = LogOfADaemon{}.text();
   std::string out;
-  const Repair repair = repaired(whole, out);
+  const RepairResult repair = repaired(whole, out);
   EXPECT_FALSE(repair.dropped_anything());
   EXPECT_EQ(out, whole);
 }
 
-TEST(Repair, DropsBlocksThatNoRecordingCouldGoOnWith) {
+TEST(Repair, DropsBlocksThatGoBackInTime) {
   std::string out;
-  const Repair repair = repaired(LogOfADaemon{}.text() + LogOfADaemon{.first = 30}.text(), out);
+  const RepairResult repair =
+      repaired(LogOfADaemon{}.text() + LogOfADaemon{.first = 30}.text(), out);
   EXPECT_EQ(repair.blocks_back_in_time, 2U);
   EXPECT_EQ(repair.frames, 80U);
   EXPECT_EQ(frames_of(out), frames_from(0, 80));
 }
 
-TEST(Repair, RefusesToOverwriteTheLogAndToMakeSomethingOfNothing) {
+TEST(Repair, RefusesToOverwriteTheLogAndFilesWithoutEvents) {
   const Folder folder;
   LogOfADaemon{}.write(folder / "r.log");
   EXPECT_THROW(repair_log(folder / "r.log", folder / "r.log"), InputError);
@@ -185,7 +185,7 @@ TEST(Repair, RefusesToOverwriteTheLogAndToMakeSomethingOfNothing) {
   EXPECT_FALSE(std::filesystem::exists(folder / "out.log"));
 }
 
-RC_GTEST_PROP(Repair, KeepsEveryBlockThatWasNotTouched, ()) {
+RC_GTEST_PROP(Repair, KeepsEveryUndamagedBlock, ()) {
   const auto frames = *rc::gen::inRange<std::size_t>(10, 200);
   std::string text = LogOfADaemon{.frames = frames}.text();
   std::vector<std::size_t> begins;  // of events, and the end
@@ -214,18 +214,18 @@ RC_GTEST_PROP(Repair, KeepsEveryBlockThatWasNotTouched, ()) {
   RC_PRE(!expected.empty());
   std::string out;
   repaired(text, out);
-  // A touched block may have been touched with what stood there.
+  // An overwritten block may have been overwritten with the same bytes.
   std::vector<Frame> kept = frames_of(out);
   std::erase_if(kept, [&](const Frame& f) { return touched[1 + f.sequence / 10]; });
   RC_ASSERT(kept == expected);
-  RC_ASSERT(survey(out).spoilt_places == 0U);
+  RC_ASSERT(survey(out).damaged_places == 0U);
 }
 
-RC_GTEST_PROP(Repair, OfALogThatWasCutAnywhereHoldsAllBefore, ()) {
+RC_GTEST_PROP(Repair, OfALogCutAnywhereKeepsAllBefore, ()) {
   const std::string whole = LogOfADaemon{.frames = 200}.text();
   const auto size = *rc::gen::inRange<std::size_t>(0, whole.size() + 1);
   const LogSurvey found = survey(whole.substr(0, size));
-  RC_ASSERT(found.spoilt_places == 0U && found.misnumbered == 0U);
+  RC_ASSERT(found.damaged_places == 0U && found.misnumbered == 0U);
   std::uint64_t frames = 0;
   std::size_t end = 0;
   for (std::size_t at = 0; at < whole.size(); at = end) {

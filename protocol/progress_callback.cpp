@@ -1,8 +1,9 @@
-#include "protocol/share_done.h"
+#include "protocol/progress_callback.h"
 
 namespace stickslip::protocol {
 
-ShareDone share_of_one(const ShareDone& whole, std::size_t before, std::size_t all) {
+ProgressCallback progress_of_part(const ProgressCallback& whole, std::size_t before,
+                                  std::size_t all) {
   if (!whole) return {};
   return [&whole, before, all](double share) {
     whole((static_cast<double>(before) + share) / static_cast<double>(all));

@@ -1,5 +1,5 @@
-// How far reading and writing are, as they tell it.
-#include "protocol/share_done.h"
+// Progress of reading and writing.
+#include "protocol/progress_callback.h"
 
 #include <gtest/gtest.h>
 
@@ -27,7 +27,7 @@ Recording long_recording() {
   return out;
 }
 
-/// A folder that is gone afterwards.
+/// A temporary folder.
 struct Folder {
   std::filesystem::path path = std::filesystem::path(testing::TempDir()) / "stickslip-share-done";
   Folder() { std::filesystem::create_directories(path); }
@@ -36,12 +36,12 @@ struct Folder {
   Folder& operator=(const Folder&) = delete;
 };
 
-class Told {
+class Progress {
  public:
-  ShareDone done() {
+  ProgressCallback done() {
     return [this](double share) { shares_.push_back(share); };
   }
-  /// Often, never back, never beyond 0 and 1, and nearly to the end.
+  /// Often called, increasing, within 0 and 1, nearly to the end.
   void expect_sound() const {
     ASSERT_GT(shares_.size(), 5U);
     double before = 0.0;
@@ -58,43 +58,43 @@ class Told {
   std::vector<double> shares_;
 };
 
-TEST(ShareDone, IsToldByWritingAndReadingOfBothForms) {
+TEST(ProgressCallback, IsCalledByWritingAndReadingOfBothForms) {
   const Folder folder;
   const Recording recording = long_recording();
   for (const char* name : {"run.csv", "run.log"}) {
     SCOPED_TRACE(name);
-    Told written;
+    Progress written;
     write_recording(recording, folder.path / name, written.done());
     written.expect_sound();
-    Told read;
+    Progress read;
     EXPECT_EQ(read_recording(folder.path / name, read.done()).frames.size(), 20000U);
     read.expect_sound();
   }
 }
 
-TEST(ShareDone, IsToldBySurveyRepairAndJoin) {
+TEST(ProgressCallback, IsCalledBySurveyRepairAndJoin) {
   const Folder folder;
   Recording recording = long_recording();
   recording.description.started_utc_us = 1;
   write_recording(recording, folder.path / "run.log");
-  Told surveyed;
+  Progress surveyed;
   survey_log(folder.path / "run.log", surveyed.done());
   surveyed.expect_sound();
-  Told repaired;
+  Progress repaired;
   repair_log(folder.path / "run.log", folder.path / "whole.log", repaired.done());
   repaired.expect_sound();
-  Told joined;
+  Progress joined;
   const std::vector<std::filesystem::path> parts = {folder.path / "run.log"};
   join_logs(parts, folder.path / "joined.log", joined.done());
   joined.expect_sound();
 }
 
-TEST(ShareDone, OfAPieceIsAPartOfTheWhole) {
-  double told = -1.0;
-  const ShareDone whole = [&told](double share) { told = share; };
-  share_of_one(whole, 1, 4)(0.5);
-  EXPECT_DOUBLE_EQ(told, 0.375);
-  EXPECT_FALSE(share_of_one({}, 1, 4));
+TEST(ProgressCallback, OfAPartIsAShareOfTheWhole) {
+  double reported = -1.0;
+  const ProgressCallback whole = [&reported](double share) { reported = share; };
+  progress_of_part(whole, 1, 4)(0.5);
+  EXPECT_DOUBLE_EQ(reported, 0.375);
+  EXPECT_FALSE(progress_of_part({}, 1, 4));
 }
 
 }  // namespace

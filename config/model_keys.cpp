@@ -1,0 +1,245 @@
+// Keys of a model file.
+#include <array>
+
+#include "config/key_binding.h"
+
+namespace stickslip::config {
+
+namespace {
+
+constexpr std::string_view moving = "oscillator.excitation=base|force";
+constexpr std::string_view rubbing = "friction.law=coulomb|state_variable";
+
+constexpr std::array model_table = {
+    schema_key<physics::Model>(),
+    bound<&physics::Model::oscillator, &physics::Oscillator::excitation>(
+        Key{.path = "oscillator.excitation",
+            .sentence = "Excitation: base motion, a force on the mass, or imposed, where the "
+                        "recorded motion is used and [oscillator] has no other keys.",
+            .need = Need::always}),
+    bound<&physics::Model::oscillator, &physics::Oscillator::mass_kg>(
+        Key{.path = "oscillator.mass_kg",
+            .unit = "kg",
+            .sentence = "Mass on the spring.",
+            .need = Need::always,
+            .when = moving,
+            .only_then = true,
+            .low = 0,
+            .above_low = true}),
+    bound<&physics::Model::oscillator, &physics::Oscillator::natural_frequency_hz>(
+        Key{.path = "oscillator.natural_frequency_hz",
+            .unit = "Hz",
+            .sentence = "Natural frequency without friction; or stiffness_n_m.",
+            .when = moving,
+            .only_then = true,
+            .low = 0,
+            .above_low = true}),
+    bound<&physics::Model::oscillator, &physics::Oscillator::stiffness_n_m>(
+        Key{.path = "oscillator.stiffness_n_m",
+            .unit = "N/m",
+            .sentence = "Stiffness of the spring, 0: none; or natural_frequency_hz.",
+            .when = moving,
+            .only_then = true,
+            .low = 0}),
+    bound<&physics::Model::oscillator, &physics::Oscillator::damping_ratio>(
+        Key{.path = "oscillator.damping_ratio",
+            .unit = "1",
+            .sentence = "Damping ratio of the mass on its spring; or damping_n_s_m.",
+            .when = moving,
+            .only_then = true,
+            .low = 0}),
+    bound<&physics::Model::oscillator, &physics::Oscillator::damping_n_s_m>(
+        Key{.path = "oscillator.damping_n_s_m",
+            .unit = "N s/m",
+            .sentence = "Viscous damping; or damping_ratio.",
+            .when = moving,
+            .only_then = true,
+            .low = 0}),
+    bound<&physics::Model::oscillator, &physics::Oscillator::two_well,
+          &physics::TwoWell::linear_n_m>(
+        Key{.path = "oscillator.two_well.linear_n_m",
+            .unit = "N/m",
+            .sentence =
+                "Magnets: the restoring force is -linear_n_m x + cubic_n_m3 x^3 instead of k x.",
+            .need = Need::in_table,
+            .when = moving,
+            .only_then = true,
+            .low = 0,
+            .above_low = true}),
+    bound<&physics::Model::oscillator, &physics::Oscillator::two_well,
+          &physics::TwoWell::cubic_n_m3>(
+        Key{.path = "oscillator.two_well.cubic_n_m3",
+            .unit = "N/m^3",
+            .sentence = "Magnets: cubic part of the restoring force.",
+            .need = Need::in_table,
+            .when = moving,
+            .only_then = true,
+            .low = 0,
+            .above_low = true}),
+    bound<&physics::Model::normal_load, &physics::NormalLoad::law>(
+        Key{.path = "normal_load.law",
+            .sentence = "Law of the normal load: N = load_n, N = max(0, load_n (1 + slope_per_m "
+                        "x)), or the recorded channel. Without [normal_load]: N = 1 N.",
+            .need = Need::in_table}),
+    bound<&physics::Model::normal_load, &physics::NormalLoad::load_n>(
+        Key{.path = "normal_load.load_n",
+            .unit = "N",
+            .sentence = "Normal load at x = 0, summed over both pads.",
+            .need = Need::in_table,
+            .when = "normal_load.law=constant|wedge",
+            .only_then = true,
+            .low = 0}),
+    bound<&physics::Model::normal_load, &physics::NormalLoad::slope_per_m>(
+        Key{.path = "normal_load.slope_per_m",
+            .unit = "1/m",
+            .sentence = "Relative change of the normal load with deflection.",
+            .need = Need::in_table,
+            .when = "normal_load.law=wedge",
+            .only_then = true}),
+    bound<&physics::Model::friction, &physics::Friction::law>(Key{
+        .path = "friction.law",
+        .sentence = "theta of f = mu N theta: no friction, theta = g(v), or theta' = -rate_per_s "
+                    "(theta - g(v)). Without [friction]: none.",
+        .need = Need::in_table,
+        .without = "none"}),
+    bound<&physics::Model::friction, &physics::Friction::mu>(
+        Key{.path = "friction.mu",
+            .unit = "1",
+            .sentence = "Coefficient of friction; in N without a normal load.",
+            .need = Need::in_table,
+            .when = rubbing,
+            .only_then = true,
+            .low = 0}),
+    bound<&physics::Model::friction, &physics::Friction::transition_speed_m_s>(Key{
+        .path = "friction.transition_speed_m_s",
+        .unit = "m/s",
+        .sentence = "g(v) = tanh(v / transition_speed_m_s); 0: sign(v), and any value in [-1, 1] "
+                    "while v = 0.",
+        .need = Need::in_table,
+        .when = rubbing,
+        .only_then = true,
+        .low = 0}),
+    bound<&physics::Model::friction, &physics::Friction::rate_per_s>(
+        Key{.path = "friction.rate_per_s",
+            .unit = "1/s",
+            .sentence = "Rate gamma at which theta follows g(v).",
+            .need = Need::in_table,
+            .when = "friction.law=state_variable",
+            .only_then = true,
+            .low = 0,
+            .above_low = true}),
+    bound<&physics::Model::load_cell, &physics::LoadCell::mass_kg>(
+        Key{.path = "load_cell.mass_kg",
+            .unit = "kg",
+            .sentence = "Mass on the load cell. Without [load_cell]: rigid attachment.",
+            .need = Need::in_table,
+            .low = 0,
+            .above_low = true}),
+    bound<&physics::Model::load_cell, &physics::LoadCell::natural_frequency_hz>(
+        Key{.path = "load_cell.natural_frequency_hz",
+            .unit = "Hz",
+            .sentence = "Natural frequency of the load cell.",
+            .need = Need::in_table,
+            .low = 0,
+            .above_low = true}),
+    bound<&physics::Model::load_cell, &physics::LoadCell::damping_ratio>(
+        Key{.path = "load_cell.damping_ratio",
+            .unit = "1",
+            .sentence = "Damping ratio of the load cell.",
+            .need = Need::in_table,
+            .low = 0}),
+    bound<&physics::Model::load_cell, &physics::LoadCell::dynamics>(Key{
+        .path = "load_cell.dynamics",
+        .sentence = "Eq. (1) of the paper taken as exact, or the whole equation of the load cell.",
+        .need = Need::in_table}),
+    bound<&physics::Model::normal_load_bridge, &physics::NormalLoadBridge::mismatch>(
+        Key{.path = "normal_load_bridge.mismatch",
+            .unit = "1",
+            .sentence = "The gauges of both pads are in one bridge, which reads only v1 + v2: "
+                        "relative difference of their calibrations, (c1 - c2) / (c1 + c2). Without "
+                        "[normal_load_bridge]: the reading is N.",
+            .need = Need::in_table,
+            .low = -1,
+            .above_low = true}),
+    bound<&physics::Model::normal_load_bridge, &physics::NormalLoadBridge::share>(
+        Key{.path = "normal_load_bridge.share",
+            .unit = "1",
+            .sentence = "Share of the normal load on the first pad, at displacement 0.",
+            .low = 0,
+            .high = 1}),
+    bound<&physics::Model::normal_load_bridge, &physics::NormalLoadBridge::share_slope_per_m>(
+        Key{.path = "normal_load_bridge.share_slope_per_m",
+            .unit = "1/m",
+            .sentence = "Change of that share with displacement; it stays within 0 to 1."}),
+    bound<&physics::Model::sensors, by_channel, &physics::Sensor::noise_std>(
+        Key{.path = "sensors.*.noise_std",
+            .unit = "the channel's",
+            .sentence = "Standard deviation of the reading's white noise.",
+            .without = "unknown: estimated",
+            .low = 0,
+            .above_low = true}),
+    bound<&physics::Model::sensors, by_channel, &physics::Sensor::filters>(
+        Key{.path = "sensors.*.filters",
+            .sentence = "Analogue filters in the order of the signal; those of the velocity follow "
+                        "those of the displacement.",
+            .without = "none"}),
+    bound<&physics::Model::terms>(
+        Key{.path = "physics",
+            .sentence = "One [[physics]] table for each term added by a diagnosis.",
+            .without = "none"}),
+};
+
+constexpr std::array filter_table = {
+    bound<&physics::Filter::kind>(
+        Key{.path = "kind", .sentence = "Shape of the filter.", .need = Need::always}),
+    bound<&physics::Filter::order>(Key{.path = "order",
+                                       .unit = "1",
+                                       .sentence = "Number of poles.",
+                                       .need = Need::always,
+                                       .when = "kind=butterworth_lowpass",
+                                       .only_then = true,
+                                       .low = 1,
+                                       .high = 8}),
+    bound<&physics::Filter::cutoff_hz>(Key{.path = "cutoff_hz",
+                                           .unit = "Hz",
+                                           .sentence = "Frequency of half power.",
+                                           .need = Need::always,
+                                           .low = 0,
+                                           .above_low = true}),
+};
+
+constexpr std::array term_table = {
+    bound<&physics::Term::id>(Key{.path = "id",
+                                  .sentence = "Effect of the catalogue; its parameters are further "
+                                              "keys, each a number or { value, sigma }.",
+                                  .need = Need::always}),
+    bound<&physics::Term::channel>(
+        Key{.path = "channel",
+            .sentence = "The affected channel; effects of the relation sensor only."}),
+    bound<&physics::Term::from>(
+        Key{.path = "from", .sentence = "The source channel; crosstalk only."}),
+};
+
+}  // namespace
+
+template <>
+std::span<const Key> keys_of<physics::Model>() {
+  static const std::vector<Key> keys = joined<physics::Model>({model_table});
+  return keys;
+}
+
+template <>
+std::span<const Key> keys_of<physics::Filter>() {
+  static const std::vector<Key> keys = joined<physics::Filter>({filter_table});
+  return keys;
+}
+
+template <>
+std::span<const Key> keys_of<physics::Term>() {
+  static const std::vector<Key> keys = joined<physics::Term>({term_table});
+  return keys;
+}
+
+std::span<const Key> model_keys() { return keys_of<physics::Model>(); }
+
+}  // namespace stickslip::config
