@@ -12,7 +12,7 @@
 #include "diagnosis/diagnosis.h"
 #include "diagnosis/evaluation.h"
 #include "diagnosis/parallel/for_each.h"
-#include "diagnosis/report/report.h"
+#include "diagnosis/report/json.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "protocol/sha256.h"
@@ -141,7 +141,7 @@ Outcome examine(const fs::path& folder, const fs::path& file, const std::string&
     };
     kept["validation"] = {{"before", chi2(model)}, {"after", chi2(found.model)}};
   }
-  kept["report"] = diagnosis::report_json(found);
+  kept["report"] = report::report_json(found);
   replace_file(fs::path(file).replace_extension(".toml"), config::model_text(found.model));
   replace_file(file, kept.dump(2) + "\n");
   return outcome_of(kept);
