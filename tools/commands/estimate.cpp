@@ -161,19 +161,19 @@ nlohmann::ordered_json spread_json(const Summary::Spread& s) {
   return out;
 }
 
-// Means per reading of the one-step predictions.
-struct PredictionQuality {
+// Statistics of the one-step predictions.
+struct MeanPerReading {
   double nll = 0.0;
   double nis = 0.0;
 };
-PredictionQuality quality_of(const observer::Foretelling& predicted) {
+MeanPerReading mean_of(const observer::Foretelling& predicted) {
   const double readings = std::max(1.0, static_cast<double>(predicted.readings));
   return {predicted.negative_log_likelihood / readings, predicted.normalised_squares / readings};
 }
 
 nlohmann::ordered_json summary_json(const Summary& summary,
                                     const observer::Foretelling& predicted) {
-  const PredictionQuality quality = quality_of(predicted);
+  const MeanPerReading mean = mean_of(predicted);
   nlohmann::ordered_json json;
   json["schema"] = 1;
   json["frames"] = summary.frames;
@@ -181,8 +181,8 @@ nlohmann::ordered_json summary_json(const Summary& summary,
   json["mu"] = spread_json(summary.mu);
   json["gamma_per_s"] = spread_json(summary.gamma);
   json["sticking_share"] = summary.share(summary.sticking);
-  json["nll_per_reading"] = quality.nll;
-  json["nis_per_reading"] = quality.nis;
+  json["nll_per_reading"] = mean.nll;
+  json["nis_per_reading"] = mean.nis;
   json["refused_readings"] = predicted.refused;
   json["restarts"] = predicted.restarts;
   return json;
@@ -196,7 +196,7 @@ void print_spread(const char* name, const Summary::Spread& s) {
 
 void print_summary(const Arguments& arguments, const Summary& summary,
                    const observer::Foretelling& predicted) {
-  const PredictionQuality quality = quality_of(predicted);
+  const MeanPerReading mean = mean_of(predicted);
   std::printf("%s: %zu frames, %zu with a valid estimate\n", arguments.recording.c_str(),
               summary.frames, summary.good);
   print_spread("mu", summary.mu);
@@ -205,7 +205,7 @@ void print_summary(const Arguments& arguments, const Summary& summary,
   std::printf(
       "one-step prediction: NIS %s per reading (1: consistent with the model), negative "
       "log-likelihood %s per reading\n",
-      number_text(quality.nis).c_str(), number_text(quality.nll).c_str());
+      number_text(mean.nis).c_str(), number_text(mean.nll).c_str());
   if (predicted.restarts > 0 || predicted.refused > 0) {
     std::printf("the filter diverged and restarted %llu times; %ld readings rejected as outliers\n",
                 static_cast<unsigned long long>(predicted.restarts), predicted.refused);
