@@ -1,5 +1,5 @@
-// A diagnosis as one self-contained page for a person who has never seen the project: nothing is
-// loaded from elsewhere, nothing runs, it prints, and it holds what is needed to repeat it.
+// A diagnosis as one self-contained, printable page for readers outside the project: it loads
+// nothing, runs no script, and states what is needed to reproduce it.
 #pragma once
 
 #include <cstdint>
@@ -8,25 +8,24 @@
 
 #include "diagnosis/diagnosis.h"
 
-namespace stickslip::diagnosis {
+namespace stickslip::report {
 
-/// Where a diagnosis came from.
+/// Origin of a diagnosis.
 struct Provenance {
   std::string command;
   std::string version;
   std::uint64_t seed = 0;
-  /// The recordings in the order of the diagnosis, and then the model.
+  /// The recordings in the order of the diagnosis, then the model.
   struct File {
     std::string name;
     std::string sha256;
   };
   std::vector<File> files;
-  std::string built_with = {};    ///< compiler and libraries that numbers may depend on
-  std::string mended_model = {};  ///< the model that comes out, as a file; empty: not shown
+  std::string built_with = {};       ///< compiler and libraries that results may depend on
+  std::string augmented_model = {};  ///< the resulting model file; empty: not shown
 };
 
-/// The same diagnosis and provenance give the same bytes. The page is HTML that is also well-formed
-/// XML.
-std::string report_html(const Diagnosis& diagnosis, const Provenance& provenance);
+/// HTML that is also well-formed XML; the same diagnosis and provenance give the same bytes.
+std::string report_html(const diagnosis::Diagnosis& diagnosis, const Provenance& provenance);
 
-}  // namespace stickslip::diagnosis
+}  // namespace stickslip::report

@@ -1,12 +1,12 @@
 #include "diagnosis/report/style.h"
 
-namespace stickslip::diagnosis {
+namespace stickslip::report {
 
 namespace {
 
-// Series are told apart by lightness and dashes as well as by hue; blue and orange are what every
-// kind of colour blindness leaves apart. The steps of maps go from the ground to what stands out of
-// it: on paper from pale to dark, on a dark screen from dark to bright.
+// Series differ in lightness and dash pattern as well as in hue; blue and orange remain distinct
+// under every kind of colour blindness. The shades of maps run from the background to the largest
+// value: pale to dark on paper, dark to bright on a dark screen.
 constexpr std::string_view sheet = R"(
 :root { color-scheme: light dark;
   --ink:#1b1f24; --soft:#4d5660; --paper:#ffffff; --rule:#d0d7de; --card:#f5f7f9; --link:#0b5cad;
@@ -54,7 +54,6 @@ th { font-weight:600; } tbody th { font-weight:400; } .number { white-space:nowr
 .bar i.was { background:var(--s1); }
 .plots { display:grid; grid-template-columns:repeat(2, minmax(0, 1fr)); gap:6px 18px;
   align-items:start; }
-.plots .wide { grid-column:1 / -1; }
 figure { margin:10px 0; } figcaption { font-size:14px; margin-top:2px; max-width:76ch; }
 svg { display:block; width:100%; max-width:560px; height:auto; }
 .tick { font-size:12px; fill:var(--soft); } .label { font-size:12.5px; fill:var(--soft); }
@@ -71,7 +70,7 @@ svg { display:block; width:100%; max-width:560px; height:auto; }
 .m0 { fill:var(--m0); } .m1 { fill:var(--m1); } .m2 { fill:var(--m2); } .m3 { fill:var(--m3); }
 .m4 { fill:var(--m4); } .m5 { fill:var(--m5); } .m6 { fill:var(--m6); } .m7 { fill:var(--m7); }
 .m8 { fill:var(--m8); }
-dl.words dt { font-weight:600; margin-top:8px; } dl.words dd { margin:0; max-width:76ch; }
+dl.glossary dt { font-weight:600; margin-top:8px; } dl.glossary dd { margin:0; max-width:76ch; }
 @media screen and (max-width: 640px) {
   body { padding:14px; } h1 { font-size:23px; } .answers, .plots { grid-template-columns:1fr; }
   .verdict { padding-left:12px; } .bar { width:90px; } th, td { padding-right:10px; }
@@ -94,4 +93,4 @@ td code { overflow-wrap:break-word; }
 
 std::string_view report_style() { return sheet; }
 
-}  // namespace stickslip::diagnosis
+}  // namespace stickslip::report

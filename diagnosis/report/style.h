@@ -1,11 +1,11 @@
-// How a report looks on a screen, light or dark, wide or narrow, and on paper.
+// The style sheet of a report: screen, light or dark, wide or narrow, and paper.
 #pragma once
 
 #include <string_view>
 
-namespace stickslip::diagnosis {
+namespace stickslip::report {
 
-/// A style sheet that loads nothing and holds no character that XML would take for markup.
+/// Loads nothing and needs no escaping in XML.
 std::string_view report_style();
 
-}  // namespace stickslip::diagnosis
+}  // namespace stickslip::report

@@ -1,5 +1,5 @@
-"""`stickslip conceal` and `stickslip examine`: a set is made, diagnosed, graded, and taken up again
-where it stopped."""
+"""`stickslip conceal` and `stickslip examine`: a set is made, diagnosed, graded, and resumed after an
+interruption."""
 import hashlib
 import json
 import re
@@ -19,7 +19,7 @@ class BlindExamination(EndToEnd):
         self.assertEqual(result.returncode, status, result.stderr)
         return result
 
-    def test_a_set_is_made_sealed_examined_and_taken_up_again(self):
+    def test_set_is_made_sealed_examined_and_resumed(self):
         folder = self.conceal("set", "--count", 2, "--effect", "quadratic_drag", "--effect",
                               "dry_friction")
         for name in ("case-001", "case-002"):
@@ -34,34 +34,34 @@ class BlindExamination(EndToEnd):
 
         grades = self.folder / "grades.json"
         first = self.succeed("examine", folder, "--json", grades, timeout=300).stdout
-        self.assertIn("Hidden -> named", first)
+        self.assertIn("Hidden -> reported", first)
         cases = read_json(grades)["cases"]
         self.assertEqual([case["name"] for case in cases], ["case-001", "case-002"])
         for case in cases:
             self.assertEqual(case["problem"], "")
             self.assertGreater(case["chi2_before"], case["chi2_after"])
 
-        # Nothing is left to do, and the same is said again without diagnosing again.
+        # Reports are reused.
         self.assertEqual(self.succeed("examine", folder, "--job-list", "-").stdout, "")
         report = folder / "reports" / "case-001.json"
         made = report.stat().st_mtime_ns
         self.assertEqual(self.succeed("examine", folder).stdout, first)
         self.assertEqual(report.stat().st_mtime_ns, made)
 
-        # A report that was made from something else is made again.
+        # A report of another origin is not reused.
         content = json.loads(report.read_text())
         content["origin"] = "elsewhere"
         report.write_text(json.dumps(content))
         self.assertEqual(len(self.succeed("examine", folder, "--job-list", "-").stdout
                              .splitlines()), 1)
 
-        # A truth that was changed afterwards is no truth.
+        # A modified truth file is refused.
         truth = folder / "truth" / "case-002.json"
         truth.write_text(truth.read_text().replace("missing_physics", "consistent"))
         result = self.fail_with(2, "examine", folder, timeout=300)
         self.assertIn("sealed", result.stderr)
 
-    def test_the_same_seed_gives_the_same_set_and_no_seed_another(self):
+    def test_set_depends_on_the_seed(self):
         one = self.conceal("one", "--effect", "gain_error")
         two = self.conceal("two", "--effect", "gain_error")
         recording = "case-001/recording.csv"
@@ -70,7 +70,7 @@ class BlindExamination(EndToEnd):
         self.succeed("conceal", "--out", three, "--duration", 10, "--effect", "gain_error")
         self.assertNotEqual((one / recording).read_bytes(), (three / recording).read_bytes())
 
-    def test_what_cannot_be_done_is_said(self):
+    def test_invalid_arguments_are_refused(self):
         result = self.fail_with(2, "conceal", "--out", self.folder / "x", "--effect", "gravity")
         self.assertIn("gravity", result.stderr)
         self.assertIn("cubic_stiffness", result.stderr)

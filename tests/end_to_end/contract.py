@@ -1,8 +1,7 @@
-"""What a report of `diagnose` or `evaluate` must look like, whoever wrote it: a check of the formats
-that docs/diagnosis.md describes.
+"""Checks reports of `diagnose` and `evaluate`, of any program, against the contract.
 
-Each function gives a list of sentences, one per fault; an empty list means that the report is sound.
-Run as a program, it checks the reports that are named: contract.py REPORT.json ...
+Each function returns a list of faults, empty for a valid report. As a program: contract.py
+REPORT.json ...
 """
 import json
 import math
@@ -55,7 +54,7 @@ def is_text(value):
 
 
 class Faults(list):
-    """Sentences about what is wrong."""
+    """Faults found, one sentence each."""
 
     def expect(self, condition, sentence):
         if not condition:
@@ -63,22 +62,22 @@ class Faults(list):
         return bool(condition)
 
     def keys(self, table, required, path):
-        """Is it a table with these keys? Others may stand beside them."""
-        if not self.expect(isinstance(table, dict), f"{path} is no table"):
+        """True if `table` is a table with these keys; further ones are allowed."""
+        if not self.expect(isinstance(table, dict), f"{path} is not a table"):
             return False
         missing = sorted(set(required) - set(table))
         return self.expect(not missing, f"{path} lacks {', '.join(missing)}")
 
     def span(self, value, path):
         self.expect(isinstance(value, list) and len(value) == 2 and all(map(is_number, value))
-                    and value[0] <= value[1], f"{path} is no pair [low, high]: {value}")
+                    and value[0] <= value[1], f"{path} is not a pair [low, high]: {value}")
 
     def numbers(self, table, names, path, least=None):
-        """A table of numbers whose keys are among `names`."""
-        if not self.expect(isinstance(table, dict), f"{path} is no table"):
+        """Checks a table of numbers whose keys are among `names`."""
+        if not self.expect(isinstance(table, dict), f"{path} is not a table"):
             return
         for key, value in table.items():
-            self.expect(key in names, f"{path}.{key} is no known name")
+            self.expect(key in names, f"{path}.{key} is an unknown name")
             self.expect(is_number(value) and (least is None or value >= least),
                         f"{path}.{key} is {value}")
 
@@ -93,17 +92,17 @@ def check_location(location, verdict, faults):
     relation, channel = location["relation"], location["channel"]
     if verdict != "consistent" or relation is not None:
         faults.expect(relation in RELATIONS, f"location.relation is {relation}")
-        faults.expect(is_text(location["statement"]), "location.statement says nothing")
+        faults.expect(is_text(location["statement"]), "location.statement is empty")
     faults.expect(channel is None or channel in STEMS, f"location.channel is {channel}")
     when = location["when_s"]
-    if faults.expect(isinstance(when, list), "location.when_s is no list"):
+    if faults.expect(isinstance(when, list), "location.when_s is not a list"):
         for i, stretch in enumerate(when):
             faults.span(stretch, f"location.when_s[{i}]")
         faults.expect(verdict == "consistent" or when, "location.when_s is empty")
     where = location["where"]
-    if faults.expect(where is None or isinstance(where, dict), "location.where is no table"):
+    if faults.expect(where is None or isinstance(where, dict), "location.where is not a table"):
         for column, span in (where or {}).items():
-            faults.expect(column in COLUMNS.values(), f"location.where.{column} is no column")
+            faults.expect(column in COLUMNS.values(), f"location.where.{column} is not a column")
             faults.span(span, f"location.where.{column}")
     if location["band_hz"] is not None:
         faults.span(location["band_hz"], "location.band_hz")
@@ -118,10 +117,10 @@ def check_finding(finding, path, faults):
     faults.expect(relation in RELATIONS, f"{path}.relation is {relation}")
     faults.expect(channel is None or channel in STEMS, f"{path}.channel is {channel}")
     faults.expect(relation != "sensor" or channel is not None,
-                  f"{path} is about a sensor and names no channel")
+                  f"{path} is a sensor error without a channel")
     for key in ("id", "statement", "equation"):
-        faults.expect(is_text(finding[key]), f"{path}.{key} says nothing")
-    if not faults.expect(isinstance(parameters, dict), f"{path}.parameters is no table"):
+        faults.expect(is_text(finding[key]), f"{path}.{key} is empty")
+    if not faults.expect(isinstance(parameters, dict), f"{path}.parameters is not a table"):
         return
     if name in CATALOGUE:
         expected_relation, expected = CATALOGUE[name]
@@ -147,7 +146,7 @@ def check_finding(finding, path, faults):
                 faults.expect(low <= parameter["value"] <= high, f"{here} lies outside its ci95")
     total = finding["probability"]
     faults.expect(is_number(total) and 0 <= total <= 1, f"{path}.probability is {total}")
-    if faults.expect(isinstance(finding["alternatives"], list), f"{path}.alternatives is no list"):
+    if faults.expect(isinstance(finding["alternatives"], list), f"{path}.alternatives is not a list"):
         for i, other in enumerate(finding["alternatives"]):
             here = f"{path}.alternatives[{i}]"
             if not faults.keys(other, ["id", "probability"], here):
@@ -161,13 +160,13 @@ def check_finding(finding, path, faults):
                       f"{path}: the probabilities add up to {total}")
     experiment = finding["separating_experiment"]
     faults.expect(experiment is None or is_text(experiment),
-                  f"{path}.separating_experiment says nothing")
+                  f"{path}.separating_experiment is empty")
 
 
 def check_scores(scores, path, faults):
     if not faults.keys(scores, ["nll_per_sample", "chi2_per_sample", "nrmse"], path):
         return
-    faults.expect(is_number(scores["nll_per_sample"]), f"{path}.nll_per_sample is no number")
+    faults.expect(is_number(scores["nll_per_sample"]), f"{path}.nll_per_sample is not a number")
     faults.expect(is_number(scores["chi2_per_sample"]) and scores["chi2_per_sample"] >= 0,
                   f"{path}.chi2_per_sample is {scores['chi2_per_sample']}")
     faults.numbers(scores["nrmse"], STEMS, f"{path}.nrmse", least=0)
@@ -175,7 +174,7 @@ def check_scores(scores, path, faults):
 
 
 def faults_of_diagnosis(report):
-    """What is wrong with a diagnosis report."""
+    """Faults of a report of `stickslip diagnose`."""
     faults = Faults()
     if not faults.keys(report, ["schema", "verdict", "location", "findings", "fit", "calibrated",
                                 "noise_std"], "the report"):
@@ -185,8 +184,8 @@ def faults_of_diagnosis(report):
     faults.expect(verdict in VERDICTS, f"verdict is {verdict}")
     check_location(report["location"], verdict, faults)
     findings = report["findings"]
-    if faults.expect(isinstance(findings, list), "findings is no list"):
-        faults.expect(verdict != "consistent" or not findings, "consistent, and yet findings")
+    if faults.expect(isinstance(findings, list), "findings is not a list"):
+        faults.expect(verdict != "consistent" or not findings, "consistent with findings")
         faults.expect(verdict != "missing_physics" or findings, "missing_physics without findings")
         for i, finding in enumerate(findings):
             check_finding(finding, f"findings[{i}]", faults)
@@ -198,16 +197,16 @@ def faults_of_diagnosis(report):
         if faults.keys(report["fit"]["heldout"], ["baseline", "augmented"], "fit.heldout"):
             for side in ("baseline", "augmented"):
                 check_scores(report["fit"]["heldout"][side], f"fit.heldout.{side}", faults)
-    if faults.expect(isinstance(report["calibrated"], dict), "calibrated is no table"):
+    if faults.expect(isinstance(report["calibrated"], dict), "calibrated is not a table"):
         for path, value in report["calibrated"].items():
-            faults.expect("." in path, f"calibrated.{path} is no path into a model file")
+            faults.expect("." in path, f"calibrated.{path} is not a path into a model file")
             faults.expect(is_number(value), f"calibrated.{path} is {value}")
     faults.numbers(report["noise_std"], set(COLUMNS.values()), "noise_std", least=0)
     return faults
 
 
 def faults_of_evaluation(report):
-    """What is wrong with a report of `stickslip evaluate`."""
+    """Faults of a report of `stickslip evaluate`."""
     faults = Faults()
     if not faults.keys(report, ["schema", "fit", "horizon_s", "free_run"], "the report"):
         return faults

@@ -1,4 +1,4 @@
-"""The checker of reports finds what is wrong with one: each sound report is spoilt in one place."""
+"""The contract checker finds every fault: valid reports, each invalidated in one place."""
 import copy
 import unittest
 
@@ -24,10 +24,10 @@ DIAGNOSIS = {
 }
 EVALUATION = {"schema": 1, "fit": {**SCORES, "rmse": {"displacement_m": 1e-4}}, "horizon_s": 0.4,
               "free_run": {"rmse": {"displacement_m": 1e-3}, "nrmse": {"displacement": 0.1}}}
-LEFT_OUT = object()
+MISSING = object()
 
-# Where a report is spoilt, what is put there, and a word of the fault that must be found.
-SPOILT_DIAGNOSES = [
+# Place, invalid value, and an excerpt of the expected fault.
+INVALID_DIAGNOSES = [
     (["schema"], 2, "schema"),
     (["verdict"], "fine", "verdict"),
     (["verdict"], "consistent", "findings"),
@@ -36,11 +36,11 @@ SPOILT_DIAGNOSES = [
     (["location", "relation"], "spring", "relation"),
     (["location", "channel"], "displacement_m", "channel"),
     (["location", "when_s"], [[3.0, 1.0]], "when_s"),
-    (["location", "where"], {"displacement": [0, 1]}, "no column"),
+    (["location", "where"], {"displacement": [0, 1]}, "not a column"),
     (["location", "band_hz"], [2.0], "band_hz"),
     (["location", "statement"], " ", "statement"),
     (["findings", 0, "relation"], "friction_law", "belongs to force_balance"),
-    (["findings", 0, "relation"], "sensor", "names no channel"),
+    (["findings", 0, "relation"], "sensor", "without a channel"),
     (["findings", 0, "parameters"], {"k3": {"value": 1, "ci95": [0, 2]}}, "lacks k3_n_m3"),
     (["findings", 0, "parameters", "k3_n_m3", "ci95"], [2.0e4, 3.0e4], "outside its ci95"),
     (["findings", 0, "parameters", "k3_n_m3", "value"], float("nan"), "value"),
@@ -48,31 +48,31 @@ SPOILT_DIAGNOSES = [
     (["findings", 0, "alternatives", 0, "probability"], 0.5, "add up"),
     (["findings", 0, "separating_experiment"], "", "separating_experiment"),
     (["findings", 0, "id"], "unlisted", "depends_on"),
-    (["findings", 0, "equation"], LEFT_OUT, "lacks equation"),
+    (["findings", 0, "equation"], MISSING, "lacks equation"),
     (["fit", "horizon_s"], 0, "horizon_s"),
-    (["fit", "heldout", "augmented"], LEFT_OUT, "lacks augmented"),
+    (["fit", "heldout", "augmented"], MISSING, "lacks augmented"),
     (["fit", "heldout", "baseline", "chi2_per_sample"], -1, "chi2_per_sample"),
-    (["fit", "heldout", "baseline", "nrmse"], {"displacement_m": 0.1}, "no known name"),
-    (["calibrated"], {"mass": 1.0}, "no path"),
-    (["noise_std"], {"displacement": 1.0}, "no known name"),
-    (["noise_std"], LEFT_OUT, "lacks noise_std"),
+    (["fit", "heldout", "baseline", "nrmse"], {"displacement_m": 0.1}, "unknown name"),
+    (["calibrated"], {"mass": 1.0}, "not a path"),
+    (["noise_std"], {"displacement": 1.0}, "unknown name"),
+    (["noise_std"], MISSING, "lacks noise_std"),
 ]
-SPOILT_EVALUATIONS = [
-    (["free_run"], LEFT_OUT, "lacks free_run"),
-    (["free_run", "rmse"], LEFT_OUT, "lacks rmse"),
-    (["fit", "rmse"], {"displacement": 1.0}, "no known name"),
+INVALID_EVALUATIONS = [
+    (["free_run"], MISSING, "lacks free_run"),
+    (["free_run", "rmse"], MISSING, "lacks rmse"),
+    (["fit", "rmse"], {"displacement": 1.0}, "unknown name"),
     (["fit", "nll_per_sample"], None, "nll_per_sample"),
     (["horizon_s"], -0.4, "horizon_s"),
 ]
 
 
-def spoil(report, path, value):
+def invalidated(report, path, value):
     report = copy.deepcopy(report)
     *way, last = path
     table = report
     for key in way:
         table = table[key]
-    if value is LEFT_OUT:
+    if value is MISSING:
         del table[last]
     else:
         table[last] = value
@@ -80,17 +80,17 @@ def spoil(report, path, value):
 
 
 class Contract(unittest.TestCase):
-    def test_a_sound_report_has_no_fault(self):
+    def test_valid_reports(self):
         self.assertEqual(faults_of_diagnosis(DIAGNOSIS), [])
         self.assertEqual(faults_of_evaluation(EVALUATION), [])
         self.assertEqual(faults_of_evaluation({**EVALUATION, "free_run": None}), [])
 
-    def test_every_spoilt_place_is_found(self):
-        for check, report, cases in ((faults_of_diagnosis, DIAGNOSIS, SPOILT_DIAGNOSES),
-                                     (faults_of_evaluation, EVALUATION, SPOILT_EVALUATIONS)):
+    def test_every_fault_is_found(self):
+        for check, report, cases in ((faults_of_diagnosis, DIAGNOSIS, INVALID_DIAGNOSES),
+                                     (faults_of_evaluation, EVALUATION, INVALID_EVALUATIONS)):
             for path, value, word in cases:
                 with self.subTest(path=path, value=value):
-                    faults = check(spoil(report, path, value))
+                    faults = check(invalidated(report, path, value))
                     self.assertTrue(any(word in fault for fault in faults), faults)
 
 

@@ -1,4 +1,4 @@
-"""`stickslip estimate` on a recording of which the truth is known: what it says, writes and refuses."""
+"""`stickslip estimate` on a simulated recording with known parameters: output, files and refusals."""
 
 import csv
 import json
@@ -7,11 +7,11 @@ import math
 from programs import SOURCE, EndToEnd, main, stickslip
 
 TRUTH = SOURCE / "config/models/simulated-truth.toml"
-BELIEVED = SOURCE / "config/models/simulated.toml"
+DECLARED = SOURCE / "config/models/simulated.toml"
 
 
 def drive(t):
-    """A base that is moved as by hand, 3.2 Hz with an envelope."""
+    """Base motion of 3.2 Hz with a slow envelope."""
     return 0.009 * (0.55 - 0.45 * math.cos(0.7 * t)) * math.sin(2 * math.pi * 3.2 * t)
 
 
@@ -24,14 +24,14 @@ class Estimate(EndToEnd):
         self.recording = self.folder / "run.csv"
         self.succeed("simulate", "--model", TRUTH, "--drive", driven, "--out", self.recording)
 
-    def test_mu_and_gamma_of_the_rig_are_found(self):
+    def test_mu_and_gamma_are_identified(self):
         out = self.folder / "estimates.csv"
         summary = self.folder / "summary.json"
-        said = self.succeed("estimate", self.recording, "--model", BELIEVED, "--out", out,
+        text = self.succeed("estimate", self.recording, "--model", DECLARED, "--out", out,
                             "--json", summary).stdout
-        self.assertIn("mu 0.8", said)
+        self.assertIn("mu 0.8", text)
         found = json.loads(summary.read_text())
-        # The model says 0.8 and 150; its spring is wrong on purpose, so not to the last digit.
+        # Declared: 0.8 and 150; the tolerance allows for the deliberately wrong spring.
         self.assertAlmostEqual(found["mu"]["mean"], 0.82, delta=0.02)
         self.assertAlmostEqual(found["gamma_per_s"]["mean"], 145.0, delta=25.0)
         self.assertGreater(found["good_frames"], 0.9 * found["frames"])
@@ -49,15 +49,15 @@ class Estimate(EndToEnd):
             friction = float(row["theta"]) * float(row["mu"]) * float(row["normal_load_n"])
             self.assertAlmostEqual(friction, float(row["friction_force_n"]), delta=0.02)
 
-    def test_a_better_model_foretells_better(self):
+    def test_better_model_has_the_lower_nll(self):
         nll = []
-        for model in (TRUTH, BELIEVED):
+        for model in (TRUTH, DECLARED):
             summary = self.folder / "nll.json"
             self.succeed("estimate", self.recording, "--model", model, "--json", summary)
             nll.append(json.loads(summary.read_text())["nll_per_reading"])
         self.assertLess(nll[0], nll[1])
 
-    def test_channels_that_a_diagnosis_found_wrong_are_put_right(self):
+    def test_diagnosed_sensor_errors_are_corrected(self):
         wrong = self.folder / "wrong.toml"
         wrong.write_text(TRUTH.read_text() + """
 [[physics]]
@@ -81,22 +81,23 @@ phase_rad = 1.0
         self.succeed("simulate", "--model", wrong, "--drive", self.folder / "drive.csv",
                      "--out", recording)
         found = {}
-        for name, model, run in (("sound", TRUTH, self.recording), ("told", wrong, recording),
-                                 ("untold", TRUTH, recording)):
+        for name, model, run in (("ideal", TRUTH, self.recording), ("corrected", wrong, recording),
+                                 ("uncorrected", TRUTH, recording)):
             summary = self.folder / "found.json"
             self.succeed("estimate", run, "--model", model, "--json", summary)
             found[name] = json.loads(summary.read_text())
-        self.assertAlmostEqual(found["told"]["mu"]["mean"], found["sound"]["mu"]["mean"], delta=0.002)
-        self.assertAlmostEqual(found["told"]["nll_per_reading"], found["sound"]["nll_per_reading"],
-                               delta=0.2)
-        self.assertGreater(found["untold"]["nll_per_reading"],
-                           found["told"]["nll_per_reading"] + 10.0)
+        self.assertAlmostEqual(found["corrected"]["mu"]["mean"], found["ideal"]["mu"]["mean"],
+                               delta=0.002)
+        self.assertAlmostEqual(found["corrected"]["nll_per_reading"],
+                               found["ideal"]["nll_per_reading"], delta=0.2)
+        self.assertGreater(found["uncorrected"]["nll_per_reading"],
+                           found["corrected"]["nll_per_reading"] + 10.0)
 
-    def test_the_table_can_go_to_standard_output(self):
-        said = self.succeed("estimate", self.recording, "--model", BELIEVED, "--out", "-").stdout
-        self.assertTrue(said.startswith("time_s,displacement_m,displacement_m_std,"), said[:80])
+    def test_table_on_standard_output(self):
+        table = self.succeed("estimate", self.recording, "--model", DECLARED, "--out", "-").stdout
+        self.assertTrue(table.startswith("time_s,displacement_m,displacement_m_std,"), table[:80])
 
-    def test_a_model_that_cannot_be_followed_is_refused_with_its_reason(self):
+    def test_unsupported_model_is_refused_with_a_reason(self):
         imposed = self.folder / "imposed.toml"
         imposed.write_text("""schema = 1
 [oscillator]

@@ -1,5 +1,5 @@
-"""`stickslip figures` and `stickslip reduce`, run as a person runs them: every picture is there and
-is one, and the page holds the numbers that stand for the paper's statements."""
+"""`stickslip figures` and `stickslip reduce`: all plots are valid, and the page contains the numbers for
+the paper's statements."""
 import csv
 import html
 import pathlib
@@ -14,7 +14,7 @@ PRESETS = SOURCE / "config"
 
 
 def tables_of(page):
-    """By the figure's number, its rows as (statement, paper, ours)."""
+    """Rows (statement, paper, ours) by number of the figure."""
     found = {}
     for number, rest in re.findall(r'<h2 id="figure-(\d+)">(.*?)</section>', page, re.DOTALL):
         rows = re.findall(r"<tr><td>(.*?)</td><td>(.*?)</td><td>(.*?)</td></tr>", rest)
@@ -39,14 +39,14 @@ class PaperFigures(unittest.TestCase):
         for statement, _, ours in self.tables[figure]:
             if statement.startswith(beginning):
                 return ours
-        self.fail(f"Figure {figure} says nothing of: {beginning}")
+        self.fail(f"Figure {figure} has no statement: {beginning}")
 
-    def test_it_ends_well(self):
+    def test_exit_status_and_output(self):
         self.assertEqual(self.drawn.returncode, 0, self.drawn.stderr)
         self.assertEqual(self.drawn.stderr, "")
         self.assertIn("9 figures", self.drawn.stdout)
 
-    def test_figures_2_to_10_are_there_with_their_pictures(self):
+    def test_figures_2_to_10_have_their_plots(self):
         self.assertEqual(sorted(self.tables), list(range(2, 11)))
         pictures = set(re.findall(r'<img src="([^"]+)"', self.page))
         self.assertGreaterEqual(len(pictures), 25)
@@ -76,14 +76,14 @@ class PaperFigures(unittest.TestCase):
         self.assertLess(coulomb, 0.1)
         self.assertGreater(memory, 1.0)
 
-    def test_the_chaotic_rigs_are_chaotic(self):
+    def test_chaotic_rigs_have_a_positive_exponent(self):
         for figure in (2, 6, 7, 8):
             exponent, error = map(float, re.search(r"([\d.-]+) \+- ([\d.]+)",
                                                    self.ours(figure, "Chaotic")).groups())
             with self.subTest(figure=figure):
                 self.assertGreater(exponent, 5.0 * error)
 
-    def test_a_recording_of_a_figure_can_be_reduced_again(self):
+    def test_recording_of_a_figure_can_be_reduced(self):
         out = pathlib.Path(self.keep.name) / "reduced"
         run = stickslip("reduce", self.folder / "figure-4.csv", "--model",
                         PRESETS / "models/beam-1.toml", "--out", out)
@@ -99,13 +99,13 @@ class PaperFigures(unittest.TestCase):
         for stem in ("surface", "sweep", "mu-v", "mu-x", "n-x"):
             self.assertIn("</svg>", (out / f"{stem}.svg").read_text())
 
-    def test_the_method_of_the_paper_takes_800_samples(self):
+    def test_method_of_the_paper_uses_800_samples(self):
         run = stickslip("reduce", self.folder / "figure-4.csv", "--model",
                         PRESETS / "models/beam-1.toml", "--method", "paper")
         self.assertEqual(run.returncode, 0, run.stderr)
         self.assertIn("800 of 10201 samples", run.stdout)
 
-    def test_what_is_wrong_is_named(self):
+    def test_invalid_arguments_are_refused(self):
         for arguments, expected in (
                 (["figures", "--out", self.keep.name, "--presets", PRESETS, "--only", "11"],
                  "no figure 11"),

@@ -1,6 +1,6 @@
-"""Real rigs that others measured, each with a model from which a physics was left out. The
-recordings state no licence and are not part of this project: STICKSLIP_SHARED names the folder that
-holds recordings/emps and the others, or ../shared does; without them these tests are skipped."""
+"""Published recordings of real rigs, each with a model that lacks an effect. They state no licence and
+are not part of this project: they are expected in $STICKSLIP_SHARED/recordings or ../shared/recordings;
+without them these tests are skipped."""
 import unittest
 
 from contract import faults_of_diagnosis, faults_of_evaluation
@@ -10,12 +10,12 @@ SHARED = shared_folder()
 CONFIDENT = 0.9
 
 
-@unittest.skipUnless(SHARED, "no recordings of others here: set STICKSLIP_SHARED")
+@unittest.skipUnless(SHARED, "no published recordings: set STICKSLIP_SHARED")
 class RealRecordings(EndToEnd):
-    diagnoses = {}  # by recording: the report and the mended model, so that each is made once
+    diagnoses = {}  # report and augmented model by recording, each made once
 
     def diagnose(self, name):
-        """The report, and the mended model's text."""
+        """The report and the text of the augmented model."""
         if name in self.diagnoses:
             return self.diagnoses[name]
         folder = SHARED / "recordings" / name
@@ -28,11 +28,11 @@ class RealRecordings(EndToEnd):
         report = read_json(out)
         self.assertEqual(faults_of_diagnosis(report), [])
         print(result.stdout)
-        mended = self.folder / f"{name}.toml"
-        self.diagnoses[name] = report, mended.read_text()
+        augmented = self.folder / f"{name}.toml"
+        self.diagnoses[name] = report, augmented.read_text()
         return self.diagnoses[name]
 
-    def test_emps_dry_friction_first_within_a_tenth_of_its_published_force(self):
+    def test_emps_dry_friction_first_within_ten_percent_of_the_published_force(self):
         report, _ = self.diagnose("emps")
         self.assertEqual(report["verdict"], "missing_physics")
         first = report["findings"][0]
@@ -43,8 +43,7 @@ class RealRecordings(EndToEnd):
         self.assertLessEqual(after, 0.5 * before)
 
     def test_emps_second_effect_is_the_published_constant_force(self):
-        """3.165 N; where it is not sure, the report says what else it may be and which run would
-        tell."""
+        """3.165 N; below 95 %, the report gives alternatives and a separating experiment."""
         report, _ = self.diagnose("emps")
         second = report["findings"][1]
         self.assertEqual(second["id"], "bias_force")
@@ -53,23 +52,23 @@ class RealRecordings(EndToEnd):
             self.assertTrue(second["alternatives"])
             self.assertTrue(second["separating_experiment"])
 
-    def test_emps_mended_model_is_accepted_by_the_other_tools(self):
+    def test_emps_augmented_model_is_accepted_by_the_other_tools(self):
         _, text = self.diagnose("emps")
-        mended = self.write("emps-mended.toml", text)
-        self.succeed("check", mended)
+        augmented = self.write("emps-augmented.toml", text)
+        self.succeed("check", augmented)
         out = self.folder / "evaluation.json"
-        self.succeed("evaluate", SHARED / "recordings/emps/recording.csv", "--model", mended,
+        self.succeed("evaluate", SHARED / "recordings/emps/recording.csv", "--model", augmented,
                      "--json", out, "--horizon", 1.0, timeout=300)
         evaluation = read_json(out)
         self.assertEqual(faults_of_evaluation(evaluation), [])
-        # Published models reach about 2.0 mm one second ahead, without dry friction 5.6 mm.
+        # Published models: about 2.0 mm one second ahead, 5.6 mm without dry friction.
         self.assertLess(evaluation["fit"]["rmse"]["displacement_m"], 2.8e-3)
 
     def test_air_track_has_no_dry_friction(self):
         report, _ = self.diagnose("air-track")
         self.assertNotIn("dry_friction", [finding["id"] for finding in report["findings"]])
 
-    def test_bouc_wen_mismatch_is_located_and_nothing_false_is_claimed(self):
+    def test_bouc_wen_mismatch_is_located_without_false_claims(self):
         report, _ = self.diagnose("bouc-wen")
         self.assertIn(report["verdict"], ("missing_physics", "unexplained"))
         self.assertIn(report["location"]["relation"], ("force_balance", "friction_law"))
@@ -77,7 +76,7 @@ class RealRecordings(EndToEnd):
                    if finding["probability"] >= CONFIDENT}
         self.assertLessEqual(claimed, {"hysteresis", "contact_compliance", "unlisted"})
 
-    def test_friction_frame_rubs(self):
+    def test_friction_frame_has_the_published_dry_friction(self):
         forces = {}
         for disc in ("250g", "450g"):
             report, _ = self.diagnose(f"friction-frame-{disc}")

@@ -1,4 +1,4 @@
-"""`stickslip config` tells what holds in a rig: every key, its value, and who says so."""
+"""`stickslip config`: every key of a rig with its value and origin."""
 import json
 
 from programs import SOURCE, EndToEnd, main, stickslip
@@ -10,7 +10,7 @@ class RigExplained(EndToEnd):
     def explained(self, *arguments):
         return self.succeed("config", *arguments).stdout
 
-    def test_what_it_prints_is_that_rig(self):
+    def test_output_is_an_equivalent_rig(self):
         text = self.explained(RIG)
         again = self.write("again.toml", text)
         self.succeed("check", again)
@@ -23,7 +23,7 @@ class RigExplained(EndToEnd):
         self.assertEqual(report["schema"], 1)
         return {key["key"]: key for key in report["keys"]}
 
-    def test_each_value_says_where_it_comes_from(self):
+    def test_each_value_has_its_origin(self):
         keys = self.keys(RIG)
         lines = RIG.read_text().splitlines()
         stated = [key for key in keys.values() if key["stated"]]
@@ -33,7 +33,7 @@ class RigExplained(EndToEnd):
         self.assertFalse(keys["lcm.url"]["stated"])
         self.assertIsNone(keys["lcm.url"]["line"])
 
-    def test_one_key_in_full(self):
+    def test_explanation_of_one_key(self):
         text = self.explained(RIG, "--explain", "excitation.carrier_hz")
         self.assertTrue(text.startswith("excitation.carrier_hz = 3.2\n"), text)
         for part in ("simulated.toml:", "number [Hz], above 0 to 1000", "Frequency of the drive", "2.5",
@@ -41,18 +41,18 @@ class RigExplained(EndToEnd):
             self.assertIn(part, text)
         self.assertIn("needs a restart", self.explained(RIG, "--explain", "loop.rate_hz"))
 
-    def test_a_table_and_all_of_it(self):
+    def test_explanation_of_a_table_and_of_everything(self):
         table = self.explained(RIG, "--explain", "loop")
         self.assertEqual(table.count("\n  meaning "), 7)
         self.assertIn(table.strip(), self.explained(RIG, "--explain"))
 
-    def test_a_key_that_does_not_exist_is_an_error_with_the_one_that_was_meant(self):
+    def test_unknown_key_is_an_error_with_a_suggestion(self):
         result = stickslip("config", RIG, "--explain", "excitation.carier_hz")
         self.assertEqual(result.returncode, 2)
         self.assertEqual(result.stderr.strip(), 'stickslip: config: there is no key '
                          '"excitation.carier_hz": did you mean excitation.carrier_hz?')
 
-    def test_a_rig_that_is_not_sound_is_refused_with_its_line(self):
+    def test_invalid_rig_is_refused_with_its_line(self):
         rig = self.write("rig.toml", RIG.read_text().replace("carrier_hz = 3.2", "carrier_hz = -1"))
         for name in ("simulated", "simulated-truth"):
             (self.folder / "models").mkdir(exist_ok=True)

@@ -10,7 +10,8 @@
 #include "diagnosis/bootstrap.h"
 #include "diagnosis/parallel/for_each.h"
 #include "diagnosis/report/html.h"
-#include "diagnosis/report/report.h"
+#include "diagnosis/report/json.h"
+#include "diagnosis/report/text.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
@@ -24,9 +25,6 @@
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
-
-using namespace command_line;
-using namespace files;
 
 using namespace command_line;
 using namespace files;
@@ -46,9 +44,8 @@ struct Arguments {
   terminal::Colours colours = terminal::Colours::automatic;
 };
 
-// What one must know to make the report again.
-diagnosis::Provenance provenance_of(const Arguments& arguments) {
-  diagnosis::Provenance out;
+report::Provenance provenance_of(const Arguments& arguments) {
+  report::Provenance out;
   out.command = "stickslip diagnose";
   std::vector<std::string> files = arguments.recordings;
   files.push_back(arguments.model);
@@ -104,24 +101,26 @@ int run(const Arguments& arguments) {
   diagnosis::Diagnosis result = diagnosis::diagnose(recordings, model, options);
   progress.finish();
   if (arguments.bootstrap > 0) {
-    terminal::Progress again("diagnosing recordings of the declared model");
-    options.progress = [&again](const std::string&, double done) { again.at(done); };
+    terminal::Progress bootstrapping("bootstrap: diagnosing synthetic recordings");
+    options.progress = [&bootstrapping](const std::string&, double done) {
+      bootstrapping.at(done);
+    };
     result.false_alarms =
         diagnosis::false_alarms(recordings, model, result, arguments.bootstrap, options);
   }
-  const std::string report = diagnosis::report_text(result);
-  const std::size_t verdict = report.find(':');
+  const std::string text = report::report_text(result);
+  const std::size_t verdict = text.find(':');
   const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
   std::fputs(
-      (paint(tone_of(result.verdict), report.substr(0, verdict)) + report.substr(verdict)).c_str(),
+      (paint(tone_of(result.verdict), text.substr(0, verdict)) + text.substr(verdict)).c_str(),
       stdout);
   if (!arguments.json.empty()) {
-    write_file(arguments.json, diagnosis::report_json(result).dump(2) + "\n");
+    write_file(arguments.json, report::report_json(result).dump(2) + "\n");
   }
   if (!arguments.html.empty()) {
-    diagnosis::Provenance provenance = provenance_of(arguments);
-    provenance.mended_model = config::model_text(result.model);
-    write_file(arguments.html, diagnosis::report_html(result, provenance));
+    report::Provenance provenance = provenance_of(arguments);
+    provenance.augmented_model = config::model_text(result.model);
+    write_file(arguments.html, report::report_html(result, provenance));
   }
   if (!arguments.write_model.empty()) {
     write_file(arguments.write_model, config::model_text(result.model));
@@ -134,25 +133,25 @@ int run(const Arguments& arguments) {
 void add_diagnose(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "diagnose", "Find where a model and recordings part, and name what physics was left out");
+      "diagnose", "Find where a model fails to explain recordings, and which physics it lacks");
   command->add_option("recordings", arguments->recordings, "Recordings of one rig (CSV or LCM log)")
       ->required()
       ->type_name("RECORDING");
-  command->add_option("--model", arguments->model, "The model that is believed (TOML)")->required();
+  command->add_option("--model", arguments->model, "Declared model (TOML)")->required();
   command->add_option("--json", arguments->json, "Write the report as JSON");
   command->add_option("--html", arguments->html,
-                      "Write the report as one page, with pictures of what was left over");
+                      "Write the report as one self-contained page with figures");
   command->add_option("--write-model", arguments->write_model,
-                      "Write the calibrated model with the physics that was found");
+                      "Write the augmented model: calibrated, with the physics found");
   command->add_option("--seed", arguments->seed, "Seed of the bootstrap")
       ->check(seed_number())
       ->capture_default_str();
-  command->add_option("--jobs", arguments->jobs, "Threads (0: as many as there are cores)")
+  command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
       ->check(number_of_threads());
   command
       ->add_option("--bootstrap", arguments->bootstrap,
-                   "Also diagnose so many recordings of the calibrated declared model, under the "
-                   "same drive and noise, and say how many are accused of missing anything")
+                   "Also diagnose this number of synthetic recordings of the calibrated declared "
+                   "model, under the same excitation and noise, and report the false alarms")
       ->check(CLI::Range(0, 10000))
       ->capture_default_str();
   command->add_option("--horizon", arguments->horizon_s, "Length of a prediction window [s]")

@@ -26,9 +26,6 @@ namespace stickslip::commands {
 using namespace command_line;
 using namespace files;
 
-using namespace command_line;
-using namespace files;
-
 namespace {
 
 using observer::FrictionEstimate;
@@ -42,12 +39,12 @@ struct Arguments {
   std::string json;
 };
 
-/// What is told of a whole recording.
+// Statistics of the estimates over a recording.
 struct Summary {
+  // Mean weighted by the inverse variance, and range.
   struct Spread {
     double sum = 0.0, weight = 0.0;
     double low = 0.0, high = 0.0;
-    /// A value with its standard deviation; those that are sure count more.
     void add(double value, double deviation) {
       if (!(deviation > 0.0)) return;
       low = weight > 0.0 ? std::min(low, value) : value;
@@ -74,10 +71,10 @@ struct Summary {
   double share(double sum) const { return good > 0 ? sum / static_cast<double>(good) : 0.0; }
 };
 
-/// The estimates as a table, a row for each frame.
+// The estimates as CSV, one row per frame.
 class Table {
  public:
-  /// Empty: no table; "-": standard output.
+  // Empty: no table; "-": standard output.
   explicit Table(const std::string& file) : name_(file) {
     if (!file.empty() && file != "-") file_.open(file);
   }
@@ -102,7 +99,7 @@ class Table {
   void finish() {
     if (!file_.is_open()) return;
     file_.close();
-    if (!file_) throw std::runtime_error(name_ + ": is not complete");
+    if (!file_) throw std::runtime_error(name_ + ": is incomplete");
   }
 
  private:
@@ -111,7 +108,7 @@ class Table {
     std::snprintf(text, sizeof text, format, number);
     row += text;
   }
-  // The load cell's deflection has no field in an estimate.
+  // An estimate has no field for the deflection of the load cell.
   static bool has_value(Quantity quantity) { return quantity != Quantity::load_cell_deflection; }
   static double value(const FrictionEstimate& e, Quantity quantity) {
     switch (quantity) {
@@ -158,6 +155,64 @@ class Table {
   bool first_ = true;
 };
 
+nlohmann::ordered_json spread_json(const Summary::Spread& s) {
+  nlohmann::ordered_json out;
+  if (s.weight > 0.0) out = {{"mean", s.mean()}, {"low", s.low}, {"high", s.high}};
+  return out;
+}
+
+// Statistics of the one-step predictions.
+struct MeanPerReading {
+  double nll = 0.0;
+  double nis = 0.0;
+};
+MeanPerReading mean_of(const observer::Foretelling& predicted) {
+  const double readings = std::max(1.0, static_cast<double>(predicted.readings));
+  return {predicted.negative_log_likelihood / readings, predicted.normalised_squares / readings};
+}
+
+nlohmann::ordered_json summary_json(const Summary& summary,
+                                    const observer::Foretelling& predicted) {
+  const MeanPerReading mean = mean_of(predicted);
+  nlohmann::ordered_json json;
+  json["schema"] = 1;
+  json["frames"] = summary.frames;
+  json["good_frames"] = summary.good;
+  json["mu"] = spread_json(summary.mu);
+  json["gamma_per_s"] = spread_json(summary.gamma);
+  json["sticking_share"] = summary.share(summary.sticking);
+  json["nll_per_reading"] = mean.nll;
+  json["nis_per_reading"] = mean.nis;
+  json["refused_readings"] = predicted.refused;
+  json["restarts"] = predicted.restarts;
+  return json;
+}
+
+void print_spread(const char* name, const Summary::Spread& s) {
+  if (!(s.weight > 0.0)) return;
+  std::printf("%s %s, range %s to %s\n", name, number_text(s.mean()).c_str(),
+              number_text(s.low).c_str(), number_text(s.high).c_str());
+}
+
+void print_summary(const Arguments& arguments, const Summary& summary,
+                   const observer::Foretelling& predicted) {
+  const MeanPerReading mean = mean_of(predicted);
+  std::printf("%s: %zu frames, %zu with a valid estimate\n", arguments.recording.c_str(),
+              summary.frames, summary.good);
+  print_spread("mu", summary.mu);
+  print_spread("gamma [1/s]", summary.gamma);
+  std::printf("sticking: %.1f %% of the time\n", 100.0 * summary.share(summary.sticking));
+  std::printf(
+      "one-step prediction: NIS %s per reading (1: consistent with the model), negative "
+      "log-likelihood %s per reading\n",
+      number_text(mean.nis).c_str(), number_text(mean.nll).c_str());
+  if (predicted.restarts > 0 || predicted.refused > 0) {
+    std::printf("the filter diverged and restarted %llu times; %ld readings rejected as outliers\n",
+                static_cast<unsigned long long>(predicted.restarts), predicted.refused);
+  }
+  if (!arguments.out.empty()) std::printf("%s written\n", arguments.out.c_str());
+}
+
 int run(const Arguments& arguments) {
   expect_writable(arguments.json);
   if (arguments.out != "-") expect_writable(arguments.out);
@@ -165,12 +220,12 @@ int run(const Arguments& arguments) {
   const protocol::Recording recording = recording_from(arguments.recording);
   Summary summary;
   Table table(arguments.out);
-  observer::Foretelling foretelling;
+  observer::Foretelling predicted;
   terminal::Progress progress("estimating");
-  // The table is what shows that something happens where it goes to the same terminal.
+  // No progress bar in a terminal that shows the table.
   if (arguments.out == "-" && terminal::abilities_of(STDOUT_FILENO).terminal) progress.finish();
   try {
-    foretelling = observer::smooth(
+    predicted = observer::smooth(
         model, protocol::median_period_s(recording.frames), recording.frames,
         [&](const FrictionEstimate& e) {
           summary.add(e);
@@ -182,49 +237,10 @@ int run(const Arguments& arguments) {
   }
   table.finish();
   progress.finish();
-
-  const double readings = std::max(1.0, static_cast<double>(foretelling.readings));
-  const double nll = foretelling.negative_log_likelihood / readings;
-  const double nis = foretelling.normalised_squares / readings;
-  const double sticking = summary.share(summary.sticking);
-  nlohmann::ordered_json json;
-  json["schema"] = 1;
-  json["frames"] = summary.frames;
-  json["good_frames"] = summary.good;
-  const auto spread = [](const Summary::Spread& s) {
-    nlohmann::ordered_json out;
-    if (s.weight > 0.0) out = {{"mean", s.mean()}, {"low", s.low}, {"high", s.high}};
-    return out;
-  };
-  json["mu"] = spread(summary.mu);
-  json["gamma_per_s"] = spread(summary.gamma);
-  json["sticking_share"] = sticking;
-  json["nll_per_reading"] = nll;
-  json["nis_per_reading"] = nis;
-  json["refused_readings"] = foretelling.refused;
-  json["restarts"] = foretelling.restarts;
-  if (!arguments.json.empty()) write_file(arguments.json, json.dump(2) + "\n");
-  if (arguments.out == "-") return 0;
-
-  std::printf("%s: %zu frames, %zu of them well estimated\n", arguments.recording.c_str(),
-              summary.frames, summary.good);
-  const auto tell = [](const char* name, const Summary::Spread& s) {
-    if (!(s.weight > 0.0)) return;
-    std::printf("%s %s, between %s and %s\n", name, number_text(s.mean()).c_str(),
-                number_text(s.low).c_str(), number_text(s.high).c_str());
-  };
-  tell("mu", summary.mu);
-  tell("gamma [1/s]", summary.gamma);
-  std::printf("the contact sticks for %.1f %% of the time\n", 100.0 * sticking);
-  std::printf(
-      "readings foretold one period ahead: squared error %s of what was expected (1: the model is "
-      "right about itself), negative log-likelihood %s per reading\n",
-      number_text(nis).c_str(), number_text(nll).c_str());
-  if (foretelling.restarts > 0 || foretelling.refused > 0) {
-    std::printf("the filter lost its way and began anew %llu times; %ld readings were outliers\n",
-                static_cast<unsigned long long>(foretelling.restarts), foretelling.refused);
+  if (!arguments.json.empty()) {
+    write_file(arguments.json, summary_json(summary, predicted).dump(2) + "\n");
   }
-  if (!arguments.out.empty()) std::printf("%s written\n", arguments.out.c_str());
+  if (arguments.out != "-") print_summary(arguments, summary, predicted);
   return 0;
 }
 
@@ -233,14 +249,13 @@ int run(const Arguments& arguments) {
 void add_estimate(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "estimate",
-      "What no sensor read in a recording: friction, its state, mu, gamma, slip, sticking");
+      "estimate", "Estimate friction, its state, mu, gamma, slip and sticking from a recording");
   command->add_option("recording", arguments->recording, "Recording (CSV or LCM log)")
       ->required()
       ->type_name("RECORDING");
   command->add_option("--model", arguments->model, "Model (TOML)")->required();
   command->add_option("--out", arguments->out,
-                      "Write the estimates as CSV, one row for each frame; - is standard output");
+                      "Write the estimates as CSV, one row per frame; -: standard output");
   command->add_option("--json", arguments->json, "Write the summary as JSON");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }

@@ -6,7 +6,7 @@
 #include "config/model_file.h"
 #include "diagnosis/evaluation.h"
 #include "diagnosis/parallel/for_each.h"
-#include "diagnosis/report/report.h"
+#include "diagnosis/report/json.h"
 #include "physics/number_text.h"
 #include "protocol/recording.h"
 #include "tools/command_line/option_checks.h"
@@ -16,9 +16,6 @@
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
-
-using namespace command_line;
-using namespace files;
 
 using namespace command_line;
 using namespace files;
@@ -51,19 +48,19 @@ int run(const Arguments& arguments) {
 
   nlohmann::ordered_json json;
   json["schema"] = 1;
-  json["fit"] = score_json(result, true);
+  json["fit"] = report::score_json(result, true);
   json["horizon_s"] = done.horizon_s;
   json["free_run"] = nullptr;
-  if (done.free_run) json["free_run"] = free_run_json(*done.free_run);
+  if (done.free_run) json["free_run"] = report::free_run_json(*done.free_run);
   if (!arguments.json.empty()) write_file(arguments.json, json.dump(2) + "\n");
 
-  std::printf("chi-squared per sample %s over %zu windows of %s s (1: only noise is left)\n",
+  std::printf("chi-squared per sample %s over %zu windows of %s s (1: noise only)\n",
               physics::number_text(result.chi2_per_sample).c_str(), done.windows,
               physics::number_text(done.horizon_s).c_str());
   for (std::size_t c = 0; c < predicted_channels; ++c) {
     if (!result.rmse[c]) continue;
     std::printf(
-        "%s: prediction error %s %s, %s of its standard deviation\n",
+        "%s: RMS prediction error %s %s, %s of the channel's standard deviation\n",
         std::string(channel_table[c].stem).c_str(), physics::number_text(*result.rmse[c]).c_str(),
         std::string(channel_table[c].unit).c_str(), physics::number_text(*result.nrmse[c]).c_str());
   }
@@ -90,8 +87,8 @@ void add_evaluate(CLI::App& app, Action& action) {
   command->add_option("--horizon", arguments->horizon_s, "Length of a prediction [s]")
       ->check(positive_number());
   command->add_flag("--free-run", arguments->free_run,
-                    "Also simulate once from the first state to the end");
-  command->add_option("--jobs", arguments->jobs, "Threads (0: as many as there are cores)")
+                    "Also simulate the whole recording from its initial state");
+  command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
       ->check(number_of_threads());
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }

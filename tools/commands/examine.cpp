@@ -12,22 +12,19 @@
 #include "diagnosis/diagnosis.h"
 #include "diagnosis/evaluation.h"
 #include "diagnosis/parallel/for_each.h"
-#include "diagnosis/report/report.h"
+#include "diagnosis/report/json.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "protocol/sha256.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
 #include "tools/concealment/grading.h"
-#include "tools/concealment/truth.h"
+#include "tools/concealment/ground_truth.h"
 #include "tools/files/read_file.h"
 #include "tools/files/write_file.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
-
-using namespace command_line;
-using namespace files;
 
 using namespace command_line;
 using namespace files;
@@ -48,7 +45,7 @@ struct Arguments {
   int jobs = 0;
 };
 
-// What a report was made from: a report that was made from anything else is made anew.
+// Checksum of all inputs of a report; a report of another origin is not reused.
 std::string origin_of(const fs::path& folder, std::uint64_t seed) {
   static const std::string program = protocol::sha256_of(content_of("/proc/self/exe"));
   return protocol::sha256_of(program + std::to_string(seed) + content_of(folder / "recording.csv") +
@@ -56,7 +53,7 @@ std::string origin_of(const fs::path& folder, std::uint64_t seed) {
                              content_of(folder / "validation.csv"));
 }
 
-// Whole or not at all: who is interrupted goes on later from what is complete.
+// Atomic, so that an interrupted examination can be resumed.
 void replace_file(const fs::path& file, const std::string& content) {
   const fs::path unfinished = file.string() + ".unfinished";
   write_file(unfinished, content);
@@ -66,8 +63,8 @@ void replace_file(const fs::path& file, const std::string& content) {
 std::vector<std::string> cases_of(const Arguments& arguments) {
   if (!fs::is_directory(arguments.set)) {
     throw InputError(Problem{arguments.set, 0, 0,
-                             "is no folder; expected a set with folders that hold recording.csv "
-                             "and model.toml"});
+                             "is not a folder; expected a set of folders with recording.csv and "
+                             "model.toml"});
   }
   std::vector<std::string> names;
   for (const auto& entry : fs::directory_iterator(arguments.set)) {
@@ -78,19 +75,20 @@ std::vector<std::string> cases_of(const Arguments& arguments) {
   }
   std::sort(names.begin(), names.end());
   if (names.empty()) {
-    throw InputError(Problem{arguments.set, 0, 0,
-                             "holds no case; expected folders with recording.csv and model.toml"});
+    throw InputError(
+        Problem{arguments.set, 0, 0,
+                "contains no case; expected folders with recording.csv and model.toml"});
   }
   if (arguments.only.empty()) return names;
   for (const std::string& name : arguments.only) {
     if (std::find(names.begin(), names.end(), name) == names.end()) {
-      throw InputError(Problem{arguments.set, 0, 0, "holds no case \"" + name + "\""});
+      throw InputError(Problem{arguments.set, 0, 0, "contains no case \"" + name + "\""});
     }
   }
   return arguments.only;
 }
 
-// A case's report, read or made; what went wrong goes into `problem`.
+// The report of a case, or the reason why there is none.
 struct Outcome {
   Json report;
   std::optional<double> before;
@@ -110,8 +108,8 @@ Outcome outcome_of(const Json& kept) {
   return out;
 }
 
-// The report of an earlier run, if it was made from the same.
-std::optional<Outcome> earlier(const fs::path& file, const std::string& origin) {
+// A stored report of the same origin.
+std::optional<Outcome> stored(const fs::path& file, const std::string& origin) {
   if (!fs::exists(file)) return std::nullopt;
   const Json kept = Json::parse(content_of(file), nullptr, false);
   if (kept.is_discarded() || !kept.is_object() || kept.value("origin", "") != origin) {
@@ -122,17 +120,17 @@ std::optional<Outcome> earlier(const fs::path& file, const std::string& origin) 
 
 Outcome examine(const fs::path& folder, const fs::path& file, const std::string& origin,
                 std::uint64_t seed) {
-  const auto begun = std::chrono::steady_clock::now();
+  const auto start = std::chrono::steady_clock::now();
   const physics::Model model = config::load_model(folder / "model.toml");
   const std::vector<protocol::Recording> recordings{
       protocol::read_recording(folder / "recording.csv")};
   diagnosis::Options options;
   options.seed = seed;
   const diagnosis::Diagnosis found = diagnosis::diagnose(recordings, model, options);
-  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begun;
+  const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
   Json kept;
   kept["origin"] = origin;
-  kept["seconds"] = took.count();
+  kept["seconds"] = elapsed.count();
   kept["validation"] = nullptr;
   if (fs::exists(folder / "validation.csv")) {
     const auto other = protocol::read_recording(folder / "validation.csv");
@@ -141,7 +139,7 @@ Outcome examine(const fs::path& folder, const fs::path& file, const std::string&
     };
     kept["validation"] = {{"before", chi2(model)}, {"after", chi2(found.model)}};
   }
-  kept["report"] = diagnosis::report_json(found);
+  kept["report"] = report::report_json(found);
   replace_file(fs::path(file).replace_extension(".toml"), config::model_text(found.model));
   replace_file(file, kept.dump(2) + "\n");
   return outcome_of(kept);
@@ -153,52 +151,58 @@ std::string quoted(const std::string& word) {
   return out + "'";
 }
 
-int run(const Arguments& arguments) {
+struct Folders {
+  fs::path set;
+  fs::path truth;
+  fs::path reports;
+  fs::path report_of(const std::string& name) const { return reports / (name + ".json"); }
+};
+
+Folders folders_of(const Arguments& arguments) {
   const fs::path set = arguments.set;
-  const fs::path truth_folder = arguments.truth.empty() ? set / "truth" : fs::path(arguments.truth);
-  const fs::path reports =
-      arguments.reports.empty() ? set / "reports" : fs::path(arguments.reports);
-  const std::vector<std::string> names = cases_of(arguments);
-  expect_writable(arguments.json);
-  const auto file_of = [&](const std::string& name) { return reports / (name + ".json"); };
+  return {set, arguments.truth.empty() ? set / "truth" : fs::path(arguments.truth),
+          arguments.reports.empty() ? set / "reports" : fs::path(arguments.reports)};
+}
 
-  if (!arguments.job_list.empty()) {
-    std::string lines;
-    std::size_t count = 0;
-    for (const std::string& name : names) {
-      if (earlier(file_of(name), origin_of(set / name, arguments.seed))) continue;
-      lines += "stickslip examine " + quoted(set.string()) + " --only " + quoted(name) +
-               " --truth " + quoted(truth_folder.string()) + " --reports " +
-               quoted(reports.string()) + " --seed " + std::to_string(arguments.seed) +
-               " --jobs 1\n";
-      ++count;
-    }
-    write_table(arguments.job_list, lines);
-    if (arguments.job_list != "-") {
-      std::printf("%zu jobs of %zu cases in %s\n", count, names.size(), arguments.job_list.c_str());
-    }
-    return 0;
+void write_job_list(const Arguments& arguments, const Folders& folders,
+                    const std::vector<std::string>& names) {
+  std::string lines;
+  std::size_t count = 0;
+  for (const std::string& name : names) {
+    if (stored(folders.report_of(name), origin_of(folders.set / name, arguments.seed))) continue;
+    lines += "stickslip examine " + quoted(folders.set.string()) + " --only " + quoted(name) +
+             " --truth " + quoted(folders.truth.string()) + " --reports " +
+             quoted(folders.reports.string()) + " --seed " + std::to_string(arguments.seed) +
+             " --jobs 1\n";
+    ++count;
   }
+  write_table(arguments.job_list, lines);
+  if (arguments.job_list != "-") {
+    std::printf("%zu jobs of %zu cases in %s\n", count, names.size(), arguments.job_list.c_str());
+  }
+}
 
-  make_folder(reports);
+std::vector<Outcome> examine_all(const Arguments& arguments, const Folders& folders,
+                                 const std::vector<std::string>& names) {
   terminal::Progress progress("examining");
   std::vector<Outcome> outcomes(names.size());
   std::mutex shown;
   std::size_t done = 0;
   std::size_t made = 0;
   parallel::for_each(names.size(), parallel::threads_for(arguments.jobs), [&](std::size_t i) {
-    const fs::path folder = set / names[i];
+    const fs::path folder = folders.set / names[i];
+    const fs::path file = folders.report_of(names[i]);
     bool is_new = false;
     try {
       const std::string origin = origin_of(folder, arguments.seed);
-      if (auto kept = earlier(file_of(names[i]), origin)) {
+      if (auto kept = stored(file, origin)) {
         outcomes[i] = std::move(*kept);
       } else {
         is_new = true;
-        outcomes[i] = examine(folder, file_of(names[i]), origin, arguments.seed);
+        outcomes[i] = examine(folder, file, origin, arguments.seed);
       }
     } catch (const std::exception& error) {
-      // One case that fails is a result of the examination, not its end.
+      // A case that fails is a result of the examination.
       outcomes[i].problem = error.what();
     }
     const std::scoped_lock lock(shown);
@@ -206,26 +210,30 @@ int run(const Arguments& arguments) {
     if (is_new) ++made;
     progress.say("examining, " + std::to_string(done) + " of " + std::to_string(names.size()) +
                  " cases done");
-    progress.at(made, made + names.size() - done);  // earlier reports took no time
+    progress.at(made, made + names.size() - done);  // stored reports take no time
   });
   progress.finish();
+  return outcomes;
+}
 
-  if (!fs::is_directory(truth_folder)) {
-    std::printf("%zu reports in %s; %s holds no truth to grade them by\n", names.size(),
-                reports.c_str(), truth_folder.c_str());
-    return 0;
+void check_seal(const fs::path& truth_file, const fs::path& seal) {
+  if (!fs::exists(seal)) return;
+  if (content_of(seal).find(protocol::sha256_of(content_of(truth_file))) != std::string::npos) {
+    return;
   }
+  throw InputError(Problem{truth_file.string(), 0, 0,
+                           "is not the truth file sealed with the recording (the SHA-256 in " +
+                               seal.string() + " differs)"});
+}
+
+std::vector<concealment::Grade> grades_of(const Folders& folders,
+                                          const std::vector<std::string>& names,
+                                          const std::vector<Outcome>& outcomes) {
   std::vector<concealment::Grade> grades;
   for (std::size_t i = 0; i < names.size(); ++i) {
-    const fs::path truth_file = truth_folder / (names[i] + ".json");
-    const concealment::Truth truth = concealment::read_truth(truth_file);
-    const fs::path seal = set / names[i] / "seal.txt";
-    if (fs::exists(seal) &&
-        content_of(seal).find(protocol::sha256_of(content_of(truth_file))) == std::string::npos) {
-      throw InputError(Problem{truth_file.string(), 0, 0,
-                               "is not the truth that was sealed with the recording (" +
-                                   seal.string() + " names another SHA-256)"});
-    }
+    const fs::path truth_file = folders.truth / (names[i] + ".json");
+    const concealment::GroundTruth truth = concealment::read_truth(truth_file);
+    check_seal(truth_file, folders.set / names[i] / "seal.txt");
     grades.push_back(concealment::grade(truth, outcomes[i].report));
     concealment::Grade& grade = grades.back();
     grade.validation_before = outcomes[i].before;
@@ -234,6 +242,25 @@ int run(const Arguments& arguments) {
     grade.seconds = outcomes[i].seconds;
     grade.problem = outcomes[i].problem;
   }
+  return grades;
+}
+
+int run(const Arguments& arguments) {
+  const Folders folders = folders_of(arguments);
+  const std::vector<std::string> names = cases_of(arguments);
+  expect_writable(arguments.json);
+  if (!arguments.job_list.empty()) {
+    write_job_list(arguments, folders, names);
+    return 0;
+  }
+  make_folder(folders.reports);
+  const std::vector<Outcome> outcomes = examine_all(arguments, folders, names);
+  if (!fs::is_directory(folders.truth)) {
+    std::printf("%zu reports in %s; not graded: no truth files in %s\n", names.size(),
+                folders.reports.c_str(), folders.truth.c_str());
+    return 0;
+  }
+  const std::vector<concealment::Grade> grades = grades_of(folders, names, outcomes);
   std::fputs(concealment::summary_text(grades).c_str(), stdout);
   if (!arguments.json.empty()) {
     write_file(arguments.json, concealment::summary_json(grades).dump(2) + "\n");
@@ -245,25 +272,27 @@ int run(const Arguments& arguments) {
 
 void add_examine(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App* command = app.add_subcommand(
-      "examine", "Diagnose a whole set of concealed recordings and grade the answers");
-  command->add_option("set", arguments->set, "Folder of the set, as `stickslip conceal` makes it")
+  CLI::App* command =
+      app.add_subcommand("examine", "Diagnose a set of concealed recordings and grade the reports");
+  command->add_option("set", arguments->set, "Folder of the set, as written by `stickslip conceal`")
       ->required()
       ->type_name("DIR");
   command->add_option("--truth", arguments->truth,
                       "Folder of the truth files (default: DIR/truth)");
   command->add_option("--reports", arguments->reports,
-                      "Folder for the reports (default: DIR/reports); those that are there and "
-                      "were made from the same recording, seed and program are not made again");
+                      "Folder for the reports (default: DIR/reports); existing reports of the same "
+                      "recording, seed and program are reused");
   command->add_option("--json", arguments->json, "Write the grades as JSON");
-  command->add_option("--only", arguments->only, "Only these cases")->delimiter(',');
-  command->add_option("--job-list", arguments->job_list,
-                      "Write one command for each case still to be diagnosed (for GNU parallel or "
-                      "a Slurm array) and do nothing else; - is standard output");
+  command->add_option("--only", arguments->only, "Only these cases, separated by commas")
+      ->delimiter(',');
+  command->add_option(
+      "--job-list", arguments->job_list,
+      "Only write one command per case still to be diagnosed (for GNU parallel or a "
+      "Slurm array); -: standard output");
   command->add_option("--seed", arguments->seed, "Seed of the diagnoses")
       ->check(seed_number())
       ->capture_default_str();
-  command->add_option("--jobs", arguments->jobs, "Threads (0: as many as there are cores)")
+  command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
       ->check(number_of_threads());
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }

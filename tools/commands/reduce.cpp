@@ -22,9 +22,6 @@ namespace stickslip::commands {
 using namespace command_line;
 using namespace files;
 
-using namespace command_line;
-using namespace files;
-
 namespace {
 
 struct Arguments {
@@ -39,8 +36,8 @@ struct Arguments {
   bool no_pictures = false;
 };
 
-void tell(const reduction::Reduction& reduced, const Arguments& arguments,
-          const protocol::Recording& recording) {
+void print_summary(const reduction::Reduction& reduced, const Arguments& arguments,
+                   const protocol::Recording& recording) {
   const auto& samples = reduced.samples;
   std::printf("%s: %zu of %zu samples, %.3f s to %.3f s, driven at %.3f Hz, method %s\n",
               arguments.recording.c_str(), samples.size(), recording.frames.size(),
@@ -72,7 +69,7 @@ int run(const Arguments& arguments) {
   terminal::Progress reducing("reducing");
   const reduction::Reduction reduced = reduction::reduce(recording, model, options);
   reducing.finish();
-  tell(reduced, arguments, recording);
+  print_summary(reduced, arguments, recording);
   if (!arguments.out) return 0;
 
   const std::filesystem::path folder = *arguments.out;
@@ -99,27 +96,25 @@ int run(const Arguments& arguments) {
 void add_reduce(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "reduce", "The coefficient of friction of a recording over displacement and velocity");
+      "reduce", "Reduce a recording to the friction coefficient over displacement and velocity");
   command->add_option("recording", arguments->recording, "Recording (.csv or .lcm)")->required();
   command
       ->add_option("--model", arguments->model,
-                   "Model (TOML): its load cell, and the filters of its sensors")
+                   "Model (TOML) with the load cell and the sensor filters")
       ->required();
   command
       ->add_option("--method", arguments->method,
-                   "paper: 800 samples as they were read, drift removed, Eq. (1); deconvolved: all "
-                   "samples, filters undone, the load cell's own equation")
+                   "paper: 800 raw samples, drift removed, Eq. (1); deconvolved: all samples, "
+                   "filters inverted, equation of motion of the load cell")
       ->check(CLI::IsMember({"paper", "deconvolved"}))
       ->capture_default_str();
-  command->add_option("--samples", arguments->samples, "How many samples")
+  command->add_option("--samples", arguments->samples, "Number of samples")
       ->check(whole_number(1, 1e12));
-  command->add_option(
-      "--first", arguments->first,
-      "Sample to begin at, from 0 (default: where the longest stretch without a gap "
-      "begins)");
+  command->add_option("--first", arguments->first,
+                      "First sample, from 0 (default: start of the longest part without gaps)");
   command
       ->add_option("--drive-hz", arguments->drive_hz,
-                   "Frequency of the drive in Eq. (1) (default: the base's strongest tone)")
+                   "Frequency of the drive in Eq. (1) (default: strongest tone of the base)")
       ->check(positive_number());
   command->add_option("--bins", arguments->bins, "Cells of the surface along each axis")
       ->check(whole_number(1, 1000))

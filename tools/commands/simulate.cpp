@@ -17,8 +17,6 @@ namespace stickslip::commands {
 
 using namespace command_line;
 
-using namespace command_line;
-
 namespace {
 
 struct Arguments {
@@ -29,8 +27,8 @@ struct Arguments {
   bool no_noise = false;
 };
 
-// First and second derivative of samples on their own instants: the parabola through three
-// neighbours is not enough for a second derivative that drives a rig, so a quartic through five.
+// Derivatives of non-uniform samples by a quartic through five neighbours: a parabola is too coarse
+// for the acceleration of the base.
 struct Derivatives {
   double first = 0.0;
   double second = 0.0;
@@ -70,13 +68,13 @@ Derivatives derivatives_at(const std::vector<double>& t, const std::vector<doubl
 
 std::vector<physics::Input> inputs_of(const protocol::Recording& drive, const physics::Model& model,
                                       const std::vector<double>& time) {
-  const auto column = [&](Channel channel, const char* why) {
+  const auto column = [&](Channel channel, const char* role) {
     std::vector<double> values;
     for (const Frame& frame : drive.frames) {
       if (!frame.has(channel)) {
         throw InputError(Problem{drive.source, 0, 0,
                                  "lacks " + std::string(info(channel).column) + " at time " +
-                                     std::to_string(frame.time_s()) + " s, which " + why});
+                                     std::to_string(frame.time_s()) + " s, which " + role});
       }
       values.push_back(frame[channel]);
     }
@@ -113,25 +111,30 @@ std::vector<physics::Input> inputs_of(const protocol::Recording& drive, const ph
   return inputs;
 }
 
+// Sample times from 0. Refuses gaps over which an interpolated excitation has no meaning.
+std::vector<double> times_of(const protocol::Recording& drive, const std::string& name) {
+  constexpr double longest_s = 3600.0;
+  std::vector<double> time;
+  for (const Frame& frame : drive.frames) {
+    time.push_back(static_cast<double>(frame.time_ns - drive.frames.front().time_ns) * 1.0e-9);
+    if (time.size() < 2) continue;
+    const double gap_s = time.back() - time[time.size() - 2];
+    if (gap_s <= longest_s) continue;
+    throw InputError(Problem{name, 0, 0,
+                             "the sample at " + std::to_string(frame.time_s()) + " s comes " +
+                                 std::to_string(gap_s) + " s after the one before; expected at " +
+                                 "most " + std::to_string(longest_s) + " s"});
+  }
+  return time;
+}
+
 int run(const Arguments& arguments) {
   const physics::Model model = config::load_model(arguments.model);
   const protocol::Recording drive = recording_from(arguments.drive);
   if (drive.frames.size() < 5) {
-    throw InputError(Problem{arguments.drive, 0, 0, "holds fewer than 5 samples"});
+    throw InputError(Problem{arguments.drive, 0, 0, "contains fewer than 5 samples"});
   }
-  std::vector<double> time;
-  for (const Frame& frame : drive.frames) {
-    time.push_back(static_cast<double>(frame.time_ns - drive.frames.front().time_ns) * 1.0e-9);
-    // Beyond this nobody meant what the drive does between its samples.
-    constexpr double longest_s = 3600.0;
-    if (time.size() > 1 && time.back() - time[time.size() - 2] > longest_s) {
-      throw InputError(Problem{arguments.drive, 0, 0,
-                               "the sample at " + std::to_string(frame.time_s()) + " s comes " +
-                                   std::to_string(time.back() - time[time.size() - 2]) +
-                                   " s after the one before; expected at most " +
-                                   std::to_string(longest_s) + " s"});
-    }
-  }
+  const std::vector<double> time = times_of(drive, arguments.drive);
   const auto inputs = inputs_of(drive, model, time);
 
   physics::SimulationOptions options;
@@ -164,12 +167,13 @@ int run(const Arguments& arguments) {
 void add_simulate(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "simulate", "Integrate a model under a given drive and write what its sensors read");
+      "simulate", "Simulate a model under a recorded excitation and write its sensor readings");
   command->add_option("--model", arguments->model, "Model (TOML)")->required();
   command
-      ->add_option("--drive", arguments->drive,
-                   "What drives the rig: a recording with base_displacement_m, drive_force_n or, "
-                   "for imposed motion, displacement_m")
+      ->add_option(
+          "--drive", arguments->drive,
+          "Excitation: a recording with base_displacement_m, drive_force_n or, for imposed "
+          "motion, displacement_m")
       ->required();
   command
       ->add_option("--out", arguments->out,
@@ -178,7 +182,7 @@ void add_simulate(CLI::App& app, Action& action) {
   command->add_option("--seed", arguments->seed, "Seed of the sensor noise")
       ->check(seed_number())
       ->capture_default_str();
-  command->add_flag("--no-noise", arguments->no_noise, "Leave out the sensor noise");
+  command->add_flag("--no-noise", arguments->no_noise, "Simulate without sensor noise");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }
 

@@ -1,5 +1,5 @@
-// A case for a blind examination: a recording in which something is hidden (or nothing), the model
-// that its owner believes in, another run of the same rig, and the truth.
+// A case for a blind examination: a recording with or without hidden effects, the declared model, a
+// second run of the same rig for validation, and the truth.
 #pragma once
 
 #include <cstdint>
@@ -8,29 +8,28 @@
 
 #include "physics/model.h"
 #include "protocol/recording.h"
-#include "tools/concealment/truth.h"
+#include "tools/concealment/ground_truth.h"
 
 namespace stickslip::concealment {
 
-/// What to hide. Empty: drawn at random, single effects of the catalogue mostly.
-struct Order {
+/// The effects to hide; by default drawn at random, mostly single effects of the catalogue.
+struct CaseRequest {
   enum class Kind { any, nothing, single, pair, unlisted };
   Kind kind = Kind::any;
-  std::vector<std::string> ids;  ///< names of secrets to choose from; empty: all that fit `kind`
-  double duration_s = 30.0;      ///< about: of the recording; the validation run is two thirds
+  std::vector<std::string> ids;  ///< effects to choose from; empty: all of `kind`
+  double duration_s = 30.0;      ///< minimum; at most 30 % more, the validation run two thirds
 };
 
 struct Case {
-  Truth truth;
-  physics::Model believed;
+  GroundTruth truth;
+  physics::Model declared;
   protocol::Recording recording;
   protocol::Recording validation;
 };
 
-/// Draws a case. The effect is visible: within 0.4 s it changes the readings by at least four times
-/// the noise, and by 1.2 times after the declared parameters have absorbed what they can. The same
-/// order, seed and name give the same case. Throws std::runtime_error where 40 rigs were drawn and
-/// none showed it.
-Case conceal(const Order& order, std::uint64_t seed, const std::string& name);
+/// Every hidden effect is visible: within 0.4 s it changes the readings by at least four times the
+/// noise, and by 1.2 times after calibration of the declared parameters. The same request, seed and
+/// name give the same case. Throws std::runtime_error if no effect is visible on 40 benches.
+Case conceal(const CaseRequest& request, std::uint64_t seed, const std::string& name);
 
 }  // namespace stickslip::concealment

@@ -10,8 +10,6 @@ namespace stickslip::concealment {
 
 namespace {
 
-using concealment::TrueEffect;
-using concealment::Truth;
 using Json = nlohmann::ordered_json;
 using Spans = std::vector<std::pair<double, double>>;
 
@@ -28,7 +26,7 @@ Spans merged(Spans spans) {
   return out;
 }
 
-// Length of what two sets of spans share, over the length of what either covers.
+// Length of the intersection of two sets of intervals over that of their union.
 double overlap_of(const Spans& a, const Spans& b) {
   const Spans one = merged(a);
   const Spans other = merged(b);
@@ -60,7 +58,7 @@ std::string text_at(const Json& json, const char* key) {
   return json.contains(key) && json[key].is_string() ? json[key].get<std::string>() : std::string();
 }
 
-bool holds(const std::vector<std::string>& list, const std::string& word) {
+bool contains(const std::vector<std::string>& list, const std::string& word) {
   return std::find(list.begin(), list.end(), word) != list.end();
 }
 
@@ -75,10 +73,10 @@ void grade_parameters(Grade& out, const TrueEffect& effect, const Json* finding)
     if (!truth.graded) continue;
     ++out.parameters;
     if (finding == nullptr || !finding->at("parameters").contains(name)) continue;
-    const Json& said = finding->at("parameters").at(name);
-    double value = said.at("value").get<double>();
-    double low = said.at("ci95").at(0).get<double>();
-    double high = said.at("ci95").at(1).get<double>();
+    const Json& reported = finding->at("parameters").at(name);
+    double value = reported.at("value").get<double>();
+    double low = reported.at("ci95").at(0).get<double>();
+    double high = reported.at("ci95").at(1).get<double>();
     if (truth.sign_free && value * truth.value < 0.0) {
       value = -value;
       std::swap(low, high);
@@ -92,9 +90,65 @@ void grade_parameters(Grade& out, const TrueEffect& effect, const Json* finding)
   }
 }
 
+// The finding that names each hidden effect, of several the one at its channel; nullptr if none.
+std::vector<const Json*> matches_of(const GroundTruth& truth, const Json& findings, Grade& out) {
+  std::vector<const Json*> match(truth.effects.size(), nullptr);
+  std::vector<bool> taken(findings.size(), false);
+  for (std::size_t i = 0; i < truth.effects.size(); ++i) {
+    const TrueEffect& effect = truth.effects[i];
+    std::optional<std::size_t> best;
+    for (std::size_t k = 0; k < findings.size(); ++k) {
+      if (taken[k] || !contains(effect.accept, out.named[k])) continue;
+      const bool here =
+          effect.channel && text_at(findings[k], "channel") == info(*effect.channel).stem;
+      if (!best || here) best = k;
+      if (here) break;
+    }
+    if (!best) continue;
+    taken[*best] = true;
+    match[i] = &findings[*best];
+  }
+  out.surplus = static_cast<int>(std::count(taken.begin(), taken.end(), false));
+  return match;
+}
+
+bool depends_on_any(const Json& finding, const std::vector<std::string>& variables) {
+  const Json names = finding.at("parameters").value("depends_on", Json::array());
+  return std::any_of(names.begin(), names.end(), [&](const Json& name) {
+    return contains(variables, name.get<std::string>());
+  });
+}
+
+// `match`: the finding that names the effect, or nullptr.
+void grade_effect(Grade& out, const TrueEffect& effect, const Json* match, const Json& findings,
+                  const Json& location) {
+  const Json* finding = match != nullptr ? match : (findings.empty() ? nullptr : &findings.front());
+  const std::string located = location.is_object() ? text_at(location, "relation") : "";
+  const std::string relation = finding != nullptr ? text_at(*finding, "relation") : located;
+  out.relation_right = out.relation_right && contains(effect.relations, relation);
+  if (effect.channel) {
+    const bool here = match != nullptr && text_at(*match, "channel") == info(*effect.channel).stem;
+    out.channel_right = out.channel_right.value_or(true) && here;
+  }
+  if (!effect.when_s.empty()) {
+    Spans reported;
+    if (match != nullptr && match->contains("when_s")) {
+      reported = spans_of(match->at("when_s"));
+    } else if (location.is_object()) {
+      reported = spans_of(location.value("when_s", Json::array()));
+    }
+    out.overlap = overlap_of(reported, effect.when_s);
+  }
+  if (!effect.depends_on.empty()) {
+    out.depends_right = match != nullptr && depends_on_any(*match, effect.depends_on);
+  }
+  const bool by_its_id = match != nullptr && text_at(*match, "id") == effect.id;
+  grade_parameters(out, effect, by_its_id ? match : nullptr);
+}
+
 }  // namespace
 
-Grade grade(const Truth& truth, const Json& report) {
+Grade grade(const GroundTruth& truth, const Json& report) {
   Grade out;
   out.name = truth.name;
   out.kind = truth.kind;
@@ -119,64 +173,17 @@ Grade grade(const Truth& truth, const Json& report) {
     return out;
   }
   out.missed = out.verdict == "consistent";
-
-  // Every hidden effect takes the finding that names it, of several the one at its channel.
-  std::vector<const Json*> match(truth.effects.size(), nullptr);
-  std::vector<bool> taken(findings.size(), false);
-  for (std::size_t i = 0; i < truth.effects.size(); ++i) {
-    const TrueEffect& effect = truth.effects[i];
-    std::optional<std::size_t> best;
-    for (std::size_t k = 0; k < findings.size(); ++k) {
-      if (taken[k] || !holds(effect.accept, out.named[k])) continue;
-      const bool here =
-          effect.channel && text_at(findings[k], "channel") == info(*effect.channel).stem;
-      if (!best || here) best = k;
-      if (here) break;
-    }
-    if (!best) continue;
-    taken[*best] = true;
-    match[i] = &findings[*best];
-  }
-  out.surplus = static_cast<int>(std::count(taken.begin(), taken.end(), false));
+  const std::vector<const Json*> match = matches_of(truth, findings, out);
   out.all_named =
       std::all_of(match.begin(), match.end(), [](const Json* m) { return m != nullptr; });
-  out.first_right = !out.named.empty() &&
-                    std::any_of(truth.effects.begin(), truth.effects.end(),
-                                [&](const TrueEffect& e) { return holds(e.accept, out.named[0]); });
+  out.first_right = !out.named.empty() && std::any_of(truth.effects.begin(), truth.effects.end(),
+                                                      [&](const TrueEffect& e) {
+                                                        return contains(e.accept, out.named[0]);
+                                                      });
   const Json location = report.value("location", Json(nullptr));
-  const std::string located = location.is_object() ? text_at(location, "relation") : "";
   out.relation_right = true;
   for (std::size_t i = 0; i < match.size(); ++i) {
-    const TrueEffect& effect = truth.effects[i];
-    const Json* finding =
-        match[i] != nullptr ? match[i] : (findings.empty() ? nullptr : &findings.front());
-    const std::string said = finding != nullptr ? text_at(*finding, "relation") : located;
-    out.relation_right = out.relation_right && holds(effect.relations, said);
-    if (effect.channel) {
-      const bool here =
-          match[i] != nullptr && text_at(*match[i], "channel") == info(*effect.channel).stem;
-      out.channel_right = out.channel_right.value_or(true) && here;
-    }
-    if (!effect.when_s.empty()) {
-      Spans said_when;
-      if (match[i] != nullptr && match[i]->contains("when_s")) {
-        said_when = spans_of(match[i]->at("when_s"));
-      } else if (location.is_object()) {
-        said_when = spans_of(location.value("when_s", Json::array()));
-      }
-      out.overlap = overlap_of(said_when, effect.when_s);
-    }
-    if (!effect.depends_on.empty()) {
-      bool depends = false;
-      if (match[i] != nullptr) {
-        for (const Json& name : match[i]->at("parameters").value("depends_on", Json::array())) {
-          depends = depends || holds(effect.depends_on, name.get<std::string>());
-        }
-      }
-      out.depends_right = depends;
-    }
-    const bool by_its_id = match[i] != nullptr && text_at(*match[i], "id") == effect.id;
-    grade_parameters(out, effect, by_its_id ? match[i] : nullptr);
+    grade_effect(out, truth.effects[i], match[i], findings, location);
   }
   out.exact = out.verdict_right && out.all_named && out.surplus == 0 &&
               out.channel_right.value_or(true) && out.depends_right.value_or(true);
@@ -195,9 +202,10 @@ Rate rate_interval(int hits, int count) {
 
 namespace {
 
-// What is counted, over which grades.
+// Hits among the grades to which a criterion applies.
 struct Tally {
-  std::string_view name;
+  std::string_view key;  ///< in the JSON
+  std::string_view label;
   int hits = 0;
   int count = 0;
   void add(bool hit) {
@@ -220,21 +228,23 @@ std::optional<bool> improved(const Grade& g) {
 }
 
 std::vector<Tally> tallies_of(std::span<const Grade> grades) {
-  Tally first{"single effects named right first"};
-  Tally exact{"single effects exact (nothing more)"};
-  Tally relation{"relation right"};
-  Tally null{"nothing hidden called consistent"};
-  Tally pairs{"both of two named, nothing more"};
-  Tally unlisted{"unlisted physics called so"};
-  Tally unlisted_relation{"unlisted physics at the right relation"};
-  Tally wrong{"unlisted physics given a wrong name"};
-  Tally channel{"channel right"};
-  Tally tenth{"parameters within 10 %"};
-  Tally within{"parameters within their tolerance"};
-  Tally covered{"95 % intervals that hold the truth"};
-  Tally when{"events found with an overlap above 0.8"};
-  Tally floor{"held-out chi-squared at most 1.15 where named"};
-  Tally better{"better on another run"};
+  Tally first{"single effects named right first", "single effects: first finding correct"};
+  Tally exact{"single effects exact (nothing more)", "single effects: exact"};
+  Tally relation{"relation right", "relation correct"};
+  Tally null{"nothing hidden called consistent", "no hidden effect: consistent"};
+  Tally pairs{"both of two named, nothing more", "two effects: both found, no surplus"};
+  Tally unlisted{"unlisted physics called so", "unlisted physics: reported as unlisted"};
+  Tally unlisted_relation{"unlisted physics at the right relation",
+                          "unlisted physics: relation correct"};
+  Tally wrong{"unlisted physics given a wrong name", "unlisted physics: wrong effect reported"};
+  Tally channel{"channel right", "channel correct"};
+  Tally tenth{"parameters within 10 %", "parameters within 10 %"};
+  Tally within{"parameters within their tolerance", "parameters within tolerance"};
+  Tally covered{"95 % intervals that hold the truth", "coverage of the 95 % intervals"};
+  Tally when{"events found with an overlap above 0.8", "events: overlap above 0.8"};
+  Tally floor{"held-out chi-squared at most 1.15 where named",
+              "exact reports: held-out chi-squared <= 1.15"};
+  Tally better{"better on another run", "validation run predicted better"};
   for (const Grade& g : grades) {
     if (g.kind == "null") {
       null.add(!g.false_alarm && g.verdict_right);
@@ -282,64 +292,76 @@ std::string column_of(const Grade& g) {
   return joined(g.named);
 }
 
-}  // namespace
+struct Group {
+  std::vector<double> chi2, seconds;
+  int first = 0, exact = 0, relation = 0;
+  int parameters = 0, within = 0, covered = 0;
 
-std::string summary_text(std::span<const Grade> grades) {
-  std::string text;
-  char line[240];
-  std::map<std::string, std::vector<const Grade*>> by_hidden;
-  for (const Grade& g : grades) {
-    const std::string row = g.kind == "pair" ? "(two effects)" : row_of(g);
-    by_hidden[row].push_back(&g);
+  void add(const Grade& g) {
+    first += g.first_right ? 1 : 0;
+    exact += g.exact ? 1 : 0;
+    relation += g.relation_right ? 1 : 0;
+    parameters += g.parameters;
+    within += g.within_tolerance;
+    covered += g.covered;
+    if (g.chi2_after) chi2.push_back(*g.chi2_after);
+    seconds.push_back(g.seconds);
   }
+};
+
+std::string table_text(std::span<const Grade> grades) {
+  std::map<std::string, Group> groups;
+  for (const Grade& g : grades) {
+    groups[g.kind == "pair" ? "(two effects)" : row_of(g)].add(g);
+  }
+  char line[240];
   std::snprintf(line, sizeof line, "%-33s %3s %7s %7s %8s %8s %7s %9s %7s\n", "hidden", "n",
                 "first", "exact", "relation", "within", "covered", "chi2", "s");
-  text += line;
-  for (const auto& [hidden, group] : by_hidden) {
-    int first = 0;
-    int exact = 0;
-    int relation = 0;
-    int parameters = 0;
-    int within = 0;
-    int covered = 0;
-    std::vector<double> chi2;
-    std::vector<double> seconds;
-    for (const Grade* g : group) {
-      first += g->first_right ? 1 : 0;
-      exact += g->exact ? 1 : 0;
-      relation += g->relation_right ? 1 : 0;
-      parameters += g->parameters;
-      within += g->within_tolerance;
-      covered += g->covered;
-      if (g->chi2_after) chi2.push_back(*g->chi2_after);
-      seconds.push_back(g->seconds);
-    }
-    const int n = static_cast<int>(group.size());
+  std::string text = line;
+  for (const auto& [hidden, group] : groups) {
+    const int n = static_cast<int>(group.seconds.size());
     std::snprintf(line, sizeof line,
                   "%-33s %3d %3d/%-3d %3d/%-3d %4d/%-3d %4d/%-3d %3d/%-3d %9.3g %7.1f\n",
-                  hidden.c_str(), n, first, n, exact, n, relation, n, within, parameters, covered,
-                  parameters, median(chi2), median(seconds));
+                  hidden.c_str(), n, group.first, n, group.exact, n, group.relation, n,
+                  group.within, group.parameters, group.covered, group.parameters,
+                  median(group.chi2), median(group.seconds));
     text += line;
   }
-  text += "\nHidden -> named, where the two differ\n";
+  return text;
+}
+
+std::string confusion_text(std::span<const Grade> grades) {
+  std::string text = "\nHidden -> reported, where not exact\n";
   std::map<std::pair<std::string, std::string>, std::vector<std::string>> confusion;
   for (const Grade& g : grades) {
     if (!g.exact) confusion[{row_of(g), column_of(g)}].push_back(g.name);
   }
-  if (confusion.empty()) text += "  nowhere\n";
+  if (confusion.empty()) text += "  none\n";
   for (const auto& [pair, names] : confusion) {
     text += "  " + pair.first + " -> " + pair.second + ": " + std::to_string(names.size()) + " (" +
             names.front() + (names.size() > 1 ? ", ..." : "") + ")\n";
   }
-  text += "\n";
+  return text;
+}
+
+std::string rates_text(std::span<const Grade> grades) {
+  std::string text;
+  char line[240];
   for (const Tally& tally : tallies_of(grades)) {
     if (tally.count == 0) continue;
     const Rate rate = rate_interval(tally.hits, tally.count);
     std::snprintf(line, sizeof line, "%-46s %4d of %-4d %5.1f %%  (95 %%: %.1f to %.1f)\n",
-                  std::string(tally.name).c_str(), tally.hits, tally.count,
+                  std::string(tally.label).c_str(), tally.hits, tally.count,
                   100.0 * tally.hits / tally.count, 100.0 * rate.low, 100.0 * rate.high);
     text += line;
   }
+  return text;
+}
+
+}  // namespace
+
+std::string summary_text(std::span<const Grade> grades) {
+  std::string text = table_text(grades) + confusion_text(grades) + "\n" + rates_text(grades);
   for (const Grade& g : grades) {
     if (!g.problem.empty()) text += g.name + ": " + g.problem + "\n";
   }
@@ -352,7 +374,7 @@ Json summary_json(std::span<const Grade> grades) {
   json["rates"] = Json::object();
   for (const Tally& tally : tallies_of(grades)) {
     const Rate rate = rate_interval(tally.hits, tally.count);
-    json["rates"][std::string(tally.name)] = {
+    json["rates"][std::string(tally.key)] = {
         {"hits", tally.hits}, {"of", tally.count}, {"ci95", Json::array({rate.low, rate.high})}};
   }
   json["cases"] = Json::array();

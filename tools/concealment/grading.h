@@ -1,4 +1,4 @@
-// Grades a diagnosis against the truth, and many of them together.
+// Grades of diagnoses against the truth, and their statistics.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -7,28 +7,27 @@
 #include <string>
 #include <vector>
 
-#include "tools/concealment/truth.h"
+#include "tools/concealment/ground_truth.h"
 
 namespace stickslip::concealment {
 
-/// What is right and what is wrong in one report.
 struct Grade {
   std::string name;
   std::string kind;
-  std::vector<std::string> hidden;  ///< ids; of an unlisted physics its own name
+  std::vector<std::string> hidden;  ///< ids; names of unlisted physics
   std::vector<std::string> named;   ///< ids of the findings
-  std::string verdict;              ///< empty: there is no report
+  std::string verdict;              ///< empty: no report
   bool verdict_right = false;
-  bool false_alarm = false;     ///< something was found where nothing is hidden
-  bool missed = false;          ///< called consistent although something is hidden
-  bool first_right = false;     ///< the first finding names something that is hidden
-  bool relation_right = false;  ///< every hidden effect is looked for in the right relation
+  bool false_alarm = false;     ///< a finding without a hidden effect
+  bool missed = false;          ///< consistent in spite of a hidden effect
+  bool first_right = false;     ///< the first finding names a hidden effect
+  bool relation_right = false;  ///< of every hidden effect
   bool all_named = false;
-  int surplus = 0;     ///< findings that name nothing hidden
-  bool exact = false;  ///< the verdict, all that is hidden, at its channel, and nothing more
+  int surplus = 0;     ///< findings that name no hidden effect
+  bool exact = false;  ///< verdict, all hidden effects, their channels, and no surplus
   std::optional<bool> channel_right;  ///< sensor effects
   std::optional<bool> depends_right;  ///< unlisted physics
-  std::optional<double> overlap;      ///< in time, of what lasts from one instant to another
+  std::optional<double> overlap;      ///< of the times of an event
   int parameters = 0;                 ///< graded
   int within_tolerance = 0;
   int within_tenth = 0;               ///< within 10 % of the truth
@@ -38,21 +37,20 @@ struct Grade {
   std::optional<double> validation_before;  ///< on another run
   std::optional<double> validation_after;
   double seconds = 0.0;
-  std::string problem;  ///< why there is no report
+  std::string problem;  ///< reason for a missing report
 };
 
-/// Grades a report (section 5 of the contract); null where there is none.
-Grade grade(const concealment::Truth& truth, const nlohmann::ordered_json& report);
+/// `report`: section 5 of the contract; null if there is none.
+Grade grade(const GroundTruth& truth, const nlohmann::ordered_json& report);
 
-/// A table with one line for each hidden effect, the confusion table (what was hidden against what
-/// was named first), and the rates with their 95 % intervals.
+/// A table with one line per hidden effect, the confusions (hidden against reported effects), and
+/// the rates with their 95 % intervals.
 std::string summary_text(std::span<const Grade> grades);
 
-/// The same for machines.
+/// The rates and the grades of all cases.
 nlohmann::ordered_json summary_json(std::span<const Grade> grades);
 
-/// The interval that holds a rate with 95 % probability, by Wilson's formula, when `hits` of
-/// `count` are seen. {0, 1} for a count of 0.
+/// Wilson's 95 % interval of a rate with `hits` of `count`; {0, 1} for a count of 0.
 struct Rate {
   double low = 0.0;
   double high = 1.0;

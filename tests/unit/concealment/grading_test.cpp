@@ -8,13 +8,11 @@
 namespace stickslip::concealment {
 namespace {
 
-using concealment::TrueEffect;
-using concealment::Truth;
 using Json = nlohmann::ordered_json;
 using testing::HasSubstr;
 
-Truth hidden(std::vector<TrueEffect> effects) {
-  Truth truth;
+GroundTruth hidden(std::vector<TrueEffect> effects) {
+  GroundTruth truth;
   truth.name = "case-001";
   truth.kind = effects.empty() ? "null" : (effects.size() == 1 ? "single" : "pair");
   truth.verdict = effects.empty() ? "consistent" : "missing_physics";
@@ -29,7 +27,7 @@ TrueEffect cubic() {
   e.parameters["k3_n_m3"] = {1000.0, 0.25, 0.0, true, false};
   return e;
 }
-TrueEffect late_velocity() {
+TrueEffect delayed_velocity() {
   TrueEffect e;
   e.id = "channel_delay";
   e.accept = {"channel_delay"};
@@ -57,7 +55,7 @@ Json report(const char* verdict, std::vector<Json> findings) {
   return json;
 }
 
-TEST(Grading, ARightAnswerIsRightInAllRespects) {
+TEST(Grading, CorrectReport) {
   const Grade g =
       grade(hidden({cubic()}),
             report("missing_physics",
@@ -70,7 +68,7 @@ TEST(Grading, ARightAnswerIsRightInAllRespects) {
   EXPECT_DOUBLE_EQ(*g.chi2_after, 1.02);
 }
 
-TEST(Grading, AWrongNameAFalseAlarmAMissAndASurplusAreSeen) {
+TEST(Grading, WrongNameFalseAlarmMissAndSurplus) {
   const Json wrong =
       report("missing_physics", {finding("end_stop", "force_balance", "gap_m", 0.01, 0.001)});
   const Grade g = grade(hidden({cubic()}), wrong);
@@ -91,27 +89,27 @@ TEST(Grading, AWrongNameAFalseAlarmAMissAndASurplusAreSeen) {
   EXPECT_FALSE(more.exact);
 }
 
-TEST(Grading, ASensorFaultMustBeAtItsChannelAndAnIntervalMustHoldTheTruth) {
+TEST(Grading, SensorErrorNeedsItsChannelAndIntervalsTheTruth) {
   const auto at = [](const char* channel, double half) {
     return report("missing_physics",
                   {finding("channel_delay", "sensor", "delay_s", 0.0045, half, channel)});
   };
-  const Grade right = grade(hidden({late_velocity()}), at("velocity", 0.001));
+  const Grade right = grade(hidden({delayed_velocity()}), at("velocity", 0.001));
   EXPECT_TRUE(right.exact && *right.channel_right);
   EXPECT_EQ(right.covered, 1);
-  EXPECT_EQ(grade(hidden({late_velocity()}), at("velocity", 0.0001)).covered, 0);
-  const Grade elsewhere = grade(hidden({late_velocity()}), at("displacement", 0.001));
+  EXPECT_EQ(grade(hidden({delayed_velocity()}), at("velocity", 0.0001)).covered, 0);
+  const Grade elsewhere = grade(hidden({delayed_velocity()}), at("displacement", 0.001));
   EXPECT_FALSE(elsewhere.exact || *elsewhere.channel_right);
   EXPECT_TRUE(elsewhere.first_right);
 }
 
-TEST(Grading, APairNeedsBothAndAnEventItsTime) {
+TEST(Grading, PairNeedsBothEffectsAndAnEventItsTime) {
   const auto both = report("missing_physics",
                            {finding("channel_delay", "sensor", "delay_s", 0.004, 1.0, "velocity"),
                             finding("cubic_stiffness", "force_balance", "k3_n_m3", 1000.0, 1.0)});
-  EXPECT_TRUE(grade(hidden({cubic(), late_velocity()}), both).exact);
+  EXPECT_TRUE(grade(hidden({cubic(), delayed_velocity()}), both).exact);
   EXPECT_FALSE(
-      grade(hidden({cubic(), late_velocity()}), report("missing_physics", {both["findings"][1]}))
+      grade(hidden({cubic(), delayed_velocity()}), report("missing_physics", {both["findings"][1]}))
           .exact);
   TrueEffect event = cubic();
   event.when_s = {{10.0, 20.0}};
@@ -121,14 +119,14 @@ TEST(Grading, APairNeedsBothAndAnEventItsTime) {
   EXPECT_NEAR(*grade(hidden({event}), timed).overlap, 0.8, 1.0e-12);
 }
 
-TEST(Grading, NoReportIsNoRightAnswer) {
+TEST(Grading, MissingReportIsWrong) {
   const Grade g = grade(hidden({cubic()}), Json(nullptr));
   EXPECT_FALSE(g.exact || g.first_right || g.relation_right);
   EXPECT_TRUE(g.missed);
   EXPECT_EQ(g.parameters, 1);
 }
 
-TEST(Summary, CountsRatesWithTheirIntervalsAndShowsWhatWasConfused) {
+TEST(Summary, HasRatesAndConfusions) {
   Grade good;
   good.kind = "single";
   good.name = "case-001";
@@ -147,7 +145,7 @@ TEST(Summary, CountsRatesWithTheirIntervalsAndShowsWhatWasConfused) {
 }
 
 TEST(RateInterval, IsWilsons) {
-  // Tabulated: 8 of 10.
+  // Tabulated for 8 of 10.
   EXPECT_NEAR(rate_interval(8, 10).low, 0.4902, 1.0e-4);
   EXPECT_NEAR(rate_interval(8, 10).high, 0.9433, 1.0e-4);
   EXPECT_EQ(rate_interval(0, 0).high, 1.0);

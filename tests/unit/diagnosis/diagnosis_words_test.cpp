@@ -12,7 +12,7 @@ namespace {
 using test::driven_mass;
 using test::record;
 
-TEST(Diagnosis, OfTooShortARecordingIsRefusedInWords) {
+TEST(Diagnosis, RefusesATooShortRecordingWithAReason) {
   try {
     Options options;
     options.horizon_s = 0.5;
@@ -23,7 +23,7 @@ TEST(Diagnosis, OfTooShortARecordingIsRefusedInWords) {
   }
 }
 
-TEST(Diagnosis, TellsWhatItDoesFromBeginningToEnd) {
+TEST(Diagnosis, ReportsProgressFromStartToEnd) {
   std::vector<double> done;
   Options options;
   options.threads = 2;

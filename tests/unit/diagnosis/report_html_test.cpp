@@ -10,11 +10,14 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/report/picture.h"
-#include "diagnosis/report/words.h"
+#include "diagnosis/report/formatting.h"
+#include "diagnosis/report/plot_svg.h"
 #include "physics/effects/catalogue.h"
 
-namespace stickslip::diagnosis {
+namespace stickslip::report {
+
+using namespace diagnosis;
+
 namespace {
 
 using testing::AllOf;
@@ -66,7 +69,7 @@ Diagnosis with_a_finding() {
                         {{0.0, 30.0}},
                         {},
                         std::nullopt,
-                        "They part in the force balance of the mass.",
+                        "Mismatch in the force balance of the mass.",
                         {{.channel = Channel::displacement,
                           .aspect = Aspect::displacement,
                           .from = 0.01,
@@ -124,9 +127,9 @@ Provenance provenance() {
           {{"<odd> & name.csv", "abc123"}}};
 }
 
-// The tags of a page as a parser of XML sees them: every one closed, in order, and every attribute
-// in quotes. Gives what is wrong, or nothing.
-std::string fault_of_markup(const std::string& page) {
+// The first violation of XML: a tag that is not closed in order, an unquoted attribute, an
+// unescaped ampersand. Empty for well-formed markup.
+std::string markup_error(const std::string& page) {
   std::vector<std::string> open;
   for (std::size_t at = page.find('<'); at != std::string::npos; at = page.find('<', at)) {
     const std::size_t end = page.find('>', at);
@@ -144,7 +147,6 @@ std::string fault_of_markup(const std::string& page) {
     }
     open.push_back(tag.substr(0, tag.find_first_of(" \n")));
   }
-  // Every ampersand begins one of these.
   for (std::size_t at = page.find('&'); at != std::string::npos; at = page.find('&', at + 1)) {
     bool known = false;
     for (const char* entity : {"&lt;", "&gt;", "&amp;", "&quot;", "&#39;"}) {
@@ -155,12 +157,11 @@ std::string fault_of_markup(const std::string& page) {
   return open.empty() ? "" : open.back() + " is never closed";
 }
 
-// What a person sees before scrolling.
 std::string first_screen_of(const std::string& page) {
   return page.substr(page.find("<header"), page.find("</header>") - page.find("<header"));
 }
 
-// A diagnosis of every kind of answer.
+// One diagnosis per kind of answer.
 Diagnosis consistent() {
   Diagnosis d;
   d.baseline.chi2_per_sample = 1.004;
@@ -180,7 +181,7 @@ Diagnosis ambiguous() {
   d.findings.front().alternatives.front().probability = 0.3;
   return d;
 }
-Diagnosis sure() {
+Diagnosis confident() {
   Diagnosis d = with_a_finding();
   d.findings.front().probability = 0.9996;
   d.findings.front().alternatives.clear();
@@ -195,32 +196,31 @@ Diagnosis unexplained() {
   return d;
 }
 
-TEST(ReportHtml, SaysWhatWasFoundHowSureAndHowToRepeatIt) {
+TEST(ReportHtml, HasFindingsConfidenceAndReproduction) {
   const std::string page = report_html(with_a_finding(), provenance());
   for (const char* part :
-       {"hardening or softening spring", "They part in the force balance", "k3_n_m3", "end stop",
+       {"hardening or softening spring", "Mismatch in the force balance", "k3_n_m3", "end stop",
         "stepped amplitudes", "force against +x over displacement", "Phase space", "seed 42",
         "1.2.3", "abc123", "at displacements from 0.01 to 0.02 m", "a clipped channel",
         "oscillator.mass_kg", "0.06060 to 0.06180", "95 % interval", "Operating condition",
-        "By phase of the drive", "Channel by time", "mean square of 9.50 times the noise"}) {
+        "By phase of the excitation", "Channel by time", "is 9.50 times that of the noise"}) {
     EXPECT_THAT(page, HasSubstr(part));
   }
 }
 
-TEST(ReportHtml, NumbersOfTheFirstScreenAreThoseOfTheDiagnosis) {
+TEST(ReportHtml, FirstScreenHasTheNumbersOfTheDiagnosis) {
   const std::string top = first_screen_of(report_html(with_a_finding(), provenance()));
   for (const char* part :
-       {"9.50 \u2192 1.02", "123\u00a0\u00b5m before, 21.9\u00a0\u00b5m with it",
-        "up to 0.4\u00a0s ahead", "<b>90\u00a0%</b>", "end stop, 10\u00a0%", "700</span>",
-        "680 to 720", "700</span>\u00a0N/m\u00b3", "7.5 standard errors", "28 stretches",
+       {"9.50 \u2192 1.02", "123\u00a0\u00b5m \u2192 21.9\u00a0\u00b5m", "up to 0.4\u00a0s ahead",
+        "<b>90\u00a0%</b>", "end stop (10\u00a0%)", "700</span>", "680 to 720",
+        "700</span>\u00a0N/m\u00b3", "7.5 standard errors", "28 held-out windows",
         "4.00 times the noise", "elsewhere 1.00"}) {
     EXPECT_THAT(top, HasSubstr(part));
   }
 }
 
-// Those of the table of parameters, not those of the declared model bent to fit without the
-// finding.
-TEST(ReportHtml, TheRigIsDescribedWithTheNumbersThatFit) {
+// Those of the augmented model, not those of the declared model calibrated without the finding.
+TEST(ReportHtml, DescribesTheRigWithTheFittedParameters) {
   Diagnosis d = with_a_finding();
   d.model.oscillator.mass_kg.value = 0.0612;
   d.baseline_model.oscillator.mass_kg.value = 0.0521;
@@ -229,33 +229,33 @@ TEST(ReportHtml, TheRigIsDescribedWithTheNumbersThatFit) {
   EXPECT_THAT(page, Not(HasSubstr("0.0521")));
 }
 
-TEST(ReportHtml, EveryKindOfAnswerHasItsOwnFirstScreen) {
+TEST(ReportHtml, EveryKindOfAnswerHasItsFirstScreen) {
   EXPECT_THAT(first_screen_of(report_html(consistent(), provenance())),
-              AllOf(HasSubstr("Nothing is missing"), HasSubstr("class=\"consistent\""),
-                    HasSubstr("1.00</b>"), HasSubstr("28 stretches"),
-                    HasSubstr("its noise is 10.0\u00a0\u00b5m"),
+              AllOf(HasSubstr("No missing physics"), HasSubstr("class=\"consistent\""),
+                    HasSubstr("1.00</b>"), HasSubstr("28 held-out windows"),
+                    HasSubstr("noise 10.0\u00a0\u00b5m"),
                     HasSubstr("hardening or softening spring (<code>k3_n_m3</code> = "
                               "6540\u00a0N/m\u00b3)"),
                     Not(HasSubstr("wrong gain")), Not(HasSubstr("\u2192"))));
-  EXPECT_THAT(first_screen_of(report_html(sure(), provenance())),
-              AllOf(HasSubstr("The model leaves out one piece of physics: hardening"),
-                    HasSubstr("over 99.9\u00a0%"), Not(HasSubstr("What to do next"))));
-  EXPECT_THAT(first_screen_of(report_html(ambiguous(), provenance())),
-              AllOf(HasSubstr("most probably hardening"), HasSubstr("does not rule out end stop"),
-                    HasSubstr("This run would tell them apart: stepped amplitudes"),
-                    HasSubstr("class=\"ambiguous\"")));
+  EXPECT_THAT(first_screen_of(report_html(confident(), provenance())),
+              AllOf(HasSubstr("The model lacks one physical effect: hardening"),
+                    HasSubstr("&gt;\u00a099.9\u00a0%"), Not(HasSubstr("Next step"))));
+  EXPECT_THAT(
+      first_screen_of(report_html(ambiguous(), provenance())),
+      AllOf(HasSubstr("most likely hardening"), HasSubstr("does not rule out end stop"),
+            HasSubstr("To discriminate: stepped amplitudes"), HasSubstr("class=\"ambiguous\"")));
   EXPECT_THAT(first_screen_of(report_html(unexplained(), provenance())),
-              AllOf(HasSubstr("nothing that was tried explains why"), HasSubstr("What to do next"),
+              AllOf(HasSubstr("none of the candidate effects explains why"), HasSubstr("Next step"),
                     HasSubstr("class=\"unexplained\"")));
 }
 
-TEST(ReportHtml, IsWellFormedWhateverTheAnswer) {
-  for (const Diagnosis& d : {consistent(), sure(), ambiguous(), unexplained(), Diagnosis()}) {
-    EXPECT_EQ(fault_of_markup(report_html(d, provenance())), "");
+TEST(ReportHtml, IsWellFormedForEveryAnswer) {
+  for (const Diagnosis& d : {consistent(), confident(), ambiguous(), unexplained(), Diagnosis()}) {
+    EXPECT_EQ(markup_error(report_html(d, provenance())), "");
   }
 }
 
-TEST(ReportHtml, HeadingsGoDownOneStepAtATime) {
+TEST(ReportHtml, HeadingLevelsAreNotSkipped) {
   const std::string page = report_html(with_a_finding(), provenance());
   int before = 0;
   int ones = 0;
@@ -269,7 +269,7 @@ TEST(ReportHtml, HeadingsGoDownOneStepAtATime) {
   EXPECT_EQ(ones, 1);
 }
 
-TEST(ReportHtml, LoadsNothingFromElsewhereAndRunsNothing) {
+TEST(ReportHtml, LoadsNoResourcesAndRunsNoScript) {
   const std::string page = report_html(with_a_finding(), provenance());
   for (const char* part : {"http:", "https:", "src=", "@import", "url(", "<script", "<link",
                            "<iframe", "javascript:"}) {
@@ -284,7 +284,7 @@ TEST(ReportHtml, LoadsNothingFromElsewhereAndRunsNothing) {
   }
 }
 
-TEST(ReportHtml, TakesNoNameForMarkup) {
+TEST(ReportHtml, EscapesNames) {
   const std::string hostile = "</code><script>alert(\"1\")</script>&'<img src=x onerror=y>\x01";
   Diagnosis d = with_a_finding();
   d.integrity.front().source = hostile;
@@ -298,17 +298,17 @@ TEST(ReportHtml, TakesNoNameForMarkup) {
   d.trials.front().id = hostile;
   const std::string page =
       report_html(d, {hostile, hostile, 1, {{hostile, hostile}}, hostile, hostile});
-  EXPECT_EQ(fault_of_markup(page), "");
+  EXPECT_EQ(markup_error(page), "");
   for (const char* part : {"<script", "<img", "\x01"}) EXPECT_THAT(page, Not(HasSubstr(part)));
   EXPECT_THAT(page, HasSubstr("&lt;script&gt;alert(&quot;1&quot;)&lt;/script&gt;&amp;&#39;"));
 }
 
-TEST(ReportHtml, IsTheSameForTheSameDiagnosis) {
+TEST(ReportHtml, IsDeterministic) {
   EXPECT_EQ(report_html(with_a_finding(), provenance()),
             report_html(with_a_finding(), provenance()));
 }
 
-TEST(ReportHtml, EveryPictureSaysWhatItShows) {
+TEST(ReportHtml, EveryFigureHasADescriptionAndACaption) {
   const std::string page = report_html(with_a_finding(), provenance());
   const auto count = [&page](const std::string& part) {
     std::size_t times = 0;
@@ -323,49 +323,48 @@ TEST(ReportHtml, EveryPictureSaysWhatItShows) {
   EXPECT_EQ(count("<caption>"), count("<table>"));
 }
 
-TEST(ReportWords, NumbersAreWrittenAsPeopleWriteThem) {
-  EXPECT_EQ(number_words(7310.4), "7310");
-  EXPECT_EQ(number_words(73104.0), "73100");
-  EXPECT_EQ(number_words(-0.01254), "\u22120.0125");
-  EXPECT_EQ(number_words(0.9996), "1.00");
-  EXPECT_EQ(number_words(1.2e-6), "1.20 \u00d7 10\u207b\u2076");
-  EXPECT_EQ(number_words(0.0), "0");
-  EXPECT_EQ(number_words(std::numeric_limits<double>::quiet_NaN()), "not known");
-  EXPECT_EQ(quantity_words(2.19e-5, "m"), "21.9\u00a0\u00b5m");
-  EXPECT_EQ(quantity_words(0.13, "N"), "130\u00a0mN");
-  EXPECT_EQ(quantity_words(1.5, "1"), "1.50");
-  EXPECT_EQ(quantity_words(1.07e-4, "m", 2.52e-4), "0.107\u00a0mm");
-  EXPECT_EQ(plain_words("k3_n_m3 is 7000, +5 - 3.5e, 1e999 and -"),
+TEST(Formatting, NumbersAndUnits) {
+  EXPECT_EQ(format_number(7310.4), "7310");
+  EXPECT_EQ(format_number(73104.0), "73100");
+  EXPECT_EQ(format_number(-0.01254), "\u22120.0125");
+  EXPECT_EQ(format_number(0.9996), "1.00");
+  EXPECT_EQ(format_number(1.2e-6), "1.20 \u00d7 10\u207b\u2076");
+  EXPECT_EQ(format_number(0.0), "0");
+  EXPECT_EQ(format_number(std::numeric_limits<double>::quiet_NaN()), "not known");
+  EXPECT_EQ(format_quantity(2.19e-5, "m"), "21.9\u00a0\u00b5m");
+  EXPECT_EQ(format_quantity(0.13, "N"), "130\u00a0mN");
+  EXPECT_EQ(format_quantity(1.5, "1"), "1.50");
+  EXPECT_EQ(format_quantity(1.07e-4, "m", 2.52e-4), "0.107\u00a0mm");
+  EXPECT_EQ(plain_text("k3_n_m3 is 7000, +5 - 3.5e, 1e999 and -"),
             "k3_n_m3 is 7000, +5 - 3.5e, 1e999 and -");
-  EXPECT_EQ(plain_words("+2.5e+01"), plain_words("2.5e+01"));
-  EXPECT_EQ(plain_words("friction_force wanders by -1.25e-05 N in 4.38e+03 s"),
+  EXPECT_EQ(plain_text("+2.5e+01"), plain_text("2.5e+01"));
+  EXPECT_EQ(plain_text("friction_force wanders by -1.25e-05 N in 4.38e+03 s"),
             "friction force wanders by \u22121.25 \u00d7 10\u207b\u2075 N in 4380 s");
-  EXPECT_EQ(unit_words("unit of the channel per second", {Channel::velocity, {}}),
-            "m/s per second");
-  EXPECT_EQ(unit_words("1", {}), "");
-  EXPECT_EQ(unit_words("N s^2/m2", {}), "N s\u00b2/m\u00b2");
-  EXPECT_EQ(percent_words(0.99999), "over 99.9\u00a0%");
+  EXPECT_EQ(unit_text("unit of the channel per second", {Channel::velocity, {}}), "m/s per second");
+  EXPECT_EQ(unit_text("1", {}), "");
+  EXPECT_EQ(unit_text("N s^2/m2", {}), "N s\u00b2/m\u00b2");
+  EXPECT_EQ(format_percent(0.99999), ">\u00a099.9\u00a0%");
 }
 
-TEST(ReportWords, AnIntervalDecidesHowManyDigitsAreWritten) {
-  const EstimateWords close = estimate_words(1.15, 1.141, 1.159);
+TEST(Formatting, IntervalSetsTheNumberOfDigits) {
+  const EstimateText close = format_estimate(1.15, 1.141, 1.159);
   EXPECT_EQ(close.value, "1.1500");
   EXPECT_EQ(close.low, "1.1410");
-  const EstimateWords wide = estimate_words(-7300.0, -7750.0, -6840.0);
+  const EstimateText wide = format_estimate(-7300.0, -7750.0, -6840.0);
   EXPECT_EQ(wide.value, "\u22127300");
   EXPECT_EQ(wide.high, "\u22126840");
-  EXPECT_EQ(estimate_words(9.9, 9.5, 10.3).high, "10.30");
+  EXPECT_EQ(format_estimate(9.9, 9.5, 10.3).high, "10.30");
 }
 
-TEST(ReportWords, TrialsAreNamedAsPeopleSayThem) {
-  EXPECT_EQ(trial_words("gain_error of friction_force + cubic_stiffness"),
+TEST(Formatting, TrialsAreNamedAfterTheirEffects) {
+  EXPECT_EQ(trial_name("gain_error of friction_force + cubic_stiffness"),
             "wrong gain (friction force) and hardening or softening spring");
-  EXPECT_EQ(trial_words("crosstalk of velocity from displacement"),
+  EXPECT_EQ(trial_name("crosstalk of velocity from displacement"),
             "crosstalk (velocity from displacement)");
-  EXPECT_EQ(trial_words("nobody knows this"), "nobody knows this");
+  EXPECT_EQ(trial_name("not in the catalogue"), "not in the catalogue");
 }
 
-TEST(LinePlot, LeavesOutWhatIsNoNumberAndKeepsEverySpike) {
+TEST(LinePlot, OmitsNonFiniteValuesAndKeepsEverySpike) {
   LinePlot plot;
   Series series;
   for (int i = 0; i < 20000; ++i) {
@@ -376,13 +375,13 @@ TEST(LinePlot, LeavesOutWhatIsNoNumberAndKeepsEverySpike) {
   plot.series.push_back(series);
   const std::string svg = line_plot_svg(plot);
   EXPECT_THAT(svg, Not(HasSubstr("nan")));
-  // 20000 points are drawn by at most two a pixel.
+  // At most two of the 20000 points per pixel column.
   EXPECT_LT(svg.size(), 60000U);
   plot.series[0].y[12345] = 0.0;
   EXPECT_NE(line_plot_svg(plot), svg);
 }
 
-TEST(LinePlot, OfNothingIsNothing) {
+TEST(LinePlot, WithoutDataIsEmpty) {
   EXPECT_EQ(line_plot_svg({}), "");
   LinePlot plot;
   plot.log_y = true;
@@ -390,7 +389,7 @@ TEST(LinePlot, OfNothingIsNothing) {
   EXPECT_EQ(line_plot_svg(plot), "");
 }
 
-TEST(MapPlot, LeavesOutWhereNothingWasAndDrawsEachShadeOnce) {
+TEST(MapPlot, OmitsEmptyCellsAndDrawsEachShadeOnce) {
   MapPlot plot;
   plot.cells = {{0.0, 0.5, 0.0, 0.5, 1.0},
                 {0.5, 1.0, 0.0, 0.5, 1.0},
@@ -403,7 +402,7 @@ TEST(MapPlot, LeavesOutWhereNothingWasAndDrawsEachShadeOnce) {
   EXPECT_EQ(map_plot_svg({}), "");
 }
 
-TEST(Shape, OfACubicSpringIsItsForceOverDeflection) {
+TEST(Shape, CubicSpringIsForceAgainstDeflection) {
   Experiment e;
   e.largest.displacement_m = 0.01;
   e.largest.velocity_m_s = 0.1;
@@ -417,7 +416,7 @@ TEST(Shape, OfACubicSpringIsItsForceOverDeflection) {
   EXPECT_NEAR(curves[0].value.back(), 7000.0 * 1.0e-6, 1.0e-12);
 }
 
-Experiment of_a_small_rig() {
+Experiment small_experiment() {
   Experiment e;
   e.largest.displacement_m = 0.01;
   e.largest.velocity_m_s = 0.1;
@@ -430,21 +429,21 @@ Experiment of_a_small_rig() {
 
 std::vector<Curve> portrait(const char* id, const physics::Place& place,
                             const std::vector<double>& parameters) {
-  return portrait_of(*physics::find_effect(id), place, parameters, parameters, of_a_small_rig(),
+  return portrait_of(*physics::find_effect(id), place, parameters, parameters, small_experiment(),
                      0.1);
 }
 
-TEST(Portrait, OfWhatRemembersIsALoop) {
+TEST(Portrait, EffectWithMemoryIsALoop) {
   const auto curves = portrait("hysteresis", {}, {50.0, 0.1, 0.0, 1.0});
   ASSERT_EQ(curves.size(), 1U);
   EXPECT_EQ(curves[0].variable, "displacement");
-  // It slips: the force stays within the slip force, and comes close to it both ways.
+  // Full slip: the force approaches the slip force in both directions.
   const auto [least, most] = std::minmax_element(curves[0].value.begin(), curves[0].value.end());
   EXPECT_NEAR(*most, 0.1, 0.01);
   EXPECT_NEAR(*least, -0.1, 0.01);
 }
 
-TEST(Portrait, OfASensorIsWhatItReads) {
+TEST(Portrait, SensorErrorIsReadingAgainstTruth) {
   const auto gain = portrait("gain_error", {Channel::velocity, {}}, {1.2});
   ASSERT_EQ(gain.size(), 1U);
   EXPECT_EQ(gain[0].quantity, "reading");
@@ -454,14 +453,14 @@ TEST(Portrait, OfASensorIsWhatItReads) {
   EXPECT_NEAR(clipped[0].value.back(), 0.005, 1.0e-12);
 }
 
-TEST(Portrait, OfAMemoryIsHowFrictionTurnsAround) {
+TEST(Portrait, FrictionMemoryIsTheResponseToAReversal) {
   const auto curves = portrait("friction_memory", {}, {100.0, 0.0});
   ASSERT_EQ(curves.size(), 1U);
   EXPECT_NEAR(curves[0].value.front(), -1.0, 1.0e-12);
   EXPECT_NEAR(curves[0].value.back(), 1.0 - 2.0 * std::exp(-5.0), 1.0e-9);
 }
 
-TEST(Bands, FollowTheCorrelationOfWhatWasFitted) {
+TEST(Bands, FollowTheCorrelationOfTheParameters) {
   // value = a + b x with a and b one standard deviation of 1 each.
   const std::vector<Curve> line = {{"x", "m", "y", "N", {0.0, 1.0}, {0.0, 0.0}}};
   const auto changed = [&](Eigen::Index i, double by) {
@@ -482,4 +481,4 @@ TEST(Bands, FollowTheCorrelationOfWhatWasFitted) {
 }
 
 }  // namespace
-}  // namespace stickslip::diagnosis
+}  // namespace stickslip::report

@@ -1,13 +1,16 @@
-#include "diagnosis/report/report.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 
+#include "diagnosis/report/json.h"
+#include "diagnosis/report/text.h"
 #include "physics/effects/catalogue.h"
 
-namespace stickslip::diagnosis {
+namespace stickslip::report {
+
+using namespace diagnosis;
+
 namespace {
 
 using ::testing::HasSubstr;
@@ -23,14 +26,14 @@ Diagnosis consistent() {
   return diagnosis;
 }
 
-Diagnosis undecided() {
+Diagnosis ambiguous() {
   Diagnosis diagnosis = consistent();
   diagnosis.verdict = Verdict::missing_physics;
   Location location;
   location.relation = physics::Relation::friction_law;
   location.channel = Channel::friction_force;
   location.when_s = {{1.0, 2.5}};
-  location.statement = "They part.";
+  location.statement = "Mismatch in the friction law.";
   location.regions = {{.channel = Channel::velocity,
                        .aspect = Aspect::motion,
                        .words = "around reversals",
@@ -43,7 +46,7 @@ Diagnosis undecided() {
   integrity.rate_hz = 500.0;
   integrity.duration_s = 30.0;
   integrity.channels = {{.channel = Channel::displacement, .at_high_rail = 12}};
-  integrity.remarks = {"3 of 15000 samples are not there"};
+  integrity.remarks = {"3 of 15000 samples are missing"};
   diagnosis.integrity = {integrity};
   Finding finding;
   finding.effect = physics::find_effect("dry_friction");
@@ -59,20 +62,20 @@ Diagnosis undecided() {
   return diagnosis;
 }
 
-TEST(ReportJson, OfAConsistentRecordingHoldsNothingButTheFit) {
+TEST(ReportJson, ConsistentRecordingHasOnlyTheFit) {
   const auto json = report_json(consistent());
   EXPECT_EQ(json["schema"], 1);
   EXPECT_EQ(json["verdict"], "consistent");
   EXPECT_TRUE(json["location"].is_null());
   EXPECT_TRUE(json["findings"].empty());
-  // Nothing was added: the augmented model is the declared one.
+  // Without findings the augmented model is the declared one.
   EXPECT_EQ(json["fit"]["heldout"]["augmented"], json["fit"]["heldout"]["baseline"]);
   EXPECT_EQ(json["calibrated"]["oscillator.mass_kg"], 0.0601);
   EXPECT_EQ(json["noise_std"]["displacement_m"], 2.0e-5);
 }
 
-TEST(ReportJson, HoldsTheFindingItsIntervalAndItsRivals) {
-  const auto json = report_json(undecided());
+TEST(ReportJson, HasTheFindingWithItsIntervalAndAlternatives) {
+  const auto json = report_json(ambiguous());
   EXPECT_EQ(json["verdict"], "missing_physics");
   EXPECT_EQ(json["location"]["relation"], "friction_law");
   EXPECT_EQ(json["location"]["channel"], "friction_force");
@@ -85,8 +88,8 @@ TEST(ReportJson, HoldsTheFindingItsIntervalAndItsRivals) {
   EXPECT_EQ(json["fit"]["heldout"]["augmented"]["chi2_per_sample"], 1.0);
 }
 
-TEST(ReportJson, HoldsWhereItFailsAndWhatTheRecordingIsWorth) {
-  const auto json = report_json(undecided());
+TEST(ReportJson, HasTheLocationAndTheIntegrityOfTheRecording) {
+  const auto json = report_json(ambiguous());
   const auto& region = json["location"]["regions"][0];
   EXPECT_EQ(region["channel"], "velocity");
   EXPECT_EQ(region["aspect"], "motion");
@@ -96,7 +99,7 @@ TEST(ReportJson, HoldsWhereItFailsAndWhatTheRecordingIsWorth) {
   EXPECT_EQ(integrity["rate_hz"], 500.0);
   EXPECT_EQ(json.dump().find("run.csv"), std::string::npos);
   EXPECT_EQ(integrity["channels"]["displacement"]["at_high_rail"], 12);
-  EXPECT_EQ(integrity["remarks"][0], "3 of 15000 samples are not there");
+  EXPECT_EQ(integrity["remarks"][0], "3 of 15000 samples are missing");
 }
 
 Diagnosis with_limits() {
@@ -111,7 +114,7 @@ Diagnosis with_limits() {
   return diagnosis;
 }
 
-TEST(ReportJson, HoldsWhatElseWouldHaveBeenSeen) {
+TEST(ReportJson, HasTheDetectionLimits) {
   const auto json = report_json(with_limits());
   ASSERT_EQ(json["detection"]["limits"].size(), 4U);
   EXPECT_EQ(json["detection"]["limits"][2]["id"], "unlisted");
@@ -124,32 +127,31 @@ TEST(ReportJson, HoldsWhatElseWouldHaveBeenSeen) {
   EXPECT_FALSE(report_json(consistent()).contains("bootstrap"));
 }
 
-// With digits enough to see that it is not nothing, and only what the contract lists of the rig's
-// own physics.
-TEST(ReportText, SaysFromWhichSizeOnThingsWouldHaveBeenNamed) {
+// With enough digits to differ from the neutral value, and limited to the listed physics of the
+// rig.
+TEST(ReportText, ListsTheDetectionLimits) {
   const std::string text = report_text(with_limits());
-  EXPECT_THAT(text,
-              HasSubstr("stribeck (static_ratio = 1.004), cubic_stiffness (k3_n_m3 = 310)\n"));
-  EXPECT_THAT(text, HasSubstr("Of 20 recordings"));
-  EXPECT_THAT(text,
-              HasSubstr("1 would have been accused; noise alone left a chi-squared of 0.97 to"));
+  EXPECT_THAT(text, HasSubstr("Detection limits (95 %): stribeck (static_ratio = 1.004), "
+                              "cubic_stiffness (k3_n_m3 = 310)\n"));
+  EXPECT_THAT(text, HasSubstr("Of 20 synthetic recordings"));
+  EXPECT_THAT(text, HasSubstr("1 raised a false alarm; noise alone gave a chi-squared of 0.97 to"));
 }
 
-TEST(ReportText, SaysTheVerdictFirst) {
+TEST(ReportText, BeginsWithTheVerdict) {
   EXPECT_THAT(report_text(consistent()), ::testing::StartsWith("CONSISTENT"));
-  const std::string text = report_text(undecided());
-  EXPECT_THAT(text, ::testing::StartsWith("MISSING PHYSICS: 1 effect was left out"));
+  const std::string text = report_text(ambiguous());
+  EXPECT_THAT(text, ::testing::StartsWith("MISSING PHYSICS: the model lacks 1 effect."));
   EXPECT_THAT(text, HasSubstr("friction_force_n = 20"));
-  EXPECT_THAT(text, HasSubstr("or bias_force (40 %)"));
-  EXPECT_THAT(text, HasSubstr("to tell: push it both ways"));
+  EXPECT_THAT(text, HasSubstr("alternative: bias_force (40 %)"));
+  EXPECT_THAT(text, HasSubstr("To discriminate: push it both ways"));
   EXPECT_THAT(text, HasSubstr("Noise estimated from the recording, not declared: displacement"));
-  EXPECT_THAT(text, HasSubstr("velocity is off more around reversals (3 times the noise, "
+  EXPECT_THAT(text, HasSubstr("velocity deviates more around reversals (3 times the noise, "
                               "elsewhere 1)"));
   EXPECT_THAT(text, HasSubstr("Recording run.csv: 30 s at 500 Hz\n    3 of 15000 samples"));
-  auto unexplained = undecided();
+  auto unexplained = ambiguous();
   unexplained.verdict = Verdict::unexplained;
   EXPECT_THAT(report_text(unexplained), ::testing::StartsWith("UNEXPLAINED"));
 }
 
 }  // namespace
-}  // namespace stickslip::diagnosis
+}  // namespace stickslip::report

@@ -1,4 +1,4 @@
-#include "diagnosis/report/picture.h"
+#include "diagnosis/report/plot_svg.h"
 
 #include <algorithm>
 #include <array>
@@ -6,33 +6,21 @@
 #include <cstdio>
 #include <limits>
 
-namespace stickslip::diagnosis {
+#include "diagnosis/report/formatting.h"
+#include "diagnosis/report/html_elements.h"
+#include "physics/number_text.h"
+
+namespace stickslip::report {
 
 namespace {
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr double left_margin = 66.0;
 constexpr double right_margin = 14.0;
-constexpr double character_width = 6.7;  // of the legend, on average
+constexpr double character_width = 6.7;  // mean, in the legend
 constexpr int shades = 9;
 
-// A hyphen is not a minus.
-std::string with_minus(const char* text) {
-  std::string out;
-  for (; *text != 0; ++text) {
-    if (*text == '-') {
-      out += "\u2212";
-    } else {
-      out += *text;
-    }
-  }
-  return out;
-}
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", value);
-  return with_minus(text);
-}
+std::string tick_text(double value) { return with_minus(physics::number_text(value, 4)); }
 std::string pixel(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.1f", value);
@@ -47,7 +35,7 @@ std::string numbered(char letter, int count) {
 std::string series_class(int style) { return numbered('s', style); }
 std::string map_class(int step) { return numbered('m', step); }
 
-// A step of 1, 2 or 5 times a power of ten that divides a range into about `count` parts.
+// Tick spacing of 1, 2 or 5 times a power of ten, for about `count` intervals.
 double round_step(double range, double count) {
   const double raw = range / count;
   const double power = std::pow(10.0, std::floor(std::log10(raw)));
@@ -57,7 +45,7 @@ double round_step(double range, double count) {
   return 10.0 * power;
 }
 
-// An axis from data to pixels.
+// Map from data to pixels.
 struct Axis {
   double low = 0.0, high = 1.0, from = 0.0, to = 1.0;
   bool logarithmic = false;
@@ -95,10 +83,10 @@ struct Axis {
   }
 };
 
-std::string text_at(double x, double y, const char* anchor, const std::string& words,
+std::string text_at(double x, double y, const char* anchor, const std::string& text,
                     const char* style = "tick") {
   return std::string("<text class=\"") + style + "\" x=\"" + pixel(x) + "\" y=\"" + pixel(y) +
-         "\" text-anchor=\"" + anchor + "\">" + html_text(words) + "</text>\n";
+         "\" text-anchor=\"" + anchor + "\">" + escape_html(text) + "</text>\n";
 }
 
 std::string line(double x1, double y1, double x2, double y2, const std::string& style) {
@@ -107,16 +95,17 @@ std::string line(double x1, double y1, double x2, double y2, const std::string& 
 }
 
 std::string opening(double width, double height, const std::string& title,
-                    const std::string& says) {
+                    const std::string& description) {
   return "<svg viewBox=\"0 0 " + pixel(width) + " " + pixel(height) + "\" width=\"" + pixel(width) +
-         "\" height=\"" + pixel(height) + "\" role=\"img\">\n<title>" + html_text(title) +
-         "</title>\n" + (says.empty() ? std::string() : "<desc>" + html_text(says) + "</desc>\n") +
+         "\" height=\"" + pixel(height) + "\" role=\"img\">\n<title>" + escape_html(title) +
+         "</title>\n" +
+         (description.empty() ? std::string() : "<desc>" + escape_html(description) + "</desc>\n") +
          text_at(4.0, 15.0, "start", title, "title");
 }
 
-std::string upright_label(double middle, const std::string& words) {
+std::string vertical_label(double middle, const std::string& text) {
   return "<text class=\"label\" transform=\"translate(13 " + pixel(middle) +
-         ") rotate(-90)\" text-anchor=\"middle\">" + html_text(words) + "</text>\n";
+         ") rotate(-90)\" text-anchor=\"middle\">" + escape_html(text) + "</text>\n";
 }
 
 std::string x_axis(const Axis& x, double top, double bottom, const std::string& label,
@@ -124,7 +113,7 @@ std::string x_axis(const Axis& x, double top, double bottom, const std::string& 
   std::string out;
   for (const double tick : x.ticks(ticks)) {
     out += line(x.at(tick), bottom, x.at(tick), top, "grid");
-    out += text_at(x.at(tick), bottom + 15.0, "middle", number(tick));
+    out += text_at(x.at(tick), bottom + 15.0, "middle", tick_text(tick));
   }
   return out + text_at(0.5 * (x.from + x.to), bottom + 32.0, "middle", label, "label");
 }
@@ -134,13 +123,13 @@ std::string y_axis(const Axis& y, double left, double right, const std::string& 
   std::string out;
   for (const double tick : y.ticks(ticks)) {
     out += line(left, y.at(tick), right, y.at(tick), "grid");
-    out += text_at(left - 5.0, y.at(tick) + 4.0, "end", number(tick));
+    out += text_at(left - 5.0, y.at(tick) + 4.0, "end", tick_text(tick));
   }
-  return out + upright_label(0.5 * (y.from + y.to), label);
+  return out + vertical_label(0.5 * (y.from + y.to), label);
 }
 
-// A path through the points; where there are more than two in a pixel, through the least and the
-// largest of each.
+// Path through the points; a dense series is reduced to the minimum and maximum of each pixel
+// column.
 std::string path_of(const Series& series, const Axis& x, const Axis& y) {
   std::string path;
   bool pen_down = false;
@@ -203,20 +192,20 @@ std::string area_of(const Band& band, const Axis& x, const Axis& y) {
   return path.empty() ? path : path + 'Z';
 }
 
-// What a picture has to hold.
+// Range of the data.
 struct Extent {
   double x_low = infinite, x_high = -infinite, y_low = infinite, y_high = -infinite;
 
-  void hold_y(double value) {
+  void include_y(double value) {
     y_low = std::min(y_low, value);
     y_high = std::max(y_high, value);
   }
-  void hold(double x, double y, const LinePlot& plot) {
+  void include(double x, double y, const LinePlot& plot) {
     if (!std::isfinite(x) || !std::isfinite(y)) return;
     if ((plot.log_y && !(y > 0.0)) || (plot.log_x && !(x > 0.0))) return;
     x_low = std::min(x_low, x);
     x_high = std::max(x_high, x);
-    hold_y(y);
+    include_y(y);
   }
 };
 
@@ -224,38 +213,38 @@ Extent extent_of(const LinePlot& plot) {
   Extent out;
   for (const Series& series : plot.series) {
     for (std::size_t i = 0; i < series.x.size(); ++i) {
-      out.hold(series.x[i], series.y[i], plot);
+      out.include(series.x[i], series.y[i], plot);
     }
   }
   for (const Band& band : plot.bands) {
     for (std::size_t i = 0; i < band.x.size(); ++i) {
-      out.hold(band.x[i], band.low[i], plot);
-      out.hold(band.x[i], band.high[i], plot);
+      out.include(band.x[i], band.low[i], plot);
+      out.include(band.x[i], band.high[i], plot);
     }
   }
   if (!(out.x_high > out.x_low)) return out;
   for (const Mark& level : plot.levels) {
-    if (!plot.log_y || level.at > 0.0) out.hold_y(level.at);
+    if (!plot.log_y || level.at > 0.0) out.include_y(level.at);
   }
   if (plot.log_y) {
     out.y_low = std::pow(10.0, std::floor(std::log10(std::max(out.y_low, 1.0e-6 * out.y_high))));
     out.y_high = std::pow(10.0, std::ceil(std::log10(out.y_high) + 1.0e-9));
   } else {
-    const double room =
+    const double margin =
         out.y_high > out.y_low ? 0.05 * (out.y_high - out.y_low) : std::abs(out.y_high) + 1.0e-12;
-    out.y_low -= room;
-    out.y_high += room;
+    out.y_low -= margin;
+    out.y_high += margin;
   }
   return out;
 }
 
-// Samples of the lines with their names, in one row below the title.
+// Legend in one row below the title.
 std::string legend_of(const LinePlot& plot) {
   std::string out;
   double left = left_margin;
-  const auto name = [&](const std::string& words) {
-    out += text_at(left + 24.0, 34.0, "start", words);
-    left += 40.0 + character_width * static_cast<double>(words.size());
+  const auto name = [&](const std::string& text) {
+    out += text_at(left + 24.0, 34.0, "start", text);
+    left += 40.0 + character_width * static_cast<double>(text.size());
   };
   for (const Series& series : plot.series) {
     if (series.name.empty()) continue;
@@ -277,21 +266,20 @@ std::string marks_of(const LinePlot& plot, const Axis& x, const Axis& y) {
   for (const Mark& mark : plot.marks) {
     if (!(mark.at >= x.low && mark.at <= x.high)) continue;
     out += line(x.at(mark.at), y.from, x.at(mark.at), y.to, "mark");
-    if (mark.words.empty()) continue;
+    if (mark.label.empty()) continue;
     const bool right = x.at(mark.at) > 0.6 * x.to;
     out += text_at(x.at(mark.at) + (right ? -3.0 : 3.0), y.to + 11.0 + 13.0 * (row++ % 3),
-                   right ? "end" : "start", mark.words, "note");
+                   right ? "end" : "start", mark.label, "note");
   }
   for (const Mark& level : plot.levels) {
     out += line(x.from, y.at(level.at), x.to, y.at(level.at), "level");
-    if (level.words.empty()) continue;
-    out += text_at(x.to - 3.0, y.at(level.at) - 4.0, "end", level.words, "note");
+    if (level.label.empty()) continue;
+    out += text_at(x.to - 3.0, y.at(level.at) - 4.0, "end", level.label, "note");
   }
   return out;
 }
 
-// Nine steps from the ground to what stands out of it, in equal steps of lightness, so that grey
-// paper tells them apart.
+// Shades of equal steps in lightness, so that they remain distinct in greyscale print.
 int shade_of(double value, const MapPlot& plot) {
   const double share = std::log(std::max(value, plot.value_low) / plot.value_low) /
                        std::log(plot.value_high / plot.value_low);
@@ -318,7 +306,7 @@ std::string colour_scale(const MapPlot& plot, const Axis& y) {
   return out + text_at(plot.width - 4.0, 34.0, "end", plot.value_label);
 }
 
-// Of the cells of one shade, a path.
+// One path per shade.
 std::string cells_of(const MapPlot& plot, const Axis& x, const Axis& y) {
   std::array<std::string, shades> path;
   for (const Cell& cell : plot.cells) {
@@ -349,38 +337,12 @@ std::string cells_of(const MapPlot& plot, const Axis& x, const Axis& y) {
 
 }  // namespace
 
-std::string html_text(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '&':
-        out += "&amp;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      case '\'':
-        out += "&#39;";
-        break;
-      default:
-        out += static_cast<unsigned char>(c) < 0x20 && c != '\n' && c != '\t' ? ' ' : c;
-    }
-  }
-  return out;
-}
-
 std::string line_plot_svg(const LinePlot& plot) {
   const Extent extent = extent_of(plot);
   if (!(extent.x_high > extent.x_low)) return "";
   const Axis x{extent.x_low, extent.x_high, left_margin, plot.width - right_margin, plot.log_x};
   const Axis y{extent.y_low, extent.y_high, plot.height - 40.0, 44.0, plot.log_y};
-  std::string out = opening(plot.width, plot.height, plot.title, plot.says);
+  std::string out = opening(plot.width, plot.height, plot.title, plot.description);
   out += x_axis(x, y.to, y.from, plot.x_label, plot.width / 90.0);
   out += y_axis(y, x.from, x.to, plot.y_label, plot.height / 45.0);
   for (const Band& band : plot.bands) {
@@ -406,7 +368,7 @@ std::string map_plot_svg(const MapPlot& plot) {
   }
   const Axis x{plot.x_low, plot.x_high, left, plot.width - 70.0, false};
   const Axis y{plot.y_low, plot.y_high, plot.height - 40.0, 44.0, false};
-  std::string out = opening(plot.width, plot.height, plot.title, plot.says);
+  std::string out = opening(plot.width, plot.height, plot.title, plot.description);
   out += x_axis(x, y.to, y.from, plot.x_label, 4.0);
   if (plot.rows.empty()) out += y_axis(y, x.from, x.to, plot.y_label, 5.0);
   for (std::size_t i = 0; i < plot.rows.size(); ++i) {
@@ -426,33 +388,33 @@ std::string interval_plot_svg(const IntervalPlot& plot) {
   double low = infinite;
   double high = -infinite;
   double left = left_margin;
-  const auto hold = [&](double value) {
+  const auto include = [&](double value) {
     if (!std::isfinite(value)) return;
     low = std::min(low, value);
     high = std::max(high, value);
   };
-  for (const Ranged& row : plot.rows) {
-    hold(row.value);
-    hold(row.low);
-    hold(row.high);
+  for (const IntervalRow& row : plot.rows) {
+    include(row.value);
+    include(row.low);
+    include(row.high);
     left = std::max(left, 14.0 + character_width * static_cast<double>(row.name.size()));
   }
-  for (const Mark& mark : plot.marks) hold(mark.at);
+  for (const Mark& mark : plot.marks) include(mark.at);
   if (!(high > low)) return "";
-  const double room = 0.06 * (high - low);
+  const double margin = 0.06 * (high - low);
   const double top = 30.0;
   const double bottom = top + 22.0 * static_cast<double>(plot.rows.size()) + 6.0;
-  const Axis x{low - room, high + room, left, plot.width - right_margin, false};
-  std::string out = opening(plot.width, bottom + 40.0, plot.title, plot.says);
+  const Axis x{low - margin, high + margin, left, plot.width - right_margin, false};
+  std::string out = opening(plot.width, bottom + 40.0, plot.title, plot.description);
   out += x_axis(x, top, bottom, plot.x_label, 5.0);
   for (const Mark& mark : plot.marks) {
     out += line(x.at(mark.at), bottom, x.at(mark.at), top, "level");
-    if (!mark.words.empty()) {
-      out += text_at(x.at(mark.at), top - 3.0, "middle", mark.words, "note");
+    if (!mark.label.empty()) {
+      out += text_at(x.at(mark.at), top - 3.0, "middle", mark.label, "note");
     }
   }
   for (std::size_t i = 0; i < plot.rows.size(); ++i) {
-    const Ranged& row = plot.rows[i];
+    const IntervalRow& row = plot.rows[i];
     const double middle = top + 22.0 * static_cast<double>(i) + 14.0;
     out += text_at(left - 8.0, middle + 4.0, "end", row.name);
     if (!std::isfinite(row.value)) continue;
@@ -465,4 +427,4 @@ std::string interval_plot_svg(const IntervalPlot& plot) {
   return out + "</svg>\n";
 }
 
-}  // namespace stickslip::diagnosis
+}  // namespace stickslip::report

@@ -1,6 +1,6 @@
-// The second simulator against what is known without any simulator, and against the first one,
-// which shares no line with it.
-#include "tools/concealment/nature.h"
+// The reference simulator against closed-form solutions and against physics::RigSimulator, with
+// which it shares no code.
+#include "tools/concealment/reference_simulator.h"
 
 #include <gtest/gtest.h>
 
@@ -14,8 +14,8 @@ namespace {
 
 constexpr double two_pi = 2.0 * std::numbers::pi;
 
-Nature frictionless() {
-  Nature n;
+ReferenceRig frictionless() {
+  ReferenceRig n;
   n.excitation = physics::Excitation::force;
   n.loaded = false;
   n.friction = false;
@@ -23,11 +23,11 @@ Nature frictionless() {
   n.stiffness_n_m = 14.0;
   n.damping_n_s_m = 0.05;
   n.drive = {Tone{0.02, 2.0, 0.0, {}}};
-  n.reading[index_of(Channel::displacement)].recorded = true;
+  n.instrument[index_of(Channel::displacement)].recorded = true;
   return n;
 }
 
-TEST(Motion, HasTheDerivativesOfItsValue) {
+TEST(Motion, DerivativesMatchDifferences) {
   Tone tone{0.01, 3.0, 0.4, {}};
   tone.envelope = {{{0.3, 0.11, 1.0}, {0.2, 0.2, 2.0}, {0.1, 0.31, 0.0}}};
   const double t = 1.7;
@@ -37,9 +37,9 @@ TEST(Motion, HasTheDerivativesOfItsValue) {
   EXPECT_NEAR(at(t).second, (at(t + h).first - at(t - h).first) / (2.0 * h), 1.0e-6);
 }
 
-TEST(Nature, ADrivenLinearRigSwingsAsItsResonanceCurveSays) {
-  const Nature n = frictionless();
-  RigRun run(n, 30.0);
+TEST(ReferenceSimulator, LinearRigFollowsItsResonanceCurve) {
+  const ReferenceRig n = frictionless();
+  ReferenceSimulator run(n, 30.0);
   const double w = two_pi * 2.0;
   const double expected =
       0.02 / std::hypot(n.stiffness_n_m - n.mass_kg * w * w, n.damping_n_s_m * w);
@@ -51,23 +51,29 @@ TEST(Nature, ADrivenLinearRigSwingsAsItsResonanceCurveSays) {
   EXPECT_NEAR(largest / expected, 1.0, 1.0e-3);
 }
 
-TEST(Nature, SetValuedFrictionHoldsTheMassAndALargerForceMovesIt) {
-  Nature n = frictionless();
+TEST(ReferenceSimulator, SetValuedFrictionSticksBelowBreakAway) {
+  ReferenceRig n = frictionless();
   n.friction = true;
   n.mu = 0.03;  // newtons, above the drive's 0.02
-  RigRun held(n, 5.0);
+  ReferenceSimulator held(n, 5.0);
   for (int k = 1; k <= 1000; ++k) {
     held.advance(k * 1.0e-3);
     ASSERT_NEAR(held.read()[index_of(Channel::displacement)], 0.0, 1.0e-20);
   }
   EXPECT_EQ(held.slip_share(), 0.0);
   n.mu = 0.005;
-  RigRun moved(n, 5.0);
+  ReferenceSimulator moved(n, 5.0);
   moved.advance(2.0);
   EXPECT_GT(moved.slip_share(), 0.3);
 }
 
-TEST(Nature, AgreesWithTheFirstSimulatorOnARigWithFrictionAndARingingLoadCell) {
+// A wedge-loaded rig with state-variable friction and a resonant load cell, for both simulators.
+struct SameRig {
+  physics::Model model;
+  ReferenceRig reference;
+};
+
+physics::Model wedge_model() {
   physics::Model model;
   model.oscillator.mass_kg = {0.06};
   model.oscillator.natural_frequency_hz = physics::Parameter{2.4};
@@ -79,7 +85,11 @@ TEST(Nature, AgreesWithTheFirstSimulatorOnARigWithFrictionAndARingingLoadCell) {
   model.friction.rate_per_s = {150.0};
   model.load_cell =
       physics::LoadCell{{0.0126}, {19.3}, {0.016}, physics::LoadCellDynamics::resonant};
-  Nature n;
+  return model;
+}
+
+ReferenceRig wedge_reference() {
+  ReferenceRig n;
   n.drive = {Tone{0.006, 3.0, 0.0, {}}};
   n.mass_kg = 0.06;
   const double w0 = two_pi * 2.4;
@@ -94,72 +104,81 @@ TEST(Nature, AgreesWithTheFirstSimulatorOnARigWithFrictionAndARingingLoadCell) {
   n.cell_mass_kg = 0.0126;
   n.cell_frequency_hz = 19.3;
   n.cell_damping_ratio = 0.016;
+  return n;
+}
+
+SameRig wedge_rig() {
+  SameRig rig{wedge_model(), wedge_reference()};
   for (const Channel channel : {Channel::displacement, Channel::velocity, Channel::friction_force,
                                 Channel::normal_load, Channel::base_displacement}) {
     std::vector<physics::Filter> filters = {{physics::FilterKind::butterworth_lowpass, 4, 25.0}};
     if (channel == Channel::velocity) {
       filters = {{physics::FilterKind::first_order_lowpass, 1, 150.0}};
     }
-    n.reading[index_of(channel)].recorded = true;
-    n.reading[index_of(channel)].filters = filters;
-    model.sensors[index_of(channel)].filters = filters;
+    rig.reference.instrument[index_of(channel)].recorded = true;
+    rig.reference.instrument[index_of(channel)].filters = filters;
+    rig.model.sensors[index_of(channel)].filters = filters;
   }
+  return rig;
+}
 
-  // The first simulator knows no time before 0: the second starts there too.
-  RigRun run(n, 0.0);
+TEST(ReferenceSimulator, AgreesWithTheSimulatorOfPhysics) {
+  const SameRig rig = wedge_rig();
+  // No warm-up: RigSimulator starts at time 0.
+  ReferenceSimulator run(rig.reference, 0.0);
   physics::SimulationOptions options;
   options.step_s = 2.0e-5;
   options.noise = false;
-  physics::RigSimulator first(model, options);
+  physics::RigSimulator simulator(rig.model, options);
   const auto input_at = [&](double t) {
-    const Motion m = motion_of(n.drive, t);
+    const Motion m = motion_of(rig.reference.drive, t);
     physics::Input input;
     input.base_displacement_m = m.value;
     input.base_acceleration_m_s2 = m.second;
     return input;
   };
-  first.set_input(input_at(0.0));
+  simulator.set_input(input_at(0.0));
   std::array<double, channel_count> square{};
-  std::array<double, channel_count> off{};
+  std::array<double, channel_count> error{};
   for (int k = 1; k <= 6000; ++k) {
     const double t = k * 5.0e-4;
-    first.advance(5.0e-4, input_at(t));
+    simulator.advance(5.0e-4, input_at(t));
     run.advance(t);
-    if (t < 0.5) continue;  // filters begin differently
-    const Frame frame = first.read();
+    if (t < 0.5) continue;  // different initial states of the filters
+    const Frame frame = simulator.read();
     const auto readings = run.read();
     for (std::size_t c = 0; c < 5; ++c) {
       square[c] += frame.value[c] * frame.value[c];
-      off[c] += std::pow(frame.value[c] - readings[c], 2);
+      error[c] += std::pow(frame.value[c] - readings[c], 2);
     }
   }
   for (std::size_t c = 0; c < 5; ++c) {
-    EXPECT_LT(std::sqrt(off[c] / square[c]), 5.0e-3) << channel_table[c].stem;
+    EXPECT_LT(std::sqrt(error[c] / square[c]), 5.0e-3) << channel_table[c].stem;
   }
 }
 
-TEST(Nature, FaultsOfAChannelDoWhatTheySay) {
-  Nature n = frictionless();
+TEST(ReferenceSimulator, SensorErrors) {
+  ReferenceRig n = frictionless();
   const std::size_t x = index_of(Channel::displacement);
-  const auto reading_at = [&](const Nature& nature, double t) {
-    RigRun run(nature, 10.0);
+  const auto reading_at = [&](const ReferenceRig& nature, double t) {
+    ReferenceSimulator run(nature, 10.0);
     run.advance(t);
     return run.read()[x];
   };
   const double plain = reading_at(n, 0.3);
-  Nature faulty = n;
-  faulty.reading[x].gain = 1.1;
+  ReferenceRig faulty = n;
+  faulty.instrument[x].gain = 1.1;
   EXPECT_NEAR(reading_at(faulty, 0.3), 1.1 * plain, 1.0e-12);
   faulty = n;
-  faulty.reading[x].drift_per_s = 1.0e-3;
+  faulty.instrument[x].drift_per_s = 1.0e-3;
   EXPECT_NEAR(reading_at(faulty, 0.3), plain + 3.0e-4, 1.0e-9);
   faulty = n;
-  faulty.reading[x].delay_s = 0.01;
+  faulty.instrument[x].delay_s = 0.01;
   EXPECT_NEAR(reading_at(faulty, 0.3), reading_at(n, 0.29), 1.0e-7);
-  faulty.reading[x].bessel_delay = true;
+  faulty.instrument[x].bessel_delay = true;
   EXPECT_NEAR(reading_at(faulty, 0.3), reading_at(n, 0.29), 2.0e-3 * std::abs(plain) + 2.0e-5);
   faulty = n;
-  faulty.reading[x].limit = 1.0e-4;
+  faulty.instrument[x].limit = 1.0e-4;
   EXPECT_LE(std::abs(reading_at(faulty, 0.3)), 1.0e-4);
 }
 

@@ -1,16 +1,16 @@
-// Pictures as SVG inside a page: lines over an axis, and maps. Colours come from the page's style
-// (classes s0 to s3 for series, m0 to m8 for the steps of a map), so that light, dark and paper
-// each have their own. Every picture says what it shows to those who cannot see it.
+// Plots as inline SVG: lines, maps and intervals. Colours are classes of the page's style sheet
+// (s0 to s3 for series, m0 to m8 for the shades of a map), so that light, dark and print each have
+// their own. Every plot carries a description for readers who cannot see it.
 #pragma once
 
 #include <cstddef>
 #include <string>
 #include <vector>
 
-namespace stickslip::diagnosis {
+namespace stickslip::report {
 
 struct Series {
-  std::string name;  ///< in the legend; empty: not in it
+  std::string name;  ///< for the legend; empty: not listed
   std::vector<double> x;
   std::vector<double> y;
   int style = 0;  ///< class of the line
@@ -25,15 +25,15 @@ struct Band {
   int style = 0;
 };
 
-/// A line across the picture, at a value that means something.
+/// A reference line across the plot.
 struct Mark {
   double at = 0.0;
-  std::string words;
+  std::string label;
 };
 
 struct LinePlot {
   std::string title;
-  std::string says;  ///< what a person who cannot see it should know
+  std::string description;
   std::string x_label;
   std::string y_label;
   bool log_x = false;
@@ -46,15 +46,15 @@ struct LinePlot {
   double height = 250.0;
 };
 
-/// Values that are not finite, or not positive on a logarithmic axis, are left out; long series are
-/// drawn by the least and the largest value in each pixel, so that no spike is lost. Empty where
-/// there is nothing to draw.
+/// Values that are not finite, or not positive on a logarithmic axis, are omitted; long series are
+/// drawn as the minimum and the maximum of each pixel column, so that no spike is lost. Empty if
+/// nothing can be drawn.
 std::string line_plot_svg(const LinePlot& plot);
 
 /// A rectangle of a map, in the units of its axes.
 struct Cell {
   double x_low = 0.0, x_high = 1.0, y_low = 0.0, y_high = 1.0;
-  double value = 0.0;  ///< not finite: left out
+  double value = 0.0;  ///< omitted if not finite
 };
 struct Dot {
   double x = 0.0, y = 0.0;
@@ -63,7 +63,7 @@ struct Dot {
 
 struct MapPlot {
   std::string title;
-  std::string says;
+  std::string description;
   std::string x_label;
   std::string y_label;
   std::string value_label;
@@ -75,11 +75,10 @@ struct MapPlot {
   double width = 490.0;
   double height = 300.0;
 };
-/// Cells of one colour are one path, so that a map of hundreds of cells costs a few kilobytes.
+/// Cells of one shade share one path, so that a map of hundreds of cells takes a few kilobytes.
 std::string map_plot_svg(const MapPlot& plot);
 
-/// A value with its interval.
-struct Ranged {
+struct IntervalRow {
   std::string name;
   double value = 0.0;
   double low = 0.0;
@@ -87,17 +86,13 @@ struct Ranged {
 };
 struct IntervalPlot {
   std::string title;
-  std::string says;
+  std::string description;
   std::string x_label;
-  std::vector<Ranged> rows;
+  std::vector<IntervalRow> rows;
   std::vector<Mark> marks;
   double width = 490.0;
 };
-/// One row for each, over an axis that holds them all and the marks.
+/// One row per value, over an axis that spans all intervals and marks.
 std::string interval_plot_svg(const IntervalPlot& plot);
 
-/// Text with the characters that mean something to HTML and XML replaced; control characters, which
-/// neither can hold, become spaces.
-std::string html_text(const std::string& text);
-
-}  // namespace stickslip::diagnosis
+}  // namespace stickslip::report

@@ -1,4 +1,4 @@
-#include "tools/concealment/truth.h"
+#include "tools/concealment/ground_truth.h"
 
 #include <fstream>
 #include <iterator>
@@ -47,7 +47,7 @@ TrueEffect effect_of(const Json& json) {
   if (json.contains("channel") && json.at("channel").is_string()) {
     const auto stem = json.at("channel").get<std::string>();
     effect.channel = channel_named(stem);
-    if (!effect.channel) throw std::invalid_argument("there is no channel \"" + stem + "\"");
+    if (!effect.channel) throw std::invalid_argument("unknown channel \"" + stem + "\"");
   }
   if (json.contains("when_s") && json.at("when_s").is_array()) {
     for (const Json& span : json.at("when_s")) {
@@ -56,7 +56,7 @@ TrueEffect effect_of(const Json& json) {
   }
   for (const auto& [name, each] : json.at("parameters").items()) {
     TrueParameter p;
-    // A parameter that nature's formula does not have may stand there without a value.
+    // Parameters that the formula does not have may be null.
     if (each.at("value").is_number()) p.value = each.at("value").get<double>();
     p.tolerance = each.at("tolerance").get<double>();
     p.reference = each.at("reference").get<double>();
@@ -74,7 +74,7 @@ TrueEffect effect_of(const Json& json) {
 
 }  // namespace
 
-std::string truth_text(const Truth& truth) {
+std::string truth_text(const GroundTruth& truth) {
   Json json;
   json["schema"] = 1;
   json["name"] = truth.name;
@@ -95,7 +95,7 @@ std::string truth_text(const Truth& truth) {
   return json.dump(2) + "\n";
 }
 
-Truth read_truth(const std::filesystem::path& file) {
+GroundTruth read_truth(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
   if (!in) throw InputError(Problem{file.string(), 0, 0, "cannot be read"});
   const std::string text{std::istreambuf_iterator<char>(in), {}};
@@ -104,7 +104,7 @@ Truth read_truth(const std::filesystem::path& file) {
     if (json.at("schema").get<int>() != 1) {
       throw std::invalid_argument("schema is " + json.at("schema").dump() + ", expected 1");
     }
-    Truth truth;
+    GroundTruth truth;
     truth.name = json.at("name").get<std::string>();
     truth.kind = json.at("kind").get<std::string>();
     truth.world = json.value("world", "");
@@ -120,7 +120,7 @@ Truth read_truth(const std::filesystem::path& file) {
     return truth;
   } catch (const std::exception& error) {
     throw InputError(
-        Problem{file.string(), 0, 0, std::string("is no truth file: ") + error.what()});
+        Problem{file.string(), 0, 0, std::string("is not a truth file: ") + error.what()});
   }
 }
 

@@ -1,4 +1,4 @@
-#include "tools/concealment/truth.h"
+#include "tools/concealment/ground_truth.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -18,8 +18,8 @@ std::filesystem::path written(const std::string& text) {
   return file;
 }
 
-TEST(Truth, IsReadBackAsItWasWritten) {
-  Truth truth;
+TEST(GroundTruth, RoundTrip) {
+  GroundTruth truth;
   truth.name = "case-007";
   truth.kind = "single";
   truth.world = "regular";
@@ -36,7 +36,7 @@ TEST(Truth, IsReadBackAsItWasWritten) {
   effect.snr = 7.5;
   truth.effects.push_back(effect);
   const auto file = written(truth_text(truth));
-  const Truth again = read_truth(file);
+  const GroundTruth again = read_truth(file);
   std::filesystem::remove(file);
   EXPECT_EQ(truth_text(again), truth_text(truth));
   ASSERT_EQ(again.effects.size(), 1U);
@@ -44,11 +44,11 @@ TEST(Truth, IsReadBackAsItWasWritten) {
   EXPECT_EQ(again.effects[0].parameters.at("gain").value, 1.05);
 }
 
-TEST(Truth, SaysWhichFileIsNoneAndWhy) {
+TEST(GroundTruth, RefusesAnInvalidFileWithItsNameAndReason) {
   const auto file = written("{\"schema\": 1, \"name\": \"case-001\"}");
   try {
     read_truth(file);
-    FAIL() << "it was taken for a truth";
+    FAIL() << "was not refused";
   } catch (const InputError& error) {
     EXPECT_NE(std::string(error.what()).find(file.string()), std::string::npos);
     EXPECT_NE(std::string(error.what()).find("kind"), std::string::npos) << error.what();

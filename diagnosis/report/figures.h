@@ -1,0 +1,24 @@
+// The figures of a report, each with its caption.
+#pragma once
+
+#include <string>
+
+#include "diagnosis/diagnosis.h"
+
+namespace stickslip::report {
+
+/// The recording with both predictions, and the residuals of each, over a held-out stretch. Empty
+/// without evidence.
+std::string stretch_figures(const diagnosis::Diagnosis& diagnosis);
+
+/// Residuals by channel and time, in phase space, by frequency and by excitation. Empty without
+/// evidence.
+std::string residual_figures(const diagnosis::Diagnosis& diagnosis);
+
+/// The fitted law with its interval.
+std::string shape_figures(const diagnosis::Finding& finding);
+
+/// Shifts of the calibrated parameters from their declared values.
+std::string calibration_figure(const diagnosis::Diagnosis& diagnosis);
+
+}  // namespace stickslip::report

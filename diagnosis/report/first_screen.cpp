@@ -1,0 +1,245 @@
+#include "diagnosis/report/first_screen.h"
+
+#include <cmath>
+#include <vector>
+
+#include "diagnosis/report/formatting.h"
+#include "diagnosis/report/headline.h"
+#include "diagnosis/report/html_elements.h"
+#include "diagnosis/report/text.h"
+
+namespace stickslip::report {
+
+using namespace diagnosis;
+
+namespace {
+
+std::string answer(const std::string& question, const std::string& html) {
+  return "<div><dt>" + escape_html(question) + "</dt><dd>" + html + "</dd></div>\n";
+}
+
+std::string first_parameter(const Finding& finding) {
+  if (finding.parameters.empty()) return "";
+  const Estimate& first = finding.parameters.front();
+  const EstimateText estimate = format_estimate(first.value, first.low, first.high);
+  const physics::ParameterCard* card = parameter_card(finding, first);
+  const std::string unit = card != nullptr ? unit_text(card->unit, finding.place) : "";
+  std::string out = " ";
+  out += code(first.name) + " = <span class=\"number\">" + estimate.value + "</span>";
+  if (!unit.empty()) out += escape_html("\u00a0" + unit);
+  return out + " (95\u00a0%: " + estimate.low + " to " + estimate.high + ").";
+}
+
+std::string findings_answer(const Diagnosis& d) {
+  if (d.findings.empty()) {
+    return escape_html(d.verdict == Verdict::consistent
+                           ? "Nothing. No effect of the catalogue improves the prediction of the "
+                             "recording."
+                           : "Not known. No effect of the catalogue explains the difference.");
+  }
+  std::string out;
+  for (const Finding& finding : d.findings) {
+    out += "<p>" + escape_html(plain_text(finding.statement)) + first_parameter(finding) + "</p>";
+  }
+  return out;
+}
+
+std::string where_answer(const Diagnosis& d) {
+  if (!d.location) {
+    return escape_html(
+        "Nowhere: in every channel, at all times, speeds and deflections, the residual is noise.");
+  }
+  std::string out = escape_html(plain_text(d.location->statement));
+  for (const Region& worst : d.location->regions) {
+    if (d.location->channel && worst.channel != *d.location->channel) continue;
+    out +=
+        escape_html(" Largest residual: " + channel_name(worst.channel) + " " + worst.words + ", " +
+                    format_number(std::sqrt(worst.energy)) + " times the noise (elsewhere " +
+                    format_number(std::sqrt(worst.energy_outside)) + ").");
+    break;
+  }
+  return out;
+}
+
+// The trial in which the finding was fitted alone, or nullptr.
+const Trial* trial_of(const Diagnosis& d, const Finding& finding) {
+  const std::string name = Suspect{finding.effect, finding.place}.name();
+  for (const Trial& trial : d.trials) {
+    if (trial.id == name) return &trial;
+  }
+  return nullptr;
+}
+
+std::string windows_text(const Diagnosis& d) {
+  return std::to_string(d.heldout_windows) + " held-out windows of " + format_seconds(d.horizon_s);
+}
+
+std::string probability_of(const Diagnosis& d, const Finding& finding) {
+  std::string out =
+      "<p>" + escape_html("Likely missing: " + effect_name({finding.effect, finding.place}) + " (");
+  out += "<b>" + escape_html(format_percent(finding.probability)) + "</b>).";
+  if (!finding.alternatives.empty()) {
+    const Alternative& next = finding.alternatives.front();
+    out += escape_html(" Also possible: " + effect_name(next.suspect) + " (" +
+                       format_percent(next.probability) + ").");
+  }
+  const Trial* trial = trial_of(d, finding);
+  if (trial != nullptr && trial->stage == 0 && trial->gain_z > 0.0) {
+    out += escape_html(" It improves the prediction by " + format_number(trial->gain_z, 2) +
+                       " standard errors over " + windows_text(d) + ".");
+  }
+  return out + "</p>";
+}
+
+std::string confidence_answer(const Diagnosis& d) {
+  if (!d.findings.empty()) {
+    std::string out;
+    for (const Finding& finding : d.findings) out += probability_of(d, finding);
+    return out;
+  }
+  if (d.verdict == Verdict::unexplained) {
+    return escape_html("The mismatch is significant: over " + windows_text(d) +
+                       " the residuals exceed the noise.");
+  }
+  std::string out = escape_html("The model was tested on " + windows_text(d) + ". ");
+  if (d.false_alarms) out += escape_html(false_alarm_text(*d.false_alarms) + " ");
+  if (!d.detection.limits.empty()) {
+    out += escape_html("Detection limits are available for " +
+                       std::to_string(d.detection.limits.size()) + " effects.");
+  }
+  return out;
+}
+
+// The first predicted channel stands for all; the table of the section lists the others.
+std::string prediction_error(const Diagnosis& d) {
+  for (std::size_t c = 0; c < predicted_channels; ++c) {
+    if (!d.baseline.rmse[c]) continue;
+    const ChannelInfo& channel = channel_table[c];
+    std::string out = escape_html(" RMS prediction error of the " + channel_name(all_channels[c]) +
+                                  ", up to " + format_seconds(d.horizon_s) + " ahead: ") +
+                      format_quantity(*d.baseline.rmse[c], channel.unit);
+    if (d.augmented && d.augmented->rmse[c]) {
+      out += " \u2192 " + format_quantity(*d.augmented->rmse[c], channel.unit, *d.baseline.rmse[c]);
+    }
+    for (const auto& [measured, noise] : d.noise_std) {
+      if (measured != all_channels[c]) continue;
+      out += "; noise " + format_quantity(noise, channel.unit, *d.baseline.rmse[c]);
+    }
+    return out + ".";
+  }
+  return "";
+}
+
+std::string fit_answer(const Diagnosis& d) {
+  std::string out = "<b>" + format_number(d.baseline.chi2_per_sample);
+  if (d.augmented) out += " \u2192 " + format_number(d.augmented->chi2_per_sample);
+  out += "</b> " + escape_html(d.augmented ? "chi-squared per sample, declared \u2192 augmented "
+                                             "model (1: noise only)."
+                                           : "chi-squared per sample (1: noise only).");
+  return out + prediction_error(d);
+}
+
+// A selection: listed physics of the rig only.
+std::string limits_answer(const Diagnosis& d) {
+  constexpr std::size_t most = 5;
+  std::vector<std::string> limits;
+  for (const DetectionLimit& limit : d.detection.limits) {
+    const physics::Card& card = limit.suspect.effect->card();
+    if (!card.depends_on.empty() || limit.suspect.place.channel || limits.size() == most) continue;
+    const std::string unit = unit_text(limit.parameter().unit, limit.suspect.place);
+    limits.push_back(escape_html(effect_name(limit.suspect)) + " (" + code(limit.parameter().name) +
+                     " = " + escape_html(plain_text(limit_text(limit))) +
+                     escape_html(unit.empty() ? unit : "\u00a0" + unit) + ")");
+  }
+  if (limits.empty()) return "";
+  std::string out;
+  for (std::size_t i = 0; i < limits.size(); ++i) out += (i > 0 ? ", " : "") + limits[i];
+  return out + "; all: <a href=\"#detection\">detection limits</a>.";
+}
+
+std::string next_answer(const Diagnosis& d) {
+  switch (answer_of(d)) {
+    case Answer::ambiguous:
+      for (const Finding& finding : d.findings) {
+        if (finding.separating_experiment) {
+          return escape_html("To discriminate: " + plain_text(*finding.separating_experiment) +
+                             ".");
+        }
+      }
+      return escape_html(
+          "Record more data, or under a different excitation: these data do not discriminate "
+          "between the explanations.");
+    case Answer::unexplained:
+      return escape_html(
+          "See in the figures below when and where the model fails, check the recording "
+          "(saturation, lost samples and mains lines are listed), and check the parameters that "
+          "the model declares as exact.");
+    case Answer::consistent:
+    case Answer::named:
+      break;
+  }
+  return "";
+}
+
+const char* verdict_text(Answer kind) {
+  switch (kind) {
+    case Answer::consistent:
+      return "Verdict: consistent";
+    case Answer::named:
+      return "Verdict: missing physics, identified";
+    case Answer::ambiguous:
+      return "Verdict: missing physics, two explanations remain";
+    case Answer::unexplained:
+      break;
+  }
+  return "Verdict: unexplained";
+}
+
+const char* style_of(Answer kind) {
+  switch (kind) {
+    case Answer::consistent:
+      return "consistent";
+    case Answer::named:
+      return "named";
+    case Answer::ambiguous:
+      return "ambiguous";
+    case Answer::unexplained:
+      break;
+  }
+  return "unexplained";
+}
+
+std::string subject_of(const Diagnosis& d, const Provenance& provenance) {
+  std::string out = "<p class=\"soft\">" + escape_html("Recording ");
+  for (std::size_t i = 0; i < provenance.files.size(); ++i) {
+    const bool model = i + 1 == provenance.files.size();
+    if (i > 0) out += model ? escape_html(", model ") : ", ";
+    out += code(provenance.files[i].name);
+  }
+  double seconds = 0.0;
+  for (const Integrity& each : d.integrity) seconds += each.duration_s;
+  if (seconds > 0.0) out += escape_html("; " + format_number(seconds) + " s recorded");
+  return out + escape_html(". The rig, with the fitted parameters: " + rig_description(d.model)) +
+         "</p>\n";
+}
+
+}  // namespace
+
+std::string first_screen(const Diagnosis& d, const Provenance& provenance) {
+  const Answer kind = answer_of(d);
+  std::string out = "<header class=\"" + std::string(style_of(kind)) +
+                    "\">\n<div class=\"verdict\">\n<p class=\"kicker\">" + verdict_text(kind) +
+                    "</p>\n<h1>" + escape_html(headline_of(d)) + "</h1>\n</div>\n" +
+                    subject_of(d, provenance) + "<dl class=\"answers\">\n";
+  out += answer("Missing physics", findings_answer(d));
+  out += answer("Location of the mismatch", where_answer(d));
+  out += answer("Confidence", confidence_answer(d));
+  out += answer("Held-out fit", fit_answer(d));
+  const std::string limits = kind == Answer::consistent ? limits_answer(d) : "";
+  if (!limits.empty()) out += answer("Detection limits (95 %)", limits);
+  const std::string next = next_answer(d);
+  if (!next.empty()) out += answer("Next step", next);
+  return out + "</dl>\n</header>\n";
+}
+
+}  // namespace stickslip::report

@@ -1,0 +1,210 @@
+#include "diagnosis/report/formatting.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+
+#include "physics/effects/catalogue.h"
+#include "physics/number_text.h"
+
+namespace stickslip::report {
+
+namespace {
+
+std::string printed(const char* format, int digits, double value) {
+  char text[64];
+  std::snprintf(text, sizeof text, format, digits, value);
+  return text;
+}
+
+std::string superscript(int exponent) {
+  constexpr std::array<const char*, 10> digit = {"\u2070", "\u00b9", "\u00b2", "\u00b3", "\u2074",
+                                                 "\u2075", "\u2076", "\u2077", "\u2078", "\u2079"};
+  std::string out = exponent < 0 ? "\u207b" : "";
+  for (const char c : std::to_string(std::abs(exponent))) {
+    out += digit[static_cast<std::size_t>(c - '0')];
+  }
+  return out;
+}
+
+// Decimal exponent after rounding to `digits` significant digits.
+int exponent_of(double value, int digits) {
+  const std::string text = printed("%.*e", digits - 1, value);
+  return std::atoi(text.c_str() + text.find('e') + 1);
+}
+
+bool takes_prefix(std::string_view unit) {
+  return unit == "m" || unit == "m/s" || unit == "N" || unit == "s";
+}
+
+// One part of a trial's name: "gain_error of velocity".
+std::string part_name(const std::string& part) {
+  const std::size_t of = part.find(" of ");
+  const physics::Effect* effect = physics::find_effect(part.substr(0, of));
+  if (effect == nullptr) return part;
+  std::string out(effect->card().name);
+  if (of != std::string::npos) out += " (" + plain_text(part.substr(of + 4)) + ")";
+  return out;
+}
+
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+// Numbers printed with an exponent ("2.5e-03") reformatted by format_number.
+std::string without_exponents(const std::string& text) {
+  std::string out;
+  const char* const end = text.data() + text.size();
+  for (const char* at = text.data(); at != end;) {
+    const bool has_sign = (*at == '-' || *at == '+') && at + 1 != end;
+    if (!is_digit(has_sign ? at[1] : *at)) {
+      out += *at++;
+      continue;
+    }
+    double value = 0.0;
+    // from_chars accepts no plus sign.
+    const auto [stop, error] = std::from_chars(*at == '+' ? at + 1 : at, end, value);
+    const char* const exponent = std::find(at, stop, 'e');
+    const bool scientific = error == std::errc() && exponent != stop && !is_digit(exponent[1]);
+    out += scientific ? format_number(value) : std::string(at, stop);
+    at = stop;
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string with_minus(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '-') {
+      out += "\u2212";
+    } else {
+      out += c;
+    }
+  }
+  return out;
+}
+
+std::string enumeration(const std::vector<std::string>& names) {
+  std::string out;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (i > 0) out += i + 1 == names.size() ? " and " : ", ";
+    out += names[i];
+  }
+  return out;
+}
+
+std::string format_number(double value, int digits) {
+  if (!std::isfinite(value)) return "not known";
+  if (value == 0.0) return "0";
+  const int exponent = exponent_of(value, digits);
+  if (exponent >= -4 && exponent < 6) {
+    const int decimals = std::max(0, digits - 1 - exponent);
+    // Zeros beyond the significant digits.
+    const double rounded = std::strtod(printed("%.*e", digits - 1, value).c_str(), nullptr);
+    return with_minus(printed("%.*f", decimals, rounded));
+  }
+  const std::string text = printed("%.*e", digits - 1, value);
+  return with_minus(text.substr(0, text.find('e'))) + " \u00d7 10" + superscript(exponent);
+}
+
+AxisUnit axis_unit(double largest, std::string_view unit) {
+  AxisUnit out{1.0, std::string(unit)};
+  if (!takes_prefix(unit) || !(largest > 0.0) || largest >= 0.2) return out;
+  if (largest >= 0.2e-3) return {1.0e3, std::string("m").append(unit)};
+  if (largest >= 0.2e-6) return {1.0e6, std::string("\u00b5").append(unit)};
+  return {1.0e9, std::string("n").append(unit)};
+}
+
+std::string format_quantity(double value, std::string_view unit, double reference) {
+  const AxisUnit scaled = axis_unit(std::max(std::abs(value), std::abs(reference)), unit);
+  const std::string number = format_number(value * scaled.factor);
+  return unit == "1" || unit.empty() ? number : number + "\u00a0" + scaled.unit;
+}
+
+EstimateText format_estimate(double value, double low, double high) {
+  const double half = 0.5 * std::abs(high - low);
+  int digits = 3;
+  if (half > 0.0 && std::isfinite(half) && value != 0.0) {
+    digits = std::clamp(exponent_of(value, 3) - exponent_of(half, 2) + 2, 2, 12);
+  }
+  // As many decimals as the value, whatever the decade of the end.
+  const auto end = [&](double each) {
+    if (each == 0.0 || value == 0.0) return format_number(each);
+    const int more = exponent_of(each, digits) - exponent_of(value, digits);
+    return format_number(each, std::clamp(digits + more, 1, 15));
+  };
+  return {format_number(value, digits), end(low), end(high)};
+}
+
+std::string format_percent(double share) {
+  if (share > 0.999) return ">\u00a099.9\u00a0%";
+  if (share < 0.001) return "<\u00a00.1\u00a0%";
+  return printed("%.*g", 3, 100.0 * share) + "\u00a0%";
+}
+
+std::string channel_name(Channel channel) { return plain_text(std::string(info(channel).stem)); }
+
+std::string plain_text(std::string text) {
+  for (const Channel channel : all_channels) {
+    const std::string_view stem = info(channel).stem;
+    for (std::size_t at = text.find(stem); at != std::string::npos; at = text.find(stem, at + 1)) {
+      std::replace(text.begin() + static_cast<std::ptrdiff_t>(at),
+                   text.begin() + static_cast<std::ptrdiff_t>(at + stem.size()), '_', ' ');
+    }
+  }
+  return without_exponents(text);
+}
+
+std::string unit_text(std::string_view unit, const physics::Place& place) {
+  constexpr std::string_view of_channel = "unit of the channel";
+  if (unit == "1") return "";
+  if (unit.starts_with(of_channel) && place.channel) {
+    return std::string(info(*place.channel).unit).append(unit.substr(of_channel.size()));
+  }
+  // "N/m3" or "N/m^3"
+  std::string out;
+  for (std::size_t i = 0; i < unit.size(); ++i) {
+    const bool power = i > 0 && unit[i] >= '2' && unit[i] <= '9' && unit[i - 1] != ' ';
+    if (power) {
+      out += superscript(unit[i] - '0');
+    } else if (unit[i] != '^') {
+      out += unit[i];
+    }
+  }
+  return out;
+}
+
+std::string format_seconds(double seconds) { return physics::number_text(seconds) + "\u00a0s"; }
+
+std::string effect_name(const diagnosis::Suspect& candidate) {
+  std::string out(candidate.effect->card().name);
+  if (candidate.place.channel) {
+    out += " (" + channel_name(*candidate.place.channel);
+    if (candidate.place.from) out += " from " + channel_name(*candidate.place.from);
+    out += ")";
+  }
+  return out;
+}
+
+std::string trial_name(const std::string& id) {
+  std::vector<std::string> names;
+  for (std::size_t from = 0; from <= id.size();) {
+    const std::size_t to = std::min(id.find(" + ", from), id.size());
+    names.push_back(part_name(id.substr(from, to - from)));
+    from = to + 3;
+  }
+  return enumeration(names);
+}
+
+const physics::ParameterCard* parameter_card(const diagnosis::Finding& finding,
+                                             const diagnosis::Estimate& estimate) {
+  for (const physics::ParameterCard& card : finding.effect->card().parameters) {
+    if (card.name == estimate.name) return &card;
+  }
+  return nullptr;
+}
+
+}  // namespace stickslip::report

@@ -1,0 +1,67 @@
+// Numbers, quantities and names as printed in a report for readers outside the project.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "diagnosis/diagnosis.h"
+
+namespace stickslip::report {
+
+/// `digits` significant digits without an e: "7300", "0.0125", "1.20 × 10⁻⁶", with a typographic
+/// minus; "not known" if not finite.
+std::string format_number(double value, int digits = 3);
+
+/// With an SI prefix chosen for the larger of `value` and `reference`: "21.9 µm", "1.13 mm/s",
+/// "130 mN". The unit "1" is omitted.
+std::string format_quantity(double value, std::string_view unit, double reference = 0.0);
+
+/// Factor and unit of an axis whose largest magnitude is `largest`.
+struct AxisUnit {
+  double factor = 1.0;
+  std::string unit;
+};
+AxisUnit axis_unit(double largest, std::string_view unit);
+
+/// A value and the ends of its interval, with as many digits as the interval's width supports.
+struct EstimateText {
+  std::string value;
+  std::string low;
+  std::string high;
+};
+EstimateText format_estimate(double value, double low, double high);
+
+/// "90 %", "> 99.9 %", "< 0.1 %"; to be escaped for HTML.
+std::string format_percent(double share);
+
+/// "0.4 s", for durations set by a user or an option.
+std::string format_seconds(double seconds);
+
+/// "friction force"
+std::string channel_name(Channel channel);
+
+/// Program text as prose: channel names without underscores, numbers without an exponent.
+std::string plain_text(std::string text);
+
+/// The unit of a parameter as its catalogue entry states it, with that of its channel filled in;
+/// empty if dimensionless.
+std::string unit_text(std::string_view unit, const physics::Place& place);
+
+/// "wrong gain (velocity)"
+std::string effect_name(const diagnosis::Suspect& candidate);
+
+/// The same from the id of a trial: "wrong gain (velocity) and ringing load cell".
+std::string trial_name(const std::string& id);
+
+/// The catalogue entry of an estimated parameter, or nullptr.
+const physics::ParameterCard* parameter_card(const diagnosis::Finding& finding,
+                                             const diagnosis::Estimate& estimate);
+
+/// "one, two and three"
+std::string enumeration(const std::vector<std::string>& names);
+
+/// A hyphen replaced by a minus sign.
+std::string with_minus(const std::string& text);
+
+}  // namespace stickslip::report

@@ -1,0 +1,19 @@
+// A diagnosis and scores of a model as JSON (section 5 of the contract).
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "diagnosis/diagnosis.h"
+
+namespace stickslip::report {
+
+/// Numbers are finite; the same diagnosis gives the same bytes.
+nlohmann::ordered_json report_json(const diagnosis::Diagnosis& diagnosis);
+
+/// {"chi2_per_sample": ..., "nll_per_sample": ..., "nrmse": {...}} and, on request, "rmse".
+nlohmann::ordered_json score_json(const diagnosis::Score& score, bool with_rmse);
+
+/// {"rmse": {"displacement_m": ...}, "nrmse": {"displacement": ...}}
+nlohmann::ordered_json free_run_json(const diagnosis::FreeRun& run);
+
+}  // namespace stickslip::report

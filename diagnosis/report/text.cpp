@@ -1,0 +1,209 @@
+#include "diagnosis/report/text.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <sstream>
+#include <vector>
+
+#include "physics/number_text.h"
+
+namespace stickslip::report {
+
+using namespace diagnosis;
+
+namespace {
+
+using physics::number_text;
+
+// At least three significant digits, and enough to differ from `value`.
+std::string distinct_text(double number, double value) {
+  for (int digits = 3; digits <= 17; ++digits) {
+    const std::string text = number_text(number, digits);
+    if (text != number_text(value, digits)) return text;
+  }
+  return number_text(number);
+}
+
+std::string percent(double share) { return number_text(100.0 * share) + " %"; }
+
+void add_verdict(std::ostringstream& text, const Diagnosis& d) {
+  switch (d.verdict) {
+    case Verdict::consistent:
+      text << "CONSISTENT: the model explains the recording to within the noise.\n";
+      break;
+    case Verdict::missing_physics:
+      text << "MISSING PHYSICS: the model lacks " << d.findings.size()
+           << (d.findings.size() == 1 ? " effect.\n" : " effects.\n");
+      break;
+    case Verdict::unexplained:
+      text << "UNEXPLAINED: the model does not fit the recording, and no candidate effect explains "
+           << (d.findings.empty() ? "the mismatch" : "all of the mismatch") << ".\n";
+      break;
+  }
+}
+
+// One line for the first region of each aspect.
+std::vector<std::string> conditions_of(const Location& location) {
+  std::vector<std::string> out;
+  std::vector<Aspect> listed;
+  for (const Region& region : location.regions) {
+    if (std::find(listed.begin(), listed.end(), region.aspect) != listed.end()) continue;
+    listed.push_back(region.aspect);
+    out.push_back(std::string(info(region.channel).stem)
+                      .append(" deviates more ")
+                      .append(region.words)
+                      .append(" (")
+                      .append(number_text(std::sqrt(region.energy)))
+                      .append(" times the noise, elsewhere ")
+                      .append(number_text(std::sqrt(region.energy_outside)))
+                      .append(")"));
+  }
+  return out;
+}
+
+void add_location(std::ostringstream& text, const Location& location) {
+  text << "  Where: " << location.statement << "\n";
+  for (const std::string& line : conditions_of(location)) text << "         " << line << "\n";
+}
+
+void add_finding(std::ostringstream& text, const Finding& finding, int number) {
+  text << "  " << number << ". " << Suspect{finding.effect, finding.place}.name() << ": "
+       << finding.statement << "\n";
+  for (const Estimate& estimate : finding.parameters) {
+    text << "       " << estimate.name << " = " << number_text(estimate.value)
+         << "  (95 %: " << distinct_text(estimate.low, estimate.value) << " to "
+         << distinct_text(estimate.high, estimate.value) << ")\n";
+  }
+  text << "       held-out chi-squared per sample " << number_text(finding.chi2_before) << " -> "
+       << number_text(finding.chi2_after) << "; probability among the candidates "
+       << percent(finding.probability) << "\n";
+  for (const Alternative& each : finding.alternatives) {
+    text << "       alternative: " << each.suspect.name() << " (" << percent(each.probability)
+         << ")\n";
+  }
+  if (finding.separating_experiment) {
+    text << "       To discriminate: " << *finding.separating_experiment << "\n";
+  }
+}
+
+void add_fit(std::ostringstream& text, const Diagnosis& d) {
+  text << "  Held-out fit: RMS error of predictions " << number_text(d.horizon_s) << " s ahead\n";
+  for (std::size_t c = 0; c < predicted_channels; ++c) {
+    if (!d.baseline.rmse[c]) continue;
+    const ChannelInfo& channel = channel_table[c];
+    text << "    " << channel.stem << ": " << number_text(*d.baseline.rmse[c]) << " "
+         << channel.unit;
+    if (d.augmented && d.augmented->rmse[c]) {
+      text << " -> " << number_text(*d.augmented->rmse[c]) << " " << channel.unit;
+    }
+    text << "\n";
+  }
+  text << "  Held-out chi-squared per sample: " << number_text(d.baseline.chi2_per_sample);
+  if (d.augmented) text << " -> " << number_text(d.augmented->chi2_per_sample);
+  text << "  (1: noise only; " << d.fitted_windows << " windows fitted, " << d.heldout_windows
+       << " held out)\n";
+  if (d.noise_estimated.empty()) return;
+  text << "  Noise estimated from the recording, not declared:";
+  for (const Channel channel : d.noise_estimated) text << " " << info(channel).stem;
+  text << "\n";
+}
+
+void add_calibration(std::ostringstream& text, const Diagnosis& d) {
+  if (d.calibrated.empty()) return;
+  text << "  Calibrated (shift in declared standard deviations):";
+  bool far = false;
+  for (const Calibration& each : d.calibrated) {
+    char shift[32];
+    std::snprintf(shift, sizeof shift, " (%+.1f);", each.sigmas_off);
+    text << " " << each.path << " = " << number_text(each.value) << shift;
+    far = far || std::abs(each.sigmas_off) > 3.0;
+  }
+  text << "\n";
+  if (!far) return;
+  text << "  Above 3 standard deviations: the declared standard deviation is too small, or the "
+          "parameter compensates for missing physics.\n";
+}
+
+void add_recordings(std::ostringstream& text, const Diagnosis& d) {
+  for (const Integrity& each : d.integrity) {
+    text << "  Recording " << each.source << ": " << number_text(each.duration_s) << " s at "
+         << number_text(each.rate_hz) << " Hz";
+    if (each.remarks.empty()) text << "; complete, no channel saturated, no mains line";
+    text << "\n";
+    for (const std::string& remark : each.remarks) text << "    " << remark << "\n";
+  }
+}
+
+// Limited to the listed physics of the rig: sensor errors at every channel fill a page, and the
+// other formats have them.
+void add_detection_limits(std::ostringstream& text, const Detection& detection) {
+  const auto is_listed = [](const Suspect& candidate) {
+    return candidate.effect->card().depends_on.empty() && !candidate.place.channel;
+  };
+  const char* before = "  Detection limits (95 %): ";
+  for (const DetectionLimit& limit : detection.limits) {
+    if (!is_listed(limit.suspect)) continue;
+    text << before << limit.suspect.name() << " (" << limit.parameter().name << " = "
+         << limit_text(limit) << ")";
+    before = ", ";
+  }
+  if (before[0] == ',') text << "\n";
+  before = "  Not distinguishable: ";
+  for (const Lookalikes& pair : detection.lookalikes) {
+    const Suspect& one = detection.limits[pair.one].suspect;
+    const Suspect& other = detection.limits[pair.other].suspect;
+    if (!is_listed(one) || !is_listed(other)) continue;
+    text << before << one.name() << " and " << other.name();
+    before = "; ";
+  }
+  if (before[0] == ';') text << "\n";
+}
+
+void add_trials(std::ostringstream& text, const Diagnosis& d) {
+  text << "  Candidates fitted (held-out chi-squared):";
+  int stage = 0;
+  for (const Trial& trial : d.trials) {
+    if (trial.stage != stage) {
+      stage = trial.stage;
+      text << " | then";
+    }
+    text << " " << trial.id << " (" << number_text(trial.heldout_chi2) << ")";
+  }
+  text << "\n";
+}
+
+}  // namespace
+
+std::string limit_text(const DetectionLimit& limit) {
+  return distinct_text(limit.value, limit.parameter().neutral);
+}
+
+std::string false_alarm_text(const FalseAlarms& alarms) {
+  std::string out = "Of " + std::to_string(alarms.recordings) +
+                    " synthetic recordings of the calibrated declared model, with nothing "
+                    "missing, " +
+                    std::to_string(alarms.alarms) + " raised a false alarm";
+  if (!alarms.chi2.empty()) {
+    out += "; noise alone gave a chi-squared of " + number_text(alarms.chi2.front()) + " to " +
+           number_text(alarms.chi2.back()) + " per sample";
+  }
+  return out + ".";
+}
+
+std::string report_text(const Diagnosis& diagnosis) {
+  std::ostringstream text;
+  add_verdict(text, diagnosis);
+  if (diagnosis.location) add_location(text, *diagnosis.location);
+  int number = 0;
+  for (const Finding& finding : diagnosis.findings) add_finding(text, finding, ++number);
+  add_fit(text, diagnosis);
+  add_calibration(text, diagnosis);
+  add_recordings(text, diagnosis);
+  if (diagnosis.false_alarms) text << "  " << false_alarm_text(*diagnosis.false_alarms) << "\n";
+  add_detection_limits(text, diagnosis.detection);
+  add_trials(text, diagnosis);
+  return text.str();
+}
+
+}  // namespace stickslip::report
