@@ -1,5 +1,5 @@
-// What a fitted effect looks like: the quantity that it changes, over the variable that it depends
-// on, for a report's JSON and for its pictures.
+// Curves of a fitted effect: the quantity that it changes over the variable that it depends on, for
+// a report's JSON and its figures.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "diagnosis/experiment.h"
-#include "physics/effects/effect.h"
+#include "physics/effect.h"
 
 namespace stickslip::diagnosis {
 
@@ -21,28 +21,28 @@ struct Curve {
   std::string unit;
   std::vector<double> at;
   std::vector<double> value;
-  /// 95 % interval at each point, from the doubt of all fitted parameters of the effect together;
-  /// empty where it is not known.
+  /// 95 % interval at each point, from the covariance of all fitted parameters of the effect; empty
+  /// where unknown.
   std::vector<double> low = {}, high = {};
 };
 
-/// How an effect with these parameters (in the order of its card) depends on what it acts on, over
-/// the range of a recording. Empty for what is no function of one variable: faults of sensors,
-/// hidden states.
+/// The terms of an effect with these parameters (in the order of its card) over each variable, in
+/// the range of a recording. Empty for sensor errors and for effects with states, which are not
+/// functions of one variable.
 std::vector<Curve> shape_of(const physics::Effect& effect, std::span<const double> parameters,
                             const Experiment& experiment);
 
-/// The same for a person: also faults of sensors, loops of effects that remember, laws that replace
-/// another, and what is periodic over a few periods only. `like` are the parameters from which the
-/// range of the drawing follows, so that curves of like parameters can be compared point by point.
-/// `friction_n` is the friction force of the model under its mean load.
+/// The same for figures: also sensor errors, loops of effects with states, laws that replace
+/// another, and oscillations over a few periods only. Ranges follow from the parameters
+/// `reference`, so that curves of similar parameters can be compared point by point. `friction_n`:
+/// friction force of the model at its mean load.
 std::vector<Curve> portrait_of(const physics::Effect& effect, const physics::Place& place,
-                               std::span<const double> parameters, std::span<const double> like,
-                               const Experiment& experiment, double friction_n);
+                               std::span<const double> parameters,
+                               std::span<const double> reference, const Experiment& experiment,
+                               double friction_n);
 
-/// Gives every curve its 95 % interval to first order: `changed(i, by)` are the same curves with
-/// the i-th unknown moved by so many of its standard deviations, `correlation` is that of the
-/// unknowns.
+/// Adds 95 % intervals to first order: `changed(i, by)` returns the same curves with the i-th
+/// unknown moved by `by` of its standard deviations; `correlation` is that of the unknowns.
 void add_bands(std::vector<Curve>& curves, const Eigen::MatrixXd& correlation,
                const std::function<std::vector<Curve>(Eigen::Index, double)>& changed);
 

@@ -1,5 +1,5 @@
-// Numbers that carry their derivatives along (forward-mode automatic differentiation), so that
-// every equation of this room is written once and yields exact Jacobians.
+// Dual numbers: forward-mode automatic differentiation, so that every equation is written once and
+// yields exact Jacobians.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,8 +8,8 @@
 namespace stickslip::physics {
 
 /// a + sum_i d[i] eps_i with eps_i eps_j = 0: a value and its derivatives in `directions`
-/// directions. Values are double and do not depend on the derivatives; these are single precision,
-/// which is enough for the steps of a fit and takes two thirds of the time.
+/// directions. Values are double and do not depend on the derivatives, which are single precision:
+/// sufficient for the steps of a fit, in two thirds of the time.
 struct Dual {
   static constexpr int directions = 16;
   using Slope = float;

@@ -1,5 +1,4 @@
-// One sample of a rig: what a driver yields, what calibration makes SI, what the observer eats,
-// what goes on the wire and what a recording holds. There is no second struct for the same thing.
+// One sample of a rig. Drivers, calibration, observer, telemetry and recordings share this struct.
 #pragma once
 
 #include <array>
@@ -10,8 +9,8 @@
 
 namespace stickslip {
 
-/// What a rig can measure. The first five are the paper's channels (section 3.1); `drive_force`
-/// stands for the base motion on force-excited rigs.
+/// The quantities that a rig can measure. The first five are the paper's channels (section 3.1);
+/// `drive_force` stands for the base motion on force-excited rigs.
 enum class Channel : std::uint8_t {
   displacement,       ///< x, deflection of the mass relative to the moving frame [m]
   velocity,           ///< x', from the analogue differentiator [m/s]
@@ -55,14 +54,14 @@ constexpr std::optional<Channel> channel_named(std::string_view name) {
   return std::nullopt;
 }
 
-/// One sample. A channel that was not measured, or not believed, has its validity bit clear and its
-/// value 0; a frame never carries NaN to say so.
+/// One sample. A channel that was not measured, or whose value is implausible, has its validity bit
+/// clear and its value 0; a frame does not contain NaN.
 struct Frame {
-  std::int64_t time_ns = 0;    ///< time of measurement; monotonic, origin at the source's choice
+  std::int64_t time_ns = 0;    ///< time of measurement; monotonic, the source chooses the origin
   std::uint64_t sequence = 0;  ///< counts frames at the source; a jump is a loss
   std::array<double, channel_count> value{};  ///< by Channel; SI after calibration
   std::uint8_t valid = 0;                     ///< bit i: channel i holds a measurement
-  /// How long before time_ns a channel was measured [us]; 0 for those sampled with the frame.
+  /// Time from the measurement of a channel to time_ns [us]; 0 where sampled with the frame.
   std::array<std::int32_t, channel_count> age_us{};
 
   constexpr double operator[](Channel channel) const { return value[index_of(channel)]; }

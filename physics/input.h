@@ -1,10 +1,10 @@
-// What drives a rig.
+// Excitation of a rig.
 #pragma once
 
 namespace stickslip::physics {
 
-/// The excitation of a rig at one instant. Only the values that the model's excitation and laws use
-/// have to be set.
+/// The excitation of a rig at one instant; only values that the model's excitation and laws use are
+/// read.
 struct Input {
   double base_displacement_m = 0.0;
   double base_acceleration_m_s2 = 0.0;

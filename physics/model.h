@@ -1,5 +1,5 @@
-// physics::Model is what model.toml says, what the simulated rig integrates, what the observer
-// believes and what a diagnosis mends. Symbols and signs are those of the project's contract:
+// physics::Model, the content of model.toml: integrated by the simulated rig, assumed by the
+// observer and extended by a diagnosis. Symbols and signs are those of docs/physics.md:
 //
 //   m x'' + c x' + k x + f = -m b''            base-excited rig
 //   m x'' + c x' + k x + f = F                 force-excited rig
@@ -20,8 +20,8 @@
 
 namespace stickslip::physics {
 
-/// A number and how well it is known. sigma 0: known exactly. sigma > 0: a Gaussian prior with that
-/// standard deviation, to be calibrated on a recording before anything is called missing.
+/// A number with its standard deviation. sigma 0: known exactly. sigma > 0: a Gaussian prior, which
+/// a diagnosis calibrates on the recording.
 struct Parameter {
   double value = 0.0;
   double sigma = 0.0;
@@ -102,10 +102,10 @@ struct LoadCell {
   friend bool operator==(const LoadCell&, const LoadCell&) = default;
 };
 
-/// How the normal load is read: the gauges of both pads, N1 = c1 v1 and N2 = c2 v2, sit in one
-/// Wheatstone bridge, so that only v1 + v2 is seen and (c1 + c2) / 2 is taken for both (section 4
+/// The bridge of the normal load: the gauges of both pads, N1 = c1 v1 and N2 = c2 v2, form one
+/// Wheatstone bridge, which measures v1 + v2 only, with (c1 + c2) / 2 assumed for both (section 4
 /// of the paper). The reading is N times share / (1 + mismatch) + (1 - share) / (1 - mismatch),
-/// where the share is that of the first pad at the present displacement.
+/// where `share` is that of the first pad at the present displacement.
 struct NormalLoadBridge {
   double mismatch = 0.0;           ///< (c1 - c2) / (c1 + c2)
   double share = 0.5;              ///< of N on the first pad at x = 0
@@ -125,7 +125,7 @@ struct Filter {
   friend bool operator==(const Filter&, const Filter&) = default;
 };
 
-/// A channel's chain. The velocity chain starts where the displacement chain ends.
+/// A channel's chain. The velocity chain continues the displacement chain.
 struct Sensor {
   std::optional<double> noise_std;  ///< in the channel's unit; absent: unknown
   std::vector<Filter> filters;      ///< in the order of the signal
@@ -133,13 +133,13 @@ struct Sensor {
   friend bool operator==(const Sensor&, const Sensor&) = default;
 };
 
-/// One term that a diagnosis added: an effect of the catalogue (physics/effects/) with its
-/// parameters by their contract names, e.g. {"k3_n_m3", {1e4, 0}}.
+/// One [[physics]] term: an effect of the catalogue (physics/effects/) with its parameters by name,
+/// e.g. {"k3_n_m3", {1e4, 0}}.
 struct Term {
   std::string id;
-  std::optional<Channel> channel;  ///< sensor effects: the channel that is read wrongly
+  std::optional<Channel> channel;  ///< sensor effects: the channel with the error
   std::map<std::string, Parameter> parameters;
-  std::optional<Channel> from = {};  ///< crosstalk: the channel that leaks into it
+  std::optional<Channel> from = {};  ///< crosstalk: the source channel
 
   friend bool operator==(const Term&, const Term&) = default;
 };
@@ -167,17 +167,21 @@ struct NamedParameter {
 /// "physics.cubic_stiffness", "physics.gain_error.velocity"
 std::string path_of(const Term& term);
 
-/// Every parameter that this model has, in the order of the model file; the pointers lead into
-/// `model` and are valid while it is neither moved nor changed in structure.
+/// Every parameter of the model: first the declared ones, then those of each term by name. The
+/// pointers lead into `model` and are valid while it is neither moved nor changed in structure.
 std::vector<NamedParameter> parameters_of(Model& model);
 
-/// Where a model contradicts itself or the catalogue, in words; empty when it is sound. Each entry
-/// names the path in the model file that it is about (which may be a table, or a key that is
-/// missing), so that a loader can add line and column.
+/// Number of declared parameters: the index of the first term's first parameter.
+std::size_t declared_parameter_count(const Model& model);
+
+/// A contradiction of a model to itself or to the catalogue. `path` is that in the model file (of a
+/// table, or of a missing key), so that a loader can add line and column.
 struct Inconsistency {
   std::string path;
   std::string message;
 };
+
+/// Empty for a sound model.
 std::vector<Inconsistency> inconsistencies_of(const Model& model);
 
 }  // namespace stickslip::physics

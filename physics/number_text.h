@@ -1,4 +1,4 @@
-// Numbers as text.
+// Formatting of numbers.
 #pragma once
 
 #include <array>
@@ -8,7 +8,7 @@
 
 namespace stickslip::physics {
 
-/// For a person, to `digits` significant digits (1 to 17): "20.4", "1.03e+04", "0.0125".
+/// Rounded to `digits` significant digits (1 to 17): "20.4", "1.03e+04", "0.0125".
 inline std::string number_text(double value, int digits = 3) {
   std::array<char, 40> text{};
   std::snprintf(text.data(), text.size(), "%.*g", digits, value);

@@ -1,4 +1,4 @@
-// What is wrong with something that a person wrote or recorded, and where.
+// Errors in input files, with their position.
 #pragma once
 
 #include <stdexcept>
@@ -8,16 +8,16 @@
 
 namespace stickslip {
 
-/// One thing to mend. `line` and `column` count from 1; 0 where the place is not known (a binary
-/// log says its byte offset in the message). The message says what was found, what was expected
-/// and, where it is not obvious, what to do.
+/// One error. `line` and `column` count from 1; 0 where unknown (for a binary log the message
+/// states the byte offset). The message states what was found, what was expected and, where it is
+/// not obvious, the remedy.
 struct Problem {
   std::string file;
   int line = 0;
   int column = 0;
   std::string message;
 
-  /// "file:line:column: message", leaving out what is not known.
+  /// "file:line:column: message" without the parts that are unknown.
   std::string text() const {
     std::string out = file;
     if (line > 0) out += ':' + std::to_string(line);
@@ -29,8 +29,8 @@ struct Problem {
   friend bool operator==(const Problem&, const Problem&) = default;
 };
 
-/// Bad input: the program ends with status 2 and one line on standard error. Holds every problem
-/// that was found, first the one to mend first; never empty.
+/// Invalid input: the program exits with status 2 and one line on standard error. Holds every
+/// problem found, the one to correct first at the front; never empty.
 class InputError : public std::runtime_error {
  public:
   explicit InputError(std::vector<Problem> problems)

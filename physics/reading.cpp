@@ -1,6 +1,7 @@
 #include "physics/reading.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -11,7 +12,7 @@ namespace {
 using std::numbers::pi;
 
 template <class AnyReadings>
-auto& of(AnyReadings& readings, Channel channel) {
+auto& channel_of(AnyReadings& readings, Channel channel) {
   switch (channel) {
     case Channel::velocity:
       return readings.velocity;
@@ -27,27 +28,31 @@ auto& of(AnyReadings& readings, Channel channel) {
 constexpr std::array read_channels = {Channel::displacement, Channel::velocity,
                                       Channel::friction_force, Channel::normal_load};
 
-// How long the drift has gone on, as if at its first rate.
+// The drift at `time_s` over its initial rate.
 template <class T>
 T drifted_s(const ReadingLaw<T>& law, double time_s) {
   using std::exp;
-  if (time_s < 1.0e-8 * value_of(law.drift_settles_s)) return T(time_s);
-  return law.drift_settles_s * (1.0 - exp(-time_s / law.drift_settles_s));
+  if (time_s < 1.0e-8 * value_of(law.drift_time_constant_s)) return T(time_s);
+  return law.drift_time_constant_s * (1.0 - exp(-time_s / law.drift_time_constant_s));
 }
 
 }  // namespace
 
 template <class T>
-T misread(const ReadingLaw<T>& law, const T& value, double time_s) {
+T reading_of(const ReadingLaw<T>& law, const T& value, double time_s) {
   using std::sin;
   T out = law.gain * value;
   out += law.curvature * out * out;
+  if (law.characteristic != nullptr) {
+    law.characteristic->distort(out, law.characteristic_parameters.data());
+  }
   out += law.drift_per_s * drifted_s(law, time_s);
   if (value_of(law.hum_frequency_hz) > 0.0) {
     T share(1.0);
-    for (std::size_t i = 0; i < law.hum_wander.size(); i += 2) {
-      const double angle = pi * static_cast<double>(i + 2) * time_s / law.hum_wander_over_s;
-      share += law.hum_wander[i] * std::cos(angle) + law.hum_wander[i + 1] * std::sin(angle);
+    for (std::size_t i = 0; i < law.hum_modulation.size(); i += 2) {
+      const double angle = pi * static_cast<double>(i + 2) * time_s / law.hum_modulation_s;
+      share +=
+          law.hum_modulation[i] * std::cos(angle) + law.hum_modulation[i + 1] * std::sin(angle);
     }
     out += law.hum_amplitude * share *
            sin(law.hum_frequency_hz * (2.0 * pi * time_s) + law.hum_phase_rad);
@@ -59,25 +64,59 @@ T misread(const ReadingLaw<T>& law, const T& value, double time_s) {
   return out;
 }
 
-std::optional<RightedReading> put_right(const ReadingLaw<double>& law, double reading) {
-  // The branch of reading = straight (1 + curvature straight) that goes through 0. Its slope is the
-  // root; of a reading where that is small the second order counts as much as the first.
-  constexpr double least_root = 0.25;
-  const double square = 1.0 + 4.0 * law.curvature * reading;
-  if (!(square > least_root * least_root)) return std::nullopt;
-  const double root = std::sqrt(square);
-  return RightedReading{2.0 * reading / ((1.0 + root) * law.gain), 1.0 / (root * law.gain)};
+namespace {
+
+// Below this slope of a characteristic the second order counts as much as the first.
+constexpr double least_slope = 0.25;
+
+// The argument at which the law's characteristic is `reading`, by Newton's method, and its slope
+// there.
+std::optional<CorrectedReading> before_characteristic(const ReadingLaw<double>& law,
+                                                      double reading) {
+  std::array<Dual, max_characteristic_parameters> parameters;
+  std::copy(law.characteristic_parameters.begin(), law.characteristic_parameters.end(),
+            parameters.begin());
+  CorrectedReading out{reading, 1.0};
+  for (int iteration = 0; iteration < 50; ++iteration) {
+    Dual distorted(out.value);
+    distorted.d[0] = 1.0F;
+    law.characteristic->distort(distorted, parameters.data());
+    out.slope = static_cast<double>(distorted.d[0]);
+    if (!(out.slope > least_slope)) return std::nullopt;
+    const double step = (reading - distorted.a) / out.slope;
+    out.value += step;
+    if (std::abs(step) <= 1.0e-12 * std::abs(out.value)) return out;
+  }
+  return std::nullopt;
 }
 
-template double misread(const ReadingLaw<double>&, const double&, double);
-template Dual misread(const ReadingLaw<Dual>&, const Dual&, double);
+}  // namespace
+
+std::optional<CorrectedReading> correct_reading(const ReadingLaw<double>& law, double reading) {
+  double bent = reading;
+  double slope = 1.0;
+  if (law.characteristic != nullptr) {
+    const auto before = before_characteristic(law, reading);
+    if (!before) return std::nullopt;
+    bent = before->value;
+    slope = before->slope;
+  }
+  // The branch of bent = straight (1 + curvature straight) through 0; its slope is the root.
+  const double square = 1.0 + 4.0 * law.curvature * bent;
+  if (!(square > least_slope * least_slope)) return std::nullopt;
+  const double root = std::sqrt(square);
+  return CorrectedReading{2.0 * bent / ((1.0 + root) * law.gain), 1.0 / (root * law.gain * slope)};
+}
+
+template double reading_of(const ReadingLaw<double>&, const double&, double);
+template Dual reading_of(const ReadingLaw<Dual>&, const Dual&, double);
 
 template <class T>
-ReadingFaults<T>::ReadingFaults(const ReadingLaws<T>& laws, const SensorBank& bank, double step_s)
+SensorErrors<T>::SensorErrors(const ReadingLaws<T>& laws, const SensorBank& bank, double step_s)
     : laws_(laws), bank_(&bank), step_s_(step_s) {
   rolls_off_ = value_of(laws.velocity_cutoff_hz) > 0.0;
   if (rolls_off_) {
-    // Exact for an input that is a straight line over the step.
+    // Exact for inputs that are linear over the step.
     using std::exp;
     const T turn = laws.velocity_cutoff_hz * (2.0 * pi * step_s);
     stay_ = exp(-turn);
@@ -88,54 +127,55 @@ ReadingFaults<T>::ReadingFaults(const ReadingLaws<T>& laws, const SensorBank& ba
 }
 
 template <class T>
-void ReadingFaults<T>::settle(FaultMemory<T>& memory, const SensorMemory<T>& chains) const {
+void SensorErrors<T>::settle(SensorErrorState<T>& memory, const SensorMemory<T>& chains) const {
   memory.into_differentiator = bank_->velocity_before_roll_off(chains);
   memory.rolled_off = memory.into_differentiator;
-  if (laws_.late) memory.past.settle(undisturbed(memory, chains), step_s_);
+  if (laws_.any_delay) memory.past.settle(rolled_off_readings(memory, chains), step_s_);
 }
 
 template <class T>
-void ReadingFaults<T>::advance(FaultMemory<T>& memory, const SensorMemory<T>& chains) const {
+void SensorErrors<T>::advance(SensorErrorState<T>& memory, const SensorMemory<T>& chains) const {
   if (rolls_off_) {
     const T input = bank_->velocity_before_roll_off(chains);
     memory.rolled_off =
         stay_ * memory.rolled_off + before_ * memory.into_differentiator + after_ * input;
     memory.into_differentiator = input;
   }
-  if (laws_.late) memory.past.push(undisturbed(memory, chains));
+  if (laws_.any_delay) memory.past.push(rolled_off_readings(memory, chains));
 }
 
 template <class T>
-Readings<T> ReadingFaults<T>::undisturbed(const FaultMemory<T>& memory,
-                                          const SensorMemory<T>& chains) const {
+Readings<T> SensorErrors<T>::rolled_off_readings(const SensorErrorState<T>& memory,
+                                                 const SensorMemory<T>& chains) const {
   Readings<T> readings = bank_->readings(chains);
   if (rolls_off_) readings.velocity = memory.rolled_off;
   return readings;
 }
 
 template <class T>
-Readings<T> ReadingFaults<T>::readings(const FaultMemory<T>& memory, const SensorMemory<T>& chains,
-                                       double time_s) const {
-  Readings<T> late = undisturbed(memory, chains);
-  if (laws_.late) {
+Readings<T> SensorErrors<T>::readings(const SensorErrorState<T>& memory,
+                                      const SensorMemory<T>& chains, double time_s) const {
+  Readings<T> delayed = rolled_off_readings(memory, chains);
+  if (laws_.any_delay) {
     for (const Channel channel : read_channels) {
       const T& delay = laws_.of[index_of(channel)].delay_s;
       if (value_of(delay) == 0.0) continue;
-      of(late, channel) = memory.past.ago(
-          delay, [channel](const Readings<T>& past) -> const T& { return of(past, channel); });
+      channel_of(delayed, channel) = memory.past.delayed(
+          delay,
+          [channel](const Readings<T>& past) -> const T& { return channel_of(past, channel); });
     }
   }
   Readings<T> out;
   for (const Channel channel : read_channels) {
     const ReadingLaw<T>& law = laws_.of[index_of(channel)];
-    T value = of(late, channel);
-    if (law.leak_from) value += law.leak * of(late, *law.leak_from);
-    of(out, channel) = misread(law, value, time_s);
+    T value = channel_of(delayed, channel);
+    if (law.crosstalk_from) value += law.crosstalk * channel_of(delayed, *law.crosstalk_from);
+    channel_of(out, channel) = reading_of(law, value, time_s);
   }
   return out;
 }
 
-template class ReadingFaults<double>;
-template class ReadingFaults<Dual>;
+template class SensorErrors<double>;
+template class SensorErrors<Dual>;
 
 }  // namespace stickslip::physics

@@ -1,6 +1,6 @@
-// Readings that depart from what their declared chain delivers: gains, leaks, drifts, hum, delays,
-// limits and a differentiator that rolls off early. One law for all channels (ReadingLaw); an
-// effect of the catalogue sets its numbers.
+// Sensor errors: departures of readings from the output of their declared chains (gain, crosstalk,
+// drift, hum, delay, saturation, a characteristic, a differentiator with a low cut-off). One law
+// for all channels (ReadingLaw), whose numbers the effects of the catalogue set.
 #pragma once
 
 #include <algorithm>
@@ -8,33 +8,33 @@
 #include <optional>
 #include <vector>
 
-#include "physics/effects/effect.h"
+#include "physics/effect.h"
 #include "physics/sensor_chain.h"
 
 namespace stickslip::physics {
 
-/// The longest delay that is remembered [s].
+/// The longest delay that is simulated [s].
 inline constexpr double longest_delay_s = 0.03;
 
-/// What something was over the last longest_delay_s, one value for each step.
+/// The values of the last longest_delay_s, one for each step.
 template <class Value>
 class DelayLine {
  public:
-  /// As if it had always been `value`. Allocates.
+  /// Fills the line with `value`. Allocates.
   void settle(const Value& value, double step_s) {
     step_s_ = step_s;
     latest_ = 0;
     ring_.assign(static_cast<std::size_t>(std::ceil(longest_delay_s / step_s)) + 2, value);
   }
-  /// One step on.
+  /// Appends the value of the next step.
   void push(const Value& value) {
     latest_ = (latest_ + 1) % ring_.size();
     ring_[latest_] = value;
   }
-  /// What `part` of it was `delay_s` ago, on a straight line between steps; a negative delay looks
-  /// ahead along the last slope.
+  /// `part` of the value `delay_s` ago, interpolated linearly between steps; a negative delay
+  /// extrapolates the last slope.
   template <class T, class Part>
-  T ago(const T& delay_s, Part&& part) const {
+  T delayed(const T& delay_s, Part&& part) const {
     const std::size_t length = ring_.size();
     const T steps = delay_s / step_s_;
     const double whole =
@@ -53,50 +53,51 @@ class DelayLine {
   double step_s_ = 1.0;
 };
 
-/// What the faults remember beside the chains.
+/// State of the sensor errors, in addition to that of the chains.
 template <class T>
-struct FaultMemory {
+struct SensorErrorState {
   T rolled_off{0.0};  ///< output of the actual differentiator
   T into_differentiator{0.0};
   DelayLine<Readings<T>> past;
 };
 
-/// What a channel delivers instead of `value`, but for its delay and what leaks into it.
+/// The reading of a channel for a true value `value`, but for its delay and crosstalk.
 template <class T>
-T misread(const ReadingLaw<T>& law, const T& value, double time_s);
+T reading_of(const ReadingLaw<T>& law, const T& value, double time_s);
 
-/// What misread() was given, and how fast that goes with the reading.
-struct RightedReading {
+/// A corrected reading and its derivative with respect to the reading.
+struct CorrectedReading {
   double value = 0.0;
   double slope = 1.0;
 };
 
-/// Takes the gain and the curvature of misread() back. None of a reading near to where the curve
-/// turns back or beyond: there it says little or nothing.
-std::optional<RightedReading> put_right(const ReadingLaw<double>& law, double reading);
+/// Inverts gain, curvature and characteristic of reading_of(). Empty where the law is too flat to
+/// be inverted: at less than a quarter of its nominal slope, or beyond its turning point.
+std::optional<CorrectedReading> correct_reading(const ReadingLaw<double>& law, double reading);
 
-/// The faults of one rig at one step length. Immutable; `bank` must outlive it.
+/// The sensor errors of one rig at one step length. Immutable; `bank` must outlive it.
 template <class T>
-class ReadingFaults {
+class SensorErrors {
  public:
-  ReadingFaults(const ReadingLaws<T>& laws, const SensorBank& bank, double step_s);
+  SensorErrors(const ReadingLaws<T>& laws, const SensorBank& bank, double step_s);
 
-  /// The memory of faults over chains that have settled. Allocates where there are delays.
-  void settle(FaultMemory<T>& memory, const SensorMemory<T>& chains) const;
-  /// One step on, after the chains.
-  void advance(FaultMemory<T>& memory, const SensorMemory<T>& chains) const;
-  /// What is read at `time_s`.
-  Readings<T> readings(const FaultMemory<T>& memory, const SensorMemory<T>& chains,
+  /// Steady state for chains in steady state. Allocates where there are delays.
+  void settle(SensorErrorState<T>& memory, const SensorMemory<T>& chains) const;
+  /// Advances by one step, after the chains.
+  void advance(SensorErrorState<T>& memory, const SensorMemory<T>& chains) const;
+  /// The readings at `time_s`.
+  Readings<T> readings(const SensorErrorState<T>& memory, const SensorMemory<T>& chains,
                        double time_s) const;
 
  private:
-  Readings<T> undisturbed(const FaultMemory<T>& memory, const SensorMemory<T>& chains) const;
+  Readings<T> rolled_off_readings(const SensorErrorState<T>& memory,
+                                  const SensorMemory<T>& chains) const;
 
   ReadingLaws<T> laws_;
   const SensorBank* bank_;
   double step_s_;
   bool rolls_off_ = false;
-  T stay_{0.0}, before_{0.0}, after_{0.0};  ///< the roll-off's step
+  T stay_{0.0}, before_{0.0}, after_{0.0};  ///< step response of the roll-off
 };
 
 }  // namespace stickslip::physics

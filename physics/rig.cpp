@@ -6,7 +6,7 @@
 #include <stdexcept>
 
 #include "physics/backbone.h"
-#include "physics/effects/catalogue.h"
+#include "physics/catalogue.h"
 
 namespace stickslip::physics {
 
@@ -17,14 +17,14 @@ using std::numbers::pi;
 // ARS(2,2,2): delta makes the explicit part second order.
 const double delta_ars = 1.0 - 1.0 / (2.0 * gamma_ars);
 
-// tanh(x) where its value is known already; x brings the derivatives.
+// tanh(x) with known value; x supplies the derivatives.
 double known_tanh(double /*x*/, double value) { return value; }
 Dual known_tanh(const Dual& x, double value) {
   return {value, x.d * Dual::slope(1.0 - value * value)};
 }
 
-// Solves w + a z(w) = target with z(w) = (z0 + alpha w) / (1 + alpha abs(w) r): the implicit step
-// of a bristle that slips at 1/r; r is `back` for a w against the deflection z0.
+// Root of w + a z(w) = target with z(w) = (z0 + alpha w) / (1 + alpha abs(w) r): the implicit step
+// of a bristle that slips at a deflection of 1/r; r is `back` for a w against the deflection z0.
 double solve_bristle(double target, double a, double z0, double alpha, double r, double back,
                      double guess) {
   const auto rate = [&](double w) { return w * z0 < 0.0 ? back : r; };
@@ -56,8 +56,8 @@ double solve_bristle(double target, double a, double z0, double alpha, double r,
   return w;
 }
 
-// How much of a bristle's motion is slip at a deflection of `share` times the one that slips: 0 up
-// to `elastic`, 1 from 1 on (Dupont, Hayward, Armstrong and Altpeter 2002, Eq. (17)).
+// Share of slip in a bristle's motion at `share` times its break-away deflection: 0 up to
+// `elastic`, 1 from 1 on (Dupont, Hayward, Armstrong and Altpeter 2002, Eq. (17)).
 template <class T>
 T plastic_share(const T& share, const T& elastic) {
   using std::sin;
@@ -67,22 +67,23 @@ T plastic_share(const T& share, const T& elastic) {
   return 0.5 + 0.5 * sin((share - middle) * (pi / (1.0 - elastic)));
 }
 
-// A relaxation process after an implicit step of `turn` time constants, for a backbone scaled by
-// `scale`: what stays of where it was, and by how much it follows the law.
+// A relaxation process over one implicit stage: theta at its end is decayed + gain g(w).
 template <class T>
 struct Process {
-  T stays{0.0};
-  T follows{0.0};
+  T decayed{0.0};
+  T gain{0.0};
 };
+
+// `steps`: length of the stage in time constants. `scale`: factor on the backbone.
 template <class T>
-Process<T> process(const T& from, const T& scale, const T& turn) {
-  const T blend = 1.0 / (1.0 + turn);
-  return {from * blend, scale * turn * blend};
+Process<T> process(const T& from, const T& scale, const T& steps) {
+  const T blend = 1.0 / (1.0 + steps);
+  return {from * blend, scale * steps * blend};
 }
 
 template <class T>
-Instant<T> instant_of(const RigState<T>& state, const Input& now, double time_s) {
-  Instant<T> at;
+OperatingPoint<T> operating_point(const RigState<T>& state, const Input& now, double time_s) {
+  OperatingPoint<T> at;
   at.time_s = time_s;
   at.x = state.s[state::x];
   at.v = state.s[state::v];
@@ -93,9 +94,194 @@ Instant<T> instant_of(const RigState<T>& state, const Input& now, double time_s)
   return at;
 }
 
-}  // namespace
+// The contact problem of one implicit stage: the slip velocity w with
+// w + alpha mobility f(w) = free_slip.
+template <class T>
+struct Stage {
+  double alpha = 0.0;  // length of the stage [s]
+  double guess = 0.0;  // of w
+  T free_slip{0.0};    // w without friction
+  T mobility{0.0};     // slip velocity per unit of impulse
+  T level{0.0};        // mu N, or mu in newtons
+  T backbone{1.0};     // factor on the backbone
+};
 
-Rig::Rig(const Model& model) : model_(model) {
+template <class T>
+struct ContactSolution {
+  T slip{0.0};
+  T force{0.0};
+  T theta{0.0};
+  T contact{0.0};  // the contact's state: theta, its fast part, or the bristle's deflection
+  T slow{0.0};     // the slow part of theta, of two processes
+};
+
+// The functions of this file below here are in the innermost loop of all fits.
+#define STICKSLIP_INLINE [[gnu::always_inline]] inline
+
+template <class T>
+STICKSLIP_INLINE void solve_bristle_contact(const Stage<T>& stage, const Coefficients<T>& c,
+                                            const T& z0, ContactSolution<T>& out) {
+  const double alpha = stage.alpha;
+  const double slip_level = std::max(value_of(stage.level * stage.backbone), 1.0e-12);
+  const T r = value_of(stage.level * stage.backbone) > 1.0e-12
+                  ? c.contact_stiffness / (stage.level * stage.backbone)
+                  : T(value_of(c.contact_stiffness) / slip_level);
+  // An elastic share suppresses slip while the deflection is small or decreasing; without it
+  // (Dahl's bristle) some slip always occurs.
+  T along = r;
+  T back = r;
+  if (value_of(c.contact_elastic_share) > 0.0) {
+    using std::abs;
+    T elastic = c.contact_elastic_share;
+    if (value_of(elastic) > 0.99) elastic = T(0.99);
+    along = r * plastic_share(abs(z0) * r, elastic);
+    back = T(0.0);
+  }
+  // The bristle's damping acts on the change of its deflection over the stage: it adds to the
+  // stiffness, with a force from the initial deflection.
+  const T a = stage.mobility * (alpha * c.contact_stiffness + c.contact_damping);
+  const T push = stage.mobility * c.contact_damping * z0;
+  const T target = stage.free_slip + push;
+  T w = T(solve_bristle(value_of(target), value_of(a), value_of(z0), alpha, value_of(along),
+                        value_of(back), stage.guess));
+  const T& slipping = value_of(w) * value_of(z0) < 0.0 ? back : along;
+  // One Newton step in T leaves the value unchanged and makes the derivatives exact.
+  const double sign = value_of(w) < 0.0 ? -1.0 : 1.0;
+  const double denominator = 1.0 + alpha * std::abs(value_of(w)) * value_of(slipping);
+  const double slope = 1.0 + value_of(a) * alpha *
+                                 (1.0 - sign * value_of(slipping) * value_of(z0)) /
+                                 (denominator * denominator);
+  const auto deflection = [&](const T& slip) {
+    return (z0 + alpha * slip) / (1.0 + (alpha * sign) * slip * slipping);
+  };
+  w -= (w + a * deflection(w) - target) * (1.0 / slope);
+  out.slip = w;
+  out.contact = deflection(w);
+  out.force =
+      c.contact_stiffness * out.contact + c.contact_damping * (out.contact - z0) * (1.0 / alpha);
+  out.theta = value_of(stage.level) > 1.0e-12 ? out.force / stage.level : T(0.0);
+}
+
+// The law theta = decayed + gain g(w), as it holds over a stage, with the set-valued g = sign(w).
+// `backbone` receives g where it is needed, for two processes.
+template <class T>
+STICKSLIP_INLINE void solve_set_valued(const Stage<T>& stage, const Process<T>& law,
+                                       bool two_processes, ContactSolution<T>& out, T& backbone) {
+  const T reach = stage.alpha * stage.mobility * stage.level;
+  const T centre = stage.free_slip - reach * law.decayed;
+  if (std::abs(value_of(centre)) <= value_of(reach * law.gain) && value_of(stage.mobility) > 0.0) {
+    out.slip = T(0.0);
+    out.force = stage.free_slip / (stage.alpha * stage.mobility);
+    out.theta = value_of(stage.level) > 0.0 ? out.force / stage.level : T(0.0);
+  } else {
+    const double sign = value_of(centre) > 0.0 ? 1.0 : (value_of(centre) < 0.0 ? -1.0 : 0.0);
+    out.theta = law.decayed + law.gain * sign;
+    out.slip = stage.free_slip - reach * out.theta;
+    out.force = stage.level * out.theta;
+  }
+  if (two_processes) {
+    backbone = value_of(law.gain) > 0.0 ? (out.theta - law.decayed) / law.gain : T(0.0);
+  }
+}
+
+// The same with g(w) = tanh(w / transition_speed).
+template <class T>
+STICKSLIP_INLINE void solve_smooth(const Stage<T>& stage, const Process<T>& law,
+                                   const T& transition_speed, ContactSolution<T>& out,
+                                   T& backbone) {
+  const T reach = stage.alpha * stage.mobility * stage.level;
+  const BackboneSlip solved =
+      solve_backbone(value_of(stage.free_slip), value_of(reach), value_of(law.decayed),
+                     value_of(law.gain), value_of(transition_speed), stage.guess);
+  // One Newton step in T changes the value by rounding only and makes the derivatives exact.
+  T w(solved.w);
+  const double t = solved.tanh;
+  const double slope =
+      1.0 + value_of(reach * law.gain) * (1.0 - t * t) / value_of(transition_speed);
+  backbone = known_tanh(w / transition_speed, t);
+  w -= (w + reach * (law.decayed + law.gain * backbone) - stage.free_slip) * (1.0 / slope);
+  backbone = known_tanh(w / transition_speed, t);
+  out.slip = w;
+  out.theta = law.decayed + law.gain * backbone;
+  out.force = stage.level * out.theta;
+}
+
+template <class T>
+STICKSLIP_INLINE void solve_backbone_contact(bool set_valued, bool two_processes,
+                                             const Stage<T>& stage, const Process<T>& law,
+                                             const Coefficients<T>& c, ContactSolution<T>& out,
+                                             T& backbone) {
+  if (set_valued) {
+    solve_set_valued(stage, law, two_processes, out, backbone);
+  } else {
+    solve_smooth(stage, law, c.transition_speed, out, backbone);
+  }
+}
+
+// Theta as the sum of a fast and a slow process, with shares that give it the mean lag of one.
+template <class T>
+STICKSLIP_INLINE void solve_two_processes(bool set_valued, const Stage<T>& stage,
+                                          const Coefficients<T>& c, const T& from_fast,
+                                          const T& from_slow, ContactSolution<T>& out) {
+  const Process<T> fast =
+      process(from_fast, stage.backbone, stage.alpha * c.rate * (1.0 + c.rate_spread));
+  const Process<T> slow =
+      process(from_slow, stage.backbone, stage.alpha * c.rate * (1.0 - c.rate_spread));
+  const T share = 0.5 * (1.0 + c.rate_spread);
+  const Process<T> sum{share * fast.decayed + (1.0 - share) * slow.decayed,
+                       share * fast.gain + (1.0 - share) * slow.gain};
+  T backbone(0.0);
+  solve_backbone_contact(set_valued, true, stage, sum, c, out, backbone);
+  out.contact = fast.decayed + fast.gain * backbone;
+  out.slow = slow.decayed + slow.gain * backbone;
+}
+
+// `contact`: the contact's state at the beginning of the stage, `slow`: theta of the slow process.
+template <class T>
+STICKSLIP_INLINE void solve_contact(const Structure& structure, bool set_valued,
+                                    const Coefficients<T>& c, const Stage<T>& stage,
+                                    const T& contact, const T* slow, ContactSolution<T>& out) {
+  if (structure.kinetics == Kinetics::bristle) {
+    solve_bristle_contact(stage, c, contact, out);
+    return;
+  }
+  if (structure.two_processes) {
+    solve_two_processes(set_valued, stage, c, contact, *slow, out);
+    return;
+  }
+  const Process<T> law = structure.kinetics == Kinetics::relaxing
+                             ? process(contact, stage.backbone, stage.alpha * c.rate)
+                             : Process<T>{T(0.0), stage.backbone};
+  T backbone(0.0);
+  solve_backbone_contact(set_valued, false, stage, law, c, out, backbone);
+  out.contact = out.theta;
+}
+
+Structure structure_of(const Model& model) {
+  Structure structure;
+  structure.excitation = model.oscillator.excitation;
+  structure.friction = model.friction.law != FrictionLaw::none;
+  structure.kinetics = model.friction.law == FrictionLaw::state_variable ? Kinetics::relaxing
+                                                                         : Kinetics::instantaneous;
+  structure.load_cell = model.load_cell.has_value();
+  structure.resonant = model.load_cell && model.load_cell->dynamics == LoadCellDynamics::resonant;
+  structure.two_well = model.oscillator.two_well.has_value();
+  structure.loaded = model.normal_load.has_value();
+  structure.load_law = model.normal_load ? model.normal_load->law : NormalLoadLaw::constant;
+  return structure;
+}
+
+double longest_step_of(const Structure& structure, const Coefficients<double>& c) {
+  double fastest = 2.0 * pi * 2.0;
+  if (structure.excitation != Excitation::imposed) {
+    const double k = structure.two_well ? 2.0 * c.well_linear : c.stiffness;
+    fastest = std::max({fastest, std::sqrt(k / c.mass), c.damping / c.mass});
+  }
+  if (structure.resonant) fastest = std::max(fastest, std::sqrt(c.cell_stiffness / c.cell_mass));
+  return std::clamp(0.05 / fastest, 1.0e-6, 1.0e-3);
+}
+
+const Model& checked(const Model& model) {
   const auto wrong = inconsistencies_of(model);
   if (!wrong.empty()) {
     throw std::invalid_argument("model: " + wrong.front().path + " " + wrong.front().message);
@@ -104,58 +290,120 @@ Rig::Rig(const Model& model) : model_(model) {
     throw std::invalid_argument("model: at most " + std::to_string(max_terms) +
                                 " [[physics]] terms");
   }
-  structure_.excitation = model.oscillator.excitation;
-  structure_.friction = model.friction.law != FrictionLaw::none;
-  structure_.kinetics = model.friction.law == FrictionLaw::state_variable ? Kinetics::relaxing
-                                                                          : Kinetics::instantaneous;
-  structure_.load_cell = model.load_cell.has_value();
-  structure_.resonant = model.load_cell && model.load_cell->dynamics == LoadCellDynamics::resonant;
-  structure_.two_well = model.oscillator.two_well.has_value();
-  structure_.loaded = model.normal_load.has_value();
-  structure_.load_law = model.normal_load ? model.normal_load->law : NormalLoadLaw::constant;
+  return model;
+}
 
+// Reads parameter values in the order of parameters_of.
+template <class T>
+class ParameterReader {
+ public:
+  explicit ParameterReader(std::span<const T> values) : values_(values) {}
+  const T& next() { return values_[next_++]; }
+
+ private:
+  std::span<const T> values_;
+  std::size_t next_ = 0;
+};
+
+template <class T>
+void read_oscillator(const Oscillator& oscillator, ParameterReader<T>& parameters,
+                     RigNumbers<T>& n) {
+  using std::sqrt;
+  if (oscillator.excitation == Excitation::imposed) {
+    n.inverse_mass = T(0.0);
+    return;
+  }
+  n.c.mass = parameters.next();
+  T frequency_rad_s(0.0);
+  if (oscillator.natural_frequency_hz) {
+    frequency_rad_s = parameters.next() * (2.0 * pi);
+    n.c.stiffness = n.c.mass * frequency_rad_s * frequency_rad_s;
+  }
+  if (oscillator.stiffness_n_m) {
+    n.c.stiffness = parameters.next();
+    if (n.c.stiffness > 0.0) frequency_rad_s = sqrt(n.c.stiffness / n.c.mass);
+  }
+  if (oscillator.damping_ratio) n.c.damping = 2.0 * parameters.next() * n.c.mass * frequency_rad_s;
+  if (oscillator.damping_n_s_m) n.c.damping = parameters.next();
+  if (oscillator.two_well) {
+    n.c.well_linear = parameters.next();
+    n.c.well_cubic = parameters.next();
+  }
+  n.inverse_mass = 1.0 / n.c.mass;
+}
+
+template <class T>
+void read_contact(const Model& model, bool resonant, ParameterReader<T>& parameters,
+                  RigNumbers<T>& n) {
+  if (model.normal_load && model.normal_load->law != NormalLoadLaw::measured) {
+    n.c.load = parameters.next();
+    if (model.normal_load->law == NormalLoadLaw::wedge) n.c.load_slope = parameters.next();
+  }
+  if (model.friction.law != FrictionLaw::none) {
+    n.c.mu = parameters.next();
+    n.c.transition_speed = parameters.next();
+    if (model.friction.law == FrictionLaw::state_variable) n.c.rate = parameters.next();
+  }
+  if (model.load_cell) {
+    n.c.cell_mass = parameters.next();
+    const T frequency_rad_s = parameters.next() * (2.0 * pi);
+    const T ratio = parameters.next();
+    n.c.cell_stiffness = n.c.cell_mass * frequency_rad_s * frequency_rad_s;
+    n.c.cell_damping = 2.0 * ratio * n.c.cell_mass * frequency_rad_s;
+    if (resonant) n.inverse_cell_mass = 1.0 / n.c.cell_mass;
+  }
+}
+
+}  // namespace
+
+std::vector<BoundTerm> bound_terms(const Model& model) {
+  std::size_t next_parameter = declared_parameter_count(model);
+  int next_state = state::first_effect;
+  std::vector<BoundTerm> terms;
+  for (const Term& term : model.terms) {
+    BoundTerm bound;
+    bound.effect = find_effect(term.id);
+    bound.hooks = bound.effect->hooks();
+    bound.place = {term.channel, term.from};
+    bound.first_state = next_state;
+    next_state += bound.effect->state_count();
+    const auto cards = bound.effect->card().parameters;
+    for (std::size_t i = 0; i < cards.size(); ++i) {
+      const auto at = term.parameters.find(std::string(cards[i].name));
+      bound.parameter[i] = at == term.parameters.end()
+                               ? -1
+                               : static_cast<int>(next_parameter) +
+                                     static_cast<int>(std::distance(term.parameters.begin(), at));
+      bound.fallback[i] = cards[i].fixed_default.value_or(0.0);
+    }
+    next_parameter += term.parameters.size();
+    terms.push_back(bound);
+  }
+  return terms;
+}
+
+Rig::Rig(const Model& model)
+    : model_(checked(model)), structure_(structure_of(model)), terms_(bound_terms(model)) {
   for (const NamedParameter& named : parameters_of(model_)) {
     values_.push_back(named.parameter->value);
     paths_.push_back(named.path);
   }
-  for (const Term& term : model_.terms) {
-    BoundTerm entry;
-    entry.effect = find_effect(term.id);
-    entry.hooks = entry.effect->hooks();
-    entry.place = {term.channel, term.from};
-    hooks_ |= entry.hooks;
-    entry.first_state = state_count_;
-    state_count_ += entry.effect->state_count();
-    const auto cards = entry.effect->card().parameters;
-    for (std::size_t i = 0; i < cards.size(); ++i) {
-      const std::string path = path_of(term) + "." + std::string(cards[i].name);
-      const auto at = std::find(paths_.begin(), paths_.end(), path);
-      entry.parameter[i] = at == paths_.end() ? -1 : static_cast<int>(at - paths_.begin());
-      entry.fallback[i] = cards[i].fixed_default.value_or(0.0);
-    }
+  for (const BoundTerm& term : terms_) {
+    hooks_ |= term.hooks;
+    state_count_ += term.effect->state_count();
     const bool had_two_processes = structure_.two_processes;
-    entry.effect->shape(structure_);
-    if (structure_.two_processes && !had_two_processes) slow_state_ = entry.first_state;
-    if ((entry.hooks & hook::slip_friction) == hook::slip_friction)
-      friction_depends_on_slip_ = true;
+    term.effect->set_structure(structure_);
+    if (structure_.two_processes && !had_two_processes) slow_state_ = term.first_state;
+    if ((term.hooks & hook::slip_friction) == hook::slip_friction) friction_depends_on_slip_ = true;
     terms_have_rates_ =
-        terms_have_rates_ || (entry.hooks & hook::force) != 0 || entry.effect->state_count() > 0;
-    terms_.push_back(entry);
+        terms_have_rates_ || (term.hooks & hook::force) != 0 || term.effect->state_count() > 0;
   }
   if (state_count_ > max_rig_states) {
     throw std::invalid_argument("model: its [[physics]] terms have too many states of their own");
   }
-
   const auto n = numbers<double>(values_);
   set_valued_ = !(n.c.transition_speed > 0.0);
-  double fastest = 2.0 * pi * 2.0;
-  if (structure_.excitation != Excitation::imposed) {
-    const double k = structure_.two_well ? 2.0 * n.c.well_linear : n.c.stiffness;
-    fastest = std::max({fastest, std::sqrt(k / n.c.mass), n.c.damping / n.c.mass});
-  }
-  if (structure_.resonant)
-    fastest = std::max(fastest, std::sqrt(n.c.cell_stiffness / n.c.cell_mass));
-  longest_step_s_ = std::clamp(0.05 / fastest, 1.0e-6, 1.0e-3);
+  longest_step_s_ = longest_step_of(structure_, n.c);
 }
 
 bool Rig::has_state(int index) const {
@@ -175,62 +423,19 @@ bool Rig::has_state(int index) const {
 
 template <class T>
 RigNumbers<T> Rig::numbers(std::span<const T> parameters) const {
-  using std::sqrt;
   RigNumbers<T> n;
-  std::size_t next = 0;
-  const auto take = [&] { return parameters[next++]; };
-
-  // The order is that of parameters_of.
-  const Oscillator& oscillator = model_.oscillator;
-  if (oscillator.excitation != Excitation::imposed) {
-    n.c.mass = take();
-    T frequency_rad_s(0.0);
-    if (oscillator.natural_frequency_hz) {
-      frequency_rad_s = take() * (2.0 * pi);
-      n.c.stiffness = n.c.mass * frequency_rad_s * frequency_rad_s;
-    }
-    if (oscillator.stiffness_n_m) {
-      n.c.stiffness = take();
-      if (n.c.stiffness > 0.0) frequency_rad_s = sqrt(n.c.stiffness / n.c.mass);
-    }
-    if (oscillator.damping_ratio) n.c.damping = 2.0 * take() * n.c.mass * frequency_rad_s;
-    if (oscillator.damping_n_s_m) n.c.damping = take();
-    if (oscillator.two_well) {
-      n.c.well_linear = take();
-      n.c.well_cubic = take();
-    }
-    n.inverse_mass = 1.0 / n.c.mass;
-  } else {
-    n.inverse_mass = T(0.0);
-  }
-  if (model_.normal_load && model_.normal_load->law != NormalLoadLaw::measured) {
-    n.c.load = take();
-    if (model_.normal_load->law == NormalLoadLaw::wedge) n.c.load_slope = take();
-  }
-  if (model_.friction.law != FrictionLaw::none) {
-    n.c.mu = take();
-    n.c.transition_speed = take();
-    if (model_.friction.law == FrictionLaw::state_variable) n.c.rate = take();
-  }
-  if (model_.load_cell) {
-    n.c.cell_mass = take();
-    const T frequency_rad_s = take() * (2.0 * pi);
-    const T ratio = take();
-    n.c.cell_stiffness = n.c.cell_mass * frequency_rad_s * frequency_rad_s;
-    n.c.cell_damping = 2.0 * ratio * n.c.cell_mass * frequency_rad_s;
-    if (structure_.resonant) n.inverse_cell_mass = 1.0 / n.c.cell_mass;
-  }
+  ParameterReader<T> reader(parameters);
+  read_oscillator(model_.oscillator, reader, n);
+  read_contact(model_, structure_.resonant, reader, n);
   for (std::size_t i = 0; i < terms_.size(); ++i) {
-    const BoundTerm& entry = terms_[i];
-    const std::size_t count = entry.effect->card().parameters.size();
-    for (std::size_t j = 0; j < count; ++j) {
-      n.term[i][j] = entry.parameter[j] >= 0
-                         ? parameters[static_cast<std::size_t>(entry.parameter[j])]
-                         : T(entry.fallback[j]);
+    const BoundTerm& term = terms_[i];
+    const std::size_t count = term.effect->card().parameters.size();
+    for (std::size_t j = 0; j < count; ++j) n.term[i][j] = term.value(j, parameters);
+    if ((term.hooks & hook::coefficients) != 0) {
+      term.effect->set_coefficients(n.c, n.term[i].data());
     }
-    if ((entry.hooks & hook::coefficients) != 0) entry.effect->set(n.c, n.term[i].data());
-    if ((entry.hooks & hook::reading) != 0) {
-      entry.effect->misread(n.reading, entry.place, n.term[i].data());
+    if ((term.hooks & hook::reading) != 0) {
+      term.effect->set_reading_law(n.reading, term.place, n.term[i].data());
     }
   }
   return n;
@@ -247,7 +452,7 @@ T Rig::normal_load(const RigState<T>& state, const Input& now, double time_s,
     load = load * (1.0 + (n.c.load_slope + n.c.load_curvature * x) * x);
   }
   if ((hooks_ & hook::load) != 0) {
-    Instant<T> at = instant_of(state, now, time_s);
+    OperatingPoint<T> at = operating_point(state, now, time_s);
     at.load = load;
     for (std::size_t i = 0; i < terms_.size(); ++i) {
       if ((terms_[i].hooks & hook::load) == 0) continue;
@@ -261,7 +466,7 @@ T Rig::normal_load(const RigState<T>& state, const Input& now, double time_s,
 template <class T>
 T Rig::frame_acceleration(const RigState<T>& state, const Input& now,
                           const RigNumbers<T>& n) const {
-  T acceleration = n.input_share * now.base_acceleration_m_s2;
+  T acceleration = n.input_gain * now.base_acceleration_m_s2;
   if (structure_.excitation == Excitation::base) acceleration += state.unrecorded;
   return acceleration;
 }
@@ -272,8 +477,8 @@ void Rig::explicit_rates(std::array<T, max_rig_states>& rate, const RigState<T>&
   const Coefficients<T>& c = n.c;
   const T& x = state.s[state::x];
   const T& v = state.s[state::v];
-  Instant<T> at;
-  if (terms_have_rates_) at = instant_of(state, now, time_s);
+  OperatingPoint<T> at;
+  if (terms_have_rates_) at = operating_point(state, now, time_s);
   if (structure_.excitation != Excitation::imposed) {
     T restoring = c.damping * v;
     if (structure_.two_well) {
@@ -289,7 +494,7 @@ void Rig::explicit_rates(std::array<T, max_rig_states>& rate, const RigState<T>&
     rate[state::x] = v;
     rate[state::v] = -restoring * n.inverse_mass;
     if (structure_.excitation == Excitation::force) {
-      rate[state::v] += n.inverse_mass * (n.input_share * now.drive_force_n + state.unrecorded);
+      rate[state::v] += n.inverse_mass * (n.input_gain * now.drive_force_n + state.unrecorded);
     } else {
       rate[state::v] -= frame_acceleration(state, now, n);
     }
@@ -308,8 +513,18 @@ void Rig::explicit_rates(std::array<T, max_rig_states>& rate, const RigState<T>&
   }
 }
 
-// On entry state.s holds the explicit predictions of a stage; on return the stage itself, in which
-// the contact has acted for `alpha` seconds with the force that it has at the end of them.
+template <class T>
+void Rig::scale_friction(FrictionFactors<T>& factors, const RigState<T>& state, const T& slip,
+                         const Input& now, double time_s, const RigNumbers<T>& n) const {
+  OperatingPoint<T> at = operating_point(state, now, time_s);
+  at.slip = slip;
+  for (std::size_t i = 0; i < terms_.size(); ++i) {
+    if ((terms_[i].hooks & hook::friction) == 0) continue;
+    terms_[i].effect->scale_friction(factors, at, n.term[i].data(),
+                                     &state.s[static_cast<std::size_t>(terms_[i].first_state)]);
+  }
+}
+
 template <class T>
 void Rig::close_contact(RigState<T>& state, double alpha, const Input& now, double time_s,
                         const RigNumbers<T>& n) const {
@@ -318,153 +533,52 @@ void Rig::close_contact(RigState<T>& state, double alpha, const Input& now, doub
     state.s[state::x] = T(now.displacement_m);
     state.s[state::v] = T(now.velocity_m_s);
   }
-  const double guess = value_of(state.slip);
-  T free_slip = state.s[state::v];
-  if (structure_.resonant) free_slip -= state.s[state::u];
+  Stage<T> stage;
+  stage.alpha = alpha;
+  stage.guess = value_of(state.slip);
+  stage.free_slip = state.s[state::v];
+  if (structure_.resonant) stage.free_slip -= state.s[state::u];
   state.load = normal_load(state, now, time_s, n);
   if (!structure_.friction) {
-    state.slip = free_slip;
+    state.slip = stage.free_slip;
     return;
   }
+  stage.mobility = n.inverse_mass + n.inverse_cell_mass;
 
-  const Coefficients<T>& c = n.c;
-  const T mobility = n.inverse_mass + n.inverse_cell_mass;
-  T w(guess);
-  T force(0.0);
-  T theta(0.0);
-  T contact = state.s[state::contact];
-  T backbone(0.0);
-  T slow_part(0.0);
-  Process<T> fast;
-  Process<T> slow;
-  // Factors that depend on the slip velocity are frozen and renewed: they vary slowly over a step.
+  T* const slow =
+      structure_.two_processes ? &state.s[static_cast<std::size_t>(slow_state_)] : nullptr;
+  ContactSolution<T> solution;
+  // Factors that depend on the slip velocity are iterated: they vary slowly over a step.
   const int rounds = friction_depends_on_slip_ ? 3 : 1;
   for (int round = 0; round < rounds; ++round) {
     FrictionFactors<T> factors;
     if ((hooks_ & hook::friction) != 0) {
-      Instant<T> at = instant_of(state, now, time_s);
-      at.slip = round == 0 ? free_slip : w;
-      for (std::size_t i = 0; i < terms_.size(); ++i) {
-        if ((terms_[i].hooks & hook::friction) == 0) continue;
-        terms_[i].effect->scale_friction(factors, at, n.term[i].data(),
-                                         &state.s[static_cast<std::size_t>(terms_[i].first_state)]);
-      }
+      const T slip = round == 0 ? stage.free_slip : solution.slip;
+      scale_friction(factors, state, slip, now, time_s, n);
     }
-    T level = c.mu * factors.mu;
-    if (structure_.loaded) level *= state.load;
-    const T reach = alpha * mobility * level;
-
-    if (structure_.kinetics == Kinetics::bristle) {
-      const double slip_level = std::max(value_of(level * factors.backbone), 1.0e-12);
-      const T r = value_of(level * factors.backbone) > 1.0e-12
-                      ? c.contact_stiffness / (level * factors.backbone)
-                      : T(value_of(c.contact_stiffness) / slip_level);
-      const T& z0 = state.s[state::contact];
-      // Nothing slips while the deflection is small, nor while it shrinks; unless it is Dahl's
-      // bristle, which always slips a little.
-      T along = r;
-      T back = r;
-      if (value_of(c.contact_elastic_share) > 0.0) {
-        using std::abs;
-        T elastic = c.contact_elastic_share;
-        if (value_of(elastic) > 0.99) elastic = T(0.99);
-        along = r * plastic_share(abs(z0) * r, elastic);
-        back = T(0.0);
-      }
-      // The bristle's own damping acts on its deflection over the step: it adds to the stiffness,
-      // and pushes from where the bristle was.
-      const T a = mobility * (alpha * c.contact_stiffness + c.contact_damping);
-      const T push = mobility * c.contact_damping * z0;
-      const T target = free_slip + push;
-      w = T(solve_bristle(value_of(target), value_of(a), value_of(z0), alpha, value_of(along),
-                          value_of(back), guess));
-      const T& slipping = value_of(w) * value_of(z0) < 0.0 ? back : along;
-      // One Newton step in T: its value changes nothing, its derivatives are exact.
-      const double sign = value_of(w) < 0.0 ? -1.0 : 1.0;
-      const double denominator = 1.0 + alpha * std::abs(value_of(w)) * value_of(slipping);
-      const double slope = 1.0 + value_of(a) * alpha *
-                                     (1.0 - sign * value_of(slipping) * value_of(z0)) /
-                                     (denominator * denominator);
-      const auto deflection = [&](const T& slip) {
-        return (z0 + alpha * slip) / (1.0 + (alpha * sign) * slip * slipping);
-      };
-      w -= (w + a * deflection(w) - target) * (1.0 / slope);
-      contact = deflection(w);
-      force = c.contact_stiffness * contact + c.contact_damping * (contact - z0) * (1.0 / alpha);
-      theta = value_of(level) > 1.0e-12 ? force / level : T(0.0);
-      continue;
-    }
-
-    T p(0.0);
-    T q = factors.backbone;
-    if (structure_.two_processes) {
-      fast = process(state.s[state::contact], factors.backbone,
-                     alpha * c.rate * (1.0 + c.rate_spread));
-      slow = process(state.s[static_cast<std::size_t>(slow_state_)], factors.backbone,
-                     alpha * c.rate * (1.0 - c.rate_spread));
-      // With these shares the mean lag is that of a single process.
-      const T share = 0.5 * (1.0 + c.rate_spread);
-      p = share * fast.stays + (1.0 - share) * slow.stays;
-      q = share * fast.follows + (1.0 - share) * slow.follows;
-    } else if (structure_.kinetics == Kinetics::relaxing) {
-      const Process<T> only = process(state.s[state::contact], factors.backbone, alpha * c.rate);
-      p = only.stays;
-      q = only.follows;
-    }
-    if (set_valued_) {
-      const T centre = free_slip - reach * p;
-      if (std::abs(value_of(centre)) <= value_of(reach * q) && value_of(mobility) > 0.0) {
-        w = T(0.0);
-        force = free_slip / (alpha * mobility);
-        theta = value_of(level) > 0.0 ? force / level : T(0.0);
-      } else {
-        const double sign = value_of(centre) > 0.0 ? 1.0 : (value_of(centre) < 0.0 ? -1.0 : 0.0);
-        theta = p + q * sign;
-        w = free_slip - reach * theta;
-        force = level * theta;
-      }
-      // What the law's own value must have been for this theta.
-      if (structure_.two_processes) {
-        backbone = value_of(q) > 0.0 ? (theta - p) / q : T(0.0);
-      }
-    } else {
-      const BackboneSlip solved = solve_backbone(value_of(free_slip), value_of(reach), value_of(p),
-                                                 value_of(q), value_of(c.transition_speed), guess);
-      // One Newton step in T: its value changes next to nothing, its derivatives are exact.
-      w = T(solved.w);
-      const double t = solved.tanh;
-      const double slope = 1.0 + value_of(reach * q) * (1.0 - t * t) / value_of(c.transition_speed);
-      backbone = known_tanh(w / c.transition_speed, t);
-      w -= (w + reach * (p + q * backbone) - free_slip) * (1.0 / slope);
-      backbone = known_tanh(w / c.transition_speed, t);
-      theta = p + q * backbone;
-      force = level * theta;
-    }
-    if (structure_.two_processes) {
-      contact = fast.stays + fast.follows * backbone;
-      slow_part = slow.stays + slow.follows * backbone;
-    } else {
-      contact = theta;
-    }
+    stage.backbone = factors.backbone;
+    stage.level = n.c.mu * factors.mu;
+    if (structure_.loaded) stage.level *= state.load;
+    solve_contact(structure_, set_valued_, n.c, stage, state.s[state::contact], slow, solution);
   }
 
-  state.slip = w;
-  state.friction = force;
-  state.theta = theta;
-  if (structure_.two_processes) state.s[static_cast<std::size_t>(slow_state_)] = slow_part;
-  if (structure_.kinetics != Kinetics::instantaneous) state.s[state::contact] = contact;
-  if (!imposed) state.s[state::v] -= alpha * n.inverse_mass * force;
+  state.slip = solution.slip;
+  state.friction = solution.force;
+  state.theta = solution.theta;
+  if (slow != nullptr) *slow = solution.slow;
+  if (structure_.kinetics != Kinetics::instantaneous) state.s[state::contact] = solution.contact;
+  if (!imposed) state.s[state::v] -= alpha * n.inverse_mass * solution.force;
   if (structure_.resonant) {
-    state.s[state::u] += alpha * n.inverse_cell_mass * force;
+    state.s[state::u] += alpha * n.inverse_cell_mass * solution.force;
   } else if (!imposed) {
-    state.s[state::v] = w;  // the same number, but exactly 0 where the mass sticks
+    state.s[state::v] = solution.slip;  // the same number, but exactly 0 where the mass sticks
   }
 }
 
 template <class T>
 void Rig::complete(RigState<T>& state, const Input& now, double time_s,
                    const RigNumbers<T>& n) const {
-  // The contact acting for an instant: velocities stay, force and theta follow.
+  // A contact stage of negligible length: velocities stay, force and theta follow.
   const auto kept = state.s;
   close_contact(state, 1.0e-9, now, time_s, n);
   state.s = kept;
@@ -489,7 +603,7 @@ void Rig::step(RigState<T>& state, const Input& begin, const Input& end, double 
   const Input middle = between(begin, end, gamma_ars);
   close_contact(state, alpha, middle, time_s + alpha, n);
 
-  // What the contact did in the second stage, as a rate.
+  // The implicit rate of the second stage.
   std::array<T, max_rig_states> i2{};
   for (const int index : {state::v, state::u, state::contact, slow_state_}) {
     const auto i = static_cast<std::size_t>(index);
@@ -515,11 +629,12 @@ Quantities<T> Rig::quantities(const RigState<T>& state, const Input& now,
   q.displacement = state.s[state::x];
   q.velocity = state.s[state::v];
   q.normal_load = state.load;
-  if ((hooks_ & hook::seen) != 0) {
+  if ((hooks_ & hook::measured_motion) != 0) {
     for (std::size_t i = 0; i < terms_.size(); ++i) {
-      if ((terms_[i].hooks & hook::seen) == 0) continue;
-      terms_[i].effect->see(q.displacement, q.velocity, n.term[i].data(),
-                            &state.s[static_cast<std::size_t>(terms_[i].first_state)]);
+      if ((terms_[i].hooks & hook::measured_motion) == 0) continue;
+      terms_[i].effect->add_measured_motion(
+          q.displacement, q.velocity, n.term[i].data(),
+          &state.s[static_cast<std::size_t>(terms_[i].first_state)]);
     }
   }
   if (model_.normal_load_bridge) {

@@ -1,10 +1,10 @@
-// The equations of a rig, built from its Model, and the one integrator that everything uses: the
-// simulated rig, the observer's predictions and the fits of a diagnosis.
+// The equations of a rig, built from its Model, and their integrator, shared by the simulated rig,
+// the observer's predictions and the fits of a diagnosis.
 //
 // Integrator: the additive Runge-Kutta scheme ARS(2,2,2) of Ascher, Ruuth and Spiteri (1997). The
 // contact (friction force, its state theta or bristle) is implicit, everything else explicit. The
-// implicit part is L-stable and the last stage is the result, so the set-valued Coulomb law sticks
-// exactly, large gamma costs nothing, and smooth motion is integrated to second order.
+// implicit part is L-stable and stiffly accurate, so the set-valued Coulomb law sticks exactly,
+// large gamma does not shorten the step, and smooth motion is integrated to second order.
 #pragma once
 
 #include <array>
@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "physics/effects/effect.h"
+#include "physics/effect.h"
 #include "physics/input.h"
 #include "physics/model.h"
 
@@ -21,7 +21,7 @@ namespace stickslip::physics {
 inline constexpr int max_terms = 6;
 inline constexpr int max_rig_states = 5 + 2 * max_effect_states;
 
-/// Where the states stand in RigState::s; states of effects follow from `first_effect` on.
+/// Indices into RigState::s; states of effects follow from `first_effect` on.
 namespace state {
 inline constexpr int x = 0;        ///< deflection of the mass [m]
 inline constexpr int v = 1;        ///< its velocity [m/s]
@@ -34,16 +34,16 @@ inline constexpr int first_effect = 5;
 template <class T>
 struct RigState {
   std::array<T, max_rig_states> s{};
-  T friction{0.0};  ///< friction force at this instant [N]
+  T friction{0.0};  ///< friction force [N]
   T theta{0.0};     ///< friction over mu N
   T slip{0.0};      ///< velocity across the contact [m/s]
   T load{1.0};      ///< normal load [N]
-  /// What drives the rig beside what the input says: acceleration of the frame [m/s^2], or the
-  /// drive force [N] of a force-excited rig; set by whoever doubts the input.
+  /// Excitation in addition to the input: acceleration of the frame [m/s^2], or the drive force [N]
+  /// of a force-excited rig. For callers whose input is uncertain.
   T unrecorded{0.0};
 };
 
-/// What the sensors are connected to, before their chains.
+/// The inputs of the sensor chains.
 template <class T>
 struct Quantities {
   T displacement{0.0};
@@ -52,7 +52,7 @@ struct Quantities {
   T normal_load{0.0};
 };
 
-/// The numbers of a rig, ready for stepping; made by Rig::numbers.
+/// The numbers of the equations for one set of parameter values; see Rig::numbers.
 template <class T>
 struct RigNumbers {
   Coefficients<T> c;
@@ -60,30 +60,47 @@ struct RigNumbers {
   T inverse_cell_mass{0.0};
   std::array<std::array<T, max_effect_parameters>, max_terms> term{};
   ReadingLaws<T> reading;
-  /// What acts on the rig over what the inputs say; other than 1 where they are a recording's and
-  /// their channel is read with a wrong gain.
-  T input_share{1.0};
-  /// By how much earlier the inputs acted than they say: their channel is late [s].
+  /// True over given excitation; other than 1 for recorded inputs whose channel has a gain error.
+  T input_gain{1.0};
+  /// Time by which the true excitation leads the given one, whose channel is delayed [s].
   T input_lead_s{0.0};
 };
 
-/// A term of the model, resolved once when the rig is made.
+/// A term of a model, resolved once: its effect, its states and its parameters are indices.
 struct BoundTerm {
   const Effect* effect = nullptr;
   unsigned hooks = 0;  ///< effect->hooks()
   Place place;
   int first_state = 0;  ///< index into RigState::s of the first of the effect's own states
-  /// By position on the effect's card: the index into parameter_values(), -1 where the model leaves
-  /// the parameter out, and the value that holds in that case.
+  /// By position on the effect's card: the index into parameters_of(model), -1 where the model
+  /// omits the parameter, and the default for that case.
   std::array<int, max_effect_parameters> parameter{};
   std::array<double, max_effect_parameters> fallback{};
+
+  /// Value of the parameter at that position of the card, among those of all parameters.
+  template <class T>
+  T value(std::size_t position, std::span<const T> parameters) const {
+    const int index = parameter[position];
+    return index >= 0 ? parameters[static_cast<std::size_t>(index)] : T(fallback[position]);
+  }
+  /// The values of all parameters of the effect, in the order of its card.
+  template <class T>
+  std::vector<T> values(std::span<const T> parameters) const {
+    std::vector<T> out;
+    const std::size_t count = effect->card().parameters.size();
+    for (std::size_t i = 0; i < count; ++i) out.push_back(value(i, parameters));
+    return out;
+  }
 };
 
-/// The structure of a rig. Immutable; all state is in RigState.
+/// The terms of a model without inconsistencies, in its order.
+std::vector<BoundTerm> bound_terms(const Model& model);
+
+/// The equations of one model. Immutable; all state is in RigState.
 class Rig {
  public:
   /// Throws std::invalid_argument where inconsistencies_of(model) is not empty, or where the model
-  /// has more terms than max_terms.
+  /// has more terms than max_terms or more states than max_rig_states.
   explicit Rig(const Model& model);
 
   /// The model's parameters in the order of parameters_of(model).
@@ -95,7 +112,7 @@ class Rig {
   /// The terms of the model, in its order.
   std::span<const BoundTerm> terms() const { return terms_; }
 
-  /// Whether the state at that index takes part in this rig's motion.
+  /// True if the state at that index is part of this rig's motion.
   bool has_state(int index) const;
   int state_count() const { return state_count_; }
 
@@ -103,8 +120,8 @@ class Rig {
   template <class T>
   RigNumbers<T> numbers(std::span<const T> parameters) const;
 
-  /// Completes a state whose s is given: load, slip, and friction and theta as they follow from s.
-  /// A set-valued law at rest gets its holding force with the first step, and 0 here.
+  /// Completes a state whose s is given: load, slip, friction and theta follow from s. At rest a
+  /// set-valued law yields 0 here; its holding force results from the first step.
   template <class T>
   void complete(RigState<T>& state, const Input& now, double time_s, const RigNumbers<T>& n) const;
 
@@ -117,22 +134,26 @@ class Rig {
   Quantities<T> quantities(const RigState<T>& state, const Input& now,
                            const RigNumbers<T>& n) const;
 
-  /// The normal load of a state; measured ones are the input's.
+  /// The normal load in a state; for the law "measured" that of the input.
   template <class T>
   T normal_load(const RigState<T>& state, const Input& now, double time_s,
                 const RigNumbers<T>& n) const;
 
-  /// The longest step that resolves the fastest free oscillation and rate of the explicit part.
+  /// The longest step that resolves the fastest oscillation and decay of the explicit part.
   double longest_step_s() const { return longest_step_s_; }
 
  private:
-  template <class T>
-  struct Rates;
   template <class T>
   T frame_acceleration(const RigState<T>& state, const Input& now, const RigNumbers<T>& n) const;
   template <class T>
   void explicit_rates(std::array<T, max_rig_states>& rate, const RigState<T>& state,
                       const Input& now, double time_s, const RigNumbers<T>& n) const;
+  /// Multiplies `factors` by those of all terms at that slip velocity.
+  template <class T>
+  void scale_friction(FrictionFactors<T>& factors, const RigState<T>& state, const T& slip,
+                      const Input& now, double time_s, const RigNumbers<T>& n) const;
+  /// Turns the explicit prediction of a stage into the stage itself: the contact acts for `alpha`
+  /// seconds with the force at the end of them.
   template <class T>
   void close_contact(RigState<T>& state, double alpha, const Input& now, double time_s,
                      const RigNumbers<T>& n) const;
@@ -144,9 +165,9 @@ class Rig {
   std::vector<std::string> paths_;
   int state_count_ = state::first_effect;
   unsigned hooks_ = 0;   ///< of all terms together
-  int slow_state_ = -1;  ///< of two relaxation processes the slower one's theta
+  int slow_state_ = -1;  ///< theta of the slower of two relaxation processes
   bool friction_depends_on_slip_ = false;
-  bool terms_have_rates_ = false;  ///< whether one adds a force or has states of its own
+  bool terms_have_rates_ = false;  ///< true if a term adds a force or has states of its own
   bool set_valued_ = false;
   double longest_step_s_ = 1.0e-3;
 };

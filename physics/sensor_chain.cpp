@@ -13,7 +13,7 @@ namespace {
 using std::numbers::pi;
 using Matrix4 = Eigen::Matrix4d;
 
-// exp(m) by scaling and squaring of the Taylor series; m is small and well scaled here.
+// exp(m) by scaling and squaring of the Taylor series, for small and well scaled m.
 Matrix4 exponential(Matrix4 m) {
   int squarings = 0;
   while (m.cwiseAbs().maxCoeff() > 0.25 && squarings < 40) {
@@ -54,7 +54,7 @@ FilterChain::FilterChain(std::span<const Filter> filters, double step_s) {
   }
   for (std::size_t i = 0; i < count_; ++i) {
     Section& section = sections_[i];
-    // The section with its input u and the input's slope s as further states, time in steps.
+    // The section augmented by its input u and the input's slope as states; time in steps.
     Matrix4 m = Matrix4::Zero();
     const double w = section.omega * step_s;
     if (section.second_order) {
@@ -67,7 +67,7 @@ FilterChain::FilterChain(std::span<const Filter> filters, double step_s) {
       m(0, 2) = w;
     }
     m(2, 3) = 1.0;
-    // The rate is scaled by omega so that the entries of m are alike in size.
+    // The rate is scaled by omega to balance the entries of m.
     const Eigen::Vector4d scale(1.0, section.omega, 1.0, 1.0);
     const Matrix4 scaled = scale.cwiseInverse().asDiagonal() * m * scale.asDiagonal();
     const Matrix4 e = scale.asDiagonal() * exponential(scaled) * scale.cwiseInverse().asDiagonal();

@@ -1,5 +1,5 @@
-// Between a quantity and its reading: chains of analogue low-pass filters, as linear systems that
-// are exact for inputs that are straight lines between steps.
+// Sensor chains: analogue low-pass filters between a quantity and its reading, discretised exactly
+// for inputs that are linear between steps (first-order hold).
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@ namespace stickslip::physics {
 
 inline constexpr std::size_t max_filter_sections = 6;
 
-/// What a chain remembers: output and its rate per section, and the last input.
+/// State of a chain: output and its rate per section, and the last input.
 template <class T>
 struct FilterMemory {
   std::array<std::array<T, 2>, max_filter_sections> section{};
@@ -32,12 +32,12 @@ class FilterChain {
 
   bool empty() const { return count_ == 0; }
 
-  /// The memory of a chain that has followed value + rate (t - now) for ever.
+  /// The state of a chain whose input has always been value + rate (t - now).
   template <class T>
   void settle(FilterMemory<T>& memory, const T& value, const T& rate) const;
 
-  /// One step on, at the end of which the input is `input` with slope `input_rate` (only used where
-  /// the chain is empty).
+  /// Advances by one step, at the end of which the input is `input` with slope `input_rate` (used
+  /// by an empty chain only).
   template <class T>
   void advance(FilterMemory<T>& memory, const T& input, const T& input_rate) const;
 
@@ -50,7 +50,7 @@ class FilterChain {
   template <class T>
   T output_rate(const FilterMemory<T>& memory) const;
 
-  /// What goes into the chain's last section where that is of first order, else the output.
+  /// The input of the chain's last section where that is of first order, else the output.
   template <class T>
   const T& before_last_pole(const FilterMemory<T>& memory) const {
     if (count_ == 0 || sections_[count_ - 1].second_order) return output(memory);
@@ -64,10 +64,10 @@ class FilterChain {
 
   /// Transfer function at that frequency [Hz].
   std::complex<double> response(double frequency_hz) const;
-  /// What exp(s t) is multiplied by once it has passed through, s in rad/s; its poles are infinite.
+  /// Transfer function at the complex frequency `s` [rad/s]; infinite at its poles.
   std::complex<double> transfer(std::complex<double> s) const;
 
-  /// Time after which what came before is forgotten to about 0.2 %.
+  /// Time after which initial conditions have decayed to about 0.2 %.
   double settling_time_s() const;
 
  private:
@@ -77,13 +77,13 @@ class FilterChain {
     double damping = 0.0;           ///< 2 zeta omega, second order [rad/s]
     std::array<double, 4> phi{};    ///< row-major state transition
     std::array<double, 2> start{};  ///< weight of the input at the start of the step
-    std::array<double, 2> end{};    ///< and at its end
+    std::array<double, 2> end{};    ///< weight of the input at its end
   };
   std::array<Section, max_filter_sections> sections_{};
   std::size_t count_ = 0;
 };
 
-/// What the mechanical channels of a rig read.
+/// Readings of the mechanical channels of a rig.
 template <class T>
 struct Readings {
   T displacement{0.0};
@@ -97,8 +97,8 @@ struct SensorMemory {
   FilterMemory<T> displacement, velocity, friction_force, normal_load;
 };
 
-/// The sensor chains of the four mechanical channels. The velocity chain starts where the
-/// displacement chain ends: the analogue differentiator sees the filtered displacement.
+/// The sensor chains of the four mechanical channels. The velocity chain continues the displacement
+/// chain: the input of the analogue differentiator is the filtered displacement.
 class SensorBank {
  public:
   SensorBank(const Model& model, double step_s);
@@ -110,8 +110,8 @@ class SensorBank {
   template <class T>
   Readings<T> readings(const SensorMemory<T>& memory) const;
 
-  /// The differentiated displacement before the differentiator's own roll-off, as far as a filter
-  /// of first order at the end of the velocity chain says that it has one.
+  /// The differentiated displacement before the differentiator's roll-off, which is the first-order
+  /// filter at the end of the velocity chain, if there is one.
   template <class T>
   const T& velocity_before_roll_off(const SensorMemory<T>& memory) const {
     return velocity_.before_last_pole(memory.velocity);

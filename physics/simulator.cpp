@@ -34,33 +34,33 @@ struct RigSimulator::Implementation {
     use_step(std::min(options.step_s, rig.longest_step_s()));
   }
 
-  // The filter chains hold for one step length; a caller that keeps its period never changes it.
+  // The filter chains are designed for one step length; with a constant period this runs once.
   void use_step(double h) {
     step = h;
     bank = SensorBank(model, h);
-    faults.emplace(numbers.reading, bank, h);
-    if (time > 0.0) faults->settle(fault_memory, sensors);
+    errors.emplace(numbers.reading, bank, h);
+    if (time > 0.0) errors->settle(error_state, sensors);
     base = FilterChain(model.sensors[index_of(Channel::base_displacement)].filters, h);
     drive = FilterChain(model.sensors[index_of(Channel::drive_force)].filters, h);
-    if (numbers.reading.late) input_past.settle(inputs_read(), h);
+    if (numbers.reading.any_delay) input_past.settle(input_outputs(), h);
   }
 
   void settle() {
     rig.complete(state, now, time, numbers);
     bank.settle(sensors, rig.quantities(state, now, numbers));
-    faults->settle(fault_memory, sensors);
+    errors->settle(error_state, sensors);
     base.settle(base_memory, now.base_displacement_m, 0.0);
     drive.settle(drive_memory, now.drive_force_n, 0.0);
-    if (numbers.reading.late) input_past.settle(inputs_read(), step);
-    report();
+    if (numbers.reading.any_delay) input_past.settle(input_outputs(), step);
+    update_truth();
   }
 
-  // What the channels of the inputs deliver but for their faults: base displacement, drive force.
-  std::array<double, 2> inputs_read() const {
+  // Outputs of the input channels' chains: base displacement, drive force.
+  std::array<double, 2> input_outputs() const {
     return {base.output(base_memory), drive.output(drive_memory)};
   }
 
-  void report() {
+  void update_truth() {
     truth.displacement_m = state.s[state::x];
     truth.velocity_m_s = state.s[state::v];
     truth.load_cell_deflection_m = state.s[state::y];
@@ -71,7 +71,7 @@ struct RigSimulator::Implementation {
     truth.normal_load_n = state.load;
   }
 
-  double disturbed(Channel channel, double value) {
+  double with_noise(Channel channel, double value) {
     const auto& noise = model.sensors[index_of(channel)].noise_std;
     if (options.noise && noise) value += *noise * normal(random);
     const double lsb = options.resolution[index_of(channel)];
@@ -92,9 +92,9 @@ struct RigSimulator::Implementation {
   RigTruth truth;
   SensorBank bank{model, 1.0e-4};
   FilterChain base, drive;
-  std::optional<ReadingFaults<double>> faults;
+  std::optional<SensorErrors<double>> errors;
   SensorMemory<double> sensors;
-  FaultMemory<double> fault_memory;
+  SensorErrorState<double> error_state;
   FilterMemory<double> base_memory, drive_memory;
   DelayLine<std::array<double, 2>> input_past;
 };
@@ -133,37 +133,37 @@ void RigSimulator::advance(double duration_s, const Input& end) {
     i.now = next;
     i.time = start + k * h;
     i.bank.advance(i.sensors, i.rig.quantities(i.state, i.now, i.numbers));
-    if (i.numbers.reading.wrong) i.faults->advance(i.fault_memory, i.sensors);
+    if (i.numbers.reading.any_error) i.errors->advance(i.error_state, i.sensors);
     i.base.advance(i.base_memory, next.base_displacement_m, 0.0);
     i.drive.advance(i.drive_memory, next.drive_force_n, 0.0);
-    if (i.numbers.reading.late) i.input_past.push(i.inputs_read());
+    if (i.numbers.reading.any_delay) i.input_past.push(i.input_outputs());
   }
-  i.report();
+  i.update_truth();
 }
 
 Frame RigSimulator::read() {
   Implementation& i = *implementation_;
   const ReadingLaws<double>& laws = i.numbers.reading;
-  const Readings<double> readings = laws.wrong
-                                        ? i.faults->readings(i.fault_memory, i.sensors, i.time)
+  const Readings<double> readings = laws.any_error
+                                        ? i.errors->readings(i.error_state, i.sensors, i.time)
                                         : i.bank.readings(i.sensors);
   const auto input_read = [&](Channel channel, std::size_t which) {
-    double value = i.inputs_read()[which];
-    if (!laws.wrong) return value;
+    double value = i.input_outputs()[which];
+    if (!laws.any_error) return value;
     const ReadingLaw<double>& law = laws.of[index_of(channel)];
-    if (laws.late && law.delay_s != 0.0) {
-      value = i.input_past.ago(
+    if (laws.any_delay && law.delay_s != 0.0) {
+      value = i.input_past.delayed(
           law.delay_s,
           [which](const std::array<double, 2>& past) -> const double& { return past[which]; });
     }
-    return misread(law, value, i.time);
+    return reading_of(law, value, i.time);
   };
   const Structure& structure = i.rig.structure();
   Frame frame;
   frame.time_ns = std::llround(i.time * 1.0e9);
   frame.sequence = i.sequence++;
   const auto put = [&](Channel channel, double value) {
-    frame.set(channel, i.disturbed(channel, value));
+    frame.set(channel, i.with_noise(channel, value));
   };
   put(Channel::displacement, readings.displacement);
   put(Channel::velocity, readings.velocity);

@@ -1,5 +1,5 @@
-// A rig that exists only as equations: integrates a Model under given inputs and reads its sensors,
-// with their filters, noise and quantisation. Deterministic for a seed.
+// Simulated rig: integrates a Model under given inputs and reads its sensors, with their filters,
+// noise and quantisation. Deterministic for a seed.
 #pragma once
 
 #include <array>
@@ -12,7 +12,7 @@
 
 namespace stickslip::physics {
 
-/// What nobody can measure: the mechanical state of the simulated rig, free of sensors and noise.
+/// The true mechanical state of the simulated rig, without sensors and noise.
 struct RigTruth {
   double displacement_m = 0.0;
   double velocity_m_s = 0.0;
@@ -33,22 +33,22 @@ struct SimulationOptions {
 
 class RigSimulator {
  public:
-  /// The rig at rest at time 0 with zero input (or at `start`). Allocates all that it will ever
-  /// need. Throws std::invalid_argument where inconsistencies_of(model) is not empty.
+  /// The rig at rest (or at `start`) at time 0 with zero input. Allocates all memory that it needs
+  /// later. Throws std::invalid_argument where inconsistencies_of(model) is not empty.
   explicit RigSimulator(const Model& model, SimulationOptions options = {},
                         const RigTruth& start = {});
   ~RigSimulator();
   RigSimulator(RigSimulator&&) noexcept;
   RigSimulator& operator=(RigSimulator&&) noexcept;
 
-  /// Sets the input at the present instant, where it did not arrive by `advance`.
+  /// Sets the present input without advancing time.
   void set_input(const Input& now);
 
-  /// Moves time on by `duration_s` > 0 while the input goes linearly from its present value to
+  /// Advances time by `duration_s` > 0 while the input goes linearly from its present value to
   /// `end`. Does not allocate.
   void advance(double duration_s, const Input& end);
 
-  /// What the sensors say now. Channels that the rig has: those of the model's own quantities
+  /// The present readings. The rig has the channels of the model's own quantities
   /// (friction_force only where there is friction, normal_load where a normal load is declared,
   /// base_displacement on base-excited and drive_force on force-excited rigs). The sequence number
   /// counts readings from 0.

@@ -2,8 +2,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -38,13 +37,14 @@ constexpr Card entry = {
     .relation = Relation::force_balance,
     .name = "ambient vibration",
     .sentence =
-        "A periodic force that no sensor of the rig sees shakes the mass: a machine nearby, the "
-        "floor.",
+        "A periodic force that no sensor measures acts on the mass, as from a machine nearby or "
+        "the floor.",
     .equation = "amplitude_n sin(2 pi frequency_hz t + phase_rad) on the mass",
     .parameters = parameters,
-    .experiment = "a run with the shaker off: what still moves is not its doing",
+    .experiment = "a run with the shaker off: any remaining motion is ambient",
     .rivals = rivals,
     .strength = 1,
+    .frequency = Frequency{.parameter = 0},
 };
 
 class AmbientVibration final : public EffectOf<AmbientVibration> {
@@ -65,12 +65,12 @@ class AmbientVibration final : public EffectOf<AmbientVibration> {
   }
   std::string statement(std::span<const double> p) const override {
     return "A force of " + number_text(p[1]) + " N at " + number_text(p[0]) +
-           " Hz that the base sensor does not see acts on the mass.";
+           " Hz that no sensor measures acts on the mass.";
   }
 
   unsigned hooks() const override { return hook::force; }
   template <class T>
-  T force_of(const Instant<T>& at, const T* p, const T* /*s*/) const {
+  T force_of(const OperatingPoint<T>& at, const T* p, const T* /*s*/) const {
     using std::sin;
     return -(p[1] * sin(p[0] * (2.0 * std::numbers::pi * at.time_s) + p[2]));
   }

@@ -1,8 +1,7 @@
 #include <array>
 #include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -47,7 +46,7 @@ class AsymmetricFriction final : public EffectOf<AsymmetricFriction> {
 
   unsigned hooks() const override { return hook::slip_friction; }
   template <class T>
-  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
+  void scale_friction_of(FrictionFactors<T>& f, const OperatingPoint<T>& at, const T* p,
                          const T* /*s*/) const {
     f.mu = f.mu * (at.slip > 0.0 ? 1.0 + p[0] : (at.slip < 0.0 ? 1.0 - p[0] : T(1.0)));
   }

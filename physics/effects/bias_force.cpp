@@ -1,8 +1,7 @@
 #include <array>
 #include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -44,7 +43,7 @@ class BiasForce final : public EffectOf<BiasForce> {
 
   unsigned hooks() const override { return hook::force; }
   template <class T>
-  T force_of(const Instant<T>& /*at*/, const T* p, const T* /*s*/) const {
+  T force_of(const OperatingPoint<T>& /*at*/, const T* p, const T* /*s*/) const {
     return -p[0];
   }
 };

@@ -1,30 +1,29 @@
 #include <array>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
 
-constexpr std::array parameters = {ParameterCard{.name = "curvature",
-                                                 .unit = "1/unit of the channel",
-                                                 .meaning = "relative change of the gain for each "
-                                                            "unit that is read",
-                                                 .low = -1000.0,
-                                                 .high = 1000.0,
-                                                 .positive = false,
-                                                 .fixed_default = std::nullopt}};
+constexpr std::array parameters = {
+    ParameterCard{.name = "curvature",
+                  .unit = "1/unit of the channel",
+                  .meaning = "relative change of the gain per unit of the reading",
+                  .low = -1000.0,
+                  .high = 1000.0,
+                  .positive = false,
+                  .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 3> rivals = {"gain_error", "clipping",
                                                     "quadratic_stiffness"};
-// Whichever of these is read by a bridge; a report names the one.
+// The channels that a bridge can read; a report names the one concerned.
 constexpr std::array<std::string_view, 3> depends_on = {"displacement", "friction_force",
                                                         "normal_load"};
 constexpr Card entry = {
     .id = "bridge_nonlinearity",
     .relation = Relation::sensor,
-    .name = "curved bridge",
-    .sentence = "A bridge that is not balanced reads large strains on one side too high.",
+    .name = "nonlinear bridge",
+    .sentence = "An unbalanced bridge overestimates large readings on one side.",
     .equation = "reading = r (1 + curvature r)",
     .parameters = parameters,
     .experiment = "a calibration of this channel at five loads on both sides of zero",
@@ -48,15 +47,15 @@ class BridgeNonlinearity final : public EffectOf<BridgeNonlinearity> {
     return {{0.0}};
   }
   std::string statement(std::span<const double> p) const override {
-    return "The channel's characteristic is bent: its gain changes by " +
-           number_text(100.0 * p[0]) + " % for each unit that it reads.";
+    return "The channel is nonlinear: its gain changes by " + number_text(100.0 * p[0]) +
+           " % per unit of the reading.";
   }
 
   unsigned hooks() const override { return hook::reading; }
   template <class T>
-  void misread_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
+  void reading_law_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
     laws.of[index_of(*place.channel)].curvature = p[0];
-    laws.wrong = true;
+    laws.any_error = true;
   }
 };
 

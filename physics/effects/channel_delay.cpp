@@ -1,8 +1,7 @@
 #include <algorithm>
 #include <array>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -10,7 +9,7 @@ namespace {
 
 constexpr std::array parameters = {ParameterCard{.name = "delay_s",
                                                  .unit = "s",
-                                                 .meaning = "how much later",
+                                                 .meaning = "delay relative to the other channels",
                                                  .low = -0.03,
                                                  .high = 0.03,
                                                  .positive = false,
@@ -20,11 +19,11 @@ constexpr std::array<std::string_view, 2> rivals = {"differentiator_lag", "load_
 constexpr Card entry = {
     .id = "channel_delay",
     .relation = Relation::sensor,
-    .name = "late channel",
-    .sentence = "One channel arrives later than the others.",
+    .name = "delayed channel",
+    .sentence = "One channel lags the others by a constant time.",
     .equation = "reading(t) = quantity(t - delay_s)",
     .parameters = parameters,
-    .experiment = "a tap that all channels feel at once",
+    .experiment = "a tap that excites all channels simultaneously",
     .rivals = rivals,
 };
 
@@ -38,15 +37,25 @@ class ChannelDelay final : public EffectOf<ChannelDelay> {
     return {{std::max(0.002, scales.sample_period_s)}};
   }
   std::string statement(std::span<const double> p) const override {
-    return "The channel is late by " + number_text(1.0e3 * p[0]) + " ms.";
+    return "The channel is delayed by " + number_text(1.0e3 * p[0]) + " ms.";
+  }
+
+  std::optional<Onset> onset() const override {
+    return Onset{.sizes = {0.002, 0.004, 0.006, 0.009},
+                 .least = 0.001,
+                 .is_delay = true,
+                 .statement = [](const Place& place, double delay_s) {
+                   return "the channel " + std::string(info(*place.channel).stem) + " is late by " +
+                          number_text(1.0e3 * delay_s) + " ms";
+                 }};
   }
 
   unsigned hooks() const override { return hook::reading; }
   template <class T>
-  void misread_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
+  void reading_law_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
     laws.of[index_of(*place.channel)].delay_s = p[0];
-    laws.wrong = true;
-    laws.late = true;
+    laws.any_error = true;
+    laws.any_delay = true;
   }
 };
 

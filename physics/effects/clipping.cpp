@@ -1,7 +1,6 @@
 #include <array>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -20,12 +19,12 @@ constexpr Card entry = {
     .id = "clipping",
     .relation = Relation::sensor,
     .name = "clipping",
-    .sentence = "One channel saturates: what is larger than its limit is cut off.",
-    .equation = "reading = the truth, but never beyond +-limit",
+    .sentence = "One channel saturates: larger magnitudes are read as its limit.",
+    .equation = "reading = the true value, limited to +-limit",
     .parameters = parameters,
     .experiment = "a run at half the amplitude, or with the next larger range of the amplifier",
     .rivals = rivals,
-    .strength = std::nullopt,  // there is less of it the larger the number
+    .strength = std::nullopt,  // it vanishes as the limit grows
 };
 
 class Clipping final : public EffectOf<Clipping> {
@@ -41,14 +40,14 @@ class Clipping final : public EffectOf<Clipping> {
     return {{0.98 * scales.channel.largest}, {scales.channel.pile}};
   }
   std::string statement(std::span<const double> p) const override {
-    return "The channel saturates: nothing beyond " + number_text(p[0]) + " is read.";
+    return "The channel saturates at " + number_text(p[0]) + ".";
   }
 
   unsigned hooks() const override { return hook::reading; }
   template <class T>
-  void misread_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
+  void reading_law_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
     laws.of[index_of(*place.channel)].limit = p[0];
-    laws.wrong = true;
+    laws.any_error = true;
   }
 };
 

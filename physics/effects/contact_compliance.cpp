@@ -1,8 +1,8 @@
+#include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -26,7 +26,7 @@ constexpr std::array parameters = {
                   .estimated = true},
     ParameterCard{.name = "elastic_share",
                   .unit = "1",
-                  .meaning = "share of the break-away deflection within which nothing slips; 0: "
+                  .meaning = "share of the break-away deflection without any slip; 0: "
                              "Dahl's bristle, near 1: Jenkins' element",
                   .low = 0.0,
                   .high = 1.0,
@@ -71,14 +71,42 @@ class ContactCompliance final : public EffectOf<ContactCompliance> {
     return starts;
   }
   std::string statement(std::span<const double> p) const override {
-    return "The contact gives way elastically before it slips, with a tangential stiffness of " +
+    return "The contact deflects elastically before it slips, with a tangential stiffness of " +
            number_text(p[0]) + " N/m.";
   }
 
+  std::vector<LawCurve> law_curves(std::span<const double> p, std::span<const double> reference,
+                                   double friction_n) const override {
+    if (!(friction_n > 0.0)) return {};
+    const double far = 2.5 * friction_n / reference[0];
+    return {{"deflection of the contact", "m", -far, far, "friction force", "N",
+             [stiffness = p[0], friction_n](double at) {
+               return std::clamp(stiffness * at, -friction_n, friction_n);
+             }}};
+  }
+
+  std::optional<Onset> onset() const override {
+    return Onset{.sizes = {30.0, 60.0, 120.0, 240.0, 500.0},
+                 .apply =
+                     [](Model& model, const Place&, double stiffness_n_m) {
+                       model.terms.push_back({std::string(entry.id),
+                                              std::nullopt,
+                                              {{std::string(parameters[0].name), {stiffness_n_m}},
+                                               {std::string(parameters[1].name),
+                                                {0.02 * std::sqrt(stiffness_n_m)}}}});
+                     },
+                 .statement =
+                     [](const Place&, double stiffness_n_m) {
+                       return "the contact yields, with " + number_text(stiffness_n_m) + " N/m";
+                     }};
+  }
+
   unsigned hooks() const override { return hook::coefficients; }
-  void shape(Structure& structure) const override { structure.kinetics = Kinetics::bristle; }
+  void set_structure(Structure& structure) const override {
+    structure.kinetics = Kinetics::bristle;
+  }
   template <class T>
-  void set_coefficients(Coefficients<T>& c, const T* p) const {
+  void coefficients_of(Coefficients<T>& c, const T* p) const {
     c.contact_stiffness = p[0];
     c.contact_damping = p[1];
     c.contact_elastic_share = p[2];

@@ -1,8 +1,7 @@
 #include <array>
 #include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -11,7 +10,7 @@ namespace {
 constexpr std::array parameters = {
     ParameterCard{.name = "slope_s_m",
                   .unit = "s/m",
-                  .meaning = "relative change of the friction for each m/s",
+                  .meaning = "relative change of the friction per m/s",
                   .low = -10.0,
                   .high = 100.0,
                   .positive = false,
@@ -43,13 +42,12 @@ class ContactViscosity final : public EffectOf<ContactViscosity> {
     return {{0.0}};
   }
   std::string statement(std::span<const double> p) const override {
-    return "Friction changes with the slip speed, by " + number_text(100.0 * p[0]) +
-           " % for each m/s.";
+    return "Friction changes with the slip speed, by " + number_text(100.0 * p[0]) + " % per m/s.";
   }
 
   unsigned hooks() const override { return hook::slip_friction; }
   template <class T>
-  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
+  void scale_friction_of(FrictionFactors<T>& f, const OperatingPoint<T>& at, const T* p,
                          const T* /*s*/) const {
     using std::abs;
     f.backbone = f.backbone * (1.0 + p[0] * abs(at.slip));

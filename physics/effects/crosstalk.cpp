@@ -1,7 +1,6 @@
 #include <array>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -10,7 +9,7 @@ namespace {
 constexpr std::array parameters = {
     ParameterCard{.name = "coefficient",
                   .unit = "unit of this channel over that of the other",
-                  .meaning = "reading for each unit of the other channel",
+                  .meaning = "reading per unit of the other channel",
                   .low = -100.0,
                   .high = 100.0,
                   .positive = false,
@@ -20,7 +19,7 @@ constexpr Card entry = {
     .id = "crosstalk",
     .relation = Relation::sensor,
     .name = "crosstalk",
-    .sentence = "A fraction of another channel leaks into this one.",
+    .sentence = "One channel picks up a fraction of another one.",
     .equation = "reading + coefficient times the other channel",
     .parameters = parameters,
     .experiment = "a tap on the other sensor alone",
@@ -42,16 +41,16 @@ class Crosstalk final : public EffectOf<Crosstalk> {
     return {{0.0}};
   }
   std::string statement(std::span<const double> p) const override {
-    return "Another channel leaks into this one, with a coefficient of " + number_text(p[0]) + ".";
+    return "The channel picks up another one, with a coefficient of " + number_text(p[0]) + ".";
   }
 
   unsigned hooks() const override { return hook::reading; }
   template <class T>
-  void misread_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
+  void reading_law_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
     ReadingLaw<T>& law = laws.of[index_of(*place.channel)];
-    law.leak = p[0];
-    law.leak_from = place.from;
-    laws.wrong = true;
+    law.crosstalk = p[0];
+    law.crosstalk_from = place.from;
+    laws.any_error = true;
   }
 };
 

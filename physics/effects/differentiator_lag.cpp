@@ -1,34 +1,33 @@
 #include <array>
+#include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
 
-constexpr std::array parameters = {
-    ParameterCard{.name = "cutoff_hz",
-                  .unit = "Hz",
-                  .meaning = "frequency at which the differentiator has lost half the power",
-                  .low = 1.0,
-                  .high = 1000.0,
-                  .positive = true,
-                  .fixed_default = std::nullopt}};
+constexpr std::array parameters = {ParameterCard{.name = "cutoff_hz",
+                                                 .unit = "Hz",
+                                                 .meaning = "-3 dB frequency of the differentiator",
+                                                 .low = 1.0,
+                                                 .high = 1000.0,
+                                                 .positive = true,
+                                                 .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 2> rivals = {"channel_delay", "gain_error"};
 constexpr Card entry = {
     .id = "differentiator_lag",
     .relation = Relation::kinematics,
     .name = "slow differentiator",
     .sentence =
-        "The differentiator that makes the velocity rolls off at a lower frequency than declared.",
+        "The differentiator of the velocity channel rolls off at a lower frequency than declared.",
     .equation =
         "a first-order low-pass at cutoff_hz behind the differentiator, in place of the declared "
         "one",
     .parameters = parameters,
     .experiment = "a chirp: velocity over displacement against frequency",
     .rivals = rivals,
-    .strength = std::nullopt,  // there is less of it the larger the number
+    .strength = std::nullopt,  // it vanishes as the frequency grows
 };
 
 class DifferentiatorLag final : public EffectOf<DifferentiatorLag> {
@@ -43,14 +42,20 @@ class DifferentiatorLag final : public EffectOf<DifferentiatorLag> {
   }
   std::string statement(std::span<const double> p) const override {
     return "The velocity lags behind the displacement: its differentiator rolls off at " +
-           number_text(p[0]) + " Hz already.";
+           number_text(p[0]) + " Hz.";
+  }
+
+  std::vector<LawCurve> law_curves(std::span<const double> p, std::span<const double> reference,
+                                   double /*friction_n*/) const override {
+    return {{"frequency", "Hz", 0.0, 4.0 * reference[0], "velocity reading over velocity", "1",
+             [cutoff_hz = p[0]](double at) { return 1.0 / std::hypot(1.0, at / cutoff_hz); }}};
   }
 
   unsigned hooks() const override { return hook::reading; }
   template <class T>
-  void misread_of(ReadingLaws<T>& laws, const Place& /*place*/, const T* p) const {
+  void reading_law_of(ReadingLaws<T>& laws, const Place& /*place*/, const T* p) const {
     laws.velocity_cutoff_hz = p[0];
-    laws.wrong = true;
+    laws.any_error = true;
   }
 };
 

@@ -1,8 +1,7 @@
 #include <array>
 #include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -26,8 +25,8 @@ constexpr std::array parameters = {
         .positive = true,
         .fixed_default = 0.0,
         .estimated = true,
-        // Slower than about a hundredth of the usual speed nothing shows it, and a fit would run
-        // off to where the contact is set-valued.
+        // Not identifiable below about a hundredth of the rms speed: without this prior a fit
+        // would diverge towards the set-valued limit.
         .start_sigma = 0.7}};
 constexpr std::array<std::string_view, 3> rivals = {"hysteresis", "quadratic_drag",
                                                     "contact_compliance"};
@@ -42,6 +41,7 @@ constexpr Card entry = {
         "a free decay: dry friction takes the same amplitude from every cycle, viscous damping the "
         "same fraction",
     .rivals = rivals,
+    .transition_speed = 1,
 };
 
 class DryFriction final : public EffectOf<DryFriction> {
@@ -51,7 +51,7 @@ class DryFriction final : public EffectOf<DryFriction> {
   bool can_be_missing_from(const Model& model) const override {
     return model.friction.law == FrictionLaw::none;
   }
-  void mark(Model& model) const override { model.friction.law = FrictionLaw::coulomb; }
+  void amend(Model& model) const override { model.friction.law = FrictionLaw::coulomb; }
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
     return {{0.05 * scales.force_n}};
   }
@@ -59,17 +59,17 @@ class DryFriction final : public EffectOf<DryFriction> {
     return {0.02 * scales.velocity_m_s};
   }
   std::string statement(std::span<const double> p) const override {
-    return "Dry friction opposes the motion: a force of " + number_text(p[0]) +
-           " N against the velocity, whatever the speed.";
+    return "Dry friction opposes the motion with a force of " + number_text(p[0]) +
+           " N, independent of the speed.";
   }
 
   unsigned hooks() const override { return hook::coefficients; }
-  void shape(Structure& structure) const override {
+  void set_structure(Structure& structure) const override {
     structure.friction = true;
     structure.loaded = false;
   }
   template <class T>
-  void set_coefficients(Coefficients<T>& c, const T* p) const {
+  void coefficients_of(Coefficients<T>& c, const T* p) const {
     c.mu = p[0];
     c.transition_speed = p[1];
   }

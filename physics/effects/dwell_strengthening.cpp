@@ -2,9 +2,8 @@
 #include <array>
 #include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
-#include "physics/effects/renewal.h"
+#include "physics/contact_renewal.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -13,14 +12,14 @@ namespace {
 constexpr std::array parameters = {
     ParameterCard{.name = "beta",
                   .unit = "1",
-                  .meaning = "relative growth for each e-fold of the time at rest",
+                  .meaning = "relative growth per e-fold of the time at rest",
                   .low = 0.005,
                   .high = 1.0,
                   .positive = true,
                   .fixed_default = std::nullopt},
     ParameterCard{.name = "tau_s",
                   .unit = "s",
-                  .meaning = "time at rest from which on friction grows",
+                  .meaning = "time at rest beyond which friction grows",
                   .low = 0.0001,
                   .high = 10.0,
                   .positive = true,
@@ -34,7 +33,7 @@ constexpr std::array parameters = {
                   .fixed_default = 0.003},
     ParameterCard{.name = "slip_length_m",
                   .unit = "m",
-                  .meaning = "slip over which the time at rest is forgotten",
+                  .meaning = "slip over which the strengthening is lost",
                   .low = 1e-09,
                   .high = 0.01,
                   .positive = true,
@@ -47,11 +46,11 @@ constexpr Card entry = {
     .relation = Relation::friction_law,
     .name = "strengthening at rest",
     .sentence =
-        "Friction grows while the contact sticks: the longer the rest, the higher the break-away "
-        "force.",
+        "Friction grows while the contact sticks: the break-away force increases with the time at "
+        "rest.",
     .equation =
-        "g(v) (1 + beta ln(1 + t_stuck / tau_s)); slip v forgets t_stuck at the rate "
-        "abs(v) / slip_length_m",
+        "g(v) (1 + beta ln(1 + t_stuck / tau_s)); slip at v reduces t_stuck at the "
+        "relative rate abs(v) / slip_length_m",
     .parameters = parameters,
     .experiment = "holds of 0.1 s to 30 s between slips",
     .rivals = rivals,
@@ -66,13 +65,13 @@ class DwellStrengthening final : public EffectOf<DwellStrengthening> {
   }
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
     const double stuck = std::max(2.0 * scales.transition_speed_m_s, 1.0e-2 * scales.velocity_m_s);
-    // Forgotten at once, as far as a sensor sees.
+    // Less slip than a sensor resolves.
     const double length = 2.0e-3 * scales.velocity_m_s;
     return {{0.1, 0.01, stuck, length}, {0.1, 0.1, stuck, length}};
   }
   std::string statement(std::span<const double> p) const override {
-    return "The contact strengthens while it rests: break-away friction grows by " +
-           number_text(100.0 * p[0]) + " % for each e-fold of the time at rest beyond " +
+    return "The contact strengthens at rest: break-away friction grows by " +
+           number_text(100.0 * p[0]) + " % per e-fold of the time at rest beyond " +
            number_text(p[1]) + " s.";
   }
 
@@ -83,19 +82,19 @@ class DwellStrengthening final : public EffectOf<DwellStrengthening> {
     return {2.0 * p[1], 0.0};
   }
   template <class T>
-  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& /*at*/, const T* p,
+  void scale_friction_of(FrictionFactors<T>& f, const OperatingPoint<T>& /*at*/, const T* p,
                          const T* s) const {
     using std::log;
     f.backbone = f.backbone * (1.0 + p[0] * log(1.0 + s[0] / p[1]));
   }
-  // The state is the time stuck (Dieterich 1979).
+  // State: the time at rest (Dieterich 1979).
   template <class T>
-  void rates_of(T* rate, const Instant<T>& at, const T* p, const T* s) const {
+  void rates_of(T* rate, const OperatingPoint<T>& at, const T* p, const T* s) const {
     using std::abs;
     using std::exp;
     const T ratio = at.slip / p[2];
     const T slips = abs(at.slip) * (1.0 - exp(-(ratio * ratio)));
-    rate[0] = 1.0 - forgotten_per_s(s[0], slips, p[3]);
+    rate[0] = 1.0 - decay_per_s(s[0], slips, p[3]);
   }
   template <class T>
   void confine_of(T* s, const T* /*p*/) const {

@@ -2,8 +2,7 @@
 #include <array>
 #include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -39,7 +38,7 @@ constexpr Card entry = {
     .sentence = "The mass runs into a stop at the end of its travel.",
     .equation = "stiffness_n_m (abs(x) - gap_m) sign(x) beyond the gap, on both sides or on one",
     .parameters = parameters,
-    .experiment = "amplitudes just below and just above the suspected gap",
+    .experiment = "amplitudes just below and just above the assumed gap",
     .rivals = rivals,
     .strength = 1,
 };
@@ -55,7 +54,7 @@ class EndStop final : public EffectOf<EndStop> {
     const double k = std::max(scales.stiffness_n_m, scales.force_n / scales.displacement_m);
     std::vector<std::vector<double>> starts;
     for (const double side : {0.0, 1.0, -1.0}) {
-      // Soft: then a single step of a fit already tells how much it would gain.
+      // Soft, so that a single step of a fit already shows the gain.
       for (const double share : {0.6, 0.75, 0.85, 0.93, 0.97}) {
         starts.push_back({share * scales.displacement_m, 0.3 * k, side});
       }
@@ -65,13 +64,13 @@ class EndStop final : public EffectOf<EndStop> {
   std::string statement(std::span<const double> p) const override {
     const char* where =
         p[2] > 0.5 ? "on the +x side" : (p[2] < -0.5 ? "on the -x side" : "on both sides");
-    return "The mass meets a stop " + std::string(where) + " after " + number_text(1.0e3 * p[0]) +
+    return "The mass hits a stop " + std::string(where) + " after " + number_text(1.0e3 * p[0]) +
            " mm, with a stiffness of " + number_text(p[1]) + " N/m.";
   }
 
   unsigned hooks() const override { return hook::force; }
   template <class T>
-  T force_of(const Instant<T>& at, const T* p, const T* /*s*/) const {
+  T force_of(const OperatingPoint<T>& at, const T* p, const T* /*s*/) const {
     const double side = value_of(p[2]);
     if (at.x > p[0] && side > -0.5) return p[1] * (at.x - p[0]);
     if (at.x < -p[0] && side < 0.5) return p[1] * (at.x + p[0]);

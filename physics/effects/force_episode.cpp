@@ -1,8 +1,7 @@
 #include <array>
-#include "physics/effects/during.h"
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
+#include "physics/episode.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -22,13 +21,14 @@ constexpr Card entry = {
     .id = "force_episode",
     .relation = Relation::force_balance,
     .name = "episode of an extra force",
-    .sentence = "For a while a constant force acts on the mass: a cable, a touch.",
+    .sentence = "For a limited time a constant force acts on the mass, as from a cable or a touch.",
     .equation = "force_n on the mass from begin_s to end_s",
     .parameters = parameters,
-    .experiment = "the same run again: an episode does not come back",
+    .experiment = "the same run repeated: an episode does not recur",
     .rivals = rivals,
     .depends_on = depends_on,
     .tier = Tier::formula,
+    .episode = Episode{.begin_s = 1, .end_s = 2},
 };
 
 class ForceEpisode final : public EffectOf<ForceEpisode> {
@@ -51,7 +51,7 @@ class ForceEpisode final : public EffectOf<ForceEpisode> {
 
   unsigned hooks() const override { return hook::force; }
   template <class T>
-  T force_of(const Instant<T>& at, const T* p, const T* /*s*/) const {
+  T force_of(const OperatingPoint<T>& at, const T* p, const T* /*s*/) const {
     return -(p[0] * during(at.time_s, p[1], p[2]));
   }
 };

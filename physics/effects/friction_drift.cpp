@@ -1,8 +1,7 @@
 #include <array>
 #include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -18,8 +17,8 @@ constexpr std::array parameters = {
                   .fixed_default = std::nullopt},
     ParameterCard{.name = "approach_s",
                   .unit = "s",
-                  .meaning = "time constant with which it comes to an end; much longer than the "
-                             "recording: it does not",
+                  .meaning = "time constant of the approach to a final value; much longer than "
+                             "the recording: linear drift",
                   .low = 0.01,
                   .high = 1.0e6,
                   .positive = true,
@@ -30,7 +29,7 @@ constexpr Card entry = {
     .id = "friction_drift",
     .relation = Relation::friction_law,
     .name = "drifting friction",
-    .sentence = "The coefficient of friction changes in the course of the recording.",
+    .sentence = "The coefficient of friction drifts in the course of the recording.",
     .equation =
         "mu (1 + rate_per_s approach_s (1 - exp(-t / approach_s))), at first mu (1 + rate_per_s t)",
     .parameters = parameters,
@@ -50,13 +49,13 @@ class FrictionDrift final : public EffectOf<FrictionDrift> {
   }
   std::string statement(std::span<const double> p) const override {
     return "The coefficient of friction drifts by " + number_text(100.0 * p[0]) +
-           " % of its first value per second at first, with a time constant of " +
+           " % of its initial value per second initially, with a time constant of " +
            number_text(p[1]) + " s.";
   }
 
   unsigned hooks() const override { return hook::friction; }
   template <class T>
-  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
+  void scale_friction_of(FrictionFactors<T>& f, const OperatingPoint<T>& at, const T* p,
                          const T* /*s*/) const {
     using std::exp;
     const T factor = 1.0 + p[0] * p[1] * (1.0 - exp(-at.time_s / p[1]));

@@ -1,8 +1,7 @@
 #include <array>
-#include "physics/effects/during.h"
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
+#include "physics/episode.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -21,14 +20,16 @@ constexpr std::array<std::string_view, 1> depends_on = {"time"};
 constexpr Card entry = {
     .id = "friction_episode",
     .relation = Relation::friction_law,
-    .name = "episode of another friction",
-    .sentence = "For a while the coefficient of friction is another one: dust, a drop of oil.",
+    .name = "episode of changed friction",
+    .sentence =
+        "For a limited time the coefficient of friction differs, as from dust or a drop of oil.",
     .equation = "mu (1 + share) from begin_s to end_s",
     .parameters = parameters,
-    .experiment = "the same run again: an episode does not come back",
+    .experiment = "the same run repeated: an episode does not recur",
     .rivals = rivals,
     .depends_on = depends_on,
     .tier = Tier::formula,
+    .episode = Episode{.begin_s = 1, .end_s = 2},
 };
 
 class FrictionEpisode final : public EffectOf<FrictionEpisode> {
@@ -44,13 +45,13 @@ class FrictionEpisode final : public EffectOf<FrictionEpisode> {
     return starts;
   }
   std::string statement(std::span<const double> p) const override {
-    return "From " + number_text(p[1]) + " s to " + number_text(p[2]) +
-           " s friction is different by " + number_text(100.0 * p[0]) + " %.";
+    return "From " + number_text(p[1]) + " s to " + number_text(p[2]) + " s friction differs by " +
+           number_text(100.0 * p[0]) + " %.";
   }
 
   unsigned hooks() const override { return hook::friction; }
   template <class T>
-  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
+  void scale_friction_of(FrictionFactors<T>& f, const OperatingPoint<T>& at, const T* p,
                          const T* /*s*/) const {
     const T factor = 1.0 + p[0] * during(at.time_s, p[1], p[2]);
     f.mu = f.mu * (factor > 0.0 ? factor : T(0.0));

@@ -1,7 +1,6 @@
 #include <array>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -9,7 +8,7 @@ namespace {
 
 constexpr std::array parameters = {ParameterCard{.name = "gain",
                                                  .unit = "1",
-                                                 .meaning = "reading over truth",
+                                                 .meaning = "reading over true value",
                                                  .low = 0.2,
                                                  .high = 5.0,
                                                  .positive = true,
@@ -20,12 +19,24 @@ constexpr Card entry = {
     .id = "gain_error",
     .relation = Relation::sensor,
     .name = "wrong gain",
-    .sentence = "The calibration of one channel is off: it reads a fixed multiple of the truth.",
-    .equation = "reading = gain times the truth",
+    .sentence =
+        "The calibration of one channel is off: it reads a fixed multiple of the true value.",
+    .equation = "reading = gain times the true value",
     .parameters = parameters,
     .experiment = "a calibration of this channel with a known standard",
     .rivals = rivals,
 };
+
+// Changes the gain that the model has for the channel already, or adds one.
+void multiply_gain(Model& model, const Place& place, double factor) {
+  for (Term& term : model.terms) {
+    if (term.id != entry.id || term.channel != place.channel) continue;
+    term.parameters[std::string(parameters[0].name)].value *= factor;
+    return;
+  }
+  model.terms.push_back(
+      {std::string(entry.id), place.channel, {{std::string(parameters[0].name), {factor}}}});
+}
 
 class GainError final : public EffectOf<GainError> {
  public:
@@ -37,14 +48,24 @@ class GainError final : public EffectOf<GainError> {
     return {{1.0}};
   }
   std::string statement(std::span<const double> p) const override {
-    return "The channel reads " + number_text(p[0]) + " times the truth.";
+    return "The channel reads " + number_text(p[0]) + " times the true value.";
+  }
+
+  std::optional<Onset> onset() const override {
+    return Onset{.sizes = {0.9, 1.1, 0.75, 1.3},
+                 .least = 0.02,
+                 .apply = multiply_gain,
+                 .statement = [](const Place& place, double factor) {
+                   return "the channel " + std::string(info(*place.channel).stem) + " reads " +
+                          number_text(factor) + " times what it did";
+                 }};
   }
 
   unsigned hooks() const override { return hook::reading; }
   template <class T>
-  void misread_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
+  void reading_law_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
     laws.of[index_of(*place.channel)].gain = p[0];
-    laws.wrong = true;
+    laws.any_error = true;
   }
 };
 

@@ -2,8 +2,7 @@
 #include <array>
 #include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -28,8 +27,8 @@ constexpr std::array parameters = {
                   .formula_uncertainty = 0.25},
     ParameterCard{.name = "loop_shape",
                   .unit = "1",
-                  .meaning = "0: slips alike in loading and unloading; below -1: does not slip in "
-                             "loading at all (Bouc and Wen's delta over gamma)",
+                  .meaning = "0: slips equally in loading and unloading; below -1: no slip in "
+                             "loading (Bouc and Wen's delta over gamma)",
                   .low = -2.0,
                   .high = 2.0,
                   .positive = false,
@@ -38,8 +37,8 @@ constexpr std::array parameters = {
                   .start_sigma = 1.0},
     ParameterCard{.name = "sharpness",
                   .unit = "1",
-                  .meaning = "1: yields softly from the beginning; more: like a spring until it "
-                             "slips (Bouc and Wen's exponent)",
+                  .meaning = "1: yields gradually; larger: nearly linear until it slips (Bouc "
+                             "and Wen's exponent)",
                   .low = 0.5,
                   .high = 10.0,
                   .positive = true,
@@ -59,7 +58,7 @@ constexpr Card entry = {
         "h' = stiffness_n_m (v - (abs(v) r + loop_shape v abs(r)) abs(r)^(sharpness - 1)), "
         "r = h / slip_force_n",
     .parameters = parameters,
-    .experiment = "slow loading loops of several sizes: the loops do not shrink with the speed",
+    .experiment = "slow loading loops of several sizes: their area does not fall with the speed",
     .rivals = rivals,
 };
 
@@ -80,34 +79,33 @@ class Hysteresis final : public EffectOf<Hysteresis> {
   }
   std::string statement(std::span<const double> p) const override {
     return "The structure is hysteretic: part of its spring, " + number_text(p[0]) +
-           " N/m, slips at " + number_text(p[1]) + " N, whatever the speed.";
+           " N/m, slips at " + number_text(p[1]) + " N at any speed.";
   }
 
   unsigned hooks() const override { return hook::force; }
   int state_count() const override { return 1; }
-  // The force of a spring that slips: no larger than the slip force, nor than what the spring
-  // reaches over the range of the motion.
+  // Bounded by the slip force and by the spring's force over the range of the motion.
   StateSize state_size(int /*index*/, std::span<const double> p,
                        const Scales& scales) const override {
     const double size = 0.7 * std::min(p[1], 2.0 * p[0] * scales.displacement_m);
     return {size, size};
   }
   template <class T>
-  T force_of(const Instant<T>& /*at*/, const T* /*p*/, const T* s) const {
+  T force_of(const OperatingPoint<T>& /*at*/, const T* /*p*/, const T* s) const {
     return s[0];
   }
   template <class T>
-  void rates_of(T* rate, const Instant<T>& at, const T* p, const T* s) const {
+  void rates_of(T* rate, const OperatingPoint<T>& at, const T* p, const T* s) const {
     using std::abs;
     using std::pow;
     const T share = s[0] / p[1];
     T yields = abs(at.v) * share + p[2] * at.v * abs(share);
-    // 1e-6: the power has no derivative where the spring is not bent.
+    // 1e-6: the power has no derivative at zero force.
     yields = yields * pow(share * share + 1.0e-6, 0.5 * (p[3] - 1.0));
     rate[0] = p[0] * (at.v - yields);
   }
-  // A stiff spring slips within less than a step; its force never exceeds what it slips at, where
-  // it does slip in loading.
+  // A stiff spring slips within less than a step: its force is limited to the slip force, as far as
+  // it slips in loading.
   template <class T>
   void confine_of(T* s, const T* p) const {
     using std::pow;

@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <numbers>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -29,17 +29,18 @@ constexpr std::array<std::string_view, 3> rivals = {"channel_delay", "contact_co
 constexpr Card entry = {
     .id = "load_cell_resonance",
     .relation = Relation::load_cell,
-    .name = "ringing load cell",
+    .name = "resonant load cell",
     .sentence =
-        "The load cell rings: what it reads is not the friction force alone but its own vibration "
-        "too.",
+        "The load cell resonates: its reading contains its own vibration besides the friction "
+        "force.",
     .equation =
-        "m_l y'' + c_l y' + k_l y - f = -m_l b'' where the model had Eq. (1), k_l = m_l (2 pi "
+        "m_l y'' + c_l y' + k_l y - f = -m_l b'' in place of Eq. (1), k_l = m_l (2 pi "
         "frequency_hz)^2",
     .parameters = parameters,
     .experiment = "a tap on the load cell with the contact lifted",
     .rivals = rivals,
     .strength = std::nullopt,  // it replaces a law
+    .frequency = Frequency{.parameter = 0},
 };
 
 class LoadCellResonance final : public EffectOf<LoadCellResonance> {
@@ -50,7 +51,7 @@ class LoadCellResonance final : public EffectOf<LoadCellResonance> {
     return model.load_cell && model.load_cell->dynamics == LoadCellDynamics::quasi_static &&
            model.oscillator.excitation != Excitation::imposed;
   }
-  void mark(Model& model) const override {
+  void amend(Model& model) const override {
     if (model.load_cell) model.load_cell->dynamics = LoadCellDynamics::resonant;
   }
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
@@ -61,10 +62,21 @@ class LoadCellResonance final : public EffectOf<LoadCellResonance> {
            " Hz with a damping ratio of " + number_text(p[1]) + " after every break-away.";
   }
 
+  std::vector<LawCurve> law_curves(std::span<const double> p, std::span<const double> reference,
+                                   double /*friction_n*/) const override {
+    return {{"frequency", "Hz", 0.0, 2.5 * reference[0], "reading over force", "1",
+             [own_hz = p[0], damping = p[1]](double at) {
+               const double r = at / own_hz;
+               return 1.0 / std::hypot(1.0 - r * r, 2.0 * damping * r);
+             }}};
+  }
+
   unsigned hooks() const override { return hook::coefficients; }
-  void shape(Structure& structure) const override { structure.resonant = structure.load_cell; }
+  void set_structure(Structure& structure) const override {
+    structure.resonant = structure.load_cell;
+  }
   template <class T>
-  void set_coefficients(Coefficients<T>& c, const T* p) const {
+  void coefficients_of(Coefficients<T>& c, const T* p) const {
     const T frequency_rad_s = p[0] * (2.0 * std::numbers::pi);
     c.cell_stiffness = c.cell_mass * frequency_rad_s * frequency_rad_s;
     c.cell_damping = 2.0 * p[1] * c.cell_mass * frequency_rad_s;

@@ -1,7 +1,6 @@
 #include <array>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -10,7 +9,7 @@ namespace {
 constexpr std::array parameters = {
     ParameterCard{.name = "curvature_per_m2",
                   .unit = "1/m^2",
-                  .meaning = "relative change of the load for each square metre",
+                  .meaning = "relative change of the load per square metre",
                   .low = -100000.0,
                   .high = 100000.0,
                   .positive = false,
@@ -48,7 +47,7 @@ class LoadCurvature final : public EffectOf<LoadCurvature> {
 
   unsigned hooks() const override { return hook::load; }
   template <class T>
-  void scale_load_of(T& load, const Instant<T>& at, const T* p, const T* /*s*/) const {
+  void scale_load_of(T& load, const OperatingPoint<T>& at, const T* p, const T* /*s*/) const {
     load = load * (1.0 + p[0] * at.x * at.x);
   }
 };

@@ -1,8 +1,7 @@
 #include <array>
 #include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -55,10 +54,10 @@ class LoadDependentMu final : public EffectOf<LoadDependentMu> {
 
   unsigned hooks() const override { return hook::friction; }
   template <class T>
-  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
+  void scale_friction_of(FrictionFactors<T>& f, const OperatingPoint<T>& at, const T* p,
                          const T* /*s*/) const {
     using std::pow;
-    // Where contact is all but lost the factor would grow without bound, while f = mu N goes to 0.
+    // Near loss of contact the factor would diverge, while f = mu N vanishes.
     const T ratio = at.load / p[1];
     if (ratio > 1.0e-3) f.mu = f.mu * pow(ratio, p[0]);
   }

@@ -1,8 +1,7 @@
 #include <array>
-#include "physics/effects/during.h"
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
+#include "physics/episode.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -21,14 +20,15 @@ constexpr std::array<std::string_view, 1> depends_on = {"time"};
 constexpr Card entry = {
     .id = "load_episode",
     .relation = Relation::normal_load,
-    .name = "episode of another load",
-    .sentence = "For a while the normal load is another one.",
+    .name = "episode of changed load",
+    .sentence = "For a limited time the normal load differs.",
     .equation = "N (1 + share) from begin_s to end_s",
     .parameters = parameters,
-    .experiment = "the same run again: an episode does not come back",
+    .experiment = "the same run repeated: an episode does not recur",
     .rivals = rivals,
     .depends_on = depends_on,
     .tier = Tier::formula,
+    .episode = Episode{.begin_s = 1, .end_s = 2},
 };
 
 class LoadEpisode final : public EffectOf<LoadEpisode> {
@@ -45,12 +45,12 @@ class LoadEpisode final : public EffectOf<LoadEpisode> {
   }
   std::string statement(std::span<const double> p) const override {
     return "From " + number_text(p[1]) + " s to " + number_text(p[2]) +
-           " s the normal load is different by " + number_text(100.0 * p[0]) + " %.";
+           " s the normal load differs by " + number_text(100.0 * p[0]) + " %.";
   }
 
   unsigned hooks() const override { return hook::load; }
   template <class T>
-  void scale_load_of(T& load, const Instant<T>& at, const T* p, const T* /*s*/) const {
+  void scale_load_of(T& load, const OperatingPoint<T>& at, const T* p, const T* /*s*/) const {
     load = load * (1.0 + p[0] * during(at.time_s, p[1], p[2]));
   }
 };

@@ -2,9 +2,8 @@
 #include <array>
 #include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
-#include "physics/effects/renewal.h"
+#include "physics/contact_renewal.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -13,22 +12,22 @@ namespace {
 constexpr std::array parameters = {
     ParameterCard{.name = "share",
                   .unit = "1",
-                  .meaning = "of a relative change of the load, what friction does not follow at "
-                             "once",
+                  .meaning = "share of a relative change of the load that friction follows only "
+                             "with slip",
                   .low = -2.0,
                   .high = 2.0,
                   .positive = false,
                   .fixed_default = std::nullopt},
     ParameterCard{.name = "slip_length_m",
                   .unit = "m",
-                  .meaning = "slip over which it follows",
+                  .meaning = "slip over which friction follows the load",
                   .low = 1e-06,
                   .high = 0.1,
                   .positive = true,
                   .fixed_default = std::nullopt},
     ParameterCard{.name = "reference_load_n",
                   .unit = "N",
-                  .meaning = "a typical load; only numerics depend on it",
+                  .meaning = "typical load; of numerical relevance only",
                   .low = 1e-03,
                   .high = 1000.0,
                   .positive = true,
@@ -39,7 +38,7 @@ constexpr std::array<std::string_view, 2> depends_on = {"normal_load", "displace
 constexpr Card entry = {
     .id = "load_history",
     .relation = Relation::friction_law,
-    .name = "friction that follows the load late",
+    .name = "delayed response of friction to the load",
     .sentence = "When the load changes, friction follows only after some slip.",
     .equation = "mu (1 - share (ln(N / N0) - s)), s' = abs(v) / slip_length_m (ln(N / N0) - s)",
     .parameters = parameters,
@@ -49,8 +48,8 @@ constexpr Card entry = {
     .tier = Tier::formula,
 };
 
-// Linker and Dieterich (1992): after a step of the normal stress the contacts' state jumps and
-// comes back with slip.
+// Linker and Dieterich (1992): a step of the normal stress offsets the state of the contacts, and
+// slip restores it.
 class LoadHistory final : public EffectOf<LoadHistory> {
  public:
   const Card& card() const override { return entry; }
@@ -64,7 +63,7 @@ class LoadHistory final : public EffectOf<LoadHistory> {
     return {{0.0, 0.003 * scales.velocity_m_s, load}, {0.0, 0.03 * scales.velocity_m_s, load}};
   }
   std::string statement(std::span<const double> p) const override {
-    return "Friction follows a change of the load late: " + number_text(100.0 * p[0]) +
+    return "Friction responds to a change of the load with a delay: " + number_text(100.0 * p[0]) +
            " % of it only after " + number_text(1.0e3 * p[1]) + " mm of slip.";
   }
 
@@ -78,18 +77,18 @@ class LoadHistory final : public EffectOf<LoadHistory> {
         0.0};
   }
   template <class T>
-  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
+  void scale_friction_of(FrictionFactors<T>& f, const OperatingPoint<T>& at, const T* p,
                          const T* s) const {
     f.mu = f.mu * (1.0 - p[0] * (logarithm(at.load, p[2]) - s[0]));
   }
   template <class T>
-  void rates_of(T* rate, const Instant<T>& at, const T* p, const T* s) const {
+  void rates_of(T* rate, const OperatingPoint<T>& at, const T* p, const T* s) const {
     using std::abs;
-    rate[0] = forgotten_per_s(T(logarithm(at.load, p[2]) - s[0]), T(abs(at.slip)), p[1]);
+    rate[0] = decay_per_s(T(logarithm(at.load, p[2]) - s[0]), T(abs(at.slip)), p[1]);
   }
 
  private:
-  // Of the load over its typical size, level where the contact is all but lost.
+  // Logarithm of the relative load, regularised at loss of contact.
   template <class T>
   static T logarithm(const T& load, const T& reference) {
     using std::log;

@@ -2,8 +2,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -38,13 +37,14 @@ constexpr Card entry = {
     .id = "load_vibration",
     .relation = Relation::normal_load,
     .name = "vibrating load",
-    .sentence = "The normal load oscillates on its own.",
+    .sentence = "The normal load oscillates independently of the motion.",
     .equation = "N (1 + share sin(2 pi frequency_hz t + phase_rad))",
     .parameters = parameters,
     .experiment = "a recording of the normal load with the rig at rest",
     .rivals = rivals,
     .depends_on = depends_on,
     .tier = Tier::formula,
+    .frequency = Frequency{.parameter = 1},
 };
 
 class LoadVibration final : public EffectOf<LoadVibration> {
@@ -70,7 +70,7 @@ class LoadVibration final : public EffectOf<LoadVibration> {
 
   unsigned hooks() const override { return hook::load; }
   template <class T>
-  void scale_load_of(T& load, const Instant<T>& at, const T* p, const T* /*s*/) const {
+  void scale_load_of(T& load, const OperatingPoint<T>& at, const T* p, const T* /*s*/) const {
     using std::sin;
     load = load * (1.0 + p[0] * sin(p[1] * (2.0 * std::numbers::pi * at.time_s) + p[2]));
   }

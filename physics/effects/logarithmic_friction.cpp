@@ -2,8 +2,7 @@
 #include <array>
 #include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -12,14 +11,14 @@ namespace {
 constexpr std::array parameters = {
     ParameterCard{.name = "coefficient",
                   .unit = "1",
-                  .meaning = "relative change for each e-fold of the speed",
+                  .meaning = "relative change per e-fold of the speed",
                   .low = -0.3,
                   .high = 0.3,
                   .positive = false,
                   .fixed_default = std::nullopt},
     ParameterCard{.name = "reference_speed_m_s",
                   .unit = "m/s",
-                  .meaning = "speed below which nothing changes",
+                  .meaning = "speed below which friction is constant",
                   .low = 1e-06,
                   .high = 1.0,
                   .positive = true,
@@ -51,12 +50,12 @@ class LogarithmicFriction final : public EffectOf<LogarithmicFriction> {
   }
   std::string statement(std::span<const double> p) const override {
     return "Friction changes by " + number_text(100.0 * p[0]) +
-           " % for each e-fold of the slip speed beyond " + number_text(p[1]) + " m/s.";
+           " % per e-fold of the slip speed beyond " + number_text(p[1]) + " m/s.";
   }
 
   unsigned hooks() const override { return hook::slip_friction; }
   template <class T>
-  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
+  void scale_friction_of(FrictionFactors<T>& f, const OperatingPoint<T>& at, const T* p,
                          const T* /*s*/) const {
     using std::abs;
     using std::log;

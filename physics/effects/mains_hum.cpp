@@ -1,18 +1,17 @@
 #include <array>
 #include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
 namespace {
 
-// How the amplitude wanders: harmonics of the duration of the recording, relative to the mean.
-constexpr ParameterCard wander(std::string_view name) {
+// Amplitude modulation by a harmonic of the duration of the recording, relative to the mean.
+constexpr ParameterCard modulation(std::string_view name) {
   return {.name = name,
           .unit = "1",
-          .meaning = "how the amplitude wanders: a harmonic of the recording's duration",
+          .meaning = "modulation of the amplitude by a harmonic of the recording's duration",
           .low = -1.0,
           .high = 1.0,
           .fixed_default = 0.0,
@@ -42,17 +41,17 @@ constexpr std::array parameters = {
                   .high = 6.3,
                   .positive = false,
                   .fixed_default = std::nullopt},
-    wander("wander_cos_1"),
-    wander("wander_sin_1"),
-    wander("wander_cos_2"),
-    wander("wander_sin_2"),
-    wander("wander_cos_3"),
-    wander("wander_sin_3"),
-    wander("wander_cos_4"),
-    wander("wander_sin_4"),
+    modulation("wander_cos_1"),
+    modulation("wander_sin_1"),
+    modulation("wander_cos_2"),
+    modulation("wander_sin_2"),
+    modulation("wander_cos_3"),
+    modulation("wander_sin_3"),
+    modulation("wander_cos_4"),
+    modulation("wander_sin_4"),
     ParameterCard{.name = "wander_over_s",
                   .unit = "s",
-                  .meaning = "duration that the wander's harmonics belong to",
+                  .meaning = "period of the first harmonic of the modulation",
                   .low = 1.0e-3,
                   .high = 1.0e6,
                   .positive = true,
@@ -62,15 +61,15 @@ constexpr Card entry = {
     .id = "mains_hum",
     .relation = Relation::sensor,
     .name = "mains hum",
-    .sentence = "A sine of the line frequency rides on one channel.",
+    .sentence = "One channel picks up a sine at the line frequency.",
     .equation =
-        "reading + amplitude (1 + w(t)) sin(2 pi frequency_hz t + phase_rad); w, of mean 0, is "
-        "made "
-        "of four harmonics of the recording's duration",
+        "reading + amplitude (1 + w(t)) sin(2 pi frequency_hz t + phase_rad); w, of mean 0, "
+        "consists of four harmonics of the recording's duration",
     .parameters = parameters,
     .experiment = "a recording with the rig at rest",
     .rivals = rivals,
     .strength = 1,
+    .frequency = Frequency{.parameter = 0},
 };
 
 class MainsHum final : public EffectOf<MainsHum> {
@@ -91,22 +90,23 @@ class MainsHum final : public EffectOf<MainsHum> {
   std::string statement(std::span<const double> p) const override {
     double square = 0.0;
     for (std::size_t i = 3; i < 11; ++i) square += 0.5 * p[i] * p[i];
-    const double wanders = std::sqrt(square);
-    return "A hum of " + number_text(p[0]) + " Hz with an amplitude of " + number_text(p[1]) +
-           (wanders > 0.02 ? ", which wanders by " + number_text(100.0 * wanders) + " %," : "") +
-           " rides on the channel.";
+    const double modulation = std::sqrt(square);
+    return "The channel picks up a hum of " + number_text(p[0]) + " Hz with an amplitude of " +
+           number_text(p[1]) +
+           (modulation > 0.02 ? ", modulated by " + number_text(100.0 * modulation) + " %" : "") +
+           ".";
   }
 
   unsigned hooks() const override { return hook::reading; }
   template <class T>
-  void misread_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
+  void reading_law_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
     ReadingLaw<T>& law = laws.of[index_of(*place.channel)];
     law.hum_frequency_hz = p[0];
     law.hum_amplitude = p[1];
     law.hum_phase_rad = p[2];
-    for (std::size_t i = 0; i < law.hum_wander.size(); ++i) law.hum_wander[i] = p[3 + i];
-    law.hum_wander_over_s = value_of(p[3 + law.hum_wander.size()]);
-    laws.wrong = true;
+    for (std::size_t i = 0; i < law.hum_modulation.size(); ++i) law.hum_modulation[i] = p[3 + i];
+    law.hum_modulation_s = value_of(p[3 + law.hum_modulation.size()]);
+    laws.any_error = true;
   }
 };
 

@@ -2,8 +2,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -18,7 +17,7 @@ constexpr std::array parameters = {ParameterCard{.name = "share",
                                                  .fixed_default = std::nullopt},
                                    ParameterCard{.name = "wavelength_m",
                                                  .unit = "m",
-                                                 .meaning = "its length",
+                                                 .meaning = "its wavelength",
                                                  .low = 1e-05,
                                                  .high = 1.0,
                                                  .positive = true,
@@ -35,8 +34,8 @@ constexpr std::array<std::string_view, 1> depends_on = {"displacement"};
 constexpr Card entry = {
     .id = "periodic_friction",
     .relation = Relation::friction_law,
-    .name = "friction that repeats along the track",
-    .sentence = "Friction rises and falls periodically along the track: machining marks, a weave.",
+    .name = "periodic friction along the track",
+    .sentence = "Friction varies periodically along the track, as from machining marks or a weave.",
     .equation = "mu (1 + share sin(2 pi x / wavelength_m + phase_rad))",
     .parameters = parameters,
     .experiment = "a slow sweep over the whole track",
@@ -62,13 +61,13 @@ class PeriodicFriction final : public EffectOf<PeriodicFriction> {
     return starts;
   }
   std::string statement(std::span<const double> p) const override {
-    return "Friction rises and falls by " + number_text(100.0 * p[0]) +
-           " % along the track, every " + number_text(1.0e3 * p[1]) + " mm.";
+    return "Friction varies periodically by " + number_text(100.0 * p[0]) +
+           " % along the track, with a wavelength of " + number_text(1.0e3 * p[1]) + " mm.";
   }
 
   unsigned hooks() const override { return hook::friction; }
   template <class T>
-  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
+  void scale_friction_of(FrictionFactors<T>& f, const OperatingPoint<T>& at, const T* p,
                          const T* /*s*/) const {
     using std::sin;
     const T factor = 1.0 + p[0] * sin(at.x * (2.0 * std::numbers::pi) / p[1] + p[2]);

@@ -1,7 +1,6 @@
 #include <array>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -26,12 +25,12 @@ constexpr std::array<std::string_view, 2> depends_on = {"displacement", "velocit
 constexpr Card entry = {
     .id = "position_dependent_damping",
     .relation = Relation::force_balance,
-    .name = "damping that depends on the place",
+    .name = "position-dependent damping",
     .sentence =
         "The damping differs along the track, as with an eddy-current brake that the mass passes.",
     .equation = "(c1_n_s_m2 x + c2_n_s_m3 x^2) v",
     .parameters = parameters,
-    .experiment = "free decays around several places",
+    .experiment = "free decays around several positions",
     .rivals = rivals,
     .depends_on = depends_on,
     .tier = Tier::formula,
@@ -48,13 +47,13 @@ class PositionDependentDamping final : public EffectOf<PositionDependentDamping>
     return {{0.0, 0.0}};
   }
   std::string statement(std::span<const double> p) const override {
-    return "The damping depends on the place: beside its constant part it is " + number_text(p[0]) +
+    return "The damping depends on the position: its variable part is " + number_text(p[0]) +
            " x + " + number_text(p[1]) + " x^2 N s/m.";
   }
 
   unsigned hooks() const override { return hook::force; }
   template <class T>
-  T force_of(const Instant<T>& at, const T* p, const T* /*s*/) const {
+  T force_of(const OperatingPoint<T>& at, const T* p, const T* /*s*/) const {
     return (p[0] + p[1] * at.x) * at.x * at.v;
   }
 };

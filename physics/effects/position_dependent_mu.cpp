@@ -1,8 +1,7 @@
 #include <array>
 #include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -24,7 +23,7 @@ constexpr Card entry = {
     .sentence = "The coefficient of friction changes along the track.",
     .equation = "mu (1 + slope_per_m x)",
     .parameters = parameters,
-    .experiment = "the same run at another normal load and another place of the track",
+    .experiment = "the same run at another normal load and another position on the track",
     .rivals = rivals,
 };
 
@@ -45,7 +44,7 @@ class PositionDependentMu final : public EffectOf<PositionDependentMu> {
 
   unsigned hooks() const override { return hook::friction; }
   template <class T>
-  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
+  void scale_friction_of(FrictionFactors<T>& f, const OperatingPoint<T>& at, const T* p,
                          const T* /*s*/) const {
     const T factor = 1.0 + p[0] * at.x;
     f.mu = f.mu * (factor > 0.0 ? factor : T(0.0));

@@ -1,7 +1,6 @@
 #include <array>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -19,7 +18,7 @@ constexpr std::array<std::string_view, 1> depends_on = {"displacement"};
 constexpr Card entry = {
     .id = "quadratic_stiffness",
     .relation = Relation::force_balance,
-    .name = "uneven spring",
+    .name = "asymmetric spring",
     .sentence = "The spring is stiffer on one side than on the other.",
     .equation = "k2_n_m2 x^2 added to the restoring force",
     .parameters = parameters,
@@ -40,12 +39,12 @@ class QuadraticStiffness final : public EffectOf<QuadraticStiffness> {
     return {{0.0}};
   }
   std::string statement(std::span<const double> p) const override {
-    return "The spring is uneven: its force has a part " + number_text(p[0]) + " N/m2 times x^2.";
+    return "The spring is asymmetric: its force contains " + number_text(p[0]) + " N/m2 times x^2.";
   }
 
   unsigned hooks() const override { return hook::force; }
   template <class T>
-  T force_of(const Instant<T>& at, const T* p, const T* /*s*/) const {
+  T force_of(const OperatingPoint<T>& at, const T* p, const T* /*s*/) const {
     return p[0] * at.x * at.x;
   }
 };

@@ -1,7 +1,6 @@
 #include <array>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -20,8 +19,8 @@ constexpr std::array<std::string_view, 1> depends_on = {"displacement"};
 constexpr Card entry = {
     .id = "quintic_stiffness",
     .relation = Relation::force_balance,
-    .name = "spring that hardens late",
-    .sentence = "The spring is straight for long and hardens or softens only at large deflections.",
+    .name = "spring that hardens at large deflections",
+    .sentence = "The spring is linear up to large deflections, where it hardens or softens.",
     .equation = "k5_n_m5 x^5 added to the restoring force",
     .parameters = parameters,
     .experiment = "stepped amplitudes: the resonance moves with the fourth power of the amplitude",
@@ -47,7 +46,7 @@ class QuinticStiffness final : public EffectOf<QuinticStiffness> {
 
   unsigned hooks() const override { return hook::force; }
   template <class T>
-  T force_of(const Instant<T>& at, const T* p, const T* /*s*/) const {
+  T force_of(const OperatingPoint<T>& at, const T* p, const T* /*s*/) const {
     const T square = at.x * at.x;
     return p[0] * square * square * at.x;
   }

@@ -2,9 +2,8 @@
 #include <array>
 #include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
-#include "physics/effects/renewal.h"
+#include "physics/contact_renewal.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -13,14 +12,14 @@ namespace {
 constexpr std::array parameters = {
     ParameterCard{.name = "direct_effect",
                   .unit = "1",
-                  .meaning = "relative change at once for each e-fold of the slip speed",
+                  .meaning = "immediate relative change per e-fold of the slip speed",
                   .low = -0.3,
                   .high = 0.3,
                   .positive = false,
                   .fixed_default = std::nullopt},
     ParameterCard{.name = "evolution_effect",
                   .unit = "1",
-                  .meaning = "relative change for each e-fold of the contacts' age",
+                  .meaning = "relative change per e-fold of the contacts' age",
                   .low = -0.3,
                   .high = 0.3,
                   .positive = false,
@@ -34,7 +33,7 @@ constexpr std::array parameters = {
                   .fixed_default = std::nullopt},
     ParameterCard{.name = "reference_speed_m_s",
                   .unit = "m/s",
-                  .meaning = "slip speed at which neither changes anything",
+                  .meaning = "slip speed at which both changes vanish",
                   .low = 1e-06,
                   .high = 1.0,
                   .positive = true,
@@ -47,8 +46,9 @@ constexpr Card entry = {
     .relation = Relation::friction_law,
     .name = "rate and state dependence",
     .sentence =
-        "Friction grows with the logarithm of the slip speed at once, and then follows the age of "
-        "the contacts, which slip renews.",
+        "Friction responds immediately to the logarithm of the slip speed and then evolves with "
+        "the "
+        "age of the contacts, which slip renews.",
     .equation =
         "mu (1 + direct_effect ln(1 + abs(v) / reference_speed_m_s) + evolution_effect ln(1 + age "
         "reference_speed_m_s / slip_length_m)), age' = 1 - age abs(v) / slip_length_m",
@@ -75,9 +75,8 @@ class RateAndState final : public EffectOf<RateAndState> {
   }
   std::string statement(std::span<const double> p) const override {
     return "Friction depends on the slip speed and on the age of the contacts: " +
-           number_text(100.0 * p[0]) + " % for each e-fold of the speed, " +
-           number_text(100.0 * p[1]) + " % for each e-fold of the age, which " +
-           number_text(1.0e6 * p[2]) + " um of slip renew.";
+           number_text(100.0 * p[0]) + " % per e-fold of the speed, " + number_text(100.0 * p[1]) +
+           " % per e-fold of the age, which " + number_text(1.0e6 * p[2]) + " um of slip renew.";
   }
 
   unsigned hooks() const override { return hook::slip_friction; }
@@ -87,7 +86,7 @@ class RateAndState final : public EffectOf<RateAndState> {
     return {p[2] / p[3], 0.0};
   }
   template <class T>
-  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
+  void scale_friction_of(FrictionFactors<T>& f, const OperatingPoint<T>& at, const T* p,
                          const T* s) const {
     using std::abs;
     using std::log;
@@ -95,9 +94,9 @@ class RateAndState final : public EffectOf<RateAndState> {
                                p[1] * log(1.0 + s[0] * p[3] / p[2]));
   }
   template <class T>
-  void rates_of(T* rate, const Instant<T>& at, const T* p, const T* s) const {
+  void rates_of(T* rate, const OperatingPoint<T>& at, const T* p, const T* s) const {
     using std::abs;
-    rate[0] = 1.0 - forgotten_per_s(s[0], T(abs(at.slip)), p[2]);
+    rate[0] = 1.0 - decay_per_s(s[0], T(abs(at.slip)), p[2]);
   }
   template <class T>
   void confine_of(T* s, const T* /*p*/) const {

@@ -1,8 +1,7 @@
 #include <array>
 #include <numbers>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -19,7 +18,7 @@ constexpr std::array parameters = {
                   .formula_uncertainty = 0.003},
     ParameterCard{.name = "friction_share_per_kg",
                   .unit = "1/kg",
-                  .meaning = "acceleration of the mode for each newton of friction",
+                  .meaning = "acceleration of the mode per newton of friction",
                   .low = -1000.0,
                   .high = 1000.0,
                   .positive = false,
@@ -45,14 +44,17 @@ constexpr Card entry = {
     .relation = Relation::force_balance,
     .name = "second mode of the beam",
     .sentence =
-        "The beam has a second mode that the displacement gauge sees on top of the mass's motion.",
+        "The beam has a second mode that the displacement gauge measures on top of the mass's "
+        "motion.",
     .equation =
-        "x reads x + q, q'' + 2 damping_ratio w q' + w^2 q = -friction_share_per_kg f - base_share "
+        "the displacement gauge reads x + q, q'' + 2 damping_ratio w q' + w^2 q = "
+        "-friction_share_per_kg f - base_share "
         "b'', w = 2 pi frequency_hz",
     .parameters = parameters,
     .experiment = "a tap on the beam with the contact lifted",
     .rivals = rivals,
     .strength = 1,
+    .frequency = Frequency{.parameter = 0, .spectral_mark = "bending mode"},
 };
 
 class SecondMode final : public EffectOf<SecondMode> {
@@ -71,24 +73,24 @@ class SecondMode final : public EffectOf<SecondMode> {
     return starts;
   }
   std::string statement(std::span<const double> p) const override {
-    return "The displacement gauge also sees a mode of the beam at " + number_text(p[0]) +
+    return "The displacement gauge also measures a mode of the beam at " + number_text(p[0]) +
            " Hz, with a damping ratio of " + number_text(p[3]) +
            ", which friction and the base excite.";
   }
 
-  unsigned hooks() const override { return hook::seen; }
+  unsigned hooks() const override { return hook::measured_motion; }
   int state_count() const override { return 2; }
   StateSize state_size(int index, std::span<const double> p, const Scales& scales) const override {
     const double size = 0.1 * scales.displacement_m;
     return {index == 0 ? size : 2.0 * std::numbers::pi * p[0] * size, 0.0};
   }
   template <class T>
-  void see_of(T& x, T& v, const T* /*p*/, const T* s) const {
+  void measured_motion_of(T& x, T& v, const T* /*p*/, const T* s) const {
     x = x + s[0];
     v = v + s[1];
   }
   template <class T>
-  void rates_of(T* rate, const Instant<T>& at, const T* p, const T* s) const {
+  void rates_of(T* rate, const OperatingPoint<T>& at, const T* p, const T* s) const {
     const T w = p[0] * (2.0 * std::numbers::pi);
     rate[0] = s[1];
     rate[1] = -(w * w * s[0] + 2.0 * p[3] * w * s[1] + p[1] * at.friction +

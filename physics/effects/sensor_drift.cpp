@@ -1,7 +1,6 @@
 #include <array>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -10,15 +9,15 @@ namespace {
 constexpr std::array parameters = {
     ParameterCard{.name = "rate_per_s",
                   .unit = "unit of the channel per second",
-                  .meaning = "how fast, at first",
+                  .meaning = "initial rate",
                   .low = -1000000.0,
                   .high = 1000000.0,
                   .positive = false,
                   .fixed_default = std::nullopt},
     ParameterCard{.name = "approach_s",
                   .unit = "s",
-                  .meaning = "time constant with which it comes to an end; much longer than the "
-                             "recording: it does not",
+                  .meaning = "time constant of the approach to a final value; much longer than "
+                             "the recording: linear drift",
                   .low = 0.01,
                   .high = 1.0e12,
                   .positive = true,
@@ -29,8 +28,8 @@ constexpr std::array<std::string_view, 2> rivals = {"friction_drift", "bias_forc
 constexpr Card entry = {
     .id = "sensor_drift",
     .relation = Relation::sensor,
-    .name = "wandering zero",
-    .sentence = "The zero of one channel wanders in the course of the recording.",
+    .name = "zero drift",
+    .sentence = "The zero of one channel drifts in the course of the recording.",
     .equation =
         "reading + rate_per_s approach_s (1 - exp(-t / approach_s)), at first reading + "
         "rate_per_s t",
@@ -52,16 +51,16 @@ class SensorDrift final : public EffectOf<SensorDrift> {
     return {{0.0, 5.0 * scales.duration_s}, {0.0, 0.3 * scales.duration_s}};
   }
   std::string statement(std::span<const double> p) const override {
-    return "The zero of the channel wanders by " + number_text(p[0]) +
-           " per second at first, with a time constant of " + number_text(p[1]) + " s.";
+    return "The zero of the channel drifts by " + number_text(p[0]) +
+           " per second initially, with a time constant of " + number_text(p[1]) + " s.";
   }
 
   unsigned hooks() const override { return hook::reading; }
   template <class T>
-  void misread_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
+  void reading_law_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
     laws.of[index_of(*place.channel)].drift_per_s = p[0];
-    laws.of[index_of(*place.channel)].drift_settles_s = p[1];
-    laws.wrong = true;
+    laws.of[index_of(*place.channel)].drift_time_constant_s = p[1];
+    laws.any_error = true;
   }
 };
 

@@ -1,8 +1,7 @@
 #include <array>
 #include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -19,7 +18,7 @@ constexpr std::array parameters = {
                   .neutral = 1.0},
     ParameterCard{.name = "stribeck_speed_m_s",
                   .unit = "m/s",
-                  .meaning = "speed at which most of the excess is gone",
+                  .meaning = "speed at which the excess has fallen to 1/e",
                   .low = 0.0001,
                   .high = 1.0,
                   .positive = true,
@@ -49,13 +48,13 @@ class Stribeck final : public EffectOf<Stribeck> {
   }
   std::string statement(std::span<const double> p) const override {
     return "Friction depends on the speed (Stribeck): at rest it is " + number_text(p[0]) +
-           " times the kinetic level, and the difference is gone above about " + number_text(p[1]) +
+           " times the kinetic level, and the excess vanishes above about " + number_text(p[1]) +
            " m/s.";
   }
 
   unsigned hooks() const override { return hook::slip_friction; }
   template <class T>
-  void scale_friction_of(FrictionFactors<T>& f, const Instant<T>& at, const T* p,
+  void scale_friction_of(FrictionFactors<T>& f, const OperatingPoint<T>& at, const T* p,
                          const T* /*s*/) const {
     using std::exp;
     const T ratio = at.slip / p[1];

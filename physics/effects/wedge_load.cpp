@@ -1,8 +1,7 @@
 #include <array>
 #include <cmath>
 
-#include "physics/effects/effect.h"
-#include "physics/effects/entries.h"
+#include "physics/effect.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
@@ -18,7 +17,7 @@ constexpr std::array parameters = {
                   .fixed_default = std::nullopt},
     ParameterCard{.name = "curvature_per_m2",
                   .unit = "1/m2",
-                  .meaning = "the same of plates that are bowed as well",
+                  .meaning = "relative change per square metre, where the plates are bowed as well",
                   .low = -1.0e5,
                   .high = 1.0e5,
                   .positive = false,
@@ -31,8 +30,8 @@ constexpr Card entry = {
     .name = "wedge",
     .sentence = "The plates are not parallel: the normal load changes with the displacement.",
     .equation =
-        "N = load_n (1 + slope_per_m x + curvature_per_m2 x^2) where the model had it "
-        "constant",
+        "N = load_n (1 + slope_per_m x + curvature_per_m2 x^2) in place of a "
+        "constant load",
     .parameters = parameters,
     .experiment = "a slow sweep over the whole track with the normal-load bridge recorded",
     .rivals = rivals,
@@ -45,7 +44,7 @@ class WedgeLoad final : public EffectOf<WedgeLoad> {
   bool can_be_missing_from(const Model& model) const override {
     return model.normal_load && model.normal_load->law == NormalLoadLaw::constant;
   }
-  void mark(Model& model) const override {
+  void amend(Model& model) const override {
     if (model.normal_load) model.normal_load->law = NormalLoadLaw::wedge;
   }
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
@@ -57,9 +56,11 @@ class WedgeLoad final : public EffectOf<WedgeLoad> {
   }
 
   unsigned hooks() const override { return hook::coefficients; }
-  void shape(Structure& structure) const override { structure.load_law = NormalLoadLaw::wedge; }
+  void set_structure(Structure& structure) const override {
+    structure.load_law = NormalLoadLaw::wedge;
+  }
   template <class T>
-  void set_coefficients(Coefficients<T>& c, const T* p) const {
+  void coefficients_of(Coefficients<T>& c, const T* p) const {
     c.load_slope = p[0];
     c.load_curvature = p[1];
   }

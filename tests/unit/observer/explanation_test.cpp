@@ -76,7 +76,7 @@ INSTANTIATE_TEST_SUITE_P(Of, EachChange, testing::ValuesIn(test::changes),
                            return name;
                          });
 
-TEST(ExplanationTest, SaysHowLargeTheChangeIs) {
+TEST(ExplanationTest, EstimatesTheSizeOfTheChange) {
   const physics::Model model = test::paper_rig(Law::coulomb);
   const auto moved =
       explanations_of(model, test::period_s, frames_of(model, Change::mu_up, 6.2, 12), alarm());
@@ -89,10 +89,10 @@ TEST(ExplanationTest, SaysHowLargeTheChangeIs) {
   EXPECT_NEAR(late.front().size, 0.005, 0.0004);
 }
 
-TEST(ExplanationTest, StartsFromWhatHadBeenLearnt) {
+TEST(ExplanationTest, StartsFromTheEstimatesBeforeTheBreak) {
   physics::Model model = test::paper_rig(Law::coulomb);
   const auto frames = frames_of(model, Change::load_cell, 6.2, 14);
-  model.friction.mu.value = 0.65;  // what the file says, the rig had 0.8
+  model.friction.mu.value = 0.65;  // declared; the rig has 0.8
   ModelVerdict verdict = alarm();
   verdict.usual_mu = 0.8;
   const auto found = explanations_of(model, test::period_s, frames, verdict);
@@ -100,7 +100,7 @@ TEST(ExplanationTest, StartsFromWhatHadBeenLearnt) {
   EXPECT_EQ(found.front().relation, Relation::load_cell) << found.front().words;
 }
 
-TEST(ExplanationTest, FindsLittleWhereNothingHasChanged) {
+TEST(ExplanationTest, ExplainsNothingWithoutAChange) {
   const physics::Model model = test::paper_rig(Law::coulomb);
   const auto found =
       explanations_of(model, test::period_s, frames_of(model, Change::none, 6.2, 15), alarm());
@@ -108,7 +108,7 @@ TEST(ExplanationTest, FindsLittleWhereNothingHasChanged) {
   EXPECT_LT(found.front().log_likelihood, 0.0) << found.front().words;
 }
 
-TEST(ExplanationTest, ProbabilitiesAddUpAndFall) {
+TEST(ExplanationTest, ProbabilitiesSumToOneInDescendingOrder) {
   const physics::Model model = test::paper_rig(Law::coulomb);
   const auto found =
       explanations_of(model, test::period_s, frames_of(model, Change::bristle, 5.0, 16), alarm());
@@ -122,9 +122,8 @@ TEST(ExplanationTest, ProbabilitiesAddUpAndFall) {
   EXPECT_NEAR(sum, 1.0, 1.0e-9);
 }
 
-// What the model says of how a channel is read still holds: a limit stays where it is, a gain that
-// was known is multiplied.
-TEST(ExplanationTest, FindsAGainBesideWhatIsKnownOfTheChannel) {
+// Sensor errors of the model still hold: a limit is unchanged, a known gain is multiplied.
+TEST(ExplanationTest, FindsAGainInAdditionToKnownSensorErrors) {
   const physics::Model rig = test::paper_rig(Law::coulomb);
   auto frames = frames_of(rig, Change::none, 6.2, 19);
   physics::Model believed = rig;
@@ -140,7 +139,7 @@ TEST(ExplanationTest, FindsAGainBesideWhatIsKnownOfTheChannel) {
   EXPECT_GT(found.front().probability, 0.99);
 }
 
-TEST(ExplanationTest, CannotTellALoadThatNobodyMeasuresFromMu) {
+TEST(ExplanationTest, CannotDistinguishAnUnmeasuredLoadFromMu) {
   const physics::Model model = test::paper_rig(Law::coulomb);
   auto frames = frames_of(model, Change::mu_up, 6.2, 17);
   for (Frame& frame : frames) frame.invalidate(Channel::normal_load);
@@ -150,14 +149,13 @@ TEST(ExplanationTest, CannotTellALoadThatNobodyMeasuresFromMu) {
   EXPECT_GT(found[1].probability, 0.1) << found[1].words;
 }
 
-TEST(ExplanationTest, SaysNothingWithoutEnoughFramesOrAModelThatItCanFollow) {
+TEST(ExplanationTest, IsEmptyWithoutEnoughFramesOrASupportedModel) {
   physics::Model model = test::paper_rig(Law::coulomb);
   const auto frames = frames_of(model, Change::mu_up, 3.0, 18);
   EXPECT_TRUE(explanations_of(model, test::period_s, frames, alarm()).empty());
   EXPECT_TRUE(explanations_of(model, test::period_s, {}, alarm()).empty());
   model.sensors[index_of(Channel::displacement)].filters.assign(
-      6,
-      {physics::FilterKind::butterworth_lowpass, 8, 25.0});  // more states than there is room for
+      6, {physics::FilterKind::butterworth_lowpass, 8, 25.0});  // more states than supported
   const auto enough = frames_of(test::paper_rig(Law::coulomb), Change::mu_up, 6.0, 18);
   EXPECT_TRUE(explanations_of(model, test::period_s, enough, alarm()).empty());
 }

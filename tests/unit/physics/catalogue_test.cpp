@@ -1,13 +1,15 @@
-#include "physics/effects/catalogue.h"
+#include "physics/catalogue.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <map>
 #include <numbers>
 #include <set>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "physics/reading.h"
@@ -59,7 +61,7 @@ TEST_P(EveryEffect, IsNamedAsTheContractSays) {
   const Card& card = GetParam()->card();
   const auto entry = contract().find(std::string(card.id));
   if (!card.depends_on.empty()) {
-    // Reports call it "unlisted", and say what it depends on.
+    // Reported as "unlisted", with the variables that it depends on.
     EXPECT_EQ(entry, contract().end());
     for (const std::string_view name : card.depends_on) {
       EXPECT_TRUE(name == "time" || channel_named(name).has_value()) << name;
@@ -72,13 +74,13 @@ TEST_P(EveryEffect, IsNamedAsTheContractSays) {
   for (const ParameterCard& parameter : card.parameters) {
     if (!parameter.fixed_default) estimated.emplace_back(parameter.name);
   }
-  // The contract's come first; a phase, say, may follow.
+  // Further parameters may follow those of the contract.
   ASSERT_GE(estimated.size(), entry->second.parameters.size());
   estimated.resize(entry->second.parameters.size());
   EXPECT_EQ(estimated, entry->second.parameters);
 }
 
-TEST_P(EveryEffect, SaysWhatAPersonMustKnow) {
+TEST_P(EveryEffect, IsDescribedCompletely) {
   const Card& card = GetParam()->card();
   EXPECT_FALSE(card.name.empty());
   EXPECT_GT(card.sentence.size(), 20U);
@@ -100,7 +102,7 @@ TEST_P(EveryEffect, SaysWhatAPersonMustKnow) {
   const std::string statement = GetParam()->statement(middle);
   EXPECT_GT(statement.size(), 20U);
   EXPECT_EQ(statement.back(), '.');
-  // The statement says a number: another parameter, another statement.
+  // The statement contains a number.
   std::vector<double> other = middle;
   other[0] *= 1.7;
   EXPECT_NE(GetParam()->statement(other), statement);
@@ -110,26 +112,30 @@ TEST_P(EveryEffect, SaysWhatAPersonMustKnow) {
   }
 }
 
+Scales scales_of_a_bench() {
+  return {.displacement_m = 0.02,
+          .velocity_m_s = 0.2,
+          .force_n = 0.5,
+          .friction_n = 0.12,
+          .stiffness_n_m = 13.6,
+          .mean_load_n = 0.15,
+          .duration_s = 60.0,
+          .sample_period_s = 1.0e-3,
+          .mass_kg = 0.06,
+          .transition_speed_m_s = 0.003,
+          .cell_frequency_hz = 19.3,
+          .cell_damping_ratio = 0.016,
+          .lowest_load_n = 0.1,
+          .highest_load_n = 0.2,
+          .frequencies_hz = {7.0, 37.0},
+          .channel = {0.02, 0.01, 0.018, {50.0, 1.0e-4, 0.3}},
+          .from = {},
+          .episodes_s = {{12.0, 17.0}}};
+}
+
 TEST_P(EveryEffect, StartsInsideItsRangesWithTheParametersToEstimate) {
   const Effect& effect = *GetParam();
-  const Scales scales{.displacement_m = 0.02,
-                      .velocity_m_s = 0.2,
-                      .force_n = 0.5,
-                      .friction_n = 0.12,
-                      .stiffness_n_m = 13.6,
-                      .mean_load_n = 0.15,
-                      .duration_s = 60.0,
-                      .sample_period_s = 1.0e-3,
-                      .mass_kg = 0.06,
-                      .transition_speed_m_s = 0.003,
-                      .cell_frequency_hz = 19.3,
-                      .cell_damping_ratio = 0.016,
-                      .lowest_load_n = 0.1,
-                      .highest_load_n = 0.2,
-                      .frequencies_hz = {7.0, 37.0},
-                      .channel = {0.02, 0.01, 0.018, {50.0, 1.0e-4, 0.3}},
-                      .from = {},
-                      .episodes_s = {{12.0, 17.0}}};
+  const Scales scales = scales_of_a_bench();
   std::size_t estimated = 0;
   std::size_t fixed = 0;
   for (const ParameterCard& parameter : effect.card().parameters) {
@@ -149,138 +155,161 @@ TEST_P(EveryEffect, StartsInsideItsRangesWithTheParametersToEstimate) {
   EXPECT_TRUE(values.empty() || values.size() == fixed);
 }
 
-// A model to which the effect can be added, and values that make it visible there.
+// A model that lacks the effect, and parameters at which the effect is visible there.
 struct Setting {
   Model model;
   std::map<std::string, Parameter> parameters;
   Place place = {};
 };
-Setting setting_for(const std::string& id) {
-  Setting s{test::bench(), {}, {}};
+
+struct VisibleEffect {
+  std::string id;
+  std::map<std::string, Parameter> parameters;
+  Place place = {};
+};
+
+const std::vector<VisibleEffect>& friction_effects() {
+  static const std::vector<VisibleEffect> list = {
+      {"dry_friction", {{"friction_force_n", {0.1}}, {"transition_speed_m_s", {0.01}}}},
+      {"friction_memory", {{"gamma_per_s", {60.0}}}},
+      {"stribeck", {{"static_ratio", {1.4}}, {"stribeck_speed_m_s", {0.05}}}},
+      {"contact_compliance", {{"contact_stiffness_n_m", {150.0}}}},
+      {"load_dependent_mu", {{"exponent", {-0.33}}, {"reference_load_n", {0.15}}}},
+      {"asymmetric_friction", {{"asymmetry", {0.2}}}},
+      {"position_dependent_mu", {{"slope_per_m", {15.0}}}},
+      {"friction_drift", {{"rate_per_s", {0.3}}}},
+      {"dwell_strengthening",
+       {{"beta", {0.2}},
+        {"tau_s", {0.01}},
+        {"stuck_speed_m_s", {0.02}},
+        {"slip_length_m", {2.0e-4}}}},
+      {"contact_viscosity", {{"slope_s_m", {2.0}}}},
+      {"logarithmic_friction", {{"coefficient", {0.05}}, {"reference_speed_m_s", {0.01}}}},
+      {"periodic_friction", {{"share", {0.2}}, {"wavelength_m", {0.004}}, {"phase_rad", {0.4}}}},
+      {"rate_and_state",
+       {{"direct_effect", {0.05}},
+        {"evolution_effect", {0.06}},
+        {"slip_length_m", {2.0e-4}},
+        {"reference_speed_m_s", {0.003}}}},
+      {"load_history",
+       {{"share", {0.6}}, {"slip_length_m", {0.002}}, {"reference_load_n", {0.15}}}},
+      {"friction_episode", {{"share", {0.4}}, {"begin_s", {0.21}}, {"end_s", {0.47}}}}};
+  return list;
+}
+
+const std::vector<VisibleEffect>& force_and_load_effects() {
+  static const std::vector<VisibleEffect> list = {
+      {"quadratic_drag", {{"drag_n_s2_m2", {0.5}}}},
+      {"cubic_stiffness", {{"k3_n_m3", {5.0e4}}}},
+      {"hysteresis", {{"stiffness_n_m", {8.0}}, {"slip_force_n", {0.05}}}},
+      {"bias_force", {{"force_n", {0.05}}}},
+      {"end_stop", {{"gap_m", {0.003}}, {"stiffness_n_m", {20.0}}}},
+      {"ambient_vibration",
+       {{"frequency_hz", {7.0}}, {"amplitude_n", {0.05}}, {"phase_rad", {0.4}}}},
+      {"second_mode",
+       {{"frequency_hz", {37.0}},
+        {"friction_share_per_kg", {2.0}},
+        {"base_share", {0.1}},
+        {"damping_ratio", {0.02}}}},
+      {"quadratic_stiffness", {{"k2_n_m2", {500.0}}}},
+      {"position_dependent_damping", {{"c1_n_s_m2", {5.0}}, {"c2_n_s_m3", {1000.0}}}},
+      {"quintic_stiffness", {{"k5_n_m5", {3.0e9}}}},
+      {"force_episode", {{"force_n", {0.05}}, {"begin_s", {0.21}}, {"end_s", {0.47}}}},
+      {"wedge_load", {{"slope_per_m", {20.0}}}},
+      {"load_curvature", {{"curvature_per_m2", {5000.0}}}},
+      {"load_vibration", {{"share", {0.2}}, {"frequency_hz", {11.0}}, {"phase_rad", {0.4}}}},
+      {"load_episode", {{"share", {0.4}}, {"begin_s", {0.21}}, {"end_s", {0.47}}}}};
+  return list;
+}
+
+const std::vector<VisibleEffect>& sensor_effects() {
+  static const std::vector<VisibleEffect> list = {
+      {"load_cell_resonance", {{"frequency_hz", {15.0}}, {"damping_ratio", {0.05}}}},
+      {"differentiator_lag", {{"cutoff_hz", {30.0}}}},
+      {"channel_delay", {{"delay_s", {0.00712}}}, {Channel::friction_force, {}}},
+      {"gain_error", {{"gain", {1.2}}}, {Channel::velocity, {}}},
+      {"crosstalk", {{"coefficient", {0.2}}}, {Channel::velocity, Channel::friction_force}},
+      {"clipping", {{"limit", {0.0005}}}, {Channel::displacement, {}}},
+      {"mains_hum",
+       {{"frequency_hz", {50.0}}, {"amplitude", {0.01}}, {"phase_rad", {0.4}}},
+       {Channel::friction_force, {}}},
+      {"sensor_drift",
+       {{"rate_per_s", {0.01}}, {"approach_s", {20.0}}},
+       {Channel::normal_load, {}}},
+      {"bridge_nonlinearity", {{"curvature", {20.0}}}, {Channel::displacement, {}}}};
+  return list;
+}
+
+VisibleEffect free_form_effect(const std::string& id) {
+  VisibleEffect out{id, {}};
+  const double size = id.starts_with("force") ? 0.03 : 0.3;
+  const double heights[] = {0.1, -0.2, 0.3, 0.7, -0.5, 0.9, 0.4, 0.2};
+  for (int k = 0; k < 8; ++k) {
+    out.parameters["at_" + std::to_string(k + 1)] = {size * heights[k]};
+  }
+  const double reach = id.ends_with("displacement") ? 0.006
+                       : id.ends_with("velocity")   ? 0.12
+                       : id.ends_with("load")       ? 0.2
+                                                    : 0.5;
+  const bool from_zero = id.ends_with("time") || id.ends_with("load");
+  out.parameters["low"] = {from_zero ? 0.0 : -1.1 * reach};
+  out.parameters["high"] = {reach};
+  return out;
+}
+
+// For an effect without an entry above: its first starting values, with a hundredth of the range in
+// place of neutral ones, on the first channel that it acts on.
+VisibleEffect started_effect(const Effect& effect) {
+  VisibleEffect out{std::string(effect.card().id), {}};
+  const auto cards = effect.card().parameters;
+  const std::vector<double> start = effect.starts(scales_of_a_bench()).front();
+  std::size_t next = 0;
+  for (const ParameterCard& card : cards) {
+    if (card.fixed_default && start.size() != cards.size()) continue;
+    const double value = start[next++];
+    out.parameters[std::string(card.name)] = {
+        value == card.neutral ? value + 0.01 * (card.high - card.neutral) : value};
+  }
+  if (effect.card().relation != Relation::sensor) return out;
+  for (const Channel channel : all_channels) {
+    if (!out.place.channel && effect.acts_on({channel, {}})) out.place.channel = channel;
+  }
+  return out;
+}
+
+VisibleEffect visible_effect(const Effect& effect) {
+  const std::string id(effect.card().id);
+  if (effect.card().tier == Tier::free_form) return free_form_effect(id);
+  for (const auto* list : {&friction_effects(), &force_and_load_effects(), &sensor_effects()}) {
+    for (const VisibleEffect& each : *list) {
+      if (each.id == id) return each;
+    }
+  }
+  return started_effect(effect);
+}
+
+Setting setting_for(const Effect& effect) {
+  const VisibleEffect visible = visible_effect(effect);
+  Setting s{test::bench(), visible.parameters, visible.place};
   s.model.friction.transition_speed_m_s = {0.01};
-  if (id == "dry_friction") {
+  if (visible.id == "dry_friction") {
     s.model.friction = {};
     s.model.normal_load.reset();
     s.model.load_cell.reset();
-    s.parameters = {{"friction_force_n", {0.1}}, {"transition_speed_m_s", {0.01}}};
   }
-  if (id == "friction_memory") s.parameters = {{"gamma_per_s", {60.0}}};
-  if (id == "stribeck") s.parameters = {{"static_ratio", {1.4}}, {"stribeck_speed_m_s", {0.05}}};
-  if (id == "contact_compliance") s.parameters = {{"contact_stiffness_n_m", {150.0}}};
-  if (id == "load_dependent_mu") {
+  if (visible.id == "load_dependent_mu" || visible.id == "friction_over_load") {
     s.model.normal_load = NormalLoad{NormalLoadLaw::wedge, {0.15}, {20.0}};
-    s.parameters = {{"exponent", {-0.33}}, {"reference_load_n", {0.15}}};
   }
-  if (id == "asymmetric_friction") s.parameters = {{"asymmetry", {0.2}}};
-  if (id == "position_dependent_mu") s.parameters = {{"slope_per_m", {15.0}}};
-  if (id == "friction_drift") s.parameters = {{"rate_per_s", {0.3}}};
-  if (id == "quadratic_drag") s.parameters = {{"drag_n_s2_m2", {0.5}}};
-  if (id == "cubic_stiffness") s.parameters = {{"k3_n_m3", {5.0e4}}};
-  if (id == "hysteresis") s.parameters = {{"stiffness_n_m", {8.0}}, {"slip_force_n", {0.05}}};
-  if (id == "bias_force") s.parameters = {{"force_n", {0.05}}};
-  if (id == "wedge_load") s.parameters = {{"slope_per_m", {20.0}}};
-  if (id == "dwell_strengthening") {
-    s.parameters = {{"beta", {0.2}},
-                    {"tau_s", {0.01}},
-                    {"stuck_speed_m_s", {0.02}},
-                    {"slip_length_m", {2.0e-4}}};
-  }
-  if (id == "load_cell_resonance") {
-    s.model.load_cell->dynamics = LoadCellDynamics::quasi_static;
-    s.parameters = {{"frequency_hz", {15.0}}, {"damping_ratio", {0.05}}};
-  }
-  if (id == "end_stop") s.parameters = {{"gap_m", {0.003}}, {"stiffness_n_m", {20.0}}};
-  if (id == "ambient_vibration") {
-    s.parameters = {{"frequency_hz", {7.0}}, {"amplitude_n", {0.05}}, {"phase_rad", {0.4}}};
-  }
-  if (id == "second_mode") {
-    s.parameters = {{"frequency_hz", {37.0}},
-                    {"friction_share_per_kg", {2.0}},
-                    {"base_share", {0.1}},
-                    {"damping_ratio", {0.02}}};
-  }
-  if (id == "differentiator_lag") s.parameters = {{"cutoff_hz", {30.0}}};
-  if (id == "channel_delay") {
-    s.parameters = {{"delay_s", {0.00712}}};
-    s.place.channel = Channel::friction_force;
-  }
-  if (id == "gain_error") {
-    s.parameters = {{"gain", {1.2}}};
-    s.place.channel = Channel::velocity;
-  }
-  if (id == "crosstalk") {
-    s.parameters = {{"coefficient", {0.2}}};
-    s.place = {Channel::velocity, Channel::friction_force};
-  }
-  if (id == "clipping") {
-    s.parameters = {{"limit", {0.0005}}};
-    s.place.channel = Channel::displacement;
-  }
-  if (id == "mains_hum") {
-    s.parameters = {{"frequency_hz", {50.0}}, {"amplitude", {0.01}}, {"phase_rad", {0.4}}};
-    s.place.channel = Channel::friction_force;
-  }
-  if (id == "sensor_drift") {
-    s.parameters = {{"rate_per_s", {0.01}}, {"approach_s", {20.0}}};
-    s.place.channel = Channel::normal_load;
-  }
-  if (id == "quadratic_stiffness") s.parameters = {{"k2_n_m2", {500.0}}};
-  if (id == "position_dependent_damping") {
-    s.parameters = {{"c1_n_s_m2", {5.0}}, {"c2_n_s_m3", {1000.0}}};
-  }
-  if (id == "contact_viscosity") s.parameters = {{"slope_s_m", {2.0}}};
-  if (id == "logarithmic_friction") {
-    s.parameters = {{"coefficient", {0.05}}, {"reference_speed_m_s", {0.01}}};
-  }
-  if (id == "periodic_friction") {
-    s.parameters = {{"share", {0.2}}, {"wavelength_m", {0.004}}, {"phase_rad", {0.4}}};
-  }
-  if (id == "load_curvature") s.parameters = {{"curvature_per_m2", {5000.0}}};
-  if (id == "quintic_stiffness") s.parameters = {{"k5_n_m5", {3.0e9}}};
-  if (id == "rate_and_state") {
-    s.parameters = {{"direct_effect", {0.05}},
-                    {"evolution_effect", {0.06}},
-                    {"slip_length_m", {2.0e-4}},
-                    {"reference_speed_m_s", {0.003}}};
-  }
-  if (id == "load_history") {
+  if (visible.id == "load_history") {
     s.model.normal_load = NormalLoad{NormalLoadLaw::wedge, {0.15}, {40.0}};
-    s.parameters = {{"share", {0.6}}, {"slip_length_m", {0.002}}, {"reference_load_n", {0.15}}};
   }
-  if (id == "bridge_nonlinearity") {
-    s.parameters = {{"curvature", {20.0}}};
-    s.place.channel = Channel::displacement;
-  }
-  if (id == "load_vibration") {
-    s.parameters = {{"share", {0.2}}, {"frequency_hz", {11.0}}, {"phase_rad", {0.4}}};
-  }
-  if (id == "load_episode" || id == "friction_episode") {
-    s.parameters = {{"share", {0.4}}, {"begin_s", {0.21}}, {"end_s", {0.47}}};
-  }
-  if (id == "force_episode") {
-    s.parameters = {{"force_n", {0.05}}, {"begin_s", {0.21}}, {"end_s", {0.47}}};
-  }
-  if (id.find("_over_") != std::string::npos) {
-    if (id == "friction_over_load") {
-      s.model.normal_load = NormalLoad{NormalLoadLaw::wedge, {0.15}, {20.0}};
-    }
-    const double size = id.starts_with("force") ? 0.03 : 0.3;
-    const double heights[] = {0.1, -0.2, 0.3, 0.7, -0.5, 0.9, 0.4, 0.2};
-    for (int k = 0; k < 8; ++k) {
-      s.parameters["at_" + std::to_string(k + 1)] = {size * heights[k]};
-    }
-    const double reach = id.ends_with("displacement") ? 0.006
-                         : id.ends_with("velocity")   ? 0.12
-                         : id.ends_with("load")       ? 0.2
-                                                      : 0.5;
-    const bool from_zero = id.ends_with("time") || id.ends_with("load");
-    s.parameters["low"] = {from_zero ? 0.0 : -1.1 * reach};
-    s.parameters["high"] = {reach};
+  if (visible.id == "load_cell_resonance") {
+    s.model.load_cell->dynamics = LoadCellDynamics::quasi_static;
   }
   return s;
 }
 
-// x and v of the mass, and what the four mechanical channels read.
+// x and v of the mass, and the readings of the four mechanical channels.
 template <class T>
 std::array<T, 6> run_for_half_a_second(const Model& model, const Rig& rig,
                                        const std::vector<T>& parameters) {
@@ -294,9 +323,9 @@ std::array<T, 6> run_for_half_a_second(const Model& model, const Rig& rig,
     return now;
   };
   const SensorBank bank(model, h);
-  const ReadingFaults<T> faults(n.reading, bank, h);
+  const SensorErrors<T> faults(n.reading, bank, h);
   SensorMemory<T> chains;
-  FaultMemory<T> memory;
+  SensorErrorState<T> memory;
   bank.settle(chains, rig.quantities(state, input(0.0), n));
   faults.settle(memory, chains);
   for (int k = 0; k < 2000; ++k) {
@@ -309,58 +338,127 @@ std::array<T, 6> run_for_half_a_second(const Model& model, const Rig& rig,
           r.velocity,        r.friction_force,  r.normal_load};
 }
 
-TEST_P(EveryEffect, HasDerivativesThatAgreeWithDifferencesAndIsFelt) {
-  const std::string id(GetParam()->card().id);
-  const Setting setting = setting_for(id);
-  ASSERT_FALSE(setting.parameters.empty()) << "give the new effect a setting here";
-  const Place& place = setting.place;
-  EXPECT_TRUE(can_be_missing(*GetParam(), setting.model, place));
-  Model model = setting.model;
-  model.terms.push_back({id, place.channel, setting.parameters, place.from});
-  ASSERT_TRUE(inconsistencies_of(model).empty()) << inconsistencies_of(model).front().message;
-  EXPECT_FALSE(can_be_missing(*GetParam(), model, place)) << "a model that has it cannot miss it";
-  const Rig rig(model);
-  const auto& values = rig.parameter_values();
+// The knots of a free-form curve are never fitted.
+bool is_knot(const Effect& effect, std::string_view path) {
+  return effect.card().tier == Tier::free_form &&
+         (path.ends_with(".low") || path.ends_with(".high"));
+}
 
-  const auto plain = run_for_half_a_second(model, rig, values);
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    // Where the knots of a drawn shape stand is never fitted.
-    const std::string& path = rig.parameter_paths()[i];
-    if (path.find("_over_") != std::string::npos &&
-        (path.ends_with(".low") || path.ends_with(".high"))) {
-      continue;
-    }
-    std::vector<Dual> duals(values.begin(), values.end());
-    duals[i].d[0] = 1.0;
-    const auto exact = run_for_half_a_second(model, rig, duals);
-    for (std::size_t s = 0; s < exact.size(); ++s) {
-      EXPECT_NEAR(exact[s].a, plain[s], 1.0e-12) << "number " << s;
-    }
-    const double step = 1.0e-5 * std::max(std::abs(values[i]), 1.0e-6);
-    auto up = values;
-    auto down = values;
-    up[i] += step;
-    down[i] -= step;
-    const auto high = run_for_half_a_second(model, rig, up);
-    const auto low = run_for_half_a_second(model, rig, down);
-    for (std::size_t s = 0; s < exact.size(); ++s) {
-      const double difference = (high[s] - low[s]) / (2.0 * step);
-      const double scale = std::abs(plain[s]) / std::max(std::abs(values[i]), 1.0e-6);
-      EXPECT_NEAR(exact[s].d[0], difference, 2.0e-4 * scale + 3.0e-3 * std::abs(difference))
-          << rig.parameter_paths()[i] << ", number " << s;
-    }
+// Derivatives with respect to one parameter against central differences.
+void expect_derivatives(const Model& model, const Rig& rig, std::size_t parameter,
+                        const std::array<double, 6>& plain) {
+  const auto& values = rig.parameter_values();
+  const double value = values[parameter];
+  std::vector<Dual> duals(values.begin(), values.end());
+  duals[parameter].d[0] = 1.0;
+  const auto exact = run_for_half_a_second(model, rig, duals);
+  const double step = 1.0e-5 * std::max(std::abs(value), 1.0e-6);
+  auto up = values;
+  auto down = values;
+  up[parameter] += step;
+  down[parameter] -= step;
+  const auto high = run_for_half_a_second(model, rig, up);
+  const auto low = run_for_half_a_second(model, rig, down);
+  for (std::size_t s = 0; s < exact.size(); ++s) {
+    EXPECT_NEAR(exact[s].a, plain[s], 1.0e-12) << "number " << s;
+    const double difference = (high[s] - low[s]) / (2.0 * step);
+    const double scale = std::abs(plain[s]) / std::max(std::abs(value), 1.0e-6);
+    EXPECT_NEAR(exact[s].d[0], difference, 2.0e-4 * scale + 3.0e-3 * std::abs(difference))
+        << rig.parameter_paths()[parameter] << ", number " << s;
+  }
+}
+
+TEST_P(EveryEffect, ChangesTheMotionOrItsReadingsWithExactDerivatives) {
+  const Effect& effect = *GetParam();
+  const Setting setting = setting_for(effect);
+  const Place& place = setting.place;
+  EXPECT_TRUE(can_be_missing(effect, setting.model, place));
+  Model model = setting.model;
+  model.terms.push_back(
+      {std::string(effect.card().id), place.channel, setting.parameters, place.from});
+  ASSERT_TRUE(inconsistencies_of(model).empty()) << inconsistencies_of(model).front().message;
+  EXPECT_FALSE(can_be_missing(effect, model, place)) << "it is included";
+  const Rig rig(model);
+  const auto plain = run_for_half_a_second(model, rig, rig.parameter_values());
+  for (std::size_t i = 0; i < rig.parameter_values().size(); ++i) {
+    if (!is_knot(effect, rig.parameter_paths()[i])) expect_derivatives(model, rig, i, plain);
   }
 
   const Rig without(setting.model);
   const auto other = run_for_half_a_second(setting.model, without, without.parameter_values());
-  double felt = 0.0;
-  for (std::size_t s = 0; s < plain.size(); ++s) felt += std::abs(other[s] - plain[s]);
-  EXPECT_GT(felt, 1.0e-6);
+  double difference = 0.0;
+  for (std::size_t s = 0; s < plain.size(); ++s) difference += std::abs(other[s] - plain[s]);
+  EXPECT_GT(difference, 1.0e-6);
+}
+
+// Terms are bound by position; the paths, which reports print, agree.
+TEST_P(EveryEffect, IsBoundToItsParameters) {
+  const Effect& effect = *GetParam();
+  const Setting setting = setting_for(effect);
+  Model model = setting.model;
+  model.terms.push_back(
+      {"position_dependent_damping", {}, {{"c1_n_s_m2", {5.0}}, {"c2_n_s_m3", {1.0}}}});
+  if (effect.card().id == "position_dependent_damping") model.terms.pop_back();
+  const Place& place = setting.place;
+  model.terms.push_back(
+      {std::string(effect.card().id), place.channel, setting.parameters, place.from});
+  const Rig rig(model);
+  const BoundTerm& bound = rig.terms().back();
+  EXPECT_EQ(bound.effect, &effect);
+  EXPECT_EQ(bound.place, place);
+  const auto cards = effect.card().parameters;
+  const auto values = bound.values(std::span(rig.parameter_values()));
+  ASSERT_EQ(values.size(), cards.size());
+  for (std::size_t i = 0; i < cards.size(); ++i) {
+    const std::string name(cards[i].name);
+    const auto given = setting.parameters.find(name);
+    EXPECT_EQ(values[i], given == setting.parameters.end() ? cards[i].fixed_default.value_or(0.0)
+                                                           : given->second.value);
+    if (bound.parameter[i] < 0) continue;
+    EXPECT_EQ(rig.parameter_paths()[static_cast<std::size_t>(bound.parameter[i])],
+              path_of(model.terms.back()) + "." + name);
+  }
+}
+
+// Positions on the card that other rooms rely on.
+TEST_P(EveryEffect, RefersToItsOwnParameters) {
+  const Card& card = GetParam()->card();
+  const auto unit_of = [&](std::size_t i) {
+    return i < card.parameters.size() ? card.parameters[i].unit : std::string_view("missing");
+  };
+  if (card.strength) {
+    EXPECT_LT(*card.strength, card.parameters.size());
+  }
+  if (card.episode) {
+    EXPECT_EQ(unit_of(card.episode->begin_s), "s");
+    EXPECT_EQ(unit_of(card.episode->end_s), "s");
+  }
+  if (card.frequency) {
+    EXPECT_EQ(unit_of(card.frequency->parameter), "Hz");
+  }
+  if (card.transition_speed) {
+    EXPECT_EQ(unit_of(*card.transition_speed), "m/s");
+  }
+  if (const auto onset = GetParam()->onset()) {
+    EXPECT_GT(onset->sizes.size(), 1U);
+    EXPECT_NE(onset->statement, nullptr);
+    EXPECT_EQ(onset->apply == nullptr, onset->is_delay);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Catalogue, EveryEffect,
                          testing::ValuesIn(catalogue().begin(), catalogue().end()),
                          [](const auto& info) { return std::string(info.param->card().id); });
+
+// Order: tier, relation, id.
+TEST(Catalogue, IsOrderedByTheCards) {
+  const auto rank = [](const Effect* effect) {
+    const Card& card = effect->card();
+    return std::tuple(card.tier, card.relation, card.id);
+  };
+  EXPECT_TRUE(std::is_sorted(catalogue().begin(), catalogue().end(),
+                             [&](const Effect* a, const Effect* b) { return rank(a) < rank(b); }));
+}
 
 TEST(Catalogue, FindsEveryEffectByItsIdAndNoOther) {
   std::set<std::string_view> ids;
@@ -373,7 +471,7 @@ TEST(Catalogue, FindsEveryEffectByItsIdAndNoOther) {
   EXPECT_EQ(find_effect("unlisted"), nullptr);
 }
 
-TEST(Catalogue, KnowsWhatAModelCannotLack) {
+TEST(Catalogue, KnowsWhichEffectsAModelCanLack) {
   Model none = test::bench();
   none.friction = {};
   const Model coulomb = test::bench();
@@ -396,7 +494,7 @@ TEST(Catalogue, KnowsWhatAModelCannotLack) {
   EXPECT_TRUE(missing("wedge_load", coulomb));
   EXPECT_FALSE(missing("wedge_load", wedge));
 
-  // A term opens the door to others: friction that was found may then have a memory.
+  // A term makes others possible: friction that was found can then have a memory.
   none.terms.push_back({"dry_friction", {}, {{"friction_force_n", {0.1}}}});
   EXPECT_TRUE(missing("friction_memory", none));
   EXPECT_FALSE(missing("dry_friction", none));

@@ -1,5 +1,5 @@
-// The paper's instruments, each measured as one would on the bench: a tone goes in, and what the
-// rig's sensors read is compared with what the instrument is said to do.
+// The paper's instruments: the frequency response of each is measured with tones and compared with
+// its specification.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -35,8 +35,8 @@ struct Amplitudes {
   Complex response() const { return read / truth; }
 };
 
-/// Shakes the base of the rig with one tone until it is steady, then correlates what a channel
-/// reads, and what `truth` says, with the tone over whole periods.
+/// Shakes the base of the rig with one tone until it is steady, then correlates the readings of a
+/// channel, and the true values, with the tone over whole periods.
 template <typename Truth>
 Amplitudes shaken(const Model& model, double frequency_hz, Channel channel, Truth truth_of) {
   const double step_s = 1.0e-4;
@@ -76,7 +76,7 @@ void expect_near(Complex got, Complex expected, double tolerance) {
   EXPECT_NEAR(std::arg(got / expected), 0.0, tolerance);
 }
 
-/// Without friction, so that all is linear. Damped, so that all is soon steady.
+/// Linear, without friction, and damped, so that it soon is steady.
 Model linear_bench() {
   Model model = test::rigid_bench();
   model.friction.mu = {0.0};
@@ -114,7 +114,7 @@ TEST_P(Instruments, NormalLoadBridgeFollowsTheWedgeThroughItsFilters) {
   expect_near(got.response(), of({four_pole, four_pole}, GetParam()), 0.01);
 }
 
-// Viscous friction, as tanh is at speeds far below its transition: linear, so that the cell's
+// Viscous friction, the limit of tanh far below its transition speed: linear, so that the cell's
 // transfer function from force and base to reading can be measured.
 TEST_P(Instruments, LoadCellRingsAtItsFrequencyUnderForceAndInertia) {
   Model model = linear_bench();
@@ -123,7 +123,7 @@ TEST_P(Instruments, LoadCellRingsAtItsFrequencyUnderForceAndInertia) {
   model.load_cell = LoadCell{{0.0126}, {19.3}, {0.05}, LoadCellDynamics::resonant};
   const double omega_l = 2.0 * pi * 19.3;
   const double stiffness = 0.0126 * omega_l * omega_l;
-  // m_l y'' + c_l y' + k_l y = f - m_l b'': what drives the cell.
+  // m_l y'' + c_l y' + k_l y = f - m_l b'': the excitation of the cell.
   const auto got = shaken(with_the_papers_chain(model), GetParam(), Channel::friction_force,
                           [](const RigTruth& t, const Input& input) {
                             return t.friction_force_n - 0.0126 * input.base_acceleration_m_s2;
@@ -136,14 +136,14 @@ TEST_P(Instruments, LoadCellRingsAtItsFrequencyUnderForceAndInertia) {
 
 INSTANTIATE_TEST_SUITE_P(Tones, Instruments, testing::Values(1.0, 4.0, 12.5, 19.3, 25.0, 40.0));
 
-// Everything can be switched off: then the reading is the truth, at every tone.
-TEST_P(Instruments, WithoutThemTheReadingIsTheTruth) {
+// All instruments are optional: without them the reading is the true value.
+TEST_P(Instruments, AreOptional) {
   const auto got = shaken(linear_bench(), GetParam(), Channel::displacement,
                           [](const RigTruth& t, const Input&) { return t.displacement_m; });
   expect_near(got.response(), 1.0, 1.0e-9);
 }
 
-TEST(NormalLoadBridge, SeesOnlyTheSumOfBothVoltages) {
+TEST(NormalLoadBridge, MeasuresTheSumOfBothVoltages) {
   Model model = linear_bench();
   const auto reading_at_rest = [&] {
     RigSimulator rig(model, {.noise = false});
@@ -155,7 +155,7 @@ TEST(NormalLoadBridge, SeesOnlyTheSumOfBothVoltages) {
   // their mean calibration is 1.
   model.normal_load_bridge = NormalLoadBridge{0.1, 0.8, 0.0};
   EXPECT_NEAR(reading_at_rest(), 0.12 / 1.1 + 0.03 / 0.9, 1.0e-12);
-  // Equal calibrations: nothing is lost, however the load is shared.
+  // With equal calibrations the sum does not depend on the share.
   model.normal_load_bridge = NormalLoadBridge{0.0, 0.8, 3.0};
   EXPECT_NEAR(reading_at_rest(), 0.15, 1.0e-12);
 }

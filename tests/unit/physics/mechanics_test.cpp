@@ -1,4 +1,4 @@
-// What mechanics demands of any rig, whatever the integrator.
+// Laws of mechanics that hold for any rig and any integrator.
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
@@ -15,9 +15,9 @@ namespace {
 
 using std::numbers::pi;
 
-// What the drive put in = what is stored + what damping and friction took. The difference, over
-// what was put in.
-double energy_gap(const Model& model, double h) {
+// Energy balance: work of the drive = stored energy + losses by damping and friction. Relative
+// error.
+double energy_error(const Model& model, double h) {
   const Rig rig(model);
   const auto n = rig.numbers<double>(rig.parameter_values());
   RigState<double> state;
@@ -38,17 +38,17 @@ double energy_gap(const Model& model, double h) {
     return p;
   };
   rig.complete(state, input_at(0.0), 0.0, n);
-  double put_in = 0.0;
-  double lost = 0.0;
+  double work = 0.0;
+  double losses = 0.0;
   const auto steps = static_cast<int>(std::llround(2.0 / h));
   for (int k = 0; k < steps; ++k) {
     const Input before = input_at(k * h);
     const Input after = input_at((k + 1) * h);
-    put_in += 0.5 * h * drive_power(state, before);
-    lost += 0.5 * h * loss_power(state);
+    work += 0.5 * h * drive_power(state, before);
+    losses += 0.5 * h * loss_power(state);
     rig.step(state, before, after, k * h, h, n);
-    put_in += 0.5 * h * drive_power(state, after);
-    lost += 0.5 * h * loss_power(state);
+    work += 0.5 * h * drive_power(state, after);
+    losses += 0.5 * h * loss_power(state);
   }
   const auto& s = state.s;
   double stored =
@@ -57,15 +57,15 @@ double energy_gap(const Model& model, double h) {
     stored += 0.5 * n.c.cell_mass * s[state::u] * s[state::u] +
               0.5 * n.c.cell_stiffness * s[state::y] * s[state::y];
   }
-  return std::abs(put_in - lost - stored) / put_in;
+  return std::abs(work - losses - stored) / work;
 }
 
 TEST(Energy, BalancesToSecondOrderInSmoothMotion) {
   Model model = test::bench();
   model.friction.transition_speed_m_s = {0.2};
   model.friction.mu = {0.3};
-  const double coarse = energy_gap(model, 2.0e-4);
-  const double fine = energy_gap(model, 1.0e-4);
+  const double coarse = energy_error(model, 2.0e-4);
+  const double fine = energy_error(model, 1.0e-4);
   EXPECT_LT(coarse, 1.0e-4);
   EXPECT_NEAR(coarse / fine, 4.0, 0.8);
 }
@@ -74,13 +74,13 @@ TEST(Energy, BalancesToAMillionthThroughStickingAndSharpReversals) {
   for (Model model : {test::bench(), test::rigid_bench()}) {
     for (const double transition_speed : {0.0, 0.0025}) {  // 0: set-valued, sticks
       model.friction.transition_speed_m_s = {transition_speed};
-      EXPECT_LT(energy_gap(model, 2.0e-5), 1.0e-6) << transition_speed;
+      EXPECT_LT(energy_error(model, 2.0e-5), 1.0e-6) << transition_speed;
     }
   }
 }
 
-// A set-valued contact below its limit slips not at all, though the load cell that it hangs on
-// rings: the two masses move as one.
+// A set-valued contact below its limit does not slip, even on a ringing load cell: the two masses
+// move as one.
 TEST(Sticking, IsExactWithAResonantLoadCell) {
   Model model = test::bench();
   model.friction.transition_speed_m_s = {0.0};
@@ -101,7 +101,7 @@ TEST(Sticking, IsExactWithAResonantLoadCell) {
     ASSERT_NEAR(state.s[state::v], state.s[state::u], 1.0e-12);
     largest = std::max(largest, std::abs(state.s[state::v]));
   }
-  EXPECT_GT(largest, 1.0e-3) << "it moved, as one";
+  EXPECT_GT(largest, 1.0e-3) << "it moved";
 }
 
 TEST(Wedge, LosesItsLoadAndThenHasNoFriction) {
@@ -117,7 +117,7 @@ TEST(Wedge, LosesItsLoadAndThenHasNoFriction) {
     ASSERT_EQ(state.load, 0.0);
     ASSERT_EQ(state.friction, 0.0);
   }
-  // Until then it is a free oscillator.
+  // Without contact it is a free oscillator.
   const double w = 2.0 * pi * 2.4;
   const double t = 0.01;
   const double decay = std::exp(-0.015 * w * t);
@@ -144,13 +144,13 @@ TEST(TwoWells, HaveTheirEquilibriaAtTheRootOfLinearOverCubic) {
     EXPECT_NEAR(std::abs(state.s[state::x]), 0.01, 1.0e-6) << start;
     EXPECT_NEAR(state.s[state::v], 0.0, 1.0e-6);
   }
-  // The ridge between them is an equilibrium too, as long as nothing touches it.
+  // The ridge between them is an unstable equilibrium.
   RigState<double> ridge;
   for (int k = 0; k < 100; ++k) rig.step(ridge, {}, {}, 0.0, 2.5e-4, n);
   EXPECT_EQ(ridge.s[state::x], 0.0);
 }
 
-// The properties draw the same cases in every run; RC_PARAMS in the environment overrides this.
+// Same cases in every run; RC_PARAMS in the environment overrides this.
 const bool seeded = setenv("RC_PARAMS", "seed=20061", 0) == 0;
 
 TEST(Properties, AreSeeded) { EXPECT_TRUE(seeded); }
@@ -177,8 +177,8 @@ Model arbitrary_rig(Contact contact) {
   return model;
 }
 
-// Friction stays inside the cone (a bristle may leave it for a moment, where the load falls faster
-// than it slips), and a law without memory never drives.
+// Friction stays inside the cone (of a bristle not while the load falls faster than it slips), and
+// a law without memory always dissipates.
 void check_friction(Contact contact) {
   const Model model = arbitrary_rig(contact);
   const Rig rig(model);
@@ -187,9 +187,8 @@ void check_friction(Contact contact) {
   state.s[state::x] = (*rc::gen::inRange(-100, 101)) * 3.0e-4;
   state.s[state::v] = (*rc::gen::inRange(-100, 101)) * 5.0e-3;
   Input before;
-  // A memory that is much faster than a step comes to rest with a small overshoot, as the
-  // integrator is L-stable but not monotone: up to sqrt(2) for rate h about 8. Below 2.4 it never
-  // does.
+  // Relaxation much faster than a step overshoots, as the integrator is L-stable but not monotone:
+  // up to sqrt(2) for rate h about 8, not below 2.4.
   double h = rig.longest_step_s();
   if (contact == Contact::memory) h = std::min(h, 2.4 / n.c.rate);
   for (int k = 0; k < 200; ++k) {
@@ -217,7 +216,7 @@ RC_GTEST_PROP(Friction, StaysInTheConeAndDissipatesSmooth, ()) { check_friction(
 RC_GTEST_PROP(Friction, StaysInTheConeWithMemory, ()) { check_friction(Contact::memory); }
 RC_GTEST_PROP(Friction, IsFiniteWithABristle, ()) { check_friction(Contact::bristle); }
 
-// Neither steps nor laws make energy: without a drive the rig only loses it.
+// Without a drive the energy of the rig never grows.
 RC_GTEST_PROP(Energy, NeverGrowsWithoutADrive, ()) {
   Model model = arbitrary_rig(*rc::gen::element(Contact::set_valued, Contact::smooth));
   model.oscillator.damping_ratio = Parameter{0.02};

@@ -17,12 +17,12 @@ namespace {
 struct Fault {
   const char* name;
   std::function<void(Model&)> make;
-  const char* path;  ///< that the first message must name
+  const char* path;  ///< of the first inconsistency
 };
 
 class Soundness : public testing::TestWithParam<Fault> {};
 
-TEST_P(Soundness, NamesThePathOfWhatIsWrong) {
+TEST_P(Soundness, ReportsThePathOfTheInconsistency) {
   Model model = test::bench();
   ASSERT_TRUE(inconsistencies_of(model).empty());
   GetParam().make(model);
@@ -92,7 +92,7 @@ INSTANTIATE_TEST_SUITE_P(
                 m.normal_load_bridge = NormalLoadBridge{0.0, 1.5, 0.0};
               },
               "normal_load_bridge.share"},
-        Fault{"bridge_beside_a_load_that_is_its_reading",
+        Fault{"bridge_with_a_measured_load",
               [](Model& m) {
                 m.normal_load->law = NormalLoadLaw::measured;
                 m.normal_load_bridge = NormalLoadBridge{};
@@ -120,7 +120,7 @@ INSTANTIATE_TEST_SUITE_P(
                 m.terms.push_back({"cubic_stiffness", {}, {}});
               },
               "physics.cubic_stiffness.k3_n_m3"},
-        Fault{"term_with_a_stranger",
+        Fault{"term_with_an_unknown_parameter",
               [](Model& m) {
                 m.terms.push_back({"bias_force", {}, {{"force_n", {0.1}}, {"torque", {1.0}}}});
               },
@@ -135,14 +135,14 @@ INSTANTIATE_TEST_SUITE_P(
                 m.terms.assign(2, {"bias_force", {}, {{"force_n", {0.1}}}});
               },
               "physics.bias_force"},
-        Fault{"term_that_is_there_already",
+        Fault{"friction_term_in_a_model_with_friction",
               [](Model& m) {
                 m.terms.push_back({"dry_friction", {}, {{"friction_force_n", {0.1}}}});
               },
               "physics.dry_friction"}),
     [](const auto& info) { return info.param.name; });
 
-TEST(Parameters, HavePathsOfTheirOwnAndLeadIntoTheModel) {
+TEST(Parameters, HaveUniquePathsAndReferToTheModel) {
   Model model = test::bench();
   model.normal_load->law = NormalLoadLaw::wedge;
   model.terms.push_back({"cubic_stiffness", {}, {{"k3_n_m3", {1.0e4}}}});

@@ -16,7 +16,7 @@ namespace {
 
 using std::numbers::pi;
 
-// Two recordings of the same driven rig at 1 kHz for a second: as declared, and with a term.
+// Recordings of the same driven rig at 1 kHz for a second: as declared, and with a sensor error.
 struct Pair {
   std::vector<Frame> declared;
   std::vector<Frame> faulty;
@@ -59,7 +59,7 @@ TEST(Reading, OfAChannelWithAWrongGainIsAMultipleAndTheOthersStay) {
   }
 }
 
-TEST(Reading, OfALateChannelIsWhatItWasBefore) {
+TEST(Reading, OfADelayedChannelIsAnEarlierOne) {
   const Pair pair = with({"channel_delay", f, {{"delay_s", {0.007}}}});
   double largest = 0.0;
   for (std::size_t k = 50; k < pair.declared.size(); ++k) {
@@ -70,9 +70,9 @@ TEST(Reading, OfALateChannelIsWhatItWasBefore) {
   EXPECT_GT(largest, 0.01);
 }
 
-TEST(Reading, LeaksDriftsHumsAndSaturates) {
-  Term leak{"crosstalk", v, {{"coefficient", {0.3}}}, f};
-  const Pair leaking = with(leak);
+TEST(Reading, HasCrosstalkDriftHumAndSaturation) {
+  Term crosstalk{"crosstalk", v, {{"coefficient", {0.3}}}, f};
+  const Pair mixed = with(crosstalk);
   const Pair drifting = with({"sensor_drift", f, {{"rate_per_s", {0.02}}}});
   const Pair settling = with({"sensor_drift", f, {{"rate_per_s", {0.02}}, {"approach_s", {0.3}}}});
   const Pair humming = with(
@@ -81,8 +81,7 @@ TEST(Reading, LeaksDriftsHumsAndSaturates) {
   bool reached = false;
   for (std::size_t k = 0; k < 1000; ++k) {
     const double t = 1.0e-3 * static_cast<double>(k + 1);
-    EXPECT_NEAR(leaking.faulty[k][v], leaking.declared[k][v] + 0.3 * leaking.declared[k][f],
-                1.0e-12);
+    EXPECT_NEAR(mixed.faulty[k][v], mixed.declared[k][v] + 0.3 * mixed.declared[k][f], 1.0e-12);
     EXPECT_NEAR(drifting.faulty[k][f], drifting.declared[k][f] + 0.02 * t, 1.0e-12);
     EXPECT_NEAR(settling.faulty[k][f],
                 settling.declared[k][f] + 0.02 * 0.3 * (1.0 - std::exp(-t / 0.3)), 1.0e-12);
@@ -95,7 +94,7 @@ TEST(Reading, LeaksDriftsHumsAndSaturates) {
   EXPECT_TRUE(reached);
 }
 
-TEST(Reading, IsPutRightAsFarAsItsLawAllows) {
+TEST(Reading, IsCorrectedWhereItsLawCanBeInverted) {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> any(-1.0, 1.0);
   for (int k = 0; k < 1000; ++k) {
@@ -103,19 +102,19 @@ TEST(Reading, IsPutRightAsFarAsItsLawAllows) {
     law.gain = std::exp(any(random));
     law.curvature = 0.15 * any(random);
     const double truth = any(random);
-    const double reading = misread(law, truth, 0.0);
-    const auto righted = put_right(law, reading);
-    ASSERT_TRUE(righted);
-    EXPECT_NEAR(righted->value, truth, 1.0e-13);
-    const double next = put_right(law, reading + 1.0e-6)->value;
-    EXPECT_NEAR(righted->slope, (next - truth) / 1.0e-6, 1.0e-4);
+    const double reading = reading_of(law, truth, 0.0);
+    const auto corrected = correct_reading(law, reading);
+    ASSERT_TRUE(corrected);
+    EXPECT_NEAR(corrected->value, truth, 1.0e-13);
+    const double next = correct_reading(law, reading + 1.0e-6)->value;
+    EXPECT_NEAR(corrected->slope, (next - truth) / 1.0e-6, 1.0e-4);
   }
   ReadingLaw<double> law;
   law.curvature = -1.0;
-  EXPECT_FALSE(put_right(law, 0.3)) << "it turns back at a quarter";
-  EXPECT_FALSE(put_right(law, 0.24));
-  EXPECT_TRUE(put_right(law, 0.2));
-  EXPECT_TRUE(put_right(law, -5.0));
+  EXPECT_FALSE(correct_reading(law, 0.3)) << "its largest value is 0.25";
+  EXPECT_FALSE(correct_reading(law, 0.24));
+  EXPECT_TRUE(correct_reading(law, 0.2));
+  EXPECT_TRUE(correct_reading(law, -5.0));
 }
 
 // A first-order low-pass of 30 Hz delays a slow velocity by 1 / (2 pi 30) s, in place of the 150 Hz

@@ -10,7 +10,7 @@
 namespace stickslip::physics {
 namespace {
 
-// Eqs. (5) and (6) of the paper: the same code with unit parameters.
+// Eqs. (5) and (6) of the paper, as unit parameters.
 Model paper_model(double wedge, double gamma) {
   Model model;
   model.oscillator.mass_kg = {1.0};
@@ -108,7 +108,7 @@ TEST(Rig, CoulombFreeDecayLosesFourMuNOverKPerCycleAndSticksExactly) {
   run.advance_to(5.0 * period, period / 4000.0, quiet);
   EXPECT_EQ(run.state.slip, 0.0);
   EXPECT_EQ(run.state.s[state::v], 0.0);
-  // At rest the friction force is what the spring asks for, and inside the cone.
+  // At rest friction balances the spring, within the friction cone.
   EXPECT_NEAR(run.state.friction, -k * run.state.s[state::x], 1.0e-9);
   EXPECT_LE(std::abs(run.state.friction), 0.2 * 0.15);
 }
@@ -148,9 +148,7 @@ TEST(Rig, StepErrorFallsWithTheSquareOfTheStepInSmoothMotion) {
 
 // Derivatives by dual numbers against central differences, through stick and slip, load cell, wedge
 // and every kinetics.
-class Derivatives : public testing::TestWithParam<const char*> {};
-
-TEST_P(Derivatives, AgreeWithDifferences) {
+Model model_with_term(const std::string& id) {
   Model model;
   model.oscillator.mass_kg = {0.06};
   model.oscillator.natural_frequency_hz = Parameter{2.4};
@@ -160,7 +158,6 @@ TEST_P(Derivatives, AgreeWithDifferences) {
   model.friction.mu = {0.8};
   model.friction.transition_speed_m_s = {0.01};
   model.load_cell = LoadCell{{0.0126}, {19.3}, {0.016}, LoadCellDynamics::resonant};
-  const std::string id = GetParam();
   if (id == "friction_memory") model.terms.push_back({id, {}, {{"gamma_per_s", {60.0}}}});
   if (id == "contact_compliance") {
     model.terms.push_back({id, {}, {{"contact_stiffness_n_m", {150.0}}}});
@@ -171,30 +168,35 @@ TEST_P(Derivatives, AgreeWithDifferences) {
   if (id == "hysteresis") {
     model.terms.push_back({id, {}, {{"stiffness_n_m", {8.0}}, {"slip_force_n", {0.05}}}});
   }
-  const Rig rig(model);
-  const auto& values = rig.parameter_values();
+  return model;
+}
 
-  const auto run = [&](auto parameters) {
-    using T = typename decltype(parameters)::value_type;
-    const auto n = rig.numbers<T>(std::span<const T>(parameters));
-    RigState<T> state;
-    state.s[state::x] = T(0.004);
-    double t = 0.0;
-    const double h = 2.5e-4;
-    for (int k = 0; k < 1600; ++k) {
-      Input a;
-      Input b;
-      const auto base = [](double time) {
-        return -2.5 * std::cos(2.0 * std::numbers::pi * 2.9 * time);
-      };
-      a.base_acceleration_m_s2 = base(t);
-      b.base_acceleration_m_s2 = base(t + h);
-      rig.step(state, a, b, t, h, n);
-      t += h;
-    }
-    return state;
+template <class T>
+RigState<T> state_after_a_shake(const Rig& rig, const std::vector<T>& parameters) {
+  const auto n = rig.numbers<T>(std::span<const T>(parameters));
+  RigState<T> state;
+  state.s[state::x] = T(0.004);
+  const auto base = [](double time) {
+    return -2.5 * std::cos(2.0 * std::numbers::pi * 2.9 * time);
   };
+  double t = 0.0;
+  const double h = 2.5e-4;
+  for (int k = 0; k < 1600; ++k) {
+    Input a;
+    Input b;
+    a.base_acceleration_m_s2 = base(t);
+    b.base_acceleration_m_s2 = base(t + h);
+    rig.step(state, a, b, t, h, n);
+    t += h;
+  }
+  return state;
+}
 
+class Derivatives : public testing::TestWithParam<const char*> {};
+
+TEST_P(Derivatives, AgreeWithDifferences) {
+  const Rig rig(model_with_term(GetParam()));
+  const auto& values = rig.parameter_values();
   std::vector<Dual> duals;
   for (std::size_t i = 0; i < values.size(); ++i) {
     Dual value(values[i]);
@@ -202,15 +204,15 @@ TEST_P(Derivatives, AgreeWithDifferences) {
     duals.push_back(value);
   }
   ASSERT_LE(values.size(), static_cast<std::size_t>(Dual::directions));
-  const auto exact = run(duals);
+  const auto exact = state_after_a_shake(rig, duals);
   for (std::size_t i = 0; i < values.size(); ++i) {
     const double step = 1.0e-5 * values[i];
     auto up = values;
     auto down = values;
     up[i] += step;
     down[i] -= step;
-    const auto high = run(up);
-    const auto low = run(down);
+    const auto high = state_after_a_shake(rig, up);
+    const auto low = state_after_a_shake(rig, down);
     for (const int index : {state::x, state::v, state::y}) {
       const auto s = static_cast<std::size_t>(index);
       const double difference = (high.s[s] - low.s[s]) / (2.0 * step);

@@ -1,4 +1,4 @@
-// Rigs that several tests start from.
+// Rigs shared by several tests.
 #pragma once
 
 #include "physics/model.h"
@@ -19,7 +19,7 @@ inline Model bench() {
   return model;
 }
 
-/// The same with the friction attached rigidly.
+/// The same with rigid attachment instead of the load cell.
 inline Model rigid_bench() {
   Model model = bench();
   model.load_cell.reset();

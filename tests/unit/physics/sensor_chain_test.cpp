@@ -21,7 +21,7 @@ constexpr Filter first_order(double cutoff_hz) {
   return {FilterKind::first_order_lowpass, 1, cutoff_hz};
 }
 
-// Amplitude and phase that a chain shows to a sine, by correlation over whole periods.
+// Response of a chain to a sine, by correlation over whole periods.
 std::complex<double> measured_response(const FilterChain& chain, double frequency_hz, double h) {
   FilterMemory<double> memory;
   chain.settle(memory, 0.0, 0.0);
@@ -67,7 +67,7 @@ TEST(Butterworth, IsMaximallyFlatForEveryOrder) {
   }
 }
 
-TEST(FilterChain, ForgetsItsStartWithinItsSettlingTime) {
+TEST(FilterChain, DecaysWithinItsSettlingTime) {
   for (const auto& filters : {std::vector{first_order(20.0)}, std::vector{butterworth(4, 25.0)}}) {
     const double h = 1.0e-4;
     const FilterChain chain(filters, h);
@@ -79,8 +79,8 @@ TEST(FilterChain, ForgetsItsStartWithinItsSettlingTime) {
   }
 }
 
-// A chain is exact for straight lines: a settled ramp goes on as one, whatever the step.
-TEST(FilterChain, ContinuesTheRampThatItIsSettledTo) {
+// A chain is exact for linear inputs: a settled ramp continues, at any step length.
+TEST(FilterChain, ContinuesASettledRamp) {
   for (const double h : {1.0e-4, 1.0e-3, 2.0e-2}) {
     const FilterChain chain(std::vector{butterworth(3, 25.0), first_order(60.0)}, h);
     FilterMemory<double> memory;
@@ -95,7 +95,7 @@ TEST(FilterChain, ContinuesTheRampThatItIsSettledTo) {
   }
 }
 
-TEST(FilterChain, WithoutFiltersIsAWire) {
+TEST(FilterChain, WithoutFiltersPassesItsInput) {
   const FilterChain chain({}, 1.0e-3);
   EXPECT_TRUE(chain.empty());
   FilterMemory<double> memory;
@@ -105,12 +105,12 @@ TEST(FilterChain, WithoutFiltersIsAWire) {
   EXPECT_EQ(chain.response(10.0), std::complex<double>(1.0, 0.0));
 }
 
-TEST(FilterChain, RefusesMoreSectionsThanItHolds) {
+TEST(FilterChain, RejectsTooManySections) {
   const std::vector<Filter> filters(2, butterworth(8, 25.0));
   EXPECT_THROW(FilterChain(filters, 1.0e-3), std::invalid_argument);
 }
 
-// The analogue differentiator sees what the displacement filters leave.
+// The input of the analogue differentiator is the filtered displacement.
 TEST(SensorBank, VelocityIsTheDerivativeOfTheFilteredDisplacement) {
   Model model = test::bench();
   model.sensors[index_of(Channel::displacement)].filters = {butterworth(4, 25.0)};
@@ -127,7 +127,7 @@ TEST(SensorBank, VelocityIsTheDerivativeOfTheFilteredDisplacement) {
   for (int k = 1; k <= 5000; ++k) {
     const double t = k * h;
     q.displacement = 0.01 * std::sin(2.0 * pi * 6.0 * t) + 0.004 * std::sin(2.0 * pi * 17.0 * t);
-    q.velocity = 0.0;  // the chain may not use it: the differentiator is behind the filters
+    q.velocity = 0.0;  // not used: the differentiator follows the filters
     bank.advance(memory, q);
     const auto readings = bank.readings(memory);
     worst = std::max(worst,

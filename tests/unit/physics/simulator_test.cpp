@@ -29,7 +29,7 @@ std::vector<Frame> frames_of(const Model& model, SimulationOptions options, int 
   return frames;
 }
 
-TEST(Simulator, IsTheSameForTheSameSeedAndAnotherForAnother) {
+TEST(Simulator, IsDeterminedByItsSeed) {
   Model model = test::bench();
   for (Sensor& sensor : model.sensors) sensor.noise_std = 1.0e-4;
   const auto one = frames_of(model, {.seed = 5}, 300);
@@ -37,7 +37,7 @@ TEST(Simulator, IsTheSameForTheSameSeedAndAnotherForAnother) {
   EXPECT_NE(one, frames_of(model, {.seed = 6}, 300));
 }
 
-TEST(Simulator, AddsTheNoiseThatIsDeclared) {
+TEST(Simulator, AddsTheDeclaredNoise) {
   Model model = test::bench();
   model.sensors[index_of(Channel::displacement)].noise_std = 3.0e-5;
   model.sensors[index_of(Channel::friction_force)].noise_std = 7.0e-4;
@@ -61,7 +61,7 @@ TEST(Simulator, AddsTheNoiseThatIsDeclared) {
     EXPECT_LT(std::abs(sum / count), 4.0 * declared / std::sqrt(count));
     EXPECT_LT(std::abs(lagged / square), 4.0 / std::sqrt(count)) << "white";
   }
-  // A channel that declares none has none.
+  // No noise in a channel without noise_std.
   EXPECT_EQ(noisy.back()[Channel::velocity], clean.back()[Channel::velocity]);
 }
 
@@ -102,7 +102,7 @@ TEST(Simulator, ReadsTheChannelsThatTheRigHas) {
   EXPECT_TRUE(has(model, Channel::displacement));
 }
 
-TEST(Simulator, ReadsAnInputThatIsLate) {
+TEST(Simulator, DelaysTheReadingOfAnInput) {
   Model model;
   model.oscillator.excitation = Excitation::force;
   model.oscillator.mass_kg = {1.0};
@@ -125,7 +125,7 @@ TEST(Simulator, ReadsAnInputThatIsLate) {
   const Frame late_frame = late_rig.read();
   EXPECT_NEAR(prompt_frame[Channel::drive_force], 3.0 * 0.04, 1.0e-12);
   EXPECT_NEAR(late_frame[Channel::drive_force], 3.0 * (0.04 - 0.0075), 1.0e-9);
-  // The rig itself feels the drive when it comes.
+  // The delay does not affect the motion.
   EXPECT_EQ(late_frame[Channel::displacement], prompt_frame[Channel::displacement]);
 }
 
@@ -136,8 +136,8 @@ TEST(Simulator, CountsFramesAndTime) {
   EXPECT_EQ(frames.back().time_ns, 1'000'000'000);
 }
 
-// One call or ten: the path is the caller's affair, the motion is not.
-TEST(Simulator, GoesTheSameWayInOnePieceOrMany) {
+// The motion does not depend on the number of calls.
+TEST(Simulator, IsIndependentOfThePieces) {
   Input end;
   end.base_acceleration_m_s2 = 3.0;
   RigSimulator one(test::bench());
@@ -148,7 +148,7 @@ TEST(Simulator, GoesTheSameWayInOnePieceOrMany) {
   EXPECT_NEAR(one.truth().theta, many.truth().theta, 1.0e-9);
 }
 
-TEST(Simulator, StartsWhereItIsTold) {
+TEST(Simulator, StartsFromTheGivenState) {
   RigTruth start;
   start.displacement_m = 0.01;
   start.velocity_m_s = -0.2;

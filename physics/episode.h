@@ -1,14 +1,13 @@
-// A stretch of time with edges that a fit can move.
+// A limited time with edges that a fit can move.
 #pragma once
 
 #include <cmath>
 
-#include "physics/dual.h"
-#include "physics/effects/effect.h"
+#include "physics/effect.h"
 
 namespace stickslip::physics {
 
-/// The edges as parameters of an effect. Where they begin to be searched is known to about a
+/// Parameters of an effect that acts for a limited time. Starting values are accurate to about a
 /// second; a model that leaves them out means the whole recording.
 inline constexpr ParameterCard begin_parameter{.name = "begin_s",
                                                .unit = "s",

@@ -1,0 +1,81 @@
+#include "physics/catalogue.h"
+
+#include <algorithm>
+#include <array>
+#include <tuple>
+#include <vector>
+
+namespace stickslip::physics {
+
+namespace {
+
+std::vector<const Effect*> ordered(std::span<const Effect* const> list) {
+  std::vector<const Effect*> effects(list.begin(), list.end());
+  const auto rank = [](const Effect* effect) {
+    const Card& card = effect->card();
+    return std::tuple(card.tier, card.relation, card.id);
+  };
+  std::sort(effects.begin(), effects.end(),
+            [rank](const Effect* a, const Effect* b) { return rank(a) < rank(b); });
+  return effects;
+}
+
+}  // namespace
+
+std::string_view name_of(Relation relation) {
+  switch (relation) {
+    case Relation::kinematics:
+      return "kinematics";
+    case Relation::force_balance:
+      return "force_balance";
+    case Relation::friction_law:
+      return "friction_law";
+    case Relation::normal_load:
+      return "normal_load";
+    case Relation::load_cell:
+      return "load_cell";
+    case Relation::sensor:
+      return "sensor";
+  }
+  return "";
+}
+
+std::span<const Effect* const> catalogue() {
+  static const std::vector<const Effect*> effects = ordered(effect_list());
+  return effects;
+}
+
+const Effect* find_effect(std::string_view id) {
+  for (const Effect* effect : catalogue()) {
+    if (effect->card().id == id) return effect;
+  }
+  return nullptr;
+}
+
+bool has_own_characteristic(const Effect& effect, const Place& place) {
+  if (!place.channel) return false;
+  ReadingLaws<double> laws;
+  const std::array<double, max_effect_parameters> zero{};
+  effect.set_reading_law(laws, place, zero.data());
+  return laws.of[index_of(*place.channel)].characteristic != nullptr;
+}
+
+bool can_be_missing(const Effect& effect, const Model& model, const Place& place) {
+  if (place.channel && !effect.acts_on(place)) return false;
+  Model amended = model;
+  for (const Term& term : model.terms) {
+    if (term.id == effect.card().id && term.channel == place.channel && term.from == place.from) {
+      return false;
+    }
+    const Effect* present = find_effect(term.id);
+    if (present == nullptr) continue;
+    if (place.channel && term.channel == place.channel && has_own_characteristic(effect, place) &&
+        has_own_characteristic(*present, place)) {
+      return false;
+    }
+    present->amend(amended);
+  }
+  return effect.can_be_missing_from(amended);
+}
+
+}  // namespace stickslip::physics

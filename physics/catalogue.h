@@ -1,0 +1,27 @@
+// The catalogue: every effect that was compiled in.
+#pragma once
+
+#include <span>
+#include <string_view>
+
+#include "physics/effect.h"
+
+namespace stickslip::physics {
+
+/// The effects of physics/effects/ in the order of their file names; generated, see effects.cmake.
+std::span<const Effect* const> effect_list();
+
+/// Every effect, ordered by tier, then by relation, then by id.
+std::span<const Effect* const> catalogue();
+
+/// The effect of that id; nullptr where there is none.
+const Effect* find_effect(std::string_view id);
+
+/// True if `model`, with its terms, can lack `effect`; for a sensor effect at that place.
+bool can_be_missing(const Effect& effect, const Model& model, const Place& place = {});
+
+/// True if the sensor effect has a characteristic of its own (Effect::distort) at that place. A
+/// channel can have one of them.
+bool has_own_characteristic(const Effect& effect, const Place& place);
+
+}  // namespace stickslip::physics
