@@ -1178,19 +1178,10 @@ std::vector<Finding> findings_of(const Search& search, double horizon_s, std::ui
     }
     const auto own = by_card_of(named);
     const Experiment& first = search.held().experiments.front();
-    const auto value_of = [&](std::string_view name) -> std::optional<double> {
-      const auto cards = finding.effect->card().parameters;
-      for (std::size_t i = 0; i < cards.size(); ++i) {
-        if (cards[i].name == name) return own[i];
-      }
-      return std::nullopt;
-    };
-    const auto begin_s = value_of("begin_s");
-    const auto end_s = value_of("end_s");
-    if (begin_s && end_s) {
+    if (const auto& episode = finding.effect->card().episode) {
       const double last_s = first.period_s * static_cast<double>(first.samples);
-      finding.when_s = {first.start_s + std::clamp(*begin_s, 0.0, last_s),
-                        first.start_s + std::clamp(*end_s, 0.0, last_s)};
+      finding.when_s = {first.start_s + std::clamp(own[episode->begin_s], 0.0, last_s),
+                        first.start_s + std::clamp(own[episode->end_s], 0.0, last_s)};
     }
     finding.shape = shape_of(*finding.effect, own, first);
     finding.portrait = portrait_with_bands(named, result.fitted, inflation, first);

@@ -4,11 +4,13 @@
 #include <cmath>
 #include <numbers>
 #include <span>
+#include <string>
 
 #include "observer/covariance.h"
 #include "observer/layout.h"
 #include "observer/noise.h"
 #include "observer/prediction.h"
+#include "physics/catalogue.h"
 
 namespace stickslip::observer {
 
@@ -41,8 +43,10 @@ Model without_jumps(Model model) {
     speed = std::max(speed, steep_transition_m_s);
   }
   for (physics::Term& term : model.terms) {
-    if (term.id != "dry_friction") continue;
-    auto& speed = term.parameters["transition_speed_m_s"].value;
+    const physics::Effect* effect = physics::find_effect(term.id);
+    if (effect == nullptr || !effect->card().transition_speed) continue;
+    const auto& name = effect->card().parameters[*effect->card().transition_speed].name;
+    auto& speed = term.parameters[std::string(name)].value;
     speed = std::max(speed, steep_transition_m_s);
   }
   return model;

@@ -8,6 +8,8 @@
 #include <numbers>
 #include <string_view>
 
+#include "physics/catalogue.h"
+
 namespace stickslip::scope {
 
 namespace {
@@ -112,9 +114,13 @@ std::vector<Mark> marks_of(const physics::Model& model) {
     marks.push_back({"load cell", model.load_cell->natural_frequency_hz.value});
   }
   for (const physics::Term& term : model.terms) {
-    const auto frequency = term.parameters.find("frequency_hz");
-    if (term.id != "second_mode" || frequency == term.parameters.end()) continue;
-    marks.push_back({"bending mode", frequency->second.value});
+    const physics::Effect* effect = physics::find_effect(term.id);
+    if (effect == nullptr || !effect->card().frequency) continue;
+    const physics::Frequency& frequency = *effect->card().frequency;
+    const auto found =
+        term.parameters.find(std::string(effect->card().parameters[frequency.parameter].name));
+    if (frequency.spectral_mark.empty() || found == term.parameters.end()) continue;
+    marks.push_back({std::string(frequency.spectral_mark), found->second.value});
   }
   return marks;
 }

@@ -1,6 +1,5 @@
-// The hot path may not touch the heap, take a lock or call the system. Every allocation and every
-// lock of this program passes through the counters below, and a process that has forsworn system
-// calls is ended by the first one; a cycle that does any of it fails the test.
+// The real-time path may not use the heap, take a lock or make a system call. Heap calls and locks
+// of this program are counted, and a system call ends a process in strict seccomp mode.
 #include <dlfcn.h>
 #include <gtest/gtest.h>
 #include <linux/seccomp.h>
@@ -24,18 +23,13 @@
 #include "config/model_file.h"
 #include "daemon/loop.h"
 #include "tests/unit/daemon/fakes.h"
+#include "tests/unit/heap_count/heap_count.h"
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define STICKSLIP_HEAP_IS_TAKEN 1
-#endif
-
-#ifndef STICKSLIP_HEAP_IS_TAKEN
+#ifdef STICKSLIP_HEAP_IS_COUNTED
 namespace {
-thread_local bool counting = false;
-thread_local std::size_t allocations = 0;
 thread_local std::size_t locks = 0;
 
-/// The function of that name which this program's own stands in front of.
+/// The library function of that name, which this program replaces.
 template <class Function>
 Function* real(const char* name) {
   return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
@@ -47,50 +41,21 @@ Locking* const real_try_lock = real<Locking>("pthread_mutex_trylock");
 Waiting* const real_wait = real<Waiting>("pthread_cond_wait");
 }  // namespace
 
-// glibc's own names for what is replaced here.
-// NOLINTBEGIN(bugprone-reserved-identifier)
 extern "C" {
-void* __libc_malloc(std::size_t size);
-void __libc_free(void* pointer);
-void* __libc_calloc(std::size_t count, std::size_t size);
-void* __libc_realloc(void* pointer, std::size_t size);
-void* __libc_memalign(std::size_t alignment, std::size_t size);
-
-void* malloc(std::size_t size) {
-  if (counting) ++allocations;
-  return __libc_malloc(size);
-}
-void free(void* pointer) {
-  if (counting && pointer != nullptr) ++allocations;
-  __libc_free(pointer);
-}
-void* calloc(std::size_t count, std::size_t size) {
-  if (counting) ++allocations;
-  return __libc_calloc(count, size);
-}
-void* realloc(void* pointer, std::size_t size) {
-  if (counting) ++allocations;
-  return __libc_realloc(pointer, size);
-}
 int pthread_mutex_lock(pthread_mutex_t* mutex) noexcept {
-  if (counting) ++locks;
+  if (stickslip::heap_count::is_running()) ++locks;
   // Before main, while the library itself is being made ready, there is nothing to call yet.
   return real_lock != nullptr ? real_lock(mutex) : 0;
 }
 int pthread_mutex_trylock(pthread_mutex_t* mutex) noexcept {
-  if (counting) ++locks;
+  if (stickslip::heap_count::is_running()) ++locks;
   return real_try_lock(mutex);
 }
 int pthread_cond_wait(pthread_cond_t* condition, pthread_mutex_t* mutex) {
-  if (counting) ++locks;
+  if (stickslip::heap_count::is_running()) ++locks;
   return real_wait(condition, mutex);
 }
-void* aligned_alloc(std::size_t alignment, std::size_t size) {
-  if (counting) ++allocations;
-  return __libc_memalign(alignment, size);
 }
-}
-// NOLINTEND(bugprone-reserved-identifier)
 
 namespace stickslip::daemon {
 namespace {
@@ -99,19 +64,15 @@ using drivers::Outcome;
 using drivers::Result;
 using namespace std::chrono_literals;
 
-TEST(Allocation, TheCounterSeesWhatItShould) {
-  allocations = 0;
-  counting = true;
-  int* volatile one = new int(1);  // volatile: a pair that nobody looks at is optimised away
-  delete one;
-  counting = false;
-  EXPECT_EQ(allocations, 2U);
+TEST(Allocation, HeapCallsAreCounted) { EXPECT_EQ(heap_count::self_test(), 2U); }
+
+TEST(Allocation, LocksAreCounted) {
   std::mutex mutex;
   locks = 0;
-  counting = true;
+  heap_count::start();
   mutex.lock();
   mutex.unlock();
-  counting = false;
+  heap_count::stop();
   EXPECT_EQ(locks, 1U);
 }
 
@@ -169,18 +130,15 @@ struct Ordeal {
   std::optional<Loop> loop;
 };
 
-TEST(Allocation, AMillionCyclesTouchNoHeapAndTakeNoLock) {
+TEST(Allocation, AMillionCyclesUseNeitherHeapNorLocks) {
   for (const bool fault : {false, true}) {
     Ordeal ordeal(fault, nullptr);
     ordeal.running.start();
 
-    allocations = 0;
     locks = 0;
-    counting = true;
+    heap_count::start();
     ordeal.loop->run();
-    counting = false;
-
-    EXPECT_EQ(allocations, 0U);
+    EXPECT_EQ(heap_count::stop(), 0U);
     EXPECT_EQ(locks, 0U);
     EXPECT_GT(ordeal.driver.reads, Ordeal::cycles - 30'000);
     EXPECT_EQ(ordeal.loop->why_ended().reason,
@@ -195,7 +153,7 @@ TEST(Allocation, AMillionCyclesTouchNoHeapAndTakeNoLock) {
   }
 }
 
-/// Does the work in a child that may read, write and end, and nothing else; how it ended.
+/// Exit status of a child process in strict seccomp mode that does this work.
 template <class Work>
 int status_without_system_calls(Work work) {
   const pid_t child = fork();
@@ -212,9 +170,9 @@ int status_without_system_calls(Work work) {
 TEST(SystemCalls, AMillionCyclesWithAnObserverMakeNone) {
   const int control = status_without_system_calls([] { return getppid() > 0; });
   if (WIFEXITED(control) && WEXITSTATUS(control) == 77) {
-    GTEST_SKIP() << "this kernel does not let a process forswear system calls";
+    GTEST_SKIP() << "this kernel does not support strict seccomp mode";
   }
-  ASSERT_TRUE(WIFSIGNALED(control)) << "a system call has to be noticed";
+  ASSERT_TRUE(WIFSIGNALED(control)) << "a system call must be detected";
   Observer observer(config::load_model(STICKSLIP_SOURCE_DIR "/config/models/simulated.toml"), 1e-3);
   ASSERT_TRUE(observer.supported()) << observer.unsupported();
   Ordeal ordeal(true, &observer);
@@ -227,7 +185,7 @@ TEST(SystemCalls, AMillionCyclesWithAnObserverMakeNone) {
 }
 
 // Every kind of drive, with its control and its limits, knobs turned, stops, starts and NaN.
-TEST(Allocation, NoKindOfExcitationTouchesTheHeap) {
+TEST(Allocation, NoKindOfExcitationUsesTheHeap) {
   using enum config::ExcitationKind;
   const std::filesystem::path drive =
       std::filesystem::temp_directory_path() / ("stickslip-" + std::to_string(getpid()) + ".csv");
@@ -243,8 +201,7 @@ TEST(Allocation, NoKindOfExcitationTouchesTheHeap) {
     settings.control.enabled = true;
     Excitation excitation(settings, {{0.009, 0.2, 5.0}, Channel::base_displacement, 1e-3});
     excitation.start();
-    allocations = 0;
-    counting = true;
+    heap_count::start();
     for (int i = 0; i < 100'000; ++i) {
       Frame frame;
       frame.set(Channel::base_displacement, i % 4001 == 0 ? std::numeric_limits<double>::quiet_NaN()
@@ -257,8 +214,7 @@ TEST(Allocation, NoKindOfExcitationTouchesTheHeap) {
       if (i % 30'011 == 2000) excitation.start();
       if (i == 50'000) excitation.cut();
     }
-    counting = false;
-    EXPECT_EQ(allocations, 0U) << static_cast<int>(kind);
+    EXPECT_EQ(heap_count::stop(), 0U) << static_cast<int>(kind);
   }
   std::filesystem::remove(drive);
 }
@@ -267,6 +223,6 @@ TEST(Allocation, NoKindOfExcitationTouchesTheHeap) {
 }  // namespace stickslip::daemon
 #else
 TEST(Allocation, IsMeasuredInBuildsWithoutSanitizer) {
-  GTEST_SKIP() << "the sanitizer owns the heap";
+  GTEST_SKIP() << "the sanitizer replaces the heap";
 }
 #endif

@@ -1,50 +1,20 @@
-// The observer runs in the real-time thread: an update may not touch the heap.
+// The observer runs in the real-time thread: an update may not use the heap.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-
+#include "tests/unit/heap_count/heap_count.h"
 #include "tests/unit/observer/bench.h"
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifndef STICKSLIP_HEAP_IS_COUNTED
 TEST(ObserverAllocation, IsMeasuredInBuildsWithoutSanitizer) {
-  GTEST_SKIP() << "the sanitizer owns the heap";
+  GTEST_SKIP() << "the sanitizer replaces the heap";
 }
 #else
-namespace {
-bool counting = false;
-std::size_t allocations = 0;
-}  // namespace
-
-// glibc's own names for what is replaced here. Eigen allocates by malloc, the library by new.
-// NOLINTBEGIN(bugprone-reserved-identifier)
-extern "C" {
-void* __libc_malloc(std::size_t size);
-void __libc_free(void* pointer);
-
-void* malloc(std::size_t size) {
-  if (counting) ++allocations;
-  return __libc_malloc(size);
-}
-void free(void* pointer) {
-  if (counting && pointer != nullptr) ++allocations;
-  __libc_free(pointer);
-}
-}
-// NOLINTEND(bugprone-reserved-identifier)
-
 namespace stickslip::observer {
 namespace {
 
-TEST(ObserverAllocation, TheCounterSeesWhatItShould) {
-  allocations = 0;
-  counting = true;
-  int* volatile one = new int(1);
-  delete one;
-  counting = false;
-  EXPECT_EQ(allocations, 2U);
-}
+TEST(ObserverAllocation, HeapCallsAreCounted) { EXPECT_EQ(heap_count::self_test(), 2U); }
 
-TEST(ObserverAllocation, UpdatesTouchNoHeapThroughGapsOutliersAndRestarts) {
+TEST(ObserverAllocation, UpdatesDoNotUseTheHeapThroughGapsOutliersAndRestarts) {
   physics::Model model = test::paper_rig(test::Law::state_variable, true);
   model.friction.rate_per_s.sigma = 30.0;
   model.normal_load->load_n.sigma = 0.01;
@@ -69,11 +39,9 @@ TEST(ObserverAllocation, UpdatesTouchNoHeapThroughGapsOutliersAndRestarts) {
   }
   FrictionObserver observer(model, 1.0e-3);
   ASSERT_TRUE(observer.supported()) << observer.unsupported();
-  allocations = 0;
-  counting = true;
+  heap_count::start();
   for (const Frame& frame : frames) observer.update(frame);
-  counting = false;
-  EXPECT_EQ(allocations, 0U);
+  EXPECT_EQ(heap_count::stop(), 0U);
   EXPECT_GT(observer.latest().restarts, 0U);
 }
 
