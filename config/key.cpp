@@ -168,10 +168,6 @@ std::vector<std::string_view> alternatives_in(std::string_view list) {
   return out;
 }
 
-std::string_view choice_at(std::span<const Key> keys, std::string_view path, std::size_t position) {
-  return find_key(keys, path)->choices[position];
-}
-
 std::string expectation(const Key& key) {
   switch (key.type) {
     case Type::choice:

@@ -91,9 +91,6 @@ const Key* find_key(std::span<const Key> keys, std::string_view path);
 /// The parts of "a|b|c".
 std::vector<std::string_view> alternatives_in(std::string_view list);
 
-/// The choice at that position.
-std::string_view choice_at(std::span<const Key> keys, std::string_view path, std::size_t position);
-
 /// What a value has to be, for messages: "a number above 0 [kg]".
 std::string expectation(const Key& key);
 
