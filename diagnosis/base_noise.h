@@ -1,7 +1,7 @@
-// What a model reads, less what the noise of the base's own channel can explain of its residuals.
+// Predicted readings, corrected for the part of their residuals that the noise of the base's own
+// channel explains.
 #pragma once
 
-#include <array>
 #include <span>
 #include <vector>
 
@@ -9,12 +9,8 @@
 
 namespace stickslip::diagnosis {
 
-/// What a model reads in a window, sample by sample from its beginning.
-using Readings = std::vector<std::array<double, predicted_channels>>;
-
-/// By window of the task, from these parameters and states. Where the base is doubted, its most
-/// probable error in each window, given the residuals, is taken out.
-std::vector<Readings> readings_of(const Task& task, const Hypothesis& hypothesis,
-                                  std::span<const double> z, const std::vector<WindowState>& state);
+/// By window of the task, from these parameters and states. Where the base is noisy, its most
+/// probable error in each window, given the residuals, is removed.
+std::vector<Readings> corrected_readings(const Task& task, const FittedHypothesis& fitted);
 
 }  // namespace stickslip::diagnosis

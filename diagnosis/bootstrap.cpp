@@ -17,20 +17,21 @@ FalseAlarms false_alarms(const std::vector<protocol::Recording>& recordings,
     experiments.push_back(make_experiment(recording, declared));
   }
   std::vector<Diagnosis> diagnoses(count);
-  std::mutex telling;
+  std::mutex progress_mutex;
   std::size_t done = 0;
   parallel::for_each(count, options.threads, [&](std::size_t i) {
-    std::vector<protocol::Recording> again;
+    std::vector<protocol::Recording> simulated;
     for (const Experiment& experiment : experiments) {
-      const std::uint64_t seed = options.seed + 1 + i * experiments.size() + again.size();
-      again.push_back(rerun(experiment, result.baseline_model, {}, seed));
+      const std::uint64_t seed = options.seed + 1 + i * experiments.size() + simulated.size();
+      simulated.push_back(rerun(experiment, result.baseline_model, {}, seed));
     }
     Options own;
+    own.criteria = options.criteria;
     own.horizon_s = result.horizon_s;
     own.seed = options.seed + i;
-    diagnoses[i] = diagnose(again, declared, own);
+    diagnoses[i] = diagnose(simulated, declared, own);
     if (!options.progress) return;
-    const std::scoped_lock lock(telling);
+    const std::scoped_lock lock(progress_mutex);
     options.progress("diagnosing recordings of the declared model",
                      static_cast<double>(++done) / static_cast<double>(count));
   });

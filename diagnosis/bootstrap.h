@@ -1,6 +1,5 @@
-// How often a recording like this one would be accused although nothing is missing: the calibrated
-// declared model is recorded again and again under the same drive, with the same noise, and
-// diagnosed (a parametric bootstrap).
+// Rate of false alarms on recordings like the given one, by a parametric bootstrap: the calibrated
+// declared model is simulated repeatedly under the same drive with the same noise, and diagnosed.
 #pragma once
 
 #include <vector>

@@ -1,49 +1,52 @@
-// What a recording could have shown: how large each effect would have to be to be named, and which
-// effects it cannot tell apart. Both follow from how an effect moves the readings, less what the
-// window states, the calibrated parameters and the base's noise can imitate.
+// Detection limits of a recording: the size from which each effect would be claimed, and the
+// effects that the recording cannot separate. Both follow from the change of the readings that an
+// effect causes, less the part that window states, calibrated parameters and the base's noise
+// absorb.
 #pragma once
 
 #include <functional>
 #include <vector>
 
+#include "diagnosis/candidates.h"
+#include "diagnosis/criteria.h"
 #include "diagnosis/shooting.h"
-#include "diagnosis/suspects.h"
 
 namespace stickslip::diagnosis {
 
-/// From which size on an effect would have been named.
+/// Size of an effect from which it would be claimed.
 struct DetectionLimit {
-  Suspect suspect;
+  CandidateEffect candidate;
   double value = 0.0;  ///< of parameter()
-  /// By how much a step towards it would lower chi-squared per sample: what of the residuals looks
-  /// like this effect.
+  /// Decrease of chi-squared per sample by a step towards the effect: the part of the residuals
+  /// that it explains to first order.
   double gain = 0.0;
 
-  /// The one that says how much of the effect there is.
+  /// The parameter that measures the strength of the effect.
   const physics::ParameterCard& parameter() const {
-    const physics::Card& card = suspect.effect->card();
+    const physics::Card& card = candidate.effect->card();
     return card.parameters[card.strength.value()];
   }
 };
 
-/// Two effects that move the readings alike, as indices into Detection::limits.
-struct Lookalikes {
+/// Two effects with nearly the same influence on the readings, as indices into Detection::limits.
+struct InseparablePair {
   std::size_t one = 0;
   std::size_t other = 0;
-  double cosine = 0.0;  ///< of the angle between what they do, in [0.98, 1]
+  double cosine =
+      0.0;  ///< of the angle between their influences, Criteria::inseparable_cosine to 1
 };
 
 struct Detection {
-  std::vector<DetectionLimit> limits;  ///< in the order of the suspects
-  std::vector<Lookalikes> lookalikes;  ///< closest first
+  std::vector<DetectionLimit> limits;        ///< in the order of the candidates
+  std::vector<InseparablePair> inseparable;  ///< closest first
 };
 
-/// `fitted` belongs to `task` and `hypothesis`. An effect counts as named from where it raises
-/// chi-squared per sample by `share` on. Effects that replace a law instead of bending it are left
-/// out, and so are those whose size no single number tells.
-Detection detection_of(const Task& task, const Hypothesis& hypothesis, const Fit& fitted,
-                       const std::vector<Suspect>& suspects,
-                       const std::function<physics::Scales(const physics::Place&)>& scales,
-                       double share);
+/// `fitted` belongs to `task` and `hypothesis`. At its limit an effect raises chi-squared per
+/// sample by Criteria::claim_share_explained. Effects that replace a law instead of modifying it
+/// are left out, and so are those without a strength parameter.
+Detection detection_limits(const Task& task, const Hypothesis& hypothesis, const Fit& fitted,
+                           const std::vector<CandidateEffect>& candidates,
+                           const std::function<physics::Scales(const physics::Place&)>& scales,
+                           const Criteria& criteria);
 
 }  // namespace stickslip::diagnosis

@@ -1,4 +1,4 @@
-// Where in its cycle the drive of a recording is at every sample, and how large it is there.
+// Phase and amplitude of the drive of a recording, by sample.
 #pragma once
 
 #include <vector>
@@ -7,11 +7,11 @@
 
 namespace stickslip::diagnosis {
 
-/// From the value of what drives the rig (the base's displacement, the force, or the imposed
-/// motion, less its mean) and its rate, by sample.
+/// From the driving quantity (displacement of the base, force, or imposed motion, less its mean)
+/// and its rate.
 struct DrivePhase {
   std::vector<double> phase_rad;  ///< 0 to 2 pi, 0 at the crest
-  std::vector<double> amplitude;  ///< in the unit of what drives the rig: m, N for a force
+  std::vector<double> amplitude;  ///< in the unit of the driving quantity: m, or N
 };
 DrivePhase drive_phase_of(const Experiment& experiment);
 

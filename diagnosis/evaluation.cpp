@@ -9,7 +9,7 @@ namespace stickslip::diagnosis {
 
 namespace {
 
-physics::Model as_stated(physics::Model model) {
+physics::Model without_uncertainty(physics::Model model) {
   for (const physics::NamedParameter& named : physics::parameters_of(model))
     named.parameter->sigma = 0.0;
   return model;
@@ -19,7 +19,7 @@ physics::Model as_stated(physics::Model model) {
 
 Evaluation evaluate(const protocol::Recording& recording, const physics::Model& model,
                     const EvaluationOptions& options) {
-  const physics::Model stated = as_stated(model);
+  const physics::Model stated = without_uncertainty(model);
   std::vector<Experiment> experiments{make_experiment(recording, stated)};
   Experiment& e = experiments.front();
   Evaluation out;
@@ -29,7 +29,7 @@ Evaluation evaluate(const protocol::Recording& recording, const physics::Model& 
     throw InputError(Problem{recording.source, 0, 0,
                              "is too short for a prediction window of " +
                                  physics::number_text(out.horizon_s) +
-                                 " s: give a smaller --horizon"});
+                                 " s; choose a smaller --horizon"});
   }
   out.windows = e.windows.size();
   const Hypothesis hypothesis(stated);
@@ -38,8 +38,8 @@ Evaluation evaluate(const protocol::Recording& recording, const physics::Model& 
   task.sigma = noise_sigma(experiments);
   task.threads = options.threads;
   for (std::size_t w = 0; w < e.windows.size(); ++w) task.windows.push_back({0, w});
-  // States are fitted twice where the base is doubted, and once more to predict ahead.
-  const double passes = e.base_doubt_m_s2 > 0.0 ? 3.0 : 2.0;
+  // States are fitted twice where the base is noisy, and once more for predictions ahead.
+  const double passes = e.base_acceleration_noise_m_s2 > 0.0 ? 3.0 : 2.0;
   std::atomic<std::size_t> fitted = 0;
   if (options.progress) {
     task.window_done = [&] {

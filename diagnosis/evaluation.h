@@ -1,4 +1,4 @@
-// How well a model, as it stands, predicts a recording.
+// Accuracy of a model's predictions of a recording, without fitting a parameter.
 #pragma once
 
 #include <functional>
@@ -11,10 +11,10 @@
 namespace stickslip::diagnosis {
 
 struct EvaluationOptions {
-  std::optional<double> horizon_s;  ///< of a prediction; absent: what suits the model
+  std::optional<double> horizon_s;  ///< of a prediction; absent: default_horizon_s
   bool free_run = false;
   int threads = 1;
-  /// Told the share of the work that is done, 0 to 1, from the threads that do it; may be empty.
+  /// Called with the completed share of the work, 0 to 1, from the working threads; may be empty.
   std::function<void(double share)> progress = {};
 };
 
@@ -25,8 +25,8 @@ struct Evaluation {
   std::optional<FreeRun> free_run;
 };
 
-/// No parameter is fitted: what is uncertain is taken at its value. Throws InputError where the
-/// recording does not fit the model or is too short for one window.
+/// Uncertain parameters keep their declared values. Throws InputError where the recording does not
+/// fit the model or is too short for one window.
 Evaluation evaluate(const protocol::Recording& recording, const physics::Model& model,
                     const EvaluationOptions& options = {});
 

@@ -21,7 +21,7 @@ using std::numbers::pi;
 constexpr std::size_t phase_parts = 24;
 constexpr std::size_t shown_windows = 3;
 
-// A model that blew up in a window tells nothing more than that.
+// Bounds the residuals of windows in which the model diverged.
 double bounded(double residual) {
   return std::isfinite(residual) ? std::clamp(residual, -1.0e6, 1.0e6) : 1.0e6;
 }
@@ -39,7 +39,7 @@ std::vector<double> mean_power(const Task& task, const std::vector<Readings>& re
     std::vector<double> residual(n, 0.0);
     for (std::size_t i = 0; i < n; ++i) {
       const std::size_t k = window.begin + i;
-      if (((e.valid[k] >> c) & 1U) == 0) continue;
+      if (!e.is_compared(k, c)) continue;
       residual[i] = bounded((readings[w][i][c] - e.reading[k][c]) / task.sigma[c]);
     }
     Eigen::FFT<double> fft;
@@ -60,8 +60,8 @@ std::vector<double> mean_power(const Task& task, const std::vector<Readings>& re
   return power;
 }
 
-// A mean of squares before and after, as it grows.
-struct Pair {
+// Sums of squares before and after.
+struct Squares {
   double before = 0.0;
   double after = 0.0;
   double count = 0.0;
@@ -77,7 +77,7 @@ double root_mean(double sum, double count) {
   return count > 0.0 ? std::sqrt(sum / count) : std::numeric_limits<double>::quiet_NaN();
 }
 
-// The windows of the first experiment in the order of time, as indices into the task's.
+// Indices of the task's windows of the first experiment, in order of time.
 std::vector<std::size_t> in_order_of_time(const Task& task) {
   std::vector<std::size_t> order;
   for (std::size_t w = 0; w < task.windows.size(); ++w) {
@@ -90,9 +90,9 @@ std::vector<std::size_t> in_order_of_time(const Task& task) {
   return order;
 }
 
-// How a window was driven.
-void describe_drive(WindowEvidence& out, const Experiment& e, const Window& window,
-                    const DrivePhase& drive) {
+// Frequency and amplitude of the drive in a window.
+void set_drive(WindowEvidence& out, const Experiment& e, const Window& window,
+               const DrivePhase& drive) {
   double turned = 0.0;
   for (std::size_t k = window.begin; k < window.end; ++k) {
     out.drive_amplitude += drive.amplitude[k] / static_cast<double>(window.end - window.begin);
@@ -103,7 +103,6 @@ void describe_drive(WindowEvidence& out, const Experiment& e, const Window& wind
   out.drive_hz = std::abs(turned) / (2.0 * pi * steps * e.period_s);
 }
 
-// Of the runs of neighbouring held-out windows, the one in which the declared model misses most.
 Stretch stretch_of(const std::vector<WindowEvidence>& windows) {
   Stretch out;
   std::vector<double> held_out;
@@ -146,100 +145,148 @@ Channel drive_channel_of(physics::Excitation excitation) {
   return Channel::base_displacement;
 }
 
-}  // namespace
+// Index of the part of [-reach, reach] that holds a value.
+std::size_t cell_of(double value, double reach) {
+  const double share = std::clamp(0.5 + 0.5 * value / reach, 0.0, 0.999999);
+  return static_cast<std::size_t>(share * static_cast<double>(PhaseMap::cells));
+}
 
-Evidence evidence_of(const Task& task, const Explanation& before, const Explanation& after) {
-  Evidence out;
-  const Experiment& e = task.experiments.front();
-  const auto early = readings_of(task, *before.hypothesis, before.z, *before.state);
-  const auto late = readings_of(task, *after.hypothesis, after.z, *after.state);
-  out.base_doubted = e.base_doubt_m_s2 > 0.0;
-  const auto order = in_order_of_time(task);
-  const DrivePhase drive = drive_phase_of(e);
-  out.driven_by = drive_channel_of(before.hypothesis->model().oscillator.excitation);
-  const auto window_of = [&](std::size_t w) -> const Window& {
-    return e.windows[task.windows[w].window];
-  };
+// Collects the residuals of both hypotheses by channel, window, phase of the drive, and cell of
+// phase space.
+class Collector {
+ public:
+  Collector(const Task& task, const FittedHypothesis& before, const FittedHypothesis& after)
+      : task_(task),
+        e_(task.experiments.front()),
+        before_(corrected_readings(task, before)),
+        after_(corrected_readings(task, after)),
+        order_(in_order_of_time(task)),
+        drive_(drive_phase_of(e_)),
+        by_cell_(PhaseMap::cells * PhaseMap::cells),
+        by_window_(order_.size()) {
+    map_.displacement_m = std::max(e_.largest.displacement_m, 1.0e-12);
+    map_.velocity_m_s = std::max(e_.largest.velocity_m_s, 1.0e-12);
+  }
 
-  constexpr std::size_t cells = PhaseMap::cells;
-  out.map.displacement_m = std::max(e.largest.displacement_m, 1.0e-12);
-  out.map.velocity_m_s = std::max(e.largest.velocity_m_s, 1.0e-12);
-  std::vector<Pair> by_cell(cells * cells);
-  const auto cell_of = [](double value, double reach) {
-    const double share = std::clamp(0.5 + 0.5 * value / reach, 0.0, 0.999999);
-    return static_cast<std::size_t>(share * static_cast<double>(cells));
-  };
-  std::vector<Pair> by_window(order.size());
-  for (std::size_t c = 0; c < predicted_channels; ++c) {
-    if (((e.compared >> c) & 1U) == 0) continue;
-    ChannelEvidence channel;
-    channel.channel = all_channels[c];
-    channel.sigma = task.sigma[c];
-    std::vector<Pair> by_phase(phase_parts);
-    for (std::size_t i = 0; i < order.size(); ++i) {
-      const std::size_t w = order[i];
-      const Window& window = window_of(w);
-      Pair of_window;
-      for (std::size_t k = window.begin; k < window.end; ++k) {
-        if (((e.valid[k] >> c) & 1U) == 0) continue;
-        const double r0 =
-            bounded((early[w][k - window.begin][c] - e.reading[k][c]) / task.sigma[c]);
-        const double r1 = bounded((late[w][k - window.begin][c] - e.reading[k][c]) / task.sigma[c]);
-        of_window.add(r0, r1);
-        by_window[i].add(r0, r1);
-        by_cell[cell_of(e.guess[k].velocity_m_s, out.map.velocity_m_s) * cells +
-                cell_of(e.guess[k].displacement_m, out.map.displacement_m)]
-            .add(r0, r1);
-        by_phase[std::min(phase_parts - 1,
-                          static_cast<std::size_t>(drive.phase_rad[k] / (2.0 * pi) * phase_parts))]
-            .add(r0, r1);
-      }
+  ChannelEvidence channel(std::size_t c) {
+    ChannelEvidence out;
+    out.channel = all_channels[c];
+    out.sigma = task_.sigma[c];
+    std::vector<Squares> by_phase(phase_parts);
+    for (std::size_t i = 0; i < order_.size(); ++i) {
+      const Squares of_window = add_window(c, i, by_phase);
       const bool none = !(of_window.count > 0.0);
       const double nothing = std::numeric_limits<double>::quiet_NaN();
-      channel.window_before.push_back(none ? nothing : of_window.before / of_window.count);
-      channel.window_after.push_back(none ? nothing : of_window.after / of_window.count);
+      out.window_before.push_back(none ? nothing : of_window.before / of_window.count);
+      out.window_after.push_back(none ? nothing : of_window.after / of_window.count);
     }
     for (std::size_t i = 0; i < phase_parts; ++i) {
-      channel.phase_deg.push_back(360.0 * (static_cast<double>(i) + 0.5) / phase_parts);
-      channel.phase_before.push_back(root_mean(by_phase[i].before, by_phase[i].count));
-      channel.phase_after.push_back(root_mean(by_phase[i].after, by_phase[i].count));
+      out.phase_deg.push_back(360.0 * (static_cast<double>(i) + 0.5) / phase_parts);
+      out.phase_before.push_back(root_mean(by_phase[i].before, by_phase[i].count));
+      out.phase_after.push_back(root_mean(by_phase[i].after, by_phase[i].count));
     }
-    channel.power_before = mean_power(task, early, c, e.period_s, channel.frequency_hz);
-    channel.power_after = mean_power(task, late, c, e.period_s, channel.frequency_hz);
-    out.channels.push_back(std::move(channel));
-  }
-  for (const Pair& cell : by_cell) {
-    out.map.before.push_back(root_mean(cell.before, cell.count));
-    out.map.after.push_back(root_mean(cell.after, cell.count));
-  }
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    const Window& window = window_of(order[i]);
-    WindowEvidence each;
-    each.begin_s = e.time_s(window.begin);
-    each.end_s = e.time_s(window.end);
-    each.held_out = window.held_out;
-    describe_drive(each, e, window, drive);
-    const double count = std::max(1.0, by_window[i].count);
-    each.before = by_window[i].before / count;
-    each.after = by_window[i].after / count;
-    out.windows.push_back(each);
+    out.power_before = mean_power(task_, before_, c, e_.period_s, out.frequency_hz);
+    out.power_after = mean_power(task_, after_, c, e_.period_s, out.frequency_hz);
+    return out;
   }
 
-  out.stretch = stretch_of(out.windows);
-  for (std::size_t i = out.stretch.first; i < out.stretch.first + out.stretch.count; ++i) {
-    const std::size_t w = order[i];
-    const Window& window = window_of(w);
-    for (ChannelEvidence& channel : out.channels) {
-      const std::size_t c = index_of(channel.channel);
+  // Of the channels so far.
+  PhaseMap map() const {
+    PhaseMap out = map_;
+    for (const Squares& cell : by_cell_) {
+      out.before.push_back(root_mean(cell.before, cell.count));
+      out.after.push_back(root_mean(cell.after, cell.count));
+    }
+    return out;
+  }
+
+  // Of the channels so far.
+  std::vector<WindowEvidence> windows() const {
+    std::vector<WindowEvidence> out;
+    for (std::size_t i = 0; i < order_.size(); ++i) {
+      const Window& window = task_.window(order_[i]);
+      WindowEvidence each;
+      each.begin_s = e_.time_s(window.begin);
+      each.end_s = e_.time_s(window.end);
+      each.held_out = window.held_out;
+      set_drive(each, e_, window, drive_);
+      const double count = std::max(1.0, by_window_[i].count);
+      each.before = by_window_[i].before / count;
+      each.after = by_window_[i].after / count;
+      out.push_back(each);
+    }
+    return out;
+  }
+
+  void set_stretch(const Stretch& stretch, ChannelEvidence& out) const {
+    const std::size_t c = index_of(out.channel);
+    for (std::size_t i = stretch.first; i < stretch.first + stretch.count; ++i) {
+      const std::size_t w = order_[i];
+      const Window& window = task_.window(w);
       for (std::size_t k = window.begin; k < window.end; ++k) {
-        if (((e.valid[k] >> c) & 1U) == 0) continue;
-        channel.time_s.push_back(e.time_s(k));
-        channel.recorded.push_back(e.reading[k][c]);
-        channel.before.push_back(early[w][k - window.begin][c]);
-        channel.after.push_back(late[w][k - window.begin][c]);
+        if (!e_.is_compared(k, c)) continue;
+        out.time_s.push_back(e_.time_s(k));
+        out.recorded.push_back(e_.reading[k][c]);
+        out.before.push_back(before_[w][k - window.begin][c]);
+        out.after.push_back(after_[w][k - window.begin][c]);
       }
     }
   }
+
+ private:
+  double whitened(const std::vector<Readings>& readings, std::size_t w, std::size_t k,
+                  std::size_t c) const {
+    const double reading = readings[w][k - task_.window(w).begin][c];
+    return bounded((reading - e_.reading[k][c]) / task_.sigma[c]);
+  }
+
+  // Adds the residuals of channel c in the i-th window.
+  Squares add_window(std::size_t c, std::size_t i, std::vector<Squares>& by_phase) {
+    const std::size_t w = order_[i];
+    const Window& window = task_.window(w);
+    Squares of_window;
+    for (std::size_t k = window.begin; k < window.end; ++k) {
+      if (!e_.is_compared(k, c)) continue;
+      const double r0 = whitened(before_, w, k, c);
+      const double r1 = whitened(after_, w, k, c);
+      of_window.add(r0, r1);
+      by_window_[i].add(r0, r1);
+      by_cell_[cell_of(e_.guess[k].velocity_m_s, map_.velocity_m_s) * PhaseMap::cells +
+               cell_of(e_.guess[k].displacement_m, map_.displacement_m)]
+          .add(r0, r1);
+      const auto part = static_cast<std::size_t>(drive_.phase_rad[k] / (2.0 * pi) * phase_parts);
+      by_phase[std::min(phase_parts - 1, part)].add(r0, r1);
+    }
+    return of_window;
+  }
+
+  const Task& task_;
+  const Experiment& e_;
+  std::vector<Readings> before_;
+  std::vector<Readings> after_;
+  std::vector<std::size_t> order_;
+  DrivePhase drive_;
+  PhaseMap map_;
+  std::vector<Squares> by_cell_;
+  std::vector<Squares> by_window_;
+};
+
+}  // namespace
+
+Evidence evidence_of(const Task& task, const FittedHypothesis& before,
+                     const FittedHypothesis& after) {
+  Evidence out;
+  const Experiment& e = task.experiments.front();
+  Collector collector(task, before, after);
+  out.base_noise_removed = e.base_acceleration_noise_m_s2 > 0.0;
+  out.driven_by = drive_channel_of(before.hypothesis->model().oscillator.excitation);
+  for (std::size_t c = 0; c < predicted_channels; ++c) {
+    if (e.is_compared(c)) out.channels.push_back(collector.channel(c));
+  }
+  out.map = collector.map();
+  out.windows = collector.windows();
+  out.stretch = stretch_of(out.windows);
+  for (ChannelEvidence& channel : out.channels) collector.set_stretch(out.stretch, channel);
   return out;
 }
 

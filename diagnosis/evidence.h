@@ -1,44 +1,42 @@
-// What a person looks at to believe a diagnosis: where the residuals were and where they are with
-// what was found, and the recording beside both predictions. What the noise of the base's own
-// channel can explain of a residual is taken out of it and of the predictions, as it is where
-// models are judged.
+// Residuals before and after the findings of a diagnosis, and the recording with both predictions,
+// for the figures of a report. The part of a residual that the noise of the base's own channel
+// explains is removed from it and from the predictions, as in the scores of models.
 #pragma once
 
 #include <array>
 #include <cstddef>
-#include <span>
 #include <vector>
 
 #include "diagnosis/shooting.h"
 
 namespace stickslip::diagnosis {
 
-/// Before: the calibrated declared model; after: with all that was found (the same where nothing
-/// was).
+/// before: the calibrated declared model; after: with all findings, the same where there are none.
 struct ChannelEvidence {
   Channel channel = Channel::displacement;
-  double sigma = 0.0;  ///< noise by which residuals are divided, in the channel's unit
+  double sigma = 0.0;  ///< noise that whitens residuals, in the channel's unit
   /// Mean square of the residual over the noise variance, by window of Evidence::windows; NaN where
   /// the channel was not recorded.
   std::vector<double> window_before, window_after;
   /// Mean power of the whitened residual by frequency; 1 is white noise.
   std::vector<double> frequency_hz, power_before, power_after;
-  /// Root mean square of the whitened residual by the phase of the drive; NaN where it never was.
+  /// Root mean square of the whitened residual by the phase of the drive; NaN at phases without
+  /// data.
   std::vector<double> phase_deg, phase_before, phase_after;
-  /// The recording and both predictions over Stretch; a prediction starts anew with every window.
+  /// The recording and both predictions over Stretch; predictions restart with every window.
   std::vector<double> time_s, recorded, before, after;
 };
 
-/// Root mean square of the whitened residuals of all channels by cell of phase space; NaN where the
-/// motion never was.
+/// Root mean square of the whitened residuals of all channels by cell of phase space; NaN in cells
+/// without data.
 struct PhaseMap {
   static constexpr std::size_t cells = 24;
-  double displacement_m = 0.0;  ///< the map reaches from minus this to this
+  double displacement_m = 0.0;  ///< half width of the map
   double velocity_m_s = 0.0;
   std::vector<double> before, after;  ///< cells * cells, rows of constant velocity
 };
 
-/// One window of the recording: how the rig was driven, and how far predictions were off.
+/// Drive and residuals of one window of the recording.
 struct WindowEvidence {
   double begin_s = 0.0;
   double end_s = 0.0;
@@ -49,32 +47,26 @@ struct WindowEvidence {
   double after = 0.0;
 };
 
-/// The part of the recording that is shown: neighbouring held-out windows, those of them in which
-/// the declared model misses most.
+/// The part of the recording that is shown: the run of neighbouring held-out windows with the
+/// largest residuals of the declared model.
 struct Stretch {
-  std::size_t first = 0;  ///< of Evidence::windows
+  std::size_t first = 0;  ///< index into Evidence::windows
   std::size_t count = 0;
-  double before = 0.0;   ///< mean square there, of the declared model
-  double typical = 0.0;  ///< the same of the median held-out window
+  double before = 0.0;   ///< mean square of the whitened residuals of the declared model
+  double typical = 0.0;  ///< median of the same over all held-out windows
 };
 
 struct Evidence {
   std::vector<ChannelEvidence> channels;
   PhaseMap map;
-  std::vector<WindowEvidence> windows;  ///< in the order of time
+  std::vector<WindowEvidence> windows;  ///< in order of time
   Stretch stretch;
-  Channel driven_by = Channel::base_displacement;  ///< whose amplitude stands in the windows
-  bool base_doubted = false;  ///< whether there was any noise of the base to take out
+  Channel driven_by = Channel::base_displacement;  ///< channel of the drive amplitudes
+  bool base_noise_removed = false;                 ///< noise of the base was removed
 };
 
-/// A hypothesis with its parameters and the states of the windows of the task.
-struct Explanation {
-  const Hypothesis* hypothesis = nullptr;
-  std::span<const double> z;
-  const std::vector<WindowState>* state = nullptr;
-};
-
-/// Of the first experiment of the task.
-Evidence evidence_of(const Task& task, const Explanation& before, const Explanation& after);
+/// Of the first experiment of the task. Both hypotheses come with the states of its windows.
+Evidence evidence_of(const Task& task, const FittedHypothesis& before,
+                     const FittedHypothesis& after);
 
 }  // namespace stickslip::diagnosis

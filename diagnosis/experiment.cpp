@@ -24,7 +24,7 @@ using physics::Model;
   throw InputError(Problem{source, 0, 0, message});
 }
 
-// Lagrange interpolation through six samples around, the order falling towards the ends.
+// Lagrange interpolation through the six nearest samples; of lower order near the ends.
 double interpolated(const std::vector<double>& values, std::size_t sample, double fraction) {
   if (fraction == 0.0) return values[sample];
   const auto n = static_cast<std::ptrdiff_t>(values.size());
@@ -52,165 +52,210 @@ double standard_deviation(const std::vector<double>& values) {
   return std::sqrt(sum / static_cast<double>(values.size()));
 }
 
-}  // namespace
+// Magnitude that no SI reading of a rig reaches: the units of the file are wrong.
+constexpr double implausible_reading = 1.0e12;
+// Lower bound of an estimated noise over the channel's standard deviation. No model is more
+// accurate: a smoother recording (an encoder, a file filtered afterwards) does not say how well it
+// can be predicted.
+constexpr double least_relative_noise = 1.0e-3;
+// Ends of a recording in which signals reconstructed through filters or derivatives are inaccurate.
+constexpr double reconstruction_margin_s = 0.35;
+constexpr double least_window_samples = 8.0;
 
-Experiment make_experiment(const protocol::Recording& recording, const Model& model, Steps steps) {
-  const std::string& source = recording.source;
-  const auto& frames = recording.frames;
-  if (frames.size() < 32) {
-    refuse(source, "holds " + std::to_string(frames.size()) + " samples; at least 32 are needed");
-  }
-  const Excitation excitation = model.oscillator.excitation;
-  const auto recorded = [&](Channel channel) {
+// A recording on its uniform time grid, with the model that it is compared with.
+struct Source {
+  const protocol::Recording& recording;
+  const Model& model;
+  TimeGrid grid;
+  std::array<std::vector<double>, channel_count> values;
+
+  Excitation excitation() const { return model.oscillator.excitation; }
+  bool recorded(Channel channel) const {
     return ((recording.channels >> index_of(channel)) & 1U) != 0;
+  }
+  const std::vector<double>& of(Channel channel) const { return values[index_of(channel)]; }
+  const std::vector<physics::Filter>& filters(Channel channel) const {
+    return model.sensors[index_of(channel)].filters;
+  }
+  bool load_is_measured() const {
+    return model.normal_load && model.normal_load->law == physics::NormalLoadLaw::measured;
+  }
+};
+
+void check_channels(const Source& source) {
+  const auto require = [&](Channel channel, const char* why) {
+    if (source.recorded(channel)) return;
+    refuse(source.recording.source,
+           "lacks the column " + std::string(info(channel).column) + ", which " + why);
   };
-  const auto demand = [&](Channel channel, const char* why) {
-    if (!recorded(channel)) {
-      refuse(source, "lacks the column " + std::string(info(channel).column) + ", which " + why);
-    }
-  };
+  const Excitation excitation = source.excitation();
   if (excitation == Excitation::base) {
-    demand(Channel::base_displacement, "a base-excited rig (excitation = \"base\") is driven by");
+    require(Channel::base_displacement, "drives a base-excited rig (excitation = \"base\")");
   }
   if (excitation == Excitation::force) {
-    demand(Channel::drive_force, "a force-excited rig (excitation = \"force\") is driven by");
+    require(Channel::drive_force, "drives a force-excited rig (excitation = \"force\")");
   }
   if (excitation == Excitation::imposed) {
-    demand(Channel::displacement, "is the imposed motion itself");
-    demand(Channel::friction_force, "is all that a rig with imposed motion can be judged by");
+    require(Channel::displacement, "is the imposed motion itself");
+    require(Channel::friction_force, "is the only prediction of a rig with imposed motion");
   } else {
-    demand(Channel::displacement, "the model is held against");
+    require(Channel::displacement, "the model is compared with");
   }
-  const bool measured_load =
-      model.normal_load && model.normal_load->law == physics::NormalLoadLaw::measured;
-  if (measured_load) demand(Channel::normal_load, "the normal-load law \"measured\" takes as N");
-
-  Experiment e;
-  e.source = source;
-  const TimeGrid grid = time_grid_of(frames);
-  e.start_s = grid.start_s;
-  e.period_s = grid.period_s;
-  e.samples = grid.frame.size();
-  if (e.samples > 4 * frames.size()) {
-    refuse(source, "has time steps from " + std::to_string(grid.period_s) +
-                       " s to much more: more than three quarters "
-                       "of the samples are missing");
+  if (source.load_is_measured()) {
+    require(Channel::normal_load, "the normal-load law \"measured\" takes as N");
   }
+}
 
+void set_time_base(Experiment& e, const Source& source) {
+  e.source = source.recording.source;
+  e.start_s = source.grid.start_s;
+  e.period_s = source.grid.period_s;
+  e.samples = source.grid.frame.size();
+  if (e.samples > 4 * source.recording.frames.size()) {
+    refuse(e.source, "has time steps from " + std::to_string(e.period_s) +
+                         " s to much longer ones: more than three quarters of the samples are "
+                         "missing");
+  }
+}
+
+int substeps_for(const Model& model, double period_s, Steps steps) {
   const physics::Rig rig(model);
-  // A load cell that is declared may turn out to ring.
   double resolving = rig.longest_step_s();
+  // An effect on trial may make a declared load cell resonate.
   if (model.load_cell) {
     resolving = std::min(
         resolving, 0.05 / (2.0 * std::numbers::pi * model.load_cell->natural_frequency_hz.value));
   }
   const double longest = steps == Steps::fine ? resolving : std::min(2.0 * resolving, 1.0e-3);
-  e.substeps = std::max(1, static_cast<int>(std::ceil(e.period_s / longest - 0.01)));
+  return std::max(1, static_cast<int>(std::ceil(period_s / longest - 0.01)));
+}
 
-  std::array<std::vector<double>, channel_count> values;
+void check_magnitudes(const Source& source, Channel channel) {
+  const auto& values = source.of(channel);
+  const auto& frames = source.recording.frames;
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    if (std::abs(values[k]) < implausible_reading) continue;
+    refuse(source.recording.source,
+           std::string(info(channel).column) + " is " + physics::number_text(values[k]) +
+               " at time " +
+               std::to_string(frames.front().time_s() +
+                              source.grid.period_s * static_cast<double>(k)) +
+               " s, beyond any rig; expected SI units");
+  }
+}
+
+// Fills source.values and sets the noise of every channel.
+void set_channels(Experiment& e, Source& source) {
   for (const Channel channel : all_channels) {
     const std::size_t c = index_of(channel);
-    if (!recorded(channel)) continue;
-    values[c] = filled(frames, grid, channel);
-    constexpr double beyond_any_rig = 1.0e12;
-    for (std::size_t k = 0; k < values[c].size(); ++k) {
-      if (std::abs(values[c][k]) < beyond_any_rig) continue;
-      refuse(source,
-             std::string(info(channel).column) + " is " + physics::number_text(values[c][k]) +
-                 " at time " +
-                 std::to_string(frames.front().time_s() + e.period_s * static_cast<double>(k)) +
-                 " s, which no rig does; expected SI units");
-    }
-    e.channel_std[c] = standard_deviation(values[c]);
-    const auto& declared = model.sensors[c].noise_std;
+    if (!source.recorded(channel)) continue;
+    source.values[c] = filled(source.recording.frames, source.grid, channel);
+    check_magnitudes(source, channel);
+    e.channel_std[c] = standard_deviation(source.values[c]);
+    const auto& declared = source.model.sensors[c].noise_std;
     e.noise_declared[c] = declared.has_value();
-    // No model is right to better than a thousandth: a recording that is smoother than that (an
-    // encoder, a file that was filtered afterwards) does not say how well it can be predicted.
-    const double least = std::max(1.0e-3 * e.channel_std[c], 1.0e-15);
-    const double found = declared ? *declared : noise_of(values[c]);
+    const double least = std::max(least_relative_noise * e.channel_std[c], 1.0e-15);
+    const double found = declared ? *declared : noise_of(source.values[c]);
     e.noise_assumed[c] = !declared && found < least;
     e.noise_std[c] = e.noise_assumed[c] ? least : found;
   }
+}
 
-  const bool imposed = excitation == Excitation::imposed;
-  const auto compare = [&](Channel channel, bool yes) {
-    if (yes && recorded(channel)) {
+void set_compared(Experiment& e, const Source& source) {
+  const bool imposed = source.excitation() == Excitation::imposed;
+  const auto compare = [&](Channel channel, bool predicted) {
+    if (predicted && source.recorded(channel)) {
       e.compared = static_cast<std::uint8_t>(e.compared | (1U << index_of(channel)));
     }
   };
   compare(Channel::displacement, !imposed);
   compare(Channel::velocity, !imposed);
   compare(Channel::friction_force, true);
-  compare(Channel::normal_load, model.normal_load && !measured_load);
-
-  bool moves = false;
+  compare(Channel::normal_load, source.model.normal_load && !source.load_is_measured());
   for (std::size_t c = 0; c < predicted_channels; ++c) {
-    moves = moves || (((e.compared >> c) & 1U) != 0 && e.channel_std[c] > 0.0);
+    if (e.is_compared(c) && e.channel_std[c] > 0.0) return;
   }
-  if (!moves) {
-    refuse(source, "shows no motion: every channel that the model predicts is constant");
-  }
+  refuse(e.source, "shows no motion: every channel that the model predicts is constant");
+}
 
+void set_readings(Experiment& e, const Source& source) {
   e.reading.resize(e.samples);
   e.valid.assign(e.samples, 0);
-  bool hole = false;
+  bool in_gap = false;
   for (std::size_t k = 0; k < e.samples; ++k) {
     for (std::size_t c = 0; c < predicted_channels; ++c) {
-      if (!values[c].empty()) e.reading[k][c] = values[c][k];
+      if (!source.values[c].empty()) e.reading[k][c] = source.values[c][k];
     }
-    if (grid.frame[k] < 0) {
-      hole = true;
-      continue;
+    const std::ptrdiff_t frame = source.grid.frame[k];
+    if (frame >= 0) {
+      if (in_gap) e.gaps.push_back(k);
+      e.valid[k] = source.recording.frames[static_cast<std::size_t>(frame)].valid & e.compared;
     }
-    if (hole) e.gaps.push_back(k);
-    hole = false;
-    e.valid[k] = frames[static_cast<std::size_t>(grid.frame[k])].valid & e.compared;
+    in_gap = frame < 0;
   }
+}
 
-  // The mains would spoil every guess of a velocity. Only guesses: what is compared is left as it
-  // was read.
-  const auto cleaned = [&](Channel channel) {
-    return without_mains(values[index_of(channel)], e.period_s);
-  };
-  const auto undo = [&](Channel channel, const std::vector<double>& v,
-                        std::vector<physics::Filter> filters) {
-    const FilterChain chain(filters, e.period_s);
-    return wide_band(v, e.period_s, chain, e.noise_std[index_of(channel)]);
-  };
-  const auto filters_of = [&](Channel channel) { return model.sensors[index_of(channel)].filters; };
+WideBand reconstructed(const Experiment& e, const Source& source, Channel channel,
+                       const std::vector<double>& values) {
+  const FilterChain chain(source.filters(channel), e.period_s);
+  return wide_band(values, e.period_s, chain, e.noise_std[index_of(channel)]);
+}
 
-  const WideBand x =
-      undo(Channel::displacement, imposed ? values[0] : cleaned(Channel::displacement),
-           filters_of(Channel::displacement));
+// Without mains lines, which would spoil the guess of a velocity. For guesses only: the readings
+// that models are compared with keep them.
+WideBand reconstructed_without_mains(const Experiment& e, const Source& source, Channel channel) {
+  return reconstructed(e, source, channel, without_mains(source.of(channel), e.period_s));
+}
+
+// An input as it acted, before the filters of its channel.
+std::vector<double> unfiltered(const Experiment& e, const Source& source, Channel channel) {
+  if (source.filters(channel).empty()) return source.of(channel);
+  return reconstructed(e, source, channel, source.of(channel)).value;
+}
+
+// The signals from which inputs and guesses are made; empty where they do not apply.
+struct WideBandSignals {
+  WideBand displacement;
   WideBand base;
+  WideBand friction;
+  std::vector<double> drive_n;
+  std::vector<double> load_n;
+};
+
+WideBandSignals wide_band_signals(const Experiment& e, const Source& source) {
+  WideBandSignals out;
+  const Excitation excitation = source.excitation();
+  out.displacement =
+      excitation == Excitation::imposed
+          ? reconstructed(e, source, Channel::displacement, source.of(Channel::displacement))
+          : reconstructed_without_mains(e, source, Channel::displacement);
   if (excitation == Excitation::base) {
-    base = undo(Channel::base_displacement, values[index_of(Channel::base_displacement)],
-                filters_of(Channel::base_displacement));
-    e.base_doubt_m_s2 = base.acceleration_noise_std;
+    out.base =
+        reconstructed(e, source, Channel::base_displacement, source.of(Channel::base_displacement));
   }
-  WideBand force;
-  if (recorded(Channel::friction_force)) {
-    force = undo(Channel::friction_force, cleaned(Channel::friction_force),
-                 filters_of(Channel::friction_force));
+  if (source.recorded(Channel::friction_force)) {
+    out.friction = reconstructed_without_mains(e, source, Channel::friction_force);
   }
-  std::vector<double> drive;
-  if (excitation == Excitation::force) {
-    const auto& raw = values[index_of(Channel::drive_force)];
-    const auto filters = filters_of(Channel::drive_force);
-    drive = filters.empty() ? raw : undo(Channel::drive_force, raw, filters).value;
+  if (excitation == Excitation::force) out.drive_n = unfiltered(e, source, Channel::drive_force);
+  if (source.recorded(Channel::normal_load)) {
+    out.load_n = unfiltered(e, source, Channel::normal_load);
   }
-  std::vector<double> load;
-  if (recorded(Channel::normal_load)) {
-    const auto& raw = values[index_of(Channel::normal_load)];
-    const auto filters = filters_of(Channel::normal_load);
-    load = filters.empty() ? raw : undo(Channel::normal_load, raw, filters).value;
+  return out;
+}
+
+double mean_load_n(const Source& source) {
+  if (source.recorded(Channel::normal_load)) {
+    const auto& raw = source.of(Channel::normal_load);
     double sum = 0.0;
     for (const double n : raw) sum += n;
-    e.mean_load_n = sum / static_cast<double>(raw.size());
-  } else if (model.normal_load) {
-    e.mean_load_n = model.normal_load->load_n.value;
+    return sum / static_cast<double>(raw.size());
   }
+  return source.model.normal_load ? source.model.normal_load->load_n.value : 1.0;
+}
 
+void set_inputs(Experiment& e, const Source& source, const WideBandSignals& signals) {
+  const Excitation excitation = source.excitation();
+  const bool measured_load = source.load_is_measured();
   e.input.resize((e.samples - 1) * static_cast<std::size_t>(e.substeps) + 1);
   for (std::size_t i = 0; i < e.input.size(); ++i) {
     const std::size_t k = i / static_cast<std::size_t>(e.substeps);
@@ -218,17 +263,21 @@ Experiment make_experiment(const protocol::Recording& recording, const Model& mo
         static_cast<double>(i % static_cast<std::size_t>(e.substeps)) / e.substeps;
     physics::Input& input = e.input[i];
     if (excitation == Excitation::base) {
-      input.base_displacement_m = interpolated(base.value, k, fraction);
-      input.base_acceleration_m_s2 = interpolated(base.acceleration, k, fraction);
+      input.base_displacement_m = interpolated(signals.base.value, k, fraction);
+      input.base_acceleration_m_s2 = interpolated(signals.base.acceleration, k, fraction);
     }
-    if (excitation == Excitation::force) input.drive_force_n = interpolated(drive, k, fraction);
-    if (imposed) {
-      input.displacement_m = interpolated(x.value, k, fraction);
-      input.velocity_m_s = interpolated(x.rate, k, fraction);
+    if (excitation == Excitation::force) {
+      input.drive_force_n = interpolated(signals.drive_n, k, fraction);
     }
-    if (measured_load) input.normal_load_n = interpolated(load, k, fraction);
+    if (excitation == Excitation::imposed) {
+      input.displacement_m = interpolated(signals.displacement.value, k, fraction);
+      input.velocity_m_s = interpolated(signals.displacement.rate, k, fraction);
+    }
+    if (measured_load) input.normal_load_n = interpolated(signals.load_n, k, fraction);
   }
+}
 
+void set_guesses(Experiment& e, const Model& model, const WideBandSignals& signals) {
   const double cell_stiffness =
       model.load_cell
           ? model.load_cell->mass_kg.value *
@@ -237,42 +286,79 @@ Experiment make_experiment(const protocol::Recording& recording, const Model& mo
   e.guess.resize(e.samples);
   for (std::size_t k = 0; k < e.samples; ++k) {
     StateGuess& guess = e.guess[k];
-    guess.displacement_m = x.value[k];
-    guess.velocity_m_s = x.rate[k];
-    if (!force.value.empty()) {
-      guess.friction_n = force.value[k];
-      if (model.load_cell) {
-        guess.load_cell_deflection_m = force.value[k] / cell_stiffness;
-        guess.load_cell_velocity_m_s = force.rate[k] / cell_stiffness;
-        if (!base.acceleration.empty()) {
-          guess.friction_n += model.load_cell->mass_kg.value * base.acceleration[k];  // Eq. (1)
-        }
-      }
+    guess.displacement_m = signals.displacement.value[k];
+    guess.velocity_m_s = signals.displacement.rate[k];
+    if (signals.friction.value.empty()) continue;
+    guess.friction_n = signals.friction.value[k];
+    if (!model.load_cell) continue;
+    guess.load_cell_deflection_m = signals.friction.value[k] / cell_stiffness;
+    guess.load_cell_velocity_m_s = signals.friction.rate[k] / cell_stiffness;
+    if (!signals.base.acceleration.empty()) {
+      guess.friction_n += model.load_cell->mass_kg.value * signals.base.acceleration[k];  // Eq. (1)
     }
   }
+}
 
+StateGuess largest_of(const std::vector<StateGuess>& guesses) {
+  StateGuess out;
   const auto widen = [](double& most, double value) { most = std::max(most, std::abs(value)); };
-  for (const StateGuess& guess : e.guess) {
-    widen(e.largest.displacement_m, guess.displacement_m);
-    widen(e.largest.velocity_m_s, guess.velocity_m_s);
-    widen(e.largest.load_cell_deflection_m, guess.load_cell_deflection_m);
-    widen(e.largest.load_cell_velocity_m_s, guess.load_cell_velocity_m_s);
-    widen(e.largest.friction_n, guess.friction_n);
+  for (const StateGuess& guess : guesses) {
+    widen(out.displacement_m, guess.displacement_m);
+    widen(out.velocity_m_s, guess.velocity_m_s);
+    widen(out.load_cell_deflection_m, guess.load_cell_deflection_m);
+    widen(out.load_cell_velocity_m_s, guess.load_cell_velocity_m_s);
+    widen(out.friction_n, guess.friction_n);
   }
+  return out;
+}
 
-  // What is reconstructed through filters or derivatives is poor where it cannot look around.
-  const double margin_s = excitation == Excitation::force &&
-                                  filters_of(Channel::drive_force).empty() &&
-                                  filters_of(Channel::displacement).empty()
-                              ? 0.0
-                              : 0.35;
+void set_usable_range(Experiment& e, const Source& source) {
+  const bool nothing_reconstructed = source.excitation() == Excitation::force &&
+                                     source.filters(Channel::drive_force).empty() &&
+                                     source.filters(Channel::displacement).empty();
+  const double margin_s = nothing_reconstructed ? 0.0 : reconstruction_margin_s;
   const auto margin = std::min(e.samples / 8, static_cast<std::size_t>(margin_s / e.period_s));
   e.usable_begin = margin;
   e.usable_end = e.samples - margin;
-  return e;
 }
 
-constexpr double fewest_samples = 8.0;  // of a window
+// One third of the windows is held out, in blocks of up to four: neighbours share a boundary and
+// belong on the same side. Blocks are spread by the golden ratio: a regular pattern could coincide
+// with a periodic drive and always hold out the same part of the motion.
+void hold_out(std::vector<Window>& windows) {
+  const std::size_t block = std::clamp<std::size_t>(windows.size() / 12, 1, 4);
+  for (std::size_t i = 0; i < windows.size(); ++i) {
+    const double turn = static_cast<double>(i / block) / std::numbers::phi;
+    windows[i].held_out = turn - std::floor(turn) > 2.0 / 3.0;
+  }
+}
+
+}  // namespace
+
+Experiment make_experiment(const protocol::Recording& recording, const Model& model, Steps steps) {
+  const auto& frames = recording.frames;
+  if (frames.size() < 32) {
+    refuse(recording.source,
+           "holds " + std::to_string(frames.size()) + " samples; at least 32 are needed");
+  }
+  Source source{recording, model, {}, {}};
+  check_channels(source);
+  source.grid = time_grid_of(frames);
+  Experiment e;
+  set_time_base(e, source);
+  e.substeps = substeps_for(model, e.period_s, steps);
+  set_channels(e, source);
+  set_compared(e, source);
+  set_readings(e, source);
+  const WideBandSignals signals = wide_band_signals(e, source);
+  e.base_acceleration_noise_m_s2 = signals.base.acceleration_noise_std;
+  e.mean_load_n = mean_load_n(source);
+  set_inputs(e, source, signals);
+  set_guesses(e, model, signals);
+  e.largest = largest_of(e.guess);
+  set_usable_range(e, source);
+  return e;
+}
 
 double default_horizon_s(const Model& model, const Experiment& experiment) {
   double period_s = 0.0;
@@ -284,12 +370,12 @@ double default_horizon_s(const Model& model, const Experiment& experiment) {
       period_s = 2.0 * std::numbers::pi *
                  std::sqrt(oscillator.mass_kg.value / oscillator.stiffness_n_m->value);
     } else {
-      period_s = 0.5;  // no spring: nothing brings a wrong velocity back, so errors grow fast
+      period_s = 0.5;  // without a spring nothing restores the velocity: errors grow fast
     }
   }
   const double longest = experiment.period_s * static_cast<double>(experiment.samples) / 24.0;
   return std::max(std::min(std::clamp(period_s, 0.4, 1.5), longest),
-                  fewest_samples * experiment.period_s);
+                  least_window_samples * experiment.period_s);
 }
 
 void cut_windows(Experiment& e, const Model& model, double horizon_s) {
@@ -297,12 +383,12 @@ void cut_windows(Experiment& e, const Model& model, double horizon_s) {
   const double h = e.period_s / e.substeps;
   const double settling_s = physics::SensorBank(model, h).settling_time_s();
   const auto warm = static_cast<std::size_t>(std::ceil(settling_s / e.period_s));
-  if (horizon_s < (fewest_samples - 0.5) * e.period_s) {
+  if (horizon_s < (least_window_samples - 0.5) * e.period_s) {
     throw InputError(Problem{"--horizon", 0, 0,
                              physics::number_text(horizon_s) + " s is less than " +
-                                 physics::number_text(fewest_samples) + " samples of " + e.source +
-                                 "; expected at least " +
-                                 physics::number_text(fewest_samples * e.period_s) + " s"});
+                                 physics::number_text(least_window_samples) + " samples of " +
+                                 e.source + "; expected at least " +
+                                 physics::number_text(least_window_samples * e.period_s) + " s"});
   }
   const auto length = static_cast<std::size_t>(std::llround(horizon_s / e.period_s));
   const auto across_gap = [&](std::size_t from, std::size_t to) {
@@ -315,16 +401,7 @@ void cut_windows(Experiment& e, const Model& model, double horizon_s) {
       e.windows.push_back({begin - warm, begin, begin + length, false});
     }
   }
-  // Blocks of up to four windows, so that neighbours, which share what happens at their seam,
-  // mostly stand on the same side. About a third is held out, spread by the golden ratio: a regular
-  // pattern could fall in step with a periodic drive, and then hold out the same part of the motion
-  // each time.
-  const std::size_t block = std::clamp<std::size_t>(e.windows.size() / 12, 1, 4);
-  for (std::size_t i = 0; i < e.windows.size(); ++i) {
-    const std::size_t number = i / block;  // of the block
-    const double turn = static_cast<double>(number) / std::numbers::phi;
-    e.windows[i].held_out = turn - std::floor(turn) > 2.0 / 3.0;
-  }
+  hold_out(e.windows);
 }
 
 }  // namespace stickslip::diagnosis

@@ -1,6 +1,5 @@
-// A recording made ready for models to be held against it: a uniform time grid, what the channels
-// read, what drove the rig, how noisy each channel is, first guesses of the states, and the windows
-// in which predictions are made.
+// A recording prepared for comparison with models: uniform time grid, readings, inputs, noise of
+// each channel, first guesses of the states, and the windows in which predictions are made.
 #pragma once
 
 #include <array>
@@ -15,10 +14,10 @@
 
 namespace stickslip::diagnosis {
 
-/// The channels that a model predicts; the others are its inputs.
+/// Channels that a model predicts, the first ones; the others are its inputs.
 inline constexpr std::size_t predicted_channels = 4;
 
-/// A stretch of samples: the model starts at `warm` with a free state, its sensor filters settle
+/// Consecutive samples: the model starts at `warm` with a free state, its sensor filters settle
 /// until `begin`, and it is compared with the recording from `begin` to before `end`.
 struct Window {
   std::size_t warm = 0;
@@ -27,7 +26,7 @@ struct Window {
   bool held_out = false;  ///< no parameter is ever fitted to it
 };
 
-/// A first guess of the mechanical state at a sample, from the wide-band channels.
+/// First guess of the mechanical state at a sample, from the wide-band channels.
 struct StateGuess {
   double displacement_m = 0.0;
   double velocity_m_s = 0.0;
@@ -43,31 +42,46 @@ struct Experiment {
   int substeps = 1;  ///< integration steps per sample
   std::size_t samples = 0;
   std::vector<std::array<double, predicted_channels>> reading;
-  std::vector<std::uint8_t> valid;    ///< bits by channel: compare this sample
-  std::uint8_t compared = 0;          ///< bits by channel: the model predicts what was recorded
+  std::vector<std::uint8_t> valid;    ///< by sample, bits by channel: compare this reading
+  std::uint8_t compared = 0;          ///< bits by channel: predicted by the model and recorded
   std::vector<physics::Input> input;  ///< (samples - 1) * substeps + 1 instants
   std::vector<StateGuess> guess;      ///< one per sample
   std::array<double, channel_count> noise_std{};  ///< declared or estimated; 0: not recorded
   std::array<bool, channel_count> noise_declared{};
-  std::array<bool, channel_count> noise_assumed{};  ///< smoother than any model is right
+  /// The estimate was below the accuracy of any model and was replaced by a lower bound.
+  std::array<bool, channel_count> noise_assumed{};
   std::array<double, channel_count> channel_std{};  ///< standard deviation of the recording
-  double base_doubt_m_s2 =
-      0.0;             ///< what the acceleration of the base is wrong by, standard deviation
+  /// Standard deviation of the base's acceleration as derived from its noisy channel.
+  double base_acceleration_noise_m_s2 = 0.0;
   StateGuess largest;  ///< largest magnitude of each guessed quantity
   double mean_load_n = 1.0;
-  std::size_t usable_begin = 0;  ///< samples near the ends are used for filters only
+  std::size_t usable_begin = 0;  ///< samples near the ends only feed filters
   std::size_t usable_end = 0;
-  std::vector<std::size_t> gaps;  ///< samples at which a new stretch begins
+  std::vector<std::size_t> gaps;  ///< first samples after gaps
   std::vector<Window> windows;
 
   double time_s(std::size_t sample) const {
     return start_s + period_s * static_cast<double>(sample);
   }
+  /// True if models are compared with the reading of channel c at sample k.
+  bool is_compared(std::size_t k, std::size_t c) const { return ((valid[k] >> c) & 1U) != 0; }
+  /// True if models are compared with channel c.
+  bool is_compared(std::size_t c) const { return ((compared >> c) & 1U) != 0; }
 };
 
-/// How finely the model is integrated: finely enough to be judged by the noise, or so that a
-/// comparison of candidates costs less.
-enum class Steps : std::uint8_t { fine, rough };
+/// Calls visit(sample, channel) for every compared reading in [begin, end), sample by sample.
+template <class Visit>
+void for_each_compared(const Experiment& e, std::size_t begin, std::size_t end, Visit&& visit) {
+  for (std::size_t k = begin; k < end; ++k) {
+    for (std::size_t c = 0; c < predicted_channels; ++c) {
+      if (e.is_compared(k, c)) visit(k, c);
+    }
+  }
+}
+
+/// Integration steps: fine enough for residuals at the level of the noise, or coarse, for the
+/// screening of candidates.
+enum class Steps : std::uint8_t { fine, coarse };
 
 /// Throws InputError where the recording lacks what the model needs (a base-excited rig needs
 /// base_displacement_m, a force-excited one drive_force_n, imposed motion displacement_m, and
@@ -75,11 +89,12 @@ enum class Steps : std::uint8_t { fine, rough };
 Experiment make_experiment(const protocol::Recording& recording, const physics::Model& model,
                            Steps steps = Steps::fine);
 
-/// Cuts the usable part into windows of `horizon_s`; of every three blocks of windows one is held
-/// out. Throws InputError for a horizon of fewer than eight samples.
+/// Cuts the usable part into windows of `horizon_s` and holds out one third of the blocks of
+/// windows. Throws InputError for a horizon of fewer than eight samples.
 void cut_windows(Experiment& experiment, const physics::Model& model, double horizon_s);
 
-/// A prediction horizon that suits the model: 0.4 s, longer for slow rigs.
+/// Prediction horizon for a model: one period of its oscillator, within 0.4 to 1.5 s and at most a
+/// 24th of the recording.
 double default_horizon_s(const physics::Model& model, const Experiment& experiment);
 
 }  // namespace stickslip::diagnosis

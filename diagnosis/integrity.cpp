@@ -20,7 +20,7 @@ namespace {
 using std::numbers::pi;
 using Complex = std::complex<double>;
 
-// The step of an analogue-to-digital converter: all readings are multiples of it, from the first.
+// Quantisation step: all readings are the lowest one plus multiples of it.
 double step_of(const std::vector<double>& readings) {
   std::vector<double> sorted = readings;
   std::sort(sorted.begin(), sorted.end());
@@ -31,7 +31,7 @@ double step_of(const std::vector<double>& readings) {
     const double d = sorted[i] - sorted[i - 1];
     if (d > 1.0e-9 * range) step = std::min(step, d);
   }
-  // 24 bits are beyond what any sample scatter leaves visible.
+  // Beyond 24 bits the noise hides any step.
   if (range / step > 1.6e7) return 0.0;
   const std::size_t every = std::max<std::size_t>(1, sorted.size() / 2000);
   for (std::size_t i = 0; i < sorted.size(); i += every) {
@@ -41,10 +41,10 @@ double step_of(const std::vector<double>& readings) {
   return step;
 }
 
-// A rail holds many more readings than the same width just inside it; the crest of a coarsely
-// resolved channel does not.
-std::size_t standing_at(const std::vector<double>& readings, double rail, double tolerance,
-                        double width) {
+// Number of readings clipped at `rail`. A rail holds many more readings than a band of the same
+// width just inside it; the crest of a coarsely resolved channel does not.
+std::size_t clipped_at(const std::vector<double>& readings, double rail, double tolerance,
+                       double width) {
   constexpr std::size_t shortest = 3;
   std::size_t count = 0;
   std::size_t run = 0;
@@ -83,22 +83,22 @@ ChannelIntegrity channel_integrity(const std::vector<Frame>& frames, const TimeG
   if (range > 0.0) {
     const double same = std::max(0.25 * out.step, 1.0e-9 * range);
     const double width = std::max(out.step, 1.0e-3 * range);
-    out.at_low_rail = standing_at(readings, out.lowest, same, width);
-    out.at_high_rail = standing_at(readings, out.highest, same, width);
+    out.at_low_rail = clipped_at(readings, out.lowest, same, width);
+    out.at_high_rail = clipped_at(readings, out.highest, same, width);
   }
   out.mains = mains_of(filled(frames, grid, channel), grid.period_s);
   return out;
 }
 
-// By how much `late` comes after `early`, both of one shape, from the slope of the phase between
-// them, and how well that is known.
+// Delay of `late` behind `early`, signals of one shape, from the slope of the phase between their
+// spectra, and its standard error.
 std::pair<double, double> delay_between(const std::vector<Complex>& early,
                                         const std::vector<Complex>& late, double step_hz) {
   double most = 0.0;
   for (const Complex& each : early) most = std::max(most, std::norm(each));
   double product = 0.0;
   double weight = 0.0;
-  std::vector<std::pair<double, double>> used;  // of each line: quadrature, leverage
+  std::vector<std::pair<double, double>> used;  // quadrature and leverage of each line
   for (std::size_t i = 1; i < early.size(); ++i) {
     const double size = std::abs(early[i]);
     if (size * size < 1.0e-4 * most) continue;
@@ -118,11 +118,11 @@ std::pair<double, double> delay_between(const std::vector<Complex>& early,
   return {delay, std::sqrt(square / static_cast<double>(used.size() - 1) / weight)};
 }
 
-void look_at_velocity(const std::vector<Frame>& frames, const TimeGrid& grid,
-                      const physics::Model& model, Integrity& out) {
+void set_velocity_delay(const std::vector<Frame>& frames, const TimeGrid& grid,
+                        const physics::Model& model, Integrity& out) {
   const auto x = filled(frames, grid, Channel::displacement);
   const auto v = filled(frames, grid, Channel::velocity);
-  // Displacement's own filters are in front of the differentiator too: they cancel.
+  // The displacement's own filters precede the differentiator too: they cancel.
   const WideBand motion = wide_band(x, grid.period_s, {}, noise_of(x));
   auto expected = windowed_spectrum(motion.rate);
   const double step_hz = 0.5 / (grid.period_s * static_cast<double>(expected.size()));
@@ -142,7 +142,8 @@ std::string printed(const char* format, auto... values) {
   return text;
 }
 
-void remark_on(const ChannelIntegrity& c, std::size_t frames, std::vector<std::string>& remarks) {
+void add_remarks(const ChannelIntegrity& c, std::size_t frames, const Criteria& criteria,
+                 std::vector<std::string>& remarks) {
   const std::string name(info(c.channel).stem);
   const std::string unit(info(c.channel).unit);
   const auto share = [&](std::size_t count) {
@@ -155,32 +156,24 @@ void remark_on(const ChannelIntegrity& c, std::size_t frames, std::vector<std::s
     remarks.push_back(name + " never changes: is it connected?");
     return;
   }
-  // A noisy crest stands still for three samples now and then; a rail holds it for many.
   const std::size_t at_rails = c.at_low_rail + c.at_high_rail;
-  if (share(at_rails) > 0.1) {
-    remarks.push_back(name + printed(" stands still at its lowest (%.3g ", c.lowest) + unit +
+  if (share(at_rails) > criteria.remark_clipped_percent) {
+    remarks.push_back(name + printed(" rests at its lowest (%.3g ", c.lowest) + unit +
                       printed(") or highest value (%.3g ", c.highest) + unit +
                       printed(") for %.2g %% of the time: it may be clipped", share(at_rails)));
   }
   const double steps = c.step > 0.0 ? (c.highest - c.lowest) / c.step : 0.0;
-  if (steps > 0.0 && steps < 1000.0) {
-    remarks.push_back(name + printed(" is resolved in %.0f steps only (%.3g ", steps, c.step) +
-                      unit + " each): a smaller measuring range would show more");
+  if (steps > 0.0 && steps < criteria.remark_steps) {
+    remarks.push_back(name + printed(" spans only %.0f quantisation steps (%.3g ", steps, c.step) +
+                      unit + " each): a smaller measuring range would resolve more");
   }
   if (c.mains) {
-    remarks.push_back(
-        name + printed(" holds a line of %.3g ", c.mains->amplitude) + unit +
-        printed(" at %.2f Hz, as the mains does: look for a ground loop", c.mains->frequency_hz));
+    remarks.push_back(name + printed(" contains a mains line of %.3g ", c.mains->amplitude) + unit +
+                      printed(" at %.2f Hz: look for a ground loop", c.mains->frequency_hz));
   }
 }
 
-}  // namespace
-
-Integrity integrity_of(const protocol::Recording& recording, const physics::Model& model) {
-  Integrity out;
-  const auto& frames = recording.frames;
-  const TimeGrid grid = time_grid_of(frames);
-  out.source = recording.source;
+void set_timing(const std::vector<Frame>& frames, const TimeGrid& grid, Integrity& out) {
   out.frames = frames.size();
   out.rate_hz = 1.0 / grid.period_s;
   out.duration_s =
@@ -199,30 +192,49 @@ Integrity integrity_of(const protocol::Recording& recording, const physics::Mode
     const double gap = static_cast<double>(frames[i].time_ns - frames[i - 1].time_ns) * 1.0e-9;
     if (gap > 1.5 * grid.period_s) out.longest_gap_s = std::max(out.longest_gap_s, gap);
   }
+}
+
+void add_timing_remarks(const TimeGrid& grid, const Criteria& criteria, Integrity& out) {
   if (out.lost > 0) {
-    out.remarks.push_back(printed("%zu of %zu samples are not there; the longest gap is %.3g s",
+    out.remarks.push_back(printed("%zu of %zu samples are missing; the longest gap is %.3g s",
                                   out.lost, grid.frame.size(), out.longest_gap_s));
   }
-  if (out.jitter > 0.2) {
-    out.remarks.push_back(
-        printed("samples are up to %.2g sampling periods away from a uniform clock", out.jitter));
+  if (out.jitter > criteria.remark_jitter) {
+    out.remarks.push_back(printed(
+        "sample times deviate by up to %.2g sampling periods from a uniform grid", out.jitter));
   }
+}
+
+void add_delay_remark(const TimeGrid& grid, const Criteria& criteria, Integrity& out) {
+  const double size = std::abs(*out.velocity_delay_s);
+  if (size > criteria.remark_delay_errors * out.velocity_delay_error_s &&
+      size > criteria.remark_delay_periods * grid.period_s) {
+    out.remarks.push_back(printed("velocity %s the derivative of the displacement by %.3g ms",
+                                  *out.velocity_delay_s > 0.0 ? "lags" : "leads", 1e3 * size));
+  }
+}
+
+}  // namespace
+
+Integrity integrity_of(const protocol::Recording& recording, const physics::Model& model,
+                       const Criteria& criteria) {
+  Integrity out;
+  out.source = recording.source;
+  const auto& frames = recording.frames;
+  const TimeGrid grid = time_grid_of(frames);
+  set_timing(frames, grid, out);
+  add_timing_remarks(grid, criteria, out);
   const auto recorded = [&](Channel channel) {
     return ((recording.channels >> index_of(channel)) & 1U) != 0;
   };
   for (const Channel channel : all_channels) {
     if (!recorded(channel)) continue;
     out.channels.push_back(channel_integrity(frames, grid, channel));
-    remark_on(out.channels.back(), frames.size(), out.remarks);
+    add_remarks(out.channels.back(), frames.size(), criteria, out.remarks);
   }
   if (recorded(Channel::displacement) && recorded(Channel::velocity)) {
-    look_at_velocity(frames, grid, model, out);
-    const double size = std::abs(*out.velocity_delay_s);
-    if (size > 5.0 * out.velocity_delay_error_s && size > 0.05 * grid.period_s) {
-      out.remarks.push_back(
-          printed("velocity comes %.3g ms %s than the derivative of the displacement", 1e3 * size,
-                  *out.velocity_delay_s > 0.0 ? "later" : "earlier"));
-    }
+    set_velocity_delay(frames, grid, model, out);
+    add_delay_remark(grid, criteria, out);
   }
   return out;
 }

@@ -1,12 +1,13 @@
-// What a person should know of a recording before any model is held against it: is it whole, does
-// a channel run into its rails, how finely is it resolved, does the mains sing in it, and is the
-// velocity channel late. Nothing here enters the diagnosis; a fault that matters is found by it.
+// Integrity of a recording before any model is compared with it: missing samples, clipping,
+// resolution, mains lines, and the delay of the velocity channel. For the reader only; the
+// diagnosis finds the faults that matter by itself.
 #pragma once
 
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "diagnosis/criteria.h"
 #include "physics/effects/effect.h"
 #include "physics/frame.h"
 #include "physics/model.h"
@@ -16,10 +17,10 @@ namespace stickslip::diagnosis {
 
 struct ChannelIntegrity {
   Channel channel = Channel::displacement;
-  std::size_t missing = 0;  ///< frames that lack it
-  /// Smallest step between two readings where all are multiples of one; 0: finer than can be told.
+  std::size_t missing = 0;  ///< frames without this channel
+  /// Quantisation step, where all readings are multiples of one; 0: too fine to be detected.
   double step = 0.0;
-  /// Readings that stand still at the lowest and at the highest value for three samples or more.
+  /// Readings in runs of three or more at the lowest and at the highest value.
   std::size_t at_low_rail = 0;
   std::size_t at_high_rail = 0;
   double lowest = 0.0;
@@ -32,19 +33,20 @@ struct Integrity {
   double duration_s = 0.0;
   double rate_hz = 0.0;
   std::size_t frames = 0;
-  std::size_t lost = 0;        ///< frames that the time stamps have room for and that are not there
-  double longest_gap_s = 0.0;  ///< 0: none
+  std::size_t lost = 0;        ///< frames missing from the time grid
+  double longest_gap_s = 0.0;  ///< 0: no gap
   double jitter = 0.0;         ///< largest departure from a uniform grid, in sampling periods
   std::vector<ChannelIntegrity> channels;
-  /// By how much the velocity comes later than the derivative of the displacement, declared filters
-  /// taken into account, with its standard error; absent where there is no velocity.
+  /// Delay of the velocity behind the derivative of the displacement, declared filters taken into
+  /// account, with its standard error; absent without a velocity channel.
   std::optional<double> velocity_delay_s;
   double velocity_delay_error_s = 0.0;
-  /// What of all this a person should look at, in words; empty for a clean recording.
+  /// Conspicuous properties, in words; empty for a clean recording.
   std::vector<std::string> remarks;
 };
 
-/// Looks at a recording of at least 32 frames. `model` gives the sensor chains.
-Integrity integrity_of(const protocol::Recording& recording, const physics::Model& model);
+/// Of a recording of at least 32 frames. `model` gives the sensor chains.
+Integrity integrity_of(const protocol::Recording& recording, const physics::Model& model,
+                       const Criteria& criteria = {});
 
 }  // namespace stickslip::diagnosis

@@ -1,4 +1,4 @@
-// The value in the middle.
+// Median of a set of values.
 #pragma once
 
 #include <algorithm>
@@ -6,7 +6,7 @@
 
 namespace stickslip::diagnosis {
 
-/// The upper of the two in the middle where there are as many above as below; at least one value.
+/// The upper of the two middle values of an even number; `values` must not be empty.
 inline double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());

@@ -21,10 +21,9 @@ using std::numbers::pi;
 constexpr std::size_t time_parts = 8;
 constexpr std::size_t phase_parts = 8;
 constexpr std::size_t motion_parts = 5;
-constexpr double false_share = 0.05;
 
-// What the residuals of one window add up to under one condition. `logarithm` is the sum of
-// log(1 + r^2): a mean of squares would be decided by the few largest.
+// Sums over the residuals of one window under one condition. `logarithm` is the sum of log(1 +
+// r^2): a mean of squares would depend on the few largest residuals.
 struct Sums {
   double logarithm = 0.0;
   double square = 0.0;
@@ -62,7 +61,7 @@ std::string printed(const char* format, auto... values) {
   return text;
 }
 
-// The edges of five parts that hold as many samples each.
+// Quintiles.
 std::array<double, 6> fifths(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   std::array<double, 6> edges{};
@@ -96,48 +95,19 @@ class Conditions {
     x_ = fifths(std::move(x));
     v_ = fifths(std::move(v));
     for (const Experiment& e : task.experiments) drive_.push_back(Drive(e));
-    const Experiment& first = task.experiments.front();
-    // Times of different recordings have nothing in common.
-    const std::size_t times = task.experiments.size() == 1 ? time_parts : 0;
-    for (std::size_t i = 0; i < times; ++i) {
-      const double from = first.time_s(i * first.samples / time_parts);
-      const double to = first.time_s((i + 1) * first.samples / time_parts);
-      list_.push_back({Aspect::time, from, to, printed("from %.3g to %.3g s", from, to)});
-    }
-    for (std::size_t i = 0; i < 5; ++i) {
-      list_.push_back({Aspect::displacement, x_[i], x_[i + 1],
-                       printed("at displacements from %.2g to %.2g m", x_[i], x_[i + 1])});
-    }
-    for (std::size_t i = 0; i < 5; ++i) {
-      list_.push_back({Aspect::velocity, v_[i], v_[i + 1],
-                       printed("at velocities from %.2g to %.2g m/s", v_[i], v_[i + 1])});
-    }
-    for (const char* words :
-         {"while it hardly moves", "around reversals", "while it moves forwards",
-          "while it moves backwards", "while it moves fast"}) {
-      list_.push_back({Aspect::motion, 0.0, 0.0, words});
-    }
-    for (std::size_t i = 0; i < phase_parts; ++i) {
-      const double from = 2.0 * pi * static_cast<double>(i) / phase_parts;
-      const double to = 2.0 * pi * static_cast<double>(i + 1) / phase_parts;
-      list_.push_back({Aspect::drive_phase, from, to,
-                       printed("at drive phases from %.0f to %.0f degrees after its crest",
-                               from * 180.0 / pi, to * 180.0 / pi)});
-    }
+    add_times();
+    add_quintiles();
+    add_motions();
+    add_drive_phases();
     samples_ = list_.size();
-    double from = 0.0;
-    while (from < highest_hz) {
-      const double to = std::min(std::max(2.0, 2.0 * from), highest_hz);
-      list_.push_back({Aspect::band, from, to, printed("between %.3g and %.3g Hz", from, to)});
-      from = to;
-    }
+    add_bands(highest_hz);
   }
 
   const std::vector<Condition>& list() const { return list_; }
-  /// The first so many are about samples, the others about lines of the spectrum.
+  /// Number of conditions on samples; the following ones are on spectral lines.
   std::size_t of_samples() const { return samples_; }
 
-  /// Calls visit(index of the condition) for all that sample k meets.
+  /// Calls visit(index) for every condition that sample k meets.
   template <class Visit>
   void each_of(const WindowRef ref, std::size_t k, Visit&& visit) const {
     const Experiment& e = task_.experiments[ref.experiment];
@@ -167,7 +137,56 @@ class Conditions {
   }
 
  private:
-  // In which part of its cycle the drive is.
+  void add_times() {
+    // Times of different recordings are unrelated.
+    if (task_.experiments.size() != 1) return;
+    const Experiment& e = task_.experiments.front();
+    for (std::size_t i = 0; i < time_parts; ++i) {
+      const double from = e.time_s(i * e.samples / time_parts);
+      const double to = e.time_s((i + 1) * e.samples / time_parts);
+      list_.push_back({Aspect::time, from, to, printed("from %.3g to %.3g s", from, to)});
+    }
+  }
+
+  void add_quintiles() {
+    for (std::size_t i = 0; i < 5; ++i) {
+      list_.push_back({Aspect::displacement, x_[i], x_[i + 1],
+                       printed("at displacements from %.2g to %.2g m", x_[i], x_[i + 1])});
+    }
+    for (std::size_t i = 0; i < 5; ++i) {
+      list_.push_back({Aspect::velocity, v_[i], v_[i + 1],
+                       printed("at velocities from %.2g to %.2g m/s", v_[i], v_[i + 1])});
+    }
+  }
+
+  void add_motions() {
+    for (const char* words :
+         {"while it hardly moves", "around reversals", "while it moves forwards",
+          "while it moves backwards", "while it moves fast"}) {
+      list_.push_back({Aspect::motion, 0.0, 0.0, words});
+    }
+  }
+
+  void add_drive_phases() {
+    for (std::size_t i = 0; i < phase_parts; ++i) {
+      const double from = 2.0 * pi * static_cast<double>(i) / phase_parts;
+      const double to = 2.0 * pi * static_cast<double>(i + 1) / phase_parts;
+      list_.push_back({Aspect::drive_phase, from, to,
+                       printed("at drive phases from %.0f to %.0f degrees after its crest",
+                               from * 180.0 / pi, to * 180.0 / pi)});
+    }
+  }
+
+  void add_bands(double highest_hz) {
+    double from = 0.0;
+    while (from < highest_hz) {
+      const double to = std::min(std::max(2.0, 2.0 * from), highest_hz);
+      list_.push_back({Aspect::band, from, to, printed("between %.3g and %.3g Hz", from, to)});
+      from = to;
+    }
+  }
+
+  // Part of the drive's cycle, by sample.
   class Drive {
    public:
     explicit Drive(const Experiment& e) {
@@ -190,7 +209,7 @@ class Conditions {
   std::size_t samples_ = 0;
 };
 
-// By window: of every channel all samples, all lines, and those under each condition.
+// Of one window: by channel all samples, all spectral lines, and those under each condition.
 struct WindowSums {
   std::array<Sums, predicted_channels> samples;
   std::array<Sums, predicted_channels> lines;
@@ -209,16 +228,13 @@ WindowSums sums_of(const Task& task, const Conditions& conditions, const Hypothe
     out.under[c].resize(conditions.list().size());
     residual[c].assign(window.end - window.begin, 0.0);
   }
-  for (std::size_t k = window.begin; k < window.end; ++k) {
-    for (std::size_t c = 0; c < predicted_channels; ++c) {
-      if (((e.valid[k] >> c) & 1U) == 0) continue;
-      const double off = (readings[k - window.begin][c] - e.reading[k][c]) / task.sigma[c];
-      const double r = std::isfinite(off) ? std::clamp(off, -1.0e6, 1.0e6) : 1.0e6;
-      residual[c][k - window.begin] = r;
-      out.samples[c].add(r * r);
-      conditions.each_of(ref, k, [&](std::size_t i) { out.under[c][i].add(r * r); });
-    }
-  }
+  for_each_compared(e, window.begin, window.end, [&](std::size_t k, std::size_t c) {
+    const double off = (readings[k - window.begin][c] - e.reading[k][c]) / task.sigma[c];
+    const double r = std::isfinite(off) ? std::clamp(off, -1.0e6, 1.0e6) : 1.0e6;
+    residual[c][k - window.begin] = r;
+    out.samples[c].add(r * r);
+    conditions.each_of(ref, k, [&](std::size_t i) { out.under[c][i].add(r * r); });
+  });
   Eigen::FFT<double> fft;
   for (std::size_t c = 0; c < predicted_channels; ++c) {
     if (out.samples[c].count == 0.0) continue;
@@ -238,9 +254,9 @@ WindowSums sums_of(const Task& task, const Conditions& conditions, const Hypothe
   return out;
 }
 
-// Windows drawn anew in blocks of neighbours, as counts of how often each comes.
-std::vector<std::vector<double>> redrawn(std::size_t windows, std::uint64_t seed) {
-  constexpr std::size_t draws = 400;
+// Block bootstrap: by draw, the number of times that each window is drawn.
+std::vector<std::vector<double>> bootstrap_counts(std::size_t windows, std::size_t draws,
+                                                  std::uint64_t seed) {
   const auto block = std::max<std::size_t>(
       1, static_cast<std::size_t>(std::lround(std::cbrt(static_cast<double>(windows)))));
   std::mt19937_64 random(seed);
@@ -263,79 +279,118 @@ double contrast(const Sums& in, const Sums& all) {
   return in.logarithm / in.count - out.logarithm / out.count;
 }
 
+// Residuals of one channel, with and without one condition, by window.
+class Test {
+ public:
+  Test(const std::vector<WindowSums>& windows, const Conditions& conditions, std::size_t channel,
+       std::size_t condition)
+      : windows_(windows),
+        channel_(channel),
+        condition_(condition),
+        of_samples_(condition < conditions.of_samples()) {
+    for (std::size_t w = 0; w < windows.size(); ++w) {
+      inside_ += inside(w);
+      all_ += all(w);
+    }
+  }
+
+  const Sums& inside() const { return inside_; }
+  Sums outside() const { return all_ - inside_; }
+
+  // One-sided, of the contrast over its bootstrap error.
+  double p_value(const std::vector<std::vector<double>>& draws) const {
+    const double error = bootstrap_error(draws);
+    const double found = contrast(inside_, all_);
+    return error > 0.0 ? 0.5 * std::erfc(found / error / std::numbers::sqrt2) : 1.0;
+  }
+
+ private:
+  const Sums& inside(std::size_t w) const { return windows_[w].under[channel_][condition_]; }
+  const Sums& all(std::size_t w) const {
+    return of_samples_ ? windows_[w].samples[channel_] : windows_[w].lines[channel_];
+  }
+
+  double bootstrap_error(const std::vector<std::vector<double>>& draws) const {
+    double sum = 0.0;
+    double square = 0.0;
+    for (const auto& count : draws) {
+      Sums drawn_in;
+      Sums drawn_all;
+      for (std::size_t w = 0; w < windows_.size(); ++w) {
+        if (count[w] == 0.0) continue;
+        const Sums& one = inside(w);
+        drawn_in += {count[w] * one.logarithm, 0.0, count[w] * one.count};
+        const Sums& whole = all(w);
+        drawn_all += {count[w] * whole.logarithm, 0.0, count[w] * whole.count};
+      }
+      const double each = contrast(drawn_in, drawn_all);
+      sum += each;
+      square += each * each;
+    }
+    const double n = static_cast<double>(draws.size());
+    return std::sqrt(std::max(0.0, square / n - std::pow(sum / n, 2)));
+  }
+
+  const std::vector<WindowSums>& windows_;
+  std::size_t channel_;
+  std::size_t condition_;
+  bool of_samples_;
+  Sums inside_;
+  Sums all_;
+};
+
+Region region_of(const Condition& condition, std::size_t channel, const Test& test,
+                 const std::vector<std::vector<double>>& draws) {
+  Region region;
+  region.channel = all_channels[channel];
+  region.aspect = condition.aspect;
+  region.from = condition.from;
+  region.to = condition.to;
+  region.words = condition.words;
+  region.energy = test.inside().square / test.inside().count;
+  region.energy_outside = test.outside().square / test.outside().count;
+  region.p_value = test.p_value(draws);
+  return region;
+}
+
+// Keeps the significant regions, by the procedure of Benjamini and Yekutieli.
+void keep_significant(std::vector<Region>& tested, double false_discovery_rate) {
+  std::stable_sort(tested.begin(), tested.end(),
+                   [](const Region& a, const Region& b) { return a.p_value < b.p_value; });
+  double harmonic = 0.0;
+  for (std::size_t k = 1; k <= tested.size(); ++k) harmonic += 1.0 / static_cast<double>(k);
+  std::size_t kept = 0;
+  for (std::size_t k = 0; k < tested.size(); ++k) {
+    const double allowed = false_discovery_rate * static_cast<double>(k + 1) /
+                           (static_cast<double>(tested.size()) * harmonic);
+    if (tested[k].p_value <= allowed) kept = k + 1;
+  }
+  tested.erase(tested.begin() + static_cast<std::ptrdiff_t>(kept), tested.end());
+}
+
 }  // namespace
 
 std::vector<Region> regions_of(const Task& task, const Hypothesis& hypothesis, const Fit& fitted,
-                               std::uint64_t seed) {
+                               std::uint64_t seed, const Criteria& criteria) {
   const std::size_t windows = task.windows.size();
   const Conditions conditions(task);
   std::vector<WindowSums> sums(windows);
   parallel::for_each(windows, task.threads, [&](std::size_t w) {
     sums[w] = sums_of(task, conditions, hypothesis, fitted, w);
   });
-  const auto draws = redrawn(windows, seed);
-
+  const auto draws = bootstrap_counts(windows, criteria.effort.region_bootstrap_draws, seed);
+  const double least = criteria.region_least_count;
   std::vector<Region> tested;
-  constexpr double fewest = 30.0;  // samples or lines that a condition must have
   for (std::size_t c = 0; c < predicted_channels; ++c) {
     for (std::size_t i = 0; i < conditions.list().size(); ++i) {
-      const auto& all_of = [&](std::size_t w) -> const Sums& {
-        return i < conditions.of_samples() ? sums[w].samples[c] : sums[w].lines[c];
-      };
-      Sums in;
-      Sums all;
-      for (std::size_t w = 0; w < windows; ++w) {
-        in += sums[w].under[c][i];
-        all += all_of(w);
-      }
-      if (in.count < fewest || all.count - in.count < fewest) continue;
-      double sum = 0.0;
-      double square = 0.0;
-      for (const auto& count : draws) {
-        Sums drawn_in;
-        Sums drawn_all;
-        for (std::size_t w = 0; w < windows; ++w) {
-          if (count[w] == 0.0) continue;
-          const Sums& one = sums[w].under[c][i];
-          drawn_in += {count[w] * one.logarithm, 0.0, count[w] * one.count};
-          const Sums& whole = all_of(w);
-          drawn_all += {count[w] * whole.logarithm, 0.0, count[w] * whole.count};
-        }
-        const double each = contrast(drawn_in, drawn_all);
-        sum += each;
-        square += each * each;
-      }
-      const double n = static_cast<double>(draws.size());
-      const double error = std::sqrt(std::max(0.0, square / n - std::pow(sum / n, 2)));
-      const double found = contrast(in, all);
-      const Condition& condition = conditions.list()[i];
-      Region region;
-      region.channel = all_channels[c];
-      region.aspect = condition.aspect;
-      region.from = condition.from;
-      region.to = condition.to;
-      region.words = condition.words;
-      const Sums out = all - in;
-      region.energy = in.square / in.count;
-      region.energy_outside = out.square / out.count;
-      region.p_value = error > 0.0 ? 0.5 * std::erfc(found / error / std::numbers::sqrt2) : 1.0;
-      tested.push_back(std::move(region));
+      const Test test(sums, conditions, c, i);
+      if (test.inside().count < least || test.outside().count < least) continue;
+      tested.push_back(region_of(conditions.list()[i], c, test, draws));
     }
   }
-
-  std::stable_sort(tested.begin(), tested.end(),
-                   [](const Region& a, const Region& b) { return a.p_value < b.p_value; });
-  double harmonic = 0.0;
-  for (std::size_t k = 1; k <= tested.size(); ++k) harmonic += 1.0 / static_cast<double>(k);
-  std::size_t named = 0;
-  for (std::size_t k = 0; k < tested.size(); ++k) {
-    const double allowed =
-        false_share * static_cast<double>(k + 1) / (static_cast<double>(tested.size()) * harmonic);
-    if (tested[k].p_value <= allowed) named = k + 1;
-  }
-  tested.erase(tested.begin() + static_cast<std::ptrdiff_t>(named), tested.end());
-  // A condition under which most residuals are larger but the few largest are not would only
-  // puzzle: what is told is the mean square.
+  keep_significant(tested, criteria.region_false_discovery_rate);
+  // The mean square is reported: it would contradict a condition under which most residuals are
+  // larger but the few largest are not.
   std::erase_if(tested, [](const Region& each) { return each.energy <= each.energy_outside; });
   return tested;
 }

@@ -12,17 +12,17 @@ namespace {
 
 constexpr double ramp_s = 0.5;
 
-// The recorded drive that many seconds after the beginning.
+// Recorded drive `time_s` after the first sample, interpolated linearly.
 physics::Input recorded_at(const Experiment& recorded, double time_s) {
   const double h = recorded.period_s / recorded.substeps;
   const double last = static_cast<double>(recorded.input.size() - 1);
-  const double there = std::clamp(time_s / h, 0.0, last);
-  const auto before = std::min(static_cast<std::size_t>(there), recorded.input.size() - 2);
+  const double position = std::clamp(time_s / h, 0.0, last);
+  const auto before = std::min(static_cast<std::size_t>(position), recorded.input.size() - 2);
   return physics::between(recorded.input[before], recorded.input[before + 1],
-                          there - static_cast<double>(before));
+                          position - static_cast<double>(before));
 }
 
-// By what a drive in bursts is multiplied, with its derivatives.
+// Envelope of a drive in bursts, with its derivatives.
 struct Envelope {
   double value = 1.0;
   double first = 0.0;   // [1/s]
@@ -32,7 +32,7 @@ struct Envelope {
 Envelope envelope_of(const Rerun& run, double time_s) {
   if (!(run.burst_s > 0.0)) return {};
   const double phase = std::fmod(time_s, 2.0 * run.burst_s);
-  const double into = std::min(phase, run.burst_s - phase);  // from the nearer end of the burst
+  const double into = std::min(phase, run.burst_s - phase);  // time from the nearer end
   if (into <= 0.0) return {0.0, 0.0, 0.0};
   if (into >= ramp_s) return {};
   const double turn = std::numbers::pi / ramp_s;
@@ -41,7 +41,7 @@ Envelope envelope_of(const Rerun& run, double time_s) {
           0.5 * turn * turn * std::cos(turn * into)};
 }
 
-// What drives the rig in such a run. Displacements and their derivatives stay those of one motion.
+// Input of a varied run. Displacements and their derivatives remain those of one motion.
 physics::Input input_of(const Rerun& run, const Experiment& recorded, double time_s) {
   constexpr double around_s = 0.01;
   physics::Input input = recorded_at(recorded, run.pace * time_s);
@@ -50,7 +50,7 @@ physics::Input input_of(const Rerun& run, const Experiment& recorded, double tim
        recorded_at(recorded, run.pace * time_s - around_s).base_displacement_m) /
       (2.0 * around_s);
   const Envelope envelope = envelope_of(run, time_s);
-  const double way = run.amplitude / (run.pace * run.pace);  // for the same accelerations
+  const double way = run.amplitude / (run.pace * run.pace);  // at the same accelerations
   input.drive_force_n *= run.amplitude * envelope.value;
   input.base_acceleration_m_s2 = run.amplitude * envelope.value * input.base_acceleration_m_s2 +
                                  2.0 * way * run.pace * envelope.first * rate_m_s +
@@ -84,7 +84,7 @@ protocol::Recording rerun(const Experiment& recorded, const physics::Model& mode
   recording.source = "simulated";
   double duration_s = recorded.period_s * static_cast<double>(recorded.samples);
   if (run.longest_s > 0.0) duration_s = std::min(duration_s, run.longest_s);
-  if (run.pace > 1.0) duration_s /= run.pace;  // then the recorded drive is at its end
+  if (run.pace > 1.0) duration_s /= run.pace;  // the recorded drive ends earlier
   const auto samples = static_cast<std::size_t>(duration_s / recorded.period_s);
   rig.set_input(input_of(run, recorded, 0.0));
   for (std::size_t k = 0; k < samples; ++k) {
@@ -96,7 +96,6 @@ protocol::Recording rerun(const Experiment& recorded, const physics::Model& mode
     Frame frame = rig.read();
     frame.time_ns = std::llround(time_s * 1.0e9);
     for (const Channel channel : all_channels) {
-      // Only what was recorded is recorded again.
       if (!(recorded.channel_std[index_of(channel)] > 0.0)) {
         frame.valid &= static_cast<std::uint8_t>(~(1U << index_of(channel)));
       }

@@ -22,17 +22,16 @@ std::array<double, predicted_channels> noise_sigma(std::span<const Experiment> e
 
 namespace {
 
-// For predictions ahead: the same windows, but with their states estimated on the data just before
-// them, which stand in for the windows' own data.
-std::vector<Experiment> with_windows_before(std::span<const Experiment> experiments) {
+// The windows just before those of the task, on which the states of predictions are estimated.
+std::vector<Experiment> with_preceding_windows(std::span<const Experiment> experiments) {
   std::vector<Experiment> shifted(experiments.begin(), experiments.end());
   for (Experiment& e : shifted) {
     for (Window& window : e.windows) {
       const std::size_t horizon = window.end - window.begin;
       const std::size_t settling = window.begin - window.warm;
       const auto wanted = std::max<std::size_t>(horizon / 2, 24);
-      const std::size_t room = window.warm > e.usable_begin ? window.warm - e.usable_begin : 0;
-      const std::size_t before = std::min(wanted, room);
+      const std::size_t available = window.warm > e.usable_begin ? window.warm - e.usable_begin : 0;
+      const std::size_t before = std::min(wanted, available);
       window.end = window.begin;
       window.begin -= before;
       window.warm = window.begin - settling;
@@ -41,10 +40,10 @@ std::vector<Experiment> with_windows_before(std::span<const Experiment> experime
   return shifted;
 }
 
-void add_errors(Ahead::Sums& sums, const Experiment& e, std::size_t sample,
+void add_errors(PredictionErrors::Sums& sums, const Experiment& e, std::size_t sample,
                 const std::array<double, predicted_channels>& reading) {
   for (std::size_t c = 0; c < predicted_channels; ++c) {
-    if (((e.valid[sample] >> c) & 1U) == 0) continue;
+    if (!e.is_compared(sample, c)) continue;
     const double error = reading[c] - e.reading[sample][c];
     sums.square[c] += error * error;
     ++sums.count[c];
@@ -52,13 +51,14 @@ void add_errors(Ahead::Sums& sums, const Experiment& e, std::size_t sample,
 }
 
 template <class Result>
-void finish(const Ahead::Sums& sums, std::span<const Experiment> experiments, Result& out) {
+void set_errors(const PredictionErrors::Sums& sums, std::span<const Experiment> experiments,
+                Result& out) {
   for (std::size_t c = 0; c < predicted_channels; ++c) {
     if (sums.count[c] == 0) continue;
     double spread = 0.0;
     for (const Experiment& e : experiments) spread = std::max(spread, e.channel_std[c]);
     const double rms = std::sqrt(sums.square[c] / static_cast<double>(sums.count[c]));
-    // A model that blows up has no finite error; a report holds finite numbers only.
+    // A model that diverges has no finite error; a report holds finite numbers only.
     out.rmse[c] = std::isfinite(rms) ? std::min(rms, 1.0e6) : 1.0e6;
     out.nrmse[c] = spread > 0.0 ? std::min(*out.rmse[c] / spread, 1.0e6) : 0.0;
   }
@@ -68,11 +68,10 @@ void finish(const Ahead::Sums& sums, std::span<const Experiment> experiments, Re
 
 Score score(const Task& task, const Hypothesis& hypothesis, std::span<const double> z) {
   Score out;
-  const std::vector<double> parameters(z.begin(), z.end());
   FitOptions states_only;
   states_only.parameters_free = false;
   states_only.iterations = 12;
-  const Fit fitted = fit_states(task, hypothesis, parameters, states_only);
+  const Fit fitted = fit_states(task, hypothesis, z, states_only);
   out.window_chi2 = fitted.chi2;
   out.window_count = fitted.count;
   out.states_per_window = fitted.states_per_window;
@@ -82,7 +81,7 @@ Score score(const Task& task, const Hypothesis& hypothesis, std::span<const doub
   double channels = 0.0;
   for (std::size_t c = 0; c < predicted_channels; ++c) {
     const bool compared = std::any_of(task.experiments.begin(), task.experiments.end(),
-                                      [c](const Experiment& e) { return (e.compared >> c) & 1U; });
+                                      [c](const Experiment& e) { return e.is_compared(c); });
     if (!compared) continue;
     log_sigma += std::log(task.sigma[c]);
     channels += 1.0;
@@ -90,35 +89,36 @@ Score score(const Task& task, const Hypothesis& hypothesis, std::span<const doub
   out.nll_per_sample = 0.5 * out.chi2_per_sample + 0.5 * std::log(2.0 * std::numbers::pi) +
                        (channels > 0.0 ? log_sigma / channels : 0.0);
 
-  Ahead::Sums all;
-  for (const Ahead::Sums& each : predict_ahead(task, hypothesis, z).window) {
+  PredictionErrors::Sums all;
+  for (const PredictionErrors::Sums& each : predict_ahead(task, hypothesis, z).window) {
     for (std::size_t c = 0; c < predicted_channels; ++c) {
       all.square[c] += each.square[c];
       all.count[c] += each.count[c];
     }
   }
-  finish(all, task.experiments, out);
+  set_errors(all, task.experiments, out);
   return out;
 }
 
-Ahead predict_ahead(const Task& task, const Hypothesis& hypothesis, std::span<const double> z) {
-  const std::vector<Experiment> before = with_windows_before(task.experiments);
+PredictionErrors predict_ahead(const Task& task, const Hypothesis& hypothesis,
+                               std::span<const double> z) {
+  const std::vector<Experiment> preceding = with_preceding_windows(task.experiments);
   Task estimate = task;
-  estimate.experiments = before;
+  estimate.experiments = preceding;
   FitOptions states_only;
   states_only.parameters_free = false;
   states_only.iterations = 12;
   const Fit states = fit(estimate, hypothesis, {z.begin(), z.end()},
-                         guessed_states(estimate, hypothesis), states_only);
-  Ahead out;
+                         initial_states(estimate, hypothesis), states_only);
+  PredictionErrors out;
   out.window.resize(task.windows.size());
   out.chi2.assign(task.windows.size(), 0.0);
   out.count.assign(task.windows.size(), 0);
   parallel::for_each(task.windows.size(), task.threads, [&](std::size_t w) {
     const WindowRef ref = task.windows[w];
-    const Experiment& e = before[ref.experiment];
+    const Experiment& e = preceding[ref.experiment];
     const Window& window = e.windows[ref.window];
-    if (window.end - window.begin < 8) return;  // at the very beginning of the recording
+    if (window.end - window.begin < 8) return;  // too close to the beginning of the recording
     const Window& ahead = task.experiments[ref.experiment].windows[ref.window];
     const auto readings = predict(e, window, ahead.end, hypothesis, z, states.state[w]);
     for (std::size_t k = ahead.begin; k < ahead.end; ++k) {
@@ -143,8 +143,8 @@ FreeRun free_run(const Task& task, const Hypothesis& hypothesis, std::span<const
   FitOptions states_only;
   states_only.parameters_free = false;
   const Fit fitted =
-      fit(first, hypothesis, {z.begin(), z.end()}, guessed_states(first, hypothesis), states_only);
-  Ahead::Sums sums;
+      fit(first, hypothesis, {z.begin(), z.end()}, initial_states(first, hypothesis), states_only);
+  PredictionErrors::Sums sums;
   for (std::size_t w = 0; w < first.windows.size(); ++w) {
     const Experiment& e = task.experiments[first.windows[w].experiment];
     const Window& window = e.windows.front();
@@ -152,7 +152,7 @@ FreeRun free_run(const Task& task, const Hypothesis& hypothesis, std::span<const
     for (std::size_t k = window.begin; k < e.usable_end; ++k)
       add_errors(sums, e, k, readings[k - window.begin]);
   }
-  finish(sums, task.experiments, out);
+  set_errors(sums, task.experiments, out);
   return out;
 }
 

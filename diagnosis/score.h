@@ -1,4 +1,4 @@
-// How well a model with given parameters predicts windows that it was not fitted to.
+// Scores of a model with given parameters on windows that it was not fitted to.
 #pragma once
 
 #include <array>
@@ -21,22 +21,23 @@ struct Score {
   int states_per_window = 0;
 };
 
-/// Scores the windows of `task` (its sigma is the noise that chi-squared is measured in).
+/// Scores the windows of `task`; chi-squared is in units of the task's sigma.
 Score score(const Task& task, const Hypothesis& hypothesis, std::span<const double> z);
 
 /// Errors of predictions of whole windows from states that were estimated on the data just before
-/// them (half a horizon, or 24 samples), by window of the task. A hypothesis gains nothing here by
-/// hidden states that every window may choose anew.
-struct Ahead {
+/// them (half a horizon, at least 24 samples), by window of the task. Hidden states that are free
+/// in every window do not improve them.
+struct PredictionErrors {
   struct Sums {
     std::array<double, predicted_channels> square{};
     std::array<std::size_t, predicted_channels> count{};
   };
-  std::vector<Sums> window;  ///< all 0 where there was no data before the window
+  std::vector<Sums> window;  ///< all 0 where no data precede the window
   std::vector<double> chi2;  ///< sum of squares over the task's sigma, by window
   std::vector<int> count;
 };
-Ahead predict_ahead(const Task& task, const Hypothesis& hypothesis, std::span<const double> z);
+PredictionErrors predict_ahead(const Task& task, const Hypothesis& hypothesis,
+                               std::span<const double> z);
 
 /// One simulation from the first usable state to the end: root mean square errors by channel, and
 /// the same over the channel's standard deviation. The state is fitted on the first window only.

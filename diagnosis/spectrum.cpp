@@ -42,30 +42,43 @@ std::vector<Complex> windowed_spectrum(std::vector<double> values) {
 
 namespace {
 
-// The line near `frequency_hz`, looked for between the neighbours of the grid of the spectrum.
-physics::Line sharpened(const std::vector<double>& values, double period_s, double frequency_hz,
-                        double step_hz) {
-  double mean = 0.0;
-  for (const double v : values) mean += v / static_cast<double>(values.size());
-  const auto at = [&](double hz) {
+// Amplitude and phase of values[k] at one frequency, under a Hann window.
+class HannAmplitude {
+ public:
+  HannAmplitude(const std::vector<double>& values, double period_s)
+      : values_(values), period_s_(period_s) {
+    for (const double v : values) mean_ += v / static_cast<double>(values.size());
+  }
+  Complex at(double hz) const {
     // The mean of the window is 1/2, and half of a sine's amplitude is at -hz.
     Complex sum = 0.0;
     Complex turn = 1.0;
-    const Complex each = std::polar(1.0, -2.0 * pi * hz * period_s);
-    for (std::size_t k = 0; k < values.size(); ++k, turn *= each) {
+    const Complex each = std::polar(1.0, -2.0 * pi * hz * period_s_);
+    for (std::size_t k = 0; k < values_.size(); ++k, turn *= each) {
       const double phase =
-          2.0 * pi * (static_cast<double>(k) + 0.5) / static_cast<double>(values.size());
-      sum += (values[k] - mean) * (1.0 - std::cos(phase)) * turn;
+          2.0 * pi * (static_cast<double>(k) + 0.5) / static_cast<double>(values_.size());
+      sum += (values_[k] - mean_) * (1.0 - std::cos(phase)) * turn;
     }
-    return 2.0 * sum / static_cast<double>(values.size());
-  };
+    return 2.0 * sum / static_cast<double>(values_.size());
+  }
+
+ private:
+  const std::vector<double>& values_;
+  double period_s_;
+  double mean_ = 0.0;
+};
+
+// The line near `frequency_hz`, by golden-section search between the neighbouring bins.
+physics::Line refined_line(const std::vector<double>& values, double period_s, double frequency_hz,
+                           double step_hz) {
+  const HannAmplitude amplitude(values, period_s);
   double low = frequency_hz - step_hz;
   double high = frequency_hz + step_hz;
   constexpr double golden = 0.381966;
   for (int i = 0; i < 24; ++i) {
     const double left = low + golden * (high - low);
     const double right = high - golden * (high - low);
-    if (std::abs(at(left)) < std::abs(at(right))) {
+    if (std::abs(amplitude.at(left)) < std::abs(amplitude.at(right))) {
       low = left;
     } else {
       high = right;
@@ -73,10 +86,45 @@ physics::Line sharpened(const std::vector<double>& values, double period_s, doub
   }
   physics::Line line;
   line.frequency_hz = 0.5 * (low + high);
-  const Complex found = at(line.frequency_hz);
+  const Complex found = amplitude.at(line.frequency_hz);
   line.amplitude = std::abs(found);
   line.phase_rad = std::arg(found) + 0.5 * pi;  // a sine, not a cosine
   return line;
+}
+
+// Deviation of a grid's frequency from its nominal value, but for emergencies.
+constexpr double grid_tolerance = 0.006;
+// Power of a line over that of its surroundings. The power of noise is exponentially distributed:
+// e^-20 allows for every bin, line and channel that is examined.
+constexpr double significant_power = 20.0;
+
+// The bin of a significant line near `centre_hz`.
+std::optional<std::size_t> significant_bin(const std::vector<Complex>& spectrum, double step_hz,
+                                           double resolution_hz, double centre_hz) {
+  const double searched = grid_tolerance * centre_hz;
+  const double around = searched + 12.0 * resolution_hz;
+  const auto bin = [&](double hz) {
+    return static_cast<std::ptrdiff_t>(std::lround(hz / step_hz));
+  };
+  const std::ptrdiff_t first = bin(centre_hz - around);
+  const std::ptrdiff_t last = bin(centre_hz + around);
+  if (first < 1 || last >= static_cast<std::ptrdiff_t>(spectrum.size())) return std::nullopt;
+  const auto power = [&](std::ptrdiff_t i) {
+    return std::norm(spectrum[static_cast<std::size_t>(i)]);
+  };
+  std::ptrdiff_t top = bin(centre_hz - searched);
+  for (std::ptrdiff_t i = top; i <= bin(centre_hz + searched); ++i) {
+    if (power(i) > power(top)) top = i;
+  }
+  std::vector<double> surroundings;
+  const std::ptrdiff_t own = bin(3.0 * resolution_hz);
+  for (std::ptrdiff_t i = first; i <= last; ++i) {
+    if (std::abs(i - top) > own) surroundings.push_back(power(i));
+  }
+  if (surroundings.size() < 8) return std::nullopt;
+  const double mean = median(std::move(surroundings)) / std::numbers::ln2;
+  if (power(top) < significant_power * mean) return std::nullopt;
+  return static_cast<std::size_t>(top);
 }
 
 }  // namespace
@@ -84,39 +132,15 @@ physics::Line sharpened(const std::vector<double>& values, double period_s, doub
 std::optional<physics::Line> mains_of(const std::vector<double>& values, double period_s) {
   const auto spectrum = windowed_spectrum(values);
   const double step_hz = 0.5 / (period_s * static_cast<double>(spectrum.size()));
-  // As long as several bins of the untransformed length, on both sides.
+  // Resolution of the unpadded values.
   const double resolution_hz = 1.0 / (period_s * static_cast<double>(values.size()));
   std::optional<physics::Line> strongest;
   for (const double grid_hz : {50.0, 60.0}) {
     for (const double harmonic : {1.0, 2.0, 3.0}) {
-      const double centre = harmonic * grid_hz;
-      const double searched = 0.006 * centre;  // grids stay within 0.6 % but in emergencies
-      const double around = searched + 12.0 * resolution_hz;
-      const auto bin = [&](double hz) {
-        return static_cast<std::ptrdiff_t>(std::lround(hz / step_hz));
-      };
-      const std::ptrdiff_t first = bin(centre - around);
-      const std::ptrdiff_t last = bin(centre + around);
-      if (first < 1 || last >= static_cast<std::ptrdiff_t>(spectrum.size())) continue;
-      const auto power = [&](std::ptrdiff_t i) {
-        return std::norm(spectrum[static_cast<std::size_t>(i)]);
-      };
-      std::ptrdiff_t top = bin(centre - searched);
-      for (std::ptrdiff_t i = top; i <= bin(centre + searched); ++i) {
-        if (power(i) > power(top)) top = i;
-      }
-      std::vector<double> surroundings;
-      const std::ptrdiff_t own = bin(3.0 * resolution_hz);
-      for (std::ptrdiff_t i = first; i <= last; ++i) {
-        if (std::abs(i - top) > own) surroundings.push_back(power(i));
-      }
-      if (surroundings.size() < 8) continue;
-      const double usual = median(std::move(surroundings)) / std::numbers::ln2;
-      // The power of noise is exponentially distributed: e^-20 leaves room for every bin, line and
-      // channel that is looked at.
-      if (power(top) < 20.0 * usual) continue;
+      const auto bin = significant_bin(spectrum, step_hz, resolution_hz, harmonic * grid_hz);
+      if (!bin) continue;
       const physics::Line line =
-          sharpened(values, period_s, static_cast<double>(top) * step_hz, step_hz);
+          refined_line(values, period_s, static_cast<double>(*bin) * step_hz, step_hz);
       if (!strongest || line.amplitude > strongest->amplitude) strongest = line;
     }
   }

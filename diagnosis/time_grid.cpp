@@ -11,7 +11,7 @@ TimeGrid time_grid_of(std::span<const Frame> frames) {
   const double rough = protocol::median_period_s(frames);
   const double span = static_cast<double>(frames.back().time_ns - frames.front().time_ns) * 1.0e-9;
   const auto intervals = static_cast<std::size_t>(std::llround(span / rough));
-  // Where nothing is missing, the mean period is better than the rounded median.
+  // Without missing frames the mean period is more accurate than the rounded median.
   grid.period_s = intervals == frames.size() - 1 ? span / static_cast<double>(intervals) : rough;
   grid.start_s = frames.front().time_s();
   grid.frame.assign(static_cast<std::size_t>(std::llround(span / grid.period_s)) + 1, -1);

@@ -1,4 +1,4 @@
-// The uniform time grid of a recording, and its channels on it.
+// Uniform time grid of a recording, and its channels on it.
 #pragma once
 
 #include <cstddef>
@@ -12,14 +12,14 @@ namespace stickslip::diagnosis {
 struct TimeGrid {
   double start_s = 0.0;
   double period_s = 0.0;
-  /// By instant of the grid: the index of the frame nearest to it, or -1 where there is none near.
+  /// By grid instant: index of the nearest frame, or -1 where a frame is missing.
   std::vector<std::ptrdiff_t> frame;
 };
 
-/// Of at least two frames in increasing time.
+/// `frames`: at least two, in increasing time.
 TimeGrid time_grid_of(std::span<const Frame> frames);
 
-/// One channel on the grid, holes filled by straight lines.
+/// One channel on the grid, interpolated linearly over missing frames.
 std::vector<double> filled(std::span<const Frame> frames, const TimeGrid& grid, Channel channel);
 
 }  // namespace stickslip::diagnosis

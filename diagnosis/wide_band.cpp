@@ -16,7 +16,7 @@ namespace {
 
 using Complex = std::complex<double>;
 
-// The transform is fast for lengths with small prime factors only.
+// Lengths with small prime factors are fast to transform.
 bool has_small_factors(std::size_t n) {
   for (const std::size_t prime : {2U, 3U, 5U, 7U}) {
     while (n % prime == 0) n /= prime;
@@ -24,7 +24,7 @@ bool has_small_factors(std::size_t n) {
   return n == 1;
 }
 
-// A polynomial of fourth degree through `count` samples at one end, as time goes away from it.
+// Fourth-degree polynomial through the `count` samples at one end, over the time from that end.
 struct EndPolynomial {
   double curvature = 0.0;
   double curvature_std = 0.0;
@@ -55,8 +55,8 @@ EndPolynomial polynomial_at_end(std::span<const double> samples, std::size_t cou
           std::sqrt((powers * found - values).squaredNorm() / freedom)};
 }
 
-// The second derivative at one end of the samples; 0 where noise alone would give as much. Looks as
-// far as the polynomial still fits.
+// Second derivative at one end of the samples, from as many of them as a polynomial fits; 0 where
+// it is not significant.
 double curvature_at_end(std::span<const double> samples, double period_s, double noise_std,
                         bool at_the_end) {
   constexpr double longest_s = 0.2;
@@ -72,9 +72,9 @@ double curvature_at_end(std::span<const double> samples, double period_s, double
   return std::abs(end.curvature) > 3.0 * end.curvature_std ? end.curvature : 0.0;
 }
 
-// A fading exponential at one end of a recording. exp(s t) passes through a chain of filters as
-// itself, multiplied by a number: what it was before them is known exactly.
-struct Fading {
+// Exponential that decays from one end of a recording. exp(s t) is an eigenfunction of a chain of
+// filters: the signal before them is known exactly.
+struct Exponential {
   double s_per_s = 0.0;   // rate
   double origin_s = 0.0;  // where it is `amplitude`
   double amplitude = 0.0;
@@ -82,10 +82,10 @@ struct Fading {
   double at(double time_s) const { return amplitude * std::exp(s_per_s * (time_s - origin_s)); }
 };
 
-// Two that together are 0 at each end and curve there as the samples do.
-std::vector<Fading> end_curvatures(std::span<const double> samples, double period_s,
-                                   double noise_std) {
-  std::vector<Fading> out;
+// For each end two exponentials whose sum is 0 there and has the curvature of the samples.
+std::vector<Exponential> end_curvatures(std::span<const double> samples, double period_s,
+                                        double noise_std) {
+  std::vector<Exponential> out;
   const double duration_s = period_s * static_cast<double>(samples.size() - 1);
   const double fade_s = std::min(0.25, duration_s / 16.0);
   for (const bool at_the_end : {false, true}) {
@@ -100,92 +100,153 @@ std::vector<Fading> end_curvatures(std::span<const double> samples, double perio
   return out;
 }
 
-// For a number of samples that the transform is fast for. Its odd extension ends where the samples
-// do: were it drawn out to a longer one, it would have a kink where it ends.
+// Bins on each side over which the power is averaged.
+constexpr std::ptrdiff_t averaged_bins = 16;
+// Spectral subtraction: bins whose averaged power is below this multiple of the noise power are
+// removed. The average of 33 bins exceeds it by chance less than once in 1e9; one bin of noise
+// passed on would be amplified by the inverse filter.
+constexpr double pass_ratio = 4.0;
+// Regularisation of the inverse filter.
+constexpr double inverse_floor = 1.0e-6;
+// Power of the signal that may be hidden below the noise in removed bins, over the noise power, ...
+constexpr double hidden_ratio = 1.0;
+// ... up to this frequency at least: a slowly driven base has little above it.
+constexpr double hidden_up_to_hz = 10.0;
+
+// The line between the first and the last sample.
+struct Line {
+  double first = 0.0;
+  double slope = 0.0;  // per sample
+};
+
+// Odd periodic extension of the samples less their line: continuous with its slope.
+std::vector<double> odd_extension(const std::vector<double>& samples, const Line& line) {
+  const std::size_t half = samples.size() - 1;
+  const std::size_t length = 2 * half;
+  std::vector<double> odd(length, 0.0);
+  for (std::size_t i = 1; i < half; ++i) {
+    odd[i] = samples[i] - line.first - line.slope * static_cast<double>(i);
+    odd[length - i] = -odd[i];
+  }
+  return odd;
+}
+
+// Power of bins 0 to half of a spectrum, averaged over neighbours.
+class AveragedPower {
+ public:
+  AveragedPower(const std::vector<Complex>& spectrum, std::size_t half)
+      : bins_(static_cast<std::ptrdiff_t>(half)), sum_(half + 2, 0.0) {
+    for (std::size_t k = 0; k <= half; ++k) sum_[k + 1] = sum_[k] + std::norm(spectrum[k]);
+  }
+  double at(std::ptrdiff_t k) const {
+    const auto low = static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, k - averaged_bins));
+    const auto high = static_cast<std::size_t>(std::min(bins_, k + averaged_bins));
+    return (sum_[high + 1] - sum_[low]) / static_cast<double>(high + 1 - low);
+  }
+
+ private:
+  std::ptrdiff_t bins_;
+  std::vector<double> sum_;
+};
+
+struct WideBandSpectra {
+  std::vector<Complex> value, rate, acceleration;
+  std::vector<double> error;  // power of the acceleration's error, by bin
+  double highest_hz = 0.0;    // of the bins that passed
+};
+
+WideBandSpectra undone(const std::vector<Complex>& spectrum, double period_s,
+                       const physics::FilterChain& chain, double noise_power) {
+  const std::size_t length = spectrum.size();
+  const std::size_t half = length / 2;
+  const AveragedPower power(spectrum, half);
+  WideBandSpectra out;
+  for (auto* each : {&out.value, &out.rate, &out.acceleration}) each->resize(length);
+  out.error.assign(half + 1, 0.0);
+  for (std::size_t i = 0; i <= half; ++i) {
+    const double mean = power.at(static_cast<std::ptrdiff_t>(i));
+    const double gain = mean > pass_ratio * noise_power ? 1.0 - noise_power / mean : 0.0;
+    const double frequency = static_cast<double>(i) / (static_cast<double>(length) * period_s);
+    const Complex response = chain.response(frequency);
+    const Complex inverse = std::conj(response) / (std::norm(response) + inverse_floor);
+    const Complex y = spectrum[i] * gain * inverse;
+    const Complex s(0.0, 2.0 * std::numbers::pi * frequency);
+    out.value[i] = y;
+    out.rate[i] = y * s;
+    out.acceleration[i] = y * s * s;
+    if (gain > 0.0) out.highest_hz = frequency;
+    const double noise = noise_power * std::norm(inverse * s * s);
+    out.error[i] = gain > 0.0 ? gain * gain * noise : hidden_ratio * noise;
+    if (i > 0 && i < half) {
+      for (auto* each : {&out.value, &out.rate, &out.acceleration}) {
+        (*each)[length - i] = std::conj((*each)[i]);
+      }
+    }
+  }
+  out.rate[half] = 0.0;
+  return out;
+}
+
+double acceleration_noise_std(const WideBandSpectra& spectra, double period_s) {
+  const auto length = static_cast<double>(spectra.value.size());
+  double power = 0.0;
+  for (std::size_t i = 0; i < spectra.error.size(); ++i) {
+    const double frequency = static_cast<double>(i) / (length * period_s);
+    if (frequency > std::max(1.3 * spectra.highest_hz, hidden_up_to_hz)) break;
+    power += spectra.error[i];
+  }
+  // Two bins per frequency; the inverse transform divides by the length.
+  return std::sqrt(2.0 * power) / length;
+}
+
+// The line passes through the chain as a line; undoing the chain's lag moves it by slope * lag.
+void add_line(WideBand& out, const Line& line, double period_s, const physics::FilterChain& chain) {
+  const double small = 1.0e-3;
+  const double lag = -std::arg(chain.response(small)) / (2.0 * std::numbers::pi * small);
+  for (std::size_t i = 0; i < out.value.size(); ++i) {
+    out.value[i] += line.first + line.slope * (static_cast<double>(i) + lag / period_s);
+    out.rate[i] += line.slope / period_s;
+  }
+}
+
+void add_undone(WideBand& out, const Exponential& each, double period_s,
+                const physics::FilterChain& chain) {
+  const double inverse = (1.0 / chain.transfer({each.s_per_s, 0.0})).real();
+  for (std::size_t i = 0; i < out.value.size(); ++i) {
+    const double value = inverse * each.at(period_s * static_cast<double>(i));
+    out.value[i] += value;
+    out.rate[i] += each.s_per_s * value;
+    out.acceleration[i] += each.s_per_s * each.s_per_s * value;
+  }
+}
+
+// For lengths that are fast to transform. Zero padding to such a length would give the odd
+// extension a kink.
 WideBand wide_band_of_fast_length(std::span<const double> samples, double period_s,
                                   const physics::FilterChain& chain, double noise_std) {
   const std::size_t n = samples.size();
   const std::size_t half = n - 1;  // half a period of the odd extension
 
-  // The odd extension below would have a kink in its second derivative at both ends, which rings
-  // far into the acceleration. What makes the kink is taken out here and put back, undone exactly,
-  // at the end.
-  const std::vector<Fading> fading = end_curvatures(samples, period_s, noise_std);
+  // The odd extension would have a kink in its second derivative at both ends, which rings far into
+  // the acceleration. Exponentials with that curvature are subtracted here and added, undone
+  // exactly, at the end.
+  const std::vector<Exponential> curvatures = end_curvatures(samples, period_s, noise_std);
   std::vector<double> rest(samples.begin(), samples.end());
   for (std::size_t i = 0; i < n; ++i) {
-    for (const Fading& each : fading) rest[i] -= each.at(period_s * static_cast<double>(i));
+    for (const Exponential& each : curvatures)
+      rest[i] -= each.at(period_s * static_cast<double>(i));
   }
-
-  // Take out the line between the ends, so that the odd extension is continuous with its slope.
-  const double first = rest.front();
-  const double slope = (rest.back() - first) / static_cast<double>(half);
-  const std::size_t length = 2 * half;
-  std::vector<double> odd(length, 0.0);
-  for (std::size_t i = 1; i < half; ++i) {
-    odd[i] = rest[i] - first - slope * static_cast<double>(i);
-    odd[length - i] = -odd[i];
-  }
+  const Line line{rest.front(), (rest.back() - rest.front()) / static_cast<double>(half)};
+  const std::vector<double> odd = odd_extension(rest, line);
 
   Eigen::FFT<double> fft;
   std::vector<Complex> spectrum;
   fft.fwd(spectrum, odd);
-
-  const double noise_power = noise_std * noise_std * static_cast<double>(length);
-  constexpr std::ptrdiff_t reach = 16;  // bins on each side over which the power is averaged
-  const auto bins = static_cast<std::ptrdiff_t>(half);
-  std::vector<double> sum(static_cast<std::size_t>(bins) + 2, 0.0);
-  for (std::ptrdiff_t k = 0; k <= bins; ++k) {
-    sum[static_cast<std::size_t>(k) + 1] =
-        sum[static_cast<std::size_t>(k)] + std::norm(spectrum[static_cast<std::size_t>(k)]);
-  }
-  std::vector<Complex> value(length);
-  std::vector<Complex> rate(length);
-  std::vector<Complex> acceleration(length);
-  // By bin, what the acceleration is wrong by: the noise that was let through, and what may hide
-  // under the noise where nothing was.
-  // As much as the noise itself: more than three times that would have been let through. A base
-  // that is driven slowly has little to hide at high frequencies.
-  constexpr double hidden = 1.0;
-  constexpr double may_hide_hz = 10.0;
-  std::vector<double> doubt(half + 1, 0.0);
-  double highest_hz = 0.0;  // of what was let through
-  for (std::ptrdiff_t k = 0; k <= bins; ++k) {
-    const auto i = static_cast<std::size_t>(k);
-    const auto low = static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, k - reach));
-    const auto high = static_cast<std::size_t>(std::min(bins, k + reach));
-    const double power = (sum[high + 1] - sum[low]) / static_cast<double>(high + 1 - low);
-    // Spectral subtraction. The average of 33 bins exceeds four times its mean by chance less than
-    // once in a billion: one bin of noise let through would be blown up by the undone filter.
-    const double gain = power > 4.0 * noise_power ? 1.0 - noise_power / power : 0.0;
-    const double frequency = static_cast<double>(k) / (static_cast<double>(length) * period_s);
-    const Complex response = chain.response(frequency);
-    const double floor = 1.0e-6;
-    const Complex inverse = std::conj(response) / (std::norm(response) + floor);
-    const Complex y = spectrum[i] * gain * inverse;
-    const Complex s(0.0, 2.0 * std::numbers::pi * frequency);
-    value[i] = y;
-    rate[i] = y * s;
-    acceleration[i] = y * s * s;
-    if (gain > 0.0) highest_hz = frequency;
-    const double noise = noise_power * std::norm(inverse * s * s);
-    doubt[i] = gain > 0.0 ? gain * gain * noise : hidden * noise;
-    if (k > 0 && k < bins) {
-      value[length - i] = std::conj(value[i]);
-      rate[length - i] = std::conj(rate[i]);
-      acceleration[length - i] = std::conj(acceleration[i]);
-    }
-  }
-  rate[half] = 0.0;
+  const double noise_power = noise_std * noise_std * static_cast<double>(odd.size());
+  const WideBandSpectra spectra = undone(spectrum, period_s, chain, noise_power);
 
   WideBand out;
-  double power = 0.0;
-  for (std::size_t i = 0; i <= half; ++i) {
-    const double frequency = static_cast<double>(i) / (static_cast<double>(length) * period_s);
-    if (frequency > std::max(1.3 * highest_hz, may_hide_hz)) break;
-    power += doubt[i];
-  }
-  // Two bins to a frequency; the inverse transform divides by the length.
-  out.acceleration_noise_std = std::sqrt(2.0 * power) / static_cast<double>(length);
+  out.acceleration_noise_std = acceleration_noise_std(spectra, period_s);
   const auto back = [&](const std::vector<Complex>& from) {
     std::vector<Complex> time;
     fft.inv(time, from);
@@ -193,25 +254,11 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
     for (std::size_t i = 0; i < n; ++i) real[i] = time[i].real();
     return real;
   };
-  out.value = back(value);
-  out.rate = back(rate);
-  out.acceleration = back(acceleration);
-  // The line passes through the chain as a line; undoing the chain's lag moves it by slope * lag.
-  const double small = 1.0e-3;
-  const double lag = -std::arg(chain.response(small)) / (2.0 * std::numbers::pi * small);
-  for (std::size_t i = 0; i < n; ++i) {
-    out.value[i] += first + slope * (static_cast<double>(i) + lag / period_s);
-    out.rate[i] += slope / period_s;
-  }
-  for (const Fading& each : fading) {
-    const double undone = (1.0 / chain.transfer({each.s_per_s, 0.0})).real();
-    for (std::size_t i = 0; i < n; ++i) {
-      const double value = undone * each.at(period_s * static_cast<double>(i));
-      out.value[i] += value;
-      out.rate[i] += each.s_per_s * value;
-      out.acceleration[i] += each.s_per_s * each.s_per_s * value;
-    }
-  }
+  out.value = back(spectra.value);
+  out.rate = back(spectra.rate);
+  out.acceleration = back(spectra.acceleration);
+  add_line(out, line, period_s, chain);
+  for (const Exponential& each : curvatures) add_undone(out, each, period_s, chain);
   return out;
 }
 
@@ -224,8 +271,7 @@ WideBand wide_band(std::span<const double> samples, double period_s,
   while (!has_small_factors(fast - 1)) --fast;
   WideBand out = wide_band_of_fast_length(samples.first(fast), period_s, chain, noise_std);
   if (fast == n) return out;
-  // Once from each end: the first half of what begins at the beginning, the rest of what ends at
-  // the end.
+  // Once from each end: the first half from the leading samples, the second from the trailing ones.
   const WideBand later = wide_band_of_fast_length(samples.last(fast), period_s, chain, noise_std);
   const auto half = static_cast<std::ptrdiff_t>(fast / 2);
   const auto missing = static_cast<std::ptrdiff_t>(n - fast);
@@ -254,7 +300,7 @@ double noise_of(std::span<const double> samples) {
   const double from_differences = median(differences) / 0.6745 / std::sqrt(weight_norm);
   const double range = std::abs(*std::max_element(samples.begin(), samples.end()) -
                                 *std::min_element(samples.begin(), samples.end()));
-  // A step far below the resolution of doubles at this range is rounding, not quantisation.
+  // A step near the resolution of doubles at this range is rounding, not quantisation.
   const double quantisation = std::isfinite(smallest_step) && smallest_step > 1.0e-12 * range
                                   ? smallest_step / std::sqrt(12.0)
                                   : 0.0;

@@ -21,7 +21,7 @@ void for_each(std::size_t count, int threads, const std::function<void(std::size
   }
   std::atomic<std::size_t> next{0};
   std::exception_ptr failure;
-  std::size_t failed = count;  // the lowest that did
+  std::size_t failed = count;  // lowest index that threw
   std::mutex failure_mutex;
   {
     std::vector<std::jthread> pool;

@@ -1,5 +1,5 @@
-// What a diagnosis costs: seconds for each hypothesis that was fitted, what the second core gains,
-// and how the cost grows with the length of the recording. All are ratios within one run.
+// Cost of a diagnosis: seconds per fitted hypothesis, speed-up by the second core, and growth with
+// the length of the recording, as ratios within one run.
 #include <benchmark/benchmark.h>
 
 #include <chrono>
@@ -10,18 +10,18 @@
 namespace stickslip::diagnosis {
 namespace {
 
-struct Took {
+struct Cost {
   double seconds = 0.0;
-  double hypotheses = 0.0;  ///< that were fitted to the end
+  double hypotheses = 0.0;  ///< fitted on all windows
 };
 
-Took diagnose_once(const protocol::Recording& recording, int threads) {
+Cost diagnose_once(const protocol::Recording& recording, int threads) {
   Options options;
   options.threads = threads;
-  const auto begun = std::chrono::steady_clock::now();
+  const auto begin = std::chrono::steady_clock::now();
   const Diagnosis found = diagnose({recording}, test::driven_mass(), options);
-  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begun;
-  return {took.count(), static_cast<double>(found.trials.size())};
+  const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
+  return {elapsed.count(), static_cast<double>(found.trials.size())};
 }
 
 void diagnosis_of_a_hidden_spring(benchmark::State& state) {
@@ -29,9 +29,9 @@ void diagnosis_of_a_hidden_spring(benchmark::State& state) {
       test::with_term(test::driven_mass(), "cubic_stiffness", {{"k3_n_m3", {2.0e4}}});
   const auto once = test::record(truth, 24.0);
   const auto twice = test::record(truth, 48.0);
-  Took one;
-  Took two;
-  Took longer;
+  Cost one;
+  Cost two;
+  Cost longer;
   for (auto _ : state) {
     one = diagnose_once(once, 1);
     two = diagnose_once(once, 2);

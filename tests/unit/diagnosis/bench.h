@@ -1,5 +1,5 @@
-// A small rig that several tests record and diagnose: a mass on a spring, driven by a force,
-// sampled at 200 Hz. It has no load cell, so that a diagnosis takes a second and not a minute.
+// A small rig for diagnoses: a mass on a spring, driven by a force and sampled at 200 Hz. Without a
+// load cell a diagnosis takes a second instead of a minute.
 #pragma once
 
 #include <cmath>
@@ -16,7 +16,7 @@ namespace stickslip::diagnosis::test {
 
 inline constexpr double rate_hz = 200.0;
 
-/// 1 kg at 2 Hz, known within a few per cent; displacement is read with 20 um of noise.
+/// 1 kg at 2 Hz, known within a few per cent; displacement measured with 20 um of noise.
 inline physics::Model driven_mass() {
   physics::Model model;
   model.oscillator.excitation = physics::Excitation::force;
@@ -27,7 +27,7 @@ inline physics::Model driven_mass() {
   return model;
 }
 
-/// The same with a term of the catalogue.
+/// The model with a term of the catalogue.
 inline physics::Model with_term(physics::Model model, const char* id,
                                 std::map<std::string, physics::Parameter> parameters) {
   physics::Term term;
@@ -37,8 +37,8 @@ inline physics::Model with_term(physics::Model model, const char* id,
   return model;
 }
 
-/// A carrier at resonance whose amplitude swells and fades, and a slower tone: it passes through
-/// small and large motion, and through rest.
+/// An amplitude-modulated carrier at resonance, and a slower tone: small and large motion, and
+/// rest.
 inline double swelling_force_n(double time_s) {
   const double turn = 2.0 * std::numbers::pi * time_s;
   return 1.5 * (1.0 - std::cos(turn / 6.0)) * std::sin(2.0 * turn) + std::sin(0.7 * turn);
@@ -47,7 +47,7 @@ inline double swelling_force_n(double time_s) {
 inline constexpr std::uint8_t bits_of_displacement_and_force =
     (1U << index_of(Channel::displacement)) | (1U << index_of(Channel::drive_force));
 
-/// What the rig reads, displacement and drive force, while that force drives it.
+/// Simulated recording of displacement and drive force.
 inline protocol::Recording record(const physics::Model& model, double duration_s,
                                   std::uint64_t seed = 1, bool noise = true,
                                   const std::function<double(double)>& force = swelling_force_n) {
@@ -63,7 +63,7 @@ inline protocol::Recording record(const physics::Model& model, double duration_s
   input.drive_force_n = force(0.0);
   rig.set_input(input);
   for (std::int64_t k = 0; k < samples; ++k) {
-    // The force goes on between samples; only its samples are recorded.
+    // The force changes between its recorded samples.
     for (int part = 1; k > 0 && part <= 10; ++part) {
       input.drive_force_n = force((static_cast<double>(k - 1) + 0.1 * part) / rate_hz);
       rig.advance(0.1 / rate_hz, input);
@@ -77,7 +77,7 @@ inline protocol::Recording record(const physics::Model& model, double duration_s
   return recording;
 }
 
-/// The recording cut into windows of 0.4 s, ready for models.
+/// The recording cut into windows of 0.4 s.
 inline Experiment experiment_of(const protocol::Recording& recording, const physics::Model& model) {
   Experiment experiment = make_experiment(recording, model);
   cut_windows(experiment, model, 0.4);
@@ -95,12 +95,12 @@ inline Task all_windows(std::span<const Experiment> experiments) {
   return task;
 }
 
-/// The states of all windows, the declared parameters as they are.
+/// Fits the states of all windows; the declared parameters are held.
 inline Fit with_fitted_states(const Task& task, const Hypothesis& hypothesis) {
   FitOptions options;
   options.parameters_free = false;
   return fit(task, hypothesis, std::vector<double>(hypothesis.unknowns().size(), 0.0),
-             guessed_states(task, hypothesis), options);
+             initial_states(task, hypothesis), options);
 }
 
 }  // namespace stickslip::diagnosis::test

@@ -16,40 +16,39 @@ using test::driven_mass;
 using test::experiment_of;
 using test::record;
 
-constexpr double share = 0.05;
+const double share = Criteria{}.claim_share_explained;
 
-// What a recording of the declared rig could show.
+// Detection limits of a recording of the declared rig.
 struct Bench {
   std::vector<Experiment> experiments{experiment_of(record(driven_mass(), 24.0), driven_mass())};
   Task task = test::all_windows(experiments);
   Hypothesis declared{driven_mass()};
   Fit fitted = test::with_fitted_states(task, declared);
 
-  Detection detection(const std::vector<Suspect>& suspects) const {
-    return detection_of(
-        task, declared, fitted, suspects,
-        [this](const physics::Place& place) {
-          return scales_of(experiments, declared, fitted.z, {}, place);
-        },
-        share);
+  Detection detection(const std::vector<CandidateEffect>& candidates) const {
+    return detection_limits(task, declared, fitted, candidates,
+                            [this](const physics::Place& place) {
+                              return scales_of(experiments, declared, fitted.z, {}, place);
+                            },
+                            {});
   }
 };
 
-Suspect suspect(const char* id, std::optional<Channel> channel = std::nullopt) {
+CandidateEffect effect(const char* id, std::optional<Channel> channel = std::nullopt) {
   return {physics::find_effect(id), {channel, std::nullopt}};
 }
 
-TEST(Detection, LimitIsWhereAnEffectRaisesChiSquaredByThatShare) {
+TEST(Detection, AtItsLimitAnEffectRaisesChiSquaredByTheClaimedShare) {
   const Bench bench;
-  const Detection detection = bench.detection({suspect("cubic_stiffness")});
+  const Detection detection = bench.detection({effect("cubic_stiffness")});
   ASSERT_EQ(detection.limits.size(), 1U);
   EXPECT_EQ(detection.limits[0].parameter().name, "k3_n_m3");
   const double k3 = detection.limits[0].value;
-  // A rig with ten times as much, held against the model that lacks it: a hundred times the share.
+  // Ten times that size raises chi-squared by a hundred times the share.
   const auto truth = test::with_term(driven_mass(), "cubic_stiffness", {{"k3_n_m3", {10.0 * k3}}});
   const std::vector<Experiment> experiments{experiment_of(record(truth, 24.0), driven_mass())};
   const Task task = test::all_windows(experiments);
-  const Fit fitted = fit(task, bench.declared, {0.0, 0.0}, guessed_states(task, bench.declared));
+  const Fit fitted = fit(task, bench.declared, {0.0, 0.0}, initial_states(task, bench.declared));
   double samples = 0.0;
   double chi2 = 0.0;
   for (std::size_t w = 0; w < fitted.chi2.size(); ++w) {
@@ -59,45 +58,43 @@ TEST(Detection, LimitIsWhereAnEffectRaisesChiSquaredByThatShare) {
   EXPECT_NEAR(chi2 / samples, 100.0 * share, 30.0 * share);
 }
 
-// What a step towards an effect would gain is what is there of it.
-TEST(Detection, SaysWhatTheResidualsLookLike) {
+// The gain of a step towards an effect measures its presence in the residuals.
+TEST(Detection, GainMeasuresAnEffectInTheResiduals) {
   Bench bench;
-  const double k3 = bench.detection({suspect("cubic_stiffness")}).limits.at(0).value;
-  EXPECT_LT(bench.detection({suspect("cubic_stiffness")}).limits.at(0).gain, 0.01);
+  const double k3 = bench.detection({effect("cubic_stiffness")}).limits.at(0).value;
+  EXPECT_LT(bench.detection({effect("cubic_stiffness")}).limits.at(0).gain, 0.01);
   const auto truth = test::with_term(driven_mass(), "cubic_stiffness", {{"k3_n_m3", {2.0 * k3}}});
   bench.experiments = {experiment_of(record(truth, 24.0), driven_mass())};
   bench.task = test::all_windows(bench.experiments);
   bench.fitted =
-      fit(bench.task, bench.declared, {0.0, 0.0}, guessed_states(bench.task, bench.declared));
-  const Detection detection =
-      bench.detection({suspect("cubic_stiffness"), suspect("dry_friction")});
+      fit(bench.task, bench.declared, {0.0, 0.0}, initial_states(bench.task, bench.declared));
+  const Detection detection = bench.detection({effect("cubic_stiffness"), effect("dry_friction")});
   EXPECT_NEAR(detection.limits.at(0).gain, 4.0 * share, 0.8 * share);
   EXPECT_LT(detection.limits.at(1).gain, 0.5 * detection.limits.at(0).gain);
 }
 
-TEST(Detection, LimitsFallAsTheNoiseDoes) {
+TEST(Detection, LimitsAreProportionalToTheNoise) {
   Bench bench;
-  const double before = bench.detection({suspect("quadratic_drag")}).limits.at(0).value;
+  const double before = bench.detection({effect("quadratic_drag")}).limits.at(0).value;
   for (double& sigma : bench.task.sigma) sigma *= 0.1;
-  const double after = bench.detection({suspect("quadratic_drag")}).limits.at(0).value;
+  const double after = bench.detection({effect("quadratic_drag")}).limits.at(0).value;
   EXPECT_NEAR(after, 0.1 * before, 0.02 * before);
 }
 
-// On a rig that is linear but for its drive, reading the deflection too high is the same as
-// reading the force too low.
-TEST(Detection, KnowsWhatMovesTheReadingsAlike) {
+// On a linear rig a gain error of the displacement is equivalent to one of the drive force.
+TEST(Detection, ListsInseparableEffects) {
   const Bench bench;
   const Detection detection =
-      bench.detection({suspect("gain_error", Channel::displacement), suspect("quadratic_drag"),
-                       suspect("gain_error", Channel::drive_force)});
+      bench.detection({effect("gain_error", Channel::displacement), effect("quadratic_drag"),
+                       effect("gain_error", Channel::drive_force)});
   ASSERT_EQ(detection.limits.size(), 3U);
-  ASSERT_EQ(detection.lookalikes.size(), 1U);
-  EXPECT_EQ(detection.lookalikes[0].one, 0U);
-  EXPECT_EQ(detection.lookalikes[0].other, 2U);
-  EXPECT_GT(detection.lookalikes[0].cosine, 0.99);
+  ASSERT_EQ(detection.inseparable.size(), 1U);
+  EXPECT_EQ(detection.inseparable[0].one, 0U);
+  EXPECT_EQ(detection.inseparable[0].other, 2U);
+  EXPECT_GT(detection.inseparable[0].cosine, 0.99);
 }
 
-TEST(Detection, LeavesOutWhatReplacesALaw) {
+TEST(Detection, OmitsEffectsThatReplaceALaw) {
   Bench bench;
   auto model = driven_mass();
   model.friction.law = physics::FrictionLaw::coulomb;
@@ -106,7 +103,7 @@ TEST(Detection, LeavesOutWhatReplacesALaw) {
   bench.declared = Hypothesis(model);
   bench.fitted = test::with_fitted_states(bench.task, bench.declared);
   const Detection detection =
-      bench.detection({suspect("friction_memory"), suspect("contact_compliance")});
+      bench.detection({effect("friction_memory"), effect("contact_compliance")});
   EXPECT_TRUE(detection.limits.empty());
 }
 

@@ -21,7 +21,7 @@ Diagnosis diagnosed(const physics::Model& truth, int threads = 2, std::uint64_t 
   return diagnose({record(truth, 24.0, noise_seed)}, driven_mass(), options);
 }
 
-/// A physics that the model lacks, and the size that the diagnosis should find.
+/// An effect that the model lacks, with the parameter that the diagnosis should find.
 struct Concealed {
   const char* id;
   const char* parameter;
@@ -31,7 +31,7 @@ struct Concealed {
 
 class OneEffect : public ::testing::TestWithParam<Concealed> {};
 
-TEST_P(OneEffect, IsNamedWithItsSizeAndTheMismatchIsGone) {
+TEST_P(OneEffect, IsNamedWithItsParameterAndExplainsTheMismatch) {
   const Concealed& hidden = GetParam();
   const auto truth = with_term(driven_mass(), hidden.id, {{hidden.parameter, {hidden.value}}});
   const Diagnosis got = diagnosed(truth);
@@ -44,7 +44,7 @@ TEST_P(OneEffect, IsNamedWithItsSizeAndTheMismatchIsGone) {
   const Estimate& estimate = finding.parameters[0];
   EXPECT_EQ(estimate.name, hidden.parameter);
   EXPECT_NEAR(estimate.value, hidden.value, 0.05 * std::abs(hidden.value));
-  // Twice as far as the 95 % interval reaches, for a test that holds for any seed.
+  // Twice the 95 % interval, for a test that holds for any seed.
   const double slack = estimate.high - estimate.low;
   EXPECT_GT(hidden.value, estimate.low - 0.5 * slack);
   EXPECT_LT(hidden.value, estimate.high + 0.5 * slack);
@@ -66,9 +66,8 @@ INSTANTIATE_TEST_SUITE_P(
         Concealed{"quadratic_drag", "drag_n_s2_m2", 1.0, physics::Relation::force_balance}),
     [](const auto& info) { return std::string(info.param.id); });
 
-// The drive arrives late at the converter: with one channel to compare, as good as a deflection
-// that is early.
-TEST(Diagnosis, FindsThatTheDriveIsRecordedLate) {
+// A delay of the drive; with one compared channel equivalent to an advance of the displacement.
+TEST(Diagnosis, FindsADelayOfTheDrive) {
   auto truth = driven_mass();
   truth.terms.push_back({"channel_delay", Channel::drive_force, {{"delay_s", {0.012}}}});
   const Diagnosis got = diagnosed(truth);
@@ -80,12 +79,12 @@ TEST(Diagnosis, FindsThatTheDriveIsRecordedLate) {
   EXPECT_LT(got.augmented->chi2_per_sample, 1.2);
 }
 
-// What the report says would have been named is named, and what is far below is not.
-TEST(Diagnosis, NamesWhatItSaysItWouldHaveNamed) {
+// An effect of twice its detection limit is named, one far below it is not.
+TEST(Diagnosis, DetectionLimitsPredictWhatIsNamed) {
   const Diagnosis clean = diagnosed(driven_mass());
   double limit = 0.0;
   for (const DetectionLimit& each : clean.detection.limits) {
-    if (each.suspect.name() == "quadratic_drag") limit = each.value;
+    if (each.candidate.name() == "quadratic_drag") limit = each.value;
   }
   ASSERT_GT(limit, 0.0);
   const auto with_drag = [&](double times) {
@@ -98,7 +97,7 @@ TEST(Diagnosis, NamesWhatItSaysItWouldHaveNamed) {
   EXPECT_TRUE(with_drag(0.3).findings.empty());
 }
 
-TEST(Diagnosis, OfARigThatFollowsItsModelIsConsistent) {
+TEST(Diagnosis, IsConsistentForTheDeclaredModel) {
   for (const std::uint64_t seed : {1U, 2U, 3U}) {
     const Diagnosis got = diagnosed(driven_mass(), 2, seed);
     EXPECT_EQ(name_of(got.verdict), "consistent") << report_text(got);
@@ -108,8 +107,9 @@ TEST(Diagnosis, OfARigThatFollowsItsModelIsConsistent) {
   }
 }
 
-// A rig that is off its nominal numbers, within their sigma, lacks nothing.
-TEST(Diagnosis, CalibratesBeforeItAccuses) {
+// Parameters that differ from their declared values within their uncertainty are not missing
+// physics.
+TEST(Diagnosis, CalibratesBeforeAddingEffects) {
   auto truth = driven_mass();
   truth.oscillator.stiffness_n_m = physics::Parameter{164.0};
   truth.oscillator.damping_n_s_m = physics::Parameter{0.7};
@@ -120,7 +120,14 @@ TEST(Diagnosis, CalibratesBeforeItAccuses) {
   EXPECT_NEAR(got.calibrated[0].value, 164.0, 0.5);
 }
 
-TEST(Diagnosis, GivesTheSameBytesOnHoweverManyThreads) {
+TEST(Diagnosis, RefusesInvalidCriteria) {
+  Options options;
+  options.criteria.claim_z = -1.0;
+  EXPECT_THROW(diagnose({record(driven_mass(), 24.0)}, driven_mass(), options),
+               std::invalid_argument);
+}
+
+TEST(Diagnosis, DoesNotDependOnTheNumberOfThreads) {
   const auto truth = with_term(driven_mass(), "dry_friction", {{"friction_force_n", {0.4}}});
   EXPECT_EQ(report_json(diagnosed(truth, 1)).dump(), report_json(diagnosed(truth, 2)).dump());
 }

@@ -28,14 +28,14 @@ void remove_channel(protocol::Recording& recording, Channel channel) {
   for (Frame& frame : recording.frames) frame.valid &= static_cast<std::uint8_t>(~bit);
 }
 
-TEST(Experiment, IsRefusedWithoutWhatDrivesTheRig) {
+TEST(Experiment, IsRefusedWithoutTheDrivingChannel) {
   auto recording = record(driven_mass(), 2.0);
   remove_channel(recording, Channel::drive_force);
   EXPECT_THAT(refusal(recording, driven_mass()),
               HasSubstr("bench.csv: lacks the column drive_force_n"));
 }
 
-TEST(Experiment, IsRefusedWithoutWhatTheModelPredicts) {
+TEST(Experiment, IsRefusedWithoutAPredictedChannel) {
   auto recording = record(driven_mass(), 2.0);
   remove_channel(recording, Channel::displacement);
   EXPECT_THAT(refusal(recording, driven_mass()), HasSubstr("lacks the column displacement_m"));
@@ -52,7 +52,7 @@ TEST(Experiment, IsRefusedWhenMostSamplesAreMissing) {
   EXPECT_THAT(refusal(recording, driven_mass()), HasSubstr("three quarters"));
 }
 
-TEST(Experiment, TakesDeclaredNoiseAndEstimatesTheRest) {
+TEST(Experiment, EstimatesNoiseThatIsNotDeclared) {
   auto model = driven_mass();
   const auto recording = record(model, 8.0);
   const Experiment declared = make_experiment(recording, model);
@@ -61,11 +61,11 @@ TEST(Experiment, TakesDeclaredNoiseAndEstimatesTheRest) {
   model.sensors[0].noise_std.reset();
   const Experiment estimated = make_experiment(recording, model);
   EXPECT_FALSE(estimated.noise_declared[0]);
-  // Never below a thousandth of the motion: no model is right to better than that.
+  // At least a thousandth of the motion: no model is more accurate.
   EXPECT_GE(estimated.noise_std[0], 0.99e-3 * estimated.channel_std[0]);
 }
 
-TEST(Experiment, MissingSamplesAreNotComparedAndNoWindowReachesAcrossThem) {
+TEST(Experiment, MissingSamplesAreNeitherComparedNorPartOfAWindow) {
   auto recording = record(driven_mass(), 8.0);
   recording.frames.erase(recording.frames.begin() + 800, recording.frames.begin() + 840);
   Experiment e = make_experiment(recording, driven_mass());
@@ -98,18 +98,19 @@ TEST(Windows, DoNotOverlapAndAThirdIsHeldOut) {
   EXPECT_NEAR(share, 1.0 / 3.0, 0.06);
 }
 
-TEST(Experiment, RoughStepsAreLongerWhereAResonanceIsFast) {
+TEST(Experiment, CoarseStepsAreLongerForAFastResonance) {
   auto model = driven_mass();
   model.oscillator.stiffness_n_m = physics::Parameter{1.0e5, 1.0e3};  // 50 Hz
   const auto recording = record(model, 2.0);
   const Experiment fine = make_experiment(recording, model, Steps::fine);
-  const Experiment rough = make_experiment(recording, model, Steps::rough);
-  EXPECT_GT(fine.substeps, 2 * rough.substeps - 1);
+  const Experiment coarse = make_experiment(recording, model, Steps::coarse);
+  EXPECT_GT(fine.substeps, 2 * coarse.substeps - 1);
   EXPECT_EQ(fine.input.size(), (fine.samples - 1) * static_cast<std::size_t>(fine.substeps) + 1);
-  EXPECT_EQ(rough.input.size(), (rough.samples - 1) * static_cast<std::size_t>(rough.substeps) + 1);
+  EXPECT_EQ(coarse.input.size(),
+            (coarse.samples - 1) * static_cast<std::size_t>(coarse.substeps) + 1);
 }
 
-TEST(Horizon, IsAPeriodOfTheRigWithinBounds) {
+TEST(Horizon, IsOnePeriodOfTheRigWithinBounds) {
   const Experiment e = make_experiment(record(driven_mass(), 40.0), driven_mass());
   EXPECT_NEAR(default_horizon_s(driven_mass(), e), 0.5, 0.01);
   auto slow = driven_mass();

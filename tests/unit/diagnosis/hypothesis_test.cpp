@@ -20,7 +20,7 @@ Hypothesis with_dry_friction(double start_n) {
   return Hypothesis(driven_mass()).with(*effect, {}, start, effect->fixed(scales), Detail::coarse);
 }
 
-TEST(Hypothesis, HasOneUnknownForEveryParameterWithASigma) {
+TEST(Hypothesis, HasOneUnknownForEveryUncertainParameter) {
   const Hypothesis hypothesis(driven_mass());
   ASSERT_EQ(hypothesis.unknowns().size(), 2U);  // stiffness and damping; the mass is exact
   for (const Unknown& unknown : hypothesis.unknowns()) {
@@ -34,20 +34,20 @@ TEST(Hypothesis, AtTheOriginIsTheDeclaredModel) {
   EXPECT_EQ(hypothesis.model_at(std::vector<double>(2, 0.0)), driven_mass());
 }
 
-TEST(Hypothesis, UnknownsMoveInUnitsOfTheirSigma) {
+TEST(Hypothesis, UnknownsAreInUnitsOfTheirStandardDeviation) {
   const Hypothesis hypothesis(driven_mass());
   const auto model = hypothesis.model_at(std::vector<double>{2.0, -1.0});
   EXPECT_DOUBLE_EQ(model.oscillator.stiffness_n_m->value, 168.0);
   EXPECT_DOUBLE_EQ(model.oscillator.damping_n_s_m->value, 0.3);
 }
 
-TEST(Hypothesis, WhatLosesItsMeaningAtZeroStaysAboveIt) {
+TEST(Hypothesis, KeepsPositiveParametersAboveZero) {
   const Hypothesis hypothesis(driven_mass());
   const auto model = hypothesis.model_at(std::vector<double>{-1000.0, 0.0});
   EXPECT_GT(model.oscillator.stiffness_n_m->value, 0.0);
 }
 
-TEST(Hypothesis, AnAddedTermBringsItsUnknownAfterThoseOfTheModel) {
+TEST(Hypothesis, UnknownsOfAnAddedTermFollowThoseOfTheModel) {
   const Hypothesis hypothesis = with_dry_friction(0.7);
   ASSERT_EQ(hypothesis.unknowns().size(), 3U);
   EXPECT_FALSE(hypothesis.unknowns()[2].of_model);
@@ -56,7 +56,7 @@ TEST(Hypothesis, AnAddedTermBringsItsUnknownAfterThoseOfTheModel) {
   EXPECT_DOUBLE_EQ(model.terms[0].parameters.at("friction_force_n").value, 0.7);
 }
 
-TEST(Hypothesis, AnEffectOnAnEffectLeavesTheFirstWhereItWas) {
+TEST(Hypothesis, ASecondEffectDoesNotChangeTheFirst) {
   const Hypothesis one = with_dry_friction(0.7);
   const auto* second = physics::find_effect("cubic_stiffness");
   const std::vector<double> start = {12.0};
@@ -78,7 +78,7 @@ TEST(Hypothesis, SlopeIsTheDerivativeOfTheValue) {
   }
 }
 
-TEST(Hypothesis, RefinementsAreFreedLaterAndStandAfterWhatWasThere) {
+TEST(Hypothesis, RefinementsFollowTheOtherUnknowns) {
   const auto* effect = physics::find_effect("hysteresis");
   const std::vector<double> start = {5.0, 0.02, 0.3, 1.5};
   const Hypothesis coarse = Hypothesis(driven_mass()).with(*effect, {}, start, {}, Detail::coarse);
@@ -88,7 +88,6 @@ TEST(Hypothesis, RefinementsAreFreedLaterAndStandAfterWhatWasThere) {
   for (std::size_t u = 0; u < 4; ++u) {
     EXPECT_EQ(all.unknowns()[u].parameter, coarse.unknowns()[u].parameter);
   }
-  // Where it stood, it stands.
   EXPECT_EQ(all.model_at(std::vector<double>(6, 0.0)),
             coarse.model_at(std::vector<double>(4, 0.0)));
   EXPECT_EQ(all.refined().unknowns().size(), 6U);

@@ -28,7 +28,7 @@ double speed_m_s(double t) {
          0.004 * 2.0 * pi * 3.71 * std::cos(2.0 * pi * 3.71 * t + 0.4);
 }
 
-// 20 s of two tones, read to 16 bits with noise, velocity `late_s` behind.
+// 20 s of two tones, quantised and noisy, with a velocity delayed by `late_s`.
 protocol::Recording two_tones(double late_s = 0.0) {
   std::mt19937_64 random(3);
   std::normal_distribution<double> normal;
@@ -59,18 +59,18 @@ TEST(Integrity, OfACleanRecordingHasNoRemarks) {
   EXPECT_FALSE(found.channels[0].mains);
 }
 
-TEST(Integrity, CountsWhatIsLostAndTheLongestGap) {
+TEST(Integrity, CountsMissingSamplesAndTheLongestGap) {
   auto recording = two_tones();
   recording.frames.erase(recording.frames.begin() + 500, recording.frames.begin() + 510);
   recording.frames.erase(recording.frames.begin() + 3000);
   const Integrity found = integrity_of(recording, physics::Model{});
   EXPECT_EQ(found.lost, 11u);
   EXPECT_NEAR(found.longest_gap_s, 11.0 / rate_hz, 1.0e-9);
-  EXPECT_THAT(found.remarks, ElementsAre("11 of 10000 samples are not there; the longest gap is "
-                                         "0.022 s"));
+  EXPECT_THAT(found.remarks,
+              ElementsAre("11 of 10000 samples are missing; the longest gap is 0.022 s"));
 }
 
-TEST(Integrity, SeesAChannelAtItsRails) {
+TEST(Integrity, FindsClippedReadings) {
   auto recording = two_tones();
   for (Frame& frame : recording.frames) {
     frame.set(Channel::displacement, std::min(frame[Channel::displacement], 0.0095));
@@ -80,10 +80,10 @@ TEST(Integrity, SeesAChannelAtItsRails) {
   EXPECT_GT(found.channels[0].at_high_rail, 500u);
   EXPECT_EQ(found.channels[0].at_low_rail, 0u);
   ASSERT_FALSE(found.remarks.empty());
-  EXPECT_THAT(found.remarks[0], HasSubstr("displacement stands still at its lowest"));
+  EXPECT_THAT(found.remarks[0], HasSubstr("displacement rests at its lowest"));
 }
 
-TEST(Integrity, SeesALineOfTheMainsHalfAsHighAsTheNoise) {
+TEST(Integrity, FindsAMainsLineOfHalfTheNoise) {
   auto recording = two_tones();
   for (Frame& frame : recording.frames) {
     frame.set(Channel::displacement,
@@ -98,18 +98,18 @@ TEST(Integrity, SeesALineOfTheMainsHalfAsHighAsTheNoise) {
   EXPECT_THAT(found.remarks[0], HasSubstr("look for a ground loop"));
 }
 
-TEST(Integrity, TellsHowLateTheVelocityIs) {
+TEST(Integrity, MeasuresTheDelayOfTheVelocity) {
   for (const double late_s : {4.0e-4, -1.5e-3}) {
     const Integrity found = integrity_of(two_tones(late_s), physics::Model{});
     ASSERT_TRUE(found.velocity_delay_s);
     EXPECT_NEAR(*found.velocity_delay_s, late_s, 4.0 * found.velocity_delay_error_s);
     EXPECT_LT(found.velocity_delay_error_s, 5.0e-5);
     ASSERT_EQ(found.remarks.size(), 1u);
-    EXPECT_THAT(found.remarks[0], HasSubstr(late_s > 0.0 ? "later" : "earlier"));
+    EXPECT_THAT(found.remarks[0], HasSubstr(late_s > 0.0 ? "lags" : "leads"));
   }
 }
 
-TEST(Integrity, TakesADeclaredRollOffForWhatItIs) {
+TEST(Integrity, TakesADeclaredRollOffIntoAccount) {
   physics::Model model;
   model.sensors[index_of(Channel::velocity)].filters = {
       {physics::FilterKind::first_order_lowpass, 1, 40.0}};
@@ -118,7 +118,7 @@ TEST(Integrity, TakesADeclaredRollOffForWhatItIs) {
   EXPECT_NEAR(*found.velocity_delay_s, 0.0, 3.0e-5);
 }
 
-TEST(Integrity, SaysWhereAChannelIsCoarseOrDead) {
+TEST(Integrity, RemarksOnCoarseAndConstantChannels) {
   auto recording = two_tones();
   for (Frame& frame : recording.frames) {
     frame.set(Channel::displacement, 1.0e-4 * std::round(frame[Channel::displacement] / 1.0e-4));
@@ -127,7 +127,7 @@ TEST(Integrity, SaysWhereAChannelIsCoarseOrDead) {
   }
   const Integrity found = integrity_of(recording, physics::Model{});
   ASSERT_EQ(found.remarks.size(), 2u);
-  EXPECT_THAT(found.remarks[0], HasSubstr("displacement is resolved in 2"));
+  EXPECT_THAT(found.remarks[0], HasSubstr("displacement spans only 2"));
   EXPECT_EQ(found.remarks[1], "normal_load never changes: is it connected?");
 }
 

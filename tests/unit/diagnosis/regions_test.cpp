@@ -23,7 +23,7 @@ using ::testing::IsEmpty;
 using ::testing::Lt;
 using ::testing::Not;
 
-// The true model against what it recorded, with `spoil` done to the readings.
+// Regions of the true model, with its readings modified by `spoil`.
 template <class Spoil>
 std::vector<Region> found(double duration_s, std::uint64_t seed, Spoil&& spoil) {
   Experiment e = experiment_of(record(driven_mass(), duration_s, seed), driven_mass());
@@ -41,15 +41,15 @@ const Region* first_of(const std::vector<Region>& regions, Aspect aspect) {
   return at == regions.end() ? nullptr : &*at;
 }
 
-TEST(Regions, NamesNothingWhereThereIsOnlyNoise) {
-  int named = 0;
+TEST(Regions, AreRareForNoiseAlone) {
+  int reported = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-    named += found(16.0, seed, [](const Experiment&, std::size_t, double&) {}).empty() ? 0 : 1;
+    reported += found(16.0, seed, [](const Experiment&, std::size_t, double&) {}).empty() ? 0 : 1;
   }
-  EXPECT_LE(named, 2);  // one in twenty, of twenty
+  EXPECT_LE(reported, 2);  // one in twenty, of twenty
 }
 
-TEST(Regions, TellsWhen) {
+TEST(Regions, ReportTimes) {
   const auto regions = found(32.0, 1, [](const Experiment& e, std::size_t k, double& reading) {
     const double t = e.time_s(k);
     if (t >= 8.0 && t < 12.0) reading += 2.0e-4 * std::sin(2.0 * std::numbers::pi * 9.0 * t);
@@ -62,8 +62,8 @@ TEST(Regions, TellsWhen) {
   EXPECT_EQ(when->words, "from 8 to 12 s");
 }
 
-TEST(Regions, TellsAtWhichDeflections) {
-  // Noise of its own beyond 10 mm: nothing that the states could follow.
+TEST(Regions, ReportDeflections) {
+  // Additional noise beyond 10 mm, which the states cannot follow.
   const auto regions = found(32.0, 1, [](const Experiment& e, std::size_t k, double& reading) {
     if (e.guess[k].displacement_m > 0.01) reading += (k * 7919 % 13 < 6 ? 1.0e-4 : -1.0e-4);
   });
@@ -74,7 +74,7 @@ TEST(Regions, TellsAtWhichDeflections) {
   EXPECT_THAT(regions, Each(Field(&Region::p_value, Lt(0.05))));
 }
 
-TEST(Regions, TellsInWhichBand) {
+TEST(Regions, ReportTheBand) {
   const auto regions = found(16.0, 1, [](const Experiment& e, std::size_t k, double& reading) {
     reading += 4.0e-5 * std::sin(2.0 * std::numbers::pi * 50.0 * e.time_s(k));
   });
@@ -84,7 +84,7 @@ TEST(Regions, TellsInWhichBand) {
   EXPECT_EQ(band->to, 64.0);
 }
 
-TEST(Regions, TellsHowTheMassMoved) {
+TEST(Regions, ReportTheStateOfMotion) {
   const auto regions = found(32.0, 1, [](const Experiment& e, std::size_t k, double& reading) {
     if (e.guess[k].velocity_m_s < 0.0) reading += (k * 7919 % 13 < 6 ? 6.0e-5 : -6.0e-5);
   });
@@ -97,7 +97,7 @@ TEST(Regions, TellsHowTheMassMoved) {
                            [](const Region& r) { return r.words == "while it moves forwards"; }));
 }
 
-TEST(Regions, AreTheSameForTheSameSeed) {
+TEST(Regions, AreDeterministicForASeed) {
   const auto spoil = [](const Experiment& e, std::size_t k, double& reading) {
     if (e.guess[k].displacement_m > 0.01) reading += (k % 3 == 0 ? 1.0e-4 : -5.0e-5);
   };

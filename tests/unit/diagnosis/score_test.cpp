@@ -13,7 +13,7 @@ using test::experiment_of;
 using test::record;
 using test::with_term;
 
-TEST(Score, OfTheTrueModelIsNothingButNoise) {
+TEST(Score, OfTheTrueModelIsThatOfTheNoise) {
   const std::vector<Experiment> experiments = {
       experiment_of(record(driven_mass(), 12.0), driven_mass())};
   const Hypothesis hypothesis(driven_mass());
@@ -38,17 +38,17 @@ TEST(Score, OfAModelThatLacksAForceIsWorse) {
   EXPECT_GT(lacking.nll_per_sample, whole.nll_per_sample);
 }
 
-TEST(Ahead, AWindowWithNothingBeforeItIsNotPredicted) {
+TEST(PredictAhead, OmitsWindowsWithoutPrecedingData) {
   const std::vector<Experiment> experiments = {
       experiment_of(record(driven_mass(), 6.0), driven_mass())};
   ASSERT_EQ(experiments[0].windows[0].begin, 0U);
-  const Ahead ahead = predict_ahead(all_windows(experiments), Hypothesis(driven_mass()),
-                                    std::vector<double>(2, 0.0));
+  const PredictionErrors ahead = predict_ahead(all_windows(experiments), Hypothesis(driven_mass()),
+                                               std::vector<double>(2, 0.0));
   EXPECT_EQ(ahead.count[0], 0);
   EXPECT_GT(ahead.count[1], 0);
 }
 
-TEST(FreeRun, OfTheTrueModelStaysWithTheRecording) {
+TEST(FreeRun, OfTheTrueModelFollowsTheRecording) {
   const std::vector<Experiment> experiments = {
       experiment_of(record(driven_mass(), 12.0), driven_mass())};
   const FreeRun run =
@@ -58,7 +58,7 @@ TEST(FreeRun, OfTheTrueModelStaysWithTheRecording) {
   EXPECT_LT(*run.rmse[0], 1.5e-4);
 }
 
-TEST(FreeRun, OfAModelThatExplodesIsFinite) {
+TEST(FreeRun, OfADivergingModelIsFinite) {
   const std::vector<Experiment> experiments = {
       experiment_of(record(driven_mass(), 12.0), driven_mass())};
   const auto wild = with_term(driven_mass(), "cubic_stiffness", {{"k3_n_m3", {-1.0e9}}});
@@ -68,7 +68,7 @@ TEST(FreeRun, OfAModelThatExplodesIsFinite) {
   EXPECT_TRUE(std::isfinite(*run.rmse[0]));
 }
 
-TEST(NoiseSigma, IsTheLargerOfSeveralRecordings) {
+TEST(NoiseSigma, IsTheLargestOfAllRecordings) {
   std::vector<Experiment> experiments(2);
   experiments[0].noise_std[0] = 1.0e-5;
   experiments[1].noise_std[0] = 3.0e-5;

@@ -29,7 +29,7 @@ Hypothesis with(const char* id, double size) {
   return declared.with(*physics::find_effect(id), {}, std::vector<double>{size}, {});
 }
 
-// Springs that harden with the third and the fifth power are the same thing at one amplitude.
+// Springs that harden with the third and the fifth power are equivalent at one amplitude.
 TEST(Separation, OfPowersOfDeflectionIsAnotherAmplitude) {
   const Experiment run = steady_run();
   const double x = run.largest.displacement_m;
@@ -40,19 +40,19 @@ TEST(Separation, OfPowersOfDeflectionIsAnotherAmplitude) {
   const auto separation = separation_of(run, {&cubic, z}, {&quintic, z}, 0.4, 1, 2);
   ASSERT_TRUE(separation.has_value());
   EXPECT_NE(separation->run.find("as large"), std::string::npos) << separation->run;
-  EXPECT_GT(separation->chi2_beyond, 3.0 * separation->chi2_now);
+  EXPECT_GT(separation->chi2_excess, 3.0 * separation->chi2_repeated);
   const std::string sentence = sentence_of(*separation);
   EXPECT_TRUE(sentence.starts_with(separation->run)) << sentence;
 }
 
-TEST(Separation, OfTheSameThingIsNone) {
+TEST(Separation, OfIdenticalHypothesesIsNone) {
   const Experiment run = steady_run();
   const Hypothesis cubic = with("cubic_stiffness", 500.0);
   const std::vector<double> z(3, 0.0);
   EXPECT_FALSE(separation_of(run, {&cubic, z}, {&cubic, z}, 0.4, 1, 2).has_value());
 }
 
-TEST(Separation, IsTheSameOnHoweverManyThreads) {
+TEST(Separation, DoesNotDependOnTheNumberOfThreads) {
   const Experiment run = steady_run();
   const Hypothesis cubic = with("cubic_stiffness", 3000.0);
   const Hypothesis drag = with("quadratic_drag", 1.0);
@@ -62,7 +62,7 @@ TEST(Separation, IsTheSameOnHoweverManyThreads) {
   ASSERT_EQ(one.has_value(), two.has_value());
   if (one) {
     EXPECT_EQ(one->run, two->run);
-    EXPECT_EQ(one->chi2_beyond, two->chi2_beyond);
+    EXPECT_EQ(one->chi2_excess, two->chi2_excess);
   }
 }
 

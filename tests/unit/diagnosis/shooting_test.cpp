@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
+#include "diagnosis/score.h"
 #include "tests/unit/diagnosis/bench.h"
 
 namespace stickslip::diagnosis {
@@ -16,7 +18,7 @@ using test::experiment_of;
 using test::record;
 using test::with_term;
 
-// The rig as it is: not quite where its owner believes it to be.
+// The rig with parameters slightly off their declared values.
 physics::Model real_mass() {
   auto model = driven_mass();
   model.oscillator.stiffness_n_m = physics::Parameter{161.0};
@@ -26,7 +28,7 @@ physics::Model real_mass() {
 
 Fit fit_from_declared(const Task& task, const Hypothesis& hypothesis) {
   return fit(task, hypothesis, std::vector<double>(hypothesis.unknowns().size(), 0.0),
-             guessed_states(task, hypothesis));
+             initial_states(task, hypothesis));
 }
 
 TEST(Fit, FindsTheParametersOfATrueModelWithinTheirUncertainty) {
@@ -46,9 +48,9 @@ TEST(Fit, FindsTheParametersOfATrueModelWithinTheirUncertainty) {
   }
 }
 
-// A mass between two wells, of which first guesses have every other stretch in the wrong one: a
-// window goes on from where the one before it ends.
-TEST(Fit, TakesAWindowFromWhereTheOneBeforeEnds) {
+// A mass between two wells, with some first guesses in the wrong one: those windows start again
+// from the end of the window before.
+TEST(Fit, PropagatesStatesFromWindowToWindow) {
   physics::Model wells;
   wells.oscillator.excitation = physics::Excitation::force;
   wells.oscillator.mass_kg = {1.0};
@@ -68,20 +70,20 @@ TEST(Fit, TakesAWindowFromWhereTheOneBeforeEnds) {
   const Hypothesis truth(wells);
   FitOptions options;
   options.parameters_free = false;
-  options.rescue = false;
-  const Fit lost = fit(task, truth, {}, guessed_states(task, truth), options);
-  options.rescue = true;
-  const Fit found = fit(task, truth, {}, guessed_states(task, truth), options);
+  options.multistart = false;
+  const Fit single = fit(task, truth, {}, initial_states(task, truth), options);
+  options.multistart = true;
+  const Fit multiple = fit(task, truth, {}, initial_states(task, truth), options);
   const auto followed = [](const Fit& fitted) {
     return std::count_if(fitted.chi2.begin(), fitted.chi2.end(), [&](const double& chi2) {
       return chi2 < 3.0 * fitted.count[static_cast<std::size_t>(&chi2 - fitted.chi2.data())];
     });
   };
-  EXPECT_LT(followed(lost), static_cast<std::ptrdiff_t>(e.windows.size()));
-  EXPECT_GT(followed(found), followed(lost));
+  EXPECT_LT(followed(single), static_cast<std::ptrdiff_t>(e.windows.size()));
+  EXPECT_GT(followed(multiple), followed(single));
 }
 
-TEST(Fit, OfStatesOnlyLeavesTheParametersAlone) {
+TEST(Fit, OfStatesOnlyHoldsTheParameters) {
   const std::vector<Experiment> experiments = {
       experiment_of(record(real_mass(), 6.0), driven_mass())};
   const Task task = all_windows(experiments);
@@ -89,12 +91,12 @@ TEST(Fit, OfStatesOnlyLeavesTheParametersAlone) {
   FitOptions options;
   options.parameters_free = false;
   const std::vector<double> z = {0.25, -0.5};
-  const Fit fitted = fit(task, hypothesis, z, guessed_states(task, hypothesis), options);
+  const Fit fitted = fit(task, hypothesis, z, initial_states(task, hypothesis), options);
   EXPECT_EQ(fitted.z, z);
   EXPECT_EQ(fitted.states_per_window, 2);
 }
 
-TEST(Fit, GivesTheSameBitsOnHoweverManyThreads) {
+TEST(Fit, DoesNotDependOnTheNumberOfThreads) {
   const std::vector<Experiment> experiments = {
       experiment_of(record(real_mass(), 8.0), driven_mass())};
   Task task = all_windows(experiments);
@@ -106,10 +108,10 @@ TEST(Fit, GivesTheSameBitsOnHoweverManyThreads) {
   EXPECT_EQ(one.chi2, three.chi2);
 }
 
-TEST(Fit, AWindowThatNoModelFollowsHoldsUpNoOther) {
+TEST(Fit, IsRobustAgainstOneOutlyingWindow) {
   auto recording = record(real_mass(), 12.0);
   Experiment e = experiment_of(recording, driven_mass());
-  // A knock: one window's displacement is thrown off by a thousand times the noise.
+  // One window's displacement is off by a thousand times the noise.
   const Window& hit = e.windows[5];
   for (std::size_t k = hit.begin; k < hit.end; ++k) e.reading[k][0] += (k % 7 == 0) ? 0.02 : 0.0;
   const std::vector<Experiment> experiments = {std::move(e)};
@@ -123,8 +125,8 @@ TEST(Fit, AWindowThatNoModelFollowsHoldsUpNoOther) {
   }
 }
 
-// The bench of the paper: friction with a memory, seen through a resonant load cell. Its windows'
-// costs have several valleys in the state theta, which no channel shows.
+// The bench of the paper: friction with memory, measured by a resonant load cell. The cost of a
+// window has several local minima in the state theta, which no channel shows.
 physics::Model bench_with_memory() {
   physics::Model model;
   model.oscillator.mass_kg = {0.06};
@@ -143,7 +145,7 @@ physics::Model bench_with_memory() {
   return model;
 }
 
-// A base motion and its exact acceleration, so that nothing but the states is in doubt.
+// A base motion with its exact acceleration, so that only the states are uncertain.
 Experiment shaken(const physics::Model& model, double duration_s) {
   physics::SimulationOptions options;
   options.seed = 4;
@@ -174,7 +176,7 @@ Experiment shaken(const physics::Model& model, double duration_s) {
   return experiment_of(recording, model);
 }
 
-TEST(Fit, LeavesAWrongValleyOfTheHiddenState) {
+TEST(Fit, LeavesALocalMinimumOfTheHiddenState) {
   const auto model = bench_with_memory();
   const std::vector<Experiment> experiments = {shaken(model, 8.0)};
   Task task = all_windows(experiments);
@@ -184,7 +186,7 @@ TEST(Fit, LeavesAWrongValleyOfTheHiddenState) {
   FitOptions options;
   options.parameters_free = false;
   options.iterations = 12;
-  auto wrong = guessed_states(task, hypothesis);
+  auto wrong = initial_states(task, hypothesis);
   for (WindowState& state : wrong) state[physics::state::contact] = 0.3;
   const auto worst = [&](const Fit& fitted) {
     double most = 0.0;
@@ -193,21 +195,67 @@ TEST(Fit, LeavesAWrongValleyOfTheHiddenState) {
     }
     return most;
   };
-  options.rescue = false;
+  options.multistart = false;
   EXPECT_GT(worst(fit(task, hypothesis, {}, wrong, options)), 10.0)
-      << "no window fell into a wrong valley: this test tests nothing";
-  options.rescue = true;
+      << "no window ended in a local minimum: the test is void";
+  options.multistart = true;
   EXPECT_LT(worst(fit(task, hypothesis, {}, wrong, options)), 1.2);
 }
 
-TEST(Fit, AMissingTermLeavesMoreThanNoise) {
+TEST(Fit, LeavesMoreThanNoiseWithoutAnEffect) {
   const auto truth = with_term(driven_mass(), "dry_friction", {{"friction_force_n", {0.5}}});
   const std::vector<Experiment> experiments = {experiment_of(record(truth, 12.0), driven_mass())};
   const Task task = all_windows(experiments);
   EXPECT_GT(fit_from_declared(task, Hypothesis(driven_mass())).chi2_per_sample(), 10.0);
 }
 
-TEST(Predict, FromTheTrueStateReadsWhatWasRecorded) {
+// A base-excited mass; the noise of the base's channel moves it by more than the gauge's noise.
+TEST(Fit, WeighsResidualsByTheNoiseOfTheBase) {
+  physics::Model model;
+  model.oscillator.mass_kg = {0.06};
+  model.oscillator.natural_frequency_hz = physics::Parameter{2.4};
+  model.oscillator.damping_ratio = physics::Parameter{0.05};
+  model.sensors[index_of(Channel::displacement)].noise_std = 1.0e-5;
+  model.sensors[index_of(Channel::base_displacement)].noise_std = 1.0e-4;
+  physics::SimulationOptions options;
+  options.step_s = 5.0e-4;
+  physics::RigSimulator rig(model, options);
+  protocol::Recording recording;
+  recording.source = "base.csv";
+  recording.channels =
+      (1U << index_of(Channel::displacement)) | (1U << index_of(Channel::base_displacement));
+  const auto base = [](double time_s) {
+    const double a = 2.0 * std::numbers::pi * 3.1;
+    const double b = 2.0 * std::numbers::pi * 1.3;
+    physics::Input input;
+    input.base_displacement_m = 0.004 * std::sin(a * time_s) + 0.002 * std::sin(b * time_s);
+    input.base_acceleration_m_s2 =
+        -0.004 * a * a * std::sin(a * time_s) - 0.002 * b * b * std::sin(b * time_s);
+    return input;
+  };
+  for (int k = 0; k <= 4000; ++k) {
+    for (int part = 1; k > 0 && part <= 10; ++part) {
+      rig.advance(5.0e-4, base((k - 1) * 5.0e-3 + part * 5.0e-4));
+    }
+    Frame frame = rig.read();
+    frame.time_ns = std::int64_t{5'000'000} * k;
+    frame.valid &= recording.channels;
+    recording.frames.push_back(frame);
+  }
+  std::vector<Experiment> experiments{experiment_of(recording, model)};
+  Task task = test::all_windows(experiments);
+  task.sigma = noise_sigma(experiments);
+  const Hypothesis truth(model);
+  ASSERT_GT(experiments[0].base_acceleration_noise_m_s2, 0.0);
+  const double with_noise = fit_states(task, truth, {}).chi2_per_sample();
+  experiments[0].base_acceleration_noise_m_s2 = 0.0;
+  const double without_noise = fit_states(task, truth, {}).chi2_per_sample();
+  EXPECT_GT(without_noise, 1.3);
+  EXPECT_LT(with_noise, 1.1);
+  EXPECT_GT(with_noise, 0.8);
+}
+
+TEST(Predict, FromTheTrueStateMatchesTheRecording) {
   const auto model = driven_mass();
   const auto recording = record(model, 6.0, 1, false);
   const Experiment e = experiment_of(recording, model);
@@ -217,7 +265,7 @@ TEST(Predict, FromTheTrueStateReadsWhatWasRecorded) {
   const std::vector<double> z(2, 0.0);
   FitOptions options;
   options.parameters_free = false;
-  const Fit fitted = fit(task, hypothesis, z, guessed_states(task, hypothesis), options);
+  const Fit fitted = fit(task, hypothesis, z, initial_states(task, hypothesis), options);
   const Window& window = e.windows[4];
   const auto readings = predict(e, window, window.end, hypothesis, z, fitted.state[4]);
   ASSERT_EQ(readings.size(), window.end - window.begin);

@@ -25,7 +25,7 @@ std::vector<double> recorded(double amplitude, double frequency_hz, double phase
   return values;
 }
 
-TEST(Spectrum, FindsTheLineOfTheMainsWithItsPhase) {
+TEST(Mains, LineHasItsFrequencyAmplitudeAndPhase) {
   for (const double frequency_hz : {49.97, 60.05, 100.0, 150.1}) {
     const auto line = mains_of(recorded(0.01, frequency_hz, 0.8), 0.002);
     ASSERT_TRUE(line) << frequency_hz;
@@ -35,12 +35,12 @@ TEST(Spectrum, FindsTheLineOfTheMainsWithItsPhase) {
   }
 }
 
-TEST(Spectrum, TakesNoOtherLineForTheMains) {
+TEST(Mains, IgnoresOtherLines) {
   EXPECT_FALSE(mains_of(recorded(0.0, 50.0, 0.0), 0.002));
   EXPECT_FALSE(mains_of(recorded(0.01, 47.0, 0.0), 0.002));
 }
 
-TEST(Spectrum, TakesTheMainsOutAndNothingElse) {
+TEST(Mains, IsRemovedWithoutOtherChanges) {
   const auto clean = recorded(0.0, 50.0, 0.0);
   const auto freed = without_mains(recorded(0.05, 50.02, -1.3), 0.002);
   const auto same = without_mains(clean, 0.002);

@@ -15,12 +15,12 @@ using physics::Filter;
 using physics::FilterChain;
 using physics::FilterKind;
 
-/// The same cases at every run, unless somebody asks for others.
+/// The same cases in every run, unless RC_PARAMS is set.
 const int seeded = setenv("RC_PARAMS", "seed=20260102 max_success=40", 0);
 
 constexpr double period_s = 1.0e-3;
 
-// A tone after the chain, in its steady state.
+// A tone after the chain, in steady state.
 std::vector<double> filtered_tone(const FilterChain& chain, double frequency_hz,
                                   std::size_t count) {
   const auto response = chain.response(frequency_hz);
@@ -48,8 +48,8 @@ RC_GTEST_PROP(WideBand, UndoesTheFiltersOfATone, ()) {
   }
 }
 
-// A transform is fast for some lengths only; no length may cost accuracy. Two filters of the
-// paper's chain and noise, so that whatever rings is raised far above it.
+// Lengths that are slow to transform must not cost accuracy. Two filters of the paper's chain,
+// which amplify any ringing far above the noise.
 TEST(WideBand, DoesNotDependOnTheNumberOfSamples) {
   const std::vector<Filter> filters = {{FilterKind::butterworth_lowpass, 4, 25.0},
                                        {FilterKind::butterworth_lowpass, 4, 25.0}};
@@ -70,7 +70,7 @@ TEST(WideBand, DoesNotDependOnTheNumberOfSamples) {
   }
 }
 
-TEST(WideBand, LeavesALineALineAndTakesBackItsLag) {
+TEST(WideBand, UndoesTheLagOfALine) {
   const std::vector<Filter> filters = {{FilterKind::first_order_lowpass, 1, 10.0}};
   const FilterChain chain(filters, period_s);
   const double lag_s = 1.0 / (2.0 * std::numbers::pi * 10.0);
@@ -87,7 +87,7 @@ TEST(WideBand, LeavesALineALineAndTakesBackItsLag) {
 }
 
 // Undoing 25 Hz of fourth order would raise the noise above 100 Hz by 48 dB and more.
-TEST(WideBand, DoesNotRaiseNoiseWhereThereIsNoSignal) {
+TEST(WideBand, DoesNotAmplifyNoise) {
   const std::vector<Filter> filters = {{FilterKind::butterworth_lowpass, 4, 25.0}};
   const FilterChain chain(filters, period_s);
   auto samples = filtered_tone(chain, 3.0, 8001);
@@ -104,7 +104,7 @@ TEST(WideBand, DoesNotRaiseNoiseWhereThereIsNoSignal) {
   EXPECT_LT(std::sqrt(square / 4001.0), 1.0e-3);
 }
 
-TEST(NoiseOf, IsThatOfTheNoiseAndNotOfTheMotion) {
+TEST(NoiseOf, IsIndependentOfTheMotion) {
   std::mt19937_64 random(3);
   std::normal_distribution<double> normal(0.0, 2.0e-4);
   std::vector<double> samples(4000);
@@ -123,7 +123,7 @@ TEST(NoiseOf, IsAtLeastThatOfQuantisation) {
   EXPECT_NEAR(noise_of(samples), 0.01 / std::sqrt(12.0), 1.0e-4);
 }
 
-TEST(NoiseOf, IsNothingForAConstantAndForTooFewSamples) {
+TEST(NoiseOf, IsZeroForAConstantAndForTooFewSamples) {
   EXPECT_EQ(noise_of(std::vector<double>(100, 4.0)), 0.0);
   EXPECT_EQ(noise_of(std::vector<double>{1.0, 2.0, 1.0}), 0.0);
 }

@@ -12,7 +12,7 @@
 namespace stickslip::parallel {
 namespace {
 
-TEST(ForEach, DoesEveryPieceOnce) {
+TEST(ForEach, CallsEveryIndexOnce) {
   for (const int threads : {1, 2, 7}) {
     std::vector<std::atomic<int>> done(100);
     for_each(100, threads, [&](std::size_t i) { ++done[i]; });
@@ -20,7 +20,7 @@ TEST(ForEach, DoesEveryPieceOnce) {
   }
 }
 
-TEST(ForEach, PassesAnExceptionOn) {
+TEST(ForEach, RethrowsAnException) {
   EXPECT_THROW(for_each(10, 2,
                         [](std::size_t i) {
                           if (i == 3) throw std::runtime_error("piece 3");
@@ -28,11 +28,11 @@ TEST(ForEach, PassesAnExceptionOn) {
                std::runtime_error);
 }
 
-TEST(ForEach, PassesTheExceptionOfTheLowestOn) {
+TEST(ForEach, RethrowsTheExceptionOfTheLowestIndex) {
   for (int round = 0; round < 20; ++round) {
     try {
       for_each(8, 4, [](std::size_t i) {
-        // The later ones fail sooner.
+        // Higher indices throw earlier.
         std::this_thread::sleep_for(std::chrono::microseconds(200 * (8 - i)));
         if (i % 2 == 1) throw std::runtime_error(std::to_string(i));
       });

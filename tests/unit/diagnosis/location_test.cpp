@@ -1,4 +1,4 @@
-#include "diagnosis/locate.h"
+#include "diagnosis/location.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -14,8 +14,8 @@ using test::experiment_of;
 using test::record;
 using test::with_fitted_states;
 
-// The true model, but a 5 Hz tone was added to what the sensor read from 6 s to 8 s.
-TEST(Locate, FindsWhenAndInWhichBandAReadingIsOff) {
+// The true model, with a 5 Hz tone added to the reading from 6 s to 8 s.
+TEST(Location, HasTheTimesAndTheBandOfADisturbance) {
   Experiment e = experiment_of(record(driven_mass(), 16.0), driven_mass());
   for (std::size_t k = 0; k < e.samples; ++k) {
     const double t = e.time_s(k);
@@ -39,7 +39,7 @@ TEST(Locate, FindsWhenAndInWhichBandAReadingIsOff) {
   EXPECT_THAT(location.statement, ::testing::HasSubstr("displacement"));
 }
 
-TEST(Locate, SaysThroughoutWhenNearlyEveryWindowFails) {
+TEST(Location, IsThroughoutTheRecordingWhereNearlyEveryWindowFails) {
   Experiment e = experiment_of(record(driven_mass(), 8.0), driven_mass());
   for (std::size_t k = 0; k < e.samples; ++k) e.reading[k][0] += (k % 2 == 0) ? 1.0e-3 : -1.0e-3;
   const std::vector<Experiment> experiments = {std::move(e)};

@@ -1,0 +1,142 @@
+// Thresholds of a diagnosis: every number that decides what is claimed, preferred, reported or left
+// out, and how much work is spent before that is decided.
+//
+// Unless a line says otherwise, a default was set by hand on concealed recordings made during
+// development, so that recordings of consistent rigs are not reported as missing physics; its rate
+// of false alarms has not been measured. `nat`: unit of the natural logarithm of a likelihood.
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+namespace stickslip::diagnosis {
+
+/// Work spent on candidates. More costs time; less risks a wrong choice of finalists.
+struct Effort {
+  /// Windows of a rough fit: half spread over the recording, half where the base model fits worst.
+  std::size_t screening_windows = 20;
+  int screening_iterations = 1;  ///< of the first fit of every candidate effect, from every start
+  std::size_t rough_fits = 16;   ///< candidates fitted again after screening, the best first
+  int rough_iterations = 2;
+  std::size_t refinements = 9;  ///< candidates refined after the rough fits, the best first
+  int refinement_iterations = 4;
+  std::size_t listed_finalists = 5;    ///< listed effects fitted on all windows
+  std::size_t unlisted_finalists = 2;  ///< formulas and drawn shapes fitted on all windows
+  std::size_t restarts = 2;            ///< finalists fitted anew from the declared values
+  std::size_t pair_first_effects = 3;  ///< effects for which a second one is searched
+  /// Second effects fitted on all windows for each first effect, before the best pair is chosen.
+  std::size_t pair_second_effects = 2;
+  std::size_t bootstrap_draws = 2000;        ///< of held-out windows, for probabilities
+  std::size_t region_bootstrap_draws = 400;  ///< of windows, for the error of a region's contrast
+  int detection_evaluations = 7;             ///< sizes tried for one detection limit
+  double separation_run_s = 12.0;            ///< longest simulated run of a separating experiment
+  std::size_t separation_windows = 12;  ///< windows of it that the wrong hypothesis is fitted to
+};
+
+struct Criteria {
+  // --- When a model explains a recording -------------------------------------------------------
+  /// Held-out chi-squared per sample up to which the recording is explained; noise declared, or
+  /// estimated and confirmed.
+  double explained_chi2 = 1.3;
+  /// The same while the noise is only an estimate.
+  double explained_chi2_estimated_noise = 3.0;
+  /// Share of the excess chi-squared (above 1) that findings may leave and still explain the
+  /// recording: no model of a real machine is exact.
+  double explained_excess_share = 0.1;
+  /// Prior penalty [nat] of the calibrated parameters (half the sum of squares of their distances
+  /// from the declared values in standard deviations) above which the calibration is implausible.
+  /// Nine parameters that follow their priors exceed it once in 100000 recordings.
+  double implausible_prior_penalty = 20.0;
+  /// Distance of a typical window's log chi-squared per sample from 0 up to which an estimate of
+  /// the noise is confirmed by the fit: anything but noise would leave more.
+  double confirmed_noise_log = 0.2;
+  /// Factor between residual and estimated noise, in every channel, below which the last steps of a
+  /// fit weigh the channels by the estimate.
+  double near_noise_factor = 3.0;
+
+  // --- When an effect is claimed ---------------------------------------------------------------
+  /// Mean held-out gain over windows, in standard errors: one-sided probability 5e-4 under the
+  /// null.
+  double claim_z = 3.3;
+  /// Alternative to claim_z where the noise is known: net gain [nat] without the best window, ...
+  double claim_nats = 10.0;
+  /// ... with a loss in worse windows of at most this share of the gain in better ones.
+  double claim_loss_share = 0.1;
+  /// Share of the excess chi-squared (at least 1) that the effect has to remove where it then
+  /// explains the recording. Also the chi-squared per sample at the detection limit.
+  double claim_share_explained = 0.05;
+  /// The same where it does not: any term absorbs a little of what another effect leaves.
+  double claim_share_unexplained = 0.3;
+  /// Standard deviation of the logarithm of a parameter above which the recording does not
+  /// determine it (its prior has 4), and the effect is not a candidate.
+  double undetermined_log_std = 2.5;
+
+  // --- When the search goes on -----------------------------------------------------------------
+  std::size_t max_findings = 3;
+  /// Held-out chi-squared per sample below which nothing further is searched.
+  double noise_floor_chi2 = 1.1;
+  /// Held-out chi-squared per sample of the best finalist above which the best are fitted anew:
+  /// such a fit may have ended in a local minimum.
+  double restart_chi2 = 1.3;
+  /// Cost over that of the best candidate above which a fit is not continued to convergence.
+  double hopeless_cost_ratio = 3.0;
+  /// Calibrated parameters farther than this from the declared values [standard deviations] are
+  /// also started from the declared values when an effect is added.
+  double distant_calibration = 2.0;
+  /// Share of the excess chi-squared above which a single effect imitates no pair of effects.
+  double single_effect_share = 0.95;
+
+  // --- Which of several effects is preferred ---------------------------------------------------
+  /// A listed effect is preferred to a formula, a formula to a drawn shape, where it gains this
+  /// share of what the other gains: a shape that bends anywhere imitates most other effects.
+  double lower_tier_gain_share = 0.85;
+  /// A simpler rival is preferred unless the other gains this share more: a law with one more
+  /// parameter or state imitates the one without it.
+  double simpler_rival_share = 0.15;
+  /// Two listed effects that explain the recording are preferred to a drawn shape where they gain
+  /// this share of what it gains.
+  double pair_over_shape_share = 0.6;
+  /// Complexity [nat] of one hidden state, free in every window; a parameter has 1.
+  double state_complexity = 2.0;
+  /// Complexity [nat] added for an effect that the catalogue does not list.
+  double unlisted_complexity = 3.0;
+  /// Share of a rival's probability given to the effect that was preferred to it.
+  double preference_share = 0.5;
+
+  // --- What is reported ------------------------------------------------------------------------
+  /// Probability of a finding below which the separating experiment is looked for.
+  double certain_probability = 0.95;
+  double least_alternative_probability = 0.005;  ///< of an alternative that is listed
+  /// Cosine of the angle between two effects' changes of the readings from which the recording
+  /// cannot separate them.
+  double inseparable_cosine = 0.98;
+  /// Excess chi-squared per sample of the wrong hypothesis from which a separating run is proposed,
+  double separating_chi2 = 0.1;
+  /// and its ratio to that in a repetition of the recorded run.
+  double separating_ratio = 3.0;
+
+  // --- Location --------------------------------------------------------------------------------
+  /// Share of windows that fail from which the mismatch is throughout the recording.
+  double throughout_share = 0.6;
+  /// Share of the residual energy that is cut off at each end of a located range.
+  double located_tail_share = 0.1;
+  /// Gap between failing windows, in windows, below which they are one interval.
+  double joined_gap_windows = 2.5;
+  /// Expected share of false regions among the reported ones (Benjamini and Yekutieli).
+  double region_false_discovery_rate = 0.05;
+  double region_least_count = 30.0;  ///< samples or spectral lines inside and outside a region
+
+  // --- Remarks on a recording, for its reader only ---------------------------------------------
+  double remark_clipped_percent = 0.1;  ///< of samples at the lowest or highest value
+  double remark_jitter = 0.2;           ///< departure from a uniform grid [sampling periods]
+  double remark_steps = 1000.0;      ///< quantisation steps in a channel's range, fewer are coarse
+  double remark_delay_errors = 5.0;  ///< delay of the velocity [standard errors] and
+  double remark_delay_periods = 0.05;  ///< [sampling periods]
+
+  Effort effort;
+};
+
+/// A sentence that names the first value outside its range; empty for valid criteria.
+std::string invalid(const Criteria& criteria);
+
+}  // namespace stickslip::diagnosis

@@ -1,0 +1,212 @@
+#include "diagnosis/findings.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "diagnosis/selection.h"
+#include "diagnosis/separation.h"
+
+namespace stickslip::diagnosis {
+
+namespace {
+
+constexpr double half_width_95 = 1.96;  // standard deviations
+
+// Factor on standard deviations for a fit that leaves more than the noise.
+double inflation_of(const Fit& fitted) {
+  return std::sqrt(std::max(1.0, fitted.chi2_per_sample()));
+}
+
+// An unknown that is a parameter of an effect, by its position on the effect's card.
+struct OwnUnknown {
+  std::size_t unknown = 0;
+  std::size_t position = 0;
+};
+
+// In the order of the card.
+std::vector<OwnUnknown> own_unknowns(const FittedCandidate& each) {
+  const physics::BoundTerm& term = own_term(each);
+  const auto& unknowns = each.hypothesis->unknowns();
+  std::vector<OwnUnknown> out;
+  for (std::size_t k = 0; k < term.effect->card().parameters.size(); ++k) {
+    for (std::size_t u = 0; u < unknowns.size(); ++u) {
+      if (static_cast<int>(unknowns[u].parameter) == term.parameter[k]) out.push_back({u, k});
+    }
+  }
+  return out;
+}
+
+// Standard deviation of an unknown, in z: from the noise, and from the accuracy of the formula.
+double standard_deviation(const FittedCandidate& each, const OwnUnknown& own) {
+  const Hypothesis& hypothesis = *each.hypothesis;
+  const Fit& fitted = each.fitted;
+  const physics::ParameterCard& card = each.candidate.effect->card().parameters[own.position];
+  const auto i = static_cast<Eigen::Index>(own.unknown);
+  const double z = fitted.z[own.unknown];
+  const double value = hypothesis.value(own.unknown, z);
+  const double of_formula = card.formula_uncertainty * std::abs(value - card.neutral);
+  const double slope = std::max(std::abs(hypothesis.slope(own.unknown, z)), 1.0e-300);
+  return std::hypot(inflation_of(fitted) * std::sqrt(std::max(0.0, fitted.covariance(i, i))),
+                    of_formula / slope);
+}
+
+Finding with_parameters(const FittedCandidate& each) {
+  Finding finding;
+  finding.effect = each.candidate.effect;
+  finding.place = each.candidate.place;
+  const std::vector<double> values = own_parameters(each);
+  for (const OwnUnknown& own : own_unknowns(each)) {
+    const double z = each.fitted.z[own.unknown];
+    const double half = half_width_95 * standard_deviation(each, own);
+    const double low = each.hypothesis->value(own.unknown, z - half);
+    const double high = each.hypothesis->value(own.unknown, z + half);
+    finding.parameters.push_back({std::string(finding.effect->card().parameters[own.position].name),
+                                  values[own.position], std::min(low, high), std::max(low, high)});
+  }
+  finding.statement = finding.effect->statement(values);
+  return finding;
+}
+
+Eigen::MatrixXd correlation_of(const FittedCandidate& each, const std::vector<OwnUnknown>& own,
+                               const std::vector<double>& sigma) {
+  const double inflation = inflation_of(each.fitted);
+  const auto n = static_cast<Eigen::Index>(own.size());
+  Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j < n; ++j) {
+      if (i == j) continue;
+      const auto a = static_cast<std::size_t>(i);
+      const auto b = static_cast<std::size_t>(j);
+      correlation(i, j) = inflation * inflation *
+                          each.fitted.covariance(static_cast<Eigen::Index>(own[a].unknown),
+                                                 static_cast<Eigen::Index>(own[b].unknown)) /
+                          (sigma[a] * sigma[b]);
+    }
+  }
+  return correlation;
+}
+
+// The fitted effect as curves, with the bands that follow from all of its parameters.
+std::vector<Curve> portrait_with_bands(const FittedCandidate& each, const Experiment& experiment) {
+  const Hypothesis& hypothesis = *each.hypothesis;
+  const physics::Model model = hypothesis.model_at(each.fitted.z);
+  const double friction_n =
+      model.friction.mu.value * (model.normal_load ? experiment.mean_load_n : 1.0);
+  const auto fitted = own_parameters(each);
+  const auto portrait = [&](const std::vector<double>& values) {
+    return portrait_of(*each.candidate.effect, each.candidate.place, values, fitted, experiment,
+                       friction_n);
+  };
+  const std::vector<OwnUnknown> own = own_unknowns(each);
+  std::vector<double> sigma;
+  for (const OwnUnknown& unknown : own) {
+    sigma.push_back(std::max(standard_deviation(each, unknown), 1.0e-300));
+  }
+  std::vector<Curve> curves = portrait(fitted);
+  add_bands(curves, correlation_of(each, own, sigma), [&](Eigen::Index i, double by) {
+    const auto k = static_cast<std::size_t>(i);
+    const std::size_t u = own[k].unknown;
+    std::vector<double> values = fitted;
+    values[own[k].position] = hypothesis.value(u, each.fitted.z[u] + by * sigma[k]);
+    return portrait(values);
+  });
+  return curves;
+}
+
+// Begin and end of an effect whose card has these parameters, within the recording.
+std::optional<std::pair<double, double>> episode_of(const FittedCandidate& each,
+                                                    const Experiment& experiment) {
+  const auto values = own_parameters(each);
+  const auto value_of = [&](std::string_view name) -> std::optional<double> {
+    const auto cards = each.candidate.effect->card().parameters;
+    for (std::size_t i = 0; i < cards.size(); ++i) {
+      if (cards[i].name == name) return values[i];
+    }
+    return std::nullopt;
+  };
+  const auto begin_s = value_of("begin_s");
+  const auto end_s = value_of("end_s");
+  if (!begin_s || !end_s) return std::nullopt;
+  const double last_s = experiment.period_s * static_cast<double>(experiment.samples);
+  return std::pair{experiment.start_s + std::clamp(*begin_s, 0.0, last_s),
+                   experiment.start_s + std::clamp(*end_s, 0.0, last_s)};
+}
+
+// Probabilities of a claim's rivals. The claimed one may be preferred to more probable ones,
+// because simple and listed physics is more probable a priori: it takes a share of their
+// probability.
+std::vector<double> probabilities_of(const Claim& claim, const Criteria& criteria,
+                                     std::uint64_t seed) {
+  auto weight = probabilities(claim.rivals, criteria, seed);
+  for (std::size_t k = 1; k < weight.size(); ++k) {
+    if (weight[k] <= weight.front()) continue;
+    const double taken = criteria.preference_share * weight[k];
+    weight[k] -= taken;
+    weight.front() += taken;
+  }
+  return weight;
+}
+
+// The run that would separate the first of `rivals` from the most probable other: the best
+// simulated variation, or, where none separates them, the experiment on the effect's card.
+std::string experiment_between(const std::vector<FittedCandidate>& rivals,
+                               const std::vector<double>& weight, const SearchData& data,
+                               double horizon_s) {
+  std::size_t other = 1;
+  for (std::size_t k = 2; k < rivals.size(); ++k) {
+    if (weight[k] > weight[other]) other = k;
+  }
+  const auto separation = separation_of(data.experiments.front(),
+                                        {&*rivals.front().hypothesis, rivals.front().fitted.z},
+                                        {&*rivals[other].hypothesis, rivals[other].fitted.z},
+                                        horizon_s, data.seed, data.threads, data.criteria);
+  return separation ? sentence_of(*separation)
+                    : std::string(rivals.front().candidate.effect->card().experiment);
+}
+
+Finding finding_of(const Search& search, const Claim& claim, std::size_t number, double horizon_s) {
+  const SearchData& data = search.data();
+  const Criteria& criteria = data.criteria;
+  const Experiment& first = data.experiments.front();
+  FittedCandidate claimed = search.result();
+  claimed.candidate = claim.candidate;
+  Finding finding = with_parameters(claimed);
+  finding.chi2_before = claim.chi2_before;
+  finding.chi2_after = claim.chi2_after;
+  const auto weight = probabilities_of(claim, criteria, data.seed + number);
+  finding.probability = weight.front();
+  for (std::size_t k = 1; k < weight.size(); ++k) {
+    if (weight[k] < criteria.least_alternative_probability) continue;
+    finding.alternatives.push_back({claim.rivals[k].candidate, weight[k]});
+  }
+  finding.when_s = episode_of(claimed, first);
+  finding.shape = shape_of(*finding.effect, own_parameters(claimed), first);
+  finding.portrait = portrait_with_bands(claimed, first);
+  if (finding.probability < criteria.certain_probability && !finding.alternatives.empty()) {
+    finding.separating_experiment = experiment_between(claim.rivals, weight, data, horizon_s);
+  }
+  return finding;
+}
+
+}  // namespace
+
+std::vector<Finding> findings_of(const Search& search, double horizon_s) {
+  std::vector<Finding> findings;
+  for (const Claim& claim : search.claims()) {
+    findings.push_back(finding_of(search, claim, findings.size(), horizon_s));
+  }
+  return findings;
+}
+
+std::pair<double, double> interval_of(const FittedCandidate& each, std::size_t unknown) {
+  const Fit& fitted = each.fitted;
+  const auto i = static_cast<Eigen::Index>(unknown);
+  double half = 0.0;
+  if (i < fitted.covariance.rows()) {
+    half = half_width_95 * inflation_of(fitted) * std::sqrt(std::max(0.0, fitted.covariance(i, i)));
+  }
+  return std::minmax(each.hypothesis->value(unknown, fitted.z[unknown] - half),
+                     each.hypothesis->value(unknown, fitted.z[unknown] + half));
+}
+
+}  // namespace stickslip::diagnosis

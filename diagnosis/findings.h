@@ -1,0 +1,49 @@
+// Findings of a search: claimed effects with intervals, probabilities, fitted shapes, and the
+// experiment that would separate them from their rivals.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "diagnosis/candidates.h"
+#include "diagnosis/search.h"
+#include "diagnosis/shape.h"
+
+namespace stickslip::diagnosis {
+
+struct Estimate {
+  std::string name;
+  double value = 0.0;
+  double low = 0.0;  ///< 95 % interval
+  double high = 0.0;
+};
+
+struct Alternative {
+  CandidateEffect candidate;
+  double probability = 0.0;
+};
+
+/// One missing effect.
+struct Finding {
+  const physics::Effect* effect = nullptr;
+  physics::Place place;
+  std::string statement;
+  std::vector<Estimate> parameters;
+  std::optional<std::pair<double, double>> when_s;  ///< begin and end of an effect that ends
+  double probability = 0.0;                         ///< relative to the alternatives tried
+  std::vector<Alternative> alternatives;
+  std::optional<std::string> separating_experiment;
+  std::vector<Curve> shape;     ///< as fitted, over the range of the recording
+  std::vector<Curve> portrait;  ///< for the reader, with 95 % bands: see portrait_of
+  double chi2_before = 0.0;     ///< held-out, before this finding and with it
+  double chi2_after = 0.0;
+};
+
+std::vector<Finding> findings_of(const Search& search, double horizon_s);
+
+/// 95 % interval of an unknown where its fit has converged; its value alone otherwise.
+std::pair<double, double> interval_of(const FittedCandidate& each, std::size_t unknown);
+
+}  // namespace stickslip::diagnosis

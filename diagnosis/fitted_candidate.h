@@ -1,0 +1,43 @@
+// A candidate effect added to a model, with its fit and its score.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "diagnosis/candidates.h"
+#include "diagnosis/criteria.h"
+#include "diagnosis/held_out.h"
+#include "diagnosis/hypothesis.h"
+#include "diagnosis/shooting.h"
+
+namespace stickslip::diagnosis {
+
+struct FittedCandidate {
+  CandidateEffect candidate;  ///< the effect added last; none in the declared model
+  std::optional<Hypothesis> hypothesis;
+  Fit fitted;
+  HeldOut held_out;
+  double gain_z = 0.0;  ///< over the model that it was added to
+
+  double total_loss() const { return held_out.total_loss(); }
+};
+
+/// Complexity [nat]: one for every parameter that the effects need, Criteria::state_complexity for
+/// every hidden state, Criteria::unlisted_complexity for unlisted physics.
+double complexity_of(const FittedCandidate& each, const Criteria& criteria);
+
+/// The term of the candidate effect.
+const physics::BoundTerm& own_term(const FittedCandidate& each);
+
+/// Fitted parameters of that term, in the order of its card.
+std::vector<double> own_parameters(const FittedCandidate& each);
+
+/// True if the recording determines every parameter that the effect needs. A hysteresis with any
+/// slip force, for example, has not been observed to slip: it imitates a spring.
+bool is_determined(const FittedCandidate& each, const Criteria& criteria);
+
+/// True if the effect replaces a law of `base` instead of modifying it: one step from the law
+/// without it says little.
+bool replaces_law(const Hypothesis& base, const Hypothesis& with);
+
+}  // namespace stickslip::diagnosis

@@ -1,0 +1,61 @@
+// Fits of candidates: in stages, with weights that suit what they leave, to convergence, and anew
+// from the declared values.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "diagnosis/criteria.h"
+#include "diagnosis/fitted_candidate.h"
+#include "diagnosis/shooting.h"
+
+namespace stickslip::diagnosis {
+
+/// The data of a search: recordings, windows to fit and to hold out, weights.
+struct SearchData {
+  std::span<const Experiment> experiments;
+  std::span<const Experiment> coarse;  ///< the same recordings, integrated with longer steps
+  Criteria criteria;
+  std::uint64_t seed = 1;
+  int threads = 1;
+  bool noise_is_known = false;  ///< declared, or estimated and confirmed by a fit
+  Task train;
+  Task held_out;
+
+  double explained_chi2() const { return diagnosis::explained_chi2(noise_is_known, criteria); }
+};
+
+SearchData search_data(std::span<const Experiment> experiments, std::span<const Experiment> coarse,
+                       const Criteria& criteria, std::uint64_t seed, int threads);
+
+/// The windows of the experiments that are held out, or those that are not, in units of the noise.
+Task task_for(std::span<const Experiment> experiments, bool held_out, int threads);
+
+/// Options of a fit that only has to rank candidates.
+FitOptions brief_fit(int iterations);
+
+/// Fits the beginning of each window first, where even a wrong model still follows the motion, then
+/// the whole windows with `options`.
+Fit fit_in_stages(const Task& task, const Hypothesis& hypothesis, const std::vector<double>& z,
+                  const std::vector<WindowState>& states, const FitOptions& options);
+
+/// The calibration of the declared model: its first fit, weights and score.
+FittedCandidate calibrate(SearchData& data, const physics::Model& model);
+
+/// Continues a fit with weights that suit it, and scores it. May confirm the estimated noise.
+void settle(SearchData& data, FittedCandidate& each);
+
+/// Fits candidates on all windows, each with its own weights and those that are not hopeless to
+/// convergence, and scores them against `current`.
+void fit_and_score(const SearchData& data, const HeldOut& current,
+                   std::span<FittedCandidate> candidates);
+
+/// Where no candidate comes near the noise, fits the best of them anew: from the declared values of
+/// the model, first guesses of the states and the fitted sizes of the effects, without refinements.
+/// Calibrated parameters and refinements that compensate each other may have led the first fit into
+/// a local minimum. `declared` is the declared model.
+void restart_best(const SearchData& data, const Hypothesis& declared, const HeldOut& current,
+                  std::span<FittedCandidate> candidates);
+
+}  // namespace stickslip::diagnosis

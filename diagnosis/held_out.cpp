@@ -1,0 +1,117 @@
+#include "diagnosis/held_out.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "diagnosis/median.h"
+#include "diagnosis/score.h"
+
+namespace stickslip::diagnosis {
+
+namespace {
+
+// Half the negative log-likelihood of residuals whose scale is not known better than the noise, so
+// that neither one diverged window nor a wrong noise level decides; every free state counts one.
+double window_loss(double chi2, int count, int states) {
+  return 0.5 * count * std::log1p(chi2 / std::max(1, count)) + states;
+}
+
+// True for a gain that is certain although few windows show it, as of an effect that matters at
+// large amplitudes only: the spread over windows then says nothing. Only where the noise is known,
+// and losses are likelihoods. The best window alone is no proof, and few windows may become worse.
+bool is_gain_in_nats(const HeldOut& before, const HeldOut& after, const Criteria& criteria) {
+  double gained = 0.0;
+  double lost = 0.0;
+  double most = 0.0;
+  for (std::size_t w = 0; w < before.loss.size(); ++w) {
+    const double gain = before.loss[w] - after.loss[w];
+    (gain > 0.0 ? gained : lost) += std::abs(gain);
+    most = std::max(most, gain);
+  }
+  return gained - most - lost > criteria.claim_nats && lost < criteria.claim_loss_share * gained;
+}
+
+double prior_penalty(const Hypothesis& hypothesis, std::span<const double> z) {
+  double penalty = 0.0;
+  for (std::size_t u = 0; u < z.size(); ++u) {
+    if (hypothesis.unknowns()[u].of_model) penalty += 0.5 * z[u] * z[u];
+  }
+  return penalty;
+}
+
+}  // namespace
+
+double HeldOut::total_loss() const {
+  return std::accumulate(loss.begin(), loss.end(), prior_penalty);
+}
+
+HeldOut held_out_score(const Task& held_out, const Hypothesis& hypothesis,
+                       std::span<const double> z, bool noise_is_known) {
+  FitOptions states_only;
+  states_only.parameters_free = false;
+  states_only.iterations = 12;
+  states_only.tolerance = 1.0e-3;
+  const Fit fitted = fit_states(held_out, hypothesis, z, states_only);
+  HeldOut out;
+  out.chi2 = fitted.chi2_per_sample();
+  std::vector<double> by_window;
+  for (std::size_t w = 0; w < fitted.chi2.size(); ++w) {
+    by_window.push_back(fitted.chi2[w] / std::max(1, fitted.count[w] - fitted.states_per_window));
+  }
+  out.typical_chi2 = median(std::move(by_window));
+  if (noise_is_known) {
+    for (std::size_t w = 0; w < fitted.chi2.size(); ++w) {
+      out.loss.push_back(window_loss(fitted.chi2[w], fitted.count[w], fitted.states_per_window));
+    }
+    out.prior_penalty = prior_penalty(hypothesis, z);
+  } else {
+    const PredictionErrors ahead = predict_ahead(held_out, hypothesis, z);
+    for (std::size_t w = 0; w < ahead.chi2.size(); ++w) {
+      out.loss.push_back(window_loss(ahead.chi2[w], ahead.count[w], 0));
+    }
+  }
+  return out;
+}
+
+double gain_z(const HeldOut& before, const HeldOut& after) {
+  const std::size_t n = before.loss.size();
+  if (n < 2) return 0.0;
+  double mean = 0.0;
+  for (std::size_t w = 0; w < n; ++w) mean += before.loss[w] - after.loss[w];
+  mean /= static_cast<double>(n);
+  double square = 0.0;
+  for (std::size_t w = 0; w < n; ++w) {
+    const double off = before.loss[w] - after.loss[w] - mean;
+    square += off * off;
+  }
+  const double error = std::sqrt(square / static_cast<double>(n * (n - 1)));
+  if (!(error > 0.0)) return 0.0;
+  const double t = mean / error;
+  const double freedom = static_cast<double>(n - 1);
+  const double z = (8.0 * freedom + 1.0) / (8.0 * freedom + 3.0) *
+                   std::sqrt(freedom * std::log1p(t * t / freedom));
+  return t > 0.0 ? z : -z;
+}
+
+bool is_gain(const HeldOut& before, const HeldOut& after, bool noise_is_known,
+             const Criteria& criteria) {
+  // An implausible calibration is missing physics too, however well it predicts.
+  if (before.prior_penalty - after.prior_penalty > criteria.implausible_prior_penalty &&
+      before.total_loss() - after.total_loss() > criteria.implausible_prior_penalty) {
+    return true;
+  }
+  const double excess = std::max(before.chi2 - 1.0, 1.0);
+  const double share = after.chi2 <= explained_chi2(noise_is_known, criteria)
+                           ? criteria.claim_share_explained
+                           : criteria.claim_share_unexplained;
+  const bool certain = gain_z(before, after) > criteria.claim_z ||
+                       (noise_is_known && is_gain_in_nats(before, after, criteria));
+  return certain && before.chi2 - after.chi2 > share * excess;
+}
+
+double explained_chi2(bool noise_is_known, const Criteria& criteria) {
+  return noise_is_known ? criteria.explained_chi2 : criteria.explained_chi2_estimated_noise;
+}
+
+}  // namespace stickslip::diagnosis

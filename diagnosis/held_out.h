@@ -1,0 +1,43 @@
+// Score of a hypothesis on held-out windows, and the gain of one hypothesis over another.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "diagnosis/criteria.h"
+#include "diagnosis/shooting.h"
+
+namespace stickslip::diagnosis {
+
+struct HeldOut {
+  std::vector<double> loss;   ///< by window [nat where the noise is known]
+  double chi2 = 0.0;          ///< per sample, window states refitted
+  double typical_chi2 = 0.0;  ///< the same of the median window
+  /// Half the sum of squares of the calibrated parameters' distances from their declared values, in
+  /// standard deviations [nat]; 0 where the noise is not known and losses are no likelihoods.
+  double prior_penalty = 0.0;
+
+  /// Losses of all windows and the prior penalty.
+  double total_loss() const;
+};
+
+/// Where the noise is known, losses are of the refitted windows: without a missing effect their
+/// residuals are white, and every nat counts. Where it is not, every model is wrong by more than
+/// the noise, and hidden states that are free in every window would improve such a fit: losses are
+/// then of predictions ahead.
+HeldOut held_out_score(const Task& held_out, const Hypothesis& hypothesis,
+                       std::span<const double> z, bool noise_is_known);
+
+/// Significance of a positive mean gain over windows, as the equivalent number of standard
+/// deviations of a normal distribution (Student's t converted by Wallace's formula, 1959). Windows
+/// are the independent units: samples within one share its state.
+double gain_z(const HeldOut& before, const HeldOut& after);
+
+/// True if the effect that `after` has and `before` lacks may be claimed.
+bool is_gain(const HeldOut& before, const HeldOut& after, bool noise_is_known,
+             const Criteria& criteria);
+
+/// Held-out chi-squared per sample up to which a recording is explained.
+double explained_chi2(bool noise_is_known, const Criteria& criteria);
+
+}  // namespace stickslip::diagnosis

@@ -1,0 +1,32 @@
+// Location of a mismatch: relation, channel, times, range of the motion, and frequency band.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "diagnosis/criteria.h"
+#include "diagnosis/regions.h"
+#include "diagnosis/shooting.h"
+#include "physics/effects/effect.h"
+
+namespace stickslip::diagnosis {
+
+struct Location {
+  physics::Relation relation = physics::Relation::force_balance;
+  std::optional<Channel> channel;
+  std::vector<std::pair<double, double>> when_s;
+  std::map<std::string, std::pair<double, double>> where;
+  std::optional<std::pair<double, double>> band_hz;
+  std::string statement;
+  std::vector<Region> regions;  ///< conditions under which the mismatch is larger than otherwise
+};
+
+/// From the residuals of `fitted` over the windows of `task`; `regions` are left empty. A window
+/// fails where its chi-squared per sample exceeds `explained_chi2`.
+Location locate(const Task& task, const Hypothesis& hypothesis, const Fit& fitted,
+                physics::Relation relation, double explained_chi2, const Criteria& criteria = {});
+
+}  // namespace stickslip::diagnosis

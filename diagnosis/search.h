@@ -1,0 +1,120 @@
+// Search for missing physics: adds one effect after the other to the declared model for as long as
+// held-out data support it.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "diagnosis/criteria.h"
+#include "diagnosis/detection.h"
+#include "diagnosis/fitted_candidate.h"
+#include "diagnosis/fitting.h"
+#include "diagnosis/residual_features.h"
+
+namespace stickslip::diagnosis {
+
+/// A candidate that was fitted on all windows, for the record.
+struct Trial {
+  std::string id;
+  int stage = 0;  ///< effects that the model already had beside the declared ones
+  double heldout_chi2 = 0.0;
+  double gain_z = 0.0;  ///< mean held-out gain over windows, in its standard errors
+};
+
+/// An effect that was claimed, with the candidates that it was chosen from (itself first).
+struct Claim {
+  CandidateEffect candidate;
+  std::vector<FittedCandidate> rivals;
+  double chi2_before = 0.0;  ///< held-out, per sample
+  double chi2_after = 0.0;
+};
+
+class Search {
+ public:
+  using Progress = std::function<void(const std::string& step, double done)>;
+
+  Search(SearchData data, Progress progress)
+      : data_(std::move(data)), progress_(std::move(progress)) {}
+
+  void run(const physics::Model& model);
+
+  const SearchData& data() const { return data_; }
+  /// The calibrated declared model, and its windows with the weights of its fit.
+  const FittedCandidate& declared() const { return declared_; }
+  const Task& declared_task() const { return declared_task_; }
+  /// The same with all claimed effects.
+  const FittedCandidate& result() const { return current_; }
+  const std::vector<Claim>& claims() const { return claims_; }
+  const std::vector<Trial>& trials() const { return trials_; }
+  /// Relation of the best candidate of the first step, claimed or not.
+  std::optional<physics::Relation> relation() const { return relation_; }
+  /// True if the result needs calibrated parameters that are implausible.
+  bool is_implausible() const {
+    return current_.held_out.prior_penalty > data_.criteria.implausible_prior_penalty;
+  }
+  /// Detection limits beside the result, of listed effects and formulas.
+  Detection detection() const;
+
+ private:
+  // Held-out loss and chi-squared that a pair of effects may leave at most.
+  struct Limits {
+    double loss = 0.0;
+    double chi2 = 0.0;
+  };
+  // A first effect of a pair with its second effects.
+  struct Pair {
+    std::size_t first = 0;                 // index into the first effects
+    FittedCandidate best;                  // under the name of the first effect
+    std::vector<FittedCandidate> seconds;  // ranked
+    std::vector<FittedCandidate> others;   // screened only
+  };
+
+  void report(const std::string& step, double share) const;
+  std::vector<FittedCandidate> screened(const FittedCandidate& base, double begin, double end,
+                                        bool only_listed) const;
+  std::uint64_t seed() const { return data_.seed + claims_.size(); }
+  bool is_gain(const HeldOut& before, const HeldOut& after) const {
+    return diagnosis::is_gain(before, after, data_.noise_is_known, data_.criteria);
+  }
+  bool is_explained(const FittedCandidate& each) const {
+    return each.held_out.chi2 <= data_.explained_chi2();
+  }
+
+  void update_features();
+  void continue_from(const FittedCandidate& next);
+  void claim(const FittedCandidate& winner, std::vector<FittedCandidate> rivals);
+
+  bool add_effect();
+  bool is_complete() const;
+  bool listed_effect_remains() const;
+  std::vector<FittedCandidate> finalists() const;
+  void fit_finalists(std::vector<FittedCandidate>& candidates);
+  bool add_listed_pair(const std::vector<FittedCandidate>& candidates);
+  bool may_imitate_pair(const FittedCandidate& best) const;
+  bool is_needless(const FittedCandidate& best) const;
+
+  bool add_pair(const std::vector<FittedCandidate>& firsts, const std::optional<Limits>& limits);
+  std::optional<Pair> pair_with(const std::vector<FittedCandidate>& firsts, std::size_t first,
+                                bool only_listed, double begin) const;
+  std::size_t preferred_pair(const std::vector<Pair>& pairs,
+                             const std::vector<FittedCandidate>& firsts) const;
+  void complete_seconds(Pair& pair);
+  void claim_pair(std::vector<Pair> pairs, std::size_t chosen, const FittedCandidate& first);
+
+  bool drop_effect();
+  std::optional<FittedCandidate> without(std::size_t dropped) const;
+
+  SearchData data_;
+  Progress progress_;
+  Task declared_task_;
+  ResidualFeatures features_;
+  FittedCandidate declared_;
+  FittedCandidate current_;
+  std::vector<Claim> claims_;
+  std::vector<Trial> trials_;
+  std::optional<physics::Relation> relation_;
+};
+
+}  // namespace stickslip::diagnosis

@@ -1,0 +1,117 @@
+#include "diagnosis/selection.h"
+
+#include <cmath>
+#include <numeric>
+#include <random>
+
+namespace stickslip::diagnosis {
+
+namespace {
+
+// Mean weights exp(-loss), normalised in each draw of window weights.
+std::vector<double> bootstrap_weights(const std::vector<FittedCandidate>& candidates,
+                                      std::size_t draws, std::uint64_t seed) {
+  const std::size_t n = candidates.front().held_out.loss.size();
+  std::vector<double> weight(candidates.size(), 0.0);
+  std::mt19937_64 random(seed);
+  std::exponential_distribution<double> exponential(1.0);
+  std::vector<double> share(n);
+  std::vector<double> total(candidates.size());
+  for (std::size_t draw = 0; draw < draws; ++draw) {
+    double sum = 0.0;
+    for (double& each : share) sum += each = exponential(random);
+    for (std::size_t k = 0; k < candidates.size(); ++k) {
+      total[k] = candidates[k].held_out.prior_penalty;
+      for (std::size_t w = 0; w < n; ++w) {
+        total[k] += share[w] / sum * static_cast<double>(n) * candidates[k].held_out.loss[w];
+      }
+    }
+    const double best = *std::min_element(total.begin(), total.end());
+    double normal = 0.0;
+    for (const double each : total) normal += std::exp(best - each);
+    for (std::size_t k = 0; k < candidates.size(); ++k) {
+      weight[k] += std::exp(best - total[k]) / normal / static_cast<double>(draws);
+    }
+  }
+  return weight;
+}
+
+void sort_by_probability(std::vector<FittedCandidate>& candidates,
+                         const std::vector<double>& weight) {
+  std::vector<std::size_t> order(candidates.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    if (weight[a] != weight[b]) return weight[a] > weight[b];
+    return candidates[a].total_loss() < candidates[b].total_loss();
+  });
+  std::vector<FittedCandidate> sorted;
+  sorted.reserve(order.size());
+  for (const std::size_t k : order) sorted.push_back(std::move(candidates[k]));
+  candidates = std::move(sorted);
+}
+
+// Index of the simplest candidate that is preferred to its rival, the most probable one.
+std::size_t simplest_rival(const std::vector<FittedCandidate>& candidates, double gain,
+                           const Criteria& criteria) {
+  std::size_t chosen = 0;
+  for (std::size_t k = 1; k < candidates.size(); ++k) {
+    if (complexity_of(candidates[k], criteria) < complexity_of(candidates[chosen], criteria) &&
+        is_preferred_rival(candidates[k], candidates.front(), gain, criteria)) {
+      chosen = k;
+    }
+  }
+  return chosen;
+}
+
+// Index of the candidate of a lower tier that is preferred to the chosen one: because it gains
+// nearly as much, or, where the chosen one does not explain the recording either, because it gains
+// at all.
+std::size_t lower_tier(const std::vector<FittedCandidate>& candidates, std::size_t chosen,
+                       const SearchData& data, const HeldOut& current, double gain) {
+  const Criteria& criteria = data.criteria;
+  const double best = candidates.front().total_loss();
+  const double enough = current.total_loss() - criteria.lower_tier_gain_share * gain;
+  const bool explained = candidates[chosen].held_out.chi2 <= data.explained_chi2();
+  for (std::size_t k = 0; k < candidates.size(); ++k) {
+    const FittedCandidate& each = candidates[k];
+    if (tier_of(each.candidate) >= tier_of(candidates[chosen].candidate)) continue;
+    const bool nearly = each.total_loss() < std::max(enough, best + criteria.claim_nats);
+    if (nearly || (!explained && is_gain(current, each.held_out, data.noise_is_known, criteria))) {
+      chosen = k;
+    }
+  }
+  return chosen;
+}
+
+}  // namespace
+
+std::vector<double> probabilities(const std::vector<FittedCandidate>& candidates,
+                                  const Criteria& criteria, std::uint64_t seed) {
+  std::vector<double> weight = bootstrap_weights(candidates, criteria.effort.bootstrap_draws, seed);
+  // Every parameter and hidden state makes a hypothesis less probable a priori.
+  double sum = 0.0;
+  for (std::size_t k = 0; k < weight.size(); ++k) {
+    weight[k] *= std::exp(complexity_of(candidates.front(), criteria) -
+                          complexity_of(candidates[k], criteria));
+    sum += weight[k];
+  }
+  for (double& each : weight) each /= sum;
+  return weight;
+}
+
+bool is_preferred_rival(const FittedCandidate& simple, const FittedCandidate& best, double gain,
+                        const Criteria& criteria) {
+  return are_rivals(best.candidate, simple.candidate) &&
+         gain_z(simple.held_out, best.held_out) < criteria.claim_z &&
+         simple.total_loss() - best.total_loss() < criteria.simpler_rival_share * gain;
+}
+
+void rank(std::vector<FittedCandidate>& candidates, const SearchData& data, const HeldOut& current,
+          std::uint64_t seed) {
+  sort_by_probability(candidates, probabilities(candidates, data.criteria, seed));
+  const double gain = current.total_loss() - candidates.front().total_loss();
+  const std::size_t rival = simplest_rival(candidates, gain, data.criteria);
+  move_to_front(candidates, lower_tier(candidates, rival, data, current, gain));
+}
+
+}  // namespace stickslip::diagnosis

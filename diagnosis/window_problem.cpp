@@ -1,0 +1,389 @@
+#include "diagnosis/window_problem.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "diagnosis/parallel/for_each.h"
+#include "diagnosis/window_simulation.h"
+
+namespace stickslip::diagnosis {
+
+using physics::BoundTerm;
+using physics::Dual;
+using physics::RigState;
+namespace state = physics::state;
+
+namespace {
+
+// Mean square of the residuals, over the noise variance, above which a window is an outlier: its
+// cost then grows only with the logarithm.
+constexpr double outlier_mean_square = 10.0;
+// Chi-squared of a window in which the model diverged.
+constexpr double diverged_chi2 = 1.0e30;
+
+double robust_loss(double chi2, int count) {
+  const double limit = outlier_mean_square * std::max(1, count);
+  return chi2 <= limit ? chi2 : limit * (1.0 + std::log(chi2 / limit));
+}
+double robust_weight(double chi2, int count) {
+  const double limit = outlier_mean_square * std::max(1, count);
+  return chi2 <= limit ? 1.0 : limit / chi2;
+}
+
+std::vector<int> state_indices(const physics::Rig& rig) {
+  std::vector<int> list;
+  for (int i = 0; i < physics::max_rig_states; ++i) {
+    if (rig.has_state(i)) list.push_back(i);
+  }
+  return list;
+}
+
+void set_mechanical_prior(StatePrior& prior, const Experiment& e, const StateGuess& guess) {
+  prior.centre[state::x] = guess.displacement_m;
+  prior.centre[state::v] = guess.velocity_m_s;
+  prior.centre[state::y] = guess.load_cell_deflection_m;
+  prior.centre[state::u] = guess.load_cell_velocity_m_s;
+  const double x_scale = e.channel_std[index_of(Channel::displacement)];
+  prior.sigma[state::x] = 0.05 * x_scale + 5.0 * e.noise_std[index_of(Channel::displacement)];
+  prior.sigma[state::v] = 0.1 * e.largest.velocity_m_s + 1.0e-9;
+  prior.sigma[state::y] = 0.3 * e.largest.load_cell_deflection_m + 1.0e-9;
+  prior.sigma[state::u] = 0.5 * e.largest.load_cell_velocity_m_s + 1.0e-6;
+}
+
+void set_contact_prior(StatePrior& prior, const Experiment& e, const StateGuess& guess,
+                       const physics::Rig& rig, std::span<const double> parameters) {
+  const auto n = rig.numbers<double>(parameters);
+  const double level = n.c.mu * (rig.structure().loaded ? e.mean_load_n : 1.0);
+  const bool force_known = (e.compared >> index_of(Channel::friction_force)) & 1U;
+  double theta = guess.velocity_m_s > 0.0 ? 0.8 : -0.8;
+  if (force_known && level > 0.0) theta = std::clamp(guess.friction_n / level, -1.0, 1.0);
+  double unit = 1.0;
+  if (rig.structure().kinetics == physics::Kinetics::bristle) {
+    unit = level / std::max(n.c.contact_stiffness, 1.0e-12);
+  }
+  prior.centre[state::contact] = theta * unit;
+  prior.sigma[state::contact] = (force_known ? 0.4 : 0.7) * unit;
+  prior.hidden[state::contact] = 0.9 * unit;
+}
+
+void set_effect_prior(StatePrior& prior, const BoundTerm& term, std::span<const double> parameters,
+                      const physics::Scales& scales) {
+  const std::vector<double> p = values_of(term, parameters);
+  for (int i = 0; i < term.effect->state_count(); ++i) {
+    const auto next = static_cast<std::size_t>(term.first_state + i);
+    const physics::StateSize size = term.effect->state_size(i, p, scales);
+    prior.sigma[next] = size.sigma;
+    prior.hidden[next] = size.hidden;
+    // The guess of the mass's motion contains what the gauge measures besides it.
+    if ((term.hooks & physics::hook::seen) == physics::hook::seen && i < 2) {
+      const auto seen = static_cast<std::size_t>(i == 0 ? state::x : state::v);
+      prior.sigma[seen] = std::hypot(prior.sigma[seen], size.sigma);
+    }
+  }
+}
+
+}  // namespace
+
+StatePrior state_prior(const Experiment& e, const Window& window, const Hypothesis& hypothesis,
+                       std::span<const double> parameters) {
+  const StateGuess& guess = e.guess[window.warm];
+  const auto& rig = hypothesis.rig();
+  StatePrior prior;
+  set_mechanical_prior(prior, e, guess);
+  if (rig.has_state(state::contact)) set_contact_prior(prior, e, guess, rig, parameters);
+  physics::Scales scales;
+  scales.displacement_m = e.largest.displacement_m;
+  for (const BoundTerm& term : rig.terms()) set_effect_prior(prior, term, parameters, scales);
+  return prior;
+}
+
+double NormalBlock::cost() const { return robust_loss(chi2, count) + prior; }
+
+double NormalBlock::mean_square() const { return chi2 / std::max(1, count); }
+
+WindowProblem::WindowProblem(const Task& task, const Hypothesis& hypothesis,
+                             std::span<const double> z, bool parameters_free)
+    : task_(task),
+      hypothesis_(hypothesis),
+      states_(state_indices(hypothesis.rig())),
+      unknowns_(parameters_free ? hypothesis.unknowns().size() : 0) {
+  for (const Experiment& e : task.experiments) {
+    banks_.emplace_back(hypothesis.model(), e.period_s / e.substeps);
+  }
+  const auto parameters = hypothesis.parameters(z);
+  for (std::size_t w = 0; w < task.windows.size(); ++w) {
+    priors_.push_back(state_prior(task.experiment(w), task.window(w), hypothesis, parameters));
+  }
+  if (!task.base_response.empty()) {
+    coloured_.resize(task.windows.size());
+    parallel::for_each(task.windows.size(), task.threads,
+                       [&](std::size_t w) { set_coloured_noise(w); });
+  }
+}
+
+std::size_t WindowProblem::end_of(std::size_t w) const {
+  const Window& window = task_.window(w);
+  const auto length = static_cast<double>(window.end - window.begin);
+  return window.begin +
+         std::max<std::size_t>(4, static_cast<std::size_t>(std::lround(task_.share * length)));
+}
+
+void WindowProblem::prepare(std::span<const double> z) {
+  parameters_ = hypothesis_.parameters(z);
+  numbers_ = numbers_on_recording<double>(hypothesis_.rig(), parameters_);
+  z_.assign(z.begin(), z.end());
+}
+
+// Distance of a state from its prior's centre, in units of the prior.
+double WindowProblem::state_offset(std::size_t w, int state, const WindowState& at) const {
+  const StatePrior& prior = priors_[w];
+  const auto i = static_cast<std::size_t>(state);
+  return (at[i] - prior.centre[i]) / prior.sigma[i];
+}
+
+NormalBlock WindowProblem::evaluate(std::size_t w, const WindowState& from) const {
+  NormalBlock block;
+  Eigen::Matrix<double, base_knots, 1> projected = Eigen::Matrix<double, base_knots, 1>::Zero();
+  const bool coloured = !coloured_.empty();
+  RigState<double> s;
+  s.s = from;
+  const Experiment& e = task_.experiment(w);
+  run_window<double>(
+      e, task_.window(w), end_of(w), hypothesis_.rig(), banks_[task_.windows[w].experiment],
+      numbers_, s, [&](std::size_t k, const physics::Readings<double>& readings) {
+        const auto r = as_array(readings);
+        for (std::size_t c = 0; c < predicted_channels; ++c) {
+          if (!e.is_compared(k, c)) continue;
+          const double residual = (r[c] - e.reading[k][c]) / task_.sigma[c];
+          block.chi2 += residual * residual;
+          if (coloured) {
+            projected += coloured_[w].response.row(block.count).transpose() * residual;
+          }
+          ++block.count;
+        }
+      });
+  if (coloured) block.chi2 -= coloured_[w].factor.matrixL().solve(projected).squaredNorm();
+  if (!std::isfinite(block.chi2)) block.chi2 = diverged_chi2;
+  for (const int index : states_) {
+    const double off = state_offset(w, index, from);
+    block.prior += off * off;
+  }
+  return block;
+}
+
+// Parameters with derivatives in the directions [first, first + Dual::directions) of `columns`, and
+// the same for the states. States move in units of their prior, so that all columns are of like
+// size.
+std::vector<Dual> WindowProblem::seed_directions(std::size_t w, Eigen::Index first,
+                                                 Eigen::Index columns, RigState<Dual>& s) const {
+  const auto np = static_cast<Eigen::Index>(unknowns_);
+  std::vector<Dual> parameters(parameters_.begin(), parameters_.end());
+  for (Eigen::Index j = first; j < std::min(columns, first + Dual::directions); ++j) {
+    if (j < np) {
+      const auto u = static_cast<std::size_t>(j);
+      parameters[hypothesis_.unknowns()[u].parameter].d[j - first] =
+          Dual::slope(hypothesis_.slope(u, z_[u]));
+    } else {
+      const auto i = static_cast<std::size_t>(states_[static_cast<std::size_t>(j - np)]);
+      s.s[i].d[j - first] = Dual::slope(priors_[w].sigma[i]);
+    }
+  }
+  return parameters;
+}
+
+// More columns than a Dual has directions take several passes.
+WindowProblem::Derivatives WindowProblem::differentiate(std::size_t w,
+                                                        const WindowState& from) const {
+  const auto columns =
+      static_cast<Eigen::Index>(unknowns_) + static_cast<Eigen::Index>(states_.size());
+  const Experiment& e = task_.experiment(w);
+  const Window& window = task_.window(w);
+  const std::size_t end = end_of(w);
+  const auto rows = static_cast<Eigen::Index>((end - window.begin) * predicted_channels);
+  Derivatives out;
+  out.jacobian.setZero(rows, columns);
+  out.residual.setZero(rows);
+  Eigen::Index used = 0;
+  for (Eigen::Index first = 0; first < std::max<Eigen::Index>(columns, 1);
+       first += Dual::directions) {
+    RigState<Dual> s;
+    for (std::size_t i = 0; i < s.s.size(); ++i) s.s[i] = Dual(from[i]);
+    const std::vector<Dual> parameters = seed_directions(w, first, columns, s);
+    const auto n = numbers_on_recording<Dual>(hypothesis_.rig(), std::span<const Dual>(parameters));
+    const Eigen::Index some = std::min<Eigen::Index>(Dual::directions, columns - first);
+    Eigen::Index row = 0;
+    run_window<Dual>(e, window, end, hypothesis_.rig(), banks_[task_.windows[w].experiment], n, s,
+                     [&](std::size_t k, const physics::Readings<Dual>& readings) {
+                       const auto r = as_array(readings);
+                       for (std::size_t c = 0; c < predicted_channels; ++c) {
+                         if (!e.is_compared(k, c)) continue;
+                         const double scale = 1.0 / task_.sigma[c];
+                         out.residual[row] = (r[c].a - e.reading[k][c]) * scale;
+                         for (Eigen::Index j = 0; j < some; ++j) {
+                           out.jacobian(row, first + j) = r[c].d[j] * scale;
+                         }
+                         ++row;
+                       }
+                     });
+    used = row;
+  }
+  out.jacobian.conservativeResize(used, columns);
+  out.residual.conservativeResize(used);
+  return out;
+}
+
+// Block of a window in which the model diverged: it carries no information.
+NormalBlock WindowProblem::diverged(int count) const {
+  const auto np = static_cast<Eigen::Index>(unknowns_);
+  const auto ns = static_cast<Eigen::Index>(states_.size());
+  NormalBlock block;
+  block.count = count;
+  block.chi2 = diverged_chi2;
+  block.pp.setZero(np, np);
+  block.ps.setZero(np, ns);
+  block.ss.setIdentity(ns, ns);
+  block.gp.setZero(np);
+  block.gs.setZero(ns);
+  return block;
+}
+
+NormalBlock WindowProblem::linearise(std::size_t w, const WindowState& from) const {
+  const auto np = static_cast<Eigen::Index>(unknowns_);
+  const auto ns = static_cast<Eigen::Index>(states_.size());
+  const Derivatives derivatives = differentiate(w, from);
+  const Eigen::MatrixXd& j = derivatives.jacobian;
+  const Eigen::VectorXd& r = derivatives.residual;
+  const Eigen::Index used = r.size();
+  NormalBlock block;
+  block.count = static_cast<int>(used);
+  block.chi2 = r.squaredNorm();
+  if (!std::isfinite(block.chi2) || !j.allFinite()) return diverged(block.count);
+  Eigen::MatrixXd jtj = j.transpose() * j;
+  Eigen::VectorXd jtr = j.transpose() * r;
+  if (!coloured_.empty()) {
+    // Inverse of the covariance 1 + G G' by Woodbury's formula.
+    const ColouredNoise& c = coloured_[w];
+    const auto g = c.response.topRows(used);
+    const Eigen::VectorXd gr = c.factor.matrixL().solve(g.transpose() * r);
+    const Eigen::MatrixXd gj = c.factor.matrixL().solve(g.transpose() * j);
+    block.chi2 -= gr.squaredNorm();
+    jtj -= gj.transpose() * gj;
+    jtr -= gj.transpose() * gr;
+  }
+  const double weight = robust_weight(block.chi2, block.count);
+  jtj *= weight;
+  jtr *= weight;
+  block.pp = jtj.topLeftCorner(np, np);
+  block.ps = jtj.topRightCorner(np, ns);
+  block.ss = jtj.bottomRightCorner(ns, ns);
+  block.gp = jtr.head(np);
+  block.gs = jtr.tail(ns);
+  for (Eigen::Index i = 0; i < ns; ++i) {
+    const double off = state_offset(w, states_[static_cast<std::size_t>(i)], from);
+    block.prior += off * off;
+    block.ss(i, i) += 1.0;
+    block.gs[i] += off;
+  }
+  return block;
+}
+
+WindowState WindowProblem::moved(std::size_t w, const WindowState& from,
+                                 const Eigen::VectorXd& step) const {
+  const StatePrior& prior = priors_[w];
+  WindowState to = from;
+  for (std::size_t i = 0; i < states_.size(); ++i) {
+    const auto index = static_cast<std::size_t>(states_[i]);
+    to[index] += prior.sigma[index] * step[static_cast<Eigen::Index>(i)];
+  }
+  if (hypothesis_.rig().has_state(state::contact) &&
+      hypothesis_.rig().structure().kinetics == physics::Kinetics::relaxing) {
+    to[state::contact] = std::clamp(to[state::contact], -2.0, 2.0);
+  }
+  return to;
+}
+
+std::vector<WindowState> WindowProblem::alternative_starts(std::size_t w) const {
+  const StatePrior& prior = priors_[w];
+  std::vector<WindowState> starts;
+  for (const int index : states_) {
+    const auto i = static_cast<std::size_t>(index);
+    if (!(prior.hidden[i] > 0.0)) continue;
+    for (const double sign : {1.0, -1.0}) {
+      starts.push_back(prior.centre);
+      starts.back()[i] = sign * prior.hidden[i];
+    }
+  }
+  return starts;
+}
+
+bool WindowProblem::follows_on(std::size_t w) const {
+  return task_.windows[w - 1].experiment == task_.windows[w].experiment &&
+         task_.window(w - 1).end == task_.window(w).begin &&
+         task_.window(w - 1).warm <= task_.window(w).warm;
+}
+
+WindowState WindowProblem::propagated(std::size_t w, const WindowState& from) const {
+  const Experiment& e = task_.experiment(w);
+  const physics::Rig& rig = hypothesis_.rig();
+  const double h = e.period_s / e.substeps;
+  const auto substeps = static_cast<std::size_t>(e.substeps);
+  const DelayedInput<double> input(e.input, numbers_, rig.structure().excitation, h);
+  RigState<double> s;
+  s.s = from;
+  const std::size_t warm = task_.window(w - 1).warm;
+  const std::size_t first = warm * substeps;
+  rig.complete(s, input.at(first), e.period_s * static_cast<double>(warm), numbers_);
+  for (std::size_t at = first; at < task_.window(w).warm * substeps; ++at) {
+    rig.step(s, input.at(at), input.at(at + 1), h * static_cast<double>(at), h, numbers_);
+  }
+  return s.s;
+}
+
+BaseResponse WindowProblem::base_response(std::size_t w, const WindowState& from) const {
+  const Experiment& e = task_.experiment(w);
+  const Window& window = task_.window(w);
+  BaseResponse response(static_cast<Eigen::Index>((window.end - window.begin) * predicted_channels),
+                        base_knots);
+  const std::vector<Dual> parameters(parameters_.begin(), parameters_.end());
+  RigState<Dual> s;
+  for (std::size_t i = 0; i < s.s.size(); ++i) s.s[i] = Dual(from[i]);
+  const auto n = numbers_on_recording<Dual>(hypothesis_.rig(), std::span<const Dual>(parameters));
+  Eigen::Index row = 0;
+  run_window<Dual>(
+      e, window, window.end, hypothesis_.rig(), banks_[task_.windows[w].experiment], n, s,
+      [&](std::size_t k, const physics::Readings<Dual>& readings) {
+        const auto r = as_array(readings);
+        for (std::size_t c = 0; c < predicted_channels; ++c) {
+          if (!e.is_compared(k, c)) continue;
+          response.row(row++) = r[c].d.head<base_knots>().cast<double>().transpose().matrix();
+        }
+      },
+      BaseKnots(e, window, e.base_acceleration_noise_m_s2));
+  response.conservativeResize(row, base_knots);
+  if (!response.allFinite()) response.setZero();
+  return response;
+}
+
+double WindowProblem::parameter_prior(std::span<const double> z) const {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < unknowns_; ++i) {
+    const Unknown& unknown = hypothesis_.unknowns()[i];
+    if (unknown.prior_sigma > 0.0) sum += std::pow(z[i] / unknown.prior_sigma, 2);
+  }
+  return sum;
+}
+
+void WindowProblem::set_coloured_noise(std::size_t w) {
+  const Experiment& e = task_.experiment(w);
+  ColouredNoise& out = coloured_[w];
+  out.response = *task_.base_response[w];
+  Eigen::Index row = 0;
+  for_each_compared(e, task_.window(w).begin, end_of(w),
+                    [&](std::size_t, std::size_t c) { out.response.row(row++) /= task_.sigma[c]; });
+  out.rows = row;
+  const auto used = out.response.topRows(row);
+  out.factor.compute(Eigen::Matrix<double, base_knots, base_knots>::Identity() +
+                     used.transpose() * used);
+}
+
+}  // namespace stickslip::diagnosis

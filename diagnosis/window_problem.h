@@ -1,0 +1,114 @@
+// The least-squares problem of multiple shooting, window by window: residuals, their derivatives,
+// and each window's part of the normal equations.
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "diagnosis/shooting.h"
+#include "physics/rig.h"
+#include "physics/sensor_chain.h"
+
+namespace stickslip::diagnosis {
+
+/// Prior of a window's state, wide enough for the data to decide wherever they can.
+struct StatePrior {
+  WindowState centre{};
+  WindowState sigma{};
+  WindowState hidden{};  ///< typical size of each state that no channel shows, else 0
+};
+StatePrior state_prior(const Experiment& e, const Window& window, const Hypothesis& hypothesis,
+                       std::span<const double> parameters);
+
+/// One window's part of the normal equations; p: parameters, s: states in units of their priors.
+struct NormalBlock {
+  Eigen::MatrixXd pp, ps, ss;
+  Eigen::VectorXd gp, gs;
+  double chi2 = 0.0;
+  int count = 0;
+  double prior = 0.0;
+
+  /// Robust loss of the residuals, and the prior.
+  double cost() const;
+  /// Chi-squared per residual.
+  double mean_square() const;
+};
+
+class WindowProblem {
+ public:
+  /// State priors follow from the parameters at `z` and stay fixed.
+  WindowProblem(const Task& task, const Hypothesis& hypothesis, std::span<const double> z,
+                bool parameters_free);
+
+  std::size_t unknowns() const { return unknowns_; }
+  std::size_t states() const { return states_.size(); }
+
+  /// Sets the parameters at which windows are evaluated.
+  void prepare(std::span<const double> z);
+
+  /// Chi-squared, residual count and state prior of one window; no derivatives.
+  NormalBlock evaluate(std::size_t w, const WindowState& from) const;
+
+  /// Scaled residuals of a window and their derivatives with respect to each unknown (first) and
+  /// each state.
+  struct Derivatives {
+    Eigen::MatrixXd jacobian;
+    Eigen::VectorXd residual;
+  };
+  Derivatives differentiate(std::size_t w, const WindowState& from) const;
+
+  NormalBlock linearise(std::size_t w, const WindowState& from) const;
+
+  /// `from` moved by a step in units of the state priors.
+  WindowState moved(std::size_t w, const WindowState& from, const Eigen::VectorXd& step) const;
+
+  /// Starts that differ from the first guess in one state that no channel shows.
+  std::vector<WindowState> alternative_starts(std::size_t w) const;
+
+  /// True if the preceding window of the task ends where this one begins.
+  bool follows_on(std::size_t w) const;
+
+  /// State of the preceding window, integrated from `from` to where this one begins to settle.
+  WindowState propagated(std::size_t w, const WindowState& from) const;
+
+  BaseResponse base_response(std::size_t w, const WindowState& from) const;
+
+  bool has_base_noise() const { return !coloured_.empty(); }
+  /// Derivatives of the scaled residuals of a window with respect to the base's knots.
+  Eigen::MatrixXd scaled_base_response(std::size_t w) const {
+    return coloured_[w].response.topRows(coloured_[w].rows);
+  }
+
+  double parameter_prior(std::span<const double> z) const;
+
+ private:
+  // Noise of the base in one window, in units of the readings' noise.
+  struct ColouredNoise {
+    BaseResponse response;
+    Eigen::Index rows = 0;                                             // scaled
+    Eigen::LLT<Eigen::Matrix<double, base_knots, base_knots>> factor;  // of 1 + G' G
+  };
+
+  void set_coloured_noise(std::size_t w);
+  std::size_t end_of(std::size_t w) const;
+  double state_offset(std::size_t w, int state, const WindowState& at) const;
+  std::vector<physics::Dual> seed_directions(std::size_t w, Eigen::Index first,
+                                             Eigen::Index columns,
+                                             physics::RigState<physics::Dual>& s) const;
+  NormalBlock diverged(int count) const;
+
+  const Task& task_;
+  const Hypothesis& hypothesis_;
+  std::vector<ColouredNoise> coloured_;
+  std::vector<int> states_;
+  std::size_t unknowns_;
+  std::vector<physics::SensorBank> banks_;
+  std::vector<StatePrior> priors_;
+  std::vector<double> parameters_;
+  std::vector<double> z_;
+  physics::RigNumbers<double> numbers_;
+};
+
+}  // namespace stickslip::diagnosis

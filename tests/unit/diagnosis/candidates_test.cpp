@@ -1,0 +1,41 @@
+#include "diagnosis/candidates.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "tests/unit/diagnosis/bench.h"
+
+namespace stickslip::diagnosis {
+namespace {
+
+using test::driven_mass;
+using test::experiment_of;
+using test::record;
+
+std::vector<std::string> names_of(const std::vector<CandidateEffect>& candidates) {
+  std::vector<std::string> names;
+  for (const CandidateEffect& candidate : candidates) names.push_back(candidate.name());
+  return names;
+}
+
+bool holds(const std::vector<std::string>& names, const char* name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+TEST(CandidateEffects, AreThoseTheModelMayLackAndTheChannelsCanShow) {
+  const std::vector<Experiment> experiments{
+      experiment_of(record(driven_mass(), 8.0), driven_mass())};
+  const auto names = names_of(candidate_effects(driven_mass(), experiments));
+  EXPECT_TRUE(holds(names, "dry_friction"));
+  EXPECT_TRUE(holds(names, "gain_error of displacement"));
+  EXPECT_TRUE(holds(names, "gain_error of drive_force"));
+  EXPECT_TRUE(holds(names, "force_over_velocity"));
+  EXPECT_FALSE(holds(names, "stribeck")) << "there is no friction yet";
+  EXPECT_FALSE(holds(names, "gain_error of velocity")) << "it is not recorded";
+  EXPECT_FALSE(holds(names, "crosstalk of displacement from velocity"));
+  EXPECT_FALSE(holds(names, "load_cell_resonance"));
+}
+
+}  // namespace
+}  // namespace stickslip::diagnosis
