@@ -1,4 +1,4 @@
-// The amplifier's contacts, as a bench uses them.
+// Interface of the amplifier's contacts.
 #pragma once
 
 #include "drivers/driver.h"
@@ -14,10 +14,10 @@ class Contacts {
   virtual ~Contacts() = default;
 
   virtual Result open() = 0;
-  /// Once a cycle, off as well as on. Does not wait for the contacts: what they did not do is told
-  /// by one of the next calls.
+  /// Once a cycle, off as well as on. Does not wait for the contacts: one of the next calls reports
+  /// their failure.
   virtual Result write(bool amplifier_on) = 0;
-  /// Off, and confirmed where the result is well. For the end: it may wait.
+  /// Switches off; ok only if confirmed. For shutdown: may wait.
   virtual Result switch_off() = 0;
   virtual Signals signals() const noexcept = 0;
   virtual void close() noexcept = 0;

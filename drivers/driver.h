@@ -1,6 +1,6 @@
-// What a device is to the daemon: two calls a cycle, read and write, and a lifecycle. Simulated and
-// replayed rigs stand behind the same interface as hardware; the daemon cannot tell. A fault is a
-// value that the interface returns, so that tests can inject any of them.
+// Interface of a device: two calls per cycle, read and write, and a lifecycle. Simulated and
+// replayed rigs implement the same interface as hardware; the daemon cannot distinguish them. A
+// fault is a value that the interface returns, so that tests can inject any fault.
 #pragma once
 
 #include <array>
@@ -13,20 +13,20 @@
 
 namespace stickslip::drivers {
 
-/// What became of a call.
+/// Outcome of a call.
 enum class Outcome : std::uint8_t {
   ok,
   no_data,          ///< nothing to read yet; not a fault
-  end_of_data,      ///< the source is finished (replay); no frame will come any more
-  temporary,        ///< failed this time, may work the next (time-out, checksum)
-  needs_attention,  ///< a person must do something (permission, wrong wiring, wrong device)
-  lost,             ///< the device is gone (unplugged)
-  fatal,            ///< this driver object cannot go on
+  end_of_data,      ///< the source is exhausted (replay)
+  temporary,        ///< failed, may succeed next time (time-out, checksum)
+  needs_attention,  ///< an operator must act (permission, wiring, wrong device)
+  lost,             ///< the device is disconnected
+  fatal,            ///< this driver object cannot continue
 };
 
-/// An outcome and, unless it is ok, no_data or end_of_data, a sentence for a person. The text is a
-/// string literal or owned by the driver and valid until its next call, so that returning a fault
-/// never allocates.
+/// An outcome and, unless it is ok, no_data or end_of_data, a message for the operator. The message
+/// is a string literal, or owned by the driver and valid until its next call, so that returning a
+/// fault never allocates.
 struct Result {
   Outcome outcome = Outcome::ok;
   const char* message = "";
@@ -34,35 +34,35 @@ struct Result {
   explicit operator bool() const { return outcome == Outcome::ok; }
 };
 
-/// What the daemon asks of the shaker for the cycle to come.
+/// Command to the shaker for the next cycle.
 struct Actuation {
   double drive = 0.0;  ///< commanded base displacement [m], or force [N] on force-excited rigs
   bool amplifier_on = false;  ///< off is the safe state
 };
 
-/// Lines that stand beside the channels, as they were when the latest frame was read.
+/// Digital inputs, as of the latest frame.
 struct Signals {
-  bool emergency_stop = false;   ///< pressed, its wire is cut, or nobody can say
+  bool emergency_stop = false;   ///< pressed, its wire is cut, or unknown
   bool amplifier_fault = false;  ///< the amplifier's own protection has tripped
-  /// A device beside the one that yields the frames is not there: a sentence for a person, which
-  /// lives as long as the driver. Null: all are there.
-  const char* lost_part = nullptr;
+  /// A secondary device (one that does not yield the frames) is disconnected: a message for the
+  /// operator, valid as long as the driver. Null: none is.
+  const char* lost_device = nullptr;
 };
 
-/// How often something befell a device, or a level that it tells, for an operator's eyes.
+/// An event counter of a device, or a level that it reports, for display.
 struct Count {
   enum class Kind : std::uint8_t {
-    sum,   ///< only grows, for as long as the driver lives
-    level  ///< may fall again
+    sum,   ///< monotonic over the life of the driver
+    level  ///< may decrease
   };
-  const char* device = "";  ///< for a person; lives as long as the driver, and does not change
+  const char* device = "";  ///< for display; constant, valid as long as the driver
   const char* name = "";    ///< a literal, words joined by underscores: "scans_lost"
   std::uint64_t value = 0;
   Kind kind = Kind::sum;
 };
 
-/// The counts of all devices behind a driver. Of fixed room, so that telling them never allocates;
-/// what finds no room is left out.
+/// The counts of all devices of a driver. The capacity is fixed, so that no call allocates; excess
+/// counts are dropped.
 class Counts {
  public:
   void add(const Count& count) {
@@ -78,20 +78,19 @@ class Counts {
   std::size_t size_ = 0;
 };
 
-/// A paced driver's read waits at most so long for the next sample.
+/// Longest time that the read of a paced driver waits for the next sample.
 inline constexpr std::int64_t longest_paced_wait_ns = 20'000'000;
 
-/// What a driver can say about itself once it is open.
+/// Properties of a driver once it is open.
 struct Description {
   std::string name;                               ///< "simulated rig", "LabJack U6 #3600..."
-  std::uint8_t channels = 0;                      ///< bit i: yields Channel i
+  std::uint8_t channels = 0;                      ///< bit i: provides Channel i
   std::array<const char*, channel_count> unit{};  ///< raw unit by channel, before calibration
-  bool paced = false;  ///< read() waits for the next sample itself (a streaming board, a replay)
-  bool can_drive = false;  ///< write() moves something
-  /// Time passes from frame to frame and stands still in between (a rig of equations), whatever the
-  /// host's clock does.
-  bool time_of_its_own = false;
-  /// time_ns counts a crystal of the device's own, to be brought onto the host's clock.
+  bool paced = false;      ///< read() waits for the next sample (a streaming board, a replay)
+  bool can_drive = false;  ///< write() drives a shaker
+  /// Time advances by frames only, independently of the host's clock (a simulated rig).
+  bool stepped_time = false;
+  /// time_ns is that of the device's own crystal and must be mapped to the host's clock.
   bool own_clock = false;
 };
 
@@ -107,8 +106,8 @@ class Driver {
 
   virtual Result open() = 0;
   virtual Result start() = 0;
-  /// The next sample, in the driver's own units, with its device time, sequence number, validity
-  /// bits and ages. `frame` is untouched unless the outcome is ok.
+  /// The next sample, in the driver's units, with device time, sequence number, validity bits and
+  /// ages. `frame` is unchanged unless the outcome is ok.
   virtual Result read(Frame& frame) = 0;
   virtual Result write(const Actuation& actuation) = 0;
   virtual void stop() noexcept = 0;
@@ -116,15 +115,15 @@ class Driver {
 
   virtual const Description& description() const = 0;
 
-  /// Devices without such lines have none pressed. As cheap as reading a variable.
+  /// Inactive for devices without such lines. As cheap as reading a variable.
   virtual Signals signals() const noexcept { return {}; }
 
-  /// After a stop: what may still be on because the last "off" was not confirmed, with the device's
-  /// name and what to do, in a sentence; null where all is off. Stays until the next open that
-  /// succeeds; lives as long as that. Only for the thread that may call stop.
+  /// After a stop: a message that names the output that may still be on because the last "off" was
+  /// not confirmed, and the action to take; null if everything is off. Valid until the next
+  /// successful open. Only for the thread that may call stop.
   virtual const char* left_on() const noexcept { return nullptr; }
 
-  /// Any thread, in every state, also while another one opens or closes. Does not wait.
+  /// Any thread, in every state, also during open and close in another thread. Does not wait.
   virtual Counts counts() const noexcept { return {}; }
 };
 

@@ -1,7 +1,7 @@
-// A device that is read beside the board, at its own pace: a strain bridge, an LVDT conditioner, an
-// instrument on a serial line. It may take its time: it is read in a thread of its own (see
-// bench/gauge_reader.h), which opens it again when it was lost; the loop only looks at what was
-// read last. To add such a device is to write one of these: docs/hardware.md shows the smallest.
+// Interface of a device that is read in addition to the board, at its own rate: a strain bridge, an
+// LVDT conditioner, an instrument on a serial line. Its reads may block: a separate thread (see
+// bench/gauge_reader.h) reads it and reopens it after a loss; the loop uses the latest reading. A
+// new device of this kind implements this interface: docs/hardware.md shows the smallest one.
 #pragma once
 
 #include <cstdint>
@@ -12,28 +12,28 @@
 
 namespace stickslip::drivers {
 
-/// What one input says.
+/// Reading of an input.
 struct Reading {
-  double value = 0.0;        ///< in the input's unit
-  std::int64_t time_ns = 0;  ///< when it was measured, on the host's monotonic clock
-  bool valid = false;        ///< false: the device itself does not believe it
+  double value = 0.0;        ///< in the unit of the input
+  std::int64_t time_ns = 0;  ///< of the measurement, on the host's monotonic clock
+  bool valid = false;        ///< false: the device marks it as invalid
 };
 
-/// An input that a gauge was asked to read.
+/// An input that a gauge reads.
 struct GaugeInput {
   std::string device;  ///< the DEVICE of DEVICE/INPUT in the configuration
-  std::string name;    ///< the INPUT of it
+  std::string name;    ///< the INPUT of DEVICE/INPUT
   std::string unit;    ///< "V/V", "mm"
 };
 
-/// What a gauge could not read without saying so itself, since it was opened.
+/// Readings lost without an error of the gauge, since it was opened.
 struct GaugeLosses {
-  std::uint64_t missing = 0;   ///< readings that should have come and did not
-  std::uint64_t rejected = 0;  ///< answers that were not believed: wrong checksum, length, echo
+  std::uint64_t missing = 0;   ///< expected readings that did not arrive
+  std::uint64_t rejected = 0;  ///< replies with a wrong checksum, length or echo
 };
 
-/// Lifecycle: open -> read* -> close. All in one thread, but for name and inputs, which do not
-/// change, and signals.
+/// Lifecycle: open -> read* -> close, in one thread. signals, and the constant name and inputs, may
+/// be read in any.
 class Gauge {
  public:
   Gauge() = default;
@@ -41,20 +41,20 @@ class Gauge {
   Gauge& operator=(const Gauge&) = delete;
   virtual ~Gauge() = default;
 
-  /// For a person: "PhidgetBridge 1046 #123456".
+  /// For display: "PhidgetBridge 1046 #123456".
   virtual const std::string& name() const = 0;
   virtual std::span<const GaugeInput> inputs() const = 0;
 
-  /// Finds the device, sets it, and is ready to read. May take seconds.
+  /// Finds and configures the device. May take seconds.
   virtual Result open() = 0;
 
-  /// Waits for what comes next, at most a fifth of a second. `readings` are one for each input, in
-  /// their order; those of which nothing new is known are left as they are.
+  /// Waits for the next reading, at most a fifth of a second. `readings` has one element per input,
+  /// in their order; those without a new reading are left unchanged.
   ///   ok               at least one is new
-  ///   no_data          nothing came
-  ///   temporary        nothing that could be believed came; the next may be well
-  ///   needs_attention  a person must do something; it is closed, and opened again with patience
-  ///   lost             it is gone; the same
+  ///   no_data          nothing arrived
+  ///   temporary        nothing valid arrived; the next read may succeed
+  ///   needs_attention  an operator must act; the caller closes it and retries open with a delay
+  ///   lost             disconnected; the caller does the same
   ///   fatal            it cannot be used again
   virtual Result read(std::span<Reading> readings) = 0;
 
@@ -62,7 +62,8 @@ class Gauge {
 
   virtual GaugeLosses losses() const { return {}; }
 
-  /// Of an amplifier that says by its bus how it is. Any thread; as cheap as reading a variable.
+  /// Of an amplifier that reports its state over its bus. Any thread; as cheap as reading a
+  /// variable.
   virtual Signals signals() const noexcept { return {}; }
 };
 

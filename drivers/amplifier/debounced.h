@@ -1,5 +1,5 @@
-// A contact that says "stop": pressing counts at once and for a while, letting go once it has
-// lasted.
+// Debouncing of a stop contact: pressing takes effect immediately and for a minimum time, release
+// only after it has persisted.
 #pragma once
 
 #include <cstdint>
@@ -7,28 +7,28 @@
 
 namespace stickslip::drivers::gpio {
 
-/// In software and not in the kernel, whose debouncing (2.x only) delays the pressing as well.
+/// In software, as the kernel's debouncing (libgpiod 2.x only) delays the pressing as well.
 class Debounced {
  public:
-  /// What was active counts as active for so long after it was last seen so, whatever the time of
-  /// debouncing: everybody who looks several times in it gets to see a moment's pressing.
-  static constexpr std::int64_t least_ns = 100'000'000;
+  /// Minimum active time after the latest active sample, whatever the debouncing time, so that
+  /// every periodic observer sees a brief pressing.
+  static constexpr std::int64_t min_active_ns = 100'000'000;
 
   explicit Debounced(std::int64_t hold_ns) : hold_ns_(hold_ns) {}
 
-  /// What counts, when the line was seen at `now_ns` to be active or not. At first it is active.
+  /// Debounced state after a sample of the line at `now_ns`. Initially active.
   bool update(bool active, std::int64_t now_ns) {
     if (active) {
       is_active_ = true;
-      waits_ = false;
-      pressed_until_ns_ = now_ns + least_ns;
-    } else if (is_active_ && !waits_) {
-      waits_ = true;
+      releasing_ = false;
+      pressed_until_ns_ = now_ns + min_active_ns;
+    } else if (is_active_ && !releasing_) {
+      releasing_ = true;
       since_ns_ = now_ns;
     }
-    if (waits_ && now_ns - since_ns_ >= hold_ns_ && now_ns >= pressed_until_ns_) {
+    if (releasing_ && now_ns - since_ns_ >= hold_ns_ && now_ns >= pressed_until_ns_) {
       is_active_ = false;
-      waits_ = false;
+      releasing_ = false;
     }
     return is_active_;
   }
@@ -36,9 +36,9 @@ class Debounced {
  private:
   std::int64_t hold_ns_;
   std::int64_t since_ns_ = 0;
-  std::int64_t pressed_until_ns_ = std::numeric_limits<std::int64_t>::min();  // never was, as yet
+  std::int64_t pressed_until_ns_ = std::numeric_limits<std::int64_t>::min();  // never
   bool is_active_ = true;
-  bool waits_ = false;  // it is not active, but not for long enough
+  bool releasing_ = false;  // inactive, but not for long enough
 };
 
 }  // namespace stickslip::drivers::gpio

@@ -1,5 +1,5 @@
-// Lines of a GPIO chip. One interface for both generations of libgpiod: gpio_lines_v1.cpp is for
-// 1.6, gpio_lines_v2.cpp for 2.x, and the build takes the one that fits.
+// Lines of a GPIO chip. One interface for both generations of libgpiod: gpio_lines_v1.cpp for 1.6,
+// gpio_lines_v2.cpp for 2.x; the build selects one.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +13,7 @@
 
 namespace stickslip::drivers::gpio {
 
-/// A chip that could be looked at.
+/// An accessible chip.
 struct Chip {
   std::string path;   ///< "/dev/gpiochip0"
   std::string name;   ///< "gpiochip0"
@@ -21,52 +21,49 @@ struct Chip {
   std::size_t lines = 0;
 };
 
-/// The chip behind a path. Nothing, and `error` the system's number, where that is none or may not
-/// be opened.
+/// The chip at a path. None, with the errno in `error`, if there is no chip or no permission.
 std::optional<Chip> chip_at(const std::string& path, int& error);
 
-/// "1.6.3", "2.1": of the library that is linked.
+/// Version of the linked library: "1.6.3", "2.1".
 std::string library_version();
 
 enum class Use {
-  output,  ///< driven, at first inactive
-  input    ///< read, with edges where the chip can tell them
+  output,  ///< driven, initially inactive
+  input    ///< read, with edge events if the chip supports them
 };
 
-/// The rest waits for the next call. The kernel keeps no more than 16 of a line unless it is asked
-/// to.
-inline constexpr std::size_t edges_at_a_call = 64;
+/// Further edges wait for the next call. By default the kernel keeps at most 16 per line.
+inline constexpr std::size_t max_edges_per_call = 64;
 
-/// Why lines could not be had.
+/// Reason why lines could not be requested.
 struct Refusal {
-  int error = 0;         ///< the system's number; ENOENT: no such line
-  std::string line;      ///< as the configuration says it
-  std::string consumer;  ///< of a line that is busy: by whom; may be unknown
+  int error = 0;         ///< errno; ENOENT: no such line
+  std::string line;      ///< as in the configuration
+  std::string consumer;  ///< user of a busy line; may be unknown
 };
 
-/// Some lines of one chip, all outputs or all inputs. Levels are logical: active is what the
-/// configuration calls so, whatever the voltage. Only one thread at a time.
+/// Lines of one chip, all outputs or all inputs. Levels are logical: active as configured, whatever
+/// the voltage. One thread at a time.
 class Lines {
  public:
-  /// Null, and `refusal`, where one of them cannot be had. `path` is that of a chip.
+  /// Null, with `refusal`, if one of them is not available. `path` is that of a chip.
   static std::unique_ptr<Lines> request(const std::string& path, Use use,
                                         std::span<const config::GpioLine> lines, Refusal& refusal);
   ~Lines();
   Lines(const Lines&) = delete;
   Lines& operator=(const Lines&) = delete;
 
-  /// 0, or the system's number of the error. Allocates nothing and takes no lock; on a chip of the
-  /// processor some microseconds, on one at USB some milliseconds.
+  /// 0 or errno. Neither allocates nor locks; takes microseconds on a chip of the processor,
+  /// milliseconds on a USB chip.
   int set(std::size_t line, bool active) noexcept;
-  /// 1: active, 0: not, negative: the system's number of the error.
+  /// 1: active, 0: inactive, negative: -errno.
   int get(std::size_t line) noexcept;
 
-  /// Readable once there was an edge; none where the chip tells no edges.
+  /// Readable after an edge; empty if the chip does not support edge events.
   std::span<const int> edge_files() const noexcept;
-  /// Takes up the edges that there were, at most `edges_at_a_call` of a file: a wire that floats
-  /// can make them faster than they are taken. Sets `went_active[line]` of the lines that have
-  /// become active in the meantime, even if they are not any more. 0, or the system's number of
-  /// the error.
+  /// Reads pending edges, at most `max_edges_per_call` per file: a floating wire can produce them
+  /// faster than they are read. Sets `went_active[line]` for lines that became active meanwhile,
+  /// even if they are inactive again. 0 or errno.
   int take_edges(std::span<bool> went_active) noexcept;
 
  private:

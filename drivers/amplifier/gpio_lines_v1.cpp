@@ -49,20 +49,20 @@ gpiod_line* find_line(gpiod_chip* chip, const std::string& line) {
   return gpiod_chip_get_line(chip, static_cast<unsigned>(offset));
 }
 
-bool is_about_edges(int error) { return error != EBUSY && error != EACCES && error != EPERM; }
+bool may_lack_edges(int error) { return error != EBUSY && error != EACCES && error != EPERM; }
 
-/// 0, or the system's number of the error.
-int request_one(gpiod_line* line, Use use, const config::GpioLine& its, bool& tells_edges) {
-  tells_edges = false;
-  gpiod_line_request_config config{consumer, 0, flags_of(its)};
+/// 0 or errno.
+int request_one(gpiod_line* line, Use use, const config::GpioLine& settings, bool& has_edges) {
+  has_edges = false;
+  gpiod_line_request_config config{consumer, 0, flags_of(settings)};
   if (use == Use::output) {
     config.request_type = GPIOD_LINE_REQUEST_DIRECTION_OUTPUT;
     return gpiod_line_request(line, &config, 0) == 0 ? 0 : errno;
   }
   config.request_type = GPIOD_LINE_REQUEST_EVENT_BOTH_EDGES;
-  tells_edges = gpiod_line_request(line, &config, 0) == 0;
-  if (tells_edges) return 0;
-  if (!is_about_edges(errno)) return errno;
+  has_edges = gpiod_line_request(line, &config, 0) == 0;
+  if (has_edges) return 0;
+  if (!may_lack_edges(errno)) return errno;
   config.request_type = GPIOD_LINE_REQUEST_DIRECTION_INPUT;
   return gpiod_line_request(line, &config, 0) == 0 ? 0 : errno;
 }
@@ -78,8 +78,8 @@ struct Lines::Held {
   }
   OpenChip chip;
   std::vector<gpiod_line*> lines;
-  std::vector<int> files;               // of those lines that tell edges
-  std::vector<std::size_t> file_lines;  // which those are
+  std::vector<int> files;               // of the lines with edge events
+  std::vector<std::size_t> file_lines;  // indices of those lines
 };
 
 Lines::Lines(std::unique_ptr<Held> held) : held_(std::move(held)) {}
@@ -105,20 +105,20 @@ std::unique_ptr<Lines> Lines::request(const std::string& path, Use use,
     refusal = {errno, "", ""};
     return nullptr;
   }
-  for (const config::GpioLine& its : lines) {
-    gpiod_line* line = find_line(held->chip.get(), its.line);
+  for (const config::GpioLine& settings : lines) {
+    gpiod_line* line = find_line(held->chip.get(), settings.line);
     if (line == nullptr) {
-      refusal = {errno, its.line, ""};
+      refusal = {errno, settings.line, ""};
       return nullptr;
     }
-    bool tells_edges = false;
-    if (const int error = request_one(line, use, its, tells_edges); error != 0) {
+    bool has_edges = false;
+    if (const int error = request_one(line, use, settings, has_edges); error != 0) {
       const char* by = gpiod_line_consumer(line);
-      refusal = {error, its.line, by == nullptr ? "" : by};
+      refusal = {error, settings.line, by == nullptr ? "" : by};
       return nullptr;
     }
     held->lines.push_back(line);
-    if (!tells_edges) continue;
+    if (!has_edges) continue;
     held->files.push_back(gpiod_line_event_get_fd(line));
     held->file_lines.push_back(held->lines.size() - 1);
   }
@@ -140,7 +140,7 @@ int Lines::take_edges(std::span<bool> went_active) noexcept {
   for (std::size_t i = 0; i < held_->files.size(); ++i) {
     const std::size_t line = held_->file_lines[i];
     pollfd waited{held_->files[i], POLLIN, 0};
-    for (std::size_t taken = 0; taken<edges_at_a_call&& ::poll(&waited, 1, 0)> 0; ++taken) {
+    for (std::size_t taken = 0; taken<max_edges_per_call&& ::poll(&waited, 1, 0)> 0; ++taken) {
       if ((waited.revents & POLLIN) == 0) return ENODEV;
       gpiod_line_event event{};
       if (gpiod_line_event_read(held_->lines[line], &event) != 0) return errno;

@@ -49,7 +49,7 @@ std::size_t lines_of(gpiod_chip* chip) {
   return info ? gpiod_chip_info_get_num_lines(info.get()) : 0;
 }
 
-/// Negative: there is none.
+/// Negative: not found.
 int find_line(gpiod_chip* chip, const std::string& line) {
   const int named = gpiod_chip_get_line_offset_from_name(chip, line.c_str());
   if (named >= 0) return named;
@@ -58,11 +58,11 @@ int find_line(gpiod_chip* chip, const std::string& line) {
   return offset < lines_of(chip) ? static_cast<int>(offset) : -1;
 }
 
-Settings settings_of(const config::GpioLine& its, Use use, bool edges) {
+Settings settings_of(const config::GpioLine& line, Use use, bool edges) {
   Settings settings(gpiod_line_settings_new());
   if (!settings) return settings;
-  gpiod_line_settings_set_active_low(settings.get(), its.active_low);
-  gpiod_line_settings_set_bias(settings.get(), bias_of(its.bias));
+  gpiod_line_settings_set_active_low(settings.get(), line.active_low);
+  gpiod_line_settings_set_bias(settings.get(), bias_of(line.bias));
   if (use == Use::output) {
     gpiod_line_settings_set_direction(settings.get(), GPIOD_LINE_DIRECTION_OUTPUT);
     gpiod_line_settings_set_output_value(settings.get(), GPIOD_LINE_VALUE_INACTIVE);
@@ -73,7 +73,7 @@ Settings settings_of(const config::GpioLine& its, Use use, bool edges) {
   return settings;
 }
 
-/// Null, and errno, where they cannot be had.
+/// Null, with errno, if they are not available.
 Request request_all(gpiod_chip* chip, Use use, std::span<const config::GpioLine> lines,
                     std::span<const unsigned> offsets, bool edges) {
   const LineConfig config(gpiod_line_config_new());
@@ -90,7 +90,7 @@ Request request_all(gpiod_chip* chip, Use use, std::span<const config::GpioLine>
   return Request(gpiod_chip_request_lines(chip, how.get(), config.get()));
 }
 
-/// All lines are requested at once, and the library does not say which one was the obstacle.
+/// All lines are requested together, and the library does not report which one failed.
 Refusal refusal_of(gpiod_chip* chip, int error, std::span<const config::GpioLine> lines,
                    std::span<const unsigned> offsets) {
   for (std::size_t i = 0; i < lines.size(); ++i) {
@@ -102,7 +102,7 @@ Refusal refusal_of(gpiod_chip* chip, int error, std::span<const config::GpioLine
   return {error, lines.front().line, ""};
 }
 
-bool is_about_edges(int error) { return error != EBUSY && error != EACCES && error != EPERM; }
+bool may_lack_edges(int error) { return error != EBUSY && error != EACCES && error != EPERM; }
 
 }  // namespace
 
@@ -138,17 +138,17 @@ std::unique_ptr<Lines> Lines::request(const std::string& path, Use use,
     refusal = {errno, "", ""};
     return nullptr;
   }
-  for (const config::GpioLine& its : lines) {
-    const int offset = find_line(held->chip.get(), its.line);
+  for (const config::GpioLine& line : lines) {
+    const int offset = find_line(held->chip.get(), line.line);
     if (offset < 0) {
-      refusal = {ENOENT, its.line, ""};
+      refusal = {ENOENT, line.line, ""};
       return nullptr;
     }
     held->offsets.push_back(static_cast<unsigned>(offset));
   }
   bool edges = use == Use::input;
   held->request = request_all(held->chip.get(), use, lines, held->offsets, edges);
-  if (!held->request && edges && is_about_edges(errno)) {
+  if (!held->request && edges && may_lack_edges(errno)) {
     edges = false;
     held->request = request_all(held->chip.get(), use, lines, held->offsets, edges);
   }
@@ -183,7 +183,7 @@ std::span<const int> Lines::edge_files() const noexcept { return held_->files; }
 int Lines::take_edges(std::span<bool> went_active) noexcept {
   if (held_->files.empty()) return 0;
   pollfd waited{held_->files.front(), POLLIN, 0};
-  for (std::size_t taken = 0; taken<edges_at_a_call&& ::poll(&waited, 1, 0)> 0;) {
+  for (std::size_t taken = 0; taken<max_edges_per_call&& ::poll(&waited, 1, 0)> 0;) {
     if ((waited.revents & POLLIN) == 0) return ENODEV;
     const int count = gpiod_line_request_read_edge_events(held_->request.get(), held_->events.get(),
                                                           events_at_once);

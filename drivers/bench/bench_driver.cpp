@@ -8,13 +8,13 @@
 namespace stickslip::drivers {
 
 BenchDriver::BenchDriver(BenchParts parts, const config::BenchInputs& inputs,
-                         const config::ShakerOutput& shaker, Patience patience)
+                         const config::ShakerOutput& shaker, RetryDelay retry)
     : clock_(std::move(parts.clock)),
       board_(std::move(parts.board)),
       amplifier_(std::move(parts.amplifier)),
       shaker_(shaker) {
   for (auto& gauge : parts.gauges) {
-    gauges_.push_back(std::make_unique<GaugeReader>(std::move(gauge), patience));
+    gauges_.push_back(std::make_unique<GaugeReader>(std::move(gauge), retry));
   }
   connect(inputs);
   describe();
@@ -28,10 +28,10 @@ void BenchDriver::connect(const config::BenchInputs& inputs) {
     unmatched_ += (unmatched_.empty() ? "" : ", ") + std::string(info(channel).stem) + " from " +
                   wanted->device + "/" + wanted->input;
   }
-  if (!unmatched_.empty()) unmatched_ = "no device of this bench yields " + unmatched_;
+  if (!unmatched_.empty()) unmatched_ = "no device of this bench provides " + unmatched_;
 }
 
-/// Whether a gauge has that input.
+/// True if a gauge has that input.
 bool BenchDriver::connect(Channel channel, const config::BenchInput& wanted) {
   for (std::size_t g = 0; g < gauges_.size(); ++g) {
     const auto own = gauges_[g]->gauge().inputs();
@@ -61,19 +61,19 @@ void BenchDriver::describe() {
 
 Result BenchDriver::open() {
   if (!unmatched_.empty()) return {Outcome::needs_attention, unmatched_.c_str()};
-  // First of all the contact: a line that a dead daemon left active has to go off before an output
-  // moves, and also where there is no board.
+  // The contact first: a line left active by a dead daemon must be off before an output changes,
+  // also if there is no board.
   Result result = amplifier_ ? amplifier_->open() : Result{};
   if (result) result = board_->open();
   for (const auto& gauge : gauges_) {
     if (result) result = gauge->open(!opened_before_);
   }
   if (!result) {
-    // The message is owned by the device that refused, and closing does not change it.
+    // The message belongs to the device that failed; closing does not change it.
     close();
     return result;
   }
-  // Once: others read the description while a lost device is opened again.
+  // Once: other threads read the description while a lost device is reopened.
   if (!opened_before_) describe();
   opened_before_ = true;
   left_on_.clear();
@@ -109,15 +109,15 @@ Result BenchDriver::write(const Actuation& actuation) {
   const bool finite = std::isfinite(actuation.drive);
   const bool on = actuation.amplifier_on && finite;
   const Actuation volts{on ? volts_of(actuation.drive) : shaker_.rest_v, on};
-  // Whatever the first says, the second hears of it: an "off" must reach both.
+  // An "off" must reach both, whatever the first returns.
   Result contacts;
   if (amplifier_ && !on) contacts = amplifier_->write(false);
   const Result board = board_->write(volts);
-  // What failed for once may be well in the next cycle: a contact that is closed stays so until an
-  // interlock says otherwise, and one that is open stays open.
-  const bool for_once = board.outcome == Outcome::temporary && contact_on_;
-  if (amplifier_ && on) contacts = amplifier_->write(board || for_once);
-  contact_on_ = on && (board || for_once);
+  // A temporary failure may pass by the next cycle: a closed contact stays closed until an
+  // interlock opens it, and an open one stays open.
+  const bool tolerated = board.outcome == Outcome::temporary && contact_on_;
+  if (amplifier_ && on) contacts = amplifier_->write(board || tolerated);
+  contact_on_ = on && (board || tolerated);
   if (!finite) return {Outcome::fatal, "the commanded drive is not finite"};
   return board ? contacts : board;
 }
@@ -135,9 +135,9 @@ void BenchDriver::switch_contact_off() noexcept {
   try {
     left_on_ = std::string(
                    "the amplifier's enable contact may still be closed: press the "
-                   "emergency stop, then look at chip and cable. The last \"off\" failed: ") +
+                   "emergency stop, then check chip and cable. The last \"off\" failed: ") +
                off.message;
-  } catch (...) {  // without memory for a sentence
+  } catch (...) {  // out of memory for the message
   }
 }
 
@@ -171,7 +171,7 @@ Signals BenchDriver::signals() const noexcept {
   if (amplifier_) add(amplifier_->signals());
   for (const auto& gauge : gauges_) {
     add(gauge->signals());
-    if (all.lost_part == nullptr) all.lost_part = gauge->lost();
+    if (all.lost_device == nullptr) all.lost_device = gauge->lost();
   }
   return all;
 }

@@ -1,5 +1,5 @@
-// A bench of real devices as one rig: a board whose scans are the frames, gauges that are read
-// beside it, and an amplifier's contacts.
+// A bench of real devices as one driver: a board whose scans are the frames, gauges that are read
+// in addition, and the amplifier's contacts.
 #pragma once
 
 #include <cstddef>
@@ -9,35 +9,35 @@
 
 #include "config/bench.h"
 #include "drivers/bench/gauge_reader.h"
+#include "drivers/clock/device_clock.h"
+#include "drivers/clock/host_clock.h"
 #include "drivers/contacts.h"
-#include "drivers/device_clock.h"
 #include "drivers/driver.h"
-#include "drivers/host_clock.h"
 
 namespace stickslip::drivers {
 
-/// What a bench is made of.
+/// The devices of a bench.
 struct BenchParts {
-  std::unique_ptr<HostClock> clock;  ///< the devices' too
-  std::unique_ptr<Driver> board;     ///< frames in V; its drive is the output in V
+  std::unique_ptr<HostClock> clock;  ///< also that of the devices
+  std::unique_ptr<Driver> board;     ///< frames and drive in V
   std::vector<std::unique_ptr<Gauge>> gauges;
   std::unique_ptr<Contacts> amplifier;  ///< null: none
 };
 
-/// Frames are the board's, in V, with the latest reading of each gauge that is not newer than the
-/// scan, in the gauge's unit, and its age. A gauge that is lost costs its channels and is looked
-/// for by its own thread; the board or the amplifier costs the rig, and whoever owns this closes it
-/// and opens it again. The amplifier's contact is the first to be opened, is told "off" before
-/// the board's output and "on" after it; a board that fails for once does not switch it.
+/// Frames are those of the board, in V, with the latest reading of each gauge that is not newer
+/// than the scan, in the gauge's unit, and its age. The loss of a gauge invalidates its channels
+/// while its thread tries to reopen it; the loss of the board or the amplifier is a loss of the
+/// driver, which the owner closes and reopens. The amplifier's contact is opened first, switched
+/// off before the board's output and on after it; a temporary failure of the board does not switch
+/// it.
 class BenchDriver final : public Driver {
  public:
-  /// `inputs` says which channel comes from which input of which gauge; those of the board are the
-  /// board's business.
+  /// `inputs` assigns channels to inputs of gauges; those of the board are handled by the board.
   BenchDriver(BenchParts parts, const config::BenchInputs& inputs,
-              const config::ShakerOutput& shaker, Patience patience = {});
+              const config::ShakerOutput& shaker, RetryDelay retry = {});
   ~BenchDriver() override;
 
-  /// The first time, every device has to be there; later, gauges may come by themselves.
+  /// The first time all devices must be attached; later, gauges may be reopened in the background.
   Result open() override;
   Result start() override;
   Result read(Frame& frame) override;
@@ -47,7 +47,7 @@ class BenchDriver final : public Driver {
   const Description& description() const override { return description_; }
   Signals signals() const noexcept override;
   const char* left_on() const noexcept override;
-  /// The board's, and of each gauge what it lost.
+  /// The counts of the board and the losses of each gauge.
   Counts counts() const noexcept override;
 
  private:
@@ -62,7 +62,7 @@ class BenchDriver final : public Driver {
   void switch_contact_off() noexcept;
   double volts_of(double drive) const;
 
-  std::unique_ptr<HostClock> clock_;  // outlives the devices that look at it
+  std::unique_ptr<HostClock> clock_;  // outlives the devices
   std::unique_ptr<Driver> board_;
   std::vector<std::unique_ptr<GaugeReader>> gauges_;
   std::vector<Wire> wires_;
@@ -70,9 +70,9 @@ class BenchDriver final : public Driver {
   config::ShakerOutput shaker_;
   DeviceClock device_clock_;
   Description description_;
-  std::string unmatched_;  // inputs that no device has, in words
+  std::string unmatched_;  // message about inputs that no device has
   bool contact_on_ = false;
-  std::string left_on_;  // the contact, in words; empty: it is off
+  std::string left_on_;  // message about the contact; empty: it is off
   bool opened_before_ = false;
 };
 

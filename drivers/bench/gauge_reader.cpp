@@ -7,17 +7,20 @@
 namespace stickslip::drivers {
 
 namespace {
-constexpr std::size_t room = 4096;  // readings: seconds of the fastest bridge
+constexpr std::size_t capacity = 4096;  // readings: seconds of the fastest bridge
 }
 
-GaugeReader::GaugeReader(std::unique_ptr<Gauge> gauge, Patience patience)
-    : gauge_(std::move(gauge)), patience_(patience), told_(room), latest_(gauge_->inputs().size()) {
+GaugeReader::GaugeReader(std::unique_ptr<Gauge> gauge, RetryDelay retry)
+    : gauge_(std::move(gauge)),
+      retry_(retry),
+      updates_(capacity),
+      latest_(gauge_->inputs().size()) {
   const std::string& name = gauge_->name();
-  sentences_[static_cast<std::size_t>(Condition::gone)] = name + " is gone; it is looked for";
-  sentences_[static_cast<std::size_t>(Condition::needs_attention)] =
-      name + " cannot be used as it is: `stickslip check --live` says why";
-  sentences_[static_cast<std::size_t>(Condition::beyond_help)] =
-      name + " cannot be brought back: restart the daemon once it is mended";
+  messages_[static_cast<std::size_t>(Condition::gone)] = name + " is gone; reopening it";
+  messages_[static_cast<std::size_t>(Condition::needs_attention)] =
+      name + " cannot be used: see `stickslip check --live`";
+  messages_[static_cast<std::size_t>(Condition::unusable)] =
+      name + " failed permanently: repair it and restart the daemon";
 }
 
 GaugeReader::~GaugeReader() { close(); }
@@ -31,7 +34,7 @@ Result GaugeReader::open(bool insist) {
       gauge_->close();
       return opened;
     }
-    condition_.store(Condition::here, std::memory_order_release);
+    condition_.store(Condition::open, std::memory_order_release);
   }
   thread_ = std::thread([this] { run(); });
   return {};
@@ -46,10 +49,10 @@ void GaugeReader::close() noexcept {
     wake_.notify_all();
     thread_.join();
   }
-  if (condition_.load(std::memory_order_relaxed) == Condition::here) keep_losses();
+  if (condition_.load(std::memory_order_relaxed) == Condition::open) keep_losses();
   gauge_->close();
-  // The loop is not at work while this is closed.
-  while (told_.peek() != nullptr) told_.pop();
+  // The loop does not read while this is closed, so the queue has no other consumer.
+  while (updates_.peek() != nullptr) updates_.pop();
   std::fill(latest_.begin(), latest_.end(), Reading{});
   condition_.store(Condition::gone, std::memory_order_release);
 }
@@ -59,33 +62,33 @@ void GaugeReader::run() {
     const std::lock_guard lock(mutex_);
     return stopping_;
   };
-  std::int64_t wait_ns = patience_.first_ns;
+  std::int64_t wait_ns = retry_.first_ns;
   while (!stopping()) {
-    if (condition_.load(std::memory_order_relaxed) == Condition::here) {
+    if (condition_.load(std::memory_order_relaxed) == Condition::open) {
       if (!read_until_lost()) return;
-      if (spoke_) wait_ns = patience_.first_ns;
-      pause(wait_ns);
-      wait_ns = std::min(2 * wait_ns, patience_.longest_ns);
+      if (delivered_) wait_ns = retry_.first_ns;
+      wait(wait_ns);
+      wait_ns = std::min(2 * wait_ns, retry_.longest_ns);
       continue;
     }
     const Result opened = gauge_->open();
     if (opened) {
-      condition_.store(Condition::here, std::memory_order_release);
+      condition_.store(Condition::open, std::memory_order_release);
       continue;
     }
     gauge_->close();
     const bool attention = opened.outcome == Outcome::needs_attention;
     condition_.store(attention ? Condition::needs_attention : Condition::gone,
                      std::memory_order_release);
-    pause(wait_ns);
-    wait_ns = std::min(2 * wait_ns, patience_.longest_ns);
+    wait(wait_ns);
+    wait_ns = std::min(2 * wait_ns, retry_.longest_ns);
   }
 }
 
 GaugeReader::Condition GaugeReader::condition_after(Outcome outcome) {
   switch (outcome) {
     case Outcome::fatal:
-      return Condition::beyond_help;
+      return Condition::unusable;
     case Outcome::needs_attention:
       return Condition::needs_attention;
     default:
@@ -93,11 +96,11 @@ GaugeReader::Condition GaugeReader::condition_after(Outcome outcome) {
   }
 }
 
-/// False where there is nothing more to do: it is stopped, or beyond help.
+/// False if it was stopped, or the gauge cannot be used again.
 bool GaugeReader::read_until_lost() {
   std::vector<Reading> readings(gauge_->inputs().size());
   std::vector<Reading> before = readings;
-  spoke_ = false;
+  delivered_ = false;
   for (;;) {
     {
       const std::lock_guard lock(mutex_);
@@ -107,10 +110,10 @@ bool GaugeReader::read_until_lost() {
     publish_losses();
     switch (result.outcome) {
       case Outcome::ok:
-        spoke_ = true;
+        delivered_ = true;
         for (std::size_t i = 0; i < readings.size(); ++i) {
           if (readings[i].time_ns != before[i].time_ns || readings[i].valid != before[i].valid) {
-            tell(i, readings[i]);
+            publish(i, readings[i]);
           }
         }
         before = readings;
@@ -124,26 +127,26 @@ bool GaugeReader::read_until_lost() {
       case Outcome::fatal:
         keep_losses();
         gauge_->close();
-        tell_lost(condition_after(result.outcome));
+        publish_loss(condition_after(result.outcome));
         return result.outcome != Outcome::fatal;
     }
   }
 }
 
-void GaugeReader::pause(std::int64_t ns) {
+void GaugeReader::wait(std::int64_t ns) {
   std::unique_lock lock(mutex_);
   wake_.wait_for(lock, std::chrono::nanoseconds(ns), [this] { return stopping_; });
 }
 
-void GaugeReader::tell(std::size_t input, const Reading& reading) {
-  // A loop that does not look has no use for it either.
-  static_cast<void>(told_.try_enqueue({input, reading}));
+void GaugeReader::publish(std::size_t input, const Reading& reading) {
+  // When full, a loop that does not read has no use for the reading either.
+  static_cast<void>(updates_.try_enqueue({input, reading}));
 }
 
-/// What was said before is no longer believed once the gauge speaks again.
-void GaugeReader::tell_lost(Condition condition) {
+/// Invalidates earlier readings, so that they do not reappear when the gauge is reopened.
+void GaugeReader::publish_loss(Condition condition) {
   condition_.store(condition, std::memory_order_release);
-  for (std::size_t i = 0; i < gauge_->inputs().size(); ++i) tell(i, Reading{});
+  for (std::size_t i = 0; i < gauge_->inputs().size(); ++i) publish(i, Reading{});
 }
 
 void GaugeReader::publish_losses() {
@@ -152,7 +155,7 @@ void GaugeReader::publish_losses() {
   rejected_.store(rejected_before_ + losses.rejected, std::memory_order_relaxed);
 }
 
-/// The gauge is about to be closed, and counts from 0 when it is opened again.
+/// Before the gauge is closed, as it counts from 0 when it is reopened.
 void GaugeReader::keep_losses() {
   publish_losses();
   missing_before_ = missing_.load(std::memory_order_relaxed);
@@ -160,18 +163,18 @@ void GaugeReader::keep_losses() {
 }
 
 Reading GaugeReader::latest(std::size_t input, std::int64_t time_ns) {
-  while (const Told* told = told_.peek()) {
-    if (told->reading.time_ns > time_ns) break;
-    latest_[told->input] = told->reading;
-    told_.pop();
+  while (const Update* update = updates_.peek()) {
+    if (update->reading.time_ns > time_ns) break;
+    latest_[update->input] = update->reading;
+    updates_.pop();
   }
   return latest_[input];
 }
 
 const char* GaugeReader::lost() const noexcept {
   const Condition condition = condition_.load(std::memory_order_acquire);
-  if (condition == Condition::here) return nullptr;
-  return sentences_[static_cast<std::size_t>(condition)].c_str();
+  if (condition == Condition::open) return nullptr;
+  return messages_[static_cast<std::size_t>(condition)].c_str();
 }
 
 GaugeLosses GaugeReader::losses() const noexcept {

@@ -1,5 +1,5 @@
-// Chance without a state: each draw is a function of the seed and of what it is for, so that it
-// does not matter which draws were made before.
+// Stateless random numbers: each draw is a function of the seed and of its purpose, independent of
+// earlier draws.
 #pragma once
 
 #include <cmath>
@@ -8,20 +8,20 @@
 
 namespace stickslip::drivers {
 
-/// What a draw is for. Draws for different purposes are independent.
+/// Purpose of a draw. Draws for different purposes are independent.
 enum class Purpose : std::uint64_t { moment, hit, noise_radius, noise_angle };
 
-/// The chances of one fault of a script.
+/// Random draws of one fault of a script.
 class Chance {
  public:
-  /// `position`: of the fault in the script.
+  /// `position`: index of the fault in the script.
   constexpr Chance(std::uint64_t seed, std::uint64_t position)
       : key_(mixed(mixed(seed) + position * step)) {}
 
-  /// Uniform in [0, 1). `number`: of the frame, the call or the repetition that is drawn for.
+  /// Uniform in [0, 1). `number`: index of the frame, call or repetition.
   constexpr double uniform(Purpose purpose, std::uint64_t number, std::uint64_t channel = 0) const {
-    const std::uint64_t what = static_cast<std::uint64_t>(purpose) * 64 + channel;
-    const std::uint64_t bits = mixed(mixed(key_ + what * step) + number * step);
+    const std::uint64_t stream = static_cast<std::uint64_t>(purpose) * 64 + channel;
+    const std::uint64_t bits = mixed(mixed(key_ + stream * step) + number * step);
     return static_cast<double>(bits >> 11U) * 0x1.0p-53;
   }
 
@@ -40,7 +40,7 @@ class Chance {
  private:
   static constexpr std::uint64_t step = 0x9E3779B97F4A7C15U;  // odd, near 2^64 / golden ratio
 
-  /// A bijection that lets every bit of the argument bear on every bit of the result: SplitMix64.
+  /// SplitMix64: a bijection in which every bit of the argument affects every bit of the result.
   static constexpr std::uint64_t mixed(std::uint64_t z) {
     z += step;
     z = (z ^ (z >> 30U)) * 0xBF58476D1CE4E5B9U;

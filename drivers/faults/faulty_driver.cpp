@@ -12,13 +12,13 @@ namespace {
 using config::Fault;
 using config::FaultKind;
 
-constexpr std::int64_t longest_step_ns = 10'000'000'000'000'000;  // what a script can speak of
-constexpr std::int64_t latest_ns = 4'000'000'000'000'000'000;     // no time goes beyond
-constexpr double most_remembered = 1U << 20U;                     // frames
-constexpr double frames_remembered_per_period = 2.0;  // for devices that are faster than they say
+constexpr std::int64_t longest_step_ns = 10'000'000'000'000'000;  // beyond the times of a script
+constexpr std::int64_t latest_ns = 4'000'000'000'000'000'000;     // upper limit of script time
+constexpr double max_history = 1U << 20U;                         // frames
+constexpr double history_frames_per_period = 2.0;  // margin for devices faster than nominal
 
-/// When a fault acts on its way from the device to the caller. Faults of one kind act in the order
-/// of the script.
+/// Order of faults between the device and the caller. Faults of one kind act in the order of the
+/// script.
 int stage_of(FaultKind kind) {
   switch (kind) {
     case FaultKind::unplug:
@@ -72,16 +72,16 @@ struct FaultyDriver::Entry {
         chance(script.seed, at),
         timeline(of, chance),
         amount_ns(ns(of.amount)),
-        // So that nobody takes it for a real one.
-        words("fault " + std::to_string(at + 1) + " of " + script.file.filename().string() + ": " +
-              config::in_words(of)) {
+        // Marks the fault as injected.
+        message("fault " + std::to_string(at + 1) + " of " + script.file.filename().string() +
+                ": " + config::in_words(of)) {
     if (of.kind == FaultKind::unplug) {
-      back = words + "; it is there again, and waits to be opened";
+      reattached = message + "; it is attached again and can be reopened";
     }
   }
 
-  /// The channels of a frame that it befalls.
-  bool befalls(Channel channel, const Frame& frame) const {
+  /// True if it affects a channel of a frame.
+  bool affects(Channel channel, const Frame& frame) const {
     return frame.has(channel) && (!fault.channel || *fault.channel == channel);
   }
 
@@ -89,14 +89,14 @@ struct FaultyDriver::Entry {
   std::size_t position;  // in the script
   Chance chance;
   Timeline timeline;
-  std::int64_t amount_ns;  // of kinds whose amount is a time
-  std::string words;
-  std::string back;
-  std::uint64_t counted = 0;  // number of the latest occurrence, and 1
+  std::int64_t amount_ns;  // for kinds whose amount is a time
+  std::string message;
+  std::string reattached;
+  std::uint64_t counted = 0;  // number of the latest occurrence, plus 1
 
-  // stick: what is kept, and since which occurrence.
-  std::uint64_t kept_in = 0;  // its number, and 1
-  std::uint8_t kept = 0;      // bit i: of channel i
+  // stick: the held values and their occurrence.
+  std::uint64_t held_in = 0;  // its number, plus 1
+  std::uint8_t held = 0;      // bit i: channel i
   std::array<double, channel_count> value{};
 };
 
@@ -120,8 +120,8 @@ FaultyDriver::FaultyDriver(std::unique_ptr<Driver> device, const config::FaultSc
   });
   if (longest_delay_s > 0.0) {
     const double frames = std::ceil(longest_delay_s * 1.0e9 / static_cast<double>(period_ns_) *
-                                    frames_remembered_per_period);
-    history_.resize(static_cast<std::size_t>(std::min(frames, most_remembered)) + 2);
+                                    history_frames_per_period);
+    history_.resize(static_cast<std::size_t>(std::min(frames, max_history)) + 2);
   }
   describe();
 }
@@ -129,9 +129,9 @@ FaultyDriver::FaultyDriver(std::unique_ptr<Driver> device, const config::FaultSc
 FaultyDriver::~FaultyDriver() = default;
 
 Result FaultyDriver::open() {
-  if (unplugged_by_ != nullptr) pass_time_since_attempt();
+  if (unplugged_by_ != nullptr) advance_time_since_attempt();
   for (Entry& entry : entries_) {
-    if (entry.fault.kind != FaultKind::unplug || !lasting(entry, due_ns())) continue;
+    if (entry.fault.kind != FaultKind::unplug || !active_occurrence(entry, due_ns())) continue;
     if (running_) return unplug(entry);
     if (unplugged_by_ == nullptr) {
       attempt_ns_ = clock_->now_ns();
@@ -139,7 +139,7 @@ Result FaultyDriver::open() {
     }
     unplugged_by_ = &entry;
     hit(entry);
-    return {Outcome::lost, entry.words.c_str()};
+    return {Outcome::lost, entry.message.c_str()};
   }
   const Result opened = device_->open();
   if (!opened) return opened;
@@ -148,8 +148,8 @@ Result FaultyDriver::open() {
   for (const Entry& entry : entries_) {
     const auto channel = entry.fault.channel;
     if (!channel || ((description_.channels >> index_of(*channel)) & 1U) != 0) continue;
-    refusal_ = entry.words + ": the device, " + device_->description().name +
-               ", does not yield that channel";
+    refusal_ = entry.message + ": the device, " + device_->description().name +
+               ", does not provide that channel";
     device_->close();
     return {Outcome::needs_attention, refusal_.c_str()};
   }
@@ -158,7 +158,7 @@ Result FaultyDriver::open() {
 
 void FaultyDriver::describe() {
   description_ = device_->description();
-  if (!entries_.empty()) description_.name += " with faults on demand";
+  if (!entries_.empty()) description_.name += " with injected faults";
 }
 
 Result FaultyDriver::start() {
@@ -168,20 +168,20 @@ Result FaultyDriver::start() {
   running_ = true;
   to_be_started_ = false;
   fresh_ = true;
-  remembered_ = 0;
-  next_memory_ = 0;
+  history_size_ = 0;
+  history_next_ = 0;
   return started;
 }
 
 void FaultyDriver::stop() noexcept {
   device_->stop();
-  discard_waiting();
+  discard_pending();
   running_ = to_be_started_ = false;
 }
 
 void FaultyDriver::close() noexcept {
   device_->close();
-  discard_waiting();
+  discard_pending();
   running_ = to_be_started_ = false;
 }
 
@@ -195,15 +195,15 @@ Signals FaultyDriver::signals() const noexcept {
 // Reading.
 
 Result FaultyDriver::read(Frame& frame) {
-  const Result result = read_through(frame);
-  look_at_lines();
+  const Result result = read_with_faults(frame);
+  update_lines();
   return result;
 }
 
-Result FaultyDriver::read_through(Frame& frame) {
+Result FaultyDriver::read_with_faults(Frame& frame) {
   ++reads_;
   if (unplugged_by_ != nullptr) {
-    pass_periods(1);
+    advance_periods(1);
     hit(*unplugged_by_);
     return still_unplugged();
   }
@@ -212,10 +212,10 @@ Result FaultyDriver::read_through(Frame& frame) {
   if (const Result withheld = withhold(); !withheld) return withheld;
   if (queued_ > 0) return give(frame);
 
-  // A device that waits for its samples is asked once; another one is asked at once for the frame
-  // that overtakes, so that nothing falls behind.
+  // A paced device is read once; any other is read again for the frame that overtakes, so that no
+  // delay accumulates.
   const int most = description_.paced ? 1 : 2;
-  for (int i = 0; i < most && (i == 0 || !is_withheld_next()); ++i) {
+  for (int i = 0; i < most && (i == 0 || !will_be_withheld()); ++i) {
     Frame taken;
     const Result result = device_->read(taken);
     if (!result) {
@@ -223,19 +223,19 @@ Result FaultyDriver::read_through(Frame& frame) {
       queue(*std::exchange(overtaken_, std::nullopt), overtaken_twice_);
       return give(frame);
     }
-    const Fate fate = pass_on(taken);
-    if (fate == Fate::goes_on) return give(frame);
+    const Fate fate = process(taken);
+    if (fate == Fate::delivered) return give(frame);
     if (fate == Fate::dropped) break;
   }
   return {Outcome::no_data, ""};
 }
 
-/// What keeps a read from the device, if anything does.
+/// The fault that withholds a read from the device; ok if there is none.
 Result FaultyDriver::withhold() {
   const std::int64_t due = due_ns();
   for (Entry& entry : entries_) {
-    if (!withholds(entry.fault.kind)) break;  // they are the first
-    const auto occurrence = lasting(entry, due);
+    if (!withholds(entry.fault.kind)) break;  // these come first
+    const auto occurrence = active_occurrence(entry, due);
     if (!occurrence) continue;
     if (entry.fault.kind == FaultKind::unplug) return unplug(entry);
     if (entry.fault.kind == FaultKind::stall && entry.fault.stall_blocking) {
@@ -244,46 +244,46 @@ Result FaultyDriver::withhold() {
       return {Outcome::no_data, ""};
     }
     if (!entry.chance.hits(entry.fault.probability, reads_)) continue;
-    pass_periods(1);
+    advance_periods(1);
     hit(entry);
     if (description_.paced) {
       const double wait_ns = static_cast<double>(period_ns_) / speed_;
       clock_->sleep_until(clock_->now_ns() + std::llround(wait_ns));
     }
     if (entry.fault.kind == FaultKind::stall) return {Outcome::no_data, ""};
-    return {Outcome::temporary, entry.words.c_str()};
+    return {Outcome::temporary, entry.message.c_str()};
   }
   return {};
 }
 
 Result FaultyDriver::unplug(const Entry& entry) {
-  pass_periods(1);
+  advance_periods(1);
   hit(entry);
   unplugged_by_ = &entry;
   running_ = false;
   to_be_started_ = true;
   attempt_ns_ = clock_->now_ns();
   since_attempt_ns_ = 0;
-  // As the watchdog of a board does that has lost its host.
+  // Like the watchdog of a board that has lost its host.
   if (description_.can_drive) device_->write({0.0, false});
-  discard_waiting();
-  return {Outcome::lost, entry.words.c_str()};
+  discard_pending();
+  return {Outcome::lost, entry.message.c_str()};
 }
 
 Result FaultyDriver::still_unplugged() const {
   const bool back = !unplugged_by_->timeline.at(due_ns());
-  return {Outcome::lost, back ? unplugged_by_->back.c_str() : unplugged_by_->words.c_str()};
+  return {Outcome::lost, back ? unplugged_by_->reattached.c_str() : unplugged_by_->message.c_str()};
 }
 
-/// Takes the time to the end of the occurrence, and lets it pass in the script.
+/// Waits until the end of the occurrence, and advances script time accordingly.
 void FaultyDriver::block(const Occurrence& occurrence) {
   const std::int64_t left_ns = occurrence.end_ns - (now_ns_ + period_ns_);
   const double wait_ns = static_cast<double>(std::max<std::int64_t>(0, left_ns)) / speed_;
   clock_->sleep_until(clock_->now_ns() + std::llround(wait_ns));
-  pass_periods(std::max<std::int64_t>(1, (left_ns + period_ns_ / 2) / period_ns_));
+  advance_periods(std::max<std::int64_t>(1, (left_ns + period_ns_ / 2) / period_ns_));
 }
 
-bool FaultyDriver::is_withheld_next() const {
+bool FaultyDriver::will_be_withheld() const {
   for (const Entry& entry : entries_) {
     if (!withholds(entry.fault.kind)) break;
     if (entry.timeline.at(due_ns())) return true;
@@ -291,9 +291,9 @@ bool FaultyDriver::is_withheld_next() const {
   return false;
 }
 
-/// Lets a frame of the device pass what is between it and the caller.
-FaultyDriver::Fate FaultyDriver::pass_on(Frame taken) {
-  tell_time(taken);
+/// Applies the faults to a frame of the device.
+FaultyDriver::Fate FaultyDriver::process(Frame taken) {
+  advance_time(taken);
   remember(taken);
   const std::uint64_t number = account_.taken++;
   delay_channels(taken);
@@ -304,7 +304,7 @@ FaultyDriver::Fate FaultyDriver::pass_on(Frame taken) {
     const Fault& fault = entry.fault;
     if (withholds(fault.kind) || fault.kind == FaultKind::delay) continue;
     if (stage_of(fault.kind) > stage_of(FaultKind::duplicate)) break;
-    const auto occurrence = lasting(entry, now_ns_);
+    const auto occurrence = active_occurrence(entry, now_ns_);
     if (!occurrence || !entry.chance.hits(fault.probability, number)) continue;
     switch (fault.kind) {
       case FaultKind::clock_jump:
@@ -342,7 +342,7 @@ FaultyDriver::Fate FaultyDriver::pass_on(Frame taken) {
     hit(*overtaken_by_);
     queue(*std::exchange(overtaken_, std::nullopt), overtaken_twice_);
   }
-  return Fate::goes_on;
+  return Fate::delivered;
 }
 
 Result FaultyDriver::give(Frame& frame) {
@@ -358,7 +358,7 @@ void FaultyDriver::queue(const Frame& frame, bool twice) {
   if (twice) queue_.at(queued_++) = frame;
 }
 
-void FaultyDriver::discard_waiting() {
+void FaultyDriver::discard_pending() {
   account_.discarded += account().waiting;
   queued_ = 0;
   overtaken_.reset();
@@ -366,16 +366,16 @@ void FaultyDriver::discard_waiting() {
 
 // The time of the script.
 
-/// The middle of the reads that the next one is nearest to: a read belongs to the moment at which
-/// its frame is due, whatever the rounding of the period.
+/// Time of the next read: that at which its frame is due, plus half a period as a margin for the
+/// rounding of the period.
 std::int64_t FaultyDriver::due_ns() const { return now_ns_ + period_ns_ + period_ns_ / 2; }
 
-void FaultyDriver::tell_time(const Frame& taken) {
+void FaultyDriver::advance_time(const Frame& taken) {
   std::int64_t step_ns = 0;
-  const bool lost_count =
+  const bool discontinuous =
       fresh_ || __builtin_sub_overflow(taken.time_ns, latest_frame_ns_, &step_ns) || step_ns <= 0;
-  if (lost_count) step_ns = period_ns_;
-  // A device that kept time while nothing was read tells that time again.
+  if (discontinuous) step_ns = period_ns_;
+  // The step of a device that kept time includes the time that passed without frames.
   if (step_ns - frameless_ns_ >= period_ns_ / 2) step_ns -= frameless_ns_;
   now_ns_ = std::min(latest_ns, now_ns_ + std::min(step_ns, longest_step_ns));
   latest_frame_ns_ = taken.time_ns;
@@ -383,42 +383,42 @@ void FaultyDriver::tell_time(const Frame& taken) {
   fresh_ = false;
 }
 
-void FaultyDriver::pass_periods(std::int64_t count) {
+void FaultyDriver::advance_periods(std::int64_t count) {
   const std::int64_t passed_ns = std::min(count * period_ns_, latest_ns - now_ns_);
   now_ns_ += passed_ns;
   frameless_ns_ += passed_ns;
   since_attempt_ns_ += passed_ns;
 }
 
-// Who waits between attempts to open a device does not read in between: host time passes instead.
-void FaultyDriver::pass_time_since_attempt() {
+// A caller that waits between attempts to open a device does not read meanwhile: host time counts.
+void FaultyDriver::advance_time_since_attempt() {
   const std::int64_t host_ns = clock_->now_ns();
   const double passed_ns = std::min(static_cast<double>(host_ns - attempt_ns_) * speed_,
                                     static_cast<double>(longest_step_ns));
-  const std::int64_t untold_ns = std::llround(passed_ns) - since_attempt_ns_;
-  const std::int64_t periods = std::max<std::int64_t>(1, untold_ns / period_ns_);
-  pass_periods(periods);
+  const std::int64_t new_ns = std::llround(passed_ns) - since_attempt_ns_;
+  const std::int64_t periods = std::max<std::int64_t>(1, new_ns / period_ns_);
+  advance_periods(periods);
   attempt_ns_ = host_ns;
   since_attempt_ns_ = 0;
 }
 
-// What befalls the channels.
+// Faults of channels.
 
 void FaultyDriver::remember(const Frame& taken) {
   if (history_.empty()) return;
-  history_[next_memory_] = taken;
-  next_memory_ = (next_memory_ + 1) % history_.size();
-  remembered_ = std::min(remembered_ + 1, history_.size());
+  history_[history_next_] = taken;
+  history_next_ = (history_next_ + 1) % history_.size();
+  history_size_ = std::min(history_size_ + 1, history_.size());
 }
 
-/// The latest frame that is not later; the earliest where all are. Something is remembered.
+/// The latest frame not after a time, else the earliest. The history must not be empty.
 const Frame& FaultyDriver::as_of(std::int64_t time_ns) const {
-  const std::size_t first = next_memory_ + history_.size() - remembered_;
+  const std::size_t first = history_next_ + history_.size() - history_size_;
   const auto nth = [this, first](std::size_t n) -> const Frame& {
     return history_[(first + n) % history_.size()];
   };
-  std::size_t low = 0;  // not later, or the earliest
-  std::size_t high = remembered_;
+  std::size_t low = 0;  // not after time_ns, or the earliest
+  std::size_t high = history_size_;
   while (high - low > 1) {
     const std::size_t middle = low + (high - low) / 2;
     (nth(middle).time_ns <= time_ns ? low : high) = middle;
@@ -426,16 +426,16 @@ const Frame& FaultyDriver::as_of(std::int64_t time_ns) const {
   return nth(low);
 }
 
-/// Of several delays of one channel the longest is what counts.
+/// Of several delays of one channel the longest applies.
 void FaultyDriver::delay_channels(Frame& frame) {
   if (history_.empty()) return;
   std::array<const Entry*, channel_count> longest{};
   for (Entry& entry : entries_) {
-    if (entry.fault.kind != FaultKind::delay || !lasting(entry, now_ns_)) continue;
+    if (entry.fault.kind != FaultKind::delay || !active_occurrence(entry, now_ns_)) continue;
     hit(entry);
     for (const Channel channel : all_channels) {
       const Entry*& of_channel = longest[index_of(channel)];
-      if (!entry.befalls(channel, frame)) continue;
+      if (!entry.affects(channel, frame)) continue;
       if (of_channel == nullptr || entry.amount_ns > of_channel->amount_ns) of_channel = &entry;
     }
   }
@@ -460,7 +460,7 @@ void FaultyDriver::change(Entry& entry, const Occurrence& occurrence, Frame& fra
   const double amount = entry.fault.amount;
   bool changed = false;
   for (const Channel channel : all_channels) {
-    if (!entry.befalls(channel, frame)) continue;
+    if (!entry.affects(channel, frame)) continue;
     const std::size_t i = index_of(channel);
     double& value = frame.value[i];
     const double before = value;
@@ -482,26 +482,26 @@ void FaultyDriver::change(Entry& entry, const Occurrence& occurrence, Frame& fra
   if (changed) hit(entry);
 }
 
-/// The first value in an occurrence is kept to its end.
+/// Holds the first value of an occurrence to its end.
 void FaultyDriver::stick(Entry& entry, const Occurrence& occurrence, Frame& frame) {
-  if (entry.kept_in != occurrence.number + 1) {
-    entry.kept_in = occurrence.number + 1;
-    entry.kept = 0;
+  if (entry.held_in != occurrence.number + 1) {
+    entry.held_in = occurrence.number + 1;
+    entry.held = 0;
   }
   bool any = false;
   for (const Channel channel : all_channels) {
-    if (!entry.befalls(channel, frame)) continue;
+    if (!entry.affects(channel, frame)) continue;
     const std::size_t i = index_of(channel);
     const unsigned bit = 1U << i;
-    if ((entry.kept & bit) == 0) entry.value[i] = frame.value[i];
-    entry.kept = static_cast<std::uint8_t>(entry.kept | bit);
+    if ((entry.held & bit) == 0) entry.value[i] = frame.value[i];
+    entry.held = static_cast<std::uint8_t>(entry.held | bit);
     frame.value[i] = entry.value[i];
     any = true;
   }
   if (any) hit(entry);
 }
 
-// Writing, and the lines beside the channels.
+// Writing, and digital inputs.
 
 Result FaultyDriver::write(const Actuation& actuation) {
   ++writes_;
@@ -515,27 +515,27 @@ Result FaultyDriver::write(const Actuation& actuation) {
   }
   if (!running_) return device_->write(actuation);
   for (Entry& entry : entries_) {
-    if (entry.fault.kind != FaultKind::write_error || !lasting(entry, now_ns_)) continue;
+    if (entry.fault.kind != FaultKind::write_error || !active_occurrence(entry, now_ns_)) continue;
     if (!entry.chance.hits(entry.fault.probability, writes_)) continue;
     hit(entry);
     if (!actuation.amplifier_on) device_->write(actuation);
-    return {Outcome::temporary, entry.words.c_str()};
+    return {Outcome::temporary, entry.message.c_str()};
   }
   return device_->write(actuation);
 }
 
-void FaultyDriver::look_at_lines() {
+void FaultyDriver::update_lines() {
   lines_ = {};
   for (Entry& entry : entries_) {
     const bool stop = entry.fault.kind == FaultKind::emergency_stop;
     if (!stop && entry.fault.kind != FaultKind::amplifier_fault) continue;
-    if (!lasting(entry, now_ns_)) continue;
+    if (!active_occurrence(entry, now_ns_)) continue;
     hit(entry);
     (stop ? lines_.emergency_stop : lines_.amplifier_fault) = true;
   }
 }
 
-// Accounts.
+// Counters.
 
 FrameAccount FaultyDriver::account() const {
   FrameAccount out = account_;
@@ -544,7 +544,7 @@ FrameAccount FaultyDriver::account() const {
   return out;
 }
 
-std::optional<Occurrence> FaultyDriver::lasting(Entry& entry, std::int64_t time_ns) {
+std::optional<Occurrence> FaultyDriver::active_occurrence(Entry& entry, std::int64_t time_ns) {
   auto occurrence = entry.timeline.at(time_ns);
   if (occurrence && entry.counted != occurrence->number + 1) {
     entry.counted = occurrence->number + 1;

@@ -9,7 +9,7 @@ namespace {
 
 std::int64_t ns(double time_s) { return std::llround(time_s * 1.0e9); }
 
-/// What lasts for less than a nanosecond lasts for one.
+/// At least one nanosecond.
 std::int64_t length_ns(const std::optional<double>& time_s) {
   return time_s ? std::max<std::int64_t>(1, ns(*time_s)) : 0;
 }

@@ -1,5 +1,5 @@
-// The way to one LabJack U6: finding it on the bus, and asking it one thing after another. Not for
-// while it streams, when questions and answers travel beside the samples (see stream_session.h).
+// Connection to one LabJack U6: discovery on the bus and synchronous commands. Not for use while it
+// streams, when commands and replies are asynchronous (see stream_session.h).
 #pragma once
 
 #include <array>
@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "drivers/attached.h"
+#include "drivers/attached_device.h"
 #include "drivers/driver.h"
 #include "drivers/labjack_u6/protocol.h"
-#include "drivers/usb_boards.h"
+#include "drivers/usb/usb_boards.h"
 
 namespace stickslip::drivers::labjack_u6 {
 
@@ -20,16 +20,16 @@ inline constexpr std::uint8_t command_endpoint = 0x01;
 inline constexpr std::uint8_t reply_endpoint = 0x82;
 inline constexpr std::uint8_t stream_endpoint = 0x83;
 
-using Trouble = std::optional<UsbProblem>;
+/// None: success.
+using Failure = std::optional<UsbProblem>;
 
 class BoardLink {
  public:
-  /// Looks at every attached board, takes the one of that serial number (absent: the only one), and
-  /// leaves the others alone. The list of devices is read anew each time, so that a board that came
-  /// after the program is found without udev as well. Where only one can be meant, `first` goes to
-  /// it before anything else, even before it is asked who it is; whether it was done is not looked
-  /// at.
-  Trouble open(std::optional<std::uint32_t> serial, const Command* first = nullptr);
+  /// Opens the board with that serial number (absent: the only one) and leaves the others alone.
+  /// The bus is enumerated each time, so that a board plugged in later is found without udev. If
+  /// there is only one candidate, `first` is sent to it before anything else, even before it is
+  /// identified; its result is ignored.
+  Failure open(std::optional<std::uint32_t> serial, const Command* first = nullptr);
   void close() noexcept;
   bool is_open() const { return handle_ != nullptr; }
 
@@ -37,37 +37,37 @@ class BoardLink {
   libusb_context* context() const { return context_.get(); }
   libusb_device_handle* handle() const { return handle_.get(); }
 
-  /// Sends a command and holds what comes back against `check` (which returns a Verdict). `purpose`
-  /// completes "LabJack U6 #1: cannot ...". A late reply to something else is passed over. Waits at
-  /// most a second or so.
+  /// Sends a command and checks the reply with `check` (which returns a Verdict). `purpose`
+  /// completes "LabJack U6 #1: cannot ...". Late replies to other commands are skipped. Waits about
+  /// a second at most.
   template <class Check>
-  Trouble ask(const char* purpose, const Command& command, Check check) {
-    if (Trouble trouble = send(purpose, command)) return trouble;
+  Failure request(const char* purpose, const Command& command, Check check) {
+    if (Failure failure = send(purpose, command)) return failure;
     Verdict verdict;
     for (int late = 0; late < 4; ++late) {
       std::span<const std::uint8_t> reply;
-      if (Trouble trouble = receive(purpose, reply)) return trouble;
+      if (Failure failure = receive(purpose, reply)) return failure;
       verdict = check(reply);
       if (verdict.kind != Verdict::Kind::command) break;
     }
     verdict_ = verdict;
     if (verdict) return std::nullopt;
-    return trouble_of(purpose, verdict);
+    return failure_of(purpose, verdict);
   }
-  /// Of the latest ask that got a reply.
+  /// Of the latest request that received a reply.
   const Verdict& verdict() const { return verdict_; }
 
-  /// Throws away replies and samples that nobody asked for any more.
+  /// Discards pending replies and samples.
   void drain() noexcept;
 
-  /// Gives up context and handle without closing them: the kernel still holds transfers.
+  /// Releases context and handle without closing them, while the kernel still holds transfers.
   void abandon() noexcept;
 
  private:
-  Trouble send(const char* purpose, const Command& command);
-  Trouble receive(const char* purpose, std::span<const std::uint8_t>& reply);
-  Trouble usb_trouble(const char* purpose, int error);
-  Trouble trouble_of(const char* purpose, const Verdict& verdict) const;
+  Failure send(const char* purpose, const Command& command);
+  Failure receive(const char* purpose, std::span<const std::uint8_t>& reply);
+  Failure usb_failure(const char* purpose, int error);
+  Failure failure_of(const char* purpose, const Verdict& verdict) const;
 
   UsbContext context_;
   UsbHandle handle_;
@@ -76,7 +76,7 @@ class BoardLink {
   std::array<std::uint8_t, largest_packet> reply_{};
 };
 
-/// Every board that is attached, whether or not it can be used.
-std::vector<Attached> find_boards();
+/// Every attached board, usable or not.
+std::vector<AttachedDevice> find_boards();
 
 }  // namespace stickslip::drivers::labjack_u6

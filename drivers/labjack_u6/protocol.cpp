@@ -68,7 +68,7 @@ Command two_bytes(std::uint8_t byte) {
 
 bool is_refusal(Bytes reply) { return reply.size() == 2 && reply[0] == 0xB8 && reply[1] == 0xB8; }
 
-/// Framing only: a sound extended reply to `function`.
+/// Framing only: a valid extended reply to `function`.
 Verdict check_frame(Bytes reply, std::uint8_t function) {
   using Kind = Verdict::Kind;
   if (is_refusal(reply)) return {Kind::refused};
@@ -87,7 +87,7 @@ Verdict check_frame(Bytes reply, std::uint8_t function) {
 
 Verdict check_extended(Bytes reply, const Function& function) {
   if (const Verdict frame = check_frame(reply, function.number); !frame) return frame;
-  // Where the board says what is wrong, it need not send the rest.
+  // With an error, the board need not send the rest.
   if (reply[6] != 0) return {Verdict::Kind::error, reply[6]};
   if (reply.size() != function.reply_bytes) return {Verdict::Kind::length};
   return {};
@@ -136,7 +136,7 @@ constexpr NamedError named_errors[] = {
     {2, "scratch erase failed"},
     {3, "data buffer overflow"},
     {4, "ADC0 buffer overflow"},
-    {5, "the firmware does not know this function"},
+    {5, "function not supported by the firmware"},
     {6, "watchdog time invalid"},
     {26, "memory block invalid"},
     {48, "the stream is running"},
@@ -145,7 +145,7 @@ constexpr NamedError named_errors[] = {
     {52, "the stream is not running"},
     {53, "stream trigger invalid"},
     {54, "converter buffer overflow"},
-    {55, "scan overlap: the scans come faster than the converter can take them"},
+    {55, "scan overlap: scans are faster than the converter"},
     {56, "number of samples invalid"},
     {57, "gain invalid"},
     {58, "scan rate invalid"},
@@ -156,15 +156,14 @@ constexpr NamedError named_errors[] = {
     {96, "pin invalid"},
     {97, "pin is not analog"},
     {98, "pin is not digital"},
-    {99, "order lengths do not add up"},
+    {99, "operation lengths are inconsistent"},
     {100, "pin offset invalid"},
-    {101, "order unknown"},
+    {101, "operation unknown"},
 };
 
-std::string absurd(const char* what, int index, double value, double expected) {
+std::string implausible(const char* what, int index, double value, double expected) {
   char text[160];
-  std::snprintf(text, sizeof text, "%s %d is %.6g, and every board has about %.6g", what, index,
-                value, expected);
+  std::snprintf(text, sizeof text, "%s %d is %.6g, nominal is %.6g", what, index, value, expected);
   return text;
 }
 
@@ -188,9 +187,9 @@ std::uint16_t checksum16(Bytes bytes) {
   return static_cast<std::uint16_t>(sum);
 }
 
-Command ask_identity() { return extended_command(config_u6.number, 26); }
+Command request_identity() { return extended_command(config_u6.number, 26); }
 
-Command ask_calibration(int block) {
+Command request_calibration(int block) {
   Command command;
   command.size = 8;
   command.bytes[7] = static_cast<std::uint8_t>(block);
@@ -201,7 +200,7 @@ Command ask_calibration(int block) {
 Command plain_lines() {
   Command command;
   command.size = 16;
-  command.bytes[6] = 1;  // what follows is to be written: no timer, no counter, offset 0
+  command.bytes[6] = 1;  // write: no timer, no counter, offset 0
   seal(command, config_io.number);
   return command;
 }
@@ -225,13 +224,13 @@ Command disarm_watchdog() {
   Command command;
   command.size = 16;
   command.bytes[6] = 1;
-  command.bytes[8] = 60;  // does nothing, but 0 would be an invalid time
+  command.bytes[8] = 60;  // without effect, but 0 would be an invalid time
   seal(command, watchdog.number);
   return command;
 }
 
 std::int64_t ScanClock::time_ns(std::uint64_t scan) const {
-  // Whole seconds first: scans * 1e9 would not fit for long.
+  // Whole seconds first: scans * 1e9 would soon overflow.
   const std::uint64_t ticks = scan * interval;
   const std::uint64_t seconds = ticks / hz;
   const std::uint64_t rest = ticks % hz;
@@ -320,7 +319,7 @@ Feedback& Feedback::read_lines() {
 
 Command Feedback::command() const {
   Command command = command_;
-  command.size += command.size % 2;  // the pad byte is 0, an order that does nothing
+  command.size += command.size % 2;  // the pad byte is 0, an operation without effect
   seal(command, feedback_function);
   return command;
 }
@@ -335,13 +334,13 @@ const char* error_name(std::uint8_t code) {
 std::string in_words(const Verdict& verdict) {
   switch (verdict.kind) {
     case Verdict::Kind::ok:
-      return "all is well";
+      return "no error";
     case Verdict::Kind::length:
-      return "a reply of a wrong length";
+      return "a reply of wrong length";
     case Verdict::Kind::checksum:
       return "a reply with a wrong checksum";
     case Verdict::Kind::refused:
-      return "it received the command damaged";
+      return "it received a corrupted command";
     case Verdict::Kind::command:
       return "the reply to another command";
     case Verdict::Kind::error:
@@ -421,7 +420,7 @@ Calibration nominal_calibration() {
 Calibration calibration_of(std::span<const CalibrationBlock, calibration_blocks> blocks) {
   // Four constants in a block: slope and offset of gains 0 to 3 for positive voltages, slope and
   // center of gains 0 to 3 for negative ones, slope and offset of both DACs. The offset for
-  // positive voltages says the same as the center.
+  // positive voltages is redundant with the center.
   const auto constant = [&](std::size_t index) {
     return fixed_point(Bytes(blocks[index / 4]).subspan(index % 4 * 8, 8));
   };
@@ -438,31 +437,33 @@ Calibration calibration_of(std::span<const CalibrationBlock, calibration_blocks>
   return calibration;
 }
 
-std::string trouble_with(const Calibration& calibration) {
+std::string implausible_constant(const Calibration& calibration) {
   const Calibration nominal = nominal_calibration();
   for (std::size_t gain = 0; gain < gain_count; ++gain) {
     const int index = static_cast<int>(gain);
     const double positive = nominal.positive_slope_v[gain];
     const double negative = nominal.negative_slope_v[gain];
     if (!within(calibration.positive_slope_v[gain], positive, 0.05 * positive)) {
-      return absurd("the slope for positive volts of gain", index,
-                    calibration.positive_slope_v[gain], positive);
+      return implausible("the slope for positive volts of gain", index,
+                         calibration.positive_slope_v[gain], positive);
     }
     if (!within(calibration.negative_slope_v[gain], negative, -0.05 * negative)) {
-      return absurd("the slope for negative volts of gain", index,
-                    calibration.negative_slope_v[gain], negative);
+      return implausible("the slope for negative volts of gain", index,
+                         calibration.negative_slope_v[gain], negative);
     }
     if (!within(calibration.center[gain], nominal.center[gain], 2000.0)) {
-      return absurd("the center of gain", index, calibration.center[gain], nominal.center[gain]);
+      return implausible("the center of gain", index, calibration.center[gain],
+                         nominal.center[gain]);
     }
   }
   for (std::size_t dac = 0; dac < 2; ++dac) {
     const int index = static_cast<int>(dac);
     if (!within(calibration.dac_slope[dac], nominal.dac_slope[dac], 660.0)) {
-      return absurd("the slope of DAC", index, calibration.dac_slope[dac], nominal.dac_slope[dac]);
+      return implausible("the slope of DAC", index, calibration.dac_slope[dac],
+                         nominal.dac_slope[dac]);
     }
     if (!within(calibration.dac_offset[dac], 0.0, 1000.0)) {
-      return absurd("the offset of DAC", index, calibration.dac_offset[dac], 0.0);
+      return implausible("the offset of DAC", index, calibration.dac_offset[dac], 0.0);
     }
   }
   return {};

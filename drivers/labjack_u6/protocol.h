@@ -1,5 +1,5 @@
-// What a LabJack U6 is told and what it answers, as bytes: pure functions, without USB. The layouts
-// are those of the board's low-level function reference (U6 datasheet, section 5.2).
+// Encoding of commands to a LabJack U6 and decoding of its replies: pure functions, without USB.
+// The layouts are those of the board's low-level function reference (U6 datasheet, section 5.2).
 #pragma once
 
 #include <array>
@@ -14,14 +14,14 @@ namespace stickslip::drivers::labjack_u6 {
 
 inline constexpr std::uint16_t vendor_id = 0x0CD5;
 inline constexpr std::uint16_t product_id = 0x0006;
-/// No command, reply or stream packet is longer: the board's endpoints take 64 bytes.
+/// Limit of commands, replies and stream packets: the endpoints take 64 bytes.
 inline constexpr std::size_t largest_packet = 64;
 inline constexpr int gain_count = 4;
 inline constexpr int analog_inputs = 14;
 inline constexpr int digital_lines = 20;  ///< FIO0-7, EIO0-7, CIO0-3
-/// The watchdog names its line in four bits.
+/// The watchdog encodes its line in four bits.
 inline constexpr int watchdog_lines = 16;
-/// Of all channels together [samples/s].
+/// Over all channels [samples/s].
 inline constexpr double highest_sample_rate_hz = 50000.0;
 
 /// Sum of the bytes, its carries added back in twice.
@@ -29,38 +29,38 @@ std::uint8_t checksum8(std::span<const std::uint8_t> bytes);
 /// Sum of the bytes modulo 65536.
 std::uint16_t checksum16(std::span<const std::uint8_t> bytes);
 
-/// What is sent in one piece to the command endpoint.
+/// One transfer to the command endpoint.
 struct Command {
   std::array<std::uint8_t, largest_packet> bytes{};
   std::size_t size = 0;
   std::span<const std::uint8_t> view() const { return {bytes.data(), size}; }
 };
 
-/// Asks what board this is.
-Command ask_identity();
-/// Asks for a block of the calibration memory, 0 to 9. Not while streaming.
-Command ask_calibration(int block);
-/// All lines are plain digital ones: no timers, no counters.
+/// Requests the identity of the board.
+Command request_identity();
+/// Requests a block of the calibration memory, 0 to 9. Not while streaming.
+Command request_calibration(int block);
+/// Makes all lines plain digital ones: no timers, no counters.
 Command plain_lines();
 Command start_stream();
 Command stop_stream();
-/// Where nothing was said to the board for `timeout_s`, it sets that line (0 to 15) low.
+/// The board sets that line (0 to 15) low if it receives nothing for `timeout_s`.
 Command arm_watchdog(std::uint16_t timeout_s, int line);
 Command disarm_watchdog();
 
-/// How scans are paced: `hz` / `interval` scans a second.
+/// Scan clock: `hz` / `interval` scans per second.
 struct ScanClock {
   std::uint32_t hz = 0;
   std::uint16_t interval = 1;
   std::uint8_t config_bits = 0;  ///< of StreamConfig's byte 11
 
   double rate_hz() const { return static_cast<double>(hz) / interval; }
-  /// From the start of the stream to the start of a scan, to the nanosecond.
+  /// Time from the start of the stream to the start of a scan, exact to the nanosecond.
   std::int64_t time_ns(std::uint64_t scan) const;
 };
 
-/// The clock and interval whose rate is nearest to that one (positive and finite); of equal ones
-/// the fastest clock.
+/// The clock and interval with the nearest rate (positive and finite); of equal ones the fastest
+/// clock.
 ScanClock nearest_clock(double rate_hz);
 /// |rate of the clock / rate - 1|
 double deviation(const ScanClock& clock, double rate_hz);
@@ -78,11 +78,11 @@ Command configure_stream(std::span<const StreamChannel> channels, int resolution
 
 /// "AIN0" to "AIN13".
 std::optional<std::uint8_t> input_named(const std::string& name);
-/// The gain whose range is +-range_v, if there is one.
+/// The gain with the range +-range_v, if there is one.
 std::optional<std::uint8_t> gain_of(double range_v);
 
-/// Several small orders in one command, done in their order. Too many for one command are left
-/// out; those that this driver combines fit.
+/// Several operations in one command, executed in order. Operations that exceed the command are
+/// dropped; those that this driver combines fit.
 class Feedback {
  public:
   /// The reply repeats `echo`.
@@ -91,7 +91,7 @@ class Feedback {
   /// Makes the line an output.
   Feedback& set_line(int line, bool high);
   Feedback& make_input(int line);
-  /// At most once in a command: the reply then holds the levels of all lines.
+  /// At most once per command: the reply then holds the levels of all lines.
   Feedback& read_lines();
   Command command() const;
 
@@ -100,29 +100,29 @@ class Feedback {
   Command command_;
 };
 
-/// What is wrong with a reply.
+/// Result of checking a reply.
 struct Verdict {
   enum class Kind : std::uint8_t {
     ok,
-    length,    ///< not as long as this command's reply is
-    checksum,  ///< damaged on the way
+    length,    ///< not the length of this command's reply
+    checksum,  ///< corrupted in transit
     refused,   ///< the board found the command's checksum wrong (B8 B8)
     command,   ///< the reply to something else
-    error,     ///< the board says why not: `code`
+    error,     ///< reported by the board: `code`
   };
   Kind kind = Kind::ok;
-  std::uint8_t code = 0;      ///< of the board
-  std::uint8_t position = 0;  ///< Feedback: which order failed, from 1
+  std::uint8_t code = 0;      ///< error code of the board
+  std::uint8_t position = 0;  ///< Feedback: the failed operation, from 1
 
   explicit operator bool() const { return kind == Kind::ok; }
 };
 
-/// The board's own word for an error code; "unknown error" for others.
+/// Name of an error code of the board; "unknown error" for others.
 const char* error_name(std::uint8_t code);
-/// For a person, without the board's name: "error 55 (scan overlap)".
+/// For messages, without the name of the board: "error 55 (scan overlap)".
 std::string in_words(const Verdict& verdict);
 
-/// What ConfigU6 says.
+/// Reply to ConfigU6.
 struct Identity {
   std::uint32_t serial = 0;
   std::uint16_t product = 0;
@@ -148,37 +148,36 @@ Verdict check_watchdog(std::span<const std::uint8_t> reply);
 /// The reply to a Feedback.
 struct FeedbackReply {
   std::uint8_t echo = 0;
-  std::uint32_t lines = 0;  ///< bit i: line i is high; 0 where it was not asked for
+  std::uint32_t lines = 0;  ///< bit i: line i is high; 0 if not requested
 };
-/// With an error of the board `echo` is known all the same.
+/// `echo` is set even with an error of the board.
 Verdict parse_feedback(std::span<const std::uint8_t> reply, bool lines_read, FeedbackReply& out);
 
-/// What a reply answers, from its first bytes alone; nothing: not a reply that is asked for while
-/// the stream runs.
+/// Kind of a reply, from its first bytes alone; none: not a reply expected during a stream.
 enum class ReplyKind { feedback, watchdog };
 std::optional<ReplyKind> kind_of(std::span<const std::uint8_t> reply);
 
-/// What turns counts into volts and back, of one board.
+/// Calibration constants of one board.
 struct Calibration {
   std::array<double, gain_count> positive_slope_v{};  ///< [V/count]
   std::array<double, gain_count> negative_slope_v{};  ///< [V/count], negative
-  std::array<double, gain_count> center{};            ///< [count] that means 0 V
+  std::array<double, gain_count> center{};            ///< [count] at 0 V
   std::array<double, 2> dac_slope{};                  ///< [count/V]
   std::array<double, 2> dac_offset{};                 ///< [count]
 };
 
-/// What every board is close to.
+/// Nominal constants; every board is close to them.
 Calibration nominal_calibration();
-/// From blocks 0 to 4 (the further ones hold current sources, the thermometer and the slow
-/// converter of the Pro, none of which a stream uses).
+/// From blocks 0 to 4 (the others hold current sources, the thermometer and the slow converter of
+/// the Pro, none of which a stream uses).
 inline constexpr int calibration_blocks = 5;
 Calibration calibration_of(std::span<const CalibrationBlock, calibration_blocks> blocks);
-/// Which constant cannot be true, with its value and what it should be; empty: all may be.
-std::string trouble_with(const Calibration& calibration);
+/// The first implausible constant, with its value and the nominal one; empty if there is none.
+std::string implausible_constant(const Calibration& calibration);
 
-/// Volts of a count of the stream's converter, at that gain (0 to 3).
+/// Voltage of a count of the stream's converter, at that gain (0 to 3).
 double volts(const Calibration& calibration, std::uint8_t gain, std::uint16_t counts);
-/// The nearest the board can do; what is not finite gives 0 V.
+/// The nearest count of the DAC; 0 V for a voltage that is not finite.
 std::uint16_t dac_counts(const Calibration& calibration, int dac, double volts);
 
 }  // namespace stickslip::drivers::labjack_u6

@@ -24,8 +24,8 @@ StreamDecoder::StreamDecoder(int channels, int samples_per_packet)
 StreamDecoder::Outcome StreamDecoder::take(std::span<const std::uint8_t> packet) {
   scan_count_ = 0;
   if (uncountable_) return Outcome::uncountable;
-  if (!sound(packet)) {
-    // Its counter is not believed either: the next sound packet tells what is missing.
+  if (!is_valid(packet)) {
+    // Its counter is unreliable too: the next valid packet shows what is missing.
     ++counts_.damaged;
     return Outcome::damaged;
   }
@@ -46,7 +46,7 @@ StreamDecoder::Outcome StreamDecoder::take(std::span<const std::uint8_t> packet)
                       static_cast<std::uint16_t>(packet[6] | packet[7] << 8));
 }
 
-bool StreamDecoder::sound(std::span<const std::uint8_t> packet) const {
+bool StreamDecoder::is_valid(std::span<const std::uint8_t> packet) const {
   if (packet.size() != packet_bytes()) return false;
   const std::uint16_t sum = checksum16(packet.subspan(6));
   return packet[0] == checksum8(packet.subspan(1, 5)) && packet[1] == 0xF9 &&
@@ -58,7 +58,7 @@ StreamDecoder::Outcome StreamDecoder::take_samples(Samples samples,
                                                    std::uint16_t scans_thrown_away) {
   switch (error_) {
     case 0:
-      // The board's report of what it threw away was in a packet that did not arrive.
+      // The board's report of the discarded scans was in a lost packet.
       if (overflowing_) return give_up();
       break;
     case overflow_drains:
@@ -85,13 +85,13 @@ StreamDecoder::Outcome StreamDecoder::take_recovery(Samples samples,
                                                     std::uint16_t scans_thrown_away) {
   if (!overflowing_) ++counts_.overflows;
   overflowing_ = false;
-  // Two recoveries without a scan between them leave nothing to go by.
+  // Two recoveries without a scan between them cannot be resolved.
   const Dummies dummies = find_dummies(samples);
   if (dummy_rest_ > 0 || scans_thrown_away == 0 || dummies.first == dummies.end) return give_up();
   counts_.overflow_losses += scans_thrown_away;
   for (std::size_t at = 0; at < dummies.first; ++at) put(sample(samples, at));
-  // One of these stands for all that was thrown away. Which one cannot be told where the inputs
-  // were at their upper limit as well, so none of them is believed.
+  // One of the candidates marks the discarded scans. Scans of saturated inputs look the same, so
+  // none of the candidates is used.
   index_ += (dummies.end - dummies.first) / channels_ - 1U + scans_thrown_away;
   dummy_seen_ = dummies.whole;
   dummy_rest_ = dummies.end > samples_per_packet_ ? dummies.end - samples_per_packet_ : 0;
@@ -124,14 +124,14 @@ std::uint16_t StreamDecoder::sample(Samples samples, std::size_t at) const {
 }
 
 void StreamDecoder::skip(std::uint64_t samples) {
-  const std::uint64_t of_the_dummy = std::min<std::uint64_t>(samples, dummy_rest_);
-  dummy_rest_ -= of_the_dummy;
-  samples -= of_the_dummy;
+  const std::uint64_t dummy = std::min<std::uint64_t>(samples, dummy_rest_);
+  dummy_rest_ -= dummy;
+  samples -= dummy;
   if (samples == 0) return;
   const std::uint64_t at = channel_ + samples;
   index_ += at / channels_;
   channel_ = at % channels_;
-  partial_whole_ = false;  // put() begins anew with the first channel
+  partial_whole_ = false;  // put() restarts with the first channel
 }
 
 void StreamDecoder::put(std::uint16_t count) {
@@ -139,11 +139,11 @@ void StreamDecoder::put(std::uint16_t count) {
   partial_.counts[channel_] = count;
   if (++channel_ < channels_) return;
   channel_ = 0;
-  if (partial_whole_) emit();
+  if (partial_whole_) complete();
   ++index_;
 }
 
-void StreamDecoder::emit() {
+void StreamDecoder::complete() {
   partial_.index = index_;
   scans_[scan_count_++] = partial_;
   ++counts_.scans;

@@ -13,10 +13,10 @@ namespace stickslip::drivers::labjack_u6 {
 
 namespace {
 
-constexpr std::int64_t reply_patience_ns = 250'000'000;
-constexpr std::size_t replies_listened_for = 4;
+constexpr std::int64_t reply_timeout_ns = 250'000'000;
+constexpr std::size_t reply_transfers = 4;
 
-// The word of a slot.
+// State of a slot, packed in one word.
 enum class Phase : std::uint8_t { idle, waiting, done, failed };
 constexpr std::uint64_t word_of(Phase phase, std::uint8_t echo, const Verdict& verdict = {}) {
   return static_cast<std::uint64_t>(phase) | static_cast<std::uint64_t>(echo) << 8U |
@@ -34,8 +34,8 @@ constexpr Verdict verdict_of(std::uint64_t word) {
           static_cast<std::uint8_t>(word >> 32U & 0xFFU)};
 }
 
-/// Two seconds of frames: a loop that is late for longer has other troubles.
-std::size_t frames_kept(const ScanClock& clock) {
+/// Two seconds of frames: a loop that is later than that has failed anyway.
+std::size_t frame_capacity(const ScanClock& clock) {
   return static_cast<std::size_t>(std::max(1024.0, 2.0 * clock.rate_hz()));
 }
 
@@ -56,7 +56,7 @@ StreamSession::StreamSession(libusb_context* context, libusb_device_handle* hand
       handle_(handle),
       plan_(std::move(plan)),
       decoder_(static_cast<int>(plan_.scan.size()), plan_.samples_per_packet),
-      frames_(frames_kept(plan_.clock)),
+      frames_(frame_capacity(plan_.clock)),
       lines_(lines),
       counts_(counts) {
   sem_init(&available_, 0, 0);
@@ -76,10 +76,10 @@ bool StreamSession::allocate() {
   };
   const auto packets = static_cast<std::size_t>(plan_.packets_per_transfer);
   for (int i = 0; i < plan_.transfers; ++i) {
-    if (!add(stream_, stream_endpoint, packets * largest_packet, samples_came)) return false;
+    if (!add(stream_, stream_endpoint, packets * largest_packet, samples_received)) return false;
   }
-  for (std::size_t i = 0; i < replies_listened_for; ++i) {
-    if (!add(replies_, reply_endpoint, largest_packet, reply_came)) return false;
+  for (std::size_t i = 0; i < reply_transfers; ++i) {
+    if (!add(replies_, reply_endpoint, largest_packet, reply_received)) return false;
   }
   for (Outgoing& outgoing : outgoing_) {
     outgoing.session = this;
@@ -90,11 +90,11 @@ bool StreamSession::allocate() {
 }
 
 bool StreamSession::begin() {
-  bool sound = allocate();
+  bool submitted = allocate();
   for (auto* const kind : {&replies_, &stream_}) {
-    for (Incoming& incoming : *kind) sound = sound && submit(incoming.transfer.get());
+    for (Incoming& incoming : *kind) submitted = submitted && submit(incoming.transfer.get());
   }
-  if (sound) {
+  if (submitted) {
     try {
       thread_ = std::thread([this] { run(); });
       return true;
@@ -126,7 +126,7 @@ void StreamSession::run() {
   reap();
 }
 
-/// Only where no other thread handles events, so that a callback cannot submit what was cancelled.
+/// Only while no other thread handles events, so that no callback resubmits a cancelled transfer.
 void StreamSession::reap() noexcept {
   for (auto* const kind : {&stream_, &replies_}) {
     for (Incoming& incoming : *kind) {
@@ -150,12 +150,12 @@ bool StreamSession::submit(libusb_transfer* transfer) {
   return false;
 }
 
-void StreamSession::finish(StreamEnd why) {
+void StreamSession::finish(StreamEnd reason) {
   StreamEnd expected = StreamEnd::not_ended;
-  if (end_.compare_exchange_strong(expected, why)) sem_post(&available_);
+  if (end_.compare_exchange_strong(expected, reason)) sem_post(&available_);
 }
 
-/// Whether what came in may be used and asked for again.
+/// True if the received data may be used and the transfer resubmitted.
 bool StreamSession::usable(libusb_transfer_status status) {
   switch (status) {
     case LIBUSB_TRANSFER_COMPLETED:
@@ -172,9 +172,9 @@ bool StreamSession::usable(libusb_transfer_status status) {
   }
 }
 
-void LIBUSB_CALL StreamSession::samples_came(libusb_transfer* transfer) {
+void LIBUSB_CALL StreamSession::samples_received(libusb_transfer* transfer) {
   auto& self = *static_cast<StreamSession*>(transfer->user_data);
-  self.events_.heard();
+  self.events_.note_callback();
   if (self.usable(transfer->status) && self.ended() == StreamEnd::not_ended) {
     self.decode({transfer->buffer, static_cast<std::size_t>(transfer->actual_length)});
     if (self.ended() == StreamEnd::not_ended) self.submit(transfer);
@@ -182,9 +182,9 @@ void LIBUSB_CALL StreamSession::samples_came(libusb_transfer* transfer) {
   self.in_flight_.fetch_sub(1);
 }
 
-void LIBUSB_CALL StreamSession::reply_came(libusb_transfer* transfer) {
+void LIBUSB_CALL StreamSession::reply_received(libusb_transfer* transfer) {
   auto& self = *static_cast<StreamSession*>(transfer->user_data);
-  self.events_.heard();
+  self.events_.note_callback();
   if (self.usable(transfer->status)) {
     self.dispatch({transfer->buffer, static_cast<std::size_t>(transfer->actual_length)});
     self.submit(transfer);
@@ -192,10 +192,10 @@ void LIBUSB_CALL StreamSession::reply_came(libusb_transfer* transfer) {
   self.in_flight_.fetch_sub(1);
 }
 
-void LIBUSB_CALL StreamSession::command_left(libusb_transfer* transfer) {
+void LIBUSB_CALL StreamSession::command_sent(libusb_transfer* transfer) {
   auto& outgoing = *static_cast<Outgoing*>(transfer->user_data);
   StreamSession& self = *outgoing.session;
-  self.events_.heard();
+  self.events_.note_callback();
   if (transfer->status == LIBUSB_TRANSFER_NO_DEVICE) self.finish(StreamEnd::unplugged);
   if (transfer->status != LIBUSB_TRANSFER_COMPLETED) {
     self.settle(outgoing, {Verdict::Kind::length});
@@ -209,7 +209,7 @@ void StreamSession::decode(std::span<const std::uint8_t> bytes) {
   while (!bytes.empty()) {
     const std::size_t size = std::min(packet, bytes.size());
     const StreamDecoder::Outcome outcome = decoder_.take(bytes.first(size));
-    count();
+    update_counts();
     switch (outcome) {
       case StreamDecoder::Outcome::ok:
         for (const Scan& scan : decoder_.scans()) put(scan);
@@ -229,10 +229,10 @@ void StreamSession::decode(std::span<const std::uint8_t> bytes) {
   }
 }
 
-void StreamSession::count() {
+void StreamSession::update_counts() {
   const StreamDecoder::Counts& now = decoder_.counts();
-  const auto add = [](std::atomic<std::uint64_t>& to, std::uint64_t count, std::uint64_t told) {
-    if (count != told) to.fetch_add(count - told, std::memory_order_relaxed);
+  const auto add = [](std::atomic<std::uint64_t>& to, std::uint64_t count, std::uint64_t counted) {
+    if (count != counted) to.fetch_add(count - counted, std::memory_order_relaxed);
   };
   add(counts_.packets_lost, now.packets_lost, counted_.packets_lost);
   add(counts_.packets_damaged, now.damaged, counted_.damaged);
@@ -252,7 +252,7 @@ void StreamSession::put(const Scan& scan) {
   for (std::size_t i = 0; i < plan_.scan.size(); ++i) {
     frame.set(plan_.channel[i], volts(plan_.calibration, plan_.scan[i].gain, scan.counts[i]));
   }
-  // Where nobody reads, the newest are lost, and the sequence tells.
+  // If the loop does not read, the newest frames are lost, which the sequence shows.
   const std::uint64_t made = frames_made_.load(std::memory_order_relaxed);
   if (made - frames_taken_.load(std::memory_order_acquire) == frames_.size()) return;
   frames_[made % frames_.size()] = frame;
@@ -260,10 +260,10 @@ void StreamSession::put(const Scan& scan) {
   sem_post(&available_);
 }
 
-bool StreamSession::next(Frame& frame, std::int64_t patience_ns) {
+bool StreamSession::next(Frame& frame, std::int64_t timeout_ns) {
   if (sem_trywait(&available_) != 0) {
     if (ended() != StreamEnd::not_ended) return false;
-    const timespec due = monotonic_in(patience_ns);
+    const timespec due = monotonic_in(timeout_ns);
     int waited = 0;
     do {
       waited = sem_clockwait(&available_, CLOCK_MONOTONIC, &due);
@@ -289,12 +289,12 @@ void StreamSession::dispatch(std::span<const std::uint8_t> reply) {
     for (const Slot slot : {Slot::set_point, Slot::off, Slot::lines}) {
       const std::uint64_t word = at(slot).word.load(std::memory_order_acquire);
       if (phase_of(word) != Phase::waiting || echo_of(word) != feedback.echo) continue;
-      if (verdict) lines_.tell(feedback.lines, at(slot).sent_ns);
+      if (verdict) lines_.update(feedback.lines, at(slot).sent_ns);
       settle(at(slot), verdict);
     }
-    return;  // of no slot: its command was given up, and what it says is old
+    return;  // without a slot: its command timed out, and its levels are old
   }
-  // Nobody knows whose reply that was. All that wait are sent again, which does no harm.
+  // The reply cannot be attributed. All pending commands are repeated, which is harmless.
   settle_all(verdict ? Verdict{Verdict::Kind::command} : verdict);
 }
 
@@ -315,10 +315,10 @@ StreamSession::Progress StreamSession::progress(Slot slot, std::int64_t now_ns) 
   using Kind = Progress::Kind;
   if (phase_of(word) == Phase::idle) return {};
   if (phase_of(word) == Phase::waiting) {
-    if (now_ns - outgoing.sent_ns < reply_patience_ns) return {Kind::under_way, {}, 0};
+    if (now_ns - outgoing.sent_ns < reply_timeout_ns) return {Kind::in_progress, {}, 0};
     const std::uint64_t idle = word_of(Phase::idle, 0);
     if (outgoing.word.compare_exchange_strong(word, idle)) return {Kind::timed_out, {}, 0};
-    // The reply came just now, and `word` holds it.
+    // The reply arrived meanwhile, and `word` holds it.
   }
   outgoing.word.store(word_of(Phase::idle, 0), std::memory_order_release);
   return {phase_of(word) == Phase::done ? Kind::done : Kind::failed, verdict_of(word),
@@ -338,7 +338,7 @@ bool StreamSession::send(Slot slot, const Command& command, std::uint8_t echo,
   outgoing.sent_ns = now_ns;
   libusb_fill_bulk_transfer(outgoing.transfer.get(), handle_, command_endpoint,
                             outgoing.command.bytes.data(), static_cast<int>(command.size),
-                            command_left, &outgoing, leaving_patience_ms);
+                            command_sent, &outgoing, leaving_patience_ms);
   outgoing.word.store(word_of(Phase::waiting, echo), std::memory_order_release);
   outgoing.leaving.store(true, std::memory_order_release);
   if (submit(outgoing.transfer.get())) return true;

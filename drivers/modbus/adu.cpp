@@ -104,7 +104,7 @@ Bytes write_message(int unit, RegisterTable table, int address,
   return message;
 }
 
-Reply reply_to(std::span<const std::uint8_t> request, std::span<const std::uint8_t> reply) {
+Reply match_reply(std::span<const std::uint8_t> request, std::span<const std::uint8_t> reply) {
   if (request.size() < 6 || reply.size() < 3) return {};
   if (reply[0] != request[0]) return {Verdict::other_unit, 0, {}};
   if (reply[1] == (request[1] | exception_bit)) {
@@ -113,9 +113,9 @@ Reply reply_to(std::span<const std::uint8_t> request, std::span<const std::uint8
   }
   if (reply[1] != request[1]) return {};
   if (request[1] <= read_input_registers) return reply_to_read(request, reply);
-  // A write is answered by its first six bytes: address, and value or count.
+  // The reply to a write repeats its first six bytes: address, and value or count.
   const bool echoes = reply.size() == 6 && std::equal(reply.begin(), reply.end(), request.begin());
-  return {echoes ? Verdict::answer : Verdict::not_believed, 0, {}};
+  return {echoes ? Verdict::answer : Verdict::mismatch, 0, {}};
 }
 
 Bytes with_tcp_header(std::uint16_t transaction, std::span<const std::uint8_t> message) {
@@ -145,7 +145,7 @@ const char* name_of_exception(std::uint8_t code) {
     case 4:
       return "device failure";
     case 5:
-      return "acknowledge, it takes longer";
+      return "acknowledge, processing";
     case 6:
       return "device busy";
     case 8:
@@ -153,7 +153,7 @@ const char* name_of_exception(std::uint8_t code) {
     case 10:
       return "gateway path unavailable";
     case 11:
-      return "the device behind the gateway does not answer";
+      return "gateway target device does not respond";
     default:
       return "unknown";
   }

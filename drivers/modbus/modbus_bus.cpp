@@ -13,7 +13,7 @@
 #include <cstring>
 #include <utility>
 
-#include "drivers/serial_line.h"
+#include "drivers/serial/serial_line.h"
 
 namespace stickslip::drivers::modbus {
 
@@ -22,14 +22,14 @@ namespace {
 using config::ModbusTransport;
 
 constexpr std::int64_t second_ns = 1'000'000'000;
-constexpr std::int64_t first_patience_ns = second_ns / 4;
-constexpr std::int64_t longest_patience_ns = 4 * second_ns;
+constexpr std::int64_t first_retry_delay_ns = second_ns / 4;
+constexpr std::int64_t max_retry_delay_ns = 4 * second_ns;
 constexpr std::int64_t connect_timeout_ns = second_ns;
 
 /// Between two messages on a serial line: 3.5 characters of 11 bits, at fast rates 1.75 ms.
-std::int64_t silence_between_ns(const config::ModbusUnit& its) {
-  if (its.transport == ModbusTransport::tcp) return 0;
-  const std::int64_t characters_ns = 385 * second_ns / 10 / std::max(its.baud, 1);
+std::int64_t silence_between_ns(const config::ModbusUnit& unit) {
+  if (unit.transport == ModbusTransport::tcp) return 0;
+  const std::int64_t characters_ns = 385 * second_ns / 10 / std::max(unit.baud, 1);
   return std::max<std::int64_t>(characters_ns, 1'750'000);
 }
 
@@ -50,20 +50,20 @@ std::pair<std::string, std::string> host_and_port(const std::string& text) {
   return {host, text.substr(colon + 1)};
 }
 
-/// What the library answers to a reply that it does not believe. All else that is no time-out is
-/// the connection's.
-bool is_of_the_protocol(int error) { return error >= MODBUS_ENOBASE; }
+/// Errors of the library for invalid replies. All others but time-outs concern the connection.
+bool is_protocol_error(int error) { return error >= MODBUS_ENOBASE; }
 
-const char* what_to_do_on_the_net(int error) {
+const char* network_remedy(int error) {
   switch (error) {
     case ECONNREFUSED:
-      return "the name is wrong, or the unit serves no Modbus there, or holds its only connection "
-             "for another client";
+      return "the address is wrong, or the unit does not serve Modbus there, or its only "
+             "connection "
+             "is in use by another client";
     case ENETUNREACH:
     case EHOSTUNREACH:
-      return "there is no way to it: ip route";
+      return "there is no route to it: ip route";
     default:
-      return "is it on, and is the address right? Try ping";
+      return "is it on, and is the address correct? Try ping";
   }
 }
 
@@ -74,7 +74,7 @@ struct ModbusBus::Connection {
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
   ~Connection() {
-    // As long as anybody has the port open, it would stay ours.
+    // Otherwise the port stays exclusive while another process has it open.
     ::ioctl(file(), TIOCNXCL);
     modbus_close(context);
     modbus_free(context);
@@ -83,17 +83,17 @@ struct ModbusBus::Connection {
   modbus_t* context;
 };
 
-ModbusBus::ModbusBus(const config::ModbusUnit& its, HostClock& clock)
-    : its_(its), where_(its.port), clock_(clock) {}
+ModbusBus::ModbusBus(const config::ModbusUnit& unit, HostClock& clock)
+    : settings_(unit), clock_(clock) {}
 
 ModbusBus::~ModbusBus() = default;
 
 bool ModbusBus::acquire(const Caller& caller, std::int64_t until_ns) {
   std::unique_lock lock(mutex_);
   if (std::find(queue_.begin(), queue_.end(), &caller) == queue_.end()) queue_.push_back(&caller);
-  const auto patience =
+  const auto timeout =
       std::chrono::nanoseconds(std::max<std::int64_t>(until_ns - clock_.now_ns(), 0));
-  return moved_.wait_for(lock, patience, [&] { return queue_.front() == &caller; });
+  return moved_.wait_for(lock, timeout, [&] { return queue_.front() == &caller; });
 }
 
 void ModbusBus::release(const Caller& caller) noexcept {
@@ -107,71 +107,72 @@ void ModbusBus::release(const Caller& caller) noexcept {
 void ModbusBus::leave(const Caller& caller) noexcept {
   {
     const std::lock_guard lock(mutex_);
-    if (!queue_.empty() && queue_.front() == &caller && under_way_) {
-      // What it asked for may still be answered. A serial line carries one voice at a time: nobody
-      // else is asked before that could have come, and the quiet time after it.
-      if (its_.transport != ModbusTransport::tcp) last_traffic_ns_ = under_way_->due_ns;
-      under_way_.reset();
+    if (!queue_.empty() && queue_.front() == &caller && pending_) {
+      // The reply may still arrive. A serial line is half-duplex: no other unit is polled before
+      // the reply could have arrived, and the silent interval after it.
+      if (settings_.transport != ModbusTransport::tcp) last_traffic_ns_ = pending_->due_ns;
+      pending_.reset();
     }
   }
   release(caller);
 }
 
 Outcome ModbusBus::connect(std::string& why) {
-  const Caller myself;
-  // The owner gives way within its patience of a read and its time-out.
-  if (!acquire(myself, clock_.now_ns() + 2 * second_ns)) {
-    release(myself);
-    why = where_ + " is busy";
+  const Caller self;
+  // The owner releases the bus within its read wait and time-out.
+  if (!acquire(self, clock_.now_ns() + 2 * second_ns)) {
+    release(self);
+    why = settings_.port + " is busy";
     return Outcome::lost;
   }
-  const Outcome outcome = connect_as_owner(why);
-  release(myself);
+  const Outcome outcome = connect_locked(why);
+  release(self);
   return outcome;
 }
 
-Outcome ModbusBus::connect_as_owner(std::string& why) {
+Outcome ModbusBus::connect_locked(std::string& why) {
   if (connection_) return Outcome::ok;
   if (clock_.now_ns() < next_attempt_ns_) {
     why = last_why_;
     return last_failure_;
   }
-  const bool tcp = its_.transport == ModbusTransport::tcp;
+  const bool tcp = settings_.transport == ModbusTransport::tcp;
   modbus_t* context = nullptr;
   if (tcp) {
-    const auto [host, port] = host_and_port(where_);
+    const auto [host, port] = host_and_port(settings_.port);
     context = modbus_new_tcp_pi(host.c_str(), port.c_str());
   } else {
-    context = modbus_new_rtu(where_.c_str(), its_.baud, its_.parity, 8, its_.stop_bits);
+    context = modbus_new_rtu(settings_.port.c_str(), settings_.baud, settings_.parity, 8,
+                             settings_.stop_bits);
   }
   int error = errno;
   if (context != nullptr) {
     auto connection = std::make_unique<Connection>(context);
-    // How long the library waits for the other end.
+    // Time-out of the library for connecting.
     modbus_set_response_timeout(context, whole_seconds(connect_timeout_ns), 0);
     if (modbus_connect(context) == 0) {
-      // So that no other program mixes its requests with ours.
+      // Excludes requests of other programs.
       if (!tcp) ::ioctl(connection->file(), TIOCEXCL);
       connection_ = std::move(connection);
       connected_ns_ = clock_.now_ns();
       last_traffic_ns_ = connected_ns_;
-      patience_ns_ = 0;
+      retry_delay_ns_ = 0;
       return Outcome::ok;
     }
     error = errno;
   }
-  patience_ns_ = std::clamp(2 * patience_ns_, first_patience_ns, longest_patience_ns);
-  next_attempt_ns_ = clock_.now_ns() + patience_ns_;
-  last_failure_ = outcome_of_opening(error);
-  last_why_ = where_ + " cannot be opened (" + std::strerror(error) +
-              "): " + (tcp ? what_to_do_on_the_net(error) : what_to_do_serially(where_, error));
+  retry_delay_ns_ = std::clamp(2 * retry_delay_ns_, first_retry_delay_ns, max_retry_delay_ns);
+  next_attempt_ns_ = clock_.now_ns() + retry_delay_ns_;
+  last_failure_ = open_outcome(error);
+  last_why_ = settings_.port + " cannot be opened (" + std::strerror(error) +
+              "): " + (tcp ? network_remedy(error) : serial_port_remedy(settings_.port, error));
   why = last_why_;
   return last_failure_;
 }
 
 void ModbusBus::disconnect() noexcept {
   connection_.reset();
-  under_way_.reset();
+  pending_.reset();
 }
 
 int ModbusBus::unread() const {
@@ -182,18 +183,18 @@ int ModbusBus::unread() const {
 std::int64_t ModbusBus::may_send_ns(const Caller& caller) const {
   return std::max(
       connected_ns_ + caller.pause_after_connect_ns,
-      last_traffic_ns_ + std::max(caller.pause_between_requests_ns, silence_between_ns(its_)));
+      last_traffic_ns_ + std::max(caller.pause_between_requests_ns, silence_between_ns(settings_)));
 }
 
 Exchange ModbusBus::exchange(Caller& caller, std::span<const std::uint8_t> request,
                              std::int64_t until_ns) {
-  // Before it stands in the queue, so that others are served meanwhile.
+  // Before queueing, so that others are served meanwhile.
   clock_.sleep_until(std::min(caller.quiet_until_ns, until_ns));
   if (caller.quiet_until_ns > until_ns || !acquire(caller, until_ns)) return {};
   Exchange exchange = step(caller, request, until_ns);
-  if (exchange.progress != Progress::waiting || !under_way_) {
+  if (exchange.progress != Progress::waiting || !pending_) {
     if (exchange.progress != Progress::waiting) settle(caller, exchange);
-    under_way_.reset();
+    pending_.reset();
     release(caller);
   }
   return exchange;
@@ -203,7 +204,7 @@ Exchange ModbusBus::step(Caller& caller, std::span<const std::uint8_t> request,
                          std::int64_t until_ns) {
   Exchange so_far;
   if (!connection_) return broken(std::move(so_far), ENOTCONN);
-  if (!under_way_) {
+  if (!pending_) {
     const std::int64_t may_send = may_send_ns(caller);
     clock_.sleep_until(std::min(may_send, until_ns));
     if (may_send > until_ns) return so_far;
@@ -218,20 +219,20 @@ bool ModbusBus::send(const Caller& caller, std::span<const std::uint8_t> request
   if (unread() > 0) ++so_far.rejected;
   if (modbus_flush(context) < 0) return false;
   if (modbus_set_slave(context, caller.unit) != 0) return false;
-  UnderWay now_under_way;
-  now_under_way.sent_ns = clock_.now_ns();
-  now_under_way.due_ns = now_under_way.sent_ns + caller.timeout_ns;
-  if (its_.transport == ModbusTransport::tcp) {
-    now_under_way.transaction = ++transaction_;
-    // Not by modbus_send_raw_request, which gives every request the transaction 0.
-    const Bytes frame = with_tcp_header(now_under_way.transaction, request);
+  Pending pending;
+  pending.sent_ns = clock_.now_ns();
+  pending.due_ns = pending.sent_ns + caller.timeout_ns;
+  if (settings_.transport == ModbusTransport::tcp) {
+    pending.transaction = ++transaction_;
+    // Not by modbus_send_raw_request, which sends transaction 0 with every request.
+    const Bytes frame = with_tcp_header(pending.transaction, request);
     const auto sent = ::send(connection_->file(), frame.data(), frame.size(), MSG_NOSIGNAL);
     if (sent != static_cast<ssize_t>(frame.size())) return false;
   } else if (modbus_send_raw_request(context, request.data(), static_cast<int>(request.size())) <
              0) {
     return false;
   }
-  under_way_ = now_under_way;
+  pending_ = pending;
   return true;
 }
 
@@ -239,7 +240,7 @@ Exchange ModbusBus::await(std::span<const std::uint8_t> request, std::int64_t un
                           Exchange so_far) {
   for (;;) {
     const std::int64_t now = clock_.now_ns();
-    const std::int64_t left = std::min(until_ns, under_way_->due_ns) - now;
+    const std::int64_t left = std::min(until_ns, pending_->due_ns) - now;
     pollfd waited{connection_->file(), POLLIN, 0};
     const std::int64_t left_ms = std::max<std::int64_t>(0, (left + 999'999) / 1'000'000);
     const int ready = ::poll(&waited, 1, static_cast<int>(left_ms));
@@ -248,7 +249,7 @@ Exchange ModbusBus::await(std::span<const std::uint8_t> request, std::int64_t un
       if (receive(request, so_far)) return so_far;
       continue;
     }
-    if (clock_.now_ns() >= under_way_->due_ns) {
+    if (clock_.now_ns() >= pending_->due_ns) {
       so_far.progress = Progress::silent;
       return so_far;
     }
@@ -256,68 +257,69 @@ Exchange ModbusBus::await(std::span<const std::uint8_t> request, std::int64_t un
   }
 }
 
-/// True: the request has come to its end.
+/// True if the request is completed.
 bool ModbusBus::receive(std::span<const std::uint8_t> request, Exchange& so_far) {
   modbus_t* context = connection_->context;
-  // All of the reply within what is left of the time-out: where the time between bytes is not
-  // limited, the library takes the one for the first byte for the whole.
-  const std::int64_t left = std::max<std::int64_t>(under_way_->due_ns - clock_.now_ns(), 1'000'000);
+  // The complete reply within the rest of the time-out: without a limit between bytes, the library
+  // applies the time-out of the first byte to all of them.
+  const std::int64_t left = std::max<std::int64_t>(pending_->due_ns - clock_.now_ns(), 1'000'000);
   modbus_set_response_timeout(context, whole_seconds(left), microseconds_beside(left));
   modbus_set_byte_timeout(context, 0, 0);
   std::array<std::uint8_t, MODBUS_MAX_ADU_LENGTH> buffer{};
   const int size = modbus_receive_confirmation(context, buffer.data());
   const int error = errno;
-  so_far.sent_ns = under_way_->sent_ns;
+  so_far.sent_ns = pending_->sent_ns;
   so_far.received_ns = clock_.now_ns();
   if (size > 0) {
-    return judge(request, std::span(buffer).first(static_cast<std::size_t>(size)), so_far);
+    return evaluate(request, std::span(buffer).first(static_cast<std::size_t>(size)), so_far);
   }
-  if (size == 0) {  // on a serial line: it came from another unit
+  if (size == 0) {  // on a serial line: from another unit
     ++so_far.rejected;
     return false;
   }
-  if (error != ETIMEDOUT && !is_of_the_protocol(error)) {
+  if (error != ETIMEDOUT && !is_protocol_error(error)) {
     so_far = broken(std::move(so_far), error);
     return true;
   }
   ++so_far.rejected;
   so_far.progress = Progress::garbled;
-  so_far.why = error == ETIMEDOUT ? "the reply is not whole" : modbus_strerror(error);
-  // Where a TCP stream's messages begin is not known any more.
-  if (its_.transport == ModbusTransport::tcp) disconnect();
+  so_far.why = error == ETIMEDOUT ? "the reply is incomplete" : modbus_strerror(error);
+  // The message boundaries of the TCP stream are lost.
+  if (settings_.transport == ModbusTransport::tcp) disconnect();
   return true;
 }
 
-bool ModbusBus::judge(std::span<const std::uint8_t> request, std::span<const std::uint8_t> frame,
-                      Exchange& so_far) {
+bool ModbusBus::evaluate(std::span<const std::uint8_t> request, std::span<const std::uint8_t> frame,
+                         Exchange& so_far) {
   std::span<const std::uint8_t> message = frame;
-  if (its_.transport == ModbusTransport::tcp) {
+  if (settings_.transport == ModbusTransport::tcp) {
     const auto transaction = transaction_of(frame);
     if (!transaction) {
       ++so_far.rejected;
       so_far.progress = Progress::garbled;
-      so_far.why = "the reply's header does not fit its length";
+      so_far.why = "the length in the header of the reply is wrong";
       disconnect();
       return true;
     }
-    if (*transaction != under_way_->transaction) {  // an older request's, late
+    if (*transaction != pending_->transaction) {  // late reply to an earlier request
       ++so_far.rejected;
       return false;
     }
-    // A stream has no checksum: where bytes of it were lost, those of another reply fill the gap,
-    // and what is left over of that one gives it away.
+    // There is no checksum: after a loss of bytes those of the next reply fill the gap, which the
+    // surplus bytes reveal.
     if (unread() > 0) {
       ++so_far.rejected;
       so_far.progress = Progress::garbled;
-      so_far.why = "more came than the reply";
+      so_far.why = "surplus bytes after the reply";
       disconnect();
       return true;
     }
     message = frame.subspan(tcp_header_size);
   } else {
-    message = frame.first(frame.size() - 2);  // the checksum, which the library has seen to
+    message =
+        frame.first(frame.size() - 2);  // without the checksum, which the library has verified
   }
-  Reply reply = reply_to(request, message);
+  Reply reply = match_reply(request, message);
   switch (reply.verdict) {
     case Verdict::answer:
       so_far.progress = Progress::answered;
@@ -330,31 +332,31 @@ bool ModbusBus::judge(std::span<const std::uint8_t> request, std::span<const std
     case Verdict::other_unit:
       ++so_far.rejected;
       return false;
-    case Verdict::not_believed:
+    case Verdict::mismatch:
       break;
   }
   ++so_far.rejected;
   so_far.progress = Progress::garbled;
-  so_far.why = "the reply is not one to this request";
+  so_far.why = "the reply does not match the request";
   return true;
 }
 
 void ModbusBus::settle(Caller& caller, const Exchange& ended) {
   const std::int64_t now = clock_.now_ns();
   last_traffic_ns_ = now;
-  if (its_.transport == ModbusTransport::tcp) {
-    // Late replies are known by their transaction.
+  if (settings_.transport == ModbusTransport::tcp) {
+    // Late replies are identified by their transaction.
     if (ended.progress == Progress::garbled && !connection_) {
       std::string why;
       next_attempt_ns_ = 0;
-      connect_as_owner(why);
+      connect_locked(why);
     }
     return;
   }
   caller.quiet_until_ns = 0;
   if (ended.progress == Progress::silent) caller.quiet_until_ns = now + caller.timeout_ns;
-  if (ended.progress == Progress::garbled && under_way_) {
-    caller.quiet_until_ns = under_way_->due_ns;
+  if (ended.progress == Progress::garbled && pending_) {
+    caller.quiet_until_ns = pending_->due_ns;
   }
   if (ended.progress == Progress::answered && caller.was_silent) {
     caller.quiet_until_ns = now + 2 * caller.timeout_ns;
@@ -364,7 +366,7 @@ void ModbusBus::settle(Caller& caller, const Exchange& ended) {
 
 Exchange ModbusBus::broken(Exchange so_far, int error) {
   so_far.progress = Progress::gone;
-  so_far.why = where_ + " is gone (" + std::strerror(error) + ")";
+  so_far.why = settings_.port + " is gone (" + std::strerror(error) + ")";
   disconnect();
   return so_far;
 }

@@ -19,18 +19,18 @@ using config::RegisterTable;
 using modbus::Exchange;
 using modbus::Progress;
 
-/// A read waits at most so long.
-constexpr std::int64_t patience_ns = 150'000'000;
-/// So many replies in a row that make no sense are no disturbance but a wrong setting.
-constexpr int senseless_in_row = 20;
-/// An alarm that could not be read in so many polls in a row is not known.
+/// Longest wait of a read.
+constexpr std::int64_t read_wait_ns = 150'000'000;
+/// So many consecutive invalid replies indicate a wrong setting, not a disturbance.
+constexpr int max_invalid_replies = 20;
+/// Number of consecutive failed polls after which an alarm is unknown.
 constexpr int polls_until_unknown = 5;
 
 std::int64_t ns(double seconds) { return std::llround(seconds * 1.0e9); }
 
-std::string name_of(const config::ModbusUnit& its) {
-  return (its.map.name.empty() ? std::string("Modbus unit") : its.map.name) + " \"" + its.name +
-         "\" (unit " + std::to_string(its.unit) + " on " + its.port + ")";
+std::string name_of(const config::ModbusUnit& reg) {
+  return (reg.map.name.empty() ? std::string("Modbus unit") : reg.map.name) + " \"" + reg.name +
+         "\" (unit " + std::to_string(reg.unit) + " on " + reg.port + ")";
 }
 
 const char* name_of(RegisterTable table) {
@@ -47,8 +47,8 @@ const char* name_of(RegisterTable table) {
   return "holding register";
 }
 
-std::string title_of(const ModbusRegister& its) {
-  return "\"" + its.name + "\" (" + name_of(its.table) + " " + std::to_string(its.address) + ")";
+std::string title_of(const ModbusRegister& reg) {
+  return "\"" + reg.name + "\" (" + name_of(reg.table) + " " + std::to_string(reg.address) + ")";
 }
 
 template <typename Numbers>
@@ -63,7 +63,7 @@ std::string listed(const Numbers& numbers, const char* between) {
 
 bool has_role(const config::ModbusMap& map, RegisterRole role) {
   return std::any_of(map.registers.begin(), map.registers.end(),
-                     [role](const ModbusRegister& its) { return its.role == role; });
+                     [role](const ModbusRegister& reg) { return reg.role == role; });
 }
 
 std::optional<std::size_t> find_reading(const config::ModbusMap& map, const std::string& name) {
@@ -98,8 +98,8 @@ ModbusUnit::ModbusUnit(config::ModbusUnit settings, std::vector<std::string> inp
 
 ModbusUnit::~ModbusUnit() { close(); }
 
-Result ModbusUnit::tell(Outcome outcome, std::string words) {
-  message_ = name_ + ": " + std::move(words);
+Result ModbusUnit::report(Outcome outcome, std::string text) {
+  message_ = name_ + ": " + std::move(text);
   return {outcome, message_.c_str()};
 }
 
@@ -112,9 +112,9 @@ Signals ModbusUnit::signals() const noexcept {
 Result ModbusUnit::check_map() {
   for (std::size_t i = 0; i < inputs_.size(); ++i) {
     if (!input_registers_[i]) {
-      return tell(Outcome::needs_attention, "its map " + settings_.map_file.string() +
-                                                " has no reading \"" + inputs_[i].name +
-                                                "\", which an input asks for");
+      return report(Outcome::needs_attention, "its map " + settings_.map_file.string() +
+                                                  " has no reading \"" + inputs_[i].name +
+                                                  "\", which an input requires");
     }
   }
   return {};
@@ -125,87 +125,90 @@ Result ModbusUnit::open() {
   if (const Result checked = check_map(); !checked) return checked;
   std::string why;
   if (const Outcome connected = bus_->connect(why); connected != Outcome::ok) {
-    return tell(connected, why);
+    return report(connected, why);
   }
   losses_ = {};
   silent_in_row_ = 0;
   garbled_in_row_ = 0;
   failed_polls_in_row_ = 0;
   const Result opened = open_all();
-  // Whoever switched it off may have unlocked it meanwhile.
-  if (opened.outcome == Outcome::lost) refused_.clear();
+  // A unit that was switched off may have been unlocked meanwhile.
+  if (opened.outcome == Outcome::lost) rejected_.clear();
   if (!opened) return opened;
   due_ns_ = clock_.now_ns();
-  status_was_well_ = true;
+  status_was_ok_ = true;
   open_ = true;
   return {};
 }
 
 Result ModbusUnit::open_all() {
   for (std::size_t i = 0; i < settings_.map.registers.size(); ++i) {
-    const ModbusRegister& its = settings_.map.registers[i];
-    if (its.role != RegisterRole::setting || !its.set_to) continue;
+    const ModbusRegister& reg = settings_.map.registers[i];
+    if (reg.role != RegisterRole::setting || !reg.set_to) continue;
     if (const Result applied = apply_setting(i); !applied) return applied;
   }
-  // Whether it answers at all, and knows all of these registers.
+  // Checks that the unit responds and has all of these registers.
   std::vector<std::uint16_t> words;
   for (std::size_t i = 0; i < plan_.requests.size(); ++i) {
-    const Result asked = ask_at_leisure(modbus::read_message(settings_.unit, plan_.requests[i]),
-                                        names_in(i), words, settings_.retries);
-    if (!asked) return asked;
+    const Result checked =
+        request_with_retries(modbus::read_message(settings_.unit, plan_.requests[i]), names_in(i),
+                             words, settings_.retries);
+    if (!checked) return checked;
   }
   return {};
 }
 
 Result ModbusUnit::apply_setting(std::size_t at) {
-  const ModbusRegister& its = settings_.map.registers[at];
-  const auto words = modbus::words_for(its, *its.set_to);
+  const ModbusRegister& reg = settings_.map.registers[at];
+  const auto words = modbus::words_for(reg, *reg.set_to);
   if (!words) {
-    return tell(Outcome::needs_attention, "setting " + title_of(its) + " cannot hold " +
-                                              physics::shortest_text(*its.set_to) +
-                                              ": see its type and scale");
+    return report(Outcome::needs_attention, "setting " + title_of(reg) + " cannot represent " +
+                                                physics::shortest_text(*reg.set_to) +
+                                                ": check its type and scale");
   }
-  const std::string what = "setting " + title_of(its);
+  const std::string what = "setting " + title_of(reg);
   const auto read = modbus::read_message(settings_.unit,
-                                         {its.table, its.address, static_cast<int>(words->count)});
-  const auto write = modbus::write_message(settings_.unit, its.table, its.address, words->view(),
-                                           its.write_single);
+                                         {reg.table, reg.address, static_cast<int>(words->count)});
+  const auto write = modbus::write_message(settings_.unit, reg.table, reg.address, words->view(),
+                                           reg.write_single);
   const auto wanted = words->view();
   Result written{Outcome::no_data, ""};
   for (int writes = 0;; ++writes) {
     std::vector<std::uint16_t> held;
-    if (const Result asked = ask_at_leisure(read, what, held, settings_.retries); !asked) {
-      return asked;
+    if (const Result received = request_with_retries(read, what, held, settings_.retries);
+        !received) {
+      return received;
     }
-    const auto refusal = refused_.find(at);
+    const auto refusal = rejected_.find(at);
     if (std::equal(held.begin(), held.end(), wanted.begin(), wanted.end())) {
-      if (refusal != refused_.end()) refused_.erase(refusal);
+      if (refusal != rejected_.end()) rejected_.erase(refusal);
       return {};
     }
-    if (written || (refusal != refused_.end() && refusal->second == held)) {
-      refused_[at] = held;
-      return tell(Outcome::needs_attention,
-                  what + " was given " + physics::shortest_text(*its.set_to) + " (" +
-                      listed(wanted, " ") + ") and reads back " + listed(held, " ") +
-                      ": the unit refuses that value, or is locked. It is not written again "
-                      "before the unit was switched off and on, or the daemon restarted");
+    if (written || (refusal != rejected_.end() && refusal->second == held)) {
+      rejected_[at] = held;
+      return report(Outcome::needs_attention,
+                    what + " was set to " + physics::shortest_text(*reg.set_to) + " (" +
+                        listed(wanted, " ") + ") and reads back " + listed(held, " ") +
+                        ": the unit rejects that value, or is locked. It is not written again "
+                        "until the unit is power-cycled or the daemon restarted");
     }
     if (writes > settings_.retries) return written;
-    // Once: whether a write that was not answered has been done is read, and not done again.
+    // Once: a write without a reply may have succeeded, so the register is read before a retry.
     std::vector<std::uint16_t> echo;
-    written = ask_at_leisure(write, what, echo, 0);
+    written = request_with_retries(write, what, echo, 0);
     if (!written && written.outcome != Outcome::temporary) return written;
   }
 }
 
-/// A request with its attempts, for as long as it takes.
-Result ModbusUnit::ask_at_leisure(std::span<const std::uint8_t> request, const std::string& what,
-                                  std::vector<std::uint16_t>& words, int retries) {
+/// A request with its retries; blocks until it is completed.
+Result ModbusUnit::request_with_retries(std::span<const std::uint8_t> request,
+                                        const std::string& what, std::vector<std::uint16_t>& words,
+                                        int retries) {
   Result result;
   for (int attempt = 0; attempt <= retries; ++attempt) {
     Exchange exchange;
     do {
-      exchange = bus_->exchange(caller_, request, clock_.now_ns() + patience_ns);
+      exchange = bus_->exchange(caller_, request, clock_.now_ns() + read_wait_ns);
       losses_.rejected += exchange.rejected;
     } while (exchange.progress == Progress::waiting);
     if (exchange.progress == Progress::answered) {
@@ -222,7 +225,7 @@ Result ModbusUnit::ask_at_leisure(std::span<const std::uint8_t> request, const s
 
 Result ModbusUnit::read(std::span<Reading> readings) {
   if (!open_) return {Outcome::fatal, "read of a Modbus unit that is not open"};
-  const std::int64_t until = clock_.now_ns() + patience_ns;
+  const std::int64_t until = clock_.now_ns() + read_wait_ns;
   if (answered_.empty()) {
     clock_.sleep_until(std::min(due_ns_, until));
     if (due_ns_ > until) return {Outcome::no_data, ""};
@@ -263,62 +266,63 @@ Result ModbusUnit::failed(const Exchange& exchange, const std::string& what) {
     default:
       break;
   }
-  put_off_poll();
-  alarm_is_unknown();
-  return tell(Outcome::lost, exchange.why);
+  abandon_poll();
+  set_alarm_unknown();
+  return report(Outcome::lost, exchange.why);
 }
 
 Result ModbusUnit::silent(const std::string& what) {
-  const std::string words = "no answer to " + what + " within " +
+  const std::string words = "no reply to " + what + " within " +
                             physics::shortest_text(1.0e3 * settings_.timeout_s) + " ms";
-  if (++silent_in_row_ <= settings_.retries) return tell(Outcome::temporary, words);
-  put_off_poll();
-  alarm_is_unknown();
-  return tell(Outcome::lost, words + ", " + std::to_string(silent_in_row_) +
-                                 " times: is it on, is its address " +
-                                 std::to_string(settings_.unit) +
-                                 ", are A and B the right way round, do baud rate and parity fit?");
+  if (++silent_in_row_ <= settings_.retries) return report(Outcome::temporary, words);
+  abandon_poll();
+  set_alarm_unknown();
+  return report(Outcome::lost, words + ", " + std::to_string(silent_in_row_) +
+                                   " times: is it on, is its address " +
+                                   std::to_string(settings_.unit) +
+                                   ", are A and B swapped, do baud rate and parity match?");
 }
 
 Result ModbusUnit::garbled(const Exchange& exchange, const std::string& what) {
-  const std::string words = "the reply to " + what + " was not believed: " + exchange.why;
-  if (++garbled_in_row_ > settings_.retries) put_off_poll();
-  if (garbled_in_row_ < senseless_in_row) return tell(Outcome::temporary, words);
-  alarm_is_unknown();
-  return tell(Outcome::needs_attention,
-              words + ", " + std::to_string(garbled_in_row_) +
-                  " times in a row: look at baud rate, parity, termination, at two units with one "
-                  "address and at an adapter that hears itself");
+  const std::string words = "the reply to " + what + " is invalid: " + exchange.why;
+  if (++garbled_in_row_ > settings_.retries) abandon_poll();
+  if (garbled_in_row_ < max_invalid_replies) return report(Outcome::temporary, words);
+  set_alarm_unknown();
+  return report(
+      Outcome::needs_attention,
+      words + ", " + std::to_string(garbled_in_row_) +
+          " times in a row: check baud rate, parity, termination, duplicate addresses, and an "
+          "adapter that receives its own transmission");
 }
 
 Result ModbusUnit::refused(std::uint8_t exception, const std::string& what) {
-  const std::string words = "answers " + what + " with exception " + std::to_string(exception) +
+  const std::string words = "replies to " + what + " with exception " + std::to_string(exception) +
                             ", " + modbus::name_of_exception(exception);
-  if (exception == 11) return silent(what + " (exception 11, behind its gateway)");
-  put_off_poll();
+  if (exception == 11) return silent(what + " (exception 11, gateway)");
+  abandon_poll();
   switch (exception) {
     case 1:
     case 2:
     case 3:
     case 10:
-      alarm_is_unknown();
-      return tell(Outcome::needs_attention,
-                  words + (exception == 10 ? ": look at the gateway's settings"
-                                           : ": its map does not fit this unit"));
+      set_alarm_unknown();
+      return report(Outcome::needs_attention,
+                    words + (exception == 10 ? ": check the settings of the gateway"
+                                             : ": its map does not match this unit"));
     default:
-      return tell(Outcome::temporary, words);
+      return report(Outcome::temporary, words);
   }
 }
 
-void ModbusUnit::alarm_is_unknown() noexcept {
+void ModbusUnit::set_alarm_unknown() noexcept {
   if (has_alarm_) alarm_.store(true, std::memory_order_relaxed);
 }
 
-/// This poll has come to nothing.
-void ModbusUnit::put_off_poll() {
+/// Ends a failed poll.
+void ModbusUnit::abandon_poll() {
   if (!open_) return;
   losses_.missing += std::max<std::size_t>(inputs_.size(), 1);
-  if (++failed_polls_in_row_ >= polls_until_unknown) alarm_is_unknown();
+  if (++failed_polls_in_row_ >= polls_until_unknown) set_alarm_unknown();
   next_poll();
 }
 
@@ -326,7 +330,7 @@ void ModbusUnit::next_poll() {
   answered_.clear();
   const std::int64_t period = std::max<std::int64_t>(ns(settings_.poll_period_s), 1);
   due_ns_ += period;
-  // Polls that cannot be made up for are left out, and the rhythm is kept.
+  // Missed polls are skipped; the phase of the period is kept.
   const std::int64_t now = clock_.now_ns();
   if (now <= due_ns_) return;
   const std::int64_t skipped = (now - due_ns_) / period;
@@ -349,14 +353,14 @@ std::string ModbusUnit::names_in(std::size_t request) const {
   return names;
 }
 
-std::string ModbusUnit::trouble_of(RegisterRole role) const {
+std::string ModbusUnit::fault_of(RegisterRole role) const {
   for (std::size_t i = 0; i < settings_.map.registers.size(); ++i) {
-    const ModbusRegister& its = settings_.map.registers[i];
-    if (its.role != role) continue;
-    const auto raw = modbus::raw_of(its, words_of(i));
-    if (raw && std::find(its.ok.begin(), its.ok.end(), *raw) != its.ok.end()) continue;
-    return title_of(its) + " says " + (raw ? std::to_string(*raw) : "what is no whole number") +
-           ", well is " + listed(its.ok, " or ");
+    const ModbusRegister& reg = settings_.map.registers[i];
+    if (reg.role != role) continue;
+    const auto raw = modbus::raw_of(reg, words_of(i));
+    if (raw && std::find(reg.ok.begin(), reg.ok.end(), *raw) != reg.ok.end()) continue;
+    return title_of(reg) + " is " + (raw ? std::to_string(*raw) : "not an integer") +
+           ", expected " + listed(reg.ok, " or ");
   }
   return {};
 }
@@ -364,24 +368,24 @@ std::string ModbusUnit::trouble_of(RegisterRole role) const {
 Result ModbusUnit::take(std::span<Reading> readings) {
   failed_polls_in_row_ = 0;
   if (has_alarm_) {
-    alarm_.store(!trouble_of(RegisterRole::alarm).empty(), std::memory_order_relaxed);
+    alarm_.store(!fault_of(RegisterRole::alarm).empty(), std::memory_order_relaxed);
   }
-  const std::string trouble = trouble_of(RegisterRole::status);
+  const std::string problem = fault_of(RegisterRole::status);
   for (std::size_t i = 0; i < inputs_.size() && i < readings.size(); ++i) {
     const std::size_t at = *input_registers_[i];
     const auto value = modbus::value_of(settings_.map.registers[at], words_of(at));
     readings[i].time_ns = answered_[plan_.places[at]->request].time_ns;
-    readings[i].valid = value.has_value() && trouble.empty();
+    readings[i].valid = value.has_value() && problem.empty();
     readings[i].value = value.value_or(0.0);
   }
-  const bool was_well = std::exchange(status_was_well_, trouble.empty());
-  if (trouble.empty() || !was_well) return {};
-  return tell(Outcome::temporary, "status " + trouble + ": its readings are not valid");
+  const bool was_ok = std::exchange(status_was_ok_, problem.empty());
+  if (problem.empty() || !was_ok) return {};
+  return report(Outcome::temporary, "status " + problem + ": its readings are not valid");
 }
 
 void ModbusUnit::close() noexcept {
   bus_->leave(caller_);
-  alarm_is_unknown();
+  set_alarm_unknown();
   answered_.clear();
   open_ = false;
 }
@@ -400,10 +404,10 @@ std::vector<std::unique_ptr<Gauge>> make_modbus_gauges(const std::vector<config:
         names.push_back(input->input);
       }
     }
-    const bool speaks_for_itself = has_role(unit.map, RegisterRole::alarm) ||
-                                   has_role(unit.map, RegisterRole::status) ||
-                                   has_role(unit.map, RegisterRole::setting);
-    if (names.empty() && !speaks_for_itself) continue;
+    const bool always_polled = has_role(unit.map, RegisterRole::alarm) ||
+                               has_role(unit.map, RegisterRole::status) ||
+                               has_role(unit.map, RegisterRole::setting);
+    if (names.empty() && !always_polled) continue;
     auto& bus = buses[{unit.transport, unit.port}];
     if (!bus) bus = std::make_shared<modbus::ModbusBus>(unit, clock);
     gauges.push_back(std::make_unique<ModbusUnit>(unit, std::move(names), bus, clock));

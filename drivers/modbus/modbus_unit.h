@@ -1,4 +1,4 @@
-// A unit on a Modbus bus as a gauge: what its register map names is polled, checked and scaled.
+// A Modbus unit as a gauge: the registers of its map are polled, checked and scaled.
 #pragma once
 
 #include <atomic>
@@ -11,25 +11,25 @@
 #include <vector>
 
 #include "config/bench.h"
+#include "drivers/clock/host_clock.h"
 #include "drivers/gauge.h"
-#include "drivers/host_clock.h"
 #include "drivers/modbus/modbus_bus.h"
 #include "drivers/modbus/plan.h"
 
 namespace stickslip::drivers {
 
-/// A poll reads all requests of the plan, one after the other, every poll_period_s. Its readings
-/// are given to the caller together; each has the time between its own request and reply.
+/// A poll sends all requests of the plan, one after the other, every poll_period_s. Its readings
+/// are returned together; the time of each is midway between its request and reply.
 ///
-/// - A status register that is not `ok`: the poll's readings are not valid. The first such poll
-///   answers `temporary` with words; those after it are ok, with readings that are not valid.
-/// - An alarm register that is not `ok`: amplifier_fault. So is one that is not known: before open,
-///   after close, when the unit is lost, and after five polls in a row that came to nothing.
-/// - Settings are read when it is opened. What holds another value is written and read back: units
-///   keep settings in memory that wears out. One that still holds the other value needs attention,
-///   and is not written again before it holds something else or the unit was away.
-/// - No answer: temporary, and after `retries` more attempts lost. Exceptions 1, 2, 3 and 10 need
-///   attention, others pass.
+/// - A status register that is not `ok` invalidates the readings of the poll. The first such poll
+///   returns `temporary` with a message; later ones are ok, with invalid readings.
+/// - An alarm register that is not `ok` is an amplifier_fault. So is an unknown one: before open,
+///   after close, when the unit is lost, and after five consecutive failed polls.
+/// - Settings are read on open. One with a different value is written and read back: only then, as
+///   units keep settings in memory that wears out. If it still differs, it needs attention and is
+///   not written again until it holds another value or the unit was disconnected.
+/// - No reply: temporary, and after `retries` more attempts lost. Exceptions 1, 2, 3 and 10 need
+///   attention, others are temporary.
 class ModbusUnit final : public Gauge {
  public:
   /// `inputs` are names of registers of role `reading`.
@@ -51,44 +51,44 @@ class ModbusUnit final : public Gauge {
     std::int64_t time_ns = 0;
   };
 
-  Result tell(Outcome outcome, std::string words);
+  Result report(Outcome outcome, std::string text);
   Result check_map();
   Result open_all();
   Result apply_setting(std::size_t at);
-  Result ask_at_leisure(std::span<const std::uint8_t> request, const std::string& what,
-                        std::vector<std::uint16_t>& words, int retries);
+  Result request_with_retries(std::span<const std::uint8_t> request, const std::string& what,
+                              std::vector<std::uint16_t>& words, int retries);
   Result failed(const modbus::Exchange& exchange, const std::string& what);
   Result silent(const std::string& what);
   Result garbled(const modbus::Exchange& exchange, const std::string& what);
   Result refused(std::uint8_t exception, const std::string& what);
   Result poll_until(std::int64_t until_ns, bool& complete);
   Result take(std::span<Reading> readings);
-  void alarm_is_unknown() noexcept;
-  void put_off_poll();
+  void set_alarm_unknown() noexcept;
+  void abandon_poll();
   void next_poll();
   std::span<const std::uint16_t> words_of(std::size_t at) const;
   std::string names_in(std::size_t request) const;
-  /// The first register of that role that is not well, in words; empty: all are.
-  std::string trouble_of(config::RegisterRole role) const;
+  /// Message about the first register of a role that is not ok; empty if all are.
+  std::string fault_of(config::RegisterRole role) const;
 
   config::ModbusUnit settings_;
   std::string name_;
   std::vector<GaugeInput> inputs_;
-  std::vector<std::optional<std::size_t>> input_registers_;  // places in the map, by input
+  std::vector<std::optional<std::size_t>> input_registers_;  // indices in the map, by input
   std::shared_ptr<modbus::ModbusBus> bus_;
   HostClock& clock_;
   modbus::Caller caller_;
   modbus::Plan plan_;
   bool has_alarm_ = false;
-  std::map<std::size_t, std::vector<std::uint16_t>> refused_;  // settings: what they held instead
+  std::map<std::size_t, std::vector<std::uint16_t>> rejected_;  // settings: the value read back
 
   bool open_ = false;
-  std::vector<Answered> answered_;  // by request of the plan; as many as this poll has got
+  std::vector<Answered> answered_;  // replies of the current poll, by request
   std::int64_t due_ns_ = 0;
   int silent_in_row_ = 0;
   int garbled_in_row_ = 0;
   int failed_polls_in_row_ = 0;
-  bool status_was_well_ = true;
+  bool status_was_ok_ = true;
   GaugeLosses losses_;
   std::string message_;
   std::atomic<bool> alarm_;

@@ -13,29 +13,29 @@ namespace {
 using config::ModbusRegister;
 using config::RegisterRole;
 
-bool is_read(const ModbusRegister& its, const std::set<std::string>& needed) {
-  return its.role == RegisterRole::status || its.role == RegisterRole::alarm ||
-         needed.contains(its.name);
+bool is_read(const ModbusRegister& reg, const std::set<std::string>& needed) {
+  return reg.role == RegisterRole::status || reg.role == RegisterRole::alarm ||
+         needed.contains(reg.name);
 }
 
-int end_of(const ModbusRegister& its) {
-  return its.address + static_cast<int>(registers_of(its.type));
+int end_of(const ModbusRegister& reg) {
+  return reg.address + static_cast<int>(registers_of(reg.type));
 }
 
-/// Members of one group and table, as places in the map.
+/// Members of one group and table, as indices in the map.
 using Group = std::vector<std::size_t>;
 
 std::vector<Group> groups_of(const config::ModbusMap& map, const std::set<std::string>& needed) {
   std::vector<Group> groups;
   std::map<std::pair<std::string, config::RegisterTable>, std::size_t> known;
   for (std::size_t i = 0; i < map.registers.size(); ++i) {
-    const ModbusRegister& its = map.registers[i];
-    if (!is_read(its, needed)) continue;
-    if (its.group.empty()) {
+    const ModbusRegister& reg = map.registers[i];
+    if (!is_read(reg, needed)) continue;
+    if (reg.group.empty()) {
       groups.push_back({i});
       continue;
     }
-    const auto [entry, is_new] = known.try_emplace({its.group, its.table}, groups.size());
+    const auto [entry, is_new] = known.try_emplace({reg.group, reg.table}, groups.size());
     if (is_new) groups.emplace_back();
     groups[entry->second].push_back(i);
   }
@@ -48,14 +48,14 @@ void add_group(const config::ModbusMap& map, Group group, Plan& plan) {
   });
   const std::size_t first_request = plan.requests.size();
   for (const std::size_t i : group) {
-    const ModbusRegister& its = map.registers[i];
+    const ModbusRegister& reg = map.registers[i];
     const bool fits = plan.requests.size() > first_request &&
-                      end_of(its) - plan.requests.back().address <= most_in_one(its.table);
-    if (!fits) plan.requests.push_back({its.table, its.address, 0});
+                      end_of(reg) - plan.requests.back().address <= most_in_one(reg.table);
+    if (!fits) plan.requests.push_back({reg.table, reg.address, 0});
     ReadRequest& request = plan.requests.back();
-    request.count = std::max(request.count, end_of(its) - request.address);
+    request.count = std::max(request.count, end_of(reg) - request.address);
     plan.places[i] = {plan.requests.size() - 1,
-                      static_cast<std::size_t>(its.address - request.address)};
+                      static_cast<std::size_t>(reg.address - request.address)};
   }
 }
 

@@ -1,4 +1,4 @@
-// Which requests a poll of a unit consists of.
+// Requests of a poll of a unit.
 #pragma once
 
 #include <cstddef>
@@ -12,23 +12,23 @@
 
 namespace stickslip::drivers::modbus {
 
-/// Where a register's words are among the replies.
+/// Position of the words of a register in the replies.
 struct Place {
-  std::size_t request = 0;  ///< of Plan::requests
-  std::size_t first = 0;    ///< its first word in that reply
+  std::size_t request = 0;  ///< index in Plan::requests
+  std::size_t first = 0;    ///< first word in that reply
   friend bool operator==(const Place&, const Place&) = default;
 };
 
 struct Plan {
   std::vector<ReadRequest> requests;
-  /// By register of the map; nothing: it is not read.
+  /// By register of the map; none: not read.
   std::vector<std::optional<Place>> places;
 };
 
-/// Reads the registers that are `needed`, by name, and every status and alarm. Registers of one
-/// group and table travel in one request, with whatever lies between them, so that they are of one
-/// moment; all others by themselves. A group that is longer than a request can be is refused where
-/// the map is loaded; here it would be cut into as few as possible, and no value of it.
+/// Reads the registers `needed`, by name, and all of role status and alarm. Registers of one group
+/// and table are read by one request, including gaps, so that they are simultaneous; all others by
+/// one request each. A group that exceeds the length of a request is rejected when the map is
+/// loaded; here it would be split into as few requests as possible, without splitting a value.
 Plan plan_requests(const config::ModbusMap& map, const std::set<std::string>& needed);
 
 }  // namespace stickslip::drivers::modbus

@@ -16,17 +16,15 @@ std::uint16_t bytes_swapped(std::uint16_t word) {
   return static_cast<std::uint16_t>((word << 8U) | (word >> 8U));
 }
 
-bool turns_registers(ByteOrder order) {
-  return order == ByteOrder::cdab || order == ByteOrder::dcba;
-}
+bool swaps_words(ByteOrder order) { return order == ByteOrder::cdab || order == ByteOrder::dcba; }
 
-bool turns_bytes(ByteOrder order) { return order == ByteOrder::badc || order == ByteOrder::dcba; }
+bool swaps_bytes(ByteOrder order) { return order == ByteOrder::badc || order == ByteOrder::dcba; }
 
 std::uint64_t bits_of(std::span<const std::uint16_t> words, ByteOrder order) {
   std::uint64_t bits = 0;
   for (std::size_t i = 0; i < words.size(); ++i) {
-    const std::uint16_t word = words[turns_registers(order) ? words.size() - 1 - i : i];
-    bits = (bits << 16U) | (turns_bytes(order) ? bytes_swapped(word) : word);
+    const std::uint16_t word = words[swaps_words(order) ? words.size() - 1 - i : i];
+    bits = (bits << 16U) | (swaps_bytes(order) ? bytes_swapped(word) : word);
   }
   return bits;
 }
@@ -36,8 +34,8 @@ Words words_of_bits(std::uint64_t bits, std::size_t count, ByteOrder order) {
   words.count = count;
   for (std::size_t i = 0; i < count; ++i) {
     const auto word = static_cast<std::uint16_t>(bits >> (16 * (count - 1 - i)));
-    words.word[turns_registers(order) ? count - 1 - i : i] =
-        turns_bytes(order) ? bytes_swapped(word) : word;
+    words.word[swaps_words(order) ? count - 1 - i : i] =
+        swaps_bytes(order) ? bytes_swapped(word) : word;
   }
   return words;
 }
@@ -62,7 +60,7 @@ std::uint64_t to_bcd(std::int64_t number, int digits) {
   return bits;
 }
 
-/// Of the types that hold whole numbers.
+/// For integer types.
 std::optional<std::int64_t> integer_of(RegisterType type, std::uint64_t bits) {
   switch (type) {
     case RegisterType::bit:
@@ -93,7 +91,7 @@ double float_of(RegisterType type, std::uint64_t bits) {
   return static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(bits)));
 }
 
-/// The smallest and largest whole number; as doubles, which int64's largest is not.
+/// Limits of an integer type as doubles; the maximum of int64 is not representable.
 struct Range {
   double low;
   double high;
@@ -142,30 +140,30 @@ std::optional<std::uint64_t> bits_for(RegisterType type, double raw) {
 
 }  // namespace
 
-std::optional<double> value_of(const ModbusRegister& its, std::span<const std::uint16_t> words) {
-  if (words.size() != registers_of(its.type)) return std::nullopt;
-  // A coil has one bit and no order.
-  const ByteOrder order = its.type == RegisterType::bit ? ByteOrder::abcd : its.order;
+std::optional<double> value_of(const ModbusRegister& reg, std::span<const std::uint16_t> words) {
+  if (words.size() != registers_of(reg.type)) return std::nullopt;
+  // A coil has one bit and no byte order.
+  const ByteOrder order = reg.type == RegisterType::bit ? ByteOrder::abcd : reg.order;
   const std::uint64_t bits = bits_of(words, order);
   double raw = 0.0;
-  if (is_float(its.type)) {
-    raw = float_of(its.type, bits);
+  if (is_float(reg.type)) {
+    raw = float_of(reg.type, bits);
   } else {
-    const auto number = integer_of(its.type, bits);
+    const auto number = integer_of(reg.type, bits);
     if (!number) return std::nullopt;
     raw = static_cast<double>(*number);
   }
-  const double value = raw * its.scale + its.offset;
+  const double value = raw * reg.scale + reg.offset;
   return std::isfinite(value) ? std::optional(value) : std::nullopt;
 }
 
-std::optional<std::int64_t> raw_of(const ModbusRegister& its,
+std::optional<std::int64_t> raw_of(const ModbusRegister& reg,
                                    std::span<const std::uint16_t> words) {
-  if (words.size() != registers_of(its.type)) return std::nullopt;
-  const ByteOrder order = its.type == RegisterType::bit ? ByteOrder::abcd : its.order;
+  if (words.size() != registers_of(reg.type)) return std::nullopt;
+  const ByteOrder order = reg.type == RegisterType::bit ? ByteOrder::abcd : reg.order;
   const std::uint64_t bits = bits_of(words, order);
-  if (!is_float(its.type)) return integer_of(its.type, bits);
-  const double raw = float_of(its.type, bits);
+  if (!is_float(reg.type)) return integer_of(reg.type, bits);
+  const double raw = float_of(reg.type, bits);
   const Range range = range_of(RegisterType::int64);
   if (!std::isfinite(raw) || raw != std::round(raw) || raw < range.low || raw > range.high) {
     return std::nullopt;
@@ -173,11 +171,11 @@ std::optional<std::int64_t> raw_of(const ModbusRegister& its,
   return static_cast<std::int64_t>(raw);
 }
 
-std::optional<Words> words_for(const ModbusRegister& its, double value) {
-  const auto bits = bits_for(its.type, (value - its.offset) / its.scale);
+std::optional<Words> words_for(const ModbusRegister& reg, double value) {
+  const auto bits = bits_for(reg.type, (value - reg.offset) / reg.scale);
   if (!bits) return std::nullopt;
-  const ByteOrder order = its.type == RegisterType::bit ? ByteOrder::abcd : its.order;
-  return words_of_bits(*bits, registers_of(its.type), order);
+  const ByteOrder order = reg.type == RegisterType::bit ? ByteOrder::abcd : reg.order;
+  return words_of_bits(*bits, registers_of(reg.type), order);
 }
 
 }  // namespace stickslip::drivers::modbus

@@ -1,5 +1,5 @@
-// The numbers in a unit's registers: words as they travel to values and back. Own packing: the
-// library's for floats differs between its releases, and in some its two directions do not agree.
+// Conversion between register words and values. Independent of the library's conversion of floats,
+// which differs between releases and is inconsistent in some.
 #pragma once
 
 #include <array>
@@ -12,7 +12,7 @@
 
 namespace stickslip::drivers::modbus {
 
-/// The words of one value, in the order in which they travel. A bit is one word, 0 or 1.
+/// The words of one value in order of transmission. A bit is one word, 0 or 1.
 struct Words {
   std::array<std::uint16_t, 4> word{};
   std::size_t count = 0;
@@ -21,18 +21,18 @@ struct Words {
   friend bool operator==(const Words&, const Words&) = default;
 };
 
-/// raw * scale + offset. Nothing where the words are no value: not as many as the type takes, a
-/// float that is not finite, a BCD digit beyond 9.
-std::optional<double> value_of(const config::ModbusRegister& its,
+/// raw * scale + offset. None for an invalid encoding: wrong number of words, a float that is not
+/// finite, a BCD digit beyond 9.
+std::optional<double> value_of(const config::ModbusRegister& reg,
                                std::span<const std::uint16_t> words);
 
-/// The number as it stands in the unit, before scale and offset: what `ok` is compared with.
-/// Nothing where value_of has nothing, or where a float is not whole.
-std::optional<std::int64_t> raw_of(const config::ModbusRegister& its,
+/// The number before scale and offset, to be compared with `ok`. None if value_of has none, or for
+/// a float that is not an integer.
+std::optional<std::int64_t> raw_of(const config::ModbusRegister& reg,
                                    std::span<const std::uint16_t> words);
 
-/// What has to be written so that the register holds `value`: (value - offset) / scale, to the
-/// nearest whole number for the types that hold whole numbers. Nothing where it does not fit.
-std::optional<Words> words_for(const config::ModbusRegister& its, double value);
+/// Words that set the register to `value`: (value - offset) / scale, rounded for integer types.
+/// None if out of range.
+std::optional<Words> words_for(const config::ModbusRegister& reg, double value);
 
 }  // namespace stickslip::drivers::modbus

@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "drivers/phidget_bridge/protocol.h"
-#include "drivers/udev_rule.h"
+#include "drivers/usb/udev_rule.h"
 
 namespace stickslip::drivers {
 
@@ -19,22 +19,22 @@ using namespace phidget_bridge;
 
 namespace {
 
-constexpr int patience_ms = 200;
-constexpr std::size_t largest_report = 64;
-/// Where the descriptor cannot be read: as long as a full-speed report gets.
-constexpr std::size_t usual_output_bytes = 64;
-/// More than the kernel holds: who is asked for them stops at some time.
-constexpr std::uint64_t most_reports = 1024;
+constexpr int timeout_ms = 200;
+constexpr std::size_t max_report_bytes = 64;
+/// If the descriptor cannot be read: the maximum of a full-speed report.
+constexpr std::size_t default_output_bytes = 64;
+/// More than the kernel buffers; bounds a read.
+constexpr std::uint64_t max_reports = 1024;
 constexpr std::int64_t settle_ns = 3'000'000'000;
 constexpr std::int64_t repeat_ns = 500'000'000;
 
-struct DeviceEnd {
+struct CloseDevice {
   void operator()(hid_device* device) const { hid_close(device); }
 };
-struct ListEnd {
+struct FreeList {
   void operator()(hid_device_info* list) const { hid_free_enumeration(list); }
 };
-using Device = std::unique_ptr<hid_device, DeviceEnd>;
+using Device = std::unique_ptr<hid_device, CloseDevice>;
 
 struct Found {
   std::string path;
@@ -44,7 +44,7 @@ struct Found {
 
 std::vector<Found> search() {
   std::vector<Found> found;
-  const std::unique_ptr<hid_device_info, ListEnd> list(hid_enumerate(vendor_id, product_id));
+  const std::unique_ptr<hid_device_info, FreeList> list(hid_enumerate(vendor_id, product_id));
   for (const hid_device_info* one = list.get(); one != nullptr; one = one->next) {
     if (one->interface_number > 0) continue;
     Found board;
@@ -69,30 +69,31 @@ std::string title_of(const Found& board) {
 }
 
 std::string firmware_text(int firmware) {
-  const std::string behind = std::to_string(firmware % 100);
-  return std::to_string(firmware / 100) + (behind.size() < 2 ? ".0" : ".") + behind;
+  const std::string decimals = std::to_string(firmware % 100);
+  return std::to_string(firmware / 100) + (decimals.size() < 2 ? ".0" : ".") + decimals;
 }
 
-/// Empty: it is one that this driver speaks to.
-std::string other_protocol(const Found& board) {
+/// Message about an unsupported version; empty: supported.
+std::string unsupported_version(const Found& board) {
   if (board.firmware >= first_firmware && board.firmware <= last_firmware) return {};
   return title_of(board) + " at " + board.path + " has firmware " + firmware_text(board.firmware) +
-         ": that is a 1046_1 or newer, which speaks another protocol. Only the 1046 (1046_0, "
-         "firmware 1.00 to 1.99) can be used here";
+         ": that is a 1046_1 or newer, which has another protocol. Only the 1046 (1046_0, "
+         "firmware 1.00 to 1.99) is supported";
 }
 
 std::string refused_access(const Found& board) {
-  return title_of(board) + ": " + board.path + " may not be opened by this user. " + udev_rule_cure;
+  return title_of(board) + ": " + board.path + " cannot be opened by this user. " +
+         udev_rule_remedy;
 }
 
-/// How long an output report has to be, by the kernel's copy of the report descriptor.
+/// Length of an output report, by the kernel's copy of the report descriptor.
 std::size_t output_length(const std::string& path) {
   const std::string name = path.substr(path.rfind('/') + 1);
   std::ifstream file("/sys/class/hidraw/" + name + "/device/report_descriptor", std::ios::binary);
   const std::vector<char> text{std::istreambuf_iterator<char>(file), {}};
   const std::vector<std::uint8_t> bytes(text.begin(), text.end());
   const std::size_t length = output_report_bytes(bytes);
-  return length >= output_bytes ? length : usual_output_bytes;
+  return length >= output_bytes ? length : default_output_bytes;
 }
 
 std::optional<std::size_t> input_number(const std::string& name) {
@@ -113,7 +114,7 @@ struct PhidgetBridge::Board {
   std::size_t output_length;
   Handshake handshake;
   GapCounter gaps;
-  /// What has come of an input since it was last told.
+  /// Latest reading of an input; `fresh` until it is published.
   struct Latest {
     bool fresh = false;
     double value = 0.0;
@@ -127,7 +128,7 @@ struct PhidgetBridge::Board {
       if (!report.measured[i] || !handshake.settled(i)) continue;
       latest[i].fresh = true;
       latest[i].value = ratio(report.raw[i], report.settings.gain[i]);
-      latest[i].valid = believable(report, i);
+      latest[i].valid = is_valid(report, i);
     }
   }
 };
@@ -149,10 +150,10 @@ Result PhidgetBridge::check() {
     refusal_ = std::move(text);
     return Result{Outcome::needs_attention, refusal_.c_str()};
   };
-  if (inputs_.empty()) return refuse("PhidgetBridge: no channel comes from its inputs");
+  if (inputs_.empty()) return refuse("PhidgetBridge: no channel is assigned to its inputs");
   if (!is_interval(settings_.interval_ms)) {
     return refuse("phidget_bridge.interval_ms is " + std::to_string(settings_.interval_ms) +
-                  "; the bridge takes multiples of 8 from 8 to 1000");
+                  "; it must be a multiple of 8 from 8 to 1000");
   }
   std::array<bool, input_count> taken{};
   for (const auto& input : wired_) {
@@ -166,7 +167,7 @@ Result PhidgetBridge::check() {
                     std::to_string(input->gain) + "; it has 1, 8, 16, 32, 64 and 128");
     }
     if (std::exchange(taken[*number], true)) {
-      return refuse("PhidgetBridge: the input " + input->input + " is given to two channels");
+      return refuse("PhidgetBridge: the input " + input->input + " is assigned to two channels");
     }
   }
   return {};
@@ -176,16 +177,16 @@ Result PhidgetBridge::open() {
   if (board_) return {};
   losses_ = {};
   if (const Result checked = check(); !checked) return checked;
-  if (hid_init() != 0) return {Outcome::fatal, "hidapi cannot begin"};
+  if (hid_init() != 0) return {Outcome::fatal, "hidapi cannot be initialized"};
   const auto boards = search();
   const Found* chosen = nullptr;
-  std::string seen;
+  std::string present;
   for (const Found& board : boards) {
-    if (!seen.empty()) seen += ", ";
-    seen += board.serial.empty() ? board.path : board.serial;
+    if (!present.empty()) present += ", ";
+    present += board.serial.empty() ? board.path : board.serial;
     if (settings_.serial && board.serial != std::to_string(*settings_.serial)) continue;
     if (chosen != nullptr) {
-      refusal_ = "several PhidgetBridges are attached; say which as phidget_bridge.serial";
+      refusal_ = "several PhidgetBridges are attached; select one with phidget_bridge.serial";
       return {Outcome::needs_attention, refusal_.c_str()};
     }
     chosen = &board;
@@ -193,15 +194,15 @@ Result PhidgetBridge::open() {
   if (boards.empty()) {
     refusal_ =
         "no PhidgetBridge 1046 (06c2:003b) is attached; plug it in. `lsusb -d 06c2:` shows whether "
-        "the host sees it. A 1046_1 speaks another protocol and cannot be used here";
+        "the host detects it. A 1046_1 has another protocol and is not supported";
     return {Outcome::lost, refusal_.c_str()};
   }
   if (chosen == nullptr) {
     refusal_ = "no PhidgetBridge with serial number " + std::to_string(*settings_.serial) +
-               " is attached; there is " + seen;
+               " is attached; present: " + present;
     return {Outcome::needs_attention, refusal_.c_str()};
   }
-  refusal_ = other_protocol(*chosen);
+  refusal_ = unsupported_version(*chosen);
   if (!refusal_.empty()) return {Outcome::needs_attention, refusal_.c_str()};
   Device device(hid_open_path(chosen->path.c_str()));
   if (!device && !is_there(chosen->path)) return gone();
@@ -233,7 +234,7 @@ Result PhidgetBridge::gone() {
 Result PhidgetBridge::send() {
   const auto report = board_->handshake.to_send();
   if (!report) return {};
-  // The first byte is the number of the report, which this device does not have.
+  // The first byte is the report ID, which this device does not use.
   std::vector<std::uint8_t> bytes(1 + board_->output_length);
   std::copy(report->begin(), report->end(), bytes.begin() + 1);
   return hid_write(board_->device.get(), bytes.data(), bytes.size()) < 0 ? gone() : Result{};
@@ -243,11 +244,11 @@ Result PhidgetBridge::settle() {
   const std::int64_t begun = clock_.now_ns();
   const std::int64_t longest = settle_ns + 5 * std::int64_t{settings_.interval_ms} * 1'000'000;
   std::int64_t sent = begun;
-  // Also where the clock stands still, as it does in tests.
+  // The count of time-outs bounds the loop even with a clock that stands still in a test.
   for (int silent = 0; silent < 15 && clock_.now_ns() - begun < longest;) {
-    if (const Result told = send(); !told) return told;
-    std::array<std::uint8_t, largest_report> bytes{};
-    const int got = hid_read_timeout(board_->device.get(), bytes.data(), bytes.size(), patience_ms);
+    if (const Result sent_now = send(); !sent_now) return sent_now;
+    std::array<std::uint8_t, max_report_bytes> bytes{};
+    const int got = hid_read_timeout(board_->device.get(), bytes.data(), bytes.size(), timeout_ms);
     if (got < 0) return gone();
     silent = got == 0 ? silent + 1 : 0;
     if (const auto report = parse_input({bytes.data(), static_cast<std::size_t>(got)})) {
@@ -262,21 +263,22 @@ Result PhidgetBridge::settle() {
       sent = clock_.now_ns();
     }
   }
-  refusal_ = name_ +
-             " does not report the settings that it was sent; unplug it and plug it in again, and "
-             "see that no other program (phidget22networkserver) uses it";
+  refusal_ =
+      name_ +
+      " does not confirm its settings; unplug it and plug it in again, and make sure that no "
+      "other program (phidget22networkserver) uses it";
   return {Outcome::temporary, refusal_.c_str()};
 }
 
 Result PhidgetBridge::read(std::span<Reading> readings) {
   if (!board_) return {Outcome::fatal, "read of a PhidgetBridge that is not open"};
-  if (const Result told = send(); !told) return told;
+  if (const Result sent_now = send(); !sent_now) return sent_now;
   std::uint64_t reports = 0;
   std::uint64_t rejected = 0;
-  while (reports < most_reports) {
-    std::array<std::uint8_t, largest_report> bytes{};
+  while (reports < max_reports) {
+    std::array<std::uint8_t, max_report_bytes> bytes{};
     const int got = hid_read_timeout(board_->device.get(), bytes.data(), bytes.size(),
-                                     reports == 0 ? patience_ms : 0);
+                                     reports == 0 ? timeout_ms : 0);
     if (got < 0) return gone();
     if (got == 0) break;
     ++reports;
@@ -289,16 +291,16 @@ Result PhidgetBridge::read(std::span<Reading> readings) {
     }
   }
   const std::int64_t now = clock_.now_ns();
-  if (reports > 0) losses_.missing += board_->gaps.take(now, reports);
+  if (reports > 0) losses_.missing += board_->gaps.count(now, reports);
   losses_.rejected += rejected;
-  if (tell(readings, now)) return {};
+  if (publish(readings, now)) return {};
   if (rejected == 0) return {Outcome::no_data, ""};
-  return {Outcome::temporary, "what the PhidgetBridge reports is not what it was set to measure"};
+  return {Outcome::temporary, "the reports of the PhidgetBridge do not match its settings"};
 }
 
-/// True where one of them is new, be it that it is no longer valid.
-bool PhidgetBridge::tell(std::span<Reading> readings, std::int64_t now) {
-  const std::int64_t patience = 5 * std::int64_t{settings_.interval_ms} * 1'000'000 / 2;
+/// True if a reading is new or has become invalid.
+bool PhidgetBridge::publish(std::span<Reading> readings, std::int64_t now) {
+  const std::int64_t max_age = 5 * std::int64_t{settings_.interval_ms} * 1'000'000 / 2;
   bool any = false;
   for (std::size_t i = 0; i < std::min(readings.size(), numbers_.size()); ++i) {
     Board::Latest& latest = board_->latest[numbers_[i]];
@@ -307,7 +309,7 @@ bool PhidgetBridge::tell(std::span<Reading> readings, std::int64_t now) {
       latest.time_ns = now;
       readings[i] = {latest.value, now, latest.valid};
       any = true;
-    } else if (latest.valid && now - latest.time_ns > patience) {
+    } else if (latest.valid && now - latest.time_ns > max_age) {
       latest.valid = false;
       readings[i] = {latest.value, now, false};
       any = true;
@@ -318,18 +320,18 @@ bool PhidgetBridge::tell(std::span<Reading> readings, std::int64_t now) {
 
 void PhidgetBridge::close() noexcept { board_.reset(); }
 
-std::vector<Attached> find_phidget_bridge() {
-  std::vector<Attached> attached;
+std::vector<AttachedDevice> find_phidget_bridge() {
+  std::vector<AttachedDevice> attached;
   if (hid_init() != 0) return attached;
   for (const Found& board : search()) {
-    Attached one;
+    AttachedDevice one;
     one.kind = "phidget_bridge";
     one.name = title_of(board) + ", firmware " + firmware_text(board.firmware);
     one.serial = board.serial;
-    one.where = board.path;
-    one.trouble = other_protocol(board);
-    if (one.trouble.empty() && !Device(hid_open_path(board.path.c_str()))) {
-      one.trouble = refused_access(board);
+    one.location = board.path;
+    one.problem = unsupported_version(board);
+    if (one.problem.empty() && !Device(hid_open_path(board.path.c_str()))) {
+      one.problem = refused_access(board);
     }
     attached.push_back(std::move(one));
   }

@@ -1,4 +1,4 @@
-// PhidgetBridge 4-Input 1046: four bridges of strain gauges, 24 bits, up to 125 readings a second.
+// PhidgetBridge 4-Input 1046: four strain-gauge bridges, 24 bits, up to 125 readings per second.
 #pragma once
 
 #include <memory>
@@ -7,20 +7,20 @@
 #include <vector>
 
 #include "config/bench.h"
-#include "drivers/attached.h"
+#include "drivers/attached_device.h"
+#include "drivers/clock/host_clock.h"
 #include "drivers/gauge.h"
-#include "drivers/host_clock.h"
 
 namespace stickslip::drivers {
 
-/// Inputs "0" to "3" in V/V: the bridge's output over its supply. The board has no clock and no
-/// numbers: a reading's time is that of its arrival (readings that arrive together have the time of
-/// the last), and what is missing shows by the interval. A reading of an input that the board calls
-/// out of range, or that is beyond 0.995 of the range, is not valid; nor is one that the board has
-/// not measured for more than two intervals. Until then the last one stays, with its time.
+/// Inputs "0" to "3" in V/V: bridge output over supply. The board has neither clock nor sequence
+/// numbers: the time of a reading is its arrival (readings that arrive together have the time of
+/// the last), and missing ones are counted by the interval. A reading that the board reports as out
+/// of range, or beyond 0.995 of the range, is invalid; so is that of an input not measured for more
+/// than two intervals. Until then the last reading is kept, with its time.
 class PhidgetBridge final : public Gauge {
  public:
-  /// `inputs` holds those of this board alone; they are read in the order of their channels.
+  /// `inputs` are those on this board only, in the order of their channels.
   /// `clock` must outlive the gauge.
   PhidgetBridge(const config::PhidgetBridge& settings, const config::BenchInputs& inputs,
                 HostClock& clock);
@@ -28,8 +28,8 @@ class PhidgetBridge final : public Gauge {
 
   const std::string& name() const override { return name_; }
   std::span<const GaugeInput> inputs() const override { return inputs_; }
-  /// Sends the settings and waits until the board's reports show them, at most 3 s and
-  /// five intervals.
+  /// Sends the settings and waits until the board's reports confirm them, at most 3 s plus five
+  /// intervals.
   Result open() override;
   Result read(std::span<Reading> readings) override;
   void close() noexcept override;
@@ -41,20 +41,20 @@ class PhidgetBridge final : public Gauge {
   Result settle();
   Result send();
   Result gone();
-  bool tell(std::span<Reading> readings, std::int64_t now);
+  bool publish(std::span<Reading> readings, std::int64_t now);
 
   config::PhidgetBridge settings_;
   config::BenchInputs wired_;
   HostClock& clock_;
   std::string name_ = "PhidgetBridge 1046";
   std::vector<GaugeInput> inputs_;
-  std::vector<std::size_t> numbers_;  // of the board's inputs, as inputs_
+  std::vector<std::size_t> numbers_;  // input numbers of the board, by inputs_
   GaugeLosses losses_;
   std::string refusal_;
   std::unique_ptr<Board> board_;
 };
 
-/// Every board of this kind on the host, one that this driver does not speak to included.
-std::vector<Attached> find_phidget_bridge();
+/// Every attached board of this kind, including unsupported versions.
+std::vector<AttachedDevice> find_phidget_bridge();
 
 }  // namespace stickslip::drivers

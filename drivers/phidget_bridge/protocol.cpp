@@ -79,7 +79,7 @@ double ratio(std::uint32_t raw, int gain) {
   return (static_cast<double>(raw) - static_cast<double>(zero)) / static_cast<double>(zero) / gain;
 }
 
-bool believable(const InputReport& report, std::size_t input) {
+bool is_valid(const InputReport& report, std::size_t input) {
   const int gain = report.settings.gain[input];
   return report.settings.enabled[input] && report.measured[input] && !report.error[input] &&
          std::abs(ratio(report.raw[input], gain)) <= usable_part_of_range / gain;
@@ -145,10 +145,10 @@ std::optional<std::array<std::uint8_t, output_bytes>> Handshake::to_send() {
 }
 
 void Handshake::take(const InputReport& report) {
-  if (send_) return;  // it is older than what is still to be sent
+  if (send_) return;  // older than the report still to be sent
   const bool echoed = report.settings == sent_;
   if (!echoed) {
-    // Before the echo it is an old report; later the board has lost its settings.
+    // An old report if before the echo; otherwise the board has lost its settings.
     if (phase_ == Phase::done || phase_ == Phase::first_sample || phase_ == Phase::gain_bug)
       begin();
     return;
@@ -179,7 +179,7 @@ void Handshake::take(const InputReport& report) {
 
 // GapCounter
 
-std::uint64_t GapCounter::take(std::int64_t time_ns, std::uint64_t reports) {
+std::uint64_t GapCounter::count(std::int64_t time_ns, std::uint64_t reports) {
   const auto interval = static_cast<double>(interval_ns_);
   if (!begun_) {
     begun_ = true;
@@ -188,16 +188,16 @@ std::uint64_t GapCounter::take(std::int64_t time_ns, std::uint64_t reports) {
     return 0;
   }
   const double time = static_cast<double>(time_ns - origin_ns_);
-  // A report is late by less than three quarters of an interval, or early by a quarter: the first
-  // one may have been late itself.
+  // A report is late by less than three quarters of an interval, or early by a quarter, as the
+  // first one may have been late.
   const double elapsed = std::floor((time - due_ns_) / interval + 0.25);
-  const double come = std::max(static_cast<double>(reports), elapsed);
-  due_ns_ += come * interval;
+  const double due = std::max(static_cast<double>(reports), elapsed);
+  due_ns_ += due * interval;
   const double late = time - due_ns_;
-  // Earlier than ever: that is when they are due. The other way it moves only slowly, as crystals
-  // do.
+  // An earlier arrival than expected corrects the due time immediately, a later one only slowly, at
+  // the rate of crystal drift.
   due_ns_ += late < 0.0 ? late : 0.005 * late;
-  return static_cast<std::uint64_t>(come) - reports;
+  return static_cast<std::uint64_t>(due) - reports;
 }
 
 }  // namespace stickslip::drivers::phidget_bridge

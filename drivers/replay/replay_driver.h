@@ -1,4 +1,4 @@
-// A recording behind the driver interface, bit for bit.
+// Replay of a recording as a driver, bit for bit.
 #pragma once
 
 #include <time.h>
@@ -9,15 +9,15 @@
 
 namespace stickslip::drivers {
 
-/// Yields the frames as they are, each at its own time since the start divided by `speed` (1: as
-/// recorded, 0: as fast as it goes), on the monotonic clock; then end_of_data. Drives nothing.
+/// Returns the recorded frames, each at its time since the start divided by `speed` (1: real time,
+/// 0: as fast as possible), on the monotonic clock; then end_of_data. Drives nothing.
 class ReplayDriver final : public Driver {
  public:
   ReplayDriver(std::vector<Frame> frames, double speed);
 
   Result open() override;
   Result start() override;
-  /// Waits until the frame is due, a tenth of a second at most; no_data where it is due later.
+  /// Waits until the frame is due, at most a tenth of a second; no_data if it is due later.
   Result read(Frame& frame) override;
   Result write(const Actuation& actuation) override;
   void stop() noexcept override;

@@ -8,9 +8,9 @@
 namespace stickslip::drivers {
 
 constexpr double standard_gravity = 9.80665;  // [m/s^2]
-constexpr std::size_t longest_line = 64;      // more than any has
-constexpr std::int64_t usual_interval_ns = 100'000'000;
-constexpr std::int64_t patience_ns = 190'000'000;  // of a read
+constexpr std::size_t max_line_bytes = 64;    // longer than any valid line
+constexpr std::int64_t nominal_interval_ns = 100'000'000;
+constexpr std::int64_t read_wait_ns = 190'000'000;
 
 namespace serial_scale {
 
@@ -23,20 +23,20 @@ std::optional<Weight> parse_line(std::string_view line) {
   }
   unsigned sum = 0;
   for (const char each : line.substr(0, line.rfind(' '))) sum ^= static_cast<unsigned char>(each);
-  std::array<char, 8> told{};
-  std::snprintf(told.data(), told.size(), "*%02X\r\n", sum & 0xFFU);
-  if (rest != told.data() || (field[2] != "g" && field[2] != "kg")) return std::nullopt;
+  std::array<char, 8> checksum{};
+  std::snprintf(checksum.data(), checksum.size(), "*%02X\r\n", sum & 0xFFU);
+  if (rest != checksum.data() || (field[2] != "g" && field[2] != "kg")) return std::nullopt;
   const std::string_view number = field[1];
-  if (line.size() > longest_line || number.empty()) return std::nullopt;
+  if (line.size() > max_line_bytes || number.empty()) return std::nullopt;
   if (field[0] == "E" && number.find_first_not_of('-') == number.npos) return Weight{};
   const std::string_view digits = number.substr(1);
   const std::size_t point = digits.find('.');
-  const bool sound = (field[0] == "S" || field[0] == "M") &&
+  const bool valid = (field[0] == "S" || field[0] == "M") &&
                      (number[0] == '+' || number[0] == '-') && point > 0 &&
                      digits.find_first_not_of(".0123456789") == digits.npos &&
                      point < digits.size() - 1 && digits.rfind('.') == point;
-  if (!sound) return std::nullopt;
-  double value = 0.0;  // from_chars knows no plus
+  if (!valid) return std::nullopt;
+  double value = 0.0;  // from_chars does not accept a plus sign
   std::from_chars(number.begin() + (number[0] == '+' ? 1 : 0), number.end(), value);
   return Weight{value * (field[2] == "g" ? 1.0e-3 : 1.0) * standard_gravity, true};
 }
@@ -51,8 +51,8 @@ SerialScale::SerialScale(const config::GaugeAt& settings, const config::BenchInp
   }
 }
 
-Result SerialScale::tell(Outcome outcome, const std::string& words) {
-  message_ = name_ + ": " + words;
+Result SerialScale::report(Outcome outcome, const std::string& text) {
+  message_ = name_ + ": " + text;
   return {outcome, message_.c_str()};
 }
 
@@ -61,22 +61,22 @@ Result SerialScale::open() {
   received_.clear();
   for (const GaugeInput& input : inputs_) {
     if (input.name == "weight") continue;
-    return tell(Outcome::needs_attention, "no input \"" + input.name + "\"; it has weight only");
+    return report(Outcome::needs_attention, "no input \"" + input.name + "\"; it has weight only");
   }
   std::string why;
   const Outcome opened = line_.open(settings_.port, settings_.baud, why);
-  rhythm_ = Rhythm(usual_interval_ns, clock_.now_ns());
-  return opened == Outcome::ok ? Result{} : tell(opened, why);
+  missed_messages_ = MissedMessages(nominal_interval_ns, clock_.now_ns());
+  return opened == Outcome::ok ? Result{} : report(opened, why);
 }
 
 Result SerialScale::read(std::span<Reading> readings) {
   if (!line_.is_open()) return {Outcome::fatal, "read of a serial scale that is not open"};
-  const std::int64_t until = clock_.now_ns() + patience_ns;
-  while (received_.find('\n') == std::string::npos && received_.size() <= longest_line) {
+  const std::int64_t until = clock_.now_ns() + read_wait_ns;
+  while (received_.find('\n') == std::string::npos && received_.size() <= max_line_bytes) {
     const Outcome received = line_.receive(received_, clock_, until);
-    if (received == Outcome::lost) return tell(received, settings_.port + " is gone; plug it in");
+    if (received == Outcome::lost) return report(received, settings_.port + " is gone; plug it in");
     if (received != Outcome::no_data) continue;
-    losses_.missing += rhythm_.take(clock_.now_ns(), 0);
+    losses_.missing += missed_messages_.count(clock_.now_ns(), 0);
     return {Outcome::no_data, ""};
   }
   return take_lines(readings);
@@ -85,23 +85,23 @@ Result SerialScale::read(std::span<Reading> readings) {
 Result SerialScale::take_lines(std::span<Reading> readings) {
   const std::int64_t now = clock_.now_ns();
   std::uint64_t lines = 0;
-  std::uint64_t believed = 0;
+  std::uint64_t valid = 0;
   for (std::size_t end = 0; (end = received_.find('\n')) != std::string::npos; ++lines) {
     const auto weight = serial_scale::parse_line(std::string_view(received_).substr(0, end + 1));
     const std::int64_t begun = now - line_.duration_ns(received_.size());
     received_.erase(0, end + 1);
     if (!weight) continue;
-    ++believed;
+    ++valid;
     std::fill(readings.begin(), readings.end(), Reading{weight->force_n, begun, weight->valid});
   }
-  if (received_.size() > longest_line) {  // no end in sight
+  if (received_.size() > max_line_bytes) {  // without an end
     received_.clear();
     ++lines;
   }
-  losses_.rejected += lines - believed;
-  losses_.missing += rhythm_.take(now, lines);
-  if (believed > 0) return {};
-  return tell(Outcome::temporary, "what it writes does not add up; if it stays so, look at baud");
+  losses_.rejected += lines - valid;
+  losses_.missing += missed_messages_.count(now, lines);
+  if (valid > 0) return {};
+  return report(Outcome::temporary, "its lines are invalid; if this persists, check baud");
 }
 
 }  // namespace stickslip::drivers

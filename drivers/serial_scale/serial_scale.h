@@ -1,4 +1,4 @@
-// A balance on a serial line that writes its weight by itself, about ten times a second:
+// A balance on a serial line that transmits its weight by itself, about ten times a second:
 //   S +00012.345 g *30\r\n
 #pragma once
 
@@ -9,47 +9,47 @@
 #include <vector>
 
 #include "config/bench.h"
+#include "drivers/clock/host_clock.h"
+#include "drivers/clock/missed_messages.h"
 #include "drivers/gauge.h"
-#include "drivers/host_clock.h"
-#include "drivers/rhythm.h"
-#include "drivers/serial_line.h"
+#include "drivers/serial/serial_line.h"
 
 namespace stickslip::drivers {
 
 namespace serial_scale {
 
-/// What one line says.
+/// Content of a line.
 struct Weight {
   double force_n = 0.0;  ///< at standard gravity
-  bool valid = false;    ///< false: the balance says that it is in error
+  bool valid = false;    ///< false: the balance reports an error
 };
 
-/// Of a whole line, its "\r\n" included. Nothing where its form or its checksum is not right. The
-/// checksum sees whatever befalls one byte, or eight bits in a row; two digits that change places,
-/// or have the same bit turned, it cannot see.
+/// Parses a complete line, including "\r\n". None for a wrong format or checksum. The checksum
+/// detects errors in one byte or in eight consecutive bits, but not two exchanged digits or the
+/// same bit inverted in both.
 std::optional<Weight> parse_line(std::string_view line);
 
 }  // namespace serial_scale
 
-/// Input "weight" in N. A reading's time is that at which its line began, by when its end was there
-/// and by the baud rate; of lines that come together the newest counts. Readings in motion are
-/// valid, those of a balance in error are not. The first line after open may have been cut, and is
-/// then one that is rejected. A balance that is silent is not lost: its lines are missing.
+/// Input "weight" in N. The time of a reading is the start of its line, from its arrival and the
+/// baud rate; of lines that arrive together the newest is used. Readings in motion are valid, those
+/// of a balance in error are not. The first line after open may be truncated, and then counts as
+/// rejected. A silent balance is not lost: its lines count as missing.
 class SerialScale final : public Gauge {
  public:
-  /// `inputs` holds those of this balance alone. `clock` must outlive the gauge.
+  /// `inputs` are those of this balance only. `clock` must outlive the gauge.
   SerialScale(const config::GaugeAt& settings, const config::BenchInputs& inputs, HostClock& clock);
 
   const std::string& name() const override { return name_; }
   std::span<const GaugeInput> inputs() const override { return inputs_; }
-  /// Does not wait for a line. No other program can open the port from then on.
+  /// Does not wait for a line. Excludes other programs from the port.
   Result open() override;
   Result read(std::span<Reading> readings) override;
   void close() noexcept override { line_.close(); }
   GaugeLosses losses() const override { return losses_; }
 
  private:
-  Result tell(Outcome outcome, const std::string& words);
+  Result report(Outcome outcome, const std::string& text);
   Result take_lines(std::span<Reading> readings);
 
   config::GaugeAt settings_;
@@ -57,8 +57,8 @@ class SerialScale final : public Gauge {
   std::vector<GaugeInput> inputs_;
   HostClock& clock_;
   SerialLine line_;
-  std::string received_;  // of which nothing is told yet
-  Rhythm rhythm_;
+  std::string received_;  // not yet parsed
+  MissedMessages missed_messages_;
   GaugeLosses losses_;
   std::string message_;
 };

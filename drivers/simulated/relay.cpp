@@ -31,7 +31,7 @@ Result Relay::open() {
   return {};
 }
 
-Result Relay::tell(bool amplifier_on) {
+Result Relay::set(bool amplifier_on) {
   const char word = amplifier_on ? '1' : '0';
   if (::send(file_, &word, 1, MSG_NOSIGNAL) == 1) return {};
   if (errno == EAGAIN) return {Outcome::temporary, "the relay does not keep up"};

@@ -1,6 +1,6 @@
-// The simulated rig's amplifier as something that outlives the daemon: a watchdog relay at the
-// other end of a Unix socket, told in every cycle whether it may be on. What hears nothing for a
-// while lets go by itself; that is what keeps a shaker still whose daemon was killed.
+// Amplifier relay of the simulated rig in another process: a watchdog relay at the other end of a
+// Unix socket, which receives its state in every cycle and opens after a time-out, so that the
+// shaker stops even if the daemon is killed.
 #pragma once
 
 #include <filesystem>
@@ -17,10 +17,10 @@ class Relay {
   Relay(const Relay&) = delete;
   Relay& operator=(const Relay&) = delete;
 
-  /// needs_attention where nobody listens at the socket.
+  /// needs_attention if no process listens at the socket.
   Result open();
-  /// One datagram, "1" or "0", without waiting; lost where nobody listens any more.
-  Result tell(bool amplifier_on);
+  /// Sends one datagram, "1" or "0", without waiting; lost if no process listens any more.
+  Result set(bool amplifier_on);
   void close() noexcept;
 
  private:

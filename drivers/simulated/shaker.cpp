@@ -10,7 +10,7 @@ namespace stickslip::drivers {
 namespace {
 
 constexpr double suspension_rad_s = 2.0 * std::numbers::pi * 3.0;
-/// A command may jump; a table does not coast faster than this.
+/// Limit for steps in the command; no table coasts faster.
 constexpr double fastest_coast_m_s = 0.3;
 
 }  // namespace

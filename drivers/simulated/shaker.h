@@ -1,4 +1,4 @@
-// What stands between the commanded drive and the rig: converter, amplifier and shaker.
+// Dynamics between the commanded drive and the rig: converter, amplifier and shaker.
 #pragma once
 
 #include "physics/model.h"
@@ -6,21 +6,21 @@
 
 namespace stickslip::drivers {
 
-/// Follows commands, one a cycle, as straight lines from each to the next, and so one cycle late,
-/// through a four-pole Butterworth low-pass. Its acceleration is then continuous, and free of the
-/// steps of the commands. With the amplifier off, a moving base is brought back to its middle by
-/// its suspension, critically damped at 3 Hz, from where and how fast it was told to be; a force is
-/// gone at once but for the low-pass. Owns no heap memory.
+/// Commands, one per cycle, are interpolated linearly, hence with a delay of one cycle, and
+/// filtered by a four-pole Butterworth low-pass, so that the acceleration is continuous. With the
+/// amplifier off, a moving base returns to its centre by its suspension, critically damped at 3 Hz,
+/// from the commanded position and velocity; a force drops to zero through the low-pass. Owns no
+/// heap memory.
 class Shaker {
  public:
-  /// `steps`: parts of a cycle in which it moves.
+  /// `steps`: integration steps per cycle.
   Shaker(physics::Excitation excitation, double bandwidth_hz, double period_s, int steps);
 
-  /// What holds until the next command: displacement [m] or force [N]. A drive that is not finite
-  /// is none: the amplifier counts as off.
+  /// Displacement [m] or force [N] until the next command. With a drive that is not finite the
+  /// amplifier counts as off.
   void command(double drive, bool amplifier_on);
 
-  /// Begins a cycle; then `steps` calls of `advance`.
+  /// Begins a cycle; to be followed by `steps` calls of `advance`.
   void begin_cycle();
   void advance();
 
@@ -38,10 +38,10 @@ class Shaker {
   physics::FilterMemory<double> memory_;
   double drive_ = 0.0;
   bool amplifier_on_ = false;
-  double from_ = 0.0;  // of this cycle's straight line
+  double from_ = 0.0;  // interpolation interval of this cycle
   double to_ = 0.0;
   double rate_ = 0.0;  // at its end, per second
-  int step_ = 0;       // steps of it that are done
+  int step_ = 0;       // completed steps of the cycle
 };
 
 }  // namespace stickslip::drivers

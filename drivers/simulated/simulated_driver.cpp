@@ -12,9 +12,9 @@ namespace stickslip::drivers {
 
 namespace {
 
-/// Between these the base's acceleration is a straight line. It comes from the low-pass with an
-/// error that grows with the square of the step: 0.01 % at 3 Hz with this one.
-constexpr double longest_shaker_step_s = 1.0e-4;
+/// The acceleration of the base is linear within a step. Its error grows with the square of the
+/// step: 0.01 % at 3 Hz with this one.
+constexpr double max_shaker_step_s = 1.0e-4;
 
 physics::SimulationOptions options_of(const config::SimulatedDriver& settings) {
   physics::SimulationOptions options;
@@ -26,7 +26,7 @@ physics::SimulationOptions options_of(const config::SimulatedDriver& settings) {
 }
 
 int steps_of(double period_s) {
-  return std::max(1, static_cast<int>(std::ceil(period_s / longest_shaker_step_s - 1.0e-9)));
+  return std::max(1, static_cast<int>(std::ceil(period_s / max_shaker_step_s - 1.0e-9)));
 }
 
 }  // namespace
@@ -65,7 +65,7 @@ struct SimulatedDriver::Bench {
 SimulatedDriver::SimulatedDriver(const config::SimulatedDriver& settings, double period_s)
     : settings_(settings), period_s_(period_s) {
   description_.name = "simulated rig";
-  description_.time_of_its_own = true;
+  description_.stepped_time = true;
   description_.can_drive = settings.truth.oscillator.excitation != physics::Excitation::imposed;
   for (const Channel channel : all_channels) {
     description_.unit[index_of(channel)] = info(channel).unit.data();
@@ -79,11 +79,11 @@ Result SimulatedDriver::open() {
   if (const Result relay = open_relay(); !relay) return relay;
   try {
     auto bench = std::make_unique<Bench>(settings_, period_s_);
-    // What this rig measures is what a first reading holds; the bench itself stays untouched.
+    // The channels are those of a first reading, of a copy: the bench itself is unchanged.
     description_.channels = Bench(settings_, period_s_).simulator.read().valid;
     bench_ = std::move(bench);
   } catch (const std::exception& error) {
-    refusal_ = std::string("the simulated rig's truth is no sound model: ") + error.what();
+    refusal_ = std::string("the true model of the simulated rig is invalid: ") + error.what();
     return {Outcome::needs_attention, refusal_.c_str()};
   }
   return {};
@@ -115,7 +115,7 @@ Result SimulatedDriver::read(Frame& frame) {
   reading.time_ns = std::llround(static_cast<double>(reading.sequence) * period_s_ * 1.0e9);
   for (const double value : reading.value) {
     if (!std::isfinite(value)) {
-      return {Outcome::fatal, "the simulated rig's motion grew without bound"};
+      return {Outcome::fatal, "the simulated rig diverged"};
     }
   }
   frame = reading;
@@ -124,14 +124,14 @@ Result SimulatedDriver::read(Frame& frame) {
 
 Result SimulatedDriver::write(const Actuation& actuation) {
   if (!running_) {
-    // Off is what it is already.
+    // It is off.
     if (!actuation.amplifier_on) return {};
     return {Outcome::fatal, "write to a simulated rig that is not started"};
   }
   bench_->shaker.command(actuation.drive, actuation.amplifier_on);
   if (relay_) {
-    const Result told = relay_->tell(actuation.amplifier_on && std::isfinite(actuation.drive));
-    if (!told) return told;
+    const Result set = relay_->set(actuation.amplifier_on && std::isfinite(actuation.drive));
+    if (!set) return set;
   }
   if (!std::isfinite(actuation.drive)) return {Outcome::fatal, "the commanded drive is not finite"};
   return {};
@@ -139,7 +139,7 @@ Result SimulatedDriver::write(const Actuation& actuation) {
 
 void SimulatedDriver::stop() noexcept {
   if (bench_) bench_->shaker.command(0.0, false);
-  if (relay_) relay_->tell(false);
+  if (relay_) relay_->set(false);
   running_ = false;
 }
 

@@ -1,4 +1,4 @@
-// A rig of equations behind the driver interface: shaker, oscillator, sensors and converter.
+// Simulated rig as a driver: shaker, oscillator, sensors and converter.
 #pragma once
 
 #include <memory>
@@ -10,20 +10,19 @@
 
 namespace stickslip::drivers {
 
-/// Yields one frame a cycle, at exact multiples of the period of its own clock, which starts at 0
-/// when it is opened; it does not wait (the loop keeps time), and no frame is ever missing. What is
-/// commanded reaches the rig through a Shaker. The same settings and commands give the same frames
-/// to the bit.
+/// One frame per read, at exact multiples of the period on its own clock, which starts at 0 when it
+/// is opened; it does not wait (the loop paces it) and loses no frame. Commands act through a
+/// Shaker. The same settings and commands give the same frames, bit for bit.
 class SimulatedDriver final : public Driver {
  public:
-  /// `period_s` is the time from one read to the next.
+  /// `period_s`: time from frame to frame.
   SimulatedDriver(const config::SimulatedDriver& settings, double period_s);
   ~SimulatedDriver() override;
 
   Result open() override;
   Result start() override;
   Result read(Frame& frame) override;
-  /// Before start, after stop, and where the drive is not finite, the amplifier stays off.
+  /// Before start, after stop, and with a drive that is not finite, the amplifier stays off.
   Result write(const Actuation& actuation) override;
   void stop() noexcept override;
   void close() noexcept override;
@@ -36,7 +35,7 @@ class SimulatedDriver final : public Driver {
   double period_s_;
   Description description_;
   std::unique_ptr<Bench> bench_;
-  std::unique_ptr<Relay> relay_;  // null: the amplifier is part of the equations
+  std::unique_ptr<Relay> relay_;  // null: the amplifier is part of the model
   std::string refusal_;
   bool running_ = false;
 };

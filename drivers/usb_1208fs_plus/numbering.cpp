@@ -22,7 +22,7 @@ void Numbering::begin(std::int64_t host_ns) {
   first_ = next_;
   begun_ns_ = window_ns_ = host_ns;
   earliest_ns_ = never;
-  at_first_ns_.reset();
+  initial_ns_.reset();
 }
 
 void Numbering::arrived(std::int64_t host_ns) {
@@ -30,11 +30,11 @@ void Numbering::arrived(std::int64_t host_ns) {
   earliest_ns_ = std::min(earliest_ns_, static_cast<double>(host_ns - begun_ns_) - taken_ns);
   if (host_ns - window_ns_ < second_ns) return;
   window_ns_ = host_ns;
-  lately_ns_ = earliest_ns_;
-  if (!at_first_ns_) at_first_ns_ = earliest_ns_;
+  latest_ns_ = earliest_ns_;
+  if (!initial_ns_) initial_ns_ = earliest_ns_;
   earliest_ns_ = never;
 }
 
-double Numbering::drift_ns() const { return at_first_ns_ ? lately_ns_ - *at_first_ns_ : 0.0; }
+double Numbering::drift_ns() const { return initial_ns_ ? latest_ns_ - *initial_ns_ : 0.0; }
 
 }  // namespace stickslip::drivers::usb_1208fs_plus

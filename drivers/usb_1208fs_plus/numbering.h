@@ -1,4 +1,4 @@
-// Numbers for the scans of a board that numbers nothing.
+// Sequence numbers for the scans of a board that does not number them.
 #pragma once
 
 #include <cstdint>
@@ -6,39 +6,38 @@
 
 namespace stickslip::drivers::usb_1208fs_plus {
 
-/// Scans that come one after the other have numbers one after the other. Where a scan has to be
-/// begun anew, the host's clock says how many periods passed meanwhile, from the one start command
-/// to the other; the drift of the board's crystal against it is taken out by how late scans come to
-/// the host, the earliest of each second. What remains is how unevenly commands travel: less than a
-/// millisecond on a host that is not busy.
+/// Consecutive scans have consecutive numbers. After a restart of the scan, the number of periods
+/// between the two start commands follows from the host's clock, corrected for the drift of the
+/// board's crystal, which is estimated from the minimum lateness of scans in each second. The
+/// remaining error is the jitter of commands: less than a millisecond on a host that is not busy.
 class Numbering {
  public:
   explicit Numbering(double period_s) : period_ns_(period_s * 1e9) {}
 
-  /// The board was told to begin at that time on the host's clock. The first time numbers begin
-  /// with 0; later there is a gap of one scan at least.
+  /// The start command was sent at that time on the host's clock. Numbers begin with 0; a restart
+  /// leaves a gap of at least one scan.
   void begin(std::int64_t host_ns);
 
-  /// The number of the next scan that came, or that is known to be lost.
+  /// Number of the next scan, received or known to be lost.
   std::uint64_t take() { return next_++; }
 
-  /// All that were taken had come by that time.
+  /// All scans taken so far had arrived by that time.
   void arrived(std::int64_t host_ns);
 
  private:
-  /// How much later than at first the scans come [ns].
+  /// Increase of the lateness of scans since the start [ns].
   double drift_ns() const;
 
   double period_ns_;
   bool begun_ = false;
   std::uint64_t next_ = 0;
   std::uint64_t first_ = 0;     // of this run
-  double first_exact_ = 0.0;    // where it would be between whole numbers
+  double first_exact_ = 0.0;    // not rounded
   std::int64_t begun_ns_ = 0;   // of this run
-  std::int64_t window_ns_ = 0;  // when the second began
-  double earliest_ns_ = 0.0;    // lateness, in this second
-  std::optional<double> at_first_ns_;
-  double lately_ns_ = 0.0;  // in the last whole second
+  std::int64_t window_ns_ = 0;  // start of the current second
+  double earliest_ns_ = 0.0;    // minimum lateness in this second
+  std::optional<double> initial_ns_;
+  double latest_ns_ = 0.0;  // in the last complete second
 };
 
 }  // namespace stickslip::drivers::usb_1208fs_plus

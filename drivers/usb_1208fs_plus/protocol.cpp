@@ -10,10 +10,10 @@ namespace stickslip::drivers::usb_1208fs_plus {
 
 namespace {
 
-/// Of all inputs together; beyond it the converter does not follow.
-constexpr double largest_sample_rate_hz = 51200.0;
-constexpr double largest_immediate_rate_hz = 100.0;
-constexpr double longest_packet_s = 0.01;
+/// Over all inputs; limit of the converter.
+constexpr double max_sample_rate_hz = 51200.0;
+constexpr double max_immediate_rate_hz = 100.0;
+constexpr double max_packet_s = 0.01;
 constexpr double samples_per_packet = packet_bytes / 2.0;
 
 std::uint32_t word_at(std::span<const std::uint8_t> bytes, std::size_t at) {
@@ -31,12 +31,12 @@ Correction correction_at(std::span<const std::uint8_t> memory, std::size_t at) {
   return {std::bit_cast<float>(word_at(memory, at)), std::bit_cast<float>(word_at(memory, at + 4))};
 }
 
-bool believable(const Correction& correction) {
+bool plausible(const Correction& correction) {
   return std::isfinite(correction.slope) && std::isfinite(correction.offset) &&
          std::abs(correction.slope - 1.0F) < 0.25F && std::abs(correction.offset) < 512.0F;
 }
 
-/// "CH3": 3. Nothing for what is no input.
+/// "CH3": 3. None if there is no such input.
 std::optional<std::uint8_t> channel_number(const std::string& name) {
   if (name.size() != 3 || !name.starts_with("CH") || name[2] < '0' || name[2] > '7') {
     return std::nullopt;
@@ -52,11 +52,12 @@ std::optional<std::uint8_t> range_code(double range_v, bool differential) {
   return std::nullopt;
 }
 
-std::string refusal_of_range(const std::string& where, double range_v, bool differential) {
+std::string range_error(const std::string& where, double range_v, bool differential) {
   return where + " has a range of " + physics::shortest_text(range_v) + " V; a " +
-         (differential ? "differential input of this board has 20, 10, 5, 4, 2.5, 2, 1.25 or 1 V"
-                       : "single-ended input of this board has 10 V, a differential one has others "
-                         "(set differential = true)");
+         (differential
+              ? "differential input of this board has 20, 10, 5, 4, 2.5, 2, 1.25 or 1 V"
+              : "single-ended input of this board has 10 V only, a differential one others "
+                "(set differential = true)");
 }
 
 std::optional<ScanChannel> scan_channel(const config::BenchInput& input, std::size_t frame_index,
@@ -72,7 +73,7 @@ std::optional<ScanChannel> scan_channel(const config::BenchInput& input, std::si
   }
   const auto code = range_code(input.range_v, input.differential);
   if (!code) {
-    refusal = refusal_of_range(where, input.range_v, input.differential);
+    refusal = range_error(where, input.range_v, input.differential);
     return std::nullopt;
   }
   return ScanChannel{*number, *code, input.range_v, frame_index};
@@ -81,14 +82,14 @@ std::optional<ScanChannel> scan_channel(const config::BenchInput& input, std::si
 void fill_packets(ScanPlan& plan, double rate_hz) {
   const std::size_t inputs = plan.differential ? 4 : 8;
   const auto too_slow = [&] {
-    return static_cast<double>(plan.channels.size()) * rate_hz * longest_packet_s <
-           samples_per_packet;
+    return static_cast<double>(plan.channels.size()) * rate_hz * max_packet_s < samples_per_packet;
   };
-  const ScanChannel like = plan.channels.front();
+  const ScanChannel pattern = plan.channels.front();
   for (std::uint8_t channel = 0; channel < inputs && too_slow(); ++channel) {
     const bool taken = std::any_of(plan.channels.begin(), plan.channels.end(),
                                    [&](const auto& one) { return one.channel == channel; });
-    if (!taken) plan.channels.push_back({channel, like.range_code, like.range_v, std::nullopt});
+    if (!taken)
+      plan.channels.push_back({channel, pattern.range_code, pattern.range_v, std::nullopt});
   }
 }
 
@@ -102,17 +103,17 @@ std::optional<Calibration> parse_calibration(std::span<const std::uint8_t> memor
   if (memory.size() < calibration_bytes) return std::nullopt;
   Calibration calibration;
   std::size_t at = 0;
-  bool sound = true;
+  bool valid = true;
   const auto take = [&](Correction& correction) {
     correction = correction_at(memory, at);
-    sound = sound && believable(correction);
+    valid = valid && plausible(correction);
     at += 8;
   };
   for (auto& range : calibration.differential) {
     for (Correction& correction : range) take(correction);
   }
   for (Correction& correction : calibration.single_ended) take(correction);
-  if (!sound) return std::nullopt;
+  if (!valid) return std::nullopt;
   return calibration;
 }
 
@@ -144,24 +145,25 @@ std::optional<ScanPlan> plan_scan(const config::BenchInputs& inputs, double rate
     plan.differential = inputs[i]->differential;
     for (const ScanChannel& other : plan.channels) {
       if (other.channel != channel->channel) continue;
-      refusal = "USB-1208FS-Plus: the input " + inputs[i]->input + " is given to two channels";
+      refusal = "USB-1208FS-Plus: the input " + inputs[i]->input + " is assigned to two channels";
       return std::nullopt;
     }
     plan.channels.push_back(*channel);
   }
   if (plan.channels.empty()) {
-    refusal = "USB-1208FS-Plus: no channel comes from its inputs; give one as [inputs.CHANNEL]";
+    refusal =
+        "USB-1208FS-Plus: no channel is assigned to its inputs; assign one in [inputs.CHANNEL]";
     return std::nullopt;
   }
   const double samples_hz = rate_hz * static_cast<double>(plan.channels.size());
-  if (!(rate_hz >= 1.0) || samples_hz > largest_sample_rate_hz) {
+  if (!(rate_hz >= 1.0) || samples_hz > max_sample_rate_hz) {
     refusal = "USB-1208FS-Plus: " + std::to_string(plan.channels.size()) + " inputs at " +
               physics::shortest_text(rate_hz) + " Hz; the board samples at most " +
-              physics::shortest_text(largest_sample_rate_hz) +
-              " times a second, all inputs together, and each at 1 Hz or more. Change loop.rate_hz";
+              physics::shortest_text(max_sample_rate_hz) +
+              " times a second over all inputs, and each at 1 Hz or more. Change loop.rate_hz";
     return std::nullopt;
   }
-  plan.immediate = rate_hz <= largest_immediate_rate_hz;
+  plan.immediate = rate_hz <= max_immediate_rate_hz;
   if (!plan.immediate) fill_packets(plan, rate_hz);
   std::sort(plan.channels.begin(), plan.channels.end(),
             [](const auto& a, const auto& b) { return a.channel < b.channel; });
@@ -176,7 +178,7 @@ std::optional<ScanPlan> plan_scan(const config::BenchInputs& inputs, double rate
 }
 
 std::array<std::uint8_t, 14> input_scan(const ScanPlan& plan) {
-  std::array<std::uint8_t, 14> bytes{};  // total and retrigger count 0: without end
+  std::array<std::uint8_t, 14> bytes{};  // total and retrigger count 0: continuous
   put_word(bytes, 8, plan.input_pacer);
   for (const ScanChannel& channel : plan.channels) {
     bytes[12] = static_cast<std::uint8_t>(bytes[12] | (1U << channel.channel));

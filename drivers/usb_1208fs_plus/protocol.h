@@ -1,6 +1,5 @@
-// What travels between a host and a USB-1208FS-Plus: requests, scan settings, samples and the
-// calibration memory, as pure functions of bytes. Numbers are those of the board's protocol, as the
-// vendor's open drivers for Linux show it.
+// Protocol of the USB-1208FS-Plus: requests, scan settings, samples and calibration memory, as pure
+// functions of bytes. The numbers are those of the vendor's open Linux drivers.
 #pragma once
 
 #include <array>
@@ -37,7 +36,7 @@ enum class Request : std::uint8_t {
   serial = 0x48,
 };
 
-/// The word that Request::status answers.
+/// Reply to Request::status.
 struct Status {
   bool input_running = false;
   bool input_overrun = false;
@@ -46,7 +45,7 @@ struct Status {
 };
 Status status_of(std::uint16_t word);
 
-/// Range codes 0 to 7 of differential inputs [V]; single-ended ones have only +-10 V, code 0.
+/// Ranges of differential inputs by code, 0 to 7 [V]; single-ended ones have only +-10 V, code 0.
 inline constexpr std::array<double, 8> differential_ranges_v = {20.0, 10.0, 5.0,  4.0,
                                                                 2.5,  2.0,  1.25, 1.0};
 
@@ -62,15 +61,14 @@ struct Calibration {
 };
 inline constexpr std::size_t calibration_bytes = 0x140;
 
-/// Nothing where the memory does not hold constants of an ADC: not finite, a slope far from 1, or
-/// an offset of more than an eighth of the range.
+/// None if the memory holds implausible constants: not finite, a slope far from 1, or an offset of
+/// more than an eighth of the range.
 std::optional<Calibration> parse_calibration(std::span<const std::uint8_t> memory);
 
-/// Of a 12-bit code, 0 to 4095.
+/// Voltage of a 12-bit code, 0 to 4095.
 double input_volts(std::uint16_t code, double range_v, Correction correction);
 
-/// Volts at an output, 0 to 5 V, as counts; beyond it (and where it is no number, at 0) the
-/// nearest.
+/// Counts for an output of 0 to 5 V, saturated; 0 for NaN.
 std::uint16_t output_counts(double volts);
 
 /// One input of a scan.
@@ -78,45 +76,45 @@ struct ScanChannel {
   std::uint8_t channel = 0;
   std::uint8_t range_code = 0;
   double range_v = 10.0;
-  /// Which channel of the frame it carries; nothing: it only fills packets.
+  /// Index of the channel in the frame; none: the input only fills packets.
   std::optional<std::size_t> frame_index;
 };
 
-/// How a configuration is scanned.
+/// Scan settings for a configuration.
 struct ScanPlan {
   std::vector<ScanChannel> channels;  ///< ascending, as the board samples them
   bool differential = false;
-  bool immediate = false;          ///< a packet for each scan, else full packets
-  std::uint32_t input_pacer = 0;   ///< one conversion each (input_pacer + 1) ticks of 60 MHz
-  std::uint32_t output_pacer = 0;  ///< one value each (output_pacer + 1) ticks: the scan's period
+  bool immediate = false;          ///< one packet per scan, else full packets
+  std::uint32_t input_pacer = 0;   ///< one conversion every (input_pacer + 1) ticks of 60 MHz
+  std::uint32_t output_pacer = 0;  ///< one value every (output_pacer + 1) ticks: the scan period
   std::size_t transfer_bytes = packet_bytes;
-  double period_s = 0.0;  ///< from scan to scan
+  double period_s = 0.0;  ///< scan period
   double conversion_s() const { return static_cast<double>(input_pacer + 1) / clock_hz; }
 };
 
-/// `refusal` says in words what is wrong where there is no plan. Packets hold 32 samples: where the
-/// wanted inputs fill them too slowly (in more than 10 ms), other inputs are scanned as well and
-/// thrown away. Up to 100 scans a second each scan comes in a packet of its own.
+/// None if the configuration is invalid; `refusal` then holds the message. Packets hold 32 samples:
+/// if the configured inputs take more than 10 ms to fill one, further inputs are scanned and their
+/// samples discarded. Up to 100 scans per second, each scan has a separate packet.
 std::optional<ScanPlan> plan_scan(const config::BenchInputs& inputs, double rate_hz,
                                   std::string& refusal);
 
-/// The 14 bytes of Request::input_scan_start: without end, stalling on overrun.
+/// The 14 bytes of Request::input_scan_start: continuous, stalling on overrun.
 std::array<std::uint8_t, 14> input_scan(const ScanPlan& plan);
 /// The 8 bytes of Request::input_config.
 std::array<std::uint8_t, 8> input_ranges(const ScanPlan& plan);
-/// The 9 bytes of Request::output_scan_start: without end, of one output.
+/// The 9 bytes of Request::output_scan_start: continuous, one output.
 std::array<std::uint8_t, 9> output_scan(const ScanPlan& plan, int output);
 
-/// Makes scans of a stream of bytes whose packets end anywhere, even within a sample.
+/// Assembles scans from a stream of bytes whose packets may end anywhere, even within a sample.
 class ScanDecoder {
  public:
   explicit ScanDecoder(std::size_t channels) : channels_(channels) {}
 
-  /// Forgets a scan that is not complete.
+  /// Discards an incomplete scan.
   void restart() { have_ = 0; }
 
-  /// Takes bytes until a scan is complete; `bytes` keeps what is left. The scan is valid until the
-  /// next call. Bits 12 to 15 of a sample are not part of it.
+  /// Consumes bytes until a scan is complete; the rest remains in `bytes`. The scan is valid until
+  /// the next call. Bits 12 to 15 of a sample are masked.
   std::optional<std::span<const std::uint16_t>> next(std::span<const std::uint8_t>& bytes);
 
  private:

@@ -8,7 +8,7 @@ namespace stickslip::drivers::usb_1208fs_plus {
 
 namespace {
 
-constexpr unsigned patience_ms = 1000;
+constexpr unsigned timeout_ms = 1000;
 constexpr std::uint8_t vendor_out = 0x40;
 constexpr std::uint8_t vendor_in = 0xC0;
 
@@ -18,10 +18,10 @@ int request_of(libusb_device_handle* handle, std::uint8_t type, Request request,
                std::uint16_t value, std::uint16_t index, std::span<std::uint8_t> bytes) {
   return libusb_control_transfer(handle, type, static_cast<std::uint8_t>(request), value, index,
                                  bytes.data(), static_cast<std::uint16_t>(bytes.size()),
-                                 patience_ms);
+                                 timeout_ms);
 }
 
-/// `error` is libusb's where it does not answer.
+/// `error` is that of libusb if the board does not respond.
 std::string serial_of(libusb_device_handle* handle, int& error) {
   std::array<std::uint8_t, 8> text{};
   const int got = request_of(handle, vendor_in, Request::serial, 0, 0, text);
@@ -39,7 +39,7 @@ std::vector<UsbBoard> search(libusb_context* context) {
     int error = 0;
     board.serial = serial_of(board.handle.get(), error);
     if (error != LIBUSB_ERROR_NO_DEVICE) return;
-    board.trouble = usb_refusal(kind, board.where, error);
+    board.problem = usb_refusal(kind, board.location, error);
     board.handle.reset();
   });
 }
@@ -49,7 +49,7 @@ std::vector<UsbBoard> search(libusb_context* context) {
 Outcome Session::open(const std::string& wanted, std::string& refusal) {
   context_ = new_usb_context();
   if (!context_) {
-    refusal = "USB-1208FS-Plus: libusb cannot begin; is /dev/bus/usb there?";
+    refusal = "USB-1208FS-Plus: libusb cannot be initialized. Does /dev/bus/usb exist?";
     return Outcome::fatal;
   }
   auto boards = search(context_.get());
@@ -59,20 +59,20 @@ Outcome Session::open(const std::string& wanted, std::string& refusal) {
     serial_ = boards[*chosen].serial;
     const int claimed = claim_usb_board(handle_);
     if (claimed == LIBUSB_SUCCESS) return Outcome::ok;
-    problem = usb_refusal(kind, boards[*chosen].where, claimed);
+    problem = usb_refusal(kind, boards[*chosen].location, claimed);
   }
   refusal = std::move(problem.text);
   return problem.outcome;
 }
 
 void Session::release() const {
-  // Where it fails the board is gone, and free.
+  // On failure the board is gone, and so released.
   static_cast<void>(libusb_release_interface(handle_.get(), 0));
 }
 
 int Session::send(Request request, std::span<const std::uint8_t> bytes, std::uint16_t value,
                   std::uint16_t index) const {
-  // libusb takes what is sent as it takes what is filled; the longest is 14 bytes.
+  // libusb requires a mutable buffer; the longest request has 14 bytes.
   std::array<std::uint8_t, 16> out{};
   std::copy(bytes.begin(), bytes.end(), out.begin());
   return request_of(handle_.get(), vendor_out, request, value, index,
@@ -83,17 +83,17 @@ int Session::receive(Request request, std::span<std::uint8_t> bytes, std::uint16
   return request_of(handle_.get(), vendor_in, request, value, 0, bytes);
 }
 
-std::vector<Attached> find_all() {
-  std::vector<Attached> attached;
+std::vector<AttachedDevice> find_all() {
+  std::vector<AttachedDevice> attached;
   const UsbContext context = new_usb_context();
   if (!context) return attached;
   for (const UsbBoard& board : search(context.get())) {
-    Attached one;
+    AttachedDevice one;
     one.kind = kind.section;
     one.name = kind.name + (board.serial.empty() ? "" : " #" + board.serial);
     one.serial = board.serial;
-    one.where = board.where;
-    if (!board.handle) one.trouble = board.trouble.text;
+    one.location = board.location;
+    if (!board.handle) one.problem = board.problem.text;
     attached.push_back(std::move(one));
   }
   return attached;

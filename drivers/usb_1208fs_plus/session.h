@@ -1,4 +1,4 @@
-// One USB-1208FS-Plus on the bus: found, opened, claimed, and its control requests.
+// Connection to one USB-1208FS-Plus: discovery, and control requests.
 #pragma once
 
 #include <libusb-1.0/libusb.h>
@@ -8,27 +8,27 @@
 #include <string>
 #include <vector>
 
-#include "drivers/attached.h"
+#include "drivers/attached_device.h"
 #include "drivers/driver.h"
+#include "drivers/usb/usb_boards.h"
 #include "drivers/usb_1208fs_plus/protocol.h"
-#include "drivers/usb_boards.h"
 
 namespace stickslip::drivers::usb_1208fs_plus {
 
-/// In this order: the handle ends before its context.
+/// Members are ordered so that the handle is closed before its context.
 class Session {
  public:
-  /// The board with that serial number; empty: the only one. `refusal` holds the message where the
-  /// outcome is not ok.
+  /// Opens the board with that serial number; empty: the only one. `refusal` holds the message
+  /// unless the outcome is ok.
   Outcome open(const std::string& serial, std::string& refusal);
 
   libusb_context* context() const { return context_.get(); }
   libusb_device_handle* handle() const { return handle_.get(); }
   const std::string& serial() const { return serial_; }
-  /// Gives the board free for another session. What the kernel still does on it ends with that.
+  /// Releases the board for another session, which also ends pending transfers of the kernel.
   void release() const;
 
-  /// Control requests. They wait, at most a second. Negative: libusb's error.
+  /// Control requests; they wait at most a second. Negative: libusb's error.
   int send(Request request, std::span<const std::uint8_t> bytes = {}, std::uint16_t value = 0,
            std::uint16_t index = 0) const;
   int receive(Request request, std::span<std::uint8_t> bytes, std::uint16_t value = 0) const;
@@ -39,6 +39,6 @@ class Session {
   std::string serial_;
 };
 
-std::vector<Attached> find_all();
+std::vector<AttachedDevice> find_all();
 
 }  // namespace stickslip::drivers::usb_1208fs_plus

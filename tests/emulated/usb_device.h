@@ -1,6 +1,6 @@
-// A USB device as the bus sees it: what the emulations of boards and bridges are, and what attaches
-// them drives: an in-process stand-in for the driver's library, or the kernel's own stack through
-// vhci-hcd. An emulation knows the device, not how it is attached.
+// Interface of an emulated USB device. It is attached either by an in-process replacement of the
+// driver's library, or to the kernel's USB stack through vhci-hcd; the emulation is independent of
+// that.
 #pragma once
 
 #include <cstddef>
@@ -25,8 +25,8 @@ struct UsbSetup {
 
 enum class UsbStatus {
   ok,
-  not_ready,  ///< NAK: nothing yet, ask again
-  stall,      ///< bulk and interrupt endpoints stay so until clear_halt
+  not_ready,  ///< NAK: nothing yet, retry
+  stall,      ///< bulk and interrupt endpoints stay stalled until clear_halt
 };
 
 struct UsbAnswer {
@@ -34,11 +34,11 @@ struct UsbAnswer {
   Bytes bytes;
 };
 
-/// Nanoseconds of whatever clock the test lives by; never decreases.
+/// Time on the clock of the test [ns]; never decreases.
 using Now = std::function<std::int64_t()>;
 
-/// All calls come from one thread at a time. A device looks at its clock in every call and does by
-/// itself whatever was due until then.
+/// All calls come from one thread at a time. In every call a device reads its clock and performs
+/// the actions due by then.
 class UsbDevice {
  public:
   UsbDevice() = default;
@@ -46,22 +46,22 @@ class UsbDevice {
   UsbDevice& operator=(const UsbDevice&) = delete;
   virtual ~UsbDevice() = default;
 
-  /// As they travel: 18 bytes; the configuration with its interfaces and endpoints.
+  /// Raw descriptors: 18 bytes; the configuration with its interfaces and endpoints.
   virtual Bytes device_descriptor() const = 0;
   virtual Bytes configuration_descriptor() const = 0;
-  /// String descriptor `index` (from 1), ASCII; empty: there is none.
+  /// String descriptor `index` (from 1), ASCII; empty: none.
   virtual std::string string(std::uint8_t index) const = 0;
 
   /// Class and vendor requests, and standard requests to an interface (a HID report descriptor).
-  /// Standard requests to the device and to endpoints are answered by whoever attaches it.
+  /// Standard requests to the device and to endpoints are handled by the attachment.
   virtual UsbAnswer control(const UsbSetup& setup, std::span<const std::uint8_t> out) = 0;
   /// The data of one transfer to an endpoint (address without the direction bit).
   virtual UsbStatus out(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) = 0;
-  /// At most `room` bytes of one transfer: whole packets until one is short, `room` is full or
-  /// nothing more is there now. With at least one byte or a packet of none: ok.
-  virtual UsbAnswer in(std::uint8_t endpoint, std::size_t room) = 0;
+  /// At most `capacity` bytes of one transfer: complete packets until one is short, the capacity is
+  /// reached or no more data are available. ok with at least one byte or an empty packet.
+  virtual UsbAnswer in(std::uint8_t endpoint, std::size_t capacity) = 0;
   virtual void clear_halt(std::uint8_t endpoint_address) { static_cast<void>(endpoint_address); }
-  /// The bus was reset, or it was plugged in: as after power-up.
+  /// After a bus reset or plugging in: the state after power-up.
   virtual void reset() = 0;
 };
 

@@ -1,12 +1,12 @@
-"""`stickslip devices` and `check --live` on this machine, whatever is attached to it: what they say is
-sound, and what is not there is told in words. What they say of devices is seen in tests/vm."""
+"""`stickslip devices` and `check --live` on this host, with any attached devices: valid output, and
+messages about absent devices. Output for present devices is tested in tests/vm."""
 import json
 
 from programs import EndToEnd, SOURCE, main, run, STICKSLIP
 
 
 class Devices(EndToEnd):
-    def test_what_is_attached_is_listed_for_people_and_programs(self):
+    def test_attached_devices_are_listed_as_text_and_json(self):
         listed = run(STICKSLIP, "devices", "--json")
         devices = json.loads(listed.stdout)["devices"]
         for device in devices:
@@ -18,7 +18,7 @@ class Devices(EndToEnd):
             self.assertIn(device["name"], text)
         self.assertTrue(devices or "No board" in text)
 
-    def test_a_bench_that_is_not_there_fails_device_by_device(self):
+    def test_an_absent_bench_fails_for_each_device(self):
         rig = self.write("rig.toml", (SOURCE / "config/bench-u6.toml").read_text()
                          .replace('"models/', f'"{SOURCE}/config/models/')
                          .replace('"modbus/', f'"{SOURCE}/config/modbus/')
@@ -28,7 +28,7 @@ class Devices(EndToEnd):
         self.assertEqual(result.stdout.count("FAILS: "), 3, result.stdout)
         self.assertIn("no-such-line", result.stdout)
 
-    def test_a_rig_without_devices_has_nothing_to_try(self):
+    def test_a_rig_without_devices_cannot_be_probed(self):
         result = run(STICKSLIP, "check", "--live", SOURCE / "config/simulated.toml")
         self.assertEqual(result.returncode, 2)
         self.assertIn('driver.kind = "bench"', result.stderr)

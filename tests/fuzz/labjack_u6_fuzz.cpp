@@ -1,6 +1,6 @@
-// Any bytes as what a LabJack U6 sends. The first three say how many channels a scan has, how many
-// samples a packet, and (bit 0) whether checksums are made right, so that what lies behind them is
-// reached; the rest are stream packets, and once more a reply to each command.
+// Arbitrary bytes from a LabJack U6. The first three are the number of channels of a scan, the
+// samples per packet, and a flag (bit 0) to correct the checksums, which reaches the code behind
+// them; the rest are stream packets, and again a reply to each command.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -47,9 +47,9 @@ void decode(int channels, int samples, bool right, std::span<const std::uint8_t>
     }
     const auto outcome = decoder.take(packet);
     using Outcome = u6::StreamDecoder::Outcome;
-    require(!over || outcome == Outcome::uncountable, "what nobody can count stays so");
+    require(!over || outcome == Outcome::uncountable, "an uncountable stream stays so");
     over = outcome == Outcome::uncountable;
-    require(outcome == Outcome::ok || decoder.scans().empty(), "only sound packets yield scans");
+    require(outcome == Outcome::ok || decoder.scans().empty(), "only valid packets yield scans");
     require(decoder.scans().size() <= 25, "a packet completes no more scans than it has samples");
     for (const u6::Scan& scan : decoder.scans()) {
       require(scan.index >= next, "scans come in their order");
@@ -73,7 +73,7 @@ void parse(Bytes reply, bool right) {
     std::array<u6::CalibrationBlock, u6::calibration_blocks> blocks;
     blocks.fill(block);
     const u6::Calibration calibration = u6::calibration_of(blocks);
-    require(u6::trouble_with(calibration).size() < 200, "trouble is told briefly");
+    require(u6::implausible_constant(calibration).size() < 200, "the message is short");
     require(std::isfinite(u6::volts(calibration, 3, 65535)), "volts are finite");
     static_cast<void>(u6::dac_counts(calibration, 1, 2.5));
   }

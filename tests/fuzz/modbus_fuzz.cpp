@@ -1,8 +1,8 @@
-// Any bytes as a Modbus request's parameters, a register map and a reply: a reply that is taken has
-// what was asked for, and what is a value can be written and read again.
+// Arbitrary bytes as parameters of a Modbus request, a register map and a reply: an accepted reply
+// matches the request, and a value can be written and read back.
 //
-// The bytes: table, address (2), count, type, order, TCP or not, registers in the map, four bytes
-// for each of those, and the reply.
+// Layout: table, address (2), count, type, order, TCP flag, number of registers in the map, four
+// bytes for each of those, and the reply.
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -63,9 +63,9 @@ void look_at_values(const std::vector<std::uint16_t>& words, config::ByteOrder o
     require(!raw || value, "what has a raw number has a value");
     if (!value) continue;
     require(std::isfinite(*value), "values are finite");
-    if (its.type == RegisterType::int64) continue;  // a double cannot tell all of them apart
+    if (its.type == RegisterType::int64) continue;  // not exactly representable as double
     const auto again = words_for(its, *value);
-    // Not the words: there are two zeros.
+    // Values instead of words, because of the two zeros.
     require(again && value_of(its, again->view()) == value, "a value is written as it was read");
   }
 }
@@ -89,10 +89,10 @@ void look_at_plan(const config::ModbusMap& map, const std::set<std::string>& nee
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   Taken taken(std::span(data, size));
-  ReadRequest asked;
-  asked.table = static_cast<config::RegisterTable>(taken.byte() % 4);
-  asked.address = taken.word();
-  asked.count = 1 + taken.byte() % 125;
+  ReadRequest wanted;
+  wanted.table = static_cast<config::RegisterTable>(taken.byte() % 4);
+  wanted.address = taken.word();
+  wanted.count = 1 + taken.byte() % 125;
   const auto order = static_cast<config::ByteOrder>(taken.byte() % 4);
   const bool tcp = taken.byte() % 2 == 1;
   config::ModbusMap map;
@@ -112,7 +112,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   look_at_plan(map, needed);
 
-  const Bytes request = read_message(1, asked);
+  const Bytes request = read_message(1, wanted);
   std::span<const std::uint8_t> frame = taken.rest();
   if (tcp) {
     const auto transaction = transaction_of(frame);
@@ -122,9 +122,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             "a header is written as it was read");
     frame = frame.subspan(tcp_header_size);
   }
-  const Reply reply = reply_to(request, frame);
+  const Reply reply = match_reply(request, frame);
   if (reply.verdict == Verdict::answer) {
-    require(reply.words.size() == static_cast<std::size_t>(asked.count), "as many as were asked");
+    require(reply.words.size() == static_cast<std::size_t>(wanted.count), "the requested number");
     require(frame[0] == request[0] && frame[1] == request[1], "of that unit and function");
     look_at_values(reply.words, order);
   } else {

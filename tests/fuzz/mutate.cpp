@@ -1,4 +1,4 @@
-// libFuzzer's place where there is no clang: spoils seeds in a fixed order and hands them to the
+// Replacement of libFuzzer without clang: mutates seeds in a fixed order and passes them to the
 // target.
 //   fuzz_NAME [--rounds N] SEED...     SEED: a file, or a folder of files
 #include <algorithm>
@@ -34,15 +34,15 @@ std::vector<Bytes> seeds_of(const std::vector<std::filesystem::path>& paths) {
       files.push_back(path);
     }
   }
-  std::sort(files.begin(), files.end());  // a folder has no order of its own
+  std::sort(files.begin(), files.end());  // folders are unordered
   std::vector<Bytes> out;
   for (const auto& file : files) out.push_back(content(file));
   return out;
 }
 
-// Numbers at which sizes, counts and digits turn over.
-constexpr std::uint8_t telling[] = {0,   1,   0x7F, 0x80, 0xFF, '0', '9',
-                                    '-', '.', ',',  '\n', 'e',  '#'};
+// Boundary values of sizes, counts and digits.
+constexpr std::uint8_t boundary[] = {0,   1,   0x7F, 0x80, 0xFF, '0', '9',
+                                     '-', '.', ',',  '\n', 'e',  '#'};
 
 void spoil(Bytes& bytes, const std::vector<Bytes>& seeds, std::mt19937& random) {
   const auto below = [&random](std::size_t n) { return n == 0 ? 0 : random() % n; };
@@ -54,27 +54,27 @@ void spoil(Bytes& bytes, const std::vector<Bytes>& seeds, std::mt19937& random) 
       if (!bytes.empty()) bytes[below(bytes.size())] ^= static_cast<std::uint8_t>(1U << below(8));
       break;
     case 1:
-      if (!bytes.empty()) bytes[below(bytes.size())] = telling[below(std::size(telling))];
+      if (!bytes.empty()) bytes[below(bytes.size())] = boundary[below(std::size(boundary))];
       break;
     case 2:
-      bytes.insert(at(bytes), telling[below(std::size(telling))]);
+      bytes.insert(at(bytes), boundary[below(std::size(boundary))]);
       break;
     case 3:  // four equal bytes in a row: a length, a count
       for (std::size_t i = below(bytes.size()), n = 4; n > 0 && i < bytes.size(); --n, ++i) {
-        bytes[i] = n == 4 ? telling[below(5)] : telling[4 * below(2)];
+        bytes[i] = n == 4 ? boundary[below(5)] : boundary[4 * below(2)];
       }
       break;
     case 4:
       bytes.resize(below(bytes.size() + 1));
       break;
-    case 5: {  // a piece taken out
+    case 5: {  // a part removed
       const std::size_t from = below(bytes.size());
       const std::size_t to = std::min(bytes.size(), from + below(64));
       bytes.erase(bytes.begin() + static_cast<std::ptrdiff_t>(from),
                   bytes.begin() + static_cast<std::ptrdiff_t>(to));
       break;
     }
-    default: {  // a piece of another seed put in
+    default: {  // a part of another seed inserted
       const Bytes& other = seeds[below(seeds.size())];
       const std::size_t from = below(other.size());
       const std::size_t to = std::min(other.size(), from + below(200));
@@ -101,7 +101,7 @@ int run(int argc, char** argv) {
   }
   for (const Bytes& seed : seeds) LLVMFuzzerTestOneInput(seed.data(), seed.size());
   for (long round = 0; round < rounds; ++round) {
-    // A generator for each round, so that one round can be run again by itself.
+    // A generator per round, so that a single round can be repeated.
     std::mt19937 random(static_cast<std::mt19937::result_type>(round));
     Bytes bytes = seeds[random() % seeds.size()];
     for (std::size_t n = 1 + random() % 4; n > 0; --n) spoil(bytes, seeds, random);

@@ -1,5 +1,5 @@
-// Any bytes from a PhidgetBridge: as reports, refused or of settings that exist, and never believed
-// before the settings were echoed twice; as a report descriptor, of a length that can be sent.
+// Arbitrary bytes from a PhidgetBridge: as reports, rejected or with valid settings, and not used
+// before the settings were echoed twice; as a report descriptor, with a length that can be sent.
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -17,7 +17,7 @@ void require(bool holds, const char* what) {
   if (!holds) throw std::logic_error(what);
 }
 
-/// Settings that exist, of four bytes.
+/// Valid settings from four bytes.
 Settings settings_of(const std::uint8_t* bytes) {
   constexpr int gains[] = {1, 8, 16, 32, 64, 128};
   Settings settings;
@@ -45,20 +45,20 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const auto piece = bytes.first(std::min(input_bytes, bytes.size()));
     bytes = bytes.subspan(piece.size());
     time_ns += std::int64_t{piece[0]} * 1'000'000;
-    require(gaps.take(time_ns, 1) < 64, "no more is missing than there was time for");
+    require(gaps.count(time_ns, 1) < 64, "no more is missing than there was time for");
     const auto report = parse_input(piece);
     if (!report) continue;
     require(is_interval(report->settings.interval_ms), "an interval exists");
     if (report->settings == wanted) ++echoes;
     handshake.take(*report);
     if (!handshake.done()) continue;
-    require(echoes >= 2 && report->settings == wanted, "what is believed was set");
+    require(echoes >= 2 && report->settings == wanted, "valid reports have the requested settings");
     for (std::size_t i = 0; i < input_count; ++i) {
       const int gain = report->settings.gain[i];
       require(is_gain(gain), "a gain exists");
       const double value = ratio(report->raw[i], gain);
       require(std::abs(value) * gain <= 1.0, "a ratio is within the range");
-      require(!believable(*report, i) || report->measured[i], "what was not measured is none");
+      require(!is_valid(*report, i) || report->measured[i], "what was not measured is none");
     }
   }
   return 0;

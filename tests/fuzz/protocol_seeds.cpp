@@ -1,4 +1,4 @@
-// Writes the seeds of fuzz_log and fuzz_message: binary, and of the types as they are now.
+// Writes the seeds of fuzz_log and fuzz_message, which are binary and depend on the current types.
 //   protocol_seeds FOLDER
 #include <cstdint>
 #include <cstdio>
@@ -23,7 +23,7 @@ template <class Message>
 void write(const std::filesystem::path& file, const Message& message) {
   std::vector<std::uint8_t> bytes(static_cast<std::size_t>(message.getEncodedSize()));
   message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
-  // A seed that the target would refuse is none.
+  // Seeds must be accepted by the target.
   Message again{};
   if (!protocol::decode(bytes, again)) throw std::runtime_error(file.string() + ": no message");
   std::ofstream out(file, std::ios::binary);
@@ -31,7 +31,7 @@ void write(const std::filesystem::path& file, const Message& message) {
             static_cast<std::streamsize>(bytes.size()));
 }
 
-/// All the messages of a daemon, and one of somebody else.
+/// All messages of a daemon, and an unrelated one.
 void write_log_of_a_daemon(const protocol::Recording& recording,
                            const std::filesystem::path& file) {
   protocol::LogWriter writer(file);

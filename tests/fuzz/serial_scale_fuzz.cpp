@@ -1,5 +1,5 @@
-// Any bytes from a serial scale: a line that is believed is of its form to the byte, and with its
-// checksum right; one byte of it changed, it is nothing. Lines are never counted twice.
+// Arbitrary bytes from a serial scale: an accepted line has the exact format and a valid checksum;
+// with one byte changed it is rejected. Lines are never counted twice.
 #include <cctype>
 #include <cmath>
 #include <cstddef>
@@ -45,9 +45,9 @@ void look_at(std::string line, std::uint8_t other) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   std::string_view text(reinterpret_cast<const char*>(data), size);
-  stickslip::drivers::Rhythm rhythm(100'000'000, 0);
+  stickslip::drivers::MissedMessages missed(100'000'000, 0);
   std::int64_t time_ns = 0;
-  std::uint64_t told = 0;
+  std::uint64_t counted = 0;
   while (!text.empty()) {
     const auto length = std::min(text.find('\n'), text.size() - 1) + 1;
     const auto first = static_cast<std::uint8_t>(text.front());
@@ -55,8 +55,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     look_at(std::string(text.substr(0, length)), static_cast<std::uint8_t>(first ^ length));
     text.remove_prefix(length);
     time_ns += std::int64_t{first} * 10'000'000;
-    told += rhythm.take(time_ns, first % 3);
-    require(told <= static_cast<std::uint64_t>(time_ns / 50'000'000),
+    counted += missed.count(time_ns, first % 3);
+    require(counted <= static_cast<std::uint64_t>(time_ns / 50'000'000),
             "no more is missing than there was time for");
   }
   return 0;

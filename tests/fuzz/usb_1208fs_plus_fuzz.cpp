@@ -1,5 +1,5 @@
-// Any bytes from a USB-1208FS-Plus: as its calibration memory, refused or of an ADC; as samples in
-// packets of any size, the same scans as in one piece, and volts within the range.
+// Arbitrary bytes from a USB-1208FS-Plus: as calibration memory, rejected or plausible; as samples
+// in packets of any size, the same scans as in one piece, and voltages within the range.
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -48,7 +48,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     require(code < 4096, "a sample has 12 bits");
     if (!calibration) continue;
     const double volts = input_volts(code, 10.0, calibration->single_ended[code % 8]);
-    require(std::abs(volts) < 18.0, "a believed calibration leaves volts near the range");
+    require(std::abs(volts) < 18.0, "a plausible calibration leaves volts near the range");
     require(output_counts(volts) < 4096, "an output has 12 bits");
   }
   return 0;

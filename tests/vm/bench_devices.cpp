@@ -1,13 +1,13 @@
-// All devices of a bench on the buses of this (virtual) machine, with one rig of equations behind
-// them: a LabJack U6, a PhidgetBridge and a CP2112 on the kernel's USB, an LVDT conditioner on a
-// serial line, and the amplifier's own Modbus port on loopback TCP.
+// All devices of a bench on the buses of this (virtual) machine, measuring one simulated rig: a
+// LabJack U6, a PhidgetBridge and a CP2112 on the kernel's USB, an LVDT conditioner on a serial
+// line, and the amplifier's Modbus port on loopback TCP.
 //
-//   bench_devices RIG.toml FOLDER     the rig's truth is what moves
+//   bench_devices RIG.toml FOLDER     simulates the rig's truth
 //
-// FOLDER gets `line` (the serial line), `ports.json`, and `truth`, rows of a time [ns] and six
-// channels, one every half millisecond. Commands come by lines on standard input, answers go by
-// lines to standard output:
-//   unplug|plug u6|bridge|gpio|lvdt|amplifier     hang|pull gpio     press|release     fault|mend
+// FOLDER receives `line` (the serial line), `ports.json`, and `truth`, rows of a time [ns] and six
+// channels, one every half millisecond. Commands are lines on standard input, replies are lines on
+// standard output:
+//   unplug|plug u6|bridge|gpio|lvdt|amplifier     hang|pull gpio     press|release     fault|repair
 //   state     quit
 #include <atomic>
 #include <chrono>
@@ -15,16 +15,15 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <iostream>
-#include <map>
 #include <mutex>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <thread>
 
 #include "config/rig.h"
-#include "drivers/host_clock.h"
+#include "drivers/clock/host_clock.h"
 #include "tests/emulated/cp2112/emulated_cp2112.h"
 #include "tests/emulated/kernel_bus/usbip_server.h"
 #include "tests/emulated/labjack_u6/emulated_labjack_u6.h"
@@ -56,7 +55,7 @@ class Circuit {
   std::array<bool, 2> closed_{};
 };
 
-/// What one device is wired to.
+/// Connection of a device to the plant.
 class Wiring final : public Wires {
  public:
   Wiring(SimulatedPlant& plant, Circuit& circuit, std::size_t contact)
@@ -75,7 +74,7 @@ class Wiring final : public Wires {
   std::size_t contact_;
 };
 
-/// Writes down what really happened, a little behind the present.
+/// Records the true channels, slightly delayed.
 class TruthWriter {
  public:
   TruthWriter(SimulatedPlant& plant, const std::filesystem::path& file, std::int64_t begin_ns)
@@ -118,106 +117,153 @@ class TruthWriter {
   std::thread thread_;
 };
 
-/// The worst moment to unplug, which chance finds once in some dozens. A chip that nobody asks
-/// anything for a second is pulled all the same.
+/// Unplugs during a transfer: the worst moment, which random timing meets once in some dozens. A
+/// chip without a transfer for a second is unplugged anyway.
 void pull_in_mid_transfer(UsbipServer& port) {
   port.hang();
   const std::int64_t end_ns = now_ns() + 1'000'000'000;
-  while (port.plugged() && !port.asked_in_vain() && now_ns() < end_ns) {
+  while (port.plugged() && !port.has_unserved_request() && now_ns() < end_ns) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   port.unplug();
 }
+
+/// All devices of the bench, wired to one simulated plant and attached to the buses of this host.
+class Bench {
+ public:
+  Bench(const std::filesystem::path& rig_file, const std::filesystem::path& folder)
+      : begin_ns_(now_ns()),
+        plant_(config::load_rig(rig_file).simulated, shaker, begin_ns_),
+        board_(board_wiring_, now_ns, board_options()),
+        bridge_(bridge_options(), board_wiring_, now_ns),
+        units_(now_ns, folder, 1) {
+    board_.wire(0, {Channel::displacement, 400.0, 0.0});
+    board_.wire(1, {Channel::velocity, 20.0, 0.0});
+    add_units();
+    units_.start();
+    std::ofstream(folder / "ports.json") << R"({"serial": ")" << units_.serial_port()
+                                         << R"(", "tcp": ")" << units_.tcp_port() << "\"}\n";
+    for (UsbipServer* port : {&board_port_, &bridge_port_, &gpio_port_}) port->plug();
+    truth_.emplace(plant_, folder / "truth", begin_ns_);
+  }
+
+  /// Executes a command of one or two words. False: unknown.
+  bool execute(const std::string& word, const std::string& device) {
+    if (word == "plug" || word == "unplug") return set_plugged(device, word == "plug");
+    if (word == "hang" && device == "gpio") {
+      gpio_port_.hang();
+    } else if (word == "pull" && device == "gpio") {
+      pull_in_mid_transfer(gpio_port_);
+      circuit_.close(1, false, now_ns());
+    } else if (word == "press" || word == "release") {
+      plant_.press_emergency_stop(word == "press");
+    } else if (word == "fault" || word == "repair") {
+      plant_.set_amplifier_fault(word == "fault");
+    } else {
+      return word == "state";
+    }
+    return true;
+  }
+
+  void print_state() {
+    std::cout << R"({"now_ns": )" << now_ns() << R"(, "enabled": )"
+              << (plant_.enabled() ? "true" : "false") << R"(, "enabled_since_ns": )"
+              << plant_.enabled_since_ns() << R"(, "heartbeats": )" << gpio_.heartbeats()
+              << R"(, "drives": )" << plant_.drives() << R"(, "scans_lost": )"
+              << board_.scans_lost() << R"(, "limit": )" << units_.written(2, Table::holding, 10)
+              << "}" << std::endl;
+  }
+
+ private:
+  static LabjackU6Options board_options() {
+    LabjackU6Options options;
+    options.enable_line = 0;
+    options.crystal_error_ppm = 30.0;
+    return options;
+  }
+
+  static EmulatedPhidgetBridge::Options bridge_options() {
+    EmulatedPhidgetBridge::Options options;
+    options.sensors[0] = Sensor{Channel::friction_force, 1.0e-3, 2.0e-4};
+    options.sensors[1] = Sensor{Channel::normal_load, 1.0e-3, -1.0e-4};
+    options.noise_v_per_v = 1.0e-7;
+    return options;
+  }
+
+  /// Unit 1: the LVDT conditioner; unit 2: the amplifier's Modbus port.
+  void add_units() {
+    Parameter position;
+    position.kind = Kind::f32;
+    position.address = 8000;
+    Parameter status;
+    status.address = 2;
+    units_.add(
+        1, orbit_rules(),
+        {measured(position, {Channel::base_displacement, 1000.0, 0.0}, board_wiring_), status});
+    Parameter limit;
+    limit.address = 10;
+    Parameter alarm;
+    alarm.address = 11;
+    alarm.number = [this](std::int64_t) { return plant_.amplifier_fault() ? 7.0 : 0.0; };
+    units_.add(2, {}, {limit, alarm});
+  }
+
+  bool set_plugged(const std::string& device, bool in) {
+    const auto set = [in](auto& port) { in ? port.plug() : port.unplug(); };
+    if (device == "u6") {
+      set(board_port_);
+    } else if (device == "bridge") {
+      set(bridge_port_);
+    } else if (device == "gpio") {
+      set(gpio_port_);
+    } else if (device == "lvdt") {
+      in ? units_.plug_in() : units_.unplug();
+    } else if (device == "amplifier") {
+      units_.dead(2, !in);
+    } else {
+      return false;
+    }
+    // The lines of a board without power are low.
+    if (!in && device == "u6") circuit_.close(0, false, now_ns());
+    if (!in && device == "gpio") circuit_.close(1, false, now_ns());
+    return true;
+  }
+
+  std::int64_t begin_ns_;
+  SimulatedPlant plant_;
+  Circuit circuit_{plant_};
+  Wiring board_wiring_{plant_, circuit_, 0};
+  Wiring gpio_wiring_{plant_, circuit_, 1};
+  EmulatedLabjackU6 board_;
+  EmulatedPhidgetBridge bridge_;
+  EmulatedCp2112 gpio_{
+      gpio_wiring_, now_ns, {.enable = 0, .fault = 1, .emergency_stop = 2, .heartbeat = 3}};
+  EmulatedModbusUnits units_;
+  UsbipServer board_port_{board_, 0};
+  UsbipServer bridge_port_{bridge_, 1};
+  UsbipServer gpio_port_{gpio_, 2, 500};  // it transmits on request only
+  std::optional<TruthWriter> truth_;
+};
 
 int run(const std::filesystem::path& rig_file, const std::filesystem::path& folder) {
   if (!UsbipServer::available()) {
     std::fprintf(stderr, "bench_devices: no virtual USB controller (modprobe vhci-hcd, as root)\n");
     return 77;
   }
-  const std::int64_t begin_ns = now_ns();
-  SimulatedPlant plant(config::load_rig(rig_file).simulated, shaker, begin_ns);
-  Circuit circuit(plant);
-  Wiring of_board(plant, circuit, 0);
-  Wiring of_gpio(plant, circuit, 1);
-
-  LabjackU6Options board_options;
-  board_options.enable_line = 0;
-  board_options.crystal_error_ppm = 30.0;
-  EmulatedLabjackU6 board(of_board, now_ns, board_options);
-  board.wire(0, {Channel::displacement, 400.0, 0.0});
-  board.wire(1, {Channel::velocity, 20.0, 0.0});
-
-  EmulatedPhidgetBridge::Options bridge_options;
-  bridge_options.sensors[0] = Sensor{Channel::friction_force, 1.0e-3, 2.0e-4};
-  bridge_options.sensors[1] = Sensor{Channel::normal_load, 1.0e-3, -1.0e-4};
-  bridge_options.noise_v_per_v = 1.0e-7;
-  EmulatedPhidgetBridge bridge(bridge_options, of_board, now_ns);
-
-  EmulatedCp2112 gpio(of_gpio, now_ns,
-                      {.enable = 0, .fault = 1, .emergency_stop = 2, .heartbeat = 3});
-
-  EmulatedModbusUnits units(now_ns, folder, 1);
-  Parameter position;
-  position.kind = Kind::f32;
-  position.address = 8000;
-  Parameter status;
-  status.address = 2;
-  units.add(1, orbit_rules(),
-            {measured(position, {Channel::base_displacement, 1000.0, 0.0}, of_board), status});
-  Parameter limit;
-  limit.address = 10;
-  Parameter alarm;
-  alarm.address = 11;
-  alarm.number = [&plant](std::int64_t) { return plant.amplifier_fault() ? 7.0 : 0.0; };
-  units.add(2, {}, {limit, alarm});
-  units.start();
-  std::ofstream(folder / "ports.json") << R"({"serial": ")" << units.serial_port()
-                                       << R"(", "tcp": ")" << units.tcp_port() << "\"}\n";
-
-  UsbipServer board_port(board, 0);
-  UsbipServer bridge_port(bridge, 1);
-  UsbipServer gpio_port(gpio, 2, 500);  // it never speaks by itself
-  for (UsbipServer* port : {&board_port, &bridge_port, &gpio_port}) port->plug();
-  const TruthWriter truth(plant, folder / "truth", begin_ns);
-
-  const std::map<std::string, std::function<void(bool)>> plugs = {
-      {"u6", [&](bool in) { in ? board_port.plug() : board_port.unplug(); }},
-      {"bridge", [&](bool in) { in ? bridge_port.plug() : bridge_port.unplug(); }},
-      {"gpio", [&](bool in) { in ? gpio_port.plug() : gpio_port.unplug(); }},
-      {"lvdt", [&](bool in) { in ? units.plug_in() : units.unplug(); }},
-      {"amplifier", [&](bool in) { units.dead(2, !in); }},
-  };
+  Bench bench(rig_file, folder);
   std::cout << "ready" << std::endl;
   std::string line;
   while (std::getline(std::cin, line)) {
     std::istringstream words(line);
     std::string word;
-    std::string which;
-    words >> word >> which;
+    std::string device;
+    words >> word >> device;
     if (word == "quit") break;
-    if ((word == "plug" || word == "unplug") && plugs.contains(which)) {
-      plugs.at(which)(word == "plug");
-      // A board without power lets its lines go.
-      if (word == "unplug" && which == "u6") circuit.close(0, false, now_ns());
-      if (word == "unplug" && which == "gpio") circuit.close(1, false, now_ns());
-    } else if (word == "hang" && which == "gpio") {
-      gpio_port.hang();
-    } else if (word == "pull" && which == "gpio") {
-      pull_in_mid_transfer(gpio_port);
-      circuit.close(1, false, now_ns());
-    } else if (word == "press" || word == "release") {
-      plant.press_emergency_stop(word == "press");
-    } else if (word == "fault" || word == "mend") {
-      plant.set_amplifier_fault(word == "fault");
-    } else if (word != "state") {
+    if (bench.execute(word, device)) {
+      bench.print_state();
+    } else {
       std::cout << "unknown: " << line << std::endl;
-      continue;
     }
-    std::cout << R"({"now_ns": )" << now_ns() << R"(, "enabled": )"
-              << (plant.enabled() ? "true" : "false") << R"(, "enabled_since_ns": )"
-              << plant.enabled_since_ns() << R"(, "heartbeats": )" << gpio.heartbeats()
-              << R"(, "drives": )" << plant.drives() << R"(, "scans_lost": )" << board.scans_lost()
-              << R"(, "limit": )" << units.written(2, Table::holding, 10) << "}" << std::endl;
   }
   return 0;
 }

@@ -18,8 +18,8 @@ SOURCE, BUILD = map(pathlib.Path, sys.argv[1:3])
 SECONDS = float(sys.argv[3]) if len(sys.argv) > 3 else 120.0
 STICKSLIP, STICKSLIPD = BUILD / "tools/stickslip", BUILD / "daemon/stickslipd"
 CARRIER_HZ, AMPLITUDE_M = 3.2, 0.006
-# What converter and noise of each input leave, SI, and how well the moment of a reading is known: the
-# board's scans by its crystal on the host's clock, the others by when their answers came.
+# Residual error of each input by resolution and noise, SI, and uncertainty of the time of a reading:
+# scans of the board by its crystal on the host's clock, others by the arrival of their replies.
 NOISE = {"displacement": (1.2e-6, 0.1e-3), "velocity": (2.5e-5, 0.1e-3), "friction_force": (1.5e-4, 0.5e-3),
          "normal_load": (1.5e-4, 0.5e-3), "base_displacement": (2.0e-6, 0.5e-3)}
 
@@ -130,7 +130,7 @@ ok = [0]
 
 
 def idle_s():
-    """Seconds for which the machine's one processor has had nothing to do."""
+    """Idle time of the processor [s]."""
     return float(pathlib.Path("/proc/uptime").read_text().split()[1])
 
 
@@ -165,8 +165,8 @@ class ClosedLoop(unittest.TestCase):
             if pipe:
                 pipe.close()
 
-    def tell(self, words):
-        """What bench_devices answers to a command."""
+    def command(self, words):
+        """Sends a command to bench_devices and returns its reply."""
         self.devices.stdin.write(words + "\n")
         self.devices.stdin.flush()
         return json.loads(self.devices.stdout.readline())
@@ -184,14 +184,14 @@ class ClosedLoop(unittest.TestCase):
         self.control = control.makefile("rw")
         self.addCleanup(self.control.close)
 
-    def ask(self, command):
-        """What the daemon answers; without `stickslip ctl`, which takes half a second to start here."""
+    def request(self, command):
+        """Sends a request to the daemon, without `stickslip ctl`, which takes half a second to start here."""
         self.control.write(json.dumps({"v": 1, "id": 1, "do": command}) + "\n")
         self.control.flush()
         return json.loads(self.control.readline())
 
     def status(self):
-        return self.ask("status")["status"]
+        return self.request("status")["status"]
 
     def until(self, what, holds, seconds=15.0):
         end = time.monotonic() + seconds
@@ -201,15 +201,15 @@ class ClosedLoop(unittest.TestCase):
             time.sleep(0.1)
 
     def set_moving(self):
-        # A fault can be cleared once its cause is gone, and not before.
-        self.until("cleared", lambda: self.ask("clear")["ok"] and self.status()["state"] == "idle")
-        self.until("armed", lambda: self.ask("arm")["ok"] and self.status()["state"] == "armed")
-        self.assertTrue(self.ask("start")["ok"])
-        self.until("moving", lambda: self.tell("state")["enabled"], 5.0)
+        # A fault can be cleared only after its cause is gone.
+        self.until("cleared", lambda: self.request("clear")["ok"] and self.status()["state"] == "idle")
+        self.until("armed", lambda: self.request("arm")["ok"] and self.status()["state"] == "armed")
+        self.assertTrue(self.request("start")["ok"])
+        self.until("moving", lambda: self.command("state")["enabled"], 5.0)
 
     def devices_are_found(self):
         wanted = ("labjack_u6", "phidget_bridge", "gpio")
-        # The kernel takes its time with what is plugged in.
+        # The kernel needs time to enumerate devices.
         for _ in range(20):
             found = json.loads(self.stickslip("devices", "--json", status=None))["devices"]
             kinds = {device["kind"]: device for device in found}
@@ -223,21 +223,21 @@ class ClosedLoop(unittest.TestCase):
         log("check --live:\n" + tried)
         self.assertNotIn("FAILS", tried)
         self.assertEqual(tried.count("speaks"), 5)
-        self.assertFalse(self.tell("state")["enabled"], "check --live let the amplifier run")
+        self.assertFalse(self.command("state")["enabled"], "check --live enabled the amplifier")
 
-    def befalls(self, words, remedy, interlocks, names):
-        """Something happens while the rig moves: off, named, and mended without a restart."""
+    def inject(self, words, remedy, interlocks, names):
+        """An event while the rig moves: it switches off, names the cause, and recovers without a restart."""
         before = time.monotonic_ns()
-        self.tell(words)
-        self.until("off", lambda: not self.tell("state")["enabled"], 5.0)
-        off_after_ms = (self.tell("state")["enabled_since_ns"] - before) * 1e-6
+        self.command(words)
+        self.until("off", lambda: not self.command("state")["enabled"], 5.0)
+        off_after_ms = (self.command("state")["enabled_since_ns"] - before) * 1e-6
         self.until("faulted", lambda: self.status()["state"] == "faulted", 5.0)
         status = self.status()
         log(f"{words}: off after {off_after_ms:.0f} ms, {status['interlock']}: {status['cause']}")
         self.assertIn(status["interlock"], interlocks, status)
         self.assertRegex(status["cause"], names)
         time.sleep(1.0)  # the rig comes to rest
-        self.tell(remedy)
+        self.command(remedy)
         self.set_moving()
         return off_after_ms
 
@@ -249,28 +249,28 @@ class ClosedLoop(unittest.TestCase):
         self.connect()
         self.assertEqual(self.status()["state"], "faulted")
         self.set_moving()
-        self.assertEqual(self.tell("state")["limit"], 25)
+        self.assertEqual(self.command("state")["limit"], 25)
         time.sleep(2.0)
-        drives = self.tell("state")["drives"]
+        drives = self.command("state")["drives"]
         steady_from, idle = time.monotonic_ns(), idle_s()
         time.sleep(max(10.0, SECONDS / 3))
         steady_to = time.monotonic_ns()
         idle = (idle_s() - idle) / (steady_to - steady_from) * 1e9
         log(f"idle for {idle:.0%} of the time")
-        drives = (self.tell("state")["drives"] - drives) / (steady_to - steady_from) * 1e9
-        beats = self.tell("state")["heartbeats"]
+        drives = (self.command("state")["drives"] - drives) / (steady_to - steady_from) * 1e9
+        beats = self.command("state")["heartbeats"]
 
-        off_ms = {words: self.befalls(words, remedy, interlocks, names) for words, remedy, interlocks, names in (
+        off_ms = {words: self.inject(words, remedy, interlocks, names) for words, remedy, interlocks, names in (
             ("unplug bridge", "plug bridge", {"part_lost", "stale_channel"}, "PhidgetBridge|friction_force|normal_load"),
             ("unplug lvdt", "plug lvdt", {"part_lost", "stale_channel"}, "lvdt|base_displacement"),
             ("press", "release", {"emergency_stop"}, "emergency stop"),
-            ("fault", "mend", {"amplifier_fault"}, "amplifier"),
+            ("fault", "repair", {"amplifier_fault"}, "amplifier"),
             ("unplug gpio", "plug gpio", {"device_lost", "device_silent", "emergency_stop"}, "GPIO|gpio|chip|emergency"),
             ("pull gpio", "plug gpio", {"device_lost", "device_silent", "emergency_stop"}, "GPIO|gpio|chip|emergency"),
-            # The kernel waits five seconds for each of its transfers, and the loop for none.
+            # The kernel waits five seconds for each of its transfers, the loop does not.
             ("hang gpio", "plug gpio", {"device_lost", "emergency_stop"}, "GPIO|gpio|chip|emergency"),
             ("unplug u6", "plug u6", {"device_lost", "device_silent"}, "U6"))}
-        self.assertGreater(self.tell("state")["heartbeats"], beats)
+        self.assertGreater(self.command("state")["heartbeats"], beats)
         for words in ("press", "fault"):
             self.assertLess(off_ms[words], 200.0, words)
         self.assertLess(off_ms["hang gpio"], 1000.0)
@@ -278,8 +278,8 @@ class ClosedLoop(unittest.TestCase):
         time.sleep(max(0.0, SECONDS - (time.monotonic() - begun)))
         self.stickslip("ctl", "--socket", "control.sock", "stop")
         self.until("at rest", lambda: self.status()["state"] == "idle")
-        self.assertFalse(self.tell("state")["enabled"])
-        lost = self.tell("state")["scans_lost"]
+        self.assertFalse(self.command("state")["enabled"])
+        lost = self.command("state")["scans_lost"]
         daemon.terminate()
         errors = daemon.stderr.read()
         self.assertEqual(daemon.wait(), 0, errors)
@@ -296,13 +296,13 @@ class ClosedLoop(unittest.TestCase):
         log(f"amplitude {found['amplitude_m'] * 1e3:.4f} mm of {AMPLITUDE_M * 1e3:.4f}; "
             f"{drives:.0f} drives a second; the board lost {lost} scans")
         self.assertGreater(found["frames"], 0.8 * SECONDS * 1000.0)
-        # The absences of the board and of the amplifier's chip leave gaps, and nothing else does.
+        # Only the absences of the board and of the amplifier's chip leave gaps.
         self.assertLessEqual(found["gaps"], 4)
         self.assertAlmostEqual(found["amplitude_m"], AMPLITUDE_M, delta=0.01 * AMPLITUDE_M)
         for channel, (noise, moment_s) in NOISE.items():
             each = found[channel]
             self.assertLess(each["rms"], noise + moment_s * each["slope_per_s"], channel)
-            if moment_s * each["slope_per_s"] > noise:  # else it does not change, and is late by anything
+            if moment_s * each["slope_per_s"] > noise:  # otherwise its delay is not observable
                 self.assertLess(abs(each["late_ms"]), 5.0, channel)
 
 

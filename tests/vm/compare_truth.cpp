@@ -1,10 +1,10 @@
-// A recording of a bench held against what really happened there (bench_devices' `truth`):
+// Comparison of a recording of a bench with the truth (of bench_devices):
 //
 //   compare_truth RECORDING TRUTH CARRIER_HZ FROM_NS TO_NS
 //
-// prints, as JSON, for each channel how much the readings are late as a whole and how far they are
-// from the truth then, how fast that changes there, how many frames are missing in between, and the
-// amplitude with which the base really moved at the carrier between the two times.
+// prints, as JSON, for each channel the delay of the readings, their RMS error after its removal
+// and the slope of the truth, the number of gaps, and the true amplitude of the base at the carrier
+// between the two times.
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -38,7 +38,7 @@ std::vector<Row> read_truth(const char* file) {
   return rows;
 }
 
-/// Nothing outside of what was written down: NaN.
+/// NaN outside of the recorded range.
 double truth_at(const std::vector<Row>& rows, std::size_t channel, double time_ns) {
   const double step = static_cast<double>(rows[1].time_ns - rows[0].time_ns);
   const double at = (time_ns - static_cast<double>(rows.front().time_ns)) / step;
@@ -55,7 +55,7 @@ struct Point {
   double value;
 };
 
-/// Each reading once: a gauge's stays in the frames until the next one comes.
+/// Each reading once: that of a gauge is repeated in the frames until the next one.
 std::vector<Point> readings_of(const protocol::Recording& recording, Channel channel) {
   std::vector<Point> out;
   for (const Frame& frame : recording.frames) {
@@ -83,7 +83,7 @@ double rms_at(const std::vector<Point>& points, const std::vector<Row>& rows, st
                     : std::sqrt(squares / static_cast<double>(count));
 }
 
-/// The lateness that explains most of these readings, to 10 us, within -20 to 60 ms.
+/// The delay with the least error of these readings, to 10 us, within -20 to 60 ms.
 double lateness_ns(const std::vector<Point>& points, const std::vector<Row>& rows,
                    std::size_t channel) {
   double best_ns = 0.0;
@@ -104,7 +104,7 @@ double lateness_ns(const std::vector<Point>& points, const std::vector<Row>& row
   return best_ns;
 }
 
-/// How fast the truth changes where it was read, RMS [1/s].
+/// RMS slope of the truth at the readings [1/s].
 double slope_at(const std::vector<Point>& points, const std::vector<Row>& rows,
                 std::size_t channel) {
   constexpr double step_ns = 1e6;
@@ -154,7 +154,7 @@ int run(char** argv) {
     const std::size_t i = index_of(channel);
     const std::vector<Point> points = readings_of(recording, channel);
     if (points.empty()) continue;
-    // Some thousand readings, spread over the recording, say how late they are.
+    // Some thousand readings, spread over the recording, determine the delay.
     std::vector<Point> some;
     for (std::size_t k = 0; k < points.size(); k += 1 + points.size() / 4000) {
       some.push_back(points[k]);

@@ -1,4 +1,4 @@
-// What the stand-ins share: the plugged devices and the requests under way on them. Not for tests.
+// State shared by the library replacements: attached devices and pending requests. Not for tests.
 #pragma once
 
 #include <chrono>
@@ -34,14 +34,14 @@ struct Plugged {
 
   std::uint16_t vendor_id() const;
   std::uint16_t product_id() const;
-  /// wMaxPacketSize of that endpoint address; 0: there is none. Endpoint 0 has its own.
+  /// wMaxPacketSize of an endpoint address, that of endpoint 0 included; 0: no such endpoint.
   std::size_t packet_size(std::uint8_t endpoint_address) const;
 };
 using PluggedPtr = std::shared_ptr<Plugged>;
 
 enum class Ending { completed, timed_out, cancelled, stall, no_device, overflow };
 
-/// One request to an endpoint. The buffer belongs to the caller until it ended.
+/// One request to an endpoint. The buffer belongs to the caller and must live until the end.
 struct Request {
   PluggedPtr plugged;
   std::uint8_t endpoint = 0;     // address with the direction bit; 0: a control request
@@ -49,11 +49,11 @@ struct Request {
   std::span<std::uint8_t> data;  // of the data stage
   std::optional<std::chrono::steady_clock::time_point> deadline;
   const void* handle = nullptr;
-  void* owner = nullptr;  // what `ended` recognises it by
-  /// With the state's lock held; must not call back into the state.
+  void* owner = nullptr;  // identifies the request in `ended`
+  /// Called with the state's lock held; must not call the state.
   std::function<void(Request&)> ended;
 
-  /// Is under way again as soon as it has ended well, until it is removed.
+  /// Resubmitted after each success, until it is removed.
   bool repeats = false;
 
   std::size_t done = 0;
@@ -66,7 +66,7 @@ class BusState {
   BusState();
   ~BusState();
 
-  /// The registered one, or null.
+  /// The registered state, or null.
   static std::shared_ptr<BusState> current();
   static bool enlist(const std::shared_ptr<BusState>& state);
   static void dismiss(const std::shared_ptr<BusState>& state);
@@ -74,9 +74,9 @@ class BusState {
   void run();
   void halt();
 
-  /// Everything below with this lock held.
+  /// Must be held for all calls below.
   std::mutex& mutex() { return mutex_; }
-  /// Told whenever a request ended, and by wake().
+  /// Wakes those who wait; also called whenever a request ends.
   void wake() { changed_.notify_all(); }
   template <class Done>
   bool wait_until(std::unique_lock<std::mutex>& lock, std::chrono::steady_clock::time_point until,
@@ -93,14 +93,14 @@ class BusState {
   std::uint8_t next_address() { return ++last_address_; }
 
   void submit(Request request);
-  /// Moves all that can move, and ends all that ended.
+  /// Advances all requests, and ends completed ones.
   void pump();
-  /// Waits for it: for synchronous calls. Returns how it ended and how many bytes were moved.
+  /// Waits for a request, for synchronous calls. Returns its ending and the bytes transferred.
   std::pair<Ending, std::size_t> perform(std::unique_lock<std::mutex>& lock, Request request);
   void clear_halt(Plugged& plugged, std::uint8_t endpoint_address);
 
  private:
-  bool move(Request& request);  // true: it ended
+  bool move(Request& request);  // true: ended
   bool move_control(Request& request);
   UsbAnswer standard_request(Plugged& plugged, const UsbSetup& setup);
 

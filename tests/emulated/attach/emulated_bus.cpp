@@ -13,10 +13,10 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// A full-speed bus has frames of 1 ms; four looks in each keep the latency of an answer small.
+/// A full-speed bus has frames of 1 ms; four polls per frame keep the latency small.
 constexpr auto frame_quarter = std::chrono::microseconds(250);
 
-/// The one bus that the stand-ins see: they are C functions and have nowhere else to look.
+/// The bus of the library replacements, which are C functions without a context for it.
 std::mutex registration;
 std::weak_ptr<BusState> registered;
 
@@ -114,7 +114,7 @@ void BusState::pump() {
     } else if (request->cancelled) {
       request->ending = Ending::cancelled;
     } else if (!busy.contains(endpoint) && move(*request)) {
-      // It says itself how it ended.
+      // move() has set the ending.
     } else if (request->deadline && *request->deadline <= Clock::now()) {
       request->ending = Ending::timed_out;
     } else {
@@ -128,7 +128,7 @@ void BusState::pump() {
     any = true;
     if (request->ended) request->ended(*request);
     if (request->repeats && request->ending == Ending::completed) {
-      request->done = 0;  // and has its next turn when this one is over: one for each look
+      request->done = 0;  // once per pump
       busy.insert(endpoint);
       ++request;
       continue;
@@ -149,13 +149,13 @@ bool BusState::move(Request& request) {
     if (status == UsbStatus::ok) request.done = request.data.size();
     return true;
   }
-  // A host asks for whole packets: one that does not fit babbles over its end.
+  // A host requests complete packets: one that exceeds the buffer overflows.
   const std::size_t packet =
       std::max<std::size_t>(1, request.plugged->packet_size(request.endpoint));
   while (true) {
     const std::size_t left = request.data.size() - request.done;
-    const std::size_t room = std::max<std::size_t>(1, (left + packet - 1) / packet) * packet;
-    const UsbAnswer answer = device.in(number, room);
+    const std::size_t capacity = std::max<std::size_t>(1, (left + packet - 1) / packet) * packet;
+    const UsbAnswer answer = device.in(number, capacity);
     if (answer.status == UsbStatus::not_ready) return false;
     if (answer.status == UsbStatus::stall) {
       request.ending = Ending::stall;
@@ -202,7 +202,7 @@ UsbAnswer BusState::standard_request(Plugged& plugged, const UsbSetup& setup) {
   switch (setup.request) {
     case 0x00:  // GET_STATUS
       return {UsbStatus::ok, {0, 0}};
-    case 0x01:  // CLEAR_FEATURE: the halt of an endpoint is the only one
+    case 0x01:  // CLEAR_FEATURE: endpoint halt only
       if ((setup.request_type & 0x1FU) == 2) {
         clear_halt(plugged, static_cast<std::uint8_t>(setup.index));
       }
@@ -249,7 +249,7 @@ void BusState::clear_halt(Plugged& plugged, std::uint8_t endpoint_address) {
 // EmulatedBus
 
 EmulatedBus::EmulatedBus() : state_(std::make_shared<BusState>()) {
-  if (!BusState::enlist(state_)) throw std::logic_error("there is an emulated bus already");
+  if (!BusState::enlist(state_)) throw std::logic_error("an emulated bus exists already");
   state_->run();
 }
 
@@ -301,9 +301,9 @@ void EmulatedBus::hold_by_kernel_driver(UsbDevice& device) {
   }
 }
 
-void EmulatedBus::between_calls(const std::function<void()>& what) {
+void EmulatedBus::between_calls(const std::function<void()>& action) {
   const std::lock_guard hold(state_->mutex());
-  what();
+  action();
 }
 
 int EmulatedBus::open_handles() const {

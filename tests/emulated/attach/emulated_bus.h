@@ -1,5 +1,5 @@
-// A host's USB bus inside a test program: devices are plugged in and out, and the stand-ins for
-// libusb and hidapi that the program is linked with find them there.
+// A USB bus inside a test program: devices are plugged and unplugged, and are found by the
+// replacements of libusb and hidapi that the program is linked with.
 #pragma once
 
 #include <cstdint>
@@ -14,9 +14,9 @@ namespace stickslip::emulated {
 
 class BusState;
 
-/// The one bus of the program, for as long as it lives; a second one at the same time is refused by
-/// an exception. Without one, the stand-ins find a host without devices. A thread of its own moves
-/// data as a host controller does, whether or not anyone handles events. Any thread may call it.
+/// The bus of the program during its life; a second one at the same time throws. Without one, the
+/// library replacements find no devices. A separate thread transfers data like a host controller,
+/// independently of event handling. Any thread may call it.
 class EmulatedBus {
  public:
   EmulatedBus();
@@ -25,25 +25,25 @@ class EmulatedBus {
   /// Unplugs everything.
   ~EmulatedBus();
 
-  /// The device is reset, as by power. It must outlive its stay.
+  /// Resets the device, as by power. It must live until it is unplugged.
   void plug(UsbDevice& device, std::uint8_t port);
-  /// Whatever is under way on it ends with "no device", and so does every later call.
+  /// Pending requests and all later calls end with "no device".
   void unplug(UsbDevice& device);
 
-  /// As where no udev rule gives access. Of handles that are opened from now on.
+  /// As without a udev rule, for handles opened from now on.
   void refuse_access(UsbDevice& device, bool refuse = true);
-  /// A kernel driver holds its interface until it is detached.
+  /// A kernel driver claims its interface until it is detached.
   void hold_by_kernel_driver(UsbDevice& device);
 
-  /// Runs it while the bus stands still: where a test looks at a device, or sets it.
-  void between_calls(const std::function<void()>& what);
+  /// Runs an action while the bus is idle, for access of a test to a device.
+  void between_calls(const std::function<void()>& action);
 
-  /// How many handles are open on devices that are or were plugged in.
+  /// Number of open handles, also of unplugged devices.
   int open_handles() const;
-  /// Transfers that were submitted and not yet called back.
+  /// Transfers submitted and not yet completed by a callback.
   std::size_t transfers_in_flight() const;
-  /// What a driver did that the real library would take amiss, in words: a handle closed with
-  /// transfers in flight, a transfer freed in flight, an interface not claimed.
+  /// Descriptions of misuse of the real library: a handle closed with transfers in flight, a
+  /// transfer freed in flight, an interface not claimed.
   std::vector<std::string> misuses() const;
 
  private:

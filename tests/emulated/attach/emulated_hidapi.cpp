@@ -21,7 +21,7 @@ using stickslip::emulated::PluggedPtr;
 using stickslip::emulated::Request;
 using stickslip::emulated::UsbSetup;
 
-// The library's opaque type, as this stand-in fills it.
+// Definition of the library's opaque type.
 struct hid_device_ {
   std::shared_ptr<BusState> state;
   PluggedPtr plugged;
@@ -38,7 +38,7 @@ using Clock = std::chrono::steady_clock;
 constexpr std::uint8_t report_endpoint = 0x81;
 /// The kernel's queue of a hidraw device.
 constexpr std::size_t queued_reports = 64;
-constexpr auto patience = std::chrono::seconds(1);
+constexpr auto timeout = std::chrono::seconds(1);
 
 bool is_hid(const Plugged& plugged) {
   const Bytes& all = plugged.configuration_descriptor;
@@ -48,7 +48,7 @@ bool is_hid(const Plugged& plugged) {
   return false;
 }
 
-/// The first interrupt OUT endpoint; 0: there is none.
+/// The first interrupt OUT endpoint; 0: none.
 std::uint8_t output_endpoint(const Plugged& plugged) {
   const Bytes& all = plugged.configuration_descriptor;
   for (std::size_t at = 0; at + 3 < all.size() && all[at] != 0; at += all[at]) {
@@ -82,7 +82,7 @@ char* copy_of(const std::string& text) {
   return copy;
 }
 
-/// With the state's lock held.
+/// Requires the state's lock.
 hid_device_info* info_of(const Plugged& plugged) {
   auto* info = static_cast<hid_device_info*>(std::calloc(1, sizeof(hid_device_info)));
   info->path = copy_of(path_of(plugged));
@@ -98,7 +98,7 @@ hid_device_info* info_of(const Plugged& plugged) {
   return info;
 }
 
-/// Keeps one request for a report under way. With the state's lock held.
+/// Keeps one request for a report pending. Requires the state's lock.
 void ask_for_report(hid_device* device) {
   Request request;
   request.plugged = device->plugged;
@@ -127,18 +127,18 @@ int control(hid_device* device, const UsbSetup& setup, std::span<std::uint8_t> d
   request.plugged = device->plugged;
   request.setup = setup;
   request.data = data;
-  request.deadline = Clock::now() + patience;
+  request.deadline = Clock::now() + timeout;
   const auto [ending, done] = device->state->perform(lock, std::move(request));
   if (ending != Ending::completed) return fail(device, L"Broken pipe");
   return static_cast<int>(done);
 }
 
-int copy_string(hid_device* device, std::size_t at, wchar_t* text, std::size_t room) {
+int copy_string(hid_device* device, std::size_t at, wchar_t* text, std::size_t capacity) {
   const std::lock_guard hold(device->state->mutex());
   if (device->plugged->device == nullptr) return fail(device, L"No such device");
   const std::wstring found = string_of(*device->plugged, at);
-  if (room == 0) return -1;
-  const std::size_t length = std::min(room - 1, found.size());
+  if (capacity == 0) return -1;
+  const std::size_t length = std::min(capacity - 1, found.size());
   std::copy_n(found.begin(), length, text);
   text[length] = 0;
   return 0;
@@ -226,9 +226,9 @@ int HID_API_EXPORT hid_read_timeout(hid_device* device, unsigned char* data, siz
   const auto something = [device] {
     return !device->reports.empty() || device->plugged->device == nullptr;
   };
-  const auto patience_of_caller = milliseconds < 0 ? std::chrono::milliseconds(3'600'000)
-                                                   : std::chrono::milliseconds(milliseconds);
-  if (!device->state->wait_until(lock, Clock::now() + patience_of_caller, something)) return 0;
+  const auto read_timeout = milliseconds < 0 ? std::chrono::milliseconds(3'600'000)
+                                             : std::chrono::milliseconds(milliseconds);
+  if (!device->state->wait_until(lock, Clock::now() + read_timeout, something)) return 0;
   if (device->reports.empty()) return fail(device, L"No such device");
   const Bytes report = std::move(device->reports.front());
   device->reports.pop_front();
@@ -262,7 +262,7 @@ int HID_API_EXPORT hid_write(hid_device* device, const unsigned char* data, size
   request.plugged = device->plugged;
   request.endpoint = endpoint;
   request.data = report;
-  request.deadline = Clock::now() + patience;
+  request.deadline = Clock::now() + timeout;
   const auto [ending, done] = device->state->perform(lock, std::move(request));
   if (ending != Ending::completed) return fail(device, L"Input/output error");
   return static_cast<int>(length);
@@ -288,15 +288,15 @@ int HID_API_EXPORT hid_get_feature_report(hid_device* device, unsigned char* dat
 }
 
 int HID_API_EXPORT_CALL hid_get_manufacturer_string(hid_device* device, wchar_t* text,
-                                                    size_t room) {
-  return copy_string(device, 14, text, room);
+                                                    size_t capacity) {
+  return copy_string(device, 14, text, capacity);
 }
-int HID_API_EXPORT_CALL hid_get_product_string(hid_device* device, wchar_t* text, size_t room) {
-  return copy_string(device, 15, text, room);
+int HID_API_EXPORT_CALL hid_get_product_string(hid_device* device, wchar_t* text, size_t capacity) {
+  return copy_string(device, 15, text, capacity);
 }
 int HID_API_EXPORT_CALL hid_get_serial_number_string(hid_device* device, wchar_t* text,
-                                                     size_t room) {
-  return copy_string(device, 16, text, room);
+                                                     size_t capacity) {
+  return copy_string(device, 16, text, capacity);
 }
 
 #if HID_API_VERSION >= HID_API_MAKE_VERSION(0, 14, 0)

@@ -11,7 +11,7 @@
 #include <mutex>
 #include <string>
 
-#include "drivers/host_clock.h"
+#include "drivers/clock/host_clock.h"
 #include "drivers/phidget_bridge/phidget_bridge.h"
 
 namespace stickslip::emulated {
@@ -21,8 +21,8 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-/// A HID device that echoes what it is sent. With `bridge` it is sent settings and reports them as
-/// a PhidgetBridge does.
+/// A HID device that echoes its output reports. With `bridge` it accepts settings and reports them
+/// like a PhidgetBridge.
 class Echo final : public UsbDevice {
  public:
   explicit Echo(bool output_endpoint, std::uint8_t firmware = 2)
@@ -110,7 +110,7 @@ std::filesystem::path home_of(void* function) {
   return dladdr(function, &info) != 0 ? std::filesystem::canonical(info.dli_fname) : "";
 }
 
-TEST(EmulatedHidapi, TheProgramUsesTheStandInAndNotTheSharedLibrary) {
+TEST(EmulatedHidapi, ProgramLinksTheStandIn) {
   const auto program = std::filesystem::canonical("/proc/self/exe");
   EXPECT_EQ(home_of(reinterpret_cast<void*>(&hid_enumerate)), program);
   EXPECT_EQ(home_of(reinterpret_cast<void*>(&hid_read_timeout)), program);
@@ -177,7 +177,7 @@ TEST_F(EmulatedHidapiBridge, IsReadAndLost) {
   ASSERT_TRUE(gauge.read(readings));
   EXPECT_EQ(readings[0].value, 0.5);
   EXPECT_TRUE(readings[0].valid);
-  EXPECT_FALSE(readings[1].valid) << "at the end of its range";
+  EXPECT_FALSE(readings[1].valid) << "at the limit of its range";
   bus.unplug(echo);
   drivers::Result result;
   for (int i = 0; i < 100 && result; ++i) result = gauge.read(readings);
@@ -186,21 +186,21 @@ TEST_F(EmulatedHidapiBridge, IsReadAndLost) {
   EXPECT_EQ(gauge.open().outcome, drivers::Outcome::lost);
 }
 
-TEST_F(EmulatedHidapiBridge, RefusesWhatItDoesNotSpeak) {
+TEST_F(EmulatedHidapiBridge, RejectsUnsupportedVersions) {
   Echo newer(true);
   newer.firmware_major = 3;
   bus.plug(newer, 1);
   drivers::PhidgetBridge gauge(settings, inputs, clock);
   const auto refused = gauge.open();
   EXPECT_EQ(refused.outcome, drivers::Outcome::needs_attention);
-  EXPECT_THAT(refused.message, HasSubstr("1046_1 or newer, which speaks another protocol"));
+  EXPECT_THAT(refused.message, HasSubstr("1046_1 or newer, which has another protocol"));
   const auto found = drivers::find_phidget_bridge();
   ASSERT_EQ(found.size(), 1U);
   EXPECT_EQ(found[0].name, "PhidgetBridge 1046 #141234, firmware 3.02");
-  EXPECT_THAT(found[0].trouble, HasSubstr("another protocol"));
+  EXPECT_THAT(found[0].problem, HasSubstr("another protocol"));
 }
 
-TEST_F(EmulatedHidapiBridge, TellsTheCureWhereAccessIsRefused) {
+TEST_F(EmulatedHidapiBridge, ReportsTheRemedyForDeniedAccess) {
   Echo echo(true);
   bus.plug(echo, 1);
   bus.refuse_access(echo);
@@ -210,7 +210,7 @@ TEST_F(EmulatedHidapiBridge, TellsTheCureWhereAccessIsRefused) {
   EXPECT_THAT(refused.message, HasSubstr("70-stickslip.rules"));
 }
 
-TEST_F(EmulatedHidapiBridge, RefusesSettingsInWords) {
+TEST_F(EmulatedHidapiBridge, ReportsInvalidSettings) {
   const auto refusal = [&] {
     drivers::PhidgetBridge gauge(settings, inputs, clock);
     return std::string(gauge.open().message);

@@ -20,7 +20,7 @@ using stickslip::emulated::Plugged;
 using stickslip::emulated::PluggedPtr;
 using stickslip::emulated::Request;
 
-// The library's opaque types, as this stand-in fills them.
+// Definitions of the library's opaque types.
 
 struct libusb_context {
   struct Ended {
@@ -59,7 +59,7 @@ thread_local bool in_callback = false;
 libusb_context* make_context() {
   auto* context = new libusb_context;
   context->state = BusState::current();
-  if (!context->state) context->state = std::make_shared<BusState>();  // nothing is plugged in
+  if (!context->state) context->state = std::make_shared<BusState>();  // no devices
   return context;
 }
 
@@ -130,7 +130,7 @@ bool in_flight(libusb_context& context, const libusb_transfer* transfer) {
                      [&](const auto& ended) { return ended.transfer == transfer; });
 }
 
-/// Forgets the transfers that `which` holds for, without callbacks. How many there were.
+/// Removes the transfers selected by `which`, without callbacks. Returns their number.
 template <class Which>
 std::size_t forget(libusb_context& context, Which which) {
   auto& requests = context.state->requests();
@@ -186,12 +186,12 @@ void call_back(const libusb_context::Ended& ended) {
   if ((flags & LIBUSB_TRANSFER_FREE_TRANSFER) != 0) libusb_free_transfer(transfer);
 }
 
-int handle_events(libusb_context* given, std::chrono::microseconds patience, int* completed) {
+int handle_events(libusb_context* given, std::chrono::microseconds timeout, int* completed) {
   libusb_context* context = context_of(given);
   if (context == nullptr) return LIBUSB_ERROR_INVALID_PARAM;
   if (in_callback) return LIBUSB_ERROR_BUSY;
   BusState& state = *context->state;
-  const auto until = Clock::now() + patience;
+  const auto until = Clock::now() + timeout;
   std::unique_lock lock(state.mutex());
   const auto over = [completed] { return completed != nullptr && *completed != 0; };
   if (!state.wait_until(lock, until, [&] { return !context->handling || over(); })) return 0;
@@ -213,7 +213,7 @@ int handle_events(libusb_context* given, std::chrono::microseconds patience, int
   return 0;
 }
 
-std::chrono::microseconds patience_of(const timeval* tv) {
+std::chrono::microseconds timeout_of(const timeval* tv) {
   return std::chrono::seconds(tv->tv_sec) + std::chrono::microseconds(tv->tv_usec);
 }
 
@@ -240,7 +240,7 @@ int transfer_now(libusb_device_handle* handle, unsigned char endpoint, unsigned 
   return error_of(ending);
 }
 
-/// A configuration with what it points to, as one piece.
+/// A configuration and the objects that it points to, in one allocation.
 struct ConfigWithParts {
   libusb_config_descriptor config{};
   libusb_interface interface {};
@@ -427,7 +427,7 @@ int LIBUSB_CALL libusb_get_config_descriptor(libusb_device* device, std::uint8_t
 }
 
 void LIBUSB_CALL libusb_free_config_descriptor(struct libusb_config_descriptor* config) {
-  // The configuration is the first member of the piece that was allocated.
+  // The configuration is the first member of the allocation.
   delete reinterpret_cast<ConfigWithParts*>(config);
 }
 
@@ -435,8 +435,8 @@ std::uint8_t LIBUSB_CALL libusb_get_bus_number(libusb_device*) { return 1; }
 std::uint8_t LIBUSB_CALL libusb_get_port_number(libusb_device* device) {
   return device->plugged->port;
 }
-int LIBUSB_CALL libusb_get_port_numbers(libusb_device* device, std::uint8_t* ports, int room) {
-  if (room < 1) return LIBUSB_ERROR_OVERFLOW;
+int LIBUSB_CALL libusb_get_port_numbers(libusb_device* device, std::uint8_t* ports, int capacity) {
+  if (capacity < 1) return LIBUSB_ERROR_OVERFLOW;
   ports[0] = device->plugged->port;
   return 1;
 }
@@ -558,7 +558,7 @@ int LIBUSB_CALL libusb_detach_kernel_driver(libusb_device_handle* handle, int) {
 }
 
 int LIBUSB_CALL libusb_attach_kernel_driver(libusb_device_handle*, int) {
-  return LIBUSB_ERROR_NOT_FOUND;  // none is there for such a device
+  return LIBUSB_ERROR_NOT_FOUND;  // no driver supports such a device
 }
 
 int LIBUSB_CALL libusb_set_auto_detach_kernel_driver(libusb_device_handle* handle, int enable) {
@@ -589,7 +589,7 @@ int LIBUSB_CALL libusb_reset_device(libusb_device_handle* handle) {
   return LIBUSB_SUCCESS;
 }
 
-// Transfers that are waited for
+// Synchronous transfers
 
 int LIBUSB_CALL libusb_control_transfer(libusb_device_handle* handle, std::uint8_t request_type,
                                         std::uint8_t request, std::uint16_t value,
@@ -622,7 +622,7 @@ int LIBUSB_CALL libusb_interrupt_transfer(libusb_device_handle* handle, unsigned
 }
 
 int LIBUSB_CALL libusb_get_string_descriptor_ascii(libusb_device_handle* handle, std::uint8_t index,
-                                                   unsigned char* text, int room) {
+                                                   unsigned char* text, int capacity) {
   if (index == 0) return LIBUSB_ERROR_INVALID_PARAM;
   std::array<unsigned char, 255> bytes{};
   const int got =
@@ -632,14 +632,14 @@ int LIBUSB_CALL libusb_get_string_descriptor_ascii(libusb_device_handle* handle,
   if (got < 0) return got;
   if (got < 2 || bytes[0] > got || bytes[1] != LIBUSB_DT_STRING) return LIBUSB_ERROR_IO;
   int length = 0;
-  for (std::size_t at = 2; at + 1 < bytes[0] && length + 1 < room; at += 2) {
+  for (std::size_t at = 2; at + 1 < bytes[0] && length + 1 < capacity; at += 2) {
     text[length++] = bytes[at + 1] == 0 && bytes[at] < 0x80 ? bytes[at] : '?';
   }
-  if (room > 0) text[length] = 0;
+  if (capacity > 0) text[length] = 0;
   return length;
 }
 
-// Transfers with a callback
+// Asynchronous transfers
 
 struct libusb_transfer* LIBUSB_CALL libusb_alloc_transfer(int packets) {
   const std::size_t size = sizeof(libusb_transfer) +
@@ -651,8 +651,8 @@ struct libusb_transfer* LIBUSB_CALL libusb_alloc_transfer(int packets) {
 
 void LIBUSB_CALL libusb_free_transfer(struct libusb_transfer* transfer) {
   if (transfer == nullptr) return;
-  // A transfer whose handle is closed is in flight no more, but its handle must not be looked at:
-  // only the bus that exists is asked, by the transfer's address.
+  // A transfer of a closed handle is no longer in flight, but the handle must not be accessed: the
+  // existing bus is searched for the address of the transfer.
   if (const auto state = BusState::current()) {
     const std::lock_guard hold(state->mutex());
     const auto its = [transfer](const Request& request) { return request.owner == transfer; };
@@ -701,16 +701,16 @@ int LIBUSB_CALL libusb_cancel_transfer(struct libusb_transfer* transfer) {
 
 int LIBUSB_CALL libusb_handle_events_timeout_completed(libusb_context* context, struct timeval* tv,
                                                        int* completed) {
-  return handle_events(context, patience_of(tv), completed);
+  return handle_events(context, timeout_of(tv), completed);
 }
 int LIBUSB_CALL libusb_handle_events_timeout(libusb_context* context, struct timeval* tv) {
-  return handle_events(context, patience_of(tv), nullptr);
+  return handle_events(context, timeout_of(tv), nullptr);
 }
 int LIBUSB_CALL libusb_handle_events_completed(libusb_context* context, int* completed) {
-  return handle_events(context, patience_of(&a_minute), completed);
+  return handle_events(context, timeout_of(&a_minute), completed);
 }
 int LIBUSB_CALL libusb_handle_events(libusb_context* context) {
-  return handle_events(context, patience_of(&a_minute), nullptr);
+  return handle_events(context, timeout_of(&a_minute), nullptr);
 }
 void LIBUSB_CALL libusb_interrupt_event_handler(libusb_context* given) {
   libusb_context* context = context_of(given);

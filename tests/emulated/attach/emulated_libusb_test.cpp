@@ -28,19 +28,19 @@ class StillWires final : public Wires {
   void enable(bool, std::int64_t) override {}
 };
 
-/// The file that the running program takes that function from.
+/// The file from which the program has loaded a function.
 std::filesystem::path home_of(void* function) {
   Dl_info info{};
   return dladdr(function, &info) != 0 ? std::filesystem::canonical(info.dli_fname) : "";
 }
 
-TEST(EmulatedLibusbLink, TheProgramUsesTheStandInAndNotTheSharedLibrary) {
+TEST(EmulatedLibusbLink, ProgramLinksTheStandIn) {
   const auto program = std::filesystem::canonical("/proc/self/exe");
   EXPECT_EQ(home_of(reinterpret_cast<void*>(&libusb_init)), program);
   EXPECT_EQ(home_of(reinterpret_cast<void*>(&libusb_submit_transfer)), program);
   EXPECT_EQ(home_of(reinterpret_cast<void*>(&libusb_handle_events_timeout_completed)), program);
   EXPECT_EQ(home_of(reinterpret_cast<void*>(&libusb_control_transfer)), program);
-  // The program was linked with it, and nothing was left for it to do.
+  // The program is linked with it, but uses none of its functions.
   EXPECT_EQ(dlopen("libusb-1.0.so.0", RTLD_NOW | RTLD_NOLOAD), nullptr);
   EXPECT_STREQ(libusb_get_version()->describe, "emulated");
 }
@@ -99,7 +99,7 @@ struct EmulatedLibusb : testing::Test {
     timeval tv{0, milliseconds * 1000};
     ASSERT_EQ(libusb_handle_events_timeout_completed(context, &tv, nullptr), 0);
   }
-  Bytes ask(Bytes command, int* error = nullptr) {
+  Bytes request(Bytes command, int* error = nullptr) {
     int moved = 0;
     int result = libusb_bulk_transfer(handle, 0x01, command.data(),
                                       static_cast<int>(command.size()), &moved, 1000);
@@ -119,12 +119,12 @@ struct EmulatedLibusb : testing::Test {
     unsigned head = config[1] + config[2] + config[3] + config[4] + unsigned{config[5]};
     head = head / 256 + head % 256;
     config[0] = static_cast<std::uint8_t>(head / 256 + head % 256);
-    ASSERT_EQ(ask(config).at(6), 0);
-    ASSERT_EQ(ask({0xA8, 0xA8}).at(2), 0);
+    ASSERT_EQ(request(config).at(6), 0);
+    ASSERT_EQ(request({0xA8, 0xA8}).at(2), 0);
   }
 };
 
-TEST_F(EmulatedLibusb, ListsWhatIsPluggedIn) {
+TEST_F(EmulatedLibusb, ListsAttachedDevices) {
   libusb_device** list = nullptr;
   ASSERT_EQ(libusb_get_device_list(context, &list), 1);
   libusb_device_descriptor descriptor{};
@@ -149,7 +149,7 @@ TEST_F(EmulatedLibusb, ListsWhatIsPluggedIn) {
   EXPECT_EQ(libusb_has_capability(LIBUSB_CAP_HAS_HOTPLUG), 0);
 }
 
-TEST_F(EmulatedLibusb, RefusesAsAHostDoes) {
+TEST_F(EmulatedLibusb, RefusesLikeAHost) {
   libusb_device* device = libusb_get_device(handle);
   libusb_device_handle* other = nullptr;
   ASSERT_EQ(libusb_open(device, &other), 0);
@@ -167,14 +167,14 @@ TEST_F(EmulatedLibusb, RefusesAsAHostDoes) {
   EXPECT_THROW(EmulatedBus(), std::logic_error);
 }
 
-TEST_F(EmulatedLibusb, SynchronousTransfersAskAndTimeOut) {
-  EXPECT_THAT(ask({0xB0, 0xB0}), ElementsAre(0xE5, 0xB1, 52, 0));
+TEST_F(EmulatedLibusb, SynchronousTransfersCompleteAndTimeOut) {
+  EXPECT_THAT(request({0xB0, 0xB0}), ElementsAre(0xE5, 0xB1, 52, 0));
   int error = 0;
   u6.schedule(U6ReplyFault::missing);
-  ask({0xB0, 0xB0}, &error);
+  request({0xB0, 0xB0}, &error);
   EXPECT_EQ(error, LIBUSB_ERROR_TIMEOUT);
   u6.schedule(U6ReplyFault::stall);
-  ask({0xB0, 0xB0}, &error);
+  request({0xB0, 0xB0}, &error);
   EXPECT_EQ(error, LIBUSB_ERROR_PIPE);
   EXPECT_EQ(libusb_clear_halt(handle, 0x82), 0);
   Bytes reply(64);
@@ -186,7 +186,7 @@ TEST_F(EmulatedLibusb, SynchronousTransfersAskAndTimeOut) {
   EXPECT_EQ(libusb_bulk_transfer(handle, 0x85, reply.data(), 64, &moved, 100), LIBUSB_ERROR_IO);
 }
 
-TEST_F(EmulatedLibusb, CallbacksRunOnlyWhereEventsAreHandled) {
+TEST_F(EmulatedLibusb, CallbacksRunOnlyDuringEventHandling) {
   start_stream();
   Transfer transfer(handle, 0x83, 64);
   ASSERT_EQ(libusb_submit_transfer(transfer.transfer), 0);
@@ -220,7 +220,7 @@ TEST_F(EmulatedLibusb, ATransferOfManyPacketsWaitsUntilItIsFull) {
   EXPECT_EQ(second.buffer[10], 2);
 }
 
-TEST_F(EmulatedLibusb, CancelledAndTimedOutTransfersSaySoLater) {
+TEST_F(EmulatedLibusb, CancelledAndTimedOutTransfersEndLater) {
   start_stream();
   Transfer cancelled(handle, 0x83, 64);
   Transfer timed(handle, 0x82, 64, 5);
@@ -248,7 +248,7 @@ TEST_F(EmulatedLibusb, AStallLastsUntilItIsCleared) {
   EXPECT_EQ(transfer.endings[1], LIBUSB_TRANSFER_COMPLETED);
 }
 
-TEST_F(EmulatedLibusb, WhatIsUnpluggedIsGone) {
+TEST_F(EmulatedLibusb, UnpluggedDevicesAreGone) {
   start_stream();
   Transfer transfer(handle, 0x83, 64);
   libusb_submit_transfer(transfer.transfer);
@@ -257,11 +257,11 @@ TEST_F(EmulatedLibusb, WhatIsUnpluggedIsGone) {
   EXPECT_THAT(transfer.endings, ElementsAre(LIBUSB_TRANSFER_NO_DEVICE));
   EXPECT_EQ(libusb_submit_transfer(transfer.transfer), LIBUSB_ERROR_NO_DEVICE);
   int error = 0;
-  ask({0xB0, 0xB0}, &error);
+  request({0xB0, 0xB0}, &error);
   EXPECT_EQ(error, LIBUSB_ERROR_NO_DEVICE);
   bus.plug(u6, 3);
-  ask({0xB0, 0xB0}, &error);
-  EXPECT_EQ(error, LIBUSB_ERROR_NO_DEVICE) << "a handle does not come back to life";
+  request({0xB0, 0xB0}, &error);
+  EXPECT_EQ(error, LIBUSB_ERROR_NO_DEVICE) << "a handle stays invalid";
   EXPECT_FALSE(u6.streaming());
   libusb_close(handle);
   handle = libusb_open_device_with_vid_pid(context, 0x0CD5, 6);
@@ -280,7 +280,7 @@ TEST_F(EmulatedLibusb, AnotherThreadEndsTheWait) {
   EXPECT_LT(std::chrono::steady_clock::now() - begun, std::chrono::seconds(30));
 }
 
-TEST_F(EmulatedLibusb, NotesWhatTheRealOneWouldTakeAmiss) {
+TEST_F(EmulatedLibusb, RecordsMisuseOfTheLibrary) {
   start_stream();
   Transfer transfer(handle, 0x83, 64);
   libusb_submit_transfer(transfer.transfer);

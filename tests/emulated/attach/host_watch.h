@@ -1,5 +1,5 @@
-// How far the host that runs a test can be trusted with time: tests that wait in real time run
-// beside others, and on machines that stand still for a while.
+// Timing of the host during a test: tests in real time run in parallel with others, and on hosts
+// that are suspended for short times.
 #pragma once
 
 #include <algorithm>
@@ -10,13 +10,13 @@
 
 namespace stickslip::emulated {
 
-/// Sleeps for half a millisecond, again and again, and looks how long it took. What a test allows
-/// for time grows by what is seen here, and stays small on a quiet host.
+/// Measures the excess of periodic sleeps of half a millisecond. Tests extend their tolerances by
+/// it, so that these stay small on a quiet host.
 class HostWatch {
  public:
   HostWatch()
       : thread_([this] {
-          while (!stopping_) look();
+          while (!stopping_) measure();
         }) {}
   HostWatch(const HostWatch&) = delete;
   HostWatch& operator=(const HostWatch&) = delete;
@@ -25,14 +25,13 @@ class HostWatch {
     thread_.join();
   }
 
-  /// For how long the host stood still at most, since this began [ns]. Other threads may have been
-  /// hit harder: twice of it.
+  /// Longest delay of the host so far [ns], doubled, as other threads may have been delayed longer.
   std::int64_t worst_ns() const { return 2 * worst_ns_; }
-  /// For how long it stood still in all.
+  /// Total delay.
   std::chrono::nanoseconds lost() const { return std::chrono::nanoseconds(lost_ns_); }
 
  private:
-  void look() {
+  void measure() {
     const auto before = std::chrono::steady_clock::now();
     std::this_thread::sleep_for(std::chrono::microseconds(500));
     const std::chrono::nanoseconds took = std::chrono::steady_clock::now() - before;
@@ -48,7 +47,7 @@ class HostWatch {
   std::thread thread_;
 };
 
-/// So long, and longer by what the host stood still meanwhile, but no more than five times.
+/// A duration, extended by delays of the host to at most five times its length.
 class Interval {
  public:
   Interval(const HostWatch& host, std::chrono::nanoseconds length)

@@ -1,5 +1,5 @@
-// A whole bench in one program: the real drivers of a LabJack U6 and of a PhidgetBridge on one
-// emulated bus, put together as the daemon does it.
+// A complete bench in one program: the real drivers of a LabJack U6 and of a PhidgetBridge on one
+// emulated bus, combined like in the daemon.
 #include "drivers/bench/bench_driver.h"
 
 #include <gmock/gmock.h>
@@ -12,7 +12,7 @@
 #include <thread>
 #include <vector>
 
-#include "drivers/make_bench.h"
+#include "drivers/factory/make_bench.h"
 #include "tests/emulated/attach/emulated_hidapi.h"
 #include "tests/emulated/attach/emulated_libusb.h"
 #include "tests/emulated/attach/host_watch.h"
@@ -32,7 +32,7 @@ using testing::IsEmpty;
 constexpr double volts_per_second = 0.5;
 constexpr double ratio_per_second = 2e-4;
 
-/// Everything grows with time: a value tells when it was measured.
+/// All channels grow with time: a value shows the time of its measurement.
 class Growing final : public Wires {
  public:
   explicit Growing(std::int64_t begun_ns) : begun_ns_(begun_ns) {}
@@ -115,7 +115,7 @@ struct WholeBench : testing::Test {
   static double value(const Frame& frame, Channel channel) {
     return frame.value[index_of(channel)];
   }
-  /// When that was measured, by the value.
+  /// Time of measurement, from the value.
   std::int64_t time_ns(const Frame& frame, Channel channel) const {
     switch (channel) {
       case Channel::displacement:
@@ -126,10 +126,10 @@ struct WholeBench : testing::Test {
         return wires.time_of(value(frame, channel) / (2 * ratio_per_second));
     }
   }
-  /// Ages are right where the bridge's channel is as much older than the board's as they say, but
-  /// for two things: ages count from the report's arrival; and the board's scans come to the host
-  /// in packets of 12, the earliest of which tells its time. Of frames between the quartiles: a
-  /// host that is busy reads a report late now and then, and nothing can know.
+  /// Ages are correct if the bridge's channel is older than the board's by the age, with two
+  /// exceptions: ages count from the arrival of the report; and scans of the board arrive in
+  /// packets of 12, the earliest of which determines the time. For frames between the quartiles: a
+  /// busy host occasionally reads a report late, which cannot be detected.
   void expect_ages(const std::vector<Frame>& all) {
     std::vector<double> off_ms;
     std::vector<double> age_ms;
@@ -164,7 +164,7 @@ struct WholeBench : testing::Test {
   Result last;
 };
 
-TEST_F(WholeBench, FramesHoldBothAndAgesAreRight) {
+TEST_F(WholeBench, FramesHoldBothDevicesWithCorrectAges) {
   const Result opened = bench->open();
   ASSERT_TRUE(opened) << opened.message;
   EXPECT_EQ(bench->description().channels, of_board | of_bridge);
@@ -182,10 +182,10 @@ TEST_F(WholeBench, FramesHoldBothAndAgesAreRight) {
   }
   EXPECT_LE(incomplete, all.size() / 50);
   expect_ages(all);
-  EXPECT_EQ(bench->signals().lost_part, nullptr);
+  EXPECT_EQ(bench->signals().lost_device, nullptr);
 }
 
-TEST_F(WholeBench, ABridgeThatIsPulledOutCostsItsChannelsAndComesBack) {
+TEST_F(WholeBench, UnpluggedBridgeLosesItsChannelsAndRecovers) {
   ASSERT_TRUE(bench->open());
   ASSERT_TRUE(bench->start());
   for (int round = 0; round < 2; ++round) {
@@ -199,14 +199,14 @@ TEST_F(WholeBench, ABridgeThatIsPulledOutCostsItsChannelsAndComesBack) {
     for (std::size_t i = 1; i < without.size(); ++i) {
       ASSERT_EQ(without[i].sequence, without[i - 1].sequence + 1);
     }
-    ASSERT_NE(bench->signals().lost_part, nullptr);
-    EXPECT_THAT(bench->signals().lost_part, HasSubstr("PhidgetBridge"));
+    ASSERT_NE(bench->signals().lost_device, nullptr);
+    EXPECT_THAT(bench->signals().lost_device, HasSubstr("PhidgetBridge"));
     bus.plug(bridge, 2);
     const auto end = steady_clock::now() + milliseconds(1500);
-    while (bench->signals().lost_part != nullptr && steady_clock::now() < end) {
+    while (bench->signals().lost_device != nullptr && steady_clock::now() < end) {
       frames(milliseconds(20));
     }
-    EXPECT_EQ(bench->signals().lost_part, nullptr);
+    EXPECT_EQ(bench->signals().lost_device, nullptr);
     frames(milliseconds(100));
     const auto again = frames(milliseconds(200));
     ASSERT_GT(again.size(), 100U);
@@ -219,7 +219,7 @@ TEST_F(WholeBench, ABridgeThatIsPulledOutCostsItsChannelsAndComesBack) {
   }
 }
 
-TEST_F(WholeBench, ABridgeThatFallsSilentIsNotValidAndNotLost) {
+TEST_F(WholeBench, SilentBridgeIsInvalidButNotLost) {
   ASSERT_TRUE(bench->open());
   ASSERT_TRUE(bench->start());
   ASSERT_GT(frames(milliseconds(200)).size(), 100U);
@@ -228,7 +228,7 @@ TEST_F(WholeBench, ABridgeThatFallsSilentIsNotValidAndNotLost) {
   const auto silent = frames(milliseconds(200));
   ASSERT_GT(silent.size(), 100U);
   for (const Frame& frame : silent) ASSERT_EQ(frame.valid, of_board);
-  EXPECT_EQ(bench->signals().lost_part, nullptr);
+  EXPECT_EQ(bench->signals().lost_device, nullptr);
   bus.between_calls([&] { bridge.faults = {}; });
   std::vector<Frame> again;
   for (int tenth = 0; tenth < 20; ++tenth) {
@@ -239,7 +239,7 @@ TEST_F(WholeBench, ABridgeThatFallsSilentIsNotValidAndNotLost) {
   EXPECT_EQ(again.back().valid, of_board | of_bridge);
 }
 
-TEST_F(WholeBench, TheFirstTimeEverythingHasToBeThereLaterTheBridgeMayCome) {
+TEST_F(WholeBench, FirstOpenNeedsAllDevicesLaterOnesMayFollow) {
   bus.unplug(bridge);
   const Result refused = bench->open();
   EXPECT_EQ(refused.outcome, Outcome::lost);
@@ -253,10 +253,10 @@ TEST_F(WholeBench, TheFirstTimeEverythingHasToBeThereLaterTheBridgeMayCome) {
   const auto all = frames(milliseconds(200));
   ASSERT_GT(all.size(), 50U);
   EXPECT_EQ(all.back().valid, of_board);
-  EXPECT_NE(bench->signals().lost_part, nullptr);
+  EXPECT_NE(bench->signals().lost_device, nullptr);
 }
 
-TEST_F(WholeBench, ABoardThatIsPulledOutCostsTheRigAndItIsOpenedAgain) {
+TEST_F(WholeBench, UnpluggedBoardLosesTheRigUntilReopened) {
   ASSERT_TRUE(bench->open());
   ASSERT_TRUE(bench->start());
   ASSERT_GT(frames(milliseconds(150)).size(), 50U);

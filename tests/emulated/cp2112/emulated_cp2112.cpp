@@ -11,10 +11,10 @@ constexpr std::uint8_t report_gpio_get = 3;
 constexpr std::uint8_t report_gpio_set = 4;
 constexpr std::uint8_t report_version = 5;
 constexpr std::uint8_t report_smbus_config = 6;
-constexpr std::size_t smbus_config_size = 14;  // its number included
+constexpr std::size_t smbus_config_size = 14;  // including the report ID
 
-// Vendor-defined: one input and one feature report are enough for a parser; the others are asked
-// for by their numbers.
+// Vendor-defined: one input and one feature report suffice for the parser; the others are requested
+// by ID.
 constexpr std::array<std::uint8_t, 31> report_descriptor = {
     0x06, 0x00, 0xFF, 0x09, 0x01, 0xA1, 0x01, 0x15, 0x00, 0x26, 0xFF, 0x00, 0x75, 0x08, 0x85, 0x02,
     0x95, 0x04, 0x09, 0x01, 0xB1, 0x02, 0x85, 0x13, 0x95, 0x3F, 0x09, 0x01, 0x81, 0x02, 0xC0};
@@ -109,7 +109,7 @@ UsbAnswer EmulatedCp2112::set_report(std::span<const std::uint8_t> report) {
   return {};
 }
 
-/// What a meter would show: outputs as they are driven, inputs as they are wired, the rest high.
+/// Levels: outputs as driven, inputs as connected, others high.
 std::uint8_t EmulatedCp2112::levels() const {
   std::uint8_t high = 0xFF;
   const auto pull_down = [&high](std::optional<int> line) {

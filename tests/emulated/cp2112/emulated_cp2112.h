@@ -1,6 +1,6 @@
-// A CP2112 adapter (USB HID to eight GPIO lines), which the kernel's own driver makes a GPIO chip
-// of: what a host without a header uses for the amplifier's contacts. Written from the adapter's
-// feature reports; its I2C side is silent.
+// An emulated CP2112 adapter (USB HID to eight GPIO lines), a GPIO chip by the kernel's driver, for
+// the amplifier's contacts on hosts without a header. Written from the adapter's feature reports;
+// without I2C.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace stickslip::emulated {
 
-/// Which of the lines 0 to 7 goes where; absent: not wired.
+/// Assignment of the lines 0 to 7; absent: not connected.
 struct Cp2112Lines {
   std::optional<int> enable;          ///< high: enabled; pulled down by the contact
   std::optional<int> fault;           ///< low: fault
@@ -31,10 +31,10 @@ class EmulatedCp2112 final : public UsbDevice {
   std::string string(std::uint8_t index) const override;
   UsbAnswer control(const UsbSetup& setup, std::span<const std::uint8_t> out) override;
   UsbStatus out(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) override;
-  UsbAnswer in(std::uint8_t endpoint, std::size_t room) override;
+  UsbAnswer in(std::uint8_t endpoint, std::size_t capacity) override;
   void reset() override;
 
-  /// How often the heartbeat's line has changed.
+  /// Number of edges of the heartbeat line.
   std::uint64_t heartbeats() const;
 
  private:

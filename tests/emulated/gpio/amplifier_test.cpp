@@ -1,4 +1,4 @@
-// The real driver over emulated chips; run once for each generation of libgpiod.
+// The real driver on emulated chips, for each generation of libgpiod.
 #include "drivers/amplifier/amplifier.h"
 
 #include <gmock/gmock.h>
@@ -30,7 +30,7 @@ constexpr unsigned fault = 1;
 constexpr unsigned stop = 2;
 constexpr unsigned heartbeat = 5;
 
-/// Stands still until it is told.
+/// A clock that is advanced by the test.
 class HandClock final : public drivers::HostClock {
  public:
   std::int64_t now_ns() override { return now_; }
@@ -56,7 +56,7 @@ class AmplifierBench : public testing::Test {
                                                 .debounce_s = 0.2};
     settings_.heartbeat = config::GpioLine{.line = "5"};
     settings_.heartbeat_period_s = 0.1;
-    // Normally closed contacts to the supply: well is high, a cut wire is low.
+    // Normally closed contacts to the supply: high in normal operation, low for a cut wire.
     gpio_.put(chip, fault, true);
     gpio_.put(chip, stop, true);
   }
@@ -70,7 +70,7 @@ class AmplifierBench : public testing::Test {
     amplifier_ = std::make_unique<Amplifier>(settings_, clock_);
     return *amplifier_;
   }
-  /// Opened, and let be until nothing is pressed.
+  /// Opens it and waits until nothing is pressed.
   Amplifier& make_open() {
     Amplifier& amplifier = make();
     const Result result = amplifier.open();
@@ -83,7 +83,7 @@ class AmplifierBench : public testing::Test {
     drivers::MonotonicHostClock real;
     real.sleep_until(real.now_ns() + ns);
   }
-  /// Told so, cycle by cycle, until the line is so and nothing is under way any more.
+  /// Commands a state cycle by cycle until the line follows and no command is pending.
   bool becomes(bool on) {
     const bool did = soon([&] {
       EXPECT_TRUE(amplifier_->write(on));
@@ -95,15 +95,15 @@ class AmplifierBench : public testing::Test {
     }
     return did;
   }
-  /// Nothing but off is ordered from now on, whatever it is told.
+  /// Expects only "off" commands from now on, whatever is written.
   void expect_never_on_again() {
     for (int cycle = 0; cycle < 5; ++cycle) {
       EXPECT_EQ(amplifier_->write(true).outcome, Outcome::lost);
       let_pass(20 * ms);
     }
-    EXPECT_FALSE(gpio_.level(chip, enable)) << "once lost, it is not switched on";
+    EXPECT_FALSE(gpio_.level(chip, enable)) << "not switched on after a loss";
   }
-  /// What write() answers, cycle by cycle, until it answers that: how often it said each other one.
+  /// Writes cycle by cycle until an outcome; counts the other outcomes.
   std::map<Outcome, int> until(bool on, Outcome awaited) {
     std::map<Outcome, int> before;
     EXPECT_TRUE(soon([&] {
@@ -130,7 +130,7 @@ class AmplifierBench : public testing::Test {
   std::unique_ptr<Amplifier> amplifier_;
 };
 
-TEST_F(AmplifierBench, TheChipIsFoundByPathNameAndLabel) {
+TEST_F(AmplifierBench, ChipIsFoundByPathNameAndLabel) {
   for (const char* name : {"/dev/gpiochip3", "gpiochip3", "cp2112_gpio"}) {
     settings_.chip = name;
     const Result result = make().open();
@@ -141,7 +141,7 @@ TEST_F(AmplifierBench, TheChipIsFoundByPathNameAndLabel) {
   }
 }
 
-TEST_F(AmplifierBench, EnableIsNeverActiveUnlessItWasToldSo) {
+TEST_F(AmplifierBench, EnableIsActiveOnlyWhenCommanded) {
   for (const bool active_low : {false, true}) {
     settings_.enable->active_low = active_low;
     Amplifier& amplifier = make_open();
@@ -165,15 +165,15 @@ TEST_F(AmplifierBench, EnableFollowsASingleCall) {
   amplifier.close();
   EXPECT_FALSE(gpio_.level(chip, enable));
   EXPECT_THAT(gpio_.history(chip, enable), ElementsAre(false, true, false, true, false))
-      << "set only where it changes";
+      << "set only on a change";
 }
 
-TEST_F(AmplifierBench, BeforeOpenOffIsFineAndOnIsNot) {
+TEST_F(AmplifierBench, BeforeOpenOnlyOffSucceeds) {
   EXPECT_TRUE(make().write(false));
   EXPECT_EQ(amplifier_->write(true).outcome, Outcome::fatal);
 }
 
-TEST_F(AmplifierBench, TheHeartbeatBeatsAsLongAsTheLoopRuns) {
+TEST_F(AmplifierBench, HeartbeatTogglesWhileTheLoopRuns) {
   Amplifier& amplifier = make_open();
   const std::size_t before = gpio_.history(chip, heartbeat).size();
   drivers::MonotonicHostClock real;
@@ -186,11 +186,11 @@ TEST_F(AmplifierBench, TheHeartbeatBeatsAsLongAsTheLoopRuns) {
   const std::vector<bool> beats = gpio_.history(chip, heartbeat);
   EXPECT_NEAR(static_cast<double>(beats.size() - before), 10.0, 1.0);
   for (std::size_t i = 1; i < beats.size(); ++i) EXPECT_NE(beats[i], beats[i - 1]);
-  // The loop hangs: nobody else beats.
+  // The loop hangs: no heartbeat.
   clock_.pass(10000 * ms);
   real.sleep_until(real.now_ns() + 120 * ms);
   EXPECT_EQ(gpio_.history(chip, heartbeat).size(), beats.size());
-  // And goes on: one beat, not a hundred.
+  // The loop continues: one edge, not a hundred.
   for (int cycle = 0; cycle < 100; ++cycle) {
     ASSERT_TRUE(amplifier.write(false));
     real.sleep_until(real.now_ns() + ms);
@@ -200,7 +200,7 @@ TEST_F(AmplifierBench, TheHeartbeatBeatsAsLongAsTheLoopRuns) {
   EXPECT_EQ(gpio_.history(chip, heartbeat).size(), beats.size() + 1);
 }
 
-TEST_F(AmplifierBench, WhatIsNotKnownIsPressed) {
+TEST_F(AmplifierBench, UnknownLinesCountAsPressed) {
   Amplifier& amplifier = make();
   EXPECT_TRUE(amplifier.signals().emergency_stop);
   EXPECT_TRUE(amplifier.signals().amplifier_fault);
@@ -212,11 +212,11 @@ TEST_F(AmplifierBench, WhatIsNotKnownIsPressed) {
   EXPECT_TRUE(amplifier.signals().emergency_stop);
   settings_.emergency_stop.reset();
   settings_.fault.reset();
-  EXPECT_FALSE(make().signals().emergency_stop) << "no such line, none pressed";
+  EXPECT_FALSE(make().signals().emergency_stop) << "unconfigured";
   EXPECT_FALSE(amplifier_->signals().amplifier_fault);
 }
 
-TEST_F(AmplifierBench, PressingCountsAtOnceAndLettingGoOnceItLasts) {
+TEST_F(AmplifierBench, PressingIsImmediateAndReleaseDebounced) {
   Amplifier& amplifier = make_open();
   EXPECT_EQ(gpio_.pull(chip, stop), Pull::down);
   gpio_.put(chip, stop, false);
@@ -224,9 +224,9 @@ TEST_F(AmplifierBench, PressingCountsAtOnceAndLettingGoOnceItLasts) {
   gpio_.put(chip, stop, true);
   drivers::MonotonicHostClock real;
   real.sleep_until(real.now_ns() + 120 * ms);
-  EXPECT_TRUE(amplifier.signals().emergency_stop) << "its 200 ms are not over";
+  EXPECT_TRUE(amplifier.signals().emergency_stop) << "within the 200 ms";
   clock_.pass(150 * ms);
-  // It bounces: that time begins anew.
+  // Bouncing restarts the hold time.
   gpio_.put(chip, stop, false);
   gpio_.put(chip, stop, true);
   real.sleep_until(real.now_ns() + 120 * ms);
@@ -237,14 +237,14 @@ TEST_F(AmplifierBench, PressingCountsAtOnceAndLettingGoOnceItLasts) {
   EXPECT_TRUE(soon([&] { return !amplifier.signals().emergency_stop; }));
 }
 
-TEST_F(AmplifierBench, APulseThatIsOverBeforeAnybodyLooksCounts) {
+TEST_F(AmplifierBench, PulseBetweenSamplesIsDetected) {
   Amplifier& amplifier = make_open();
   gpio_.put(chip, stop, false);
   gpio_.put(chip, stop, true);
   EXPECT_TRUE(soon([&] { return amplifier.signals().emergency_stop; }));
 }
 
-TEST_F(AmplifierBench, APulseCountsForATenthOfASecondEvenWithoutDebouncing) {
+TEST_F(AmplifierBench, PulseLastsATenthOfASecondWithoutDebouncing) {
   Amplifier& amplifier = make_open();
   ASSERT_FALSE(amplifier.signals().amplifier_fault);
   gpio_.put(chip, fault, false);
@@ -252,18 +252,18 @@ TEST_F(AmplifierBench, APulseCountsForATenthOfASecondEvenWithoutDebouncing) {
   EXPECT_TRUE(soon([&] { return amplifier.signals().amplifier_fault; }));
   clock_.pass(99 * ms);
   drivers::MonotonicHostClock real;
-  real.sleep_until(real.now_ns() + 120 * ms);  // it was looked at twice
+  real.sleep_until(real.now_ns() + 120 * ms);  // sampled twice
   EXPECT_TRUE(amplifier.signals().amplifier_fault);
   clock_.pass(ms);
   EXPECT_TRUE(soon([&] { return !amplifier.signals().amplifier_fault; }));
 }
 
-TEST_F(AmplifierBench, WhatNobodyHasLookedAtForTooLongIsPressed) {
+TEST_F(AmplifierBench, StaleLinesCountAsPressed) {
   Amplifier& amplifier = make_open();
   ASSERT_TRUE(becomes(true));
   drivers::MonotonicHostClock real;
-  real.sleep_until(real.now_ns() + 120 * ms);  // it was looked at, at this time
-  gpio_.hold_gets(true);                       // whoever looks hangs in the chip's driver
+  real.sleep_until(real.now_ns() + 120 * ms);  // sampled at this time
+  gpio_.hold_gets(true);                       // sampling hangs in the chip's driver
   clock_.pass(300 * ms);
   const drivers::Signals before = amplifier.signals();
   EXPECT_FALSE(before.emergency_stop || before.amplifier_fault);
@@ -271,7 +271,7 @@ TEST_F(AmplifierBench, WhatNobodyHasLookedAtForTooLongIsPressed) {
   const drivers::Signals after = amplifier.signals();
   EXPECT_TRUE(after.emergency_stop);
   EXPECT_TRUE(after.amplifier_fault);
-  EXPECT_TRUE(becomes(false)) << "off does not need the one that looks";
+  EXPECT_TRUE(becomes(false)) << "off does not depend on sampling";
   gpio_.hold_gets(false);
   EXPECT_TRUE(soon([&] {
     const drivers::Signals now = amplifier.signals();
@@ -279,19 +279,19 @@ TEST_F(AmplifierBench, WhatNobodyHasLookedAtForTooLongIsPressed) {
   }));
 }
 
-TEST_F(AmplifierBench, AChipThatHangsHoldsUpNobodyAndIsLost) {
+TEST_F(AmplifierBench, HungChipIsLostWithoutBlocking) {
   Amplifier& amplifier = make_open();
   ASSERT_TRUE(becomes(true));
   drivers::MonotonicHostClock real;
-  // The beat that is due hangs in the chip's driver, and the loop goes on.
+  // The due heartbeat hangs in the chip's driver, and the loop continues.
   gpio_.hold_sets(true);
   clock_.pass(100 * ms);
   ASSERT_TRUE(amplifier.write(true));
-  // Somebody stops the rig meanwhile: that is told, and waits its turn.
+  // "Off" is commanded meanwhile, and queued.
   clock_.pass(100 * ms);
   ASSERT_TRUE(amplifier.write(false));
   clock_.pass(200 * ms);
-  EXPECT_TRUE(amplifier.write(false)) << "0.3 s are not over since the first of them";
+  EXPECT_TRUE(amplifier.write(false)) << "within 0.3 s of the first";
   clock_.pass(1);
   const Result result = amplifier.write(false);
   EXPECT_EQ(result.outcome, Outcome::lost);
@@ -301,13 +301,13 @@ TEST_F(AmplifierBench, AChipThatHangsHoldsUpNobodyAndIsLost) {
   EXPECT_EQ(amplifier.switch_off().outcome, Outcome::lost);
   EXPECT_TRUE(gpio_.level(chip, enable));
   gpio_.hold_sets(false);
-  EXPECT_TRUE(soon([&] { return !gpio_.level(chip, enable); })) << "off comes through in the end";
+  EXPECT_TRUE(soon([&] { return !gpio_.level(chip, enable); })) << "off is carried out eventually";
   expect_never_on_again();
   EXPECT_TRUE(amplifier.open());
   EXPECT_TRUE(becomes(true));
 }
 
-TEST_F(AmplifierBench, BeatsDoNotPileUpBehindASlowChip) {
+TEST_F(AmplifierBench, HeartbeatsDoNotAccumulateOnASlowChip) {
   Amplifier& amplifier = make_open();
   ASSERT_TRUE(becomes(true));
   gpio_.hold_sets(true);
@@ -320,11 +320,11 @@ TEST_F(AmplifierBench, BeatsDoNotPileUpBehindASlowChip) {
   gpio_.hold_sets(false);
   EXPECT_TRUE(soon([&] { return !gpio_.level(chip, enable); }));
   let_pass(60 * ms);
-  EXPECT_LE(gpio_.history(chip, heartbeat).size(), beats + 1) << "beats do not pile up";
+  EXPECT_LE(gpio_.history(chip, heartbeat).size(), beats + 1) << "heartbeats do not accumulate";
 }
 
-TEST_F(AmplifierBench, SwitchOffKnowsWhetherItIsOff) {
-  EXPECT_TRUE(make().switch_off()) << "not open: off is what it is";
+TEST_F(AmplifierBench, SwitchOffConfirmsTheLevel) {
+  EXPECT_TRUE(make().switch_off()) << "not open: it is off";
   Amplifier& amplifier = make_open();
   ASSERT_TRUE(becomes(true));
   gpio_.fail_next_sets(chip, 2);
@@ -337,7 +337,7 @@ TEST_F(AmplifierBench, SwitchOffKnowsWhetherItIsOff) {
   EXPECT_THAT(result.message, HasSubstr("cp2112_gpio"));
 }
 
-TEST_F(AmplifierBench, SwitchOffDoesNotWaitForAChipThatHangs) {
+TEST_F(AmplifierBench, SwitchOffDoesNotWaitForAHungChip) {
   Amplifier& amplifier = make_open();
   ASSERT_TRUE(becomes(true));
   gpio_.hold_sets(true);
@@ -346,7 +346,7 @@ TEST_F(AmplifierBench, SwitchOffDoesNotWaitForAChipThatHangs) {
   EXPECT_THAT(result.message, HasSubstr("does not answer"));
 }
 
-TEST_F(AmplifierBench, ASetThatDidNothingIsNotBelieved) {
+TEST_F(AmplifierBench, IneffectiveSetIsDetected) {
   Amplifier& amplifier = make_open();
   ASSERT_TRUE(becomes(true));
   gpio_.swallow_next_sets(chip, 2);
@@ -358,15 +358,15 @@ TEST_F(AmplifierBench, ASetThatDidNothingIsNotBelieved) {
   EXPECT_TRUE(gpio_.level(chip, enable));
 }
 
-TEST_F(AmplifierBench, AChipThatDoesNotReadItsOutputsIsBelieved) {
-  gpio_.reads_outputs(chip, false);
+TEST_F(AmplifierBench, ChipWithoutReadBackIsTrusted) {
+  gpio_.set_read_back(chip, false);
   Amplifier& amplifier = make_open();
   EXPECT_TRUE(becomes(true));
   EXPECT_TRUE(amplifier.switch_off());
   EXPECT_FALSE(gpio_.level(chip, enable));
 }
 
-TEST_F(AmplifierBench, AHeartbeatAloneLeavesNoContactClosed) {
+TEST_F(AmplifierBench, HeartbeatAloneLeavesNoContactClosed) {
   settings_.enable.reset();
   Amplifier& amplifier = make_open();
   gpio_.hold_sets(true);
@@ -374,7 +374,7 @@ TEST_F(AmplifierBench, AHeartbeatAloneLeavesNoContactClosed) {
   EXPECT_TRUE(amplifier.switch_off());
 }
 
-TEST_F(AmplifierBench, ALineThatIsNotThereIsNeverPressed) {
+TEST_F(AmplifierBench, UnconfiguredLineIsNeverPressed) {
   settings_.emergency_stop.reset();
   Amplifier& amplifier = make();
   ASSERT_TRUE(amplifier.open());
@@ -382,13 +382,13 @@ TEST_F(AmplifierBench, ALineThatIsNotThereIsNeverPressed) {
   gpio_.unplug(chip);
   EXPECT_TRUE(soon([&] { return amplifier.signals().amplifier_fault; }));
   EXPECT_EQ(amplifier.write(true).outcome, Outcome::lost);
-  EXPECT_FALSE(amplifier.signals().emergency_stop) << "write says what has happened";
+  EXPECT_FALSE(amplifier.signals().emergency_stop) << "write reports the loss";
   settings_.fault.reset();
   EXPECT_EQ(make().open().outcome, Outcome::lost);
   EXPECT_FALSE(amplifier_->signals().amplifier_fault);
 }
 
-TEST_F(AmplifierBench, AFloatingWireNeitherHidesTheOthersNorHindersTheEnd) {
+TEST_F(AmplifierBench, FloatingWireNeitherHidesOthersNorBlocksClose) {
   Amplifier& amplifier = make_open();
   gpio_.let_float(chip, fault, true);
   gpio_.put(chip, fault, false);
@@ -396,12 +396,12 @@ TEST_F(AmplifierBench, AFloatingWireNeitherHidesTheOthersNorHindersTheEnd) {
   gpio_.put(chip, stop, false);
   const bool seen = soon([&] { return amplifier.signals().emergency_stop; });
   EXPECT_TRUE(seen);
-  if (!seen) gpio_.let_float(chip, fault, false);  // or the end would never come
+  if (!seen) gpio_.let_float(chip, fault, false);  // otherwise the test would not end
   amplifier.close();
   EXPECT_EQ(gpio_.consumer(chip, fault), "");
 }
 
-TEST_F(AmplifierBench, ALostEdgeDoesNoHarm) {
+TEST_F(AmplifierBench, LostEdgeIsHarmless) {
   Amplifier& amplifier = make_open();
   gpio_.put(chip, fault, false, false);
   EXPECT_TRUE(soon([&] { return amplifier.signals().amplifier_fault; }));
@@ -412,20 +412,20 @@ TEST_F(AmplifierBench, ALostEdgeDoesNoHarm) {
   EXPECT_TRUE(soon([&] { return !amplifier.signals().amplifier_fault; }));
 }
 
-TEST_F(AmplifierBench, AChipWithoutEdgesIsLookedAt) {
-  gpio_.tells_edges(chip, false);
+TEST_F(AmplifierBench, ChipWithoutEdgesIsSampled) {
+  gpio_.set_edge_support(chip, false);
   Amplifier& amplifier = make_open();
   gpio_.put(chip, stop, false);
   EXPECT_TRUE(soon([&] { return amplifier.signals().emergency_stop; }));
 }
 
-TEST_F(AmplifierBench, ABusyLineNamesWhoHasIt) {
+TEST_F(AmplifierBench, BusyLineNamesItsUser) {
   gpio_.occupy(chip, heartbeat, "sysfs");
   const Result result = make().open();
   EXPECT_EQ(result.outcome, Outcome::needs_attention);
   EXPECT_THAT(result.message, HasSubstr("line 5"));
   EXPECT_THAT(result.message, HasSubstr("\"sysfs\""));
-  EXPECT_EQ(gpio_.consumer(chip, enable), "") << "nothing is kept";
+  EXPECT_EQ(gpio_.consumer(chip, enable), "") << "all lines are released";
   gpio_.occupy(chip, heartbeat, "");
   gpio_.occupy(chip, stop, "gpio-keys");
   const Result again = amplifier_->open();
@@ -435,7 +435,7 @@ TEST_F(AmplifierBench, ABusyLineNamesWhoHasIt) {
   EXPECT_TRUE(amplifier_->open());
 }
 
-TEST_F(AmplifierBench, WithoutPermissionTheMessageNamesTheGroup) {
+TEST_F(AmplifierBench, DeniedPermissionNamesTheGroup) {
   gpio_.forbid(chip, true);
   for (const char* name : {"/dev/gpiochip3", "cp2112_gpio"}) {
     settings_.chip = name;
@@ -446,7 +446,7 @@ TEST_F(AmplifierBench, WithoutPermissionTheMessageNamesTheGroup) {
   }
 }
 
-TEST_F(AmplifierBench, AMissingChipIsLostAndAMissingLineNeedsAPerson) {
+TEST_F(AmplifierBench, MissingChipIsLostAndMissingLineNeedsAttention) {
   settings_.chip = "gpiochip9";
   Result result = make().open();
   EXPECT_EQ(result.outcome, Outcome::lost);
@@ -460,14 +460,14 @@ TEST_F(AmplifierBench, AMissingChipIsLostAndAMissingLineNeedsAPerson) {
   }
 }
 
-TEST_F(AmplifierBench, TwoChipsOfOneLabelNeedAPerson) {
+TEST_F(AmplifierBench, AmbiguousLabelNeedsAttention) {
   gpio_.add_chip("/dev/gpiochip7", "cp2112_gpio", {"x"});
   const Result result = make().open();
   EXPECT_EQ(result.outcome, Outcome::needs_attention);
   EXPECT_THAT(result.message, HasSubstr("gpiochip3 [cp2112_gpio], gpiochip7 [cp2112_gpio]"));
 }
 
-TEST_F(AmplifierBench, AChipThatIsPulledOutIsLostAndStopsEverything) {
+TEST_F(AmplifierBench, UnpluggedChipIsLostAndActivatesAllStops) {
   Amplifier& amplifier = make_open();
   ASSERT_TRUE(becomes(true));
   gpio_.unplug(chip);
@@ -484,7 +484,7 @@ TEST_F(AmplifierBench, AChipThatIsPulledOutIsLostAndStopsEverything) {
   EXPECT_TRUE(becomes(true));
 }
 
-TEST_F(AmplifierBench, OffIsAssertedAgainAfterAnError) {
+TEST_F(AmplifierBench, OffIsRepeatedAfterAnError) {
   Amplifier& amplifier = make_open();
   ASSERT_TRUE(becomes(true));
   gpio_.fail_next_sets(chip, 2);
@@ -495,22 +495,22 @@ TEST_F(AmplifierBench, OffIsAssertedAgainAfterAnError) {
     failures += outcome == Outcome::temporary ? 1 : 0;
     return !gpio_.level(chip, enable);
   }));
-  EXPECT_EQ(failures, 2) << "each is told once";
+  EXPECT_EQ(failures, 2) << "each is reported once";
   gpio_.fail_next_sets(chip, 3);
   EXPECT_EQ(until(true, Outcome::lost)[Outcome::temporary], 2);
   EXPECT_TRUE(amplifier.signals().emergency_stop);
   expect_never_on_again();
 }
 
-TEST_F(AmplifierBench, ChipsAreListedWithWhatKeepsThemFromBeingUsed) {
+TEST_F(AmplifierBench, ChipsAreListedWithTheirProblems) {
   gpio_.forbid("/dev/gpiochip0", true);
   const auto found = drivers::find_gpio_chips();
   ASSERT_EQ(found.size(), 2U);
-  EXPECT_EQ(found[0].where, "/dev/gpiochip0");
-  EXPECT_THAT(found[0].trouble, HasSubstr("udev"));
+  EXPECT_EQ(found[0].location, "/dev/gpiochip0");
+  EXPECT_THAT(found[0].problem, HasSubstr("udev"));
   EXPECT_EQ(found[1].serial, "gpiochip3");
   EXPECT_EQ(found[1].name, "cp2112_gpio, 8 lines");
-  EXPECT_EQ(found[1].trouble, "");
+  EXPECT_EQ(found[1].problem, "");
 }
 
 }  // namespace

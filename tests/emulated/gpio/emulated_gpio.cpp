@@ -43,9 +43,9 @@ void EmulatedGpio::forbid(const std::string& path, bool forbidden) {
   chip(path)->forbidden = forbidden;
 }
 
-void EmulatedGpio::tells_edges(const std::string& path, bool tells) {
+void EmulatedGpio::set_edge_support(const std::string& path, bool supported) {
   const std::lock_guard lock(mutex_);
-  chip(path)->tells_edges = tells;
+  chip(path)->has_edges = supported;
 }
 
 void EmulatedGpio::unplug(const std::string& path) {
@@ -63,9 +63,9 @@ void EmulatedGpio::swallow_next_sets(const std::string& path, int count) {
   chip(path)->swallowed_sets = count;
 }
 
-void EmulatedGpio::reads_outputs(const std::string& path, bool reads) {
+void EmulatedGpio::set_read_back(const std::string& path, bool supported) {
   const std::lock_guard lock(mutex_);
-  chip(path)->reads_outputs = reads;
+  chip(path)->has_read_back = supported;
 }
 
 void EmulatedGpio::occupy(const std::string& path, unsigned offset, const std::string& consumer) {
@@ -73,15 +73,15 @@ void EmulatedGpio::occupy(const std::string& path, unsigned offset, const std::s
   chip(path)->lines.at(offset).consumer = consumer;
 }
 
-void EmulatedGpio::put(const std::string& path, unsigned offset, bool high, bool tell) {
+void EmulatedGpio::put(const std::string& path, unsigned offset, bool high, bool notify) {
   const std::lock_guard lock(mutex_);
   Line& line = chip(path)->lines.at(offset);
   if (line.high == high) return;
   line.high = high;
-  if (!tell || line.edge_file < 0) return;
-  const GpioEdge edge{offset, high != line.wish.active_low};
+  if (!notify || line.edge_file < 0) return;
+  const GpioEdge edge{offset, high != line.request.active_low};
   if (::write(line.edge_file, &edge, sizeof edge) != static_cast<ssize_t>(sizeof edge)) {
-    throw std::runtime_error("an edge could not be told");
+    throw std::runtime_error("an edge event could not be written");
   }
 }
 
@@ -93,13 +93,13 @@ void EmulatedGpio::let_float(const std::string& path, unsigned offset, bool floa
 void EmulatedGpio::hold_gets(bool hold) {
   const std::lock_guard lock(mutex_);
   holds_gets_ = hold;
-  let_go_.notify_all();
+  released_.notify_all();
 }
 
 void EmulatedGpio::hold_sets(bool hold) {
   const std::lock_guard lock(mutex_);
   holds_sets_ = hold;
-  let_go_.notify_all();
+  released_.notify_all();
 }
 
 void EmulatedGpio::edge_taken(const std::string& path, const GpioEdge& edge) {
@@ -110,7 +110,7 @@ void EmulatedGpio::edge_taken(const std::string& path, const GpioEdge& edge) {
   if (!line.floats || line.edge_file < 0) return;
   const GpioEdge next{edge.offset, !edge.rising};
   if (::write(line.edge_file, &next, sizeof next) != static_cast<ssize_t>(sizeof next)) {
-    throw std::runtime_error("an edge could not be told");
+    throw std::runtime_error("an edge event could not be written");
   }
 }
 
@@ -126,7 +126,7 @@ std::vector<bool> EmulatedGpio::history(const std::string& path, unsigned offset
 
 Pull EmulatedGpio::pull(const std::string& path, unsigned offset) const {
   const std::lock_guard lock(mutex_);
-  return chip(path)->lines.at(offset).wish.pull;
+  return chip(path)->lines.at(offset).request.pull;
 }
 
 std::string EmulatedGpio::consumer(const std::string& path, unsigned offset) const {
@@ -167,7 +167,7 @@ int EmulatedGpio::find(const std::string& path, const std::string& line_name) co
   return -1;
 }
 
-int EmulatedGpio::request(const std::string& path, unsigned offset, const GpioWish& wish,
+int EmulatedGpio::request(const std::string& path, unsigned offset, const GpioRequest& request,
                           int edge_file) {
   const std::lock_guard lock(mutex_);
   Chip* its = chip(path);
@@ -175,12 +175,12 @@ int EmulatedGpio::request(const std::string& path, unsigned offset, const GpioWi
   if (offset >= its->lines.size()) return EINVAL;
   Line& line = its->lines[offset];
   if (!line.consumer.empty()) return EBUSY;
-  if (wish.edges && !its->tells_edges) return ENXIO;
-  line.consumer = wish.consumer.empty() ? "?" : wish.consumer;
-  line.wish = wish;
-  line.edge_file = wish.edges ? edge_file : -1;
-  if (wish.output) {
-    line.high = wish.initially_active != wish.active_low;
+  if (request.edges && !its->has_edges) return ENXIO;
+  line.consumer = request.consumer.empty() ? "?" : request.consumer;
+  line.request = request;
+  line.edge_file = request.edges ? edge_file : -1;
+  if (request.output) {
+    line.high = request.initially_active != request.active_low;
     line.history.push_back(line.high);
   }
   return 0;
@@ -196,7 +196,7 @@ void EmulatedGpio::release(const std::string& path, unsigned offset) {
 
 int EmulatedGpio::set(const std::string& path, unsigned offset, bool active) {
   std::unique_lock lock(mutex_);
-  let_go_.wait(lock, [this] { return !holds_sets_; });
+  released_.wait(lock, [this] { return !holds_sets_; });
   Chip* its = chip(path);
   if (its == nullptr) return ENODEV;
   if (its->failing_sets > 0) {
@@ -204,24 +204,24 @@ int EmulatedGpio::set(const std::string& path, unsigned offset, bool active) {
     return EIO;
   }
   Line& line = its->lines.at(offset);
-  if (!line.wish.output) return EPERM;
+  if (!line.request.output) return EPERM;
   if (its->swallowed_sets > 0) {
     --its->swallowed_sets;
     return 0;
   }
-  line.high = active != line.wish.active_low;
+  line.high = active != line.request.active_low;
   line.history.push_back(line.high);
   return 0;
 }
 
 int EmulatedGpio::get(const std::string& path, unsigned offset, bool& active) const {
   std::unique_lock lock(mutex_);
-  let_go_.wait(lock, [this] { return !holds_gets_; });
+  released_.wait(lock, [this] { return !holds_gets_; });
   const Chip* its = chip(path);
   if (its == nullptr) return ENODEV;
   const Line& line = its->lines.at(offset);
-  if (line.wish.output && !its->reads_outputs) return EIO;
-  active = line.high != line.wish.active_low;
+  if (line.request.output && !its->has_read_back) return EIO;
+  active = line.high != line.request.active_low;
   return 0;
 }
 

@@ -1,4 +1,4 @@
-// GPIO chips as the kernel shows them, for stand-ins of both generations of libgpiod.
+// Emulated GPIO chips of the kernel, for replacements of both generations of libgpiod.
 #pragma once
 
 #include <condition_variable>
@@ -12,8 +12,8 @@ namespace stickslip::emulated {
 
 enum class Pull { as_is, off, up, down };
 
-/// What is wanted of a line.
-struct GpioWish {
+/// Requested configuration of a line.
+struct GpioRequest {
   bool output = false;
   bool initially_active = false;
   bool active_low = false;
@@ -22,52 +22,52 @@ struct GpioWish {
   std::string consumer;
 };
 
-/// An edge as it is told: logical, after active_low.
+/// An edge event: logical, after active_low.
 struct GpioEdge {
   unsigned offset = 0;
   bool rising = false;
 };
 
-/// Functions that can fail return 0, or the system's number of the error. Any thread.
+/// Functions that can fail return 0 or errno. Any thread.
 class EmulatedGpio {
  public:
   // For tests.
-  /// All chips are gone.
+  /// Removes all chips.
   void clear();
   void add_chip(const std::string& path, const std::string& label,
                 std::vector<std::string> line_names);
   void forbid(const std::string& path, bool forbidden);
-  void tells_edges(const std::string& path, bool tells);
+  void set_edge_support(const std::string& path, bool supported);
   void unplug(const std::string& path);
   void fail_next_sets(const std::string& path, int count);
-  /// They do nothing and say that it was well, as kernels tell of chips at USB.
+  /// The next sets succeed without effect, as kernels report for USB chips.
   void swallow_next_sets(const std::string& path, int count);
-  /// Outputs cannot be read.
-  void reads_outputs(const std::string& path, bool reads);
-  /// Somebody else has it, or nobody any more (empty).
+  /// Enables or disables reading of outputs.
+  void set_read_back(const std::string& path, bool supported);
+  /// Sets the user of a line; empty: none.
   void occupy(const std::string& path, unsigned offset, const std::string& consumer);
-  /// The voltage at a line that is an input; without `tell` its edge is lost.
-  void put(const std::string& path, unsigned offset, bool high, bool tell = true);
-  /// A wire at nothing: of every edge that is taken up there is another one.
+  /// Sets the level at an input line; without `notify` its edge is lost.
+  void put(const std::string& path, unsigned offset, bool high, bool notify = true);
+  /// A floating wire: every edge that is read produces another.
   void let_float(const std::string& path, unsigned offset, bool floats);
-  /// Whoever asks for a level waits until it is let go.
+  /// Blocks reads of levels until released.
   void hold_gets(bool hold);
-  /// Whoever sets a line waits until it is let go.
+  /// Blocks sets until released.
   void hold_sets(bool hold);
   bool level(const std::string& path, unsigned offset) const;
-  /// Every voltage that an output was given, the one that it was requested with first.
+  /// All levels of an output, beginning with the requested one.
   std::vector<bool> history(const std::string& path, unsigned offset) const;
   Pull pull(const std::string& path, unsigned offset) const;
   std::string consumer(const std::string& path, unsigned offset) const;
 
-  // For the stand-ins.
+  // For the library replacements.
   int open(const std::string& path) const;
   std::string name(const std::string& path) const;
   std::string label(const std::string& path) const;
   unsigned lines(const std::string& path) const;
   int find(const std::string& path, const std::string& line_name) const;  ///< offset, or negative
-  /// `edge_file`: where GpioEdges are to be written.
-  int request(const std::string& path, unsigned offset, const GpioWish& wish, int edge_file);
+  /// `edge_file`: receives GpioEdges.
+  int request(const std::string& path, unsigned offset, const GpioRequest& request, int edge_file);
   void release(const std::string& path, unsigned offset);
   int set(const std::string& path, unsigned offset, bool active);
   int get(const std::string& path, unsigned offset, bool& active) const;
@@ -77,7 +77,7 @@ class EmulatedGpio {
   struct Line {
     std::string name;
     std::string consumer;
-    GpioWish wish;
+    GpioRequest request;
     bool high = false;
     bool floats = false;
     int edge_file = -1;
@@ -89,22 +89,22 @@ class EmulatedGpio {
     std::vector<Line> lines;
     bool forbidden = false;
     bool gone = false;
-    bool tells_edges = true;
+    bool has_edges = true;
     int failing_sets = 0;
     int swallowed_sets = 0;
-    bool reads_outputs = true;
+    bool has_read_back = true;
   };
   Chip* chip(const std::string& path);
   const Chip* chip(const std::string& path) const;
 
   mutable std::mutex mutex_;
-  mutable std::condition_variable let_go_;
+  mutable std::condition_variable released_;
   bool holds_gets_ = false;
   bool holds_sets_ = false;
   std::deque<Chip> chips_;
 };
 
-/// The one that the stand-ins' C functions know.
+/// The instance of the library replacements' C functions.
 EmulatedGpio& emulated_gpio();
 
 }  // namespace stickslip::emulated

@@ -1,4 +1,4 @@
-// libgpiod 1.6, as far as the driver uses it, over emulated chips. The header is the real one.
+// The functions of libgpiod 1.6 in use, on emulated chips, with the real header.
 #include <fcntl.h>
 #include <gpiod.h>
 #include <unistd.h>
@@ -11,7 +11,7 @@
 
 using stickslip::emulated::emulated_gpio;
 using stickslip::emulated::GpioEdge;
-using stickslip::emulated::GpioWish;
+using stickslip::emulated::GpioRequest;
 using stickslip::emulated::Pull;
 
 struct gpiod_line {
@@ -19,7 +19,7 @@ struct gpiod_line {
   unsigned offset = 0;
   bool requested = false;
   int edges[2] = {-1, -1};
-  std::string consumer;  // as it was when the line was looked up
+  std::string consumer;  // at the lookup of the line
 };
 
 struct gpiod_chip {
@@ -89,7 +89,7 @@ const char* gpiod_line_consumer(gpiod_line* line) {
 }
 
 int gpiod_line_request(gpiod_line* line, const gpiod_line_request_config* config, int value) {
-  GpioWish wish;
+  GpioRequest wish;
   wish.output = config->request_type == GPIOD_LINE_REQUEST_DIRECTION_OUTPUT;
   wish.edges = config->request_type == GPIOD_LINE_REQUEST_EVENT_BOTH_EDGES;
   wish.initially_active = value != 0;

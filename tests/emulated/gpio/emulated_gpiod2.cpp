@@ -1,4 +1,4 @@
-// libgpiod 2, as far as the driver uses it, over emulated chips.
+// The functions of libgpiod 2 in use, on emulated chips.
 #include <fcntl.h>
 #include <gpiod.h>
 #include <unistd.h>
@@ -13,7 +13,7 @@
 
 using stickslip::emulated::emulated_gpio;
 using stickslip::emulated::GpioEdge;
-using stickslip::emulated::GpioWish;
+using stickslip::emulated::GpioRequest;
 using stickslip::emulated::Pull;
 
 struct gpiod_chip {
@@ -28,10 +28,10 @@ struct gpiod_line_info {
   std::string consumer;
 };
 struct gpiod_line_settings {
-  GpioWish wish;
+  GpioRequest wish;
 };
 struct gpiod_line_config {
-  std::map<unsigned, GpioWish> lines;
+  std::map<unsigned, GpioRequest> lines;
 };
 struct gpiod_request_config {
   std::string consumer;
@@ -172,8 +172,8 @@ int gpiod_line_request_get_fd(gpiod_line_request* request) { return request->edg
 int gpiod_line_request_read_edge_events(gpiod_line_request* request,
                                         gpiod_edge_event_buffer* buffer, size_t most) {
   GpioEdge edges[64];
-  const size_t room = std::min<size_t>(most, 64) * sizeof edges[0];
-  const ssize_t size = ::read(request->edges[0], edges, room);
+  const size_t capacity = std::min<size_t>(most, 64) * sizeof edges[0];
+  const ssize_t size = ::read(request->edges[0], edges, capacity);
   if (size < 0) return -1;
   const size_t count = static_cast<size_t>(size) / sizeof edges[0];
   buffer->events.clear();

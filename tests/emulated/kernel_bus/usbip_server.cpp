@@ -58,11 +58,11 @@ bool send(int socket, const std::uint8_t* data, std::size_t size) {
   return true;
 }
 
-void tell_controller(const char* file, const std::string& words) {
+void write_to_controller(const char* file, const std::string& words) {
   std::ofstream out(std::string(controller) + file);
   out << words << std::flush;
   if (!out) {
-    throw std::runtime_error(std::string(controller) + file + " does not take \"" + words + '"');
+    throw std::runtime_error(std::string(controller) + file + " does not accept \"" + words + '"');
   }
 }
 
@@ -73,7 +73,7 @@ UsbSetup setup_in(const Header& header) {
   return {header[40], header[41], word(42), word(44), word(46)};
 }
 
-/// A string descriptor in the bus's UTF-16.
+/// A string descriptor in UTF-16.
 Bytes string_descriptor(const std::string& text) {
   Bytes out = {static_cast<std::uint8_t>(2 + 2 * text.size()), 3};
   for (const char c : text) {
@@ -96,25 +96,25 @@ void UsbipServer::plug() {
     throw std::runtime_error(std::string("no socket pair: ") + std::strerror(errno));
   }
   device_.reset();
-  hangs_ = asked_in_vain_ = false;
+  hangs_ = has_unserved_request_ = false;
   socket_ = ends[1];
   constexpr int bus_and_device = 1 << 16 | 2;
   try {
-    tell_controller("attach", std::to_string(port_) + ' ' + std::to_string(ends[0]) + ' ' +
-                                  std::to_string(bus_and_device) + ' ' +
-                                  std::to_string(full_speed));
+    write_to_controller("attach", std::to_string(port_) + ' ' + std::to_string(ends[0]) + ' ' +
+                                      std::to_string(bus_and_device) + ' ' +
+                                      std::to_string(full_speed));
   } catch (...) {
     ::close(ends[0]);
     ::close(ends[1]);
     throw;
   }
-  ::close(ends[0]);  // the controller holds it now
+  ::close(ends[0]);  // now held by the controller
   thread_ = std::thread([this] { serve(); });
 }
 
 void UsbipServer::unplug() {
   if (!thread_.joinable()) return;
-  // As if the cable were pulled: the controller finds the connection gone.
+  // Like unplugging the cable: the controller detects the closed connection.
   ::shutdown(socket_, SHUT_RDWR);
   thread_.join();
   ::close(socket_);
@@ -123,20 +123,20 @@ void UsbipServer::unplug() {
 }
 
 void UsbipServer::serve() {
-  // While something waits for the device, it is asked again and again, as a host asks.
+  // Pending requests are polled, as a host does.
   for (;;) {
     bool any = false;
     for (const auto& [endpoint, requests] : waiting_) any = any || !requests.empty();
     if (!take(any ? poll_ms_ : 1000)) return;
     if (!hangs_) {
-      answer_what_can_be();
+      serve_requests();
     } else if (!waiting_[0].empty() || !waiting_[0x80].empty()) {
-      asked_in_vain_ = true;
+      has_unserved_request_ = true;
     }
   }
 }
 
-/// Takes in all that is there; false where the connection is gone.
+/// Reads all pending requests; false if the connection is closed.
 bool UsbipServer::take(int timeout_ms) {
   for (int wait_ms = timeout_ms;; wait_ms = 0) {
     pollfd poll_socket{socket_, POLLIN, 0};
@@ -171,7 +171,7 @@ bool UsbipServer::take(int timeout_ms) {
       Header out{};
       put(out, 0, unlinked);
       put(out, 4, request.number);
-      // What was answered before it was given up is no longer there to be given up.
+      // A request that was already answered cannot be cancelled.
       put(out, 20, found ? static_cast<std::uint32_t>(-ECONNRESET) : 0U);
       if (!send(socket_, out.data(), out.size())) return false;
     } else {
@@ -180,7 +180,7 @@ bool UsbipServer::take(int timeout_ms) {
   }
 }
 
-void UsbipServer::answer_what_can_be() {
+void UsbipServer::serve_requests() {
   for (auto& [address, requests] : waiting_) {
     while (!requests.empty()) {
       const auto answer = try_request(requests.front());
@@ -191,7 +191,7 @@ void UsbipServer::answer_what_can_be() {
   }
 }
 
-/// Nothing: the device is not ready.
+/// None: the device is not ready.
 std::optional<UsbAnswer> UsbipServer::try_request(const Request& request) {
   UsbAnswer answer;
   if (request.endpoint == 0) {

@@ -1,6 +1,6 @@
-// An emulated USB device on the kernel's own bus: the virtual host controller (vhci-hcd) is given
-// one end of a socket pair, and what its stack asks of the device is answered at the other (the
-// kernel's documentation, usb/usbip_protocol). Needs root, and the module vhci-hcd.
+// An emulated USB device on the kernel's own bus: the virtual host controller (vhci-hcd) uses one
+// end of a socket pair, and its requests are served at the other (kernel documentation,
+// usb/usbip_protocol). Needs root and the module vhci-hcd.
 #pragma once
 
 #include <atomic>
@@ -17,32 +17,32 @@
 
 namespace stickslip::emulated {
 
-/// Serves one device in a thread of its own. The rest is for one other thread.
+/// Serves one device in a separate thread. All calls from one other thread.
 class UsbipServer {
  public:
-  /// `port`: one of the controller's first eight, each for one device at a time. `poll_ms`: how
-  /// often a device that has nothing to say is asked again.
+  /// `port`: one of the controller's first eight, for one device at a time. `poll_ms`: poll period
+  /// of a device without data.
   UsbipServer(UsbDevice& device, int port, int poll_ms = 1)
       : device_(device), port_(port), poll_ms_(poll_ms) {}
   ~UsbipServer() { unplug(); }
   UsbipServer(const UsbipServer&) = delete;
   UsbipServer& operator=(const UsbipServer&) = delete;
 
-  /// Whether there is a virtual controller.
+  /// True if there is a virtual controller.
   static bool available();
 
-  /// The device is reset and appears on the bus. Throws std::runtime_error where it cannot.
+  /// Resets the device and attaches it to the bus. Throws std::runtime_error on failure.
   void plug();
-  /// Gone at once, in the middle of whatever is under way.
+  /// Detaches the device immediately, also during transfers.
   void unplug();
   bool plugged() const { return thread_.joinable(); }
 
-  /// Its firmware hangs: it is there, and answers nothing, until it is plugged in again.
+  /// The firmware hangs: the device is attached without replies, until it is plugged in again.
   void hang() { hangs_ = true; }
-  /// Whether one that hangs has been asked something since. A cable that is pulled then is pulled
-  /// in the middle of a transfer, which a virtual controller, other than a real one, does not give
-  /// back: the kernel waits for it as long as for one that hangs, five seconds.
-  bool asked_in_vain() const { return asked_in_vain_; }
+  /// True if the hung device has received a request. Unplugging then interrupts a transfer, which a
+  /// virtual controller, unlike a real one, does not return: the kernel waits for it, as for one
+  /// that hangs, for five seconds.
+  bool has_unserved_request() const { return has_unserved_request_; }
 
  private:
   struct Request {
@@ -56,7 +56,7 @@ class UsbipServer {
 
   void serve();
   bool take(int timeout_ms);
-  void answer_what_can_be();
+  void serve_requests();
   std::optional<UsbAnswer> try_request(const Request& request);
   UsbAnswer control(const Request& request);
   UsbAnswer descriptor(const UsbSetup& setup) const;
@@ -67,7 +67,7 @@ class UsbipServer {
   int poll_ms_;
   int socket_ = -1;
   std::atomic<bool> hangs_{false};
-  std::atomic<bool> asked_in_vain_{false};
+  std::atomic<bool> has_unserved_request_{false};
   std::thread thread_;
   std::map<std::uint8_t, std::deque<Request>> waiting_;  // by endpoint address
 };

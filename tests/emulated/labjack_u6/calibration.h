@@ -1,6 +1,6 @@
-// The constants that an emulated U6 holds in its flash, and what they make of volts. The device's
-// electronics follow the very constants that it stores, so that a driver that applies them recovers
-// the volts to within the converter's steps and noise.
+// Calibration constants in the flash of an emulated U6, and its conversion of volts. The
+// electronics follow the stored constants, so that a driver that applies them recovers the volts to
+// within resolution and noise.
 #pragma once
 
 #include <array>
@@ -11,7 +11,7 @@
 
 namespace stickslip::emulated {
 
-/// Of one converter; by gain index 0 (+-10 V) to 3 (+-0.01 V).
+/// Constants of one converter, by gain index 0 (+-10 V) to 3 (+-0.01 V).
 struct U6ConverterCalibration {
   std::array<double, 4> positive_slope{};   ///< [V/count], at or above the centre
   std::array<double, 4> positive_offset{};  ///< [V], of the line through the positive side
@@ -31,17 +31,16 @@ struct U6Calibration {
 
 inline constexpr std::size_t u6_calibration_blocks = 10;
 
-/// A unit as it may leave the factory: each constant a little beside its nominal value, and already
-/// rounded to what 32.32 fixed point holds.
+/// Constants of a random unit: close to the nominal values, and rounded to 32.32 fixed point.
 U6Calibration u6_calibration_of_unit(std::uint64_t seed);
 
 /// Block 0 to 9 of the calibration memory, 32 bytes. Blocks 6 to 9 are erased (FF) unless `pro`.
 Bytes u6_calibration_block(const U6Calibration& calibration, std::size_t block, bool pro);
 
-/// What the converter counts at those volts, without noise, not rounded and not limited.
+/// Counts of the converter at a voltage, without noise, rounding and limits.
 double u6_counts(const U6ConverterCalibration& adc, int gain_index, double volts);
 
-/// What an output holds at those counts [V]: 12 effective bits, 0.02 to 4.95 V.
+/// Output voltage at those counts [V]: 12 effective bits, 0.02 to 4.95 V.
 double u6_dac_volts(const U6Calibration& calibration, int dac, std::uint16_t counts);
 
 }  // namespace stickslip::emulated

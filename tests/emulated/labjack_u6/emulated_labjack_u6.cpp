@@ -125,7 +125,7 @@ void EmulatedLabjackU6::power_up(std::int64_t time_ns) {
   io_config_ = {};
   direction_ = latch_ = 0;
   for (std::size_t dac = 0; dac < dac_counts_.size(); ++dac) set_dac(dac, 0, time_ns);
-  tell_enable(time_ns);
+  update_enable(time_ns);
 }
 
 void EmulatedLabjackU6::catch_up() {
@@ -138,13 +138,13 @@ void EmulatedLabjackU6::catch_up_locked() {
   while (watchdog_.armed() && watchdog_.due_ns() <= now) {
     const std::int64_t due = watchdog_.due_ns();
     stream_.sample_until(due);
-    bite(due);
+    trip_watchdog(due);
   }
   stream_.sample_until(now);
 }
 
-void EmulatedLabjackU6::bite(std::int64_t time_ns) {
-  ++bites_;
+void EmulatedLabjackU6::trip_watchdog(std::int64_t time_ns) {
+  ++trips_;
   const Watchdog watchdog = watchdog_;
   if ((watchdog.options & 0x20U) != 0) {
     power_up(time_ns);  // and the watchdog is off, as after power-up
@@ -155,7 +155,7 @@ void EmulatedLabjackU6::bite(std::int64_t time_ns) {
     const std::uint32_t bit = 1U << (watchdog.dio & 0x0FU);
     direction_ |= bit;
     latch_ = (watchdog.dio & 0x80U) != 0 ? latch_ | bit : latch_ & ~bit;
-    tell_enable(time_ns);
+    update_enable(time_ns);
   }
 }
 
@@ -170,7 +170,7 @@ UsbStatus EmulatedLabjackU6::out(std::uint8_t endpoint, std::span<const std::uin
   return UsbStatus::ok;
 }
 
-UsbAnswer EmulatedLabjackU6::in(std::uint8_t endpoint, std::size_t room) {
+UsbAnswer EmulatedLabjackU6::in(std::uint8_t endpoint, std::size_t capacity) {
   const std::lock_guard hold(lock_);
   catch_up_locked();
   if (silent_) return {UsbStatus::not_ready, {}};
@@ -188,7 +188,7 @@ UsbAnswer EmulatedLabjackU6::in(std::uint8_t endpoint, std::size_t room) {
   if (endpoint != stream_endpoint) return {UsbStatus::stall, {}};
   if (stream_.stalled()) return {UsbStatus::stall, {}};
   UsbAnswer data{UsbStatus::not_ready, {}};
-  while (data.bytes.size() + stream_.packet_bytes() <= room) {
+  while (data.bytes.size() + stream_.packet_bytes() <= capacity) {
     const auto packet = stream_.next_packet();
     if (!packet) break;
     data.status = UsbStatus::ok;
@@ -228,11 +228,11 @@ void EmulatedLabjackU6::command(std::span<const std::uint8_t> bytes) {
 }
 
 void EmulatedLabjackU6::extended_command(std::span<const std::uint8_t> bytes) {
-  const bool sound = bytes.size() >= 8 && bytes.size() <= 64 &&
+  const bool valid = bytes.size() >= 8 && bytes.size() <= 64 &&
                      bytes.size() == 6 + 2 * std::size_t{bytes[2]} &&
                      u6::checksum8(bytes.subspan(1, 5)) == bytes[0] &&
                      u6::checksum16(bytes.subspan(6)) == get16(bytes, 4);
-  if (!sound) return answer({0xB8, 0xB8});
+  if (!valid) return answer({0xB8, 0xB8});
   const auto reply = [&]() -> Bytes {
     switch (bytes[3]) {
       case 0x00:
@@ -253,7 +253,7 @@ void EmulatedLabjackU6::extended_command(std::span<const std::uint8_t> bytes) {
         return extended(8, bytes[3], function_invalid);
     }
   };
-  // An error that a test asked for comes instead of the command's effect.
+  // An injected error replaces the effect of the command.
   if (const std::uint8_t error = injected_error(); error != no_error) {
     Bytes refusal = extended(bytes[3] == 0x00 ? 10 : 8, bytes[3], error);
     if (bytes[3] == 0x00) {
@@ -562,7 +562,7 @@ std::uint8_t EmulatedLabjackU6::digital(Feedback& feedback, std::uint8_t type) {
       direction_ = high ? direction_ | bit : direction_ & ~bit;
       break;
   }
-  tell_enable(feedback.time_ns);
+  update_enable(feedback.time_ns);
   return no_error;
 }
 
@@ -579,7 +579,7 @@ std::uint8_t EmulatedLabjackU6::ports(Feedback& feedback, std::uint8_t type) {
     const std::uint32_t mask = word(sent.subspan(1, 3));
     register_of = (register_of & ~mask) | (word(sent.subspan(4, 3)) & mask);
     if (type == 27) direction_ |= mask;
-    tell_enable(feedback.time_ns);
+    update_enable(feedback.time_ns);
     return no_error;
   }
   std::uint32_t now = direction_;
@@ -638,7 +638,7 @@ void EmulatedLabjackU6::set_dac(std::size_t dac, std::uint16_t counts, std::int6
   }
 }
 
-void EmulatedLabjackU6::tell_enable(std::int64_t time_ns) {
+void EmulatedLabjackU6::update_enable(std::int64_t time_ns) {
   if (!options_.enable_line) return;
   const bool on = level(*options_.enable_line);
   if (enabled_ == on) return;
@@ -669,7 +669,7 @@ void EmulatedLabjackU6::chance(U6ReplyFault fault, double probability, U6ReplyFa
   reply_chances_[fault] = {probability, detail};
 }
 
-void EmulatedLabjackU6::fall_silent(bool silent) {
+void EmulatedLabjackU6::set_silent(bool silent) {
   const std::lock_guard hold(lock_);
   silent_ = silent;
 }
@@ -689,9 +689,9 @@ std::uint64_t EmulatedLabjackU6::recoveries() const {
   return stream_.recoveries();
 }
 
-std::vector<U6SpoiltPacket> EmulatedLabjackU6::spoilt_packets() const {
+std::vector<U6FaultyPacket> EmulatedLabjackU6::faulty_packets() const {
   const std::lock_guard hold(lock_);
-  return stream_.spoilt();
+  return stream_.faulty();
 }
 
 std::uint64_t EmulatedLabjackU6::packets() const {
@@ -719,9 +719,9 @@ bool EmulatedLabjackU6::line_is_high(int line) const {
   return level(line);
 }
 
-std::uint64_t EmulatedLabjackU6::watchdog_bites() const {
+std::uint64_t EmulatedLabjackU6::watchdog_trips() const {
   const std::lock_guard hold(lock_);
-  return bites_;
+  return trips_;
 }
 
 std::uint64_t EmulatedLabjackU6::resets() const {

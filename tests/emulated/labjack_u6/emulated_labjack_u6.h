@@ -1,6 +1,6 @@
-// A LabJack U6 as its USB cable shows it: commands, analogue inputs, outputs, digital lines, the
-// firmware's watchdog, and the stream, with a crystal and calibration constants of its own. Written
-// from what travels on the wire (docs of the vendor's protocol), not from a driver.
+// An emulated LabJack U6 at the level of its USB cable: commands, analogue inputs, outputs, digital
+// lines, the firmware watchdog, and the stream, with individual crystal error and calibration.
+// Written from the vendor's protocol documentation, not from a driver.
 #pragma once
 
 #include <array>
@@ -28,23 +28,23 @@ struct LabjackU6Options {
   std::uint8_t firmware_major = 1;
   std::uint8_t firmware_minor = 43;
   std::uint8_t local_id = 1;
-  std::uint64_t seed = 1;          ///< of the calibration constants, the noise and faults by chance
-  double crystal_error_ppm = 0.0;  ///< positive: the device's seconds are short
-  double noise = 1.0;              ///< times what such a converter has; 0: none
-  int drive_dac = 0;               ///< the output that is wired to the amplifier
-  /// Digital lines, 0 to 19; absent: not wired.
+  std::uint64_t seed = 1;          ///< of calibration constants, noise and random faults
+  double crystal_error_ppm = 0.0;  ///< positive: fast
+  double noise = 1.0;              ///< relative to that of a real converter; 0: none
+  int drive_dac = 0;               ///< the output wired to the amplifier
+  /// Digital lines, 0 to 19; absent: not connected.
   std::optional<int> enable_line;           ///< high: enabled; pulled down by the contact
   std::optional<int> amplifier_fault_line;  ///< low: fault
   std::optional<int> emergency_stop_line;   ///< low: pressed
 };
 
-/// What can befall the answer to a command.
+/// Faults of a reply.
 enum class U6ReplyFault : std::uint8_t {
-  late,     ///< comes `late_ns` after the command was done
-  missing,  ///< the command is done and never answered
-  error,    ///< the command is not done; the answer holds `error`
+  late,     ///< sent `late_ns` after the command was executed
+  missing,  ///< the command is executed without a reply
+  error,    ///< the command is not executed; the reply holds `error`
   bad_checksum,
-  stall,  ///< the response endpoint stalls; the answer comes after clear_halt
+  stall,  ///< the response endpoint stalls; the reply follows clear_halt
 };
 
 struct U6ReplyFaultDetail {
@@ -52,7 +52,7 @@ struct U6ReplyFaultDetail {
   std::uint8_t error = 0;
 };
 
-/// Any thread may call it: it looks at one thing at a time by itself.
+/// Any thread may call it; calls are serialized.
 class EmulatedLabjackU6 final : public UsbDevice {
  public:
   static constexpr std::uint16_t vendor_id = 0x0CD5;
@@ -60,8 +60,8 @@ class EmulatedLabjackU6 final : public UsbDevice {
 
   EmulatedLabjackU6(Wires& wires, Now now, LabjackU6Options options = {});
 
-  /// AIN0 to AIN13 against ground [V]. What is not wired reads 0 V. A differential channel reads
-  /// its input less the next one.
+  /// Connects AIN0 to AIN13 against ground [V]; others read 0 V. A differential channel reads its
+  /// input minus the next one.
   void wire(int input, Sensor sensor);
 
   Bytes device_descriptor() const override;
@@ -69,40 +69,40 @@ class EmulatedLabjackU6 final : public UsbDevice {
   std::string string(std::uint8_t index) const override;
   UsbAnswer control(const UsbSetup& setup, std::span<const std::uint8_t> out) override;
   UsbStatus out(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) override;
-  UsbAnswer in(std::uint8_t endpoint, std::size_t room) override;
+  UsbAnswer in(std::uint8_t endpoint, std::size_t capacity) override;
   void clear_halt(std::uint8_t endpoint_address) override;
   void reset() override;
 
-  /// Does what is due by now (the watchdog, scans) without a call from the bus: for a test whose
-  /// host is dead.
+  /// Performs due actions (watchdog, scans) without a call from the bus, for tests with a dead
+  /// host.
   void catch_up();
 
-  /// Packet `packet` of the stream, counted from 0 at each start.
+  /// For packet number `packet` of the stream, from 0 at each start.
   void schedule(U6StreamFault fault, std::uint64_t packet);
-  /// Of every packet from now on.
+  /// For every packet from now on.
   void chance(U6StreamFault fault, double probability);
-  /// The answer after `skip` more answers (0: the next one).
+  /// For the reply after `skip` others (0: the next one).
   void schedule(U6ReplyFault fault, std::uint64_t skip = 0, U6ReplyFaultDetail detail = {});
-  /// Of every answer from now on.
+  /// For every reply from now on.
   void chance(U6ReplyFault fault, double probability, U6ReplyFaultDetail detail = {});
-  /// While silent it takes commands and data and gives nothing back.
-  void fall_silent(bool silent);
+  /// While silent it accepts commands and data without replies.
+  void set_silent(bool silent);
 
-  // The truth, for tests.
+  // True state, for tests.
   const U6Calibration& calibration() const { return calibration_; }
-  /// Every scan since the stream began, by index; lost ones included.
+  /// Every scan since the start of the stream, by index, including lost ones.
   std::vector<U6Scan> scans() const;
-  std::uint64_t scans_lost() const;  ///< for want of room in the FIFO, since the stream began
+  std::uint64_t scans_lost() const;  ///< by FIFO overflows, since the start of the stream
   std::uint64_t recoveries() const;
-  std::vector<U6SpoiltPacket> spoilt_packets() const;
-  std::uint64_t packets() const;  ///< made since the stream began, those never sent included
+  std::vector<U6FaultyPacket> faulty_packets() const;
+  std::uint64_t packets() const;  ///< since the start of the stream, including those not sent
   bool streaming() const;
   double dac_volts(int dac) const;
   bool line_is_output(int line) const;
   bool line_is_high(int line) const;
-  std::uint64_t watchdog_bites() const;
+  std::uint64_t watchdog_trips() const;
   std::uint64_t resets() const;    ///< by command, by the bus or by the watchdog
-  std::uint64_t commands() const;  ///< taken, since it was made
+  std::uint64_t commands() const;  ///< received in total
 
  private:
   struct Answer {
@@ -121,7 +121,7 @@ class EmulatedLabjackU6 final : public UsbDevice {
   struct Feedback;
 
   void catch_up_locked();
-  void bite(std::int64_t time_ns);
+  void trip_watchdog(std::int64_t time_ns);
   void power_up(std::int64_t time_ns);
   void command(std::span<const std::uint8_t> bytes);
   void extended_command(std::span<const std::uint8_t> bytes);
@@ -151,7 +151,7 @@ class EmulatedLabjackU6 final : public UsbDevice {
   std::uint16_t stream_counts(const U6StreamChannel& channel, std::int64_t time_ns, double& volts);
   bool level(int line) const;
   void set_dac(std::size_t dac, std::uint16_t counts, std::int64_t time_ns);
-  void tell_enable(std::int64_t time_ns);
+  void update_enable(std::int64_t time_ns);
 
   mutable std::mutex lock_;
   Wires& wires_;
@@ -166,13 +166,13 @@ class EmulatedLabjackU6 final : public UsbDevice {
   bool response_stalled_ = false;
   bool silent_ = false;
   std::array<std::uint16_t, 2> dac_counts_{};
-  std::uint32_t direction_ = 0;  // bit: output
-  std::uint32_t latch_ = 0;      // bit: high, where it is an output
-  std::optional<bool> enabled_;  // as told to the wires
+  std::uint32_t direction_ = 0;  // bit set: output
+  std::uint32_t latch_ = 0;      // bit set: output high
+  std::optional<bool> enabled_;  // last state reported to the wires
   Watchdog watchdog_;
   std::array<std::uint8_t, 3> io_config_{};
   std::uint8_t local_id_;
-  std::uint64_t bites_ = 0;
+  std::uint64_t trips_ = 0;
   std::uint64_t resets_ = 0;
   std::uint64_t commands_ = 0;
   std::uint64_t replies_ = 0;

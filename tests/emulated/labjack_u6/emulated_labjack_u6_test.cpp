@@ -33,7 +33,7 @@ class TestWires final : public Wires {
   bool pressed = false;
 };
 
-// The checksums once more, from the page and not from the emulation.
+// The checksums again, from the documentation and not from the emulation.
 unsigned sum_of(const Bytes& bytes, std::size_t first, std::size_t last) {
   return std::accumulate(bytes.begin() + static_cast<std::ptrdiff_t>(first),
                          bytes.begin() + static_cast<std::ptrdiff_t>(last), 0U);
@@ -83,7 +83,7 @@ struct EmulatedU6 : testing::Test {
     u6.wire(3, {Channel::velocity, 0.01, 0.0});  // 0.02 V
   }
 
-  Bytes ask(const Bytes& command) {
+  Bytes request(const Bytes& command) {
     EXPECT_EQ(u6.out(1, command), UsbStatus::ok);
     const UsbAnswer answer = u6.in(2, 64);
     EXPECT_EQ(answer.status, UsbStatus::ok);
@@ -91,21 +91,21 @@ struct EmulatedU6 : testing::Test {
   }
   Bytes feedback(Bytes io_types) {
     io_types.insert(io_types.begin(), 0x77);
-    return ask(extended(0x00, std::move(io_types)));
+    return request(extended(0x00, std::move(io_types)));
   }
   double constant(unsigned index) {
-    const Bytes block = ask(extended(0x2D, {0, static_cast<std::uint8_t>(index / 4)}));
+    const Bytes block = request(extended(0x2D, {0, static_cast<std::uint8_t>(index / 4)}));
     std::uint64_t fixed = 0;
     for (unsigned i = 8; i-- > 0;) fixed = fixed * 256 + block[8 + 8 * (index % 4) + i];
     return static_cast<double>(static_cast<std::int64_t>(fixed)) / 4294967296.0;
   }
   /// 1 kHz of AIN0, differential AIN2 and AIN3.
   void start(std::uint8_t samples_per_packet = 25, std::uint16_t interval = 4000) {
-    EXPECT_EQ(
-        ask(extended(0x11, {3, 0, samples_per_packet, 0, 0, 0, static_cast<std::uint8_t>(interval),
-                            static_cast<std::uint8_t>(interval >> 8U), 0, 0, 2, 0x80, 3, 0x20}))[6],
-        0);
-    EXPECT_THAT(ask({0xA8, 0xA8}), ElementsAre(0xA9, 0xA9, 0, 0));
+    EXPECT_EQ(request(extended(
+                  0x11, {3, 0, samples_per_packet, 0, 0, 0, static_cast<std::uint8_t>(interval),
+                         static_cast<std::uint8_t>(interval >> 8U), 0, 0, 2, 0x80, 3, 0x20}))[6],
+              0);
+    EXPECT_THAT(request({0xA8, 0xA8}), ElementsAre(0xA9, 0xA9, 0, 0));
   }
   std::vector<Bytes> packets() {
     std::vector<Bytes> out;
@@ -117,7 +117,7 @@ struct EmulatedU6 : testing::Test {
   }
 };
 
-TEST_F(EmulatedU6, SaysWhatItIs) {
+TEST_F(EmulatedU6, IdentifiesItself) {
   const Bytes device = u6.device_descriptor();
   ASSERT_EQ(device.size(), 18U);
   EXPECT_EQ(device[8] + 256 * device[9], 0x0CD5);
@@ -125,7 +125,7 @@ TEST_F(EmulatedU6, SaysWhatItIs) {
   const Bytes configuration = u6.configuration_descriptor();
   EXPECT_EQ(configuration.size(), 9U + 9U + 3U * 7U);
   EXPECT_EQ(configuration[2], configuration.size());
-  const Bytes reply = ask(extended(0x08, Bytes(20)));
+  const Bytes reply = request(extended(0x08, Bytes(20)));
   expect_sound(reply);
   ASSERT_EQ(reply.size(), 38U);
   EXPECT_EQ(reply[6], 0);
@@ -136,27 +136,27 @@ TEST_F(EmulatedU6, SaysWhatItIs) {
   EXPECT_EQ(reply[37], 4);
 }
 
-TEST_F(EmulatedU6, AnswersWrongChecksumsWithB8B8) {
+TEST_F(EmulatedU6, RejectsWrongChecksumsWithB8B8) {
   Bytes command = extended(0x08, Bytes(20));
   command[0] ^= 1;
-  EXPECT_THAT(ask(command), ElementsAre(0xB8, 0xB8));
+  EXPECT_THAT(request(command), ElementsAre(0xB8, 0xB8));
   command = extended(0x08, Bytes(20));
   command[25] = 1;
-  EXPECT_THAT(ask(command), ElementsAre(0xB8, 0xB8));
+  EXPECT_THAT(request(command), ElementsAre(0xB8, 0xB8));
   command = extended(0x08, Bytes(20));
   command.pop_back();
-  EXPECT_THAT(ask(command), ElementsAre(0xB8, 0xB8));
-  EXPECT_THAT(ask({0xA9, 0xA8}), ElementsAre(0xB8, 0xB8));
+  EXPECT_THAT(request(command), ElementsAre(0xB8, 0xB8));
+  EXPECT_THAT(request({0xA9, 0xA8}), ElementsAre(0xB8, 0xB8));
 }
 
-TEST_F(EmulatedU6, ItsConstantsAreNearTheNominalAndNotThem) {
+TEST_F(EmulatedU6, ConstantsAreNearNominalButDiffer) {
   EXPECT_NEAR(constant(0), 3.1580578e-4, 4e-6);
   EXPECT_NE(constant(0), 3.1580578e-4);
   EXPECT_NEAR(constant(9), 33523.0, 150.0);
   EXPECT_NEAR(constant(8), -3.1580578e-4, 4e-6);
   EXPECT_NEAR(constant(1), -constant(0) * constant(9), 1e-6);
   EXPECT_NEAR(constant(16), 13200.0, 250.0);
-  const Bytes beyond = ask(extended(0x2D, {0, 10}));
+  const Bytes beyond = request(extended(0x2D, {0, 10}));
   EXPECT_EQ(beyond[6], 26);
   EXPECT_NE(u6_calibration_of_unit(1).adc.center, u6_calibration_of_unit(2).adc.center);
 }
@@ -177,7 +177,7 @@ TEST_F(EmulatedU6, AnalogInputsFollowItsConstants) {
   EXPECT_EQ(feedback({2, 0, 0x58, 0})[6], 57);
 }
 
-TEST_F(EmulatedU6, AFailingIoTypeIsNamedAndThoseBeforeItAreDone) {
+TEST_F(EmulatedU6, FailingIoTypeIsReportedAndEarlierOnesAreExecuted) {
   const Bytes reply = feedback({38, 0x00, 0x80, 11, 31, 39, 0, 0});
   EXPECT_EQ(reply[6], 98);
   EXPECT_EQ(reply[7], 2);
@@ -211,11 +211,11 @@ TEST_F(EmulatedU6, DigitalLinesHaveDirections) {
   EXPECT_THAT(Bytes(low.begin() + 9, low.begin() + 14), ElementsAre(0, 0, 0xE3, 0xFF, 0x0F));
 }
 
-TEST_F(EmulatedU6, TheWatchdogSetsItsLineWhenTheHostIsDead) {
+TEST_F(EmulatedU6, WatchdogSetsItsLineWithoutTheHost) {
   feedback({11, 0x82});
   ASSERT_TRUE(wires.enabled.back().first);
-  EXPECT_EQ(ask(extended(0x09, {1, 0x10, 2, 0, 2, 0, 0, 0, 0, 0}))[6], 0);
-  EXPECT_EQ(ask(extended(0x09, {1, 0x10, 0, 0, 2, 0, 0, 0, 0, 0}))[6], 6);
+  EXPECT_EQ(request(extended(0x09, {1, 0x10, 2, 0, 2, 0, 0, 0, 0, 0}))[6], 0);
+  EXPECT_EQ(request(extended(0x09, {1, 0x10, 0, 0, 2, 0, 0, 0, 0, 0}))[6], 6);
   now_ns = 1900 * ms;
   feedback({12, 2});
   now_ns = 3800 * ms;
@@ -225,18 +225,18 @@ TEST_F(EmulatedU6, TheWatchdogSetsItsLineWhenTheHostIsDead) {
   u6.catch_up();
   EXPECT_FALSE(wires.enabled.back().first);
   EXPECT_EQ(wires.enabled.back().second, 3900 * ms);
-  EXPECT_EQ(u6.watchdog_bites(), 1U);
+  EXPECT_EQ(u6.watchdog_trips(), 1U);
 }
 
-TEST_F(EmulatedU6, StreamsWhatItsClockSampled) {
+TEST_F(EmulatedU6, StreamsTheSampledScans) {
   start();
   now_ns = 1000 * ms;
   const auto all = packets();
   ASSERT_EQ(all.size(), 984U / 25U);
   const double center = constant(9);  // refused while streaming
   EXPECT_EQ(center, 0.0);
-  EXPECT_THAT(ask({0xB0, 0xB0}), ElementsAre(0xB1, 0xB1, 0, 0));
-  EXPECT_EQ(ask({0xB0, 0xB0})[2], 52);
+  EXPECT_THAT(request({0xB0, 0xB0}), ElementsAre(0xB1, 0xB1, 0, 0));
+  EXPECT_EQ(request({0xB0, 0xB0})[2], 52);
   const auto scans = u6.scans();
   const auto& adc = u6.calibration().adc;
   std::size_t sample = 0;
@@ -258,7 +258,7 @@ TEST_F(EmulatedU6, StreamsWhatItsClockSampled) {
   EXPECT_NEAR(scans[41].volts[1], -2.02, 1e-12);
 }
 
-TEST_F(EmulatedU6, ItsCrystalIsItsOwn) {
+TEST_F(EmulatedU6, CrystalErrorIsApplied) {
   LabjackU6Options fast = options();
   fast.crystal_error_ppm = 100.0;
   EmulatedLabjackU6 other(
@@ -271,7 +271,7 @@ TEST_F(EmulatedU6, ItsCrystalIsItsOwn) {
   EXPECT_NEAR(static_cast<double>(scans[499].time_ns), 500e6 / 1.0001, 1.0);
 }
 
-TEST_F(EmulatedU6, AFullFifoLosesScansAndTellsHowMany) {
+TEST_F(EmulatedU6, FullFifoLosesScansAndReportsTheNumber) {
   start();
   now_ns = 1000 * ms;  // 3000 samples into 984 places: 328 scans are kept
   u6.catch_up();
@@ -294,7 +294,7 @@ TEST_F(EmulatedU6, AFullFifoLosesScansAndTellsHowMany) {
   EXPECT_THAT(Bytes(errors.begin(), errors.begin() + 39), testing::Each(59));
   EXPECT_EQ(errors[39], 60);
   EXPECT_EQ(errors[40], 0);
-  // 328 scans, the dummy, then what follows the loss.
+  // 328 scans, the dummy, then the scans after the loss.
   EXPECT_THAT(std::vector(samples.begin() + 984, samples.begin() + 987), testing::Each(0xFFFFU));
   const auto scans = u6.scans();
   EXPECT_FALSE(scans[327].lost);
@@ -304,31 +304,31 @@ TEST_F(EmulatedU6, AFullFifoLosesScansAndTellsHowMany) {
   EXPECT_NEAR(samples[987], u6_counts(u6.calibration().adc, 0, scans[1000].volts[0]), 0.51);
 }
 
-TEST_F(EmulatedU6, RefusesStreamsThatCannotBe) {
-  EXPECT_EQ(ask({0xA8, 0xA8})[2], 50);  // not configured
-  EXPECT_EQ(ask(extended(0x11, {0, 0, 25, 0, 0, 0, 0xA0, 0x0F}))[6], 49);
-  EXPECT_EQ(ask(extended(0x11, {1, 0, 26, 0, 0, 0, 0xA0, 0x0F, 0, 0}))[6], 56);
-  EXPECT_EQ(ask(extended(0x11, {1, 0, 25, 0, 0, 0, 0, 0, 0, 0}))[6], 58);
-  EXPECT_EQ(ask(extended(0x11, {1, 0, 25, 0, 0, 0, 0xA0, 0x0F, 1, 0x80}))[6], 49);
-  EXPECT_EQ(ask(extended(0x11, {1, 9, 25, 0, 0, 0, 0xA0, 0x0F, 0, 0}))[6], 50);
-  EXPECT_EQ(ask(extended(0x11, {1, 0, 25, 0, 0, 0, 0xA0, 0x0F, 0, 0x40}))[6], 57);
+TEST_F(EmulatedU6, RejectsImpossibleStreams) {
+  EXPECT_EQ(request({0xA8, 0xA8})[2], 50);  // not configured
+  EXPECT_EQ(request(extended(0x11, {0, 0, 25, 0, 0, 0, 0xA0, 0x0F}))[6], 49);
+  EXPECT_EQ(request(extended(0x11, {1, 0, 26, 0, 0, 0, 0xA0, 0x0F, 0, 0}))[6], 56);
+  EXPECT_EQ(request(extended(0x11, {1, 0, 25, 0, 0, 0, 0, 0, 0, 0}))[6], 58);
+  EXPECT_EQ(request(extended(0x11, {1, 0, 25, 0, 0, 0, 0xA0, 0x0F, 1, 0x80}))[6], 49);
+  EXPECT_EQ(request(extended(0x11, {1, 9, 25, 0, 0, 0, 0xA0, 0x0F, 0, 0}))[6], 50);
+  EXPECT_EQ(request(extended(0x11, {1, 0, 25, 0, 0, 0, 0xA0, 0x0F, 0, 0x40}))[6], 57);
   start(25, 200);  // 20 kHz of three channels
   const auto all = packets();
   ASSERT_EQ(all.size(), 1U);
   EXPECT_EQ(all[0][11], 55);
 }
 
-TEST_F(EmulatedU6, WhileItStreamsTheInputsAreTaken) {
+TEST_F(EmulatedU6, InputsAreReservedDuringAStream) {
   start();
   EXPECT_EQ(feedback({38, 0, 0x40})[6], 0);
   EXPECT_EQ(feedback({38, 0, 0x50, 2, 0, 0, 0})[6], 48);
   EXPECT_EQ(feedback({10, 3})[6], 0);
-  EXPECT_EQ(ask(extended(0x2D, {0, 0}))[6], 48);
-  EXPECT_EQ(ask(extended(0x11, {1, 0, 25, 0, 0, 0, 0xA0, 0x0F, 0, 0}))[6], 48);
-  EXPECT_EQ(ask({0xA8, 0xA8})[2], 48);
+  EXPECT_EQ(request(extended(0x2D, {0, 0}))[6], 48);
+  EXPECT_EQ(request(extended(0x11, {1, 0, 25, 0, 0, 0, 0xA0, 0x0F, 0, 0}))[6], 48);
+  EXPECT_EQ(request({0xA8, 0xA8})[2], 48);
 }
 
-TEST_F(EmulatedU6, FaultsBefallThePacketsTheyWereMeantFor) {
+TEST_F(EmulatedU6, FaultsAffectTheScheduledPackets) {
   start();
   u6.schedule(U6StreamFault::bad_checksum8, 1);
   u6.schedule(U6StreamFault::bad_checksum16, 2);
@@ -348,13 +348,13 @@ TEST_F(EmulatedU6, FaultsBefallThePacketsTheyWereMeantFor) {
   EXPECT_EQ(u6.in(3, 64).status, UsbStatus::stall);
   u6.clear_halt(0x83);
   EXPECT_EQ(packets().front()[10], 6);
-  const auto spoilt = u6.spoilt_packets();
+  const auto spoilt = u6.faulty_packets();
   ASSERT_EQ(spoilt.size(), 6U);
   EXPECT_EQ(spoilt[3].first_scan, 100U / 3U);
   EXPECT_EQ(spoilt[3].last_scan, 124U / 3U);
 }
 
-TEST_F(EmulatedU6, FaultsBefallAnswers) {
+TEST_F(EmulatedU6, FaultsAffectReplies) {
   const Bytes command = extended(0x00, {0, 10, 3});
   u6.schedule(U6ReplyFault::late, 0, {.late_ns = 20 * ms});
   u6.schedule(U6ReplyFault::missing, 1);
@@ -366,14 +366,14 @@ TEST_F(EmulatedU6, FaultsBefallAnswers) {
   EXPECT_EQ(u6.in(2, 64).bytes.size(), 10U);
   u6.out(1, command);
   EXPECT_EQ(u6.in(2, 64).status, UsbStatus::not_ready);
-  const Bytes error = ask(command);
+  const Bytes error = request(command);
   expect_sound(error);
   EXPECT_EQ(error[6], 8);
   u6.out(1, command);
   EXPECT_EQ(u6.in(2, 64).status, UsbStatus::stall);
   u6.clear_halt(0x82);
   EXPECT_EQ(u6.in(2, 64).bytes.size(), 10U);
-  u6.fall_silent(true);
+  u6.set_silent(true);
   u6.out(1, command);
   EXPECT_EQ(u6.in(2, 64).status, UsbStatus::not_ready);
 }

@@ -1,5 +1,4 @@
-// The real driver of the LabJack U6, unchanged, against the emulated board on a bus inside this
-// program.
+// The real driver of the LabJack U6 with the emulated board on a bus in this program.
 #include "drivers/labjack_u6/labjack_u6_driver.h"
 
 #include <gmock/gmock.h>
@@ -30,7 +29,7 @@ using testing::HasSubstr;
 
 constexpr std::int64_t ms = 1'000'000;
 
-/// Two inputs a quarter turn apart: no scan looks like the one before it.
+/// Two inputs in quadrature, so that consecutive scans differ.
 class Turning final : public Wires {
  public:
   double truth(Channel channel, std::int64_t time_ns) override {
@@ -103,7 +102,7 @@ struct Bench {
     bus.plug(board, 1);
   }
 
-  /// Frames for so long.
+  /// Frames of a duration.
   std::vector<Frame> frames(milliseconds time) {
     std::vector<Frame> out;
     const auto end = steady_clock::now() + time;
@@ -127,7 +126,7 @@ struct Bench {
   Result last;
 };
 
-/// Every frame is the scan that its number says, to the converter's step.
+/// Every frame matches the scan of its number, within the converter's resolution.
 void expect_true(const std::vector<Frame>& frames, const EmulatedLabjackU6& board) {
   const std::vector<U6Scan> scans = board.scans();
   std::size_t wrong = 0;
@@ -142,7 +141,7 @@ void expect_true(const std::vector<Frame>& frames, const EmulatedLabjackU6& boar
   EXPECT_EQ(wrong, 0U) << "of " << frames.size();
 }
 
-TEST(LabjackU6OnABus, EveryFrameIsTheScanThatItsNumberSays) {
+TEST(LabjackU6OnABus, FramesMatchScansByNumber) {
   Bench bench;
   ASSERT_TRUE(bench.driver.open()) << bench.driver.open().message;
   EXPECT_THAT(bench.driver.description().name, HasSubstr("360009876"));
@@ -163,17 +162,17 @@ TEST(LabjackU6OnABus, EveryFrameIsTheScanThatItsNumberSays) {
   EXPECT_THAT(bench.bus.misuses(), testing::IsEmpty());
 }
 
-TEST(LabjackU6OnABus, AFasterCrystalIsTheBoardsOwnTime) {
+TEST(LabjackU6OnABus, FrameTimeFollowsTheCrystal) {
   Bench bench;
   ASSERT_TRUE(bench.driver.open());
   EXPECT_TRUE(bench.driver.description().own_clock);
   EXPECT_TRUE(bench.driver.description().paced);
 }
 
-// Whatever befalls the stream, again and again: no wrong sample, and no more lost than was spoilt.
-class SpoiltStream : public testing::TestWithParam<U6StreamFault> {};
+// Repeated faults of the stream yield no wrong sample, and lose no more than the faulty packets.
+class FaultyStream : public testing::TestWithParam<U6StreamFault> {};
 
-TEST_P(SpoiltStream, LosesExactlyWhatWasSpoilt) {
+TEST_P(FaultyStream, LosesExactlyTheFaultyPackets) {
   std::size_t events = 0;
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
     SCOPED_TRACE(seed);
@@ -187,11 +186,11 @@ TEST_P(SpoiltStream, LosesExactlyWhatWasSpoilt) {
     const auto more = bench.frames(milliseconds(80));
     frames.insert(frames.end(), more.begin(), more.end());
     const bool stall = GetParam() == U6StreamFault::stall;
-    if (stall && bench.last.outcome == Outcome::lost) continue;  // ended, and said so
+    if (stall && bench.last.outcome == Outcome::lost) continue;  // ended and reported
     ASSERT_GT(frames.size(), 300U) << bench.last.message;
     expect_true(frames, bench.board);
     std::set<std::uint64_t> spoilt;
-    for (const U6SpoiltPacket& packet : bench.board.spoilt_packets()) {
+    for (const U6FaultyPacket& packet : bench.board.faulty_packets()) {
       ++events;
       for (std::uint64_t scan = packet.first_scan; scan <= packet.last_scan; ++scan) {
         spoilt.insert(scan);
@@ -201,29 +200,29 @@ TEST_P(SpoiltStream, LosesExactlyWhatWasSpoilt) {
       ASSERT_GT(frames[i].sequence, frames[i - 1].sequence);
       for (std::uint64_t gone = frames[i - 1].sequence + 1; gone < frames[i].sequence; ++gone) {
         ASSERT_TRUE(spoilt.contains(gone) || bench.board.scans()[gone].lost)
-            << "scan " << gone << " was lost without need";
+            << "scan " << gone << " was lost unnecessarily";
       }
     }
   }
   if (GetParam() != U6StreamFault::stall) {
-    EXPECT_GT(events, 4U) << "next to nothing happened";
+    EXPECT_GT(events, 4U) << "too few faults";
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(EveryKind, SpoiltStream,
+INSTANTIATE_TEST_SUITE_P(EveryKind, FaultyStream,
                          testing::Values(U6StreamFault::bad_checksum8,
                                          U6StreamFault::bad_checksum16, U6StreamFault::short_packet,
                                          U6StreamFault::lost, U6StreamFault::repeated,
                                          U6StreamFault::stall));
 
-TEST(LabjackU6OnABus, AHostThatSleepsLosesScansAndKnowsHowMany) {
+TEST(LabjackU6OnABus, SuspendedHostLosesACountedNumberOfScans) {
   Bench bench(3, 20000.0);
   ASSERT_TRUE(bench.driver.open());
   ASSERT_TRUE(bench.driver.start());
   std::vector<Frame> frames = bench.frames(milliseconds(60));
-  bench.board.fall_silent(true);  // nothing is taken from it: its FIFO overflows
+  bench.board.set_silent(true);  // its FIFO is not read and overflows
   std::this_thread::sleep_for(milliseconds(120));
-  bench.board.fall_silent(false);
+  bench.board.set_silent(false);
   const auto more = bench.frames(milliseconds(200));
   frames.insert(frames.end(), more.begin(), more.end());
   EXPECT_GT(bench.board.scans_lost(), 0U);
@@ -249,7 +248,7 @@ TEST(LabjackU6OnABus, AHostThatSleepsLosesScansAndKnowsHowMany) {
   EXPECT_EQ(count("scans_lost"), thrown_away);
   EXPECT_EQ(count("packets_lost"), 0U);
   EXPECT_GT(count("fullest_backlog_of_256"), 128U);
-  // They go on with the next stream, also of a board that was opened again.
+  // Counters continue in the next stream, also after reopening.
   bench.driver.stop();
   bench.driver.close();
   EXPECT_EQ(count("overflows"), overflows);
@@ -280,7 +279,7 @@ TEST(LabjackU6OnABus, DrivesTheOutputAndTheEnableLine) {
   EXPECT_FALSE(bench.wires.is_enabled());
 }
 
-TEST(LabjackU6OnABus, RestsWhereTheSettingsSayBeforeAnythingIsWritten) {
+TEST(LabjackU6OnABus, RestsAtTheConfiguredVoltageBeforeAnyWrite) {
   config::LabjackU6 chosen = settings();
   chosen.rest_v = 1.25;
   Bench bench(1, 1000.0, chosen);
@@ -293,7 +292,7 @@ TEST(LabjackU6OnABus, RestsWhereTheSettingsSayBeforeAnythingIsWritten) {
   EXPECT_NEAR(bench.wires.output_v(), 1.25, 5.0 / 4096.0);
 }
 
-TEST(LabjackU6OnABus, ADaemonThatDiesLeavesTheLineToTheWatchdog) {
+TEST(LabjackU6OnABus, WatchdogReleasesTheLineOfADeadDaemon) {
   Bench bench(1, 1000.0);
   ASSERT_TRUE(bench.driver.open());
   ASSERT_TRUE(bench.driver.start());
@@ -303,13 +302,13 @@ TEST(LabjackU6OnABus, ADaemonThatDiesLeavesTheLineToTheWatchdog) {
     static_cast<void>(bench.driver.write({3.0, true}));
   }
   ASSERT_TRUE(bench.wires.is_enabled());
-  std::this_thread::sleep_for(milliseconds(1300));  // nobody reads, nobody writes
+  std::this_thread::sleep_for(milliseconds(1300));  // without reads and writes
   bench.board.catch_up();
-  EXPECT_GT(bench.board.watchdog_bites(), 0U);
+  EXPECT_GT(bench.board.watchdog_trips(), 0U);
   EXPECT_FALSE(bench.wires.is_enabled());
 }
 
-TEST(LabjackU6OnABus, AnOffThatTheBoardNeverConfirmedIsToldAtTheEnd) {
+TEST(LabjackU6OnABus, UnconfirmedOffIsReportedAtStop) {
   Bench bench(1, 1000.0);
   ASSERT_TRUE(bench.driver.open());
   ASSERT_TRUE(bench.driver.start());
@@ -318,18 +317,18 @@ TEST(LabjackU6OnABus, AnOffThatTheBoardNeverConfirmedIsToldAtTheEnd) {
   EXPECT_EQ(bench.driver.left_on(), nullptr);
   ASSERT_TRUE(bench.driver.start());
   bench.frames(milliseconds(50));
-  bench.board.fall_silent(true);
+  bench.board.set_silent(true);
   bench.driver.stop();
   bench.driver.close();
   ASSERT_NE(bench.driver.left_on(), nullptr);
   EXPECT_THAT(bench.driver.left_on(), HasSubstr("360009876"));
   EXPECT_THAT(bench.driver.left_on(), HasSubstr("press the emergency stop"));
-  bench.board.fall_silent(false);
+  bench.board.set_silent(false);
   ASSERT_TRUE(bench.driver.open());
   EXPECT_EQ(bench.driver.left_on(), nullptr);
 }
 
-TEST(LabjackU6OnABus, AnUnchangedDriveFeedsTheWatchdogAllTheSame) {
+TEST(LabjackU6OnABus, UnchangedDriveFeedsTheWatchdog) {
   Bench bench(1, 1000.0);
   ASSERT_TRUE(bench.driver.open());
   ASSERT_TRUE(bench.driver.start());
@@ -339,11 +338,11 @@ TEST(LabjackU6OnABus, AnUnchangedDriveFeedsTheWatchdogAllTheSame) {
     static_cast<void>(bench.driver.read(frame));
     ASSERT_TRUE(bench.driver.write({3.0, true}));
   }
-  EXPECT_EQ(bench.board.watchdog_bites(), 0U);
+  EXPECT_EQ(bench.board.watchdog_trips(), 0U);
   EXPECT_TRUE(bench.wires.is_enabled());
 }
 
-TEST(LabjackU6OnABus, SignalsAreTheLinesWithoutADrive) {
+TEST(LabjackU6OnABus, SignalsFollowTheLinesWithoutADrive) {
   Bench bench(1, 1000.0);
   ASSERT_TRUE(bench.driver.open());
   ASSERT_TRUE(bench.driver.start());
@@ -367,7 +366,7 @@ TEST(LabjackU6OnABus, SignalsAreTheLinesWithoutADrive) {
   EXPECT_TRUE(bench.driver.signals().amplifier_fault);
 }
 
-TEST(LabjackU6OnABus, UnpluggedItIsLostAndComesBack) {
+TEST(LabjackU6OnABus, UnpluggedDeviceIsLostAndRecovers) {
   Bench bench;
   for (int round = 0; round < 4; ++round) {
     SCOPED_TRACE(round);
@@ -388,7 +387,7 @@ TEST(LabjackU6OnABus, UnpluggedItIsLostAndComesBack) {
   EXPECT_THAT(bench.bus.misuses(), testing::IsEmpty());
 }
 
-TEST(LabjackU6OnABus, WithoutPermissionItSaysWhatToDo) {
+TEST(LabjackU6OnABus, DeniedPermissionReportsTheRemedy) {
   Bench bench;
   bench.bus.refuse_access(bench.board);
   const Result result = bench.driver.open();
@@ -400,7 +399,7 @@ TEST(LabjackU6OnABus, WithoutPermissionItSaysWhatToDo) {
   EXPECT_TRUE(bench.driver.open());
 }
 
-TEST(LabjackU6OnABus, OfTwoTheSerialNumberChooses) {
+TEST(LabjackU6OnABus, SerialNumberSelectsTheDevice) {
   Bench bench;
   LabjackU6Options options = board_options(2);
   options.serial = 360001111;
@@ -410,7 +409,7 @@ TEST(LabjackU6OnABus, OfTwoTheSerialNumberChooses) {
   const Result several = bench.driver.open();
   EXPECT_EQ(several.outcome, Outcome::needs_attention);
   EXPECT_STREQ(several.message,
-               "several LabJack U6 are attached (360009876, 360001111). Say which with serial = "
+               "several LabJack U6 are attached (360009876, 360001111). Select one with serial = "
                "... in [labjack_u6]");
   EXPECT_EQ(drivers::find_labjack_u6().size(), 2U);
   config::LabjackU6 chosen = settings();
@@ -424,34 +423,34 @@ TEST(LabjackU6OnABus, OfTwoTheSerialNumberChooses) {
   LabjackU6Driver neither(chosen, inputs(), 5000.0, bench.clock);
   EXPECT_STREQ(neither.open().message,
                "LabJack U6 #1 is not attached. Attached: 360009876, 360001111");
-  // The one that is asked for may be the one that may not be opened.
+  // The selected board may be the one without permission.
   bench.bus.refuse_access(other);
   EXPECT_THAT(neither.open().message, HasSubstr("70-stickslip.rules"));
 }
 
-TEST(LabjackU6OnABus, AStreamThatADeadProcessLeftBehindIsEnded) {
+TEST(LabjackU6OnABus, StreamOfADeadProcessIsEnded) {
   Bench bench;
   {
     LabjackU6Driver dead(settings(), inputs(), 5000.0, bench.clock);
     ASSERT_TRUE(dead.open());
     ASSERT_TRUE(dead.start());
-    bench.bus.unplug(bench.board);  // it cannot tidy up
+    bench.bus.unplug(bench.board);  // without cleanup
   }
-  // The board was not reset: its cable stayed in.
+  // The board was not reset, as it stayed plugged in.
   bench.bus.plug(bench.board, 1);
   ASSERT_TRUE(bench.driver.open());
   ASSERT_TRUE(bench.driver.start());
   EXPECT_GT(bench.frames(milliseconds(100)).size(), 300U);
 }
 
-/// Writes and reads for so long: how often the words were those of a failure, and whether a write
-/// said `ok` after the first of them.
-struct Told {
+/// Result of writing and reading for a time: the number of failures, and if a write returned `ok`
+/// after the first.
+struct Report {
   int failures = 0;
   int ok_after = 0;
 };
-Told drive(Bench& bench, milliseconds time, drivers::Actuation wanted) {
-  Told told;
+Report drive(Bench& bench, milliseconds time, drivers::Actuation wanted) {
+  Report reported;
   const auto end = steady_clock::now() + time;
   while (steady_clock::now() < end) {
     Frame frame;
@@ -459,15 +458,15 @@ Told drive(Bench& bench, milliseconds time, drivers::Actuation wanted) {
     const Result written = bench.driver.write(wanted);
     if (!written) {
       EXPECT_STRNE(written.message, "");
-      ++told.failures;
-    } else if (told.failures > 0) {
-      ++told.ok_after;
+      ++reported.failures;
+    } else if (reported.failures > 0) {
+      ++reported.ok_after;
     }
   }
-  return told;
+  return reported;
 }
 
-TEST(LabjackU6OnABus, ADeadCommandPathIsToldByEveryWriteUntilItLives) {
+TEST(LabjackU6OnABus, DeadCommandPathIsReportedByEveryWriteUntilRecovery) {
   for (const bool off : {false, true}) {
     SCOPED_TRACE(off);
     config::LabjackU6 chosen = settings();
@@ -477,16 +476,16 @@ TEST(LabjackU6OnABus, ADeadCommandPathIsToldByEveryWriteUntilItLives) {
     ASSERT_TRUE(bench.driver.start());
     drive(bench, milliseconds(200), {3.0, true});
     bench.board.chance(U6ReplyFault::missing, 1.0);
-    const Told told = drive(bench, milliseconds(900), {off ? 2.5 : 3.0, !off});
-    EXPECT_GT(told.failures, 10);
-    EXPECT_EQ(told.ok_after, 0);
+    const Report reported = drive(bench, milliseconds(900), {off ? 2.5 : 3.0, !off});
+    EXPECT_GT(reported.failures, 10);
+    EXPECT_EQ(reported.ok_after, 0);
     bench.board.chance(U6ReplyFault::missing, 0.0);
     drive(bench, milliseconds(600), {off ? 2.5 : 3.0, !off});
     EXPECT_TRUE(bench.driver.write({off ? 2.5 : 3.0, !off}));
   }
 }
 
-TEST(LabjackU6OnABus, LinesThatNobodyKnowsCountAsPressed) {
+TEST(LabjackU6OnABus, UnknownLinesCountAsPressed) {
   Bench bench(1, 1000.0);
   ASSERT_TRUE(bench.driver.open());
   ASSERT_TRUE(bench.driver.start());
@@ -505,8 +504,8 @@ TEST(LabjackU6OnABus, LinesThatNobodyKnowsCountAsPressed) {
   EXPECT_FALSE(bench.driver.signals().emergency_stop);
 }
 
-// Commands that nobody confirmed feed no watchdog: the board may not have had them.
-/// Whether the emergency stop was seen pressed within that time, and the longest turn of the loop.
+// Unconfirmed commands do not feed the watchdog, as the board may not have received them.
+/// True if the emergency stop was active within that time, and the longest cycle of the loop.
 struct Watched {
   bool pressed = false;
   steady_clock::duration longest{};
@@ -527,8 +526,8 @@ Watched watch(Bench& bench, milliseconds time, drivers::Actuation wanted) {
   return out;
 }
 
-// A host that stands still makes the lines old by itself: rounds in which it did do not count.
-TEST(LabjackU6OnABus, ASingleAnswerThatIsLostIsNoEmergencyStop) {
+// Rounds in which the host was suspended do not count, as its levels become stale.
+TEST(LabjackU6OnABus, SingleLostReplyIsNoEmergencyStop) {
   for (const bool on : {false, true}) {
     SCOPED_TRACE(on);
     Bench bench(1, 1000.0);
@@ -545,12 +544,12 @@ TEST(LabjackU6OnABus, ASingleAnswerThatIsLostIsNoEmergencyStop) {
       ++counted;
       if (watched.pressed) ++pressed;
     }
-    if (counted == 0) GTEST_SKIP() << "this host is too busy";
+    if (counted == 0) GTEST_SKIP() << "the host is too busy";
     EXPECT_LE(pressed, counted / 4) << "of " << counted;
   }
 }
 
-TEST(LabjackU6OnABus, WhileAnAnswerIsAwaitedThatWasLostAnEmergencyStopIsSeenAllTheSame) {
+TEST(LabjackU6OnABus, EmergencyStopIsDetectedWhileALostReplyIsAwaited) {
   Bench bench(1, 1000.0);
   ASSERT_TRUE(bench.driver.open());
   ASSERT_TRUE(bench.driver.start());
@@ -560,11 +559,11 @@ TEST(LabjackU6OnABus, WhileAnAnswerIsAwaitedThatWasLostAnEmergencyStopIsSeenAllT
   bench.wires.pressed = true;
   const auto begun = steady_clock::now();
   EXPECT_TRUE(watch(bench, milliseconds(400), {3.0, true}).pressed);
-  EXPECT_LT(steady_clock::now() - begun, milliseconds(180));  // 100 and a busy host's
+  EXPECT_LT(steady_clock::now() - begun, milliseconds(180));  // 100 ms and a margin for a busy host
 }
 
-// The bound: whatever becomes of the answers, what is not known counts as pressed.
-TEST(LabjackU6OnABus, ABoardThatAnswersNothingCountsAsPressedAfterATenthOfASecond) {
+// The limit: with any loss of replies, unknown lines count as pressed.
+TEST(LabjackU6OnABus, SilentBoardCountsAsPressedAfterATenthOfASecond) {
   Bench bench(1, 1000.0);
   ASSERT_TRUE(bench.driver.open());
   ASSERT_TRUE(bench.driver.start());
@@ -577,7 +576,7 @@ TEST(LabjackU6OnABus, ABoardThatAnswersNothingCountsAsPressedAfterATenthOfASecon
   EXPECT_LT(steady_clock::now() - begun, milliseconds(200));
 }
 
-TEST(LabjackU6OnABus, WhatWasNeverConfirmedDoesNotSwitchOnAgain) {
+TEST(LabjackU6OnABus, TrippedAmplifierStaysOffUntilCommandedOff) {
   Bench bench(1, 1000.0);
   ASSERT_TRUE(bench.driver.open());
   ASSERT_TRUE(bench.driver.start());
@@ -598,15 +597,15 @@ TEST(LabjackU6OnABus, WhatWasNeverConfirmedDoesNotSwitchOnAgain) {
   EXPECT_TRUE(bench.wires.is_enabled());
 }
 
-/// As a process leaves it that died with the amplifier on and no watchdog.
+/// The state left by a process that died with the amplifier on and without a watchdog.
 void leave_line_high(Bench& bench) {
   const auto high = drivers::labjack_u6::Feedback(200).set_line(2, true).command();
   ASSERT_EQ(bench.board.out(1, high.view()), UsbStatus::ok);
   ASSERT_TRUE(bench.wires.is_enabled());
 }
 
-// Whichever command of opening fails, the line that a dead process left high is low.
-TEST(LabjackU6OnABus, ALineThatADeadProcessLeftHighIsLowWhateverFails) {
+// Whichever command of open fails, a line left high by a dead process is set low.
+TEST(LabjackU6OnABus, LineLeftHighByADeadProcessIsLowWhateverFails) {
   int failures = 0;
   for (std::uint64_t failing = 0; failing < 12; ++failing) {
     SCOPED_TRACE(failing);
@@ -619,7 +618,7 @@ TEST(LabjackU6OnABus, ALineThatADeadProcessLeftHighIsLowWhateverFails) {
   EXPECT_GT(failures, 5);
 }
 
-TEST(LabjackU6OnABus, ALineLeftHighIsLowEvenWhereTheBoardNeverAnswers) {
+TEST(LabjackU6OnABus, LineLeftHighIsLowEvenIfTheBoardNeverReplies) {
   Bench bench;
   leave_line_high(bench);
   bench.board.chance(U6ReplyFault::missing, 1.0);
@@ -627,10 +626,10 @@ TEST(LabjackU6OnABus, ALineLeftHighIsLowEvenWhereTheBoardNeverAnswers) {
   EXPECT_FALSE(bench.wires.is_enabled());
 }
 
-/// Replies that are spoilt by chance while it drives: whatever happens is told, and nothing hangs.
-class SpoiltReply : public testing::TestWithParam<U6ReplyFault> {};
+/// Random faults of replies while driving are reported and do not block.
+class FaultyReply : public testing::TestWithParam<U6ReplyFault> {};
 
-TEST_P(SpoiltReply, IsToldAndDoesNotWedgeTheDrive) {
+TEST_P(FaultyReply, IsReportedAndDoesNotBlockTheDrive) {
   Bench bench(2, 1000.0);
   ASSERT_TRUE(bench.driver.open());
   ASSERT_TRUE(bench.driver.start());
@@ -641,7 +640,7 @@ TEST_P(SpoiltReply, IsToldAndDoesNotWedgeTheDrive) {
   auto longest = steady_clock::duration::zero();
   while (steady_clock::now() < end) {
     Frame frame;
-    // What is lost answers at once; a loop that span would only be taken off its processor.
+    // After a loss calls return immediately; a spinning loop would starve others.
     if (bench.driver.read(frame).outcome == Outcome::lost) {
       std::this_thread::sleep_for(milliseconds(1));
     }
@@ -658,11 +657,11 @@ TEST_P(SpoiltReply, IsToldAndDoesNotWedgeTheDrive) {
   if (GetParam() != U6ReplyFault::late) {
     EXPECT_GT(refused, 0);
   }
-  EXPECT_LT(longest, milliseconds(50)) << "a write waited";
-  // Once replies are well again, so is the drive.
+  EXPECT_LT(longest, milliseconds(50)) << "a write blocked";
+  // The drive recovers with the replies.
   bench.board.chance(GetParam(), 0.0);
   bench.frames(milliseconds(300));
-  if (bench.last.outcome == Outcome::lost) {  // a stalled endpoint ends it; so does nothing else
+  if (bench.last.outcome == Outcome::lost) {  // only a stalled endpoint ends it
     EXPECT_EQ(GetParam(), U6ReplyFault::stall);
     bench.driver.close();
     ASSERT_TRUE(bench.driver.open());
@@ -678,7 +677,7 @@ TEST_P(SpoiltReply, IsToldAndDoesNotWedgeTheDrive) {
   EXPECT_NEAR(bench.wires.output_v(), 2.0, 5.0 / 4096.0);
 }
 
-INSTANTIATE_TEST_SUITE_P(EveryKind, SpoiltReply,
+INSTANTIATE_TEST_SUITE_P(EveryKind, FaultyReply,
                          testing::Values(U6ReplyFault::late, U6ReplyFault::missing,
                                          U6ReplyFault::error, U6ReplyFault::bad_checksum,
                                          U6ReplyFault::stall));

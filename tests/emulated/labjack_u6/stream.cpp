@@ -41,7 +41,7 @@ void U6Stream::start(std::int64_t now_ns, double crystal_error) {
   lost_now_ = lost_reported_ = 0;
   packets_ = 0;
   scans_.clear();
-  spoilt_.clear();
+  faulty_.clear();
   scans_lost_ = recoveries_ = 0;
   const bool overlaps = sample_ns_ * static_cast<double>(config_->channels.size()) > interval_ns_;
   fatal_error_ = overlaps ? overlap_error : 0;
@@ -118,8 +118,8 @@ std::optional<Bytes> U6Stream::next_packet() {
     const std::uint64_t number = packets_;
     Bytes packet = make_packet();
     const auto fault = fault_of(number);
-    const bool sent = !fault || befall(*fault, packet);
-    if (fault) spoilt_.push_back({number, *fault, first_of_packet_, last_of_packet_});
+    const bool sent = !fault || apply(*fault, packet);
+    if (fault) faulty_.push_back({number, *fault, first_of_packet_, last_of_packet_});
     if (sent) waiting_.push_back(std::move(packet));
   }
 }
@@ -127,7 +127,7 @@ std::optional<Bytes> U6Stream::next_packet() {
 Bytes U6Stream::make_packet() {
   Bytes packet(packet_bytes());
   std::uint8_t error = recovering_ ? recovering_error : 0;
-  std::uint16_t told = 0;
+  std::uint16_t discarded = 0;
   first_of_packet_ = last_of_packet_ = fifo_.empty() ? next_scan_ : fifo_.front().scan;
   for (std::size_t at = 12; at + 2 < packet.size(); at += 2) {
     Sample sample{0xFFFF, next_scan_, false};
@@ -137,7 +137,7 @@ Bytes U6Stream::make_packet() {
     }
     if (sample.begins_dummy) {
       error = recovered_error;
-      told = static_cast<std::uint16_t>(lost_reported_);
+      discarded = static_cast<std::uint16_t>(lost_reported_);
     }
     last_of_packet_ = sample.scan;
     u6::put16(packet, at, sample.counts);
@@ -148,7 +148,7 @@ Bytes U6Stream::make_packet() {
   }
   packet[1] = 0xF9;
   packet[3] = 0xC0;
-  u6::put16(packet, 6, told);
+  u6::put16(packet, 6, discarded);
   packet[10] = static_cast<std::uint8_t>(packets_++);
   packet[11] = error;
   packet[packet.size() - 2] =
@@ -172,7 +172,7 @@ std::optional<U6StreamFault> U6Stream::fault_of(std::uint64_t packet) {
   return std::nullopt;
 }
 
-bool U6Stream::befall(U6StreamFault fault, Bytes& packet) {
+bool U6Stream::apply(U6StreamFault fault, Bytes& packet) {
   switch (fault) {
     case U6StreamFault::bad_checksum8:
       packet[0] = static_cast<std::uint8_t>(packet[0] ^ 0x5AU);

@@ -1,5 +1,5 @@
-// The stream of an emulated U6: a scan clock, a FIFO that overflows and recovers, and packets.
-// Faults befall packets on their way out.
+// Stream of an emulated U6: a scan clock, a FIFO with overflow and recovery, and packets with
+// faults.
 #pragma once
 
 #include <cstddef>
@@ -15,14 +15,14 @@
 
 namespace stickslip::emulated {
 
-/// What can befall a packet of the stream.
+/// Faults of a packet of the stream.
 enum class U6StreamFault : std::uint8_t {
   bad_checksum8,
-  bad_checksum16,  ///< a sample is changed on the way
-  short_packet,    ///< cut after 40 bytes, or 2 bytes early where it is shorter
-  lost,            ///< never sent; the packet counter counts it
-  repeated,        ///< sent twice, to the bit
-  stall,           ///< the endpoint stalls first; the packet comes after clear_halt
+  bad_checksum16,  ///< a sample is changed in transit
+  short_packet,    ///< truncated after 40 bytes, or by 2 bytes if shorter
+  lost,            ///< not sent, but counted by the packet counter
+  repeated,        ///< sent twice
+  stall,           ///< the endpoint stalls first; the packet follows clear_halt
 };
 inline constexpr std::size_t u6_stream_fault_kinds = 6;
 
@@ -41,24 +41,24 @@ struct U6StreamConfig {
   std::uint16_t interval = 1;
 };
 
-/// One scan as it really was.
+/// True values of a scan.
 struct U6Scan {
-  std::int64_t time_ns = 0;   ///< of its first channel, on the test's clock
-  std::vector<double> volts;  ///< at the inputs, each at its own moment, without noise
-  bool lost = false;          ///< did not fit into the FIFO: never sent
+  std::int64_t time_ns = 0;   ///< of its first channel, on the clock of the test
+  std::vector<double> volts;  ///< at the inputs at their sampling times, without noise
+  bool lost = false;          ///< FIFO overflow: not sent
 };
 
-/// A packet that a fault befell.
-struct U6SpoiltPacket {
+/// A packet with a fault.
+struct U6FaultyPacket {
   std::uint64_t packet = 0;  ///< counted from the start of the stream
   U6StreamFault fault = U6StreamFault::lost;
-  std::uint64_t first_scan = 0;  ///< of its samples; those of a dummy scan count as the next one
+  std::uint64_t first_scan = 0;  ///< of its samples; a dummy scan counts as the next one
   std::uint64_t last_scan = 0;
 };
 
 class U6Stream {
  public:
-  /// The counts of that channel at that time; `volts` is set to what was at the input.
+  /// Counts of a channel at a time; sets `volts` to the input voltage.
   using Sampler =
       std::function<std::uint16_t(const U6StreamChannel&, std::int64_t time_ns, double& volts)>;
 
@@ -69,13 +69,13 @@ class U6Stream {
   void configure(const U6StreamConfig& config) { config_ = config; }
   bool configured() const { return config_.has_value(); }
   bool running() const { return running_; }
-  /// `crystal_error`: 1e-6 is a crystal that is fast by one part in a million.
+  /// `crystal_error`: relative; 1e-6 is fast by one part in a million.
   void start(std::int64_t now_ns, double crystal_error);
   void stop();
   void power_up();
 
   void sample_until(std::int64_t now_ns);
-  /// The next packet, if it is complete. A stall that is due makes `stalled` true.
+  /// The next complete packet. A scheduled stall sets `stalled`.
   std::optional<Bytes> next_packet();
   bool stalled() const { return stalled_; }
   void stall() { stalled_ = true; }
@@ -90,7 +90,7 @@ class U6Stream {
   const std::vector<U6Scan>& scans() const { return scans_; }
   std::uint64_t scans_lost() const { return scans_lost_; }
   std::uint64_t recoveries() const { return recoveries_; }
-  const std::vector<U6SpoiltPacket>& spoilt() const { return spoilt_; }
+  const std::vector<U6FaultyPacket>& faulty() const { return faulty_; }
   std::uint64_t packets() const { return packets_; }
 
  private:
@@ -105,7 +105,7 @@ class U6Stream {
   void end_recovery();
   Bytes make_packet();
   std::optional<U6StreamFault> fault_of(std::uint64_t packet);
-  bool befall(U6StreamFault fault, Bytes& packet);
+  bool apply(U6StreamFault fault, Bytes& packet);
 
   Sampler sampler_;
   std::mt19937_64 random_;
@@ -117,20 +117,20 @@ class U6Stream {
   std::uint64_t next_scan_ = 0;
   std::deque<Sample> fifo_;
   bool recovering_ = false;
-  std::uint64_t lost_now_ = 0;       // in the recovery that lasts
-  std::uint64_t lost_reported_ = 0;  // to be told with the dummy scan
-  std::uint8_t fatal_error_ = 0;     // told once; then the stream is over
+  std::uint64_t lost_now_ = 0;       // in the current recovery
+  std::uint64_t lost_reported_ = 0;  // to be reported with the dummy scan
+  std::uint8_t fatal_error_ = 0;     // reported once; then the stream ends
   bool stalled_ = false;
   std::uint64_t packets_ = 0;
   std::uint64_t first_of_packet_ = 0;
   std::uint64_t last_of_packet_ = 0;
-  std::deque<Bytes> waiting_;  // packets made, still to be sent
+  std::deque<Bytes> waiting_;  // packets to be sent
   std::map<std::uint64_t, U6StreamFault> scheduled_;
   double chance_[u6_stream_fault_kinds] = {};
   std::vector<U6Scan> scans_;
   std::uint64_t scans_lost_ = 0;
   std::uint64_t recoveries_ = 0;
-  std::vector<U6SpoiltPacket> spoilt_;
+  std::vector<U6FaultyPacket> faulty_;
 };
 
 }  // namespace stickslip::emulated

@@ -1,5 +1,5 @@
-// A thread that waits for USB transfers leaves its processor to others, whatever libusb does.
-#include "drivers/usb_events.h"
+// A thread that waits for USB transfers does not occupy its processor, whatever libusb does.
+#include "drivers/usb/usb_events.h"
 
 #include <gtest/gtest.h>
 
@@ -16,7 +16,7 @@ class UsbEventsBench : public testing::Test {
   UsbEventsBench() { libusb_init(&context_); }
   ~UsbEventsBench() override { libusb_exit(context_); }
 
-  /// How long so many waits of 50 ms take that end at once with nothing to tell.
+  /// Duration of a number of waits of 50 ms that return immediately without an event.
   Clock::duration wait_for_nothing(int times) {
     const Clock::time_point begun = Clock::now();
     for (int i = 0; i < times; ++i) {
@@ -31,12 +31,12 @@ class UsbEventsBench : public testing::Test {
   drivers::UsbEvents events_;
 };
 
-// As from when the kernel has marked a board that is unplugged until it has taken it away.
-TEST_F(UsbEventsBench, ABoardThatIsReadyWithoutEndIsAskedOnceInAMillisecond) {
+// As between the unplugging of a board and its removal by the kernel.
+TEST_F(UsbEventsBench, ContinuouslyReadyBoardIsPolledOncePerMillisecond) {
   EXPECT_GE(wait_for_nothing(60), milliseconds(49));
 }
 
-TEST_F(UsbEventsBench, WaitsAsLongAsItIsTold) {
+TEST_F(UsbEventsBench, WaitsForTheTimeout) {
   wait_for_nothing(5);
   const Clock::time_point begun = Clock::now();
   EXPECT_TRUE(events_.handle(context_, milliseconds(20)));

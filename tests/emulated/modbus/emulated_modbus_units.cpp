@@ -46,7 +46,7 @@ template <typename Number>
 Bytes big_endian(Number number) {
   Bytes bytes(sizeof number);
   std::memcpy(bytes.data(), &number, sizeof number);
-  std::reverse(bytes.begin(), bytes.end());  // this machine's order is the other one
+  std::reverse(bytes.begin(), bytes.end());  // the host is little-endian
   return bytes;
 }
 
@@ -89,8 +89,7 @@ int word(const Bytes& bytes, std::size_t at) { return bytes.at(at) * 256 + bytes
 
 Bytes refusal(std::uint8_t code) { return {0x80, code}; }
 
-/// Bytes of a request from the unit to the last of its data, as far as `begun` tells: 0 - it is no
-/// request.
+/// Length of a request, from the unit to the end of its data, by its beginning `begun`; 0: invalid.
 std::size_t length_of(const Bytes& begun) {
   if (begun.size() < 2) return 2;
   switch (begun[1]) {
@@ -192,7 +191,7 @@ void EmulatedModbusUnits::open_terminal() {
     throw std::runtime_error("no pseudo-terminal");
   }
   const char* name = ::ptsname(master);
-  // Held open, so that the line lives on while the driver closes and opens it.
+  // Held open, so that the line persists while the driver closes and reopens it.
   slave_ = ::open(name, O_RDWR | O_NOCTTY | O_CLOEXEC);
   termios raw{};
   ::tcgetattr(slave_, &raw);
@@ -294,7 +293,7 @@ void EmulatedModbusUnits::run() {
         if (line.file >= 0) waited.push_back({line.file, POLLIN, 0});
       }
     }
-    // Short: late answers and newly plugged lines are looked at when it returns.
+    // Short: late replies and new lines are handled when it returns.
     ::poll(waited.data(), waited.size(), wait_ms);
     const std::lock_guard lock(mutex_);
     if ((waited[0].revents & POLLIN) != 0) accept_connection();
@@ -340,9 +339,9 @@ bool EmulatedModbusUnits::take_serial(Line& line) {
   const std::size_t length = length_of(line.received);
   if (length != 0 && line.received.size() < length + 2) return false;
   Bytes message(line.received.begin(), line.received.begin() + static_cast<std::ptrdiff_t>(length));
-  const bool sound = length != 0 && checksum_of(message) ==
+  const bool valid = length != 0 && checksum_of(message) ==
                                         line.received[length] + 256 * line.received[length + 1];
-  if (!sound) {
+  if (!valid) {
     ++nonsense_;
     line.received.clear();
     return false;
@@ -372,7 +371,7 @@ bool EmulatedModbusUnits::take_tcp(Line& line) {
   return handle(line, transaction, message);
 }
 
-/// False: the line is closed.
+/// False if the line is closed.
 bool EmulatedModbusUnits::handle(Line& line, int transaction, const Bytes& message) {
   const auto entry = units_.find(message[0]);
   if (entry == units_.end() || entry->second.dead) return true;
@@ -384,7 +383,7 @@ bool EmulatedModbusUnits::handle(Line& line, int transaction, const Bytes& messa
   return deliver(line, transaction, std::move(reply), unit);
 }
 
-/// From the function on.
+/// Beginning with the function.
 Bytes EmulatedModbusUnits::answer(Unit& unit, const Bytes& message) {
   const int function = message[1];
   const auto& allowed = unit.rules.functions;
@@ -562,7 +561,7 @@ void EmulatedModbusUnits::send_due() {
   while (!due_.empty() && due_.front().time_ns <= now) {
     const Due due = due_.front();
     due_.erase(due_.begin());
-    // A reader that is gone is nothing to the units.
+    // A closed reader does not affect the units.
     if (::send(due.file, due.bytes.data(), due.bytes.size(), MSG_NOSIGNAL) < 0 &&
         errno == ENOTSOCK) {
       static_cast<void>(!::write(due.file, due.bytes.data(), due.bytes.size()));

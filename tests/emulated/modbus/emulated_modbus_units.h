@@ -1,5 +1,5 @@
-// Modbus units on a serial line (one end of a pseudo-terminal) and behind a TCP port, with whatever
-// goes wrong on such lines. Written from the protocol's documents, not from the driver.
+// Emulated Modbus units on a serial line (a pseudo-terminal) and a TCP port, with faults of such
+// lines. Written from the protocol specification, not from the driver.
 #pragma once
 
 #include <atomic>
@@ -20,43 +20,42 @@
 
 namespace stickslip::emulated {
 
-/// Numbered as the functions that read them.
+/// Numbered like the functions that read them.
 enum class Table { coils = 1, discrete_inputs = 2, holding = 3, input = 4 };
 
 enum class Kind { bit, u16, i16, u32, i32, i64, f32, f64, bcd16, bcd32 };
 
-/// Big-endian bytes of a number as a unit of that kind holds it, already in the order in which they
-/// travel ("ABCD", "CDAB", "BADC", "DCBA").
+/// Bytes of a number of a kind in transmission order ("ABCD", "CDAB", "BADC", "DCBA").
 Bytes bytes_of(Kind kind, const std::string& order, double number);
 
-/// CRC-16 of a serial line's messages; travels with its low byte first.
+/// CRC-16 of serial messages; transmitted low byte first.
 std::uint16_t checksum_of(const Bytes& message);
 
-/// One number in a unit.
+/// A number in a unit.
 struct Parameter {
   Table table = Table::holding;
   int address = 0;
   Kind kind = Kind::u16;
   std::string order = "ABCD";
-  /// What it holds at that time. Absent: what was written last, from 0 on.
+  /// Value at a time. Absent: the last written value, initially 0.
   std::function<double(std::int64_t time_ns)> number;
-  bool locked = false;  ///< a write is answered, and changes nothing
+  bool locked = false;  ///< a write is confirmed without effect
 };
 
-/// A parameter that a sensor moves: raw = what the sensor says / resolution.
+/// A parameter that follows a sensor: raw = reading / resolution.
 Parameter measured(Parameter its, Sensor sensor, Wires& wires, double resolution = 1.0);
 
 struct UnitRules {
   std::vector<int> functions{1, 2, 3, 4, 5, 6, 15, 16};
-  bool whole_parameters_only = false;  ///< a read of a part of one is refused (exception 2)
+  bool whole_parameters_only = false;  ///< partial reads are rejected (exception 2)
   bool pairs_only = false;             ///< reads of exactly two registers
-  bool gaps_are_readable = true;       ///< what no parameter lies at reads as 0
-  int float_mirror = 0;                ///< every parameter again so much further up, as a float
+  bool gaps_are_readable = true;       ///< unused addresses read as 0
+  int float_mirror = 0;                ///< offset of float copies of all parameters; 0: none
 };
 
-/// The conditioner of Solartron: functions 03, 04, 06, 16; a float mirror 8000 further up.
+/// Solartron's conditioner: functions 03, 04, 06, 16; float copies at an offset of 8000.
 UnitRules orbit_rules();
-/// Mantracourt's: holding registers in pairs only.
+/// Mantracourt's unit: holding registers in pairs only.
 UnitRules dsc_rules();
 
 enum class LineFault {
@@ -64,17 +63,17 @@ enum class LineFault {
   late,
   silent,
   wrong_checksum,     ///< TCP: a wrong length in the header
-  wrong_unit,         ///< what another unit would say
+  wrong_unit,         ///< reply of another unit
   wrong_transaction,  ///< serial: a wrong function
   short_frame,
   extra_bytes,
   exception_busy,
   repeated,
-  torn,   ///< in pieces, some milliseconds apart
-  closed  ///< TCP: the connection; serial: silent
+  torn,   ///< in parts, some milliseconds apart
+  closed  ///< TCP: closed connection; serial: silence
 };
 
-/// What befalls answers by chance.
+/// Random faults of replies.
 struct Weather {
   double probability = 0.0;
   std::vector<LineFault> faults;
@@ -83,8 +82,7 @@ struct Weather {
 
 class EmulatedModbusUnits {
  public:
-  /// `folder` gets a link `line` to the serial line, which stays the same when it is plugged in
-  /// again.
+  /// `folder` receives a link `line` to the serial line, which is constant over unplugging.
   EmulatedModbusUnits(Now now, std::filesystem::path folder, std::uint32_t seed);
   ~EmulatedModbusUnits();
   EmulatedModbusUnits(const EmulatedModbusUnits&) = delete;
@@ -99,18 +97,18 @@ class EmulatedModbusUnits {
 
   // From any thread.
   void weather(int unit, Weather weather);
-  /// The next answers of that unit, one after the other, before any chance.
-  /// `late_ns`: of a late one.
+  /// Faults of the next replies of a unit, in order, before any random ones.
+  /// `late_ns`: delay of a late reply.
   void next(int unit, LineFault fault, std::int64_t late_ns = 0);
   void dead(int unit, bool is_dead);
-  void refuse(int unit, std::uint8_t exception);  ///< everything; 0: no more
+  void refuse(int unit, std::uint8_t exception);  ///< all requests; 0: none
   void unplug();
   void plug_in();
   void close_connections();
-  std::uint64_t requests(int unit) const;  ///< that reached it
-  std::uint64_t writes(int unit) const;    ///< of those, the ones that write
-  std::uint64_t faults() const;            ///< that befell answers
-  /// Requests that a unit would have to refuse as nonsense: a wrong checksum, an unknown shape.
+  std::uint64_t requests(int unit) const;  ///< received
+  std::uint64_t writes(int unit) const;    ///< received write requests
+  std::uint64_t faults() const;            ///< of replies
+  /// Malformed requests: a wrong checksum, an unknown format.
   std::uint64_t nonsense() const;
   double written(int unit, Table table, int address) const;  ///< the first word
 

@@ -1,4 +1,4 @@
-// The real driver and library against units on a pseudo-terminal and behind a TCP port.
+// The real driver and library with units on a pseudo-terminal and a TCP port.
 #include "drivers/modbus/modbus_unit.h"
 
 #include <gmock/gmock.h>
@@ -26,11 +26,11 @@ using drivers::Result;
 using testing::HasSubstr;
 
 constexpr std::int64_t ms = 1'000'000;
-constexpr double slope = 1.0;  // [1/s]: what a channel says tells when it was measured
+constexpr double slope = 1.0;  // [1/s]: a value shows the time of its measurement
 constexpr double apart = 1000.0;
 
-/// Every channel climbs, a thousand apart: a value that stands for another channel or another
-/// moment is seen to be wrong.
+/// Every channel grows, with offsets of a thousand, so that a value of another channel or time is
+/// recognized.
 class Climbing final : public Wires {
  public:
   explicit Climbing(std::int64_t begin_ns) : begin_ns_(begin_ns) {}
@@ -89,7 +89,7 @@ class ModbusBench : public testing::TestWithParam<ModbusTransport> {
     its.transport = GetParam();
     its.port = tcp() ? units_.tcp_port() : units_.serial_port();
     its.baud = 115200;
-    its.timeout_s = 0.25;  // machines that test are busy ones
+    its.timeout_s = 0.25;  // test hosts are busy
     its.retries = 2;
     its.poll_period_s = 0.005;
     its.map.name = "test unit";
@@ -97,7 +97,7 @@ class ModbusBench : public testing::TestWithParam<ModbusTransport> {
   }
   bool tcp() const { return GetParam() == ModbusTransport::tcp; }
 
-  /// Channel i of the bench comes from inputs[i].
+  /// Channel i of the bench is assigned to inputs[i].
   Gauge& make(const std::vector<config::ModbusUnit>& units,
               const std::vector<std::pair<std::string, std::string>>& inputs = {}) {
     config::BenchInputs from{};
@@ -112,7 +112,7 @@ class ModbusBench : public testing::TestWithParam<ModbusTransport> {
     return measured(std::move(its), Sensor{channel, 1.0, 0.0}, wires_, resolution);
   }
 
-  /// Reads until something else than no_data and temporary comes, or the time is over.
+  /// Reads until an outcome other than no_data and temporary, or until the time is over.
   Result patiently(Gauge& gauge, std::span<Reading> readings, double seconds = 2.0) {
     const std::int64_t end = clock_.now_ns() + static_cast<std::int64_t>(seconds * 1e9);
     Result result;
@@ -171,7 +171,7 @@ TEST_P(ModbusBench, EveryTypeAndOrderIsRead) {
   }
   units_.add(1, {}, parameters);
   units_.start();
-  // A bench has only a few channels: one gauge after the other.
+  // A bench has only a few channels: one gauge at a time.
   for (std::size_t i = 0; i < registers.size(); ++i) {
     config::ModbusUnit unit = settings(1);
     unit.map.registers = registers;
@@ -187,7 +187,7 @@ TEST_P(ModbusBench, EveryTypeAndOrderIsRead) {
   EXPECT_EQ(units_.nonsense(), 0U);
 }
 
-TEST_P(ModbusBench, AnOrbitIsReadByItsFloatMirror) {
+TEST_P(ModbusBench, OrbitIsReadByItsFloatMirror) {
   units_.add(
       1, orbit_rules(),
       {sensor(at(100, Kind::i32), Channel::friction_force, 1e-4), constant(110, Kind::u16, 0)});
@@ -206,7 +206,7 @@ TEST_P(ModbusBench, AnOrbitIsReadByItsFloatMirror) {
   ASSERT_TRUE(result) << result.message;
   EXPECT_NEAR(readings[0].value, wires_.truth(Channel::friction_force, readings[0].time_ns), 0.02);
 
-  // Half of it is refused, and a person has to look at the map.
+  // A partial read is rejected, and the map needs attention.
   unit.map.registers[0] = reg("position", 8100, RegisterType::uint16);
   Gauge& half = make({unit}, {{"u1", "position"}});
   result = half.open();
@@ -215,7 +215,7 @@ TEST_P(ModbusBench, AnOrbitIsReadByItsFloatMirror) {
   EXPECT_THAT(result.message, HasSubstr("\"position\" (holding register 8100)"));
 }
 
-TEST_P(ModbusBench, ADscIsReadInPairsLowWordFirst) {
+TEST_P(ModbusBench, DscIsReadInPairsLowWordFirst) {
   units_.add(2, dsc_rules(),
              {sensor(at(19, Kind::f32, "CDAB"), Channel::displacement),
               sensor(at(21, Kind::f32, "CDAB"), Channel::velocity)});
@@ -232,10 +232,10 @@ TEST_P(ModbusBench, ADscIsReadInPairsLowWordFirst) {
   ASSERT_TRUE(result) << result.message;
   EXPECT_NEAR(readings[0].value, wires_.truth(Channel::displacement, readings[0].time_ns), 0.02);
   EXPECT_NEAR(readings[1].value, wires_.truth(Channel::velocity, readings[1].time_ns), 0.02);
-  EXPECT_LT(readings[0].time_ns, readings[1].time_ns) << "two requests have two times";
+  EXPECT_LT(readings[0].time_ns, readings[1].time_ns) << "separate requests have separate times";
 }
 
-TEST_P(ModbusBench, AGroupIsOfOneMoment) {
+TEST_P(ModbusBench, GroupIsReadSimultaneously) {
   units_.add(1, {},
              {sensor(at(0, Kind::f64), Channel::displacement),
               sensor(at(40, Kind::f64), Channel::displacement)});
@@ -251,11 +251,11 @@ TEST_P(ModbusBench, AGroupIsOfOneMoment) {
   EXPECT_NEAR(readings[0].value, readings[1].value, 1e-3);
 }
 
-TEST_P(ModbusBench, ABadStatusMakesReadingsInvalidAndSaysSoOnce) {
+TEST_P(ModbusBench, BadStatusInvalidatesReadingsAndIsReportedOnce) {
   std::atomic<double> status{0.0};
-  Parameter says = at(5, Kind::u16);
-  says.number = [&status](std::int64_t) { return status.load(); };
-  units_.add(1, {}, {constant(0, Kind::f32, 1.5), says});
+  Parameter state = at(5, Kind::u16);
+  state.number = [&status](std::int64_t) { return status.load(); };
+  units_.add(1, {}, {constant(0, Kind::f32, 1.5), state});
   units_.start();
   config::ModbusUnit unit = settings(1);
   unit.map.registers = {reg("a", 0, RegisterType::float32), reg("status", 5, RegisterType::uint16)};
@@ -271,7 +271,7 @@ TEST_P(ModbusBench, ABadStatusMakesReadingsInvalidAndSaysSoOnce) {
   while ((result = gauge.read(readings)).outcome != Outcome::temporary) {
     ASSERT_NE(result.outcome, Outcome::lost);
   }
-  EXPECT_THAT(result.message, HasSubstr("\"status\" (holding register 5) says 19, well is 0 or 1"));
+  EXPECT_THAT(result.message, HasSubstr("\"status\" (holding register 5) is 19, expected 0 or 1"));
   ASSERT_TRUE(patiently(gauge, readings));
   EXPECT_FALSE(readings[0].valid);
   status = 1.0;
@@ -280,11 +280,11 @@ TEST_P(ModbusBench, ABadStatusMakesReadingsInvalidAndSaysSoOnce) {
   EXPECT_TRUE(readings[0].valid);
 }
 
-TEST_P(ModbusBench, AnAlarmIsAFaultFromTheBeginningUntilItIsReadToBeWell) {
+TEST_P(ModbusBench, AlarmIsAFaultUntilItIsReadAsOk) {
   std::atomic<double> alarm{0.0};
-  Parameter says = at(5, Kind::bit, "ABCD", Table::discrete_inputs);
-  says.number = [&alarm](std::int64_t) { return alarm.load(); };
-  units_.add(1, {}, {says});
+  Parameter state = at(5, Kind::bit, "ABCD", Table::discrete_inputs);
+  state.number = [&alarm](std::int64_t) { return alarm.load(); };
+  units_.add(1, {}, {state});
   units_.start();
   config::ModbusUnit unit = settings(1);
   unit.map.registers = {reg("tripped", 5, RegisterType::bit, RegisterTable::discrete_inputs)};
@@ -344,8 +344,8 @@ TEST_P(ModbusBench, SettingsAreWrittenAndReadBack) {
   EXPECT_THAT(result.message, HasSubstr("cannot hold 1000000"));
 }
 
-// Many units keep settings in memory that takes some ten thousand writes.
-TEST_P(ModbusBench, ASettingThatTheUnitHoldsAlreadyIsNotWrittenAgain) {
+// Many units keep settings in memory limited to some ten thousand writes.
+TEST_P(ModbusBench, UnchangedSettingIsNotWritten) {
   units_.add(1, {}, {at(10, Kind::u16), at(12, Kind::f32)});
   units_.start();
   config::ModbusUnit unit = settings(1);
@@ -360,29 +360,29 @@ TEST_P(ModbusBench, ASettingThatTheUnitHoldsAlreadyIsNotWrittenAgain) {
     ASSERT_TRUE(gauge.open());
     EXPECT_EQ(units_.writes(1), 2U);
   }
-  // Another program: only what differs.
+  // After a change by another program: only the difference.
   unit.map.registers[1].set_to = 8.0;
   ASSERT_TRUE(make({unit}).open());
   EXPECT_EQ(units_.writes(1), 3U);
   EXPECT_EQ(units_.written(1, Table::holding, 12), 0x4100);
 }
 
-TEST_P(ModbusBench, AWriteThatWasDoneButNotAnsweredIsNotDoneAgain) {
+TEST_P(ModbusBench, ExecutedWriteWithoutReplyIsNotRepeated) {
   units_.add(1, {}, {at(10, Kind::u16)});
   units_.start();
   config::ModbusUnit unit = settings(1);
   unit.map.registers = {reg("filter", 10, RegisterType::uint16)};
   unit.map.registers[0].role = RegisterRole::setting;
   unit.map.registers[0].set_to = 7.0;
-  units_.next(1, LineFault::none);    // it is read
-  units_.next(1, LineFault::silent);  // it is written
+  units_.next(1, LineFault::none);    // the read
+  units_.next(1, LineFault::silent);  // the write
   const Result opened = make({unit}).open();
   ASSERT_TRUE(opened) << opened.message;
   EXPECT_EQ(units_.writes(1), 1U);
   EXPECT_EQ(units_.written(1, Table::holding, 10), 7.0);
 }
 
-TEST_P(ModbusBench, ALockedSettingIsWrittenOnceHoweverOftenTheUnitIsOpened) {
+TEST_P(ModbusBench, LockedSettingIsWrittenOnce) {
   Parameter locked = at(10, Kind::u16);
   locked.locked = true;
   units_.add(1, {}, {locked});
@@ -399,7 +399,7 @@ TEST_P(ModbusBench, ALockedSettingIsWrittenOnceHoweverOftenTheUnitIsOpened) {
     EXPECT_THAT(opened.message, HasSubstr("switched off and on"));
   }
   EXPECT_EQ(units_.writes(1), 1U);
-  // It was away: perhaps somebody has unlocked it.
+  // After a disconnection it may have been unlocked.
   units_.dead(1, true);
   ASSERT_EQ(gauge.open().outcome, Outcome::lost);
   units_.dead(1, false);
@@ -407,8 +407,8 @@ TEST_P(ModbusBench, ALockedSettingIsWrittenOnceHoweverOftenTheUnitIsOpened) {
   EXPECT_EQ(units_.writes(1), 2U);
 }
 
-// A unit that was asked may speak until its time is over: on a pair of wires both would be heard.
-TEST_P(ModbusBench, WhoeverLeavesASerialLineInTheMiddleKeepsItQuietUntilTheAnswerWouldHaveCome) {
+// A polled unit may reply until its time-out: on a pair of wires two replies would collide.
+TEST_P(ModbusBench, AbandonedRequestKeepsASerialLineQuietUntilItsReplyIsDue) {
   units_.add(1, {}, {constant(0, Kind::u16, 1.0)});
   units_.add(2, {}, {constant(0, Kind::u16, 2.0)});
   units_.start();
@@ -419,25 +419,25 @@ TEST_P(ModbusBench, WhoeverLeavesASerialLineInTheMiddleKeepsItQuietUntilTheAnswe
   first.timeout_ns = 120 * ms;
   drivers::modbus::Caller second;
   second.unit = 2;
-  const auto ask = [](int unit) {
+  const auto request = [](int unit) {
     return drivers::modbus::read_message(unit, {RegisterTable::holding_registers, 0, 1});
   };
   units_.next(1, LineFault::late, 60 * ms);
-  const std::int64_t asked_ns = clock_.now_ns();
-  ASSERT_EQ(bus.exchange(first, ask(1), asked_ns + 20 * ms).progress,
+  const std::int64_t requested_ns = clock_.now_ns();
+  ASSERT_EQ(bus.exchange(first, request(1), requested_ns + 20 * ms).progress,
             drivers::modbus::Progress::waiting);
   bus.leave(first);
   const drivers::modbus::Exchange answer =
-      bus.exchange(second, ask(2), clock_.now_ns() + 2000 * ms);
+      bus.exchange(second, request(2), clock_.now_ns() + 2000 * ms);
   ASSERT_EQ(answer.progress, drivers::modbus::Progress::answered) << answer.why;
   EXPECT_EQ(answer.words, std::vector<std::uint16_t>{2});
-  // And 3.5 characters, or that. On TCP nobody has to wait for another.
+  // Plus 3.5 characters, or that. On TCP there is no wait.
   if (!tcp()) {
-    EXPECT_GE(answer.sent_ns - asked_ns, 120 * ms + 1'750'000);
+    EXPECT_GE(answer.sent_ns - requested_ns, 120 * ms + 1'750'000);
   }
 }
 
-TEST_P(ModbusBench, ExceptionsOfPassingKindsPassAndOthersNeedAPerson) {
+TEST_P(ModbusBench, TransientExceptionsPassAndOthersNeedAttention) {
   units_.add(1, {}, {constant(0, Kind::u16, 1.0)});
   units_.start();
   config::ModbusUnit unit = settings(1);
@@ -466,7 +466,7 @@ TEST_P(ModbusBench, ExceptionsOfPassingKindsPassAndOthersNeedAPerson) {
   EXPECT_GT(gauge.losses().missing, 0U);
 }
 
-TEST_P(ModbusBench, AUnitThatIsNotThereIsLostWithWhatToLookAt) {
+TEST_P(ModbusBench, AbsentUnitIsLostWithRemedies) {
   units_.start();
   config::ModbusUnit unit = settings(9);
   unit.map.registers = {reg("a", 0, RegisterType::uint16)};
@@ -476,14 +476,14 @@ TEST_P(ModbusBench, AUnitThatIsNotThereIsLostWithWhatToLookAt) {
   EXPECT_THAT(result.message, HasSubstr("is its address 9"));
 }
 
-TEST_P(ModbusBench, AnInputThatTheMapDoesNotHaveNeedsAPerson) {
+TEST_P(ModbusBench, InputMissingInTheMapNeedsAttention) {
   units_.start();
   const Result result = make({settings(1)}, {{"u1", "nonesuch"}}).open();
   EXPECT_EQ(result.outcome, Outcome::needs_attention);
   EXPECT_THAT(result.message, HasSubstr("nonesuch"));
 }
 
-TEST_P(ModbusBench, ABusThatGoesIsLostForAllAndComesBack) {
+TEST_P(ModbusBench, LostBusIsLostForAllUnitsAndRecovers) {
   units_.add(1, {}, {constant(0, Kind::u16, 1.0)});
   units_.add(2, {}, {constant(0, Kind::u16, 2.0)});
   units_.start();
@@ -517,7 +517,7 @@ TEST_P(ModbusBench, ABusThatGoesIsLostForAllAndComesBack) {
   EXPECT_EQ(readings[0].value, 2.0);
 }
 
-TEST_P(ModbusBench, ADeadUnitDoesNotSilenceALivingOne) {
+TEST_P(ModbusBench, DeadUnitDoesNotBlockOthers) {
   units_.add(1, {}, {sensor(at(0, Kind::f64), Channel::displacement)});
   units_.add(2, {}, {constant(0, Kind::u16, 2.0)});
   units_.start();
@@ -540,17 +540,17 @@ TEST_P(ModbusBench, ADeadUnitDoesNotSilenceALivingOne) {
   };
   const int alone = readings_in_a_second();
   units_.dead(2, true);
-  // As those who read gauges do: opened again, with growing patience.
+  // Like GaugeReader: reopened with an increasing delay.
   std::atomic<bool> stop{false};
   std::atomic<int> losses{0};
   std::thread other([&] {
     Reading readings[1];
-    std::int64_t patience = 50 * ms;
+    std::int64_t delay = 50 * ms;
     bool open = true;
     while (!stop) {
       if (!open) {
-        clock_.sleep_until(clock_.now_ns() + patience);
-        patience *= 2;
+        clock_.sleep_until(clock_.now_ns() + delay);
+        delay *= 2;
         open = static_cast<bool>(gauges_[1]->open());
       } else if (gauges_[1]->read(readings).outcome == Outcome::lost) {
         gauges_[1]->close();
@@ -566,8 +566,8 @@ TEST_P(ModbusBench, ADeadUnitDoesNotSilenceALivingOne) {
   EXPECT_GT(beside_the_dead, 6 * alone / 10);
 }
 
-/// On a serial line nothing but time tells whose reply a late one is.
-TEST_P(ModbusBench, ALateReplyIsNotTakenForAnotherRequests) {
+/// On a serial line only its time identifies a late reply.
+TEST_P(ModbusBench, LateReplyIsNotMatchedWithAnotherRequest) {
   units_.add(1, {}, {constant(0, Kind::u16, 1.0), constant(10, Kind::u16, 2.0)});
   units_.start();
   config::ModbusUnit unit = settings(1);
@@ -577,9 +577,9 @@ TEST_P(ModbusBench, ALateReplyIsNotTakenForAnotherRequests) {
   Gauge& gauge = make({unit}, {{"u1", "a"}, {"u1", "b"}});
   using Story = std::vector<std::pair<LineFault, std::int64_t>>;
   const Story stories[] = {
-      // Late, late again, and the next request is not answered in time for its own reply.
+      // Late twice, and the next request times out.
       {{LineFault::late, 80 * ms}, {LineFault::late, 80 * ms}, {LineFault::silent, 0}},
-      // Taken for the reply to the same request again, whose own one comes when the next is asked.
+      // Accepted as the reply to the repeated request, whose own reply arrives during the next.
       {{LineFault::late, 140 * ms}, {LineFault::late, 50 * ms}, {LineFault::silent, 0}}};
   for (const Story& story : stories) {
     ASSERT_TRUE(gauge.open());
@@ -593,7 +593,7 @@ TEST_P(ModbusBench, ALateReplyIsNotTakenForAnotherRequests) {
   }
 }
 
-TEST_P(ModbusBench, WhatAnotherUnitOrTransactionSaysIsNotTaken) {
+TEST_P(ModbusBench, ReplyOfAnotherUnitOrTransactionIsRejected) {
   units_.add(1, {}, {constant(0, Kind::u16, 1.0)});
   units_.start();
   config::ModbusUnit unit = settings(1);
@@ -613,7 +613,7 @@ TEST_P(ModbusBench, WhatAnotherUnitOrTransactionSaysIsNotTaken) {
   }
 }
 
-TEST_P(ModbusBench, AnAlarmThatIsNotReadForLongIsAFault) {
+TEST_P(ModbusBench, AlarmUnreadForLongIsAFault) {
   units_.add(1, {}, {constant(5, Kind::u16, 0.0)});
   units_.start();
   config::ModbusUnit unit = settings(1);
@@ -634,7 +634,7 @@ TEST_P(ModbusBench, AnAlarmThatIsNotReadForLongIsAFault) {
   EXPECT_TRUE(gauge.signals().amplifier_fault);
 }
 
-TEST_P(ModbusBench, PausesAreKeptEvenLongOnes) {
+TEST_P(ModbusBench, ConfiguredPausesAreKept) {
   units_.add(1, {}, {constant(0, Kind::u16, 1.0), constant(1, Kind::u16, 2.0)});
   units_.start();
   config::ModbusUnit unit = settings(1);
@@ -650,46 +650,49 @@ TEST_P(ModbusBench, PausesAreKeptEvenLongOnes) {
   EXPECT_GE(readings[1].time_ns - readings[0].time_ns, 195 * ms);
 }
 
-/// Everything that can befall an answer, many times over.
-TEST_P(ModbusBench, NoFaultOfTheLineIsEverTakenForAValue) {
-  for (const std::uint32_t unit : {1U, 2U}) {
-    std::vector<Parameter> parameters;
-    for (const Channel channel : all_channels) {
-      const int i = static_cast<int>(index_of(channel));
-      parameters.push_back(sensor(at(10 * i, Kind::f64, "CDAB"), channel));
+/// Two units with every channel, and a line with every fault, for a fixed time.
+class FaultyLine : public ModbusBench {
+ protected:
+  void set_up() {
+    for (const std::uint32_t unit : {1U, 2U}) {
+      std::vector<Parameter> parameters;
+      for (const Channel channel : all_channels) {
+        const int i = static_cast<int>(index_of(channel));
+        parameters.push_back(sensor(at(10 * i, Kind::f64, "CDAB"), channel));
+      }
+      units_.add(static_cast<int>(unit), {}, parameters);
     }
-    units_.add(static_cast<int>(unit), {}, parameters);
-  }
-  units_.start();
-  std::vector<config::ModbusUnit> both{settings(1), settings(2)};
-  for (auto& unit : both) {
-    for (const Channel channel : all_channels) {
-      const auto i = index_of(channel);
-      unit.map.registers.push_back(
-          reg("c" + std::to_string(i), 10 * static_cast<int>(i), RegisterType::float64));
-      unit.map.registers.back().order = ByteOrder::cdab;
+    units_.start();
+    std::vector<config::ModbusUnit> both{settings(1), settings(2)};
+    for (auto& unit : both) {
+      for (const Channel channel : all_channels) {
+        const auto i = index_of(channel);
+        unit.map.registers.push_back(reg(std::string(1, 'c').append(std::to_string(i)),
+                                         10 * static_cast<int>(i), RegisterType::float64));
+        unit.map.registers.back().order = ByteOrder::cdab;
+      }
+      unit.timeout_s = 0.02;
+      unit.retries = 3;
+      unit.poll_period_s = 0.002;
     }
-    unit.timeout_s = 0.02;
-    unit.retries = 3;
-    unit.poll_period_s = 0.002;
+    // Channels 0, 2 and 4 from one unit, the others from the other: replies of equal length and
+    // form.
+    make(both, {{"u1", "c0"}, {"u2", "c1"}, {"u1", "c2"}, {"u2", "c3"}, {"u1", "c4"}});
+    const Weather weather{
+        0.15,
+        {LineFault::late, LineFault::silent, LineFault::wrong_checksum, LineFault::wrong_unit,
+         LineFault::wrong_transaction, LineFault::short_frame, LineFault::extra_bytes,
+         LineFault::exception_busy, LineFault::repeated, LineFault::torn, LineFault::closed},
+        28 * ms};
+    for (const int unit : {1, 2}) units_.weather(unit, weather);
   }
-  // Channels 0, 2 and 4 by one unit, the others by the other: replies of one length, and one shape.
-  make(both, {{"u1", "c0"}, {"u2", "c1"}, {"u1", "c2"}, {"u2", "c3"}, {"u1", "c4"}});
-  const Weather weather{
-      0.15,
-      {LineFault::late, LineFault::silent, LineFault::wrong_checksum, LineFault::wrong_unit,
-       LineFault::wrong_transaction, LineFault::short_frame, LineFault::extra_bytes,
-       LineFault::exception_busy, LineFault::repeated, LineFault::torn, LineFault::closed},
-      28 * ms};
-  for (const int unit : {1, 2}) units_.weather(unit, weather);
-  std::atomic<std::uint64_t> right{0};
-  std::atomic<std::uint64_t> wrong{0};
-  std::atomic<std::uint64_t> rejected{0};  // a gauge counts from its open
-  const std::int64_t end = clock_.now_ns() + 3000 * ms;
-  const auto run = [&](Gauge& gauge, std::vector<std::size_t> channels) {
+
+  /// Reads a gauge until `end_ns`, reopening it after losses, and compares its readings with the
+  /// truth.
+  void read_until(std::int64_t end_ns, Gauge& gauge, std::vector<std::size_t> channels) {
     std::vector<Reading> readings(channels.size());
     bool open = false;
-    while (clock_.now_ns() < end) {
+    while (clock_.now_ns() < end_ns) {
       if (!open) {
         open = static_cast<bool>(gauge.open());
         if (!open) clock_.sleep_until(clock_.now_ns() + 5 * ms);
@@ -699,34 +702,50 @@ TEST_P(ModbusBench, NoFaultOfTheLineIsEverTakenForAValue) {
       const Result result = gauge.read(readings);
       EXPECT_LT(clock_.now_ns() - before, 1000 * ms) << "it hangs";
       if (result.outcome == Outcome::lost || result.outcome == Outcome::needs_attention) {
-        rejected += gauge.losses().rejected;
+        rejected_ += gauge.losses().rejected;
         gauge.close();
         open = false;
       }
       if (!result) continue;
       for (std::size_t i = 0; i < channels.size(); ++i) {
         const double truth = wires_.truth(all_channels[channels[i]], readings[i].time_ns);
-        // Late by up to two time-outs is told of in the driver's description.
+        // The delay of up to two time-outs is documented for the driver.
         const bool good = readings[i].valid && std::abs(readings[i].value - truth) < 0.08;
-        ++(good ? right : wrong);
+        ++(good ? right_ : wrong_);
         EXPECT_TRUE(good) << channels[i] << ": " << readings[i].value << " and not " << truth;
       }
     }
-  };
-  std::thread other([&] { run(*gauges_[1], {1, 3}); });
-  run(*gauges_[0], {0, 2, 4});
+  }
+
+  std::atomic<std::uint64_t> right_{0};
+  std::atomic<std::uint64_t> wrong_{0};
+  std::atomic<std::uint64_t> rejected_{0};  // over all openings
+};
+
+INSTANTIATE_TEST_SUITE_P(Lines, FaultyLine,
+                         testing::Values(ModbusTransport::rtu, ModbusTransport::tcp),
+                         [](const auto& info) {
+                           return info.param == ModbusTransport::rtu ? "Rtu" : "Tcp";
+                         });
+
+/// Every fault of a reply, many times.
+TEST_P(FaultyLine, NoFaultYieldsAWrongValue) {
+  set_up();
+  const std::int64_t end = clock_.now_ns() + 3000 * ms;
+  std::thread other([&] { read_until(end, *gauges_[1], {1, 3}); });
+  read_until(end, *gauges_[0], {0, 2, 4});
   other.join();
-  rejected += gauges_[0]->losses().rejected + gauges_[1]->losses().rejected;
-  EXPECT_EQ(wrong, 0U);
-  EXPECT_GT(right, 50U);
+  rejected_ += gauges_[0]->losses().rejected + gauges_[1]->losses().rejected;
+  EXPECT_EQ(wrong_, 0U);
+  EXPECT_GT(right_, 50U);
   EXPECT_GT(units_.faults(), 20U);
-  EXPECT_GT(rejected, 5U);
-  EXPECT_EQ(units_.nonsense(), 0U) << "what the driver sends is always sound";
-  RecordProperty("right", static_cast<int>(right));
+  EXPECT_GT(rejected_, 5U);
+  EXPECT_EQ(units_.nonsense(), 0U) << "the driver sends valid requests only";
+  RecordProperty("right", static_cast<int>(right_));
   RecordProperty("faults", static_cast<int>(units_.faults()));
-  std::printf("%llu right, %llu faults, %llu rejected\n", static_cast<unsigned long long>(right),
+  std::printf("%llu right, %llu faults, %llu rejected\n", static_cast<unsigned long long>(right_),
               static_cast<unsigned long long>(units_.faults()),
-              static_cast<unsigned long long>(rejected));
+              static_cast<unsigned long long>(rejected_));
 }
 
 }  // namespace

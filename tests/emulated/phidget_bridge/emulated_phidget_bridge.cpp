@@ -119,7 +119,7 @@ UsbAnswer EmulatedPhidgetBridge::control(const UsbSetup& setup, std::span<const 
   if (is(0x81, 0x06) && setup.value == 0x2100) {
     return {UsbStatus::ok, first_of(hid_descriptor(), setup.length)};
   }
-  if (is(0x21, 0x0A)) return {};  // SET_IDLE: it reports at its interval all the same
+  if (is(0x21, 0x0A)) return {};  // SET_IDLE: without effect on the interval
   if (is(0xA1, 0x01) && setup.value == 0x0100 && !latest_.empty()) {
     return {UsbStatus::ok, first_of(latest_, setup.length)};
   }
@@ -137,7 +137,7 @@ UsbStatus EmulatedPhidgetBridge::out(std::uint8_t endpoint, std::span<const std:
   return UsbStatus::ok;
 }
 
-UsbAnswer EmulatedPhidgetBridge::in(std::uint8_t endpoint, std::size_t room) {
+UsbAnswer EmulatedPhidgetBridge::in(std::uint8_t endpoint, std::size_t capacity) {
   catch_up();
   if (endpoint != 1) return {UsbStatus::stall, {}};
   if (faults.stall) {
@@ -147,7 +147,7 @@ UsbAnswer EmulatedPhidgetBridge::in(std::uint8_t endpoint, std::size_t room) {
   }
   if (halted_) return {UsbStatus::stall, {}};
   if (waiting_.empty()) return {UsbStatus::not_ready, {}};
-  Bytes report = first_of(std::move(waiting_.front()), room);
+  Bytes report = first_of(std::move(waiting_.front()), capacity);
   waiting_.pop_front();
   return {UsbStatus::ok, std::move(report)};
 }
@@ -167,7 +167,7 @@ void EmulatedPhidgetBridge::reset() {
   next_report_ns_ = now_() + step_ns;
 }
 
-/// What cannot be set is left as it was, and the echo tells.
+/// Unsupported settings are ignored, which the echo shows.
 void EmulatedPhidgetBridge::apply(std::span<const std::uint8_t> bytes) {
   const auto enabled_now = static_cast<std::uint8_t>(bytes[0] & 0x0FU);
   for (std::size_t i = 0; i < inputs; ++i) {
@@ -224,7 +224,7 @@ Bytes EmulatedPhidgetBridge::content(std::int64_t time_ns) {
     const bool first = std::exchange(first_sample_[i], false);
     bool beyond = false;
     std::uint32_t raw = sample(i, time_ns, beyond);
-    // The converter has not settled: half of what it should be. Newer firmware knows that.
+    // The converter has not settled: half of the value. Newer firmware suppresses this sample.
     if (first) raw = raw / 2;
     if (!first || has_gain_bug()) bytes[0] = static_cast<std::uint8_t>(bytes[0] | 0x10U << i);
     if (beyond) bytes[1] = static_cast<std::uint8_t>(bytes[1] | 1U << i);

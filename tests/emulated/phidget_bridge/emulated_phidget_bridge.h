@@ -1,4 +1,4 @@
-// A PhidgetBridge 4-Input 1046 that only looks real: a HID device without report numbers.
+// An emulated PhidgetBridge 4-Input 1046: a HID device without report IDs.
 #pragma once
 
 #include <array>
@@ -13,41 +13,40 @@
 
 namespace stickslip::emulated {
 
-/// Reports go out at the interval of its own clock, whether or not an input is enabled, and each
-/// repeats the settings that are in force. Like the real one it knows neither a number nor a time
-/// of a report.
+/// Sends reports at the interval of its own clock, even without an enabled input; each repeats the
+/// active settings. Like the real one it has neither report numbers nor times.
 class EmulatedPhidgetBridge final : public UsbDevice {
  public:
   static constexpr std::size_t inputs = 4;
 
   struct Options {
     std::string serial = "123456";
-    /// 100 and 101: a new gain takes hold only after input 0 has been enabled for 32 reports, and
-    /// nothing in the reports says so; the first sample after enabling is wrong.
+    /// 100 and 101: a new gain takes effect only after input 0 has been enabled for 32 reports,
+    /// which the reports do not show; the first sample after enabling is wrong.
     int firmware = 102;
-    std::array<std::optional<Sensor>, inputs> sensors;  ///< in V/V; nothing: 0 V/V
+    std::array<std::optional<Sensor>, inputs> sensors;  ///< in V/V; absent: 0 V/V
     double noise_v_per_v = 0.0;                         ///< standard deviation, at the input
     std::uint64_t seed = 1;                             ///< of noise and of faults
     std::size_t input_report_bytes = 20;                ///< at least 18
     std::size_t output_report_bytes = 8;                ///< at least 5
-    /// Settings come by interrupt endpoint 1; else by SET_REPORT only.
+    /// Accepts settings by interrupt endpoint 1; otherwise by SET_REPORT only.
     bool out_endpoint = true;
-    /// Reports that wait for a host that is late; the oldest are dropped.
+    /// Reports buffered for a late host; the oldest are dropped.
     std::size_t kept_reports = 4;
   };
 
-  /// Each is the probability that it befalls a report; 1: every one.
+  /// Probabilities per report.
   struct Faults {
     double missing = 0.0;
-    double short_report = 0.0;  ///< 5 bytes of it
+    double short_report = 0.0;  ///< truncated to 5 bytes
     double invalid = 0.0;       ///< no valid bit is set
     double out_of_range = 0.0;  ///< all error bits are set
-    double wrong_echo = 0.0;    ///< the gain of input 0 is repeated wrongly
+    double wrong_echo = 0.0;    ///< the echoed gain of input 0 is wrong
     bool stall = false;         ///< the endpoint stalls once, until it is cleared
-    bool silent = false;        ///< no report at all
+    bool silent = false;        ///< no reports
   };
 
-  /// How many reports each has befallen.
+  /// Numbers of affected reports.
   struct Struck {
     std::uint64_t missing = 0;
     std::uint64_t short_report = 0;
@@ -55,12 +54,12 @@ class EmulatedPhidgetBridge final : public UsbDevice {
     std::uint64_t out_of_range = 0;
     std::uint64_t wrong_echo = 0;
     std::uint64_t stall = 0;
-    std::uint64_t overwritten = 0;  ///< the host came too late for them; no fault of the device
+    std::uint64_t overwritten = 0;  ///< dropped for a late host; no fault of the device
   };
 
   EmulatedPhidgetBridge(Options options, Wires& wires, Now now);
 
-  /// To be set at any time between two calls.
+  /// May be changed between calls.
   Faults faults;
   const Struck& struck() const { return struck_; }
   std::uint64_t reports_made() const { return reports_made_; }
@@ -72,7 +71,7 @@ class EmulatedPhidgetBridge final : public UsbDevice {
   std::string string(std::uint8_t index) const override;
   UsbAnswer control(const UsbSetup& setup, std::span<const std::uint8_t> out) override;
   UsbStatus out(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) override;
-  UsbAnswer in(std::uint8_t endpoint, std::size_t room) override;
+  UsbAnswer in(std::uint8_t endpoint, std::size_t capacity) override;
   void clear_halt(std::uint8_t endpoint_address) override;
   void reset() override;
 
@@ -98,9 +97,9 @@ class EmulatedPhidgetBridge final : public UsbDevice {
   Wires& wires_;
   Now now_;
   Settings settings_;
-  std::array<std::uint8_t, inputs> gain_in_force_{};  // differs while the bug is at work
+  std::array<std::uint8_t, inputs> gain_in_force_{};  // differs during the gain bug
   int reports_until_gain_ = 0;
-  std::array<bool, inputs> first_sample_{};  // the next is the first since enabling
+  std::array<bool, inputs> first_sample_{};  // the next sample is the first since enabling
   std::int64_t next_report_ns_ = 0;
   std::deque<Bytes> waiting_;
   Bytes latest_;

@@ -1,4 +1,4 @@
-// The emulated bridge against the facts of the wire.
+// The emulated bridge, by its protocol.
 #include "tests/emulated/phidget_bridge/emulated_phidget_bridge.h"
 
 #include <gtest/gtest.h>
@@ -26,7 +26,7 @@ struct BridgeTest : testing::Test {
   EmulatedPhidgetBridge bridge() {
     return EmulatedPhidgetBridge(options, wires, [this] { return now_ns; });
   }
-  /// The next report, the clock being moved until it comes.
+  /// The next report; advances the clock until it arrives.
   Bytes next(EmulatedPhidgetBridge& device) {
     for (int i = 0; i < 300; ++i) {
       const UsbAnswer answer = device.in(1, 64);
@@ -64,7 +64,7 @@ TEST_F(BridgeTest, DescribesItselfAsAHidDevice) {
   EXPECT_EQ(report.bytes.back(), 0xC0);
 }
 
-TEST_F(BridgeTest, ReportsBeforeAnybodyHasSetIt) {
+TEST_F(BridgeTest, ReportsBeforeItIsConfigured) {
   auto device = bridge();
   EXPECT_EQ(device.in(1, 64).status, UsbStatus::not_ready);
   const Bytes report = next(device);
@@ -77,7 +77,7 @@ TEST_F(BridgeTest, ReportsBeforeAnybodyHasSetIt) {
 TEST_F(BridgeTest, MeasuresWithGainAndRepeatsItsSettings) {
   auto device = bridge();
   ASSERT_EQ(device.out(1, input_1_at_gain_8), UsbStatus::ok);
-  EXPECT_EQ(next(device)[0], 0x02);  // the first sample is none
+  EXPECT_EQ(next(device)[0], 0x02);  // the first sample is invalid
   const std::int64_t first_ns = now_ns;
   const Bytes report = next(device);
   EXPECT_EQ(now_ns - first_ns, 16 * ms);
@@ -99,7 +99,7 @@ TEST_F(BridgeTest, TakesSettingsBySetReportAsWell) {
   EXPECT_EQ(device.interval_ms(), 16);
 }
 
-TEST_F(BridgeTest, DoesNotRepeatWhatItCannotDo) {
+TEST_F(BridgeTest, DoesNotEchoUnsupportedSettings) {
   auto device = bridge();
   device.out(1, Bytes{0x02, 0x02, 0x00, 126, 0});
   const Bytes report = next(device);
@@ -107,7 +107,7 @@ TEST_F(BridgeTest, DoesNotRepeatWhatItCannotDo) {
   EXPECT_EQ(report[5], 1);
 }
 
-TEST_F(BridgeTest, SaysWhenItIsBeyondItsRange) {
+TEST_F(BridgeTest, ReportsOutOfRange) {
   wires.force = 200.0;  // 0.2005 V/V, and the range at gain 8 is 0.125
   auto device = bridge();
   device.out(1, input_1_at_gain_8);
@@ -119,7 +119,7 @@ TEST_F(BridgeTest, SaysWhenItIsBeyondItsRange) {
   EXPECT_EQ(report[11], 0xFF);
 }
 
-TEST_F(BridgeTest, OldFirmwareTakesItsTimeWithANewGain) {
+TEST_F(BridgeTest, OldFirmwareAppliesANewGainLate) {
   options.firmware = 100;
   auto device = bridge();
   device.out(1, input_1_at_gain_8);
@@ -135,7 +135,7 @@ TEST_F(BridgeTest, OldFirmwareTakesItsTimeWithANewGain) {
   EXPECT_NEAR(ratio(next(device), 1, 8.0), 0.0025, 1e-6);
 }
 
-TEST_F(BridgeTest, OldFirmwareBelievesItsFirstSample) {
+TEST_F(BridgeTest, OldFirmwareReportsItsFirstSample) {
   options.firmware = 101;
   auto device = bridge();
   device.out(1, input_1_at_gain_8);
@@ -160,7 +160,7 @@ TEST_F(BridgeTest, NoiseIsTheSameForTheSameSeed) {
   EXPECT_NEAR(std::sqrt(sum / 199), 1e-5, 2e-6);
 }
 
-TEST_F(BridgeTest, AHostThatIsLateLosesTheOldest) {
+TEST_F(BridgeTest, LateHostLosesTheOldestReports) {
   auto device = bridge();
   now_ns = 100 * 8 * ms;
   int came = 0;
@@ -203,7 +203,7 @@ TEST_F(BridgeTest, FaultsComeOnDemand) {
   EXPECT_EQ(device.in(1, 64).status, UsbStatus::not_ready);
 }
 
-TEST_F(BridgeTest, ForgetsItsSettingsWithItsPower) {
+TEST_F(BridgeTest, LosesItsSettingsWithoutPower) {
   auto device = bridge();
   device.out(1, input_1_at_gain_8);
   device.reset();

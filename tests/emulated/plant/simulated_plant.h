@@ -1,5 +1,5 @@
-// The rig behind the emulated devices: one set of equations that all of them measure and drive, so
-// that what a driver decodes can be held against the truth.
+// Simulated rig measured and driven by all emulated devices, which provides the truth for
+// comparison with decoded data.
 #pragma once
 
 #include <cstddef>
@@ -15,25 +15,23 @@
 
 namespace stickslip::emulated {
 
-/// The simulated rig without its noise and its converter's steps, moved on by whoever asks for the
-/// latest time. The output's volts reach the shaker, one step of its equations late, as
-/// `shaker` turns them back into metres or newtons; without the enable contact nothing moves. Any
-/// thread may ask.
+/// The simulated rig without noise and quantisation, advanced by requests for later times. The
+/// output voltage drives the shaker, one integration step late, converted to metres or newtons by
+/// `shaker`; without the enable contact nothing moves. Any thread may call it.
 class SimulatedPlant final : public Wires {
  public:
   static constexpr double step_s = 0.5e-3;
-  /// What is asked for may be so much older than what was asked for before.
+  /// Largest age of a request relative to the latest one.
   static constexpr double memory_s = 4.0;
 
-  /// Begins at rest at `begin_ns` on the test's clock. Throws std::runtime_error where the truth is
-  /// no sound model.
+  /// Begins at rest at `begin_ns` on the clock of the test. Throws std::runtime_error if the true
+  /// model is invalid.
   SimulatedPlant(config::SimulatedDriver rig, const config::ShakerOutput& shaker,
                  std::int64_t begin_ns);
 
-  /// In between steps the truth is a straight line. Before the plant's memory: what it remembers
-  /// first.
+  /// Interpolated linearly between steps; before the recorded history: its first value.
   double truth(Channel channel, std::int64_t time_ns) override;
-  /// All channels at once.
+  /// All channels.
   Frame truth(std::int64_t time_ns);
   void drive(double volts, std::int64_t time_ns) override;
   void enable(bool on, std::int64_t time_ns) override;
@@ -42,10 +40,10 @@ class SimulatedPlant final : public Wires {
 
   void set_amplifier_fault(bool fault);
   void press_emergency_stop(bool pressed);
-  /// Whether the amplifier is enabled, and since when its contact is as it is.
+  /// State of the amplifier's contact, and the time of its last change.
   bool enabled() const;
   std::int64_t enabled_since_ns() const;
-  /// How often the output was given a value.
+  /// Number of output updates.
   std::uint64_t drives() const;
 
  private:
@@ -56,7 +54,7 @@ class SimulatedPlant final : public Wires {
   drivers::SimulatedDriver rig_;
   config::ShakerOutput shaker_;
   std::int64_t begin_ns_;
-  std::deque<Frame> past_;  // one a step; the latest last
+  std::deque<Frame> past_;  // one per step; the latest last
   double volts_ = 0.0;
   std::uint64_t drives_ = 0;
   bool enabled_ = false;

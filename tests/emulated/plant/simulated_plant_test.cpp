@@ -21,7 +21,7 @@ class Plant : public testing::Test {
                              "simulated.toml")),
         plant(rig.simulated, {.volts_per_unit = 150.0}, begin) {}
 
-  /// Two seconds of 2.5 Hz, 5 mm, with the contact on or off: the largest base motion of the last.
+  /// Largest base motion in the second of two seconds of 2.5 Hz, 5 mm, with the contact on or off.
   double swing(bool enabled) {
     plant.enable(enabled, begin);
     double most = 0.0;
@@ -37,11 +37,11 @@ class Plant : public testing::Test {
   SimulatedPlant plant;
 };
 
-TEST_F(Plant, MovesAsTheOutputSaysWhileTheContactIsOn) { EXPECT_NEAR(swing(true), 5e-3, 5e-5); }
+TEST_F(Plant, FollowsTheOutputWhileTheContactIsOn) { EXPECT_NEAR(swing(true), 5e-3, 5e-5); }
 
-TEST_F(Plant, StaysStillWithoutTheContact) { EXPECT_LT(swing(false), 1e-9); }
+TEST_F(Plant, IsAtRestWithoutTheContact) { EXPECT_LT(swing(false), 1e-9); }
 
-TEST_F(Plant, RemembersWhatASlowerDeviceAsksForLater) {
+TEST_F(Plant, KeepsHistoryForSlowerDevices) {
   swing(true);
   const double now = plant.truth(Channel::displacement, begin + 3000 * ms);
   const double then = plant.truth(Channel::displacement, begin + 2990 * ms);
@@ -50,7 +50,7 @@ TEST_F(Plant, RemembersWhatASlowerDeviceAsksForLater) {
   EXPECT_EQ(plant.truth(Channel::displacement, begin + 2990 * ms), then);
 }
 
-TEST_F(Plant, KnowsSinceWhenTheContactIsAsItIs) {
+TEST_F(Plant, ReportsTheTimeOfTheLastContactChange) {
   plant.enable(true, begin + 20 * ms);
   plant.enable(true, begin + 30 * ms);
   EXPECT_TRUE(plant.enabled());

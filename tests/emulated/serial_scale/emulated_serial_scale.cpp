@@ -40,7 +40,7 @@ EmulatedSerialScale::~EmulatedSerialScale() {
 
 void EmulatedSerialScale::write(const std::string& bytes) {
   if (::write(its_end_, bytes.data(), bytes.size()) != static_cast<ssize_t>(bytes.size())) {
-    throw std::runtime_error("the pseudo-terminal takes no more");
+    throw std::runtime_error("the pseudo-terminal accepts no more bytes");
   }
 }
 
@@ -74,7 +74,7 @@ void EmulatedSerialScale::plug_in() {
   if (::openpty(&its_end_, &other_end, name, nullptr, nullptr) != 0) {
     throw std::runtime_error("no pseudo-terminal");
   }
-  // Its settings are left as a terminal's: to make it raw is the driver's business.
+  // Terminal settings are left unchanged: the driver must set raw mode.
   ::close(other_end);
   ::fcntl(its_end_, F_SETFD, FD_CLOEXEC);
   std::filesystem::create_symlink(name, folder_ / "scale");

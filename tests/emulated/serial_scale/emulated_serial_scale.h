@@ -1,4 +1,4 @@
-// A balance that writes lines into one end of a pseudo-terminal. Written from the instrument's
+// An emulated balance that transmits lines through a pseudo-terminal. Written from the instrument's
 // description, not from the driver.
 #pragma once
 
@@ -11,14 +11,12 @@
 
 namespace stickslip::emulated {
 
-/// The line that such a balance writes; status 'S', 'M' or 'E', unit "g" or "kg". Of an error the
-/// number does not matter.
+/// A line of the balance; status 'S', 'M' or 'E', unit "g" or "kg". An error ignores the number.
 std::string scale_line(char status, double number, const std::string& unit);
 
 class EmulatedSerialScale {
  public:
-  /// `folder` gets a link `scale` to the serial line, which stays the same when it is plugged in
-  /// again.
+  /// `folder` receives a link `scale` to the serial line, which is constant over unplugging.
   explicit EmulatedSerialScale(std::filesystem::path folder);
   ~EmulatedSerialScale();
   EmulatedSerialScale(const EmulatedSerialScale&) = delete;
@@ -26,14 +24,14 @@ class EmulatedSerialScale {
 
   std::string port() const { return (folder_ / "scale").string(); }
 
-  /// Bytes onto the line, now.
+  /// Transmits bytes immediately.
   void write(const std::string& bytes);
-  /// From now on it writes by itself, from a thread of its own: `next` says what, and is called
-  /// every `period_ns`, until stop.
+  /// Transmits periodically from a separate thread until stop: the result of `next`, every
+  /// `period_ns`.
   void start(std::int64_t period_ns, std::function<std::string()> next);
   void stop();
 
-  // While it does not write by itself.
+  // Not during periodic transmission.
   void unplug();
   void plug_in();
 

@@ -1,4 +1,4 @@
-// The real driver against a balance on a pseudo-terminal, and the way from a rig's file to it.
+// The real driver with a balance on a pseudo-terminal, and its creation from a rig file.
 #include "drivers/serial_scale/serial_scale.h"
 
 #include <fcntl.h>
@@ -14,7 +14,7 @@
 
 #include "config/rig.h"
 #include "drivers/bench/gauge_reader.h"
-#include "drivers/make_bench.h"
+#include "drivers/factory/make_bench.h"
 #include "tests/emulated/serial_scale/emulated_serial_scale.h"
 
 namespace stickslip::emulated {
@@ -29,7 +29,7 @@ using testing::HasSubstr;
 constexpr std::int64_t ms = 1'000'000;
 constexpr double newton_per_kg = 9.80665;
 
-/// Stands where the test puts it.
+/// A clock set by the test.
 class SetClock final : public drivers::HostClock {
  public:
   std::int64_t now_ns() override { return time_ns; }
@@ -37,8 +37,7 @@ class SetClock final : public drivers::HostClock {
   std::int64_t time_ns = 1000 * ms;
 };
 
-/// Root may open what nobody else may. Where the tests run as root, they are somebody else for as
-/// long as this lives.
+/// Drops root, who may open any device, during its life.
 class NotRoot {
  public:
   NotRoot() { static_cast<void>(::seteuid(was_ == 0 ? 65534 : was_)); }
@@ -84,7 +83,7 @@ class SerialScaleBench : public testing::Test {
   Reading reading_;
 };
 
-TEST_F(SerialScaleBench, SaysWhatItHas) {
+TEST_F(SerialScaleBench, DescribesItsInputs) {
   ASSERT_EQ(gauge_.inputs().size(), 1U);
   EXPECT_EQ(gauge_.inputs()[0].device, "scale");
   EXPECT_EQ(gauge_.inputs()[0].name, "weight");
@@ -104,7 +103,7 @@ TEST_F(SerialScaleBench, ReadsWeightsAtRestAndInMotion) {
   EXPECT_NEAR(reading_.value, -2.5 * newton_per_kg, 1e-12);
 }
 
-TEST_F(SerialScaleBench, AReadingHasTheTimeAtWhichItsLineBegan) {
+TEST_F(SerialScaleBench, ReadingTimeIsTheStartOfItsLine) {
   ASSERT_TRUE(gauge_.open());
   const std::string line = scale_line('S', 1.0, "g");
   scale_.write(line);
@@ -113,7 +112,7 @@ TEST_F(SerialScaleBench, AReadingHasTheTimeAtWhichItsLineBegan) {
   EXPECT_EQ(reading_.time_ns, clock_.time_ns - bits * 1'000'000'000 / 9600);
 }
 
-TEST_F(SerialScaleBench, AReadingInErrorIsNotValid) {
+TEST_F(SerialScaleBench, ReadingInErrorIsInvalid) {
   ASSERT_TRUE(gauge_.open());
   scale_.write(scale_line('S', 1.0, "g"));
   ASSERT_EQ(read().outcome, Outcome::ok);
@@ -123,7 +122,7 @@ TEST_F(SerialScaleBench, AReadingInErrorIsNotValid) {
   EXPECT_EQ(gauge_.losses().rejected, 0U);
 }
 
-TEST_F(SerialScaleBench, ALineThatDoesNotAddUpIsNoNumber) {
+TEST_F(SerialScaleBench, LineWithAWrongChecksumIsRejected) {
   ASSERT_TRUE(gauge_.open());
   std::string line = scale_line('S', 1.0, "g");
   line[7] = '9';
@@ -139,7 +138,7 @@ TEST_F(SerialScaleBench, ALineThatDoesNotAddUpIsNoNumber) {
   EXPECT_EQ(gauge_.losses().rejected, 1U);
 }
 
-TEST_F(SerialScaleBench, ALineMayComeInPieces) {
+TEST_F(SerialScaleBench, LineMayArriveInPieces) {
   ASSERT_TRUE(gauge_.open());
   const std::string line = scale_line('S', 3.0, "g");
   for (const char each : line.substr(0, line.size() - 1)) {
@@ -153,7 +152,7 @@ TEST_F(SerialScaleBench, ALineMayComeInPieces) {
   EXPECT_NEAR(reading_.value, 0.003 * newton_per_kg, 1e-12);
 }
 
-TEST_F(SerialScaleBench, OfLinesThatComeTogetherTheNewestCounts) {
+TEST_F(SerialScaleBench, NewestOfSimultaneousLinesIsUsed) {
   ASSERT_TRUE(gauge_.open());
   scale_.write(scale_line('S', 1.0, "g") + "nonsense\r\n" + scale_line('S', 2.0, "g") + "S +0");
   ASSERT_EQ(read().outcome, Outcome::ok);
@@ -161,16 +160,16 @@ TEST_F(SerialScaleBench, OfLinesThatComeTogetherTheNewestCounts) {
   EXPECT_EQ(gauge_.losses().rejected, 1U);
 }
 
-TEST_F(SerialScaleBench, WhatHasNoEndIsRejected) {
+TEST_F(SerialScaleBench, EndlessLineIsRejected) {
   ASSERT_TRUE(gauge_.open());
-  scale_.write(std::string(1000, '\x03'));  // a terminal would take it for Ctrl-C
+  scale_.write(std::string(1000, '\x03'));  // a terminal would interpret it as Ctrl-C
   EXPECT_EQ(read().outcome, Outcome::temporary);
   EXPECT_EQ(gauge_.losses().rejected, 1U);
   scale_.write("\r\n" + scale_line('S', 2.0, "g"));
   EXPECT_EQ(read().outcome, Outcome::ok);
 }
 
-TEST_F(SerialScaleBench, ALineThatStaysAwayIsMissing) {
+TEST_F(SerialScaleBench, AbsentLineCountsAsMissing) {
   ASSERT_TRUE(gauge_.open());
   for (int i = 0; i < 10; ++i) {
     clock_.time_ns += 100 * ms;
@@ -187,13 +186,13 @@ TEST_F(SerialScaleBench, ALineThatStaysAwayIsMissing) {
   EXPECT_EQ(gauge_.losses().missing, 3U);
 }
 
-TEST_F(SerialScaleBench, SetsTheLine) {
+TEST_F(SerialScaleBench, ConfiguresTheLine) {
   config::GaugeAt its = settings();
   its.baud = 115200;
   SerialScale gauge(its, wired(), clock_);
   ASSERT_TRUE(gauge.open());
   const int looked_at = ::open(its.port.c_str(), O_RDONLY | O_NOCTTY | O_CLOEXEC);
-  if (looked_at < 0) GTEST_SKIP() << "a line that is taken cannot be looked at by this user";
+  if (looked_at < 0) GTEST_SKIP() << "an exclusive line cannot be inspected by this user";
   termios line{};
   ::tcgetattr(looked_at, &line);
   ::close(looked_at);
@@ -203,7 +202,7 @@ TEST_F(SerialScaleBench, SetsTheLine) {
   EXPECT_EQ(line.c_iflag & (ICRNL | IXON | INLCR), 0U);
 }
 
-TEST_F(SerialScaleBench, UnpluggedItIsLostAndComesBack) {
+TEST_F(SerialScaleBench, UnpluggedDeviceIsLostAndRecovers) {
   ASSERT_TRUE(gauge_.open());
   scale_.unplug();
   const Result gone = read();
@@ -217,7 +216,7 @@ TEST_F(SerialScaleBench, UnpluggedItIsLostAndComesBack) {
   EXPECT_EQ(read().outcome, Outcome::ok);
 }
 
-TEST_F(SerialScaleBench, OpenedAgainItBeginsAnew) {
+TEST_F(SerialScaleBench, ReopeningResetsTheState) {
   ASSERT_TRUE(gauge_.open());
   scale_.write("nonsense\r\nS +0");
   EXPECT_EQ(read().outcome, Outcome::temporary);
@@ -230,7 +229,7 @@ TEST_F(SerialScaleBench, OpenedAgainItBeginsAnew) {
   EXPECT_EQ(read().outcome, Outcome::ok);
 }
 
-TEST_F(SerialScaleBench, NotThereIsSaidInWords) {
+TEST_F(SerialScaleBench, AbsentPortIsReported) {
   scale_.unplug();
   const Result absent = gauge_.open();
   EXPECT_EQ(absent.outcome, Outcome::lost);
@@ -238,31 +237,31 @@ TEST_F(SerialScaleBench, NotThereIsSaidInWords) {
   EXPECT_THAT(absent.message, HasSubstr("/dev/serial/by-id"));
 }
 
-TEST_F(SerialScaleBench, WithoutPermissionTheGroupAndTheCommandAreNamed) {
+TEST_F(SerialScaleBench, DeniedPermissionNamesGroupAndCommand) {
   ASSERT_EQ(::chmod(scale_.port().c_str(), 0), 0);
-  const NotRoot somebody;
+  const NotRoot unprivileged;
   const Result refused = gauge_.open();
   EXPECT_EQ(refused.outcome, Outcome::needs_attention);
   EXPECT_THAT(refused.message, HasSubstr("group dialout"));
   EXPECT_THAT(refused.message, HasSubstr("sudo usermod -aG dialout $USER"));
 }
 
-TEST_F(SerialScaleBench, WhatAnotherHasOpenIsBusy) {
+TEST_F(SerialScaleBench, PortInUseIsBusy) {
   ASSERT_EQ(::chmod(scale_.port().c_str(), 0666), 0);
   ASSERT_TRUE(gauge_.open());
   SerialScale second(settings(), wired(), clock_);
   {
-    const NotRoot somebody;
+    const NotRoot unprivileged;
     const Result busy = second.open();
     EXPECT_EQ(busy.outcome, Outcome::needs_attention);
     EXPECT_THAT(busy.message, HasSubstr("fuser"));
   }
   gauge_.close();
-  const NotRoot somebody;
+  const NotRoot unprivileged;
   EXPECT_TRUE(second.open());
 }
 
-TEST_F(SerialScaleBench, WhatCannotBeNeedsAttention) {
+TEST_F(SerialScaleBench, InvalidSettingsNeedAttention) {
   SerialScale other_input(settings(), wired("length"), clock_);
   const Result no_input = other_input.open();
   EXPECT_EQ(no_input.outcome, Outcome::needs_attention);
@@ -280,12 +279,11 @@ TEST_F(SerialScaleBench, WhatCannotBeNeedsAttention) {
   SerialScale nothing(its, wired(), clock_);
   const Result no_line = nothing.open();
   EXPECT_EQ(no_line.outcome, Outcome::needs_attention);
-  EXPECT_THAT(no_line.message, HasSubstr("no serial port"));
+  EXPECT_THAT(no_line.message, HasSubstr("not a serial port"));
 }
 
-// Through the thread that a bench reads it in: one line in three is spoilt somewhere, and what is
-// believed was written.
-TEST_F(SerialScaleBench, WritesByItselfAndIsNeverBelievedWrongly) {
+// Through GaugeReader: one line in three is corrupted, and every valid reading was transmitted.
+TEST_F(SerialScaleBench, CorruptedLinesNeverYieldAReading) {
   drivers::MonotonicHostClock clock;
   drivers::GaugeReader reader(std::make_unique<SerialScale>(settings(), wired(), clock));
   ASSERT_TRUE(reader.open(true));
@@ -300,9 +298,9 @@ TEST_F(SerialScaleBench, WritesByItselfAndIsNeverBelievedWrongly) {
   });
   const std::int64_t end = clock.now_ns() + 20'000 * ms;
   std::int64_t latest_ns = 0;
-  int believed = 0;
+  int valid_readings = 0;
   double last = 0.0;
-  while (believed < 200 && clock.now_ns() < end) {
+  while (valid_readings < 200 && clock.now_ns() < end) {
     clock.sleep_until(clock.now_ns() + ms);
     const Reading reading = reader.latest(0, clock.now_ns());
     if (!reading.valid || reading.time_ns == latest_ns) continue;
@@ -312,16 +310,16 @@ TEST_F(SerialScaleBench, WritesByItselfAndIsNeverBelievedWrongly) {
     ASSERT_GE(number, last);
     ASSERT_LT(number, written);
     last = number;
-    ++believed;
+    ++valid_readings;
   }
   scale_.stop();
-  EXPECT_EQ(believed, 200);
+  EXPECT_EQ(valid_readings, 200);
   EXPECT_GT(reader.losses().rejected, 0U);
   EXPECT_EQ(reader.lost(), nullptr);
   reader.close();
 }
 
-TEST_F(SerialScaleBench, ARigsFileYieldsIt) {
+TEST_F(SerialScaleBench, RigFileCreatesIt) {
   std::ofstream(folder_ / "model.toml") << R"(schema = 1
 [oscillator]
 excitation = "base"
@@ -358,7 +356,7 @@ port = "nowhere"
   const config::Rig rig = config::load_rig(folder_ / "rig.toml");
   ASSERT_EQ(rig.bench.gauges.size(), 2U);
   const drivers::BenchParts parts = drivers::make_bench_parts(rig.bench, rig.loop.rate_hz);
-  ASSERT_EQ(parts.gauges.size(), 1U) << "what no channel comes from is left alone";
+  ASSERT_EQ(parts.gauges.size(), 1U) << "unused gauges are not created";
   drivers::Gauge& gauge = *parts.gauges[0];
   ASSERT_EQ(gauge.inputs().size(), 1U);
   EXPECT_EQ(gauge.inputs()[0].device, "scale");

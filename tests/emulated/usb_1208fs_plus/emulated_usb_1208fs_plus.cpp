@@ -13,7 +13,7 @@ namespace {
 constexpr std::size_t packet_bytes = 64;
 constexpr double pacer_hz = 60.0e6;
 constexpr std::array<double, 8> ranges_v = {20.0, 10.0, 5.0, 4.0, 2.5, 2.0, 1.25, 1.0};
-constexpr int single_ended_range = 1;  // +-10 V, whatever is asked for
+constexpr int single_ended_range = 1;  // +-10 V, whatever is requested
 constexpr std::size_t calibration_bytes = 0x300;
 constexpr std::size_t single_ended_at = 0x100;
 constexpr std::size_t date_at = 0x200;
@@ -105,7 +105,7 @@ Bytes EmulatedUsb1208fsPlus::device_descriptor() const {
 
 Bytes EmulatedUsb1208fsPlus::configuration_descriptor() const {
   return {9, 2, 32,   0, 1,  1,    0, 0x80, 250,  // configuration
-          9, 4, 0,    0, 2,  0xFF, 0, 0,    0,    // interface of the vendor's own
+          9, 4, 0,    0, 2,  0xFF, 0, 0,    0,    // vendor-specific interface
           7, 5, 0x81, 2, 64, 0,    0,             // bulk in
           7, 5, 0x02, 2, 64, 0,    0};            // bulk out
 }
@@ -248,7 +248,7 @@ UsbStatus EmulatedUsb1208fsPlus::start_input(std::span<const std::uint8_t> out) 
   }
   scan.samples_wanted = double_word(out, 0);
   scan.pace = {now_(), 1.0e9 / (rate_hz * (1.0 + options_.crystal)), 0};
-  // What nobody fetched of the scan before is still in front.
+  // Unread data of the previous scan come first.
   scan.packets = std::move(input_.packets);
   scan.filling = std::move(input_.filling);
   scan.bytes = input_.bytes;
@@ -288,7 +288,7 @@ void EmulatedUsb1208fsPlus::start_output_if_ready() {
   catch_up();
 }
 
-/// Everything that was due until now, in the order in which it was.
+/// Performs all due actions in order.
 void EmulatedUsb1208fsPlus::catch_up() {
   if (!plugged_) return;
   const std::int64_t now_ns = now_();
@@ -344,7 +344,7 @@ void EmulatedUsb1208fsPlus::keep(std::uint16_t code) {
   }
 }
 
-/// What is left goes as a short packet; where nothing is, an empty one says that it is over.
+/// Sends the rest as a short packet, or an empty one as the end.
 void EmulatedUsb1208fsPlus::finish_input() {
   input_.running = false;
   input_.packets.push_back(std::exchange(input_.filling, {}));
@@ -407,7 +407,7 @@ std::uint16_t EmulatedUsb1208fsPlus::code(std::size_t channel, bool differential
   const double truth = volts * 2048.0 / ranges_v[static_cast<std::size_t>(used)] + 2048.0;
   const Correction needed = correction(channel, differential, used);
   const double exact = (truth - needed.offset) / needed.slope;
-  // One side alone has eleven bits.
+  // Single-ended inputs have eleven bits.
   const double step = differential ? 1.0 : 2.0;
   return static_cast<std::uint16_t>(
       std::clamp(std::round(exact / step) * step, 0.0, 4096.0 - step));
@@ -416,7 +416,7 @@ std::uint16_t EmulatedUsb1208fsPlus::code(std::size_t channel, bool differential
 UsbStatus EmulatedUsb1208fsPlus::out(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) {
   catch_up();
   if (endpoint != 2 || output_.halted) return UsbStatus::stall;
-  // A transfer that found no room for all of it goes on where it was.
+  // A transfer that exceeded the FIFO continues where it stopped.
   if (output_.taken_of_transfer > bytes.size()) output_.taken_of_transfer = 0;
   while (output_.taken_of_transfer < bytes.size()) {
     const std::size_t rest = bytes.size() - output_.taken_of_transfer;
@@ -431,7 +431,7 @@ UsbStatus EmulatedUsb1208fsPlus::out(std::uint8_t endpoint, std::span<const std:
   return UsbStatus::ok;
 }
 
-UsbAnswer EmulatedUsb1208fsPlus::in(std::uint8_t endpoint, std::size_t room) {
+UsbAnswer EmulatedUsb1208fsPlus::in(std::uint8_t endpoint, std::size_t capacity) {
   catch_up();
   if (endpoint != 1) return {UsbStatus::stall, {}};
   if (std::exchange(faults.stall, false)) {
@@ -442,14 +442,14 @@ UsbAnswer EmulatedUsb1208fsPlus::in(std::uint8_t endpoint, std::size_t room) {
   if (faults.silence) return {UsbStatus::not_ready, {}};
   UsbAnswer answer{UsbStatus::not_ready, {}};
   Bytes packet;
-  while (answer.bytes.size() + packet_bytes <= room && next_packet(packet)) {
+  while (answer.bytes.size() + packet_bytes <= capacity && next_packet(packet)) {
     answer.status = UsbStatus::ok;
     answer.bytes.insert(answer.bytes.end(), packet.begin(), packet.end());
     if (packet.size() < packet_bytes) break;
   }
-  // A host that asks for less than a packet gets what fits, and the rest is lost.
-  if (answer.status == UsbStatus::not_ready && room < packet_bytes && next_packet(packet)) {
-    packet.resize(std::min(packet.size(), room));
+  // A request for less than a packet loses the rest of it.
+  if (answer.status == UsbStatus::not_ready && capacity < packet_bytes && next_packet(packet)) {
+    packet.resize(std::min(packet.size(), capacity));
     answer = {UsbStatus::ok, packet};
   }
   return answer;

@@ -1,5 +1,5 @@
-// An MCC USB-1208FS-Plus that only looks real: all of its commands are vendor requests, samples
-// come by bulk endpoint 1 and drive goes by bulk endpoint 2.
+// An emulated MCC USB-1208FS-Plus: commands are vendor requests, samples arrive by bulk endpoint 1
+// and the drive is sent by bulk endpoint 2.
 #pragma once
 
 #include <array>
@@ -15,22 +15,22 @@
 
 namespace stickslip::emulated {
 
-/// What one scan of the inputs has converted.
+/// One scan of the inputs.
 struct Usb1208fsPlusScan {
-  std::int64_t time_ns = 0;   ///< of its first conversion, on the test's clock
-  std::vector<double> volts;  ///< what was at the inputs when each was converted, ascending
-  bool begins = false;        ///< the first one after a start command
+  std::int64_t time_ns = 0;   ///< of its first conversion, on the clock of the test
+  std::vector<double> volts;  ///< input voltages at their conversions, ascending
+  bool begins = false;        ///< first scan after a start command
 };
 
-/// Scans of inputs and outputs are paced by its own clock: a scan begins at the start command (that
-/// of the outputs with the first whole scan in the FIFO after it). The inputs' pacer clocks the one
+/// Its own clock paces the scans of inputs and outputs: a scan begins at the start command (that of
+/// the outputs with the first complete scan in the FIFO after it). The input pacer clocks the
 /// converter: a scan of n inputs lasts n of its periods. External clocks and triggers are not
-/// there.
+/// emulated.
 class EmulatedUsb1208fsPlus final : public UsbDevice {
  public:
   static constexpr std::size_t terminals = 8;
 
-  /// What turns a code of the converter into one that is true: true = code * slope + offset.
+  /// Correction of a converter code: true = code * slope + offset.
   struct Correction {
     float slope = 1.0F;
     float offset = 0.0F;
@@ -38,26 +38,26 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
 
   struct Options {
     std::string serial = "01A2B3C4";  ///< 8 characters
-    /// At the terminals CH0 to CH7 [V]; nothing: 0 V. A differential channel is the even terminal
+    /// At the terminals CH0 to CH7 [V]; absent: 0 V. A differential channel is the even terminal
     /// against the odd one.
     std::array<std::optional<Sensor>, terminals> sensors;
     double noise_v = 0.0;    ///< standard deviation, of each sample
     std::uint64_t seed = 1;  ///< of noise, imperfections and faults
-    /// The calibration memory holds corrections of some percent, and the converter needs them.
+    /// The converter has errors of some percent, with corrections in the calibration memory.
     bool imperfect = true;
-    std::size_t output = 0;  ///< which of the two outputs is wired to the shaker
-    double crystal = 0.0;    ///< how much faster than its nominal rate its pacer runs, of 1
+    std::size_t output = 0;  ///< index of the output wired to the shaker
+    double crystal = 0.0;    ///< relative excess of the pacer rate
     std::size_t input_fifo_bytes = 12288;
     std::size_t output_fifo_bytes = 4096;
   };
 
-  /// The first three are probabilities that it befalls a packet.
+  /// The first three are probabilities per packet.
   struct Faults {
-    double short_packet = 0.0;     ///< the end of it is lost
-    double repeated_packet = 0.0;  ///< it comes twice
+    double short_packet = 0.0;     ///< truncated
+    double repeated_packet = 0.0;  ///< sent twice
     double lost_packet = 0.0;
     bool stall = false;    ///< endpoint 1 stalls once, until it is cleared
-    bool silence = false;  ///< endpoint 1 says nothing, while the scan goes on
+    bool silence = false;  ///< no data at endpoint 1 while the scan continues
   };
   struct Struck {
     std::uint64_t short_packet = 0;
@@ -69,10 +69,10 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
 
   EmulatedUsb1208fsPlus(Options options, Wires& wires, Now now);
 
-  /// To be set at any time between two calls.
+  /// May be changed between calls.
   Faults faults;
   const Struck& struck() const { return struck_; }
-  /// Every whole scan since it was made, lost ones included. Unplugging forgets none.
+  /// Every complete scan since construction, including lost ones, over unplugging.
   const std::vector<Usb1208fsPlusScan>& scans() const { return scans_; }
   double output_v(std::size_t output) const;
   std::uint64_t output_scans_done() const { return output_.done; }
@@ -80,7 +80,7 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
   /// Its calibration memory, 768 bytes.
   Bytes& calibration_memory() { return calibration_; }
 
-  /// Power is gone: 0 V. Afterwards reset() is plugging it in again.
+  /// Removes the power: 0 V. A later reset() restores it.
   void unplug();
 
   Bytes device_descriptor() const override;
@@ -88,12 +88,12 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
   std::string string(std::uint8_t index) const override;
   UsbAnswer control(const UsbSetup& setup, std::span<const std::uint8_t> out) override;
   UsbStatus out(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) override;
-  UsbAnswer in(std::uint8_t endpoint, std::size_t room) override;
+  UsbAnswer in(std::uint8_t endpoint, std::size_t capacity) override;
   void clear_halt(std::uint8_t endpoint_address) override;
   void reset() override;
 
  private:
-  /// When the conversions of the inputs or the scans of the outputs are due.
+  /// Times of input conversions or output scans.
   struct Pace {
     std::int64_t begun_ns = 0;
     double period_ns = 0.0;
@@ -110,10 +110,10 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
     bool immediate = false;
     bool never_stalls = false;
     std::vector<std::size_t> channels;  // ascending
-    std::uint64_t samples_wanted = 0;   // 0: until it is stopped
+    std::uint64_t samples_wanted = 0;   // 0: unlimited
     std::uint64_t samples_taken = 0;
     Pace pace;
-    std::deque<Bytes> packets;  // what is ready to go
+    std::deque<Bytes> packets;  // ready to send
     Bytes filling;
     std::size_t bytes = 0;  // in both
   };
@@ -163,7 +163,7 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
   InputScan input_;
   OutputScan output_;
   std::array<std::uint16_t, 2> counts_{};
-  std::optional<Bytes> again_;  // a packet that is sent twice
+  std::optional<Bytes> again_;  // a repeated packet
   bool plugged_ = true;
   std::mt19937_64 noise_;
   std::mt19937_64 fate_;

@@ -1,5 +1,4 @@
-// The real driver of the USB-1208FS-Plus, unchanged, against the emulated board on a bus inside
-// this program.
+// The real driver of the USB-1208FS-Plus with the emulated board on a bus in this program.
 #include "drivers/usb_1208fs_plus/usb_1208fs_plus_driver.h"
 
 #include <gmock/gmock.h>
@@ -32,8 +31,8 @@ using testing::IsEmpty;
 
 constexpr double turns_hz = 10.0;
 
-/// Two inputs a quarter turn apart: no scan looks like its neighbour, and where in its turn it was
-/// taken can be read from it. Looked at with the bus standing still.
+/// Two inputs in quadrature: adjacent scans differ, and the phase of a scan shows its time. To be
+/// accessed while the bus is idle.
 class Turning final : public Wires {
  public:
   double truth(Channel channel, std::int64_t time_ns) override {
@@ -59,7 +58,7 @@ EmulatedUsb1208fsPlus::Options board_options(std::uint64_t seed, double amplitud
   out.seed = seed;
   out.sensors[0] = Sensor{Channel::displacement, amplitude_v, 0.0};
   out.sensors[5] = Sensor{Channel::velocity, amplitude_v, 0.0};
-  out.sensors[6] = Sensor{Channel::velocity, amplitude_v, 0.0};  // CH3, where it is differential
+  out.sensors[6] = Sensor{Channel::velocity, amplitude_v, 0.0};  // CH3 if differential
   return out;
 }
 
@@ -84,7 +83,7 @@ struct Bench {
     ASSERT_TRUE(driver.start()) << driver.start().message;
   }
 
-  /// Frames for so long.
+  /// Frames of a duration.
   std::vector<Frame> frames(milliseconds time) {
     std::vector<Frame> out;
     const Interval interval(host, time);
@@ -94,7 +93,7 @@ struct Bench {
       if (last) {
         out.push_back(frame);
       } else if (last.outcome == Outcome::temporary) {
-        ++told;
+        ++reported;
       } else if (last.outcome != Outcome::no_data) {
         break;
       }
@@ -124,17 +123,17 @@ struct Bench {
   Usb1208fsPlusDriver driver;
   double period_ns;
   Result last;
-  int told = 0;  // answers `temporary`
+  int reported = 0;  // `temporary` outcomes
 };
 
-/// What became of frames, held against what the board has taken.
+/// Comparison of frames with the scans of the board.
 struct Compared {
-  std::size_t wrong = 0;     // is no scan that the board took
-  double largest_shift = 0;  // [periods] of a frame's number from when its scan was taken
+  std::size_t wrong = 0;     // without a matching scan
+  double largest_shift = 0;  // [periods] between a frame's number and the time of its scan
 };
 
-/// `half_code_v` is half of the converter's step. `which` are the places of the two channels in the
-/// scan.
+/// `half_code_v` is half of the converter's resolution. `which` are the positions of the two
+/// channels in the scan.
 Compared compare(const std::vector<Frame>& frames, const std::vector<Usb1208fsPlusScan>& scans,
                  double period_ns, double half_code_v, std::array<std::size_t, 2> which = {0, 1}) {
   Compared out;
@@ -144,7 +143,7 @@ Compared compare(const std::vector<Frame>& frames, const std::vector<Usb1208fsPl
            std::abs(frame.value[1] - scan.volts[which[1]]) <= half_code_v;
   };
   for (const Frame& frame : frames) {
-    // Scans are there in the order of their times.
+    // Scans are ordered by time.
     const double due_ns = static_cast<double>(scans.front().time_ns) +
                           static_cast<double>(frame.sequence) * period_ns;
     const auto at = std::lower_bound(
@@ -178,7 +177,7 @@ void expect_ascending(const std::vector<Frame>& frames) {
   }
 }
 
-TEST(Usb1208fsPlusOnABus, EveryFrameIsTheScanThatItsNumberSays) {
+TEST(Usb1208fsPlusOnABus, FramesMatchScansByNumber) {
   Bench bench;
   bench.begin();
   EXPECT_THAT(bench.driver.description().name, HasSubstr("01A2B3C4"));
@@ -197,11 +196,11 @@ TEST(Usb1208fsPlusOnABus, EveryFrameIsTheScanThatItsNumberSays) {
     ASSERT_EQ(frames[i].age_us[0], 100);
     ASSERT_EQ(frames[i].age_us[1], 0);
   }
-  EXPECT_EQ(bench.told, 0);
+  EXPECT_EQ(bench.reported, 0);
   EXPECT_EQ(bench.driver.overruns(), 0U);
 }
 
-TEST(Usb1208fsPlusOnABus, ItsRateIsThatOfScansHoweverManyInputs) {
+TEST(Usb1208fsPlusOnABus, RateIsThatOfScansForAnyNumberOfInputs) {
   for (const double rate_hz : {50.0, 1000.0, 5000.0}) {
     SCOPED_TRACE(rate_hz);
     Bench bench(1, rate_hz);
@@ -220,7 +219,7 @@ TEST(Usb1208fsPlusOnABus, ItsRateIsThatOfScansHoweverManyInputs) {
   }
 }
 
-TEST(Usb1208fsPlusOnABus, EveryDifferentialRangeIsTrueByTheUnitsOwnConstants) {
+TEST(Usb1208fsPlusOnABus, DifferentialRangesAreCalibratedByTheUnitsConstants) {
   std::uint64_t seed = 10;
   for (const double range_v : {20.0, 10.0, 5.0, 4.0, 2.5, 2.0, 1.25, 1.0}) {
     SCOPED_TRACE(range_v);
@@ -242,7 +241,7 @@ TEST(Usb1208fsPlusOnABus, EveryDifferentialRangeIsTrueByTheUnitsOwnConstants) {
 
 // The output
 
-/// One write for each frame, each with a value of its own: volts of 1000, 1001, ... counts.
+/// One write per frame, with distinct values: volts of 1000, 1001, ... counts.
 struct Drive {
   explicit Drive(Bench& bench) : bench_(bench) {}
   void run(milliseconds time, bool check = true) {
@@ -274,7 +273,7 @@ struct Drive {
 
 int counts_of(double volts) { return static_cast<int>(std::lround(volts * 4096.0 / 5.0)); }
 
-TEST(Usb1208fsPlusOnABus, TheDriveComesOutInOrderEvenlyAndAsLateAsItIsSet) {
+TEST(Usb1208fsPlusOnABus, DriveLeavesInOrderEvenlyAndWithTheConfiguredDelay) {
   config::Usb1208fsPlus settings;
   settings.output_ahead_s = 0.04;
   Bench bench(1, 1000.0, settings);
@@ -283,13 +282,13 @@ TEST(Usb1208fsPlusOnABus, TheDriveComesOutInOrderEvenlyAndAsLateAsItIsSet) {
   Drive drive(bench);
   drive.run(milliseconds(1000));
   const auto driven = bench.driven();
-  std::vector<std::pair<int, std::int64_t>> out;  // what is paced, after the fill
+  std::vector<std::pair<int, std::int64_t>> out;  // paced values, after the fill
   for (const auto& [volts, time_ns] : driven) {
     if (counts_of(volts) >= 1000 && counts_of(volts) < 2048)
       out.emplace_back(counts_of(volts), time_ns);
   }
   ASSERT_GT(out.size(), 800U);
-  EXPECT_EQ(out.front().first, 1000) << "the first that was written was lost";
+  EXPECT_EQ(out.front().first, 1000) << "the first value was lost";
   std::size_t fill = 0;
   while (fill < out.size() && out[fill].first == 1000) ++fill;
   EXPECT_LE(fill, 41U);
@@ -305,7 +304,7 @@ TEST(Usb1208fsPlusOnABus, TheDriveComesOutInOrderEvenlyAndAsLateAsItIsSet) {
   }
   std::nth_element(late_ns.begin(), late_ns.begin() + std::ssize(late_ns) / 2, late_ns.end());
   const double median_ms = late_ns[late_ns.size() / 2] * 1e-6;
-  // Frames come in bundles of 8 ms: that is what it may be less.
+  // Frames arrive in bundles of 8 ms, by which the delay may be less.
   const double slack_ms = static_cast<double>(bench.host.worst_ns()) * 1e-6;
   EXPECT_GT(median_ms, 30.0 - slack_ms);
   EXPECT_LT(median_ms, 50.0 + slack_ms);
@@ -313,7 +312,7 @@ TEST(Usb1208fsPlusOnABus, TheDriveComesOutInOrderEvenlyAndAsLateAsItIsSet) {
   RecordProperty("median_ms", std::to_string(median_ms));
 }
 
-TEST(Usb1208fsPlusOnABus, OffIsRestAtOnceAndTheQueueIsThrownAway) {
+TEST(Usb1208fsPlusOnABus, OffRestsImmediatelyAndDiscardsTheQueue) {
   config::Usb1208fsPlus settings;
   settings.output_ahead_s = 0.2;
   Bench bench(1, 1000.0, settings);
@@ -330,7 +329,7 @@ TEST(Usb1208fsPlusOnABus, OffIsRestAtOnceAndTheQueueIsThrownAway) {
   }
 }
 
-TEST(Usb1208fsPlusOnABus, AnOutputThatRanDryIsToldAndIsAsLateAsBeforeAfterwards) {
+TEST(Usb1208fsPlusOnABus, UnderrunIsReportedAndKeepsTheDelay) {
   config::Usb1208fsPlus settings;
   settings.output_ahead_s = 0.03;
   Bench bench(1, 1000.0, settings);
@@ -338,14 +337,14 @@ TEST(Usb1208fsPlusOnABus, AnOutputThatRanDryIsToldAndIsAsLateAsBeforeAfterwards)
   Drive drive(bench);
   drive.run(milliseconds(300));
   for (int round = 0; round < 3; ++round) {
-    std::this_thread::sleep_for(milliseconds(250));  // no writes: the queue runs dry
+    std::this_thread::sleep_for(milliseconds(250));  // without writes the queue runs dry
     drive.run(milliseconds(200), false);
   }
   EXPECT_GE(bench.driver.underruns(), 3U);
   ASSERT_GE(drive.refusals.size(), 3U);
   EXPECT_THAT(drive.refusals.front(), HasSubstr("ran dry"));
   int settled = 0;
-  // It runs dry again where the host stands still for longer than it is ahead.
+  // It runs dry again if the host is suspended for longer than it is ahead.
   for (int tries = 0; tries < 5; ++tries) {
     drive.refusals.clear();
     settled = drive.next;
@@ -372,7 +371,7 @@ TEST(Usb1208fsPlusOnABus, AnOutputThatRanDryIsToldAndIsAsLateAsBeforeAfterwards)
   EXPECT_LT(late_ms[late_ms.size() / 2], 42.0 + slack_ms);
 }
 
-TEST(Usb1208fsPlusOnABus, StoppedItRests) {
+TEST(Usb1208fsPlusOnABus, RestsAfterStop) {
   Bench bench(1, 1000.0);
   bench.begin();
   Drive drive(bench);
@@ -385,25 +384,25 @@ TEST(Usb1208fsPlusOnABus, StoppedItRests) {
 
 // Losses
 
-/// How far a number may be off after a loss: a millisecond of scans, one at least, and what a host
-/// adds that stands still between looking at its clock and sending the command.
+/// Tolerance of a number after a loss: a millisecond of scans, at least one, and the delay of the
+/// host between reading its clock and sending the command.
 double tolerance_periods(double rate_hz, const HostWatch& host) {
   return 1.0 + (1e-3 + static_cast<double>(host.worst_ns()) * 1e-9) * rate_hz;
 }
 
-TEST(Usb1208fsPlusOnABus, AHostThatSleepsLosesScansAndKnowsAboutHowMany) {
+TEST(Usb1208fsPlusOnABus, SuspendedHostLosesAnEstimatedNumberOfScans) {
   Bench bench(3, 10000.0);
   bench.begin();
   std::vector<Frame> frames = bench.frames(milliseconds(200));
   for (int round = 0; round < 3; ++round) {
-    bench.set_faults({.silence = true});  // nothing is taken from it: its FIFO overflows
+    bench.set_faults({.silence = true});  // its FIFO is not read and overflows
     std::this_thread::sleep_for(milliseconds(450));
     bench.set_faults({});
     const auto more = bench.frames(milliseconds(150));
     frames.insert(frames.end(), more.begin(), more.end());
   }
   EXPECT_GE(bench.driver.overruns(), 3U);
-  EXPECT_GE(bench.told, 3);
+  EXPECT_GE(bench.reported, 3);
   expect_ascending(frames);
   const Compared compared = compare(frames, bench.scans(), bench.period_ns, half_of_11_bits_v);
   EXPECT_EQ(compared.wrong, 0U) << "of " << frames.size();
@@ -411,14 +410,13 @@ TEST(Usb1208fsPlusOnABus, AHostThatSleepsLosesScansAndKnowsAboutHowMany) {
   RecordProperty("largest_shift", std::to_string(compared.largest_shift));
 }
 
-/// Whatever befalls the stream, again and again: no frame is anything but a scan, under its number
-/// or one that is not far from it.
+/// Repeated faults of the stream: every frame is a scan, with its number or one close to it.
 struct Kind {
   const char* name;
   EmulatedUsb1208fsPlus::Faults faults;
   int inputs = 2;
 };
-class SpoiltPackets : public testing::TestWithParam<Kind> {};
+class FaultyPackets : public testing::TestWithParam<Kind> {};
 
 config::BenchInputs three_inputs() {
   config::BenchInputs out = single_ended();
@@ -426,7 +424,7 @@ config::BenchInputs three_inputs() {
   return out;
 }
 
-TEST_P(SpoiltPackets, SpoilNoFrame) {
+TEST_P(FaultyPackets, CorruptNoFrame) {
   std::uint64_t struck = 0;
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     SCOPED_TRACE(seed);
@@ -461,17 +459,17 @@ TEST_P(SpoiltPackets, SpoilNoFrame) {
     EXPECT_LT(compared.largest_shift, tolerance_periods(4000.0, bench.host));
   }
   if (GetParam().faults.silence) return;
-  EXPECT_GT(struck, 4U) << "next to nothing happened";
+  EXPECT_GT(struck, 4U) << "too few faults";
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    EveryKind, SpoiltPackets,
+    EveryKind, FaultyPackets,
     testing::Values(Kind{"short_packet", {.short_packet = 0.1}},
                     Kind{"short_packet_of_three_inputs", {.short_packet = 0.1}, 3},
                     Kind{"stall", {.stall = true}}, Kind{"silence", {.silence = true}}),
     [](const auto& kind) { return std::string(kind.param.name); });
 
-TEST(Usb1208fsPlusOnABus, AShortPacketOfASingleScanCostsThatScan) {
+TEST(Usb1208fsPlusOnABus, ShortPacketOfASingleScanLosesThatScan) {
   Bench bench(5, 100.0);
   bench.begin();
   std::vector<Frame> frames = bench.frames(milliseconds(100));
@@ -493,9 +491,9 @@ TEST(Usb1208fsPlusOnABus, AShortPacketOfASingleScanCostsThatScan) {
   EXPECT_EQ(frames.back().sequence + 1 - frames.size(), struck);
 }
 
-/// The bus itself neither loses nor repeats a packet (its own numbers and checksums see to that);
-/// where a board did, no frame would be a mixture of two scans.
-TEST(Usb1208fsPlusOnABus, ARepeatedPacketMixesNoScans) {
+/// The bus neither loses nor repeats packets, by its own numbers and checksums; if a board did, no
+/// frame would mix two scans.
+TEST(Usb1208fsPlusOnABus, RepeatedPacketMixesNoScans) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     Bench bench(seed, 4000.0);
     bench.begin();
@@ -509,7 +507,7 @@ TEST(Usb1208fsPlusOnABus, ARepeatedPacketMixesNoScans) {
 
 // Lifecycle
 
-TEST(Usb1208fsPlusOnABus, UnpluggedItIsLostAndComesBack) {
+TEST(Usb1208fsPlusOnABus, UnpluggedDeviceIsLostAndRecovers) {
   Bench bench;
   for (int round = 0; round < 4; ++round) {
     SCOPED_TRACE(round);
@@ -533,7 +531,7 @@ TEST(Usb1208fsPlusOnABus, UnpluggedItIsLostAndComesBack) {
   }
 }
 
-/// The board, which leaves one of the requests to it without an answer: the time to unplug it.
+/// A board that does not reply to one of its requests, to be unplugged then.
 class Pausing final : public UsbDevice {
  public:
   explicit Pausing(UsbDevice& device) : device_(device) {}
@@ -551,8 +549,8 @@ class Pausing final : public UsbDevice {
   UsbStatus out(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) override {
     return device_.out(endpoint, bytes);
   }
-  UsbAnswer in(std::uint8_t endpoint, std::size_t room) override {
-    return device_.in(endpoint, room);
+  UsbAnswer in(std::uint8_t endpoint, std::size_t capacity) override {
+    return device_.in(endpoint, capacity);
   }
   void clear_halt(std::uint8_t endpoint) override { device_.clear_halt(endpoint); }
   void reset() override { device_.reset(); }
@@ -561,7 +559,7 @@ class Pausing final : public UsbDevice {
   UsbDevice& device_;
 };
 
-TEST(Usb1208fsPlusOnABus, UnpluggedAtAnyRequestOfOpenAndStartItIsLostAndNothingElse) {
+TEST(Usb1208fsPlusOnABus, UnpluggedAtAnyRequestOfOpenAndStartIsLost) {
   Bench bench;
   bench.bus.unplug(bench.board);
   Pausing pausing(bench.board);
@@ -604,7 +602,7 @@ TEST(Usb1208fsPlusOnABus, UnpluggedAtAnyRequestOfOpenAndStartItIsLostAndNothingE
   EXPECT_TRUE(bench.driver.open());
 }
 
-TEST(Usb1208fsPlusOnABus, WithoutPermissionItSaysWhatToDo) {
+TEST(Usb1208fsPlusOnABus, DeniedPermissionReportsTheRemedy) {
   Bench bench;
   bench.bus.refuse_access(bench.board);
   const Result result = bench.driver.open();
@@ -612,13 +610,13 @@ TEST(Usb1208fsPlusOnABus, WithoutPermissionItSaysWhatToDo) {
   EXPECT_THAT(result.message, HasSubstr("udev"));
   const auto found = drivers::find_usb_1208fs_plus();
   ASSERT_EQ(found.size(), 1U);
-  EXPECT_THAT(found[0].trouble, HasSubstr("udev"));
+  EXPECT_THAT(found[0].problem, HasSubstr("udev"));
   bench.driver.close();
   bench.bus.refuse_access(bench.board, false);
   EXPECT_TRUE(bench.driver.open());
 }
 
-TEST(Usb1208fsPlusOnABus, OfTwoTheSerialNumberChooses) {
+TEST(Usb1208fsPlusOnABus, SerialNumberSelectsTheDevice) {
   config::Usb1208fsPlus settings;
   Bench bench;
   EmulatedUsb1208fsPlus::Options options = board_options(2, 8.0);
@@ -652,7 +650,7 @@ TEST(Usb1208fsPlusOnABus, OfTwoTheSerialNumberChooses) {
   bench.bus.unplug(other);
 }
 
-TEST(Usb1208fsPlusOnABus, AScanThatADeadProcessLeftBehindIsEnded) {
+TEST(Usb1208fsPlusOnABus, ScanOfADeadProcessIsEnded) {
   Bench bench;
   bench.bus.between_calls([&] {
     bench.board.control({0x40, 0x11, 0, 0, 14}, Bytes{0, 0, 0, 0, 0, 0, 0, 0, 0, 64, 0, 0, 3, 0});

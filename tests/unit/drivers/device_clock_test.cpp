@@ -1,4 +1,4 @@
-#include "drivers/device_clock.h"
+#include "drivers/clock/device_clock.h"
 
 #include <gtest/gtest.h>
 
@@ -18,10 +18,10 @@ struct Rates {
   double latest_error_us;
 };
 
-/// A device that samples every millisecond of its own time, read `delay` later by the host.
+/// A device that samples every millisecond of its own time, read by the host after `delay`.
 Rates run(double skew, std::uint32_t seed, int seconds) {
   std::mt19937 dice(seed);
-  std::exponential_distribution<double> wait(1.0 / 80e3);  // 80 us on average, now and then ms
+  std::exponential_distribution<double> wait(1.0 / 80e3);  // 80 us on average, occasionally ms
   DeviceClock clock;
   std::int64_t previous = 0;
   double worst = 0.0;
@@ -38,7 +38,7 @@ Rates run(double skew, std::uint32_t seed, int seconds) {
   return {clock.skew(), worst * 1e-3};
 }
 
-TEST(DeviceClock, FindsTheSkewOfACrystalBehindAJitteryBus) {
+TEST(DeviceClock, EstimatesTheSkewOfACrystalDespiteJitter) {
   for (const double skew : {0.0, 50e-6, -50e-6, 300e-6}) {
     for (std::uint32_t seed = 1; seed <= 4; ++seed) {
       const Rates found = run(skew, seed, 60);
@@ -48,7 +48,7 @@ TEST(DeviceClock, FindsTheSkewOfACrystalBehindAJitteryBus) {
   }
 }
 
-TEST(DeviceClock, SkewIsClampedHoweverWrongTheDeviceIs) {
+TEST(DeviceClock, SkewIsClamped) {
   DeviceClock clock;
   for (std::int64_t i = 0; i < 20'000; ++i) {
     clock.host_time(i * ms, s + i * (ms + 2000));  // 2000 parts in a million
@@ -56,7 +56,7 @@ TEST(DeviceClock, SkewIsClampedHoweverWrongTheDeviceIs) {
   }
 }
 
-TEST(DeviceClock, TimeNeverRunsBackwardsWhateverHappens) {
+TEST(DeviceClock, TimeIncreasesStrictlyWhateverHappens) {
   std::mt19937_64 dice(7);
   for (int run = 0; run < 50; ++run) {
     DeviceClock clock;
@@ -68,29 +68,29 @@ TEST(DeviceClock, TimeNeverRunsBackwardsWhateverHappens) {
       device_ns += ms;
       host_ns += ms;
       if (roll == 0) device_ns -= static_cast<std::int64_t>(dice() % (10 * s));  // restarted
-      if (roll == 1) device_ns += static_cast<std::int64_t>(dice() % (10 * s));  // leapt
-      if (roll == 2) host_ns += static_cast<std::int64_t>(dice() % (10 * s));    // was away
-      if (roll == 3) device_ns += 3600 * s;  // the machine slept, the device did not
+      if (roll == 1) device_ns += static_cast<std::int64_t>(dice() % (10 * s));  // stepped
+      if (roll == 2) host_ns += static_cast<std::int64_t>(dice() % (10 * s));    // was suspended
+      if (roll == 3) device_ns += 3600 * s;  // the host was suspended, the device was not
       const std::int64_t out = clock.host_time(device_ns, host_ns);
       ASSERT_GT(out, previous);
       previous = out;
     }
-    // And it is the host's time again, once nothing happens any more.
+    // After the last disturbance it is the host's time again.
     for (int i = 0; i < 30'000; ++i) {
       device_ns += ms;
       host_ns += ms;
       previous = clock.host_time(device_ns, host_ns);
     }
-    EXPECT_LE(previous - host_ns, DeviceClock::parted_ns);
+    EXPECT_LE(previous - host_ns, DeviceClock::restart_threshold_ns);
   }
 }
 
-TEST(DeviceClock, ASleepingMachineIsNoticedAndTheCorrectionBeginsAnew) {
+TEST(DeviceClock, SuspendedHostRestartsTheEstimate) {
   DeviceClock clock;
   std::int64_t out = 0;
   for (std::int64_t i = 0; i < 5000; ++i) out = clock.host_time(i * ms, s + i * ms);
   EXPECT_EQ(clock.restarts(), 0U);
-  // The monotonic clock stands still while the machine sleeps for an hour.
+  // The monotonic clock stops while the host is suspended for an hour.
   for (std::int64_t i = 5000; i < 6000; ++i) {
     const std::int64_t next = clock.host_time(3600 * s + i * ms, s + i * ms);
     ASSERT_GT(next, out);
@@ -100,10 +100,10 @@ TEST(DeviceClock, ASleepingMachineIsNoticedAndTheCorrectionBeginsAnew) {
   EXPECT_NEAR(static_cast<double>(out), static_cast<double>(s + 5999 * ms), 1e3);
 }
 
-TEST(DeviceClock, AHostThatReadsLateDoesNotMoveTheTimeOfTheSamples) {
+TEST(DeviceClock, LateReadsDoNotShiftTheTimeOfSamples) {
   DeviceClock clock;
   for (std::int64_t i = 0; i < 5000; ++i) clock.host_time(i * ms, s + i * ms);
-  // The process stood still for 300 ms; the samples wait in the device's buffer.
+  // The process was stopped for 300 ms; the samples wait in the device's buffer.
   for (std::int64_t i = 5000; i < 5300; ++i) {
     EXPECT_NEAR(static_cast<double>(clock.host_time(i * ms, s + 5300 * ms)),
                 static_cast<double>(s + i * ms), 2e5);

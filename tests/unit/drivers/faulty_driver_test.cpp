@@ -13,7 +13,7 @@
 #include <random>
 
 #include "config/rig.h"
-#include "drivers/make_driver.h"
+#include "drivers/factory/make_driver.h"
 
 namespace stickslip::drivers {
 namespace {
@@ -21,7 +21,7 @@ namespace {
 using config::Fault;
 using config::FaultKind;
 
-/// The same cases at every run, unless somebody asks for others.
+/// The same cases in every run, unless others are requested.
 const int seeded = setenv("RC_PARAMS", "seed=20260102 max_success=200", 0);
 
 constexpr double period_s = 1.0e-3;
@@ -39,7 +39,7 @@ bool same_bits(const Frame& a, const Frame& b) {
   return same;
 }
 
-/// What the device's frame of that number is: every channel another value in [-1, 1).
+/// Frame of a number: every channel has another value in [-1, 1).
 Frame device_frame(std::uint64_t number, std::uint8_t channels = 0b111111) {
   Frame frame;
   frame.time_ns = origin_ns + static_cast<std::int64_t>(number) * period_ns;
@@ -53,12 +53,12 @@ Frame device_frame(std::uint64_t number, std::uint8_t channels = 0b111111) {
   return frame;
 }
 
-/// What a device was asked for, and how it is to behave.
+/// Calls of a device, and its behaviour.
 struct Device {
   bool paced = false;
   std::uint8_t channels = 0b111111;
   std::uint64_t end = ~0ULL;                 // frames; then end_of_data
-  std::map<std::uint64_t, Outcome> instead;  // by read: what it answers other than a frame
+  std::map<std::uint64_t, Outcome> instead;  // by read: outcome instead of a frame
   Signals signals;
   int opens = 0, starts = 0, stops = 0, closes = 0;
   std::uint64_t reads = 0, frames = 0;
@@ -107,7 +107,7 @@ class DeviceDriver final : public Driver {
   bool running_ = false;
 };
 
-/// Time passes in sleep only, or by hand.
+/// Advances by sleeping and by the test only.
 class TestClock final : public HostClock {
  public:
   std::int64_t now_ns() override { return now; }
@@ -141,7 +141,7 @@ Fault with_probability(double probability, Fault out) {
 struct Reading {
   Outcome outcome = Outcome::ok;
   std::string message;
-  Frame frame;  // where the outcome is ok
+  Frame frame;  // if the outcome is ok
   Signals signals;
 };
 
@@ -149,10 +149,10 @@ bool same(const Reading& a, const Reading& b) {
   return a.outcome == b.outcome && a.message == b.message && same_bits(a.frame, b.frame) &&
          a.signals.emergency_stop == b.signals.emergency_stop &&
          a.signals.amplifier_fault == b.signals.amplifier_fault &&
-         a.signals.lost_part == b.signals.lost_part;
+         a.signals.lost_device == b.signals.lost_device;
 }
 
-/// A device behind a script.
+/// A device with a fault script.
 struct Bench {
   explicit Bench(std::vector<Fault> faults, Device with = {}, std::uint64_t seed = 1,
                  double period = period_s, double speed = 1.0)
@@ -179,7 +179,7 @@ struct Bench {
     if (result) {
       out.frame = frame;
     } else {
-      EXPECT_EQ(frame.sequence, 77U) << "touched without a frame";
+      EXPECT_EQ(frame.sequence, 77U) << "modified without a frame";
     }
     EXPECT_TRUE(driver.account().balances());
     return out;
@@ -191,7 +191,7 @@ struct Bench {
     return out;
   }
 
-  /// Those that held a frame.
+  /// Those with a frame.
   std::vector<Frame> frames(int reads) {
     std::vector<Frame> out;
     for (const Reading& each : read(reads)) {
@@ -211,7 +211,7 @@ bool is_device_frame(const Frame& frame) {
 
 // Without a fault.
 
-RC_GTEST_PROP(FaultyDriver, AnEmptyScriptIsTransparentToTheBit, ()) {
+RC_GTEST_PROP(FaultyDriver, EmptyScriptIsTransparent, ()) {
   Device device;
   device.paced = *rc::gen::arbitrary<bool>();
   device.channels = static_cast<std::uint8_t>(*rc::gen::inRange(0, 64));
@@ -250,7 +250,7 @@ RC_GTEST_PROP(FaultyDriver, AnEmptyScriptIsTransparentToTheBit, ()) {
     RC_ASSERT(bench.driver.write(actuation).outcome == bare.write(actuation).outcome);
     RC_ASSERT(bench.driver.signals().emergency_stop == bare.signals().emergency_stop);
     RC_ASSERT(bench.driver.signals().amplifier_fault == bare.signals().amplifier_fault);
-    RC_ASSERT(bench.driver.signals().lost_part == bare.signals().lost_part);
+    RC_ASSERT(bench.driver.signals().lost_device == bare.signals().lost_device);
   }
   RC_ASSERT(bench.device.reads == bare_device.reads);
   RC_ASSERT(bench.device.writes.size() == bare_device.writes.size());
@@ -259,14 +259,14 @@ RC_GTEST_PROP(FaultyDriver, AnEmptyScriptIsTransparentToTheBit, ()) {
 
 TEST(FaultyDriver, RandomCasesAreTheSameEachTime) { EXPECT_EQ(seeded, 0); }
 
-// Faults of channels. Each lasts from the tenth frame up to the thirtieth of fifty.
+// Faults of channels, each active from the tenth to the thirtieth of fifty frames.
 
 constexpr double begin_s = 0.010;
 constexpr double length_s = 0.020;
 
 bool lasts(std::size_t frame) { return frame >= 10 && frame < 30; }
 
-/// Fifty frames of one fault; all but the channels of `expected` and its frames are the device's.
+/// Fifty frames with one fault; all channels but those of `expected` are unchanged.
 template <class Expected>
 void expect_channel(const Fault& of, Channel channel, const Expected& expected) {
   Bench bench({on(channel, of)});
@@ -309,12 +309,12 @@ TEST(FaultyDriver, IsNotANumber) {
                  [](std::size_t) { return std::nan(""); });
 }
 
-TEST(FaultyDriver, IsLateAndDoesNotSaySo) {
+TEST(FaultyDriver, DelaysWithoutReportingTheAge) {
   expect_channel(fault(FaultKind::delay, begin_s, length_s, 0.007), Channel::velocity,
                  [](std::size_t i) { return device_frame(i - 7)[Channel::velocity]; });
 }
 
-TEST(FaultyDriver, IsLateAndSaysSo) {
+TEST(FaultyDriver, DelaysAndReportsTheAge) {
   Fault late = on(Channel::normal_load, fault(FaultKind::delay, begin_s, length_s, 0.0075));
   late.reported = true;
   Bench bench({late});
@@ -322,7 +322,7 @@ TEST(FaultyDriver, IsLateAndSaysSo) {
   for (std::size_t i = 0; i < frames.size(); ++i) {
     Frame want = device_frame(i);
     if (lasts(i)) {
-      // What was the latest 7.5 ms ago was 8 ms old, and 250 us older at that.
+      // The latest value 7.5 ms ago is 8 ms old, plus its own age of 250 us.
       want.value[index_of(Channel::normal_load)] = device_frame(i - 8)[Channel::normal_load];
       want.age_us[index_of(Channel::normal_load)] = 8250;
     }
@@ -330,7 +330,7 @@ TEST(FaultyDriver, IsLateAndSaysSo) {
   }
 }
 
-TEST(FaultyDriver, BeforeItsTimeADelayedChannelShowsTheFirstFrameAndTheLongestDelayCounts) {
+TEST(FaultyDriver, DelayBeginsWithTheFirstFrameAndTheLongestDelayApplies) {
   Bench bench({fault(FaultKind::delay, 0.0, std::nullopt, 0.005),
                on(Channel::velocity, fault(FaultKind::delay, 0.0, std::nullopt, 0.02)),
                fault(FaultKind::delay, 0.0, std::nullopt, 0.001)});
@@ -353,7 +353,7 @@ TEST(FaultyDriver, NoiseHasItsStandardDeviationAndIsWhite) {
     Frame want = device_frame(i);
     const double noise = frames[i][Channel::velocity] - want[Channel::velocity];
     want.value[index_of(Channel::velocity)] = frames[i][Channel::velocity];
-    ASSERT_TRUE(same_bits(frames[i], want)) << "other channels are the device's";
+    ASSERT_TRUE(same_bits(frames[i], want)) << "other channels are unchanged";
     if (i < 1000 || i >= 5000) {
       ASSERT_EQ(noise, 0.0);
     } else {
@@ -370,7 +370,7 @@ TEST(FaultyDriver, NoiseHasItsStandardDeviationAndIsWhite) {
   EXPECT_EQ(bench.driver.applied().at(0), (Applied{1, 4000, 1'000'000'000, 4'999'000'000}));
 }
 
-TEST(FaultyDriver, NoiseIsAnotherOneOnEachChannel) {
+TEST(FaultyDriver, NoiseIsIndependentBetweenChannels) {
   Bench bench({fault(FaultKind::noise, 0.0, std::nullopt, 0.5)});
   const auto frames = bench.run().frames(1000);
   double product = 0.0;
@@ -381,7 +381,7 @@ TEST(FaultyDriver, NoiseIsAnotherOneOnEachChannel) {
   EXPECT_NEAR(product / 1000.0, 0.0, 5.0 * 0.25 / std::sqrt(1000.0));
 }
 
-TEST(FaultyDriver, ChannelsThatWereNotMeasuredStaySo) {
+TEST(FaultyDriver, UnmeasuredChannelsStayInvalid) {
   Device device;
   device.channels = 0b000011;
   std::vector<Fault> faults;
@@ -398,7 +398,7 @@ TEST(FaultyDriver, ChannelsThatWereNotMeasuredStaySo) {
 }
 
 TEST(FaultyDriver, FaultsOfAChannelActInTheOrderOfItsSignal) {
-  // From the back: listed the other way round, they act as documented all the same.
+  // Listed in reverse, they act in the documented order.
   const auto frames_of = [](std::vector<Fault> faults) { return Bench(faults).run().frames(30); };
   const Fault late = fault(FaultKind::delay, 0.0, std::nullopt, 0.003);
   const Fault drift = fault(FaultKind::drift, 0.0, std::nullopt, 50.0);
@@ -420,7 +420,7 @@ TEST(FaultyDriver, FaultsOfAChannelActInTheOrderOfItsSignal) {
   }
 }
 
-TEST(FaultyDriver, ARepetitionBeginsAnew) {
+TEST(FaultyDriver, RepetitionRestartsTheFault) {
   Fault stuck = on(Channel::velocity, fault(FaultKind::stick, begin_s, 0.005));
   stuck.every_s = 0.010;
   Fault drift = on(Channel::displacement, fault(FaultKind::drift, begin_s, 0.005, 2.0));
@@ -443,7 +443,7 @@ TEST(FaultyDriver, ARepetitionBeginsAnew) {
 
 // Faults of frames.
 
-TEST(FaultyDriver, FramesAreLost) {
+TEST(FaultyDriver, DropsFrames) {
   Bench bench({fault(FaultKind::drop, begin_s, length_s)});
   const auto readings = bench.run().read(50);
   for (std::size_t i = 0; i < readings.size(); ++i) {
@@ -453,10 +453,10 @@ TEST(FaultyDriver, FramesAreLost) {
     }
   }
   EXPECT_EQ(bench.driver.account().dropped, 20U);
-  EXPECT_EQ(bench.device.reads, 50U) << "none is taken in its place: time passes";
+  EXPECT_EQ(bench.device.reads, 50U) << "not replaced: time advances";
 }
 
-TEST(FaultyDriver, FramesComeTwice) {
+TEST(FaultyDriver, DuplicatesFrames) {
   Bench bench({fault(FaultKind::duplicate, begin_s, length_s)});
   const auto frames = bench.run().frames(70);
   ASSERT_EQ(frames.size(), 70U);
@@ -490,13 +490,13 @@ TEST(FaultyDriver, FramesOvertakeEachOtherAndNoneIsLost) {
     const auto waits = std::count_if(readings.begin(), readings.end(), [](const Reading& each) {
       return each.outcome == Outcome::no_data;
     });
-    // A device that keeps time itself is not asked twice in one cycle.
+    // A paced device is not read twice in one cycle.
     EXPECT_EQ(waits, paced ? 10 : 0);
     EXPECT_EQ(bench.driver.applied().at(0).hits, 10U);
   }
 }
 
-TEST(FaultyDriver, AFrameThatIsOvertakenByTheEndComesAllTheSame) {
+TEST(FaultyDriver, OvertakenFrameIsDeliveredAtTheEndOfData) {
   Device device;
   device.end = 5;
   Bench bench({fault(FaultKind::reorder, 0.004, std::nullopt)}, device);
@@ -510,7 +510,7 @@ TEST(FaultyDriver, AFrameThatIsOvertakenByTheEndComesAllTheSame) {
   EXPECT_EQ(bench.driver.applied().at(0).hits, 0U);
 }
 
-TEST(FaultyDriver, WhatIsOvertakenWaitsWhileTheDeviceHasNothing) {
+TEST(FaultyDriver, OvertakenFrameWaitsForTheNext) {
   Device device;
   device.instead = {{3, Outcome::no_data}, {4, Outcome::temporary}};
   Bench bench({fault(FaultKind::reorder, 0.002, 0.001)}, device);
@@ -524,7 +524,7 @@ TEST(FaultyDriver, WhatIsOvertakenWaitsWhileTheDeviceHasNothing) {
   EXPECT_TRUE(same_bits(readings[6].frame, device_frame(4)));
 }
 
-TEST(FaultyDriver, NoFrameIsTakenFromAStalledDeviceToOvertakeAnother) {
+TEST(FaultyDriver, StalledDeviceIsNotReadForAnOvertakingFrame) {
   Bench bench({fault(FaultKind::reorder, 0.009, 0.001),
                fault(FaultKind::stall, begin_s, std::nullopt, length_s)});
   const auto readings = bench.run().read(32);
@@ -533,7 +533,7 @@ TEST(FaultyDriver, NoFrameIsTakenFromAStalledDeviceToOvertakeAnother) {
   EXPECT_TRUE(same_bits(readings[31].frame, device_frame(9)));
 }
 
-TEST(FaultyDriver, TheClockJumpsAndOnlyTheClock) {
+TEST(FaultyDriver, ClockJumpAffectsTimeOnly) {
   for (const double jump_s : {5.0, -2.5}) {
     Bench bench({fault(FaultKind::clock_jump, begin_s, length_s, jump_s)});
     const auto frames = bench.run().frames(50);
@@ -545,7 +545,7 @@ TEST(FaultyDriver, TheClockJumpsAndOnlyTheClock) {
   }
 }
 
-TEST(FaultyDriver, ProbabilitiesAreOfFramesAndTheTruthIsKept) {
+TEST(FaultyDriver, ProbabilitiesApplyToFrames) {
   for (const FaultKind kind : {FaultKind::drop, FaultKind::duplicate, FaultKind::nan}) {
     Bench bench({with_probability(0.1, fault(kind, 1.0, 8.0))});
     const auto frames = bench.run().frames(10000);
@@ -570,7 +570,7 @@ TEST(FaultyDriver, ProbabilitiesAreOfFramesAndTheTruthIsKept) {
 
 // Faults of the connection.
 
-TEST(FaultyDriver, AStalledDeviceYieldsNothingAndGoesOnWhereItWas) {
+TEST(FaultyDriver, StalledDeviceReturnsNothingAndContinues) {
   Bench bench({fault(FaultKind::stall, begin_s, std::nullopt, length_s)});
   const auto readings = bench.run().read(70);
   std::size_t next = 0;
@@ -581,18 +581,18 @@ TEST(FaultyDriver, AStalledDeviceYieldsNothingAndGoesOnWhereItWas) {
     }
   }
   EXPECT_EQ(bench.device.reads, 50U);
-  EXPECT_EQ(bench.clock->slept, 0) << "who keeps time itself is not kept waiting";
+  EXPECT_EQ(bench.clock->slept, 0) << "no wait for an unpaced device";
 }
 
-TEST(FaultyDriver, AStalledDeviceThatKeepsTimeDoesNotLetItsReaderSpin) {
+TEST(FaultyDriver, StalledPacedDeviceDoesNotLetTheReaderSpin) {
   Device device;
   device.paced = true;
   Bench bench({fault(FaultKind::stall, begin_s, std::nullopt, length_s)}, device, 1, period_s, 2.0);
   bench.run().read(70);
-  EXPECT_EQ(bench.clock->slept, 20 * period_ns / 2) << "twice as fast as it was recorded";
+  EXPECT_EQ(bench.clock->slept, 20 * period_ns / 2) << "at twice the recorded speed";
 }
 
-TEST(FaultyDriver, AReadThatHangsTakesAsLongAsItSays) {
+TEST(FaultyDriver, BlockingReadLastsForItsDuration) {
   Fault hang = fault(FaultKind::stall, begin_s, std::nullopt, 0.050);
   hang.stall_blocking = true;
   Bench bench({hang});
@@ -605,14 +605,14 @@ TEST(FaultyDriver, AReadThatHangsTakesAsLongAsItSays) {
       EXPECT_TRUE(same_bits(readings[i].frame, device_frame(next++))) << i;
     }
   }
-  // The script's time has gone on.
+  // Script time has advanced.
   EXPECT_EQ(bench.driver.script_time_ns(), (38 + 50) * period_ns);
   Bench fast({hang}, {}, 1, period_s, 4.0);
   fast.run().read(40);
-  EXPECT_EQ(fast.clock->slept, 12'500'000) << "a replay four times as fast as it was recorded";
+  EXPECT_EQ(fast.clock->slept, 12'500'000) << "a replay at four times the recorded speed";
 }
 
-TEST(FaultyDriver, ReadsFailButMightWorkTheNextTime) {
+TEST(FaultyDriver, ReadErrorsAreTemporary) {
   Bench bench({fault(FaultKind::read_error, begin_s, length_s)});
   const auto readings = bench.run().read(70);
   std::size_t next = 0;
@@ -626,7 +626,7 @@ TEST(FaultyDriver, ReadsFailButMightWorkTheNextTime) {
   }
 }
 
-TEST(FaultyDriver, WritesFailButOffAlwaysArrives) {
+TEST(FaultyDriver, WriteErrorsStillForwardOff) {
   Bench bench({fault(FaultKind::write_error, begin_s, length_s)});
   bench.run();
   for (std::size_t i = 0; i < 50; ++i) {
@@ -657,7 +657,7 @@ TEST(FaultyDriver, LinesArePressedAndReleased) {
   }
 }
 
-TEST(FaultyDriver, AnUnpluggedDeviceIsLostUntilItIsOpenedAgain) {
+TEST(FaultyDriver, UnpluggedDeviceIsLostUntilReopened) {
   Bench bench({fault(FaultKind::unplug, begin_s, length_s)});
   bench.run().read(10);
   bench.driver.write({0.005, true});
@@ -669,13 +669,13 @@ TEST(FaultyDriver, AnUnpluggedDeviceIsLostUntilItIsOpenedAgain) {
     EXPECT_EQ(bench.driver.write({0.005, true}).outcome, Outcome::lost);
     EXPECT_EQ(bench.driver.start().outcome, Outcome::lost);
   }
-  // It was told "off" at once, and has heard nothing since.
+  // "Off" was sent immediately, and nothing since.
   ASSERT_EQ(bench.device.writes.size(), 2U);
   EXPECT_FALSE(bench.device.writes.back().amplifier_on);
   EXPECT_EQ(bench.device.writes.back().drive, 0.0);
   EXPECT_EQ(bench.device.reads, 10U);
 
-  // It is there again, but its handle is not.
+  // It is attached again, but its handle is invalid.
   const Reading reading = bench.read();
   EXPECT_EQ(reading.outcome, Outcome::lost);
   EXPECT_THAT(reading.message, testing::HasSubstr("there again"));
@@ -695,7 +695,7 @@ TEST(FaultyDriver, AnUnpluggedDeviceIsLostUntilItIsOpenedAgain) {
   EXPECT_EQ(bench.driver.applied().at(0).occurrences, 1U);
 }
 
-TEST(FaultyDriver, ADeviceThatWasUnpluggedIsNotReadBeforeItIsStarted) {
+TEST(FaultyDriver, UnpluggedDeviceIsNotReadBeforeItIsStarted) {
   Bench bench({fault(FaultKind::unplug, begin_s, length_s)});
   bench.run().read(30);
   ASSERT_TRUE(bench.driver.open());
@@ -706,7 +706,7 @@ TEST(FaultyDriver, ADeviceThatWasUnpluggedIsNotReadBeforeItIsStarted) {
   EXPECT_EQ(bench.read().outcome, Outcome::ok);
 }
 
-TEST(FaultyDriver, WhoWaitsBetweenAttemptsToOpenWaitsNoLongerThanTheCableIsOut) {
+TEST(FaultyDriver, WaitingBetweenAttemptsLastsNoLongerThanTheUnplug) {
   Bench bench({fault(FaultKind::unplug, 1.0, 2.0)});
   bench.run().read(1001);
   int attempts = 0;
@@ -714,7 +714,7 @@ TEST(FaultyDriver, WhoWaitsBetweenAttemptsToOpenWaitsNoLongerThanTheCableIsOut) 
     bench.clock->now += 250'000'000;
     ASSERT_LT(++attempts, 20);
   } while (!bench.driver.open());
-  // The read that found it gone counts as the first period of the two seconds.
+  // The read that detected the unplug counts as the first period of the two seconds.
   EXPECT_EQ(attempts, 8);
   ASSERT_TRUE(bench.driver.start());
   EXPECT_TRUE(same_bits(bench.read().frame, device_frame(1000)));
@@ -734,7 +734,7 @@ TEST(FaultyDriver, ReadsBetweenAttemptsAreNotCountedTwice) {
   EXPECT_EQ(reads, 2000);
 }
 
-TEST(FaultyDriver, ADeviceThatIsNotThereAtTheStartDoesNotOpen) {
+TEST(FaultyDriver, DeviceAbsentAtTheStartDoesNotOpen) {
   Bench bench({fault(FaultKind::unplug, 0.0, 0.003)});
   EXPECT_EQ(bench.driver.open().outcome, Outcome::lost);
   EXPECT_EQ(bench.device.opens, 0);
@@ -759,7 +759,7 @@ TEST(FaultyDriver, UnpluggingComesBeforeStallingAndStallingBeforeFailing) {
   }
 }
 
-TEST(FaultyDriver, FramesUnderWayAreGoneWithTheCable) {
+TEST(FaultyDriver, PendingFramesAreDiscardedOnUnplug) {
   Bench bench({fault(FaultKind::duplicate, 0.0, 0.009), fault(FaultKind::unplug, 0.0095, 0.002)});
   bench.run();
   while (bench.read().outcome == Outcome::ok) {
@@ -769,7 +769,7 @@ TEST(FaultyDriver, FramesUnderWayAreGoneWithTheCable) {
   EXPECT_TRUE(bench.driver.account().balances());
 }
 
-TEST(FaultyDriver, AFaultOnAChannelThatTheDeviceDoesNotYieldIsRefused) {
+TEST(FaultyDriver, FaultOnAMissingChannelIsRejected) {
   Device device;
   device.channels = 0b000011;
   Bench bench({on(Channel::drive_force, fault(FaultKind::nan, 0.0, 1.0))}, device);
@@ -777,18 +777,18 @@ TEST(FaultyDriver, AFaultOnAChannelThatTheDeviceDoesNotYieldIsRefused) {
   EXPECT_EQ(result.outcome, Outcome::needs_attention);
   EXPECT_THAT(result.message, testing::HasSubstr("fault 1 of test.toml: not a number on "
                                                  "drive_force: at 0 s for 1 s"));
-  EXPECT_THAT(result.message, testing::HasSubstr("does not yield that channel"));
+  EXPECT_THAT(result.message, testing::HasSubstr("does not provide that channel"));
   EXPECT_EQ(bench.device.closes, 1);
 }
 
-TEST(FaultyDriver, SaysThatItIsOne) {
+TEST(FaultyDriver, DescribesItselfAsFaulty) {
   Bench bench({fault(FaultKind::drop, 0.0, 1.0)});
   bench.run();
-  EXPECT_EQ(bench.driver.description().name, "device with faults on demand");
+  EXPECT_EQ(bench.driver.description().name, "device with injected faults");
 }
 
-TEST(FaultyDriver, PeriodsThatAreNoWholeNanosecondsDoNotShiftReads) {
-  // Frames as a device of 3 kHz stamps them, but the script is told 1/3 ms to the nanosecond.
+TEST(FaultyDriver, FractionalPeriodsDoNotShiftReads) {
+  // Time stamps of a device of 3 kHz, but a script period rounded to the nanosecond.
   class Third final : public Driver {
    public:
     Result open() override { return {}; }
@@ -821,8 +821,8 @@ TEST(FaultyDriver, PeriodsThatAreNoWholeNanosecondsDoNotShiftReads) {
   }
 }
 
-TEST(FaultyDriver, ADeviceThatKeptTimeInASilenceDoesNotTellItTwice) {
-  // Its frames of the second that it stalled are gone: the next one is a second on.
+TEST(FaultyDriver, TimeElapsedInASilenceIsNotCountedTwice) {
+  // The frames during the stall are lost: the next one is a second later.
   Device device;
   Bench bench(
       {fault(FaultKind::stall, 0.010, std::nullopt, 1.0), fault(FaultKind::nan, 1.020, 0.001)},
@@ -836,7 +836,7 @@ TEST(FaultyDriver, ADeviceThatKeptTimeInASilenceDoesNotTellItTwice) {
   }
 }
 
-// Whatever the script.
+// Properties for all scripts.
 
 Fault some_fault() {
   Fault out;
@@ -881,7 +881,7 @@ std::vector<Fault> some_faults() {
   return out;
 }
 
-/// Reads, and opens what was unplugged.
+/// Reads, and reopens after an unplug.
 std::vector<Reading> run_through(Bench& bench, int reads) {
   std::vector<Reading> out;
   bench.driver.open();
@@ -896,7 +896,7 @@ std::vector<Reading> run_through(Bench& bench, int reads) {
   return out;
 }
 
-/// All faults of some_faults are over, and frames that waited have come, after so many reads.
+/// Number of reads after which all faults of some_faults are over and no frame is pending.
 constexpr int all_is_over = 1500;
 
 RC_GTEST_PROP(FaultyDriver, TheSameSeedAndFramesGiveTheSameFaultsToTheBit, ()) {
@@ -908,14 +908,14 @@ RC_GTEST_PROP(FaultyDriver, TheSameSeedAndFramesGiveTheSameFaultsToTheBit, ()) {
   const auto first = run_through(one, 300);
   const auto second = run_through(two, 300);
   for (std::size_t i = 0; i < first.size(); ++i) {
-    // NaN has many forms; ours is always the same.
+    // The payload of the injected NaN is constant.
     RC_ASSERT(same(first[i], second[i]));
   }
   RC_ASSERT(one.driver.applied() == two.driver.applied());
   RC_ASSERT(one.driver.account() == two.driver.account());
 }
 
-RC_GTEST_PROP(FaultyDriver, AfterTheEndOfAllFaultsFramesAreTheDevicesAgain, ()) {
+RC_GTEST_PROP(FaultyDriver, FramesAreUnchangedAfterTheEndOfAllFaults, ()) {
   const auto faults = some_faults();
   Device device;
   device.paced = *rc::gen::arbitrary<bool>();
@@ -931,7 +931,7 @@ RC_GTEST_PROP(FaultyDriver, AfterTheEndOfAllFaultsFramesAreTheDevicesAgain, ()) 
   }
 }
 
-RC_GTEST_PROP(FaultyDriver, EveryFrameIsAccountedForAndWhatWasDoneIsTold, ()) {
+RC_GTEST_PROP(FaultyDriver, FramesAndEffectsAreAccountedFor, ()) {
   const auto faults = some_faults();
   Bench bench(faults, {}, *rc::gen::inRange<std::uint64_t>(0, 1000));
   const auto readings = run_through(bench, all_is_over);
@@ -966,7 +966,7 @@ RC_GTEST_PROP(FaultyDriver, EveryFrameIsAccountedForAndWhatWasDoneIsTold, ()) {
   RC_ASSERT(duplicates == account.duplicated);
 }
 
-RC_GTEST_PROP(FaultyDriver, TimeNeverGoesBackUnlessTheScriptSaysSo, ()) {
+RC_GTEST_PROP(FaultyDriver, TimeIncreasesUnlessTheScriptChangesIt, ()) {
   auto faults = some_faults();
   std::erase_if(faults, [](const Fault& each) {
     return each.kind == FaultKind::clock_jump || each.kind == FaultKind::reorder;
@@ -1015,16 +1015,16 @@ TEST(FaultyDriver, TheLifecycleMayBeCalledInAnyOrder) {
   }
 }
 
-// As the daemon gets them.
+// As created for the daemon.
 
-TEST(FaultLibrary, EachScriptOnTheSimulatedRigDoesSomethingAndTheBooksBalance) {
+TEST(FaultLibrary, EachScriptHasAnEffectAndTheBalanceHolds) {
   const config::Rig rig = config::load_rig(STICKSLIP_SOURCE_DIR "/config/simulated.toml");
   for (const auto& entry :
        std::filesystem::directory_iterator(STICKSLIP_SOURCE_DIR "/config/faults")) {
     SCOPED_TRACE(entry.path());
     const config::FaultScript script = config::load_fault_script(entry.path());
     Device device;
-    device.channels = 0b011111;  // as the simulated rig has them
+    device.channels = 0b011111;  // those of the simulated rig
     const auto clock = std::make_shared<TestClock>();
     FaultyDriver driver(std::make_unique<DeviceDriver>(device), script,
                         Pace{1.0 / rig.loop.rate_hz, 1.0}, clock);
@@ -1041,19 +1041,19 @@ TEST(FaultLibrary, EachScriptOnTheSimulatedRigDoesSomethingAndTheBooksBalance) {
     for (const Applied& applied : driver.applied()) EXPECT_GT(applied.hits, 0U);
     EXPECT_TRUE(driver.account().balances());
     Frame last;
-    EXPECT_TRUE(driver.read(last)) << "it is over";
+    EXPECT_TRUE(driver.read(last)) << "after the script";
   }
 }
 
-TEST(MakeDriver, PutsTheFaultsOfTheRigBeforeItsDevice) {
+TEST(MakeDriver, AppliesTheFaultScriptOfTheRig) {
   config::Rig rig = config::load_rig(STICKSLIP_SOURCE_DIR "/config/simulated.toml");
   rig.faults = config::load_fault_script(STICKSLIP_SOURCE_DIR "/config/faults/everything.toml");
   const auto simulated = make_driver(rig);
   ASSERT_TRUE(simulated->open());
-  EXPECT_EQ(simulated->description().name, "simulated rig with faults on demand");
-  EXPECT_TRUE(simulated->description().time_of_its_own);
+  EXPECT_EQ(simulated->description().name, "simulated rig with injected faults");
+  EXPECT_TRUE(simulated->description().stepped_time);
 
-  // A recording of 100 Hz, whatever the loop's rate: a stall of 50 ms costs five reads.
+  // For a recording of 100 Hz, at any rate of the loop, a stall of 50 ms costs five reads.
   rig.driver = config::DriverKind::replay;
   rig.replay.speed = 0.0;
   rig.faults->faults = {fault(FaultKind::stall, 0.02, {}, 0.05)};

@@ -12,7 +12,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// Frames with every kind of bits: any finite value, gaps in sequence and time, missing channels.
+/// Frames with any finite value, gaps in sequence and time, and missing channels.
 std::vector<Frame> recorded(std::size_t count, std::int64_t period_ns) {
   std::mt19937_64 random(3);
   std::vector<Frame> frames(count);
@@ -56,7 +56,7 @@ void expect_all(ReplayDriver& driver, const std::vector<Frame>& frames) {
   EXPECT_EQ(untouched.sequence, 7U);
 }
 
-TEST(ReplayDriver, GivesTheFramesBitForBitAndAgain) {
+TEST(ReplayDriver, ReturnsTheFramesBitForBitRepeatedly) {
   const auto frames = recorded(5000, 1'000'000);
   ReplayDriver driver(frames, 0.0);
   ASSERT_TRUE(driver.open());
@@ -65,7 +65,7 @@ TEST(ReplayDriver, GivesTheFramesBitForBitAndAgain) {
   expect_all(driver, frames);
 }
 
-TEST(ReplayDriver, SaysWhatTheRecordingHolds) {
+TEST(ReplayDriver, DescribesTheRecording) {
   const ReplayDriver paced(recorded(100, 1'000'000), 2.0);
   EXPECT_TRUE(paced.description().paced);
   EXPECT_FALSE(paced.description().can_drive);
@@ -73,7 +73,7 @@ TEST(ReplayDriver, SaysWhatTheRecordingHolds) {
   EXPECT_FALSE(ReplayDriver(recorded(1, 1), 0.0).description().paced);
 }
 
-TEST(ReplayDriver, NoFrameComesBeforeItsTime) {
+TEST(ReplayDriver, NoFrameIsEarly) {
   const std::int64_t period_ns = 10'000'000;
   const auto frames = recorded(21, period_ns);
   for (const double speed : {1.0, 4.0}) {
@@ -90,15 +90,15 @@ TEST(ReplayDriver, NoFrameComesBeforeItsTime) {
   }
 }
 
-TEST(ReplayDriver, AsFastAsItGoesDoesNotWait) {
-  // Two hours of recording; any waiting at all would not end.
+TEST(ReplayDriver, UnpacedReplayDoesNotWait) {
+  // Two hours of recording: any wait would be noticed.
   const auto frames = recorded(7200, 1'000'000'000);
   ReplayDriver driver(frames, 0.0);
   ASSERT_TRUE(driver.open());
   expect_all(driver, frames);
 }
 
-TEST(ReplayDriver, AGapDoesNotHoldTheLoop) {
+TEST(ReplayDriver, GapDoesNotBlockTheLoop) {
   auto frames = recorded(2, 3'600'000'000'000);  // an hour apart
   for (const double speed : {1.0, 1.0e-300}) {
     ReplayDriver driver(frames, speed);
@@ -111,7 +111,7 @@ TEST(ReplayDriver, AGapDoesNotHoldTheLoop) {
   }
 }
 
-TEST(ReplayDriver, AnEmptyRecordingIsRefused) {
+TEST(ReplayDriver, EmptyRecordingIsRejected) {
   ReplayDriver driver({}, 1.0);
   const Result result = driver.open();
   EXPECT_EQ(result.outcome, Outcome::needs_attention);

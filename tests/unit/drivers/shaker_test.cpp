@@ -14,7 +14,7 @@ namespace {
 constexpr double period_s = 1.0e-3;
 constexpr int steps = 10;
 constexpr int settled = 1000;                      // cycles
-constexpr std::size_t from = settled * steps / 2;  // samples; the second half of them
+constexpr std::size_t from = settled * steps / 2;  // samples; the second half
 constexpr double bandwidth_hz = 60.0;
 constexpr double two_pi = 2.0 * std::numbers::pi;
 
@@ -45,7 +45,7 @@ double largest(const std::vector<double>& values, std::size_t first) {
   return out;
 }
 
-TEST(Shaker, ASineArrivesWithItsAmplitude) {
+TEST(Shaker, SineIsTransmittedWithItsAmplitude) {
   const Shaken shaken;
   EXPECT_NEAR(largest(shaken.output, from), 0.012, 0.012 * 1.0e-3);
   const double expected = 0.012 * std::pow(two_pi * 3.0, 2);
@@ -60,14 +60,14 @@ TEST(Shaker, AccelerationIsTheSecondDerivativeAndHasNoSteps) {
     const double second =
         (shaken.output[i + 1] - 2.0 * shaken.output[i] + shaken.output[i - 1]) / (h * h);
     ASSERT_NEAR(shaken.acceleration[i], second, 1.0e-3 * peak) << i;
-    // A sine of 3 Hz changes by at most 0.19 % of its peak in a tenth of a millisecond; the steps
-    // of its commands, 1.9 % of its amplitude each, would be far more.
+    // A sine of 3 Hz changes by at most 0.19 % of its peak in a tenth of a millisecond; steps of
+    // the commands would be 1.9 % of its amplitude.
     ASSERT_LT(std::abs(shaken.acceleration[i] - shaken.acceleration[i - 1]), 0.0025 * peak) << i;
   }
 }
 
 TEST(Shaker, ComesToRestSmoothlyWithTheAmplifierOff) {
-  // Off where it stands still, where it is fastest, and in between.
+  // Off at rest, at the highest velocity, and in between.
   for (const int phase : {0, 40, 83, 120, 167, 210}) {
     Shaken shaken;
     for (int i = 0; i < phase; ++i) shaken.cycle(Shaken::sine(settled + i), true);
@@ -81,7 +81,7 @@ TEST(Shaker, ComesToRestSmoothlyWithTheAmplifierOff) {
   }
 }
 
-TEST(Shaker, ANotFiniteDriveMovesNothing) {
+TEST(Shaker, NonFiniteDriveMovesNothing) {
   Shaker shaker(physics::Excitation::base, bandwidth_hz, period_s, steps);
   for (const double drive :
        {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
@@ -93,7 +93,7 @@ TEST(Shaker, ANotFiniteDriveMovesNothing) {
   }
 }
 
-TEST(Shaker, AForceIsGoneAtOnce) {
+TEST(Shaker, ForceDropsImmediately) {
   Shaker shaker(physics::Excitation::force, bandwidth_hz, period_s, steps);
   const auto cycles = [&shaker](int count, double drive, bool on) {
     for (int i = 0; i < count; ++i) {
@@ -108,7 +108,7 @@ TEST(Shaker, AForceIsGoneAtOnce) {
   EXPECT_NEAR(shaker.output(), 0.0, 1.0e-3);
 }
 
-TEST(Shaker, SlowLoopsDriveAsSmoothly) {
+TEST(Shaker, SlowLoopsDriveSmoothly) {
   // 3 Hz in 100 commands a second: the images of the commands are far below the sine itself.
   Shaker shaker(physics::Excitation::base, bandwidth_hz, 0.01, 20);
   std::vector<double> acceleration;

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "config/rig.h"
-#include "drivers/make_driver.h"
+#include "drivers/factory/make_driver.h"
 
 namespace stickslip::drivers {
 namespace {
@@ -53,7 +53,7 @@ double amplitude_of(const std::vector<Frame>& frames, Channel channel, std::size
   return 2.0 / count * std::hypot(a, b);
 }
 
-TEST(SimulatedDriver, SaysWhatItIs) {
+TEST(SimulatedDriver, IdentifiesItself) {
   SimulatedDriver driver(shipped().simulated, period_s);
   ASSERT_TRUE(driver.open());
   const Description& description = driver.description();
@@ -83,22 +83,22 @@ TEST(SimulatedDriver, TheSameSeedGivesTheSameBytesAndAnotherDoesNot) {
   SimulatedDriver two(settings, period_s);
   const auto first = run(one, 500);
   EXPECT_EQ(first, run(two, 500));
-  EXPECT_EQ(first, run(one, 500)) << "opened anew";
+  EXPECT_EQ(first, run(one, 500)) << "reopened";
   settings.seed += 1;
   SimulatedDriver other(settings, period_s);
   EXPECT_NE(first, run(other, 500));
 }
 
-TEST(SimulatedDriver, ASineArrivesWithItsAmplitudeWithinTheNoise) {
+TEST(SimulatedDriver, SineIsTransmittedWithItsAmplitudeWithinTheNoise) {
   config::SimulatedDriver settings = shipped().simulated;
   settings.resolution = {};
   SimulatedDriver driver(settings, period_s);
   const auto frames = run(driver, 5000);
   const double noise = *settings.truth.sensors[index_of(Channel::base_displacement)].noise_std;
-  const double doubt = 5.0 * noise * std::sqrt(2.0 / 4000.0);
+  const double tolerance = 5.0 * noise * std::sqrt(2.0 / 4000.0);
   EXPECT_NEAR(amplitude_of(frames, Channel::base_displacement, 1000), 0.008,
-              doubt + 2.0e-4 * 0.008);
-  // It slips: the mass moves against the frame by more than the load cell gives way.
+              tolerance + 2.0e-4 * 0.008);
+  // It slips: the mass moves by more than the deflection of the load cell.
   EXPECT_GT(amplitude_of(frames, Channel::displacement, 1000), 2.0e-3);
 }
 
@@ -112,7 +112,7 @@ TEST(SimulatedDriver, ReadingsAreQuantised) {
   }
 }
 
-TEST(SimulatedDriver, ComesToRestWhenItIsStoppedAndGoesOnFromThere) {
+TEST(SimulatedDriver, RestsWhenStoppedAndContinuesFromThere) {
   config::SimulatedDriver settings = shipped().simulated;
   settings.noise = false;
   settings.resolution = {};
@@ -132,7 +132,7 @@ TEST(SimulatedDriver, ComesToRestWhenItIsStoppedAndGoesOnFromThere) {
   EXPECT_NEAR(frame[Channel::base_displacement], 0.0, 1.0e-5);
 }
 
-TEST(SimulatedDriver, ADriveThatIsNotFiniteIsAFaultAndMovesNothing) {
+TEST(SimulatedDriver, NonFiniteDriveIsAFaultAndMovesNothing) {
   config::SimulatedDriver settings = shipped().simulated;
   settings.noise = false;
   SimulatedDriver driver(settings, period_s);
@@ -148,7 +148,7 @@ TEST(SimulatedDriver, ADriveThatIsNotFiniteIsAFaultAndMovesNothing) {
   }
 }
 
-TEST(SimulatedDriver, AForceDrivesAForceExcitedRig) {
+TEST(SimulatedDriver, ForceDrivesAForceExcitedRig) {
   config::SimulatedDriver settings;
   settings.truth.oscillator.excitation = physics::Excitation::force;
   settings.truth.oscillator.mass_kg = {1.0, 0.0};
@@ -167,13 +167,13 @@ TEST(SimulatedDriver, AForceDrivesAForceExcitedRig) {
   EXPECT_FALSE(frame.has(Channel::base_displacement));
 }
 
-TEST(SimulatedDriver, ATruthThatIsNoModelIsRefusedInWords) {
+TEST(SimulatedDriver, InvalidTrueModelIsRejected) {
   config::SimulatedDriver settings = shipped().simulated;
   settings.truth.oscillator.mass_kg.value = -1.0;
   SimulatedDriver driver(settings, period_s);
   const Result result = driver.open();
   EXPECT_EQ(result.outcome, Outcome::needs_attention);
-  EXPECT_THAT(result.message, testing::HasSubstr("no sound model"));
+  EXPECT_THAT(result.message, testing::HasSubstr("true model of the simulated rig is invalid"));
   EXPECT_EQ(driver.start().outcome, Outcome::fatal);
 }
 
@@ -198,7 +198,7 @@ TEST(SimulatedDriver, TheLifecycleMayBeCalledInAnyOrder) {
         case 2:
           EXPECT_EQ(static_cast<bool>(driver.read(frame)), running);
           if (!running) {
-            EXPECT_EQ(frame.sequence, 12345U) << "touched without a reading";
+            EXPECT_EQ(frame.sequence, 12345U) << "modified without a reading";
           }
           break;
         case 3:
@@ -216,7 +216,7 @@ TEST(SimulatedDriver, TheLifecycleMayBeCalledInAnyOrder) {
   }
 }
 
-TEST(MakeDriver, GivesTheDeviceThatTheRigNames) {
+TEST(MakeDriver, CreatesTheConfiguredDevice) {
   config::Rig rig = shipped();
   EXPECT_EQ(make_driver(rig)->description().name, "simulated rig");
   rig.driver = config::DriverKind::replay;

@@ -10,7 +10,7 @@
 namespace stickslip::drivers {
 namespace {
 
-/// The same cases at every run, unless somebody asks for others.
+/// The same cases in every run, unless others are requested.
 const int seeded = setenv("RC_PARAMS", "seed=20260102 max_success=200", 0);
 
 constexpr std::int64_t second_ns = 1'000'000'000;
@@ -22,7 +22,7 @@ config::Fault from_to(double from_s, double to_s) {
   return fault;
 }
 
-TEST(Timeline, LastsFromItsBeginningUpToItsEnd) {
+TEST(Timeline, IsActiveFromBeginToEnd) {
   config::Fault fault = from_to(2.0, 2.0);
   const Timeline for_ever(fault, Chance(1, 0));
   EXPECT_FALSE(for_ever.at(-second_ns));
@@ -44,7 +44,7 @@ TEST(Timeline, LastsFromItsBeginningUpToItsEnd) {
   EXPECT_EQ(again.at(32'100'000'000)->end_ns, 32'500'000'000);
 }
 
-TEST(Timeline, WhatIsShorterThanANanosecondLastsForOne) {
+TEST(Timeline, LastsAtLeastANanosecond) {
   config::Fault fault = from_to(1.0, 1.0);
   fault.duration_s = 1.0e-12;
   const Timeline timeline(fault, Chance(1, 0));
@@ -52,7 +52,7 @@ TEST(Timeline, WhatIsShorterThanANanosecondLastsForOne) {
   EXPECT_FALSE(timeline.at(second_ns + 1));
 }
 
-/// The occurrence of that number, found by looking.
+/// The occurrence of a number, found by search.
 std::optional<Occurrence> found(const Timeline& timeline, std::int64_t from_ns,
                                 std::int64_t to_ns) {
   for (std::int64_t t = from_ns; t < to_ns; t += 1'000'000) {
@@ -61,7 +61,7 @@ std::optional<Occurrence> found(const Timeline& timeline, std::int64_t from_ns,
   return std::nullopt;
 }
 
-RC_GTEST_PROP(Timeline, MomentsByChanceLieInTheirSpanAndEachRepetitionHasItsOwn, ()) {
+RC_GTEST_PROP(Timeline, RandomBeginsLieInTheirIntervalIndependently, ()) {
   config::Fault fault = from_to(1.0, 2.0);
   fault.duration_s = 0.5;
   fault.every_s = 1.5;
@@ -77,14 +77,14 @@ RC_GTEST_PROP(Timeline, MomentsByChanceLieInTheirSpanAndEachRepetitionHasItsOwn,
     RC_ASSERT(occurrence->begin_ns <= from + second_ns);
     RC_ASSERT(occurrence->end_ns == occurrence->begin_ns + 500'000'000);
     offsets.insert(occurrence->begin_ns - from);
-    // Asked at any moment of it, it is the same.
+    // The same at any time within it.
     const auto late = timeline.at(occurrence->end_ns - 1);
     RC_ASSERT(late && late->begin_ns == occurrence->begin_ns);
   }
   RC_ASSERT(offsets.size() == 8U);
 }
 
-TEST(Timeline, AnotherSeedOrPlaceIsAnotherMoment) {
+TEST(Timeline, BeginDependsOnSeedAndPosition) {
   const config::Fault fault = from_to(1.0, 2.0);
   const auto begin = [&fault](std::uint64_t seed, std::uint64_t position) {
     return Timeline(fault, Chance(seed, position)).at(3 * second_ns)->begin_ns;
@@ -94,7 +94,7 @@ TEST(Timeline, AnotherSeedOrPlaceIsAnotherMoment) {
   EXPECT_NE(begin(1, 0), begin(1, 1));
 }
 
-TEST(Chance, IsUniformNormalAndWithoutMemory) {
+TEST(Chance, IsUniformNormalAndStateless) {
   const Chance chance(7, 2);
   constexpr int count = 20000;
   double sum = 0.0;

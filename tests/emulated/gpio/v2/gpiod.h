@@ -1,4 +1,4 @@
-// What the driver for libgpiod 2 uses of it, declared anew, so that it compiles where only 1.6 is
+// Declarations of libgpiod 2 in use by the driver, so that it compiles where only 1.6 is
 // installed. Names and values are the library's; nothing else is here.
 #pragma once
 

@@ -1,4 +1,4 @@
-// A contact that bounces.
+// Debouncing of a contact.
 #include "drivers/amplifier/debounced.h"
 
 #include <gtest/gtest.h>
@@ -11,14 +11,14 @@ namespace {
 
 constexpr std::int64_t ms = 1'000'000;
 
-TEST(Debounced, IsActiveUntilItWasInactiveForLongEnough) {
+TEST(Debounced, IsActiveUntilInactiveForTheHoldTime) {
   Debounced contact(100);
   EXPECT_TRUE(contact.update(false, 0));
   EXPECT_TRUE(contact.update(false, 99));
   EXPECT_FALSE(contact.update(false, 100));
 }
 
-TEST(Debounced, PressingCountsAtOnceAndBeginsTheTimeAnew) {
+TEST(Debounced, PressingIsImmediateAndRestartsTheHoldTime) {
   Debounced contact(200 * ms);
   contact.update(false, 0);
   EXPECT_FALSE(contact.update(false, 200 * ms));
@@ -30,9 +30,9 @@ TEST(Debounced, PressingCountsAtOnceAndBeginsTheTimeAnew) {
   EXPECT_FALSE(contact.update(false, 591 * ms));
 }
 
-TEST(Debounced, WithoutATimePressingStillLastsForATenthOfASecond) {
+TEST(Debounced, WithoutHoldTimePressingLastsATenthOfASecond) {
   Debounced contact(0);
-  EXPECT_FALSE(contact.update(false, 0)) << "nothing was pressed";
+  EXPECT_FALSE(contact.update(false, 0)) << "never pressed";
   EXPECT_TRUE(contact.update(true, 0));
   EXPECT_TRUE(contact.update(false, 0));
   EXPECT_TRUE(contact.update(false, 99 * ms));

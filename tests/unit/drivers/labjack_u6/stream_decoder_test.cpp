@@ -14,7 +14,7 @@ namespace {
 using Bytes = std::vector<std::uint8_t>;
 using Outcome = StreamDecoder::Outcome;
 
-/// What the converter says at that place of that scan; never FFFF.
+/// Counts at a position of a scan; never FFFF.
 std::uint16_t truth(std::uint64_t scan, std::size_t channel) {
   return static_cast<std::uint16_t>((scan * 2654435761U + channel * 40503U) % 65521U);
 }
@@ -30,14 +30,14 @@ void seal(Bytes& packet) {
   packet[0] = static_cast<std::uint8_t>(sum / 256 + sum % 256);
 }
 
-/// The sending side of a stream, reduced to its bookkeeping.
+/// Sender of a stream, reduced to its bookkeeping.
 class Board {
  public:
   Board(std::size_t channels, std::size_t samples_per_packet)
       : channels_(channels), samples_(samples_per_packet) {}
 
-  /// The next packet; with `thrown_away` > 0 it reports that so many scans were, at the end of the
-  /// scan that it begins in.
+  /// The next packet; with `thrown_away` > 0 it reports that number of discarded scans, at the end
+  /// of the scan in which it begins.
   Bytes packet(std::uint8_t error = 0, std::uint16_t thrown_away = 0) {
     Bytes bytes(14 + 2 * samples_, 0);
     bytes[1] = 0xF9;
@@ -57,7 +57,7 @@ class Board {
     seal(bytes);
     return bytes;
   }
-  /// Of the next sample.
+  /// Position of the next sample.
   std::size_t channel() const { return channel_; }
   std::uint64_t scan() const { return scan_; }
   std::uint8_t backlog = 0;
@@ -84,11 +84,11 @@ class Board {
   bool dummy_ = false;
 };
 
-/// Every scan that came out, checked against the truth.
-struct Listener {
-  explicit Listener(std::size_t channel_count) : channels(channel_count) {}
+/// Compares every decoded scan with the truth.
+struct Receiver {
+  explicit Receiver(std::size_t channel_count) : channels(channel_count) {}
 
-  bool hear(const StreamDecoder& decoder) {
+  bool receive(const StreamDecoder& decoder) {
     for (const Scan& scan : decoder.scans()) {
       if (scan.index < next) return false;
       for (std::size_t c = 0; c < channels; ++c) {
@@ -96,44 +96,44 @@ struct Listener {
       }
       missing += scan.index - next;
       next = scan.index + 1;
-      ++heard;
+      ++received;
     }
     return true;
   }
 
   std::size_t channels;
   std::uint64_t next = 0;
-  std::uint64_t heard = 0;
+  std::uint64_t received = 0;
   std::uint64_t missing = 0;
 };
 
-TEST(LabjackU6Stream, SamplesThatStraddlePacketsMakeWholeScans) {
+TEST(LabjackU6Stream, SamplesStraddlingPacketsMakeCompleteScans) {
   for (const std::size_t channels : {1U, 2U, 3U, 4U, 6U, 7U, 24U, 25U}) {
     for (const std::size_t samples : {1U, 2U, 10U, 24U, 25U}) {
       Board board(channels, samples);
       StreamDecoder decoder(static_cast<int>(channels), static_cast<int>(samples));
-      Listener listener(channels);
+      Receiver receiver(channels);
       for (int i = 0; i < 600; ++i) {
         ASSERT_EQ(decoder.take(board.packet()), Outcome::ok);
-        ASSERT_TRUE(listener.hear(decoder));
+        ASSERT_TRUE(receiver.receive(decoder));
       }
-      EXPECT_EQ(listener.heard, 600 * samples / channels);
-      EXPECT_EQ(listener.missing, 0U);
-      EXPECT_EQ(decoder.counts().scans, listener.heard);
+      EXPECT_EQ(receiver.received, 600 * samples / channels);
+      EXPECT_EQ(receiver.missing, 0U);
+      EXPECT_EQ(decoder.counts().scans, receiver.received);
     }
   }
 }
 
-TEST(LabjackU6Stream, ALostPacketIsCountedAndTheNextWholeScanIsRight) {
+TEST(LabjackU6Stream, LostPacketIsCountedAndTheNextCompleteScanIsCorrect) {
   Board board(4, 25);
   StreamDecoder decoder(4, 25);
-  Listener listener(4);
+  Receiver receiver(4);
   decoder.take(board.packet());  // scans 0 to 5 and one sample of 6
-  ASSERT_TRUE(listener.hear(decoder));
+  ASSERT_TRUE(receiver.receive(decoder));
   board.packet();                // 6 to 11 and two samples of 12
   decoder.take(board.packet());  // the rest of 12, then 13 to 17
-  ASSERT_TRUE(listener.hear(decoder));
-  EXPECT_EQ(listener.missing, 7U);
+  ASSERT_TRUE(receiver.receive(decoder));
+  EXPECT_EQ(receiver.missing, 7U);
   EXPECT_EQ(decoder.counts().packets_lost, 1U);
   EXPECT_EQ(decoder.counts().scans_lost, 7U);
 }
@@ -147,21 +147,21 @@ TEST(LabjackU6Stream, LossesBeforeTheFirstPacketCount) {
   EXPECT_EQ(decoder.scans()[0].index, 5U);
 }
 
-TEST(LabjackU6Stream, ADamagedPacketIsLost) {
+TEST(LabjackU6Stream, CorruptedPacketIsLost) {
   Board board(5, 25);
   StreamDecoder decoder(5, 25);
-  Listener listener(5);
+  Receiver receiver(5);
   Bytes damaged = board.packet();
   damaged[30] ^= 0x10U;
   EXPECT_EQ(decoder.take(damaged), Outcome::damaged);
   EXPECT_TRUE(decoder.scans().empty());
   EXPECT_EQ(decoder.take(board.packet()), Outcome::ok);
-  ASSERT_TRUE(listener.hear(decoder));
-  EXPECT_EQ(listener.missing, 5U);
+  ASSERT_TRUE(receiver.receive(decoder));
+  EXPECT_EQ(receiver.missing, 5U);
   EXPECT_EQ(decoder.counts().damaged, 1U);
 }
 
-TEST(LabjackU6Stream, PacketsOfAnotherShapeAreDamaged) {
+TEST(LabjackU6Stream, PacketsOfWrongFormatAreRejected) {
   Board board(5, 25);
   StreamDecoder decoder(5, 25);
   const Bytes good = board.packet();
@@ -179,39 +179,40 @@ TEST(LabjackU6Stream, PacketsOfAnotherShapeAreDamaged) {
   EXPECT_EQ(decoder.counts().packets_lost, 0U);
 }
 
-TEST(LabjackU6Stream, ARepeatedPacketIsDropped) {
+TEST(LabjackU6Stream, RepeatedPacketIsDropped) {
   Board board(3, 25);
   StreamDecoder decoder(3, 25);
-  Listener listener(3);
+  Receiver receiver(3);
   for (int i = 0; i < 300; ++i) {
     const Bytes packet = board.packet();
     ASSERT_EQ(decoder.take(packet), Outcome::ok);
-    ASSERT_TRUE(listener.hear(decoder));
+    ASSERT_TRUE(receiver.receive(decoder));
     ASSERT_EQ(decoder.take(packet), Outcome::repeated);
     ASSERT_TRUE(decoder.scans().empty());
   }
   EXPECT_EQ(decoder.counts().repeated, 300U);
-  EXPECT_EQ(listener.missing, 0U);
+  EXPECT_EQ(receiver.missing, 0U);
 }
 
-TEST(LabjackU6Stream, WhatTheBoardThrewAwayIsMissingExactly) {
+TEST(LabjackU6Stream, DiscardedScansAreCountedExactly) {
   for (const std::size_t channels : {1U, 3U, 4U, 5U, 25U}) {
-    for (int lead = 0; lead < 26; ++lead) {  // the dummy scan at every place, straddling as well
+    for (int lead = 0; lead < 26;
+         ++lead) {  // the dummy scan at every position, also straddling packets
       Board board(channels, 25);
       StreamDecoder decoder(static_cast<int>(channels), 25);
-      Listener listener(channels);
+      Receiver receiver(channels);
       for (int i = 0; i < lead; ++i) decoder.take(board.packet());
       for (int i = 0; i < 40; ++i) {
         ASSERT_EQ(decoder.take(board.packet(59)), Outcome::ok);
       }
-      listener.next = listener.channels > 0 ? decoder.counts().scans : 0;
+      receiver.next = receiver.channels > 0 ? decoder.counts().scans : 0;
       ASSERT_EQ(decoder.take(board.packet(60, 1234)), Outcome::ok);
-      ASSERT_TRUE(listener.hear(decoder)) << channels << " " << lead;
+      ASSERT_TRUE(receiver.receive(decoder)) << channels << " " << lead;
       for (int i = 0; i < 10; ++i) {
         ASSERT_EQ(decoder.take(board.packet()), Outcome::ok);
-        ASSERT_TRUE(listener.hear(decoder)) << channels << " " << lead;
+        ASSERT_TRUE(receiver.receive(decoder)) << channels << " " << lead;
       }
-      EXPECT_EQ(listener.missing, 1234U);
+      EXPECT_EQ(receiver.missing, 1234U);
       EXPECT_EQ(decoder.counts().overflow_losses, 1234U);
       EXPECT_EQ(decoder.counts().overflows, 1U);
       EXPECT_EQ(decoder.counts().scans_lost, 1234U);
@@ -219,7 +220,7 @@ TEST(LabjackU6Stream, WhatTheBoardThrewAwayIsMissingExactly) {
   }
 }
 
-TEST(LabjackU6Stream, ALostReportOfARecoveryEndsTheStream) {
+TEST(LabjackU6Stream, LostRecoveryReportEndsTheStream) {
   Board board(4, 25);
   StreamDecoder decoder(4, 25);
   decoder.take(board.packet(59));
@@ -229,7 +230,7 @@ TEST(LabjackU6Stream, ALostReportOfARecoveryEndsTheStream) {
   EXPECT_EQ(decoder.take(board.packet()), Outcome::uncountable);
 }
 
-TEST(LabjackU6Stream, ARecoveryThatContradictsItselfEndsTheStream) {
+TEST(LabjackU6Stream, InconsistentRecoveryEndsTheStream) {
   for (const bool no_dummy : {true, false}) {
     Board board(4, 25);
     StreamDecoder decoder(4, 25);
@@ -241,18 +242,18 @@ TEST(LabjackU6Stream, ARecoveryThatContradictsItselfEndsTheStream) {
   }
 }
 
-TEST(LabjackU6Stream, AnErrorOfTheBoardIsToldAndItsSamplesAreNotUsed) {
+TEST(LabjackU6Stream, BoardErrorIsReportedAndItsSamplesAreNotUsed) {
   Board board(5, 25);
   StreamDecoder decoder(5, 25);
-  Listener listener(5);
+  Receiver receiver(5);
   EXPECT_EQ(decoder.take(board.packet(55)), Outcome::error);
   EXPECT_EQ(decoder.error(), 55);
   EXPECT_EQ(decoder.take(board.packet()), Outcome::ok);
-  ASSERT_TRUE(listener.hear(decoder));
-  EXPECT_EQ(listener.missing, 5U);
+  ASSERT_TRUE(receiver.receive(decoder));
+  EXPECT_EQ(receiver.missing, 5U);
 }
 
-TEST(LabjackU6Stream, TheBacklogIsKept) {
+TEST(LabjackU6Stream, BacklogIsReported) {
   Board board(5, 25);
   StreamDecoder decoder(5, 25);
   board.backlog = 200;
@@ -260,17 +261,17 @@ TEST(LabjackU6Stream, TheBacklogIsKept) {
   EXPECT_EQ(decoder.backlog(), 200);
 }
 
-/// A bus that loses, damages and repeats, and a host that is late so that the board overflows.
-RC_GTEST_PROP(LabjackU6Stream, NothingWrongComesOutOfABadBus, ()) {
+/// A bus that loses, corrupts and repeats packets, and a late host, so that the board overflows.
+RC_GTEST_PROP(LabjackU6Stream, FaultyBusYieldsNoWrongScan, ()) {
   const auto channels = *rc::gen::inRange<std::size_t>(1, 26);
   const auto samples = *rc::gen::inRange<std::size_t>(1, 26);
   std::mt19937 random(*rc::gen::arbitrary<std::uint32_t>());
   const auto chance = [&random](unsigned in) { return random() % in == 0; };
   Board board(channels, samples);
   StreamDecoder decoder(static_cast<int>(channels), static_cast<int>(samples));
-  Listener listener(channels);
+  Receiver receiver(channels);
   std::uint64_t lost = 0, damaged = 0, repeated = 0, pending = 0;
-  bool reported = true;  // no report of a recovery was lost since an overflow was seen
+  bool reported = true;  // no recovery report was lost since an overflow
   unsigned draining = 0;
   std::uint64_t spoilt_run = 0;
   for (int i = 0; i < 700; ++i) {
@@ -285,7 +286,7 @@ RC_GTEST_PROP(LabjackU6Stream, NothingWrongComesOutOfABadBus, ()) {
       packet = board.packet();
     }
     if (draining > 0) --draining;
-    // Reports are kept whole here: what happens without them has its own test.
+    // Recovery reports are not lost here: see the separate test.
     if (!report && chance(10) && spoilt_run < 250) {
       ++pending;
       ++spoilt_run;
@@ -303,13 +304,13 @@ RC_GTEST_PROP(LabjackU6Stream, NothingWrongComesOutOfABadBus, ()) {
     pending = 0;
     const Outcome outcome = decoder.take(packet);
     if (outcome == Outcome::uncountable) {
-      // Two reports so close that the dummy scan of the first is not over, at most.
+      // At most two reports within the dummy scan of the first.
       RC_ASSERT(report && samples < channels);
       reported = false;
       break;
     }
     RC_ASSERT(outcome == Outcome::ok);
-    RC_ASSERT(listener.hear(decoder));
+    RC_ASSERT(receiver.receive(decoder));
     if (chance(20)) {
       ++repeated;
       RC_ASSERT(decoder.take(packet) == Outcome::repeated);
@@ -318,18 +319,18 @@ RC_GTEST_PROP(LabjackU6Stream, NothingWrongComesOutOfABadBus, ()) {
   RC_ASSERT(decoder.counts().packets_lost == lost);
   RC_ASSERT(decoder.counts().damaged == damaged);
   RC_ASSERT(decoder.counts().repeated == repeated);
-  RC_ASSERT(decoder.counts().scans_lost == listener.missing);
-  if (reported) RC_ASSERT(decoder.counts().scans == listener.heard);
+  RC_ASSERT(decoder.counts().scans_lost == receiver.missing);
+  if (reported) RC_ASSERT(decoder.counts().scans == receiver.received);
 }
 
-/// Without overflows, what is missing is just what the lost packets touched.
-RC_GTEST_PROP(LabjackU6Stream, LossesAreNoLargerThanWhatWasLost, ()) {
+/// Without overflows, exactly the scans with samples in lost packets are missing.
+RC_GTEST_PROP(LabjackU6Stream, LossesAreMinimal, ()) {
   const auto channels = *rc::gen::inRange<std::size_t>(1, 26);
   const auto samples = *rc::gen::inRange<std::size_t>(1, 26);
   std::mt19937 random(*rc::gen::arbitrary<std::uint32_t>());
   Board board(channels, samples);
   StreamDecoder decoder(static_cast<int>(channels), static_cast<int>(samples));
-  Listener listener(channels);
+  Receiver receiver(channels);
   std::map<std::uint64_t, std::size_t> arrived;  // samples by scan
   for (int i = 0; i < 400; ++i) {
     const std::uint64_t first = board.scan() * channels + board.channel();
@@ -337,14 +338,14 @@ RC_GTEST_PROP(LabjackU6Stream, LossesAreNoLargerThanWhatWasLost, ()) {
     if (random() % 5 == 0) continue;
     for (std::size_t k = 0; k < samples; ++k) ++arrived[(first + k) / channels];
     RC_ASSERT(decoder.take(packet) == Outcome::ok);
-    RC_ASSERT(listener.hear(decoder));
+    RC_ASSERT(receiver.receive(decoder));
   }
   std::uint64_t whole = 0;
   for (const auto& [scan, count] : arrived) whole += count == channels ? 1U : 0U;
-  RC_ASSERT(listener.heard == whole);
+  RC_ASSERT(receiver.received == whole);
 }
 
-/// Bytes of no meaning at all.
+/// Random bytes.
 RC_GTEST_PROP(LabjackU6Stream, NoiseIsNeverAScan, (const std::vector<std::uint8_t>& noise)) {
   StreamDecoder decoder(4, 25);
   RC_ASSERT(decoder.take(noise) == Outcome::damaged);

@@ -1,4 +1,4 @@
-// From a register map to requests.
+// Requests for a register map.
 #include "drivers/modbus/plan.h"
 
 #include <gmock/gmock.h>
@@ -36,7 +36,7 @@ ReadRequest holding(int address, int count) {
   return {RegisterTable::holding_registers, address, count};
 }
 
-TEST(ModbusPlan, ReadsWhatIsNeededAndEveryStatusAndAlarm) {
+TEST(ModbusPlan, ReadsNeededRegistersStatusAndAlarms) {
   ModbusMap map;
   map.registers = {
       reg("a", 1), reg("b", 2),
@@ -52,7 +52,7 @@ TEST(ModbusPlan, ReadsWhatIsNeededAndEveryStatusAndAlarm) {
   EXPECT_FALSE(plan.places[4]);
 }
 
-TEST(ModbusPlan, AGroupIsOneRequestAcrossGapsInWhateverOrder) {
+TEST(ModbusPlan, GroupIsOneRequestAcrossGapsInAnyOrder) {
   ModbusMap map;
   map.registers = {reg("late", 20, "g", RegisterType::float64), reg("first", 4, "g"),
                    reg("other", 9, "h"), reg("alone", 10),
@@ -64,7 +64,7 @@ TEST(ModbusPlan, AGroupIsOneRequestAcrossGapsInWhateverOrder) {
   EXPECT_EQ(plan.places[1], (Place{0, 0}));
 }
 
-TEST(ModbusPlan, LongGroupsAreCutBetweenValues) {
+TEST(ModbusPlan, LongGroupsAreSplitBetweenValues) {
   ModbusMap map;
   map.registers = {reg("a", 0, "g"), reg("b", 124, "g"), reg("c", 125, "g")};
   EXPECT_THAT(plan_requests(map, {"a", "b", "c"}).requests,
@@ -73,11 +73,9 @@ TEST(ModbusPlan, LongGroupsAreCutBetweenValues) {
   EXPECT_THAT(plan_requests(map, {"a", "b"}).requests, ElementsAre(holding(0, 1), holding(124, 2)));
 }
 
-TEST(ModbusPlan, AMapOfNothingIsNoRequest) {
-  EXPECT_THAT(plan_requests({}, {}).requests, IsEmpty());
-}
+TEST(ModbusPlan, EmptyMapHasNoRequest) { EXPECT_THAT(plan_requests({}, {}).requests, IsEmpty()); }
 
-RC_GTEST_PROP(ModbusPlan, EveryRegisterLiesWholeInItsRequest, ()) {
+RC_GTEST_PROP(ModbusPlan, EveryRegisterLiesWithinItsRequest, ()) {
   ModbusMap map;
   std::set<std::string> needed;
   const int count = *rc::gen::inRange(0, 20);

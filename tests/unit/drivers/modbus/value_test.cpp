@@ -1,4 +1,4 @@
-// Words and the values in them.
+// Conversion between words and values.
 #include "drivers/modbus/value.h"
 
 #include <gtest/gtest.h>
@@ -31,7 +31,7 @@ std::optional<double> value(const ModbusRegister& its, std::vector<std::uint16_t
   return value_of(its, words);
 }
 
-TEST(ModbusValue, FloatsTravelInFourOrders) {
+TEST(ModbusValue, FloatsHaveFourByteOrders) {
   // 3.25 is 40 50 00 00; 1.2345679 is 3F 9E 06 52.
   EXPECT_EQ(value(plain(float32, ByteOrder::abcd), {0x4050, 0x0000}), 3.25);
   EXPECT_EQ(value(plain(float32, ByteOrder::cdab), {0x0000, 0x4050}), 3.25);
@@ -44,7 +44,7 @@ TEST(ModbusValue, FloatsTravelInFourOrders) {
   EXPECT_EQ(value(plain(float32, ByteOrder::dcba), {0x5206, 0x9E3F}), odd);
 }
 
-TEST(ModbusValue, FourRegistersTurnAsTheirDescriptionSays) {
+TEST(ModbusValue, FourRegistersFollowTheirByteOrder) {
   EXPECT_EQ(value(plain(int64, ByteOrder::abcd), {0, 1, 0, 0}), 4294967296.0);
   EXPECT_EQ(value(plain(int64, ByteOrder::cdab), {0, 0, 1, 0}), 4294967296.0);
   EXPECT_EQ(value(plain(int64, ByteOrder::badc), {0, 0x0100, 0, 0}), 4294967296.0);
@@ -70,7 +70,7 @@ TEST(ModbusValue, BcdIsCheckedDigitByDigit) {
   }
 }
 
-TEST(ModbusValue, WhatIsNoNumberIsNoValue) {
+TEST(ModbusValue, InvalidEncodingsHaveNoValue) {
   EXPECT_FALSE(value(plain(float32), {0x7FC0, 0x0000}));
   EXPECT_FALSE(value(plain(float32), {0x7F80, 0x0000}));
   EXPECT_FALSE(value(plain(float64), {0xFFF0, 0, 0, 0}));
@@ -80,7 +80,7 @@ TEST(ModbusValue, WhatIsNoNumberIsNoValue) {
   EXPECT_FALSE(raw_of(plain(uint16), std::vector<std::uint16_t>{1, 2}));
 }
 
-TEST(ModbusValue, ScaleAndOffsetAreTheValuesAndNotTheRawNumbers) {
+TEST(ModbusValue, ScaleAndOffsetApplyToTheValueOnly) {
   ModbusRegister its = plain(int16);
   its.scale = 0.01;
   its.offset = -5.0;
@@ -91,13 +91,13 @@ TEST(ModbusValue, ScaleAndOffsetAreTheValuesAndNotTheRawNumbers) {
   EXPECT_FALSE(words_for(its, 1.0));
 }
 
-TEST(ModbusValue, AStatusMayBeAFloatThatIsWhole) {
+TEST(ModbusValue, StatusMayBeAnIntegralFloat) {
   EXPECT_EQ(raw_of(plain(float32), std::vector<std::uint16_t>{0x4040, 0}), 3);
   EXPECT_FALSE(raw_of(plain(float32), std::vector<std::uint16_t>{0x4050, 0}));
   EXPECT_FALSE(raw_of(plain(float64), std::vector<std::uint16_t>{0x7FE0, 0, 0, 0}));
 }
 
-TEST(ModbusValue, WhatDoesNotFitIsNotWritten) {
+TEST(ModbusValue, OutOfRangeValuesAreNotWritten) {
   const struct {
     RegisterType type;
     double low;
@@ -124,7 +124,7 @@ TEST(ModbusValue, WhatDoesNotFitIsNotWritten) {
   }
 }
 
-/// Some number that this type can hold.
+/// A number representable by a type.
 double some_number(RegisterType type) {
   switch (type) {
     case bit:
@@ -137,7 +137,7 @@ double some_number(RegisterType type) {
       return *rc::gen::arbitrary<std::uint32_t>();
     case int32:
       return *rc::gen::arbitrary<std::int32_t>();
-    case int64:  // as many as a double can tell apart
+    case int64:  // limited to exact doubles
       return static_cast<double>(*rc::gen::inRange<std::int64_t>(-(1LL << 53), 1LL << 53));
     case float32:
       return static_cast<double>(*rc::gen::arbitrary<float>());
@@ -151,7 +151,7 @@ double some_number(RegisterType type) {
   return *rc::gen::inRange(0, 100000000);
 }
 
-RC_GTEST_PROP(ModbusValue, WhatIsWrittenReadsBackInEveryTypeAndOrder, ()) {
+RC_GTEST_PROP(ModbusValue, WrittenValuesReadBackInEveryTypeAndOrder, ()) {
   for (const RegisterType type : types) {
     const double number = some_number(type);
     RC_PRE(std::isfinite(number));
@@ -165,11 +165,10 @@ RC_GTEST_PROP(ModbusValue, WhatIsWrittenReadsBackInEveryTypeAndOrder, ()) {
   }
 }
 
-RC_GTEST_PROP(ModbusValue, WhatIsReadIsWrittenSoThatItReadsTheSame,
-              (std::vector<std::uint16_t> words)) {
+RC_GTEST_PROP(ModbusValue, ReadValuesAreWrittenIdentically, (std::vector<std::uint16_t> words)) {
   words.resize(4, 0);
   for (const RegisterType type : types) {
-    if (type == int64) continue;  // a double cannot tell all of them apart
+    if (type == int64) continue;  // not exactly representable as double
     for (const ByteOrder order : orders) {
       const ModbusRegister its = plain(type, order);
       const auto own = std::span(words).first(registers_of(type));
@@ -177,7 +176,7 @@ RC_GTEST_PROP(ModbusValue, WhatIsReadIsWrittenSoThatItReadsTheSame,
       if (!number) continue;
       const auto again = words_for(its, *number);
       RC_ASSERT(again.has_value());
-      // Not the words: there are two zeros.
+      // Values instead of words, because of the two zeros.
       RC_ASSERT(value_of(its, again->view()) == number);
     }
   }

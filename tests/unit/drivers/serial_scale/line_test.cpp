@@ -1,4 +1,4 @@
-// Lines of a serial scale, sound and spoilt, and the rhythm in which they come.
+// Valid and corrupted lines of a serial scale, and their missed messages.
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
@@ -25,7 +25,7 @@ void expect_nothing(const std::string& line) {
 }
 
 TEST(SerialScaleLine, IsAWeightInNewtons) {
-  const auto stable = parse_line("S +00012.345 g *30\r\n");  // its checksum worked out by hand
+  const auto stable = parse_line("S +00012.345 g *30\r\n");  // checksum derived by hand
   ASSERT_TRUE(stable);
   EXPECT_TRUE(stable->valid);
   EXPECT_NEAR(stable->force_n, 0.012345 * 9.80665, 1e-12);
@@ -35,13 +35,13 @@ TEST(SerialScaleLine, IsAWeightInNewtons) {
   EXPECT_NEAR(in_motion->force_n, -1.5 * 9.80665, 1e-12);
 }
 
-TEST(SerialScaleLine, OfAnErrorIsNotValid) {
+TEST(SerialScaleLine, ErrorIsInvalid) {
   const auto error = parse_line(with_checksum("E -------- g"));
   ASSERT_TRUE(error);
   EXPECT_FALSE(error->valid);
 }
 
-TEST(SerialScaleLine, OfAnotherFormIsNothingEvenWithItsChecksum) {
+TEST(SerialScaleLine, WrongFormatIsRejectedDespiteItsChecksum) {
   for (const char* text :
        {"",           "S",        "S  g",      "X +1.0 g",   "s +1.0 g",   "S 1.0 g",
         "S +1 g",     "S +1. g",  "S +.5 g",   "S +1.0.0 g", "S +1,0 g",   "S +1e3 g",
@@ -54,7 +54,7 @@ TEST(SerialScaleLine, OfAnotherFormIsNothingEvenWithItsChecksum) {
   expect_nothing(with_checksum("S +" + std::string(60, '1') + ".0 g"));
 }
 
-TEST(SerialScaleLine, WithAWrongEndingIsNothing) {
+TEST(SerialScaleLine, WrongEndingIsRejected) {
   for (const char* line :
        {"", "\n", "\r\n", " *00\r\n", "S +00012.345 g *31\r\n", "S +00012.345 g *30\n",
         "S +00012.345 g *30", "S +00012.345 g *3\r\n", "S +00012.345 g *030\r\n",
@@ -66,7 +66,7 @@ TEST(SerialScaleLine, WithAWrongEndingIsNothing) {
   expect_nothing("M -2.5 g *2e\r\n");
 }
 
-/// A sound line that is not an error, and what it says.
+/// A valid line without an error, and its content.
 std::string any_line() {
   const int digits = *rc::gen::inRange(0, 100'000'000);
   char number[16];
@@ -80,7 +80,7 @@ char other_than(char was) {
       *rc::gen::suchThat(rc::gen::arbitrary<char>(), [was](char each) { return each != was; }));
 }
 
-RC_GTEST_PROP(SerialScaleLineProperty, AByteChangedLostOrAddedIsSeen, ()) {
+RC_GTEST_PROP(SerialScaleLineProperty, ChangedLostOrAddedByteIsDetected, ()) {
   std::string line = any_line();
   RC_ASSERT(parse_line(line).has_value());
   const auto at = *rc::gen::inRange<std::size_t>(0, line.size());
@@ -97,11 +97,11 @@ RC_GTEST_PROP(SerialScaleLineProperty, AByteChangedLostOrAddedIsSeen, ()) {
   RC_ASSERT(!parse_line(line));
 }
 
-RC_GTEST_PROP(SerialScaleLineProperty, EightBitsInARowSpoiltAreSeen, ()) {
+RC_GTEST_PROP(SerialScaleLineProperty, BurstOfEightBitsIsDetected, ()) {
   std::string line = any_line();
   const auto burst = *rc::gen::inRange(1U, 256U);
   const auto first = *rc::gen::inRange<std::size_t>(0, 8 * line.size() - 8);
-  for (std::size_t i = 0; i < 8; ++i) {  // the least significant bit travels first
+  for (std::size_t i = 0; i < 8; ++i) {  // the least significant bit is transmitted first
     if ((burst >> i & 1U) == 0) continue;
     const std::size_t bit = first + i;
     line[bit / 8] = static_cast<char>(line[bit / 8] ^ (1 << bit % 8));
@@ -109,7 +109,7 @@ RC_GTEST_PROP(SerialScaleLineProperty, EightBitsInARowSpoiltAreSeen, ()) {
   RC_ASSERT(!parse_line(line));
 }
 
-RC_GTEST_PROP(SerialScaleLineProperty, APieceOrTwoPiecesAreNoLine, ()) {
+RC_GTEST_PROP(SerialScaleLineProperty, FragmentsAreRejected, ()) {
   const std::string line = any_line();
   const std::string other = any_line();
   const auto cut = *rc::gen::inRange<std::size_t>(1, line.size());
@@ -119,9 +119,9 @@ RC_GTEST_PROP(SerialScaleLineProperty, APieceOrTwoPiecesAreNoLine, ()) {
   RC_ASSERT(!parse_line(line.substr(0, cut) + other));
 }
 
-// Whatever befalls many bytes at once: the checksum may come out right by chance, one time in 256.
-// Then nothing but the form is left to object.
-RC_GTEST_PROP(SerialScaleLineProperty, AnyBytesAreNothingUnlessTheirChecksumIsRight, ()) {
+// With errors in many bytes the checksum is valid by chance in one of 256 cases; then only the
+// format is left as a check.
+RC_GTEST_PROP(SerialScaleLineProperty, ArbitraryBytesAreRejectedWithoutAValidChecksum, ()) {
   std::string line = any_line();
   const std::string before = line;
   for (int n = *rc::gen::inRange(1, 9); n > 0; --n) {
@@ -132,33 +132,33 @@ RC_GTEST_PROP(SerialScaleLineProperty, AnyBytesAreNothingUnlessTheirChecksumIsRi
   RC_CLASSIFY(adds_up && line != before, "right by chance");
 }
 
-TEST(SerialScaleRhythm, MissesNothingInLinesThatWander) {
+TEST(MissedMessages, CountsNoneForLinesWithJitter) {
   for (const std::int64_t interval : {80 * ms, 100 * ms, 120 * ms}) {
-    Rhythm rhythm(100'000'000, 0);
+    MissedMessages missed(100'000'000, 0);
     const std::int64_t late[] = {0, 30 * ms, 5 * ms, 50 * ms, 0, 12 * ms};
     for (int i = 1; i < 500; ++i) {
-      EXPECT_EQ(rhythm.take(i * interval + late[i % 6], 1), 0U) << interval << " " << i;
+      EXPECT_EQ(missed.count(i * interval + late[i % 6], 1), 0U) << interval << " " << i;
     }
   }
 }
 
-TEST(SerialScaleRhythm, CountsTheLinesOfAGapOnce) {
-  Rhythm rhythm(100'000'000, 0);
-  for (int i = 1; i <= 20; ++i) EXPECT_EQ(rhythm.take(i * 100 * ms, 1), 0U);
-  EXPECT_EQ(rhythm.take(2400 * ms, 1), 3U);
-  EXPECT_EQ(rhythm.take(2500 * ms, 1), 0U);
-  // Silence is told while it lasts, and not again when it ends.
-  EXPECT_EQ(rhythm.take(2670 * ms, 0), 0U);
-  EXPECT_EQ(rhythm.take(2680 * ms, 0), 1U);
-  EXPECT_EQ(rhythm.take(2990 * ms, 0), 3U);
-  EXPECT_EQ(rhythm.take(3000 * ms, 1), 0U);
+TEST(MissedMessages, CountsTheMessagesOfAGapOnce) {
+  MissedMessages missed(100'000'000, 0);
+  for (int i = 1; i <= 20; ++i) EXPECT_EQ(missed.count(i * 100 * ms, 1), 0U);
+  EXPECT_EQ(missed.count(2400 * ms, 1), 3U);
+  EXPECT_EQ(missed.count(2500 * ms, 1), 0U);
+  // Silence is counted while it lasts, and not again at its end.
+  EXPECT_EQ(missed.count(2670 * ms, 0), 0U);
+  EXPECT_EQ(missed.count(2680 * ms, 0), 1U);
+  EXPECT_EQ(missed.count(2990 * ms, 0), 3U);
+  EXPECT_EQ(missed.count(3000 * ms, 1), 0U);
 }
 
-TEST(SerialScaleRhythm, WhatComesTogetherLateIsNotMissing) {
-  Rhythm rhythm(100'000'000, 0);
-  for (int i = 1; i <= 20; ++i) rhythm.take(i * 100 * ms, 1);
-  EXPECT_EQ(rhythm.take(2500 * ms, 5), 0U);
-  EXPECT_EQ(rhythm.take(3000 * ms, 3), 2U);
+TEST(MissedMessages, LateBurstsAreNotMissed) {
+  MissedMessages missed(100'000'000, 0);
+  for (int i = 1; i <= 20; ++i) missed.count(i * 100 * ms, 1);
+  EXPECT_EQ(missed.count(2500 * ms, 5), 0U);
+  EXPECT_EQ(missed.count(3000 * ms, 3), 2U);
 }
 
 }  // namespace

@@ -13,16 +13,16 @@ TEST(Usb1208fsPlusNumbering, CountsFromZero) {
   for (std::uint64_t i = 0; i < 5; ++i) EXPECT_EQ(numbering.take(), i);
 }
 
-TEST(Usb1208fsPlusNumbering, AScanBegunAnewGoesOnWhereTheClockIs) {
+TEST(Usb1208fsPlusNumbering, RestartedScanContinuesByTheClock) {
   Numbering numbering(1e-3);
   numbering.begin(1000 * ms);
   for (int i = 0; i < 40; ++i) numbering.take();
-  numbering.arrived(1050 * ms);  // however late they came
+  numbering.arrived(1050 * ms);  // with any lateness
   numbering.begin(1300 * ms);
   EXPECT_EQ(numbering.take(), 300U);
 }
 
-TEST(Usb1208fsPlusNumbering, LeavesAGapOfOneAtLeast) {
+TEST(Usb1208fsPlusNumbering, LeavesAGapOfAtLeastOne) {
   Numbering numbering(1e-3);
   numbering.begin(0);
   for (int i = 0; i < 100; ++i) numbering.take();
@@ -30,7 +30,7 @@ TEST(Usb1208fsPlusNumbering, LeavesAGapOfOneAtLeast) {
   EXPECT_EQ(numbering.take(), 101U);
 }
 
-TEST(Usb1208fsPlusNumbering, ManyStartsAddNoRounding) {
+TEST(Usb1208fsPlusNumbering, RestartsAccumulateNoRounding) {
   Numbering numbering(1e-3);
   std::int64_t host_ns = 0;
   numbering.begin(host_ns);
@@ -42,8 +42,8 @@ TEST(Usb1208fsPlusNumbering, ManyStartsAddNoRounding) {
   EXPECT_NEAR(static_cast<double>(numbering.take()), 10500.0, 1.0);
 }
 
-/// An hour with a crystal that is 80 ppm slow: 288 scans that were not lost.
-TEST(Usb1208fsPlusNumbering, TheCrystalsDriftIsNoLoss) {
+/// An hour with a crystal that is 80 ppm slow: a drift of 288 scans, none lost.
+TEST(Usb1208fsPlusNumbering, CrystalDriftIsNoLoss) {
   Numbering numbering(1e-3);
   numbering.begin(0);
   std::int64_t host_ns = 0;

@@ -1,0 +1,71 @@
+#include "drivers/factory/make_bench.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+#include "drivers/amplifier/amplifier.h"
+#include "drivers/bench/bench_driver.h"
+#include "drivers/labjack_u6/labjack_u6_driver.h"
+#include "drivers/modbus/modbus_unit.h"
+#include "drivers/phidget_bridge/phidget_bridge.h"
+#include "drivers/serial_scale/serial_scale.h"
+#include "drivers/usb_1208fs_plus/usb_1208fs_plus_driver.h"
+
+namespace stickslip::drivers {
+
+namespace {
+
+std::unique_ptr<Driver> board_of(const config::Bench& bench, double rate_hz, HostClock& clock) {
+  switch (bench.board) {
+    case config::BoardKind::usb_1208fs_plus:
+      return std::make_unique<Usb1208fsPlusDriver>(
+          bench.usb_1208fs_plus, config::inputs_of(bench.inputs, "usb_1208fs_plus"), rate_hz,
+          clock);
+    case config::BoardKind::labjack_u6:
+      break;
+  }
+  return std::make_unique<LabjackU6Driver>(
+      bench.labjack_u6, config::inputs_of(bench.inputs, "labjack_u6"), rate_hz, clock);
+}
+
+bool any(const config::BenchInputs& inputs) {
+  return std::any_of(inputs.begin(), inputs.end(), [](const auto& input) { return !!input; });
+}
+
+/// `inputs` are those of this gauge. A kind without a case does not compile.
+std::unique_ptr<Gauge> gauge_of(const config::GaugeAt& settings, const config::BenchInputs& inputs,
+                                HostClock& clock) {
+  switch (settings.kind) {
+    case config::GaugeKind::serial_scale:
+      return std::make_unique<SerialScale>(settings, inputs, clock);
+  }
+  throw std::logic_error("unknown kind of gauge");
+}
+
+}  // namespace
+
+BenchParts make_bench_parts(const config::Bench& bench, double rate_hz) {
+  BenchParts parts;
+  parts.clock = std::make_unique<MonotonicHostClock>();
+  HostClock& clock = *parts.clock;
+  parts.board = board_of(bench, rate_hz, clock);
+  parts.gauges = make_modbus_gauges(bench.modbus, bench.inputs, clock);
+  const config::BenchInputs bridge = config::inputs_of(bench.inputs, "phidget_bridge");
+  if (any(bridge)) {
+    parts.gauges.push_back(std::make_unique<PhidgetBridge>(bench.phidget_bridge, bridge, clock));
+  }
+  for (const config::GaugeAt& gauge : bench.gauges) {
+    const config::BenchInputs own = config::inputs_of(bench.inputs, gauge.name);
+    if (any(own)) parts.gauges.push_back(gauge_of(gauge, own, clock));
+  }
+  if (bench.amplifier) parts.amplifier = std::make_unique<Amplifier>(*bench.amplifier, clock);
+  return parts;
+}
+
+std::unique_ptr<Driver> make_bench(const config::Bench& bench, double rate_hz) {
+  return std::make_unique<BenchDriver>(make_bench_parts(bench, rate_hz), bench.inputs,
+                                       bench.shaker);
+}
+
+}  // namespace stickslip::drivers

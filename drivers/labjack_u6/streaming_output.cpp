@@ -1,0 +1,245 @@
+#include "drivers/labjack_u6/streaming_output.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "drivers/labjack_u6/stream_plan.h"
+
+namespace stickslip::drivers::labjack_u6 {
+
+namespace {
+
+constexpr std::int64_t second_ns = 1'000'000'000;
+constexpr std::int64_t line_period_ns = 20'000'000;
+// A set-point may take longer than the levels stay valid. One lost reply must not stop a rig: a
+// separate request is sent early enough to be answered.
+constexpr std::int64_t line_request_ns = line_validity_ns / 2;
+// "On" may reach the board this long after it was sent; the watchdog must not have acted by then.
+constexpr std::int64_t max_transit_ns = std::int64_t{leaving_patience_ms} * 1'000'000;
+
+constexpr const char* off_failed =
+    "switching the amplifier off was not confirmed; the command is repeated";
+constexpr const char* set_point_failed = "a set-point did not arrive";
+constexpr const char* not_sent = "the command could not be sent";
+
+using Progress = StreamSession::Progress;
+
+bool failed(const Progress& progress) {
+  return progress.kind == Progress::Kind::failed || progress.kind == Progress::Kind::timed_out;
+}
+
+unsigned bit_of(Slot slot) { return 1U << static_cast<unsigned>(slot); }
+
+const char* reason(const Progress& progress) {
+  if (progress.kind == Progress::Kind::timed_out) return "no answer within 0.25 s";
+  switch (progress.verdict.kind) {
+    case Verdict::Kind::error:
+      return error_name(progress.verdict.code);
+    case Verdict::Kind::checksum:
+      return "the reply was corrupted";
+    case Verdict::Kind::refused:
+      return "the command was corrupted";
+    default:
+      return "the command could not be sent, or the reply has an unexpected format";
+  }
+}
+
+}  // namespace
+
+StreamingOutput::StreamingOutput(const config::LabjackU6& settings, const std::string& name,
+                                 StreamSession& session, Lines& lines, std::uint8_t& echo,
+                                 std::uint16_t sent_counts, std::int64_t now_ns)
+    : settings_(settings),
+      name_(name),
+      session_(session),
+      lines_(lines),
+      echo_(echo),
+      sent_counts_(sent_counts),
+      sent_ns_(now_ns),
+      confirmed_ns_(now_ns) {}
+
+void StreamingOutput::apply(std::uint16_t counts, bool requested, bool on, std::int64_t now_ns) {
+  if (watchdog_expired(now_ns)) tripped_ = true;
+  if (!requested) tripped_ = false;
+  // "Off" goes out before anything else is processed.
+  if ((!on || tripped_) && power_ != Power::off) turn_off(counts, now_ns);
+  collect(now_ns);
+  request_lines(now_ns);
+  if (on && !tripped_) {
+    keep_on(counts, now_ns);
+  } else {
+    keep_off(counts, now_ns);
+  }
+}
+
+void StreamingOutput::refresh_while_off(std::int64_t now_ns) {
+  if (!is_due(sent_counts_, false, now_ns)) return;
+  collect(now_ns);
+  request_lines(now_ns);
+  keep_off(sent_counts_, now_ns);
+}
+
+void StreamingOutput::send_pending_set_point(std::int64_t now_ns) {
+  if (watchdog_expired(now_ns)) tripped_ = true;
+  collect(now_ns);
+  if (!tripped_) send_set_point(wanted_counts_, true, now_ns);
+}
+
+const char* StreamingOutput::report_failure() {
+  if (failed_ == 0 && failure_reported_) failure_[0] = '\0';
+  if (failure_[0] == '\0') return nullptr;
+  failure_reported_ = true;
+  return failure_.data();
+}
+
+/// No command was confirmed for so long that the watchdog has acted, or should have.
+bool StreamingOutput::watchdog_expired(std::int64_t now_ns) const {
+  return has_watchdog(settings_) && power_ == Power::on &&
+         now_ns - confirmed_ns_ > settings_.watchdog_s * second_ns - max_transit_ns;
+}
+
+void StreamingOutput::collect(std::int64_t now_ns) {
+  collect_set_point(now_ns);
+  collect_off(now_ns);
+  collect_watchdog(now_ns);
+}
+
+void StreamingOutput::note_failure(Slot slot, const char* what, const char* why) {
+  failed_ = static_cast<std::uint8_t>(failed_ | bit_of(slot));
+  failure_reported_ = false;
+  std::snprintf(failure_.data(), failure_.size(), "%s: %s: %s", name_.c_str(), what, why);
+}
+
+/// A confirmed "off" settles all earlier commands. A set-point does not settle an "off", nor a
+/// watchdog that has to be armed first.
+void StreamingOutput::note_success(Slot slot, std::int64_t sent_ns) {
+  confirmed_ns_ = std::max(confirmed_ns_, sent_ns);
+  unsigned settled = bit_of(slot);
+  if (slot == Slot::off) settled = ~0U;
+  if (slot == Slot::set_point && power_ == Power::off) settled |= bit_of(Slot::watchdog);
+  failed_ = static_cast<std::uint8_t>(failed_ & ~settled);
+}
+
+void StreamingOutput::collect_set_point(std::int64_t now_ns) {
+  const Progress progress = session_.progress(Slot::set_point, now_ns);
+  if (progress.kind == Progress::Kind::done) note_success(Slot::set_point, progress.sent_ns);
+  if (!failed(progress)) return;
+  resend_ = true;
+  note_failure(Slot::set_point, set_point_failed, reason(progress));
+}
+
+void StreamingOutput::collect_off(std::int64_t now_ns) {
+  const Progress progress = session_.progress(Slot::off, now_ns);
+  if (progress.kind == Progress::Kind::done) {
+    off_unconfirmed_ = false;
+    note_success(Slot::off, progress.sent_ns);
+  }
+  if (!failed(progress)) return;
+  note_failure(Slot::off, off_failed, reason(progress));
+}
+
+void StreamingOutput::collect_watchdog(std::int64_t now_ns) {
+  const Progress progress = session_.progress(Slot::watchdog, now_ns);
+  if (progress.kind == Progress::Kind::done) {
+    watchdog_armed_ = arming_;
+    note_success(Slot::watchdog, progress.sent_ns);
+  }
+  if (!failed(progress)) return;
+  watchdog_armed_ = !arming_;  // presumably unchanged, so the command is repeated
+  note_failure(Slot::watchdog, "its watchdog was not set", reason(progress));
+}
+
+bool StreamingOutput::reads_lines() const {
+  return settings_.amplifier_fault_line || settings_.emergency_stop_line;
+}
+
+/// A missing reply shows in the age of the levels and is not reported separately.
+void StreamingOutput::request_lines(std::int64_t now_ns) {
+  if (!reads_lines()) return;
+  session_.progress(Slot::lines, now_ns);
+  if (now_ns - lines_.requested_ns() < line_request_ns || !session_.free(Slot::lines)) return;
+  Feedback feedback(++echo_);
+  session_.send(Slot::lines, feedback.read_lines().command(), echo_, now_ns);
+}
+
+void StreamingOutput::turn_off(std::uint16_t counts, std::int64_t now_ns) {
+  power_ = Power::off;
+  sent_on_ = false;
+  off_unconfirmed_ = true;
+  // While an "off" is in progress no "on" is sent, so it is the latest command already.
+  if (!session_.free(Slot::off)) return;
+  Feedback feedback(++echo_);
+  if (settings_.enable_line) feedback.set_line(*settings_.enable_line, false);
+  feedback.dac(settings_.dac, counts).read_lines();
+  if (session_.send(Slot::off, feedback.command(), echo_, now_ns)) {
+    sent_ns_ = now_ns;
+    sent_counts_ = counts;
+  } else {
+    note_failure(Slot::off, off_failed, not_sent);
+  }
+}
+
+void StreamingOutput::keep_off(std::uint16_t counts, std::int64_t now_ns) {
+  if (off_unconfirmed_) {
+    if (session_.free(Slot::off)) turn_off(counts, now_ns);
+    return;
+  }
+  if (watchdog_armed_ && session_.free(Slot::watchdog)) {
+    arming_ = false;
+    session_.send(Slot::watchdog, disarm_watchdog(), 0, now_ns);
+  }
+  if (is_due(counts, false, now_ns)) send_set_point(counts, false, now_ns);
+}
+
+void StreamingOutput::keep_on(std::uint16_t counts, std::int64_t now_ns) {
+  if (off_unconfirmed_) {  // settled first
+    keep_off(counts, now_ns);
+    return;
+  }
+  if (!watchdog_ready(now_ns)) return;
+  power_ = Power::on;
+  wanted_counts_ = counts;
+  if (is_due(counts, true, now_ns)) send_set_point(counts, true, now_ns);
+}
+
+/// True if the watchdog is known to be armed; otherwise arms it.
+bool StreamingOutput::watchdog_ready(std::int64_t now_ns) {
+  if (!has_watchdog(settings_) || power_ == Power::on) return true;
+  if (power_ == Power::arming && watchdog_armed_) return true;
+  // A disarming in progress completes first: the board obeys the command that arrives last.
+  if (session_.free(Slot::watchdog)) {
+    power_ = Power::arming;
+    watchdog_armed_ = false;
+    arming_ = true;
+    const Command arm =
+        arm_watchdog(static_cast<std::uint16_t>(settings_.watchdog_s), *settings_.enable_line);
+    session_.send(Slot::watchdog, arm, 0, now_ns);
+  }
+  return false;
+}
+
+bool StreamingOutput::is_due(std::uint16_t counts, bool on, std::int64_t now_ns) const {
+  if (resend_ || counts != sent_counts_ || on != sent_on_) return true;
+  std::int64_t quiet_ns = second_ns;
+  if (reads_lines()) quiet_ns = line_period_ns;
+  if (has_watchdog(settings_)) quiet_ns = std::min(quiet_ns, settings_.watchdog_s * second_ns / 3);
+  return now_ns - sent_ns_ >= quiet_ns;
+}
+
+void StreamingOutput::send_set_point(std::uint16_t counts, bool on, std::int64_t now_ns) {
+  if (!session_.free(Slot::set_point)) return;  // the next write brings a newer one
+  Feedback feedback(++echo_);
+  feedback.dac(settings_.dac, counts);
+  if (settings_.enable_line) feedback.set_line(*settings_.enable_line, on);
+  feedback.read_lines();
+  if (!session_.send(Slot::set_point, feedback.command(), echo_, now_ns)) {
+    note_failure(Slot::set_point, set_point_failed, not_sent);
+    return;
+  }
+  resend_ = false;
+  sent_on_ = on;
+  sent_counts_ = counts;
+  sent_ns_ = now_ns;
+}
+
+}  // namespace stickslip::drivers::labjack_u6
