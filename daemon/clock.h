@@ -1,7 +1,7 @@
 // The loop's clock: absolute, monotonic, and replaceable in tests.
 #pragma once
 
-#include "drivers/host_clock.h"
+#include "drivers/clock/host_clock.h"
 
 namespace stickslip::daemon {
 

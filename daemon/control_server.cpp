@@ -123,8 +123,8 @@ std::optional<Command::Kind> kind_of(const std::string& command) {
 json model_of(const Status& status) {
   if (!status.model_checked) return {{"standing", "off"}};
   const ModelVerdict& verdict = status.model;
-  json out = {{"standing", observer::name_of(verdict.standing)}, {"alarms", verdict.alarms}};
-  if (verdict.standing != observer::ModelStanding::broken) return out;
+  json out = {{"standing", observer::name_of(verdict.status)}, {"alarms", verdict.alarms}};
+  if (verdict.status != observer::ModelStatus::broken) return out;
   out["statement"] = observer::words_for(verdict);
   out["explained"] = status.model_explained;
   out["relation"] = physics::name_of(verdict.relation);

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "drivers/device_clock.h"
+#include "drivers/clock/device_clock.h"
 #include "physics/frame.h"
 
 namespace stickslip::daemon {

@@ -140,7 +140,7 @@ Interlocks::Broken Interlocks::broken(std::int64_t now_ns) const {
   }
   out = device_broken(now_ns);
   if (out.interlock != Interlock::none) return out;
-  if (signals_.lost_part != nullptr) return is(Interlock::part_lost, signals_.lost_part);
+  if (signals_.lost_device != nullptr) return is(Interlock::part_lost, signals_.lost_device);
   if (!drive_finite_) return is(Interlock::drive_not_finite, "the drive is not a finite number");
   if (channel_broken(now_ns, out)) return out;
   if (overrun_ns_ > 0) {

@@ -47,7 +47,7 @@ Loop::Loop(drivers::Driver& driver, Clock& clock, const LoopSettings& settings,
       can_drive_(driver.description().can_drive),
       pacer_(clock,
              {settings_.pacing, settings_.period_ns, settings_.lateness_limit_ns, can_drive_}),
-      frame_time_(!pacer_.has_deadlines() || driver.description().time_of_its_own),
+      frame_time_(!pacer_.has_deadlines() || driver.description().stepped_time),
       sequencer_(settings_.period_ns, driver.description().own_clock),
       interlocks_(settings.live.interlocks, driver.description().channels),
       notices_(notice_capacity),
@@ -371,7 +371,7 @@ void Loop::check_model(const Estimate& estimate) {
   ModelCheck* const check = settings_.model_check;
   if (check == nullptr || !check->update(estimate)) return;
   const ModelVerdict& verdict = check->verdict();
-  const bool broken = verdict.standing == observer::ModelStanding::broken;
+  const bool broken = verdict.status == observer::ModelStatus::broken;
   // The end of the learning phase is not reported.
   if (broken || verdict.alarms > 0) {
     notify(broken ? Notice::Kind::model_broken : Notice::Kind::model_follows);

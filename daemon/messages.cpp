@@ -253,8 +253,8 @@ bool MessageSink::flush() {
 }
 
 WriteResult MessageSink::write_estimate(const Estimate& estimate) {
-  const bool any = estimate.standing != observer::Standing::waiting &&
-                   estimate.standing != observer::Standing::unsupported;
+  const bool any = estimate.status != observer::EstimateStatus::waiting &&
+                   estimate.status != observer::EstimateStatus::unsupported;
   friction_estimate_t& out = estimate_;
   out.time_ns = estimate.time_ns;
   out.sequence = signed_of(estimate.sequence);

@@ -17,7 +17,7 @@ InterlockSettings interlock_settings(const config::Rig& rig, const drivers::Desc
   // A recording may have gaps, a device may not. A rig whose time waits for the host misses nothing
   // while the host is late.
   const double silence_s = rig.driver == config::DriverKind::replay ? 0.0 : 0.1;
-  const double overrun_s = device.time_of_its_own ? 0.0 : 0.05;
+  const double overrun_s = device.stepped_time ? 0.0 : 0.05;
   out.longest_silence_ns = ns_of(safety.longest_silence_s.value_or(silence_s));
   out.longest_overrun_ns = ns_of(safety.longest_overrun_s.value_or(overrun_s));
   out.stale_after_ns = ns_of(safety.stale_after_s);

@@ -35,7 +35,7 @@
 #include "daemon/status.h"
 #include "daemon/stream.h"
 #include "daemon/utc_clock.h"
-#include "drivers/make_driver.h"
+#include "drivers/factory/make_driver.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
 

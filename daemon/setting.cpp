@@ -99,8 +99,8 @@ std::optional<std::string> refusal(const config::Excitation& excitation,
   const std::string asked = name + " = " + config::short_number(setting.value);
   if (!has_tunable(excitation, setting.tunable)) {
     return name + " cannot be set: the excitation's kind is \"" +
-           std::string(config::name_of(excitation.kind)) +
-           "\"" + (excitation.envelope.empty() ? "" : " with an envelope");
+           std::string(config::name_of(excitation.kind)) + "\"" +
+           (excitation.envelope.empty() ? "" : " with an envelope");
   }
   const config::Key& key = *config::find_key(config::rig_keys(), "excitation." + name);
   const bool in_range = std::isfinite(setting.value) &&

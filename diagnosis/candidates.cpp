@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <optional>
 
-#include "physics/effects/catalogue.h"
+#include "physics/catalogue.h"
 
 namespace stickslip::diagnosis {
 

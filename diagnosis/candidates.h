@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "diagnosis/experiment.h"
-#include "physics/effects/effect.h"
+#include "physics/effect.h"
 
 namespace stickslip::diagnosis {
 

@@ -113,23 +113,15 @@ std::vector<Curve> portrait_with_bands(const FittedCandidate& each, const Experi
   return curves;
 }
 
-// Begin and end of an effect whose card has these parameters, within the recording.
+// Begin and end, within the recording, of an effect that does not last.
 std::optional<std::pair<double, double>> episode_of(const FittedCandidate& each,
                                                     const Experiment& experiment) {
+  const auto& episode = each.candidate.effect->card().episode;
+  if (!episode) return std::nullopt;
   const auto values = own_parameters(each);
-  const auto value_of = [&](std::string_view name) -> std::optional<double> {
-    const auto cards = each.candidate.effect->card().parameters;
-    for (std::size_t i = 0; i < cards.size(); ++i) {
-      if (cards[i].name == name) return values[i];
-    }
-    return std::nullopt;
-  };
-  const auto begin_s = value_of("begin_s");
-  const auto end_s = value_of("end_s");
-  if (!begin_s || !end_s) return std::nullopt;
   const double last_s = experiment.period_s * static_cast<double>(experiment.samples);
-  return std::pair{experiment.start_s + std::clamp(*begin_s, 0.0, last_s),
-                   experiment.start_s + std::clamp(*end_s, 0.0, last_s)};
+  return std::pair{experiment.start_s + std::clamp(values[episode->begin_s], 0.0, last_s),
+                   experiment.start_s + std::clamp(values[episode->end_s], 0.0, last_s)};
 }
 
 // Probabilities of a claim's rivals. The claimed one may be preferred to more probable ones,

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "physics/effects/effect.h"
+#include "physics/effect.h"
 #include "physics/model.h"
 #include "physics/rig.h"
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "diagnosis/criteria.h"
-#include "physics/effects/effect.h"
+#include "physics/effect.h"
 #include "physics/frame.h"
 #include "physics/model.h"
 #include "protocol/recording.h"

@@ -10,7 +10,7 @@
 #include "diagnosis/experiment.h"
 #include "diagnosis/hypothesis.h"
 #include "diagnosis/shooting.h"
-#include "physics/effects/effect.h"
+#include "physics/effect.h"
 
 namespace stickslip::diagnosis {
 

@@ -5,7 +5,7 @@
 
 #include "diagnosis/screening.h"
 #include "diagnosis/selection.h"
-#include "physics/effects/catalogue.h"
+#include "physics/catalogue.h"
 
 namespace stickslip::diagnosis {
 

@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "physics/effects/effect.h"
+#include "physics/effect.h"
 
 namespace stickslip::diagnosis {
 

@@ -75,7 +75,7 @@ void set_effect_prior(StatePrior& prior, const BoundTerm& term, std::span<const 
     prior.sigma[next] = size.sigma;
     prior.hidden[next] = size.hidden;
     // The guess of the mass's motion contains what the gauge measures besides it.
-    if ((term.hooks & physics::hook::seen) == physics::hook::seen && i < 2) {
+    if ((term.hooks & physics::hook::measured_motion) == physics::hook::measured_motion && i < 2) {
       const auto seen = static_cast<std::size_t>(i == 0 ? state::x : state::v);
       prior.sigma[seen] = std::hypot(prior.sigma[seen], size.sigma);
     }

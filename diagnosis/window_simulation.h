@@ -53,11 +53,11 @@ class DelayedInput {
                physics::Excitation excitation, double step_s)
       : recorded_(recorded),
         of_force_(excitation == physics::Excitation::force),
-        is_late_(n.reading.late),
+        is_late_(n.reading.any_delay),
         steps_(physics::value_of(n.input_lead_s) / step_s) {
     // The input is linear between its values: its derivative with respect to the lead is its slope.
     per_step_ =
-        n.input_share * (n.input_lead_s - physics::value_of(n.input_lead_s)) * (1.0 / step_s);
+        n.input_gain * (n.input_lead_s - physics::value_of(n.input_lead_s)) * (1.0 / step_s);
   }
   physics::Input at(std::size_t step) const {
     if (!is_late_ || steps_ == 0.0) return recorded_[step];
@@ -88,9 +88,9 @@ template <class T, class Sink, class Knots = NoKnots>
 void run_window(const Experiment& e, const Window& window, std::size_t end, const physics::Rig& rig,
                 const physics::SensorBank& bank, const physics::RigNumbers<T>& n,
                 physics::RigState<T> s, Sink&& sink, const Knots& knots = {}) {
-  const bool wrong = n.reading.wrong;
-  std::optional<physics::ReadingFaults<T>> faults;
-  physics::FaultMemory<T> fault_memory;
+  const bool wrong = n.reading.any_error;
+  std::optional<physics::SensorErrors<T>> faults;
+  physics::SensorErrorState<T> fault_memory;
   const double h = e.period_s / e.substeps;
   const auto substeps = static_cast<std::size_t>(e.substeps);
   physics::SensorMemory<T> memory;
@@ -132,7 +132,7 @@ physics::RigNumbers<T> numbers_on_recording(const physics::Rig& rig,
                               ? Channel::drive_force
                               : Channel::base_displacement;
   const T& gain = n.reading.of[index_of(driving)].gain;
-  if (physics::value_of(gain) != 1.0 || n.reading.wrong) n.input_share = 1.0 / gain;
+  if (physics::value_of(gain) != 1.0 || n.reading.any_error) n.input_gain = 1.0 / gain;
   n.input_lead_s = n.reading.of[index_of(driving)].delay_s;
   return n;
 }

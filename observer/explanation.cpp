@@ -237,7 +237,7 @@ class Replay {
 
  private:
   std::optional<double> filtered(const Model& model, std::span<const Frame> frames) const {
-    KalmanFilter filter(model, period_s_, Contact::known);
+    KalmanFilter filter(model, period_s_, FrictionPrior::fixed);
     if (!filter.unsupported().empty()) return std::nullopt;
     // An advanced channel lacks its last frames, which therefore count for no candidate.
     const auto settle = static_cast<std::size_t>(settle_s / period_s_);
@@ -307,10 +307,11 @@ std::vector<Trial> trials_of(const std::vector<Candidate>& candidates, const Rep
 
 /// The model with the observer's estimates from before the break.
 Model before_break(Model model, const ModelVerdict& verdict) {
-  if (verdict.usual_mu > 0.0) model.friction.mu.value = verdict.usual_mu;
-  if (verdict.usual_gamma_per_s > 0.0) model.friction.rate_per_s.value = verdict.usual_gamma_per_s;
-  if (verdict.usual_load_n > 0.0 && model.normal_load) {
-    model.normal_load->load_n.value = verdict.usual_load_n;
+  if (verdict.reference_mu > 0.0) model.friction.mu.value = verdict.reference_mu;
+  if (verdict.reference_gamma_per_s > 0.0)
+    model.friction.rate_per_s.value = verdict.reference_gamma_per_s;
+  if (verdict.reference_load_n > 0.0 && model.normal_load) {
+    model.normal_load->load_n.value = verdict.reference_load_n;
   }
   // A load without uncertainty would not be compared with its channel.
   if (model.normal_load && model.normal_load->load_n.sigma == 0.0) {

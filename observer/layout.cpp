@@ -157,7 +157,7 @@ void add_core(Layout& layout, const physics::Model& model, const physics::Rig& r
   const bool measured = structure.loaded && structure.load_law == NormalLoadLaw::measured;
   // The source of a crosstalk has to be a state, even if it is known exactly.
   const bool crosstalk_from_load = std::any_of(laws.of.begin(), laws.of.end(), [](const auto& law) {
-    return law.leak_from == Channel::normal_load;
+    return law.crosstalk_from == Channel::normal_load;
   });
   const bool load_uncertain =
       structure.loaded && (model.normal_load->load_n.sigma > 0.0 || crosstalk_from_load);
@@ -213,8 +213,8 @@ void add_sensor_errors(Layout& layout, const physics::ReadingLaws<double>& laws)
     // The simulator's limit.
     chain.delay_s = std::clamp(law.delay_s, -physics::longest_delay_s, physics::longest_delay_s);
     if (std::abs(chain.delay_s) < smallest_delay_s) chain.delay_s = 0.0;
-    chain.crosstalk_from = law.leak_from;
-    chain.crosstalk = law.leak;
+    chain.crosstalk_from = law.crosstalk_from;
+    chain.crosstalk = law.crosstalk;
     chain.delays =
         static_cast<int>(std::ceil(std::max(0.0, chain.delay_s) / longest_section_delay_s));
     chain.first_delay = next;

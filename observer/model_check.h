@@ -13,7 +13,7 @@
 #include <type_traits>
 
 #include "observer/observer.h"
-#include "physics/effects/effect.h"
+#include "physics/effect.h"
 #include "physics/frame.h"
 #include "physics/model.h"
 

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "physics/effects/catalogue.h"
+#include "physics/catalogue.h"
 #include "physics/reading.h"
 #include "physics/rig.h"
 
@@ -57,7 +57,7 @@ void SensorCorrection::correct(Frame& frame, PerChannel& variance) {
   for (Channel channel : all_channels) {
     if (!frame.has(channel)) continue;
     const std::size_t i = index_of(channel);
-    const auto corrected = physics::put_right(laws_.of[i], frame[channel]);
+    const auto corrected = physics::correct_reading(laws_.of[i], frame[channel]);
     if (!corrected) {
       frame.invalidate(channel);
       continue;

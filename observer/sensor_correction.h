@@ -6,7 +6,7 @@
 
 #include <array>
 
-#include "physics/effects/effect.h"
+#include "physics/effect.h"
 #include "physics/frame.h"
 #include "physics/model.h"
 
@@ -26,7 +26,7 @@ class SensorCorrection {
  public:
   explicit SensorCorrection(const physics::ReadingLaws<double>& laws);
 
-  bool any() const { return laws_.wrong; }
+  bool any() const { return laws_.any_error; }
 
   using PerChannel = std::array<double, channel_count>;
 

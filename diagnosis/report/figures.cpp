@@ -415,7 +415,7 @@ std::string calibration_figure(const Diagnosis& d) {
   plot.marks = {{-2.0, "\u22122"}, {0.0, "declared"}, {2.0, "+2"}};
   for (const Calibration& each : d.calibrated) {
     if (!(each.sigma > 0.0)) continue;
-    plot.rows.push_back({each.path, each.sigmas_off, (each.low - each.declared) / each.sigma,
+    plot.rows.push_back({each.path, each.shift_sigmas, (each.low - each.declared) / each.sigma,
                          (each.high - each.declared) / each.sigma});
   }
   return figure(

@@ -63,7 +63,7 @@ std::string where_answer(const Diagnosis& d) {
 
 // The trial in which the finding was fitted alone, or nullptr.
 const Trial* trial_of(const Diagnosis& d, const Finding& finding) {
-  const std::string name = Suspect{finding.effect, finding.place}.name();
+  const std::string name = CandidateEffect{finding.effect, finding.place}.name();
   for (const Trial& trial : d.trials) {
     if (trial.id == name) return &trial;
   }
@@ -80,7 +80,7 @@ std::string probability_of(const Diagnosis& d, const Finding& finding) {
   out += "<b>" + escape_html(format_percent(finding.probability)) + "</b>).";
   if (!finding.alternatives.empty()) {
     const Alternative& next = finding.alternatives.front();
-    out += escape_html(" Also possible: " + effect_name(next.suspect) + " (" +
+    out += escape_html(" Also possible: " + effect_name(next.candidate) + " (" +
                        format_percent(next.probability) + ").");
   }
   const Trial* trial = trial_of(d, finding);
@@ -144,11 +144,13 @@ std::string limits_answer(const Diagnosis& d) {
   constexpr std::size_t most = 5;
   std::vector<std::string> limits;
   for (const DetectionLimit& limit : d.detection.limits) {
-    const physics::Card& card = limit.suspect.effect->card();
-    if (!card.depends_on.empty() || limit.suspect.place.channel || limits.size() == most) continue;
-    const std::string unit = unit_text(limit.parameter().unit, limit.suspect.place);
-    limits.push_back(escape_html(effect_name(limit.suspect)) + " (" + code(limit.parameter().name) +
-                     " = " + escape_html(plain_text(limit_text(limit))) +
+    const physics::Card& card = limit.candidate.effect->card();
+    if (!card.depends_on.empty() || limit.candidate.place.channel || limits.size() == most)
+      continue;
+    const std::string unit = unit_text(limit.parameter().unit, limit.candidate.place);
+    limits.push_back(escape_html(effect_name(limit.candidate)) + " (" +
+                     code(limit.parameter().name) + " = " +
+                     escape_html(plain_text(limit_text(limit))) +
                      escape_html(unit.empty() ? unit : "\u00a0" + unit) + ")");
   }
   if (limits.empty()) return "";

@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "physics/effects/catalogue.h"
+#include "physics/catalogue.h"
 #include "physics/number_text.h"
 
 namespace stickslip::report {
@@ -179,7 +179,7 @@ std::string unit_text(std::string_view unit, const physics::Place& place) {
 
 std::string format_seconds(double seconds) { return physics::number_text(seconds) + "\u00a0s"; }
 
-std::string effect_name(const diagnosis::Suspect& candidate) {
+std::string effect_name(const diagnosis::CandidateEffect& candidate) {
   std::string out(candidate.effect->card().name);
   if (candidate.place.channel) {
     out += " (" + channel_name(*candidate.place.channel);

@@ -49,7 +49,7 @@ std::string plain_text(std::string text);
 std::string unit_text(std::string_view unit, const physics::Place& place);
 
 /// "wrong gain (velocity)"
-std::string effect_name(const diagnosis::Suspect& candidate);
+std::string effect_name(const diagnosis::CandidateEffect& candidate);
 
 /// The same from the id of a trial: "wrong gain (velocity) and ringing load cell".
 std::string trial_name(const std::string& id);

@@ -108,7 +108,7 @@ std::string headline_of(const Diagnosis& d) {
       const auto open = std::find_if(d.findings.begin(), d.findings.end(), is_ambiguous);
       return "The model lacks " + number_of_effects(d) + ", most likely " + names +
              "; this recording alone does not rule out " +
-             effect_name(open->alternatives.front().suspect) + ".";
+             effect_name(open->alternatives.front().candidate) + ".";
     }
     case Answer::named:
       break;

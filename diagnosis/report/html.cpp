@@ -39,13 +39,13 @@ std::string alternative_table(const Finding& finding) {
       "Alternatives: the candidates that explain most, with their relative probabilities. Those "
       "below 0.5 % are not listed.",
       {"candidate", "name", "probability", ""});
-  const auto row = [&](const Suspect& candidate, double probability) {
+  const auto row = [&](const CandidateEffect& candidate, double probability) {
     table.row({escape_html(effect_name(candidate)), code(candidate.name()),
                escape_html(format_percent(probability)),
                "<div class=\"bar\">" + bar(probability) + "</div>"});
   };
   row({finding.effect, finding.place}, finding.probability);
-  for (const Alternative& each : finding.alternatives) row(each.suspect, each.probability);
+  for (const Alternative& each : finding.alternatives) row(each.candidate, each.probability);
   return table.html();
 }
 
@@ -79,7 +79,7 @@ Section findings_section(const Diagnosis& d) {
 }
 
 std::string base_noise_remark(const Evidence& evidence) {
-  return evidence.base_doubted
+  return evidence.base_noise_removed
              ? " The contribution of the measurement noise of the base channel is removed."
              : "";
 }
@@ -179,7 +179,7 @@ Section calibration_section(const Diagnosis& d) {
                "shift in declared standard deviations"});
   for (const Calibration& each : d.calibrated) {
     char shift[32];
-    std::snprintf(shift, sizeof shift, "%.1f", std::abs(each.sigmas_off));
+    std::snprintf(shift, sizeof shift, "%.1f", std::abs(each.shift_sigmas));
     const EstimateText text = format_estimate(each.value, each.low, each.high);
     const bool known = each.high > each.low;
     table.row({code(each.path),
@@ -187,7 +187,7 @@ Section calibration_section(const Diagnosis& d) {
                    ? format_number(each.declared, 4) + " \u00b1 " + format_number(each.sigma, 2)
                    : std::string(),
                text.value, known ? text.low + " to " + text.high : "not known",
-               (each.sigmas_off < 0.0 ? "\u2212" : "+") + std::string(shift)});
+               (each.shift_sigmas < 0.0 ? "\u2212" : "+") + std::string(shift)});
   }
   out += table.html();
   out += calibration_figure(d);
@@ -249,20 +249,20 @@ Section detection_section(const Diagnosis& d) {
                    ". Effects that replace a law instead of modifying it have no detection limit.");
   Table table("Detection limits (95 %).", {"effect", "parameter", "limit", "unit"});
   for (const DetectionLimit& limit : d.detection.limits) {
-    const std::string unit = unit_text(limit.parameter().unit, limit.suspect.place);
-    table.row({escape_html(effect_name(limit.suspect)), code(limit.parameter().name),
+    const std::string unit = unit_text(limit.parameter().unit, limit.candidate.place);
+    table.row({escape_html(effect_name(limit.candidate)), code(limit.parameter().name),
                escape_html(plain_text(limit_text(limit))),
                escape_html(unit.empty() ? "none" : unit)});
   }
   out += table.html();
-  if (!d.detection.lookalikes.empty()) {
+  if (!d.detection.inseparable.empty()) {
     Table pairs(
         "Effects that this recording cannot distinguish. Similarity: cosine of the angle between "
         "their effects on the readings.",
         {"effect", "effect", "similarity"});
-    for (const Lookalikes& pair : d.detection.lookalikes) {
-      pairs.row({escape_html(effect_name(d.detection.limits[pair.one].suspect)),
-                 escape_html(effect_name(d.detection.limits[pair.other].suspect)),
+    for (const InseparablePair& pair : d.detection.inseparable) {
+      pairs.row({escape_html(effect_name(d.detection.limits[pair.one].candidate)),
+                 escape_html(effect_name(d.detection.limits[pair.other].candidate)),
                  format_number(pair.cosine)});
     }
     out += pairs.html();

@@ -78,8 +78,8 @@ Json finding_json(const Finding& finding) {
   json["probability"] = finding.probability;
   json["alternatives"] = Json::array();
   for (const Alternative& each : finding.alternatives) {
-    json["alternatives"].push_back({{"id", id_of(each.suspect.effect->card())},
-                                    {"name", each.suspect.name()},
+    json["alternatives"].push_back({{"id", id_of(each.candidate.effect->card())},
+                                    {"name", each.candidate.name()},
                                     {"probability", each.probability}});
   }
   json["separating_experiment"] =
@@ -118,15 +118,15 @@ Json detection_json(const Detection& detection) {
   Json json;
   json["limits"] = Json::array();
   for (const DetectionLimit& limit : detection.limits) {
-    json["limits"].push_back({{"id", id_of(limit.suspect.effect->card())},
-                              {"name", limit.suspect.name()},
+    json["limits"].push_back({{"id", id_of(limit.candidate.effect->card())},
+                              {"name", limit.candidate.name()},
                               {"parameter", limit.parameter().name},
                               {"value", limit.value}});
   }
   json["inseparable"] = Json::array();
-  for (const Lookalikes& pair : detection.lookalikes) {
-    json["inseparable"].push_back({{"one", detection.limits[pair.one].suspect.name()},
-                                   {"other", detection.limits[pair.other].suspect.name()},
+  for (const InseparablePair& pair : detection.inseparable) {
+    json["inseparable"].push_back({{"one", detection.limits[pair.one].candidate.name()},
+                                   {"other", detection.limits[pair.other].candidate.name()},
                                    {"cosine", pair.cosine}});
   }
   return json;

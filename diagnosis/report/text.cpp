@@ -68,7 +68,7 @@ void add_location(std::ostringstream& text, const Location& location) {
 }
 
 void add_finding(std::ostringstream& text, const Finding& finding, int number) {
-  text << "  " << number << ". " << Suspect{finding.effect, finding.place}.name() << ": "
+  text << "  " << number << ". " << CandidateEffect{finding.effect, finding.place}.name() << ": "
        << finding.statement << "\n";
   for (const Estimate& estimate : finding.parameters) {
     text << "       " << estimate.name << " = " << number_text(estimate.value)
@@ -79,7 +79,7 @@ void add_finding(std::ostringstream& text, const Finding& finding, int number) {
        << number_text(finding.chi2_after) << "; probability among the candidates "
        << percent(finding.probability) << "\n";
   for (const Alternative& each : finding.alternatives) {
-    text << "       alternative: " << each.suspect.name() << " (" << percent(each.probability)
+    text << "       alternative: " << each.candidate.name() << " (" << percent(each.probability)
          << ")\n";
   }
   if (finding.separating_experiment) {
@@ -115,9 +115,9 @@ void add_calibration(std::ostringstream& text, const Diagnosis& d) {
   bool far = false;
   for (const Calibration& each : d.calibrated) {
     char shift[32];
-    std::snprintf(shift, sizeof shift, " (%+.1f);", each.sigmas_off);
+    std::snprintf(shift, sizeof shift, " (%+.1f);", each.shift_sigmas);
     text << " " << each.path << " = " << number_text(each.value) << shift;
-    far = far || std::abs(each.sigmas_off) > 3.0;
+    far = far || std::abs(each.shift_sigmas) > 3.0;
   }
   text << "\n";
   if (!far) return;
@@ -138,21 +138,21 @@ void add_recordings(std::ostringstream& text, const Diagnosis& d) {
 // Limited to the listed physics of the rig: sensor errors at every channel fill a page, and the
 // other formats have them.
 void add_detection_limits(std::ostringstream& text, const Detection& detection) {
-  const auto is_listed = [](const Suspect& candidate) {
+  const auto is_listed = [](const CandidateEffect& candidate) {
     return candidate.effect->card().depends_on.empty() && !candidate.place.channel;
   };
   const char* before = "  Detection limits (95 %): ";
   for (const DetectionLimit& limit : detection.limits) {
-    if (!is_listed(limit.suspect)) continue;
-    text << before << limit.suspect.name() << " (" << limit.parameter().name << " = "
+    if (!is_listed(limit.candidate)) continue;
+    text << before << limit.candidate.name() << " (" << limit.parameter().name << " = "
          << limit_text(limit) << ")";
     before = ", ";
   }
   if (before[0] == ',') text << "\n";
   before = "  Not distinguishable: ";
-  for (const Lookalikes& pair : detection.lookalikes) {
-    const Suspect& one = detection.limits[pair.one].suspect;
-    const Suspect& other = detection.limits[pair.other].suspect;
+  for (const InseparablePair& pair : detection.inseparable) {
+    const CandidateEffect& one = detection.limits[pair.one].candidate;
+    const CandidateEffect& other = detection.limits[pair.other].candidate;
     if (!is_listed(one) || !is_listed(other)) continue;
     text << before << one.name() << " and " << other.name();
     before = "; ";

@@ -23,7 +23,7 @@
 #include "daemon/loop.h"
 #include "daemon/message_writer.h"
 #include "daemon/messages.h"
-#include "drivers/make_driver.h"
+#include "drivers/factory/make_driver.h"
 #include "protocol/channels.h"
 #include "protocol/frame_block.h"
 

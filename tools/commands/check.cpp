@@ -17,8 +17,8 @@
 #include "config/model_file.h"
 #include "config/model_names.h"
 #include "config/rig.h"
-#include "drivers/bench/try_bench.h"
-#include "drivers/make_bench.h"
+#include "drivers/bench/probe_bench.h"
+#include "drivers/factory/make_bench.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
@@ -264,18 +264,18 @@ bool try_live(const std::string& file, const terminal::Paint& paint) {
   }
   constexpr double patience_s = 2.0;
   terminal::Progress progress("reading the devices of " + file);
-  const auto tried = drivers::try_bench(drivers::make_bench_parts(rig.bench, rig.loop.rate_hz),
-                                        rig.bench, patience_s);
+  const auto tried = drivers::probe_bench(drivers::make_bench_parts(rig.bench, rig.loop.rate_hz),
+                                          rig.bench, patience_s);
   progress.finish();
   bool well = true;
-  for (const drivers::TriedDevice& device : tried) {
-    well = well && device.well;
+  for (const drivers::ProbedDevice& device : tried) {
+    well = well && device.ok;
     std::printf(
         "%s: %s%s%s\n", device.name.c_str(),
-        (device.well ? paint(terminal::Tone::good, "speaks") : paint(terminal::Tone::bad, "FAILS"))
+        (device.ok ? paint(terminal::Tone::good, "speaks") : paint(terminal::Tone::bad, "FAILS"))
             .c_str(),
-        device.words.empty() ? "" : ": ", device.words.c_str());
-    for (const drivers::FirstReading& reading : device.readings) {
+        device.message.empty() ? "" : ": ", device.message.c_str());
+    for (const drivers::ProbedInput& reading : device.readings) {
       const config::ChannelCalibration& line = rig.calibration[index_of(reading.channel)];
       const ChannelInfo& channel = info(reading.channel);
       const std::string what = std::string(channel.stem) + " from " + reading.input;
@@ -284,7 +284,7 @@ bool try_live(const std::string& file, const terminal::Paint& paint) {
         continue;
       }
       std::printf("  %-32s %.6g %s, scatter %.2g, %zu readings: %.6g %s\n", what.c_str(),
-                  reading.mean, reading.unit.c_str(), reading.spread, reading.readings,
+                  reading.mean, reading.unit.c_str(), reading.standard_deviation, reading.readings,
                   (reading.mean - line.offset) * line.gain, channel.unit.data());
     }
   }
@@ -324,6 +324,12 @@ void add_check(CLI::App& app, Action& action) {
       ->group("");
   add_colour_option(*command, arguments->colours);
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(*command, {.examples = {{"Check rigs and models offline",
+                                    "stickslip check config/simulated.toml model.toml"},
+                                   {"Print the first readings of each device",
+                                    "stickslip check --live config/bench-u6.toml"}},
+                      .files = {model_files},
+                      .see_also = {"stickslip-config(1)", "stickslip-doctor(1)"}});
 }
 
 }  // namespace stickslip::commands

@@ -148,6 +148,11 @@ void add_conceal(CLI::App& app, Action& action) {
     arguments->seeded = seed->count() > 0;
     action = [arguments] { return run(*arguments); };
   });
+  describe(*command,
+           {.examples = {{"Make twenty recordings with concealed physics",
+                          "stickslip conceal --out blind --count 20"}},
+            .files = {{"DIR/truth", "Truth files; each case holds the SHA-256 of its own"}},
+            .see_also = {"stickslip-examine(1)"}});
 }
 
 }  // namespace stickslip::commands

@@ -151,6 +151,11 @@ void add_config(CLI::App& app, Action& action) {
     arguments->explain = explain->count() > 0;
     action = [arguments] { return run(*arguments); };
   });
+  describe(
+      *command,
+      {.examples = {{"Explain one key: its value, its meaning, and the origin of the value",
+                     "stickslip config config/simulated.toml --explain excitation.carrier_hz"}},
+       .see_also = {"stickslip-check(1)"}});
 }
 
 }  // namespace stickslip::commands

@@ -82,6 +82,10 @@ void add_convert(CLI::App& app, Action& action) {
   command->add_option("--format", arguments->format, "Format of OUT, regardless of its name")
       ->check(CLI::IsMember({"csv", "lcm"}));
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(*command, {.examples = {{"Convert a log to CSV", "stickslip convert run.log run.csv"},
+                                   {"Pipe it into another program", "stickslip convert run.log -"}},
+                      .files = {recording_files},
+                      .see_also = {"stickslip-log(1)"}});
 }
 
 }  // namespace stickslip::commands

@@ -224,7 +224,7 @@ int average(const Arguments& arguments) {
   const auto patience =
       10s + std::chrono::milliseconds(static_cast<std::int64_t>(arguments.seconds * 1e3));
   terminal::Progress progress("averaging");
-  progress.takes(arguments.seconds);
+  progress.set_duration(arguments.seconds);
   const json answer = client.ask("average", {{"seconds", arguments.seconds}}, patience);
   progress.finish();
   return report(arguments, answer, print_average);
@@ -325,6 +325,19 @@ void add_ctl(CLI::App& app, Action& action) {
       command("watch", "Print events as they occur, and the status every second", watch);
   watching->add_option("--duration", arguments->duration_s, "End after this many seconds")
       ->check(positive_number());
+  describe(
+      *ctl,
+      {.examples = {{"Show the state of the rig", "stickslip ctl status"},
+                    {"Acknowledge a fault", "stickslip ctl clear"},
+                    {"Permit a start", "stickslip ctl arm"},
+                    {"Start, and stop when this command ends", "stickslip ctl start --dead-man"},
+                    {"Change the excitation while it runs",
+                     "stickslip ctl set excitation.carrier_hz 4.2"}},
+       .environment = {{"STICKSLIP_CONTROL",
+                        "Control socket of the daemon if --socket is not given"},
+                       no_color_variable},
+       .files = {{"/run/stickslip/control.sock", "The control socket by default"}},
+       .see_also = {"stickslipd(8)"}});
 }
 
 }  // namespace stickslip::commands

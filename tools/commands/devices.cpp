@@ -72,6 +72,8 @@ void add_devices(CLI::App& app, Action& action) {
       "reported as "
       "busy. Exit status: 0 all attached devices respond; 1 one of them has a problem.");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(*command, {.examples = {{"List the attached devices", "stickslip devices"}},
+                      .see_also = {"stickslip-check(1)", "stickslip-doctor(1)"}});
 }
 
 }  // namespace stickslip::commands

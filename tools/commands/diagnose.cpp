@@ -95,7 +95,7 @@ int run(const Arguments& arguments) {
   options.evidence = !arguments.html.empty();
   terminal::Progress progress("diagnosing");
   options.progress = [&progress](const std::string& what, double done) {
-    progress.say(what);
+    progress.set_label(what);
     progress.at(done);
   };
   diagnosis::Diagnosis result = diagnosis::diagnose(recordings, model, options);
@@ -158,6 +158,14 @@ void add_diagnose(CLI::App& app, Action& action) {
       ->check(positive_number());
   add_colour_option(*command, arguments->colours);
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(*command,
+           {.examples = {{"Write the report as JSON and HTML, and the amended model",
+                          "stickslip diagnose run.log --model model.toml --json report.json --html "
+                          "report.html --write-model amended.toml"},
+                         {"Estimate the rate of false findings",
+                          "stickslip diagnose run.log --model model.toml --bootstrap 10"}},
+            .files = {recording_files, model_files},
+            .see_also = {"stickslip-evaluate(1)", "stickslip-examine(1)"}});
 }
 
 }  // namespace stickslip::commands

@@ -166,13 +166,13 @@ struct MeanPerReading {
   double nll = 0.0;
   double nis = 0.0;
 };
-MeanPerReading mean_of(const observer::Foretelling& predicted) {
+MeanPerReading mean_of(const observer::PredictionQuality& predicted) {
   const double readings = std::max(1.0, static_cast<double>(predicted.readings));
   return {predicted.negative_log_likelihood / readings, predicted.normalised_squares / readings};
 }
 
 nlohmann::ordered_json summary_json(const Summary& summary,
-                                    const observer::Foretelling& predicted) {
+                                    const observer::PredictionQuality& predicted) {
   const MeanPerReading mean = mean_of(predicted);
   nlohmann::ordered_json json;
   json["schema"] = 1;
@@ -195,7 +195,7 @@ void print_spread(const char* name, const Summary::Spread& s) {
 }
 
 void print_summary(const Arguments& arguments, const Summary& summary,
-                   const observer::Foretelling& predicted) {
+                   const observer::PredictionQuality& predicted) {
   const MeanPerReading mean = mean_of(predicted);
   std::printf("%s: %zu frames, %zu with a valid estimate\n", arguments.recording.c_str(),
               summary.frames, summary.good);
@@ -220,7 +220,7 @@ int run(const Arguments& arguments) {
   const protocol::Recording recording = recording_from(arguments.recording);
   Summary summary;
   Table table(arguments.out);
-  observer::Foretelling predicted;
+  observer::PredictionQuality predicted;
   terminal::Progress progress("estimating");
   // No progress bar in a terminal that shows the table.
   if (arguments.out == "-" && terminal::abilities_of(STDOUT_FILENO).terminal) progress.finish();
@@ -258,6 +258,11 @@ void add_estimate(CLI::App& app, Action& action) {
                       "Write the estimates as CSV, one row per frame; -: standard output");
   command->add_option("--json", arguments->json, "Write the summary as JSON");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(*command,
+           {.examples = {{"Estimate the friction force and state, one row per frame",
+                          "stickslip estimate run.log --model amended.toml --out estimates.csv"}},
+            .files = {recording_files, model_files},
+            .see_also = {"stickslip-evaluate(1)"}});
 }
 
 }  // namespace stickslip::commands

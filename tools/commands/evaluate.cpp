@@ -91,6 +91,10 @@ void add_evaluate(CLI::App& app, Action& action) {
   command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
       ->check(number_of_threads());
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(*command, {.examples = {{"Score the predictions of a model on a recording",
+                                    "stickslip evaluate run.log --model amended.toml"}},
+                      .files = {recording_files, model_files},
+                      .see_also = {"stickslip-diagnose(1)"}});
 }
 
 }  // namespace stickslip::commands

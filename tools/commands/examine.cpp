@@ -208,8 +208,8 @@ std::vector<Outcome> examine_all(const Arguments& arguments, const Folders& fold
     const std::scoped_lock lock(shown);
     ++done;
     if (is_new) ++made;
-    progress.say("examining, " + std::to_string(done) + " of " + std::to_string(names.size()) +
-                 " cases done");
+    progress.set_label("examining, " + std::to_string(done) + " of " +
+                       std::to_string(names.size()) + " cases done");
     progress.at(made, made + names.size() - done);  // stored reports take no time
   });
   progress.finish();
@@ -295,6 +295,11 @@ void add_examine(CLI::App& app, Action& action) {
   command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
       ->check(number_of_threads());
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(*command, {.examples = {{"Diagnose and grade a set", "stickslip examine blind"},
+                                   {"Write the work as a list of commands for a cluster",
+                                    "stickslip examine blind --job-list jobs.txt"}},
+                      .files = {{"DIR/reports", "Reports; existing ones are reused"}},
+                      .see_also = {"stickslip-conceal(1)", "stickslip-diagnose(1)"}});
 }
 
 }  // namespace stickslip::commands

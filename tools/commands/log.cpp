@@ -396,6 +396,13 @@ void add_log(CLI::App& app, Action& action) {
   each->add_option("out", arguments->out, "Output: .csv, .mat (MATLAB 5) or .h5 (HDF5)")
       ->required()
       ->type_name("OUT");
+  describe(*log, {.examples = {{"Check the integrity of a recording and the balance of its ledger",
+                                "stickslip log check run.log run.001.log"},
+                               {"Export to another program", "stickslip log export run.log run.h5"},
+                               {"Recover the intact events of a damaged log",
+                                "stickslip log repair run.log --out whole.log"}},
+                  .files = {recording_files},
+                  .see_also = {"stickslip-convert(1)", "stickslip-record(1)"}});
 }
 
 }  // namespace stickslip::commands

@@ -210,7 +210,7 @@ int run(const Arguments& arguments) {
   const auto end = after(steady_clock::now(), arguments.duration_s);
   bool stopped = false;
   terminal::Progress progress("recording");
-  if (arguments.frames == 0) progress.takes(arguments.duration_s);
+  if (arguments.frames == 0) progress.set_duration(arguments.duration_s);
   auto shown = steady_clock::now();
   const auto show = [&] {
     if (arguments.frames > 0) {
@@ -219,13 +219,13 @@ int run(const Arguments& arguments) {
     }
     if (steady_clock::now() - shown < flush_period) return;
     shown = steady_clock::now();
-    progress.say("recording, " + std::to_string(recorder.sequence().frames) + " frames, lost " +
-                 std::to_string(recorder.sequence().lost));
+    progress.set_label("recording, " + std::to_string(recorder.sequence().frames) +
+                       " frames, lost " + std::to_string(recorder.sequence().lost));
   };
   while (!stopped && !recorder.done() && steady_clock::now() < end) {
-    const Woken woken = wait_for(*lcm, stop, std::min(end, steady_clock::now() + flush_period));
-    stopped = woken == Woken::stop;
-    if (woken == Woken::message) lcm->handle();
+    const Wake woken = wait_for(*lcm, stop, std::min(end, steady_clock::now() + flush_period));
+    stopped = woken == Wake::stop;
+    if (woken == Wake::message) lcm->handle();
     recorder.rest();
     show();
   }
@@ -267,6 +267,11 @@ void add_record(CLI::App& app, Action& action) {
   command->add_option("--frames", arguments->frames, "Stop after this number of frames")
       ->check(whole_number(1, 1e15));
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(*command, {.examples = {{"Record the traffic on LCM for ten seconds",
+                                    "stickslip record heard.log --duration 10"}},
+                      .environment = {lcm_url_variable},
+                      .files = {recording_files},
+                      .see_also = {"stickslip-replay(1)", "stickslip-spy(1)", "stickslipd(8)"}});
 }
 
 }  // namespace stickslip::commands

@@ -81,7 +81,7 @@ int run(const Arguments& arguments) {
     terminal::Progress progress("drawing");
     const std::vector<figures::Picture> pictures = figures::reduction_pictures(reduced);
     for (const figures::Picture& picture : pictures) {
-      progress.say("drawing " + picture.stem);
+      progress.set_label("drawing " + picture.stem);
       figures::draw(picture, folder);
       progress.at(static_cast<std::size_t>(&picture - pictures.data()) + 1, pictures.size());
       written += ", " + picture.stem + ".svg";
@@ -123,6 +123,13 @@ void add_reduce(CLI::App& app, Action& action) {
                       "Folder for samples.csv, surface.csv and the pictures (SVG and PNG)");
   command->add_flag("--no-pictures", arguments->no_pictures, "Write the tables only");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(*command,
+           {.examples = {{"Compute the coefficient of friction with its surface and pictures",
+                          "stickslip reduce run.log --model model.toml --out reduced"},
+                         {"Follow the method of the paper",
+                          "stickslip reduce run.log --model model.toml --method paper"}},
+            .files = {recording_files, model_files},
+            .see_also = {"stickslip-figures(1)"}});
 }
 
 }  // namespace stickslip::commands

@@ -110,6 +110,11 @@ void add_replay(CLI::App& app, Action& action) {
       ->check(whole_number(1, 10000))
       ->capture_default_str();
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(*command, {.examples = {{"Publish a recording at twice its speed",
+                                    "stickslip replay run.log --speed 2"}},
+                      .environment = {lcm_url_variable},
+                      .files = {recording_files},
+                      .see_also = {"stickslip-record(1)", "stickslip-spy(1)"}});
 }
 
 }  // namespace stickslip::commands

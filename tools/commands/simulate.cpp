@@ -184,6 +184,12 @@ void add_simulate(CLI::App& app, Action& action) {
       ->capture_default_str();
   command->add_flag("--no-noise", arguments->no_noise, "Simulate without sensor noise");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  describe(
+      *command,
+      {.examples = {{"Simulate the sensor readings of a rig under a recorded drive",
+                     "stickslip simulate --model model.toml --drive run.csv --out simulated.csv"}},
+       .files = {recording_files, model_files},
+       .see_also = {"stickslip-conceal(1)", "stickslip-evaluate(1)"}});
 }
 
 }  // namespace stickslip::commands

@@ -81,7 +81,7 @@ class JoinedTable {
 }  // namespace
 
 void write_tables_csv(const Tables& tables, const std::filesystem::path& out,
-                      const protocol::ShareDone& done) {
+                      const protocol::ProgressCallback& done) {
   std::ofstream file(out, std::ios::binary);
   const Table& frames = tables.tables.front();
   std::vector<JoinedTable> others;

@@ -226,7 +226,7 @@ void add_states(const friction_estimate_t& message, MessageTable<friction_estima
 }
 
 void add_messages(const std::filesystem::path& log, std::span<const Frame> frames,
-                  const protocol::ShareDone& done, std::vector<Table>& tables) {
+                  const protocol::ProgressCallback& done, std::vector<Table>& tables) {
   std::unordered_map<std::int64_t, std::int64_t> time_by_sequence;
   time_by_sequence.reserve(frames.size());
   for (const Frame& frame : frames) {
@@ -278,9 +278,9 @@ const Table* Tables::find(const std::string& wanted) const {
   return found == tables.end() ? nullptr : &*found;
 }
 
-Tables tables_of(const std::filesystem::path& recording, const protocol::ShareDone& done) {
+Tables tables_of(const std::filesystem::path& recording, const protocol::ProgressCallback& done) {
   const protocol::Recording read =
-      protocol::read_recording(recording, protocol::share_of_one(done, 0, 2));
+      protocol::read_recording(recording, protocol::progress_of_part(done, 0, 2));
   Tables out;
   out.source = recording.filename().string();
   out.description = read.description;
@@ -289,7 +289,7 @@ Tables tables_of(const std::filesystem::path& recording, const protocol::ShareDo
   std::array<char, 4> head{};
   std::ifstream(recording, std::ios::binary).read(head.data(), head.size());
   if (protocol::is_log({head.data(), head.size()})) {
-    add_messages(recording, read.frames, protocol::share_of_one(done, 1, 2), out.tables);
+    add_messages(recording, read.frames, protocol::progress_of_part(done, 1, 2), out.tables);
   }
   return out;
 }
@@ -311,7 +311,7 @@ std::vector<std::pair<std::string, std::string>> description_texts(const Tables&
 }
 
 void write_tables(const Tables& tables, const std::filesystem::path& out,
-                  const protocol::ShareDone& done) {
+                  const protocol::ProgressCallback& done) {
   const std::string ending = out.extension().string();
   if (ending == ".csv") return write_tables_csv(tables, out, done);
   if (ending == ".mat") return write_tables_mat(tables, out);

@@ -4,7 +4,7 @@
 
 #include <set>
 
-#include "physics/effects/catalogue.h"
+#include "physics/catalogue.h"
 #include "tools/concealment/hidden_effect.h"
 
 namespace stickslip::concealment {

@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "physics/effects/catalogue.h"
+#include "physics/catalogue.h"
 #include "physics/problem.h"
 #include "physics/simulator.h"
 

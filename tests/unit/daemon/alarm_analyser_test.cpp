@@ -20,7 +20,7 @@ std::vector<Sample> samples_of(double duration_s) {
   const observer::test::ModulatedBase drive{.amplitude_m = 0.014, .depth = 0.3};
   std::vector<Sample> out;
   for (const auto& moment :
-       observer::test::watch(real, model, {.duration_s = duration_s, .drive = drive})) {
+       observer::test::run_observer(real, model, {.duration_s = duration_s, .drive = drive})) {
     Sample sample;
     sample.frame = moment.frame;
     out.push_back(sample);
@@ -30,7 +30,7 @@ std::vector<Sample> samples_of(double duration_s) {
 
 ModelVerdict alarm() {
   ModelVerdict out;
-  out.standing = observer::ModelStanding::broken;
+  out.status = observer::ModelStatus::broken;
   out.since_ns = 1'000'000'000;
   out.reported_ns = 3'000'000'000;
   return out;

@@ -84,7 +84,7 @@ struct Ordeal {
 
   Ordeal(bool fault, Observer* observer) {
     driver.keep_actuations = false;
-    clock.cost_of_look_ns = 100;
+    clock.cost_per_reading_ns = 100;
     driver.on_read = [this, fault](std::uint64_t call) {
       if (call % 997 == 0) clock.now += 3'500'000;
       if (call % 1009 == 0) driver.sequence += 2;
@@ -117,7 +117,7 @@ struct Ordeal {
       out.kind = Command::Kind::average;
     }
     out.frames = 50;
-    out.setting = {Knob::amplitude, 0.005};
+    out.setting = {Tunable::amplitude, 0.005};
     return out;
   }
 
@@ -141,9 +141,9 @@ TEST(Allocation, AMillionCyclesUseNeitherHeapNorLocks) {
     EXPECT_EQ(heap_count::stop(), 0U);
     EXPECT_EQ(locks, 0U);
     EXPECT_GT(ordeal.driver.reads, Ordeal::cycles - 30'000);
-    EXPECT_EQ(ordeal.loop->why_ended().reason,
+    EXPECT_EQ(ordeal.loop->end_status().reason,
               fault ? LoopEnd::Reason::fault : LoopEnd::Reason::frames_done)
-        << ordeal.loop->why_ended().message;
+        << ordeal.loop->end_status().message;
     EXPECT_GT(ordeal.loop->timing().overruns, 900U);
     EXPECT_GT(ordeal.loop->timing().repeated, 900U);
     EXPECT_GT(ordeal.ledger.balance().recorded.lost_to(Loss::ring_full), 900'000U);
@@ -208,8 +208,8 @@ TEST(Allocation, NoKindOfExcitationUsesTheHeap) {
                                                           : 0.9 * excitation.now().value);
       excitation.observe(frame, true);
       excitation.advance(1e-3);
-      if (i % 9973 == 0) excitation.set({Knob::carrier_hz, 2.0 + i % 5});
-      if (i % 7919 == 0) excitation.set({Knob::amplitude, 0.001 * (i % 12)});
+      if (i % 9973 == 0) excitation.set({Tunable::carrier_hz, 2.0 + i % 5});
+      if (i % 7919 == 0) excitation.set({Tunable::amplitude, 0.001 * (i % 12)});
       if (i % 30'011 == 0) excitation.stop();
       if (i % 30'011 == 2000) excitation.start();
       if (i == 50'000) excitation.cut();

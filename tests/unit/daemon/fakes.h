@@ -36,8 +36,8 @@ class FakeClock final : public Clock {
 /// outcome by the number of the call, from 0; default: ok.
 class FakeDriver final : public drivers::Driver {
  public:
-  explicit FakeDriver(bool time_of_its_own = false) {
-    description_.time_of_its_own = time_of_its_own;
+  explicit FakeDriver(bool stepped_time = false) {
+    description_.stepped_time = stepped_time;
     description_.name = "fake";
     description_.channels = 0x3f;
     description_.can_drive = true;

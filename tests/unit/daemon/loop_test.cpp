@@ -42,8 +42,8 @@ LoopSettings unattended(LoopSettings settings) {
 /// A loop on fakes, with one stream whose thread starts only when the samples are read.
 struct Bench {
   explicit Bench(LoopSettings settings = {}, const config::Excitation& excitation = shaking(),
-                 bool time_of_its_own = false)
-      : driver(time_of_its_own),
+                 bool stepped_time = false)
+      : driver(stepped_time),
         loop(driver, clock, unattended(settings), Excitation(excitation), nullptr, ledger,
              {&stream}) {}
 

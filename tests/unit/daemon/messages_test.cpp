@@ -182,7 +182,7 @@ TEST(Messages, AnEstimateCarriesItsCovarianceByName) {
   Estimate estimate;
   estimate.time_ns = 42;
   estimate.sequence = 7;
-  estimate.standing = observer::Standing::good;
+  estimate.status = observer::EstimateStatus::good;
   estimate.valid = true;
   estimate.mu = 0.8;
   estimate.theta = -0.5;

@@ -137,7 +137,7 @@ class RecorderTest : public testing::Test {
           << log.source;
       EXPECT_EQ(log.ledger->frames_before_it, log.frames) << log.source;
     }
-    const protocol::Joined joined = protocol::join_logs(parts(), folder_ / "all.log");
+    const protocol::JoinResult joined = protocol::join_logs(parts(), folder_ / "all.log");
     EXPECT_EQ(joined.frames, frames);
     EXPECT_EQ(joined.missing, 0U);
     const auto all = protocol::read_recording(folder_ / "all.log").frames;

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <optional>
 
-#include "physics/effects/catalogue.h"
+#include "physics/catalogue.h"
 #include "tests/unit/diagnosis/bench.h"
 
 namespace stickslip::diagnosis {

@@ -5,11 +5,15 @@
 
 #include <nlohmann/json.hpp>
 
-#include "diagnosis/report/report.h"
+#include "diagnosis/report/json.h"
+#include "diagnosis/report/text.h"
 #include "tests/unit/diagnosis/bench.h"
 
 namespace stickslip::diagnosis {
 namespace {
+
+using report::report_json;
+using report::report_text;
 
 using test::driven_mass;
 using test::record;

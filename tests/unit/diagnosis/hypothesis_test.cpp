@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "physics/effects/catalogue.h"
+#include "physics/catalogue.h"
 #include "tests/unit/diagnosis/bench.h"
 
 namespace stickslip::diagnosis {

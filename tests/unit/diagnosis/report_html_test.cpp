@@ -12,7 +12,7 @@
 
 #include "diagnosis/report/formatting.h"
 #include "diagnosis/report/plot_svg.h"
-#include "physics/effects/catalogue.h"
+#include "physics/catalogue.h"
 
 namespace stickslip::report {
 
@@ -83,7 +83,7 @@ Diagnosis with_a_finding() {
   finding.statement = "The spring hardens.";
   finding.parameters = {{"k3_n_m3", 700.0, 680.0, 720.0}};
   finding.probability = 0.9;
-  finding.alternatives = {{Suspect{physics::find_effect("end_stop"), {}}, 0.1}};
+  finding.alternatives = {{CandidateEffect{physics::find_effect("end_stop"), {}}, 0.1}};
   finding.separating_experiment = "stepped amplitudes";
   finding.portrait = {{"displacement",
                        "m",
@@ -104,7 +104,7 @@ Diagnosis with_a_finding() {
   d.fitted_windows = 64;
   d.calibrated = {{.path = "oscillator.mass_kg",
                    .value = 0.0612,
-                   .sigmas_off = 1.5,
+                   .shift_sigmas = 1.5,
                    .declared = 0.06,
                    .sigma = 0.0008,
                    .low = 0.0606,
@@ -170,8 +170,8 @@ Diagnosis consistent() {
   d.baseline.rmse[0] = 1.2e-5;
   d.noise_std = {{Channel::displacement, 1.0e-5}};
   d.detection.limits = {
-      {Suspect{physics::find_effect("cubic_stiffness"), {}}, 6540.0, 0.0},
-      {Suspect{physics::find_effect("gain_error"), {Channel::velocity, {}}}, 1.1, 0.0}};
+      {CandidateEffect{physics::find_effect("cubic_stiffness"), {}}, 6540.0, 0.0},
+      {CandidateEffect{physics::find_effect("gain_error"), {Channel::velocity, {}}}, 1.1, 0.0}};
   d.evidence = small_evidence();
   return d;
 }

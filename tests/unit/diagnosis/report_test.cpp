@@ -5,7 +5,7 @@
 
 #include "diagnosis/report/json.h"
 #include "diagnosis/report/text.h"
-#include "physics/effects/catalogue.h"
+#include "physics/catalogue.h"
 
 namespace stickslip::report {
 
@@ -109,7 +109,7 @@ Diagnosis with_limits() {
       {{physics::find_effect("cubic_stiffness"), {}}, 310.0},
       {{physics::find_effect("quintic_stiffness"), {}}, 4.0e6},
       {{physics::find_effect("gain_error"), {Channel::velocity, {}}}, 1.02}};
-  diagnosis.detection.lookalikes = {{1, 2, 0.991}};
+  diagnosis.detection.inseparable = {{1, 2, 0.991}};
   diagnosis.false_alarms = FalseAlarms{20, 1, {0.97, 1.01, 1.04}};
   return diagnosis;
 }

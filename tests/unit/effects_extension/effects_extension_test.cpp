@@ -176,7 +176,7 @@ TEST(EffectsExtension, AreFoundByTheDiagnosisAndReported) {
   EXPECT_NEAR(finding.parameters[0].value, cogging_n, 0.05 * cogging_n);
   const diagnosis::Experiment experiments[] = {
       diagnosis::make_experiment(diagnosis::test::record(model, 2.0), model)};
-  const auto candidates = diagnosis::suspects_of(model, experiments);
+  const auto candidates = diagnosis::candidate_effects(model, experiments);
   EXPECT_TRUE(std::any_of(candidates.begin(), candidates.end(), [](const auto& candidate) {
     return candidate.name() == "cubic_characteristic of displacement";
   }));

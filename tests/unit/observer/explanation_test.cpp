@@ -48,7 +48,7 @@ std::vector<Frame> frames_of(const physics::Model& real, Change change, double d
 
 ModelVerdict alarm() {
   ModelVerdict out;
-  out.standing = ModelStanding::broken;
+  out.status = ModelStatus::broken;
   out.since_ns = std::llround(1.0e9 * change_s);
   out.reported_ns = out.since_ns + 2'000'000'000;
   return out;
@@ -94,7 +94,7 @@ TEST(ExplanationTest, StartsFromTheEstimatesBeforeTheBreak) {
   const auto frames = frames_of(model, Change::load_cell, 6.2, 14);
   model.friction.mu.value = 0.65;  // declared; the rig has 0.8
   ModelVerdict verdict = alarm();
-  verdict.usual_mu = 0.8;
+  verdict.reference_mu = 0.8;
   const auto found = explanations_of(model, test::period_s, frames, verdict);
   ASSERT_FALSE(found.empty());
   EXPECT_EQ(found.front().relation, Relation::load_cell) << found.front().words;
