@@ -92,7 +92,7 @@ const char* StreamingOutput::report_failure() {
   return failure_.data();
 }
 
-/// No command was confirmed for so long that the watchdog has acted, or should have.
+/// True if the watchdog has acted, or should have, for lack of confirmed commands.
 bool StreamingOutput::watchdog_expired(std::int64_t now_ns) const {
   return has_watchdog(settings_) && power_ == Power::on &&
          now_ns - confirmed_ns_ > settings_.watchdog_s * second_ns - max_transit_ns;

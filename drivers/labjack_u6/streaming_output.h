@@ -22,10 +22,10 @@ class StreamingOutput {
                   StreamSession& session, Lines& lines, std::uint8_t& echo,
                   std::uint16_t sent_counts, std::int64_t now_ns);
 
-  /// The command of one cycle. `requested` is the amplifier state that the caller asked for, `on`
+  /// The command of one cycle. `requested` is the amplifier state of the caller, `on`
   /// the state that it may have (off for an invalid drive).
   void apply(std::uint16_t counts, bool requested, bool on, std::int64_t now_ns);
-  /// "Off", at once.
+  /// Sends "off" immediately.
   void turn_off(std::uint16_t counts, std::int64_t now_ns);
 
   bool is_off() const { return power_ == Power::off; }

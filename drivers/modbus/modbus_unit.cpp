@@ -21,7 +21,8 @@ using modbus::Progress;
 
 /// Longest wait of a read.
 constexpr std::int64_t read_wait_ns = 150'000'000;
-/// So many consecutive invalid replies indicate a wrong setting, not a disturbance.
+/// From this number of consecutive invalid replies on, a wrong setting is assumed, not
+/// interference.
 constexpr int max_invalid_replies = 20;
 /// Number of consecutive failed polls after which an alarm is unknown.
 constexpr int polls_until_unknown = 5;
@@ -163,7 +164,7 @@ Result ModbusUnit::apply_setting(std::size_t at) {
   const auto words = modbus::words_for(reg, *reg.set_to);
   if (!words) {
     return report(Outcome::needs_attention, "setting " + title_of(reg) + " cannot represent " +
-                                                physics::shortest_text(*reg.set_to) +
+                                                physics::number_text(*reg.set_to, 9) +
                                                 ": check its type and scale");
   }
   const std::string what = "setting " + title_of(reg);
@@ -187,7 +188,7 @@ Result ModbusUnit::apply_setting(std::size_t at) {
     if (written || (refusal != rejected_.end() && refusal->second == held)) {
       rejected_[at] = held;
       return report(Outcome::needs_attention,
-                    what + " was set to " + physics::shortest_text(*reg.set_to) + " (" +
+                    what + " was set to " + physics::number_text(*reg.set_to, 9) + " (" +
                         listed(wanted, " ") + ") and reads back " + listed(held, " ") +
                         ": the unit rejects that value, or is locked. It is not written again "
                         "until the unit is power-cycled or the daemon restarted");
@@ -273,7 +274,7 @@ Result ModbusUnit::failed(const Exchange& exchange, const std::string& what) {
 
 Result ModbusUnit::silent(const std::string& what) {
   const std::string words = "no reply to " + what + " within " +
-                            physics::shortest_text(1.0e3 * settings_.timeout_s) + " ms";
+                            physics::number_text(1.0e3 * settings_.timeout_s, 9) + " ms";
   if (++silent_in_row_ <= settings_.retries) return report(Outcome::temporary, words);
   abandon_poll();
   set_alarm_unknown();

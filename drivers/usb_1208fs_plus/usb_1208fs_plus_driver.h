@@ -24,7 +24,7 @@ class Session;
 
 /// Frames hold volts, by the board's own calibration. The inputs of a scan are converted one after
 /// the other, spread over its whole period: a frame's time is that of its last channel, and the
-/// ages of the others say how much earlier they were.
+/// ages of the others are relative to it.
 ///
 /// The board does not number scans. After lost scans (an overrun, signalled by a stalled endpoint)
 /// or a short packet the scan is restarted, `sequence` advances by the number of periods between

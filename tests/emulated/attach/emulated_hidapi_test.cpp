@@ -219,12 +219,12 @@ TEST_F(EmulatedHidapiBridge, ReportsInvalidSettings) {
   EXPECT_THAT(refusal(), HasSubstr("the gain of input 1 is 2; it has 1, 8, 16"));
   inputs[2]->gain = 1;
   inputs[2]->input = "3";
-  EXPECT_THAT(refusal(), HasSubstr("given to two channels"));
+  EXPECT_THAT(refusal(), HasSubstr("assigned to two channels"));
   inputs[2]->input = "4";
   EXPECT_THAT(refusal(), HasSubstr("there is no input 4"));
   inputs[2]->input = "1";
   settings.interval_ms = 12;
-  EXPECT_THAT(refusal(), HasSubstr("interval_ms is 12; the bridge takes multiples of 8"));
+  EXPECT_THAT(refusal(), HasSubstr("interval_ms is 12; it must be a multiple of 8"));
 }
 
 }  // namespace

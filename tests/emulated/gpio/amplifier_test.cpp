@@ -295,7 +295,7 @@ TEST_F(AmplifierBench, HungChipIsLostWithoutBlocking) {
   clock_.pass(1);
   const Result result = amplifier.write(false);
   EXPECT_EQ(result.outcome, Outcome::lost);
-  EXPECT_THAT(result.message, HasSubstr("cp2112_gpio of the amplifier does not answer"));
+  EXPECT_THAT(result.message, HasSubstr("cp2112_gpio of the amplifier does not respond"));
   EXPECT_TRUE(amplifier.signals().emergency_stop);
   EXPECT_TRUE(amplifier.signals().amplifier_fault);
   EXPECT_EQ(amplifier.switch_off().outcome, Outcome::lost);
@@ -343,7 +343,7 @@ TEST_F(AmplifierBench, SwitchOffDoesNotWaitForAHungChip) {
   gpio_.hold_sets(true);
   const Result result = amplifier.switch_off();
   EXPECT_EQ(result.outcome, Outcome::lost);
-  EXPECT_THAT(result.message, HasSubstr("does not answer"));
+  EXPECT_THAT(result.message, HasSubstr("does not respond"));
 }
 
 TEST_F(AmplifierBench, IneffectiveSetIsDetected) {

@@ -337,11 +337,11 @@ TEST_P(ModbusBench, SettingsAreWrittenAndReadBack) {
   unit.map.registers[0].address = 20;
   result = make({unit}).open();
   EXPECT_EQ(result.outcome, Outcome::needs_attention);
-  EXPECT_THAT(result.message, HasSubstr("was given 7 (7) and reads back 0"));
+  EXPECT_THAT(result.message, HasSubstr("was set to 7 (7) and reads back 0"));
   unit.map.registers[0].set_to = 1e6;
   result = make({unit}).open();
   EXPECT_EQ(result.outcome, Outcome::needs_attention);
-  EXPECT_THAT(result.message, HasSubstr("cannot hold 1000000"));
+  EXPECT_THAT(result.message, HasSubstr("cannot represent 1000000"));
 }
 
 // Many units keep settings in memory limited to some ten thousand writes.
@@ -395,8 +395,8 @@ TEST_P(ModbusBench, LockedSettingIsWrittenOnce) {
   for (int i = 0; i < 5; ++i) {
     const Result opened = gauge.open();
     ASSERT_EQ(opened.outcome, Outcome::needs_attention);
-    EXPECT_THAT(opened.message, HasSubstr("was given 7 (7) and reads back 0"));
-    EXPECT_THAT(opened.message, HasSubstr("switched off and on"));
+    EXPECT_THAT(opened.message, HasSubstr("was set to 7 (7) and reads back 0"));
+    EXPECT_THAT(opened.message, HasSubstr("power-cycled"));
   }
   EXPECT_EQ(units_.writes(1), 1U);
   // After a disconnection it may have been unlocked.

@@ -346,7 +346,7 @@ TEST(PhidgetBridgeOnABus, SilentBridgeDoesNotOpen) {
   bench.set_faults({.silent = true});
   const Result opened = bench.gauge.open();
   EXPECT_EQ(opened.outcome, Outcome::temporary);
-  EXPECT_THAT(opened.message, HasSubstr("does not report"));
+  EXPECT_THAT(opened.message, HasSubstr("does not confirm"));
   bench.set_faults({});
   EXPECT_TRUE(bench.gauge.open());
 }

@@ -678,7 +678,7 @@ TEST(FaultyDriver, UnpluggedDeviceIsLostUntilReopened) {
   // It is attached again, but its handle is invalid.
   const Reading reading = bench.read();
   EXPECT_EQ(reading.outcome, Outcome::lost);
-  EXPECT_THAT(reading.message, testing::HasSubstr("there again"));
+  EXPECT_THAT(reading.message, testing::HasSubstr("attached again"));
   EXPECT_EQ(bench.driver.start().outcome, Outcome::lost);
   EXPECT_EQ(bench.device.opens, 1);
   bench.driver.stop();

@@ -62,34 +62,34 @@ TEST(LabjackU6Driver, RejectsUnsupportedSettings) {
   bench.expect_refusal("begins with an even input");
   bench.renew();
   bench.input(Channel::velocity).range_v = 5.0;
-  bench.expect_refusal("range_v = 5: it has to be 10, 1, 0.1 or 0.01");
+  bench.expect_refusal("range_v = 5: must be 10, 1, 0.1 or 0.01");
   bench.renew();
   bench.inputs = {};
-  bench.expect_refusal("no channel comes from labjack_u6");
+  bench.expect_refusal("no channel is assigned to labjack_u6");
   bench.renew();
   bench.rate_hz = 30000.0;
   bench.expect_refusal("at most 25000 Hz");
   bench.rate_hz = 17123.45;
   bench.expect_refusal("The nearest is 17124.5095");
   bench.rate_hz = std::numeric_limits<double>::quiet_NaN();
-  bench.expect_refusal("it has to be positive");
+  bench.expect_refusal("must be positive");
 }
 
 TEST(LabjackU6Driver, RejectsContradictorySettings) {
   Bench bench;
   bench.settings.enable_line = 20;
-  bench.expect_refusal("enable_line = 20: the board has the lines 0 to 19");
+  bench.expect_refusal("enable_line = 20: the board has lines 0 to 19");
   bench.settings.enable_line = 17;
-  bench.expect_refusal("watchdog reaches the lines 0 to 15 only");
+  bench.expect_refusal("watchdog reaches lines 0 to 15 only");
   bench.settings.enable_line = 3;
   bench.settings.emergency_stop_line = 3;
   bench.expect_refusal("needs a separate line");
   bench.renew();
   bench.settings.samples_per_packet = 26;
-  bench.expect_refusal("samples_per_packet = 26: it has to be 1 to 25");
+  bench.expect_refusal("samples_per_packet = 26: must be 1 to 25");
   bench.renew();
   bench.settings.resolution_index = 9;
-  bench.expect_refusal("resolution_index = 9: it has to be 0 to 8");
+  bench.expect_refusal("resolution_index = 9: must be 0 to 8");
 }
 
 TEST(LabjackU6Driver, IsOffWhileNotStarted) {

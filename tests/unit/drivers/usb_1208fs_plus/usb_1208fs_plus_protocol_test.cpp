@@ -134,7 +134,7 @@ TEST(Usb1208fsPlusPlan, FewInputsArePaddedToFillPacketsInTime) {
 }
 
 TEST(Usb1208fsPlusPlan, ReportsInvalidConfigurations) {
-  EXPECT_THAT(refusal_of({}), HasSubstr("no channel comes from its inputs"));
+  EXPECT_THAT(refusal_of({}), HasSubstr("no channel is assigned to its inputs"));
   EXPECT_THAT(refusal_of(inputs_of({single_ended("CH8")})),
               HasSubstr("the input CH8 for displacement does not exist; inputs are CH0 to CH7"));
   EXPECT_THAT(refusal_of(inputs_of({differential("CH4", 1.0)})), HasSubstr("CH0 to CH3"));
@@ -145,7 +145,7 @@ TEST(Usb1208fsPlusPlan, ReportsInvalidConfigurations) {
   EXPECT_THAT(refusal_of(inputs_of({single_ended("CH0"), differential("CH1", 1.0)})),
               HasSubstr("all single-ended or all differential"));
   EXPECT_THAT(refusal_of(inputs_of({single_ended("CH0"), single_ended("CH0")})),
-              HasSubstr("given to two channels"));
+              HasSubstr("assigned to two channels"));
   EXPECT_THAT(refusal_of(inputs_of({single_ended("CH0")}), 60000.0), HasSubstr("at most 51200"));
   EXPECT_THAT(refusal_of(inputs_of({single_ended("CH0")}), std::nan("")), HasSubstr("1 Hz"));
 }
