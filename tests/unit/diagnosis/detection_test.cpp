@@ -6,6 +6,7 @@
 #include <cmath>
 #include <optional>
 
+#include "diagnosis/residual_features.h"
 #include "physics/catalogue.h"
 #include "tests/unit/diagnosis/bench.h"
 
