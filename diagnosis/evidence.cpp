@@ -5,11 +5,11 @@
 #include <complex>
 #include <limits>
 #include <numbers>
-#include <unsupported/Eigen/FFT>
 #include <utility>
 
 #include "diagnosis/base_noise.h"
 #include "diagnosis/drive_phase.h"
+#include "diagnosis/fourier.h"
 #include "diagnosis/median.h"
 
 namespace stickslip::diagnosis {
@@ -42,9 +42,7 @@ std::vector<double> mean_power(const Task& task, const std::vector<Readings>& re
       if (!e.is_compared(k, c)) continue;
       residual[i] = bounded((readings[w][i][c] - e.reading[k][c]) / task.sigma[c]);
     }
-    Eigen::FFT<double> fft;
-    std::vector<std::complex<double>> spectrum;
-    fft.fwd(spectrum, residual);
+    const std::vector<std::complex<double>> spectrum = fourier(residual);
     power.resize(n / 2 + 1, 0.0);
     for (std::size_t i = 0; i < power.size(); ++i) {
       power[i] += std::norm(spectrum[i]) / static_cast<double>(n);

@@ -221,7 +221,7 @@ void restart_best(const SearchData& data, const Hypothesis& declared, const Held
   std::vector<FittedCandidate*> best;
   for (FittedCandidate& each : candidates) {
     // The cost of a drawn shape has no local minima of its own.
-    if (tier_of(each.candidate) != physics::Tier::drawn_shape) best.push_back(&each);
+    if (tier_of(each.candidate) != physics::Tier::free_form) best.push_back(&each);
   }
   std::stable_sort(best.begin(), best.end(),
                    [](const FittedCandidate* a, const FittedCandidate* b) {

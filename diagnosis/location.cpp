@@ -4,8 +4,8 @@
 #include <cmath>
 #include <complex>
 #include <cstdio>
-#include <unsupported/Eigen/FFT>
 
+#include "diagnosis/fourier.h"
 #include "diagnosis/parallel/for_each.h"
 
 namespace stickslip::diagnosis {
@@ -171,9 +171,7 @@ Periodogram periodogram_of(const Task& task, const std::vector<Readings>& readin
       if (!e.is_compared(window.begin + i, channel)) continue;
       residual[i] = readings[w][i][channel] - e.reading[window.begin + i][channel];
     }
-    Eigen::FFT<double> fft;
-    std::vector<std::complex<double>> spectrum;
-    fft.fwd(spectrum, residual);
+    const std::vector<std::complex<double>> spectrum = fourier(residual);
     power.resize(n / 2 + 1, 0.0);
     for (std::size_t k = 0; k < power.size(); ++k)
       power[k] += std::min(std::norm(spectrum[k]), 1.0e30);

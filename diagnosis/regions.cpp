@@ -7,9 +7,9 @@
 #include <cstdio>
 #include <numbers>
 #include <random>
-#include <unsupported/Eigen/FFT>
 
 #include "diagnosis/drive_phase.h"
+#include "diagnosis/fourier.h"
 #include "diagnosis/parallel/for_each.h"
 
 namespace stickslip::diagnosis {
@@ -235,11 +235,9 @@ WindowSums sums_of(const Task& task, const Conditions& conditions, const Hypothe
     out.samples[c].add(r * r);
     conditions.each_of(ref, k, [&](std::size_t i) { out.under[c][i].add(r * r); });
   });
-  Eigen::FFT<double> fft;
   for (std::size_t c = 0; c < predicted_channels; ++c) {
     if (out.samples[c].count == 0.0) continue;
-    std::vector<std::complex<double>> spectrum;
-    fft.fwd(spectrum, residual[c]);
+    const std::vector<std::complex<double>> spectrum = fourier(residual[c]);
     const auto n = static_cast<double>(residual[c].size());
     for (std::size_t i = 1; 2 * i < spectrum.size(); ++i) {
       const double power = std::norm(spectrum[i]) / n;

@@ -81,7 +81,7 @@ Detection Search::detection() const {
   std::vector<CandidateEffect> candidates =
       candidate_effects(current_.hypothesis->model(), data_.experiments);
   std::erase_if(candidates,
-                [](const CandidateEffect& each) { return tier_of(each) == Tier::drawn_shape; });
+                [](const CandidateEffect& each) { return tier_of(each) == Tier::free_form; });
   const auto scales = [&](const physics::Place& place) {
     return scales_of(data_.experiments, *current_.hypothesis, current_.fitted.z, features_, place);
   };
@@ -183,7 +183,7 @@ bool Search::add_listed_pair(const std::vector<FittedCandidate>& candidates) {
   // A formula is as simple as two listed effects; a drawn shape is not.
   const double best = unlisted.total_loss();
   const double gain = current_.total_loss() - best;
-  const double enough = tier_of(unlisted.candidate) == Tier::drawn_shape
+  const double enough = tier_of(unlisted.candidate) == Tier::free_form
                             ? current_.total_loss() - criteria.pair_over_shape_share * gain
                             : best;
   // A candidate that leaves nothing but noise is not given up for a pair that leaves more.

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <numbers>
-#include <unsupported/Eigen/FFT>
 
+#include "diagnosis/fourier.h"
 #include "diagnosis/median.h"
 
 namespace stickslip::diagnosis {
@@ -20,10 +21,7 @@ std::vector<Complex> spectrum_of(std::vector<double> values) {
   std::size_t length = 1;  // lengths with large prime factors are slow to transform
   while (length < values.size()) length *= 2;
   values.resize(length, 0.0);
-  std::vector<Complex> spectrum;
-  Eigen::FFT<double> fft;
-  fft.fwd(spectrum, values);
-  return spectrum;
+  return fourier(values);
 }
 
 std::vector<Complex> windowed_spectrum(std::vector<double> values) {

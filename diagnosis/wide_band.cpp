@@ -6,8 +6,8 @@
 #include <complex>
 #include <limits>
 #include <numbers>
-#include <unsupported/Eigen/FFT>
 
+#include "diagnosis/fourier.h"
 #include "diagnosis/median.h"
 
 namespace stickslip::diagnosis {
@@ -239,17 +239,14 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
   const Line line{rest.front(), (rest.back() - rest.front()) / static_cast<double>(half)};
   const std::vector<double> odd = odd_extension(rest, line);
 
-  Eigen::FFT<double> fft;
-  std::vector<Complex> spectrum;
-  fft.fwd(spectrum, odd);
+  const std::vector<std::complex<double>> spectrum = fourier(odd);
   const double noise_power = noise_std * noise_std * static_cast<double>(odd.size());
   const WideBandSpectra spectra = undone(spectrum, period_s, chain, noise_power);
 
   WideBand out;
   out.acceleration_noise_std = acceleration_noise_std(spectra, period_s);
   const auto back = [&](const std::vector<Complex>& from) {
-    std::vector<Complex> time;
-    fft.inv(time, from);
+    const std::vector<Complex> time = inverse_fourier(from);
     std::vector<double> real(n);
     for (std::size_t i = 0; i < n; ++i) real[i] = time[i].real();
     return real;

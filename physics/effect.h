@@ -21,7 +21,7 @@ namespace stickslip::physics {
 
 class Effect;
 
-/// The relation of the rig's description that an effect enters (section 5 of the contract).
+/// The relation of the rig's description that an effect enters (docs/formats.md, section 5).
 enum class Relation { kinematics, force_balance, friction_law, normal_load, load_cell, sensor };
 
 std::string_view name_of(Relation relation);
@@ -35,7 +35,7 @@ enum class Tier {
 
 /// One parameter of an effect.
 struct ParameterCard {
-  std::string_view name;  ///< as in the contract, with its unit as suffix
+  std::string_view name;  ///< as in docs/formats.md, with its unit as suffix
   std::string_view unit;
   std::string_view meaning;
   double low = 0.0;  ///< plausible range on a bench like ours, for documentation and checks
@@ -65,7 +65,7 @@ struct Frequency {
 
 /// The description of an effect, for people and for the rooms that use it.
 struct Card {
-  std::string_view id;  ///< of the contract's section 6, or our own where `depends_on` is not empty
+  std::string_view id;  ///< of docs/formats.md, section 6, if listed
   Relation relation = Relation::force_balance;
   std::string_view name;      ///< "hardening or softening spring"
   std::string_view sentence;  ///< "The spring hardens or softens with deflection."
@@ -73,7 +73,7 @@ struct Card {
   std::span<const ParameterCard> parameters;
   std::string_view experiment;               ///< the run that shows it best
   std::span<const std::string_view> rivals;  ///< ids that resemble it in a poor recording
-  /// Column stems, of physics that the contract does not list: reports call it `unlisted`. For a
+  /// Column stems, of physics that the catalogue does not list, reported as `unlisted`. For a
   /// sensor effect those of the channels that it can act on.
   std::span<const std::string_view> depends_on = {};
   /// The parameter that measures the size of the effect: at its `neutral` there is none. Absent

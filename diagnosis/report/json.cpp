@@ -38,7 +38,7 @@ Json location_json(const Location& location) {
   return json;
 }
 
-// The id as the contract defines it.
+// The id in reports (docs/formats.md, section 6).
 std::string_view id_of(const physics::Card& card) {
   return card.depends_on.empty() ? card.id : "unlisted";
 }

@@ -1,4 +1,4 @@
-// A diagnosis and scores of a model as JSON (section 5 of the contract).
+// A diagnosis and scores of a model as JSON (docs/formats.md, section 5).
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>

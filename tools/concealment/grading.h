@@ -40,7 +40,7 @@ struct Grade {
   std::string problem;  ///< reason for a missing report
 };
 
-/// `report`: section 5 of the contract; null if there is none.
+/// `report`: docs/formats.md, section 5; null if there is none.
 Grade grade(const GroundTruth& truth, const nlohmann::ordered_json& report);
 
 /// A table with one line per hidden effect, the confusions (hidden against reported effects), and

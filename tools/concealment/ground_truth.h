@@ -21,7 +21,7 @@ struct TrueParameter {
 };
 
 struct TrueEffect {
-  std::string id;                                 ///< of the contract, or "unlisted"
+  std::string id;                                 ///< of docs/formats.md, or "unlisted"
   std::string physics;                            ///< name of unlisted physics
   std::vector<std::string> accept;                ///< correct ids
   std::vector<std::string> relations;             ///< correct relations

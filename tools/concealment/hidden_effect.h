@@ -1,4 +1,4 @@
-// Effects that can be hidden: every effect of the contract and some beyond it, with the benches
+// Effects that can be hidden: every listed effect and some beyond, with the benches
 // that can have them, their formula in the reference simulator, and the expected result of a
 // diagnosis.
 #pragma once
@@ -27,7 +27,7 @@ struct Sizes {
 struct EffectDraw;
 
 struct HiddenEffect {
-  std::string_view id;  ///< of the contract, or a name for unlisted physics
+  std::string_view id;  ///< of docs/formats.md, or a name for unlisted physics
   bool listed = true;
   std::span<const BenchKind> benches;
   BenchRequirements requirements;
@@ -35,7 +35,7 @@ struct HiddenEffect {
   bool scalable = true;  ///< true if `strength` changes its visibility
 };
 
-/// The contract's catalogue first.
+/// Listed effects first.
 std::span<const HiddenEffect> hidden_effects();
 
 /// The effect of that id, or nullptr.

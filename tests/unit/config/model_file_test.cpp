@@ -148,7 +148,7 @@ RC_GTEST_PROP(ModelFile, AWrittenModelReadsBackToTheBit, ()) {
 
 TEST(ModelFile, RandomCasesAreTheSameEachTime) { EXPECT_EQ(seeded, 0); }
 
-TEST(ModelFile, EveryLawOfTheContractIsRead) {
+TEST(ModelFile, ReadsEveryLaw) {
   const Model model = parse_model(R"(
 schema = 1
 [oscillator]

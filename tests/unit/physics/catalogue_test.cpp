@@ -19,13 +19,13 @@
 namespace stickslip::physics {
 namespace {
 
-// Section 6 of the contract: ids and parameter names are fixed.
-struct ContractEntry {
+// docs/formats.md, section 6: ids and parameter names are fixed.
+struct ListedEntry {
   Relation relation;
   std::vector<std::string> parameters;
 };
-const std::map<std::string, ContractEntry>& contract() {
-  static const std::map<std::string, ContractEntry> entries = {
+const std::map<std::string, ListedEntry>& listed() {
+  static const std::map<std::string, ListedEntry> entries = {
       {"dry_friction", {Relation::friction_law, {"friction_force_n"}}},
       {"friction_memory", {Relation::friction_law, {"gamma_per_s"}}},
       {"stribeck", {Relation::friction_law, {"static_ratio", "stribeck_speed_m_s"}}},
@@ -57,24 +57,24 @@ const std::map<std::string, ContractEntry>& contract() {
 
 class EveryEffect : public testing::TestWithParam<const Effect*> {};
 
-TEST_P(EveryEffect, IsNamedAsTheContractSays) {
+TEST_P(EveryEffect, IsNamedAsInTheFormats) {
   const Card& card = GetParam()->card();
-  const auto entry = contract().find(std::string(card.id));
+  const auto entry = listed().find(std::string(card.id));
   if (!card.depends_on.empty()) {
     // Reported as "unlisted", with the variables that it depends on.
-    EXPECT_EQ(entry, contract().end());
+    EXPECT_EQ(entry, listed().end());
     for (const std::string_view name : card.depends_on) {
       EXPECT_TRUE(name == "time" || channel_named(name).has_value()) << name;
     }
     return;
   }
-  ASSERT_NE(entry, contract().end());
+  ASSERT_NE(entry, listed().end());
   EXPECT_EQ(card.relation, entry->second.relation);
   std::vector<std::string> estimated;
   for (const ParameterCard& parameter : card.parameters) {
     if (!parameter.fixed_default) estimated.emplace_back(parameter.name);
   }
-  // Further parameters may follow those of the contract.
+  // Further parameters may follow the listed ones.
   ASSERT_GE(estimated.size(), entry->second.parameters.size());
   estimated.resize(entry->second.parameters.size());
   EXPECT_EQ(estimated, entry->second.parameters);
@@ -466,8 +466,8 @@ TEST(Catalogue, FindsEveryEffectByItsIdAndNoOther) {
     EXPECT_EQ(find_effect(effect->card().id), effect);
     EXPECT_TRUE(ids.insert(effect->card().id).second);
   }
-  EXPECT_GE(ids.size(), contract().size());
-  for (const auto& [id, entry] : contract()) EXPECT_TRUE(ids.contains(id)) << id;
+  EXPECT_GE(ids.size(), listed().size());
+  for (const auto& [id, entry] : listed()) EXPECT_TRUE(ids.contains(id)) << id;
   EXPECT_EQ(find_effect("unlisted"), nullptr);
 }
 
