@@ -40,8 +40,8 @@ struct RecorderSettings {
   std::optional<double> rotate_s = {};   ///< length of a part in the time of its frames; above 0
   std::optional<double> rotate_mb = {};  ///< size of a part, 10^6 bytes; above 0
   double sync_s = 1.0;                   ///< interval of syncs to the disk; 0: none
-  Ledger* ledger = nullptr;              ///< written at the end of each part, and credited with
-                                         ///< what the disk confirms; may be null
+  Ledger* ledger = nullptr;              ///< written at the end of each part, and with the
+                                         ///< frames confirmed by the disk; may be null
 };
 
 /// A new LCM event log, in parts if the settings say so: run.log, run.001.log, ... An existing log
