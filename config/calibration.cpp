@@ -101,7 +101,7 @@ void check(Document& document, const std::string& path, Channel channel,
     document.report(path + ".gain", "is 0: every reading would be 0");
   }
   if (calibration.crosstalk[index_of(channel)] != 0.0) {
-    document.report(path + ".crosstalk", "names the channel itself, whose share is its gain");
+    document.report(path + ".crosstalk", "names the channel itself: use gain instead");
   }
 }
 

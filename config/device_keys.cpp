@@ -133,11 +133,12 @@ constexpr std::array register_table = {
             .sentence = "Registers of one group are read in one request, which spans at most 125 "
                         "registers, gaps included, or 2000 bits.",
             .without = "alone"}),
-    bound<&ModbusRegister::ok>(Key{.path = "ok",
-                                   .sentence = "Good raw values of a status or an alarm.",
-                                   .need = Need::always,
-                                   .when = "role=status|alarm",
-                                   .only_then = true}),
+    bound<&ModbusRegister::ok>(
+        Key{.path = "ok",
+            .sentence = "Raw values of a status or an alarm without a fault.",
+            .need = Need::always,
+            .when = "role=status|alarm",
+            .only_then = true}),
     bound<&ModbusRegister::set_to>(Key{.path = "set_to",
                                        .unit = "its own",
                                        .sentence = "Value written to a setting.",

@@ -50,7 +50,7 @@ constexpr std::array fault_table = {
         Type::span,
         Key{.path = "between_s",
             .unit = "s",
-            .sentence = "Limits of a random beginning, drawn anew for each repetition; or at_s.",
+            .sentence = "Limits of a random beginning, drawn again for each repetition; or at_s.",
             .low = 0,
             .high = longest_script_s}),
     bound<&Fault::duration_s>(

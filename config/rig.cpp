@@ -24,7 +24,7 @@ class Reader {
     Rig rig;
     rig.file = file_;
     rig.text = text_;
-    // The files that it names are read even if the rig has problems, so that all are reported.
+    // The files that it names are read even if the rig has problems, to report those of all files.
     const bool model = read_model("rig.model", rig.model_file, rig.model, rig.model_text);
     const bool truth = read_truth(rig, model);
     read_faults(rig);
@@ -91,10 +91,10 @@ class Reader {
   /// The calibration file, whose channels must not be calibrated in the rig file as well.
   void read_calibration(Rig& rig) {
     if (rig.calibration_file.empty()) return;
-    CalibrationFile of_file;
+    CalibrationFile calibration;
     try {
       rig.calibration_text = read_text(rig.calibration_file);
-      of_file = parse_calibration(rig.calibration_text, rig.calibration_file.string());
+      calibration = parse_calibration(rig.calibration_text, rig.calibration_file.string());
     } catch (const InputError& error) {
       if (rig.calibration_text.empty()) {
         document_.report("calibration.file",
@@ -104,8 +104,8 @@ class Reader {
       }
     }
     for (Channel channel : all_channels) {
-      if (!of_file.channel[index_of(channel)]) continue;
-      rig.calibration[index_of(channel)] = *of_file.channel[index_of(channel)];
+      if (!calibration.channel[index_of(channel)]) continue;
+      rig.calibration[index_of(channel)] = *calibration.channel[index_of(channel)];
       const std::string path = "calibration." + std::string(info(channel).stem);
       if (document_.has(path)) {
         document_.report(path, "is in " + rig.calibration_file.string() +
@@ -127,7 +127,7 @@ class Reader {
     check_calibration(rig);
     check_safety(rig);
     check_excitation(rig);
-    check_outlets(rig);
+    check_outputs(rig);
   }
 
   void check_truth(const Rig& rig) {
@@ -165,9 +165,9 @@ class Reader {
       if (calibration.gain == 0.0) {
         document_.report(path + ".gain", "is 0: every reading would be 0");
       }
-      const bool own = document_.has(path) || rig.calibration_file.empty();
+      const bool in_rig_file = document_.has(path) || rig.calibration_file.empty();
       if (rig.driver == DriverKind::replay && calibration != ChannelCalibration{}) {
-        document_.report(own ? path : "calibration.file",
+        document_.report(in_rig_file ? path : "calibration.file",
                          "a recording is in SI units already: remove the calibration "
                          "while driver.kind is \"replay\"");
       }
@@ -221,18 +221,18 @@ class Reader {
     using enum ExcitationKind;
     const ExcitationKind kind = excitation.kind;
     const bool lines = kind == multisine && !excitation.multisine.lines.empty();
-    const auto useless = [this](bool used, const char* name, const std::string& why) {
+    const auto check_used = [this](bool used, const char* name, const std::string& why) {
       const std::string path = std::string("excitation.") + name;
       if (!used && document_.has(path))
         document_.report(path, "has no effect " + why + ": remove it");
     };
     const std::string with_kind = "with kind = \"" + std::string(name_of(kind)) + '"';
     for (const char* name : {"modulation_hz", "modulation_depth", "envelope", "repeat"}) {
-      useless(kind == modulated, name, with_kind);
+      check_used(kind == modulated, name, with_kind);
     }
-    useless(kind == modulated || kind == by_hand, "carrier_hz", with_kind);
-    useless(kind != file, "amplitude", with_kind);
-    useless(!lines, "amplitude", "with multisine.lines");
+    check_used(kind == modulated || kind == by_hand, "carrier_hz", with_kind);
+    check_used(kind != file, "amplitude", with_kind);
+    check_used(!lines, "amplitude", "with multisine.lines");
     if (kind == by_hand && excitation.by_hand.lowest > excitation.amplitude) {
       document_.report("excitation.by_hand.lowest", "is above excitation.amplitude");
     }
@@ -311,13 +311,13 @@ class Reader {
                            " or more");
     }
     if (const auto excess = excess_of(demand, limits, force)) {
-      document_.report(place, "asks for " + text_of(*excess) + ": " +
+      document_.report(place, "requires " + text_of(*excess) + ": " +
                                   short_number(100.0 * excess->limit / excess->demand) +
                                   " % of the amplitude is allowed");
     }
   }
 
-  void check_outlets(const Rig& rig) {
+  void check_outputs(const Rig& rig) {
     const std::string& url = rig.lcm.url;
     bool known = false;
     for (const char* provider : {"udpm:", "memq:", "file:", "tcpq:", "mpudpm:"}) {
@@ -329,18 +329,18 @@ class Reader {
                        "file://PATH, found \"" +
                            url + "\"");
     }
-    if (rig.recording.enabled) expect_folder_of("recording.file", rig.recording.file);
+    if (rig.recording.enabled) check_folder_of("recording.file", rig.recording.file);
     if (!rig.metrics.file.empty()) {
       if (rig.metrics.file.extension() != ".prom") {
         document_.report("metrics.file",
                          "node_exporter reads only files named *.prom, and silently ignores " +
                              rig.metrics.file.filename().string());
       }
-      expect_folder_of("metrics.file", rig.metrics.file);
+      check_folder_of("metrics.file", rig.metrics.file);
     }
   }
 
-  void expect_folder_of(std::string_view path, const std::filesystem::path& file) {
+  void check_folder_of(std::string_view path, const std::filesystem::path& file) {
     std::error_code error;
     const std::filesystem::path folder =
         file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");

@@ -45,7 +45,7 @@ std::string fault_label(const toml::table& fault) {
 
 namespace {
 
-constexpr std::size_t most_faults = 256;  // each is checked in every cycle
+constexpr std::size_t max_faults = 256;  // each is checked in every cycle
 
 bool is_table_of(std::span<const Key> keys, std::string_view path) {
   return !names_within(keys, path).empty();
@@ -118,7 +118,7 @@ class Check {
     if (!meant.empty()) {
       meant_.insert(joined_path(prefix, meant));
       message += ": did you mean " + meant + "?";
-    } else if (const std::string elsewhere = home_of(name.str()); !elsewhere.empty()) {
+    } else if (const std::string elsewhere = path_elsewhere(name.str()); !elsewhere.empty()) {
       meant_.insert(elsewhere);
       message += ": " + std::string(name.str()) + " belongs to [" +
                  std::string(parent_of(elsewhere)) + "]";
@@ -129,14 +129,14 @@ class Check {
   }
 
   /// Path of the only key of that name in another table; empty if there is none.
-  std::string home_of(std::string_view name) const {
-    std::string home;
+  std::string path_elsewhere(std::string_view name) const {
+    std::string path;
     for (const Key& key : keys_) {
       if (last_name(key.path) != name || parent_of(key.path).empty()) continue;
-      if (!home.empty() || key.path.find('*') != std::string_view::npos) return {};
-      home = key.path;
+      if (!path.empty() || key.path.find('*') != std::string_view::npos) return {};
+      path = key.path;
     }
-    return home;
+    return path;
   }
 
   void expected(const toml::node& node, const Key& key, const std::string& path) {
@@ -317,12 +317,12 @@ class Check {
   }
 
   void lines(const toml::node& node, const Key& key, const std::string& path) {
-    constexpr std::size_t most_lines = 200;
+    constexpr std::size_t max_lines = 200;
     const toml::array* list = node.as_array();
     if (list == nullptr) return expected(node, key, path);
-    if (list->empty() || list->size() > most_lines) {
-      problem(node, full(path) + ": expected 1 to " + std::to_string(most_lines) +
-                        " lines, found " + std::to_string(list->size()));
+    if (list->empty() || list->size() > max_lines) {
+      problem(node, full(path) + ": expected 1 to " + std::to_string(max_lines) + " lines, found " +
+                        std::to_string(list->size()));
     }
     for (const toml::node& each : *list) {
       const toml::array* line = each.as_array();
@@ -375,10 +375,10 @@ class Check {
   void faults(const toml::node& node, const Key& key, const std::string& path) {
     const toml::array* list = node.as_array();
     if (list == nullptr) return expected(node, key, path);
-    if (list->size() > most_faults) {
-      problem(*list->get(most_faults), full(path) + ": more than " + std::to_string(most_faults) +
-                                           " in one script, found " + std::to_string(list->size()) +
-                                           ": one fault can be repeated with every_s");
+    if (list->size() > max_faults) {
+      problem(*list->get(max_faults), full(path) + ": more than " + std::to_string(max_faults) +
+                                          " in one script, found " + std::to_string(list->size()) +
+                                          ": one fault can be repeated with every_s");
     }
     for (const toml::node& each : *list) {
       if (const toml::table* fault = each.as_table()) {

@@ -38,7 +38,7 @@ Event event_of(const Finding& finding) {
   }
   out.code = "model_explained";
   const observer::Explanation& first = found.front();
-  out.message = "why the rig no longer follows its model: " + first.words + " (" +
+  out.message = "probable cause of the model mismatch: " + first.words + " (" +
                 std::string(physics::name_of(first.relation)) + ", " + percent(first.probability) +
                 ")";
   if (found.size() > 1 && found[1].probability >= 0.05) {

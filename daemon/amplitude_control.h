@@ -65,7 +65,7 @@ class AmplitudeControl {
   double ratio_ = 0.0;
   double distortion_ = 0.0;
 
-  // Normal equations of the present block.
+  // Normal equations of the current block.
   Matrix normal_ = Matrix::Zero();
   Vector right_ = Vector::Zero();
   double squares_ = 0.0;

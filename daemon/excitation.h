@@ -46,7 +46,7 @@ class Excitation {
   /// Throws InputError for a drive file that is invalid or exceeds the limits.
   Excitation(const config::Excitation& settings, const DrivenRig& rig);
 
-  /// Ramps up: a carrier from its present phase, a sweep, a burst or a file from its beginning. No
+  /// Ramps up: a carrier from its current phase, a sweep, a burst or a file from its beginning. No
   /// effect if the configuration disables the excitation.
   void start();
 

@@ -155,7 +155,8 @@ Interlocks::Broken Interlocks::broken(std::int64_t now_ns) const {
     return is(Interlock::observer_diverged, "the observer diverged");
   }
   if (dead_man_ns_ && settings_.dead_man_ns > 0 && now_ns - *dead_man_ns_ > settings_.dead_man_ns) {
-    return is(Interlock::client_gone, "the client that holds the dead-man's handle is silent");
+    return is(Interlock::client_gone,
+              "the client that holds the dead-man's handle does not respond");
   }
   return out;
 }

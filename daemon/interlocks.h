@@ -61,7 +61,7 @@ class Interlocks {
   void recorder(bool failing) { recorder_failing_ = failing; }
   void drive(bool finite) { drive_finite_ = finite; }
 
-  /// Time of the latest sign of life from the holder of the dead-man's handle; nothing: not held.
+  /// Time of the latest keep-alive from the holder of the dead-man's handle; nothing: not held.
   void dead_man(std::optional<std::int64_t> latest_ns) { dead_man_ns_ = latest_ns; }
 
   /// The device was restored or replaced: earlier observations of it no longer count.

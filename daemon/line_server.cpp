@@ -82,7 +82,7 @@ LineServer::LineServer(const LineServerSettings& settings, Handlers handlers)
     if (!S_ISSOCK(existing.st_mode)) refuse(settings_.path, "exists and is not a socket");
     if (has_listener(address)) {
       refuse(settings_.path,
-             "another daemon listens there: stop it, or give this one another "
+             "another daemon is listening there: stop it, or give this one another "
              "control.socket");
     }
     ::unlink(address.sun_path);
@@ -144,7 +144,7 @@ bool LineServer::poll_clients(std::chrono::milliseconds wait, int also) {
   for (auto& [id, client] : clients_) {
     const bool writes = client.sent < client.out.size();
     const bool reads =
-        !client.closing && !client.half_closed && client.in.size() < settings_.longest_line;
+        !client.closing && !client.half_closed && client.in.size() < settings_.max_line_bytes;
     files.push_back(
         {client.file, static_cast<short>((reads ? POLLIN : 0) | (writes ? POLLOUT : 0)), 0});
     ids.push_back(id);
@@ -172,10 +172,10 @@ void LineServer::serve_lines() {
   for (const auto& [id, client] : clients_) order.push_back(id);
   std::rotate(order.begin(), std::upper_bound(order.begin(), order.end(), turn_), order.end());
   std::size_t lines = 0;
-  for (bool any = true; any && lines < settings_.most_lines_a_turn;) {
+  for (bool any = true; any && lines < settings_.max_lines_per_turn;) {
     any = false;
     for (const ClientId id : order) {
-      if (lines >= settings_.most_lines_a_turn) break;
+      if (lines >= settings_.max_lines_per_turn) break;
       const auto client = clients_.find(id);
       if (client == clients_.end() || !take_line(id, client->second)) continue;
       turn_ = id;
@@ -201,7 +201,7 @@ void LineServer::accept_clients() {
 }
 
 void LineServer::admit(int file, const Peer& peer) {
-  if (clients_.size() >= settings_.most_clients) drop_longest_silent();
+  if (clients_.size() >= settings_.max_clients) drop_longest_idle();
   const ClientId id = next_++;
   Client& client = clients_[id];
   client.file = file;
@@ -222,22 +222,22 @@ bool LineServer::is_allowed(const Peer& peer) const {
 }
 
 /// Idle clients cannot keep others out.
-void LineServer::drop_longest_silent() {
-  const auto oldest = std::min_element(
+void LineServer::drop_longest_idle() {
+  const auto longest_idle = std::min_element(
       clients_.begin(), clients_.end(),
       [](const auto& a, const auto& b) { return a.second.active < b.second.active; });
-  if (oldest == clients_.end()) return;
-  oldest->second.reason = "too many clients: it was silent for longest";
-  oldest->second.closing = true;
-  oldest->second.out.clear();
-  oldest->second.sent = 0;
+  if (longest_idle == clients_.end()) return;
+  longest_idle->second.reason = "too many clients: it was idle for the longest time";
+  longest_idle->second.closing = true;
+  longest_idle->second.out.clear();
+  longest_idle->second.sent = 0;
   drop_finished(steady_clock::now());
 }
 
 void LineServer::receive(Client& client) {
   if (client.closing || client.half_closed) return;
   std::array<char, 8192> part{};
-  while (client.in.size() < settings_.longest_line) {
+  while (client.in.size() < settings_.max_line_bytes) {
     const ssize_t got = ::recv(client.file, part.data(), part.size(), 0);
     if (got < 0 && (errno == EAGAIN || errno == EINTR)) return;
     if (got <= 0) {
@@ -254,10 +254,10 @@ bool LineServer::take_line(ClientId id, Client& client) {
   if (client.closing) return false;
   const std::size_t end = client.in.find('\n');
   if (end == std::string::npos) {
-    if (client.in.size() < settings_.longest_line) return false;
+    if (client.in.size() < settings_.max_line_bytes) return false;
     send(id, "{\"v\": 1, \"ok\": false, \"error\": \"the line is longer than " +
-                 std::to_string(settings_.longest_line) + " bytes\"}");
-    client.reason = "it sent too long a line";
+                 std::to_string(settings_.max_line_bytes) + " bytes\"}");
+    client.reason = "a line was too long";
     client.closing = true;
     client.in.clear();
     return false;
@@ -274,7 +274,7 @@ void LineServer::send(ClientId id, std::string_view line) {
   const auto found = clients_.find(id);
   if (found == clients_.end() || found->second.closing) return;
   Client& client = found->second;
-  if (client.out.size() - client.sent + line.size() + 1 > settings_.most_unread_bytes) {
+  if (client.out.size() - client.sent + line.size() + 1 > settings_.max_unread_bytes) {
     client.reason = "it does not read its answers";
     client.closing = true;
     client.out.clear();
@@ -309,14 +309,14 @@ void LineServer::drop_finished(steady_clock::time_point now) {
     Client& client = at->second;
     const bool all_sent = client.sent >= client.out.size();
     if (!client.in.empty() && client.in.find('\n') == std::string::npos &&
-        now - client.begun > settings_.patience) {
+        now - client.begun > settings_.timeout) {
       client.reason = "it did not finish a line in time";
       client.closing = true;
     }
-    const bool silent = now - client.active > settings_.patience;
-    const bool left = client.half_closed && client.in.find('\n') == std::string::npos &&
-                      (client.hung_up || silent);
-    const bool stuck = client.closing && silent;
+    const bool idle = now - client.active > settings_.timeout;
+    const bool left =
+        client.half_closed && client.in.find('\n') == std::string::npos && (client.hung_up || idle);
+    const bool stuck = client.closing && idle;
     if (!((client.closing && all_sent) || left || stuck)) {
       ++at;
       continue;

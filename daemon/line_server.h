@@ -26,11 +26,11 @@ struct LineServerSettings {
   std::filesystem::path path;
   std::string group;  ///< whose members may connect, besides root and the daemon's user; empty: the
                       ///< daemon's group
-  std::size_t most_clients = 64;
-  std::size_t longest_line = std::size_t{64} * 1024;
-  std::size_t most_unread_bytes = std::size_t{1} << 20;  ///< output that a client has not read
-  std::size_t most_lines_a_turn = 64;                    ///< of all clients together
-  std::chrono::nanoseconds patience = std::chrono::seconds(10);  ///< with an unfinished line
+  std::size_t max_clients = 64;
+  std::size_t max_line_bytes = std::size_t{64} * 1024;
+  std::size_t max_unread_bytes = std::size_t{1} << 20;  ///< output that a client has not read
+  std::size_t max_lines_per_turn = 64;                  ///< of all clients together
+  std::chrono::nanoseconds timeout = std::chrono::seconds(10);  ///< for an unfinished line
 };
 
 class LineServer {
@@ -76,7 +76,7 @@ class LineServer {
   void accept_clients();
   void admit(int file, const Peer& peer);
   bool is_allowed(const Peer& peer) const;
-  void drop_longest_silent();
+  void drop_longest_idle();
   void receive(Client& client);
   bool take_line(ClientId id, Client& client);
   void flush(Client& client);

@@ -14,7 +14,7 @@ constexpr std::size_t notice_capacity = 1024;
 constexpr std::size_t command_capacity = 64;
 /// About a thousandth of what a ring holds: frequent wake-ups cost more than the wait itself.
 constexpr std::int64_t consumer_wait_ns = 500'000;
-constexpr std::int64_t consumer_patience_ns = 2'000'000'000;
+constexpr std::int64_t consumer_timeout_ns = 2'000'000'000;
 
 constexpr bool is_fault(Outcome outcome) {
   return outcome != Outcome::ok && outcome != Outcome::no_data && outcome != Outcome::end_of_data;
@@ -400,7 +400,7 @@ void Loop::wait_for_consumer(const Stream& stream) {
   while (stream.full()) {
     const std::int64_t now_ns = clock_.now_ns();
     const int requests = stop_requests_.load(std::memory_order_acquire);
-    if (requests > 0 && give_up_ns_ == 0) give_up_ns_ = now_ns + consumer_patience_ns;
+    if (requests > 0 && give_up_ns_ == 0) give_up_ns_ = now_ns + consumer_timeout_ns;
     if (requests > 1 || (requests > 0 && now_ns >= give_up_ns_)) return;
     clock_.sleep_until(now_ns + consumer_wait_ns);
   }

@@ -93,7 +93,7 @@ class Loop {
   /// The same thread: the next answer, oldest first. The answer to an average may come after those
   /// to later commands.
   bool next_answer(Answer& answer);
-  /// Any thread: sign of life of the client that holds the dead-man's handle.
+  /// Any thread: keep-alive from the client that holds the dead-man's handle.
   void keep_alive(std::int64_t now_ns) { kept_alive_ns_.store(now_ns, std::memory_order_release); }
 
   /// `run` in steps, for benchmarks and tests: begin, (wait, cycle)*, end. `begin` is false where

@@ -86,7 +86,7 @@ class Page {
 std::uint64_t flag(bool value) { return value ? 1 : 0; }
 
 void add_state(Page& page, const Status& status) {
-  page.family("state", "gauge", "1 for the present state of the rig, 0 for the others.");
+  page.family("state", "gauge", "1 for the current state of the rig, 0 for the others.");
   for (const std::string_view state : states) {
     page.sample(flag(name_of(status.state) == state), "state=\"" + std::string(state) + '"');
   }

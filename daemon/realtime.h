@@ -15,7 +15,7 @@ struct Grant {
   std::string refusal;  ///< if refused: the reason and the remedy
 };
 
-/// Locks the present and future memory of the process. Refused if a limit would let the lock
+/// Locks the current and future memory of the process. Refused if a limit would let the lock
 /// succeed now and make a later allocation fail.
 Grant lock_memory();
 

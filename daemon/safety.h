@@ -73,7 +73,7 @@ enum class Interlock : std::uint8_t {
   drive_not_finite,   ///< the excitation is not finite
   observer_diverged,  ///< if configured
   recorder_failing,   ///< if configured
-  client_gone,        ///< the client that holds the dead-man's handle is silent
+  client_gone,        ///< the client that holds the dead-man's handle does not respond
 };
 inline constexpr std::size_t interlock_count = 15;
 

@@ -54,13 +54,13 @@ void Stream::start() {
   thread_ = std::thread([this] { run(); });
 }
 
-void Stream::finish(std::chrono::nanoseconds patience) {
+void Stream::finish(std::chrono::nanoseconds timeout) {
   if (!thread_.joinable()) {
     discard_rings();  // the thread was never started
     return;
   }
   draining_.store(true, std::memory_order_release);
-  const auto until = steady_clock::now() + patience;
+  const auto until = steady_clock::now() + timeout;
   while (!ended_.load(std::memory_order_acquire)) {
     if (steady_clock::now() >= until) abandoned_.store(true, std::memory_order_release);
     std::this_thread::sleep_for(std::chrono::microseconds(500));

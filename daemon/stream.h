@@ -86,9 +86,9 @@ class Stream {
 
   void start();
 
-  /// After the last offer: waits until everything is written, for `patience` at most; the rest is
+  /// After the last offer: waits until everything is written, for `timeout` at most; the rest is
   /// lost to shutdown. Afterwards no thread runs, and `send` writes directly.
-  void finish(std::chrono::nanoseconds patience);
+  void finish(std::chrono::nanoseconds timeout);
 
   /// Any thread: true if frames were lost since the last successful flush.
   bool failing() const { return failing_.load(std::memory_order_relaxed); }

@@ -10,7 +10,7 @@ namespace stickslip::daemon {
 /// sorted by this time stay in order.
 class UtcClock {
  public:
-  /// From the present readings of both clocks; wall clock and result in us since 1970.
+  /// From the current readings of both clocks; wall clock and result in us since 1970.
   std::int64_t utc_us(std::int64_t monotonic_ns, std::int64_t wall_us);
 
  private:

@@ -32,33 +32,36 @@ struct Envelope {
 Envelope envelope_of(const Rerun& run, double time_s) {
   if (!(run.burst_s > 0.0)) return {};
   const double phase = std::fmod(time_s, 2.0 * run.burst_s);
-  const double into = std::min(phase, run.burst_s - phase);  // time from the nearer end
-  if (into <= 0.0) return {0.0, 0.0, 0.0};
-  if (into >= ramp_s) return {};
-  const double turn = std::numbers::pi / ramp_s;
+  const double from_end_s =
+      std::min(phase, run.burst_s - phase);  // from the nearer end of the burst
+  if (from_end_s <= 0.0) return {0.0, 0.0, 0.0};
+  if (from_end_s >= ramp_s) return {};
+  const double omega_rad_s = std::numbers::pi / ramp_s;
   const double direction = phase < 0.5 * run.burst_s ? 1.0 : -1.0;
-  return {0.5 * (1.0 - std::cos(turn * into)), 0.5 * direction * turn * std::sin(turn * into),
-          0.5 * turn * turn * std::cos(turn * into)};
+  return {0.5 * (1.0 - std::cos(omega_rad_s * from_end_s)),
+          0.5 * direction * omega_rad_s * std::sin(omega_rad_s * from_end_s),
+          0.5 * omega_rad_s * omega_rad_s * std::cos(omega_rad_s * from_end_s)};
 }
 
-// Input of a varied run. Displacements and their derivatives remain those of one motion.
+// Input of a varied run. Displacements remain consistent with their derivatives.
 physics::Input input_of(const Rerun& run, const Experiment& recorded, double time_s) {
-  constexpr double around_s = 0.01;
+  constexpr double half_step_s = 0.01;
   physics::Input input = recorded_at(recorded, run.pace * time_s);
   const double rate_m_s =
-      (recorded_at(recorded, run.pace * time_s + around_s).base_displacement_m -
-       recorded_at(recorded, run.pace * time_s - around_s).base_displacement_m) /
-      (2.0 * around_s);
+      (recorded_at(recorded, run.pace * time_s + half_step_s).base_displacement_m -
+       recorded_at(recorded, run.pace * time_s - half_step_s).base_displacement_m) /
+      (2.0 * half_step_s);
   const Envelope envelope = envelope_of(run, time_s);
-  const double way = run.amplitude / (run.pace * run.pace);  // at the same accelerations
+  const double displacement_scale =
+      run.amplitude / (run.pace * run.pace);  // at the same accelerations
   input.drive_force_n *= run.amplitude * envelope.value;
   input.base_acceleration_m_s2 = run.amplitude * envelope.value * input.base_acceleration_m_s2 +
-                                 2.0 * way * run.pace * envelope.first * rate_m_s +
-                                 way * envelope.second * input.base_displacement_m;
-  input.base_displacement_m *= way * envelope.value;
-  input.velocity_m_s = way * (run.pace * envelope.value * input.velocity_m_s +
-                              envelope.first * input.displacement_m);
-  input.displacement_m *= way * envelope.value;
+                                 2.0 * displacement_scale * run.pace * envelope.first * rate_m_s +
+                                 displacement_scale * envelope.second * input.base_displacement_m;
+  input.base_displacement_m *= displacement_scale * envelope.value;
+  input.velocity_m_s = displacement_scale * (run.pace * envelope.value * input.velocity_m_s +
+                                             envelope.first * input.displacement_m);
+  input.displacement_m *= displacement_scale * envelope.value;
   return input;
 }
 

@@ -59,14 +59,14 @@ EndPolynomial polynomial_at_end(std::span<const double> samples, std::size_t cou
 // it is not significant.
 double curvature_at_end(std::span<const double> samples, double period_s, double noise_std,
                         bool at_the_end) {
-  constexpr double longest_s = 0.2;
-  constexpr std::size_t fewest = 16;
-  if (samples.size() < 4 * fewest) return 0.0;
-  auto count = std::clamp<std::size_t>(static_cast<std::size_t>(std::lround(longest_s / period_s)),
-                                       fewest, samples.size() / 4);
+  constexpr double max_span_s = 0.2;
+  constexpr std::size_t min_count = 16;
+  if (samples.size() < 4 * min_count) return 0.0;
+  auto count = std::clamp<std::size_t>(static_cast<std::size_t>(std::lround(max_span_s / period_s)),
+                                       min_count, samples.size() / 4);
   EndPolynomial end = polynomial_at_end(samples, count, period_s, noise_std, at_the_end);
-  while (end.residual_std > 1.5 * noise_std && count > fewest) {
-    count = std::max(fewest, count * 3 / 4);
+  while (end.residual_std > 1.5 * noise_std && count > min_count) {
+    count = std::max(min_count, count * 3 / 4);
     end = polynomial_at_end(samples, count, period_s, noise_std, at_the_end);
   }
   return std::abs(end.curvature) > 3.0 * end.curvature_std ? end.curvature : 0.0;
@@ -155,8 +155,8 @@ struct WideBandSpectra {
   double highest_hz = 0.0;    // of the bins that passed
 };
 
-WideBandSpectra undone(const std::vector<Complex>& spectrum, double period_s,
-                       const physics::FilterChain& chain, double noise_power) {
+WideBandSpectra inverse_filtered(const std::vector<Complex>& spectrum, double period_s,
+                                 const physics::FilterChain& chain, double noise_power) {
   const std::size_t length = spectrum.size();
   const std::size_t half = length / 2;
   const AveragedPower power(spectrum, half);
@@ -199,7 +199,7 @@ double acceleration_noise_std(const WideBandSpectra& spectra, double period_s) {
   return std::sqrt(2.0 * power) / length;
 }
 
-// The line passes through the chain as a line; undoing the chain's lag moves it by slope * lag.
+// The line passes through the chain as a line; removing the chain's lag moves it by slope * lag.
 void add_line(WideBand& out, const Line& line, double period_s, const physics::FilterChain& chain) {
   const double small = 1.0e-3;
   const double lag = -std::arg(chain.response(small)) / (2.0 * std::numbers::pi * small);
@@ -209,8 +209,8 @@ void add_line(WideBand& out, const Line& line, double period_s, const physics::F
   }
 }
 
-void add_undone(WideBand& out, const Exponential& each, double period_s,
-                const physics::FilterChain& chain) {
+void add_inverse_filtered(WideBand& out, const Exponential& each, double period_s,
+                          const physics::FilterChain& chain) {
   const double inverse = (1.0 / chain.transfer({each.s_per_s, 0.0})).real();
   for (std::size_t i = 0; i < out.value.size(); ++i) {
     const double value = inverse * each.at(period_s * static_cast<double>(i));
@@ -228,8 +228,8 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
   const std::size_t half = n - 1;  // half a period of the odd extension
 
   // The odd extension would have a kink in its second derivative at both ends, which rings far into
-  // the acceleration. Exponentials with that curvature are subtracted here and added, undone
-  // exactly, at the end.
+  // the acceleration. Exponentials with that curvature are subtracted here and added,
+  // inverse-filtered exactly, at the end.
   const std::vector<Exponential> curvatures = end_curvatures(samples, period_s, noise_std);
   std::vector<double> rest(samples.begin(), samples.end());
   for (std::size_t i = 0; i < n; ++i) {
@@ -241,7 +241,7 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
 
   const std::vector<std::complex<double>> spectrum = fourier(odd);
   const double noise_power = noise_std * noise_std * static_cast<double>(odd.size());
-  const WideBandSpectra spectra = undone(spectrum, period_s, chain, noise_power);
+  const WideBandSpectra spectra = inverse_filtered(spectrum, period_s, chain, noise_power);
 
   WideBand out;
   out.acceleration_noise_std = acceleration_noise_std(spectra, period_s);
@@ -255,7 +255,7 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
   out.rate = back(spectra.rate);
   out.acceleration = back(spectra.acceleration);
   add_line(out, line, period_s, chain);
-  for (const Exponential& each : curvatures) add_undone(out, each, period_s, chain);
+  for (const Exponential& each : curvatures) add_inverse_filtered(out, each, period_s, chain);
   return out;
 }
 

@@ -28,7 +28,7 @@ constexpr double skip_after_break_s = 0.15;  // the break is dated to about 0.2 
 constexpr double longest_delay_s = 0.012;
 constexpr double enough_s = 4.0;
 constexpr double settle_s = 0.5;
-constexpr double most_explained_s = 6.0;
+constexpr double max_explained_s = 6.0;
 // Innovations of a wrong model are correlated: this much time counts as one observation.
 constexpr double correlation_s = 0.02;
 // Degrees of freedom of the Student distribution of innovations: no model is exact.
@@ -325,7 +325,7 @@ std::int64_t nanoseconds(double s) { return std::llround(1.0e9 * s); }
 std::span<const Frame> after_break(std::span<const Frame> frames, const ModelVerdict& verdict) {
   const std::int64_t to_ns = explained_until_ns(verdict);
   const std::int64_t from_ns = std::max(verdict.since_ns + nanoseconds(skip_after_break_s),
-                                        to_ns - nanoseconds(most_explained_s));
+                                        to_ns - nanoseconds(max_explained_s));
   const auto earlier = [](const Frame& frame, std::int64_t time_ns) {
     return frame.time_ns < time_ns;
   };

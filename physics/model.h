@@ -105,7 +105,7 @@ struct LoadCell {
 /// The bridge of the normal load: the gauges of both pads, N1 = c1 v1 and N2 = c2 v2, form one
 /// Wheatstone bridge, which measures v1 + v2 only, with (c1 + c2) / 2 assumed for both (section 4
 /// of the paper). The reading is N times share / (1 + mismatch) + (1 - share) / (1 - mismatch),
-/// where `share` is that of the first pad at the present displacement.
+/// where `share` is that of the first pad at the current displacement.
 struct NormalLoadBridge {
   double mismatch = 0.0;           ///< (c1 - c2) / (c1 + c2)
   double share = 0.5;              ///< of N on the first pad at x = 0

@@ -25,7 +25,8 @@ Dual known_tanh(const Dual& x, double value) {
 }
 
 // Root of w + a z(w) = target with z(w) = (z0 + alpha w) / (1 + alpha abs(w) r): the implicit step
-// of a bristle that slips at a deflection of 1/r; r is `back` for a w against the deflection z0.
+// of a bristle that slips at a deflection of 1/r. Where w opposes the deflection z0, `back` is
+// used instead of r.
 double solve_bristle(double target, double a, double z0, double alpha, double r, double back,
                      double guess) {
   const auto rate = [&](double w) { return w * z0 < 0.0 ? back : r; };
@@ -57,15 +58,15 @@ double solve_bristle(double target, double a, double z0, double alpha, double r,
   return w;
 }
 
-// Share of slip in a bristle's motion at `share` times its break-away deflection: 0 up to
-// `elastic`, 1 from 1 on (Dupont, Hayward, Armstrong and Altpeter 2002, Eq. (17)).
+// Share of slip in a bristle's motion at `ratio` times its break-away deflection: 0 for ratios up
+// to `elastic`, 1 for ratios from 1 (Dupont, Hayward, Armstrong and Altpeter 2002, Eq. (17)).
 template <class T>
-T plastic_share(const T& share, const T& elastic) {
+T plastic_share(const T& ratio, const T& elastic) {
   using std::sin;
-  if (!(value_of(share) > value_of(elastic))) return T(0.0);
-  if (!(value_of(share) < 1.0)) return T(1.0);
+  if (!(value_of(ratio) > value_of(elastic))) return T(0.0);
+  if (!(value_of(ratio) < 1.0)) return T(1.0);
   const T middle = 0.5 * (1.0 + elastic);
-  return 0.5 + 0.5 * sin((share - middle) * (pi / (1.0 - elastic)));
+  return 0.5 + 0.5 * sin((ratio - middle) * (pi / (1.0 - elastic)));
 }
 
 // A relaxation process over one implicit stage: theta at its end is decayed + gain g(w).
@@ -113,10 +114,10 @@ struct ContactSolution {
   T force{0.0};
   T theta{0.0};
   T contact{0.0};  // the contact's state: theta, its fast part, or the bristle's deflection
-  T slow{0.0};     // the slow part of theta, of two processes
+  T slow{0.0};     // with two processes: the slow part of theta
 };
 
-// The functions of this file below here are in the innermost loop of all fits.
+// The functions below are in the innermost loop of all fits.
 #define STICKSLIP_INLINE [[gnu::always_inline]] inline
 
 template <class T>
@@ -185,7 +186,7 @@ STICKSLIP_INLINE void solve_set_valued(const Stage<T>& stage, const Process<T>& 
   }
 }
 
-// The same with g(w) = tanh(w / transition_speed).
+// As solve_set_valued, with g(w) = tanh(w / transition_speed).
 template <class T>
 STICKSLIP_INLINE void solve_smooth(const Stage<T>& stage, const Process<T>& law,
                                    const T& transition_speed, ContactSolution<T>& out,

@@ -37,7 +37,7 @@ FilterChain::FilterChain(std::span<const Filter> filters, double step_s) {
     if (count_ == max_filter_sections) {
       throw std::invalid_argument("a sensor chain may have at most " +
                                   std::to_string(max_filter_sections) +
-                                  " filter sections of two poles");
+                                  " second-order filter sections");
     }
     Section& section = sections_[count_++];
     section.second_order = second_order;

@@ -41,14 +41,14 @@ class RigSimulator {
   RigSimulator(RigSimulator&&) noexcept;
   RigSimulator& operator=(RigSimulator&&) noexcept;
 
-  /// Sets the present input without advancing time.
+  /// Sets the current input without advancing time.
   void set_input(const Input& now);
 
-  /// Advances time by `duration_s` > 0 while the input goes linearly from its present value to
+  /// Advances time by `duration_s` > 0 while the input goes linearly from its current value to
   /// `end`. Does not allocate.
   void advance(double duration_s, const Input& end);
 
-  /// The present readings. The rig has the channels of the model's own quantities
+  /// The current readings. The rig has the channels of the model's own quantities
   /// (friction_force only where there is friction, normal_load where a normal load is declared,
   /// base_displacement on base-excited and drive_force on force-excited rigs). The sequence number
   /// counts readings from 0.

@@ -99,7 +99,7 @@ constexpr Former former_excitation = {0xEF474DC1C55BAEC7U, no_elements};
 constexpr Former former_status = {0xD60837B0454EEC63U, minus_one};
 constexpr Former former_recording_info = {0x019FE800B2CECE78U, two_empty_texts};
 
-/// A message of the former type converted to the present type; empty if it is neither.
+/// A message of the former type converted to the current type; empty if it is neither.
 template <class Message>
 std::vector<std::uint8_t> brought_up(std::span<const std::uint8_t> bytes, const Former& former) {
   const Fingerprint before = fingerprint_of(former.hash);

@@ -1,4 +1,4 @@
-// CSV recordings, and the choice between the two forms.
+// CSV recordings; selection of the format of a recording.
 #include <algorithm>
 #include <array>
 #include <cerrno>
@@ -340,8 +340,8 @@ void write_recording(const Recording& recording, const std::filesystem::path& fi
     return;
   }
   if (extension != ".csv") {
-    throw InputError(Problem{file.string(), 0, 0,
-                             "has a name of neither CSV (.csv) nor LCM event log (.lcm, .log)"});
+    throw InputError(
+        Problem{file.string(), 0, 0, "expected a name that ends with .csv, .lcm or .log"});
   }
   std::ofstream out(file, std::ios::binary);
   if (out) write_csv(recording, out, done);

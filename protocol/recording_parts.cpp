@@ -21,7 +21,7 @@ std::string named(const LogSurvey& part) {
   throw InputError(Problem{name, 0, 0, message});
 }
 
-/// The parts by number, all sound and of one recording.
+/// The parts by number, all intact and of one recording.
 std::vector<LogSurvey> parts_of(std::span<const std::filesystem::path> files,
                                 const ProgressCallback& done) {
   std::vector<LogSurvey> parts;

@@ -21,7 +21,7 @@
 namespace stickslip::protocol {
 namespace {
 
-constexpr std::size_t most_places_listed = 100;
+constexpr std::size_t max_places_listed = 100;
 
 enum class Sound : std::uint8_t { yes, bad_checksum, undecodable };
 
@@ -103,7 +103,7 @@ void walk(std::istream& in, const std::string& name, Visitor& visitor,
         const Sound sound = content.take(event);
         const bool verified = sound == Sound::yes && Content::is_ours(event.channel);
         if (!event.followed && !verified) {
-          // Its lengths may be damaged, and sound events may be within them.
+          // Its lengths may be damaged, and intact events may be within them.
           reader.reject(event);
         }
         if (sound != Sound::yes) {
@@ -157,7 +157,7 @@ class Survey final : public Visitor {
  private:
   void add_damage(const LogEvent& place, const std::string& why) {
     out_.damaged_bytes += place.end - place.at;
-    if (out_.damaged.size() < most_places_listed) {
+    if (out_.damaged.size() < max_places_listed) {
       out_.damaged.push_back({place.at, place.end - place.at, why});
     }
   }

@@ -54,8 +54,8 @@ struct RecordedLedger {
 struct LogSurvey {
   std::string source;
   std::int64_t bytes = 0;
-  std::vector<ChannelEvents> channels;  ///< sound events only, in the order of the first
-  std::uint64_t events = 0;             ///< number of sound events
+  std::vector<ChannelEvents> channels;  ///< intact events only, in the order of the first
+  std::uint64_t events = 0;             ///< number of intact events
 
   std::vector<DamagedRange> damaged;  ///< the first hundred
   std::uint64_t damaged_places = 0;
@@ -85,7 +85,7 @@ struct LogSurvey {
   /// Frames per second; 0 for less than two frames.
   double rate_hz() const;
   double duration_s() const;
-  /// Faults, one sentence each; empty: the log is sound. A gap that the recorder counted as a loss
+  /// Faults, one sentence each; empty: the log is intact. A gap that the recorder counted as a loss
   /// is not a fault of the log.
   std::vector<std::string> faults() const;
 };
@@ -109,14 +109,14 @@ struct RepairResult {
   bool dropped_anything() const;
 };
 
-/// Passes every sound event to `keep`, in order, except blocks that go back in time, so that
+/// Passes every intact event to `keep`, in order, except blocks that go back in time, so that
 /// `read_recording` reads the result.
 RepairResult repair_log(std::istream& in, const std::string& name,
                         const std::function<void(const LogEvent&)>& keep,
                         const ProgressCallback& done = {});
 
 /// The same into another file. Throws InputError if either cannot be used, both are the same, or no
-/// event is sound.
+/// event is intact.
 RepairResult repair_log(const std::filesystem::path& file, const std::filesystem::path& out,
                         const ProgressCallback& done = {});
 

@@ -82,12 +82,12 @@ std::string overlay_figure(const Evidence& evidence, const ChannelEvidence& chan
   if (changed) {
     plot.series.push_back({"augmented", channel.time_s, scaled(channel.after, unit.factor), 2});
   }
-  return figure(line_plot_svg(plot),
-                changed
-                    ? "Dashed: the declared model; it departs from the recording (broad grey line) "
-                      "where physics is missing. Thin: the augmented model."
-                    : "The dashed line (the model) should lie on the broad grey one (the "
-                      "recording).");
+  return figure(
+      line_plot_svg(plot),
+      changed ? "Dashed: the declared model; it deviates from the recording (broad grey line) "
+                "where physics is missing. Thin: the augmented model."
+              : "The dashed line (the model) should lie on the broad grey one (the "
+                "recording).");
 }
 
 std::string difference_figure(const Evidence& evidence, const ChannelEvidence& channel,

@@ -16,13 +16,13 @@ namespace {
 
 /// Period of sampling the levels, in addition to edges.
 constexpr int sample_period_ms = 50;
-/// Number of consecutive failures after which a chip counts as gone.
+/// Number of consecutive failures after which a chip counts as disconnected.
 constexpr int max_failures = 3;
 /// The kernel numbers chips from 0 and leaves gaps for unplugged ones.
 constexpr int max_chips = 256;
 constexpr std::size_t max_lines = 4;
 
-bool is_gone(int error) {
+bool is_disconnected(int error) {
   return error == ENODEV || error == ENXIO || error == EBADF || error == ESHUTDOWN;
 }
 
@@ -85,8 +85,9 @@ Amplifier::Amplifier(const config::Amplifier& settings, HostClock& clock)
       clock_(clock),
       heartbeat_period_ns_(
           std::max<std::int64_t>(std::llround(settings.heartbeat_period_s * 1.0e9), 1)),
-      lost_message_("the GPIO chip " + settings.chip +
-                    " of the amplifier is gone: plug it in again; gpiodetect lists the chips"),
+      lost_message_(
+          "the GPIO chip " + settings.chip +
+          " of the amplifier is disconnected: plug it in again; gpiodetect lists the chips"),
       set_failed_message_("the GPIO chip " + settings.chip +
                           " of the amplifier failed to set a line"),
       hung_message_("the GPIO chip " + settings.chip +
@@ -117,7 +118,7 @@ Result Amplifier::open() {
   }
   lost_ = false;
   lost_reason_ = lost_message_.c_str();
-  failures_in_row_ = 0;
+  consecutive_failures_ = 0;
   command_ = Command();
   completed_ = 0;
   command_failed_ = false;
@@ -252,13 +253,13 @@ Result Amplifier::write(bool amplifier_on) {
   }
   const std::int64_t now = clock_.now_ns();
   const Result result = collect_result(now);
-  const bool gone = lost_.load(std::memory_order_relaxed);
+  const bool lost = lost_.load(std::memory_order_relaxed);
   Command command = command_;
-  // "Off" is attempted even if the chip seems to be gone.
-  command.enable = enable_.has_value() && amplifier_on && !gone;
+  // "Off" is attempted even if the chip seems to be disconnected.
+  command.enable = enable_.has_value() && amplifier_on && !lost;
   // A heartbeat edge follows only after the previous one was carried out.
   const bool done = completed_ == command_.serial && !command_failed_;
-  if (heartbeat_ && !gone && done && now >= next_heartbeat_ns_) {
+  if (heartbeat_ && !lost && done && now >= next_heartbeat_ns_) {
     command.heartbeat = !command.heartbeat;
     next_heartbeat_ns_ += heartbeat_period_ns_;
     if (next_heartbeat_ns_ <= now) next_heartbeat_ns_ = now + heartbeat_period_ns_;
@@ -267,7 +268,7 @@ Result Amplifier::write(bool amplifier_on) {
       command.heartbeat != command_.heartbeat) {
     issue(command, now);
   }
-  return gone ? Result{Outcome::lost, lost_reason_} : result;
+  return lost ? Result{Outcome::lost, lost_reason_} : result;
 }
 
 Result Amplifier::switch_off() {
@@ -276,7 +277,7 @@ Result Amplifier::switch_off() {
   constexpr int timeout_ms = static_cast<int>(validity_ns / 1'000'000);
   for (int waited_ms = 0; waited_ms < timeout_ms; ++waited_ms) {
     if (completed_ == command_.serial && !command_failed_) return result;
-    if (failures_in_row_ >= max_failures) break;
+    if (consecutive_failures_ >= max_failures) break;
     ::poll(nullptr, 0, 1);
     result = write(false);
   }
@@ -300,7 +301,7 @@ Result Amplifier::collect_result(std::int64_t now_ns) {
     completed_ = serial;
     waiting_since_ns_ = now_ns;
     const int error = static_cast<int>(answer & 0xFFFFU);
-    failures_in_row_ = static_cast<int>(answer >> 16U & 0xFFFFU);
+    consecutive_failures_ = static_cast<int>(answer >> 16U & 0xFFFFU);
     command_failed_ = error != 0 && completed_ == command_.serial;
     if (error != 0) return failed(error);
   }
@@ -310,8 +311,8 @@ Result Amplifier::collect_result(std::int64_t now_ns) {
 }
 
 Result Amplifier::failed(int error) {
-  if (is_gone(error)) failures_in_row_ = max_failures;
-  if (failures_in_row_ < max_failures && !lost_.load(std::memory_order_relaxed)) {
+  if (is_disconnected(error)) consecutive_failures_ = max_failures;
+  if (consecutive_failures_ < max_failures && !lost_.load(std::memory_order_relaxed)) {
     return {Outcome::temporary, set_failed_message_.c_str()};
   }
   lost_.store(true, std::memory_order_relaxed);
@@ -330,9 +331,9 @@ int Amplifier::set_enable(bool active) noexcept {
 
 void Amplifier::execute_commands() {
   // Initial levels as requested.
-  bool enable_is = false;
-  bool enable_is_known = true;
-  bool heartbeat_is = false;
+  bool enable_level = false;
+  bool enable_level_known = true;
+  bool heartbeat_level = false;
   std::uint32_t done = 0;
   std::uint32_t failures = 0;
   pollfd waited{command_event_, POLLIN, 0};
@@ -344,15 +345,15 @@ void Amplifier::execute_commands() {
     const Command command = Command::in(command_word_.load(std::memory_order_acquire));
     if (command.serial == done) continue;
     int error = 0;
-    if (enable_ && (!enable_is_known || enable_is != command.enable)) {
+    if (enable_ && (!enable_level_known || enable_level != command.enable)) {
       error = set_enable(command.enable);
       // After an error the level is unknown.
-      enable_is_known = error == 0;
-      enable_is = command.enable;
+      enable_level_known = error == 0;
+      enable_level = command.enable;
     }
-    if (error == 0 && heartbeat_ && heartbeat_is != command.heartbeat) {
+    if (error == 0 && heartbeat_ && heartbeat_level != command.heartbeat) {
       error = outputs_->set(*heartbeat_, command.heartbeat);
-      if (error == 0) heartbeat_is = command.heartbeat;
+      if (error == 0) heartbeat_level = command.heartbeat;
     }
     done = command.serial;
     failures = error == 0 ? 0U : std::min(failures + 1U, 0xFFFFU);

@@ -26,7 +26,7 @@ namespace stickslip::drivers {
 /// transfer of a USB chip that hangs, which the loop cannot afford.
 ///
 /// Unknown states are unsafe states: a configured emergency stop or fault counts as active before
-/// open, after close, when the chip is gone, and when the lines have not been sampled for
+/// open, after close, when the chip is disconnected, and when the lines have not been sampled for
 /// `validity_ns`. A line that is not configured is always inactive; the loss of the chip is
 /// reported by write().
 class Amplifier final : public Contacts {
@@ -99,7 +99,7 @@ class Amplifier final : public Contacts {
   bool command_failed_ = false;        // the completed one
   std::int64_t waiting_since_ns_ = 0;  // for a result, if a command is pending
   std::int64_t next_heartbeat_ns_ = 0;
-  int failures_in_row_ = 0;
+  int consecutive_failures_ = 0;
   const char* lost_reason_ = nullptr;
   bool open_ = false;
 

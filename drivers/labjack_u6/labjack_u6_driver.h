@@ -41,8 +41,8 @@ class LabjackU6Driver final : public Driver {
   ~LabjackU6Driver() override;
 
   /// Finds the board, sets the enable line low before anything else (and again where a later step
-  /// fails), reads the calibration, ends a stream left by a dead process, and makes the outputs
-  /// safe: enable line low, DAC at rest.
+  /// fails), reads the calibration, stops a stream left running by a terminated process, and makes
+  /// the outputs safe: enable line low, DAC at rest.
   Result open() override;
   Result start() override;
   /// Waits at most 20 ms. The loss of the board, or of the count of scans, is reported until close.

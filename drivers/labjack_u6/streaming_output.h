@@ -16,7 +16,7 @@ namespace stickslip::drivers::labjack_u6 {
 /// Results are collected by later calls. One thread.
 class StreamingOutput {
  public:
-  /// `name` begins the messages. `sent_counts` is the present DAC value, `echo` numbers the
+  /// `name` begins the messages. `sent_counts` is the current DAC value, `echo` numbers the
   /// commands of all users of the board. The references must outlive the object.
   StreamingOutput(const config::LabjackU6& settings, const std::string& name,
                   StreamSession& session, Lines& lines, std::uint8_t& echo,

@@ -19,9 +19,9 @@ using config::RegisterTable;
 using modbus::Exchange;
 using modbus::Progress;
 
-/// Longest wait of a read.
+/// Longest time that a read waits.
 constexpr std::int64_t read_wait_ns = 150'000'000;
-/// From this number of consecutive invalid replies on, a wrong setting is assumed, not
+/// Number of consecutive invalid replies after which a wrong setting is assumed rather than
 /// interference.
 constexpr int max_invalid_replies = 20;
 /// Number of consecutive failed polls after which an alarm is unknown.
@@ -129,9 +129,9 @@ Result ModbusUnit::open() {
     return report(connected, why);
   }
   losses_ = {};
-  silent_in_row_ = 0;
-  garbled_in_row_ = 0;
-  failed_polls_in_row_ = 0;
+  consecutive_timeouts_ = 0;
+  consecutive_invalid_replies_ = 0;
+  consecutive_failed_polls_ = 0;
   const Result opened = open_all();
   // A unit that was switched off may have been unlocked meanwhile.
   if (opened.outcome == Outcome::lost) rejected_.clear();
@@ -213,8 +213,8 @@ Result ModbusUnit::request_with_retries(std::span<const std::uint8_t> request,
       losses_.rejected += exchange.rejected;
     } while (exchange.progress == Progress::waiting);
     if (exchange.progress == Progress::answered) {
-      silent_in_row_ = 0;
-      garbled_in_row_ = 0;
+      consecutive_timeouts_ = 0;
+      consecutive_invalid_replies_ = 0;
       words = std::move(exchange.words);
       return {};
     }
@@ -247,8 +247,8 @@ Result ModbusUnit::poll_until(std::int64_t until_ns, bool& complete) {
     losses_.rejected += exchange.rejected;
     if (exchange.progress == Progress::waiting) return {Outcome::no_data, ""};
     if (exchange.progress != Progress::answered) return failed(exchange, names_in(at));
-    silent_in_row_ = 0;
-    garbled_in_row_ = 0;
+    consecutive_timeouts_ = 0;
+    consecutive_invalid_replies_ = 0;
     answered_.push_back({std::move(exchange.words),
                          exchange.sent_ns + (exchange.received_ns - exchange.sent_ns) / 2});
   }
@@ -275,10 +275,10 @@ Result ModbusUnit::failed(const Exchange& exchange, const std::string& what) {
 Result ModbusUnit::silent(const std::string& what) {
   const std::string words = "no reply to " + what + " within " +
                             physics::number_text(1.0e3 * settings_.timeout_s, 9) + " ms";
-  if (++silent_in_row_ <= settings_.retries) return report(Outcome::temporary, words);
+  if (++consecutive_timeouts_ <= settings_.retries) return report(Outcome::temporary, words);
   abandon_poll();
   set_alarm_unknown();
-  return report(Outcome::lost, words + ", " + std::to_string(silent_in_row_) +
+  return report(Outcome::lost, words + ", " + std::to_string(consecutive_timeouts_) +
                                    " times: is it on, is its address " +
                                    std::to_string(settings_.unit) +
                                    ", are A and B swapped, do baud rate and parity match?");
@@ -286,12 +286,12 @@ Result ModbusUnit::silent(const std::string& what) {
 
 Result ModbusUnit::garbled(const Exchange& exchange, const std::string& what) {
   const std::string words = "the reply to " + what + " is invalid: " + exchange.why;
-  if (++garbled_in_row_ > settings_.retries) abandon_poll();
-  if (garbled_in_row_ < max_invalid_replies) return report(Outcome::temporary, words);
+  if (++consecutive_invalid_replies_ > settings_.retries) abandon_poll();
+  if (consecutive_invalid_replies_ < max_invalid_replies) return report(Outcome::temporary, words);
   set_alarm_unknown();
   return report(
       Outcome::needs_attention,
-      words + ", " + std::to_string(garbled_in_row_) +
+      words + ", " + std::to_string(consecutive_invalid_replies_) +
           " times in a row: check baud rate, parity, termination, duplicate addresses, and an "
           "adapter that receives its own transmission");
 }
@@ -323,7 +323,7 @@ void ModbusUnit::set_alarm_unknown() noexcept {
 void ModbusUnit::abandon_poll() {
   if (!open_) return;
   losses_.missing += std::max<std::size_t>(inputs_.size(), 1);
-  if (++failed_polls_in_row_ >= polls_until_unknown) set_alarm_unknown();
+  if (++consecutive_failed_polls_ >= polls_until_unknown) set_alarm_unknown();
   next_poll();
 }
 
@@ -367,7 +367,7 @@ std::string ModbusUnit::fault_of(RegisterRole role) const {
 }
 
 Result ModbusUnit::take(std::span<Reading> readings) {
-  failed_polls_in_row_ = 0;
+  consecutive_failed_polls_ = 0;
   if (has_alarm_) {
     alarm_.store(!fault_of(RegisterRole::alarm).empty(), std::memory_order_relaxed);
   }

@@ -85,9 +85,9 @@ class ModbusUnit final : public Gauge {
   bool open_ = false;
   std::vector<Answered> answered_;  // replies of the current poll, by request
   std::int64_t due_ns_ = 0;
-  int silent_in_row_ = 0;
-  int garbled_in_row_ = 0;
-  int failed_polls_in_row_ = 0;
+  int consecutive_timeouts_ = 0;
+  int consecutive_invalid_replies_ = 0;
+  int consecutive_failed_polls_ = 0;
   bool status_was_ok_ = true;
   GaugeLosses losses_;
   std::string message_;

@@ -77,7 +77,7 @@ std::string firmware_text(int firmware) {
 std::string unsupported_version(const Found& board) {
   if (board.firmware >= first_firmware && board.firmware <= last_firmware) return {};
   return title_of(board) + " at " + board.path + " has firmware " + firmware_text(board.firmware) +
-         ": that is a 1046_1 or newer, which has another protocol. Only the 1046 (1046_0, "
+         ": that is a 1046_1 or newer, which uses a different protocol. Only the 1046 (1046_0, "
          "firmware 1.00 to 1.99) is supported";
 }
 
@@ -194,7 +194,7 @@ Result PhidgetBridge::open() {
   if (boards.empty()) {
     refusal_ =
         "no PhidgetBridge 1046 (06c2:003b) is attached; plug it in. `lsusb -d 06c2:` shows whether "
-        "the host detects it. A 1046_1 has another protocol and is not supported";
+        "the host detects it. A 1046_1 uses a different protocol and is not supported";
     return {Outcome::lost, refusal_.c_str()};
   }
   if (chosen == nullptr) {
@@ -227,7 +227,7 @@ Result PhidgetBridge::open() {
 }
 
 Result PhidgetBridge::gone() {
-  refusal_ = name_ + " is gone; plug it in again";
+  refusal_ = name_ + " is disconnected; plug it in again";
   return {Outcome::lost, refusal_.c_str()};
 }
 

@@ -14,7 +14,7 @@ inline constexpr std::uint16_t vendor_id = 0x06C2;
 inline constexpr std::uint16_t product_id = 0x003B;
 inline constexpr std::size_t input_count = 4;
 
-/// Firmware versions by bcdDevice: 102 is 1.02. Others have another protocol (1046_1).
+/// Firmware versions by bcdDevice: 102 is 1.02. Others use a different protocol (1046_1).
 inline constexpr int first_firmware = 100;
 inline constexpr int last_firmware = 199;
 /// Earlier versions apply a change of gain only with input 0 enabled for a while.

@@ -74,7 +74,8 @@ Result SerialScale::read(std::span<Reading> readings) {
   const std::int64_t until = clock_.now_ns() + read_wait_ns;
   while (received_.find('\n') == std::string::npos && received_.size() <= max_line_bytes) {
     const Outcome received = line_.receive(received_, clock_, until);
-    if (received == Outcome::lost) return report(received, settings_.port + " is gone; plug it in");
+    if (received == Outcome::lost)
+      return report(received, settings_.port + " is disconnected; plug it in");
     if (received != Outcome::no_data) continue;
     losses_.missing += missed_messages_.count(clock_.now_ns(), 0);
     return {Outcome::no_data, ""};

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "drivers/usb/udev_rule.h"
-#include "drivers/usb/usb_place.h"
+#include "drivers/usb/usb_location.h"
 
 namespace stickslip::drivers {
 
@@ -28,7 +28,7 @@ bool is_of(const UsbKind& kind, libusb_device* device) {
 UsbBoard opened(const UsbKind& kind, libusb_device* device, bool only,
                 const IdentifyUsbBoard& identify) {
   UsbBoard board;
-  board.location = usb_place(device);
+  board.location = usb_location(device);
   libusb_device_handle* handle = nullptr;
   if (const int error = libusb_open(device, &handle); error != LIBUSB_SUCCESS) {
     board.problem = usb_refusal(kind, board.location, error);

@@ -46,7 +46,8 @@ class Board {
   /// not be destroyed.
   bool has_stuck_transfers() const { return stuck_.load(std::memory_order_relaxed); }
   void release() const { session_.release(); }
-  /// After stop: true if the board has accepted the rest voltage, or is gone and so has no power.
+  /// After stop: true if the board has accepted the rest voltage, or is disconnected and so has no
+  /// power.
   bool at_rest() const { return gone() || resting_at_ == rest_.load(std::memory_order_relaxed); }
 
   // For the loop's thread.

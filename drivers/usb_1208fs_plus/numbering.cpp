@@ -21,20 +21,23 @@ void Numbering::begin(std::int64_t host_ns) {
   begun_ = true;
   first_ = next_;
   begun_ns_ = window_ns_ = host_ns;
-  earliest_ns_ = never;
-  initial_ns_.reset();
+  min_lateness_ns_ = never;
+  initial_lateness_ns_.reset();
 }
 
 void Numbering::arrived(std::int64_t host_ns) {
   const double taken_ns = static_cast<double>(next_ - first_) * period_ns_;
-  earliest_ns_ = std::min(earliest_ns_, static_cast<double>(host_ns - begun_ns_) - taken_ns);
+  min_lateness_ns_ =
+      std::min(min_lateness_ns_, static_cast<double>(host_ns - begun_ns_) - taken_ns);
   if (host_ns - window_ns_ < second_ns) return;
   window_ns_ = host_ns;
-  latest_ns_ = earliest_ns_;
-  if (!initial_ns_) initial_ns_ = earliest_ns_;
-  earliest_ns_ = never;
+  last_lateness_ns_ = min_lateness_ns_;
+  if (!initial_lateness_ns_) initial_lateness_ns_ = min_lateness_ns_;
+  min_lateness_ns_ = never;
 }
 
-double Numbering::drift_ns() const { return initial_ns_ ? latest_ns_ - *initial_ns_ : 0.0; }
+double Numbering::drift_ns() const {
+  return initial_lateness_ns_ ? last_lateness_ns_ - *initial_lateness_ns_ : 0.0;
+}
 
 }  // namespace stickslip::drivers::usb_1208fs_plus

@@ -21,7 +21,7 @@ class Numbering {
   /// Number of the next scan, received or known to be lost.
   std::uint64_t take() { return next_++; }
 
-  /// All scans taken so far had arrived by that time.
+  /// All scans numbered so far had arrived by that time.
   void arrived(std::int64_t host_ns);
 
  private:
@@ -31,13 +31,13 @@ class Numbering {
   double period_ns_;
   bool begun_ = false;
   std::uint64_t next_ = 0;
-  std::uint64_t first_ = 0;     // of this run
-  double first_exact_ = 0.0;    // not rounded
-  std::int64_t begun_ns_ = 0;   // of this run
-  std::int64_t window_ns_ = 0;  // start of the current second
-  double earliest_ns_ = 0.0;    // minimum lateness in this second
-  std::optional<double> initial_ns_;
-  double latest_ns_ = 0.0;  // in the last complete second
+  std::uint64_t first_ = 0;                    // number of the first scan since the start command
+  double first_exact_ = 0.0;                   // the same, not rounded
+  std::int64_t begun_ns_ = 0;                  // time of the start command
+  std::int64_t window_ns_ = 0;                 // start of the current second
+  double min_lateness_ns_ = 0.0;               // in the current second
+  std::optional<double> initial_lateness_ns_;  // minimum of the first second
+  double last_lateness_ns_ = 0.0;              // minimum of the last complete second
 };
 
 }  // namespace stickslip::drivers::usb_1208fs_plus

@@ -66,7 +66,7 @@ Outcome Session::open(const std::string& wanted, std::string& refusal) {
 }
 
 void Session::release() const {
-  // On failure the board is gone, and so released.
+  // On failure the board is disconnected, and so released.
   static_cast<void>(libusb_release_interface(handle_.get(), 0));
 }
 

@@ -23,8 +23,9 @@ constexpr Card entry = {
     .equation = "mu (1 + asymmetry) for v > 0, mu (1 - asymmetry) for v < 0",
     .parameters = parameters,
     .experiment =
-        "the rig mounted the other way round: an asymmetry of the contact turns with it, a bias "
-        "force does not",
+        "the rig turned by 180 degrees: an asymmetry of the contact turns with it, a bias force "
+        "does "
+        "not",
     .rivals = rivals,
 };
 

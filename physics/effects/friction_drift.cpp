@@ -29,7 +29,7 @@ constexpr Card entry = {
     .id = "friction_drift",
     .relation = Relation::friction_law,
     .name = "drifting friction",
-    .sentence = "The coefficient of friction drifts in the course of the recording.",
+    .sentence = "The coefficient of friction drifts during the recording.",
     .equation =
         "mu (1 + rate_per_s approach_s (1 - exp(-t / approach_s))), at first mu (1 + rate_per_s t)",
     .parameters = parameters,

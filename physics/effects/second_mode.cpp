@@ -44,7 +44,7 @@ constexpr Card entry = {
     .relation = Relation::force_balance,
     .name = "second mode of the beam",
     .sentence =
-        "The beam has a second mode that the displacement gauge measures on top of the mass's "
+        "The beam has a second mode that the displacement gauge measures in addition to the mass's "
         "motion.",
     .equation =
         "the displacement gauge reads x + q, q'' + 2 damping_ratio w q' + w^2 q = "

@@ -266,7 +266,8 @@ void compare_with_particles(const std::string& name, const config::Rig& preset,
   if (error.empty()) return;
   std::printf(
       "%s, %zu runs, errors from 6 s to %.0f s over those of %d particles\n"
-      "  theta error of the particles %.4f, sampling error %.4f, stated deviation %.4f; smallest "
+      "  theta error of the particles %.4f, sampling error %.4f, reported standard deviation %.4f; "
+      "smallest "
       "effective number %.0f\n",
       name.c_str(), error.size(), seconds, options.particles, quantile(error, 0.5),
       quantile(sampling, 0.5), quantile(stated, 0.5), quantile(effective, 0.0));

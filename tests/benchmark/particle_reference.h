@@ -23,7 +23,7 @@ namespace stickslip::observer {
 
 class ParticleReference {
  public:
-  /// Starts from the present estimate of `guide`, whose rig, layout and adaptive noise are used
+  /// Starts from the current estimate of `guide`, whose rig, layout and adaptive noise are used
   /// from then on: it must outlive this, and be updated with every frame first. Throws
   /// std::invalid_argument for rigs other than base-excited ones that are linear except for
   /// friction without bristle.

@@ -62,11 +62,11 @@ class ControlSocket(EndToEnd):
             ramp_s = 0.2
             {more}
             """)
-        self.said = open(self.folder / "said.txt", "w+")
+        self.output = open(self.folder / "daemon.txt", "w+")
         daemon = subprocess.Popen([STICKSLIPD, "--config", str(config), "--control",
                                    str(self.socket), "--no-lcm"],
-                                  stdout=self.said, stderr=subprocess.STDOUT)
-        self.addCleanup(self.said.close)
+                                  stdout=self.output, stderr=subprocess.STDOUT)
+        self.addCleanup(self.output.close)
         self.addCleanup(lambda: daemon.poll() is None and daemon.kill())
         until = time.monotonic() + 20
         while not self.listens():
@@ -80,7 +80,7 @@ class ControlSocket(EndToEnd):
             return client.connect_ex(str(self.socket)) == 0
 
     def log(self):
-        return (self.folder / "said.txt").read_text()
+        return (self.folder / "daemon.txt").read_text()
 
     def ctl(self, *arguments, status=0):
         result = run(STICKSLIP, "ctl", "--socket", self.socket, "--json", *arguments)
@@ -153,7 +153,7 @@ class ControlSocket(EndToEnd):
             time.sleep(1.0)
             self.assertEqual(self.ctl("status")["state"], "running")
             holder.send_signal(how)
-            if how == signal.SIGTERM:  # Ctrl-C is no fault
+            if how == signal.SIGTERM:  # Ctrl-C is not a fault
                 self.assertEqual(holder.wait(timeout=10), 0)
                 self.wait_for("idle")
                 continue
@@ -226,18 +226,18 @@ class ControlSocket(EndToEnd):
     def test_thousands_of_hostile_connections_delay_neither_the_loop_nor_an_operator(self):
         daemon = self.start()
         self.move()
-        dice = random.Random(7)
+        rng = random.Random(7)
         kept = []
         for i in range(3000):
             client = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
             client.setblocking(False)
             try:
                 client.connect(str(self.socket))
-                kind = dice.randrange(4)
+                kind = rng.randrange(4)
                 if kind == 1:
                     client.send(b'{"v":1,"do":"st')
                 elif kind == 2:
-                    client.send(dice.randbytes(20_000))
+                    client.send(rng.randbytes(20_000))
                 elif kind == 3:
                     client.send(b'{"v":1,"do":"status"}\n' * 100)
             except (BlockingIOError, BrokenPipeError, ConnectionResetError):
@@ -261,15 +261,15 @@ class ControlSocket(EndToEnd):
         self.assertEqual(len(result.stderr.strip().splitlines()), 1)
 
     def test_an_unauthorised_user_is_refused(self):
-        stranger = as_other_user()
-        if not stranger:
+        other_user = as_other_user()
+        if not other_user:
             self.skipTest("cannot run as another user here; run it as root")
         daemon = self.start()
         self.folder.chmod(0o755)
         os.chmod(self.socket, 0o666)  # even with these permissions the credentials are checked
         code = ("import socket,sys; s=socket.socket(socket.AF_UNIX); s.connect(sys.argv[1]); "
                 "s.sendall(b'{\"v\":1,\"do\":\"clear\"}\\n'); print(s.recv(1000).decode())")
-        result = run(*stranger, "python3", "-c", code, self.socket, timeout=30)
+        result = run(*other_user, "python3", "-c", code, self.socket, timeout=30)
         self.assertIn("may not use this socket", result.stdout + result.stderr)
         self.assertEqual(self.ctl("status")["state"], "faulted")
         self.end(daemon)

@@ -39,7 +39,7 @@ class RecordingsOnLcm(EndToEnd):
         self.assertIn("recording", recorder.stdout.readline())
         return recorder
 
-    def stranger(self, seconds, *options):
+    def independent_listener(self, seconds, *options):
         """The independent subscriber, when it is ready."""
         listener = self.start(sys.executable, SOURCE / "tests/end_to_end/lcm_subscriber.py",
                               "--duration", seconds, *options)
@@ -50,7 +50,7 @@ class RecordingsOnLcm(EndToEnd):
         player = shutil.which("lcm-logplayer")
         if player is None:
             self.skipTest("lcm-logplayer is not installed")
-        listener = self.stranger(4)
+        listener = self.independent_listener(4)
         began = time.monotonic()
         played = subprocess.run([player, "--lcm-url=udpm://239.255.76.67:7667?ttl=0", str(self.log)],
                                 capture_output=True, text=True, timeout=30)
@@ -65,16 +65,16 @@ class RecordingsOnLcm(EndToEnd):
         rows = [line.split(",") for line in CSV.splitlines()[1:]]
         for block in (10, 1500):  # one packet, and a message in fragments
             with self.subTest(block=block):
-                listener = self.stranger(4, "--frames")
+                listener = self.independent_listener(4, "--frames")
                 out = {kind: self.folder / f"out-{block}.{kind}" for kind in ("log", "csv")}
                 recorders = [self.recorder(file, "--duration", 3) for file in out.values()]
                 replay = self.succeed("replay", self.log, "--speed", 2, "--block", block)
                 self.assertIn(f"published {FRAME_COUNT} of {FRAME_COUNT} frames", replay.stdout)
                 for recorder in recorders:
-                    said = recorder.communicate(timeout=30)[0]
-                    self.assertEqual(recorder.returncode, 0, said)
-                    self.assertIn(f"{FRAME_COUNT} frames", said)
-                    self.assertIn("lost 0 frames in 0 gaps", said)
+                    output = recorder.communicate(timeout=30)[0]
+                    self.assertEqual(recorder.returncode, 0, output)
+                    self.assertIn(f"{FRAME_COUNT} frames", output)
+                    self.assertIn("lost 0 frames in 0 gaps", output)
                 heard = [json.loads(line) for line in listener.communicate(timeout=30)[0].splitlines()]
                 self.assertEqual(len(heard), FRAME_COUNT)
                 for row, frame in zip(rows, heard):
@@ -103,9 +103,9 @@ class RecordingsOnLcm(EndToEnd):
         out = self.folder / "out.log"
         recorder = self.recorder(out, "--duration", 2)
         self.succeed("replay", log, "--speed", 3)
-        said = recorder.communicate(timeout=30)[0]
-        self.assertIn("1470 frames", said)
-        self.assertIn("lost 30 frames in 2 gaps", said)
+        output = recorder.communicate(timeout=30)[0]
+        self.assertIn("1470 frames", output)
+        self.assertIn("lost 30 frames in 2 gaps", output)
 
     def test_record_stops_at_its_count_and_at_signals(self):
         for name, arguments, stop, expected in (
@@ -118,9 +118,9 @@ class RecordingsOnLcm(EndToEnd):
                 self.succeed("replay", self.log, "--speed", 4)
                 if stop is not None:
                     recorder.send_signal(stop)
-                said, errors = recorder.communicate(timeout=10)
+                output, errors = recorder.communicate(timeout=10)
                 self.assertEqual(recorder.returncode, 0, errors)
-                self.assertIn(expected, said)
+                self.assertIn(expected, output)
                 self.succeed("convert", out, self.folder / f"{name}.csv")
 
     def test_record_refuses_two_sources_in_one(self):
@@ -128,9 +128,9 @@ class RecordingsOnLcm(EndToEnd):
         recorder = self.recorder(out)
         self.succeed("replay", self.log, "--speed", 10)
         self.succeed("replay", self.log, "--speed", 10)
-        said, errors = recorder.communicate(timeout=10)
-        self.assertEqual(recorder.returncode, 1, said + errors)
-        self.assertIn("went back", errors)
+        output, errors = recorder.communicate(timeout=10)
+        self.assertEqual(recorder.returncode, 1, output + errors)
+        self.assertIn("jumped back", errors)
         types = frames.generate_types(self.folder)
         self.assertEqual(frames.frames(out, types), frames.frames(self.log, types))
 
@@ -138,17 +138,17 @@ class RecordingsOnLcm(EndToEnd):
         replay = self.start(STICKSLIP, "replay", self.log, "--speed", 0.1)
         time.sleep(1)
         replay.send_signal(signal.SIGTERM)
-        said, errors = replay.communicate(timeout=5)
+        output, errors = replay.communicate(timeout=5)
         self.assertEqual(replay.returncode, 0, errors)
-        self.assertIn("(stopped)", said)
+        self.assertIn("(stopped)", output)
 
     def test_spy_shows_rates_and_values(self):
         spy = self.start(STICKSLIP, "spy", "--once")
         replay = self.start(STICKSLIP, "replay", self.log, "--speed", 0.5)
-        said, errors = spy.communicate(timeout=10)
+        output, errors = spy.communicate(timeout=10)
         replay.kill()
         self.assertEqual(spy.returncode, 0, errors)
-        line = next(line for line in said.splitlines() if line.startswith("STICKSLIP_FRAMES"))
+        line = next(line for line in output.splitlines() if line.startswith("STICKSLIP_FRAMES"))
         self.assertRegex(line, r"lost 0 in 0 gaps.*displacement .* m, friction_force .* N")
         self.assertNotIn("velocity", line)
 

@@ -44,14 +44,14 @@ void survey_and_mend(const std::string& bytes) {
   std::uint64_t events = 0;
   const protocol::RepairResult repair = protocol::repair_log(
       in, "fuzz.log", [&](const protocol::LogEvent& event) { append(mended, event, events++); });
-  require(repair.events == events && events <= survey.events, "kept events are sound");
+  require(repair.events == events && events <= survey.events, "kept events are intact");
   require(mended.size() <= bytes.size(), "nothing is added");
   std::istringstream again(mended);
   const protocol::LogSurvey after = protocol::survey_log(again, "fuzz.log");
   require(after.events == events && after.frames == repair.frames, "all kept events are written");
   require(after.damaged_places + after.bad_checksums + after.undecodable + after.misnumbered == 0 &&
               after.cut_off_bytes == 0 && after.times_back == 0,
-          "a repaired log is sound");
+          "a repaired log is intact");
   try {
     const auto frames = protocol::parse_log(again, "fuzz.log").frames.size();
     require(frames == repair.frames, "a repaired log is readable");

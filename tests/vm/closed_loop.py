@@ -201,7 +201,7 @@ class ClosedLoop(unittest.TestCase):
             time.sleep(0.1)
 
     def set_moving(self):
-        # A fault can be cleared only after its cause is gone.
+        # A fault can be cleared only after its cause has disappeared.
         self.until("cleared", lambda: self.request("clear")["ok"] and self.status()["state"] == "idle")
         self.until("armed", lambda: self.request("arm")["ok"] and self.status()["state"] == "armed")
         self.assertTrue(self.request("start")["ok"])

@@ -10,7 +10,7 @@
 
 namespace stickslip::calibration {
 
-/// The present calibration of the channel; none if the file or the channel does not exist. Throws
+/// The current calibration of the channel; none if the file or the channel does not exist. Throws
 /// InputError for an invalid file.
 std::optional<config::ChannelCalibration> calibration_before(const std::filesystem::path& file,
                                                              Channel channel);
@@ -20,7 +20,7 @@ std::optional<config::ChannelCalibration> calibration_before(const std::filesyst
 void renew_calibration(const std::filesystem::path& file, Channel channel,
                        const config::ChannelCalibration& made);
 
-/// The present time in the format of calibration files: "2026-11-22T14:03:00Z".
+/// The current time in the format of calibration files: "2026-11-22T14:03:00Z".
 std::string now_utc();
 
 }  // namespace stickslip::calibration

@@ -332,7 +332,7 @@ void Dialog::offer(const Reading& reading) {
   if (wants() != Wants::reading) return;
   if (!std::isfinite(reading.mean) || !(reading.std >= 0.0) || !std::isfinite(reading.std) ||
       !(reading.n >= 1.0)) {
-    reading_failed("the channel was not valid all the time");
+    reading_failed("the channel was not valid throughout");
     return;
   }
   reading_ = false;

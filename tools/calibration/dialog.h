@@ -31,7 +31,7 @@ struct DialogSettings {
   /// Local gravity, which converts masses to forces. Absent: standard gravity with the standard
   /// deviation of gravity over the Earth, so the gain is known to 0.15 % at best.
   std::optional<double> gravity_m_s2;
-  std::optional<config::ChannelCalibration> before;  ///< the present calibration
+  std::optional<config::ChannelCalibration> before;  ///< the current calibration
   FitOptions fit;  ///< its unit and scale_sigma are set by the dialogue
 };
 

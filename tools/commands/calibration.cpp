@@ -94,7 +94,7 @@ int run_fit(const FitArguments& arguments) {
   if (arguments.dry_run) return 0;
   renew_calibration(arguments.file, channel, made);
   std::printf("%s: written%s\n", arguments.file.c_str(),
-              before ? ", the previous calibration is in its history" : "");
+              before ? "; the previous calibration is in its history" : "");
   return 0;
 }
 

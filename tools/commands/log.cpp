@@ -32,7 +32,7 @@ namespace {
 using protocol::LogSurvey;
 using Json = nlohmann::ordered_json;
 
-constexpr std::size_t most_places_listed = 10;
+constexpr std::size_t max_places_listed = 10;
 
 struct Arguments {
   std::vector<std::string> files;
@@ -94,18 +94,18 @@ std::string part_text(const recording_info_t& info) {
 
 void print_check(const LogSurvey& log, const std::vector<std::string>& faults,
                  const terminal::Paint& paint) {
-  const std::string verdict =
-      faults.empty() ? paint(terminal::Tone::good, "sound") : paint(terminal::Tone::bad, "damaged");
+  const std::string verdict = faults.empty() ? paint(terminal::Tone::good, "intact")
+                                             : paint(terminal::Tone::bad, "damaged");
   std::printf("%s: %s\n", log.source.c_str(), verdict.c_str());
   for (const std::string& fault : faults) std::printf("  %s\n", fault.c_str());
-  for (std::size_t i = 0; i < std::min(log.damaged.size(), most_places_listed); ++i) {
+  for (std::size_t i = 0; i < std::min(log.damaged.size(), max_places_listed); ++i) {
     const protocol::DamagedRange& place = log.damaged[i];
     print("at byte " + std::to_string(place.at), count_of(place.bytes, "byte") + ": " + place.why);
   }
   const std::uint64_t places = log.damaged_places + log.bad_checksums + log.undecodable;
-  if (places > most_places_listed) {
+  if (places > max_places_listed) {
     std::printf("  ... and %llu more\n",
-                static_cast<unsigned long long>(places - most_places_listed));
+                static_cast<unsigned long long>(places - max_places_listed));
   }
   if (log.info && (log.info->part > 0 || !log.info->previous_part.empty())) {
     print("part", part_text(*log.info));
@@ -182,7 +182,7 @@ int repair(const Arguments& arguments) {
   dropped(done.damaged_places, "place outside of events");
   dropped(done.bad_checksums, "block of frames with a bad checksum");
   dropped(done.undecodable, "message that cannot be decoded");
-  dropped(done.blocks_back_in_time, "block of frames whose time went back");
+  dropped(done.blocks_back_in_time, "block of frames with decreasing time stamps");
   dropped(static_cast<std::uint64_t>(done.damaged_bytes), "byte");
   dropped(static_cast<std::uint64_t>(done.cut_off_bytes), "byte of an incomplete last event");
   if (!done.dropped_anything()) print("dropped", "nothing: the log was intact");
@@ -374,8 +374,8 @@ void add_log(CLI::App& app, Action& action) {
     each->add_option("--out", arguments->out, "The log to write")->required()->type_name("FILE");
   };
 
-  CLI::App* each =
-      command("check", "Check every event of logs: status 0 if they are sound, otherwise 1", check);
+  CLI::App* each = command(
+      "check", "Check every event of logs: status 0 if they are intact, otherwise 1", check);
   each->add_option("files", arguments->files, "LCM event logs; all parts of a recording")
       ->required()
       ->type_name("FILE...");

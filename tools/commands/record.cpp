@@ -70,8 +70,8 @@ class Recorder {
       info.encode(bytes_.data(), 0, static_cast<int>(bytes_.size()));
       append(protocol::recording_channel, bytes_, info.started_utc_us);
     } else {
-      throw InputError(Problem{file_.string(), 0, 0,
-                               "has a name of neither CSV (.csv) nor LCM event log (.lcm, .log)"});
+      throw InputError(
+          Problem{file_.string(), 0, 0, "expected a name that ends with .csv, .lcm or .log"});
     }
   }
 
@@ -137,10 +137,10 @@ class Recorder {
     }
     for (const Frame& frame : frames_) {
       if (sequence_.frames > 0 && frame.time_ns <= last_ns_) {
-        broken_by_ =
-            "the stream's time went back, from " + std::to_string(last_ns_) + " ns to " +
-            std::to_string(frame.time_ns) +
-            " ns: its source restarted, or there are two sources; the recording ends before that";
+        broken_by_ = "time stamps jumped back from " + std::to_string(last_ns_) + " ns to " +
+                     std::to_string(frame.time_ns) +
+                     " ns: the source restarted, or there are two sources; the recording ends "
+                     "before the jump";
         frames_.resize(static_cast<std::size_t>(&frame - frames_.data()));
         whole = false;
         done_ = true;
@@ -231,9 +231,9 @@ int run(const Arguments& arguments) {
   }
   // Messages that arrived before the stop belong to the recording, including those that LCM's
   // thread is still reading from the socket; a continuing stream does not delay the stop.
-  const auto patience = after(steady_clock::now(), stopped ? 0.2 : 1.0);
+  const auto deadline = after(steady_clock::now(), stopped ? 0.2 : 1.0);
   const int quiet_ms = stopped ? 50 : 0;
-  while (!recorder.done() && steady_clock::now() < patience && lcm->handleTimeout(quiet_ms) > 0) {
+  while (!recorder.done() && steady_clock::now() < deadline && lcm->handleTimeout(quiet_ms) > 0) {
   }
   recorder.close();
   progress.finish();

@@ -32,7 +32,7 @@ struct Arguments {
   scope::Admission admission;
   double history_s = 60.0;
   std::string model;
-  int network_of = 0;  ///< process number; 0: none
+  int network_of = 0;  ///< process ID; 0: none
   scope::ServerLimits limits;
 };
 
@@ -118,7 +118,7 @@ void add_scope(CLI::App& app, Action& action) {
       ->capture_default_str();
   command
       ->add_option("--token", arguments->admission.token,
-                   "Token without which nothing is shown; part of the page's address")
+                   "Token that a browser must supply, as part of the page's address")
       ->envname("STICKSLIP_SCOPE_TOKEN")
       ->check(CLI::Validator(
           [](std::string& word) {
@@ -127,7 +127,7 @@ void add_scope(CLI::App& app, Action& action) {
           },
           ""));
   command->add_option("--allow-origin", arguments->admission.allowed_origins,
-                      "Origins of other pages that may open the stream, as https://rig.lab");
+                      "Origins of other pages that may open the stream, e.g. https://rig.lab");
   command->add_option("--host-name", arguments->admission.host_names,
                       "Host names to accept besides loopback and the address");
   command
@@ -147,9 +147,10 @@ void add_scope(CLI::App& app, Action& action) {
       ->check(whole_number(1, 500))
       ->capture_default_str();
   command
-      ->add_option("--network-of", arguments->network_of,
-                   "Join LCM in the network namespace of this process (its number), but listen in "
-                   "the present one")
+      ->add_option(
+          "--network-of", arguments->network_of,
+          "Join LCM in the network namespace of the process with this ID, but listen in the "
+          "current one")
       ->check(whole_number(1, 2147483647));
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
   describe(*command, {.examples = {{"Show the rig at http://127.0.0.1:8088", "stickslip scope"},

@@ -123,8 +123,8 @@ int run(const Arguments& arguments) {
   const auto start = steady_clock::now();
   const auto period = std::chrono::seconds(1);
   // --once waits for frames, within limits.
-  const double patience_s = arguments.duration_s > 0.0 ? arguments.duration_s : 5.0;
-  const auto end = after(start, arguments.once ? patience_s : arguments.duration_s);
+  const double timeout_s = arguments.duration_s > 0.0 ? arguments.duration_s : 5.0;
+  const auto end = after(start, arguments.once ? timeout_s : arguments.duration_s);
   auto shown = start;
   auto next = start + period;
   bool stopped = false;
@@ -185,9 +185,10 @@ void add_spy(CLI::App& app, Action& action) {
       ->default_str("name");
   command->add_option("--duration", arguments->duration_s, "Stop after this time [s]")
       ->check(positive_number());
-  command->add_flag("--once", arguments->once,
-                    "Print one table after the first second with frames, at the latest after "
-                    "--duration (default: 5 s)");
+  command->add_flag(
+      "--once", arguments->once,
+      "Print one table after the first second with frames, or after --duration (default: "
+      "5 s) if there are none");
   command->add_flag("--json", arguments->json, "Print JSON, one line per second");
   add_colour_option(*command, arguments->colours);
   command->footer(

@@ -244,7 +244,7 @@ class DormandPrince final : public Flow::Solver {
     rates(y_, drive_now(), k1_);
   }
 
-  // Event function: positive while the present mode (stick or slip) lasts.
+  // Event function: positive while the current mode (stick or slip) lasts.
   double margin(const Vector& y, double t) const {
     if (sign_ != 0.0) return sign_ * slip(y);
     return c_.mu * load(y) - std::abs(holding(y, drive_.at(t)));

@@ -30,11 +30,11 @@ class Flow {
   /// Restarts at time 0.
   void start(double x_m, double v_m_s);
 
-  /// Integrates to exactly `time_s`, not before the present time. Throws std::runtime_error if the
+  /// Integrates to exactly `time_s`, not before the current time. Throws std::runtime_error if the
   /// motion diverges.
   void advance(double time_s);
 
-  /// The present state, with load, slip and friction.
+  /// The current state, with load, slip and friction.
   const Point& now() const;
 
   /// One set of equations with its solver.

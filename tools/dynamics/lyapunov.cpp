@@ -52,7 +52,7 @@ double separation(const Orbit& orbit, const Orbit& neighbour, const States& spre
   return std::max(std::sqrt(square / std::max(1, states)), least_distance);
 }
 
-// Brings the neighbour back to the initial distance, in its present direction.
+// Brings the neighbour back to the initial distance, in its current direction.
 void renormalise(const Orbit& orbit, Orbit& neighbour, const States& spread, double size) {
   States s = orbit.now().state.s;
   if (size > least_distance) {

@@ -26,7 +26,7 @@ Orbit::Orbit(const physics::Model& model, const Drive& drive, int steps_per_peri
     throw std::invalid_argument("a rig with imposed motion has no orbits");
   }
   if (steps_per_period < 16) {
-    throw std::invalid_argument("an orbit needs at least 16 steps per drive period, not " +
+    throw std::invalid_argument("an orbit requires at least 16 steps per drive period, not " +
                                 std::to_string(steps_per_period));
   }
   std::array<double, physics::max_rig_states> s{};
@@ -82,18 +82,18 @@ double Orbit::friction_limit_n() const {
 
 int enough_steps(const physics::Model& model, const Drive& drive) {
   const physics::Rig rig(model);
-  // longest_step_s is bounded by a millisecond, which means nothing to a nondimensional rig.
+  // longest_step_s is bounded by a millisecond, which is meaningless for a nondimensional rig.
   const auto n = rig.numbers<double>(rig.parameter_values());
   double fastest = std::sqrt(std::max(n.c.stiffness, 2.0 * n.c.well_linear) / n.c.mass);
   if (rig.structure().resonant) {
     fastest = std::max(fastest, std::sqrt(n.c.cell_stiffness / n.c.cell_mass));
   }
   const double by_rig = std::ceil(drive.period_s() * fastest / 0.02);
-  constexpr double most = 1.0e7;
-  if (!(by_rig <= most)) {
-    throw std::invalid_argument("a period of the drive holds " + physics::number_text(by_rig) +
-                                " steps of the rig's own motion; expected at most " +
-                                physics::number_text(most) + ", as of a faster drive");
+  constexpr double max_steps = 1.0e7;
+  if (!(by_rig <= max_steps)) {
+    throw std::invalid_argument("a drive period requires " + physics::number_text(by_rig) +
+                                " integration steps; expected at most " +
+                                physics::number_text(max_steps) + ": use a faster drive");
   }
   return std::max(500, static_cast<int>(by_rig));
 }

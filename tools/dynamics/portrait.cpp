@@ -87,7 +87,7 @@ Portrait portrait(const physics::Model& model, const Drive& drive, const Portrai
   long negative = 0;
   long stuck = 0;
   double before = orbit.now().v();
-  double came_from = 0.0;  // sign of the velocity before the present arrival; 0: none
+  double came_from = 0.0;  // sign of the velocity before the current arrival; 0: none
   double farthest = 0.0;
   double sum = 0.0;
   for (long k = 0; k < steps; ++k) {

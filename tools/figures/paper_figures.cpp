@@ -301,7 +301,7 @@ void add_today(const Studio& studio, Measured& m) {
   const std::string stem = "figure-" + std::to_string(m.figure.number);
   studio.add(
       m.figure, mu_surface(m.today, stem + "e"),
-      "mu over x and v as one would today: 1000 samples a second, filters and load cell undone");
+      "mu over x and v by present-day methods: 1000 samples/s, filters and load cell compensated");
   studio.add(m.figure, mu_against_velocity(m.today, stem + "f"), "the same against v");
 }
 

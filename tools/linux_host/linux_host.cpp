@@ -70,20 +70,20 @@ std::int64_t now_ns(clockid_t clock) {
   return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
 }
 
-/// Lead of the wall clock over the monotonic clock, from the tightest of several readings.
-std::int64_t wall_lead_ns() {
+/// Offset of the wall clock from the monotonic clock, from the fastest of several readings.
+std::int64_t wall_offset_ns() {
   std::int64_t best_width = 0;
-  std::int64_t lead = 0;
+  std::int64_t offset = 0;
   for (int i = 0; i < 10; ++i) {
     const std::int64_t before = now_ns(CLOCK_MONOTONIC);
     const std::int64_t wall = now_ns(CLOCK_REALTIME);
     const std::int64_t after = now_ns(CLOCK_MONOTONIC);
     if (i == 0 || after - before < best_width) {
       best_width = after - before;
-      lead = wall - before - (after - before) / 2;
+      offset = wall - before - (after - before) / 2;
     }
   }
-  return lead;
+  return offset;
 }
 
 std::int64_t quantile(const std::vector<std::int64_t>& ordered, double q) {
@@ -350,8 +350,8 @@ doctor::RoundTrip LinuxHost::lcm_round_trip(const std::string& url, std::size_t 
         continue;
       pollfd file{lcm->getFileno(), POLLIN, 0};
       // At most two missing messages are waited for at length.
-      const int patience_ms = out.sent - static_cast<int>(times.size()) < 2 ? 500 : 20;
-      if (poll(&file, 1, patience_ms) > 0) lcm->handle();
+      const int timeout_ms = out.sent - static_cast<int>(times.size()) < 2 ? 500 : 20;
+      if (poll(&file, 1, timeout_ms) > 0) lcm->handle();
       if (echo.received > before) times.push_back(now_ns(CLOCK_MONOTONIC) - start);
     }
     std::sort(times.begin(), times.end());
@@ -398,12 +398,12 @@ Attempt LinuxHost::lock_memory() const {
 
 doctor::Wakeups LinuxHost::measure_wakeups(double rate_hz, double duration_s) const {
   constexpr int priority = 50;
-  constexpr double most = 1e7;
+  constexpr double max_count = 1e7;
   doctor::Wakeups out;
-  const auto count = static_cast<std::size_t>(std::clamp(rate_hz * duration_s, 1.0, most));
+  const auto count = static_cast<std::size_t>(std::clamp(rate_hz * duration_s, 1.0, max_count));
   const auto period_ns = static_cast<std::int64_t>(std::llround(1e9 / rate_hz));
   std::vector<std::int64_t> late;
-  const std::int64_t lead = wall_lead_ns();
+  const std::int64_t offset = wall_offset_ns();
   {
     // As the daemon does.
     const Descriptor awake(open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC));
@@ -417,7 +417,7 @@ doctor::Wakeups LinuxHost::measure_wakeups(double rate_hz, double duration_s) co
       late = lateness_of(period_ns, count);
     }).join();
   }
-  out.clock_step_ns = wall_lead_ns() - lead;
+  out.clock_step_ns = wall_offset_ns() - offset;
   std::sort(late.begin(), late.end());
   out.count = late.size();
   out.p50_ns = quantile(late, 0.5);

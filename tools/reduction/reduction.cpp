@@ -208,7 +208,7 @@ struct Bins {
   }
 };
 
-// Sums over the samples of one cell, over its visits that have ended, and over the present visit.
+// Sums over the samples of one cell, over its visits that have ended, and over the current visit.
 struct CellSums {
   Cell cell;
   double sum = 0.0;

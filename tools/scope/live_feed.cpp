@@ -26,7 +26,7 @@ LiveFeed::LiveFeed(FeedSettings settings, Send send)
     : settings_(std::move(settings)),
       send_(std::move(send)),
       hello_(shared_message(encode_hello(settings_.version, settings_.history_s, settings_.url))),
-      history_(settings_.history_s, settings_.history_most_bytes),
+      history_(settings_.history_s, settings_.history_max_bytes),
       began_(Clock::now()) {
   if (!settings_.marks.empty()) model_ = shared_message(encode_model("", settings_.marks));
 }

@@ -22,7 +22,7 @@ struct FeedSettings {
   std::string url;          ///< LCM URL
   double history_s = 60.0;  ///< length of the history that a new page gets
   /// Limit of its size: a minute at 1 kHz takes 4 MB.
-  std::size_t history_most_bytes = std::size_t{256} << 20U;
+  std::size_t history_max_bytes = std::size_t{256} << 20U;
   std::vector<Mark> marks;  ///< of a model given by option; else from the recording's description
 };
 

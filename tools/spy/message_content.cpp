@@ -115,7 +115,7 @@ void summarise(const event_t& event, Content& out) {
 }
 
 void summarise(const recording_info_t& info, Content& out) {
-  out.summary = info.rig.empty() ? "rig not named" : "rig \"" + info.rig + "\"";
+  out.summary = info.rig.empty() ? "unnamed rig" : "rig \"" + info.rig + "\"";
   if (!info.program.empty()) out.summary += ", " + info.program + " " + info.version;
 }
 

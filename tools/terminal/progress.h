@@ -14,7 +14,7 @@ namespace stickslip::terminal {
 /// Call `finish` before other output, which would share the line.
 class Progress {
  public:
-  /// `label`: the present activity, "reading run.log".
+  /// `label`: the current activity, "reading run.log".
   explicit Progress(std::string label);
   ~Progress();
   Progress(const Progress&) = delete;

@@ -24,8 +24,8 @@ std::string progress_text(const Status& status, double elapsed_s, std::size_t co
 /// Output to the terminal over time.
 class ProgressLine {
  public:
-  static constexpr double patience_s = 1.0;  ///< shorter tasks show nothing
-  static constexpr double period_s = 0.1;    ///< shortest time between redraws
+  static constexpr double display_delay_s = 1.0;  ///< shorter tasks show nothing
+  static constexpr double period_s = 0.1;         ///< shortest time between redraws
 
   explicit ProgressLine(double begun_s) : begun_s_(begun_s) {}
 

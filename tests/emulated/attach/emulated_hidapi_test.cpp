@@ -105,15 +105,15 @@ class Echo final : public UsbDevice {
   std::uint8_t firmware_;
 };
 
-std::filesystem::path home_of(void* function) {
+std::filesystem::path file_of(void* function) {
   Dl_info info{};
   return dladdr(function, &info) != 0 ? std::filesystem::canonical(info.dli_fname) : "";
 }
 
-TEST(EmulatedHidapi, ProgramLinksTheStandIn) {
+TEST(EmulatedHidapi, ProgramLinksTheEmulation) {
   const auto program = std::filesystem::canonical("/proc/self/exe");
-  EXPECT_EQ(home_of(reinterpret_cast<void*>(&hid_enumerate)), program);
-  EXPECT_EQ(home_of(reinterpret_cast<void*>(&hid_read_timeout)), program);
+  EXPECT_EQ(file_of(reinterpret_cast<void*>(&hid_enumerate)), program);
+  EXPECT_EQ(file_of(reinterpret_cast<void*>(&hid_read_timeout)), program);
   EXPECT_EQ(dlopen("libhidapi-hidraw.so.0", RTLD_NOW | RTLD_NOLOAD), nullptr);
   EXPECT_EQ(hid_enumerate(0, 0), nullptr) << "no bus, no device";
 }
@@ -193,11 +193,11 @@ TEST_F(EmulatedHidapiBridge, RejectsUnsupportedVersions) {
   drivers::PhidgetBridge gauge(settings, inputs, clock);
   const auto refused = gauge.open();
   EXPECT_EQ(refused.outcome, drivers::Outcome::needs_attention);
-  EXPECT_THAT(refused.message, HasSubstr("1046_1 or newer, which has another protocol"));
+  EXPECT_THAT(refused.message, HasSubstr("1046_1 or newer, which uses a different protocol"));
   const auto found = drivers::find_phidget_bridge();
   ASSERT_EQ(found.size(), 1U);
   EXPECT_EQ(found[0].name, "PhidgetBridge 1046 #141234, firmware 3.02");
-  EXPECT_THAT(found[0].problem, HasSubstr("another protocol"));
+  EXPECT_THAT(found[0].problem, HasSubstr("a different protocol"));
 }
 
 TEST_F(EmulatedHidapiBridge, ReportsTheRemedyForDeniedAccess) {

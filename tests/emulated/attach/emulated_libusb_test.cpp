@@ -21,25 +21,25 @@ using testing::Contains;
 using testing::ElementsAre;
 using testing::IsEmpty;
 
-class StillWires final : public Wires {
+class ConstantWires final : public Wires {
  public:
   double truth(Channel, std::int64_t) override { return 1.0; }
   void drive(double, std::int64_t) override {}
   void enable(bool, std::int64_t) override {}
 };
 
-/// The file from which the program has loaded a function.
-std::filesystem::path home_of(void* function) {
+/// The program or library that provides a function.
+std::filesystem::path file_of(void* function) {
   Dl_info info{};
   return dladdr(function, &info) != 0 ? std::filesystem::canonical(info.dli_fname) : "";
 }
 
-TEST(EmulatedLibusbLink, ProgramLinksTheStandIn) {
+TEST(EmulatedLibusbLink, ProgramLinksTheEmulation) {
   const auto program = std::filesystem::canonical("/proc/self/exe");
-  EXPECT_EQ(home_of(reinterpret_cast<void*>(&libusb_init)), program);
-  EXPECT_EQ(home_of(reinterpret_cast<void*>(&libusb_submit_transfer)), program);
-  EXPECT_EQ(home_of(reinterpret_cast<void*>(&libusb_handle_events_timeout_completed)), program);
-  EXPECT_EQ(home_of(reinterpret_cast<void*>(&libusb_control_transfer)), program);
+  EXPECT_EQ(file_of(reinterpret_cast<void*>(&libusb_init)), program);
+  EXPECT_EQ(file_of(reinterpret_cast<void*>(&libusb_submit_transfer)), program);
+  EXPECT_EQ(file_of(reinterpret_cast<void*>(&libusb_handle_events_timeout_completed)), program);
+  EXPECT_EQ(file_of(reinterpret_cast<void*>(&libusb_control_transfer)), program);
   // The program is linked with it, but uses none of its functions.
   EXPECT_EQ(dlopen("libusb-1.0.so.0", RTLD_NOW | RTLD_NOLOAD), nullptr);
   EXPECT_STREQ(libusb_get_version()->describe, "emulated");
@@ -57,7 +57,7 @@ TEST(EmulatedLibusbLink, WithoutABusThereIsNoDevice) {
 struct Transfer {
   libusb_transfer* transfer = libusb_alloc_transfer(0);
   std::vector<unsigned char> buffer;
-  std::vector<int> endings;
+  std::vector<int> completions;
   std::thread::id thread;
 
   Transfer(libusb_device_handle* handle, unsigned char endpoint, std::size_t size,
@@ -71,14 +71,14 @@ struct Transfer {
   ~Transfer() { libusb_free_transfer(transfer); }
   static void ended(libusb_transfer* transfer) {
     auto& self = *static_cast<Transfer*>(transfer->user_data);
-    self.endings.push_back(transfer->status);
+    self.completions.push_back(transfer->status);
     self.thread = std::this_thread::get_id();
   }
 };
 
 struct EmulatedLibusb : testing::Test {
   EmulatedBus bus;
-  StillWires wires;
+  ConstantWires wires;
   std::atomic<std::int64_t> now_ns = 0;
   EmulatedLabjackU6 u6{wires, [this] { return now_ns.load(); }};
   libusb_context* context = nullptr;
@@ -149,7 +149,7 @@ TEST_F(EmulatedLibusb, ListsAttachedDevices) {
   EXPECT_EQ(libusb_has_capability(LIBUSB_CAP_HAS_HOTPLUG), 0);
 }
 
-TEST_F(EmulatedLibusb, RefusesLikeAHost) {
+TEST_F(EmulatedLibusb, ReportsTheErrorsOfAHost) {
   libusb_device* device = libusb_get_device(handle);
   libusb_device_handle* other = nullptr;
   ASSERT_EQ(libusb_open(device, &other), 0);
@@ -193,10 +193,10 @@ TEST_F(EmulatedLibusb, CallbacksRunOnlyDuringEventHandling) {
   EXPECT_EQ(libusb_submit_transfer(transfer.transfer), LIBUSB_ERROR_BUSY);
   now_ns = 30'000'000;
   std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  EXPECT_THAT(transfer.endings, IsEmpty());
+  EXPECT_THAT(transfer.completions, IsEmpty());
   EXPECT_EQ(bus.transfers_in_flight(), 1U);
   handle_events();
-  EXPECT_THAT(transfer.endings, ElementsAre(LIBUSB_TRANSFER_COMPLETED));
+  EXPECT_THAT(transfer.completions, ElementsAre(LIBUSB_TRANSFER_COMPLETED));
   EXPECT_EQ(transfer.transfer->actual_length, 64);
   EXPECT_EQ(transfer.thread, std::this_thread::get_id());
   EXPECT_EQ(bus.transfers_in_flight(), 0U);
@@ -210,10 +210,10 @@ TEST_F(EmulatedLibusb, ATransferOfManyPacketsWaitsUntilItIsFull) {
   libusb_submit_transfer(second.transfer);
   now_ns = 30'000'000;
   handle_events(10);
-  EXPECT_THAT(first.endings, IsEmpty());
-  EXPECT_THAT(second.endings, IsEmpty());
+  EXPECT_THAT(first.completions, IsEmpty());
+  EXPECT_THAT(second.completions, IsEmpty());
   now_ns = 80'000'000;
-  while (second.endings.empty()) handle_events(10);
+  while (second.completions.empty()) handle_events(10);
   EXPECT_EQ(first.transfer->actual_length, 128);
   EXPECT_EQ(first.buffer[10], 0);
   EXPECT_EQ(first.buffer[74], 1);
@@ -227,10 +227,10 @@ TEST_F(EmulatedLibusb, CancelledAndTimedOutTransfersEndLater) {
   libusb_submit_transfer(cancelled.transfer);
   libusb_submit_transfer(timed.transfer);
   ASSERT_EQ(libusb_cancel_transfer(cancelled.transfer), 0);
-  EXPECT_THAT(cancelled.endings, IsEmpty());
-  while (cancelled.endings.empty() || timed.endings.empty()) handle_events(10);
-  EXPECT_THAT(cancelled.endings, ElementsAre(LIBUSB_TRANSFER_CANCELLED));
-  EXPECT_THAT(timed.endings, ElementsAre(LIBUSB_TRANSFER_TIMED_OUT));
+  EXPECT_THAT(cancelled.completions, IsEmpty());
+  while (cancelled.completions.empty() || timed.completions.empty()) handle_events(10);
+  EXPECT_THAT(cancelled.completions, ElementsAre(LIBUSB_TRANSFER_CANCELLED));
+  EXPECT_THAT(timed.completions, ElementsAre(LIBUSB_TRANSFER_TIMED_OUT));
   EXPECT_EQ(libusb_cancel_transfer(cancelled.transfer), LIBUSB_ERROR_NOT_FOUND);
 }
 
@@ -240,12 +240,12 @@ TEST_F(EmulatedLibusb, AStallLastsUntilItIsCleared) {
   Transfer transfer(handle, 0x83, 64);
   libusb_submit_transfer(transfer.transfer);
   now_ns = 30'000'000;
-  while (transfer.endings.empty()) handle_events(10);
-  EXPECT_THAT(transfer.endings, ElementsAre(LIBUSB_TRANSFER_STALL));
+  while (transfer.completions.empty()) handle_events(10);
+  EXPECT_THAT(transfer.completions, ElementsAre(LIBUSB_TRANSFER_STALL));
   libusb_clear_halt(handle, 0x83);
   libusb_submit_transfer(transfer.transfer);
-  while (transfer.endings.size() < 2) handle_events(10);
-  EXPECT_EQ(transfer.endings[1], LIBUSB_TRANSFER_COMPLETED);
+  while (transfer.completions.size() < 2) handle_events(10);
+  EXPECT_EQ(transfer.completions[1], LIBUSB_TRANSFER_COMPLETED);
 }
 
 TEST_F(EmulatedLibusb, UnpluggedDevicesAreGone) {
@@ -254,7 +254,7 @@ TEST_F(EmulatedLibusb, UnpluggedDevicesAreGone) {
   libusb_submit_transfer(transfer.transfer);
   bus.unplug(u6);
   handle_events();
-  EXPECT_THAT(transfer.endings, ElementsAre(LIBUSB_TRANSFER_NO_DEVICE));
+  EXPECT_THAT(transfer.completions, ElementsAre(LIBUSB_TRANSFER_NO_DEVICE));
   EXPECT_EQ(libusb_submit_transfer(transfer.transfer), LIBUSB_ERROR_NO_DEVICE);
   int error = 0;
   request({0xB0, 0xB0}, &error);

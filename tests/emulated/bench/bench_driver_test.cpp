@@ -1,5 +1,5 @@
 // A complete bench in one program: the real drivers of a LabJack U6 and of a PhidgetBridge on one
-// emulated bus, combined like in the daemon.
+// emulated bus, combined as in the daemon.
 #include "drivers/bench/bench_driver.h"
 
 #include <gmock/gmock.h>
@@ -33,9 +33,9 @@ constexpr double volts_per_second = 0.5;
 constexpr double ratio_per_second = 2e-4;
 
 /// All channels grow with time: a value shows the time of its measurement.
-class Growing final : public Wires {
+class Ramp final : public Wires {
  public:
-  explicit Growing(std::int64_t begun_ns) : begun_ns_(begun_ns) {}
+  explicit Ramp(std::int64_t begun_ns) : begun_ns_(begun_ns) {}
   double truth(Channel, std::int64_t time_ns) override {
     return static_cast<double>(time_ns - begun_ns_) * 1e-9;
   }
@@ -62,8 +62,8 @@ config::Bench settings() {
 constexpr std::uint8_t bit(Channel channel) {
   return static_cast<std::uint8_t>(1U << index_of(channel));
 }
-constexpr std::uint8_t of_board = bit(Channel::displacement) | bit(Channel::velocity);
-constexpr std::uint8_t of_bridge = bit(Channel::friction_force) | bit(Channel::normal_load);
+constexpr std::uint8_t board_channels = bit(Channel::displacement) | bit(Channel::velocity);
+constexpr std::uint8_t bridge_channels = bit(Channel::friction_force) | bit(Channel::normal_load);
 
 struct WholeBench : testing::Test {
   static constexpr double rate_hz = 1000.0;
@@ -157,7 +157,7 @@ struct WholeBench : testing::Test {
   HostWatch host;
   drivers::MonotonicHostClock clock;
   EmulatedBus bus;
-  Growing wires;
+  Ramp wires;
   EmulatedLabjackU6 board;
   EmulatedPhidgetBridge bridge;
   std::unique_ptr<drivers::Driver> bench;
@@ -167,7 +167,7 @@ struct WholeBench : testing::Test {
 TEST_F(WholeBench, FramesHoldBothDevicesWithCorrectAges) {
   const Result opened = bench->open();
   ASSERT_TRUE(opened) << opened.message;
-  EXPECT_EQ(bench->description().channels, of_board | of_bridge);
+  EXPECT_EQ(bench->description().channels, board_channels | bridge_channels);
   EXPECT_STREQ(bench->description().unit[index_of(Channel::displacement)], "V");
   EXPECT_STREQ(bench->description().unit[index_of(Channel::friction_force)], "V/V");
   EXPECT_THAT(bench->description().name, testing::AllOf(HasSubstr("U6"), HasSubstr("123456")));
@@ -177,7 +177,7 @@ TEST_F(WholeBench, FramesHoldBothDevicesWithCorrectAges) {
   ASSERT_GT(all.size(), 700U);
   std::size_t incomplete = 0;
   for (const Frame& frame : all) {
-    if (frame.valid != (of_board | of_bridge)) ++incomplete;
+    if (frame.valid != (board_channels | bridge_channels)) ++incomplete;
     EXPECT_NEAR(value(frame, Channel::displacement), -value(frame, Channel::velocity), 2e-3);
   }
   EXPECT_LE(incomplete, all.size() / 50);
@@ -195,7 +195,7 @@ TEST_F(WholeBench, UnpluggedBridgeLosesItsChannelsAndRecovers) {
     frames(milliseconds(60));
     const auto without = frames(milliseconds(300));
     ASSERT_GT(without.size(), 250U);
-    for (const Frame& frame : without) ASSERT_EQ(frame.valid, of_board);
+    for (const Frame& frame : without) ASSERT_EQ(frame.valid, board_channels);
     for (std::size_t i = 1; i < without.size(); ++i) {
       ASSERT_EQ(without[i].sequence, without[i - 1].sequence + 1);
     }
@@ -212,7 +212,7 @@ TEST_F(WholeBench, UnpluggedBridgeLosesItsChannelsAndRecovers) {
     ASSERT_GT(again.size(), 100U);
     std::size_t complete = 0;
     for (const Frame& frame : again) {
-      if (frame.valid == (of_board | of_bridge)) ++complete;
+      if (frame.valid == (board_channels | bridge_channels)) ++complete;
     }
     EXPECT_GT(complete, again.size() * 9 / 10);
     expect_ages(again);
@@ -227,19 +227,19 @@ TEST_F(WholeBench, SilentBridgeIsInvalidButNotLost) {
   frames(milliseconds(450));
   const auto silent = frames(milliseconds(200));
   ASSERT_GT(silent.size(), 100U);
-  for (const Frame& frame : silent) ASSERT_EQ(frame.valid, of_board);
+  for (const Frame& frame : silent) ASSERT_EQ(frame.valid, board_channels);
   EXPECT_EQ(bench->signals().lost_device, nullptr);
   bus.between_calls([&] { bridge.faults = {}; });
   std::vector<Frame> again;
   for (int tenth = 0; tenth < 20; ++tenth) {
     again = frames(milliseconds(100));
-    if (!again.empty() && again.back().valid == (of_board | of_bridge)) break;
+    if (!again.empty() && again.back().valid == (board_channels | bridge_channels)) break;
   }
   ASSERT_FALSE(again.empty());
-  EXPECT_EQ(again.back().valid, of_board | of_bridge);
+  EXPECT_EQ(again.back().valid, board_channels | bridge_channels);
 }
 
-TEST_F(WholeBench, FirstOpenNeedsAllDevicesLaterOnesMayFollow) {
+TEST_F(WholeBench, FirstOpenRequiresAllDevicesReopeningOnlyTheBoard) {
   bus.unplug(bridge);
   const Result refused = bench->open();
   EXPECT_EQ(refused.outcome, Outcome::lost);
@@ -252,7 +252,7 @@ TEST_F(WholeBench, FirstOpenNeedsAllDevicesLaterOnesMayFollow) {
   ASSERT_TRUE(bench->start());
   const auto all = frames(milliseconds(200));
   ASSERT_GT(all.size(), 50U);
-  EXPECT_EQ(all.back().valid, of_board);
+  EXPECT_EQ(all.back().valid, board_channels);
   EXPECT_NE(bench->signals().lost_device, nullptr);
 }
 
@@ -271,7 +271,7 @@ TEST_F(WholeBench, UnpluggedBoardLosesTheRigUntilReopened) {
   frames(milliseconds(200));
   const auto all = frames(milliseconds(200));
   ASSERT_GT(all.size(), 100U);
-  EXPECT_EQ(all.back().valid, of_board | of_bridge);
+  EXPECT_EQ(all.back().valid, board_channels | bridge_channels);
   expect_ages(all);
 }
 

@@ -1,4 +1,4 @@
-// The functions of libgpiod 1.6 in use, on emulated chips, with the real header.
+// The functions of libgpiod 1.6 that the drivers use, on emulated chips, with the real header.
 #include <fcntl.h>
 #include <gpiod.h>
 #include <unistd.h>
@@ -19,7 +19,7 @@ struct gpiod_line {
   unsigned offset = 0;
   bool requested = false;
   int edges[2] = {-1, -1};
-  std::string consumer;  // at the lookup of the line
+  std::string consumer;  // when the line was looked up
 };
 
 struct gpiod_chip {
@@ -89,17 +89,18 @@ const char* gpiod_line_consumer(gpiod_line* line) {
 }
 
 int gpiod_line_request(gpiod_line* line, const gpiod_line_request_config* config, int value) {
-  GpioRequest wish;
-  wish.output = config->request_type == GPIOD_LINE_REQUEST_DIRECTION_OUTPUT;
-  wish.edges = config->request_type == GPIOD_LINE_REQUEST_EVENT_BOTH_EDGES;
-  wish.initially_active = value != 0;
-  wish.active_low = has(config->flags, GPIOD_LINE_REQUEST_FLAG_ACTIVE_LOW);
-  wish.pull = pull_of(config->flags);
-  wish.consumer = config->consumer;
-  if (wish.edges && ::pipe2(line->edges, O_CLOEXEC) != 0) return -1;
-  const int error = emulated_gpio().request(line->chip->path, line->offset, wish, line->edges[1]);
+  GpioRequest request;
+  request.output = config->request_type == GPIOD_LINE_REQUEST_DIRECTION_OUTPUT;
+  request.edges = config->request_type == GPIOD_LINE_REQUEST_EVENT_BOTH_EDGES;
+  request.initially_active = value != 0;
+  request.active_low = has(config->flags, GPIOD_LINE_REQUEST_FLAG_ACTIVE_LOW);
+  request.pull = pull_of(config->flags);
+  request.consumer = config->consumer;
+  if (request.edges && ::pipe2(line->edges, O_CLOEXEC) != 0) return -1;
+  const int error =
+      emulated_gpio().request(line->chip->path, line->offset, request, line->edges[1]);
   line->requested = error == 0;
-  if (error != 0 && wish.edges) {
+  if (error != 0 && request.edges) {
     for (int& file : line->edges) {
       ::close(file);
       file = -1;

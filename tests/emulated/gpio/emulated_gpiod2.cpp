@@ -28,7 +28,7 @@ struct gpiod_line_info {
   std::string consumer;
 };
 struct gpiod_line_settings {
-  GpioRequest wish;
+  GpioRequest request;
 };
 struct gpiod_line_config {
   std::map<unsigned, GpioRequest> lines;
@@ -93,25 +93,25 @@ const char* gpiod_line_info_get_consumer(gpiod_line_info* info) {
 gpiod_line_settings* gpiod_line_settings_new(void) { return new gpiod_line_settings; }
 void gpiod_line_settings_free(gpiod_line_settings* settings) { delete settings; }
 int gpiod_line_settings_set_direction(gpiod_line_settings* settings, gpiod_line_direction value) {
-  settings->wish.output = value == GPIOD_LINE_DIRECTION_OUTPUT;
+  settings->request.output = value == GPIOD_LINE_DIRECTION_OUTPUT;
   return 0;
 }
 int gpiod_line_settings_set_edge_detection(gpiod_line_settings* settings, gpiod_line_edge value) {
-  settings->wish.edges = value == GPIOD_LINE_EDGE_BOTH;
+  settings->request.edges = value == GPIOD_LINE_EDGE_BOTH;
   return 0;
 }
 int gpiod_line_settings_set_bias(gpiod_line_settings* settings, gpiod_line_bias value) {
-  settings->wish.pull = value == GPIOD_LINE_BIAS_DISABLED    ? Pull::off
-                        : value == GPIOD_LINE_BIAS_PULL_UP   ? Pull::up
-                        : value == GPIOD_LINE_BIAS_PULL_DOWN ? Pull::down
-                                                             : Pull::as_is;
+  settings->request.pull = value == GPIOD_LINE_BIAS_DISABLED    ? Pull::off
+                           : value == GPIOD_LINE_BIAS_PULL_UP   ? Pull::up
+                           : value == GPIOD_LINE_BIAS_PULL_DOWN ? Pull::down
+                                                                : Pull::as_is;
   return 0;
 }
 void gpiod_line_settings_set_active_low(gpiod_line_settings* settings, bool value) {
-  settings->wish.active_low = value;
+  settings->request.active_low = value;
 }
 int gpiod_line_settings_set_output_value(gpiod_line_settings* settings, gpiod_line_value value) {
-  settings->wish.initially_active = value == GPIOD_LINE_VALUE_ACTIVE;
+  settings->request.initially_active = value == GPIOD_LINE_VALUE_ACTIVE;
   return 0;
 }
 
@@ -119,7 +119,7 @@ gpiod_line_config* gpiod_line_config_new(void) { return new gpiod_line_config; }
 void gpiod_line_config_free(gpiod_line_config* config) { delete config; }
 int gpiod_line_config_add_line_settings(gpiod_line_config* config, const unsigned int* offsets,
                                         size_t count, gpiod_line_settings* settings) {
-  for (size_t i = 0; i < count; ++i) config->lines[offsets[i]] = settings->wish;
+  for (size_t i = 0; i < count; ++i) config->lines[offsets[i]] = settings->request;
   return 0;
 }
 
@@ -141,9 +141,9 @@ gpiod_line_request* gpiod_chip_request_lines(gpiod_chip* chip, gpiod_request_con
                                              gpiod_line_config* lines) {
   auto* request = new gpiod_line_request{chip->path, {}, {-1, -1}};
   if (::pipe2(request->edges, O_CLOEXEC) != 0) request->edges[0] = -1;
-  for (auto& [offset, wish] : lines->lines) {
-    wish.consumer = how->consumer;
-    const int error = emulated_gpio().request(chip->path, offset, wish, request->edges[1]);
+  for (auto& [offset, line] : lines->lines) {
+    line.consumer = how->consumer;
+    const int error = emulated_gpio().request(chip->path, offset, line, request->edges[1]);
     if (error != 0) {
       gpiod_line_request_release(request);
       errno = error;

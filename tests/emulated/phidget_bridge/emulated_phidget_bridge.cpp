@@ -9,7 +9,7 @@ namespace stickslip::emulated {
 namespace {
 
 constexpr std::int64_t step_ns = 8'000'000;
-constexpr int most_steps = 125;  // 1000 ms
+constexpr int max_steps = 125;  // 1000 ms
 constexpr int reports_of_the_bug = 32;
 constexpr std::size_t smallest_input_report = 18;
 constexpr std::size_t smallest_output_report = 5;
@@ -181,7 +181,7 @@ void EmulatedPhidgetBridge::apply(std::span<const std::uint8_t> bytes) {
   settings_.enabled = enabled_now;
   if (!has_gain_bug()) gain_in_force_ = settings_.gain_code;
   const int steps = bytes[3] | (bytes[4] & 3) << 8;
-  if (steps < 1 || steps > most_steps || steps == settings_.interval_steps) return;
+  if (steps < 1 || steps > max_steps || steps == settings_.interval_steps) return;
   settings_.interval_steps = steps;
   next_report_ns_ = now_() + steps * step_ns;
 }

@@ -207,7 +207,7 @@ TEST_F(SerialScaleBench, UnpluggedDeviceIsLostAndRecovers) {
   scale_.unplug();
   const Result gone = read();
   EXPECT_EQ(gone.outcome, Outcome::lost);
-  EXPECT_THAT(gone.message, HasSubstr("is gone"));
+  EXPECT_THAT(gone.message, HasSubstr("is disconnected"));
   gauge_.close();
   EXPECT_EQ(gauge_.open().outcome, Outcome::lost);
   scale_.plug_in();

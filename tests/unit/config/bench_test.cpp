@@ -1,4 +1,4 @@
-// Reading of a sound bench; problems_test.cpp has the errors.
+// Reading of a valid bench; problems_test.cpp has the errors.
 #include "config/bench.h"
 
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@ namespace {
 
 const std::filesystem::path rigs = std::filesystem::path(STICKSLIP_SOURCE_DIR) / "config";
 
-TEST(Bench, TheShippedBenchIsReadCompletely) {
+TEST(Bench, ReadsAllKeysOfTheShippedBench) {
   const Rig rig = load_rig(rigs / "bench-u6.toml");
   EXPECT_EQ(rig.driver, DriverKind::bench);
   const Bench& bench = rig.bench;
@@ -39,7 +39,7 @@ TEST(Bench, TheShippedBenchIsReadCompletely) {
   EXPECT_FALSE(bench.amplifier);
 }
 
-TEST(Bench, InputsOfADeviceAreOnlyItsOwn) {
+TEST(Bench, InputsOfADeviceExcludeThoseOfOthers) {
   const Rig rig = load_rig(rigs / "bench-u6.toml");
   const BenchInputs bridge = inputs_of(rig.bench.inputs, "phidget_bridge");
   EXPECT_TRUE(bridge[index_of(Channel::friction_force)]);
@@ -48,7 +48,7 @@ TEST(Bench, InputsOfADeviceAreOnlyItsOwn) {
   EXPECT_FALSE(bridge[index_of(Channel::base_displacement)]);
 }
 
-TEST(ModbusMap, EveryKeyOfARegisterIsRead) {
+TEST(ModbusMap, ReadsAllKeysOfARegister) {
   const ModbusMap map = parse_modbus_map(R"(
 schema = 1
 name = "amplifier"

@@ -154,7 +154,7 @@ TEST(CalibrationFile, IsRecognised) {
             FileKind::model);
 }
 
-TEST(CalibrationFile, TheShippedFileIsSound) {
+TEST(CalibrationFile, ShippedFileIsValid) {
   const CalibrationFile file =
       load_calibration(STICKSLIP_SOURCE_DIR "/config/calibrations/beam.toml");
   EXPECT_EQ(parse_calibration(calibration_text(file), "written"), file);

@@ -80,7 +80,7 @@ stall_blocking = true
   EXPECT_EQ(script.faults[2], stall);
 }
 
-TEST(FaultScript, WithoutFaultsItIsSound) {
+TEST(FaultScript, IsValidWithoutFaults) {
   const FaultScript script = parse_fault_script("schema = 1\n", "f");
   EXPECT_EQ(script.seed, 1U);
   EXPECT_TRUE(script.faults.empty());
@@ -147,7 +147,7 @@ TEST(FaultScript, IsDescribedInWords) {
             "writes fail: at 1 s for 1 s, 10 % of the writes");
 }
 
-TEST(FaultLibrary, HasASoundScriptForEachKindAndOneForAll) {
+TEST(FaultLibrary, HasAValidScriptForEachKindAndOneForAll) {
   const auto kinds = find_key(keys_of<Fault>(), "kind")->choices;
   for (std::size_t i = 0; i < kinds.size(); ++i) {
     const auto file = library / (std::string(kinds[i]) + ".toml");

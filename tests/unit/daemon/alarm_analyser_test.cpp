@@ -100,7 +100,7 @@ TEST(FindingTest, NamesTheClosestAlternative) {
   second.probability = 0.4;
   finding.explanations = {first, second};
   EXPECT_EQ(event_of(finding).message,
-            "why the rig no longer follows its model: mu is 1 instead of 0.8 (friction_law, 60 %), "
+            "probable cause of the model mismatch: mu is 1 instead of 0.8 (friction_law, 60 %), "
             "or the normal load at rest is 0.2 N instead of 0.15 N (normal_load, 40 %)");
   finding.explanations[1].probability = 0.01;
   EXPECT_EQ(event_of(finding).message.find("or the"), std::string::npos);

@@ -199,13 +199,13 @@ class UnreliableConsumer {
     const int garble = *rc::gen::inRange(0, 20);
     std::uint64_t calls = *rc::gen::inRange<std::uint64_t>(0, 1000);
     sink.on_block = [this, stall, refuse, garble, calls](std::span<const Sample> block) mutable {
-      const auto dice = static_cast<int>((++calls * 2654435761U >> 8U) % 100U);
-      if (dice < stall) std::this_thread::sleep_for(300us);
-      if (dice < refuse) {
+      const auto draw = static_cast<int>((++calls * 2654435761U >> 8U) % 100U);
+      if (draw < stall) std::this_thread::sleep_for(300us);
+      if (draw < refuse) {
         refused += block.size();
         return WriteResult::write_error;
       }
-      if (dice < refuse + garble) {
+      if (draw < refuse + garble) {
         garbled += block.size();
         return WriteResult::encode_error;
       }
@@ -252,9 +252,9 @@ RC_GTEST_PROP(Ledger, BalancesUnderRandomStallsRefusalsAndFullRings, ()) {
     if (i % pause_every == 0) std::this_thread::sleep_for(100us);
     if (i % 64 == 0) expect_nothing_negative(ledger);
   }
-  const auto patience = std::chrono::microseconds(*rc::gen::element(0, 200, 10'000'000));
-  publishing.finish(patience);
-  recording.finish(patience);
+  const auto timeout = std::chrono::microseconds(*rc::gen::element(0, 200, 10'000'000));
+  publishing.finish(timeout);
+  recording.finish(timeout);
 
   const Balance balance = ledger.balance();
   RC_ASSERT(balance.is_closed());

@@ -71,7 +71,7 @@ class RecorderTest : public testing::Test {
               WriteResult::ok);
   }
 
-  /// As a stream does; true if the block was taken.
+  /// As a stream does; true if the block was written.
   bool write_block(std::size_t frames = 10) {
     std::vector<Sample> block(frames);
     for (Sample& sample : block) {
@@ -102,7 +102,7 @@ class RecorderTest : public testing::Test {
     status.ledger = ledger_->balance();
     sink_->write_message(status_message(status, 1'720'000'000'000'000));
   }
-  /// As the service ends: a flush, then the last status.
+  /// As at the end of the service: a flush, then the last status.
   bool finish() {
     flush();
     publish_status();
@@ -155,7 +155,7 @@ class RecorderTest : public testing::Test {
   std::uint64_t unflushed_ = 0;
 };
 
-TEST_F(RecorderTest, WithoutLimitsThereIsOnePart) {
+TEST_F(RecorderTest, WritesOnePartWithoutLimits) {
   open({});
   for (int i = 0; i < 100; ++i) write_block();
   EXPECT_TRUE(finish());
@@ -163,7 +163,7 @@ TEST_F(RecorderTest, WithoutLimitsThereIsOnePart) {
   expect_one_recording(1000);
 }
 
-TEST_F(RecorderTest, BeginsAPartAfterItsDurationToTheBlock) {
+TEST_F(RecorderTest, RotatesAtTheFirstBlockAfterTheDuration) {
   open({.rotate_s = 1.0});
   for (int i = 0; i < 305; ++i) write_block();
   EXPECT_TRUE(finish());
@@ -177,7 +177,7 @@ TEST_F(RecorderTest, BeginsAPartAfterItsDurationToTheBlock) {
   expect_one_recording(3050);
 }
 
-TEST_F(RecorderTest, BeginsAPartWhenItIsLargeEnough) {
+TEST_F(RecorderTest, RotatesAtTheSizeLimit) {
   open({.rotate_mb = 0.05});
   for (int i = 0; i < 300; ++i) {
     write_block();
@@ -206,9 +206,9 @@ TEST_F(RecorderTest, AnyRotationNeitherLosesNorDuplicatesFrames) {
     const std::size_t blocks = 100 + random() % 300;
     std::uint64_t frames = 0;
     for (std::size_t i = 0; i < blocks; ++i) {
-      const std::size_t some = 1 + random() % 20;
-      EXPECT_TRUE(write_block(some));
-      frames += some;
+      const std::size_t count = 1 + random() % 20;
+      EXPECT_TRUE(write_block(count));
+      frames += count;
       if (random() % 9 == 0) flush();
       if (random() % 9 == 0) publish_status();
     }
@@ -253,7 +253,7 @@ class FullDisk {
   rlimit before_{};
 };
 
-TEST_F(RecorderTest, AFullDiskLosesWhatTheLedgerSaysAndTheLogStaysValid) {
+TEST_F(RecorderTest, LossesOnAFullDiskAreInTheLedgerAndTheLogStaysValid) {
   const FullDisk disk;
   open({});
   for (int i = 0; i < 400; ++i) {
@@ -271,7 +271,7 @@ TEST_F(RecorderTest, AFullDiskLosesWhatTheLedgerSaysAndTheLogStaysValid) {
   EXPECT_EQ(log.missing, static_cast<std::uint64_t>(log.ledger->lost()));
 }
 
-TEST_F(RecorderTest, TheDescriptionComesFirstEvenIfTheDiskIsFullAtTheStart) {
+TEST_F(RecorderTest, TheRecordingInfoComesFirstEvenIfTheDiskIsFullAtTheStart) {
   const FullDisk disk;
   open({});
   disk.limit(20);
@@ -289,9 +289,9 @@ TEST_F(RecorderTest, TheDescriptionComesFirstEvenIfTheDiskIsFullAtTheStart) {
   EXPECT_EQ(log.first_sequence, 200U);
 }
 
-TEST_F(RecorderTest, RecordingContinuesInThePreviousPartIfNoneCanBeBegun) {
+TEST_F(RecorderTest, ContinuesInThePreviousPartIfANewOneCannotBeCreated) {
   open({.rotate_s = 1.0});
-  std::filesystem::create_directory(folder_ / "run.001.log");  // in the way
+  std::filesystem::create_directory(folder_ / "run.001.log");  // blocks the next part
   for (int i = 0; i < 305; ++i) write_block();
   EXPECT_TRUE(finish());
   EXPECT_EQ(protocol::read_recording(file_).frames.size(), 3050U);
@@ -304,7 +304,7 @@ TEST_F(RecorderTest, ADeviceFileIsNotSynced) {
   EXPECT_TRUE(finish());
 }
 
-TEST_F(RecorderTest, TheLedgerHoldsWhatTheDiskHasConfirmed) {
+TEST_F(RecorderTest, LedgerCountsFramesConfirmedByTheDisk) {
   open({.sync_s = 1e-9});  // at every flush
   EXPECT_THAT(ledger_->balance().recorded.confirmed, Optional(0U));
   for (int i = 0; i < 3; ++i) write_block();

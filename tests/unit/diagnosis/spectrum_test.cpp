@@ -11,7 +11,7 @@ namespace {
 
 using std::numbers::pi;
 
-// 20 s at 500 Hz: strong slow motion, noise, and a line.
+// 20 s at 500 Hz: two slow sines, noise, and a line.
 std::vector<double> recorded(double amplitude, double frequency_hz, double phase_rad) {
   std::mt19937_64 random(11);
   std::normal_distribution<double> normal;
@@ -42,11 +42,11 @@ TEST(Mains, IgnoresOtherLines) {
 
 TEST(Mains, IsRemovedWithoutOtherChanges) {
   const auto clean = recorded(0.0, 50.0, 0.0);
-  const auto freed = without_mains(recorded(0.05, 50.02, -1.3), 0.002);
+  const auto cleaned = without_mains(recorded(0.05, 50.02, -1.3), 0.002);
   const auto same = without_mains(clean, 0.002);
   double worst = 0.0;
   for (std::size_t k = 0; k < clean.size(); ++k) {
-    worst = std::max(worst, std::abs(freed[k] - clean[k]));
+    worst = std::max(worst, std::abs(cleaned[k] - clean[k]));
     EXPECT_EQ(same[k], clean[k]);
   }
   EXPECT_LT(worst, 5.0e-4);  // of 0.05

@@ -39,7 +39,7 @@ bool same_bits(const Frame& a, const Frame& b) {
   return same;
 }
 
-/// Frame of a number: every channel has another value in [-1, 1).
+/// Frame with this number: every channel has another value in [-1, 1).
 Frame device_frame(std::uint64_t number, std::uint8_t channels = 0b111111) {
   Frame frame;
   frame.time_ns = origin_ns + static_cast<std::int64_t>(number) * period_ns;
@@ -107,7 +107,7 @@ class DeviceDriver final : public Driver {
   bool running_ = false;
 };
 
-/// Advances by sleeping and by the test only.
+/// Advances only by sleeping or by the test.
 class TestClock final : public HostClock {
  public:
   std::int64_t now_ns() override { return now; }
@@ -209,7 +209,7 @@ bool is_device_frame(const Frame& frame) {
   return same_bits(frame, device_frame(frame.sequence - first_sequence));
 }
 
-// Without a fault.
+// Without faults.
 
 RC_GTEST_PROP(FaultyDriver, EmptyScriptIsTransparent, ()) {
   Device device;
@@ -217,7 +217,7 @@ RC_GTEST_PROP(FaultyDriver, EmptyScriptIsTransparent, ()) {
   device.channels = static_cast<std::uint8_t>(*rc::gen::inRange(0, 64));
   device.end = *rc::gen::inRange<std::uint64_t>(0, 60);
   device.signals = {*rc::gen::arbitrary<bool>(), *rc::gen::arbitrary<bool>(),
-                    *rc::gen::element<const char*>(nullptr, "the bridge is gone")};
+                    *rc::gen::element<const char*>(nullptr, "the bridge is disconnected")};
   for (std::uint64_t i = 0; i < 60; ++i) {
     if (*rc::gen::inRange(0, 6) == 0) {
       device.instead[i] = *rc::gen::element(Outcome::no_data, Outcome::temporary, Outcome::lost,
@@ -257,14 +257,14 @@ RC_GTEST_PROP(FaultyDriver, EmptyScriptIsTransparent, ()) {
   RC_ASSERT(bench.clock->slept == 0);
 }
 
-TEST(FaultyDriver, RandomCasesAreTheSameEachTime) { EXPECT_EQ(seeded, 0); }
+TEST(FaultyDriver, RandomCasesAreSeeded) { EXPECT_EQ(seeded, 0); }
 
 // Faults of channels, each active from the tenth to the thirtieth of fifty frames.
 
 constexpr double begin_s = 0.010;
 constexpr double length_s = 0.020;
 
-bool lasts(std::size_t frame) { return frame >= 10 && frame < 30; }
+bool is_active(std::size_t frame) { return frame >= 10 && frame < 30; }
 
 /// Fifty frames with one fault; all channels but those of `expected` are unchanged.
 template <class Expected>
@@ -274,7 +274,7 @@ void expect_channel(const Fault& of, Channel channel, const Expected& expected) 
   ASSERT_EQ(frames.size(), 50U);
   for (std::size_t i = 0; i < frames.size(); ++i) {
     Frame want = device_frame(i);
-    if (lasts(i)) want.value[index_of(channel)] = expected(i);
+    if (is_active(i)) want.value[index_of(channel)] = expected(i);
     if (std::isnan(want[channel])) {
       EXPECT_TRUE(std::isnan(frames[i][channel])) << i;
       want.value[index_of(channel)] = frames[i][channel];
@@ -284,12 +284,12 @@ void expect_channel(const Fault& of, Channel channel, const Expected& expected) 
   EXPECT_EQ(bench.driver.applied().at(0).occurrences, 1U);
 }
 
-TEST(FaultyDriver, Sticks) {
+TEST(FaultyDriver, HoldsAStuckValue) {
   expect_channel(fault(FaultKind::stick, begin_s, length_s), Channel::velocity,
                  [](std::size_t) { return device_frame(10)[Channel::velocity]; });
 }
 
-TEST(FaultyDriver, Drifts) {
+TEST(FaultyDriver, AddsADrift) {
   expect_channel(fault(FaultKind::drift, begin_s, length_s, -3.0), Channel::normal_load,
                  [](std::size_t i) {
                    return device_frame(i)[Channel::normal_load] -
@@ -304,7 +304,7 @@ TEST(FaultyDriver, Saturates) {
                  });
 }
 
-TEST(FaultyDriver, IsNotANumber) {
+TEST(FaultyDriver, InjectsNan) {
   expect_channel(fault(FaultKind::nan, begin_s, length_s), Channel::friction_force,
                  [](std::size_t) { return std::nan(""); });
 }
@@ -321,7 +321,7 @@ TEST(FaultyDriver, DelaysAndReportsTheAge) {
   const auto frames = bench.run().frames(50);
   for (std::size_t i = 0; i < frames.size(); ++i) {
     Frame want = device_frame(i);
-    if (lasts(i)) {
+    if (is_active(i)) {
       // The latest value 7.5 ms ago is 8 ms old, plus its own age of 250 us.
       want.value[index_of(Channel::normal_load)] = device_frame(i - 8)[Channel::normal_load];
       want.age_us[index_of(Channel::normal_load)] = 8250;
@@ -397,7 +397,7 @@ TEST(FaultyDriver, UnmeasuredChannelsStayInvalid) {
   }
 }
 
-TEST(FaultyDriver, FaultsOfAChannelActInTheOrderOfItsSignal) {
+TEST(FaultyDriver, FaultsOfAChannelActInSignalOrder) {
   // Listed in reverse, they act in the documented order.
   const auto frames_of = [](std::vector<Fault> faults) { return Bench(faults).run().frames(30); };
   const Fault late = fault(FaultKind::delay, 0.0, std::nullopt, 0.003);
@@ -447,8 +447,8 @@ TEST(FaultyDriver, DropsFrames) {
   Bench bench({fault(FaultKind::drop, begin_s, length_s)});
   const auto readings = bench.run().read(50);
   for (std::size_t i = 0; i < readings.size(); ++i) {
-    ASSERT_EQ(readings[i].outcome, lasts(i) ? Outcome::no_data : Outcome::ok) << i;
-    if (!lasts(i)) {
+    ASSERT_EQ(readings[i].outcome, is_active(i) ? Outcome::no_data : Outcome::ok) << i;
+    if (!is_active(i)) {
       EXPECT_TRUE(same_bits(readings[i].frame, device_frame(i))) << i;
     }
   }
@@ -463,14 +463,14 @@ TEST(FaultyDriver, DuplicatesFrames) {
   std::size_t next = 0;
   for (std::size_t i = 0; i < 50; ++i) {
     EXPECT_TRUE(same_bits(frames.at(next++), device_frame(i)));
-    if (lasts(i)) {
+    if (is_active(i)) {
       EXPECT_TRUE(same_bits(frames.at(next++), device_frame(i)));
     }
   }
   EXPECT_EQ(bench.driver.account().duplicated, 20U);
 }
 
-TEST(FaultyDriver, FramesOvertakeEachOtherAndNoneIsLost) {
+TEST(FaultyDriver, ReordersFramesWithoutLoss) {
   for (const bool paced : {false, true}) {
     Device device;
     device.paced = paced;
@@ -485,7 +485,7 @@ TEST(FaultyDriver, FramesOvertakeEachOtherAndNoneIsLost) {
     ASSERT_GE(order.size(), 50U);
     for (std::size_t i = 0; i < 50; ++i) {
       const std::size_t swapped = i % 2 == 0 ? i + 1 : i - 1;
-      EXPECT_EQ(order[i], lasts(i) ? swapped : i) << "paced " << paced;
+      EXPECT_EQ(order[i], is_active(i) ? swapped : i) << "paced " << paced;
     }
     const auto waits = std::count_if(readings.begin(), readings.end(), [](const Reading& each) {
       return each.outcome == Outcome::no_data;
@@ -539,7 +539,7 @@ TEST(FaultyDriver, ClockJumpAffectsTimeOnly) {
     const auto frames = bench.run().frames(50);
     for (std::size_t i = 0; i < frames.size(); ++i) {
       Frame want = device_frame(i);
-      if (lasts(i)) want.time_ns += std::llround(jump_s * 1.0e9);
+      if (is_active(i)) want.time_ns += std::llround(jump_s * 1.0e9);
       EXPECT_TRUE(same_bits(frames[i], want)) << i;
     }
   }
@@ -575,8 +575,8 @@ TEST(FaultyDriver, StalledDeviceReturnsNothingAndContinues) {
   const auto readings = bench.run().read(70);
   std::size_t next = 0;
   for (std::size_t i = 0; i < readings.size(); ++i) {
-    ASSERT_EQ(readings[i].outcome, lasts(i) ? Outcome::no_data : Outcome::ok) << i;
-    if (!lasts(i)) {
+    ASSERT_EQ(readings[i].outcome, is_active(i) ? Outcome::no_data : Outcome::ok) << i;
+    if (!is_active(i)) {
       EXPECT_TRUE(same_bits(readings[i].frame, device_frame(next++))) << i;
     }
   }
@@ -584,7 +584,7 @@ TEST(FaultyDriver, StalledDeviceReturnsNothingAndContinues) {
   EXPECT_EQ(bench.clock->slept, 0) << "no wait for an unpaced device";
 }
 
-TEST(FaultyDriver, StalledPacedDeviceDoesNotLetTheReaderSpin) {
+TEST(FaultyDriver, StalledPacedDeviceDoesNotMakeTheReaderBusyWait) {
   Device device;
   device.paced = true;
   Bench bench({fault(FaultKind::stall, begin_s, std::nullopt, length_s)}, device, 1, period_s, 2.0);
@@ -617,8 +617,8 @@ TEST(FaultyDriver, ReadErrorsAreTemporary) {
   const auto readings = bench.run().read(70);
   std::size_t next = 0;
   for (std::size_t i = 0; i < readings.size(); ++i) {
-    ASSERT_EQ(readings[i].outcome, lasts(i) ? Outcome::temporary : Outcome::ok) << i;
-    if (lasts(i)) {
+    ASSERT_EQ(readings[i].outcome, is_active(i) ? Outcome::temporary : Outcome::ok) << i;
+    if (is_active(i)) {
       EXPECT_EQ(readings[i].message, "fault 1 of test.toml: reads fail: at 0.01 s for 0.02 s");
     } else {
       EXPECT_TRUE(same_bits(readings[i].frame, device_frame(next++))) << i;
@@ -635,13 +635,13 @@ TEST(FaultyDriver, WriteErrorsStillForwardOff) {
     const auto before = bench.device.writes.size();
     const bool amplifier_on = i % 3 != 0;
     const Result result = bench.driver.write({0.001, amplifier_on});
-    EXPECT_EQ(result.outcome, lasts(i) ? Outcome::temporary : Outcome::ok);
-    EXPECT_EQ(bench.device.writes.size() - before, !lasts(i) || !amplifier_on ? 1U : 0U);
+    EXPECT_EQ(result.outcome, is_active(i) ? Outcome::temporary : Outcome::ok);
+    EXPECT_EQ(bench.device.writes.size() - before, !is_active(i) || !amplifier_on ? 1U : 0U);
   }
   EXPECT_EQ(bench.driver.applied().at(0).hits, 20U);
 }
 
-TEST(FaultyDriver, LinesArePressedAndReleased) {
+TEST(FaultyDriver, InputLinesAreAssertedAndReleased) {
   for (const bool of_device : {false, true}) {
     Device device;
     device.signals.amplifier_fault = of_device;
@@ -650,7 +650,7 @@ TEST(FaultyDriver, LinesArePressedAndReleased) {
                 device);
     const auto readings = bench.run().read(50);
     for (std::size_t i = 0; i < readings.size(); ++i) {
-      EXPECT_EQ(readings[i].signals.emergency_stop, lasts(i));
+      EXPECT_EQ(readings[i].signals.emergency_stop, is_active(i));
       EXPECT_EQ(readings[i].signals.amplifier_fault, of_device || (i >= 20 && i < 40));
       EXPECT_TRUE(same_bits(readings[i].frame, device_frame(i)));
     }
@@ -706,7 +706,7 @@ TEST(FaultyDriver, UnpluggedDeviceIsNotReadBeforeItIsStarted) {
   EXPECT_EQ(bench.read().outcome, Outcome::ok);
 }
 
-TEST(FaultyDriver, WaitingBetweenAttemptsLastsNoLongerThanTheUnplug) {
+TEST(FaultyDriver, TimeBetweenReopenAttemptsCountsTowardsTheUnplug) {
   Bench bench({fault(FaultKind::unplug, 1.0, 2.0)});
   bench.run().read(1001);
   int attempts = 0;
@@ -746,7 +746,7 @@ TEST(FaultyDriver, DeviceAbsentAtTheStartDoesNotOpen) {
   EXPECT_TRUE(same_bits(bench.read().frame, device_frame(0)));
 }
 
-TEST(FaultyDriver, UnpluggingComesBeforeStallingAndStallingBeforeFailing) {
+TEST(FaultyDriver, UnplugTakesPrecedenceOverStallAndStallOverReadErrors) {
   Bench bench({fault(FaultKind::read_error, 0.010, 0.030),
                fault(FaultKind::stall, 0.015, std::nullopt, 0.015),
                fault(FaultKind::unplug, 0.020, 0.005)});
@@ -821,7 +821,7 @@ TEST(FaultyDriver, FractionalPeriodsDoNotShiftReads) {
   }
 }
 
-TEST(FaultyDriver, TimeElapsedInASilenceIsNotCountedTwice) {
+TEST(FaultyDriver, TimeElapsedInAStallIsNotCountedTwice) {
   // The frames during the stall are lost: the next one is a second later.
   Device device;
   Bench bench(
@@ -897,9 +897,9 @@ std::vector<Reading> run_through(Bench& bench, int reads) {
 }
 
 /// Number of reads after which all faults of some_faults are over and no frame is pending.
-constexpr int all_is_over = 1500;
+constexpr int reads_until_all_faults_end = 1500;
 
-RC_GTEST_PROP(FaultyDriver, TheSameSeedAndFramesGiveTheSameFaultsToTheBit, ()) {
+RC_GTEST_PROP(FaultyDriver, FaultsAreDeterministicForASeed, ()) {
   const auto faults = some_faults();
   Device device;
   device.paced = *rc::gen::arbitrary<bool>();
@@ -920,7 +920,7 @@ RC_GTEST_PROP(FaultyDriver, FramesAreUnchangedAfterTheEndOfAllFaults, ()) {
   Device device;
   device.paced = *rc::gen::arbitrary<bool>();
   Bench bench(faults, device, *rc::gen::inRange<std::uint64_t>(0, 1000));
-  run_through(bench, all_is_over);
+  run_through(bench, reads_until_all_faults_end);
   std::optional<std::uint64_t> before;
   for (const Reading& each : bench.read(20)) {
     RC_ASSERT(each.outcome == Outcome::ok);
@@ -934,7 +934,7 @@ RC_GTEST_PROP(FaultyDriver, FramesAreUnchangedAfterTheEndOfAllFaults, ()) {
 RC_GTEST_PROP(FaultyDriver, FramesAndEffectsAreAccountedFor, ()) {
   const auto faults = some_faults();
   Bench bench(faults, {}, *rc::gen::inRange<std::uint64_t>(0, 1000));
-  const auto readings = run_through(bench, all_is_over);
+  const auto readings = run_through(bench, reads_until_all_faults_end);
   const FrameAccount account = bench.driver.account();
   std::uint64_t given = 0;
   std::map<std::uint64_t, int> times;

@@ -124,7 +124,7 @@ TEST(Chance, IsUniformNormalAndStateless) {
   EXPECT_NEAR(hits, 0.25 * count, 5.0 * std::sqrt(count * 0.25 * 0.75));
 }
 
-TEST(Timeline, RandomCasesAreTheSameEachTime) { EXPECT_EQ(seeded, 0); }
+TEST(Timeline, RandomCasesAreSeeded) { EXPECT_EQ(seeded, 0); }
 
 }  // namespace
 }  // namespace stickslip::drivers

@@ -18,7 +18,7 @@ TEST(HeapCount, CountsAllocationsAndReleases) {
   stop();
 }
 
-TEST(HeapCount, CountsTheCallsOfC) {
+TEST(HeapCount, CountsCallsOfTheCLibrary) {
   start();
   void* volatile block = std::calloc(2, 8);
   block = std::realloc(block, 32);
@@ -28,7 +28,7 @@ TEST(HeapCount, CountsTheCallsOfC) {
   EXPECT_EQ(stop(), 5U);
 }
 
-TEST(HeapCount, StartsFromZeroAndIgnoresWhatFollows) {
+TEST(HeapCount, CountsOnlyBetweenStartAndStop) {
   start();
   EXPECT_EQ(stop(), 0U);
   int* volatile one = new int(1);

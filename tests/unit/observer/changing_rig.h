@@ -34,7 +34,7 @@ class ChangingRig {
   }
 
   /// Changes to another model with the same sensor chains. A bristle starts with the deflection
-  /// that gives the present friction force.
+  /// that gives the current friction force.
   void become(const physics::Model& model) {
     const bool was_bristle = rig_.structure().kinetics == physics::Kinetics::bristle;
     model_ = model;

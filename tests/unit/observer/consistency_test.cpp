@@ -44,17 +44,17 @@ Outside outside(double scale, double correlation) {
   return out;
 }
 
-TEST(ConsistencyTest, OneMeanInTwentyIsOutsideItsBoundsForWhiteUnitInnovations) {
+TEST(ConsistencyTest, FivePercentOfMeansAreOutsideTheBoundsForWhiteUnitInnovations) {
   const Outside out = outside(1.0, 0.0);
   EXPECT_NEAR(out.nis, 0.05, 0.02);
   EXPECT_NEAR(out.whiteness, 0.05, 0.02);
 }
 
-TEST(ConsistencyTest, DetectsTooLargeInnovations) { EXPECT_GT(outside(1.3, 0.0).nis, 0.9); }
+TEST(ConsistencyTest, DetectsExcessiveInnovations) { EXPECT_GT(outside(1.3, 0.0).nis, 0.9); }
 
 TEST(ConsistencyTest, DetectsCorrelatedInnovations) { EXPECT_GT(outside(1.0, 0.5).whiteness, 0.9); }
 
-TEST(ConsistencyTest, BoundDecreasesToThatOfTheMemory) {
+TEST(ConsistencyTest, BoundDecreasesToThatOfTheForgettingFactor) {
   RunningMean mean;
   EXPECT_EQ(mean.bound(), 0.0);
   mean.add(1.0, 2.0, 0.001);

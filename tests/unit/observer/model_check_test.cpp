@@ -258,7 +258,7 @@ INSTANTIATE_TEST_SUITE_P(
       return name;
     });
 
-TEST(ModelCheckTest, RaisesNoAlarmForASoundRig) {
+TEST(ModelCheckTest, RaisesNoAlarmForAHealthyRig) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const test::Outcome outcome =
         test::run_check(test::make_scenario(seed), Change::none, 0.0, 60.0, seed);

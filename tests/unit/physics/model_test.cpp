@@ -15,18 +15,18 @@
 namespace stickslip::physics {
 namespace {
 
-struct Fault {
+struct Case {
   const char* name;
-  std::function<void(Model&)> make;
+  std::function<void(Model&)> apply;
   const char* path;  ///< of the first inconsistency
 };
 
-class Soundness : public testing::TestWithParam<Fault> {};
+class ModelConsistency : public testing::TestWithParam<Case> {};
 
-TEST_P(Soundness, ReportsThePathOfTheInconsistency) {
+TEST_P(ModelConsistency, ReportsThePathOfAnInconsistency) {
   Model model = test::bench();
   ASSERT_TRUE(inconsistencies_of(model).empty());
-  GetParam().make(model);
+  GetParam().apply(model);
   const auto found = inconsistencies_of(model);
   ASSERT_FALSE(found.empty());
   EXPECT_EQ(found.front().path, GetParam().path);
@@ -35,112 +35,113 @@ TEST_P(Soundness, ReportsThePathOfTheInconsistency) {
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    Faults, Soundness,
+    Inconsistencies, ModelConsistency,
     testing::Values(
-        Fault{"no_mass", [](Model& m) { m.oscillator.mass_kg = {0.0}; }, "oscillator.mass_kg"},
-        Fault{"mass_not_a_number", [](Model& m) { m.oscillator.mass_kg = {std::nan("")}; },
-              "oscillator.mass_kg"},
-        Fault{"negative_sigma", [](Model& m) { m.friction.mu.sigma = -0.1; }, "friction.mu"},
-        Fault{"infinite_sigma",
-              [](Model& m) { m.friction.mu.sigma = std::numeric_limits<double>::infinity(); },
-              "friction.mu"},
-        Fault{"no_spring", [](Model& m) { m.oscillator.natural_frequency_hz.reset(); },
-              "oscillator"},
-        Fault{"two_springs", [](Model& m) { m.oscillator.stiffness_n_m = Parameter{10.0}; },
-              "oscillator.stiffness_n_m"},
-        Fault{"no_damping", [](Model& m) { m.oscillator.damping_ratio.reset(); }, "oscillator"},
-        Fault{"two_dampings", [](Model& m) { m.oscillator.damping_n_s_m = Parameter{0.1}; },
-              "oscillator.damping_n_s_m"},
-        Fault{"ratio_without_a_spring",
-              [](Model& m) {
-                m.oscillator.natural_frequency_hz.reset();
-                m.oscillator.stiffness_n_m = Parameter{0.0};
-              },
-              "oscillator.damping_ratio"},
-        Fault{"imposed_with_a_spring",
-              [](Model& m) {
-                m.load_cell.reset();
-                m.oscillator.excitation = Excitation::imposed;
-              },
-              "oscillator"},
-        Fault{"imposed_with_a_load_cell",
-              [](Model& m) {
-                m.oscillator = {};
-                m.oscillator.excitation = Excitation::imposed;
-              },
-              "load_cell"},
-        Fault{"well_without_depth",
-              [](Model& m) {
-                m.oscillator.two_well = TwoWell{{0.0}, {1.0e5}};
-              },
-              "oscillator.two_well.linear_n_m"},
-        Fault{"negative_load", [](Model& m) { m.normal_load->load_n = {-1.0}; },
-              "normal_load.load_n"},
-        Fault{"negative_mu", [](Model& m) { m.friction.mu = {-0.1}; }, "friction.mu"},
-        Fault{"negative_transition", [](Model& m) { m.friction.transition_speed_m_s = {-1.0}; },
-              "friction.transition_speed_m_s"},
-        Fault{"memory_without_rate", [](Model& m) { m.friction.law = FrictionLaw::state_variable; },
-              "friction.rate_per_s"},
-        Fault{"load_cell_without_mass", [](Model& m) { m.load_cell->mass_kg = {0.0}; },
-              "load_cell.mass_kg"},
-        Fault{"bridge_without_a_calibration",
-              [](Model& m) {
-                m.normal_load_bridge = NormalLoadBridge{1.0, 0.5, 0.0};
-              },
-              "normal_load_bridge.mismatch"},
-        Fault{"bridge_with_more_than_all_of_the_load",
-              [](Model& m) {
-                m.normal_load_bridge = NormalLoadBridge{0.0, 1.5, 0.0};
-              },
-              "normal_load_bridge.share"},
-        Fault{"bridge_with_a_measured_load",
-              [](Model& m) {
-                m.normal_load->law = NormalLoadLaw::measured;
-                m.normal_load_bridge = NormalLoadBridge{};
-              },
-              "normal_load_bridge"},
-        Fault{"no_noise", [](Model& m) { m.sensors[index_of(Channel::velocity)].noise_std = 0.0; },
-              "sensors.velocity.noise_std"},
-        Fault{"filter_of_order_0",
-              [](Model& m) {
-                m.sensors[0].filters = {{FilterKind::butterworth_lowpass, 0, 25.0}};
-              },
-              "sensors.displacement.filters"},
-        Fault{"filter_without_cutoff",
-              [](Model& m) {
-                m.sensors[4].filters = {{FilterKind::butterworth_lowpass, 4, 0.0}};
-              },
-              "sensors.base_displacement.filters"},
-        Fault{"unknown_term",
-              [](Model& m) {
-                m.terms.push_back({"magic", {}, {}});
-              },
-              "physics.magic"},
-        Fault{"term_without_parameter",
-              [](Model& m) {
-                m.terms.push_back({"cubic_stiffness", {}, {}});
-              },
-              "physics.cubic_stiffness.k3_n_m3"},
-        Fault{"term_with_an_unknown_parameter",
-              [](Model& m) {
-                m.terms.push_back({"bias_force", {}, {{"force_n", {0.1}}, {"torque", {1.0}}}});
-              },
-              "physics.bias_force.torque"},
-        Fault{"term_with_a_channel",
-              [](Model& m) {
-                m.terms.push_back({"bias_force", Channel::velocity, {{"force_n", {0.1}}}});
-              },
-              "physics.bias_force.velocity"},
-        Fault{"term_twice",
-              [](Model& m) {
-                m.terms.assign(2, {"bias_force", {}, {{"force_n", {0.1}}}});
-              },
-              "physics.bias_force"},
-        Fault{"friction_term_in_a_model_with_friction",
-              [](Model& m) {
-                m.terms.push_back({"dry_friction", {}, {{"friction_force_n", {0.1}}}});
-              },
-              "physics.dry_friction"}),
+        Case{"zero_mass", [](Model& m) { m.oscillator.mass_kg = {0.0}; }, "oscillator.mass_kg"},
+        Case{"mass_not_a_number", [](Model& m) { m.oscillator.mass_kg = {std::nan("")}; },
+             "oscillator.mass_kg"},
+        Case{"negative_sigma", [](Model& m) { m.friction.mu.sigma = -0.1; }, "friction.mu"},
+        Case{"infinite_sigma",
+             [](Model& m) { m.friction.mu.sigma = std::numeric_limits<double>::infinity(); },
+             "friction.mu"},
+        Case{"no_stiffness", [](Model& m) { m.oscillator.natural_frequency_hz.reset(); },
+             "oscillator"},
+        Case{"stiffness_twice", [](Model& m) { m.oscillator.stiffness_n_m = Parameter{10.0}; },
+             "oscillator.stiffness_n_m"},
+        Case{"no_damping", [](Model& m) { m.oscillator.damping_ratio.reset(); }, "oscillator"},
+        Case{"damping_twice", [](Model& m) { m.oscillator.damping_n_s_m = Parameter{0.1}; },
+             "oscillator.damping_n_s_m"},
+        Case{"damping_ratio_without_stiffness",
+             [](Model& m) {
+               m.oscillator.natural_frequency_hz.reset();
+               m.oscillator.stiffness_n_m = Parameter{0.0};
+             },
+             "oscillator.damping_ratio"},
+        Case{"imposed_motion_with_a_spring",
+             [](Model& m) {
+               m.load_cell.reset();
+               m.oscillator.excitation = Excitation::imposed;
+             },
+             "oscillator"},
+        Case{"imposed_motion_with_a_load_cell",
+             [](Model& m) {
+               m.oscillator = {};
+               m.oscillator.excitation = Excitation::imposed;
+             },
+             "load_cell"},
+        Case{"two_well_without_linear_term",
+             [](Model& m) {
+               m.oscillator.two_well = TwoWell{{0.0}, {1.0e5}};
+             },
+             "oscillator.two_well.linear_n_m"},
+        Case{"negative_load", [](Model& m) { m.normal_load->load_n = {-1.0}; },
+             "normal_load.load_n"},
+        Case{"negative_mu", [](Model& m) { m.friction.mu = {-0.1}; }, "friction.mu"},
+        Case{"negative_transition_speed",
+             [](Model& m) { m.friction.transition_speed_m_s = {-1.0}; },
+             "friction.transition_speed_m_s"},
+        Case{"state_variable_without_rate",
+             [](Model& m) { m.friction.law = FrictionLaw::state_variable; }, "friction.rate_per_s"},
+        Case{"load_cell_without_mass", [](Model& m) { m.load_cell->mass_kg = {0.0}; },
+             "load_cell.mass_kg"},
+        Case{"bridge_mismatch_of_1",
+             [](Model& m) {
+               m.normal_load_bridge = NormalLoadBridge{1.0, 0.5, 0.0};
+             },
+             "normal_load_bridge.mismatch"},
+        Case{"bridge_share_above_1",
+             [](Model& m) {
+               m.normal_load_bridge = NormalLoadBridge{0.0, 1.5, 0.0};
+             },
+             "normal_load_bridge.share"},
+        Case{"bridge_with_a_measured_load",
+             [](Model& m) {
+               m.normal_load->law = NormalLoadLaw::measured;
+               m.normal_load_bridge = NormalLoadBridge{};
+             },
+             "normal_load_bridge"},
+        Case{"zero_noise", [](Model& m) { m.sensors[index_of(Channel::velocity)].noise_std = 0.0; },
+             "sensors.velocity.noise_std"},
+        Case{"filter_of_order_0",
+             [](Model& m) {
+               m.sensors[0].filters = {{FilterKind::butterworth_lowpass, 0, 25.0}};
+             },
+             "sensors.displacement.filters"},
+        Case{"filter_without_cutoff",
+             [](Model& m) {
+               m.sensors[4].filters = {{FilterKind::butterworth_lowpass, 4, 0.0}};
+             },
+             "sensors.base_displacement.filters"},
+        Case{"unknown_term",
+             [](Model& m) {
+               m.terms.push_back({"magic", {}, {}});
+             },
+             "physics.magic"},
+        Case{"term_without_parameter",
+             [](Model& m) {
+               m.terms.push_back({"cubic_stiffness", {}, {}});
+             },
+             "physics.cubic_stiffness.k3_n_m3"},
+        Case{"term_with_an_unknown_parameter",
+             [](Model& m) {
+               m.terms.push_back({"bias_force", {}, {{"force_n", {0.1}}, {"torque", {1.0}}}});
+             },
+             "physics.bias_force.torque"},
+        Case{"term_with_a_channel",
+             [](Model& m) {
+               m.terms.push_back({"bias_force", Channel::velocity, {{"force_n", {0.1}}}});
+             },
+             "physics.bias_force.velocity"},
+        Case{"term_twice",
+             [](Model& m) {
+               m.terms.assign(2, {"bias_force", {}, {{"force_n", {0.1}}}});
+             },
+             "physics.bias_force"},
+        Case{"friction_term_in_a_model_with_friction",
+             [](Model& m) {
+               m.terms.push_back({"dry_friction", {}, {{"friction_force_n", {0.1}}}});
+             },
+             "physics.dry_friction"}),
     [](const auto& info) { return info.param.name; });
 
 TEST(Parameters, HaveUniquePathsAndReferToTheModel) {

@@ -172,9 +172,9 @@ TEST(Log, DamageFollowedByEventsIsNotTheEnd) {
     std::string damaged = whole;
     const std::size_t at = second + 27 - bit / 8;
     damaged[at] = static_cast<char>(damaged[at] ^ (1 << bit % 8));
-    const std::string said = refusal(damaged);
-    EXPECT_THAT(said, HasSubstr("damaged")) << bit;
-    EXPECT_THAT(said, HasSubstr("stickslip log repair r.log")) << bit;
+    const std::string message = refusal(damaged);
+    EXPECT_THAT(message, HasSubstr("damaged")) << bit;
+    EXPECT_THAT(message, HasSubstr("stickslip log repair r.log")) << bit;
   }
 }
 

@@ -39,7 +39,7 @@ std::vector<Frame> frames_of(const std::string& text) {
   return parse_log(in, "r.log").frames;
 }
 
-TEST(Survey, AcceptsASoundLog) {
+TEST(Survey, AcceptsAnIntactLog) {
   const LogSurvey found = survey(LogOfADaemon{.frames = 95, .lost = 3}.text());
   EXPECT_THAT(found.faults(), IsEmpty());
   EXPECT_EQ(found.events, 12U);
@@ -159,7 +159,7 @@ TEST(Survey, RefusesOtherFiles) {
   EXPECT_THAT(survey("").faults(), ElementsAre("has no events"));
 }
 
-TEST(Repair, DoesNotChangeASoundLog) {
+TEST(Repair, DoesNotChangeAnIntactLog) {
   const std::string whole = LogOfADaemon{}.text();
   std::string out;
   const RepairResult repair = repaired(whole, out);

@@ -24,7 +24,7 @@ TEST(Backlog, KeepsTheOrder) {
   backlog.add(first, start);
   backlog.greet({kept()});
   backlog.add(second, start);
-  EXPECT_NE(backlog.take(), first) << "the greeting goes first";
+  EXPECT_NE(backlog.take(), first) << "the greeting is sent first";
   EXPECT_EQ(backlog.take(), first);
   EXPECT_EQ(backlog.take(), second);
   EXPECT_EQ(backlog.take(), nullptr);

@@ -123,9 +123,9 @@ TEST_F(LiveFeedTest, TimeBackByMoreThanASecondIsARestart) {
   for (Frame& frame : back) frame.time_ns -= 500'000'000;
   frames(back);
   EXPECT_EQ(types(), Types{"frames"}) << "half a second is not a restart";
-  auto anew = frames_from(9020, 10);
-  for (Frame& frame : anew) frame.time_ns -= 3'000'000'000;
-  frames(anew);
+  auto restarted = frames_from(9020, 10);
+  for (Frame& frame : restarted) frame.time_ns -= 3'000'000'000;
+  frames(restarted);
   EXPECT_EQ(types(), (Types{"restart", "frames"}));
 }
 
@@ -187,7 +187,7 @@ TEST_F(LiveFeedTest, GreetsWithThePresentState) {
   EXPECT_EQ(read_json(*greeting[1])["marks"].size(), 2U);
   EXPECT_EQ(read_json(*greeting[8])["code"], "model_broken");
   EXPECT_EQ(read_json(*greeting[9])["code"], "model_explained");
-  EXPECT_EQ(read_json(*greeting[10])["code"], "model_follows") << "the present one is last";
+  EXPECT_EQ(read_json(*greeting[10])["code"], "model_follows") << "the current one is last";
   EXPECT_EQ(read_block(*greeting[3]).flags, 2U);
 }
 

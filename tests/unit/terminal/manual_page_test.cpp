@@ -21,17 +21,17 @@ struct Program {
     app.footer("Exit status: 0 done; 2 bad arguments.");
     command = app.add_subcommand("log", "Check and repair recordings");
     command->add_option("files", files, "Logs")->required()->type_name("FILE...");
-    command->add_option("-s,--speed", number, "How fast")->capture_default_str();
-    command->add_option("--format", text, "Which")->check(CLI::IsMember({"csv", "lcm"}));
+    command->add_option("-s,--speed", number, "Speed")->capture_default_str();
+    command->add_option("--format", text, "Format")->check(CLI::IsMember({"csv", "lcm"}));
     command->add_option("--secret", text, "Internal")->group("");
-    command->footer(".hidden files are taken, too. Exit status: 0 sound; 1 damaged.");
+    command->footer(".hidden files are taken, too. Exit status: 0 intact; 1 damaged.");
   }
 };
 
 std::string page_of_command() {
   Program program;
   Notes notes;
-  notes.examples = {{"Is it whole", "stickslip log -- a\\b.log"}};
+  notes.examples = {{"Check a log", "stickslip log -- a\\b.log"}};
   notes.environment = {{"NO_COLOR", "No colours"}};
   notes.files = {{"*.log", "Recordings"}};
   notes.see_also = {"stickslip(1)", "stickslipd(8)"};
@@ -62,21 +62,21 @@ TEST(Page, HasAllSectionsInTheirOrder) {
   EXPECT_TRUE(contains(text, "stickslip\\-log \\- check and repair recordings\n")) << text;
 }
 
-TEST(Page, ListsEveryOptionWithItsValueAndDefault) {
+TEST(Page, ListsOptionsWithValueAndDefault) {
   const std::string text = page_of_command();
-  EXPECT_TRUE(contains(
-      text, "\\fB\\-s\\fR, \\fB\\-\\-speed\\fR \\fINUMBER\\fR\nHow fast (default: 0.5).\n"))
+  EXPECT_TRUE(
+      contains(text, "\\fB\\-s\\fR, \\fB\\-\\-speed\\fR \\fINUMBER\\fR\nSpeed (default: 0.5).\n"))
       << text;
   EXPECT_TRUE(contains(text, "\\fB\\-\\-format\\fR \\fIcsv|lcm\\fR")) << text;
   EXPECT_TRUE(contains(text, "\\fBstickslip log\\fR [\\fIOPTIONS\\fR] \\fIFILE\\fR...\n")) << text;
   EXPECT_FALSE(contains(text, "secret"));
 }
 
-TEST(Page, PutsTheExitStatusOfTheFooterIntoItsSection) {
+TEST(Page, MovesTheExitStatusFromTheFooterToItsOwnSection) {
   const std::string text = page_of_command();
   EXPECT_TRUE(
       contains(text,
-               ".SH EXIT STATUS\n0 sound; 1 damaged.\n.PP\nOtherwise, as for all commands: of "
+               ".SH EXIT STATUS\n0 intact; 1 damaged.\n.PP\nOtherwise, as for all commands: of "
                "the program\n"))
       << text;
   EXPECT_TRUE(contains(text, "\\&.hidden files are taken, too.")) << text;
@@ -94,14 +94,14 @@ TEST(Page, OfTheProgramNamesItsCommands) {
 
 TEST(Page, OfACommandContainsItsSubcommands) {
   Program program;
-  CLI::App* below = program.command->add_subcommand("check", "Walk every event");
+  CLI::App* below = program.command->add_subcommand("check", "Check every event");
   bool json = false;
   below->add_flag("--json", json, "As JSON");
   const std::string text = page(*program.command, heading, {}, "");
   EXPECT_TRUE(contains(text, ".SS check\n\\fBstickslip log check\\fR [\\fIOPTIONS\\fR]\n")) << text;
   EXPECT_TRUE(contains(text, "\\fB\\-\\-json\\fR\nAs JSON.\n")) << text;
   // The inherited footer and --help occur once.
-  EXPECT_EQ(text.find("0 sound; 1 damaged"), text.rfind("0 sound; 1 damaged"));
+  EXPECT_EQ(text.find("0 intact; 1 damaged"), text.rfind("0 intact; 1 damaged"));
   EXPECT_EQ(text.find("\\-\\-help"), text.rfind("\\-\\-help"));
 }
 

@@ -414,7 +414,7 @@ export class Oscilloscope {
     const { frames } = this.app.store;
     const from = frames.rowAt(this.left_ns);
     const to = frames.rowAt(this.left_ns + this.span_ns, from);
-    const said = [];
+    const readings = [];
     for (const lane of this.lanes) {
       lane.row.hidden = !lane.present;
       if (!lane.present) continue;
@@ -425,12 +425,12 @@ export class Oscilloscope {
       setText(lane.button, `${lane.channel.name} (${unit})`);
       const cells = lane.row.cells;
       [last, low, high, mean, rms].forEach((value, i) => setText(cells[i + 1], number(value * factor)));
-      said.push(`${lane.channel.name.toLowerCase()} ${number(last * factor)} ${unit}`);
+      readings.push(`${lane.channel.name.toLowerCase()} ${number(last * factor)} ${unit}`);
     }
-    this.summary = said.length === 0 ? "No frames have come yet." : said.join(", ");
+    this.summary = readings.length === 0 ? "No frames received yet." : readings.join(", ");
     const lost = frames.empty ? 0 : this.#lostInView(frames, from, to);
     const place = lost > 0 ? ` ${lost} frames were lost in it.` : "";
-    setText(byId("scope-summary"), frames.empty ? "No frames have come yet."
+    setText(byId("scope-summary"), frames.empty ? "No frames received yet."
       : `${to - from} frames on screen at ${number(frames.rate_hz)} Hz, ${duration(this.span_ns / 1e9)} of device time.${place}`);
     setText(byId("trigger-state"), this.trigger.word);
     this.#showNote();

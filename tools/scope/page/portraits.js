@@ -329,7 +329,7 @@ export class Portraits {
     context.setLineDash([]);
   }
 
-  // The present state of the rig.
+  // The current state of the rig.
   #drawLatest(one, place, points, theme) {
     const at = 2 * (points - 1);
     if (points === 0 || this.points[at] < -1e8) return;

@@ -66,7 +66,7 @@ export class Stream {
   }
 
   // Connects immediately if not connected, on request of the user.
-  hurry() {
+  reconnect() {
     if (this.#socket && this.#socket.readyState > 1) this.connect();
   }
 

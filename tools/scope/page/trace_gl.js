@@ -70,8 +70,8 @@ let wanted = null;
 // WebGL is used on a graphics processor, unless ?webgl=1 or ?webgl=0 decides: emulated in software it is
 // much slower than the 2-D canvas.
 function wantsWebGl() {
-  const wish = new URLSearchParams(window.location.search).get("webgl");
-  wanted ??= wish === null ? hasGraphicsProcessor() : wish !== "0";
+  const query = new URLSearchParams(window.location.search).get("webgl");
+  wanted ??= query === null ? hasGraphicsProcessor() : query !== "0";
   return wanted;
 }
 

@@ -8,6 +8,6 @@
 namespace stickslip::drivers {
 
 /// "USB 1-2.3": bus 1, port 2 of its root hub, port 3 of the hub there.
-std::string usb_place(libusb_device* device);
+std::string usb_location(libusb_device* device);
 
 }  // namespace stickslip::drivers

@@ -1,4 +1,4 @@
-#include "drivers/usb/usb_place.h"
+#include "drivers/usb/usb_location.h"
 
 #include <array>
 #include <cstddef>
@@ -6,7 +6,7 @@
 
 namespace stickslip::drivers {
 
-std::string usb_place(libusb_device* device) {
+std::string usb_location(libusb_device* device) {
   std::string place = "USB " + std::to_string(libusb_get_bus_number(device));
   std::array<std::uint8_t, 8> ports{};
   const int depth = libusb_get_port_numbers(device, ports.data(), static_cast<int>(ports.size()));
