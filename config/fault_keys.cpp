@@ -43,14 +43,14 @@ constexpr std::array fault_table = {
     read_by<Fault, read_moment>(Type::number,
                                 Key{.path = "at_s",
                                     .unit = "s",
-                                    .sentence = "Beginning, after the first frame; or between_s.",
+                                    .sentence = "Start, from the first frame; or between_s.",
                                     .low = 0,
                                     .high = longest_script_s}),
     read_by<Fault, read_interval>(
         Type::span,
         Key{.path = "between_s",
             .unit = "s",
-            .sentence = "Limits of a random beginning, drawn anew for each repetition; or at_s.",
+            .sentence = "Limits of a random start, drawn again for each repetition; or at_s.",
             .low = 0,
             .high = longest_script_s}),
     bound<&Fault::duration_s>(

@@ -19,7 +19,7 @@ using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
 /// The loop answers within a cycle or two; after this time it is considered stopped.
-constexpr auto answer_patience = std::chrono::seconds(5);
+constexpr auto answer_timeout = std::chrono::seconds(5);
 constexpr double longest_average_s = 600.0;
 /// Time of a sign of life that releases the dead-man's handle.
 constexpr std::int64_t released_ns = std::numeric_limits<std::int64_t>::min() / 4;
@@ -224,7 +224,7 @@ void ControlServer::left(ClientId client, const std::string& why) {
     holder_ = 0;
     loop_.keep_alive(released_ns);
   } else if (why != "the client disconnected" && log_.allows(steady_clock::now())) {
-    spdlog::warn("control client {} was dropped: {}", client, why);
+    spdlog::warn("control client {} was disconnected: {}", client, why);
   }
 }
 
@@ -289,16 +289,15 @@ void ControlServer::submit(ClientId client, const protocol::ControlRequest& requ
                            Command command) {
   command.id = next_command_++;
   if (!loop_.ask(command)) refuse_request("the rig is busy with other commands; try again");
-  const auto patience =
-      answer_patience + std::chrono::milliseconds(static_cast<std::int64_t>(
-                            1e3 * static_cast<double>(command.frames) / rate_hz_));
+  const auto timeout = answer_timeout + std::chrono::milliseconds(static_cast<std::int64_t>(
+                                            1e3 * static_cast<double>(command.frames) / rate_hz_));
   waiting_[command.id] = {
       client,
       request.id,
       command.frames,
       command.dead_man,
       command.kind == Command::Kind::set ? std::optional(command.setting) : std::nullopt,
-      steady_clock::now() + patience};
+      steady_clock::now() + timeout};
 }
 
 void ControlServer::handle_answers() {

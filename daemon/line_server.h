@@ -30,7 +30,7 @@ struct LineServerSettings {
   std::size_t longest_line = std::size_t{64} * 1024;
   std::size_t most_unread_bytes = std::size_t{1} << 20;  ///< output that a client has not read
   std::size_t most_lines_a_turn = 64;                    ///< of all clients together
-  std::chrono::nanoseconds patience = std::chrono::seconds(10);  ///< with an unfinished line
+  std::chrono::nanoseconds timeout = std::chrono::seconds(10);  ///< for an unfinished line
 };
 
 class LineServer {
@@ -63,8 +63,8 @@ class LineServer {
     std::string in;
     std::string out;
     std::size_t sent = 0;
-    std::chrono::steady_clock::time_point begun;   // of the unfinished line
-    std::chrono::steady_clock::time_point active;  // latest complete line
+    std::chrono::steady_clock::time_point line_start;  // of the unfinished line
+    std::chrono::steady_clock::time_point active;      // latest complete line
     bool closing = false;
     bool half_closed = false;  // sends no more, but may still read its answers
     bool hung_up = false;

@@ -40,11 +40,11 @@ struct RecorderSettings {
   std::optional<double> rotate_s = {};   ///< length of a part in the time of its frames; above 0
   std::optional<double> rotate_mb = {};  ///< size of a part, 10^6 bytes; above 0
   double sync_s = 1.0;                   ///< interval of syncs to the disk; 0: none
-  Ledger* ledger = nullptr;              ///< written at the end of each part, and credited with
-                                         ///< what the disk confirms; may be null
+  Ledger* ledger = nullptr;              ///< written at the end of each part; counts the frames
+                                         ///< confirmed on disk; may be null
 };
 
-/// A new LCM event log, in parts if the settings say so: run.log, run.001.log, ... An existing log
+/// A new LCM event log, in parts if configured: run.log, run.001.log, ... An existing log
 /// of that name is kept under another one. What makes a recording self-contained is taken from the
 /// description, which has to be written first. Throws InputError if the log cannot be written or
 /// the name asks for another format.

@@ -49,9 +49,9 @@ constexpr std::size_t loop_memory = 512UL << 10U;
 constexpr auto housekeeping_period = 50ms;
 constexpr std::int64_t status_period_ns = 1'000'000'000;
 // Time to drain at the end: a network needs none, a disk may be busy.
-constexpr auto analysis_patience = 5s;
-constexpr auto publish_patience = 5s;
-constexpr auto record_patience = 30s;
+constexpr auto analysis_timeout = 5s;
+constexpr auto publish_timeout = 5s;
+constexpr auto record_timeout = 30s;
 
 std::int64_t wall_us() {
   return std::chrono::duration_cast<std::chrono::microseconds>(
@@ -517,10 +517,10 @@ void Service::send(const Message& message) {
 
 void Service::finish_consumers() {
   for (const Event& event : throttle_.flush()) publish_and_log(event);
-  if (analysis_) analysis_->stream.finish(analysis_patience);
+  if (analysis_) analysis_->stream.finish(analysis_timeout);
   publish_findings();
-  if (publisher_) publisher_->stream.finish(publish_patience);
-  if (recorder_) recorder_->stream.finish(record_patience);
+  if (publisher_) publisher_->stream.finish(publish_timeout);
+  if (recorder_) recorder_->stream.finish(record_timeout);
 }
 
 bool Service::close_writers() {

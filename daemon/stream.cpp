@@ -54,13 +54,13 @@ void Stream::start() {
   thread_ = std::thread([this] { run(); });
 }
 
-void Stream::finish(std::chrono::nanoseconds patience) {
+void Stream::finish(std::chrono::nanoseconds timeout) {
   if (!thread_.joinable()) {
     discard_rings();  // the thread was never started
     return;
   }
   draining_.store(true, std::memory_order_release);
-  const auto until = steady_clock::now() + patience;
+  const auto until = steady_clock::now() + timeout;
   while (!ended_.load(std::memory_order_acquire)) {
     if (steady_clock::now() >= until) abandoned_.store(true, std::memory_order_release);
     std::this_thread::sleep_for(std::chrono::microseconds(500));
@@ -75,7 +75,7 @@ void Stream::run() {
     const bool busy = take_samples();
     if (write_messages() || busy) continue;
     if (draining) break;
-    if (!block_.empty() && steady_clock::now() - block_begun_ >= settings_.longest_wait) {
+    if (!block_.empty() && steady_clock::now() - block_start_ >= settings_.longest_wait) {
       write_block();
     }
     if (steady_clock::now() - flushed_at_ >= settings_.flush_period) flush();
@@ -107,7 +107,7 @@ void Stream::discard_rings() {
 bool Stream::take_samples() {
   bool any = false;
   while (const Sample* sample = ring_.front()) {
-    if (block_.empty()) block_begun_ = steady_clock::now();
+    if (block_.empty()) block_start_ = steady_clock::now();
     block_.push_back(*sample);
     ring_.pop();
     any = true;

@@ -86,9 +86,9 @@ class Stream {
 
   void start();
 
-  /// After the last offer: waits until everything is written, for `patience` at most; the rest is
+  /// After the last offer: waits until everything is written, for `timeout` at most; the rest is
   /// lost to shutdown. Afterwards no thread runs, and `send` writes directly.
-  void finish(std::chrono::nanoseconds patience);
+  void finish(std::chrono::nanoseconds timeout);
 
   /// Any thread: true if frames were lost since the last successful flush.
   bool failing() const { return failing_.load(std::memory_order_relaxed); }
@@ -118,7 +118,7 @@ class Stream {
   std::vector<Sample> block_;
   std::uint64_t unflushed_ = 0;  // frames that were written and may still be refused
   std::chrono::steady_clock::time_point flushed_at_;
-  std::chrono::steady_clock::time_point block_begun_;
+  std::chrono::steady_clock::time_point block_start_;
   std::atomic<bool> failing_{false};
   std::atomic<bool> draining_{false};
   std::atomic<bool> abandoned_{false};

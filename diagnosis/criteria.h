@@ -22,7 +22,7 @@ struct Effort {
   int refinement_iterations = 4;
   std::size_t listed_finalists = 5;    ///< listed effects fitted on all windows
   std::size_t unlisted_finalists = 2;  ///< formulas and drawn shapes fitted on all windows
-  std::size_t restarts = 2;            ///< finalists fitted anew from the declared values
+  std::size_t restarts = 2;            ///< finalists refitted from the declared values
   std::size_t pair_first_effects = 3;  ///< effects for which a second one is searched
   /// Second effects fitted on all windows for each first effect, before the best pair is chosen.
   std::size_t pair_second_effects = 2;
@@ -75,7 +75,7 @@ struct Criteria {
   std::size_t max_findings = 3;
   /// Held-out chi-squared per sample below which nothing further is searched.
   double noise_floor_chi2 = 1.1;
-  /// Held-out chi-squared per sample of the best finalist above which the best are fitted anew:
+  /// Held-out chi-squared per sample of the best finalist above which the best are refitted:
   /// such a fit may have ended in a local minimum.
   double restart_chi2 = 1.3;
   /// Cost over that of the best candidate above which a fit is not continued to convergence.

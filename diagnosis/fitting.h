@@ -51,7 +51,7 @@ void settle(SearchData& data, FittedCandidate& each);
 void fit_and_score(const SearchData& data, const HeldOut& current,
                    std::span<FittedCandidate> candidates);
 
-/// Where no candidate comes near the noise, fits the best of them anew: from the declared values of
+/// Where no candidate comes near the noise, refits the best of them: from the declared values of
 /// the model, first guesses of the states and the fitted sizes of the effects, without refinements.
 /// Calibrated parameters and refinements that compensate each other may have led the first fit into
 /// a local minimum. `declared` is the declared model.

@@ -155,8 +155,8 @@ struct WideBandSpectra {
   double highest_hz = 0.0;    // of the bins that passed
 };
 
-WideBandSpectra undone(const std::vector<Complex>& spectrum, double period_s,
-                       const physics::FilterChain& chain, double noise_power) {
+WideBandSpectra inverted(const std::vector<Complex>& spectrum, double period_s,
+                         const physics::FilterChain& chain, double noise_power) {
   const std::size_t length = spectrum.size();
   const std::size_t half = length / 2;
   const AveragedPower power(spectrum, half);
@@ -209,8 +209,8 @@ void add_line(WideBand& out, const Line& line, double period_s, const physics::F
   }
 }
 
-void add_undone(WideBand& out, const Exponential& each, double period_s,
-                const physics::FilterChain& chain) {
+void add_inverted(WideBand& out, const Exponential& each, double period_s,
+                  const physics::FilterChain& chain) {
   const double inverse = (1.0 / chain.transfer({each.s_per_s, 0.0})).real();
   for (std::size_t i = 0; i < out.value.size(); ++i) {
     const double value = inverse * each.at(period_s * static_cast<double>(i));
@@ -228,7 +228,7 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
   const std::size_t half = n - 1;  // half a period of the odd extension
 
   // The odd extension would have a kink in its second derivative at both ends, which rings far into
-  // the acceleration. Exponentials with that curvature are subtracted here and added, undone
+  // the acceleration. Exponentials with that curvature are subtracted here and added, inverted
   // exactly, at the end.
   const std::vector<Exponential> curvatures = end_curvatures(samples, period_s, noise_std);
   std::vector<double> rest(samples.begin(), samples.end());
@@ -241,7 +241,7 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
 
   const std::vector<std::complex<double>> spectrum = fourier(odd);
   const double noise_power = noise_std * noise_std * static_cast<double>(odd.size());
-  const WideBandSpectra spectra = undone(spectrum, period_s, chain, noise_power);
+  const WideBandSpectra spectra = inverted(spectrum, period_s, chain, noise_power);
 
   WideBand out;
   out.acceleration_noise_std = acceleration_noise_std(spectra, period_s);
@@ -255,7 +255,7 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
   out.rate = back(spectra.rate);
   out.acceleration = back(spectra.acceleration);
   add_line(out, line, period_s, chain);
-  for (const Exponential& each : curvatures) add_undone(out, each, period_s, chain);
+  for (const Exponential& each : curvatures) add_inverted(out, each, period_s, chain);
   return out;
 }
 

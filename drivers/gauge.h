@@ -1,7 +1,8 @@
-// Interface of a device that is read in addition to the board, at its own rate: a strain bridge, an
-// LVDT conditioner, an instrument on a serial line. Its reads may block: a separate thread (see
-// bench/gauge_reader.h) reads it and reopens it after a loss; the loop uses the latest reading. A
-// new device of this kind implements this interface: docs/hardware.md shows the smallest one.
+// Interface of a device that is read in addition to the board, at its own rate: a strain-gauge
+// bridge, an LVDT conditioner, an instrument on a serial line. Its reads may block: a separate
+// thread (see bench/gauge_reader.h) reads it and reopens it after a loss; the loop uses the latest
+// reading. A new device of this kind implements this interface: docs/hardware.md shows the smallest
+// one.
 #pragma once
 
 #include <cstdint>

@@ -86,7 +86,7 @@ Amplifier::Amplifier(const config::Amplifier& settings, HostClock& clock)
       heartbeat_period_ns_(
           std::max<std::int64_t>(std::llround(settings.heartbeat_period_s * 1.0e9), 1)),
       lost_message_("the GPIO chip " + settings.chip +
-                    " of the amplifier is gone: plug it in again; gpiodetect lists the chips"),
+                    " of the amplifier is disconnected: reconnect it; gpiodetect lists the chips"),
       set_failed_message_("the GPIO chip " + settings.chip +
                           " of the amplifier failed to set a line"),
       hung_message_("the GPIO chip " + settings.chip +
@@ -383,7 +383,7 @@ void Amplifier::set_unknown() noexcept {
 
 /// False: the chip did not respond.
 bool Amplifier::sample_inputs(std::span<bool> went_active) {
-  const std::int64_t begun_ns = clock_.now_ns();
+  const std::int64_t start_ns = clock_.now_ns();
   if (inputs_->take_edges(went_active) != 0) return false;
   for (std::size_t i = 0; i < watched_.size(); ++i) {
     const int level = inputs_->get(i);
@@ -393,7 +393,7 @@ bool Amplifier::sample_inputs(std::span<bool> went_active) {
     if (went_active[i]) watched_[i].state.update(true, now);
     watched_[i].result->store(watched_[i].state.update(level == 1, now), std::memory_order_relaxed);
   }
-  sampled_ns_.store(begun_ns, std::memory_order_release);
+  sampled_ns_.store(start_ns, std::memory_order_release);
   return true;
 }
 

@@ -16,7 +16,7 @@ GaugeReader::GaugeReader(std::unique_ptr<Gauge> gauge, RetryDelay retry)
       updates_(capacity),
       latest_(gauge_->inputs().size()) {
   const std::string& name = gauge_->name();
-  messages_[static_cast<std::size_t>(Condition::gone)] = name + " is gone; reopening it";
+  messages_[static_cast<std::size_t>(Condition::gone)] = name + " is disconnected; reopening it";
   messages_[static_cast<std::size_t>(Condition::needs_attention)] =
       name + " cannot be used: see `stickslip check --live`";
   messages_[static_cast<std::size_t>(Condition::unusable)] =

@@ -41,7 +41,7 @@ class LabjackU6Driver final : public Driver {
   ~LabjackU6Driver() override;
 
   /// Finds the board, sets the enable line low before anything else (and again where a later step
-  /// fails), reads the calibration, ends a stream left by a dead process, and makes the outputs
+  /// fails), reads the calibration, ends a stream left by a crashed process, and makes the outputs
   /// safe: enable line low, DAC at rest.
   Result open() override;
   Result start() override;

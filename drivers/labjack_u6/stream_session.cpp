@@ -338,7 +338,7 @@ bool StreamSession::send(Slot slot, const Command& command, std::uint8_t echo,
   outgoing.sent_ns = now_ns;
   libusb_fill_bulk_transfer(outgoing.transfer.get(), handle_, command_endpoint,
                             outgoing.command.bytes.data(), static_cast<int>(command.size),
-                            command_sent, &outgoing, leaving_patience_ms);
+                            command_sent, &outgoing, send_timeout_ms);
   outgoing.word.store(word_of(Phase::waiting, echo), std::memory_order_release);
   outgoing.leaving.store(true, std::memory_order_release);
   if (submit(outgoing.transfer.get())) return true;

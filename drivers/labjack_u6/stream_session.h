@@ -34,7 +34,7 @@ enum class StreamEnd : std::uint8_t {
 enum class Slot : std::uint8_t { set_point, off, watchdog, lines };
 inline constexpr std::size_t slot_count = 4;
 /// A command that the board has not accepted by then is withdrawn.
-inline constexpr unsigned leaving_patience_ms = 100;
+inline constexpr unsigned send_timeout_ms = 100;
 
 /// Older levels are unknown: a wire that may have been cut counts as cut.
 inline constexpr std::int64_t line_validity_ns = 100'000'000;

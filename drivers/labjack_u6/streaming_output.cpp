@@ -15,7 +15,7 @@ constexpr std::int64_t line_period_ns = 20'000'000;
 // separate request is sent early enough to be answered.
 constexpr std::int64_t line_request_ns = line_validity_ns / 2;
 // "On" may reach the board this long after it was sent; the watchdog must not have acted by then.
-constexpr std::int64_t max_transit_ns = std::int64_t{leaving_patience_ms} * 1'000'000;
+constexpr std::int64_t max_transit_ns = std::int64_t{send_timeout_ms} * 1'000'000;
 
 constexpr const char* off_failed =
     "switching the amplifier off was not confirmed; the command is repeated";
@@ -206,7 +206,7 @@ void StreamingOutput::keep_on(std::uint16_t counts, std::int64_t now_ns) {
 bool StreamingOutput::watchdog_ready(std::int64_t now_ns) {
   if (!has_watchdog(settings_) || power_ == Power::on) return true;
   if (power_ == Power::arming && watchdog_armed_) return true;
-  // A disarming in progress completes first: the board obeys the command that arrives last.
+  // A disarming in progress completes first: the last command received by the board takes effect.
   if (session_.free(Slot::watchdog)) {
     power_ = Power::arming;
     watchdog_armed_ = false;

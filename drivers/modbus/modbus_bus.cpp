@@ -366,7 +366,7 @@ void ModbusBus::settle(Caller& caller, const Exchange& ended) {
 
 Exchange ModbusBus::broken(Exchange so_far, int error) {
   so_far.progress = Progress::gone;
-  so_far.why = settings_.port + " is gone (" + std::strerror(error) + ")";
+  so_far.why = settings_.port + " is disconnected (" + std::strerror(error) + ")";
   disconnect();
   return so_far;
 }

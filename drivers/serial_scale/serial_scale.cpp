@@ -74,7 +74,8 @@ Result SerialScale::read(std::span<Reading> readings) {
   const std::int64_t until = clock_.now_ns() + read_wait_ns;
   while (received_.find('\n') == std::string::npos && received_.size() <= max_line_bytes) {
     const Outcome received = line_.receive(received_, clock_, until);
-    if (received == Outcome::lost) return report(received, settings_.port + " is gone; plug it in");
+    if (received == Outcome::lost)
+      return report(received, settings_.port + " is disconnected; reconnect it");
     if (received != Outcome::no_data) continue;
     losses_.missing += missed_messages_.count(clock_.now_ns(), 0);
     return {Outcome::no_data, ""};
@@ -88,11 +89,11 @@ Result SerialScale::take_lines(std::span<Reading> readings) {
   std::uint64_t valid = 0;
   for (std::size_t end = 0; (end = received_.find('\n')) != std::string::npos; ++lines) {
     const auto weight = serial_scale::parse_line(std::string_view(received_).substr(0, end + 1));
-    const std::int64_t begun = now - line_.duration_ns(received_.size());
+    const std::int64_t start_ns = now - line_.duration_ns(received_.size());
     received_.erase(0, end + 1);
     if (!weight) continue;
     ++valid;
-    std::fill(readings.begin(), readings.end(), Reading{weight->force_n, begun, weight->valid});
+    std::fill(readings.begin(), readings.end(), Reading{weight->force_n, start_ns, weight->valid});
   }
   if (received_.size() > max_line_bytes) {  // without an end
     received_.clear();

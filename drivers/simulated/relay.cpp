@@ -35,7 +35,7 @@ Result Relay::set(bool amplifier_on) {
   const char word = amplifier_on ? '1' : '0';
   if (::send(file_, &word, 1, MSG_NOSIGNAL) == 1) return {};
   if (errno == EAGAIN) return {Outcome::temporary, "the relay does not keep up"};
-  return {Outcome::lost, "the relay is gone"};
+  return {Outcome::lost, "the connection to the relay is lost"};
 }
 
 void Relay::close() noexcept {

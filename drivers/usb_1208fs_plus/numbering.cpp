@@ -12,22 +12,22 @@ constexpr double never = std::numeric_limits<double>::max();
 }  // namespace
 
 void Numbering::begin(std::int64_t host_ns) {
-  if (begun_) {
-    const double passed_ns = static_cast<double>(host_ns - begun_ns_) - drift_ns();
+  if (started_) {
+    const double passed_ns = static_cast<double>(host_ns - start_ns_) - drift_ns();
     first_exact_ += passed_ns / period_ns_;
     const double whole = std::max(0.0, std::round(first_exact_));
     next_ = std::max(next_ + 1, static_cast<std::uint64_t>(whole));
   }
-  begun_ = true;
+  started_ = true;
   first_ = next_;
-  begun_ns_ = window_ns_ = host_ns;
+  start_ns_ = window_ns_ = host_ns;
   earliest_ns_ = never;
   initial_ns_.reset();
 }
 
 void Numbering::arrived(std::int64_t host_ns) {
   const double taken_ns = static_cast<double>(next_ - first_) * period_ns_;
-  earliest_ns_ = std::min(earliest_ns_, static_cast<double>(host_ns - begun_ns_) - taken_ns);
+  earliest_ns_ = std::min(earliest_ns_, static_cast<double>(host_ns - start_ns_) - taken_ns);
   if (host_ns - window_ns_ < second_ns) return;
   window_ns_ = host_ns;
   latest_ns_ = earliest_ns_;

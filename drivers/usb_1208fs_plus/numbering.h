@@ -29,11 +29,11 @@ class Numbering {
   double drift_ns() const;
 
   double period_ns_;
-  bool begun_ = false;
+  bool started_ = false;
   std::uint64_t next_ = 0;
   std::uint64_t first_ = 0;     // of this run
   double first_exact_ = 0.0;    // not rounded
-  std::int64_t begun_ns_ = 0;   // of this run
+  std::int64_t start_ns_ = 0;   // of this run
   std::int64_t window_ns_ = 0;  // start of the current second
   double earliest_ns_ = 0.0;    // minimum lateness in this second
   std::optional<double> initial_ns_;

@@ -13,7 +13,7 @@ namespace stickslip::drivers {
 using namespace usb_1208fs_plus;
 
 namespace {
-constexpr const char* lost_message = "the USB-1208FS-Plus is gone; plug it in again";
+constexpr const char* lost_message = "the USB-1208FS-Plus is disconnected; reconnect it";
 }
 
 Usb1208fsPlusDriver::Usb1208fsPlusDriver(const config::Usb1208fsPlus& settings,

@@ -7,8 +7,8 @@ const Effect& force_over_time() {
       {.id = "force_over_time",
        .of = FreeFormOf::force,
        .over = FreeFormOver::time,
-       .name = "force that changes in time",
-       .sentence = "An unlisted force changes in the course of the recording.",
+       .name = "force that changes over time",
+       .sentence = "An unlisted force changes during the recording.",
        .equation = "s(t) added to the restoring force, s piecewise linear with eight knots",
        .experiment = "the same run repeated"});
   return effect;

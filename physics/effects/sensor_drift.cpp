@@ -29,7 +29,7 @@ constexpr Card entry = {
     .id = "sensor_drift",
     .relation = Relation::sensor,
     .name = "zero drift",
-    .sentence = "The zero of one channel drifts in the course of the recording.",
+    .sentence = "The zero of one channel drifts during the recording.",
     .equation =
         "reading + rate_per_s approach_s (1 - exp(-t / approach_s)), at first reading + "
         "rate_per_s t",

@@ -24,7 +24,7 @@ export function temporaryFolder() {
   return fs.mkdtempSync(path.join(os.tmpdir(), "stickslip-browser-"));
 }
 
-// A program that runs alongside the test. `said(pattern)` waits for a line of its output.
+// A program that runs alongside the test. `waitFor(pattern)` waits for a line of its output.
 export class Running {
   constructor(command, args) {
     this.name = path.basename(command);
@@ -42,12 +42,12 @@ export class Running {
     this.waiting = this.waiting.filter(({ pattern, resolve, reject }) => {
       const found = pattern.exec(this.output);
       if (found) resolve(found);
-      else if (this.status !== undefined) reject(new Error(`${this.name} ended with ${this.status} before it said ${pattern}:\n${this.output}`));
+      else if (this.status !== undefined) reject(new Error(`${this.name} ended with ${this.status} before it printed ${pattern}:\n${this.output}`));
       return !found && this.status === undefined;
     });
   }
 
-  said(pattern) {
+  waitFor(pattern) {
     return new Promise((resolve, reject) => {
       this.waiting.push({ pattern, resolve, reject });
       this.#look();
@@ -63,7 +63,7 @@ export class Running {
 // The server of the page, on a free port or a given one. `url` ends with a slash.
 export async function startScope(port = 0, ...args) {
   const scope = new Running(stickslip, ["scope", "--listen", `127.0.0.1:${port}`, ...args]);
-  const [, url] = await scope.said(/(http:\/\/127\.0\.0\.1:\d+\/\S*)/);
+  const [, url] = await scope.waitFor(/(http:\/\/127\.0\.0\.1:\d+\/\S*)/);
   scope.url = url;
   scope.port = Number(new URL(url).port);
   return scope;

@@ -22,7 +22,7 @@ function test(name, body) {
       await body(t);
     } catch (error) {
       for (const program of [daemon, scope]) {
-        if (program) t.diagnostic(`${program.name}, status ${program.status ?? "running"}, said at last:\n${program.output.slice(-2000)}`);
+        if (program) t.diagnostic(`${program.name}, status ${program.status ?? "running"}, last output:\n${program.output.slice(-2000)}`);
       }
       throw error;
     }
@@ -59,7 +59,7 @@ function recorded(log) {
 test("the page holds and draws what the daemon recorded, bit for bit", async (t) => {
   const log = path.join(folder, "run.log");
   daemon = startDaemon("--record", log);
-  await daemon.said(/recording into/);
+  await daemon.waitFor(/recording into/);
   page = await openPage(browser, `${scope.url}?webgl=0`);
   await until(page, () => stickslip.state().rig === "running" && stickslip.sizes().live.driven > 4000, undefined, 60000);
   const pace = await page.evaluate(() => stickslip.pace());

@@ -62,11 +62,11 @@ class ControlSocket(EndToEnd):
             ramp_s = 0.2
             {more}
             """)
-        self.said = open(self.folder / "said.txt", "w+")
+        self.output = open(self.folder / "output.txt", "w+")
         daemon = subprocess.Popen([STICKSLIPD, "--config", str(config), "--control",
                                    str(self.socket), "--no-lcm"],
-                                  stdout=self.said, stderr=subprocess.STDOUT)
-        self.addCleanup(self.said.close)
+                                  stdout=self.output, stderr=subprocess.STDOUT)
+        self.addCleanup(self.output.close)
         self.addCleanup(lambda: daemon.poll() is None and daemon.kill())
         until = time.monotonic() + 20
         while not self.listens():
@@ -80,7 +80,7 @@ class ControlSocket(EndToEnd):
             return client.connect_ex(str(self.socket)) == 0
 
     def log(self):
-        return (self.folder / "said.txt").read_text()
+        return (self.folder / "output.txt").read_text()
 
     def ctl(self, *arguments, status=0):
         result = run(STICKSLIP, "ctl", "--socket", self.socket, "--json", *arguments)

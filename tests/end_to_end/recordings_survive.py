@@ -59,8 +59,8 @@ class RecordingsSurvive(EndToEnd):
             daemon.wait()
             time.sleep(0.1)  # messages published before the kill arrive
             listener.send_signal(signal.SIGTERM)
-            said, _ = listener.communicate(timeout=30)
-            self.assertEqual(listener.returncode, 0, said)
+            output, _ = listener.communicate(timeout=30)
+            self.assertEqual(listener.returncode, 0, output)
 
             csv = self.folder / f"killed{kill}.csv"
             self.succeed("convert", log, csv)
@@ -91,10 +91,10 @@ class RecordingsSurvive(EndToEnd):
                                        ("by_size", "rotate_mb = 0.2\n", 4)):
             with self.subTest(rotation=name):
                 config, log = self.rig(name, recording, fast=True)
-                said = self.run_rig(config, 10)
+                output = self.run_rig(config, 10)
                 parts = [log, *sorted(self.folder.glob(f"{name}.0*.log"))]
                 self.assertGreaterEqual(len(parts), least)
-                self.assertIn("recording: 10000 produced = 10000 recorded", said)
+                self.assertIn("recording: 10000 produced = 10000 recorded", output)
                 sequences = []
                 for number, part in enumerate(parts):
                     events = list(frames.events(part))
@@ -143,8 +143,8 @@ class RecordingsSurvive(EndToEnd):
         self.assertIn(f"at byte {middle}", checked.stdout)
         self.assertIn("cut off", checked.stdout)
         mended = self.folder / "mended.log"
-        said = self.succeed("log", "repair", log, "--out", mended).stdout
-        self.assertIn("1 place outside of events", said)
+        output = self.succeed("log", "repair", log, "--out", mended).stdout
+        self.assertIn("1 place outside of events", output)
         self.succeed("convert", mended, self.folder / "mended.csv")
         left = len((self.folder / "mended.csv").read_text().splitlines()) - 1
         self.assertGreaterEqual(left, 1980)
@@ -155,19 +155,19 @@ class RecordingsSurvive(EndToEnd):
     def test_info_describes_a_log(self):
         config, log = self.rig("described", "", fast=True)
         self.run_rig(config, 3)
-        said = self.succeed("log", "info", log).stdout
+        output = self.succeed("log", "info", log).stdout
         for line in (r"rig +simulated Beam II", r"program +stickslipd \d", r"part +0, the first",
                      r"configuration +SHA-256 [0-9a-f]{64}, verified", r"duration +2\.999 s",
                      r"rate +1000 Hz", r"frames +3000, .*no gap", r"displacement +-\S+ to \S+ m",
                      r"ledger +3000 produced = 3000 recorded$"):
-            self.assertRegex(said, re.compile(line, re.MULTILINE))
+            self.assertRegex(output, re.compile(line, re.MULTILINE))
 
     def test_exports_are_written_and_a_csv_has_every_frame(self):
         config, log = self.rig("out", "", fast=True)
         self.run_rig(config, 2)
         for ending in ("csv", "mat", "h5"):
-            said = self.succeed("log", "export", log, self.folder / f"out.{ending}").stdout
-            self.assertIn("2000 rows of frames, 2000 rows of excitation, 200 rows of estimate", said)
+            output = self.succeed("log", "export", log, self.folder / f"out.{ending}").stdout
+            self.assertIn("2000 rows of frames, 2000 rows of excitation, 200 rows of estimate", output)
         rows = [line for line in (self.folder / "out.csv").read_text().splitlines()
                 if not line.startswith("#")]
         self.assertEqual(len(rows), 2001)

@@ -262,10 +262,10 @@ bool try_live(const std::string& file, const terminal::Paint& paint) {
   if (rig.driver != config::DriverKind::bench) {
     throw InputError(Problem{file, 0, 0, "has no devices: --live needs driver.kind = \"bench\""});
   }
-  constexpr double patience_s = 2.0;
+  constexpr double timeout_s = 2.0;
   terminal::Progress progress("reading the devices of " + file);
   const auto tried = drivers::probe_bench(drivers::make_bench_parts(rig.bench, rig.loop.rate_hz),
-                                          rig.bench, patience_s);
+                                          rig.bench, timeout_s);
   progress.finish();
   bool well = true;
   for (const drivers::ProbedDevice& device : tried) {

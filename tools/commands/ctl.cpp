@@ -221,11 +221,11 @@ void print_average(const json& answer, const Paint&) {
 
 int average(const Arguments& arguments) {
   ControlClient client(control_socket(arguments.socket));
-  const auto patience =
+  const auto timeout =
       10s + std::chrono::milliseconds(static_cast<std::int64_t>(arguments.seconds * 1e3));
   terminal::Progress progress("averaging");
   progress.set_duration(arguments.seconds);
-  const json answer = client.ask("average", {{"seconds", arguments.seconds}}, patience);
+  const json answer = client.ask("average", {{"seconds", arguments.seconds}}, timeout);
   progress.finish();
   return report(arguments, answer, print_average);
 }

@@ -39,9 +39,9 @@ struct Arguments {
 
 /// Passes the dialog a reading of the channel, or the reason why there is none.
 void offer_reading(Dialog& dialog, ControlClient& client, const Arguments& arguments) {
-  const auto patience =
+  const auto timeout =
       10s + std::chrono::milliseconds(static_cast<std::int64_t>(arguments.seconds * 1e3));
-  const json answer = client.ask("average", {{"seconds", arguments.seconds}}, patience);
+  const json answer = client.ask("average", {{"seconds", arguments.seconds}}, timeout);
   if (!answer.value("ok", false)) {
     return dialog.reading_failed(answer.value("error", "no reason given by the daemon"));
   }

@@ -231,9 +231,9 @@ int run(const Arguments& arguments) {
   }
   // Messages that arrived before the stop belong to the recording, including those that LCM's
   // thread is still reading from the socket; a continuing stream does not delay the stop.
-  const auto patience = after(steady_clock::now(), stopped ? 0.2 : 1.0);
+  const auto deadline = after(steady_clock::now(), stopped ? 0.2 : 1.0);
   const int quiet_ms = stopped ? 50 : 0;
-  while (!recorder.done() && steady_clock::now() < patience && lcm->handleTimeout(quiet_ms) > 0) {
+  while (!recorder.done() && steady_clock::now() < deadline && lcm->handleTimeout(quiet_ms) > 0) {
   }
   recorder.close();
   progress.finish();
@@ -268,7 +268,7 @@ void add_record(CLI::App& app, Action& action) {
       ->check(whole_number(1, 1e15));
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
   describe(*command, {.examples = {{"Record the traffic on LCM for ten seconds",
-                                    "stickslip record heard.log --duration 10"}},
+                                    "stickslip record received.log --duration 10"}},
                       .environment = {lcm_url_variable},
                       .files = {recording_files},
                       .see_also = {"stickslip-replay(1)", "stickslip-spy(1)", "stickslipd(8)"}});

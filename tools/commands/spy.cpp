@@ -123,8 +123,8 @@ int run(const Arguments& arguments) {
   const auto start = steady_clock::now();
   const auto period = std::chrono::seconds(1);
   // --once waits for frames, within limits.
-  const double patience_s = arguments.duration_s > 0.0 ? arguments.duration_s : 5.0;
-  const auto end = after(start, arguments.once ? patience_s : arguments.duration_s);
+  const double timeout_s = arguments.duration_s > 0.0 ? arguments.duration_s : 5.0;
+  const auto end = after(start, arguments.once ? timeout_s : arguments.duration_s);
   auto shown = start;
   auto next = start + period;
   bool stopped = false;

@@ -93,16 +93,16 @@ std::optional<json> ControlClient::line(steady_clock::time_point until) {
 }
 
 json ControlClient::ask(const std::string& command, const json& arguments,
-                        std::chrono::milliseconds patience) {
+                        std::chrono::milliseconds timeout) {
   const std::int64_t id = next_id_++;
   send(protocol::control_request(id, command, arguments));
-  const auto until = steady_clock::now() + patience;
+  const auto until = steady_clock::now() + timeout;
   while (auto answer = line(until)) {
     if (answer->contains("ok") && answer->value("id", id) == id) return *answer;
     kept_.push_back(*std::move(answer));
   }
   throw std::runtime_error(socket_ + ": no answer to \"" + command + "\" within " +
-                           std::to_string(patience.count()) + " ms");
+                           std::to_string(timeout.count()) + " ms");
 }
 
 std::optional<json> ControlClient::next(std::chrono::milliseconds wait) {

@@ -18,11 +18,11 @@ class ControlClient {
   ControlClient& operator=(const ControlClient&) = delete;
 
   /// Sends a command and waits for its answer; other lines received meanwhile are kept for `next`.
-  /// Throws std::runtime_error if the daemon disconnects or does not answer within `patience`.
+  /// Throws std::runtime_error if the daemon disconnects or does not answer within `timeout`.
   nlohmann::json ask(const std::string& command, const nlohmann::json& arguments = {},
-                     std::chrono::milliseconds patience = std::chrono::seconds(10));
+                     std::chrono::milliseconds timeout = std::chrono::seconds(10));
 
-  /// The next event or status of a `watch`; nothing if none arrives within `wait`.
+  /// The next event or status of a `watch`; nullopt if none arrives within `wait`.
   std::optional<nlohmann::json> next(std::chrono::milliseconds wait);
 
   /// For polling together with other files.

@@ -82,7 +82,7 @@ double Orbit::friction_limit_n() const {
 
 int enough_steps(const physics::Model& model, const Drive& drive) {
   const physics::Rig rig(model);
-  // longest_step_s is bounded by a millisecond, which means nothing to a nondimensional rig.
+  // longest_step_s is bounded by a millisecond, which is meaningless for a nondimensional rig.
   const auto n = rig.numbers<double>(rig.parameter_values());
   double fastest = std::sqrt(std::max(n.c.stiffness, 2.0 * n.c.well_linear) / n.c.mass);
   if (rig.structure().resonant) {
@@ -91,9 +91,9 @@ int enough_steps(const physics::Model& model, const Drive& drive) {
   const double by_rig = std::ceil(drive.period_s() * fastest / 0.02);
   constexpr double most = 1.0e7;
   if (!(by_rig <= most)) {
-    throw std::invalid_argument("a period of the drive holds " + physics::number_text(by_rig) +
-                                " steps of the rig's own motion; expected at most " +
-                                physics::number_text(most) + ", as of a faster drive");
+    throw std::invalid_argument("a drive period needs " + physics::number_text(by_rig) +
+                                " integration steps of the rig; expected at most " +
+                                physics::number_text(most) + ": raise the drive frequency");
   }
   return std::max(500, static_cast<int>(by_rig));
 }

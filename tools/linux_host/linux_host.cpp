@@ -349,9 +349,9 @@ doctor::RoundTrip LinuxHost::lcm_round_trip(const std::string& url, std::size_t 
       if (lcm->publish(channel, message.data(), static_cast<unsigned>(message.size())) != 0)
         continue;
       pollfd file{lcm->getFileno(), POLLIN, 0};
-      // At most two missing messages are waited for at length.
-      const int patience_ms = out.sent - static_cast<int>(times.size()) < 2 ? 500 : 20;
-      if (poll(&file, 1, patience_ms) > 0) lcm->handle();
+      // The long time-out applies only until two messages are missing.
+      const int timeout_ms = out.sent - static_cast<int>(times.size()) < 2 ? 500 : 20;
+      if (poll(&file, 1, timeout_ms) > 0) lcm->handle();
       if (echo.received > before) times.push_back(now_ns(CLOCK_MONOTONIC) - start);
     }
     std::sort(times.begin(), times.end());

@@ -475,7 +475,7 @@ TEST_F(AmplifierBench, UnpluggedChipIsLostAndActivatesAllStops) {
   EXPECT_EQ(amplifier.write(true).outcome, Outcome::lost);
   const Result result = amplifier.write(false);
   EXPECT_EQ(result.outcome, Outcome::lost);
-  EXPECT_THAT(result.message, HasSubstr("is gone"));
+  EXPECT_THAT(result.message, HasSubstr("is disconnected"));
   amplifier.close();
   EXPECT_EQ(amplifier.open().outcome, Outcome::lost);
   gpio_.add_chip(chip, "cp2112_gpio", {"enable", "", "stop", "", "", "beat", "", ""});

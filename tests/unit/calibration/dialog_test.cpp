@@ -165,8 +165,8 @@ TEST(Dialog, RepeatsAFailedReading) {
   Talk talk(settings());
   talk.introduce();
   talk.type("");
-  talk.dialog.reading_failed("the daemon is gone");
-  EXPECT_THAT(talk.dialog.take_text(), HasSubstr("the daemon is gone"));
+  talk.dialog.reading_failed("the daemon has stopped");
+  EXPECT_THAT(talk.dialog.take_text(), HasSubstr("the daemon has stopped"));
   talk.type("");
   talk.dialog.offer({std::nan(""), 1.0, 10.0});
   EXPECT_EQ(talk.dialog.wants(), Wants::answer);

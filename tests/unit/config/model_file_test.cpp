@@ -217,10 +217,10 @@ TEST(ModelFile, AnImposedMotionNeedsNoOtherKeys) {
 }
 
 TEST(ModelFile, AMisspeltKeyIsNotReportedMissing) {
-  const auto said = problems_of(
+  const auto problems = problems_of(
       "schema = 1\n[oscillator]\nexcitation = \"force\"\nmas_kg = 1\nstiffness_n_m = 1\n"
       "damping_ratio = 0\n");
-  EXPECT_THAT(said,
+  EXPECT_THAT(problems,
               testing::ElementsAre("m:4:1: unknown key oscillator.mas_kg: did you mean mass_kg?"));
 }
 

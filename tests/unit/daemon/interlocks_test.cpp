@@ -86,8 +86,9 @@ constexpr Case device_cases[] = {
        i.read_result({Outcome::no_data, ""}, -90 * ms);
      },
      [](Interlocks& i) { i.read_result({}, ms); }, "yields no data"},
-    {Interlock::part_lost, [](Interlocks& i) { i.signals({.lost_device = "the bridge is gone"}); },
-     [](Interlocks& i) { i.signals({}); }, "the bridge is gone"},
+    {Interlock::part_lost,
+     [](Interlocks& i) { i.signals({.lost_device = "the bridge is disconnected"}); },
+     [](Interlocks& i) { i.signals({}); }, "the bridge is disconnected"},
 };
 
 constexpr Case channel_cases[] = {

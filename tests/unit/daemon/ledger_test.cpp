@@ -252,9 +252,9 @@ RC_GTEST_PROP(Ledger, BalancesUnderRandomStallsRefusalsAndFullRings, ()) {
     if (i % pause_every == 0) std::this_thread::sleep_for(100us);
     if (i % 64 == 0) expect_nothing_negative(ledger);
   }
-  const auto patience = std::chrono::microseconds(*rc::gen::element(0, 200, 10'000'000));
-  publishing.finish(patience);
-  recording.finish(patience);
+  const auto timeout = std::chrono::microseconds(*rc::gen::element(0, 200, 10'000'000));
+  publishing.finish(timeout);
+  recording.finish(timeout);
 
   const Balance balance = ledger.balance();
   RC_ASSERT(balance.is_closed());

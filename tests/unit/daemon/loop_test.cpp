@@ -301,7 +301,7 @@ TEST(Loop, ALostDeviceIsReleasedEvenIfAMoreSeriousInterlockIsBroken) {
   loop.wait();
   loop.cycle();
   EXPECT_FALSE(loop.device_lost());
-  driver.on_write = [](std::uint64_t) { return Result{Outcome::lost, "the chip is gone"}; };
+  driver.on_write = [](std::uint64_t) { return Result{Outcome::lost, "the chip is disconnected"}; };
   loop.wait();
   loop.cycle();
   EXPECT_EQ(loop.snapshot().broken, Interlock::emergency_stop);

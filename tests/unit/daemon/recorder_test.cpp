@@ -253,7 +253,7 @@ class FullDisk {
   rlimit before_{};
 };
 
-TEST_F(RecorderTest, AFullDiskLosesWhatTheLedgerSaysAndTheLogStaysValid) {
+TEST_F(RecorderTest, LossesOfAFullDiskAreInTheLedgerAndTheLogStaysValid) {
   const FullDisk disk;
   open({});
   for (int i = 0; i < 400; ++i) {
@@ -304,7 +304,7 @@ TEST_F(RecorderTest, ADeviceFileIsNotSynced) {
   EXPECT_TRUE(finish());
 }
 
-TEST_F(RecorderTest, TheLedgerHoldsWhatTheDiskHasConfirmed) {
+TEST_F(RecorderTest, LedgerCountsFramesConfirmedOnDisk) {
   open({.sync_s = 1e-9});  // at every flush
   EXPECT_THAT(ledger_->balance().recorded.confirmed, Optional(0U));
   for (int i = 0; i < 3; ++i) write_block();
@@ -317,7 +317,7 @@ TEST_F(RecorderTest, TheLedgerHoldsWhatTheDiskHasConfirmed) {
   flush();
   EXPECT_EQ(ledger_->balance().recorded.delivered, 70U);  // held by the kernel
   EXPECT_THAT(ledger_->balance().recorded.confirmed, Optional(30U));
-  EXPECT_THAT(ledger_->balance().text(), HasSubstr("the disk has confirmed 30 of them"));
+  EXPECT_THAT(ledger_->balance().text(), HasSubstr("30 of them confirmed on disk"));
 
   // Later frames are confirmed; the frames of the failed sync stay unconfirmed.
   disk_confirms = true;

@@ -258,7 +258,7 @@ TEST(GaugeReader, ReopensALostGaugeAndReportsTheLossMeanwhile) {
   ASSERT_TRUE(soon([&] { return reader.latest(0, 50 * ms).valid; }));
   state.answer({Outcome::lost, "not there"}, {Outcome::lost, "unplugged"});
   ASSERT_TRUE(soon([&] { return reader.lost() != nullptr; }));
-  EXPECT_THAT(reader.lost(), testing::HasSubstr("bridge 7 is gone"));
+  EXPECT_THAT(reader.lost(), testing::HasSubstr("bridge 7 is disconnected"));
   state.answer({Outcome::needs_attention, "no permission"}, {Outcome::no_data, ""});
   ASSERT_TRUE(soon([&] {
     const char* words = reader.lost();
@@ -431,7 +431,7 @@ TEST(BenchDriver, ContactSwitchesOffBeforeTheOutputAndOnAfterIt) {
 TEST(BenchDriver, OffReachesBothWhateverTheOtherReturns) {
   Bench bench;
   ASSERT_TRUE(bench.driver.open());
-  bench.contacts.write_answer = {Outcome::lost, "the chip is gone"};
+  bench.contacts.write_answer = {Outcome::lost, "the chip is disconnected"};
   EXPECT_EQ(bench.driver.write({0.0, false}).outcome, Outcome::lost);
   ASSERT_FALSE(bench.board.writes.empty());
   EXPECT_FALSE(bench.board.writes.back().amplifier_on);
@@ -460,10 +460,11 @@ TEST(BenchDriver, ContactLeftOnIsReported) {
   ASSERT_TRUE(bench.driver.write({0.0, true}));
   bench.driver.stop();
   EXPECT_EQ(bench.driver.left_on(), nullptr);
-  bench.contacts.switch_off_answer = {Outcome::lost, "the amplifier's GPIO chip gpiochip1 is gone"};
+  bench.contacts.switch_off_answer = {Outcome::lost,
+                                      "the amplifier's GPIO chip gpiochip1 is disconnected"};
   bench.driver.stop();
   ASSERT_NE(bench.driver.left_on(), nullptr);
-  EXPECT_THAT(bench.driver.left_on(), testing::HasSubstr("gpiochip1 is gone"));
+  EXPECT_THAT(bench.driver.left_on(), testing::HasSubstr("gpiochip1 is disconnected"));
   EXPECT_THAT(bench.driver.left_on(), testing::HasSubstr("press the emergency stop"));
   bench.driver.close();
   EXPECT_NE(bench.driver.left_on(), nullptr);

@@ -217,7 +217,7 @@ RC_GTEST_PROP(FaultyDriver, EmptyScriptIsTransparent, ()) {
   device.channels = static_cast<std::uint8_t>(*rc::gen::inRange(0, 64));
   device.end = *rc::gen::inRange<std::uint64_t>(0, 60);
   device.signals = {*rc::gen::arbitrary<bool>(), *rc::gen::arbitrary<bool>(),
-                    *rc::gen::element<const char*>(nullptr, "the bridge is gone")};
+                    *rc::gen::element<const char*>(nullptr, "the bridge is disconnected")};
   for (std::uint64_t i = 0; i < 60; ++i) {
     if (*rc::gen::inRange(0, 6) == 0) {
       device.instead[i] = *rc::gen::element(Outcome::no_data, Outcome::temporary, Outcome::lost,

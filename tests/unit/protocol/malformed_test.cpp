@@ -27,13 +27,13 @@ class Malformed : public testing::TestWithParam<std::string> {};
 
 TEST_P(Malformed, IsRefusedWithTheExpectedMessage) {
   const std::string name = GetParam();
-  std::string said = "accepted";
+  std::string message = "accepted";
   try {
     parse_csv(content(folder / (name + ".csv")), name + ".csv");
   } catch (const InputError& error) {
-    said = error.what();
+    message = error.what();
   }
-  EXPECT_EQ(said + "\n", content(folder / (name + ".error")));
+  EXPECT_EQ(message + "\n", content(folder / (name + ".error")));
 }
 
 INSTANTIATE_TEST_SUITE_P(Csv, Malformed, testing::ValuesIn(cases()),

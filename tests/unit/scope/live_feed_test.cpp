@@ -123,9 +123,9 @@ TEST_F(LiveFeedTest, TimeBackByMoreThanASecondIsARestart) {
   for (Frame& frame : back) frame.time_ns -= 500'000'000;
   frames(back);
   EXPECT_EQ(types(), Types{"frames"}) << "half a second is not a restart";
-  auto anew = frames_from(9020, 10);
-  for (Frame& frame : anew) frame.time_ns -= 3'000'000'000;
-  frames(anew);
+  auto restarted = frames_from(9020, 10);
+  for (Frame& frame : restarted) frame.time_ns -= 3'000'000'000;
+  frames(restarted);
   EXPECT_EQ(types(), (Types{"restart", "frames"}));
 }
 

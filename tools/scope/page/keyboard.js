@@ -27,7 +27,7 @@ function table(app) {
     [["n"], "N", "trigger on the next channel", () => scope.setTrigger({ channel: (scope.trigger.channel + 1) % 6 })],
     [["."], ".", "trigger level up", () => scope.nudgeLevel(0.02)],
     [[","], ",", "trigger level down", () => scope.nudgeLevel(-0.02)],
-    [["a"], "A", "arm the trigger anew", () => scope.setTrigger({})],
+    [["a"], "A", "re-arm the trigger", () => scope.setTrigger({})],
     [["c"], "C", "cursors on, off", () => scope.toggleCursors()],
     [["["], "[", "cursor A to the left", () => scope.nudgeCursor(0, -2)],
     [["]"], "]", "cursor A to the right", () => scope.nudgeCursor(0, 2)],

@@ -68,8 +68,8 @@ class App {
   // --- incoming messages ---------------------------------------------------------------------------
 
   #takeFrames(block) {
-    const anew = this.live.addFrames(block);
-    if (anew) this.#beginAnew();
+    const restarted = this.live.addFrames(block);
+    if (restarted) this.#restart();
     if ((block.flags & 2) === 0) this.pace.arrived(block.received_unix_ms);
     this.degraded = (block.flags & 1) !== 0;
     if (!this.paused) this.changed = true;
@@ -100,7 +100,7 @@ class App {
         break;
       case "restart":
         this.live.clear();
-        this.#beginAnew();
+        this.#restart();
         break;
       default:
         this.rig.take(message);
@@ -108,7 +108,7 @@ class App {
   }
 
   // The daemon was restarted: earlier data is not comparable.
-  #beginAnew() {
+  #restart() {
     if (this.paused) this.pause(false);
     this.scope.forget();
     this.portraits.forget();

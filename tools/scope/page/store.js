@@ -125,16 +125,16 @@ export class FrameStore extends Ring {
     this.lost = 0;
   }
 
-  #summarise(row, anew) {
+  #summarise(row, first) {
     const at = row & this.mask;
     const fine = at >> fineShift;
     const coarse = at >> coarseShift;
-    const fineAnew = anew || (at & ((1 << fineShift) - 1)) === 0;
-    const coarseAnew = anew || (at & ((1 << coarseShift) - 1)) === 0;
+    const newFine = first || (at & ((1 << fineShift) - 1)) === 0;
+    const newCoarse = first || (at & ((1 << coarseShift) - 1)) === 0;
     for (let channel = 0; channel < 6; ++channel) {
       const value = this.values[channel][at];
-      if (fineAnew) { this.fineLow[channel][fine] = Infinity; this.fineHigh[channel][fine] = -Infinity; }
-      if (coarseAnew) { this.coarseLow[channel][coarse] = Infinity; this.coarseHigh[channel][coarse] = -Infinity; }
+      if (newFine) { this.fineLow[channel][fine] = Infinity; this.fineHigh[channel][fine] = -Infinity; }
+      if (newCoarse) { this.coarseLow[channel][coarse] = Infinity; this.coarseHigh[channel][coarse] = -Infinity; }
       if (value < this.fineLow[channel][fine]) this.fineLow[channel][fine] = value;
       if (value > this.fineHigh[channel][fine]) this.fineHigh[channel][fine] = value;
       if (value < this.coarseLow[channel][coarse]) this.coarseLow[channel][coarse] = value;
@@ -146,7 +146,7 @@ export class FrameStore extends Ring {
   // source restarted, in which case earlier rows are discarded.
   append(block) {
     const { count, words, numbers } = block;
-    let anew = false;
+    let restarted = false;
     if (this.origin_ns === null) this.origin_ns = timeOf(words, 0);
     const originLow = Number(this.origin_ns & 0xffffffffn);
     const originHigh = Number(this.origin_ns >> 32n);
@@ -160,7 +160,7 @@ export class FrameStore extends Ring {
         const live = (block.flags & 2) === 0;
         if (time_ns > last_ns ? sequence <= before : live && time_ns < last_ns - 1e9) {
           this.clear();
-          anew = true;
+          restarted = true;
         } else if (time_ns <= last_ns) {
           continue;
         } else if (sequence > before + 1) {
@@ -172,7 +172,7 @@ export class FrameStore extends Ring {
       for (let channel = 0; channel < 6; ++channel) this.values[channel][at] = numbers[channel * count + i];
       this.#summarise(this.end - 1, this.end - 1 === this.begin);
     }
-    return anew;
+    return restarted;
   }
 
   // Extremes of a channel in the rows [from, to) in into[0] and into[1]; Infinity and -Infinity without
@@ -267,12 +267,12 @@ export class Store {
 
   // Adds a block of frames; returns true if the source restarted.
   addFrames(block) {
-    const anew = this.frames.append(block);
-    if (anew) {
+    const restarted = this.frames.append(block);
+    if (restarted) {
       this.estimates.clear();
       this.excitation.clear();
     }
-    return anew;
+    return restarted;
   }
 
   // Device time [ns], as JSON has it, on the axis of the frames; NaN before the first frame.
