@@ -263,7 +263,7 @@ constexpr std::array bench_table = {
             .only_then = true}),
     bound<&Rig::bench, &Bench::amplifier, &Amplifier::enable, &GpioLine::bias>(
         Key{.path = "amplifier.enable.bias",
-            .sentence = "Resistor of the chip on that line, if it has any.",
+            .sentence = "Bias resistor of the GPIO chip on that line, if available.",
             .when = on_bench,
             .only_then = true}),
     bound<&Rig::bench, &Bench::amplifier, &Amplifier::heartbeat, &GpioLine::line>(Key{
@@ -280,7 +280,7 @@ constexpr std::array bench_table = {
             .only_then = true}),
     bound<&Rig::bench, &Bench::amplifier, &Amplifier::heartbeat, &GpioLine::bias>(
         Key{.path = "amplifier.heartbeat.bias",
-            .sentence = "Resistor of the chip on that line, if it has any.",
+            .sentence = "Bias resistor of the GPIO chip on that line, if available.",
             .when = on_bench,
             .only_then = true}),
     bound<&Rig::bench, &Bench::amplifier, &Amplifier::fault, &GpioLine::line>(Key{
@@ -296,7 +296,7 @@ constexpr std::array bench_table = {
             .only_then = true}),
     bound<&Rig::bench, &Bench::amplifier, &Amplifier::fault, &GpioLine::bias>(
         Key{.path = "amplifier.fault.bias",
-            .sentence = "Resistor of the chip on that line, if it has any.",
+            .sentence = "Bias resistor of the GPIO chip on that line, if available.",
             .when = on_bench,
             .only_then = true}),
     bound<&Rig::bench, &Bench::amplifier, &Amplifier::emergency_stop, &GpioLine::line>(
@@ -313,7 +313,7 @@ constexpr std::array bench_table = {
             .only_then = true}),
     bound<&Rig::bench, &Bench::amplifier, &Amplifier::emergency_stop, &GpioLine::bias>(
         Key{.path = "amplifier.emergency_stop.bias",
-            .sentence = "Resistor of the chip on that line, if it has any.",
+            .sentence = "Bias resistor of the GPIO chip on that line, if available.",
             .when = on_bench,
             .only_then = true}),
     bound<&Rig::bench, &Bench::amplifier, &Amplifier::fault, &GpioLine::debounce_s>(Key{

@@ -50,7 +50,7 @@ void write_numbers(TomlWriter& out, std::string_view key, std::initializer_list<
   out.list(key, "[", texts, "]");
 }
 
-/// Omits an empty text, which stands for an unknown one.
+/// Omits an empty text, which means unknown.
 void write_known(TomlWriter& out, std::string_view key, const std::string& value) {
   if (!value.empty()) out.text(key, value);
 }

@@ -82,7 +82,7 @@ struct CalibrationFile {
 /// column.
 CalibrationFile load_calibration(const std::filesystem::path& file);
 
-/// The same for text in memory; `name` stands for the file in messages.
+/// The same for text in memory; messages name the file as `name`.
 CalibrationFile parse_calibration(std::string_view text, const std::string& name);
 
 /// The calibration as a file; parse_calibration reads it back to an equal one (numbers to the bit).

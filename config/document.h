@@ -31,8 +31,8 @@ struct Stated {
 
 class Document {
  public:
-  /// Parses and validates; never throws for the content of the text. `name` stands for the file in
-  /// messages, and paths in the text are relative to its folder.
+  /// Parses and validates; never throws for the content of the text. Messages name the file as
+  /// `name`; paths in the text are relative to its folder.
   Document(std::string_view text, std::string name, std::span<const Key> keys);
   ~Document();
   Document(Document&&) noexcept;

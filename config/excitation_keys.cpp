@@ -52,7 +52,7 @@ constexpr std::array carrier_table = {
             .without = "none"}),
     bound<&Rig::excitation, &Excitation::repeat>(
         Key{.path = "excitation.repeat",
-            .sentence = "True: the envelope is repeated; then it has to end as it begins."}),
+            .sentence = "True: repeats the envelope, whose last amplitude must equal its first."}),
     bound<&Rig::excitation, &Excitation::ramp_s>(
         Key{.path = "excitation.ramp_s",
             .unit = "s",

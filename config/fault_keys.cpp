@@ -43,7 +43,7 @@ constexpr std::array fault_table = {
     read_by<Fault, read_moment>(Type::number,
                                 Key{.path = "at_s",
                                     .unit = "s",
-                                    .sentence = "Beginning, after the first frame; or between_s.",
+                                    .sentence = "Start, from the first frame; or between_s.",
                                     .low = 0,
                                     .high = longest_script_s}),
     read_by<Fault, read_interval>(

@@ -84,7 +84,7 @@ struct FaultScript {
 /// Reads a fault script. Throws InputError with every problem found, each with file, line, column.
 FaultScript load_fault_script(const std::filesystem::path& file);
 
-/// The same for text in memory; `name` stands for the file in messages.
+/// The same for text in memory; messages name the file as `name`.
 FaultScript parse_fault_script(std::string_view text, const std::string& name);
 
 /// Description of a fault: "noise on velocity, standard deviation 0.01: at 2 s for 3 s, every 10

@@ -28,7 +28,7 @@ FirstName first_name(std::string_view line) {
   return out;
 }
 
-/// Names at the top of the files with these keys, but for those that all kinds of files have.
+/// Names at the top of the files with these keys, except those common to all kinds of files.
 class TopNames {
  public:
   explicit TopNames(std::span<const Key> keys) : names_(names_within(keys, "")) {}

@@ -238,7 +238,7 @@ struct Reading<std::vector<Element>> {
 
 namespace detail {
 
-/// Choices of a member, none if it is no enumeration.
+/// Choices of a member, empty if it is not an enumeration.
 template <class Member>
 struct MemberInfo {
   static constexpr std::span<const std::string_view> choices() {

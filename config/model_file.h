@@ -12,7 +12,7 @@ namespace stickslip::config {
 /// Reads a model file. Throws InputError with every problem found, each with file, line, column.
 physics::Model load_model(const std::filesystem::path& file);
 
-/// The same for text in memory; `name` stands for the file in messages.
+/// The same for text in memory; messages name the file as `name`.
 physics::Model parse_model(std::string_view text, const std::string& name);
 
 /// The model as a model file; parse_model reads it back to an equal model (numbers to the bit).

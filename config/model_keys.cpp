@@ -148,10 +148,10 @@ constexpr std::array model_table = {
             .sentence = "Damping ratio of the load cell.",
             .need = Need::in_table,
             .low = 0}),
-    bound<&physics::Model::load_cell, &physics::LoadCell::dynamics>(Key{
-        .path = "load_cell.dynamics",
-        .sentence = "Eq. (1) of the paper taken as exact, or the whole equation of the load cell.",
-        .need = Need::in_table}),
+    bound<&physics::Model::load_cell, &physics::LoadCell::dynamics>(
+        Key{.path = "load_cell.dynamics",
+            .sentence = "Eq. (1) of the paper, or the full dynamics of the load cell.",
+            .need = Need::in_table}),
     bound<&physics::Model::normal_load_bridge, &physics::NormalLoadBridge::mismatch>(
         Key{.path = "normal_load_bridge.mismatch",
             .unit = "1",
@@ -191,7 +191,7 @@ constexpr std::array model_table = {
 
 constexpr std::array filter_table = {
     bound<&physics::Filter::kind>(
-        Key{.path = "kind", .sentence = "Shape of the filter.", .need = Need::always}),
+        Key{.path = "kind", .sentence = "Type of filter.", .need = Need::always}),
     bound<&physics::Filter::order>(Key{.path = "order",
                                        .unit = "1",
                                        .sentence = "Number of poles.",

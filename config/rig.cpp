@@ -249,8 +249,7 @@ class Reader {
       }
     }
     if (excitation.control.enabled && (kind == multisine || kind == file)) {
-      document_.report("excitation.control.enabled",
-                       "needs a carrier, which does not exist " + with_kind);
+      document_.report("excitation.control.enabled", "needs a carrier; there is none " + with_kind);
     }
   }
 

@@ -1,4 +1,4 @@
-// Keys of a rig file, but for its excitation and its bench.
+// Keys of a rig file, except excitation and bench.
 #include <array>
 
 #include "config/key_binding.h"
@@ -97,14 +97,14 @@ constexpr std::array loop_table = {
         .path = "loop.real_time_scheduling",
         .sentence =
             "True: real-time scheduling and locked memory are requested; a refusal is reported."}),
-    bound<&Rig::loop, &Loop::lateness_limit_s>(Key{
-        .path = "loop.lateness_limit_s",
-        .unit = "s",
-        .sentence = "Lateness of a wake-up from which on the frames of the cycle are marked late.",
-        .without = "one period",
-        .low = 0,
-        .high = 1,
-        .above_low = true}),
+    bound<&Rig::loop, &Loop::lateness_limit_s>(
+        Key{.path = "loop.lateness_limit_s",
+            .unit = "s",
+            .sentence = "Wake-up lateness from which the frames of a cycle are marked late.",
+            .without = "one period",
+            .low = 0,
+            .high = 1,
+            .above_low = true}),
     bound<&Rig::loop, &Loop::priority>(
         Key{.path = "loop.priority",
             .unit = "1",
@@ -203,13 +203,13 @@ constexpr std::array safety_table = {
         Key{.path = "safety.range.*.low",
             .unit = "the channel's",
             .sentence = "Lower limit of the calibrated reading, such as that of a strain gauge or "
-                        "a stroke; below is a fault.",
+                        "a stroke; below it is a fault.",
             .without = "none",
             .live = true}),
     bound<&Rig::safety, &Safety::range, by_channel, &ChannelRange::high>(
         Key{.path = "safety.range.*.high",
             .unit = "the channel's",
-            .sentence = "Upper limit of the calibrated reading; above is a fault.",
+            .sentence = "Upper limit of the calibrated reading; above it is a fault.",
             .without = "none",
             .live = true}),
 };

@@ -224,7 +224,7 @@ void ControlServer::left(ClientId client, const std::string& why) {
     holder_ = 0;
     loop_.keep_alive(released_ns);
   } else if (why != "the client disconnected" && log_.allows(steady_clock::now())) {
-    spdlog::warn("control client {} was dropped: {}", client, why);
+    spdlog::warn("control client {} was disconnected: {}", client, why);
   }
 }
 

@@ -16,7 +16,7 @@ namespace stickslip::daemon {
 /// Pure: the caller supplies the times [ns], which must not decrease.
 class EventThrottle {
  public:
-  /// The event to report now; nothing if it is held back for a summary. Gaps of the sequence
+  /// The event to report now; nullopt if it is held back for a summary. Gaps of the sequence
   /// number, repeated numbers, overruns and restarts of the observer are held back, others never.
   std::optional<Event> accept(const Notice& notice, std::int64_t now_ns);
 

@@ -103,7 +103,7 @@ bool Interlocks::channel_broken(std::int64_t now_ns, Broken& out) const {
   if (settings_.stale_after_ns <= 0) return false;
   if (!any_frame_) {
     out.interlock = Interlock::stale_channel;
-    out.cause.add("the device has not yielded a frame yet");
+    out.cause.add("the device has not returned a frame yet");
     return true;
   }
   for (std::size_t i = 0; i < channel_count; ++i) {

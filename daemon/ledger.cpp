@@ -18,7 +18,7 @@ std::string line(std::string_view name, std::string_view verb, const Balance& ba
   const std::int64_t pending = balance.pending(account);
   if (pending != 0) out += " + " + std::to_string(pending) + " unaccounted";
   if (account.confirmed && *account.confirmed < account.delivered) {
-    out += "; the disk has confirmed " + std::to_string(*account.confirmed) + " of them";
+    out += "; " + std::to_string(*account.confirmed) + " of them confirmed on disk";
   }
   return out;
 }

@@ -31,7 +31,7 @@ inline constexpr std::array<std::string_view, loss_count> loss_names = {"ring fu
 struct AccountBalance {
   bool enabled = false;         ///< false: there is no such consumer
   std::uint64_t delivered = 0;  ///< accepted by the network or the kernel
-  /// Of those, frames that the disk has confirmed; nothing without syncs.
+  /// Of those, frames confirmed on disk; empty without syncs.
   std::optional<std::uint64_t> confirmed = {};
   std::array<std::uint64_t, loss_count> lost{};
 
@@ -65,7 +65,7 @@ class Account {
   void lose(Loss loss, std::uint64_t frames) {
     lost_[static_cast<std::size_t>(loss)].fetch_add(frames, std::memory_order_release);
   }
-  /// Delivered frames that the disk has confirmed; 0 announces that there will be syncs.
+  /// Delivered frames confirmed on disk; 0 announces that there will be syncs.
   void confirm(std::uint64_t frames) {
     confirms_.store(true, std::memory_order_relaxed);
     confirmed_.fetch_add(frames, std::memory_order_release);

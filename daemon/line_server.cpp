@@ -206,7 +206,7 @@ void LineServer::admit(int file, const Peer& peer) {
   Client& client = clients_[id];
   client.file = file;
   client.peer = peer;
-  client.begun = client.active = steady_clock::now();
+  client.line_start = client.active = steady_clock::now();
   if (!is_allowed(peer)) {
     client.out = "{\"v\": 1, \"ok\": false, \"error\": \"you may not use this socket\"}\n";
     client.closing = true;
@@ -245,7 +245,7 @@ void LineServer::receive(Client& client) {
       if (client.reason.empty()) client.reason = "the client disconnected";
       return;
     }
-    if (client.in.empty()) client.begun = steady_clock::now();
+    if (client.in.empty()) client.line_start = steady_clock::now();
     client.in.append(part.data(), static_cast<std::size_t>(got));
   }
 }
@@ -264,7 +264,7 @@ bool LineServer::take_line(ClientId id, Client& client) {
   }
   std::string line = client.in.substr(0, end);
   client.in.erase(0, end + 1);
-  client.begun = client.active = steady_clock::now();
+  client.line_start = client.active = steady_clock::now();
   if (!line.empty() && line.back() == '\r') line.pop_back();
   if (!line.empty() && handlers_.line) handlers_.line(id, line);
   return true;

@@ -63,8 +63,8 @@ class LineServer {
     std::string in;
     std::string out;
     std::size_t sent = 0;
-    std::chrono::steady_clock::time_point begun;   // of the unfinished line
-    std::chrono::steady_clock::time_point active;  // latest complete line
+    std::chrono::steady_clock::time_point line_start;  // of the unfinished line
+    std::chrono::steady_clock::time_point active;      // latest complete line
     bool closing = false;
     bool half_closed = false;  // sends no more, but may still read its answers
     bool hung_up = false;

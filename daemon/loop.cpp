@@ -69,7 +69,7 @@ const LoopEnd& Loop::run() {
 
 bool Loop::begin() {
   const drivers::Result result = driver_.start();
-  // A device that drives nothing needs no operator's consent.
+  // A device without output needs no operator to clear it.
   if (!can_drive_) apply(RigInput::clear);
   if (settings_.start_at_once) {
     for (const RigInput input : {RigInput::clear, RigInput::arm, RigInput::start}) apply(input);
@@ -135,7 +135,7 @@ void Loop::wait() {
 }
 
 bool Loop::cycle() {
-  const std::int64_t begun_ns = clock_.now_ns();
+  const std::int64_t start_ns = clock_.now_ns();
   if (device_.load(std::memory_order_acquire) == Device::restored) attach_device();
   handle_stop_requests();
   handle_command();
@@ -152,7 +152,7 @@ bool Loop::cycle() {
   drive();
   count_up(timing_.cycles);
   const std::int64_t ended_ns = clock_.now_ns();
-  if (pacer_.has_deadlines()) timing_.work.add(ended_ns - begun_ns);
+  if (pacer_.has_deadlines()) timing_.work.add(ended_ns - start_ns);
   const bool over = is_over(more, at_rest);
   publish_snapshot(ended_ns);
   return !over;
@@ -282,11 +282,11 @@ void Loop::attach_device() {
 /// False at the end of the data.
 bool Loop::read() {
   Frame raw;
-  const std::int64_t begun_ns = clock_.now_ns();
+  const std::int64_t start_ns = clock_.now_ns();
   const drivers::Result result = driver_.read(raw);
   const std::int64_t now_ns = clock_.now_ns();
   read_ns_ = now_ns;
-  timing_.read.add(now_ns - begun_ns);
+  timing_.read.add(now_ns - start_ns);
   interlocks_.read_result(result, now_ns);
   interlocks_.signals(driver_.signals());
   if (result) {

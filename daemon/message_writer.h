@@ -44,7 +44,7 @@ struct RecorderSettings {
                                          ///< confirmed by the disk; may be null
 };
 
-/// A new LCM event log, in parts if the settings say so: run.log, run.001.log, ... An existing log
+/// A new LCM event log, in parts if configured: run.log, run.001.log, ... An existing log
 /// of that name is kept under another one. What makes a recording self-contained is taken from the
 /// description, which has to be written first. Throws InputError if the log cannot be written or
 /// the name asks for another format.

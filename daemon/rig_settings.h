@@ -22,7 +22,7 @@ LoopSettings loop_settings(const config::Rig& rig, const drivers::Description& d
 
 LiveSettings live_settings(const config::Rig& rig, const drivers::Description& device);
 
-/// A change of a configuration key as a setting of the running excitation; nothing if the key is
+/// A change of a configuration key as a setting of the running excitation; nullopt if the key is
 /// not tunable. `now`: the configuration after the change.
 std::optional<Setting> setting_change(const config::Change& change, const config::Rig& now);
 

@@ -22,13 +22,13 @@ class SeqLock {
   void write(const T& value) {
     std::array<std::uint64_t, words> buffer{};
     std::memcpy(buffer.data(), &value, sizeof value);
-    const std::uint64_t begun = version_.load(std::memory_order_relaxed) + 1;
-    version_.store(begun, std::memory_order_relaxed);
+    const std::uint64_t odd = version_.load(std::memory_order_relaxed) + 1;
+    version_.store(odd, std::memory_order_relaxed);
     // Stores of the words stay behind the odd version, a reader's loads before the even one.
     for (std::size_t i = 0; i < words; ++i) {
       words_[i].store(buffer[i], std::memory_order_release);
     }
-    version_.store(begun + 1, std::memory_order_release);
+    version_.store(odd + 1, std::memory_order_release);
   }
 
   /// Any other thread: a consistent copy.

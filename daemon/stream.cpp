@@ -75,7 +75,7 @@ void Stream::run() {
     const bool busy = take_samples();
     if (write_messages() || busy) continue;
     if (draining) break;
-    if (!block_.empty() && steady_clock::now() - block_begun_ >= settings_.longest_wait) {
+    if (!block_.empty() && steady_clock::now() - block_start_ >= settings_.longest_wait) {
       write_block();
     }
     if (steady_clock::now() - flushed_at_ >= settings_.flush_period) flush();
@@ -107,7 +107,7 @@ void Stream::discard_rings() {
 bool Stream::take_samples() {
   bool any = false;
   while (const Sample* sample = ring_.front()) {
-    if (block_.empty()) block_begun_ = steady_clock::now();
+    if (block_.empty()) block_start_ = steady_clock::now();
     block_.push_back(*sample);
     ring_.pop();
     any = true;

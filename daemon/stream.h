@@ -118,7 +118,7 @@ class Stream {
   std::vector<Sample> block_;
   std::uint64_t unflushed_ = 0;  // frames that were written and may still be refused
   std::chrono::steady_clock::time_point flushed_at_;
-  std::chrono::steady_clock::time_point block_begun_;
+  std::chrono::steady_clock::time_point block_start_;
   std::atomic<bool> failing_{false};
   std::atomic<bool> draining_{false};
   std::atomic<bool> abandoned_{false};

@@ -12,8 +12,8 @@ constexpr double longest_slewed_us = 1e6;
 
 std::int64_t UtcClock::utc_us(std::int64_t monotonic_ns, std::int64_t wall_us) {
   const auto wall = static_cast<double>(wall_us);
-  if (!begun_) {
-    begun_ = true;
+  if (!started_) {
+    started_ = true;
     utc_us_ = wall;
   } else {
     const double passed = std::max(0.0, static_cast<double>(monotonic_ns - monotonic_ns_) * 1e-3);

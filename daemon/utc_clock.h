@@ -14,7 +14,7 @@ class UtcClock {
   std::int64_t utc_us(std::int64_t monotonic_ns, std::int64_t wall_us);
 
  private:
-  bool begun_ = false;
+  bool started_ = false;
   std::int64_t monotonic_ns_ = 0;
   double utc_us_ = 0.0;
 };

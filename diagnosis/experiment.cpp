@@ -201,7 +201,7 @@ WideBand reconstructed(const Experiment& e, const Source& source, Channel channe
   return wide_band(values, e.period_s, chain, e.noise_std[index_of(channel)]);
 }
 
-// Without mains lines, which would spoil the guess of a velocity. For guesses only: the readings
+// Without mains lines, which would corrupt the guess of a velocity. For guesses only: the readings
 // that models are compared with keep them.
 WideBand reconstructed_without_mains(const Experiment& e, const Source& source, Channel channel) {
   return reconstructed(e, source, channel, without_mains(source.of(channel), e.period_s));

@@ -108,11 +108,11 @@ void converge(const SearchData& data, FittedCandidate& each) {
 // The hypothesis of a candidate around the fitted sizes of its effects, without refinements.
 Hypothesis unrefined(const Hypothesis& declared, const FittedCandidate& each) {
   const auto found = each.hypothesis->parameters(each.fitted.z);
-  const auto& begun = each.hypothesis->rig().parameter_values();
+  const auto& initial = each.hypothesis->rig().parameter_values();
   Hypothesis out = declared;
   for (const physics::BoundTerm& term : each.hypothesis->trial_terms()) {
     std::vector<double> values = values_of(term, found);
-    const std::vector<double> fixed = values_of(term, begun);
+    const std::vector<double> fixed = values_of(term, initial);
     const auto& cards = term.effect->card().parameters;
     for (std::size_t k = 0; k < cards.size(); ++k) {
       if (cards[k].fixed_default) values[k] = fixed[k];

@@ -30,7 +30,7 @@ double weighted_quantile(Weighted& value_weight, double share) {
   return value_weight.empty() ? 0.0 : value_weight.back().first;
 }
 
-// The range that holds the weight but for `tail` at each end.
+// The range of the weight without the share `tail` at each end.
 std::pair<double, double> central_range(Weighted value_weight, double tail) {
   const double low = weighted_quantile(value_weight, tail);
   return {low, weighted_quantile(value_weight, 1.0 - tail)};

@@ -25,7 +25,7 @@ struct Location {
 };
 
 /// From the residuals of `fitted` over the windows of `task`; `regions` are left empty. A window
-/// fails where its chi-squared per sample exceeds `explained_chi2`.
+/// fails if its chi-squared per sample exceeds `explained_chi2`.
 Location locate(const Task& task, const Hypothesis& hypothesis, const Fit& fitted,
                 physics::Relation relation, double explained_chi2, const Criteria& criteria = {});
 

@@ -20,7 +20,7 @@ std::vector<double> probabilities(const std::vector<FittedCandidate>& candidates
 bool is_preferred_rival(const FittedCandidate& simple, const FittedCandidate& best, double gain,
                         const Criteria& criteria);
 
-/// Sorts candidates for an addition to `current`, most probable first but for the preferences of
+/// Sorts candidates for an addition to `current`, most probable first except for the preferences of
 /// `criteria`: simpler rivals, and lower tiers.
 void rank(std::vector<FittedCandidate>& candidates, const SearchData& data, const HeldOut& current,
           std::uint64_t seed);

@@ -90,7 +90,7 @@ physics::Line refined_line(const std::vector<double>& values, double period_s, d
   return line;
 }
 
-// Deviation of a grid's frequency from its nominal value, but for emergencies.
+// Deviation of the mains frequency from its nominal value in normal operation.
 constexpr double grid_tolerance = 0.006;
 // Power of a line over that of its surroundings. The power of noise is exponentially distributed:
 // e^-20 allows for every bin, line and channel that is examined.

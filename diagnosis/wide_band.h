@@ -18,14 +18,14 @@ struct WideBand {
   double acceleration_noise_std = 0.0;
 };
 
-/// Undoes `chain` on `samples` (period_s apart, at least 8 of them) at frequencies where the signal
-/// exceeds white noise of `noise_std` per sample. The derivatives are less accurate within about a
-/// tenth of a second of both ends.
+/// Inverts `chain` on `samples` (period_s apart, at least 8 of them) at frequencies where the
+/// signal exceeds white noise of `noise_std` per sample. The derivatives are less accurate within
+/// about a tenth of a second of both ends.
 WideBand wide_band(std::span<const double> samples, double period_s,
                    const physics::FilterChain& chain, double noise_std);
 
 /// Standard deviation of the white noise in a channel whose signal is smooth over a few samples:
-/// from the median of the sixth differences, so that jumps do not count; at least the quantisation
+/// from the median of the sixth differences, which is robust to jumps; at least the quantisation
 /// noise of the smallest step. 0 for a constant channel.
 double noise_of(std::span<const double> samples);
 

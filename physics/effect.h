@@ -195,7 +195,7 @@ struct ReadingLaw {
   std::array<T, 8> hum_modulation{};
   double hum_modulation_s = 1.0;
   T delay_s{0.0};
-  T limit{0.0};  ///< largest magnitude that is read; 0: none
+  T limit{0.0};  ///< largest magnitude of the reading; 0: none
   /// Effect whose Effect::distort is the characteristic d; nullptr: none.
   const Effect* characteristic = nullptr;
   std::array<T, max_characteristic_parameters> characteristic_parameters{};

@@ -1,4 +1,4 @@
-// A limited time with edges that a fit can move.
+// A time interval with smooth edges, so that a fit can adjust them.
 #pragma once
 
 #include <cmath>
@@ -8,10 +8,10 @@
 namespace stickslip::physics {
 
 /// Parameters of an effect that acts for a limited time. Starting values are accurate to about a
-/// second; a model that leaves them out means the whole recording.
+/// second; by default the effect lasts for the whole recording.
 inline constexpr ParameterCard begin_parameter{.name = "begin_s",
                                                .unit = "s",
-                                               .meaning = "beginning, from that of the recording",
+                                               .meaning = "start, from the start of the recording",
                                                .low = 0.0,
                                                .high = 100000.0,
                                                .positive = false,
@@ -20,7 +20,7 @@ inline constexpr ParameterCard begin_parameter{.name = "begin_s",
                                                .start_sigma = 1.0};
 inline constexpr ParameterCard end_parameter{.name = "end_s",
                                              .unit = "s",
-                                             .meaning = "end",
+                                             .meaning = "end, from the start of the recording",
                                              .low = 0.0,
                                              .high = 100000.0,
                                              .positive = false,

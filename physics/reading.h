@@ -61,7 +61,7 @@ struct SensorErrorState {
   DelayLine<Readings<T>> past;
 };
 
-/// The reading of a channel for a true value `value`, but for its delay and crosstalk.
+/// The reading of a channel for a true value `value`, without its delay and crosstalk.
 template <class T>
 T reading_of(const ReadingLaw<T>& law, const T& value, double time_s);
 

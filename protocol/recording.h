@@ -60,7 +60,7 @@ double median_period_s(std::span<const Frame> frames);
 /// with the progress.
 Recording read_recording(const std::filesystem::path& file, const ProgressCallback& done = {});
 
-/// The same for text in memory; `name` stands for the file in messages.
+/// The same for text in memory; messages name the file as `name`.
 Recording parse_csv(std::string_view text, const std::string& name,
                     const ProgressCallback& done = {});
 

@@ -106,8 +106,8 @@ bool EventReader::is_followed(std::int64_t end) {
   std::array<char, 4> next{};
   const std::int64_t there = std::min<std::int64_t>(4, size_ - end);
   if (!read(end, next.data(), there)) return false;
-  const std::string_view begun(next.data(), static_cast<std::size_t>(there));
-  return sync_word.starts_with(begun) || is_zero_from(end);
+  const std::string_view prefix(next.data(), static_cast<std::size_t>(there));
+  return sync_word.starts_with(prefix) || is_zero_from(end);
 }
 
 bool EventReader::is_zero_from(std::int64_t at) {
@@ -125,12 +125,12 @@ bool EventReader::is_zero_from(std::int64_t at) {
 
 // True if these bytes are the beginning of an event whose rest is missing. After a power cut some
 // file systems leave zeros for data that were not written.
-bool EventReader::is_begun(std::int64_t at) {
+bool EventReader::is_start_of_event(std::int64_t at) {
   std::array<char, 4> sync{};
   const std::int64_t there = std::min<std::int64_t>(4, size_ - at);
   read(at, sync.data(), there);
-  const std::string_view begun(sync.data(), static_cast<std::size_t>(there));
-  if (!sync_word.starts_with(begun)) return is_zero_from(at);
+  const std::string_view prefix(sync.data(), static_cast<std::size_t>(there));
+  if (!sync_word.starts_with(prefix)) return is_zero_from(at);
   Header header;
   return !read_header(at, header) || header.sane();
 }
@@ -179,7 +179,7 @@ EventReader::Found EventReader::next(LogEvent& event) {
   }
   const std::int64_t begin = at_;
   const std::int64_t found = find_event(begin + 1);
-  const bool cut_off = !rejected_ && found == size_ && is_begun(begin);
+  const bool cut_off = !rejected_ && found == size_ && is_start_of_event(begin);
   if (rejected_) {
     why_ = "an event with invalid data, not followed by another";
   } else if (whole && header.synchronous && !header.sane()) {

@@ -15,18 +15,18 @@ inline constexpr std::int64_t event_header_bytes = 28;
 
 struct LogEvent {
   std::int64_t number = 0;   ///< in the file, from 0
-  std::int64_t time_us = 0;  ///< for players; the time of a frame is in its message
+  std::int64_t time_us = 0;  ///< for log players; the time of a frame is in its message
   std::string channel;
   std::vector<std::uint8_t> data;
   std::int64_t at = 0;   ///< position of its first byte
   std::int64_t end = 0;  ///< position after its last byte
-  /// True if another event, or the end of the file, follows. Otherwise either the next one or the
-  /// lengths of this one are damaged.
+  /// True if another event or the end of the file follows; if not, the next event or the lengths of
+  /// this one are damaged.
   bool followed = true;
 };
 
-/// Reads the events of a log and resynchronises after damage. Any content is read only a small
-/// number of times.
+/// Reads the events of a log and resynchronises after damage. Every byte is read a bounded
+/// number of times, whatever the content.
 ///
 /// liblcm's own reader is not used: it silently skips damaged data, prints to the terminal, and
 /// crashes on a length of 2^31 - 1.
@@ -39,7 +39,7 @@ class EventReader {
     end,      ///< end of the file
   };
 
-  /// `in` must be seekable and outlive the reader. `name` stands for it in messages. Throws
+  /// `in` must be seekable and outlive the reader. Messages name it as `name`. Throws
   /// InputError, here and in `next`, if it cannot be read.
   EventReader(std::istream& in, std::string name, ProgressCallback done = {});
 
@@ -63,7 +63,7 @@ class EventReader {
   bool is_event(std::int64_t at, const Header& header) const;
   bool looks_like_an_event(std::int64_t at);
   bool is_followed(std::int64_t end);
-  bool is_begun(std::int64_t at);
+  bool is_start_of_event(std::int64_t at);
   bool is_zero_from(std::int64_t at);
   std::int64_t find_event(std::int64_t from);
   void read_event(const Header& header, LogEvent& event);

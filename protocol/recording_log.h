@@ -25,7 +25,7 @@ bool is_log(std::string_view head);
 /// As read_recording, for a log.
 Recording read_log(const std::filesystem::path& file, const ProgressCallback& done = {});
 
-/// The same for a seekable stream; `name` stands for the file in messages.
+/// The same for a seekable stream; messages name the file as `name`.
 Recording parse_log(std::istream& in, const std::string& name, const ProgressCallback& done = {});
 
 /// The first message of a log, with the digests of its texts. `frames`: number of frames of the

@@ -81,11 +81,11 @@ std::vector<std::string> faults_between(std::span<const LogSurvey> parts) {
                     named(part) + (one ? ": " + part.info->previous_part : std::string()));
       continue;
     }
-    const auto begun = static_cast<std::uint64_t>(before.info->frames_before);
-    if (static_cast<std::uint64_t>(part.info->frames_before) != begun + before.frames) {
+    const auto start = static_cast<std::uint64_t>(before.info->frames_before);
+    if (static_cast<std::uint64_t>(part.info->frames_before) != start + before.frames) {
       out.push_back(named(before) + " has " + std::to_string(before.frames) + " frames; " +
                     part.source + " expects " +
-                    std::to_string(static_cast<std::uint64_t>(part.info->frames_before) - begun));
+                    std::to_string(static_cast<std::uint64_t>(part.info->frames_before) - start));
     }
     if (part.frames == 0 || before.frames == 0) continue;
     if (part.first_time_ns <= before.last_time_ns) {

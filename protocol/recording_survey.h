@@ -92,7 +92,7 @@ struct LogSurvey {
 
 /// Reads a whole log. Throws InputError if the file cannot be read or is not an LCM event log.
 LogSurvey survey_log(const std::filesystem::path& file, const ProgressCallback& done = {});
-/// The same for a seekable stream of any bytes; `name` stands for the file.
+/// The same for a seekable stream of any bytes; messages name it as `name`.
 LogSurvey survey_log(std::istream& in, const std::string& name, const ProgressCallback& done = {});
 
 /// Kept and dropped parts of a repaired log.

@@ -1,4 +1,4 @@
-// SHA-256, which identifies a text.
+// SHA-256 digests.
 #pragma once
 
 #include <string>

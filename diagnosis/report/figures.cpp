@@ -316,7 +316,7 @@ std::string condition_maps(const Evidence& evidence, bool changed) {
   most = std::sqrt(most);
   std::string out = figure(
       condition_map(evidence, false, most),
-      "Under which excitation the model fails: one dot per window. Dark dots (bright on a dark "
+      "Excitation under which the model fails: one dot per window. Dark dots (bright on a dark "
       "screen) on one side only: the missing physics acts under that excitation.");
   if (changed) {
     out += figure(condition_map(evidence, true, most), "Augmented model, same colour scale.");

@@ -227,7 +227,7 @@ Section trial_section(const Diagnosis& d) {
       "the simpler and the listed ones are preferred.");
   Table table(
       "Fully fitted candidates by held-out chi-squared per sample (1: noise only). Gain: "
-      "improvement of the prediction in standard errors over windows.",
+      "improvement of the prediction, in standard errors over the windows.",
       {"candidate", "name", "added to", "held-out chi-squared", "gain"});
   for (const Trial* trial : sorted_trials(d)) {
     table.row({escape_html(trial_name(trial->id)), code(trial->id),

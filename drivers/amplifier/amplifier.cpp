@@ -384,7 +384,7 @@ void Amplifier::set_unknown() noexcept {
 
 /// False: the chip did not respond.
 bool Amplifier::sample_inputs(std::span<bool> went_active) {
-  const std::int64_t begun_ns = clock_.now_ns();
+  const std::int64_t start_ns = clock_.now_ns();
   if (inputs_->take_edges(went_active) != 0) return false;
   for (std::size_t i = 0; i < watched_.size(); ++i) {
     const int level = inputs_->get(i);
@@ -394,7 +394,7 @@ bool Amplifier::sample_inputs(std::span<bool> went_active) {
     if (went_active[i]) watched_[i].state.update(true, now);
     watched_[i].result->store(watched_[i].state.update(level == 1, now), std::memory_order_relaxed);
   }
-  sampled_ns_.store(begun_ns, std::memory_order_release);
+  sampled_ns_.store(start_ns, std::memory_order_release);
   return true;
 }
 

@@ -67,9 +67,9 @@ class Lines {
   int take_edges(std::span<bool> went_active) noexcept;
 
  private:
-  struct Held;
-  explicit Lines(std::unique_ptr<Held> held);
-  std::unique_ptr<Held> held_;
+  struct Handles;
+  explicit Lines(std::unique_ptr<Handles> handles);
+  std::unique_ptr<Handles> handles_;
 };
 
 }  // namespace stickslip::drivers::gpio

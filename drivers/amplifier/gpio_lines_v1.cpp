@@ -49,7 +49,9 @@ gpiod_line* find_line(gpiod_chip* chip, const std::string& line) {
   return gpiod_chip_get_line(chip, static_cast<unsigned>(offset));
 }
 
-bool may_lack_edges(int error) { return error != EBUSY && error != EACCES && error != EPERM; }
+bool edges_may_be_unsupported(int error) {
+  return error != EBUSY && error != EACCES && error != EPERM;
+}
 
 /// 0 or errno.
 int request_one(gpiod_line* line, Use use, const config::GpioLine& settings, bool& has_edges) {
@@ -62,18 +64,18 @@ int request_one(gpiod_line* line, Use use, const config::GpioLine& settings, boo
   config.request_type = GPIOD_LINE_REQUEST_EVENT_BOTH_EDGES;
   has_edges = gpiod_line_request(line, &config, 0) == 0;
   if (has_edges) return 0;
-  if (!may_lack_edges(errno)) return errno;
+  if (!edges_may_be_unsupported(errno)) return errno;
   config.request_type = GPIOD_LINE_REQUEST_DIRECTION_INPUT;
   return gpiod_line_request(line, &config, 0) == 0 ? 0 : errno;
 }
 
 }  // namespace
 
-struct Lines::Held {
-  Held() = default;
-  Held(const Held&) = delete;
-  Held& operator=(const Held&) = delete;
-  ~Held() {
+struct Lines::Handles {
+  Handles() = default;
+  Handles(const Handles&) = delete;
+  Handles& operator=(const Handles&) = delete;
+  ~Handles() {
     for (gpiod_line* line : lines) gpiod_line_release(line);
   }
   OpenChip chip;
@@ -82,7 +84,7 @@ struct Lines::Held {
   std::vector<std::size_t> file_lines;  // indices of those lines
 };
 
-Lines::Lines(std::unique_ptr<Held> held) : held_(std::move(held)) {}
+Lines::Lines(std::unique_ptr<Handles> handles) : handles_(std::move(handles)) {}
 Lines::~Lines() = default;
 
 std::string library_version() { return gpiod_version_string(); }
@@ -99,14 +101,14 @@ std::optional<Chip> chip_at(const std::string& path, int& error) {
 
 std::unique_ptr<Lines> Lines::request(const std::string& path, Use use,
                                       std::span<const config::GpioLine> lines, Refusal& refusal) {
-  auto held = std::make_unique<Held>();
-  held->chip.reset(gpiod_chip_open(path.c_str()));
-  if (!held->chip) {
+  auto handles = std::make_unique<Handles>();
+  handles->chip.reset(gpiod_chip_open(path.c_str()));
+  if (!handles->chip) {
     refusal = {errno, "", ""};
     return nullptr;
   }
   for (const config::GpioLine& settings : lines) {
-    gpiod_line* line = find_line(held->chip.get(), settings.line);
+    gpiod_line* line = find_line(handles->chip.get(), settings.line);
     if (line == nullptr) {
       refusal = {errno, settings.line, ""};
       return nullptr;
@@ -117,33 +119,33 @@ std::unique_ptr<Lines> Lines::request(const std::string& path, Use use,
       refusal = {error, settings.line, by == nullptr ? "" : by};
       return nullptr;
     }
-    held->lines.push_back(line);
+    handles->lines.push_back(line);
     if (!has_edges) continue;
-    held->files.push_back(gpiod_line_event_get_fd(line));
-    held->file_lines.push_back(held->lines.size() - 1);
+    handles->files.push_back(gpiod_line_event_get_fd(line));
+    handles->file_lines.push_back(handles->lines.size() - 1);
   }
-  return std::unique_ptr<Lines>(new Lines(std::move(held)));
+  return std::unique_ptr<Lines>(new Lines(std::move(handles)));
 }
 
 int Lines::set(std::size_t line, bool active) noexcept {
-  return gpiod_line_set_value(held_->lines[line], active ? 1 : 0) == 0 ? 0 : errno;
+  return gpiod_line_set_value(handles_->lines[line], active ? 1 : 0) == 0 ? 0 : errno;
 }
 
 int Lines::get(std::size_t line) noexcept {
-  const int value = gpiod_line_get_value(held_->lines[line]);
+  const int value = gpiod_line_get_value(handles_->lines[line]);
   return value < 0 ? -errno : value;
 }
 
-std::span<const int> Lines::edge_files() const noexcept { return held_->files; }
+std::span<const int> Lines::edge_files() const noexcept { return handles_->files; }
 
 int Lines::take_edges(std::span<bool> went_active) noexcept {
-  for (std::size_t i = 0; i < held_->files.size(); ++i) {
-    const std::size_t line = held_->file_lines[i];
-    pollfd waited{held_->files[i], POLLIN, 0};
+  for (std::size_t i = 0; i < handles_->files.size(); ++i) {
+    const std::size_t line = handles_->file_lines[i];
+    pollfd waited{handles_->files[i], POLLIN, 0};
     for (std::size_t taken = 0; taken<max_edges_per_call&& ::poll(&waited, 1, 0)> 0; ++taken) {
       if ((waited.revents & POLLIN) == 0) return ENODEV;
       gpiod_line_event event{};
-      if (gpiod_line_event_read(held_->lines[line], &event) != 0) return errno;
+      if (gpiod_line_event_read(handles_->lines[line], &event) != 0) return errno;
       if (event.event_type == GPIOD_LINE_EVENT_RISING_EDGE) went_active[line] = true;
     }
   }

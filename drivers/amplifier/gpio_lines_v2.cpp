@@ -102,11 +102,13 @@ Refusal refusal_of(gpiod_chip* chip, int error, std::span<const config::GpioLine
   return {error, lines.front().line, ""};
 }
 
-bool may_lack_edges(int error) { return error != EBUSY && error != EACCES && error != EPERM; }
+bool edges_may_be_unsupported(int error) {
+  return error != EBUSY && error != EACCES && error != EPERM;
+}
 
 }  // namespace
 
-struct Lines::Held {
+struct Lines::Handles {
   OpenChip chip;
   Request request;
   EventBuffer events;
@@ -114,7 +116,7 @@ struct Lines::Held {
   std::vector<int> files;
 };
 
-Lines::Lines(std::unique_ptr<Held> held) : held_(std::move(held)) {}
+Lines::Lines(std::unique_ptr<Handles> handles) : handles_(std::move(handles)) {}
 Lines::~Lines() = default;
 
 std::string library_version() { return gpiod_api_version(); }
@@ -132,40 +134,41 @@ std::optional<Chip> chip_at(const std::string& path, int& error) {
 
 std::unique_ptr<Lines> Lines::request(const std::string& path, Use use,
                                       std::span<const config::GpioLine> lines, Refusal& refusal) {
-  auto held = std::make_unique<Held>();
-  held->chip.reset(gpiod_chip_open(path.c_str()));
-  if (!held->chip) {
+  auto handles = std::make_unique<Handles>();
+  handles->chip.reset(gpiod_chip_open(path.c_str()));
+  if (!handles->chip) {
     refusal = {errno, "", ""};
     return nullptr;
   }
   for (const config::GpioLine& line : lines) {
-    const int offset = find_line(held->chip.get(), line.line);
+    const int offset = find_line(handles->chip.get(), line.line);
     if (offset < 0) {
       refusal = {ENOENT, line.line, ""};
       return nullptr;
     }
-    held->offsets.push_back(static_cast<unsigned>(offset));
+    handles->offsets.push_back(static_cast<unsigned>(offset));
   }
   bool edges = use == Use::input;
-  held->request = request_all(held->chip.get(), use, lines, held->offsets, edges);
-  if (!held->request && edges && may_lack_edges(errno)) {
+  handles->request = request_all(handles->chip.get(), use, lines, handles->offsets, edges);
+  if (!handles->request && edges && edges_may_be_unsupported(errno)) {
     edges = false;
-    held->request = request_all(held->chip.get(), use, lines, held->offsets, edges);
+    handles->request = request_all(handles->chip.get(), use, lines, handles->offsets, edges);
   }
-  if (!held->request) {
-    refusal = refusal_of(held->chip.get(), errno, lines, held->offsets);
+  if (!handles->request) {
+    refusal = refusal_of(handles->chip.get(), errno, lines, handles->offsets);
     return nullptr;
   }
   if (edges) {
-    held->events.reset(gpiod_edge_event_buffer_new(events_at_once));
-    if (held->events) held->files.push_back(gpiod_line_request_get_fd(held->request.get()));
+    handles->events.reset(gpiod_edge_event_buffer_new(events_at_once));
+    if (handles->events)
+      handles->files.push_back(gpiod_line_request_get_fd(handles->request.get()));
   }
-  return std::unique_ptr<Lines>(new Lines(std::move(held)));
+  return std::unique_ptr<Lines>(new Lines(std::move(handles)));
 }
 
 int Lines::set(std::size_t line, bool active) noexcept {
   return gpiod_line_request_set_value(
-             held_->request.get(), held_->offsets[line],
+             handles_->request.get(), handles_->offsets[line],
              active ? GPIOD_LINE_VALUE_ACTIVE : GPIOD_LINE_VALUE_INACTIVE) == 0
              ? 0
              : errno;
@@ -173,28 +176,28 @@ int Lines::set(std::size_t line, bool active) noexcept {
 
 int Lines::get(std::size_t line) noexcept {
   const gpiod_line_value value =
-      gpiod_line_request_get_value(held_->request.get(), held_->offsets[line]);
+      gpiod_line_request_get_value(handles_->request.get(), handles_->offsets[line]);
   if (value == GPIOD_LINE_VALUE_ERROR) return -errno;
   return value == GPIOD_LINE_VALUE_ACTIVE ? 1 : 0;
 }
 
-std::span<const int> Lines::edge_files() const noexcept { return held_->files; }
+std::span<const int> Lines::edge_files() const noexcept { return handles_->files; }
 
 int Lines::take_edges(std::span<bool> went_active) noexcept {
-  if (held_->files.empty()) return 0;
-  pollfd waited{held_->files.front(), POLLIN, 0};
+  if (handles_->files.empty()) return 0;
+  pollfd waited{handles_->files.front(), POLLIN, 0};
   for (std::size_t taken = 0; taken<max_edges_per_call&& ::poll(&waited, 1, 0)> 0;) {
     if ((waited.revents & POLLIN) == 0) return ENODEV;
-    const int count = gpiod_line_request_read_edge_events(held_->request.get(), held_->events.get(),
-                                                          events_at_once);
+    const int count = gpiod_line_request_read_edge_events(handles_->request.get(),
+                                                          handles_->events.get(), events_at_once);
     if (count < 0) return errno;
     taken += static_cast<std::size_t>(count);
     for (int i = 0; i < count; ++i) {
       gpiod_edge_event* event =
-          gpiod_edge_event_buffer_get_event(held_->events.get(), static_cast<unsigned long>(i));
+          gpiod_edge_event_buffer_get_event(handles_->events.get(), static_cast<unsigned long>(i));
       if (gpiod_edge_event_get_event_type(event) != GPIOD_EDGE_EVENT_RISING_EDGE) continue;
-      for (std::size_t line = 0; line < held_->offsets.size(); ++line) {
-        if (held_->offsets[line] == gpiod_edge_event_get_line_offset(event)) {
+      for (std::size_t line = 0; line < handles_->offsets.size(); ++line) {
+        if (handles_->offsets[line] == gpiod_edge_event_get_line_offset(event)) {
           went_active[line] = true;
         }
       }

@@ -61,7 +61,7 @@ void BenchDriver::describe() {
 
 Result BenchDriver::open() {
   if (!unmatched_.empty()) return {Outcome::needs_attention, unmatched_.c_str()};
-  // The contact first: a line left active by a dead daemon must be off before an output changes,
+  // The contact first: a line left active by a crashed daemon must be off before an output changes,
   // also if there is no board.
   Result result = amplifier_ ? amplifier_->open() : Result{};
   if (result) result = board_->open();

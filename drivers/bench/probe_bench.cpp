@@ -165,7 +165,7 @@ std::vector<ProbedDevice> probe_bench(BenchParts parts, const config::Bench& ben
                                       double duration_s) {
   HostClock& clock = *parts.clock;
   std::vector<ProbedDevice> out;
-  // The contact first: one left closed by a dead daemon opens before an output changes.
+  // The contact first: one left closed by a crashed daemon opens before any output changes.
   if (parts.amplifier) out.push_back(probe_amplifier(*parts.amplifier, clock));
   out.push_back(probe_board(*parts.board, bench, clock, duration_s));
   for (const auto& gauge : parts.gauges) {

@@ -19,7 +19,7 @@ constexpr std::uint64_t windows_to_settle = 4;
 void DeviceClock::begin(std::int64_t device_ns, std::int64_t offset_ns) {
   offset_ns_ = static_cast<double>(offset_ns);
   correction_ = 0.0;
-  window_begun_ns_ = device_ns;
+  window_start_ns_ = device_ns;
   smallest_ns_ = offset_ns;
   smallest_at_ns_ = device_ns;
   previous_smallest_ns_.reset();
@@ -47,7 +47,7 @@ void DeviceClock::close_window(std::int64_t device_ns) {
   settled_ = windows_ >= windows_to_settle;
   previous_smallest_ns_ = smallest_ns_;
   previous_at_ns_ = smallest_at_ns_;
-  window_begun_ns_ = device_ns;
+  window_start_ns_ = device_ns;
 }
 
 std::int64_t DeviceClock::host_time(std::int64_t device_ns, std::int64_t host_ns) {
@@ -69,11 +69,11 @@ std::int64_t DeviceClock::host_time(std::int64_t device_ns, std::int64_t host_ns
       // In the first window only the smallest difference so far is available.
       offset_ns_ = static_cast<double>(difference_ns);
     }
-    if (window_begun_ns_ == device_ns || difference_ns <= smallest_ns_) {
+    if (window_start_ns_ == device_ns || difference_ns <= smallest_ns_) {
       smallest_ns_ = difference_ns;
       smallest_at_ns_ = device_ns;
     }
-    if (device_ns - window_begun_ns_ >= window_ns) {
+    if (device_ns - window_start_ns_ >= window_ns) {
       close_window(device_ns);
       smallest_ns_ = difference_ns;
       smallest_at_ns_ = device_ns;

@@ -37,7 +37,7 @@ class DeviceClock {
   double offset_ns_ = 0.0;  // host - device, as used
   double skew_ = 0.0;
   double correction_ = 0.0;  // of the offset, per device time, in addition to the skew
-  std::int64_t window_begun_ns_ = 0;
+  std::int64_t window_start_ns_ = 0;
   std::int64_t smallest_ns_ = 0;  // host - device in this window
   std::int64_t smallest_at_ns_ = 0;
   std::optional<std::int64_t> previous_smallest_ns_;

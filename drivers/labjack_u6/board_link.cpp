@@ -17,7 +17,7 @@ Verdict identify(libusb_device_handle* handle, Identity& identity) {
   Command command = request_identity();
   std::array<std::uint8_t, largest_packet> reply{};
   int moved = 0;
-  // Replies to a dead program may still be pending.
+  // Replies to a former process may still be pending.
   for (int left = 100; left > 0; --left) {
     if (libusb_bulk_transfer(handle, reply_endpoint, reply.data(), largest_packet, &moved,
                              drain_timeout_ms) != LIBUSB_SUCCESS) {

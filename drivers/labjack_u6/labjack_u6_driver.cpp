@@ -66,7 +66,7 @@ Result LabjackU6Driver::open() {
   }
   board_ = std::make_unique<Board>();
   rest_v_ = settings_.rest_v;
-  // A dead process may have left the line high. Later steps may fail; this one needs no others.
+  // A crashed process may have left the line high. Later steps may fail; this one needs no others.
   const u6::Command line_low = enable_line_low();
   if (u6::Failure failure =
           board_->link.open(settings_.serial, settings_.enable_line ? &line_low : nullptr)) {
@@ -212,9 +212,9 @@ Result LabjackU6Driver::begin_stream() {
   const u6::BoardLink& link = board_->link;
   auto session = std::make_unique<u6::StreamSession>(link.context(), link.handle(), std::move(plan),
                                                      *lines_, *counts_);
-  const bool begun = session->begin();
+  const bool submitted = session->begin();
   board_->session = std::move(session);
-  if (!begun) {
+  if (!submitted) {
     end_stream();
     return refuse(Outcome::temporary,
                   description_.name +
@@ -300,7 +300,7 @@ Result LabjackU6Driver::write(const Actuation& actuation) {
   if (output.tripped()) {
     return {Outcome::temporary,
             "no command was confirmed within watchdog_s, so the board's watchdog has disabled the "
-            "amplifier; it stays off until it is commanded off"};
+            "amplifier; it stays off until an off command resets it"};
   }
   const char* const failure = output.report_failure();
   return failure == nullptr ? Result{} : Result{Outcome::temporary, failure};

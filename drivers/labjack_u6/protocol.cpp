@@ -42,7 +42,7 @@ std::uint32_t double_word_at(Bytes bytes, std::size_t at) {
 }
 
 /// Fills in length, function and both checksums. `size` is even.
-void seal(Command& command, std::uint8_t function) {
+void fill_header(Command& command, std::uint8_t function) {
   command.bytes[1] = extended;
   command.bytes[2] = static_cast<std::uint8_t>((command.size - extended_header) / 2);
   command.bytes[3] = function;
@@ -55,7 +55,7 @@ void seal(Command& command, std::uint8_t function) {
 Command extended_command(std::uint8_t function, std::size_t size) {
   Command command;
   command.size = size;
-  seal(command, function);
+  fill_header(command, function);
   return command;
 }
 
@@ -193,7 +193,7 @@ Command request_calibration(int block) {
   Command command;
   command.size = 8;
   command.bytes[7] = static_cast<std::uint8_t>(block);
-  seal(command, read_cal.number);
+  fill_header(command, read_cal.number);
   return command;
 }
 
@@ -201,7 +201,7 @@ Command plain_lines() {
   Command command;
   command.size = 16;
   command.bytes[6] = 1;  // write: no timer, no counter, offset 0
-  seal(command, config_io.number);
+  fill_header(command, config_io.number);
   return command;
 }
 
@@ -216,7 +216,7 @@ Command arm_watchdog(std::uint16_t timeout_s, int line) {
   command.bytes[8] = low(timeout_s);
   command.bytes[9] = high(timeout_s);
   command.bytes[10] = static_cast<std::uint8_t>(line & 0x0F);
-  seal(command, watchdog.number);
+  fill_header(command, watchdog.number);
   return command;
 }
 
@@ -225,7 +225,7 @@ Command disarm_watchdog() {
   command.size = 16;
   command.bytes[6] = 1;
   command.bytes[8] = 60;  // without effect, but 0 would be an invalid time
-  seal(command, watchdog.number);
+  fill_header(command, watchdog.number);
   return command;
 }
 
@@ -268,7 +268,7 @@ Command configure_stream(std::span<const StreamChannel> channels, int resolution
     command.bytes[15 + 2 * i] =
         static_cast<std::uint8_t>((channel.differential ? 0x80U : 0U) | (channel.gain & 3U) << 4U);
   }
-  seal(command, stream_config.number);
+  fill_header(command, stream_config.number);
   return command;
 }
 
@@ -320,7 +320,7 @@ Feedback& Feedback::read_lines() {
 Command Feedback::command() const {
   Command command = command_;
   command.size += command.size % 2;  // the pad byte is 0, an operation without effect
-  seal(command, feedback_function);
+  fill_header(command, feedback_function);
   return command;
 }
 

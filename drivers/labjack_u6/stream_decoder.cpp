@@ -30,12 +30,12 @@ StreamDecoder::Outcome StreamDecoder::take(std::span<const std::uint8_t> packet)
     return Outcome::damaged;
   }
   const std::uint8_t counter = packet[10];
-  if (begun_ && counter == static_cast<std::uint8_t>(next_counter_ - 1U)) {
+  if (started_ && counter == static_cast<std::uint8_t>(next_counter_ - 1U)) {
     ++counts_.repeated;
     return Outcome::repeated;
   }
   const auto lost = static_cast<std::uint8_t>(counter - next_counter_);
-  begun_ = true;
+  started_ = true;
   next_counter_ = static_cast<std::uint8_t>(counter + 1U);
   ++counts_.packets;
   counts_.packets_lost += lost;

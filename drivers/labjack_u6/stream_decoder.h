@@ -93,7 +93,7 @@ class StreamDecoder {
   std::size_t dummy_rest_ = 0;    // outstanding samples of the dummy scan
   bool dummy_seen_ = false;       // another candidate was complete
   std::uint8_t next_counter_ = 0;
-  bool begun_ = false;
+  bool started_ = false;
   bool overflowing_ = false;
   bool uncountable_ = false;
   std::uint8_t error_ = 0;

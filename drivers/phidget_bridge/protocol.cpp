@@ -181,8 +181,8 @@ void Handshake::take(const InputReport& report) {
 
 std::uint64_t GapCounter::count(std::int64_t time_ns, std::uint64_t reports) {
   const auto interval = static_cast<double>(interval_ns_);
-  if (!begun_) {
-    begun_ = true;
+  if (!started_) {
+    started_ = true;
     origin_ns_ = time_ns;
     due_ns_ = 0.0;
     return 0;

@@ -110,11 +110,11 @@ class GapCounter {
 
   /// Number of reports missing before the `reports` that have arrived by `time_ns`.
   std::uint64_t count(std::int64_t time_ns, std::uint64_t reports);
-  void restart() { begun_ = false; }
+  void restart() { started_ = false; }
 
  private:
   std::int64_t interval_ns_;
-  bool begun_ = false;
+  bool started_ = false;
   double due_ns_ = 0.0;  // nominal time of the last report, relative to the origin
   std::int64_t origin_ns_ = 0;
 };

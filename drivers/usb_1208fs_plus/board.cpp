@@ -235,9 +235,9 @@ bool Board::begin_scan() {
   input_failed_ = false;
   decoder_.restart();
   for (const auto& one : inputs_) submit(*one, one->buffer.size());
-  const std::int64_t begun_ns = clock_.now_ns();
+  const std::int64_t start_ns = clock_.now_ns();
   if (!succeeded(session_.send(Request::input_scan_start, input_scan(plan_)))) return false;
-  numbering_.begin(begun_ns);
+  numbering_.begin(start_ns);
   return !input_failed_;
 }
 

@@ -64,7 +64,7 @@ class Board {
   bool has_frames() const { return frames_.peek() != nullptr; }
   bool ran_dry() const { return refill_.load(std::memory_order_acquire) == Refill::awaited; }
   /// The values queued from now on are current: the output may begin again.
-  void refill() { refill_.store(Refill::begun, std::memory_order_release); }
+  void refill() { refill_.store(Refill::started, std::memory_order_release); }
 
   /// True once after an overrun, an underrun.
   bool take_overrun() { return overrun_.exchange(false, std::memory_order_acq_rel); }
@@ -140,7 +140,7 @@ class Board {
   std::atomic<bool> driving_ = false;
   /// After an underrun the output begins again with the values that the loop writes once it has
   /// caught up: earlier ones would delay all later ones permanently.
-  enum class Refill : std::uint8_t { none, awaited, begun };
+  enum class Refill : std::uint8_t { none, awaited, started };
   std::atomic<Refill> refill_ = Refill::none;
 
   // Of the board's thread.

@@ -12,13 +12,13 @@ constexpr double never = std::numeric_limits<double>::max();
 }  // namespace
 
 void Numbering::begin(std::int64_t host_ns) {
-  if (begun_) {
-    const double passed_ns = static_cast<double>(host_ns - begun_ns_) - drift_ns();
+  if (started_) {
+    const double passed_ns = static_cast<double>(host_ns - start_ns_) - drift_ns();
     first_exact_ += passed_ns / period_ns_;
     const double whole = std::max(0.0, std::round(first_exact_));
     next_ = std::max(next_ + 1, static_cast<std::uint64_t>(whole));
   }
-  begun_ = true;
+  started_ = true;
   first_ = next_;
   begun_ns_ = window_ns_ = host_ns;
   min_lateness_ns_ = never;

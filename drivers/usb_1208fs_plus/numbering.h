@@ -29,7 +29,7 @@ class Numbering {
   double drift_ns() const;
 
   double period_ns_;
-  bool begun_ = false;
+  bool started_ = false;
   std::uint64_t next_ = 0;
   std::uint64_t first_ = 0;                    // number of the first scan since the start command
   double first_exact_ = 0.0;                   // the same, not rounded

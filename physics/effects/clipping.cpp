@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::array parameters = {ParameterCard{.name = "limit",
                                                  .unit = "unit of the channel",
-                                                 .meaning = "largest magnitude that is read",
+                                                 .meaning = "largest magnitude of the reading",
                                                  .low = 1e-09,
                                                  .high = 1000000000.0,
                                                  .positive = true,

@@ -22,7 +22,7 @@ constexpr Card entry = {
     .sentence = "One channel picks up a fraction of another one.",
     .equation = "reading + coefficient times the other channel",
     .parameters = parameters,
-    .experiment = "a tap on the other sensor alone",
+    .experiment = "excite only the other sensor",
     .rivals = rivals,
 };
 

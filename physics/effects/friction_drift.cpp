@@ -31,7 +31,8 @@ constexpr Card entry = {
     .name = "drifting friction",
     .sentence = "The coefficient of friction drifts during the recording.",
     .equation =
-        "mu (1 + rate_per_s approach_s (1 - exp(-t / approach_s))), at first mu (1 + rate_per_s t)",
+        "mu (1 + rate_per_s approach_s (1 - exp(-t / approach_s))), initially mu (1 + rate_per_s "
+        "t)",
     .parameters = parameters,
     .experiment = "a longer run with a pause: wear stays, warming recovers",
     .rivals = rivals,

@@ -6,7 +6,7 @@ const Effect& friction_over_time() {
   static const FreeForm effect({.id = "friction_over_time",
                                 .of = FreeFormOf::friction,
                                 .over = FreeFormOver::time,
-                                .name = "friction that changes in time",
+                                .name = "friction that changes over time",
                                 .sentence = "Friction changes in time in an unlisted way.",
                                 .equation = "mu (1 + s(t)), s piecewise linear with eight knots",
                                 .experiment = "the same run repeated"});

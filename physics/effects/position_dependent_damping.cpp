@@ -6,20 +6,21 @@
 namespace stickslip::physics {
 namespace {
 
-constexpr std::array parameters = {ParameterCard{.name = "c1_n_s_m2",
-                                                 .unit = "N s/m^2",
-                                                 .meaning = "change of the damping along the track",
-                                                 .low = -10000.0,
-                                                 .high = 10000.0,
-                                                 .positive = false,
-                                                 .fixed_default = std::nullopt},
-                                   ParameterCard{.name = "c2_n_s_m3",
-                                                 .unit = "N s/m^3",
-                                                 .meaning = "its curvature",
-                                                 .low = -1000000.0,
-                                                 .high = 1000000.0,
-                                                 .positive = false,
-                                                 .fixed_default = std::nullopt}};
+constexpr std::array parameters = {
+    ParameterCard{.name = "c1_n_s_m2",
+                  .unit = "N s/m^2",
+                  .meaning = "linear change of the damping with position",
+                  .low = -10000.0,
+                  .high = 10000.0,
+                  .positive = false,
+                  .fixed_default = std::nullopt},
+    ParameterCard{.name = "c2_n_s_m3",
+                  .unit = "N s/m^3",
+                  .meaning = "quadratic change of the damping with position",
+                  .low = -1000000.0,
+                  .high = 1000000.0,
+                  .positive = false,
+                  .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 1> rivals = {"quadratic_drag"};
 constexpr std::array<std::string_view, 2> depends_on = {"displacement", "velocity"};
 constexpr Card entry = {
@@ -27,7 +28,7 @@ constexpr Card entry = {
     .relation = Relation::force_balance,
     .name = "position-dependent damping",
     .sentence =
-        "The damping differs along the track, as with an eddy-current brake that the mass passes.",
+        "The damping varies along the track, e.g. because the mass passes an eddy-current brake.",
     .equation = "(c1_n_s_m2 x + c2_n_s_m3 x^2) v",
     .parameters = parameters,
     .experiment = "free decays around several positions",

@@ -17,7 +17,7 @@ inline constexpr double period_s = 1.0e-3;  ///< sampling period
 
 /// A rig, its frames, and the models given to an estimator.
 struct Run {
-  std::vector<Frame> frames;             ///< one a period
+  std::vector<Frame> frames;             ///< one per period
   std::vector<physics::RigTruth> truth;  ///< at the times of the frames
   physics::Model real;
   physics::Model assumed;       ///< off by up to 20 %
@@ -29,10 +29,10 @@ struct Run {
 /// 20 us.
 Run run_of(const config::Rig& preset, std::uint64_t seed, double seconds);
 
-/// The assumed model with the true parameters: for the best accuracy that an estimator can reach.
+/// The assumed model with the true parameters, for the best accuracy an estimator can reach.
 physics::Model with_true_parameters(const Run& run);
 
-/// Errors of an estimator; root mean squares in the quantities' units.
+/// Root-mean-square errors of an estimator, in the units of the quantities.
 struct Errors {
   double theta = 0.0, force = 0.0;
   double raw = 0.0;  ///< of Eq. (1), friction force; 0 where no frame had a force channel

@@ -139,7 +139,7 @@ test("extremes of any range are those of its frames, also after the ring has wra
   await close(page);
 });
 
-test("a pause keeps the picture while the stream goes on", async () => {
+test("a pause freezes the display while frames are still received", async () => {
   const page = await open();
   await page.evaluate(() => feed.frames(0, 15000, { per: 500 }));
   await drawn(page, "displacement"); // a picture is drawn
@@ -157,7 +157,7 @@ test("a pause keeps the picture while the stream goes on", async () => {
   await close(page);
 });
 
-test("the trigger holds the picture at the crossing of the level", async () => {
+test("the trigger holds the display at the level crossing", async () => {
   const page = await open();
   await page.evaluate(() => feed.frames(0, 2000));
   await page.locator("#time-base").selectOption("0.5");

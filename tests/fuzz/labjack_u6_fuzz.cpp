@@ -87,7 +87,7 @@ void parse(Bytes reply, bool right) {
   for (const auto check :
        {u6::check_plain_lines, u6::check_stream_configured, u6::check_stream_started,
         u6::check_stream_stopped, u6::check_watchdog}) {
-    require(!u6::in_words(check(reply)).empty(), "every verdict has words");
+    require(!u6::in_words(check(reply)).empty(), "every verdict has a text");
   }
 }
 

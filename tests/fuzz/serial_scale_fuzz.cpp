@@ -32,7 +32,7 @@ void look_at(std::string line, std::uint8_t other) {
   require(weight->valid == (line[0] != 'E'), "an error is never valid");
   bool digits = false;
   for (std::size_t i = 0; i < star; ++i) digits |= std::isdigit(line[i]) != 0;
-  require(weight->valid == digits, "a number comes from digits");
+  require(weight->valid == digits, "a valid reading contains digits");
   for (char& each : line) {
     const char was = each;
     each = static_cast<char>(other);

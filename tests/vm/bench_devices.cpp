@@ -117,9 +117,9 @@ class TruthWriter {
   std::thread thread_;
 };
 
-/// Unplugs during a transfer: the worst moment, which random timing meets once in some dozens. A
+/// Unplugs during a transfer: the worst moment, which random timing rarely hits. A
 /// chip without a transfer for a second is unplugged anyway.
-void pull_in_mid_transfer(UsbipServer& port) {
+void unplug_during_transfer(UsbipServer& port) {
   port.hang();
   const std::int64_t end_ns = now_ns() + 1'000'000'000;
   while (port.plugged() && !port.has_unserved_request() && now_ns() < end_ns) {
@@ -153,7 +153,7 @@ class Bench {
     if (word == "hang" && device == "gpio") {
       gpio_port_.hang();
     } else if (word == "pull" && device == "gpio") {
-      pull_in_mid_transfer(gpio_port_);
+      unplug_during_transfer(gpio_port_);
       circuit_.close(1, false, now_ns());
     } else if (word == "press" || word == "release") {
       plant_.press_emergency_stop(word == "press");

@@ -140,7 +140,7 @@ def log(words):
 
 class ClosedLoop(unittest.TestCase):
     def setUp(self):
-        log("begun")
+        log("started")
         folder = tempfile.TemporaryDirectory(prefix="closed-loop-")
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
@@ -245,7 +245,7 @@ class ClosedLoop(unittest.TestCase):
         self.devices_are_found()
         daemon = self.start([STICKSLIPD, "--config", self.rig], stderr=subprocess.PIPE, text=True)
         self.until("a socket", (self.folder / "control.sock").exists)
-        begun = time.monotonic()
+        started = time.monotonic()
         self.connect()
         self.assertEqual(self.status()["state"], "faulted")
         self.set_moving()
@@ -275,7 +275,7 @@ class ClosedLoop(unittest.TestCase):
             self.assertLess(off_ms[words], 200.0, words)
         self.assertLess(off_ms["hang gpio"], 1000.0)
 
-        time.sleep(max(0.0, SECONDS - (time.monotonic() - begun)))
+        time.sleep(max(0.0, SECONDS - (time.monotonic() - started)))
         self.stickslip("ctl", "--socket", "control.sock", "stop")
         self.until("at rest", lambda: self.status()["state"] == "idle")
         self.assertFalse(self.command("state")["enabled"])

@@ -322,7 +322,7 @@ class Fit {
     if (references < least) {
       object(Reason::too_few_points,
              "there are " + std::to_string(references) +
-                 " different references; testing a straight line takes three: take more");
+                 " different references; a linearity test needs at least three");
       return false;
     }
     const auto [low, high] =

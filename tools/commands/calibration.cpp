@@ -172,7 +172,7 @@ void add_fit(CLI::App& parent, Action& action) {
       ->check(finite_number());
   command
       ->add_option("--accuracy-percent", arguments->accuracy_percent,
-                   "Deviations below this share of the span are negligible")
+                   "Deviations below this percentage of the span are negligible")
       ->check(not_negative_number())
       ->capture_default_str();
   command

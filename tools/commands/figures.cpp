@@ -53,7 +53,7 @@ void add_figures(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "figures", "Draw figures 2 to 10 of the paper from the presets, on one HTML page");
-  command->add_option("--out", arguments->out, "Folder for the page, the pictures and their data")
+  command->add_option("--out", arguments->out, "Folder for the page, the figures and their data")
       ->required();
   command
       ->add_option("--presets", arguments->presets,

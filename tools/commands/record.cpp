@@ -268,7 +268,7 @@ void add_record(CLI::App& app, Action& action) {
       ->check(whole_number(1, 1e15));
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
   describe(*command, {.examples = {{"Record the traffic on LCM for ten seconds",
-                                    "stickslip record heard.log --duration 10"}},
+                                    "stickslip record received.log --duration 10"}},
                       .environment = {lcm_url_variable},
                       .files = {recording_files},
                       .see_also = {"stickslip-replay(1)", "stickslip-spy(1)", "stickslipd(8)"}});

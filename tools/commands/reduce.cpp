@@ -120,7 +120,7 @@ void add_reduce(CLI::App& app, Action& action) {
       ->check(whole_number(1, 1000))
       ->capture_default_str();
   command->add_option("--out", arguments->out,
-                      "Folder for samples.csv, surface.csv and the pictures (SVG and PNG)");
+                      "Folder for samples.csv, surface.csv and the figures (SVG and PNG)");
   command->add_flag("--no-pictures", arguments->no_pictures, "Write the tables only");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
   describe(*command,

@@ -154,7 +154,7 @@ void add_scope(CLI::App& app, Action& action) {
       ->check(whole_number(1, 2147483647));
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
   describe(*command, {.examples = {{"Show the rig at http://127.0.0.1:8088", "stickslip scope"},
-                                   {"Admit other hosts that have a token",
+                                   {"Serve other hosts, with a token",
                                     "stickslip scope --listen 0.0.0.0:8088 --token s3cret"}},
                       .environment = {lcm_url_variable,
                                       {"STICKSLIP_SCOPE_TOKEN", "Token if --token is not given"}},

@@ -42,7 +42,7 @@ std::span<const HiddenEffect> hidden_effects();
 const HiddenEffect* find_hidden_effect(std::string_view id);
 
 /// Adds the effect to the bench's reference rig. `strength` 1 is moderate; the same random source
-/// gives the same effect but for its strength.
+/// gives the same effect with a different strength.
 TrueEffect hide(const HiddenEffect& effect, double strength, const Sizes& sizes, Bench& bench,
                 RandomSource random);
 

@@ -22,7 +22,7 @@ class ControlClient {
   nlohmann::json ask(const std::string& command, const nlohmann::json& arguments = {},
                      std::chrono::milliseconds timeout = std::chrono::seconds(10));
 
-  /// The next event or status of a `watch`; nothing if none arrives within `wait`.
+  /// The next event or status of a `watch`; nullopt if none arrives within `wait`.
   std::optional<nlohmann::json> next(std::chrono::milliseconds wait);
 
   /// For polling together with other files.

@@ -89,7 +89,7 @@ class Host {
  public:
   virtual ~Host() = default;
 
-  /// Content of a small file (64 KiB at most) without trailing white space; nothing if it cannot be
+  /// Content of a small file (64 KiB at most) without trailing white space; nullopt if it cannot be
   /// read.
   virtual std::optional<std::string> read(const std::filesystem::path& file) const = 0;
   /// Sorted names in a folder; empty if it cannot be read.

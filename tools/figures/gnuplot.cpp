@@ -73,7 +73,7 @@ std::string run_gnuplot(const std::string& script, const std::filesystem::path& 
   if (error != 0) {
     throw InputError(Problem{"gnuplot", 0, 0,
                              std::string("cannot be started (") + std::strerror(error) +
-                                 "): the pictures need it; install the package gnuplot-nox"});
+                                 "): the figures need it; install the package gnuplot-nox"});
   }
   while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }

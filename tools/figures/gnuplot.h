@@ -1,5 +1,5 @@
-// Pictures by gnuplot, as SVG and PNG. The script with its data is kept next to each picture and
-// can be edited and run again.
+// Figures drawn by gnuplot, as SVG and PNG. The script with its data is written next to each
+// figure, to be edited and run again.
 #pragma once
 
 #include <filesystem>

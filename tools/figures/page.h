@@ -17,12 +17,12 @@ struct Figure {
   int number = 0;
   std::string title;
   std::string parameters;                  ///< of the rig and the drive
-  std::vector<std::string> panels = {};    ///< stems of the pictures, "figure-4a"
+  std::vector<std::string> panels = {};    ///< file stems of the panels, "figure-4a"
   std::vector<std::string> captions = {};  ///< one per panel
   std::vector<Comparison> comparisons = {};
 };
 
-/// One self-contained HTML file without scripts; the pictures are in the same folder.
+/// One self-contained HTML file without scripts; the images are in the same folder.
 std::string page(const std::vector<Figure>& figures, const std::string& command);
 
 }  // namespace stickslip::figures

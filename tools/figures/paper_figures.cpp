@@ -293,7 +293,7 @@ void add_ranges(Measured& m, const char* load, const char* mu) {
       {statement + ", by the paper's method", mu,
        range("%.2f", m.paper.sliding_mu.low, m.paper.sliding_mu.high, "")});
   m.figure.comparisons.push_back(
-      {statement + ", load cell and filters undone", "not done",
+      {statement + ", load cell and filters deconvolved", "not done",
        range("%.2f", m.today.sliding_mu.low, m.today.sliding_mu.high, "")});
 }
 
@@ -316,12 +316,12 @@ void add_hysteresis(Measured& m) {
       {"Hysteresis between mu and v: friction leaves its old value and gradually reaches the new "
        "one",
        "seen, no number",
-       text("near rest, mu while v falls less mu while v rises: %.2f; load cell undone %.2f",
+       text("near rest, mu while v falls less mu while v rises: %.2f; load cell deconvolved %.2f",
             loop_opening(m.paper), loop_opening(m.today))});
   m.figure.comparisons.push_back(
       {"For a short time the mass experiences negative friction", "seen, no number",
-       text("%.1f %% of the samples; load cell undone %.1f %%", 100.0 * m.paper.negative_friction,
-            100.0 * m.today.negative_friction)});
+       text("%.1f %% of the samples; load cell deconvolved %.1f %%",
+            100.0 * m.paper.negative_friction, 100.0 * m.today.negative_friction)});
 }
 
 void add_chaos(const Studio& studio, Measured& m, const std::string& preset) {

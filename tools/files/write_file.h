@@ -24,10 +24,9 @@ inline void make_folder(const std::filesystem::path& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error || !std::filesystem::is_directory(folder)) {
-    throw InputError(
-        Problem{folder.string(), 0, 0,
-                "cannot be created as a folder: " +
-                    (error ? error.message() : std::string("a file of that name exists"))});
+    throw InputError(Problem{folder.string(), 0, 0,
+                             "cannot be created as a folder: " +
+                                 (error ? error.message() : std::string("the file exists"))});
   }
 }
 

@@ -118,10 +118,10 @@ Answer PageFiles::answer_to(const ReceivedRequest& request) const {
 }
 
 bool write_head(lws* wsi, const Answer& answer) {
-  std::array<unsigned char, LWS_PRE + 2048> room{};
-  unsigned char* const start = room.data() + LWS_PRE;
+  std::array<unsigned char, LWS_PRE + 2048> buffer{};
+  unsigned char* const start = buffer.data() + LWS_PRE;
   unsigned char* at = start;
-  unsigned char* const end = room.data() + room.size();
+  unsigned char* const end = buffer.data() + buffer.size();
   const auto add = [&](lws_token_indexes name, std::string_view value) {
     return lws_add_http_header_by_token(wsi, name,
                                         reinterpret_cast<const unsigned char*>(value.data()),

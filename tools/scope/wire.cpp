@@ -16,20 +16,20 @@ namespace {
 
 using nlohmann::json;
 
-static_assert(std::endian::native == std::endian::little, "the wire is little-endian");
+static_assert(std::endian::native == std::endian::little, "the wire format is little-endian");
 
 class Writer {
  public:
-  explicit Writer(std::span<std::uint8_t> room) : room_(room) {}
+  explicit Writer(std::span<std::uint8_t> buffer) : rest_(buffer) {}
 
   template <class Number>
   void put(Number value) {
-    std::memcpy(room_.data(), &value, sizeof value);
-    room_ = room_.subspan(sizeof value);
+    std::memcpy(rest_.data(), &value, sizeof value);
+    rest_ = rest_.subspan(sizeof value);
   }
 
  private:
-  std::span<std::uint8_t> room_;
+  std::span<std::uint8_t> rest_;
 };
 
 // Non-finite numbers become null; invalid UTF-8 is replaced, not rejected.

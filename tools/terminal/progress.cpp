@@ -52,7 +52,7 @@ class Progress::Painter {
     const double share = share_.load(std::memory_order_relaxed);
     const double duration_s = duration_s_.load(std::memory_order_relaxed);
     if (duration_s > 0.0) {
-      out.done = (now_s() - begun_s_) / duration_s;
+      out.done = (now_s() - start_s_) / duration_s;
     } else if (share >= 0.0) {
       out.done = share;
     }
@@ -60,7 +60,7 @@ class Progress::Painter {
   }
 
   void run(const std::stop_token& stop) {
-    ProgressLine line(begun_s_);
+    ProgressLine line(start_s_);
     std::unique_lock lock(mutex_);
     while (!stop.stop_requested()) {
       woken_.wait_for(lock, stop, std::chrono::duration<double>(ProgressLine::period_s),
@@ -78,7 +78,7 @@ class Progress::Painter {
       const auto written = ::write(file, text.data(), text.size());
   }
 
-  const double begun_s_ = now_s();
+  const double start_s_ = now_s();
   std::mutex mutex_;
   std::condition_variable_any woken_;
   std::string label_;  // guarded by the mutex

@@ -27,7 +27,7 @@ class ProgressLine {
   static constexpr double display_delay_s = 1.0;  ///< shorter tasks show nothing
   static constexpr double period_s = 0.1;         ///< shortest time between redraws
 
-  explicit ProgressLine(double begun_s) : begun_s_(begun_s) {}
+  explicit ProgressLine(double start_s) : start_s_(start_s) {}
 
   /// Bytes to write at `now_s`; empty if the line is unchanged.
   std::string draw(double now_s, const Status& status, std::size_t columns);
@@ -36,7 +36,7 @@ class ProgressLine {
   std::string erase();
 
  private:
-  double begun_s_;
+  double start_s_;
   std::optional<double> drawn_s_;
   std::string shown_;
 };

@@ -248,7 +248,7 @@ TEST_F(EmulatedLibusb, AStallLastsUntilItIsCleared) {
   EXPECT_EQ(transfer.completions[1], LIBUSB_TRANSFER_COMPLETED);
 }
 
-TEST_F(EmulatedLibusb, UnpluggedDevicesAreGone) {
+TEST_F(EmulatedLibusb, UnpluggedDevicesDisappear) {
   start_stream();
   Transfer transfer(handle, 0x83, 64);
   libusb_submit_transfer(transfer.transfer);
@@ -270,14 +270,14 @@ TEST_F(EmulatedLibusb, UnpluggedDevicesAreGone) {
 }
 
 TEST_F(EmulatedLibusb, AnotherThreadEndsTheWait) {
-  const auto begun = std::chrono::steady_clock::now();
+  const auto start = std::chrono::steady_clock::now();
   std::thread other([this] {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
     libusb_interrupt_event_handler(context);
   });
   libusb_handle_events(context);
   other.join();
-  EXPECT_LT(std::chrono::steady_clock::now() - begun, std::chrono::seconds(30));
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(30));
 }
 
 TEST_F(EmulatedLibusb, RecordsMisuseOfTheLibrary) {

@@ -54,14 +54,14 @@ class Interval {
       : host_(host), length_(length), lost_(host.lost()) {}
   bool over() const {
     const auto more = std::min(2 * (host_.lost() - lost_), 4 * length_);
-    return std::chrono::steady_clock::now() - begun_ >= length_ + more;
+    return std::chrono::steady_clock::now() - start_ >= length_ + more;
   }
 
  private:
   const HostWatch& host_;
   std::chrono::nanoseconds length_;
   std::chrono::nanoseconds lost_;
-  std::chrono::steady_clock::time_point begun_ = std::chrono::steady_clock::now();
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
 }  // namespace stickslip::emulated

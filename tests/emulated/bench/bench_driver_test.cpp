@@ -37,17 +37,17 @@ class Ramp final : public Wires {
  public:
   explicit Ramp(std::int64_t begun_ns) : begun_ns_(begun_ns) {}
   double truth(Channel, std::int64_t time_ns) override {
-    return static_cast<double>(time_ns - begun_ns_) * 1e-9;
+    return static_cast<double>(time_ns - start_ns_) * 1e-9;
   }
   void drive(double, std::int64_t) override {}
   void enable(bool, std::int64_t) override {}
 
   std::int64_t time_of(double seconds) const {
-    return begun_ns_ + static_cast<std::int64_t>(std::llround(seconds * 1e9));
+    return start_ns_ + static_cast<std::int64_t>(std::llround(seconds * 1e9));
   }
 
  private:
-  std::int64_t begun_ns_;
+  std::int64_t start_ns_;
 };
 
 config::Bench settings() {

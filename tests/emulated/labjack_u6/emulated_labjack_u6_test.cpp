@@ -348,10 +348,10 @@ TEST_F(EmulatedU6, FaultsAffectTheScheduledPackets) {
   EXPECT_EQ(u6.in(3, 64).status, UsbStatus::stall);
   u6.clear_halt(0x83);
   EXPECT_EQ(packets().front()[10], 6);
-  const auto spoilt = u6.faulty_packets();
-  ASSERT_EQ(spoilt.size(), 6U);
-  EXPECT_EQ(spoilt[3].first_scan, 100U / 3U);
-  EXPECT_EQ(spoilt[3].last_scan, 124U / 3U);
+  const auto corrupted = u6.faulty_packets();
+  ASSERT_EQ(corrupted.size(), 6U);
+  EXPECT_EQ(corrupted[3].first_scan, 100U / 3U);
+  EXPECT_EQ(corrupted[3].last_scan, 124U / 3U);
 }
 
 TEST_F(EmulatedU6, FaultsAffectReplies) {

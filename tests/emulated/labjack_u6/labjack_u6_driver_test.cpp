@@ -189,17 +189,17 @@ TEST_P(FaultyStream, LosesExactlyTheFaultyPackets) {
     if (stall && bench.last.outcome == Outcome::lost) continue;  // ended and reported
     ASSERT_GT(frames.size(), 300U) << bench.last.message;
     expect_true(frames, bench.board);
-    std::set<std::uint64_t> spoilt;
+    std::set<std::uint64_t> corrupted;
     for (const U6FaultyPacket& packet : bench.board.faulty_packets()) {
       ++events;
       for (std::uint64_t scan = packet.first_scan; scan <= packet.last_scan; ++scan) {
-        spoilt.insert(scan);
+        corrupted.insert(scan);
       }
     }
     for (std::size_t i = 1; i < frames.size(); ++i) {
       ASSERT_GT(frames[i].sequence, frames[i - 1].sequence);
       for (std::uint64_t gone = frames[i - 1].sequence + 1; gone < frames[i].sequence; ++gone) {
-        ASSERT_TRUE(spoilt.contains(gone) || bench.board.scans()[gone].lost)
+        ASSERT_TRUE(corrupted.contains(gone) || bench.board.scans()[gone].lost)
             << "scan " << gone << " was lost unnecessarily";
       }
     }
@@ -292,7 +292,7 @@ TEST(LabjackU6OnABus, RestsAtTheConfiguredVoltageBeforeAnyWrite) {
   EXPECT_NEAR(bench.wires.output_v(), 1.25, 5.0 / 4096.0);
 }
 
-TEST(LabjackU6OnABus, WatchdogReleasesTheLineOfADeadDaemon) {
+TEST(LabjackU6OnABus, WatchdogReleasesTheLineOfACrashedDaemon) {
   Bench bench(1, 1000.0);
   ASSERT_TRUE(bench.driver.open());
   ASSERT_TRUE(bench.driver.start());
@@ -428,7 +428,7 @@ TEST(LabjackU6OnABus, SerialNumberSelectsTheDevice) {
   EXPECT_THAT(neither.open().message, HasSubstr("70-stickslip.rules"));
 }
 
-TEST(LabjackU6OnABus, StreamOfADeadProcessIsEnded) {
+TEST(LabjackU6OnABus, StreamOfACrashedProcessIsEnded) {
   Bench bench;
   {
     LabjackU6Driver dead(settings(), inputs(), 5000.0, bench.clock);
@@ -557,9 +557,10 @@ TEST(LabjackU6OnABus, EmergencyStopIsDetectedWhileALostReplyIsAwaited) {
   bench.board.schedule(U6ReplyFault::missing);
   drive(bench, milliseconds(30), {3.0, true});
   bench.wires.pressed = true;
-  const auto begun = steady_clock::now();
+  const auto start_time = steady_clock::now();
   EXPECT_TRUE(watch(bench, milliseconds(400), {3.0, true}).pressed);
-  EXPECT_LT(steady_clock::now() - begun, milliseconds(180));  // 100 ms and a margin for a busy host
+  EXPECT_LT(steady_clock::now() - start_time,
+            milliseconds(180));  // 100 ms and a margin for a busy host
 }
 
 // The limit: with any loss of replies, unknown lines count as pressed.
@@ -569,14 +570,14 @@ TEST(LabjackU6OnABus, SilentBoardCountsAsPressedAfterATenthOfASecond) {
   ASSERT_TRUE(bench.driver.start());
   drive(bench, milliseconds(100), {3.0, true});
   ASSERT_FALSE(bench.driver.signals().emergency_stop);
-  const auto begun = steady_clock::now();
+  const auto start_time = steady_clock::now();
   bench.board.chance(U6ReplyFault::missing, 1.0);
   EXPECT_TRUE(watch(bench, milliseconds(1000), {3.0, true}).pressed);
-  EXPECT_GT(steady_clock::now() - begun, milliseconds(50));
-  EXPECT_LT(steady_clock::now() - begun, milliseconds(200));
+  EXPECT_GT(steady_clock::now() - start_time, milliseconds(50));
+  EXPECT_LT(steady_clock::now() - start_time, milliseconds(200));
 }
 
-TEST(LabjackU6OnABus, TrippedAmplifierStaysOffUntilCommandedOff) {
+TEST(LabjackU6OnABus, TrippedAmplifierStaysOffUntilAnOffCommand) {
   Bench bench(1, 1000.0);
   ASSERT_TRUE(bench.driver.open());
   ASSERT_TRUE(bench.driver.start());
@@ -604,8 +605,8 @@ void leave_line_high(Bench& bench) {
   ASSERT_TRUE(bench.wires.is_enabled());
 }
 
-// Whichever command of open fails, a line left high by a dead process is set low.
-TEST(LabjackU6OnABus, LineLeftHighByADeadProcessIsLowWhateverFails) {
+// Whichever command of open fails, a line left high by a crashed process is set low.
+TEST(LabjackU6OnABus, LineLeftHighByACrashedProcessIsLowWhateverFails) {
   int failures = 0;
   for (std::uint64_t failing = 0; failing < 12; ++failing) {
     SCOPED_TRACE(failing);

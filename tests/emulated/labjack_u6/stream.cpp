@@ -31,7 +31,7 @@ U6Stream::U6Stream(Sampler sampler, std::uint64_t seed)
 
 void U6Stream::start(std::int64_t now_ns, double crystal_error) {
   running_ = true;
-  begun_ns_ = now_ns;
+  start_ns_ = now_ns;
   interval_ns_ = 1e9 * config_->interval / config_->clock_hz / (1.0 + crystal_error);
   sample_ns_ = sample_time_ns(*config_);
   next_scan_ = 0;
@@ -64,7 +64,7 @@ std::size_t U6Stream::packet_bytes() const {
 }
 
 std::int64_t U6Stream::scan_time(std::uint64_t scan) const {
-  return begun_ns_ + std::llround(static_cast<double>(scan + 1) * interval_ns_);
+  return start_ns_ + std::llround(static_cast<double>(scan + 1) * interval_ns_);
 }
 
 void U6Stream::sample_until(std::int64_t now_ns) {

@@ -111,7 +111,7 @@ class U6Stream {
   std::mt19937_64 random_;
   std::optional<U6StreamConfig> config_;
   bool running_ = false;
-  std::int64_t begun_ns_ = 0;
+  std::int64_t start_ns_ = 0;
   double interval_ns_ = 0.0;
   double sample_ns_ = 0.0;
   std::uint64_t next_scan_ = 0;

@@ -18,12 +18,12 @@ class UsbEventsBench : public testing::Test {
 
   /// Duration of a number of waits of 50 ms that return immediately without an event.
   Clock::duration wait_for_nothing(int times) {
-    const Clock::time_point begun = Clock::now();
+    const Clock::time_point start = Clock::now();
     for (int i = 0; i < times; ++i) {
       libusb_interrupt_event_handler(context_);
       EXPECT_TRUE(events_.handle(context_, milliseconds(50)));
     }
-    return Clock::now() - begun;
+    return Clock::now() - start;
   }
 
   EmulatedBus bus_;
@@ -38,9 +38,9 @@ TEST_F(UsbEventsBench, ContinuouslyReadyBoardIsPolledOncePerMillisecond) {
 
 TEST_F(UsbEventsBench, WaitsForTheTimeout) {
   wait_for_nothing(5);
-  const Clock::time_point begun = Clock::now();
+  const Clock::time_point start = Clock::now();
   EXPECT_TRUE(events_.handle(context_, milliseconds(20)));
-  EXPECT_GE(Clock::now() - begun, milliseconds(19));
+  EXPECT_GE(Clock::now() - start, milliseconds(19));
 }
 
 }  // namespace

@@ -169,7 +169,7 @@ TEST_F(BridgeTest, LateHostLosesTheOldestReports) {
   EXPECT_EQ(device.struck().overwritten, 96U);
 }
 
-TEST_F(BridgeTest, FaultsComeOnDemand) {
+TEST_F(BridgeTest, FaultsCanBeInjected) {
   auto device = bridge();
   device.out(1, input_1_at_gain_8);
   next(device);

@@ -327,9 +327,9 @@ TEST(PhidgetBridgeOnABus, SilenceEndsValidityUntilReportsResume) {
   ASSERT_TRUE(bench.gauge.open());
   bench.readings(milliseconds(50));
   bench.set_faults({.silent = true});
-  const auto begun = steady_clock::now();
+  const auto start = steady_clock::now();
   bench.readings(milliseconds(500));
-  EXPECT_LT(steady_clock::now() - begun, milliseconds(900)) << "a read blocked";
+  EXPECT_LT(steady_clock::now() - start, milliseconds(900)) << "a read blocked";
   EXPECT_EQ(bench.last.outcome, Outcome::no_data);
   EXPECT_FALSE(bench.now[0].valid);
   bench.set_faults({});

@@ -127,9 +127,9 @@ TEST_F(SerialScaleBench, LineWithAWrongChecksumIsRejected) {
   std::string line = scale_line('S', 1.0, "g");
   line[7] = '9';
   scale_.write(line);
-  const Result spoilt = read();
-  EXPECT_EQ(spoilt.outcome, Outcome::temporary);
-  EXPECT_THAT(spoilt.message, HasSubstr("scale"));
+  const Result corrupted = read();
+  EXPECT_EQ(corrupted.outcome, Outcome::temporary);
+  EXPECT_THAT(corrupted.message, HasSubstr("scale"));
   EXPECT_FALSE(reading_.valid);
   EXPECT_EQ(reading_.time_ns, 0);
   EXPECT_EQ(gauge_.losses().rejected, 1U);

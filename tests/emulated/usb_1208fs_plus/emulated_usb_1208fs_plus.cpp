@@ -284,7 +284,7 @@ void EmulatedUsb1208fsPlus::start_output_if_ready() {
   const auto scan_bytes = static_cast<std::size_t>(2 * std::popcount(output_.mask));
   if (!output_.running || !output_.waiting || output_.fifo.size() < scan_bytes) return;
   output_.waiting = false;
-  output_.pace.begun_ns = now_();
+  output_.pace.start_ns = now_();
   catch_up();
 }
 

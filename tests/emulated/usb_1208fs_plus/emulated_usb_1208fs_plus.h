@@ -95,11 +95,11 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
  private:
   /// Times of input conversions or output scans.
   struct Pace {
-    std::int64_t begun_ns = 0;
+    std::int64_t start_ns = 0;
     double period_ns = 0.0;
     std::uint64_t ticks = 0;
     std::int64_t due_ns() const {
-      return begun_ns + static_cast<std::int64_t>(static_cast<double>(ticks) * period_ns + 0.5);
+      return start_ns + static_cast<std::int64_t>(static_cast<double>(ticks) * period_ns + 0.5);
     }
   };
   struct InputScan {

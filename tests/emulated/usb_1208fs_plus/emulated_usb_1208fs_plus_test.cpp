@@ -288,7 +288,7 @@ TEST_F(BoardTest, OutputIsZeroWithoutPower) {
   EXPECT_EQ(wires.driven.back(), std::make_pair(0.0, 9 * ms));
 }
 
-TEST_F(BoardTest, FaultsComeOnDemand) {
+TEST_F(BoardTest, FaultsCanBeInjected) {
   auto device = board();
   start_input(device, 0, 1000.0, 1, 0);
   now_ns = 100 * ms;  // 101 samples, three packets

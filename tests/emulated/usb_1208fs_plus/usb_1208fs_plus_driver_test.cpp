@@ -650,7 +650,7 @@ TEST(Usb1208fsPlusOnABus, SerialNumberSelectsTheDevice) {
   bench.bus.unplug(other);
 }
 
-TEST(Usb1208fsPlusOnABus, ScanOfADeadProcessIsEnded) {
+TEST(Usb1208fsPlusOnABus, ScanOfACrashedProcessIsEnded) {
   Bench bench;
   bench.bus.between_calls([&] {
     bench.board.control({0x40, 0x11, 0, 0, 14}, Bytes{0, 0, 0, 0, 0, 0, 0, 0, 0, 64, 0, 0, 3, 0});

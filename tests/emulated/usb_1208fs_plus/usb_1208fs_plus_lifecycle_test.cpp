@@ -72,7 +72,7 @@ class FakeBoard final : public emulated::UsbDevice {
       case 0x11:
         mask_ = out[12];
         period_ns_ = 1e9 * (1 + (out[8] | out[9] << 8 | out[10] << 16)) / 60e6;
-        begun_ns_ = clock_.now_ns();
+        start_ns_ = clock_.now_ns();
         sent_ = 0;
         running = true;
         return {};
@@ -120,7 +120,7 @@ class FakeBoard final : public emulated::UsbDevice {
     if (stalled) return {UsbStatus::stall, {}};
     if (!running) return {UsbStatus::not_ready, {}};
     const double due = static_cast<double>(sent_ + 32) * period_ns_;
-    if (static_cast<double>(clock_.now_ns() - begun_ns_) < due) return {UsbStatus::not_ready, {}};
+    if (static_cast<double>(clock_.now_ns() - start_ns_) < due) return {UsbStatus::not_ready, {}};
     std::vector<unsigned> channels;
     for (unsigned c = 0; c < 8; ++c) {
       if ((mask_ >> c & 1) != 0) channels.push_back(c);
@@ -163,7 +163,7 @@ class FakeBoard final : public emulated::UsbDevice {
   MonotonicHostClock clock_;
   int mask_ = 0;
   double period_ns_ = 1.0;
-  std::int64_t begun_ns_ = 0;
+  std::int64_t start_ns_ = 0;
   std::size_t sent_ = 0;
 };
 
@@ -372,9 +372,9 @@ TEST_F(Usb1208fsPlus, TransfersKeptByTheKernelDoNotBlockStop) {
     board.running = false;  // no more data
   }
   kernel_keeps = true;
-  const std::int64_t begun_ns = clock.now_ns();
+  const std::int64_t start_ns = clock.now_ns();
   driver->stop();
-  EXPECT_LT(clock.now_ns() - begun_ns, 4'000'000'000);
+  EXPECT_LT(clock.now_ns() - start_ns, 4'000'000'000);
   EXPECT_EQ(driver->start().outcome, Outcome::lost);
   driver->close();
   EXPECT_EQ(bus.open_handles(), 1) << "the handle is left to the kernel";

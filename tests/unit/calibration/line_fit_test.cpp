@@ -113,11 +113,11 @@ Coverage coverage_of(const std::vector<Point>& declared, bool with_std, const Fi
 
 constexpr double no_tolerance = 0.0;  // every significant deviation is an objection
 
-TEST(LineFitCoverage, IntervalsHoldTheTruthIn95Percent) {
+TEST(LineFitCoverage, IntervalsCoverTheTrueValuesIn95Percent) {
   FitOptions options;
   options.accuracy = no_tolerance;
   const Coverage got = coverage_of(exact(cycle, 2e-7, 4e-4), true, options);
-  // 2000 rounds: a standard deviation of 0.5 %. Widening in one of twenty adds a little.
+  // 2000 rounds: standard deviation 0.5 %. One fit in twenty is widened, which adds 0.2 %.
   EXPECT_NEAR(got.offset, 0.952, 0.016);
   EXPECT_NEAR(got.gain, 0.952, 0.016);
   EXPECT_NEAR(got.mahalanobis, 2.0, 0.15);
@@ -128,7 +128,7 @@ TEST(LineFitCoverage, IntervalsHoldTheTruthIn95Percent) {
   EXPECT_GT(got.refused, 0.0005);
 }
 
-TEST(LineFitCoverage, HoldsIfReferencesDominateTheError) {
+TEST(LineFitCoverage, IsCorrectIfReferencesDominateTheError) {
   FitOptions options;
   options.accuracy = no_tolerance;
   const Coverage got =
@@ -139,7 +139,7 @@ TEST(LineFitCoverage, HoldsIfReferencesDominateTheError) {
   EXPECT_LT(std::abs(got.gain_bias), 3.3);
 }
 
-TEST(LineFitCoverage, HoldsIfTheScatterIsEstimated) {
+TEST(LineFitCoverage, IsCorrectIfTheScatterIsEstimated) {
   FitOptions options;
   options.accuracy = no_tolerance;
   const Coverage got = coverage_of(exact(cycle, 2e-7, 0.0), false, options);
@@ -150,13 +150,13 @@ TEST(LineFitCoverage, HoldsIfTheScatterIsEstimated) {
 TEST(LineFit, ExcessScatterScalesTheUncertainty) {
   std::mt19937_64 random(3);
   auto points = noisy(exact(cycle, 4e-7), random);
-  const LineFit honest = fit(points);
+  const LineFit correct = fit(points);
   for (Point& point : points) point.raw_std = 1e-8;
-  const LineFit boastful = fit(points);
-  ASSERT_TRUE(boastful.scaled);
-  EXPECT_NEAR(std::sqrt(boastful.covariance.gain / honest.covariance.gain), 1.0, 0.6);
-  EXPECT_GT(boastful.coverage_95, 2.2);
-  EXPECT_TRUE(boastful.acceptable()) << "0.04 % of the span does not matter";
+  const LineFit optimistic = fit(points);
+  ASSERT_TRUE(optimistic.scaled);
+  EXPECT_NEAR(std::sqrt(optimistic.covariance.gain / correct.covariance.gain), 1.0, 0.6);
+  EXPECT_GT(optimistic.coverage_95, 2.2);
+  EXPECT_TRUE(optimistic.acceptable()) << "0.04 % of the span is negligible";
 }
 
 TEST(LineFit, CommonUncertaintyOfTheReferencesAddsToTheGain) {
@@ -167,7 +167,7 @@ TEST(LineFit, CommonUncertaintyOfTheReferencesAddsToTheGain) {
   EXPECT_NEAR(std::sqrt(found.covariance.gain) / true_gain, 0.003, 1e-5);
 }
 
-TEST(LineFit, DoesNotDependOnTheScaleOfItsUnits) {
+TEST(LineFit, IsIndependentOfUnits) {
   std::mt19937_64 random(8);
   const auto points = noisy(exact(cycle, 2e-7, 4e-4), random);
   auto large = points;
@@ -184,7 +184,7 @@ TEST(LineFit, DoesNotDependOnTheScaleOfItsUnits) {
   EXPECT_NEAR(b.covariance.gain / a.covariance.gain, 1e-30, 1e-35);
 }
 
-// Every objection is provoked, and has a sentence.
+// Every reason for refusal, with its message.
 TEST(LineFitRefuses, FewerThanThreeReferences) {
   EXPECT_THAT(reasons(fit({})), testing::ElementsAre(Reason::too_few_points));
   EXPECT_THAT(reasons(fit(exact({0.0}, 1e-8))), testing::ElementsAre(Reason::too_few_points));
@@ -192,7 +192,7 @@ TEST(LineFitRefuses, FewerThanThreeReferences) {
   const LineFit refused = fit(two);
   EXPECT_FALSE(refused.solved);
   EXPECT_THAT(reasons(refused), testing::ElementsAre(Reason::too_few_points));
-  EXPECT_THAT(refused.objections[0].sentence, testing::HasSubstr("take more"));
+  EXPECT_THAT(refused.objections[0].sentence, testing::HasSubstr("at least three"));
   FitOptions options;
   options.two_references = true;
   const LineFit forced = fit(two, options);
@@ -201,7 +201,7 @@ TEST(LineFitRefuses, FewerThanThreeReferences) {
   EXPECT_FALSE(forced.curvature) << "not testable";
 }
 
-TEST(LineFitRefuses, PointsWithoutASpan) {
+TEST(LineFitRefuses, EqualReferencesOrEqualReadings) {
   EXPECT_THAT(reasons(fit(exact({1.0, 1.0, 1.0}, 1e-8))), testing::ElementsAre(Reason::no_span));
   auto dead = exact({0.0, 1.0, 2.0}, 1e-8);
   for (Point& point : dead) point.raw = 0.5;
@@ -211,12 +211,12 @@ TEST(LineFitRefuses, PointsWithoutASpan) {
 TEST(LineFitRefuses, UnusablePoints) {
   for (const int field : {0, 1, 2, 3}) {
     auto points = exact(cycle, 1e-8);
-    const double nothing = std::numeric_limits<double>::quiet_NaN();
+    const double not_a_number = std::numeric_limits<double>::quiet_NaN();
     Point& point = points[3];
     (field == 0   ? point.raw
      : field == 1 ? point.raw_std
      : field == 2 ? point.reference_si
-                  : point.reference_sigma) = nothing;
+                  : point.reference_sigma) = not_a_number;
     const LineFit found = fit(points);
     EXPECT_FALSE(found.solved);
     EXPECT_THAT(reasons(found), testing::ElementsAre(Reason::unusable_point));
@@ -280,15 +280,15 @@ TEST(LineFitRefuses, AnUncertainGain) {
   EXPECT_THAT(reasons(found), testing::ElementsAre(Reason::gain_uncertain));
 }
 
-TEST(LineFit, HintsAtAnInfluentialPoint) {
+TEST(LineFit, NamesAnInfluentialPoint) {
   const LineFit found = fit(exact({0.0, 0.01, 0.0, 0.01, 2.0}, 1e-7));
   EXPECT_THAT(found.hints, testing::ElementsAre(testing::HasSubstr("point 5 (2 SI) determines")));
   double sum = 0.0;
   for (const PointResidual& each : found.points) sum += each.leverage;
-  EXPECT_NEAR(sum, 2.0, 1e-9) << "two numbers are fitted";
+  EXPECT_NEAR(sum, 2.0, 1e-9) << "two parameters are fitted";
 }
 
-TEST(LineFit, RepeatabilityIsOfReadingsFromOneSide) {
+TEST(LineFit, RepeatabilityComparesReadingsApproachedFromTheSameSide) {
   auto points = exact({0.0, 1.0, 1.0, 2.0, 1.0, 0.0}, 1e-7);
   points[1].raw += 0.001 / true_gain;
   points[2].raw -= 0.001 / true_gain;
@@ -298,7 +298,7 @@ TEST(LineFit, RepeatabilityIsOfReadingsFromOneSide) {
   EXPECT_FALSE(fit(exact(cycle, 1e-7)).repeatability_si);
 }
 
-TEST(CalibrationOf, HoldsThePointsAndTheObjections) {
+TEST(CalibrationOf, ContainsPointsAndObjections) {
   auto points = exact(cycle, 1e-7, 1e-4);
   points.back().raw += 0.01 / true_gain;
   const LineFit found = fit(points);

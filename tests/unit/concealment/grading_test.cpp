@@ -89,7 +89,7 @@ TEST(Grading, WrongNameFalseAlarmMissAndSurplus) {
   EXPECT_FALSE(more.exact);
 }
 
-TEST(Grading, SensorErrorNeedsItsChannelAndIntervalsTheTruth) {
+TEST(Grading, SensorErrorNeedsItsChannelAndIntervalsMustCoverTheTrueValue) {
   const auto at = [](const char* channel, double half) {
     return report("missing_physics",
                   {finding("channel_delay", "sensor", "delay_s", 0.0045, half, channel)});

@@ -245,7 +245,7 @@ RC_GTEST_PROP(CalibrationFileProperty, RenewingKeepsTheNewestFirst, ()) {
       std::all_of(times.begin(), times.end(), [](int left) { return left == 0 || left == 1; }));
 }
 
-TEST(Renew, KeepsCrosstalkAndRefusesAClockThatGoesBack) {
+TEST(Renew, KeepsCrosstalkAndRefusesAnEarlierTime) {
   CalibrationFile file = parse_calibration(example, "c.toml");
   ChannelCalibration next;
   next.date = "2026-03-01";

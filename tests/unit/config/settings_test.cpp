@@ -139,7 +139,7 @@ TEST_F(Settings, ChangesAreLiveOrNeedARestart) {
   EXPECT_EQ(text(changes(before, after).back()), "excitation.carrier_hz: 3.0 -> 3.5");
 }
 
-TEST_F(Settings, NewContentsOfAModelAreAChangeOfItsKey) {
+TEST_F(Settings, ChangedModelFileCountsAsAChangeOfItsKey) {
   const Rig before = load("");
   write("model.toml", std::string("# a word\n") + model);
   EXPECT_THAT(changes(before, load("")), testing::IsEmpty());

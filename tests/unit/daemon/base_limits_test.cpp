@@ -230,7 +230,7 @@ TEST(BaseLimits, AForceHasNoLimitOfItsSecondDifference) {
   EXPECT_EQ(before, -1.0);
 }
 
-TEST(BaseLimits, ResetIsNoMotion) {
+TEST(BaseLimits, ResetStopsTheMotion) {
   BaseLimits stage(usual, h);
   for (int i = 0; i < 100; ++i) stage.next(0.01);
   stage.reset();

@@ -265,7 +265,7 @@ TEST_F(ControlTest, InvalidRequestsAreRefusedWithAReasonAndChangeNothing) {
   EXPECT_EQ(loop->snapshot().state, RigState::faulted);
 }
 
-TEST_F(ControlTest, ThousandsOfMisbehavingClientsDelayNeitherTheLoopNorAGoodOne) {
+TEST_F(ControlTest, ThousandsOfMisbehavingClientsDelayNeitherTheLoopNorAValidClient) {
   open();
   std::mt19937 random(11);
   Client good(settings.path);

@@ -13,7 +13,7 @@ TEST(Deadline, IsOnePeriodLaterIfInTime) {
   EXPECT_EQ(next_deadline(10 * ms, ms, 11 * ms), (Deadline{11 * ms, 0, 0}));
 }
 
-TEST(Deadline, LessThanAPeriodLateRunsLateAndSkipsNothing) {
+TEST(Deadline, IsNotSkippedIfLessThanAPeriodLate) {
   EXPECT_EQ(next_deadline(10 * ms, ms, 11 * ms + 300), (Deadline{11 * ms, 300, 0}));
   EXPECT_EQ(next_deadline(10 * ms, ms, 12 * ms - 1), (Deadline{11 * ms, ms - 1, 0}));
 }

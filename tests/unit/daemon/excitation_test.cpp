@@ -166,7 +166,7 @@ class Extremes {
 };
 
 // Any configuration and any settings, without the checks of the loader and of `refusal`.
-RC_GTEST_PROP(Excitation, NothingUpstreamExceedsTheLimits, ()) {
+RC_GTEST_PROP(Excitation, InternalDriveIsWithinTheLimits, ()) {
   config::Excitation settings = sine(0.001 * *rc::gen::inRange(0, 200), 0.5);
   settings.carrier_hz = *rc::gen::inRange(1, 200) * 0.5;
   settings.kind =
@@ -224,7 +224,7 @@ TEST(Excitation, AStopKeepsTheLimitsAndEndsAtRest) {
   }
 }
 
-TEST(Excitation, WithoutTimeNothingMoves) {
+TEST(Excitation, IsUnchangedWithoutElapsedTime) {
   Excitation excitation(sine(0.008, 2.5), usual);
   excitation.start();
   run(excitation, 1.03);
@@ -347,7 +347,7 @@ TEST(Refusal, NamesTheLimitAndTheLargestAllowedValue) {
             "amplitude = nan: expected a number, 0 or more");
 }
 
-TEST(Refusal, OfAParameterThatTheKindLacks) {
+TEST(Refusal, ParameterThatTheKindLacks) {
   config::Excitation excitation = sine(0.004, 2.5);
   excitation.kind = config::ExcitationKind::sweep;
   excitation.sweep = {.from_hz = 2.0, .to_hz = 6.0, .duration_s = 10.0};

@@ -66,12 +66,12 @@ class Witness final : public drivers::Driver {
     return device_.start();
   }
   Result read(Frame& frame) override {
-    const std::int64_t begun_ns = clock_.now;
+    const std::int64_t start_ns = clock_.now;
     const Result result = device_.read(frame);
     must_be_off = false;
     good_in_a_row = result ? good_in_a_row + 1 : 0;
     judge(result, reads_silent_since_);
-    if (clock_.now - begun_ns > overrun_ns + ms) must_be_off = true;  // the next cycle is late
+    if (clock_.now - start_ns > overrun_ns + ms) must_be_off = true;  // the next cycle is late
     const drivers::Signals lines = device_.signals();
     if (lines.emergency_stop || lines.amplifier_fault) must_be_off = true;
     if (!result) return result;

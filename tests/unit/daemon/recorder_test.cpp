@@ -317,7 +317,7 @@ TEST_F(RecorderTest, LedgerCountsFramesConfirmedByTheDisk) {
   flush();
   EXPECT_EQ(ledger_->balance().recorded.delivered, 70U);  // held by the kernel
   EXPECT_THAT(ledger_->balance().recorded.confirmed, Optional(30U));
-  EXPECT_THAT(ledger_->balance().text(), HasSubstr("the disk has confirmed 30 of them"));
+  EXPECT_THAT(ledger_->balance().text(), HasSubstr("30 of them confirmed on disk"));
 
   // Later frames are confirmed; the frames of the failed sync stay unconfirmed.
   disk_confirms = true;

@@ -18,7 +18,7 @@ TEST(DurationHistogram, IsInitiallyEmptyAndCountsNegativesAsZero) {
   EXPECT_EQ(histogram.quantile_ns(1.0), 0);
 }
 
-RC_GTEST_PROP(DurationHistogram, QuantilesAreAboveTheTruthByLessThanAQuarter, ()) {
+RC_GTEST_PROP(DurationHistogram, QuantilesExceedTheTrueValueByLessThanAQuarter, ()) {
   auto durations = *rc::gen::nonEmpty(rc::gen::container<std::vector<std::int64_t>>(
       rc::gen::inRange<std::int64_t>(0, 10'000'000'000)));
   DurationHistogram histogram;

@@ -202,7 +202,7 @@ TEST(Waveform, BurstsOfAChirpAreIdenticalWithRestsBetween) {
   EXPECT_NEAR(*std::max_element(values.begin(), values.begin() + 3000), 0.005, 1e-5);
 }
 
-TEST(Waveform, AMultisineHasItsLines) {
+TEST(Waveform, MultisineHasItsConfiguredLines) {
   config::Excitation settings = of_kind(ExcitationKind::multisine, 0.0);
   settings.multisine.lines = {{2.0, 0.003, 30.0}, {5.0, 0.001, -90.0}};
   Waveform waveform = made(settings);

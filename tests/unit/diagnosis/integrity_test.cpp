@@ -47,7 +47,7 @@ protocol::Recording two_tones(double late_s = 0.0) {
   return recording;
 }
 
-TEST(Integrity, OfACleanRecordingHasNoRemarks) {
+TEST(Integrity, CleanRecordingHasNoRemarks) {
   const Integrity found = integrity_of(two_tones(), physics::Model{});
   EXPECT_THAT(found.remarks, IsEmpty());
   EXPECT_EQ(found.frames, 10000u);

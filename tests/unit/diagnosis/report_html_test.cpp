@@ -443,7 +443,7 @@ TEST(Portrait, EffectWithMemoryIsALoop) {
   EXPECT_NEAR(*least, -0.1, 0.01);
 }
 
-TEST(Portrait, SensorErrorIsReadingAgainstTruth) {
+TEST(Portrait, SensorErrorIsPlottedAsReadingAgainstTrueValue) {
   const auto gain = portrait("gain_error", {Channel::velocity, {}}, {1.2});
   ASSERT_EQ(gain.size(), 1U);
   EXPECT_EQ(gain[0].quantity, "reading");

@@ -26,7 +26,7 @@ ResidualFeatures features_for(const physics::Model& truth) {
   return residual_features(task, declared, fitted);
 }
 
-TEST(ResidualFeatures, HaveTheLineOfAHum) {
+TEST(ResidualFeatures, ContainTheSpectralLineOfHum) {
   physics::Model truth = driven_mass();
   truth.terms.push_back(
       {"mains_hum",
@@ -39,7 +39,7 @@ TEST(ResidualFeatures, HaveTheLineOfAHum) {
   EXPECT_GT(std::cos(line.phase_rad - 0.8), 0.8);
 }
 
-TEST(ResidualFeatures, HaveBeginAndEndOfAnEpisode) {
+TEST(ResidualFeatures, ContainStartAndEndOfAnEpisode) {
   const auto truth = test::with_term(driven_mass(), "force_episode",
                                      {{"force_n", {2.0}}, {"begin_s", {9.0}}, {"end_s", {14.0}}});
   const ResidualFeatures features = features_for(truth);

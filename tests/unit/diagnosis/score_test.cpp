@@ -27,7 +27,7 @@ TEST(Score, OfTheTrueModelIsThatOfTheNoise) {
   EXPECT_FALSE(got.rmse[1].has_value()) << "no velocity was recorded";
 }
 
-TEST(Score, OfAModelThatLacksAForceIsWorse) {
+TEST(Score, IsWorseForAModelThatLacksAForce) {
   const auto truth = with_term(driven_mass(), "dry_friction", {{"friction_force_n", {0.5}}});
   const std::vector<Experiment> experiments = {experiment_of(record(truth, 12.0), driven_mass())};
   const std::vector<double> z(2, 0.0);
@@ -58,7 +58,7 @@ TEST(FreeRun, OfTheTrueModelFollowsTheRecording) {
   EXPECT_LT(*run.rmse[0], 1.5e-4);
 }
 
-TEST(FreeRun, OfADivergingModelIsFinite) {
+TEST(FreeRun, StaysFiniteIfTheModelDiverges) {
   const std::vector<Experiment> experiments = {
       experiment_of(record(driven_mass(), 12.0), driven_mass())};
   const auto wild = with_term(driven_mass(), "cubic_stiffness", {{"k3_n_m3", {-1.0e9}}});

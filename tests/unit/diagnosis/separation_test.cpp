@@ -30,7 +30,7 @@ Hypothesis with(const char* id, double size) {
 }
 
 // Springs that harden with the third and the fifth power are equivalent at one amplitude.
-TEST(Separation, OfPowersOfDeflectionIsAnotherAmplitude) {
+TEST(Separation, SuggestsAnotherAmplitudeForPowersOfDeflection) {
   const Experiment run = steady_run();
   const double x = run.largest.displacement_m;
   const double k3 = 1.0e-4 / (x * x * x);
@@ -45,7 +45,7 @@ TEST(Separation, OfPowersOfDeflectionIsAnotherAmplitude) {
   EXPECT_TRUE(sentence.starts_with(separation->run)) << sentence;
 }
 
-TEST(Separation, OfIdenticalHypothesesIsNone) {
+TEST(Separation, IsAbsentForIdenticalHypotheses) {
   const Experiment run = steady_run();
   const Hypothesis cubic = with("cubic_stiffness", 500.0);
   const std::vector<double> z(3, 0.0);

@@ -83,7 +83,7 @@ TEST(Fit, PropagatesStatesFromWindowToWindow) {
   EXPECT_GT(followed(multiple), followed(single));
 }
 
-TEST(Fit, OfStatesOnlyHoldsTheParameters) {
+TEST(Fit, OfStatesOnlyLeavesParametersUnchanged) {
   const std::vector<Experiment> experiments = {
       experiment_of(record(real_mass(), 6.0), driven_mass())};
   const Task task = all_windows(experiments);

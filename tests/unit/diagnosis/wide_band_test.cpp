@@ -32,7 +32,7 @@ std::vector<double> filtered_tone(const FilterChain& chain, double frequency_hz,
   return samples;
 }
 
-RC_GTEST_PROP(WideBand, UndoesTheFiltersOfATone, ()) {
+RC_GTEST_PROP(WideBand, CorrectsTheFiltersOfATone, ()) {
   const double frequency_hz = 0.1 * *rc::gen::inRange(5, 150);
   const std::vector<Filter> filters = {{FilterKind::butterworth_lowpass, 4, 25.0}};
   const FilterChain chain(filters, period_s);
@@ -70,7 +70,7 @@ TEST(WideBand, DoesNotDependOnTheNumberOfSamples) {
   }
 }
 
-TEST(WideBand, UndoesTheLagOfALine) {
+TEST(WideBand, CorrectsTheLagOfALine) {
   const std::vector<Filter> filters = {{FilterKind::first_order_lowpass, 1, 10.0}};
   const FilterChain chain(filters, period_s);
   const double lag_s = 1.0 / (2.0 * std::numbers::pi * 10.0);
@@ -111,7 +111,7 @@ TEST(NoiseOf, IsIndependentOfTheMotion) {
   for (std::size_t i = 0; i < samples.size(); ++i) {
     samples[i] = std::sin(0.02 * static_cast<double>(i)) + normal(random);
   }
-  samples[2000] += 5.0;  // one jump does not count
+  samples[2000] += 5.0;  // the estimate is robust to a jump
   EXPECT_NEAR(noise_of(samples), 2.0e-4, 2.0e-5);
 }
 

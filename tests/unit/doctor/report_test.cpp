@@ -20,7 +20,7 @@ TEST(Examination, PassesOnASuitableMachine) {
 }
 
 TEST(Examination, GivesARemedyForEveryProblem) {
-  FakeHost host;  // a bare machine: nothing exists, nothing is granted
+  FakeHost host;  // a bare machine, without devices and permissions
   host.files = {{"/proc/sys/kernel/sched_rt_runtime_us", "0"},
                 {"/proc/sys/kernel/sched_rt_period_us", "1000000"}};
   host.folders.clear();

@@ -111,7 +111,7 @@ int status_without_system_calls(const Work& work) {
   return status;
 }
 
-TEST(SystemCalls, InjectedFaultsMakeNone) {
+TEST(SystemCalls, NoneByInjectedFaults) {
   const int control = status_without_system_calls([] { getppid(); });
   if (WIFEXITED(control) && WEXITSTATUS(control) == 77) {
     GTEST_SKIP() << "this kernel does not support strict seccomp mode";

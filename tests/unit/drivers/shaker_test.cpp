@@ -81,7 +81,7 @@ TEST(Shaker, ComesToRestSmoothlyWithTheAmplifierOff) {
   }
 }
 
-TEST(Shaker, NonFiniteDriveMovesNothing) {
+TEST(Shaker, NonFiniteDriveCausesNoMotion) {
   Shaker shaker(physics::Excitation::base, bandwidth_hz, period_s, steps);
   for (const double drive :
        {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {

@@ -132,7 +132,7 @@ TEST(SimulatedDriver, RestsWhenStoppedAndContinuesFromThere) {
   EXPECT_NEAR(frame[Channel::base_displacement], 0.0, 1.0e-5);
 }
 
-TEST(SimulatedDriver, NonFiniteDriveIsAFaultAndMovesNothing) {
+TEST(SimulatedDriver, NonFiniteDriveIsAFaultAndCausesNoMotion) {
   config::SimulatedDriver settings = shipped().simulated;
   settings.noise = false;
   SimulatedDriver driver(settings, period_s);

@@ -16,7 +16,7 @@ physics::Model duffing_without_friction(double damping) {
 }
 
 // x'' + 2 d x' + x: everything shrinks as exp(-d t).
-TEST(Lyapunov, OfALinearOscillatorIsItsDamping) {
+TEST(Lyapunov, ExponentOfALinearOscillatorIsItsDamping) {
   for (const double d : {0.05, 0.2}) {
     LyapunovOptions options;
     options.periods = 100;

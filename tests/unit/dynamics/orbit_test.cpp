@@ -17,7 +17,7 @@ physics::Model oscillator(physics::Excitation excitation) {
 }
 
 // The closed form of a driven linear oscillator, in its steady state.
-TEST(Orbit, OfALinearRigIsItsSteadyResponse) {
+TEST(Orbit, MatchesTheSteadyResponseOfALinearRig) {
   for (const auto excitation : {physics::Excitation::base, physics::Excitation::force}) {
     const Drive drive = base_drive(0.01, 1.3);
     Orbit orbit(oscillator(excitation), drive, 2000);

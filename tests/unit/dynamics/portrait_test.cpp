@@ -29,7 +29,7 @@ physics::Model paper(bool wedge, bool memory) {
   return model;
 }
 
-TEST(Portrait, OfFigure10HasTheRangesAndSharesOfALongRun) {
+TEST(Portrait, Figure10HasTheRangesAndSharesOfALongRun) {
   PortraitOptions options;
   options.x_m = 0.5;
   options.periods = 2000;
@@ -84,7 +84,7 @@ TEST(PoincareSection, HasOnePointPerPeriodAtItsPhase) {
   }
 }
 
-TEST(PoincareSection, OfAPeriodicMotionIsOnePoint) {
+TEST(PoincareSection, PeriodicMotionIsOnePoint) {
   auto model = paper(false, true);
   model.oscillator.damping_n_s_m = physics::Parameter{0.3};
   PortraitOptions options;

@@ -146,7 +146,7 @@ TEST(EffectsExtension, AreFollowedByTheObserver) {
   EXPECT_LT(estimation_error_n(cogged, cogged), 0.5 * estimation_error_n(cogged, model));
 }
 
-TEST(EffectsExtension, AreDrawn) {
+TEST(EffectsExtension, ArePlotted) {
   diagnosis::Experiment e;
   e.largest.displacement_m = 0.05;
   e.largest.velocity_m_s = 0.5;

@@ -45,7 +45,7 @@ TEST(CylindricalPortrait, RingsLieInThePlaneOfZeroVelocity) {
   }
 }
 
-TEST(NearRest, BreaksTheLineAtEachTurn) {
+TEST(NearRest, BreaksTheLineAtEachReversal) {
   const Picture picture =
       near_rest({{0.9, 0.0, 1.0}, {1.1, 0.0, 0.5}, {1.9, 0.0, -1.0}}, {"x", "v"}, 0.1, "test");
   const auto& rows = table(picture, "orbits").rows;

@@ -43,7 +43,7 @@ Picture line() {
   return picture;
 }
 
-TEST_F(Draw, MakesBothPicturesAndKeepsTheScript) {
+TEST_F(Draw, WritesSvgPngAndScript) {
   draw(line(), folder_);
   EXPECT_THAT(content("line.svg"), HasSubstr("</svg>"));
   EXPECT_THAT(content("line.svg"), HasSubstr("a line"));

@@ -27,7 +27,7 @@ TEST(ModelCheckTest, EnergyLogRatioIsThatOfThreeDegreesOfFreedomAtTwiceTheRefere
   EXPECT_GT(energy_log_ratio(5.0), 0.0);
 }
 
-TEST(ModelCheckTest, ParameterLogRatioIsThatOfAGaussian) {
+TEST(ModelCheckTest, ParameterLogRatioMatchesAGaussian) {
   std::mt19937_64 random(2);
   std::normal_distribution<double> normal;
   double sum = 0.0;

@@ -134,7 +134,7 @@ class Predictions : public testing::TestWithParam<Case> {
   Layout layout_;
 };
 
-TEST_P(Predictions, OfAContactAgreesWithTheRigsIntegrator) {
+TEST_P(Predictions, ContactAgreesWithTheRigsIntegrator) {
   ASSERT_TRUE(ContactPrediction::supports(rig_, model_));
   ContactPrediction contact(rig_, model_, layout_, period_s);
   DualPrediction dual(rig_, model_, layout_, period_s, 64);
@@ -178,7 +178,7 @@ void expect_derivatives(Prediction& prediction, const Vector& from, double relat
   }
 }
 
-TEST_P(Predictions, OfAContactHasExactDerivatives) {
+TEST_P(Predictions, ContactHasExactDerivatives) {
   ContactPrediction prediction(rig_, model_, layout_, period_s);
   std::mt19937 random(2);
   for (int round = 0; round < 10; ++round) {
@@ -186,7 +186,7 @@ TEST_P(Predictions, OfAContactHasExactDerivatives) {
   }
 }
 
-TEST_P(Predictions, OfAContactAtRestReadsTheTrueValues) {
+TEST_P(Predictions, ContactAtRestReadsTheTrueValues) {
   ContactPrediction prediction(rig_, model_, layout_, period_s);
   std::mt19937 random(3);
   Vector z = random_state(random);
@@ -220,7 +220,7 @@ TEST_P(Predictions, OfAContactAtRestReadsTheTrueValues) {
 INSTANTIATE_TEST_SUITE_P(Rigs, Predictions, testing::ValuesIn(cases()),
                          [](const auto& info) { return info.param.name; });
 
-TEST(Prediction, OfAContactSupportsLinearRigsOnly) {
+TEST(Prediction, ContactSupportsLinearRigsOnly) {
   const auto supports = [](const Model& model) {
     return ContactPrediction::supports(physics::Rig(model), model);
   };

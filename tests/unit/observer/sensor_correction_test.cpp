@@ -249,7 +249,7 @@ TEST(SensorCorrection, CrosstalkOfAnUnmeasuredLoadFollowsFromTheModel) {
 }
 
 // Impossible corrected readings are not used.
-TEST(SensorCorrection, OfExtremeTermsKeepsEstimatesFinite) {
+TEST(SensorCorrection, KeepsEstimatesFiniteWithExtremeTerms) {
   const std::vector<physics::Term> terms = {
       sensor_term("gain_error", Channel::displacement, {{"gain", {1.0e-200}}}),
       sensor_term("gain_error", Channel::friction_force, {{"gain", {1.0e-6}}}),

@@ -472,7 +472,7 @@ TEST(Catalogue, FindsEveryEffectByItsIdAndNoOther) {
   EXPECT_EQ(find_effect("unlisted"), nullptr);
 }
 
-TEST(Catalogue, KnowsWhichEffectsAModelCanLack) {
+TEST(Catalogue, ListsTheEffectsAModelCanLack) {
   Model none = test::bench();
   none.friction = {};
   const Model coulomb = test::bench();

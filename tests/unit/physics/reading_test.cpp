@@ -51,7 +51,7 @@ Pair with(const Term& term) {
 constexpr Channel f = Channel::friction_force;
 constexpr Channel v = Channel::velocity;
 
-TEST(Reading, OfAChannelWithAWrongGainIsAMultipleAndTheOthersStay) {
+TEST(Reading, GainErrorScalesItsChannelOnly) {
   const Pair pair = with({"gain_error", v, {{"gain", {1.2}}}});
   for (std::size_t k = 0; k < pair.declared.size(); ++k) {
     EXPECT_NEAR(pair.faulty[k][v], 1.2 * pair.declared[k][v], 1.0e-15);
@@ -59,7 +59,7 @@ TEST(Reading, OfAChannelWithAWrongGainIsAMultipleAndTheOthersStay) {
   }
 }
 
-TEST(Reading, OfADelayedChannelIsAnEarlierOne) {
+TEST(Reading, ChannelDelayShiftsItsChannelOnly) {
   const Pair pair = with({"channel_delay", f, {{"delay_s", {0.007}}}});
   double largest = 0.0;
   for (std::size_t k = 50; k < pair.declared.size(); ++k) {
@@ -70,7 +70,7 @@ TEST(Reading, OfADelayedChannelIsAnEarlierOne) {
   EXPECT_GT(largest, 0.01);
 }
 
-TEST(Reading, HasCrosstalkDriftHumAndSaturation) {
+TEST(Reading, IncludesCrosstalkDriftHumAndClipping) {
   Term crosstalk{"crosstalk", v, {{"coefficient", {0.3}}}, f};
   const Pair mixed = with(crosstalk);
   const Pair drifting = with({"sensor_drift", f, {{"rate_per_s", {0.02}}}});
@@ -94,7 +94,7 @@ TEST(Reading, HasCrosstalkDriftHumAndSaturation) {
   EXPECT_TRUE(reached);
 }
 
-TEST(Reading, IsCorrectedWhereItsLawCanBeInverted) {
+TEST(Reading, IsCorrectedIfItsLawIsInvertible) {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> any(-1.0, 1.0);
   for (int k = 0; k < 1000; ++k) {
@@ -111,7 +111,7 @@ TEST(Reading, IsCorrectedWhereItsLawCanBeInverted) {
   }
   ReadingLaw<double> law;
   law.curvature = -1.0;
-  EXPECT_FALSE(correct_reading(law, 0.3)) << "its largest value is 0.25";
+  EXPECT_FALSE(correct_reading(law, 0.3)) << "the largest possible reading is 0.25";
   EXPECT_FALSE(correct_reading(law, 0.24));
   EXPECT_TRUE(correct_reading(law, 0.2));
   EXPECT_TRUE(correct_reading(law, -5.0));
@@ -119,7 +119,7 @@ TEST(Reading, IsCorrectedWhereItsLawCanBeInverted) {
 
 // A first-order low-pass of 30 Hz delays a slow velocity by 1 / (2 pi 30) s, in place of the 150 Hz
 // that the bench declares.
-TEST(Reading, OfASlowDifferentiatorLags) {
+TEST(Reading, SlowDifferentiatorDelaysTheVelocity) {
   const Pair pair = with({"differentiator_lag", {}, {{"cutoff_hz", {30.0}}}});
   Model declared = test::bench();
   declared.sensors[index_of(v)].filters = {{FilterKind::first_order_lowpass, 1, 30.0}};

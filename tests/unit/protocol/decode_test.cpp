@@ -186,7 +186,7 @@ Bytes former(Bytes bytes, std::uint64_t fingerprint, std::size_t lacking) {
 }
 
 // Fingerprints of the types of logs of format 2, from lcm-gen.
-TEST(DecodeFormer, AnExcitationWithoutEarlierFrames) {
+TEST(DecodeOlderVersion, AnExcitationWithoutEarlierFrames) {
   excitation_t excitation{};
   excitation.sequence = 9;
   excitation.drive = 1.5;
@@ -201,7 +201,7 @@ TEST(DecodeFormer, AnExcitationWithoutEarlierFrames) {
 }
 
 // Of logs written before estimates contained their consistency.
-TEST(DecodeFormer, AnEstimateWithoutItsConsistency) {
+TEST(DecodeOlderVersion, AnEstimateWithoutItsConsistency) {
   friction_estimate_t estimate = some(friction_estimate_t{});
   estimate.mu = 0.8;
   const Bytes bytes = former(encoded(estimate), 0xEF306B050D44EA73U, 15 * 8);
@@ -216,7 +216,7 @@ TEST(DecodeFormer, AnEstimateWithoutItsConsistency) {
   }
 }
 
-TEST(DecodeFormer, AStatusWithoutConfirmedFrames) {
+TEST(DecodeOlderVersion, AStatusWithoutConfirmedFrames) {
   status_t status = some(status_t{});
   status.record_confirmed = -1;
   const Bytes bytes = former(encoded(status), 0xD60837B0454EEC63U, 8);
@@ -226,7 +226,7 @@ TEST(DecodeFormer, AStatusWithoutConfirmedFrames) {
   EXPECT_EQ(encoded(message), encoded(status));
 }
 
-TEST(DecodeFormer, ADescriptionWithoutAFaultScript) {
+TEST(DecodeOlderVersion, ADescriptionWithoutAFaultScript) {
   recording_info_t info = some(recording_info_t{});
   info.frames = 77;
   const Bytes bytes = former(encoded(info), 0x019FE800B2CECE78U, 10);

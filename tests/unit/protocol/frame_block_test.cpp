@@ -117,7 +117,7 @@ TEST(FrameBlock, AgesOfThePreviousBlockAreCleared) {
   }
 }
 
-TEST(FrameBlock, ARefillOfTheSameOrASmallerSizeAllocatesNothing) {
+TEST(FrameBlock, RefillOfTheSameOrASmallerSizeDoesNotAllocate) {
   frame_block_t block;
   to_block(frames(10), block);
   const auto* times = block.time_ns.data();
@@ -185,7 +185,7 @@ TEST(Checksum, IsThatOfZlib) {
   EXPECT_EQ(Checksum().value(), 0U);
 }
 
-TEST(Checksum, ANumberIsItsEightBytes) {
+TEST(Checksum, NumberIsEncodedInEightBytes) {
   Checksum by_bytes;
   Checksum by_number;
   const std::int64_t number = 0x0123456789ABCDEF;

@@ -128,16 +128,16 @@ TEST(Log, IgnoresMessagesOfOtherChannels) {
   EXPECT_EQ(read_recording(folder / "r.log").frames, some_recording(4).frames);
 }
 
-TEST(Log, CutAnywhereItHasAllCompleteEventsBefore) {
+TEST(Log, TruncatedAnywhereKeepsAllCompleteEvents) {
   const Recording recording = some_recording(30);
   const std::string whole = log_text(recording);
   ASSERT_EQ(parse(whole).cut_off_bytes, 0U);
-  std::size_t begun = 0;  // where the event that is cut begins
+  std::size_t event_begin = 0;  // where the event that is cut begins
   std::size_t next = 0;
   std::size_t whole_events = 0;
   for (std::size_t size = 0; size <= whole.size(); ++size) {
     if (size == next) {
-      begun = size;
+      event_begin = size;
       next = std::min(whole.find("\xED\xA1\xDA\x01", size + 1), whole.size());
       if (size > 0) ++whole_events;
     }
@@ -147,7 +147,7 @@ TEST(Log, CutAnywhereItHasAllCompleteEventsBefore) {
       continue;
     }
     const Recording read = parse(cut);
-    EXPECT_EQ(read.cut_off_bytes, size - begun) << size;
+    EXPECT_EQ(read.cut_off_bytes, size - event_begin) << size;
     ASSERT_EQ(read.frames.size(), 10 * (whole_events - 1)) << size;
     EXPECT_TRUE(std::equal(read.frames.begin(), read.frames.end(), recording.frames.begin()));
   }

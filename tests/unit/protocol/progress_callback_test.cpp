@@ -89,7 +89,7 @@ TEST(ProgressCallback, IsCalledBySurveyRepairAndJoin) {
   joined.expect_sound();
 }
 
-TEST(ProgressCallback, OfAPartIsAShareOfTheWhole) {
+TEST(ProgressCallback, PartIsScaledToTheWhole) {
   double reported = -1.0;
   const ProgressCallback whole = [&reported](double share) { reported = share; };
   progress_of_part(whole, 1, 4)(0.5);

@@ -71,7 +71,7 @@ std::string csv_of(const Recording& recording) {
   return out.str();
 }
 
-RC_GTEST_PROP(RoundTrip, CsvKeepsFramesToTheBitButForSequenceNumbers, ()) {
+RC_GTEST_PROP(RoundTrip, CsvPreservesFramesExactlyExceptSequenceNumbers, ()) {
   const Recording before = any_recording();
   const std::string text = csv_of(before);
   const Recording after = parse_csv(text, "t");
@@ -80,7 +80,7 @@ RC_GTEST_PROP(RoundTrip, CsvKeepsFramesToTheBitButForSequenceNumbers, ()) {
   RC_ASSERT(csv_of(after) == text);
 }
 
-RC_GTEST_PROP(RoundTrip, LogKeepsFramesToTheBit, ()) {
+RC_GTEST_PROP(RoundTrip, LogPreservesFramesExactly, ()) {
   const Folder folder;
   const Recording before = any_recording();
   write_log(before, folder / "r.log", *rc::gen::inRange<std::size_t>(1, 50));

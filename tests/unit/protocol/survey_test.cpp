@@ -221,7 +221,7 @@ RC_GTEST_PROP(Repair, KeepsEveryUndamagedBlock, ()) {
   RC_ASSERT(survey(out).damaged_places == 0U);
 }
 
-RC_GTEST_PROP(Repair, OfALogCutAnywhereKeepsAllBefore, ()) {
+RC_GTEST_PROP(Repair, KeepsAllEventsBeforeATruncation, ()) {
   const std::string whole = LogOfADaemon{.frames = 200}.text();
   const auto size = *rc::gen::inRange<std::size_t>(0, whole.size() + 1);
   const LogSurvey found = survey(whole.substr(0, size));

@@ -46,7 +46,7 @@ TEST(Backlog, OverflowLosesTelemetryAndReportsIt) {
   EXPECT_EQ(backlog.lost(), 2U);
 }
 
-TEST(Backlog, AResumingClientGetsThePresent) {
+TEST(Backlog, ResumingClientGetsTheLatestData) {
   Backlog backlog(100);
   for (int i = 0; i < 50; ++i) backlog.add(telemetry(30), start);
   const auto latest = telemetry(30);

@@ -1,4 +1,4 @@
-// Messages as a page would read them, and frames to make them of.
+// Decoding of messages as on the page, and frames for tests.
 #pragma once
 
 #include <bit>
@@ -18,7 +18,7 @@ inline nlohmann::json read_json(const Message& message) {
   return nlohmann::json::parse(payload.begin(), payload.end());
 }
 
-/// A block of frames taken apart by its own hands, in the order of docs/scope.md.
+/// A block of frames, decoded independently of the encoder in the order of docs/scope.md.
 struct ReadBlock {
   int kind = 0;
   unsigned flags = 0;

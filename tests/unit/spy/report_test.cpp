@@ -90,7 +90,7 @@ TEST(Table, ShowsTheRangeOfEveryValue) {
       << text;
 }
 
-TEST(Table, StaysWithinAnyWidthAndKeepsSequencesWhole) {
+TEST(Table, FitsAnyWidthWithoutCuttingEscapeSequences) {
   const Traffic traffic = some_traffic();
   for (std::size_t columns = 1; columns < 140; ++columns) {
     for (const std::string& row : lines_of(
@@ -99,14 +99,14 @@ TEST(Table, StaysWithinAnyWidthAndKeepsSequencesWhole) {
     }
     const std::string painted =
         table({{}, Order::name, true}, traffic, now_us, columns, terminal::Paint(true));
-    std::size_t begun = 0;
+    std::size_t open = 0;
     for (std::size_t at = painted.find('\033'); at != std::string::npos;
          at = painted.find('\033', at + 1)) {
       const bool ends = painted.compare(at, 4, "\033[0m") == 0;
-      EXPECT_EQ(begun, ends ? 1U : 0U) << columns;
-      begun = ends ? 0 : 1;
+      EXPECT_EQ(open, ends ? 1U : 0U) << columns;
+      open = ends ? 0 : 1;
     }
-    EXPECT_EQ(begun, 0U) << columns;
+    EXPECT_EQ(open, 0U) << columns;
   }
 }
 
@@ -125,7 +125,7 @@ TEST(Lines, AreSelfContained) {
       << rows[0];
 }
 
-TEST(Lines, EscapeForeignNames) {
+TEST(Lines, EscapeControlCharactersInNames) {
   Traffic traffic;
   traffic.add("EVIL\033[2J\nNAME", std::vector<std::uint8_t>{}, 0);
   const std::string text = lines({}, traffic, now_us);

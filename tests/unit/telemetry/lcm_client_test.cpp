@@ -77,7 +77,7 @@ TEST(StopSignals, RestoreTheSignalMaskAndDropPendingSignals) {
   EXPECT_FALSE(blocked(SIGINT)) << "and the pending one has not ended this test";
 }
 
-TEST(After, AddsSecondsAndHasNoEndOtherwise) {
+TEST(After, AddsSecondsAndIsUnlimitedForInvalidDurations) {
   const auto start = steady_clock::now();
   EXPECT_EQ(after(start, 1.5) - start, milliseconds(1500));
   for (const double endless : {0.0, -1.0, 1e300}) {

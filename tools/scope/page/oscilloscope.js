@@ -7,7 +7,7 @@ import { Trigger, modes } from "./trigger.js";
 import { channels, duration, number, tick } from "./units.js";
 
 export const timeBases_s = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60];
-const mostPoints = 16384;
+const maxPoints = 16384;
 const shortest_s = 0.002;
 const longest_s = 120;
 
@@ -21,17 +21,17 @@ export class Oscilloscope {
     this.traces = new TraceCanvas(byId("scope-traces"));
     this.trigger = new Trigger();
     this.span_s = 10;
-    this.left_ns = 0; // of what is on screen
+    this.left_ns = 0; // time at the left edge
     this.span_ns = 1e10;
-    this.held = false; // the picture stands at a trigger
+    this.held = false; // the display is frozen at a trigger
     this.lanes = channels.map((channel, index) => ({
       index, channel, wanted: true, present: false, manual: false, limits: new Limits(),
-      points: new Float32Array(2 * mostPoints), count: 0, top: 0, height: 0, step: 1,
+      points: new Float32Array(2 * maxPoints), count: 0, top: 0, height: 0, step: 1,
     }));
     this.shown = [];
-    this.low = new Float64Array(mostPoints);
-    this.high = new Float64Array(mostPoints);
-    this.bounds = new Float64Array(mostPoints + 1);
+    this.low = new Float64Array(maxPoints);
+    this.high = new Float64Array(maxPoints);
+    this.bounds = new Float64Array(maxPoints + 1);
     this.pair = new Float64Array(2);
     this.cursors = [{ part: 0.35, element: byId("cursor-a") }, { part: 0.65, element: byId("cursor-b") }];
     this.cursorsOn = false;
@@ -132,8 +132,8 @@ export class Oscilloscope {
     this.#placeHandles();
   }
 
-  // Rows of the frames at each edge of a column of one pixel. Columns are at whole multiples of their
-  // width in device time, so that the picture of a frame does not change while it scrolls.
+  // Rows of the frames at each edge of a column of one pixel. Columns start at whole multiples of their
+  // width in device time, so that traces do not change shape while they scroll.
   #fillColumns(frames) {
     const width = this.plotWidth;
     this.column_ns = this.span_ns / width;
@@ -180,7 +180,7 @@ export class Oscilloscope {
     frames.extremes(lane.index, Math.max(frames.begin, this.fromRow - 1), Math.min(frames.end, this.toRow + 1), this.pair);
   }
 
-  // Two points for each column, the one nearer to the column before first.
+  // Two points per column; first the one nearer to the last point of the previous column.
   #traceDense(lane) {
     const { points } = lane;
     const scale = (this.#factor(lane) * lane.height) / (lane.limits.high - lane.limits.low);
@@ -220,7 +220,7 @@ export class Oscilloscope {
     const from = Math.max(frames.begin, this.fromRow - 1);
     const to = Math.min(frames.end, this.toRow + 1);
     let count = 0;
-    for (let row = from; row < to && count < mostPoints - 2; ++row) {
+    for (let row = from; row < to && count < maxPoints - 2; ++row) {
       const value = data[row & mask];
       const lost = row > from && sequence[row & mask] - sequence[(row - 1) & mask] !== 1;
       if (lost || value !== value) {
@@ -267,7 +267,7 @@ export class Oscilloscope {
     if (this.held) this.#drawTriggerLine(axes, colours.accent);
   }
 
-  // Device time; relative to the crossing where a trigger holds the picture.
+  // Device time, or time relative to the trigger if the display is held by it.
   #drawTimeAxis(axes, colours, small) {
     const { frames } = this.app.store;
     const origin_s = this.held ? -this.trigger.fired_ns / 1e9 : frames.origin_ns === null ? 0 : Number(frames.origin_ns) / 1e9;
@@ -539,7 +539,7 @@ export class Oscilloscope {
     this.app.touch();
   }
 
-  // Sets the time base. While paused the time at `part` of the screen is kept.
+  // Sets the time base. While paused, the time at the fraction `part` of the screen stays in place.
   setSpan(span_s, part = 0.5) {
     this.span_s = Math.min(longest_s, Math.max(shortest_s, span_s));
     if (this.app.paused) {
@@ -566,7 +566,7 @@ export class Oscilloscope {
     if (next !== undefined) this.setSpan(next, part);
   }
 
-  // Moves along time by a part of the screen; a running picture is paused first.
+  // Moves along time by a fraction of the screen; a running display is paused first.
   pan(part) {
     if (!this.app.paused) this.app.pause(true);
     const kept = this.cursors.map((_, i) => this.cursorTime_ns(i));
@@ -617,7 +617,7 @@ export class Oscilloscope {
 
   nextTriggerMode() { this.setTrigger({ mode: modes[(modes.indexOf(this.trigger.mode) + 1) % modes.length] }); }
 
-  // Moves the level by a part of the lane's height.
+  // Moves the level by a fraction of the lane's height.
   nudgeLevel(part) {
     const lane = this.lanes[this.trigger.channel];
     if (!lane.limits.known) return;

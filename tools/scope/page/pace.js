@@ -47,7 +47,7 @@ export class Pace {
     this.interval = new Recent(); // ms between frames of the screen
     this.work = new Recent(); // ms of our own in one of them
     this.lag = new Recent(); // ms from LCM to the end of drawing
-    this.oldest_unix_ms = NaN; // of what has come and is not drawn yet
+    this.oldest_unix_ms = NaN; // of the frames received and not yet drawn
     this.last_ms = NaN;
   }
 

@@ -201,7 +201,7 @@ export class Portraits {
       context.fillStyle = theme.colours.quiet;
       context.textAlign = "center";
       context.textBaseline = "middle";
-      context.fillText(one.x === "drive" ? "no drive phase on the stream" : "nothing measured yet", place.left + place.width / 2, place.top + place.height / 2);
+      context.fillText(one.x === "drive" ? "no drive phase in the stream" : "nothing measured yet", place.left + place.width / 2, place.top + place.height / 2);
       one.drawn = null;
       return;
     }

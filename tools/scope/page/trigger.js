@@ -9,7 +9,7 @@ export class Trigger {
     this.channel = 0;
     this.level = 0; // in SI units
     this.rising = true;
-    this.before = 0.2; // part of the screen that lies before the crossing
+    this.before = 0.2; // fraction of the screen before the crossing
     this.hysteresis = 0; // in SI units: how far the channel must have been on the other side
     this.pending = new Float64Array(pendingMost);
     this.arm();
@@ -64,7 +64,7 @@ export class Trigger {
     this.row = frames.end;
   }
 
-  // True if the picture is held at a crossing; else it rolls or waits.
+  // True if the display is held at a crossing; else it rolls or waits.
   holds(frames, span_ns) {
     if (this.mode === "roll" || Number.isNaN(this.fired_ns)) return false;
     return this.mode !== "auto" || frames.last_ns - this.fired_ns < Math.max(2.5 * span_ns, 1e9);

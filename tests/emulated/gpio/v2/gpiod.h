@@ -1,5 +1,5 @@
-// Declarations of libgpiod 2 in use by the driver, so that it compiles where only 1.6 is
-// installed. Names and values are the library's; nothing else is here.
+// The declarations of libgpiod 2 that the driver uses, so that it compiles where only 1.6 is
+// installed. Names and values are those of the library.
 #pragma once
 
 #include <cstddef>

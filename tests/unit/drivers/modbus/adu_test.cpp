@@ -1,4 +1,4 @@
-// Encoding of messages, by the examples of the specification.
+// Encoding of messages, with the examples of the Modbus specification.
 #include "drivers/modbus/adu.h"
 
 #include <gmock/gmock.h>
@@ -47,7 +47,7 @@ TEST(ModbusMessage, OnlyTheMatchingReplyIsAccepted) {
   EXPECT_EQ(verdict({}), Verdict::mismatch);
 }
 
-TEST(ModbusMessage, AnExceptionHasItsCode) {
+TEST(ModbusMessage, ExceptionRepliesHaveACode) {
   const Reply refused = match_reply(read_three, Bytes{17, 0x83, 2});
   EXPECT_EQ(refused.verdict, Verdict::exception);
   EXPECT_EQ(refused.exception, 2);
@@ -65,7 +65,7 @@ TEST(ModbusMessage, BitsArePackedEightToAByteLowestFirst) {
   EXPECT_EQ(match_reply(request, Bytes{1, 1, 1, 0x05}).verdict, Verdict::mismatch);
 }
 
-TEST(ModbusMessage, ReplyToAWriteRepeatsItsBeginning) {
+TEST(ModbusMessage, ReplyToAWriteEchoesAddressAndCount) {
   const std::uint16_t words[] = {1, 2};
   const Bytes many = write_message(1, RegisterTable::holding_registers, 7, words, false);
   EXPECT_EQ(match_reply(many, Bytes{1, 16, 0, 7, 0, 2}).verdict, Verdict::answer);

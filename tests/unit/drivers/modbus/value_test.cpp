@@ -21,17 +21,17 @@ constexpr RegisterType types[] = {bit,   uint16,  int16,   uint32, int32,
                                   int64, float32, float64, bcd16,  bcd32};
 
 ModbusRegister plain(RegisterType type, ByteOrder order = ByteOrder::abcd) {
-  ModbusRegister its;
-  its.type = type;
-  its.order = order;
-  return its;
+  ModbusRegister reg;
+  reg.type = type;
+  reg.order = order;
+  return reg;
 }
 
-std::optional<double> value(const ModbusRegister& its, std::vector<std::uint16_t> words) {
-  return value_of(its, words);
+std::optional<double> value(const ModbusRegister& reg, std::vector<std::uint16_t> words) {
+  return value_of(reg, words);
 }
 
-TEST(ModbusValue, FloatsHaveFourByteOrders) {
+TEST(ModbusValue, FloatsAreReadInFourByteOrders) {
   // 3.25 is 40 50 00 00; 1.2345679 is 3F 9E 06 52.
   EXPECT_EQ(value(plain(float32, ByteOrder::abcd), {0x4050, 0x0000}), 3.25);
   EXPECT_EQ(value(plain(float32, ByteOrder::cdab), {0x0000, 0x4050}), 3.25);
@@ -52,7 +52,7 @@ TEST(ModbusValue, FourRegistersFollowTheirByteOrder) {
   EXPECT_EQ(value(plain(float64), {0x400A, 0, 0, 0}), 3.25);
 }
 
-TEST(ModbusValue, IntegersHaveTheirSigns) {
+TEST(ModbusValue, IntegersAreSignedOrUnsigned) {
   EXPECT_EQ(value(plain(uint16), {0xFFFF}), 65535.0);
   EXPECT_EQ(value(plain(int16), {0xFFFF}), -1.0);
   EXPECT_EQ(value(plain(uint32), {0xFFFF, 0xFFFE}), 4294967294.0);
@@ -81,17 +81,17 @@ TEST(ModbusValue, InvalidEncodingsHaveNoValue) {
 }
 
 TEST(ModbusValue, ScaleAndOffsetApplyToTheValueOnly) {
-  ModbusRegister its = plain(int16);
-  its.scale = 0.01;
-  its.offset = -5.0;
-  EXPECT_DOUBLE_EQ(*value(its, {250}), -2.5);
-  EXPECT_EQ(raw_of(its, std::vector<std::uint16_t>{250}), 250);
-  EXPECT_EQ(words_for(its, -2.5)->word[0], 250);
-  its.scale = 0.0;
-  EXPECT_FALSE(words_for(its, 1.0));
+  ModbusRegister reg = plain(int16);
+  reg.scale = 0.01;
+  reg.offset = -5.0;
+  EXPECT_DOUBLE_EQ(*value(reg, {250}), -2.5);
+  EXPECT_EQ(raw_of(reg, std::vector<std::uint16_t>{250}), 250);
+  EXPECT_EQ(words_for(reg, -2.5)->word[0], 250);
+  reg.scale = 0.0;
+  EXPECT_FALSE(words_for(reg, 1.0));
 }
 
-TEST(ModbusValue, StatusMayBeAnIntegralFloat) {
+TEST(ModbusValue, StatusMayBeAFloatWithAnIntegralValue) {
   EXPECT_EQ(raw_of(plain(float32), std::vector<std::uint16_t>{0x4040, 0}), 3);
   EXPECT_FALSE(raw_of(plain(float32), std::vector<std::uint16_t>{0x4050, 0}));
   EXPECT_FALSE(raw_of(plain(float64), std::vector<std::uint16_t>{0x7FE0, 0, 0, 0}));
@@ -156,11 +156,11 @@ RC_GTEST_PROP(ModbusValue, WrittenValuesReadBackInEveryTypeAndOrder, ()) {
     const double number = some_number(type);
     RC_PRE(std::isfinite(number));
     for (const ByteOrder order : orders) {
-      const ModbusRegister its = plain(type, order);
-      const auto words = words_for(its, number);
+      const ModbusRegister reg = plain(type, order);
+      const auto words = words_for(reg, number);
       RC_ASSERT(words.has_value());
       RC_ASSERT(words->count == registers_of(type));
-      RC_ASSERT(value_of(its, words->view()) == number);
+      RC_ASSERT(value_of(reg, words->view()) == number);
     }
   }
 }
@@ -170,14 +170,14 @@ RC_GTEST_PROP(ModbusValue, ReadValuesAreWrittenIdentically, (std::vector<std::ui
   for (const RegisterType type : types) {
     if (type == int64) continue;  // not exactly representable as double
     for (const ByteOrder order : orders) {
-      const ModbusRegister its = plain(type, order);
-      const auto own = std::span(words).first(registers_of(type));
-      const auto number = value_of(its, own);
+      const ModbusRegister reg = plain(type, order);
+      const auto used = std::span(words).first(registers_of(type));
+      const auto number = value_of(reg, used);
       if (!number) continue;
-      const auto again = words_for(its, *number);
+      const auto again = words_for(reg, *number);
       RC_ASSERT(again.has_value());
-      // Values instead of words, because of the two zeros.
-      RC_ASSERT(value_of(its, again->view()) == number);
+      // Compares values, not words: -0.0 may become 0.0.
+      RC_ASSERT(value_of(reg, again->view()) == number);
     }
   }
 }

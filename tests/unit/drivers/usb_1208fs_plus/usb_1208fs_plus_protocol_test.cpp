@@ -82,7 +82,7 @@ TEST(Usb1208fsPlusCalibration, ErasedMemoryIsRejected) {
   EXPECT_TRUE(parse_calibration(memory_of(0.99F, 12.0F)));
 }
 
-TEST(Usb1208fsPlusStatus, HasItsBits) {
+TEST(Usb1208fsPlusStatus, DecodesItsBits) {
   const Status status = status_of(0x0002 | 0x0010);
   EXPECT_TRUE(status.input_running);
   EXPECT_FALSE(status.input_overrun);
