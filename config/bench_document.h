@@ -7,7 +7,7 @@
 
 namespace stickslip::config {
 
-/// Reads the register maps that the bench of a sound document names, and checks the form of its
+/// Reads the register maps that the bench of a valid document names, and checks the form of its
 /// inputs. Problems are reported in the document.
 void complete_bench(Document& document, Bench& bench);
 

@@ -66,7 +66,7 @@ class Document {
   /// The path at a path, relative to the folder of the file; empty if absent or of another type.
   std::filesystem::path file_at(std::string_view path) const;
 
-  /// Sets the members of `object` that the file has keys for. Only for a sound document with the
+  /// Sets the members of `object` that the file has keys for. Only for a valid document with the
   /// keys of that object.
   template <class Object>
   void read(Object& object) const {

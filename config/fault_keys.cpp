@@ -40,17 +40,18 @@ constexpr std::array fault_table = {
             .without = "all channels of the device",
             .when = "kind=noise|stick|drift|delay|saturate|nan",
             .only_then = true}),
-    read_by<Fault, read_moment>(Type::number,
-                                Key{.path = "at_s",
-                                    .unit = "s",
-                                    .sentence = "Beginning, after the first frame; or between_s.",
-                                    .low = 0,
-                                    .high = longest_script_s}),
+    read_by<Fault, read_moment>(
+        Type::number, Key{.path = "at_s",
+                          .unit = "s",
+                          .sentence = "Beginning, after the first frame; alternative: between_s.",
+                          .low = 0,
+                          .high = longest_script_s}),
     read_by<Fault, read_interval>(
         Type::span,
         Key{.path = "between_s",
             .unit = "s",
-            .sentence = "Limits of a random beginning, drawn anew for each repetition; or at_s.",
+            .sentence =
+                "Limits of a random beginning, drawn for each repetition; alternative: at_s.",
             .low = 0,
             .high = longest_script_s}),
     bound<&Fault::duration_s>(

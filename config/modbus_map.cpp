@@ -53,27 +53,27 @@ void check_groups(Document& document, const ModbusMap& map) {
   };
   std::map<std::pair<std::string, RegisterTable>, Extent> extents;
   for (std::size_t i = 0; i < map.registers.size(); ++i) {
-    const ModbusRegister& its = map.registers[i];
-    if (its.group.empty() || its.role == RegisterRole::setting) continue;
-    Extent& extent = extents[{its.group, its.table}];
-    extent.first = std::min(extent.first, its.address);
-    extent.end = std::max(extent.end, its.address + static_cast<int>(registers_of(its.type)));
-    const int most = most_in_one(its.table);
+    const ModbusRegister& entry = map.registers[i];
+    if (entry.group.empty() || entry.role == RegisterRole::setting) continue;
+    Extent& extent = extents[{entry.group, entry.table}];
+    extent.first = std::min(extent.first, entry.address);
+    extent.end = std::max(extent.end, entry.address + static_cast<int>(registers_of(entry.type)));
+    const int most = max_per_request(entry.table);
     if (extent.end - extent.first <= most || extent.reported) continue;
     extent.reported = true;
     document.report("register." + std::to_string(i) + ".group",
-                    "group \"" + its.group + "\" extends from address " +
+                    "group \"" + entry.group + "\" extends from address " +
                         std::to_string(extent.first) + " to " + std::to_string(extent.end - 1) +
                         ", which is " + std::to_string(extent.end - extent.first) +
                         "; one request reads at most " + std::to_string(most) +
-                        (holds_bits(its.table) ? " bits" : " registers") +
+                        (holds_bits(entry.table) ? " bits" : " registers") +
                         ": put distant registers into different groups");
   }
 }
 
 }  // namespace
 
-int most_in_one(RegisterTable table) { return holds_bits(table) ? 2000 : 125; }
+int max_per_request(RegisterTable table) { return holds_bits(table) ? 2000 : 125; }
 
 std::size_t registers_of(RegisterType type) {
   switch (type) {

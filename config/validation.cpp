@@ -45,7 +45,7 @@ std::string fault_label(const toml::table& fault) {
 
 namespace {
 
-constexpr std::size_t most_faults = 256;  // each is checked in every cycle
+constexpr std::size_t max_faults = 256;  // each is checked in every cycle
 
 bool is_table_of(std::span<const Key> keys, std::string_view path) {
   return !names_within(keys, path).empty();
@@ -317,21 +317,21 @@ class Check {
   }
 
   void lines(const toml::node& node, const Key& key, const std::string& path) {
-    constexpr std::size_t most_lines = 200;
+    constexpr std::size_t max_lines = 200;
     const toml::array* list = node.as_array();
     if (list == nullptr) return expected(node, key, path);
-    if (list->empty() || list->size() > most_lines) {
-      problem(node, full(path) + ": expected 1 to " + std::to_string(most_lines) +
-                        " lines, found " + std::to_string(list->size()));
+    if (list->empty() || list->size() > max_lines) {
+      problem(node, full(path) + ": expected 1 to " + std::to_string(max_lines) + " lines, found " +
+                        std::to_string(list->size()));
     }
     for (const toml::node& each : *list) {
       const toml::array* line = each.as_array();
-      bool sound = line != nullptr && line->size() == 3;
-      for (std::size_t i = 0; sound && i < 3; ++i) {
+      bool valid = line != nullptr && line->size() == 3;
+      for (std::size_t i = 0; valid && i < 3; ++i) {
         const auto number = number_in(line->get(i));
-        sound = number && std::isfinite(*number);
+        valid = number && std::isfinite(*number);
       }
-      if (!sound) {
+      if (!valid) {
         problem(each, full(path) + ": expected a line, [frequency_hz, amplitude, phase_deg], " +
                           "found " + found_text(each));
         continue;
@@ -375,10 +375,10 @@ class Check {
   void faults(const toml::node& node, const Key& key, const std::string& path) {
     const toml::array* list = node.as_array();
     if (list == nullptr) return expected(node, key, path);
-    if (list->size() > most_faults) {
-      problem(*list->get(most_faults), full(path) + ": more than " + std::to_string(most_faults) +
-                                           " in one script, found " + std::to_string(list->size()) +
-                                           ": one fault can be repeated with every_s");
+    if (list->size() > max_faults) {
+      problem(*list->get(max_faults), full(path) + ": more than " + std::to_string(max_faults) +
+                                          " in one script, found " + std::to_string(list->size()) +
+                                          ": one fault can be repeated with every_s");
     }
     for (const toml::node& each : *list) {
       if (const toml::table* fault = each.as_table()) {

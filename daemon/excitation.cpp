@@ -25,7 +25,7 @@ DriveFile file_of(const config::Excitation& settings, const DrivenRig& rig) {
                               rig.limits.displacement, rig.limits.velocity};
   if (const auto excess = config::excess_of(file.demand(rig.period_s), limits, force)) {
     throw InputError(
-        Problem{settings.file.path.string(), 0, 0, "asks for " + config::text_of(*excess)});
+        Problem{settings.file.path.string(), 0, 0, "needs " + config::text_of(*excess)});
   }
   return file;
 }

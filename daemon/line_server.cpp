@@ -172,10 +172,10 @@ void LineServer::serve_lines() {
   for (const auto& [id, client] : clients_) order.push_back(id);
   std::rotate(order.begin(), std::upper_bound(order.begin(), order.end(), turn_), order.end());
   std::size_t lines = 0;
-  for (bool any = true; any && lines < settings_.most_lines_a_turn;) {
+  for (bool any = true; any && lines < settings_.max_lines_per_turn;) {
     any = false;
     for (const ClientId id : order) {
-      if (lines >= settings_.most_lines_a_turn) break;
+      if (lines >= settings_.max_lines_per_turn) break;
       const auto client = clients_.find(id);
       if (client == clients_.end() || !take_line(id, client->second)) continue;
       turn_ = id;
@@ -201,12 +201,12 @@ void LineServer::accept_clients() {
 }
 
 void LineServer::admit(int file, const Peer& peer) {
-  if (clients_.size() >= settings_.most_clients) drop_longest_silent();
+  if (clients_.size() >= settings_.max_clients) drop_longest_silent();
   const ClientId id = next_++;
   Client& client = clients_[id];
   client.file = file;
   client.peer = peer;
-  client.begun = client.active = steady_clock::now();
+  client.line_started = client.active = steady_clock::now();
   if (!is_allowed(peer)) {
     client.out = "{\"v\": 1, \"ok\": false, \"error\": \"you may not use this socket\"}\n";
     client.closing = true;
@@ -245,7 +245,7 @@ void LineServer::receive(Client& client) {
       if (client.reason.empty()) client.reason = "the client disconnected";
       return;
     }
-    if (client.in.empty()) client.begun = steady_clock::now();
+    if (client.in.empty()) client.line_started = steady_clock::now();
     client.in.append(part.data(), static_cast<std::size_t>(got));
   }
 }
@@ -264,7 +264,7 @@ bool LineServer::take_line(ClientId id, Client& client) {
   }
   std::string line = client.in.substr(0, end);
   client.in.erase(0, end + 1);
-  client.begun = client.active = steady_clock::now();
+  client.line_started = client.active = steady_clock::now();
   if (!line.empty() && line.back() == '\r') line.pop_back();
   if (!line.empty() && handlers_.line) handlers_.line(id, line);
   return true;
@@ -274,7 +274,7 @@ void LineServer::send(ClientId id, std::string_view line) {
   const auto found = clients_.find(id);
   if (found == clients_.end() || found->second.closing) return;
   Client& client = found->second;
-  if (client.out.size() - client.sent + line.size() + 1 > settings_.most_unread_bytes) {
+  if (client.out.size() - client.sent + line.size() + 1 > settings_.max_unread_bytes) {
     client.reason = "it does not read its answers";
     client.closing = true;
     client.out.clear();
@@ -309,7 +309,7 @@ void LineServer::drop_finished(steady_clock::time_point now) {
     Client& client = at->second;
     const bool all_sent = client.sent >= client.out.size();
     if (!client.in.empty() && client.in.find('\n') == std::string::npos &&
-        now - client.begun > settings_.patience) {
+        now - client.line_started > settings_.patience) {
       client.reason = "it did not finish a line in time";
       client.closing = true;
     }

@@ -26,10 +26,10 @@ struct LineServerSettings {
   std::filesystem::path path;
   std::string group;  ///< whose members may connect, besides root and the daemon's user; empty: the
                       ///< daemon's group
-  std::size_t most_clients = 64;
+  std::size_t max_clients = 64;
   std::size_t longest_line = std::size_t{64} * 1024;
-  std::size_t most_unread_bytes = std::size_t{1} << 20;  ///< output that a client has not read
-  std::size_t most_lines_a_turn = 64;                    ///< of all clients together
+  std::size_t max_unread_bytes = std::size_t{1} << 20;  ///< output that a client has not read
+  std::size_t max_lines_per_turn = 64;                  ///< of all clients together
   std::chrono::nanoseconds patience = std::chrono::seconds(10);  ///< with an unfinished line
 };
 
@@ -63,8 +63,8 @@ class LineServer {
     std::string in;
     std::string out;
     std::size_t sent = 0;
-    std::chrono::steady_clock::time_point begun;   // of the unfinished line
-    std::chrono::steady_clock::time_point active;  // latest complete line
+    std::chrono::steady_clock::time_point line_started;  // of the unfinished line
+    std::chrono::steady_clock::time_point active;        // latest complete line
     bool closing = false;
     bool half_closed = false;  // sends no more, but may still read its answers
     bool hung_up = false;

@@ -42,7 +42,7 @@ Message message_of(const std::string& channel, const Type& content, std::int64_t
 /// Of the excitation messages, in the time of the frames.
 constexpr std::int64_t excitation_period_ns = 100'000'000;
 /// Limits the size of excitation messages of fast rigs.
-constexpr std::size_t most_drive_records = 2000;
+constexpr std::size_t max_drive_records = 2000;
 
 std::int64_t signed_of(std::uint64_t count) { return static_cast<std::int64_t>(count); }
 
@@ -196,7 +196,7 @@ WriteResult MessageSink::write_block(std::span<const Sample> block) {
   for (const Sample& sample : block) record_drive(sample);
   if (!excitation_published_ns_ ||
       drive_records_.back().time_ns - *excitation_published_ns_ >= excitation_period_ns ||
-      drive_records_.size() >= most_drive_records) {
+      drive_records_.size() >= max_drive_records) {
     write_excitation();
   }
   return WriteResult::ok;

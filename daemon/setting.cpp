@@ -117,7 +117,7 @@ std::optional<std::string> refusal(const config::Excitation& excitation,
            config::short_number(excitation.by_hand.lowest);
   }
   if (const auto excess = excess_with(excitation, bounds, setting)) {
-    return asked + " asks for " + config::text_of(*excess) + ": at most " +
+    return asked + " needs " + config::text_of(*excess) + ": at most " +
            config::short_number(largest_allowed(excitation, bounds, setting));
   }
   return std::nullopt;

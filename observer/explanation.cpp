@@ -28,7 +28,7 @@ constexpr double skip_after_break_s = 0.15;  // the break is dated to about 0.2 
 constexpr double longest_delay_s = 0.012;
 constexpr double enough_s = 4.0;
 constexpr double settle_s = 0.5;
-constexpr double most_explained_s = 6.0;
+constexpr double max_explained_s = 6.0;
 // Innovations of a wrong model are correlated: this much time counts as one observation.
 constexpr double correlation_s = 0.02;
 // Degrees of freedom of the Student distribution of innovations: no model is exact.
@@ -325,7 +325,7 @@ std::int64_t nanoseconds(double s) { return std::llround(1.0e9 * s); }
 std::span<const Frame> after_break(std::span<const Frame> frames, const ModelVerdict& verdict) {
   const std::int64_t to_ns = explained_until_ns(verdict);
   const std::int64_t from_ns = std::max(verdict.since_ns + nanoseconds(skip_after_break_s),
-                                        to_ns - nanoseconds(most_explained_s));
+                                        to_ns - nanoseconds(max_explained_s));
   const auto earlier = [](const Frame& frame, std::int64_t time_ns) {
     return frame.time_ns < time_ns;
   };
@@ -346,7 +346,7 @@ std::vector<Explanation> explanations_of(const Model& believed, double period_s,
                                          const ModelVerdict& verdict) {
   const std::span<const Frame> after = after_break(frames, verdict);
   if (after.empty() || static_cast<double>(after.back().time_ns - after.front().time_ns) * 1.0e-9 <
-                           least_explained_s - skip_after_break_s) {
+                           min_explained_s - skip_after_break_s) {
     return {};
   }
   const Model before = before_break(believed, verdict);

@@ -21,7 +21,7 @@ using physics::Model;
 namespace state = physics::state;
 
 constexpr int longest_gap_periods = 10;
-constexpr int most_steps = 64;
+constexpr int max_steps = 64;
 constexpr double outlier_sigmas = 8.0;
 constexpr double outliers_to_restart_s = 0.05;
 constexpr double nis_memory_s = 0.5;
@@ -92,11 +92,11 @@ KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, Fri
       steps_(static_cast<int>(std::ceil(period_s / rig_.longest_step_s() - 1.0e-9))),
       covariance_(std::min(layout_.count, max_states)),
       consistency_(period_s) {
-  if (unsupported_.empty() && steps_ > most_steps) {
+  if (unsupported_.empty() && steps_ > max_steps) {
     unsupported_ = "the sampling period of " + std::to_string(period_s) + " s needs " +
                    std::to_string(steps_) +
                    " integration steps of this rig, the observer supports at most " +
-                   std::to_string(most_steps) + ": sample faster";
+                   std::to_string(max_steps) + ": sample faster";
   }
   if (!unsupported_.empty()) {
     estimate_.status = EstimateStatus::unsupported;

@@ -20,22 +20,22 @@ constexpr double largest_innovation = 8.0;  // [standard deviations]; larger one
 constexpr double smallest_speed_m_s = 1.0e-3;
 // A contact that sticks or creeps shows the error of a parameter rather than a change.
 constexpr double moving_speed_m_s = 0.006;
-constexpr double most_sticking = 0.8;
+constexpr double max_sticking = 0.8;
 constexpr double motion_weight = 0.2;
 constexpr double skip_after_rest_s = 0.5;
 
 constexpr double reference_blocks = 15.0;  // needed for a reference
-constexpr double most_reference_blocks = 600.0;
+constexpr double max_reference_blocks = 600.0;
 constexpr double largest_reference = 400.0;
 
 constexpr double largest_parameter_std =
     0.05;  // relative; parameters with a larger one are ignored
 constexpr double parameter_memory_s = 1.0;
 constexpr double parameter_reference_blocks = 30.0;
-constexpr double most_parameter_reference_blocks = 600.0;
+constexpr double max_parameter_reference_blocks = 600.0;
 constexpr double first_weight = 0.15;  // until the reference is known
 
-// A CUSUM of a sound rig is rarely 0; a change is possible above this value.
+// A CUSUM of a healthy rig is rarely 0; a change is possible above this value.
 constexpr double smallest_change_cusum = 2.0;
 constexpr double signature_s = 1.0;
 constexpr double shortest_signature_s = 0.3;
@@ -105,7 +105,7 @@ ModelCheck::ModelCheck(const physics::Model& model, double period_s,
     throw std::invalid_argument("model check: the days between false alarms must be more than 0");
   }
   threshold_ = std::max(5.0, cusum_threshold(settings.days_between_false_alarms, test_count));
-  most_per_block_ = 0.25 * threshold_;
+  max_per_block_ = 0.25 * threshold_;
   low_pass_ = 1.0 - std::exp(-period_s / low_pass_s);
   low_pass_gain_ = (2.0 - low_pass_) / low_pass_;
   frames_per_block_ = std::max(1, static_cast<int>(std::lround(block_s / period_s)));
@@ -269,7 +269,7 @@ bool ModelCheck::is_moving(double elapsed_s) {
     sticking_ += motion_weight * (block_.sticking / block_.frames - sticking_);
   }
   const bool moving =
-      enough && std::sqrt(speed_square_) > moving_speed_m_s && sticking_ < most_sticking;
+      enough && std::sqrt(speed_square_) > moving_speed_m_s && sticking_ < max_sticking;
   moving_s_ = moving ? moving_s_ + elapsed_s : 0.0;
   return moving_s_ > skip_after_rest_s;
 }
@@ -354,12 +354,12 @@ void ModelCheck::update_channel_tests() {
   for (std::size_t i = 0; i < channel_count; ++i) {
     if (block_.count[i] < 0.5 * block_.frames) continue;
     const double energy = low_pass_gain_ * block_.square[i] / block_.count[i];
-    const double step = std::min(energy_log_ratio(energy / expected_energy(i)), most_per_block_);
+    const double step = std::min(energy_log_ratio(energy / expected_energy(i)), max_per_block_);
     cusum_[i] = std::clamp(cusum_[i] + step, 0.0, 2.0 * threshold_);
     nominal_block_ = nominal_block_ && step < 0.0;
     if (step >= 0.0 || change_possible_) continue;
     Reference& known = reference(i);
-    known.blocks = std::min(known.blocks + 1.0, most_reference_blocks);
+    known.blocks = std::min(known.blocks + 1.0, max_reference_blocks);
     known.mean += (energy - known.mean) / known.blocks;
     known.mean_square += (square(energy) - known.mean_square) / known.blocks;
   }
@@ -391,11 +391,11 @@ void ModelCheck::update_parameter_test(MonitoredParameter& p, double value, doub
       square(tolerance) + square(2.0 * deviation) + std::min(p.spread, square(tolerance));
   const double squared = has_reference ? square(value - p.reference) / variance : 0.0;
   const double step =
-      std::min(parameter_log_ratio(squared) * block_s / parameter_memory_s, most_per_block_);
+      std::min(parameter_log_ratio(squared) * block_s / parameter_memory_s, max_per_block_);
   if (has_reference) p.cusum = std::clamp(p.cusum + step, 0.0, 2.0 * threshold_);
   if (!nominal || p.cusum != 0.0) return;
-  p.blocks = std::min(p.blocks + 1.0, most_parameter_reference_blocks);
-  const double weight = has_reference ? 1.0 / most_parameter_reference_blocks : first_weight;
+  p.blocks = std::min(p.blocks + 1.0, max_parameter_reference_blocks);
+  const double weight = has_reference ? 1.0 / max_parameter_reference_blocks : first_weight;
   p.reference += (p.blocks == 1.0 ? 1.0 : weight) * (value - p.reference);
   p.spread += weight * (square(value - p.reference) - p.spread);
 }

@@ -25,7 +25,7 @@ struct ModelCheckSettings {
 };
 
 enum class ModelStatus : std::uint8_t {
-  learning,  ///< the reference statistics of the sound rig are not known yet
+  learning,  ///< the reference statistics of the healthy rig are not known yet
   follows,   ///< no change detected
   broken,    ///< alarm; stays until the rig follows its model again
 };
@@ -134,7 +134,7 @@ class ModelCheck {
     void add(const Sums& other);
   };
 
-  /// Innovation energy of a channel of the sound rig, at one level of motion.
+  /// Innovation energy of a channel of the healthy rig, at one level of motion.
   struct Reference {
     double mean = 0.0;
     double mean_square = 0.0;
@@ -178,7 +178,7 @@ class ModelCheck {
 
   double period_s_;
   double threshold_;
-  double most_per_block_;
+  double max_per_block_;
   double low_pass_;           ///< weight of the low-pass of innovations
   double low_pass_gain_;      ///< gives white innovations of variance 1 an energy of 1
   double wedge_slope_ = 0.0;  ///< of the normal load [1/m]

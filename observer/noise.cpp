@@ -47,7 +47,7 @@ constexpr double recording_initial_std = 0.05;  // estimated from the same recor
 constexpr double implausible_mu = 1.0 / 30.0;
 constexpr double implausible_log_rate = 3.5;
 // Largest frequency of the drive.
-constexpr double most_drive_rad_s = 2.0 * pi * 40.0;
+constexpr double max_drive_rad_s = 2.0 * pi * 40.0;
 constexpr double drive_adaptation_s = 1.0;
 constexpr double drive_trend_s = 0.01;
 // Correlation time of the backbone's error due to the uncertain slip velocity.
@@ -102,8 +102,8 @@ NoiseModel::NoiseModel(const physics::Model& model, const physics::Rig& rig, con
   }
   // A Kalman filter for p''' = white noise of density q and readings of density r has a
   // bandwidth of (q / r)^(1/6) rad/s; the density is limited to bandwidths of 0.3 to 60 Hz.
-  least_log_density_ = std::log(sixth(2.0 * pi * 0.3));
-  most_log_density_ = std::log(sixth(2.0 * pi * 60.0));
+  min_log_density_ = std::log(sixth(2.0 * pi * 0.3));
+  max_log_density_ = std::log(sixth(2.0 * pi * 60.0));
   log_jerk_density_ = std::log(sixth(2.0 * pi * 20.0));
 }
 
@@ -151,7 +151,7 @@ void NoiseModel::adapt_drive_noise(double normalised_innovation) {
   drive_trend_ += -drive_trend_ * std::min(1.0, period_s_ / drive_trend_s) +
                   std::clamp(normalised_innovation, -5.0, 5.0);
   const double step = (size + trend) * period_s_ / drive_adaptation_s;
-  log_jerk_density_ = std::clamp(log_jerk_density_ + step, least_log_density_, most_log_density_);
+  log_jerk_density_ = std::clamp(log_jerk_density_ + step, min_log_density_, max_log_density_);
 }
 
 double NoiseModel::sliding_friction(const Vector& mean) const {
@@ -510,7 +510,7 @@ void NoiseModel::constrain(Vector& mean) const {
     mean[l.log_rate] = std::clamp(mean[l.log_rate], log_rate_ - 4.0, log_rate_ + 4.0);
   }
   if (l.load >= 0 && l.load_rate < 0) mean[l.load] = std::max(mean[l.load], 1.0e-3 * c.load);
-  mean[l.drive + 3] = std::clamp(mean[l.drive + 3], 0.0, square(most_drive_rad_s));
+  mean[l.drive + 3] = std::clamp(mean[l.drive + 3], 0.0, square(max_drive_rad_s));
 }
 
 }  // namespace stickslip::observer

@@ -103,7 +103,7 @@ class NoiseModel {
   /// Standard deviations of model constants.
   double spring_std_n_m_, damping_std_n_s_m_, mass_std_kg_, cell_std_n_m_;
   double drive_trend_ = 0.0;
-  double log_jerk_density_, least_log_density_, most_log_density_;
+  double log_jerk_density_, min_log_density_, max_log_density_;
   std::array<ReadingNoise, channel_count> reading_noise_;
 };
 

@@ -31,7 +31,7 @@ struct ChannelEvents {
   std::uint64_t bytes = 0;  ///< of data
 };
 
-/// Values of one channel of the frames; least and greatest are 0 without any.
+/// Range of one channel; 0 if it has no values.
 struct ChannelRange {
   std::uint64_t values = 0;
   double least = 0.0;
@@ -54,15 +54,15 @@ struct RecordedLedger {
 struct LogSurvey {
   std::string source;
   std::int64_t bytes = 0;
-  std::vector<ChannelEvents> channels;  ///< sound events only, in the order of the first
-  std::uint64_t events = 0;             ///< number of sound events
+  std::vector<ChannelEvents> channels;  ///< valid events only, by first occurrence
+  std::uint64_t events = 0;             ///< number of valid events
 
   std::vector<DamagedRange> damaged;  ///< the first hundred
   std::uint64_t damaged_places = 0;
   std::int64_t damaged_bytes = 0;
   std::uint64_t bad_checksums = 0;  ///< blocks of frames
-  std::uint64_t undecodable = 0;    ///< events on our channels that are not of its type
-  std::uint64_t misnumbered = 0;    ///< events whose number is not the next: some were removed
+  std::uint64_t undecodable = 0;    ///< events on known channels that do not decode as their type
+  std::uint64_t misnumbered = 0;    ///< gaps in the numbers of events: some were removed
   std::int64_t cut_off_bytes = 0;
 
   std::uint64_t frames = 0;
@@ -85,7 +85,7 @@ struct LogSurvey {
   /// Frames per second; 0 for less than two frames.
   double rate_hz() const;
   double duration_s() const;
-  /// Faults, one sentence each; empty: the log is sound. A gap that the recorder counted as a loss
+  /// Faults, one sentence each; empty: the log is intact. A gap that the recorder counted as a loss
   /// is not a fault of the log.
   std::vector<std::string> faults() const;
 };
@@ -109,14 +109,14 @@ struct RepairResult {
   bool dropped_anything() const;
 };
 
-/// Passes every sound event to `keep`, in order, except blocks that go back in time, so that
+/// Passes every valid event to `keep`, in order, except blocks that go back in time, so that
 /// `read_recording` reads the result.
 RepairResult repair_log(std::istream& in, const std::string& name,
                         const std::function<void(const LogEvent&)>& keep,
                         const ProgressCallback& done = {});
 
 /// The same into another file. Throws InputError if either cannot be used, both are the same, or no
-/// event is sound.
+/// event is valid.
 RepairResult repair_log(const std::filesystem::path& file, const std::filesystem::path& out,
                         const ProgressCallback& done = {});
 

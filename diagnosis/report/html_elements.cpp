@@ -71,8 +71,8 @@ void Table::row(const std::vector<std::string>& cells) {
 }
 
 std::string Table::html() const {
-  constexpr int most_together = 16;
-  const std::string style = rows_ <= most_together ? "scroll together" : "scroll";
+  constexpr int max_group_size = 16;
+  const std::string style = rows_ <= max_group_size ? "scroll together" : "scroll";
   return "<div class=\"" + style + "\">" + html_ + "</tbody>\n</table></div>\n";
 }
 

@@ -246,7 +246,7 @@ Result Amplifier::refused(const gpio::Refusal& refusal) {
 
 Result Amplifier::write(bool amplifier_on) {
   if (!open_) {
-    // It is off.
+    // A closed amplifier is off.
     if (!amplifier_on) return {};
     return {Outcome::fatal, "write to an amplifier that is not open"};
   }
@@ -330,9 +330,9 @@ int Amplifier::set_enable(bool active) noexcept {
 
 void Amplifier::execute_commands() {
   // Initial levels as requested.
-  bool enable_is = false;
-  bool enable_is_known = true;
-  bool heartbeat_is = false;
+  bool enable_level = false;
+  bool enable_level_known = true;
+  bool heartbeat_level = false;
   std::uint32_t done = 0;
   std::uint32_t failures = 0;
   pollfd waited{command_event_, POLLIN, 0};
@@ -344,15 +344,15 @@ void Amplifier::execute_commands() {
     const Command command = Command::in(command_word_.load(std::memory_order_acquire));
     if (command.serial == done) continue;
     int error = 0;
-    if (enable_ && (!enable_is_known || enable_is != command.enable)) {
+    if (enable_ && (!enable_level_known || enable_level != command.enable)) {
       error = set_enable(command.enable);
       // After an error the level is unknown.
-      enable_is_known = error == 0;
-      enable_is = command.enable;
+      enable_level_known = error == 0;
+      enable_level = command.enable;
     }
-    if (error == 0 && heartbeat_ && heartbeat_is != command.heartbeat) {
+    if (error == 0 && heartbeat_ && heartbeat_level != command.heartbeat) {
       error = outputs_->set(*heartbeat_, command.heartbeat);
-      if (error == 0) heartbeat_is = command.heartbeat;
+      if (error == 0) heartbeat_level = command.heartbeat;
     }
     done = command.serial;
     failures = error == 0 ? 0U : std::min(failures + 1U, 0xFFFFU);
@@ -383,17 +383,17 @@ void Amplifier::set_unknown() noexcept {
 
 /// False: the chip did not respond.
 bool Amplifier::sample_inputs(std::span<bool> went_active) {
-  const std::int64_t begun_ns = clock_.now_ns();
+  const std::int64_t start_ns = clock_.now_ns();
   if (inputs_->take_edges(went_active) != 0) return false;
   for (std::size_t i = 0; i < watched_.size(); ++i) {
     const int level = inputs_->get(i);
     if (level < 0) return false;
     const std::int64_t now = clock_.now_ns();
-    // It was active meanwhile, however briefly.
+    // A pulse between two samples counts as active.
     if (went_active[i]) watched_[i].state.update(true, now);
     watched_[i].result->store(watched_[i].state.update(level == 1, now), std::memory_order_relaxed);
   }
-  sampled_ns_.store(begun_ns, std::memory_order_release);
+  sampled_ns_.store(start_ns, std::memory_order_release);
   return true;
 }
 

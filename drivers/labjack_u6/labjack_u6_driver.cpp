@@ -212,9 +212,9 @@ Result LabjackU6Driver::begin_stream() {
   const u6::BoardLink& link = board_->link;
   auto session = std::make_unique<u6::StreamSession>(link.context(), link.handle(), std::move(plan),
                                                      *lines_, *counts_);
-  const bool begun = session->begin();
+  const bool started = session->begin();
   board_->session = std::move(session);
-  if (!begun) {
+  if (!started) {
     end_stream();
     return refuse(Outcome::temporary,
                   description_.name +

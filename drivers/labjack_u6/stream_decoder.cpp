@@ -17,9 +17,9 @@ constexpr std::uint16_t dummy_count = 0xFFFF;
 }  // namespace
 
 StreamDecoder::StreamDecoder(int channels, int samples_per_packet)
-    : channels_(static_cast<std::size_t>(std::clamp(channels, 1, most_channels))),
+    : channels_(static_cast<std::size_t>(std::clamp(channels, 1, max_channels))),
       samples_per_packet_(
-          static_cast<std::size_t>(std::clamp(samples_per_packet, 1, most_samples_per_packet))) {}
+          static_cast<std::size_t>(std::clamp(samples_per_packet, 1, max_samples_per_packet))) {}
 
 StreamDecoder::Outcome StreamDecoder::take(std::span<const std::uint8_t> packet) {
   scan_count_ = 0;

@@ -8,13 +8,13 @@
 
 namespace stickslip::drivers::labjack_u6 {
 
-inline constexpr int most_channels = 25;
-inline constexpr int most_samples_per_packet = 25;
+inline constexpr int max_channels = 25;
+inline constexpr int max_samples_per_packet = 25;
 
 /// One complete scan.
 struct Scan {
   std::uint64_t index = 0;  ///< from the start of the stream, lost scans included
-  std::array<std::uint16_t, most_channels> counts{};  ///< by position in the scan list
+  std::array<std::uint16_t, max_channels> counts{};  ///< by position in the scan list
 };
 
 /// Scans straddle packets, packets get lost or corrupted, and a board reports only after a buffer
@@ -83,7 +83,7 @@ class StreamDecoder {
 
   std::size_t channels_;
   std::size_t samples_per_packet_;
-  std::array<Scan, most_samples_per_packet + 1> scans_{};
+  std::array<Scan, max_samples_per_packet + 1> scans_{};
   std::size_t scan_count_ = 0;
   Scan partial_;
   bool partial_whole_ = true;     // no sample of it was lost so far

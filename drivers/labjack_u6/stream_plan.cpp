@@ -82,7 +82,7 @@ std::string enable_line_error(const config::LabjackU6& settings) {
 int samples_per_packet(const config::LabjackU6& settings, std::size_t inputs, double rate_hz) {
   if (settings.samples_per_packet) return *settings.samples_per_packet;
   const double in_time = transfer_s * rate_hz * static_cast<double>(inputs);
-  return static_cast<int>(std::clamp(in_time, 1.0, double{most_samples_per_packet}));
+  return static_cast<int>(std::clamp(in_time, 1.0, double{max_samples_per_packet}));
 }
 
 }  // namespace
@@ -136,9 +136,9 @@ StreamPlan stream_plan(const config::LabjackU6& settings, const config::BenchInp
   plan.samples_per_packet = samples_per_packet(settings, plan.scan.size(), rate_hz);
   plan.transfers = settings.transfers;
   // A packet that is not full ends its transfer.
-  if (plan.samples_per_packet == most_samples_per_packet) {
+  if (plan.samples_per_packet == max_samples_per_packet) {
     const double packets_hz =
-        rate_hz * static_cast<double>(plan.scan.size()) / most_samples_per_packet;
+        rate_hz * static_cast<double>(plan.scan.size()) / max_samples_per_packet;
     plan.packets_per_transfer =
         std::clamp(static_cast<int>(packets_hz * transfer_s), 1, max_packets_per_transfer);
   }

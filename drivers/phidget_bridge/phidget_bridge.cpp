@@ -241,11 +241,11 @@ Result PhidgetBridge::send() {
 }
 
 Result PhidgetBridge::settle() {
-  const std::int64_t begun = clock_.now_ns();
+  const std::int64_t start = clock_.now_ns();
   const std::int64_t longest = settle_ns + 5 * std::int64_t{settings_.interval_ms} * 1'000'000;
-  std::int64_t sent = begun;
+  std::int64_t sent = start;
   // The count of time-outs bounds the loop even with a clock that stands still in a test.
-  for (int silent = 0; silent < 15 && clock_.now_ns() - begun < longest;) {
+  for (int silent = 0; silent < 15 && clock_.now_ns() - start < longest;) {
     if (const Result sent_now = send(); !sent_now) return sent_now;
     std::array<std::uint8_t, max_report_bytes> bytes{};
     const int got = hid_read_timeout(board_->device.get(), bytes.data(), bytes.size(), timeout_ms);

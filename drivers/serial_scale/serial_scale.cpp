@@ -88,11 +88,11 @@ Result SerialScale::take_lines(std::span<Reading> readings) {
   std::uint64_t valid = 0;
   for (std::size_t end = 0; (end = received_.find('\n')) != std::string::npos; ++lines) {
     const auto weight = serial_scale::parse_line(std::string_view(received_).substr(0, end + 1));
-    const std::int64_t begun = now - line_.duration_ns(received_.size());
+    const std::int64_t start_ns = now - line_.duration_ns(received_.size());
     received_.erase(0, end + 1);
     if (!weight) continue;
     ++valid;
-    std::fill(readings.begin(), readings.end(), Reading{weight->force_n, begun, weight->valid});
+    std::fill(readings.begin(), readings.end(), Reading{weight->force_n, start_ns, weight->valid});
   }
   if (received_.size() > max_line_bytes) {  // without an end
     received_.clear();

@@ -1,4 +1,4 @@
-// A USB-1208FS-Plus in operation: its scans become frames and its output is fed, in a thread.
+// A USB-1208FS-Plus in operation: a thread converts its scans to frames and refills its output.
 #pragma once
 
 #include <libusb-1.0/libusb.h>
@@ -62,7 +62,7 @@ class Board {
   /// True if the loop is behind: frames wait to be read.
   bool has_frames() const { return frames_.peek() != nullptr; }
   bool ran_dry() const { return refill_.load(std::memory_order_acquire) == Refill::awaited; }
-  /// The values queued from now on are current: the output may begin again.
+  /// Values queued from now on are current: the output may restart.
   void refill() { refill_.store(Refill::begun, std::memory_order_release); }
 
   /// True once after an overrun, an underrun.

@@ -62,11 +62,11 @@ class ControlSocket(EndToEnd):
             ramp_s = 0.2
             {more}
             """)
-        self.said = open(self.folder / "said.txt", "w+")
+        self.output = open(self.folder / "output.txt", "w+")
         daemon = subprocess.Popen([STICKSLIPD, "--config", str(config), "--control",
                                    str(self.socket), "--no-lcm"],
-                                  stdout=self.said, stderr=subprocess.STDOUT)
-        self.addCleanup(self.said.close)
+                                  stdout=self.output, stderr=subprocess.STDOUT)
+        self.addCleanup(self.output.close)
         self.addCleanup(lambda: daemon.poll() is None and daemon.kill())
         until = time.monotonic() + 20
         while not self.listens():
@@ -80,7 +80,7 @@ class ControlSocket(EndToEnd):
             return client.connect_ex(str(self.socket)) == 0
 
     def log(self):
-        return (self.folder / "said.txt").read_text()
+        return (self.folder / "output.txt").read_text()
 
     def ctl(self, *arguments, status=0):
         result = run(STICKSLIP, "ctl", "--socket", self.socket, "--json", *arguments)
@@ -226,18 +226,18 @@ class ControlSocket(EndToEnd):
     def test_thousands_of_hostile_connections_delay_neither_the_loop_nor_an_operator(self):
         daemon = self.start()
         self.move()
-        dice = random.Random(7)
+        rng = random.Random(7)
         kept = []
         for i in range(3000):
             client = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
             client.setblocking(False)
             try:
                 client.connect(str(self.socket))
-                kind = dice.randrange(4)
+                kind = rng.randrange(4)
                 if kind == 1:
                     client.send(b'{"v":1,"do":"st')
                 elif kind == 2:
-                    client.send(dice.randbytes(20_000))
+                    client.send(rng.randbytes(20_000))
                 elif kind == 3:
                     client.send(b'{"v":1,"do":"status"}\n' * 100)
             except (BlockingIOError, BrokenPipeError, ConnectionResetError):

@@ -35,9 +35,9 @@ class DaemonStopsCleanly(EndToEnd):
         return daemon, log
 
     def end(self, daemon, status=0):
-        said, _ = daemon.communicate(timeout=60)
-        self.assertEqual(daemon.returncode, status, said)
-        return said
+        output, _ = daemon.communicate(timeout=60)
+        self.assertEqual(daemon.returncode, status, output)
+        return output
 
     def wait_for_recording(self, log, size=20000):
         until = time.monotonic() + 30
@@ -45,22 +45,22 @@ class DaemonStopsCleanly(EndToEnd):
             self.assertLess(time.monotonic(), until, "the recording does not grow")
             time.sleep(0.01)
 
-    def ledger(self, said):
+    def ledger(self, output):
         """{consumer: (produced, delivered, lost)} as the daemon printed it."""
         found = {}
-        for name, produced, delivered, losses in LEDGER.findall(said):
+        for name, produced, delivered, losses in LEDGER.findall(output):
             lost = sum(int(n) for n in re.findall(r"\+ (\d+) lost", losses))
             found[name] = (int(produced), int(delivered), lost)
         return found
 
-    def check(self, said, log, published=True):
-        ledger = self.ledger(said)
-        self.assertEqual(set(ledger), {"publishing", "recording"} if published else {"recording"}, said)
+    def check(self, output, log, published=True):
+        ledger = self.ledger(output)
+        self.assertEqual(set(ledger), {"publishing", "recording"} if published else {"recording"}, output)
         for name, (produced, delivered, lost) in ledger.items():
             self.assertGreater(produced, 0, name)
-            self.assertEqual(produced, delivered + lost, said)
+            self.assertEqual(produced, delivered + lost, output)
         produced, recorded, lost = ledger["recording"]
-        self.assertEqual(lost, 0, said)
+        self.assertEqual(lost, 0, output)
 
         recording = frames.frames(log, self.types)
         self.assertEqual(len(recording), recorded)
@@ -103,8 +103,8 @@ class DaemonStopsCleanly(EndToEnd):
         daemon, log = self.start()
         self.wait_for_recording(log, 200_000)
         daemon.send_signal(signal.SIGTERM)
-        said = self.end(daemon)
-        recording = self.check(said, log)
+        output = self.end(daemon)
+        recording = self.check(output, log)
         drives = self.excitations(log)
         self.assertEqual([drive.sequence for drive in drives],
                          [frame.sequence for frame in recording])
@@ -115,15 +115,15 @@ class DaemonStopsCleanly(EndToEnd):
         self.assertLess(max(abs(a - b) for a, b in zip(ramp, ramp[1:])), 0.08 * max(ramp))
 
     def test_a_stop_at_any_moment_loses_nothing(self):
-        dice = random.Random(20240711)
+        rng = random.Random(20240711)
         for _ in range(6):
-            number = dice.choice([signal.SIGTERM, signal.SIGINT])
+            number = rng.choice([signal.SIGTERM, signal.SIGINT])
             daemon, log = self.start()
             self.wait_for_recording(log, 200)
-            time.sleep(dice.uniform(0.0, 0.7))
+            time.sleep(rng.uniform(0.0, 0.7))
             daemon.send_signal(number)
-            if dice.random() < 0.5:
-                time.sleep(dice.uniform(0.0, 0.3))
+            if rng.random() < 0.5:
+                time.sleep(rng.uniform(0.0, 0.3))
                 if daemon.poll() is None:
                     daemon.send_signal(number)  # the second one stops immediately
             with self.subTest(signal=number):
@@ -131,8 +131,8 @@ class DaemonStopsCleanly(EndToEnd):
 
     def test_a_duration_is_exact_to_the_frame(self):
         daemon, log = self.start("--duration", "1.5", "--no-lcm")
-        said = self.end(daemon)
-        self.assertEqual(len(self.check(said, log, published=False)), 1500)
+        output = self.end(daemon)
+        self.assertEqual(len(self.check(output, log, published=False)), 1500)
         self.assertEqual(self.excitations(log)[-1].drive, 0.0)
         self.assertFalse(self.excitations(log)[-1].amplifier_on)
 
@@ -144,9 +144,9 @@ class DaemonStopsCleanly(EndToEnd):
                                                     "[driver.simulated]\nreal_time = false\n"))
         daemon, log = self.start("--duration", "20", "--no-lcm", config=fast)
         began = time.monotonic()
-        said = self.end(daemon)
+        output = self.end(daemon)
         self.assertLess(time.monotonic() - began, 15)
-        self.assertEqual(len(self.check(said, log, published=False)), 20000)
+        self.assertEqual(len(self.check(output, log, published=False)), 20000)
 
     def test_network_errors_are_in_the_ledger_and_stop_nothing(self):
         daemon, log = self.start("--duration", "2")
@@ -154,12 +154,12 @@ class DaemonStopsCleanly(EndToEnd):
         # In this test's own network namespace.
         subprocess.run(["ip", "route", "del", "239.255.76.67/32"], check=True)
         self.addCleanup(subprocess.run, ["ip", "route", "add", "239.255.76.67/32", "dev", "lo"])
-        said = self.end(daemon)
-        self.check(said, log)
-        produced, published, lost = self.ledger(said)["publishing"]
-        self.assertGreater(published, 0, said)
-        self.assertGreater(lost, 0, said)
-        self.assertIn("ip route add", said)
+        output = self.end(daemon)
+        self.check(output, log)
+        produced, published, lost = self.ledger(output)["publishing"]
+        self.assertGreater(published, 0, output)
+        self.assertGreater(lost, 0, output)
+        self.assertIn("ip route add", output)
 
     def test_a_missing_route_is_reported_with_its_remedy(self):
         subprocess.run(["ip", "route", "del", "239.255.76.67/32"], check=True)
@@ -172,14 +172,14 @@ class DaemonStopsCleanly(EndToEnd):
         daemon = subprocess.Popen([STICKSLIPD, "--config", str(CONFIG), "--record", "/dev/full",
                                    "--duration", "1"], stdout=subprocess.PIPE,
                                   stderr=subprocess.STDOUT, text=True)
-        said = self.end(daemon, status=1)  # the requested recording is missing
-        ledger = self.ledger(said)
+        output = self.end(daemon, status=1)  # the requested recording is missing
+        ledger = self.ledger(output)
         produced, recorded, lost = ledger["recording"]
         self.assertEqual(produced, 1000)
         self.assertEqual(produced, recorded + lost)
         self.assertGreater(lost, 0)
         self.assertEqual(ledger["publishing"], (1000, 1000, 0))
-        self.assertIn("No space left", said)
+        self.assertIn("No space left", output)
 
     def test_invalid_arguments_are_reported_in_one_line(self):
         for arguments, words in (

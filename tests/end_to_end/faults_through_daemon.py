@@ -54,9 +54,9 @@ class FaultsThroughTheDaemon(EndToEnd):
         self.daemon('[[fault]]\nkind = "drop"\nat_s = 1.0\nduration_s = 0.1\n', "injected")
         log = self.folder / "injected.log"
         script = (self.folder / "script.toml").read_text()
-        said = self.succeed("log", "info", log).stdout
+        output = self.succeed("log", "info", log).stdout
         digest = hashlib.sha256(script.encode()).hexdigest()
-        self.assertRegex(said, rf"(?m)^  fault script +SHA-256 {digest}, verified$")
+        self.assertRegex(output, rf"(?m)^  fault script +SHA-256 {digest}, verified$")
         info = json.loads(self.succeed("log", "info", log, "--json").stdout)
         self.assertEqual(info["texts"]["fault_script"]["sha256"], digest)
 
@@ -99,13 +99,13 @@ class FaultsThroughTheDaemon(EndToEnd):
             """)
         result = run(STICKSLIPD, "--config", config, "--no-lcm", "--duration", 45)
         self.assertEqual(result.returncode, 0, result.stderr)
-        said = result.stdout + result.stderr
-        broken = said.find(" the rig no longer follows its model: ")
+        output = result.stdout + result.stderr
+        broken = output.find(" the rig no longer follows its model: ")
         late = re.search("why the rig no longer follows its model: the channel friction_force is late by "
-                         r"([0-9.]+) ms \(sensor", said)
-        self.assertGreater(broken, 0, said)
-        self.assertTrue(late, said)
-        self.assertGreater(late.start(), broken, said)
+                         r"([0-9.]+) ms \(sensor", output)
+        self.assertGreater(broken, 0, output)
+        self.assertTrue(late, output)
+        self.assertGreater(late.start(), broken, output)
         self.assertAlmostEqual(float(late.group(1)), 6.0, delta=0.6)
 
     def test_a_malformed_script_is_refused_with_its_line(self):

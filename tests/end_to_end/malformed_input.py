@@ -75,10 +75,10 @@ class MalformedInput(EndToEnd):
 
     def expect_refusal(self, result, file, line, word):
         """One line with file and line on standard error, status 2."""
-        said = f"{result.args}\n{result.stdout}{result.stderr}"
-        self.assertEqual(result.returncode, 2, said)
+        printed = f"{result.args}\n{result.stdout}{result.stderr}"
+        self.assertEqual(result.returncode, 2, printed)
         lines = result.stderr.splitlines()
-        self.assertEqual(len(lines), 1, said)
+        self.assertEqual(len(lines), 1, printed)
         place = re.escape(str(file)) + (r":\d+\b" if line is None else f":{line}" + r"\b")
         self.assertRegex(lines[0], place)
         self.assertIn(word, lines[0])
@@ -151,7 +151,7 @@ class MalformedInput(EndToEnd):
                     if name.startswith("overwritten"):
                         self.assertIn("stickslip log repair", result.stderr)
 
-    def test_a_log_that_was_cut_off_is_read_up_to_there_with_a_warning(self):
+    def test_a_truncated_log_is_read_up_to_there_with_a_warning(self):
         log = self.folder / "good.log"
         self.succeed("convert", self.good_recording, log)
         whole = log.read_bytes()
@@ -164,7 +164,7 @@ class MalformedInput(EndToEnd):
                     self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
                     self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
                     self.assertRegex(result.stderr, re.escape(str(recording)) +
-                                     r": cut off: its last \d+ bytes are an incomplete event")
+                                     r": truncated: its last \d+ bytes are an incomplete event")
 
     def test_models(self):
         for name, (old, new, line, word) in BAD_MODELS.items():
@@ -174,11 +174,11 @@ class MalformedInput(EndToEnd):
                     self.expect_refusal(stickslip(*command), model, line, word)
             with self.subTest(case=name, command="check"):
                 result = stickslip("check", model)
-                said = result.stdout + result.stderr
-                self.assertEqual(result.returncode, 2, said)
+                printed = result.stdout + result.stderr
+                self.assertEqual(result.returncode, 2, printed)
                 number = r"\d+" if line is None else str(line)
-                self.assertRegex(said, re.escape(str(model)) + f":{number}:" + r"\d+: ")
-                self.assertIn(word, said)
+                self.assertRegex(printed, re.escape(str(model)) + f":{number}:" + r"\d+: ")
+                self.assertIn(word, printed)
 
     def test_check_reports_all_problems(self):
         model = MODEL
@@ -187,10 +187,10 @@ class MalformedInput(EndToEnd):
             model = model.replace(old, new)
         file = self.write("three.toml", model)
         result = stickslip("check", file)
-        said = result.stdout + result.stderr
-        self.assertEqual(result.returncode, 2, said)
+        printed = result.stdout + result.stderr
+        self.assertEqual(result.returncode, 2, printed)
         for line in (5, 7, 14):
-            self.assertRegex(said, re.escape(str(file)) + f":{line}:" + r"\d+: ")
+            self.assertRegex(printed, re.escape(str(file)) + f":{line}:" + r"\d+: ")
 
     def test_bad_arguments(self):
         """One line with the option (or the command), its value, and the expectation."""

@@ -71,10 +71,10 @@ class RecordingsOnLcm(EndToEnd):
                 replay = self.succeed("replay", self.log, "--speed", 2, "--block", block)
                 self.assertIn(f"published {FRAME_COUNT} of {FRAME_COUNT} frames", replay.stdout)
                 for recorder in recorders:
-                    said = recorder.communicate(timeout=30)[0]
-                    self.assertEqual(recorder.returncode, 0, said)
-                    self.assertIn(f"{FRAME_COUNT} frames", said)
-                    self.assertIn("lost 0 frames in 0 gaps", said)
+                    output = recorder.communicate(timeout=30)[0]
+                    self.assertEqual(recorder.returncode, 0, output)
+                    self.assertIn(f"{FRAME_COUNT} frames", output)
+                    self.assertIn("lost 0 frames in 0 gaps", output)
                 heard = [json.loads(line) for line in listener.communicate(timeout=30)[0].splitlines()]
                 self.assertEqual(len(heard), FRAME_COUNT)
                 for row, frame in zip(rows, heard):
@@ -103,9 +103,9 @@ class RecordingsOnLcm(EndToEnd):
         out = self.folder / "out.log"
         recorder = self.recorder(out, "--duration", 2)
         self.succeed("replay", log, "--speed", 3)
-        said = recorder.communicate(timeout=30)[0]
-        self.assertIn("1470 frames", said)
-        self.assertIn("lost 30 frames in 2 gaps", said)
+        output = recorder.communicate(timeout=30)[0]
+        self.assertIn("1470 frames", output)
+        self.assertIn("lost 30 frames in 2 gaps", output)
 
     def test_record_stops_at_its_count_and_at_signals(self):
         for name, arguments, stop, expected in (
@@ -118,9 +118,9 @@ class RecordingsOnLcm(EndToEnd):
                 self.succeed("replay", self.log, "--speed", 4)
                 if stop is not None:
                     recorder.send_signal(stop)
-                said, errors = recorder.communicate(timeout=10)
+                output, errors = recorder.communicate(timeout=10)
                 self.assertEqual(recorder.returncode, 0, errors)
-                self.assertIn(expected, said)
+                self.assertIn(expected, output)
                 self.succeed("convert", out, self.folder / f"{name}.csv")
 
     def test_record_refuses_two_sources_in_one(self):
@@ -128,8 +128,8 @@ class RecordingsOnLcm(EndToEnd):
         recorder = self.recorder(out)
         self.succeed("replay", self.log, "--speed", 10)
         self.succeed("replay", self.log, "--speed", 10)
-        said, errors = recorder.communicate(timeout=10)
-        self.assertEqual(recorder.returncode, 1, said + errors)
+        output, errors = recorder.communicate(timeout=10)
+        self.assertEqual(recorder.returncode, 1, output + errors)
         self.assertIn("went back", errors)
         types = frames.generate_types(self.folder)
         self.assertEqual(frames.frames(out, types), frames.frames(self.log, types))
@@ -138,17 +138,17 @@ class RecordingsOnLcm(EndToEnd):
         replay = self.start(STICKSLIP, "replay", self.log, "--speed", 0.1)
         time.sleep(1)
         replay.send_signal(signal.SIGTERM)
-        said, errors = replay.communicate(timeout=5)
+        output, errors = replay.communicate(timeout=5)
         self.assertEqual(replay.returncode, 0, errors)
-        self.assertIn("(stopped)", said)
+        self.assertIn("(stopped)", output)
 
     def test_spy_shows_rates_and_values(self):
         spy = self.start(STICKSLIP, "spy", "--once")
         replay = self.start(STICKSLIP, "replay", self.log, "--speed", 0.5)
-        said, errors = spy.communicate(timeout=10)
+        output, errors = spy.communicate(timeout=10)
         replay.kill()
         self.assertEqual(spy.returncode, 0, errors)
-        line = next(line for line in said.splitlines() if line.startswith("STICKSLIP_FRAMES"))
+        line = next(line for line in output.splitlines() if line.startswith("STICKSLIP_FRAMES"))
         self.assertRegex(line, r"lost 0 in 0 gaps.*displacement .* m, friction_force .* N")
         self.assertNotIn("velocity", line)
 

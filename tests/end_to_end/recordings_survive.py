@@ -43,7 +43,7 @@ class RecordingsSurvive(EndToEnd):
         return result.stdout + result.stderr
 
     def test_a_killed_daemon_costs_less_than_a_second(self):
-        dice = random.Random(20240712)
+        rng = random.Random(20240712)
         for kill in range(4):
             heard = self.folder / f"heard{kill}.log"
             listener = self.start(STICKSLIP, "record", heard)
@@ -54,13 +54,13 @@ class RecordingsSurvive(EndToEnd):
             while not log.exists() or log.stat().st_size < 20_000:  # frames have been flushed
                 self.assertLess(time.monotonic(), until, "the recording does not grow")
                 time.sleep(0.01)
-            time.sleep(dice.uniform(0.0, 1.5))
+            time.sleep(rng.uniform(0.0, 1.5))
             daemon.kill()
             daemon.wait()
             time.sleep(0.1)  # messages published before the kill arrive
             listener.send_signal(signal.SIGTERM)
-            said, _ = listener.communicate(timeout=30)
-            self.assertEqual(listener.returncode, 0, said)
+            output, _ = listener.communicate(timeout=30)
+            self.assertEqual(listener.returncode, 0, output)
 
             csv = self.folder / f"killed{kill}.csv"
             self.succeed("convert", log, csv)
@@ -91,10 +91,10 @@ class RecordingsSurvive(EndToEnd):
                                        ("by_size", "rotate_mb = 0.2\n", 4)):
             with self.subTest(rotation=name):
                 config, log = self.rig(name, recording, fast=True)
-                said = self.run_rig(config, 10)
+                output = self.run_rig(config, 10)
                 parts = [log, *sorted(self.folder.glob(f"{name}.0*.log"))]
                 self.assertGreaterEqual(len(parts), least)
-                self.assertIn("recording: 10000 produced = 10000 recorded", said)
+                self.assertIn("recording: 10000 produced = 10000 recorded", output)
                 sequences = []
                 for number, part in enumerate(parts):
                     events = list(frames.events(part))
@@ -128,7 +128,7 @@ class RecordingsSurvive(EndToEnd):
     def test_damage_is_found_reported_and_repaired(self):
         config, log = self.rig("damaged", "", fast=True)
         self.run_rig(config, 2)
-        self.assertIn("damaged.log: sound", self.succeed("log", "check", log).stdout)
+        self.assertIn("damaged.log: intact", self.succeed("log", "check", log).stdout)
         content = bytearray(log.read_bytes())
         middle = content.index(b"\xed\xa1\xda\x01", len(content) // 2)
         content[middle:middle + 40] = b"\0" * 40
@@ -141,33 +141,33 @@ class RecordingsSurvive(EndToEnd):
         self.assertEqual(checked.returncode, 1, checked.stderr)
         self.assertIn("damaged in 1 place", checked.stdout)
         self.assertIn(f"at byte {middle}", checked.stdout)
-        self.assertIn("cut off", checked.stdout)
-        mended = self.folder / "mended.log"
-        said = self.succeed("log", "repair", log, "--out", mended).stdout
-        self.assertIn("1 place outside of events", said)
-        self.succeed("convert", mended, self.folder / "mended.csv")
-        left = len((self.folder / "mended.csv").read_text().splitlines()) - 1
+        self.assertIn("truncated", checked.stdout)
+        repaired = self.folder / "repaired.log"
+        output = self.succeed("log", "repair", log, "--out", repaired).stdout
+        self.assertIn("1 place outside of events", output)
+        self.succeed("convert", repaired, self.folder / "repaired.csv")
+        left = len((self.folder / "repaired.csv").read_text().splitlines()) - 1
         self.assertGreaterEqual(left, 1980)
         self.assertLess(left, 2001)
-        # It is sound now, though incomplete, which its ledger cannot show after the cut.
-        self.assertNotIn("damaged in", stickslip("log", "check", mended).stdout)
+        # It is intact now, though incomplete, which its ledger cannot show after the cut.
+        self.assertNotIn("damaged in", stickslip("log", "check", repaired).stdout)
 
     def test_info_describes_a_log(self):
         config, log = self.rig("described", "", fast=True)
         self.run_rig(config, 3)
-        said = self.succeed("log", "info", log).stdout
+        output = self.succeed("log", "info", log).stdout
         for line in (r"rig +simulated Beam II", r"program +stickslipd \d", r"part +0, the first",
                      r"configuration +SHA-256 [0-9a-f]{64}, verified", r"duration +2\.999 s",
                      r"rate +1000 Hz", r"frames +3000, .*no gap", r"displacement +-\S+ to \S+ m",
                      r"ledger +3000 produced = 3000 recorded$"):
-            self.assertRegex(said, re.compile(line, re.MULTILINE))
+            self.assertRegex(output, re.compile(line, re.MULTILINE))
 
     def test_exports_are_written_and_a_csv_has_every_frame(self):
         config, log = self.rig("out", "", fast=True)
         self.run_rig(config, 2)
         for ending in ("csv", "mat", "h5"):
-            said = self.succeed("log", "export", log, self.folder / f"out.{ending}").stdout
-            self.assertIn("2000 rows of frames, 2000 rows of excitation, 200 rows of estimate", said)
+            output = self.succeed("log", "export", log, self.folder / f"out.{ending}").stdout
+            self.assertIn("2000 rows of frames, 2000 rows of excitation, 200 rows of estimate", output)
         rows = [line for line in (self.folder / "out.csv").read_text().splitlines()
                 if not line.startswith("#")]
         self.assertEqual(len(rows), 2001)

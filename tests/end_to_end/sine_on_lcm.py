@@ -95,13 +95,13 @@ class SineOnLcm(EndToEnd):
         heard = subprocess.run(
             [sys.executable, SOURCE / "tests/end_to_end/lcm_subscriber.py", "--duration", str(seconds),
              "--frames"], capture_output=True, text=True, timeout=60)
-        said, _ = daemon.communicate(timeout=60)
-        self.assertEqual(heard.returncode, 0, heard.stderr + said)
-        self.assertEqual(daemon.returncode, 0, said)
+        output, _ = daemon.communicate(timeout=60)
+        self.assertEqual(heard.returncode, 0, heard.stderr + output)
+        self.assertEqual(daemon.returncode, 0, output)
 
         frames = [json.loads(line) for line in heard.stdout.splitlines()]
         # After the ramp of half a second and the transient of the shaker's filter.
-        self.assertGreater(len(frames), 900 * seconds, said)
+        self.assertGreater(len(frames), 900 * seconds, output)
         sequences = [frame["sequence"] for frame in frames]
         self.assertEqual(sequences, list(range(sequences[0], sequences[0] + len(sequences))))
 

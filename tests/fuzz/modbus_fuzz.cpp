@@ -52,21 +52,21 @@ bool is_of_bits(config::RegisterTable table) {
 
 void look_at_values(const std::vector<std::uint16_t>& words, config::ByteOrder order) {
   for (int type = 0; type < 10; ++type) {
-    ModbusRegister its;
-    its.type = static_cast<RegisterType>(type);
-    its.order = order;
-    const std::size_t size = registers_of(its.type);
+    ModbusRegister entry;
+    entry.type = static_cast<RegisterType>(type);
+    entry.order = order;
+    const std::size_t size = registers_of(entry.type);
     if (words.size() < size) continue;
     const auto own = std::span(words).first(size);
-    const auto value = value_of(its, own);
-    const auto raw = raw_of(its, own);
+    const auto value = value_of(entry, own);
+    const auto raw = raw_of(entry, own);
     require(!raw || value, "what has a raw number has a value");
     if (!value) continue;
     require(std::isfinite(*value), "values are finite");
-    if (its.type == RegisterType::int64) continue;  // not exactly representable as double
-    const auto again = words_for(its, *value);
+    if (entry.type == RegisterType::int64) continue;  // not exactly representable as double
+    const auto again = words_for(entry, *value);
     // Values instead of words, because of the two zeros.
-    require(again && value_of(its, again->view()) == value, "a value is written as it was read");
+    require(again && value_of(entry, again->view()) == value, "a value is written as it was read");
   }
 }
 
@@ -75,12 +75,12 @@ void look_at_plan(const config::ModbusMap& map, const std::set<std::string>& nee
   require(plan.places.size() == map.registers.size(), "a place for every register");
   for (std::size_t i = 0; i < plan.places.size(); ++i) {
     if (!plan.places[i]) continue;
-    const ModbusRegister& its = map.registers[i];
+    const ModbusRegister& entry = map.registers[i];
     const ReadRequest& request = plan.requests.at(plan.places[i]->request);
-    require(request.table == its.table && request.count <= most_in_one(its.table),
+    require(request.table == entry.table && request.count <= max_per_request(entry.table),
             "requests are of one table and not too long");
     require(
-        plan.places[i]->first + registers_of(its.type) <= static_cast<std::size_t>(request.count),
+        plan.places[i]->first + registers_of(entry.type) <= static_cast<std::size_t>(request.count),
         "registers lie in their requests");
   }
 }
@@ -98,17 +98,17 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   config::ModbusMap map;
   std::set<std::string> needed;
   for (int left = taken.byte() % 16; left > 0; --left) {
-    ModbusRegister its;
-    its.name = std::to_string(left);
-    its.address = taken.word();
+    ModbusRegister entry;
+    entry.name = std::to_string(left);
+    entry.address = taken.word();
     const int kind = taken.byte();
-    its.table = static_cast<config::RegisterTable>(kind % 4);
-    its.role = static_cast<config::RegisterRole>(kind / 4 % 4);
-    its.type =
-        is_of_bits(its.table) ? RegisterType::bit : static_cast<RegisterType>(1 + kind / 16 % 9);
-    its.group = std::string(static_cast<std::size_t>(taken.byte() % 3), 'g');
-    if (left % 2 == 0) needed.insert(its.name);
-    map.registers.push_back(its);
+    entry.table = static_cast<config::RegisterTable>(kind % 4);
+    entry.role = static_cast<config::RegisterRole>(kind / 4 % 4);
+    entry.type =
+        is_of_bits(entry.table) ? RegisterType::bit : static_cast<RegisterType>(1 + kind / 16 % 9);
+    entry.group = std::string(static_cast<std::size_t>(taken.byte() % 3), 'g');
+    if (left % 2 == 0) needed.insert(entry.name);
+    map.registers.push_back(entry);
   }
   look_at_plan(map, needed);
 

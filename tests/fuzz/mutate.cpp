@@ -44,7 +44,7 @@ std::vector<Bytes> seeds_of(const std::vector<std::filesystem::path>& paths) {
 constexpr std::uint8_t boundary[] = {0,   1,   0x7F, 0x80, 0xFF, '0', '9',
                                      '-', '.', ',',  '\n', 'e',  '#'};
 
-void spoil(Bytes& bytes, const std::vector<Bytes>& seeds, std::mt19937& random) {
+void mutate(Bytes& bytes, const std::vector<Bytes>& seeds, std::mt19937& random) {
   const auto below = [&random](std::size_t n) { return n == 0 ? 0 : random() % n; };
   const auto at = [&](const Bytes& some) {
     return some.begin() + static_cast<std::ptrdiff_t>(below(some.size() + 1));
@@ -104,7 +104,7 @@ int run(int argc, char** argv) {
     // A generator per round, so that a single round can be repeated.
     std::mt19937 random(static_cast<std::mt19937::result_type>(round));
     Bytes bytes = seeds[random() % seeds.size()];
-    for (std::size_t n = 1 + random() % 4; n > 0; --n) spoil(bytes, seeds, random);
+    for (std::size_t n = 1 + random() % 4; n > 0; --n) mutate(bytes, seeds, random);
     try {
       LLVMFuzzerTestOneInput(bytes.data(), bytes.size());
     } catch (const std::exception& error) {

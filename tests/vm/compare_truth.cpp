@@ -34,7 +34,7 @@ std::vector<Row> read_truth(const char* file) {
   std::ifstream in(file, std::ios::binary);
   std::vector<Row> rows;
   for (Row row{}; in.read(reinterpret_cast<char*>(&row), sizeof row);) rows.push_back(row);
-  if (rows.size() < 2) throw std::runtime_error(std::string(file) + " holds no truth");
+  if (rows.size() < 2) throw std::runtime_error(std::string(file) + " has fewer than two rows");
   return rows;
 }
 
@@ -70,11 +70,11 @@ std::vector<Point> readings_of(const protocol::Recording& recording, Channel cha
 }
 
 double rms_at(const std::vector<Point>& points, const std::vector<Row>& rows, std::size_t channel,
-              double late_ns) {
+              double delay_ns) {
   double squares = 0.0;
   std::size_t count = 0;
   for (const Point& point : points) {
-    const double truth = truth_at(rows, channel, point.time_ns - late_ns);
+    const double truth = truth_at(rows, channel, point.time_ns - delay_ns);
     if (!std::isfinite(truth)) continue;
     squares += (point.value - truth) * (point.value - truth);
     ++count;
@@ -83,9 +83,9 @@ double rms_at(const std::vector<Point>& points, const std::vector<Row>& rows, st
                     : std::sqrt(squares / static_cast<double>(count));
 }
 
-/// The delay with the least error of these readings, to 10 us, within -20 to 60 ms.
-double lateness_ns(const std::vector<Point>& points, const std::vector<Row>& rows,
-                   std::size_t channel) {
+/// The delay with the smallest RMS error, to 10 us, within -20 to 60 ms.
+double fitted_delay_ns(const std::vector<Point>& points, const std::vector<Row>& rows,
+                       std::size_t channel) {
   double best_ns = 0.0;
   double low = -20e6;
   double high = 60e6;
@@ -126,9 +126,9 @@ double amplitude(const std::vector<Row>& rows, double carrier_hz, std::int64_t f
   Eigen::Vector3d right = Eigen::Vector3d::Zero();
   for (const Row& row : rows) {
     if (row.time_ns < from_ns || row.time_ns > to_ns) continue;
-    const double turns =
+    const double angle =
         2.0 * std::numbers::pi * carrier_hz * static_cast<double>(row.time_ns - from_ns) * 1e-9;
-    const Eigen::Vector3d basis(1.0, std::sin(turns), std::cos(turns));
+    const Eigen::Vector3d basis(1.0, std::sin(angle), std::cos(angle));
     products += basis * basis.transpose();
     right += basis * row.value[index_of(Channel::base_displacement)];
   }
@@ -154,16 +154,16 @@ int run(char** argv) {
     const std::size_t i = index_of(channel);
     const std::vector<Point> points = readings_of(recording, channel);
     if (points.empty()) continue;
-    // Some thousand readings, spread over the recording, determine the delay.
-    std::vector<Point> some;
+    // A few thousand readings, spread over the recording, suffice for the delay.
+    std::vector<Point> subset;
     for (std::size_t k = 0; k < points.size(); k += 1 + points.size() / 4000) {
-      some.push_back(points[k]);
+      subset.push_back(points[k]);
     }
-    const double late_ns = lateness_ns(some, rows, i);
+    const double delay_ns = fitted_delay_ns(subset, rows, i);
     std::printf(
         ", \"%s\": {\"readings\": %zu, \"late_ms\": %.3f, \"rms\": %.6g, \"slope_per_s\": %.6g}",
-        info(channel).stem.data(), points.size(), late_ns * 1e-6, rms_at(points, rows, i, late_ns),
-        slope_at(points, rows, i));
+        info(channel).stem.data(), points.size(), delay_ns * 1e-6,
+        rms_at(points, rows, i, delay_ns), slope_at(points, rows, i));
   }
   std::puts("}");
   return 0;

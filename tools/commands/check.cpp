@@ -197,9 +197,9 @@ void summarise(const config::FaultScript& script) {
   }
 }
 
-/// Prints a summary of a file, or every problem in it. True if it is sound.
+/// Prints a summary of a file, or every problem in it. True if it is valid.
 bool check(const std::string& file, const terminal::Paint& paint) {
-  const std::string sound = paint(terminal::Tone::good, "sound");
+  const std::string valid = paint(terminal::Tone::good, "valid");
   try {
     const std::string text = config::read_text(file);
     const auto kind = config::kind_of(text);
@@ -216,32 +216,32 @@ bool check(const std::string& file, const terminal::Paint& paint) {
         if (rig.driver == config::DriverKind::replay) {
           recording_from(rig.replay.recording);
         }
-        std::printf("%s: %s\n", file.c_str(), sound.c_str());
+        std::printf("%s: %s\n", file.c_str(), valid.c_str());
         summarise(rig);
         break;
       }
       case config::FileKind::model: {
         const physics::Model model = config::parse_model(text, file);
-        std::printf("%s: %s\n", file.c_str(), sound.c_str());
+        std::printf("%s: %s\n", file.c_str(), valid.c_str());
         print("model", model_summary(model));
         break;
       }
       case config::FileKind::fault_script: {
         const config::FaultScript script = config::parse_fault_script(text, file);
-        std::printf("%s: %s\n", file.c_str(), sound.c_str());
+        std::printf("%s: %s\n", file.c_str(), valid.c_str());
         summarise(script);
         break;
       }
       case config::FileKind::modbus_map: {
         const config::ModbusMap map = config::parse_modbus_map(text, file);
-        std::printf("%s: %s\n", file.c_str(), sound.c_str());
+        std::printf("%s: %s\n", file.c_str(), valid.c_str());
         print("unit", map.name);
         print("registers", std::to_string(map.registers.size()));
         break;
       }
       case config::FileKind::calibration: {
         const config::CalibrationFile calibration = config::parse_calibration(text, file);
-        std::printf("%s: %s\n", file.c_str(), sound.c_str());
+        std::printf("%s: %s\n", file.c_str(), valid.c_str());
         summarise(calibration);
         break;
       }
@@ -256,7 +256,7 @@ bool check(const std::string& file, const terminal::Paint& paint) {
   }
 }
 
-/// Reads each device of a sound rig for the first time. True if all respond.
+/// Reads each device of a valid rig for the first time. True if all respond.
 bool try_live(const std::string& file, const terminal::Paint& paint) {
   const config::Rig rig = config::load_rig(file);
   if (rig.driver != config::DriverKind::bench) {
@@ -272,7 +272,7 @@ bool try_live(const std::string& file, const terminal::Paint& paint) {
     well = well && device.ok;
     std::printf(
         "%s: %s%s%s\n", device.name.c_str(),
-        (device.ok ? paint(terminal::Tone::good, "speaks") : paint(terminal::Tone::bad, "FAILS"))
+        (device.ok ? paint(terminal::Tone::good, "responds") : paint(terminal::Tone::bad, "FAILS"))
             .c_str(),
         device.message.empty() ? "" : ": ", device.message.c_str());
     for (const drivers::ProbedInput& reading : device.readings) {
@@ -298,9 +298,9 @@ int run(const Arguments& arguments) {
   }
   if (arguments.files.empty()) throw InputError(Problem{"", 0, 0, "check: expected FILE..."});
   const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
-  bool sound = true;
-  for (const std::string& file : arguments.files) sound = check(file, paint) && sound;
-  if (!sound) return 2;
+  bool valid = true;
+  for (const std::string& file : arguments.files) valid = check(file, paint) && valid;
+  if (!valid) return 2;
   if (!arguments.live) return 0;
   bool well = true;
   for (const std::string& file : arguments.files) well = try_live(file, paint) && well;
@@ -313,7 +313,7 @@ void add_check(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "check",
-      "Report every problem of rigs, models, calibrations, fault scripts and register maps");
+      "Report all problems in rigs, models, calibrations, fault scripts and register maps");
   command->add_option("FILE", arguments->files,
                       "Rigs, models, calibrations, fault scripts or register maps (TOML)");
   command->add_flag(

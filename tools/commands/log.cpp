@@ -32,7 +32,7 @@ namespace {
 using protocol::LogSurvey;
 using Json = nlohmann::ordered_json;
 
-constexpr std::size_t most_places_listed = 10;
+constexpr std::size_t max_places_listed = 10;
 
 struct Arguments {
   std::vector<std::string> files;
@@ -94,18 +94,18 @@ std::string part_text(const recording_info_t& info) {
 
 void print_check(const LogSurvey& log, const std::vector<std::string>& faults,
                  const terminal::Paint& paint) {
-  const std::string verdict =
-      faults.empty() ? paint(terminal::Tone::good, "sound") : paint(terminal::Tone::bad, "damaged");
+  const std::string verdict = faults.empty() ? paint(terminal::Tone::good, "intact")
+                                             : paint(terminal::Tone::bad, "damaged");
   std::printf("%s: %s\n", log.source.c_str(), verdict.c_str());
   for (const std::string& fault : faults) std::printf("  %s\n", fault.c_str());
-  for (std::size_t i = 0; i < std::min(log.damaged.size(), most_places_listed); ++i) {
+  for (std::size_t i = 0; i < std::min(log.damaged.size(), max_places_listed); ++i) {
     const protocol::DamagedRange& place = log.damaged[i];
     print("at byte " + std::to_string(place.at), count_of(place.bytes, "byte") + ": " + place.why);
   }
   const std::uint64_t places = log.damaged_places + log.bad_checksums + log.undecodable;
-  if (places > most_places_listed) {
+  if (places > max_places_listed) {
     std::printf("  ... and %llu more\n",
-                static_cast<unsigned long long>(places - most_places_listed));
+                static_cast<unsigned long long>(places - max_places_listed));
   }
   if (log.info && (log.info->part > 0 || !log.info->previous_part.empty())) {
     print("part", part_text(*log.info));
@@ -151,19 +151,19 @@ LogSurvey survey(const std::string& file) {
 
 int check(const Arguments& arguments) {
   const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
-  bool sound = true;
+  bool intact = true;
   std::vector<LogSurvey> logs;
   for (const std::string& file : arguments.files) {
     logs.push_back(survey(file));
     const std::vector<std::string> faults = logs.back().faults();
     print_check(logs.back(), faults, paint);
-    sound = sound && faults.empty();
+    intact = intact && faults.empty();
   }
   for (const std::string& fault : faults_between(logs)) {
     std::printf("%s\n", fault.c_str());
-    sound = false;
+    intact = false;
   }
-  return sound ? 0 : 1;
+  return intact ? 0 : 1;
 }
 
 // repair
@@ -198,7 +198,7 @@ int join(const Arguments& arguments) {
       protocol::join_logs(files, arguments.out, [&progress](double share) { progress.at(share); });
   progress.finish();
   if (joined.cut_off_bytes > 0) {
-    std::fprintf(stderr, "stickslip: the last part was cut off: its last %lld bytes are omitted\n",
+    std::fprintf(stderr, "stickslip: the last part is truncated: its last %lld bytes are omitted\n",
                  static_cast<long long>(joined.cut_off_bytes));
   }
   std::printf("%s: %s, %s", arguments.out.c_str(), count_of(joined.parts, "part").c_str(),
@@ -339,7 +339,7 @@ int export_recording(const Arguments& arguments) {
   const Tables tables = tables_of(arguments.file, [&reading](double share) { reading.at(share); });
   reading.finish();
   if (tables.cut_off_bytes > 0) {
-    std::fprintf(stderr, "stickslip: %s: cut off: its last %llu bytes are an incomplete event\n",
+    std::fprintf(stderr, "stickslip: %s: truncated: its last %llu bytes are an incomplete event\n",
                  arguments.file.c_str(), static_cast<unsigned long long>(tables.cut_off_bytes));
   }
   terminal::Progress writing("writing " + arguments.out);
@@ -374,8 +374,8 @@ void add_log(CLI::App& app, Action& action) {
     each->add_option("--out", arguments->out, "The log to write")->required()->type_name("FILE");
   };
 
-  CLI::App* each =
-      command("check", "Check every event of logs: status 0 if they are sound, otherwise 1", check);
+  CLI::App* each = command(
+      "check", "Check every event of logs: status 0 if they are intact, otherwise 1", check);
   each->add_option("files", arguments->files, "LCM event logs; all parts of a recording")
       ->required()
       ->type_name("FILE...");

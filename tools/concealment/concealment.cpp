@@ -17,8 +17,8 @@ namespace stickslip::concealment {
 
 namespace {
 
-constexpr double least_snr = 4.0;
-constexpr double least_snr_after_calibration = 1.2;
+constexpr double min_snr = 4.0;
+constexpr double min_snr_after_calibration = 1.2;
 constexpr double largest_snr = 80.0;
 
 // The largest 1, 2 or 5 times a power of ten not above `value`.
@@ -272,14 +272,14 @@ Visibility assess(Draft& draft, HiddenBench& hidden, const NoiselessRun& run, bo
     TrueEffect& effect = hidden.effects[i];
     effect.snr = root_mean_square(change);
     effect.snr_after_calibration = snr_after_calibration(change, shifts);
-    const bool seen = effect.snr >= least_snr && effect.snr <= largest_snr * 4.0 &&
-                      effect.snr_after_calibration >= least_snr_after_calibration;
+    const bool seen = effect.snr >= min_snr && effect.snr <= largest_snr * 4.0 &&
+                      effect.snr_after_calibration >= min_snr_after_calibration;
     visible = visible && seen;
     const double target = draft.target_snr[i];
     const bool off = effect.snr > largest_snr || effect.snr < 0.8 * target || !seen;
     if (!draft.plan.effects[i]->scalable || !off || last_attempt) continue;
     double factor = target / std::max(effect.snr, 0.01);
-    if (effect.snr_after_calibration < least_snr_after_calibration) {
+    if (effect.snr_after_calibration < min_snr_after_calibration) {
       factor = std::max(factor, 2.0);
     }
     draft.strength[i] *= std::clamp(factor, 0.25, 4.0);
@@ -324,8 +324,8 @@ std::optional<Case> make_case(const Draft& draft, const HiddenBench& hidden,
 // Empty if the effects cannot be made visible on this bench; `attempt` counts the simulations.
 std::optional<Case> case_of(Draft& draft, const std::string& name, int& attempt,
                             RandomSource& random) {
-  constexpr int most_strengths = 6;
-  for (int tried = 0; tried < most_strengths; ++tried) {
+  constexpr int max_strengths = 6;
+  for (int tried = 0; tried < max_strengths; ++tried) {
     ++attempt;
     HiddenBench hidden = with_effects(draft, draft.plan.effects.size());
     const NoiselessRun run =
@@ -334,7 +334,7 @@ std::optional<Case> case_of(Draft& draft, const std::string& name, int& attempt,
       for (double& each : draft.strength) each *= 0.5;
       continue;
     }
-    switch (assess(draft, hidden, run, tried + 1 == most_strengths)) {
+    switch (assess(draft, hidden, run, tried + 1 == max_strengths)) {
       case Visibility::sufficient:
         return make_case(draft, hidden, run, name, random);
       case Visibility::insufficient:
@@ -350,9 +350,9 @@ std::optional<Case> case_of(Draft& draft, const std::string& name, int& attempt,
 
 Case conceal(const CaseRequest& request, std::uint64_t seed, const std::string& name) {
   RandomSource random(seed);
-  constexpr int most_benches = 40;
+  constexpr int max_benches = 40;
   int attempt = 0;
-  for (int drawn = 0; drawn < most_benches; ++drawn) {
+  for (int drawn = 0; drawn < max_benches; ++drawn) {
     const std::uint64_t effect_seed = seed + 7919 * static_cast<std::uint64_t>(drawn + 1);
     std::optional<Draft> draft = draw_draft(request, effect_seed, random);
     if (!draft) continue;

@@ -1,4 +1,4 @@
-// The page of the figures, each with the statements of the paper and the numbers found here.
+// The page of the figures, each with the statements of the paper and the computed numbers.
 #pragma once
 
 #include <string>
@@ -6,7 +6,7 @@
 
 namespace stickslip::figures {
 
-/// A statement of the paper and the corresponding number of ours.
+/// A statement of the paper and the corresponding computed number.
 struct Comparison {
   std::string statement;
   std::string paper;  ///< number or words
@@ -17,7 +17,7 @@ struct Figure {
   int number = 0;
   std::string title;
   std::string parameters;                  ///< of the rig and the drive
-  std::vector<std::string> panels = {};    ///< stems of the pictures, "figure-4a"
+  std::vector<std::string> panels = {};    ///< file names without extension, "figure-4a"
   std::vector<std::string> captions = {};  ///< one per panel
   std::vector<Comparison> comparisons = {};
 };

@@ -15,14 +15,14 @@ namespace {
 constexpr double mm = 1.0e3;  // per metre
 constexpr double missing = std::numeric_limits<double>::quiet_NaN();
 // More points would hide one another.
-constexpr std::size_t most_points = 6000;
+constexpr std::size_t max_points = 6000;
 
 using Rows = std::vector<std::vector<double>>;
 
 template <typename Row>
 Rows rows_of(const reduction::Reduction& reduced, Row row) {
   Rows rows;
-  const std::size_t stride = 1 + reduced.samples.size() / most_points;
+  const std::size_t stride = 1 + reduced.samples.size() / max_points;
   for (std::size_t i = 0; i < reduced.samples.size(); i += stride) {
     rows.push_back(row(reduced.samples[i]));
   }

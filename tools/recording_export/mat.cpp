@@ -21,7 +21,7 @@ using File = std::unique_ptr<mat_t, CloseFile>;
 using Variable = std::unique_ptr<matvar_t, FreeVariable>;
 
 // Maximum size of a variable of a MATLAB 5 file, including all fields of a struct.
-constexpr std::uint64_t most_bytes = (1ULL << 31U) - (1U << 20U);
+constexpr std::uint64_t max_bytes = (1ULL << 31U) - (1U << 20U);
 
 matvar_t* variable_of(const char* name, const Column& column) {
   const auto make = [&](matio_classes kind, matio_types type, const void* data) {
@@ -77,7 +77,7 @@ void write_table(mat_t* file, const Table& table, const std::filesystem::path& o
     names.push_back(column.name);
     bytes += 8 * static_cast<std::uint64_t>(column.rows());
   }
-  if (bytes > most_bytes) {
+  if (bytes > max_bytes) {
     throw InputError(Problem{out.string(), 0, 0,
                              "a variable of a MATLAB 5 file is limited to 2 GiB, which " +
                                  table.name + " exceed: export to .h5, which MATLAB reads too"});

@@ -14,8 +14,8 @@ bool Backlog::add(const SharedMessage& message, Clock::time_point now) {
   waiting_.push_back(message);
   bytes_ += message->size();
   // A client that is behind gets no telemetry that would be old when it reads again.
-  if (lost_ > 0 || bytes_ > most_bytes_) lose_telemetry(now);
-  return bytes_ <= most_bytes_;
+  if (lost_ > 0 || bytes_ > max_bytes_) lose_telemetry(now);
+  return bytes_ <= max_bytes_;
 }
 
 void Backlog::lose_telemetry(Clock::time_point now) {

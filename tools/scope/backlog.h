@@ -18,8 +18,8 @@ class Backlog {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// `most_bytes`: capacity, without the greeting.
-  explicit Backlog(std::size_t most_bytes) : most_bytes_(most_bytes) {}
+  /// `max_bytes`: capacity, without the greeting.
+  explicit Backlog(std::size_t max_bytes) : max_bytes_(max_bytes) {}
 
   /// The first messages; not counted, since they are shared by all clients.
   void greet(std::vector<SharedMessage> messages);
@@ -41,7 +41,7 @@ class Backlog {
  private:
   void lose_telemetry(Clock::time_point now);
 
-  std::size_t most_bytes_;
+  std::size_t max_bytes_;
   std::deque<SharedMessage> greeting_;
   std::deque<SharedMessage> waiting_;
   std::size_t bytes_ = 0;   ///< of `waiting_`

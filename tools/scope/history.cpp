@@ -12,8 +12,8 @@ constexpr std::size_t remembered_times = 1U << 15U;
 
 }  // namespace
 
-FrameHistory::FrameHistory(double length_s, std::size_t most_bytes)
-    : length_ns_(static_cast<std::int64_t>(length_s * 1e9)), most_bytes_(most_bytes) {}
+FrameHistory::FrameHistory(double length_s, std::size_t max_bytes)
+    : length_ns_(static_cast<std::int64_t>(length_s * 1e9)), max_bytes_(max_bytes) {}
 
 void FrameHistory::add(std::span<const Frame> frames, bool degraded, double received_unix_ms) {
   if (length_ns_ == 0) return;
@@ -56,7 +56,7 @@ void FrameHistory::forget_old() {
                                        : static_cast<std::uint64_t>(latest) -
                                              static_cast<std::uint64_t>(chunk.last_time_ns);
   };
-  while (!chunks_.empty() && (bytes() > most_bytes_ ||
+  while (!chunks_.empty() && (bytes() > max_bytes_ ||
                               age_ns(chunks_.front()) > static_cast<std::uint64_t>(length_ns_))) {
     bytes_ -= chunks_.front().message->size();
     chunks_.pop_front();

@@ -20,8 +20,8 @@ class FrameHistory {
   /// Frames in one message.
   static constexpr std::size_t chunk_frames = 1000;
 
-  /// `length_s`: 0 or more. `most_bytes` bounds the size, whatever the times of the frames.
-  FrameHistory(double length_s, std::size_t most_bytes);
+  /// `length_s`: 0 or more. `max_bytes` bounds the size, whatever the times of the frames.
+  FrameHistory(double length_s, std::size_t max_bytes);
 
   /// Appends frames, in order of time; gaps are kept as they are.
   void add(std::span<const Frame> frames, bool degraded, double received_unix_ms);
@@ -30,7 +30,7 @@ class FrameHistory {
   /// All messages, oldest first, marked as history.
   std::vector<SharedMessage> messages() const;
 
-  /// Present size in bytes; at most `most_bytes` and one chunk.
+  /// Present size in bytes; at most `max_bytes` and one chunk.
   std::size_t bytes() const { return bytes_ + open_.size() * frame_bytes; }
 
  private:
@@ -43,7 +43,7 @@ class FrameHistory {
   void forget_old();
 
   std::int64_t length_ns_;
-  std::size_t most_bytes_;
+  std::size_t max_bytes_;
   std::deque<Chunk> chunks_;
   std::vector<Frame> open_;  ///< not yet a chunk
   BlockNotes open_notes_;

@@ -13,7 +13,7 @@ namespace stickslip::scope {
 
 namespace {
 
-constexpr int most_unaccepted = 512;
+constexpr int max_unaccepted = 512;
 
 struct SocketAddress {
   sockaddr_storage storage{};
@@ -66,7 +66,7 @@ Listener::Listener(const ListenAddress& at) : address_(at) {
   // A restarted server can bind its port while old connections are in TIME_WAIT.
   if (file_ < 0 || setsockopt(file_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
       bind(file_, reinterpret_cast<const sockaddr*>(&where.storage), where.size) != 0 ||
-      listen(file_, most_unaccepted) != 0) {
+      listen(file_, max_unaccepted) != 0) {
     const int error = errno;
     if (file_ >= 0) close(file_);
     throw std::runtime_error("cannot listen at " + text_of(at) + ": " + reason_for(error));

@@ -21,9 +21,9 @@ struct FeedSettings {
   std::string version;      ///< of the program
   std::string url;          ///< LCM URL
   double history_s = 60.0;  ///< length of the history that a new page gets
-  /// Limit of its size: a minute at 1 kHz takes 4 MB.
-  std::size_t history_most_bytes = std::size_t{256} << 20U;
-  std::vector<Mark> marks;  ///< of a model given by option; else from the recording's description
+  /// Size limit of the history; a minute at 1 kHz takes 4 MB.
+  std::size_t history_max_bytes = std::size_t{256} << 20U;
+  std::vector<Mark> marks;  ///< of the model on the command line; else of the recording
 };
 
 /// Converts LCM messages to messages for pages. Input is not trusted: messages that cannot be
@@ -40,7 +40,7 @@ class LiveFeed {
   void take(std::string_view channel, std::span<const std::uint8_t> bytes, double received_unix_ms,
             Clock::time_point now);
 
-  /// To be called about every 0.1 s: reports when the source falls silent.
+  /// To be called about every 0.1 s: reports that the source has stopped.
   void check_silence(Clock::time_point now);
 
   /// The first messages for a new page, in this order.
@@ -76,7 +76,7 @@ class LiveFeed {
   FrameTimes times_;
   std::vector<Frame> frames_;
   std::optional<Frame> last_;
-  std::optional<Clock::time_point> heard_;  ///< time of the latest block
+  std::optional<Clock::time_point> last_block_at_;  ///< time of the latest block
   Clock::time_point began_;
   bool connected_ = false;
   std::uint64_t frames_taken_ = 0;

@@ -31,7 +31,7 @@ static_assert(Message::headroom >= LWS_PRE);
 constexpr int send_buffer_bytes = 128 * 1024;
 constexpr std::size_t file_piece_bytes = 16 * 1024;
 // Connections accepted, or messages written, per turn.
-constexpr int most_at_once = 64;
+constexpr int max_at_once = 64;
 constexpr lws_usec_t tick_us = 100'000;
 constexpr const char* subprotocol = "stickslip-scope";
 
@@ -85,7 +85,7 @@ class WebServer::Loop {
   int write_stream(lws* wsi, Connection& connection);
   int refuse_data(lws* wsi);
   void check_time_limits();
-  void forget(lws* wsi);
+  void remove_connection(lws* wsi);
 
   // libwebsockets keeps pointers to these.
   struct Timer {
@@ -137,9 +137,9 @@ WebServer::Loop::Loop(const Listener& listener, Admission admission, ServerLimit
   info.options = LWS_SERVER_OPTION_SKIP_SERVER_CANONICAL_NAME;
   info.max_http_header_data = static_cast<unsigned short>(limits_.header_bytes);
   const std::size_t connections = limits_.streams + limits_.requests;
-  info.max_http_header_pool = static_cast<unsigned short>(connections + most_at_once);
+  info.max_http_header_pool = static_cast<unsigned short>(connections + max_at_once);
   // The default is a table of the size of the limit of open files.
-  info.fd_limit_per_thread = static_cast<unsigned>(connections + most_at_once + 16);
+  info.fd_limit_per_thread = static_cast<unsigned>(connections + max_at_once + 16);
   info.timeout_secs = static_cast<unsigned>(
       std::chrono::duration_cast<std::chrono::seconds>(limits_.request).count() + 1);
   info.timeout_secs_ah_idle = info.timeout_secs;
@@ -230,14 +230,14 @@ int WebServer::Loop::handle(lws* wsi, lws_callback_reasons reason, void* in) {
     case LWS_CALLBACK_RECEIVE:
       return refuse_data(wsi);
     case LWS_CALLBACK_WSI_DESTROY:
-      forget(wsi);
+      remove_connection(wsi);
       return 0;
     default:
       return 0;
   }
 }
 
-void WebServer::Loop::forget(lws* wsi) {
+void WebServer::Loop::remove_connection(lws* wsi) {
   watched_.erase(wsi);
   const Connection* connection = connections_.find(wsi);
   if (connection == nullptr) return;
@@ -248,7 +248,7 @@ void WebServer::Loop::forget(lws* wsi) {
 // Admission ------------------------------------------------------------------------------------
 
 void WebServer::Loop::accept_all() {
-  for (int i = 0; i < most_at_once; ++i) {
+  for (int i = 0; i < max_at_once; ++i) {
     const int file = accept4(listener_.file(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
     if (file < 0) {
       // Without a free file descriptor an old connection has to be closed first.
@@ -288,7 +288,7 @@ bool WebServer::Loop::shed_oldest(const std::string* peer) {
 
 void WebServer::Loop::shed(lws* wsi) {
   ++counts_.connections_shed;
-  forget(wsi);
+  remove_connection(wsi);
   lws_set_timeout(wsi, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
 }
 
@@ -393,7 +393,7 @@ void WebServer::Loop::send(const SharedMessage& message) {
 }
 
 int WebServer::Loop::write_stream(lws* wsi, Connection& connection) {
-  for (int i = 0; i < most_at_once; ++i) {
+  for (int i = 0; i < max_at_once; ++i) {
     if (lws_send_pipe_choked(wsi) != 0) break;
     const SharedMessage message = connection.backlog.take();
     if (!message) return 0;

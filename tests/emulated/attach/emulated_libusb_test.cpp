@@ -149,7 +149,7 @@ TEST_F(EmulatedLibusb, ListsAttachedDevices) {
   EXPECT_EQ(libusb_has_capability(LIBUSB_CAP_HAS_HOTPLUG), 0);
 }
 
-TEST_F(EmulatedLibusb, RefusesLikeAHost) {
+TEST_F(EmulatedLibusb, RejectsRequestsAsAHostDoes) {
   libusb_device* device = libusb_get_device(handle);
   libusb_device_handle* other = nullptr;
   ASSERT_EQ(libusb_open(device, &other), 0);
@@ -270,14 +270,14 @@ TEST_F(EmulatedLibusb, UnpluggedDevicesAreGone) {
 }
 
 TEST_F(EmulatedLibusb, AnotherThreadEndsTheWait) {
-  const auto begun = std::chrono::steady_clock::now();
+  const auto start = std::chrono::steady_clock::now();
   std::thread other([this] {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
     libusb_interrupt_event_handler(context);
   });
   libusb_handle_events(context);
   other.join();
-  EXPECT_LT(std::chrono::steady_clock::now() - begun, std::chrono::seconds(30));
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(30));
 }
 
 TEST_F(EmulatedLibusb, RecordsMisuseOfTheLibrary) {

@@ -30,7 +30,7 @@ using testing::HasSubstr;
 constexpr std::int64_t ms = 1'000'000;
 
 /// Two inputs in quadrature, so that consecutive scans differ.
-class Turning final : public Wires {
+class SineWires final : public Wires {
  public:
   double truth(Channel channel, std::int64_t time_ns) override {
     const double turns = 40.0 * static_cast<double>(time_ns) * 1e-9;
@@ -120,7 +120,7 @@ struct Bench {
 
   drivers::MonotonicHostClock clock;
   EmulatedBus bus;
-  Turning wires;
+  SineWires wires;
   EmulatedLabjackU6 board;
   LabjackU6Driver driver;
   Result last;
@@ -189,17 +189,17 @@ TEST_P(FaultyStream, LosesExactlyTheFaultyPackets) {
     if (stall && bench.last.outcome == Outcome::lost) continue;  // ended and reported
     ASSERT_GT(frames.size(), 300U) << bench.last.message;
     expect_true(frames, bench.board);
-    std::set<std::uint64_t> spoilt;
+    std::set<std::uint64_t> corrupted;
     for (const U6FaultyPacket& packet : bench.board.faulty_packets()) {
       ++events;
       for (std::uint64_t scan = packet.first_scan; scan <= packet.last_scan; ++scan) {
-        spoilt.insert(scan);
+        corrupted.insert(scan);
       }
     }
     for (std::size_t i = 1; i < frames.size(); ++i) {
       ASSERT_GT(frames[i].sequence, frames[i - 1].sequence);
       for (std::uint64_t gone = frames[i - 1].sequence + 1; gone < frames[i].sequence; ++gone) {
-        ASSERT_TRUE(spoilt.contains(gone) || bench.board.scans()[gone].lost)
+        ASSERT_TRUE(corrupted.contains(gone) || bench.board.scans()[gone].lost)
             << "scan " << gone << " was lost unnecessarily";
       }
     }
@@ -557,9 +557,9 @@ TEST(LabjackU6OnABus, EmergencyStopIsDetectedWhileALostReplyIsAwaited) {
   bench.board.schedule(U6ReplyFault::missing);
   drive(bench, milliseconds(30), {3.0, true});
   bench.wires.pressed = true;
-  const auto begun = steady_clock::now();
+  const auto start = steady_clock::now();
   EXPECT_TRUE(watch(bench, milliseconds(400), {3.0, true}).pressed);
-  EXPECT_LT(steady_clock::now() - begun, milliseconds(180));  // 100 ms and a margin for a busy host
+  EXPECT_LT(steady_clock::now() - start, milliseconds(180));  // 100 ms and a margin for a busy host
 }
 
 // The limit: with any loss of replies, unknown lines count as pressed.
@@ -569,11 +569,11 @@ TEST(LabjackU6OnABus, SilentBoardCountsAsPressedAfterATenthOfASecond) {
   ASSERT_TRUE(bench.driver.start());
   drive(bench, milliseconds(100), {3.0, true});
   ASSERT_FALSE(bench.driver.signals().emergency_stop);
-  const auto begun = steady_clock::now();
+  const auto start = steady_clock::now();
   bench.board.chance(U6ReplyFault::missing, 1.0);
   EXPECT_TRUE(watch(bench, milliseconds(1000), {3.0, true}).pressed);
-  EXPECT_GT(steady_clock::now() - begun, milliseconds(50));
-  EXPECT_LT(steady_clock::now() - begun, milliseconds(200));
+  EXPECT_GT(steady_clock::now() - start, milliseconds(50));
+  EXPECT_LT(steady_clock::now() - start, milliseconds(200));
 }
 
 TEST(LabjackU6OnABus, TrippedAmplifierStaysOffUntilCommandedOff) {
@@ -605,7 +605,7 @@ void leave_line_high(Bench& bench) {
 }
 
 // Whichever command of open fails, a line left high by a dead process is set low.
-TEST(LabjackU6OnABus, LineLeftHighByADeadProcessIsLowWhateverFails) {
+TEST(LabjackU6OnABus, LineLeftHighByAKilledProcessIsSetLowDespiteFailures) {
   int failures = 0;
   for (std::uint64_t failing = 0; failing < 12; ++failing) {
     SCOPED_TRACE(failing);
@@ -618,7 +618,7 @@ TEST(LabjackU6OnABus, LineLeftHighByADeadProcessIsLowWhateverFails) {
   EXPECT_GT(failures, 5);
 }
 
-TEST(LabjackU6OnABus, LineLeftHighIsLowEvenIfTheBoardNeverReplies) {
+TEST(LabjackU6OnABus, LineLeftHighIsSetLowEvenIfTheBoardNeverReplies) {
   Bench bench;
   leave_line_high(bench);
   bench.board.chance(U6ReplyFault::missing, 1.0);

@@ -1,4 +1,4 @@
-// A thread that waits for USB transfers does not occupy its processor, whatever libusb does.
+// Waiting for USB transfers does not occupy the processor, even if libusb returns immediately.
 #include "drivers/usb/usb_events.h"
 
 #include <gtest/gtest.h>
@@ -17,13 +17,13 @@ class UsbEventsBench : public testing::Test {
   ~UsbEventsBench() override { libusb_exit(context_); }
 
   /// Duration of a number of waits of 50 ms that return immediately without an event.
-  Clock::duration wait_for_nothing(int times) {
-    const Clock::time_point begun = Clock::now();
+  Clock::duration spurious_waits(int times) {
+    const Clock::time_point start = Clock::now();
     for (int i = 0; i < times; ++i) {
       libusb_interrupt_event_handler(context_);
       EXPECT_TRUE(events_.handle(context_, milliseconds(50)));
     }
-    return Clock::now() - begun;
+    return Clock::now() - start;
   }
 
   EmulatedBus bus_;
@@ -33,14 +33,14 @@ class UsbEventsBench : public testing::Test {
 
 // As between the unplugging of a board and its removal by the kernel.
 TEST_F(UsbEventsBench, ContinuouslyReadyBoardIsPolledOncePerMillisecond) {
-  EXPECT_GE(wait_for_nothing(60), milliseconds(49));
+  EXPECT_GE(spurious_waits(60), milliseconds(49));
 }
 
 TEST_F(UsbEventsBench, WaitsForTheTimeout) {
-  wait_for_nothing(5);
-  const Clock::time_point begun = Clock::now();
+  spurious_waits(5);
+  const Clock::time_point start = Clock::now();
   EXPECT_TRUE(events_.handle(context_, milliseconds(20)));
-  EXPECT_GE(Clock::now() - begun, milliseconds(19));
+  EXPECT_GE(Clock::now() - start, milliseconds(19));
 }
 
 }  // namespace

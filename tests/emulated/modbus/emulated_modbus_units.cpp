@@ -134,11 +134,11 @@ std::uint16_t checksum_of(const Bytes& message) {
   return static_cast<std::uint16_t>(crc);
 }
 
-Parameter measured(Parameter its, Sensor sensor, Wires& wires, double resolution) {
-  its.number = [sensor, &wires, resolution](std::int64_t time_ns) {
+Parameter measured(Parameter parameter, Sensor sensor, Wires& wires, double resolution) {
+  parameter.number = [sensor, &wires, resolution](std::int64_t time_ns) {
     return sensor(wires, time_ns) / resolution;
   };
-  return its;
+  return parameter;
 }
 
 UnitRules orbit_rules() {
@@ -405,10 +405,10 @@ Bytes EmulatedModbusUnits::answer(Unit& unit, const Bytes& message) {
   return write(unit, message);
 }
 
-Bytes EmulatedModbusUnits::content(Unit& unit, const Parameter& its) {
-  if (its.number) return bytes_of(its.kind, its.order, its.number(now_()));
-  const auto entry = unit.store.find({static_cast<int>(its.table), its.address});
-  return entry == unit.store.end() ? Bytes(size_of(its.kind)) : entry->second;
+Bytes EmulatedModbusUnits::content(Unit& unit, const Parameter& parameter) {
+  if (parameter.number) return bytes_of(parameter.kind, parameter.order, parameter.number(now_()));
+  const auto entry = unit.store.find({static_cast<int>(parameter.table), parameter.address});
+  return entry == unit.store.end() ? Bytes(size_of(parameter.kind)) : entry->second;
 }
 
 Bytes EmulatedModbusUnits::read_bits(Unit& unit, Table table, int address, int count) {
@@ -416,10 +416,10 @@ Bytes EmulatedModbusUnits::read_bits(Unit& unit, Table table, int address, int c
   reply.resize(2 + static_cast<std::size_t>(count + 7) / 8);
   for (int i = 0; i < count; ++i) {
     bool found = unit.rules.gaps_are_readable;
-    for (const Parameter& its : unit.parameters) {
-      if (its.table != table || its.address != address + i) continue;
+    for (const Parameter& parameter : unit.parameters) {
+      if (parameter.table != table || parameter.address != address + i) continue;
       found = true;
-      const std::uint8_t bit = content(unit, its)[1] != 0 ? 1 : 0;
+      const std::uint8_t bit = content(unit, parameter)[1] != 0 ? 1 : 0;
       reply[2 + static_cast<std::size_t>(i / 8)] |= static_cast<std::uint8_t>(bit << (i % 8));
     }
     if (!found) return refusal(illegal_address);
@@ -430,13 +430,13 @@ Bytes EmulatedModbusUnits::read_bits(Unit& unit, Table table, int address, int c
 Bytes EmulatedModbusUnits::read_registers(Unit& unit, Table table, int address, int count) {
   Bytes words(2 * static_cast<std::size_t>(count));
   std::vector<bool> covered(static_cast<std::size_t>(count), unit.rules.gaps_are_readable);
-  for (const Parameter& its : unit.parameters) {
-    if (its.table != table) continue;
+  for (const Parameter& parameter : unit.parameters) {
+    if (parameter.table != table) continue;
     for (const int mirror : {0, unit.rules.float_mirror}) {
-      if (mirror != 0 && !its.number) continue;
-      const Bytes bytes =
-          mirror == 0 ? content(unit, its) : bytes_of(Kind::f32, "ABCD", its.number(now_()));
-      const int first = its.address + mirror - address;
+      if (mirror != 0 && !parameter.number) continue;
+      const Bytes bytes = mirror == 0 ? content(unit, parameter)
+                                      : bytes_of(Kind::f32, "ABCD", parameter.number(now_()));
+      const int first = parameter.address + mirror - address;
       const int end = first + static_cast<int>(bytes.size() / 2);
       if (end <= 0 || first >= count) continue;
       if (unit.rules.whole_parameters_only && (first < 0 || end > count)) {
@@ -468,12 +468,13 @@ Bytes EmulatedModbusUnits::write(Unit& unit, const Bytes& message) {
   if (function == 15) value = {0, static_cast<std::uint8_t>(message[7] & 1U)};
   if (function == 6) value.assign(message.begin() + 4, message.end());
   if (function == 16) value.assign(message.begin() + 7, message.end());
-  for (const Parameter& its : unit.parameters) {
-    const bool fits = its.address == word(message, 2) && !its.number &&
-                      its.table == (bits ? Table::coils : Table::holding) &&
-                      size_of(its.kind) == value.size();
+  for (const Parameter& parameter : unit.parameters) {
+    const bool fits = parameter.address == word(message, 2) && !parameter.number &&
+                      parameter.table == (bits ? Table::coils : Table::holding) &&
+                      size_of(parameter.kind) == value.size();
     if (!fits) continue;
-    if (!its.locked) unit.store[{static_cast<int>(its.table), its.address}] = value;
+    if (!parameter.locked)
+      unit.store[{static_cast<int>(parameter.table), parameter.address}] = value;
     return {message.begin() + 1, message.begin() + 6};
   }
   return refusal(illegal_address);

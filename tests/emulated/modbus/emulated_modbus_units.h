@@ -43,7 +43,7 @@ struct Parameter {
 };
 
 /// A parameter that follows a sensor: raw = reading / resolution.
-Parameter measured(Parameter its, Sensor sensor, Wires& wires, double resolution = 1.0);
+Parameter measured(Parameter parameter, Sensor sensor, Wires& wires, double resolution = 1.0);
 
 struct UnitRules {
   std::vector<int> functions{1, 2, 3, 4, 5, 6, 15, 16};
@@ -153,7 +153,7 @@ class EmulatedModbusUnits {
   void send_due();
   void close_line(Line& line);
   void open_terminal();
-  Bytes content(Unit& unit, const Parameter& its);
+  Bytes content(Unit& unit, const Parameter& parameter);
 
   Now now_;
   std::filesystem::path folder_;

@@ -47,27 +47,27 @@ class Climbing final : public Wires {
 
 ModbusRegister reg(std::string name, int address, RegisterType type,
                    RegisterTable table = RegisterTable::holding_registers) {
-  ModbusRegister its;
-  its.name = std::move(name);
-  its.address = address;
-  its.type = type;
-  its.table = table;
-  return its;
+  ModbusRegister out;
+  out.name = std::move(name);
+  out.address = address;
+  out.type = type;
+  out.table = table;
+  return out;
 }
 
 Parameter at(int address, Kind kind, std::string order = "ABCD", Table table = Table::holding) {
-  Parameter its;
-  its.address = address;
-  its.kind = kind;
-  its.order = std::move(order);
-  its.table = table;
-  return its;
+  Parameter out;
+  out.address = address;
+  out.kind = kind;
+  out.order = std::move(order);
+  out.table = table;
+  return out;
 }
 
 Parameter constant(int address, Kind kind, double number, Table table = Table::holding) {
-  Parameter its = at(address, kind, "ABCD", table);
-  its.number = [number](std::int64_t) { return number; };
-  return its;
+  Parameter out = at(address, kind, "ABCD", table);
+  out.number = [number](std::int64_t) { return number; };
+  return out;
 }
 
 class ModbusBench : public testing::TestWithParam<ModbusTransport> {
@@ -83,17 +83,17 @@ class ModbusBench : public testing::TestWithParam<ModbusTransport> {
   }
 
   config::ModbusUnit settings(int unit) const {
-    config::ModbusUnit its;
-    its.name = "u" + std::to_string(unit);
-    its.unit = unit;
-    its.transport = GetParam();
-    its.port = tcp() ? units_.tcp_port() : units_.serial_port();
-    its.baud = 115200;
-    its.timeout_s = 0.25;  // test hosts are busy
-    its.retries = 2;
-    its.poll_period_s = 0.005;
-    its.map.name = "test unit";
-    return its;
+    config::ModbusUnit out;
+    out.name = "u" + std::to_string(unit);
+    out.unit = unit;
+    out.transport = GetParam();
+    out.port = tcp() ? units_.tcp_port() : units_.serial_port();
+    out.baud = 115200;
+    out.timeout_s = 0.25;  // test hosts are busy
+    out.retries = 2;
+    out.poll_period_s = 0.005;
+    out.map.name = "test unit";
+    return out;
   }
   bool tcp() const { return GetParam() == ModbusTransport::tcp; }
 
@@ -108,8 +108,8 @@ class ModbusBench : public testing::TestWithParam<ModbusTransport> {
     return *gauges_.front();
   }
 
-  Parameter sensor(Parameter its, Channel channel, double resolution = 1.0) {
-    return measured(std::move(its), Sensor{channel, 1.0, 0.0}, wires_, resolution);
+  Parameter sensor(Parameter out, Channel channel, double resolution = 1.0) {
+    return measured(std::move(out), Sensor{channel, 1.0, 0.0}, wires_, resolution);
   }
 
   /// Reads until an outcome other than no_data and temporary, or until the time is over.
@@ -160,9 +160,9 @@ TEST_P(ModbusBench, EveryTypeAndOrderIsRead) {
   for (const auto& [order, letters] : orders) {
     for (const auto& kind : kinds) {
       const int address = 10 * static_cast<int>(registers.size());
-      Parameter its = constant(address, kind.kind, kind.number, Table::input);
-      its.order = letters;
-      parameters.push_back(its);
+      Parameter out = constant(address, kind.kind, kind.number, Table::input);
+      out.order = letters;
+      parameters.push_back(out);
       registers.push_back(reg("r" + std::to_string(registers.size()), address, kind.type,
                               RegisterTable::input_registers));
       registers.back().order = order;
@@ -242,7 +242,7 @@ TEST_P(ModbusBench, GroupIsReadSimultaneously) {
   units_.start();
   config::ModbusUnit unit = settings(1);
   unit.map.registers = {reg("a", 0, RegisterType::float64), reg("b", 40, RegisterType::float64)};
-  for (auto& its : unit.map.registers) its.group = "g";
+  for (auto& entry : unit.map.registers) entry.group = "g";
   Gauge& gauge = make({unit}, {{"u1", "a"}, {"u1", "b"}});
   ASSERT_TRUE(gauge.open());
   Reading readings[2];
@@ -351,9 +351,9 @@ TEST_P(ModbusBench, UnchangedSettingIsNotWritten) {
   config::ModbusUnit unit = settings(1);
   unit.map.registers = {reg("filter", 10, RegisterType::uint16),
                         reg("gain", 12, RegisterType::float32)};
-  for (ModbusRegister& its : unit.map.registers) {
-    its.role = RegisterRole::setting;
-    its.set_to = 7.0;
+  for (ModbusRegister& entry : unit.map.registers) {
+    entry.role = RegisterRole::setting;
+    entry.set_to = 7.0;
   }
   Gauge& gauge = make({unit});
   for (int i = 0; i < 5; ++i) {

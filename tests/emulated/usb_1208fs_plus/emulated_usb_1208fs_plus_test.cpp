@@ -217,7 +217,7 @@ TEST_F(BoardTest, LosesScansInsteadOfStallingOnRequest) {
   now_ns = 600 * ms;
   EXPECT_EQ(device.in(1, 4096).bytes.size(), 1024U);
   EXPECT_EQ(status(device), 6);
-  EXPECT_EQ(device.struck().input_samples_dropped, 601U - 512U);
+  EXPECT_EQ(device.injected().input_samples_dropped, 601U - 512U);
 }
 
 TEST_F(BoardTest, ImmediateOutputDrivesImmediately) {
@@ -288,7 +288,7 @@ TEST_F(BoardTest, OutputIsZeroWithoutPower) {
   EXPECT_EQ(wires.driven.back(), std::make_pair(0.0, 9 * ms));
 }
 
-TEST_F(BoardTest, FaultsComeOnDemand) {
+TEST_F(BoardTest, FaultsAreInjectedOnRequest) {
   auto device = board();
   start_input(device, 0, 1000.0, 1, 0);
   now_ns = 100 * ms;  // 101 samples, three packets
@@ -309,7 +309,7 @@ TEST_F(BoardTest, FaultsComeOnDemand) {
   EXPECT_EQ(device.in(1, 512).status, UsbStatus::stall);
   device.clear_halt(0x81);
   EXPECT_EQ(device.in(1, 512).bytes.size(), 64U);
-  EXPECT_EQ(device.struck().stall, 1U);
+  EXPECT_EQ(device.injected().stall, 1U);
 }
 
 TEST_F(BoardTest, FastCrystalTakesMoreSamples) {

@@ -1,4 +1,4 @@
-// Reading of a sound bench; problems_test.cpp has the errors.
+// Reading of a valid bench; problems_test.cpp has the errors.
 #include "config/bench.h"
 
 #include <gtest/gtest.h>

@@ -260,27 +260,27 @@ TEST_F(RigFile, AnExcitationBeyondItsLimitsIsRefused) {
         << more;
   };
   one("excitation.amplitude = 0.016\n",
-      "excitation.amplitude: asks for 0.016 m, limits.displacement_m allows 0.015: 93.75 % of");
+      "excitation.amplitude: needs 0.016 m, limits.displacement_m allows 0.015: 93.75 % of");
   one("[excitation]\namplitude = 0.008\ncarrier_hz = 12\n",
-      "asks for 45.48 m/s^2, limits.acceleration_m_s2 allows 20: 43.98 % of");
+      "needs 45.48 m/s^2, limits.acceleration_m_s2 allows 20: 43.98 % of");
   one("excitation.amplitude = 0.01\nlimits.velocity_m_s = 0.1\n",
-      "asks for 0.1571 m/s, limits.velocity_m_s allows 0.1");
+      "needs 0.1571 m/s, limits.velocity_m_s allows 0.1");
   one("excitation.envelope = [[0, 0.001], [1, 0.02], [2, 0.001]]\n",
-      "excitation.envelope: asks for 0.02 m");
+      "excitation.envelope: needs 0.02 m");
   one("excitation.kind = \"sweep\"\nexcitation.amplitude = 0.01\n"
       "excitation.sweep = { from_hz = 2, to_hz = 10, duration_s = 60 }\n",
       "limits.acceleration_m_s2 allows 20");
   one("excitation.kind = \"multisine\"\n"
       "excitation.multisine.lines = [[2, 0.008, 0], [3, 0.008, 0]]\n",
-      "excitation.multisine.lines: asks for 0.016 m");
+      "excitation.multisine.lines: needs 0.016 m");
   one("limits.acceleration_m_s2 = 1e-12\n", "is too small to be enforced at this loop.rate_hz");
   // Newtons have a limit of their own.
   write("model.toml",
         "schema = 1\n[oscillator]\nexcitation = \"force\"\nmass_kg = 0.06\n"
         "natural_frequency_hz = 2.4\ndamping_ratio = 0.05\n");
-  one("excitation.amplitude = 6\n", "asks for 6 N, limits.force_n allows 5");
+  one("excitation.amplitude = 6\n", "needs 6 N, limits.force_n allows 5");
   one("excitation.amplitude = 4\nexcitation.carrier_hz = 25\n",
-      "asks for 628.3 N/s, limits.force_slew_n_s allows 500");
+      "needs 628.3 N/s, limits.force_slew_n_s allows 500");
   EXPECT_EQ(load("excitation.amplitude = 4\n").excitation.amplitude, 4.0);
 }
 

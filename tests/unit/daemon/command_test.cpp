@@ -35,16 +35,16 @@ TEST(Averaging, GivesMeanAndDeviationOfValidReadings) {
 }
 
 TEST(Averaging, CountsCorrelatedReadingsAsFewer) {
-  std::mt19937 dice(3);
+  std::mt19937 random(3);
   std::normal_distribution<double> noise;
   Averaging averaging;
   averaging.begin(8000, 1);
   double slow = 0.0;
   for (int i = 0; i < 8000; ++i) {
-    if (i % 20 == 0) slow = noise(dice);  // each value twenty times
+    if (i % 20 == 0) slow = noise(random);  // each value twenty times
     Frame frame;
     frame.set(Channel::friction_force, slow);
-    frame.set(Channel::normal_load, noise(dice));
+    frame.set(Channel::normal_load, noise(random));
     averaging.add(frame);
   }
   const Average out = averaging.take();

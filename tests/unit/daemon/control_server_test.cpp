@@ -267,7 +267,7 @@ TEST_F(ControlTest, InvalidRequestsAreRefusedWithAReasonAndChangeNothing) {
 
 TEST_F(ControlTest, ThousandsOfMisbehavingClientsDelayNeitherTheLoopNorAGoodOne) {
   open();
-  std::mt19937 dice(11);
+  std::mt19937 random(11);
   Client good(settings.path);
   run();
   std::vector<std::unique_ptr<Client>> bad;
@@ -275,7 +275,7 @@ TEST_F(ControlTest, ThousandsOfMisbehavingClientsDelayNeitherTheLoopNorAGoodOne)
   int turns_waited = 0;
   for (int i = 0; i < 3000; ++i) {
     auto client = std::make_unique<Client>(settings.path);
-    switch (dice() % 5) {
+    switch (random() % 5) {
       case 0:  // silent
         break;
       case 1:  // an unfinished line
@@ -287,7 +287,7 @@ TEST_F(ControlTest, ThousandsOfMisbehavingClientsDelayNeitherTheLoopNorAGoodOne)
         break;
       case 3: {  // noise
         std::string noise(1000, ' ');
-        for (char& c : noise) c = static_cast<char>(dice());
+        for (char& c : noise) c = static_cast<char>(random());
         client->send(noise);
         break;
       }

@@ -224,7 +224,7 @@ TEST(Excitation, AStopKeepsTheLimitsAndEndsAtRest) {
   }
 }
 
-TEST(Excitation, WithoutTimeNothingMoves) {
+TEST(Excitation, ZeroTimeStepChangesNothing) {
   Excitation excitation(sine(0.008, 2.5), usual);
   excitation.start();
   run(excitation, 1.03);
@@ -327,18 +327,17 @@ TEST(Refusal, NamesTheLimitAndTheLargestAllowedValue) {
   const config::Excitation excitation = sine(0.008, 2.5);
   const SettingBounds bounds;
   EXPECT_EQ(refusal(excitation, bounds, {Tunable::amplitude, 0.012}), std::nullopt);
-  EXPECT_EQ(
-      refusal(excitation, bounds, {Tunable::amplitude, 0.018}),
-      "amplitude = 0.018 asks for 0.018 m, limits.displacement_m allows 0.015: at most 0.015");
+  EXPECT_EQ(refusal(excitation, bounds, {Tunable::amplitude, 0.018}),
+            "amplitude = 0.018 needs 0.018 m, limits.displacement_m allows 0.015: at most 0.015");
   EXPECT_EQ(refusal(excitation, bounds, {Tunable::carrier_hz, 9.0}),
-            "carrier_hz = 9 asks for 25.58 m/s^2, limits.acceleration_m_s2 allows 20: at most "
+            "carrier_hz = 9 needs 25.58 m/s^2, limits.acceleration_m_s2 allows 20: at most "
             "7.957");
   EXPECT_EQ(refusal(excitation, bounds, {Tunable::carrier_hz, 7.957}), std::nullopt);
   EXPECT_EQ(refusal(excitation, {.control_gain = 2.0}, {Tunable::amplitude, 0.009}),
-            "amplitude = 0.009 asks for 0.018 m, limits.displacement_m allows 0.015: at most "
+            "amplitude = 0.009 needs 0.018 m, limits.displacement_m allows 0.015: at most "
             "0.0075");
   EXPECT_EQ(refusal(excitation, {.force = true}, {Tunable::amplitude, 6.0}),
-            "amplitude = 6 asks for 6 N, limits.force_n allows 5: at most 5");
+            "amplitude = 6 needs 6 N, limits.force_n allows 5: at most 5");
   EXPECT_EQ(refusal(excitation, {.rate_hz = 100.0}, {Tunable::carrier_hz, 30.0}),
             "carrier_hz = 30 is more than a quarter of loop.rate_hz: at most 25");
   EXPECT_EQ(refusal(excitation, bounds, {Tunable::modulation_depth, 1.5}),

@@ -122,15 +122,15 @@ class Witness final : public drivers::Driver {
   std::int64_t writes_silent_since_ = -1;
 };
 
-Fault fault_of(FaultKind kind, bool variant, double at_s, double duration_s, std::mt19937& dice) {
+Fault fault_of(FaultKind kind, bool variant, double at_s, double duration_s, std::mt19937& random) {
   Fault fault;
   fault.kind = kind;
   fault.from_s = fault.to_s = at_s;
   fault.duration_s = duration_s;
   const bool channelled =
       kind <= FaultKind::delay || kind == FaultKind::saturate || kind == FaultKind::nan;
-  if (channelled && dice() % 2 == 0) {
-    fault.channel = all_channels.at(dice() % channel_count);
+  if (channelled && random() % 2 == 0) {
+    fault.channel = all_channels.at(random() % channel_count);
   }
   switch (kind) {
     case FaultKind::noise:
@@ -196,7 +196,7 @@ LoopSettings with_interlocks() {
 class FaultyRig {
  public:
   FaultyRig(FaultKind kind, bool variant, std::uint32_t seed) {
-    std::mt19937 dice(seed);
+    std::mt19937 random(seed);
     device.keep_actuations = false;
     device.on_frame = [](Frame& frame) {
       for (const Channel channel : all_channels) {
@@ -207,8 +207,8 @@ class FaultyRig {
     config::FaultScript script;
     script.file = "campaign.toml";
     script.seed = seed;
-    const double at_s = 0.040 + 0.001 * static_cast<double>(dice() % 60);
-    script.faults.push_back(fault_of(kind, variant, at_s, 0.060, dice));
+    const double at_s = 0.040 + 0.001 * static_cast<double>(random() % 60);
+    script.faults.push_back(fault_of(kind, variant, at_s, 0.060, random));
     faulty = std::make_unique<drivers::FaultyDriver>(std::make_unique<Borrowed>(device), script,
                                                      drivers::Pace{},
                                                      std::make_shared<SharedClock>(clock));

@@ -199,13 +199,13 @@ class UnreliableConsumer {
     const int garble = *rc::gen::inRange(0, 20);
     std::uint64_t calls = *rc::gen::inRange<std::uint64_t>(0, 1000);
     sink.on_block = [this, stall, refuse, garble, calls](std::span<const Sample> block) mutable {
-      const auto dice = static_cast<int>((++calls * 2654435761U >> 8U) % 100U);
-      if (dice < stall) std::this_thread::sleep_for(300us);
-      if (dice < refuse) {
+      const auto random = static_cast<int>((++calls * 2654435761U >> 8U) % 100U);
+      if (random < stall) std::this_thread::sleep_for(300us);
+      if (random < refuse) {
         refused += block.size();
         return WriteResult::write_error;
       }
-      if (dice < refuse + garble) {
+      if (random < refuse + garble) {
         garbled += block.size();
         return WriteResult::encode_error;
       }

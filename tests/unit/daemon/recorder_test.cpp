@@ -253,7 +253,7 @@ class FullDisk {
   rlimit before_{};
 };
 
-TEST_F(RecorderTest, AFullDiskLosesWhatTheLedgerSaysAndTheLogStaysValid) {
+TEST_F(RecorderTest, FullDiskLossesAreInTheLedgerAndTheLogStaysValid) {
   const FullDisk disk;
   open({});
   for (int i = 0; i < 400; ++i) {

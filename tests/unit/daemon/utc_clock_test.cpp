@@ -36,17 +36,17 @@ TEST(UtcClock, FollowsAStepForwardAndWaitsForAStepBack) {
 }
 
 TEST(UtcClock, NeverRunsBackwardsWithAnyStepsOfTheHostClock) {
-  std::mt19937_64 dice(5);
+  std::mt19937_64 random(5);
   UtcClock clock;
   std::int64_t monotonic_ns = 0;
   std::int64_t wall_us = start_us;
   std::int64_t before = 0;
   for (int i = 0; i < 10'000; ++i) {
-    const auto step = static_cast<std::int64_t>(dice() % 1'000'000'000);
+    const auto step = static_cast<std::int64_t>(random() % 1'000'000'000);
     monotonic_ns += step;
     wall_us += step / 1000;
-    if (dice() % 20 == 0) wall_us += static_cast<std::int64_t>(dice() % 7200) * second_us;
-    if (dice() % 20 == 0) wall_us -= static_cast<std::int64_t>(dice() % 7200) * second_us;
+    if (random() % 20 == 0) wall_us += static_cast<std::int64_t>(random() % 7200) * second_us;
+    if (random() % 20 == 0) wall_us -= static_cast<std::int64_t>(random() % 7200) * second_us;
     const std::int64_t now = clock.utc_us(monotonic_ns, wall_us);
     ASSERT_GE(now, before);
     before = now;

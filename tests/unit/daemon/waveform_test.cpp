@@ -318,7 +318,7 @@ TEST_F(DriveInAFile, IsRefusedWithAReason) {
       refusal_of(written("time_s,base_displacement_m\n0,0\n1,0\n", DriveFileEnd::ramp_down)),
       testing::HasSubstr("has 2 samples: a drive needs 4 or more"));
   EXPECT_THAT(refusal_of(written(sine(101, 0.01, 0.02), DriveFileEnd::ramp_down)),
-              testing::HasSubstr("asks for 0.02 m, limits.displacement_m allows 0.015"));
+              testing::HasSubstr("needs 0.02 m, limits.displacement_m allows 0.015"));
   const DrivenRig force{
       {5.0, 500.0, std::numeric_limits<double>::infinity()}, Channel::drive_force, h};
   EXPECT_THAT(refusal_of(written("time_s,drive_force_n\n0,0\n1,8\n2,8\n3,0\n4,0\n",

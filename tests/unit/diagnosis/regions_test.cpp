@@ -23,11 +23,11 @@ using ::testing::IsEmpty;
 using ::testing::Lt;
 using ::testing::Not;
 
-// Regions of the true model, with its readings modified by `spoil`.
-template <class Spoil>
-std::vector<Region> found(double duration_s, std::uint64_t seed, Spoil&& spoil) {
+// Regions of the true model, with its readings modified by `modify`.
+template <class Modify>
+std::vector<Region> found(double duration_s, std::uint64_t seed, Modify&& modify) {
   Experiment e = experiment_of(record(driven_mass(), duration_s, seed), driven_mass());
-  for (std::size_t k = 0; k < e.samples; ++k) spoil(e, k, e.reading[k][0]);
+  for (std::size_t k = 0; k < e.samples; ++k) modify(e, k, e.reading[k][0]);
   const std::vector<Experiment> experiments = {std::move(e)};
   const Task task = all_windows(experiments);
   const Hypothesis hypothesis(driven_mass());
@@ -98,11 +98,11 @@ TEST(Regions, ReportTheStateOfMotion) {
 }
 
 TEST(Regions, AreDeterministicForASeed) {
-  const auto spoil = [](const Experiment& e, std::size_t k, double& reading) {
+  const auto modify = [](const Experiment& e, std::size_t k, double& reading) {
     if (e.guess[k].displacement_m > 0.01) reading += (k % 3 == 0 ? 1.0e-4 : -5.0e-5);
   };
-  const auto once = found(16.0, 2, spoil);
-  const auto again = found(16.0, 2, spoil);
+  const auto once = found(16.0, 2, modify);
+  const auto again = found(16.0, 2, modify);
   ASSERT_THAT(once, Not(IsEmpty()));
   ASSERT_EQ(once.size(), again.size());
   for (std::size_t i = 0; i < once.size(); ++i) {

@@ -20,7 +20,7 @@ struct Rates {
 
 /// A device that samples every millisecond of its own time, read by the host after `delay`.
 Rates run(double skew, std::uint32_t seed, int seconds) {
-  std::mt19937 dice(seed);
+  std::mt19937 random(seed);
   std::exponential_distribution<double> wait(1.0 / 80e3);  // 80 us on average, occasionally ms
   DeviceClock clock;
   std::int64_t previous = 0;
@@ -28,7 +28,7 @@ Rates run(double skew, std::uint32_t seed, int seconds) {
   for (std::int64_t i = 0; i < std::int64_t{1000} * seconds; ++i) {
     const std::int64_t device_ns = 123 * s + i * ms;
     const double true_ns = 5e9 + static_cast<double>(i * ms) * (1.0 + skew);
-    const auto host_ns = static_cast<std::int64_t>(true_ns + 20e3 + wait(dice));
+    const auto host_ns = static_cast<std::int64_t>(true_ns + 20e3 + wait(random));
     const std::int64_t out = clock.host_time(device_ns, host_ns);
     EXPECT_GT(out, previous);
     previous = out;
@@ -56,20 +56,20 @@ TEST(DeviceClock, SkewIsClamped) {
   }
 }
 
-TEST(DeviceClock, TimeIncreasesStrictlyWhateverHappens) {
-  std::mt19937_64 dice(7);
+TEST(DeviceClock, TimeIsStrictlyIncreasing) {
+  std::mt19937_64 random(7);
   for (int run = 0; run < 50; ++run) {
     DeviceClock clock;
     std::int64_t device_ns = 0;
     std::int64_t host_ns = s;
     std::int64_t previous = 0;
     for (int i = 0; i < 2000; ++i) {
-      const auto roll = dice() % 500;
+      const auto roll = random() % 500;
       device_ns += ms;
       host_ns += ms;
-      if (roll == 0) device_ns -= static_cast<std::int64_t>(dice() % (10 * s));  // restarted
-      if (roll == 1) device_ns += static_cast<std::int64_t>(dice() % (10 * s));  // stepped
-      if (roll == 2) host_ns += static_cast<std::int64_t>(dice() % (10 * s));    // was suspended
+      if (roll == 0) device_ns -= static_cast<std::int64_t>(random() % (10 * s));  // restarted
+      if (roll == 1) device_ns += static_cast<std::int64_t>(random() % (10 * s));  // stepped
+      if (roll == 2) host_ns += static_cast<std::int64_t>(random() % (10 * s));    // was suspended
       if (roll == 3) device_ns += 3600 * s;  // the host was suspended, the device was not
       const std::int64_t out = clock.host_time(device_ns, host_ns);
       ASSERT_GT(out, previous);

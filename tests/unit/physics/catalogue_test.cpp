@@ -471,7 +471,7 @@ TEST(Catalogue, FindsEveryEffectByItsIdAndNoOther) {
   EXPECT_EQ(find_effect("unlisted"), nullptr);
 }
 
-TEST(Catalogue, KnowsWhichEffectsAModelCanLack) {
+TEST(Catalogue, ListsTheEffectsThatAModelCanLack) {
   Model none = test::bench();
   none.friction = {};
   const Model coulomb = test::bench();

@@ -187,7 +187,7 @@ TEST_F(LiveFeedTest, GreetsWithThePresentState) {
   EXPECT_EQ(read_json(*greeting[1])["marks"].size(), 2U);
   EXPECT_EQ(read_json(*greeting[8])["code"], "model_broken");
   EXPECT_EQ(read_json(*greeting[9])["code"], "model_explained");
-  EXPECT_EQ(read_json(*greeting[10])["code"], "model_follows") << "the present one is last";
+  EXPECT_EQ(read_json(*greeting[10])["code"], "model_follows") << "the current one is last";
   EXPECT_EQ(read_block(*greeting[3]).flags, 2U);
 }
 

@@ -24,7 +24,7 @@ struct Program {
     command->add_option("-s,--speed", number, "How fast")->capture_default_str();
     command->add_option("--format", text, "Which")->check(CLI::IsMember({"csv", "lcm"}));
     command->add_option("--secret", text, "Internal")->group("");
-    command->footer(".hidden files are taken, too. Exit status: 0 sound; 1 damaged.");
+    command->footer(".hidden files are taken, too. Exit status: 0 intact; 1 damaged.");
   }
 };
 
@@ -76,7 +76,7 @@ TEST(Page, PutsTheExitStatusOfTheFooterIntoItsSection) {
   const std::string text = page_of_command();
   EXPECT_TRUE(
       contains(text,
-               ".SH EXIT STATUS\n0 sound; 1 damaged.\n.PP\nOtherwise, as for all commands: of "
+               ".SH EXIT STATUS\n0 intact; 1 damaged.\n.PP\nOtherwise, as for all commands: of "
                "the program\n"))
       << text;
   EXPECT_TRUE(contains(text, "\\&.hidden files are taken, too.")) << text;
@@ -101,7 +101,7 @@ TEST(Page, OfACommandContainsItsSubcommands) {
   EXPECT_TRUE(contains(text, ".SS check\n\\fBstickslip log check\\fR [\\fIOPTIONS\\fR]\n")) << text;
   EXPECT_TRUE(contains(text, "\\fB\\-\\-json\\fR\nAs JSON.\n")) << text;
   // The inherited footer and --help occur once.
-  EXPECT_EQ(text.find("0 sound; 1 damaged"), text.rfind("0 sound; 1 damaged"));
+  EXPECT_EQ(text.find("0 intact; 1 damaged"), text.rfind("0 intact; 1 damaged"));
   EXPECT_EQ(text.find("\\-\\-help"), text.rfind("\\-\\-help"));
 }
 

@@ -15,7 +15,7 @@ const plots = {
   nis: { colour: "c0", unit: "", nis: true },
   sticking: { colour: "c3", unit: "", fixed: [-0.03, 1.03] },
 };
-const mostPoints = 1500; // beyond it every n-th is drawn
+const maxPoints = 1500; // beyond it every n-th is drawn
 
 export class Estimates {
   constructor(app) {
@@ -77,7 +77,7 @@ export class Estimates {
     const { estimates, frames } = this.app.store;
     const { mask, columns } = estimates;
     const from = estimates.rowAt(estimates.last_ns - this.span_s * 1e9);
-    const stride = Math.max(1, Math.ceil((estimates.end - from) / mostPoints));
+    const stride = Math.max(1, Math.ceil((estimates.end - from) / maxPoints));
     // The same rows are omitted each time, so that curves do not flicker.
     const first = Math.ceil(from / stride) * stride;
     const points = Math.max(0, Math.floor((estimates.end - 1 - first) / stride) + 1);

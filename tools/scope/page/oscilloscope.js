@@ -7,7 +7,7 @@ import { Trigger, modes } from "./trigger.js";
 import { channels, duration, number, tick } from "./units.js";
 
 export const timeBases_s = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60];
-const mostPoints = 16384;
+const maxPoints = 16384;
 const shortest_s = 0.002;
 const longest_s = 120;
 
@@ -26,12 +26,12 @@ export class Oscilloscope {
     this.held = false; // the picture stands at a trigger
     this.lanes = channels.map((channel, index) => ({
       index, channel, wanted: true, present: false, manual: false, limits: new Limits(),
-      points: new Float32Array(2 * mostPoints), count: 0, top: 0, height: 0, step: 1,
+      points: new Float32Array(2 * maxPoints), count: 0, top: 0, height: 0, step: 1,
     }));
     this.shown = [];
-    this.low = new Float64Array(mostPoints);
-    this.high = new Float64Array(mostPoints);
-    this.bounds = new Float64Array(mostPoints + 1);
+    this.low = new Float64Array(maxPoints);
+    this.high = new Float64Array(maxPoints);
+    this.bounds = new Float64Array(maxPoints + 1);
     this.pair = new Float64Array(2);
     this.cursors = [{ part: 0.35, element: byId("cursor-a") }, { part: 0.65, element: byId("cursor-b") }];
     this.cursorsOn = false;
@@ -109,7 +109,7 @@ export class Oscilloscope {
     }
   }
 
-  forget() {
+  clear() {
     for (const lane of this.lanes) {
       lane.present = false;
       lane.limits.reset();
@@ -220,7 +220,7 @@ export class Oscilloscope {
     const from = Math.max(frames.begin, this.fromRow - 1);
     const to = Math.min(frames.end, this.toRow + 1);
     let count = 0;
-    for (let row = from; row < to && count < mostPoints - 2; ++row) {
+    for (let row = from; row < to && count < maxPoints - 2; ++row) {
       const value = data[row & mask];
       const lost = row > from && sequence[row & mask] - sequence[(row - 1) & mask] !== 1;
       if (lost || value !== value) {

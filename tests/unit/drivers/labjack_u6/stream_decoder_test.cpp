@@ -273,7 +273,7 @@ RC_GTEST_PROP(LabjackU6Stream, FaultyBusYieldsNoWrongScan, ()) {
   std::uint64_t lost = 0, damaged = 0, repeated = 0, pending = 0;
   bool reported = true;  // no recovery report was lost since an overflow
   unsigned draining = 0;
-  std::uint64_t spoilt_run = 0;
+  std::uint64_t corrupted_in_row = 0;
   for (int i = 0; i < 700; ++i) {
     if (draining == 0 && chance(200)) draining = static_cast<unsigned>(2 + random() % 30);
     Bytes packet;
@@ -287,9 +287,9 @@ RC_GTEST_PROP(LabjackU6Stream, FaultyBusYieldsNoWrongScan, ()) {
     }
     if (draining > 0) --draining;
     // Recovery reports are not lost here: see the separate test.
-    if (!report && chance(10) && spoilt_run < 250) {
+    if (!report && chance(10) && corrupted_in_row < 250) {
       ++pending;
-      ++spoilt_run;
+      ++corrupted_in_row;
       if (chance(2)) {
         const std::size_t at = random() % packet.size();
         packet[at] = static_cast<std::uint8_t>(packet[at] ^ (1U << random() % 8));
@@ -299,7 +299,7 @@ RC_GTEST_PROP(LabjackU6Stream, FaultyBusYieldsNoWrongScan, ()) {
       }
       continue;
     }
-    spoilt_run = 0;
+    corrupted_in_row = 0;
     lost += pending;
     pending = 0;
     const Outcome outcome = decoder.take(packet);
@@ -346,7 +346,7 @@ RC_GTEST_PROP(LabjackU6Stream, LossesAreMinimal, ()) {
 }
 
 /// Random bytes.
-RC_GTEST_PROP(LabjackU6Stream, NoiseIsNeverAScan, (const std::vector<std::uint8_t>& noise)) {
+RC_GTEST_PROP(LabjackU6Stream, RandomBytesAreRejected, (const std::vector<std::uint8_t>& noise)) {
   StreamDecoder decoder(4, 25);
   RC_ASSERT(decoder.take(noise) == Outcome::damaged);
   RC_ASSERT(decoder.scans().empty());

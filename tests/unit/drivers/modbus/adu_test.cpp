@@ -65,7 +65,7 @@ TEST(ModbusMessage, BitsArePackedEightToAByteLowestFirst) {
   EXPECT_EQ(match_reply(request, Bytes{1, 1, 1, 0x05}).verdict, Verdict::mismatch);
 }
 
-TEST(ModbusMessage, ReplyToAWriteRepeatsItsBeginning) {
+TEST(ModbusMessage, WriteReplyEchoesTheStartOfTheRequest) {
   const std::uint16_t words[] = {1, 2};
   const Bytes many = write_message(1, RegisterTable::holding_registers, 7, words, false);
   EXPECT_EQ(match_reply(many, Bytes{1, 16, 0, 7, 0, 2}).verdict, Verdict::answer);

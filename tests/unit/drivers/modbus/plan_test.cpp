@@ -22,14 +22,14 @@ ModbusRegister reg(std::string name, int address, std::string group = "",
                    RegisterType type = RegisterType::uint16,
                    RegisterTable table = RegisterTable::holding_registers,
                    RegisterRole role = RegisterRole::reading) {
-  ModbusRegister its;
-  its.name = std::move(name);
-  its.address = address;
-  its.group = std::move(group);
-  its.type = type;
-  its.table = table;
-  its.role = role;
-  return its;
+  ModbusRegister out;
+  out.name = std::move(name);
+  out.address = address;
+  out.group = std::move(group);
+  out.type = type;
+  out.table = table;
+  out.role = role;
+  return out;
 }
 
 ReadRequest holding(int address, int count) {
@@ -84,29 +84,29 @@ RC_GTEST_PROP(ModbusPlan, EveryRegisterLiesWithinItsRequest, ()) {
     const bool bits = table == RegisterTable::coils || table == RegisterTable::discrete_inputs;
     const auto type =
         bits ? RegisterType::bit : static_cast<RegisterType>(*rc::gen::inRange(1, 10));
-    ModbusRegister its = reg(std::to_string(i), *rc::gen::inRange(0, 4000),
-                             *rc::gen::element<std::string>("", "g", "h"), type, table);
-    its.role = static_cast<RegisterRole>(*rc::gen::inRange(0, 3));
-    map.registers.push_back(its);
-    if (*rc::gen::arbitrary<bool>()) needed.insert(its.name);
+    ModbusRegister entry = reg(std::to_string(i), *rc::gen::inRange(0, 4000),
+                               *rc::gen::element<std::string>("", "g", "h"), type, table);
+    entry.role = static_cast<RegisterRole>(*rc::gen::inRange(0, 3));
+    map.registers.push_back(entry);
+    if (*rc::gen::arbitrary<bool>()) needed.insert(entry.name);
   }
   const Plan plan = plan_requests(map, needed);
   std::vector<bool> used(plan.requests.size());
   for (std::size_t i = 0; i < map.registers.size(); ++i) {
-    const ModbusRegister& its = map.registers[i];
-    const bool wanted = its.role != RegisterRole::reading || needed.contains(its.name);
+    const ModbusRegister& entry = map.registers[i];
+    const bool wanted = entry.role != RegisterRole::reading || needed.contains(entry.name);
     RC_ASSERT(plan.places[i].has_value() == wanted);
     if (!wanted) continue;
     const ReadRequest& request = plan.requests[plan.places[i]->request];
     used[plan.places[i]->request] = true;
-    RC_ASSERT(request.table == its.table);
-    RC_ASSERT(request.address + static_cast<int>(plan.places[i]->first) == its.address);
-    RC_ASSERT(plan.places[i]->first + registers_of(its.type) <=
+    RC_ASSERT(request.table == entry.table);
+    RC_ASSERT(request.address + static_cast<int>(plan.places[i]->first) == entry.address);
+    RC_ASSERT(plan.places[i]->first + registers_of(entry.type) <=
               static_cast<std::size_t>(request.count));
   }
   for (std::size_t i = 0; i < plan.requests.size(); ++i) {
     RC_ASSERT(used[i]);
-    RC_ASSERT(plan.requests[i].count <= most_in_one(plan.requests[i].table));
+    RC_ASSERT(plan.requests[i].count <= max_per_request(plan.requests[i].table));
   }
 }
 

@@ -21,14 +21,14 @@ constexpr RegisterType types[] = {bit,   uint16,  int16,   uint32, int32,
                                   int64, float32, float64, bcd16,  bcd32};
 
 ModbusRegister plain(RegisterType type, ByteOrder order = ByteOrder::abcd) {
-  ModbusRegister its;
-  its.type = type;
-  its.order = order;
-  return its;
+  ModbusRegister out;
+  out.type = type;
+  out.order = order;
+  return out;
 }
 
-std::optional<double> value(const ModbusRegister& its, std::vector<std::uint16_t> words) {
-  return value_of(its, words);
+std::optional<double> value(const ModbusRegister& entry, std::vector<std::uint16_t> words) {
+  return value_of(entry, words);
 }
 
 TEST(ModbusValue, FloatsHaveFourByteOrders) {
@@ -81,14 +81,14 @@ TEST(ModbusValue, InvalidEncodingsHaveNoValue) {
 }
 
 TEST(ModbusValue, ScaleAndOffsetApplyToTheValueOnly) {
-  ModbusRegister its = plain(int16);
-  its.scale = 0.01;
-  its.offset = -5.0;
-  EXPECT_DOUBLE_EQ(*value(its, {250}), -2.5);
-  EXPECT_EQ(raw_of(its, std::vector<std::uint16_t>{250}), 250);
-  EXPECT_EQ(words_for(its, -2.5)->word[0], 250);
-  its.scale = 0.0;
-  EXPECT_FALSE(words_for(its, 1.0));
+  ModbusRegister entry = plain(int16);
+  entry.scale = 0.01;
+  entry.offset = -5.0;
+  EXPECT_DOUBLE_EQ(*value(entry, {250}), -2.5);
+  EXPECT_EQ(raw_of(entry, std::vector<std::uint16_t>{250}), 250);
+  EXPECT_EQ(words_for(entry, -2.5)->word[0], 250);
+  entry.scale = 0.0;
+  EXPECT_FALSE(words_for(entry, 1.0));
 }
 
 TEST(ModbusValue, StatusMayBeAnIntegralFloat) {
@@ -156,11 +156,11 @@ RC_GTEST_PROP(ModbusValue, WrittenValuesReadBackInEveryTypeAndOrder, ()) {
     const double number = some_number(type);
     RC_PRE(std::isfinite(number));
     for (const ByteOrder order : orders) {
-      const ModbusRegister its = plain(type, order);
-      const auto words = words_for(its, number);
+      const ModbusRegister entry = plain(type, order);
+      const auto words = words_for(entry, number);
       RC_ASSERT(words.has_value());
       RC_ASSERT(words->count == registers_of(type));
-      RC_ASSERT(value_of(its, words->view()) == number);
+      RC_ASSERT(value_of(entry, words->view()) == number);
     }
   }
 }
@@ -170,14 +170,14 @@ RC_GTEST_PROP(ModbusValue, ReadValuesAreWrittenIdentically, (std::vector<std::ui
   for (const RegisterType type : types) {
     if (type == int64) continue;  // not exactly representable as double
     for (const ByteOrder order : orders) {
-      const ModbusRegister its = plain(type, order);
+      const ModbusRegister entry = plain(type, order);
       const auto own = std::span(words).first(registers_of(type));
-      const auto number = value_of(its, own);
+      const auto number = value_of(entry, own);
       if (!number) continue;
-      const auto again = words_for(its, *number);
+      const auto again = words_for(entry, *number);
       RC_ASSERT(again.has_value());
       // Values instead of words, because of the two zeros.
-      RC_ASSERT(value_of(its, again->view()) == number);
+      RC_ASSERT(value_of(entry, again->view()) == number);
     }
   }
 }
