@@ -91,7 +91,7 @@ const Key* find_key(std::span<const Key> keys, std::string_view path);
 /// The parts of "a|b|c".
 std::vector<std::string_view> alternatives_in(std::string_view list);
 
-/// What a value has to be, for messages: "a number above 0 [kg]".
+/// Expected value, for messages: "a number above 0 [kg]".
 std::string expectation(const Key& key);
 
 /// Type of the value in words: "whole number", "choice".

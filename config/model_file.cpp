@@ -6,6 +6,7 @@
 #include "config/document.h"
 #include "config/model_names.h"
 #include "config/toml_text.h"
+#include "physics/model_consistency.h"
 
 namespace stickslip::config {
 

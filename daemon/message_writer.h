@@ -41,7 +41,7 @@ struct RecorderSettings {
   std::optional<double> rotate_mb = {};  ///< size of a part, 10^6 bytes; above 0
   double sync_s = 1.0;                   ///< interval of syncs to the disk; 0: none
   Ledger* ledger = nullptr;              ///< written at the end of each part, and credited with
-                                         ///< what the disk confirms; may be null
+                                         ///< confirmed by the disk; may be null
 };
 
 /// A new LCM event log, in parts if the settings say so: run.log, run.001.log, ... An existing log

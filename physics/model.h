@@ -174,14 +174,4 @@ std::vector<NamedParameter> parameters_of(Model& model);
 /// Number of declared parameters: the index of the first term's first parameter.
 std::size_t declared_parameter_count(const Model& model);
 
-/// A contradiction of a model to itself or to the catalogue. `path` is that in the model file (of a
-/// table, or of a missing key), so that a loader can add line and column.
-struct Inconsistency {
-  std::string path;
-  std::string message;
-};
-
-/// Empty for a valid model.
-std::vector<Inconsistency> inconsistencies_of(const Model& model);
-
 }  // namespace stickslip::physics

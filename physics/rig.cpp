@@ -7,6 +7,7 @@
 
 #include "physics/backbone.h"
 #include "physics/catalogue.h"
+#include "physics/model_consistency.h"
 
 namespace stickslip::physics {
 

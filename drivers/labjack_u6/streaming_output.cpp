@@ -206,7 +206,7 @@ void StreamingOutput::keep_on(std::uint16_t counts, std::int64_t now_ns) {
 bool StreamingOutput::watchdog_ready(std::int64_t now_ns) {
   if (!has_watchdog(settings_) || power_ == Power::on) return true;
   if (power_ == Power::arming && watchdog_armed_) return true;
-  // A disarming in progress completes first: the board obeys the command that arrives last.
+  // A disarming in progress completes first: the last command to arrive takes effect.
   if (session_.free(Slot::watchdog)) {
     power_ = Power::arming;
     watchdog_armed_ = false;

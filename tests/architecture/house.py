@@ -97,10 +97,6 @@ class House(unittest.TestCase):
         long = [each for each in lengths if each[0] > LONG_FUNCTION]
         self.assertLessEqual(len(long), MOST_LONG_FUNCTIONS, long)
 
-    def test_files_of_tests_have_names_of_their_own(self):
-        names = [name.name for name in FILES if name.parts[0] == "tests" and name.suffix in (".cpp", ".h")]
-        self.assertEqual(sorted({name for name in names if names.count(name) > 1}), [])
-
     def test_lines_of_documents_are_short(self):
         for name in FILES:
             if name.suffix != ".md":

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "diagnosis/parallel/for_each.h"
+#include "physics/model_consistency.h"
 #include "tools/dynamics/lyapunov.h"
 
 namespace stickslip::dynamics {

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "physics/catalogue.h"
+#include "physics/model_consistency.h"
 #include "tools/concealment/hidden_effect.h"
 
 namespace stickslip::concealment {

@@ -10,6 +10,7 @@
 #include <filesystem>
 
 #include "physics/catalogue.h"
+#include "physics/model_consistency.h"
 #include "physics/problem.h"
 #include "physics/simulator.h"
 

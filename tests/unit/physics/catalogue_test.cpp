@@ -1,4 +1,5 @@
 #include "physics/catalogue.h"
+#include "physics/model_consistency.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,5 @@
 #include "physics/model.h"
+#include "physics/model_consistency.h"
 
 #include <gtest/gtest.h>
 
