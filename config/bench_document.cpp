@@ -281,7 +281,7 @@ class Checker {
     }
   }
 
-  /// Some device must disable the amplifier on its own when the daemon dies: a GPIO chip may keep
+  /// Some device must disable the amplifier by itself if the daemon is killed: a GPIO chip may keep
   /// driving a line that no process holds.
   void check_dead_daemon() {
     const bool u6 = bench_.labjack_u6.enable_line && bench_.labjack_u6.watchdog_s > 0;
@@ -289,7 +289,7 @@ class Checker {
     const bool has_line = bench_.labjack_u6.enable_line || bench_.amplifier;
     if (!has_line) return;  // already reported
     document_.report(bench_.amplifier ? "amplifier" : "labjack_u6.watchdog_s",
-                     "nothing disables the amplifier when the daemon dies: expected "
+                     "nothing disables the amplifier if the daemon is killed: expected "
                      "[amplifier.heartbeat] with a watchdog relay" +
                          std::string(bench_.board == BoardKind::labjack_u6
                                          ? ", or labjack_u6.enable_line with a watchdog_s above 0"

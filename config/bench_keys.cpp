@@ -68,7 +68,7 @@ constexpr std::array bench_table = {
     bound<&Rig::bench, &Bench::shaker, &ShakerOutput::volts_per_unit>(
         Key{.path = "shaker.volts_per_unit",
             .unit = "V/m or V/N",
-            .sentence = "Output voltage for a metre of base displacement, or a newton; negative "
+            .sentence = "Output voltage per metre of base displacement, or per newton; negative "
                         "for reversed polarity.",
             .need = Need::always,
             .when = on_bench,

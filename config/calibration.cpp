@@ -17,7 +17,7 @@ namespace stickslip::config {
 
 namespace {
 
-constexpr double least_determinant = 0.1;
+constexpr double min_determinant = 0.1;
 
 /// Number in fixed digits of a date.
 std::optional<int> digits_at(std::string_view text, std::size_t at, std::size_t count) {
@@ -149,7 +149,7 @@ CalibrationFile parse_calibration(std::string_view text, const std::string& name
     }
     check_order(document, file);
     // Negated, so that NaN is refused as well.
-    if (!(std::abs(crosstalk_determinant(all)) >= least_determinant)) {
+    if (!(std::abs(crosstalk_determinant(all)) >= min_determinant)) {
       document.report("channel",
                       "the crosstalk is so large that the channels cannot be separated: check "
                       "crosstalk");

@@ -54,7 +54,7 @@ struct ChannelCalibration {
   std::string date{};                      ///< ISO 8601; empty: unknown
   std::string reference{};                 ///< "weights set 12, class M1"
   std::string by{};                        ///< person who calibrated
-  std::vector<std::string> despite{};      ///< objections that were overridden
+  std::vector<std::string> despite{};      ///< failed checks of the fit that were overridden
   std::vector<CalibrationPoint> points{};  ///< in the order of measurement
 
   friend bool operator==(const ChannelCalibration&, const ChannelCalibration&) = default;

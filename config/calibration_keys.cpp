@@ -66,7 +66,9 @@ constexpr auto calibration_table = std::array{
     bound<Prefix..., &ChannelCalibration::by>(
         Key{.path = "by", .sentence = "Person who calibrated.", .without = "unknown"}),
     bound<Prefix..., &ChannelCalibration::despite>(
-        Key{.path = "despite", .sentence = "Objections that were overridden.", .without = "none"}),
+        Key{.path = "despite",
+            .sentence = "Failed checks of the fit that were overridden.",
+            .without = "none"}),
     bound<Prefix..., &ChannelCalibration::points>(
         Key{.path = "point",
             .sentence = "The points of the calibration, in the order of measurement.",

@@ -163,7 +163,7 @@ constexpr std::array kind_table = {
     bound<&Rig::excitation, &Excitation::file, &DriveFile::path>(
         Key{.path = "excitation.file.path",
             .sentence = "Recording with the drive, base_displacement_m, or drive_force_n on "
-                        "force-excited rigs; a cubic spline between its samples.",
+                        "force-excited rigs; interpolated by a cubic spline.",
             .need = Need::always,
             .when = "excitation.kind=file"}),
     bound<&Rig::excitation, &Excitation::file, &DriveFile::at_end>(

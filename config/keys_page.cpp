@@ -74,7 +74,7 @@ Named by `calibration.file` of a rig, as in
 
 void write(std::ostringstream& page, const Section& section) {
   const bool live = section.live;
-  page << section.text << "| key | type | unit | range | without it |" << (live ? " live |" : "")
+  page << section.text << "| key | type | unit | range | default |" << (live ? " live |" : "")
        << " meaning |\n"
        << "| --- | --- | --- | --- | --- |" << (live ? " --- |" : "") << " --- |\n";
   for (const Key& key : section.keys) {

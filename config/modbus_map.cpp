@@ -73,7 +73,7 @@ void check_groups(Document& document, const ModbusMap& map) {
 
 }  // namespace
 
-int most_in_one(RegisterTable table) { return holds_bits(table) ? 2000 : 125; }
+int max_per_request(RegisterTable table) { return holds_bits(table) ? 2000 : 125; }
 
 std::size_t registers_of(RegisterType type) {
   switch (type) {

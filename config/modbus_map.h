@@ -105,7 +105,7 @@ struct ModbusMap {
 std::size_t registers_of(RegisterType type);
 
 /// Largest number of bits (2000) or 16-bit registers (125) in one request, by the protocol.
-int most_in_one(RegisterTable table);
+int max_per_request(RegisterTable table);
 
 /// Reads a register map. Throws InputError with every problem found, each with file, line, column.
 ModbusMap load_modbus_map(const std::filesystem::path& file);

@@ -29,7 +29,7 @@ constexpr std::array model_table = {
     bound<&physics::Model::oscillator, &physics::Oscillator::natural_frequency_hz>(
         Key{.path = "oscillator.natural_frequency_hz",
             .unit = "Hz",
-            .sentence = "Natural frequency without friction; or stiffness_n_m.",
+            .sentence = "Natural frequency without friction; alternative: stiffness_n_m.",
             .when = moving,
             .only_then = true,
             .low = 0,
@@ -37,21 +37,21 @@ constexpr std::array model_table = {
     bound<&physics::Model::oscillator, &physics::Oscillator::stiffness_n_m>(
         Key{.path = "oscillator.stiffness_n_m",
             .unit = "N/m",
-            .sentence = "Stiffness of the spring, 0: none; or natural_frequency_hz.",
+            .sentence = "Stiffness of the spring, 0: none; alternative: natural_frequency_hz.",
             .when = moving,
             .only_then = true,
             .low = 0}),
     bound<&physics::Model::oscillator, &physics::Oscillator::damping_ratio>(
         Key{.path = "oscillator.damping_ratio",
             .unit = "1",
-            .sentence = "Damping ratio of the mass on its spring; or damping_n_s_m.",
+            .sentence = "Damping ratio of mass and spring; alternative: damping_n_s_m.",
             .when = moving,
             .only_then = true,
             .low = 0}),
     bound<&physics::Model::oscillator, &physics::Oscillator::damping_n_s_m>(
         Key{.path = "oscillator.damping_n_s_m",
             .unit = "N s/m",
-            .sentence = "Viscous damping; or damping_ratio.",
+            .sentence = "Viscous damping; alternative: damping_ratio.",
             .when = moving,
             .only_then = true,
             .low = 0}),

@@ -193,7 +193,7 @@ class Reader {
     const Excitation& excitation = rig.excitation;
     const std::size_t problems_before = document_.problem_count();
     check_kind(excitation);
-    const bool sound = document_.problem_count() == problems_before;
+    const bool valid = document_.problem_count() == problems_before;
     if (!excitation.envelope.empty()) {
       for (const char* name : {"amplitude", "modulation_hz", "modulation_depth"}) {
         const std::string path = std::string("excitation.") + name;
@@ -208,7 +208,7 @@ class Reader {
                          "jump: make them equal, or set repeat = false");
       }
     }
-    if (!sound) return;
+    if (!valid) return;
     if (highest_frequency_hz(excitation) > rig.loop.rate_hz / 4.0) {
       document_.report(place_of_frequency(excitation),
                        "is more than a quarter of loop.rate_hz: the drive would not be a sine");
@@ -301,12 +301,12 @@ class Reader {
       return;
     }
     // Below this the change of position in a cycle is lost in rounding.
-    constexpr double least_change = 2.0e-11;
+    constexpr double min_change = 2.0e-11;
     const double rate = rig.loop.rate_hz;
-    if (!force && limits.acceleration_m_s2 / (rate * rate) < least_change * limits.displacement_m) {
+    if (!force && limits.acceleration_m_s2 / (rate * rate) < min_change * limits.displacement_m) {
       document_.report("limits.acceleration_m_s2",
                        "is too small to be enforced at this loop.rate_hz: expected " +
-                           short_number(least_change * limits.displacement_m * rate * rate) +
+                           short_number(min_change * limits.displacement_m * rate * rate) +
                            " or more");
     }
     if (const auto excess = excess_of(demand, limits, force)) {

@@ -326,12 +326,12 @@ class Check {
     }
     for (const toml::node& each : *list) {
       const toml::array* line = each.as_array();
-      bool sound = line != nullptr && line->size() == 3;
-      for (std::size_t i = 0; sound && i < 3; ++i) {
+      bool valid = line != nullptr && line->size() == 3;
+      for (std::size_t i = 0; valid && i < 3; ++i) {
         const auto number = number_in(line->get(i));
-        sound = number && std::isfinite(*number);
+        valid = number && std::isfinite(*number);
       }
-      if (!sound) {
+      if (!valid) {
         problem(each, full(path) + ": expected a line, [frequency_hz, amplitude, phase_deg], " +
                           "found " + found_text(each));
         continue;

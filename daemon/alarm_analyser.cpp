@@ -15,7 +15,7 @@ namespace {
 constexpr std::int64_t history_ns = 40'000'000'000;
 // An explanation has to be at least this much more likely than the unchanged model (log
 // likelihood).
-constexpr double least_gain = 5.0;
+constexpr double min_gain = 5.0;
 
 std::string percent(double probability) {
   char text[16];
@@ -30,7 +30,7 @@ Event event_of(const Finding& finding) {
   out.severity = Severity::warning;
   out.time_ns = finding.verdict.reported_ns;
   const auto& found = finding.explanations;
-  if (found.empty() || found.front().log_likelihood < least_gain) {
+  if (found.empty() || found.front().log_likelihood < min_gain) {
     out.code = "model_unexplained";
     out.message =
         "no known effect explains why the rig no longer follows its model: diagnose the recording";

@@ -12,9 +12,9 @@ namespace {
 
 constexpr double two_pi = 2.0 * std::numbers::pi;
 /// Of a block; with fewer samples to a period, a block takes several periods.
-constexpr int least_samples = 32;
+constexpr int min_samples = 32;
 /// Time constant in blocks: an integrator with a delay of one block does not ring above it.
-constexpr double least_blocks = 3.0;
+constexpr double min_blocks = 3.0;
 constexpr double largest_error = 0.5;
 /// The integral part is active only for small errors, so that a step does not overshoot.
 constexpr double drift_error = 0.03;
@@ -76,7 +76,7 @@ void AmplitudeControl::update(double measured, bool valid, const Drive& drive, H
     gain_ = std::clamp(gain_ * std::exp(rate_per_s_ * period_s_), settings_.gain_min,
                        settings_.gain_max);
   }
-  if (new_period && (discarded_ || samples_ + missing_ >= least_samples)) {
+  if (new_period && (discarded_ || samples_ + missing_ >= min_samples)) {
     if (!discarded_) evaluate(drive.carrier_hz);
     discard();
     discarded_ = reason != Hold::none;
@@ -106,7 +106,7 @@ void AmplitudeControl::add(double measured, const Drive& drive) {
 
 void AmplitudeControl::evaluate(double carrier_hz) {
   rate_per_s_ = 0.0;
-  if (samples_ < least_samples / 2 || missing_ * 10 > samples_) {
+  if (samples_ < min_samples / 2 || missing_ * 10 > samples_) {
     hold_ = Hold::no_measurement;
     drift_per_s_ = 0.0;
     return;
@@ -160,7 +160,7 @@ void AmplitudeControl::follow(double ratio, double relative_std, double distorti
   }
   hold_ = Hold::none;
   const double weight = 1.0 / (1.0 + relative_std * relative_std / (reference_std * reference_std));
-  const double time_s = std::max(settings_.time_constant_s, least_blocks * block_s);
+  const double time_s = std::max(settings_.time_constant_s, min_blocks * block_s);
   if (std::abs(error) < drift_error) {
     drift_per_s_ = std::clamp(drift_per_s_ + weight * error * block_s / (4.0 * time_s * time_s),
                               -largest_drift_per_s, largest_drift_per_s);

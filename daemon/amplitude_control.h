@@ -1,5 +1,5 @@
 // Closed-loop control of the excitation amplitude: compensates the shaker's gain from the measured
-// motion of the base. Pure: values in, a gain out.
+// motion of the base. Without I/O.
 #pragma once
 
 #include <Eigen/Core>
@@ -72,7 +72,7 @@ class AmplitudeControl {
   double unit_ = 0.0;  // amplitude that scales the terms to about 1
   int samples_ = 0;
   int missing_ = 0;
-  bool discarded_ = true;  // does not begin with a period, or the gain was held
+  bool discarded_ = true;  // block not started at a period, or gain held
   double phase_turns_ = 0.0;
 };
 

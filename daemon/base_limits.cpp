@@ -10,7 +10,7 @@ namespace {
 /// Time in which commands that are not finite bring the motion from its limit to 0.
 constexpr double fade_s = 1.0;
 /// Relative reserve of the planned braking, for rounding errors.
-constexpr double least_reserve = 1e-9;
+constexpr double min_reserve = 1e-9;
 constexpr double largest_reserve = 1e-3;
 /// Largest gap, so that its square does not overflow.
 constexpr double farthest_gap = 1e100;
@@ -55,7 +55,7 @@ BaseLimits::BaseLimits(const MotionLimits& limits, double period_s) : most_(limi
       std::isfinite(most_) ? 8.0 * std::numeric_limits<double>::epsilon() * most_ : 0.0;
   stride_ = limits.velocity * period_s - rounding;
   change_ = limits.acceleration * period_s * period_s - rounding;
-  const double reserve = std::max(least_reserve, 8.0 * rounding / change_);
+  const double reserve = std::max(min_reserve, 8.0 * rounding / change_);
   if (!(stride_ > 0.0) || !(change_ > 0.0) || reserve > largest_reserve) {
     throw std::invalid_argument("the limit of acceleration is too small for this period");
   }

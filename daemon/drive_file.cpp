@@ -11,7 +11,7 @@
 namespace stickslip::daemon {
 namespace {
 
-constexpr std::size_t least_samples = 4;
+constexpr std::size_t min_samples = 4;
 
 /// Solves a symmetric tridiagonal system in place; `off[i]` couples rows i and i + 1.
 void solve_tridiagonal(std::vector<double> diagonal, const std::vector<double>& off,
@@ -84,7 +84,7 @@ std::vector<double> periodic_curvatures(const std::vector<double>& t,
 DriveFile::DriveFile(std::vector<double> times_s, std::vector<double> values, bool periodic,
                      const std::string& name)
     : times_s_(std::move(times_s)), values_(std::move(values)) {
-  if (times_s_.size() < least_samples) {
+  if (times_s_.size() < min_samples) {
     throw InputError(
         Problem{name, 0, 0,
                 "has " + std::to_string(times_s_.size()) + " samples: a drive needs 4 or more"});

@@ -12,11 +12,12 @@ namespace stickslip::daemon {
 namespace {
 
 [[noreturn]] void refuse(const std::string& url) {
-  throw InputError({"", 0, 0,
-                    "LCM does not accept the URL '" + url +
-                        "': expected for example udpm://239.255.76.67:7667?ttl=0, and a route "
-                        "for its group (for one host: ip route add 239.255.76.67/32 dev lo); "
-                        "--no-lcm runs without LCM"});
+  throw InputError(
+      {"", 0, 0,
+       "LCM does not accept the URL '" + url +
+           "': expected for example udpm://239.255.76.67:7667?ttl=0, and a route "
+           "to its multicast group (on a single host: ip route add 239.255.76.67/32 dev lo); "
+           "--no-lcm runs without LCM"});
 }
 
 /// True for the providers that can publish. Checked before LCM does, which would print lines of its
@@ -38,10 +39,11 @@ class LcmWriter final : public MessageWriter {
         lcm_.publish(channel, bytes.data(), static_cast<unsigned int>(bytes.size())) == 0;
     if (sent != sending_) {
       if (sent) {
-        spdlog::info("publishing at {} works again", url_);
+        spdlog::info("publishing on {} works again", url_);
       } else {
         spdlog::warn(
-            "publishing at {} fails ({}); is there a route for its group? For one host: "
+            "publishing on {} fails ({}); is there a route to its multicast group? On a single "
+            "host: "
             "ip route add 239.255.76.67/32 dev lo",
             url_, errno == 0 ? "no reason given" : std::strerror(errno));
       }

@@ -255,7 +255,7 @@ std::vector<Stream*> Service::streams() {
 void Service::log_start(const drivers::Description& device) const {
   spdlog::info("{}: {}, {} frames/s{}", rig_.name, device.name, rig_.loop.rate_hz,
                pacing_ == Pacing::free_running ? ", as fast as possible" : "");
-  if (publisher_) spdlog::info("publishing at {}", rig_.lcm.url);
+  if (publisher_) spdlog::info("publishing on {}", rig_.lcm.url);
   if (recorder_) spdlog::info("recording into {}", rig_.recording.file.string());
 }
 
@@ -555,7 +555,7 @@ int Service::finish(Loop& loop) {
     return 1;
   }
   if (last.state == RigState::faulted && last.interlock != Interlock::just_started) {
-    spdlog::error("ended with a fault that was not cleared: {}", last.cause);
+    spdlog::error("ended with an uncleared fault: {}", last.cause);
     return 1;
   }
   return closed ? 0 : 1;

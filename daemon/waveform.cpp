@@ -20,7 +20,7 @@ constexpr double ease_s = 0.25;
 constexpr double modulation_slew_hz_s = 0.5;
 constexpr double depth_slew_per_s = 0.5;
 /// Shortest movement of the hand, over its range.
-constexpr double least_movement = 0.35;
+constexpr double min_movement = 0.35;
 /// Longest duration of a movement of the hand, over the shortest.
 constexpr double longest_duration = 3.0;
 
@@ -206,13 +206,13 @@ void Waveform::modulate(double duration_s) {
   value_ = amplitude_ * std::sin(two_pi * phase_turns_);
 }
 
-/// To a random position at least `least_movement` away, in a random time.
+/// To a random position at least `min_movement` away, in a random time.
 void Waveform::next_movement() {
   hand_from_ = hand_to_;
-  const double below = std::max(0.0, hand_from_ - least_movement);
-  const double above = std::max(0.0, 1.0 - least_movement - hand_from_);
+  const double below = std::max(0.0, hand_from_ - min_movement);
+  const double above = std::max(0.0, 1.0 - min_movement - hand_from_);
   const double target = uniform(random_) * (below + above);
-  hand_to_ = target < below ? target : hand_from_ + least_movement + (target - below);
+  hand_to_ = target < below ? target : hand_from_ + min_movement + (target - below);
   hand_time_s_ = 0.0;
   hand_duration_s_ = config::shortest_move_s(settings_.by_hand) *
                      (1.0 + (longest_duration - 1.0) * uniform(random_));

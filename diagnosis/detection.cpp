@@ -210,7 +210,7 @@ class LimitSearch {
 
 std::vector<InseparablePair> inseparable_pairs(const std::vector<const Influence*>& influences,
                                                const NuisanceProjection& projection, int threads,
-                                               double least_cosine) {
+                                               double min_cosine) {
   const std::size_t n = influences.size();
   std::vector<double> product(n * n, 0.0);
   parallel::for_each(n, threads, [&](std::size_t a) {
@@ -223,7 +223,7 @@ std::vector<InseparablePair> inseparable_pairs(const std::vector<const Influence
     for (std::size_t b = 0; b < a; ++b) {
       const double norm = product[a * n + a] * product[b * n + b];
       const double cosine = norm > 0.0 ? std::abs(product[a * n + b]) / std::sqrt(norm) : 0.0;
-      if (cosine >= least_cosine) out.push_back({b, a, std::min(cosine, 1.0)});
+      if (cosine >= min_cosine) out.push_back({b, a, std::min(cosine, 1.0)});
     }
   }
   std::stable_sort(out.begin(), out.end(), [](const InseparablePair& a, const InseparablePair& b) {

@@ -57,10 +57,10 @@ constexpr double implausible_reading = 1.0e12;
 // Lower bound of an estimated noise over the channel's standard deviation. No model is more
 // accurate: a smoother recording (an encoder, a file filtered afterwards) does not say how well it
 // can be predicted.
-constexpr double least_relative_noise = 1.0e-3;
+constexpr double min_relative_noise = 1.0e-3;
 // Ends of a recording in which signals reconstructed through filters or derivatives are inaccurate.
 constexpr double reconstruction_margin_s = 0.35;
-constexpr double least_window_samples = 8.0;
+constexpr double min_window_samples = 8.0;
 
 // A recording on its uniform time grid, with the model that it is compared with.
 struct Source {
@@ -154,7 +154,7 @@ void set_channels(Experiment& e, Source& source) {
     e.channel_std[c] = standard_deviation(source.values[c]);
     const auto& declared = source.model.sensors[c].noise_std;
     e.noise_declared[c] = declared.has_value();
-    const double least = std::max(least_relative_noise * e.channel_std[c], 1.0e-15);
+    const double least = std::max(min_relative_noise * e.channel_std[c], 1.0e-15);
     const double found = declared ? *declared : noise_of(source.values[c]);
     e.noise_assumed[c] = !declared && found < least;
     e.noise_std[c] = e.noise_assumed[c] ? least : found;
@@ -375,7 +375,7 @@ double default_horizon_s(const Model& model, const Experiment& experiment) {
   }
   const double longest = experiment.period_s * static_cast<double>(experiment.samples) / 24.0;
   return std::max(std::min(std::clamp(period_s, 0.4, 1.5), longest),
-                  least_window_samples * experiment.period_s);
+                  min_window_samples * experiment.period_s);
 }
 
 void cut_windows(Experiment& e, const Model& model, double horizon_s) {
@@ -383,12 +383,12 @@ void cut_windows(Experiment& e, const Model& model, double horizon_s) {
   const double h = e.period_s / e.substeps;
   const double settling_s = physics::SensorBank(model, h).settling_time_s();
   const auto warm = static_cast<std::size_t>(std::ceil(settling_s / e.period_s));
-  if (horizon_s < (least_window_samples - 0.5) * e.period_s) {
+  if (horizon_s < (min_window_samples - 0.5) * e.period_s) {
     throw InputError(Problem{"--horizon", 0, 0,
                              physics::number_text(horizon_s) + " s is less than " +
-                                 physics::number_text(least_window_samples) + " samples of " +
+                                 physics::number_text(min_window_samples) + " samples of " +
                                  e.source + "; expected at least " +
-                                 physics::number_text(least_window_samples * e.period_s) + " s"});
+                                 physics::number_text(min_window_samples * e.period_s) + " s"});
   }
   const auto length = static_cast<std::size_t>(std::llround(horizon_s / e.period_s));
   const auto across_gap = [&](std::size_t from, std::size_t to) {

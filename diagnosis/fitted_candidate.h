@@ -36,8 +36,8 @@ std::vector<double> own_parameters(const FittedCandidate& each);
 /// slip force, for example, has not been observed to slip: it imitates a spring.
 bool is_determined(const FittedCandidate& each, const Criteria& criteria);
 
-/// True if the effect replaces a law of `base` instead of modifying it: one step from the law
-/// without it says little.
+/// True if the effect replaces a law of `base` instead of modifying it: the gain of one step from
+/// the law without it is not informative.
 bool replaces_law(const Hypothesis& base, const Hypothesis& with);
 
 }  // namespace stickslip::diagnosis

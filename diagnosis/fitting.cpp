@@ -197,15 +197,15 @@ void settle(SearchData& data, FittedCandidate& each) {
 
 void fit_and_score(const SearchData& data, const HeldOut& current,
                    std::span<FittedCandidate> candidates) {
-  double least_cost = std::numeric_limits<double>::infinity();
+  double min_cost = std::numeric_limits<double>::infinity();
   for (FittedCandidate& each : candidates) {
     each.fitted = fit(data.train, *each.hypothesis, each.fitted.z, each.fitted.state, brief_fit(4));
     // A fit closer than the noise is not a better one.
     const double samples = std::accumulate(each.fitted.count.begin(), each.fitted.count.end(), 0.0);
-    least_cost = std::min(least_cost, std::max(each.fitted.cost, samples));
+    min_cost = std::min(min_cost, std::max(each.fitted.cost, samples));
   }
   for (FittedCandidate& each : candidates) {
-    if (each.fitted.cost <= data.criteria.hopeless_cost_ratio * least_cost) converge(data, each);
+    if (each.fitted.cost <= data.criteria.hopeless_cost_ratio * min_cost) converge(data, each);
     each.held_out =
         held_out_score(data.held_out, *each.hypothesis, each.fitted.z, data.noise_is_known);
     each.gain_z = gain_z(current, each.held_out);

@@ -18,8 +18,9 @@ double window_loss(double chi2, int count, int states) {
 }
 
 // True for a gain that is certain although few windows show it, as of an effect that matters at
-// large amplitudes only: the spread over windows then says nothing. Only where the noise is known,
-// and losses are likelihoods. The best window alone is no proof, and few windows may become worse.
+// large amplitudes only: the spread over windows is not informative then. Only where the noise is
+// known, and losses are likelihoods. The best window alone is no proof, and few windows may become
+// worse.
 bool is_gain_in_nats(const HeldOut& before, const HeldOut& after, const Criteria& criteria) {
   double gained = 0.0;
   double lost = 0.0;

@@ -25,7 +25,7 @@ constexpr std::size_t peaks = 3;
 // Ratio of frequencies within which two peaks count as one.
 constexpr double same_peak_low = 0.93;
 constexpr double same_peak_high = 1.07;
-constexpr std::size_t least_windows_for_episodes = 8;
+constexpr std::size_t min_windows_for_episodes = 8;
 // Thresholds of an episode between the median and the 95 % quantile of the log mean squares.
 constexpr std::array episode_levels = {0.12, 0.3, 0.6};
 
@@ -177,7 +177,7 @@ void set_episodes(const Task& task, const Fit& fitted, ResidualFeatures& out) {
     span.emplace_back(e.period_s * static_cast<double>(window.begin),
                       e.period_s * static_cast<double>(window.end));
   }
-  if (by_window.size() < least_windows_for_episodes) return;
+  if (by_window.size() < min_windows_for_episodes) return;
   std::vector<double> sorted = by_window;
   std::sort(sorted.begin(), sorted.end());
   const double typical = sorted[sorted.size() / 2];

@@ -186,7 +186,7 @@ bool Search::add_listed_pair(const std::vector<FittedCandidate>& candidates) {
   const double enough = tier_of(unlisted.candidate) == Tier::free_form
                             ? current_.total_loss() - criteria.pair_over_shape_share * gain
                             : best;
-  // A candidate that leaves nothing but noise is not given up for a pair that leaves more.
+  // A candidate that leaves only noise is not replaced by a pair that leaves more.
   const bool only_noise =
       data_.noise_is_known && unlisted.held_out.chi2 < criteria.noise_floor_chi2;
   return add_pair(listed, Limits{std::max(enough, best + criteria.claim_nats),

@@ -19,7 +19,7 @@ namespace {
 using parallel::for_each;
 
 constexpr double first_damping = 1.0e-3;
-constexpr double least_damping = 1.0e-9;
+constexpr double min_damping = 1.0e-9;
 constexpr int damping_attempts = 8;
 // Ratio of mean squares above which a window is started elsewhere: to that of the median window, or
 // of the window before it.
@@ -53,7 +53,7 @@ NormalBlock fit_window_state(const WindowProblem& problem, std::size_t w, Window
         improved = true;
         state = trial;
         cost = trial_cost;
-        damping = std::max(least_damping, damping * 0.2);
+        damping = std::max(min_damping, damping * 0.2);
       } else {
         damping *= 8.0;
       }
@@ -276,7 +276,7 @@ class JointFit {
     z_ = std::move(trial.z);
     states_ = std::move(trial.states);
     cost_ = trial.cost;
-    damping_ = std::max(least_damping, damping_ * 0.2);
+    damping_ = std::max(min_damping, damping_ * 0.2);
     if ((converged || last) && !options_.covariance) {
       blocks_ = std::move(trial.blocks);  // without derivatives, which are not needed any more
     } else {

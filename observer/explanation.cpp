@@ -346,7 +346,7 @@ std::vector<Explanation> explanations_of(const Model& believed, double period_s,
                                          const ModelVerdict& verdict) {
   const std::span<const Frame> after = after_break(frames, verdict);
   if (after.empty() || static_cast<double>(after.back().time_ns - after.front().time_ns) * 1.0e-9 <
-                           least_explained_s - skip_after_break_s) {
+                           min_explained_s - skip_after_break_s) {
     return {};
   }
   const Model before = before_break(believed, verdict);

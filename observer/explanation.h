@@ -30,9 +30,9 @@ struct Explanation {
 std::int64_t explained_until_ns(const ModelVerdict& verdict);
 
 /// Minimum duration of frames after a break that can be evaluated.
-inline constexpr double least_explained_s = 1.5;
+inline constexpr double min_explained_s = 1.5;
 
-/// Candidates, most probable first; empty where fewer than least_explained_s of frames follow the
+/// Candidates, most probable first; empty where fewer than min_explained_s of frames follow the
 /// break, or the observer does not support the model. `period_s`: of the frames, > 0. Frames before
 /// the break are ignored.
 std::vector<Explanation> explanations_of(const physics::Model& believed, double period_s,

@@ -16,7 +16,7 @@ std::string_view words_for(EstimateStatus status) {
     case EstimateStatus::settling:
       return "settling: started less than the settling time of the sensor chains ago";
     case EstimateStatus::blind:
-      return "blind: no reading of the mass or of the friction force for too long";
+      return "no reading of the mass or of the friction force for too long";
     case EstimateStatus::out_of_step:
       return "the frame's time did not advance";
     case EstimateStatus::unsupported:

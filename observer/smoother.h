@@ -1,5 +1,5 @@
 // Smoothed estimates of a recording: the observer's filter forwards, and backwards an information
-// filter that carries what all later readings say about a state. (The gains of a
+// filter of all later readings. (The gains of a
 // Rauch-Tung-Striebel smoother would invert the sensor chains, which are stable forwards, so it
 // would be unstable.)
 #pragma once

@@ -1,4 +1,4 @@
-// Effect: one piece of physics that a model may lack. Its class is the only place that knows it:
+// Effect: one piece of physics that a model may lack. Its class holds everything about it:
 // the sentence that names it, its equation, its parameters, the relation it enters, how a report
 // draws it, and the term itself. Simulator, observer, diagnosis, report and documentation read that
 // entry. An effect is added by one file in physics/effects/ (see effects.cmake).

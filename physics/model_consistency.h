@@ -15,7 +15,7 @@ struct Inconsistency {
   std::string message;
 };
 
-/// Empty for a sound model.
+/// Empty for a valid model.
 std::vector<Inconsistency> inconsistencies_of(const Model& model);
 
 }  // namespace stickslip::physics

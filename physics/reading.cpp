@@ -28,7 +28,7 @@ auto& channel_of(AnyReadings& readings, Channel channel) {
 constexpr std::array read_channels = {Channel::displacement, Channel::velocity,
                                       Channel::friction_force, Channel::normal_load};
 
-// The drift at `time_s` over its initial rate.
+// The drift at `time_s`, divided by its initial rate.
 template <class T>
 T drifted_s(const ReadingLaw<T>& law, double time_s) {
   using std::exp;
@@ -66,8 +66,8 @@ T reading_of(const ReadingLaw<T>& law, const T& value, double time_s) {
 
 namespace {
 
-// Below this slope of a characteristic the second order counts as much as the first.
-constexpr double least_slope = 0.25;
+// Below this slope of a characteristic the second order is as large as the first.
+constexpr double min_slope = 0.25;
 
 // The argument at which the law's characteristic is `reading`, by Newton's method, and its slope
 // there.
@@ -82,7 +82,7 @@ std::optional<CorrectedReading> before_characteristic(const ReadingLaw<double>& 
     distorted.d[0] = 1.0F;
     law.characteristic->distort(distorted, parameters.data());
     out.slope = static_cast<double>(distorted.d[0]);
-    if (!(out.slope > least_slope)) return std::nullopt;
+    if (!(out.slope > min_slope)) return std::nullopt;
     const double step = (reading - distorted.a) / out.slope;
     out.value += step;
     if (std::abs(step) <= 1.0e-12 * std::abs(out.value)) return out;
@@ -93,19 +93,20 @@ std::optional<CorrectedReading> before_characteristic(const ReadingLaw<double>& 
 }  // namespace
 
 std::optional<CorrectedReading> correct_reading(const ReadingLaw<double>& law, double reading) {
-  double bent = reading;
+  double distorted = reading;
   double slope = 1.0;
   if (law.characteristic != nullptr) {
     const auto before = before_characteristic(law, reading);
     if (!before) return std::nullopt;
-    bent = before->value;
+    distorted = before->value;
     slope = before->slope;
   }
-  // The branch of bent = straight (1 + curvature straight) through 0; its slope is the root.
-  const double square = 1.0 + 4.0 * law.curvature * bent;
-  if (!(square > least_slope * least_slope)) return std::nullopt;
+  // The solution of distorted = linear (1 + curvature linear) near 0; the slope there is the root.
+  const double square = 1.0 + 4.0 * law.curvature * distorted;
+  if (!(square > min_slope * min_slope)) return std::nullopt;
   const double root = std::sqrt(square);
-  return CorrectedReading{2.0 * bent / ((1.0 + root) * law.gain), 1.0 / (root * law.gain * slope)};
+  return CorrectedReading{2.0 * distorted / ((1.0 + root) * law.gain),
+                          1.0 / (root * law.gain * slope)};
 }
 
 template double reading_of(const ReadingLaw<double>&, const double&, double);
@@ -118,9 +119,9 @@ SensorErrors<T>::SensorErrors(const ReadingLaws<T>& laws, const SensorBank& bank
   if (rolls_off_) {
     // Exact for inputs that are linear over the step.
     using std::exp;
-    const T turn = laws.velocity_cutoff_hz * (2.0 * pi * step_s);
-    stay_ = exp(-turn);
-    const T mean = (1.0 - stay_) / turn;
+    const T angle = laws.velocity_cutoff_hz * (2.0 * pi * step_s);
+    stay_ = exp(-angle);
+    const T mean = (1.0 - stay_) / angle;
     before_ = mean - stay_;
     after_ = 1.0 - mean;
   }

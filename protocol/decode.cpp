@@ -58,18 +58,18 @@ class Walk {
 // The generated decoders do not clear empty arrays, which would keep elements of an earlier
 // message.
 template <class Message>
-void forget(Message& message) {
+void clear(Message& message) {
   message = Message{};
 }
 
 // Keeps the capacity of the arrays that every block has.
-void forget(frame_block_t& message) { message.aged_channel.clear(); }
+void clear(frame_block_t& message) { message.aged_channel.clear(); }
 
 template <class Message>
 bool decode_whole(std::span<const std::uint8_t> bytes, Message& message) {
   if (bytes.size() > static_cast<std::size_t>(std::numeric_limits<int>::max())) return false;
   const int size = static_cast<int>(bytes.size());
-  forget(message);
+  clear(message);
   return message.decode(bytes.data(), 0, size) == size;
 }
 

@@ -7,9 +7,9 @@
 namespace stickslip::protocol {
 
 std::string cut_off_warning(const Recording& recording) {
-  return recording.source + ": cut off: its last " + std::to_string(recording.cut_off_bytes) +
+  return recording.source + ": truncated: its last " + std::to_string(recording.cut_off_bytes) +
          " bytes are an incomplete event; the " + std::to_string(recording.frames.size()) +
-         " frames before it are read";
+         " frames before it were read";
 }
 
 std::string utc_text(std::int64_t utc_us) {

@@ -41,12 +41,12 @@ struct Recording {
   std::vector<Frame> frames;  ///< in strictly increasing time
   std::uint8_t channels = 0;  ///< bit i: some frame holds Channel i
   Description description;
-  /// Bytes of an incomplete event at the end of a log that was cut off by a killed recorder or a
+  /// Bytes of an incomplete event at the end of a log that was truncated by a killed recorder or a
   /// power cut. All events before are included.
   std::uint64_t cut_off_bytes = 0;
 };
 
-/// Warning about a log that was cut off (cut_off_bytes is not 0): one line, with the file.
+/// Warning about a truncated log (cut_off_bytes is not 0): one line, with the file.
 std::string cut_off_warning(const Recording& recording);
 
 /// Median time between frames [s]; at least two frames.

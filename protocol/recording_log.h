@@ -1,4 +1,4 @@
-// Recordings in LCM event logs; internal to the room.
+// Recordings in LCM event logs; internal to protocol/.
 #pragma once
 
 #include <cstdint>

@@ -31,7 +31,7 @@ std::vector<LogSurvey> parts_of(std::span<const std::filesystem::path> files,
       refuse(file.string(), "does not begin with its description: its recording is unknown");
     }
     if (!of_one_recording(*parts.front().info, *parts.back().info)) {
-      refuse(file.string(), "is of another recording than " + parts.front().source);
+      refuse(file.string(), "belongs to another recording than " + parts.front().source);
     }
   }
   std::sort(parts.begin(), parts.end(),

@@ -30,8 +30,8 @@ struct JoinResult {
 };
 
 /// Joins the parts, in any order, into one log: the description of the first, then the events of
-/// all. Throws InputError, without an output file, if one is damaged (the last may be cut off), of
-/// another recording, or missing.
+/// all. Throws InputError, without an output file, if one is damaged (the last may be truncated),
+/// of another recording, or missing.
 JoinResult join_logs(std::span<const std::filesystem::path> files, const std::filesystem::path& out,
                      const ProgressCallback& done = {});
 

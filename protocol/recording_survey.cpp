@@ -23,25 +23,25 @@ namespace {
 
 constexpr std::size_t max_places_listed = 100;
 
-enum class Sound : std::uint8_t { yes, bad_checksum, undecodable };
+enum class Validity : std::uint8_t { yes, bad_checksum, undecodable };
 
 /// Decoded message of one event. Events on other channels are accepted without decoding.
 class Content {
  public:
-  Sound take(const LogEvent& event) {
+  Validity take(const LogEvent& event) {
     frames.clear();
     const std::string& channel = event.channel;
     if (channel == frames_channel) {
-      if (decode(event.data, block_) && from_block(block_, frames)) return Sound::yes;
-      return is_frame_block(event.data) ? Sound::bad_checksum : Sound::undecodable;
+      if (decode(event.data, block_) && from_block(block_, frames)) return Validity::yes;
+      return is_frame_block(event.data) ? Validity::bad_checksum : Validity::undecodable;
     }
-    bool sound = true;
-    if (channel == recording_channel) sound = decode(event.data, info);
-    if (channel == status_channel) sound = decode(event.data, status);
-    if (channel == event_channel) sound = decode(event.data, event_);
-    if (channel == estimate_channel) sound = decode(event.data, estimate_);
-    if (channel == excitation_channel) sound = decode(event.data, excitation_);
-    return sound ? Sound::yes : Sound::undecodable;
+    bool valid = true;
+    if (channel == recording_channel) valid = decode(event.data, info);
+    if (channel == status_channel) valid = decode(event.data, status);
+    if (channel == event_channel) valid = decode(event.data, event_);
+    if (channel == estimate_channel) valid = decode(event.data, estimate_);
+    if (channel == excitation_channel) valid = decode(event.data, excitation_);
+    return valid ? Validity::yes : Validity::undecodable;
   }
 
   static bool is_ours(const std::string& channel) {
@@ -76,9 +76,9 @@ class Visitor {
   Visitor(const Visitor&) = delete;
   Visitor& operator=(const Visitor&) = delete;
   virtual ~Visitor() = default;
-  virtual void sound(const LogEvent& event, const Content& content) = 0;
+  virtual void valid(const LogEvent& event, const Content& content) = 0;
   /// An event whose message is invalid.
-  virtual void unsound(const LogEvent& event, Sound why) = 0;
+  virtual void invalid(const LogEvent& event, Validity why) = 0;
   /// Bytes outside of events.
   virtual void damage(const LogEvent& place, const std::string& why) = 0;
   virtual void cut_off(const LogEvent& place) = 0;
@@ -100,16 +100,16 @@ void walk(std::istream& in, const std::string& name, Visitor& visitor,
         visitor.damage(event, reader.why());
         break;
       case EventReader::Found::event: {
-        const Sound sound = content.take(event);
-        const bool verified = sound == Sound::yes && Content::is_ours(event.channel);
+        const Validity valid = content.take(event);
+        const bool verified = valid == Validity::yes && Content::is_ours(event.channel);
         if (!event.followed && !verified) {
           // Its lengths may be damaged, and intact events may be within them.
           reader.reject(event);
         }
-        if (sound != Sound::yes) {
-          visitor.unsound(event, sound);
+        if (valid != Validity::yes) {
+          visitor.invalid(event, valid);
         } else if (event.followed || verified) {
-          visitor.sound(event, content);
+          visitor.valid(event, content);
         }
       }
     }
@@ -120,7 +120,7 @@ class Survey final : public Visitor {
  public:
   explicit Survey(LogSurvey& out) : out_(out) {}
 
-  void sound(const LogEvent& event, const Content& content) override {
+  void valid(const LogEvent& event, const Content& content) override {
     if (next_number_ && event.number != *next_number_) ++out_.misnumbered;
     take_number(event);
     count(event);
@@ -132,15 +132,15 @@ class Survey final : public Visitor {
     if (event.channel == status_channel && is_of_the_recorder()) take_ledger(content.status);
   }
 
-  void unsound(const LogEvent& event, Sound why) override {
+  void invalid(const LogEvent& event, Validity why) override {
     take_number(event);
-    if (why == Sound::bad_checksum) {
+    if (why == Validity::bad_checksum) {
       ++out_.bad_checksums;
     } else {
       ++out_.undecodable;
     }
     if (event.followed) {
-      add_damage(event, why == Sound::bad_checksum
+      add_damage(event, why == Validity::bad_checksum
                             ? "a block of frames with a bad checksum"
                             : "not a message of the type of " + event.channel);
     }
@@ -238,7 +238,7 @@ class Repairer final : public Visitor {
   Repairer(RepairResult& out, const std::function<void(const LogEvent&)>& keep)
       : out_(out), keep_(keep) {}
 
-  void sound(const LogEvent& event, const Content& content) override {
+  void valid(const LogEvent& event, const Content& content) override {
     if (!continues(content.frames)) {
       ++out_.blocks_back_in_time;
       return;
@@ -247,8 +247,8 @@ class Repairer final : public Visitor {
     out_.frames += content.frames.size();
     keep_(event);
   }
-  void unsound(const LogEvent& event, Sound why) override {
-    ++(why == Sound::bad_checksum ? out_.bad_checksums : out_.undecodable);
+  void invalid(const LogEvent& event, Validity why) override {
+    ++(why == Validity::bad_checksum ? out_.bad_checksums : out_.undecodable);
     if (event.followed) out_.damaged_bytes += event.end - event.at;
   }
   void damage(const LogEvent& place, const std::string&) override {
@@ -318,13 +318,12 @@ std::vector<std::string> LogSurvey::faults() const {
                               " in all");
   add(bad_checksums > 0, plural(bad_checksums, "block") + " of frames with a bad checksum");
   add(undecodable > 0, plural(undecodable, "message") + " that cannot be decoded");
-  add(misnumbered > 0,
-      plural(misnumbered, "event") + " whose number is not the next one: events were removed");
-  add(cut_off_bytes > 0, "cut off: the last " +
+  add(misnumbered > 0, plural(misnumbered, "event") + " out of sequence: events were removed");
+  add(cut_off_bytes > 0, "truncated: the last " +
                              plural(static_cast<std::uint64_t>(cut_off_bytes), "byte") +
                              " are an incomplete event");
   add(events == 0, "has no events");
-  add(times_back > 0, plural(times_back, "frame") + " whose time does not increase");
+  add(times_back > 0, plural(times_back, "frame") + " with a time that does not increase");
   for (const std::string& text : altered_texts) {
     out.push_back("its " + text + " does not match its SHA-256");
   }
@@ -337,7 +336,7 @@ std::vector<std::string> LogSurvey::faults() const {
     const std::uint64_t there = ledger->frames_before_it + before;
     const auto recorded = static_cast<std::uint64_t>(ledger->recorded);
     add(there < recorded || (ledger->closed() && there != recorded),
-        "does not balance: the ledger says " + std::to_string(recorded - before) +
+        "does not balance: the ledger has " + std::to_string(recorded - before) +
             " frames up to its last status, the log has " +
             std::to_string(ledger->frames_before_it));
   }

@@ -31,7 +31,7 @@ struct ChannelEvents {
   std::uint64_t bytes = 0;  ///< of data
 };
 
-/// Values of one channel of the frames; least and greatest are 0 without any.
+/// Range of one channel; 0 if it has no values.
 struct ChannelRange {
   std::uint64_t values = 0;
   double least = 0.0;
@@ -61,8 +61,8 @@ struct LogSurvey {
   std::uint64_t damaged_places = 0;
   std::int64_t damaged_bytes = 0;
   std::uint64_t bad_checksums = 0;  ///< blocks of frames
-  std::uint64_t undecodable = 0;    ///< events on our channels that are not of its type
-  std::uint64_t misnumbered = 0;    ///< events whose number is not the next: some were removed
+  std::uint64_t undecodable = 0;    ///< events on known channels that do not decode as their type
+  std::uint64_t misnumbered = 0;    ///< gaps in the numbers of events: some were removed
   std::int64_t cut_off_bytes = 0;
 
   std::uint64_t frames = 0;

@@ -5,7 +5,7 @@
 
 namespace stickslip::report {
 
-/// Loads nothing and needs no escaping in XML.
+/// Without external resources; needs no escaping in XML.
 std::string_view report_style();
 
 }  // namespace stickslip::report

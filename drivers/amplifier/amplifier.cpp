@@ -247,7 +247,7 @@ Result Amplifier::refused(const gpio::Refusal& refusal) {
 
 Result Amplifier::write(bool amplifier_on) {
   if (!open_) {
-    // It is off.
+    // A closed amplifier is off.
     if (!amplifier_on) return {};
     return {Outcome::fatal, "write to an amplifier that is not open"};
   }
@@ -390,7 +390,7 @@ bool Amplifier::sample_inputs(std::span<bool> went_active) {
     const int level = inputs_->get(i);
     if (level < 0) return false;
     const std::int64_t now = clock_.now_ns();
-    // It was active meanwhile, however briefly.
+    // A pulse between two samples counts as active.
     if (went_active[i]) watched_[i].state.update(true, now);
     watched_[i].result->store(watched_[i].state.update(level == 1, now), std::memory_order_relaxed);
   }

@@ -54,8 +54,8 @@ class Amplifier final : public Contacts {
 
   Signals signals() const noexcept override;
 
-  /// Leaves enable inactive and the heartbeat constant. Waits for a chip that hangs until the
-  /// kernel gives up.
+  /// Leaves enable inactive and the heartbeat constant. Waits for a hanging chip until the
+  /// kernel times out.
   void close() noexcept override;
 
  private:

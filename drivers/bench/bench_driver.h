@@ -27,9 +27,9 @@ struct BenchParts {
 /// Frames are those of the board, in V, with the latest reading of each gauge that is not newer
 /// than the scan, in the gauge's unit, and its age. The loss of a gauge invalidates its channels
 /// while its thread tries to reopen it; the loss of the board or the amplifier is a loss of the
-/// driver, which the owner closes and reopens. The amplifier's contact is opened first, switched
-/// off before the board's output and on after it; a temporary failure of the board does not switch
-/// it.
+/// driver, which the owner closes and reopens. The device of the amplifier's contacts is opened
+/// first; the contacts switch off before the board's output and on after it. A temporary failure of
+/// the board does not switch them.
 class BenchDriver final : public Driver {
  public:
   /// `inputs` assigns channels to inputs of gauges; those of the board are handled by the board.

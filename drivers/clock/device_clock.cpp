@@ -8,7 +8,7 @@ namespace stickslip::drivers {
 namespace {
 
 /// Minimum weight of a new window's skew, which is one over the number of windows.
-constexpr double least_weight = 1.0 / 16.0;
+constexpr double min_weight = 1.0 / 16.0;
 /// Number of windows over which a remaining offset is corrected.
 constexpr double correction_windows = 4.0;
 /// Before that the skew is hardly known, so an offset is corrected immediately.
@@ -31,7 +31,7 @@ void DeviceClock::close_window(std::int64_t device_ns) {
     const double observed = static_cast<double>(smallest_ns_ - *previous_smallest_ns_) /
                             static_cast<double>(smallest_at_ns_ - previous_at_ns_);
     ++windows_;
-    const double weight = std::max(least_weight, 1.0 / static_cast<double>(windows_));
+    const double weight = std::max(min_weight, 1.0 / static_cast<double>(windows_));
     skew_ += weight * (std::clamp(observed, -largest_skew, largest_skew) - skew_);
   }
   const double offset_at_smallest =

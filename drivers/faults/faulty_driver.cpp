@@ -294,7 +294,7 @@ bool FaultyDriver::will_be_withheld() const {
 /// Applies the faults to a frame of the device.
 FaultyDriver::Fate FaultyDriver::process(Frame taken) {
   advance_time(taken);
-  remember(taken);
+  store(taken);
   const std::uint64_t number = account_.taken++;
   delay_channels(taken);
   bool dropped = false;
@@ -404,7 +404,7 @@ void FaultyDriver::advance_time_since_attempt() {
 
 // Faults of channels.
 
-void FaultyDriver::remember(const Frame& taken) {
+void FaultyDriver::store(const Frame& taken) {
   if (history_.empty()) return;
   history_[history_next_] = taken;
   history_next_ = (history_next_ + 1) % history_.size();

@@ -109,7 +109,7 @@ class FaultyDriver final : public Driver {
   void advance_time_since_attempt();
   std::int64_t due_ns() const;
 
-  void remember(const Frame& taken);
+  void store(const Frame& taken);
   void delay_channels(Frame& frame);
   void change(Entry& entry, const Occurrence& occurrence, Frame& frame);
   void stick(Entry& entry, const Occurrence& occurrence, Frame& frame);

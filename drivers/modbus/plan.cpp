@@ -50,7 +50,7 @@ void add_group(const config::ModbusMap& map, Group group, Plan& plan) {
   for (const std::size_t i : group) {
     const ModbusRegister& reg = map.registers[i];
     const bool fits = plan.requests.size() > first_request &&
-                      end_of(reg) - plan.requests.back().address <= most_in_one(reg.table);
+                      end_of(reg) - plan.requests.back().address <= max_per_request(reg.table);
     if (!fits) plan.requests.push_back({reg.table, reg.address, 0});
     ReadRequest& request = plan.requests.back();
     request.count = std::max(request.count, end_of(reg) - request.address);

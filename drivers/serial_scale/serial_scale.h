@@ -1,4 +1,4 @@
-// A balance on a serial line that transmits its weight by itself, about ten times a second:
+// A balance on a serial line that transmits weights unrequested, about ten times a second:
 //   S +00012.345 g *30\r\n
 #pragma once
 

@@ -1,4 +1,4 @@
-// A USB-1208FS-Plus in operation: its scans become frames and its output is fed, in a thread.
+// A USB-1208FS-Plus in operation: a thread converts its scans to frames and refills its output.
 #pragma once
 
 #include <libusb-1.0/libusb.h>

@@ -43,10 +43,9 @@ constexpr Card entry = {
         "f = k_c z + contact_damping_n_s_m z', z' = v - abs(v) z k_c / (mu N): a tangential spring "
         "that slips at mu N",
     .parameters = parameters,
-    .experiment =
-        "small amplitudes that never break away: a compliant contact shows its stiffness there",
+    .experiment = "small amplitudes without break-away, where the contact stiffness is visible",
     .rivals = rivals,
-    .strength = std::nullopt,  // it replaces a law
+    .strength = std::nullopt,  // it replaces the law
 };
 
 class ContactCompliance final : public EffectOf<ContactCompliance> {
@@ -86,19 +85,20 @@ class ContactCompliance final : public EffectOf<ContactCompliance> {
   }
 
   std::optional<Onset> onset() const override {
-    return Onset{.sizes = {30.0, 60.0, 120.0, 240.0, 500.0},
-                 .apply =
-                     [](Model& model, const Place&, double stiffness_n_m) {
-                       model.terms.push_back({std::string(entry.id),
-                                              std::nullopt,
-                                              {{std::string(parameters[0].name), {stiffness_n_m}},
-                                               {std::string(parameters[1].name),
-                                                {0.02 * std::sqrt(stiffness_n_m)}}}});
-                     },
-                 .statement =
-                     [](const Place&, double stiffness_n_m) {
-                       return "the contact yields, with " + number_text(stiffness_n_m) + " N/m";
-                     }};
+    return Onset{
+        .sizes = {30.0, 60.0, 120.0, 240.0, 500.0},
+        .apply =
+            [](Model& model, const Place&, double stiffness_n_m) {
+              model.terms.push_back(
+                  {std::string(entry.id),
+                   std::nullopt,
+                   {{std::string(parameters[0].name), {stiffness_n_m}},
+                    {std::string(parameters[1].name), {0.02 * std::sqrt(stiffness_n_m)}}}});
+            },
+        .statement =
+            [](const Place&, double stiffness_n_m) {
+              return "the contact is compliant, with " + number_text(stiffness_n_m) + " N/m";
+            }};
   }
 
   unsigned hooks() const override { return hook::coefficients; }

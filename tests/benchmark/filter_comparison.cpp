@@ -185,7 +185,7 @@ struct Reference {
   Squares full;             ///< of the particles
   double stated = 0.0;      ///< sum of their variances of theta
   double difference = 0.0;  ///< sum of squared differences of theta between both particle filters
-  double least_effective = 0.0;
+  double min_effective = 0.0;
   long samples = 0;
 };
 
@@ -229,7 +229,7 @@ Reference run_reference(const runs::Run& run, const Options& options) {
     out.difference += difference * difference;
     ++out.samples;
   }
-  out.least_effective = full ? full->least_effective() : 0.0;
+  out.min_effective = full ? full->min_effective() : 0.0;
   return out;
 }
 
@@ -258,7 +258,7 @@ void compare_with_particles(const std::string& name, const config::Rig& preset,
     stated.push_back(std::sqrt(r.stated / samples));
     // With a quarter of the particles the sampling variance is four times as large.
     sampling.push_back(std::sqrt(r.difference / 5.0 / samples));
-    effective.push_back(r.least_effective);
+    effective.push_back(r.min_effective);
   }
   if (diverged > 0) {
     std::printf("%s: the particle filter diverged in %d runs\n", name.c_str(), diverged);

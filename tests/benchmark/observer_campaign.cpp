@@ -11,7 +11,7 @@
 //   NEES                   share of runs that end with the NEES of x, v, theta and mu within its
 //                          95 % bounds; mean per degree of freedom
 //   stick                  share of samples classified correctly, away from transitions
-//   mu, gamma              error after 20 s from 50 % off: median and 95th percentile
+//   mu, gamma              error after 20 s with initial errors of 50 %: median and 95th percentile
 // Exit status 1 where a goal is missed: theta/bound and f/bound below 1.3, f/Eq. (1) below 0.5
 // and stick above 98 % in the median run, mu within 2 % and gamma within 10 % in 95 % of the runs.
 // There is no goal for NEES: a few runs are not significant.

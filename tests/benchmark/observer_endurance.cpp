@@ -63,7 +63,7 @@ class Outages {
 };
 
 /// Ratio of the smallest to the largest eigenvalue of the correlation matrix of all states.
-double least_eigenvalue(const observer::Covariance& p) {
+double min_eigenvalue(const observer::Covariance& p) {
   Eigen::MatrixXd scaled(p.count(), p.count());
   for (int i = 0; i < p.count(); ++i) {
     for (int j = 0; j < p.count(); ++j) {
@@ -81,8 +81,8 @@ int run(const std::string& name, long steps) {
   observer::KalmanFilter filter(rig.model, period_s);
   Outages outages;
   double worst = 1.0;
-  bool sound = true;
-  for (long step = 0; step < steps && sound; ++step) {
+  bool valid = true;
+  for (long step = 0; step < steps && valid; ++step) {
     Frame frame = minute[static_cast<std::size_t>(step) % minute.size()];
     frame.time_ns = step * 1'000'000;
     frame.sequence = static_cast<std::uint64_t>(step);
@@ -90,16 +90,16 @@ int run(const std::string& name, long steps) {
     filter.update(frame);
     if (step % 100'000 != 99'999) continue;
     for (int i = 0; i < filter.covariance().count(); ++i) {
-      sound = sound && filter.covariance()(i, i) > 0.0 && std::isfinite(filter.mean()[i]);
+      valid = valid && filter.covariance()(i, i) > 0.0 && std::isfinite(filter.mean()[i]);
     }
-    worst = std::min(worst, least_eigenvalue(filter.covariance()));
-    sound = sound && worst > -1.0e-9;
+    worst = std::min(worst, min_eigenvalue(filter.covariance()));
+    valid = valid && worst > -1.0e-9;
   }
   const auto restarts = static_cast<double>(filter.estimate().restarts);
   std::printf(
       "%s: %ld steps, least eigenvalue %.2g of the largest, %.0f restarts, mu %.4f of %.4f\n",
       name.c_str(), steps, worst, restarts, filter.estimate().mu, rig.model.friction.mu.value);
-  return sound && restarts <= 1.0 + static_cast<double>(steps) / 1.0e7 ? 0 : 1;
+  return valid && restarts <= 1.0 + static_cast<double>(steps) / 1.0e7 ? 0 : 1;
 }
 
 }  // namespace

@@ -336,7 +336,7 @@ void ParticleReference::report_and_resample() {
   mu_mean_ = weight.dot(mu_);
   theta_variance_ = weight.dot((theta_.array() - theta_mean_).square().matrix());
   const double effective = 1.0 / weight.squaredNorm();
-  least_effective_ = std::min(least_effective_, effective);
+  min_effective_ = std::min(min_effective_, effective);
   const Eigen::Index particles = means_.cols();
   if (effective > 0.5 * static_cast<double>(particles)) return;
   // Systematic resampling.

@@ -36,7 +36,7 @@ class ParticleReference {
   double mu() const { return mu_mean_; }
   double theta_variance() const { return theta_variance_; }
   /// Smallest effective number of particles so far.
-  double least_effective() const { return least_effective_; }
+  double min_effective() const { return min_effective_; }
 
  private:
   struct Discrete {
@@ -74,7 +74,7 @@ class ParticleReference {
   std::mt19937_64 random_;
   std::normal_distribution<double> normal_;
   double theta_mean_ = 0.0, force_mean_ = 0.0, mu_mean_ = 0.0, theta_variance_ = 0.0;
-  double least_effective_ = 1.0e18;
+  double min_effective_ = 1.0e18;
 };
 
 }  // namespace stickslip::observer

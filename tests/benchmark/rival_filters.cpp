@@ -376,7 +376,7 @@ std::vector<InteractingFilter::Mode> InteractingFilter::mixed() const {
   // tanh(2) = 0.96: the contact slides beyond.
   const double limit = 2.0 * prediction_->numbers().c.transition_speed;
   const double edges[] = {-HUGE_VAL, -limit, limit, HUGE_VAL};
-  constexpr double least_weight = 1.0e-6;
+  constexpr double min_weight = 1.0e-6;
   const Eigen::RowVectorXd slip = slip_row();
   std::vector<Mode> out;
   for (int region = 0; region < 3; ++region) {
@@ -388,7 +388,7 @@ std::vector<InteractingFilter::Mode> InteractingFilter::mixed() const {
       const double variance = std::max(slip_variance(mode.estimate.covariance), 1.0e-18);
       const Part part = part_of(mean, variance, edges[region], edges[region + 1]);
       const double weight = mode.weight * part.share;
-      if (weight < least_weight) continue;
+      if (weight < min_weight) continue;
       const Eigen::VectorXd gain = mode.estimate.covariance * slip.transpose() / variance;
       estimates.push_back(
           {mode.estimate.mean + gain * (part.mean - mean),

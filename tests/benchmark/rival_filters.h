@@ -56,7 +56,7 @@ class RivalFilter {
  protected:
   /// Updates the estimate from the last frame to this one.
   virtual FrameResult update_state(const Frame& frame, Gaussian& estimate) = 0;
-  /// Called after a (re)initialisation of the filter.
+  /// Called after an initialisation or reinitialisation.
   virtual void reinitialised(const Gaussian& /*estimate*/) {}
 
   /// Row of the slip velocity.
@@ -163,7 +163,7 @@ class InteractingFilter final : public RivalFilter {
 };
 
 /// Gaussian with the mean and covariance of a mixture; the weights sum to 1.
-Gaussian merged(const std::vector<double>& weights, const std::vector<Gaussian>& beliefs);
+Gaussian merged(const std::vector<double>& weights, const std::vector<Gaussian>& estimates);
 
 /// Lower triangular L with L L' = P, for a covariance of any rank.
 Eigen::MatrixXd root_of(const Eigen::MatrixXd& covariance);

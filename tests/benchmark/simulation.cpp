@@ -240,7 +240,7 @@ class Cvode {
       const double end = (i + 1) * sample_s;
       while (true) {
         const int flag = CVode(memory_, end, y_, &t, CV_NORMAL);
-        if (flag < 0) throw std::runtime_error("CVODE gives up");
+        if (flag < 0) throw std::runtime_error("CVODE failed");
         if (flag != CV_ROOT_RETURN) break;
         s = state();
         mode_ = equations_.mode_after(s, t, mode_ == 0);

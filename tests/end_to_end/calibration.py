@@ -21,7 +21,7 @@ class Calibration(EndToEnd):
                          self.file, "--reference", "weights set 12", "--raw-unit", "V/V",
                          "--date", date, *more)
 
-    def test_points_make_a_sound_file_with_history(self):
+    def test_points_make_a_valid_file_with_history(self):
         first = self.fit("--by", "M. Weber")
         self.assertEqual(first.returncode, 0, first.stderr)
         self.assertIn("gain            1999.9", first.stdout)

@@ -151,7 +151,7 @@ class MalformedInput(EndToEnd):
                     if name.startswith("overwritten"):
                         self.assertIn("stickslip log repair", result.stderr)
 
-    def test_a_log_that_was_cut_off_is_read_up_to_there_with_a_warning(self):
+    def test_a_truncated_log_is_read_up_to_there_with_a_warning(self):
         log = self.folder / "good.log"
         self.succeed("convert", self.good_recording, log)
         whole = log.read_bytes()
@@ -164,7 +164,7 @@ class MalformedInput(EndToEnd):
                     self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
                     self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
                     self.assertRegex(result.stderr, re.escape(str(recording)) +
-                                     r": cut off: its last \d+ bytes are an incomplete event")
+                                     r": truncated: its last \d+ bytes are an incomplete event")
 
     def test_models(self):
         for name, (old, new, line, word) in BAD_MODELS.items():

@@ -22,7 +22,7 @@ void require(bool holds, const char* what) {
   if (!holds) throw std::logic_error(what);
 }
 
-void make_checksums_right(Bytes& bytes) {
+void set_checksums(Bytes& bytes) {
   if (bytes.size() < 6) return;
   const std::uint16_t sum = u6::checksum16(std::span(bytes).subspan(6));
   bytes[4] = static_cast<std::uint8_t>(sum & 0xFFU);
@@ -43,16 +43,17 @@ void decode(int channels, int samples, bool right, std::span<const std::uint8_t>
       packet[1] = 0xF9;
       packet[2] = static_cast<std::uint8_t>(4 + samples);
       packet[3] = 0xC0;
-      make_checksums_right(packet);
+      set_checksums(packet);
     }
     const auto outcome = decoder.take(packet);
     using Outcome = u6::StreamDecoder::Outcome;
-    require(!over || outcome == Outcome::uncountable, "an uncountable stream stays so");
+    require(!over || outcome == Outcome::uncountable,
+            "a stream with an unknown number of lost scans ends");
     over = outcome == Outcome::uncountable;
     require(outcome == Outcome::ok || decoder.scans().empty(), "only valid packets yield scans");
     require(decoder.scans().size() <= 25, "a packet completes no more scans than it has samples");
     for (const u6::Scan& scan : decoder.scans()) {
-      require(scan.index >= next, "scans come in their order");
+      require(scan.index >= next, "scans are in order");
       next = scan.index + 1;
       ++scans;
     }
@@ -62,7 +63,7 @@ void decode(int channels, int samples, bool right, std::span<const std::uint8_t>
 }
 
 void parse(Bytes reply, bool right) {
-  if (right) make_checksums_right(reply);
+  if (right) set_checksums(reply);
   u6::Identity identity;
   if (u6::parse_identity(reply, identity)) {
     require(reply.size() == 38, "an identity has 38 bytes");

@@ -40,7 +40,7 @@ void survey_and_mend(const std::string& bytes) {
   std::istringstream in(bytes);
   const protocol::LogSurvey survey = protocol::survey_log(in, "fuzz.log");
   require(survey.damaged_bytes + survey.cut_off_bytes <= survey.bytes, "no byte is damaged twice");
-  std::string mended;
+  std::string repaired;
   std::uint64_t events = 0;
   const protocol::RepairResult repair = protocol::repair_log(
       in, "fuzz.log", [&](const protocol::LogEvent& event) { append(mended, event, events++); });
@@ -79,7 +79,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             "a refusal has its place");
     return 0;
   }
-  require(recording.cut_off_bytes <= size, "the file has the bytes that were cut off");
+  require(recording.cut_off_bytes <= size, "the incomplete bytes are within the file");
   require(!recording.frames.empty(), "a recording holds frames");
   for (std::size_t i = 0; i < recording.frames.size(); ++i) {
     const Frame& frame = recording.frames[i];

@@ -222,7 +222,7 @@ class ClosedLoop(unittest.TestCase):
         tried = self.stickslip("check", "--live", self.rig)
         log("check --live:\n" + tried)
         self.assertNotIn("FAILS", tried)
-        self.assertEqual(tried.count("speaks"), 5)
+        self.assertEqual(tried.count("responds"), 5)
         self.assertFalse(self.command("state")["enabled"], "check --live enabled the amplifier")
 
     def inject(self, words, remedy, interlocks, names):

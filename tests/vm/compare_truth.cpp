@@ -70,11 +70,11 @@ std::vector<Point> readings_of(const protocol::Recording& recording, Channel cha
 }
 
 double rms_at(const std::vector<Point>& points, const std::vector<Row>& rows, std::size_t channel,
-              double late_ns) {
+              double delay_ns) {
   double squares = 0.0;
   std::size_t count = 0;
   for (const Point& point : points) {
-    const double truth = truth_at(rows, channel, point.time_ns - late_ns);
+    const double truth = truth_at(rows, channel, point.time_ns - delay_ns);
     if (!std::isfinite(truth)) continue;
     squares += (point.value - truth) * (point.value - truth);
     ++count;
@@ -162,8 +162,8 @@ int run(char** argv) {
     const double late_ns = lateness_ns(subset, rows, i);
     std::printf(
         ", \"%s\": {\"readings\": %zu, \"late_ms\": %.3f, \"rms\": %.6g, \"slope_per_s\": %.6g}",
-        info(channel).stem.data(), points.size(), late_ns * 1e-6, rms_at(points, rows, i, late_ns),
-        slope_at(points, rows, i));
+        info(channel).stem.data(), points.size(), delay_ns * 1e-6,
+        rms_at(points, rows, i, delay_ns), slope_at(points, rows, i));
   }
   std::puts("}");
   return 0;

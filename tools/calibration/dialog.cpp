@@ -115,7 +115,7 @@ std::string Dialog::value_text(double si) const {
 void Dialog::ask() {
   switch (step_) {
     case Step::reference:
-      say("Against what reference, e.g. \"weights set 12, class M1\"?");
+      say("Which reference, e.g. \"weights set 12, class M1\"?");
       break;
     case Step::person:
       say("Who calibrates?");

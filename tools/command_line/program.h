@@ -1,4 +1,4 @@
-// Parser of a program whose subcommands carry notes for their manual pages.
+// Parser of a program whose subcommands have notes for their manual pages.
 #pragma once
 
 #include <CLI/CLI.hpp>

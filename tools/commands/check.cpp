@@ -272,7 +272,7 @@ bool try_live(const std::string& file, const terminal::Paint& paint) {
     well = well && device.ok;
     std::printf(
         "%s: %s%s%s\n", device.name.c_str(),
-        (device.ok ? paint(terminal::Tone::good, "speaks") : paint(terminal::Tone::bad, "FAILS"))
+        (device.ok ? paint(terminal::Tone::good, "responds") : paint(terminal::Tone::bad, "FAILS"))
             .c_str(),
         device.message.empty() ? "" : ": ", device.message.c_str());
     for (const drivers::ProbedInput& reading : device.readings) {
@@ -313,7 +313,7 @@ void add_check(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "check",
-      "Report every problem of rigs, models, calibrations, fault scripts and register maps");
+      "Report all problems in rigs, models, calibrations, fault scripts and register maps");
   command->add_option("FILE", arguments->files,
                       "Rigs, models, calibrations, fault scripts or register maps (TOML)");
   command->add_flag(

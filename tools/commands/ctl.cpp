@@ -329,7 +329,7 @@ void add_ctl(CLI::App& app, Action& action) {
       *ctl,
       {.examples = {{"Show the state of the rig", "stickslip ctl status"},
                     {"Acknowledge a fault", "stickslip ctl clear"},
-                    {"Permit a start", "stickslip ctl arm"},
+                    {"Arm the rig", "stickslip ctl arm"},
                     {"Start, and stop when this command ends", "stickslip ctl start --dead-man"},
                     {"Change the excitation while it runs",
                      "stickslip ctl set excitation.carrier_hz 4.2"}},

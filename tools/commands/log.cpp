@@ -151,19 +151,19 @@ LogSurvey survey(const std::string& file) {
 
 int check(const Arguments& arguments) {
   const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
-  bool sound = true;
+  bool intact = true;
   std::vector<LogSurvey> logs;
   for (const std::string& file : arguments.files) {
     logs.push_back(survey(file));
     const std::vector<std::string> faults = logs.back().faults();
     print_check(logs.back(), faults, paint);
-    sound = sound && faults.empty();
+    intact = intact && faults.empty();
   }
   for (const std::string& fault : faults_between(logs)) {
     std::printf("%s\n", fault.c_str());
-    sound = false;
+    intact = false;
   }
-  return sound ? 0 : 1;
+  return intact ? 0 : 1;
 }
 
 // repair
@@ -198,7 +198,7 @@ int join(const Arguments& arguments) {
       protocol::join_logs(files, arguments.out, [&progress](double share) { progress.at(share); });
   progress.finish();
   if (joined.cut_off_bytes > 0) {
-    std::fprintf(stderr, "stickslip: the last part was cut off: its last %lld bytes are omitted\n",
+    std::fprintf(stderr, "stickslip: the last part is truncated: its last %lld bytes are omitted\n",
                  static_cast<long long>(joined.cut_off_bytes));
   }
   std::printf("%s: %s, %s", arguments.out.c_str(), count_of(joined.parts, "part").c_str(),
@@ -339,7 +339,7 @@ int export_recording(const Arguments& arguments) {
   const Tables tables = tables_of(arguments.file, [&reading](double share) { reading.at(share); });
   reading.finish();
   if (tables.cut_off_bytes > 0) {
-    std::fprintf(stderr, "stickslip: %s: cut off: its last %llu bytes are an incomplete event\n",
+    std::fprintf(stderr, "stickslip: %s: truncated: its last %llu bytes are an incomplete event\n",
                  arguments.file.c_str(), static_cast<unsigned long long>(tables.cut_off_bytes));
   }
   terminal::Progress writing("writing " + arguments.out);

@@ -82,9 +82,9 @@ int run(const Arguments& arguments) {
   }
   progress.finish();
   const double took_s = std::chrono::duration<double>(steady_clock::now() - start).count();
-  std::printf("published %zu of %zu frames in %zu blocks at %s, %.3f s", done, frames.size(),
+  std::printf("published %zu of %zu frames in %zu blocks on %s in %.3f s", done, frames.size(),
               blocks, arguments.url.c_str(), took_s);
-  if (arguments.speed > 0.0) std::printf(", latest block %.3f ms late", latest_s * 1e3);
+  if (arguments.speed > 0.0) std::printf(", blocks up to %.3f ms late", latest_s * 1e3);
   std::printf("%s\n", done < frames.size() ? " (stopped)" : "");
   return 0;
 }

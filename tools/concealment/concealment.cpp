@@ -17,8 +17,8 @@ namespace stickslip::concealment {
 
 namespace {
 
-constexpr double least_snr = 4.0;
-constexpr double least_snr_after_calibration = 1.2;
+constexpr double min_snr = 4.0;
+constexpr double min_snr_after_calibration = 1.2;
 constexpr double largest_snr = 80.0;
 
 // The largest 1, 2 or 5 times a power of ten not above `value`.
@@ -272,14 +272,14 @@ Visibility assess(Draft& draft, HiddenBench& hidden, const NoiselessRun& run, bo
     TrueEffect& effect = hidden.effects[i];
     effect.snr = root_mean_square(change);
     effect.snr_after_calibration = snr_after_calibration(change, shifts);
-    const bool seen = effect.snr >= least_snr && effect.snr <= largest_snr * 4.0 &&
-                      effect.snr_after_calibration >= least_snr_after_calibration;
+    const bool seen = effect.snr >= min_snr && effect.snr <= largest_snr * 4.0 &&
+                      effect.snr_after_calibration >= min_snr_after_calibration;
     visible = visible && seen;
     const double target = draft.target_snr[i];
     const bool off = effect.snr > largest_snr || effect.snr < 0.8 * target || !seen;
     if (!draft.plan.effects[i]->scalable || !off || last_attempt) continue;
     double factor = target / std::max(effect.snr, 0.01);
-    if (effect.snr_after_calibration < least_snr_after_calibration) {
+    if (effect.snr_after_calibration < min_snr_after_calibration) {
       factor = std::max(factor, 2.0);
     }
     draft.strength[i] *= std::clamp(factor, 0.25, 4.0);

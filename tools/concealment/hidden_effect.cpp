@@ -238,7 +238,7 @@ void even_spring(EffectDraw& d) {
   d.effect.depends_on = {"displacement"};
   d.rig.quadratic_n_m2 =
       d.random.sign() * std::min(0.1 * d.strength, 0.4) * d.rig.stiffness_n_m / d.x;
-  d.effect.form = text("even spring x^2, %.2f N/m2", d.rig.quadratic_n_m2);
+  d.effect.form = text("quadratic spring force, %.2f N/m2", d.rig.quadratic_n_m2);
 }
 
 void viscous_contact(EffectDraw& d) {
@@ -276,7 +276,7 @@ void passing_friction(EffectDraw& d) {
   draw_event(d);
   d.relation("friction_law");
   d.rig.event_friction = d.random.chance(0.5) ? 0.2 * d.strength : -std::min(0.2 * d.strength, 0.8);
-  d.effect.form = text("friction changed by %.3f of itself for a while", d.rig.event_friction);
+  d.effect.form = text("friction temporarily changed by %.1f %%", 100.0 * d.rig.event_friction);
 }
 
 void passing_force(EffectDraw& d) {
@@ -284,7 +284,7 @@ void passing_force(EffectDraw& d) {
   d.relation("force_balance");
   d.rig.event_force_n =
       d.random.sign() * d.strength * 0.04 * std::max(d.friction_n, 0.3 * d.rig.stiffness_n_m * d.x);
-  d.effect.form = text("a constant force of %.4g N for a while", d.rig.event_force_n);
+  d.effect.form = text("a temporary constant force of %.4g N", d.rig.event_force_n);
 }
 
 Instrument& draw_instrument(EffectDraw& d) {

@@ -1,4 +1,4 @@
-// Requirements of a rig on its machine.
+// Requirements that a rig places on its host.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,7 @@ struct LcmUrl {
   std::string address;   ///< "239.255.76.67"
   std::string port;
   int ttl = 0;                   ///< of udpm; LCM's default is 0
-  int receive_buffer_bytes = 0;  ///< 0: the default of the machine
+  int receive_buffer_bytes = 0;  ///< 0: the host's default
 };
 
 LcmUrl parse_lcm_url(const std::string& url);

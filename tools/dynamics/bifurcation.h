@@ -14,8 +14,8 @@ struct BifurcationOptions {
   PortraitOptions portrait;
   int threads = 1;
   bool with_exponents = false;  ///< also the largest exponent at every value
-  /// Over "drive.frequency_hz": the base amplitude that is kept constant. Absent: the acceleration
-  /// is kept constant.
+  /// If "drive.frequency_hz" is swept: the constant base amplitude. Absent: the acceleration is
+  /// kept constant.
   std::optional<double> base_amplitude_m;
   /// Called after each value, from any of the threads but one at a time; may be empty.
   std::function<void(std::size_t done, std::size_t all)> progress;

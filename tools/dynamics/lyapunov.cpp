@@ -33,7 +33,7 @@ std::array<double, max_rig_states> spread_of(Orbit orbit, int periods) {
 constexpr int stretches = 20;
 constexpr int renormalisations = 20;  // per period
 constexpr double distance = 1.0e-8;   // of the spread
-constexpr double least_distance = 1.0e-15;
+constexpr double min_distance = 1.0e-15;
 
 using States = std::array<double, max_rig_states>;
 
@@ -49,13 +49,13 @@ double separation(const Orbit& orbit, const Orbit& neighbour, const States& spre
   }
   // Orbits that have met (both stick at the same place) are separated again, by the smallest
   // distance that floating point can represent.
-  return std::max(std::sqrt(square / std::max(1, states)), least_distance);
+  return std::max(std::sqrt(square / std::max(1, states)), min_distance);
 }
 
 // Brings the neighbour back to the initial distance, in its current direction.
 void renormalise(const Orbit& orbit, Orbit& neighbour, const States& spread, double size) {
   States s = orbit.now().state.s;
-  if (size > least_distance) {
+  if (size > min_distance) {
     for (std::size_t i = 0; i < spread.size(); ++i) {
       s[i] += (neighbour.now().state.s[i] - s[i]) * (distance / size);
     }

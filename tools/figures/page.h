@@ -1,4 +1,4 @@
-// The page of the figures, each with the statements of the paper and the numbers found here.
+// The page of the figures, each with the statements of the paper and the computed numbers.
 #pragma once
 
 #include <string>
@@ -6,7 +6,7 @@
 
 namespace stickslip::figures {
 
-/// A statement of the paper and the corresponding number of ours.
+/// A statement of the paper and the corresponding computed number.
 struct Comparison {
   std::string statement;
   std::string paper;  ///< number or words

@@ -205,7 +205,7 @@ Figure figure_2(const Studio& studio) {
              "150 drive periods: radius x, around the drive's phase, axis v.");
   studio.add(
       figure, near_rest(points, in_millimetres, 0.12, "figure-2b"),
-      "The plane of zero velocity from the side: some orbits stay near it, others go through.");
+      "The plane of zero velocity from the side: some orbits stay near it, others pass through.");
   dynamics::PortraitOptions options;
   options.periods = studio.options.periods;
   const auto seen = dynamics::portrait(model, drive, options);
@@ -213,10 +213,10 @@ Figure figure_2(const Studio& studio) {
       {"Chaotic under periodic excitation", "at 4.2 Hz, 8 to 12 mm typical",
        "largest exponent " + exponent_of(model, drive, studio.options.periods, 0.0)},
       {"Trajectories that return near the outside overshoot the zero-velocity plane",
-       "seen, no number",
+       "shown, no number",
        text("by %.2f %% of the velocity's range, mean of %d arrivals", 100.0 * seen.overshoot,
             seen.arrivals)},
-      {"Others stick until they return", "seen, no number",
+      {"Others stick until they return", "shown, no number",
        text("abs(v) below 1 %% of its largest for %.0f %% of the time",
             100.0 * share_near_rest(points))},
   };
@@ -241,10 +241,10 @@ Figure figure_3(const Studio& studio) {
     studio.add(figure, load_against_displacement(reduced[i], stems[i]), captions[i]);
   }
   figure.comparisons = {
-      {"Skewed plates: nearly linear variation, as of planar plates", "seen, no number",
+      {"Skewed plates: nearly linear variation, as of planar plates", "shown, no number",
        text("a straight line has %.1f %% of the variance; %+.0f per metre",
             100.0 * reduced[1].linear_share, reduced[1].slope_per_m)},
-      {"\"Parallel\" plates also vary with displacement", "seen, no number",
+      {"\"Parallel\" plates also vary with displacement", "shown, no number",
        text("%+.0f per metre, a %.0fth of the skewed ones", reduced[0].slope_per_m,
             reduced[1].slope_per_m / reduced[0].slope_per_m)},
       {"Normal load, skewed, titanium", "0.16 to 0.47 N",
@@ -329,7 +329,7 @@ void add_chaos(const Studio& studio, Measured& m, const std::string& preset) {
   const auto drive = dynamics::base_drive(rig.excitation.amplitude, rig.excitation.carrier_hz);
   m.figure.comparisons.insert(
       m.figure.comparisons.begin(),
-      {"Chaotic at a fixed amplitude", "seen, no number",
+      {"Chaotic at a fixed amplitude", "shown, no number",
        "largest exponent " + exponent_of(rig.simulated.truth, drive, studio.options.periods, 0.0)});
 }
 
@@ -356,7 +356,7 @@ Figure figure_5(const Studio& studio) {
 void add_steepness(Measured& m) {
   m.figure.comparisons.push_back(
       {"Where motion is small and the load large, mu changes more steeply with v",
-       "seen, no number",
+       "shown, no number",
        text("slope of mu over v near rest: %.0f s/m above the mean load, %.0f s/m below",
             steepness(m.paper, true), steepness(m.paper, false))});
 }
@@ -385,7 +385,7 @@ Figure figure_8(const Studio& studio) {
   add_today(studio, m);
   add_ranges(m, "0.20 to 0.25 N", "no number");
   m.figure.comparisons.push_back(
-      {"At large displacement the characteristic is smoother", "seen, no number",
+      {"At large displacement the characteristic is smoother", "shown, no number",
        text("scatter of mu in a cell: %.3f outside 60 %% of the largest abs(x), %.3f inside",
             roughness(m.today, true), roughness(m.today, false))});
   add_chaos(studio, m, "beam-4");
@@ -430,7 +430,7 @@ Figure figure_9(const Studio& studio) {
   const auto seen = dynamics::portrait(model, drive, options);
   const auto largest = [](const dynamics::Range& r) { return std::max(-r.low, r.high); };
   figure.comparisons = {
-      {"Strong resemblance with Figures 4(a) and 5(a)", "seen, no number",
+      {"Strong resemblance with Figures 4(a) and 5(a)", "shown, no number",
        text(
            "near rest, theta while v falls less theta while v rises: %.2f (Figures 4 and 5 give it "
            "for mu)",
@@ -477,11 +477,11 @@ Figure figure_10(const Studio& studio) {
   };
   figure.comparisons = {
       {"Chaotic, with the stretching and folding toroidal branched manifold, for both laws",
-       "seen, no number", "largest exponent: " + both([&](int i) { return exponents[i]; })},
+       "shown, no number", "largest exponent: " + both([&](int i) { return exponents[i]; })},
       {"Overshoot of the zero-velocity plane, for the state variable only (ours: how far the "
        "velocity goes beyond 0 at an arrival where Coulomb friction would hold the mass, mean over "
        "arrivals, in percent of the velocity's range)",
-       "seen, no number", both([&](int i) { return text("%.2f %%", 100.0 * seen[i].overshoot); })},
+       "shown, no number", both([&](int i) { return text("%.2f %%", 100.0 * seen[i].overshoot); })},
       {"At rest, exactly", "no number",
        both([&](int i) { return text("%.1f %% of the time", 100.0 * seen[i].sticking); })},
       {"Contact lost", "no number",

@@ -25,7 +25,7 @@ class Handle {
   Handle& operator=(const Handle&) = delete;
   operator hid_t() const { return id_; }
 
-  /// Closes with a check, since the library may write only now.
+  /// Closes and checks the result: the library may write only on closing.
   void close(const std::filesystem::path& file) {
     const hid_t id = std::exchange(id_, -1);
     if (close_(id) < 0) throw_write_error(file);

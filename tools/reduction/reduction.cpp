@@ -18,8 +18,8 @@ using Values = std::vector<double>;
 
 constexpr std::size_t samples_of_the_paper = 800;
 constexpr std::size_t fewest_samples = 32;
-constexpr double least_load = 0.05;  // of the mean load, for a coefficient of friction
-constexpr double end_s = 0.1;        // settling time of two Butterworth filters of order 4 at 25 Hz
+constexpr double min_load = 0.05;  // of the mean load, for a coefficient of friction
+constexpr double end_s = 0.1;      // settling time of two Butterworth filters of order 4 at 25 Hz
 
 [[noreturn]] void refuse(const std::string& source, const std::string& message) {
   throw InputError(Problem{source, 0, 0, message});
@@ -325,7 +325,7 @@ void check_reducible(const protocol::Recording& recording, const physics::Model&
   }
   if (model.oscillator.excitation != physics::Excitation::base) {
     refuse(recording.source,
-           "cannot be reduced with a model that is not driven by its base "
+           "cannot be reduced with a model that is not base-excited "
            "(excitation = \"base\"): Eq. (1) subtracts the base's inertia");
   }
   const std::vector<Frame>& frames = recording.frames;
@@ -408,8 +408,8 @@ Reduction reduce(const protocol::Recording& recording, const physics::Model& mod
     s.base_displacement_m = signals.base[i];
     s.friction_force_n = signals.force[i];
     s.normal_load_n = signals.load[i];
-    s.mu = s.normal_load_n > least_load * mean_load ? s.friction_force_n / s.normal_load_n
-                                                    : std::numeric_limits<double>::quiet_NaN();
+    s.mu = s.normal_load_n > min_load * mean_load ? s.friction_force_n / s.normal_load_n
+                                                  : std::numeric_limits<double>::quiet_NaN();
     largest_force = std::max(largest_force, std::abs(s.friction_force_n));
     out.samples.push_back(s);
   }

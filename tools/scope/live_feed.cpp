@@ -65,7 +65,7 @@ void LiveFeed::take_block(std::span<const std::uint8_t> bytes, double received_u
   }
   if (is_restart(frames_.front())) reset_run();
   const double silent_s = silence_s(now);
-  heard_ = now;
+  last_block_at_ = now;
   if (!connected_) {
     connected_ = true;
     send(shared_message(encode_source(true, silent_s)));
@@ -144,7 +144,7 @@ void LiveFeed::take_description(std::span<const std::uint8_t> bytes) {
 }
 
 void LiveFeed::check_silence(Clock::time_point now) {
-  if (!connected_ || now - *heard_ < silence) return;
+  if (!connected_ || now - *last_block_at_ < silence) return;
   connected_ = false;
   send(shared_message(encode_source(false, silence_s(now))));
 }
@@ -165,7 +165,7 @@ std::vector<SharedMessage> LiveFeed::greeting(Clock::time_point now) const {
 }
 
 double LiveFeed::silence_s(Clock::time_point now) const {
-  return std::chrono::duration<double>(now - heard_.value_or(began_)).count();
+  return std::chrono::duration<double>(now - last_block_at_.value_or(began_)).count();
 }
 
 void LiveFeed::send(SharedMessage message) { send_(message); }

@@ -40,7 +40,7 @@ class LiveFeed {
   void take(std::string_view channel, std::span<const std::uint8_t> bytes, double received_unix_ms,
             Clock::time_point now);
 
-  /// To be called about every 0.1 s: reports when the source falls silent.
+  /// To be called about every 0.1 s: reports that the source has stopped.
   void check_silence(Clock::time_point now);
 
   /// The first messages for a new page, in this order.
@@ -76,7 +76,7 @@ class LiveFeed {
   FrameTimes times_;
   std::vector<Frame> frames_;
   std::optional<Frame> last_;
-  std::optional<Clock::time_point> heard_;  ///< time of the latest block
+  std::optional<Clock::time_point> last_block_at_;  ///< time of the latest block
   Clock::time_point began_;
   bool connected_ = false;
   std::uint64_t frames_taken_ = 0;

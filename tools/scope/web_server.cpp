@@ -85,7 +85,7 @@ class WebServer::Loop {
   int write_stream(lws* wsi, Connection& connection);
   int refuse_data(lws* wsi);
   void check_time_limits();
-  void forget(lws* wsi);
+  void remove_connection(lws* wsi);
 
   // libwebsockets keeps pointers to these.
   struct Timer {
@@ -230,14 +230,14 @@ int WebServer::Loop::handle(lws* wsi, lws_callback_reasons reason, void* in) {
     case LWS_CALLBACK_RECEIVE:
       return refuse_data(wsi);
     case LWS_CALLBACK_WSI_DESTROY:
-      forget(wsi);
+      remove_connection(wsi);
       return 0;
     default:
       return 0;
   }
 }
 
-void WebServer::Loop::forget(lws* wsi) {
+void WebServer::Loop::remove_connection(lws* wsi) {
   watched_.erase(wsi);
   const Connection* connection = connections_.find(wsi);
   if (connection == nullptr) return;
@@ -288,7 +288,7 @@ bool WebServer::Loop::shed_oldest(const std::string* peer) {
 
 void WebServer::Loop::shed(lws* wsi) {
   ++counts_.connections_shed;
-  forget(wsi);
+  remove_connection(wsi);
   lws_set_timeout(wsi, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
 }
 

@@ -14,7 +14,7 @@ namespace {
 constexpr const char* erase_line = "\r\033[K";
 
 // Below this share the rate is not yet meaningful.
-constexpr double least_share = 1e-3;
+constexpr double min_share = 1e-3;
 
 }  // namespace
 
@@ -45,7 +45,7 @@ std::string progress_text(const Status& status, double elapsed_s, std::size_t co
     std::string percent = std::to_string(static_cast<int>(std::floor(100.0 * done))) + " %";
     before = padded_left(percent, 5) + "  ";
     after =
-        done >= least_share ? ", " + duration_text(elapsed_s * (1.0 - done) / done) + " left" : "";
+        done >= min_share ? ", " + duration_text(elapsed_s * (1.0 - done) / done) + " left" : "";
     alone = percent + after;
     if (columns_in(alone) > width) alone = std::move(percent);
   }

@@ -120,7 +120,7 @@ TEST(EmulatedHidapi, ProgramLinksTheEmulation) {
 
 class EmulatedHidapiOutput : public testing::TestWithParam<bool> {};
 
-TEST_P(EmulatedHidapiOutput, ReportsGoOutAndComeIn) {
+TEST_P(EmulatedHidapiOutput, OutputAndInputReportsAreTransferred) {
   EmulatedBus bus;
   Echo echo(GetParam());
   bus.plug(echo, 1);

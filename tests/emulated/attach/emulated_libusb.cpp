@@ -132,15 +132,15 @@ bool in_flight(libusb_context& context, const libusb_transfer* transfer) {
 
 /// Removes the transfers selected by `which`, without callbacks. Returns their number.
 template <class Which>
-std::size_t forget(libusb_context& context, Which which) {
+std::size_t discard(libusb_context& context, Which which) {
   auto& requests = context.state->requests();
-  std::size_t forgotten = requests.remove_if([&](const Request& request) {
+  std::size_t discarded = requests.remove_if([&](const Request& request) {
     return request.owner != nullptr && which(static_cast<libusb_transfer*>(request.owner));
   });
-  forgotten +=
+  discarded +=
       std::erase_if(context.ended, [&](const auto& ended) { return which(ended.transfer); });
-  context.state->outstanding() -= forgotten;
-  return forgotten;
+  context.state->outstanding() -= discarded;
+  return discarded;
 }
 
 Request request_of(libusb_transfer* transfer) {
@@ -310,7 +310,7 @@ void LIBUSB_CALL libusb_exit(libusb_context* context) {
   {
     const std::lock_guard hold(context->state->mutex());
     if (context->handles > 0) note(*context->state, "a context left with open handles");
-    forget(*context, [context](const libusb_transfer* transfer) {
+    discard(*context, [context](const libusb_transfer* transfer) {
       return context_of(transfer->dev_handle) == context;
     });
   }
@@ -485,7 +485,7 @@ void LIBUSB_CALL libusb_close(libusb_device_handle* handle) {
     const auto its = [handle](const libusb_transfer* transfer) {
       return transfer->dev_handle == handle;
     };
-    if (forget(*context, its) > 0) {
+    if (discard(*context, its) > 0) {
       note(*context->state, "a handle closed with transfers in flight");
     }
     plugged_of(handle).claims.erase(handle);

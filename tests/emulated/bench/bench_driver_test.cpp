@@ -131,7 +131,7 @@ struct WholeBench : testing::Test {
   /// packets of 12, the earliest of which determines the time. For frames between the quartiles: a
   /// busy host occasionally reads a report late, which cannot be detected.
   void expect_ages(const std::vector<Frame>& all) {
-    std::vector<double> off_ms;
+    std::vector<double> error_ms;
     std::vector<double> age_ms;
     for (const Frame& frame : all) {
       for (const Channel channel : {Channel::friction_force, Channel::normal_load}) {
@@ -140,16 +140,16 @@ struct WholeBench : testing::Test {
             static_cast<double>(time_ns(frame, Channel::displacement) - time_ns(frame, channel)) *
             1e-6;
         age_ms.push_back(frame.age_us[index_of(channel)] * 1e-3);
-        off_ms.push_back(older_ms - age_ms.back());
+        error_ms.push_back(older_ms - age_ms.back());
       }
     }
-    ASSERT_GT(off_ms.size(), all.size());
-    std::sort(off_ms.begin(), off_ms.end());
+    ASSERT_GT(error_ms.size(), all.size());
+    std::sort(error_ms.begin(), error_ms.end());
     std::sort(age_ms.begin(), age_ms.end());
     const double slack_ms = static_cast<double>(host.worst_ns()) * 1e-6;
-    const std::size_t quarter = off_ms.size() / 4;
-    EXPECT_GT(off_ms[quarter], -5.0 - slack_ms);
-    EXPECT_LT(off_ms[3 * quarter], 10.0 + slack_ms);
+    const std::size_t quarter = error_ms.size() / 4;
+    EXPECT_GT(error_ms[quarter], -5.0 - slack_ms);
+    EXPECT_LT(error_ms[3 * quarter], 10.0 + slack_ms);
     EXPECT_GE(age_ms.front(), 0.0);
     EXPECT_LT(age_ms[3 * quarter], 16.0 + slack_ms);
   }

@@ -76,7 +76,7 @@ class AmplifierBench : public testing::Test {
     const Result result = amplifier.open();
     EXPECT_TRUE(result) << result.message;
     clock_.pass(300 * ms);
-    EXPECT_TRUE(soon([&] { return !amplifier.signals().emergency_stop; }));
+    EXPECT_TRUE(eventually([&] { return !amplifier.signals().emergency_stop; }));
     return amplifier;
   }
   static void let_pass(std::int64_t ns) {
@@ -85,7 +85,7 @@ class AmplifierBench : public testing::Test {
   }
   /// Commands a state cycle by cycle until the line follows and no command is pending.
   bool becomes(bool on) {
-    const bool did = soon([&] {
+    const bool did = eventually([&] {
       EXPECT_TRUE(amplifier_->write(on));
       return gpio_.level(chip, enable) == on;
     });
@@ -106,7 +106,7 @@ class AmplifierBench : public testing::Test {
   /// Writes cycle by cycle until an outcome; counts the other outcomes.
   std::map<Outcome, int> until(bool on, Outcome awaited) {
     std::map<Outcome, int> before;
-    EXPECT_TRUE(soon([&] {
+    EXPECT_TRUE(eventually([&] {
       const Outcome outcome = amplifier_->write(on).outcome;
       if (outcome == awaited) return true;
       ++before[outcome];
@@ -115,7 +115,7 @@ class AmplifierBench : public testing::Test {
     return before;
   }
   template <typename Condition>
-  bool soon(Condition condition) {
+  bool eventually(Condition condition) {
     drivers::MonotonicHostClock real;
     for (const std::int64_t end = real.now_ns() + 2000 * ms; real.now_ns() < end;) {
       if (condition()) return true;
@@ -158,7 +158,7 @@ TEST_F(AmplifierBench, EnableFollowsASingleCall) {
   Amplifier& amplifier = make_open();
   for (const bool on : {true, false}) {
     EXPECT_TRUE(amplifier.write(on));
-    EXPECT_TRUE(soon([&] { return gpio_.level(chip, enable) == on; }));
+    EXPECT_TRUE(eventually([&] { return gpio_.level(chip, enable) == on; }));
     EXPECT_TRUE(amplifier.write(on));
   }
   EXPECT_TRUE(becomes(true));
@@ -206,7 +206,7 @@ TEST_F(AmplifierBench, UnknownLinesCountAsPressed) {
   EXPECT_TRUE(amplifier.signals().amplifier_fault);
   ASSERT_TRUE(amplifier.open());
   clock_.pass(300 * ms);
-  EXPECT_TRUE(soon([&] { return !amplifier.signals().emergency_stop; }));
+  EXPECT_TRUE(eventually([&] { return !amplifier.signals().emergency_stop; }));
   EXPECT_FALSE(amplifier.signals().amplifier_fault);
   amplifier.close();
   EXPECT_TRUE(amplifier.signals().emergency_stop);
@@ -220,7 +220,7 @@ TEST_F(AmplifierBench, PressingIsImmediateAndReleaseDebounced) {
   Amplifier& amplifier = make_open();
   EXPECT_EQ(gpio_.pull(chip, stop), Pull::down);
   gpio_.put(chip, stop, false);
-  EXPECT_TRUE(soon([&] { return amplifier.signals().emergency_stop; }));
+  EXPECT_TRUE(eventually([&] { return amplifier.signals().emergency_stop; }));
   gpio_.put(chip, stop, true);
   drivers::MonotonicHostClock real;
   real.sleep_until(real.now_ns() + 120 * ms);
@@ -234,14 +234,14 @@ TEST_F(AmplifierBench, PressingIsImmediateAndReleaseDebounced) {
   real.sleep_until(real.now_ns() + 120 * ms);
   EXPECT_TRUE(amplifier.signals().emergency_stop);
   clock_.pass(60 * ms);
-  EXPECT_TRUE(soon([&] { return !amplifier.signals().emergency_stop; }));
+  EXPECT_TRUE(eventually([&] { return !amplifier.signals().emergency_stop; }));
 }
 
 TEST_F(AmplifierBench, PulseBetweenSamplesIsDetected) {
   Amplifier& amplifier = make_open();
   gpio_.put(chip, stop, false);
   gpio_.put(chip, stop, true);
-  EXPECT_TRUE(soon([&] { return amplifier.signals().emergency_stop; }));
+  EXPECT_TRUE(eventually([&] { return amplifier.signals().emergency_stop; }));
 }
 
 TEST_F(AmplifierBench, PulseLastsATenthOfASecondWithoutDebouncing) {
@@ -249,13 +249,13 @@ TEST_F(AmplifierBench, PulseLastsATenthOfASecondWithoutDebouncing) {
   ASSERT_FALSE(amplifier.signals().amplifier_fault);
   gpio_.put(chip, fault, false);
   gpio_.put(chip, fault, true);
-  EXPECT_TRUE(soon([&] { return amplifier.signals().amplifier_fault; }));
+  EXPECT_TRUE(eventually([&] { return amplifier.signals().amplifier_fault; }));
   clock_.pass(99 * ms);
   drivers::MonotonicHostClock real;
   real.sleep_until(real.now_ns() + 120 * ms);  // sampled twice
   EXPECT_TRUE(amplifier.signals().amplifier_fault);
   clock_.pass(ms);
-  EXPECT_TRUE(soon([&] { return !amplifier.signals().amplifier_fault; }));
+  EXPECT_TRUE(eventually([&] { return !amplifier.signals().amplifier_fault; }));
 }
 
 TEST_F(AmplifierBench, StaleLinesCountAsPressed) {
@@ -273,7 +273,7 @@ TEST_F(AmplifierBench, StaleLinesCountAsPressed) {
   EXPECT_TRUE(after.amplifier_fault);
   EXPECT_TRUE(becomes(false)) << "off does not depend on sampling";
   gpio_.hold_gets(false);
-  EXPECT_TRUE(soon([&] {
+  EXPECT_TRUE(eventually([&] {
     const drivers::Signals now = amplifier.signals();
     return !now.emergency_stop && !now.amplifier_fault;
   }));
@@ -301,7 +301,8 @@ TEST_F(AmplifierBench, HungChipIsLostWithoutBlocking) {
   EXPECT_EQ(amplifier.switch_off().outcome, Outcome::lost);
   EXPECT_TRUE(gpio_.level(chip, enable));
   gpio_.hold_sets(false);
-  EXPECT_TRUE(soon([&] { return !gpio_.level(chip, enable); })) << "off is carried out eventually";
+  EXPECT_TRUE(eventually([&] { return !gpio_.level(chip, enable); }))
+      << "off is carried out eventually";
   expect_never_on_again();
   EXPECT_TRUE(amplifier.open());
   EXPECT_TRUE(becomes(true));
@@ -318,7 +319,7 @@ TEST_F(AmplifierBench, HeartbeatsDoNotAccumulateOnASlowChip) {
   }
   const std::size_t beats = gpio_.history(chip, heartbeat).size();
   gpio_.hold_sets(false);
-  EXPECT_TRUE(soon([&] { return !gpio_.level(chip, enable); }));
+  EXPECT_TRUE(eventually([&] { return !gpio_.level(chip, enable); }));
   let_pass(60 * ms);
   EXPECT_LE(gpio_.history(chip, heartbeat).size(), beats + 1) << "heartbeats do not accumulate";
 }
@@ -374,13 +375,13 @@ TEST_F(AmplifierBench, HeartbeatAloneLeavesNoContactClosed) {
   EXPECT_TRUE(amplifier.switch_off());
 }
 
-TEST_F(AmplifierBench, UnconfiguredLineIsNeverPressed) {
+TEST_F(AmplifierBench, UnconfiguredInputIsInactive) {
   settings_.emergency_stop.reset();
   Amplifier& amplifier = make();
   ASSERT_TRUE(amplifier.open());
-  EXPECT_TRUE(soon([&] { return !amplifier.signals().amplifier_fault; }));
+  EXPECT_TRUE(eventually([&] { return !amplifier.signals().amplifier_fault; }));
   gpio_.unplug(chip);
-  EXPECT_TRUE(soon([&] { return amplifier.signals().amplifier_fault; }));
+  EXPECT_TRUE(eventually([&] { return amplifier.signals().amplifier_fault; }));
   EXPECT_EQ(amplifier.write(true).outcome, Outcome::lost);
   EXPECT_FALSE(amplifier.signals().emergency_stop) << "write reports the loss";
   settings_.fault.reset();
@@ -392,9 +393,9 @@ TEST_F(AmplifierBench, FloatingWireNeitherHidesOthersNorBlocksClose) {
   Amplifier& amplifier = make_open();
   gpio_.let_float(chip, fault, true);
   gpio_.put(chip, fault, false);
-  EXPECT_TRUE(soon([&] { return amplifier.signals().amplifier_fault; }));
+  EXPECT_TRUE(eventually([&] { return amplifier.signals().amplifier_fault; }));
   gpio_.put(chip, stop, false);
-  const bool seen = soon([&] { return amplifier.signals().emergency_stop; });
+  const bool seen = eventually([&] { return amplifier.signals().emergency_stop; });
   EXPECT_TRUE(seen);
   if (!seen) gpio_.let_float(chip, fault, false);  // otherwise the test would not end
   amplifier.close();
@@ -404,19 +405,19 @@ TEST_F(AmplifierBench, FloatingWireNeitherHidesOthersNorBlocksClose) {
 TEST_F(AmplifierBench, LostEdgeIsHarmless) {
   Amplifier& amplifier = make_open();
   gpio_.put(chip, fault, false, false);
-  EXPECT_TRUE(soon([&] { return amplifier.signals().amplifier_fault; }));
+  EXPECT_TRUE(eventually([&] { return amplifier.signals().amplifier_fault; }));
   gpio_.put(chip, fault, true, false);
   drivers::MonotonicHostClock real;
   real.sleep_until(real.now_ns() + 120 * ms);
   clock_.pass(100 * ms);
-  EXPECT_TRUE(soon([&] { return !amplifier.signals().amplifier_fault; }));
+  EXPECT_TRUE(eventually([&] { return !amplifier.signals().amplifier_fault; }));
 }
 
 TEST_F(AmplifierBench, ChipWithoutEdgesIsSampled) {
   gpio_.set_edge_support(chip, false);
   Amplifier& amplifier = make_open();
   gpio_.put(chip, stop, false);
-  EXPECT_TRUE(soon([&] { return amplifier.signals().emergency_stop; }));
+  EXPECT_TRUE(eventually([&] { return amplifier.signals().emergency_stop; }));
 }
 
 TEST_F(AmplifierBench, BusyLineNamesItsUser) {
@@ -471,7 +472,8 @@ TEST_F(AmplifierBench, UnpluggedChipIsLostAndActivatesAllStops) {
   Amplifier& amplifier = make_open();
   ASSERT_TRUE(becomes(true));
   gpio_.unplug(chip);
-  EXPECT_TRUE(soon([&] { return amplifier.signals().emergency_stop; })) << "without any write";
+  EXPECT_TRUE(eventually([&] { return amplifier.signals().emergency_stop; }))
+      << "without any write";
   EXPECT_EQ(amplifier.write(true).outcome, Outcome::lost);
   const Result result = amplifier.write(false);
   EXPECT_EQ(result.outcome, Outcome::lost);
@@ -489,7 +491,7 @@ TEST_F(AmplifierBench, OffIsRepeatedAfterAnError) {
   ASSERT_TRUE(becomes(true));
   gpio_.fail_next_sets(chip, 2);
   int failures = 0;
-  EXPECT_TRUE(soon([&] {
+  EXPECT_TRUE(eventually([&] {
     const Outcome outcome = amplifier.write(false).outcome;
     EXPECT_TRUE(outcome == Outcome::ok || outcome == Outcome::temporary);
     failures += outcome == Outcome::temporary ? 1 : 0;

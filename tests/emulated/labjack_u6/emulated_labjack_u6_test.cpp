@@ -55,7 +55,7 @@ Bytes extended(std::uint8_t command, Bytes data) {
   return bytes;
 }
 
-void expect_sound(const Bytes& bytes) {
+void expect_valid(const Bytes& bytes) {
   ASSERT_GE(bytes.size(), 8U);
   EXPECT_EQ(bytes.size(), 6U + 2U * bytes[2]);
   EXPECT_EQ(bytes[0], folded(sum_of(bytes, 1, 6)));
@@ -126,7 +126,7 @@ TEST_F(EmulatedU6, IdentifiesItself) {
   EXPECT_EQ(configuration.size(), 9U + 9U + 3U * 7U);
   EXPECT_EQ(configuration[2], configuration.size());
   const Bytes reply = request(extended(0x08, Bytes(20)));
-  expect_sound(reply);
+  expect_valid(reply);
   ASSERT_EQ(reply.size(), 38U);
   EXPECT_EQ(reply[6], 0);
   EXPECT_EQ(reply[9], 43);
@@ -165,7 +165,7 @@ TEST_F(EmulatedU6, AnalogInputsFollowItsConstants) {
   const double slope = constant(8);
   const double center = constant(9);
   const Bytes reply = feedback({2, 2, 8, 0x00, 3, 3, 0x18, 0});
-  expect_sound(reply);
+  expect_valid(reply);
   EXPECT_EQ(reply[6], 0);
   EXPECT_EQ(reply[8], 0x77);
   const double raw = (reply[9] + 256.0 * reply[10] + 65536.0 * reply[11]) / 256.0;
@@ -243,7 +243,7 @@ TEST_F(EmulatedU6, StreamsTheSampledScans) {
   for (std::size_t i = 0; i < all.size(); ++i) {
     const Bytes& packet = all[i];
     ASSERT_EQ(packet.size(), 64U);
-    expect_sound(packet);
+    expect_valid(packet);
     EXPECT_EQ(packet[1], 0xF9);
     EXPECT_EQ(packet[3], 0xC0);
     EXPECT_EQ(packet[10], i);
@@ -367,7 +367,7 @@ TEST_F(EmulatedU6, FaultsAffectReplies) {
   u6.out(1, command);
   EXPECT_EQ(u6.in(2, 64).status, UsbStatus::not_ready);
   const Bytes error = request(command);
-  expect_sound(error);
+  expect_valid(error);
   EXPECT_EQ(error[6], 8);
   u6.out(1, command);
   EXPECT_EQ(u6.in(2, 64).status, UsbStatus::stall);

@@ -30,7 +30,7 @@ using testing::HasSubstr;
 constexpr std::int64_t ms = 1'000'000;
 
 /// Two inputs in quadrature, so that consecutive scans differ.
-class Turning final : public Wires {
+class SineWires final : public Wires {
  public:
   double truth(Channel channel, std::int64_t time_ns) override {
     const double turns = 40.0 * static_cast<double>(time_ns) * 1e-9;
@@ -120,7 +120,7 @@ struct Bench {
 
   drivers::MonotonicHostClock clock;
   EmulatedBus bus;
-  Turning wires;
+  SineWires wires;
   EmulatedLabjackU6 board;
   LabjackU6Driver driver;
   Result last;
@@ -619,7 +619,7 @@ TEST(LabjackU6OnABus, LineLeftHighByACrashedProcessIsLowWhateverFails) {
   EXPECT_GT(failures, 5);
 }
 
-TEST(LabjackU6OnABus, LineLeftHighIsLowEvenIfTheBoardNeverReplies) {
+TEST(LabjackU6OnABus, LineLeftHighIsSetLowEvenIfTheBoardNeverReplies) {
   Bench bench;
   leave_line_high(bench);
   bench.board.chance(U6ReplyFault::missing, 1.0);

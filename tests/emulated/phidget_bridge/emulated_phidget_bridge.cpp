@@ -143,7 +143,7 @@ UsbAnswer EmulatedPhidgetBridge::in(std::uint8_t endpoint, std::size_t capacity)
   if (faults.stall) {
     faults.stall = false;
     halted_ = true;
-    ++struck_.stall;
+    ++injected_.stall;
   }
   if (halted_) return {UsbStatus::stall, {}};
   if (waiting_.empty()) return {UsbStatus::not_ready, {}};
@@ -198,16 +198,16 @@ void EmulatedPhidgetBridge::report(std::int64_t time_ns) {
   latest_ = content(time_ns);
   ++reports_made_;
   settle_gains();
-  if (faults.silent || chance(faults.missing, struck_.missing)) return;
+  if (faults.silent || chance(faults.missing, injected_.missing)) return;
   if (waiting_.size() >= options_.kept_reports) {
     waiting_.pop_front();
-    ++struck_.overwritten;
+    ++injected_.overwritten;
   }
   Bytes bytes = latest_;
-  if (chance(faults.invalid, struck_.invalid)) bytes[0] = bytes[0] & 0x0FU;
-  if (chance(faults.out_of_range, struck_.out_of_range)) bytes[1] = 0x0F;
-  if (chance(faults.wrong_echo, struck_.wrong_echo)) bytes[2] = bytes[2] ^ 0x30U;
-  if (chance(faults.short_report, struck_.short_report)) bytes.resize(5);
+  if (chance(faults.invalid, injected_.invalid)) bytes[0] = bytes[0] & 0x0FU;
+  if (chance(faults.out_of_range, injected_.out_of_range)) bytes[1] = 0x0F;
+  if (chance(faults.wrong_echo, injected_.wrong_echo)) bytes[2] = bytes[2] ^ 0x30U;
+  if (chance(faults.short_report, injected_.short_report)) bytes.resize(5);
   waiting_.push_back(std::move(bytes));
 }
 

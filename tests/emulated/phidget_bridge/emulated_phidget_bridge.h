@@ -47,7 +47,7 @@ class EmulatedPhidgetBridge final : public UsbDevice {
   };
 
   /// Numbers of affected reports.
-  struct Struck {
+  struct InjectedFaults {
     std::uint64_t missing = 0;
     std::uint64_t short_report = 0;
     std::uint64_t invalid = 0;
@@ -61,7 +61,7 @@ class EmulatedPhidgetBridge final : public UsbDevice {
 
   /// May be changed between calls.
   Faults faults;
-  const Struck& struck() const { return struck_; }
+  const InjectedFaults& injected() const { return injected_; }
   std::uint64_t reports_made() const { return reports_made_; }
   bool enabled(std::size_t input) const { return (settings_.enabled >> input & 1U) != 0; }
   int interval_ms() const { return settings_.interval_steps * 8; }
@@ -106,7 +106,7 @@ class EmulatedPhidgetBridge final : public UsbDevice {
   bool halted_ = false;
   std::mt19937_64 noise_;
   std::mt19937_64 fate_;
-  Struck struck_;
+  InjectedFaults injected_;
   std::uint64_t reports_made_ = 0;
 };
 

@@ -166,7 +166,7 @@ TEST_F(BridgeTest, LateHostLosesTheOldestReports) {
   int came = 0;
   while (device.in(1, 64).status == UsbStatus::ok) ++came;
   EXPECT_EQ(came, 4);
-  EXPECT_EQ(device.struck().overwritten, 96U);
+  EXPECT_EQ(device.injected().overwritten, 96U);
 }
 
 TEST_F(BridgeTest, FaultsCanBeInjected) {
@@ -195,7 +195,7 @@ TEST_F(BridgeTest, FaultsCanBeInjected) {
     now_ns += 16 * ms;
     device.in(1, 64);
   }
-  EXPECT_NEAR(static_cast<double>(device.struck().missing), 500.0, 60.0);
+  EXPECT_NEAR(static_cast<double>(device.injected().missing), 500.0, 60.0);
   device.faults = {};
   device.faults.silent = true;
   now_ns += 160 * ms;

@@ -31,8 +31,8 @@ using testing::IsEmpty;
 
 constexpr std::int64_t ms = 1'000'000;
 
-/// Two cells in quadrature, and the history of their readings.
-class Turning final : public Wires {
+/// Two load cells with sinusoidal loads in quadrature, and the history of their readings.
+class SineWires final : public Wires {
  public:
   struct Sample {
     Channel channel;
@@ -87,9 +87,9 @@ struct Bench {
   void set_faults(const EmulatedPhidgetBridge::Faults& faults) {
     bus.between_calls([&] { bridge.faults = faults; });
   }
-  EmulatedPhidgetBridge::Struck struck() {
-    EmulatedPhidgetBridge::Struck out;
-    bus.between_calls([&] { out = bridge.struck(); });
+  EmulatedPhidgetBridge::InjectedFaults injected() {
+    EmulatedPhidgetBridge::InjectedFaults out;
+    bus.between_calls([&] { out = bridge.injected(); });
     return out;
   }
 
@@ -123,7 +123,7 @@ struct Bench {
   /// Number of valid readings that differ from the measurement at their arrival or, with a late
   /// host, a few reports before.
   std::size_t wrong(const std::vector<Readings>& readings) {
-    std::vector<Turning::Sample> samples;
+    std::vector<SineWires::Sample> samples;
     bus.between_calls([&] { samples = wires.samples; });
     std::size_t wrong = 0;
     for (const Readings& one : readings) {
@@ -148,7 +148,7 @@ struct Bench {
   std::array<int, 2> gain_of;
   drivers::MonotonicHostClock clock;
   EmulatedBus bus;
-  Turning wires;
+  SineWires wires;
   EmulatedPhidgetBridge bridge;
   PhidgetBridge gauge;
   bool first_is_friction = true;
@@ -222,13 +222,13 @@ TEST(PhidgetBridgeOnABus, MissingReportsAreCountedExactly) {
   bench.set_faults({});
   readings.insert(readings.end(), more.begin(), more.end());
   bench.readings(milliseconds(100));
-  const auto struck = bench.struck();
-  ASSERT_GT(struck.missing, 6U);
+  const auto injected = bench.injected();
+  ASSERT_GT(injected.missing, 6U);
   // Missing reports are counted by elapsed time, like a suspension of the host.
   constexpr double interval_ns = 24e6;
-  const double stood_still = std::floor(static_cast<double>(bench.host.worst_ns()) / interval_ns);
+  const double suspended = std::floor(static_cast<double>(bench.host.worst_ns()) / interval_ns);
   EXPECT_NEAR(static_cast<double>(bench.gauge.losses().missing),
-              static_cast<double>(struck.missing), stood_still);
+              static_cast<double>(injected.missing), suspended);
   EXPECT_EQ(bench.gauge.losses().rejected, 0U);
   EXPECT_EQ(bench.wrong(readings), 0U);
 }
@@ -239,18 +239,18 @@ TEST(PhidgetBridgeOnABus, ShortReportsAreRejected) {
   bench.set_faults({.short_report = 0.2});
   const auto readings = bench.readings(milliseconds(700));
   bench.set_faults({});
-  const auto struck = bench.struck();
-  for (int i = 0; i < 40 && bench.gauge.losses().rejected < struck.short_report; ++i) {
+  const auto injected = bench.injected();
+  for (int i = 0; i < 40 && bench.gauge.losses().rejected < injected.short_report; ++i) {
     bench.readings(milliseconds(50));
   }
-  ASSERT_GT(struck.short_report, 5U);
-  EXPECT_EQ(bench.gauge.losses().rejected, struck.short_report);
+  ASSERT_GT(injected.short_report, 5U);
+  EXPECT_EQ(bench.gauge.losses().rejected, injected.short_report);
   EXPECT_GT(bench.temporary, 0);
   EXPECT_EQ(bench.wrong(readings), 0U);
   EXPECT_GT(valid_ones(readings), 100U);
 }
 
-TEST(PhidgetBridgeOnABus, ReportsWithoutAReadingKeepTheLastOneForALimitedTime) {
+TEST(PhidgetBridgeOnABus, LastReadingStaysValidForALimitedTimeWithoutANewOne) {
   Bench bench(128, 40, 5);
   ASSERT_TRUE(bench.gauge.open());
   ASSERT_GT(valid_ones(bench.readings(milliseconds(200))), 4U);
@@ -304,8 +304,8 @@ TEST(PhidgetBridgeOnABus, LostSettingsInvalidateReportsAndAreRestored) {
   ASSERT_TRUE(bench.gauge.open());
   bench.set_faults({.wrong_echo = 0.1});
   const auto readings = bench.readings(milliseconds(600));
-  EXPECT_GT(bench.struck().wrong_echo, 3U);
-  EXPECT_GE(bench.gauge.losses().rejected, bench.struck().wrong_echo - 1);
+  EXPECT_GT(bench.injected().wrong_echo, 3U);
+  EXPECT_GE(bench.gauge.losses().rejected, bench.injected().wrong_echo - 1);
   EXPECT_EQ(bench.wrong(readings), 0U);
   bench.set_faults({});
   // Another program changes the settings.
@@ -322,7 +322,7 @@ TEST(PhidgetBridgeOnABus, LostSettingsInvalidateReportsAndAreRestored) {
   EXPECT_GT(valid_ones(after), 20U);
 }
 
-TEST(PhidgetBridgeOnABus, SilenceEndsValidityUntilReportsResume) {
+TEST(PhidgetBridgeOnABus, ReadingsAreInvalidWhileReportsAreMissing) {
   Bench bench(128, 8, 8);
   ASSERT_TRUE(bench.gauge.open());
   bench.readings(milliseconds(50));
@@ -353,12 +353,12 @@ TEST(PhidgetBridgeOnABus, SilentBridgeDoesNotOpen) {
 
 TEST(PhidgetBridgeOnABus, UnpluggedInAnyStateIsLostAndRecovers) {
   Bench bench(128, 8, 9, 101);
-  std::mt19937_64 luck(9);
+  std::mt19937_64 random(9);
   int in_open = 0;
   for (int round = 0; round < 6; ++round) {
     SCOPED_TRACE(round);
-    const milliseconds when(round % 2 == 0 ? luck() % 250 : 450);
-    std::thread puller([&] {
+    const milliseconds when(round % 2 == 0 ? random() % 250 : 450);
+    std::thread unplugger([&] {
       std::this_thread::sleep_for(when);
       bench.bus.unplug(bench.bridge);
     });
@@ -371,7 +371,7 @@ TEST(PhidgetBridgeOnABus, UnpluggedInAnyStateIsLostAndRecovers) {
       ++in_open;
       EXPECT_EQ(opened.outcome, Outcome::lost) << opened.message;
     }
-    puller.join();
+    unplugger.join();
     bench.gauge.close();
     EXPECT_EQ(bench.gauge.open().outcome, Outcome::lost);
     bench.bus.plug(bench.bridge, 2);
@@ -400,15 +400,15 @@ TEST(PhidgetBridgeOnABus, NewerVersionIsRejected) {
   EXPECT_THAT(drivers::find_phidget_bridge()[0].problem, HasSubstr("1046_1"));
 }
 
-/// All faults, at random by seed: every valid reading is correct.
+/// All faults at random: every valid reading is correct.
 TEST(PhidgetBridgeOnABus, FaultCampaignYieldsNoWrongReading) {
   for (std::uint64_t seed = 20; seed < 23; ++seed) {
     SCOPED_TRACE(seed);
     Bench bench(64, 8, seed, seed % 2 == 0 ? 102 : 101);
     ASSERT_TRUE(bench.gauge.open());
-    std::mt19937_64 luck(seed);
-    const auto chance = [&luck](double most) {
-      return luck() % 2 == 0 ? 0.0 : std::uniform_real_distribution<double>(0.0, most)(luck);
+    std::mt19937_64 random(seed);
+    const auto chance = [&random](double most) {
+      return random() % 2 == 0 ? 0.0 : std::uniform_real_distribution<double>(0.0, most)(random);
     };
     std::vector<Bench::Readings> readings;
     for (int round = 0; round < 6; ++round) {
@@ -417,7 +417,7 @@ TEST(PhidgetBridgeOnABus, FaultCampaignYieldsNoWrongReading) {
                         .invalid = chance(0.3),
                         .out_of_range = chance(0.2),
                         .wrong_echo = chance(0.1),
-                        .silent = luck() % 5 == 0});
+                        .silent = random() % 5 == 0});
       const auto more = bench.readings(milliseconds(60));
       readings.insert(readings.end(), more.begin(), more.end());
       ASSERT_NE(bench.last.outcome, Outcome::lost) << bench.last.message;

@@ -30,23 +30,23 @@ constexpr std::int64_t ms = 1'000'000;
 constexpr double newton_per_kg = 9.80665;
 
 /// A clock set by the test.
-class SetClock final : public drivers::HostClock {
+class ManualClock final : public drivers::HostClock {
  public:
   std::int64_t now_ns() override { return time_ns; }
   void sleep_until(std::int64_t due_ns) override { time_ns = std::max(time_ns, due_ns); }
   std::int64_t time_ns = 1000 * ms;
 };
 
-/// Drops root, who may open any device, during its life.
-class NotRoot {
+/// Drops root privileges, with which any device can be opened, for its lifetime.
+class Unprivileged {
  public:
-  NotRoot() { static_cast<void>(::seteuid(was_ == 0 ? 65534 : was_)); }
-  ~NotRoot() { static_cast<void>(::seteuid(was_)); }
-  NotRoot(const NotRoot&) = delete;
-  NotRoot& operator=(const NotRoot&) = delete;
+  Unprivileged() { static_cast<void>(::seteuid(user_ == 0 ? 65534 : user_)); }
+  ~Unprivileged() { static_cast<void>(::seteuid(user_)); }
+  Unprivileged(const Unprivileged&) = delete;
+  Unprivileged& operator=(const Unprivileged&) = delete;
 
  private:
-  uid_t was_ = ::geteuid();
+  uid_t user_ = ::geteuid();
 };
 
 class SerialScaleBench : public testing::Test {
@@ -64,10 +64,10 @@ class SerialScaleBench : public testing::Test {
     return name;
   }
   config::GaugeAt settings() const {
-    config::GaugeAt its;
-    its.name = "scale";
-    its.port = scale_.port();
-    return its;
+    config::GaugeAt scale;
+    scale.name = "scale";
+    scale.port = scale_.port();
+    return scale;
   }
   static config::BenchInputs wired(const std::string& input = "weight") {
     config::BenchInputs inputs{};
@@ -78,7 +78,7 @@ class SerialScaleBench : public testing::Test {
 
   std::filesystem::path folder_ = new_folder();
   EmulatedSerialScale scale_;
-  SetClock clock_;
+  ManualClock clock_;
   SerialScale gauge_{settings(), wired(), clock_};
   Reading reading_;
 };
@@ -112,7 +112,7 @@ TEST_F(SerialScaleBench, ReadingTimeIsTheStartOfItsLine) {
   EXPECT_EQ(reading_.time_ns, clock_.time_ns - bits * 1'000'000'000 / 9600);
 }
 
-TEST_F(SerialScaleBench, ReadingInErrorIsInvalid) {
+TEST_F(SerialScaleBench, ReadingWithErrorStatusIsInvalid) {
   ASSERT_TRUE(gauge_.open());
   scale_.write(scale_line('S', 1.0, "g"));
   ASSERT_EQ(read().outcome, Outcome::ok);
@@ -152,7 +152,7 @@ TEST_F(SerialScaleBench, LineMayArriveInPieces) {
   EXPECT_NEAR(reading_.value, 0.003 * newton_per_kg, 1e-12);
 }
 
-TEST_F(SerialScaleBench, NewestOfSimultaneousLinesIsUsed) {
+TEST_F(SerialScaleBench, NewestOfSeveralLinesIsUsed) {
   ASSERT_TRUE(gauge_.open());
   scale_.write(scale_line('S', 1.0, "g") + "nonsense\r\n" + scale_line('S', 2.0, "g") + "S +0");
   ASSERT_EQ(read().outcome, Outcome::ok);
@@ -169,7 +169,7 @@ TEST_F(SerialScaleBench, EndlessLineIsRejected) {
   EXPECT_EQ(read().outcome, Outcome::ok);
 }
 
-TEST_F(SerialScaleBench, AbsentLineCountsAsMissing) {
+TEST_F(SerialScaleBench, OmittedLineCountsAsMissing) {
   ASSERT_TRUE(gauge_.open());
   for (int i = 0; i < 10; ++i) {
     clock_.time_ns += 100 * ms;
@@ -186,16 +186,16 @@ TEST_F(SerialScaleBench, AbsentLineCountsAsMissing) {
   EXPECT_EQ(gauge_.losses().missing, 3U);
 }
 
-TEST_F(SerialScaleBench, ConfiguresTheLine) {
-  config::GaugeAt its = settings();
-  its.baud = 115200;
-  SerialScale gauge(its, wired(), clock_);
+TEST_F(SerialScaleBench, ConfiguresThePort) {
+  config::GaugeAt scale = settings();
+  scale.baud = 115200;
+  SerialScale gauge(scale, wired(), clock_);
   ASSERT_TRUE(gauge.open());
-  const int looked_at = ::open(its.port.c_str(), O_RDONLY | O_NOCTTY | O_CLOEXEC);
-  if (looked_at < 0) GTEST_SKIP() << "an exclusive line cannot be inspected by this user";
+  const int port_file = ::open(scale.port.c_str(), O_RDONLY | O_NOCTTY | O_CLOEXEC);
+  if (port_file < 0) GTEST_SKIP() << "a port opened exclusively cannot be inspected by this user";
   termios line{};
-  ::tcgetattr(looked_at, &line);
-  ::close(looked_at);
+  ::tcgetattr(port_file, &line);
+  ::close(port_file);
   EXPECT_EQ(::cfgetispeed(&line), speed_t{B115200});
   EXPECT_EQ(line.c_cflag & (CSIZE | CSTOPB), tcflag_t{CS8});  // a pseudo-terminal has no parity
   EXPECT_EQ(line.c_lflag & (ICANON | ECHO | ISIG), 0U);
@@ -239,7 +239,7 @@ TEST_F(SerialScaleBench, AbsentPortIsReported) {
 
 TEST_F(SerialScaleBench, DeniedPermissionNamesGroupAndCommand) {
   ASSERT_EQ(::chmod(scale_.port().c_str(), 0), 0);
-  const NotRoot unprivileged;
+  const Unprivileged unprivileged;
   const Result refused = gauge_.open();
   EXPECT_EQ(refused.outcome, Outcome::needs_attention);
   EXPECT_THAT(refused.message, HasSubstr("group dialout"));
@@ -251,13 +251,13 @@ TEST_F(SerialScaleBench, PortInUseIsBusy) {
   ASSERT_TRUE(gauge_.open());
   SerialScale second(settings(), wired(), clock_);
   {
-    const NotRoot unprivileged;
+    const Unprivileged unprivileged;
     const Result busy = second.open();
     EXPECT_EQ(busy.outcome, Outcome::needs_attention);
     EXPECT_THAT(busy.message, HasSubstr("fuser"));
   }
   gauge_.close();
-  const NotRoot unprivileged;
+  const Unprivileged unprivileged;
   EXPECT_TRUE(second.open());
 }
 
@@ -267,22 +267,22 @@ TEST_F(SerialScaleBench, InvalidSettingsNeedAttention) {
   EXPECT_EQ(no_input.outcome, Outcome::needs_attention);
   EXPECT_THAT(no_input.message, HasSubstr("\"length\""));
 
-  config::GaugeAt its = settings();
-  its.baud = 9601;
-  SerialScale odd(its, wired(), clock_);
+  config::GaugeAt scale = settings();
+  scale.baud = 9601;
+  SerialScale odd(scale, wired(), clock_);
   const Result no_speed = odd.open();
   EXPECT_EQ(no_speed.outcome, Outcome::needs_attention);
   EXPECT_THAT(no_speed.message, HasSubstr("9601"));
 
-  its = settings();
-  its.port = "/dev/null";
-  SerialScale nothing(its, wired(), clock_);
+  scale = settings();
+  scale.port = "/dev/null";
+  SerialScale nothing(scale, wired(), clock_);
   const Result no_line = nothing.open();
   EXPECT_EQ(no_line.outcome, Outcome::needs_attention);
   EXPECT_THAT(no_line.message, HasSubstr("not a serial port"));
 }
 
-// Through GaugeReader: one line in three is corrupted, and every valid reading was transmitted.
+// One line in three is corrupted; every valid reading of GaugeReader was transmitted.
 TEST_F(SerialScaleBench, CorruptedLinesNeverYieldAReading) {
   drivers::MonotonicHostClock clock;
   drivers::GaugeReader reader(std::make_unique<SerialScale>(settings(), wired(), clock));
@@ -319,7 +319,7 @@ TEST_F(SerialScaleBench, CorruptedLinesNeverYieldAReading) {
   reader.close();
 }
 
-TEST_F(SerialScaleBench, RigFileCreatesIt) {
+TEST_F(SerialScaleBench, IsCreatedFromARigFile) {
   std::ofstream(folder_ / "model.toml") << R"(schema = 1
 [oscillator]
 excitation = "base"

@@ -76,12 +76,12 @@ EmulatedUsb1208fsPlus::EmulatedUsb1208fsPlus(Options options, Wires& wires, Now 
 }
 
 void EmulatedUsb1208fsPlus::write_calibration() {
-  std::mt19937_64 luck(options_.seed + 2);
+  std::mt19937_64 random(options_.seed + 2);
   std::uniform_real_distribution<float> slope(0.98F, 1.02F);
   std::uniform_real_distribution<float> offset(-12.0F, 12.0F);
   const auto put = [&](std::size_t at) {
-    put_float(calibration_, at, options_.imperfect ? slope(luck) : 1.0F);
-    put_float(calibration_, at + 4, options_.imperfect ? offset(luck) : 0.0F);
+    put_float(calibration_, at, options_.imperfect ? slope(random) : 1.0F);
+    put_float(calibration_, at + 4, options_.imperfect ? offset(random) : 0.0F);
   };
   for (std::size_t i = 0; i < ranges_v.size() * differential_channels; ++i) put(8 * i);
   for (std::size_t i = 0; i < terminals; ++i) put(single_ended_at + 8 * i);
@@ -312,7 +312,7 @@ void EmulatedUsb1208fsPlus::take_sample() {
   record(place, time_ns, volts);
   if (input_.bytes + 2 > options_.input_fifo_bytes) {
     input_.overrun = true;
-    ++struck_.input_samples_dropped;
+    ++injected_.input_samples_dropped;
     if (!input_.never_stalls) {
       input_.running = false;
       input_.halted = true;
@@ -436,7 +436,7 @@ UsbAnswer EmulatedUsb1208fsPlus::in(std::uint8_t endpoint, std::size_t capacity)
   if (endpoint != 1) return {UsbStatus::stall, {}};
   if (std::exchange(faults.stall, false)) {
     input_.halted = true;
-    ++struck_.stall;
+    ++injected_.stall;
   }
   if (input_.halted) return {UsbStatus::stall, {}};
   if (faults.silence) return {UsbStatus::not_ready, {}};
@@ -464,9 +464,9 @@ bool EmulatedUsb1208fsPlus::next_packet(Bytes& packet) {
     packet = std::move(input_.packets.front());
     input_.packets.pop_front();
     input_.bytes -= std::min(input_.bytes, packet.size());
-    if (chance(faults.lost_packet, struck_.lost_packet)) continue;
-    if (chance(faults.repeated_packet, struck_.repeated_packet)) again_ = packet;
-    if (packet.size() > 2 && chance(faults.short_packet, struck_.short_packet)) {
+    if (chance(faults.lost_packet, injected_.lost_packet)) continue;
+    if (chance(faults.repeated_packet, injected_.repeated_packet)) again_ = packet;
+    if (packet.size() > 2 && chance(faults.short_packet, injected_.short_packet)) {
       packet.resize(2 * (1 + fate_() % (packet.size() / 2 - 1)));
     }
     return true;

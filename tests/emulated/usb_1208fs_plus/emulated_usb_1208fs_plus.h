@@ -59,7 +59,7 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
     bool stall = false;    ///< endpoint 1 stalls once, until it is cleared
     bool silence = false;  ///< no data at endpoint 1 while the scan continues
   };
-  struct Struck {
+  struct InjectedFaults {
     std::uint64_t short_packet = 0;
     std::uint64_t repeated_packet = 0;
     std::uint64_t lost_packet = 0;
@@ -71,7 +71,7 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
 
   /// May be changed between calls.
   Faults faults;
-  const Struck& struck() const { return struck_; }
+  const InjectedFaults& injected() const { return injected_; }
   /// Every complete scan since construction, including lost ones, over unplugging.
   const std::vector<Usb1208fsPlusScan>& scans() const { return scans_; }
   double output_v(std::size_t output) const;
@@ -167,7 +167,7 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
   bool plugged_ = true;
   std::mt19937_64 noise_;
   std::mt19937_64 fate_;
-  Struck struck_;
+  InjectedFaults injected_;
   std::vector<Usb1208fsPlusScan> scans_;
 };
 

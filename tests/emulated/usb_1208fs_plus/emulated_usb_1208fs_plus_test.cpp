@@ -217,7 +217,7 @@ TEST_F(BoardTest, LosesScansInsteadOfStallingOnRequest) {
   now_ns = 600 * ms;
   EXPECT_EQ(device.in(1, 4096).bytes.size(), 1024U);
   EXPECT_EQ(status(device), 6);
-  EXPECT_EQ(device.struck().input_samples_dropped, 601U - 512U);
+  EXPECT_EQ(device.injected().input_samples_dropped, 601U - 512U);
 }
 
 TEST_F(BoardTest, ImmediateOutputDrivesImmediately) {
@@ -309,7 +309,7 @@ TEST_F(BoardTest, FaultsCanBeInjected) {
   EXPECT_EQ(device.in(1, 512).status, UsbStatus::stall);
   device.clear_halt(0x81);
   EXPECT_EQ(device.in(1, 512).bytes.size(), 64U);
-  EXPECT_EQ(device.struck().stall, 1U);
+  EXPECT_EQ(device.injected().stall, 1U);
 }
 
 TEST_F(BoardTest, FastCrystalTakesMoreSamples) {

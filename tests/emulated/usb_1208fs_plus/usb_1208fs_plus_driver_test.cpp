@@ -33,7 +33,7 @@ constexpr double turns_hz = 10.0;
 
 /// Two inputs in quadrature: adjacent scans differ, and the phase of a scan shows its time. To be
 /// accessed while the bus is idle.
-class Turning final : public Wires {
+class SineWires final : public Wires {
  public:
   double truth(Channel channel, std::int64_t time_ns) override {
     const double quarter = channel == Channel::velocity ? 0.25 : 0.0;
@@ -118,7 +118,7 @@ struct Bench {
   HostWatch host;
   drivers::MonotonicHostClock clock;
   EmulatedBus bus;
-  Turning wires;
+  SineWires wires;
   EmulatedUsb1208fsPlus board;
   Usb1208fsPlusDriver driver;
   double period_ns;
@@ -200,7 +200,7 @@ TEST(Usb1208fsPlusOnABus, FramesMatchScansByNumber) {
   EXPECT_EQ(bench.driver.overruns(), 0U);
 }
 
-TEST(Usb1208fsPlusOnABus, RateIsThatOfScansForAnyNumberOfInputs) {
+TEST(Usb1208fsPlusOnABus, FrameRateEqualsTheScanRateForAnyNumberOfInputs) {
   for (const double rate_hz : {50.0, 1000.0, 5000.0}) {
     SCOPED_TRACE(rate_hz);
     Bench bench(1, rate_hz);
@@ -425,26 +425,26 @@ config::BenchInputs three_inputs() {
 }
 
 TEST_P(FaultyPackets, CorruptNoFrame) {
-  std::uint64_t struck = 0;
+  std::uint64_t injected = 0;
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     SCOPED_TRACE(seed);
     Bench bench(seed, 4000.0, {}, GetParam().inputs == 3 ? three_inputs() : single_ended());
     bench.begin();
     std::vector<Frame> frames = bench.frames(milliseconds(60));
-    std::mt19937_64 luck(seed);
+    std::mt19937_64 random(seed);
     for (int round = 0; round < 6; ++round) {
       bench.set_faults(GetParam().faults);
-      auto more = bench.frames(milliseconds(10 + luck() % 30));
+      auto more = bench.frames(milliseconds(10 + random() % 30));
       frames.insert(frames.end(), more.begin(), more.end());
       bench.set_faults({});
-      more = bench.frames(milliseconds(20 + luck() % 20));
+      more = bench.frames(milliseconds(20 + random() % 20));
       frames.insert(frames.end(), more.begin(), more.end());
     }
     const auto more = bench.frames(milliseconds(60));
     ASSERT_GT(more.size(), 50U) << bench.last.message;
     frames.insert(frames.end(), more.begin(), more.end());
     bench.bus.between_calls(
-        [&] { struck += bench.board.struck().short_packet + bench.board.struck().stall; });
+        [&] { injected += bench.board.injected().short_packet + bench.board.injected().stall; });
     if (GetParam().inputs == 3) {
       for (Frame& frame : frames) {
         const bool right = frame.valid == 0b111 && std::abs(frame.value[2]) < half_of_11_bits_v;
@@ -459,7 +459,7 @@ TEST_P(FaultyPackets, CorruptNoFrame) {
     EXPECT_LT(compared.largest_shift, tolerance_periods(4000.0, bench.host));
   }
   if (GetParam().faults.silence) return;
-  EXPECT_GT(struck, 4U) << "too few faults";
+  EXPECT_GT(injected, 4U) << "too few faults";
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -480,15 +480,15 @@ TEST(Usb1208fsPlusOnABus, ShortPacketOfASingleScanLosesThatScan) {
   more = bench.frames(milliseconds(100));
   frames.insert(frames.end(), more.begin(), more.end());
   const auto scans = bench.scans();
-  std::uint64_t struck = 0;
-  bench.bus.between_calls([&] { struck = bench.board.struck().short_packet; });
-  ASSERT_GT(struck, 3U);
+  std::uint64_t injected = 0;
+  bench.bus.between_calls([&] { injected = bench.board.injected().short_packet; });
+  ASSERT_GT(injected, 3U);
   for (const Frame& frame : frames) {
     ASSERT_LT(frame.sequence, scans.size());
     EXPECT_NEAR(frame.value[0], scans[frame.sequence].volts[0], half_of_11_bits_v);
     EXPECT_NEAR(frame.value[1], scans[frame.sequence].volts[1], half_of_11_bits_v);
   }
-  EXPECT_EQ(frames.back().sequence + 1 - frames.size(), struck);
+  EXPECT_EQ(frames.back().sequence + 1 - frames.size(), injected);
 }
 
 /// The bus neither loses nor repeats packets, by its own numbers and checksums; if a board did, no
@@ -575,7 +575,7 @@ TEST(Usb1208fsPlusOnABus, UnpluggedAtAnyRequestOfOpenAndStartIsLost) {
       bench.bus.plug(pausing, 1);
       Usb1208fsPlusDriver driver(by_serial ? named : config::Usb1208fsPlus{}, single_ended(),
                                  5000.0, bench.clock);
-      std::thread puller([&] {
+      std::thread unplugger([&] {
         while (pausing.requests < at) std::this_thread::sleep_for(milliseconds(1));
         bench.bus.unplug(pausing);
       });
@@ -592,7 +592,7 @@ TEST(Usb1208fsPlusOnABus, UnpluggedAtAnyRequestOfOpenAndStartIsLost) {
         for (int i = 0; i < 5000 && read.outcome != Outcome::lost; ++i) read = driver.read(frame);
         EXPECT_EQ(read.outcome, Outcome::lost) << read.message;
       }
-      puller.join();
+      unplugger.join();
       driver.close();
     }
   }

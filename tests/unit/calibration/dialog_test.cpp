@@ -28,10 +28,10 @@ DialogSettings settings() {
   return out;
 }
 
-/// A simulated person and sensor.
-class Talk {
+/// A simulated operator and sensor.
+class Session {
  public:
-  explicit Talk(DialogSettings settings) : dialog(std::move(settings)) {}
+  explicit Session(DialogSettings settings) : dialog(std::move(settings)) {}
 
   std::string type(const std::string& line) {
     EXPECT_EQ(dialog.wants(), Wants::answer) << line;
@@ -47,15 +47,15 @@ class Talk {
     return text + dialog.take_text();
   }
 
-  void introduce() {
+  void answer_introduction() {
     type("weights set 12");
     type("M. Weber");
     type("5 mg");
   }
 
   /// Up to the review, with an error of the descending reading at 200 g.
-  std::string whole(double error_n = 0.0) {
-    introduce();
+  std::string run_to_review(double error_n = 0.0) {
+    answer_introduction();
     measure("", 0.0);
     measure("100 g", 0.1 * gravity);
     measure("200 g", 0.2 * gravity);
@@ -91,74 +91,74 @@ TEST(KnownValue, IsANumberWithAUnitOfTheChannel) {
 }
 
 TEST(Dialog, YieldsACalibration) {
-  Talk talk(settings());
-  EXPECT_THAT(talk.dialog.take_text(), HasSubstr("Against what"));
-  const std::string review = talk.whole();
+  Session session(settings());
+  EXPECT_THAT(session.dialog.take_text(), HasSubstr("Which reference"));
+  const std::string review = session.run_to_review();
   EXPECT_THAT(review, HasSubstr("`accept`, `again N` or `quit`?"));
   EXPECT_THAT(review, testing::Not(HasSubstr("REFUSED")));
-  EXPECT_THAT(talk.type("accept"), HasSubstr("0 to 3.924"));
-  talk.type("-4 4");
-  EXPECT_EQ(talk.dialog.wants(), Wants::nothing);
-  ASSERT_TRUE(talk.dialog.result());
-  const config::ChannelCalibration& got = *talk.dialog.result();
-  EXPECT_NEAR(got.offset, offset, 1e-9);
-  EXPECT_NEAR(got.gain, gain, 0.05);
-  EXPECT_EQ(got.valid, (config::ValidRange{-4.0, 4.0}));
-  EXPECT_EQ(got.reference, "weights set 12");
-  EXPECT_EQ(got.by, "M. Weber");
-  EXPECT_EQ(got.raw_unit, "V/V");
-  EXPECT_EQ(got.date, "2026-11-22T10:00:00Z");
-  ASSERT_EQ(got.points.size(), 7U);
-  EXPECT_DOUBLE_EQ(got.points[1].raw_std, 1e-8);
-  EXPECT_DOUBLE_EQ(got.points[1].reference_sigma, 5e-6 * gravity);
-  EXPECT_EQ(got.points[0].reference_sigma, 0.0) << "nothing weighs exactly nothing";
+  EXPECT_THAT(session.type("accept"), HasSubstr("0 to 3.924"));
+  session.type("-4 4");
+  EXPECT_EQ(session.dialog.wants(), Wants::nothing);
+  ASSERT_TRUE(session.dialog.result());
+  const config::ChannelCalibration& result = *session.dialog.result();
+  EXPECT_NEAR(result.offset, offset, 1e-9);
+  EXPECT_NEAR(result.gain, gain, 0.05);
+  EXPECT_EQ(result.valid, (config::ValidRange{-4.0, 4.0}));
+  EXPECT_EQ(result.reference, "weights set 12");
+  EXPECT_EQ(result.by, "M. Weber");
+  EXPECT_EQ(result.raw_unit, "V/V");
+  EXPECT_EQ(result.date, "2026-11-22T10:00:00Z");
+  ASSERT_EQ(result.points.size(), 7U);
+  EXPECT_DOUBLE_EQ(result.points[1].raw_std, 1e-8);
+  EXPECT_DOUBLE_EQ(result.points[1].reference_sigma, 5e-6 * gravity);
+  EXPECT_EQ(result.points[0].reference_sigma, 0.0) << "the zero is without load";
 }
 
 TEST(Dialog, RejectsABadFitUntilThePointIsRepeated) {
-  Talk talk(settings());
-  const std::string review = talk.whole(0.05);
+  Session session(settings());
+  const std::string review = session.run_to_review(0.05);
   EXPECT_THAT(review, HasSubstr("REFUSED"));
   EXPECT_THAT(review, HasSubstr("point 5 (1.962 N)"));
-  EXPECT_THAT(talk.type("accept"), HasSubstr("refused"));
-  EXPECT_THAT(talk.type("again 5"), HasSubstr("apply 1.962 N"));
-  EXPECT_THAT(talk.measure("", 0.2 * gravity), HasSubstr("`accept`"));
-  talk.type("accept");
-  talk.type("");
-  ASSERT_TRUE(talk.dialog.result());
-  EXPECT_EQ(talk.dialog.result()->points.size(), 7U);
-  EXPECT_TRUE(talk.dialog.result()->despite.empty());
+  EXPECT_THAT(session.type("accept"), HasSubstr("refused"));
+  EXPECT_THAT(session.type("again 5"), HasSubstr("apply 1.962 N"));
+  EXPECT_THAT(session.measure("", 0.2 * gravity), HasSubstr("`accept`"));
+  session.type("accept");
+  session.type("");
+  ASSERT_TRUE(session.dialog.result());
+  EXPECT_EQ(session.dialog.result()->points.size(), 7U);
+  EXPECT_TRUE(session.dialog.result()->despite.empty());
 }
 
 TEST(Dialog, QuitsAtAnyStepWithoutAChange) {
   for (int answers = 0; answers < 6; ++answers) {
-    Talk talk(settings());
+    Session session(settings());
     const std::vector<std::string> lines = {"weights", "me", "0", "", "100 g"};
     for (int i = 0; i < answers && i < 5; ++i) {
-      talk.type(lines[static_cast<std::size_t>(i)]);
-      if (talk.dialog.wants() == Wants::reading) talk.dialog.offer({1e-5 * i, 1e-8, 10.0});
+      session.type(lines[static_cast<std::size_t>(i)]);
+      if (session.dialog.wants() == Wants::reading) session.dialog.offer({1e-5 * i, 1e-8, 10.0});
     }
-    EXPECT_THAT(talk.type("quit"), HasSubstr("Nothing is changed"));
-    EXPECT_EQ(talk.dialog.wants(), Wants::nothing);
-    EXPECT_FALSE(talk.dialog.result());
+    EXPECT_THAT(session.type("quit"), HasSubstr("Nothing is changed"));
+    EXPECT_EQ(session.dialog.wants(), Wants::nothing);
+    EXPECT_FALSE(session.dialog.result());
   }
 }
 
 TEST(Dialog, RepeatsTheQuestionAfterAnInvalidAnswer) {
-  Talk talk(settings());
-  EXPECT_THAT(talk.type(""), HasSubstr("Against what"));
-  EXPECT_THAT(talk.type("again 1"), HasSubstr("no points yet"));
-  talk.type("weights");
-  talk.type("");
-  EXPECT_THAT(talk.type("a little"), HasSubstr("found \"a little\""));
-  EXPECT_THAT(talk.type("-1 g"), HasSubstr("Expected a share"));
-  talk.type("0.01 %");
-  EXPECT_THAT(talk.type("200 g"), HasSubstr("Remove all load"));
-  talk.measure("", 0.0);
-  EXPECT_THAT(talk.type("200"), HasSubstr("number with its unit"));
-  EXPECT_THAT(talk.type(""), HasSubstr("Two values besides the zero"));
-  EXPECT_THAT(talk.type("again 2"), HasSubstr("1 to 1"));
-  EXPECT_THAT(talk.type("list"), HasSubstr("0 N"));
-  EXPECT_EQ(talk.dialog.points().size(), 1U);
+  Session session(settings());
+  EXPECT_THAT(session.type(""), HasSubstr("Which reference"));
+  EXPECT_THAT(session.type("again 1"), HasSubstr("no points yet"));
+  session.type("weights");
+  session.type("");
+  EXPECT_THAT(session.type("a little"), HasSubstr("found \"a little\""));
+  EXPECT_THAT(session.type("-1 g"), HasSubstr("Expected a share"));
+  session.type("0.01 %");
+  EXPECT_THAT(session.type("200 g"), HasSubstr("Remove all load"));
+  session.measure("", 0.0);
+  EXPECT_THAT(session.type("200"), HasSubstr("number with its unit"));
+  EXPECT_THAT(session.type(""), HasSubstr("Two values besides the zero"));
+  EXPECT_THAT(session.type("again 2"), HasSubstr("1 to 1"));
+  EXPECT_THAT(session.type("list"), HasSubstr("0 N"));
+  EXPECT_EQ(session.dialog.points().size(), 1U);
 }
 
 TEST(Dialog, RepeatsAFailedReading) {
@@ -174,43 +174,43 @@ TEST(Dialog, RepeatsAFailedReading) {
   talk.measure("", 0.0);
   EXPECT_EQ(talk.dialog.points().size(), 1U);
   // An unsteady reading is reported.
-  talk.type("1 N");
-  talk.dialog.offer({1e-3, 1e-5, 100.0});
-  EXPECT_THAT(talk.dialog.take_text(), HasSubstr("standard deviation is 100 times"));
+  session.type("1 N");
+  session.dialog.offer({1e-3, 1e-5, 100.0});
+  EXPECT_THAT(session.dialog.take_text(), HasSubstr("standard deviation is 100 times"));
 }
 
 TEST(Dialog, UnknownGravityMakesTheGainUncertain) {
-  DialogSettings nowhere = settings();
-  nowhere.gravity_m_s2.reset();
-  Talk talk(nowhere);
-  talk.introduce();
+  DialogSettings without_gravity = settings();
+  without_gravity.gravity_m_s2.reset();
+  Session session(without_gravity);
+  session.answer_introduction();
   constexpr double standard = 9.80665;
-  talk.measure("", 0.0);
-  talk.measure("100 g", 0.1 * standard);
-  talk.measure("200 g", 0.2 * standard);
-  talk.type("");
-  talk.type("skip");
-  talk.measure("", 0.0);
-  talk.type("accept");
-  talk.type("");
-  ASSERT_TRUE(talk.dialog.result());
-  EXPECT_NEAR(std::sqrt(talk.dialog.result()->covariance.gain) / gain, 0.0015, 1e-4);
+  session.measure("", 0.0);
+  session.measure("100 g", 0.1 * standard);
+  session.measure("200 g", 0.2 * standard);
+  session.type("");
+  session.type("skip");
+  session.measure("", 0.0);
+  session.type("accept");
+  session.type("");
+  ASSERT_TRUE(session.dialog.result());
+  EXPECT_NEAR(std::sqrt(session.dialog.result()->covariance.gain) / gain, 0.0015, 1e-4);
 }
 
 TEST(Dialog, ShowsTheChangeAndKeepsTheCrosstalk) {
   DialogSettings again = settings();
   again.before = config::ChannelCalibration{offset, 1.01 * gain};
   again.before->crosstalk[index_of(Channel::normal_load)] = 0.012;
-  Talk talk(again);
-  const std::string review = talk.whole();
+  Session session(again);
+  const std::string review = session.run_to_review();
   EXPECT_THAT(review, HasSubstr("before"));
   EXPECT_THAT(review, HasSubstr("difference      up to -0.03924"));
-  talk.type("accept");
-  talk.type("");
-  EXPECT_EQ(talk.dialog.result()->crosstalk, again.before->crosstalk);
+  session.type("accept");
+  session.type("");
+  EXPECT_EQ(session.dialog.result()->crosstalk, again.before->crosstalk);
 }
 
-TEST(Renewal, KeepsTheFormerCalibrationInTheHistory) {
+TEST(Renewal, KeepsThePreviousCalibrationInTheHistory) {
   config::ChannelCalibration first;
   first.gain = 2.0;
   first.date = "2026-01-01";

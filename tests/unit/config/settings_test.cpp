@@ -98,7 +98,7 @@ TEST_F(Settings, PathsAreResolved) {
 }
 
 /// The effective values, written as a file, give the same rig.
-TEST_F(Settings, WrittenAsAFileTheyGiveTheSameRig) {
+TEST_F(Settings, RoundTripThroughAFileGivesTheSameRig) {
   const Rig rig = load(
       "excitation.envelope = [[0, 0.001], [2.5, 0.012], [9.0, 0.001]]\n"
       "calibration.velocity.gain = 2\ndriver.simulated.seed = 7\n");

@@ -28,14 +28,14 @@ class Watched {
     const double x = stage_.next(wanted);
     const double velocity = (x - x_) / h_;
     const double acceleration = (x - 2.0 * x_ + before_) / (h_ * h_);
-    sound_ = sound_ && std::isfinite(x) && std::abs(x) <= limits_.displacement &&
-             std::abs(velocity) <= limits_.velocity &&
-             std::abs(acceleration) <= limits_.acceleration;
+    within_limits_ = within_limits_ && std::isfinite(x) && std::abs(x) <= limits_.displacement &&
+                     std::abs(velocity) <= limits_.velocity &&
+                     std::abs(acceleration) <= limits_.acceleration;
     before_ = x_;
     x_ = x;
     return x;
   }
-  bool sound() const { return sound_; }
+  bool within_limits() const { return within_limits_; }
   const BaseLimits& stage() const { return stage_; }
 
  private:
@@ -44,7 +44,7 @@ class Watched {
   BaseLimits stage_;
   double x_ = 0.0;
   double before_ = 0.0;
-  bool sound_ = true;
+  bool within_limits_ = true;
 };
 
 TEST(BrakingStep, IsTheLongestFromWhichBrakingEndsBeforeTheBound) {
@@ -85,7 +85,7 @@ RC_GTEST_PROP(BaseLimits, HoldForAnySequence, ()) {
       if (kind == 6) wanted = level * turns * i;
       watched.next(wanted);
     }
-    RC_ASSERT(watched.sound());
+    RC_ASSERT(watched.within_limits());
   }
 }
 
@@ -96,7 +96,7 @@ TEST(BaseLimits, AValueOneRoundingBeyondTheBoundIsLimited) {
   Watched watched({wall, 0x1.f89583ad75cfp-6, 0x1.80b980a2c83adp+2}, 1e-2);
   for (int i = 0; i < 50; ++i) watched.next(-2.0 * wall);
   watched.next(0x1.41d51f35aa451p-13);
-  EXPECT_TRUE(watched.sound());
+  EXPECT_TRUE(watched.within_limits());
   EXPECT_LE(watched.stage().value(), wall);
 }
 
@@ -114,7 +114,7 @@ TEST(BaseLimits, HoldAgainstAnAdversaryThatSeesTheState) {
         if (i % 7919 == 0) up = !up;
         watched.next(up ? 1.0 : -1.0);
       }
-      EXPECT_TRUE(watched.sound()) << limits.acceleration << " at " << period_s << " s";
+      EXPECT_TRUE(watched.within_limits()) << limits.acceleration << " at " << period_s << " s";
     }
   }
 }
@@ -137,7 +137,7 @@ RC_GTEST_PROP(BaseLimits, PassSequencesWithinThemBitIdentically, ()) {
     const double wanted = level * std::sin(two_pi * start_turns + omega * h * i);
     RC_ASSERT(watched.next(wanted) == wanted);
   }
-  RC_ASSERT(watched.sound());
+  RC_ASSERT(watched.within_limits());
 }
 
 TEST(BaseLimits, OnePercentBeyondALimitIsLimitedAndReported) {

@@ -144,7 +144,7 @@ TEST(Calibration, ValuesOutsideTheRangeAreMarkedAndKept) {
   EXPECT_EQ(marked(-0.0001), 0b001000);
 }
 
-TEST(Calibration, TheUncertaintyIsThatOfMonteCarloCalibrations) {
+TEST(Calibration, UncertaintyAgreesWithMonteCarloCalibrations) {
   config::ChannelCalibrations channels = with_crosstalk();
   channels[index_of(Channel::friction_force)].covariance = {4e-4, 1e-4, 1e-4};
   channels[index_of(Channel::normal_load)].covariance = {1e-4, 0.0, 9e-4};

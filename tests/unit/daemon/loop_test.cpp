@@ -262,7 +262,7 @@ TEST(Loop, AFaultOfAWriteIsFollowedByOffInTheSameCycle) {
   EXPECT_THAT(bench.driver.actuations[101], IsOff());
 }
 
-TEST(Loop, BufferedSamplesAfterAStallDoNotPlayTheDriveFaster) {
+TEST(Loop, BufferedSamplesAfterAStallDoNotSpeedUpTheDrive) {
   LoopSettings settings = unattended({.pacing = Pacing::driver});
   settings.live.interlocks.longest_overrun_ns = 50 * ms;
   Bench bench(settings);

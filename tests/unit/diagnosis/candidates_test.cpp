@@ -23,7 +23,7 @@ bool holds(const std::vector<std::string>& names, const char* name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-TEST(CandidateEffects, AreThoseTheModelMayLackAndTheChannelsCanShow) {
+TEST(CandidateEffects, AreMissingFromTheModelAndVisibleInTheChannels) {
   const std::vector<Experiment> experiments{
       experiment_of(record(driven_mass(), 8.0), driven_mass())};
   const auto names = names_of(candidate_effects(driven_mass(), experiments));

@@ -78,7 +78,7 @@ TEST(Hypothesis, SlopeIsTheDerivativeOfTheValue) {
   }
 }
 
-TEST(Hypothesis, RefinementsFollowTheOtherUnknowns) {
+TEST(Hypothesis, RefinementParametersAreLast) {
   const auto* effect = physics::find_effect("hysteresis");
   const std::vector<double> start = {5.0, 0.02, 0.3, 1.5};
   const Hypothesis coarse = Hypothesis(driven_mass()).with(*effect, {}, start, {}, Detail::coarse);

@@ -13,7 +13,7 @@ using test::experiment_of;
 using test::record;
 using test::with_term;
 
-TEST(Score, OfTheTrueModelIsThatOfTheNoise) {
+TEST(Score, OfTheTrueModelEqualsThatOfTheNoise) {
   const std::vector<Experiment> experiments = {
       experiment_of(record(driven_mass(), 12.0), driven_mass())};
   const Hypothesis hypothesis(driven_mass());

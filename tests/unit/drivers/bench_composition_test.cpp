@@ -20,9 +20,9 @@ using std::chrono::steady_clock;
 
 constexpr std::int64_t ms = 1'000'000;
 
-/// Waits for `done`, at most two seconds.
+/// Waits for `done`, at most two seconds; false on time-out.
 template <class Done>
-bool soon(Done done) {
+bool eventually(Done done) {
   const auto end = steady_clock::now() + milliseconds(2000);
   while (!done()) {
     if (steady_clock::now() > end) return false;
@@ -204,7 +204,7 @@ struct Bench {
   /// The next frame with a reading of the gauge, once its thread has published it.
   Frame frame_after_gauge(std::int64_t time_ns) {
     Frame out;
-    soon([&] {
+    eventually([&] {
       board.frames = {scan(time_ns, 1.0)};
       return driver.read(out) && out.has(Channel::normal_load);
     });
@@ -227,7 +227,7 @@ TEST(GaugeReader, ReturnsTheLatestReadingNotNewerThanTheScan) {
   state.add(3.0, 30 * ms);
   // Readings newer than the scan are kept.
   for (int i = 0; i < 100; ++i) state.add(100.0 + i, (1000 + i) * ms);
-  ASSERT_TRUE(soon([&] {
+  ASSERT_TRUE(eventually([&] {
     const std::lock_guard lock(state.mutex);
     return state.next.empty();
   }));
@@ -244,7 +244,7 @@ TEST(GaugeReader, InvalidReadingReplacesAValidOne) {
   ASSERT_TRUE(reader.open(true));
   state.add(1.0, 10 * ms);
   state.add(9.0, 20 * ms, false);
-  ASSERT_TRUE(soon([&] { return reader.latest(0, 30 * ms).time_ns == 20 * ms; }));
+  ASSERT_TRUE(eventually([&] { return reader.latest(0, 30 * ms).time_ns == 20 * ms; }));
   EXPECT_FALSE(reader.latest(0, 30 * ms).valid);
 }
 
@@ -255,20 +255,20 @@ TEST(GaugeReader, ReopensALostGaugeAndReportsTheLossMeanwhile) {
   ASSERT_TRUE(reader.open(true));
   EXPECT_EQ(reader.lost(), nullptr);
   state.add(7.0, 30 * ms);
-  ASSERT_TRUE(soon([&] { return reader.latest(0, 50 * ms).valid; }));
+  ASSERT_TRUE(eventually([&] { return reader.latest(0, 50 * ms).valid; }));
   state.answer({Outcome::lost, "not there"}, {Outcome::lost, "unplugged"});
   ASSERT_TRUE(soon([&] { return reader.lost() != nullptr; }));
   EXPECT_THAT(reader.lost(), testing::HasSubstr("bridge 7 is disconnected"));
   state.answer({Outcome::needs_attention, "no permission"}, {Outcome::no_data, ""});
-  ASSERT_TRUE(soon([&] {
+  ASSERT_TRUE(eventually([&] {
     const char* words = reader.lost();
     return words != nullptr && std::string(words).find("cannot be used") != std::string::npos;
   }));
   state.answer({}, {Outcome::no_data, ""});
-  EXPECT_TRUE(soon([&] { return reader.lost() == nullptr; }));
+  EXPECT_TRUE(eventually([&] { return reader.lost() == nullptr; }));
   EXPECT_FALSE(reader.latest(0, 50 * ms).valid) << "readings before the loss";
   state.add(4.0, 40 * ms);
-  EXPECT_TRUE(soon([&] { return reader.latest(0, 50 * ms).value == 4.0; }));
+  EXPECT_TRUE(eventually([&] { return reader.latest(0, 50 * ms).value == 4.0; }));
 }
 
 TEST(GaugeReader, RetryDelayGrowsWhileAGaugeIsLostBeforeItsFirstReading) {
@@ -287,7 +287,7 @@ TEST(GaugeReader, DoesNotReopenAfterAFatalFailure) {
   GaugeReader reader(std::make_unique<FakeGauge>(state), quick);
   ASSERT_TRUE(reader.open(true));
   state.answer({}, {Outcome::fatal, "broken"});
-  ASSERT_TRUE(soon([&] { return reader.lost() != nullptr; }));
+  ASSERT_TRUE(eventually([&] { return reader.lost() != nullptr; }));
   EXPECT_THAT(reader.lost(), testing::HasSubstr("failed permanently"));
   std::this_thread::sleep_for(milliseconds(20));
   const std::lock_guard lock(state.mutex);
@@ -304,14 +304,15 @@ TEST(GaugeReader, AccumulatesLossesOverAllOpenings) {
     state.read_answer = {Outcome::lost, "unplugged"};
     state.open_answer = {Outcome::lost, "not there"};
   }
-  ASSERT_TRUE(soon([&] { return reader.lost() != nullptr; }));
+  ASSERT_TRUE(eventually([&] { return reader.lost() != nullptr; }));
   {
     const std::lock_guard lock(state.mutex);
     state.losses = {2, 0};
     state.read_answer = {Outcome::no_data, ""};
     state.open_answer = {};
   }
-  EXPECT_TRUE(soon([&] { return reader.losses().missing == 5 && reader.losses().rejected == 1; }));
+  EXPECT_TRUE(
+      eventually([&] { return reader.losses().missing == 5 && reader.losses().rejected == 1; }));
 }
 
 TEST(GaugeReader, KeepsTheLossesOfAClosedGauge) {
@@ -323,7 +324,7 @@ TEST(GaugeReader, KeepsTheLossesOfAClosedGauge) {
       const std::lock_guard lock(state.mutex);
       state.losses = {4, 1};
     }
-    ASSERT_TRUE(soon([&] { return reader.losses().missing == 4 * times; }));
+    ASSERT_TRUE(eventually([&] { return reader.losses().missing == 4 * times; }));
     reader.close();
     EXPECT_EQ(reader.losses().missing, 4 * times);
     EXPECT_EQ(reader.losses().rejected, times);
@@ -349,7 +350,7 @@ TEST(BenchDriver, ReturnsTheCountsOfBoardAndGauges) {
     }
     return out;
   };
-  EXPECT_TRUE(soon([&] {
+  EXPECT_TRUE(eventually([&] {
     return text() ==
            "board 3 overruns 3\nbridge 7 readings_missing 5\nbridge 7 readings_rejected 2\n";
   })) << text();
@@ -377,14 +378,14 @@ TEST(BenchDriver, FrameHoldsScanAndGaugesWithTheirAges) {
   EXPECT_EQ(frame.time_ns, 47 * ms);
 }
 
-TEST(BenchDriver, AgesAreOnTheHostsClockForABoardWithItsOwn) {
+TEST(BenchDriver, AgesAreInHostTimeIfTheBoardHasItsOwnClock) {
   GaugeState gauge;
   BoardState board;
   board.own_clock = true;
   BenchParts parts;
-  auto own = std::make_unique<FixedClock>();
-  FixedClock& clock = *own;
-  parts.clock = std::move(own);
+  auto host_clock = std::make_unique<FixedClock>();
+  FixedClock& clock = *host_clock;
+  parts.clock = std::move(host_clock);
   parts.board = std::make_unique<FakeBoard>(board);
   parts.gauges.push_back(std::make_unique<FakeGauge>(gauge));
   BenchDriver driver(std::move(parts), Bench::inputs(), {.volts_per_unit = 1.0}, quick);
@@ -392,7 +393,7 @@ TEST(BenchDriver, AgesAreOnTheHostsClockForABoardWithItsOwn) {
   clock.now = 5'000 * ms;  // the board's time begins with 0
   gauge.add(0.5, 4'998 * ms);
   Frame frame;
-  ASSERT_TRUE(soon([&] {
+  ASSERT_TRUE(eventually([&] {
     Frame scan;
     scan.time_ns = 2 * ms;
     scan.set(Channel::displacement, 1.0);
@@ -403,7 +404,7 @@ TEST(BenchDriver, AgesAreOnTheHostsClockForABoardWithItsOwn) {
   EXPECT_EQ(frame.time_ns, 2 * ms);
 }
 
-TEST(BenchDriver, DrivesInVoltsWithinTheOutputRangeAndRests) {
+TEST(BenchDriver, ConvertsTheDriveToVoltsWithinTheOutputRange) {
   Bench bench;
   ASSERT_TRUE(bench.driver.open());
   ASSERT_TRUE(bench.driver.write({0.01, true}));
@@ -428,7 +429,7 @@ TEST(BenchDriver, ContactSwitchesOffBeforeTheOutputAndOnAfterIt) {
   EXPECT_THAT(bench.contacts.writes, testing::ElementsAre(true, false));
 }
 
-TEST(BenchDriver, OffReachesBothWhateverTheOtherReturns) {
+TEST(BenchDriver, OffIsWrittenToBoardAndContactDespiteFailures) {
   Bench bench;
   ASSERT_TRUE(bench.driver.open());
   bench.contacts.write_answer = {Outcome::lost, "the chip is disconnected"};
@@ -443,7 +444,7 @@ TEST(BenchDriver, OffReachesBothWhateverTheOtherReturns) {
   ASSERT_TRUE(bench.driver.write({0.0, true}));
   bench.board.write_answer = {Outcome::temporary, "one damaged reply"};
   EXPECT_EQ(bench.driver.write({0.0, true}).outcome, Outcome::temporary);
-  EXPECT_TRUE(bench.contacts.writes.back()) << "switched by a single failure";
+  EXPECT_TRUE(bench.contacts.writes.back()) << "switched off by a single failure";
   bench.board.write_answer = {Outcome::lost, "unplugged"};
   EXPECT_EQ(bench.driver.write({0.0, true}).outcome, Outcome::lost);
   EXPECT_FALSE(bench.contacts.writes.back());
@@ -468,7 +469,7 @@ TEST(BenchDriver, ContactLeftOnIsReported) {
   EXPECT_THAT(bench.driver.left_on(), testing::HasSubstr("press the emergency stop"));
   bench.driver.close();
   EXPECT_NE(bench.driver.left_on(), nullptr);
-  // Opening the contact makes it inactive.
+  // Opening the contact's device switches it off.
   bench.contacts.switch_off_answer = {};
   ASSERT_TRUE(bench.driver.open());
   EXPECT_EQ(bench.driver.left_on(), nullptr);
@@ -529,8 +530,7 @@ struct FaultyBench {
   std::optional<FaultyDriver> driver;
 };
 
-// Fault injection works on a bench as on any device.
-TEST(BenchDriver, FaultScriptAppliesToABenchAsToAnyDevice) {
+TEST(BenchDriver, FaultInjectionWorksOnABench) {
   FaultyBench bench;
   FaultyDriver& faulty = *bench.driver;
   ASSERT_TRUE(faulty.open());
@@ -561,7 +561,7 @@ TEST(BenchDriver, FaultScriptAppliesToABenchAsToAnyDevice) {
   EXPECT_FALSE(bench.board.writes.back().amplifier_on);
   const Counts counts = faulty.counts();
   EXPECT_EQ(counts.all().size(), 3U) << "of the wrapped device";
-  // The sequence of a device keeper.
+  // Closed and reopened as by the daemon after a loss.
   faulty.stop();
   faulty.close();
   int attempts = 0;
@@ -582,7 +582,7 @@ TEST(BenchDriver, LostGaugeInvalidatesItsChannelsAndIsReported) {
   bench.gauge.add(0.25, 40 * ms);
   ASSERT_TRUE(bench.frame_after_gauge(47 * ms).has(Channel::normal_load));
   bench.gauge.answer({Outcome::lost, ""}, {Outcome::lost, ""});
-  ASSERT_TRUE(soon([&] { return bench.driver.signals().lost_device != nullptr; }));
+  ASSERT_TRUE(eventually([&] { return bench.driver.signals().lost_device != nullptr; }));
   EXPECT_THAT(bench.driver.signals().lost_device, testing::HasSubstr("bridge 7"));
   Frame frame;
   bench.board.frames = {bench.scan(60 * ms, 1.0)};
@@ -591,7 +591,7 @@ TEST(BenchDriver, LostGaugeInvalidatesItsChannelsAndIsReported) {
   EXPECT_FALSE(frame.has(Channel::normal_load));
 }
 
-TEST(BenchDriver, FirstOpenNeedsAllDevicesLaterGaugesMayFollow) {
+TEST(BenchDriver, FirstOpenNeedsAllDevicesReopeningOnlyTheBoard) {
   Bench bench;
   bench.gauge.answer({Outcome::needs_attention, "no permission on /dev/hidraw0"},
                      {Outcome::no_data, ""});
@@ -606,7 +606,7 @@ TEST(BenchDriver, FirstOpenNeedsAllDevicesLaterGaugesMayFollow) {
   EXPECT_NE(bench.driver.signals().lost_device, nullptr);
 }
 
-TEST(BenchDriver, ContactIsOpenedFirstAndWithoutABoard) {
+TEST(BenchDriver, ContactDeviceIsOpenedBeforeTheBoardAndWithoutIt) {
   Bench bench;
   bench.board.open_answer = {Outcome::lost, "no board"};
   EXPECT_STREQ(bench.driver.open().message, "no board");

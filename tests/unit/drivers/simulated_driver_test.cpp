@@ -89,7 +89,7 @@ TEST(SimulatedDriver, TheSameSeedGivesTheSameBytesAndAnotherDoesNot) {
   EXPECT_NE(first, run(other, 500));
 }
 
-TEST(SimulatedDriver, SineIsTransmittedWithItsAmplitudeWithinTheNoise) {
+TEST(SimulatedDriver, SineAmplitudeIsReproducedWithinTheNoise) {
   config::SimulatedDriver settings = shipped().simulated;
   settings.resolution = {};
   SimulatedDriver driver(settings, period_s);

@@ -158,7 +158,7 @@ TEST(Flow, DoesNotDependOnTheOutputTimes) {
   EXPECT_EQ(often.now().x(), once.now().x());
 }
 
-TEST(Flow, RefusesWhatItCannotFollow) {
+TEST(Flow, RefusesUnsupportedModels) {
   physics::Model model = bench();
   EXPECT_TRUE(Flow::can_follow(model));
   model.friction.transition_speed_m_s = {0.001};  // smooth, without memory

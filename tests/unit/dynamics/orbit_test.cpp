@@ -45,7 +45,7 @@ TEST(Orbit, BaseDriveIsTheAccelerationOfTheBase) {
   EXPECT_DOUBLE_EQ(drive.period_s(), 0.4);
 }
 
-TEST(Orbit, RefusesWhatItCannotFollow) {
+TEST(Orbit, RefusesUnsupportedModels) {
   physics::Model imposed;
   imposed.oscillator.excitation = physics::Excitation::imposed;
   imposed.friction.law = physics::FrictionLaw::coulomb;

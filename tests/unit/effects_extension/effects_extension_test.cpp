@@ -1,6 +1,6 @@
 // An effect is one file: two effects from tests/data/effects/, one of the force balance and one of
-// a sensor, are known to the catalogue, the model file, the simulator, the observer, the diagnosis
-// and the report of a program that was only linked with them.
+// a sensor, are in the catalogue and work in the model file, the simulator, the observer,
+// the diagnosis and the report of a program that is only linked with them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -60,7 +60,7 @@ TEST(EffectsExtension, AreReadFromAModelFile) {
   EXPECT_EQ(config::parse_model(text, "model.toml"), model);
 }
 
-TEST(EffectsExtension, MoveTheSimulatedRig) {
+TEST(EffectsExtension, ChangeTheSimulatedMotion) {
   const Model plain = diagnosis::test::driven_mass();
   const auto before = diagnosis::test::record(plain, 2.0, 1, false);
   const auto after = diagnosis::test::record(with(plain, cogging_term()), 2.0, 1, false);
@@ -84,7 +84,7 @@ TEST(EffectsExtension, DistortTheReadingsOfTheSimulatedRig) {
   }
 }
 
-TEST(EffectsExtension, CombineOneCharacteristicWithEachChannel) {
+TEST(EffectsExtension, AllowOneCharacteristicPerChannel) {
   const Model model = with(physics::test::bench(), characteristic_term(Channel::velocity, 0.1));
   const physics::Effect& effect = *find_effect("cubic_characteristic");
   EXPECT_FALSE(physics::can_be_missing(effect, model, {Channel::velocity, {}}));
@@ -132,7 +132,7 @@ double estimation_error_n(const Model& real, const Model& assumed) {
   return std::sqrt(sum / (frames / 2));
 }
 
-TEST(EffectsExtension, AreFollowedByTheObserver) {
+TEST(EffectsExtension, AreModelledByTheObserver) {
   Model model = physics::test::bench();
   for (const Channel channel : all_channels) {
     const bool is_force = channel == Channel::friction_force || channel == Channel::normal_load;

@@ -39,14 +39,14 @@ class Files : public testing::Test {
 
 const std::string binary("a\0b\r\n\xff", 6);
 
-TEST_F(Files, AreReadAsTheyWereWritten) {
+TEST_F(Files, ContentIsReadAsWritten) {
   write_file(path("a"), binary);
   EXPECT_EQ(content_of(path("a")), binary);
   write_file(path("a"), "short");
   EXPECT_EQ(content_of(path("a")), "short");
 }
 
-TEST_F(Files, AreEmptyIfTheyCannotBeRead) { EXPECT_EQ(content_of(path("missing")), ""); }
+TEST_F(Files, ContentOfAnUnreadableFileIsEmpty) { EXPECT_EQ(content_of(path("missing")), ""); }
 
 TEST_F(Files, CannotBeWrittenIntoAMissingFolder) {
   EXPECT_THROW(write_file(path("missing/a"), "x"), InputError);
@@ -54,7 +54,7 @@ TEST_F(Files, CannotBeWrittenIntoAMissingFolder) {
   EXPECT_THROW(expect_writable(path("missing/a")), InputError);
 }
 
-TEST_F(Files, AFullDeviceIsAnErrorOfTheSystem) {
+TEST_F(Files, FullDeviceIsARuntimeError) {
   if (!fs::exists("/dev/full")) GTEST_SKIP() << "there is no /dev/full";
   EXPECT_THROW(write_file("/dev/full", "x"), std::runtime_error);
 }

@@ -9,22 +9,22 @@
 namespace stickslip::observer {
 namespace {
 
-using Plain = Eigen::MatrixXd;
+using Dense = Eigen::MatrixXd;
 
-class CovarianceOf : public testing::TestWithParam<int> {
+class CovarianceOfSize : public testing::TestWithParam<int> {
  protected:
   double gauss() { return gauss_(random_); }
 
-  Plain plain(const Covariance& p) const {
-    Plain out(p.count(), p.count());
+  Dense dense_of(const Covariance& p) const {
+    Dense out(p.count(), p.count());
     for (int i = 0; i < p.count(); ++i) {
       for (int j = 0; j < p.count(); ++j) out(i, j) = p(i, j);
     }
     return out;
   }
   void fill(Covariance& p) {
-    const Plain root = Plain::NullaryExpr(p.count(), p.count(), [this] { return gauss(); });
-    const Plain square = root * root.transpose();
+    const Dense root = Dense::NullaryExpr(p.count(), p.count(), [this] { return gauss(); });
+    const Dense square = root * root.transpose();
     for (int i = 0; i < p.count(); ++i) {
       for (int j = 0; j <= i; ++j) p.set(i, j, square(i, j));
     }
@@ -51,27 +51,27 @@ class CovarianceOf : public testing::TestWithParam<int> {
   std::normal_distribution<double> gauss_;
 };
 
-TEST_P(CovarianceOf, PropagatesAsFPFt) {
+TEST_P(CovarianceOfSize, PropagationEqualsFPFt) {
   const int count = GetParam();
   Covariance p(count);
   fill(p);
-  const Plain before = plain(p);
+  const Dense before = dense_of(p);
   const Transition f = transition(count);
-  const Plain dense = f.dense();
+  const Dense dense = f.dense();
   p.propagate(f);
-  const Plain expected = dense * before * dense.transpose();
-  EXPECT_LT((plain(p) - expected).norm(), 1.0e-12 * expected.norm());
+  const Dense expected = dense * before * dense.transpose();
+  EXPECT_LT((dense_of(p) - expected).norm(), 1.0e-12 * expected.norm());
   p.propagate(f);
-  const Plain again = dense * expected * dense.transpose();
-  EXPECT_LT((plain(p) - again).norm(), 1.0e-12 * again.norm());
+  const Dense again = dense * expected * dense.transpose();
+  EXPECT_LT((dense_of(p) - again).norm(), 1.0e-12 * again.norm());
 }
 
-TEST_P(CovarianceOf, IsUpdatedByAReadingInJosephForm) {
+TEST_P(CovarianceOfSize, MeasurementUpdateEqualsJosephForm) {
   const int count = GetParam();
   Covariance p(count);
   fill(p);
   for (int reading = 0; reading < count; reading += 3) {
-    const Plain before = plain(p);
+    const Dense before = dense_of(p);
     const double noise = 0.3;
     Covariance::States column;
     Covariance::States gain;
@@ -82,14 +82,14 @@ TEST_P(CovarianceOf, IsUpdatedByAReadingInJosephForm) {
       k[i] = gain[i] = i % 5 == 4 ? 0.0 : column[i] / (column[reading] + noise);
     }
     p.correct(gain, column, column[reading] + noise);
-    Plain rest = Plain::Identity(count, count);
+    Dense rest = Dense::Identity(count, count);
     rest.col(reading) -= k;
-    const Plain expected = rest * before * rest.transpose() + noise * k * k.transpose();
-    EXPECT_LT((plain(p) - expected).norm(), 1.0e-12 * before.norm());
+    const Dense expected = rest * before * rest.transpose() + noise * k * k.transpose();
+    EXPECT_LT((dense_of(p) - expected).norm(), 1.0e-12 * before.norm());
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Sizes, CovarianceOf, testing::Values(1, 4, 7, 16, 29, 30, 43, 44));
+INSTANTIATE_TEST_SUITE_P(Sizes, CovarianceOfSize, testing::Values(1, 4, 7, 16, 29, 30, 43, 44));
 
 }  // namespace
 }  // namespace stickslip::observer

@@ -16,7 +16,7 @@ namespace {
 
 struct Options {
   std::uint64_t seeds = 100;
-  std::uint64_t first = 1000;  ///< not the seeds that thresholds were chosen with
+  std::uint64_t first = 1000;  ///< differs from the seeds that the thresholds were tuned with
   double null_hours = 1.0;
   double days = 30.0;
 };

@@ -15,7 +15,7 @@ using physics::Relation;
 using test::Change;
 using test::Law;
 
-TEST(ModelCheckTest, EnergyLogRatioIsThatOfThreeDegreesOfFreedomAtTwiceTheReference) {
+TEST(ModelCheckTest, EnergyLikelihoodRatioHasUnitExpectation) {
   std::mt19937_64 random(1);
   std::chi_squared_distribution<double> chi(3.0);
   double sum = 0.0;
@@ -224,7 +224,7 @@ struct Expected {
 class SimulatedChange : public testing::TestWithParam<Expected> {};
 
 TEST_P(SimulatedChange, IsDetectedAndMostlyClassified) {
-  const auto [change, least_classified] = GetParam();
+  const auto [change, min_classified] = GetParam();
   test::Scenario scenario;
   scenario.assumed = test::paper_rig(Law::state_variable);
   scenario.real = scenario.assumed;
@@ -243,7 +243,7 @@ TEST_P(SimulatedChange, IsDetectedAndMostlyClassified) {
     if (test::is_right(change, outcome.verdict) || test::is_right(change, second)) ++classified;
   }
   EXPECT_GE(detected, 5);
-  EXPECT_GE(classified, least_classified);
+  EXPECT_GE(classified, min_classified);
 }
 
 INSTANTIATE_TEST_SUITE_P(

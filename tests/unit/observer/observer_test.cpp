@@ -433,7 +433,7 @@ TEST(Observer, ExtrapolatesToTheAgeOfAReading) {
   EXPECT_EQ(samples.back().estimate.restarts, 0U);
 }
 
-TEST(Observer, EstimatesALoadWithASigma) {
+TEST(Observer, EstimatesAnUncertainLoad) {
   Model real = paper_rig(Law::coulomb, true);
   Model assumed = real;
   assumed.normal_load->load_n = {0.13, 0.03};

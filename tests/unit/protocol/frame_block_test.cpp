@@ -161,7 +161,7 @@ TEST(FrameBlock, RefusesAnInconsistentBlock) {
   EXPECT_TRUE(out.empty());
 }
 
-TEST(Checksum, ManyBytesAreTheSameAsSingleBytes) {
+TEST(Checksum, BlockAndBytewiseResultsAgree) {
   std::mt19937 random(3);
   for (std::size_t size = 0; size < 100; ++size) {
     std::vector<std::uint8_t> bytes(size);
@@ -176,7 +176,7 @@ TEST(Checksum, ManyBytesAreTheSameAsSingleBytes) {
   }
 }
 
-TEST(Checksum, IsThatOfZlib) {
+TEST(Checksum, AgreesWithZlib) {
   Checksum sum;
   for (const char c : {'1', '2', '3', '4', '5', '6', '7', '8', '9'}) {
     sum.add(static_cast<std::uint8_t>(c));

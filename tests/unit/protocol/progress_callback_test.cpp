@@ -42,7 +42,7 @@ class Progress {
     return [this](double share) { shares_.push_back(share); };
   }
   /// Often called, increasing, within 0 and 1, nearly to the end.
-  void expect_sound() const {
+  void expect_valid() const {
     ASSERT_GT(shares_.size(), 5U);
     double before = 0.0;
     for (const double share : shares_) {
@@ -65,10 +65,10 @@ TEST(ProgressCallback, IsCalledByWritingAndReadingOfBothForms) {
     SCOPED_TRACE(name);
     Progress written;
     write_recording(recording, folder.path / name, written.done());
-    written.expect_sound();
+    written.expect_valid();
     Progress read;
     EXPECT_EQ(read_recording(folder.path / name, read.done()).frames.size(), 20000U);
-    read.expect_sound();
+    read.expect_valid();
   }
 }
 
@@ -79,14 +79,14 @@ TEST(ProgressCallback, IsCalledBySurveyRepairAndJoin) {
   write_recording(recording, folder.path / "run.log");
   Progress surveyed;
   survey_log(folder.path / "run.log", surveyed.done());
-  surveyed.expect_sound();
+  surveyed.expect_valid();
   Progress repaired;
   repair_log(folder.path / "run.log", folder.path / "whole.log", repaired.done());
-  repaired.expect_sound();
+  repaired.expect_valid();
   Progress joined;
   const std::vector<std::filesystem::path> parts = {folder.path / "run.log"};
   join_logs(parts, folder.path / "joined.log", joined.done());
-  joined.expect_sound();
+  joined.expect_valid();
 }
 
 TEST(ProgressCallback, PartIsScaledToTheWhole) {

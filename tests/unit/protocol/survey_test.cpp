@@ -88,7 +88,7 @@ TEST(Survey, ARemovedEventIsReported) {
   EXPECT_EQ(found.frames, 40U);
   // Number of an event, and the ledger.
   EXPECT_THAT(found.faults(), ElementsAre(HasSubstr("events were removed"),
-                                          HasSubstr("does not balance: the ledger says 50 frames "
+                                          HasSubstr("does not balance: the ledger has 50 frames "
                                                     "up to its last status, the log has 40")));
 }
 

@@ -67,7 +67,7 @@ TEST(FrameHistory, MarksOnlyTheDegradedBlock) {
   EXPECT_EQ(read_block(*messages[2]).flags, 2U);
 }
 
-TEST(FrameHistory, IsBoundedWhateverTheTimes) {
+TEST(FrameHistory, IsBoundedForAnyTimes) {
   const std::size_t most = 3 * FrameHistory::chunk_frames * frame_bytes;
   FrameHistory history(60.0, most);
   std::vector<Frame> frames = frames_from(1, 500);

@@ -109,7 +109,7 @@ export class Oscilloscope {
     }
   }
 
-  forget() {
+  clear() {
     for (const lane of this.lanes) {
       lane.present = false;
       lane.limits.reset();

@@ -7,8 +7,8 @@ import { Section } from "./section.js";
 import { TraceCanvas, gap } from "./trace_gl.js";
 import { count, number, tick } from "./units.js";
 
-const mostPoints = 2 ** 17;
-const mostOverlay = 8192;
+const maxPoints = 2 ** 17;
+const maxOverlay = 8192;
 const [displacement, velocity, friction, load] = [0, 1, 2, 3];
 const degrees = 180 / Math.PI;
 
@@ -27,10 +27,10 @@ export class Portraits {
     this.span_s = app.settings.get("portrait_s") ?? 10;
     this.section = new Section();
     this.traces = new TraceCanvas(document.createElement("canvas"));
-    this.x = new Float64Array(mostPoints);
-    this.y = new Float64Array(mostPoints);
-    this.points = new Float32Array(2 * mostPoints);
-    this.overlay = new Float32Array(2 * mostOverlay);
+    this.x = new Float64Array(maxPoints);
+    this.y = new Float64Array(maxPoints);
+    this.points = new Float32Array(2 * maxPoints);
+    this.overlay = new Float32Array(2 * maxOverlay);
     this.figures = [...document.querySelectorAll("[data-portrait]")].map((figure) => this.#figure(figure));
     this.visible = watchVisible(this.figures.map(({ figure }) => figure), () => app.touch());
     this.turn = 0;
@@ -69,8 +69,8 @@ export class Portraits {
     return one;
   }
 
-  forget() {
-    this.section.forget();
+  clear() {
+    this.section.clear();
     this.unitsChanged();
   }
 
@@ -122,7 +122,7 @@ export class Portraits {
     const { mask, values } = frames;
     this.hasLoad = !frames.empty && Number.isFinite(values[load][(frames.end - 1) & mask]);
     const from = frames.rowAt(frames.last_ns - this.span_s * 1e9);
-    const stride = Math.max(1, Math.ceil((frames.end - from) / (mostPoints - 2)));
+    const stride = Math.max(1, Math.ceil((frames.end - from) / (maxPoints - 2)));
     const xFactor = this.#unit(one.x).factor;
     const yFactor = this.#unit(one.y).factor;
     if (one.x === "drive") return this.#fillCylinder(frames, excitation, from, stride, yFactor);
@@ -131,7 +131,7 @@ export class Portraits {
     const ys = values[one.y === "v" ? velocity : one.y === "load" ? load : friction];
     const loads = one.y === "ratio" && this.hasLoad ? values[load] : null;
     let points = 0;
-    for (let row = from; row < frames.end && points < mostPoints - 1; row += stride) {
+    for (let row = from; row < frames.end && points < maxPoints - 1; row += stride) {
       const at = row & mask;
       if (row > from && sequence[at] - sequence[(row - stride) & mask] > stride) {
         this.x[points] = NaN;
@@ -152,7 +152,7 @@ export class Portraits {
     let drive = excitation.rowAt(time[from & mask]);
     let points = 0;
     let last = NaN;
-    for (let row = from; row < frames.end && points < mostPoints - 1; row += stride) {
+    for (let row = from; row < frames.end && points < maxPoints - 1; row += stride) {
       const at = row & mask;
       while (drive < excitation.end && excitation.time[drive & excitation.mask] < time[at]) drive += 1;
       if (drive >= excitation.end) break;
@@ -286,7 +286,7 @@ export class Portraits {
     const { columns, mask } = estimates;
     const factor = this.app.units.factor("velocity");
     const from = estimates.rowAt(estimates.last_ns - this.span_s * 1e9);
-    const stride = Math.max(1, Math.ceil((estimates.end - from) / mostOverlay));
+    const stride = Math.max(1, Math.ceil((estimates.end - from) / maxOverlay));
     let dots = 0;
     for (let row = from; row < estimates.end; row += stride) {
       const at = row & mask;
@@ -306,7 +306,7 @@ export class Portraits {
     const xFactor = this.app.units.factor("length");
     const vFactor = this.app.units.factor("velocity");
     let dots = 0;
-    for (let i = section.begin; i < section.end && dots < mostOverlay; ++i) {
+    for (let i = section.begin; i < section.end && dots < maxOverlay; ++i) {
       const at = i % section.time.length;
       this.overlay[2 * dots] = (section.x[at] * xFactor - xLow) * xScale;
       this.overlay[2 * dots + 1] = (yHigh - section.v[at] * vFactor) * yScale;

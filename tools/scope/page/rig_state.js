@@ -7,7 +7,7 @@ import { count, duration, number } from "./units.js";
 const stateMarks = { faulted: "bad", idle: "unknown", armed: "warn", running: "good", stopping: "warn" };
 const limitNames = ["no", "displacement or force", "velocity", "acceleration", "not a number"];
 const severities = ["information", "warning", "error"];
-const mostEvents = 200;
+const maxEvents = 200;
 
 export class RigState {
   constructor(app) {
@@ -126,11 +126,11 @@ export class RigState {
     this.events.unshift({ key, ...event });
     this.events.sort((a, b) => b.utc_us - a.utc_us);
     const list = byId("event-list");
-    if (this.events.length > mostEvents) this.events.length = mostEvents;
+    if (this.events.length > maxEvents) this.events.length = maxEvents;
     const place = this.events.findIndex((one) => one.key === key);
     if (place < 0) return;
     list.insertBefore(this.#eventItem(event), list.children[place] ?? null);
-    while (list.children.length > mostEvents) list.lastElementChild.remove();
+    while (list.children.length > maxEvents) list.lastElementChild.remove();
     if (event.severity >= 2) this.app.say(`Error: ${event.message}`);
   }
 

@@ -110,8 +110,8 @@ class App {
   // The daemon was restarted: earlier data is not comparable.
   #restart() {
     if (this.paused) this.pause(false);
-    this.scope.forget();
-    this.portraits.forget();
+    this.scope.clear();
+    this.portraits.clear();
     this.changed = true;
   }
 
@@ -126,7 +126,7 @@ class App {
       this.scope.trigger.arm(this.live.frames.end);
     }
     this.paused = paused;
-    this.portraits.section.forget();
+    this.portraits.section.clear();
     if (!paused) this.scope.setSpan(this.scope.span_s);
     setPressed(byId("pause"), paused);
     setText(byId("pause"), paused ? "Go on" : "Pause");

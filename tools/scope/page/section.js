@@ -14,11 +14,11 @@ export class Section {
     this.time = new Float64Array(most);
     this.x = new Float64Array(most);
     this.v = new Float64Array(most);
-    this.forget();
+    this.clear();
   }
 
   // Restarts with all rows of the rings.
-  forget() {
+  clear() {
     this.begin = 0;
     this.end = 0;
     this.row = 0;
@@ -26,7 +26,7 @@ export class Section {
 
   setPhase(phase_rad) {
     this.phase_rad = phase_rad;
-    this.forget();
+    this.clear();
   }
 
   // Adds new rows, as far as both frames and drive are known.
@@ -34,7 +34,7 @@ export class Section {
     const { excitation, frames } = store;
     const { time, mask } = excitation;
     const phase = excitation.columns.phase_rad;
-    if (this.row > excitation.end) this.forget();
+    if (this.row > excitation.end) this.clear();
     let row = Math.max(this.row, excitation.begin + 1);
     for (; row < excitation.end && time[row & mask] <= frames.last_ns; ++row) {
       // Phases relative to the section, so that a frame exactly on it belongs to one passage only.

@@ -8,7 +8,7 @@ import uPlot from "./uPlot.esm.js";
 const lengths = [1024, 2048, 4096, 8192, 16384, 32768, 65536];
 // The paper's rig, until a model is known.
 const usualMarks = [{ name: "natural", hz: 2.4 }, { name: "load cell", hz: 19.3 }, { name: "bending", hz: 37 }];
-const mostHarmonics = 7;
+const maxHarmonics = 7;
 
 export class Spectrum {
   constructor(app) {
@@ -189,7 +189,7 @@ export class Spectrum {
       context.fillText(label, left, bbox.top + row * small * ratio * 1.2);
     };
     const drive = this.app.store.carrier_hz;
-    for (let order = 2; drive > 0 && order <= mostHarmonics; ++order) mark(order * drive, `${order}`, colours.quiet, [1, 3], 0);
+    for (let order = 2; drive > 0 && order <= maxHarmonics; ++order) mark(order * drive, `${order}`, colours.quiet, [1, 3], 0);
     if (drive > 0) mark(drive, `drive ${number(drive, 3)}`, colours.c1, [6, 3], 1);
     this.marks.forEach(({ name, hz }, i) => mark(hz, `${name} ${number(hz, 3)}`, colours.mark, [2, 2], 2 + (i % 3)));
     context.restore();

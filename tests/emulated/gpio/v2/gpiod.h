@@ -49,7 +49,7 @@ void gpiod_chip_close(gpiod_chip* chip);
 gpiod_chip_info* gpiod_chip_get_info(gpiod_chip* chip);
 int gpiod_chip_get_line_offset_from_name(gpiod_chip* chip, const char* name);
 gpiod_line_info* gpiod_chip_get_line_info(gpiod_chip* chip, unsigned int offset);
-gpiod_line_request* gpiod_chip_request_lines(gpiod_chip* chip, gpiod_request_config* how,
+gpiod_line_request* gpiod_chip_request_lines(gpiod_chip* chip, gpiod_request_config* config,
                                              gpiod_line_config* lines);
 
 void gpiod_chip_info_free(gpiod_chip_info* info);
@@ -84,7 +84,7 @@ int gpiod_line_request_set_value(gpiod_line_request* request, unsigned int offse
                                  gpiod_line_value value);
 int gpiod_line_request_get_fd(gpiod_line_request* request);
 int gpiod_line_request_read_edge_events(gpiod_line_request* request,
-                                        gpiod_edge_event_buffer* buffer, size_t most);
+                                        gpiod_edge_event_buffer* buffer, size_t max_events);
 
 gpiod_edge_event_buffer* gpiod_edge_event_buffer_new(size_t capacity);
 void gpiod_edge_event_buffer_free(gpiod_edge_event_buffer* buffer);

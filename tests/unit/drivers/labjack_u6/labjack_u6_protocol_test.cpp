@@ -141,7 +141,7 @@ TEST(LabjackU6Reply, EveryErrorHasItsVerdict) {
             "error 48 (the stream is running)");
 }
 
-RC_GTEST_PROP(LabjackU6Reply, OneFlippedBitNeverPasses, ()) {
+RC_GTEST_PROP(LabjackU6Reply, SingleBitErrorIsRejected, ()) {
   Bytes reply = identity_reply();
   const auto at = *rc::gen::inRange<std::size_t>(0, reply.size());
   const auto bit = *rc::gen::inRange(0U, 8U);

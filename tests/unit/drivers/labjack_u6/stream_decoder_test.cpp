@@ -346,7 +346,7 @@ RC_GTEST_PROP(LabjackU6Stream, LossesAreMinimal, ()) {
 }
 
 /// Random bytes.
-RC_GTEST_PROP(LabjackU6Stream, NoiseIsNeverAScan, (const std::vector<std::uint8_t>& noise)) {
+RC_GTEST_PROP(LabjackU6Stream, RandomBytesAreRejected, (const std::vector<std::uint8_t>& noise)) {
   StreamDecoder decoder(4, 25);
   RC_ASSERT(decoder.take(noise) == Outcome::damaged);
   RC_ASSERT(decoder.scans().empty());

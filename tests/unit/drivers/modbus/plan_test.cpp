@@ -106,7 +106,7 @@ RC_GTEST_PROP(ModbusPlan, EveryRegisterLiesWithinItsRequest, ()) {
   }
   for (std::size_t i = 0; i < plan.requests.size(); ++i) {
     RC_ASSERT(used[i]);
-    RC_ASSERT(plan.requests[i].count <= most_in_one(plan.requests[i].table));
+    RC_ASSERT(plan.requests[i].count <= max_per_request(plan.requests[i].table));
   }
 }
 

@@ -1,4 +1,4 @@
-// Valid and corrupted lines of a serial scale, and their missed messages.
+// Valid and corrupted lines of a serial scale; the count of missed lines.
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
@@ -20,7 +20,7 @@ std::string with_checksum(const std::string& text) {
   return text + ending;
 }
 
-void expect_nothing(const std::string& line) {
+void expect_rejected(const std::string& line) {
   EXPECT_FALSE(parse_line(line)) << testing::PrintToString(line);
 }
 
@@ -48,10 +48,10 @@ TEST(SerialScaleLine, WrongFormatIsRejectedDespiteItsChecksum) {
         "S +1.0e3 g", "S +inf g", "S +-1.0 g", "S + 1.0 g",  "S +1.0 lb",  "S +1.0 G",
         "S +1.0",     "S +1.0g",  "S  +1.0 g", "S +1.0  g",  "S +1.0 g ",  " S +1.0 g",
         "S ---- g",   "E +1.0 g", "E  g",      "E --.- g",   "S +1.0 g\n", "S +1.0 g\r"}) {
-    expect_nothing(with_checksum(text));
+    expect_rejected(with_checksum(text));
   }
-  expect_nothing(with_checksum(std::string("S +1.0\0 g", 9)));
-  expect_nothing(with_checksum("S +" + std::string(60, '1') + ".0 g"));
+  expect_rejected(with_checksum(std::string("S +1.0\0 g", 9)));
+  expect_rejected(with_checksum("S +" + std::string(60, '1') + ".0 g"));
 }
 
 TEST(SerialScaleLine, WrongEndingIsRejected) {
@@ -60,10 +60,10 @@ TEST(SerialScaleLine, WrongEndingIsRejected) {
         "S +00012.345 g *30", "S +00012.345 g *3\r\n", "S +00012.345 g *030\r\n",
         "S +00012.345 g 30\r\n", "S +00012.345 g*30\r\n", "S +00012.345 g *30 \r\n",
         "S +00012.345 g *30\r\n\r\n"}) {
-    expect_nothing(line);
+    expect_rejected(line);
   }
   EXPECT_TRUE(parse_line("M -2.5 g *2E\r\n"));
-  expect_nothing("M -2.5 g *2e\r\n");
+  expect_rejected("M -2.5 g *2e\r\n");
 }
 
 /// A valid line without an error, and its content.
@@ -127,9 +127,9 @@ RC_GTEST_PROP(SerialScaleLineProperty, ArbitraryBytesAreRejectedWithoutAValidChe
   for (int n = *rc::gen::inRange(1, 9); n > 0; --n) {
     line[*rc::gen::inRange<std::size_t>(0, line.size())] = *rc::gen::arbitrary<char>();
   }
-  const bool adds_up = line == with_checksum(line.substr(0, line.size() - 6));
-  RC_ASSERT(adds_up || !parse_line(line));
-  RC_CLASSIFY(adds_up && line != before, "right by chance");
+  const bool checksum_valid = line == with_checksum(line.substr(0, line.size() - 6));
+  RC_ASSERT(checksum_valid || !parse_line(line));
+  RC_CLASSIFY(checksum_valid && line != before, "checksum valid by chance");
 }
 
 TEST(MissedMessages, CountsNoneForLinesWithJitter) {
@@ -147,7 +147,7 @@ TEST(MissedMessages, CountsTheMessagesOfAGapOnce) {
   for (int i = 1; i <= 20; ++i) EXPECT_EQ(missed.count(i * 100 * ms, 1), 0U);
   EXPECT_EQ(missed.count(2400 * ms, 1), 3U);
   EXPECT_EQ(missed.count(2500 * ms, 1), 0U);
-  // Silence is counted while it lasts, and not again at its end.
+  // Missed messages are counted during a gap, and not again at its end.
   EXPECT_EQ(missed.count(2670 * ms, 0), 0U);
   EXPECT_EQ(missed.count(2680 * ms, 0), 1U);
   EXPECT_EQ(missed.count(2990 * ms, 0), 3U);

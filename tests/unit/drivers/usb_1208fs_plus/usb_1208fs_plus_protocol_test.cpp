@@ -45,14 +45,14 @@ std::string refusal_of(const config::BenchInputs& inputs, double rate_hz = 1000.
   return refusal;
 }
 
-TEST(Usb1208fsPlusVolts, AreScaledByTheRangeAfterTheCorrection) {
+TEST(Usb1208fsPlusInput, IsCorrectedAndScaledByTheRange) {
   EXPECT_EQ(input_volts(2048, 10.0, {}), 0.0);
   EXPECT_EQ(input_volts(0, 10.0, {}), -10.0);
   EXPECT_EQ(input_volts(3072, 5.0, {}), 2.5);
   EXPECT_NEAR(input_volts(2000, 10.0, {1.01F, 28.0F}), 0.0, 1e-4);
 }
 
-TEST(Usb1208fsPlusVolts, OfTheOutputAreLimited) {
+TEST(Usb1208fsPlusOutput, IsLimitedToItsRange) {
   EXPECT_EQ(output_counts(2.5), 2048);
   EXPECT_EQ(output_counts(0.0), 0);
   EXPECT_EQ(output_counts(-1.0), 0);
@@ -61,7 +61,7 @@ TEST(Usb1208fsPlusVolts, OfTheOutputAreLimited) {
   EXPECT_EQ(output_counts(std::numeric_limits<double>::quiet_NaN()), 0);
 }
 
-TEST(Usb1208fsPlusCalibration, HasItsLayout) {
+TEST(Usb1208fsPlusCalibration, IsParsedFromMemory) {
   auto memory = memory_of(1.0F, 0.0F);
   const float slope = 1.02F;
   const float offset = -7.5F;
