@@ -20,7 +20,7 @@ void Numbering::begin(std::int64_t host_ns) {
   }
   started_ = true;
   first_ = next_;
-  begun_ns_ = window_ns_ = host_ns;
+  start_ns_ = window_ns_ = host_ns;
   min_lateness_ns_ = never;
   initial_lateness_ns_.reset();
 }
@@ -28,7 +28,7 @@ void Numbering::begin(std::int64_t host_ns) {
 void Numbering::arrived(std::int64_t host_ns) {
   const double taken_ns = static_cast<double>(next_ - first_) * period_ns_;
   min_lateness_ns_ =
-      std::min(min_lateness_ns_, static_cast<double>(host_ns - begun_ns_) - taken_ns);
+      std::min(min_lateness_ns_, static_cast<double>(host_ns - start_ns_) - taken_ns);
   if (host_ns - window_ns_ < second_ns) return;
   window_ns_ = host_ns;
   last_lateness_ns_ = min_lateness_ns_;

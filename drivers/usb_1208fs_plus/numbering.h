@@ -33,7 +33,7 @@ class Numbering {
   std::uint64_t next_ = 0;
   std::uint64_t first_ = 0;                    // number of the first scan since the start command
   double first_exact_ = 0.0;                   // the same, not rounded
-  std::int64_t begun_ns_ = 0;                  // time of the start command
+  std::int64_t start_ns_ = 0;                  // time of the start command
   std::int64_t window_ns_ = 0;                 // start of the current second
   double min_lateness_ns_ = 0.0;               // in the current second
   std::optional<double> initial_lateness_ns_;  // minimum of the first second
