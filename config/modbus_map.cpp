@@ -58,7 +58,7 @@ void check_groups(Document& document, const ModbusMap& map) {
     Extent& extent = extents[{reg.group, reg.table}];
     extent.first = std::min(extent.first, reg.address);
     extent.end = std::max(extent.end, reg.address + static_cast<int>(registers_of(reg.type)));
-    const int most = most_in_one(reg.table);
+    const int most = max_per_request(reg.table);
     if (extent.end - extent.first <= most || extent.reported) continue;
     extent.reported = true;
     document.report("register." + std::to_string(i) + ".group",

@@ -309,7 +309,7 @@ void LineServer::drop_finished(steady_clock::time_point now) {
     Client& client = at->second;
     const bool all_sent = client.sent >= client.out.size();
     if (!client.in.empty() && client.in.find('\n') == std::string::npos &&
-        now - client.begun > settings_.timeout) {
+        now - client.line_start > settings_.timeout) {
       client.reason = "it did not finish a line in time";
       client.closing = true;
     }

@@ -59,7 +59,7 @@ std::string progress_text(const Status& status, double elapsed_s, std::size_t co
 }
 
 std::string ProgressLine::draw(double now_s, const Status& status, std::size_t columns) {
-  if (now_s - begun_s_ < display_delay_s) return "";
+  if (now_s - start_s_ < display_delay_s) return "";
   if (drawn_s_ && now_s - *drawn_s_ < period_s) return "";
   std::string text = progress_text(status, now_s - start_s_, columns);
   if (text == shown_) return "";
