@@ -35,7 +35,7 @@ void append(std::string& log, const stickslip::protocol::LogEvent& event, std::u
   log.append(event.data.begin(), event.data.end());
 }
 
-void survey_and_mend(const std::string& bytes) {
+void survey_and_repair(const std::string& bytes) {
   using namespace stickslip;
   std::istringstream in(bytes);
   const protocol::LogSurvey survey = protocol::survey_log(in, "fuzz.log");
@@ -43,10 +43,10 @@ void survey_and_mend(const std::string& bytes) {
   std::string repaired;
   std::uint64_t events = 0;
   const protocol::RepairResult repair = protocol::repair_log(
-      in, "fuzz.log", [&](const protocol::LogEvent& event) { append(mended, event, events++); });
+      in, "fuzz.log", [&](const protocol::LogEvent& event) { append(repaired, event, events++); });
   require(repair.events == events && events <= survey.events, "kept events are intact");
-  require(mended.size() <= bytes.size(), "nothing is added");
-  std::istringstream again(mended);
+  require(repaired.size() <= bytes.size(), "nothing is added");
+  std::istringstream again(repaired);
   const protocol::LogSurvey after = protocol::survey_log(again, "fuzz.log");
   require(after.events == events && after.frames == repair.frames, "all kept events are written");
   require(after.damaged_places + after.bad_checksums + after.undecodable + after.misnumbered == 0 &&
@@ -66,7 +66,7 @@ void survey_and_mend(const std::string& bytes) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace stickslip;
   const std::string bytes(reinterpret_cast<const char*>(data), size);
-  survey_and_mend(bytes);
+  survey_and_repair(bytes);
   std::istringstream in(bytes);
   protocol::Recording recording;
   try {

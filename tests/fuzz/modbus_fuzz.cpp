@@ -77,7 +77,7 @@ void look_at_plan(const config::ModbusMap& map, const std::set<std::string>& nee
     if (!plan.places[i]) continue;
     const ModbusRegister& reg = map.registers[i];
     const ReadRequest& request = plan.requests.at(plan.places[i]->request);
-    require(request.table == reg.table && request.count <= most_in_one(reg.table),
+    require(request.table == reg.table && request.count <= max_per_request(reg.table),
             "requests are of one table and not too long");
     require(
         plan.places[i]->first + registers_of(reg.type) <= static_cast<std::size_t>(request.count),

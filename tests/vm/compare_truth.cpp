@@ -159,7 +159,7 @@ int run(char** argv) {
     for (std::size_t k = 0; k < points.size(); k += 1 + points.size() / 4000) {
       subset.push_back(points[k]);
     }
-    const double late_ns = lateness_ns(subset, rows, i);
+    const double delay_ns = lateness_ns(subset, rows, i);
     std::printf(
         ", \"%s\": {\"readings\": %zu, \"late_ms\": %.3f, \"rms\": %.6g, \"slope_per_s\": %.6g}",
         info(channel).stem.data(), points.size(), delay_ns * 1e-6,

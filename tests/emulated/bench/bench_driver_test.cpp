@@ -35,7 +35,7 @@ constexpr double ratio_per_second = 2e-4;
 /// All channels grow with time: a value shows the time of its measurement.
 class Ramp final : public Wires {
  public:
-  explicit Ramp(std::int64_t begun_ns) : begun_ns_(begun_ns) {}
+  explicit Ramp(std::int64_t start_ns) : start_ns_(start_ns) {}
   double truth(Channel, std::int64_t time_ns) override {
     return static_cast<double>(time_ns - start_ns_) * 1e-9;
   }

@@ -17,7 +17,7 @@ class UsbEventsBench : public testing::Test {
   ~UsbEventsBench() override { libusb_exit(context_); }
 
   /// Duration of a number of waits of 50 ms that return immediately without an event.
-  Clock::duration wait_for_nothing(int times) {
+  Clock::duration spurious_waits(int times) {
     const Clock::time_point start = Clock::now();
     for (int i = 0; i < times; ++i) {
       libusb_interrupt_event_handler(context_);
@@ -37,7 +37,7 @@ TEST_F(UsbEventsBench, ContinuouslyReadyBoardIsPolledOncePerMillisecond) {
 }
 
 TEST_F(UsbEventsBench, WaitsForTheTimeout) {
-  wait_for_nothing(5);
+  spurious_waits(5);
   const Clock::time_point start = Clock::now();
   EXPECT_TRUE(events_.handle(context_, milliseconds(20)));
   EXPECT_GE(Clock::now() - start, milliseconds(19));

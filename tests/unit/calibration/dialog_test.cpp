@@ -162,17 +162,17 @@ TEST(Dialog, RepeatsTheQuestionAfterAnInvalidAnswer) {
 }
 
 TEST(Dialog, RepeatsAFailedReading) {
-  Talk talk(settings());
-  talk.introduce();
-  talk.type("");
-  talk.dialog.reading_failed("the daemon is disconnected");
-  EXPECT_THAT(talk.dialog.take_text(), HasSubstr("the daemon is disconnected"));
-  talk.type("");
-  talk.dialog.offer({std::nan(""), 1.0, 10.0});
-  EXPECT_EQ(talk.dialog.wants(), Wants::answer);
-  EXPECT_TRUE(talk.dialog.points().empty());
-  talk.measure("", 0.0);
-  EXPECT_EQ(talk.dialog.points().size(), 1U);
+  Session session(settings());
+  session.answer_introduction();
+  session.type("");
+  session.dialog.reading_failed("the daemon is disconnected");
+  EXPECT_THAT(session.dialog.take_text(), HasSubstr("the daemon is disconnected"));
+  session.type("");
+  session.dialog.offer({std::nan(""), 1.0, 10.0});
+  EXPECT_EQ(session.dialog.wants(), Wants::answer);
+  EXPECT_TRUE(session.dialog.points().empty());
+  session.measure("", 0.0);
+  EXPECT_EQ(session.dialog.points().size(), 1U);
   // An unsteady reading is reported.
   session.type("1 N");
   session.dialog.offer({1e-3, 1e-5, 100.0});

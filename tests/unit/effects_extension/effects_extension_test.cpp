@@ -12,7 +12,8 @@
 
 #include "config/model_file.h"
 #include "diagnosis/diagnosis.h"
-#include "diagnosis/report/report.h"
+#include "diagnosis/report/json.h"
+#include "diagnosis/report/text.h"
 #include "diagnosis/shape.h"
 #include "observer/kalman_filter.h"
 #include "physics/catalogue.h"
@@ -169,9 +170,9 @@ TEST(EffectsExtension, AreFoundByTheDiagnosisAndReported) {
   options.threads = 2;
   const auto found = diagnosis::diagnose(
       {diagnosis::test::record(with(model, cogging_term()), 24.0)}, model, options);
-  ASSERT_EQ(found.findings.size(), 1U) << diagnosis::report_text(found);
+  ASSERT_EQ(found.findings.size(), 1U) << report::report_text(found);
   const diagnosis::Finding& finding = found.findings.front();
-  EXPECT_EQ(finding.effect, find_effect("cogging")) << diagnosis::report_text(found);
+  EXPECT_EQ(finding.effect, find_effect("cogging")) << report::report_text(found);
   ASSERT_EQ(finding.parameters.size(), 1U);
   EXPECT_NEAR(finding.parameters[0].value, cogging_n, 0.05 * cogging_n);
   const diagnosis::Experiment experiments[] = {
@@ -180,10 +181,10 @@ TEST(EffectsExtension, AreFoundByTheDiagnosisAndReported) {
   EXPECT_TRUE(std::any_of(candidates.begin(), candidates.end(), [](const auto& candidate) {
     return candidate.name() == "cubic_characteristic of displacement";
   }));
-  const auto json = diagnosis::report_json(found);
+  const auto json = report::report_json(found);
   EXPECT_EQ(json["findings"][0]["id"], "unlisted");
   EXPECT_EQ(json["findings"][0]["name"], "cogging");
-  EXPECT_THAT(diagnosis::report_text(found), testing::HasSubstr("cogging"));
+  EXPECT_THAT(report::report_text(found), testing::HasSubstr("cogging"));
 }
 
 }  // namespace
