@@ -120,7 +120,7 @@ constexpr Case daemon_cases[] = {
     {Interlock::observer_diverged, [](Interlocks& i) { i.observer_restarted(true); },
      [](Interlocks& i) { i.observer_restarted(false); }, "diverged"},
     {Interlock::client_gone, [](Interlocks& i) { i.dead_man(-500 * ms); },
-     [](Interlocks& i) { i.dead_man({}); }, "silent"},
+     [](Interlocks& i) { i.dead_man({}); }, "does not respond"},
 };
 
 void expect_broken_and_restored(std::span<const Case> cases) {
