@@ -14,6 +14,7 @@
 
 #include "physics/problem.h"
 #include "protocol/recording.h"
+#include "protocol/recording_events.h"
 #include "protocol/recording_log.h"
 
 namespace stickslip::protocol {

@@ -9,9 +9,10 @@
 #include <utility>
 
 #include "physics/problem.h"
-#include "protocol/recording_log.h"
 
 namespace stickslip::protocol {
+
+bool is_log(std::string_view head) { return head.substr(0, 4) == sync_word; }
 namespace {
 
 // Longest channel name that liblcm's own reader accepts.

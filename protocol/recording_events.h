@@ -4,11 +4,18 @@
 #include <cstdint>
 #include <istream>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "protocol/progress_callback.h"
 
 namespace stickslip::protocol {
+
+/// The first four bytes of every event of a log.
+inline constexpr std::string_view sync_word = "\xED\xA1\xDA\x01";
+
+/// True if a file with this beginning is an LCM event log.
+bool is_log(std::string_view head);
 
 /// An event on disk: sync word, event number, time, two lengths, channel, data; big-endian.
 inline constexpr std::int64_t event_header_bytes = 28;

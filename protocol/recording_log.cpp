@@ -40,8 +40,6 @@ using Log = std::unique_ptr<lcm_eventlog_t, CloseLog>;
 
 }  // namespace
 
-bool is_log(std::string_view head) { return head.substr(0, 4) == sync_word; }
-
 Recording read_log(const std::filesystem::path& file, const ProgressCallback& done) {
   std::ifstream in(file, std::ios::binary);
   if (!in) {

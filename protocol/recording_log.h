@@ -13,14 +13,8 @@
 
 namespace stickslip::protocol {
 
-/// The first four bytes of every event of a log.
-inline constexpr std::string_view sync_word = "\xED\xA1\xDA\x01";
-
 /// Current format of logs.
 inline constexpr std::int32_t log_schema = 3;
-
-/// True if a file with this beginning is an LCM event log.
-bool is_log(std::string_view head);
 
 /// As read_recording, for a log.
 Recording read_log(const std::filesystem::path& file, const ProgressCallback& done = {});

@@ -109,7 +109,7 @@ transition_speed_m_s = 0.01
 """)
         result = stickslip("estimate", self.recording, "--model", imposed)
         self.assertEqual(result.returncode, 2)
-        self.assertIn(f"{imposed}: the observer follows rigs with a force balance", result.stderr)
+        self.assertIn(f"{imposed}: the observer needs a force balance", result.stderr)
 
 
 if __name__ == "__main__":

@@ -168,7 +168,7 @@ class RecordingsOnLcm(EndToEnd):
                     result = stickslip(*command)
                     self.assertEqual(result.returncode, 2, result.stderr)
                     self.assertEqual(result.stderr.count("\n"), 1, result.stderr)
-                    self.assertIn("does not hear itself", result.stderr)
+                    self.assertIn("does not receive its own messages", result.stderr)
                     self.assertIn("7667", result.stderr)
 
     def test_bad_urls_are_refused_in_one_line(self):

@@ -141,7 +141,7 @@ class RecordingsSurvive(EndToEnd):
         self.assertEqual(checked.returncode, 1, checked.stderr)
         self.assertIn("damaged in 1 place", checked.stdout)
         self.assertIn(f"at byte {middle}", checked.stdout)
-        self.assertIn("cut off", checked.stdout)
+        self.assertIn("truncated", checked.stdout)
         mended = self.folder / "mended.log"
         output = self.succeed("log", "repair", log, "--out", mended).stdout
         self.assertIn("1 place outside of events", output)
@@ -180,7 +180,7 @@ class RecordingsSurvive(EndToEnd):
         csv = self.write("in.csv", "time_s,displacement_m\n0,1\n0.1,2\n")
         for arguments, word in ((("log",), "subcommand"), (("log", "check"), "files"),
                                 (("log", "repair", csv), "--out"),
-                                (("log", "check", csv), "no LCM event log"),
+                                (("log", "check", csv), "not an LCM event log"),
                                 (("log", "info", self.folder / "absent.log"), "absent.log"),
                                 (("log", "check", self.folder), "folder")):
             with self.subTest(arguments=arguments):

@@ -19,6 +19,7 @@
 #include "tools/commands/commands.h"
 #include "tools/files/write_file.h"
 #include "tools/recording_export/table.h"
+#include "tools/recording_export/write_tables.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {

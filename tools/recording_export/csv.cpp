@@ -7,7 +7,7 @@
 #include <fstream>
 
 #include "physics/problem.h"
-#include "tools/recording_export/table.h"
+#include "tools/recording_export/write_tables.h"
 
 namespace stickslip::recording_export {
 namespace {

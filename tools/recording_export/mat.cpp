@@ -6,7 +6,7 @@
 #include <stdexcept>
 
 #include "physics/problem.h"
-#include "tools/recording_export/table.h"
+#include "tools/recording_export/write_tables.h"
 
 namespace stickslip::recording_export {
 namespace {

@@ -46,18 +46,7 @@ struct Tables {
 Tables tables_of(const std::filesystem::path& recording,
                  const protocol::ProgressCallback& done = {});
 
-/// Writes the format given by the extension of `out`: .csv, .mat (MATLAB 5), .h5 or .hdf5. Throws
-/// InputError if the extension is unknown, the file cannot be written, or a limit of the format is
-/// exceeded.
-void write_tables(const Tables& tables, const std::filesystem::path& out,
-                  const protocol::ProgressCallback& done = {});
-
 /// The description as pairs of name and text, in the same order for all formats.
 std::vector<std::pair<std::string, std::string>> description_texts(const Tables& tables);
-
-void write_tables_csv(const Tables& tables, const std::filesystem::path& out,
-                      const protocol::ProgressCallback& done = {});
-void write_tables_mat(const Tables& tables, const std::filesystem::path& out);
-void write_tables_hdf5(const Tables& tables, const std::filesystem::path& out);
 
 }  // namespace stickslip::recording_export

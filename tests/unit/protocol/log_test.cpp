@@ -14,6 +14,7 @@
 #include "protocol/decode.h"
 #include "protocol/frame_block.h"
 #include "protocol/recording.h"
+#include "protocol/recording_events.h"
 #include "protocol/recording_log.h"
 #include "tests/unit/protocol/files.h"
 

@@ -19,6 +19,7 @@
 #include "protocol/recording.h"
 #include "protocol/recording_log.h"
 #include "tools/recording_export/table.h"
+#include "tools/recording_export/write_tables.h"
 
 namespace stickslip::recording_export {
 namespace {
