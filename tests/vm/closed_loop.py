@@ -16,7 +16,7 @@ import unittest
 
 SOURCE, BUILD = map(pathlib.Path, sys.argv[1:3])
 SECONDS = float(sys.argv[3]) if len(sys.argv) > 3 else 120.0
-STICKSLIP, STICKSLIPD = BUILD / "tools/stickslip", BUILD / "daemon/stickslipd"
+STICKSLIP, STICKSLIPD = BUILD / "bin/stickslip", BUILD / "bin/stickslipd"
 CARRIER_HZ, AMPLITUDE_M = 3.2, 0.006
 # Residual error of each input by resolution and noise, SI, and uncertainty of the time of a reading:
 # scans of the board by its crystal on the host's clock, others by the arrival of their replies.
