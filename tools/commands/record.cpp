@@ -204,7 +204,7 @@ int run(const Arguments& arguments) {
   const StopSignals stop;
   const std::unique_ptr<lcm::LCM> lcm = join_lcm(arguments.url);
   Recorder recorder(arguments);
-  listen(*lcm, "STICKSLIP_.*", &Recorder::take, &recorder);
+  listen<&Recorder::take>(*lcm, "STICKSLIP_.*", &recorder);
   std::printf("recording %s into %s\n", arguments.url.c_str(), arguments.out.c_str());
   std::fflush(stdout);
   const auto end = after(steady_clock::now(), arguments.duration_s);

@@ -94,7 +94,7 @@ int run(const Arguments& arguments) {
     return feed.greeting(steady_clock::now());
   });
   Subscriber subscriber(feed);
-  listen(*lcm, "STICKSLIP_.*", &Subscriber::take, &subscriber);
+  listen<&Subscriber::take>(*lcm, "STICKSLIP_.*", &subscriber);
   server->watch(lcm->getFileno(), [&lcm] {
     for (int i = 0; i < 64 && lcm->handleTimeout(0) > 0; ++i) {
     }

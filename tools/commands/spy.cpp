@@ -118,7 +118,7 @@ int run(const Arguments& arguments) {
   const StopSignals stop;
   const std::unique_ptr<lcm::LCM> lcm = join_lcm(arguments.url);
   Listener listener;
-  listen(*lcm, ".*", &Listener::take, &listener);
+  listen<&Listener::take>(*lcm, ".*", &listener);
   Display display(arguments, listener.traffic());
   const auto start = steady_clock::now();
   const auto period = std::chrono::seconds(1);

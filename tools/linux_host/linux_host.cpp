@@ -339,7 +339,7 @@ doctor::RoundTrip LinuxHost::lcm_round_trip(const std::string& url, std::size_t 
     const std::unique_ptr<lcm::LCM> lcm = join_lcm(url);
     const std::string channel = "STICKSLIP_DOCTOR_" + std::to_string(getpid());
     Echo echo;
-    listen(*lcm, channel, &Echo::take, &echo);
+    listen<&Echo::take>(*lcm, channel, &echo);
     const std::vector<std::uint8_t> message(bytes);
     constexpr int messages = 20;
     std::vector<std::int64_t> times;

@@ -40,13 +40,11 @@ std::unique_ptr<lcm::LCM> join_lcm(const std::string& url);
 /// program.
 void check_reception(lcm::LCM& lcm);
 
-/// Passes every message on the channels that match the regular expression `channels` to `method` of
-/// `listener`. The queue is unlimited: LCM's default of 30 messages loses bursts. Throws InputError
-/// if LCM refuses.
-template <class Listener>
-void listen(lcm::LCM& lcm, const std::string& channels,
-            void (Listener::*method)(const lcm::ReceiveBuffer*, const std::string&),
-            Listener* listener);
+/// Passes every message on the channels that match the regular expression `channels` to the member
+/// function `method(const lcm::ReceiveBuffer*, const std::string& channel)` of `listener`. The
+/// queue is unlimited: LCM's default of 30 messages loses bursts. Throws InputError if LCM refuses.
+template <auto method, class Listener>
+void listen(lcm::LCM& lcm, const std::string& channels, Listener* listener);
 
 enum class Wake { message, stop, time_out };
 
@@ -65,12 +63,14 @@ std::chrono::steady_clock::time_point after(std::chrono::steady_clock::time_poin
 /// Throws InputError("LCM " + problem).
 [[noreturn]] void throw_lcm_error(const std::string& problem);
 
-template <class Listener>
-void listen(lcm::LCM& lcm, const std::string& channels,
-            void (Listener::*method)(const lcm::ReceiveBuffer*, const std::string&),
-            Listener* listener) {
+template <auto method, class Listener>
+void listen(lcm::LCM& lcm, const std::string& channels, Listener* listener) {
   check_reception(lcm);
-  lcm::Subscription* subscription = lcm.subscribe(channels, method, listener);
+  // Not subscribe(): GCC 12's undefined-behaviour sanitizer miscompiles its call through a pointer
+  // to a member.
+  const auto pass = [](const lcm::ReceiveBuffer* buffer, const std::string& channel,
+                       Listener* receiver) { (receiver->*method)(buffer, channel); };
+  lcm::Subscription* subscription = lcm.subscribeFunction<Listener*>(channels, pass, listener);
   if (subscription == nullptr || subscription->setQueueCapacity(0) != 0) {
     throw_lcm_error("does not subscribe to " + channels);
   }

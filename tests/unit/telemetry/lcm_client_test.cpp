@@ -109,7 +109,7 @@ struct Collector {
 TEST(Listen, DeliversMatchingChannelsWithoutAQueueLimit) {
   const auto lcm = join_lcm("memq://");
   Collector collector;
-  listen(*lcm, "STICKSLIP_.*", &Collector::take, &collector);
+  listen<&Collector::take>(*lcm, "STICKSLIP_.*", &collector);
   constexpr int messages = 100;  // LCM's default limit is 30
   for (int i = 0; i < messages; ++i) {
     lcm->publish("STICKSLIP_FRAMES", "x", 1);
@@ -125,7 +125,7 @@ TEST(WaitFor, ReportsAMessageAStopSignalOrTheTimeOut) {
   const StopSignals stop;
   const auto lcm = join_lcm("memq://");
   Collector collector;
-  listen(*lcm, ".*", &Collector::take, &collector);
+  listen<&Collector::take>(*lcm, ".*", &collector);
   EXPECT_EQ(wait_for(*lcm, stop, steady_clock::now()), Wake::time_out);
   lcm->publish("A", "x", 1);
   EXPECT_EQ(wait_for(*lcm, stop, steady_clock::now() + std::chrono::seconds(5)), Wake::message);
