@@ -13,7 +13,6 @@
 
 #include "config/key.h"
 #include "config/key_tables.h"
-#include "config/spelling.h"
 #include "physics/problem.h"
 
 namespace stickslip::config {

@@ -10,10 +10,10 @@
 #include "config/calibration.h"
 #include "config/key_tables.h"
 #include "config/names.h"
-#include "config/spelling.h"
 #include "config/toml_nodes.h"
 #include "physics/frame.h"
 #include "physics/sensor_chain.h"
+#include "physics/spelling.h"
 
 namespace stickslip::config {
 
@@ -114,7 +114,7 @@ class Check {
                bool table) {
     const auto names = names_within(keys_, prefix);
     std::string message = (table ? "unknown table " : "unknown key ") + full(path);
-    const std::string meant = nearest(name.str(), names);
+    const std::string meant = physics::nearest(name.str(), names);
     if (!meant.empty()) {
       meant_.insert(joined_path(prefix, meant));
       message += ": did you mean " + meant + "?";
@@ -218,7 +218,7 @@ class Check {
     std::string message =
         full(path) + ": expected " + expectation(key) + ", found " + found_text(node);
     if (text) {
-      const std::string meant = nearest(*text, {key.choices.begin(), key.choices.end()});
+      const std::string meant = physics::nearest(*text, {key.choices.begin(), key.choices.end()});
       if (!meant.empty()) message += ": did you mean \"" + meant + "\"?";
     }
     problem(node, message);
@@ -453,7 +453,7 @@ class Check {
     for (const auto& [name, value] : *table) {
       const auto number = number_in(&value);
       if (std::find(stems.begin(), stems.end(), name.str()) == stems.end()) {
-        const std::string meant = nearest(name.str(), stems);
+        const std::string meant = physics::nearest(name.str(), stems);
         problem(place_of(name.source()), "unknown channel " + std::string(name.str()) + " in " +
                                              full(path) +
                                              (meant.empty() ? "; expected one of " + listed(stems)

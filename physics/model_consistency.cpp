@@ -1,9 +1,12 @@
 #include "physics/model_consistency.h"
 
 #include <cmath>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "physics/catalogue.h"
+#include "physics/spelling.h"
 
 namespace stickslip::physics {
 
@@ -167,11 +170,13 @@ void inspect(const Term& term, const Model& model, Inspection& inspection) {
   const std::string path = path_of(term);
   const Effect* effect = find_effect(term.id);
   if (effect == nullptr) {
-    std::string known;
-    for (const Effect* each : catalogue()) {
-      known += (known.empty() ? "" : ", ") + std::string(each->card().id);
-    }
-    inspection.require(false, path, "there is no effect \"" + term.id + "\"; known are " + known);
+    std::vector<std::string> known;
+    for (const Effect* each : catalogue()) known.emplace_back(each->card().id);
+    const std::string meant = nearest(term.id, known);
+    inspection.require(false, path,
+                       "there is no effect \"" + term.id + "\"" +
+                           (meant.empty() ? "; section 6 of docs/formats.md lists them"
+                                          : ": did you mean \"" + meant + "\"?"));
     return;
   }
   const Card& card = effect->card();

@@ -14,6 +14,7 @@
 #include "config/rig.h"
 #include "config/settings.h"
 #include "physics/problem.h"
+#include "physics/spelling.h"
 #include "tools/commands/commands.h"
 
 namespace stickslip::commands {
@@ -43,7 +44,7 @@ std::vector<Setting> chosen(const std::vector<Setting>& settings, const std::str
   if (!out.empty()) return out;
   std::vector<std::string> names;
   for (const Setting& each : settings) names.push_back(each.path);
-  const std::string meant = config::nearest(asked, names);
+  const std::string meant = physics::nearest(asked, names);
   throw InputError(Problem{"", 0, 0,
                            "config: there is no key \"" + asked + "\"" +
                                (meant.empty() ? "; `stickslip check --keys` lists them"

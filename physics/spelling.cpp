@@ -1,11 +1,11 @@
-#include "config/spelling.h"
+#include "physics/spelling.h"
 
 #include <algorithm>
 #include <cstddef>
 #include <numeric>
 #include <utility>
 
-namespace stickslip::config {
+namespace stickslip::physics {
 
 namespace {
 
@@ -57,4 +57,4 @@ std::string nearest(std::string_view name, const std::vector<std::string>& names
   return best;
 }
 
-}  // namespace stickslip::config
+}  // namespace stickslip::physics

@@ -5,9 +5,9 @@
 #include <string_view>
 #include <vector>
 
-namespace stickslip::config {
+namespace stickslip::physics {
 
 /// The one of `names` that `name` probably misspells; empty if none is similar enough.
 std::string nearest(std::string_view name, const std::vector<std::string>& names);
 
-}  // namespace stickslip::config
+}  // namespace stickslip::physics
