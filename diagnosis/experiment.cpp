@@ -61,6 +61,8 @@ constexpr double min_relative_noise = 1.0e-3;
 // Ends of a recording in which signals reconstructed through filters or derivatives are inaccurate.
 constexpr double reconstruction_margin_s = 0.35;
 constexpr double min_window_samples = 8.0;
+// Integration steps between two samples, beyond which a comparison takes hours and says nothing.
+constexpr double most_substeps = 2000.0;
 
 // A recording on its uniform time grid, with the model that it is compared with.
 struct Source {
@@ -103,7 +105,29 @@ void check_channels(const Source& source) {
   }
   if (source.load_is_measured()) {
     require(Channel::normal_load, "the normal-load law \"measured\" takes as N");
+    const auto& frames = source.recording.frames;
+    const bool pressed = std::any_of(frames.begin(), frames.end(), [](const Frame& frame) {
+      return frame.has(Channel::normal_load) && frame[Channel::normal_load] > 0.0;
+    });
+    if (!pressed) {
+      refuse(source.recording.source,
+             "has no normal_load_n above 0 N, which the normal-load law \"measured\" takes as N: "
+             "without it nothing rubs. Is the gauge connected, and has its calibration the right "
+             "sign? A model with another law needs no measured load");
+    }
   }
+}
+
+// Before there is a grid, which would have a place for every missing sample.
+void check_time_steps(const protocol::Recording& recording) {
+  const auto& frames = recording.frames;
+  const double period_s = protocol::median_period_s(frames);
+  const double span_s =
+      static_cast<double>(frames.back().time_ns - frames.front().time_ns) * 1.0e-9;
+  if (span_s / period_s + 1.0 <= 4.0 * static_cast<double>(frames.size())) return;
+  refuse(recording.source, "has time steps from " + physics::number_text(period_s) +
+                               " s to much longer ones: more than three quarters of the samples "
+                               "are missing");
 }
 
 void set_time_base(Experiment& e, const Source& source) {
@@ -111,14 +135,9 @@ void set_time_base(Experiment& e, const Source& source) {
   e.start_s = source.grid.start_s;
   e.period_s = source.grid.period_s;
   e.samples = source.grid.frame.size();
-  if (e.samples > 4 * source.recording.frames.size()) {
-    refuse(e.source, "has time steps from " + std::to_string(e.period_s) +
-                         " s to much longer ones: more than three quarters of the samples are "
-                         "missing");
-  }
 }
 
-int substeps_for(const Model& model, double period_s, Steps steps) {
+int substeps_for(const Model& model, const std::string& source, double period_s, Steps steps) {
   const physics::Rig rig(model);
   double resolving = rig.longest_step_s();
   // An effect on trial may make a declared load cell resonate.
@@ -127,7 +146,13 @@ int substeps_for(const Model& model, double period_s, Steps steps) {
         resolving, 0.05 / (2.0 * std::numbers::pi * model.load_cell->natural_frequency_hz.value));
   }
   const double longest = steps == Steps::fine ? resolving : std::min(2.0 * resolving, 1.0e-3);
-  return std::max(1, static_cast<int>(std::ceil(period_s / longest - 0.01)));
+  const double count = std::ceil(period_s / longest - 0.01);
+  if (count > most_substeps) {
+    refuse(source, "has a sample every " + physics::number_text(period_s) +
+                       " s, but the model moves within " + physics::number_text(20.0 * longest) +
+                       " s: nothing between two samples can be compared. Is time_s in seconds?");
+  }
+  return std::max(1, static_cast<int>(count));
 }
 
 void check_magnitudes(const Source& source, Channel channel) {
@@ -243,14 +268,17 @@ WideBandSignals wide_band_signals(const Experiment& e, const Source& source) {
   return out;
 }
 
+// The mean of the readings, as a magnitude: where they average 0 or less, as those of a gauge that
+// is not connected, the load that the model declares.
 double mean_load_n(const Source& source) {
   if (source.recorded(Channel::normal_load)) {
     const auto& raw = source.of(Channel::normal_load);
     double sum = 0.0;
     for (const double n : raw) sum += n;
-    return sum / static_cast<double>(raw.size());
+    if (sum > 0.0) return sum / static_cast<double>(raw.size());
   }
-  return source.model.normal_load ? source.model.normal_load->load_n.value : 1.0;
+  const auto& declared = source.model.normal_load;
+  return declared && declared->load_n.value > 0.0 ? declared->load_n.value : 1.0;
 }
 
 void set_inputs(Experiment& e, const Source& source, const WideBandSignals& signals) {
@@ -341,12 +369,13 @@ Experiment make_experiment(const protocol::Recording& recording, const Model& mo
     refuse(recording.source,
            "holds " + std::to_string(frames.size()) + " samples; at least 32 are needed");
   }
+  check_time_steps(recording);
   Source source{recording, model, {}, {}};
   check_channels(source);
   source.grid = time_grid_of(frames);
   Experiment e;
   set_time_base(e, source);
-  e.substeps = substeps_for(model, e.period_s, steps);
+  e.substeps = substeps_for(model, e.source, e.period_s, steps);
   set_channels(e, source);
   set_compared(e, source);
   set_readings(e, source);

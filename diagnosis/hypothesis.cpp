@@ -33,6 +33,13 @@ Unknown unknown_for(const ParameterCard& card, int parameter, double centre) {
   return unknown;
 }
 
+// A start derived from a magnitude that is 0 in the recording, such as the friction of a model with
+// mu = 0, may lie outside the domain of its parameter.
+double in_domain(const ParameterCard& card, double value) {
+  const bool inside = std::isfinite(value) && (!card.positive || value > 0.0);
+  return inside ? value : std::max(card.low, card.neutral);
+}
+
 physics::Term term_of(const physics::Effect& effect, const physics::Place& place,
                       std::span<const double> start, std::span<const double> fixed) {
   physics::Term term;
@@ -47,7 +54,7 @@ physics::Term term_of(const physics::Effect& effect, const physics::Place& place
         card.fixed_default && !complete
             ? (next_fixed < fixed.size() ? fixed[next_fixed++] : *card.fixed_default)
             : start[next_start++];
-    term.parameters[std::string(card.name)] = {value, 0.0};
+    term.parameters[std::string(card.name)] = {in_domain(card, value), 0.0};
   }
   return term;
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "physics/catalogue.h"
+#include "physics/rig.h"
 #include "physics/spelling.h"
 
 namespace stickslip::physics {
@@ -193,7 +194,25 @@ bool has_own_characteristic(const Term& term) {
          has_own_characteristic(*effect, {term.channel, term.from});
 }
 
+// A rig has room for a fixed number of terms and of their states.
+void inspect_room(const Model& model, Inspection& inspection) {
+  constexpr auto most = static_cast<std::size_t>(max_terms);
+  inspection.require(model.terms.size() <= most, "physics",
+                     "has " + std::to_string(model.terms.size()) + " terms; expected at most " +
+                         std::to_string(most));
+  int states = 0;
+  for (const Term& term : model.terms) {
+    const Effect* effect = find_effect(term.id);
+    const bool fitted = states <= 2 * max_effect_states;
+    if (effect != nullptr) states += effect->state_count();
+    inspection.require(!fitted || states <= 2 * max_effect_states, path_of(term),
+                       "is one term too many with states of its own: expected at most " +
+                           std::to_string(2 * max_effect_states) + " such states in one model");
+  }
+}
+
 void inspect_terms(const Model& model, Inspection& inspection) {
+  inspect_room(model, inspection);
   Model amended = model;
   for (std::size_t i = 0; i < model.terms.size(); ++i) {
     const Term& term = model.terms[i];

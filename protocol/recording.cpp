@@ -27,6 +27,7 @@ double median_period_s(std::span<const Frame> frames) {
   for (std::size_t i = 1; i < frames.size(); ++i) {
     steps.push_back(frames[i].time_ns - frames[i - 1].time_ns);
   }
+  if (steps.empty()) return 0.0;
   const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
   std::nth_element(steps.begin(), middle, steps.end());
   return static_cast<double>(*middle) * 1.0e-9;

@@ -49,7 +49,7 @@ struct Recording {
 /// Warning about a truncated log (cut_off_bytes is not 0): one line, with the file.
 std::string cut_off_warning(const Recording& recording);
 
-/// Median time between frames [s]; at least two frames.
+/// Median time between frames [s]; 0 with fewer than two.
 double median_period_s(std::span<const Frame> frames);
 
 /// Reads either form, which its content determines, not its name. Throws InputError with the file

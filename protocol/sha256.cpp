@@ -3,7 +3,8 @@
 #include <openssl/evp.h>
 
 #include <array>
-#include <stdexcept>
+
+#include "physics/failure.h"
 
 namespace stickslip::protocol {
 
@@ -11,7 +12,7 @@ std::string sha256_of(std::string_view bytes) {
   std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
   unsigned length = 0;
   if (EVP_Digest(bytes.data(), bytes.size(), digest.data(), &length, EVP_sha256(), nullptr) != 1) {
-    throw std::runtime_error("SHA-256 is not available");
+    throw Failure("SHA-256 is not available: is the installation of OpenSSL complete?");
   }
   constexpr std::string_view digits = "0123456789abcdef";
   std::string text;

@@ -6,7 +6,7 @@
 
 namespace stickslip::protocol {
 
-/// Digest in hexadecimal, 64 digits. Throws std::runtime_error if OpenSSL does not provide it.
+/// Digest in hexadecimal, 64 digits. Throws Failure if OpenSSL does not provide it.
 std::string sha256_of(std::string_view bytes);
 
 }  // namespace stickslip::protocol

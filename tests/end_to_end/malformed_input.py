@@ -202,6 +202,10 @@ class MalformedInput(EndToEnd):
             (("evaluate", self.good_recording, "--model"), "--model"),
             (("no-such-command",), 'there is no command "no-such-command"; expected one of'),
             ((), "no command is given; expected one of"),
+            (("diagnos",), "did you mean `stickslip diagnose`?"),
+            (("log", "chekc", "run.log"), "did you mean `stickslip log check`?"),
+            (("diagnose", "run.log", "--modle", "m.toml"), "did you mean --model?"),
+            (("ctl", "frobnicate"), "expected one of status, clear, arm"),
             (("simulate", "--model", self.good_model, "--drive", self.good_recording,
               "--seed", "many"), "--seed"),
             (("simulate", "--model", self.good_model, "--drive", self.good_recording,
@@ -274,6 +278,21 @@ class MalformedInput(EndToEnd):
                     self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
                     self.assertIn(str(recording), result.stderr)
                     self.assertIn(word, result.stderr)
+
+    def test_a_load_of_zero_is_answered_in_sentences(self):
+        rows = RECORDING.strip().split("\n")
+        recording = self.write("no_load.csv", "\n".join(
+            [rows[0] + ",normal_load_n"] + [row + ",0" for row in rows[1:]]) + "\n")
+        measured = self.altered("measured.toml", MODEL, 'law = "constant"\nload_n = 0.15',
+                                'law = "measured"')
+        for command in ("diagnose", "evaluate", "reduce"):
+            with self.subTest(command=command):
+                result = stickslip(command, recording, "--model", measured)
+                self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
+                self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
+                self.assertIn(f"{recording}: ", result.stderr)
+        self.assertIn("has no normal_load_n above 0", stickslip(
+            "diagnose", recording, "--model", measured).stderr)
 
     def test_check_reads_the_recording_of_a_replay(self):
         recording = self.altered("bad.csv", RECORDING, "\n0.1,0.002,", "\n0.1,nan,")

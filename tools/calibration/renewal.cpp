@@ -1,7 +1,6 @@
 #include "tools/calibration/renewal.h"
 
-#include <stdexcept>
-
+#include "physics/failure.h"
 #include "physics/problem.h"
 
 namespace stickslip::calibration {
@@ -20,7 +19,7 @@ std::string renewed(const std::string& text, const std::string& name, Channel ch
                 "file"});
   }
   if (config::parse_calibration(out, name) != file) {
-    throw std::runtime_error(name + ": does not read back identically");
+    throw Failure(name + ": does not read back identically");
   }
   return out;
 }

@@ -5,7 +5,7 @@
 
 namespace stickslip::command_line {
 
-/// Runs the selected subcommand and returns its exit status. main() turns an InputError into status
+/// Runs the selected subcommand and returns its exit status. `run` turns an InputError into status
 /// 2 and any other exception into status 1, each with one line on standard error.
 using Action = std::function<int()>;
 

@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 
+#include "physics/failure.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "tools/command_line/recording_input.h"
@@ -46,7 +47,7 @@ int run(const Arguments& arguments) {
           Problem{"-", 0, 0, "only CSV can be written to standard output: expected a file"});
     }
     protocol::write_csv(recording, std::cout);
-    if (!std::cout.flush()) throw std::runtime_error("standard output cannot be written");
+    if (!std::cout.flush()) throw Failure("standard output cannot be written");
     return 0;
   }
   // IN has been read completely, so IN and OUT may be the same file.

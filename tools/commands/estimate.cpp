@@ -12,8 +12,11 @@
 #include <vector>
 
 #include "config/model_file.h"
+#include "observer/kalman_filter.h"
 #include "observer/smoother.h"
+#include "physics/failure.h"
 #include "physics/number_text.h"
+#include "physics/problem.h"
 #include "protocol/recording.h"
 #include "tools/command_line/recording_input.h"
 #include "tools/commands/commands.h"
@@ -99,7 +102,7 @@ class Table {
   void finish() {
     if (!file_.is_open()) return;
     file_.close();
-    if (!file_) throw std::runtime_error(name_ + ": is incomplete");
+    if (!file_) throw Failure(name_ + ": is incomplete");
   }
 
  private:
@@ -218,23 +221,26 @@ int run(const Arguments& arguments) {
   if (arguments.out != "-") expect_writable(arguments.out);
   const physics::Model model = config::load_model(arguments.model);
   const protocol::Recording recording = recording_from(arguments.recording);
+  const double period_s = protocol::median_period_s(recording.frames);
+  if (!(period_s > 0.0)) {
+    throw InputError(Problem{arguments.recording, 0, 0,
+                             "holds one sample, hence no sampling period; expected two or more"});
+  }
+  if (const std::string why = observer::KalmanFilter(model, period_s).unsupported(); !why.empty()) {
+    throw InputError(Problem{arguments.model, 0, 0, why});
+  }
   Summary summary;
   Table table(arguments.out);
-  observer::PredictionQuality predicted;
   terminal::Progress progress("estimating");
   // No progress bar in a terminal that shows the table.
   if (arguments.out == "-" && terminal::abilities_of(STDOUT_FILENO).terminal) progress.finish();
-  try {
-    predicted = observer::smooth(
-        model, protocol::median_period_s(recording.frames), recording.frames,
-        [&](const FrictionEstimate& e) {
-          summary.add(e);
-          table.add(e);
-        },
-        {}, [&progress](double share) { progress.at(share); });
-  } catch (const std::invalid_argument& reason) {
-    throw InputError(Problem{arguments.model, 0, 0, reason.what()});
-  }
+  const observer::PredictionQuality predicted = observer::smooth(
+      model, period_s, recording.frames,
+      [&](const FrictionEstimate& e) {
+        summary.add(e);
+        table.add(e);
+      },
+      {}, [&progress](double share) { progress.at(share); });
   table.finish();
   progress.finish();
   if (!arguments.json.empty()) {

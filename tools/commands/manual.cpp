@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "physics/failure.h"
 #include "tools/commands/commands.h"
 #include "tools/files/write_file.h"
 #include "tools/terminal/command_tree.h"
@@ -17,7 +18,7 @@ using namespace files;
 
 namespace {
 
-/// Throws std::runtime_error if the parser refuses an example.
+/// Throws Failure if the parser refuses an example.
 void check_examples(CLI::App& app, const terminal::Notes& notes) {
   for (const terminal::Notes::Example& each : notes.examples) {
     if (!each.command.starts_with("stickslip ")) continue;
@@ -25,8 +26,7 @@ void check_examples(CLI::App& app, const terminal::Notes& notes) {
       app.clear();
       app.parse(each.command, true);
     } catch (const CLI::ParseError& error) {
-      throw std::runtime_error("the manual's example `" + each.command +
-                               "` is invalid: " + error.what());
+      throw Failure("the manual's example `" + each.command + "` is invalid: " + error.what());
     }
   }
 }

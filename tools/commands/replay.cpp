@@ -7,6 +7,7 @@
 #include <stickslip/frame_block_t.hpp>
 #include <string>
 
+#include "physics/failure.h"
 #include "physics/problem.h"
 #include "protocol/channels.h"
 #include "protocol/frame_block.h"
@@ -40,8 +41,8 @@ struct Arguments {
 template <class Message>
 void publish(lcm::LCM& lcm, const char* channel, const Message& message) {
   if (lcm.publish(channel, &message) != 0) {
-    throw std::runtime_error(std::string("LCM cannot publish on ") + channel +
-                             "; is its network up, and does its group have a route?");
+    throw Failure(std::string("LCM cannot publish on ") + channel +
+                  "; is its network up, and does its group have a route?");
   }
 }
 

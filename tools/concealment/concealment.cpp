@@ -6,8 +6,8 @@
 #include <map>
 #include <optional>
 #include <span>
-#include <stdexcept>
 
+#include "physics/failure.h"
 #include "tools/concealment/bench_drawing.h"
 #include "tools/concealment/hidden_effect.h"
 #include "tools/concealment/noiseless_run.h"
@@ -362,7 +362,7 @@ Case conceal(const CaseRequest& request, std::uint64_t seed, const std::string& 
       return *std::move(made);
     }
   }
-  throw std::runtime_error(name + ": no visible effect on 40 benches");
+  throw Failure(name + ": no visible effect on 40 benches");
 }
 
 }  // namespace stickslip::concealment

@@ -29,7 +29,7 @@ struct Case {
 
 /// Every hidden effect is visible: within 0.4 s it changes the readings by at least four times the
 /// noise, and by 1.2 times after calibration of the declared parameters. The same request, seed and
-/// name give the same case. Throws std::runtime_error if no effect is visible on 40 benches.
+/// name give the same case. Throws Failure if no effect is visible on 40 benches.
 Case conceal(const CaseRequest& request, std::uint64_t seed, const std::string& name);
 
 }  // namespace stickslip::concealment

@@ -9,8 +9,8 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
-#include <stdexcept>
 
+#include "physics/failure.h"
 #include "physics/problem.h"
 #include "protocol/control.h"
 
@@ -61,7 +61,7 @@ void ControlClient::send(const std::string& text) {
   for (std::size_t sent = 0; sent < text.size();) {
     const ssize_t put = ::send(file_, text.data() + sent, text.size() - sent, MSG_NOSIGNAL);
     if (put < 0 && errno == EINTR) continue;
-    if (put < 0) throw std::runtime_error(socket_ + ": the daemon disconnected");
+    if (put < 0) throw Failure(socket_ + ": the daemon disconnected");
     sent += static_cast<std::size_t>(put);
   }
 }
@@ -72,7 +72,7 @@ std::optional<json> ControlClient::line(steady_clock::time_point until) {
       json out = json::parse(in_.substr(0, end), nullptr, false);
       in_.erase(0, end + 1);
       if (out.is_discarded() || !out.is_object()) {
-        throw std::runtime_error(socket_ + ": the answer is not from a stickslipd");
+        throw Failure(socket_ + ": the answer is not from a stickslipd");
       }
       return out;
     }
@@ -83,11 +83,11 @@ std::optional<json> ControlClient::line(steady_clock::time_point until) {
     if (ready == 0) return std::nullopt;
     if (ready < 0) {
       if (errno == EINTR) continue;
-      throw std::runtime_error(socket_ + ": " + std::strerror(errno));
+      throw Failure(socket_ + ": " + std::strerror(errno));
     }
     std::array<char, 8192> part{};
     const ssize_t got = ::recv(file_, part.data(), part.size(), 0);
-    if (got <= 0) throw std::runtime_error(socket_ + ": the daemon disconnected");
+    if (got <= 0) throw Failure(socket_ + ": the daemon disconnected");
     in_.append(part.data(), static_cast<std::size_t>(got));
   }
 }
@@ -101,8 +101,8 @@ json ControlClient::ask(const std::string& command, const json& arguments,
     if (answer->contains("ok") && answer->value("id", id) == id) return *answer;
     kept_.push_back(*std::move(answer));
   }
-  throw std::runtime_error(socket_ + ": no answer to \"" + command + "\" within " +
-                           std::to_string(timeout.count()) + " ms");
+  throw Failure(socket_ + ": no answer to \"" + command + "\" within " +
+                std::to_string(timeout.count()) + " ms");
 }
 
 std::optional<json> ControlClient::next(std::chrono::milliseconds wait) {

@@ -18,7 +18,7 @@ class ControlClient {
   ControlClient& operator=(const ControlClient&) = delete;
 
   /// Sends a command and waits for its answer; other lines received meanwhile are kept for `next`.
-  /// Throws std::runtime_error if the daemon disconnects or does not answer within `timeout`.
+  /// Throws Failure if the daemon disconnects or does not answer within `timeout`.
   nlohmann::json ask(const std::string& command, const nlohmann::json& arguments = {},
                      std::chrono::milliseconds timeout = std::chrono::seconds(10));
 

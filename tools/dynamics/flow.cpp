@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <stdexcept>
 
+#include "physics/failure.h"
 #include "physics/number_text.h"
 
 namespace stickslip::dynamics {
@@ -372,8 +373,8 @@ class DormandPrince final : public Flow::Solver {
       accept(h, rung, next, k3, k4, k5, k6, k7);
       return;
     }
-    throw std::runtime_error("the motion diverges at time " + physics::number_text(end_s_) +
-                             " s: the rig is unstable");
+    throw Failure("the motion diverges at time " + physics::number_text(end_s_) +
+                  " s: the rig is unstable");
   }
 
   void accept(double h, int rung, const Vector& next, const Vector& k3, const Vector& k4,

@@ -30,7 +30,7 @@ class Flow {
   /// Restarts at time 0.
   void start(double x_m, double v_m_s);
 
-  /// Integrates to exactly `time_s`, not before the current time. Throws std::runtime_error if the
+  /// Integrates to exactly `time_s`, not before the current time. Throws Failure if the
   /// motion diverges.
   void advance(double time_s);
 

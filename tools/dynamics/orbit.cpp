@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "physics/failure.h"
 #include "physics/number_text.h"
 
 namespace stickslip::dynamics {
@@ -61,9 +62,8 @@ void Orbit::skip(int periods) {
   for (int period = 0; period < periods; ++period) {
     for (int k = 0; k < steps_per_period_; ++k) step();
     if (!std::isfinite(now_.x()) || !std::isfinite(now_.v())) {
-      throw std::runtime_error("the motion diverges before time " +
-                               physics::number_text(now_.time_s) +
-                               " s: the steps are too long, or the rig is unstable");
+      throw Failure("the motion diverges before time " + physics::number_text(now_.time_s) +
+                    " s: the steps are too long, or the rig is unstable");
     }
   }
 }

@@ -48,7 +48,7 @@ class Orbit {
 
   /// One step.
   void step();
-  /// This number of whole drive periods. Throws std::runtime_error if the motion diverges.
+  /// This number of whole drive periods. Throws Failure if the motion diverges.
   void skip(int periods);
 
   const Point& now() const { return now_; }

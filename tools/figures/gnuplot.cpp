@@ -11,8 +11,8 @@
 #include <cstring>
 #include <fstream>
 #include <sstream>
-#include <stdexcept>
 
+#include "physics/failure.h"
 #include "physics/problem.h"
 
 extern char** environ;  // NOLINT(readability-redundant-declaration): required by POSIX
@@ -99,7 +99,7 @@ void draw(const Picture& picture, const std::filesystem::path& folder) {
   int status = 0;
   const std::string output = run_gnuplot(script.filename().string(), script.parent_path(), status);
   if (status != 0) {
-    throw std::runtime_error(script.string() + ": gnuplot rejected it: " + output);
+    throw Failure(script.string() + ": gnuplot rejected it: " + output);
   }
 }
 

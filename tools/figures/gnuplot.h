@@ -22,7 +22,7 @@ struct Picture {
   std::string commands;  ///< from `set` to `plot`; the tables precede them
 };
 
-/// Throws InputError if gnuplot is not installed, and std::runtime_error with its message if it
+/// Throws InputError if gnuplot is not installed, and Failure with its message if it
 /// rejects the script.
 void draw(const Picture& picture, const std::filesystem::path& folder);
 

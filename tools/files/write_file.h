@@ -15,6 +15,7 @@
 #include <string>
 #include <string_view>
 
+#include "physics/failure.h"
 #include "physics/problem.h"
 
 namespace stickslip::files {
@@ -44,7 +45,7 @@ inline void expect_writable(const std::string& path) {
   if (!existed) std::filesystem::remove(path);
 }
 
-/// Throws InputError if the file cannot be opened for writing, std::runtime_error if not all of the
+/// Throws InputError if the file cannot be opened for writing, Failure if not all of the
 /// content could be written.
 inline void write_file(const std::string& path, const std::string& content) {
   std::ofstream file(path, std::ios::binary);
@@ -55,7 +56,7 @@ inline void write_file(const std::string& path, const std::string& content) {
   file << content;
   file.close();
   if (!file) {
-    throw std::runtime_error(path + ": is incomplete: " + std::strerror(errno));
+    throw Failure(path + ": is incomplete: " + std::strerror(errno));
   }
 }
 
@@ -81,7 +82,7 @@ inline void sync_folder(const std::filesystem::path& folder) {
 
 /// Replaces the content of a file atomically: after a crash either the old or the new content is
 /// there as a whole. Follows symbolic links, keeps the permissions. Throws InputError if no
-/// temporary file can be created next to it, std::runtime_error if writing fails, which leaves the
+/// temporary file can be created next to it, Failure if writing fails, which leaves the
 /// old file.
 inline void replace_file(const std::filesystem::path& path, const std::string& content) {
   std::error_code error;
@@ -104,7 +105,7 @@ inline void replace_file(const std::filesystem::path& path, const std::string& c
   if (error_number == 0 && std::rename(name.c_str(), target.c_str()) != 0) error_number = errno;
   if (error_number != 0) {
     ::unlink(name.c_str());
-    throw std::runtime_error(path.string() + ": is unchanged: " + std::strerror(error_number));
+    throw Failure(path.string() + ": is unchanged: " + std::strerror(error_number));
   }
   sync_folder(folder);
 }

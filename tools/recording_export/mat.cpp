@@ -3,8 +3,8 @@
 
 #include <array>
 #include <memory>
-#include <stdexcept>
 
+#include "physics/failure.h"
 #include "physics/problem.h"
 #include "tools/recording_export/write_tables.h"
 
@@ -55,7 +55,7 @@ Variable struct_of(const std::string& name, const std::vector<std::string>& fiel
   std::array<std::size_t, 2> one = {1, 1};
   Variable out(Mat_VarCreateStruct(name.c_str(), 2, one.data(), names.data(),
                                    static_cast<unsigned>(names.size())));
-  if (!out) throw std::runtime_error("not enough memory for a MATLAB struct");
+  if (!out) throw Failure("not enough memory for a MATLAB struct");
   return out;
 }
 

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "diagnosis/wide_band.h"
+#include "physics/number_text.h"
 #include "physics/problem.h"
 #include "physics/sensor_chain.h"
 
@@ -398,6 +399,12 @@ Reduction reduce(const protocol::Recording& recording, const physics::Model& mod
   const Signals signals = whole ? deconvolved(read, model, period_s)
                                 : as_read(read, model.load_cell->mass_kg.value, out.drive_hz);
   const double mean_load = mean_of(signals.load);
+  if (!(mean_load > 0.0)) {
+    refuse(recording.source,
+           "has a mean normal_load_n of " + physics::number_text(mean_load) +
+               " N over these samples; expected more than 0, for mu = f / N: is the gauge "
+               "connected, and has its calibration the right sign?");
+  }
   double largest_force = 0.0;
   for (std::size_t k = 0; k < count; ++k) {
     const std::size_t i = first - taken.begin + k;

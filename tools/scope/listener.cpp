@@ -7,7 +7,8 @@
 
 #include <cerrno>
 #include <cstring>
-#include <stdexcept>
+
+#include "physics/failure.h"
 
 namespace stickslip::scope {
 
@@ -31,7 +32,7 @@ SocketAddress socket_address(const ListenAddress& at) {
   }
   auto& six = reinterpret_cast<sockaddr_in6&>(out.storage);
   if (inet_pton(AF_INET6, at.address.c_str(), &six.sin6_addr) != 1) {
-    throw std::runtime_error(at.address + " is not a numeric address");
+    throw Failure(at.address + " is not a numeric address");
   }
   six.sin6_family = AF_INET6;
   six.sin6_port = htons(at.port);
@@ -69,7 +70,7 @@ Listener::Listener(const ListenAddress& at) : address_(at) {
       listen(file_, max_unaccepted) != 0) {
     const int error = errno;
     if (file_ >= 0) close(file_);
-    throw std::runtime_error("cannot listen at " + text_of(at) + ": " + reason_for(error));
+    throw Failure("cannot listen at " + text_of(at) + ": " + reason_for(error));
   }
   address_.port = port_of(file_);
 }

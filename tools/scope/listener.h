@@ -5,7 +5,7 @@
 
 namespace stickslip::scope {
 
-/// Listens from construction on. Throws std::runtime_error with one line if the address does not
+/// Listens from construction on. Throws Failure with one line if the address does not
 /// belong to this machine or the port is in use.
 class Listener {
  public:

@@ -13,11 +13,11 @@
 #include <cerrno>
 #include <cstring>
 #include <exception>
-#include <stdexcept>
 #include <string>
 #include <unordered_map>
 #include <utility>
 
+#include "physics/failure.h"
 #include "tools/scope/connections.h"
 #include "tools/scope/http_exchange.h"
 
@@ -149,7 +149,7 @@ WebServer::Loop::Loop(const Listener& listener, Admission admission, ServerLimit
   idle_.secs_since_valid_hangup = 40;
   info.retry_and_idle_policy = &idle_;
   context_ = lws_create_context(&info);
-  if (context_ == nullptr) throw std::runtime_error("libwebsockets cannot start");
+  if (context_ == nullptr) throw Failure("libwebsockets cannot start");
   vhost_ = lws_get_vhost_by_name(context_, "stickslip");
   watch(listener_.file(), [this] { accept_all(); });
   timer_.loop = this;
@@ -168,14 +168,14 @@ void WebServer::Loop::watch(int file, std::function<void()> readable) {
   lws* wsi = descriptor.filefd < 0 ? nullptr
                                    : lws_adopt_descriptor_vhost(vhost_, LWS_ADOPT_RAW_FILE_DESC,
                                                                 descriptor, "files", nullptr);
-  if (wsi == nullptr) throw std::runtime_error("libwebsockets cannot watch a file");
+  if (wsi == nullptr) throw Failure("libwebsockets cannot watch a file");
   watched_[wsi] = std::move(readable);
 }
 
 void WebServer::Loop::run() {
   while (!stopping_ && !failure_) {
     if (lws_service(context_, 0) < 0 && !stopping_) {
-      throw std::runtime_error("libwebsockets failed");
+      throw Failure("libwebsockets failed");
     }
   }
   if (failure_) std::rethrow_exception(std::exchange(failure_, nullptr));

@@ -44,7 +44,7 @@ class WebServer {
   using Greeting = std::function<std::vector<SharedMessage>()>;
 
   /// `greeting` yields the first messages of a new stream. `listener` must outlive this object.
-  /// Throws std::runtime_error if libwebsockets cannot start.
+  /// Throws Failure if libwebsockets cannot start.
   WebServer(const Listener& listener, Admission admission, ServerLimits limits, Greeting greeting);
   ~WebServer();
   WebServer(const WebServer&) = delete;

@@ -9,8 +9,8 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
-#include <stdexcept>
 
+#include "physics/failure.h"
 #include "physics/problem.h"
 #include "protocol/channels.h"
 
@@ -86,7 +86,7 @@ StopSignals::StopSignals() {
   if (file_ < 0) {
     const int reason = errno;
     pthread_sigmask(SIG_SETMASK, &before_, nullptr);
-    throw std::runtime_error(std::string("cannot wait for signals: ") + std::strerror(reason));
+    throw Failure(std::string("cannot wait for signals: ") + std::strerror(reason));
   }
 }
 
@@ -142,7 +142,7 @@ Wake wait_for(lcm::LCM& lcm, const StopSignals& stop, steady_clock::time_point u
   const timespec left = duration_until(until);
   const int ready = ppoll(files.data(), files.size(), &left, nullptr);
   if (ready < 0 && errno != EINTR) {
-    throw std::runtime_error(std::string("cannot wait for LCM: ") + std::strerror(errno));
+    throw Failure(std::string("cannot wait for LCM: ") + std::strerror(errno));
   }
   if (ready <= 0) return Wake::time_out;
   return files[0].revents != 0 ? Wake::stop : Wake::message;
@@ -156,7 +156,7 @@ bool stopped_before(const StopSignals& stop, steady_clock::time_point until) {
     if (ready > 0) return true;
     if (ready == 0) return false;
     if (errno != EINTR) {
-      throw std::runtime_error(std::string("cannot wait: ") + std::strerror(errno));
+      throw Failure(std::string("cannot wait: ") + std::strerror(errno));
     }
   }
 }

@@ -18,7 +18,7 @@ void add_url_option(CLI::App& command, std::string& url);
 /// any thread is started, including that of LCM, since threads inherit the signal mask.
 class StopSignals {
  public:
-  /// Throws std::runtime_error if the system refuses.
+  /// Throws Failure if the system refuses.
   StopSignals();
   ~StopSignals();
   StopSignals(const StopSignals&) = delete;

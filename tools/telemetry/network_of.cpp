@@ -7,9 +7,9 @@
 
 #include <cerrno>
 #include <cstring>
-#include <stdexcept>
 #include <string>
 
+#include "physics/failure.h"
 #include "physics/problem.h"
 
 namespace stickslip::telemetry {
@@ -42,9 +42,8 @@ void enter_network_of(int pid) {
   const int error = errno;
   close(file);
   if (failed != 0) {
-    throw std::runtime_error("cannot enter the network of process " + process + ": " +
-                             std::strerror(error) +
-                             "; this requires root or the owner of the process");
+    throw Failure("cannot enter the network of process " + process + ": " + std::strerror(error) +
+                  "; this requires root or the owner of the process");
   }
 }
 

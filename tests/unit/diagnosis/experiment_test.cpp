@@ -52,6 +52,42 @@ TEST(Experiment, IsRefusedWhenMostSamplesAreMissing) {
   EXPECT_THAT(refusal(recording, driven_mass()), HasSubstr("three quarters"));
 }
 
+protocol::Recording with_load(double load_n) {
+  auto recording = record(driven_mass(), 4.0);
+  recording.channels |= static_cast<std::uint8_t>(1U << index_of(Channel::normal_load));
+  for (Frame& frame : recording.frames) frame.set(Channel::normal_load, load_n);
+  return recording;
+}
+
+TEST(Experiment, IsRefusedIfNoReadingOfAMeasuredLoadIsAboveZero) {
+  auto model = driven_mass();
+  model.normal_load = physics::NormalLoad{};
+  model.normal_load->law = physics::NormalLoadLaw::measured;
+  EXPECT_THAT(refusal(with_load(0.0), model), HasSubstr("bench.csv: has no normal_load_n above 0"));
+  EXPECT_EQ(refusal(with_load(0.5), model), "");
+}
+
+TEST(Experiment, TakesTheDeclaredLoadForScaleIfTheMeasuredOneIsZero) {
+  auto model = driven_mass();
+  model.normal_load = physics::NormalLoad{};
+  model.normal_load->load_n = {0.7};
+  EXPECT_EQ(make_experiment(with_load(0.0), model).mean_load_n, 0.7);
+  EXPECT_EQ(make_experiment(with_load(-0.2), model).mean_load_n, 0.7);
+  EXPECT_NEAR(make_experiment(with_load(0.5), model).mean_load_n, 0.5, 1e-12);
+}
+
+TEST(Experiment, IsRefusedBeforeAGridOfBillionsOfSamples) {
+  auto recording = record(driven_mass(), 4.0);
+  recording.frames.back().time_ns += 1'000'000'000'000'000'000;
+  EXPECT_THAT(refusal(recording, driven_mass()), HasSubstr("three quarters"));
+}
+
+TEST(Experiment, IsRefusedIfTheTimeIsNotInSeconds) {
+  auto recording = record(driven_mass(), 4.0);
+  for (Frame& frame : recording.frames) frame.time_ns *= 1000;
+  EXPECT_THAT(refusal(recording, driven_mass()), HasSubstr("Is time_s in seconds?"));
+}
+
 TEST(Experiment, EstimatesNoiseThatIsNotDeclared) {
   auto model = driven_mass();
   const auto recording = record(model, 8.0);

@@ -67,6 +67,20 @@ TEST(Hypothesis, ASecondEffectDoesNotChangeTheFirst) {
   EXPECT_DOUBLE_EQ(two.model_at(z).terms[1].parameters.at("k3_n_m3").value, 12.0);
 }
 
+TEST(Hypothesis, StartsWithinTheDomainOfAParameter) {
+  physics::Model model = driven_mass();
+  model.friction.law = physics::FrictionLaw::coulomb;
+  model.friction.mu = {0.0};
+  const auto* effect = physics::find_effect("contact_compliance");
+  physics::Scales scales;  // of a recording without friction
+  scales.friction_n = 0.0;
+  for (const auto& start : effect->starts(scales)) {
+    const Hypothesis hypothesis =
+        Hypothesis(model).with(*effect, {}, start, effect->fixed(scales), Detail::coarse);
+    EXPECT_GT(hypothesis.model().terms[0].parameters.at("contact_stiffness_n_m").value, 0.0);
+  }
+}
+
 TEST(Hypothesis, SlopeIsTheDerivativeOfTheValue) {
   const Hypothesis hypothesis = with_dry_friction(0.7);
   for (std::size_t u = 0; u < hypothesis.unknowns().size(); ++u) {

@@ -37,6 +37,18 @@ TEST_P(ModelConsistency, ReportsThePathOfAnInconsistency) {
 INSTANTIATE_TEST_SUITE_P(
     Inconsistencies, ModelConsistency,
     testing::Values(
+        Case{"more_terms_than_a_rig_has_room_for",
+             [](Model& m) {
+               for (const char* stem : {"displacement", "velocity", "friction_force"}) {
+                 for (const char* id : {"gain_error", "channel_delay", "sensor_drift"}) {
+                   Term term;
+                   term.id = id;
+                   term.channel = channel_named(stem);
+                   m.terms.push_back(term);
+                 }
+               }
+             },
+             "physics"},
         Case{"zero_mass", [](Model& m) { m.oscillator.mass_kg = {0.0}; }, "oscillator.mass_kg"},
         Case{"mass_not_a_number", [](Model& m) { m.oscillator.mass_kg = {std::nan("")}; },
              "oscillator.mass_kg"},

@@ -47,6 +47,23 @@ const protocol::Recording& short_recording() {
   return recording;
 }
 
+TEST(Reduction, IsRefusedWithoutALoadToDivideBy) {
+  protocol::Recording recording = short_recording();
+  recording.source = "run.csv";
+  for (Frame& frame : recording.frames) frame.set(Channel::normal_load, 0.0);
+  for (const Method method : {Method::paper, Method::deconvolved}) {
+    Options options;
+    options.method = method;
+    options.samples = 100;
+    try {
+      reduce(recording, preset("beam-1").model, options);
+      ADD_FAILURE() << "no refusal";
+    } catch (const InputError& error) {
+      EXPECT_THAT(error.what(), testing::HasSubstr("run.csv: has a mean normal_load_n of "));
+    }
+  }
+}
+
 // The statements of the paper on each preset's figure: the normal load, and for Beams I and II the
 // range of the coefficient of sliding friction. Its numbers have one digit; so have these
 // tolerances.
