@@ -111,6 +111,34 @@ Setting setting_of(const json& arguments) {
   return {*tunable, number(arguments, "value")};
 }
 
+/// The command and its values, for the log: `set key="excitation.amplitude" value=0.01`. What an
+/// untrusted client sent is escaped and shortened.
+std::string words_for(const protocol::ControlRequest& request) {
+  constexpr std::size_t longest = 200;
+  const auto dump = [](const json& value) {
+    return value.dump(-1, ' ', true, json::error_handler_t::replace);
+  };
+  const std::string name = dump(request.command);
+  std::string out = name.substr(1, name.size() - 2);
+  const json arguments = json::parse(request.arguments);
+  for (const auto& [key, value] : arguments.items()) {
+    if (out.size() > longest) break;
+    if (key == "v" || key == "id" || key == "do") continue;
+    const std::string quoted = dump(key);
+    out += ' ' + quoted.substr(1, quoted.size() - 2) + '=' + dump(value);
+  }
+  if (out.size() > longest) out.replace(longest, std::string::npos, "...");
+  return out;
+}
+
+void write_line(const Event& event) {
+  if (event.severity == Severity::info) {
+    spdlog::info("{}", event.message);
+  } else {
+    spdlog::warn("{}", event.message);
+  }
+}
+
 std::optional<Command::Kind> kind_of(const std::string& command) {
   if (command == "clear") return Command::Kind::clear;
   if (command == "arm") return Command::Kind::arm;
@@ -172,13 +200,13 @@ json json_of(const Status& status) {
           {"lost_messages", status.lost_messages}};
 }
 
-ControlServer::ControlServer(const LineServerSettings& settings, Loop& loop, Clock& clock,
-                             double rate_hz, ControlHandlers handlers)
+ControlServer::ControlServer(ListeningSocket socket, const LineServerSettings& settings, Loop& loop,
+                             Clock& clock, double rate_hz, ControlHandlers handlers)
     : loop_(loop),
       clock_(clock),
       rate_hz_(rate_hz),
       handlers_(std::move(handlers)),
-      server_(settings,
+      server_(std::move(socket), settings,
               {.joined =
                    [this](ClientId client, const Peer& peer) {
                      clients_[client].peer = peer;
@@ -188,57 +216,69 @@ ControlServer::ControlServer(const LineServerSettings& settings, Loop& loop, Clo
                .line = [this](ClientId client, std::string_view text) { line(client, text); },
                .left = [this](ClientId client, const std::string& why) { left(client, why); }}) {}
 
-bool LogBudget::allows(steady_clock::time_point now) {
-  constexpr double burst = 20.0;
-  constexpr double per_second = 2.0;
-  const double passed_s = std::chrono::duration<double>(now - latest_).count();
-  lines_ = std::min(burst, lines_ + per_second * passed_s);
-  latest_ = now;
-  if (lines_ < 1.0) return false;
-  lines_ -= 1.0;
-  return true;
+void ControlServer::log(const Peer& peer, Severity severity, const std::string& what) {
+  // An operator's session, but no program that repeats itself.
+  constexpr Allowance allowance{.reports = 20.0, .per_second = 2.0};
+  Event line{severity, "control",
+             peer.pid == 0 ? "control socket: " + what
+                           : "user " + std::to_string(peer.uid) + " (process " +
+                                 std::to_string(peer.pid) + "): " + what};
+  // A refusal may quote the client.
+  std::replace_if(
+      line.message.begin(), line.message.end(), [](unsigned char c) { return c < 0x20; }, ' ');
+  line.subject = std::to_string(peer.uid);
+  if (const auto now = log_.accept(line, clock_.now_ns(), allowance)) write_line(*now);
+}
+
+/// Of a client that has left or was never admitted: process 0.
+Peer ControlServer::peer_of(ClientId client) const {
+  const auto found = clients_.find(client);
+  return found == clients_.end() ? Peer{} : found->second.peer;
 }
 
 bool ControlServer::serve(milliseconds wait, int also) {
   const bool can_read =
       server_.serve(waiting_.empty() ? wait : std::min(wait, milliseconds(2)), also);
   handle_answers();
+  for (const Event& line : log_.due(clock_.now_ns())) write_line(line);
   return can_read;
 }
 
 void ControlServer::line(ClientId client, std::string_view text) {
   std::int64_t id = 0;
+  std::string words = "an unreadable request";
   try {
     const protocol::ControlRequest request = protocol::parse_control_request(text);
     id = request.id;
+    words = words_for(request);
     handle(client, request);
   } catch (const InputError& error) {
+    log_refusal(peer_of(client), words, error.problems().front().message);
     refuse(client, id, error.problems().front().message);
   }
 }
 
 void ControlServer::left(ClientId client, const std::string& why) {
-  clients_.erase(client);
   if (holder_ == client) {
     spdlog::warn("the client that held the dead-man's handle disconnected: {}", why);
     holder_ = 0;
     loop_.keep_alive(released_ns);
-  } else if (why != "the client disconnected" && log_.allows(steady_clock::now())) {
-    spdlog::warn("control client {} was disconnected: {}", client, why);
+  } else if (why != "the client disconnected") {
+    log(peer_of(client), Severity::warning, "disconnected: " + why);
   }
+  clients_.erase(client);
 }
 
 void ControlServer::handle(ClientId client, const protocol::ControlRequest& request) {
   if (client == holder_) loop_.keep_alive(clock_.now_ns());
   if (answer_query(client, request)) return;
-  const Peer peer = clients_[client].peer;
-  if (log_.allows(steady_clock::now())) {
-    spdlog::info("user {} (process {}) requests: {}", peer.uid, peer.pid,
-                 request.command.substr(0, 40));
-  }
   if (request.command == "reload") {
     json out = rig_state();
-    out["changes"] = handlers_.reload();
+    const std::vector<std::string> changes = handlers_.reload();
+    out["changes"] = changes;
+    std::string what = words_for(request) + ": accepted";
+    for (const std::string& change : changes) what += "; " + change;
+    log(peer_of(client), Severity::info, what);
     return answer(client, request.id, out);
   }
   submit(client, request, command_of(request));
@@ -293,7 +333,9 @@ void ControlServer::submit(ClientId client, const protocol::ControlRequest& requ
                                             1e3 * static_cast<double>(command.frames) / rate_hz_));
   waiting_[command.id] = {
       client,
+      peer_of(client),
       request.id,
+      words_for(request),
       command.frames,
       command.dead_man,
       command.kind == Command::Kind::set ? std::optional(command.setting) : std::nullopt,
@@ -313,6 +355,7 @@ void ControlServer::handle_answer(const Answer& received) {
   waiting_.erase(found);
   const char* const state = name_of(received.state);
   if (!received.accepted) {
+    log_refusal(request.peer, request.request, received.reason.c_str());
     return answer(request.client, request.id,
                   {{"ok", false}, {"state", state}, {"error", received.reason.c_str()}});
   }
@@ -321,6 +364,8 @@ void ControlServer::handle_answer(const Answer& received) {
     holder_ = clients_.contains(request.client) ? request.client : 0;
     if (holder_ == 0) loop_.keep_alive(released_ns);
   }
+  log(request.peer, Severity::info,
+      request.request + ": accepted, the rig is " + std::string(state));
   json out = {{"ok", true}, {"state", state}};
   if (request.frames > 0) out["average"] = json_of(received.average);
   answer(request.client, request.id, out);
@@ -333,7 +378,9 @@ void ControlServer::drop_overdue() {
       ++at;
       continue;
     }
-    refuse(at->second.client, at->second.id, "the loop does not respond; see stickslip ctl status");
+    const std::string why = "the loop does not respond; see stickslip ctl status";
+    log_refusal(at->second.peer, at->second.request, why);
+    refuse(at->second.client, at->second.id, why);
     at = waiting_.erase(at);
   }
 }
@@ -369,6 +416,11 @@ void ControlServer::answer(ClientId client, std::int64_t id, json content) {
 
 void ControlServer::refuse(ClientId client, std::int64_t id, const std::string& why) {
   answer(client, id, {{"ok", false}, {"state", name_of(loop_.snapshot().state)}, {"error", why}});
+}
+
+void ControlServer::log_refusal(const Peer& peer, const std::string& request,
+                                const std::string& why) {
+  log(peer, Severity::warning, request + ": refused: " + why);
 }
 
 void ControlServer::publish(const Event& event) {

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "daemon/event.h"
+#include "daemon/event_throttle.h"
 #include "daemon/line_server.h"
 #include "daemon/loop.h"
 #include "daemon/status.h"
@@ -30,21 +31,11 @@ struct ControlHandlers {
   std::function<std::vector<std::string>()> reload;
 };
 
-/// Limits the log lines that clients can cause: a burst, then a few a second.
-class LogBudget {
- public:
-  bool allows(std::chrono::steady_clock::time_point now);
-
- private:
-  double lines_ = 20.0;
-  std::chrono::steady_clock::time_point latest_{};
-};
-
 class ControlServer {
  public:
-  /// Everything referred to must outlive it. Throws InputError if the socket cannot be created.
-  ControlServer(const LineServerSettings& settings, Loop& loop, Clock& clock, double rate_hz,
-                ControlHandlers handlers);
+  /// Everything referred to must outlive it.
+  ControlServer(ListeningSocket socket, const LineServerSettings& settings, Loop& loop,
+                Clock& clock, double rate_hz, ControlHandlers handlers);
 
   /// Serves clients for `wait` at most, less while answers are outstanding, or until the file
   /// `also` is readable. True if `also` is readable.
@@ -62,7 +53,9 @@ class ControlServer {
   };
   struct Waiting {
     ClientId client = 0;
+    Peer peer;
     std::int64_t id = 0;
+    std::string request;  // in words, for the log
     std::uint64_t frames = 0;
     bool dead_man = false;
     std::optional<Setting> setting = {};
@@ -80,6 +73,9 @@ class ControlServer {
   void drop_overdue();
   void answer(ClientId client, std::int64_t id, nlohmann::json content);
   void refuse(ClientId client, std::int64_t id, const std::string& why);
+  Peer peer_of(ClientId client) const;
+  void log(const Peer& peer, Severity severity, const std::string& what);
+  void log_refusal(const Peer& peer, const std::string& request, const std::string& why);
   nlohmann::json rig_state() const;
 
   Loop& loop_;
@@ -89,7 +85,7 @@ class ControlServer {
   std::map<ClientId, Client> clients_;
   std::map<std::uint64_t, Waiting> waiting_;  // by command id
   std::uint64_t next_command_ = 1;
-  LogBudget log_;
+  EventThrottle log_;    // of the lines that clients cause
   ClientId holder_ = 0;  // of the dead-man's handle; 0: none
   LineServer server_;
 };

@@ -55,6 +55,15 @@ constexpr std::array descriptions = {
                   return std::string(
                       "the clocks of device and host diverged; their correction was restarted");
                 }},
+    Description{clock_jumped, warning, "clock_jumped",
+                [](const Notice& notice) {
+                  const std::string by = milliseconds(std::abs(notice.duration_ns));
+                  return notice.duration_ns < 0
+                             ? "the source's clock was set back by " + by +
+                                   "; its later times are shifted, so that they increase"
+                             : "the source's clock jumped ahead by " + by +
+                                   " with no frame missing; the times of its frames have this step";
+                }},
     Description{
         read_failed, warning, "read_failed",
         [](const Notice& notice) { return "reading the device failed: " + text_of(notice); }},
@@ -106,8 +115,9 @@ static_assert(in_order() && descriptions.back().kind == model_follows);
 
 Event event_of(const Notice& notice) {
   const Description& description = descriptions.at(static_cast<std::size_t>(notice.kind));
-  return {description.severity, description.code, description.message(notice), notice.time_ns,
-          notice.sequence};
+  const bool of_channel = notice.kind == not_finite || notice.kind == beyond_calibration;
+  return {description.severity, description.code, description.message(notice),
+          notice.time_ns,       notice.sequence,  of_channel ? channel_of(notice) : ""};
 }
 
 Event with_times(Event event, const ModelVerdict& verdict, std::int64_t utc_us) {
@@ -140,10 +150,8 @@ Event event_of(const Notice& sum, std::uint64_t notices) {
       out.message = times + " more cycles were late, by up to " + milliseconds(sum.duration_ns) +
                     ", " + count_of(sum) + " periods skipped";
       break;
-    case estimate_restarted:
-      out.message += ", " + times + " more times";
-      break;
     default:
+      out.message += ", " + times + " more times";
       break;
   }
   return out;

@@ -16,6 +16,7 @@ struct Event {
   std::string message;         ///< one sentence
   std::int64_t time_ns = 0;    ///< rig time of the latest frame before it
   std::uint64_t sequence = 0;  ///< of that frame
+  std::string subject = {};    ///< channel or consumer, for codes that concern several
 };
 
 Event event_of(const Notice& notice);
@@ -25,8 +26,7 @@ Event event_of(const Notice& notice);
 Event with_times(Event event, const ModelVerdict& verdict, std::int64_t utc_us);
 
 /// Summary of several notices of one kind: `sum` is the latest, with the sum of their counts and
-/// their longest duration. For gaps and repetitions of the sequence number, overruns, and restarts
-/// of the observer.
+/// their longest duration.
 Event event_of(const Notice& sum, std::uint64_t notices);
 
 }  // namespace stickslip::daemon

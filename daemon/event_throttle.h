@@ -1,11 +1,13 @@
-// Limits the rate of events that a failing device or an overloaded machine causes hundreds of times
-// a second: the first is reported immediately, those that follow within a second as one event with
-// a count.
+// Limits the rate of events and log lines that a failing device, an overloaded machine or a client
+// causes hundreds of times a second: the first is reported immediately, those that follow as
+// summaries with their count, after one second and then at intervals that double to a minute. A
+// burst is over after ten seconds without; what is held back then is its last line.
 #pragma once
 
-#include <array>
 #include <cstdint>
+#include <map>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "daemon/event.h"
@@ -13,14 +15,22 @@
 
 namespace stickslip::daemon {
 
-/// Pure: the caller supplies the times [ns], which must not decrease.
+/// Reports of single events before summaries.
+struct Allowance {
+  double reports = 1.0;     ///< in immediate succession
+  double per_second = 0.0;  ///< rate at which they are regained; otherwise at the end of a burst
+};
+
+/// Pure: the caller supplies the times [ns], which must not decrease. Events of one code and
+/// subject are one burst.
 class EventThrottle {
  public:
-  /// The event to report now; nullopt if it is held back for a summary. Gaps of the sequence
-  /// number, repeated numbers, overruns and restarts of the observer are held back, others never.
+  /// The event to report now; nullopt if it is held back for a summary. Changes of state, faults
+  /// and verdicts are never held back.
   std::optional<Event> accept(const Notice& notice, std::int64_t now_ns);
+  std::optional<Event> accept(const Event& event, std::int64_t now_ns, const Allowance& allowance);
 
-  /// Summaries of what has been held back for a second. To be called more often than that.
+  /// Summaries that are due. To be called several times a second.
   std::vector<Event> due(std::int64_t now_ns);
 
   /// Summaries of what is still held back.
@@ -28,19 +38,21 @@ class EventThrottle {
 
  private:
   struct Burst {
-    std::optional<std::int64_t> reported_ns = {};  ///< time of the latest report
-    std::uint64_t notices = 0;                     ///< held back since
-    std::uint64_t count = 0;                       ///< sum of their counts
-    std::int64_t longest_ns = 0;                   ///< of their durations
-    Notice latest = {};
+    double credit = 0.0;
+    std::int64_t latest_ns = 0;
+    std::int64_t reported_ns = 0;
+    std::int64_t interval_ns = 0;
+    std::uint64_t held = 0;          ///< since the latest report
+    Event latest = {};               ///< of those
+    std::optional<Notice> sum = {};  ///< of those: the latest, with the sum of the counts and the
+                                     ///< longest duration; nothing for other events
   };
-  static constexpr std::array kinds = {Notice::Kind::frames_missing,
-                                       Notice::Kind::sequence_repeated, Notice::Kind::overrun,
-                                       Notice::Kind::estimate_restarted};
 
+  /// The burst to which it is added; null if it is to be reported now.
+  Burst* hold(const Event& event, std::int64_t now_ns, const Allowance& allowance);
   static Event summary(const Burst& burst);
 
-  std::array<Burst, kinds.size()> bursts_;
+  std::map<std::string, Burst> bursts_;  // by code and subject
 };
 
 }  // namespace stickslip::daemon

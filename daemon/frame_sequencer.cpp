@@ -1,5 +1,7 @@
 #include "daemon/frame_sequencer.h"
 
+#include <algorithm>
+
 namespace stickslip::daemon {
 
 void FrameSequencer::renumber(Frame& frame) {
@@ -10,6 +12,17 @@ void FrameSequencer::renumber(Frame& frame) {
     renumber_ = false;
   }
   frame.sequence += sequence_offset_;
+}
+
+/// Time beyond the periods since the previous frame that did not pass on the host either; 0 for
+/// less than a jump.
+std::int64_t FrameSequencer::jump_ahead_ns(const Frame& frame, std::int64_t read_ns) const {
+  const auto periods = static_cast<std::int64_t>(frame.sequence - previous_->sequence);
+  const std::int64_t step_ns = frame.time_ns - previous_->time_ns;
+  if (periods >= step_ns / period_ns_) return 0;
+  const std::int64_t passed_ns = std::max(periods * period_ns_, read_ns - previous_->read_ns);
+  const std::int64_t jump_ns = step_ns - passed_ns;
+  return jump_ns >= std::max(smallest_jump_ns, smallest_jump_periods * period_ns_) ? jump_ns : 0;
 }
 
 FramePlacement FrameSequencer::place(Frame& frame, std::int64_t read_ns) {
@@ -35,12 +48,14 @@ FramePlacement FrameSequencer::place(Frame& frame, std::int64_t read_ns) {
       const std::int64_t shift_ns = previous_->time_ns + periods * period_ns_ - frame.time_ns;
       time_offset_ns_ += shift_ns;
       frame.time_ns += shift_ns;
-      out.time_stepped_back = true;
+      out.jump_ns = -shift_ns;
+    } else {
+      out.jump_ns = jump_ahead_ns(frame, read_ns);
     }
   }
   const std::int64_t step_ns = previous_ ? frame.time_ns - previous_->time_ns : 0;
   out.step_ns = step_ns > 0 && step_ns <= longest_step_ns ? step_ns : period_ns_;
-  previous_ = {frame.time_ns, frame.sequence};
+  previous_ = {frame.time_ns, frame.sequence, read_ns};
   return out;
 }
 

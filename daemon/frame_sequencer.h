@@ -12,12 +12,14 @@ namespace stickslip::daemon {
 
 /// Placement of a frame on the common time line.
 struct FramePlacement {
-  bool accepted = true;            ///< false: a sample that was seen before, to be left out
-  bool first_repeat = false;       ///< the first of a row of frames that are left out
-  std::uint64_t missing = 0;       ///< frames lost between the previous frame and this one
-  std::int64_t step_ns = 0;        ///< rig time since the previous frame; one period after a gap
-  bool clocks_diverged = false;    ///< the correction of the device's clock was restarted
-  bool time_stepped_back = false;  ///< the source's clock was set back; its time is shifted on
+  bool accepted = true;          ///< false: a sample that was seen before, to be left out
+  bool first_repeat = false;     ///< the first of a row of frames that are left out
+  std::uint64_t missing = 0;     ///< frames lost between the previous frame and this one
+  std::int64_t step_ns = 0;      ///< rig time since the previous frame; one period after a gap
+  bool clocks_diverged = false;  ///< the correction of the device's clock was restarted
+  /// The source's clock was set: ahead if positive (its time is kept), back if negative (its time
+  /// is shifted from then on); 0: it was not.
+  std::int64_t jump_ns = 0;
 };
 
 /// Does not allocate.
@@ -44,12 +46,17 @@ class FrameSequencer {
   struct Stamp {
     std::int64_t time_ns = 0;
     std::uint64_t sequence = 0;
+    std::int64_t read_ns = 0;
   };
 
   /// A longer step is a gap, or a clock that was set: not a time to drive the excitation by.
   static constexpr std::int64_t longest_step_ns = 1'000'000'000;
+  /// A smaller or shorter jump is jitter of the source.
+  static constexpr std::int64_t smallest_jump_ns = 100'000'000;
+  static constexpr std::int64_t smallest_jump_periods = 10;
 
   void renumber(Frame& frame);
+  std::int64_t jump_ahead_ns(const Frame& frame, std::int64_t read_ns) const;
 
   std::int64_t period_ns_;
   bool has_device_clock_;

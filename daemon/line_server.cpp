@@ -42,13 +42,20 @@ const sockaddr* as_socket_address(const sockaddr_un& address) {
   return reinterpret_cast<const sockaddr*>(&address);
 }
 
-bool has_listener(const sockaddr_un& address) {
+/// "another daemon" with its process, if one listens at the address; else empty.
+std::string listener_at(const sockaddr_un& address) {
   const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  if (probe < 0) return false;
+  if (probe < 0) return {};
   const bool answered = ::connect(probe, as_socket_address(address), sizeof address) == 0;
   const bool busy = !answered && errno == EAGAIN;  // a full queue has a listener
+  ucred listener{};
+  socklen_t size = sizeof listener;
+  const bool known =
+      answered && ::getsockopt(probe, SOL_SOCKET, SO_PEERCRED, &listener, &size) == 0;
   ::close(probe);
-  return answered || busy;
+  if (!answered && !busy) return {};
+  if (!known || listener.pid <= 0) return "another daemon";
+  return "another daemon (process " + std::to_string(listener.pid) + ')';
 }
 
 gid_t group_named(const std::filesystem::path& path, const std::string& name) {
@@ -73,59 +80,68 @@ bool is_member(uid_t uid, gid_t primary, gid_t wanted) {
 
 }  // namespace
 
-LineServer::LineServer(const LineServerSettings& settings, Handlers handlers)
-    : settings_(settings), handlers_(std::move(handlers)) {
-  const sockaddr_un address = address_of(settings_.path);
-  group_ = group_named(settings_.path, settings_.group);
+ListeningSocket::ListeningSocket(const LineServerSettings& settings) : path_(settings.path) {
+  const sockaddr_un address = address_of(path_);
+  group_ = group_named(path_, settings.group);
   struct stat existing {};
   if (::lstat(address.sun_path, &existing) == 0) {
-    if (!S_ISSOCK(existing.st_mode)) refuse(settings_.path, "exists and is not a socket");
-    if (has_listener(address)) {
-      refuse(settings_.path,
-             "another daemon is listening there: stop it, or give this one another "
-             "control.socket");
+    if (!S_ISSOCK(existing.st_mode)) refuse(path_, "exists and is not a socket");
+    if (const std::string other = listener_at(address); !other.empty()) {
+      refuse(path_, other +
+                        " is listening there: stop it, or give this one another "
+                        "control.socket (--control)");
     }
     ::unlink(address.sun_path);
   }
-  listener_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  file_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   // No client may connect before the mode is set.
   const mode_t previous_mask = ::umask(0177);
-  const bool bound =
-      listener_ >= 0 && ::bind(listener_, as_socket_address(address), sizeof address) == 0;
+  const bool bound = file_ >= 0 && ::bind(file_, as_socket_address(address), sizeof address) == 0;
   const int error = errno;
   ::umask(previous_mask);
   if (!bound) {
-    if (listener_ >= 0) ::close(listener_);
-    refuse(settings_.path, std::string("the control socket cannot be created: ") +
-                               std::strerror(error) +
-                               "; does its folder exist, and may the daemon "
-                               "write there?");
+    if (file_ >= 0) ::close(file_);
+    refuse(path_, std::string("the control socket cannot be created: ") + std::strerror(error) +
+                      "; does its folder exist, and may the daemon "
+                      "write there?");
   }
   if (::stat(address.sun_path, &existing) == 0) {
     device_ = existing.st_dev;
     inode_ = existing.st_ino;
   }
-  if ((!settings_.group.empty() &&
-       ::chown(address.sun_path, static_cast<uid_t>(-1), group_) != 0) ||
-      ::chmod(address.sun_path, 0660) != 0 || ::listen(listener_, 64) != 0) {
+  if ((!settings.group.empty() && ::chown(address.sun_path, static_cast<uid_t>(-1), group_) != 0) ||
+      ::chmod(address.sun_path, 0660) != 0 || ::listen(file_, 64) != 0) {
     const int error = errno;
-    ::close(listener_);
+    ::close(file_);
     ::unlink(address.sun_path);
-    refuse(settings_.path, std::string("the control socket cannot be opened to group \"") +
-                               settings_.group + "\": " + std::strerror(error) +
-                               "; is the daemon's user a member of it?");
+    refuse(path_, std::string("the control socket cannot be opened to group \"") + settings.group +
+                      "\": " + std::strerror(error) + "; is the daemon's user a member of it?");
   }
 }
 
+ListeningSocket::ListeningSocket(ListeningSocket&& other) noexcept
+    : path_(std::move(other.path_)),
+      file_(std::exchange(other.file_, -1)),
+      group_(other.group_),
+      device_(other.device_),
+      inode_(other.inode_) {}
+
+ListeningSocket::~ListeningSocket() {
+  if (file_ < 0) return;
+  ::close(file_);
+  struct stat existing {};
+  if (::lstat(path_.c_str(), &existing) == 0 && existing.st_dev == device_ &&
+      existing.st_ino == inode_) {
+    ::unlink(path_.c_str());
+  }
+}
+
+LineServer::LineServer(ListeningSocket socket, const LineServerSettings& settings,
+                       Handlers handlers)
+    : settings_(settings), handlers_(std::move(handlers)), listener_(std::move(socket)) {}
+
 LineServer::~LineServer() {
   for (auto& [id, client] : clients_) ::close(client.file);
-  ::close(listener_);
-  struct stat existing {};
-  const std::string name = settings_.path.string();
-  if (::lstat(name.c_str(), &existing) == 0 && existing.st_dev == device_ &&
-      existing.st_ino == inode_) {
-    ::unlink(name.c_str());
-  }
 }
 
 bool LineServer::serve(std::chrono::milliseconds wait, int also) {
@@ -139,7 +155,7 @@ bool LineServer::poll_clients(std::chrono::milliseconds wait, int also) {
   std::vector<pollfd> files;
   std::vector<ClientId> ids;
   files.push_back({also, POLLIN, 0});
-  files.push_back({listener_, POLLIN, 0});
+  files.push_back({listener_.file(), POLLIN, 0});
   bool pending = false;  // complete lines that were received and not handled yet
   for (auto& [id, client] : clients_) {
     const bool writes = client.sent < client.out.size();
@@ -188,7 +204,7 @@ void LineServer::serve_lines() {
 void LineServer::accept_clients() {
   // A burst of connections is accepted in parts; the rest waits in the kernel's queue.
   for (int i = 0; i < 16; ++i) {
-    const int file = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
+    const int file = ::accept4(listener_.file(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
     if (file < 0) return;
     ucred credentials{};
     socklen_t size = sizeof credentials;
@@ -218,7 +234,8 @@ void LineServer::admit(int file, const Peer& peer) {
 }
 
 bool LineServer::is_allowed(const Peer& peer) const {
-  return peer.uid == 0 || peer.uid == ::geteuid() || is_member(peer.uid, peer.gid, group_);
+  return peer.uid == 0 || peer.uid == ::geteuid() ||
+         is_member(peer.uid, peer.gid, listener_.group());
 }
 
 /// Idle clients cannot keep others out.

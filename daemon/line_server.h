@@ -33,6 +33,28 @@ struct LineServerSettings {
   std::chrono::nanoseconds timeout = std::chrono::seconds(10);  ///< for an unfinished line
 };
 
+/// A socket at its path, on which clients may already wait. Claimed before anything that a second
+/// daemon must not touch.
+class ListeningSocket {
+ public:
+  /// Listens at the path, mode 0660. Replaces a stale socket. Throws InputError if another daemon
+  /// listens there, naming its process, or the folder or the group does not exist.
+  explicit ListeningSocket(const LineServerSettings& settings);
+  ListeningSocket(ListeningSocket&& other) noexcept;
+  ListeningSocket& operator=(ListeningSocket&&) = delete;
+  ~ListeningSocket();
+
+  int file() const { return file_; }
+  gid_t group() const { return group_; }  ///< whose members may connect
+
+ private:
+  std::filesystem::path path_;
+  int file_ = -1;
+  gid_t group_ = 0;
+  dev_t device_ = 0;  // of the socket's file, so that no other is removed
+  ino_t inode_ = 0;
+};
+
 class LineServer {
  public:
   using ClientId = std::uint64_t;
@@ -42,9 +64,7 @@ class LineServer {
     std::function<void(ClientId, const std::string& why)> left;
   };
 
-  /// Listens at the path, mode 0660. Replaces a stale socket. Throws InputError if another daemon
-  /// listens there, or the folder or the group does not exist.
-  LineServer(const LineServerSettings& settings, Handlers handlers);
+  LineServer(ListeningSocket socket, const LineServerSettings& settings, Handlers handlers);
   ~LineServer();
   LineServer(const LineServer&) = delete;
   LineServer& operator=(const LineServer&) = delete;
@@ -84,10 +104,7 @@ class LineServer {
 
   LineServerSettings settings_;
   Handlers handlers_;
-  int listener_ = -1;
-  gid_t group_ = 0;
-  dev_t device_ = 0;  // of the socket's file, so that no other is removed
-  ino_t inode_ = 0;
+  ListeningSocket listener_;
   std::map<ClientId, Client> clients_;
   ClientId next_ = 1;
   ClientId turn_ = 0;  // served last

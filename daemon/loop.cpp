@@ -337,7 +337,7 @@ bool Loop::sequence(Frame& raw) {
     count_up(timing_.missing_at_source, placement.missing);
     notify(Notice::Kind::frames_missing, placement.missing);
   }
-  if (placement.time_stepped_back) notify(Notice::Kind::clock_parted);
+  if (placement.jump_ns != 0) notify(Notice::Kind::clock_jumped, 0, placement.jump_ns);
   if (frame_time_) elapsed_ns_ = placement.step_ns;
   return true;
 }

@@ -24,13 +24,14 @@ constexpr std::array<Wording, 3> wordings = {{
 
 std::vector<Event> LossMonitor::update(const Balance& balance) {
   std::vector<Event> events;
-  update(balance.recorded, "recording", recorded_, events);
-  update(balance.published, "publishing", published_, events);
+  // A recording must be whole; publishing is best effort.
+  update(balance.recorded, {"recording", Severity::error}, recorded_, events);
+  update(balance.published, {"publishing", Severity::warning}, published_, events);
   return events;
 }
 
-void LossMonitor::update(const AccountBalance& account, const char* consumer, Episodes& episodes,
-                         std::vector<Event>& events) {
+void LossMonitor::update(const AccountBalance& account, const Consumer& consumer,
+                         Episodes& episodes, std::vector<Event>& events) {
   for (const Wording& wording : wordings) {
     Episode& episode = episodes[static_cast<std::size_t>(wording.loss)];
     const std::uint64_t lost = account.lost_to(wording.loss);
@@ -38,12 +39,14 @@ void LossMonitor::update(const AccountBalance& account, const char* consumer, Ep
     if (losing && !episode.losing) {
       episode.at_begin = episode.lost;
       events.push_back(
-          {Severity::warning, wording.code, std::string(consumer) + ' ' + wording.begins});
+          {consumer.severity, wording.code, std::string(consumer.name) + ' ' + wording.begins});
+      events.back().subject = consumer.name;
     } else if (!losing && episode.losing) {
       events.push_back({Severity::info, "losses_ended",
-                        std::string(consumer) + ' ' + wording.ended + "; " +
+                        std::string(consumer.name) + ' ' + wording.ended + "; " +
                             std::to_string(lost - episode.at_begin) + " frames were lost (" +
                             std::string(loss_names[static_cast<std::size_t>(wording.loss)]) + ')'});
+      events.back().subject = std::string(consumer.name) + ' ' + wording.code;
     }
     episode.losing = losing;
     episode.lost = lost;

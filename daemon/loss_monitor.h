@@ -23,8 +23,12 @@ class LossMonitor {
     bool losing = false;
   };
   using Episodes = std::array<Episode, loss_count>;
+  struct Consumer {
+    const char* name;
+    Severity severity;  ///< of its losses
+  };
 
-  static void update(const AccountBalance& account, const char* consumer, Episodes& episodes,
+  static void update(const AccountBalance& account, const Consumer& consumer, Episodes& episodes,
                      std::vector<Event>& events);
 
   Episodes published_{};

@@ -26,9 +26,9 @@ int run(int argc, char** argv) {
       "On SIGTERM or SIGINT it ramps the drive down, switches the amplifier off, drains its queues "
       "and\n"
       "exits. On SIGHUP it reloads its configuration. Commands are given with stickslip ctl.\n"
-      "Exit status: 0 done; 2 bad arguments or configuration; 1 anything else: a device fault, or "
-      "a\n"
-      "ledger that does not balance.");
+      "Exit status: 0 done; 2 bad arguments or configuration, or a log or socket that another\n"
+      "daemon uses; 1 anything else: a device fault, a recording that is not whole, or a ledger\n"
+      "that does not balance.");
 
   std::string config_file;
   Overrides overrides;
@@ -66,6 +66,7 @@ int run(int argc, char** argv) {
   const sigset_t signals = stickslip::daemon::handled_signals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
 
+  std::signal(SIGXFSZ, SIG_IGN);  // a limit on the size of files is an error of the write
   const auto rig =
       stickslip::daemon::with_overrides(stickslip::config::load_rig(config_file), overrides);
   return stickslip::daemon::serve(rig);

@@ -7,7 +7,9 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
+#include "daemon/event.h"
 #include "daemon/ledger.h"
 
 namespace stickslip::daemon {
@@ -29,6 +31,10 @@ class MessageWriter {
   /// True if a flush should not wait until the period is over.
   virtual bool wants_flush() const { return false; }
 
+  /// Any thread: what happened to the destination since the last call, oldest first. After an event
+  /// of severity error something of what was written is lost.
+  virtual std::vector<Event> take_events() { return {}; }
+
   /// True if everything written is safe. Called once, at the end.
   virtual bool close() { return true; }
 };
@@ -44,10 +50,17 @@ struct RecorderSettings {
                                          ///< confirmed by the disk; may be null
 };
 
-/// A new LCM event log, in parts if configured: run.log, run.001.log, ... An existing log
-/// of that name is kept under another one. What makes a recording self-contained is taken from the
-/// description, which has to be written first. Throws InputError if the log cannot be written or
-/// the name asks for another format.
+/// A new LCM event log, in parts if configured: run.log, run.001.log, ... An existing log of that
+/// name is kept under another one. What makes a recording self-contained is taken from the
+/// description, which has to be written first.
+///
+/// Space for the last messages is allocated ahead: a full disk refuses frames, while events, and at
+/// the end the status with the ledger, are still written. A log that was deleted, moved or covered
+/// by another disk is noticed at the next flush and begun anew at its path as the next part, or, as
+/// long as that fails, once a second; frames flushed to a deleted log are refused.
+///
+/// Throws InputError if the log cannot be written, if it or another part of that name is being
+/// written by a process, or if the name asks for another format. Nothing is changed then.
 std::unique_ptr<MessageWriter> open_log(const std::filesystem::path& file,
                                         const RecorderSettings& settings = {});
 

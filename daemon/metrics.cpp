@@ -96,7 +96,8 @@ void add_state(Page& page, const Status& status) {
               seconds(status.uptime_ns));
 }
 
-void add_ledger(Page& page, const Balance& ledger) {
+void add_ledger(Page& page, const Status& status) {
+  const Balance& ledger = status.ledger;
   struct Consumer {
     std::string label;
     const AccountBalance& account;
@@ -114,6 +115,11 @@ void add_ledger(Page& page, const Balance& ledger) {
     for (std::size_t i = 0; each.account.enabled && i < loss_count; ++i) {
       page.sample(each.account.lost[i], each.label + ",reason=\"" + word(loss_names[i]) + '"');
     }
+  }
+  if (ledger.recorded.enabled) {
+    page.single("recording_failing", "gauge",
+                "1 while the recording loses frames: full disk, lost log, too slow.",
+                flag(status.recording_failing));
   }
   page.family("frames_pending", "gauge", "Frames in transit; after the end: unaccounted for.");
   for (const Consumer& each : consumers) {
@@ -209,7 +215,7 @@ std::string metrics_text(const Status& status, std::string_view rig, std::int64_
   page.single("updated_timestamp_seconds", "gauge", "Time of the latest update, since 1970.",
               static_cast<double>(utc_us) * 1e-6);
   add_state(page, status);
-  add_ledger(page, status.ledger);
+  add_ledger(page, status);
   add_timing(page, status);
   add_device(page, status);
   add_device_counts(page, status.devices.all());

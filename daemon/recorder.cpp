@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cstring>
 #include <ctime>
+#include <mutex>
 #include <optional>
 #include <stickslip/recording_info_t.hpp>
 #include <stickslip/status_t.hpp>
@@ -19,6 +20,7 @@
 #include "physics/problem.h"
 #include "protocol/channels.h"
 #include "protocol/decode.h"
+#include "protocol/log_lock.h"
 #include "protocol/recording.h"
 #include "protocol/recording_log.h"
 #include "protocol/recording_parts.h"
@@ -30,6 +32,9 @@ using Clock = std::chrono::steady_clock;
 
 // Before another attempt to begin a part, after one that failed: full disk, missing folder.
 constexpr auto rotation_retry = std::chrono::seconds(1);
+
+/// Disk space that only events and the last status may use: about a thousand of them.
+constexpr std::uint64_t reserve_bytes = std::uint64_t{256} << 10U;
 
 std::int64_t utc_now_us() {
   return std::chrono::duration_cast<std::chrono::microseconds>(
@@ -44,15 +49,10 @@ std::vector<std::uint8_t> encoded(const Type& message) {
   return bytes;
 }
 
-/// Renames an existing log, for example that of a daemon that was killed and restarted, to a name
-/// with the time of its last change.
-void keep_existing(const std::filesystem::path& file) {
+/// A name for an existing log with the time of its last change, which no file has.
+std::filesystem::path kept_name(const std::filesystem::path& file) {
   namespace fs = std::filesystem;
   std::error_code error;
-  if (fs::symlink_status(file, error).type() != fs::file_type::regular ||
-      fs::file_size(file, error) == 0) {
-    return;
-  }
   const auto changed = std::chrono::file_clock::to_sys(fs::last_write_time(file, error));
   const std::time_t when = std::chrono::system_clock::to_time_t(
       std::chrono::time_point_cast<std::chrono::system_clock::duration>(changed));
@@ -66,6 +66,23 @@ void keep_existing(const std::filesystem::path& file) {
         file.parent_path() / (file.stem().string() + '.' + stamp +
                               (n == 0 ? "" : '-' + std::to_string(n)) + file.extension().string());
   }
+  return kept;
+}
+
+/// Renames an existing log, for example that of a daemon that was killed and restarted. One that is
+/// being written is refused.
+void keep_existing(const std::filesystem::path& file) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  if (fs::is_symlink(file, error) && fs::is_regular_file(file, error)) {
+    return keep_existing(fs::canonical(file));
+  }
+  if (fs::symlink_status(file, error).type() != fs::file_type::regular ||
+      fs::file_size(file, error) == 0) {
+    return;
+  }
+  protocol::require_free_log(file);
+  const fs::path kept = kept_name(file);
   fs::rename(file, kept, error);
   if (error) {
     throw InputError({file.string(), 0, 0,
@@ -73,6 +90,21 @@ void keep_existing(const std::filesystem::path& file) {
                           ": " + error.message()});
   }
   spdlog::warn("{} already exists: kept as {}", file.string(), kept.string());
+}
+
+/// Another daemon may have rotated away from the log of that name and be writing a later part.
+void require_free_parts(const std::filesystem::path& file) {
+  namespace fs = std::filesystem;
+  const std::string begin = file.stem().string() + '.';
+  std::error_code error;
+  const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
+    const fs::path& other = at->path();
+    const std::string stem = other.stem().string();
+    if (other.extension() != file.extension() || !stem.starts_with(begin)) continue;
+    if (stem.find_first_not_of("0123456789", begin.size()) != std::string::npos) continue;
+    protocol::require_free_log(other);
+  }
 }
 
 protocol::LogWriter begin_log(const std::filesystem::path& file) {
@@ -111,9 +143,13 @@ class RecordingWriter final : public MessageWriter {
       if (protocol::decode(bytes, info)) info_ = std::move(info);
       if (info_) return write_info() || report(false);
     }
-    if (channel == protocol::status_channel) protocol::decode(bytes, status_);
+    const bool status = channel == protocol::status_channel;
+    if (status) protocol::decode(bytes, status_);
     if (frames && unflushed_frames_ == 0 && is_due()) rotate();
-    const bool appended = write_info() && log_.append(channel, bytes, latest_us_);
+    const bool appended = channel != protocol::event_channel && !has_space(bytes.size())
+                              ? false
+                              : write_info() && log_.append(channel, bytes, latest_us_);
+    if (status) status_withheld_ = !appended;
     if (frames && appended) {
       if (!part_began_us_) part_began_us_ = latest_us_;
       unflushed_frames_ += protocol::frames_in(bytes);
@@ -123,27 +159,55 @@ class RecordingWriter final : public MessageWriter {
   }
 
   bool flush() override {
-    const bool written = log_.flush();
-    if (written) {
-      frames_ += unflushed_frames_;
-    } else if (log_.bytes_written() == 0) {
+    const bool in_file = log_.flush();
+    if (!in_file && log_.bytes_written() == 0) {
       info_written_ = false;  // not even the description, which has to be first
     }
+    // With space to spare, so that a few bytes do not end what the next block begins again.
+    if (full_) full_ = !log_.reserve(2 * reserve_bytes);
+    report(in_file && !full_);
+    const Place place = log_.place();
+    const bool written = in_file && place != Place::deleted;
+    if (written) frames_ += unflushed_frames_;
     unflushed_frames_ = 0;
-    const bool working = report(written);
     if (written && is_time_to_sync()) sync(log_);
-    return working;
+    if (place == Place::unchanged) {
+      missing_reported_ = false;
+    } else {
+      replace(place);
+    }
+    return written;
   }
 
   bool wants_flush() const override { return unflushed_frames_ > 0 && is_due(); }
 
   bool close() override {
+    if (status_withheld_) static_cast<void>(end_part());
     const bool written = log_.flush();
     if (written && settings_.sync_s > 0.0) sync(log_);
-    return report(log_.close() && written) && all_synced_;
+    const bool in_place = log_.place() != Place::deleted && !missing_reported_;
+    return report(log_.close() && written) && all_synced_ && in_place;
+  }
+
+  std::vector<Event> take_events() override {
+    const std::lock_guard lock(events_lock_);
+    return std::exchange(events_, {});
   }
 
  private:
+  using Place = protocol::LogWriter::Place;
+
+  /// False (see errno) if the disk has no space for so much besides the reserve. Asked again after
+  /// the next flush.
+  bool has_space(std::size_t bytes) {
+    if (!full_ && !log_.reserve(reserve_bytes + bytes)) {
+      full_ = true;
+      refusal_ = errno;
+    }
+    if (full_) errno = refusal_;
+    return !full_;
+  }
+
   /// The description is the first event of every part.
   bool write_info() {
     if (!info_written_ && info_) info_written_ = append_info(log_, *info_);
@@ -165,38 +229,82 @@ class RecordingWriter final : public MessageWriter {
   /// Ends this part and begins the next; if that fails, this one continues. Everything written has
   /// been flushed, so that its ledger is that of the frames in it.
   void rotate() {
-    recording_info_t next = *info_;
-    next.part += 1;
-    next.previous_part = protocol::part_file(file_, info_->part).filename().string();
-    next.frames_before = frames_;
-    const std::filesystem::path file = protocol::part_file(file_, next.part);
+    const std::filesystem::path file = protocol::part_file(file_, info_->part + 1);
     rotate_again_ = Clock::now() + rotation_retry;
+    const std::string failure = begin_part(file, true);
+    if (failure.empty()) {
+      rotate_again_ = {};
+      rotation_failure_reported_ = false;
+      spdlog::info("recording continues in {}", name_);
+    } else if (!std::exchange(rotation_failure_reported_, true)) {
+      add_event(Severity::warning, "rotation_failed",
+                failure + ": the recording continues in the previous part");
+    }
+  }
+
+  /// Begins the next part in `file`. `end_previous`: not without the last event of this part.
+  /// Returns the error, and then nothing has changed; empty: this part is closed.
+  std::string begin_part(const std::filesystem::path& file, bool end_previous) {
     try {
       protocol::LogWriter log = begin_log(file);
-      if (!append_info(log, next) || !log.flush() || !end_part()) {
+      recording_info_t next;
+      bool begun = true;
+      if (info_) {
+        next = *info_;
+        next.part += 1;
+        next.previous_part = std::filesystem::path(name_).filename().string();
+        next.frames_before = frames_;
+        begun = append_info(log, next) && log.reserve(reserve_bytes) && log.flush();
+      }
+      if (!begun || (!end_part() && end_previous)) {
+        const std::string why = std::strerror(errno);
         std::error_code none;
         std::filesystem::remove(file, none);
-        report(false);
-        return;
+        return file.string() + " cannot be written: " + why;
       }
       if (settings_.sync_s > 0.0) {
-        sync(log_);
+        if (end_previous) sync(log_);
         sync_folder_of(file);
       }
       static_cast<void>(log_.close());  // all of it was flushed
       log_ = std::move(log);
+      if (info_) info_ = std::move(next);
+      info_written_ = info_.has_value();
     } catch (const InputError& error) {
-      if (rotation_failure_reported_) return;
-      rotation_failure_reported_ = true;
-      spdlog::error("{}: recording continues in the previous part", error.what());
-      return;
+      return error.what();
     }
     name_ = file.string();
-    info_ = std::move(next);
     part_began_us_.reset();
-    rotate_again_ = {};
-    rotation_failure_reported_ = false;
-    spdlog::info("recording continues in {}", name_);
+    full_ = false;
+    return {};
+  }
+
+  /// After the log was deleted, moved, or covered by another disk: begins it anew at its path.
+  void replace(Place place) {
+    const bool deleted = place == Place::deleted;
+    if (Clock::now() < replace_again_) return;
+    replace_again_ = Clock::now() + rotation_retry;
+    const std::string what =
+        name_ + (deleted ? " was deleted: what was recorded in it is lost"
+                         : " is not in its place, it was moved or its disk was unmounted: what was "
+                           "recorded in it is where it was moved to");
+    const std::string failure = begin_part(name_, false);
+    if (failure.empty()) {
+      replace_again_ = {};
+      missing_reported_ = false;
+      add_event(deleted ? Severity::error : Severity::warning, "log_begun_anew",
+                what + "; the recording continues in a new log at that path, as part " +
+                    std::to_string(info_ ? info_->part : 0));
+    } else if (!std::exchange(missing_reported_, true)) {
+      add_event(Severity::error, "log_missing",
+                what + "; a new log cannot be begun: " + failure + "; tried again every second" +
+                    (deleted ? ", frames are lost until it succeeds" : ""));
+    }
+  }
+
+  void add_event(Severity severity, const char* code, const std::string& message) {
+    const std::lock_guard lock(events_lock_);
+    events_.push_back({severity, code, message});
   }
 
   /// The last event of a part: the latest status, with the current ledger.
@@ -235,20 +343,21 @@ class RecordingWriter final : public MessageWriter {
     }
     if (worked || !all_synced_) return;
     all_synced_ = false;
-    spdlog::error("{}: the disk did not confirm what was written: {}; a power cut may lose it",
-                  name_, std::strerror(errno));
+    add_event(Severity::error, "sync_failed",
+              name_ + ": the disk did not confirm what was written: " + std::strerror(errno) +
+                  "; a power cut may lose it");
   }
 
-  /// Logs the first failure of a row, and the recovery. Returns `worked`.
+  /// Reports the first failure of a row (see errno), and the recovery. Returns `worked`.
   bool report(bool worked) {
     if (worked == working_) return worked;
     working_ = worked;
     if (worked) {
-      spdlog::info("recording into {} works again", name_);
+      add_event(Severity::info, "recording_works", "recording into " + name_ + " works again");
     } else {
-      spdlog::error(
-          "recording into {} fails: {}; the rig keeps running and the lost frames are counted",
-          name_, std::strerror(errno));
+      add_event(Severity::error, "recording_fails",
+                "recording into " + name_ + " fails: " + std::strerror(errno) +
+                    "; the rig keeps running and the lost frames are counted");
     }
     return worked;
   }
@@ -270,7 +379,14 @@ class RecordingWriter final : public MessageWriter {
   std::uint64_t synced_bytes_ = 0;
   bool all_synced_ = true;
   bool working_ = true;
+  bool full_ = false;             // the disk, but for the reserve
+  int refusal_ = 0;               // errno of the full disk
+  bool status_withheld_ = false;  // the latest, by a full disk
   bool rotation_failure_reported_ = false;
+  bool missing_reported_ = false;
+  Clock::time_point replace_again_;
+  std::mutex events_lock_;  // never taken by the loop
+  std::vector<Event> events_;
 };
 
 }  // namespace
@@ -283,6 +399,7 @@ std::unique_ptr<MessageWriter> open_log(const std::filesystem::path& file,
                           std::filesystem::path(file).replace_extension(".log").string() +
                           "' and convert that: stickslip convert LOG CSV"});
   }
+  require_free_parts(file);
   return std::make_unique<RecordingWriter>(file, settings);
 }
 

@@ -40,6 +40,7 @@ struct Notice {
     left_on,       ///< the last "off" was not acknowledged; `text`: by what, and what to do
     device_back,   ///< a lost device yields frames again
     clock_parted,  ///< the clocks of device and host diverged; the correction was restarted
+    clock_jumped,  ///< the source's clock was set, by `duration_ns`
     read_failed,   ///< first temporary failure in a row
     write_failed,
     frames_missing,  ///< the sequence number jumped by `count`

@@ -123,6 +123,14 @@ std::unique_ptr<ModelCheck> model_check_for(const config::Rig& rig, const Observ
       observer::ModelCheckSettings{rig.observer.days_between_false_alarms});
 }
 
+LineServerSettings line_server_settings(const config::Rig& rig) {
+  LineServerSettings settings;
+  settings.path = control_socket(rig);
+  settings.group = rig.control.group;
+  settings.max_line_bytes = protocol::longest_control_line;
+  return settings;
+}
+
 /// The real-time thread. Its scheduling is inherited by the threads that a device starts.
 class LoopThread {
  public:
@@ -174,6 +182,7 @@ class Service {
   std::vector<Stream*> streams();
   void log_start(const drivers::Description& device) const;
   void run_loop(Loop& loop, drivers::Driver& driver, ControlServer* control, bool real_time);
+  void claim_control_socket();
   std::unique_ptr<ControlServer> open_control(Loop& loop, const drivers::Description& device);
   SettingBounds setting_bounds(const Loop& loop) const;
   void housekeeping(const LoopThread& thread, Loop& loop, const drivers::Description& device);
@@ -185,6 +194,9 @@ class Service {
   std::int64_t utc_us() { return utc_.utc_us(clock_.now_ns(), wall_us()); }
   void publish_event(const Event& event);
   void publish_and_log(const Event& event);
+  void publish_throttled(const Event& event);
+  void publish_writer_events();
+  void publish_losses();
   void drain_notices(Loop& loop);
   void publish_findings();
   Status status(const Loop& loop);
@@ -201,7 +213,8 @@ class Service {
   MonotonicClock clock_;
   UtcClock utc_;
   Signals signals_{handled_signals()};
-  ControlServer* control_ = nullptr;  // during housekeeping
+  std::optional<ListeningSocket> socket_;  // until the control server has it
+  ControlServer* control_ = nullptr;       // during housekeeping
   int stop_requests_ = 0;
   Pacing pacing_ = Pacing::deadlines;
   std::unique_ptr<Consumer> publisher_;
@@ -214,6 +227,8 @@ class Service {
   std::uint64_t late_cycles_reported_ = 0;  // in the latest status
   std::int64_t longest_unreported_overrun_ns_ = 0;
   EventThrottle throttle_;
+  EventThrottle line_throttle_;     // of lines that are only logged
+  bool recording_damaged_ = false;  // by more than frames that the ledger has as lost
   LossMonitor losses_;
   std::string metrics_error_;  // the latest that was logged
 };
@@ -260,6 +275,7 @@ void Service::log_start(const drivers::Description& device) const {
 }
 
 int Service::run() {
+  claim_control_socket();  // before anything that belongs to a daemon that is running
   const std::unique_ptr<drivers::Driver> driver = drivers::make_driver(rig_, frames_to_replay());
   if (const drivers::Result opened = driver->open(); !opened) {
     spdlog::error("{} could not be opened: {}", driver->description().name, opened.message);
@@ -318,18 +334,20 @@ SettingBounds Service::setting_bounds(const Loop& loop) const {
           rig_.loop.rate_hz, loop.snapshot().drive.gain};
 }
 
+void Service::claim_control_socket() {
+  const LineServerSettings settings = line_server_settings(rig_);
+  if (!settings.path.empty()) socket_.emplace(settings);
+}
+
 std::unique_ptr<ControlServer> Service::open_control(Loop& loop,
                                                      const drivers::Description& device) {
-  LineServerSettings settings;
-  settings.path = control_socket(rig_);
-  settings.group = rig_.control.group;
-  settings.max_line_bytes = protocol::longest_control_line;
-  if (settings.path.empty()) {
+  const LineServerSettings settings = line_server_settings(rig_);
+  if (!socket_) {
     spdlog::info("no control socket: set control.socket or --control");
     return nullptr;
   }
   auto control = std::make_unique<ControlServer>(
-      settings, loop, clock_, rig_.loop.rate_hz,
+      std::move(*socket_), settings, loop, clock_, rig_.loop.rate_hz,
       ControlHandlers{.status = [this, &loop] { return status(loop); },
                       .refusal =
                           [this, &loop](const Setting& setting) {
@@ -358,6 +376,7 @@ void Service::housekeeping(const LoopThread& thread, Loop& loop,
     watchdog_cycles_ = cycles;
     if (clock_.now_ns() >= next_status_ns) {
       next_status_ns += status_period_ns;
+      publish_losses();
       publish_status(loop);
     }
   }
@@ -438,6 +457,22 @@ void Service::publish_and_log(const Event& event) {
   if (event.code != "overrun") log_event(event);
 }
 
+void Service::publish_throttled(const Event& event) {
+  if (const auto now = throttle_.accept(event, clock_.now_ns(), {})) publish_and_log(*now);
+}
+
+void Service::publish_writer_events() {
+  if (!recorder_) return;
+  for (const Event& event : recorder_->writer->take_events()) {
+    recording_damaged_ = recording_damaged_ || event.severity == Severity::error;
+    publish_throttled(event);
+  }
+}
+
+void Service::publish_losses() {
+  for (const Event& event : losses_.update(ledger_.balance())) publish_throttled(event);
+}
+
 void Service::drain_notices(Loop& loop) {
   Notice notice;
   while (loop.next_notice(notice)) {
@@ -452,7 +487,9 @@ void Service::drain_notices(Loop& loop) {
     }
     if (const auto event = throttle_.accept(notice, clock_.now_ns())) publish_and_log(*event);
   }
+  publish_writer_events();
   for (const Event& event : throttle_.due(clock_.now_ns())) publish_and_log(event);
+  for (const Event& line : line_throttle_.due(clock_.now_ns())) log_event(line);
   publish_findings();
 }
 
@@ -473,6 +510,7 @@ Status Service::status(const Loop& loop) {
   for (const Consumer* consumer : {publisher_.get(), recorder_.get()}) {
     if (consumer != nullptr) out.lost_messages += consumer->stream.lost_messages();
   }
+  out.recording_failing = recorder_ && recorder_->stream.failing();
   return out;
 }
 
@@ -480,16 +518,15 @@ void Service::publish_status(const Loop& loop) {
   Status now = status(loop);
   now.degraded = now.late_cycles > late_cycles_reported_;
   if (now.degraded) {
-    spdlog::warn("{} cycles were late since the last status; the longest overrun was {:.3f} ms",
-                 now.late_cycles - late_cycles_reported_,
-                 static_cast<double>(longest_unreported_overrun_ns_) * 1e-6);
+    const std::string overrun_us = std::to_string(longest_unreported_overrun_ns_ / 1000);
+    const Event line{Severity::warning, "late_cycles",
+                     std::to_string(now.late_cycles - late_cycles_reported_) +
+                         " cycles were late since the last status; the longest overrun was " +
+                         overrun_us + " us"};
+    if (line_throttle_.accept(line, clock_.now_ns(), {})) log_event(line);
     longest_unreported_overrun_ns_ = 0;
   }
   late_cycles_reported_ = now.late_cycles;
-  for (const Event& event : losses_.update(now.ledger)) {
-    publish_event(event);
-    log_event(event);
-  }
   // The status comes last, so that a recording ends with its ledger.
   send(timing_message(loop.timing(), utc_us()));
   send(status_message(now, utc_us()));
@@ -516,11 +553,14 @@ void Service::send(const Message& message) {
 }
 
 void Service::finish_consumers() {
-  for (const Event& event : throttle_.flush()) publish_and_log(event);
   if (analysis_) analysis_->stream.finish(analysis_timeout);
   publish_findings();
   if (publisher_) publisher_->stream.finish(publish_timeout);
   if (recorder_) recorder_->stream.finish(record_timeout);
+  publish_writer_events();
+  publish_losses();
+  for (const Event& event : throttle_.flush()) publish_and_log(event);
+  for (const Event& line : line_throttle_.flush()) log_event(line);
 }
 
 bool Service::close_writers() {
@@ -558,7 +598,13 @@ int Service::finish(Loop& loop) {
     spdlog::error("ended with an uncleared fault: {}", last.cause);
     return 1;
   }
-  return closed ? 0 : 1;
+  if (const std::uint64_t lost = last.ledger.recorded.lost_in_total(); lost > 0) {
+    spdlog::error("the recording is not whole: {} of {} frames were lost, see the ledger", lost,
+                  last.ledger.produced);
+    return 1;
+  }
+  if (recording_damaged_) spdlog::error("the recording is not whole, see the errors above");
+  return closed && !recording_damaged_ ? 0 : 1;
 }
 
 }  // namespace

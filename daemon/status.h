@@ -49,6 +49,7 @@ struct Status {
   bool model_checked = false;
   ModelVerdict model;               ///< valid if model_checked
   std::string model_explained;      ///< cause of the latest alarm; empty: unknown
+  bool recording_failing = false;   ///< frames are being lost by the recording
   std::uint64_t lost_messages = 0;  ///< events, estimates and status messages
 };
 

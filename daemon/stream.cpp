@@ -142,6 +142,7 @@ void Stream::write_block() {
     unflushed_ += block_.size();
   } else {
     account_.lose(loss_of(result), block_.size());
+    refused_ = true;
     failing_.store(true, std::memory_order_relaxed);
   }
   write_estimates(block_.back().number);
@@ -158,7 +159,9 @@ void Stream::flush() {
   } else {
     account_.lose(Loss::write_error, unflushed_);
   }
-  failing_.store(!flushed, std::memory_order_relaxed);
+  const bool lossy = !flushed || refused_;
+  if (lossy || unflushed_ > 0) failing_.store(lossy, std::memory_order_relaxed);
+  refused_ = false;
   unflushed_ = 0;
 }
 

@@ -90,7 +90,7 @@ class Stream {
   /// lost to shutdown. Afterwards no thread runs, and `send` writes directly.
   void finish(std::chrono::nanoseconds timeout);
 
-  /// Any thread: true if frames were lost since the last successful flush.
+  /// Any thread: true from a loss of frames to a flush of frames without one.
   bool failing() const { return failing_.load(std::memory_order_relaxed); }
 
   /// Messages and estimates that were dropped or refused.
@@ -117,6 +117,7 @@ class Stream {
   std::deque<Message> messages_;
   std::vector<Sample> block_;
   std::uint64_t unflushed_ = 0;  // frames that were written and may still be refused
+  bool refused_ = false;         // a block since the last flush
   std::chrono::steady_clock::time_point flushed_at_;
   std::chrono::steady_clock::time_point block_start_;
   std::atomic<bool> failing_{false};

@@ -76,7 +76,8 @@ void write_csv(const Recording& recording, std::ostream& out, const ProgressCall
 /// Appends events to an LCM event log, compatible with lcm-logplayer.
 class LogWriter {
  public:
-  /// Creates or replaces `file`. Throws InputError on failure.
+  /// Creates or empties `file` and locks it until it is closed. Throws InputError on failure, and
+  /// if another writer holds it, which leaves it as it is.
   explicit LogWriter(const std::filesystem::path& file);
   ~LogWriter();
   LogWriter(LogWriter&&) noexcept;
@@ -91,7 +92,14 @@ class LogWriter {
   /// Waits until the last successful flush is on the disk; false (see errno) on failure. True for
   /// pipes and devices.
   [[nodiscard]] bool sync();
-  /// Flushes and closes; false on failure. Further appends fail.
+  /// Allocates disk space for `bytes` beyond those written, so that a full disk cannot refuse
+  /// them; false (see errno) if the disk has no space for them. True without effect for pipes,
+  /// devices and file systems that cannot allocate ahead.
+  [[nodiscard]] bool reserve(std::uint64_t bytes);
+  /// Whether the file's name still leads to it.
+  enum class Place : std::uint8_t { unchanged, moved, deleted };
+  Place place() const;
+  /// Flushes and closes, without what was reserved; false on failure. Further appends fail.
   [[nodiscard]] bool close();
   /// Size of the file, including data not yet flushed.
   std::uint64_t bytes_written() const;

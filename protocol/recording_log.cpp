@@ -1,7 +1,9 @@
 #include "protocol/recording_log.h"
 
+#include <fcntl.h>
 #include <lcm/eventlog.h>
 #include <stdio_ext.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -16,6 +18,7 @@
 #include "protocol/channels.h"
 #include "protocol/decode.h"
 #include "protocol/frame_block.h"
+#include "protocol/log_lock.h"
 #include "protocol/recording_events.h"
 #include "protocol/sha256.h"
 
@@ -151,7 +154,39 @@ Description description_of(const recording_info_t& info) {
   return description;
 }
 
+namespace {
+
+bool is_one_file(const struct stat& a, const struct stat& b) {
+  return a.st_dev == b.st_dev && a.st_ino == b.st_ino;
+}
+
+/// The log, locked. Opened for appending, so that nothing is emptied before it is locked.
+Log open_locked(const std::filesystem::path& file) {
+  while (true) {
+    errno = 0;
+    Log log(lcm_eventlog_create(file.c_str(), "a"));
+    if (!log) {
+      throw InputError(Problem{
+          file.string(), 0, 0,
+          std::string("cannot be written: ") + std::strerror(errno) + "; does its folder exist?"});
+    }
+    const int descriptor = fileno(log->f);
+    ::fcntl(descriptor, F_SETFD, FD_CLOEXEC);
+    lock_log(descriptor, file);
+    struct stat opened {};
+    struct stat named {};
+    // Its previous writer may have renamed it before the lock.
+    if (::fstat(descriptor, &opened) == 0 && ::stat(file.c_str(), &named) == 0 &&
+        is_one_file(opened, named)) {
+      return log;
+    }
+  }
+}
+
+}  // namespace
+
 struct LogWriter::Implementation {
+  std::filesystem::path file;
   // One system call per buffer instead of one per page. Declared before the log, which uses it
   // until it is closed.
   std::vector<char> buffer = std::vector<char>(std::size_t{1} << 18U);
@@ -161,6 +196,8 @@ struct LogWriter::Implementation {
   // State after the last successful flush.
   std::uint64_t safe_bytes = 0;
   std::int64_t safe_events = 0;
+  std::uint64_t reserved = 0;  // end of the space allocated on the disk
+  bool can_reserve = true;
 
   // Drops incomplete data. True if the file can be continued.
   bool go_back() {
@@ -170,6 +207,7 @@ struct LogWriter::Implementation {
     const auto end = static_cast<off_t>(safe_bytes);
     if (ftruncate(fileno(file), end) != 0 || fseeko(file, end, SEEK_SET) != 0) return false;
     bytes = safe_bytes;
+    reserved = safe_bytes;
     log->eventcount = safe_events;
     return true;
   }
@@ -177,12 +215,12 @@ struct LogWriter::Implementation {
 
 LogWriter::LogWriter(const std::filesystem::path& file)
     : implementation_(std::make_unique<Implementation>()) {
-  errno = 0;
-  implementation_->log.reset(lcm_eventlog_create(file.c_str(), "w"));
-  if (!implementation_->log) {
-    throw InputError(Problem{
-        file.string(), 0, 0,
-        std::string("cannot be written: ") + std::strerror(errno) + "; does its folder exist?"});
+  implementation_->file = std::filesystem::absolute(file);
+  implementation_->log = open_locked(file);
+  const int descriptor = fileno(implementation_->log->f);
+  if (::ftruncate(descriptor, 0) != 0 && errno != EINVAL) {
+    throw InputError(
+        Problem{file.string(), 0, 0, std::string("cannot be emptied: ") + std::strerror(errno)});
   }
   std::setvbuf(implementation_->log->f, implementation_->buffer.data(), _IOFBF,
                implementation_->buffer.size());
@@ -234,8 +272,44 @@ bool LogWriter::sync() {
   return fdatasync(fileno(i.log->f)) == 0 || errno == EINVAL || errno == EROFS;
 }
 
+bool LogWriter::reserve(std::uint64_t bytes) {
+  constexpr std::uint64_t step = std::uint64_t{1} << 20U;
+  Implementation& i = *implementation_;
+  if (!i.log) return false;
+  const std::uint64_t wanted = i.bytes + bytes;
+  if (!i.can_reserve || wanted <= i.reserved) return true;
+  for (const std::uint64_t ahead : {step, std::uint64_t{0}}) {
+    const auto length = static_cast<off_t>(wanted + ahead - i.reserved);
+    if (::fallocate(fileno(i.log->f), FALLOC_FL_KEEP_SIZE, static_cast<off_t>(i.reserved),
+                    length) == 0) {
+      i.reserved = wanted + ahead;
+      return true;
+    }
+    if (errno == ENOSPC || errno == EDQUOT || errno == EFBIG) continue;
+    if (errno != EINTR) i.can_reserve = false;
+    return true;
+  }
+  return false;
+}
+
+LogWriter::Place LogWriter::place() const {
+  const Implementation& i = *implementation_;
+  struct stat opened {};
+  if (!i.log) return Place::unchanged;
+  if (::fstat(fileno(i.log->f), &opened) != 0) return Place::deleted;
+  if (!S_ISREG(opened.st_mode)) return Place::unchanged;
+  struct stat named {};
+  if (::stat(i.file.c_str(), &named) == 0 && is_one_file(opened, named)) return Place::unchanged;
+  return opened.st_nlink == 0 ? Place::deleted : Place::moved;
+}
+
 bool LogWriter::close() {
   const bool flushed = flush();
+  Implementation& i = *implementation_;
+  if (flushed && i.reserved > i.safe_bytes) {
+    // A failure costs space only.
+    static_cast<void>(::ftruncate(fileno(i.log->f), static_cast<off_t>(i.safe_bytes)) == 0);
+  }
   implementation_->log.reset();
   return flushed;
 }

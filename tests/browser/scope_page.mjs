@@ -489,6 +489,8 @@ test("state, fault and its cause, ledger, verdict, timing and events are shown; 
   assert.equal(await text(page, "#state-chip"), "running");
   assert.equal(await text(page, "#rig-name"), "Beam <b>II</b>");
   assert.match(await text(page, "#ledger"), /on its way\s+10\s+20/);
+  const recording = page.locator("#recording-chip");
+  assert.deepEqual([await recording.textContent(), await recording.getAttribute("data-state")], ["recording", "good"]);
   assert.match(await text(page, "#verdict"), /no longer follows its model. friction law since 12 s/);
   await page.evaluate(() => feed.event(1, "model_explained", "probable cause of the model mismatch: mu is 0.9", 1.705e15));
   assert.match(await text(page, "#verdict"), /✕ Probable cause of the model mismatch: mu is 0\.9\. First report: friction law since 12 s/);
@@ -509,6 +511,19 @@ test("state, fault and its cause, ledger, verdict, timing and events are shown; 
   assert.equal(await page.locator("#ledger td[data-state=bad]").innerText(), "7");
   assert.match(await text(page, "#verdict"), /The rig follows its model/);
   assert.match(await page.locator("#spoken").textContent(), /The rig is faulted/);
+  assert.deepEqual([await recording.textContent(), await recording.getAttribute("data-state")], ["recording loses frames: 7", "bad"]);
+  await page.evaluate(() => feed.status({ record_loss: { ring_full: 7, disk: 0 } }));
+  assert.deepEqual([await recording.textContent(), await recording.getAttribute("data-state")], ["recording, 7 lost", "warn"]);
+  await page.evaluate(() => {
+    feed.event(2, "log_missing", "run.log was deleted", 1.72e15);
+    feed.status({ record_loss: { ring_full: 7, disk: 0 } });
+  });
+  assert.deepEqual([await recording.textContent(), await recording.getAttribute("data-state")], ["log missing", "bad"]);
+  await page.evaluate(() => {
+    feed.event(2, "log_begun_anew", "run.log was deleted", 1.73e15);
+    feed.status({ recording: false });
+  });
+  assert.deepEqual([await recording.textContent(), await recording.getAttribute("data-state")], ["not recorded", "unknown"]);
   await close(page);
 });
 

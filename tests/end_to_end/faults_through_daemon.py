@@ -68,6 +68,30 @@ class FaultsThroughTheDaemon(EndToEnd):
             valid = frame.valid >> FRICTION_FORCE & 1 == 1
             self.assertEqual(valid, not 2000 <= frame.sequence < 2500, frame.sequence)
 
+    def test_a_fault_that_repeats_is_a_few_lines_with_its_count(self):
+        """The shipped scripts, with hundreds of failures each."""
+        for name, words in (("nan", "friction_force is not a finite number"),
+                            ("read_error", "reading the device failed"),
+                            ("write_error", "writing the drive to the device failed")):
+            with self.subTest(script=name):
+                script = (SOURCE / f"config/faults/{name}.toml").read_text()
+                self.assertIn("schema = 1\nseed = 1\n", script)
+                result, _ = self.daemon(script.replace("schema = 1\nseed = 1\n", ""), name)
+                lines = [line for line in result.stderr.splitlines() if words in line]
+                self.assertIn(len(lines), (2, 3), result.stderr)
+                self.assertRegex(lines[-1], r", \d+ more times")
+
+    def test_a_clock_that_jumps_is_an_event(self):
+        result, _ = self.daemon('[[fault]]\nkind = "clock_jump"\nat_s = 2.0\nduration_s = 1.0\n'
+                                'amount = 5.0\n', "clock")
+        self.assertIn("the source's clock jumped ahead by 5000.000 ms with no frame missing",
+                      result.stderr)
+        self.assertIn("the source's clock was set back by 5000.000 ms", result.stderr)
+        codes = [self.types.event_t.decode(content).code
+                 for channel, content in frames.events(self.folder / "clock.log")
+                 if channel == "STICKSLIP_EVENT"]
+        self.assertIn("clock_jumped", codes)
+
     def test_a_disconnected_device_is_reported(self):
         result, recording = self.daemon('[[fault]]\nkind = "unplug"\nat_s = 2.0\n', "unplug")
         self.assertEqual([frame.sequence for frame in recording][:2000], list(range(2000)))

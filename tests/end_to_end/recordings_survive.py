@@ -152,6 +152,130 @@ class RecordingsSurvive(EndToEnd):
         # It is intact now, though incomplete, which its ledger cannot show after the cut.
         self.assertNotIn("damaged in", stickslip("log", "check", mended).stdout)
 
+    def wait_for(self, what, condition):
+        until = time.monotonic() + 30
+        while not condition():
+            self.assertLess(time.monotonic(), until, what)
+            time.sleep(0.01)
+
+    def start_daemon(self, config, name):
+        """The daemon with a control socket of that name, when it has begun to record."""
+        errors = open(self.folder / f"{name}.txt", "w+")
+        self.addCleanup(errors.close)
+        daemon = subprocess.Popen([STICKSLIPD, "--config", config, "--no-lcm", "--control",
+                                   self.folder / f"{name}.sock"], stderr=errors)
+        self.addCleanup(daemon.wait)
+        self.addCleanup(daemon.kill)
+        return daemon, lambda: (self.folder / f"{name}.txt").read_text()
+
+    def stop(self, daemon):
+        daemon.send_signal(signal.SIGTERM)
+        return daemon.wait(timeout=60)
+
+    def events(self, log):
+        """Codes of the events in a log."""
+        return [self.types.event_t.decode(content).code
+                for channel, content in frames.events(log) if channel == "STICKSLIP_EVENT"]
+
+    def test_a_log_in_use_is_never_renamed_or_written_to(self):
+        config, log = self.rig("used", "rotate_mb = 0.1\n")
+        second = self.folder / "used.001.log"
+        daemon, _ = self.start_daemon(config, "first")
+        self.wait_for("no second part", lambda: second.exists() and second.stat().st_size > 20_000)
+        # Tidied up by a person: the name of the first part is free, the recording is not.
+        tidied = log.rename(self.folder / "tidied.log")
+        names = {path.name for path in self.folder.glob("*.log")}
+        for socket, words in (("first.sock", ("first.sock", "another daemon")),
+                              ("other.sock", ("used.0", "is being written by"))):
+            with self.subTest(socket=socket):
+                refused = subprocess.run(
+                    [STICKSLIPD, "--config", config, "--no-lcm", "--duration", "1", "--control",
+                     self.folder / socket], capture_output=True, text=True, timeout=60)
+                self.assertEqual(refused.returncode, 2, refused.stderr)
+                for word in (*words, f"process {daemon.pid}", "stop "):
+                    self.assertIn(word, refused.stderr)
+                self.assertNotIn("kept as", refused.stderr)
+        self.assertLessEqual(names, {path.name for path in self.folder.glob("*.log")})
+        part = max(path for path in self.folder.glob("used.0*.log"))
+        for command in (("record", part, "--frames", "1"), ("convert", tidied, part)):
+            refused = stickslip(*command)
+            if part == max(path for path in self.folder.glob("used.0*.log")):  # still the latest
+                self.assertEqual(refused.returncode, 2, refused.stdout)
+                self.assertRegex(refused.stderr, rf"{part}.*process {daemon.pid} \(stickslipd\)")
+        self.assertEqual(self.stop(daemon), 0)
+        parts = [tidied, *self.folder.glob("used.0*.log")]
+        self.succeed("log", "join", *parts, "--out", self.folder / "joined.log")
+        self.assertFalse((self.folder / "first.sock").exists())
+
+    def test_a_full_disk_is_reported_and_the_tail_is_kept(self):
+        disk = self.folder / "disk"
+        disk.mkdir()
+        on_disk = ["unshare", "--mount", "sh", "-c",
+                   f"mount -t tmpfs -o size=2m none '{disk}' && \"$@\"; status=$?; "
+                   f"cp '{disk}'/* '{self.folder}'; exit $status", "sh"]
+        probe = subprocess.run([*on_disk, "touch", disk / "probe"], capture_output=True, text=True)
+        if probe.returncode != 0:
+            self.skipTest(f"no small file system can be mounted: {probe.stderr.strip()}")
+        config, log = self.rig("full", f'[metrics]\nfile = "{self.folder}/full.prom"\n', fast=True)
+        result = subprocess.run(
+            [*on_disk, STICKSLIPD, "--config", config, "--no-lcm", "--duration", "60", "--record",
+             disk / "full.log"], capture_output=True, text=True, timeout=120)
+        self.assertEqual(result.returncode, 1, result.stderr)
+        self.assertIn("the recording is not whole", result.stderr)
+        self.assertIn("No space left on device", result.stderr)
+        self.assertIn("recording_fails", self.events(log))
+        channel, content = list(frames.events(log))[-1]
+        self.assertEqual(channel, "STICKSLIP_STATUS")
+        status = self.types.status_t.decode(content)
+        self.assertEqual(status.produced, 60000)
+        self.assertEqual(status.recorded, len(frames.frames(log, self.types)))
+        self.assertEqual(status.recorded + sum(status.record_loss), 60000)
+        self.assertGreater(status.recorded, 5000)
+        metrics = (self.folder / "full.prom").read_text()
+        self.assertRegex(metrics, r"(?m)^stickslip_recording_failing\{.*\} 1$")
+        self.assertRegex(metrics, r'(?m)^stickslip_frames_lost_total\{.*"recorder",reason="write_error"'
+                                  r"\} [1-9]")
+        self.succeed("log", "info", log)
+
+    def test_a_log_that_vanishes_is_begun_anew(self):
+        for how, status in (("deleted", 1), ("moved", 0)):
+            with self.subTest(how=how):
+                config, log = self.rig(how, "")
+                daemon, errors = self.start_daemon(config, how)
+                self.wait_for("it does not grow", lambda: log.exists() and log.stat().st_size > 20_000)
+                moved = log.rename(self.folder / f"{how}_away.log")
+                if how == "deleted":
+                    moved.unlink()
+                self.wait_for("no new log", lambda: log.exists() and log.stat().st_size > 20_000)
+                self.assertEqual(self.stop(daemon), status, errors())
+                self.assertIn(f"{log} was deleted" if how == "deleted" else f"{log} is not in its place",
+                              errors())
+                self.assertIn("log_begun_anew", self.events(log))
+                channel, content = next(iter(frames.events(log)))
+                self.assertEqual(channel, "STICKSLIP_RECORDING")
+                info = self.types.recording_info_t.decode(content)
+                self.assertEqual(info.part, 1)
+                self.assertIn("[rig]", info.configuration)
+                self.succeed("log", "check", log)
+                if how == "moved":
+                    joined = self.folder / "both.log"
+                    self.succeed("log", "join", moved, log, "--out", joined)
+                    sequences = [one.sequence for one in frames.frames(joined, self.types)]
+                    self.assertEqual(sequences, list(range(len(sequences))))
+
+    def test_a_log_that_cannot_be_begun_anew_is_a_loss(self):
+        (self.folder / "gone").mkdir()
+        config, log = self.rig("gone/run", "")
+        daemon, errors = self.start_daemon(config, "lost")
+        self.wait_for("it does not grow", lambda: log.exists() and log.stat().st_size > 20_000)
+        log.unlink()
+        log.parent.joinpath("run.toml").unlink()
+        log.parent.rmdir()
+        self.wait_for("not noticed", lambda: "was deleted" in errors())
+        self.assertEqual(self.stop(daemon), 1)
+        self.assertIn("a new log cannot be begun", errors())
+        self.assertRegex(errors(), r"the recording is not whole: \d+ of \d+ frames were lost")
+
     def test_info_describes_a_log(self):
         config, log = self.rig("described", "", fast=True)
         self.run_rig(config, 3)

@@ -2,16 +2,20 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/spdlog.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -97,7 +101,7 @@ class ControlTest : public testing::Test {
 
   void open() {
     control = std::make_unique<ControlServer>(
-        settings, *loop, clock, 1000.0,
+        ListeningSocket(settings), settings, *loop, clock, 1000.0,
         ControlHandlers{.status =
                             [this] {
                               Status status = status_of(loop->snapshot(), ledger, loop->timing());
@@ -174,6 +178,39 @@ TEST_F(ControlTest, TheStatusHasTheCountsOfTheDevices) {
   Client client(settings.path);
   const json answer = ask(client, {{"do", "status"}});
   EXPECT_EQ(answer["status"]["source"]["devices"]["fake"]["losses"], 17);
+}
+
+TEST_F(ControlTest, TheLogHasWhoAskedForWhatAndHowItEnded) {
+  std::ostringstream text;
+  const auto before = spdlog::default_logger();
+  const auto sink = std::make_shared<spdlog::sinks::ostream_sink_mt>(text);
+  spdlog::set_default_logger(std::make_shared<spdlog::logger>("test", sink));
+  spdlog::set_pattern("%v");
+  open();
+  Client client(settings.path);
+  ask(client, {{"do", "clear"}});
+  ask(client, {{"do", "start"}, {"dead_man", true}});
+  ask(client, {{"do", "set"}, {"key", "excitation.amplitude"}, {"value", 0.002}});
+  ask(client, {{"do", "set"}, {"key", "excitation.amplitude"}, {"value", 7.5}});
+  ask(client, {{"do", "frob\ncate"}});
+  ask(client, {{"do", "reload"}});
+  ask(client, {{"do", "status"}});
+  for (int i = 0; i < 500; ++i) ask(client, {{"do", "arm"}, {"n", i}});
+  spdlog::set_default_logger(before);
+  const std::string who =
+      "user " + std::to_string(::getuid()) + " (process " + std::to_string(::getpid()) + "): ";
+  for (const char* const line :
+       {"clear: accepted, the rig is idle\n",
+        "start dead_man=true: refused: only an armed rig can be started\n",
+        "set key=\"excitation.amplitude\" value=0.002: accepted, the rig is idle\n",
+        "set key=\"excitation.amplitude\" value=7.5: refused: beyond limits.velocity_m_s\n",
+        "frob\\ncate: refused: there is no command \"frob cate\"", "reload: accepted; nothing\n",
+        "arm n=3: refused: only an idle rig can be armed\n"}) {
+    EXPECT_THAT(text.str(), HasSubstr(who + line));
+  }
+  EXPECT_THAT(text.str(), testing::Not(HasSubstr("): status")));
+  const std::string all = text.str();
+  EXPECT_LT(std::count(all.begin(), all.end(), '\n'), 60);  // of 506
 }
 
 TEST_F(ControlTest, ABrokenInterlockPreventsClearingAndArmingWithItsReason) {

@@ -65,11 +65,27 @@ TEST(FrameSequencer, ShiftsASourceWhoseTimeWentBack) {
   sequencer.place(frame, 0);
   frame = frame_at(2, 0);
   const FramePlacement placement = sequencer.place(frame, 0);
-  EXPECT_TRUE(placement.time_stepped_back);
+  EXPECT_EQ(placement.jump_ns, -1002 * ms);
   EXPECT_EQ(frame.time_ns, 1002 * ms);
   frame = frame_at(3, 1 * ms);
-  EXPECT_FALSE(sequencer.place(frame, 0).time_stepped_back);
+  EXPECT_EQ(sequencer.place(frame, 0).jump_ns, 0);
   EXPECT_EQ(frame.time_ns, 1003 * ms);
+}
+
+TEST(FrameSequencer, ReportsASourceWhoseTimeJumpedAhead) {
+  FrameSequencer sequencer(ms, false);
+  Frame frame = frame_at(0, 0);
+  sequencer.place(frame, 0);
+  frame = frame_at(1, 5001 * ms);
+  EXPECT_EQ(sequencer.place(frame, ms).jump_ns, 5000 * ms);
+  EXPECT_EQ(frame.time_ns, 5001 * ms);
+  // Time that has passed on the host, and lost frames, are no jump.
+  frame = frame_at(2, 7001 * ms);
+  EXPECT_EQ(sequencer.place(frame, 2001 * ms).jump_ns, 0);
+  frame = frame_at(1002, 8001 * ms);
+  EXPECT_EQ(sequencer.place(frame, 2002 * ms).jump_ns, 0);
+  frame = frame_at(1003, 8090 * ms);  // jitter
+  EXPECT_EQ(sequencer.place(frame, 2003 * ms).jump_ns, 0);
 }
 
 TEST(FrameSequencer, ARestartedDeviceContinuesTheNumbersWithTheSkippedCycles) {

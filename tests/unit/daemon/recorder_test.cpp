@@ -17,12 +17,23 @@
 #include "daemon/loss_monitor.h"
 #include "daemon/message_writer.h"
 #include "daemon/messages.h"
+#include "physics/problem.h"
 #include "protocol/recording.h"
 #include "protocol/recording_parts.h"
 #include "protocol/recording_survey.h"
 
 namespace {
 bool disk_confirms = true;
+bool disk_has_space = true;
+}  // namespace
+
+// Replaces the C library's function: a disk without space, if a test needs one.
+extern "C" int fallocate(int file, int mode, off_t offset, off_t length) {
+  if (disk_has_space) {
+    return static_cast<int>(::syscall(SYS_fallocate, file, mode, offset, length));
+  }
+  errno = ENOSPC;
+  return -1;
 }
 
 // Replaces the C library's function: a disk that fails to sync, if a test needs one.
@@ -59,6 +70,7 @@ class RecorderTest : public testing::Test {
   }
   void TearDown() override {
     disk_confirms = true;
+    disk_has_space = true;
     std::error_code ignored;
     std::filesystem::remove_all(folder_, ignored);
   }
@@ -143,6 +155,12 @@ class RecorderTest : public testing::Test {
     const auto all = protocol::read_recording(folder_ / "all.log").frames;
     ASSERT_EQ(all.size(), frames);
     for (std::size_t i = 0; i < all.size(); ++i) ASSERT_EQ(all[i].sequence, i);
+  }
+
+  static std::vector<std::string> codes(const std::vector<Event>& events) {
+    std::vector<std::string> out;
+    for (const Event& event : events) out.push_back(event.code);
+    return out;
   }
 
   std::filesystem::path folder_;
@@ -232,6 +250,24 @@ TEST_F(RecorderTest, AnExistingLogIsKept) {
   EXPECT_EQ(protocol::read_recording(file_).frames.size(), 30U);
 }
 
+TEST_F(RecorderTest, AnExistingLogBehindALinkIsKept) {
+  const std::filesystem::path link = folder_ / "link.log";
+  open({});
+  write_block();
+  static_cast<void>(finish());
+  std::filesystem::create_symlink(file_, link);
+  file_ = link;
+  open({});
+  for (int i = 0; i < 2; ++i) write_block();
+  static_cast<void>(finish());
+  std::vector<std::size_t> frames;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_)) {
+    if (entry.is_symlink()) continue;
+    frames.push_back(protocol::read_recording(entry.path()).frames.size());
+  }
+  EXPECT_THAT(frames, testing::UnorderedElementsAre(10, 20));
+}
+
 // A limit on the size of files in place of a full disk: writes fail in the middle of an event.
 class FullDisk {
  public:
@@ -287,6 +323,129 @@ TEST_F(RecorderTest, TheRecordingInfoComesFirstEvenIfTheDiskIsFullAtTheStart) {
   ASSERT_TRUE(log.info);
   EXPECT_EQ(log.info->rig, "bench");
   EXPECT_EQ(log.first_sequence, 200U);
+}
+
+TEST_F(RecorderTest, TheTailIsWrittenIntoTheReserveOfAFullDisk) {
+  open({});
+  for (int i = 0; i < 100; ++i) write_block();
+  flush();
+  disk_has_space = false;
+  std::size_t refused = 0;
+  for (int i = 0; i < 20'000; ++i) {
+    refused += write_block() ? 0 : 1;
+    if (i % 20 == 19) flush();
+  }
+  EXPECT_GT(refused, 1000U);
+  EXPECT_THAT(codes(writer_->take_events()), testing::ElementsAre("recording_fails"));
+  // The reserve holds, whatever came before.
+  const Event event{Severity::error, "write_error", "recording fails"};
+  for (int i = 0; i < 500; ++i) {
+    EXPECT_EQ(sink_->write_message(event_message(event, 1)), WriteResult::ok);
+  }
+  EXPECT_TRUE(finish());
+  const auto log = protocol::survey_log(file_);
+  EXPECT_THAT(log.faults(), IsEmpty());
+  ASSERT_TRUE(log.ledger);
+  EXPECT_EQ(log.ledger->lost(), static_cast<std::int64_t>(10 * refused));
+  EXPECT_EQ(log.ledger->recorded, static_cast<std::int64_t>(log.frames));
+  EXPECT_EQ(log.ledger->frames_before_it, log.frames);
+}
+
+TEST_F(RecorderTest, ADiskWithSpaceAgainIsUsedAgain) {
+  open({});
+  disk_has_space = false;
+  for (int i = 0; i < 20'000; ++i) write_block();
+  flush();
+  disk_has_space = true;
+  flush();
+  EXPECT_TRUE(write_block());
+  EXPECT_TRUE(finish());
+  EXPECT_THAT(codes(writer_->take_events()),
+              testing::ElementsAre("recording_fails", "recording_works"));
+}
+
+TEST_F(RecorderTest, ALogInUseIsNeitherRenamedNorWritten) {
+  open({.rotate_s = 1.0});
+  for (int i = 0; i < 250; ++i) write_block();
+  flush();
+  const auto latest = parts().back();
+  ASSERT_EQ(parts().size(), 3U);
+  std::filesystem::rename(file_, folder_ / "tidied.log");
+  std::filesystem::rename(folder_ / "run.001.log", folder_ / "tidied.001.log");
+  const auto size = std::filesystem::file_size(latest);
+  for (const auto& file : {file_, latest}) {
+    try {
+      open_log(file);
+      FAIL() << "expected a refusal of " << file;
+    } catch (const InputError& error) {
+      EXPECT_THAT(error.what(), HasSubstr(latest.string()));
+      EXPECT_THAT(error.what(), HasSubstr("process " + std::to_string(::getpid())));
+    }
+  }
+  EXPECT_THROW(protocol::LogWriter{latest}, InputError);
+  EXPECT_FALSE(std::filesystem::exists(file_));
+  EXPECT_EQ(std::filesystem::file_size(latest), size);
+  EXPECT_TRUE(finish());
+  EXPECT_NO_THROW(open_log(file_));  // released
+}
+
+TEST_F(RecorderTest, ADeletedLogIsBegunAnewAndItsLastFramesAreLost) {
+  open({});
+  for (int i = 0; i < 10; ++i) write_block();
+  flush();
+  for (int i = 0; i < 10; ++i) write_block();
+  std::filesystem::remove(file_);
+  flush();
+  EXPECT_EQ(ledger_->balance().recorded.lost_to(Loss::write_error), 100U);
+  const std::vector<Event> events = writer_->take_events();
+  EXPECT_THAT(codes(events), testing::ElementsAre("log_begun_anew"));
+  EXPECT_EQ(events.front().severity, Severity::error);
+  for (int i = 0; i < 10; ++i) write_block();
+  EXPECT_TRUE(finish());
+  const auto log = protocol::survey_log(file_);
+  EXPECT_THAT(log.faults(), IsEmpty());
+  ASSERT_TRUE(log.info);
+  EXPECT_EQ(log.info->part, 1);
+  EXPECT_EQ(log.info->frames_before, 100);
+  EXPECT_EQ(log.info->configuration, "[rig]\n");
+  EXPECT_EQ(log.first_sequence, 200U);
+}
+
+TEST_F(RecorderTest, AMovedLogIsBegunAnewWithoutLoss) {
+  open({.rotate_s = 1.0});
+  for (int i = 0; i < 10; ++i) write_block();
+  std::filesystem::rename(file_, folder_ / "moved.log");
+  // Another file has taken its place meanwhile: kept.
+  std::ofstream(file_) << "another disk's";
+  flush();
+  const std::vector<Event> events = writer_->take_events();
+  EXPECT_THAT(codes(events), testing::ElementsAre("log_begun_anew"));
+  EXPECT_EQ(events.front().severity, Severity::warning);
+  for (int i = 0; i < 150; ++i) write_block();
+  EXPECT_TRUE(finish());
+  EXPECT_EQ(ledger_->balance().recorded.lost_in_total(), 0U);
+  const std::vector<std::filesystem::path> files = {folder_ / "moved.log", file_,
+                                                    folder_ / "run.002.log"};
+  const auto joined = protocol::join_logs(files, folder_ / "all.log");
+  EXPECT_EQ(joined.frames, 1600U);
+  EXPECT_EQ(joined.missing, 0U);
+}
+
+TEST_F(RecorderTest, WithoutAPlaceForANewLogEveryFrameIsLostUntilThereIsOne) {
+  const std::filesystem::path inner = folder_ / "inner";
+  std::filesystem::create_directory(inner);
+  file_ = inner / "run.log";
+  open({});
+  write_block();
+  flush();
+  std::filesystem::remove_all(inner);
+  for (int i = 0; i < 5; ++i) {
+    write_block();
+    flush();
+  }
+  EXPECT_EQ(ledger_->balance().recorded.lost_to(Loss::write_error), 50U);
+  EXPECT_THAT(codes(writer_->take_events()), testing::ElementsAre("log_missing"));
+  EXPECT_FALSE(finish());
 }
 
 TEST_F(RecorderTest, ContinuesInThePreviousPartIfANewOneCannotBeCreated) {
@@ -355,7 +514,7 @@ TEST(LossMonitor, ReportsTheBeginningAndTheEndOfLossesOnce) {
     for (Event& event : monitor.update(balance)) reported.push_back(std::move(event));
   }
   ASSERT_EQ(reported.size(), 1U);
-  EXPECT_EQ(reported[0].severity, Severity::warning);
+  EXPECT_EQ(reported[0].severity, Severity::error);
   EXPECT_EQ(reported[0].code, "ring_full");
   reported = monitor.update(balance);
   ASSERT_EQ(reported.size(), 1U);

@@ -40,10 +40,13 @@ export class RigState {
     setState(chip, "unknown");
     setText(byId("amplifier-chip"), "amplifier –");
     setState(byId("amplifier-chip"), "unknown");
+    setText(byId("recording-chip"), "recording –");
+    setState(byId("recording-chip"), "unknown");
   }
 
   #takeStatus(status) {
     const before = this.status?.state;
+    this.#showRecording(status, this.status);
     this.status = status;
     const chip = byId("state-chip");
     setText(chip, status.state);
@@ -60,14 +63,29 @@ export class RigState {
     this.#showClock(status);
   }
 
+  // Bad while frames are lost or the log is missing; a loss stays visible to the end of the recording.
+  #showRecording(status, previous) {
+    const chip = byId("recording-chip");
+    const lost = sum(status.record_loss);
+    const lostBefore = sum(previous?.record_loss);
+    const losing = lost > (lostBefore <= lost ? lostBefore : 0);
+    if (!status.recording) setText(chip, "not recorded");
+    else if (losing) setText(chip, `recording loses frames: ${count(lost)}`);
+    else if (this.logEvent?.code === "log_missing") setText(chip, "log missing");
+    else setText(chip, lost > 0 ? `recording, ${count(lost)} lost` : "recording");
+    const bad = losing || this.logEvent?.code === "log_missing";
+    setState(chip, !status.recording ? "unknown" : bad ? "bad" : lost > 0 ? "warn" : "good");
+    if (status.recording && losing && !this.losing) this.app.say("The recording loses frames.");
+    this.losing = losing;
+  }
+
   #showLedger(status) {
     const body = byId("ledger").tBodies[0];
     const rows = [["produced", status.produced, status.produced], ["delivered", status.publishing ? status.published : NaN, status.recording ? status.recorded : NaN]];
     const losses = new Set([...Object.keys(status.publish_loss ?? {}), ...Object.keys(status.record_loss ?? {})]);
     for (const name of losses) rows.push([`lost: ${name.replace(/_/g, " ")}`, status.publish_loss?.[name], status.record_loss?.[name], true]);
-    const lost = (losses_of) => Object.values(losses_of ?? {}).reduce((sum, value) => sum + value, 0);
-    rows.push(["on its way", status.publishing ? status.produced - status.published - lost(status.publish_loss) : NaN,
-      status.recording ? status.produced - status.recorded - lost(status.record_loss) : NaN]);
+    rows.push(["on its way", status.publishing ? status.produced - status.published - sum(status.publish_loss) : NaN,
+      status.recording ? status.produced - status.recorded - sum(status.record_loss) : NaN]);
     while (body.rows.length > rows.length) body.deleteRow(-1);
     rows.forEach(([name, published, recorded, loss], i) => {
       const row = body.rows[i] ?? body.appendChild(tableRow("", 2));
@@ -118,6 +136,7 @@ export class RigState {
 
   #takeEvent(event) {
     if (event.code === "model_broken" || event.code === "model_follows") this.#takeVerdict(event);
+    if (event.code.startsWith("log_") && !(event.utc_us < this.logEvent?.utc_us)) this.logEvent = event;
     if (event.code === "model_explained" || event.code === "model_unexplained") this.#takeExplanation(event);
     // Events repeated for a new connection are shown once.
     const key = `${event.utc_us} ${event.code} ${event.message}`;
@@ -237,6 +256,10 @@ export class RigState {
     setText(one.note, text);
     canvas.setAttribute("aria-label", `${one.figure.querySelector("h3").textContent}: ${text}`);
   }
+}
+
+function sum(losses) {
+  return Object.values(losses ?? {}).reduce((total, value) => total + value, 0);
 }
 
 // Bins of increasing width; the first begins at 0, which a logarithmic axis cannot show.
