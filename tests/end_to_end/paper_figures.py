@@ -109,7 +109,7 @@ class PaperFigures(unittest.TestCase):
         for arguments, expected in (
                 (["figures", "--out", self.keep.name, "--presets", PRESETS, "--only", "11"],
                  "no figure 11"),
-                (["figures", "--out", self.keep.name, "--presets", self.keep.name],
+                (["figures", "--out", self.keep.name, "--presets", self.folder],
                  "motivational.toml"),
                 (["figures", "--out", self.folder / "index.html/x", "--presets", PRESETS],
                  "index.html/x"),

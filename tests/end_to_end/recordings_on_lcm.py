@@ -4,6 +4,7 @@ import json
 import shutil
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import time
@@ -86,6 +87,29 @@ class RecordingsOnLcm(EndToEnd):
                 self.assertEqual(frames.frames(out["log"], types), frames.frames(self.log, types))
                 self.succeed("convert", self.csv, self.folder / "again.csv")
                 self.assertEqual(out["csv"].read_bytes(), (self.folder / "again.csv").read_bytes())
+
+    def test_replay_publishes_everything_in_its_order_and_pace(self):
+        """Events, estimates, status and whatever else a log holds, unaltered, not only its frames."""
+        source = [(channel, payload) for channel, payload in frames.events(self.log)]
+        mixed, number = b"", 0
+        for i, (channel, payload) in enumerate(source):
+            extra = [(name, f"{name} {i}".encode()) for name in ("STICKSLIP_EVENT", "STICKSLIP_STATUS",
+                     "STICKSLIP_ESTIMATE", "STICKSLIP_EXCITATION")] if i % 30 == 5 else []
+            for name, data in ((channel, payload), *extra):
+                name = name.encode() if isinstance(name, str) else name
+                mixed += struct.pack(">IqqII", 0xEDA1DA01, number, 1_000_000 + 10_000 * i, len(name),
+                                     len(data)) + name + data
+                number += 1
+        log, out = self.write("mixed.log", mixed), self.folder / "out.log"
+        recorder = self.recorder(out, "--frames", FRAME_COUNT)
+        began = time.monotonic()
+        text = self.succeed("replay", log, "--speed", 2).stdout
+        self.assertGreater(time.monotonic() - began, 0.7)
+        self.assertIn(f"published {FRAME_COUNT} of {FRAME_COUNT} frames in {BLOCKS} blocks and 21 other "
+                      "messages", text)
+        recorder.communicate(timeout=30)
+        received = list(frames.events(out))[1:]  # without the recorder's own description
+        self.assertEqual(received, list(frames.events(log)))
 
     def test_record_counts_what_is_missing(self):
         log = self.folder / "holes.log"

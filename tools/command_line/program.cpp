@@ -14,12 +14,25 @@ void Program::set_notes(const CLI::App& command, terminal::Notes notes) {
   notes_[&command] = std::move(notes);
 }
 
-Program& program_of(CLI::App& command) {
-  CLI::App* root = &command;
+std::vector<FileOption> Program::file_options(const CLI::App& command) const {
+  const auto found = file_options_.find(&command);
+  return found == file_options_.end() ? std::vector<FileOption>{} : found->second;
+}
+
+void Program::add_file_option(const CLI::App& command, FileOption option) {
+  file_options_[&command].push_back(option);
+}
+
+const Program& program_of(const CLI::App& command) {
+  const CLI::App* root = &command;
   while (root->get_parent() != nullptr) root = root->get_parent();
-  auto* const program = dynamic_cast<Program*>(root);
+  const auto* const program = dynamic_cast<const Program*>(root);
   if (program == nullptr) throw std::logic_error(command.get_name() + " belongs to no Program");
   return *program;
+}
+
+Program& program_of(CLI::App& command) {
+  return const_cast<Program&>(program_of(std::as_const(command)));
 }
 
 void describe(CLI::App& command, terminal::Notes notes) {

@@ -3,10 +3,19 @@
 
 #include <CLI/CLI.hpp>
 #include <map>
+#include <vector>
 
 #include "tools/terminal/manual_page.h"
 
 namespace stickslip::command_line {
+
+enum class FileRole;
+
+/// An option whose values are files (file_options.h).
+struct FileOption {
+  const CLI::Option* option;
+  FileRole role;
+};
 
 class Program : public CLI::App {
  public:
@@ -17,13 +26,20 @@ class Program : public CLI::App {
 
   void set_notes(const CLI::App& command, terminal::Notes notes);
 
+  /// The options of a command that name files, in the order in which they were declared.
+  std::vector<FileOption> file_options(const CLI::App& command) const;
+
+  void add_file_option(const CLI::App& command, FileOption option);
+
  private:
   std::map<const CLI::App*, terminal::Notes> notes_;
+  std::map<const CLI::App*, std::vector<FileOption>> file_options_;
 };
 
 /// The program that a command belongs to, at any depth. Throws std::logic_error if the root of the
 /// parser is not a Program.
 Program& program_of(CLI::App& command);
+const Program& program_of(const CLI::App& command);
 
 /// Sets the notes for the manual page of a command or of the program itself.
 void describe(CLI::App& command, terminal::Notes notes);

@@ -12,9 +12,10 @@
 #include "physics/number_text.h"
 #include "physics/problem.h"
 #include "tools/command_line/drive_options.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
-#include "tools/files/write_file.h"
+#include "tools/files/outputs.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -92,7 +93,7 @@ std::string table_of(const Columns& columns, bool with_exponents) {
   return table;
 }
 
-int run(const Arguments& arguments) {
+int run(const Arguments& arguments, const Outputs& outputs) {
   const physics::Model model = config::load_model(arguments.drive->model);
   const dynamics::Drive drive = arguments.drive->drive(model, swept_quantity(arguments.over));
   check_parameter(arguments, model);
@@ -109,7 +110,7 @@ int run(const Arguments& arguments) {
   options.progress = [&progress](std::size_t done, std::size_t all) { progress.at(done, all); };
   const auto columns = dynamics::bifurcation(model, drive, arguments.over, values, options);
   progress.finish();
-  write_table(arguments.out, table_of(columns, arguments.exponents));
+  outputs.write(arguments.out, Form::plain, table_of(columns, arguments.exponents));
   return 0;
 }
 
@@ -137,9 +138,11 @@ void add_bifurcation(CLI::App& app, Action& action) {
   command->add_flag("--exponents", arguments->exponents, "Add the largest Lyapunov exponent");
   command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
       ->check(number_of_threads());
-  command->add_option("--out", arguments->out, "Table to write (CSV; -: standard output)")
+  add_output(*command, "--out", arguments->out, "Table to write (CSV; -: standard output)")
       ->capture_default_str();
-  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  command->callback([&action, arguments, command] {
+    action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
+  });
   describe(*command,
            {.examples = {{"Sweep the amplitude of the drive",
                           "stickslip bifurcation --model config/models/motivational.toml "

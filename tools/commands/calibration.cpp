@@ -12,6 +12,7 @@
 #include "tools/calibration/line_fit.h"
 #include "tools/calibration/points_csv.h"
 #include "tools/calibration/words.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
 
@@ -142,17 +143,18 @@ void add_fit(CLI::App& parent, Action& action) {
   auto arguments = std::make_shared<FitArguments>();
   CLI::App* command = parent.add_subcommand(
       "fit", "Fit a straight line to points and write it to a calibration file");
-  command
-      ->add_option("points", arguments->points,
-                   "Points (CSV: raw, reference_si, optionally raw_std, reference_sigma), in the "
-                   "order of measurement")
+  add_input(*command, "points", arguments->points,
+            "Points (CSV: raw, reference_si, optionally raw_std, reference_sigma), in the "
+            "order of measurement")
       ->required();
   std::vector<std::string> stems;
   for (const ChannelInfo& channel : channel_table) stems.emplace_back(channel.stem);
   command->add_option("--channel", arguments->channel, "Calibrated channel")
       ->required()
       ->check(CLI::IsMember(stems));
-  command->add_option("--file", arguments->file, "Calibration file (TOML), updated or created")
+  declare_files(
+      *command, FileRole::updated,
+      command->add_option("--file", arguments->file, "Calibration file (TOML), updated or created"))
       ->required();
   command
       ->add_option("--reference", arguments->reference,
@@ -184,14 +186,19 @@ void add_fit(CLI::App& parent, Action& action) {
       "--force", arguments->force,
       "Accept the fit despite objections, with two references too; recorded in the file");
   command->add_flag("--dry-run", arguments->dry_run, "Print the result, write nothing");
-  command->callback([&action, arguments] { action = [arguments] { return run_fit(*arguments); }; });
+  command->callback([&action, arguments, command] {
+    action = [arguments, command] {
+      outputs_of(*command);
+      return run_fit(*arguments);
+    };
+  });
 }
 
 void add_show(CLI::App& parent, Action& action) {
   auto arguments = std::make_shared<ShowArguments>();
   CLI::App* command =
       parent.add_subcommand("show", "Print a calibration file with its uncertainties");
-  command->add_option("file", arguments->file, "Calibration file (TOML)")->required();
+  add_input(*command, "file", arguments->file, "Calibration file (TOML)")->required();
   command->add_flag("--history", arguments->history, "Print previous calibrations too");
   command->callback(
       [&action, arguments] { action = [arguments] { return run_show(*arguments); }; });

@@ -23,6 +23,7 @@
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "tools/command_line/colour_option.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/recording_input.h"
 #include "tools/commands/commands.h"
 #include "tools/terminal/progress.h"
@@ -314,8 +315,8 @@ void add_check(CLI::App& app, Action& action) {
   CLI::App* command = app.add_subcommand(
       "check",
       "Report all problems in rigs, models, calibrations, fault scripts and register maps");
-  command->add_option("FILE", arguments->files,
-                      "Rigs, models, calibrations, fault scripts or register maps (TOML)");
+  add_input(*command, "FILE", arguments->files,
+            "Rigs, models, calibrations, fault scripts or register maps (TOML)");
   command->add_flag(
       "--live", arguments->live,
       "Then read each device of the rig and print its first readings, without driving "

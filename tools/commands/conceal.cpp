@@ -13,6 +13,7 @@
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "protocol/sha256.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
 #include "tools/concealment/concealment.h"
@@ -123,10 +124,13 @@ void add_conceal(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "conceal", "Make recordings with hidden effects, for blind examination of the diagnosis");
-  command->add_option("--out", arguments->out, "New folder for the set")->required();
-  command->add_option("--truth", arguments->truth,
-                      "Folder for the truth files (default: OUT/truth); each case contains the "
-                      "SHA-256 of its truth file");
+  declare_files(*command, FileRole::new_folder,
+                command->add_option("--out", arguments->out, "New folder for the set")->required());
+  declare_files(
+      *command, FileRole::new_folder,
+      command->add_option("--truth", arguments->truth,
+                          "Folder for the truth files (default: OUT/truth); each case contains the "
+                          "SHA-256 of its truth file"));
   command->add_option("--count", arguments->count, "Number of recordings")
       ->check(whole_number(1, 999))
       ->capture_default_str();
@@ -144,9 +148,12 @@ void add_conceal(CLI::App& app, Action& action) {
       ->capture_default_str();
   command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
       ->check(number_of_threads());
-  command->callback([&action, arguments, seed] {
+  command->callback([&action, arguments, seed, command] {
     arguments->seeded = seed->count() > 0;
-    action = [arguments] { return run(*arguments); };
+    action = [arguments, command] {
+      outputs_of(*command);
+      return run(*arguments);
+    };
   });
   describe(*command,
            {.examples = {{"Make twenty recordings with concealed physics",

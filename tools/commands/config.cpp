@@ -15,9 +15,13 @@
 #include "config/settings.h"
 #include "physics/problem.h"
 #include "physics/spelling.h"
+#include "tools/command_line/file_options.h"
 #include "tools/commands/commands.h"
 
 namespace stickslip::commands {
+
+using namespace command_line;
+
 namespace {
 
 using config::Setting;
@@ -138,7 +142,7 @@ void add_config(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "config", "Print all settings of a rig with defaults, and the origin of each value");
-  command->add_option("RIG", arguments->file, "Rig configuration (TOML)")->required();
+  add_input(*command, "RIG", arguments->file, "Rig configuration (TOML)")->required();
   CLI::Option* explain =
       command
           ->add_option(

@@ -1,6 +1,4 @@
 #include <cstdio>
-#include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <memory>
 #include <string>
@@ -8,19 +6,18 @@
 #include "physics/failure.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/recording_input.h"
+#include "tools/command_line/recording_output.h"
 #include "tools/commands/commands.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
 
 using namespace command_line;
-
-using namespace command_line;
+using namespace files;
 
 namespace {
-
-constexpr std::size_t frames_per_block = 10;
 
 struct Arguments {
   std::string in;
@@ -28,18 +25,7 @@ struct Arguments {
   std::string format;
 };
 
-void write_as_csv(const protocol::Recording& recording, const std::string& path,
-                  const protocol::ProgressCallback& done) {
-  std::ofstream out(path, std::ios::binary);
-  if (out) protocol::write_csv(recording, out, done);
-  out.close();
-  if (!out) {
-    throw InputError(
-        Problem{path, 0, 0, "cannot be written; does its folder exist, and is the disk full?"});
-  }
-}
-
-int run(const Arguments& arguments) {
+int run(const Arguments& arguments, const Outputs& outputs) {
   const protocol::Recording recording = recording_from(arguments.in);
   if (arguments.out == "-") {
     if (arguments.format == "lcm") {
@@ -50,16 +36,9 @@ int run(const Arguments& arguments) {
     if (!std::cout.flush()) throw Failure("standard output cannot be written");
     return 0;
   }
-  // IN has been read completely, so IN and OUT may be the same file.
   terminal::Progress progress("writing " + arguments.out);
-  const protocol::ProgressCallback done = [&progress](double share) { progress.at(share); };
-  if (arguments.format == "csv") {
-    write_as_csv(recording, arguments.out, done);
-  } else if (arguments.format == "lcm") {
-    protocol::write_log(recording, arguments.out, frames_per_block, done);
-  } else {
-    protocol::write_recording(recording, arguments.out, done);
-  }
+  write_recording(outputs, recording, arguments.out, arguments.format,
+                  [&progress](double share) { progress.at(share); });
   progress.finish();
   const double seconds = recording.frames.back().time_s() - recording.frames.front().time_s();
   std::printf("%s: %zu frames, %.3f s\n", arguments.out.c_str(), recording.frames.size(), seconds);
@@ -72,17 +51,18 @@ void add_convert(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command =
       app.add_subcommand("convert", "Convert a recording to CSV or to an LCM event log");
-  command->add_option("in", arguments->in, "Recording (CSV or LCM log, recognised by its content)")
+  add_input(*command, "in", arguments->in, "Recording (CSV or LCM log, recognised by its content)")
       ->required()
       ->type_name("IN");
-  command
-      ->add_option("out", arguments->out,
-                   "Output: .csv, .lcm or .log; \"-\" is CSV on standard output")
+  add_output(*command, "out", arguments->out,
+             "Output: .csv, .lcm or .log; \"-\" is CSV on standard output")
       ->required()
       ->type_name("OUT");
   command->add_option("--format", arguments->format, "Format of OUT, regardless of its name")
       ->check(CLI::IsMember({"csv", "lcm"}));
-  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  command->callback([&action, arguments, command] {
+    action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
+  });
   describe(*command, {.examples = {{"Convert a log to CSV", "stickslip convert run.log run.csv"},
                                    {"Pipe it into another program", "stickslip convert run.log -"}},
                       .files = {recording_files},

@@ -14,6 +14,7 @@
 #include "tools/calibration/calibration_file.h"
 #include "tools/calibration/dialog.h"
 #include "tools/calibration/words.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
 #include "tools/control_client/control_client.h"
@@ -116,9 +117,10 @@ void add_ctl_calibrate(CLI::App& ctl, std::shared_ptr<const std::string> socket,
   command->add_option("CHANNEL", arguments->channel, "Channel to calibrate")
       ->required()
       ->check(CLI::IsMember(stems));
-  command
-      ->add_option("--file", arguments->file,
-                   "Calibration file, as in the rig's calibration.file; created or updated")
+  declare_files(
+      *command, FileRole::updated,
+      command->add_option("--file", arguments->file,
+                          "Calibration file, as in the rig's calibration.file; created or updated"))
       ->required();
   command->add_option("--seconds", arguments->seconds, "Averaging time of each reading in s (5)")
       ->check(positive_number());

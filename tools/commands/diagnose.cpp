@@ -17,11 +17,12 @@
 #include "protocol/recording.h"
 #include "protocol/sha256.h"
 #include "tools/command_line/colour_option.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/command_line/recording_input.h"
 #include "tools/commands/commands.h"
+#include "tools/files/outputs.h"
 #include "tools/files/read_file.h"
-#include "tools/files/write_file.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -79,10 +80,7 @@ terminal::Tone tone_of(diagnosis::Verdict verdict) {
   return terminal::Tone::plain;
 }
 
-int run(const Arguments& arguments) {
-  expect_writable(arguments.json);
-  expect_writable(arguments.html);
-  expect_writable(arguments.write_model);
+int run(const Arguments& arguments, const Outputs& outputs) {
   const physics::Model model = config::load_model(arguments.model);
   std::vector<protocol::Recording> recordings;
   for (const std::string& path : arguments.recordings) {
@@ -115,15 +113,15 @@ int run(const Arguments& arguments) {
       (paint(tone_of(result.verdict), text.substr(0, verdict)) + text.substr(verdict)).c_str(),
       stdout);
   if (!arguments.json.empty()) {
-    write_file(arguments.json, report::report_json(result).dump(2) + "\n");
+    outputs.write(arguments.json, Form::json, report::report_json(result).dump(2) + "\n");
   }
   if (!arguments.html.empty()) {
     report::Provenance provenance = provenance_of(arguments);
     provenance.augmented_model = config::model_text(result.model);
-    write_file(arguments.html, report::report_html(result, provenance));
+    outputs.write(arguments.html, Form::html, report::report_html(result, provenance));
   }
   if (!arguments.write_model.empty()) {
-    write_file(arguments.write_model, config::model_text(result.model));
+    outputs.write(arguments.write_model, Form::toml, config::model_text(result.model));
   }
   return 0;
 }
@@ -134,15 +132,15 @@ void add_diagnose(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "diagnose", "Find where a model fails to explain recordings, and which physics it lacks");
-  command->add_option("recordings", arguments->recordings, "Recordings of one rig (CSV or LCM log)")
+  add_input(*command, "recordings", arguments->recordings, "Recordings of one rig (CSV or LCM log)")
       ->required()
       ->type_name("RECORDING");
-  command->add_option("--model", arguments->model, "Declared model (TOML)")->required();
-  command->add_option("--json", arguments->json, "Write the report as JSON");
-  command->add_option("--html", arguments->html,
-                      "Write the report as one self-contained page with figures");
-  command->add_option("--write-model", arguments->write_model,
-                      "Write the augmented model: calibrated, with the physics found");
+  add_input(*command, "--model", arguments->model, "Declared model (TOML)")->required();
+  add_output(*command, "--json", arguments->json, "Write the report as JSON");
+  add_output(*command, "--html", arguments->html,
+             "Write the report as one self-contained page with figures");
+  add_output(*command, "--write-model", arguments->write_model,
+             "Write the augmented model: calibrated, with the physics found");
   command->add_option("--seed", arguments->seed, "Seed of the bootstrap")
       ->check(seed_number())
       ->capture_default_str();
@@ -157,7 +155,9 @@ void add_diagnose(CLI::App& app, Action& action) {
   command->add_option("--horizon", arguments->horizon_s, "Length of a prediction window [s]")
       ->check(positive_number());
   add_colour_option(*command, arguments->colours);
-  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  command->callback([&action, arguments, command] {
+    action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
+  });
   describe(*command,
            {.examples = {{"Write the report as JSON and HTML, and the amended model",
                           "stickslip diagnose run.log --model model.toml --json report.json --html "

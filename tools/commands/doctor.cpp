@@ -10,6 +10,7 @@
 #include "config/rig.h"
 #include "protocol/channels.h"
 #include "tools/command_line/colour_option.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
 #include "tools/doctor/examination.h"
@@ -61,8 +62,8 @@ void add_doctor(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "doctor", "Check this machine against the requirements of a rig, and print the remedies");
-  command->add_option("--config", arguments->config,
-                      "Rig to check for (TOML); without it, the defaults");
+  add_input(*command, "--config", arguments->config,
+            "Rig to check for (TOML); without it, the defaults");
   command
       ->add_option("--duration", arguments->duration_s, "Duration of the wake-up measurement [s]")
       ->check(positive_number())

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -18,9 +19,10 @@
 #include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/recording_input.h"
 #include "tools/commands/commands.h"
-#include "tools/files/write_file.h"
+#include "tools/files/outputs.h"
 #include "tools/terminal/abilities.h"
 #include "tools/terminal/progress.h"
 
@@ -78,8 +80,8 @@ struct Summary {
 class Table {
  public:
   // Empty: no table; "-": standard output.
-  explicit Table(const std::string& file) : name_(file) {
-    if (!file.empty() && file != "-") file_.open(file);
+  explicit Table(const std::filesystem::path& file) : name_(file.string()) {
+    if (!name_.empty() && name_ != "-") file_.open(file, std::ios::binary);
   }
   void add(const FrictionEstimate& e) {
     if (name_.empty()) return;
@@ -216,11 +218,24 @@ void print_summary(const Arguments& arguments, const Summary& summary,
   if (!arguments.out.empty()) std::printf("%s written\n", arguments.out.c_str());
 }
 
-int run(const Arguments& arguments) {
-  expect_writable(arguments.json);
-  if (arguments.out != "-") expect_writable(arguments.out);
-  const physics::Model model = config::load_model(arguments.model);
-  const protocol::Recording recording = recording_from(arguments.recording);
+observer::PredictionQuality estimated(const Arguments& arguments, const physics::Model& model,
+                                      const protocol::Recording& recording, Summary& summary,
+                                      Table& table) {
+  terminal::Progress progress("estimating");
+  // No progress bar in a terminal that shows the table.
+  if (arguments.out == "-" && terminal::abilities_of(STDOUT_FILENO).terminal) progress.finish();
+  return observer::smooth(
+      model, protocol::median_period_s(recording.frames), recording.frames,
+      [&](const FrictionEstimate& e) {
+        summary.add(e);
+        table.add(e);
+      },
+      {}, [&progress](double share) { progress.at(share); });
+}
+
+/// Throws InputError where the recording or the model cannot be estimated.
+void expect_estimable(const Arguments& arguments, const physics::Model& model,
+                      const protocol::Recording& recording) {
   const double period_s = protocol::median_period_s(recording.frames);
   if (!(period_s > 0.0)) {
     throw InputError(Problem{arguments.recording, 0, 0,
@@ -229,23 +244,25 @@ int run(const Arguments& arguments) {
   if (const std::string why = observer::KalmanFilter(model, period_s).unsupported(); !why.empty()) {
     throw InputError(Problem{arguments.model, 0, 0, why});
   }
+}
+
+int run(const Arguments& arguments, const Outputs& outputs) {
+  const physics::Model model = config::load_model(arguments.model);
+  const protocol::Recording recording = recording_from(arguments.recording);
+  expect_estimable(arguments, model, recording);
   Summary summary;
-  Table table(arguments.out);
-  terminal::Progress progress("estimating");
-  // No progress bar in a terminal that shows the table.
-  if (arguments.out == "-" && terminal::abilities_of(STDOUT_FILENO).terminal) progress.finish();
-  const observer::PredictionQuality predicted = observer::smooth(
-      model, period_s, recording.frames,
-      [&](const FrictionEstimate& e) {
-        summary.add(e);
-        table.add(e);
-      },
-      {}, [&progress](double share) { progress.at(share); });
-  table.finish();
-  progress.finish();
-  if (!arguments.json.empty()) {
-    write_file(arguments.json, summary_json(summary, predicted).dump(2) + "\n");
+  observer::PredictionQuality predicted;
+  const auto estimate_into = [&](const std::filesystem::path& file) {
+    Table table(file);
+    predicted = estimated(arguments, model, recording, summary, table);
+    table.finish();
+  };
+  if (arguments.out.empty()) {
+    estimate_into({});
+  } else {
+    outputs.write(arguments.out, estimate_into);
   }
+  outputs.write(arguments.json, Form::json, summary_json(summary, predicted).dump(2) + "\n");
   if (arguments.out != "-") print_summary(arguments, summary, predicted);
   return 0;
 }
@@ -256,14 +273,16 @@ void add_estimate(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "estimate", "Estimate friction, its state, mu, gamma, slip and sticking from a recording");
-  command->add_option("recording", arguments->recording, "Recording (CSV or LCM log)")
+  add_input(*command, "recording", arguments->recording, "Recording (CSV or LCM log)")
       ->required()
       ->type_name("RECORDING");
-  command->add_option("--model", arguments->model, "Model (TOML)")->required();
-  command->add_option("--out", arguments->out,
-                      "Write the estimates as CSV, one row per frame; -: standard output");
-  command->add_option("--json", arguments->json, "Write the summary as JSON");
-  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  add_input(*command, "--model", arguments->model, "Model (TOML)")->required();
+  add_output(*command, "--out", arguments->out,
+             "Write the estimates as CSV, one row per frame; -: standard output");
+  add_output(*command, "--json", arguments->json, "Write the summary as JSON");
+  command->callback([&action, arguments, command] {
+    action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
+  });
   describe(*command,
            {.examples = {{"Estimate the friction force and state, one row per frame",
                           "stickslip estimate run.log --model amended.toml --out estimates.csv"}},

@@ -9,10 +9,11 @@
 #include "diagnosis/report/json.h"
 #include "physics/number_text.h"
 #include "protocol/recording.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/command_line/recording_input.h"
 #include "tools/commands/commands.h"
-#include "tools/files/write_file.h"
+#include "tools/files/outputs.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -31,9 +32,8 @@ struct Arguments {
   int jobs = 0;
 };
 
-int run(const Arguments& arguments) {
+int run(const Arguments& arguments, const Outputs& outputs) {
   using namespace diagnosis;
-  expect_writable(arguments.json);
   const physics::Model model = config::load_model(arguments.model);
   const protocol::Recording recording = recording_from(arguments.recording);
   EvaluationOptions options;
@@ -52,7 +52,7 @@ int run(const Arguments& arguments) {
   json["horizon_s"] = done.horizon_s;
   json["free_run"] = nullptr;
   if (done.free_run) json["free_run"] = report::free_run_json(*done.free_run);
-  if (!arguments.json.empty()) write_file(arguments.json, json.dump(2) + "\n");
+  outputs.write(arguments.json, Form::json, json.dump(2) + "\n");
 
   std::printf("chi-squared per sample %s over %zu windows of %s s (1: noise only)\n",
               physics::number_text(result.chi2_per_sample).c_str(), done.windows,
@@ -79,18 +79,20 @@ void add_evaluate(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command =
       app.add_subcommand("evaluate", "Score a model on a recording; no parameter is fitted");
-  command->add_option("recording", arguments->recording, "Recording (CSV or LCM log)")
+  add_input(*command, "recording", arguments->recording, "Recording (CSV or LCM log)")
       ->required()
       ->type_name("RECORDING");
-  command->add_option("--model", arguments->model, "Model (TOML)")->required();
-  command->add_option("--json", arguments->json, "Write the scores as JSON");
+  add_input(*command, "--model", arguments->model, "Model (TOML)")->required();
+  add_output(*command, "--json", arguments->json, "Write the scores as JSON");
   command->add_option("--horizon", arguments->horizon_s, "Length of a prediction [s]")
       ->check(positive_number());
   command->add_flag("--free-run", arguments->free_run,
                     "Also simulate the whole recording from its initial state");
   command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
       ->check(number_of_threads());
-  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  command->callback([&action, arguments, command] {
+    action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
+  });
   describe(*command, {.examples = {{"Score the predictions of a model on a recording",
                                     "stickslip evaluate run.log --model amended.toml"}},
                       .files = {recording_files, model_files},

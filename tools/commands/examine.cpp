@@ -16,10 +16,12 @@
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "protocol/sha256.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
 #include "tools/concealment/grading.h"
 #include "tools/concealment/ground_truth.h"
+#include "tools/files/outputs.h"
 #include "tools/files/read_file.h"
 #include "tools/files/write_file.h"
 #include "tools/terminal/progress.h"
@@ -51,13 +53,6 @@ std::string origin_of(const fs::path& folder, std::uint64_t seed) {
   return protocol::sha256_of(program + std::to_string(seed) + content_of(folder / "recording.csv") +
                              content_of(folder / "model.toml") +
                              content_of(folder / "validation.csv"));
-}
-
-// Atomic, so that an interrupted examination can be resumed.
-void replace_file(const fs::path& file, const std::string& content) {
-  const fs::path unfinished = file.string() + ".unfinished";
-  write_file(unfinished, content);
-  fs::rename(unfinished, file);
 }
 
 std::vector<std::string> cases_of(const Arguments& arguments) {
@@ -119,7 +114,7 @@ std::optional<Outcome> stored(const fs::path& file, const std::string& origin) {
 }
 
 Outcome examine(const fs::path& folder, const fs::path& file, const std::string& origin,
-                std::uint64_t seed) {
+                std::uint64_t seed, const Outputs& outputs) {
   const auto start = std::chrono::steady_clock::now();
   const physics::Model model = config::load_model(folder / "model.toml");
   const std::vector<protocol::Recording> recordings{
@@ -140,8 +135,9 @@ Outcome examine(const fs::path& folder, const fs::path& file, const std::string&
     kept["validation"] = {{"before", chi2(model)}, {"after", chi2(found.model)}};
   }
   kept["report"] = report::report_json(found);
-  replace_file(fs::path(file).replace_extension(".toml"), config::model_text(found.model));
-  replace_file(file, kept.dump(2) + "\n");
+  outputs.write(fs::path(file).replace_extension(".toml"), Form::toml,
+                config::model_text(found.model));
+  outputs.write(file, Form::json, kept.dump(2) + "\n");
   return outcome_of(kept);
 }
 
@@ -165,7 +161,7 @@ Folders folders_of(const Arguments& arguments) {
 }
 
 void write_job_list(const Arguments& arguments, const Folders& folders,
-                    const std::vector<std::string>& names) {
+                    const std::vector<std::string>& names, const Outputs& outputs) {
   std::string lines;
   std::size_t count = 0;
   for (const std::string& name : names) {
@@ -176,14 +172,14 @@ void write_job_list(const Arguments& arguments, const Folders& folders,
              " --jobs 1\n";
     ++count;
   }
-  write_table(arguments.job_list, lines);
+  outputs.write(arguments.job_list, Form::plain, lines);
   if (arguments.job_list != "-") {
     std::printf("%zu jobs of %zu cases in %s\n", count, names.size(), arguments.job_list.c_str());
   }
 }
 
 std::vector<Outcome> examine_all(const Arguments& arguments, const Folders& folders,
-                                 const std::vector<std::string>& names) {
+                                 const std::vector<std::string>& names, const Outputs& outputs) {
   terminal::Progress progress("examining");
   std::vector<Outcome> outcomes(names.size());
   std::mutex shown;
@@ -199,7 +195,7 @@ std::vector<Outcome> examine_all(const Arguments& arguments, const Folders& fold
         outcomes[i] = std::move(*kept);
       } else {
         is_new = true;
-        outcomes[i] = examine(folder, file, origin, arguments.seed);
+        outcomes[i] = examine(folder, file, origin, arguments.seed, outputs);
       }
     } catch (const std::exception& error) {
       // A case that fails is a result of the examination.
@@ -245,16 +241,29 @@ std::vector<concealment::Grade> grades_of(const Folders& folders,
   return grades;
 }
 
-int run(const Arguments& arguments) {
+/// The files that an examination reads.
+std::vector<std::string> inputs_of(const Folders& folders, const std::vector<std::string>& names) {
+  std::vector<std::string> out;
+  for (const std::string& name : names) {
+    for (const char* file : {"recording.csv", "validation.csv", "model.toml", "seal.txt"}) {
+      out.push_back((folders.set / name / file).string());
+    }
+    out.push_back((folders.truth / (name + ".json")).string());
+  }
+  return out;
+}
+
+int run(const Arguments& arguments, Outputs outputs) {
   const Folders folders = folders_of(arguments);
   const std::vector<std::string> names = cases_of(arguments);
-  expect_writable(arguments.json);
+  outputs.add_inputs(inputs_of(folders, names));
+  outputs.check(arguments.json);
   if (!arguments.job_list.empty()) {
-    write_job_list(arguments, folders, names);
+    write_job_list(arguments, folders, names, outputs);
     return 0;
   }
   make_folder(folders.reports);
-  const std::vector<Outcome> outcomes = examine_all(arguments, folders, names);
+  const std::vector<Outcome> outcomes = examine_all(arguments, folders, names, outputs);
   if (!fs::is_directory(folders.truth)) {
     std::printf("%zu reports in %s; not graded: no truth files in %s\n", names.size(),
                 folders.reports.c_str(), folders.truth.c_str());
@@ -263,7 +272,7 @@ int run(const Arguments& arguments) {
   const std::vector<concealment::Grade> grades = grades_of(folders, names, outcomes);
   std::fputs(concealment::summary_text(grades).c_str(), stdout);
   if (!arguments.json.empty()) {
-    write_file(arguments.json, concealment::summary_json(grades).dump(2) + "\n");
+    outputs.write(arguments.json, Form::json, concealment::summary_json(grades).dump(2) + "\n");
   }
   return 0;
 }
@@ -274,27 +283,28 @@ void add_examine(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command =
       app.add_subcommand("examine", "Diagnose a set of concealed recordings and grade the reports");
-  command->add_option("set", arguments->set, "Folder of the set, as written by `stickslip conceal`")
+  add_input(*command, "set", arguments->set, "Folder of the set, as written by `stickslip conceal`")
       ->required()
       ->type_name("DIR");
-  command->add_option("--truth", arguments->truth,
-                      "Folder of the truth files (default: DIR/truth)");
-  command->add_option("--reports", arguments->reports,
-                      "Folder for the reports (default: DIR/reports); existing reports of the same "
-                      "recording, seed and program are reused");
-  command->add_option("--json", arguments->json, "Write the grades as JSON");
+  add_input(*command, "--truth", arguments->truth,
+            "Folder of the truth files (default: DIR/truth)");
+  add_output_folder(*command, "--reports", arguments->reports,
+                    "Folder for the reports (default: DIR/reports); existing reports of the same "
+                    "recording, seed and program are reused");
+  add_output(*command, "--json", arguments->json, "Write the grades as JSON");
   command->add_option("--only", arguments->only, "Only these cases, separated by commas")
       ->delimiter(',');
-  command->add_option(
-      "--job-list", arguments->job_list,
-      "Only write one command per case still to be diagnosed (for GNU parallel or a "
-      "Slurm array); -: standard output");
+  add_output(*command, "--job-list", arguments->job_list,
+             "Only write one command per case still to be diagnosed (for GNU parallel or a "
+             "Slurm array); -: standard output");
   command->add_option("--seed", arguments->seed, "Seed of the diagnoses")
       ->check(seed_number())
       ->capture_default_str();
   command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
       ->check(number_of_threads());
-  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  command->callback([&action, arguments, command] {
+    action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
+  });
   describe(*command, {.examples = {{"Diagnose and grade a set", "stickslip examine blind"},
                                    {"Write the work as a list of commands for a cluster",
                                     "stickslip examine blind --job-list jobs.txt"}},

@@ -6,9 +6,11 @@
 #include <vector>
 
 #include "diagnosis/parallel/for_each.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
 #include "tools/figures/paper_figures.h"
+#include "tools/files/outputs.h"
 #include "tools/files/write_file.h"
 #include "tools/terminal/progress.h"
 
@@ -27,22 +29,24 @@ struct Arguments {
   int jobs = 0;
 };
 
-int run(const Arguments& arguments) {
+int run(const Arguments& arguments, const Outputs& outputs) {
   figures::FigureOptions options;
-  options.out = arguments.out;
+  OutputFolder out(arguments.out, outputs);
+  options.out = out.path();
   options.presets = arguments.presets;
   options.numbers = arguments.only;
   options.periods = arguments.periods;
   options.threads = parallel::threads_for(arguments.jobs);
-  make_folder(options.out);
   terminal::Progress progress("drawing the figures");
   options.progress = [&progress](int, std::size_t ready, std::size_t all) {
     progress.at(ready, all);
   };
   const std::vector<figures::Figure> drawn = figures::draw_paper_figures(options);
   progress.finish();
-  const std::filesystem::path page = options.out / "index.html";
-  write_file(page, figures::page(drawn, "stickslip figures --out " + arguments.out));
+  write_file(options.out / "index.html",
+             figures::page(drawn, "stickslip figures --out " + arguments.out));
+  out.keep();
+  const std::filesystem::path page = std::filesystem::path(arguments.out) / "index.html";
   std::printf("%s: %zu figures\n", page.c_str(), drawn.size());
   return 0;
 }
@@ -53,11 +57,11 @@ void add_figures(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "figures", "Draw figures 2 to 10 of the paper from the presets, on one HTML page");
-  command->add_option("--out", arguments->out, "Folder for the page, the figures and their data")
+  add_output_folder(*command, "--out", arguments->out,
+                    "Folder for the page, the figures and their data")
       ->required();
-  command
-      ->add_option("--presets", arguments->presets,
-                   "Folder with the rigs beam-1.toml to beam-4.toml and motivational.toml")
+  add_input(*command, "--presets", arguments->presets,
+            "Folder with the rigs beam-1.toml to beam-4.toml and motivational.toml")
       ->capture_default_str();
   command->add_option("--only", arguments->only, "Numbers of the figures to draw")->delimiter(',');
   command
@@ -68,7 +72,9 @@ void add_figures(CLI::App& app, Action& action) {
   command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
       ->check(number_of_threads())
       ->capture_default_str();
-  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  command->callback([&action, arguments, command] {
+    action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
+  });
   describe(*command,
            {.examples = {{"Draw all figures of the paper", "stickslip figures --out figures"}},
             .see_also = {"stickslip-reduce(1)", "gnuplot(1)"}});

@@ -16,8 +16,9 @@
 #include "protocol/recording_parts.h"
 #include "protocol/recording_survey.h"
 #include "tools/command_line/colour_option.h"
+#include "tools/command_line/file_options.h"
 #include "tools/commands/commands.h"
-#include "tools/files/write_file.h"
+#include "tools/files/outputs.h"
 #include "tools/recording_export/table.h"
 #include "tools/recording_export/write_tables.h"
 #include "tools/terminal/progress.h"
@@ -150,7 +151,7 @@ LogSurvey survey(const std::string& file) {
   return protocol::survey_log(file, [&progress](double share) { progress.at(share); });
 }
 
-int check(const Arguments& arguments) {
+int check(const Arguments& arguments, const Outputs&) {
   const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
   bool intact = true;
   std::vector<LogSurvey> logs;
@@ -169,11 +170,13 @@ int check(const Arguments& arguments) {
 
 // repair
 
-int repair(const Arguments& arguments) {
+int repair(const Arguments& arguments, const Outputs& outputs) {
   terminal::Progress progress("repairing " + arguments.file);
-  const protocol::RepairResult done = protocol::repair_log(
-      std::filesystem::path(arguments.file), std::filesystem::path(arguments.out),
-      [&progress](double share) { progress.at(share); });
+  protocol::RepairResult done;
+  outputs.write(arguments.out, [&](const std::filesystem::path& out) {
+    done = protocol::repair_log(std::filesystem::path(arguments.file), out,
+                                [&progress](double share) { progress.at(share); });
+  });
   progress.finish();
   std::printf("%s: %s with %s kept\n", arguments.out.c_str(),
               count_of(done.events, "event").c_str(), count_of(done.frames, "frame").c_str());
@@ -192,11 +195,13 @@ int repair(const Arguments& arguments) {
 
 // join
 
-int join(const Arguments& arguments) {
+int join(const Arguments& arguments, const Outputs& outputs) {
   const std::vector<std::filesystem::path> files(arguments.files.begin(), arguments.files.end());
   terminal::Progress progress("joining");
-  const protocol::JoinResult joined =
-      protocol::join_logs(files, arguments.out, [&progress](double share) { progress.at(share); });
+  protocol::JoinResult joined;
+  outputs.write(arguments.out, [&](const std::filesystem::path& out) {
+    joined = protocol::join_logs(files, out, [&progress](double share) { progress.at(share); });
+  });
   progress.finish();
   if (joined.cut_off_bytes > 0) {
     std::fprintf(stderr, "stickslip: the last part is truncated: its last %lld bytes are omitted\n",
@@ -321,7 +326,7 @@ void print_info(const LogSurvey& log) {
   for (const std::string& fault : log.faults()) print("fault", fault);
 }
 
-int info(const Arguments& arguments) {
+int info(const Arguments& arguments, const Outputs&) {
   const LogSurvey log = survey(arguments.file);
   if (arguments.json) {
     // A damaged text need not be UTF-8.
@@ -334,17 +339,19 @@ int info(const Arguments& arguments) {
 
 // export
 
-int export_recording(const Arguments& arguments) {
-  expect_writable(arguments.out);
+int export_recording(const Arguments& arguments, const Outputs& outputs) {
   terminal::Progress reading("reading " + arguments.file);
-  const Tables tables = tables_of(arguments.file, [&reading](double share) { reading.at(share); });
+  Tables tables = tables_of(arguments.file, [&reading](double share) { reading.at(share); });
   reading.finish();
   if (tables.cut_off_bytes > 0) {
     std::fprintf(stderr, "stickslip: %s: truncated: its last %llu bytes are an incomplete event\n",
                  arguments.file.c_str(), static_cast<unsigned long long>(tables.cut_off_bytes));
   }
   terminal::Progress writing("writing " + arguments.out);
-  write_tables(tables, arguments.out, [&writing](double share) { writing.at(share); });
+  tables.written_by = outputs.author();
+  outputs.write(arguments.out, [&](const std::filesystem::path& out) {
+    write_tables(tables, out, [&writing](double share) { writing.at(share); });
+  });
   writing.finish();
   std::printf("%s:", arguments.out.c_str());
   for (const Table& table : tables.tables) {
@@ -362,22 +369,24 @@ void add_log(CLI::App& app, Action& action) {
   CLI::App* log = app.add_subcommand(
       "log", "Check, repair, join, describe and export recordings in LCM event logs");
   log->require_subcommand(1);
-  const auto command = [&](const char* name, const char* what, int (*run)(const Arguments&)) {
+  const auto command = [&](const char* name, const char* what,
+                           int (*run)(const Arguments&, const Outputs&)) {
     CLI::App* each = log->add_subcommand(name, what);
-    each->callback(
-        [&action, arguments, run] { action = [arguments, run] { return run(*arguments); }; });
+    each->callback([&action, arguments, run, each] {
+      action = [arguments, run, each] { return run(*arguments, outputs_of(*each)); };
+    });
     return each;
   };
   const auto one_file = [&arguments](CLI::App* each, const char* what) {
-    each->add_option("file", arguments->file, what)->required()->type_name("FILE");
+    add_input(*each, "file", arguments->file, what)->required()->type_name("FILE");
   };
   const auto out = [&arguments](CLI::App* each) {
-    each->add_option("--out", arguments->out, "The log to write")->required()->type_name("FILE");
+    add_output(*each, "--out", arguments->out, "The log to write")->required()->type_name("FILE");
   };
 
   CLI::App* each = command(
       "check", "Check every event of logs: status 0 if they are intact, otherwise 1", check);
-  each->add_option("files", arguments->files, "LCM event logs; all parts of a recording")
+  add_input(*each, "files", arguments->files, "LCM event logs; all parts of a recording")
       ->required()
       ->type_name("FILE...");
   add_colour_option(*each, arguments->colours);
@@ -385,7 +394,7 @@ void add_log(CLI::App& app, Action& action) {
   one_file(each, "LCM event log");
   out(each);
   each = command("join", "Join the parts of a recording", join);
-  each->add_option("parts", arguments->files, "Its parts, in any order")
+  add_input(*each, "parts", arguments->files, "Its parts, in any order")
       ->required()
       ->type_name("PARTS...");
   out(each);
@@ -394,7 +403,7 @@ void add_log(CLI::App& app, Action& action) {
   each->add_flag("--json", arguments->json, "As JSON");
   each = command("export", "Export a recording for other programs", export_recording);
   one_file(each, "Recording (LCM event log or CSV)");
-  each->add_option("out", arguments->out, "Output: .csv, .mat (MATLAB 5) or .h5 (HDF5)")
+  add_output(*each, "out", arguments->out, "Output: .csv, .mat (MATLAB 5) or .h5 (HDF5)")
       ->required()
       ->type_name("OUT");
   describe(*log, {.examples = {{"Check the integrity of a recording and the balance of its ledger",

@@ -8,9 +8,10 @@
 
 #include "config/model_file.h"
 #include "tools/command_line/drive_options.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
-#include "tools/files/write_file.h"
+#include "tools/files/outputs.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -26,7 +27,7 @@ struct Arguments {
   std::string json;
 };
 
-int run(const Arguments& arguments) {
+int run(const Arguments& arguments, const Outputs& outputs) {
   const physics::Model model = config::load_model(arguments.drive->model);
   const dynamics::Drive drive = arguments.drive->drive(model);
   dynamics::LyapunovOptions options;
@@ -55,7 +56,7 @@ int run(const Arguments& arguments) {
     json["standard_error_per_s"] = found.standard_error_per_s;
     json["per_period"] = found.per_period;
     json["periods"] = arguments.periods;
-    write_file(arguments.json, json.dump(2) + "\n");
+    outputs.write(arguments.json, Form::json, json.dump(2) + "\n");
   }
   return 0;
 }
@@ -70,8 +71,10 @@ void add_lyapunov(CLI::App& app, Action& action) {
   command->add_option("--periods", arguments->periods, "Drive periods to average over")
       ->check(whole_number(20, 10000000))
       ->capture_default_str();
-  command->add_option("--json", arguments->json, "Write the result as JSON");
-  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  add_output(*command, "--json", arguments->json, "Write the result as JSON");
+  command->callback([&action, arguments, command] {
+    action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
+  });
   describe(*command, {.examples = {{"Test for chaos",
                                     "stickslip lyapunov --model config/models/paper-figure-10.toml "
                                     "--omega 1.25 --acceleration 1.9 --x 0.5"}},

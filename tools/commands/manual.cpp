@@ -6,7 +6,9 @@
 #include <string>
 
 #include "physics/failure.h"
+#include "tools/command_line/file_options.h"
 #include "tools/commands/commands.h"
+#include "tools/files/outputs.h"
 #include "tools/files/write_file.h"
 #include "tools/terminal/command_tree.h"
 #include "tools/terminal/manual_page.h"
@@ -31,13 +33,13 @@ void check_examples(CLI::App& app, const terminal::Notes& notes) {
   }
 }
 
-int run(Program& program, const std::filesystem::path& folder) {
+int run(Program& program, const std::filesystem::path& folder, const Outputs& outputs) {
   make_folder(folder);
   const terminal::Heading heading{"stickslip", 1, STICKSLIP_VERSION, terminal::build_date()};
   const std::string exit_status = terminal::exit_status_of(program);
   const auto write = [&](const CLI::App& command, const terminal::Notes& notes) {
-    write_file(folder / (terminal::page_name(command, heading) + ".1"),
-               terminal::page(command, heading, notes, exit_status));
+    outputs.write(folder / (terminal::page_name(command, heading) + ".1"), Form::plain,
+                  terminal::page(command, heading, notes, exit_status));
   };
   const auto commands = terminal::visible_subcommands(program);
   write(program, program.notes(program));
@@ -58,12 +60,14 @@ void add_manual(CLI::App& app, Action& action) {
   auto folder = std::make_shared<std::string>();
   CLI::App* command =
       app.add_subcommand("manual", "Write the manual pages of these commands into a folder");
-  command->add_option("folder", *folder, "Folder: share/man/man1 of an installation")
+  add_output_folder(*command, "folder", *folder, "Folder: share/man/man1 of an installation")
       ->required()
       ->type_name("DIR");
   command->footer("Installed with the program. To read one from the build: man -l FILE");
-  command->callback([&app, &action, folder] {
-    action = [&app, name = *folder] { return run(program_of(app), name); };
+  command->callback([&app, &action, folder, command] {
+    action = [&app, name = *folder, command] {
+      return run(program_of(app), name, outputs_of(*command));
+    };
   });
   describe(*command,
            {.examples = {{"Write the pages into the folder man1", "stickslip manual man1"}},

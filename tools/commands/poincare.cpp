@@ -6,10 +6,11 @@
 
 #include "config/model_file.h"
 #include "tools/command_line/drive_options.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
 #include "tools/dynamics/portrait.h"
-#include "tools/files/write_file.h"
+#include "tools/files/outputs.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -26,7 +27,7 @@ struct Arguments {
   std::string out = "-";
 };
 
-int run(const Arguments& arguments) {
+int run(const Arguments& arguments, const Outputs& outputs) {
   const physics::Model model = config::load_model(arguments.drive->model);
   const dynamics::Drive drive = arguments.drive->drive(model);
   dynamics::PortraitOptions options = arguments.drive->portrait();
@@ -46,7 +47,7 @@ int run(const Arguments& arguments) {
                   point.state.theta);
     table += line;
   }
-  write_table(arguments.out, table);
+  outputs.write(arguments.out, Form::plain, table);
   if (arguments.out == "-") return 0;
 
   options.progress = [&](double share) { progress.at((1.0 + share) / runs); };
@@ -79,10 +80,12 @@ void add_poincare(CLI::App& app, Action& action) {
   command->add_option("--phase", arguments->phase, "Phase of the section, in turns of the drive")
       ->check(finite_number())
       ->capture_default_str();
-  command->add_option("--out", arguments->out, "Table to write (CSV; -: standard output)")
+  add_output(*command, "--out", arguments->out, "Table to write (CSV; -: standard output)")
       ->capture_default_str();
   command->footer("With --out FILE, ranges, lost contact, sticking and overshoot are printed.");
-  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  command->callback([&action, arguments, command] {
+    action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
+  });
   describe(*command, {.examples = {{"Compute a section at 4.2 Hz",
                                     "stickslip poincare --model config/models/motivational.toml "
                                     "--frequency-hz 4.2 --amplitude 0.008 --out section.csv"}},

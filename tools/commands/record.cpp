@@ -18,8 +18,10 @@
 #include "protocol/frame_block.h"
 #include "protocol/recording.h"
 #include "protocol/recording_log.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
+#include "tools/files/outputs.h"
 #include "tools/spy/sequence.h"
 #include "tools/telemetry/lcm_client.h"
 #include "tools/terminal/progress.h"
@@ -27,9 +29,7 @@
 namespace stickslip::commands {
 
 using namespace command_line;
-using namespace telemetry;
-
-using namespace command_line;
+using namespace files;
 using namespace telemetry;
 
 namespace {
@@ -47,18 +47,18 @@ struct Arguments {
 };
 
 // Receiver of LCM messages. A log is written immediately, unaltered; CSV at the end, since its
-// header depends on the measured channels.
+// header depends on the measured channels. A new log has its name from the start, so that a killed
+// recorder leaves it; an existing file is replaced when the first frames arrive.
 class Recorder {
  public:
-  explicit Recorder(const Arguments& arguments) : wanted_(arguments.frames), file_(arguments.out) {
+  explicit Recorder(const Arguments& arguments)
+      : wanted_(arguments.frames),
+        file_(arguments.out),
+        replaces_(std::filesystem::exists(file_)),
+        output_(arguments.out) {
     recording_.source = arguments.url;
-    if (file_.extension() == ".csv") {
-      // Fails now rather than at the end.
-      std::FILE* probe = std::fopen(file_.c_str(), "wb");
-      if (probe == nullptr) refuse_file();
-      std::fclose(probe);
-    } else if (file_.extension() == ".lcm" || file_.extension() == ".log") {
-      log_.emplace(file_);
+    if (file_.extension() == ".lcm" || file_.extension() == ".log") {
+      log_.emplace(output_.path());
       protocol::Description description;
       description.started_utc_us = std::chrono::duration_cast<std::chrono::microseconds>(
                                        std::chrono::system_clock::now().time_since_epoch())
@@ -69,7 +69,8 @@ class Recorder {
       bytes_.resize(static_cast<std::size_t>(info.getEncodedSize()));
       info.encode(bytes_.data(), 0, static_cast<int>(bytes_.size()));
       append(protocol::recording_channel, bytes_, info.started_utc_us);
-    } else {
+      if (!replaces_) output_.keep("");
+    } else if (file_.extension() != ".csv") {
       throw InputError(
           Problem{file_.string(), 0, 0, "expected a name that ends with .csv, .lcm or .log"});
     }
@@ -97,14 +98,16 @@ class Recorder {
     if (!log_ || now - flushed_ < flush_period) return;
     flushed_ = now;
     if (!log_->flush()) refuse_file();
+    if (sequence_.frames > 0) output_.keep("");
   }
 
   void close() {
     if (log_) {
       if (!log_->close()) refuse_file();
     } else {
-      protocol::write_recording(recording_, file_);
+      protocol::write_recording(recording_, output_.path());
     }
+    if (sequence_.frames > 0 || !replaces_) output_.keep("");
   }
 
   void print_summary() const {
@@ -184,6 +187,8 @@ class Recorder {
 
   std::uint64_t wanted_;
   std::filesystem::path file_;
+  bool replaces_;
+  OutputFile output_;
   std::optional<protocol::LogWriter> log_;
   protocol::Recording recording_;
   steady_clock::time_point flushed_;
@@ -256,9 +261,8 @@ void add_record(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "record", "Record LCM messages; UDP may lose some, unlike the daemon's own recording");
-  command
-      ->add_option("out", arguments->out,
-                   "Output: .lcm or .log, written immediately; .csv, kept in memory until the end")
+  add_output(*command, "out", arguments->out,
+             "Output: .lcm or .log, written immediately; .csv, kept in memory until the end")
       ->required()
       ->type_name("OUT");
   add_url_option(*command, arguments->url);
@@ -266,7 +270,12 @@ void add_record(CLI::App& app, Action& action) {
       ->check(positive_number());
   command->add_option("--frames", arguments->frames, "Stop after this number of frames")
       ->check(whole_number(1, 1e15));
-  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  command->callback([&action, arguments, command] {
+    action = [arguments, command] {
+      outputs_of(*command);
+      return run(*arguments);
+    };
+  });
   describe(*command, {.examples = {{"Record the traffic on LCM for ten seconds",
                                     "stickslip record received.log --duration 10"}},
                       .environment = {lcm_url_variable},

@@ -8,11 +8,13 @@
 
 #include "config/model_file.h"
 #include "protocol/recording.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/command_line/recording_input.h"
 #include "tools/commands/commands.h"
 #include "tools/figures/gnuplot.h"
 #include "tools/figures/reduction_pictures.h"
+#include "tools/files/outputs.h"
 #include "tools/files/write_file.h"
 #include "tools/reduction/reduction.h"
 #include "tools/terminal/progress.h"
@@ -56,7 +58,7 @@ void print_summary(const reduction::Reduction& reduced, const Arguments& argumen
               100.0 * reduced.negative_friction);
 }
 
-int run(const Arguments& arguments) {
+int run(const Arguments& arguments, const Outputs& outputs) {
   const physics::Model model = config::load_model(arguments.model);
   const protocol::Recording recording = recording_from(arguments.recording);
   reduction::Options options;
@@ -73,20 +75,21 @@ int run(const Arguments& arguments) {
   if (!arguments.out) return 0;
 
   const std::filesystem::path folder = *arguments.out;
-  make_folder(folder);
-  write_file(folder / "samples.csv", figures::samples_csv(reduced));
-  write_file(folder / "surface.csv", figures::surface_csv(reduced));
+  OutputFolder out(folder, outputs);
+  write_file(out.path() / "samples.csv", figures::samples_csv(reduced));
+  write_file(out.path() / "surface.csv", figures::surface_csv(reduced));
   std::string written = "samples.csv, surface.csv";
   if (!arguments.no_pictures) {
     terminal::Progress progress("drawing");
     const std::vector<figures::Picture> pictures = figures::reduction_pictures(reduced);
     for (const figures::Picture& picture : pictures) {
       progress.set_label("drawing " + picture.stem);
-      figures::draw(picture, folder);
+      figures::draw(picture, out.path());
       progress.at(static_cast<std::size_t>(&picture - pictures.data()) + 1, pictures.size());
       written += ", " + picture.stem + ".svg";
     }
   }
+  out.keep();
   std::printf("%s: %s\n", folder.c_str(), written.c_str());
   return 0;
 }
@@ -97,10 +100,9 @@ void add_reduce(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "reduce", "Reduce a recording to the friction coefficient over displacement and velocity");
-  command->add_option("recording", arguments->recording, "Recording (.csv or .lcm)")->required();
-  command
-      ->add_option("--model", arguments->model,
-                   "Model (TOML) with the load cell and the sensor filters")
+  add_input(*command, "recording", arguments->recording, "Recording (.csv or .lcm)")->required();
+  add_input(*command, "--model", arguments->model,
+            "Model (TOML) with the load cell and the sensor filters")
       ->required();
   command
       ->add_option("--method", arguments->method,
@@ -119,10 +121,12 @@ void add_reduce(CLI::App& app, Action& action) {
   command->add_option("--bins", arguments->bins, "Cells of the surface along each axis")
       ->check(whole_number(1, 1000))
       ->capture_default_str();
-  command->add_option("--out", arguments->out,
-                      "Folder for samples.csv, surface.csv and the figures (SVG and PNG)");
+  add_output_folder(*command, "--out", arguments->out,
+                    "Folder for samples.csv, surface.csv and the figures (SVG and PNG)");
   command->add_flag("--no-pictures", arguments->no_pictures, "Write the tables only");
-  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  command->callback([&action, arguments, command] {
+    action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
+  });
   describe(*command,
            {.examples = {{"Compute the coefficient of friction with its surface and pictures",
                           "stickslip reduce run.log --model model.toml --out reduced"},

@@ -1,8 +1,11 @@
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <fstream>
 #include <memory>
+#include <optional>
 #include <span>
 #include <stickslip/frame_block_t.hpp>
 #include <string>
@@ -12,7 +15,9 @@
 #include "protocol/channels.h"
 #include "protocol/frame_block.h"
 #include "protocol/recording.h"
+#include "protocol/recording_events.h"
 #include "protocol/recording_log.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/command_line/recording_input.h"
 #include "tools/commands/commands.h"
@@ -20,9 +25,6 @@
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
-
-using namespace command_line;
-using namespace telemetry;
 
 using namespace command_line;
 using namespace telemetry;
@@ -35,58 +37,161 @@ struct Arguments {
   std::string recording;
   std::string url;
   double speed = 1.0;
-  std::size_t frames_per_block = 10;
+  std::size_t frames_per_block = 0;  // 0: the blocks of a log, 10 frames of a CSV file
 };
 
-template <class Message>
-void publish(lcm::LCM& lcm, const char* channel, const Message& message) {
-  if (lcm.publish(channel, &message) != 0) {
-    throw Failure(std::string("LCM cannot publish on ") + channel +
+/// Publishes messages when they are due and counts them.
+class Player {
+ public:
+  Player(const Arguments& arguments, lcm::LCM& lcm, const StopSignals& stop)
+      : speed_(arguments.speed), lcm_(lcm), stop_(stop) {}
+
+  /// Waits until `at_s` seconds of the recording have passed; false if a stop signal arrived. A
+  /// time before that of the message before is due at once.
+  bool wait(double at_s) {
+    auto due = steady_clock::now();
+    if (speed_ > 0.0) due = at_s > 0.0 ? after(start_, at_s / speed_) : start_;
+    if (stopped_before(stop_, due)) return false;
+    if (speed_ > 0.0) {
+      const std::chrono::duration<double> late = steady_clock::now() - due;
+      if (at_s >= latest_at_s_) latest_s_ = std::max(latest_s_, late.count());
+      latest_at_s_ = std::max(latest_at_s_, at_s);
+    }
+    return true;
+  }
+
+  void publish(const std::string& channel, std::span<const std::uint8_t> bytes) {
+    check(lcm_.publish(channel, bytes.data(), static_cast<unsigned>(bytes.size())), channel);
+    ++others_;
+  }
+
+  void publish(std::span<const Frame> frames) {
+    protocol::to_block(frames, block_);
+    check(lcm_.publish(protocol::frames_channel, &block_), protocol::frames_channel);
+    count_block(frames.size());
+  }
+
+  /// A block of frames as it is in the log.
+  void publish_block(std::span<const std::uint8_t> bytes, std::size_t frames) {
+    publish(protocol::frames_channel, bytes);
+    --others_;
+    count_block(frames);
+  }
+
+  void publish(const recording_info_t& info) {
+    check(lcm_.publish(protocol::recording_channel, &info), protocol::recording_channel);
+    ++others_;
+  }
+
+  std::size_t frames() const { return frames_; }
+
+  void print_summary(const Arguments& arguments, std::size_t all, bool stopped) const {
+    const double took_s = std::chrono::duration<double>(steady_clock::now() - start_).count();
+    std::printf("published %zu of %zu frames in %zu blocks and %zu other message%s on %s in %.3f s",
+                frames_, all, blocks_, others_, others_ == 1 ? "" : "s", arguments.url.c_str(),
+                took_s);
+    if (speed_ > 0.0) std::printf(", up to %.3f ms late", latest_s_ * 1e3);
+    std::printf("%s\n", stopped ? " (stopped)" : "");
+  }
+
+ private:
+  static void check(int status, const std::string& channel) {
+    if (status == 0) return;
+    throw Failure("LCM cannot publish on " + channel +
                   "; is its network up, and does its group have a route?");
   }
+
+  void count_block(std::size_t frames) {
+    frames_ += frames;
+    ++blocks_;
+  }
+
+  double speed_;
+  lcm::LCM& lcm_;
+  const StopSignals& stop_;
+  steady_clock::time_point start_ = steady_clock::now();
+  frame_block_t block_{};
+  std::size_t frames_ = 0;
+  std::size_t blocks_ = 0;
+  std::size_t others_ = 0;
+  double latest_s_ = 0.0;
+  double latest_at_s_ = 0.0;
+};
+
+/// Publishes blocks of frames, each when its last frame has been measured, as on a rig. False if
+/// stopped.
+bool play_frames(Player& player, std::span<const Frame> frames, std::size_t per_block,
+                 terminal::Progress& progress) {
+  for (std::size_t done = 0; done < frames.size();) {
+    const auto some = frames.subspan(done, std::min(per_block, frames.size() - done));
+    const auto passed_ns = some.back().time_ns - frames.front().time_ns;
+    if (!player.wait(static_cast<double>(passed_ns) * 1e-9)) return false;
+    player.publish(some);
+    done += some.size();
+    progress.at(done, frames.size());
+  }
+  return true;
+}
+
+/// Publishes every message of a log in its order, at the times of the log's events. `per_block`: as
+/// in the arguments. False if stopped.
+bool play_log(Player& player, const Arguments& arguments, std::span<const Frame> frames,
+              terminal::Progress& progress) {
+  std::ifstream in(arguments.recording, std::ios::binary);
+  protocol::EventReader reader(in, arguments.recording);
+  protocol::LogEvent event;
+  std::optional<std::int64_t> first_us;
+  std::size_t read = 0;  // frames in the blocks so far
+  while (reader.next(event) == protocol::EventReader::Found::event) {
+    if (!first_us) first_us = event.time_us;
+    if (!player.wait((static_cast<double>(event.time_us) - static_cast<double>(*first_us)) * 1e-6))
+      return false;
+    if (event.channel != protocol::frames_channel) {
+      player.publish(event.channel, event.data);
+      continue;
+    }
+    const auto count =
+        static_cast<std::size_t>(std::max<std::int64_t>(0, protocol::frames_in(event.data)));
+    read = std::min(read + count, frames.size());
+    if (arguments.frames_per_block == 0) {
+      player.publish_block(event.data, count);
+    } else {
+      while (read - player.frames() >= arguments.frames_per_block) {
+        player.publish(frames.subspan(player.frames(), arguments.frames_per_block));
+      }
+    }
+    progress.at(player.frames(), frames.size());
+  }
+  if (player.frames() < read)
+    player.publish(frames.subspan(player.frames(), read - player.frames()));
+  return true;
+}
+
+bool is_log(const std::string& file) {
+  std::array<char, 4> head{};
+  std::ifstream in(file, std::ios::binary);
+  in.read(head.data(), head.size());
+  return protocol::is_log({head.data(), static_cast<std::size_t>(in.gcount())});
 }
 
 int run(const Arguments& arguments) {
   const protocol::Recording recording = recording_from(arguments.recording);
-  const std::span<const Frame> frames(recording.frames);
   const StopSignals stop;
   const std::unique_ptr<lcm::LCM> lcm = join_lcm(arguments.url);
-  publish(
-      *lcm, protocol::recording_channel,
-      protocol::info_of(recording.description, static_cast<std::int64_t>(recording.frames.size())));
-
-  const auto start = steady_clock::now();
-  frame_block_t block{};
-  std::size_t done = 0;
-  std::size_t blocks = 0;
-  double latest_s = 0.0;
+  Player player(arguments, *lcm, stop);
   terminal::Progress progress("publishing " + arguments.recording);
-  while (done < frames.size()) {
-    const auto some =
-        frames.subspan(done, std::min(arguments.frames_per_block, frames.size() - done));
-    auto due = steady_clock::now();
-    if (arguments.speed > 0.0) {
-      // As on a rig, a block is complete when its last frame has been measured.
-      const double at_s = static_cast<double>(some.back().time_ns - frames.front().time_ns) * 1e-9;
-      due = at_s > 0.0 ? after(start, at_s / arguments.speed) : start;
-    }
-    if (stopped_before(stop, due)) break;
-    if (arguments.speed > 0.0) {
-      latest_s =
-          std::max(latest_s, std::chrono::duration<double>(steady_clock::now() - due).count());
-    }
-    protocol::to_block(some, block);
-    publish(*lcm, protocol::frames_channel, block);
-    done += some.size();
-    ++blocks;
-    progress.at(done, frames.size());
+  bool complete = false;
+  if (is_log(arguments.recording)) {
+    complete = play_log(player, arguments, recording.frames, progress);
+  } else {
+    constexpr std::size_t usual_block = 10;
+    const std::size_t block = arguments.frames_per_block;
+    player.publish(protocol::info_of(recording.description,
+                                     static_cast<std::int64_t>(recording.frames.size())));
+    complete = play_frames(player, recording.frames, block == 0 ? usual_block : block, progress);
   }
   progress.finish();
-  const double took_s = std::chrono::duration<double>(steady_clock::now() - start).count();
-  std::printf("published %zu of %zu frames in %zu blocks on %s in %.3f s", done, frames.size(),
-              blocks, arguments.url.c_str(), took_s);
-  if (arguments.speed > 0.0) std::printf(", blocks up to %.3f ms late", latest_s * 1e3);
-  std::printf("%s\n", done < frames.size() ? " (stopped)" : "");
+  player.print_summary(arguments, recording.frames.size(), !complete);
   return 0;
 }
 
@@ -94,9 +199,9 @@ int run(const Arguments& arguments) {
 
 void add_replay(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App* command =
-      app.add_subcommand("replay", "Publish a recording on LCM like the daemon, at its own rate");
-  command->add_option("recording", arguments->recording, "Recording (CSV or LCM log)")
+  CLI::App* command = app.add_subcommand(
+      "replay", "Publish everything in a recording on LCM, in its order and at its pace");
+  add_input(*command, "recording", arguments->recording, "Recording (CSV or LCM log)")
       ->required()
       ->type_name("RECORDING");
   add_url_option(*command, arguments->url);
@@ -107,9 +212,10 @@ void add_replay(CLI::App& app, Action& action) {
       ->check(
           number_that([](double v) { return v >= 0.0 && v <= 1.0e6; }, "a number from 0 to 1e6"))
       ->capture_default_str();
-  command->add_option("--block", arguments->frames_per_block, "Frames in a block")
-      ->check(whole_number(1, 10000))
-      ->capture_default_str();
+  command
+      ->add_option("--block", arguments->frames_per_block,
+                   "Frames in a block (default: the blocks of a log, 10 frames of a CSV file)")
+      ->check(whole_number(1, 10000));
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
   describe(*command, {.examples = {{"Publish a recording at twice its speed",
                                     "stickslip replay run.log --speed 2"}},

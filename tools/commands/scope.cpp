@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "config/model_file.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
 #include "tools/scope/listener.h"
@@ -136,8 +137,8 @@ void add_scope(CLI::App& app, Action& action) {
       ->check(number_that([](double v) { return v >= 0.0 && v <= 3600.0; },
                           "a number of seconds from 0 to 3600"))
       ->capture_default_str();
-  command->add_option("--model", arguments->model,
-                      "Model whose frequencies are marked (default: the model published on LCM)");
+  add_input(*command, "--model", arguments->model,
+            "Model whose frequencies are marked (default: the model published on LCM)");
   command->add_option("--pages", arguments->limits.streams, "Maximum number of open pages")
       ->check(whole_number(1, 500))
       ->capture_default_str();

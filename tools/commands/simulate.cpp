@@ -8,14 +8,17 @@
 #include "physics/problem.h"
 #include "physics/simulator.h"
 #include "protocol/recording.h"
+#include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/command_line/recording_input.h"
+#include "tools/command_line/recording_output.h"
 #include "tools/commands/commands.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
 
 using namespace command_line;
+using namespace files;
 
 namespace {
 
@@ -128,7 +131,7 @@ std::vector<double> times_of(const protocol::Recording& drive, const std::string
   return time;
 }
 
-int run(const Arguments& arguments) {
+int run(const Arguments& arguments, const Outputs& outputs) {
   const physics::Model model = config::load_model(arguments.model);
   const protocol::Recording drive = recording_from(arguments.drive);
   if (drive.frames.size() < 5) {
@@ -154,7 +157,7 @@ int run(const Arguments& arguments) {
     out.frames.push_back(frame);
   }
   progress.finish();
-  protocol::write_recording(out, arguments.out);
+  write_recording(outputs, out, arguments.out);
   if (arguments.out != "-") {
     std::printf("%s: %zu samples over %.3f s\n", arguments.out.c_str(), out.frames.size(),
                 time.back());
@@ -168,22 +171,21 @@ void add_simulate(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "simulate", "Simulate a model under a recorded excitation and write its sensor readings");
-  command->add_option("--model", arguments->model, "Model (TOML)")->required();
-  command
-      ->add_option(
-          "--drive", arguments->drive,
-          "Excitation: a recording with base_displacement_m, drive_force_n or, for imposed "
-          "motion, displacement_m")
+  add_input(*command, "--model", arguments->model, "Model (TOML)")->required();
+  add_input(*command, "--drive", arguments->drive,
+            "Excitation: a recording with base_displacement_m, drive_force_n or, for imposed "
+            "motion, displacement_m")
       ->required();
-  command
-      ->add_option("--out", arguments->out,
-                   "Recording to write (.csv or .lcm; -: CSV on standard output)")
+  add_output(*command, "--out", arguments->out,
+             "Recording to write (.csv or .lcm; -: CSV on standard output)")
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "Seed of the sensor noise")
       ->check(seed_number())
       ->capture_default_str();
   command->add_flag("--no-noise", arguments->no_noise, "Simulate without sensor noise");
-  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
+  command->callback([&action, arguments, command] {
+    action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
+  });
   describe(
       *command,
       {.examples = {{"Simulate the sensor readings of a rig under a recorded drive",

@@ -1,4 +1,4 @@
-// Writing whole files.
+// Writing whole files. Results of commands are written through Outputs (outputs.h).
 #pragma once
 
 #include <fcntl.h>
@@ -29,20 +29,6 @@ inline void make_folder(const std::filesystem::path& folder) {
                              "cannot be created as a folder: " +
                                  (error ? error.message() : std::string("the file exists"))});
   }
-}
-
-/// Throws InputError if `path` (unless empty) cannot be opened for writing. To be called before a
-/// long computation whose result goes there. Changes no file and leaves none behind.
-inline void expect_writable(const std::string& path) {
-  if (path.empty()) return;
-  const bool existed = std::filesystem::exists(path);
-  const bool opened = std::ofstream(path, std::ios::binary | std::ios::app).is_open();
-  const int error = errno;
-  if (!opened) {
-    throw InputError(
-        Problem{path, 0, 0, std::string("cannot be written: ") + std::strerror(error)});
-  }
-  if (!existed) std::filesystem::remove(path);
 }
 
 /// Throws InputError if the file cannot be opened for writing, Failure if not all of the
@@ -108,15 +94,6 @@ inline void replace_file(const std::filesystem::path& path, const std::string& c
     throw Failure(path.string() + ": is unchanged: " + std::strerror(error_number));
   }
   sync_folder(folder);
-}
-
-/// As write_file, but "-" is standard output, whose state the caller checks at exit.
-inline void write_table(const std::string& file, const std::string& text) {
-  if (file == "-") {
-    std::fwrite(text.data(), 1, text.size(), stdout);
-  } else {
-    write_file(file, text);
-  }
 }
 
 }  // namespace stickslip::files

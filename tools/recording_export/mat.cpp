@@ -96,8 +96,9 @@ void write_table(mat_t* file, const Table& table, const std::filesystem::path& o
 }  // namespace
 
 void write_tables_mat(const Tables& tables, const std::filesystem::path& out) {
-  const File file(
-      Mat_CreateVer(out.c_str(), "MATLAB 5.0 MAT-file, written by stickslip", MAT_FT_MAT5));
+  const std::string heading = "MATLAB 5.0 MAT-file, written by " +
+                              (tables.written_by.empty() ? "stickslip" : tables.written_by);
+  const File file(Mat_CreateVer(out.c_str(), heading.c_str(), MAT_FT_MAT5));
   if (!file) {
     throw InputError(Problem{out.string(), 0, 0,
                              "cannot be written; does its folder exist, is there free space?"});

@@ -297,6 +297,7 @@ Tables tables_of(const std::filesystem::path& recording, const protocol::Progres
 std::vector<std::pair<std::string, std::string>> description_texts(const Tables& tables) {
   const protocol::Description& d = tables.description;
   std::vector<std::pair<std::string, std::string>> out = {
+      {"written_by", tables.written_by},
       {"source", tables.source},
       {"rig", d.rig},
       {"program", d.program},

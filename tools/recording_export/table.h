@@ -34,6 +34,7 @@ struct Table {
 /// A recording with its description.
 struct Tables {
   std::string source;
+  std::string written_by = {};  ///< the command that exports them
   protocol::Description description;
   std::uint64_t cut_off_bytes = 0;
   std::vector<Table> tables;  ///< frames, then other tables that have rows

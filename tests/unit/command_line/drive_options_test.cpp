@@ -8,6 +8,7 @@
 
 #include "config/model_file.h"
 #include "physics/problem.h"
+#include "tools/command_line/program.h"
 
 namespace stickslip::command_line {
 namespace {
@@ -22,7 +23,7 @@ const physics::Model& base_excited_model() {
 }
 
 DriveOptions parsed(const std::string& arguments) {
-  CLI::App app;
+  Program app;
   const auto options = std::make_shared<DriveOptions>();
   add_drive_options(app, options);
   app.parse("--model model.toml " + arguments, false);

@@ -9,6 +9,10 @@
 #include <set>
 #include <string>
 
+#include "physics/problem.h"
+#include "tools/command_line/file_options.h"
+#include "tools/files/read_file.h"
+#include "tools/files/write_file.h"
 #include "tools/terminal/command_tree.h"
 
 namespace stickslip::commands {
@@ -93,6 +97,87 @@ TEST(Commands, ParseTheirExamplesAndSetAnAction) {
 TEST(Commands, AreRefusedIfUnknown) {
   Parser parser;
   EXPECT_THROW(parser.program.parse("stickslip simulate --nonsense", true), CLI::ParseError);
+}
+
+// Options with a text that is no file. A new option with a text is declared as a file
+// (tools/command_line/file_options.h) or added here.
+const std::set<std::string> texts = {
+    "--url",    "--over",  "--reference",    "--by",        "--date", "--raw-unit",
+    "--effect", "--only",  "--explain",      "--socket",    "KEY",    "VALUE",
+    "--listen", "--token", "--allow-origin", "--host-name", "names"};
+
+TEST(Commands, DeclareEveryOptionThatNamesAFile) {
+  const Parser parser;
+  parser.for_each([&](const CLI::App& command) {
+    std::set<const CLI::Option*> declared;
+    for (const auto& each : parser.program.file_options(command)) declared.insert(each.option);
+    for (const CLI::Option* option : command.get_options()) {
+      const std::string type = option->get_type_name();
+      const bool number =
+          type.starts_with("INT") || type.starts_with("UINT") || type.starts_with("FLOAT");
+      const bool choice = type.find(":{") != std::string::npos;
+      if (option->get_items_expected_max() == 0 || number || choice) continue;
+      EXPECT_TRUE(declared.contains(option) || texts.contains(option->get_name()))
+          << command.get_name() << ' ' << option->get_name() << ' ' << option->get_type_name();
+    }
+  });
+}
+
+// Every output of every command against each of its inputs and other outputs: nothing is written
+// over what the command reads, and no two results into one file.
+TEST(Commands, RefuseAnOutputThatIsAnInputOrAnotherOutput) {
+  const std::string folder = testing::TempDir() + "/stickslip-commands-outputs";
+  fs::create_directories(folder);
+  const std::string file = folder + "/one.csv";
+  const std::string link = folder + "/link.csv";
+  files::write_file(file, "input");
+  fs::remove(link);
+  fs::create_symlink("one.csv", link);
+  std::size_t pairs = 0;
+  Parser parser;
+  parser.for_each([&](const CLI::App& command) {
+    const auto options = parser.program.file_options(command);
+    for (const auto& written : options) {
+      if (written.role == command_line::FileRole::input) continue;
+      for (const auto& other : options) {
+        if (other.option == written.option) continue;
+        parser.program.clear();
+        const_cast<CLI::Option*>(written.option)->add_result(link);
+        const_cast<CLI::Option*>(other.option)->add_result(file);
+        EXPECT_THROW((void)command_line::outputs_of(command), InputError)
+            << command.get_name() << ' ' << written.option->get_name() << ' '
+            << other.option->get_name();
+        ++pairs;
+      }
+    }
+  });
+  EXPECT_GT(pairs, 30U);
+  EXPECT_EQ(files::content_of(file), "input");
+  fs::remove_all(folder);
+}
+
+TEST(Commands, RefuseAnOutputThatTheyDidNotWrite) {
+  const std::string file = testing::TempDir() + "/stickslip-commands-foreign.csv";
+  files::write_file(file, "by hand");
+  std::size_t outputs = 0;
+  Parser parser;
+  parser.for_each([&](const CLI::App& command) {
+    for (const auto& each : parser.program.file_options(command)) {
+      if (each.role != command_line::FileRole::output) continue;
+      parser.program.clear();
+      const_cast<CLI::Option*>(each.option)->add_result(file);
+      EXPECT_THROW((void)command_line::outputs_of(command), InputError)
+          << command.get_name() << ' ' << each.option->get_name();
+      CLI::Option* const force = const_cast<CLI::App&>(command).get_option_no_throw("--force");
+      ASSERT_NE(force, nullptr) << command.get_name();
+      force->add_result("true");
+      EXPECT_NO_THROW((void)command_line::outputs_of(command)) << command.get_name();
+      ++outputs;
+    }
+  });
+  EXPECT_GT(outputs, 12U);
+  EXPECT_EQ(files::content_of(file), "by hand");
+  fs::remove(file);
 }
 
 }  // namespace

@@ -51,21 +51,11 @@ TEST_F(Files, ContentOfAnUnreadableFileIsEmpty) { EXPECT_EQ(content_of(path("mis
 TEST_F(Files, CannotBeWrittenIntoAMissingFolder) {
   EXPECT_THROW(write_file(path("missing/a"), "x"), InputError);
   EXPECT_THROW(replace_file(path("missing/a"), "x"), InputError);
-  EXPECT_THROW(expect_writable(path("missing/a")), InputError);
 }
 
 TEST_F(Files, FullDeviceIsARuntimeError) {
   if (!fs::exists("/dev/full")) GTEST_SKIP() << "there is no /dev/full";
   EXPECT_THROW(write_file("/dev/full", "x"), std::runtime_error);
-}
-
-TEST_F(Files, ExpectWritableLeavesNoTrace) {
-  expect_writable("");
-  expect_writable(path("new"));
-  EXPECT_EQ(file_count(), 0U);
-  write_file(path("old"), "content");
-  expect_writable(path("old"));
-  EXPECT_EQ(content_of(path("old")), "content");
 }
 
 TEST_F(Files, MakeFolderCreatesParentsAndAcceptsAnExistingFolder) {
@@ -106,14 +96,6 @@ TEST_F(Files, ReplaceFileLeavesNothingBehindIfItFails) {
   EXPECT_THROW(replace_file(folder_ / "folder", "x"), std::runtime_error);
   EXPECT_EQ(file_count(), 1U);
   EXPECT_TRUE(fs::is_directory(folder_ / "folder/content"));
-}
-
-TEST_F(Files, WriteTableWritesToAFileOrStandardOutput) {
-  write_table(path("table.csv"), "a,b\n");
-  EXPECT_EQ(content_of(path("table.csv")), "a,b\n");
-  testing::internal::CaptureStdout();
-  write_table("-", "a,b\n");
-  EXPECT_EQ(testing::internal::GetCapturedStdout(), "a,b\n");
 }
 
 }  // namespace
