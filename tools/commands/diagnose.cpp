@@ -19,9 +19,11 @@
 #include "tools/command_line/colour_option.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/command_line/recording_input.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/files/read_file.h"
 #include "tools/files/write_file.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -111,9 +113,8 @@ int run(const Arguments& arguments) {
   const std::string text = report::report_text(result);
   const std::size_t verdict = text.find(':');
   const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
-  std::fputs(
-      (paint(tone_of(result.verdict), text.substr(0, verdict)) + text.substr(verdict)).c_str(),
-      stdout);
+  terminal::print_page(paint(tone_of(result.verdict), text.substr(0, verdict)) +
+                       text.substr(verdict));
   if (!arguments.json.empty()) {
     write_file(arguments.json, report::report_json(result).dump(2) + "\n");
   }
@@ -134,28 +135,30 @@ void add_diagnose(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "diagnose", "Find where a model fails to explain recordings, and which physics it lacks");
-  command->add_option("recordings", arguments->recordings, "Recordings of one rig (CSV or LCM log)")
+  command
+      ->add_option("RECORDING", arguments->recordings,
+                   "Recordings of one rig (LCM event logs or CSV)")
       ->required()
-      ->type_name("RECORDING");
-  command->add_option("--model", arguments->model, "Declared model (TOML)")->required();
-  command->add_option("--json", arguments->json, "Write the report as JSON");
-  command->add_option("--html", arguments->html,
-                      "Write the report as one self-contained page with figures");
-  command->add_option("--write-model", arguments->write_model,
-                      "Write the augmented model: calibrated, with the physics found");
-  command->add_option("--seed", arguments->seed, "Seed of the bootstrap")
-      ->check(seed_number())
-      ->capture_default_str();
-  command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
-      ->check(number_of_threads());
+      ->type_name("FILE");
+  add_model_option(*command, arguments->model);
+  add_json_file_option(*command, arguments->json);
+  command
+      ->add_option("--html", arguments->html,
+                   "Write the report as one self-contained page with figures")
+      ->type_name("FILE");
+  command
+      ->add_option("--write-model", arguments->write_model,
+                   "Write the augmented model: calibrated, with the physics found")
+      ->type_name("FILE");
+  add_seed_option(*command, arguments->seed);
+  add_jobs_option(*command, arguments->jobs);
   command
       ->add_option("--bootstrap", arguments->bootstrap,
                    "Also diagnose this number of synthetic recordings of the calibrated declared "
                    "model, under the same excitation and noise, and report the false alarms")
-      ->check(CLI::Range(0, 10000))
+      ->check(whole_number(0, 10000))
       ->capture_default_str();
-  command->add_option("--horizon", arguments->horizon_s, "Length of a prediction window [s]")
-      ->check(positive_number());
+  add_horizon_option(*command, arguments->horizon_s);
   add_colour_option(*command, arguments->colours);
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
   describe(*command,

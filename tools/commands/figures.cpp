@@ -5,11 +5,16 @@
 #include <string>
 #include <vector>
 
+#include "config/shipped_files.h"
 #include "diagnosis/parallel/for_each.h"
+#include "physics/number_text.h"
+#include "physics/problem.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/figures/paper_figures.h"
 #include "tools/files/write_file.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -21,16 +26,27 @@ namespace {
 
 struct Arguments {
   std::string out;
-  std::string presets = "config";
+  std::string presets;
   std::vector<int> only;
   int periods = 2000;
   int jobs = 0;
 };
 
+std::filesystem::path presets_of(const Arguments& arguments) {
+  if (!arguments.presets.empty()) return arguments.presets;
+  const std::filesystem::path shipped = config::shipped_folder();
+  if (shipped.empty()) {
+    throw InputError(Problem{"", 0, 0,
+                             "the presets are not installed with the program (../share/stickslip "
+                             "from its folder): expected --presets DIR"});
+  }
+  return shipped;
+}
+
 int run(const Arguments& arguments) {
   figures::FigureOptions options;
   options.out = arguments.out;
-  options.presets = arguments.presets;
+  options.presets = presets_of(arguments);
   options.numbers = arguments.only;
   options.periods = arguments.periods;
   options.threads = parallel::threads_for(arguments.jobs);
@@ -43,7 +59,7 @@ int run(const Arguments& arguments) {
   progress.finish();
   const std::filesystem::path page = options.out / "index.html";
   write_file(page, figures::page(drawn, "stickslip figures --out " + arguments.out));
-  std::printf("%s: %zu figures\n", page.c_str(), drawn.size());
+  terminal::print("%s: %s\n", page.c_str(), physics::counted(drawn.size(), "figure").c_str());
   return 0;
 }
 
@@ -54,20 +70,21 @@ void add_figures(CLI::App& app, Action& action) {
   CLI::App* command = app.add_subcommand(
       "figures", "Draw figures 2 to 10 of the paper from the presets, on one HTML page");
   command->add_option("--out", arguments->out, "Folder for the page, the figures and their data")
-      ->required();
+      ->required()
+      ->type_name("DIR");
   command
-      ->add_option("--presets", arguments->presets,
-                   "Folder with the rigs beam-1.toml to beam-4.toml and motivational.toml")
-      ->capture_default_str();
+      ->add_option(
+          "--presets", arguments->presets,
+          "Folder with the rigs beam-1.toml to beam-4.toml and motivational.toml (default: "
+          "those installed with the program)")
+      ->type_name("DIR");
   command->add_option("--only", arguments->only, "Numbers of the figures to draw")->delimiter(',');
   command
       ->add_option("--periods", arguments->periods,
                    "Drive periods over which exponents and shares of time are computed")
       ->check(whole_number(40, 1000000))
       ->capture_default_str();
-  command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
-      ->check(number_of_threads())
-      ->capture_default_str();
+  add_jobs_option(*command, arguments->jobs);
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
   describe(*command,
            {.examples = {{"Draw all figures of the paper", "stickslip figures --out figures"}},

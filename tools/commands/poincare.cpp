@@ -5,11 +5,13 @@
 #include <vector>
 
 #include "config/model_file.h"
+#include "physics/number_text.h"
 #include "tools/command_line/drive_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
 #include "tools/dynamics/portrait.h"
 #include "tools/files/write_file.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -42,8 +44,9 @@ int run(const Arguments& arguments) {
   const std::vector<dynamics::Point> section = dynamics::poincare_section(model, drive, options);
   if (arguments.out == "-") progress.finish();
   for (const dynamics::Point& point : section) {
-    std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g,%.9g\n", point.time_s, point.x(), point.v(),
-                  point.state.theta);
+    std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g,%.9g\n", point.time_s, point.x() + 0.0,
+                  point.v() + 0.0,
+                  point.state.theta + 0.0);  // no sign of a zero
     table += line;
   }
   write_table(arguments.out, table);
@@ -52,16 +55,16 @@ int run(const Arguments& arguments) {
   options.progress = [&](double share) { progress.at((1.0 + share) / runs); };
   const dynamics::Portrait portrait = dynamics::portrait(model, drive, options);
   progress.finish();
-  std::printf(
+  terminal::print(
       "displacement %.5g to %.5g m, velocity %.5g to %.5g m/s, normal load %.4g to %.4g N\n",
       portrait.displacement_m.low, portrait.displacement_m.high, portrait.velocity_m_s.low,
       portrait.velocity_m_s.high, portrait.normal_load_n.low, portrait.normal_load_n.high);
-  std::printf(
+  terminal::print(
       "contact lost %.2f %% of the time, friction and velocity of opposite sign %.2f %%, at rest "
       "%.2f %%; "
-      "overshoot %.2f %% of the velocity range over %d arrivals\n",
+      "overshoot %.2f %% of the velocity range over %s\n",
       100.0 * portrait.contact_lost, 100.0 * portrait.negative_friction, 100.0 * portrait.sticking,
-      100.0 * portrait.overshoot, portrait.arrivals);
+      100.0 * portrait.overshoot, physics::counted(portrait.arrivals, "arrival").c_str());
   return 0;
 }
 
@@ -80,6 +83,7 @@ void add_poincare(CLI::App& app, Action& action) {
       ->check(finite_number())
       ->capture_default_str();
   command->add_option("--out", arguments->out, "Table to write (CSV; -: standard output)")
+      ->type_name("FILE")
       ->capture_default_str();
   command->footer("With --out FILE, ranges, lost contact, sticking and overshoot are printed.");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "physics/failure.h"
+#include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/channels.h"
 #include "protocol/frame_block.h"
@@ -15,8 +16,10 @@
 #include "protocol/recording_log.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/command_line/recording_input.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/telemetry/lcm_client.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -83,10 +86,14 @@ int run(const Arguments& arguments) {
   }
   progress.finish();
   const double took_s = std::chrono::duration<double>(steady_clock::now() - start).count();
-  std::printf("published %zu of %zu frames in %zu blocks on %s in %.3f s", done, frames.size(),
-              blocks, arguments.url.c_str(), took_s);
-  if (arguments.speed > 0.0) std::printf(", blocks up to %.3f ms late", latest_s * 1e3);
-  std::printf("%s\n", done < frames.size() ? " (stopped)" : "");
+  std::string text = "published " + std::to_string(done) + " of " +
+                     physics::counted(frames.size(), "frame") + " in " +
+                     physics::counted(blocks, "block") + " on " + arguments.url + " in " +
+                     physics::fixed_text(took_s, 3) + " s";
+  if (arguments.speed > 0.0) {
+    text += ", blocks up to " + physics::fixed_text(latest_s * 1e3, 3) + " ms late";
+  }
+  terminal::print_page(text + (done < frames.size() ? " (stopped)\n" : "\n"));
   return 0;
 }
 
@@ -96,9 +103,7 @@ void add_replay(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command =
       app.add_subcommand("replay", "Publish a recording on LCM like the daemon, at its own rate");
-  command->add_option("recording", arguments->recording, "Recording (CSV or LCM log)")
-      ->required()
-      ->type_name("RECORDING");
+  add_recording(*command, arguments->recording);
   add_url_option(*command, arguments->url);
   command
       ->add_option(

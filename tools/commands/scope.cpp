@@ -9,6 +9,7 @@
 
 #include "config/model_file.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/scope/listener.h"
 #include "tools/scope/live_feed.h"
@@ -136,8 +137,11 @@ void add_scope(CLI::App& app, Action& action) {
       ->check(number_that([](double v) { return v >= 0.0 && v <= 3600.0; },
                           "a number of seconds from 0 to 3600"))
       ->capture_default_str();
-  command->add_option("--model", arguments->model,
-                      "Model whose frequencies are marked (default: the model published on LCM)");
+  command
+      ->add_option("--model", arguments->model,
+                   "Model whose frequencies are marked (default: the model published on LCM)")
+      ->type_name("FILE")
+      ->transform(shipped_file("models"));
   command->add_option("--pages", arguments->limits.streams, "Maximum number of open pages")
       ->check(whole_number(1, 500))
       ->capture_default_str();
