@@ -20,7 +20,7 @@ TEST(Page, ContinuesUnderTheSecondColumn) {
 
 TEST(Page, CutsAWordThatIsTooLong) {
   EXPECT_EQ(fitted("id 0123456789012345678901234567890\n", 20),
-            "id\n  012345678901234567\n  8901234567890\n");
+            "id 01234567890123456\n  78901234567890\n");
 }
 
 TEST(Page, CountsNeitherColoursNorBytesOfACharacter) {
