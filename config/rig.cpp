@@ -7,6 +7,7 @@
 #include "config/bench_document.h"
 #include "config/demand.h"
 #include "config/document.h"
+#include "config/lcm_url.h"
 #include "config/model_file.h"
 
 namespace stickslip::config {
@@ -317,17 +318,8 @@ class Reader {
   }
 
   void check_outputs(const Rig& rig) {
-    const std::string& url = rig.lcm.url;
-    bool known = false;
-    for (const char* provider : {"udpm:", "memq:", "file:", "tcpq:", "mpudpm:"}) {
-      known = known || url.starts_with(provider);
-    }
-    if (!known || url.find("://") == std::string::npos) {
-      document_.report("lcm.url",
-                       "expected udpm://ADDRESS:PORT?ttl=N, memq://, tcpq://HOST:PORT or "
-                       "file://PATH, found \"" +
-                           url + "\"");
-    }
+    const std::string wrong = wrong_with_lcm_url(rig.lcm.url);
+    if (!wrong.empty()) document_.report("lcm.url", wrong);
     if (rig.recording.enabled) check_folder_of("recording.file", rig.recording.file);
     if (!rig.metrics.file.empty()) {
       if (rig.metrics.file.extension() != ".prom") {

@@ -11,8 +11,9 @@
 #include <string>
 
 #include "config/rig.h"
+#include "config/shipped_files.h"
 #include "daemon/service.h"
-#include "physics/problem.h"
+#include "physics/failure.h"
 
 namespace {
 
@@ -67,8 +68,8 @@ int run(int argc, char** argv) {
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
 
   std::signal(SIGXFSZ, SIG_IGN);  // a limit on the size of files is an error of the write
-  const auto rig =
-      stickslip::daemon::with_overrides(stickslip::config::load_rig(config_file), overrides);
+  const auto rig = stickslip::daemon::with_overrides(
+      stickslip::config::load_rig(stickslip::config::file_meant(config_file, "")), overrides);
   return stickslip::daemon::serve(rig);
 }
 
@@ -77,11 +78,9 @@ int run(int argc, char** argv) {
 int main(int argc, char** argv) {
   try {
     return run(argc, argv);
-  } catch (const stickslip::InputError& error) {
-    std::fprintf(stderr, "stickslipd: %s\n", error.what());
-    return 2;
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "stickslipd: %s\n", error.what());
-    return 1;
+    const stickslip::Ending ending = stickslip::ending_of(error, "stickslipd");
+    std::fprintf(stderr, "stickslipd: %s\n", ending.line.c_str());
+    return ending.status;
   }
 }

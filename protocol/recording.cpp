@@ -4,12 +4,16 @@
 #include <array>
 #include <ctime>
 
+#include "physics/number_text.h"
+
 namespace stickslip::protocol {
 
 std::string cut_off_warning(const Recording& recording) {
-  return recording.source + ": truncated: its last " + std::to_string(recording.cut_off_bytes) +
-         " bytes are an incomplete event; the " + std::to_string(recording.frames.size()) +
-         " frames before it were read";
+  const bool one = recording.cut_off_bytes == 1;
+  return recording.source + ": truncated: its last " +
+         physics::counted(recording.cut_off_bytes, "byte") + (one ? " is" : " are") +
+         " an incomplete event, before which " +
+         physics::counted(recording.frames.size(), "frame") + " could be read";
 }
 
 std::string utc_text(std::int64_t utc_us) {

@@ -33,8 +33,8 @@ void add_verdict(std::ostringstream& text, const Diagnosis& d) {
       text << "CONSISTENT: the model explains the recording to within the noise.\n";
       break;
     case Verdict::missing_physics:
-      text << "MISSING PHYSICS: the model lacks " << d.findings.size()
-           << (d.findings.size() == 1 ? " effect.\n" : " effects.\n");
+      text << "MISSING PHYSICS: the model lacks " << physics::counted(d.findings.size(), "effect")
+           << ".\n";
       break;
     case Verdict::unexplained:
       text << "UNEXPLAINED: the model does not fit the recording, and no candidate effect explains "
@@ -101,8 +101,8 @@ void add_fit(std::ostringstream& text, const Diagnosis& d) {
   }
   text << "  Held-out chi-squared per sample: " << number_text(d.baseline.chi2_per_sample);
   if (d.augmented) text << " -> " << number_text(d.augmented->chi2_per_sample);
-  text << "  (1: noise only; " << d.fitted_windows << " windows fitted, " << d.heldout_windows
-       << " held out)\n";
+  text << "  (1: noise only; " << physics::counted(d.fitted_windows, "window") << " fitted, "
+       << d.heldout_windows << " held out)\n";
   if (d.noise_estimated.empty()) return;
   text << "  Noise estimated from the recording, not declared:";
   for (const Channel channel : d.noise_estimated) text << " " << info(channel).stem;
@@ -114,9 +114,8 @@ void add_calibration(std::ostringstream& text, const Diagnosis& d) {
   text << "  Calibrated (shift in declared standard deviations):";
   bool far = false;
   for (const Calibration& each : d.calibrated) {
-    char shift[32];
-    std::snprintf(shift, sizeof shift, " (%+.1f);", each.shift_sigmas);
-    text << " " << each.path << " = " << number_text(each.value) << shift;
+    text << " " << each.path << " = " << number_text(each.value) << " ("
+         << physics::fixed_text(each.shift_sigmas, 1, true) << ");";
     far = far || std::abs(each.shift_sigmas) > 3.0;
   }
   text << "\n";
@@ -180,8 +179,8 @@ std::string limit_text(const DetectionLimit& limit) {
 }
 
 std::string false_alarm_text(const FalseAlarms& alarms) {
-  std::string out = "Of " + std::to_string(alarms.recordings) +
-                    " synthetic recordings of the calibrated declared model, with nothing "
+  std::string out = "Of " + physics::counted(alarms.recordings, "synthetic recording") +
+                    " of the calibrated declared model, with nothing "
                     "missing, " +
                     std::to_string(alarms.alarms) + " raised a false alarm";
   if (!alarms.chi2.empty()) {

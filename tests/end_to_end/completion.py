@@ -133,7 +133,7 @@ class Completion(EndToEnd):
     def test_other_shells_are_refused(self):
         result = stickslip("completion", "tcsh")
         self.assertEqual(result.returncode, 2)
-        self.assertIn("{bash,zsh,fish}", result.stderr)
+        self.assertIn("expected one of bash,zsh,fish", result.stderr)
 
 
 if __name__ == "__main__":

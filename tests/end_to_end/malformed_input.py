@@ -197,7 +197,7 @@ class MalformedInput(EndToEnd):
         section = ("poincare", "--model", self.good_model, "--amplitude", "0.003")
         diagram = ("bifurcation", "--model", self.good_model, "--values", "2", "--periods", "2")
         cases = (
-            (("diagnose",), "recording"),
+            (("diagnose",), "RECORDING is required"),
             (("diagnose", self.good_recording), "--model"),
             (("evaluate", self.good_recording, "--model"), "--model"),
             (("no-such-command",), 'there is no command "no-such-command"; expected one of'),

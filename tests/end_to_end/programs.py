@@ -25,10 +25,10 @@ def shared_folder():
     return None
 
 
-def run(*command, timeout=120, cwd=None):
+def run(*command, timeout=120, cwd=None, env=None):
     """Runs a command to its end; the result has returncode, stdout and stderr as text."""
     return subprocess.run([str(part) for part in command], capture_output=True, text=True,
-                          timeout=timeout, cwd=cwd, stdin=subprocess.DEVNULL)
+                          timeout=timeout, cwd=cwd, env=env, stdin=subprocess.DEVNULL)
 
 
 def as_other_user():

@@ -1,6 +1,7 @@
 """Progress, colours and the live table on a pseudo terminal and in a pipe."""
 import fcntl
 import json
+import math
 import os
 import pty
 import re
@@ -12,7 +13,7 @@ import subprocess
 import termios
 import time
 
-from programs import STICKSLIP, EndToEnd, main, run
+from programs import SOURCE, STICKSLIP, EndToEnd, main, run
 
 GROUP = ("239.255.76.67", 7667)
 CSV = "time_s,displacement_m,friction_force_n\n" + "".join(
@@ -172,6 +173,71 @@ class Colours(EndToEnd):
         for command in (("spy",), ("doctor",), ("check",), ("ctl",), ("log", "check")):
             with self.subTest(command=command):
                 self.assertIn("--color", self.succeed(*command, "--help").stdout)
+
+
+MODEL = """schema = 1
+[oscillator]
+excitation = "force"
+mass_kg = { value = 1.0, sigma = 0.02 }
+stiffness_n_m = { value = 158.0, sigma = 5.0 }
+damping_n_s_m = { value = 0.5, sigma = 0.2 }
+"""
+
+
+class Pages(EndToEnd):
+    """Every page of text fits 60 columns."""
+
+    def setUp(self):
+        super().setUp()
+        self.log = self.folder / "run.log"
+        self.succeed("convert", self.write("run.csv", CSV), self.log)
+
+    def expect_to_fit(self, shown, command):
+        plain = re.sub(r"\033\[[0-9;]*[A-Za-z]", "", shown).replace("\r\n", "\n")
+        for line in plain.splitlines():
+            if not line.lstrip().startswith("$ "):  # a command to copy
+                self.assertLessEqual(len(line), 60, f"{command}: {line!r}")
+        self.assertNotRegex(plain, r"\b1 (frame|event|byte|window|sample|row|note|warning|failure)s\b")
+        self.assertNotRegex(plain, r"(?<![\w.])-0(\.0*)?(?![\w.])")
+        return plain
+
+    def page(self, *command, status=(0,)):
+        result = run(STICKSLIP, *command, env=environment(COLUMNS="60"))
+        self.assertIn(result.returncode, status, result.stdout + result.stderr)
+        return self.expect_to_fit(result.stdout, command)
+
+    def test_a_terminal_of_60_columns(self):
+        for command in (("log", "info", self.log), ("log", "check", self.log)):
+            shown = OnATerminal(STICKSLIP, *command, columns=60).end()
+            self.assertIn("200", self.expect_to_fit(shown, command))
+
+    def test_help(self):
+        commands = [line.split()[0] for line in
+                    self.succeed("--help").stdout.split("Subcommands:\n")[1].splitlines()
+                    if line.startswith("  ") and line[2] != " "]
+        self.assertGreater(len(commands), 20)
+        for command in [()] + [(each,) for each in commands] + [("log", "export"), ("ctl", "set")]:
+            self.assertIn("--help", self.page(*command, "--help"))
+
+    def test_pages_of_files_and_the_machine(self):
+        rig = SOURCE / "config/bench-u6.toml"
+        self.page("check", rig, SOURCE / "config/models/beam-1.toml")
+        self.page("doctor", "--config", rig, "--duration", "0.1", status=(0, 1))
+        self.page("devices", status=(0, 1))
+        self.page("log", "export", self.log, self.folder / "run.mat")
+
+    def test_pages_of_computations(self):
+        drive = self.write("drive.csv", "time_s,drive_force_n,displacement_m\n" + "".join(
+            f"{i / 100:.2f},{math.sin(0.09 * i) + math.sin(0.13 * i)},0\n" for i in range(800)))
+        model = self.write("model.toml", MODEL)
+        recording = self.folder / "simulated.csv"
+        self.page("simulate", "--model", model, "--drive", drive, "--out", recording)
+        self.page("evaluate", recording, "--model", model)
+        self.page("diagnose", recording, "--model", model)
+        self.page("poincare", "--model", model, "--frequency-hz", "2", "--amplitude", "1",
+                  "--periods", "3", "--out", self.folder / "section.csv")
+        self.page("lyapunov", "--model", model, "--frequency-hz", "2", "--amplitude", "1",
+                  "--periods", "20")
 
 
 class Spy(EndToEnd):

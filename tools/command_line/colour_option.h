@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "tools/command_line/option_checks.h"
 #include "tools/terminal/colour.h"
 
 namespace stickslip::command_line {
@@ -20,7 +21,7 @@ inline void add_colour_option(CLI::App& command, terminal::Colours& colours) {
           "--color",
           [&colours, choices](const std::string& chosen) { colours = choices.at(chosen); },
           "Colours: on a terminal unless NO_COLOR is set (auto), always, or never")
-      ->check(CLI::IsMember({"auto", "always", "never"}))
+      ->check(one_of({"auto", "always", "never"}))
       ->default_str("auto");
 }
 

@@ -6,6 +6,7 @@
 #include "physics/problem.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/shared_options.h"
 
 namespace stickslip::command_line {
 
@@ -54,7 +55,7 @@ dynamics::PortraitOptions DriveOptions::portrait() const {
 }
 
 void add_drive_options(CLI::App& command, const std::shared_ptr<DriveOptions>& options) {
-  add_input(command, "--model", options->model, "Model (TOML)")->required();
+  add_model_option(command, options->model);
   command.add_option("--frequency-hz", options->frequency_hz, "Frequency of the drive [Hz]")
       ->check(positive_number());
   command.add_option("--omega", options->omega_rad_s, "Angular frequency of the drive [rad/s]")

@@ -57,6 +57,8 @@ void check_roles(const std::vector<NamedFile>& named) {
 
 CLI::Option* declare_files(CLI::App& command, FileRole role, CLI::Option* option) {
   program_of(command).add_file_option(command, {option, role});
+  const bool folder = role == FileRole::output_folder || role == FileRole::new_folder;
+  option->type_name(folder ? "DIR" : "FILE");
   const bool replaces = role == FileRole::output || role == FileRole::output_folder;
   if (replaces && command.get_option_no_throw("--force") == nullptr) {
     command.add_flag("--force")->description(

@@ -2,9 +2,13 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <string>
+#include <vector>
+
+#include "physics/spelling.h"
 
 namespace stickslip::command_line {
 
@@ -30,6 +34,19 @@ inline CLI::Validator positive_number() {
 }
 inline CLI::Validator not_negative_number() {
   return number_that([](double v) { return v >= 0.0; }, "a finite number, 0 or more");
+}
+/// One of these names; a misspelt one is answered with the one that was meant.
+inline CLI::Validator one_of(const std::vector<std::string>& names) {
+  std::string list;
+  for (const std::string& name : names) list += (list.empty() ? "" : ",") + name;
+  return CLI::Validator(
+      [names, list](std::string& text) {
+        if (std::find(names.begin(), names.end(), text) != names.end()) return std::string();
+        const std::string meant = physics::nearest(text, names);
+        return "expected one of " + list + ", found " + text +
+               (meant.empty() ? "" : ": did you mean " + meant + "?");
+      },
+      "{" + list + "}");
 }
 /// Limits included.
 inline CLI::Validator whole_number(double low, double high) {

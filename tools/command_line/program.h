@@ -50,10 +50,12 @@ inline const terminal::Notes::Entry lcm_url_variable = {
 inline const terminal::Notes::Entry no_color_variable = {
     "NO_COLOR", "If set and not empty, disables colours unless --color requests them"};
 inline const terminal::Notes::Entry recording_files = {
-    "*.log, *.lcm, *.csv",
+    "*.log, *.csv",
     "Recordings: LCM event logs, or CSV with a column time_s and the channels in SI units. The "
     "format is detected from the content"};
 inline const terminal::Notes::Entry model_files = {
-    "config/models/*.toml", "Models, in the source; docs/configuration.md describes every key"};
+    "PREFIX/share/stickslip/models/*.toml",
+    "Models that are shipped: --model beam-1 is beam-1.toml of this folder. docs/configuration.md "
+    "describes every key"};
 
 }  // namespace stickslip::command_line

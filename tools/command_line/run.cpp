@@ -12,6 +12,7 @@
 #include "physics/failure.h"
 #include "physics/spelling.h"
 #include "tools/terminal/command_tree.h"
+#include "tools/terminal/page.h"
 
 namespace stickslip::command_line {
 
@@ -116,7 +117,11 @@ std::optional<int> parse(Program& program, std::vector<std::string> arguments) {
   try {
     program.parse(std::move(arguments));
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return program.exit(error);  // --help, --version
+    if (dynamic_cast<const CLI::CallForHelp*>(&error) != nullptr) {
+      terminal::print_page(program.help());
+      return 0;
+    }
+    if (error.get_exit_code() == 0) return program.exit(error);  // --version
     std::fprintf(stderr, "%s: %s\n", program.get_name().c_str(), refusal(program, error).c_str());
     return 2;
   }

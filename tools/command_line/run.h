@@ -14,8 +14,8 @@ namespace stickslip::command_line {
 /// subcommand or option, at any depth, is answered with the name that was probably meant.
 int run(Program& program, const Action& action, const std::vector<std::string>& arguments);
 
-/// What is wrong with the names of subcommands and options in `arguments`, as one sentence; empty
-/// if all are known or help is requested. Values are left to the parser.
+/// The error in the names of subcommands and options in `arguments`, as one sentence; empty if all
+/// are known or help is requested. Values are left to the parser.
 std::string wrong_name(const CLI::App& program, const std::vector<std::string>& arguments);
 
 }  // namespace stickslip::command_line

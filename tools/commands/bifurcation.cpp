@@ -1,5 +1,6 @@
 // `stickslip bifurcation`: bifurcation diagrams of a model.
 #include "tools/dynamics/bifurcation.h"
+#include "tools/command_line/shared_options.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -136,8 +137,7 @@ void add_bifurcation(CLI::App& app, Action& action) {
       ->check(whole_number(1, 1000000))
       ->capture_default_str();
   command->add_flag("--exponents", arguments->exponents, "Add the largest Lyapunov exponent");
-  command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
-      ->check(number_of_threads());
+  add_jobs_option(*command, arguments->jobs);
   add_output(*command, "--out", arguments->out, "Table to write (CSV; -: standard output)")
       ->capture_default_str();
   command->callback([&action, arguments, command] {

@@ -7,6 +7,7 @@
 
 #include "config/calibration.h"
 #include "config/document.h"
+#include "physics/number_text.h"
 #include "physics/problem.h"
 #include "tools/calibration/calibration_file.h"
 #include "tools/calibration/line_fit.h"
@@ -14,7 +15,9 @@
 #include "tools/calibration/words.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
+#include "tools/terminal/page.h"
 
 namespace stickslip::commands {
 
@@ -79,7 +82,7 @@ int run_fit(const FitArguments& arguments) {
   options.unit = info(channel).unit;
   const calibration::LineFit fit = calibration::fit(points, options);
   if (!fit.solved || (!fit.acceptable() && !arguments.force)) {
-    std::fputs(calibration::fit_text(fit, points, channel, arguments.raw_unit).c_str(), stdout);
+    terminal::print_page(calibration::fit_text(fit, points, channel, arguments.raw_unit));
     std::fflush(stdout);
     throw InputError(
         Problem{arguments.points, 0, 0,
@@ -89,36 +92,37 @@ int run_fit(const FitArguments& arguments) {
   const config::ChannelCalibration made = proposal(arguments, fit, points);
 
   const auto before = calibration_before(arguments.file, channel);
-  std::printf("%s: %zu points\n", arguments.channel.c_str(), points.size());
-  std::fputs(calibration::fit_text(fit, points, channel, arguments.raw_unit).c_str(), stdout);
-  std::fputs(calibration::change_text(before, made, channel).c_str(), stdout);
+  terminal::print("%s: %s\n", arguments.channel.c_str(),
+                  physics::counted(points.size(), "point").c_str());
+  terminal::print_page(calibration::fit_text(fit, points, channel, arguments.raw_unit));
+  terminal::print_page(calibration::change_text(before, made, channel));
   if (arguments.dry_run) return 0;
   renew_calibration(arguments.file, channel, made);
-  std::printf("%s: written%s\n", arguments.file.c_str(),
-              before ? "; the previous calibration is in its history" : "");
+  terminal::print("%s: written%s\n", arguments.file.c_str(),
+                  before ? "; the previous calibration is in its history" : "");
   return 0;
 }
 
 void print_calibration(const config::ChannelCalibration& entry, Channel channel) {
-  std::printf("%s\n  %s\n", std::string(info(channel).stem).c_str(),
-              calibration::calibration_words(entry, channel).c_str());
+  terminal::print("%s\n  %s\n", std::string(info(channel).stem).c_str(),
+                  calibration::calibration_words(entry, channel).c_str());
   const std::string unit(info(channel).unit);
   if (entry.valid) {
     for (const double si : {entry.valid->low, entry.valid->high}) {
-      std::printf("  at %s %s: +- %s %s by the calibration\n",
-                  calibration::short_number(si).c_str(), unit.c_str(),
-                  calibration::short_number(config::calibration_sigma(entry, si)).c_str(),
-                  unit.c_str());
+      terminal::print("  at %s %s: +- %s %s by the calibration\n",
+                      calibration::short_number(si).c_str(), unit.c_str(),
+                      calibration::short_number(config::calibration_sigma(entry, si)).c_str(),
+                      unit.c_str());
     }
   }
   for (Channel other : all_channels) {
     const double crosstalk = entry.crosstalk[index_of(other)];
     if (crosstalk == 0.0) continue;
-    std::printf("  less %s of %s\n", calibration::short_number(crosstalk).c_str(),
-                std::string(info(other).stem).c_str());
+    terminal::print("  less %s of %s\n", calibration::short_number(crosstalk).c_str(),
+                    std::string(info(other).stem).c_str());
   }
-  std::printf("  %zu points, residuals %s %s\n", entry.points.size(),
-              calibration::short_number(entry.residual_std).c_str(), unit.c_str());
+  terminal::print("  %s, residuals %s %s\n", physics::counted(entry.points.size(), "point").c_str(),
+                  calibration::short_number(entry.residual_std).c_str(), unit.c_str());
 }
 
 int run_show(const ShowArguments& arguments) {
@@ -129,12 +133,13 @@ int run_show(const ShowArguments& arguments) {
     print_calibration(*entry, channel);
     for (const config::FormerCalibration& each : file.history) {
       if (!arguments.history || each.channel != channel) continue;
-      std::printf("  before: %s\n",
-                  calibration::calibration_words(each.calibration, channel).c_str());
+      terminal::print("  before: %s\n",
+                      calibration::calibration_words(each.calibration, channel).c_str());
     }
   }
   if (!arguments.history && !file.history.empty()) {
-    std::printf("%zu previous calibrations: --history shows them\n", file.history.size());
+    terminal::print("%s: --history shows them\n",
+                    physics::counted(file.history.size(), "previous calibration").c_str());
   }
   return 0;
 }
@@ -143,7 +148,7 @@ void add_fit(CLI::App& parent, Action& action) {
   auto arguments = std::make_shared<FitArguments>();
   CLI::App* command = parent.add_subcommand(
       "fit", "Fit a straight line to points and write it to a calibration file");
-  add_input(*command, "points", arguments->points,
+  add_input(*command, "POINTS", arguments->points,
             "Points (CSV: raw, reference_si, optionally raw_std, reference_sigma), in the "
             "order of measurement")
       ->required();
@@ -151,11 +156,8 @@ void add_fit(CLI::App& parent, Action& action) {
   for (const ChannelInfo& channel : channel_table) stems.emplace_back(channel.stem);
   command->add_option("--channel", arguments->channel, "Calibrated channel")
       ->required()
-      ->check(CLI::IsMember(stems));
-  declare_files(
-      *command, FileRole::updated,
-      command->add_option("--file", arguments->file, "Calibration file (TOML), updated or created"))
-      ->required();
+      ->check(one_of(stems));
+  add_calibration_file_option(*command, arguments->file);
   command
       ->add_option("--reference", arguments->reference,
                    "Reference standard: \"weights set 12, class M1\"")
@@ -198,7 +200,7 @@ void add_show(CLI::App& parent, Action& action) {
   auto arguments = std::make_shared<ShowArguments>();
   CLI::App* command =
       parent.add_subcommand("show", "Print a calibration file with its uncertainties");
-  add_input(*command, "file", arguments->file, "Calibration file (TOML)")->required();
+  add_input(*command, "FILE", arguments->file, "Calibration file (TOML)")->required();
   command->add_flag("--history", arguments->history, "Print previous calibrations too");
   command->callback(
       [&action, arguments] { action = [arguments] { return run_show(*arguments); }; });

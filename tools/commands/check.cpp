@@ -14,6 +14,7 @@
 #include "config/document.h"
 #include "config/fault_script.h"
 #include "config/key.h"
+#include "config/lcm_url.h"
 #include "config/model_file.h"
 #include "config/model_names.h"
 #include "config/rig.h"
@@ -25,7 +26,9 @@
 #include "tools/command_line/colour_option.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/recording_input.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -42,7 +45,7 @@ struct Arguments {
 };
 
 void print(const char* what, const std::string& text) {
-  std::printf("  %-12s %s\n", what, text.c_str());
+  terminal::print("  %-12s %s\n", what, text.c_str());
 }
 
 std::string oscillator_text(const physics::Model& model) {
@@ -125,7 +128,7 @@ std::string drive_summary(const config::Rig& rig) {
     case config::ExcitationKind::chirp:
       return "bursts, " + span + ", of " + physics::number_text(drive.sweep.duration_s, 6) + " s";
     case config::ExcitationKind::multisine:
-      return std::to_string(config::lines_of(drive).size()) + " sines, " + reach;
+      return physics::counted(config::lines_of(drive).size(), "sine") + ", " + reach;
     case config::ExcitationKind::file:
       return drive.file.path.string();
   }
@@ -168,14 +171,19 @@ void summarise(const config::CalibrationFile& file) {
     if (!each) continue;
     print("calibration", calibration_line(*each, channel) + ", against " + each->reference);
   }
-  print("history", std::to_string(file.history.size()) + " former calibrations");
+  print("history", physics::counted(file.history.size(), "former calibration"));
+}
+
+std::string lcm_summary(const std::string& url) {
+  const std::string reach = config::reach_of_lcm_url(url);
+  return url + (reach.empty() ? "" : ": " + reach);
 }
 
 void summarise(const config::Rig& rig) {
   print("rig", rig.name);
   print("rate",
         physics::number_text(rig.loop.rate_hz, 6) + " Hz, " +
-            std::to_string(rig.loop.frames_per_block) + " frames a message" +
+            physics::counted(rig.loop.frames_per_block, "frame") + " a message" +
             (rig.loop.duration_s ? ", for " + physics::number_text(*rig.loop.duration_s, 6) + " s"
                                  : ""));
   print("driver", driver_summary(rig));
@@ -185,7 +193,7 @@ void summarise(const config::Rig& rig) {
   print("drive", drive_summary(rig));
   print("calibration", calibration_summary(rig));
   print("model", rig.model_file.string() + ": " + model_summary(rig.model));
-  print("LCM", rig.lcm.enabled ? rig.lcm.url : "off");
+  print("LCM", rig.lcm.enabled ? lcm_summary(rig.lcm.url) : "off");
   print("recording", rig.recording.enabled ? rig.recording.file.string() : "off");
   print("observer", rig.observer.enabled ? "on" : "off");
 }
@@ -217,32 +225,32 @@ bool check(const std::string& file, const terminal::Paint& paint) {
         if (rig.driver == config::DriverKind::replay) {
           recording_from(rig.replay.recording);
         }
-        std::printf("%s: %s\n", file.c_str(), valid.c_str());
+        terminal::print("%s: %s\n", file.c_str(), valid.c_str());
         summarise(rig);
         break;
       }
       case config::FileKind::model: {
         const physics::Model model = config::parse_model(text, file);
-        std::printf("%s: %s\n", file.c_str(), valid.c_str());
+        terminal::print("%s: %s\n", file.c_str(), valid.c_str());
         print("model", model_summary(model));
         break;
       }
       case config::FileKind::fault_script: {
         const config::FaultScript script = config::parse_fault_script(text, file);
-        std::printf("%s: %s\n", file.c_str(), valid.c_str());
+        terminal::print("%s: %s\n", file.c_str(), valid.c_str());
         summarise(script);
         break;
       }
       case config::FileKind::modbus_map: {
         const config::ModbusMap map = config::parse_modbus_map(text, file);
-        std::printf("%s: %s\n", file.c_str(), valid.c_str());
+        terminal::print("%s: %s\n", file.c_str(), valid.c_str());
         print("unit", map.name);
         print("registers", std::to_string(map.registers.size()));
         break;
       }
       case config::FileKind::calibration: {
         const config::CalibrationFile calibration = config::parse_calibration(text, file);
-        std::printf("%s: %s\n", file.c_str(), valid.c_str());
+        terminal::print("%s: %s\n", file.c_str(), valid.c_str());
         summarise(calibration);
         break;
       }
@@ -271,7 +279,7 @@ bool try_live(const std::string& file, const terminal::Paint& paint) {
   bool well = true;
   for (const drivers::ProbedDevice& device : tried) {
     well = well && device.ok;
-    std::printf(
+    terminal::print(
         "%s: %s%s%s\n", device.name.c_str(),
         (device.ok ? paint(terminal::Tone::good, "responds") : paint(terminal::Tone::bad, "FAILS"))
             .c_str(),
@@ -281,12 +289,13 @@ bool try_live(const std::string& file, const terminal::Paint& paint) {
       const ChannelInfo& channel = info(reading.channel);
       const std::string what = std::string(channel.stem) + " from " + reading.input;
       if (reading.readings == 0) {
-        std::printf("  %-32s no reading\n", what.c_str());
+        terminal::print("  %-32s no reading\n", what.c_str());
         continue;
       }
-      std::printf("  %-32s %.6g %s, scatter %.2g, %zu readings: %.6g %s\n", what.c_str(),
-                  reading.mean, reading.unit.c_str(), reading.standard_deviation, reading.readings,
-                  (reading.mean - line.offset) * line.gain, channel.unit.data());
+      terminal::print("  %-32s %.6g %s, scatter %.2g, %s: %.6g %s\n", what.c_str(), reading.mean,
+                      reading.unit.c_str(), reading.standard_deviation,
+                      physics::counted(reading.readings, "reading").c_str(),
+                      (reading.mean - line.offset) * line.gain, channel.unit.data());
     }
   }
   return well;
@@ -316,7 +325,8 @@ void add_check(CLI::App& app, Action& action) {
       "check",
       "Report all problems in rigs, models, calibrations, fault scripts and register maps");
   add_input(*command, "FILE", arguments->files,
-            "Rigs, models, calibrations, fault scripts or register maps (TOML)");
+            "Rigs, models, calibrations, fault scripts or register maps (TOML)")
+      ->transform(shipped_file(""));
   command->add_flag(
       "--live", arguments->live,
       "Then read each device of the rig and print its first readings, without driving "

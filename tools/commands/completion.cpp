@@ -9,9 +9,12 @@
 #include <vector>
 
 #include "config/key.h"
+#include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
 
 namespace stickslip::commands {
+
+using namespace command_line;
 
 using namespace terminal;
 
@@ -36,7 +39,7 @@ void add_completion(CLI::App& app, Action& action) {
       app.add_subcommand("completion", "Print a script that completes these commands in a shell");
   command->add_option("SHELL", *shell, "Shell that sources the script")
       ->required()
-      ->check(CLI::IsMember({"bash", "zsh", "fish"}));
+      ->check(one_of({"bash", "zsh", "fish"}));
   command->footer(
       "Installed with the program. To try it from the build: source <(stickslip completion bash)");
   command->callback([&app, &action, shell, shells] {

@@ -10,15 +10,18 @@
 
 #include "config/model_file.h"
 #include "diagnosis/parallel/for_each.h"
+#include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "protocol/sha256.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/concealment/concealment.h"
 #include "tools/concealment/hidden_effect.h"
 #include "tools/files/write_file.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -86,6 +89,12 @@ void write_case(const concealment::Case& made, const fs::path& folder, const fs:
              "SHA-256 of the truth file: " + protocol::sha256_of(truth) + "\n");
 }
 
+std::vector<std::string> names_of_kinds() {
+  std::vector<std::string> names;
+  for (const auto& [name, kind] : kinds) names.push_back(name);
+  return names;
+}
+
 int run(Arguments arguments) {
   check_effects(arguments.effects);
   const fs::path out = arguments.out;
@@ -113,8 +122,9 @@ int run(Arguments arguments) {
     progress.at(done.fetch_add(1) + 1, count);
   });
   progress.finish();
-  std::printf("%zu concealed recordings written to %s, their truth to %s\n", count, out.c_str(),
-              truth.c_str());
+  terminal::print("%s written to %s, the truth to %s\n",
+                  physics::counted(count, "concealed recording").c_str(), out.c_str(),
+                  truth.c_str());
   return 0;
 }
 
@@ -138,16 +148,15 @@ void add_conceal(CLI::App& app, Action& action) {
       command->add_option("--seed", arguments->seed, "Seed (default: random and not disclosed)")
           ->check(seed_number());
   command->add_option("--kind", arguments->kind, "Kind of case")
-      ->check(CLI::IsMember(kinds))
+      ->check(one_of(names_of_kinds()))
       ->capture_default_str();
   command->add_option("--effect", arguments->effects,
                       "Hide one of these effects (id; default: any of the kind)");
   command
       ->add_option("--duration", arguments->duration_s, "Approximate duration of a recording [s]")
-      ->check(CLI::Range(10.0, 600.0))
+      ->check(number_that([](double v) { return v >= 10.0 && v <= 600.0; }, "10 to 600"))
       ->capture_default_str();
-  command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
-      ->check(number_of_threads());
+  add_jobs_option(*command, arguments->jobs);
   command->callback([&action, arguments, seed, command] {
     arguments->seeded = seed->count() > 0;
     action = [arguments, command] {

@@ -16,12 +16,12 @@
 #include "physics/problem.h"
 #include "physics/spelling.h"
 #include "tools/command_line/file_options.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 
 namespace stickslip::commands {
 
 using namespace command_line;
-
 namespace {
 
 using config::Setting;
@@ -142,7 +142,9 @@ void add_config(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "config", "Print all settings of a rig with defaults, and the origin of each value");
-  add_input(*command, "RIG", arguments->file, "Rig configuration (TOML)")->required();
+  add_input(*command, "RIG", arguments->file, "Rig (TOML)")
+      ->required()
+      ->transform(shipped_file(""));
   CLI::Option* explain =
       command
           ->add_option(
@@ -151,7 +153,7 @@ void add_config(CLI::App& app, Action& action) {
               "a change; only KEY, or the keys of a table, if given")
           ->type_name("KEY")
           ->expected(0, 1);
-  command->add_flag("--json", arguments->json, "As JSON, including all of --explain");
+  add_json_flag(*command, arguments->json);
   command->callback([&action, arguments, explain] {
     arguments->explain = explain->count() > 0;
     action = [arguments] { return run(*arguments); };

@@ -4,12 +4,16 @@
 #include <string>
 
 #include "physics/failure.h"
+#include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "tools/command_line/file_options.h"
+#include "tools/command_line/option_checks.h"
 #include "tools/command_line/recording_input.h"
 #include "tools/command_line/recording_output.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -41,7 +45,8 @@ int run(const Arguments& arguments, const Outputs& outputs) {
                   [&progress](double share) { progress.at(share); });
   progress.finish();
   const double seconds = recording.frames.back().time_s() - recording.frames.front().time_s();
-  std::printf("%s: %zu frames, %.3f s\n", arguments.out.c_str(), recording.frames.size(), seconds);
+  terminal::print("%s: %s, %.3f s\n", arguments.out.c_str(),
+                  physics::counted(recording.frames.size(), "frame").c_str(), seconds);
   return 0;
 }
 
@@ -51,15 +56,13 @@ void add_convert(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command =
       app.add_subcommand("convert", "Convert a recording to CSV or to an LCM event log");
-  add_input(*command, "in", arguments->in, "Recording (CSV or LCM log, recognised by its content)")
+  add_recording(*command, arguments->in);
+  add_output(*command, "OUT", arguments->out,
+             "Output: .csv or .log; \"-\" is CSV on standard output")
       ->required()
-      ->type_name("IN");
-  add_output(*command, "out", arguments->out,
-             "Output: .csv, .lcm or .log; \"-\" is CSV on standard output")
-      ->required()
-      ->type_name("OUT");
+      ->type_name("FILE");
   command->add_option("--format", arguments->format, "Format of OUT, regardless of its name")
-      ->check(CLI::IsMember({"csv", "lcm"}));
+      ->check(one_of({"csv", "lcm"}));
   command->callback([&action, arguments, command] {
     action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
   });

@@ -10,14 +10,17 @@
 #include <string>
 #include <thread>
 
+#include "config/key.h"
 #include "physics/frame.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
 #include "tools/command_line/colour_option.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/control_client/control_client.h"
 #include "tools/telemetry/lcm_client.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 #include "tools/terminal/text.h"
 
@@ -47,7 +50,7 @@ struct Arguments {
 };
 
 void print_line(const char* label, const std::string& text) {
-  if (!text.empty()) std::printf("%-11s %s\n", label, text.c_str());
+  if (!text.empty()) terminal::print("%-11s %s\n", label, text.c_str());
 }
 
 std::string microseconds(const json& timing, const char* key) {
@@ -127,8 +130,8 @@ void print_status(const json& answer, const Paint& paint) {
   print_line("timing", "wake-up late by " + microseconds(timing, "lateness_p99_s") +
                            " us (99 %), " + microseconds(timing, "lateness_max_s") +
                            " us (longest); " +
-                           std::to_string(timing.value("overruns", std::uint64_t{0})) +
-                           " overruns" + (timing.value("degraded", false) ? "; degraded" : ""));
+                           physics::counted(timing.value("overruns", std::uint64_t{0}), "overrun") +
+                           (timing.value("degraded", false) ? "; degraded" : ""));
 }
 
 Paint paint_of(const Arguments& arguments) {
@@ -190,7 +193,7 @@ int start(const Arguments& arguments) {
   const int result = report(arguments, answer, print_state);
   if (result != 0) return result;
   if (!arguments.json_output) {
-    std::printf("holding the dead-man's handle; Ctrl-C stops the rig\n");
+    terminal::print("holding the dead-man's handle; Ctrl-C stops the rig\n");
   }
   std::fflush(stdout);
   while (!stopped_before(stop_signals, std::chrono::steady_clock::now() + 200ms)) {
@@ -213,9 +216,9 @@ int set(const Arguments& arguments) {
 
 void print_average(const json& answer, const Paint&) {
   for (const auto& [stem, raw] : answer.at("average").at("raw").items()) {
-    std::printf("%-18s %.9g +- %.3g raw (one reading), %llu readings\n", stem.c_str(),
-                raw.value("mean", 0.0), raw.value("deviation", 0.0),
-                static_cast<unsigned long long>(raw.value("count", std::uint64_t{0})));
+    terminal::print("%-18s %.9g +- %.3g raw (one reading), %s\n", stem.c_str(),
+                    raw.value("mean", 0.0), raw.value("deviation", 0.0),
+                    physics::counted(raw.value("count", std::uint64_t{0}), "reading").c_str());
   }
 }
 
@@ -232,7 +235,7 @@ int average(const Arguments& arguments) {
 
 void print_changes(const json& answer, const Paint&) {
   for (const json& line : answer.at("changes"))
-    std::printf("%s\n", line.get<std::string>().c_str());
+    terminal::print("%s\n", line.get<std::string>().c_str());
 }
 
 int reload(const Arguments& arguments) {
@@ -243,15 +246,14 @@ int reload(const Arguments& arguments) {
 void print_watched(const json& line, const Paint& paint) {
   if (const auto event = line.find("event"); event != line.end()) {
     const std::string severity = event->value("severity", "");
-    std::printf("%s %s: %s\n", paint(tone_of_severity(severity), padded(severity, 11)).c_str(),
-                event->value("code", "").c_str(), event->value("message", "").c_str());
+    terminal::print("%s %s: %s\n", paint(tone_of_severity(severity), padded(severity, 11)).c_str(),
+                    event->value("code", "").c_str(), event->value("message", "").c_str());
   } else if (const auto status = line.find("status"); status != line.end()) {
     const json& drive = line.at("drive");
     const std::string state = line.value("state", "");
-    std::printf(
-        "%s %llu frames, amplitude %s at %s Hz%s\n",
-        paint(tone_of_state(state), padded(state, 11)).c_str(),
-        static_cast<unsigned long long>(status->at("ledger").value("produced", std::uint64_t{0})),
+    terminal::print(
+        "%s %s, amplitude %s at %s Hz%s\n", paint(tone_of_state(state), padded(state, 11)).c_str(),
+        physics::counted(status->at("ledger").value("produced", std::uint64_t{0}), "frame").c_str(),
         physics::number_text(drive.value("amplitude", 0.0), 6).c_str(),
         physics::number_text(drive.value("carrier_hz", 0.0), 6).c_str(),
         status->at("timing").value("degraded", false) ? ", timing degraded" : "");
@@ -279,6 +281,23 @@ int watch(const Arguments& arguments) {
   return 0;
 }
 
+/// A key that the daemon can change while it drives, a live one of the excitation; its table may be
+/// left out.
+CLI::Validator settable_key() {
+  std::vector<std::string> names;
+  for (const config::Key& key : config::rig_keys()) {
+    if (key.live && key.path.starts_with("excitation.") && key.type == config::Type::number) {
+      names.emplace_back(key.path);
+    }
+  }
+  return CLI::Validator(
+      [known = one_of(names)](const std::string& text) {
+        const std::string table = "excitation.";
+        return known(text.starts_with(table) ? text : table + text);
+      },
+      "");
+}
+
 }  // namespace
 
 void add_ctl(CLI::App& app, Action& action) {
@@ -287,9 +306,10 @@ void add_ctl(CLI::App& app, Action& action) {
   ctl->require_subcommand(1);
   ctl->add_option("--socket", arguments->socket,
                   "The daemon's control socket (default: $STICKSLIP_CONTROL, or "
-                  "/run/stickslip/control.sock)");
+                  "/run/stickslip/control.sock)")
+      ->type_name("FILE");
   add_colour_option(*ctl, arguments->colours);
-  ctl->add_flag("--json", arguments->json_output, "Print the daemon's answers unchanged");
+  add_json_flag(*ctl, arguments->json_output);
   const auto command = [&](const char* name, const char* sentence,
                            std::function<int(const Arguments&)> run) {
     CLI::App* const out = ctl->add_subcommand(name, sentence);
@@ -312,19 +332,18 @@ void add_ctl(CLI::App& app, Action& action) {
   stopping->add_flag("--wait", arguments->wait, "Return when the rig is at rest");
   CLI::App* const setting = command("set", "Change the excitation while it runs", set);
   setting->add_option("KEY", arguments->key, "As in the rig file, such as excitation.carrier_hz")
-      ->required();
+      ->required()
+      ->check(settable_key());
   setting->add_option("VALUE", arguments->value, "In the key's unit")
       ->required()
       ->check(finite_number());
   CLI::App* const averaging = command("average", "Mean of the raw readings", average);
-  averaging->add_option("--seconds", arguments->seconds, "Averaging time in s (1)")
-      ->check(positive_number());
+  add_averaging_time_option(*averaging, arguments->seconds);
   add_ctl_calibrate(*ctl, {arguments, &arguments->socket}, action);
   command("reload", "Reload the configuration, as SIGHUP does", reload);
   CLI::App* const watching =
       command("watch", "Print events as they occur, and the status every second", watch);
-  watching->add_option("--duration", arguments->duration_s, "End after this many seconds")
-      ->check(positive_number());
+  add_stop_after_option(*watching, arguments->duration_s);
   describe(
       *ctl,
       {.examples = {{"Show the state of the rig", "stickslip ctl status"},

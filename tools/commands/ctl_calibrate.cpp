@@ -16,8 +16,10 @@
 #include "tools/calibration/words.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/control_client/control_client.h"
+#include "tools/terminal/page.h"
 
 namespace stickslip::commands {
 
@@ -54,7 +56,7 @@ void offer_reading(Dialog& dialog, ControlClient& client, const Arguments& argum
 }
 
 void show(Dialog& dialog) {
-  std::fputs(dialog.take_text().c_str(), stdout);
+  terminal::print_page(dialog.take_text());
   std::fflush(stdout);
 }
 
@@ -85,12 +87,12 @@ int run(const Arguments& arguments) {
     }
   }
   if (!dialog.result()) {
-    std::printf("%s is unchanged\n", arguments.file.c_str());
+    terminal::print("%s is unchanged\n", arguments.file.c_str());
     return 1;
   }
   renew_calibration(arguments.file, channel, *dialog.result());
-  std::printf("%s: written%s\n", arguments.file.c_str(),
-              before ? "; the previous calibration is in its history" : "");
+  terminal::print("%s: written%s\n", arguments.file.c_str(),
+                  before ? "; the previous calibration is in its history" : "");
   // Has an effect if it is the file of the daemon's rig.
   const json answer = client.ask("reload");
   if (!answer.value("ok", false)) {
@@ -99,7 +101,7 @@ int run(const Arguments& arguments) {
     return 1;
   }
   for (const json& each : answer.at("changes")) {
-    std::printf("daemon: %s\n", each.get<std::string>().c_str());
+    terminal::print("daemon: %s\n", each.get<std::string>().c_str());
   }
   return 0;
 }
@@ -116,15 +118,10 @@ void add_ctl_calibrate(CLI::App& ctl, std::shared_ptr<const std::string> socket,
   for (const ChannelInfo& channel : channel_table) stems.emplace_back(channel.stem);
   command->add_option("CHANNEL", arguments->channel, "Channel to calibrate")
       ->required()
-      ->check(CLI::IsMember(stems));
-  declare_files(
-      *command, FileRole::updated,
-      command->add_option("--file", arguments->file,
-                          "Calibration file, as in the rig's calibration.file; created or updated"))
-      ->required();
-  command->add_option("--seconds", arguments->seconds, "Averaging time of each reading in s (5)")
-      ->check(positive_number());
-  command->add_option("--gravity", arguments->gravity_m_s2, "Local gravity in m/s^2, for weights")
+      ->check(one_of(stems));
+  add_calibration_file_option(*command, arguments->file);
+  add_averaging_time_option(*command, arguments->seconds);
+  command->add_option("--gravity", arguments->gravity_m_s2, "Local gravity, for weights [m/s2]")
       ->check(positive_number());
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
 }

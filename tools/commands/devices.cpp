@@ -7,10 +7,14 @@
 #include <vector>
 
 #include "drivers/factory/find_devices.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
+
+using namespace command_line;
 namespace {
 
 using drivers::AttachedDevice;
@@ -34,15 +38,15 @@ void print_json(const std::vector<AttachedDevice>& devices) {
 
 void print_text(const std::vector<AttachedDevice>& devices) {
   if (devices.empty()) {
-    std::puts(
+    terminal::print_page(
         "No board, bridge or GPIO chip is attached. Units on Modbus do not announce "
-        "themselves: `stickslip check --live RIG.toml` probes those of a rig.");
+        "themselves: `stickslip check --live RIG.toml` probes those of a rig.\n");
   }
   for (const AttachedDevice& device : devices) {
-    std::printf("%s\n  kind    %s\n", device.name.c_str(), device.kind.c_str());
-    if (!device.serial.empty()) std::printf("  serial  %s\n", device.serial.c_str());
-    std::printf("  where   %s\n", device.location.c_str());
-    std::printf("  state   %s\n", device.problem.empty() ? "responds" : device.problem.c_str());
+    terminal::print("%s\n  kind    %s\n", device.name.c_str(), device.kind.c_str());
+    if (!device.serial.empty()) terminal::print("  serial  %s\n", device.serial.c_str());
+    terminal::print("  where   %s\n", device.location.c_str());
+    terminal::print("  state   %s\n", device.problem.empty() ? "responds" : device.problem.c_str());
   }
 }
 
@@ -66,7 +70,7 @@ void add_devices(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "devices", "List the boards, bridges and GPIO chips of this host, and their problems");
-  command->add_flag("--json", arguments->json, "As JSON");
+  add_json_flag(*command, arguments->json);
   command->footer(
       "Devices are identified only, and nothing is driven; one in use by a running daemon is "
       "reported as "

@@ -20,9 +20,11 @@
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/command_line/recording_input.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/files/outputs.h"
 #include "tools/files/read_file.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -109,9 +111,8 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   const std::string text = report::report_text(result);
   const std::size_t verdict = text.find(':');
   const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
-  std::fputs(
-      (paint(tone_of(result.verdict), text.substr(0, verdict)) + text.substr(verdict)).c_str(),
-      stdout);
+  terminal::print_page(paint(tone_of(result.verdict), text.substr(0, verdict)) +
+                       text.substr(verdict));
   if (!arguments.json.empty()) {
     outputs.write(arguments.json, Form::json, report::report_json(result).dump(2) + "\n");
   }
@@ -132,28 +133,24 @@ void add_diagnose(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "diagnose", "Find where a model fails to explain recordings, and which physics it lacks");
-  add_input(*command, "recordings", arguments->recordings, "Recordings of one rig (CSV or LCM log)")
-      ->required()
-      ->type_name("RECORDING");
-  add_input(*command, "--model", arguments->model, "Declared model (TOML)")->required();
-  add_output(*command, "--json", arguments->json, "Write the report as JSON");
+  add_input(*command, "RECORDING", arguments->recordings,
+            "Recordings of one rig (LCM event logs or CSV)")
+      ->required();
+  add_model_option(*command, arguments->model);
+  add_json_file_option(*command, arguments->json);
   add_output(*command, "--html", arguments->html,
              "Write the report as one self-contained page with figures");
   add_output(*command, "--write-model", arguments->write_model,
              "Write the augmented model: calibrated, with the physics found");
-  command->add_option("--seed", arguments->seed, "Seed of the bootstrap")
-      ->check(seed_number())
-      ->capture_default_str();
-  command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
-      ->check(number_of_threads());
+  add_seed_option(*command, arguments->seed);
+  add_jobs_option(*command, arguments->jobs);
   command
       ->add_option("--bootstrap", arguments->bootstrap,
                    "Also diagnose this number of synthetic recordings of the calibrated declared "
                    "model, under the same excitation and noise, and report the false alarms")
-      ->check(CLI::Range(0, 10000))
+      ->check(whole_number(0, 10000))
       ->capture_default_str();
-  command->add_option("--horizon", arguments->horizon_s, "Length of a prediction window [s]")
-      ->check(positive_number());
+  add_horizon_option(*command, arguments->horizon_s);
   add_colour_option(*command, arguments->colours);
   command->callback([&action, arguments, command] {
     action = [arguments, command] { return run(*arguments, outputs_of(*command)); };

@@ -12,11 +12,13 @@
 #include "tools/command_line/colour_option.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/report.h"
 #include "tools/doctor/requirements.h"
 #include "tools/linux_host/linux_host.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -51,8 +53,11 @@ int run(const Arguments& arguments) {
   const std::vector<doctor::Finding> findings = doctor::run_checks(LinuxHost(), rig);
   progress.finish();
   const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
-  std::fputs((arguments.json ? doctor::json(findings) : doctor::text(findings, paint)).c_str(),
-             stdout);
+  if (arguments.json) {
+    std::fputs(doctor::json(findings).c_str(), stdout);
+  } else {
+    terminal::print_page(doctor::text(findings, paint));
+  }
   return doctor::worst(findings) == doctor::Verdict::fail ? 1 : 0;
 }
 
@@ -63,12 +68,13 @@ void add_doctor(CLI::App& app, Action& action) {
   CLI::App* command = app.add_subcommand(
       "doctor", "Check this machine against the requirements of a rig, and print the remedies");
   add_input(*command, "--config", arguments->config,
-            "Rig to check for (TOML); without it, the defaults");
+            "Rig to check for (TOML); without it, the defaults")
+      ->transform(shipped_file(""));
   command
       ->add_option("--duration", arguments->duration_s, "Duration of the wake-up measurement [s]")
       ->check(positive_number())
       ->capture_default_str();
-  command->add_flag("--json", arguments->json, "Print JSON");
+  add_json_flag(*command, arguments->json);
   add_colour_option(*command, arguments->colours);
   command->footer(
       "Nothing is changed, and no packet leaves the host. Exit status: 0 no check fails; 1 one "

@@ -21,9 +21,11 @@
 #include "protocol/recording.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/recording_input.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/files/outputs.h"
 #include "tools/terminal/abilities.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -110,7 +112,7 @@ class Table {
  private:
   static void append(std::string& row, const char* format, double number) {
     char text[40];
-    std::snprintf(text, sizeof text, format, number);
+    std::snprintf(text, sizeof text, format, number + 0.0);  // no sign of a zero
     row += text;
   }
   // An estimate has no field for the deflection of the load cell.
@@ -195,27 +197,28 @@ nlohmann::ordered_json summary_json(const Summary& summary,
 
 void print_spread(const char* name, const Summary::Spread& s) {
   if (!(s.weight > 0.0)) return;
-  std::printf("%s %s, range %s to %s\n", name, number_text(s.mean()).c_str(),
-              number_text(s.low).c_str(), number_text(s.high).c_str());
+  terminal::print("%s %s, range %s to %s\n", name, number_text(s.mean()).c_str(),
+                  number_text(s.low).c_str(), number_text(s.high).c_str());
 }
 
 void print_summary(const Arguments& arguments, const Summary& summary,
                    const observer::PredictionQuality& predicted) {
   const MeanPerReading mean = mean_of(predicted);
-  std::printf("%s: %zu frames, %zu with a valid estimate\n", arguments.recording.c_str(),
-              summary.frames, summary.good);
+  terminal::print("%s: %s, %zu with a valid estimate\n", arguments.recording.c_str(),
+                  physics::counted(summary.frames, "frame").c_str(), summary.good);
   print_spread("mu", summary.mu);
   print_spread("gamma [1/s]", summary.gamma);
-  std::printf("sticking: %.1f %% of the time\n", 100.0 * summary.share(summary.sticking));
-  std::printf(
+  terminal::print("sticking: %.1f %% of the time\n", 100.0 * summary.share(summary.sticking));
+  terminal::print(
       "one-step prediction: NIS %s per reading (1: consistent with the model), negative "
       "log-likelihood %s per reading\n",
       number_text(mean.nis).c_str(), number_text(mean.nll).c_str());
   if (predicted.restarts > 0 || predicted.refused > 0) {
-    std::printf("the filter diverged and restarted %llu times; %ld readings rejected as outliers\n",
-                static_cast<unsigned long long>(predicted.restarts), predicted.refused);
+    terminal::print("the filter diverged and restarted %s; %s rejected as outliers\n",
+                    physics::counted(predicted.restarts, "time").c_str(),
+                    physics::counted(predicted.refused, "reading").c_str());
   }
-  if (!arguments.out.empty()) std::printf("%s written\n", arguments.out.c_str());
+  if (!arguments.out.empty()) terminal::print("%s written\n", arguments.out.c_str());
 }
 
 observer::PredictionQuality estimated(const Arguments& arguments, const physics::Model& model,
@@ -273,13 +276,11 @@ void add_estimate(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "estimate", "Estimate friction, its state, mu, gamma, slip and sticking from a recording");
-  add_input(*command, "recording", arguments->recording, "Recording (CSV or LCM log)")
-      ->required()
-      ->type_name("RECORDING");
-  add_input(*command, "--model", arguments->model, "Model (TOML)")->required();
+  add_recording(*command, arguments->recording);
+  add_model_option(*command, arguments->model);
   add_output(*command, "--out", arguments->out,
-             "Write the estimates as CSV, one row per frame; -: standard output");
-  add_output(*command, "--json", arguments->json, "Write the summary as JSON");
+             "Estimates, one row per frame (CSV; -: standard output)");
+  add_json_file_option(*command, arguments->json);
   command->callback([&action, arguments, command] {
     action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
   });

@@ -12,8 +12,10 @@
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/command_line/recording_input.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/files/outputs.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -54,20 +56,25 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   if (done.free_run) json["free_run"] = report::free_run_json(*done.free_run);
   outputs.write(arguments.json, Form::json, json.dump(2) + "\n");
 
-  std::printf("chi-squared per sample %s over %zu windows of %s s (1: noise only)\n",
-              physics::number_text(result.chi2_per_sample).c_str(), done.windows,
-              physics::number_text(done.horizon_s).c_str());
+  terminal::print("chi-squared per sample %s over %s of %s s (1: noise only)\n",
+                  physics::number_text(result.chi2_per_sample).c_str(),
+                  physics::counted(done.windows, "window").c_str(),
+                  physics::number_text(done.horizon_s).c_str());
   for (std::size_t c = 0; c < predicted_channels; ++c) {
     if (!result.rmse[c]) continue;
-    std::printf(
-        "%s: RMS prediction error %s %s, %s of the channel's standard deviation\n",
-        std::string(channel_table[c].stem).c_str(), physics::number_text(*result.rmse[c]).c_str(),
-        std::string(channel_table[c].unit).c_str(), physics::number_text(*result.nrmse[c]).c_str());
+    const std::string share =
+        *result.nrmse[c] > 0.0
+            ? physics::number_text(*result.nrmse[c]) + " of the channel's standard deviation"
+            : "but the channel never changes: is it connected?";
+    terminal::print("%s: RMS prediction error %s %s, %s\n",
+                    std::string(channel_table[c].stem).c_str(),
+                    physics::number_text(*result.rmse[c]).c_str(),
+                    std::string(channel_table[c].unit).c_str(), share.c_str());
   }
   if (arguments.free_run) {
     for (const auto& [name, value] : json["free_run"]["rmse"].items()) {
-      std::printf("free run, %s: %s\n", name.c_str(),
-                  physics::number_text(value.get<double>()).c_str());
+      terminal::print("free run, %s: %s\n", name.c_str(),
+                      physics::number_text(value.get<double>()).c_str());
     }
   }
   return 0;
@@ -79,17 +86,13 @@ void add_evaluate(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command =
       app.add_subcommand("evaluate", "Score a model on a recording; no parameter is fitted");
-  add_input(*command, "recording", arguments->recording, "Recording (CSV or LCM log)")
-      ->required()
-      ->type_name("RECORDING");
-  add_input(*command, "--model", arguments->model, "Model (TOML)")->required();
-  add_output(*command, "--json", arguments->json, "Write the scores as JSON");
-  command->add_option("--horizon", arguments->horizon_s, "Length of a prediction [s]")
-      ->check(positive_number());
+  add_recording(*command, arguments->recording);
+  add_model_option(*command, arguments->model);
+  add_json_file_option(*command, arguments->json);
+  add_horizon_option(*command, arguments->horizon_s);
   command->add_flag("--free-run", arguments->free_run,
                     "Also simulate the whole recording from its initial state");
-  command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
-      ->check(number_of_threads());
+  add_jobs_option(*command, arguments->jobs);
   command->callback([&action, arguments, command] {
     action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
   });

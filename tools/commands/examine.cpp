@@ -13,17 +13,21 @@
 #include "diagnosis/evaluation.h"
 #include "diagnosis/parallel/for_each.h"
 #include "diagnosis/report/json.h"
+#include "physics/failure.h"
+#include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "protocol/sha256.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/concealment/grading.h"
 #include "tools/concealment/ground_truth.h"
 #include "tools/files/outputs.h"
 #include "tools/files/read_file.h"
 #include "tools/files/write_file.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -174,7 +178,8 @@ void write_job_list(const Arguments& arguments, const Folders& folders,
   }
   outputs.write(arguments.job_list, Form::plain, lines);
   if (arguments.job_list != "-") {
-    std::printf("%zu jobs of %zu cases in %s\n", count, names.size(), arguments.job_list.c_str());
+    terminal::print("%s of %s in %s\n", physics::counted(count, "job").c_str(),
+                    physics::counted(names.size(), "case").c_str(), arguments.job_list.c_str());
   }
 }
 
@@ -199,7 +204,7 @@ std::vector<Outcome> examine_all(const Arguments& arguments, const Folders& fold
       }
     } catch (const std::exception& error) {
       // A case that fails is a result of the examination.
-      outcomes[i].problem = error.what();
+      outcomes[i].problem = ending_of(error, "stickslip").line;
     }
     const std::scoped_lock lock(shown);
     ++done;
@@ -265,12 +270,13 @@ int run(const Arguments& arguments, Outputs outputs) {
   make_folder(folders.reports);
   const std::vector<Outcome> outcomes = examine_all(arguments, folders, names, outputs);
   if (!fs::is_directory(folders.truth)) {
-    std::printf("%zu reports in %s; not graded: no truth files in %s\n", names.size(),
-                folders.reports.c_str(), folders.truth.c_str());
+    terminal::print("%s in %s; not graded: no truth files in %s\n",
+                    physics::counted(names.size(), "report").c_str(), folders.reports.c_str(),
+                    folders.truth.c_str());
     return 0;
   }
   const std::vector<concealment::Grade> grades = grades_of(folders, names, outcomes);
-  std::fputs(concealment::summary_text(grades).c_str(), stdout);
+  terminal::print_page(concealment::summary_text(grades));
   if (!arguments.json.empty()) {
     outputs.write(arguments.json, Form::json, concealment::summary_json(grades).dump(2) + "\n");
   }
@@ -283,25 +289,22 @@ void add_examine(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command =
       app.add_subcommand("examine", "Diagnose a set of concealed recordings and grade the reports");
-  add_input(*command, "set", arguments->set, "Folder of the set, as written by `stickslip conceal`")
+  add_input(*command, "DIR", arguments->set, "Folder of the set, as written by `stickslip conceal`")
       ->required()
       ->type_name("DIR");
-  add_input(*command, "--truth", arguments->truth,
-            "Folder of the truth files (default: DIR/truth)");
+  add_input(*command, "--truth", arguments->truth, "Folder of the truth files (default: DIR/truth)")
+      ->type_name("DIR");
   add_output_folder(*command, "--reports", arguments->reports,
                     "Folder for the reports (default: DIR/reports); existing reports of the same "
                     "recording, seed and program are reused");
-  add_output(*command, "--json", arguments->json, "Write the grades as JSON");
+  add_json_file_option(*command, arguments->json);
   command->add_option("--only", arguments->only, "Only these cases, separated by commas")
       ->delimiter(',');
   add_output(*command, "--job-list", arguments->job_list,
              "Only write one command per case still to be diagnosed (for GNU parallel or a "
              "Slurm array); -: standard output");
-  command->add_option("--seed", arguments->seed, "Seed of the diagnoses")
-      ->check(seed_number())
-      ->capture_default_str();
-  command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
-      ->check(number_of_threads());
+  add_seed_option(*command, arguments->seed);
+  add_jobs_option(*command, arguments->jobs);
   command->callback([&action, arguments, command] {
     action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
   });

@@ -5,13 +5,18 @@
 #include <string>
 #include <vector>
 
+#include "config/shipped_files.h"
 #include "diagnosis/parallel/for_each.h"
+#include "physics/number_text.h"
+#include "physics/problem.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/figures/paper_figures.h"
 #include "tools/files/outputs.h"
 #include "tools/files/write_file.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -23,17 +28,28 @@ namespace {
 
 struct Arguments {
   std::string out;
-  std::string presets = "config";
+  std::string presets;
   std::vector<int> only;
   int periods = 2000;
   int jobs = 0;
 };
 
+std::filesystem::path presets_of(const Arguments& arguments) {
+  if (!arguments.presets.empty()) return arguments.presets;
+  const std::filesystem::path shipped = config::shipped_folder();
+  if (shipped.empty()) {
+    throw InputError(Problem{"", 0, 0,
+                             "the presets are not installed with the program (../share/stickslip "
+                             "from its folder): expected --presets DIR"});
+  }
+  return shipped;
+}
+
 int run(const Arguments& arguments, const Outputs& outputs) {
   figures::FigureOptions options;
   OutputFolder out(arguments.out, outputs);
   options.out = out.path();
-  options.presets = arguments.presets;
+  options.presets = presets_of(arguments);
   options.numbers = arguments.only;
   options.periods = arguments.periods;
   options.threads = parallel::threads_for(arguments.jobs);
@@ -47,7 +63,7 @@ int run(const Arguments& arguments, const Outputs& outputs) {
              figures::page(drawn, "stickslip figures --out " + arguments.out));
   out.keep();
   const std::filesystem::path page = std::filesystem::path(arguments.out) / "index.html";
-  std::printf("%s: %zu figures\n", page.c_str(), drawn.size());
+  terminal::print("%s: %s\n", page.c_str(), physics::counted(drawn.size(), "figure").c_str());
   return 0;
 }
 
@@ -61,17 +77,16 @@ void add_figures(CLI::App& app, Action& action) {
                     "Folder for the page, the figures and their data")
       ->required();
   add_input(*command, "--presets", arguments->presets,
-            "Folder with the rigs beam-1.toml to beam-4.toml and motivational.toml")
-      ->capture_default_str();
+            "Folder with the rigs beam-1.toml to beam-4.toml and motivational.toml (default: "
+            "those installed with the program)")
+      ->type_name("DIR");
   command->add_option("--only", arguments->only, "Numbers of the figures to draw")->delimiter(',');
   command
       ->add_option("--periods", arguments->periods,
                    "Drive periods over which exponents and shares of time are computed")
       ->check(whole_number(40, 1000000))
       ->capture_default_str();
-  command->add_option("--jobs", arguments->jobs, "Threads (0: one per core)")
-      ->check(number_of_threads())
-      ->capture_default_str();
+  add_jobs_option(*command, arguments->jobs);
   command->callback([&action, arguments, command] {
     action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
   });

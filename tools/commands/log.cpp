@@ -17,10 +17,12 @@
 #include "protocol/recording_survey.h"
 #include "tools/command_line/colour_option.h"
 #include "tools/command_line/file_options.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/files/outputs.h"
 #include "tools/recording_export/table.h"
 #include "tools/recording_export/write_tables.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -31,6 +33,8 @@ using namespace recording_export;
 
 namespace {
 
+using physics::counted;
+using physics::fixed_text;
 using protocol::LogSurvey;
 using Json = nlohmann::ordered_json;
 
@@ -44,30 +48,19 @@ struct Arguments {
   terminal::Colours colours = terminal::Colours::automatic;
 };
 
-std::string fixed(double value, int digits) {
-  std::array<char, 64> text{};
-  std::snprintf(text.data(), text.size(), "%.*f", digits, value);
-  return text.data();
-}
-
-template <class Count>
-std::string count_of(Count count, const std::string& what) {
-  return std::to_string(count) + ' ' + what + (count == 1 ? "" : "s");
-}
-
 void print(const std::string& what, const std::string& text) {
-  std::printf("  %-22s %s\n", what.c_str(), text.c_str());
+  terminal::print("  %-22s %s\n", what.c_str(), text.c_str());
 }
 
 std::string frames_text(const LogSurvey& log) {
   if (log.frames == 0) return "none";
-  std::string text = std::to_string(log.frames) + ", " + fixed(log.duration_s(), 3) +
+  std::string text = std::to_string(log.frames) + ", " + fixed_text(log.duration_s(), 3) +
                      " s, sequence " + std::to_string(log.first_sequence) + " to " +
                      std::to_string(log.last_sequence);
   text += log.gaps == 0
               ? ", no gap"
-              : ", " + count_of(log.missing, "frame") + " missing in " + count_of(log.gaps, "gap");
-  if (log.repeats > 0) text += ", " + count_of(log.repeats, "number") + " that did not increase";
+              : ", " + counted(log.missing, "frame") + " missing in " + counted(log.gaps, "gap");
+  if (log.repeats > 0) text += ", " + counted(log.repeats, "number") + " that did not increase";
   return text;
 }
 
@@ -88,7 +81,7 @@ std::string ledger_text(const LogSurvey& log) {
 std::string part_text(const recording_info_t& info) {
   std::string text = std::to_string(info.part);
   if (info.part == 0 && info.frames_before == 0) return text + ", the first";
-  return text + ", after " + info.previous_part + "; " + count_of(info.frames_before, "frame") +
+  return text + ", after " + info.previous_part + "; " + counted(info.frames_before, "frame") +
          " in the parts before";
 }
 
@@ -98,16 +91,16 @@ void print_check(const LogSurvey& log, const std::vector<std::string>& faults,
                  const terminal::Paint& paint) {
   const std::string verdict = faults.empty() ? paint(terminal::Tone::good, "intact")
                                              : paint(terminal::Tone::bad, "damaged");
-  std::printf("%s: %s\n", log.source.c_str(), verdict.c_str());
-  for (const std::string& fault : faults) std::printf("  %s\n", fault.c_str());
+  terminal::print("%s: %s\n", log.source.c_str(), verdict.c_str());
+  for (const std::string& fault : faults) terminal::print("  %s\n", fault.c_str());
   for (std::size_t i = 0; i < std::min(log.damaged.size(), max_places_listed); ++i) {
     const protocol::DamagedRange& place = log.damaged[i];
-    print("at byte " + std::to_string(place.at), count_of(place.bytes, "byte") + ": " + place.why);
+    print("at byte " + std::to_string(place.at), counted(place.bytes, "byte") + ": " + place.why);
   }
   const std::uint64_t places = log.damaged_places + log.bad_checksums + log.undecodable;
   if (places > max_places_listed) {
-    std::printf("  ... and %llu more\n",
-                static_cast<unsigned long long>(places - max_places_listed));
+    terminal::print("  ... and %llu more\n",
+                    static_cast<unsigned long long>(places - max_places_listed));
   }
   if (log.info && (log.info->part > 0 || !log.info->previous_part.empty())) {
     print("part", part_text(*log.info));
@@ -119,7 +112,7 @@ void print_check(const LogSurvey& log, const std::vector<std::string>& faults,
     print("ledger", "none");
   }
   for (const protocol::ChannelEvents& channel : log.channels) {
-    print(channel.name, count_of(channel.events, "event") + ", " + count_of(channel.bytes, "byte"));
+    print(channel.name, counted(channel.events, "event") + ", " + counted(channel.bytes, "byte"));
   }
 }
 
@@ -162,7 +155,7 @@ int check(const Arguments& arguments, const Outputs&) {
     intact = intact && faults.empty();
   }
   for (const std::string& fault : faults_between(logs)) {
-    std::printf("%s\n", fault.c_str());
+    terminal::print("%s\n", fault.c_str());
     intact = false;
   }
   return intact ? 0 : 1;
@@ -178,17 +171,17 @@ int repair(const Arguments& arguments, const Outputs& outputs) {
                                 [&progress](double share) { progress.at(share); });
   });
   progress.finish();
-  std::printf("%s: %s with %s kept\n", arguments.out.c_str(),
-              count_of(done.events, "event").c_str(), count_of(done.frames, "frame").c_str());
-  const auto dropped = [](std::uint64_t count, const std::string& what) {
-    if (count > 0) print("dropped", count_of(count, what));
+  terminal::print("%s: %s with %s kept\n", arguments.out.c_str(),
+                  counted(done.events, "event").c_str(), counted(done.frames, "frame").c_str());
+  const auto dropped = [](std::uint64_t count, const std::string& noun, const std::string& what) {
+    if (count > 0) print("dropped", counted(count, noun) + what);
   };
-  dropped(done.damaged_places, "place outside of events");
-  dropped(done.bad_checksums, "block of frames with a bad checksum");
-  dropped(done.undecodable, "message that cannot be decoded");
-  dropped(done.blocks_back_in_time, "block of frames with decreasing time stamps");
-  dropped(static_cast<std::uint64_t>(done.damaged_bytes), "byte");
-  dropped(static_cast<std::uint64_t>(done.cut_off_bytes), "byte of an incomplete last event");
+  dropped(done.damaged_places, "place", " outside of events");
+  dropped(done.bad_checksums, "block", " of frames with a bad checksum");
+  dropped(done.undecodable, "message", " that cannot be decoded");
+  dropped(done.blocks_back_in_time, "block", " of frames with decreasing time stamps");
+  dropped(static_cast<std::uint64_t>(done.damaged_bytes), "byte", "");
+  dropped(static_cast<std::uint64_t>(done.cut_off_bytes), "byte", " of an incomplete last event");
   if (!done.dropped_anything()) print("dropped", "nothing: the log was intact");
   return 0;
 }
@@ -204,16 +197,16 @@ int join(const Arguments& arguments, const Outputs& outputs) {
   });
   progress.finish();
   if (joined.cut_off_bytes > 0) {
-    std::fprintf(stderr, "stickslip: the last part is truncated: its last %lld bytes are omitted\n",
-                 static_cast<long long>(joined.cut_off_bytes));
+    std::fprintf(stderr, "stickslip: the last part is truncated: without its last %s\n",
+                 counted(joined.cut_off_bytes, "byte").c_str());
   }
-  std::printf("%s: %s, %s", arguments.out.c_str(), count_of(joined.parts, "part").c_str(),
-              count_of(joined.frames, "frame").c_str());
+  std::string text =
+      arguments.out + ": " + counted(joined.parts, "part") + ", " + counted(joined.frames, "frame");
   if (joined.missing > 0) {
-    std::printf("; %s missing between parts, lost by the recorder",
-                count_of(joined.missing, "frame").c_str());
+    text +=
+        "; " + counted(joined.missing, "frame") + " missing between parts, lost by the recorder";
   }
-  std::printf("\n");
+  terminal::print_page(text + "\n");
   return 0;
 }
 
@@ -290,7 +283,7 @@ Json info_json(const LogSurvey& log) {
 }
 
 void print_info(const LogSurvey& log) {
-  std::printf("%s\n", log.source.c_str());
+  terminal::print("%s\n", log.source.c_str());
   if (log.info) {
     const recording_info_t& info = *log.info;
     print("rig", info.rig.empty() ? "unknown" : info.rig);
@@ -310,7 +303,7 @@ void print_info(const LogSurvey& log) {
   } else {
     print("description", "none");
   }
-  print("duration", fixed(log.duration_s(), 3) + " s");
+  print("duration", fixed_text(log.duration_s(), 3) + " s");
   print("rate", physics::number_text(log.rate_hz(), 6) + " Hz");
   print("frames", frames_text(log));
   for (const Channel channel : all_channels) {
@@ -319,7 +312,7 @@ void print_info(const LogSurvey& log) {
     const ChannelInfo& known = stickslip::info(channel);
     std::string text = physics::number_text(range.least, 6) + " to " +
                        physics::number_text(range.greatest, 6) + ' ' + std::string(known.unit);
-    if (range.values < log.frames) text += ", in " + count_of(range.values, "frame");
+    if (range.values < log.frames) text += ", in " + counted(range.values, "frame");
     print(std::string(known.stem), text);
   }
   if (log.ledger) print("ledger", ledger_text(log));
@@ -353,12 +346,11 @@ int export_recording(const Arguments& arguments, const Outputs& outputs) {
     write_tables(tables, out, [&writing](double share) { writing.at(share); });
   });
   writing.finish();
-  std::printf("%s:", arguments.out.c_str());
+  std::string text;
   for (const Table& table : tables.tables) {
-    std::printf("%s %zu rows of %s", &table == tables.tables.data() ? "" : ",", table.rows(),
-                table.name.c_str());
+    text += (text.empty() ? " " : ", ") + counted(table.rows(), "row") + " of " + table.name;
   }
-  std::printf("\n");
+  terminal::print_page(arguments.out + ":" + text + "\n");
   return 0;
 }
 
@@ -378,7 +370,7 @@ void add_log(CLI::App& app, Action& action) {
     return each;
   };
   const auto one_file = [&arguments](CLI::App* each, const char* what) {
-    add_input(*each, "file", arguments->file, what)->required()->type_name("FILE");
+    add_input(*each, "FILE", arguments->file, what)->required();
   };
   const auto out = [&arguments](CLI::App* each) {
     add_output(*each, "--out", arguments->out, "The log to write")->required()->type_name("FILE");
@@ -386,26 +378,26 @@ void add_log(CLI::App& app, Action& action) {
 
   CLI::App* each = command(
       "check", "Check every event of logs: status 0 if they are intact, otherwise 1", check);
-  add_input(*each, "files", arguments->files, "LCM event logs; all parts of a recording")
+  add_input(*each, "FILE", arguments->files, "LCM event logs; all parts of a recording")
       ->required()
-      ->type_name("FILE...");
+      ->type_name("FILE");
   add_colour_option(*each, arguments->colours);
   each = command("repair", "Keep every intact event of a damaged log", repair);
   one_file(each, "LCM event log");
   out(each);
   each = command("join", "Join the parts of a recording", join);
-  add_input(*each, "parts", arguments->files, "Its parts, in any order")
+  add_input(*each, "PART", arguments->files, "Its parts, in any order")
       ->required()
-      ->type_name("PARTS...");
+      ->type_name("FILE");
   out(each);
   each = command("info", "Describe a log", info);
   one_file(each, "LCM event log");
-  each->add_flag("--json", arguments->json, "As JSON");
+  add_json_flag(*each, arguments->json);
   each = command("export", "Export a recording for other programs", export_recording);
-  one_file(each, "Recording (LCM event log or CSV)");
-  add_output(*each, "out", arguments->out, "Output: .csv, .mat (MATLAB 5) or .h5 (HDF5)")
+  add_recording(*each, arguments->file);
+  add_output(*each, "OUT", arguments->out, "Output: .csv, .mat (MATLAB 5) or .h5 (HDF5)")
       ->required()
-      ->type_name("OUT");
+      ->type_name("FILE");
   describe(*log, {.examples = {{"Check the integrity of a recording and the balance of its ledger",
                                 "stickslip log check run.log run.001.log"},
                                {"Export to another program", "stickslip log export run.log run.h5"},

@@ -1,5 +1,7 @@
 // `stickslip lyapunov`: the largest Lyapunov exponent of a model.
 #include "tools/dynamics/lyapunov.h"
+#include "physics/number_text.h"
+#include "tools/command_line/shared_options.h"
 
 #include <cstdio>
 #include <memory>
@@ -12,6 +14,7 @@
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
 #include "tools/files/outputs.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -44,11 +47,12 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   const char* verdict = "not significantly different from zero: periodic or quasi-periodic";
   if (found.exponent_per_s > 3.0 * found.standard_error_per_s) verdict = "chaotic";
   if (found.exponent_per_s < -3.0 * found.standard_error_per_s) verdict = "periodic";
-  std::printf(
-      "largest Lyapunov exponent %.4f +- %.4f per second (one standard error), %.3f per drive "
-      "period, over %d periods: %s\n",
-      found.exponent_per_s, found.standard_error_per_s, found.per_period, arguments.periods,
-      verdict);
+  terminal::print(
+      "largest Lyapunov exponent %s +- %.4f per second (one standard error), %s per drive "
+      "period, over %s: %s\n",
+      physics::fixed_text(found.exponent_per_s, 4).c_str(), found.standard_error_per_s,
+      physics::fixed_text(found.per_period, 3).c_str(),
+      physics::counted(arguments.periods, "period").c_str(), verdict);
   if (!arguments.json.empty()) {
     nlohmann::ordered_json json;
     json["schema"] = 1;
@@ -71,7 +75,7 @@ void add_lyapunov(CLI::App& app, Action& action) {
   command->add_option("--periods", arguments->periods, "Drive periods to average over")
       ->check(whole_number(20, 10000000))
       ->capture_default_str();
-  add_output(*command, "--json", arguments->json, "Write the result as JSON");
+  add_json_file_option(*command, arguments->json);
   command->callback([&action, arguments, command] {
     action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
   });

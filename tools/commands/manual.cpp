@@ -60,7 +60,7 @@ void add_manual(CLI::App& app, Action& action) {
   auto folder = std::make_shared<std::string>();
   CLI::App* command =
       app.add_subcommand("manual", "Write the manual pages of these commands into a folder");
-  add_output_folder(*command, "folder", *folder, "Folder: share/man/man1 of an installation")
+  add_output_folder(*command, "DIR", *folder, "Folder: share/man/man1 of an installation")
       ->required()
       ->type_name("DIR");
   command->footer("Installed with the program. To read one from the build: man -l FILE");

@@ -5,12 +5,14 @@
 #include <vector>
 
 #include "config/model_file.h"
+#include "physics/number_text.h"
 #include "tools/command_line/drive_options.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
 #include "tools/dynamics/portrait.h"
 #include "tools/files/outputs.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -43,8 +45,9 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   const std::vector<dynamics::Point> section = dynamics::poincare_section(model, drive, options);
   if (arguments.out == "-") progress.finish();
   for (const dynamics::Point& point : section) {
-    std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g,%.9g\n", point.time_s, point.x(), point.v(),
-                  point.state.theta);
+    std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g,%.9g\n", point.time_s, point.x() + 0.0,
+                  point.v() + 0.0,
+                  point.state.theta + 0.0);  // no sign of a zero
     table += line;
   }
   outputs.write(arguments.out, Form::plain, table);
@@ -53,16 +56,16 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   options.progress = [&](double share) { progress.at((1.0 + share) / runs); };
   const dynamics::Portrait portrait = dynamics::portrait(model, drive, options);
   progress.finish();
-  std::printf(
+  terminal::print(
       "displacement %.5g to %.5g m, velocity %.5g to %.5g m/s, normal load %.4g to %.4g N\n",
       portrait.displacement_m.low, portrait.displacement_m.high, portrait.velocity_m_s.low,
       portrait.velocity_m_s.high, portrait.normal_load_n.low, portrait.normal_load_n.high);
-  std::printf(
+  terminal::print(
       "contact lost %.2f %% of the time, friction and velocity of opposite sign %.2f %%, at rest "
       "%.2f %%; "
-      "overshoot %.2f %% of the velocity range over %d arrivals\n",
+      "overshoot %.2f %% of the velocity range over %s\n",
       100.0 * portrait.contact_lost, 100.0 * portrait.negative_friction, 100.0 * portrait.sticking,
-      100.0 * portrait.overshoot, portrait.arrivals);
+      100.0 * portrait.overshoot, physics::counted(portrait.arrivals, "arrival").c_str());
   return 0;
 }
 

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/channels.h"
 #include "protocol/decode.h"
@@ -20,10 +21,12 @@
 #include "protocol/recording_log.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/files/outputs.h"
 #include "tools/spy/sequence.h"
 #include "tools/telemetry/lcm_client.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -72,7 +75,7 @@ class Recorder {
       if (!replaces_) output_.keep("");
     } else if (file_.extension() != ".csv") {
       throw InputError(
-          Problem{file_.string(), 0, 0, "expected a name that ends with .csv, .lcm or .log"});
+          Problem{file_.string(), 0, 0, "expected a name that ends with .csv or .log"});
     }
   }
 
@@ -111,18 +114,17 @@ class Recorder {
   }
 
   void print_summary() const {
-    std::printf("%s: %llu frames in %llu blocks, %.3f s; lost %llu frames in %llu gaps",
-                file_.c_str(), static_cast<unsigned long long>(sequence_.frames),
-                static_cast<unsigned long long>(blocks_),
-                static_cast<double>(last_ns_ - first_ns_) * 1e-9,
-                static_cast<unsigned long long>(sequence_.lost),
-                static_cast<unsigned long long>(sequence_.gaps));
-    if (others_ > 0) std::printf("; %llu other messages", static_cast<unsigned long long>(others_));
+    using physics::counted;
+    std::string text = file_.string() + ": " + counted(sequence_.frames, "frame") + " in " +
+                       counted(blocks_, "block") + ", " +
+                       physics::fixed_text(static_cast<double>(last_ns_ - first_ns_) * 1e-9, 3) +
+                       " s; lost " + counted(sequence_.lost, "frame") + " in " +
+                       counted(sequence_.gaps, "gap");
+    if (others_ > 0) text += "; " + counted(others_, "other message");
     if (undecoded_ > 0) {
-      std::printf("; %llu blocks discarded that could not be decoded",
-                  static_cast<unsigned long long>(undecoded_));
+      text += "; " + counted(undecoded_, "block") + " discarded that could not be decoded";
     }
-    std::printf("\n");
+    terminal::print_page(text + "\n");
   }
 
  private:
@@ -210,7 +212,7 @@ int run(const Arguments& arguments) {
   const std::unique_ptr<lcm::LCM> lcm = join_lcm(arguments.url);
   Recorder recorder(arguments);
   listen<&Recorder::take>(*lcm, "STICKSLIP_.*", &recorder);
-  std::printf("recording %s into %s\n", arguments.url.c_str(), arguments.out.c_str());
+  terminal::print("recording %s into %s\n", arguments.url.c_str(), arguments.out.c_str());
   std::fflush(stdout);
   const auto end = after(steady_clock::now(), arguments.duration_s);
   bool stopped = false;
@@ -261,13 +263,12 @@ void add_record(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "record", "Record LCM messages; UDP may lose some, unlike the daemon's own recording");
-  add_output(*command, "out", arguments->out,
-             "Output: .lcm or .log, written immediately; .csv, kept in memory until the end")
+  add_output(*command, "OUT", arguments->out,
+             "Output: .log, written immediately; .csv, kept in memory until the end")
       ->required()
-      ->type_name("OUT");
+      ->type_name("FILE");
   add_url_option(*command, arguments->url);
-  command->add_option("--duration", arguments->duration_s, "Stop after this time [s]")
-      ->check(positive_number());
+  add_stop_after_option(*command, arguments->duration_s);
   command->add_option("--frames", arguments->frames, "Stop after this number of frames")
       ->check(whole_number(1, 1e15));
   command->callback([&action, arguments, command] {

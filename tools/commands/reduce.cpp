@@ -7,16 +7,19 @@
 #include <vector>
 
 #include "config/model_file.h"
+#include "physics/number_text.h"
 #include "protocol/recording.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/command_line/recording_input.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/figures/gnuplot.h"
 #include "tools/figures/reduction_pictures.h"
 #include "tools/files/outputs.h"
 #include "tools/files/write_file.h"
 #include "tools/reduction/reduction.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -25,6 +28,8 @@ using namespace command_line;
 using namespace files;
 
 namespace {
+
+using physics::fixed_text;
 
 struct Arguments {
   std::string recording;
@@ -41,21 +46,25 @@ struct Arguments {
 void print_summary(const reduction::Reduction& reduced, const Arguments& arguments,
                    const protocol::Recording& recording) {
   const auto& samples = reduced.samples;
-  std::printf("%s: %zu of %zu samples, %.3f s to %.3f s, driven at %.3f Hz, method %s\n",
-              arguments.recording.c_str(), samples.size(), recording.frames.size(),
-              samples.front().time_s, samples.back().time_s, reduced.drive_hz,
-              arguments.method.c_str());
-  std::printf("inertia of the load cell: up to %.1f %% of the largest friction force\n",
-              100.0 * reduced.inertia_share);
-  std::printf("normal load: %.4f to %.4f N; N = %.4f N (1 %+.4g/m x) has %.1f %% of its variance\n",
-              reduced.normal_load_n.low, reduced.normal_load_n.high, reduced.load_n,
-              reduced.slope_per_m, 100.0 * reduced.linear_share);
-  std::printf(
-      "sliding mu: %.3f to %.3f (10 %% to 90 %% of mu sign(v) while abs(v) is above half of its "
+  terminal::print("%s: %zu of %s, %.3f s to %.3f s, driven at %.3f Hz, method %s\n",
+                  arguments.recording.c_str(), samples.size(),
+                  physics::counted(recording.frames.size(), "sample").c_str(),
+                  samples.front().time_s, samples.back().time_s, reduced.drive_hz,
+                  arguments.method.c_str());
+  terminal::print("inertia of the load cell: up to %.1f %% of the largest friction force\n",
+                  100.0 * reduced.inertia_share);
+  terminal::print("normal load: %s to %s N; N = %s N (1 %+.4g/m x) has %.1f %% of its variance\n",
+                  fixed_text(reduced.normal_load_n.low, 4).c_str(),
+                  fixed_text(reduced.normal_load_n.high, 4).c_str(),
+                  fixed_text(reduced.load_n, 4).c_str(), reduced.slope_per_m,
+                  100.0 * reduced.linear_share);
+  terminal::print(
+      "sliding mu: %s to %s (10 %% to 90 %% of mu sign(v) while abs(v) is above half of its "
       "largest)\n",
-      reduced.sliding_mu.low, reduced.sliding_mu.high);
-  std::printf("friction and velocity of opposite sign: %.2f %% of the samples\n",
-              100.0 * reduced.negative_friction);
+      fixed_text(reduced.sliding_mu.low, 3).c_str(),
+      fixed_text(reduced.sliding_mu.high, 3).c_str());
+  terminal::print("friction and velocity of opposite sign: %.2f %% of the samples\n",
+                  100.0 * reduced.negative_friction);
 }
 
 int run(const Arguments& arguments, const Outputs& outputs) {
@@ -90,7 +99,7 @@ int run(const Arguments& arguments, const Outputs& outputs) {
     }
   }
   out.keep();
-  std::printf("%s: %s\n", folder.c_str(), written.c_str());
+  terminal::print("%s: %s\n", folder.c_str(), written.c_str());
   return 0;
 }
 
@@ -100,15 +109,13 @@ void add_reduce(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "reduce", "Reduce a recording to the friction coefficient over displacement and velocity");
-  add_input(*command, "recording", arguments->recording, "Recording (.csv or .lcm)")->required();
-  add_input(*command, "--model", arguments->model,
-            "Model (TOML) with the load cell and the sensor filters")
-      ->required();
+  add_recording(*command, arguments->recording);
+  add_model_option(*command, arguments->model);
   command
       ->add_option("--method", arguments->method,
                    "paper: 800 raw samples, drift removed, Eq. (1); deconvolved: all samples, "
                    "filters inverted, equation of motion of the load cell")
-      ->check(CLI::IsMember({"paper", "deconvolved"}))
+      ->check(one_of({"paper", "deconvolved"}))
       ->capture_default_str();
   command->add_option("--samples", arguments->samples, "Number of samples")
       ->check(whole_number(1, 1e12));

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "physics/failure.h"
+#include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/channels.h"
 #include "protocol/frame_block.h"
@@ -20,8 +21,10 @@
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/command_line/recording_input.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/telemetry/lcm_client.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -87,11 +90,12 @@ class Player {
 
   void print_summary(const Arguments& arguments, std::size_t all, bool stopped) const {
     const double took_s = std::chrono::duration<double>(steady_clock::now() - start_).count();
-    std::printf("published %zu of %zu frames in %zu blocks and %zu other message%s on %s in %.3f s",
-                frames_, all, blocks_, others_, others_ == 1 ? "" : "s", arguments.url.c_str(),
-                took_s);
-    if (speed_ > 0.0) std::printf(", up to %.3f ms late", latest_s_ * 1e3);
-    std::printf("%s\n", stopped ? " (stopped)" : "");
+    std::string text =
+        "published " + std::to_string(frames_) + " of " + physics::counted(all, "frame") + " in " +
+        physics::counted(blocks_, "block") + " and " + physics::counted(others_, "other message") +
+        " on " + arguments.url + " in " + physics::fixed_text(took_s, 3) + " s";
+    if (speed_ > 0.0) text += ", up to " + physics::fixed_text(latest_s_ * 1e3, 3) + " ms late";
+    terminal::print_page(text + (stopped ? " (stopped)\n" : "\n"));
   }
 
  private:
@@ -201,9 +205,7 @@ void add_replay(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "replay", "Publish everything in a recording on LCM, in its order and at its pace");
-  add_input(*command, "recording", arguments->recording, "Recording (CSV or LCM log)")
-      ->required()
-      ->type_name("RECORDING");
+  add_recording(*command, arguments->recording);
   add_url_option(*command, arguments->url);
   command
       ->add_option(

@@ -10,6 +10,7 @@
 #include "config/model_file.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/scope/listener.h"
 #include "tools/scope/live_feed.h"
@@ -138,7 +139,8 @@ void add_scope(CLI::App& app, Action& action) {
                           "a number of seconds from 0 to 3600"))
       ->capture_default_str();
   add_input(*command, "--model", arguments->model,
-            "Model whose frequencies are marked (default: the model published on LCM)");
+            "Model whose frequencies are marked (default: the model published on LCM)")
+      ->transform(shipped_file("models"));
   command->add_option("--pages", arguments->limits.streams, "Maximum number of open pages")
       ->check(whole_number(1, 500))
       ->capture_default_str();

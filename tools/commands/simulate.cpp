@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "config/model_file.h"
+#include "physics/number_text.h"
 #include "physics/problem.h"
 #include "physics/simulator.h"
 #include "protocol/recording.h"
@@ -12,7 +13,9 @@
 #include "tools/command_line/option_checks.h"
 #include "tools/command_line/recording_input.h"
 #include "tools/command_line/recording_output.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
+#include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -159,8 +162,8 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   progress.finish();
   write_recording(outputs, out, arguments.out);
   if (arguments.out != "-") {
-    std::printf("%s: %zu samples over %.3f s\n", arguments.out.c_str(), out.frames.size(),
-                time.back());
+    terminal::print("%s: %s over %.3f s\n", arguments.out.c_str(),
+                    physics::counted(out.frames.size(), "sample").c_str(), time.back());
   }
   return 0;
 }
@@ -171,17 +174,15 @@ void add_simulate(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
       "simulate", "Simulate a model under a recorded excitation and write its sensor readings");
-  add_input(*command, "--model", arguments->model, "Model (TOML)")->required();
+  add_model_option(*command, arguments->model);
   add_input(*command, "--drive", arguments->drive,
             "Excitation: a recording with base_displacement_m, drive_force_n or, for imposed "
             "motion, displacement_m")
       ->required();
   add_output(*command, "--out", arguments->out,
-             "Recording to write (.csv or .lcm; -: CSV on standard output)")
+             "Recording to write (.csv or .log; -: CSV on standard output)")
       ->capture_default_str();
-  command->add_option("--seed", arguments->seed, "Seed of the sensor noise")
-      ->check(seed_number())
-      ->capture_default_str();
+  add_seed_option(*command, arguments->seed);
   command->add_flag("--no-noise", arguments->no_noise, "Simulate without sensor noise");
   command->callback([&action, arguments, command] {
     action = [arguments, command] { return run(*arguments, outputs_of(*command)); };

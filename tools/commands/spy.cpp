@@ -12,6 +12,7 @@
 
 #include "tools/command_line/colour_option.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/spy/report.h"
 #include "tools/telemetry/lcm_client.h"
@@ -181,19 +182,19 @@ void add_spy(CLI::App& app, Action& action) {
           "--sort",
           [arguments, orders](const std::string& by) { arguments->view.order = orders.at(by); },
           "Sort key of the channels; numbers descending")
-      ->check(CLI::IsMember({"name", "rate", "size", "age", "lost"}))
+      ->check(one_of({"name", "rate", "size", "age", "lost"}))
       ->default_str("name");
-  command->add_option("--duration", arguments->duration_s, "Stop after this time [s]")
-      ->check(positive_number());
+  add_stop_after_option(*command, arguments->duration_s);
   command->add_flag(
       "--once", arguments->once,
       "Print one table after the first second with frames, or after --duration (default: "
       "5 s) if there are none");
-  command->add_flag("--json", arguments->json, "Print JSON, one line per second");
+  add_json_flag(*command, arguments->json);
   add_colour_option(*command, arguments->colours);
   command->footer(
       "On a terminal a table that is redrawn every second, elsewhere one line per channel. "
-      "Channels of other programs are listed with the fingerprint of their type.\n"
+      "Each line of --json is one second. Channels of other programs are listed with the "
+      "fingerprint of their type.\n"
       "Exit status: 1 if no message was received.");
   command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
   describe(*command,

@@ -118,7 +118,16 @@ GroundTruth read_truth(const std::filesystem::path& file) {
     truth.noise_std = json.value("noise_std", std::map<std::string, double>{});
     truth.parameters = json.value("parameters", std::map<std::string, double>{});
     return truth;
-  } catch (const std::exception& error) {
+  } catch (const Json::parse_error& error) {
+    throw InputError(Problem{
+        file.string(), 0, 0,
+        "is not a truth file: it is no JSON from byte " + std::to_string(error.byte) + " on"});
+  } catch (const Json::exception&) {
+    throw InputError(Problem{file.string(), 0, 0,
+                             "is not a truth file: expected those keys and types that `stickslip "
+                             "conceal` writes, among them schema, name, kind, verdict, duration_s "
+                             "and effects"});
+  } catch (const std::invalid_argument& error) {
     throw InputError(
         Problem{file.string(), 0, 0, std::string("is not a truth file: ") + error.what()});
   }

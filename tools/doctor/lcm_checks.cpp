@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "physics/number_text.h"
 #include "tools/doctor/examination.h"
 
 namespace stickslip::doctor {
@@ -24,11 +25,6 @@ std::string route_command(const std::string& address) {
   return "sudo ip link set lo up && sudo ip route replace " + address + "/32 dev lo";
 }
 
-bool is_multicast(const std::string& address) {
-  const int first = std::atoi(address.c_str());
-  return first >= 224 && first <= 239;
-}
-
 /// Changes the URL in the rig file, or in the environment if there is no rig file.
 std::string url_command(const Requirements& required, const std::string& url) {
   if (required.config_file.empty()) return "export LCM_DEFAULT_URL=" + shell_word(url);
@@ -44,7 +40,7 @@ Finding check_lcm_url(const Requirements& required) {
   const LcmUrl url = parse_lcm_url(required.lcm_url);
   const std::string place = url.address + ":" + url.port;
   const std::string own = "udpm://" + place + "?ttl=0";
-  if (!is_multicast(url.address)) {
+  if (!config::is_multicast(url.address)) {
     return {check, Verdict::fail,
             url.address + " is not a multicast address (224.0.0.0 to 239.255.255.255)",
             url_command(required, "udpm://239.255.76.67:" + url.port + "?ttl=0")};
@@ -94,7 +90,7 @@ Finding check_receive_buffer(const Host& host, const Requirements& required) {
   // All messages counted with the size of a block of frames.
   const double seconds = static_cast<double>(held) / required.messages_per_s();
   const std::optional<std::string> limit = host.read("/proc/sys/net/core/rmem_max");
-  const std::string found = "holds " + std::to_string(held) + " messages of " +
+  const std::string found = "holds " + physics::counted(held, "message") + " of " +
                             std::to_string(bytes) + " B, " + short_number(seconds) +
                             " s of this rig" + (limit ? " (net.core.rmem_max " + *limit + ")" : "");
   if (seconds >= 1.0) return {check, Verdict::ok, found, ""};
@@ -124,7 +120,7 @@ Finding check_lcm_round_trip(const Host& host, const Requirements& required) {
     return {check, Verdict::fail, trip.reason, route_command(url.address)};
   }
   const std::string found =
-      std::to_string(trip.received) + " of " + std::to_string(trip.sent) + " messages received";
+      std::to_string(trip.received) + " of " + physics::counted(trip.sent, "message") + " received";
   if (trip.received == 0) {
     return {check, Verdict::fail, found + ": a filter drops them",
             "sudo iptables -I INPUT -i lo -d " + url.address + " -j ACCEPT"};

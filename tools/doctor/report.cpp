@@ -5,11 +5,14 @@
 #include <cstddef>
 #include <nlohmann/json.hpp>
 
+#include "physics/number_text.h"
 #include "tools/doctor/examination.h"
 
 namespace stickslip::doctor {
 
 namespace {
+
+using physics::counted;
 
 terminal::Tone tone_of(Verdict verdict) {
   switch (verdict) {
@@ -41,8 +44,8 @@ std::string text(const std::vector<Finding>& findings, const terminal::Paint& pa
            each.found + '\n';
     if (!each.command.empty()) out += std::string(6 + width + 2, ' ') + "$ " + each.command + '\n';
   }
-  return out + std::to_string(counts[0]) + " ok, " + std::to_string(counts[1]) + " notes, " +
-         std::to_string(counts[2]) + " warnings, " + std::to_string(counts[3]) + " failures\n";
+  return out + std::to_string(counts[0]) + " ok, " + counted(counts[1], "note") + ", " +
+         counted(counts[2], "warning") + ", " + counted(counts[3], "failure") + '\n';
 }
 
 std::string json(const std::vector<Finding>& findings) {

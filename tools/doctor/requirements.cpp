@@ -1,6 +1,5 @@
 #include "tools/doctor/requirements.h"
 
-#include <charconv>
 #include <string_view>
 #include <vector>
 
@@ -9,41 +8,6 @@
 #include "protocol/frame_block.h"
 
 namespace stickslip::doctor {
-
-namespace {
-
-int number_after(std::string_view text, std::string_view name) {
-  const auto at = text.find(name);
-  int value = 0;
-  if (at != std::string_view::npos) {
-    std::from_chars(text.data() + at + name.size(), text.data() + text.size(), value);
-  }
-  return value;
-}
-
-}  // namespace
-
-LcmUrl parse_lcm_url(const std::string& url) {
-  LcmUrl out;
-  const auto colon = url.find("://");
-  out.provider = url.substr(0, colon);
-  if (colon == std::string::npos) return out;
-  const std::string rest = url.substr(colon + 3);
-  const auto question = rest.find('?');
-  const std::string place = rest.substr(0, question);
-  out.address = place.substr(0, place.find(':'));
-  if (place.find(':') != std::string::npos) out.port = place.substr(place.find(':') + 1);
-  if (out.provider == "udpm") {
-    // LCM's defaults.
-    if (out.address.empty()) out.address = "239.255.76.67";
-    if (out.port.empty()) out.port = "7667";
-  }
-  if (question != std::string::npos) {
-    out.ttl = number_after(rest.substr(question), "ttl=");
-    out.receive_buffer_bytes = number_after(rest.substr(question), "recv_buf_size=");
-  }
-  return out;
-}
 
 std::size_t Requirements::block_bytes() const {
   const std::vector<Frame> frames(static_cast<std::size_t>(frames_per_block));

@@ -5,20 +5,13 @@
 #include <filesystem>
 #include <string>
 
+#include "config/lcm_url.h"
 #include "config/rig.h"
 
 namespace stickslip::doctor {
 
-/// Components of an LCM URL.
-struct LcmUrl {
-  std::string provider;  ///< "udpm"
-  std::string address;   ///< "239.255.76.67"
-  std::string port;
-  int ttl = 0;                   ///< of udpm; LCM's default is 0
-  int receive_buffer_bytes = 0;  ///< 0: the host's default
-};
-
-LcmUrl parse_lcm_url(const std::string& url);
+using config::LcmUrl;
+using config::parse_lcm_url;
 
 struct Requirements {
   std::string config_file;  ///< empty: no rig is given, and these are the defaults

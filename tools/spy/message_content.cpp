@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdio>
 
+#include "physics/number_text.h"
 #include "protocol/channels.h"
 #include "protocol/decode.h"
 #include "protocol/frame_block.h"
@@ -17,7 +18,7 @@ using terminal::Tone;
 std::string text(const char* format, double value) {
   std::array<char, 48> out{};
   const int size = std::snprintf(out.data(), out.size(), format, value);
-  return {out.data(), static_cast<std::size_t>(std::max(size, 0))};
+  return physics::with_unsigned_zero({out.data(), static_cast<std::size_t>(std::max(size, 0))});
 }
 
 std::string values_of(const Frame& frame) {
@@ -104,7 +105,7 @@ void summarise(const timing_t& timing, Content& out) {
     out.summary = "99 % of wake-ups late by at most " + text("%.4g", late_us) + " us";
     return;
   }
-  out.summary = std::to_string(timing.cycles) + " cycles";
+  out.summary = physics::counted(timing.cycles, "cycle");
 }
 
 void summarise(const event_t& event, Content& out) {

@@ -6,12 +6,14 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "physics/number_text.h"
 #include "tools/terminal/text.h"
 
 namespace stickslip::spy {
 
 namespace {
 
+using physics::counted;
 using terminal::cut_to;
 using terminal::padded;
 using terminal::padded_left;
@@ -22,7 +24,7 @@ using terminal::Tone;
 std::string number(const char* format, double value) {
   std::array<char, 48> out{};
   const int size = std::snprintf(out.data(), out.size(), format, value);
-  return {out.data(), static_cast<std::size_t>(std::max(size, 0))};
+  return physics::with_unsigned_zero({out.data(), static_cast<std::size_t>(std::max(size, 0))});
 }
 
 std::string hex(std::uint64_t value) {
@@ -158,14 +160,14 @@ std::string text_line(const std::string& text, Tone tone, std::size_t columns, c
 
 /// Frames and losses by their sequence numbers.
 std::string frames_text(const ChannelTraffic& seen) {
-  std::string out = std::to_string(seen.sequence.frames) + " frames, lost " +
+  std::string out = counted(seen.sequence.frames, "frame") + ", lost " +
                     std::to_string(seen.sequence.lost) + " in " +
-                    std::to_string(seen.sequence.gaps) + " gaps";
+                    counted(seen.sequence.gaps, "gap");
   if (seen.sequence.restarts > 0) {
-    out += ", restarted " + std::to_string(seen.sequence.restarts) + " times";
+    out += ", restarted " + counted(seen.sequence.restarts, "time");
   }
   if (seen.degraded_blocks > 0) {
-    out += ", " + std::to_string(seen.degraded_blocks) + " blocks of degraded timing";
+    out += ", " + counted(seen.degraded_blocks, "block") + " of degraded timing";
   }
   return out;
 }
@@ -218,8 +220,8 @@ std::string table(const View& view, const Traffic& traffic, std::int64_t now_us,
 std::string lines(const View& view, const Traffic& traffic, std::int64_t now_us) {
   std::string out;
   for (const ChannelTraffic* each : selected_channels(view, traffic, now_us)) {
-    std::string line = padded(each->channel, 22) + " " + std::to_string(each->messages) +
-                       " messages, " + number("%.1f", each->rate_per_s) + "/s, " +
+    std::string line = padded(each->channel, 22) + " " + counted(each->messages, "message") + ", " +
+                       number("%.1f", each->rate_per_s) + "/s, " +
                        std::to_string(each->last_bytes) + " B, " + type_text(*each) + ", " +
                        number("%.1f", std::max(0.0, each->age_s(now_us))) + " s ago";
     if (each->is_frames) line += ", " + frames_text(*each);

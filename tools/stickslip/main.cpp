@@ -15,19 +15,22 @@ void describe_program(Program& app) {
   app.footer(
       "Exit status: 0 success, whatever the verdict; 2 invalid arguments or input; 1 other "
       "failures.");
-  describe(app,
-           {.examples = {{"Check a rig file offline", "stickslip check config/simulated.toml"},
-                         {"Show the traffic on LCM", "stickslip spy"},
-                         {"Identify physics that a model omits",
-                          "stickslip diagnose run.log --model model.toml --html report.html"}},
-            .environment = {no_color_variable},
-            .files = {{"/etc/stickslip", "Rig files of an installation"},
-                      {"/run/stickslip/control.sock",
-                       "Socket on which the daemon receives the commands of stickslip ctl"}},
-            .description =
-                "On a terminal, commands that run longer than a second show their progress and the "
-                "time remaining on standard error; in a pipe they are silent.",
-            .see_also = {"stickslipd(8)"}});
+  describe(
+      app,
+      {.examples = {{"Check a rig file offline", "stickslip check config/simulated.toml"},
+                    {"Show the traffic on LCM", "stickslip spy"},
+                    {"Identify physics that a model omits",
+                     "stickslip diagnose run.log --model model.toml --html report.html"}},
+       .environment = {no_color_variable},
+       .files = {{"/etc/stickslip", "Rig files of an installation"},
+                 {"PREFIX/share/stickslip",
+                  "Rigs, models and fault scripts that are shipped; commands find them by name"},
+                 {"/run/stickslip/control.sock",
+                  "Socket on which the daemon receives the commands of stickslip ctl"}},
+       .description =
+           "On a terminal, commands that run longer than a second show their progress and the "
+           "time remaining on standard error; in a pipe they are silent.",
+       .see_also = {"stickslipd(8)"}});
 }
 
 }  // namespace

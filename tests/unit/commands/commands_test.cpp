@@ -6,11 +6,15 @@
 
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <set>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "physics/problem.h"
 #include "tools/command_line/file_options.h"
+#include "tools/command_line/run.h"
 #include "tools/files/read_file.h"
 #include "tools/files/write_file.h"
 #include "tools/terminal/command_tree.h"
@@ -92,6 +96,73 @@ TEST(Commands, ParseTheirExamplesAndSetAnAction) {
       EXPECT_TRUE(parser.action) << example.command;
     }
   }
+}
+
+/// Type and description of an option; the checks of its value are left out.
+std::string meaning_of(const CLI::Option& option) {
+  const std::string type = option.get_type_name();
+  const std::string kind = terminal::takes_value(option) ? type.substr(0, type.find(':')) : "flag";
+  return kind + ": " + option.get_description();
+}
+
+TEST(Commands, SpellAndDescribeASharedOptionAlike) {
+  // Names that mean different things, and why.
+  const std::map<std::string, std::string> exceptions = {
+      {"--json", "a file where a command computes, a flag where it shows something"},
+      {"--out", "what is written"},
+      {"--force", "`calibration fit` accepts a poor fit too"},
+      {"--model", "`scope` has a default"},
+      {"--seed", "`conceal` has a random one"},
+      {"--duration", "of what `conceal` and `doctor` make"},
+      {"--truth", "`conceal` writes, `examine` reads"},
+      {"--only", "figures, or cases"},
+      {"--periods", "what is computed over them"},
+      {"--values", "a flag of `spy`, a count of `bifurcation`"},
+      {"--history", "of a page, or of calibrations"},
+      {"RECORDING", "`diagnose` takes several"},
+      {"FILE", "what is read"},
+      {"OUT", "what is written"},
+      {"DIR", "what is in it"},
+  };
+  std::map<std::string, std::map<std::string, std::string>> meanings;
+  Parser().for_each([&](const CLI::App& command) {
+    for (const CLI::Option* option : command.get_options()) {
+      meanings[option->get_name()][meaning_of(*option)] = command.get_name();
+    }
+  });
+  for (const auto& [name, found] : meanings) {
+    if (exceptions.contains(name) || found.size() == 1) continue;
+    for (const auto& [meaning, command] : found) {
+      ADD_FAILURE() << name << " of " << command << " is \"" << meaning << '"';
+    }
+  }
+}
+
+TEST(Commands, NameFilesAndFoldersAsSuch) {
+  const std::set<std::string> files = {"--model", "--out",     "--html",    "--config", "--file",
+                                       "--truth", "--reports", "RECORDING", "OUT",      "DIR",
+                                       "FILE",    "RIG",       "--socket",  "--presets"};
+  Parser().for_each([&](const CLI::App& command) {
+    for (const CLI::Option* option : command.get_options()) {
+      if (!files.contains(option->get_name())) continue;
+      const std::string type = option->get_type_name();
+      EXPECT_TRUE(type == "FILE" || type == "DIR")
+          << command.get_name() << " " << option->get_name() << " " << type;
+    }
+  });
+}
+
+TEST(Commands, AnswerAMisspeltNameAtAnyDepth) {
+  const Parser parser;
+  parser.for_each([&](const CLI::App& command) {
+    std::vector<std::string> arguments;
+    for (const CLI::App* at = &command; at != &parser.program; at = at->get_parent()) {
+      arguments.insert(arguments.begin(), at->get_name());
+    }
+    std::swap(arguments.back()[1], arguments.back()[2]);
+    EXPECT_THAT(command_line::wrong_name(parser.program, arguments),
+                testing::HasSubstr(command.get_name() + "`?"));
+  });
 }
 
 TEST(Commands, AreRefusedIfUnknown) {

@@ -12,6 +12,7 @@
 #include "physics/catalogue.h"
 #include "physics/model_consistency.h"
 #include "physics/problem.h"
+#include "physics/rig.h"
 #include "physics/simulator.h"
 
 namespace stickslip::config {
@@ -118,7 +119,10 @@ Model some_model() {
   const auto some_channel = [] {
     return static_cast<Channel>(*rc::gen::inRange(0, static_cast<int>(channel_count)));
   };
+  int states = 0;
   for (const physics::Effect* effect : physics::catalogue()) {
+    if (model.terms.size() == physics::max_terms) break;
+    if (states + effect->state_count() > 2 * physics::max_effect_states) continue;
     physics::Place place;
     if (effect->card().relation == physics::Relation::sensor) {
       place.channel = some_channel();
@@ -134,6 +138,7 @@ Model some_model() {
       term.parameters[std::string(card.name)] = above_zero();
     }
     model.terms.push_back(term);
+    states += effect->state_count();
   }
   RC_PRE(physics::inconsistencies_of(model).empty());
   return model;

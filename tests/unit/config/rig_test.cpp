@@ -434,6 +434,11 @@ TEST_F(RigFile, InconsistentKeysAreRefused) {
   one("excitation.envelope = [[0.5, 0.001], [1, 0.001]]\n", "the first time has to be 0");
   one("excitation.envelope = [[0, 0.001], [1, -0.001], [2, 0.001]]\n", "0 or more");
   one("lcm.url = \"239.255.76.67:7667\"\n", "udpm://ADDRESS:PORT");
+  one("lcm.url = \"udpm://192.168.1.5:7667?ttl=0\"\n", "192.168.1.5 is not a multicast address");
+  one("lcm.url = \"udpm://rig.local:7667\"\n", "\"rig.local\" is not an IPv4 address");
+  one("lcm.url = \"udpm://239.255.76.67:76670\"\n", "\"76670\" is not a port");
+  one("lcm.url = \"udpm://239.255.76.67:7667?ttl=256\"\n", "ttl: expected a whole number from 0");
+  one("lcm.url = \"udpm://239.255.76.67:7667?tlt=1\"\n", "did you mean ttl?");
   one("recording.enabled = true\n", "recording.file is missing with enabled = true");
   one("[recording]\nenabled = true\nfile = \"no/folder/here.log\"\n", "there is no folder");
   one("metrics.file = \"no/folder/here.prom\"\n",

@@ -57,7 +57,7 @@ TEST(Report, HasOneLinePerFindingAndItsCommandBelow) {
             "fail  LCM route  none\n"
             "                 $ sudo ip route\n"
             "note  GPIO       none\n"
-            "1 ok, 1 notes, 0 warnings, 1 failures\n");
+            "1 ok, 1 note, 0 warnings, 1 failure\n");
 }
 
 TEST(Report, IsValidJsonForAnyBytes) {

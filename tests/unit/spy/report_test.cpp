@@ -69,7 +69,7 @@ TEST(Table, ShowsEveryStatistic) {
             "CHANNEL           MESSAGES  RATE/s  JITTER ms  kB/s  SIZE B  AGE s  LOST  BAD  TYPE");
   EXPECT_EQ(rows[1].substr(0, 43), "STICKSLIP_FRAMES        11    11.0      400");
   EXPECT_NE(rows[1].find("  0.5     9    0  frame_block_t"), std::string::npos) << rows[1];
-  EXPECT_EQ(rows[2], "  11 frames, lost 9 in 1 gaps");
+  EXPECT_EQ(rows[2], "  11 frames, lost 9 in 1 gap");
   EXPECT_EQ(rows[3], "  t 0.020 s: displacement 0.02 m");
   EXPECT_NE(rows[4].find("2000    0.1     -    -  unknown"), std::string::npos) << rows[4];
   EXPECT_EQ(rows[5], "  unknown type 0xabababababababab");
@@ -120,7 +120,7 @@ TEST(Lines, AreSelfContained) {
   const auto rows = lines_of(lines({{"frames"}, Order::name, false}, some_traffic(), now_us));
   ASSERT_EQ(rows.size(), 1U);
   EXPECT_NE(rows[0].find("11 messages, 11.0/s"), std::string::npos) << rows[0];
-  EXPECT_NE(rows[0].find("frame_block_t, 0.5 s ago, 11 frames, lost 9 in 1 gaps | t 0.020 s"),
+  EXPECT_NE(rows[0].find("frame_block_t, 0.5 s ago, 11 frames, lost 9 in 1 gap | t 0.020 s"),
             std::string::npos)
       << rows[0];
 }
