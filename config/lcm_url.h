@@ -20,7 +20,7 @@ LcmUrl parse_lcm_url(const std::string& url);
 bool is_multicast(const std::string& address);
 
 /// Why LCM could not use the URL, and what is expected; empty if it can. LCM itself fails without a
-/// word, or sends to nobody.
+/// word, or sends where no program listens.
 std::string wrong_with_lcm_url(const std::string& url);
 
 /// "stays on this host", or who else receives the messages; empty if the provider does not say.
