@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "config/key.h"
+#include "physics/catalogue.h"
 #include "tools/commands/commands.h"
 
 namespace stickslip::commands {
@@ -23,6 +24,12 @@ std::vector<std::string> plain_keys() {
   for (const config::Key& key : config::rig_keys()) {
     if (key.path.find('*') == std::string_view::npos) out.emplace_back(key.path);
   }
+  return out;
+}
+
+std::vector<std::string> effect_ids() {
+  std::vector<std::string> out;
+  for (const physics::Effect* effect : physics::catalogue()) out.emplace_back(effect->card().id);
   return out;
 }
 
@@ -41,7 +48,9 @@ void add_completion(CLI::App& app, Action& action) {
       "Installed with the program. To try it from the build: source <(stickslip completion bash)");
   command->callback([&app, &action, shell, shells] {
     action = [&app, chosen = shells.at(*shell)] {
-      std::fputs(completion_script(chosen, app, {{"KEY", plain_keys()}}).c_str(), stdout);
+      std::fputs(
+          completion_script(chosen, app, {{"KEY", plain_keys()}, {"EFFECT", effect_ids()}}).c_str(),
+          stdout);
       return 0;
     };
   });
