@@ -44,9 +44,10 @@ int run(const Arguments& arguments) {
   if (found.exponent_per_s > 3.0 * found.standard_error_per_s) verdict = "chaotic";
   if (found.exponent_per_s < -3.0 * found.standard_error_per_s) verdict = "periodic";
   std::printf(
-      "largest Lyapunov exponent %.4f +- %.4f per second (one standard error), %.3f per drive "
+      "largest Lyapunov exponent %.4f +- %.4f per %s (one standard error), %.3f per drive "
       "period, over %d periods: %s\n",
-      found.exponent_per_s, found.standard_error_per_s, found.per_period, arguments.periods,
+      found.exponent_per_s, found.standard_error_per_s,
+      model.dimensionless ? "unit of time" : "second", found.per_period, arguments.periods,
       verdict);
   if (!arguments.json.empty()) {
     nlohmann::ordered_json json;
@@ -55,6 +56,7 @@ int run(const Arguments& arguments) {
     json["standard_error_per_s"] = found.standard_error_per_s;
     json["per_period"] = found.per_period;
     json["periods"] = arguments.periods;
+    if (model.dimensionless) json["dimensionless"] = true;
     write_file(arguments.json, json.dump(2) + "\n");
   }
   return 0;
