@@ -130,6 +130,7 @@ physics::Model parse_model(std::string_view text, const std::string& name) {
 std::string model_text(const physics::Model& model) {
   TomlWriter out;
   out.line("schema", "1");
+  if (model.dimensionless) out.line("dimensionless", "true");
   write(out, model.oscillator);
   if (model.normal_load) write(out, *model.normal_load);
   write(out, model.friction);

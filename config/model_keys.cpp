@@ -12,6 +12,10 @@ constexpr std::string_view rubbing = "friction.law=coulomb|state_variable";
 
 constexpr std::array model_table = {
     schema_key<physics::Model>(),
+    bound<&physics::Model::dimensionless>(
+        Key{.path = "dimensionless",
+            .sentence = "true: the equations are nondimensional, so every unit of this file is 1, "
+                        "and results name no units."}),
     bound<&physics::Model::oscillator, &physics::Oscillator::excitation>(
         Key{.path = "oscillator.excitation",
             .sentence = "Excitation: base motion, a force on the mass, or imposed, where the "

@@ -162,7 +162,7 @@ std::vector<Curve> sensor_errors_of(const physics::Effect& effect, const physics
     const ChannelInfo& other = info(*law.crosstalk_from);
     const double far = reach_of(experiment, *law.crosstalk_from);
     curves.push_back(sampled({other.stem.data(), other.unit.data(), -far, far},
-                             "contribution of the other channel", name.unit.data(),
+                             "share of the reading", name.unit.data(),
                              [&](double at) { return law.crosstalk * at; }));
   }
   return curves;
@@ -204,6 +204,8 @@ std::vector<Curve> loops_of(const physics::Effect& effect, std::span<const doubl
     for (std::size_t i = 0; i < states.size(); ++i) states[i] += h * rate[i];
     effect.confine(states.data(), parameters.data());
   }
+  curve.at.push_back(curve.at.front());
+  curve.value.push_back(curve.value.front());
   return {curve};
 }
 
@@ -247,6 +249,10 @@ std::vector<Curve> portrait_of(const physics::Effect& effect, const physics::Pla
     const double own_hz = frequency ? reference[frequency->parameter] : 0.0;
     if (own_hz > 0.0) ranges.back().high = std::min(ranges.back().high, 3.0 / own_hz);
     curves = laws_over(ranges, effect, parameters, experiment, portrait_points);
+    // N over N shows nothing.
+    std::erase_if(curves, [](const Curve& curve) {
+      return curve.variable == "normal_load" && curve.quantity == "normal load";
+    });
   }
   std::erase_if(curves, [](const Curve& curve) { return !varies(curve); });
   return curves;

@@ -84,6 +84,11 @@ struct Card {
   std::optional<Frequency> frequency = {};  ///< present where the effect oscillates
   /// Transition speed of a friction law [m/s], by position; at 0 the law is set-valued.
   std::optional<std::size_t> transition_speed = {};
+  /// Literature: authors, title, place of publication, year. Empty where there is none.
+  std::span<const std::string_view> references = {};
+  /// Parameters with which the catalogue's page (docs/effects.md) draws it, plausible on a bench
+  /// like ours; empty: no picture.
+  std::span<const double> example = {};
 };
 
 /// The channels on which a sensor effect acts; empty for other relations.

@@ -54,6 +54,13 @@ constexpr std::array<Parameters, 4> of_force = {parameters_in("N", "m"), paramet
 constexpr std::array<Parameters, 4> of_share = {parameters_in("1", "m"), parameters_in("1", "m/s"),
                                                 parameters_in("1", "s"), parameters_in("1", "N")};
 
+// Eight ordinates between the ends of the range on a bench, by FreeFormOver.
+constexpr std::array<double, knots + 2> example_between(double low, double high) {
+  return {0.0, 0.04, 0.1, 0.07, -0.02, -0.06, -0.03, 0.04, low, high};
+}
+constexpr std::array examples = {example_between(-0.02, 0.02), example_between(-0.3, 0.3),
+                                 example_between(0.0, 60.0), example_between(0.1, 0.2)};
+
 constexpr Relation relation_of(FreeFormOf of) {
   switch (of) {
     case FreeFormOf::force:
@@ -77,7 +84,8 @@ Card card_of(const FreeFormCard& card) {
               .experiment = card.experiment,
               .rivals = {},
               .depends_on = std::span(variables).subspan(over, 1),
-              .tier = Tier::free_form};
+              .tier = Tier::free_form,
+              .example = examples[over]};
 }
 
 }  // namespace

@@ -152,6 +152,8 @@ struct Model {
   std::optional<NormalLoadBridge> normal_load_bridge;  ///< absent: the reading is N
   std::array<Sensor, channel_count> sensors;
   std::vector<Term> terms;
+  /// True if every unit is 1: texts and pictures then name none.
+  bool dimensionless = false;
 
   friend bool operator==(const Model&, const Model&) = default;
 };

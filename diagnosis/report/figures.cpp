@@ -381,26 +381,30 @@ std::string residual_figures(const Diagnosis& d) {
   return out + "</div>\n";
 }
 
+std::string curve_svg(const Curve& curve, const std::string& name) {
+  const AxisUnit x = axis_unit(largest_of(curve.at), curve.variable_unit);
+  const AxisUnit y = axis_unit(largest_of(curve.value), curve.unit);
+  LinePlot plot;
+  plot.title = plain_text(curve.quantity) + " over " + plain_text(curve.variable);
+  plot.description = shape_caption(curve);
+  plot.x_label = with_unit(plain_text(curve.variable), x.unit);
+  plot.y_label = with_unit(plain_text(curve.quantity), y.unit);
+  const auto at = scaled(curve.at, x.factor);
+  if (!curve.low.empty()) {
+    plot.bands.push_back(
+        {"95 % interval", at, scaled(curve.low, y.factor), scaled(curve.high, y.factor), 2});
+  }
+  if (curve.quantity == "reading") {
+    plot.series.push_back({"ideal", at, scaled(curve.at, y.factor), 1});
+  }
+  plot.series.push_back({name, at, scaled(curve.value, y.factor), 2});
+  return line_plot_svg(plot);
+}
+
 std::string shape_figures(const Finding& finding) {
   std::string out;
   for (const Curve& curve : finding.portrait) {
-    const AxisUnit x = axis_unit(largest_of(curve.at), curve.variable_unit);
-    const AxisUnit y = axis_unit(largest_of(curve.value), curve.unit);
-    LinePlot plot;
-    plot.title = plain_text(curve.quantity) + " over " + plain_text(curve.variable);
-    plot.description = shape_caption(curve);
-    plot.x_label = with_unit(plain_text(curve.variable), x.unit);
-    plot.y_label = with_unit(plain_text(curve.quantity), y.unit);
-    const auto at = scaled(curve.at, x.factor);
-    if (!curve.low.empty()) {
-      plot.bands.push_back(
-          {"95 % interval", at, scaled(curve.low, y.factor), scaled(curve.high, y.factor), 2});
-    }
-    if (curve.quantity == "reading") {
-      plot.series.push_back({"ideal", at, scaled(curve.at, y.factor), 1});
-    }
-    plot.series.push_back({"fitted", at, scaled(curve.value, y.factor), 2});
-    out += figure(line_plot_svg(plot), shape_caption(curve));
+    out += figure(curve_svg(curve, "fitted"), shape_caption(curve));
   }
   return out.empty() ? out : "<div class=\"plots\">\n" + out + "</div>\n";
 }

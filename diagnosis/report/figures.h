@@ -15,6 +15,9 @@ std::string stretch_figures(const diagnosis::Diagnosis& diagnosis);
 /// evidence.
 std::string residual_figures(const diagnosis::Diagnosis& diagnosis);
 
+/// One curve of an effect as a plot; `name` is the legend of its line, empty: none.
+std::string curve_svg(const diagnosis::Curve& curve, const std::string& name);
+
 /// The fitted law with its interval.
 std::string shape_figures(const diagnosis::Finding& finding);
 

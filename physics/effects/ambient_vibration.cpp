@@ -32,6 +32,7 @@ constexpr std::array parameters = {
                   .positive = false,
                   .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 2> rivals = {"second_mode", "mains_hum"};
+constexpr std::array example = {7.0, 0.02, 0.0};
 constexpr Card entry = {
     .id = "ambient_vibration",
     .relation = Relation::force_balance,
@@ -45,6 +46,7 @@ constexpr Card entry = {
     .rivals = rivals,
     .strength = 1,
     .frequency = Frequency{.parameter = 0},
+    .example = example,
 };
 
 class AmbientVibration final : public EffectOf<AmbientVibration> {

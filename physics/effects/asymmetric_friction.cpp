@@ -15,6 +15,9 @@ constexpr std::array parameters = {ParameterCard{.name = "asymmetry",
                                                  .positive = false,
                                                  .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 2> rivals = {"bias_force", "position_dependent_mu"};
+constexpr std::array<std::string_view, 1> references = {
+    "B. Armstrong-H\u00e9louvry, Control of Machines with Friction, Kluwer, 1991"};
+constexpr std::array example = {0.1};
 constexpr Card entry = {
     .id = "asymmetric_friction",
     .relation = Relation::friction_law,
@@ -27,6 +30,8 @@ constexpr Card entry = {
         "does "
         "not",
     .rivals = rivals,
+    .references = references,
+    .example = example,
 };
 
 class AsymmetricFriction final : public EffectOf<AsymmetricFriction> {

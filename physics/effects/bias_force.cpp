@@ -15,6 +15,7 @@ constexpr std::array parameters = {ParameterCard{.name = "force_n",
                                                  .positive = false,
                                                  .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 2> rivals = {"asymmetric_friction", "sensor_drift"};
+constexpr std::array example = {0.05};
 constexpr Card entry = {
     .id = "bias_force",
     .relation = Relation::force_balance,
@@ -24,6 +25,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "the rig at rest without friction, mounted both ways round",
     .rivals = rivals,
+    .example = example,
 };
 
 class BiasForce final : public EffectOf<BiasForce> {

@@ -19,6 +19,7 @@ constexpr std::array<std::string_view, 3> rivals = {"gain_error", "clipping",
 // The channels that a bridge can read; a report names the one concerned.
 constexpr std::array<std::string_view, 3> depends_on = {"displacement", "friction_force",
                                                         "normal_load"};
+constexpr std::array example = {15.0};
 constexpr Card entry = {
     .id = "bridge_nonlinearity",
     .relation = Relation::sensor,
@@ -30,6 +31,7 @@ constexpr Card entry = {
     .rivals = rivals,
     .depends_on = depends_on,
     .tier = Tier::formula,
+    .example = example,
 };
 
 // One active arm of a Wheatstone bridge: e (1 + e / 2)^-1, to second order.

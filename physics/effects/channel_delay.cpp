@@ -16,6 +16,7 @@ constexpr std::array parameters = {ParameterCard{.name = "delay_s",
                                                  .fixed_default = std::nullopt,
                                                  .formula_uncertainty = 0.003}};
 constexpr std::array<std::string_view, 2> rivals = {"differentiator_lag", "load_cell_resonance"};
+constexpr std::array example = {0.02};
 constexpr Card entry = {
     .id = "channel_delay",
     .relation = Relation::sensor,
@@ -25,6 +26,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a tap that excites all channels simultaneously",
     .rivals = rivals,
+    .example = example,
 };
 
 class ChannelDelay final : public EffectOf<ChannelDelay> {

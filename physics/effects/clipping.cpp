@@ -15,6 +15,7 @@ constexpr std::array parameters = {ParameterCard{.name = "limit",
                                                  .fixed_default = std::nullopt,
                                                  .formula_uncertainty = 0.003}};
 constexpr std::array<std::string_view, 2> rivals = {"gain_error", "end_stop"};
+constexpr std::array example = {0.015};
 constexpr Card entry = {
     .id = "clipping",
     .relation = Relation::sensor,
@@ -25,6 +26,7 @@ constexpr Card entry = {
     .experiment = "a run at half the amplitude, or with the next larger range of the amplifier",
     .rivals = rivals,
     .strength = std::nullopt,  // it vanishes as the limit grows
+    .example = example,
 };
 
 class Clipping final : public EffectOf<Clipping> {

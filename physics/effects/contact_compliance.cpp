@@ -34,6 +34,13 @@ constexpr std::array parameters = {
                   .fixed_default = 0.0,
                   .estimated = true}};
 constexpr std::array<std::string_view, 3> rivals = {"friction_memory", "hysteresis", "stribeck"};
+constexpr std::array<std::string_view, 3> references = {
+    "P. R. Dahl, A solid friction model, The Aerospace Corporation, 1968",
+    "G. M. Jenkins, Analysis of the stress-strain relationships in reactor grade graphite, British "
+    "Journal of Applied Physics, 1962",
+    "C. Canudas de Wit, H. Olsson, K. J. \u00c5str\u00f6m and P. Lischinsky, A new model for "
+    "control of systems with friction, IEEE Transactions on Automatic Control, 1995"};
+constexpr std::array example = {60.0, 0.1, 0.5};
 constexpr Card entry = {
     .id = "contact_compliance",
     .relation = Relation::friction_law,
@@ -46,6 +53,8 @@ constexpr Card entry = {
     .experiment = "small amplitudes without break-away, where the contact stiffness is visible",
     .rivals = rivals,
     .strength = std::nullopt,  // it replaces the law
+    .references = references,
+    .example = example,
 };
 
 class ContactCompliance final : public EffectOf<ContactCompliance> {

@@ -17,6 +17,10 @@ constexpr std::array parameters = {
                   .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 2> rivals = {"stribeck", "quadratic_drag"};
 constexpr std::array<std::string_view, 1> depends_on = {"velocity"};
+constexpr std::array<std::string_view, 1> references = {
+    "B. Armstrong-H\u00e9louvry, P. Dupont and C. Canudas de Wit, A survey of models, analysis "
+    "tools and compensation methods for the control of machines with friction, Automatica, 1994"};
+constexpr std::array example = {0.5};
 constexpr Card entry = {
     .id = "contact_viscosity",
     .relation = Relation::friction_law,
@@ -29,6 +33,8 @@ constexpr Card entry = {
     .rivals = rivals,
     .depends_on = depends_on,
     .tier = Tier::formula,
+    .references = references,
+    .example = example,
 };
 
 class ContactViscosity final : public EffectOf<ContactViscosity> {

@@ -15,6 +15,7 @@ constexpr std::array parameters = {
                   .positive = false,
                   .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 2> rivals = {"gain_error", "second_mode"};
+constexpr std::array example = {0.01};
 constexpr Card entry = {
     .id = "crosstalk",
     .relation = Relation::sensor,
@@ -24,6 +25,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "excite only the other sensor",
     .rivals = rivals,
+    .example = example,
 };
 
 class Crosstalk final : public EffectOf<Crosstalk> {

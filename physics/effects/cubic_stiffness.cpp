@@ -15,6 +15,11 @@ constexpr std::array parameters = {ParameterCard{.name = "k3_n_m3",
                                                  .positive = false,
                                                  .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 2> rivals = {"end_stop", "quadratic_drag"};
+constexpr std::array<std::string_view, 2> references = {
+    "G. Duffing, Erzwungene Schwingungen bei ver\u00e4nderlicher Eigenfrequenz und ihre technische "
+    "Bedeutung, Vieweg, 1918",
+    "A. H. Nayfeh and D. T. Mook, Nonlinear Oscillations, Wiley, 1979"};
+constexpr std::array example = {7000.0};
 constexpr Card entry = {
     .id = "cubic_stiffness",
     .relation = Relation::force_balance,
@@ -24,6 +29,8 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "stepped amplitudes: the resonance moves with the square of the amplitude",
     .rivals = rivals,
+    .references = references,
+    .example = example,
 };
 
 class CubicStiffness final : public EffectOf<CubicStiffness> {

@@ -15,6 +15,7 @@ constexpr std::array parameters = {ParameterCard{.name = "cutoff_hz",
                                                  .positive = true,
                                                  .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 2> rivals = {"channel_delay", "gain_error"};
+constexpr std::array example = {40.0};
 constexpr Card entry = {
     .id = "differentiator_lag",
     .relation = Relation::kinematics,
@@ -28,6 +29,7 @@ constexpr Card entry = {
     .experiment = "a chirp: velocity over displacement against frequency",
     .rivals = rivals,
     .strength = std::nullopt,  // it vanishes as the frequency grows
+    .example = example,
 };
 
 class DifferentiatorLag final : public EffectOf<DifferentiatorLag> {

@@ -30,6 +30,10 @@ constexpr std::array parameters = {
         .start_sigma = 0.7}};
 constexpr std::array<std::string_view, 3> rivals = {"hysteresis", "quadratic_drag",
                                                     "contact_compliance"};
+constexpr std::array<std::string_view, 1> references = {
+    "J. P. Den Hartog, Forced vibrations with combined Coulomb and viscous friction, Transactions "
+    "of the ASME, 1931"};
+constexpr std::array example = {0.12, 0.0025};
 constexpr Card entry = {
     .id = "dry_friction",
     .relation = Relation::friction_law,
@@ -42,6 +46,8 @@ constexpr Card entry = {
         "same fraction",
     .rivals = rivals,
     .transition_speed = 1,
+    .references = references,
+    .example = example,
 };
 
 class DryFriction final : public EffectOf<DryFriction> {
@@ -61,6 +67,16 @@ class DryFriction final : public EffectOf<DryFriction> {
   std::string statement(std::span<const double> p) const override {
     return "Dry friction opposes the motion with a force of " + number_text(p[0]) +
            " N, independent of the speed.";
+  }
+
+  std::vector<LawCurve> law_curves(std::span<const double> p, std::span<const double> reference,
+                                   double /*friction_n*/) const override {
+    const double far = reference[1] > 0.0 ? 8.0 * reference[1] : 0.1;
+    return {{"velocity", "m/s", -far, far, "friction force", "N",
+             [force_n = p[0], speed = p[1]](double at) {
+               const double sign = at > 0.0 ? 1.0 : (at < 0.0 ? -1.0 : 0.0);
+               return force_n * (speed > 0.0 ? std::tanh(at / speed) : sign);
+             }}};
   }
 
   unsigned hooks() const override { return hook::coefficients; }

@@ -41,6 +41,9 @@ constexpr std::array parameters = {
                   .estimated = true}};
 constexpr std::array<std::string_view, 3> rivals = {"stribeck", "friction_memory",
                                                     "contact_compliance"};
+constexpr std::array<std::string_view, 1> references = {
+    "J. H. Dieterich, Time-dependent friction in rocks, Journal of Geophysical Research, 1972"};
+constexpr std::array example = {0.05, 0.001, 0.003, 1.0e-4};
 constexpr Card entry = {
     .id = "dwell_strengthening",
     .relation = Relation::friction_law,
@@ -54,6 +57,8 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "holds of 0.1 s to 30 s between slips",
     .rivals = rivals,
+    .references = references,
+    .example = example,
 };
 
 class DwellStrengthening final : public EffectOf<DwellStrengthening> {

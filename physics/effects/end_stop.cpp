@@ -31,6 +31,12 @@ constexpr std::array parameters = {
                   .positive = false,
                   .fixed_default = 0.0}};
 constexpr std::array<std::string_view, 2> rivals = {"cubic_stiffness", "bias_force"};
+constexpr std::array<std::string_view, 2> references = {
+    "K. H. Hunt and F. R. E. Crossley, Coefficient of restitution interpreted as damping in "
+    "vibroimpact, Journal of Applied Mechanics, 1975",
+    "S. W. Shaw and P. J. Holmes, A periodically forced piecewise linear oscillator, Journal of "
+    "Sound and Vibration, 1983"};
+constexpr std::array example = {0.012, 100.0, 0.0};
 constexpr Card entry = {
     .id = "end_stop",
     .relation = Relation::force_balance,
@@ -41,6 +47,8 @@ constexpr Card entry = {
     .experiment = "amplitudes just below and just above the assumed gap",
     .rivals = rivals,
     .strength = 1,
+    .references = references,
+    .example = example,
 };
 
 class EndStop final : public EffectOf<EndStop> {

@@ -17,6 +17,7 @@ constexpr std::array parameters = {ParameterCard{.name = "force_n",
                                    begin_parameter, end_parameter};
 constexpr std::array<std::string_view, 1> rivals = {"bias_force"};
 constexpr std::array<std::string_view, 1> depends_on = {"time"};
+constexpr std::array example = {0.05, 12.0, 17.0};
 constexpr Card entry = {
     .id = "force_episode",
     .relation = Relation::force_balance,
@@ -29,6 +30,7 @@ constexpr Card entry = {
     .depends_on = depends_on,
     .tier = Tier::formula,
     .episode = Episode{.begin_s = 1, .end_s = 2},
+    .example = example,
 };
 
 class ForceEpisode final : public EffectOf<ForceEpisode> {

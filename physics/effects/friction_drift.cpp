@@ -25,6 +25,7 @@ constexpr std::array parameters = {
                   .fixed_default = 1.0e6,
                   .estimated = true}};
 constexpr std::array<std::string_view, 2> rivals = {"load_dependent_mu", "sensor_drift"};
+constexpr std::array example = {0.005, 30.0};
 constexpr Card entry = {
     .id = "friction_drift",
     .relation = Relation::friction_law,
@@ -36,6 +37,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a longer run with a pause: wear stays, warming recovers",
     .rivals = rivals,
+    .example = example,
 };
 
 class FrictionDrift final : public EffectOf<FrictionDrift> {

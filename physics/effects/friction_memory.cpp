@@ -27,6 +27,12 @@ constexpr std::array parameters = {
                   .estimated = true}};
 constexpr std::array<std::string_view, 3> rivals = {"contact_compliance", "channel_delay",
                                                     "load_cell_resonance"};
+constexpr std::array<std::string_view, 2> references = {
+    "B. F. Feeny and F. C. Moon, Chaos in a forced dry-friction oscillator: experiments and "
+    "numerical modelling, Journal of Sound and Vibration, 1994",
+    "A. Polycarpou and A. Soom, Transitions between sticking and slipping at lubricated line "
+    "contacts, ASME Winter Annual Meeting, 1992"};
+constexpr std::array example = {50.0, 0.0};
 constexpr Card entry = {
     .id = "friction_memory",
     .relation = Relation::friction_law,
@@ -43,6 +49,8 @@ constexpr Card entry = {
         "the acceleration, a compliant contact in proportion to the deflection",
     .rivals = rivals,
     .strength = std::nullopt,  // it replaces a law
+    .references = references,
+    .example = example,
 };
 
 class FrictionMemory final : public EffectOf<FrictionMemory> {

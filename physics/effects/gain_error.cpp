@@ -15,6 +15,7 @@ constexpr std::array parameters = {ParameterCard{.name = "gain",
                                                  .fixed_default = std::nullopt,
                                                  .neutral = 1.0}};
 constexpr std::array<std::string_view, 2> rivals = {"load_dependent_mu", "cubic_stiffness"};
+constexpr std::array example = {1.1};
 constexpr Card entry = {
     .id = "gain_error",
     .relation = Relation::sensor,
@@ -25,6 +26,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a calibration of this channel with a known standard",
     .rivals = rivals,
+    .example = example,
 };
 
 // Changes the gain that the model has for the channel already, or adds one.

@@ -46,6 +46,13 @@ constexpr std::array parameters = {
                   .estimated = true}};
 constexpr std::array<std::string_view, 3> rivals = {"contact_compliance", "dry_friction",
                                                     "bias_force"};
+constexpr std::array<std::string_view, 3> references = {
+    "W. D. Iwan, A distributed-element model for hysteresis and its steady-state dynamic response, "
+    "Journal of Applied Mechanics, 1966",
+    "R. Bouc, Forced vibration of mechanical systems with hysteresis, 1967",
+    "Y.-K. Wen, Method for random vibration of hysteretic systems, Journal of the Engineering "
+    "Mechanics Division (ASCE), 1976"};
+constexpr std::array example = {20.0, 0.05, 0.5, 1.0};
 constexpr Card entry = {
     .id = "hysteresis",
     .relation = Relation::force_balance,
@@ -60,6 +67,8 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "slow loading loops of several sizes: their area does not fall with the speed",
     .rivals = rivals,
+    .references = references,
+    .example = example,
 };
 
 class Hysteresis final : public EffectOf<Hysteresis> {

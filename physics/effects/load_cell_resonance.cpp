@@ -26,6 +26,10 @@ constexpr std::array parameters = {ParameterCard{.name = "frequency_hz",
                                                  .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 3> rivals = {"channel_delay", "contact_compliance",
                                                     "second_mode"};
+constexpr std::array<std::string_view, 1> references = {
+    "J. L. Streator and D. B. Bogy, Accounting for transducer dynamics in the measurement of "
+    "friction, Journal of Tribology, 1992"};
+constexpr std::array example = {19.3, 0.016};
 constexpr Card entry = {
     .id = "load_cell_resonance",
     .relation = Relation::load_cell,
@@ -41,6 +45,8 @@ constexpr Card entry = {
     .rivals = rivals,
     .strength = std::nullopt,  // it replaces a law
     .frequency = Frequency{.parameter = 0},
+    .references = references,
+    .example = example,
 };
 
 class LoadCellResonance final : public EffectOf<LoadCellResonance> {

@@ -16,6 +16,7 @@ constexpr std::array parameters = {
                   .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 1> rivals = {"wedge_load"};
 constexpr std::array<std::string_view, 1> depends_on = {"displacement"};
+constexpr std::array example = {500.0};
 constexpr Card entry = {
     .id = "load_curvature",
     .relation = Relation::normal_load,
@@ -28,6 +29,7 @@ constexpr Card entry = {
     .rivals = rivals,
     .depends_on = depends_on,
     .tier = Tier::formula,
+    .example = example,
 };
 
 class LoadCurvature final : public EffectOf<LoadCurvature> {

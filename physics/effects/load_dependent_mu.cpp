@@ -23,6 +23,11 @@ constexpr std::array parameters = {
                   .positive = true,
                   .fixed_default = 1.0}};
 constexpr std::array<std::string_view, 2> rivals = {"position_dependent_mu", "wedge_load"};
+constexpr std::array<std::string_view, 2> references = {
+    "F. P. Bowden and D. Tabor, The Friction and Lubrication of Solids, Oxford, 1950",
+    "J. F. Archard, Elastic deformation and the laws of friction, Proceedings of the Royal Society "
+    "A, 1957"};
+constexpr std::array example = {-0.3, 0.15};
 constexpr Card entry = {
     .id = "load_dependent_mu",
     .relation = Relation::friction_law,
@@ -32,6 +37,8 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "the same run at two normal loads, or with a second plate angle",
     .rivals = rivals,
+    .references = references,
+    .example = example,
 };
 
 class LoadDependentMu final : public EffectOf<LoadDependentMu> {

@@ -17,6 +17,7 @@ constexpr std::array parameters = {ParameterCard{.name = "share",
                                    begin_parameter, end_parameter};
 constexpr std::array<std::string_view, 1> rivals = {"wedge_load"};
 constexpr std::array<std::string_view, 1> depends_on = {"time"};
+constexpr std::array example = {0.2, 12.0, 17.0};
 constexpr Card entry = {
     .id = "load_episode",
     .relation = Relation::normal_load,
@@ -29,6 +30,7 @@ constexpr Card entry = {
     .depends_on = depends_on,
     .tier = Tier::formula,
     .episode = Episode{.begin_s = 1, .end_s = 2},
+    .example = example,
 };
 
 class LoadEpisode final : public EffectOf<LoadEpisode> {

@@ -35,6 +35,10 @@ constexpr std::array parameters = {
 constexpr std::array<std::string_view, 3> rivals = {"load_dependent_mu", "channel_delay",
                                                     "friction_memory"};
 constexpr std::array<std::string_view, 2> depends_on = {"normal_load", "displacement"};
+constexpr std::array<std::string_view, 1> references = {
+    "M. F. Linker and J. H. Dieterich, Effects of variable normal stress on rock friction: "
+    "observations and constitutive equations, Journal of Geophysical Research, 1992"};
+constexpr std::array example = {1.0, 0.02, 0.15};
 constexpr Card entry = {
     .id = "load_history",
     .relation = Relation::friction_law,
@@ -46,6 +50,8 @@ constexpr Card entry = {
     .rivals = rivals,
     .depends_on = depends_on,
     .tier = Tier::formula,
+    .references = references,
+    .example = example,
 };
 
 // Linker and Dieterich (1992): a step of the normal stress offsets the state of the contacts, and

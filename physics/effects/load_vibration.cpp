@@ -33,6 +33,10 @@ constexpr std::array parameters = {
                   .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 1> rivals = {"mains_hum"};
 constexpr std::array<std::string_view, 1> depends_on = {"time"};
+constexpr std::array<std::string_view, 1> references = {
+    "J. T. Oden and J. A. C. Martins, Models and computational methods for dynamic friction "
+    "phenomena, Computer Methods in Applied Mechanics and Engineering, 1985"};
+constexpr std::array example = {0.1, 20.0, 0.0};
 constexpr Card entry = {
     .id = "load_vibration",
     .relation = Relation::normal_load,
@@ -45,6 +49,8 @@ constexpr Card entry = {
     .depends_on = depends_on,
     .tier = Tier::formula,
     .frequency = Frequency{.parameter = 1},
+    .references = references,
+    .example = example,
 };
 
 class LoadVibration final : public EffectOf<LoadVibration> {

@@ -25,6 +25,10 @@ constexpr std::array parameters = {
                   .fixed_default = 0.003}};
 constexpr std::array<std::string_view, 2> rivals = {"stribeck", "dwell_strengthening"};
 constexpr std::array<std::string_view, 1> depends_on = {"velocity"};
+constexpr std::array<std::string_view, 1> references = {
+    "J. H. Dieterich, Modeling of rock friction: 1. Experimental results and constitutive "
+    "equations, Journal of Geophysical Research, 1979"};
+constexpr std::array example = {0.05, 0.003};
 constexpr Card entry = {
     .id = "logarithmic_friction",
     .relation = Relation::friction_law,
@@ -36,6 +40,8 @@ constexpr Card entry = {
     .rivals = rivals,
     .depends_on = depends_on,
     .tier = Tier::formula,
+    .references = references,
+    .example = example,
 };
 
 class LogarithmicFriction final : public EffectOf<LogarithmicFriction> {

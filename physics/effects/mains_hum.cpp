@@ -57,6 +57,7 @@ constexpr std::array parameters = {
                   .positive = true,
                   .fixed_default = 30.0}};
 constexpr std::array<std::string_view, 2> rivals = {"ambient_vibration", "second_mode"};
+constexpr std::array example = {50.0, 2.0e-4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 30.0};
 constexpr Card entry = {
     .id = "mains_hum",
     .relation = Relation::sensor,
@@ -70,6 +71,7 @@ constexpr Card entry = {
     .rivals = rivals,
     .strength = 1,
     .frequency = Frequency{.parameter = 0},
+    .example = example,
 };
 
 class MainsHum final : public EffectOf<MainsHum> {

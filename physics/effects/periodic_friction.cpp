@@ -31,6 +31,7 @@ constexpr std::array parameters = {ParameterCard{.name = "share",
                                                  .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 2> rivals = {"position_dependent_mu", "stribeck"};
 constexpr std::array<std::string_view, 1> depends_on = {"displacement"};
+constexpr std::array example = {0.1, 0.008, 0.0};
 constexpr Card entry = {
     .id = "periodic_friction",
     .relation = Relation::friction_law,
@@ -42,6 +43,7 @@ constexpr Card entry = {
     .rivals = rivals,
     .depends_on = depends_on,
     .tier = Tier::formula,
+    .example = example,
 };
 
 class PeriodicFriction final : public EffectOf<PeriodicFriction> {

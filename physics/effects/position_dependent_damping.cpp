@@ -23,6 +23,10 @@ constexpr std::array parameters = {
                   .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 1> rivals = {"quadratic_drag"};
 constexpr std::array<std::string_view, 2> depends_on = {"displacement", "velocity"};
+constexpr std::array<std::string_view, 2> references = {
+    "B. van der Pol, On relaxation-oscillations, Philosophical Magazine, 1926",
+    "A. H. Nayfeh and D. T. Mook, Nonlinear Oscillations, Wiley, 1979"};
+constexpr std::array example = {0.5, 100.0};
 constexpr Card entry = {
     .id = "position_dependent_damping",
     .relation = Relation::force_balance,
@@ -35,6 +39,8 @@ constexpr Card entry = {
     .rivals = rivals,
     .depends_on = depends_on,
     .tier = Tier::formula,
+    .references = references,
+    .example = example,
 };
 
 class PositionDependentDamping final : public EffectOf<PositionDependentDamping> {

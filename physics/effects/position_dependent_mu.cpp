@@ -16,6 +16,9 @@ constexpr std::array parameters = {ParameterCard{.name = "slope_per_m",
                                                  .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 3> rivals = {"load_dependent_mu", "wedge_load",
                                                     "asymmetric_friction"};
+constexpr std::array<std::string_view, 1> references = {
+    "B. Armstrong-H\u00e9louvry, Control of Machines with Friction, Kluwer, 1991"};
+constexpr std::array example = {5.0};
 constexpr Card entry = {
     .id = "position_dependent_mu",
     .relation = Relation::friction_law,
@@ -25,6 +28,8 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "the same run at another normal load and another position on the track",
     .rivals = rivals,
+    .references = references,
+    .example = example,
 };
 
 class PositionDependentMu final : public EffectOf<PositionDependentMu> {

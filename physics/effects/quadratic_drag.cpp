@@ -15,6 +15,9 @@ constexpr std::array parameters = {ParameterCard{.name = "drag_n_s2_m2",
                                                  .positive = false,
                                                  .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 2> rivals = {"dry_friction", "cubic_stiffness"};
+constexpr std::array<std::string_view, 1> references = {
+    "A. H. Nayfeh and D. T. Mook, Nonlinear Oscillations, Wiley, 1979"};
+constexpr std::array example = {0.1};
 constexpr Card entry = {
     .id = "quadratic_drag",
     .relation = Relation::force_balance,
@@ -24,6 +27,8 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a free decay from a large amplitude, or the same drive at two amplitudes",
     .rivals = rivals,
+    .references = references,
+    .example = example,
 };
 
 class QuadraticDrag final : public EffectOf<QuadraticDrag> {

@@ -15,6 +15,9 @@ constexpr std::array parameters = {ParameterCard{.name = "k2_n_m2",
                                                  .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 2> rivals = {"bias_force", "cubic_stiffness"};
 constexpr std::array<std::string_view, 1> depends_on = {"displacement"};
+constexpr std::array<std::string_view, 1> references = {
+    "A. H. Nayfeh and D. T. Mook, Nonlinear Oscillations, Wiley, 1979"};
+constexpr std::array example = {100.0};
 constexpr Card entry = {
     .id = "quadratic_stiffness",
     .relation = Relation::force_balance,
@@ -26,6 +29,8 @@ constexpr Card entry = {
     .rivals = rivals,
     .depends_on = depends_on,
     .tier = Tier::formula,
+    .references = references,
+    .example = example,
 };
 
 class QuadraticStiffness final : public EffectOf<QuadraticStiffness> {

@@ -16,6 +16,9 @@ constexpr std::array parameters = {
                   .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 2> rivals = {"cubic_stiffness", "end_stop"};
 constexpr std::array<std::string_view, 1> depends_on = {"displacement"};
+constexpr std::array<std::string_view, 1> references = {
+    "A. H. Nayfeh and D. T. Mook, Nonlinear Oscillations, Wiley, 1979"};
+constexpr std::array example = {2.0e7};
 constexpr Card entry = {
     .id = "quintic_stiffness",
     .relation = Relation::force_balance,
@@ -27,6 +30,8 @@ constexpr Card entry = {
     .rivals = rivals,
     .depends_on = depends_on,
     .tier = Tier::formula,
+    .references = references,
+    .example = example,
 };
 
 class QuinticStiffness final : public EffectOf<QuinticStiffness> {

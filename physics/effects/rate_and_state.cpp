@@ -41,6 +41,12 @@ constexpr std::array parameters = {
 constexpr std::array<std::string_view, 3> rivals = {"dwell_strengthening", "stribeck",
                                                     "logarithmic_friction"};
 constexpr std::array<std::string_view, 2> depends_on = {"velocity", "time"};
+constexpr std::array<std::string_view, 2> references = {
+    "J. H. Dieterich, Modeling of rock friction: 1. Experimental results and constitutive "
+    "equations, Journal of Geophysical Research, 1979",
+    "A. Ruina, Slip instability and state variable friction laws, Journal of Geophysical Research, "
+    "1983"};
+constexpr std::array example = {0.02, 0.03, 1.0e-4, 0.003};
 constexpr Card entry = {
     .id = "rate_and_state",
     .relation = Relation::friction_law,
@@ -58,6 +64,8 @@ constexpr Card entry = {
     .depends_on = depends_on,
     .strength = 1,
     .tier = Tier::formula,
+    .references = references,
+    .example = example,
 };
 
 // Dieterich's (1979) and Ruina's (1983) law with ageing, regularised at rest.

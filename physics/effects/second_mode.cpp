@@ -39,6 +39,7 @@ constexpr std::array parameters = {
                   .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 3> rivals = {"load_cell_resonance", "ambient_vibration",
                                                     "crosstalk"};
+constexpr std::array example = {37.0, 30.0, 0.5, 0.01};
 constexpr Card entry = {
     .id = "second_mode",
     .relation = Relation::force_balance,
@@ -55,6 +56,7 @@ constexpr Card entry = {
     .rivals = rivals,
     .strength = 1,
     .frequency = Frequency{.parameter = 0, .spectral_mark = "bending mode"},
+    .example = example,
 };
 
 class SecondMode final : public EffectOf<SecondMode> {

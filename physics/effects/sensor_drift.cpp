@@ -25,6 +25,7 @@ constexpr std::array parameters = {
                   .estimated = true,
                   .start_sigma = 1.0}};
 constexpr std::array<std::string_view, 2> rivals = {"friction_drift", "bias_force"};
+constexpr std::array example = {1.0e-4, 20.0};
 constexpr Card entry = {
     .id = "sensor_drift",
     .relation = Relation::sensor,
@@ -36,6 +37,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a recording with the rig at rest, before and after the run",
     .rivals = rivals,
+    .example = example,
 };
 
 class SensorDrift final : public EffectOf<SensorDrift> {

@@ -25,6 +25,12 @@ constexpr std::array parameters = {
                   .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 3> rivals = {"dwell_strengthening", "contact_compliance",
                                                     "friction_memory"};
+constexpr std::array<std::string_view, 2> references = {
+    "R. Stribeck, Die wesentlichen Eigenschaften der Gleit- und Rollenlager, Zeitschrift des "
+    "Vereines deutscher Ingenieure, 1902",
+    "B. Armstrong-H\u00e9louvry, P. Dupont and C. Canudas de Wit, A survey of models, analysis "
+    "tools and compensation methods for the control of machines with friction, Automatica, 1994"};
+constexpr std::array example = {1.3, 0.05};
 constexpr Card entry = {
     .id = "stribeck",
     .relation = Relation::friction_law,
@@ -34,6 +40,8 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "slow runs: long stretches below the Stribeck speed in both directions",
     .rivals = rivals,
+    .references = references,
+    .example = example,
 };
 
 class Stribeck final : public EffectOf<Stribeck> {

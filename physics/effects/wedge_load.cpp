@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -24,6 +25,10 @@ constexpr std::array parameters = {
                   .fixed_default = 0.0,
                   .estimated = true}};
 constexpr std::array<std::string_view, 2> rivals = {"position_dependent_mu", "asymmetric_friction"};
+constexpr std::array<std::string_view, 1> references = {
+    "B. F. Feeny and F. C. Moon, Chaos in a forced dry-friction oscillator: experiments and "
+    "numerical modelling, Journal of Sound and Vibration, 1994"};
+constexpr std::array example = {36.0, 0.0};
 constexpr Card entry = {
     .id = "wedge_load",
     .relation = Relation::normal_load,
@@ -35,6 +40,8 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a slow sweep over the whole track with the normal-load bridge recorded",
     .rivals = rivals,
+    .references = references,
+    .example = example,
 };
 
 class WedgeLoad final : public EffectOf<WedgeLoad> {
@@ -53,6 +60,16 @@ class WedgeLoad final : public EffectOf<WedgeLoad> {
   std::string statement(std::span<const double> p) const override {
     return "The normal load is not constant: it changes by " + number_text(0.1 * p[0]) +
            " % per millimetre of displacement, as between plates that are not parallel.";
+  }
+
+  std::vector<LawCurve> law_curves(std::span<const double> p, std::span<const double> reference,
+                                   double /*friction_n*/) const override {
+    if (reference[0] == 0.0) return {};
+    const double far = 0.7 / std::abs(reference[0]);
+    return {{"displacement", "m", -far, far, "relative normal load", "1",
+             [slope = p[0], curvature = p[1]](double at) {
+               return std::max(0.0, 1.0 + slope * at + curvature * at * at);
+             }}};
   }
 
   unsigned hooks() const override { return hook::coefficients; }

@@ -65,7 +65,7 @@ test("the page holds and draws what the daemon recorded, bit for bit", async (t)
   const pace = await page.evaluate(() => stickslip.pace());
   t.diagnostic(`lag from LCM to pixel: median ${pace.lag.median.toFixed(1)} ms, 95 % ${pace.lag.p95.toFixed(1)} ms; ` +
     `${(1000 / pace.interval.median).toFixed(0)} pictures/s, work of each ${pace.work.median.toFixed(2)} ms (without a graphics processor, on a busy machine)`);
-  assert.equal(await page.locator("#rig-name").innerText(), "simulated Beam II");
+  assert.equal(await page.locator("#rig-name").innerText(), "simulated rig");
   await page.keyboard.press("p");
   const frames = [];
   for (let channel = 0; channel < 6; ++channel) frames.push(await held(page, "frames", channel));

@@ -96,8 +96,69 @@ class PaperFigures(unittest.TestCase):
         with open(out / "samples.csv", newline="") as file:
             samples = list(csv.DictReader(file))
         self.assertEqual(sum(int(cell["samples"]) for cell in cells), len(samples))
-        for stem in ("surface", "sweep", "mu-v", "mu-x", "n-x"):
+        for stem in ("surface", "map", "sweep", "mu-v", "mu-x", "n-x"):
             self.assertIn("</svg>", (out / f"{stem}.svg").read_text())
+        self.assert_documented(samples[0])
+        self.assert_documented(cells[0])
+
+    def assert_documented(self, columns):
+        formats = (SOURCE / "docs/formats.md").read_text()
+        for column in columns:
+            self.assertIn(f"`{column}`", formats)
+
+    def test_surfaces_have_a_flat_map_beside_them(self):
+        for number in range(4, 9):
+            with self.subTest(figure=number):
+                self.assertIn("mu, mean of the cell",
+                              (self.folder / f"figure-{number}a-map.svg").read_text())
+
+    def test_the_trajectory_has_axes_with_units(self):
+        for name, labels in (("figure-2a", ("x [mm]", "v [m/s]", "0.25", "0.75")),
+                             ("figure-10a", (">x<", ">v<", "0.25", "0.75"))):
+            texts = (self.folder / f"{name}.svg").read_text()
+            for label in labels:
+                with self.subTest(figure=name, label=label):
+                    self.assertIn(label, texts)
+
+    def diagram(self, model, *arguments):
+        out = pathlib.Path(self.keep.name)
+        run = stickslip("bifurcation", "--model", PRESETS / "models" / model, "--values", "3",
+                        "--periods", "20", "--transient", "20", "--exponents", *arguments,
+                        "--out", out / "diagram.csv", "--svg", out / "diagram.svg")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        header = (out / "diagram.csv").read_text().splitlines()[0]
+        for name in ("diagram.png", "diagram.gp"):
+            self.assertTrue((out / name).is_file(), name)
+        return header, (out / "diagram.svg").read_text()
+
+    def test_a_bifurcation_diagram_names_its_parameter_and_is_drawn(self):
+        header, picture = self.diagram("motivational.toml", "--frequency-hz", "4.2", "--over",
+                                       "drive.amplitude_m", "--from", "0.006", "--to", "0.008")
+        self.assertEqual(header, "drive.amplitude_m,displacement_m,velocity_m_s,exponent_per_s")
+        self.assertIn("drive.amplitude [mm]", picture)
+        self.assertIn("largest exponent [1/s]", picture)
+        run = stickslip("bifurcation", "--model", PRESETS / "models/motivational.toml",
+                        "--frequency-hz", "4.2", "--over", "drive.amplitude_m", "--from", "0.006",
+                        "--to", "0.008", "--svg", pathlib.Path(self.keep.name) / "diagram.pdf")
+        self.assertEqual(run.returncode, 2)
+        self.assertIn("expected a name that ends in .svg", run.stderr)
+
+    def test_a_dimensionless_model_has_results_without_units(self):
+        model = "paper-figure-10.toml"
+        header, picture = self.diagram(model, "--omega", "1.25", "--over",
+                                       "drive.acceleration_m_s2", "--from", "1.5", "--to", "1.9")
+        self.assertEqual(header, "drive.acceleration,displacement,velocity,exponent")
+        self.assertNotRegex(picture, r"\[(mm?|1/s|m/s2?)\]")
+        drive = ("--model", PRESETS / "models" / model, "--omega", "1.25", "--acceleration", "1.9",
+                 "--periods", "20", "--transient", "5")
+        out = pathlib.Path(self.keep.name) / "section.csv"
+        section = stickslip("poincare", *drive, "--out", out)
+        self.assertEqual(section.returncode, 0, section.stderr)
+        self.assertEqual(out.read_text().splitlines()[0], "time,displacement,velocity,theta")
+        self.assertNotRegex(section.stdout, r"\d (m|m/s|N)\b")
+        exponent = stickslip("lyapunov", *drive)
+        self.assertIn("per unit of time", exponent.stdout)
+        self.assertIn("dimensionless", stickslip("check", PRESETS / "models" / model).stdout)
 
     def test_method_of_the_paper_uses_800_samples(self):
         run = stickslip("reduce", self.folder / "figure-4.csv", "--model",

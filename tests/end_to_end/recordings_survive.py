@@ -67,7 +67,7 @@ class RecordingsSurvive(EndToEnd):
             recorded = stickslip("log", "info", log, "--json")
             self.assertEqual(recorded.returncode, 0, recorded.stderr)
             info = json.loads(recorded.stdout)
-            self.assertEqual(info["rig"], "simulated Beam II")
+            self.assertEqual(info["rig"], "simulated rig")
             self.assertEqual(info["frames"]["gaps"], 0)
             self.assertEqual(info["frames"]["first_sequence"], 0)
             last_heard = frames.frames(heard, self.types)[-1].sequence
@@ -280,7 +280,7 @@ class RecordingsSurvive(EndToEnd):
         config, log = self.rig("described", "", fast=True)
         self.run_rig(config, 3)
         output = self.succeed("log", "info", log).stdout
-        for line in (r"rig +simulated Beam II", r"program +stickslipd \d", r"part +0, the first",
+        for line in (r"rig +simulated rig", r"program +stickslipd \d", r"part +0, the first",
                      r"configuration +SHA-256 [0-9a-f]{64}, verified", r"duration +2\.999 s",
                      r"rate +1000 Hz", r"frames +3000, .*no gap", r"displacement +-\S+ to \S+ m",
                      r"ledger +3000 produced = 3000 recorded$"):

@@ -1,22 +1,29 @@
 // `stickslip bifurcation`: bifurcation diagrams of a model.
 #include "tools/dynamics/bifurcation.h"
-#include "tools/command_line/shared_options.h"
 
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "config/key.h"
 #include "config/model_file.h"
 #include "diagnosis/parallel/for_each.h"
+#include "physics/catalogue.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
 #include "tools/command_line/drive_options.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/result_units.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
+#include "tools/figures/bifurcation_picture.h"
 #include "tools/files/outputs.h"
+#include "tools/files/read_file.h"
+#include "tools/files/temporary_folder.h"
 #include "tools/terminal/progress.h"
 
 namespace stickslip::commands {
@@ -36,6 +43,7 @@ struct Arguments {
   bool exponents = false;
   int jobs = 0;
   std::string out = "-";
+  std::string svg;
 };
 
 DriveOptions::Swept swept_quantity(const std::string& path) {
@@ -75,16 +83,41 @@ std::vector<double> swept_values(const Arguments& arguments, const physics::Mode
   return values;
 }
 
-template <class Columns>
-std::string table_of(const Columns& columns, bool with_exponents) {
-  std::string table = "value,displacement_m,velocity_m_s";
-  table += with_exponents ? ",exponent_per_s\n" : "\n";
+/// The unit of a parameter that a diagram can be drawn over; "1" where it has none.
+std::string unit_of(const std::string& path, const physics::Model& model) {
+  if (path == "drive.frequency_hz") return "Hz";
+  if (path == "drive.amplitude_m") return "m";
+  if (path == "drive.acceleration_m_s2") return "m/s2";
+  for (const config::Key& key : config::model_keys()) {
+    if (key.path == path && !key.unit.empty()) return std::string(key.unit);
+  }
+  for (const physics::Term& term : model.terms) {
+    const physics::Effect* effect = physics::find_effect(term.id);
+    if (effect == nullptr) continue;
+    for (const physics::ParameterCard& parameter : effect->card().parameters) {
+      if (path == physics::path_of(term) + "." + std::string(parameter.name)) {
+        return std::string(parameter.unit);
+      }
+    }
+  }
+  return "1";
+}
+
+using Columns = std::vector<dynamics::BifurcationColumn>;
+
+std::string table_of(const Columns& columns, const Arguments& arguments,
+                     const physics::Model& model) {
+  const ResultUnits units(model);
+  std::string table = units.column(arguments.over, unit_of(arguments.over, model)) + "," +
+                      units.column("displacement_m", "m") + "," +
+                      units.column("velocity_m_s", "m/s");
+  table += arguments.exponents ? "," + units.column("exponent_per_s", "1/s") + "\n" : "\n";
   char line[160];
   for (const auto& column : columns) {
     for (const dynamics::Point& point : column.section) {
       std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g", column.value, point.x(), point.v());
       table += line;
-      if (with_exponents) {
+      if (arguments.exponents) {
         std::snprintf(line, sizeof line, ",%.6g", column.exponent_per_s);
         table += line;
       }
@@ -94,7 +127,58 @@ std::string table_of(const Columns& columns, bool with_exponents) {
   return table;
 }
 
+/// The axes in millimetres where they are lengths.
+figures::BifurcationAxes axes_of(const std::string& path, const physics::Model& model) {
+  const ResultUnits units(model);
+  const std::string unit = unit_of(path, model);
+  const std::string name = ResultUnits::bare(path, unit);
+  constexpr double mm = 1.0e3;
+  figures::BifurcationAxes axes;
+  axes.parameter = units.axis(name, unit);
+  axes.displacement = units.axis("displacement, once per drive period", "mm");
+  axes.exponent = units.axis("largest exponent", "1/s");
+  if (units.dimensionless()) return axes;
+  axes.displacement_factor = mm;
+  if (unit == "m") {
+    axes.parameter = units.axis(name, "mm");
+    axes.parameter_factor = mm;
+  }
+  return axes;
+}
+
+/// The file without its ending. Throws InputError if that is not .svg.
+std::filesystem::path stem_of(const std::string& svg) {
+  const std::filesystem::path path = svg;
+  if (path.extension() == ".svg" && !path.stem().empty()) {
+    return path.parent_path() / path.stem();
+  }
+  throw InputError(Problem{"--svg", 0, 0, "\"" + svg + "\": expected a name that ends in .svg"});
+}
+
+/// The drawing, its bitmap and its script.
+std::vector<std::string> pictures_of(const std::string& svg) {
+  const std::string stem = stem_of(svg).string();
+  return {stem + ".svg", stem + ".png", stem + ".gp"};
+}
+
+void draw_diagram(const Columns& columns, const Arguments& arguments, const physics::Model& model,
+                  const Outputs& outputs) {
+  const std::string name = stem_of(arguments.svg).filename().string();
+  terminal::Progress progress("drawing");
+  const TemporaryFolder drawn;
+  figures::draw(figures::bifurcation_picture(columns, arguments.exponents,
+                                             axes_of(arguments.over, model), name),
+                drawn.path());
+  for (const std::string& picture : pictures_of(arguments.svg)) {
+    outputs.write(picture, Form::plain,
+                  content_of(drawn.path() / std::filesystem::path(picture).filename()));
+  }
+}
+
 int run(const Arguments& arguments, const Outputs& outputs) {
+  if (!arguments.svg.empty()) {
+    for (const std::string& picture : pictures_of(arguments.svg)) outputs.check(picture);
+  }
   const physics::Model model = config::load_model(arguments.drive->model);
   const dynamics::Drive drive = arguments.drive->drive(model, swept_quantity(arguments.over));
   check_parameter(arguments, model);
@@ -111,7 +195,10 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   options.progress = [&progress](std::size_t done, std::size_t all) { progress.at(done, all); };
   const auto columns = dynamics::bifurcation(model, drive, arguments.over, values, options);
   progress.finish();
-  outputs.write(arguments.out, Form::plain, table_of(columns, arguments.exponents));
+  if (!arguments.svg.empty()) draw_diagram(columns, arguments, model, outputs);
+  if (arguments.out != "-" || arguments.svg.empty()) {
+    outputs.write(arguments.out, Form::plain, table_of(columns, arguments, model));
+  }
   return 0;
 }
 
@@ -140,6 +227,9 @@ void add_bifurcation(CLI::App& app, Action& action) {
   add_jobs_option(*command, arguments->jobs);
   add_output(*command, "--out", arguments->out, "Table to write (CSV; -: standard output)")
       ->capture_default_str();
+  add_output(*command, "--svg", arguments->svg,
+             "Diagram to draw: FILE.svg, with FILE.png and its script FILE.gp beside it");
+  command->footer("The first column of the table is the parameter, named with its unit.");
   command->callback([&action, arguments, command] {
     action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
   });
@@ -147,9 +237,9 @@ void add_bifurcation(CLI::App& app, Action& action) {
            {.examples = {{"Sweep the amplitude of the drive",
                           "stickslip bifurcation --model config/models/motivational.toml "
                           "--frequency-hz 4.2 --over drive.amplitude_m --from 0.006 --to 0.012 "
-                          "--out diagram.csv"}},
+                          "--out diagram.csv --svg diagram.svg"}},
             .files = {model_files},
-            .see_also = {"stickslip-poincare(1)", "stickslip-lyapunov(1)"}});
+            .see_also = {"stickslip-poincare(1)", "stickslip-lyapunov(1)", "gnuplot(1)"}});
 }
 
 }  // namespace stickslip::commands

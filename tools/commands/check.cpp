@@ -49,13 +49,13 @@ void print(const char* what, const std::string& text) {
 }
 
 std::string oscillator_text(const physics::Model& model) {
+  const std::string mass = physics::number_text(model.oscillator.mass_kg.value, 6) +
+                           (model.dimensionless ? ", dimensionless" : " kg");
   switch (model.oscillator.excitation) {
     case physics::Excitation::base:
-      return "driven by its base, " + physics::number_text(model.oscillator.mass_kg.value, 6) +
-             " kg";
+      return "driven by its base, " + mass;
     case physics::Excitation::force:
-      return "driven by a force, " + physics::number_text(model.oscillator.mass_kg.value, 6) +
-             " kg";
+      return "driven by a force, " + mass;
     case physics::Excitation::imposed:
       return "imposed motion";
   }

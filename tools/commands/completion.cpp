@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "config/key.h"
+#include "physics/catalogue.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
 
@@ -29,6 +30,12 @@ std::vector<std::string> plain_keys() {
   return out;
 }
 
+std::vector<std::string> effect_ids() {
+  std::vector<std::string> out;
+  for (const physics::Effect* effect : physics::catalogue()) out.emplace_back(effect->card().id);
+  return out;
+}
+
 }  // namespace
 
 void add_completion(CLI::App& app, Action& action) {
@@ -44,7 +51,9 @@ void add_completion(CLI::App& app, Action& action) {
       "Installed with the program. To try it from the build: source <(stickslip completion bash)");
   command->callback([&app, &action, shell, shells] {
     action = [&app, chosen = shells.at(*shell)] {
-      std::fputs(completion_script(chosen, app, {{"KEY", plain_keys()}}).c_str(), stdout);
+      std::fputs(
+          completion_script(chosen, app, {{"KEY", plain_keys()}, {"EFFECT", effect_ids()}}).c_str(),
+          stdout);
       return 0;
     };
   });

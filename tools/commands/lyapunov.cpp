@@ -1,7 +1,5 @@
 // `stickslip lyapunov`: the largest Lyapunov exponent of a model.
 #include "tools/dynamics/lyapunov.h"
-#include "physics/number_text.h"
-#include "tools/command_line/shared_options.h"
 
 #include <cstdio>
 #include <memory>
@@ -9,9 +7,11 @@
 #include <string>
 
 #include "config/model_file.h"
+#include "physics/number_text.h"
 #include "tools/command_line/drive_options.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/files/outputs.h"
 #include "tools/terminal/page.h"
@@ -48,9 +48,10 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   if (found.exponent_per_s > 3.0 * found.standard_error_per_s) verdict = "chaotic";
   if (found.exponent_per_s < -3.0 * found.standard_error_per_s) verdict = "periodic";
   terminal::print(
-      "largest Lyapunov exponent %s +- %.4f per second (one standard error), %s per drive "
+      "largest Lyapunov exponent %s +- %.4f per %s (one standard error), %s per drive "
       "period, over %s: %s\n",
       physics::fixed_text(found.exponent_per_s, 4).c_str(), found.standard_error_per_s,
+      model.dimensionless ? "unit of time" : "second",
       physics::fixed_text(found.per_period, 3).c_str(),
       physics::counted(arguments.periods, "period").c_str(), verdict);
   if (!arguments.json.empty()) {
@@ -60,6 +61,7 @@ int run(const Arguments& arguments, const Outputs& outputs) {
     json["standard_error_per_s"] = found.standard_error_per_s;
     json["per_period"] = found.per_period;
     json["periods"] = arguments.periods;
+    if (model.dimensionless) json["dimensionless"] = true;
     outputs.write(arguments.json, Form::json, json.dump(2) + "\n");
   }
   return 0;

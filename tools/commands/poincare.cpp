@@ -9,6 +9,7 @@
 #include "tools/command_line/drive_options.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/result_units.h"
 #include "tools/commands/commands.h"
 #include "tools/dynamics/portrait.h"
 #include "tools/files/outputs.h"
@@ -40,7 +41,9 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   // Ranges and shares require a second integration.
   const double runs = arguments.out == "-" ? 1.0 : 2.0;
   options.progress = [&](double share) { progress.at(share / runs); };
-  std::string table = "time_s,displacement_m,velocity_m_s,theta\n";
+  const ResultUnits units(model);
+  std::string table = units.column("time_s", "s") + "," + units.column("displacement_m", "m") +
+                      "," + units.column("velocity_m_s", "m/s") + ",theta\n";
   char line[160];
   const std::vector<dynamics::Point> section = dynamics::poincare_section(model, drive, options);
   if (arguments.out == "-") progress.finish();
@@ -57,9 +60,10 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   const dynamics::Portrait portrait = dynamics::portrait(model, drive, options);
   progress.finish();
   terminal::print(
-      "displacement %.5g to %.5g m, velocity %.5g to %.5g m/s, normal load %.4g to %.4g N\n",
-      portrait.displacement_m.low, portrait.displacement_m.high, portrait.velocity_m_s.low,
-      portrait.velocity_m_s.high, portrait.normal_load_n.low, portrait.normal_load_n.high);
+      "displacement %.5g to %.5g%s, velocity %.5g to %.5g%s, normal load %.4g to %.4g%s\n",
+      portrait.displacement_m.low, portrait.displacement_m.high, units.after_number("m").c_str(),
+      portrait.velocity_m_s.low, portrait.velocity_m_s.high, units.after_number("m/s").c_str(),
+      portrait.normal_load_n.low, portrait.normal_load_n.high, units.after_number("N").c_str());
   terminal::print(
       "contact lost %.2f %% of the time, friction and velocity of opposite sign %.2f %%, at rest "
       "%.2f %%; "

@@ -25,6 +25,90 @@ Extent extent_of(const std::vector<PhasePoint>& points, double PhasePoint::*valu
   return out;
 }
 
+// Multiples of 1, 2 or 5 times a power of ten within the extent, two to six of them.
+std::vector<double> round_values(const Extent& extent) {
+  std::vector<double> out;
+  if (!(extent.range() > 0.0)) return out;
+  const double least = extent.range() / 5.0;
+  double step = std::pow(10.0, std::floor(std::log10(least)));
+  for (const double factor : {2.0, 5.0, 10.0}) {
+    if (step >= least) break;
+    step = factor * std::pow(10.0, std::floor(std::log10(least)));
+  }
+  for (double k = std::ceil(extent.low / step); k * step <= extent.high; k += 1.0) {
+    out.push_back(k == 0.0 ? 0.0 : k * step);
+  }
+  return out;
+}
+
+// Axes of the portrait, which gnuplot cannot draw in cylindrical coordinates: their lines as a
+// table, and their numbers as labels of the commands.
+class CylinderAxes {
+ public:
+  CylinderAxes(const Extent& x, const Extent& v, double hole)
+      : x_(x), v_(v), hole_(hole), outer_(x.range() + hole) {}
+
+  // Along the radius at phase 0, in the plane of zero velocity.
+  void add_displacement(const std::string& label) {
+    for (const double value : round_values(x_)) {
+      const double r = value - x_.low + hole_;
+      tick({r, 0.0, 0.0}, {r, 0.05 * outer_, 0.0});
+      number(value, {r, -0.09 * outer_, 0.0}, "center front boxed");
+    }
+    text(label, {1.06 * outer_, 0.0, 0.0}, "left front");
+  }
+  // Quarters of a turn around the outer ring.
+  void add_phase() {
+    for (const double turn : {0.25, 0.5, 0.75}) {
+      tick(on_ring(turn, outer_, 0.0), on_ring(turn, 1.05 * outer_, 0.0));
+      number(turn, on_ring(turn, 1.13 * outer_, 0.0), "center front boxed");
+    }
+  }
+  // Vertical, outside the ring.
+  void add_velocity(const std::string& label) {
+    constexpr double half = 0.5;
+    const double r = 1.28 * outer_;
+    tick(on_ring(half, r, v_.low), on_ring(half, r, v_.high));
+    for (const double value : round_values(v_)) {
+      tick(on_ring(half, r, value), on_ring(half, 1.04 * r, value));
+      number(value, on_ring(half, 1.07 * r, value), "right");
+    }
+    text(label, on_ring(half, r, v_.high + 0.1 * v_.range()), "center");
+  }
+
+  const Table& lines() const { return lines_; }
+  const std::string& labels() const { return labels_; }
+
+ private:
+  static std::vector<double> on_ring(double turn, double r, double v) {
+    const double angle = -2.0 * std::numbers::pi * turn;
+    return {r * std::cos(angle), r * std::sin(angle), v};
+  }
+  void tick(const std::vector<double>& from, const std::vector<double>& to) {
+    lines_.rows.push_back(from);
+    lines_.rows.push_back(to);
+    lines_.rows.emplace_back();
+    lines_.rows.emplace_back();
+  }
+  void text(const std::string& words, const std::vector<double>& at, const char* style) {
+    char place[120];
+    std::snprintf(place, sizeof place, "' at %.6g,%.6g,%.6g ", at[0], at[1], at[2]);
+    labels_ += "set label '" + words + place + style + "\n";
+  }
+  void number(double value, const std::vector<double>& at, const char* style) {
+    char words[32];
+    std::snprintf(words, sizeof words, "%.4g", value);
+    text(words, at, style);
+  }
+
+  Extent x_;
+  Extent v_;
+  double hole_;
+  double outer_;
+  Table lines_{"axes", {}};
+  std::string labels_;
+};
+
 }  // namespace
 
 Picture cylindrical_portrait(const std::vector<PhasePoint>& points, const Labels& labels,
@@ -65,24 +149,26 @@ Picture cylindrical_portrait(const std::vector<PhasePoint>& points, const Labels
   rings.rows.push_back(place(0.0, hole, 0.0));
   rings.rows.push_back(place(0.0, radius(x.high), 0.0));
 
+  CylinderAxes axes(x, extent_of(points, &PhasePoint::v), hole);
+  axes.add_displacement(labels.displacement);
+  axes.add_phase();
+  axes.add_velocity(labels.velocity);
+
   Picture out;
   out.stem = stem;
   out.width = 720;
   out.height = 600;
-  out.tables = {forth, back, rings};
-  char radial[160];
-  std::snprintf(radial, sizeof radial, "radius: %s, %.3g to %.3g", labels.displacement.c_str(),
-                x.low, x.high);
+  out.tables = {forth, back, rings, axes.lines()};
   out.commands =
-      "set origin 0.05,0\nset view 62,25,1.35\nset ticslevel 0\nunset border\nunset xtics\nunset "
-      "ytics\n"
-      "set view equal xy\nset zlabel '" +
-      labels.velocity + "' rotate\nset xzeroaxis\nset key at screen 0.97,0.13\nset label 1 '" +
-      radial +
-      "; around: drive phase, clockwise' at screen 0.5,0.96 center\n"
+      "set style textbox opaque noborder fillcolor '#ffffff' margins 0.5,0.3\n"
+      "set origin 0.02,-0.02\nset view 62,25,1.3\nset view equal xy\nset ticslevel 0\n"
+      "unset border\nunset tics\nset key at screen 0.97,0.13\n"
+      "set label 'around: phase of the drive [turns], clockwise' at screen 0.5,0.96 center\n" +
+      axes.labels() +
       "splot $rings using 1:2:3 with lines lc rgb '#c8502a' lw 1.6 title 'zero velocity', "
       "$forth using 1:2:3 with lines lc rgb '#1f5a99' lw 0.5 title 'v > 0', "
-      "$back using 1:2:3 with lines lc rgb '#8a8a8a' lw 0.5 title 'v <= 0'";
+      "$back using 1:2:3 with lines lc rgb '#8a8a8a' lw 0.5 title 'v <= 0', "
+      "$axes using 1:2:3 with lines lc rgb '#222222' lw 1 title ''";
   return out;
 }
 

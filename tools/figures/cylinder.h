@@ -22,7 +22,7 @@ struct Labels {
 
 /// Displacement along the radius (outward from an empty core), phase of the drive along the
 /// circumference, velocity along the axis; time runs clockwise, seen from above. Two rings mark the
-/// plane of zero velocity.
+/// plane of zero velocity; all three axes have ticks.
 Picture cylindrical_portrait(const std::vector<PhasePoint>& points, const Labels& labels,
                              const std::string& stem);
 

@@ -22,7 +22,7 @@ namespace stickslip::figures {
 namespace {
 
 std::string script_of(const Picture& picture) {
-  std::string out = "# Drawn by `stickslip figures`; run gnuplot on this file to redraw it.\n";
+  std::string out = "# Drawn by Stickslip; run gnuplot on this file to redraw it.\n";
   char number[32];
   for (const Table& table : picture.tables) {
     out += "$" + table.name + " << EOD\n";

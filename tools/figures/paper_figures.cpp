@@ -280,6 +280,8 @@ Measured measured(const Studio& studio, int number, const std::string& preset,
   out.today = reduced_today(rig, recording);
   studio.add(out.figure, mu_surface(out.paper, stem + "a"),
              "(a) mu over x and v, as in the paper: 800 samples, Eq. (1)");
+  studio.add(out.figure, mu_map(out.paper, stem + "a-map"),
+             "(a) seen from above; grey: not visited");
   studio.add(out.figure, phase_sweep(out.paper, stem + "b"), "(b) the sweep of phase space");
   return out;
 }
@@ -302,6 +304,8 @@ void add_today(const Studio& studio, Measured& m) {
   studio.add(
       m.figure, mu_surface(m.today, stem + "e"),
       "mu over x and v by present-day methods: 1000 samples/s, filters and load cell compensated");
+  studio.add(m.figure, mu_map(m.today, stem + "e-map"),
+             "the same seen from above; grey: not visited");
   studio.add(m.figure, mu_against_velocity(m.today, stem + "f"), "the same against v");
 }
 

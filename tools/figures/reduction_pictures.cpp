@@ -51,6 +51,17 @@ Rows grid_of(const std::vector<reduction::Cell>& cells) {
   return rows;
 }
 
+// Half of the smallest distance between neighbours.
+double half_width_of(const std::set<double>& centres) {
+  double width = std::numeric_limits<double>::infinity();
+  double former = missing;
+  for (const double centre : centres) {
+    if (std::isfinite(former)) width = std::min(width, centre - former);
+    former = centre;
+  }
+  return std::isfinite(width) ? 0.5 * width : 0.5;
+}
+
 }  // namespace
 
 Picture mu_surface(const reduction::Reduction& reduced, const std::string& stem) {
@@ -83,6 +94,40 @@ Picture mu_surface(const reduction::Reduction& reduced, const std::string& stem)
       "splot $cells using 1:2:3 with pm3d title '', "
       "$samples using 1:2:3 with points pt 7 ps 0.22 lc rgb '#606060' title 'samples', "
       "$scatter using 1:2:3 with lines lc rgb '#c8502a' lw 0.8 title 'scatter in a cell'";
+  return out;
+}
+
+Picture mu_map(const reduction::Reduction& reduced, const std::string& stem) {
+  std::set<double> xs;
+  std::set<double> vs;
+  double largest = 0.0;
+  for (const auto& cell : reduced.surface) {
+    xs.insert(cell.displacement_m);
+    vs.insert(cell.velocity_m_s);
+    largest = std::max(largest, std::abs(cell.mu));
+  }
+  const double half_x = half_width_of(xs) * mm;
+  const double half_v = half_width_of(vs);
+  Table cells{"cells", {}};
+  for (const auto& cell : reduced.surface) {
+    cells.rows.push_back({cell.displacement_m * mm, cell.velocity_m_s, half_x, half_v, cell.mu});
+  }
+  if (cells.rows.empty()) cells.rows.push_back({0, 0, half_x, half_v, missing});
+  Picture out;
+  out.stem = stem;
+  out.width = 720;
+  out.height = 560;
+  out.tables = {cells};
+  const std::string end = physics::number_text(largest > 0.0 ? largest : 1.0, 2);
+  out.commands =
+      "set xlabel 'x [mm]'\nset ylabel 'v [m/s]'\nset cblabel 'mu, mean of the cell'\nunset key\n"
+      "set palette defined (-1 '#8a3a10', -0.5 '#e39a5f', 0 '#ffffff', 0.5 '#7fb2dd', 1 "
+      "'#10467f')\n"
+      "set cbrange [-" +
+      end + ":" + end +
+      "]\nset style fill solid noborder\nset object 1 rectangle from graph 0,0 to graph 1,1 behind "
+      "fc rgb '#e8e8e8' fs solid noborder\n"
+      "plot $cells using 1:2:3:4:5 with boxxyerror lc palette";
   return out;
 }
 
@@ -142,8 +187,11 @@ Picture load_against_displacement(const reduction::Reduction& reduced, const std
 }
 
 std::vector<Picture> reduction_pictures(const reduction::Reduction& reduced) {
-  return {mu_surface(reduced, "surface"), phase_sweep(reduced, "sweep"),
-          mu_against_velocity(reduced, "mu-v"), mu_against_displacement(reduced, "mu-x"),
+  return {mu_surface(reduced, "surface"),
+          mu_map(reduced, "map"),
+          phase_sweep(reduced, "sweep"),
+          mu_against_velocity(reduced, "mu-v"),
+          mu_against_displacement(reduced, "mu-x"),
           load_against_displacement(reduced, "n-x")};
 }
 

@@ -8,6 +8,7 @@
 #include <map>
 #include <optional>
 #include <span>
+#include <string_view>
 #include <unordered_map>
 #include <utility>
 
@@ -91,6 +92,15 @@ struct Field {
   const char* meaning;
   double (*value)(const Message&);
 };
+
+/// Unit of a state of the observer, whose name ends in it: "velocity_m_s"; "1" without one.
+std::string unit_of_state(std::string_view name) {
+  constexpr std::array<std::pair<std::string_view, const char*>, 5> units = {
+      {{"_m_s", "m/s"}, {"_per_s", "1/s"}, {"_m", "m"}, {"_n", "N"}, {"_s", "s"}}};
+  const auto ends_in = [name](const auto& unit) { return name.ends_with(unit.first); };
+  const auto found = std::find_if(units.begin(), units.end(), ends_in);
+  return found == units.end() ? "1" : found->second;
+}
 
 /// Splits a message into the commanded excitation of each frame that it covers, oldest first.
 /// `time_of`: time of the frame with a sequence number, if known.
@@ -197,9 +207,13 @@ class MessageTable {
           {fields_[i].name, fields_[i].unit, fields_[i].meaning, std::move(values_[i])});
     }
     for (auto& [name, column] : optional_) {
-      const bool deviation = name.ends_with("_std");
+      constexpr std::string_view ending = "_std";
+      const bool deviation = name.ends_with(ending);
+      const std::string_view state =
+          std::string_view(name).substr(0, name.size() - (deviation ? ending.size() : 0));
       out.columns.push_back(
-          {name, "SI", deviation ? "standard deviation of the state" : "state of the observer",
+          {name, unit_of_state(state),
+           deviation ? "standard deviation of the state" : "state of the observer",
            std::move(column)});
     }
     return out;

@@ -24,6 +24,7 @@ constexpr std::array parameters = {ParameterCard{.name = "force_n",
                                                  .positive = true,
                                                  .fixed_default = 0.03}};
 constexpr std::array<std::string_view, 1> depends_on = {"displacement"};
+constexpr std::array example = {0.2, 0.03};
 constexpr Card entry = {
     .id = "cogging",
     .relation = Relation::force_balance,
@@ -35,6 +36,7 @@ constexpr Card entry = {
     .rivals = {},
     .depends_on = depends_on,
     .tier = Tier::formula,
+    .example = example,
 };
 
 class Cogging final : public EffectOf<Cogging> {

@@ -17,6 +17,7 @@ constexpr std::array parameters = {
                   .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 3> depends_on = {"displacement", "velocity",
                                                         "friction_force"};
+constexpr std::array example = {400.0};
 constexpr Card entry = {
     .id = "cubic_characteristic",
     .relation = Relation::sensor,
@@ -28,6 +29,7 @@ constexpr Card entry = {
     .rivals = {},
     .depends_on = depends_on,
     .tier = Tier::formula,
+    .example = example,
 };
 
 class CubicCharacteristic final : public EffectOf<CubicCharacteristic> {

@@ -12,6 +12,8 @@
 
 #include "config/model_file.h"
 #include "diagnosis/diagnosis.h"
+#include "diagnosis/report/effect_picture.h"
+#include "diagnosis/report/effects_page.h"
 #include "diagnosis/report/json.h"
 #include "diagnosis/report/text.h"
 #include "diagnosis/shape.h"
@@ -162,6 +164,16 @@ TEST(EffectsExtension, ArePlotted) {
   EXPECT_NEAR(curves[0].value.back(), at * (1.0 + 40.0 * at * at), 1.0e-12);
   const std::vector<double> cogging = {cogging_n, pitch_m};
   EXPECT_EQ(diagnosis::shape_of(*find_effect("cogging"), cogging, e).size(), 1U);
+}
+
+TEST(EffectsExtension, AreOnTheCataloguesPageWithAPicture) {
+  const std::string page = report::effects_page();
+  EXPECT_THAT(page, testing::HasSubstr("### cogging"));
+  EXPECT_THAT(page, testing::HasSubstr("(effects/cubic_characteristic.svg)"));
+  EXPECT_THAT(report::effects_list(), testing::HasSubstr("\ncogging "));
+  for (const char* id : {"cogging", "cubic_characteristic"}) {
+    EXPECT_THAT(report::effect_picture(*find_effect(id)), testing::StartsWith("<svg xmlns")) << id;
+  }
 }
 
 TEST(EffectsExtension, AreFoundByTheDiagnosisAndReported) {

@@ -45,6 +45,22 @@ TEST(CylindricalPortrait, RingsLieInThePlaneOfZeroVelocity) {
   }
 }
 
+TEST(CylindricalPortrait, HasAxesWithNumbersAndUnits) {
+  const Picture picture =
+      cylindrical_portrait({{0.0, -5.0, -0.13}, {0.5, 8.8, 0.23}}, {"x [mm]", "v [m/s]"}, "test");
+  for (const char* label : {"'x [mm]'", "'v [m/s]'", "'-5'", "'5'", "'0.2'", "'-0.1'", "'0.25'",
+                            "'0.75'", "phase of the drive [turns]"}) {
+    EXPECT_NE(picture.commands.find(label), std::string::npos) << label;
+  }
+  // The tick of x = 5 on the radius at phase 0.
+  const double r = 5.0 + 5.0 + 0.4 * 13.8;
+  bool found = false;
+  for (const auto& row : table(picture, "axes").rows) {
+    found = found || (row.size() == 3 && std::abs(row[0] - r) < 1.0e-9 && row[1] == 0.0);
+  }
+  EXPECT_TRUE(found);
+}
+
 TEST(NearRest, BreaksTheLineAtEachReversal) {
   const Picture picture =
       near_rest({{0.9, 0.0, 1.0}, {1.1, 0.0, 0.5}, {1.9, 0.0, -1.0}}, {"x", "v"}, 0.1, "test");

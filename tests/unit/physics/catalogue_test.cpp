@@ -100,6 +100,18 @@ TEST_P(EveryEffect, IsDescribedCompletely) {
     middle.push_back(parameter.positive ? std::sqrt(parameter.low * parameter.high)
                                         : 0.7 * parameter.low + 0.3 * parameter.high);
   }
+  // A picture for every effect, and literature with a year.
+  EXPECT_EQ(card.example.size(), card.parameters.size());
+  for (std::size_t i = 0; i < card.example.size(); ++i) {
+    if (card.parameters[i].fixed_default == card.example[i]) continue;
+    EXPECT_GE(card.example[i], card.parameters[i].low) << card.parameters[i].name;
+    EXPECT_LE(card.example[i], card.parameters[i].high) << card.parameters[i].name;
+  }
+  for (const std::string_view reference : card.references) {
+    ASSERT_GT(reference.size(), 20U);
+    const int year = std::stoi(std::string(reference.substr(reference.size() - 4)));
+    EXPECT_TRUE(year > 1780 && year < 2027) << reference;
+  }
   const std::string statement = GetParam()->statement(middle);
   EXPECT_GT(statement.size(), 20U);
   EXPECT_EQ(statement.back(), '.');

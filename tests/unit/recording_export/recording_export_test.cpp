@@ -89,10 +89,11 @@ class Export : public testing::Test {
     estimate.sequence = 119;
     estimate.valid = 1;
     estimate.mu = 0.8;
-    estimate.state_count = 1;
-    estimate.state_name = {"mu"};
-    estimate.state = {0.8};
-    estimate.covariance = {{0.04}};
+    estimate.state_count = 4;
+    estimate.state_name = {"mu", "theta", "velocity_m_s", "gamma_per_s"};
+    estimate.state = {0.8, 0.5, 0.1, 150.0};
+    estimate.covariance = {
+        {0.04, 0.0, 0.0, 0.0}, {0.0, 0.01, 0.0, 0.0}, {0.0, 0.0, 0.01, 0.0}, {0.0, 0.0, 0.0, 4.0}};
     append(protocol::estimate_channel, estimate);
     ASSERT_TRUE(writer.close());
   }
@@ -117,6 +118,13 @@ TEST_F(Export, CsvHasOneRowPerFrame) {
   EXPECT_THAT(comments,
               testing::Contains(HasSubstr("displacement_m: deflection of the mass relative to the "
                                           "moving frame [m]")));
+  for (const char* unit :
+       {"# estimate_state_theta: state of the observer [1]",
+        "# estimate_state_velocity_m_s: state of the observer [m/s]",
+        "# estimate_state_gamma_per_s_std: standard deviation of the state [1/s]"}) {
+    EXPECT_THAT(comments, testing::Contains(unit));
+  }
+  EXPECT_THAT(comments, testing::Not(testing::Contains(HasSubstr("[SI]"))));
   ASSERT_EQ(rows.size(), frame_count + 1);
   EXPECT_EQ(rows[0],
             "time_s,time_ns,sequence,valid,displacement_m,normal_load_n,normal_load_age_s,"
@@ -125,14 +133,37 @@ TEST_F(Export, CsvHasOneRowPerFrame) {
             "estimate_gamma_per_s,estimate_friction_force_n,estimate_slip_velocity_m_s,"
             "estimate_sticking,estimate_raw_friction_force_n,estimate_raw_coefficient,"
             "estimate_nis,estimate_nis_freedom,estimate_nis_mean,"
-            "estimate_nis_mean_low,estimate_nis_mean_high,estimate_state_mu,estimate_state_mu_std");
+            "estimate_nis_mean_low,estimate_nis_mean_high,estimate_state_gamma_per_s,"
+            "estimate_state_gamma_per_s_std,estimate_state_mu,estimate_state_mu_std,"
+            "estimate_state_theta,estimate_state_theta_std,estimate_state_velocity_m_s,"
+            "estimate_state_velocity_m_s_std");
   EXPECT_THAT(rows[1], HasSubstr(",1720000000000000001,100,9,1,0.15,0.00025,,,,,,,"));
   EXPECT_THAT(rows[4], HasSubstr(",103,8,,0.15,"));  // displacement was not measured
   EXPECT_THAT(rows[6], HasSubstr(",105,9,0.16666666666666666,0.15,0.00025,0.001,0.5,0,0.25,0,,,"));
   EXPECT_THAT(rows[9], HasSubstr(",108,9,0.1111111111111111,0.15,0.00025,0.003,0.5,0,0.5,1,,,"));
   EXPECT_THAT(rows[10], HasSubstr(",109,9,0.1,0.15,0.00025,0.004,0,0,0,1,0,,,"));
   EXPECT_THAT(rows[20], HasSubstr(",119,9,0.05,0.15,0.00025,,,,,,1,0,0.8,0,"));
-  EXPECT_THAT(rows[20], testing::EndsWith(",0.8,0.2"));
+  EXPECT_THAT(rows[20], testing::EndsWith(",150,2,0.8,0.2,0.5,0.1,0.1,0.1"));
+}
+
+TEST_F(Export, EveryColumnIsInTheFormats) {
+  std::ifstream in(STICKSLIP_SOURCE_DIR "/docs/formats.md");
+  const std::string page{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  for (const Table& table : tables_of(folder_ / "run.log").tables) {
+    const std::string prefix = table.name == "frames" ? "" : table.name + "_";
+    for (const Column& column : table.columns) {
+      std::string name = column.name;
+      if (name.ends_with("_std")) name.resize(name.size() - 4);
+      const bool state = name.starts_with("state_");
+      const bool age = name.ends_with("_age_s");
+      const bool shared = name == "time_s" || name == "time_ns" || name == "sequence";
+      const std::string documented = state    ? name.substr(6)
+                                     : age    ? "displacement_age_s"
+                                     : shared ? name
+                                              : prefix + name;
+      EXPECT_THAT(page, HasSubstr("`" + documented + "`")) << column.name;
+    }
+  }
 }
 
 struct CloseMat {

@@ -1,0 +1,88 @@
+#include "diagnosis/report/effects_page.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <set>
+#include <sstream>
+
+#include "diagnosis/report/effect_picture.h"
+#include "physics/catalogue.h"
+
+namespace stickslip::report {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+const std::filesystem::path documents = STICKSLIP_SOURCE_DIR "/docs";
+
+std::string content(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+}
+
+TEST(EffectsPage, IsUpToDate) {
+  EXPECT_EQ(content(documents / "effects.md"), effects_page())
+      << "renew it as docs/development.md says";
+}
+
+TEST(EffectsPage, HasAnUpToDatePictureOfEveryEffectAndNoOther) {
+  std::set<std::string> names;
+  for (const physics::Effect* effect : physics::catalogue()) {
+    const std::string id(effect->card().id);
+    names.insert(id + ".svg");
+    const std::string picture = effect_picture(*effect);
+    EXPECT_EQ(content(documents / "effects" / (id + ".svg")), picture)
+        << id << ": renew it as docs/development.md says";
+    EXPECT_LT(picture.size(), 12000U) << id;
+  }
+  for (const auto& file : std::filesystem::directory_iterator(documents / "effects")) {
+    EXPECT_TRUE(names.contains(file.path().filename())) << file.path();
+  }
+}
+
+TEST(EffectsPage, PicturesNeedNeitherAPageNorVariables) {
+  for (const physics::Effect* effect : physics::catalogue()) {
+    SCOPED_TRACE(std::string(effect->card().id));
+    const std::string picture = effect_picture(*effect);
+    EXPECT_THAT(picture, testing::StartsWith("<svg xmlns=\"http://www.w3.org/2000/svg\""));
+    EXPECT_THAT(picture, HasSubstr("<path class=\"line s2\""));
+    EXPECT_THAT(picture, HasSubstr(".line { fill:none"));
+    EXPECT_THAT(picture, Not(HasSubstr("var(")));
+    EXPECT_THAT(picture, Not(HasSubstr("nan")));
+  }
+}
+
+TEST(EffectText, StatesEveryPartOfTheEntryWithinTheColumns) {
+  for (const physics::Effect* effect : physics::catalogue()) {
+    const physics::Card& card = effect->card();
+    const std::string text = effect_text(*effect, 60);
+    SCOPED_TRACE(text);
+    for (const physics::ParameterCard& parameter : card.parameters) {
+      EXPECT_THAT(text, HasSubstr(std::string(parameter.name) + " ["));
+    }
+    for (const char* heading : {"Formula", "Parameters", "Acts on", "Tier", "Shown best by"}) {
+      EXPECT_THAT(text, HasSubstr(std::string("\n") + heading + "\n"));
+    }
+    EXPECT_EQ(text.find("\nReferences\n") != std::string::npos, !card.references.empty());
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);) EXPECT_LE(line.size(), 66U) << line;
+  }
+}
+
+TEST(EffectsList, HasOneLinePerEffectThatBeginsWithItsId) {
+  std::istringstream lines(effects_list());
+  std::size_t count = 0;
+  for (std::string line; std::getline(lines, line); ++count) {
+    EXPECT_NE(physics::find_effect(line.substr(0, line.find(' '))), nullptr) << line;
+    EXPECT_LE(line.size(), 80U) << line;
+  }
+  EXPECT_EQ(count, physics::catalogue().size());
+}
+
+}  // namespace
+}  // namespace stickslip::report

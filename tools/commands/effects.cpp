@@ -1,0 +1,79 @@
+// `stickslip effects`: the catalogue of effects.
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "diagnosis/report/effect_picture.h"
+#include "diagnosis/report/effects_page.h"
+#include "physics/catalogue.h"
+#include "physics/problem.h"
+#include "physics/spelling.h"
+#include "tools/commands/commands.h"
+#include "tools/terminal/abilities.h"
+
+namespace stickslip::commands {
+
+namespace {
+
+struct Arguments {
+  std::string id;
+  bool markdown = false;
+  bool svg = false;
+};
+
+/// Throws InputError, with the id that is probably meant, if there is no such effect.
+const physics::Effect& effect_of(const std::string& id) {
+  if (const physics::Effect* effect = physics::find_effect(id)) return *effect;
+  std::vector<std::string> ids;
+  for (const physics::Effect* effect : physics::catalogue()) ids.emplace_back(effect->card().id);
+  const std::string meant = physics::nearest(id, ids);
+  throw InputError(Problem{id, 0, 0,
+                           meant.empty() ? "is no effect; `stickslip effects` lists them"
+                                         : "is no effect; did you mean \"" + meant + "\"?"});
+}
+
+std::size_t text_columns() {
+  const std::size_t columns = terminal::columns_of(STDOUT_FILENO);
+  return columns == 0 ? 80 : std::clamp<std::size_t>(columns, 40, 100);
+}
+
+std::string answer_to(const Arguments& arguments) {
+  if (arguments.markdown) return report::effects_page();
+  if (arguments.id.empty()) return report::effects_list();
+  const physics::Effect& effect = effect_of(arguments.id);
+  return arguments.svg ? report::effect_picture(effect)
+                       : report::effect_text(effect, text_columns());
+}
+
+}  // namespace
+
+void add_effects(CLI::App& app, Action& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "effects",
+      "List the effects of the catalogue, or explain one: formula, parameters, references");
+  CLI::Option* id =
+      command->add_option("ID", arguments->id, "Effect to explain")->type_name("EFFECT");
+  CLI::Option* svg =
+      command->add_flag("--svg", arguments->svg, "Print the picture of the effect")->needs(id);
+  command
+      ->add_flag("--markdown", arguments->markdown, "Print the whole catalogue as docs/effects.md")
+      ->excludes(id)
+      ->excludes(svg);
+  command->callback([&action, arguments] {
+    action = [arguments] {
+      std::fputs(answer_to(*arguments).c_str(), stdout);
+      return 0;
+    };
+  });
+  describe(*command, {.examples = {{"List all effects", "stickslip effects"},
+                                   {"Explain one", "stickslip effects stribeck"},
+                                   {"Draw its law", "stickslip effects stribeck --svg"}},
+                      .see_also = {"stickslip-diagnose(1)", "stickslip-check(1)"}});
+}
+
+}  // namespace stickslip::commands
