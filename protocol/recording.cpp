@@ -7,6 +7,12 @@
 namespace stickslip::protocol {
 
 std::string cut_off_warning(const Recording& recording) {
+  if (recording.cut_off_line > 0) {
+    return recording.source + ':' + std::to_string(recording.cut_off_line) +
+           ": the last line is not read, since it has no newline and may be cut within a number; " +
+           "append a newline if it is complete. The " + std::to_string(recording.frames.size()) +
+           " frames before it were read";
+  }
   return recording.source + ": truncated: its last " + std::to_string(recording.cut_off_bytes) +
          " bytes are an incomplete event; the " + std::to_string(recording.frames.size()) +
          " frames before it were read";
