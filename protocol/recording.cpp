@@ -9,6 +9,12 @@
 namespace stickslip::protocol {
 
 std::string cut_off_warning(const Recording& recording) {
+  if (recording.cut_off_line > 0) {
+    return recording.source + ':' + std::to_string(recording.cut_off_line) +
+           ": the last line is not read, since it has no newline and may be cut within a number; " +
+           "append a newline if it is complete. " +
+           physics::counted(recording.frames.size(), "frame") + " could be read before it";
+  }
   const bool one = recording.cut_off_bytes == 1;
   return recording.source + ": truncated: its last " +
          physics::counted(recording.cut_off_bytes, "byte") + (one ? " is" : " are") +

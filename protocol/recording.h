@@ -44,9 +44,12 @@ struct Recording {
   /// Bytes of an incomplete event at the end of a log that was truncated by a killed recorder or a
   /// power cut. All events before are included.
   std::uint64_t cut_off_bytes = 0;
+  /// Line of a CSV file without a newline at its end, 0: none. It is not read, since it may have
+  /// been cut within a number; cut_off_bytes is its length.
+  int cut_off_line = 0;
 };
 
-/// Warning about a truncated log (cut_off_bytes is not 0): one line, with the file.
+/// Warning about a truncated log or CSV file (cut_off_bytes is not 0): one line, with the file.
 std::string cut_off_warning(const Recording& recording);
 
 /// Median time between frames [s]; 0 with fewer than two.
@@ -56,8 +59,8 @@ double median_period_s(std::span<const Frame> frames);
 /// and the line (CSV) or the byte (log) of a problem: no time_s, an unknown or repeated column, a
 /// missing or surplus cell, text or nan in a number, time that does not increase, a log that is
 /// damaged before its end or has no frames. An empty cell is a sample that was not measured. A log
-/// that ends too early is read up to there: see cut_off_bytes. `done`, here and below, is called
-/// with the progress.
+/// or a CSV file that ends too early is read up to there: see cut_off_bytes. `done`, here and
+/// below, is called with the progress.
 Recording read_recording(const std::filesystem::path& file, const ProgressCallback& done = {});
 
 /// The same for text in memory; messages name the file as `name`.

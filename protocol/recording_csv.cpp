@@ -127,6 +127,9 @@ class CsvParser {
       if (line.empty() || line.front() == '#') continue;
       if (columns_.empty()) {
         read_header(line);
+      } else if (is_cut_off_) {
+        recording_.cut_off_line = line_;
+        recording_.cut_off_bytes = line.size();
       } else {
         read_row(line);
       }
@@ -134,6 +137,9 @@ class CsvParser {
     if (columns_.empty()) {
       line_ = 0;
       refuse("is empty: expected a header row of column names (" + columns_known() + ")");
+    }
+    if (recording_.frames.empty() && is_cut_off_ && recording_.cut_off_line > 0) {
+      refuse("its only row has no newline and may be cut within a number");
     }
     if (recording_.frames.empty()) refuse("has no samples after its header");
     if (recording_.channels == 0) {
@@ -152,7 +158,8 @@ class CsvParser {
     if (text_.empty()) return false;
     const auto end = text_.find('\n');
     line = trimmed(text_.substr(0, end));
-    text_.remove_prefix(end == std::string_view::npos ? text_.size() : end + 1);
+    is_cut_off_ = end == std::string_view::npos;
+    text_.remove_prefix(is_cut_off_ ? text_.size() : end + 1);
     ++line_;
     if (done_ && line_ % 1024 == 0) {
       done_(1.0 - static_cast<double>(text_.size()) / static_cast<double>(bytes_));
@@ -263,6 +270,7 @@ class CsvParser {
   std::string name_;
   const ProgressCallback& done_;
   int line_ = 0;
+  bool is_cut_off_ = false;  ///< the current line has no newline
   std::vector<int> columns_;
   Recording recording_;
 };

@@ -1,7 +1,10 @@
 #include "protocol/recording_survey.h"
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
+#include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <istream>
@@ -9,6 +12,7 @@
 #include <map>
 #include <numeric>
 #include <string_view>
+#include <utility>
 
 #include "physics/problem.h"
 #include "protocol/channels.h"
@@ -22,6 +26,9 @@ namespace stickslip::protocol {
 namespace {
 
 constexpr std::size_t max_places_listed = 100;
+constexpr double shortest_time_step_s = 0.1;
+constexpr double periods_of_a_time_step = 10.0;
+constexpr std::size_t most_intervals = 1U << 16U;
 
 enum class Validity : std::uint8_t { yes, bad_checksum, undecodable };
 
@@ -116,6 +123,48 @@ void walk(std::istream& in, const std::string& name, Visitor& visitor,
   }
 }
 
+/// Median of the intervals between frames, of an evenly spaced subset if there are many, and the
+/// intervals that may be steps of the time.
+class Intervals {
+ public:
+  void add(std::uint64_t sequence, std::int64_t from_ns, std::int64_t to_ns,
+           std::uint64_t numbers) {
+    const double interval_s = (static_cast<double>(to_ns) - static_cast<double>(from_ns)) * 1e-9;
+    const double each_s = interval_s / static_cast<double>(numbers);
+    if (count_++ % every_ == 0) intervals_s_.push_back(each_s);
+    if (intervals_s_.size() == most_intervals) thin_out();
+    const bool regular = std::abs(each_s) < shortest_time_step_s && each_s > 0.0;
+    if (!regular && candidates_.size() < most_intervals) {
+      candidates_.push_back({{sequence, from_ns, interval_s}, numbers});
+    }
+  }
+
+  std::vector<TimeStep> steps() {
+    std::vector<TimeStep> out;
+    if (intervals_s_.empty()) return out;
+    const auto middle = intervals_s_.begin() + static_cast<std::ptrdiff_t>(intervals_s_.size() / 2);
+    std::nth_element(intervals_s_.begin(), middle, intervals_s_.end());
+    const double least_s = std::max(shortest_time_step_s, periods_of_a_time_step * *middle);
+    for (auto [step, numbers] : candidates_) {
+      step.excess_s -= *middle * static_cast<double>(numbers);
+      if (std::abs(step.excess_s) > least_s) out.push_back(step);
+    }
+    return out;
+  }
+
+ private:
+  void thin_out() {
+    for (std::size_t i = 0; 2 * i < intervals_s_.size(); ++i) intervals_s_[i] = intervals_s_[2 * i];
+    intervals_s_.resize(intervals_s_.size() / 2);
+    every_ *= 2;
+  }
+
+  std::vector<double> intervals_s_;
+  std::vector<std::pair<TimeStep, std::uint64_t>> candidates_;
+  std::uint64_t count_ = 0;
+  std::uint64_t every_ = 1;
+};
+
 class Survey final : public Visitor {
  public:
   explicit Survey(LogSurvey& out) : out_(out) {}
@@ -154,6 +203,8 @@ class Survey final : public Visitor {
 
   void cut_off(const LogEvent& place) override { out_.cut_off_bytes = place.end - place.at; }
 
+  void finish() { out_.time_steps = intervals_.steps(); }
+
  private:
   void add_damage(const LogEvent& place, const std::string& why) {
     out_.damaged_bytes += place.end - place.at;
@@ -181,6 +232,10 @@ class Survey final : public Visitor {
       out_.first_sequence = frame.sequence;
     } else {
       if (frame.time_ns <= out_.last_time_ns) ++out_.times_back;
+      if (frame.sequence > out_.last_sequence) {
+        intervals_.add(out_.last_sequence, out_.last_time_ns, frame.time_ns,
+                       frame.sequence - out_.last_sequence);
+      }
       if (frame.sequence <= out_.last_sequence) {
         ++out_.repeats;
       } else if (frame.sequence - out_.last_sequence > 1) {
@@ -229,6 +284,7 @@ class Survey final : public Visitor {
   }
 
   LogSurvey& out_;
+  Intervals intervals_;
   std::map<std::string, std::size_t> place_;
   std::optional<std::int64_t> next_number_ = 0;
 };
@@ -304,8 +360,57 @@ double LogSurvey::duration_s() const {
 }
 
 double LogSurvey::rate_hz() const {
-  if (frames < 2 || duration_s() <= 0.0) return 0.0;
-  return static_cast<double>(frames - 1 + missing) / duration_s();
+  double regular_s = duration_s();
+  for (const TimeStep& step : time_steps) regular_s -= step.excess_s;
+  if (frames < 2 || regular_s <= 0.0) return 0.0;
+  return static_cast<double>(frames - 1 + missing) / regular_s;
+}
+
+std::uint64_t LogSurvey::unwritten() const {
+  if (!ledger && info && info->frames >= 0) {
+    const auto written = static_cast<std::uint64_t>(info->frames);
+    return written > frames ? written - frames : 0;
+  }
+  if (!ledger) return 0;
+  const std::uint64_t there =
+      ledger->frames_before_it + static_cast<std::uint64_t>(info->frames_before);
+  const auto recorded = static_cast<std::uint64_t>(ledger->recorded);
+  return recorded > there ? recorded - there : 0;
+}
+
+bool LogSurvey::is_explained_by_gaps() const {
+  const bool damage = damaged_places + bad_checksums + undecodable + misnumbered + repeats > 0;
+  if (damage || cut_off_bytes > 0 || frames == 0) return false;
+  const auto before = static_cast<std::uint64_t>(info->frames_before);
+  const auto produced = static_cast<std::uint64_t>(ledger ? ledger->produced : info->frames);
+  const std::uint64_t at_start = first_sequence > before ? first_sequence - before : 0;
+  const std::uint64_t at_end = produced > last_sequence + 1 ? produced - last_sequence - 1 : 0;
+  return unwritten() <= missing + at_start + at_end;
+}
+
+std::vector<std::string> LogSurvey::gap_sentences() const {
+  std::vector<std::string> out;
+  if (missing > 0) {
+    out.push_back(plural(missing, "frame") + " missing in " + plural(gaps, "gap"));
+  }
+  if (unwritten() > 0 && is_explained_by_gaps()) {
+    out.push_back(
+        "lacks " + plural(unwritten(), "frame") +
+        " of the recording that was published: it was received over LCM, which may lose them");
+  }
+  const auto text = [](double value) {
+    std::array<char, 64> digits{};
+    std::snprintf(digits.data(), digits.size(), "%.3f", value);
+    return std::string(digits.data());
+  };
+  for (const TimeStep& step : time_steps) {
+    if (out.size() >= max_places_listed) break;
+    out.push_back("the time steps by " + text(step.excess_s) + " s after " +
+                  text(static_cast<double>(step.after_ns) * 1e-9) + " s (sequence " +
+                  std::to_string(step.after_sequence) +
+                  "): the clock was set, or the device stood still");
+  }
+  return out;
 }
 
 std::vector<std::string> LogSurvey::faults() const {
@@ -327,7 +432,8 @@ std::vector<std::string> LogSurvey::faults() const {
   for (const std::string& text : altered_texts) {
     out.push_back("its " + text + " does not match its SHA-256");
   }
-  if (info && info->frames >= 0 && static_cast<std::uint64_t>(info->frames) != frames) {
+  if (info && info->frames >= 0 && static_cast<std::uint64_t>(info->frames) != frames &&
+      (missing == 0 || !is_explained_by_gaps())) {
     out.push_back("has " + std::to_string(frames) + " frames; " + std::to_string(info->frames) +
                   " were written");
   }
@@ -335,7 +441,7 @@ std::vector<std::string> LogSurvey::faults() const {
     const auto before = static_cast<std::uint64_t>(info->frames_before);
     const std::uint64_t there = ledger->frames_before_it + before;
     const auto recorded = static_cast<std::uint64_t>(ledger->recorded);
-    add(there < recorded || (ledger->closed() && there != recorded),
+    add((there < recorded && !is_explained_by_gaps()) || (ledger->closed() && there > recorded),
         "does not balance: the ledger has " + std::to_string(recorded - before) +
             " frames up to its last status, the log has " +
             std::to_string(ledger->frames_before_it));
@@ -366,6 +472,7 @@ LogSurvey survey_log(std::istream& in, const std::string& name, const ProgressCa
   out.bytes = in.tellg();
   Survey survey(out);
   walk(in, name, survey, done);
+  survey.finish();
   return out;
 }
 

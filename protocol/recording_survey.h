@@ -51,6 +51,14 @@ struct RecordedLedger {
   bool closed() const { return produced == recorded + lost(); }
 };
 
+/// A step of the time between consecutive frames that their sequence numbers do not explain: a
+/// clock that was set, or a device that stood still.
+struct TimeStep {
+  std::uint64_t after_sequence = 0;
+  std::int64_t after_ns = 0;  ///< time of the frame before
+  double excess_s = 0.0;      ///< beyond the regular period; negative: backwards
+};
+
 struct LogSurvey {
   std::string source;
   std::int64_t bytes = 0;
@@ -66,10 +74,11 @@ struct LogSurvey {
   std::int64_t cut_off_bytes = 0;
 
   std::uint64_t frames = 0;
-  std::uint64_t gaps = 0;        ///< jumps of the sequence number
-  std::uint64_t missing = 0;     ///< frames in these jumps
-  std::uint64_t repeats = 0;     ///< sequence numbers that did not increase
-  std::uint64_t times_back = 0;  ///< frames whose time did not increase
+  std::uint64_t gaps = 0;            ///< jumps of the sequence number
+  std::uint64_t missing = 0;         ///< frames in these jumps
+  std::uint64_t repeats = 0;         ///< sequence numbers that did not increase
+  std::uint64_t times_back = 0;      ///< frames whose time did not increase
+  std::vector<TimeStep> time_steps;  ///< of more than ten periods and a tenth of a second
   std::int64_t first_time_ns = 0;
   std::int64_t last_time_ns = 0;
   std::uint64_t first_sequence = 0;
@@ -82,12 +91,23 @@ struct LogSurvey {
 
   /// Number of the part; 0 if unknown.
   std::int32_t part() const { return info ? info->part : 0; }
-  /// Frames per second; 0 for less than two frames.
+  /// Frames per second without the steps of the time; 0 for less than two frames.
   double rate_hz() const;
   double duration_s() const;
   /// Faults, one sentence each; empty: the log is intact. A gap that the recorder counted as a loss
   /// is not a fault of the log.
   std::vector<std::string> faults() const;
+  /// Gaps in the frames and in their time, one sentence each. A log with gaps may be intact, such
+  /// as one of a program that received the frames over LCM and lost some.
+  std::vector<std::string> gap_sentences() const;
+
+ private:
+  /// Frames of the recorder's ledger, or of the recording that was replayed, that are not in the
+  /// log.
+  std::uint64_t unwritten() const;
+  /// True if missing sequence numbers explain all frames that are unwritten, and nothing is
+  /// damaged.
+  bool is_explained_by_gaps() const;
 };
 
 /// Reads a whole log. Throws InputError if the file cannot be read or is not an LCM event log.

@@ -34,6 +34,17 @@ class FaultsThroughTheDaemon(EndToEnd):
         result = run(STICKSLIPD, "--config", config, "--no-lcm", "--record", log, "--duration", 5)
         return result, frames.frames(log, self.types)
 
+    def test_a_clock_that_jumps_is_found_and_does_not_change_the_rate(self):
+        shipped = (SOURCE / "config/faults/clock_jump.toml").read_text().split("schema = 1", 1)[1]
+        result, _ = self.daemon(shipped, "jump")
+        log = self.folder / "jump.log"
+        self.assertIn("jump.log: with gaps\n  ", self.succeed("log", "check", log).stdout)
+        text = self.succeed("log", "info", log).stdout
+        self.assertRegex(text, r"gap +the time steps by 5\.\d+ s after 1\.99\d s")
+        info = json.loads(self.succeed("log", "info", log, "--json").stdout)
+        self.assertAlmostEqual(info["rate_hz"], 1000.0, delta=1.0)
+        self.assertEqual(len(info["time_steps"]), 1, result.stderr)
+
     def test_lost_frames_leave_gaps_and_the_ledger_balances(self):
         script = '[[fault]]\nkind = "drop"\nat_s = 1.0\nduration_s = 2.0\nprobability = 0.1\n'
         result, recording = self.daemon(script, "drop")

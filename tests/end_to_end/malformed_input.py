@@ -151,6 +151,15 @@ class MalformedInput(EndToEnd):
                     if name.startswith("overwritten"):
                         self.assertIn("stickslip log repair", result.stderr)
 
+    def test_a_csv_file_cut_within_a_number_is_read_up_to_there_with_a_warning(self):
+        cut = self.write("cut.csv", RECORDING[:-2])
+        for command in (("convert", cut, self.folder / "out.log"), ("log", "export", cut, self.folder / "x.csv"),
+                        ("evaluate", cut, "--model", self.good_model)):
+            with self.subTest(command=command[0]):
+                result = self.succeed(*command)
+                self.assertIn(f"{cut}:401: the last line is not read", result.stderr)
+        self.assertIn("399 frames", self.succeed("convert", cut, self.folder / "out.log").stdout)
+
     def test_a_truncated_log_is_read_up_to_there_with_a_warning(self):
         log = self.folder / "good.log"
         self.succeed("convert", self.good_recording, log)

@@ -1,4 +1,4 @@
-"""What commands write: never over what they read, never over a file that they did not write, whole or
+"""Outputs of commands: never over a file that they read, never over a file that they did not write, whole or
 not at all."""
 import json
 import os

@@ -89,10 +89,13 @@ std::string part_text(const recording_info_t& info) {
 
 void print_check(const LogSurvey& log, const std::vector<std::string>& faults,
                  const terminal::Paint& paint) {
-  const std::string verdict = faults.empty() ? paint(terminal::Tone::good, "intact")
-                                             : paint(terminal::Tone::bad, "damaged");
+  const std::vector<std::string> gaps = log.gap_sentences();
+  const std::string verdict = !faults.empty() ? paint(terminal::Tone::bad, "damaged")
+                              : !gaps.empty() ? paint(terminal::Tone::warning, "with gaps")
+                                              : paint(terminal::Tone::good, "intact");
   terminal::print("%s: %s\n", log.source.c_str(), verdict.c_str());
   for (const std::string& fault : faults) terminal::print("  %s\n", fault.c_str());
+  for (const std::string& gap : gaps) terminal::print("  %s\n", gap.c_str());
   for (std::size_t i = 0; i < std::min(log.damaged.size(), max_places_listed); ++i) {
     const protocol::DamagedRange& place = log.damaged[i];
     print("at byte " + std::to_string(place.at), counted(place.bytes, "byte") + ": " + place.why);
@@ -258,6 +261,12 @@ Json info_json(const LogSurvey& log) {
                    {"last_sequence", log.last_sequence},
                    {"gaps", log.gaps},
                    {"missing", log.missing}};
+  out["time_steps"] = Json::array();
+  for (const protocol::TimeStep& step : log.time_steps) {
+    out["time_steps"].push_back({{"after_sequence", step.after_sequence},
+                                 {"after_s", static_cast<double>(step.after_ns) * 1e-9},
+                                 {"excess_s", step.excess_s}});
+  }
   for (const Channel channel : all_channels) {
     const protocol::ChannelRange& range = log.ranges[index_of(channel)];
     if (range.values == 0) continue;
@@ -316,6 +325,7 @@ void print_info(const LogSurvey& log) {
     print(std::string(known.stem), text);
   }
   if (log.ledger) print("ledger", ledger_text(log));
+  for (const std::string& gap : log.gap_sentences()) print("gap", gap);
   for (const std::string& fault : log.faults()) print("fault", fault);
 }
 
@@ -336,9 +346,8 @@ int export_recording(const Arguments& arguments, const Outputs& outputs) {
   terminal::Progress reading("reading " + arguments.file);
   Tables tables = tables_of(arguments.file, [&reading](double share) { reading.at(share); });
   reading.finish();
-  if (tables.cut_off_bytes > 0) {
-    std::fprintf(stderr, "stickslip: %s: truncated: its last %llu bytes are an incomplete event\n",
-                 arguments.file.c_str(), static_cast<unsigned long long>(tables.cut_off_bytes));
+  if (!tables.cut_off_warning.empty()) {
+    std::fprintf(stderr, "stickslip: %s\n", tables.cut_off_warning.c_str());
   }
   terminal::Progress writing("writing " + arguments.out);
   tables.written_by = outputs.author();
@@ -377,7 +386,8 @@ void add_log(CLI::App& app, Action& action) {
   };
 
   CLI::App* each = command(
-      "check", "Check every event of logs: status 0 if they are intact, otherwise 1", check);
+      "check", "Check every event of logs: status 1 if they are damaged, 0 if intact or with gaps",
+      check);
   add_input(*each, "FILE", arguments->files, "LCM event logs; all parts of a recording")
       ->required()
       ->type_name("FILE");

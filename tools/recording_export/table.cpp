@@ -298,7 +298,7 @@ Tables tables_of(const std::filesystem::path& recording, const protocol::Progres
   Tables out;
   out.source = recording.filename().string();
   out.description = read.description;
-  out.cut_off_bytes = read.cut_off_bytes;
+  if (read.cut_off_bytes > 0) out.cut_off_warning = protocol::cut_off_warning(read);
   out.tables.push_back(frames_table(read));
   std::array<char, 4> head{};
   std::ifstream(recording, std::ios::binary).read(head.data(), head.size());

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <fstream>
 #include <random>
 #include <sstream>
 
@@ -59,6 +60,74 @@ TEST(Survey, AcceptsAnIntactLog) {
   EXPECT_EQ(found.ledger->lost(), 3);
   ASSERT_TRUE(found.info);
   EXPECT_EQ(found.info->rig, "bench");
+}
+
+Recording regular_frames(std::size_t count) {
+  Recording recording;
+  recording.frames = frames_from(0, count);
+  return recording;
+}
+
+LogSurvey survey_of(const Recording& recording) {
+  const Folder folder;
+  write_log(recording, folder / "r.log", 10);
+  return survey_log(folder / "r.log");
+}
+
+// As faults/clock_jump.toml leaves it: the times behind the jump are five seconds ahead.
+TEST(Survey, FindsAClockThatWasSetAndKeepsTheRate) {
+  Recording recording = regular_frames(4000);
+  for (std::size_t i = 2000; i < 4000; ++i) recording.frames[i].time_ns += 5'000'000'000;
+  const LogSurvey found = survey_of(recording);
+  EXPECT_THAT(found.faults(), IsEmpty());
+  ASSERT_EQ(found.time_steps.size(), 1U);
+  EXPECT_EQ(found.time_steps[0].after_sequence, 1999U);
+  EXPECT_NEAR(found.time_steps[0].excess_s, 5.0, 1e-9);
+  EXPECT_NEAR(found.rate_hz(), 1000.0, 1e-6);
+  EXPECT_THAT(found.gap_sentences(),
+              ElementsAre(HasSubstr("the time steps by 5.000 s after 1.999 s (sequence 1999)")));
+}
+
+TEST(Survey, MissingFramesAndJitterAreNoStepsOfTheTime) {
+  Recording recording = regular_frames(4000);
+  for (std::size_t i = 0; i < 4000; ++i) {
+    recording.frames[i].time_ns += static_cast<std::int64_t>(i % 7) * 50'000;
+  }
+  recording.frames.erase(recording.frames.begin() + 1000, recording.frames.begin() + 3000);
+  const LogSurvey found = survey_of(recording);
+  EXPECT_THAT(found.time_steps, IsEmpty());
+  EXPECT_EQ(found.missing, 2000U);
+  EXPECT_NEAR(found.rate_hz(), 1000.0, 0.1);
+}
+
+TEST(Survey, TheMedianOfALongLogIsThatOfASubset) {
+  Recording recording = regular_frames(200'000);
+  for (std::size_t i = 150'000; i < 200'000; ++i) recording.frames[i].time_ns += 250'000'000;
+  const LogSurvey found = survey_of(recording);
+  ASSERT_EQ(found.time_steps.size(), 1U);
+  EXPECT_NEAR(found.time_steps[0].excess_s, 0.25, 1e-9);
+  EXPECT_NEAR(found.rate_hz(), 1000.0, 1e-6);
+}
+
+// The description and the ledger are the daemon's, the frames what arrived, the numbers of the
+// events those of the program that received them.
+TEST(Survey, AReceivedLogThatLostFramesHasGapsButIsNotDamaged) {
+  const LogOfADaemon sent{.frames = 100};
+  const Folder folder;
+  write(folder / "sent.log", sent.text());
+  std::ifstream in(folder / "sent.log", std::ios::binary);
+  EventReader reader(in, "sent.log");
+  LogWriter received(folder / "received.log");
+  LogEvent event;
+  for (int i = 0; reader.next(event) == EventReader::Found::event; ++i) {
+    if (i == 1 || i == 4 || i == 5) continue;
+    ASSERT_TRUE(received.append(event.channel, event.data, event.time_us));
+  }
+  ASSERT_TRUE(received.close());
+  const LogSurvey found = survey_log(folder / "received.log");
+  EXPECT_THAT(found.faults(), IsEmpty());
+  EXPECT_THAT(found.gap_sentences(),
+              ElementsAre(HasSubstr("20 frames missing in 1 gap"), HasSubstr("lacks 30 frames")));
 }
 
 TEST(Survey, GapsAreCountedButNotFaults) {
