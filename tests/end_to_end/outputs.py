@@ -1,5 +1,6 @@
 """Outputs of commands: never over a file that they read, never over a file that they did not write, whole or
 not at all."""
+import fcntl
 import json
 import os
 import pathlib
@@ -90,6 +91,13 @@ class Outputs(EndToEnd):
                 self.write("notes.csv", "measured by hand\n")
                 self.succeed(*command, "--force", cwd=self.folder)
                 self.assertNotIn("by hand", (self.folder / "notes.csv").read_text())
+
+    def test_a_log_in_use_is_never_replaced(self):
+        with self.log.open("rb") as log:
+            fcntl.flock(log, fcntl.LOCK_EX)
+            for arguments in (("convert", "t.csv", "run.log", "--force"),
+                              ("log", "repair", "made.log", "--out", "run.log", "--force")):
+                self.refuse(*arguments, word="is being written by")
 
     def test_a_result_is_renewed_by_its_command(self):
         for name, command in (("e.json", 3), ("e.csv", 4), ("s.json", 5), ("sim.csv", 6),

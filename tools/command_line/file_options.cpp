@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "physics/problem.h"
+#include "protocol/log_lock.h"
 #include "tools/command_line/program.h"
 
 namespace stickslip::command_line {
@@ -78,7 +79,9 @@ files::Outputs outputs_of(const CLI::App& command) {
   files::Outputs outputs(full_name(command), std::move(inputs),
                          force != nullptr && force->count() > 0);
   for (const NamedFile& each : named) {
-    if (each.role == FileRole::output) outputs.check(each.name);
+    if (each.role != FileRole::output) continue;
+    protocol::require_free_log(each.name);
+    outputs.check(each.name);
   }
   return outputs;
 }

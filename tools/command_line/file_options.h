@@ -44,7 +44,8 @@ CLI::Option* add_output_folder(CLI::App& command, const std::string& name, Value
 }
 
 /// The rules for the outputs of a command that has been parsed. Throws InputError if a declared
-/// output is one of the inputs, must not be replaced, or is another output.
+/// output is one of the inputs, must not be replaced, is another output, or is a log that a process
+/// is writing.
 files::Outputs outputs_of(const CLI::App& command);
 
 }  // namespace stickslip::command_line
