@@ -175,7 +175,7 @@ TEST(Commands, AreRefusedIfUnknown) {
 const std::set<std::string> texts = {
     "--url",    "--over",  "--reference",    "--by",        "--date", "--raw-unit",
     "--effect", "--only",  "--explain",      "--socket",    "KEY",    "VALUE",
-    "--listen", "--token", "--allow-origin", "--host-name", "names"};
+    "--listen", "--token", "--allow-origin", "--host-name", "names",  "ID"};
 
 TEST(Commands, DeclareEveryOptionThatNamesAFile) {
   const Parser parser;
