@@ -349,8 +349,7 @@ void write_recording(const Recording& recording, const std::filesystem::path& fi
     return;
   }
   if (extension != ".csv") {
-    throw InputError(
-        Problem{file.string(), 0, 0, "expected a name that ends with .csv or .log"});
+    throw InputError(Problem{file.string(), 0, 0, "expected a name that ends with .csv or .log"});
   }
   std::ofstream out(file, std::ios::binary);
   if (out) write_csv(recording, out, done);

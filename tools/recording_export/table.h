@@ -37,7 +37,7 @@ struct Tables {
   std::string written_by = {};  ///< the command that exports them
   protocol::Description description;
   std::string cut_off_warning = {};  ///< of a truncated recording; otherwise empty
-  std::vector<Table> tables;  ///< frames, then other tables that have rows
+  std::vector<Table> tables;         ///< frames, then other tables that have rows
 
   const Table* find(const std::string& name) const;
 };
