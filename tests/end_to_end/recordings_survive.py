@@ -302,7 +302,7 @@ class RecordingsSurvive(EndToEnd):
 
     def test_bad_arguments_are_refused_in_one_line(self):
         csv = self.write("in.csv", "time_s,displacement_m\n0,1\n0.1,2\n")
-        for arguments, word in ((("log",), "subcommand"), (("log", "check"), "files"),
+        for arguments, word in ((("log",), "no command"), (("log", "check"), "FILE"),
                                 (("log", "repair", csv), "--out"),
                                 (("log", "check", csv), "not an LCM event log"),
                                 (("log", "info", self.folder / "absent.log"), "absent.log"),
