@@ -31,7 +31,7 @@ constexpr const char* author_attribute = "user.stickslip.written_by";
 constexpr std::string_view log_sync_word = "\xed\xa1\xda\x01";
 
 /// The final target of symbolic links, also if it does not exist, and whether the way leads through
-/// the descriptors of a process or through devices, as /dev/stdout does.
+/// the descriptors of a process, as that of /dev/stdout does.
 struct Place {
   fs::path path;
   bool through_descriptor = false;
@@ -42,7 +42,7 @@ Place place_of(const fs::path& name) {
   Place out{name, false};
   for (int i = 0; i < most_links; ++i) {
     const std::string text = out.path.string();
-    if (text.starts_with("/dev/") || text.starts_with("/proc/")) out.through_descriptor = true;
+    if (text.starts_with("/dev/fd/") || text.starts_with("/proc/")) out.through_descriptor = true;
     std::error_code error;
     const fs::path next = fs::read_symlink(out.path, error);
     if (error) break;
