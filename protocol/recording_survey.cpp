@@ -4,7 +4,6 @@
 #include <array>
 #include <cerrno>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <istream>
@@ -14,6 +13,7 @@
 #include <string_view>
 #include <utility>
 
+#include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/channels.h"
 #include "protocol/decode.h"
@@ -24,6 +24,9 @@
 
 namespace stickslip::protocol {
 namespace {
+
+using physics::counted;
+using physics::fixed_text;
 
 constexpr std::size_t max_places_listed = 100;
 constexpr double shortest_time_step_s = 0.1;
@@ -329,10 +332,6 @@ class Repairer final : public Visitor {
   std::optional<std::int64_t> last_ns_;
 };
 
-std::string plural(std::uint64_t count, const std::string& what) {
-  return std::to_string(count) + ' ' + what + (count == 1 ? "" : "s");
-}
-
 std::ifstream open_log(const std::filesystem::path& file) {
   std::error_code failure;
   if (std::filesystem::is_directory(file, failure)) {
@@ -391,22 +390,17 @@ bool LogSurvey::is_explained_by_gaps() const {
 std::vector<std::string> LogSurvey::gap_sentences() const {
   std::vector<std::string> out;
   if (missing > 0) {
-    out.push_back(plural(missing, "frame") + " missing in " + plural(gaps, "gap"));
+    out.push_back(counted(missing, "frame") + " missing in " + counted(gaps, "gap"));
   }
   if (unwritten() > 0 && is_explained_by_gaps()) {
     out.push_back(
-        "lacks " + plural(unwritten(), "frame") +
+        "lacks " + counted(unwritten(), "frame") +
         " of the recording that was published: it was received over LCM, which may lose them");
   }
-  const auto text = [](double value) {
-    std::array<char, 64> digits{};
-    std::snprintf(digits.data(), digits.size(), "%.3f", value);
-    return std::string(digits.data());
-  };
   for (const TimeStep& step : time_steps) {
     if (out.size() >= max_places_listed) break;
-    out.push_back("the time steps by " + text(step.excess_s) + " s after " +
-                  text(static_cast<double>(step.after_ns) * 1e-9) + " s (sequence " +
+    out.push_back("the time steps by " + fixed_text(step.excess_s, 3) + " s after " +
+                  fixed_text(static_cast<double>(step.after_ns) * 1e-9, 3) + " s (sequence " +
                   std::to_string(step.after_sequence) +
                   "): the clock was set, or the device stood still");
   }
@@ -418,17 +412,15 @@ std::vector<std::string> LogSurvey::faults() const {
   const auto add = [&out](bool wrong, const std::string& sentence) {
     if (wrong) out.push_back(sentence);
   };
-  add(damaged_places > 0, "damaged in " + plural(damaged_places, "place") + ", " +
-                              plural(static_cast<std::uint64_t>(damaged_bytes), "byte") +
-                              " in all");
-  add(bad_checksums > 0, plural(bad_checksums, "block") + " of frames with a bad checksum");
-  add(undecodable > 0, plural(undecodable, "message") + " that cannot be decoded");
-  add(misnumbered > 0, plural(misnumbered, "event") + " out of sequence: events were removed");
-  add(cut_off_bytes > 0, "truncated: the last " +
-                             plural(static_cast<std::uint64_t>(cut_off_bytes), "byte") +
-                             " are an incomplete event");
+  add(damaged_places > 0, "damaged in " + counted(damaged_places, "place") + ", " +
+                              counted(damaged_bytes, "byte") + " in all");
+  add(bad_checksums > 0, counted(bad_checksums, "block") + " of frames with a bad checksum");
+  add(undecodable > 0, counted(undecodable, "message") + " that cannot be decoded");
+  add(misnumbered > 0, counted(misnumbered, "event") + " out of sequence: events were removed");
+  add(cut_off_bytes > 0,
+      "truncated: the last " + counted(cut_off_bytes, "byte") + " are an incomplete event");
   add(events == 0, "has no events");
-  add(times_back > 0, plural(times_back, "frame") + " with a time that does not increase");
+  add(times_back > 0, counted(times_back, "frame") + " with a time that does not increase");
   for (const std::string& text : altered_texts) {
     out.push_back("its " + text + " does not match its SHA-256");
   }

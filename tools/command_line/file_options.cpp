@@ -16,15 +16,6 @@ struct NamedFile {
   std::string name;
 };
 
-/// "stickslip log export".
-std::string full_name(const CLI::App& command) {
-  std::string name = command.get_name();
-  for (const CLI::App* each = command.get_parent(); each != nullptr; each = each->get_parent()) {
-    name = each->get_name() + ' ' + name;
-  }
-  return name;
-}
-
 /// The files of the command line, and defaults of options that are not on it.
 std::vector<NamedFile> files_of(const CLI::App& command) {
   std::vector<NamedFile> out;

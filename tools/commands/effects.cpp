@@ -11,7 +11,6 @@
 #include "diagnosis/report/effects_page.h"
 #include "physics/catalogue.h"
 #include "physics/problem.h"
-#include "physics/spelling.h"
 #include "tools/commands/commands.h"
 #include "tools/terminal/abilities.h"
 
@@ -28,9 +27,7 @@ struct Arguments {
 /// Throws InputError, with the id that is probably meant, if there is no such effect.
 const physics::Effect& effect_of(const std::string& id) {
   if (const physics::Effect* effect = physics::find_effect(id)) return *effect;
-  std::vector<std::string> ids;
-  for (const physics::Effect* effect : physics::catalogue()) ids.emplace_back(effect->card().id);
-  const std::string meant = physics::nearest(id, ids);
+  const std::string meant = physics::nearest_effect(id);
   throw InputError(Problem{id, 0, 0,
                            meant.empty() ? "is no effect; `stickslip effects` lists them"
                                          : "is no effect; did you mean \"" + meant + "\"?"});

@@ -90,13 +90,15 @@ std::string time_of_content(const fs::path& file) {
   return ' ' + std::to_string(now.st_mtim.tv_sec) + '.' + nanoseconds;
 }
 
-/// Waits until the content is on the disk. The errno of the failure, or 0.
-int sync_file(const fs::path& file) {
-  const int opened = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
+/// Renames `from` to `to` once its content is on the disk. The errno of the failure, which leaves
+/// both as they were, or 0.
+int move_durably(const fs::path& from, const fs::path& to) {
+  const int opened = ::open(from.c_str(), O_RDONLY | O_CLOEXEC);
   if (opened < 0) return errno;
   const int error = ::fsync(opened) == 0 ? 0 : errno;
   ::close(opened);
-  return error;
+  if (error != 0) return error;
+  return std::rename(from.c_str(), to.c_str()) == 0 ? 0 : errno;
 }
 
 }  // namespace
@@ -196,8 +198,7 @@ void OutputFile::keep(const std::string& author) {
     const std::string value = author + time_of_content(written_);
     (void)::setxattr(written_.c_str(), author_attribute, value.data(), value.size(), 0);
   }
-  int error = sync_file(written_);
-  if (error == 0 && std::rename(written_.c_str(), target_.c_str()) != 0) error = errno;
+  const int error = move_durably(written_, target_);
   if (error != 0) throw Failure(name_ + ": is unchanged: " + std::strerror(error));
   kept_ = true;
   sync_folder(folder_of(target_));
@@ -234,10 +235,9 @@ void OutputFolder::keep() {
     if (!ours) listed += each + "\n";
   }
   for (const std::string& each : names) {
-    const int error = sync_file(written_ / each);
-    if (error != 0 || std::rename((written_ / each).c_str(), (name_ / each).c_str()) != 0) {
-      throw Failure((name_ / each).string() +
-                    ": is unchanged: " + std::strerror(error != 0 ? error : errno));
+    const int error = move_durably(written_ / each, name_ / each);
+    if (error != 0) {
+      throw Failure((name_ / each).string() + ": is unchanged: " + std::strerror(error));
     }
   }
   replace_file(list, listed);
