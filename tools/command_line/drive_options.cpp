@@ -10,7 +10,7 @@
 
 namespace stickslip::command_line {
 
-dynamics::Drive DriveOptions::drive(const physics::Model& rig, Swept swept) const {
+dynamics::Drive DriveOptions::drive(const physics::Model& rig, int periods, Swept swept) const {
   const auto refuse = [](const std::string& source, const std::string& message) {
     throw InputError(Problem{source, 0, 0, message});
   };
@@ -37,9 +37,9 @@ dynamics::Drive DriveOptions::drive(const physics::Model& rig, Swept swept) cons
   }
   if (steps == 0) {
     try {
-      dynamics::enough_steps(rig, drive);
-    } catch (const std::invalid_argument& error) {
-      refuse("--frequency-hz, --omega", error.what());
+      dynamics::enough_steps(rig, drive, transient + periods);
+    } catch (const InputError& error) {
+      refuse(model, error.problems().front().message + " (--steps)");
     }
   }
   return drive;

@@ -26,9 +26,10 @@ struct DriveOptions {
   enum class Swept { nothing, frequency, strength };
 
   /// Drive given by the options. Throws InputError if frequency or strength are missing or given
-  /// twice, if the motion of the model is imposed, or if a drive period requires too many
-  /// integration steps.
-  dynamics::Drive drive(const physics::Model& model, Swept swept = Swept::nothing) const;
+  /// twice, if the motion of the model is imposed, or if so many periods, and the transient,
+  /// require too many integration steps.
+  dynamics::Drive drive(const physics::Model& model, int periods,
+                        Swept swept = Swept::nothing) const;
 
   /// Start, transient and steps; otherwise the defaults.
   dynamics::PortraitOptions portrait() const;

@@ -180,7 +180,8 @@ int run(const Arguments& arguments, const Outputs& outputs) {
     for (const std::string& picture : pictures_of(arguments.svg)) outputs.check(picture);
   }
   const physics::Model model = config::load_model(arguments.drive->model);
-  const dynamics::Drive drive = arguments.drive->drive(model, swept_quantity(arguments.over));
+  const dynamics::Drive drive =
+      arguments.drive->drive(model, arguments.periods, swept_quantity(arguments.over));
   check_parameter(arguments, model);
   dynamics::BifurcationOptions options;
   options.portrait = arguments.drive->portrait();
@@ -191,7 +192,7 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   }
   options.threads = parallel::threads_for(arguments.jobs);
   const std::vector<double> values = swept_values(arguments, model);
-  terminal::Progress progress(std::to_string(values.size()) + " values of " + arguments.over);
+  terminal::Progress progress(physics::counted(values.size(), "value") + " of " + arguments.over);
   options.progress = [&progress](std::size_t done, std::size_t all) { progress.at(done, all); };
   const auto columns = dynamics::bifurcation(model, drive, arguments.over, values, options);
   progress.finish();
