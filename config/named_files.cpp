@@ -28,7 +28,7 @@ std::vector<std::filesystem::path> files_read_with(const std::filesystem::path& 
       if (!each.written) out.push_back(std::move(each.file));
     }
   } catch (const InputError&) {
-    // Unreadable, or too large for a configuration: whoever reads the file says so.
+    // Unreadable, or too large for a configuration: the command that reads it reports it.
   }
   return out;
 }

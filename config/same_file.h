@@ -5,7 +5,7 @@
 
 namespace stickslip::config {
 
-/// What a path leads to.
+/// The file at the end of a path.
 struct LinkEnd {
   std::filesystem::path path;       ///< the final target of symbolic links, also if it is missing
   bool through_descriptor = false;  ///< by the descriptors of a process, as /dev/stdout does

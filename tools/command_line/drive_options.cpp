@@ -35,14 +35,18 @@ dynamics::Drive DriveOptions::drive(const physics::Model& rig, int periods, Swep
   } else {
     drive.acceleration_m_s2 = *amplitude / rig.oscillator.mass_kg.value;
   }
-  if (steps == 0) {
+  if (steps == 0 && periods > 0) {
     try {
       dynamics::enough_steps(rig, drive, transient + periods);
     } catch (const InputError& error) {
-      refuse(model, error.problems().front().message + " (--steps)");
+      throw of_model(error);
     }
   }
   return drive;
+}
+
+InputError DriveOptions::of_model(const InputError& steps) const {
+  return InputError(Problem{model, 0, 0, steps.problems().front().message + " (--steps)"});
 }
 
 dynamics::PortraitOptions DriveOptions::portrait() const {
