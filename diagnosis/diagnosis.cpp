@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "diagnosis/fitting.h"
+#include "physics/number_text.h"
 #include "physics/problem.h"
 
 namespace stickslip::diagnosis {
@@ -36,11 +37,11 @@ Experiments prepare(const std::vector<protocol::Recording>& recordings, const Mo
     }
   }
   if (out.fitted_windows < 2 || out.heldout_windows < 2) {
-    throw InputError(Problem{recordings.front().source, 0, 0,
-                             "is too short: it gives " + std::to_string(out.fitted_windows) +
-                                 " windows of " + std::to_string(out.horizon_s) + " s to fit and " +
-                                 std::to_string(out.heldout_windows) +
-                                 " to hold out; at least 2 of each are needed"});
+    throw InputError(Problem{
+        recordings.front().source, 0, 0,
+        "is too short: it gives " + physics::counted(out.fitted_windows, "window") + " of " +
+            physics::number_text(out.horizon_s) + " s to fit and " +
+            std::to_string(out.heldout_windows) + " to hold out; at least 2 of each are needed"});
   }
   return experiments;
 }

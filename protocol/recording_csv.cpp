@@ -12,6 +12,7 @@
 #include <ostream>
 #include <string_view>
 
+#include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "protocol/recording_events.h"
@@ -208,7 +209,7 @@ class CsvParser {
       const auto comma = rest.find(',');
       const std::string_view cell = trimmed(rest.substr(0, comma));
       if (column == columns_.size()) {
-        refuse("has more cells than the header's " + std::to_string(columns_.size()) + " columns");
+        refuse("has more cells than the header's " + physics::counted(columns_.size(), "column"));
       }
       read_cell(cell, columns_[column], frame);
       ++column;
@@ -216,8 +217,8 @@ class CsvParser {
       rest.remove_prefix(comma + 1);
     }
     if (column < columns_.size()) {
-      refuse("has " + std::to_string(column) + " cells; the header names " +
-             std::to_string(columns_.size()) + " columns");
+      refuse("has " + physics::counted(column, "cell") + "; the header names " +
+             physics::counted(columns_.size(), "column"));
     }
     if (!recording_.frames.empty() && frame.time_ns <= recording_.frames.back().time_ns) {
       refuse("time does not increase: " + time_text(frame.time_ns) + " s after " +

@@ -13,6 +13,7 @@
 #include "diagnosis/report/html_elements.h"
 #include "diagnosis/report/style.h"
 #include "diagnosis/report/text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::report {
 
@@ -141,9 +142,9 @@ Section fit_section(const Diagnosis& d) {
   std::vector<std::string> headings = {"quantity", "declared model"};
   if (changed) headings.insert(headings.end(), {"augmented model", "ratio", ""});
   Table table("RMS prediction error up to " + format_seconds(d.horizon_s) + " ahead, over " +
-                  std::to_string(d.heldout_windows) + " held-out windows; " +
-                  std::to_string(d.fitted_windows) +
-                  " others were fitted. Bars: declared model above, augmented model below.",
+                  physics::counted(d.heldout_windows, "held-out window") + "; " +
+                  physics::counted(d.fitted_windows, "other was", "others were") +
+                  " fitted. Bars: declared model above, augmented model below.",
               headings);
   const auto row = [&](const std::string& name, double before, std::optional<double> after,
                        std::string_view unit) {
@@ -272,8 +273,9 @@ Section detection_section(const Diagnosis& d) {
 
 std::string integrity_table(const Integrity& integrity) {
   Table table(integrity.source + ": " + format_number(integrity.duration_s) + " s at " +
-                  format_number(integrity.rate_hz, 4) + " Hz, " + std::to_string(integrity.frames) +
-                  " frames, " + std::to_string(integrity.lost) + " lost.",
+                  format_number(integrity.rate_hz, 4) + " Hz, " +
+                  physics::counted(integrity.frames, "frame") + ", " +
+                  std::to_string(integrity.lost) + " lost.",
               {"channel", "minimum", "maximum", "resolution", "saturated samples", "mains line"});
   for (const ChannelIntegrity& c : integrity.channels) {
     const auto amount = [&c](double value) { return format_quantity(value, info(c.channel).unit); };
@@ -298,10 +300,10 @@ Section recordings_section(const Diagnosis& d) {
 Section reproduction_section(const Diagnosis& d, const Provenance& provenance) {
   Section out("reproduce", "Reproduction");
   out += "<pre>" + escape_html(provenance.command) + "</pre>\n";
-  std::string settings = "stickslip " + provenance.version + ", seed " +
-                         std::to_string(provenance.seed) + ", " + std::to_string(d.fitted_windows) +
-                         " windows fitted, " + std::to_string(d.heldout_windows) + " held out, " +
-                         format_seconds(d.horizon_s) + " each.";
+  std::string settings =
+      "stickslip " + provenance.version + ", seed " + std::to_string(provenance.seed) + ", " +
+      physics::counted(d.fitted_windows, "window") + " fitted, " +
+      std::to_string(d.heldout_windows) + " held out, " + format_seconds(d.horizon_s) + " each.";
   if (!provenance.built_with.empty()) settings += " Built with " + provenance.built_with + ".";
   out += paragraph(settings + " The same files, seed and version give the same numbers.");
   Table table("Input files (checksums as printed by sha256sum).", {"file", "SHA-256"});

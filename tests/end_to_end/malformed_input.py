@@ -303,6 +303,37 @@ class MalformedInput(EndToEnd):
         self.assertIn("has no normal_load_n above 0", stickslip(
             "diagnose", recording, "--model", measured).stderr)
 
+    def test_an_integration_that_would_not_end_is_refused(self):
+        drive = ("--frequency-hz", "4.2", "--amplitude", "0.01")
+        orbits = (("poincare", *drive), ("lyapunov", *drive),
+                  ("bifurcation", *drive[:2], "--over", "drive.amplitude_m", "--from", "0.001", "--to", "0.002"))
+        recordings = (("simulate", "--drive", self.good_recording),
+                      ("evaluate", self.good_recording, "--free-run"), ("diagnose", self.good_recording))
+        for key, value, commands in (("natural_frequency_hz", "1e8", orbits + recordings),
+                                     ("natural_frequency_hz", "1e3", orbits[:2]),
+                                     ("damping_ratio", "1e9", orbits + recordings)):
+            model = self.write("fast.toml", re.sub(rf"{key} = .*", f"{key} = {value}", MODEL))
+            for arguments in commands:
+                with self.subTest(key=key, value=value, command=arguments[0]):
+                    more = ("--periods", "20000") if value == "1e3" else ()
+                    result = stickslip(*arguments, *more, "--model", model, timeout=60)
+                    self.assertEqual(result.returncode, 2, result.stdout[:200] + result.stderr)
+                    self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
+                    self.assertRegex(result.stderr, "integration steps|the shortest|nothing between two samples")
+                    if arguments in orbits:
+                        self.assertRegex(result.stderr, rf"{model}: .*oscillator\.{key} = .* rad/s")
+        swept = stickslip("bifurcation", "--model", self.good_model, "--amplitude", "0.01", "--over",
+                          "drive.frequency_hz", "--from", "1e-6", "--to", "1", timeout=60)
+        self.assertEqual(swept.returncode, 2, swept.stdout[:200] + swept.stderr)
+        self.assertIn("for a drive period", swept.stderr)
+        stiff = self.write("well.toml", re.sub(r"natural_frequency_hz = .*", "stiffness_n_m = 0.0\n", MODEL)
+                           .replace("damping_ratio = 0.015", "damping_n_s_m = 0.0")
+                           .replace("[normal_load]", "[oscillator.two_well]\nlinear_n_m = 1.0\ncubic_n_m3 = 1e18\n"
+                                    "\n[normal_load]").replace("0.0025", "0.0"))
+        result = stickslip("poincare", *drive, "--x", "0.1", "--model", stiff, timeout=30)
+        self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
+        self.assertIn("integration steps by time", result.stderr)
+
     def test_check_reads_the_recording_of_a_replay(self):
         recording = self.altered("bad.csv", RECORDING, "\n0.1,0.002,", "\n0.1,nan,")
         rig = self.write("replay.toml", f"""schema = 1

@@ -1,6 +1,7 @@
 """Stock lcm-logplayer plays our logs; `stickslip record` and an independent subscriber receive what
 `stickslip replay` publishes; each tool ends with the right status."""
 import json
+import os
 import shutil
 import signal
 import socket
@@ -194,6 +195,28 @@ class RecordingsOnLcm(EndToEnd):
                     self.assertEqual(result.stderr.count("\n"), 1, result.stderr)
                     self.assertIn("does not receive its own messages", result.stderr)
                     self.assertIn("7667", result.stderr)
+
+    def test_urls_are_judged_as_by_check(self):
+        cases = {"udpm:/239.255.76.67:7667": "expected udpm://ADDRESS:PORT",
+                 "udpm://239.255.76.67:7667?tll=0": "did you mean ttl?",
+                 "udpm://239.255.76.67:7667?ttl=300": "from 0 to 255"}
+        config = (SOURCE / "config/simulated.toml").read_text().replace(
+            '"models/', f'"{SOURCE}/config/models/')
+        for url, words in cases.items():
+            judged = stickslip("check", self.write("rig.toml", config + f'\n[lcm]\nurl = "{url}"\n'))
+            sentence = judged.stderr[judged.stderr.index("lcm.url: ") + len("lcm.url: "):].splitlines()[0]
+            self.assertIn(words, sentence)
+            for command in (("spy", "--once"), ("record", self.folder / "out.log"), ("replay", self.log),
+                            ("scope", "--listen", "127.0.0.1:0")):
+                for given in (("--url", url), ()):
+                    environment = {**os.environ, **({} if given else {"LCM_DEFAULT_URL": url})}
+                    with self.subTest(url=url, command=command[0], given=given):
+                        result = stickslip(*command, *given, timeout=20, env=environment)
+                        self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
+                        self.assertIn(sentence, result.stderr)
+                        self.assertFalse((self.folder / "out.log").exists())
+            environment = {**os.environ, "LCM_DEFAULT_URL": url}
+            self.assertEqual(stickslip("spy", "--help", env=environment).returncode, 0)
 
     def test_bad_urls_are_refused_in_one_line(self):
         cases = ("nonsense", "foo://x", "udpm://239.255.76.67:99999", "udpm://10.0.0.1:7667",

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "config/same_file.h"
 #include "physics/problem.h"
 #include "protocol/log_lock.h"
 #include "tools/command_line/program.h"
@@ -33,7 +34,7 @@ void check_roles(const std::vector<NamedFile>& named) {
     if (named[i].role == FileRole::input) continue;
     for (std::size_t j = 0; j < named.size(); ++j) {
       if (i == j || (named[j].role != FileRole::input && j < i)) continue;
-      if (!files::is_same_file(named[i].name, named[j].name)) continue;
+      if (!config::is_same_file(named[i].name, named[j].name)) continue;
       const std::string other =
           named[j].name == named[i].name ? "" : "is the same file as " + named[j].name + ", ";
       const std::string use = named[j].role == FileRole::input ? "is read" : "is written";

@@ -180,7 +180,7 @@ int run(const Arguments& arguments, const Outputs& outputs) {
     for (const std::string& picture : pictures_of(arguments.svg)) outputs.check(picture);
   }
   const physics::Model model = config::load_model(arguments.drive->model);
-  const dynamics::Drive drive = arguments.drive->drive(model, swept_quantity(arguments.over));
+  const dynamics::Drive drive = arguments.drive->drive(model, 0, swept_quantity(arguments.over));
   check_parameter(arguments, model);
   dynamics::BifurcationOptions options;
   options.portrait = arguments.drive->portrait();
@@ -191,9 +191,14 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   }
   options.threads = parallel::threads_for(arguments.jobs);
   const std::vector<double> values = swept_values(arguments, model);
-  terminal::Progress progress(std::to_string(values.size()) + " values of " + arguments.over);
+  terminal::Progress progress(physics::counted(values.size(), "value") + " of " + arguments.over);
   options.progress = [&progress](std::size_t done, std::size_t all) { progress.at(done, all); };
-  const auto columns = dynamics::bifurcation(model, drive, arguments.over, values, options);
+  std::vector<dynamics::BifurcationColumn> columns;
+  try {
+    columns = dynamics::bifurcation(model, drive, arguments.over, values, options);
+  } catch (const InputError& error) {
+    throw arguments.drive->of_model(error);
+  }
   progress.finish();
   if (!arguments.svg.empty()) draw_diagram(columns, arguments, model, outputs);
   if (arguments.out != "-" || arguments.svg.empty()) {

@@ -210,7 +210,7 @@ std::vector<Outcome> examine_all(const Arguments& arguments, const Folders& fold
     ++done;
     if (is_new) ++made;
     progress.set_label("examining, " + std::to_string(done) + " of " +
-                       std::to_string(names.size()) + " cases done");
+                       physics::counted(names.size(), "case") + " done");
     progress.at(made, made + names.size() - done);  // stored reports take no time
   });
   progress.finish();

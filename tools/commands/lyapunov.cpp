@@ -32,7 +32,7 @@ struct Arguments {
 
 int run(const Arguments& arguments, const Outputs& outputs) {
   const physics::Model model = config::load_model(arguments.drive->model);
-  const dynamics::Drive drive = arguments.drive->drive(model);
+  const dynamics::Drive drive = arguments.drive->drive(model, arguments.periods);
   dynamics::LyapunovOptions options;
   options.periods = arguments.periods;
   options.transient = arguments.drive->transient;

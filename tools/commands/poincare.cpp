@@ -32,7 +32,7 @@ struct Arguments {
 
 int run(const Arguments& arguments, const Outputs& outputs) {
   const physics::Model model = config::load_model(arguments.drive->model);
-  const dynamics::Drive drive = arguments.drive->drive(model);
+  const dynamics::Drive drive = arguments.drive->drive(model, arguments.periods);
   dynamics::PortraitOptions options = arguments.drive->portrait();
   options.periods = arguments.periods;
   options.phase = arguments.phase;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "config/model_file.h"
+#include "physics/integration_cost.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
 #include "physics/simulator.h"
@@ -142,6 +143,8 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   }
   const std::vector<double> time = times_of(drive, arguments.drive);
   const auto inputs = inputs_of(drive, model, time);
+  const std::string wrong = physics::wrong_with_simulation(model, time.back());
+  if (!wrong.empty()) throw InputError(Problem{arguments.model, 0, 0, wrong});
 
   physics::SimulationOptions options;
   options.seed = arguments.seed;

@@ -14,6 +14,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "config/named_files.h"
+#include "config/same_file.h"
 #include "physics/failure.h"
 #include "physics/problem.h"
 #include "tools/files/read_file.h"
@@ -30,33 +32,8 @@ constexpr const char* author_attribute = "user.stickslip.written_by";
 // A log holds texts of its rig, which may name the command that wrote them.
 constexpr std::string_view log_sync_word = "\xed\xa1\xda\x01";
 
-/// The final target of symbolic links, also if it does not exist, and whether the way leads through
-/// the descriptors of a process, as that of /dev/stdout does.
-struct Place {
-  fs::path path;
-  bool through_descriptor = false;
-};
-
-Place place_of(const fs::path& name) {
-  constexpr int most_links = 40;  // as in the kernel
-  Place out{name, false};
-  for (int i = 0; i < most_links; ++i) {
-    const std::string text = out.path.string();
-    if (text.starts_with("/dev/fd/") || text.starts_with("/proc/")) out.through_descriptor = true;
-    std::error_code error;
-    const fs::path next = fs::read_symlink(out.path, error);
-    if (error) break;
-    out.path = next.is_absolute() ? next : out.path.parent_path() / next;
-  }
-  return out;
-}
-
 fs::path folder_of(const fs::path& file) {
   return file.has_parent_path() ? file.parent_path() : fs::path(".");
-}
-
-bool same_inode(const struct stat& a, const struct stat& b) {
-  return a.st_dev == b.st_dev && a.st_ino == b.st_ino;
 }
 
 [[noreturn]] void refuse(const std::string& name, const std::string& why) {
@@ -102,22 +79,6 @@ int move_durably(const fs::path& from, const fs::path& to) {
 }
 
 }  // namespace
-
-bool is_same_file(const fs::path& one, const fs::path& other) {
-  struct stat a {};
-  struct stat b {};
-  const bool exists_a = ::stat(one.c_str(), &a) == 0;
-  const bool exists_b = ::stat(other.c_str(), &b) == 0;
-  if (exists_a != exists_b) return false;
-  if (exists_a) return (S_ISREG(a.st_mode) || S_ISDIR(a.st_mode)) && same_inode(a, b);
-  const fs::path at_a = place_of(one).path;
-  const fs::path at_b = place_of(other).path;
-  if (at_a.filename() != at_b.filename()) return false;
-  if (::stat(folder_of(at_a).c_str(), &a) != 0 || ::stat(folder_of(at_b).c_str(), &b) != 0) {
-    return at_a.lexically_normal() == at_b.lexically_normal();
-  }
-  return same_inode(a, b);
-}
 
 std::string marked(Form form, const std::string& text, const std::string& author) {
   switch (form) {
@@ -165,7 +126,7 @@ bool is_written_by(const fs::path& file, const std::string& author) {
 }
 
 OutputFile::OutputFile(const std::string& name) : name_(name), target_(name), written_(name) {
-  const Place place = place_of(name);
+  const config::LinkEnd place = config::end_of_links(name);
   struct stat old {};
   const bool exists = ::stat(name.c_str(), &old) == 0;
   direct_ = place.through_descriptor || (exists && !S_ISREG(old.st_mode));
@@ -243,25 +204,30 @@ void OutputFolder::keep() {
   replace_file(list, listed);
 }
 
-Outputs::Outputs(std::string author, std::vector<std::string> inputs, bool force)
-    : author_(std::move(author)), inputs_(std::move(inputs)), force_(force) {}
+Outputs::Outputs(std::string author, const std::vector<std::string>& inputs, bool force)
+    : author_(std::move(author)), force_(force) {
+  add_inputs(inputs);
+}
 
 void Outputs::check_replaced(const std::string& name, bool ours) const {
   for (const std::string& input : inputs_) {
-    if (!is_same_file(name, input)) continue;
+    if (!config::is_same_file(name, input)) continue;
     refuse(name, (name == input ? "is an input of " + author_
                                 : "is the same file as " + input + ", an input of " + author_) +
                      ": expected another file to write to");
   }
   struct stat old {};
   if (force_ || ours || ::stat(name.c_str(), &old) != 0 || !S_ISREG(old.st_mode)) return;
-  if (place_of(name).through_descriptor) return;
+  if (config::end_of_links(name).through_descriptor) return;
   refuse(name, "exists, and is no earlier result of " + author_ +
                    ": expected a new file, or --force to replace it");
 }
 
 void Outputs::add_inputs(const std::vector<std::string>& inputs) {
-  inputs_.insert(inputs_.end(), inputs.begin(), inputs.end());
+  for (const std::string& each : inputs) {
+    inputs_.push_back(each);
+    for (const fs::path& named : config::files_read_with(each)) inputs_.push_back(named.string());
+  }
 }
 
 void Outputs::check(const std::string& name) const {
