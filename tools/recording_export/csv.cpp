@@ -31,7 +31,7 @@ void append(std::string& text, const Column& column, std::size_t row) {
 void append_comment(std::string& text, const std::string& name, const std::string& value) {
   if (value.empty()) return;
   text += "# " + name + ": ";
-  for (const char c : value) {
+  for (const char& c : value) {
     text += c;
     if (c == '\n' && &c != &value.back()) text += "#   ";
   }
