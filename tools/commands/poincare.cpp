@@ -6,10 +6,10 @@
 
 #include "config/model_file.h"
 #include "physics/number_text.h"
+#include "physics/result_units.h"
 #include "tools/command_line/drive_options.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
-#include "tools/command_line/result_units.h"
 #include "tools/commands/commands.h"
 #include "tools/dynamics/portrait.h"
 #include "tools/files/outputs.h"
@@ -41,7 +41,7 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   // Ranges and shares require a second integration.
   const double runs = arguments.out == "-" ? 1.0 : 2.0;
   options.progress = [&](double share) { progress.at(share / runs); };
-  const ResultUnits units(model);
+  const physics::ResultUnits units(model);
   std::string table = units.column("time_s", "s") + "," + units.column("displacement_m", "m") +
                       "," + units.column("velocity_m_s", "m/s") + ",theta\n";
   char line[160];
