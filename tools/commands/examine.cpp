@@ -20,6 +20,7 @@
 #include "protocol/sha256.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/recording_input.h"
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/concealment/grading.h"
@@ -123,6 +124,7 @@ Outcome examine(const fs::path& folder, const fs::path& file, const std::string&
   const physics::Model model = config::load_model(folder / "model.toml");
   const std::vector<protocol::Recording> recordings{
       protocol::read_recording(folder / "recording.csv")};
+  warn_if_cut_off(recordings.front());
   diagnosis::Options options;
   options.seed = seed;
   const diagnosis::Diagnosis found = diagnosis::diagnose(recordings, model, options);
@@ -133,6 +135,7 @@ Outcome examine(const fs::path& folder, const fs::path& file, const std::string&
   kept["validation"] = nullptr;
   if (fs::exists(folder / "validation.csv")) {
     const auto other = protocol::read_recording(folder / "validation.csv");
+    warn_if_cut_off(other);
     const auto chi2 = [&](const physics::Model& each) {
       return diagnosis::evaluate(other, each).score.chi2_per_sample;
     };
