@@ -38,6 +38,9 @@ noise_std = 0.002
 UNITS = r"\d[ \u00a0](mm|\u00b5m|m|m/s|mm/s|N|mN|N/m|s|ms|Hz|kg|1/s)\b|\[(mm?|s|ms|Hz|m?N|m?m/s|1/s)\]"
 
 
+SIGNED_ZERO = r"(?<![\w.+-])-0(\.0*)?(e[+-]?\d+)?(?![\w.])"
+
+
 class Dimensionless(EndToEnd):
     """Results of a model whose units are all 1 name none."""
 
@@ -59,6 +62,8 @@ class Dimensionless(EndToEnd):
         self.assertTrue(files["e.csv"].read_text().startswith("time,displacement,displacement_std,velocity,"))
         for name in ("e.json", "s.json", "d.json"):
             self.assertIs(json.loads(files[name].read_text())["dimensionless"], True)
+        for file in (run, *files.values()):
+            self.assertNotRegex(file.read_text(), SIGNED_ZERO, file)
         # The same model in SI units has them.
         model.write_text(DIMENSIONLESS.replace("dimensionless = true\n", ""))
         self.assertRegex(self.succeed("evaluate", run, "--model", model).stdout, UNITS)

@@ -107,20 +107,17 @@ using Columns = std::vector<dynamics::BifurcationColumn>;
 
 std::string table_of(const Columns& columns, const Arguments& arguments,
                      const physics::Model& model) {
+  using physics::number_text;
   const physics::ResultUnits units(model);
   std::string table = units.column(arguments.over, unit_of(arguments.over, model)) + "," +
                       units.column("displacement_m", "m") + "," +
                       units.column("velocity_m_s", "m/s");
   table += arguments.exponents ? "," + units.column("exponent_per_s", "1/s") + "\n" : "\n";
-  char line[160];
   for (const auto& column : columns) {
     for (const dynamics::Point& point : column.section) {
-      std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g", column.value, point.x(), point.v());
-      table += line;
-      if (arguments.exponents) {
-        std::snprintf(line, sizeof line, ",%.6g", column.exponent_per_s);
-        table += line;
-      }
+      table += number_text(column.value, 9) + ',' + number_text(point.x(), 9) + ',' +
+               number_text(point.v(), 9);
+      if (arguments.exponents) table += ',' + number_text(column.exponent_per_s, 6);
       table += '\n';
     }
   }

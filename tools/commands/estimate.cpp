@@ -19,6 +19,8 @@
 #include "physics/number_text.h"
 #include "physics/problem.h"
 #include "physics/result_units.h"
+#include "physics/unsigned_zero.h"
+#include "protocol/json_text.h"
 #include "protocol/recording.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/recording_input.h"
@@ -114,7 +116,7 @@ class Table {
  private:
   static void append(std::string& row, const char* format, double number) {
     char text[40];
-    std::snprintf(text, sizeof text, format, number + 0.0);  // no sign of a zero
+    std::snprintf(text, sizeof text, format, physics::unsigned_zero(number));
     row += text;
   }
   // An estimate has no field for the deflection of the load cell.
@@ -273,7 +275,8 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   } else {
     outputs.write(arguments.out, estimate_into);
   }
-  outputs.write(arguments.json, Form::json, summary_json(summary, predicted, units).dump(2) + "\n");
+  outputs.write(arguments.json, Form::json,
+                protocol::json_text(summary_json(summary, predicted, units)) + "\n");
   if (arguments.out != "-") print_summary(arguments, summary, predicted, units);
   return 0;
 }

@@ -9,6 +9,7 @@
 #include "diagnosis/report/json.h"
 #include "physics/number_text.h"
 #include "physics/result_units.h"
+#include "protocol/json_text.h"
 #include "protocol/recording.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
@@ -57,7 +58,7 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   json["horizon_s"] = done.horizon_s;
   json["free_run"] = nullptr;
   if (done.free_run) json["free_run"] = report::free_run_json(*done.free_run);
-  outputs.write(arguments.json, Form::json, json.dump(2) + "\n");
+  outputs.write(arguments.json, Form::json, protocol::json_text(json) + "\n");
 
   terminal::print("chi-squared per sample %s over %s of %s%s (1: noise only)\n",
                   physics::number_text(result.chi2_per_sample).c_str(),

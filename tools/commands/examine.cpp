@@ -16,6 +16,7 @@
 #include "physics/failure.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
+#include "protocol/json_text.h"
 #include "protocol/recording.h"
 #include "protocol/sha256.h"
 #include "tools/command_line/file_options.h"
@@ -144,7 +145,7 @@ Outcome examine(const fs::path& folder, const fs::path& file, const std::string&
   kept["report"] = report::report_json(found);
   outputs.write(fs::path(file).replace_extension(".toml"), Form::toml,
                 config::model_text(found.model));
-  outputs.write(file, Form::json, kept.dump(2) + "\n");
+  outputs.write(file, Form::json, protocol::json_text(kept) + "\n");
   return outcome_of(kept);
 }
 
@@ -281,7 +282,8 @@ int run(const Arguments& arguments, Outputs outputs) {
   const std::vector<concealment::Grade> grades = grades_of(folders, names, outcomes);
   terminal::print_page(concealment::summary_text(grades));
   if (!arguments.json.empty()) {
-    outputs.write(arguments.json, Form::json, concealment::summary_json(grades).dump(2) + "\n");
+    outputs.write(arguments.json, Form::json,
+                  protocol::json_text(concealment::summary_json(grades)) + "\n");
   }
   return 0;
 }
