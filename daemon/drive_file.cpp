@@ -5,9 +5,9 @@
 #include <cstddef>
 #include <utility>
 
+#include "daemon/recording_input.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
-#include "protocol/recording.h"
 
 namespace stickslip::daemon {
 namespace {
@@ -109,7 +109,7 @@ DriveFile::DriveFile(std::vector<double> times_s, std::vector<double> values, bo
 }
 
 DriveFile DriveFile::load(const config::DriveFile& settings, Channel channel) {
-  const protocol::Recording recording = protocol::read_recording(settings.path);
+  const protocol::Recording recording = recording_from(settings.path);
   const std::string name = settings.path.string();
   std::vector<double> times_s;
   std::vector<double> values;

@@ -32,6 +32,7 @@
 #include "daemon/messages.h"
 #include "daemon/metrics.h"
 #include "daemon/realtime.h"
+#include "daemon/recording_input.h"
 #include "daemon/rig_settings.h"
 #include "daemon/signals.h"
 #include "daemon/status.h"
@@ -238,9 +239,7 @@ class Service {
 
 std::vector<Frame> Service::frames_to_replay() const {
   if (rig_.driver != config::DriverKind::replay) return {};
-  const protocol::Recording recording = protocol::read_recording(rig_.replay.recording);
-  if (recording.cut_off_bytes > 0) spdlog::warn("{}", protocol::cut_off_warning(recording));
-  return recording.frames;
+  return recording_from(rig_.replay.recording).frames;
 }
 
 void Service::open_consumers() {

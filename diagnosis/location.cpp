@@ -205,10 +205,10 @@ std::string statement_of(const Location& location, const FailingWindows& failing
     std::snprintf(when, sizeof when, "in %zu of %s, first at %.3g s", failing.count,
                   physics::counted(windows, "window").c_str(), location.when_s.front().first);
   }
-  char band[64] = "";
+  char band[96] = "";
   if (location.band_hz) {
-    std::snprintf(band, sizeof band, ", mostly between %.2g and %.2g Hz", location.band_hz->first,
-                  location.band_hz->second);
+    std::snprintf(band, sizeof band, ", mostly at frequencies between %.2g and %.2g Hz",
+                  location.band_hz->first, location.band_hz->second);
   }
   return std::string("Model and recording disagree in ") + words_for(location.relation) +
          ", most visibly in " + std::string(info(*location.channel).stem) + ", " + when + band +

@@ -14,6 +14,7 @@
 
 #include "physics/number_text.h"
 #include "physics/problem.h"
+#include "physics/unsigned_zero.h"
 #include "protocol/recording.h"
 #include "protocol/recording_events.h"
 #include "protocol/recording_log.h"
@@ -313,7 +314,6 @@ void write_csv(const Recording& recording, std::ostream& out, const ProgressCall
     text += info(channel).column;
   }
   text += "\n";
-  std::array<char, 40> number{};
   std::size_t written = 0;
   for (const Frame& frame : recording.frames) {
     if (done && ++written % 1024 == 0) {
@@ -323,10 +323,7 @@ void write_csv(const Recording& recording, std::ostream& out, const ProgressCall
     for (const Channel channel : all_channels) {
       if (((channels >> index_of(channel)) & 1U) == 0) continue;
       text += ',';
-      if (!frame.has(channel)) continue;
-      const auto [end, error] =
-          std::to_chars(number.data(), number.data() + number.size(), frame[channel]);
-      text.append(number.data(), error == std::errc() ? end : number.data());
+      if (frame.has(channel)) physics::append_shortest(text, frame[channel]);
     }
     text += '\n';
     if (text.size() > 1U << 16U) {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <istream>
@@ -11,7 +10,6 @@
 #include <map>
 #include <numeric>
 #include <string_view>
-#include <utility>
 
 #include "physics/number_text.h"
 #include "physics/problem.h"
@@ -26,12 +24,8 @@ namespace stickslip::protocol {
 namespace {
 
 using physics::counted;
-using physics::fixed_text;
 
 constexpr std::size_t max_places_listed = 100;
-constexpr double shortest_time_step_s = 0.1;
-constexpr double periods_of_a_time_step = 10.0;
-constexpr std::size_t most_intervals = 1U << 16U;
 
 enum class Validity : std::uint8_t { yes, bad_checksum, undecodable };
 
@@ -126,48 +120,6 @@ void walk(std::istream& in, const std::string& name, Visitor& visitor,
   }
 }
 
-/// Median of the intervals between frames, of an evenly spaced subset if there are many, and the
-/// intervals that may be steps of the time.
-class Intervals {
- public:
-  void add(std::uint64_t sequence, std::int64_t from_ns, std::int64_t to_ns,
-           std::uint64_t numbers) {
-    const double interval_s = (static_cast<double>(to_ns) - static_cast<double>(from_ns)) * 1e-9;
-    const double each_s = interval_s / static_cast<double>(numbers);
-    if (count_++ % every_ == 0) intervals_s_.push_back(each_s);
-    if (intervals_s_.size() == most_intervals) thin_out();
-    const bool regular = std::abs(each_s) < shortest_time_step_s && each_s > 0.0;
-    if (!regular && candidates_.size() < most_intervals) {
-      candidates_.push_back({{sequence, from_ns, interval_s}, numbers});
-    }
-  }
-
-  std::vector<TimeStep> steps() {
-    std::vector<TimeStep> out;
-    if (intervals_s_.empty()) return out;
-    const auto middle = intervals_s_.begin() + static_cast<std::ptrdiff_t>(intervals_s_.size() / 2);
-    std::nth_element(intervals_s_.begin(), middle, intervals_s_.end());
-    const double least_s = std::max(shortest_time_step_s, periods_of_a_time_step * *middle);
-    for (auto [step, numbers] : candidates_) {
-      step.excess_s -= *middle * static_cast<double>(numbers);
-      if (std::abs(step.excess_s) > least_s) out.push_back(step);
-    }
-    return out;
-  }
-
- private:
-  void thin_out() {
-    for (std::size_t i = 0; 2 * i < intervals_s_.size(); ++i) intervals_s_[i] = intervals_s_[2 * i];
-    intervals_s_.resize(intervals_s_.size() / 2);
-    every_ *= 2;
-  }
-
-  std::vector<double> intervals_s_;
-  std::vector<std::pair<TimeStep, std::uint64_t>> candidates_;
-  std::uint64_t count_ = 0;
-  std::uint64_t every_ = 1;
-};
-
 class Survey final : public Visitor {
  public:
   explicit Survey(LogSurvey& out) : out_(out) {}
@@ -206,7 +158,7 @@ class Survey final : public Visitor {
 
   void cut_off(const LogEvent& place) override { out_.cut_off_bytes = place.end - place.at; }
 
-  void finish() { out_.time_steps = intervals_.steps(); }
+  void finish() { out_.time_steps = time_steps_.found(); }
 
  private:
   void add_damage(const LogEvent& place, const std::string& why) {
@@ -236,8 +188,8 @@ class Survey final : public Visitor {
     } else {
       if (frame.time_ns <= out_.last_time_ns) ++out_.times_back;
       if (frame.sequence > out_.last_sequence) {
-        intervals_.add(out_.last_sequence, out_.last_time_ns, frame.time_ns,
-                       frame.sequence - out_.last_sequence);
+        time_steps_.add(out_.last_sequence, out_.last_time_ns, frame.time_ns,
+                        frame.sequence - out_.last_sequence);
       }
       if (frame.sequence <= out_.last_sequence) {
         ++out_.repeats;
@@ -287,7 +239,7 @@ class Survey final : public Visitor {
   }
 
   LogSurvey& out_;
-  Intervals intervals_;
+  TimeSteps time_steps_;
   std::map<std::string, std::size_t> place_;
   std::optional<std::int64_t> next_number_ = 0;
 };
@@ -399,10 +351,7 @@ std::vector<std::string> LogSurvey::gap_sentences() const {
   }
   for (const TimeStep& step : time_steps) {
     if (out.size() >= max_places_listed) break;
-    out.push_back("the time steps by " + fixed_text(step.excess_s, 3) + " s after " +
-                  fixed_text(static_cast<double>(step.after_ns) * 1e-9, 3) + " s (sequence " +
-                  std::to_string(step.after_sequence) +
-                  "): the clock was set, or the device stood still");
+    out.push_back(sentence_of(step));
   }
   return out;
 }

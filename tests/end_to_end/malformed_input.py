@@ -4,7 +4,7 @@ import re
 import subprocess
 import unittest
 
-from programs import STICKSLIP, STICKSLIPD, EndToEnd, main, run, stickslip
+from programs import SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main, run, stickslip
 
 MODEL = """schema = 1
 
@@ -159,6 +159,35 @@ class MalformedInput(EndToEnd):
                 result = self.succeed(*command)
                 self.assertIn(f"{cut}:401: the last line is not read", result.stderr)
         self.assertIn("399 frames", self.succeed("convert", cut, self.folder / "out.log").stdout)
+
+    def test_a_case_of_an_examination_that_is_cut_is_named(self):
+        case = self.folder / "set/01"
+        case.mkdir(parents=True)
+        cut = self.write("set/01/recording.csv", RECORDING[:-2])
+        self.write("set/01/model.toml", MODEL)
+        result = stickslip("examine", self.folder / "set", "--reports", self.folder / "reports")
+        self.assertIn(f"{cut}:401: the last line is not read", result.stderr)
+
+    def test_a_drive_that_is_cut_is_named_before_it_is_played(self):
+        drive = "time_s,base_displacement_m\n" + "".join(
+            f"{i / 100},{1e-3 * abs(i - 50) / 50:.6f}\n" for i in range(102))
+        cut = self.write("drive.csv", drive[:-3])
+        config = self.write("rig.toml", f"""schema = 1
+            [rig]
+            name = "cut"
+            model = "{SOURCE}/config/models/simulated.toml"
+            [driver]
+            kind = "simulated"
+            [driver.simulated]
+            real_time = false
+            [excitation]
+            kind = "file"
+            file.path = "{cut}"
+            """)
+        result = run(STICKSLIPD, "--config", config, "--no-lcm", "--duration", 0.1)
+        output = result.stdout + result.stderr
+        self.assertEqual(result.returncode, 0, output)
+        self.assertIn(f"{cut}:103: the last line is not read", output)
 
     def test_a_truncated_log_is_read_up_to_there_with_a_warning(self):
         log = self.folder / "good.log"

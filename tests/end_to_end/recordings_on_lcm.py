@@ -1,5 +1,5 @@
-"""Stock lcm-logplayer plays our logs; `stickslip record` and an independent subscriber receive what
-`stickslip replay` publishes; each tool ends with the right status."""
+"""Stock lcm-logplayer plays our logs, stock lcm-logger records our daemon; `stickslip record` and an
+independent subscriber receive what `stickslip replay` publishes; each tool ends with the right status."""
 import json
 import os
 import shutil
@@ -12,7 +12,7 @@ import time
 import unittest
 
 import frames
-from programs import STICKSLIP, SOURCE, EndToEnd, main, stickslip
+from programs import STICKSLIP, STICKSLIPD, SOURCE, EndToEnd, main, run, stickslip
 
 FRAME_COUNT = 1500
 BLOCKS = 150
@@ -62,6 +62,83 @@ class RecordingsOnLcm(EndToEnd):
         heard = json.loads(listener.communicate(timeout=30)[0])
         self.assertEqual(heard["messages"], {"STICKSLIP_FRAMES": BLOCKS, "STICKSLIP_RECORDING": 1})
         self.assertEqual((heard["frames"], heard["lost"]), (FRAME_COUNT, 0))
+
+    def stock_logger(self, log):
+        """Stock lcm-logger, once it receives."""
+        program = shutil.which("lcm-logger")
+        if program is None:
+            self.skipTest("lcm-logger is not installed")
+        url = "udpm://239.255.76.67:7667?ttl=0"
+        logger = self.start(program, "--flush-interval=50", f"--lcm-url={url}", log)
+        deadline = time.monotonic() + 60
+        # It says nothing when it is ready: other messages are sent until it has recorded one.
+        while not log.exists() or log.stat().st_size == 0:
+            self.assertLess(time.monotonic(), deadline, "lcm-logger recorded nothing")
+            self.assertIsNone(logger.poll(), "lcm-logger ended")
+            self.announce()
+            time.sleep(0.05)
+        return logger
+
+    def announce(self):
+        """A message of another program, on a channel of its own."""
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+            sender.sendto(struct.pack(">II", 0x4C433032, 0) + b"OTHER\0hello", ("239.255.76.67", 7667))
+
+    def test_the_stock_logger_records_a_daemon_and_its_losses_are_gaps(self):
+        config = self.write("rig.toml", f"""
+            schema = 1
+            [rig]
+            name = "stock"
+            model = "{SOURCE}/config/models/simulated.toml"
+            [driver]
+            kind = "simulated"
+            """)
+        log = self.folder / "stock.log"
+        logger = self.stock_logger(log)
+        # It records too, so that its status has a ledger, which the received log is compared with.
+        daemon = run(STICKSLIPD, "--config", config, "--duration", 2, "--record", self.folder / "own.log",
+                     "--control", self.folder / "control.sock")
+        self.assertEqual(daemon.returncode, 0, daemon.stdout + daemon.stderr)
+        self.assert_growth_ends(log)
+        logger.send_signal(signal.SIGINT)
+        logger.communicate(timeout=30)
+        text = self.succeed("log", "check", log).stdout
+        self.assertNotIn("damaged", text)
+        info = json.loads(self.succeed("log", "info", log, "--json").stdout)
+        self.assertGreater(info["frames"]["count"], 1000)
+        if info["frames"]["missing"] == 0:  # a stalled machine may lose datagrams
+            self.assertIn("stock.log: intact", text)
+        self.assert_holes_are_gaps(log, info["frames"]["count"])
+
+    def assert_growth_ends(self, log):
+        """Waits until the logger has written what it received: its size is the same for a second."""
+        size, since = -1, time.monotonic()
+        while time.monotonic() - since < 1:
+            if log.stat().st_size != size:
+                size, since = log.stat().st_size, time.monotonic()
+            time.sleep(0.05)
+
+    def assert_holes_are_gaps(self, log, frame_count):
+        """The same log without every seventh block of frames, as if those had been lost."""
+        whole, at, kept, number = log.read_bytes(), 0, b"", 0
+        blocks = 0
+        for channel, payload in frames.events(log):
+            length = 28 + len(channel) + len(payload)
+            block = channel == "STICKSLIP_FRAMES"
+            blocks += block
+            if not (block and blocks % 7 == 3):
+                # The logger numbers what it receives.
+                kept += whole[at:at + 4] + struct.pack(">q", number) + whole[at + 12:at + length]
+                number += 1
+            at += length
+        holes = self.write("holes.log", kept)
+        text = self.succeed("log", "check", holes).stdout
+        self.assertRegex(text, r"holes.log: with gaps\n +\d+ frames missing in \d+ gaps")
+        self.assertNotIn("damaged", text)
+        info = json.loads(self.succeed("log", "info", holes, "--json").stdout)
+        self.assertLess(info["frames"]["count"], frame_count)
+        self.assertAlmostEqual(info["rate_hz"], 1000, delta=1)
 
     def test_replay_record_and_an_independent_subscriber_agree(self):
         rows = [line.split(",") for line in CSV.splitlines()[1:]]

@@ -328,7 +328,7 @@ class RecordingsSurvive(EndToEnd):
         rows = [line for line in (self.folder / "out.csv").read_text().splitlines()
                 if not line.startswith("#")]
         self.assertEqual(len(rows), 2001)
-        self.assertTrue(rows[0].startswith("time_s,time_ns,sequence,valid,displacement_m"), rows[0])
+        self.assertTrue(rows[0].startswith("time_s,time_ns,sequence,valid,gap,displacement_m"), rows[0])
         refused = stickslip("log", "export", log, self.folder / "out.xyz")
         self.assertEqual(refused.returncode, 2)
         self.assertIn("expected .csv, .mat or .h5", refused.stderr)

@@ -14,10 +14,10 @@
 #include "physics/catalogue.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
+#include "physics/result_units.h"
 #include "tools/command_line/drive_options.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
-#include "tools/command_line/result_units.h"
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/figures/bifurcation_picture.h"
@@ -107,20 +107,17 @@ using Columns = std::vector<dynamics::BifurcationColumn>;
 
 std::string table_of(const Columns& columns, const Arguments& arguments,
                      const physics::Model& model) {
-  const ResultUnits units(model);
+  using physics::number_text;
+  const physics::ResultUnits units(model);
   std::string table = units.column(arguments.over, unit_of(arguments.over, model)) + "," +
                       units.column("displacement_m", "m") + "," +
                       units.column("velocity_m_s", "m/s");
   table += arguments.exponents ? "," + units.column("exponent_per_s", "1/s") + "\n" : "\n";
-  char line[160];
   for (const auto& column : columns) {
     for (const dynamics::Point& point : column.section) {
-      std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g", column.value, point.x(), point.v());
-      table += line;
-      if (arguments.exponents) {
-        std::snprintf(line, sizeof line, ",%.6g", column.exponent_per_s);
-        table += line;
-      }
+      table += number_text(column.value, 9) + ',' + number_text(point.x(), 9) + ',' +
+               number_text(point.v(), 9);
+      if (arguments.exponents) table += ',' + number_text(column.exponent_per_s, 6);
       table += '\n';
     }
   }
@@ -129,9 +126,9 @@ std::string table_of(const Columns& columns, const Arguments& arguments,
 
 /// The axes in millimetres where they are lengths.
 figures::BifurcationAxes axes_of(const std::string& path, const physics::Model& model) {
-  const ResultUnits units(model);
+  const physics::ResultUnits units(model);
   const std::string unit = unit_of(path, model);
-  const std::string name = ResultUnits::bare(path, unit);
+  const std::string name = physics::ResultUnits::bare(path, unit);
   constexpr double mm = 1.0e3;
   figures::BifurcationAxes axes;
   axes.parameter = units.axis(name, unit);

@@ -18,6 +18,7 @@
 #include "config/settings.h"
 #include "physics/problem.h"
 #include "physics/spelling.h"
+#include "protocol/json_text.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
@@ -145,7 +146,7 @@ int run(const Arguments& arguments) {
   rig.file = std::filesystem::absolute(rig.file);
   const std::vector<Setting> settings = chosen(config::settings_of(rig), arguments.key);
   if (arguments.json) {
-    std::printf("%s\n", as_json(settings, arguments.file).dump(2).c_str());
+    std::printf("%s\n", protocol::json_text(as_json(settings, arguments.file)).c_str());
   } else if (arguments.explain) {
     print_explained(settings, arguments.file);
   } else {

@@ -8,6 +8,7 @@
 
 #include "config/model_file.h"
 #include "physics/number_text.h"
+#include "protocol/json_text.h"
 #include "tools/command_line/drive_options.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
@@ -62,7 +63,7 @@ int run(const Arguments& arguments, const Outputs& outputs) {
     json["per_period"] = found.per_period;
     json["periods"] = arguments.periods;
     if (model.dimensionless) json["dimensionless"] = true;
-    outputs.write(arguments.json, Form::json, json.dump(2) + "\n");
+    outputs.write(arguments.json, Form::json, protocol::json_text(json) + "\n");
   }
   return 0;
 }

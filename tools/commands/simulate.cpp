@@ -8,6 +8,7 @@
 #include "physics/integration_cost.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
+#include "physics/result_units.h"
 #include "physics/simulator.h"
 #include "protocol/recording.h"
 #include "tools/command_line/file_options.h"
@@ -165,8 +166,9 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   progress.finish();
   write_recording(outputs, out, arguments.out);
   if (arguments.out != "-") {
-    terminal::print("%s: %s over %.3f s\n", arguments.out.c_str(),
-                    physics::counted(out.frames.size(), "sample").c_str(), time.back());
+    terminal::print("%s: %s over %.3f%s\n", arguments.out.c_str(),
+                    physics::counted(out.frames.size(), "sample").c_str(), time.back(),
+                    physics::ResultUnits(model).after_number("s").c_str());
   }
   return 0;
 }
