@@ -60,7 +60,8 @@ Calibrated Calibration::operator()(const Frame& raw) const {
   for (Channel channel : all_channels) {
     if (!raw.has(channel)) continue;
     const std::size_t i = index_of(channel);
-    const double si = (raw.value[i] - lines_[i].offset) * lines_[i].gain;
+    // The sum with 0 removes the sign of a zero, which a table or a CSV recording would not have.
+    const double si = (raw.value[i] - lines_[i].offset) * lines_[i].gain + 0.0;
     if (std::isfinite(si)) {
       out.frame.set(channel, si);
       out.frame.age_us[i] = raw.age_us[i];
