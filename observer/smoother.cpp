@@ -1,6 +1,6 @@
 #include "observer/smoother.h"
 
-#include <Eigen/LU>
+#include <Eigen/QR>
 #include <array>
 #include <cmath>
 #include <deque>
@@ -28,28 +28,33 @@ struct Gaussian {
   Matrix covariance;
 };
 
-/// Likelihood of all later readings as a function of a state's deviation d from the filtered mean:
-/// its logarithm is -d' matrix d / 2 + d' vector.
-struct BackwardInformation {
-  Matrix matrix;
-  Vector vector;
-
-  /// Accounts for `noise` between the state and the later readings.
-  void add_noise(Matrix noise);
-};
-
-void BackwardInformation::add_noise(Matrix noise) {
-  // One direction of the noise after the other, as in a Cholesky factorisation.
-  for (Eigen::Index i = 0; i < noise.rows(); ++i) {
-    if (!(noise(i, i) > 0.0)) continue;
-    const Vector direction = noise.col(i) / std::sqrt(noise(i, i));
-    noise -= direction * direction.transpose();
-    const Vector projected = matrix * direction;
-    const double share = 1.0 / (1.0 + direction.dot(projected));
-    vector -= projected * (share * direction.dot(vector));
-    matrix -= share * projected * projected.transpose();
-  }
+/// Triangular form of the equations `stack` (left sides, the right side as the last column), by
+/// Householder reflections: the sum of squared residuals is the same function of the unknowns.
+Eigen::MatrixXd triangular(const Eigen::MatrixXd& stack) {
+  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(stack);
+  return qr.matrixQR().triangularView<Eigen::Upper>();
 }
+
+/// G with G G' = `covariance`, positive semidefinite; directions without variance are left out.
+Matrix square_root(Matrix covariance) {
+  Matrix root(covariance.rows(), covariance.cols());
+  Eigen::Index columns = 0;
+  for (Eigen::Index i = 0; i < covariance.rows(); ++i) {
+    if (!(covariance(i, i) > 0.0)) continue;
+    const Vector direction = covariance.col(i) / std::sqrt(covariance(i, i));
+    covariance -= direction * direction.transpose();
+    root.col(columns++) = direction;
+  }
+  return root.leftCols(columns);
+}
+
+/// Likelihood of all later readings as a function of a state's deviation d from the filtered mean:
+/// its logarithm is -|root d - value|^2 / 2. A square root of the information cannot lose symmetry
+/// or definiteness (Bierman, Factorization Methods for Discrete Sequential Estimation, chapter VI).
+struct BackwardInformation {
+  Matrix root;  ///< upper triangular
+  Vector value;
+};
 
 struct TimeUpdate {
   Matrix jacobian;
@@ -138,27 +143,47 @@ void Smoother::record_readings(FilterStep& step) {
   }
 }
 
-// From the state after a step's readings to the state before its time update.
-void Smoother::step_back(const FilterStep& step, BackwardInformation& later) const {
-  later.vector += later.matrix * (step.filtered.mean - step.predicted);
+// Equations of a step: those of the state after its readings, and the readings.
+Eigen::MatrixXd equations_after(const FilterStep& step, const BackwardInformation& later) {
+  const Eigen::Index n = later.root.cols();
+  Eigen::MatrixXd stack =
+      Eigen::MatrixXd::Zero(n + static_cast<Eigen::Index>(channel_count), n + 1);
+  stack.topLeftCorner(n, n) = later.root;
+  stack.col(n).head(n) = later.value + later.root * (step.filtered.mean - step.predicted);
+  Eigen::Index used = n;
   for (Channel channel : all_channels) {
     const std::size_t i = index_of(channel);
     if (step.inverse_variance[i] == 0.0) continue;
+    const double weight = std::sqrt(step.inverse_variance[i]);
     const MeasurementRow& row = step.row[i];
-    const auto terms = static_cast<std::size_t>(row.count);
-    for (std::size_t j = 0; j < terms; ++j) {
-      for (std::size_t k = 0; k < terms; ++k) {
-        later.matrix(row.state[j], row.state[k]) +=
-            step.inverse_variance[i] * row.weight[j] * row.weight[k];
-      }
-      later.vector[row.state[j]] += step.inverse_variance[i] * row.weight[j] * step.innovation[i];
+    for (std::size_t j = 0; j < static_cast<std::size_t>(row.count); ++j) {
+      stack(used, row.state[j]) += weight * row.weight[j];
     }
+    stack(used, n) = weight * step.innovation[i];
+    ++used;
   }
-  later.add_noise(step.time_update->output_noise);
-  const Matrix& f = step.time_update->jacobian;
-  later.matrix = (f.transpose() * later.matrix * f).eval();
-  later.vector = (f.transpose() * later.vector).eval();
-  later.add_noise(step.time_update->process_noise);
+  return stack.topRows(used);
+}
+
+// From the state after a step's readings to the state before its time update. With the noises u and
+// w of unit variance it is d_after = F (d_before + G u) + H w; u and w are eliminated.
+void Smoother::step_back(const FilterStep& step, BackwardInformation& later) const {
+  const Eigen::MatrixXd after = equations_after(step, later);
+  const Eigen::Index n = later.root.cols();
+  const Matrix h = square_root(step.time_update->output_noise);
+  const Matrix g = square_root(step.time_update->process_noise);
+  const Eigen::Index noises = h.cols() + g.cols();
+  Eigen::MatrixXd stack = Eigen::MatrixXd::Zero(noises + after.rows(), noises + n + 1);
+  stack.topLeftCorner(noises, noises).setIdentity();
+  const auto left = after.leftCols(n);
+  stack.block(noises, noises, after.rows(), n) = left * step.time_update->jacobian;
+  stack.block(noises, 0, after.rows(), h.cols()) = left * h;
+  stack.block(noises, h.cols(), after.rows(), g.cols()) =
+      stack.block(noises, noises, after.rows(), n) * g;
+  stack.col(noises + n).tail(after.rows()) = after.col(n);
+  const Eigen::MatrixXd reduced = triangular(stack);
+  later.root = reduced.block(noises, noises, n, n);
+  later.value = reduced.col(noises + n).segment(noises, n);
 }
 
 // Smooths all steps, and passes on and removes the first `keep` of them.
@@ -191,23 +216,25 @@ FrictionEstimate Smoother::smoothed(const FilterStep& step, const BackwardInform
                                     bool converged) const {
   FrictionEstimate estimate = *step.estimate;
   if (estimate.status == EstimateStatus::waiting) return estimate;
-  // Filtered and backward information combined, P - P W (1 + P W)^-1 P, with states scaled by their
-  // standard deviations.
+  // Filtered and backward information combined in terms of y, where the deviation is L y and L L'
+  // the filtered covariance: |y|^2 + |root L y - value|^2 is least.
   const Matrix& p = step.filtered.covariance;
-  const Vector scale = p.diagonal().cwiseMax(1.0e-300).cwiseSqrt();
-  const auto scaled = scale.asDiagonal();
-  const auto unscaled = scale.cwiseInverse().asDiagonal();
-  const Matrix prior = unscaled * p * unscaled;
-  const Matrix product = prior * (scaled * later.matrix * scaled);
-  const Matrix posterior =
-      (Matrix::Identity(p.rows(), p.cols()) + product).partialPivLu().solve(prior);
-  const Vector mean = step.filtered.mean + scaled * (posterior * (scaled * later.vector));
+  const Eigen::Index n = p.rows();
+  const Matrix l = square_root(p);
+  const Eigen::Index m = l.cols();
+  Eigen::MatrixXd stack = Eigen::MatrixXd::Zero(m + n, m + 1);
+  stack.topLeftCorner(m, m).setIdentity();
+  stack.bottomLeftCorner(n, m) = later.root * l;
+  stack.col(m).tail(n) = later.value;
+  const Eigen::MatrixXd reduced = triangular(stack);
+  const auto root = reduced.topLeftCorner(m, m).template triangularView<Eigen::Upper>();
+  const Vector y = root.solve(reduced.col(m).head(m));
+  const Vector mean = step.filtered.mean + l * y;
+  const Matrix spread = root.transpose().solve(Matrix(l.transpose()));
 
-  Covariance covariance(static_cast<int>(p.rows()));
+  Covariance covariance(static_cast<int>(n));
   for (int i = 0; i < covariance.count(); ++i) {
-    for (int j = 0; j <= i; ++j) {
-      covariance.set(i, j, 0.5 * (posterior(i, j) + posterior(j, i)) * scale[i] * scale[j]);
-    }
+    for (int j = 0; j <= i; ++j) covariance.set(i, j, spread.col(i).dot(spread.col(j)));
   }
   filter_.fill_estimate(mean, covariance, nullptr, estimate);
   if (estimate.status == EstimateStatus::settling && converged) {
