@@ -63,7 +63,7 @@ double probability_below(double limit, double mean, double deviation) {
 }
 
 // Limits far beyond any bench, within which squares do not overflow.
-bool is_possible(Channel channel, double value) {
+bool is_measurable(Channel channel, double value) {
   const bool force = channel == Channel::friction_force || channel == Channel::normal_load ||
                      channel == Channel::drive_force;
   return std::abs(value) < (force ? 1.0e9 : 1.0e4);  // false for NaN
@@ -71,7 +71,7 @@ bool is_possible(Channel channel, double value) {
 
 void drop_impossible(Frame& frame) {
   for (Channel channel : all_channels) {
-    if (frame.has(channel) && !is_possible(channel, frame[channel])) frame.invalidate(channel);
+    if (frame.has(channel) && !is_measurable(channel, frame[channel])) frame.invalidate(channel);
   }
 }
 
@@ -445,7 +445,7 @@ void KalmanFilter::fill_report(const Frame& frame) {
   } else if (since_mechanical_s_ > blind_after_s) {
     e.status = EstimateStatus::blind;
   } else {
-    e.status = EstimateStatus::good;
+    e.status = is_possible(e) ? EstimateStatus::good : EstimateStatus::impossible;
   }
 }
 

@@ -237,10 +237,14 @@ FrictionEstimate Smoother::smoothed(const FilterStep& step, const BackwardInform
     for (int j = 0; j <= i; ++j) covariance.set(i, j, spread.col(i).dot(spread.col(j)));
   }
   filter_.fill_estimate(mean, covariance, nullptr, estimate);
-  if (estimate.status == EstimateStatus::settling && converged) {
-    estimate.status = EstimateStatus::good;
-    estimate.valid = true;
+  // Also where the filter alone was still settling, or wrong.
+  const bool by_filter = estimate.status == EstimateStatus::good ||
+                         estimate.status == EstimateStatus::impossible ||
+                         (estimate.status == EstimateStatus::settling && converged);
+  if (by_filter) {
+    estimate.status = is_possible(estimate) ? EstimateStatus::good : EstimateStatus::impossible;
   }
+  estimate.valid = estimate.status == EstimateStatus::good;
   return estimate;
 }
 
