@@ -159,6 +159,11 @@ double KalmanFilter::reading_variance(Channel channel) const {
   return correction_.any() ? variance_[index_of(channel)] : noise_->reading_variance(channel);
 }
 
+InputVariances KalmanFilter::input_variances() const {
+  return {.drive = reading_variance(drive_channel(rig_.structure())),
+          .load = layout_.load_rate >= 0 ? reading_variance(Channel::normal_load) : 0.0};
+}
+
 // Saturated readings are dropped first: they would bias the estimate of the noise.
 void KalmanFilter::correct_sensor_errors(Frame& frame) {
   const auto update_variances = [this] {
@@ -202,8 +207,7 @@ void KalmanFilter::reinitialise(const Frame& frame) {
 void KalmanFilter::predict() {
   const double time_s = static_cast<double>(time_ns_ - origin_ns_) * 1.0e-9;
   const double variance = slip_variance(covariance_);
-  noise_->add_process_noise(mean_, variance, since_start_s_,
-                            reading_variance(drive_channel(rig_.structure())), covariance_);
+  noise_->add_process_noise(mean_, variance, since_start_s_, input_variances(), covariance_);
   consider_->add_input(mean_);
   prediction_->advance(mean_, time_s, variance);
   covariance_.propagate(prediction_->transition());
@@ -213,8 +217,8 @@ void KalmanFilter::predict() {
 
 Covariance KalmanFilter::process_noise() const {
   Covariance noise(layout_.count);
-  noise_->add_process_noise(mean_, slip_variance(covariance_), since_start_s_,
-                            reading_variance(drive_channel(rig_.structure())), noise);
+  noise_->add_process_noise(mean_, slip_variance(covariance_), since_start_s_, input_variances(),
+                            noise);
   return noise;
 }
 
@@ -331,10 +335,8 @@ void KalmanFilter::apply_readings(const Frame& frame) {
     const double innovation = frame[channel] - predicted.value;
     const bool used = apply_reading(channel, predicted, innovation);
     const std::size_t i = index_of(channel);
-    if (channel == drive_channel(rig_.structure())) {
-      since_drive_s_ = 0.0;
-      noise_->adapt_drive_noise(estimate_.innovation[i] / estimate_.innovation_std[i]);
-    }
+    noise_->adapt_input_noise(channel, estimate_.innovation[i] / estimate_.innovation_std[i]);
+    if (channel == drive_channel(rig_.structure())) since_drive_s_ = 0.0;
     mechanical =
         mechanical || (used && std::find(mechanical_channels.begin(), mechanical_channels.end(),
                                          channel) != mechanical_channels.end());

@@ -80,6 +80,7 @@ class KalmanFilter {
   void measurement_update(const Frame& frame);
   void map_quantities();
   double reading_variance(Channel channel) const;
+  InputVariances input_variances() const;
   void correct_sensor_errors(Frame& frame);
   void reinitialise(const Frame& frame);
   void apply_readings(const Frame& frame);

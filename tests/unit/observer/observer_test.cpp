@@ -371,6 +371,40 @@ TEST(Observer, SupportsAMeasuredNormalLoad) {
   EXPECT_NEAR(run.back().estimate.mu, 0.8, 0.03);
 }
 
+// Also where the contact is lost in every period of the load.
+TEST(Observer, FollowsALoadThatVariesFastOrReachesZero) {
+  Model real = paper_rig(Law::coulomb);
+  real.normal_load = physics::NormalLoad{physics::NormalLoadLaw::measured, {}, {}};
+  for (const double frequency_hz : {0.5, 3.0, 8.0}) {
+    for (const double swing : {0.08, 0.3}) {
+      SCOPED_TRACE(std::to_string(frequency_hz) + " Hz, swing " + std::to_string(swing) + " N");
+      const auto drive = [=, base = test::ModulatedBase{}](double t) {
+        physics::Input input = base(t);
+        const double phase = 2.0 * std::numbers::pi * frequency_hz * t;
+        input.normal_load_n = std::max(0.0, 0.15 + swing * std::sin(phase));
+        return input;
+      };
+      const auto run = run_observer(real, with_mu(real, 1.3), {.drive = drive});
+      EXPECT_EQ(run.back().estimate.restarts, 0U);
+      EXPECT_NEAR(run.back().estimate.mu, 0.8, 0.03);
+      const auto load_error = [](const Sample& m) {
+        return m.estimate.normal_load_n - m.truth.normal_load_n;
+      };
+      // The reading is 17 ms late.
+      const auto raw_load_error = [](const Sample& m) {
+        return m.frame[Channel::normal_load] - m.truth.normal_load_n;
+      };
+      EXPECT_LT(rms(run, 5.0, load_error), 0.5 * rms(run, 5.0, raw_load_error));
+      const double outside = rms(run, 5.0, [&](const Sample& m) {
+        const double deviation = m.estimate.standard_deviation(Quantity::normal_load);
+        return std::abs(load_error(m)) > 1.96 * deviation ? 1.0 : 0.0;
+      });
+      EXPECT_LT(outside * outside, 0.1);
+      EXPECT_LT(rms(run, 5.0, force_error), 0.2 * rms(run, 5.0, raw_force_error));
+    }
+  }
+}
+
 // Readings of slower sources are repeated with growing age until the next one.
 TEST(Observer, UsesReadingsAtTheirAge) {
   Model model = paper_rig(Law::state_variable);
