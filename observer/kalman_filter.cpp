@@ -283,7 +283,9 @@ inline void KalmanFilter::compute_gain(Channel channel, double innovation_varian
   if (layout_.mu >= 0) gain_[layout_.mu] *= mu_gain_factor_;
   if (layout_.log_rate >= 0 && since_start_s_ < startup_s_) gain_[layout_.log_rate] = 0.0;
   const Channel driven = drive_channel(rig_.structure());
-  if (channel == driven || since_drive_s_ >= drive_measured_s) return;
+  const bool is_own =
+      channel == driven || (driven == Channel::displacement && channel == Channel::velocity);
+  if (is_own || since_drive_s_ >= drive_measured_s) return;
   for (int k = 0; k < 4; ++k) gain_[layout_.drive + k] = 0.0;
   layout_.of(driven).for_each_state([this](int state) { gain_[state] = 0.0; });
 }

@@ -225,13 +225,13 @@ NoiseModel::Scales NoiseModel::scales(const Frame& frame) const {
   if (structure.two_well) {
     length = std::max(length, std::sqrt(c.well_linear / std::max(c.well_cubic, 1.0e-12)));
   } else {
-    length = std::max(length, out.friction / (c.mass * square(natural_rad_s_)));
+    length = std::max(length, out.friction * numbers_->inverse_mass / square(natural_rad_s_));
   }
   const double p = reading_or_zero(frame, drive_channel(structure));
   if (structure.excitation == Excitation::base) length = std::max(length, std::abs(p));
   out.length = length;
   out.speed = length * natural_rad_s_;
-  out.drive = structure.excitation == Excitation::base
+  out.drive = structure.excitation != Excitation::force
                   ? length
                   : std::max({std::abs(p), out.friction, c.mass * square(natural_rad_s_) * length});
   out.drive_rad_s = std::max(natural_rad_s_, 2.0 * pi * 2.0);
@@ -375,7 +375,8 @@ void NoiseModel::add_force_noise(const Vector& mean, double slip_variance,
       structure.excitation == Excitation::base ? mean[l.drive + 2] : 0.0;
   const double on_mass = square(force_share * friction) + square(spring_std_n_m_ * x) +
                          square(damping_std_n_s_m_ * v) + square(mass_std_kg_ * base_acceleration);
-  add_variance(covariance, l.rig[state::v], (colour * on_mass + by_jump) / square(c.mass));
+  add_variance(covariance, l.rig[state::v],
+               (colour * on_mass + by_jump) * square(numbers_->inverse_mass));
   if (structure.resonant) {
     const double y = mean[l.rig[state::y]];
     const double on_cell = square(force_share * friction) + square(cell_std_n_m_ * y);
