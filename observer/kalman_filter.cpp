@@ -105,7 +105,9 @@ KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, Fri
   prediction_ = make_prediction(rig_, model_, layout_, period_s_, steps_);
   noise_ =
       std::make_unique<NoiseModel>(model_, rig_, layout_, prediction_->numbers(), period_s_, prior);
-  consider_ = std::make_unique<ConsiderParameters>(model_, rig_, layout_, period_s_);
+  consider_ = std::make_unique<ConsiderParameters>(
+      ParameterResponse(model_, rig_, layout_, period_s_),
+      ReadingErrors(separated.laws, separated.shifted, layout_, period_s_), layout_);
   const physics::SensorBank bank(model_, period_s_ / steps_);
   double latest_s = 0.0;
   for (const Chain& chain : layout_.chain) latest_s = std::max(latest_s, chain.delay_s);
@@ -144,6 +146,10 @@ double KalmanFilter::slip_variance(const Covariance& covariance) const {
   const int u = layout_.rig[state::u];
   if (u < 0) return covariance(v, v);
   return covariance(v, v) + covariance(u, u) - 2.0 * covariance(v, u);
+}
+
+double KalmanFilter::slip_variance() const {
+  return slip_variance(covariance_) + consider_->slip_variance();
 }
 
 double KalmanFilter::normal_load(const Vector& mean) const {
@@ -206,9 +212,9 @@ void KalmanFilter::reinitialise(const Frame& frame) {
 
 void KalmanFilter::predict() {
   const double time_s = static_cast<double>(time_ns_ - origin_ns_) * 1.0e-9;
-  const double variance = slip_variance(covariance_);
+  const double variance = slip_variance();
   noise_->add_process_noise(mean_, variance, since_start_s_, input_variances(), covariance_);
-  consider_->add_input(mean_);
+  consider_->begin_period(mean_, time_s, prediction_->widened_transition_speed(variance));
   prediction_->advance(mean_, time_s, variance);
   covariance_.propagate(prediction_->transition());
   consider_->propagate(prediction_->transition());
@@ -217,8 +223,7 @@ void KalmanFilter::predict() {
 
 Covariance KalmanFilter::process_noise() const {
   Covariance noise(layout_.count);
-  noise_->add_process_noise(mean_, slip_variance(covariance_), since_start_s_, input_variances(),
-                            noise);
+  noise_->add_process_noise(mean_, slip_variance(), since_start_s_, input_variances(), noise);
   return noise;
 }
 
@@ -279,7 +284,9 @@ inline double KalmanFilter::project_covariance(const MeasurementRow& row) {
 
 // Optimal gain from column_, without the corrections that would harm the filter.
 inline void KalmanFilter::compute_gain(Channel channel, double innovation_variance) {
-  for (int k = 0; k < layout_.count; ++k) gain_[k] = column_[k] / innovation_variance;
+  gain_ = column_;
+  consider_->add_to(gain_);
+  for (int k = 0; k < layout_.count; ++k) gain_[k] /= innovation_variance;
   if (layout_.mu >= 0) gain_[layout_.mu] *= mu_gain_factor_;
   if (layout_.log_rate >= 0 && since_start_s_ < startup_s_) gain_[layout_.log_rate] = 0.0;
   const Channel driven = drive_channel(rig_.structure());
@@ -294,7 +301,8 @@ inline void KalmanFilter::compute_gain(Channel channel, double innovation_varian
 bool KalmanFilter::apply_reading(Channel channel, const PredictedReading& predicted,
                                  double innovation) {
   const MeasurementRow& row = *predicted.row;
-  const double innovation_variance = project_covariance(row) + predicted.variance;
+  const double own_variance = project_covariance(row) + predicted.variance;
+  const double innovation_variance = own_variance + consider_->project(channel, row, mean_);
   const std::size_t i = index_of(channel);
   const auto bit = static_cast<std::uint8_t>(1U << i);
   estimate_.innovation[i] = innovation;
@@ -318,8 +326,8 @@ bool KalmanFilter::apply_reading(Channel channel, const PredictedReading& predic
 
   compute_gain(channel, innovation_variance);
   for (int k = 0; k < layout_.count; ++k) mean_[k] += gain_[k] * innovation;
-  covariance_.correct(gain_, column_, innovation_variance);
-  consider_->correct(row, gain_);
+  covariance_.correct(gain_, column_, own_variance);
+  consider_->correct(gain_);
   return true;
 }
 
@@ -327,9 +335,8 @@ void KalmanFilter::apply_readings(const Frame& frame) {
   bool mechanical = false;
   since_drive_s_ += period_s_;
   if (layout_.mu >= 0) {
-    mu_gain_factor_ = since_start_s_ < startup_s_
-                          ? 0.0
-                          : noise_->mu_gain_factor(mean_, slip_variance(covariance_));
+    mu_gain_factor_ =
+        since_start_s_ < startup_s_ ? 0.0 : noise_->mu_gain_factor(mean_, slip_variance());
   }
   for (Channel channel : all_channels) {
     if (!frame.has(channel) || !layout_.of(channel).used || !is_new(channel, frame)) continue;
@@ -487,6 +494,7 @@ int KalmanFilter::accept(Frame& frame) {
   e.refused = 0;
   e.raw_valid = false;
 
+  consider_->read(frame);
   if (correction_.any()) {
     correct_sensor_errors(frame);
   } else {

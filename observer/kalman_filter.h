@@ -96,6 +96,7 @@ class KalmanFilter {
   void report_consistency();
   double filtered_base_acceleration() const;
   double slip_variance(const Covariance& covariance) const;
+  double slip_variance() const;  ///< of the present estimate, with the consider parameters
   double normal_load(const Vector& mean) const;
 
   // Declared before the layout, whose construction sets it.

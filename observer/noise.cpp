@@ -23,9 +23,6 @@ double square(double x) { return x * x; }
 constexpr double force_share = 0.002;
 constexpr double spring_share = 0.0005;
 constexpr double force_memory_s = 0.01;
-// Uncertainty of mass, spring and damping is constant in time and followed by ConsiderParameters;
-// this share of it remains process noise, so that the filter relies less on its model.
-constexpr double constant_share = 0.6;
 // Relative error of the backbone g, correlated over force_memory_s.
 constexpr double backbone_std = 0.002;
 // Random walks of the parameters, relative, per root of a second.
@@ -58,8 +55,6 @@ constexpr double offset_memory_s = 10.0;
 
 double relative(const Parameter& p) { return p.value != 0.0 ? std::abs(p.sigma / p.value) : 0.0; }
 
-double relative(const std::optional<Parameter>& p) { return p ? relative(*p) : 0.0; }
-
 }  // namespace
 
 NoiseModel::NoiseModel(const physics::Model& model, const physics::Rig& rig, const Layout& layout,
@@ -77,23 +72,9 @@ NoiseModel::NoiseModel(const physics::Model& model, const physics::Rig& rig, con
   const double stiffness = rig.structure().two_well ? 2.0 * c.well_linear : c.stiffness;
   log_rate_ = std::log(std::max(c.rate, 1.0e-300));
   natural_rad_s_ = std::max(std::sqrt(stiffness / c.mass), 2.0 * pi * 0.5);
-  const physics::Oscillator& oscillator = model.oscillator;
-  mass_std_kg_ = constant_share * oscillator.mass_kg.sigma;
-  const double spring_sigma =
-      std::max(relative(oscillator.stiffness_n_m), 2.0 * relative(oscillator.natural_frequency_hz));
-  spring_std_n_m_ = c.stiffness * std::max(spring_share, constant_share * spring_sigma);
-  if (oscillator.two_well) {
-    spring_std_n_m_ = std::max(constant_share * oscillator.two_well->linear_n_m.sigma,
-                               spring_share * c.well_linear);
-  }
-  damping_std_n_s_m_ =
-      constant_share * c.damping *
-      std::max(relative(oscillator.damping_ratio), relative(oscillator.damping_n_s_m));
-  cell_std_n_m_ = 0.0;
-  if (model.load_cell) {
-    cell_std_n_m_ = c.cell_stiffness *
-                    std::max(spring_share, 2.0 * relative(model.load_cell->natural_frequency_hz));
-  }
+  // Of a two-well oscillator near its wells.
+  spring_std_n_m_ = spring_share * stiffness;
+  cell_std_n_m_ = model.load_cell ? spring_share * c.cell_stiffness : 0.0;
   for (Channel channel : all_channels) {
     const auto& declared = model.sensors[index_of(channel)].noise_std;
     reading_noise_[index_of(channel)].declared = declared ? square(*declared) : 0.0;
@@ -364,17 +345,13 @@ void NoiseModel::add_force_noise(const Vector& mean, double slip_variance,
   const double h = period_s_;
   const double colour = 2.0 * force_memory_s * h;  // white noise equivalent to the coloured one
   const double x = mean[l.rig[state::x]];
-  const double v = mean[l.rig[state::v]];
   const double friction = sliding_friction(mean);
   const double jump = structure.friction && structure.kinetics != Kinetics::bristle
                           ? backbone_variance(mean, slip_variance)
                           : 0.0;
   const bool instantaneous = structure.kinetics == Kinetics::instantaneous;
   const double by_jump = instantaneous ? 2.0 * jump_memory_s * h * jump * square(friction) : 0.0;
-  const double base_acceleration =
-      structure.excitation == Excitation::base ? mean[l.drive + 2] : 0.0;
-  const double on_mass = square(force_share * friction) + square(spring_std_n_m_ * x) +
-                         square(damping_std_n_s_m_ * v) + square(mass_std_kg_ * base_acceleration);
+  const double on_mass = square(force_share * friction) + square(spring_std_n_m_ * x);
   add_variance(covariance, l.rig[state::v],
                (colour * on_mass + by_jump) * square(numbers_->inverse_mass));
   if (structure.resonant) {

@@ -107,9 +107,8 @@ class NoiseModel {
   double period_s_;
   FrictionPrior prior_;
   double natural_rad_s_;
-  double log_rate_;  ///< ln of the model's gamma
-  /// Standard deviations of model constants.
-  double spring_std_n_m_, damping_std_n_s_m_, mass_std_kg_, cell_std_n_m_;
+  double log_rate_;                       ///< ln of the model's gamma
+  double spring_std_n_m_, cell_std_n_m_;  ///< of unmodelled forces
   InputNoise drive_noise_, load_noise_;
   std::array<ReadingNoise, channel_count> reading_noise_;
 };
