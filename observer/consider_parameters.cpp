@@ -22,15 +22,7 @@ ConsiderParameters::ConsiderParameters(ParameterResponse response, ReadingErrors
   input_.resize(group_.size());
   for (Group& group : input_) group.fill(Lanes::Zero());
   error_.assign(group_.size(), Lanes::Zero());
-  const bool imposed = layout.rig[state::x] == layout.drive;
-  for (int i = 0; i < physics::max_rig_states; ++i) {
-    const bool given = imposed && (i == state::x || i == state::v);
-    if (layout.rig[at(i)] >= 0 && !given) driven_.push_back(layout.rig[at(i)]);
-  }
-  for (const int output : {layout.friction, layout.theta}) {
-    const bool listed = std::find(driven_.begin(), driven_.end(), output) != driven_.end();
-    if (output >= 0 && !listed) driven_.push_back(output);
-  }
+  driven_ = response_.rows();
   const Chain& velocity = layout.of(Channel::velocity);
   if (errors_.count() > 0 && velocity.used) driven_.push_back(velocity.reading);
   reset();
@@ -53,19 +45,16 @@ void ConsiderParameters::begin_period(const Vector& mean, double time_s,
   }
 }
 
-void ConsiderParameters::add_response(int pass, const physics::RigState<physics::Dual>& changed) {
+void ConsiderParameters::add_response(int pass, const ParameterResponse::Changes& changes) {
   using physics::Dual;
   const int first = pass * Dual::directions;
   const int end = std::min(first + Dual::directions, response_.count());
-  const auto put = [&](int row, const Dual& value) {
-    if (row < 0) return;
+  for (std::size_t k = 0; k < changes.size(); ++k) {
     for (int i = first; i < end; i += lanes) {
-      input_[at(i / lanes)][at(row)] = value.d.segment<lanes>(i - first).cast<double>();
+      input_[at(i / lanes)][at(response_.rows()[k])] =
+          changes[k].segment<lanes>(i - first).cast<double>();
     }
-  };
-  for (int i = 0; i < physics::max_rig_states; ++i) put(layout_->rig[at(i)], changed.s[at(i)]);
-  put(layout_->friction, changed.friction);
-  put(layout_->theta, changed.theta);
+  }
 }
 
 void ConsiderParameters::propagate(const Transition& transition) {

@@ -62,7 +62,7 @@ class ConsiderParameters {
   using Group = std::array<Lanes, static_cast<std::size_t>(padded(max_states) + max_shared_sums)>;
 
   void propagate(Group& group, const Transition& transition);
-  void add_response(int pass, const physics::RigState<physics::Dual>& changed);
+  void add_response(int pass, const ParameterResponse::Changes& changes);
 
   ParameterResponse response_;
   ReadingErrors errors_;

@@ -4,6 +4,9 @@
 #include <cmath>
 #include <span>
 #include <string>
+#include <utility>
+
+#include "observer/chain_memory.h"
 
 namespace stickslip::observer {
 
@@ -43,6 +46,53 @@ ParameterResponse::ParameterResponse(physics::Model model, const physics::Rig& r
     if (++count_ % Dual::directions == 0) add_pass();
   }
   if (count_ % Dual::directions != 0) add_pass();
+  if (count_ > 0) add_rows(model);
+}
+
+void ParameterResponse::add_rows(const physics::Model& model) {
+  const Layout& l = *layout_;
+  for (int i = 0; i < physics::max_rig_states; ++i) {
+    if (rig_->has_state(i)) rows_.push_back(l.rig[static_cast<std::size_t>(i)]);
+  }
+  const int contact = l.rig[state::contact];
+  if (l.friction >= 0) rows_.push_back(l.friction);
+  if (l.theta >= 0 && l.theta != contact) rows_.push_back(l.theta);
+  for (Channel channel : {Channel::friction_force, Channel::normal_load}) {
+    if (l.of(channel).used) add_chain(channel, model.sensors[index_of(channel)]);
+  }
+  changes_.resize(rows_.size());
+}
+
+void ParameterResponse::add_chain(Channel channel, const physics::Sensor& sensor) {
+  using Quantities = physics::Quantities<Dual>;
+  DrivenChain chain{
+      channel == Channel::friction_force ? &Quantities::friction_reading : &Quantities::normal_load,
+      {}};
+  const physics::FilterChain filters(sensor.filters, period_s_);
+  physics::FilterMemory<double> memory;
+  memory.input = 1.0;
+  filters.advance(memory, 1.0, 0.0);
+  for_each_state(layout_->of(channel), filters, memory, [&](int row, double value) {
+    rows_.push_back(row);
+    chain.response.push_back(value);
+  });
+  chains_.push_back(std::move(chain));
+}
+
+// In the order of add_rows().
+void ParameterResponse::collect() {
+  auto next = changes_.begin();
+  for (int i = 0; i < physics::max_rig_states; ++i) {
+    if (rig_->has_state(i)) *next++ = state_.s[static_cast<std::size_t>(i)].d;
+  }
+  if (layout_->friction >= 0) *next++ = state_.friction.d;
+  if (layout_->theta >= 0 && layout_->theta != layout_->rig[state::contact]) {
+    *next++ = state_.theta.d;
+  }
+  for (const DrivenChain& chain : chains_) {
+    const Dual& input = quantities_.*chain.input;
+    for (const double response : chain.response) *next++ = input.d * Dual::slope(response);
+  }
 }
 
 physics::Input ParameterResponse::input_at(const Vector& mean, double after_s) const {
@@ -81,21 +131,21 @@ void ParameterResponse::set_states(const Vector& mean, physics::RigNumbers<Dual>
   state_.slip = state_.s[state::v] - state_.s[state::u];
 }
 
-const physics::RigState<Dual>& ParameterResponse::of(int pass, const Vector& mean, double time_s,
-                                                     double transition_speed_m_s) {
+const ParameterResponse::Changes& ParameterResponse::of(int pass, const Vector& mean, double time_s,
+                                                        double transition_speed_m_s) {
   physics::RigNumbers<Dual>& numbers = numbers_[static_cast<std::size_t>(pass)];
   numbers.c.transition_speed.a = transition_speed_m_s;
   set_states(mean, numbers);
   const double h = period_s_ / steps_;
   physics::Input begin = input_at(mean, 0.0);
-  rig_->complete(state_, begin, time_s, numbers);
-  for (auto& each : state_.s) each.d.setZero();
   for (int k = 0; k < steps_; ++k) {
     const physics::Input end = input_at(mean, (k + 1) * h);
     rig_->step(state_, begin, end, time_s + k * h, h, numbers);
     begin = end;
   }
-  return state_;
+  quantities_ = rig_->quantities(state_, begin, numbers);
+  collect();
+  return changes_;
 }
 
 }  // namespace stickslip::observer

@@ -1,5 +1,5 @@
-// Change of the rig's states over one period for an error of one standard deviation of each of its
-// parameters, by one pass of the rig's own integrator in dual numbers.
+// Change of the filter's states over one period for an error of one standard deviation of each of
+// the rig's parameters, by one pass of the rig's own integrator in dual numbers.
 #pragma once
 
 #include <vector>
@@ -22,13 +22,19 @@ class ParameterResponse {
   /// Number of passes, each for physics::Dual::directions parameters.
   int passes() const { return static_cast<int>(numbers_.size()); }
 
-  /// The period that begins with the states `mean` at `time_s`. The derivatives of the returned
-  /// state are its changes, in the order of the parameters. `transition_speed_m_s`: of the mean of
-  /// the backbone (Prediction::advance). Valid until the next call.
-  const physics::RigState<physics::Dual>& of(int pass, const Vector& mean, double time_s,
-                                             double transition_speed_m_s);
+  /// The states that depend on the parameters directly.
+  const std::vector<int>& rows() const { return rows_; }
+
+  using Changes = std::vector<physics::Dual::Derivatives>;
+  /// The period that begins with the states `mean` at `time_s`: the changes of rows(), in the order
+  /// of the parameters. `transition_speed_m_s`: of the mean of the backbone (Prediction::advance).
+  /// Valid until the next call.
+  const Changes& of(int pass, const Vector& mean, double time_s, double transition_speed_m_s);
 
  private:
+  void add_chain(Channel channel, const physics::Sensor& sensor);
+  void add_rows(const physics::Model& model);
+  void collect();
   physics::Input input_at(const Vector& mean, double after_s) const;
   void set_states(const Vector& mean, physics::RigNumbers<physics::Dual>& numbers);
 
@@ -39,6 +45,16 @@ class ParameterResponse {
   int count_ = 0;
   std::vector<physics::RigNumbers<physics::Dual>> numbers_;
   physics::RigState<physics::Dual> state_;
+  physics::Quantities<physics::Dual> quantities_;
+  std::vector<int> rows_;
+  Changes changes_;
+  /// Chains whose input depends on the parameters directly, and their states' responses to an
+  /// input of one over a period.
+  struct DrivenChain {
+    physics::Dual physics::Quantities<physics::Dual>::*input;
+    std::vector<double> response;
+  };
+  std::vector<DrivenChain> chains_;
 };
 
 }  // namespace stickslip::observer

@@ -438,6 +438,25 @@ TEST(Observer, FollowsALoadThatVariesFastOrReachesZero) {
   }
 }
 
+// A wedge that lifts the mass off its plates on one side.
+TEST(Observer, ConsidersTheUncertainSlopeOfAWedge) {
+  for (const double off_by : {-1.4, 1.4}) {
+    Model real = paper_rig(Law::coulomb, true);
+    real.normal_load->slope_per_m.value = 150.0;
+    Model assumed = real;
+    assumed.friction.mu.sigma = 0.1;
+    assumed.normal_load->load_n.sigma = 0.01;
+    assumed.normal_load->slope_per_m.sigma = 12.0;
+    assumed.normal_load->slope_per_m.value += off_by * 12.0;
+    const auto run = run_observer(real, assumed, {.duration_s = 20.0});
+    EXPECT_EQ(run.back().estimate.restarts, 0U) << off_by;
+    const auto mu_error = [](const Sample& m) { return m.estimate.mu - 0.8; };
+    EXPECT_LT(share_outside(run, 5.0, Quantity::mu, mu_error), 0.2) << off_by;
+    EXPECT_LT(share_outside(run, 5.0, Quantity::friction_force, force_error), 0.1) << off_by;
+    EXPECT_LT(rms(run, 5.0, force_error), 0.5 * rms(run, 5.0, raw_force_error)) << off_by;
+  }
+}
+
 // Readings of slower sources are repeated with growing age until the next one.
 TEST(Observer, UsesReadingsAtTheirAge) {
   Model model = paper_rig(Law::state_variable);
