@@ -23,8 +23,7 @@ ConsiderParameters::ConsiderParameters(ParameterResponse response, ReadingErrors
   for (Group& group : input_) group.fill(Lanes::Zero());
   error_.assign(group_.size(), Lanes::Zero());
   driven_ = response_.rows();
-  const Chain& velocity = layout.of(Channel::velocity);
-  if (errors_.count() > 0 && velocity.used) driven_.push_back(velocity.reading);
+  driven_.insert(driven_.end(), errors_.rows().begin(), errors_.rows().end());
   reset();
 }
 
@@ -37,11 +36,12 @@ void ConsiderParameters::begin_period(const Vector& mean, double time_s,
   for (int pass = 0; pass < response_.passes(); ++pass) {
     add_response(pass, response_.of(pass, mean, time_s, transition_speed_m_s));
   }
-  const Chain& velocity = layout_->of(Channel::velocity);
-  for (int i = 0; i < errors_.count() && velocity.used; ++i) {
+  for (int i = 0; i < errors_.count(); ++i) {
     const int lane = response_.count() + i;
-    input_[at(lane / lanes)][at(velocity.reading)][lane % lanes] =
-        errors_.change_of_velocity(i, mean);
+    const std::vector<double>& changes = errors_.changes(i, mean);
+    for (std::size_t k = 0; k < changes.size(); ++k) {
+      input_[at(lane / lanes)][at(errors_.rows()[k])][lane % lanes] = changes[k];
+    }
   }
 }
 

@@ -35,9 +35,10 @@ constexpr double frequency_walk = 0.05;
 constexpr double startup_s = 1.5;
 constexpr double mu_startup_walk = 0.2;
 constexpr double rate_startup_walk = 0.3;
-// Smallest relative standard deviations of parameters at the start.
+// Relative standard deviation of mu at the start where none is declared, and of parameters that
+// were estimated from the same recording before.
 constexpr double mu_initial_std = 0.3;
-constexpr double recording_initial_std = 0.05;  // estimated from the same recording before
+constexpr double recording_initial_std = 0.05;
 // Limits of plausible parameters: share of the model's mu, logarithm of the ratio of gamma.
 constexpr double implausible_mu = 1.0 / 30.0;
 constexpr double implausible_log_rate = 3.5;
@@ -263,7 +264,8 @@ void NoiseModel::initialise_parameters(double mu, const Scales& scale, InitialSt
   const auto& c = numbers_->c;
   if (l.mu >= 0) {
     const bool plausible = mu > 0.1 * c.mu && mu < 10.0 * c.mu;
-    const double deviation = std::max(model_->friction.mu.sigma, mu_initial_std * c.mu);
+    const double declared = model_->friction.mu.sigma;
+    const double deviation = declared > 0.0 ? declared : mu_initial_std * c.mu;
     out.set(l.mu, plausible ? mu : c.mu,
             initial_deviation(deviation, recording_initial_std * c.mu));
   }

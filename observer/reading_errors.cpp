@@ -1,5 +1,6 @@
 #include "observer/reading_errors.h"
 
+#include <numbers>
 #include <utility>
 
 #include "physics/reading.h"
@@ -22,6 +23,11 @@ ReadingErrors::ReadingErrors(const physics::ReadingLaws<double>& laws,
       period_s_(period_s),
       inversion_(shifted_.size()) {
   for (PerChannel& each : inversion_) each.fill(0.0);
+  if (shifted_.empty()) return;
+  if (layout.of(Channel::velocity).used) rows_.push_back(layout.of(Channel::velocity).reading);
+  for (const Chain& chain : layout.chain) {
+    if (chain.hum >= 0) rows_.insert(rows_.end(), {chain.hum, chain.hum + 1});
+  }
 }
 
 void ReadingErrors::read(const Frame& raw) {
@@ -63,11 +69,26 @@ double ReadingErrors::of(int i, Channel channel, const Vector& mean) const {
 }
 
 // Of the first-order section that the cut-off belongs to, the last of its chain.
-double ReadingErrors::change_of_velocity(int i, const Vector& mean) const {
+double ReadingErrors::cutoff_change(int i, const Vector& mean) const {
   const double assumed_hz = laws_.velocity_cutoff_hz;
   const double higher_hz = shifted_[static_cast<std::size_t>(i)].velocity_cutoff_hz - assumed_hz;
   if (higher_hz == 0.0 || !(assumed_hz > 0.0)) return 0.0;
   return period_s_ * higher_hz / assumed_hz * rate(Channel::velocity, mean);
+}
+
+const std::vector<double>& ReadingErrors::changes(int i, const Vector& mean) {
+  changes_.clear();
+  if (layout_->of(Channel::velocity).used) changes_.push_back(cutoff_change(i, mean));
+  for (Channel channel : all_channels) {
+    const Chain& chain = layout_->of(channel);
+    if (chain.hum < 0) continue;
+    const std::size_t c = index_of(channel);
+    const double more_hz =
+        shifted_[static_cast<std::size_t>(i)].of[c].hum_frequency_hz - laws_.of[c].hum_frequency_hz;
+    const double angle = 2.0 * std::numbers::pi * more_hz * period_s_;
+    changes_.insert(changes_.end(), {-angle * mean[chain.hum + 1], angle * mean[chain.hum]});
+  }
+  return changes_;
 }
 
 }  // namespace stickslip::observer

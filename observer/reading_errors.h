@@ -27,11 +27,13 @@ class ReadingErrors {
   /// Error of a corrected reading with respect to parameter `i`, in units of the channel.
   double of(int i, Channel channel, const Vector& mean) const;
 
-  /// Change over a period of the error of the velocity chain's output with respect to parameter
-  /// `i`, if that is a cut-off.
-  double change_of_velocity(int i, const Vector& mean) const;
+  /// States that parameters act on: the output of the velocity's differentiator, and hum.
+  const std::vector<int>& rows() const { return rows_; }
+  /// Changes of rows() over a period for parameter `i`; valid until the next call.
+  const std::vector<double>& changes(int i, const Vector& mean);
 
  private:
+  double cutoff_change(int i, const Vector& mean) const;
   double value(Channel channel, const Vector& mean) const;
   double rate(Channel channel, const Vector& mean) const;
 
@@ -40,6 +42,8 @@ class ReadingErrors {
   const Layout* layout_;
   double period_s_;
   using PerChannel = std::array<double, channel_count>;
+  std::vector<int> rows_;
+  std::vector<double> changes_;
   std::vector<PerChannel> inversion_;  ///< by parameter: of gain, curvature and characteristic
 };
 
