@@ -123,6 +123,22 @@ void ConsiderParameters::correct(const Covariance::States& gain) {
   }
 }
 
+Eigen::MatrixXd ConsiderParameters::columns_of(const std::vector<Group>& groups) const {
+  Eigen::MatrixXd out(layout_->count, count());
+  for (int k = 0; k < count(); ++k) {
+    for (int i = 0; i < layout_->count; ++i) out(i, k) = groups[at(k / lanes)][at(i)][k % lanes];
+  }
+  return out;
+}
+
+Eigen::VectorXd ConsiderParameters::reading_errors(Channel channel, const Vector& mean) const {
+  Eigen::VectorXd out = Eigen::VectorXd::Zero(count());
+  for (int i = 0; i < errors_.count(); ++i) {
+    out[response_.count() + i] = errors_.of(i, channel, mean);
+  }
+  return out;
+}
+
 void ConsiderParameters::covariance_of(
     std::span<const int> states,
     std::array<std::array<double, quantity_count>, quantity_count>& out) const {

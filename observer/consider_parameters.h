@@ -47,6 +47,15 @@ class ConsiderParameters {
   /// Measurement update with this gain, for the reading projected last.
   void correct(const Covariance::States& gain);
 
+  int count() const { return response_.count() + errors_.count(); }
+  /// Errors of the states for an error of one standard deviation of each parameter, one column
+  /// each.
+  Eigen::MatrixXd sensitivity() const { return columns_of(group_); }
+  /// What each adds to them over the period that begin_period() began.
+  Eigen::MatrixXd input() const { return columns_of(input_); }
+  /// What each adds to the reading of a channel, besides the states' part.
+  Eigen::VectorXd reading_errors(Channel channel, const Vector& mean) const;
+
   /// Contribution to the covariance of these states, in their order; other elements of `out` are
   /// not changed.
   void covariance_of(std::span<const int> states,
@@ -61,6 +70,7 @@ class ConsiderParameters {
   using Lanes = Eigen::Array<double, lanes, 1>;
   using Group = std::array<Lanes, static_cast<std::size_t>(padded(max_states) + max_shared_sums)>;
 
+  Eigen::MatrixXd columns_of(const std::vector<Group>& groups) const;
   void propagate(Group& group, const Transition& transition);
   void add_response(int pass, const ParameterResponse::Changes& changes);
 

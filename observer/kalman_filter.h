@@ -33,7 +33,9 @@ class KalmanFilter {
   const Frame& frame() const { return frame_; }
 
   const Vector& mean() const { return mean_; }
+  /// Without the part of the consider parameters.
   const Covariance& covariance() const { return covariance_; }
+  const ConsiderParameters& consider_parameters() const { return *consider_; }
   const Transition& transition() const { return prediction_->transition(); }
 
   /// Processes a frame. `time_update(*this)` is called for each period up to it, and has to call

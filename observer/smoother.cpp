@@ -15,62 +15,108 @@ namespace stickslip::observer {
 
 namespace {
 
-Matrix matrix_of(const Covariance& covariance) {
-  Matrix out(covariance.count(), covariance.count());
-  for (int i = 0; i < covariance.count(); ++i) {
-    for (int j = 0; j <= i; ++j) out(i, j) = out(j, i) = covariance(i, j);
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Variances and covariances that are not 0; far fewer than those of a matrix.
+struct SparseNoise {
+  struct Entry {
+    int row;
+    int column;
+    double value;
+  };
+  std::vector<Entry> entries;
+
+  explicit SparseNoise(const Covariance& covariance) {
+    for (int i = 0; i < covariance.count(); ++i) {
+      for (int j = 0; j <= i; ++j) {
+        if (covariance(i, j) != 0.0) entries.push_back({i, j, covariance(i, j)});
+      }
+    }
+  }
+  MatrixXd dense(Eigen::Index count) const {
+    MatrixXd out = MatrixXd::Zero(count, count);
+    for (const Entry& each : entries) {
+      out(each.row, each.column) = out(each.column, each.row) = each.value;
+    }
+    return out;
+  }
+};
+
+/// The lower triangle, by rows.
+VectorXd packed(const Covariance& covariance) {
+  const int n = covariance.count();
+  VectorXd out(n * (n + 1) / 2);
+  Eigen::Index next = 0;
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j <= i; ++j) out[next++] = covariance(i, j);
   }
   return out;
 }
 
-struct Gaussian {
-  Vector mean;
-  Matrix covariance;
-};
+MatrixXd unpacked(const VectorXd& triangle, Eigen::Index count) {
+  MatrixXd out(count, count);
+  Eigen::Index next = 0;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    for (Eigen::Index j = 0; j <= i; ++j) out(i, j) = out(j, i) = triangle[next++];
+  }
+  return out;
+}
 
 /// Triangular form of the equations `stack` (left sides, the right side as the last column), by
 /// Householder reflections: the sum of squared residuals is the same function of the unknowns.
-Eigen::MatrixXd triangular(const Eigen::MatrixXd& stack) {
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(stack);
+MatrixXd triangular(const MatrixXd& stack) {
+  const Eigen::HouseholderQR<MatrixXd> qr(stack);
   return qr.matrixQR().triangularView<Eigen::Upper>();
 }
 
 /// G with G G' = `covariance`, positive semidefinite; directions without variance are left out.
-Matrix square_root(Matrix covariance) {
-  Matrix root(covariance.rows(), covariance.cols());
+MatrixXd square_root(MatrixXd covariance) {
+  MatrixXd root(covariance.rows(), covariance.cols());
   Eigen::Index columns = 0;
   for (Eigen::Index i = 0; i < covariance.rows(); ++i) {
     if (!(covariance(i, i) > 0.0)) continue;
-    const Vector direction = covariance.col(i) / std::sqrt(covariance(i, i));
+    const VectorXd direction = covariance.col(i) / std::sqrt(covariance(i, i));
     covariance -= direction * direction.transpose();
     root.col(columns++) = direction;
   }
   return root.leftCols(columns);
 }
 
-/// Likelihood of all later readings as a function of a state's deviation d from the filtered mean:
-/// its logarithm is -|root d - value|^2 / 2. A square root of the information cannot lose symmetry
-/// or definiteness (Bierman, Factorization Methods for Discrete Sequential Estimation, chapter VI).
+/// Likelihood of all later readings as a function of a state's deviation d from the filtered mean
+/// and of the errors p of the consider parameters, in standard deviations: its logarithm is
+/// -|root (d, p) - value|^2 / 2. A square root of the information cannot lose symmetry or
+/// definiteness (Bierman, Factorization Methods for Discrete Sequential Estimation, chapter VI).
 struct BackwardInformation {
-  Matrix root;  ///< upper triangular
-  Vector value;
+  MatrixXd root;  ///< upper triangular
+  VectorXd value;
 };
 
+/// d' = jacobian (d + u) + w + by_parameters p, with the noises u and w.
 struct TimeUpdate {
-  Matrix jacobian;
-  Matrix process_noise;  ///< added before the transition
-  Matrix output_noise;   ///< added after it
+  MatrixXd jacobian;
+  MatrixXd by_parameters;
+  SparseNoise process_noise;
+  SparseNoise output_noise;
+};
+
+struct Reading {
+  double innovation = 0.0;
+  double weight = 0.0;  ///< inverse standard deviation
+  VectorXd by_states, by_parameters;
 };
 
 /// One period of the forward filter.
 struct FilterStep {
   std::optional<TimeUpdate> time_update;  ///< none where the filter was initialised
-  Vector predicted;                       ///< mean before the readings
-  Gaussian filtered;                      ///< after the readings
-  std::array<double, channel_count> innovation{};
-  std::array<MeasurementRow, channel_count> row{};
-  std::array<double, channel_count> inverse_variance{};  ///< of the readings; 0: not used
-  std::optional<FrictionEstimate> estimate;              ///< none of a missing frame
+  VectorXd predicted;                     ///< mean before the readings
+  VectorXd filtered;                      ///< mean after the readings
+  /// After the readings: packed covariance, and errors of the mean by the consider parameters.
+  /// Empty where a frame is missing.
+  VectorXd covariance;
+  MatrixXd by_parameters;
+  std::vector<Reading> readings;
+  std::optional<FrictionEstimate> estimate;  ///< none of a missing frame
 };
 
 class Smoother {
@@ -101,14 +147,12 @@ class Smoother {
 
 void Smoother::time_update(KalmanFilter& filter) {
   FilterStep step;
-  TimeUpdate update;
-  update.process_noise = matrix_of(filter.process_noise());
+  const SparseNoise process_noise(filter.process_noise());
   filter.predict();
-  update.jacobian = filter.transition().dense();
-  update.output_noise = matrix_of(filter.output_noise());
-  step.time_update = std::move(update);
+  step.time_update = TimeUpdate{filter.transition().dense(), filter.consider_parameters().input(),
+                                process_noise, SparseNoise(filter.output_noise())};
   step.predicted = filter.mean();
-  step.filtered.mean = filter.mean();  // of a missing frame
+  step.filtered = filter.mean();  // of a missing frame
   steps_.push_back(std::move(step));
 }
 
@@ -124,7 +168,9 @@ void Smoother::add(const Frame& frame) {
     steps_.emplace_back();
   }
   FilterStep& step = steps_.back();
-  step.filtered = {filter_.mean(), matrix_of(filter_.covariance())};
+  step.filtered = filter_.mean();
+  step.covariance = packed(filter_.covariance());
+  step.by_parameters = filter_.consider_parameters().sensitivity();
   step.estimate = estimate;
   if (step.time_update) record_readings(step);
   if (steps_.size() >= keep_ + ahead_) smooth_steps(keep_);
@@ -132,65 +178,73 @@ void Smoother::add(const Frame& frame) {
 
 void Smoother::record_readings(FilterStep& step) {
   const unsigned used = step.estimate->innovation_valid & ~unsigned{step.estimate->refused};
+  const Vector states = step.predicted;
   for (Channel channel : all_channels) {
-    const std::size_t i = index_of(channel);
-    if (((used >> i) & 1U) == 0) continue;
+    if (((used >> index_of(channel)) & 1U) == 0) continue;
     const KalmanFilter::PredictedReading predicted =
-        filter_.predict_reading(channel, filter_.frame(), step.predicted);
-    step.row[i] = *predicted.row;
-    step.innovation[i] = filter_.frame()[channel] - predicted.value;
-    step.inverse_variance[i] = 1.0 / predicted.variance;
+        filter_.predict_reading(channel, filter_.frame(), states);
+    Reading reading;
+    reading.innovation = filter_.frame()[channel] - predicted.value;
+    reading.weight = 1.0 / std::sqrt(predicted.variance);
+    reading.by_states = VectorXd::Zero(states.size());
+    for (std::size_t j = 0; j < static_cast<std::size_t>(predicted.row->count); ++j) {
+      reading.by_states[predicted.row->state[j]] += predicted.row->weight[j];
+    }
+    reading.by_parameters = filter_.consider_parameters().reading_errors(channel, states);
+    step.readings.push_back(std::move(reading));
   }
 }
 
 // Equations of a step: those of the state after its readings, and the readings.
-Eigen::MatrixXd equations_after(const FilterStep& step, const BackwardInformation& later) {
-  const Eigen::Index n = later.root.cols();
-  Eigen::MatrixXd stack =
-      Eigen::MatrixXd::Zero(n + static_cast<Eigen::Index>(channel_count), n + 1);
-  stack.topLeftCorner(n, n) = later.root;
-  stack.col(n).head(n) = later.value + later.root * (step.filtered.mean - step.predicted);
-  Eigen::Index used = n;
-  for (Channel channel : all_channels) {
-    const std::size_t i = index_of(channel);
-    if (step.inverse_variance[i] == 0.0) continue;
-    const double weight = std::sqrt(step.inverse_variance[i]);
-    const MeasurementRow& row = step.row[i];
-    for (std::size_t j = 0; j < static_cast<std::size_t>(row.count); ++j) {
-      stack(used, row.state[j]) += weight * row.weight[j];
-    }
-    stack(used, n) = weight * step.innovation[i];
-    ++used;
+MatrixXd equations_after(const FilterStep& step, const BackwardInformation& later) {
+  const Eigen::Index n = step.predicted.size();
+  const Eigen::Index unknowns = later.root.cols();
+  const auto rows = unknowns + static_cast<Eigen::Index>(step.readings.size());
+  MatrixXd stack = MatrixXd::Zero(rows, unknowns + 1);
+  stack.topLeftCorner(unknowns, unknowns) = later.root;
+  stack.col(unknowns).head(unknowns) =
+      later.value + later.root.leftCols(n) * (step.filtered - step.predicted);
+  Eigen::Index next = unknowns;
+  for (const Reading& reading : step.readings) {
+    auto row = stack.row(next++);
+    row.head(n) = reading.weight * reading.by_states.transpose();
+    row.segment(n, unknowns - n) = reading.weight * reading.by_parameters.transpose();
+    row[unknowns] = reading.weight * reading.innovation;
   }
-  return stack.topRows(used);
+  return stack;
 }
 
 // From the state after a step's readings to the state before its time update. With the noises u and
-// w of unit variance it is d_after = F (d_before + G u) + H w; u and w are eliminated.
+// w of unit variance it is d_after = F (d_before + G u) + H w + B p; u and w are eliminated.
 void Smoother::step_back(const FilterStep& step, BackwardInformation& later) const {
-  const Eigen::MatrixXd after = equations_after(step, later);
-  const Eigen::Index n = later.root.cols();
-  const Matrix h = square_root(step.time_update->output_noise);
-  const Matrix g = square_root(step.time_update->process_noise);
+  const MatrixXd after = equations_after(step, later);
+  const TimeUpdate& update = *step.time_update;
+  const Eigen::Index n = step.predicted.size();
+  const Eigen::Index unknowns = later.root.cols();
+  const Eigen::Index rows = after.rows();
+  const MatrixXd h = square_root(update.output_noise.dense(n));
+  const MatrixXd g = square_root(update.process_noise.dense(n));
   const Eigen::Index noises = h.cols() + g.cols();
-  Eigen::MatrixXd stack = Eigen::MatrixXd::Zero(noises + after.rows(), noises + n + 1);
+  MatrixXd stack = MatrixXd::Zero(noises + rows, noises + unknowns + 1);
   stack.topLeftCorner(noises, noises).setIdentity();
   const auto left = after.leftCols(n);
-  stack.block(noises, noises, after.rows(), n) = left * step.time_update->jacobian;
-  stack.block(noises, 0, after.rows(), h.cols()) = left * h;
-  stack.block(noises, h.cols(), after.rows(), g.cols()) =
-      stack.block(noises, noises, after.rows(), n) * g;
-  stack.col(noises + n).tail(after.rows()) = after.col(n);
-  const Eigen::MatrixXd reduced = triangular(stack);
-  later.root = reduced.block(noises, noises, n, n);
-  later.value = reduced.col(noises + n).segment(noises, n);
+  const MatrixXd before = left * update.jacobian;
+  stack.block(noises, 0, rows, h.cols()) = left * h;
+  stack.block(noises, h.cols(), rows, g.cols()) = before * g;
+  stack.block(noises, noises, rows, n) = before;
+  stack.block(noises, noises + n, rows, unknowns - n) =
+      after.middleCols(n, unknowns - n) + left * update.by_parameters;
+  stack.col(noises + unknowns).tail(rows) = after.col(unknowns);
+  const MatrixXd reduced = triangular(stack);
+  later.root = reduced.block(noises, noises, unknowns, unknowns);
+  later.value = reduced.col(noises + unknowns).segment(noises, unknowns);
 }
 
 // Smooths all steps, and passes on and removes the first `keep` of them.
 void Smoother::smooth_steps(std::size_t keep) {
   const auto no_information = [this] {
-    const auto count = filter_.mean().size();
-    return BackwardInformation{Matrix::Zero(count, count), Vector::Zero(count)};
+    const auto count = filter_.mean().size() + filter_.consider_parameters().count();
+    return BackwardInformation{MatrixXd::Zero(count, count), VectorXd::Zero(count)};
   };
   BackwardInformation later = no_information();
   bool converged = false;  // the filter has been good later on since its initialisation
@@ -216,21 +270,26 @@ FrictionEstimate Smoother::smoothed(const FilterStep& step, const BackwardInform
                                     bool converged) const {
   FrictionEstimate estimate = *step.estimate;
   if (estimate.status == EstimateStatus::waiting) return estimate;
-  // Filtered and backward information combined in terms of y, where the deviation is L y and L L'
-  // the filtered covariance: |y|^2 + |root L y - value|^2 is least.
-  const Matrix& p = step.filtered.covariance;
-  const Eigen::Index n = p.rows();
-  const Matrix l = square_root(p);
-  const Eigen::Index m = l.cols();
-  Eigen::MatrixXd stack = Eigen::MatrixXd::Zero(m + n, m + 1);
-  stack.topLeftCorner(m, m).setIdentity();
-  stack.bottomLeftCorner(n, m) = later.root * l;
-  stack.col(m).tail(n) = later.value;
-  const Eigen::MatrixXd reduced = triangular(stack);
-  const auto root = reduced.topLeftCorner(m, m).template triangularView<Eigen::Upper>();
-  const Vector y = root.solve(reduced.col(m).head(m));
-  const Vector mean = step.filtered.mean + l * y;
-  const Matrix spread = root.transpose().solve(Matrix(l.transpose()));
+  // Filtered and backward information combined in terms of y and p, where the deviation is
+  // L y + S p and L L' + S S' the filtered covariance: |y|^2 + |p|^2 + |root (d, p) - value|^2 is
+  // least.
+  const Eigen::Index n = step.filtered.size();
+  const MatrixXd l = square_root(unpacked(step.covariance, n));
+  const Eigen::Index parameters = step.by_parameters.cols();
+  const Eigen::Index unknowns = l.cols() + parameters;
+  MatrixXd deviation(n + parameters, unknowns);
+  deviation << l, step.by_parameters, MatrixXd::Zero(parameters, l.cols()),
+      MatrixXd::Identity(parameters, parameters);
+  MatrixXd stack = MatrixXd::Zero(unknowns + later.root.rows(), unknowns + 1);
+  stack.topLeftCorner(unknowns, unknowns).setIdentity();
+  stack.bottomLeftCorner(later.root.rows(), unknowns) = later.root * deviation;
+  stack.col(unknowns).tail(later.root.rows()) = later.value;
+  const MatrixXd reduced = triangular(stack);
+  const auto root =
+      reduced.topLeftCorner(unknowns, unknowns).template triangularView<Eigen::Upper>();
+  const VectorXd solution = root.solve(reduced.col(unknowns).head(unknowns));
+  const Vector mean = step.filtered + deviation.topRows(n) * solution;
+  const MatrixXd spread = root.transpose().solve(MatrixXd(deviation.topRows(n).transpose()));
 
   Covariance covariance(static_cast<int>(n));
   for (int i = 0; i < covariance.count(); ++i) {
