@@ -1,0 +1,21 @@
+// The quality of the observer over recordings, as tables in Markdown by world.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tests/benchmark/observer_quality.h"
+
+namespace stickslip::quality {
+
+/// Errors, coverage and events of recordings without hidden effects. Every recording is counted:
+/// those that the observer does not support with the reason.
+std::string quality_tables(const std::vector<RecordingQuality>& recordings);
+
+/// Alarms and explanations of the live check for effects that are present from the beginning.
+std::string live_check_table(const std::vector<RecordingQuality>& recordings);
+
+/// One row per recording, CSV.
+std::string rows_of(const std::vector<RecordingQuality>& recordings);
+
+}  // namespace stickslip::quality
