@@ -13,7 +13,6 @@
 #include <exception>
 #include <fstream>
 #include <iterator>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -79,22 +78,15 @@ std::string contradiction_in(const RecordingQuality& each, bool null) {
   return "";
 }
 
-// Replaces the lines between the two marks of that kind of table.
-void renew(const std::string& file, const std::string& kind, const std::string& text) {
+std::string content_of(const std::string& file) {
   std::ifstream in(file);
-  const std::string old{std::istreambuf_iterator<char>(in), {}};
-  const std::string begin = "<!-- observer_table --kind " + kind + " -->\n";
-  const std::string end = "<!-- end -->\n";
-  const std::size_t from = old.find(begin);
-  const std::size_t to = from == std::string::npos ? from : old.find(end, from);
-  if (to == std::string::npos) {
-    throw std::runtime_error(file + ": has no line \"" + begin.substr(0, begin.size() - 1) +
-                             "\" with a later line \"<!-- end -->\"");
-  }
-  std::ofstream(file) << old.substr(0, from + begin.size()) << "\n" << text << old.substr(to);
+  return {std::istreambuf_iterator<char>(in), {}};
 }
 
 int run(const Options& options) {
+  const std::string& document = options.document;
+  // Before the work: the document has its marks.
+  if (!document.empty()) quality::renewed(content_of(document), options.kind, "");
   std::vector<RecordingQuality> recordings(options.count);
   std::atomic<std::size_t> done = 0;
   parallel::for_each(options.count, parallel::threads_for(options.jobs), [&](std::size_t i) {
@@ -105,7 +97,10 @@ int run(const Options& options) {
   const bool null = options.kind == "null";
   const std::string text = null ? quality_tables(recordings) : live_check_table(recordings);
   std::fwrite(text.data(), 1, text.size(), stdout);
-  if (!options.document.empty()) renew(options.document, options.kind, text);
+  if (!document.empty()) {
+    const std::string renewed = quality::renewed(content_of(document), options.kind, text);
+    std::ofstream(document) << renewed;
+  }
   if (!options.csv.empty()) std::ofstream(options.csv) << rows_of(recordings);
   int status = 0;
   for (const RecordingQuality& each : recordings) {

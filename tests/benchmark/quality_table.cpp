@@ -6,6 +6,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <stdexcept>
 #include <string_view>
 
 #include "physics/number_text.h"
@@ -267,6 +268,18 @@ std::string live_check_table(const std::vector<RecordingQuality>& recordings) {
       counted("unexplained",
               [](const auto& each) { return each.notice && !each.notice->explained; })};
   return table(columns, supported(recordings)) + unsupported_table(recordings);
+}
+
+std::string renewed(const std::string& document, const std::string& kind,
+                    const std::string& tables) {
+  const std::string begin = "<!-- observer_table --kind " + kind + " -->\n";
+  const std::size_t mark = document.find(begin);
+  const std::size_t end = mark == std::string::npos ? mark : document.find("<!-- end -->\n", mark);
+  if (end == std::string::npos) {
+    throw std::invalid_argument("the document lacks the lines <!-- observer_table --kind " + kind +
+                                " --> and <!-- end -->");
+  }
+  return document.substr(0, mark + begin.size()) + "\n" + tables + document.substr(end);
 }
 
 namespace {

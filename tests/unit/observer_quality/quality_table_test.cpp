@@ -3,7 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
+#include <stdexcept>
+#include <string>
+#include <vector>
 
 namespace stickslip::quality {
 namespace {
@@ -55,6 +59,20 @@ TEST(LiveCheckTable, ComparesExplanations) {
   // recordings; within 2 s, 10 s, ever; classified rightly; explained rightly, wrongly, wrongly
   // above 95 %, unexplained
   EXPECT_THAT(live_check_table(all), HasSubstr("| force | 4 | 1 | 2 | 3 | 1 | 1 | 1 | 1 | 1 |\n"));
+}
+
+TEST(Renewed, ReplacesTheLinesBetweenTheMarksOfItsKind) {
+  const std::string before =
+      "a\n<!-- observer_table --kind null -->\n\nold\n<!-- end -->\nb\n"
+      "<!-- observer_table --kind single -->\n<!-- end -->\n";
+  const std::string once = renewed(before, "null", "new\n");
+  EXPECT_EQ(once,
+            "a\n<!-- observer_table --kind null -->\n\nnew\n<!-- end -->\nb\n"
+            "<!-- observer_table --kind single -->\n<!-- end -->\n");
+  EXPECT_EQ(renewed(once, "null", "new\n"), once);
+  EXPECT_THAT(renewed(before, "single", "new\n"), HasSubstr("single -->\n\nnew\n<!-- end"));
+  EXPECT_THROW(renewed("no marks", "null", ""), std::invalid_argument);
+  EXPECT_THROW(renewed("<!-- observer_table --kind null -->\n", "null", ""), std::invalid_argument);
 }
 
 TEST(Rows, OnePerRecording) {
