@@ -22,6 +22,7 @@ ConsiderParameters::ConsiderParameters(ParameterResponse response, ReadingErrors
   input_.resize(group_.size());
   for (Group& group : input_) group.fill(Lanes::Zero());
   error_.assign(group_.size(), Lanes::Zero());
+  load_ = error_;
   driven_ = response_.rows();
   driven_.insert(driven_.end(), errors_.rows().begin(), errors_.rows().end());
   reset();
@@ -49,6 +50,9 @@ void ConsiderParameters::add_response(int pass, const ParameterResponse::Changes
   using physics::Dual;
   const int first = pass * Dual::directions;
   const int end = std::min(first + Dual::directions, response_.count());
+  for (int i = first; i < end; i += lanes) {
+    load_[at(i / lanes)] = response_.load().segment<lanes>(i - first).cast<double>();
+  }
   for (std::size_t k = 0; k < changes.size(); ++k) {
     for (int i = first; i < end; i += lanes) {
       input_[at(i / lanes)][at(response_.rows()[k])] =
@@ -131,6 +135,12 @@ Eigen::MatrixXd ConsiderParameters::columns_of(const std::vector<Group>& groups)
   return out;
 }
 
+Eigen::VectorXd ConsiderParameters::load() const {
+  Eigen::VectorXd out(count());
+  for (int k = 0; k < count(); ++k) out[k] = load_[at(k / lanes)][k % lanes];
+  return out;
+}
+
 Eigen::VectorXd ConsiderParameters::reading_errors(Channel channel, const Vector& mean) const {
   Eigen::VectorXd out = Eigen::VectorXd::Zero(count());
   for (int i = 0; i < errors_.count(); ++i) {
@@ -140,25 +150,28 @@ Eigen::VectorXd ConsiderParameters::reading_errors(Channel channel, const Vector
 }
 
 void ConsiderParameters::covariance_of(
-    std::span<const int> states,
+    std::span<const QuantityRow> quantities,
     std::array<std::array<double, quantity_count>, quantity_count>& out) const {
   // Parameters outside, so that a row of the result is a few sums over whole registers.
   Eigen::Array<double, padded(quantity_count), lanes> error;
   Eigen::Array<double, padded(quantity_count), padded(quantity_count)> sum;
   error.setZero();
   sum.setZero();
-  for (const Group& group : group_) {
-    for (std::size_t i = 0; i < states.size(); ++i) {
-      error.row(static_cast<int>(i)) = group[at(states[i])].transpose();
+  const auto count = static_cast<int>(quantities.size());
+  for (std::size_t g = 0; g < group_.size(); ++g) {
+    for (int i = 0; i < count; ++i) {
+      const QuantityRow& row = quantities[at(i)];
+      Lanes of_row = row.weight[0] * group_[g][at(row.state[0])];
+      if (row.state[1] >= 0) of_row += row.weight[1] * group_[g][at(row.state[1])];
+      if (row.is_load) of_row += load_[g];
+      error.row(i) = of_row.transpose();
     }
-    for (int i = 0; i < static_cast<int>(states.size()); ++i) {
+    for (int i = 0; i < count; ++i) {
       for (int k = 0; k < lanes; ++k) sum.col(i) += error(i, k) * error.col(k);
     }
   }
-  for (std::size_t i = 0; i < states.size(); ++i) {
-    for (std::size_t j = 0; j < states.size(); ++j) {
-      out[i][j] = sum(static_cast<int>(j), static_cast<int>(i));
-    }
+  for (int i = 0; i < count; ++i) {
+    for (int j = 0; j < count; ++j) out[at(i)][at(j)] = sum(j, i);
   }
 }
 

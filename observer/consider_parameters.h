@@ -22,6 +22,13 @@
 
 namespace stickslip::observer {
 
+/// A quantity of an estimate as a weighted sum of up to two states; -1: none.
+struct QuantityRow {
+  std::array<int, 2> state = {-1, -1};
+  std::array<double, 2> weight = {0.0, 0.0};
+  bool is_load = false;  ///< which depends on parameters directly, too
+};
+
 class ConsiderParameters {
  public:
   /// `layout` must outlive it.
@@ -53,12 +60,14 @@ class ConsiderParameters {
   Eigen::MatrixXd sensitivity() const { return columns_of(group_); }
   /// What each adds to them over the period that begin_period() began.
   Eigen::MatrixXd input() const { return columns_of(input_); }
+  /// What each adds to the normal load, besides the states' part.
+  Eigen::VectorXd load() const;
   /// What each adds to the reading of a channel, besides the states' part.
   Eigen::VectorXd reading_errors(Channel channel, const Vector& mean) const;
 
-  /// Contribution to the covariance of these states, in their order; other elements of `out` are
-  /// not changed.
-  void covariance_of(std::span<const int> states,
+  /// Contribution to the covariance of these quantities, in their order; other elements of `out`
+  /// are not changed.
+  void covariance_of(std::span<const QuantityRow> quantities,
                      std::array<std::array<double, quantity_count>, quantity_count>& out) const;
   /// Contribution to the variance of the slip velocity [(m/s)^2].
   double slip_variance() const;
@@ -81,6 +90,7 @@ class ConsiderParameters {
   std::vector<Group> input_;  ///< of the rig's states, in this period
   std::vector<int> driven_;   ///< states that input_ changes
   std::vector<Lanes> error_;  ///< of the innovation
+  std::vector<Lanes> load_;   ///< direct changes of the normal load
   Group next_;
 };
 

@@ -127,7 +127,7 @@ void KalmanFilter::map_quantities() {
   const auto add = [this](Quantity quantity, int index) {
     if (index < 0) return;
     estimate_.quantities[estimate_.used] = quantity;
-    source_[estimate_.used] = index;
+    source_[estimate_.used] = {{index, -1}, {1.0, 0.0}, quantity == Quantity::normal_load};
     ++estimate_.used;
   };
   add(Quantity::displacement, layout_.rig[state::x]);
@@ -137,8 +137,29 @@ void KalmanFilter::map_quantities() {
   add(Quantity::theta, layout_.theta);
   add(Quantity::mu, layout_.mu);
   add(Quantity::gamma, layout_.log_rate);
-  add(Quantity::normal_load, layout_.load);
+  const bool wedge =
+      rig_.structure().loaded && rig_.structure().load_law == physics::NormalLoadLaw::wedge;
+  add(Quantity::normal_load, wedge ? layout_.rig[state::x] : layout_.load);
   add(Quantity::friction_force, layout_.friction);
+}
+
+// Also where the contact is lost: the load is then between 0 and what its uncertainty allows.
+QuantityRow KalmanFilter::load_row(const Vector& mean) const {
+  if (rig_.structure().load_law != physics::NormalLoadLaw::wedge) {
+    return {{layout_.load, -1}, {1.0, 0.0}, true};
+  }
+  const auto& c = prediction_->numbers().c;
+  const int x = layout_.rig[state::x];
+  const double load = layout_.load >= 0 ? mean[layout_.load] : c.load;
+  return {{x, layout_.load}, {load * c.load_slope, 1.0 + c.load_slope * mean[x]}, true};
+}
+
+std::array<QuantityRow, quantity_count> KalmanFilter::rows_of(const Vector& mean) const {
+  std::array<QuantityRow, quantity_count> rows = source_;
+  for (QuantityRow& row : rows) {
+    if (row.is_load) row = load_row(mean);
+  }
+  return rows;
 }
 
 double KalmanFilter::slip_variance(const Covariance& covariance) const {
@@ -412,26 +433,43 @@ void KalmanFilter::fill_estimate(const Vector& mean, const Covariance& covarianc
     e.sticking = probability_below(std::max(c.transition_speed, sticking_speed_m_s),
                                    e.slip_velocity_m_s, e.slip_velocity_std_m_s);
   }
-  fill_covariance(covariance, consider, e);
+  if (e.normal_load_n <= 0.0) e.theta = std::clamp(e.theta, -1.0, 1.0);  // nothing to measure
+  fill_covariance(mean, covariance, consider, e);
 }
 
-void KalmanFilter::fill_covariance(const Covariance& covariance, const ConsiderParameters* consider,
-                                   FrictionEstimate& e) const {
+namespace {
+
+double covariance_of(const QuantityRow& one, const QuantityRow& other,
+                     const Covariance& covariance) {
+  double sum = 0.0;
+  for (std::size_t a = 0; a < 2; ++a) {
+    for (std::size_t b = 0; b < 2; ++b) {
+      if (one.state[a] < 0 || other.state[b] < 0) continue;
+      sum += one.weight[a] * other.weight[b] * covariance(one.state[a], other.state[b]);
+    }
+  }
+  return sum;
+}
+
+}  // namespace
+
+void KalmanFilter::fill_covariance(const Vector& mean, const Covariance& covariance,
+                                   const ConsiderParameters* consider, FrictionEstimate& e) const {
   // The state is ln gamma, the reported quantity gamma.
   std::array<double, quantity_count> scale{};
+  const std::array<QuantityRow, quantity_count> rows = rows_of(mean);
   for (std::size_t i = 0; i < e.used; ++i) {
     scale[i] = e.quantities[i] == Quantity::gamma ? e.gamma_per_s : 1.0;
   }
-  const auto states = std::span(source_).first(e.used);
   if (consider != nullptr) {
-    consider->covariance_of(states, e.covariance);
+    consider->covariance_of(std::span(rows).first(e.used), e.covariance);
   } else {
     for (std::size_t i = 0; i < e.used; ++i) e.covariance[i].fill(0.0);
   }
   for (std::size_t i = 0; i < e.used; ++i) {
     for (std::size_t j = 0; j <= i; ++j) {
       e.covariance[i][j] = e.covariance[j][i] =
-          scale[i] * scale[j] * (e.covariance[i][j] + covariance(source_[i], source_[j]));
+          scale[i] * scale[j] * (e.covariance[i][j] + covariance_of(rows[i], rows[j], covariance));
     }
   }
 }

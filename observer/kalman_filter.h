@@ -70,6 +70,9 @@ class KalmanFilter {
   };
   PredictedReading predict_reading(Channel channel, const Frame& frame, const Vector& states);
 
+  /// The quantities of an estimate as functions of the states near `mean`.
+  std::array<QuantityRow, quantity_count> rows_of(const Vector& mean) const;
+
   /// Fills the fields of an estimate that describe the rig from states and their covariance.
   /// `consider`: added to the covariance unless null.
   void fill_estimate(const Vector& mean, const Covariance& covariance,
@@ -81,6 +84,7 @@ class KalmanFilter {
   int accept(Frame& frame);
   void measurement_update(const Frame& frame);
   void map_quantities();
+  QuantityRow load_row(const Vector& mean) const;
   double reading_variance(Channel channel) const;
   InputVariances input_variances() const;
   void correct_sensor_errors(Frame& frame);
@@ -93,8 +97,8 @@ class KalmanFilter {
   bool is_healthy() const;
   void clear_innovations();
   void fill_report(const Frame& frame);
-  void fill_covariance(const Covariance& covariance, const ConsiderParameters* consider,
-                       FrictionEstimate& e) const;
+  void fill_covariance(const Vector& mean, const Covariance& covariance,
+                       const ConsiderParameters* consider, FrictionEstimate& e) const;
   void report_consistency();
   double filtered_base_acceleration() const;
   double slip_variance(const Covariance& covariance) const;
@@ -120,7 +124,7 @@ class KalmanFilter {
 
   Vector mean_;
   Covariance::States gain_, column_;
-  std::array<int, quantity_count> source_{};  ///< states of the reported quantities
+  std::array<QuantityRow, quantity_count> source_{};  ///< of the reported quantities
 
   /// Measurement row of a channel for age 0, and for its last age, which rarely changes.
   struct CachedRow {

@@ -41,7 +41,10 @@ bool is_possible(const FrictionEstimate& estimate) {
   }
   const bool contact = estimate.normal_load_n > 0.0;  // without it theta has no meaning
   const double margin = std::min(4.0 * estimate.standard_deviation(Quantity::theta), 0.5);
-  return std::isfinite(estimate.theta) && (!contact || std::abs(estimate.theta) <= 1.0 + margin);
+  if (!std::isfinite(estimate.theta + estimate.sticking + estimate.slip_velocity_std_m_s)) {
+    return false;
+  }
+  return (!contact || std::abs(estimate.theta) <= 1.0 + margin);
 }
 
 FrictionObserver::FrictionObserver(const physics::Model& model, double period_s) {

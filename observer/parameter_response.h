@@ -30,6 +30,8 @@ class ParameterResponse {
   /// of the parameters. `transition_speed_m_s`: of the mean of the backbone (Prediction::advance).
   /// Valid until the next call.
   const Changes& of(int pass, const Vector& mean, double time_s, double transition_speed_m_s);
+  /// Change of the normal load in the last period.
+  const physics::Dual::Derivatives& load() const { return state_.load.d; }
 
  private:
   void add_chain(Channel channel, const physics::Sensor& sensor);

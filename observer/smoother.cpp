@@ -115,6 +115,7 @@ struct FilterStep {
   /// Empty where a frame is missing.
   VectorXd covariance;
   MatrixXd by_parameters;
+  VectorXd load_by_parameters;
   std::vector<Reading> readings;
   std::optional<FrictionEstimate> estimate;  ///< none of a missing frame
 };
@@ -138,6 +139,8 @@ class Smoother {
   void step_back(const FilterStep& step, BackwardInformation& later) const;
   FrictionEstimate smoothed(const FilterStep& step, const BackwardInformation& later,
                             bool converged) const;
+  void add_load_parameters(const Vector& mean, const MatrixXd& spread, const FilterStep& step,
+                           FrictionEstimate& estimate) const;
 
   KalmanFilter filter_;
   const std::function<void(const FrictionEstimate&)>& take_;
@@ -171,6 +174,7 @@ void Smoother::add(const Frame& frame) {
   step.filtered = filter_.mean();
   step.covariance = packed(filter_.covariance());
   step.by_parameters = filter_.consider_parameters().sensitivity();
+  step.load_by_parameters = filter_.consider_parameters().load();
   step.estimate = estimate;
   if (step.time_update) record_readings(step);
   if (steps_.size() >= keep_ + ahead_) smooth_steps(keep_);
@@ -266,6 +270,27 @@ void Smoother::smooth_steps(std::size_t keep) {
   steps_.erase(steps_.begin(), steps_.begin() + static_cast<std::ptrdiff_t>(keep));
 }
 
+// The normal load depends on consider parameters directly. `spread`: columns of states and
+// parameters, whose products are their covariances.
+void Smoother::add_load_parameters(const Vector& mean, const MatrixXd& spread,
+                                   const FilterStep& step, FrictionEstimate& estimate) const {
+  const VectorXd direct =
+      spread.rightCols(step.load_by_parameters.size()) * step.load_by_parameters;
+  const auto rows = filter_.rows_of(mean);
+  for (std::size_t i = 0; i < estimate.used; ++i) {
+    if (!rows[i].is_load) continue;
+    for (std::size_t j = 0; j < estimate.used; ++j) {
+      VectorXd of_row = rows[j].weight[0] * spread.col(rows[j].state[0]);
+      if (rows[j].state[1] >= 0) of_row += rows[j].weight[1] * spread.col(rows[j].state[1]);
+      const bool is_gamma = estimate.quantities[j] == Quantity::gamma;
+      const double more = direct.dot(of_row) * (is_gamma ? estimate.gamma_per_s : 1.0);
+      estimate.covariance[i][j] += more;
+      estimate.covariance[j][i] += more;
+    }
+    estimate.covariance[i][i] += direct.squaredNorm();
+  }
+}
+
 FrictionEstimate Smoother::smoothed(const FilterStep& step, const BackwardInformation& later,
                                     bool converged) const {
   FrictionEstimate estimate = *step.estimate;
@@ -289,13 +314,16 @@ FrictionEstimate Smoother::smoothed(const FilterStep& step, const BackwardInform
       reduced.topLeftCorner(unknowns, unknowns).template triangularView<Eigen::Upper>();
   const VectorXd solution = root.solve(reduced.col(unknowns).head(unknowns));
   const Vector mean = step.filtered + deviation.topRows(n) * solution;
-  const MatrixXd spread = root.transpose().solve(MatrixXd(deviation.topRows(n).transpose()));
+  const MatrixXd spread = root.transpose().solve(MatrixXd(deviation.transpose()));
 
   Covariance covariance(static_cast<int>(n));
   for (int i = 0; i < covariance.count(); ++i) {
     for (int j = 0; j <= i; ++j) covariance.set(i, j, spread.col(i).dot(spread.col(j)));
   }
   filter_.fill_estimate(mean, covariance, nullptr, estimate);
+  estimate.normal_load_n = std::max(
+      0.0, estimate.normal_load_n + step.load_by_parameters.dot(solution.tail(parameters)));
+  add_load_parameters(mean, spread, step, estimate);
   // Also where the filter alone was still settling, or wrong.
   const bool by_filter = estimate.status == EstimateStatus::good ||
                          estimate.status == EstimateStatus::impossible ||
