@@ -159,6 +159,26 @@ std::filesystem::path Document::file_at(std::string_view path) const {
   return node != nullptr ? Value(node, folder_).path() : std::filesystem::path();
 }
 
+std::vector<NamedFile> Document::named_files() const {
+  std::vector<NamedFile> out;
+  const auto add = [&](const Key& key, const std::string& path) {
+    std::filesystem::path file = file_at(path);
+    if (!file.empty()) out.push_back({path, std::move(file), key.written});
+  };
+  for (const Key& key : keys_) {
+    const std::string path(key.path);
+    if (key.type == Type::file) add(key, path);
+    if (key.type != Type::tables) continue;
+    for (std::size_t i = 0; has(path + '.' + std::to_string(i)); ++i) {
+      for (const Key& column : key.columns()) {
+        const std::string at = path + '.' + std::to_string(i) + '.' + std::string(column.path);
+        if (column.type == Type::file) add(column, at);
+      }
+    }
+  }
+  return out;
+}
+
 void Document::read_into(std::span<const Key> keys, void* object) const {
   const toml::node& root = contents_->root;
   read_keys(keys, Value(&root, folder_), object);

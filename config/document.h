@@ -13,6 +13,7 @@
 
 #include "config/key.h"
 #include "config/key_tables.h"
+#include "config/named_files.h"
 #include "physics/problem.h"
 
 namespace stickslip::config {
@@ -64,6 +65,9 @@ class Document {
 
   /// The path at a path, relative to the folder of the file; empty if absent or of another type.
   std::filesystem::path file_at(std::string_view path) const;
+
+  /// The files at all keys for files, relative to the folder of the file, also with problems.
+  std::vector<NamedFile> named_files() const;
 
   /// Sets the members of `object` that the file has keys for. Only for a valid document with the
   /// keys of that object.

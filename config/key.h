@@ -62,6 +62,7 @@ struct Key {
   bool above_low = false;  ///< low itself is out of range
   /// Rigs: a running daemon applies a new value (SIGHUP); otherwise it needs a restart.
   bool live = false;
+  bool written = false;  ///< Type::file: the daemon writes it; otherwise it is read
   /// Type::tables: largest number of them, and the header in messages where it is not the path.
   std::size_t most = std::numeric_limits<std::size_t>::max();
   std::string_view header = {};

@@ -9,6 +9,8 @@
 #include "config/document.h"
 #include "config/lcm_url.h"
 #include "config/model_file.h"
+#include "config/named_files.h"
+#include "physics/integration_cost.h"
 
 namespace stickslip::config {
 
@@ -145,6 +147,9 @@ class Reader {
                                  " takes its normal load from a recording, which a simulated rig "
                                  "does not have: expected the law \"constant\" or \"wedge\"");
     }
+    const std::string too_fast = physics::wrong_with_simulation(truth, 0.0);
+    if (!too_fast.empty())
+      document_.report(path, rig.simulated.truth_file.string() + ": " + too_fast);
     if (truth.oscillator.excitation != rig.model.oscillator.excitation) {
       document_.report(path, rig.simulated.truth_file.string() + " and " + rig.model_file.string() +
                                  " differ in oscillator.excitation: a rig has a single drive");
@@ -329,6 +334,15 @@ class Reader {
       }
       check_folder_of("metrics.file", rig.metrics.file);
     }
+    if (rig.recording.enabled) check_written(rig, "recording.file", rig.recording.file);
+    check_written(rig, "metrics.file", rig.metrics.file);
+    check_written(rig, "control.socket", rig.control.socket);
+  }
+
+  void check_written(const Rig& rig, const std::string& key, const std::filesystem::path& file) {
+    if (file.empty()) return;
+    const std::string wrong = wrong_with_output(rig, key, file);
+    if (!wrong.empty()) document_.report(key, wrong);
   }
 
   void check_folder_of(std::string_view path, const std::filesystem::path& file) {

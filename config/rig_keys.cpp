@@ -142,7 +142,8 @@ constexpr std::array safety_table = {
     bound<&Rig::control, &Control::socket>(
         Key{.path = "control.socket",
             .sentence = "Socket for `stickslip ctl`; its folder has to exist.",
-            .without = "control.sock in systemd's runtime directory; elsewhere none"}),
+            .without = "control.sock in systemd's runtime directory; elsewhere none",
+            .written = true}),
     bound<&Rig::control, &Control::group>(
         Key{.path = "control.group",
             .sentence = "Group whose members may command the rig, in addition to root and the "
@@ -226,7 +227,8 @@ constexpr std::array output_table = {
             .sentence = "LCM event log to write; its folder has to exist. An existing log of that "
                         "name is renamed.",
             .need = Need::always,
-            .when = "recording.enabled=true"}),
+            .when = "recording.enabled=true",
+            .written = true}),
     bound<&Rig::recording, &RecordingOutput::rotate_s>(
         Key{.path = "recording.rotate_s",
             .unit = "s",
@@ -264,7 +266,8 @@ constexpr std::array output_table = {
             .sentence = "Status for Prometheus, written once a second; named *.prom, in the folder "
                         "of node_exporter's textfile collector, which has to exist.",
             .without = "none",
-            .live = true}),
+            .live = true,
+            .written = true}),
 };
 
 }  // namespace

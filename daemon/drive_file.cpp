@@ -5,8 +5,9 @@
 #include <cstddef>
 #include <utility>
 
+#include "daemon/recording_input.h"
+#include "physics/number_text.h"
 #include "physics/problem.h"
-#include "protocol/recording.h"
 
 namespace stickslip::daemon {
 namespace {
@@ -85,9 +86,9 @@ DriveFile::DriveFile(std::vector<double> times_s, std::vector<double> values, bo
                      const std::string& name)
     : times_s_(std::move(times_s)), values_(std::move(values)) {
   if (times_s_.size() < min_samples) {
-    throw InputError(
-        Problem{name, 0, 0,
-                "has " + std::to_string(times_s_.size()) + " samples: a drive needs 4 or more"});
+    throw InputError(Problem{
+        name, 0, 0,
+        "has " + physics::counted(times_s_.size(), "sample") + ": a drive needs 4 or more"});
   }
   const double origin = times_s_.front();
   for (double& time : times_s_) time -= origin;
@@ -108,7 +109,7 @@ DriveFile::DriveFile(std::vector<double> times_s, std::vector<double> values, bo
 }
 
 DriveFile DriveFile::load(const config::DriveFile& settings, Channel channel) {
-  const protocol::Recording recording = protocol::read_recording(settings.path);
+  const protocol::Recording recording = recording_from(settings.path);
   const std::string name = settings.path.string();
   std::vector<double> times_s;
   std::vector<double> values;

@@ -1,4 +1,5 @@
 #include "daemon/loss_monitor.h"
+#include "physics/number_text.h"
 
 #include <string>
 
@@ -42,10 +43,11 @@ void LossMonitor::update(const AccountBalance& account, const Consumer& consumer
           {consumer.severity, wording.code, std::string(consumer.name) + ' ' + wording.begins});
       events.back().subject = consumer.name;
     } else if (!losing && episode.losing) {
-      events.push_back({Severity::info, "losses_ended",
-                        std::string(consumer.name) + ' ' + wording.ended + "; " +
-                            std::to_string(lost - episode.at_begin) + " frames were lost (" +
-                            std::string(loss_names[static_cast<std::size_t>(wording.loss)]) + ')'});
+      events.push_back(
+          {Severity::info, "losses_ended",
+           std::string(consumer.name) + ' ' + wording.ended + "; " +
+               physics::counted(lost - episode.at_begin, "frame was lost", "frames were lost") +
+               " (" + std::string(loss_names[static_cast<std::size_t>(wording.loss)]) + ')'});
       events.back().subject = std::string(consumer.name) + ' ' + wording.code;
     }
     episode.losing = losing;

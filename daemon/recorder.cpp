@@ -285,9 +285,10 @@ class RecordingWriter final : public MessageWriter {
     if (Clock::now() < replace_again_) return;
     replace_again_ = Clock::now() + rotation_retry;
     const std::string what =
-        name_ + (deleted ? " was deleted: what was recorded in it is lost"
-                         : " is not in its place, it was moved or its disk was unmounted: what was "
-                           "recorded in it is where it was moved to");
+        name_ + (deleted
+                     ? " was deleted: what was recorded in it is lost"
+                     : " is not in its place (moved, unmounted, or covered by another disk): what "
+                       "was recorded in it is where it is now");
     const std::string failure = begin_part(name_, false);
     if (failure.empty()) {
       replace_again_ = {};

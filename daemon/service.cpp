@@ -16,6 +16,8 @@
 #include <utility>
 #include <vector>
 
+#include "config/lcm_url.h"
+#include "config/named_files.h"
 #include "config/settings.h"
 #include "daemon/alarm_analyser.h"
 #include "daemon/clock.h"
@@ -30,12 +32,14 @@
 #include "daemon/messages.h"
 #include "daemon/metrics.h"
 #include "daemon/realtime.h"
+#include "daemon/recording_input.h"
 #include "daemon/rig_settings.h"
 #include "daemon/signals.h"
 #include "daemon/status.h"
 #include "daemon/stream.h"
 #include "daemon/utc_clock.h"
 #include "drivers/factory/make_driver.h"
+#include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
 
@@ -235,9 +239,7 @@ class Service {
 
 std::vector<Frame> Service::frames_to_replay() const {
   if (rig_.driver != config::DriverKind::replay) return {};
-  const protocol::Recording recording = protocol::read_recording(rig_.replay.recording);
-  if (recording.cut_off_bytes > 0) spdlog::warn("{}", protocol::cut_off_warning(recording));
-  return recording.frames;
+  return recording_from(rig_.replay.recording).frames;
 }
 
 void Service::open_consumers() {
@@ -520,9 +522,9 @@ void Service::publish_status(const Loop& loop) {
   if (now.degraded) {
     const std::string overrun_us = std::to_string(longest_unreported_overrun_ns_ / 1000);
     const Event line{Severity::warning, "late_cycles",
-                     std::to_string(now.late_cycles - late_cycles_reported_) +
-                         " cycles were late since the last status; the longest overrun was " +
-                         overrun_us + " us"};
+                     physics::counted(now.late_cycles - late_cycles_reported_, "cycle was late",
+                                      "cycles were late") +
+                         " since the last status; the longest overrun was " + overrun_us + " us"};
     if (line_throttle_.accept(line, clock_.now_ns(), {})) log_event(line);
     longest_unreported_overrun_ns_ = 0;
   }
@@ -533,8 +535,8 @@ void Service::publish_status(const Loop& loop) {
   if (control_ != nullptr) control_->publish(now);
   write_metrics_of(now);
   const std::string line = std::string("STATUS=") + name_of(now.state) + ", " +
-                           std::to_string(now.ledger.produced) + " frames, " +
-                           std::to_string(now.overruns) + " overruns";
+                           physics::counted(now.ledger.produced, "frame") + ", " +
+                           physics::counted(now.overruns, "overrun");
   sd_notify(0, line.c_str());
 }
 
@@ -618,16 +620,29 @@ config::Rig with_overrides(config::Rig rig, const Overrides& overrides) {
     }
     rig.loop.duration_s = overrides.duration_s;
   }
+  const auto check_written = [&rig](const char* option, const char* key, const auto& file) {
+    const std::string wrong = config::wrong_with_output(rig, key, file);
+    if (!wrong.empty()) {
+      throw InputError({"", 0, 0, option + (": " + file.string()) + ' ' + wrong});
+    }
+  };
   if (overrides.record) {
+    check_written("--record", "recording.file", *overrides.record);
     rig.recording.enabled = true;
     rig.recording.file = *overrides.record;
   }
   if (overrides.lcm_url) {
+    const std::string wrong = config::wrong_with_lcm_url(*overrides.lcm_url);
+    if (!wrong.empty())
+      throw InputError({"", 0, 0, "--lcm-url " + *overrides.lcm_url + ": " + wrong});
     rig.lcm.enabled = true;
     rig.lcm.url = *overrides.lcm_url;
   }
   if (overrides.no_lcm) rig.lcm.enabled = false;
-  if (overrides.control) rig.control.socket = *overrides.control;
+  if (overrides.control) {
+    check_written("--control", "control.socket", *overrides.control);
+    rig.control.socket = *overrides.control;
+  }
   return rig;
 }
 

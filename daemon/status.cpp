@@ -1,5 +1,7 @@
 #include "daemon/status.h"
 
+#include "physics/number_text.h"
+
 namespace stickslip::daemon {
 namespace {
 
@@ -63,8 +65,8 @@ std::string text(const Status& status) {
     out += "\ntiming: wake-up late by " + microseconds(status.lateness_p50_ns) + " us (median), " +
            microseconds(status.lateness_p99_ns) + " us (99 %), " +
            microseconds(status.lateness_max_ns) + " us (longest); " +
-           std::to_string(status.overruns) + " overruns, " +
-           std::to_string(status.skipped_periods) + " periods skipped";
+           physics::counted(status.overruns, "overrun") + ", " +
+           physics::counted(status.skipped_periods, "period") + " skipped";
   }
   return out;
 }

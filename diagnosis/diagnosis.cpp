@@ -5,7 +5,9 @@
 #include <tuple>
 
 #include "diagnosis/fitting.h"
+#include "physics/number_text.h"
 #include "physics/problem.h"
+#include "physics/result_units.h"
 
 namespace stickslip::diagnosis {
 
@@ -36,11 +38,11 @@ Experiments prepare(const std::vector<protocol::Recording>& recordings, const Mo
     }
   }
   if (out.fitted_windows < 2 || out.heldout_windows < 2) {
-    throw InputError(Problem{recordings.front().source, 0, 0,
-                             "is too short: it gives " + std::to_string(out.fitted_windows) +
-                                 " windows of " + std::to_string(out.horizon_s) + " s to fit and " +
-                                 std::to_string(out.heldout_windows) +
-                                 " to hold out; at least 2 of each are needed"});
+    throw InputError(Problem{
+        recordings.front().source, 0, 0,
+        "is too short: it gives " + physics::counted(out.fitted_windows, "window") + " of " +
+            physics::number_text(out.horizon_s) + " s to fit and " +
+            std::to_string(out.heldout_windows) + " to hold out; at least 2 of each are needed"});
   }
   return experiments;
 }
@@ -149,6 +151,28 @@ std::string_view name_of(Verdict verdict) {
   return "";
 }
 
+void use_units_of_model(Diagnosis& out) {
+  const physics::ResultUnits units(out.model);
+  const auto rewrite = [&units](std::string& text) { text = units.sentence(std::move(text)); };
+  if (out.location) {
+    rewrite(out.location->statement);
+    for (Region& region : out.location->regions) rewrite(region.words);
+  }
+  for (Finding& finding : out.findings) {
+    rewrite(finding.statement);
+    if (finding.separating_experiment) rewrite(*finding.separating_experiment);
+    for (std::vector<Curve>* curves : {&finding.shape, &finding.portrait}) {
+      for (Curve& curve : *curves) {
+        curve.unit = std::string(units.of(curve.unit));
+        curve.variable_unit = std::string(units.of(curve.variable_unit));
+      }
+    }
+  }
+  for (Integrity& integrity : out.integrity) {
+    for (std::string& remark : integrity.remarks) rewrite(remark);
+  }
+}
+
 Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Model& model,
                    const Options& options) {
   if (const std::string words = invalid(options.criteria); !words.empty()) {
@@ -182,6 +206,7 @@ Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Mod
   out.baseline_model = declared.hypothesis->model_at(declared.fitted.z);
   out.calibrated = calibration_of(result, model);
   set_noise(experiments.fine.front(), out);
+  use_units_of_model(out);
   report("done", 1.0);
   return out;
 }

@@ -85,6 +85,10 @@ struct Options {
 Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const physics::Model& model,
                    const Options& options = {});
 
+/// Removes the units from sentences and curves if the model is dimensionless; diagnose() has done
+/// it.
+void use_units_of_model(Diagnosis& diagnosis);
+
 std::string_view name_of(Verdict verdict);
 
 }  // namespace stickslip::diagnosis

@@ -7,6 +7,7 @@
 #include "diagnosis/spectrum.h"
 #include "diagnosis/time_grid.h"
 #include "diagnosis/wide_band.h"
+#include "physics/integration_cost.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
 #include "physics/rig.h"
@@ -137,7 +138,7 @@ void set_time_base(Experiment& e, const Source& source) {
   e.samples = source.grid.frame.size();
 }
 
-int substeps_for(const Model& model, const std::string& source, double period_s, Steps steps) {
+int substeps_for(const Model& model, const Experiment& e, Steps steps) {
   const physics::Rig rig(model);
   double resolving = rig.longest_step_s();
   // An effect on trial may make a declared load cell resonate.
@@ -146,12 +147,15 @@ int substeps_for(const Model& model, const std::string& source, double period_s,
         resolving, 0.05 / (2.0 * std::numbers::pi * model.load_cell->natural_frequency_hz.value));
   }
   const double longest = steps == Steps::fine ? resolving : std::min(2.0 * resolving, 1.0e-3);
-  const double count = std::ceil(period_s / longest - 0.01);
+  const double count = std::ceil(e.period_s / longest - 0.01);
   if (count > most_substeps) {
-    refuse(source, "has a sample every " + physics::number_text(period_s) +
-                       " s, but the model moves within " + physics::number_text(20.0 * longest) +
-                       " s: nothing between two samples can be compared. Is time_s in seconds?");
+    refuse(e.source, "has a sample every " + physics::number_text(e.period_s) +
+                         " s, but the model moves within " + physics::number_text(20.0 * longest) +
+                         " s: nothing between two samples can be compared. Is time_s in seconds?");
   }
+  const std::string wrong =
+      physics::wrong_with_simulation(model, e.period_s * static_cast<double>(e.samples));
+  if (!wrong.empty()) refuse(e.source, "cannot be compared with this model: " + wrong);
   return std::max(1, static_cast<int>(count));
 }
 
@@ -367,7 +371,7 @@ Experiment make_experiment(const protocol::Recording& recording, const Model& mo
   const auto& frames = recording.frames;
   if (frames.size() < 32) {
     refuse(recording.source,
-           "holds " + std::to_string(frames.size()) + " samples; at least 32 are needed");
+           "holds " + physics::counted(frames.size(), "sample") + "; at least 32 are needed");
   }
   check_time_steps(recording);
   Source source{recording, model, {}, {}};
@@ -375,7 +379,7 @@ Experiment make_experiment(const protocol::Recording& recording, const Model& mo
   source.grid = time_grid_of(frames);
   Experiment e;
   set_time_base(e, source);
-  e.substeps = substeps_for(model, e.source, e.period_s, steps);
+  e.substeps = substeps_for(model, e, steps);
   set_channels(e, source);
   set_compared(e, source);
   set_readings(e, source);

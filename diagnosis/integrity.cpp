@@ -150,7 +150,8 @@ void add_remarks(const ChannelIntegrity& c, std::size_t frames, const Criteria& 
     return 100.0 * static_cast<double>(count) / static_cast<double>(frames);
   };
   if (c.missing > 0) {
-    remarks.push_back(name + printed(" is missing in %zu of %zu frames", c.missing, frames));
+    remarks.push_back(name + printed(" is missing in %zu of %s", c.missing,
+                                     physics::counted(frames, "frame").c_str()));
   }
   if (!(c.highest > c.lowest)) {
     remarks.push_back(name + " never changes: is it connected?");
@@ -164,8 +165,9 @@ void add_remarks(const ChannelIntegrity& c, std::size_t frames, const Criteria& 
   }
   const double steps = c.step > 0.0 ? (c.highest - c.lowest) / c.step : 0.0;
   if (steps > 0.0 && steps < criteria.remark_steps) {
-    remarks.push_back(name + printed(" spans only %.0f quantisation steps (%.3g ", steps, c.step) +
-                      unit + " each): a smaller measuring range would resolve more");
+    remarks.push_back(
+        name + " spans only " + physics::counted(std::lround(steps), "quantisation step") +
+        printed(" (%.3g ", c.step) + unit + " each): a smaller measuring range would resolve more");
   }
   if (c.mains) {
     remarks.push_back(name + printed(" contains a mains line of %.3g ", c.mains->amplitude) + unit +
@@ -196,8 +198,10 @@ void set_timing(const std::vector<Frame>& frames, const TimeGrid& grid, Integrit
 
 void add_timing_remarks(const TimeGrid& grid, const Criteria& criteria, Integrity& out) {
   if (out.lost > 0) {
-    out.remarks.push_back(printed("%zu of %zu samples are missing; the longest gap is %.3g s",
-                                  out.lost, grid.frame.size(), out.longest_gap_s));
+    out.remarks.push_back(printed(
+        "%zu of %s missing; the longest gap is %.3g s", out.lost,
+        (physics::counted(grid.frame.size(), "sample") + (out.lost == 1 ? " is" : " are")).c_str(),
+        out.longest_gap_s));
   }
   if (out.jitter > criteria.remark_jitter) {
     out.remarks.push_back(printed(

@@ -7,6 +7,7 @@
 
 #include "diagnosis/fourier.h"
 #include "diagnosis/parallel/for_each.h"
+#include "physics/number_text.h"
 
 namespace stickslip::diagnosis {
 
@@ -201,13 +202,13 @@ std::string statement_of(const Location& location, const FailingWindows& failing
                          std::size_t windows) {
   char when[96] = "throughout the recording";
   if (!failing.throughout) {
-    std::snprintf(when, sizeof when, "in %zu of %zu windows, first at %.3g s", failing.count,
-                  windows, location.when_s.front().first);
+    std::snprintf(when, sizeof when, "in %zu of %s, first at %.3g s", failing.count,
+                  physics::counted(windows, "window").c_str(), location.when_s.front().first);
   }
-  char band[64] = "";
+  char band[96] = "";
   if (location.band_hz) {
-    std::snprintf(band, sizeof band, ", mostly between %.2g and %.2g Hz", location.band_hz->first,
-                  location.band_hz->second);
+    std::snprintf(band, sizeof band, ", mostly at frequencies between %.2g and %.2g Hz",
+                  location.band_hz->first, location.band_hz->second);
   }
   return std::string("Model and recording disagree in ") + words_for(location.relation) +
          ", most visibly in " + std::string(info(*location.channel).stem) + ", " + when + band +

@@ -144,7 +144,7 @@ class Conditions {
     for (std::size_t i = 0; i < time_parts; ++i) {
       const double from = e.time_s(i * e.samples / time_parts);
       const double to = e.time_s((i + 1) * e.samples / time_parts);
-      list_.push_back({Aspect::time, from, to, printed("from %.3g to %.3g s", from, to)});
+      list_.push_back({Aspect::time, from, to, printed("at times from %.3g to %.3g s", from, to)});
     }
   }
 
@@ -181,7 +181,8 @@ class Conditions {
     double from = 0.0;
     while (from < highest_hz) {
       const double to = std::min(std::max(2.0, 2.0 * from), highest_hz);
-      list_.push_back({Aspect::band, from, to, printed("between %.3g and %.3g Hz", from, to)});
+      list_.push_back(
+          {Aspect::band, from, to, printed("at frequencies between %.3g and %.3g Hz", from, to)});
       from = to;
     }
   }

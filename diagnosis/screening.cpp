@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "diagnosis/parallel/for_each.h"
+#include "physics/number_text.h"
 
 namespace stickslip::diagnosis {
 
@@ -163,7 +164,7 @@ std::vector<FittedCandidate> screen(
     });
   }
   const Screening screening(data, features, base);
-  progress("screening " + std::to_string(effects.size()) + " effects", 0.0);
+  progress("screening " + physics::counted(effects.size(), "effect"), 0.0);
   std::vector<FittedCandidate> candidates(effects.size());
   parallel::for_each(effects.size(), data.threads,
                      [&](std::size_t i) { candidates[i] = screening.screened(effects[i]); });

@@ -5,6 +5,8 @@
 #include <tuple>
 #include <vector>
 
+#include "physics/spelling.h"
+
 namespace stickslip::physics {
 
 namespace {
@@ -50,6 +52,12 @@ const Effect* find_effect(std::string_view id) {
     if (effect->card().id == id) return effect;
   }
   return nullptr;
+}
+
+std::string nearest_effect(std::string_view id) {
+  std::vector<std::string> ids;
+  for (const Effect* effect : catalogue()) ids.emplace_back(effect->card().id);
+  return nearest(id, ids);
 }
 
 bool has_own_characteristic(const Effect& effect, const Place& place) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <string>
 #include <string_view>
 
 #include "physics/effect.h"
@@ -16,6 +17,9 @@ std::span<const Effect* const> catalogue();
 
 /// The effect of that id; nullptr where there is none.
 const Effect* find_effect(std::string_view id);
+
+/// The id that was probably meant by `id`; empty if none resembles it.
+std::string nearest_effect(std::string_view id);
 
 /// True if `model`, with its terms, can lack `effect`; for a sensor effect at that place.
 bool can_be_missing(const Effect& effect, const Model& model, const Place& place = {});

@@ -7,7 +7,6 @@
 
 #include "physics/catalogue.h"
 #include "physics/rig.h"
-#include "physics/spelling.h"
 
 namespace stickslip::physics {
 
@@ -171,9 +170,7 @@ void inspect(const Term& term, const Model& model, Inspection& inspection) {
   const std::string path = path_of(term);
   const Effect* effect = find_effect(term.id);
   if (effect == nullptr) {
-    std::vector<std::string> known;
-    for (const Effect* each : catalogue()) known.emplace_back(each->card().id);
-    const std::string meant = nearest(term.id, known);
+    const std::string meant = nearest_effect(term.id);
     inspection.require(false, path,
                        "there is no effect \"" + term.id + "\"" +
                            (meant.empty() ? "; section 6 of docs/formats.md lists them"

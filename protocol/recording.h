@@ -72,8 +72,8 @@ Recording parse_csv(std::string_view text, const std::string& name,
 void write_recording(const Recording& recording, const std::filesystem::path& file,
                      const ProgressCallback& done = {});
 
-/// CSV: time_s exact to the nanosecond, values that read back to the bit, no sequence numbers (a
-/// CSV file counts from 0).
+/// CSV: time_s exact to the nanosecond, values that read back to the bit but for the sign of zeros,
+/// no sequence numbers (a CSV file counts from 0).
 void write_csv(const Recording& recording, std::ostream& out, const ProgressCallback& done = {});
 
 /// Appends events to an LCM event log, compatible with lcm-logplayer.

@@ -12,7 +12,9 @@
 #include <ostream>
 #include <string_view>
 
+#include "physics/number_text.h"
 #include "physics/problem.h"
+#include "physics/unsigned_zero.h"
 #include "protocol/recording.h"
 #include "protocol/recording_events.h"
 #include "protocol/recording_log.h"
@@ -208,7 +210,7 @@ class CsvParser {
       const auto comma = rest.find(',');
       const std::string_view cell = trimmed(rest.substr(0, comma));
       if (column == columns_.size()) {
-        refuse("has more cells than the header's " + std::to_string(columns_.size()) + " columns");
+        refuse("has more cells than the header's " + physics::counted(columns_.size(), "column"));
       }
       read_cell(cell, columns_[column], frame);
       ++column;
@@ -216,8 +218,8 @@ class CsvParser {
       rest.remove_prefix(comma + 1);
     }
     if (column < columns_.size()) {
-      refuse("has " + std::to_string(column) + " cells; the header names " +
-             std::to_string(columns_.size()) + " columns");
+      refuse("has " + physics::counted(column, "cell") + "; the header names " +
+             physics::counted(columns_.size(), "column"));
     }
     if (!recording_.frames.empty() && frame.time_ns <= recording_.frames.back().time_ns) {
       refuse("time does not increase: " + time_text(frame.time_ns) + " s after " +
@@ -312,7 +314,6 @@ void write_csv(const Recording& recording, std::ostream& out, const ProgressCall
     text += info(channel).column;
   }
   text += "\n";
-  std::array<char, 40> number{};
   std::size_t written = 0;
   for (const Frame& frame : recording.frames) {
     if (done && ++written % 1024 == 0) {
@@ -322,10 +323,7 @@ void write_csv(const Recording& recording, std::ostream& out, const ProgressCall
     for (const Channel channel : all_channels) {
       if (((channels >> index_of(channel)) & 1U) == 0) continue;
       text += ',';
-      if (!frame.has(channel)) continue;
-      const auto [end, error] =
-          std::to_chars(number.data(), number.data() + number.size(), frame[channel]);
-      text.append(number.data(), error == std::errc() ? end : number.data());
+      if (frame.has(channel)) physics::append_shortest(text, frame[channel]);
     }
     text += '\n';
     if (text.size() > 1U << 16U) {

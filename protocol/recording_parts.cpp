@@ -5,6 +5,7 @@
 #include <cstring>
 #include <fstream>
 
+#include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/channels.h"
 #include "protocol/recording.h"
@@ -83,7 +84,7 @@ std::vector<std::string> faults_between(std::span<const LogSurvey> parts) {
     }
     const auto start = static_cast<std::uint64_t>(before.info->frames_before);
     if (static_cast<std::uint64_t>(part.info->frames_before) != start + before.frames) {
-      out.push_back(named(before) + " has " + std::to_string(before.frames) + " frames; " +
+      out.push_back(named(before) + " has " + physics::counted(before.frames, "frame") + "; " +
                     part.source + " expects " +
                     std::to_string(static_cast<std::uint64_t>(part.info->frames_before) - start));
     }

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <istream>
@@ -12,8 +10,8 @@
 #include <map>
 #include <numeric>
 #include <string_view>
-#include <utility>
 
+#include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/channels.h"
 #include "protocol/decode.h"
@@ -25,10 +23,9 @@
 namespace stickslip::protocol {
 namespace {
 
+using physics::counted;
+
 constexpr std::size_t max_places_listed = 100;
-constexpr double shortest_time_step_s = 0.1;
-constexpr double periods_of_a_time_step = 10.0;
-constexpr std::size_t most_intervals = 1U << 16U;
 
 enum class Validity : std::uint8_t { yes, bad_checksum, undecodable };
 
@@ -123,48 +120,6 @@ void walk(std::istream& in, const std::string& name, Visitor& visitor,
   }
 }
 
-/// Median of the intervals between frames, of an evenly spaced subset if there are many, and the
-/// intervals that may be steps of the time.
-class Intervals {
- public:
-  void add(std::uint64_t sequence, std::int64_t from_ns, std::int64_t to_ns,
-           std::uint64_t numbers) {
-    const double interval_s = (static_cast<double>(to_ns) - static_cast<double>(from_ns)) * 1e-9;
-    const double each_s = interval_s / static_cast<double>(numbers);
-    if (count_++ % every_ == 0) intervals_s_.push_back(each_s);
-    if (intervals_s_.size() == most_intervals) thin_out();
-    const bool regular = std::abs(each_s) < shortest_time_step_s && each_s > 0.0;
-    if (!regular && candidates_.size() < most_intervals) {
-      candidates_.push_back({{sequence, from_ns, interval_s}, numbers});
-    }
-  }
-
-  std::vector<TimeStep> steps() {
-    std::vector<TimeStep> out;
-    if (intervals_s_.empty()) return out;
-    const auto middle = intervals_s_.begin() + static_cast<std::ptrdiff_t>(intervals_s_.size() / 2);
-    std::nth_element(intervals_s_.begin(), middle, intervals_s_.end());
-    const double least_s = std::max(shortest_time_step_s, periods_of_a_time_step * *middle);
-    for (auto [step, numbers] : candidates_) {
-      step.excess_s -= *middle * static_cast<double>(numbers);
-      if (std::abs(step.excess_s) > least_s) out.push_back(step);
-    }
-    return out;
-  }
-
- private:
-  void thin_out() {
-    for (std::size_t i = 0; 2 * i < intervals_s_.size(); ++i) intervals_s_[i] = intervals_s_[2 * i];
-    intervals_s_.resize(intervals_s_.size() / 2);
-    every_ *= 2;
-  }
-
-  std::vector<double> intervals_s_;
-  std::vector<std::pair<TimeStep, std::uint64_t>> candidates_;
-  std::uint64_t count_ = 0;
-  std::uint64_t every_ = 1;
-};
-
 class Survey final : public Visitor {
  public:
   explicit Survey(LogSurvey& out) : out_(out) {}
@@ -203,7 +158,7 @@ class Survey final : public Visitor {
 
   void cut_off(const LogEvent& place) override { out_.cut_off_bytes = place.end - place.at; }
 
-  void finish() { out_.time_steps = intervals_.steps(); }
+  void finish() { out_.time_steps = time_steps_.found(); }
 
  private:
   void add_damage(const LogEvent& place, const std::string& why) {
@@ -233,8 +188,8 @@ class Survey final : public Visitor {
     } else {
       if (frame.time_ns <= out_.last_time_ns) ++out_.times_back;
       if (frame.sequence > out_.last_sequence) {
-        intervals_.add(out_.last_sequence, out_.last_time_ns, frame.time_ns,
-                       frame.sequence - out_.last_sequence);
+        time_steps_.add(out_.last_sequence, out_.last_time_ns, frame.time_ns,
+                        frame.sequence - out_.last_sequence);
       }
       if (frame.sequence <= out_.last_sequence) {
         ++out_.repeats;
@@ -284,7 +239,7 @@ class Survey final : public Visitor {
   }
 
   LogSurvey& out_;
-  Intervals intervals_;
+  TimeSteps time_steps_;
   std::map<std::string, std::size_t> place_;
   std::optional<std::int64_t> next_number_ = 0;
 };
@@ -328,10 +283,6 @@ class Repairer final : public Visitor {
   const std::function<void(const LogEvent&)>& keep_;
   std::optional<std::int64_t> last_ns_;
 };
-
-std::string plural(std::uint64_t count, const std::string& what) {
-  return std::to_string(count) + ' ' + what + (count == 1 ? "" : "s");
-}
 
 std::ifstream open_log(const std::filesystem::path& file) {
   std::error_code failure;
@@ -391,24 +342,16 @@ bool LogSurvey::is_explained_by_gaps() const {
 std::vector<std::string> LogSurvey::gap_sentences() const {
   std::vector<std::string> out;
   if (missing > 0) {
-    out.push_back(plural(missing, "frame") + " missing in " + plural(gaps, "gap"));
+    out.push_back(counted(missing, "frame") + " missing in " + counted(gaps, "gap"));
   }
   if (unwritten() > 0 && is_explained_by_gaps()) {
     out.push_back(
-        "lacks " + plural(unwritten(), "frame") +
+        "lacks " + counted(unwritten(), "frame") +
         " of the recording that was published: it was received over LCM, which may lose them");
   }
-  const auto text = [](double value) {
-    std::array<char, 64> digits{};
-    std::snprintf(digits.data(), digits.size(), "%.3f", value);
-    return std::string(digits.data());
-  };
   for (const TimeStep& step : time_steps) {
     if (out.size() >= max_places_listed) break;
-    out.push_back("the time steps by " + text(step.excess_s) + " s after " +
-                  text(static_cast<double>(step.after_ns) * 1e-9) + " s (sequence " +
-                  std::to_string(step.after_sequence) +
-                  "): the clock was set, or the device stood still");
+    out.push_back(sentence_of(step));
   }
   return out;
 }
@@ -418,17 +361,15 @@ std::vector<std::string> LogSurvey::faults() const {
   const auto add = [&out](bool wrong, const std::string& sentence) {
     if (wrong) out.push_back(sentence);
   };
-  add(damaged_places > 0, "damaged in " + plural(damaged_places, "place") + ", " +
-                              plural(static_cast<std::uint64_t>(damaged_bytes), "byte") +
-                              " in all");
-  add(bad_checksums > 0, plural(bad_checksums, "block") + " of frames with a bad checksum");
-  add(undecodable > 0, plural(undecodable, "message") + " that cannot be decoded");
-  add(misnumbered > 0, plural(misnumbered, "event") + " out of sequence: events were removed");
-  add(cut_off_bytes > 0, "truncated: the last " +
-                             plural(static_cast<std::uint64_t>(cut_off_bytes), "byte") +
-                             " are an incomplete event");
+  add(damaged_places > 0, "damaged in " + counted(damaged_places, "place") + ", " +
+                              counted(damaged_bytes, "byte") + " in all");
+  add(bad_checksums > 0, counted(bad_checksums, "block") + " of frames with a bad checksum");
+  add(undecodable > 0, counted(undecodable, "message") + " that cannot be decoded");
+  add(misnumbered > 0, counted(misnumbered, "event") + " out of sequence: events were removed");
+  add(cut_off_bytes > 0,
+      "truncated: the last " + counted(cut_off_bytes, "byte") + " are an incomplete event");
   add(events == 0, "has no events");
-  add(times_back > 0, plural(times_back, "frame") + " with a time that does not increase");
+  add(times_back > 0, counted(times_back, "frame") + " with a time that does not increase");
   for (const std::string& text : altered_texts) {
     out.push_back("its " + text + " does not match its SHA-256");
   }

@@ -15,6 +15,7 @@
 
 #include "physics/frame.h"
 #include "protocol/recording_events.h"
+#include "protocol/time_steps.h"
 
 namespace stickslip::protocol {
 
@@ -51,14 +52,6 @@ struct RecordedLedger {
   bool closed() const { return produced == recorded + lost(); }
 };
 
-/// A step of the time between consecutive frames that their sequence numbers do not explain: a
-/// clock that was set, or a device that stood still.
-struct TimeStep {
-  std::uint64_t after_sequence = 0;
-  std::int64_t after_ns = 0;  ///< time of the frame before
-  double excess_s = 0.0;      ///< beyond the regular period; negative: backwards
-};
-
 struct LogSurvey {
   std::string source;
   std::int64_t bytes = 0;
@@ -74,11 +67,11 @@ struct LogSurvey {
   std::int64_t cut_off_bytes = 0;
 
   std::uint64_t frames = 0;
-  std::uint64_t gaps = 0;            ///< jumps of the sequence number
-  std::uint64_t missing = 0;         ///< frames in these jumps
-  std::uint64_t repeats = 0;         ///< sequence numbers that did not increase
-  std::uint64_t times_back = 0;      ///< frames whose time did not increase
-  std::vector<TimeStep> time_steps;  ///< of more than ten periods and a tenth of a second
+  std::uint64_t gaps = 0;        ///< jumps of the sequence number
+  std::uint64_t missing = 0;     ///< frames in these jumps
+  std::uint64_t repeats = 0;     ///< sequence numbers that did not increase
+  std::uint64_t times_back = 0;  ///< frames whose time did not increase
+  std::vector<TimeStep> time_steps;
   std::int64_t first_time_ns = 0;
   std::int64_t last_time_ns = 0;
   std::uint64_t first_sequence = 0;

@@ -86,7 +86,7 @@ std::string tier_text(const Card& card) {
 }
 
 std::string unit_of(const ParameterCard& parameter) {
-  return parameter.unit == "1" ? "1" : unit_text(parameter.unit, {});
+  return parameter.unit == "1" ? "1" : unit_text(parameter.unit, {}, physics::ResultUnits({}));
 }
 
 std::string range_of(const ParameterCard& parameter) {

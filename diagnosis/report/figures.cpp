@@ -15,6 +15,7 @@
 namespace stickslip::report {
 
 using namespace diagnosis;
+using physics::ResultUnits;
 
 namespace {
 
@@ -36,8 +37,9 @@ std::vector<double> scaled(std::vector<double> values, double factor) {
   return values;
 }
 
-std::string with_unit(const std::string& name, const std::string& unit) {
-  return unit == "1" || unit.empty() ? name : name + " [" + unit + "]";
+// "displacement [mm]", without a unit of 1.
+std::string with_unit(const std::string& name, std::string_view unit) {
+  return unit == "1" || unit.empty() ? name : name + " [" + std::string(unit) + "]";
 }
 
 // Starts of the shown windows but the first: every window has its own initial state.
@@ -66,15 +68,17 @@ std::vector<const ChannelEvidence*> worst_first(const Evidence& evidence) {
   return out;
 }
 
-std::string overlay_figure(const Evidence& evidence, const ChannelEvidence& channel, bool changed) {
+std::string overlay_figure(const Evidence& evidence, const ChannelEvidence& channel, bool changed,
+                           const ResultUnits& units) {
   const std::string name = channel_name(channel.channel);
-  const AxisUnit unit = axis_unit(largest_of(channel.recorded), info(channel.channel).unit);
+  const AxisUnit unit =
+      axis_unit(largest_of(channel.recorded), units.of(info(channel.channel).unit));
   LinePlot plot;
   plot.title = "Recorded and simulated: " + name;
   plot.description = "The recorded " + name +
                      " over time, with the simulation of the declared model" +
                      (changed ? " and of the augmented model." : ".");
-  plot.x_label = "time [s]";
+  plot.x_label = units.axis("time", "s");
   plot.y_label = with_unit(name, unit.unit);
   plot.marks = restarts_of(evidence);
   plot.series.push_back({"recorded", channel.time_s, scaled(channel.recorded, unit.factor), 0});
@@ -91,7 +95,7 @@ std::string overlay_figure(const Evidence& evidence, const ChannelEvidence& chan
 }
 
 std::string difference_figure(const Evidence& evidence, const ChannelEvidence& channel,
-                              bool changed) {
+                              bool changed, const ResultUnits& units) {
   const std::string name = channel_name(channel.channel);
   std::vector<double> before;
   std::vector<double> after;
@@ -101,13 +105,13 @@ std::string difference_figure(const Evidence& evidence, const ChannelEvidence& c
   }
   const double noise = 2.0 * channel.sigma;
   const AxisUnit unit = axis_unit(std::max({largest_of(before), largest_of(after), noise}),
-                                  info(channel.channel).unit);
+                                  units.of(info(channel.channel).unit));
   LinePlot plot;
   plot.title = "Recorded minus simulated: " + name;
   plot.description =
       "Recording minus simulation over the same time, with a band of two standard deviations of "
       "the noise around zero.";
-  plot.x_label = "time [s]";
+  plot.x_label = units.axis("time", "s");
   plot.y_label = with_unit("difference", unit.unit);
   plot.marks = restarts_of(evidence);
   if (!channel.time_s.empty() && noise > 0.0) {
@@ -132,13 +136,13 @@ double scale_end(std::initializer_list<const std::vector<double>*> lists) {
   return most;
 }
 
-std::string time_map(const Evidence& evidence, bool after, double most) {
+std::string time_map(const Evidence& evidence, bool after, double most, const ResultUnits& units) {
   MapPlot plot;
   plot.title = after ? "Channel by time, augmented model" : "Channel by time, declared model";
   plot.description =
       "Each row is a channel, each cell a window of the recording; the shade is the ratio of "
       "residual to noise.";
-  plot.x_label = "time [s]";
+  plot.x_label = units.axis("time", "s");
   plot.value_label = "residual / noise";
   plot.x_low = evidence.windows.front().begin_s;
   plot.x_high = evidence.windows.back().end_s;
@@ -158,7 +162,7 @@ std::string time_map(const Evidence& evidence, bool after, double most) {
   return map_plot_svg(plot);
 }
 
-std::string time_maps(const Evidence& evidence, bool changed) {
+std::string time_maps(const Evidence& evidence, bool changed, const ResultUnits& units) {
   if (evidence.windows.empty()) return "";
   double most = 3.0;
   for (const ChannelEvidence& channel : evidence.channels) {
@@ -166,12 +170,12 @@ std::string time_maps(const Evidence& evidence, bool changed) {
                      std::sqrt(largest_of(channel.window_after))});
   }
   std::string out =
-      figure(time_map(evidence, false, most),
+      figure(time_map(evidence, false, most, units),
              "When and in which channel the model fails. Background colour: noise only. A "
              "conspicuous row: that channel responds to the missing physics; a column: an event of "
              "limited duration.");
   if (changed) {
-    out += figure(time_map(evidence, true, most),
+    out += figure(time_map(evidence, true, most, units),
                   "Augmented model, same colour scale: what remains conspicuous is not "
                   "explained.");
   }
@@ -179,9 +183,9 @@ std::string time_maps(const Evidence& evidence, bool changed) {
 }
 
 std::string phase_map(const PhaseMap& map, const std::vector<double>& value, bool after,
-                      double most) {
-  const AxisUnit x = axis_unit(map.displacement_m, "m");
-  const AxisUnit v = axis_unit(map.velocity_m_s, "m/s");
+                      double most, const ResultUnits& units) {
+  const AxisUnit x = axis_unit(map.displacement_m, units.of("m"));
+  const AxisUnit v = axis_unit(map.velocity_m_s, units.of("m/s"));
   MapPlot plot;
   plot.title = after ? "Phase space, augmented model" : "Phase space, declared model";
   plot.description =
@@ -206,16 +210,17 @@ std::string phase_map(const PhaseMap& map, const std::vector<double>& value, boo
   return map_plot_svg(plot);
 }
 
-std::string phase_maps(const PhaseMap& map, bool changed) {
+std::string phase_maps(const PhaseMap& map, bool changed, const ResultUnits& units) {
   const double most = scale_end({&map.before, &map.after});
   std::string out = figure(
-      phase_map(map, map.before, false, most),
+      phase_map(map, map.before, false, most, units),
       "In which states the model fails. Left and right edge: large deflections, typical of a wrong "
       "spring law; along the horizontal axis: slow motion and reversals, typical of a wrong "
       "friction "
       "law. Empty: states that the motion did not visit.");
   if (changed) {
-    out += figure(phase_map(map, map.after, true, most), "Augmented model, same colour scale.");
+    out +=
+        figure(phase_map(map, map.after, true, most, units), "Augmented model, same colour scale.");
   }
   return out;
 }
@@ -246,7 +251,7 @@ std::string spectrum_figure(const Diagnosis& d, const ChannelEvidence& channel, 
   plot.description =
       "Power spectrum of the residual of this channel in units of the noise power, with the "
       "frequencies of the rig marked.";
-  plot.x_label = "frequency [Hz]";
+  plot.x_label = ResultUnits(d.model).axis("frequency", "Hz");
   plot.y_label = "power / noise power";
   plot.log_x = true;
   plot.log_y = true;
@@ -276,19 +281,20 @@ std::pair<double, double> with_margin(double low, double high) {
   return {low - margin, high + margin};
 }
 
-std::string condition_map(const Evidence& evidence, bool after, double most) {
+std::string condition_map(const Evidence& evidence, bool after, double most,
+                          const ResultUnits& units) {
   double highest = 0.0;
   for (const WindowEvidence& each : evidence.windows) {
     highest = std::max(highest, each.drive_amplitude);
   }
-  const AxisUnit unit = axis_unit(highest, info(evidence.driven_by).unit);
+  const AxisUnit unit = axis_unit(highest, units.of(info(evidence.driven_by).unit));
   MapPlot plot;
   plot.title =
       after ? "Operating condition, augmented model" : "Operating condition, declared model";
   plot.description =
       "One dot per window of the recording, at its excitation frequency and amplitude; the shade "
       "is the ratio of residual to noise.";
-  plot.x_label = "excitation frequency [Hz]";
+  plot.x_label = units.axis("excitation frequency", "Hz");
   plot.y_label = with_unit("excitation amplitude", unit.unit);
   plot.value_label = "residual / noise";
   plot.value_high = most;
@@ -307,7 +313,7 @@ std::string condition_map(const Evidence& evidence, bool after, double most) {
   return map_plot_svg(plot);
 }
 
-std::string condition_maps(const Evidence& evidence, bool changed) {
+std::string condition_maps(const Evidence& evidence, bool changed, const ResultUnits& units) {
   if (evidence.windows.empty()) return "";
   double most = 9.0;
   for (const WindowEvidence& each : evidence.windows) {
@@ -315,11 +321,12 @@ std::string condition_maps(const Evidence& evidence, bool changed) {
   }
   most = std::sqrt(most);
   std::string out = figure(
-      condition_map(evidence, false, most),
+      condition_map(evidence, false, most, units),
       "Excitation under which the model fails: one dot per window. Dark dots (bright on a dark "
       "screen) on one side only: the missing physics acts under that excitation.");
   if (changed) {
-    out += figure(condition_map(evidence, true, most), "Augmented model, same colour scale.");
+    out +=
+        figure(condition_map(evidence, true, most, units), "Augmented model, same colour scale.");
   }
   return out;
 }
@@ -352,10 +359,11 @@ std::string stretch_figures(const Diagnosis& d) {
   if (!d.evidence || d.evidence->stretch.count == 0) return "";
   const Evidence& evidence = *d.evidence;
   const bool changed = d.augmented.has_value();
+  const ResultUnits units(d.model);
   std::string out = "<div class=\"plots\">\n";
   for (const ChannelEvidence* channel : worst_first(evidence)) {
-    out += overlay_figure(evidence, *channel, changed);
-    out += difference_figure(evidence, *channel, changed);
+    out += overlay_figure(evidence, *channel, changed, units);
+    out += difference_figure(evidence, *channel, changed, units);
   }
   return out + "</div>\n";
 }
@@ -364,12 +372,13 @@ std::string residual_figures(const Diagnosis& d) {
   if (!d.evidence) return "";
   const Evidence& evidence = *d.evidence;
   const bool changed = d.augmented.has_value();
+  const ResultUnits units(d.model);
   std::string out = "<h3>By channel and time</h3>\n<div class=\"plots\">\n" +
-                    time_maps(evidence, changed) +
+                    time_maps(evidence, changed, units) +
                     "</div>\n<h3>In phase space</h3>\n<div class=\"plots\">\n" +
-                    phase_maps(evidence.map, changed) +
+                    phase_maps(evidence.map, changed, units) +
                     "</div>\n<h3>By operating condition</h3>\n<div class=\"plots\">\n" +
-                    condition_maps(evidence, changed) + "</div>\n";
+                    condition_maps(evidence, changed, units) + "</div>\n";
   out += "<h3>By frequency and by phase of the excitation</h3>\n<div class=\"plots\">\n";
   for (const ChannelEvidence* channel : worst_first(evidence)) {
     out += figure(spectrum_figure(d, *channel, changed),

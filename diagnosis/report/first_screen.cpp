@@ -11,6 +11,7 @@
 namespace stickslip::report {
 
 using namespace diagnosis;
+using physics::ResultUnits;
 
 namespace {
 
@@ -18,12 +19,12 @@ std::string answer(const std::string& question, const std::string& html) {
   return "<div><dt>" + escape_html(question) + "</dt><dd>" + html + "</dd></div>\n";
 }
 
-std::string first_parameter(const Finding& finding) {
+std::string first_parameter(const Finding& finding, const ResultUnits& units) {
   if (finding.parameters.empty()) return "";
   const Estimate& first = finding.parameters.front();
   const EstimateText estimate = format_estimate(first.value, first.low, first.high);
   const physics::ParameterCard* card = parameter_card(finding, first);
-  const std::string unit = card != nullptr ? unit_text(card->unit, finding.place) : "";
+  const std::string unit = card != nullptr ? unit_text(card->unit, finding.place, units) : "";
   std::string out = " ";
   out += code(first.name) + " = <span class=\"number\">" + estimate.value + "</span>";
   if (!unit.empty()) out += escape_html("\u00a0" + unit);
@@ -39,7 +40,8 @@ std::string findings_answer(const Diagnosis& d) {
   }
   std::string out;
   for (const Finding& finding : d.findings) {
-    out += "<p>" + escape_html(plain_text(finding.statement)) + first_parameter(finding) + "</p>";
+    out += "<p>" + escape_html(plain_text(finding.statement)) +
+           first_parameter(finding, ResultUnits(d.model)) + "</p>";
   }
   return out;
 }
@@ -71,7 +73,8 @@ const Trial* trial_of(const Diagnosis& d, const Finding& finding) {
 }
 
 std::string windows_text(const Diagnosis& d) {
-  return std::to_string(d.heldout_windows) + " held-out windows of " + format_seconds(d.horizon_s);
+  return std::to_string(d.heldout_windows) + " held-out windows of " +
+         format_seconds(d.horizon_s, ResultUnits(d.model));
 }
 
 std::string probability_of(const Diagnosis& d, const Finding& finding) {
@@ -114,16 +117,17 @@ std::string confidence_answer(const Diagnosis& d) {
 std::string prediction_error(const Diagnosis& d) {
   for (std::size_t c = 0; c < predicted_channels; ++c) {
     if (!d.baseline.rmse[c]) continue;
-    const ChannelInfo& channel = channel_table[c];
+    const ResultUnits units(d.model);
+    const std::string_view unit = units.of(channel_table[c].unit);
     std::string out = escape_html(" RMS prediction error of the " + channel_name(all_channels[c]) +
-                                  ", up to " + format_seconds(d.horizon_s) + " ahead: ") +
-                      format_quantity(*d.baseline.rmse[c], channel.unit);
+                                  ", up to " + format_seconds(d.horizon_s, units) + " ahead: ") +
+                      format_quantity(*d.baseline.rmse[c], unit);
     if (d.augmented && d.augmented->rmse[c]) {
-      out += " \u2192 " + format_quantity(*d.augmented->rmse[c], channel.unit, *d.baseline.rmse[c]);
+      out += " \u2192 " + format_quantity(*d.augmented->rmse[c], unit, *d.baseline.rmse[c]);
     }
     for (const auto& [measured, noise] : d.noise_std) {
       if (measured != all_channels[c]) continue;
-      out += "; noise " + format_quantity(noise, channel.unit, *d.baseline.rmse[c]);
+      out += "; noise " + format_quantity(noise, unit, *d.baseline.rmse[c]);
     }
     return out + ".";
   }
@@ -147,7 +151,8 @@ std::string limits_answer(const Diagnosis& d) {
     const physics::Card& card = limit.candidate.effect->card();
     if (!card.depends_on.empty() || limit.candidate.place.channel || limits.size() == most)
       continue;
-    const std::string unit = unit_text(limit.parameter().unit, limit.candidate.place);
+    const std::string unit =
+        unit_text(limit.parameter().unit, limit.candidate.place, ResultUnits(d.model));
     limits.push_back(escape_html(effect_name(limit.candidate)) + " (" +
                      code(limit.parameter().name) + " = " +
                      escape_html(plain_text(limit_text(limit))) +
@@ -220,7 +225,9 @@ std::string subject_of(const Diagnosis& d, const Provenance& provenance) {
   }
   double seconds = 0.0;
   for (const Integrity& each : d.integrity) seconds += each.duration_s;
-  if (seconds > 0.0) out += escape_html("; " + format_number(seconds) + " s recorded");
+  if (seconds > 0.0)
+    out += escape_html("; " + format_number(seconds) + ResultUnits(d.model).after_number("s") +
+                       " recorded");
   return out + escape_html(". The rig, with the fitted parameters: " + rig_description(d.model)) +
          "</p>\n";
 }

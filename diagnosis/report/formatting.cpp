@@ -158,9 +158,10 @@ std::string plain_text(std::string text) {
   return without_exponents(text);
 }
 
-std::string unit_text(std::string_view unit, const physics::Place& place) {
+std::string unit_text(std::string_view unit, const physics::Place& place,
+                      const physics::ResultUnits& units) {
   constexpr std::string_view of_channel = "unit of the channel";
-  if (unit == "1") return "";
+  if (units.of(unit) == "1") return "";
   if (unit.starts_with(of_channel) && place.channel) {
     return std::string(info(*place.channel).unit).append(unit.substr(of_channel.size()));
   }
@@ -177,7 +178,9 @@ std::string unit_text(std::string_view unit, const physics::Place& place) {
   return out;
 }
 
-std::string format_seconds(double seconds) { return physics::number_text(seconds) + "\u00a0s"; }
+std::string format_seconds(double seconds, const physics::ResultUnits& units) {
+  return physics::number_text(seconds) + (units.dimensionless() ? "" : "\u00a0s");
+}
 
 std::string effect_name(const diagnosis::CandidateEffect& candidate) {
   std::string out(candidate.effect->card().name);

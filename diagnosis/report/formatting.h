@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "diagnosis/diagnosis.h"
+#include "physics/result_units.h"
 
 namespace stickslip::report {
 
@@ -36,7 +37,7 @@ EstimateText format_estimate(double value, double low, double high);
 std::string format_percent(double share);
 
 /// "0.4 s", for durations set by a user or an option.
-std::string format_seconds(double seconds);
+std::string format_seconds(double seconds, const physics::ResultUnits& units);
 
 /// "friction force"
 std::string channel_name(Channel channel);
@@ -45,8 +46,9 @@ std::string channel_name(Channel channel);
 std::string plain_text(std::string text);
 
 /// The unit of a parameter as its catalogue entry states it, with that of its channel filled in;
-/// empty if dimensionless.
-std::string unit_text(std::string_view unit, const physics::Place& place);
+/// empty if dimensionless. `units`: of the model.
+std::string unit_text(std::string_view unit, const physics::Place& place,
+                      const physics::ResultUnits& units);
 
 /// "wrong gain (velocity)"
 std::string effect_name(const diagnosis::CandidateEffect& candidate);

@@ -9,6 +9,7 @@
 namespace stickslip::report {
 
 using namespace diagnosis;
+using physics::ResultUnits;
 
 namespace {
 
@@ -42,16 +43,22 @@ std::string findings_text(const Diagnosis& d) {
   return enumeration(names);
 }
 
-std::string oscillator_text(const physics::Oscillator& oscillator) {
+// A number with its unit behind a space that does not break.
+std::string amount(double value, std::string_view unit, const ResultUnits& units) {
+  const bool bare = units.of(unit) == "1";
+  return format_number(value) + (bare ? "" : "\u00a0" + std::string(unit));
+}
+
+std::string oscillator_text(const physics::Oscillator& oscillator, const ResultUnits& units) {
   if (oscillator.excitation == physics::Excitation::imposed) return "An imposed motion";
-  std::string out = "A mass of " + format_number(oscillator.mass_kg.value) + "\u00a0kg";
+  std::string out = "A mass of " + amount(oscillator.mass_kg.value, "kg", units);
   if (oscillator.two_well) {
     out += " in a two-well potential";
   } else if (oscillator.natural_frequency_hz) {
     out += " on a spring (natural frequency " +
-           format_number(oscillator.natural_frequency_hz->value) + "\u00a0Hz)";
+           amount(oscillator.natural_frequency_hz->value, "Hz", units) + ")";
   } else if (oscillator.stiffness_n_m && oscillator.stiffness_n_m->value > 0.0) {
-    out += " on a spring of " + format_number(oscillator.stiffness_n_m->value) + "\u00a0N/m";
+    out += " on a spring of " + amount(oscillator.stiffness_n_m->value, "N/m", units);
   }
   return out + (oscillator.excitation == physics::Excitation::base ? ", excited through its base"
                                                                    : ", excited by a force");
@@ -61,21 +68,23 @@ std::string friction_text(const physics::Model& model) {
   const physics::Friction& friction = model.friction;
   if (friction.law == physics::FrictionLaw::none) return ", without friction";
   std::string out = ", with ";
-  out += model.normal_load ? "a coefficient of friction of " + format_number(friction.mu.value)
-                           : "a friction force of " + format_number(friction.mu.value) + "\u00a0N";
-  out +=
-      friction.law == physics::FrictionLaw::state_variable
-          ? " (state-variable law, rate " + format_number(friction.rate_per_s.value) + "\u00a01/s)"
-          : " (Coulomb's law)";
+  out += model.normal_load
+             ? "a coefficient of friction of " + format_number(friction.mu.value)
+             : "a friction force of " + amount(friction.mu.value, "N", ResultUnits(model));
+  out += friction.law == physics::FrictionLaw::state_variable
+             ? " (state-variable law, rate " +
+                   amount(friction.rate_per_s.value, "1/s", ResultUnits(model)) + ")"
+             : " (Coulomb's law)";
   return out;
 }
 
-std::string load_text(const physics::NormalLoad& load) {
+std::string load_text(const physics::NormalLoad& load, const ResultUnits& units) {
   switch (load.law) {
     case physics::NormalLoadLaw::constant:
-      return " under a constant normal load of " + format_quantity(load.load_n.value, "N");
+      return " under a constant normal load of " +
+             format_quantity(load.load_n.value, units.of("N"));
     case physics::NormalLoadLaw::wedge:
-      return " under a normal load of " + format_quantity(load.load_n.value, "N") +
+      return " under a normal load of " + format_quantity(load.load_n.value, units.of("N")) +
              " that varies along the track";
     case physics::NormalLoadLaw::measured:
       return " under the recorded normal load";
@@ -117,8 +126,8 @@ std::string headline_of(const Diagnosis& d) {
 }
 
 std::string rig_description(const physics::Model& model) {
-  std::string out = oscillator_text(model.oscillator) + friction_text(model);
-  if (model.normal_load) out += load_text(*model.normal_load);
+  std::string out = oscillator_text(model.oscillator, ResultUnits(model)) + friction_text(model);
+  if (model.normal_load) out += load_text(*model.normal_load, ResultUnits(model));
   if (model.load_cell) {
     out += model.load_cell->dynamics == physics::LoadCellDynamics::resonant
                ? "; the friction force is measured by a load cell with a resonance"

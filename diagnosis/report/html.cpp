@@ -13,20 +13,22 @@
 #include "diagnosis/report/html_elements.h"
 #include "diagnosis/report/style.h"
 #include "diagnosis/report/text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::report {
 
 using namespace diagnosis;
+using physics::ResultUnits;
 
 namespace {
 
-std::string parameter_table(const Finding& finding) {
+std::string parameter_table(const Finding& finding, const ResultUnits& units) {
   Table table("Parameters with 95 % intervals.",
               {"meaning", "name", "value", "95 % interval", "unit"});
   for (const Estimate& each : finding.parameters) {
     const EstimateText text = format_estimate(each.value, each.low, each.high);
     const physics::ParameterCard* card = parameter_card(finding, each);
-    const std::string unit = card != nullptr ? unit_text(card->unit, finding.place) : "";
+    const std::string unit = card != nullptr ? unit_text(card->unit, finding.place, units) : "";
     table.row({card != nullptr ? escape_html(std::string(card->meaning)) : "", code(each.name),
                text.value, text.low + " to " + text.high,
                escape_html(unit.empty() ? "none" : unit)});
@@ -51,6 +53,7 @@ std::string alternative_table(const Finding& finding) {
 
 Section findings_section(const Diagnosis& d) {
   Section out("findings", "Missing physics");
+  const ResultUnits units(d.model);
   int number = 0;
   for (const Finding& finding : d.findings) {
     const physics::Card& card = finding.effect->card();
@@ -61,11 +64,11 @@ Section findings_section(const Diagnosis& d) {
     out += "<p>Equation: " + code(card.equation) + "</p>\n";
     if (finding.when_s) {
       out += paragraph("Active from " + format_number(finding.when_s->first) + " to " +
-                       format_number(finding.when_s->second) + " s.");
+                       format_number(finding.when_s->second) + units.after_number("s") + ".");
     }
     out += paragraph("Held-out chi-squared per sample: " + format_number(finding.chi2_before) +
                      " \u2192 " + format_number(finding.chi2_after) + ".");
-    out += parameter_table(finding);
+    out += parameter_table(finding, units);
     out += shape_figures(finding);
     out += alternative_table(finding);
     if (finding.separating_experiment) {
@@ -93,7 +96,8 @@ Section stretch_section(const Diagnosis& d) {
   const double from_s = evidence.windows[stretch.first].begin_s;
   const double to_s = evidence.windows[stretch.first + stretch.count - 1].end_s;
   out += paragraph("Shown: " + format_number(from_s, 4) + " to " + format_number(to_s, 4) +
-                   " s, the held-out windows in which the declared model fits worst. The mean "
+                   ResultUnits(d.model).after_number("s") +
+                   ", the held-out windows in which the declared model fits worst. The mean "
                    "square of its residuals is " +
                    format_number(stretch.before) + " times that of the noise there, and " +
                    format_number(stretch.typical) +
@@ -138,12 +142,13 @@ Section residual_section(const Diagnosis& d) {
 Section fit_section(const Diagnosis& d) {
   Section out("fit", "Held-out fit");
   const bool changed = d.augmented.has_value();
+  const ResultUnits units(d.model);
   std::vector<std::string> headings = {"quantity", "declared model"};
   if (changed) headings.insert(headings.end(), {"augmented model", "ratio", ""});
-  Table table("RMS prediction error up to " + format_seconds(d.horizon_s) + " ahead, over " +
-                  std::to_string(d.heldout_windows) + " held-out windows; " +
-                  std::to_string(d.fitted_windows) +
-                  " others were fitted. Bars: declared model above, augmented model below.",
+  Table table("RMS prediction error up to " + format_seconds(d.horizon_s, units) + " ahead, over " +
+                  physics::counted(d.heldout_windows, "held-out window") + "; " +
+                  physics::counted(d.fitted_windows, "other was", "others were") +
+                  " fitted. Bars: declared model above, augmented model below.",
               headings);
   const auto row = [&](const std::string& name, double before, std::optional<double> after,
                        std::string_view unit) {
@@ -160,7 +165,7 @@ Section fit_section(const Diagnosis& d) {
   for (std::size_t c = 0; c < predicted_channels; ++c) {
     if (!d.baseline.rmse[c]) continue;
     row(channel_name(all_channels[c]), *d.baseline.rmse[c],
-        changed ? d.augmented->rmse[c] : std::nullopt, channel_table[c].unit);
+        changed ? d.augmented->rmse[c] : std::nullopt, units.of(channel_table[c].unit));
   }
   row("chi-squared per sample", d.baseline.chi2_per_sample,
       changed ? std::optional(d.augmented->chi2_per_sample) : std::nullopt, "1");
@@ -174,7 +179,9 @@ Section calibration_section(const Diagnosis& d) {
   out += paragraph(
       "Parameters declared with a standard deviation are calibrated within it before an effect is "
       "considered missing.");
-  Table table("Calibrated parameters with 95 % intervals; the suffix of a name is its unit.",
+  const bool named_by_unit = !ResultUnits(d.model).dimensionless();
+  Table table(std::string("Calibrated parameters with 95 % intervals") +
+                  (named_by_unit ? "; the suffix of a name is its unit." : "."),
               {"parameter", "declared", "calibrated", "95 % interval",
                "shift in declared standard deviations"});
   for (const Calibration& each : d.calibrated) {
@@ -201,7 +208,8 @@ Section noise_section(const Diagnosis& d) {
   for (const auto& [channel, value] : d.noise_std) {
     const bool estimated = std::find(d.noise_estimated.begin(), d.noise_estimated.end(), channel) !=
                            d.noise_estimated.end();
-    table.row({escape_html(channel_name(channel)), format_quantity(value, info(channel).unit),
+    table.row({escape_html(channel_name(channel)),
+               format_quantity(value, ResultUnits(d.model).of(info(channel).unit)),
                estimated ? "estimated from the recording" : "declared by the model"});
   }
   out += table.html();
@@ -249,7 +257,8 @@ Section detection_section(const Diagnosis& d) {
                    ". Effects that replace a law instead of modifying it have no detection limit.");
   Table table("Detection limits (95 %).", {"effect", "parameter", "limit", "unit"});
   for (const DetectionLimit& limit : d.detection.limits) {
-    const std::string unit = unit_text(limit.parameter().unit, limit.candidate.place);
+    const std::string unit =
+        unit_text(limit.parameter().unit, limit.candidate.place, ResultUnits(d.model));
     table.row({escape_html(effect_name(limit.candidate)), code(limit.parameter().name),
                escape_html(plain_text(limit_text(limit))),
                escape_html(unit.empty() ? "none" : unit)});
@@ -270,19 +279,23 @@ Section detection_section(const Diagnosis& d) {
   return out;
 }
 
-std::string integrity_table(const Integrity& integrity) {
-  Table table(integrity.source + ": " + format_number(integrity.duration_s) + " s at " +
-                  format_number(integrity.rate_hz, 4) + " Hz, " + std::to_string(integrity.frames) +
-                  " frames, " + std::to_string(integrity.lost) + " lost.",
+std::string integrity_table(const Integrity& integrity, const ResultUnits& units) {
+  Table table(integrity.source + ": " + format_number(integrity.duration_s) +
+                  units.after_number("s") + " at " + format_number(integrity.rate_hz, 4) +
+                  units.after_number("Hz") + ", " + physics::counted(integrity.frames, "frame") +
+                  ", " + std::to_string(integrity.lost) + " lost.",
               {"channel", "minimum", "maximum", "resolution", "saturated samples", "mains line"});
   for (const ChannelIntegrity& c : integrity.channels) {
-    const auto amount = [&c](double value) { return format_quantity(value, info(c.channel).unit); };
+    const auto amount = [&](double value) {
+      return format_quantity(value, units.of(info(c.channel).unit));
+    };
     table.row({escape_html(channel_name(c.channel)), amount(c.lowest), amount(c.highest),
                c.step > 0.0 ? amount(c.step) : "not visible",
                std::to_string(c.at_low_rail + c.at_high_rail),
-               c.mains ? amount(c.mains->amplitude) + " at " +
-                             format_number(c.mains->frequency_hz, 4) + "\u00a0Hz"
-                       : "none"});
+               c.mains
+                   ? amount(c.mains->amplitude) + " at " + format_number(c.mains->frequency_hz, 4) +
+                         (units.dimensionless() ? "" : "\u00a0Hz")
+                   : "none"});
   }
   std::string out = table.html();
   for (const std::string& remark : integrity.remarks) out += paragraph(plain_text(remark));
@@ -291,7 +304,7 @@ std::string integrity_table(const Integrity& integrity) {
 
 Section recordings_section(const Diagnosis& d) {
   Section out("recordings", "Quality of the recordings");
-  for (const Integrity& each : d.integrity) out += integrity_table(each);
+  for (const Integrity& each : d.integrity) out += integrity_table(each, ResultUnits(d.model));
   return out;
 }
 
@@ -299,9 +312,10 @@ Section reproduction_section(const Diagnosis& d, const Provenance& provenance) {
   Section out("reproduce", "Reproduction");
   out += "<pre>" + escape_html(provenance.command) + "</pre>\n";
   std::string settings = "stickslip " + provenance.version + ", seed " +
-                         std::to_string(provenance.seed) + ", " + std::to_string(d.fitted_windows) +
-                         " windows fitted, " + std::to_string(d.heldout_windows) + " held out, " +
-                         format_seconds(d.horizon_s) + " each.";
+                         std::to_string(provenance.seed) + ", " +
+                         physics::counted(d.fitted_windows, "window") + " fitted, " +
+                         std::to_string(d.heldout_windows) + " held out, " +
+                         format_seconds(d.horizon_s, ResultUnits(d.model)) + " each.";
   if (!provenance.built_with.empty()) settings += " Built with " + provenance.built_with + ".";
   out += paragraph(settings + " The same files, seed and version give the same numbers.");
   Table table("Input files (checksums as printed by sha256sum).", {"file", "SHA-256"});

@@ -165,6 +165,7 @@ Json free_run_json(const FreeRun& run) {
 Json report_json(const Diagnosis& diagnosis) {
   Json json;
   json["schema"] = 1;
+  if (diagnosis.model.dimensionless) json["dimensionless"] = true;
   json["verdict"] = name_of(diagnosis.verdict);
   json["location"] = diagnosis.location ? location_json(*diagnosis.location) : Json(nullptr);
   json["findings"] = Json::array();

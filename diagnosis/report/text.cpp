@@ -7,10 +7,12 @@
 #include <vector>
 
 #include "physics/number_text.h"
+#include "physics/result_units.h"
 
 namespace stickslip::report {
 
 using namespace diagnosis;
+using physics::ResultUnits;
 
 namespace {
 
@@ -88,14 +90,15 @@ void add_finding(std::ostringstream& text, const Finding& finding, int number) {
 }
 
 void add_fit(std::ostringstream& text, const Diagnosis& d) {
-  text << "  Held-out fit: RMS error of predictions " << number_text(d.horizon_s) << " s ahead\n";
+  text << "  Held-out fit: RMS error of predictions " << number_text(d.horizon_s)
+       << ResultUnits(d.model).after_number("s") << " ahead\n";
   for (std::size_t c = 0; c < predicted_channels; ++c) {
     if (!d.baseline.rmse[c]) continue;
     const ChannelInfo& channel = channel_table[c];
-    text << "    " << channel.stem << ": " << number_text(*d.baseline.rmse[c]) << " "
-         << channel.unit;
+    const std::string unit = ResultUnits(d.model).after_number(channel.unit);
+    text << "    " << channel.stem << ": " << number_text(*d.baseline.rmse[c]) << unit;
     if (d.augmented && d.augmented->rmse[c]) {
-      text << " -> " << number_text(*d.augmented->rmse[c]) << " " << channel.unit;
+      text << " -> " << number_text(*d.augmented->rmse[c]) << unit;
     }
     text << "\n";
   }
@@ -125,9 +128,11 @@ void add_calibration(std::ostringstream& text, const Diagnosis& d) {
 }
 
 void add_recordings(std::ostringstream& text, const Diagnosis& d) {
+  const ResultUnits units(d.model);
   for (const Integrity& each : d.integrity) {
-    text << "  Recording " << each.source << ": " << number_text(each.duration_s) << " s at "
-         << number_text(each.rate_hz) << " Hz";
+    text << "  Recording " << each.source << ": " << number_text(each.duration_s)
+         << units.after_number("s") << " at " << number_text(each.rate_hz)
+         << units.after_number("Hz");
     if (each.remarks.empty()) text << "; complete, no channel saturated, no mains line";
     text << "\n";
     for (const std::string& remark : each.remarks) text << "    " << remark << "\n";

@@ -1,4 +1,5 @@
 #include "drivers/amplifier/amplifier.h"
+#include "physics/number_text.h"
 
 #include <poll.h>
 #include <sys/eventfd.h>
@@ -436,7 +437,7 @@ std::vector<AttachedDevice> find_gpio_chips() {
     int error = 0;
     const std::string path = path_of(number);
     if (const auto chip = gpio::chip_at(path, error)) {
-      found.push_back({"gpio", chip->label + ", " + std::to_string(chip->lines) + " lines",
+      found.push_back({"gpio", chip->label + ", " + physics::counted(chip->lines, "line"),
                        chip->name, path, ""});
     } else if (error == EACCES || error == EPERM) {
       found.push_back({"gpio", "GPIO chip", "", path, permission_remedy});

@@ -48,8 +48,8 @@ std::string rate_error(double rate_hz, std::size_t channels) {
   if (!(rate_hz > 0.0) || !std::isfinite(rate_hz)) return rate + ": must be positive";
   const double samples_hz = rate_hz * static_cast<double>(channels);
   if (samples_hz > highest_sample_rate_hz) {
-    return rate + " with " + std::to_string(channels) +
-           " inputs: the board takes 50000 samples/s over all inputs, so at most " +
+    return rate + " with " + physics::counted(channels, "input") +
+           ": the board takes 50000 samples/s over all inputs, so at most " +
            physics::number_text(highest_sample_rate_hz / static_cast<double>(channels), 9) + " Hz";
   }
   const ScanClock clock = nearest_clock(rate_hz);

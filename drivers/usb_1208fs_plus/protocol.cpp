@@ -157,7 +157,7 @@ std::optional<ScanPlan> plan_scan(const config::BenchInputs& inputs, double rate
   }
   const double samples_hz = rate_hz * static_cast<double>(plan.channels.size());
   if (!(rate_hz >= 1.0) || samples_hz > max_sample_rate_hz) {
-    refusal = "USB-1208FS-Plus: " + std::to_string(plan.channels.size()) + " inputs at " +
+    refusal = "USB-1208FS-Plus: " + physics::counted(plan.channels.size(), "input") + " at " +
               physics::shortest_text(rate_hz) + " Hz; the board samples at most " +
               physics::shortest_text(max_sample_rate_hz) +
               " times a second over all inputs, and each at 1 Hz or more. Change loop.rate_hz";

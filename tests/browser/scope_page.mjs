@@ -105,6 +105,48 @@ test("zoomed in, every frame is a point, and lost frames are a counted gap", asy
   await close(page);
 });
 
+test("a step of the time breaks every line, is named, and leaves the rate", async () => {
+  const page = await open();
+  await page.evaluate(() => {
+    feed.frames(0, 900);
+    feed.excitation(0, 900, 2, 0.01);
+    feed.t0_ns += 50_000_000n; // the sequence goes on
+    feed.frames(900, 100);
+    feed.excitation(900, 100, 2, 0.01);
+  });
+  await page.locator("#time-base").selectOption("0.2");
+  const picture = await drawn(page, "velocity");
+  assert.ok(!picture.dense);
+  const xs = picture.points.filter((_, i) => i % 2 === 0);
+  assert.equal(xs.filter((x) => x < -1e8).length, 1);
+  const perMs = (picture.plot.width * 1e6) / picture.span_ns;
+  xs.forEach((x, i) => {
+    if (i > 0 && x > -1e8 && xs[i - 1] > -1e8) near(x - xs[i - 1], perMs, 0.01, `step to point ${i}`);
+  });
+  for (const portrait of ["phase", "cylinder", "friction-displacement"]) {
+    const { points } = await drawn(page, portrait);
+    const breaks = points.filter((x, i) => i % 2 === 0 && !Number.isFinite(x)).length;
+    // The phase of the drive returns to 0 once a turn, which also ends a line.
+    assert.equal(breaks, portrait === "cylinder" ? 2 : 1, portrait);
+  }
+  await until(page, () => document.querySelector("#scope-summary").textContent.includes("Its time steps by 50.0 ms."));
+  const summary = await text(page, "#scope-summary");
+  assert.match(summary, /frames on screen at 1000(\.0+)? Hz/);
+  assert.equal((await state(page)).lost, 0);
+  await close(page);
+});
+
+test("a slow rate is no step of the time, ten of its periods are", async () => {
+  const page = await open();
+  await page.evaluate(() => { feed.rate_hz = 5; feed.frames(0, 100, { per: 1 }); });
+  await page.locator("#time-base").selectOption("30");
+  const breaks = async () => (await drawn(page, "velocity")).points.filter((x, i) => i % 2 === 0 && x < -1e8).length;
+  assert.equal(await breaks(), 0);
+  await page.evaluate(() => { feed.t0_ns += 2_200_000_000n; feed.frames(100, 20, { per: 1 }); });
+  assert.equal(await breaks(), 1);
+  await close(page);
+});
+
 test("extremes of any range are those of its frames, also after the ring has wrapped", async () => {
   const page = await open();
   const wrong = await page.evaluate(async () => {

@@ -2,6 +2,7 @@
 interruption."""
 import hashlib
 import json
+import os
 import re
 import unittest
 
@@ -47,6 +48,8 @@ class BlindExamination(EndToEnd):
         made = report.stat().st_mtime_ns
         self.assertEqual(self.succeed("examine", folder).stdout, first)
         self.assertEqual(report.stat().st_mtime_ns, made)
+        narrow = self.succeed("examine", folder, env={**os.environ, "COLUMNS": "60"}).stdout
+        self.expect_to_fit(narrow, ("examine",))
 
         # A report of another origin is not reused.
         content = json.loads(report.read_text())

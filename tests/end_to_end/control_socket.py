@@ -114,6 +114,8 @@ class ControlSocket(EndToEnd):
         now = self.ctl("status")
         self.assertEqual(now["state"], "running")
         self.assertTrue(now["amplifier_on"])
+        page = run(STICKSLIP, "ctl", "--socket", self.socket, "status", env={**os.environ, "COLUMNS": "60"})
+        self.assertIn("running", self.expect_to_fit(page.stdout, ("ctl", "status")))
         self.assertEqual(self.ctl("set", "excitation.carrier_hz", "2.8")["ok"], True)
         self.assertIn("limits.acceleration_m_s2",
                       self.ctl("set", "excitation.carrier_hz", "40", status=1)["error"])

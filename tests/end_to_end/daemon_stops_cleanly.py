@@ -181,12 +181,40 @@ class DaemonStopsCleanly(EndToEnd):
         self.assertEqual(ledger["publishing"], (1000, 1000, 0))
         self.assertIn("No space left", output)
 
+    def test_files_of_the_configuration_are_not_written(self):
+        config = self.write("rig.toml", CONFIG.read_text().replace('"models/simulated.toml"', '"model.toml"')
+                            .replace('"models/', f'"{CONFIG.parent}/models/'))
+        self.write("model.toml", (CONFIG.parent / "models/simulated.toml").read_bytes())
+        (self.folder / "link.log").symlink_to("model.toml")
+        os.link(config, self.folder / "hard.log")
+        before = {path.name: path.read_bytes() for path in self.folder.iterdir() if path.is_file()}
+        in_file = self.write("records.toml", config.read_text() +
+                             '\n[recording]\nenabled = true\nfile = "link.log"\n')
+        for arguments, words in (
+                (["--record", self.folder / "hard.log"], ("--record", "this configuration")),
+                (["--record", self.folder / "link.log"], ("--record", "read as rig.model")),
+                (["--control", self.folder / "model.toml"], ("--control", "read as rig.model")),
+                (["--config", in_file], ("records.toml:", "recording.file", "read as rig.model"))):
+            with self.subTest(arguments=arguments):
+                chosen = [] if "--config" in arguments else ["--config", config]
+                result = subprocess.run([STICKSLIPD, *chosen, *arguments, "--duration", "0.1"],
+                                        capture_output=True, text=True, timeout=30)
+                self.assertEqual(result.returncode, 2, result.stderr)
+                self.assertEqual(len(result.stderr.strip().splitlines()), 1, result.stderr)
+                for word in words:
+                    self.assertIn(word, result.stderr)
+        after = {path.name: path.read_bytes() for path in self.folder.iterdir() if path.is_file()}
+        del after["records.toml"]
+        self.assertEqual(after, before)
+
     def test_invalid_arguments_are_reported_in_one_line(self):
         for arguments, words in (
                 (["--config", str(self.folder / "none.toml")], "none.toml"),
                 (["--config", str(CONFIG), "--record", str(self.folder / "x.csv")], "stickslip convert"),
                 (["--config", str(CONFIG), "--record", "/nowhere/x.log"], "/nowhere/x.log"),
                 (["--config", str(CONFIG), "--lcm-url", "nonsense://"], "nonsense://"),
+                (["--config", str(CONFIG), "--lcm-url", "udpm://239.255.76.67:7667?tll=0"],
+                 "did you mean ttl?"),
                 (["--config", str(CONFIG), "--duration", "-1"], "--duration")):
             with self.subTest(arguments=arguments):
                 result = subprocess.run([STICKSLIPD, *arguments], capture_output=True, text=True,

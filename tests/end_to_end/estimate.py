@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+import re
 
 from programs import SOURCE, EndToEnd, main, stickslip
 
@@ -13,6 +14,59 @@ DECLARED = SOURCE / "config/models/simulated.toml"
 def drive(t):
     """Base motion of 3.2 Hz with a slow envelope."""
     return 0.009 * (0.55 - 0.45 * math.cos(0.7 * t)) * math.sin(2 * math.pi * 3.2 * t)
+
+
+DIMENSIONLESS = """schema = 1
+dimensionless = true
+[oscillator]
+excitation = "base"
+mass_kg = 1.0
+stiffness_n_m = { value = 1.0, sigma = 0.01 }
+damping_n_s_m = 0.05
+[normal_load]
+law = "constant"
+load_n = 1.0
+[friction]
+law = "coulomb"
+mu = { value = 0.3, sigma = 0.05 }
+transition_speed_m_s = 0.02
+[sensors.displacement]
+noise_std = 0.002
+[sensors.velocity]
+noise_std = 0.002
+"""
+UNITS = r"\d[ \u00a0](mm|\u00b5m|m|m/s|mm/s|N|mN|N/m|s|ms|Hz|kg|1/s)\b|\[(mm?|s|ms|Hz|m?N|m?m/s|1/s)\]"
+
+
+SIGNED_ZERO = r"(?<![\w.+-])-0(\.0*)?(e[+-]?\d+)?(?![\w.])"
+
+
+class Dimensionless(EndToEnd):
+    """Results of a model whose units are all 1 name none."""
+
+    def test_estimates_scores_and_diagnoses_have_no_units(self):
+        model = self.write("model.toml", DIMENSIONLESS)
+        driven = self.write("drive.csv", "time_s,base_displacement_m\n" + "".join(
+            f"{k / 20},{0.9 * math.sin(0.04 * k):.8f}\n" for k in range(500)))
+        run = self.folder / "run.csv"
+        files = {name: self.folder / name for name in ("e.csv", "e.json", "s.json", "d.json", "d.html")}
+        texts = [self.succeed(*command).stdout for command in (
+            ("simulate", "--model", model, "--drive", driven, "--out", run),
+            ("estimate", run, "--model", model, "--out", files["e.csv"], "--json", files["e.json"]),
+            ("evaluate", run, "--model", model, "--free-run", "--json", files["s.json"]),
+            ("diagnose", run, "--model", model, "--json", files["d.json"], "--html", files["d.html"]))]
+        page = re.sub(r"<style>.*?</style>|<pre>.*?</pre>|<[^>]*>", " ", files["d.html"].read_text(),
+                      flags=re.S)
+        for text in (*texts, page):
+            self.assertNotRegex(text, UNITS)
+        self.assertTrue(files["e.csv"].read_text().startswith("time,displacement,displacement_std,velocity,"))
+        for name in ("e.json", "s.json", "d.json"):
+            self.assertIs(json.loads(files[name].read_text())["dimensionless"], True)
+        for file in (run, *files.values()):
+            self.assertNotRegex(file.read_text(), SIGNED_ZERO, file)
+        # The same model in SI units has them.
+        model.write_text(DIMENSIONLESS.replace("dimensionless = true\n", ""))
+        self.assertRegex(self.succeed("evaluate", run, "--model", model).stdout, UNITS)
 
 
 class Estimate(EndToEnd):

@@ -1,5 +1,6 @@
 """Injected faults in recordings: lost frames leave gaps, channels that are not finite are invalid, a
 disconnected device ends the run with its reason. The same script gives the same recording, to the bit."""
+import csv
 import hashlib
 import json
 import re
@@ -44,6 +45,13 @@ class FaultsThroughTheDaemon(EndToEnd):
         info = json.loads(self.succeed("log", "info", log, "--json").stdout)
         self.assertAlmostEqual(info["rate_hz"], 1000.0, delta=1.0)
         self.assertEqual(len(info["time_steps"]), 1, result.stderr)
+        exported = self.folder / "jump.csv"
+        self.succeed("log", "export", log, exported)
+        lines = exported.read_text().splitlines()
+        self.assertRegex("\n".join(lines), r"\n# time_steps: the time steps by 5\.\d+ s after 1\.99")
+        rows = csv.DictReader(line for line in lines if not line.startswith("#"))
+        after = info["time_steps"][0]["after_sequence"]
+        self.assertEqual([int(row["sequence"]) for row in rows if row["gap"] == "1"], [after + 1])
 
     def test_lost_frames_leave_gaps_and_the_ledger_balances(self):
         script = '[[fault]]\nkind = "drop"\nat_s = 1.0\nduration_s = 2.0\nprobability = 0.1\n'

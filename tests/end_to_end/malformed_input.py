@@ -4,7 +4,7 @@ import re
 import subprocess
 import unittest
 
-from programs import STICKSLIP, STICKSLIPD, EndToEnd, main, run, stickslip
+from programs import SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main, run, stickslip
 
 MODEL = """schema = 1
 
@@ -160,6 +160,35 @@ class MalformedInput(EndToEnd):
                 self.assertIn(f"{cut}:401: the last line is not read", result.stderr)
         self.assertIn("399 frames", self.succeed("convert", cut, self.folder / "out.log").stdout)
 
+    def test_a_case_of_an_examination_that_is_cut_is_named(self):
+        case = self.folder / "set/01"
+        case.mkdir(parents=True)
+        cut = self.write("set/01/recording.csv", RECORDING[:-2])
+        self.write("set/01/model.toml", MODEL)
+        result = stickslip("examine", self.folder / "set", "--reports", self.folder / "reports")
+        self.assertIn(f"{cut}:401: the last line is not read", result.stderr)
+
+    def test_a_drive_that_is_cut_is_named_before_it_is_played(self):
+        drive = "time_s,base_displacement_m\n" + "".join(
+            f"{i / 100},{1e-3 * abs(i - 50) / 50:.6f}\n" for i in range(102))
+        cut = self.write("drive.csv", drive[:-3])
+        config = self.write("rig.toml", f"""schema = 1
+            [rig]
+            name = "cut"
+            model = "{SOURCE}/config/models/simulated.toml"
+            [driver]
+            kind = "simulated"
+            [driver.simulated]
+            real_time = false
+            [excitation]
+            kind = "file"
+            file.path = "{cut}"
+            """)
+        result = run(STICKSLIPD, "--config", config, "--no-lcm", "--duration", 0.1)
+        output = result.stdout + result.stderr
+        self.assertEqual(result.returncode, 0, output)
+        self.assertIn(f"{cut}:103: the last line is not read", output)
+
     def test_a_truncated_log_is_read_up_to_there_with_a_warning(self):
         log = self.folder / "good.log"
         self.succeed("convert", self.good_recording, log)
@@ -302,6 +331,37 @@ class MalformedInput(EndToEnd):
                 self.assertIn(f"{recording}: ", result.stderr)
         self.assertIn("has no normal_load_n above 0", stickslip(
             "diagnose", recording, "--model", measured).stderr)
+
+    def test_an_integration_that_would_not_end_is_refused(self):
+        drive = ("--frequency-hz", "4.2", "--amplitude", "0.01")
+        orbits = (("poincare", *drive), ("lyapunov", *drive),
+                  ("bifurcation", *drive[:2], "--over", "drive.amplitude_m", "--from", "0.001", "--to", "0.002"))
+        recordings = (("simulate", "--drive", self.good_recording),
+                      ("evaluate", self.good_recording, "--free-run"), ("diagnose", self.good_recording))
+        for key, value, commands in (("natural_frequency_hz", "1e8", orbits + recordings),
+                                     ("natural_frequency_hz", "1e3", orbits[:2]),
+                                     ("damping_ratio", "1e9", orbits + recordings)):
+            model = self.write("fast.toml", re.sub(rf"{key} = .*", f"{key} = {value}", MODEL))
+            for arguments in commands:
+                with self.subTest(key=key, value=value, command=arguments[0]):
+                    more = ("--periods", "20000") if value == "1e3" else ()
+                    result = stickslip(*arguments, *more, "--model", model, timeout=60)
+                    self.assertEqual(result.returncode, 2, result.stdout[:200] + result.stderr)
+                    self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
+                    self.assertRegex(result.stderr, "integration steps|the shortest|nothing between two samples")
+                    if arguments in orbits:
+                        self.assertRegex(result.stderr, rf"{model}: .*oscillator\.{key} = .* rad/s")
+        swept = stickslip("bifurcation", "--model", self.good_model, "--amplitude", "0.01", "--over",
+                          "drive.frequency_hz", "--from", "1e-6", "--to", "1", timeout=60)
+        self.assertEqual(swept.returncode, 2, swept.stdout[:200] + swept.stderr)
+        self.assertIn("for a drive period", swept.stderr)
+        stiff = self.write("well.toml", re.sub(r"natural_frequency_hz = .*", "stiffness_n_m = 0.0\n", MODEL)
+                           .replace("damping_ratio = 0.015", "damping_n_s_m = 0.0")
+                           .replace("[normal_load]", "[oscillator.two_well]\nlinear_n_m = 1.0\ncubic_n_m3 = 1e18\n"
+                                    "\n[normal_load]").replace("0.0025", "0.0"))
+        result = stickslip("poincare", *drive, "--x", "0.1", "--model", stiff, timeout=30)
+        self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
+        self.assertIn("integration steps by time", result.stderr)
 
     def test_check_reads_the_recording_of_a_replay(self):
         recording = self.altered("bad.csv", RECORDING, "\n0.1,0.002,", "\n0.1,nan,")

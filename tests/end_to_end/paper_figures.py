@@ -126,7 +126,9 @@ class PaperFigures(unittest.TestCase):
                         "--periods", "20", "--transient", "20", "--exponents", *arguments,
                         "--out", out / "diagram.csv", "--svg", out / "diagram.svg")
         self.assertEqual(run.returncode, 0, run.stderr)
-        header = (out / "diagram.csv").read_text().splitlines()[0]
+        table = (out / "diagram.csv").read_text()
+        self.assertNotRegex(table, r"(^|,)-0(\.0*)?(,|\n)")
+        header = table.splitlines()[0]
         for name in ("diagram.png", "diagram.gp"):
             self.assertTrue((out / name).is_file(), name)
         return header, (out / "diagram.svg").read_text()

@@ -6,6 +6,7 @@ checkout), LCM_GEN. STICKSLIP_SHARED may name a folder with recordings from othe
 import json
 import os
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
@@ -70,6 +71,19 @@ class EndToEnd(unittest.TestCase):
         self.assertEqual(result.returncode, 0,
                          f"stickslip {' '.join(map(str, arguments))}\n{result.stdout}{result.stderr}")
         return result
+
+    def expect_to_fit(self, shown, command=("",)):
+        """A page of text for a terminal of 60 columns, without control sequences. What cannot be broken is
+        longer: a command to copy, on a line that begins with "$ ", and in the page of `config`, which is
+        TOML, a key with its value."""
+        plain = re.sub(r"\033\[[0-9;]*[A-Za-z]", "", shown).replace("\r\n", "\n")
+        whole = re.compile(r"(# )?[a-z_0-9.]+ = \S+" if command[0] == "config" else r" *\$ ")
+        for line in plain.splitlines():
+            if not whole.match(line):
+                self.assertLessEqual(len(line), 60, f"{command}: {line!r}")
+        self.assertNotRegex(plain, r"(?<![\w.:-])1 (?!(is|s|was|has|as)\b)[a-z-]+s\b")
+        self.assertNotRegex(plain, r"(?<![\w.])-0(\.0*)?(?![\w.])")
+        return plain
 
 
 def main():

@@ -1,6 +1,7 @@
-"""Stock lcm-logplayer plays our logs; `stickslip record` and an independent subscriber receive what
-`stickslip replay` publishes; each tool ends with the right status."""
+"""Stock lcm-logplayer plays our logs, stock lcm-logger records our daemon; `stickslip record` and an
+independent subscriber receive what `stickslip replay` publishes; each tool ends with the right status."""
 import json
+import os
 import shutil
 import signal
 import socket
@@ -11,7 +12,7 @@ import time
 import unittest
 
 import frames
-from programs import STICKSLIP, SOURCE, EndToEnd, main, stickslip
+from programs import STICKSLIP, STICKSLIPD, SOURCE, EndToEnd, main, run, stickslip
 
 FRAME_COUNT = 1500
 BLOCKS = 150
@@ -61,6 +62,83 @@ class RecordingsOnLcm(EndToEnd):
         heard = json.loads(listener.communicate(timeout=30)[0])
         self.assertEqual(heard["messages"], {"STICKSLIP_FRAMES": BLOCKS, "STICKSLIP_RECORDING": 1})
         self.assertEqual((heard["frames"], heard["lost"]), (FRAME_COUNT, 0))
+
+    def stock_logger(self, log):
+        """Stock lcm-logger, once it receives."""
+        program = shutil.which("lcm-logger")
+        if program is None:
+            self.skipTest("lcm-logger is not installed")
+        url = "udpm://239.255.76.67:7667?ttl=0"
+        logger = self.start(program, "--flush-interval=50", f"--lcm-url={url}", log)
+        deadline = time.monotonic() + 60
+        # It says nothing when it is ready: other messages are sent until it has recorded one.
+        while not log.exists() or log.stat().st_size == 0:
+            self.assertLess(time.monotonic(), deadline, "lcm-logger recorded nothing")
+            self.assertIsNone(logger.poll(), "lcm-logger ended")
+            self.announce()
+            time.sleep(0.05)
+        return logger
+
+    def announce(self):
+        """A message of another program, on a channel of its own."""
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+            sender.sendto(struct.pack(">II", 0x4C433032, 0) + b"OTHER\0hello", ("239.255.76.67", 7667))
+
+    def test_the_stock_logger_records_a_daemon_and_its_losses_are_gaps(self):
+        config = self.write("rig.toml", f"""
+            schema = 1
+            [rig]
+            name = "stock"
+            model = "{SOURCE}/config/models/simulated.toml"
+            [driver]
+            kind = "simulated"
+            """)
+        log = self.folder / "stock.log"
+        logger = self.stock_logger(log)
+        # It records too, so that its status has a ledger, which the received log is compared with.
+        daemon = run(STICKSLIPD, "--config", config, "--duration", 2, "--record", self.folder / "own.log",
+                     "--control", self.folder / "control.sock")
+        self.assertEqual(daemon.returncode, 0, daemon.stdout + daemon.stderr)
+        self.assert_growth_ends(log)
+        logger.send_signal(signal.SIGINT)
+        logger.communicate(timeout=30)
+        text = self.succeed("log", "check", log).stdout
+        self.assertNotIn("damaged", text)
+        info = json.loads(self.succeed("log", "info", log, "--json").stdout)
+        self.assertGreater(info["frames"]["count"], 1000)
+        if info["frames"]["missing"] == 0:  # a stalled machine may lose datagrams
+            self.assertIn("stock.log: intact", text)
+        self.assert_holes_are_gaps(log, info["frames"]["count"])
+
+    def assert_growth_ends(self, log):
+        """Waits until the logger has written what it received: its size is the same for a second."""
+        size, since = -1, time.monotonic()
+        while time.monotonic() - since < 1:
+            if log.stat().st_size != size:
+                size, since = log.stat().st_size, time.monotonic()
+            time.sleep(0.05)
+
+    def assert_holes_are_gaps(self, log, frame_count):
+        """The same log without every seventh block of frames, as if those had been lost."""
+        whole, at, kept, number = log.read_bytes(), 0, b"", 0
+        blocks = 0
+        for channel, payload in frames.events(log):
+            length = 28 + len(channel) + len(payload)
+            block = channel == "STICKSLIP_FRAMES"
+            blocks += block
+            if not (block and blocks % 7 == 3):
+                # The logger numbers what it receives.
+                kept += whole[at:at + 4] + struct.pack(">q", number) + whole[at + 12:at + length]
+                number += 1
+            at += length
+        holes = self.write("holes.log", kept)
+        text = self.succeed("log", "check", holes).stdout
+        self.assertRegex(text, r"holes.log: with gaps\n +\d+ frames missing in \d+ gaps")
+        self.assertNotIn("damaged", text)
+        info = json.loads(self.succeed("log", "info", holes, "--json").stdout)
+        self.assertLess(info["frames"]["count"], frame_count)
+        self.assertAlmostEqual(info["rate_hz"], 1000, delta=1)
 
     def test_replay_record_and_an_independent_subscriber_agree(self):
         rows = [line.split(",") for line in CSV.splitlines()[1:]]
@@ -194,6 +272,28 @@ class RecordingsOnLcm(EndToEnd):
                     self.assertEqual(result.stderr.count("\n"), 1, result.stderr)
                     self.assertIn("does not receive its own messages", result.stderr)
                     self.assertIn("7667", result.stderr)
+
+    def test_urls_are_judged_as_by_check(self):
+        cases = {"udpm:/239.255.76.67:7667": "expected udpm://ADDRESS:PORT",
+                 "udpm://239.255.76.67:7667?tll=0": "did you mean ttl?",
+                 "udpm://239.255.76.67:7667?ttl=300": "from 0 to 255"}
+        config = (SOURCE / "config/simulated.toml").read_text().replace(
+            '"models/', f'"{SOURCE}/config/models/')
+        for url, words in cases.items():
+            judged = stickslip("check", self.write("rig.toml", config + f'\n[lcm]\nurl = "{url}"\n'))
+            sentence = judged.stderr[judged.stderr.index("lcm.url: ") + len("lcm.url: "):].splitlines()[0]
+            self.assertIn(words, sentence)
+            for command in (("spy", "--once"), ("record", self.folder / "out.log"), ("replay", self.log),
+                            ("scope", "--listen", "127.0.0.1:0")):
+                for given in (("--url", url), ()):
+                    environment = {**os.environ, **({} if given else {"LCM_DEFAULT_URL": url})}
+                    with self.subTest(url=url, command=command[0], given=given):
+                        result = stickslip(*command, *given, timeout=20, env=environment)
+                        self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
+                        self.assertIn(sentence, result.stderr)
+                        self.assertFalse((self.folder / "out.log").exists())
+            environment = {**os.environ, "LCM_DEFAULT_URL": url}
+            self.assertEqual(stickslip("spy", "--help", env=environment).returncode, 0)
 
     def test_bad_urls_are_refused_in_one_line(self):
         cases = ("nonsense", "foo://x", "udpm://239.255.76.67:99999", "udpm://10.0.0.1:7667",

@@ -1,6 +1,8 @@
 """Recordings survive: a killed daemon leaves a readable log with small losses, parts form one
 recording, and damage is found, reported and repaired."""
 import json
+import os
+import pathlib
 import random
 import re
 import signal
@@ -158,11 +160,11 @@ class RecordingsSurvive(EndToEnd):
             self.assertLess(time.monotonic(), until, what)
             time.sleep(0.01)
 
-    def start_daemon(self, config, name):
-        """The daemon with a control socket of that name, when it has begun to record."""
+    def start_daemon(self, config, name, within=()):
+        """The daemon with a control socket of that name, behind a command that becomes the daemon."""
         errors = open(self.folder / f"{name}.txt", "w+")
         self.addCleanup(errors.close)
-        daemon = subprocess.Popen([STICKSLIPD, "--config", config, "--no-lcm", "--control",
+        daemon = subprocess.Popen([*within, STICKSLIPD, "--config", config, "--no-lcm", "--control",
                                    self.folder / f"{name}.sock"], stderr=errors)
         self.addCleanup(daemon.wait)
         self.addCleanup(daemon.kill)
@@ -263,6 +265,37 @@ class RecordingsSurvive(EndToEnd):
                     sequences = [one.sequence for one in frames.frames(joined, self.types)]
                     self.assertEqual(sequences, list(range(len(sequences))))
 
+    def test_a_log_whose_folder_is_covered_by_a_mount_is_begun_anew(self):
+        namespace = ("unshare", "--mount") if os.geteuid() == 0 else ("unshare", "--map-root-user", "--mount")
+        enter = ("nsenter", "--mount") if os.geteuid() == 0 else ("nsenter", "--user", "--preserve-credentials",
+                                                                  "--mount")
+        probe = subprocess.run([*namespace, "mount", "-t", "tmpfs", "none", self.folder], capture_output=True,
+                               text=True)
+        if probe.returncode != 0:
+            self.skipTest(f"no file system can be mounted: {probe.stderr.strip()}")
+        disk = self.folder / "disk"
+        disk.mkdir()
+        config, _ = self.rig("covered", "")
+        config.write_text(config.read_text().replace("covered.log", "disk/run.log"))
+        old = disk / "run.log"
+        daemon, errors = self.start_daemon(config, "covered", namespace)
+        self.wait_for("it does not grow", lambda: old.exists() and old.stat().st_size > 20_000)
+        subprocess.run([*enter, "--target", str(daemon.pid), "mount", "-t", "tmpfs", "none", str(disk)],
+                       check=True)
+        # The folder as the daemon sees it; the mount lasts as long as this is open.
+        seen = os.open(f"/proc/{daemon.pid}/root{disk}", os.O_RDONLY)
+        self.addCleanup(os.close, seen)
+        new = pathlib.Path(f"/proc/self/fd/{seen}/run.log")
+        self.wait_for("no new log", lambda: new.exists() and new.stat().st_size > 20_000)
+        self.assertEqual(self.stop(daemon), 0, errors())
+        self.assertIn(f"{old} is not in its place", errors())
+        self.assertIn("log_begun_anew", self.events(new))
+        after = self.folder / "after.log"
+        after.write_bytes(new.read_bytes())
+        self.succeed("log", "join", old, after, "--out", self.folder / "both.log")
+        sequences = [one.sequence for one in frames.frames(self.folder / "both.log", self.types)]
+        self.assertEqual(sequences, list(range(len(sequences))))
+
     def test_a_log_that_cannot_be_begun_anew_is_a_loss(self):
         (self.folder / "gone").mkdir()
         config, log = self.rig("gone/run", "")
@@ -295,7 +328,7 @@ class RecordingsSurvive(EndToEnd):
         rows = [line for line in (self.folder / "out.csv").read_text().splitlines()
                 if not line.startswith("#")]
         self.assertEqual(len(rows), 2001)
-        self.assertTrue(rows[0].startswith("time_s,time_ns,sequence,valid,displacement_m"), rows[0])
+        self.assertTrue(rows[0].startswith("time_s,time_ns,sequence,valid,gap,displacement_m"), rows[0])
         refused = stickslip("log", "export", log, self.folder / "out.xyz")
         self.assertEqual(refused.returncode, 2)
         self.assertIn("expected .csv, .mat or .h5", refused.stderr)

@@ -192,15 +192,6 @@ class Pages(EndToEnd):
         self.log = self.folder / "run.log"
         self.succeed("convert", self.write("run.csv", CSV), self.log)
 
-    def expect_to_fit(self, shown, command):
-        plain = re.sub(r"\033\[[0-9;]*[A-Za-z]", "", shown).replace("\r\n", "\n")
-        for line in plain.splitlines():
-            if not line.lstrip().startswith("$ "):  # a command to copy
-                self.assertLessEqual(len(line), 60, f"{command}: {line!r}")
-        self.assertNotRegex(plain, r"\b1 (frame|event|byte|window|sample|row|note|warning|failure)s\b")
-        self.assertNotRegex(plain, r"(?<![\w.])-0(\.0*)?(?![\w.])")
-        return plain
-
     def page(self, *command, status=(0,)):
         result = run(STICKSLIP, *command, env=environment(COLUMNS="60"))
         self.assertIn(result.returncode, status, result.stdout + result.stderr)
@@ -224,6 +215,13 @@ class Pages(EndToEnd):
         self.page("check", rig, SOURCE / "config/models/beam-1.toml")
         self.page("doctor", "--config", rig, "--duration", "0.1", status=(0, 1))
         self.page("devices", status=(0, 1))
+        self.page("config", rig)
+        self.page("config", rig, "--explain")
+        listed = self.page("effects")
+        for line in listed.splitlines():
+            if not line.startswith(" "):
+                self.page("effects", line.split()[0])
+        self.page("calibration", "show", SOURCE / "config/calibrations/beam.toml", "--history")
         self.page("log", "export", self.log, self.folder / "run.mat")
 
     def test_pages_of_computations(self):
@@ -238,6 +236,10 @@ class Pages(EndToEnd):
                   "--periods", "3", "--out", self.folder / "section.csv")
         self.page("lyapunov", "--model", model, "--frequency-hz", "2", "--amplitude", "1",
                   "--periods", "20")
+        self.page("estimate", recording, "--model", model, "--out", self.folder / "estimate.csv")
+        self.page("bifurcation", "--model", model, "--amplitude", "1", "--over", "drive.frequency_hz",
+                  "--from", "1", "--to", "2", "--values", "3", "--transient", "1", "--periods", "2",
+                  "--out", self.folder / "diagram.csv")
 
 
 class Spy(EndToEnd):

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <optional>
 
+#include "physics/number_text.h"
 #include "physics/problem.h"
 
 namespace stickslip::calibration {
@@ -100,7 +101,7 @@ std::vector<config::CalibrationPoint> parse_points(std::string_view text, const 
       continue;
     }
     if (cells.size() != header.size()) {
-      throw refuse("has " + std::to_string(cells.size()) + " cells, expected " +
+      throw refuse("has " + physics::counted(cells.size(), "cell") + ", expected " +
                    std::to_string(header.size()) + " as in the header");
     }
     config::CalibrationPoint point;

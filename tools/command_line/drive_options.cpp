@@ -10,7 +10,7 @@
 
 namespace stickslip::command_line {
 
-dynamics::Drive DriveOptions::drive(const physics::Model& rig, Swept swept) const {
+dynamics::Drive DriveOptions::drive(const physics::Model& rig, int periods, Swept swept) const {
   const auto refuse = [](const std::string& source, const std::string& message) {
     throw InputError(Problem{source, 0, 0, message});
   };
@@ -35,14 +35,18 @@ dynamics::Drive DriveOptions::drive(const physics::Model& rig, Swept swept) cons
   } else {
     drive.acceleration_m_s2 = *amplitude / rig.oscillator.mass_kg.value;
   }
-  if (steps == 0) {
+  if (steps == 0 && periods > 0) {
     try {
-      dynamics::enough_steps(rig, drive);
-    } catch (const std::invalid_argument& error) {
-      refuse("--frequency-hz, --omega", error.what());
+      dynamics::enough_steps(rig, drive, transient + periods);
+    } catch (const InputError& error) {
+      throw of_model(error);
     }
   }
   return drive;
+}
+
+InputError DriveOptions::of_model(const InputError& steps) const {
+  return InputError(Problem{model, 0, 0, steps.problems().front().message + " (--steps)"});
 }
 
 dynamics::PortraitOptions DriveOptions::portrait() const {

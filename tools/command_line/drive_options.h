@@ -7,6 +7,7 @@
 #include <string>
 
 #include "physics/model.h"
+#include "physics/problem.h"
 #include "tools/dynamics/portrait.h"
 
 namespace stickslip::command_line {
@@ -26,9 +27,13 @@ struct DriveOptions {
   enum class Swept { nothing, frequency, strength };
 
   /// Drive given by the options. Throws InputError if frequency or strength are missing or given
-  /// twice, if the motion of the model is imposed, or if a drive period requires too many
-  /// integration steps.
-  dynamics::Drive drive(const physics::Model& model, Swept swept = Swept::nothing) const;
+  /// twice, if the motion of the model is imposed, or if so many periods, and the transient,
+  /// require too many integration steps (0 periods: the caller checks that, for a sweep).
+  dynamics::Drive drive(const physics::Model& model, int periods,
+                        Swept swept = Swept::nothing) const;
+
+  /// A refusal of integration steps with the file of the model.
+  InputError of_model(const InputError& steps) const;
 
   /// Start, transient and steps; otherwise the defaults.
   dynamics::PortraitOptions portrait() const;

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "config/same_file.h"
 #include "physics/problem.h"
 #include "protocol/log_lock.h"
 #include "tools/command_line/program.h"
@@ -15,15 +16,6 @@ struct NamedFile {
   FileRole role;
   std::string name;
 };
-
-/// "stickslip log export".
-std::string full_name(const CLI::App& command) {
-  std::string name = command.get_name();
-  for (const CLI::App* each = command.get_parent(); each != nullptr; each = each->get_parent()) {
-    name = each->get_name() + ' ' + name;
-  }
-  return name;
-}
 
 /// The files of the command line, and defaults of options that are not on it.
 std::vector<NamedFile> files_of(const CLI::App& command) {
@@ -42,7 +34,7 @@ void check_roles(const std::vector<NamedFile>& named) {
     if (named[i].role == FileRole::input) continue;
     for (std::size_t j = 0; j < named.size(); ++j) {
       if (i == j || (named[j].role != FileRole::input && j < i)) continue;
-      if (!files::is_same_file(named[i].name, named[j].name)) continue;
+      if (!config::is_same_file(named[i].name, named[j].name)) continue;
       const std::string other =
           named[j].name == named[i].name ? "" : "is the same file as " + named[j].name + ", ";
       const std::string use = named[j].role == FileRole::input ? "is read" : "is written";

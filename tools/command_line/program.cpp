@@ -35,6 +35,11 @@ Program& program_of(CLI::App& command) {
   return const_cast<Program&>(program_of(std::as_const(command)));
 }
 
+std::string full_name(const CLI::App& command) {
+  const CLI::App* parent = command.get_parent();
+  return (parent == nullptr ? "" : full_name(*parent) + " ") + command.get_name();
+}
+
 void describe(CLI::App& command, terminal::Notes notes) {
   program_of(command).set_notes(command, std::move(notes));
 }

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <map>
+#include <string>
 #include <vector>
 
 #include "tools/terminal/manual_page.h"
@@ -40,6 +41,9 @@ class Program : public CLI::App {
 /// parser is not a Program.
 Program& program_of(CLI::App& command);
 const Program& program_of(const CLI::App& command);
+
+/// "stickslip log check".
+std::string full_name(const CLI::App& command);
 
 /// Sets the notes for the manual page of a command or of the program itself.
 void describe(CLI::App& command, terminal::Notes notes);

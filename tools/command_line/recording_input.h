@@ -9,6 +9,12 @@
 
 namespace stickslip::command_line {
 
+/// Warns on standard error of a file that ends too early.
+inline void warn_if_cut_off(const protocol::Recording& recording) {
+  if (recording.cut_off_bytes == 0) return;
+  std::fprintf(stderr, "stickslip: %s\n", protocol::cut_off_warning(recording).c_str());
+}
+
 /// As protocol::read_recording, with progress on a terminal. Warns on standard error of a truncated
 /// log, whose intact part is returned.
 inline protocol::Recording recording_from(const std::filesystem::path& file) {
@@ -16,9 +22,7 @@ inline protocol::Recording recording_from(const std::filesystem::path& file) {
   protocol::Recording recording =
       protocol::read_recording(file, [&progress](double share) { progress.at(share); });
   progress.finish();
-  if (recording.cut_off_bytes > 0) {
-    std::fprintf(stderr, "stickslip: %s\n", protocol::cut_off_warning(recording).c_str());
-  }
+  warn_if_cut_off(recording);
   return recording;
 }
 

@@ -11,6 +11,7 @@
 
 #include "physics/failure.h"
 #include "physics/spelling.h"
+#include "tools/command_line/program.h"
 #include "tools/terminal/command_tree.h"
 #include "tools/terminal/page.h"
 
@@ -21,12 +22,6 @@ namespace {
 using terminal::takes_value;
 using terminal::visible_options;
 using terminal::visible_subcommands;
-
-/// "stickslip log check".
-std::string full_name(const CLI::App& command) {
-  const CLI::App* parent = command.get_parent();
-  return (parent == nullptr ? "" : full_name(*parent) + " ") + command.get_name();
-}
 
 /// "log chekc" for a word after "stickslip log".
 std::string as_typed(const CLI::App& command, const std::string& word) {

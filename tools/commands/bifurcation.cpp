@@ -14,10 +14,10 @@
 #include "physics/catalogue.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
+#include "physics/result_units.h"
 #include "tools/command_line/drive_options.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
-#include "tools/command_line/result_units.h"
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/figures/bifurcation_picture.h"
@@ -107,20 +107,17 @@ using Columns = std::vector<dynamics::BifurcationColumn>;
 
 std::string table_of(const Columns& columns, const Arguments& arguments,
                      const physics::Model& model) {
-  const ResultUnits units(model);
+  using physics::number_text;
+  const physics::ResultUnits units(model);
   std::string table = units.column(arguments.over, unit_of(arguments.over, model)) + "," +
                       units.column("displacement_m", "m") + "," +
                       units.column("velocity_m_s", "m/s");
   table += arguments.exponents ? "," + units.column("exponent_per_s", "1/s") + "\n" : "\n";
-  char line[160];
   for (const auto& column : columns) {
     for (const dynamics::Point& point : column.section) {
-      std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g", column.value, point.x(), point.v());
-      table += line;
-      if (arguments.exponents) {
-        std::snprintf(line, sizeof line, ",%.6g", column.exponent_per_s);
-        table += line;
-      }
+      table += number_text(column.value, 9) + ',' + number_text(point.x(), 9) + ',' +
+               number_text(point.v(), 9);
+      if (arguments.exponents) table += ',' + number_text(column.exponent_per_s, 6);
       table += '\n';
     }
   }
@@ -129,9 +126,9 @@ std::string table_of(const Columns& columns, const Arguments& arguments,
 
 /// The axes in millimetres where they are lengths.
 figures::BifurcationAxes axes_of(const std::string& path, const physics::Model& model) {
-  const ResultUnits units(model);
+  const physics::ResultUnits units(model);
   const std::string unit = unit_of(path, model);
-  const std::string name = ResultUnits::bare(path, unit);
+  const std::string name = physics::ResultUnits::bare(path, unit);
   constexpr double mm = 1.0e3;
   figures::BifurcationAxes axes;
   axes.parameter = units.axis(name, unit);
@@ -180,7 +177,7 @@ int run(const Arguments& arguments, const Outputs& outputs) {
     for (const std::string& picture : pictures_of(arguments.svg)) outputs.check(picture);
   }
   const physics::Model model = config::load_model(arguments.drive->model);
-  const dynamics::Drive drive = arguments.drive->drive(model, swept_quantity(arguments.over));
+  const dynamics::Drive drive = arguments.drive->drive(model, 0, swept_quantity(arguments.over));
   check_parameter(arguments, model);
   dynamics::BifurcationOptions options;
   options.portrait = arguments.drive->portrait();
@@ -191,9 +188,14 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   }
   options.threads = parallel::threads_for(arguments.jobs);
   const std::vector<double> values = swept_values(arguments, model);
-  terminal::Progress progress(std::to_string(values.size()) + " values of " + arguments.over);
+  terminal::Progress progress(physics::counted(values.size(), "value") + " of " + arguments.over);
   options.progress = [&progress](std::size_t done, std::size_t all) { progress.at(done, all); };
-  const auto columns = dynamics::bifurcation(model, drive, arguments.over, values, options);
+  std::vector<dynamics::BifurcationColumn> columns;
+  try {
+    columns = dynamics::bifurcation(model, drive, arguments.over, values, options);
+  } catch (const InputError& error) {
+    throw arguments.drive->of_model(error);
+  }
   progress.finish();
   if (!arguments.svg.empty()) draw_diagram(columns, arguments, model, outputs);
   if (arguments.out != "-" || arguments.svg.empty()) {

@@ -75,8 +75,9 @@ std::string model_summary(physics::Model model) {
   for (const physics::NamedParameter& each : parameters) {
     if (each.parameter->sigma > 0.0) ++uncertain;
   }
-  return text + "; " + std::to_string(uncertain) + " of " + std::to_string(parameters.size()) +
-         " parameters are uncertain";
+  return text + "; " + std::to_string(uncertain) + " of " +
+         physics::counted(parameters.size(), "parameter") + (uncertain == 1 ? " is" : " are") +
+         " uncertain";
 }
 
 /// "bench, labjack_u6; displacement from labjack_u6/AIN0, ..."

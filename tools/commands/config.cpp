@@ -1,10 +1,13 @@
 // `stickslip config`: the effective settings of a rig, with defaults and origins.
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -15,9 +18,11 @@
 #include "config/settings.h"
 #include "physics/problem.h"
 #include "physics/spelling.h"
+#include "protocol/json_text.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
+#include "tools/terminal/page.h"
 
 namespace stickslip::commands {
 
@@ -65,15 +70,28 @@ std::string kind_of_value(const config::Key& key) {
   return text;
 }
 
-/// The rig as one file, with the defaults as comments.
+/// Comment lines, continued by comment lines, so that the page remains TOML.
+std::string as_comment(const std::string& text, std::size_t columns) {
+  std::string out;
+  std::istringstream lines(terminal::fitted(text, columns > 2 ? columns - 2 : 0));
+  for (std::string line; std::getline(lines, line);) out += "# " + line + '\n';
+  return out;
+}
+
+/// The rig as one file, with the defaults as comments. A key and its value stay on one line,
+/// however long; the origin is on a line of its own where there is no room for it.
 void print_values(const std::vector<Setting>& settings, const std::string& file) {
+  const std::size_t columns = terminal::page_columns(STDOUT_FILENO);
   for (const Setting& each : settings) {
     if (each.value.empty()) {
-      std::printf("# %s: %s\n", each.path.c_str(), each.words.c_str());
-    } else {
-      std::printf("%s%s = %s  # %s\n", each.stated() ? "" : "# ", each.path.c_str(),
-                  each.value.c_str(), origin(each, file).c_str());
+      std::fputs(as_comment(each.path + ": " + each.words, columns).c_str(), stdout);
+      continue;
     }
+    const std::string setting = (each.stated() ? "" : "# ") + each.path + " = " + each.value;
+    const std::string from = origin(each, file);
+    const std::string line = setting + "  # " + from + '\n';
+    const bool fits = columns == 0 || line.size() <= columns + 1;
+    std::fputs((fits ? line : as_comment(from, columns) + setting + '\n').c_str(), stdout);
   }
 }
 
@@ -82,13 +100,14 @@ void print_explained(const std::vector<Setting>& settings, const std::string& fi
   for (const Setting& each : settings) {
     const config::Key& key = *each.key;
     const std::string value = each.value.empty() ? "(" + each.words + ")" : each.value;
-    std::printf("%s%s = %s\n", between, each.path.c_str(), value.c_str());
-    std::printf("  from        %s\n", origin(each, file).c_str());
-    std::printf("  meaning     %.*s\n", static_cast<int>(key.sentence.size()), key.sentence.data());
-    std::printf("  type        %s\n", kind_of_value(key).c_str());
-    std::printf("  without it  %s\n", config::absence_of(key).c_str());
-    std::printf("  change      %s\n", key.live ? "live: a running daemon applies it on SIGHUP"
-                                               : "needs a restart of the daemon");
+    terminal::print("%s%s = %s\n", between, each.path.c_str(), value.c_str());
+    terminal::print("  from        %s\n", origin(each, file).c_str());
+    terminal::print("  meaning     %.*s\n", static_cast<int>(key.sentence.size()),
+                    key.sentence.data());
+    terminal::print("  type        %s\n", kind_of_value(key).c_str());
+    terminal::print("  without it  %s\n", config::absence_of(key).c_str());
+    terminal::print("  change      %s\n", key.live ? "live: a running daemon applies it on SIGHUP"
+                                                   : "needs a restart of the daemon");
     between = "\n";
   }
 }
@@ -127,7 +146,7 @@ int run(const Arguments& arguments) {
   rig.file = std::filesystem::absolute(rig.file);
   const std::vector<Setting> settings = chosen(config::settings_of(rig), arguments.key);
   if (arguments.json) {
-    std::printf("%s\n", as_json(settings, arguments.file).dump(2).c_str());
+    std::printf("%s\n", protocol::json_text(as_json(settings, arguments.file)).c_str());
   } else if (arguments.explain) {
     print_explained(settings, arguments.file);
   } else {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "drivers/factory/find_devices.h"
+#include "protocol/json_text.h"
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/terminal/page.h"
@@ -33,7 +34,7 @@ void print_json(const std::vector<AttachedDevice>& devices) {
                     {"speaks", device.problem.empty()},
                     {"trouble", device.problem}});
   }
-  std::printf("%s\n", nlohmann::ordered_json{{"devices", list}}.dump(2).c_str());
+  std::printf("%s\n", protocol::json_text(nlohmann::ordered_json{{"devices", list}}).c_str());
 }
 
 void print_text(const std::vector<AttachedDevice>& devices) {

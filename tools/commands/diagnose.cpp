@@ -14,6 +14,7 @@
 #include "diagnosis/report/text.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
+#include "protocol/json_text.h"
 #include "protocol/recording.h"
 #include "protocol/sha256.h"
 #include "tools/command_line/colour_option.h"
@@ -114,7 +115,8 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   terminal::print_page(paint(tone_of(result.verdict), text.substr(0, verdict)) +
                        text.substr(verdict));
   if (!arguments.json.empty()) {
-    outputs.write(arguments.json, Form::json, report::report_json(result).dump(2) + "\n");
+    outputs.write(arguments.json, Form::json,
+                  protocol::json_text(report::report_json(result)) + "\n");
   }
   if (!arguments.html.empty()) {
     report::Provenance provenance = provenance_of(arguments);

@@ -11,9 +11,8 @@
 #include "diagnosis/report/effects_page.h"
 #include "physics/catalogue.h"
 #include "physics/problem.h"
-#include "physics/spelling.h"
 #include "tools/commands/commands.h"
-#include "tools/terminal/abilities.h"
+#include "tools/terminal/page.h"
 
 namespace stickslip::commands {
 
@@ -28,25 +27,29 @@ struct Arguments {
 /// Throws InputError, with the id that is probably meant, if there is no such effect.
 const physics::Effect& effect_of(const std::string& id) {
   if (const physics::Effect* effect = physics::find_effect(id)) return *effect;
-  std::vector<std::string> ids;
-  for (const physics::Effect* effect : physics::catalogue()) ids.emplace_back(effect->card().id);
-  const std::string meant = physics::nearest(id, ids);
+  const std::string meant = physics::nearest_effect(id);
   throw InputError(Problem{id, 0, 0,
                            meant.empty() ? "is no effect; `stickslip effects` lists them"
                                          : "is no effect; did you mean \"" + meant + "\"?"});
 }
 
 std::size_t text_columns() {
-  const std::size_t columns = terminal::columns_of(STDOUT_FILENO);
-  return columns == 0 ? 80 : std::clamp<std::size_t>(columns, 40, 100);
+  const std::size_t columns = terminal::page_columns(STDOUT_FILENO);
+  return columns == 0 ? 80 : std::clamp<std::size_t>(columns, 20, 100);
 }
 
-std::string answer_to(const Arguments& arguments) {
-  if (arguments.markdown) return report::effects_page();
-  if (arguments.id.empty()) return report::effects_list();
-  const physics::Effect& effect = effect_of(arguments.id);
-  return arguments.svg ? report::effect_picture(effect)
-                       : report::effect_text(effect, text_columns());
+int run(const Arguments& arguments) {
+  // Documents and pictures go into files, whose lines are no page's.
+  if (arguments.markdown) {
+    std::fputs(report::effects_page().c_str(), stdout);
+  } else if (arguments.svg) {
+    std::fputs(report::effect_picture(effect_of(arguments.id)).c_str(), stdout);
+  } else {
+    terminal::print_page(arguments.id.empty()
+                             ? report::effects_list()
+                             : report::effect_text(effect_of(arguments.id), text_columns()));
+  }
+  return 0;
 }
 
 }  // namespace
@@ -64,12 +67,7 @@ void add_effects(CLI::App& app, Action& action) {
       ->add_flag("--markdown", arguments->markdown, "Print the whole catalogue as docs/effects.md")
       ->excludes(id)
       ->excludes(svg);
-  command->callback([&action, arguments] {
-    action = [arguments] {
-      std::fputs(answer_to(*arguments).c_str(), stdout);
-      return 0;
-    };
-  });
+  command->callback([&action, arguments] { action = [arguments] { return run(*arguments); }; });
   describe(*command, {.examples = {{"List all effects", "stickslip effects"},
                                    {"Explain one", "stickslip effects stribeck"},
                                    {"Draw its law", "stickslip effects stribeck --svg"}},

@@ -18,6 +18,9 @@
 #include "physics/failure.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
+#include "physics/result_units.h"
+#include "physics/unsigned_zero.h"
+#include "protocol/json_text.h"
 #include "protocol/recording.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/recording_input.h"
@@ -82,7 +85,8 @@ struct Summary {
 class Table {
  public:
   // Empty: no table; "-": standard output.
-  explicit Table(const std::filesystem::path& file) : name_(file.string()) {
+  Table(const std::filesystem::path& file, const physics::ResultUnits& units)
+      : name_(file.string()), units_(units) {
     if (!name_.empty() && name_ != "-") file_.open(file, std::ios::binary);
   }
   void add(const FrictionEstimate& e) {
@@ -112,7 +116,7 @@ class Table {
  private:
   static void append(std::string& row, const char* format, double number) {
     char text[40];
-    std::snprintf(text, sizeof text, format, number + 0.0);  // no sign of a zero
+    std::snprintf(text, sizeof text, format, physics::unsigned_zero(number));
     row += text;
   }
   // An estimate has no field for the deflection of the load cell.
@@ -140,14 +144,15 @@ class Table {
     }
     return 0.0;
   }
-  static std::string header(const FrictionEstimate& e) {
-    std::string text = "time_s";
+  std::string header(const FrictionEstimate& e) const {
+    std::string text = units_.column("time_s");
     for (std::size_t i = 0; i < e.used; ++i) {
       if (!has_value(e.quantities[i])) continue;
-      const std::string name(observer::name_of(e.quantities[i]));
+      const std::string name = units_.column(observer::name_of(e.quantities[i]));
       text += ',' + name + ',' + name + "_std";
     }
-    return text + ",slip_velocity_m_s,slip_velocity_m_s_std,sticking,nis,good\n";
+    const std::string slip = units_.column("slip_velocity_m_s");
+    return text + ',' + slip + ',' + slip + "_std,sticking,nis,good\n";
   }
   void write(const std::string& text) {
     if (file_.is_open()) {
@@ -158,6 +163,7 @@ class Table {
   }
 
   std::string name_;
+  physics::ResultUnits units_;
   std::ofstream file_;
   bool first_ = true;
 };
@@ -179,10 +185,12 @@ MeanPerReading mean_of(const observer::PredictionQuality& predicted) {
 }
 
 nlohmann::ordered_json summary_json(const Summary& summary,
-                                    const observer::PredictionQuality& predicted) {
+                                    const observer::PredictionQuality& predicted,
+                                    const physics::ResultUnits& units) {
   const MeanPerReading mean = mean_of(predicted);
   nlohmann::ordered_json json;
   json["schema"] = 1;
+  if (units.dimensionless()) json["dimensionless"] = true;
   json["frames"] = summary.frames;
   json["good_frames"] = summary.good;
   json["mu"] = spread_json(summary.mu);
@@ -195,19 +203,20 @@ nlohmann::ordered_json summary_json(const Summary& summary,
   return json;
 }
 
-void print_spread(const char* name, const Summary::Spread& s) {
+void print_spread(const std::string& name, const Summary::Spread& s) {
   if (!(s.weight > 0.0)) return;
-  terminal::print("%s %s, range %s to %s\n", name, number_text(s.mean()).c_str(),
+  terminal::print("%s %s, range %s to %s\n", name.c_str(), number_text(s.mean()).c_str(),
                   number_text(s.low).c_str(), number_text(s.high).c_str());
 }
 
 void print_summary(const Arguments& arguments, const Summary& summary,
-                   const observer::PredictionQuality& predicted) {
+                   const observer::PredictionQuality& predicted,
+                   const physics::ResultUnits& units) {
   const MeanPerReading mean = mean_of(predicted);
   terminal::print("%s: %s, %zu with a valid estimate\n", arguments.recording.c_str(),
                   physics::counted(summary.frames, "frame").c_str(), summary.good);
   print_spread("mu", summary.mu);
-  print_spread("gamma [1/s]", summary.gamma);
+  print_spread(units.axis("gamma", "1/s"), summary.gamma);
   terminal::print("sticking: %.1f %% of the time\n", 100.0 * summary.share(summary.sticking));
   terminal::print(
       "one-step prediction: NIS %s per reading (1: consistent with the model), negative "
@@ -253,10 +262,11 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   const physics::Model model = config::load_model(arguments.model);
   const protocol::Recording recording = recording_from(arguments.recording);
   expect_estimable(arguments, model, recording);
+  const physics::ResultUnits units(model);
   Summary summary;
   observer::PredictionQuality predicted;
   const auto estimate_into = [&](const std::filesystem::path& file) {
-    Table table(file);
+    Table table(file, units);
     predicted = estimated(arguments, model, recording, summary, table);
     table.finish();
   };
@@ -265,8 +275,9 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   } else {
     outputs.write(arguments.out, estimate_into);
   }
-  outputs.write(arguments.json, Form::json, summary_json(summary, predicted).dump(2) + "\n");
-  if (arguments.out != "-") print_summary(arguments, summary, predicted);
+  outputs.write(arguments.json, Form::json,
+                protocol::json_text(summary_json(summary, predicted, units)) + "\n");
+  if (arguments.out != "-") print_summary(arguments, summary, predicted, units);
   return 0;
 }
 

@@ -8,6 +8,8 @@
 #include "diagnosis/parallel/for_each.h"
 #include "diagnosis/report/json.h"
 #include "physics/number_text.h"
+#include "physics/result_units.h"
+#include "protocol/json_text.h"
 #include "protocol/recording.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
@@ -47,33 +49,35 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   const Evaluation done = evaluate(recording, model, options);
   progress.finish();
   const Score& result = done.score;
+  const physics::ResultUnits units(model);
 
   nlohmann::ordered_json json;
   json["schema"] = 1;
+  if (units.dimensionless()) json["dimensionless"] = true;
   json["fit"] = report::score_json(result, true);
   json["horizon_s"] = done.horizon_s;
   json["free_run"] = nullptr;
   if (done.free_run) json["free_run"] = report::free_run_json(*done.free_run);
-  outputs.write(arguments.json, Form::json, json.dump(2) + "\n");
+  outputs.write(arguments.json, Form::json, protocol::json_text(json) + "\n");
 
-  terminal::print("chi-squared per sample %s over %s of %s s (1: noise only)\n",
+  terminal::print("chi-squared per sample %s over %s of %s%s (1: noise only)\n",
                   physics::number_text(result.chi2_per_sample).c_str(),
                   physics::counted(done.windows, "window").c_str(),
-                  physics::number_text(done.horizon_s).c_str());
+                  physics::number_text(done.horizon_s).c_str(), units.after_number("s").c_str());
   for (std::size_t c = 0; c < predicted_channels; ++c) {
     if (!result.rmse[c]) continue;
     const std::string share =
         *result.nrmse[c] > 0.0
             ? physics::number_text(*result.nrmse[c]) + " of the channel's standard deviation"
             : "but the channel never changes: is it connected?";
-    terminal::print("%s: RMS prediction error %s %s, %s\n",
+    terminal::print("%s: RMS prediction error %s%s, %s\n",
                     std::string(channel_table[c].stem).c_str(),
                     physics::number_text(*result.rmse[c]).c_str(),
-                    std::string(channel_table[c].unit).c_str(), share.c_str());
+                    units.after_number(channel_table[c].unit).c_str(), share.c_str());
   }
   if (arguments.free_run) {
     for (const auto& [name, value] : json["free_run"]["rmse"].items()) {
-      terminal::print("free run, %s: %s\n", name.c_str(),
+      terminal::print("free run, %s: %s\n", units.column(name).c_str(),
                       physics::number_text(value.get<double>()).c_str());
     }
   }

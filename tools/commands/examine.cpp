@@ -16,10 +16,12 @@
 #include "physics/failure.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
+#include "protocol/json_text.h"
 #include "protocol/recording.h"
 #include "protocol/sha256.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
+#include "tools/command_line/recording_input.h"
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/concealment/grading.h"
@@ -123,6 +125,7 @@ Outcome examine(const fs::path& folder, const fs::path& file, const std::string&
   const physics::Model model = config::load_model(folder / "model.toml");
   const std::vector<protocol::Recording> recordings{
       protocol::read_recording(folder / "recording.csv")};
+  warn_if_cut_off(recordings.front());
   diagnosis::Options options;
   options.seed = seed;
   const diagnosis::Diagnosis found = diagnosis::diagnose(recordings, model, options);
@@ -133,6 +136,7 @@ Outcome examine(const fs::path& folder, const fs::path& file, const std::string&
   kept["validation"] = nullptr;
   if (fs::exists(folder / "validation.csv")) {
     const auto other = protocol::read_recording(folder / "validation.csv");
+    warn_if_cut_off(other);
     const auto chi2 = [&](const physics::Model& each) {
       return diagnosis::evaluate(other, each).score.chi2_per_sample;
     };
@@ -141,7 +145,7 @@ Outcome examine(const fs::path& folder, const fs::path& file, const std::string&
   kept["report"] = report::report_json(found);
   outputs.write(fs::path(file).replace_extension(".toml"), Form::toml,
                 config::model_text(found.model));
-  outputs.write(file, Form::json, kept.dump(2) + "\n");
+  outputs.write(file, Form::json, protocol::json_text(kept) + "\n");
   return outcome_of(kept);
 }
 
@@ -210,7 +214,7 @@ std::vector<Outcome> examine_all(const Arguments& arguments, const Folders& fold
     ++done;
     if (is_new) ++made;
     progress.set_label("examining, " + std::to_string(done) + " of " +
-                       std::to_string(names.size()) + " cases done");
+                       physics::counted(names.size(), "case") + " done");
     progress.at(made, made + names.size() - done);  // stored reports take no time
   });
   progress.finish();
@@ -278,7 +282,8 @@ int run(const Arguments& arguments, Outputs outputs) {
   const std::vector<concealment::Grade> grades = grades_of(folders, names, outcomes);
   terminal::print_page(concealment::summary_text(grades));
   if (!arguments.json.empty()) {
-    outputs.write(arguments.json, Form::json, concealment::summary_json(grades).dump(2) + "\n");
+    outputs.write(arguments.json, Form::json,
+                  protocol::json_text(concealment::summary_json(grades)) + "\n");
   }
   return 0;
 }

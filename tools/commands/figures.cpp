@@ -45,11 +45,24 @@ std::filesystem::path presets_of(const Arguments& arguments) {
   return shipped;
 }
 
-int run(const Arguments& arguments, const Outputs& outputs) {
+/// The rigs and models of a folder of presets.
+std::vector<std::string> files_of(const std::filesystem::path& presets) {
+  std::vector<std::string> out;
+  std::error_code error;  // of a folder that does not exist, which the figures report
+  for (const auto& folder : {presets, presets / "models"}) {
+    for (const auto& each : std::filesystem::directory_iterator(folder, error)) {
+      if (each.path().extension() == ".toml") out.push_back(each.path().string());
+    }
+  }
+  return out;
+}
+
+int run(const Arguments& arguments, Outputs outputs) {
   figures::FigureOptions options;
+  options.presets = presets_of(arguments);
+  outputs.add_inputs(files_of(options.presets));
   OutputFolder out(arguments.out, outputs);
   options.out = out.path();
-  options.presets = presets_of(arguments);
   options.numbers = arguments.only;
   options.periods = arguments.periods;
   options.threads = parallel::threads_for(arguments.jobs);

@@ -13,6 +13,7 @@
 
 #include "physics/number_text.h"
 #include "physics/problem.h"
+#include "protocol/json_text.h"
 #include "protocol/recording_parts.h"
 #include "protocol/recording_survey.h"
 #include "tools/command_line/colour_option.h"
@@ -333,7 +334,7 @@ int info(const Arguments& arguments, const Outputs&) {
   const LogSurvey log = survey(arguments.file);
   if (arguments.json) {
     // A damaged text need not be UTF-8.
-    std::printf("%s\n", info_json(log).dump(2, ' ', false, Json::error_handler_t::replace).c_str());
+    std::printf("%s\n", protocol::json_text(info_json(log)).c_str());
   } else {
     print_info(log);
   }

@@ -8,6 +8,7 @@
 
 #include "config/model_file.h"
 #include "physics/number_text.h"
+#include "protocol/json_text.h"
 #include "tools/command_line/drive_options.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
@@ -32,7 +33,7 @@ struct Arguments {
 
 int run(const Arguments& arguments, const Outputs& outputs) {
   const physics::Model model = config::load_model(arguments.drive->model);
-  const dynamics::Drive drive = arguments.drive->drive(model);
+  const dynamics::Drive drive = arguments.drive->drive(model, arguments.periods);
   dynamics::LyapunovOptions options;
   options.periods = arguments.periods;
   options.transient = arguments.drive->transient;
@@ -62,7 +63,7 @@ int run(const Arguments& arguments, const Outputs& outputs) {
     json["per_period"] = found.per_period;
     json["periods"] = arguments.periods;
     if (model.dimensionless) json["dimensionless"] = true;
-    outputs.write(arguments.json, Form::json, json.dump(2) + "\n");
+    outputs.write(arguments.json, Form::json, protocol::json_text(json) + "\n");
   }
   return 0;
 }

@@ -6,12 +6,14 @@
 #include <string>
 
 #include "physics/failure.h"
+#include "physics/number_text.h"
 #include "tools/command_line/file_options.h"
 #include "tools/commands/commands.h"
 #include "tools/files/outputs.h"
 #include "tools/files/write_file.h"
 #include "tools/terminal/command_tree.h"
 #include "tools/terminal/manual_page.h"
+#include "tools/terminal/page.h"
 
 namespace stickslip::commands {
 
@@ -50,7 +52,8 @@ int run(Program& program, const std::filesystem::path& folder, const Outputs& ou
   }
   check_examples(program, program.notes(program));
   for (const CLI::App* command : commands) check_examples(program, program.notes(*command));
-  std::printf("%s: %zu pages\n", folder.c_str(), commands.size() + 1);
+  terminal::print("%s: %s\n", folder.c_str(),
+                  physics::counted(commands.size() + 1, "page").c_str());
   return 0;
 }
 

@@ -6,10 +6,10 @@
 
 #include "config/model_file.h"
 #include "physics/number_text.h"
+#include "physics/result_units.h"
 #include "tools/command_line/drive_options.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
-#include "tools/command_line/result_units.h"
 #include "tools/commands/commands.h"
 #include "tools/dynamics/portrait.h"
 #include "tools/files/outputs.h"
@@ -32,7 +32,7 @@ struct Arguments {
 
 int run(const Arguments& arguments, const Outputs& outputs) {
   const physics::Model model = config::load_model(arguments.drive->model);
-  const dynamics::Drive drive = arguments.drive->drive(model);
+  const dynamics::Drive drive = arguments.drive->drive(model, arguments.periods);
   dynamics::PortraitOptions options = arguments.drive->portrait();
   options.periods = arguments.periods;
   options.phase = arguments.phase;
@@ -41,17 +41,17 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   // Ranges and shares require a second integration.
   const double runs = arguments.out == "-" ? 1.0 : 2.0;
   options.progress = [&](double share) { progress.at(share / runs); };
-  const ResultUnits units(model);
+  const physics::ResultUnits units(model);
   std::string table = units.column("time_s", "s") + "," + units.column("displacement_m", "m") +
                       "," + units.column("velocity_m_s", "m/s") + ",theta\n";
-  char line[160];
   const std::vector<dynamics::Point> section = dynamics::poincare_section(model, drive, options);
   if (arguments.out == "-") progress.finish();
   for (const dynamics::Point& point : section) {
-    std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g,%.9g\n", point.time_s, point.x() + 0.0,
-                  point.v() + 0.0,
-                  point.state.theta + 0.0);  // no sign of a zero
-    table += line;
+    table += physics::number_text(point.time_s, 9);
+    for (const double each : {point.x(), point.v(), point.state.theta}) {
+      table += ',' + physics::number_text(each, 9);
+    }
+    table += '\n';
   }
   outputs.write(arguments.out, Form::plain, table);
   if (arguments.out == "-") return 0;

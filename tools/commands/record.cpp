@@ -226,8 +226,8 @@ int run(const Arguments& arguments) {
     }
     if (steady_clock::now() - shown < flush_period) return;
     shown = steady_clock::now();
-    progress.set_label("recording, " + std::to_string(recorder.sequence().frames) +
-                       " frames, lost " + std::to_string(recorder.sequence().lost));
+    progress.set_label("recording, " + physics::counted(recorder.sequence().frames, "frame") +
+                       ", lost " + std::to_string(recorder.sequence().lost));
   };
   while (!stopped && !recorder.done() && steady_clock::now() < end) {
     const Wake woken = wait_for(*lcm, stop, std::min(end, steady_clock::now() + flush_period));

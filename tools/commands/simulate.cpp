@@ -5,8 +5,10 @@
 #include <vector>
 
 #include "config/model_file.h"
+#include "physics/integration_cost.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
+#include "physics/result_units.h"
 #include "physics/simulator.h"
 #include "protocol/recording.h"
 #include "tools/command_line/file_options.h"
@@ -142,6 +144,8 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   }
   const std::vector<double> time = times_of(drive, arguments.drive);
   const auto inputs = inputs_of(drive, model, time);
+  const std::string wrong = physics::wrong_with_simulation(model, time.back());
+  if (!wrong.empty()) throw InputError(Problem{arguments.model, 0, 0, wrong});
 
   physics::SimulationOptions options;
   options.seed = arguments.seed;
@@ -162,8 +166,9 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   progress.finish();
   write_recording(outputs, out, arguments.out);
   if (arguments.out != "-") {
-    terminal::print("%s: %s over %.3f s\n", arguments.out.c_str(),
-                    physics::counted(out.frames.size(), "sample").c_str(), time.back());
+    terminal::print("%s: %s over %.3f%s\n", arguments.out.c_str(),
+                    physics::counted(out.frames.size(), "sample").c_str(), time.back(),
+                    physics::ResultUnits(model).after_number("s").c_str());
   }
   return 0;
 }

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "physics/problem.h"
+#include "protocol/json_text.h"
 
 namespace stickslip::concealment {
 
@@ -92,7 +93,7 @@ std::string truth_text(const GroundTruth& truth) {
   json["noise_std"] = truth.noise_std;
   json["noise_declared"] = truth.noise_declared;
   json["parameters"] = truth.parameters;
-  return json.dump(2) + "\n";
+  return protocol::json_text(json) + "\n";
 }
 
 GroundTruth read_truth(const std::filesystem::path& file) {

@@ -3,6 +3,7 @@
 #include <cstdlib>
 
 #include "physics/number_text.h"
+#include "protocol/channels.h"
 #include "tools/doctor/examination.h"
 
 namespace stickslip::doctor {
@@ -35,16 +36,15 @@ std::string url_command(const Requirements& required, const std::string& url) {
 
 Finding check_lcm_url(const Requirements& required) {
   const std::string check = "LCM URL";
+  const std::string wrong = config::wrong_with_lcm_url(required.lcm_url);
+  if (required.publishes && !wrong.empty()) {
+    return {check, Verdict::fail, wrong, url_command(required, protocol::default_url)};
+  }
   const std::string skipped = not_applicable(required);
   if (!skipped.empty()) return {check, Verdict::note, skipped, ""};
   const LcmUrl url = parse_lcm_url(required.lcm_url);
   const std::string place = url.address + ":" + url.port;
   const std::string own = "udpm://" + place + "?ttl=0";
-  if (!config::is_multicast(url.address)) {
-    return {check, Verdict::fail,
-            url.address + " is not a multicast address (224.0.0.0 to 239.255.255.255)",
-            url_command(required, "udpm://239.255.76.67:" + url.port + "?ttl=0")};
-  }
   if (url.ttl > 0) {
     return {check, Verdict::warn,
             place + ", ttl " + std::to_string(url.ttl) +

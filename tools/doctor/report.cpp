@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "physics/number_text.h"
+#include "protocol/json_text.h"
 #include "tools/doctor/examination.h"
 
 namespace stickslip::doctor {
@@ -59,8 +60,7 @@ std::string json(const std::vector<Finding>& findings) {
   }
   const Json report = {
       {"schema", 1}, {"verdict", name_of(worst(findings))}, {"checks", std::move(checks)}};
-  // Paths and names of the machine may contain any bytes.
-  return report.dump(2, ' ', false, Json::error_handler_t::replace) + '\n';
+  return protocol::json_text(report) + '\n';
 }
 
 }  // namespace stickslip::doctor

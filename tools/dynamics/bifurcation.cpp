@@ -7,7 +7,10 @@
 #include <stdexcept>
 
 #include "diagnosis/parallel/for_each.h"
+#include "physics/integration_cost.h"
 #include "physics/model_consistency.h"
+#include "physics/number_text.h"
+#include "physics/problem.h"
 #include "tools/dynamics/lyapunov.h"
 
 namespace stickslip::dynamics {
@@ -21,6 +24,46 @@ constexpr const char* drive_frequency = "drive.frequency_hz";
 void set(physics::Model& model, const std::string& path, double value) {
   for (const auto& named : physics::parameters_of(model)) {
     if (named.path == path) named.parameter->value = value;
+  }
+}
+
+struct Column {
+  physics::Model model;
+  Drive drive;
+};
+
+Column at_value(const physics::Model& model, const Drive& drive, const std::string& path,
+                double value, const BifurcationOptions& options) {
+  Column out{model, drive};
+  if (path == drive_acceleration) {
+    out.drive.acceleration_m_s2 = value;
+  } else if (path == drive_amplitude) {
+    out.drive.acceleration_m_s2 = value * drive.omega_rad_s * drive.omega_rad_s;
+  } else if (path == drive_frequency) {
+    out.drive.omega_rad_s = 2.0 * std::numbers::pi * value;
+    if (options.base_amplitude_m) {
+      out.drive.acceleration_m_s2 =
+          *options.base_amplitude_m * out.drive.omega_rad_s * out.drive.omega_rad_s;
+    }
+  } else {
+    set(out.model, path, value);
+  }
+  return out;
+}
+
+/// Throws InputError if all values together take too many steps.
+void check_steps(const physics::Model& model, const Drive& drive, const std::string& path,
+                 const std::vector<double>& values, const BifurcationOptions& options) {
+  if (options.portrait.steps_per_period > 0) return;
+  const int periods = options.portrait.transient + options.portrait.periods;
+  double sum = 0.0;
+  for (const double value : values) {
+    const Column column = at_value(model, drive, path, value, options);
+    sum += static_cast<double>(periods) * enough_steps(column.model, column.drive, periods);
+    const std::string wrong = physics::wrong_with_steps(
+        column.model, sum, "the values of " + path + " up to " + physics::number_text(value),
+        most_steps_of(static_cast<double>(periods) * static_cast<double>(values.size())));
+    if (!wrong.empty()) throw InputError(Problem{"", 0, 0, wrong + " Otherwise take fewer values"});
   }
 }
 
@@ -58,25 +101,12 @@ std::vector<BifurcationColumn> bifurcation(const physics::Model& model, const Dr
     std::string why = refusal(model, path, value);
     if (!why.empty()) throw std::invalid_argument(why.insert(0, path + " "));
   }
+  check_steps(model, drive, path, values, options);
   std::vector<BifurcationColumn> columns(values.size());
   std::mutex progress_mutex;
   std::size_t done = 0;
   parallel::for_each(values.size(), options.threads, [&](std::size_t i) {
-    physics::Model here = model;
-    Drive drive_here = drive;
-    if (path == drive_acceleration) {
-      drive_here.acceleration_m_s2 = values[i];
-    } else if (path == drive_amplitude) {
-      drive_here.acceleration_m_s2 = values[i] * drive.omega_rad_s * drive.omega_rad_s;
-    } else if (path == drive_frequency) {
-      drive_here.omega_rad_s = 2.0 * std::numbers::pi * values[i];
-      if (options.base_amplitude_m) {
-        drive_here.acceleration_m_s2 =
-            *options.base_amplitude_m * drive_here.omega_rad_s * drive_here.omega_rad_s;
-      }
-    } else {
-      set(here, path, values[i]);
-    }
+    const auto [here, drive_here] = at_value(model, drive, path, values[i], options);
     columns[i].value = values[i];
     columns[i].section = poincare_section(here, drive_here, options.portrait);
     if (options.with_exponents) {

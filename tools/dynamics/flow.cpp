@@ -9,6 +9,7 @@
 
 #include "physics/failure.h"
 #include "physics/number_text.h"
+#include "physics/problem.h"
 
 namespace stickslip::dynamics {
 
@@ -157,6 +158,7 @@ class DormandPrince final : public Flow::Solver {
     started_ = false;
     rung_ = first_rung;
     begin_s_ = 0.0;
+    steps_ = 0;
     restart(0.0);
     if constexpr (contact == Contact::set_valued) {
       if (sign_ == 0.0) choose_mode(0.0);
@@ -165,7 +167,10 @@ class DormandPrince final : public Flow::Solver {
   }
 
   void advance(double time_s) override {
-    while (end_s_ < time_s) step();
+    while (end_s_ < time_s) {
+      if (++steps_ % steps_between_checks == 0) check_steps();
+      step();
+    }
     if (time_s == end_s_) {
       report(time_s, y_, sign_);
     } else {
@@ -174,6 +179,18 @@ class DormandPrince final : public Flow::Solver {
   }
 
  private:
+  // Forces that grow steeply shorten the steps without end, which the model alone does not say.
+  void check_steps() const {
+    const double periods = 1.0 + end_s_ / drive_.period_s();
+    const double most = std::min(most_steps_per_period * periods, most_steps_of(periods));
+    if (static_cast<double>(steps_) <= most) return;
+    throw InputError(Problem{"", 0, 0,
+                             "more than " + physics::number_text(most) +
+                                 " integration steps by time " + physics::number_text(end_s_) +
+                                 " s: the motion is too fast there. Are the model and its units "
+                                 "right? Otherwise take a fixed number of steps per period"});
+  }
+
   double slip(const Vector& y) const {
     if constexpr (resonant) {
       return y[1] - y[iu];
@@ -481,6 +498,8 @@ class DormandPrince final : public Flow::Solver {
   bool based_;
   double sign_ = 0.0;  // of the slip; 0: sticks (set-valued contact)
   bool started_ = false;
+  static constexpr std::int64_t steps_between_checks = 4096;
+  std::int64_t steps_ = 0;
   static constexpr int first_rung = 12;
   int rung_ = first_rung;
   int since_exact_ = 0;

@@ -85,7 +85,9 @@ Lyapunov largest_exponent(const physics::Model& model, const Drive& drive,
   if (options.periods < stretches) {
     throw std::invalid_argument("an exponent needs at least 20 drive periods");
   }
-  int steps = options.steps_per_period > 0 ? options.steps_per_period : enough_steps(model, drive);
+  int steps = options.steps_per_period > 0
+                  ? options.steps_per_period
+                  : enough_steps(model, drive, options.transient + options.periods);
   steps = (steps + renormalisations - 1) / renormalisations * renormalisations;
   Orbit orbit(model, drive, steps, options.x_m, options.v_m_s);
   orbit.skip(options.transient);

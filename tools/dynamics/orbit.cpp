@@ -5,7 +5,9 @@
 #include <string>
 
 #include "physics/failure.h"
+#include "physics/integration_cost.h"
 #include "physics/number_text.h"
+#include "physics/problem.h"
 
 namespace stickslip::dynamics {
 
@@ -80,7 +82,10 @@ double Orbit::friction_limit_n() const {
   return numbers_.c.mu * (rig_.structure().loaded ? now_.state.load : 1.0);
 }
 
-int enough_steps(const physics::Model& model, const Drive& drive) {
+// A thousand steps per period are what the drive needs, however many periods are wanted.
+double most_steps_of(double periods) { return std::max(physics::most_steps, 1000.0 * periods); }
+
+int enough_steps(const physics::Model& model, const Drive& drive, int periods) {
   const physics::Rig rig(model);
   // longest_step_s is bounded by a millisecond, which is meaningless for a nondimensional rig.
   const auto n = rig.numbers<double>(rig.parameter_values());
@@ -88,12 +93,20 @@ int enough_steps(const physics::Model& model, const Drive& drive) {
   if (rig.structure().resonant) {
     fastest = std::max(fastest, std::sqrt(n.c.cell_stiffness / n.c.cell_mass));
   }
-  const double by_rig = std::ceil(drive.period_s() * fastest / 0.02);
-  constexpr double max_steps = 1.0e7;
-  if (!(by_rig <= max_steps)) {
-    throw std::invalid_argument("a drive period requires " + physics::number_text(by_rig) +
-                                " integration steps; expected at most " +
-                                physics::number_text(max_steps) + ": use a faster drive");
+  constexpr double longest_angle = 0.02;
+  // A decay needs no accuracy: steps as long as its time constant are stable.
+  fastest = std::max(fastest, longest_angle * n.c.damping / n.c.mass);
+  const double by_rig = std::ceil(drive.period_s() * fastest / longest_angle);
+  std::string wrong =
+      physics::wrong_with_steps(model, by_rig, "a drive period", most_steps_per_period);
+  if (wrong.empty()) {
+    wrong = physics::wrong_with_steps(
+        model, by_rig * periods, physics::counted(periods, "drive period"), most_steps_of(periods));
+  }
+  if (!wrong.empty()) {
+    throw InputError(Problem{"", 0, 0,
+                             wrong + " Otherwise take a faster drive, fewer periods, or a fixed "
+                                     "number of steps per period"});
   }
   return std::max(500, static_cast<int>(by_rig));
 }

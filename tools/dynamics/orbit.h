@@ -78,8 +78,12 @@ class Orbit {
   Point now_;
 };
 
+/// Steps of one drive period, and of all periods together, that an integration may take.
+inline constexpr double most_steps_per_period = 2.0e6;
+double most_steps_of(double periods);
+
 /// Steps per drive period that resolve the rig's fastest free motion, and the drive by 500. Throws
-/// std::invalid_argument where they are more than ten million.
-int enough_steps(const physics::Model& model, const Drive& drive);
+/// InputError where they are too many for so many periods.
+int enough_steps(const physics::Model& model, const Drive& drive, int periods = 1);
 
 }  // namespace stickslip::dynamics

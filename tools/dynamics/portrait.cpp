@@ -11,8 +11,9 @@ namespace stickslip::dynamics {
 namespace {
 
 Orbit started(const physics::Model& model, const Drive& drive, const PortraitOptions& options) {
-  const int steps =
-      options.steps_per_period > 0 ? options.steps_per_period : enough_steps(model, drive);
+  const int steps = options.steps_per_period > 0
+                        ? options.steps_per_period
+                        : enough_steps(model, drive, options.transient + options.periods);
   Orbit orbit(model, drive, steps, options.x_m, options.v_m_s);
   orbit.skip(options.transient);
   return orbit;
@@ -29,6 +30,8 @@ Range nothing() {
 
 std::vector<Point> section_of_flow(const physics::Model& model, const Drive& drive,
                                    const PortraitOptions& options) {
+  // The flow chooses its steps itself, of about that number.
+  (void)enough_steps(model, drive, options.transient + options.periods);
   constexpr double tolerance = 1.0e-7;
   Flow flow(model, drive, tolerance, options.x_m, options.v_m_s);
   const double phase = options.phase - std::floor(options.phase);

@@ -8,6 +8,7 @@
 #include "config/model_file.h"
 #include "config/rig.h"
 #include "diagnosis/parallel/for_each.h"
+#include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
 #include "tools/dynamics/lyapunov.h"
@@ -214,8 +215,8 @@ Figure figure_2(const Studio& studio) {
        "largest exponent " + exponent_of(model, drive, studio.options.periods, 0.0)},
       {"Trajectories that return near the outside overshoot the zero-velocity plane",
        "shown, no number",
-       text("by %.2f %% of the velocity's range, mean of %d arrivals", 100.0 * seen.overshoot,
-            seen.arrivals)},
+       text("by %.2f %% of the velocity's range, mean of %s", 100.0 * seen.overshoot,
+            physics::counted(seen.arrivals, "arrival").c_str())},
       {"Others stick until they return", "shown, no number",
        text("abs(v) below 1 %% of its largest for %.0f %% of the time",
             100.0 * share_near_rest(points))},

@@ -196,27 +196,30 @@ std::vector<Picture> reduction_pictures(const reduction::Reduction& reduced) {
 }
 
 std::string samples_csv(const reduction::Reduction& reduced) {
+  using physics::number_text;
   std::string out =
       "time_s,displacement_m,velocity_m_s,base_displacement_m,friction_force_n,normal_load_n,mu\n";
-  char line[240];
   for (const auto& s : reduced.samples) {
-    std::snprintf(line, sizeof line, "%.9f,%.9g,%.9g,%.9g,%.9g,%.9g,", s.time_s, s.displacement_m,
-                  s.velocity_m_s, s.base_displacement_m, s.friction_force_n, s.normal_load_n);
-    out += line;
-    if (std::isfinite(s.mu)) out += physics::number_text(s.mu, 9);
+    out += physics::fixed_text(s.time_s, 9) + ',';
+    for (const double each : {s.displacement_m, s.velocity_m_s, s.base_displacement_m,
+                              s.friction_force_n, s.normal_load_n}) {
+      out += number_text(each, 9) + ',';
+    }
+    if (std::isfinite(s.mu)) out += number_text(s.mu, 9);
     out += '\n';
   }
   return out;
 }
 
 std::string surface_csv(const reduction::Reduction& reduced) {
+  using physics::number_text;
   std::string out = "displacement_m,velocity_m_s,mu,scatter,standard_error,samples,visits\n";
-  char line[200];
   for (const auto& cell : reduced.surface) {
-    std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g,%.9g,%.9g,%zu,%zu\n", cell.displacement_m,
-                  cell.velocity_m_s, cell.mu, cell.scatter, cell.standard_error, cell.samples,
-                  cell.visits);
-    out += line;
+    for (const double each :
+         {cell.displacement_m, cell.velocity_m_s, cell.mu, cell.scatter, cell.standard_error}) {
+      out += number_text(each, 9) + ',';
+    }
+    out += std::to_string(cell.samples) + ',' + std::to_string(cell.visits) + '\n';
   }
   return out;
 }

@@ -14,6 +14,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "config/named_files.h"
+#include "config/same_file.h"
 #include "physics/failure.h"
 #include "physics/problem.h"
 #include "tools/files/read_file.h"
@@ -30,33 +32,8 @@ constexpr const char* author_attribute = "user.stickslip.written_by";
 // A log holds texts of its rig, which may name the command that wrote them.
 constexpr std::string_view log_sync_word = "\xed\xa1\xda\x01";
 
-/// The final target of symbolic links, also if it does not exist, and whether the way leads through
-/// the descriptors of a process, as that of /dev/stdout does.
-struct Place {
-  fs::path path;
-  bool through_descriptor = false;
-};
-
-Place place_of(const fs::path& name) {
-  constexpr int most_links = 40;  // as in the kernel
-  Place out{name, false};
-  for (int i = 0; i < most_links; ++i) {
-    const std::string text = out.path.string();
-    if (text.starts_with("/dev/fd/") || text.starts_with("/proc/")) out.through_descriptor = true;
-    std::error_code error;
-    const fs::path next = fs::read_symlink(out.path, error);
-    if (error) break;
-    out.path = next.is_absolute() ? next : out.path.parent_path() / next;
-  }
-  return out;
-}
-
 fs::path folder_of(const fs::path& file) {
   return file.has_parent_path() ? file.parent_path() : fs::path(".");
-}
-
-bool same_inode(const struct stat& a, const struct stat& b) {
-  return a.st_dev == b.st_dev && a.st_ino == b.st_ino;
 }
 
 [[noreturn]] void refuse(const std::string& name, const std::string& why) {
@@ -90,32 +67,18 @@ std::string time_of_content(const fs::path& file) {
   return ' ' + std::to_string(now.st_mtim.tv_sec) + '.' + nanoseconds;
 }
 
-/// Waits until the content is on the disk. The errno of the failure, or 0.
-int sync_file(const fs::path& file) {
-  const int opened = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
+/// Renames `from` to `to` once its content is on the disk. The errno of the failure, which leaves
+/// both as they were, or 0.
+int move_durably(const fs::path& from, const fs::path& to) {
+  const int opened = ::open(from.c_str(), O_RDONLY | O_CLOEXEC);
   if (opened < 0) return errno;
   const int error = ::fsync(opened) == 0 ? 0 : errno;
   ::close(opened);
-  return error;
+  if (error != 0) return error;
+  return std::rename(from.c_str(), to.c_str()) == 0 ? 0 : errno;
 }
 
 }  // namespace
-
-bool is_same_file(const fs::path& one, const fs::path& other) {
-  struct stat a {};
-  struct stat b {};
-  const bool exists_a = ::stat(one.c_str(), &a) == 0;
-  const bool exists_b = ::stat(other.c_str(), &b) == 0;
-  if (exists_a != exists_b) return false;
-  if (exists_a) return (S_ISREG(a.st_mode) || S_ISDIR(a.st_mode)) && same_inode(a, b);
-  const fs::path at_a = place_of(one).path;
-  const fs::path at_b = place_of(other).path;
-  if (at_a.filename() != at_b.filename()) return false;
-  if (::stat(folder_of(at_a).c_str(), &a) != 0 || ::stat(folder_of(at_b).c_str(), &b) != 0) {
-    return at_a.lexically_normal() == at_b.lexically_normal();
-  }
-  return same_inode(a, b);
-}
 
 std::string marked(Form form, const std::string& text, const std::string& author) {
   switch (form) {
@@ -163,7 +126,7 @@ bool is_written_by(const fs::path& file, const std::string& author) {
 }
 
 OutputFile::OutputFile(const std::string& name) : name_(name), target_(name), written_(name) {
-  const Place place = place_of(name);
+  const config::LinkEnd place = config::end_of_links(name);
   struct stat old {};
   const bool exists = ::stat(name.c_str(), &old) == 0;
   direct_ = place.through_descriptor || (exists && !S_ISREG(old.st_mode));
@@ -196,8 +159,7 @@ void OutputFile::keep(const std::string& author) {
     const std::string value = author + time_of_content(written_);
     (void)::setxattr(written_.c_str(), author_attribute, value.data(), value.size(), 0);
   }
-  int error = sync_file(written_);
-  if (error == 0 && std::rename(written_.c_str(), target_.c_str()) != 0) error = errno;
+  const int error = move_durably(written_, target_);
   if (error != 0) throw Failure(name_ + ": is unchanged: " + std::strerror(error));
   kept_ = true;
   sync_folder(folder_of(target_));
@@ -234,34 +196,38 @@ void OutputFolder::keep() {
     if (!ours) listed += each + "\n";
   }
   for (const std::string& each : names) {
-    const int error = sync_file(written_ / each);
-    if (error != 0 || std::rename((written_ / each).c_str(), (name_ / each).c_str()) != 0) {
-      throw Failure((name_ / each).string() +
-                    ": is unchanged: " + std::strerror(error != 0 ? error : errno));
+    const int error = move_durably(written_ / each, name_ / each);
+    if (error != 0) {
+      throw Failure((name_ / each).string() + ": is unchanged: " + std::strerror(error));
     }
   }
   replace_file(list, listed);
 }
 
-Outputs::Outputs(std::string author, std::vector<std::string> inputs, bool force)
-    : author_(std::move(author)), inputs_(std::move(inputs)), force_(force) {}
+Outputs::Outputs(std::string author, const std::vector<std::string>& inputs, bool force)
+    : author_(std::move(author)), force_(force) {
+  add_inputs(inputs);
+}
 
 void Outputs::check_replaced(const std::string& name, bool ours) const {
   for (const std::string& input : inputs_) {
-    if (!is_same_file(name, input)) continue;
+    if (!config::is_same_file(name, input)) continue;
     refuse(name, (name == input ? "is an input of " + author_
                                 : "is the same file as " + input + ", an input of " + author_) +
                      ": expected another file to write to");
   }
   struct stat old {};
   if (force_ || ours || ::stat(name.c_str(), &old) != 0 || !S_ISREG(old.st_mode)) return;
-  if (place_of(name).through_descriptor) return;
+  if (config::end_of_links(name).through_descriptor) return;
   refuse(name, "exists, and is no earlier result of " + author_ +
                    ": expected a new file, or --force to replace it");
 }
 
 void Outputs::add_inputs(const std::vector<std::string>& inputs) {
-  inputs_.insert(inputs_.end(), inputs.begin(), inputs.end());
+  for (const std::string& each : inputs) {
+    inputs_.push_back(each);
+    for (const fs::path& named : config::files_read_with(each)) inputs_.push_back(named.string());
+  }
 }
 
 void Outputs::check(const std::string& name) const {

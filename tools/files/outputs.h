@@ -12,11 +12,6 @@
 
 namespace stickslip::files {
 
-/// True if both paths lead to the same file or folder: by links of either kind, or by another
-/// spelling. Of files that do not exist, the places where they would be created are compared.
-/// Devices and pipes are not files in this sense.
-bool is_same_file(const std::filesystem::path& one, const std::filesystem::path& other);
-
 /// Form of a text, which decides where it names the command that wrote it. `plain` and tables,
 /// which other programs read by their first line, do not.
 enum class Form { toml, json, html, plain };
@@ -81,9 +76,9 @@ class OutputFolder {
 /// The rules for the outputs of one run of a command.
 class Outputs {
  public:
-  /// `author`: the command, "stickslip diagnose". `force`: existing files are replaced, but for
-  /// inputs.
-  Outputs(std::string author, std::vector<std::string> inputs, bool force);
+  /// `author`: the command, "stickslip diagnose". `inputs`: as in `add_inputs`. `force`: existing
+  /// files are replaced, but for inputs.
+  Outputs(std::string author, const std::vector<std::string>& inputs, bool force);
 
   /// Throws InputError if the file must not be or cannot be written; to be called before a long
   /// computation whose result goes there. Accepts "" (no output) and "-" (standard output). Leaves
@@ -100,7 +95,7 @@ class Outputs {
   void write(const std::string& name,
              const std::function<void(const std::filesystem::path&)>& writer) const;
 
-  /// Adds files that the command reads besides those that its options name.
+  /// Adds files that the command reads, and those that a configuration among them names to be read.
   void add_inputs(const std::vector<std::string>& inputs);
 
   const std::string& author() const { return author_; }

@@ -1,12 +1,11 @@
 // CSV: one table of frames, joined with the rows of the other tables.
-#include <array>
 #include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <fstream>
 
 #include "physics/problem.h"
+#include "physics/unsigned_zero.h"
 #include "tools/recording_export/write_tables.h"
 
 namespace stickslip::recording_export {
@@ -16,13 +15,10 @@ void append(std::string& text, const Column& column, std::size_t row) {
   std::visit(
       [&](const auto& values) {
         using Number = typename std::decay_t<decltype(values)>::value_type;
-        std::array<char, 40> number{};
         if constexpr (std::is_same_v<Number, double>) {
           if (std::isnan(values[row])) return;  // an empty cell
         }
-        const auto [end, error] =
-            std::to_chars(number.data(), number.data() + number.size(), values[row]);
-        text.append(number.data(), error == std::errc() ? end : number.data());
+        physics::append_shortest(text, values[row]);
       },
       column.values);
 }
@@ -31,7 +27,7 @@ void append(std::string& text, const Column& column, std::size_t row) {
 void append_comment(std::string& text, const std::string& name, const std::string& value) {
   if (value.empty()) return;
   text += "# " + name + ": ";
-  for (const char c : value) {
+  for (const char& c : value) {
     text += c;
     if (c == '\n' && &c != &value.back()) text += "#   ";
   }

@@ -17,11 +17,13 @@
 #include "protocol/decode.h"
 #include "protocol/recording_events.h"
 #include "protocol/recording_log.h"
+#include "protocol/time_steps.h"
 
 namespace stickslip::recording_export {
 namespace {
 
 constexpr double missing = std::numeric_limits<double>::quiet_NaN();
+constexpr std::size_t most_text = 10'000;  // bytes of sentences about steps of the time
 
 const char* meaning_of(Channel channel) {
   switch (channel) {
@@ -43,7 +45,23 @@ const char* meaning_of(Channel channel) {
 
 double seconds(std::int64_t time_ns) { return static_cast<double>(time_ns) * 1e-9; }
 
-Table frames_table(const protocol::Recording& recording) {
+/// 1 for each frame that does not continue the one before: frames are missing between them, or the
+/// time steps.
+std::vector<std::uint8_t> gaps_in(std::span<const Frame> frames,
+                                  std::span<const protocol::TimeStep> steps) {
+  std::vector<std::uint8_t> out(frames.size(), 0);
+  auto step = steps.begin();
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    const std::uint64_t before = frames[i - 1].sequence;
+    while (step != steps.end() && step->after_sequence < before) ++step;
+    const bool steps_here = step != steps.end() && step->after_sequence == before;
+    out[i] = static_cast<std::uint8_t>(steps_here || frames[i].sequence != before + 1);
+  }
+  return out;
+}
+
+Table frames_table(const protocol::Recording& recording,
+                   std::span<const protocol::TimeStep> steps) {
   Table table{"frames", "one sample", {}};
   std::vector<double> time_s;
   std::vector<std::int64_t> time_ns;
@@ -70,6 +88,10 @@ Table frames_table(const protocol::Recording& recording) {
   table.columns.push_back(
       {"sequence", "1", "number at the source; a gap is a loss", std::move(sequence)});
   table.columns.push_back({"valid", "1", "bit i: channel i holds a measurement", std::move(valid)});
+  table.columns.push_back({"gap", "1",
+                           "1: frames were lost before this one, or the time steps to it; no line "
+                           "joins it with the one before",
+                           gaps_in(recording.frames, steps)});
   for (const Channel channel : all_channels) {
     const std::size_t c = index_of(channel);
     const ChannelInfo& known = info(channel);
@@ -299,7 +321,12 @@ Tables tables_of(const std::filesystem::path& recording, const protocol::Progres
   out.source = recording.filename().string();
   out.description = read.description;
   if (read.cut_off_bytes > 0) out.cut_off_warning = protocol::cut_off_warning(read);
-  out.tables.push_back(frames_table(read));
+  const std::vector<protocol::TimeStep> steps = protocol::time_steps_of(read.frames);
+  for (const protocol::TimeStep& step : steps) {
+    if (out.time_steps.size() > most_text) break;
+    out.time_steps += protocol::sentence_of(step) + '\n';
+  }
+  out.tables.push_back(frames_table(read, steps));
   std::array<char, 4> head{};
   std::ifstream(recording, std::ios::binary).read(head.data(), head.size());
   if (protocol::is_log({head.data(), head.size()})) {
@@ -321,7 +348,8 @@ std::vector<std::pair<std::string, std::string>> description_texts(const Tables&
       {"configuration", d.configuration},
       {"model", d.model},
       {"calibration", d.calibration},
-      {"fault_script", d.fault_script}};
+      {"fault_script", d.fault_script},
+      {"time_steps", tables.time_steps}};
   return out;
 }
 

@@ -37,6 +37,7 @@ struct Tables {
   std::string written_by = {};  ///< the command that exports them
   protocol::Description description;
   std::string cut_off_warning = {};  ///< of a truncated recording; otherwise empty
+  std::string time_steps = {};       ///< a line for each step of the time that is no lost frame
   std::vector<Table> tables;         ///< frames, then other tables that have rows
 
   const Table* find(const std::string& name) const;

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "physics/number_text.h"
+#include "protocol/json_text.h"
 #include "tools/terminal/text.h"
 
 namespace stickslip::spy {
@@ -272,8 +273,7 @@ std::string json(const View& view, const Traffic& traffic, std::int64_t now_us, 
     channels.push_back(std::move(one));
   }
   const Json out = {{"schema", 1}, {"seconds", seconds}, {"channels", std::move(channels)}};
-  // Foreign names and texts may contain any bytes.
-  return out.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+  return protocol::json_text(out, -1) + "\n";
 }
 
 }  // namespace stickslip::spy

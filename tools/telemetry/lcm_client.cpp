@@ -8,8 +8,10 @@
 #include <array>
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 
+#include "config/lcm_url.h"
 #include "physics/failure.h"
 #include "physics/problem.h"
 #include "protocol/channels.h"
@@ -19,6 +21,8 @@ namespace stickslip::telemetry {
 namespace {
 
 using std::chrono::steady_clock;
+
+constexpr const char* url_variable = "LCM_DEFAULT_URL";
 
 // LCM reports errors on standard error, in many lines. During the lifetime of this object standard
 // error is redirected to memory.
@@ -73,7 +77,16 @@ void throw_lcm_error(const std::string& problem) {
 
 void add_url_option(CLI::App& command, std::string& url) {
   url = protocol::default_url;
-  command.add_option("--url", url, "LCM URL")->envname("LCM_DEFAULT_URL")->capture_default_str();
+  command.add_option("--url", url, "LCM URL")->envname(url_variable)->capture_default_str();
+  // Not a check of the option, which would refuse even --help while the variable is wrong.
+  command.parse_complete_callback([&url] {
+    const std::string wrong = config::wrong_with_lcm_url(url);
+    if (wrong.empty()) return;
+    const char* variable = std::getenv(url_variable);
+    const bool from_variable = variable != nullptr && url == variable;
+    throw CLI::ValidationError((from_variable ? std::string(url_variable) + '=' : "--url ") + url,
+                               wrong);
+  });
 }
 
 StopSignals::StopSignals() {

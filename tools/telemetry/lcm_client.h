@@ -11,7 +11,7 @@
 namespace stickslip::telemetry {
 
 /// Adds `--url` to a subcommand. The default is LCM_DEFAULT_URL, or protocol::default_url, which
-/// stays on this host.
+/// stays on this host. A URL that a configuration could not have is refused likewise.
 void add_url_option(CLI::App& command, std::string& url);
 
 /// Blocks SIGINT and SIGTERM and makes them available as a file to poll. Must be constructed before

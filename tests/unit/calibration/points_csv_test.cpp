@@ -32,7 +32,7 @@ TEST(PointsCsv, ErrorsNameTheLine) {
   one("#\nraw,force\n", "p.csv:2: unknown column \"force\"");
   one("raw,raw,reference_si\n", "p.csv:1: the column raw appears twice");
   one("raw,raw_std\n1,2\n", "p.csv:1: lacks the column reference_si");
-  one("raw,reference_si\n1,2\n1\n", "p.csv:3: has 1 cells, expected 2");
+  one("raw,reference_si\n1,2\n1\n", "p.csv:3: has 1 cell, expected 2");
   one("raw,reference_si\n1,2kg\n", "p.csv:2: reference_si: expected a number, found \"2kg\"");
   one("raw,reference_si\n1,nan\n", "p.csv:2: reference_si: expected a number, found \"nan\"");
   one("raw,reference_si,raw_std\n1,2,-3\n", "p.csv:2: raw_std: a standard deviation is 0 or more");

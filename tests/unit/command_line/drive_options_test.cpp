@@ -32,7 +32,7 @@ DriveOptions parsed(const std::string& arguments) {
 
 std::string error(const DriveOptions& options, Swept swept = Swept::nothing) {
   try {
-    options.drive(base_excited_model(), swept);
+    options.drive(base_excited_model(), 100, swept);
   } catch (const InputError& problem) {
     return problem.what();
   }
@@ -42,7 +42,7 @@ std::string error(const DriveOptions& options, Swept swept = Swept::nothing) {
 TEST(DriveOptions, ConvertBaseAmplitudeToAcceleration) {
   ASSERT_EQ(base_excited_model().oscillator.excitation, physics::Excitation::base);
   const dynamics::Drive drive =
-      parsed("--frequency-hz 4.2 --amplitude 0.008").drive(base_excited_model());
+      parsed("--frequency-hz 4.2 --amplitude 0.008").drive(base_excited_model(), 100);
   const double omega = 2.0 * std::numbers::pi * 4.2;
   EXPECT_DOUBLE_EQ(drive.omega_rad_s, omega);
   EXPECT_DOUBLE_EQ(drive.acceleration_m_s2, 0.008 * omega * omega);
@@ -51,13 +51,14 @@ TEST(DriveOptions, ConvertBaseAmplitudeToAcceleration) {
 TEST(DriveOptions, DivideAForceByTheMass) {
   physics::Model model = base_excited_model();
   model.oscillator.excitation = physics::Excitation::force;
-  const dynamics::Drive drive = parsed("--omega 10 --amplitude 2").drive(model);
+  const dynamics::Drive drive = parsed("--omega 10 --amplitude 2").drive(model, 100);
   EXPECT_DOUBLE_EQ(drive.omega_rad_s, 10.0);
   EXPECT_DOUBLE_EQ(drive.acceleration_m_s2, 2.0 / model.oscillator.mass_kg.value);
 }
 
 TEST(DriveOptions, AcceptAnAcceleration) {
-  const dynamics::Drive drive = parsed("--omega 10 --acceleration 1.9").drive(base_excited_model());
+  const dynamics::Drive drive =
+      parsed("--omega 10 --acceleration 1.9").drive(base_excited_model(), 100);
   EXPECT_DOUBLE_EQ(drive.acceleration_m_s2, 1.9);
 }
 
@@ -78,7 +79,7 @@ TEST(DriveOptions, DoNotRequireTheSweptQuantity) {
 TEST(DriveOptions, RefuseImposedMotion) {
   physics::Model model = base_excited_model();
   model.oscillator.excitation = physics::Excitation::imposed;
-  EXPECT_THROW(parsed("--omega 1 --amplitude 1").drive(model), InputError);
+  EXPECT_THROW(parsed("--omega 1 --amplitude 1").drive(model, 100), InputError);
 }
 
 TEST(DriveOptions, SetTheInitialStateAndSteps) {

@@ -17,6 +17,7 @@
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/run.h"
 #include "tools/files/read_file.h"
+#include "tools/files/temporary_folder.h"
 #include "tools/files/write_file.h"
 #include "tools/terminal/command_tree.h"
 
@@ -201,12 +202,10 @@ TEST(Commands, DeclareEveryOptionThatNamesAFile) {
 // Every output of every command against each of its inputs and other outputs: nothing is written
 // over what the command reads, and no two results into one file.
 TEST(Commands, RefuseAnOutputThatIsAnInputOrAnotherOutput) {
-  const std::string folder = testing::TempDir() + "/stickslip-commands-outputs";
-  fs::create_directories(folder);
-  const std::string file = folder + "/one.csv";
-  const std::string link = folder + "/link.csv";
+  const files::TemporaryFolder folder;
+  const std::string file = folder.path() / "one.csv";
+  const std::string link = folder.path() / "link.csv";
   files::write_file(file, "input");
-  fs::remove(link);
   fs::create_symlink("one.csv", link);
   std::size_t pairs = 0;
   Parser parser;
@@ -228,11 +227,11 @@ TEST(Commands, RefuseAnOutputThatIsAnInputOrAnotherOutput) {
   });
   EXPECT_GT(pairs, 30U);
   EXPECT_EQ(files::content_of(file), "input");
-  fs::remove_all(folder);
 }
 
 TEST(Commands, RefuseAnOutputThatTheyDidNotWrite) {
-  const std::string file = testing::TempDir() + "/stickslip-commands-foreign.csv";
+  const files::TemporaryFolder folder;
+  const std::string file = folder.path() / "foreign.csv";
   files::write_file(file, "by hand");
   std::size_t outputs = 0;
   Parser parser;
@@ -252,7 +251,6 @@ TEST(Commands, RefuseAnOutputThatTheyDidNotWrite) {
   });
   EXPECT_GT(outputs, 12U);
   EXPECT_EQ(files::content_of(file), "by hand");
-  fs::remove(file);
 }
 
 }  // namespace

@@ -6,13 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <numbers>
 #include <string>
 
 #include "config/model_file.h"
 #include "config/rig.h"
+#include "tools/files/read_file.h"
 
 namespace stickslip::config {
 namespace {
@@ -22,9 +21,8 @@ using testing::Not;
 
 const std::filesystem::path folder = STICKSLIP_SOURCE_DIR "/config";
 
-std::string content(const std::filesystem::path& path) {
-  std::ifstream in(path);
-  std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+std::string one_line_of(const std::filesystem::path& path) {
+  std::string text = files::content_of(path);
   std::replace(text.begin(), text.end(), '\n', ' ');
   return text;
 }
@@ -58,7 +56,7 @@ TEST_P(PaperPreset, AgreesWithThePaper) {
   EXPECT_EQ(rig.model.load_cell.has_value(), std::string(preset.name) != "motivational");
   for (const char* kind : {"", "models/"}) {
     const std::string comment =
-        content(folder / (kind + std::string(preset.name) + ".toml")).substr(0, 200);
+        one_line_of(folder / (kind + std::string(preset.name) + ".toml")).substr(0, 200);
     EXPECT_THAT(comment, HasSubstr(preset.title));
     EXPECT_THAT(comment, HasSubstr(preset.material));
     EXPECT_THAT(comment, HasSubstr(preset.plates));

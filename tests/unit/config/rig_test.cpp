@@ -67,6 +67,20 @@ class RigFile : public testing::Test {
   std::filesystem::path folder_;
 };
 
+TEST_F(RigFile, WhatItNamesIsNotWritten) {
+  std::filesystem::create_symlink(folder_ / "model.toml", folder_ / "link.log");
+  const std::string recording = "recording = { enabled = true, file = \"link.log\" }\n";
+  EXPECT_THAT(problems(least + recording),
+              testing::ElementsAre(testing::AllOf(
+                  testing::HasSubstr("recording.file: is the same file as model.toml"),
+                  testing::HasSubstr("read as rig.model"))));
+  EXPECT_THAT(problems(least + std::string("control.socket = \"rig.toml\"\n")),
+              testing::ElementsAre(testing::HasSubstr("control.socket: is this configuration")));
+  EXPECT_THAT(
+      problems(least + std::string("recording = { enabled = false, file = \"link.log\" }\n")),
+      testing::IsEmpty());
+}
+
 TEST_F(RigFile, DriverKeysAreRead) {
   write("other.toml", std::string(model) + "[[physics]]\nid = \"bias_force\"\nforce_n = 2.0\n");
   write("played.csv", "time_s\n");

@@ -4,6 +4,8 @@
 
 #include <fstream>
 
+#include "tools/files/temporary_folder.h"
+
 namespace stickslip::config {
 namespace {
 
@@ -17,9 +19,9 @@ class ShippedFiles : public testing::Test {
       std::ofstream(shipped_ / name) << "schema = 1\n";
     }
   }
-  ~ShippedFiles() override { fs::remove_all(shipped_); }
 
-  fs::path shipped_ = fs::path(testing::TempDir()) / "shipped_files_test";
+  files::TemporaryFolder folder_;
+  fs::path shipped_ = folder_.path();
 };
 
 TEST_F(ShippedFiles, AreFoundByNameInTheFolderOfTheirKind) {

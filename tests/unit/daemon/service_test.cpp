@@ -7,6 +7,7 @@
 #include <functional>
 #include <string>
 
+#include "config/lcm_url.h"
 #include "daemon/message_writer.h"
 #include "physics/problem.h"
 
@@ -38,6 +39,35 @@ TEST(Overrides, OverrideTheConfiguration) {
   overrides.no_lcm = true;
   EXPECT_FALSE(with_overrides(rig, overrides).lcm.enabled);
   EXPECT_EQ(with_overrides(rig, overrides).loop.duration_s, 3.0);
+}
+
+TEST(Overrides, AnLcmUrlIsJudgedAsThatOfAConfiguration) {
+  for (const char* wrong : {"udpm://239.255.76.67:99999", "udpm://10.0.0.1:7667", "nonsense://"}) {
+    Overrides overrides;
+    overrides.lcm_url = wrong;
+    EXPECT_EQ(refusal([&] { with_overrides({}, overrides); }),
+              std::string("--lcm-url ") + wrong + ": " + config::wrong_with_lcm_url(wrong));
+  }
+}
+
+TEST(Overrides, WhatTheConfigurationNamesIsNotWritten) {
+  config::Rig rig;
+  rig.file = "/nowhere/rig.toml";
+  rig.text =
+      "[rig]\nmodel = \"beam.toml\"\n[metrics]\nfile = \"rig.prom\"\n"
+      "[recording]\nfile = \"run.log\"\n[[modbus]]\nmap = \"plc.toml\"\n";
+  for (const char* name : {"rig.toml", "beam.toml", "rig.prom", "plc.toml"}) {
+    for (auto member : {&Overrides::record, &Overrides::control}) {
+      Overrides overrides;
+      overrides.*member = std::string("/nowhere/") + name;
+      EXPECT_THAT(refusal([&] { with_overrides(rig, overrides); }),
+                  testing::AllOf(testing::StartsWith("--"), testing::HasSubstr(name),
+                                 testing::HasSubstr("expected another file")));
+    }
+  }
+  Overrides overrides;
+  overrides.record = "/nowhere/run.log";
+  EXPECT_EQ(with_overrides(rig, overrides).recording.file, "/nowhere/run.log");
 }
 
 TEST(Overrides, AnInvalidDurationIsRefused) {

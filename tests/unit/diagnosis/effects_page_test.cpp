@@ -4,13 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <set>
 #include <sstream>
 
 #include "diagnosis/report/effect_picture.h"
 #include "physics/catalogue.h"
+#include "tools/files/read_file.h"
 
 namespace stickslip::report {
 namespace {
@@ -20,13 +19,8 @@ using testing::Not;
 
 const std::filesystem::path documents = STICKSLIP_SOURCE_DIR "/docs";
 
-std::string content(const std::filesystem::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-}
-
 TEST(EffectsPage, IsUpToDate) {
-  EXPECT_EQ(content(documents / "effects.md"), effects_page())
+  EXPECT_EQ(files::content_of(documents / "effects.md"), effects_page())
       << "renew it as docs/development.md says";
 }
 
@@ -36,7 +30,7 @@ TEST(EffectsPage, HasAnUpToDatePictureOfEveryEffectAndNoOther) {
     const std::string id(effect->card().id);
     names.insert(id + ".svg");
     const std::string picture = effect_picture(*effect);
-    EXPECT_EQ(content(documents / "effects" / (id + ".svg")), picture)
+    EXPECT_EQ(files::content_of(documents / "effects" / (id + ".svg")), picture)
         << id << ": renew it as docs/development.md says";
     EXPECT_LT(picture.size(), 12000U) << id;
   }

@@ -59,7 +59,7 @@ TEST(Regions, ReportTimes) {
   EXPECT_NEAR(when->from, 8.0, 0.1);
   EXPECT_NEAR(when->to, 12.0, 0.1);
   EXPECT_GT(when->energy, 5.0 * when->energy_outside);
-  EXPECT_EQ(when->words, "from 8 to 12 s");
+  EXPECT_EQ(when->words, "at times from 8 to 12 s");
 }
 
 TEST(Regions, ReportDeflections) {

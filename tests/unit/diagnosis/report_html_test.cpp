@@ -7,11 +7,15 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <nlohmann/json.hpp>
+#include <regex>
 #include <string>
 #include <vector>
 
 #include "diagnosis/report/formatting.h"
+#include "diagnosis/report/json.h"
 #include "diagnosis/report/plot_svg.h"
+#include "diagnosis/report/text.h"
 #include "physics/catalogue.h"
 
 namespace stickslip::report {
@@ -229,6 +233,39 @@ TEST(ReportHtml, DescribesTheRigWithTheFittedParameters) {
   EXPECT_THAT(page, Not(HasSubstr("0.0521")));
 }
 
+std::string without_tags(const std::string& page) {
+  return std::regex_replace(page, std::regex("<[^>]*>"), " ");
+}
+
+TEST(ReportHtml, ADimensionlessModelHasNoUnits) {
+  const std::regex unit(
+      "[0-9](\\s|\u00a0)(mm|\u00b5m|nm|m|m/s|mm/s|N|mN|N/m|s|ms|Hz|kg|1/s)[^a-z0-9]|"
+      "\\[(mm?|s|ms|Hz|m?N|m?m/s)\\]|N/m|unit of|suffix of a name");
+  Diagnosis d = with_a_finding();
+  d.findings.front().statement = "It hits a stop after 2 mm.";
+  d.findings.front().when_s = {1.0, 2.0};
+  d.integrity.front().channels.front().mains =
+      physics::Line{.frequency_hz = 50.0, .amplitude = 0.001};
+  d.model.normal_load = physics::NormalLoad{};
+  d.model.normal_load->load_n.value = 0.15;
+  d.model.friction.law = physics::FrictionLaw::state_variable;
+  d.model.friction.rate_per_s.value = 150.0;
+  d.model.oscillator.stiffness_n_m = physics::Parameter{13.6};
+  EXPECT_TRUE(std::regex_search(without_tags(report_html(d, provenance())), unit));
+  EXPECT_TRUE(std::regex_search(report_text(d), unit));
+  d.model.dimensionless = true;
+  use_units_of_model(d);
+  for (const std::string& text : {without_tags(report_html(d, provenance())), report_text(d)}) {
+    std::smatch found;
+    const bool has_unit = std::regex_search(text, found, unit);
+    EXPECT_FALSE(has_unit) << found.prefix().str().substr(
+                                  found.prefix().length() > 200 ? found.prefix().length() - 200 : 0)
+                           << found.str();
+    EXPECT_THAT(text, HasSubstr("It hits a stop after 0.002."));
+  }
+  EXPECT_TRUE(nlohmann::json::parse(report_json(d).dump()).at("dimensionless").get<bool>());
+}
+
 TEST(ReportHtml, EveryKindOfAnswerHasItsFirstScreen) {
   EXPECT_THAT(first_screen_of(report_html(consistent(), provenance())),
               AllOf(HasSubstr("No missing physics"), HasSubstr("class=\"consistent\""),
@@ -340,9 +377,11 @@ TEST(Formatting, NumbersAndUnits) {
   EXPECT_EQ(plain_text("+2.5e+01"), plain_text("2.5e+01"));
   EXPECT_EQ(plain_text("friction_force wanders by -1.25e-05 N in 4.38e+03 s"),
             "friction force wanders by \u22121.25 \u00d7 10\u207b\u2075 N in 4380 s");
-  EXPECT_EQ(unit_text("unit of the channel per second", {Channel::velocity, {}}), "m/s per second");
-  EXPECT_EQ(unit_text("1", {}), "");
-  EXPECT_EQ(unit_text("N s^2/m2", {}), "N s\u00b2/m\u00b2");
+  EXPECT_EQ(unit_text("unit of the channel per second", {Channel::velocity, {}},
+                      physics::ResultUnits({})),
+            "m/s per second");
+  EXPECT_EQ(unit_text("1", {}, physics::ResultUnits({})), "");
+  EXPECT_EQ(unit_text("N s^2/m2", {}, physics::ResultUnits({})), "N s\u00b2/m\u00b2");
   EXPECT_EQ(format_percent(0.99999), ">\u00a099.9\u00a0%");
 }
 

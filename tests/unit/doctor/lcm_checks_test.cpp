@@ -39,6 +39,14 @@ TEST(LcmUrlCheck, WarnsIfTelemetryLeavesTheHost) {
                                 "udpm://239.255.76.67:7667?ttl=0|' 'my rig.toml'")));
 }
 
+TEST(LcmUrlCheck, FailsOnWhatAConfigurationCouldNotHave) {
+  Requirements required = some_requirements();
+  required.lcm_url = "udpm//239.255.76.67:7667";
+  EXPECT_THAT(check_lcm_url(required), is(Verdict::fail, "expected udpm://ADDRESS:PORT"));
+  required.lcm_url = "udpm://239.255.76.67:7667?tll=0";
+  EXPECT_THAT(check_lcm_url(required), is(Verdict::fail, "did you mean ttl?"));
+}
+
 TEST(LcmChecks, SkipANetworkThatTheRigDoesNotUse) {
   const FakeHost host;
   Requirements silent = some_requirements();

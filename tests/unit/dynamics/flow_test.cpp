@@ -5,6 +5,8 @@
 #include <cmath>
 #include <string>
 
+#include "physics/problem.h"
+
 namespace stickslip::dynamics {
 namespace {
 
@@ -156,6 +158,17 @@ TEST(Flow, DoesNotDependOnTheOutputTimes) {
   once.start(0.5, 0.0);
   once.advance(40.0);
   EXPECT_EQ(often.now().x(), once.now().x());
+}
+
+TEST(Flow, EndsIfItsStepsBecomeTooShort) {
+  physics::Model model = bench();
+  model.oscillator.natural_frequency_hz.reset();
+  model.oscillator.damping_ratio.reset();
+  model.oscillator.stiffness_n_m = physics::Parameter{0.0};
+  model.oscillator.damping_n_s_m = physics::Parameter{0.0};
+  model.oscillator.two_well = physics::TwoWell{{1.0}, {1.0e18}};
+  Flow flow(model, base_drive(0.001, 3.0), 1.0e-7, 0.1);
+  EXPECT_THROW(flow.advance(10.0), InputError);
 }
 
 TEST(Flow, RefusesUnsupportedModels) {

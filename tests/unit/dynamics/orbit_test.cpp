@@ -4,6 +4,8 @@
 
 #include <stdexcept>
 
+#include "physics/problem.h"
+
 namespace stickslip::dynamics {
 namespace {
 
@@ -62,6 +64,20 @@ TEST(EnoughSteps, ResolveTheLoadCell) {
   EXPECT_EQ(enough_steps(model, base_drive(0.01, 1.0)), 500);
   model.load_cell = physics::LoadCell{{0.01}, {20.0}, {0.02}, physics::LoadCellDynamics::resonant};
   EXPECT_GT(enough_steps(model, base_drive(0.01, 1.0)), 6000);
+}
+
+TEST(EnoughSteps, AreNotMoreThanAnyoneWaitsFor) {
+  auto model = oscillator(physics::Excitation::base);
+  model.oscillator.natural_frequency_hz = physics::Parameter{1.0e3};
+  const Drive drive = base_drive(0.01, 1.0);
+  EXPECT_NO_THROW(enough_steps(model, drive, 3000));
+  EXPECT_THROW(enough_steps(model, drive, 4000), InputError) << "1.3e9 steps";
+  model.oscillator.natural_frequency_hz = physics::Parameter{1.0e4};
+  EXPECT_THROW(enough_steps(model, drive), InputError) << "3e6 steps a period";
+  model.oscillator.natural_frequency_hz = physics::Parameter{1.0};
+  EXPECT_NO_THROW(enough_steps(model, drive, 20'000'000)) << "500 steps a period, as was wanted";
+  model.oscillator.damping_ratio = physics::Parameter{1.0e9};
+  EXPECT_THROW(enough_steps(model, drive), InputError) << "a decay";
 }
 
 }  // namespace

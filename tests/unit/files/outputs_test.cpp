@@ -12,6 +12,7 @@
 #include <iterator>
 #include <string>
 
+#include "config/same_file.h"
 #include "physics/problem.h"
 #include "tools/files/read_file.h"
 #include "tools/files/write_file.h"
@@ -65,11 +66,26 @@ TEST_F(OutputsTest, AnInputIsNotAnOutputByWhateverPath) {
   EXPECT_FALSE(fs::exists(path("missing")));
 }
 
+TEST_F(OutputsTest, WhatAConfigurationNamesIsAnInput) {
+  write_file(path("rig.toml"),
+             "[rig]\nname = \"r\"\nmodel = \"m.toml\"\n[driver]\nkind = \"bench\"\n"
+             "faults = \"faults.toml\"\n[calibration]\nfile = \"c.toml\"\n"
+             "[recording]\nenabled = true\nfile = \"run.log\"\n[[modbus]]\nmap = \"map.toml\"\n");
+  const Outputs ours("stickslip figures", {path("rig.toml")}, true);
+  for (const std::string name : {"rig.toml", "m.toml", "faults.toml", "c.toml", "map.toml"}) {
+    if (name != "rig.toml") write_file(path(name), "schema = 1\n");
+    fs::create_hard_link(folder_ / name, folder_ / ("link-to-" + name));
+    EXPECT_THROW(ours.check(path(name)), InputError) << name;
+    EXPECT_THROW(ours.check(path("link-to-" + name)), InputError) << name;
+  }
+  EXPECT_NO_THROW(ours.check(path("run.log"))) << "which the daemon writes";
+}
+
 TEST_F(OutputsTest, ADanglingLinkToAnotherNameIsTheSameFile) {
   fs::create_symlink("missing", folder_ / "dangling");
-  EXPECT_TRUE(is_same_file(path("dangling"), path("missing")));
-  EXPECT_FALSE(is_same_file(path("dangling"), path("other")));
-  EXPECT_FALSE(is_same_file(path("t.csv"), path("other")));
+  EXPECT_TRUE(config::is_same_file(path("dangling"), path("missing")));
+  EXPECT_FALSE(config::is_same_file(path("dangling"), path("other")));
+  EXPECT_FALSE(config::is_same_file(path("t.csv"), path("other")));
   outputs().write(path("dangling2"), Form::plain, "x");
 }
 

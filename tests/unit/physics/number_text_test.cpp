@@ -2,6 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
+#include "physics/unsigned_zero.h"
+
 namespace stickslip::physics {
 namespace {
 
@@ -11,6 +15,7 @@ TEST(NumberText, GivesAZeroNoSign) {
   EXPECT_EQ(fixed_text(-0.0004, 3), "0.000");
   EXPECT_EQ(fixed_text(-0.04, 1), "0.0");
   EXPECT_EQ(with_unsigned_zero("-0e+00"), "0e+00");
+  EXPECT_FALSE(std::signbit(unsigned_zero(-0.0)));
 }
 
 TEST(NumberText, KeepsTheSignOfOtherNumbers) {
@@ -19,6 +24,7 @@ TEST(NumberText, KeepsTheSignOfOtherNumbers) {
   EXPECT_EQ(fixed_text(-0.0006, 3), "-0.001");
   EXPECT_EQ(fixed_text(1.25, 1, true), "+1.2");
   EXPECT_EQ(shortest_text(-0.1), "-0.1");
+  EXPECT_EQ(shortest_text(-5e-324), "-5e-324");
 }
 
 TEST(NumberText, CountsWithANoun) {

@@ -10,6 +10,7 @@
 
 #include "physics/problem.h"
 #include "protocol/recording.h"
+#include "tests/unit/protocol/files.h"
 
 namespace stickslip::protocol {
 namespace {
@@ -101,7 +102,7 @@ TEST(Csv, WritesOnlyMeasuredChannelsAndExactTimes) {
   EXPECT_EQ(csv_of(recording),
             "time_s,displacement_m,base_displacement_m\n"
             "-0.000000001,,0.1\n"
-            "1700000000.123456789,-0,\n");
+            "1700000000.123456789,0,\n");
 }
 
 TEST(Csv, ABinaryFileIsRefusedInOneShortLine) {
@@ -132,6 +133,18 @@ TEST(Csv, AMinuteOfFiveChannelsIsReadQuickly) {
   const auto start = std::chrono::steady_clock::now();
   EXPECT_EQ(parse_csv(text, "t").frames.size(), 60000U);
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(2));
+}
+
+TEST(Csv, AZeroHasNoSignAndALogKeepsIt) {
+  Recording recording;
+  recording.frames.resize(1);
+  recording.frames[0].set(Channel::displacement, -0.0);
+  std::ostringstream out;
+  write_csv(recording, out);
+  EXPECT_EQ(out.str(), "time_s,displacement_m\n0.000,0\n");
+  const Folder folder;
+  write_log(recording, folder / "r.log");
+  EXPECT_TRUE(std::signbit(read_recording(folder / "r.log").frames[0][Channel::displacement]));
 }
 
 // A file that was cut may end within a number, which would be read as another one.

@@ -10,6 +10,7 @@
 #include "protocol/recording.h"
 #include "protocol/recording_parts.h"
 #include "protocol/recording_survey.h"
+#include "tests/unit/protocol/files.h"
 
 namespace stickslip::protocol {
 namespace {
@@ -26,15 +27,6 @@ Recording long_recording() {
   }
   return out;
 }
-
-/// A temporary folder.
-struct Folder {
-  std::filesystem::path path = std::filesystem::path(testing::TempDir()) / "stickslip-share-done";
-  Folder() { std::filesystem::create_directories(path); }
-  ~Folder() { std::filesystem::remove_all(path); }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-};
 
 class Progress {
  public:
@@ -64,10 +56,10 @@ TEST(ProgressCallback, IsCalledByWritingAndReadingOfBothForms) {
   for (const char* name : {"run.csv", "run.log"}) {
     SCOPED_TRACE(name);
     Progress written;
-    write_recording(recording, folder.path / name, written.done());
+    write_recording(recording, folder / name, written.done());
     written.expect_valid();
     Progress read;
-    EXPECT_EQ(read_recording(folder.path / name, read.done()).frames.size(), 20000U);
+    EXPECT_EQ(read_recording(folder / name, read.done()).frames.size(), 20000U);
     read.expect_valid();
   }
 }
@@ -76,16 +68,16 @@ TEST(ProgressCallback, IsCalledBySurveyRepairAndJoin) {
   const Folder folder;
   Recording recording = long_recording();
   recording.description.started_utc_us = 1;
-  write_recording(recording, folder.path / "run.log");
+  write_recording(recording, folder / "run.log");
   Progress surveyed;
-  survey_log(folder.path / "run.log", surveyed.done());
+  survey_log(folder / "run.log", surveyed.done());
   surveyed.expect_valid();
   Progress repaired;
-  repair_log(folder.path / "run.log", folder.path / "whole.log", repaired.done());
+  repair_log(folder / "run.log", folder / "whole.log", repaired.done());
   repaired.expect_valid();
   Progress joined;
-  const std::vector<std::filesystem::path> parts = {folder.path / "run.log"};
-  join_logs(parts, folder.path / "joined.log", joined.done());
+  const std::vector<std::filesystem::path> parts = {folder / "run.log"};
+  join_logs(parts, folder / "joined.log", joined.done());
   joined.expect_valid();
 }
 

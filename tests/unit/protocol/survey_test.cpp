@@ -109,6 +109,73 @@ TEST(Survey, TheMedianOfALongLogIsThatOfASubset) {
   EXPECT_NEAR(found.rate_hz(), 1000.0, 1e-6);
 }
 
+Recording frames_every(std::int64_t period_ns, std::size_t count) {
+  Recording recording = regular_frames(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    recording.frames[i].time_ns = static_cast<std::int64_t>(i) * period_ns;
+  }
+  return recording;
+}
+
+// A step is measured in periods of the recording, not in seconds.
+TEST(Survey, ASlowRateIsNoStepOfTheTime) {
+  for (const std::int64_t period_ns : {100'000'000LL, 200'000'000LL, 5'000'000'000LL}) {
+    const LogSurvey found = survey_of(frames_every(period_ns, 100));
+    EXPECT_THAT(found.time_steps, IsEmpty()) << period_ns;
+    EXPECT_THAT(found.gap_sentences(), IsEmpty()) << period_ns;
+    EXPECT_NEAR(found.rate_hz(), 1e9 / static_cast<double>(period_ns), 1e-9);
+  }
+}
+
+TEST(Survey, FindsAStepOfMoreThanTenPeriodsAtAnyRate) {
+  for (const std::int64_t period_ns : {20'000LL, 1'000'000LL, 200'000'000LL}) {
+    for (const std::int64_t periods : {9LL, 11LL}) {
+      Recording recording = frames_every(period_ns, 1000);
+      for (std::size_t i = 500; i < 1000; ++i) {
+        recording.frames[i].time_ns += periods * period_ns;
+      }
+      EXPECT_EQ(survey_of(recording).time_steps.size(), periods > 10 ? 1U : 0U)
+          << period_ns << ' ' << periods;
+    }
+  }
+}
+
+TEST(TimeSteps, AreFoundAfterAnyNumberOfSlowFrames) {
+  TimeSteps steps;
+  std::int64_t time_ns = 0;
+  for (std::uint64_t i = 0; i < 300'000; ++i) {
+    const std::int64_t next_ns = time_ns + (i == 250'000 ? 7'200'000'000 : 200'000'000);
+    steps.add(i, time_ns, next_ns, 1);
+    time_ns = next_ns;
+  }
+  const std::vector<TimeStep> found = steps.found();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].after_sequence, 250'000U);
+  EXPECT_NEAR(found[0].excess_s, 7.0, 1e-9);
+}
+
+TEST(TimeSteps, AreFoundBehindAStepAtTheStart) {
+  TimeSteps steps;
+  steps.add(0, 0, 5'000'000'000, 1);
+  for (std::uint64_t i = 1; i < 1000; ++i) {
+    const auto at_ns = 5'000'000'000 + static_cast<std::int64_t>(i) * 1'000'000;
+    steps.add(i, at_ns, at_ns + 1'000'000, 1);
+  }
+  ASSERT_EQ(steps.found().size(), 1U);
+  EXPECT_EQ(steps.found()[0].after_sequence, 0U);
+}
+
+// Over an hour of lost frames the period is not known to ten periods.
+TEST(TimeSteps, AnInaccuratePeriodIsNoStepOverManyLostFrames) {
+  TimeSteps steps;
+  for (std::uint64_t i = 0; i < 100; ++i) {
+    steps.add(i, static_cast<std::int64_t>(i) * 1'000'000,
+              static_cast<std::int64_t>(i + 1) * 1'000'000, 1);
+  }
+  steps.add(100, 100'000'000, 100'000'000 + 3'600'072'000'000, 3'600'000);
+  EXPECT_THAT(steps.found(), IsEmpty());
+}
+
 // The description and the ledger are the daemon's, the frames what arrived, the numbers of the
 // events those of the program that received them.
 TEST(Survey, AReceivedLogThatLostFramesHasGapsButIsNotDamaged) {

@@ -115,6 +115,7 @@ TEST_F(Export, CsvHasOneRowPerFrame) {
   }
   EXPECT_THAT(comments, testing::Contains("# rig: Prüfstand"));
   EXPECT_THAT(comments, testing::Contains("#   name = \"x\""));
+  EXPECT_THAT(comments, testing::Contains("# model: schema = 1"));  // on a line of its own
   EXPECT_THAT(comments,
               testing::Contains(HasSubstr("displacement_m: deflection of the mass relative to the "
                                           "moving frame [m]")));
@@ -127,7 +128,7 @@ TEST_F(Export, CsvHasOneRowPerFrame) {
   EXPECT_THAT(comments, testing::Not(testing::Contains(HasSubstr("[SI]"))));
   ASSERT_EQ(rows.size(), frame_count + 1);
   EXPECT_EQ(rows[0],
-            "time_s,time_ns,sequence,valid,displacement_m,normal_load_n,normal_load_age_s,"
+            "time_s,time_ns,sequence,valid,gap,displacement_m,normal_load_n,normal_load_age_s,"
             "excitation_drive,excitation_amplitude,excitation_carrier_hz,excitation_phase_rad,"
             "excitation_amplifier_on,estimate_valid,estimate_theta,estimate_mu,"
             "estimate_gamma_per_s,estimate_friction_force_n,estimate_slip_velocity_m_s,"
@@ -137,12 +138,12 @@ TEST_F(Export, CsvHasOneRowPerFrame) {
             "estimate_state_gamma_per_s_std,estimate_state_mu,estimate_state_mu_std,"
             "estimate_state_theta,estimate_state_theta_std,estimate_state_velocity_m_s,"
             "estimate_state_velocity_m_s_std");
-  EXPECT_THAT(rows[1], HasSubstr(",1720000000000000001,100,9,1,0.15,0.00025,,,,,,,"));
-  EXPECT_THAT(rows[4], HasSubstr(",103,8,,0.15,"));  // displacement was not measured
-  EXPECT_THAT(rows[6], HasSubstr(",105,9,0.16666666666666666,0.15,0.00025,0.001,0.5,0,0.25,0,,,"));
-  EXPECT_THAT(rows[9], HasSubstr(",108,9,0.1111111111111111,0.15,0.00025,0.003,0.5,0,0.5,1,,,"));
-  EXPECT_THAT(rows[10], HasSubstr(",109,9,0.1,0.15,0.00025,0.004,0,0,0,1,0,,,"));
-  EXPECT_THAT(rows[20], HasSubstr(",119,9,0.05,0.15,0.00025,,,,,,1,0,0.8,0,"));
+  EXPECT_THAT(rows[1], HasSubstr(",1720000000000000001,100,9,0,1,0.15,0.00025,,,,,,,"));
+  EXPECT_THAT(rows[4], HasSubstr(",103,8,0,,0.15,"));  // displacement was not measured
+  EXPECT_THAT(rows[6], HasSubstr(",105,9,0,0.16666666666666666,0.15,0.00025,0.001,0.5,0,0.25,0,,,"));
+  EXPECT_THAT(rows[9], HasSubstr(",108,9,0,0.1111111111111111,0.15,0.00025,0.003,0.5,0,0.5,1,,,"));
+  EXPECT_THAT(rows[10], HasSubstr(",109,9,0,0.1,0.15,0.00025,0.004,0,0,0,1,0,,,"));
+  EXPECT_THAT(rows[20], HasSubstr(",119,9,0,0.05,0.15,0.00025,,,,,,1,0,0.8,0,"));
   EXPECT_THAT(rows[20], testing::EndsWith(",150,2,0.8,0.2,0.5,0.1,0.1,0.1"));
 }
 
@@ -287,6 +288,35 @@ TEST_F(Export, CsvRecordingsAreExported) {
   write_tables(tables_of(folder_ / "in.csv"), folder_ / "out.h5");
   const Hdf5File file(folder_ / "out.h5");
   EXPECT_EQ(file.values<double>("/frames/velocity_m_s", H5T_NATIVE_DOUBLE)[1], 2.0);
+}
+
+// The sequence numbers of the second gap are continuous.
+TEST_F(Export, LostFramesAndStepsOfTheTimeAreMarked) {
+  protocol::Recording recording;
+  for (std::size_t i = 0; i < 100; ++i) {
+    if (i == 40) continue;
+    Frame frame;
+    frame.sequence = i;
+    frame.time_ns = time_ns(i) + (i < 70 ? 0 : 5'000'000'000);
+    frame.set(Channel::displacement, 0.5);
+    recording.frames.push_back(frame);
+  }
+  recording.channels = 1;
+  protocol::write_log(recording, folder_ / "steps.log");
+  const Tables tables = tables_of(folder_ / "steps.log");
+  const auto& gap = std::get<std::vector<std::uint8_t>>(tables.find("frames")->find("gap")->values);
+  const auto& sequence =
+      std::get<std::vector<std::int64_t>>(tables.find("frames")->find("sequence")->values);
+  for (std::size_t i = 0; i < gap.size(); ++i) {
+    EXPECT_EQ(gap[i], sequence[i] == 41 || sequence[i] == 70 ? 1 : 0) << sequence[i];
+  }
+  EXPECT_THAT(tables.time_steps, HasSubstr("the time steps by 5.000 s after "));
+  write_tables(tables, folder_ / "steps.csv");
+  std::ifstream in(folder_ / "steps.csv");
+  const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  EXPECT_THAT(text, HasSubstr("# time_steps: the time steps by 5.000 s after "));
+  EXPECT_THAT(text, HasSubstr(",70,1,1,0.5\n"));
+  EXPECT_THAT(text, HasSubstr(",71,1,0,0.5\n"));
 }
 
 TEST_F(Export, ReportsUnwritableFiles) {

@@ -217,6 +217,19 @@ TEST(Reduce, TakesTheLongestStretchWithoutAGap) {
   EXPECT_THROW(reduce(recording, model, options), InputError);
 }
 
+// The pictures join samples by lines: none may cross a clock that was set.
+TEST(Reduce, AStepOfTheTimeIsAGap) {
+  protocol::Recording recording = short_recording();
+  for (std::size_t i = 700; i < recording.frames.size(); ++i) {
+    recording.frames[i].time_ns += 5'000'000'000;
+  }
+  const Reduction got = reduce(recording, preset("beam-1").model);
+  EXPECT_EQ(got.first, 700U + 100U);
+  for (std::size_t i = 1; i < got.samples.size(); ++i) {
+    ASSERT_LT(got.samples[i].time_s - got.samples[i - 1].time_s, 0.002) << i;
+  }
+}
+
 TEST(Reduce, ReportsMissingInput) {
   using testing::HasSubstr;
   using testing::ThrowsMessage;

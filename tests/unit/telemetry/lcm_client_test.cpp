@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "config/lcm_url.h"
 #include "physics/problem.h"
 #include "protocol/channels.h"
 #include "tools/telemetry/network_of.h"
@@ -51,6 +52,31 @@ TEST(UrlOption, PrefersTheCommandLineToTheEnvironment) {
   const DefaultUrl url("udpm://239.255.76.67:7000?ttl=0");
   EXPECT_EQ(parsed_url(""), "udpm://239.255.76.67:7000?ttl=0");
   EXPECT_EQ(parsed_url("--url memq://"), "memq://");
+}
+
+TEST(UrlOption, IsJudgedAsThatOfAConfiguration) {
+  const DefaultUrl unset(nullptr);
+  for (const std::string wrong : {"udpm://239.255.76.67:99999", "udpm://10.0.0.1:7667",
+                                  "udpm://239.255.76.67:7667?tll=1", "nonsense"}) {
+    try {
+      parsed_url("--url " + wrong);
+      ADD_FAILURE() << wrong;
+    } catch (const CLI::ValidationError& error) {
+      EXPECT_EQ(error.what(), "--url " + wrong + ": " + config::wrong_with_lcm_url(wrong));
+    }
+  }
+  EXPECT_EQ(parsed_url("--url udpm://239.255.76.67:7000?ttl=1"), "udpm://239.255.76.67:7000?ttl=1");
+}
+
+TEST(UrlOption, NamesTheVariableThatIsWrongAndStillHelps) {
+  const DefaultUrl wrong("nonsense");
+  EXPECT_THROW(parsed_url("--help"), CLI::CallForHelp);
+  try {
+    parsed_url("");
+    ADD_FAILURE();
+  } catch (const CLI::ValidationError& error) {
+    EXPECT_THAT(error.what(), testing::StartsWith("LCM_DEFAULT_URL=nonsense: expected udpm://"));
+  }
 }
 
 bool blocked(int signal) {

@@ -213,7 +213,6 @@ export class Oscilloscope {
     const { points } = lane;
     const { time, mask } = frames;
     const data = frames.values[lane.index];
-    const sequence = frames.columns.sequence;
     const scale = (this.#factor(lane) * lane.height) / (lane.limits.high - lane.limits.low);
     const base = lane.top + lane.height + (lane.limits.low * lane.height) / (lane.limits.high - lane.limits.low);
     const perNs = this.plotWidth / this.span_ns;
@@ -222,8 +221,7 @@ export class Oscilloscope {
     let count = 0;
     for (let row = from; row < to && count < maxPoints - 2; ++row) {
       const value = data[row & mask];
-      const lost = row > from && sequence[row & mask] - sequence[(row - 1) & mask] !== 1;
-      if (lost || value !== value) {
+      if ((row > from && frames.broken(row - 1, row)) || value !== value) {
         points[2 * count] = gap;
         points[2 * count + 1] = 0;
         count += 1;
@@ -429,7 +427,8 @@ export class Oscilloscope {
     }
     this.summary = readings.length === 0 ? "No frames received yet." : readings.join(", ");
     const lost = frames.empty ? 0 : this.#lostInView(frames, from, to);
-    const place = lost > 0 ? ` ${lost} frames were lost in it.` : "";
+    const step_s = to - from < 2 ? 0 : this.#steppedInView(frames, from, to);
+    const place = (lost > 0 ? ` ${lost} frames were lost in it.` : "") + (step_s !== 0 ? ` Its time steps by ${duration(step_s)}.` : "");
     setText(byId("scope-summary"), frames.empty ? "No frames received yet."
       : `${to - from} frames on screen at ${number(frames.rate_hz)} Hz, ${duration(this.span_ns / 1e9)} of device time.${place}`);
     setText(byId("trigger-state"), this.trigger.word);
@@ -449,6 +448,12 @@ export class Oscilloscope {
     if (to - from < 2) return 0;
     const { sequence } = frames.columns;
     return sequence[(to - 1) & frames.mask] - sequence[from & frames.mask] - (to - 1 - from);
+  }
+
+  // Steps of the time [s], summed.
+  #steppedInView(frames, from, to) {
+    const { stepped } = frames.columns;
+    return (stepped[(to - 1) & frames.mask] - stepped[from & frames.mask]) / 1e9;
   }
 
   #measure(lane, frames, from, to) {

@@ -126,14 +126,13 @@ export class Portraits {
     const xFactor = this.#unit(one.x).factor;
     const yFactor = this.#unit(one.y).factor;
     if (one.x === "drive") return this.#fillCylinder(frames, excitation, from, stride, yFactor);
-    const { sequence } = frames.columns;
     const xs = values[one.x === "v" ? velocity : displacement];
     const ys = values[one.y === "v" ? velocity : one.y === "load" ? load : friction];
     const loads = one.y === "ratio" && this.hasLoad ? values[load] : null;
     let points = 0;
     for (let row = from; row < frames.end && points < maxPoints - 1; row += stride) {
       const at = row & mask;
-      if (row > from && sequence[at] - sequence[(row - stride) & mask] > stride) {
+      if (row > from && frames.broken(row - stride, row)) {
         this.x[points] = NaN;
         this.y[points] = NaN;
         points += 1;
@@ -158,8 +157,7 @@ export class Portraits {
       if (drive >= excitation.end) break;
       if (excitation.time[drive & excitation.mask] !== time[at]) continue;
       const phase = phases[drive & excitation.mask] * degrees;
-      const lost = row > from && frames.columns.sequence[at] - frames.columns.sequence[(row - stride) & mask] > stride;
-      if (phase < last || lost) {
+      if (phase < last || (row > from && frames.broken(row - stride, row))) {
         this.x[points] = NaN;
         this.y[points] = NaN;
         points += 1;

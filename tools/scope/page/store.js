@@ -93,8 +93,9 @@ const coarseShift = 9;
 // drawing a second.
 export class FrameStore extends Ring {
   constructor(options) {
-    super(["sequence", "c0", "c1", "c2", "c3", "c4", "c5"], { rows: 2 ** 17, ...options });
+    super(["sequence", "stepped", "c0", "c1", "c2", "c3", "c4", "c5"], { rows: 2 ** 17, ...options });
     this.lost = 0;
+    this.steps = 0; // of the time
     this.touched = 0; // values looked at by extremes(): what drawing costs
   }
 
@@ -118,11 +119,36 @@ export class FrameStore extends Ring {
       for (const name of ["fineLow", "fineHigh", "coarseLow", "coarseHigh"]) this[name][channel].set(other[name][channel]);
     }
     this.lost = other.lost;
+    this.steps = other.steps;
   }
 
   clear() {
     super.clear();
     this.lost = 0;
+    this.steps = 0;
+    this.period_ns = NaN;
+  }
+
+  // Steps of the time [ns] up to a new row, summed: more than ten periods that the sequence number does not
+  // explain, as in recordings (protocol/time_steps.h). The period is a running mean, in which a step counts
+  // ten periods at most.
+  #stepped(interval_ns, numbers) {
+    const before = this.columns.stepped[(this.end - 1) & this.mask];
+    const each = interval_ns / numbers;
+    if (!(this.period_ns > 0)) this.period_ns = each;
+    const regular = this.period_ns * numbers;
+    const excess = interval_ns - regular;
+    const steps = Math.abs(excess) > Math.max(10 * this.period_ns, 0.01 * regular);
+    this.period_ns += (Math.min(each, 10 * this.period_ns) - this.period_ns) / 32;
+    if (!steps) return before;
+    this.steps += 1;
+    return before + excess;
+  }
+
+  // True if frames were lost, or the time steps, between two rows: no line joins them.
+  broken(earlier, later) {
+    const { mask, columns: { sequence, stepped } } = this;
+    return sequence[later & mask] - sequence[earlier & mask] > later - earlier || stepped[later & mask] !== stepped[earlier & mask];
   }
 
   #summarise(row, first) {
@@ -154,6 +180,7 @@ export class FrameStore extends Ring {
       const time_ns = (words.getInt32(i * 8 + 4, true) - originHigh) * lowWord + (words.getUint32(i * 8, true) - originLow);
       const at8 = (count + i) * 8;
       const sequence = words.getInt32(at8 + 4, true) * lowWord + words.getUint32(at8, true);
+      let stepped = 0;
       if (!this.empty) {
         const before = this.columns.sequence[(this.end - 1) & this.mask];
         const last_ns = this.last_ns;
@@ -163,12 +190,14 @@ export class FrameStore extends Ring {
           restarted = true;
         } else if (time_ns <= last_ns) {
           continue;
-        } else if (sequence > before + 1) {
+        } else {
           this.lost += sequence - before - 1;
+          stepped = this.#stepped(time_ns - last_ns, sequence - before);
         }
       }
       const at = this.push(time_ns);
       this.columns.sequence[at] = sequence;
+      this.columns.stepped[at] = stepped;
       for (let channel = 0; channel < 6; ++channel) this.values[channel][at] = numbers[channel * count + i];
       this.#summarise(this.end - 1, this.end - 1 === this.begin);
     }
@@ -209,22 +238,25 @@ export class FrameStore extends Ring {
     into[1] = high;
   }
 
-  // Frames per second over the last second or so; NaN if unknown.
+  // Frames per second over the last second or so, without steps of the time; NaN if unknown.
   get rate_hz() {
-    const from = Math.max(this.begin, this.end - 1001);
-    const span = this.last_ns - this.time[from & this.mask];
-    const steps = this.columns.sequence[(this.end - 1) & this.mask] - this.columns.sequence[from & this.mask];
+    const from = Math.max(this.begin, this.end - 1001) & this.mask;
+    const to = (this.end - 1) & this.mask;
+    const { sequence, stepped } = this.columns;
+    const span = this.last_ns - this.time[from] - (stepped[to] - stepped[from]);
+    const steps = sequence[to] - sequence[from];
     return steps > 0 && span > 0 ? (steps * 1e9) / span : NaN;
   }
 
-  // Value of a channel at a time, on the straight line between its neighbours; NaN outside.
+  // Value of a channel at a time, on the straight line between its neighbours; NaN outside, and where the
+  // time steps.
   valueAt(channel, time_ns) {
     const row = this.rowAt(time_ns);
     if (row >= this.end) return NaN;
     const data = this.values[channel];
     const right = this.time[row & this.mask];
     if (right === time_ns) return data[row & this.mask];
-    if (row === this.begin) return NaN;
+    if (row === this.begin || this.columns.stepped[row & this.mask] !== this.columns.stepped[(row - 1) & this.mask]) return NaN;
     const left = this.time[(row - 1) & this.mask];
     const part = (time_ns - left) / (right - left);
     return data[(row - 1) & this.mask] * (1 - part) + data[row & this.mask] * part;
