@@ -1,49 +1,30 @@
 #include "observer/consider_parameters.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
+#include <utility>
 
 namespace stickslip::observer {
 
+namespace {
+
 namespace state = physics::state;
 
-ConsiderParameters::ConsiderParameters(physics::Model model, const physics::Rig& rig,
-                                       const Layout& layout, double period_s)
-    : structure_(&rig.structure()), layout_(&layout), period_s_(period_s) {
-  const std::vector<double>& values = rig.parameter_values();
-  const std::vector<physics::NamedParameter> parameters = physics::parameters_of(model);
-  for (std::size_t i = 0; i < parameters.size(); ++i) {
-    const double sigma = parameters[i].parameter->sigma;
-    // Other parameters are states or noise, or are not considered.
-    if (!(sigma > 0.0) || !parameters[i].path.starts_with("oscillator.")) continue;
-    // Central difference, with a step of at most half the value: sigma may exceed the mass.
-    const double size = std::abs(values[i]);
-    const double step = size > 0.0 ? std::min(0.5 * sigma, 0.5 * size) : 0.5 * sigma;
-    const double sigmas = 0.5 * sigma / step;
-    const auto numbers_at = [&](double offset) {
-      std::vector<double> moved = values;
-      moved[i] += offset;
-      return rig.numbers<double>(std::span<const double>(moved));
-    };
-    const physics::RigNumbers<double> more = numbers_at(step);
-    const physics::RigNumbers<double> less = numbers_at(-step);
-    const auto change = [&](auto coefficient) {
-      return sigmas *
-             (coefficient(more.c) * more.inverse_mass - coefficient(less.c) * less.inverse_mass);
-    };
-    Input input;
-    input.by_v = -change([](const auto& c) { return c.damping; });
-    if (structure_->two_well) {
-      input.by_x = change([](const auto& c) { return c.well_linear; });
-      input.by_x_cubed = -change([](const auto& c) { return c.well_cubic; });
-    } else {
-      input.by_x = -change([](const auto& c) { return c.stiffness; });
-    }
-    input.by_force = sigmas * (more.inverse_mass - less.inverse_mass);
-    input_.push_back(input);
-  }
-  group_.resize((input_.size() + lanes - 1) / lanes);
+std::size_t at(int index) { return static_cast<std::size_t>(index); }
+
+}  // namespace
+
+ConsiderParameters::ConsiderParameters(ParameterResponse response, ReadingErrors errors,
+                                       const Layout& layout)
+    : response_(std::move(response)), errors_(std::move(errors)), layout_(&layout) {
+  const int count = response_.count() + errors_.count();
+  group_.resize(at((count + lanes - 1) / lanes));
+  input_.resize(group_.size());
+  for (Group& group : input_) group.fill(Lanes::Zero());
+  error_.assign(group_.size(), Lanes::Zero());
+  load_ = error_;
+  driven_ = response_.rows();
+  driven_.insert(driven_.end(), errors_.rows().begin(), errors_.rows().end());
   reset();
 }
 
@@ -51,26 +32,40 @@ void ConsiderParameters::reset() {
   for (Group& group : group_) group.fill(Lanes::Zero());
 }
 
-void ConsiderParameters::add_input(const Vector& mean) {
-  const Layout& l = *layout_;
-  const double x = mean[l.rig[state::x]];
-  const double v = mean[l.rig[state::v]];
-  double force = l.friction >= 0 ? -mean[l.friction] : 0.0;
-  if (structure_->excitation == physics::Excitation::force) force += mean[l.drive];
-  const auto at = [](int index) { return static_cast<std::size_t>(index); };
-  for (int i = 0; i < static_cast<int>(input_.size()); ++i) {
-    const Input& p = input_[at(i)];
-    const double acceleration =
-        p.by_x * x + p.by_x_cubed * x * x * x + p.by_v * v + p.by_force * force;
-    Group& group = group_[at(i / lanes)];
-    group[at(l.rig[state::v])][i % lanes] += period_s_ * acceleration;
-    // The velocity changes at the start of the step: without this x would move twice as far.
-    group[at(l.rig[state::x])][i % lanes] -= 0.5 * period_s_ * period_s_ * acceleration;
+void ConsiderParameters::begin_period(const Vector& mean, double time_s,
+                                      double transition_speed_m_s) {
+  for (int pass = 0; pass < response_.passes(); ++pass) {
+    add_response(pass, response_.of(pass, mean, time_s, transition_speed_m_s));
+  }
+  for (int i = 0; i < errors_.count(); ++i) {
+    const int lane = response_.count() + i;
+    const std::vector<double>& changes = errors_.changes(i, mean);
+    for (std::size_t k = 0; k < changes.size(); ++k) {
+      input_[at(lane / lanes)][at(errors_.rows()[k])][lane % lanes] = changes[k];
+    }
+  }
+}
+
+void ConsiderParameters::add_response(int pass, const ParameterResponse::Changes& changes) {
+  using physics::Dual;
+  const int first = pass * Dual::directions;
+  const int end = std::min(first + Dual::directions, response_.count());
+  for (int i = first; i < end; i += lanes) {
+    load_[at(i / lanes)] = response_.load().segment<lanes>(i - first).cast<double>();
+  }
+  for (std::size_t k = 0; k < changes.size(); ++k) {
+    for (int i = first; i < end; i += lanes) {
+      input_[at(i / lanes)][at(response_.rows()[k])] =
+          changes[k].segment<lanes>(i - first).cast<double>();
+    }
   }
 }
 
 void ConsiderParameters::propagate(const Transition& transition) {
-  for (Group& group : group_) propagate(group, transition);
+  for (std::size_t g = 0; g < group_.size(); ++g) {
+    propagate(group_[g], transition);
+    for (const int row : driven_) group_[g][at(row)] += input_[g][at(row)];
+  }
 }
 
 void ConsiderParameters::propagate(Group& group, const Transition& transition) {
@@ -89,49 +84,94 @@ void ConsiderParameters::propagate(Group& group, const Transition& transition) {
   const int count = transition.count();
   for (int i = 0; i < transition.shared(); ++i) {
     const int sum = padded(count) + i;
-    group[static_cast<std::size_t>(sum)] =
-        sum_of(transition.shared_begin(i), transition.shared_end(i));
+    group[at(sum)] = sum_of(transition.shared_begin(i), transition.shared_end(i));
   }
   for (int i = 0; i < count; ++i) {
-    next_[static_cast<std::size_t>(i)] = sum_of(transition.row_begin(i), transition.row_end(i));
+    next_[at(i)] = sum_of(transition.row_begin(i), transition.row_end(i));
   }
   std::copy_n(next_.begin(), count, group.begin());
 }
 
-void ConsiderParameters::correct(const MeasurementRow& row, const Covariance::States& gain) {
-  for (Group& group : group_) {
-    Lanes error = group[static_cast<std::size_t>(row.state[0])];
-    if (row.count > 1) {
-      error *= row.weight[0];
-      for (std::size_t j = 1; j < static_cast<std::size_t>(row.count); ++j) {
-        error += row.weight[j] * group[static_cast<std::size_t>(row.state[j])];
-      }
+void ConsiderParameters::read(const Frame& raw) { errors_.read(raw); }
+
+double ConsiderParameters::project(Channel channel, const MeasurementRow& row, const Vector& mean) {
+  Lanes sum = Lanes::Zero();
+  for (std::size_t g = 0; g < group_.size(); ++g) {
+    Lanes& error = error_[g];
+    error = row.weight[0] * group_[g][at(row.state[0])];
+    for (std::size_t j = 1; j < at(row.count); ++j) {
+      error += row.weight[j] * group_[g][at(row.state[j])];
     }
+  }
+  for (int i = 0; i < errors_.count(); ++i) {
+    const int lane = response_.count() + i;
+    error_[at(lane / lanes)][lane % lanes] += errors_.of(i, channel, mean);
+  }
+  for (const Lanes& error : error_) sum += error.square();
+  return sum.sum();
+}
+
+void ConsiderParameters::add_to(Covariance::States& column) const {
+  for (std::size_t g = 0; g < group_.size(); ++g) {
+    const Lanes& error = error_[g];
     if ((error == 0.0).all()) continue;  // the drive, which does not depend on the parameters
-    for (int i = 0; i < layout_->count; ++i) group[static_cast<std::size_t>(i)] -= gain[i] * error;
+    for (int i = 0; i < layout_->count; ++i) column[i] += (group_[g][at(i)] * error).sum();
   }
 }
 
+void ConsiderParameters::correct(const Covariance::States& gain) {
+  for (std::size_t g = 0; g < group_.size(); ++g) {
+    const Lanes& error = error_[g];
+    if ((error == 0.0).all()) continue;
+    for (int i = 0; i < layout_->count; ++i) group_[g][at(i)] -= gain[i] * error;
+  }
+}
+
+Eigen::MatrixXd ConsiderParameters::columns_of(const std::vector<Group>& groups) const {
+  Eigen::MatrixXd out(layout_->count, count());
+  for (int k = 0; k < count(); ++k) {
+    for (int i = 0; i < layout_->count; ++i) out(i, k) = groups[at(k / lanes)][at(i)][k % lanes];
+  }
+  return out;
+}
+
+Eigen::VectorXd ConsiderParameters::load() const {
+  Eigen::VectorXd out(count());
+  for (int k = 0; k < count(); ++k) out[k] = load_[at(k / lanes)][k % lanes];
+  return out;
+}
+
+Eigen::VectorXd ConsiderParameters::reading_errors(Channel channel, const Vector& mean) const {
+  Eigen::VectorXd out = Eigen::VectorXd::Zero(count());
+  for (int i = 0; i < errors_.count(); ++i) {
+    out[response_.count() + i] = errors_.of(i, channel, mean);
+  }
+  return out;
+}
+
 void ConsiderParameters::covariance_of(
-    std::span<const int> states,
+    std::span<const QuantityRow> quantities,
     std::array<std::array<double, quantity_count>, quantity_count>& out) const {
   // Parameters outside, so that a row of the result is a few sums over whole registers.
   Eigen::Array<double, padded(quantity_count), lanes> error;
   Eigen::Array<double, padded(quantity_count), padded(quantity_count)> sum;
   error.setZero();
   sum.setZero();
-  for (const Group& group : group_) {
-    for (std::size_t i = 0; i < states.size(); ++i) {
-      error.row(static_cast<int>(i)) = group[static_cast<std::size_t>(states[i])].transpose();
+  const auto count = static_cast<int>(quantities.size());
+  for (std::size_t g = 0; g < group_.size(); ++g) {
+    for (int i = 0; i < count; ++i) {
+      const QuantityRow& row = quantities[at(i)];
+      Lanes of_row = row.weight[0] * group_[g][at(row.state[0])];
+      if (row.state[1] >= 0) of_row += row.weight[1] * group_[g][at(row.state[1])];
+      if (row.is_load) of_row += load_[g];
+      error.row(i) = of_row.transpose();
     }
-    for (int i = 0; i < static_cast<int>(states.size()); ++i) {
+    for (int i = 0; i < count; ++i) {
       for (int k = 0; k < lanes; ++k) sum.col(i) += error(i, k) * error.col(k);
     }
   }
-  for (std::size_t i = 0; i < states.size(); ++i) {
-    for (std::size_t j = 0; j < states.size(); ++j) {
-      out[i][j] = sum(static_cast<int>(j), static_cast<int>(i));
-    }
+  for (int i = 0; i < count; ++i) {
+    for (int j = 0; j < count; ++j) out[at(i)][at(j)] = sum(j, i);
   }
 }
 
@@ -140,8 +180,8 @@ double ConsiderParameters::slip_variance() const {
   const int u = layout_->rig[state::u];
   double sum = 0.0;
   for (const Group& group : group_) {
-    Lanes slip = group[static_cast<std::size_t>(v)];
-    if (u >= 0) slip -= group[static_cast<std::size_t>(u)];
+    Lanes slip = group[at(v)];
+    if (u >= 0) slip -= group[at(u)];
     sum += slip.square().sum();
   }
   return sum;

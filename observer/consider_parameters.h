@@ -1,8 +1,11 @@
-// Consider parameters (Schmidt-Kalman filter): mass, spring and damping of the oscillator where the
-// model gives them a standard deviation. They are not states of the filter. As process noise their
-// uncertainty would average out, but the error of a constant does not. The sensitivity of the
-// estimate to an error of one standard deviation is propagated through the filter's own transitions
-// and gains, and added to the covariance that is reported. The estimate itself does not change.
+// Consider parameters (Schmidt-Kalman filter): parameters of the model with a standard deviation
+// that are no states of the filter. As process noise their uncertainty would average out, but the
+// error of a constant does not. The sensitivity of the estimate to an error of one standard
+// deviation of each is propagated through the filter's own transitions and gains; it widens the
+// innovations, reduces the gains and is part of the covariance that is reported.
+//
+// S. F. Schmidt, Application of state-space methods to navigation problems, Advances in Control
+// Systems 3 (1966); with the covariance of states and parameters in the factored form P + S S'.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,57 +16,81 @@
 #include "observer/covariance.h"
 #include "observer/layout.h"
 #include "observer/observer.h"
+#include "observer/parameter_response.h"
+#include "observer/reading_errors.h"
 #include "observer/transition.h"
-#include "physics/model.h"
-#include "physics/rig.h"
 
 namespace stickslip::observer {
 
+/// A quantity of an estimate as a weighted sum of up to two states; -1: none.
+struct QuantityRow {
+  std::array<int, 2> state = {-1, -1};
+  std::array<double, 2> weight = {0.0, 0.0};
+  bool is_load = false;  ///< which depends on parameters directly, too
+};
+
 class ConsiderParameters {
  public:
-  /// `rig` and `layout` must outlive it.
-  ConsiderParameters(physics::Model model, const physics::Rig& rig, const Layout& layout,
-                     double period_s);
+  /// `layout` must outlive it.
+  ConsiderParameters(ParameterResponse response, ReadingErrors errors, const Layout& layout);
 
   /// True if the model has any.
-  bool any() const { return !input_.empty(); }
+  bool any() const { return !group_.empty(); }
 
   /// Zero sensitivity: the filter has been reinitialised from readings alone.
   void reset();
 
-  /// Input of the parameters over the period that begins; `mean` is the estimate at its beginning.
-  void add_input(const Vector& mean);
-  /// Time update, after add_input().
+  /// The effect of the parameters on the period that begins with `mean`; to be called before the
+  /// prediction, and followed by propagate() with its transition.
+  void begin_period(const Vector& mean, double time_s, double transition_speed_m_s);
   void propagate(const Transition& transition);
-  /// Measurement update with this row and gain.
-  void correct(const MeasurementRow& row, const Covariance::States& gain);
 
-  /// Contribution to the covariance of these states, in their order; other elements of `out` are
-  /// not changed.
-  void covariance_of(std::span<const int> states,
+  /// The readings of a frame before their correction.
+  void read(const Frame& raw);
+  /// Variance that the parameters add to the innovation of a reading.
+  double project(Channel channel, const MeasurementRow& row, const Vector& mean);
+  /// Adds their share of the covariance of states and innovation, for the reading projected last.
+  void add_to(Covariance::States& column) const;
+  /// Measurement update with this gain, for the reading projected last.
+  void correct(const Covariance::States& gain);
+
+  int count() const { return response_.count() + errors_.count(); }
+  /// Errors of the states for an error of one standard deviation of each parameter, one column
+  /// each.
+  Eigen::MatrixXd sensitivity() const { return columns_of(group_); }
+  /// What each adds to them over the period that begin_period() began.
+  Eigen::MatrixXd input() const { return columns_of(input_); }
+  /// What each adds to the normal load, besides the states' part.
+  Eigen::VectorXd load() const;
+  /// What each adds to the reading of a channel, besides the states' part.
+  Eigen::VectorXd reading_errors(Channel channel, const Vector& mean) const;
+
+  /// Contribution to the covariance of these quantities, in their order; other elements of `out`
+  /// are not changed.
+  void covariance_of(std::span<const QuantityRow> quantities,
                      std::array<std::array<double, quantity_count>, quantity_count>& out) const;
   /// Contribution to the variance of the slip velocity [(m/s)^2].
   double slip_variance() const;
 
  private:
-  /// Change of the mass's acceleration by one standard deviation, per unit of each factor.
-  struct Input {
-    double by_x = 0.0, by_x_cubed = 0.0, by_v = 0.0;
-    double by_force = 0.0;  ///< friction and drive, without the forces of [[physics]] terms
-  };
   static constexpr int lanes = 4;
   /// One value for each of four parameters: error of a state for a parameter error of one standard
   /// deviation.
   using Lanes = Eigen::Array<double, lanes, 1>;
   using Group = std::array<Lanes, static_cast<std::size_t>(padded(max_states) + max_shared_sums)>;
 
+  Eigen::MatrixXd columns_of(const std::vector<Group>& groups) const;
   void propagate(Group& group, const Transition& transition);
+  void add_response(int pass, const ParameterResponse::Changes& changes);
 
-  const physics::Structure* structure_;
+  ParameterResponse response_;
+  ReadingErrors errors_;
   const Layout* layout_;
-  double period_s_;
-  std::vector<Input> input_;
   std::vector<Group> group_;  ///< sensitivities, parameters in groups of four
+  std::vector<Group> input_;  ///< of the rig's states, in this period
+  std::vector<int> driven_;   ///< states that input_ changes
+  std::vector<Lanes> error_;  ///< of the innovation
+  std::vector<Lanes> load_;   ///< direct changes of the normal load
   Group next_;
 };
 

@@ -41,7 +41,7 @@ DualPrediction::DualPrediction(const physics::Rig& rig, const physics::Model& mo
     : Prediction(rig, layout, period_s),
       steps_(steps),
       quasi_static_(rig.structure().load_cell && !rig.structure().resonant),
-      base_excited_(rig.structure().excitation == Excitation::base) {
+      excitation_(rig.structure().excitation) {
   for (Channel channel : all_channels) {
     if (!layout.of(channel).used) continue;
     chains_[index_of(channel)] =
@@ -126,18 +126,25 @@ void DualPrediction::set_measured_load(const Dual& mu, const Dual& load) {
 
 Input DualPrediction::input_of(const DualStates& s) const {
   Input input;
-  if (base_excited_) {
-    input.base_displacement_m = s.drive[0].a;
-    input.base_acceleration_m_s2 = s.drive[2].a;
-  } else {
-    input.drive_force_n = s.drive[0].a;
+  switch (excitation_) {
+    case Excitation::base:
+      input.base_displacement_m = s.drive[0].a;
+      input.base_acceleration_m_s2 = s.drive[2].a;
+      break;
+    case Excitation::force:
+      input.drive_force_n = s.drive[0].a;
+      break;
+    case Excitation::imposed:
+      input.displacement_m = s.drive[0].a;
+      input.velocity_m_s = s.drive[1].a;
+      break;
   }
   input.normal_load_n = s.load.a;
   return input;
 }
 
 Dual DualPrediction::friction_reading(const DualStates& s) const {
-  if (!quasi_static_ || !base_excited_) return s.quantities.friction_reading;
+  if (!quasi_static_ || !is_base_excited()) return s.quantities.friction_reading;
   return s.quantities.friction_reading - dual_numbers_.c.cell_mass * derivatives_of(s.drive[2]);
 }
 
@@ -176,6 +183,7 @@ void DualPrediction::load_chains(const Vector& mean, DualStates& s) const {
   if (layout.of(Channel::normal_load).used) {
     load(Channel::normal_load, load_reading(s), Dual(0.0));
   }
+  if (excitation_ == Excitation::imposed) return;  // its motion is that of the mass
   load(drive_channel(rig_->structure()), s.drive[0], Dual(0.0));
 }
 
@@ -184,7 +192,10 @@ void DualPrediction::load_chains(const Vector& mean, DualStates& s) const {
 void DualPrediction::apply_input_derivatives(DualStates& s, const std::array<Dual, 4>& drive_before,
                                              double h) const {
   RigState<Dual>& rig = s.rig;
-  if (base_excited_) {
+  if (excitation_ == Excitation::imposed) {
+    rig.s[state::x] = s.drive[0];
+    rig.s[state::v] = s.drive[1];
+  } else if (is_base_excited()) {
     const Dual kick = (-0.5 * h) * derivatives_of(drive_before[2] + s.drive[2]);
     const Dual back = (-0.5 * h) * kick;
     rig.s[state::v] += kick;
@@ -214,6 +225,7 @@ void DualPrediction::advance_chains(DualStates& s) const {
   if (layout_->of(Channel::normal_load).used) {
     advance(Channel::normal_load, load_reading(s), Dual(0.0));
   }
+  if (excitation_ == Excitation::imposed) return;
   advance(drive_channel(rig_->structure()), s.drive[0], Dual(0.0));
 }
 

@@ -18,6 +18,8 @@ class DualPrediction final : public Prediction {
   void advance(Vector& mean, double time_s, double slip_variance) override;
 
  private:
+  bool is_base_excited() const { return excitation_ == physics::Excitation::base; }
+
   /// States in dual numbers during a period.
   struct DualStates {
     physics::RigState<physics::Dual> rig;
@@ -48,7 +50,7 @@ class DualPrediction final : public Prediction {
 
   int steps_;
   bool quasi_static_;
-  bool base_excited_;
+  physics::Excitation excitation_;
   std::array<physics::FilterChain, channel_count> chains_;
   Matrix by_core_;  ///< d states' / d core
   Matrix memory_;   ///< d outputs' / d outputs: the memory of the chains, which is constant

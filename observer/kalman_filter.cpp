@@ -63,7 +63,7 @@ double probability_below(double limit, double mean, double deviation) {
 }
 
 // Limits far beyond any bench, within which squares do not overflow.
-bool is_possible(Channel channel, double value) {
+bool is_measurable(Channel channel, double value) {
   const bool force = channel == Channel::friction_force || channel == Channel::normal_load ||
                      channel == Channel::drive_force;
   return std::abs(value) < (force ? 1.0e9 : 1.0e4);  // false for NaN
@@ -71,7 +71,7 @@ bool is_possible(Channel channel, double value) {
 
 void drop_impossible(Frame& frame) {
   for (Channel channel : all_channels) {
-    if (frame.has(channel) && !is_possible(channel, frame[channel])) frame.invalidate(channel);
+    if (frame.has(channel) && !is_measurable(channel, frame[channel])) frame.invalidate(channel);
   }
 }
 
@@ -105,7 +105,9 @@ KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, Fri
   prediction_ = make_prediction(rig_, model_, layout_, period_s_, steps_);
   noise_ =
       std::make_unique<NoiseModel>(model_, rig_, layout_, prediction_->numbers(), period_s_, prior);
-  consider_ = std::make_unique<ConsiderParameters>(model_, rig_, layout_, period_s_);
+  consider_ = std::make_unique<ConsiderParameters>(
+      ParameterResponse(model_, rig_, layout_, period_s_),
+      ReadingErrors(separated.laws, separated.shifted, layout_, period_s_), layout_);
   const physics::SensorBank bank(model_, period_s_ / steps_);
   double latest_s = 0.0;
   for (const Chain& chain : layout_.chain) latest_s = std::max(latest_s, chain.delay_s);
@@ -125,7 +127,7 @@ void KalmanFilter::map_quantities() {
   const auto add = [this](Quantity quantity, int index) {
     if (index < 0) return;
     estimate_.quantities[estimate_.used] = quantity;
-    source_[estimate_.used] = index;
+    source_[estimate_.used] = {{index, -1}, {1.0, 0.0}, quantity == Quantity::normal_load};
     ++estimate_.used;
   };
   add(Quantity::displacement, layout_.rig[state::x]);
@@ -135,8 +137,29 @@ void KalmanFilter::map_quantities() {
   add(Quantity::theta, layout_.theta);
   add(Quantity::mu, layout_.mu);
   add(Quantity::gamma, layout_.log_rate);
-  add(Quantity::normal_load, layout_.load);
+  const bool wedge =
+      rig_.structure().loaded && rig_.structure().load_law == physics::NormalLoadLaw::wedge;
+  add(Quantity::normal_load, wedge ? layout_.rig[state::x] : layout_.load);
   add(Quantity::friction_force, layout_.friction);
+}
+
+// Also where the contact is lost: the load is then between 0 and what its uncertainty allows.
+QuantityRow KalmanFilter::load_row(const Vector& mean) const {
+  if (rig_.structure().load_law != physics::NormalLoadLaw::wedge) {
+    return {{layout_.load, -1}, {1.0, 0.0}, true};
+  }
+  const auto& c = prediction_->numbers().c;
+  const int x = layout_.rig[state::x];
+  const double load = layout_.load >= 0 ? mean[layout_.load] : c.load;
+  return {{x, layout_.load}, {load * c.load_slope, 1.0 + c.load_slope * mean[x]}, true};
+}
+
+std::array<QuantityRow, quantity_count> KalmanFilter::rows_of(const Vector& mean) const {
+  std::array<QuantityRow, quantity_count> rows = source_;
+  for (QuantityRow& row : rows) {
+    if (row.is_load) row = load_row(mean);
+  }
+  return rows;
 }
 
 double KalmanFilter::slip_variance(const Covariance& covariance) const {
@@ -144,6 +167,10 @@ double KalmanFilter::slip_variance(const Covariance& covariance) const {
   const int u = layout_.rig[state::u];
   if (u < 0) return covariance(v, v);
   return covariance(v, v) + covariance(u, u) - 2.0 * covariance(v, u);
+}
+
+double KalmanFilter::slip_variance() const {
+  return slip_variance(covariance_) + consider_->slip_variance();
 }
 
 double KalmanFilter::normal_load(const Vector& mean) const {
@@ -157,6 +184,11 @@ double KalmanFilter::normal_load(const Vector& mean) const {
 
 double KalmanFilter::reading_variance(Channel channel) const {
   return correction_.any() ? variance_[index_of(channel)] : noise_->reading_variance(channel);
+}
+
+InputVariances KalmanFilter::input_variances() const {
+  return {.drive = reading_variance(drive_channel(rig_.structure())),
+          .load = layout_.load_rate >= 0 ? reading_variance(Channel::normal_load) : 0.0};
 }
 
 // Saturated readings are dropped first: they would bias the estimate of the noise.
@@ -201,10 +233,9 @@ void KalmanFilter::reinitialise(const Frame& frame) {
 
 void KalmanFilter::predict() {
   const double time_s = static_cast<double>(time_ns_ - origin_ns_) * 1.0e-9;
-  const double variance = slip_variance(covariance_);
-  noise_->add_process_noise(mean_, variance, since_start_s_,
-                            reading_variance(drive_channel(rig_.structure())), covariance_);
-  consider_->add_input(mean_);
+  const double variance = slip_variance();
+  noise_->add_process_noise(mean_, variance, since_start_s_, input_variances(), covariance_);
+  consider_->begin_period(mean_, time_s, prediction_->widened_transition_speed(variance));
   prediction_->advance(mean_, time_s, variance);
   covariance_.propagate(prediction_->transition());
   consider_->propagate(prediction_->transition());
@@ -213,8 +244,7 @@ void KalmanFilter::predict() {
 
 Covariance KalmanFilter::process_noise() const {
   Covariance noise(layout_.count);
-  noise_->add_process_noise(mean_, slip_variance(covariance_), since_start_s_,
-                            reading_variance(drive_channel(rig_.structure())), noise);
+  noise_->add_process_noise(mean_, slip_variance(), since_start_s_, input_variances(), noise);
   return noise;
 }
 
@@ -275,11 +305,15 @@ inline double KalmanFilter::project_covariance(const MeasurementRow& row) {
 
 // Optimal gain from column_, without the corrections that would harm the filter.
 inline void KalmanFilter::compute_gain(Channel channel, double innovation_variance) {
-  for (int k = 0; k < layout_.count; ++k) gain_[k] = column_[k] / innovation_variance;
+  gain_ = column_;
+  consider_->add_to(gain_);
+  for (int k = 0; k < layout_.count; ++k) gain_[k] /= innovation_variance;
   if (layout_.mu >= 0) gain_[layout_.mu] *= mu_gain_factor_;
   if (layout_.log_rate >= 0 && since_start_s_ < startup_s_) gain_[layout_.log_rate] = 0.0;
   const Channel driven = drive_channel(rig_.structure());
-  if (channel == driven || since_drive_s_ >= drive_measured_s) return;
+  const bool is_own =
+      channel == driven || (driven == Channel::displacement && channel == Channel::velocity);
+  if (is_own || since_drive_s_ >= drive_measured_s) return;
   for (int k = 0; k < 4; ++k) gain_[layout_.drive + k] = 0.0;
   layout_.of(driven).for_each_state([this](int state) { gain_[state] = 0.0; });
 }
@@ -288,7 +322,8 @@ inline void KalmanFilter::compute_gain(Channel channel, double innovation_varian
 bool KalmanFilter::apply_reading(Channel channel, const PredictedReading& predicted,
                                  double innovation) {
   const MeasurementRow& row = *predicted.row;
-  const double innovation_variance = project_covariance(row) + predicted.variance;
+  const double own_variance = project_covariance(row) + predicted.variance;
+  const double innovation_variance = own_variance + consider_->project(channel, row, mean_);
   const std::size_t i = index_of(channel);
   const auto bit = static_cast<std::uint8_t>(1U << i);
   estimate_.innovation[i] = innovation;
@@ -312,8 +347,8 @@ bool KalmanFilter::apply_reading(Channel channel, const PredictedReading& predic
 
   compute_gain(channel, innovation_variance);
   for (int k = 0; k < layout_.count; ++k) mean_[k] += gain_[k] * innovation;
-  covariance_.correct(gain_, column_, innovation_variance);
-  consider_->correct(row, gain_);
+  covariance_.correct(gain_, column_, own_variance);
+  consider_->correct(gain_);
   return true;
 }
 
@@ -321,9 +356,8 @@ void KalmanFilter::apply_readings(const Frame& frame) {
   bool mechanical = false;
   since_drive_s_ += period_s_;
   if (layout_.mu >= 0) {
-    mu_gain_factor_ = since_start_s_ < startup_s_
-                          ? 0.0
-                          : noise_->mu_gain_factor(mean_, slip_variance(covariance_));
+    mu_gain_factor_ =
+        since_start_s_ < startup_s_ ? 0.0 : noise_->mu_gain_factor(mean_, slip_variance());
   }
   for (Channel channel : all_channels) {
     if (!frame.has(channel) || !layout_.of(channel).used || !is_new(channel, frame)) continue;
@@ -331,10 +365,8 @@ void KalmanFilter::apply_readings(const Frame& frame) {
     const double innovation = frame[channel] - predicted.value;
     const bool used = apply_reading(channel, predicted, innovation);
     const std::size_t i = index_of(channel);
-    if (channel == drive_channel(rig_.structure())) {
-      since_drive_s_ = 0.0;
-      noise_->adapt_drive_noise(estimate_.innovation[i] / estimate_.innovation_std[i]);
-    }
+    noise_->adapt_input_noise(channel, estimate_.innovation[i] / estimate_.innovation_std[i]);
+    if (channel == drive_channel(rig_.structure())) since_drive_s_ = 0.0;
     mechanical =
         mechanical || (used && std::find(mechanical_channels.begin(), mechanical_channels.end(),
                                          channel) != mechanical_channels.end());
@@ -401,26 +433,43 @@ void KalmanFilter::fill_estimate(const Vector& mean, const Covariance& covarianc
     e.sticking = probability_below(std::max(c.transition_speed, sticking_speed_m_s),
                                    e.slip_velocity_m_s, e.slip_velocity_std_m_s);
   }
-  fill_covariance(covariance, consider, e);
+  if (e.normal_load_n <= 0.0) e.theta = std::clamp(e.theta, -1.0, 1.0);  // nothing to measure
+  fill_covariance(mean, covariance, consider, e);
 }
 
-void KalmanFilter::fill_covariance(const Covariance& covariance, const ConsiderParameters* consider,
-                                   FrictionEstimate& e) const {
+namespace {
+
+double covariance_of(const QuantityRow& one, const QuantityRow& other,
+                     const Covariance& covariance) {
+  double sum = 0.0;
+  for (std::size_t a = 0; a < 2; ++a) {
+    for (std::size_t b = 0; b < 2; ++b) {
+      if (one.state[a] < 0 || other.state[b] < 0) continue;
+      sum += one.weight[a] * other.weight[b] * covariance(one.state[a], other.state[b]);
+    }
+  }
+  return sum;
+}
+
+}  // namespace
+
+void KalmanFilter::fill_covariance(const Vector& mean, const Covariance& covariance,
+                                   const ConsiderParameters* consider, FrictionEstimate& e) const {
   // The state is ln gamma, the reported quantity gamma.
   std::array<double, quantity_count> scale{};
+  const std::array<QuantityRow, quantity_count> rows = rows_of(mean);
   for (std::size_t i = 0; i < e.used; ++i) {
     scale[i] = e.quantities[i] == Quantity::gamma ? e.gamma_per_s : 1.0;
   }
-  const auto states = std::span(source_).first(e.used);
   if (consider != nullptr) {
-    consider->covariance_of(states, e.covariance);
+    consider->covariance_of(std::span(rows).first(e.used), e.covariance);
   } else {
     for (std::size_t i = 0; i < e.used; ++i) e.covariance[i].fill(0.0);
   }
   for (std::size_t i = 0; i < e.used; ++i) {
     for (std::size_t j = 0; j <= i; ++j) {
       e.covariance[i][j] = e.covariance[j][i] =
-          scale[i] * scale[j] * (e.covariance[i][j] + covariance(source_[i], source_[j]));
+          scale[i] * scale[j] * (e.covariance[i][j] + covariance_of(rows[i], rows[j], covariance));
     }
   }
 }
@@ -445,7 +494,7 @@ void KalmanFilter::fill_report(const Frame& frame) {
   } else if (since_mechanical_s_ > blind_after_s) {
     e.status = EstimateStatus::blind;
   } else {
-    e.status = EstimateStatus::good;
+    e.status = is_possible(e) ? EstimateStatus::good : EstimateStatus::impossible;
   }
 }
 
@@ -483,6 +532,7 @@ int KalmanFilter::accept(Frame& frame) {
   e.refused = 0;
   e.raw_valid = false;
 
+  consider_->read(frame);
   if (correction_.any()) {
     correct_sensor_errors(frame);
   } else {

@@ -33,7 +33,9 @@ class KalmanFilter {
   const Frame& frame() const { return frame_; }
 
   const Vector& mean() const { return mean_; }
+  /// Without the part of the consider parameters.
   const Covariance& covariance() const { return covariance_; }
+  const ConsiderParameters& consider_parameters() const { return *consider_; }
   const Transition& transition() const { return prediction_->transition(); }
 
   /// Processes a frame. `time_update(*this)` is called for each period up to it, and has to call
@@ -68,6 +70,9 @@ class KalmanFilter {
   };
   PredictedReading predict_reading(Channel channel, const Frame& frame, const Vector& states);
 
+  /// The quantities of an estimate as functions of the states near `mean`.
+  std::array<QuantityRow, quantity_count> rows_of(const Vector& mean) const;
+
   /// Fills the fields of an estimate that describe the rig from states and their covariance.
   /// `consider`: added to the covariance unless null.
   void fill_estimate(const Vector& mean, const Covariance& covariance,
@@ -79,7 +84,9 @@ class KalmanFilter {
   int accept(Frame& frame);
   void measurement_update(const Frame& frame);
   void map_quantities();
+  QuantityRow load_row(const Vector& mean) const;
   double reading_variance(Channel channel) const;
+  InputVariances input_variances() const;
   void correct_sensor_errors(Frame& frame);
   void reinitialise(const Frame& frame);
   void apply_readings(const Frame& frame);
@@ -90,11 +97,12 @@ class KalmanFilter {
   bool is_healthy() const;
   void clear_innovations();
   void fill_report(const Frame& frame);
-  void fill_covariance(const Covariance& covariance, const ConsiderParameters* consider,
-                       FrictionEstimate& e) const;
+  void fill_covariance(const Vector& mean, const Covariance& covariance,
+                       const ConsiderParameters* consider, FrictionEstimate& e) const;
   void report_consistency();
   double filtered_base_acceleration() const;
   double slip_variance(const Covariance& covariance) const;
+  double slip_variance() const;  ///< of the present estimate, with the consider parameters
   double normal_load(const Vector& mean) const;
 
   // Declared before the layout, whose construction sets it.
@@ -116,7 +124,7 @@ class KalmanFilter {
 
   Vector mean_;
   Covariance::States gain_, column_;
-  std::array<int, quantity_count> source_{};  ///< states of the reported quantities
+  std::array<QuantityRow, quantity_count> source_{};  ///< of the reported quantities
 
   /// Measurement row of a channel for age 0, and for its last age, which rarely changes.
   struct CachedRow {

@@ -116,8 +116,15 @@ MeasurementRow measurement_row(const Layout& layout, Channel channel, double age
 }
 
 Channel drive_channel(const physics::Structure& structure) {
-  return structure.excitation == Excitation::force ? Channel::drive_force
-                                                   : Channel::base_displacement;
+  switch (structure.excitation) {
+    case Excitation::base:
+      return Channel::base_displacement;
+    case Excitation::force:
+      return Channel::drive_force;
+    case Excitation::imposed:
+      return Channel::displacement;
+  }
+  return Channel::base_displacement;
 }
 
 namespace {
@@ -169,6 +176,10 @@ void add_core(Layout& layout, const physics::Model& model, const physics::Rig& r
   }
   layout.drive = layout.core;
   layout.core += 4;
+  if (structure.excitation == Excitation::imposed) {
+    layout.rig[physics::state::x] = layout.drive;
+    layout.rig[physics::state::v] = layout.drive + 1;
+  }
 }
 
 void add_chain(Layout& layout, const physics::Model& model, Channel channel) {
@@ -199,7 +210,8 @@ void add_outputs(Layout& layout, const physics::Model& model, const physics::Str
   if (structure.loaded && (layout.load >= 0 || structure.load_law == NormalLoadLaw::wedge)) {
     add_chain(layout, model, Channel::normal_load);
   }
-  add_chain(layout, model, drive_channel(structure));
+  const Channel driven = drive_channel(structure);
+  if (!layout.of(driven).used) add_chain(layout, model, driven);
   connect(layout, structure);
 }
 
@@ -263,12 +275,6 @@ Layout make_layout(const physics::Model& model, const physics::Rig& rig, std::st
                    const physics::ReadingLaws<double>& laws) {
   Layout layout;
   layout.rig.fill(-1);
-  if (rig.structure().excitation == Excitation::imposed) {
-    reason =
-        "the observer needs a force balance; with oscillator.excitation = \"imposed\" the motion "
-        "is given and friction_force is f itself";
-    return layout;
-  }
   add_core(layout, model, rig, laws);
   add_outputs(layout, model, rig.structure());
   add_sensor_errors(layout, laws);

@@ -96,8 +96,10 @@ struct Layout {
   int log_rate = -1;   ///< ln gamma
   int load = -1;       ///< measured load: N; otherwise load_n; -1: known exactly
   int load_rate = -1;  ///< N', measured load only
-  int drive = -1;      ///< p, p', p'', lambda: base displacement or drive force, p''' = -lambda p'
-  int core = 0;        ///< number of core states
+  /// p, p', p'', lambda: base displacement, drive force or imposed motion, p''' = -lambda p'. Where
+  /// the motion is imposed, p and p' are also x and v of `rig`.
+  int drive = -1;
+  int core = 0;  ///< number of core states
 
   int friction = -1;  ///< f
   int theta = -1;     ///< theta; a core state where it has memory

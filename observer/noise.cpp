@@ -18,38 +18,32 @@ namespace state = physics::state;
 using std::numbers::pi;
 
 double square(double x) { return x * x; }
-double sixth(double x) { return square(x * x * x); }
 
 // Unmodelled forces: share of mu N and of the spring's force, correlated over force_memory_s.
 constexpr double force_share = 0.002;
 constexpr double spring_share = 0.0005;
 constexpr double force_memory_s = 0.01;
-// Uncertainty of mass, spring and damping is constant in time and followed by ConsiderParameters;
-// this share of it remains process noise, so that the filter relies less on its model.
-constexpr double constant_share = 0.6;
 // Relative error of the backbone g, correlated over force_memory_s.
 constexpr double backbone_std = 0.002;
 // Random walks of the parameters, relative, per root of a second.
 constexpr double mu_walk = 0.0005;
 constexpr double rate_walk = 0.005;
 constexpr double load_walk = 0.002;
-constexpr double load_rate_walk = 20.0;
 constexpr double frequency_walk = 0.05;
 // While the motion is still converging, estimates of mu and gamma become overconfident: their walks
 // are larger at the start by these relative amounts, with this decay time.
 constexpr double startup_s = 1.5;
 constexpr double mu_startup_walk = 0.2;
 constexpr double rate_startup_walk = 0.3;
-// Smallest relative standard deviations of parameters at the start.
+// Relative standard deviation of mu at the start where none is declared, and of parameters that
+// were estimated from the same recording before.
 constexpr double mu_initial_std = 0.3;
-constexpr double recording_initial_std = 0.05;  // estimated from the same recording before
+constexpr double recording_initial_std = 0.05;
 // Limits of plausible parameters: share of the model's mu, logarithm of the ratio of gamma.
 constexpr double implausible_mu = 1.0 / 30.0;
 constexpr double implausible_log_rate = 3.5;
 // Largest frequency of the drive.
 constexpr double max_drive_rad_s = 2.0 * pi * 40.0;
-constexpr double drive_adaptation_s = 1.0;
-constexpr double drive_trend_s = 0.01;
 // Correlation time of the backbone's error due to the uncertain slip velocity.
 constexpr double jump_memory_s = 5.0e-4;
 // Share of that error that the next readings do not correct; tuned with observer_campaign.
@@ -62,8 +56,6 @@ constexpr double offset_memory_s = 10.0;
 
 double relative(const Parameter& p) { return p.value != 0.0 ? std::abs(p.sigma / p.value) : 0.0; }
 
-double relative(const std::optional<Parameter>& p) { return p ? relative(*p) : 0.0; }
-
 }  // namespace
 
 NoiseModel::NoiseModel(const physics::Model& model, const physics::Rig& rig, const Layout& layout,
@@ -74,37 +66,20 @@ NoiseModel::NoiseModel(const physics::Model& model, const physics::Rig& rig, con
       layout_(&layout),
       numbers_(&numbers),
       period_s_(period_s),
-      prior_(prior) {
+      prior_(prior),
+      drive_noise_(3, period_s),
+      load_noise_(2, period_s) {
   const auto& c = numbers.c;
   const double stiffness = rig.structure().two_well ? 2.0 * c.well_linear : c.stiffness;
   log_rate_ = std::log(std::max(c.rate, 1.0e-300));
   natural_rad_s_ = std::max(std::sqrt(stiffness / c.mass), 2.0 * pi * 0.5);
-  const physics::Oscillator& oscillator = model.oscillator;
-  mass_std_kg_ = constant_share * oscillator.mass_kg.sigma;
-  const double spring_sigma =
-      std::max(relative(oscillator.stiffness_n_m), 2.0 * relative(oscillator.natural_frequency_hz));
-  spring_std_n_m_ = c.stiffness * std::max(spring_share, constant_share * spring_sigma);
-  if (oscillator.two_well) {
-    spring_std_n_m_ = std::max(constant_share * oscillator.two_well->linear_n_m.sigma,
-                               spring_share * c.well_linear);
-  }
-  damping_std_n_s_m_ =
-      constant_share * c.damping *
-      std::max(relative(oscillator.damping_ratio), relative(oscillator.damping_n_s_m));
-  cell_std_n_m_ = 0.0;
-  if (model.load_cell) {
-    cell_std_n_m_ = c.cell_stiffness *
-                    std::max(spring_share, 2.0 * relative(model.load_cell->natural_frequency_hz));
-  }
+  // Of a two-well oscillator near its wells.
+  spring_std_n_m_ = spring_share * stiffness;
+  cell_std_n_m_ = model.load_cell ? spring_share * c.cell_stiffness : 0.0;
   for (Channel channel : all_channels) {
     const auto& declared = model.sensors[index_of(channel)].noise_std;
     reading_noise_[index_of(channel)].declared = declared ? square(*declared) : 0.0;
   }
-  // A Kalman filter for p''' = white noise of density q and readings of density r has a
-  // bandwidth of (q / r)^(1/6) rad/s; the density is limited to bandwidths of 0.3 to 60 Hz.
-  least_log_density_ = std::log(sixth(2.0 * pi * 0.3));
-  max_log_density_ = std::log(sixth(2.0 * pi * 60.0));
-  log_jerk_density_ = std::log(sixth(2.0 * pi * 20.0));
 }
 
 double NoiseModel::reading_variance(Channel channel) const {
@@ -142,16 +117,9 @@ void NoiseModel::estimate_reading_noise(const Frame& frame) {
   }
 }
 
-void NoiseModel::adapt_drive_noise(double normalised_innovation) {
-  if (!std::isfinite(normalised_innovation)) return;  // the filter has diverged, not the drive
-  // Innovations of a consistent filter are white: positive correlation means too little process
-  // noise, negative correlation too much.
-  const double size = std::min(square(normalised_innovation) - 1.0, 20.0);
-  const double trend = std::clamp(normalised_innovation * drive_trend_, -20.0, 20.0);
-  drive_trend_ += -drive_trend_ * std::min(1.0, period_s_ / drive_trend_s) +
-                  std::clamp(normalised_innovation, -5.0, 5.0);
-  const double step = (size + trend) * period_s_ / drive_adaptation_s;
-  log_jerk_density_ = std::clamp(log_jerk_density_ + step, least_log_density_, max_log_density_);
+void NoiseModel::adapt_input_noise(Channel channel, double normalised_innovation) {
+  if (channel == drive_channel(rig_->structure())) drive_noise_.adapt(normalised_innovation);
+  if (channel == Channel::normal_load) load_noise_.adapt(normalised_innovation);
 }
 
 double NoiseModel::sliding_friction(const Vector& mean) const {
@@ -230,6 +198,8 @@ NoiseModel::Scales NoiseModel::scales(const Frame& frame) const {
   out.load = c.load;
   if (layout_->load_rate >= 0) out.load = reading_or_zero(frame, Channel::normal_load);
   if (!structure.loaded) out.load = 1.0;
+  out.load_std =
+      0.5 * std::abs(out.load) + 10.0 * std::sqrt(reading_variance(Channel::normal_load));
   out.friction = structure.friction ? std::max(c.mu * std::abs(out.load), 1.0e-9) : 0.0;
   const double x = reading_or_zero(frame, Channel::displacement);
   const double v = reading_or_zero(frame, Channel::velocity);
@@ -237,13 +207,13 @@ NoiseModel::Scales NoiseModel::scales(const Frame& frame) const {
   if (structure.two_well) {
     length = std::max(length, std::sqrt(c.well_linear / std::max(c.well_cubic, 1.0e-12)));
   } else {
-    length = std::max(length, out.friction / (c.mass * square(natural_rad_s_)));
+    length = std::max(length, out.friction * numbers_->inverse_mass / square(natural_rad_s_));
   }
   const double p = reading_or_zero(frame, drive_channel(structure));
   if (structure.excitation == Excitation::base) length = std::max(length, std::abs(p));
   out.length = length;
   out.speed = length * natural_rad_s_;
-  out.drive = structure.excitation == Excitation::base
+  out.drive = structure.excitation != Excitation::force
                   ? length
                   : std::max({std::abs(p), out.friction, c.mass * square(natural_rad_s_) * length});
   out.drive_rad_s = std::max(natural_rad_s_, 2.0 * pi * 2.0);
@@ -294,7 +264,8 @@ void NoiseModel::initialise_parameters(double mu, const Scales& scale, InitialSt
   const auto& c = numbers_->c;
   if (l.mu >= 0) {
     const bool plausible = mu > 0.1 * c.mu && mu < 10.0 * c.mu;
-    const double deviation = std::max(model_->friction.mu.sigma, mu_initial_std * c.mu);
+    const double declared = model_->friction.mu.sigma;
+    const double deviation = declared > 0.0 ? declared : mu_initial_std * c.mu;
     out.set(l.mu, plausible ? mu : c.mu,
             initial_deviation(deviation, recording_initial_std * c.mu));
   }
@@ -304,8 +275,8 @@ void NoiseModel::initialise_parameters(double mu, const Scales& scale, InitialSt
             initial_deviation(deviation, std::min(deviation, recording_initial_std)));
   }
   if (l.load_rate >= 0) {
-    out.set(l.load, scale.load, 0.5 * std::abs(scale.load) + 1.0e-6);
-    out.set(l.load_rate, 0.0, std::abs(scale.load) * natural_rad_s_);
+    out.set(l.load, scale.load, scale.load_std);
+    out.set(l.load_rate, 0.0, 2.0 * scale.load_std * natural_rad_s_);
   } else if (l.load >= 0) {
     out.set(l.load, c.load, model_->normal_load->load_n.sigma);
   }
@@ -344,8 +315,8 @@ void NoiseModel::initialise_chains(const Frame& frame, const Scales& scale,
   const double force_std = scale.friction + std::abs(force);
   initialise(Channel::friction_force, force, force_std, 0.0, 100.0 * force_std);
   const double load = frame.has(Channel::normal_load) ? frame[Channel::normal_load] : scale.load;
-  initialise(Channel::normal_load, load, 0.5 * std::abs(scale.load) + 1.0e-6, 0.0,
-             std::abs(scale.load) * natural_rad_s_);
+  initialise(Channel::normal_load, load, scale.load_std, 0.0,
+             2.0 * scale.load_std * natural_rad_s_);
   const Channel driven = drive_channel(rig_->structure());
   initialise(driven, reading_or_zero(frame, driven), scale.drive, 0.0,
              2.0 * scale.drive * scale.drive_rad_s);
@@ -368,10 +339,6 @@ void add_variance(Covariance& covariance, int index, double variance) {
 
 }  // namespace
 
-double NoiseModel::present_load(const Vector& mean) const {
-  return layout_->load >= 0 ? std::abs(mean[layout_->load]) : numbers_->c.load;
-}
-
 void NoiseModel::add_force_noise(const Vector& mean, double slip_variance,
                                  Covariance& covariance) const {
   const Layout& l = *layout_;
@@ -380,18 +347,15 @@ void NoiseModel::add_force_noise(const Vector& mean, double slip_variance,
   const double h = period_s_;
   const double colour = 2.0 * force_memory_s * h;  // white noise equivalent to the coloured one
   const double x = mean[l.rig[state::x]];
-  const double v = mean[l.rig[state::v]];
   const double friction = sliding_friction(mean);
   const double jump = structure.friction && structure.kinetics != Kinetics::bristle
                           ? backbone_variance(mean, slip_variance)
                           : 0.0;
   const bool instantaneous = structure.kinetics == Kinetics::instantaneous;
   const double by_jump = instantaneous ? 2.0 * jump_memory_s * h * jump * square(friction) : 0.0;
-  const double base_acceleration =
-      structure.excitation == Excitation::base ? mean[l.drive + 2] : 0.0;
-  const double on_mass = square(force_share * friction) + square(spring_std_n_m_ * x) +
-                         square(damping_std_n_s_m_ * v) + square(mass_std_kg_ * base_acceleration);
-  add_variance(covariance, l.rig[state::v], (colour * on_mass + by_jump) / square(c.mass));
+  const double on_mass = square(force_share * friction) + square(spring_std_n_m_ * x);
+  add_variance(covariance, l.rig[state::v],
+               (colour * on_mass + by_jump) * square(numbers_->inverse_mass));
   if (structure.resonant) {
     const double y = mean[l.rig[state::y]];
     const double on_cell = square(force_share * friction) + square(cell_std_n_m_ * y);
@@ -417,8 +381,7 @@ void NoiseModel::add_force_noise(const Vector& mean, double slip_variance,
   }
 }
 
-void NoiseModel::add_parameter_noise(const Vector& mean, double since_start_s,
-                                     Covariance& covariance) const {
+void NoiseModel::add_parameter_noise(double since_start_s, Covariance& covariance) const {
   const Layout& l = *layout_;
   const auto& c = numbers_->c;
   const double h = period_s_;
@@ -433,11 +396,7 @@ void NoiseModel::add_parameter_noise(const Vector& mean, double since_start_s,
     add_variance(covariance, l.log_rate,
                  (square(rate_walk) + square(rate_startup_walk) * startup) * h);
   }
-  if (l.load_rate >= 0) {
-    const double load = present_load(mean);
-    add_variance(covariance, l.load, square(load_walk * load) * h);
-    add_variance(covariance, l.load_rate, square(load_rate_walk * load) * h);
-  } else if (l.load >= 0) {
+  if (l.load >= 0 && l.load_rate < 0) {
     add_variance(covariance, l.load, square(load_walk * c.load) * h * 0.01);
   }
 }
@@ -455,10 +414,10 @@ void NoiseModel::add_sensor_error_noise(Covariance& covariance) const {
 }
 
 // The third derivative of p is white noise.
-void NoiseModel::add_drive_noise(const Vector& mean, double drive_variance,
+void NoiseModel::add_drive_noise(const Vector& mean, double variance,
                                  Covariance& covariance) const {
   const double h = period_s_;
-  const double q = std::exp(log_jerk_density_) * drive_variance * h;
+  const double q = drive_noise_.per_period() * variance;
   const int p = layout_->drive;
   covariance.add(p, p, q * h * h * h * h * h / 20.0);
   covariance.add(p, p + 1, q * h * h * h * h / 8.0);
@@ -472,12 +431,24 @@ void NoiseModel::add_drive_noise(const Vector& mean, double drive_variance,
   }
 }
 
+// The second derivative of a measured load is white noise. Its size is that of the load's past
+// changes, not of the load, which may reach zero.
+void NoiseModel::add_load_noise(double variance, Covariance& covariance) const {
+  const double h = period_s_;
+  const double q = load_noise_.per_period() * variance;
+  const int rate = layout_->load_rate;
+  covariance.add(layout_->load, layout_->load, q * h * h / 3.0);
+  covariance.add(layout_->load, rate, q * h / 2.0);
+  covariance.add(rate, rate, q);
+}
+
 void NoiseModel::add_process_noise(const Vector& mean, double slip_variance, double since_start_s,
-                                   double drive_variance, Covariance& covariance) const {
+                                   const InputVariances& readings, Covariance& covariance) const {
   add_force_noise(mean, slip_variance, covariance);
-  add_parameter_noise(mean, since_start_s, covariance);
+  add_parameter_noise(since_start_s, covariance);
   if (layout_->first_sensor_error < layout_->count) add_sensor_error_noise(covariance);
-  add_drive_noise(mean, drive_variance, covariance);
+  add_drive_noise(mean, readings.drive, covariance);
+  if (layout_->load_rate >= 0) add_load_noise(readings.load, covariance);
 }
 
 double NoiseModel::initial_deviation(double from_model, double from_recording) const {

@@ -5,6 +5,7 @@
 #include <array>
 
 #include "observer/covariance.h"
+#include "observer/input_noise.h"
 #include "observer/layout.h"
 #include "physics/frame.h"
 #include "physics/model.h"
@@ -19,6 +20,12 @@ enum class FrictionPrior {
   fixed,           ///< the model's values; neither is estimated
 };
 
+/// Variances of the readings of the measured inputs [unit of the channel squared].
+struct InputVariances {
+  double drive = 0.0;
+  double load = 0.0;
+};
+
 class NoiseModel {
  public:
   NoiseModel(const physics::Model& model, const physics::Rig& rig, const Layout& layout,
@@ -30,9 +37,9 @@ class NoiseModel {
 
   /// Adds the process noise of one period to the covariance of the core and the sensor errors.
   /// `slip_variance`: of the slip velocity [(m/s)^2]. `since_start_s`: since the filter was
-  /// initialised. `drive_variance`: of the drive's readings, as the filter uses them.
+  /// initialised. `readings`: as the filter uses them.
   void add_process_noise(const Vector& mean, double slip_variance, double since_start_s,
-                         double drive_variance, Covariance& covariance) const;
+                         const InputVariances& readings, Covariance& covariance) const;
 
   /// Adds the uncertainty of the friction law to friction and theta, where theta has no memory.
   void add_output_noise(const Vector& mean, Covariance& covariance) const;
@@ -55,9 +62,9 @@ class NoiseModel {
   /// Variance of a reading's noise [unit of the channel squared].
   double reading_variance(Channel channel) const;
 
-  /// Adapts the process noise of the drive to the size and the correlation of its channel's
-  /// normalised innovations.
-  void adapt_drive_noise(double normalised_innovation);
+  /// Adapts the process noise of a measured input, the drive or the normal load, to its channel's
+  /// normalised innovation; other channels have no effect.
+  void adapt_input_noise(Channel channel, double normalised_innovation);
 
  private:
   /// Noise of a channel, estimated from third differences of its readings.
@@ -72,6 +79,7 @@ class NoiseModel {
   /// Magnitudes at the start, from the model and the first frame.
   struct Scales {
     double load = 0.0, friction = 0.0;  ///< [N]
+    double load_std = 0.0;              ///< of a measured load; not 0 where the first reading is 0
     double length = 0.0;                ///< [m]
     double speed = 0.0;                 ///< [m/s]
     double drive = 0.0;                 ///< [m] or [N]
@@ -84,13 +92,13 @@ class NoiseModel {
   void initialise_parameters(double mu, const Scales& scale, InitialState& out) const;
   void initialise_chains(const Frame& frame, const Scales& scale, InitialState& out) const;
   void add_force_noise(const Vector& mean, double slip_variance, Covariance& covariance) const;
-  void add_parameter_noise(const Vector& mean, double since_start_s, Covariance& covariance) const;
+  void add_parameter_noise(double since_start_s, Covariance& covariance) const;
   void add_sensor_error_noise(Covariance& covariance) const;
-  void add_drive_noise(const Vector& mean, double drive_variance, Covariance& covariance) const;
+  void add_drive_noise(const Vector& mean, double variance, Covariance& covariance) const;
+  void add_load_noise(double variance, Covariance& covariance) const;
   double initial_deviation(double from_model, double from_recording) const;
   double backbone_variance(const Vector& mean, double slip_variance) const;
   double sliding_friction(const Vector& mean) const;
-  double present_load(const Vector& mean) const;
 
   const physics::Model* model_;
   const physics::Rig* rig_;
@@ -99,11 +107,9 @@ class NoiseModel {
   double period_s_;
   FrictionPrior prior_;
   double natural_rad_s_;
-  double log_rate_;  ///< ln of the model's gamma
-  /// Standard deviations of model constants.
-  double spring_std_n_m_, damping_std_n_s_m_, mass_std_kg_, cell_std_n_m_;
-  double drive_trend_ = 0.0;
-  double log_jerk_density_, least_log_density_, max_log_density_;
+  double log_rate_;                       ///< ln of the model's gamma
+  double spring_std_n_m_, cell_std_n_m_;  ///< of unmodelled forces
+  InputNoise drive_noise_, load_noise_;
   std::array<ReadingNoise, channel_count> reading_noise_;
 };
 

@@ -1,5 +1,6 @@
 #include "observer/observer.h"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -21,6 +22,8 @@ std::string_view words_for(EstimateStatus status) {
       return "the frame's time did not advance";
     case EstimateStatus::unsupported:
       return "the observer does not support this model";
+    case EstimateStatus::impossible:
+      return "beyond what the friction law allows";
   }
   return "";
 }
@@ -30,6 +33,18 @@ double FrictionEstimate::standard_deviation(Quantity quantity) const {
     if (quantities[i] == quantity) return std::sqrt(std::max(0.0, covariance[i][i]));
   }
   return 0.0;
+}
+
+bool is_possible(const FrictionEstimate& estimate) {
+  for (std::size_t i = 0; i < estimate.used; ++i) {
+    if (!(estimate.covariance[i][i] >= 0.0) || std::isinf(estimate.covariance[i][i])) return false;
+  }
+  const bool contact = estimate.normal_load_n > 0.0;  // without it theta has no meaning
+  const double margin = std::min(4.0 * estimate.standard_deviation(Quantity::theta), 0.5);
+  if (!std::isfinite(estimate.theta + estimate.sticking + estimate.slip_velocity_std_m_s)) {
+    return false;
+  }
+  return (!contact || std::abs(estimate.theta) <= 1.0 + margin);
 }
 
 FrictionObserver::FrictionObserver(const physics::Model& model, double period_s) {

@@ -54,6 +54,7 @@ enum class EstimateStatus : std::uint8_t {
   blind,        ///< no reading of the mass or of the friction force for too long
   out_of_step,  ///< the frame's time did not advance; the estimate is the last one
   unsupported,  ///< see FrictionObserver::unsupported()
+  impossible,   ///< beyond what the friction law allows, see is_possible()
 };
 
 /// Description for a person.
@@ -122,6 +123,10 @@ struct FrictionEstimate {
 };
 
 static_assert(std::is_trivially_copyable_v<FrictionEstimate>);
+
+/// True if the variances are finite and not negative and, in contact, abs(theta) exceeds 1 by at
+/// most four standard deviations, and by at most 0.5.
+bool is_possible(const FrictionEstimate& estimate);
 
 class KalmanFilter;
 

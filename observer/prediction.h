@@ -24,16 +24,16 @@ class Prediction {
 
   const Transition& transition() const { return transition_; }
 
+  /// Transition speed of the mean of g over that distribution of the slip velocity: the mean of
+  /// tanh(v / v0) is close to a wider tanh, with exact slope for v0 = 0, where it is erf. So the
+  /// set-valued law is differentiable too.
+  double widened_transition_speed(double slip_variance) const;
+
   /// Coefficients of the model's equations.
   const physics::RigNumbers<double>& numbers() const { return numbers_; }
 
  protected:
   Prediction(const physics::Rig& rig, const Layout& layout, double period_s);
-
-  /// Transition speed of the mean of g over that distribution of the slip velocity: the mean of
-  /// tanh(v / v0) is close to a wider tanh, with exact slope for v0 = 0, where it is erf. So the
-  /// set-valued law is differentiable too.
-  double widened_transition_speed(double slip_variance) const;
 
   const physics::Rig* rig_;
   const Layout* layout_;

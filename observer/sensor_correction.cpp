@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "physics/catalogue.h"
@@ -22,11 +23,49 @@ bool concerns_sensors_only(const physics::Term& term) {
   return physics::find_effect(term.id)->hooks() == physics::hook::reading;
 }
 
+bool is_of_a_sensor_term(const std::string& path, const physics::Model& model) {
+  return std::any_of(model.terms.begin(), model.terms.end(), [&](const physics::Term& term) {
+    return path.starts_with(physics::path_of(term) + '.') && concerns_sensors_only(term);
+  });
+}
+
+// Sizes of random errors, and limits within which a reading is not trusted: wider by what is
+// uncertain about them.
+void widen(physics::ReadingLaws<double>& laws, const physics::ReadingLaws<double>& shifted,
+           const physics::ReadingLaws<double>& declared) {
+  for (std::size_t i = 0; i < channel_count; ++i) {
+    const auto& from = declared.of[i];
+    const auto& to = shifted.of[i];
+    auto& wide = laws.of[i];
+    wide.hum_amplitude = std::hypot(wide.hum_amplitude, to.hum_amplitude - from.hum_amplitude);
+    wide.drift_per_s = std::hypot(wide.drift_per_s, to.drift_per_s - from.drift_per_s);
+    wide.limit -= 2.0 * (to.limit - from.limit);
+  }
+}
+
+std::vector<physics::ReadingLaws<double>> shifted_laws(const physics::Rig& rig,
+                                                       const physics::Model& declared) {
+  std::vector<physics::ReadingLaws<double>> out;
+  physics::Model copy = declared;
+  const std::vector<physics::NamedParameter> parameters = physics::parameters_of(copy);
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    const double sigma = parameters[i].parameter->sigma;
+    if (!(sigma > 0.0) || !is_of_a_sensor_term(parameters[i].path, declared)) continue;
+    std::vector<double> values = rig.parameter_values();
+    values[i] += sigma;
+    out.push_back(rig.numbers<double>(std::span<const double>(values)).reading);
+  }
+  return out;
+}
+
 }  // namespace
 
 SeparatedModel separate_sensor_errors(const physics::Model& declared) {
   const physics::Rig rig(declared);
-  SeparatedModel out{declared, rig.numbers<double>(std::span(rig.parameter_values())).reading};
+  SeparatedModel out{declared, rig.numbers<double>(std::span(rig.parameter_values())).reading, {}};
+  out.shifted = shifted_laws(rig, declared);
+  const physics::ReadingLaws<double> laws = out.laws;
+  for (const auto& shifted : out.shifted) widen(out.laws, shifted, laws);
   std::erase_if(out.model.terms, concerns_sensors_only);
   if (out.laws.velocity_cutoff_hz > 0.0) {
     std::vector<physics::Filter>& filters = out.model.sensors[index_of(Channel::velocity)].filters;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <vector>
 
 #include "physics/effect.h"
 #include "physics/frame.h"
@@ -16,6 +17,8 @@ namespace stickslip::observer {
 struct SeparatedModel {
   physics::Model model;
   physics::ReadingLaws<double> laws;
+  /// The laws with one parameter higher by its standard deviation, for each that has one.
+  std::vector<physics::ReadingLaws<double>> shifted;
 };
 
 /// A different cutoff of the velocity's differentiator becomes part of the model's sensor chain.

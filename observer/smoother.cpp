@@ -1,6 +1,6 @@
 #include "observer/smoother.h"
 
-#include <Eigen/LU>
+#include <Eigen/QR>
 #include <array>
 #include <cmath>
 #include <deque>
@@ -15,57 +15,109 @@ namespace stickslip::observer {
 
 namespace {
 
-Matrix matrix_of(const Covariance& covariance) {
-  Matrix out(covariance.count(), covariance.count());
-  for (int i = 0; i < covariance.count(); ++i) {
-    for (int j = 0; j <= i; ++j) out(i, j) = out(j, i) = covariance(i, j);
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Variances and covariances that are not 0; far fewer than those of a matrix.
+struct SparseNoise {
+  struct Entry {
+    int row;
+    int column;
+    double value;
+  };
+  std::vector<Entry> entries;
+
+  explicit SparseNoise(const Covariance& covariance) {
+    for (int i = 0; i < covariance.count(); ++i) {
+      for (int j = 0; j <= i; ++j) {
+        if (covariance(i, j) != 0.0) entries.push_back({i, j, covariance(i, j)});
+      }
+    }
+  }
+  MatrixXd dense(Eigen::Index count) const {
+    MatrixXd out = MatrixXd::Zero(count, count);
+    for (const Entry& each : entries) {
+      out(each.row, each.column) = out(each.column, each.row) = each.value;
+    }
+    return out;
+  }
+};
+
+/// The lower triangle, by rows.
+VectorXd packed(const Covariance& covariance) {
+  const int n = covariance.count();
+  VectorXd out(n * (n + 1) / 2);
+  Eigen::Index next = 0;
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j <= i; ++j) out[next++] = covariance(i, j);
   }
   return out;
 }
 
-struct Gaussian {
-  Vector mean;
-  Matrix covariance;
-};
-
-/// Likelihood of all later readings as a function of a state's deviation d from the filtered mean:
-/// its logarithm is -d' matrix d / 2 + d' vector.
-struct BackwardInformation {
-  Matrix matrix;
-  Vector vector;
-
-  /// Accounts for `noise` between the state and the later readings.
-  void add_noise(Matrix noise);
-};
-
-void BackwardInformation::add_noise(Matrix noise) {
-  // One direction of the noise after the other, as in a Cholesky factorisation.
-  for (Eigen::Index i = 0; i < noise.rows(); ++i) {
-    if (!(noise(i, i) > 0.0)) continue;
-    const Vector direction = noise.col(i) / std::sqrt(noise(i, i));
-    noise -= direction * direction.transpose();
-    const Vector projected = matrix * direction;
-    const double share = 1.0 / (1.0 + direction.dot(projected));
-    vector -= projected * (share * direction.dot(vector));
-    matrix -= share * projected * projected.transpose();
+MatrixXd unpacked(const VectorXd& triangle, Eigen::Index count) {
+  MatrixXd out(count, count);
+  Eigen::Index next = 0;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    for (Eigen::Index j = 0; j <= i; ++j) out(i, j) = out(j, i) = triangle[next++];
   }
+  return out;
 }
 
+/// Triangular form of the equations `stack` (left sides, the right side as the last column), by
+/// Householder reflections: the sum of squared residuals is the same function of the unknowns.
+MatrixXd triangular(const MatrixXd& stack) {
+  const Eigen::HouseholderQR<MatrixXd> qr(stack);
+  return qr.matrixQR().triangularView<Eigen::Upper>();
+}
+
+/// G with G G' = `covariance`, positive semidefinite; directions without variance are left out.
+MatrixXd square_root(MatrixXd covariance) {
+  MatrixXd root(covariance.rows(), covariance.cols());
+  Eigen::Index columns = 0;
+  for (Eigen::Index i = 0; i < covariance.rows(); ++i) {
+    if (!(covariance(i, i) > 0.0)) continue;
+    const VectorXd direction = covariance.col(i) / std::sqrt(covariance(i, i));
+    covariance -= direction * direction.transpose();
+    root.col(columns++) = direction;
+  }
+  return root.leftCols(columns);
+}
+
+/// Likelihood of all later readings as a function of a state's deviation d from the filtered mean
+/// and of the errors p of the consider parameters, in standard deviations: its logarithm is
+/// -|root (d, p) - value|^2 / 2. A square root of the information cannot lose symmetry or
+/// definiteness (Bierman, Factorization Methods for Discrete Sequential Estimation, chapter VI).
+struct BackwardInformation {
+  MatrixXd root;  ///< upper triangular
+  VectorXd value;
+};
+
+/// d' = jacobian (d + u) + w + by_parameters p, with the noises u and w.
 struct TimeUpdate {
-  Matrix jacobian;
-  Matrix process_noise;  ///< added before the transition
-  Matrix output_noise;   ///< added after it
+  MatrixXd jacobian;
+  MatrixXd by_parameters;
+  SparseNoise process_noise;
+  SparseNoise output_noise;
+};
+
+struct Reading {
+  double innovation = 0.0;
+  double weight = 0.0;  ///< inverse standard deviation
+  VectorXd by_states, by_parameters;
 };
 
 /// One period of the forward filter.
 struct FilterStep {
   std::optional<TimeUpdate> time_update;  ///< none where the filter was initialised
-  Vector predicted;                       ///< mean before the readings
-  Gaussian filtered;                      ///< after the readings
-  std::array<double, channel_count> innovation{};
-  std::array<MeasurementRow, channel_count> row{};
-  std::array<double, channel_count> inverse_variance{};  ///< of the readings; 0: not used
-  std::optional<FrictionEstimate> estimate;              ///< none of a missing frame
+  VectorXd predicted;                     ///< mean before the readings
+  VectorXd filtered;                      ///< mean after the readings
+  /// After the readings: packed covariance, and errors of the mean by the consider parameters.
+  /// Empty where a frame is missing.
+  VectorXd covariance;
+  MatrixXd by_parameters;
+  VectorXd load_by_parameters;
+  std::vector<Reading> readings;
+  std::optional<FrictionEstimate> estimate;  ///< none of a missing frame
 };
 
 class Smoother {
@@ -87,6 +139,8 @@ class Smoother {
   void step_back(const FilterStep& step, BackwardInformation& later) const;
   FrictionEstimate smoothed(const FilterStep& step, const BackwardInformation& later,
                             bool converged) const;
+  void add_load_parameters(const Vector& mean, const MatrixXd& spread, const FilterStep& step,
+                           FrictionEstimate& estimate) const;
 
   KalmanFilter filter_;
   const std::function<void(const FrictionEstimate&)>& take_;
@@ -96,14 +150,12 @@ class Smoother {
 
 void Smoother::time_update(KalmanFilter& filter) {
   FilterStep step;
-  TimeUpdate update;
-  update.process_noise = matrix_of(filter.process_noise());
+  const SparseNoise process_noise(filter.process_noise());
   filter.predict();
-  update.jacobian = filter.transition().dense();
-  update.output_noise = matrix_of(filter.output_noise());
-  step.time_update = std::move(update);
+  step.time_update = TimeUpdate{filter.transition().dense(), filter.consider_parameters().input(),
+                                process_noise, SparseNoise(filter.output_noise())};
   step.predicted = filter.mean();
-  step.filtered.mean = filter.mean();  // of a missing frame
+  step.filtered = filter.mean();  // of a missing frame
   steps_.push_back(std::move(step));
 }
 
@@ -119,7 +171,10 @@ void Smoother::add(const Frame& frame) {
     steps_.emplace_back();
   }
   FilterStep& step = steps_.back();
-  step.filtered = {filter_.mean(), matrix_of(filter_.covariance())};
+  step.filtered = filter_.mean();
+  step.covariance = packed(filter_.covariance());
+  step.by_parameters = filter_.consider_parameters().sensitivity();
+  step.load_by_parameters = filter_.consider_parameters().load();
   step.estimate = estimate;
   if (step.time_update) record_readings(step);
   if (steps_.size() >= keep_ + ahead_) smooth_steps(keep_);
@@ -127,45 +182,73 @@ void Smoother::add(const Frame& frame) {
 
 void Smoother::record_readings(FilterStep& step) {
   const unsigned used = step.estimate->innovation_valid & ~unsigned{step.estimate->refused};
+  const Vector states = step.predicted;
   for (Channel channel : all_channels) {
-    const std::size_t i = index_of(channel);
-    if (((used >> i) & 1U) == 0) continue;
+    if (((used >> index_of(channel)) & 1U) == 0) continue;
     const KalmanFilter::PredictedReading predicted =
-        filter_.predict_reading(channel, filter_.frame(), step.predicted);
-    step.row[i] = *predicted.row;
-    step.innovation[i] = filter_.frame()[channel] - predicted.value;
-    step.inverse_variance[i] = 1.0 / predicted.variance;
+        filter_.predict_reading(channel, filter_.frame(), states);
+    Reading reading;
+    reading.innovation = filter_.frame()[channel] - predicted.value;
+    reading.weight = 1.0 / std::sqrt(predicted.variance);
+    reading.by_states = VectorXd::Zero(states.size());
+    for (std::size_t j = 0; j < static_cast<std::size_t>(predicted.row->count); ++j) {
+      reading.by_states[predicted.row->state[j]] += predicted.row->weight[j];
+    }
+    reading.by_parameters = filter_.consider_parameters().reading_errors(channel, states);
+    step.readings.push_back(std::move(reading));
   }
 }
 
-// From the state after a step's readings to the state before its time update.
-void Smoother::step_back(const FilterStep& step, BackwardInformation& later) const {
-  later.vector += later.matrix * (step.filtered.mean - step.predicted);
-  for (Channel channel : all_channels) {
-    const std::size_t i = index_of(channel);
-    if (step.inverse_variance[i] == 0.0) continue;
-    const MeasurementRow& row = step.row[i];
-    const auto terms = static_cast<std::size_t>(row.count);
-    for (std::size_t j = 0; j < terms; ++j) {
-      for (std::size_t k = 0; k < terms; ++k) {
-        later.matrix(row.state[j], row.state[k]) +=
-            step.inverse_variance[i] * row.weight[j] * row.weight[k];
-      }
-      later.vector[row.state[j]] += step.inverse_variance[i] * row.weight[j] * step.innovation[i];
-    }
+// Equations of a step: those of the state after its readings, and the readings.
+MatrixXd equations_after(const FilterStep& step, const BackwardInformation& later) {
+  const Eigen::Index n = step.predicted.size();
+  const Eigen::Index unknowns = later.root.cols();
+  const auto rows = unknowns + static_cast<Eigen::Index>(step.readings.size());
+  MatrixXd stack = MatrixXd::Zero(rows, unknowns + 1);
+  stack.topLeftCorner(unknowns, unknowns) = later.root;
+  stack.col(unknowns).head(unknowns) =
+      later.value + later.root.leftCols(n) * (step.filtered - step.predicted);
+  Eigen::Index next = unknowns;
+  for (const Reading& reading : step.readings) {
+    auto row = stack.row(next++);
+    row.head(n) = reading.weight * reading.by_states.transpose();
+    row.segment(n, unknowns - n) = reading.weight * reading.by_parameters.transpose();
+    row[unknowns] = reading.weight * reading.innovation;
   }
-  later.add_noise(step.time_update->output_noise);
-  const Matrix& f = step.time_update->jacobian;
-  later.matrix = (f.transpose() * later.matrix * f).eval();
-  later.vector = (f.transpose() * later.vector).eval();
-  later.add_noise(step.time_update->process_noise);
+  return stack;
+}
+
+// From the state after a step's readings to the state before its time update. With the noises u and
+// w of unit variance it is d_after = F (d_before + G u) + H w + B p; u and w are eliminated.
+void Smoother::step_back(const FilterStep& step, BackwardInformation& later) const {
+  const MatrixXd after = equations_after(step, later);
+  const TimeUpdate& update = *step.time_update;
+  const Eigen::Index n = step.predicted.size();
+  const Eigen::Index unknowns = later.root.cols();
+  const Eigen::Index rows = after.rows();
+  const MatrixXd h = square_root(update.output_noise.dense(n));
+  const MatrixXd g = square_root(update.process_noise.dense(n));
+  const Eigen::Index noises = h.cols() + g.cols();
+  MatrixXd stack = MatrixXd::Zero(noises + rows, noises + unknowns + 1);
+  stack.topLeftCorner(noises, noises).setIdentity();
+  const auto left = after.leftCols(n);
+  const MatrixXd before = left * update.jacobian;
+  stack.block(noises, 0, rows, h.cols()) = left * h;
+  stack.block(noises, h.cols(), rows, g.cols()) = before * g;
+  stack.block(noises, noises, rows, n) = before;
+  stack.block(noises, noises + n, rows, unknowns - n) =
+      after.middleCols(n, unknowns - n) + left * update.by_parameters;
+  stack.col(noises + unknowns).tail(rows) = after.col(unknowns);
+  const MatrixXd reduced = triangular(stack);
+  later.root = reduced.block(noises, noises, unknowns, unknowns);
+  later.value = reduced.col(noises + unknowns).segment(noises, unknowns);
 }
 
 // Smooths all steps, and passes on and removes the first `keep` of them.
 void Smoother::smooth_steps(std::size_t keep) {
   const auto no_information = [this] {
-    const auto count = filter_.mean().size();
-    return BackwardInformation{Matrix::Zero(count, count), Vector::Zero(count)};
+    const auto count = filter_.mean().size() + filter_.consider_parameters().count();
+    return BackwardInformation{MatrixXd::Zero(count, count), VectorXd::Zero(count)};
   };
   BackwardInformation later = no_information();
   bool converged = false;  // the filter has been good later on since its initialisation
@@ -187,33 +270,68 @@ void Smoother::smooth_steps(std::size_t keep) {
   steps_.erase(steps_.begin(), steps_.begin() + static_cast<std::ptrdiff_t>(keep));
 }
 
+// The normal load depends on consider parameters directly. `spread`: columns of states and
+// parameters, whose products are their covariances.
+void Smoother::add_load_parameters(const Vector& mean, const MatrixXd& spread,
+                                   const FilterStep& step, FrictionEstimate& estimate) const {
+  const VectorXd direct =
+      spread.rightCols(step.load_by_parameters.size()) * step.load_by_parameters;
+  const auto rows = filter_.rows_of(mean);
+  for (std::size_t i = 0; i < estimate.used; ++i) {
+    if (!rows[i].is_load) continue;
+    for (std::size_t j = 0; j < estimate.used; ++j) {
+      VectorXd of_row = rows[j].weight[0] * spread.col(rows[j].state[0]);
+      if (rows[j].state[1] >= 0) of_row += rows[j].weight[1] * spread.col(rows[j].state[1]);
+      const bool is_gamma = estimate.quantities[j] == Quantity::gamma;
+      const double more = direct.dot(of_row) * (is_gamma ? estimate.gamma_per_s : 1.0);
+      estimate.covariance[i][j] += more;
+      estimate.covariance[j][i] += more;
+    }
+    estimate.covariance[i][i] += direct.squaredNorm();
+  }
+}
+
 FrictionEstimate Smoother::smoothed(const FilterStep& step, const BackwardInformation& later,
                                     bool converged) const {
   FrictionEstimate estimate = *step.estimate;
   if (estimate.status == EstimateStatus::waiting) return estimate;
-  // Filtered and backward information combined, P - P W (1 + P W)^-1 P, with states scaled by their
-  // standard deviations.
-  const Matrix& p = step.filtered.covariance;
-  const Vector scale = p.diagonal().cwiseMax(1.0e-300).cwiseSqrt();
-  const auto scaled = scale.asDiagonal();
-  const auto unscaled = scale.cwiseInverse().asDiagonal();
-  const Matrix prior = unscaled * p * unscaled;
-  const Matrix product = prior * (scaled * later.matrix * scaled);
-  const Matrix posterior =
-      (Matrix::Identity(p.rows(), p.cols()) + product).partialPivLu().solve(prior);
-  const Vector mean = step.filtered.mean + scaled * (posterior * (scaled * later.vector));
+  // Filtered and backward information combined in terms of y and p, where the deviation is
+  // L y + S p and L L' + S S' the filtered covariance: |y|^2 + |p|^2 + |root (d, p) - value|^2 is
+  // least.
+  const Eigen::Index n = step.filtered.size();
+  const MatrixXd l = square_root(unpacked(step.covariance, n));
+  const Eigen::Index parameters = step.by_parameters.cols();
+  const Eigen::Index unknowns = l.cols() + parameters;
+  MatrixXd deviation(n + parameters, unknowns);
+  deviation << l, step.by_parameters, MatrixXd::Zero(parameters, l.cols()),
+      MatrixXd::Identity(parameters, parameters);
+  MatrixXd stack = MatrixXd::Zero(unknowns + later.root.rows(), unknowns + 1);
+  stack.topLeftCorner(unknowns, unknowns).setIdentity();
+  stack.bottomLeftCorner(later.root.rows(), unknowns) = later.root * deviation;
+  stack.col(unknowns).tail(later.root.rows()) = later.value;
+  const MatrixXd reduced = triangular(stack);
+  const auto root =
+      reduced.topLeftCorner(unknowns, unknowns).template triangularView<Eigen::Upper>();
+  const VectorXd solution = root.solve(reduced.col(unknowns).head(unknowns));
+  const Vector mean = step.filtered + deviation.topRows(n) * solution;
+  const MatrixXd spread = root.transpose().solve(MatrixXd(deviation.transpose()));
 
-  Covariance covariance(static_cast<int>(p.rows()));
+  Covariance covariance(static_cast<int>(n));
   for (int i = 0; i < covariance.count(); ++i) {
-    for (int j = 0; j <= i; ++j) {
-      covariance.set(i, j, 0.5 * (posterior(i, j) + posterior(j, i)) * scale[i] * scale[j]);
-    }
+    for (int j = 0; j <= i; ++j) covariance.set(i, j, spread.col(i).dot(spread.col(j)));
   }
   filter_.fill_estimate(mean, covariance, nullptr, estimate);
-  if (estimate.status == EstimateStatus::settling && converged) {
-    estimate.status = EstimateStatus::good;
-    estimate.valid = true;
+  estimate.normal_load_n = std::max(
+      0.0, estimate.normal_load_n + step.load_by_parameters.dot(solution.tail(parameters)));
+  add_load_parameters(mean, spread, step, estimate);
+  // Also where the filter alone was still settling, or wrong.
+  const bool by_filter = estimate.status == EstimateStatus::good ||
+                         estimate.status == EstimateStatus::impossible ||
+                         (estimate.status == EstimateStatus::settling && converged);
+  if (by_filter) {
+    estimate.status = is_possible(estimate) ? EstimateStatus::good : EstimateStatus::impossible;
   }
+  estimate.valid = estimate.status == EstimateStatus::good;
   return estimate;
 }
 

@@ -527,13 +527,19 @@ void Rig::scale_friction(FrictionFactors<T>& factors, const RigState<T>& state, 
   }
 }
 
+// An imposed motion. Its derivatives, which an Input does not have, remain.
+template <class T>
+void set_motion(RigState<T>& state, const Input& now) {
+  state.s[state::x] += now.displacement_m - value_of(state.s[state::x]);
+  state.s[state::v] += now.velocity_m_s - value_of(state.s[state::v]);
+}
+
 template <class T>
 void Rig::close_contact(RigState<T>& state, double alpha, const Input& now, double time_s,
                         const RigNumbers<T>& n) const {
   const bool imposed = structure_.excitation == Excitation::imposed;
   if (imposed) {
-    state.s[state::x] = T(now.displacement_m);
-    state.s[state::v] = T(now.velocity_m_s);
+    set_motion(state, now);
   }
   Stage<T> stage;
   stage.alpha = alpha;
@@ -585,8 +591,7 @@ void Rig::complete(RigState<T>& state, const Input& now, double time_s,
   close_contact(state, 1.0e-9, now, time_s, n);
   state.s = kept;
   if (structure_.excitation == Excitation::imposed) {
-    state.s[state::x] = T(now.displacement_m);
-    state.s[state::v] = T(now.velocity_m_s);
+    set_motion(state, now);
   }
 }
 

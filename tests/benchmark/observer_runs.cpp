@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <random>
 
@@ -92,10 +93,6 @@ physics::Model with_true_parameters(const Run& run) {
   return model;
 }
 
-namespace {
-
-// x, v, theta and mu, which every model has.
-constexpr int nees_states = 4;
 double nees_of(const FrictionEstimate& e, const physics::RigTruth& t, double mu) {
   constexpr std::array<Quantity, nees_states> quantities = {
       Quantity::displacement, Quantity::velocity, Quantity::theta, Quantity::mu};
@@ -112,10 +109,22 @@ double nees_of(const FrictionEstimate& e, const physics::RigTruth& t, double mu)
   }
   const Eigen::Vector4d error(e.displacement_m - t.displacement_m, e.velocity_m_s - t.velocity_m_s,
                               e.theta - t.theta, e.mu - mu);
-  return error.dot(covariance.ldlt().solve(error));
+  // In standard deviations: the units differ by orders of magnitude. The floors are far below any
+  // uncertainty (m, m/s, 1) and above rounding errors.
+  constexpr double least_deviation = 1.0e-9;
+  constexpr double least_eigenvalue = 1.0e-9;
+  constexpr double rounding = 1.0e-6;
+  const Eigen::Vector4d scale =
+      covariance.diagonal().cwiseMax(least_deviation * least_deviation).cwiseSqrt().cwiseInverse();
+  const Eigen::Matrix4d correlation = scale.asDiagonal() * covariance * scale.asDiagonal();
+  const Eigen::Vector4d scaled = scale.cwiseProduct(error);
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  if (!correlation.allFinite() || !scaled.allFinite()) return infinity;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> eigen(correlation);
+  if (eigen.eigenvalues().minCoeff() < -rounding) return infinity;
+  const Eigen::Vector4d along = eigen.eigenvectors().transpose() * scaled;
+  return along.cwiseAbs2().cwiseQuotient(eigen.eigenvalues().cwiseMax(least_eigenvalue)).sum();
 }
-
-}  // namespace
 
 namespace {
 

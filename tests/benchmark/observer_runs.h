@@ -52,6 +52,13 @@ using Estimator = std::function<const observer::FrictionEstimate&(const Frame&)>
 Errors evaluate(const Run& run, const physics::Model& assumed, double from_s,
                 const Estimator& estimator);
 
+/// Degrees of freedom of a NEES: x, v, theta and mu, which every model with friction has.
+inline constexpr int nees_states = 4;
+
+/// NEES of an estimate of a rig with friction; infinite where its covariance is not positive.
+double nees_of(const observer::FrictionEstimate& estimate, const physics::RigTruth& truth,
+               double mu);
+
 /// Quantile of `values`, which must not be empty.
 double quantile(std::vector<double> values, double share);
 

@@ -83,7 +83,7 @@ const FrictionEstimate& RivalFilter::update(const Frame& frame) {
   }
   if (frame.has(drive_channel(rig_.structure()))) {
     since_drive_s_ = 0.0;
-    noise_->adapt_drive_noise(seen.drive);
+    noise_->adapt_input_noise(drive_channel(rig_.structure()), seen.drive);
   }
   if (!is_healthy(seen)) {
     ++estimate_.restarts;
@@ -140,7 +140,9 @@ Eigen::MatrixXd RivalFilter::process_noise(const Gaussian& estimate, double slip
   const double before = estimate.covariance(lambda, lambda);
   scratch_.set(lambda, lambda, before);
   noise_->add_process_noise(small(estimate.mean), slip_variance, since_start_s_ - period_s_,
-                            noise_->reading_variance(drive_channel(rig_.structure())), scratch_);
+                            {.drive = noise_->reading_variance(drive_channel(rig_.structure())),
+                             .load = noise_->reading_variance(Channel::normal_load)},
+                            scratch_);
   scratch_.add(lambda, lambda, -before);
   Eigen::MatrixXd q(layout_.core, layout_.core);
   for (int i = 0; i < layout_.core; ++i) {

@@ -312,6 +312,7 @@ std::optional<Case> make_case(const Draft& draft, const HiddenBench& hidden,
   }
   truth.parameters = true_parameters(hidden.bench);
   out.recording = recorded(run, hidden.bench, name + "/recording.csv", random);
+  out.states = run.truth;
   ReferenceRig validation = hidden.bench.rig;
   validation.drive = draft.validation_drive;
   const NoiselessRun other = simulate(validation, draft.bench.sample_rate_hz,

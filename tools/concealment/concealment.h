@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "physics/model.h"
+#include "physics/simulator.h"
 #include "protocol/recording.h"
 #include "tools/concealment/ground_truth.h"
 
@@ -24,6 +25,7 @@ struct Case {
   GroundTruth truth;
   physics::Model declared;
   protocol::Recording recording;
+  std::vector<physics::RigTruth> states;  ///< true states at the frames of `recording`
   protocol::Recording validation;
 };
 

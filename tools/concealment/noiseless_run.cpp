@@ -27,6 +27,7 @@ NoiselessRun simulate(const ReferenceRig& rig, double sample_rate_hz, double dur
       run.window_starts.push_back(simulator);
     }
     run.readings.push_back(simulator.read());
+    run.truth.push_back(simulator.truth());
   }
   run.slip_share = simulator.slip_share();
   return run;

@@ -11,10 +11,11 @@
 
 namespace stickslip::concealment {
 
-/// Readings without noise, and copies of the simulator at the starts of the windows in which
-/// differences between rigs are evaluated.
+/// Readings without noise, the states behind them, and copies of the simulator at the starts of the
+/// windows in which differences between rigs are evaluated.
 struct NoiselessRun {
   std::vector<std::array<double, channel_count>> readings;
+  std::vector<physics::RigTruth> truth;
   std::vector<ReferenceSimulator> window_starts;
   double slip_share = 0.0;
 };

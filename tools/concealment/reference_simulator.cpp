@@ -212,18 +212,23 @@ double ReferenceSimulator::bristle_friction(double slip, double level, State& mi
   return n.bristle_n_m * middle.bristle + n.bristle_n_s_m * rate;
 }
 
+// theta of the relaxation processes. With weights 1/2 + spread/2 and 1/2 - spread/2 the mean lag is
+// that of one process.
+double ReferenceSimulator::relaxed(const State& state) const {
+  const double share = 0.5 * (1.0 + rig_.relaxation_spread);
+  return share * state.theta_fast + (1.0 - share) * state.theta_slow;
+}
+
 double ReferenceSimulator::backbone_friction(double slip, double level, State& middle) const {
   const ReferenceRig& n = rig_;
   const double backbone =
       n.transition_speed_m_s > 0.0 ? std::tanh(slip / n.transition_speed_m_s) : sign_of(slip);
   if (!(n.relaxation_per_s > 0.0)) return level * backbone;
-  // With weights 1/2 + spread/2 and 1/2 - spread/2 the mean lag is that of one process.
   const double fast = 0.5 * h * n.relaxation_per_s * (1.0 + n.relaxation_spread);
   const double slow = 0.5 * h * n.relaxation_per_s * (1.0 - n.relaxation_spread);
   middle.theta_fast = (state_.theta_fast + fast * backbone) / (1.0 + fast);
   middle.theta_slow = (state_.theta_slow + slow * backbone) / (1.0 + slow);
-  const double share = 0.5 * (1.0 + n.relaxation_spread);
-  return level * (share * middle.theta_fast + (1.0 - share) * middle.theta_slow);
+  return level * relaxed(middle);
 }
 
 double ReferenceSimulator::friction_at(double slip, double x, double load, double time_s,
@@ -484,6 +489,28 @@ void ReferenceSimulator::advance(double time_s) {
     step();
     update_readings();
   }
+}
+
+double ReferenceSimulator::theta() const {
+  const ReferenceRig& n = rig_;
+  if (!n.friction) return 0.0;
+  if (n.bristle_n_m == 0.0 && n.relaxation_per_s > 0.0) return relaxed(state_);
+  if (n.bristle_n_m == 0.0 && n.transition_speed_m_s > 0.0) {
+    return std::tanh(state_.slip / n.transition_speed_m_s);
+  }
+  const double level = n.mu * (n.loaded ? state_.load : 1.0);
+  return level > 0.0 ? state_.friction / level : 0.0;
+}
+
+physics::RigTruth ReferenceSimulator::truth() const {
+  return {.displacement_m = state_.x,
+          .velocity_m_s = state_.v,
+          .load_cell_deflection_m = state_.y,
+          .load_cell_velocity_m_s = state_.w,
+          .slip_velocity_m_s = state_.slip,
+          .theta = theta(),
+          .friction_force_n = state_.friction,
+          .normal_load_n = rig_.loaded ? state_.load : 1.0};
 }
 
 double ReferenceSimulator::slip_share() const {

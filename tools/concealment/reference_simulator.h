@@ -13,6 +13,7 @@
 
 #include "physics/frame.h"
 #include "physics/model.h"
+#include "physics/simulator.h"
 
 namespace stickslip::concealment {
 
@@ -157,6 +158,10 @@ class ReferenceSimulator {
   void advance(double time_s);
   /// Readings of all channels without noise and quantisation.
   std::array<double, channel_count> read() const { return readings_; }
+  /// The state behind the readings; friction force and slip velocity are those of the middle of the
+  /// last step. theta is that of the backbone, without hidden effects; with a bristle or a
+  /// set-valued law it is friction over mu N, 0 where the pads do not touch.
+  physics::RigTruth truth() const;
   /// Share of the steps since time 0 in which the contact slips.
   double slip_share() const;
 
@@ -198,6 +203,7 @@ class ReferenceSimulator {
   // of `middle` there from the beginning of the step.
   double friction_level(double slip, double x, double load, double time_s, State& middle) const;
   double bristle_friction(double slip, double level, State& middle) const;
+  double relaxed(const State& state) const;
   double backbone_friction(double slip, double level, State& middle) const;
   double friction_at(double slip, double x, double load, double time_s, State& middle) const;
   Contact solve_contact(double free_slip, double mobility, double x, double load, double time_s,
@@ -212,6 +218,7 @@ class ReferenceSimulator {
   Contact step_free(const Motion& drive, double middle_s, State& middle);
   void advance_second_mode(double friction, double base_acceleration);
 
+  double theta() const;
   void build_chains();
   void update_readings();
   Channels true_quantities(const Motion& drive) const;

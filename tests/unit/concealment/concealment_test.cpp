@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <set>
 
 #include "physics/catalogue.h"
@@ -93,6 +95,17 @@ TEST(Concealment, WithoutHiddenEffectTheVerdictIsConsistent) {
   EXPECT_EQ(made.truth.verdict, "consistent");
   EXPECT_EQ(made.truth.kind, "null");
   EXPECT_TRUE(made.truth.effects.empty());
+  // The true states belong to the frames of the recording.
+  ASSERT_EQ(made.states.size(), made.recording.frames.size());
+  // The filters of the displacement cost some milliseconds: compared by the largest deflection.
+  double true_most = 0.0;
+  double read_most = 0.0;
+  for (std::size_t k = 0; k < made.states.size(); ++k) {
+    true_most = std::max(true_most, std::abs(made.states[k].displacement_m));
+    read_most = std::max(read_most, std::abs(made.recording.frames[k][Channel::displacement]));
+  }
+  EXPECT_GT(true_most, 0.0);
+  EXPECT_NEAR(read_most / true_most, 1.0, 0.1);
 }
 
 }  // namespace

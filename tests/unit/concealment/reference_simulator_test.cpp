@@ -122,6 +122,13 @@ SameRig wedge_rig() {
   return rig;
 }
 
+// The states that an estimator is compared with.
+using TrueStates = std::array<double, 6>;
+TrueStates states_of(const physics::RigTruth& t) {
+  return {t.displacement_m, t.velocity_m_s,     t.slip_velocity_m_s,
+          t.theta,          t.friction_force_n, t.normal_load_n};
+}
+
 TEST(ReferenceSimulator, AgreesWithTheSimulatorOfPhysics) {
   const SameRig rig = wedge_rig();
   // No warm-up: RigSimulator starts at time 0.
@@ -140,6 +147,8 @@ TEST(ReferenceSimulator, AgreesWithTheSimulatorOfPhysics) {
   simulator.set_input(input_at(0.0));
   std::array<double, channel_count> square{};
   std::array<double, channel_count> error{};
+  TrueStates state_square{};
+  TrueStates state_error{};
   for (int k = 1; k <= 6000; ++k) {
     const double t = k * 5.0e-4;
     simulator.advance(5.0e-4, input_at(t));
@@ -151,6 +160,16 @@ TEST(ReferenceSimulator, AgreesWithTheSimulatorOfPhysics) {
       square[c] += frame.value[c] * frame.value[c];
       error[c] += std::pow(frame.value[c] - readings[c], 2);
     }
+    const TrueStates expected = states_of(simulator.truth());
+    const TrueStates states = states_of(run.truth());
+    for (std::size_t i = 0; i < states.size(); ++i) {
+      state_square[i] += expected[i] * expected[i];
+      state_error[i] += std::pow(expected[i] - states[i], 2);
+    }
+  }
+  for (std::size_t i = 0; i < state_square.size(); ++i) {
+    EXPECT_GT(state_square[i], 0.0) << i;
+    EXPECT_LT(std::sqrt(state_error[i] / state_square[i]), 1.0e-2) << "state " << i;
   }
   for (std::size_t c = 0; c < 5; ++c) {
     EXPECT_LT(std::sqrt(error[c] / square[c]), 5.0e-3) << channel_table[c].stem;

@@ -31,6 +31,17 @@ double force_error(const Sample& m) {
 double raw_force_error(const Sample& m) {
   return m.estimate.raw_friction_force_n - m.truth.friction_force_n;
 }
+double velocity_error(const Sample& m) { return m.estimate.velocity_m_s - m.truth.velocity_m_s; }
+
+/// Share of the samples from `from_s` on whose error is outside of the 95 % interval.
+double share_outside(const std::vector<Sample>& samples, double from_s, Quantity quantity,
+                     const std::function<double(const Sample&)>& error) {
+  const double outside = rms(samples, from_s, [&](const Sample& m) {
+    return std::abs(error(m)) > 1.96 * m.estimate.standard_deviation(quantity) ? 1.0 : 0.0;
+  });
+  return outside * outside;
+}
+
 double theta_error(const Sample& m) { return m.estimate.theta - m.truth.theta; }
 
 bool is_finite(const FrictionEstimate& e) {
@@ -307,19 +318,12 @@ TEST(Observer, WaitsForAMechanicalReading) {
 }
 
 TEST(Observer, ReportsUnsupportedModels) {
-  Model imposed;
-  imposed.oscillator.excitation = physics::Excitation::imposed;
-  imposed.friction.law = physics::FrictionLaw::coulomb;
-  imposed.friction.mu = {1.0};
-  FrictionObserver observer(imposed, 1.0e-3);
-  EXPECT_FALSE(observer.supported());
-  EXPECT_NE(observer.unsupported().find("imposed"), std::string::npos);
+  FrictionObserver slow(paper_rig(Law::coulomb), 0.5);
+  EXPECT_FALSE(slow.supported());
+  EXPECT_NE(slow.unsupported().find("sample faster"), std::string::npos);
   Frame frame;
   frame.set(Channel::friction_force, 1.0);
-  EXPECT_EQ(observer.update(frame).status, EstimateStatus::unsupported);
-
-  FrictionObserver slow(paper_rig(Law::coulomb), 0.5);
-  EXPECT_NE(slow.unsupported().find("sample faster"), std::string::npos);
+  EXPECT_EQ(slow.update(frame).status, EstimateStatus::unsupported);
 
   EXPECT_THROW(FrictionObserver(paper_rig(Law::coulomb), 0.0), std::invalid_argument);
   Model wrong = paper_rig(Law::coulomb);
@@ -354,6 +358,39 @@ TEST(Observer, SupportsForceExcitation) {
   EXPECT_NEAR(run.back().estimate.mu, 0.8, 0.02);
 }
 
+/// A tribometer: the motion is given, and the force channel reads the friction force.
+Model tribometer(Law law) {
+  Model model = paper_rig(law);
+  model.oscillator = {};
+  model.oscillator.excitation = physics::Excitation::imposed;
+  model.load_cell.reset();
+  model.sensors[index_of(Channel::base_displacement)] = {};
+  return model;
+}
+
+TEST(Observer, SupportsImposedMotion) {
+  const auto drive = [base = test::ModulatedBase{}](double t) {
+    physics::Input input;
+    input.displacement_m = base(t).base_displacement_m;
+    constexpr double h = 1.0e-5;
+    input.velocity_m_s =
+        (base(t + h).base_displacement_m - base(t - h).base_displacement_m) / (2.0 * h);
+    return input;
+  };
+  for (const Law law : {Law::coulomb, Law::state_variable}) {
+    const Model real = tribometer(law);
+    const auto run = run_observer(real, with_mu(real, 1.3), {.drive = drive});
+    EXPECT_EQ(run.back().estimate.restarts, 0U);
+    EXPECT_TRUE(run.back().estimate.valid);
+    // Without a force balance the reversals of a Coulomb force are as uncertain as the velocity.
+    EXPECT_LT(rms(run, 5.0, force_error), 0.5 * rms(run, 5.0, raw_force_error));
+    EXPECT_LT(share_outside(run, 5.0, Quantity::friction_force, force_error), 0.08);
+    EXPECT_LT(share_outside(run, 5.0, Quantity::velocity, velocity_error), 0.08);
+    EXPECT_NEAR(run.back().estimate.mu, 0.8, 0.02);
+    EXPECT_NEAR(mean_nis(run, 5.0), 1.0, 0.2);
+  }
+}
+
 TEST(Observer, SupportsAMeasuredNormalLoad) {
   Model real = paper_rig(Law::coulomb);
   real.normal_load = physics::NormalLoad{physics::NormalLoadLaw::measured, {}, {}};
@@ -369,6 +406,55 @@ TEST(Observer, SupportsAMeasuredNormalLoad) {
                 [](const Sample& m) { return m.estimate.normal_load_n - m.truth.normal_load_n; }),
             0.003);
   EXPECT_NEAR(run.back().estimate.mu, 0.8, 0.03);
+}
+
+// Also where the contact is lost in every period of the load.
+TEST(Observer, FollowsALoadThatVariesFastOrReachesZero) {
+  Model real = paper_rig(Law::coulomb);
+  real.normal_load = physics::NormalLoad{physics::NormalLoadLaw::measured, {}, {}};
+  for (const double frequency_hz : {0.5, 3.0, 8.0}) {
+    for (const double swing : {0.08, 0.3}) {
+      SCOPED_TRACE(std::to_string(frequency_hz) + " Hz, swing " + std::to_string(swing) + " N");
+      const auto drive = [=, base = test::ModulatedBase{}](double t) {
+        physics::Input input = base(t);
+        const double phase = 2.0 * std::numbers::pi * frequency_hz * t;
+        input.normal_load_n = std::max(0.0, 0.15 + swing * std::sin(phase));
+        return input;
+      };
+      const auto run = run_observer(real, with_mu(real, 1.3), {.drive = drive});
+      EXPECT_EQ(run.back().estimate.restarts, 0U);
+      EXPECT_NEAR(run.back().estimate.mu, 0.8, 0.03);
+      const auto load_error = [](const Sample& m) {
+        return m.estimate.normal_load_n - m.truth.normal_load_n;
+      };
+      // The reading is 17 ms late.
+      const auto raw_load_error = [](const Sample& m) {
+        return m.frame[Channel::normal_load] - m.truth.normal_load_n;
+      };
+      EXPECT_LT(rms(run, 5.0, load_error), 0.5 * rms(run, 5.0, raw_load_error));
+      EXPECT_LT(share_outside(run, 5.0, Quantity::normal_load, load_error), 0.1);
+      EXPECT_LT(rms(run, 5.0, force_error), 0.2 * rms(run, 5.0, raw_force_error));
+    }
+  }
+}
+
+// A wedge that lifts the mass off its plates on one side.
+TEST(Observer, ConsidersTheUncertainSlopeOfAWedge) {
+  for (const double off_by : {-1.4, 1.4}) {
+    Model real = paper_rig(Law::coulomb, true);
+    real.normal_load->slope_per_m.value = 150.0;
+    Model assumed = real;
+    assumed.friction.mu.sigma = 0.1;
+    assumed.normal_load->load_n.sigma = 0.01;
+    assumed.normal_load->slope_per_m.sigma = 12.0;
+    assumed.normal_load->slope_per_m.value += off_by * 12.0;
+    const auto run = run_observer(real, assumed, {.duration_s = 20.0});
+    EXPECT_EQ(run.back().estimate.restarts, 0U) << off_by;
+    const auto mu_error = [](const Sample& m) { return m.estimate.mu - 0.8; };
+    EXPECT_LT(share_outside(run, 5.0, Quantity::mu, mu_error), 0.2) << off_by;
+    EXPECT_LT(share_outside(run, 5.0, Quantity::friction_force, force_error), 0.1) << off_by;
+    EXPECT_LT(rms(run, 5.0, force_error), 0.5 * rms(run, 5.0, raw_force_error)) << off_by;
+  }
 }
 
 // Readings of slower sources are repeated with growing age until the next one.

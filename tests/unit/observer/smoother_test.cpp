@@ -137,11 +137,8 @@ TEST(Smoother, ReportsTheQualityOfPredictions) {
 }
 
 TEST(Smoother, RejectsUnsupportedModels) {
-  physics::Model imposed;
-  imposed.oscillator.excitation = physics::Excitation::imposed;
-  imposed.friction.law = physics::FrictionLaw::coulomb;
-  imposed.friction.mu = {1.0};
-  EXPECT_THROW(smooth(imposed, 1.0e-3, {}, [](const FrictionEstimate&) {}), std::invalid_argument);
+  EXPECT_THROW(smooth(paper_rig(Law::coulomb), 0.1, {}, [](const FrictionEstimate&) {}),
+               std::invalid_argument);
   EXPECT_THROW(smooth(paper_rig(Law::coulomb), 0.0, {}, [](const FrictionEstimate&) {}),
                std::invalid_argument);
 }
