@@ -58,11 +58,11 @@ class ConsiderParameters {
   /// Errors of the states for an error of one standard deviation of each parameter, one column
   /// each.
   Eigen::MatrixXd sensitivity() const { return columns_of(group_); }
-  /// What each adds to them over the period that begin_period() began.
+  /// Changes of the states over the period that begin_period() began, likewise.
   Eigen::MatrixXd input() const { return columns_of(input_); }
-  /// What each adds to the normal load, besides the states' part.
+  /// Direct changes of the normal load, besides those by the states.
   Eigen::VectorXd load() const;
-  /// What each adds to the reading of a channel, besides the states' part.
+  /// Direct changes of the reading of a channel, likewise.
   Eigen::VectorXd reading_errors(Channel channel, const Vector& mean) const;
 
   /// Contribution to the covariance of these quantities, in their order; other elements of `out`

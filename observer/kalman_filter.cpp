@@ -5,6 +5,7 @@
 #include <numbers>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "observer/covariance.h"
 #include "observer/layout.h"
@@ -105,9 +106,13 @@ KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, Fri
   prediction_ = make_prediction(rig_, model_, layout_, period_s_, steps_);
   noise_ =
       std::make_unique<NoiseModel>(model_, rig_, layout_, prediction_->numbers(), period_s_, prior);
+  ParameterResponse response(model_, rig_, layout_, period_s_);
+  considered_ = response.paths();
+  considered_.insert(considered_.end(), separated.shifted_paths.begin(),
+                     separated.shifted_paths.end());
   consider_ = std::make_unique<ConsiderParameters>(
-      ParameterResponse(model_, rig_, layout_, period_s_),
-      ReadingErrors(separated.laws, separated.shifted, layout_, period_s_), layout_);
+      std::move(response), ReadingErrors(separated.laws, separated.shifted, layout_, period_s_),
+      layout_);
   const physics::SensorBank bank(model_, period_s_ / steps_);
   double latest_s = 0.0;
   for (const Chain& chain : layout_.chain) latest_s = std::max(latest_s, chain.delay_s);
@@ -471,6 +476,7 @@ void KalmanFilter::fill_covariance(const Vector& mean, const Covariance& covaria
       e.covariance[i][j] = e.covariance[j][i] =
           scale[i] * scale[j] * (e.covariance[i][j] + covariance_of(rows[i], rows[j], covariance));
     }
+    if (e.quantities[i] == Quantity::mu) e.covariance[i][i] += square(backbone_std * e.mu);
   }
 }
 

@@ -36,6 +36,8 @@ class KalmanFilter {
   /// Without the part of the consider parameters.
   const Covariance& covariance() const { return covariance_; }
   const ConsiderParameters& consider_parameters() const { return *consider_; }
+  /// Their paths (physics::parameters_of), in order.
+  const std::vector<std::string>& considered() const { return considered_; }
   const Transition& transition() const { return prediction_->transition(); }
 
   /// Processes a frame. `time_update(*this)` is called for each period up to it, and has to call
@@ -118,6 +120,7 @@ class KalmanFilter {
   std::unique_ptr<Prediction> prediction_;
   std::unique_ptr<NoiseModel> noise_;
   std::unique_ptr<ConsiderParameters> consider_;
+  std::vector<std::string> considered_;
   double settle_s_ = 0.0;
   /// Duration of the start, during which mu and gamma are not estimated and no reading is rejected.
   double startup_s_ = 0.0;

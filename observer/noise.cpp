@@ -23,8 +23,6 @@ double square(double x) { return x * x; }
 constexpr double force_share = 0.002;
 constexpr double spring_share = 0.0005;
 constexpr double force_memory_s = 0.01;
-// Relative error of the backbone g, correlated over force_memory_s.
-constexpr double backbone_std = 0.002;
 // Random walks of the parameters, relative, per root of a second.
 constexpr double mu_walk = 0.0005;
 constexpr double rate_walk = 0.005;

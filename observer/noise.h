@@ -26,6 +26,10 @@ struct InputVariances {
   double load = 0.0;
 };
 
+/// Relative error of the friction law's backbone g. Its part that varies is noise, correlated over
+/// 10 ms; its part that does not is an error of mu, however long the recording.
+inline constexpr double backbone_std = 0.002;
+
 class NoiseModel {
  public:
   NoiseModel(const physics::Model& model, const physics::Rig& rig, const Layout& layout,

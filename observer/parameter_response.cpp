@@ -42,11 +42,12 @@ ParameterResponse::ParameterResponse(physics::Model model, const physics::Rig& r
   for (std::size_t i = 0; i < parameters.size(); ++i) {
     const double sigma = parameters[i].parameter->sigma;
     if (!(sigma > 0.0) || is_state(parameters[i].path, layout)) continue;
-    uncertain[i].d[count_ % Dual::directions] = Dual::slope(sigma);
-    if (++count_ % Dual::directions == 0) add_pass();
+    uncertain[i].d[count() % Dual::directions] = Dual::slope(sigma);
+    paths_.push_back(parameters[i].path);
+    if (count() % Dual::directions == 0) add_pass();
   }
-  if (count_ % Dual::directions != 0) add_pass();
-  if (count_ > 0) add_rows(model);
+  if (count() % Dual::directions != 0) add_pass();
+  if (count() > 0) add_rows(model);
 }
 
 void ParameterResponse::add_rows(const physics::Model& model) {

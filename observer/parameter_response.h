@@ -2,6 +2,7 @@
 // the rig's parameters, by one pass of the rig's own integrator in dual numbers.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "observer/layout.h"
@@ -17,7 +18,9 @@ class ParameterResponse {
   ParameterResponse(physics::Model model, const physics::Rig& rig, const Layout& layout,
                     double period_s);
 
-  int count() const { return count_; }
+  int count() const { return static_cast<int>(paths_.size()); }
+  /// The parameters, as physics::parameters_of() names them.
+  const std::vector<std::string>& paths() const { return paths_; }
 
   /// Number of passes, each for physics::Dual::directions parameters.
   int passes() const { return static_cast<int>(numbers_.size()); }
@@ -44,7 +47,7 @@ class ParameterResponse {
   const Layout* layout_;
   double period_s_;
   int steps_;
-  int count_ = 0;
+  std::vector<std::string> paths_;
   std::vector<physics::RigNumbers<physics::Dual>> numbers_;
   physics::RigState<physics::Dual> state_;
   physics::Quantities<physics::Dual> quantities_;

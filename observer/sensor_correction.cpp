@@ -43,9 +43,8 @@ void widen(physics::ReadingLaws<double>& laws, const physics::ReadingLaws<double
   }
 }
 
-std::vector<physics::ReadingLaws<double>> shifted_laws(const physics::Rig& rig,
-                                                       const physics::Model& declared) {
-  std::vector<physics::ReadingLaws<double>> out;
+void add_shifted_laws(const physics::Rig& rig, const physics::Model& declared,
+                      SeparatedModel& out) {
   physics::Model copy = declared;
   const std::vector<physics::NamedParameter> parameters = physics::parameters_of(copy);
   for (std::size_t i = 0; i < parameters.size(); ++i) {
@@ -53,17 +52,18 @@ std::vector<physics::ReadingLaws<double>> shifted_laws(const physics::Rig& rig,
     if (!(sigma > 0.0) || !is_of_a_sensor_term(parameters[i].path, declared)) continue;
     std::vector<double> values = rig.parameter_values();
     values[i] += sigma;
-    out.push_back(rig.numbers<double>(std::span<const double>(values)).reading);
+    out.shifted.push_back(rig.numbers<double>(std::span<const double>(values)).reading);
+    out.shifted_paths.push_back(parameters[i].path);
   }
-  return out;
 }
 
 }  // namespace
 
 SeparatedModel separate_sensor_errors(const physics::Model& declared) {
   const physics::Rig rig(declared);
-  SeparatedModel out{declared, rig.numbers<double>(std::span(rig.parameter_values())).reading, {}};
-  out.shifted = shifted_laws(rig, declared);
+  SeparatedModel out{
+      declared, rig.numbers<double>(std::span(rig.parameter_values())).reading, {}, {}};
+  add_shifted_laws(rig, declared, out);
   const physics::ReadingLaws<double> laws = out.laws;
   for (const auto& shifted : out.shifted) widen(out.laws, shifted, laws);
   std::erase_if(out.model.terms, concerns_sensors_only);

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <string>
 #include <vector>
 
 #include "physics/effect.h"
@@ -19,6 +20,7 @@ struct SeparatedModel {
   physics::ReadingLaws<double> laws;
   /// The laws with one parameter higher by its standard deviation, for each that has one.
   std::vector<physics::ReadingLaws<double>> shifted;
+  std::vector<std::string> shifted_paths;  ///< those parameters
 };
 
 /// A different cutoff of the velocity's differentiator becomes part of the model's sensor chain.

@@ -1,15 +1,20 @@
 #include "observer/smoother.h"
 
 #include <Eigen/QR>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <deque>
+#include <limits>
 #include <numbers>
 #include <optional>
 #include <stdexcept>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "observer/kalman_filter.h"
+#include "physics/model_consistency.h"
 
 namespace stickslip::observer {
 
@@ -120,11 +125,21 @@ struct FilterStep {
   std::optional<FrictionEstimate> estimate;  ///< none of a missing frame
 };
 
+/// Errors of the consider parameters, in standard deviations.
+struct ParameterErrors {
+  VectorXd mean;
+  double variance = std::numeric_limits<double>::infinity();  ///< their sum
+};
+
 class Smoother {
  public:
+  /// `expected`: errors of the consider parameters that the model's own prior expects of `model`,
+  /// which may have other values than those declared; empty: none.
   Smoother(const physics::Model& model, double period_s, const SmoothingWindow& window,
-           const std::function<void(const FrictionEstimate&)>& take)
+           const std::function<void(const FrictionEstimate&)>& take, VectorXd expected = {})
       : filter_(model, period_s, FrictionPrior::from_recording),
+        expected_(expected.size() > 0 ? std::move(expected)
+                                      : VectorXd::Zero(filter_.consider_parameters().count())),
         take_(take),
         keep_(static_cast<std::size_t>(std::max(1.0, window.keep_s / period_s))),
         ahead_(static_cast<std::size_t>(std::max(1.0, window.ahead_s / period_s))) {}
@@ -132,17 +147,23 @@ class Smoother {
   void add(const Frame& frame);
   void finish() { smooth_steps(steps_.size()); }
 
+  /// The most certain of the smoothed errors of the parameters.
+  const ParameterErrors& parameter_errors() const { return errors_; }
+  const std::vector<std::string>& considered() const { return filter_.considered(); }
+
  private:
   void time_update(KalmanFilter& filter);
   void record_readings(FilterStep& step);
   void smooth_steps(std::size_t keep);
   void step_back(const FilterStep& step, BackwardInformation& later) const;
   FrictionEstimate smoothed(const FilterStep& step, const BackwardInformation& later,
-                            bool converged) const;
+                            bool converged);
   void add_load_parameters(const Vector& mean, const MatrixXd& spread, const FilterStep& step,
                            FrictionEstimate& estimate) const;
 
   KalmanFilter filter_;
+  VectorXd expected_;
+  ParameterErrors errors_;
   const std::function<void(const FrictionEstimate&)>& take_;
   std::size_t keep_, ahead_;
   std::deque<FilterStep> steps_;
@@ -292,12 +313,12 @@ void Smoother::add_load_parameters(const Vector& mean, const MatrixXd& spread,
 }
 
 FrictionEstimate Smoother::smoothed(const FilterStep& step, const BackwardInformation& later,
-                                    bool converged) const {
+                                    bool converged) {
   FrictionEstimate estimate = *step.estimate;
   if (estimate.status == EstimateStatus::waiting) return estimate;
   // Filtered and backward information combined in terms of y and p, where the deviation is
-  // L y + S p and L L' + S S' the filtered covariance: |y|^2 + |p|^2 + |root (d, p) - value|^2 is
-  // least.
+  // L y + S p and L L' + S S' the filtered covariance: |y|^2 + |p - expected|^2 +
+  // |root (d, p) - value|^2 is least.
   const Eigen::Index n = step.filtered.size();
   const MatrixXd l = square_root(unpacked(step.covariance, n));
   const Eigen::Index parameters = step.by_parameters.cols();
@@ -307,6 +328,7 @@ FrictionEstimate Smoother::smoothed(const FilterStep& step, const BackwardInform
       MatrixXd::Identity(parameters, parameters);
   MatrixXd stack = MatrixXd::Zero(unknowns + later.root.rows(), unknowns + 1);
   stack.topLeftCorner(unknowns, unknowns).setIdentity();
+  stack.col(unknowns).segment(l.cols(), parameters) = expected_;
   stack.bottomLeftCorner(later.root.rows(), unknowns) = later.root * deviation;
   stack.col(unknowns).tail(later.root.rows()) = later.value;
   const MatrixXd reduced = triangular(stack);
@@ -316,6 +338,10 @@ FrictionEstimate Smoother::smoothed(const FilterStep& step, const BackwardInform
   const Vector mean = step.filtered + deviation.topRows(n) * solution;
   const MatrixXd spread = root.transpose().solve(MatrixXd(deviation.transpose()));
 
+  const double variance = spread.rightCols(parameters).squaredNorm();
+  if (parameters > 0 && variance < errors_.variance) {
+    errors_ = {solution.tail(parameters), variance};
+  }
   Covariance covariance(static_cast<int>(n));
   for (int i = 0; i < covariance.count(); ++i) {
     for (int j = 0; j <= i; ++j) covariance.set(i, j, spread.col(i).dot(spread.col(j)));
@@ -383,7 +409,60 @@ class ParameterMeans {
   Mean mu_, gamma_;
 };
 
-/// Share of the work in the first of the two passes.
+/// The first pass: the filter alone over the whole recording.
+class FilterPass {
+ public:
+  FilterPass(const physics::Model& model, double period_s) : filter_(model, period_s) {
+    if (!filter_.unsupported().empty()) throw std::invalid_argument(filter_.unsupported());
+  }
+  void add(const Frame& frame) {
+    filter_.update(frame);
+    means_.add(filter_.estimate());
+    if (filter_.estimate().status != EstimateStatus::out_of_step) {
+      count(filter_.estimate(), quality_);
+    }
+  }
+  const ParameterMeans& means() const { return means_; }
+  const PredictionQuality& quality() const { return quality_; }
+
+ private:
+  KalmanFilter filter_;
+  ParameterMeans means_;
+  PredictionQuality quality_;
+};
+
+/// Where the last pass is linearised: the model with other values, and their expected errors.
+struct Linearisation {
+  physics::Model model;
+  VectorXd expected;
+};
+
+// The second pass: the beginning is smoothed about the declared parameters.
+Linearisation estimated_parameters(const physics::Model& model, double period_s,
+                                   std::span<const Frame> frames) {
+  constexpr SmoothingWindow window;
+  ParameterMeans means;
+  const std::function<void(const FrictionEstimate&)> take = [&](const FrictionEstimate& e) {
+    means.add(e);
+  };
+  Smoother smoother(model, period_s, window, take);
+  const auto count = static_cast<std::size_t>((window.keep_s + window.ahead_s) / period_s);
+  for (const Frame& frame : frames.first(std::min(frames.size(), count))) smoother.add(frame);
+  smoother.finish();
+  const Linearisation declared{means.apply_to(model), {}};
+  const VectorXd& errors = smoother.parameter_errors().mean;
+  if (errors.size() == 0) return declared;
+  Linearisation out{declared.model, -errors};
+  const std::vector<std::string>& paths = smoother.considered();
+  for (const physics::NamedParameter& each : physics::parameters_of(out.model)) {
+    const auto found = std::find(paths.begin(), paths.end(), each.path);
+    if (found == paths.end()) continue;
+    each.parameter->value += errors[found - paths.begin()] * each.parameter->sigma;
+  }
+  return physics::inconsistencies_of(out.model).empty() ? out : declared;
+}
+
+/// Shares of the work of the three passes.
 constexpr double first_pass = 0.1;
 
 }  // namespace
@@ -394,27 +473,22 @@ PredictionQuality smooth(const physics::Model& model, double period_s,
                          const SmoothingWindow& window,
                          const std::function<void(double share)>& progress) {
   if (!(period_s > 0.0)) throw std::invalid_argument("smooth: the period must be more than 0");
-  // The second pass linearises about the parameters of the first.
-  ParameterMeans means;
-  KalmanFilter first(model, period_s);
-  if (!first.unsupported().empty()) throw std::invalid_argument(first.unsupported());
-  PredictionQuality quality;
   const double count_of_frames = static_cast<double>(frames.size());
+  FilterPass first(model, period_s);
   double done = 0.0;
   for (const Frame& frame : frames) {
     if (progress) progress(first_pass * done++ / count_of_frames);
-    first.update(frame);
-    means.add(first.estimate());
-    if (first.estimate().status != EstimateStatus::out_of_step) count(first.estimate(), quality);
+    first.add(frame);
   }
-  Smoother smoother(means.apply_to(model), period_s, window, take);
+  const Linearisation about = estimated_parameters(first.means().apply_to(model), period_s, frames);
+  Smoother smoother(about.model, period_s, window, take, about.expected);
   done = 0.0;
   for (const Frame& frame : frames) {
     if (progress) progress(first_pass + (1.0 - first_pass) * done++ / count_of_frames);
     smoother.add(frame);
   }
   smoother.finish();
-  return quality;
+  return first.quality();
 }
 
 }  // namespace stickslip::observer

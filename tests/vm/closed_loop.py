@@ -201,9 +201,10 @@ class ClosedLoop(unittest.TestCase):
             time.sleep(0.1)
 
     def set_moving(self):
-        # A fault can be cleared only after its cause has disappeared.
-        self.until("cleared", lambda: self.request("clear")["ok"] and self.status()["state"] == "idle")
-        self.until("armed", lambda: self.request("arm")["ok"] and self.status()["state"] == "armed")
+        # A fault can be cleared only after its cause has disappeared. An accepted request takes effect
+        # a moment later, when it may have been repeated and refused.
+        self.until("cleared", lambda: self.request("clear") and self.status()["state"] == "idle")
+        self.until("armed", lambda: self.request("arm") and self.status()["state"] == "armed")
         self.assertTrue(self.request("start")["ok"])
         self.until("moving", lambda: self.command("state")["enabled"], 5.0)
 

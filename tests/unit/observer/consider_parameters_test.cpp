@@ -76,6 +76,7 @@ Trace observe(const Model& real, const Model& assumed, double seconds) {
     std::array<double, compared.size()> own{}, added{};
     for (std::size_t i = 0; i < compared.size(); ++i) {
       own[i] = filter.covariance()(state[i], state[i]);
+      if (compared[i] == Quantity::mu) own[i] += std::pow(backbone_std * e.mu, 2);
       added[i] = std::sqrt(std::max(0.0, std::pow(e.standard_deviation(compared[i]), 2) - own[i]));
     }
     out.own.push_back(own);

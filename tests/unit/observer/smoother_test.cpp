@@ -88,7 +88,7 @@ TEST(Smoother, CarriesNoInformationAcrossAGap) {
   std::vector<FrictionEstimate> other;
   smooth(model, 1.0e-3, frames, [&](const FrictionEstimate& e) { one.push_back(e); });
   for (std::size_t i = 1500; i < frames.size(); ++i) {
-    frames[i].value[index_of(Channel::displacement)] += 1.0e-3;
+    frames[i].value[index_of(Channel::displacement)] += 2.0e-4;
   }
   smooth(model, 1.0e-3, frames, [&](const FrictionEstimate& e) { other.push_back(e); });
   ASSERT_EQ(one.size(), frames.size());
@@ -134,6 +134,32 @@ TEST(Smoother, ReportsTheQualityOfPredictions) {
   wrong.oscillator.natural_frequency_hz->value *= 1.2;
   const PredictionQuality worse = smooth(wrong, 1.0e-3, frames, ignore);
   EXPECT_GT(worse.negative_log_likelihood, right.negative_log_likelihood);
+}
+
+// The last pass is linearised about the estimated parameters, so the values that were declared
+// for them have no effect.
+TEST(Smoother, DoesNotDependOnErrorsOfDeclaredParameters) {
+  physics::Model real = with_sigmas(paper_rig(Law::coulomb, true));
+  real.normal_load->slope_per_m = {100.0, 8.0};
+  real.normal_load->load_n.sigma = 0.01;
+  real.oscillator.mass_kg.sigma = 6.0e-4;
+  real.oscillator.natural_frequency_hz->sigma = 0.05;
+  physics::Model off = real;
+  off.normal_load->slope_per_m.value += 12.0;
+  off.oscillator.mass_kg.value += 9.0e-4;
+  off.oscillator.natural_frequency_hz->value -= 0.07;
+  const auto filtered = test::run_observer(real, real, {.duration_s = 8.0});
+  const auto one = smoothed(filtered, real);
+  const auto other = smoothed(filtered, off);
+  // The last second is the filter's, which has no later readings.
+  for (std::size_t i = 1000; i + 1000 < one.size(); i += 50) {
+    const FrictionEstimate& a = one[i].estimate;
+    const FrictionEstimate& b = other[i].estimate;
+    EXPECT_NEAR(a.mu, b.mu, 0.2 * a.standard_deviation(Quantity::mu));
+    EXPECT_NEAR(a.normal_load_n, b.normal_load_n,
+                0.5 * a.standard_deviation(Quantity::normal_load) + 1.0e-5);
+    EXPECT_NEAR(a.mu, 0.8, 3.0 * a.standard_deviation(Quantity::mu));
+  }
 }
 
 TEST(Smoother, RejectsUnsupportedModels) {

@@ -140,7 +140,8 @@ TEST_F(Export, CsvHasOneRowPerFrame) {
             "estimate_state_velocity_m_s_std");
   EXPECT_THAT(rows[1], HasSubstr(",1720000000000000001,100,9,0,1,0.15,0.00025,,,,,,,"));
   EXPECT_THAT(rows[4], HasSubstr(",103,8,0,,0.15,"));  // displacement was not measured
-  EXPECT_THAT(rows[6], HasSubstr(",105,9,0,0.16666666666666666,0.15,0.00025,0.001,0.5,0,0.25,0,,,"));
+  EXPECT_THAT(rows[6],
+              HasSubstr(",105,9,0,0.16666666666666666,0.15,0.00025,0.001,0.5,0,0.25,0,,,"));
   EXPECT_THAT(rows[9], HasSubstr(",108,9,0,0.1111111111111111,0.15,0.00025,0.003,0.5,0,0.5,1,,,"));
   EXPECT_THAT(rows[10], HasSubstr(",109,9,0,0.1,0.15,0.00025,0.004,0,0,0,1,0,,,"));
   EXPECT_THAT(rows[20], HasSubstr(",119,9,0,0.05,0.15,0.00025,,,,,,1,0,0.8,0,"));
