@@ -148,7 +148,7 @@ TEST(Smoother, DoesNotDependOnErrorsOfDeclaredParameters) {
   off.normal_load->slope_per_m.value += 12.0;
   off.oscillator.mass_kg.value += 9.0e-4;
   off.oscillator.natural_frequency_hz->value -= 0.07;
-  const auto filtered = test::run_observer(real, real, {.duration_s = 8.0});
+  const auto filtered = test::run_observer(real, real, {.duration_s = 4.0});
   const auto one = smoothed(filtered, real);
   const auto other = smoothed(filtered, off);
   // The last second is the filter's, which has no later readings.

@@ -24,7 +24,7 @@ std::vector<Frame> frames_of(const Model& model) {
   const test::ModulatedBase drive{.depth = 0.5};
   rig.set_input(drive(0.0));
   std::vector<Frame> frames;
-  for (int k = 1; k <= 1000; ++k) {
+  for (int k = 1; k <= 500; ++k) {
     rig.advance(period_s, drive(k * period_s));
     frames.push_back(rig.read());
   }
