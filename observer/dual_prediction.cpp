@@ -125,22 +125,7 @@ void DualPrediction::set_measured_load(const Dual& mu, const Dual& load) {
 }
 
 Input DualPrediction::input_of(const DualStates& s) const {
-  Input input;
-  switch (excitation_) {
-    case Excitation::base:
-      input.base_displacement_m = s.drive[0].a;
-      input.base_acceleration_m_s2 = s.drive[2].a;
-      break;
-    case Excitation::force:
-      input.drive_force_n = s.drive[0].a;
-      break;
-    case Excitation::imposed:
-      input.displacement_m = s.drive[0].a;
-      input.velocity_m_s = s.drive[1].a;
-      break;
-  }
-  input.normal_load_n = s.load.a;
-  return input;
+  return observer::input_of(excitation_, s.drive[0].a, s.drive[1].a, s.drive[2].a, s.load.a);
 }
 
 Dual DualPrediction::friction_reading(const DualStates& s) const {

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "observer/chain_memory.h"
+#include "observer/prediction.h"
 
 namespace stickslip::observer {
 
@@ -100,24 +101,11 @@ physics::Input ParameterResponse::input_at(const Vector& mean, double after_s) c
   const int p = layout_->drive;
   const double t = after_s;
   const double position = mean[p] + t * (mean[p + 1] + 0.5 * t * mean[p + 2]);
-  physics::Input input;
-  switch (rig_->structure().excitation) {
-    case physics::Excitation::base:
-      input.base_displacement_m = position;
-      input.base_acceleration_m_s2 = mean[p + 2] - t * mean[p + 3] * mean[p + 1];
-      break;
-    case physics::Excitation::force:
-      input.drive_force_n = position;
-      break;
-    case physics::Excitation::imposed:
-      input.displacement_m = position;
-      input.velocity_m_s = mean[p + 1] + t * mean[p + 2];
-      break;
-  }
-  if (layout_->load_rate >= 0) {
-    input.normal_load_n = std::max(0.0, mean[layout_->load] + t * mean[layout_->load_rate]);
-  }
-  return input;
+  const double acceleration = mean[p + 2] - t * mean[p + 3] * mean[p + 1];
+  const double load_n =
+      layout_->load_rate >= 0 ? mean[layout_->load] + t * mean[layout_->load_rate] : 1.0;
+  return input_of(rig_->structure().excitation, position, mean[p + 1] + t * mean[p + 2],
+                  acceleration, load_n);
 }
 
 void ParameterResponse::set_states(const Vector& mean, physics::RigNumbers<Dual>& numbers) {

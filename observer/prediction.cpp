@@ -8,6 +8,26 @@
 
 namespace stickslip::observer {
 
+physics::Input input_of(physics::Excitation excitation, double p, double rate, double acceleration,
+                        double load_n) {
+  physics::Input input;
+  switch (excitation) {
+    case physics::Excitation::base:
+      input.base_displacement_m = p;
+      input.base_acceleration_m_s2 = acceleration;
+      break;
+    case physics::Excitation::force:
+      input.drive_force_n = p;
+      break;
+    case physics::Excitation::imposed:
+      input.displacement_m = p;
+      input.velocity_m_s = rate;
+      break;
+  }
+  input.normal_load_n = load_n;
+  return input;
+}
+
 Prediction::Prediction(const physics::Rig& rig, const Layout& layout, double period_s)
     : rig_(&rig),
       layout_(&layout),

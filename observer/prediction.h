@@ -11,6 +11,10 @@
 
 namespace stickslip::observer {
 
+/// The rig's input for the drive's p, p' and p'' and a measured load [N].
+physics::Input input_of(physics::Excitation excitation, double p, double rate, double acceleration,
+                        double load_n);
+
 class Prediction {
  public:
   virtual ~Prediction() = default;
