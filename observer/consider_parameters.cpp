@@ -14,16 +14,16 @@ std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 }  // namespace
 
-ConsiderParameters::ConsiderParameters(ParameterResponse response, ReadingErrors errors,
-                                       const Layout& layout)
+ConsiderParameters::ConsiderParameters(std::unique_ptr<ParameterResponse> response,
+                                       ReadingErrors errors, const Layout& layout)
     : response_(std::move(response)), errors_(std::move(errors)), layout_(&layout) {
-  const int count = response_.count() + errors_.count();
+  const int count = response_->count() + errors_.count();
   group_.resize(at((count + lanes - 1) / lanes));
   input_.resize(group_.size());
   for (Group& group : input_) group.fill(Lanes::Zero());
   error_.assign(group_.size(), Lanes::Zero());
   load_ = error_;
-  driven_ = response_.rows();
+  driven_ = response_->rows();
   driven_.insert(driven_.end(), errors_.rows().begin(), errors_.rows().end());
   reset();
 }
@@ -32,36 +32,28 @@ void ConsiderParameters::reset() {
   for (Group& group : group_) group.fill(Lanes::Zero());
 }
 
-void ConsiderParameters::begin_period(const Vector& mean, double time_s,
-                                      double transition_speed_m_s) {
-  for (int pass = 0; pass < response_.passes(); ++pass) {
-    add_response(pass, response_.of(pass, mean, time_s, transition_speed_m_s));
+// Changes by this period itself.
+void ConsiderParameters::find_input(const Vector& before) {
+  const std::vector<int>& rows = response_->rows();
+  for (int g = 0; g < response_->groups(); ++g) {
+    load_[at(g)] = response_->load(g);
+    const std::vector<Lanes>& changes = response_->changes(g);
+    for (std::size_t k = 0; k < rows.size(); ++k) input_[at(g)][at(rows[k])] = changes[k];
   }
   for (int i = 0; i < errors_.count(); ++i) {
-    const int lane = response_.count() + i;
-    const std::vector<double>& changes = errors_.changes(i, mean);
+    const int lane = response_->count() + i;
+    const std::vector<double>& changes = errors_.changes(i, before);
     for (std::size_t k = 0; k < changes.size(); ++k) {
       input_[at(lane / lanes)][at(errors_.rows()[k])][lane % lanes] = changes[k];
     }
   }
 }
 
-void ConsiderParameters::add_response(int pass, const ParameterResponse::Changes& changes) {
-  using physics::Dual;
-  const int first = pass * Dual::directions;
-  const int end = std::min(first + Dual::directions, response_.count());
-  for (int i = first; i < end; i += lanes) {
-    load_[at(i / lanes)] = response_.load().segment<lanes>(i - first).cast<double>();
-  }
-  for (std::size_t k = 0; k < changes.size(); ++k) {
-    for (int i = first; i < end; i += lanes) {
-      input_[at(i / lanes)][at(response_.rows()[k])] =
-          changes[k].segment<lanes>(i - first).cast<double>();
-    }
-  }
-}
-
-void ConsiderParameters::propagate(const Transition& transition) {
+void ConsiderParameters::propagate(const Transition& transition, const Vector& before,
+                                   const Vector& after, double time_s,
+                                   double transition_speed_m_s) {
+  response_->update(before, after, time_s, transition_speed_m_s);
+  find_input(before);
   for (std::size_t g = 0; g < group_.size(); ++g) {
     propagate(group_[g], transition);
     for (const int row : driven_) group_[g][at(row)] += input_[g][at(row)];
@@ -104,7 +96,7 @@ double ConsiderParameters::project(Channel channel, const MeasurementRow& row, c
     }
   }
   for (int i = 0; i < errors_.count(); ++i) {
-    const int lane = response_.count() + i;
+    const int lane = response_->count() + i;
     error_[at(lane / lanes)][lane % lanes] += errors_.of(i, channel, mean);
   }
   for (const Lanes& error : error_) sum += error.square();
@@ -144,7 +136,7 @@ Eigen::VectorXd ConsiderParameters::load() const {
 Eigen::VectorXd ConsiderParameters::reading_errors(Channel channel, const Vector& mean) const {
   Eigen::VectorXd out = Eigen::VectorXd::Zero(count());
   for (int i = 0; i < errors_.count(); ++i) {
-    out[response_.count() + i] = errors_.of(i, channel, mean);
+    out[response_->count() + i] = errors_.of(i, channel, mean);
   }
   return out;
 }

@@ -10,6 +10,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -32,7 +33,8 @@ struct QuantityRow {
 class ConsiderParameters {
  public:
   /// `layout` must outlive it.
-  ConsiderParameters(ParameterResponse response, ReadingErrors errors, const Layout& layout);
+  ConsiderParameters(std::unique_ptr<ParameterResponse> response, ReadingErrors errors,
+                     const Layout& layout);
 
   /// True if the model has any.
   bool any() const { return !group_.empty(); }
@@ -40,10 +42,10 @@ class ConsiderParameters {
   /// Zero sensitivity: the filter has been reinitialised from readings alone.
   void reset();
 
-  /// The effect of the parameters on the period that begins with `mean`; to be called before the
-  /// prediction, and followed by propagate() with its transition.
-  void begin_period(const Vector& mean, double time_s, double transition_speed_m_s);
-  void propagate(const Transition& transition);
+  /// Time update, after the prediction of the period from `before` to `after`
+  /// (ParameterResponse::update).
+  void propagate(const Transition& transition, const Vector& before, const Vector& after,
+                 double time_s, double transition_speed_m_s);
 
   /// The readings of a frame before their correction.
   void read(const Frame& raw);
@@ -54,11 +56,11 @@ class ConsiderParameters {
   /// Measurement update with this gain, for the reading projected last.
   void correct(const Covariance::States& gain);
 
-  int count() const { return response_.count() + errors_.count(); }
+  int count() const { return response_->count() + errors_.count(); }
   /// Errors of the states for an error of one standard deviation of each parameter, one column
   /// each.
   Eigen::MatrixXd sensitivity() const { return columns_of(group_); }
-  /// Changes of the states over the period that begin_period() began, likewise.
+  /// Changes of the states over the last period, likewise.
   Eigen::MatrixXd input() const { return columns_of(input_); }
   /// Direct changes of the normal load, besides those by the states.
   Eigen::VectorXd load() const;
@@ -73,17 +75,15 @@ class ConsiderParameters {
   double slip_variance() const;
 
  private:
-  static constexpr int lanes = 4;
-  /// One value for each of four parameters: error of a state for a parameter error of one standard
-  /// deviation.
-  using Lanes = Eigen::Array<double, lanes, 1>;
+  static constexpr int lanes = parameter_lanes;
+  using Lanes = ParameterLanes;
   using Group = std::array<Lanes, static_cast<std::size_t>(padded(max_states) + max_shared_sums)>;
 
   Eigen::MatrixXd columns_of(const std::vector<Group>& groups) const;
   void propagate(Group& group, const Transition& transition);
-  void add_response(int pass, const ParameterResponse::Changes& changes);
+  void find_input(const Vector& before);
 
-  ParameterResponse response_;
+  std::unique_ptr<ParameterResponse> response_;
   ReadingErrors errors_;
   const Layout* layout_;
   std::vector<Group> group_;  ///< sensitivities, parameters in groups of four

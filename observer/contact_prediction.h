@@ -7,6 +7,7 @@
 #include <array>
 #include <vector>
 
+#include "observer/contact_response.h"
 #include "observer/prediction.h"
 
 namespace stickslip::observer {
@@ -21,6 +22,8 @@ class ContactPrediction final : public Prediction {
                     double period_s);
 
   void advance(Vector& mean, double time_s, double slip_variance) override;
+  std::unique_ptr<ParameterResponse> response_to(UncertainParameters parameters,
+                                                 const physics::Model& model) const override;
 
  private:
   /// One value per core state; not initialised.
@@ -74,7 +77,7 @@ class ContactPrediction final : public Prediction {
   void add_load_gradient(Row& to, double weight, const Load& load, const Row& x) const;
   Stage solve_stage(const ValueAndGradient& free_slip, double compliance, const Load& load,
                     const ValueAndGradient& x, const ValueAndGradient& from, double speed,
-                    const Vector& mean);
+                    const Vector& mean, SolvedStage& solved);
   void store(int position, const Row& gradient);
 
   bool load_varies_;  ///< with x
@@ -108,6 +111,7 @@ class ContactPrediction final : public Prediction {
   };
   std::vector<Span> linear_part_;  ///< by row
 
+  SolvedContact contact_;  ///< of this period
   double last_slip_ = 0.0;
   double gamma_ = 0.0;  ///< in this period
 };

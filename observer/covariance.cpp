@@ -61,52 +61,68 @@ Rows rows_of(const Transition& f, int first, int count) {
   return {f.entries(), f.row_ends(first), f.row_start(first), count};
 }
 
-// Transposes a 4 x 4 block.
-void transpose(const double* from, double* to, int width) {
+struct Block {
+  Lanes row[lanes];
+};
+
+// The transpose of a 4 x 4 block of rows `width` apart.
+Block transposed(const double* from, int width) {
   Lanes row[lanes];
   for (int i = 0; i < lanes; ++i) row[i] = lanes_of(from + i * width)[0];
   const Lanes low01 = __builtin_shufflevector(row[0], row[1], 0, 4, 2, 6);
   const Lanes high01 = __builtin_shufflevector(row[0], row[1], 1, 5, 3, 7);
   const Lanes low23 = __builtin_shufflevector(row[2], row[3], 0, 4, 2, 6);
   const Lanes high23 = __builtin_shufflevector(row[2], row[3], 1, 5, 3, 7);
-  lanes_of(to)[0] = __builtin_shufflevector(low01, low23, 0, 1, 4, 5);
-  lanes_of(to + width)[0] = __builtin_shufflevector(high01, high23, 0, 1, 4, 5);
-  lanes_of(to + 2 * width)[0] = __builtin_shufflevector(low01, low23, 2, 3, 6, 7);
-  lanes_of(to + 3 * width)[0] = __builtin_shufflevector(high01, high23, 2, 3, 6, 7);
+  return {{__builtin_shufflevector(low01, low23, 0, 1, 4, 5),
+           __builtin_shufflevector(high01, high23, 0, 1, 4, 5),
+           __builtin_shufflevector(low01, low23, 2, 3, 6, 7),
+           __builtin_shufflevector(high01, high23, 2, 3, 6, 7)}};
+}
+
+void transpose(const double* from, double* to, int width) {
+  const Block block = transposed(from, width);
+  for (int i = 0; i < lanes; ++i) lanes_of(to + i * width)[0] = block.row[i];
 }
 
 }  // namespace
 
 Covariance::Covariance(int count) : count_(count), width_(padded(count)) {}
 
+// Only those elements of F P are found that a product with F' takes to the upper triangle: of row
+// i, the columns that F has in its rows up to i. Chains follow the core, which does not depend on
+// them, so these are few.
 void Covariance::propagate(const Transition& f) {
   const auto at = [this](auto& rows, int row) {
     return rows.data() + static_cast<std::size_t>(row) * static_cast<std::size_t>(width_);
   };
-  const WeightedRows full_width = weighted_for(width_);
   // The shared sums, each of which may use previous ones, are rows after the states'.
   const auto add_shared = [&](double* rows) {
-    full_width(rows_of(f, -f.shared(), f.shared()), rows, rows + width_ * width_, width_);
+    weighted_for(width_)(rows_of(f, -f.shared(), f.shared()), rows, rows + width_ * width_, width_);
   };
   mirror();
   add_shared(states_.data());
-  full_width(rows_of(f, 0, count_), states_.data(), product_.data(), width_);
-  for (int i = 0; i < width_; i += lanes) {
-    for (int j = 0; j < width_; j += lanes)
-      transpose(at(product_, i) + j, at(transposed_, j) + i, width_);
+  int columns = 1;
+  for (int i = 0; i < count_; i += lanes) {
+    const int rows = std::min(lanes, count_ - i);
+    for (int row = i; row < i + rows; ++row) columns = std::max(columns, f.columns(row));
+    if (rows < lanes) product_.fill(0.0);
+    weighted_for(columns)(rows_of(f, i, rows), states_.data(), product_.data(), width_);
+    for (int j = 0; j < columns; j += lanes) {
+      transpose(product_.data() + j, at(transposed_, j) + i, width_);
+    }
   }
   add_shared(transposed_.data());
-  // Lower triangle only.
   for (int i = 0; i < count_; i += lanes) {
-    weighted_for(i + 1)(rows_of(f, i, std::min(lanes, count_ - i)), transposed_.data(),
-                        at(states_, i), width_);
+    weighted_for(width_ - i)(rows_of(f, i, std::min(lanes, count_ - i)), transposed_.data() + i,
+                             at(states_, i) + i, width_);
   }
 }
 
 void Covariance::column(int state, States& out) const {
-  for (int i = 0; i <= state; ++i) out[i] = states_[place(state, 0) + static_cast<std::size_t>(i)];
-  const double* below = states_.data() + static_cast<std::size_t>(state);
-  for (int i = state + 1; i < count_; ++i) out[i] = below[i * width_];
+  const double* above = states_.data() + state;
+  for (int i = 0; i < state; ++i) out[i] = above[i * width_];
+  const double* row = states_.data() + state * width_;
+  for (int i = state; i < count_; ++i) out[i] = row[i];
 }
 
 void Covariance::correct(const States& gain, const States& column, double innovation_variance) {
@@ -117,11 +133,11 @@ void Covariance::correct(const States& gain, const States& column, double innova
   }
   // Four rows at a time share the loads of gain and rest.
   for (int i = 0; i < width_; i += lanes) {
-    Lanes* first = lanes_of(states_.data() + place(i, 0));
+    Lanes* first = lanes_of(states_.data() + i * width_);
     const int stride = width_ / lanes;
     const double p0 = column[i], p1 = column[i + 1], p2 = column[i + 2], p3 = column[i + 3];
     const double k0 = gain[i], k1 = gain[i + 1], k2 = gain[i + 2], k3 = gain[i + 3];
-    for (int j = 0; j <= i / lanes; ++j) {
+    for (int j = i / lanes; j < stride; ++j) {
       const Lanes g = lanes_of(gain.of.data())[j];
       const Lanes r = rest[j];
       first[j] -= p0 * g + k0 * r;
@@ -132,16 +148,19 @@ void Covariance::correct(const States& gain, const States& column, double innova
   }
 }
 
-// Copies the lower triangle to the upper one.
+// Copies the upper triangle to the lower one.
 void Covariance::mirror() {
-  const auto at = [this](int row, int column) {
-    return states_.data() + static_cast<std::size_t>(row * width_ + column);
-  };
+  const auto at = [this](int row, int column) { return states_.data() + row * width_ + column; };
   for (int i = 0; i < width_; i += lanes) {
-    for (int j = 0; j < i; j += lanes) transpose(at(i, j), at(j, i), width_);
-    for (int k = i; k < i + lanes; ++k) {
-      for (int l = k + 1; l < i + lanes; ++l) *at(k, l) = *at(l, k);
-    }
+    for (int j = i + lanes; j < width_; j += lanes) transpose(at(i, j), at(j, i), width_);
+    // Below the diagonal the transpose, from it on what is there.
+    const Block below = transposed(at(i, i), width_);
+    Lanes* row = lanes_of(at(i + 1, i));
+    *row = __builtin_shufflevector(below.row[1], *row, 0, 5, 6, 7);
+    row = lanes_of(at(i + 2, i));
+    *row = __builtin_shufflevector(below.row[2], *row, 0, 1, 6, 7);
+    row = lanes_of(at(i + 3, i));
+    *row = __builtin_shufflevector(below.row[3], *row, 0, 1, 2, 7);
   }
 }
 

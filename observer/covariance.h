@@ -9,7 +9,7 @@
 
 namespace stickslip::observer {
 
-/// Symmetric; the lower triangle is stored. Rows are padded with zeros to whole registers.
+/// Symmetric; the upper triangle is stored. Rows are padded with zeros to whole registers.
 class Covariance {
  public:
   /// Zero, for `count` states, at most max_states.
@@ -41,8 +41,8 @@ class Covariance {
   static constexpr int most = padded(max_states);
   std::size_t place(int row, int column) const {
     const auto [low, high] = std::minmax(row, column);
-    return static_cast<std::size_t>(high) * static_cast<std::size_t>(width_) +
-           static_cast<std::size_t>(low);
+    return static_cast<std::size_t>(low) * static_cast<std::size_t>(width_) +
+           static_cast<std::size_t>(high);
   }
   void mirror();
 
@@ -52,7 +52,7 @@ class Covariance {
   static constexpr std::size_t with_sums = std::size_t{most + max_shared_sums} * std::size_t{most};
   alignas(64) std::array<double, with_sums> states_{};
   alignas(64) std::array<double, with_sums> transposed_{};
-  alignas(64) std::array<double, static_cast<std::size_t>(most* most)> product_{};
+  alignas(64) std::array<double, std::size_t{4} * std::size_t{most}> product_{};  ///< four rows
 };
 
 }  // namespace stickslip::observer

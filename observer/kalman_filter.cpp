@@ -106,8 +106,9 @@ KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, Fri
   prediction_ = make_prediction(rig_, model_, layout_, period_s_, steps_);
   noise_ =
       std::make_unique<NoiseModel>(model_, rig_, layout_, prediction_->numbers(), period_s_, prior);
-  ParameterResponse response(model_, rig_, layout_, period_s_);
-  considered_ = response.paths();
+  std::unique_ptr<ParameterResponse> response =
+      prediction_->response_to(uncertain_parameters(model_, rig_, layout_), model_);
+  considered_ = response->paths();
   considered_.insert(considered_.end(), separated.shifted_paths.begin(),
                      separated.shifted_paths.end());
   consider_ = std::make_unique<ConsiderParameters>(
@@ -118,7 +119,7 @@ KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, Fri
   for (const Chain& chain : layout_.chain) latest_s = std::max(latest_s, chain.delay_s);
   settle_s_ = std::clamp(bank.settling_time_s() + latest_s, 20.0 * period_s_, 2.0);
   startup_s_ = 2.0 * settle_s_;
-  mean_ = Vector::Zero(layout_.count);
+  before_ = mean_ = Vector::Zero(layout_.count);
   for (Channel channel : all_channels) {
     if (!layout_.of(channel).used) continue;
     CachedRow& row = rows_[index_of(channel)];
@@ -240,10 +241,13 @@ void KalmanFilter::predict() {
   const double time_s = static_cast<double>(time_ns_ - origin_ns_) * 1.0e-9;
   const double variance = slip_variance();
   noise_->add_process_noise(mean_, variance, since_start_s_, input_variances(), covariance_);
-  consider_->begin_period(mean_, time_s, prediction_->widened_transition_speed(variance));
+  before_ = mean_;
   prediction_->advance(mean_, time_s, variance);
   covariance_.propagate(prediction_->transition());
-  consider_->propagate(prediction_->transition());
+  if (consider_->any()) {
+    consider_->propagate(prediction_->transition(), before_, mean_, time_s,
+                         prediction_->widened_transition_speed(variance));
+  }
   if (layout_.friction >= 0) noise_->add_output_noise(mean_, covariance_);
 }
 

@@ -126,6 +126,7 @@ class KalmanFilter {
   double startup_s_ = 0.0;
 
   Vector mean_;
+  Vector before_;  ///< mean at the beginning of the last period
   Covariance::States gain_, column_;
   std::array<QuantityRow, quantity_count> source_{};  ///< of the reported quantities
 

@@ -2,6 +2,7 @@
 // of a few shared sums, such as the contact force, which several rows use.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 
@@ -37,6 +38,7 @@ class Transition {
   }
   void begin_row() {
     first_[static_cast<std::size_t>(rows_)] = entries_;
+    columns_[static_cast<std::size_t>(rows_)] = 0;
     ++rows_;
     first_[static_cast<std::size_t>(rows_)] = entries_;
   }
@@ -48,6 +50,9 @@ class Transition {
                                                   row * static_cast<std::uint32_t>(padded(count_))};
     ++entries_;
     first_[static_cast<std::size_t>(rows_)] = entries_;
+    int& columns = columns_[static_cast<std::size_t>(rows_ - 1)];
+    const int sum = from - padded(count_);
+    columns = std::max(columns, sum < 0 ? from + 1 : columns_[static_cast<std::size_t>(sum)]);
     return entries_ - 1;
   }
   int add_shared(int sum, double weight) { return add(padded(count_) + sum, weight); }
@@ -74,6 +79,9 @@ class Transition {
   int row_start(int state) const { return *first_of(state); }
   const int* row_ends(int state) const { return first_of(state) + 1; }
 
+  /// The states from this one on have no weight in the row of `state`, nor in its shared sums.
+  int columns(int state) const { return columns_[static_cast<std::size_t>(shared_ + state)]; }
+
   /// As a dense matrix; slow.
   Matrix dense() const;
 
@@ -89,6 +97,7 @@ class Transition {
   int rows_ = 0;
   int entries_ = 0;
   std::array<int, max_rows + 1> first_{};
+  std::array<int, max_rows> columns_{};
   std::array<Entry, max_rows * max_states> entry_{};
 };
 
