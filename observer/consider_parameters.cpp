@@ -15,21 +15,18 @@ std::size_t at(int index) { return static_cast<std::size_t>(index); }
 }  // namespace
 
 ConsiderParameters::ConsiderParameters(std::unique_ptr<ParameterResponse> response,
-                                       ReadingErrors errors, const Layout& layout)
-    : response_(std::move(response)), errors_(std::move(errors)), layout_(&layout) {
-  const int count = response_->count() + errors_.count();
-  group_.resize(at((count + lanes - 1) / lanes));
-  input_.resize(group_.size());
+                                       ReadingErrors errors, const Layout& layout,
+                                       Covariance& covariance)
+    : response_(std::move(response)),
+      errors_(std::move(errors)),
+      layout_(&layout),
+      covariance_(&covariance) {
+  input_.resize(at((count() + lanes - 1) / lanes));
   for (Group& group : input_) group.fill(Lanes::Zero());
-  error_.assign(group_.size(), Lanes::Zero());
+  error_.assign(input_.size(), Lanes::Zero());
   load_ = error_;
   driven_ = response_->rows();
   driven_.insert(driven_.end(), errors_.rows().begin(), errors_.rows().end());
-  reset();
-}
-
-void ConsiderParameters::reset() {
-  for (Group& group : group_) group.fill(Lanes::Zero());
 }
 
 // Changes by this period itself.
@@ -49,80 +46,52 @@ void ConsiderParameters::find_input(const Vector& before) {
   }
 }
 
-void ConsiderParameters::propagate(const Transition& transition, const Vector& before,
-                                   const Vector& after, double time_s,
+void ConsiderParameters::propagate(const Vector& before, const Vector& after, double time_s,
                                    double transition_speed_m_s) {
   response_->update(before, after, time_s, transition_speed_m_s);
   find_input(before);
-  for (std::size_t g = 0; g < group_.size(); ++g) {
-    propagate(group_[g], transition);
-    for (const int row : driven_) group_[g][at(row)] += input_[g][at(row)];
-  }
-}
-
-void ConsiderParameters::propagate(Group& group, const Transition& transition) {
-  const auto sum_of = [&group](const Transition::Entry* entry,
-                               const Transition::Entry* end) -> Lanes {
-    // Two independent sums hide the latency of the additions.
-    Lanes even = Lanes::Zero();
-    Lanes odd = Lanes::Zero();
-    for (; end - entry > 1; entry += 2) {
-      even += entry[0].weight * group[entry[0].from];
-      odd += entry[1].weight * group[entry[1].from];
+  for (std::size_t g = 0; g < input_.size(); ++g) {
+    for (const int row : driven_) {
+      covariance_->sensitivity(row, static_cast<int>(g)) += input_[g][at(row)];
     }
-    if (entry != end) even += entry->weight * group[entry->from];
-    return even + odd;
-  };
-  const int count = transition.count();
-  for (int i = 0; i < transition.shared(); ++i) {
-    const int sum = padded(count) + i;
-    group[at(sum)] = sum_of(transition.shared_begin(i), transition.shared_end(i));
   }
-  for (int i = 0; i < count; ++i) {
-    next_[at(i)] = sum_of(transition.row_begin(i), transition.row_end(i));
-  }
-  std::copy_n(next_.begin(), count, group.begin());
 }
 
 void ConsiderParameters::read(const Frame& raw) { errors_.read(raw); }
 
 double ConsiderParameters::project(Channel channel, const MeasurementRow& row, const Vector& mean) {
-  Lanes sum = Lanes::Zero();
-  for (std::size_t g = 0; g < group_.size(); ++g) {
-    Lanes& error = error_[g];
-    error = row.weight[0] * group_[g][at(row.state[0])];
-    for (std::size_t j = 1; j < at(row.count); ++j) {
-      error += row.weight[j] * group_[g][at(row.state[j])];
-    }
+  for (std::size_t g = 0; g < error_.size(); ++g) {
+    const auto sensitivity = [&](std::size_t term) {
+      return covariance_->sensitivity(row.state[term], static_cast<int>(g));
+    };
+    Lanes error = row.weight[0] * sensitivity(0);
+    for (std::size_t j = 1; j < at(row.count); ++j) error += row.weight[j] * sensitivity(j);
+    error_[g] = error;
   }
   for (int i = 0; i < errors_.count(); ++i) {
     const int lane = response_->count() + i;
     error_[at(lane / lanes)][lane % lanes] += errors_.of(i, channel, mean);
   }
-  for (const Lanes& error : error_) sum += error.square();
-  return sum.sum();
+  double variance = 0.0;
+  for (const Lanes& error : error_) variance += error.square().sum();
+  affects_ = variance != 0.0;
+  return variance;
 }
 
-void ConsiderParameters::add_to(Covariance::States& column) const {
-  for (std::size_t g = 0; g < group_.size(); ++g) {
-    const Lanes& error = error_[g];
-    if ((error == 0.0).all()) continue;  // the drive, which does not depend on the parameters
-    for (int i = 0; i < layout_->count; ++i) column[i] += (group_[g][at(i)] * error).sum();
-  }
-}
-
-void ConsiderParameters::correct(const Covariance::States& gain) {
-  for (std::size_t g = 0; g < group_.size(); ++g) {
-    const Lanes& error = error_[g];
-    if ((error == 0.0).all()) continue;
-    for (int i = 0; i < layout_->count; ++i) group_[g][at(i)] -= gain[i] * error;
-  }
-}
-
-Eigen::MatrixXd ConsiderParameters::columns_of(const std::vector<Group>& groups) const {
+Eigen::MatrixXd ConsiderParameters::sensitivity() const {
   Eigen::MatrixXd out(layout_->count, count());
   for (int k = 0; k < count(); ++k) {
-    for (int i = 0; i < layout_->count; ++i) out(i, k) = groups[at(k / lanes)][at(i)][k % lanes];
+    for (int i = 0; i < layout_->count; ++i) {
+      out(i, k) = covariance_->sensitivity(i, k / lanes)[k % lanes];
+    }
+  }
+  return out;
+}
+
+Eigen::MatrixXd ConsiderParameters::input() const {
+  Eigen::MatrixXd out(layout_->count, count());
+  for (int k = 0; k < count(); ++k) {
+    for (int i = 0; i < layout_->count; ++i) out(i, k) = input_[at(k / lanes)][at(i)][k % lanes];
   }
   return out;
 }
@@ -150,12 +119,12 @@ void ConsiderParameters::covariance_of(
   error.setZero();
   sum.setZero();
   const auto count = static_cast<int>(quantities.size());
-  for (std::size_t g = 0; g < group_.size(); ++g) {
+  for (int g = 0; g < static_cast<int>(error_.size()); ++g) {
     for (int i = 0; i < count; ++i) {
       const QuantityRow& row = quantities[at(i)];
-      Lanes of_row = row.weight[0] * group_[g][at(row.state[0])];
-      if (row.state[1] >= 0) of_row += row.weight[1] * group_[g][at(row.state[1])];
-      if (row.is_load) of_row += load_[g];
+      Lanes of_row = row.weight[0] * covariance_->sensitivity(row.state[0], g);
+      if (row.state[1] >= 0) of_row += row.weight[1] * covariance_->sensitivity(row.state[1], g);
+      if (row.is_load) of_row += load_[at(g)];
       error.row(i) = of_row.transpose();
     }
     for (int i = 0; i < count; ++i) {
@@ -171,9 +140,9 @@ double ConsiderParameters::slip_variance() const {
   const int v = layout_->rig[state::v];
   const int u = layout_->rig[state::u];
   double sum = 0.0;
-  for (const Group& group : group_) {
-    Lanes slip = group[at(v)];
-    if (u >= 0) slip -= group[at(u)];
+  for (int g = 0; g < static_cast<int>(error_.size()); ++g) {
+    Lanes slip = covariance_->sensitivity(v, g);
+    if (u >= 0) slip -= covariance_->sensitivity(u, g);
     sum += slip.square().sum();
   }
   return sum;

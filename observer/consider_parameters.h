@@ -32,36 +32,34 @@ struct QuantityRow {
 
 class ConsiderParameters {
  public:
-  /// `layout` must outlive it.
+  /// `covariance` holds the sensitivities, of as many parameters. It and `layout` must outlive it.
   ConsiderParameters(std::unique_ptr<ParameterResponse> response, ReadingErrors errors,
-                     const Layout& layout);
+                     const Layout& layout, Covariance& covariance);
 
   /// True if the model has any.
-  bool any() const { return !group_.empty(); }
+  bool any() const { return !error_.empty(); }
 
-  /// Zero sensitivity: the filter has been reinitialised from readings alone.
-  void reset();
-
-  /// Time update, after the prediction of the period from `before` to `after`
-  /// (ParameterResponse::update).
-  void propagate(const Transition& transition, const Vector& before, const Vector& after,
-                 double time_s, double transition_speed_m_s);
+  /// Time update, after that of the covariance and the prediction of the period from `before` to
+  /// `after` (ParameterResponse::update).
+  void propagate(const Vector& before, const Vector& after, double time_s,
+                 double transition_speed_m_s);
 
   /// The readings of a frame before their correction.
   void read(const Frame& raw);
   /// Variance that the parameters add to the innovation of a reading.
   double project(Channel channel, const MeasurementRow& row, const Vector& mean);
-  /// Adds their share of the covariance of states and innovation, for the reading projected last.
-  void add_to(Covariance::States& column) const;
-  /// Measurement update with this gain, for the reading projected last.
-  void correct(const Covariance::States& gain);
+  /// Errors of the innovation of the reading projected last; empty where all are 0, as those of
+  /// the drive, which does not depend on the parameters.
+  std::span<const ParameterLanes> innovation_error() const {
+    return affects_ ? std::span<const ParameterLanes>(error_) : std::span<const ParameterLanes>();
+  }
 
   int count() const { return response_->count() + errors_.count(); }
   /// Errors of the states for an error of one standard deviation of each parameter, one column
   /// each.
-  Eigen::MatrixXd sensitivity() const { return columns_of(group_); }
+  Eigen::MatrixXd sensitivity() const;
   /// Changes of the states over the last period, likewise.
-  Eigen::MatrixXd input() const { return columns_of(input_); }
+  Eigen::MatrixXd input() const;
   /// Direct changes of the normal load, besides those by the states.
   Eigen::VectorXd load() const;
   /// Direct changes of the reading of a channel, likewise.
@@ -77,21 +75,19 @@ class ConsiderParameters {
  private:
   static constexpr int lanes = parameter_lanes;
   using Lanes = ParameterLanes;
-  using Group = std::array<Lanes, static_cast<std::size_t>(padded(max_states) + max_shared_sums)>;
+  using Group = std::array<Lanes, std::size_t{max_states}>;
 
-  Eigen::MatrixXd columns_of(const std::vector<Group>& groups) const;
-  void propagate(Group& group, const Transition& transition);
   void find_input(const Vector& before);
 
   std::unique_ptr<ParameterResponse> response_;
   ReadingErrors errors_;
   const Layout* layout_;
-  std::vector<Group> group_;  ///< sensitivities, parameters in groups of four
-  std::vector<Group> input_;  ///< of the rig's states, in this period
+  Covariance* covariance_;
+  std::vector<Group> input_;  ///< changes of states in this period, parameters in groups of four
   std::vector<int> driven_;   ///< states that input_ changes
   std::vector<Lanes> error_;  ///< of the innovation
+  bool affects_ = false;      ///< true if any of these is not 0
   std::vector<Lanes> load_;   ///< direct changes of the normal load
-  Group next_;
 };
 
 }  // namespace stickslip::observer

@@ -140,7 +140,7 @@ ContactPrediction::ContactPrediction(const physics::Rig& rig, const physics::Mod
     : Prediction(rig, layout, period_s),
       load_varies_(rig.structure().loaded && (rig.structure().load_law == NormalLoadLaw::wedge ||
                                               model.normal_load_bridge.has_value())),
-      core_(layout.core) {
+      core_{} {
   open_jacobian_ = Matrix::Zero(layout.count, layout.count);
   by_lambda_rate_ = by_lambda_acceleration_ = next_;
   by_middle_force_ = by_end_force_ = by_load_before_ = by_load_after_ = next_;
@@ -234,7 +234,7 @@ void ContactPrediction::compute_parameter_rows() {
 void ContactPrediction::compute_load_chain(const physics::Model& model) {
   const Layout& l = *layout_;
   const Chain& chain = l.of(Channel::normal_load);
-  if (!chain.used) return;
+  if (chain.count == 0) return;
   // In the same substeps as the chain's own states: sections are exact for linear inputs only, and
   // the signal between two sections is not linear.
   const physics::FilterChain filters(model.sensors[index_of(Channel::normal_load)].filters,
@@ -405,28 +405,26 @@ void ContactPrediction::update_drive_terms(const Vector& mean) {
   }
 }
 
-ContactPrediction::Row ContactPrediction::zero_row() const {
-  Row row;
-  std::fill_n(row.of.begin(), core_, 0.0);
-  return row;
+void ContactPrediction::add(Row& to, double weight, const Row& row) {
+  for (int i = 0; i < core_lanes; ++i) to[i] += weight * row[i];
 }
 
-void ContactPrediction::add(Row& to, double weight, const Row& row) const {
-  for (int i = 0; i < core_; ++i) to[i] += weight * row[i];
-}
-
-void ContactPrediction::add(ValueAndGradient& to, double weight,
-                            const ValueAndGradient& term) const {
+void ContactPrediction::add(ValueAndGradient& to, double weight, const ValueAndGradient& term) {
   to.value += weight * term.value;
   add(to.gradient, weight, term.gradient);
 }
 
 ContactPrediction::ValueAndGradient ContactPrediction::evaluate(const LinearForm& form,
                                                                 const Vector& mean) const {
-  ValueAndGradient out;
-  std::copy_n(form.weights.of.begin(), core_, out.gradient.of.begin());
-  out.value = 0.0;
-  for (const int column : columns_) out.value += form.weights[column] * mean[column];
+  ValueAndGradient out{0.0, form.weights};
+  // Four sums, so that they fit a register.
+  std::array<double, 4> sum{};
+  for (int i = 0; i < core_lanes; i += 4) {
+    for (int k = 0; k < 4; ++k) {
+      sum[static_cast<std::size_t>(k)] += form.weights[i + k] * core_[i + k];
+    }
+  }
+  out.value = (sum[0] + sum[2]) + (sum[1] + sum[3]);
   const int p = layout_->drive;
   const double lambda = mean[p + 3];
   const double by_lambda =
@@ -492,7 +490,7 @@ ContactPrediction::Stage ContactPrediction::solve_stage(const ValueAndGradient& 
                                                         const Vector& mean, SolvedStage& solved) {
   const Layout& l = *layout_;
   const double mu = mean[l.mu];
-  ValueAndGradient limit{mu * load.value, zero_row()};
+  ValueAndGradient limit{mu * load.value, Row{}};
   limit.gradient[l.mu] = load.value;
   add_load_gradient(limit.gradient, mu, load, x.gradient);
 
@@ -518,7 +516,7 @@ ContactPrediction::Stage ContactPrediction::solve_stage(const ValueAndGradient& 
   Stage stage;
   stage.theta.value = theta;
   stage.force.value = limit.value * theta;
-  Row at_fixed_slip = zero_row();  // gradient of theta
+  Row at_fixed_slip{};  // gradient of theta
   add(at_fixed_slip, kept, from.gradient);
   if (l.log_rate >= 0)
     at_fixed_slip[l.log_rate] += (solved_slip.tanh - from.value) * gain_by_log_rate;
@@ -535,7 +533,7 @@ ContactPrediction::Stage ContactPrediction::solve_stage(const ValueAndGradient& 
             .by_limit = by_limit,
             .by_theta_before = by_theta * kept,
             .slip_in_speeds = solved_slip.w / speed};
-  for (int i = 0; i < core_; ++i) {
+  for (int i = 0; i < core_lanes; ++i) {
     const double gradient = by_theta * at_fixed_slip[i] + by_slip * free_slip.gradient[i] +
                             by_limit * limit.gradient[i];
     stage.theta.gradient[i] = gradient;
@@ -547,7 +545,7 @@ ContactPrediction::Stage ContactPrediction::solve_stage(const ValueAndGradient& 
 void ContactPrediction::add_contact(const Vector& mean, double speed) {
   const Layout& l = *layout_;
   const bool relaxing = rig_->structure().kinetics == Kinetics::relaxing;
-  ValueAndGradient theta{0.0, zero_row()};
+  ValueAndGradient theta{0.0, Row{}};
   if (relaxing) {
     gamma_ = l.log_rate >= 0 ? std::exp(mean[l.log_rate]) : numbers_.c.rate;
     theta.value = mean[l.theta];
@@ -585,15 +583,15 @@ void ContactPrediction::add_contact(const Vector& mean, double speed) {
 
 void ContactPrediction::add_load_chain(const Vector& mean, const ValueAndGradient& x_after) {
   const int at = layout_->rig[state::x];
-  Row x_before = zero_row();
+  Row x_before{};
   x_before[at] = 1.0;
   const Load before = load_reading(0.0, mean[at], mean);
   const Load after = load_reading(period_s_, x_after.value, mean);
   next_ += by_load_before_ * before.value + by_load_after_ * after.value;
-  Row gradient = zero_row();
+  Row gradient{};
   add_load_gradient(gradient, 1.0, before, x_before);
   store(shared_position_[2], gradient);
-  gradient = zero_row();
+  gradient = Row{};
   add_load_gradient(gradient, 1.0, after, x_after.gradient);
   store(shared_position_[3], gradient);
 }
@@ -615,6 +613,7 @@ void ContactPrediction::advance(Vector& mean, double /*time_s*/, double slip_var
     }
     next_[row] = sum;
   }
+  std::copy_n(mean.data(), layout_->core, core_.of.begin());
   if (rig_->structure().friction) add_contact(mean, widened_transition_speed(slip_variance));
   sensor_error_states_.advance(mean, next_, transition_);
   mean = next_;

@@ -26,9 +26,12 @@ class ContactPrediction final : public Prediction {
                                                  const physics::Model& model) const override;
 
  private:
-  /// One value per core state; not initialised.
+  /// Core states of the rigs that are supported, in whole registers.
+  static constexpr int core_lanes = 16;
+  static_assert(physics::state::first_effect + 8 <= core_lanes);
+  /// One value per core state, 0 beyond them; not initialised.
   struct Row {
-    alignas(32) std::array<double, max_core> of;
+    alignas(32) std::array<double, core_lanes> of;
     double& operator[](int i) { return of[static_cast<std::size_t>(i)]; }
     double operator[](int i) const { return of[static_cast<std::size_t>(i)]; }
   };
@@ -68,9 +71,8 @@ class ContactPrediction final : public Prediction {
   void add_contact(const Vector& mean, double speed);
   void add_load_chain(const Vector& mean, const ValueAndGradient& x_after);
 
-  Row zero_row() const;
-  void add(Row& to, double weight, const Row& row) const;
-  void add(ValueAndGradient& to, double weight, const ValueAndGradient& term) const;
+  static void add(Row& to, double weight, const Row& row);
+  static void add(ValueAndGradient& to, double weight, const ValueAndGradient& term);
   ValueAndGradient evaluate(const LinearForm& form, const Vector& mean) const;
   Load load_at(double time_s, double x, const Vector& mean);
   Load load_reading(double time_s, double x, const Vector& mean);
@@ -81,7 +83,7 @@ class ContactPrediction final : public Prediction {
   void store(int position, const Row& gradient);
 
   bool load_varies_;  ///< with x
-  int core_;
+  Row core_;          ///< core states at the start of the period
   physics::RigState<physics::Dual> dual_state_;
 
   // Computed once.

@@ -1,6 +1,7 @@
 #include "observer/covariance.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <utility>
 
 namespace stickslip::observer {
@@ -24,37 +25,54 @@ struct Rows {
   int count;
 };
 
-// Sparse product: each row of `out`, `width` apart, is a weighted sum of rows of `from`, over the
-// first `blocks` registers.
+/// Rows `width` apart.
+template <class T>
+struct Span {
+  T* data;
+  int width;
+};
+using Input = Span<const double>;
+using Output = Span<double>;
+
+// Sparse product: each row of `to` is a weighted sum of rows of `from`, over the first `blocks`
+// registers.
 template <int blocks>
-void weighted_rows(const Rows& rows, const double* from, double* out, int width) {
+void weighted_rows(const Rows& rows, Input from, Output to) {
   int at = rows.begin;
-  for (int row = 0; row < rows.count; ++row, out += width) {
+  double* out = to.data;
+  for (int row = 0; row < rows.count; ++row, out += to.width) {
     Lanes sum[blocks] = {};  // std::array would lose the alignment
     for (; at < rows.end[row]; ++at) {
       const Transition::Entry& entry = rows.entry[at];
-      const Lanes* lanes = lanes_of(from + entry.place);
+      const Lanes* lanes =
+          lanes_of(from.data + entry.from * static_cast<std::uint32_t>(from.width));
       const double weight = entry.weight;
-#pragma GCC unroll 12
+#pragma GCC unroll 13
       for (int i = 0; i < blocks; ++i) sum[i] += weight * lanes[i];
     }
-#pragma GCC unroll 12
+#pragma GCC unroll 13
     for (int i = 0; i < blocks; ++i) lanes_of(out)[i] = sum[i];
   }
 }
 
-using WeightedRows = void (*)(const Rows&, const double*, double*, int);
+using WeightedRows = void (*)(const Rows&, Input, Output);
 
 template <int... blocks>
 constexpr std::array<WeightedRows, sizeof...(blocks)> table(
     std::integer_sequence<int, blocks...> /*counts*/) {
   return {weighted_rows<blocks + 1>...};
 }
-// Indexed by the number of registers minus 1.
-constexpr auto weighted = table(std::make_integer_sequence<int, 12>{});
+// Indexed by the number of registers minus 1: one group of parameters and all states.
+constexpr int most_blocks = padded(max_states) / lanes + 1;
+constexpr auto weighted = table(std::make_integer_sequence<int, most_blocks>{});
 
-WeightedRows weighted_for(int columns) {
-  return weighted[static_cast<std::size_t>((columns - 1) / lanes)];
+// The first `columns` of the rows.
+void weighted_columns(const Rows& rows, Input from, Output to, int columns) {
+  for (int first = 0; first < columns; first += lanes * most_blocks) {
+    const int blocks = std::min(most_blocks, (columns - first + lanes - 1) / lanes);
+    weighted[static_cast<std::size_t>(blocks - 1)](rows, {from.data + first, from.width},
+                                                   {to.data + first, to.width});
+  }
 }
 
 Rows rows_of(const Transition& f, int first, int count) {
@@ -79,66 +97,116 @@ Block transposed(const double* from, int width) {
            __builtin_shufflevector(high01, high23, 2, 3, 6, 7)}};
 }
 
-void transpose(const double* from, double* to, int width) {
-  const Block block = transposed(from, width);
-  for (int i = 0; i < lanes; ++i) lanes_of(to + i * width)[0] = block.row[i];
+void transpose(const double* from, int from_width, double* to, int to_width) {
+  const Block block = transposed(from, from_width);
+  for (int i = 0; i < lanes; ++i) lanes_of(to + i * to_width)[0] = block.row[i];
+}
+
+// The first columns of some rows.
+void copy_columns(Input from, Output to, int columns, int rows) {
+  for (int first = 0; first < columns; first += lanes) {
+    for (int k = 0; k < rows; ++k) {
+      *lanes_of(to.data + k * to.width + first) = *lanes_of(from.data + k * from.width + first);
+    }
+  }
 }
 
 }  // namespace
 
-Covariance::Covariance(int count) : count_(count), width_(padded(count)) {}
+Covariance::Covariance(int count, int parameters)
+    : count_(count), offset_(padded(parameters)), width_(offset_ + padded(count)) {
+  const int rows = padded(count) + max_shared_sums;
+  rows_ = Storage(rows * width_);
+  transposed_ = Storage(rows * padded(count));
+  sensitivities_ = Storage(rows * offset_);
+  product_ = Storage(lanes * width_);
+}
+
+// The shared sums, each of which may use previous ones, are rows after the states'.
+void Covariance::add_shared(const Transition& f, double* rows, int width) const {
+  weighted_columns(rows_of(f, -f.shared(), f.shared()), {rows, width},
+                   {rows + padded(count_) * width, width}, width);
+}
 
 // Only those elements of F P are found that a product with F' takes to the upper triangle: of row
 // i, the columns that F has in its rows up to i. Chains follow the core, which does not depend on
 // them, so these are few.
-void Covariance::propagate(const Transition& f) {
-  const auto at = [this](auto& rows, int row) {
-    return rows.data() + static_cast<std::size_t>(row) * static_cast<std::size_t>(width_);
-  };
-  // The shared sums, each of which may use previous ones, are rows after the states'.
-  const auto add_shared = [&](double* rows) {
-    weighted_for(width_)(rows_of(f, -f.shared(), f.shared()), rows, rows + width_ * width_, width_);
-  };
-  mirror();
-  add_shared(states_.data());
+void Covariance::multiply_from_left(const Transition& f) {
   int columns = 1;
   for (int i = 0; i < count_; i += lanes) {
     const int rows = std::min(lanes, count_ - i);
     for (int row = i; row < i + rows; ++row) columns = std::max(columns, f.columns(row));
     if (rows < lanes) product_.fill(0.0);
-    weighted_for(columns)(rows_of(f, i, rows), states_.data(), product_.data(), width_);
+    weighted_columns(rows_of(f, i, rows), {rows_.data(), width_}, {product_.data(), width_},
+                     offset_ + columns);
+    copy_columns({product_.data(), width_}, {sensitivities_.data() + i * offset_, offset_}, offset_,
+                 lanes);
     for (int j = 0; j < columns; j += lanes) {
-      transpose(product_.data() + j, at(transposed_, j) + i, width_);
+      transpose(product_.data() + offset_ + j, width_, transposed_.data() + j * padded(count_) + i,
+                padded(count_));
     }
   }
-  add_shared(transposed_.data());
+}
+
+void Covariance::propagate(const Transition& f) {
+  mirror();
+  add_shared(f, rows_.data(), width_);
+  multiply_from_left(f);
+  const int width = padded(count_);
+  add_shared(f, transposed_.data(), width);
   for (int i = 0; i < count_; i += lanes) {
-    weighted_for(width_ - i)(rows_of(f, i, std::min(lanes, count_ - i)), transposed_.data() + i,
-                             at(states_, i) + i, width_);
+    const int rows = std::min(lanes, count_ - i);
+    weighted_columns(rows_of(f, i, rows), {transposed_.data() + i, width},
+                     {row(i) + offset_ + i, width_}, width - i);
   }
+  copy_columns({sensitivities_.data(), offset_}, {rows_.data(), width_}, offset_, count_);
 }
 
 void Covariance::column(int state, States& out) const {
-  const double* above = states_.data() + state;
+  const double* above = rows_.data() + offset_ + state;
   for (int i = 0; i < state; ++i) out[i] = above[i * width_];
-  const double* row = states_.data() + state * width_;
-  for (int i = state; i < count_; ++i) out[i] = row[i];
+  const double* from = row(state) + offset_;
+  for (int i = state; i < count_; ++i) out[i] = from[i];
 }
 
-void Covariance::correct(const States& gain, const States& column, double innovation_variance) {
+void Covariance::add_parameters(std::span<const ParameterLanes> error, States& column) const {
+  for (std::size_t g = 0; g < error.size(); ++g) {
+    const double* first = rows_.data() + g * lanes;
+    for (int i = 0; i < width_ - offset_; i += lanes) {
+      const Block by = transposed(first + i * width_, width_);
+      lanes_of(column.of.data() + i)[0] += error[g][0] * by.row[0] + error[g][1] * by.row[1] +
+                                           (error[g][2] * by.row[2] + error[g][3] * by.row[3]);
+    }
+  }
+}
+
+void Covariance::correct(const States& gain, const States& column, double innovation_variance,
+                         std::span<const ParameterLanes> error) {
   // (I - K H) P (I - K H)' + K r K' = P - K p' - (p - K s) K' with p = P H', s = H P H' + r.
+  const int blocks = (width_ - offset_) / lanes;
+  const Lanes* gains = lanes_of(gain.of.data());
   Lanes rest[most / lanes];
-  for (int j = 0; j < width_ / lanes; ++j) {
-    rest[j] = lanes_of(column.of.data())[j] - innovation_variance * lanes_of(gain.of.data())[j];
+  for (int j = 0; j < blocks; ++j) {
+    rest[j] = lanes_of(column.of.data())[j] - innovation_variance * gains[j];
   }
   // Four rows at a time share the loads of gain and rest.
-  for (int i = 0; i < width_; i += lanes) {
-    Lanes* first = lanes_of(states_.data() + i * width_);
-    const int stride = width_ / lanes;
-    const double p0 = column[i], p1 = column[i + 1], p2 = column[i + 2], p3 = column[i + 3];
-    const double k0 = gain[i], k1 = gain[i + 1], k2 = gain[i + 2], k3 = gain[i + 3];
-    for (int j = i / lanes; j < stride; ++j) {
-      const Lanes g = lanes_of(gain.of.data())[j];
+  const int stride = width_ / lanes;
+  for (int i = 0; i < blocks; ++i) {
+    const int at = lanes * i;
+    const double p0 = column[at], p1 = column[at + 1], p2 = column[at + 2], p3 = column[at + 3];
+    const double k0 = gain[at], k1 = gain[at + 1], k2 = gain[at + 2], k3 = gain[at + 3];
+    Lanes* first = lanes_of(row(at));
+    for (const ParameterLanes& each : error) {
+      const Lanes e = {each[0], each[1], each[2], each[3]};
+      first[0] -= k0 * e;
+      first[stride] -= k1 * e;
+      first[2 * stride] -= k2 * e;
+      first[3 * stride] -= k3 * e;
+      ++first;
+    }
+    first = lanes_of(row(at) + offset_);
+    for (int j = i; j < blocks; ++j) {
+      const Lanes g = gains[j];
       const Lanes r = rest[j];
       first[j] -= p0 * g + k0 * r;
       first[j + stride] -= p1 * g + k1 * r;
@@ -150,9 +218,10 @@ void Covariance::correct(const States& gain, const States& column, double innova
 
 // Copies the upper triangle to the lower one.
 void Covariance::mirror() {
-  const auto at = [this](int row, int column) { return states_.data() + row * width_ + column; };
-  for (int i = 0; i < width_; i += lanes) {
-    for (int j = i + lanes; j < width_; j += lanes) transpose(at(i, j), at(j, i), width_);
+  const auto at = [this](int i, int column) { return row(i) + offset_ + column; };
+  const int end = padded(count_);
+  for (int i = 0; i < end; i += lanes) {
+    for (int j = i + lanes; j < end; j += lanes) transpose(at(i, j), width_, at(j, i), width_);
     // Below the diagonal the transpose, from it on what is there.
     const Block below = transposed(at(i, i), width_);
     Lanes* row = lanes_of(at(i + 1, i));

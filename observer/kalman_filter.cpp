@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <span>
 #include <string>
@@ -113,7 +114,8 @@ KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, Fri
                      separated.shifted_paths.end());
   consider_ = std::make_unique<ConsiderParameters>(
       std::move(response), ReadingErrors(separated.laws, separated.shifted, layout_, period_s_),
-      layout_);
+      layout_, covariance_);
+  covariance_ = Covariance(layout_.count, consider_->count());
   const physics::SensorBank bank(model_, period_s_ / steps_);
   double latest_s = 0.0;
   for (const Chain& chain : layout_.chain) latest_s = std::max(latest_s, chain.delay_s);
@@ -227,7 +229,6 @@ void KalmanFilter::reinitialise(const Frame& frame) {
   const bool keeps_mu = layout_.mu >= 0 && started_ && std::isfinite(mean_[layout_.mu]);
   const double old_mu = keeps_mu ? mean_[layout_.mu] : 0.0;
   noise_->initialise(frame, old_mu, mean_, covariance_);
-  consider_->reset();
   implausible_s_ = 0.0;
   started_ = true;
   since_start_s_ = 0.0;
@@ -245,8 +246,7 @@ void KalmanFilter::predict() {
   prediction_->advance(mean_, time_s, variance);
   covariance_.propagate(prediction_->transition());
   if (consider_->any()) {
-    consider_->propagate(prediction_->transition(), before_, mean_, time_s,
-                         prediction_->widened_transition_speed(variance));
+    consider_->propagate(before_, mean_, time_s, prediction_->widened_transition_speed(variance));
   }
   if (layout_.friction >= 0) noise_->add_output_noise(mean_, covariance_);
 }
@@ -314,9 +314,10 @@ inline double KalmanFilter::project_covariance(const MeasurementRow& row) {
 
 // Optimal gain from column_, without the corrections that would harm the filter.
 inline void KalmanFilter::compute_gain(Channel channel, double innovation_variance) {
-  gain_ = column_;
-  consider_->add_to(gain_);
-  for (int k = 0; k < layout_.count; ++k) gain_[k] /= innovation_variance;
+  for (int k = 0; k < padded(layout_.count); ++k) gain_[k] = column_[k];
+  covariance_.add_parameters(consider_->innovation_error(), gain_);
+  const double weight = 1.0 / innovation_variance;
+  for (int k = 0; k < padded(layout_.count); ++k) gain_[k] *= weight;
   if (layout_.mu >= 0) gain_[layout_.mu] *= mu_gain_factor_;
   if (layout_.log_rate >= 0 && since_start_s_ < startup_s_) gain_[layout_.log_rate] = 0.0;
   const Channel driven = drive_channel(rig_.structure());
@@ -356,8 +357,7 @@ bool KalmanFilter::apply_reading(Channel channel, const PredictedReading& predic
 
   compute_gain(channel, innovation_variance);
   for (int k = 0; k < layout_.count; ++k) mean_[k] += gain_[k] * innovation;
-  covariance_.correct(gain_, column_, own_variance);
-  consider_->correct(gain_);
+  covariance_.correct(gain_, column_, own_variance, consider_->innovation_error());
   return true;
 }
 
@@ -389,18 +389,18 @@ void KalmanFilter::apply_readings(const Frame& frame) {
 }
 
 bool KalmanFilter::is_healthy() const {
-  double sum = 0.0;
-  double least = 1.0;
+  constexpr double most = std::numeric_limits<double>::max();
+  bool finite = true;
   for (int i = 0; i < layout_.count; ++i) {
-    sum += 0.0 * mean_[i] + 0.0 * covariance_(i, i);
-    least = std::min(least, covariance_(i, i));
+    const double variance = covariance_(i, i);
+    finite = finite && std::abs(mean_[i]) <= most && variance <= most && variance >= -1.0e-18;
   }
-  if (sum != 0.0 || std::isnan(sum) || least < -1.0e-18) return false;
+  if (!finite) return false;
   if (implausible_s_ > implausible_to_restart_s) return false;
   if (since_start_s_ > startup_s_ && nis_level_ > nis_to_restart) return false;
-  const int most = std::max(5, static_cast<int>(outliers_to_restart_s / period_s_));
+  const int longest = std::max(5, static_cast<int>(outliers_to_restart_s / period_s_));
   return std::none_of(outliers_in_a_row_.begin(), outliers_in_a_row_.end(),
-                      [most](int count) { return count > most; });
+                      [longest](int count) { return count > longest; });
 }
 
 // Second derivative of the output of the base sensor's chain. It has the delay of the load cell's
@@ -450,13 +450,13 @@ namespace {
 
 double covariance_of(const QuantityRow& one, const QuantityRow& other,
                      const Covariance& covariance) {
-  double sum = 0.0;
-  for (std::size_t a = 0; a < 2; ++a) {
-    for (std::size_t b = 0; b < 2; ++b) {
-      if (one.state[a] < 0 || other.state[b] < 0) continue;
-      sum += one.weight[a] * other.weight[b] * covariance(one.state[a], other.state[b]);
-    }
-  }
+  const auto of = [&](std::size_t a, std::size_t b) {
+    return one.weight[a] * other.weight[b] * covariance(one.state[a], other.state[b]);
+  };
+  double sum = of(0, 0);
+  if (one.state[1] >= 0) sum += of(1, 0);
+  if (other.state[1] >= 0) sum += of(0, 1);
+  if (one.state[1] >= 0 && other.state[1] >= 0) sum += of(1, 1);
   return sum;
 }
 

@@ -295,6 +295,7 @@ void NoiseModel::initialise_chains(const Frame& frame, const Scales& scale,
       out.set(chain.first_delay + 2 * k, value, value_std);
       out.set(chain.first_delay + 2 * k + 1, rate, rate_std);
     }
+    if (chain.count == 0) return;
     if (chain.sections.empty()) {
       out.set(chain.reading, value, value_std);
       return;

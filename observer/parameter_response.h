@@ -2,21 +2,17 @@
 // the rig's parameters that are no states of the filter.
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <cstddef>
 #include <string>
 #include <vector>
 
+#include "observer/covariance.h"
 #include "observer/layout.h"
 #include "physics/model.h"
 #include "physics/rig.h"
 
 namespace stickslip::observer {
-
-inline constexpr int parameter_lanes = 4;
-/// One value for each of four parameters: a change for an error of one standard deviation.
-using ParameterLanes = Eigen::Array<double, parameter_lanes, 1>;
 
 /// The parameters with a standard deviation that are no states.
 struct UncertainParameters {

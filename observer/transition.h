@@ -19,8 +19,7 @@ class Transition {
  public:
   struct Entry {
     double weight = 0.0;
-    std::uint32_t from = 0;   ///< a state, or padded(count()) + i for the shared sum i
-    std::uint32_t place = 0;  ///< offset of that row in rows of padded(count()) values
+    std::uint32_t from = 0;  ///< a state, or padded(count()) + i for the shared sum i
   };
 
   /// For `count` states; no rows yet.
@@ -45,9 +44,7 @@ class Transition {
   /// Adds weight times a state, or times a shared sum, to the current row; returns the position
   /// for at().
   int add(int from, double weight) {
-    const auto row = static_cast<std::uint32_t>(from);
-    entry_[static_cast<std::size_t>(entries_)] = {weight, row,
-                                                  row * static_cast<std::uint32_t>(padded(count_))};
+    entry_[static_cast<std::size_t>(entries_)] = {weight, static_cast<std::uint32_t>(from)};
     ++entries_;
     first_[static_cast<std::size_t>(rows_)] = entries_;
     int& columns = columns_[static_cast<std::size_t>(rows_ - 1)];
