@@ -113,26 +113,18 @@ Eigen::VectorXd ConsiderParameters::reading_errors(Channel channel, const Vector
 void ConsiderParameters::covariance_of(
     std::span<const QuantityRow> quantities,
     std::array<std::array<double, quantity_count>, quantity_count>& out) const {
-  // Parameters outside, so that a row of the result is a few sums over whole registers.
-  Eigen::Array<double, padded(quantity_count), lanes> error;
-  Eigen::Array<double, padded(quantity_count), padded(quantity_count)> sum;
-  error.setZero();
-  sum.setZero();
-  const auto count = static_cast<int>(quantities.size());
-  for (int g = 0; g < static_cast<int>(error_.size()); ++g) {
-    for (int i = 0; i < count; ++i) {
-      const QuantityRow& row = quantities[at(i)];
-      Lanes of_row = row.weight[0] * covariance_->sensitivity(row.state[0], g);
-      if (row.state[1] >= 0) of_row += row.weight[1] * covariance_->sensitivity(row.state[1], g);
-      if (row.is_load) of_row += load_[at(g)];
-      error.row(i) = of_row.transpose();
-    }
-    for (int i = 0; i < count; ++i) {
-      for (int k = 0; k < lanes; ++k) sum.col(i) += error(i, k) * error.col(k);
-    }
+  std::array<Lanes, quantity_count> error;
+  for (std::size_t i = 0; i < quantities.size(); ++i) {
+    std::fill_n(out[i].begin(), i + 1, 0.0);
   }
-  for (int i = 0; i < count; ++i) {
-    for (int j = 0; j < count; ++j) out[at(i)][at(j)] = sum(j, i);
+  for (int g = 0; g < static_cast<int>(error_.size()); ++g) {
+    for (std::size_t i = 0; i < quantities.size(); ++i) {
+      const QuantityRow& row = quantities[i];
+      error[i] = row.weight[0] * covariance_->sensitivity(row.state[0], g);
+      if (row.state[1] >= 0) error[i] += row.weight[1] * covariance_->sensitivity(row.state[1], g);
+      if (row.is_load) error[i] += load_[at(g)];
+      for (std::size_t j = 0; j <= i; ++j) out[i][j] += (error[i] * error[j]).sum();
+    }
   }
 }
 

@@ -65,8 +65,8 @@ class ConsiderParameters {
   /// Direct changes of the reading of a channel, likewise.
   Eigen::VectorXd reading_errors(Channel channel, const Vector& mean) const;
 
-  /// Contribution to the covariance of these quantities, in their order; other elements of `out`
-  /// are not changed.
+  /// Contribution to the covariance of these quantities, in their order: its lower triangle; other
+  /// elements of `out` are not changed.
   void covariance_of(std::span<const QuantityRow> quantities,
                      std::array<std::array<double, quantity_count>, quantity_count>& out) const;
   /// Contribution to the variance of the slip velocity [(m/s)^2].

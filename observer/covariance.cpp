@@ -208,10 +208,10 @@ void Covariance::correct(const States& gain, const States& column, double innova
     for (int j = i; j < blocks; ++j) {
       const Lanes g = gains[j];
       const Lanes r = rest[j];
-      first[j] -= p0 * g + k0 * r;
-      first[j + stride] -= p1 * g + k1 * r;
-      first[j + 2 * stride] -= p2 * g + k2 * r;
-      first[j + 3 * stride] -= p3 * g + k3 * r;
+      first[j] = first[j] - p0 * g - k0 * r;
+      first[j + stride] = first[j + stride] - p1 * g - k1 * r;
+      first[j + 2 * stride] = first[j + 2 * stride] - p2 * g - k2 * r;
+      first[j + 3 * stride] = first[j + 3 * stride] - p3 * g - k3 * r;
     }
   }
 }

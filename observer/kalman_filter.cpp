@@ -390,12 +390,13 @@ void KalmanFilter::apply_readings(const Frame& frame) {
 
 bool KalmanFilter::is_healthy() const {
   constexpr double most = std::numeric_limits<double>::max();
-  bool finite = true;
+  int wrong = 0;  // without branches
   for (int i = 0; i < layout_.count; ++i) {
     const double variance = covariance_(i, i);
-    finite = finite && std::abs(mean_[i]) <= most && variance <= most && variance >= -1.0e-18;
+    wrong += static_cast<int>(!(std::abs(mean_[i]) <= most)) +
+             static_cast<int>(!(variance <= most)) + static_cast<int>(!(variance >= -1.0e-18));
   }
-  if (!finite) return false;
+  if (wrong > 0) return false;
   if (implausible_s_ > implausible_to_restart_s) return false;
   if (since_start_s_ > startup_s_ && nis_level_ > nis_to_restart) return false;
   const int longest = std::max(5, static_cast<int>(outliers_to_restart_s / period_s_));
