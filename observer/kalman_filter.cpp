@@ -93,6 +93,7 @@ KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, Fri
       layout_(make_layout(model_, rig_, unsupported_, separated.laws)),
       steps_(static_cast<int>(std::ceil(period_s / rig_.longest_step_s() - 1.0e-9))),
       covariance_(std::min(layout_.count, max_states)),
+      reported_noise_(covariance_.count()),
       consistency_(period_s) {
   if (unsupported_.empty() && steps_ > max_steps) {
     unsupported_ = "the sampling period of " + std::to_string(period_s) + " s needs " +
@@ -251,16 +252,17 @@ void KalmanFilter::predict() {
   if (layout_.friction >= 0) noise_->add_output_noise(mean_, covariance_);
 }
 
-Covariance KalmanFilter::process_noise() const {
-  Covariance noise(layout_.count);
-  noise_->add_process_noise(mean_, slip_variance(), since_start_s_, input_variances(), noise);
-  return noise;
+const Covariance& KalmanFilter::process_noise() {
+  reported_noise_.set_zero();
+  noise_->add_process_noise(mean_, slip_variance(), since_start_s_, input_variances(),
+                            reported_noise_);
+  return reported_noise_;
 }
 
-Covariance KalmanFilter::output_noise() const {
-  Covariance noise(layout_.count);
-  if (layout_.friction >= 0) noise_->add_output_noise(mean_, noise);
-  return noise;
+const Covariance& KalmanFilter::output_noise() {
+  reported_noise_.set_zero();
+  if (layout_.friction >= 0) noise_->add_output_noise(mean_, reported_noise_);
+  return reported_noise_;
 }
 
 KalmanFilter::PredictedReading KalmanFilter::predict_reading(Channel channel, const Frame& frame,

@@ -59,9 +59,9 @@ class KalmanFilter {
   void predict();
 
   /// Noise that the next predict() adds before the transition, and that the last one added after
-  /// it.
-  Covariance process_noise() const;
-  Covariance output_noise() const;
+  /// it. Valid until the next call of either.
+  const Covariance& process_noise();
+  const Covariance& output_noise();
 
   /// Prediction of a reading at its own age.
   struct PredictedReading {
@@ -128,6 +128,7 @@ class KalmanFilter {
   Vector mean_;
   Vector before_;  ///< mean at the beginning of the last period
   Covariance::States gain_, column_;
+  Covariance reported_noise_;
   std::array<QuantityRow, quantity_count> source_{};  ///< of the reported quantities
 
   /// Measurement row of a channel for age 0, and for its last age, which rarely changes.

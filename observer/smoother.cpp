@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <deque>
 #include <limits>
 #include <numbers>
@@ -46,6 +47,33 @@ struct SparseNoise {
     }
     return out;
   }
+};
+
+/// The elements of a matrix of up to max_states rows that are not 0; a fraction of all.
+class SparseMatrix {
+ public:
+  template <class Dense>
+  explicit SparseMatrix(const Dense& dense)
+      : rows_(static_cast<int>(dense.rows())), columns_(static_cast<int>(dense.cols())) {
+    const auto count = static_cast<std::size_t>((dense.array() != 0.0).count());
+    value_.reserve(count);
+    place_.reserve(count);
+    for (Eigen::Index i = 0; i < dense.size(); ++i) {
+      if (dense.data()[i] == 0.0) continue;
+      value_.push_back(dense.data()[i]);
+      place_.push_back(static_cast<std::uint16_t>(i));
+    }
+  }
+  MatrixXd dense() const {
+    MatrixXd out = MatrixXd::Zero(rows_, columns_);
+    for (std::size_t i = 0; i < value_.size(); ++i) out.data()[place_[i]] = value_[i];
+    return out;
+  }
+
+ private:
+  int rows_, columns_;
+  std::vector<double> value_;
+  std::vector<std::uint16_t> place_;  ///< in a matrix by columns
 };
 
 /// The lower triangle, by rows.
@@ -99,8 +127,8 @@ struct BackwardInformation {
 
 /// d' = jacobian (d + u) + w + by_parameters p, with the noises u and w.
 struct TimeUpdate {
-  MatrixXd jacobian;
-  MatrixXd by_parameters;
+  SparseMatrix jacobian;
+  SparseMatrix by_parameters;
   SparseNoise process_noise;
   SparseNoise output_noise;
 };
@@ -108,7 +136,8 @@ struct TimeUpdate {
 struct Reading {
   double innovation = 0.0;
   double weight = 0.0;  ///< inverse standard deviation
-  VectorXd by_states, by_parameters;
+  std::vector<std::pair<int, double>> by_states;
+  VectorXd by_parameters;
 };
 
 /// One period of the forward filter.
@@ -173,8 +202,9 @@ void Smoother::time_update(KalmanFilter& filter) {
   FilterStep step;
   const SparseNoise process_noise(filter.process_noise());
   filter.predict();
-  step.time_update = TimeUpdate{filter.transition().dense(), filter.consider_parameters().input(),
-                                process_noise, SparseNoise(filter.output_noise())};
+  step.time_update = TimeUpdate{SparseMatrix(filter.transition().dense()),
+                                SparseMatrix(filter.consider_parameters().input()), process_noise,
+                                SparseNoise(filter.output_noise())};
   step.predicted = filter.mean();
   step.filtered = filter.mean();  // of a missing frame
   steps_.push_back(std::move(step));
@@ -211,9 +241,8 @@ void Smoother::record_readings(FilterStep& step) {
     Reading reading;
     reading.innovation = filter_.frame()[channel] - predicted.value;
     reading.weight = 1.0 / std::sqrt(predicted.variance);
-    reading.by_states = VectorXd::Zero(states.size());
     for (std::size_t j = 0; j < static_cast<std::size_t>(predicted.row->count); ++j) {
-      reading.by_states[predicted.row->state[j]] += predicted.row->weight[j];
+      reading.by_states.emplace_back(predicted.row->state[j], predicted.row->weight[j]);
     }
     reading.by_parameters = filter_.consider_parameters().reading_errors(channel, states);
     step.readings.push_back(std::move(reading));
@@ -232,7 +261,7 @@ MatrixXd equations_after(const FilterStep& step, const BackwardInformation& late
   Eigen::Index next = unknowns;
   for (const Reading& reading : step.readings) {
     auto row = stack.row(next++);
-    row.head(n) = reading.weight * reading.by_states.transpose();
+    for (const auto& [state, by] : reading.by_states) row[state] += reading.weight * by;
     row.segment(n, unknowns - n) = reading.weight * reading.by_parameters.transpose();
     row[unknowns] = reading.weight * reading.innovation;
   }
@@ -253,12 +282,12 @@ void Smoother::step_back(const FilterStep& step, BackwardInformation& later) con
   MatrixXd stack = MatrixXd::Zero(noises + rows, noises + unknowns + 1);
   stack.topLeftCorner(noises, noises).setIdentity();
   const auto left = after.leftCols(n);
-  const MatrixXd before = left * update.jacobian;
+  const MatrixXd before = left * update.jacobian.dense();
   stack.block(noises, 0, rows, h.cols()) = left * h;
   stack.block(noises, h.cols(), rows, g.cols()) = before * g;
   stack.block(noises, noises, rows, n) = before;
   stack.block(noises, noises + n, rows, unknowns - n) =
-      after.middleCols(n, unknowns - n) + left * update.by_parameters;
+      after.middleCols(n, unknowns - n) + left * update.by_parameters.dense();
   stack.col(noises + unknowns).tail(rows) = after.col(unknowns);
   const MatrixXd reduced = triangular(stack);
   later.root = reduced.block(noises, noises, unknowns, unknowns);
