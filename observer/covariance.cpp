@@ -25,27 +25,16 @@ struct Rows {
   int count;
 };
 
-/// Rows `width` apart.
-template <class T>
-struct Span {
-  T* data;
-  int width;
-};
-using Input = Span<const double>;
-using Output = Span<double>;
-
-// Sparse product: each row of `to` is a weighted sum of rows of `from`, over the first `blocks`
-// registers.
+// Sparse product: each row of `out` is a weighted sum of rows of `from`, over the first `blocks`
+// registers; rows are `width` apart.
 template <int blocks>
-void weighted_rows(const Rows& rows, Input from, Output to) {
+void weighted_rows(const Rows& rows, const double* from, double* out, int width) {
   int at = rows.begin;
-  double* out = to.data;
-  for (int row = 0; row < rows.count; ++row, out += to.width) {
+  for (int row = 0; row < rows.count; ++row, out += width) {
     Lanes sum[blocks] = {};  // std::array would lose the alignment
     for (; at < rows.end[row]; ++at) {
       const Transition::Entry& entry = rows.entry[at];
-      const Lanes* lanes =
-          lanes_of(from.data + entry.from * static_cast<std::uint32_t>(from.width));
+      const Lanes* lanes = lanes_of(from + entry.place);
       const double weight = entry.weight;
 #pragma GCC unroll 13
       for (int i = 0; i < blocks; ++i) sum[i] += weight * lanes[i];
@@ -55,7 +44,7 @@ void weighted_rows(const Rows& rows, Input from, Output to) {
   }
 }
 
-using WeightedRows = void (*)(const Rows&, Input, Output);
+using WeightedRows = void (*)(const Rows&, const double*, double*, int);
 
 template <int... blocks>
 constexpr std::array<WeightedRows, sizeof...(blocks)> table(
@@ -67,11 +56,10 @@ constexpr int most_blocks = padded(max_states) / lanes + 1;
 constexpr auto weighted = table(std::make_integer_sequence<int, most_blocks>{});
 
 // The first `columns` of the rows.
-void weighted_columns(const Rows& rows, Input from, Output to, int columns) {
+void weighted_columns(const Rows& rows, const double* from, double* out, int width, int columns) {
   for (int first = 0; first < columns; first += lanes * most_blocks) {
     const int blocks = std::min(most_blocks, (columns - first + lanes - 1) / lanes);
-    weighted[static_cast<std::size_t>(blocks - 1)](rows, {from.data + first, from.width},
-                                                   {to.data + first, to.width});
+    weighted[static_cast<std::size_t>(blocks - 1)](rows, from + first, out + first, width);
   }
 }
 
@@ -97,16 +85,17 @@ Block transposed(const double* from, int width) {
            __builtin_shufflevector(high01, high23, 2, 3, 6, 7)}};
 }
 
-void transpose(const double* from, int from_width, double* to, int to_width) {
-  const Block block = transposed(from, from_width);
-  for (int i = 0; i < lanes; ++i) lanes_of(to + i * to_width)[0] = block.row[i];
+void transpose(const double* from, double* to, int width) {
+  const Block block = transposed(from, width);
+  for (int i = 0; i < lanes; ++i) lanes_of(to + i * width)[0] = block.row[i];
 }
 
 // The first columns of some rows.
-void copy_columns(Input from, Output to, int columns, int rows) {
+void copy_columns(const double* from, int from_width, double* to, int to_width, int columns,
+                  int rows) {
   for (int first = 0; first < columns; first += lanes) {
     for (int k = 0; k < rows; ++k) {
-      *lanes_of(to.data + k * to.width + first) = *lanes_of(from.data + k * from.width + first);
+      *lanes_of(to + k * to_width + first) = *lanes_of(from + k * from_width + first);
     }
   }
 }
@@ -117,15 +106,15 @@ Covariance::Covariance(int count, int parameters)
     : count_(count), offset_(padded(parameters)), width_(offset_ + padded(count)) {
   const int rows = padded(count) + max_shared_sums;
   rows_ = Storage(rows * width_);
-  transposed_ = Storage(rows * padded(count));
+  transposed_ = Storage(rows * width_);
   sensitivities_ = Storage(rows * offset_);
   product_ = Storage(lanes * width_);
 }
 
 // The shared sums, each of which may use previous ones, are rows after the states'.
-void Covariance::add_shared(const Transition& f, double* rows, int width) const {
-  weighted_columns(rows_of(f, -f.shared(), f.shared()), {rows, width},
-                   {rows + padded(count_) * width, width}, width);
+void Covariance::add_shared(const Transition& f, double* rows) const {
+  weighted_columns(rows_of(f, -f.shared(), f.shared()), rows, rows + padded(count_) * width_,
+                   width_, width_);
 }
 
 // Only those elements of F P are found that a product with F' takes to the upper triangle: of row
@@ -136,30 +125,28 @@ void Covariance::multiply_from_left(const Transition& f) {
   for (int i = 0; i < count_; i += lanes) {
     const int rows = std::min(lanes, count_ - i);
     for (int row = i; row < i + rows; ++row) columns = std::max(columns, f.columns(row));
+    double* product = product_.data();
     if (rows < lanes) product_.fill(0.0);
-    weighted_columns(rows_of(f, i, rows), {rows_.data(), width_}, {product_.data(), width_},
-                     offset_ + columns);
-    copy_columns({product_.data(), width_}, {sensitivities_.data() + i * offset_, offset_}, offset_,
-                 lanes);
+    weighted_columns(rows_of(f, i, rows), rows_.data(), product, width_, offset_ + columns);
+    copy_columns(product, width_, sensitivities_.data() + i * offset_, offset_, offset_, lanes);
+    double* to = transposed_.data() + i;
     for (int j = 0; j < columns; j += lanes) {
-      transpose(product_.data() + offset_ + j, width_, transposed_.data() + j * padded(count_) + i,
-                padded(count_));
+      transpose(product + offset_ + j, to + j * width_, width_);
     }
   }
 }
 
 void Covariance::propagate(const Transition& f) {
   mirror();
-  add_shared(f, rows_.data(), width_);
+  add_shared(f, rows_.data());
   multiply_from_left(f);
-  const int width = padded(count_);
-  add_shared(f, transposed_.data(), width);
+  add_shared(f, transposed_.data());
   for (int i = 0; i < count_; i += lanes) {
-    const int rows = std::min(lanes, count_ - i);
-    weighted_columns(rows_of(f, i, rows), {transposed_.data() + i, width},
-                     {row(i) + offset_ + i, width_}, width - i);
+    const Rows rows = rows_of(f, i, std::min(lanes, count_ - i));
+    weighted_columns(rows, transposed_.data() + i, row(i) + offset_ + i, width_,
+                     padded(count_) - i);
   }
-  copy_columns({sensitivities_.data(), offset_}, {rows_.data(), width_}, offset_, count_);
+  copy_columns(sensitivities_.data(), offset_, rows_.data(), width_, offset_, count_);
 }
 
 void Covariance::column(int state, States& out) const {
@@ -169,14 +156,18 @@ void Covariance::column(int state, States& out) const {
   for (int i = state; i < count_; ++i) out[i] = from[i];
 }
 
-void Covariance::add_parameters(std::span<const ParameterLanes> error, States& column) const {
-  for (std::size_t g = 0; g < error.size(); ++g) {
-    const double* first = rows_.data() + g * lanes;
-    for (int i = 0; i < width_ - offset_; i += lanes) {
-      const Block by = transposed(first + i * width_, width_);
-      lanes_of(column.of.data() + i)[0] += error[g][0] * by.row[0] + error[g][1] * by.row[1] +
-                                           (error[g][2] * by.row[2] + error[g][3] * by.row[3]);
+void Covariance::optimal_gain(const States& column, std::span<const ParameterLanes> error,
+                              double innovation_variance, States& gain) const {
+  const double weight = 1.0 / innovation_variance;
+  const double* first = rows_.data();
+  for (int i = 0; i < count_; i += lanes) {
+    Lanes sum = *lanes_of(column.of.data() + i);
+    for (std::size_t g = 0; g < error.size(); ++g) {
+      const Block by = transposed(first + i * width_ + lanes * static_cast<int>(g), width_);
+      sum += error[g][0] * by.row[0] + error[g][1] * by.row[1] +
+             (error[g][2] * by.row[2] + error[g][3] * by.row[3]);
     }
+    *lanes_of(gain.of.data() + i) = weight * sum;
   }
 }
 
@@ -221,7 +212,7 @@ void Covariance::mirror() {
   const auto at = [this](int i, int column) { return row(i) + offset_ + column; };
   const int end = padded(count_);
   for (int i = 0; i < end; i += lanes) {
-    for (int j = i + lanes; j < end; j += lanes) transpose(at(i, j), width_, at(j, i), width_);
+    for (int j = i + lanes; j < end; j += lanes) transpose(at(i, j), at(j, i), width_);
     // Below the diagonal the transpose, from it on what is there.
     const Block below = transposed(at(i, i), width_);
     Lanes* row = lanes_of(at(i + 1, i));

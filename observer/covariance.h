@@ -43,7 +43,10 @@ class Covariance {
     return ConstSensitivity(row(state) + parameter_lanes * group);
   }
 
-  /// Time update: P becomes F P F', S becomes F S.
+  /// Width of a row: sensitivities and covariance.
+  int width() const { return width_; }
+
+  /// Time update: P becomes F P F', S becomes F S. The transition's width is that of the rows.
   void propagate(const Transition& transition);
 
   /// One value per state.
@@ -55,9 +58,10 @@ class Covariance {
 
   /// A column of P: P H' for a reading of one state.
   void column(int state, States& out) const;
-  /// Adds S e, where `error` holds the reading's own sensitivities e = H S + D: the share of the
-  /// parameters in the covariance of states and reading.
-  void add_parameters(std::span<const ParameterLanes> error, States& column) const;
+  /// Optimal gain (P H' + S e) / s for a reading with `column` P H', sensitivities `error`, which
+  /// are e = H S + D, and the variance s of its innovation, that of the parameters included.
+  void optimal_gain(const States& column, std::span<const ParameterLanes> error,
+                    double innovation_variance, States& gain) const;
   /// Measurement update in Joseph form, for any scalar reading and any gain K: P becomes
   /// (I - K H) P (I - K H)' + K r K', S becomes S - K e'. `column`: P H'; `innovation_variance`:
   /// H P H' + r. `error`: empty where it is 0.
@@ -73,7 +77,7 @@ class Covariance {
     return static_cast<std::size_t>(low * width_ + offset_ + high);
   }
   void mirror();
-  void add_shared(const Transition& f, double* rows, int width) const;
+  void add_shared(const Transition& f, double* rows) const;
   void multiply_from_left(const Transition& f);
 
   /// Numbers that begin at a cache line.

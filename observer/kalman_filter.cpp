@@ -117,6 +117,7 @@ KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, Fri
       std::move(response), ReadingErrors(separated.laws, separated.shifted, layout_, period_s_),
       layout_, covariance_);
   covariance_ = Covariance(layout_.count, consider_->count());
+  prediction_->set_row_width(covariance_.width());
   const physics::SensorBank bank(model_, period_s_ / steps_);
   double latest_s = 0.0;
   for (const Chain& chain : layout_.chain) latest_s = std::max(latest_s, chain.delay_s);
@@ -316,10 +317,7 @@ inline double KalmanFilter::project_covariance(const MeasurementRow& row) {
 
 // Optimal gain from column_, without the corrections that would harm the filter.
 inline void KalmanFilter::compute_gain(Channel channel, double innovation_variance) {
-  for (int k = 0; k < padded(layout_.count); ++k) gain_[k] = column_[k];
-  covariance_.add_parameters(consider_->innovation_error(), gain_);
-  const double weight = 1.0 / innovation_variance;
-  for (int k = 0; k < padded(layout_.count); ++k) gain_[k] *= weight;
+  covariance_.optimal_gain(column_, consider_->innovation_error(), innovation_variance, gain_);
   if (layout_.mu >= 0) gain_[layout_.mu] *= mu_gain_factor_;
   if (layout_.log_rate >= 0 && since_start_s_ < startup_s_) gain_[layout_.log_rate] = 0.0;
   const Channel driven = drive_channel(rig_.structure());

@@ -28,6 +28,8 @@ class Prediction {
   virtual void advance(Vector& mean, double time_s, double slip_variance) = 0;
 
   const Transition& transition() const { return transition_; }
+  /// Prepares the transition for a covariance with rows of this width.
+  void set_row_width(int width) { transition_.set_width(width); }
 
   /// Effect of these parameters of `model`, the one that is predicted, on the period of the last
   /// advance(). This must outlive it.

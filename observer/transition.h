@@ -19,13 +19,20 @@ class Transition {
  public:
   struct Entry {
     double weight = 0.0;
-    std::uint32_t from = 0;  ///< a state, or padded(count()) + i for the shared sum i
+    std::uint32_t from = 0;   ///< a state, or padded(count()) + i for the shared sum i
+    std::uint32_t place = 0;  ///< offset of that row in rows of width() values
   };
 
   /// For `count` states; no rows yet.
-  explicit Transition(int count) : count_(count) {}
+  explicit Transition(int count) : count_(count), width_(padded(count)) {}
 
   int count() const { return count_; }
+  /// Width of the rows that it is to be multiplied with; at first padded(count()).
+  int width() const { return width_; }
+  void set_width(int width) {
+    width_ = width;
+    for (Entry& entry : entry_) entry.place = entry.from * static_cast<std::uint32_t>(width);
+  }
   int shared() const { return shared_; }
 
   /// Removes all rows. To be followed by the shared sums in order, each of which may use previous
@@ -44,7 +51,9 @@ class Transition {
   /// Adds weight times a state, or times a shared sum, to the current row; returns the position
   /// for at().
   int add(int from, double weight) {
-    entry_[static_cast<std::size_t>(entries_)] = {weight, static_cast<std::uint32_t>(from)};
+    const auto row = static_cast<std::uint32_t>(from);
+    entry_[static_cast<std::size_t>(entries_)] = {weight, row,
+                                                  row * static_cast<std::uint32_t>(width_)};
     ++entries_;
     first_[static_cast<std::size_t>(rows_)] = entries_;
     int& columns = columns_[static_cast<std::size_t>(rows_ - 1)];
@@ -90,6 +99,7 @@ class Transition {
   }
 
   int count_;
+  int width_;
   int shared_ = 0;
   int rows_ = 0;
   int entries_ = 0;
