@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <span>
+#include <utility>
 
 #include "observer/chain_memory.h"
 #include "observer/open_motion.h"
