@@ -116,7 +116,12 @@ void NoiseModel::estimate_reading_noise(const Frame& frame) {
 }
 
 void NoiseModel::adapt_input_noise(Channel channel, double normalised_innovation) {
-  if (channel == drive_channel(rig_->structure())) drive_noise_.adapt(normalised_innovation);
+  const Channel driven = drive_channel(rig_->structure());
+  if (channel == driven) drive_noise_.adapt(normalised_innovation);
+  // Of an imposed motion.
+  if (driven == Channel::displacement && channel == Channel::velocity) {
+    drive_noise_.adapt(normalised_innovation, 1);
+  }
   if (channel == Channel::normal_load) load_noise_.adapt(normalised_innovation);
 }
 
