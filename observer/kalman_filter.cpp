@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "observer/covariance.h"
+#include "observer/dual_prediction.h"
 #include "observer/layout.h"
 #include "observer/noise.h"
 #include "observer/prediction.h"
@@ -81,10 +82,12 @@ constexpr std::array mechanical_channels = {Channel::displacement, Channel::velo
 
 }  // namespace
 
-KalmanFilter::KalmanFilter(const Model& declared, double period_s, FrictionPrior prior)
-    : KalmanFilter(separate_sensor_errors(declared), period_s, prior) {}
+KalmanFilter::KalmanFilter(const Model& declared, double period_s, FrictionPrior prior,
+                           std::optional<double> step_s)
+    : KalmanFilter(separate_sensor_errors(declared), period_s, prior, step_s) {}
 
-KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, FrictionPrior prior)
+KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, FrictionPrior prior,
+                           std::optional<double> step_s)
     : model_(without_jumps(separated.model)),
       correction_(separated.laws),
       rig_(model_),
@@ -103,7 +106,13 @@ KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, Fri
     estimate_.status = EstimateStatus::unsupported;
     return;
   }
-  prediction_ = make_prediction(rig_, model_, layout_, period_s_, steps_);
+  if (step_s) {
+    const int fine = static_cast<int>(std::ceil(period_s / *step_s - 1.0e-9));
+    prediction_ = std::make_unique<DualPrediction>(rig_, model_, layout_, period_s_,
+                                                   std::clamp(fine, steps_, max_steps));
+  } else {
+    prediction_ = make_prediction(rig_, model_, layout_, period_s_, steps_);
+  }
   noise_ =
       std::make_unique<NoiseModel>(model_, rig_, layout_, prediction_->numbers(), period_s_, prior);
   ParameterResponse response(model_, rig_, layout_, period_s_);
@@ -236,26 +245,46 @@ void KalmanFilter::reinitialise(const Frame& frame) {
   outliers_in_a_row_.fill(0);
 }
 
+KalmanFilter::Centre KalmanFilter::centre(const LinearisationPoint* about) const {
+  if (about != nullptr) return {about->mean, about->slip_variance};
+  return {mean_, slip_variance()};
+}
+
 void KalmanFilter::predict() {
   const double time_s = static_cast<double>(time_ns_ - origin_ns_) * 1.0e-9;
-  const double variance = slip_variance();
-  noise_->add_process_noise(mean_, variance, since_start_s_, input_variances(), covariance_);
-  consider_->begin_period(mean_, time_s, prediction_->widened_transition_speed(variance));
-  prediction_->advance(mean_, time_s, variance);
+  const auto& [mean, variance] = centre(before_);
+  noise_->add_process_noise(mean, variance, since_start_s_, input_variances(), covariance_);
+  consider_->begin_period(mean, time_s, prediction_->widened_transition_speed(variance));
+  if (before_ == nullptr) {
+    prediction_->advance(mean_, time_s, variance);
+  } else {
+    const Vector deviation = mean_ - mean;
+    mean_ = mean;
+    prediction_->advance(mean_, time_s, variance);
+    mean_ += prediction_->transition().dense() * deviation;
+    before_ = nullptr;  // that of later periods is not known
+  }
   covariance_.propagate(prediction_->transition());
   consider_->propagate(prediction_->transition());
-  if (layout_.friction >= 0) noise_->add_output_noise(mean_, covariance_);
+  add_output_noise(covariance_);
+}
+
+void KalmanFilter::add_output_noise(Covariance& covariance) const {
+  if (layout_.friction < 0 || layout_.theta < layout_.core) return;
+  const auto& [mean, variance] = centre(after_);
+  noise_->add_output_noise(mean, variance, covariance);
 }
 
 Covariance KalmanFilter::process_noise() const {
   Covariance noise(layout_.count);
-  noise_->add_process_noise(mean_, slip_variance(), since_start_s_, input_variances(), noise);
+  const auto& [mean, variance] = centre(before_);
+  noise_->add_process_noise(mean, variance, since_start_s_, input_variances(), noise);
   return noise;
 }
 
 Covariance KalmanFilter::output_noise() const {
   Covariance noise(layout_.count);
-  if (layout_.friction >= 0) noise_->add_output_noise(mean_, noise);
+  add_output_noise(noise);
   return noise;
 }
 
@@ -361,8 +390,8 @@ void KalmanFilter::apply_readings(const Frame& frame) {
   bool mechanical = false;
   since_drive_s_ += period_s_;
   if (layout_.mu >= 0) {
-    mu_gain_factor_ =
-        since_start_s_ < startup_s_ ? 0.0 : noise_->mu_gain_factor(mean_, slip_variance());
+    const auto& [mean, variance] = centre(after_);
+    mu_gain_factor_ = since_start_s_ < startup_s_ ? 0.0 : noise_->mu_gain_factor(mean, variance);
   }
   for (Channel channel : all_channels) {
     if (!frame.has(channel) || !layout_.of(channel).used || !is_new(channel, frame)) continue;

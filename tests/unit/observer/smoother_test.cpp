@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "observer/kalman_filter.h"
 #include "tests/unit/observer/smoothed.h"
 
 namespace stickslip::observer {
@@ -159,6 +160,22 @@ TEST(Smoother, DoesNotDependOnErrorsOfDeclaredParameters) {
     EXPECT_NEAR(a.normal_load_n, b.normal_load_n,
                 0.5 * a.standard_deviation(Quantity::normal_load) + 1.0e-5);
     EXPECT_NEAR(a.mu, 0.8, 3.0 * a.standard_deviation(Quantity::mu));
+  }
+}
+
+// The smoother's repeated passes rest on it.
+TEST(KalmanFilter, IsTheSameLinearisedAboutItsOwnEstimates) {
+  const physics::Model model = with_sigmas(paper_rig(Law::coulomb));
+  KalmanFilter own(model, 1.0e-3);
+  KalmanFilter about(model, 1.0e-3);
+  for (const Frame& frame : frames_of(test::run_observer(model, model, {.duration_s = 1.0}))) {
+    const double deviation = own.estimate().slip_velocity_std_m_s;
+    const LinearisationPoint before{own.mean(), deviation * deviation};
+    const bool started = own.estimate().status != EstimateStatus::waiting;
+    own.update(frame);
+    about.linearise_about(started ? &before : nullptr, nullptr);
+    about.update(frame);
+    ASSERT_LT((own.mean() - about.mean()).norm(), 1.0e-6 * own.mean().norm()) << frame.time_ns;
   }
 }
 
