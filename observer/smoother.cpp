@@ -548,7 +548,7 @@ Linearisation estimated_parameters(const physics::Model& model, double period_s,
   return about;
 }
 
-/// Shares of the work of the three passes.
+/// Share of the work of the filter alone.
 constexpr double first_pass = 0.1;
 
 }  // namespace
