@@ -252,17 +252,17 @@ KalmanFilter::Centre KalmanFilter::centre(const LinearisationPoint* about) const
 
 void KalmanFilter::predict() {
   const double time_s = static_cast<double>(time_ns_ - origin_ns_) * 1.0e-9;
-  const auto& [mean, variance] = centre(before_);
+  const auto& [mean, variance] = centre(about_before_);
   noise_->add_process_noise(mean, variance, since_start_s_, input_variances(), covariance_);
   consider_->begin_period(mean, time_s, prediction_->widened_transition_speed(variance));
-  if (before_ == nullptr) {
+  if (about_before_ == nullptr) {
     prediction_->advance(mean_, time_s, variance);
   } else {
     const Vector deviation = mean_ - mean;
     mean_ = mean;
     prediction_->advance(mean_, time_s, variance);
     mean_ += prediction_->transition().dense() * deviation;
-    before_ = nullptr;  // that of later periods is not known
+    about_before_ = nullptr;  // that of later periods is not known
   }
   covariance_.propagate(prediction_->transition());
   consider_->propagate(prediction_->transition());
@@ -271,13 +271,13 @@ void KalmanFilter::predict() {
 
 void KalmanFilter::add_output_noise(Covariance& covariance) const {
   if (layout_.friction < 0 || layout_.theta < layout_.core) return;
-  const auto& [mean, variance] = centre(after_);
+  const auto& [mean, variance] = centre(about_after_);
   noise_->add_output_noise(mean, variance, covariance);
 }
 
 Covariance KalmanFilter::process_noise() const {
   Covariance noise(layout_.count);
-  const auto& [mean, variance] = centre(before_);
+  const auto& [mean, variance] = centre(about_before_);
   noise_->add_process_noise(mean, variance, since_start_s_, input_variances(), noise);
   return noise;
 }
@@ -390,7 +390,7 @@ void KalmanFilter::apply_readings(const Frame& frame) {
   bool mechanical = false;
   since_drive_s_ += period_s_;
   if (layout_.mu >= 0) {
-    const auto& [mean, variance] = centre(after_);
+    const auto& [mean, variance] = centre(about_after_);
     mu_gain_factor_ = since_start_s_ < startup_s_ ? 0.0 : noise_->mu_gain_factor(mean, variance);
   }
   for (Channel channel : all_channels) {

@@ -69,8 +69,8 @@ class KalmanFilter {
   /// Linearises the next update() about other states than the filter's own: those before its first
   /// period, and those after its readings; null: the filter's own. Both must live until then.
   void linearise_about(const LinearisationPoint* before, const LinearisationPoint* after) {
-    before_ = before;
-    after_ = after;
+    about_before_ = before;
+    about_after_ = after;
   }
 
   /// Time update by one period.
@@ -152,8 +152,8 @@ class KalmanFilter {
   double startup_s_ = 0.0;
 
   Vector mean_;
-  const LinearisationPoint* before_ = nullptr;
-  const LinearisationPoint* after_ = nullptr;
+  const LinearisationPoint* about_before_ = nullptr;
+  const LinearisationPoint* about_after_ = nullptr;
   Covariance::States gain_, column_;
   std::array<QuantityRow, quantity_count> source_{};  ///< of the reported quantities
 
