@@ -169,7 +169,7 @@ class Smoother {
     FrictionEstimate estimate;
     Vector mean;
   };
-  Smoothed smoothed(const FilterStep& step, const BackwardInformation& later, bool converged);
+  Smoothed smoothed(const FilterStep& step, const BackwardInformation& later);
   void add_load_parameters(const Vector& mean, const MatrixXd& spread, const FilterStep& step,
                            FrictionEstimate& estimate) const;
 
@@ -289,19 +289,14 @@ void Smoother::smooth_steps(std::size_t keep) {
     return BackwardInformation{MatrixXd::Zero(count, count), VectorXd::Zero(count)};
   };
   BackwardInformation later = no_information();
-  bool converged = false;  // the filter has been good later on since its initialisation
   std::vector<Smoothed> out;
   for (std::size_t i = steps_.size(); i-- > 0;) {
     const FilterStep& step = steps_[i];
-    if (step.estimate) {
-      converged = converged || step.estimate->status == EstimateStatus::good;
-      if (i < keep) out.push_back(smoothed(step, later, converged));
-    }
+    if (step.estimate && i < keep) out.push_back(smoothed(step, later));
     if (step.time_update) {
       step_back(step, later);
     } else {
       later = no_information();
-      converged = false;
     }
   }
   for (std::size_t i = out.size(); i-- > 0;) take_(out[i].estimate, out[i].mean);
@@ -329,8 +324,7 @@ void Smoother::add_load_parameters(const Vector& mean, const MatrixXd& spread,
   }
 }
 
-Smoother::Smoothed Smoother::smoothed(const FilterStep& step, const BackwardInformation& later,
-                                      bool converged) {
+Smoother::Smoothed Smoother::smoothed(const FilterStep& step, const BackwardInformation& later) {
   FrictionEstimate estimate = *step.estimate;
   if (estimate.status == EstimateStatus::waiting) return {estimate, step.filtered};
   // Filtered and backward information combined in terms of y and p, where the deviation is
@@ -367,10 +361,10 @@ Smoother::Smoothed Smoother::smoothed(const FilterStep& step, const BackwardInfo
   estimate.normal_load_n = std::max(
       0.0, estimate.normal_load_n + step.load_by_parameters.dot(solution.tail(parameters)));
   add_load_parameters(mean, spread, step, estimate);
-  // Also where the filter alone was still settling, or wrong.
-  const bool by_filter = estimate.status == EstimateStatus::good ||
-                         estimate.status == EstimateStatus::impossible ||
-                         (estimate.status == EstimateStatus::settling && converged);
+  // Also where the filter alone was wrong; not where it was still settling, about whose states no
+  // linearisation holds.
+  const bool by_filter =
+      estimate.status == EstimateStatus::good || estimate.status == EstimateStatus::impossible;
   if (by_filter) {
     estimate.status = is_possible(estimate) ? EstimateStatus::good : EstimateStatus::impossible;
   }
