@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "observer/covariance.h"
+#include "observer/dual_prediction.h"
 #include "observer/layout.h"
 #include "observer/noise.h"
 #include "observer/prediction.h"
@@ -82,10 +83,12 @@ constexpr std::array mechanical_channels = {Channel::displacement, Channel::velo
 
 }  // namespace
 
-KalmanFilter::KalmanFilter(const Model& declared, double period_s, FrictionPrior prior)
-    : KalmanFilter(separate_sensor_errors(declared), period_s, prior) {}
+KalmanFilter::KalmanFilter(const Model& declared, double period_s, FrictionPrior prior,
+                           std::optional<double> step_s)
+    : KalmanFilter(separate_sensor_errors(declared), period_s, prior, step_s) {}
 
-KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, FrictionPrior prior)
+KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, FrictionPrior prior,
+                           std::optional<double> step_s)
     : model_(without_jumps(separated.model)),
       correction_(separated.laws),
       rig_(model_),
@@ -105,7 +108,13 @@ KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, Fri
     estimate_.status = EstimateStatus::unsupported;
     return;
   }
-  prediction_ = make_prediction(rig_, model_, layout_, period_s_, steps_);
+  if (step_s) {
+    const int fine = static_cast<int>(std::ceil(period_s / *step_s - 1.0e-9));
+    prediction_ = std::make_unique<DualPrediction>(rig_, model_, layout_, period_s_,
+                                                   std::clamp(fine, steps_, max_steps));
+  } else {
+    prediction_ = make_prediction(rig_, model_, layout_, period_s_, steps_);
+  }
   noise_ =
       std::make_unique<NoiseModel>(model_, rig_, layout_, prediction_->numbers(), period_s_, prior);
   std::unique_ptr<ParameterResponse> response =
@@ -240,29 +249,47 @@ void KalmanFilter::reinitialise(const Frame& frame) {
   outliers_in_a_row_.fill(0);
 }
 
+KalmanFilter::Centre KalmanFilter::centre(const LinearisationPoint* about) const {
+  if (about != nullptr) return {about->mean, about->slip_variance};
+  return {mean_, slip_variance()};
+}
+
 void KalmanFilter::predict() {
   const double time_s = static_cast<double>(time_ns_ - origin_ns_) * 1.0e-9;
-  const double variance = slip_variance();
-  noise_->add_process_noise(mean_, variance, since_start_s_, input_variances(), covariance_);
-  before_ = mean_;
+  const auto& [centre_mean, variance] = centre(about_before_);
+  noise_->add_process_noise(centre_mean, variance, since_start_s_, input_variances(), covariance_);
+  before_ = centre_mean;
+  Vector deviation;
+  if (about_before_ != nullptr) {
+    deviation = mean_ - before_;
+    mean_ = before_;
+  }
   prediction_->advance(mean_, time_s, variance);
   covariance_.propagate(prediction_->transition());
   if (consider_->any()) {
     consider_->propagate(before_, mean_, time_s, prediction_->widened_transition_speed(variance));
   }
-  if (layout_.friction >= 0) noise_->add_output_noise(mean_, covariance_);
+  if (about_before_ != nullptr) mean_ += prediction_->transition().dense() * deviation;
+  about_before_ = nullptr;  // that of later periods is not known
+  add_output_noise(covariance_);
+}
+
+void KalmanFilter::add_output_noise(Covariance& covariance) const {
+  if (layout_.friction < 0 || layout_.theta < layout_.core) return;
+  const auto& [mean, variance] = centre(about_after_);
+  noise_->add_output_noise(mean, variance, covariance);
 }
 
 const Covariance& KalmanFilter::process_noise() {
   reported_noise_.set_zero();
-  noise_->add_process_noise(mean_, slip_variance(), since_start_s_, input_variances(),
-                            reported_noise_);
+  const auto& [mean, variance] = centre(about_before_);
+  noise_->add_process_noise(mean, variance, since_start_s_, input_variances(), reported_noise_);
   return reported_noise_;
 }
 
 const Covariance& KalmanFilter::output_noise() {
   reported_noise_.set_zero();
-  if (layout_.friction >= 0) noise_->add_output_noise(mean_, reported_noise_);
+  add_output_noise(reported_noise_);
   return reported_noise_;
 }
 
@@ -365,8 +392,8 @@ void KalmanFilter::apply_readings(const Frame& frame) {
   bool mechanical = false;
   since_drive_s_ += period_s_;
   if (layout_.mu >= 0) {
-    mu_gain_factor_ =
-        since_start_s_ < startup_s_ ? 0.0 : noise_->mu_gain_factor(mean_, slip_variance());
+    const auto& [mean, variance] = centre(about_after_);
+    mu_gain_factor_ = since_start_s_ < startup_s_ ? 0.0 : noise_->mu_gain_factor(mean, variance);
   }
   for (Channel channel : all_channels) {
     if (!frame.has(channel) || !layout_.of(channel).used || !is_new(channel, frame)) continue;

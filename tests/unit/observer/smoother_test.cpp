@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "observer/kalman_filter.h"
 #include "tests/unit/heap_count/heap_count.h"
 #include "tests/unit/observer/smoothed.h"
 
@@ -193,6 +194,22 @@ TEST(Smoother, NeedsMemoryForItsWindowsOnly) {
   EXPECT_LT(many, 10.0e3);
 }
 #endif
+
+// The smoother's repeated passes rest on it.
+TEST(KalmanFilter, IsTheSameLinearisedAboutItsOwnEstimates) {
+  const physics::Model model = with_sigmas(paper_rig(Law::coulomb));
+  KalmanFilter own(model, 1.0e-3);
+  KalmanFilter about(model, 1.0e-3);
+  for (const Frame& frame : frames_of(test::run_observer(model, model, {.duration_s = 1.0}))) {
+    const double deviation = own.estimate().slip_velocity_std_m_s;
+    const LinearisationPoint before{own.mean(), deviation * deviation};
+    const bool started = own.estimate().status != EstimateStatus::waiting;
+    own.update(frame);
+    about.linearise_about(started ? &before : nullptr, nullptr);
+    about.update(frame);
+    ASSERT_LT((own.mean() - about.mean()).norm(), 1.0e-6 * own.mean().norm()) << frame.time_ns;
+  }
+}
 
 TEST(Smoother, RejectsUnsupportedModels) {
   EXPECT_THROW(smooth(paper_rig(Law::coulomb), 0.1, {}, [](const FrictionEstimate&) {}),
