@@ -29,6 +29,7 @@ void load_memory(physics::FilterMemory<T>& memory, const Chain& chain, const Vec
 template <class T, class Visit>
 void for_each_state(const Chain& chain, const physics::FilterChain& filters,
                     const physics::FilterMemory<T>& memory, Visit visit) {
+  if (chain.count == 0) return;
   if (chain.sections.empty()) {
     visit(chain.reading, filters.output(memory));
     return;

@@ -14,123 +14,84 @@ std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 }  // namespace
 
-ConsiderParameters::ConsiderParameters(ParameterResponse response, ReadingErrors errors,
-                                       const Layout& layout)
-    : response_(std::move(response)), errors_(std::move(errors)), layout_(&layout) {
-  const int count = response_.count() + errors_.count();
-  group_.resize(at((count + lanes - 1) / lanes));
-  input_.resize(group_.size());
+ConsiderParameters::ConsiderParameters(std::unique_ptr<ParameterResponse> response,
+                                       ReadingErrors errors, const Layout& layout,
+                                       Covariance& covariance)
+    : response_(std::move(response)),
+      errors_(std::move(errors)),
+      layout_(&layout),
+      covariance_(&covariance) {
+  input_.resize(at((count() + lanes - 1) / lanes));
   for (Group& group : input_) group.fill(Lanes::Zero());
-  error_.assign(group_.size(), Lanes::Zero());
+  error_.assign(input_.size(), Lanes::Zero());
   load_ = error_;
-  driven_ = response_.rows();
+  driven_ = response_->rows();
   driven_.insert(driven_.end(), errors_.rows().begin(), errors_.rows().end());
-  reset();
 }
 
-void ConsiderParameters::reset() {
-  for (Group& group : group_) group.fill(Lanes::Zero());
-}
-
-void ConsiderParameters::begin_period(const Vector& mean, double time_s,
-                                      double transition_speed_m_s) {
-  for (int pass = 0; pass < response_.passes(); ++pass) {
-    add_response(pass, response_.of(pass, mean, time_s, transition_speed_m_s));
+// Changes by this period itself.
+void ConsiderParameters::find_input(const Vector& before) {
+  const std::vector<int>& rows = response_->rows();
+  for (int g = 0; g < response_->groups(); ++g) {
+    load_[at(g)] = response_->load(g);
+    const std::vector<Lanes>& changes = response_->changes(g);
+    for (std::size_t k = 0; k < rows.size(); ++k) input_[at(g)][at(rows[k])] = changes[k];
   }
   for (int i = 0; i < errors_.count(); ++i) {
-    const int lane = response_.count() + i;
-    const std::vector<double>& changes = errors_.changes(i, mean);
+    const int lane = response_->count() + i;
+    const std::vector<double>& changes = errors_.changes(i, before);
     for (std::size_t k = 0; k < changes.size(); ++k) {
       input_[at(lane / lanes)][at(errors_.rows()[k])][lane % lanes] = changes[k];
     }
   }
 }
 
-void ConsiderParameters::add_response(int pass, const ParameterResponse::Changes& changes) {
-  using physics::Dual;
-  const int first = pass * Dual::directions;
-  const int end = std::min(first + Dual::directions, response_.count());
-  for (int i = first; i < end; i += lanes) {
-    load_[at(i / lanes)] = response_.load().segment<lanes>(i - first).cast<double>();
-  }
-  for (std::size_t k = 0; k < changes.size(); ++k) {
-    for (int i = first; i < end; i += lanes) {
-      input_[at(i / lanes)][at(response_.rows()[k])] =
-          changes[k].segment<lanes>(i - first).cast<double>();
+void ConsiderParameters::propagate(const Vector& before, const Vector& after, double time_s,
+                                   double transition_speed_m_s) {
+  response_->update(before, after, time_s, transition_speed_m_s);
+  find_input(before);
+  for (std::size_t g = 0; g < input_.size(); ++g) {
+    for (const int row : driven_) {
+      covariance_->sensitivity(row, static_cast<int>(g)) += input_[g][at(row)];
     }
   }
-}
-
-void ConsiderParameters::propagate(const Transition& transition) {
-  for (std::size_t g = 0; g < group_.size(); ++g) {
-    propagate(group_[g], transition);
-    for (const int row : driven_) group_[g][at(row)] += input_[g][at(row)];
-  }
-}
-
-void ConsiderParameters::propagate(Group& group, const Transition& transition) {
-  const auto sum_of = [&group](const Transition::Entry* entry,
-                               const Transition::Entry* end) -> Lanes {
-    // Two independent sums hide the latency of the additions.
-    Lanes even = Lanes::Zero();
-    Lanes odd = Lanes::Zero();
-    for (; end - entry > 1; entry += 2) {
-      even += entry[0].weight * group[entry[0].from];
-      odd += entry[1].weight * group[entry[1].from];
-    }
-    if (entry != end) even += entry->weight * group[entry->from];
-    return even + odd;
-  };
-  const int count = transition.count();
-  for (int i = 0; i < transition.shared(); ++i) {
-    const int sum = padded(count) + i;
-    group[at(sum)] = sum_of(transition.shared_begin(i), transition.shared_end(i));
-  }
-  for (int i = 0; i < count; ++i) {
-    next_[at(i)] = sum_of(transition.row_begin(i), transition.row_end(i));
-  }
-  std::copy_n(next_.begin(), count, group.begin());
 }
 
 void ConsiderParameters::read(const Frame& raw) { errors_.read(raw); }
 
 double ConsiderParameters::project(Channel channel, const MeasurementRow& row, const Vector& mean) {
-  Lanes sum = Lanes::Zero();
-  for (std::size_t g = 0; g < group_.size(); ++g) {
-    Lanes& error = error_[g];
-    error = row.weight[0] * group_[g][at(row.state[0])];
-    for (std::size_t j = 1; j < at(row.count); ++j) {
-      error += row.weight[j] * group_[g][at(row.state[j])];
-    }
+  for (std::size_t g = 0; g < error_.size(); ++g) {
+    const auto sensitivity = [&](std::size_t term) {
+      return covariance_->sensitivity(row.state[term], static_cast<int>(g));
+    };
+    Lanes error = row.weight[0] * sensitivity(0);
+    for (std::size_t j = 1; j < at(row.count); ++j) error += row.weight[j] * sensitivity(j);
+    error_[g] = error;
   }
   for (int i = 0; i < errors_.count(); ++i) {
-    const int lane = response_.count() + i;
+    const int lane = response_->count() + i;
     error_[at(lane / lanes)][lane % lanes] += errors_.of(i, channel, mean);
   }
-  for (const Lanes& error : error_) sum += error.square();
-  return sum.sum();
+  double variance = 0.0;
+  for (const Lanes& error : error_) variance += error.square().sum();
+  affects_ = variance != 0.0;
+  return variance;
 }
 
-void ConsiderParameters::add_to(Covariance::States& column) const {
-  for (std::size_t g = 0; g < group_.size(); ++g) {
-    const Lanes& error = error_[g];
-    if ((error == 0.0).all()) continue;  // the drive, which does not depend on the parameters
-    for (int i = 0; i < layout_->count; ++i) column[i] += (group_[g][at(i)] * error).sum();
-  }
-}
-
-void ConsiderParameters::correct(const Covariance::States& gain) {
-  for (std::size_t g = 0; g < group_.size(); ++g) {
-    const Lanes& error = error_[g];
-    if ((error == 0.0).all()) continue;
-    for (int i = 0; i < layout_->count; ++i) group_[g][at(i)] -= gain[i] * error;
-  }
-}
-
-Eigen::MatrixXd ConsiderParameters::columns_of(const std::vector<Group>& groups) const {
+Eigen::MatrixXd ConsiderParameters::sensitivity() const {
   Eigen::MatrixXd out(layout_->count, count());
   for (int k = 0; k < count(); ++k) {
-    for (int i = 0; i < layout_->count; ++i) out(i, k) = groups[at(k / lanes)][at(i)][k % lanes];
+    for (int i = 0; i < layout_->count; ++i) {
+      out(i, k) = covariance_->sensitivity(i, k / lanes)[k % lanes];
+    }
+  }
+  return out;
+}
+
+Eigen::MatrixXd ConsiderParameters::input() const {
+  Eigen::MatrixXd out(layout_->count, count());
+  for (int k = 0; k < count(); ++k) {
+    for (int i = 0; i < layout_->count; ++i) out(i, k) = input_[at(k / lanes)][at(i)][k % lanes];
   }
   return out;
 }
@@ -144,7 +105,7 @@ Eigen::VectorXd ConsiderParameters::load() const {
 Eigen::VectorXd ConsiderParameters::reading_errors(Channel channel, const Vector& mean) const {
   Eigen::VectorXd out = Eigen::VectorXd::Zero(count());
   for (int i = 0; i < errors_.count(); ++i) {
-    out[response_.count() + i] = errors_.of(i, channel, mean);
+    out[response_->count() + i] = errors_.of(i, channel, mean);
   }
   return out;
 }
@@ -152,26 +113,18 @@ Eigen::VectorXd ConsiderParameters::reading_errors(Channel channel, const Vector
 void ConsiderParameters::covariance_of(
     std::span<const QuantityRow> quantities,
     std::array<std::array<double, quantity_count>, quantity_count>& out) const {
-  // Parameters outside, so that a row of the result is a few sums over whole registers.
-  Eigen::Array<double, padded(quantity_count), lanes> error;
-  Eigen::Array<double, padded(quantity_count), padded(quantity_count)> sum;
-  error.setZero();
-  sum.setZero();
-  const auto count = static_cast<int>(quantities.size());
-  for (std::size_t g = 0; g < group_.size(); ++g) {
-    for (int i = 0; i < count; ++i) {
-      const QuantityRow& row = quantities[at(i)];
-      Lanes of_row = row.weight[0] * group_[g][at(row.state[0])];
-      if (row.state[1] >= 0) of_row += row.weight[1] * group_[g][at(row.state[1])];
-      if (row.is_load) of_row += load_[g];
-      error.row(i) = of_row.transpose();
-    }
-    for (int i = 0; i < count; ++i) {
-      for (int k = 0; k < lanes; ++k) sum.col(i) += error(i, k) * error.col(k);
-    }
+  std::array<Lanes, quantity_count> error;
+  for (std::size_t i = 0; i < quantities.size(); ++i) {
+    std::fill_n(out[i].begin(), i + 1, 0.0);
   }
-  for (int i = 0; i < count; ++i) {
-    for (int j = 0; j < count; ++j) out[at(i)][at(j)] = sum(j, i);
+  for (int g = 0; g < static_cast<int>(error_.size()); ++g) {
+    for (std::size_t i = 0; i < quantities.size(); ++i) {
+      const QuantityRow& row = quantities[i];
+      error[i] = row.weight[0] * covariance_->sensitivity(row.state[0], g);
+      if (row.state[1] >= 0) error[i] += row.weight[1] * covariance_->sensitivity(row.state[1], g);
+      if (row.is_load) error[i] += load_[at(g)];
+      for (std::size_t j = 0; j <= i; ++j) out[i][j] += (error[i] * error[j]).sum();
+    }
   }
 }
 
@@ -179,9 +132,9 @@ double ConsiderParameters::slip_variance() const {
   const int v = layout_->rig[state::v];
   const int u = layout_->rig[state::u];
   double sum = 0.0;
-  for (const Group& group : group_) {
-    Lanes slip = group[at(v)];
-    if (u >= 0) slip -= group[at(u)];
+  for (int g = 0; g < static_cast<int>(error_.size()); ++g) {
+    Lanes slip = covariance_->sensitivity(v, g);
+    if (u >= 0) slip -= covariance_->sensitivity(u, g);
     sum += slip.square().sum();
   }
   return sum;

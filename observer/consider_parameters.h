@@ -10,6 +10,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -31,67 +32,62 @@ struct QuantityRow {
 
 class ConsiderParameters {
  public:
-  /// `layout` must outlive it.
-  ConsiderParameters(ParameterResponse response, ReadingErrors errors, const Layout& layout);
+  /// `covariance` holds the sensitivities, of as many parameters. It and `layout` must outlive it.
+  ConsiderParameters(std::unique_ptr<ParameterResponse> response, ReadingErrors errors,
+                     const Layout& layout, Covariance& covariance);
 
   /// True if the model has any.
-  bool any() const { return !group_.empty(); }
+  bool any() const { return !error_.empty(); }
 
-  /// Zero sensitivity: the filter has been reinitialised from readings alone.
-  void reset();
-
-  /// The effect of the parameters on the period that begins with `mean`; to be called before the
-  /// prediction, and followed by propagate() with its transition.
-  void begin_period(const Vector& mean, double time_s, double transition_speed_m_s);
-  void propagate(const Transition& transition);
+  /// Time update, after that of the covariance and the prediction of the period from `before` to
+  /// `after` (ParameterResponse::update).
+  void propagate(const Vector& before, const Vector& after, double time_s,
+                 double transition_speed_m_s);
 
   /// The readings of a frame before their correction.
   void read(const Frame& raw);
   /// Variance that the parameters add to the innovation of a reading.
   double project(Channel channel, const MeasurementRow& row, const Vector& mean);
-  /// Adds their share of the covariance of states and innovation, for the reading projected last.
-  void add_to(Covariance::States& column) const;
-  /// Measurement update with this gain, for the reading projected last.
-  void correct(const Covariance::States& gain);
+  /// Errors of the innovation of the reading projected last; empty where all are 0, as those of
+  /// the drive, which does not depend on the parameters.
+  std::span<const ParameterLanes> innovation_error() const {
+    return affects_ ? std::span<const ParameterLanes>(error_) : std::span<const ParameterLanes>();
+  }
 
-  int count() const { return response_.count() + errors_.count(); }
+  int count() const { return response_->count() + errors_.count(); }
   /// Errors of the states for an error of one standard deviation of each parameter, one column
   /// each.
-  Eigen::MatrixXd sensitivity() const { return columns_of(group_); }
-  /// Changes of the states over the period that begin_period() began, likewise.
-  Eigen::MatrixXd input() const { return columns_of(input_); }
+  Eigen::MatrixXd sensitivity() const;
+  /// Changes of the states over the last period, likewise.
+  Eigen::MatrixXd input() const;
   /// Direct changes of the normal load, besides those by the states.
   Eigen::VectorXd load() const;
   /// Direct changes of the reading of a channel, likewise.
   Eigen::VectorXd reading_errors(Channel channel, const Vector& mean) const;
 
-  /// Contribution to the covariance of these quantities, in their order; other elements of `out`
-  /// are not changed.
+  /// Contribution to the covariance of these quantities, in their order: its lower triangle; other
+  /// elements of `out` are not changed.
   void covariance_of(std::span<const QuantityRow> quantities,
                      std::array<std::array<double, quantity_count>, quantity_count>& out) const;
   /// Contribution to the variance of the slip velocity [(m/s)^2].
   double slip_variance() const;
 
  private:
-  static constexpr int lanes = 4;
-  /// One value for each of four parameters: error of a state for a parameter error of one standard
-  /// deviation.
-  using Lanes = Eigen::Array<double, lanes, 1>;
-  using Group = std::array<Lanes, static_cast<std::size_t>(padded(max_states) + max_shared_sums)>;
+  static constexpr int lanes = parameter_lanes;
+  using Lanes = ParameterLanes;
+  using Group = std::array<Lanes, std::size_t{max_states}>;
 
-  Eigen::MatrixXd columns_of(const std::vector<Group>& groups) const;
-  void propagate(Group& group, const Transition& transition);
-  void add_response(int pass, const ParameterResponse::Changes& changes);
+  void find_input(const Vector& before);
 
-  ParameterResponse response_;
+  std::unique_ptr<ParameterResponse> response_;
   ReadingErrors errors_;
   const Layout* layout_;
-  std::vector<Group> group_;  ///< sensitivities, parameters in groups of four
-  std::vector<Group> input_;  ///< of the rig's states, in this period
+  Covariance* covariance_;
+  std::vector<Group> input_;  ///< changes of states in this period, parameters in groups of four
   std::vector<int> driven_;   ///< states that input_ changes
   std::vector<Lanes> error_;  ///< of the innovation
+  bool affects_ = false;      ///< true if any of these is not 0
   std::vector<Lanes> load_;   ///< direct changes of the normal load
-  Group next_;
 };
 
 }  // namespace stickslip::observer

@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <span>
+#include <utility>
 
 #include "observer/chain_memory.h"
+#include "observer/open_motion.h"
 #include "physics/backbone.h"
 
 namespace stickslip::observer {
@@ -22,21 +25,11 @@ using physics::Quantities;
 using physics::RigState;
 namespace state = physics::state;
 
-// Substeps of a period; 41 of 140 equal the integrator's gamma within 10^-4.
-constexpr int substeps = 140;
-constexpr int first_stage_substeps = 41;
-constexpr int middle_force_substeps = substeps - first_stage_substeps;
+constexpr int substeps = OpenMotion<double>::substeps;
 
 // Weights that change a state in a period by a smaller share of its scale are dropped.
 constexpr double negligible = 1.0e-6;
 constexpr double fast_drive_rad_s = 2.0 * std::numbers::pi * 10.0;
-
-/// Forces on a rig during one period.
-struct Forcing {
-  std::array<double, 5> drive{};  ///< p and its derivatives, at the start
-  double middle_n = 0.0;          ///< friction before the last stage
-  double end_n = 0.0;             ///< friction in the last stage
-};
 
 struct Response {
   Vector end;                ///< states after the period
@@ -44,28 +37,16 @@ struct Response {
   double middle_slip = 0.0;  ///< slip velocity there
 };
 
-physics::Model without_contact(physics::Model model) {
-  model.friction = {};
-  model.friction.law = physics::FrictionLaw::none;
-  model.normal_load.reset();
-  model.normal_load_bridge.reset();
-  return model;
-}
-
-/// The rig without contact force, which is linear, and its sensor chains.
+/// The rig without contact force and its sensor chains.
 class OpenRig {
  public:
-  OpenRig(const physics::Rig& real, const physics::Model& model, const Layout& layout,
-          double period_s)
-      : rig_(without_contact(model)),
-        numbers_(rig_.numbers<double>(std::span<const double>(rig_.parameter_values()))),
-        layout_(layout),
-        base_excited_(real.structure().excitation == Excitation::base),
-        step_s_(period_s / substeps) {
+  OpenRig(const physics::RigNumbers<double>& numbers, const physics::Model& model,
+          const Layout& layout, double period_s)
+      : motion_(model, numbers, period_s), layout_(layout) {
     for (Channel channel : all_channels) {
       if (!layout.of(channel).used) continue;
       chains_[index_of(channel)] =
-          physics::FilterChain(model.sensors[index_of(channel)].filters, step_s_);
+          physics::FilterChain(model.sensors[index_of(channel)].filters, motion_.step_s());
     }
   }
 
@@ -74,21 +55,6 @@ class OpenRig {
  private:
   using Memory = std::array<FilterMemory<double>, channel_count>;
 
-  Input input_at(const Forcing& forcing, double t) const {
-    const auto& p = forcing.drive;
-    Input input;
-    input.base_acceleration_m_s2 = p[2] + t * (p[3] + 0.5 * t * p[4]);
-    if (!base_excited_) input.drive_force_n = position_at(forcing, t);
-    return input;
-  }
-  static double position_at(const Forcing& forcing, double t) {
-    const auto& p = forcing.drive;
-    return p[0] + t * (p[1] + t / 2.0 * (p[2] + t / 3.0 * (p[3] + t / 4.0 * p[4])));
-  }
-  void kick(RigState<double>& rig, double force_n) const {
-    rig.s[state::v] -= 0.5 * step_s_ * force_n * numbers_.inverse_mass;
-    rig.s[state::u] += 0.5 * step_s_ * force_n * numbers_.inverse_cell_mass;
-  }
   double velocity_input(const Memory& memory) const {
     constexpr std::size_t x = index_of(Channel::displacement);
     return chains_[x].output_rate(memory[x]);
@@ -96,7 +62,7 @@ class OpenRig {
   double chain_input(Channel channel, const Quantities<double>& q, const Forcing& forcing, double t,
                      const Memory& memory) const {
     if (channel == Channel::velocity) return velocity_input(memory);
-    if (channel == drive_channel(rig_.structure())) return position_at(forcing, t);
+    if (channel == drive_channel(motion_.structure())) return forcing.position_at(t);
     if (channel == Channel::displacement) return q.displacement;
     return channel == Channel::friction_force ? q.friction_reading : 0.0;
   }
@@ -105,11 +71,8 @@ class OpenRig {
   }
   Response collect(const RigState<double>& rig, const Memory& memory) const;
 
-  physics::Rig rig_;
-  physics::RigNumbers<double> numbers_;
+  OpenMotion<double> motion_;
   const Layout& layout_;
-  bool base_excited_;
-  double step_s_;
   std::array<physics::FilterChain, channel_count> chains_;
 };
 
@@ -121,7 +84,7 @@ Response OpenRig::response(const Vector& start, const Forcing& forcing) const {
   }
   Memory memory;
   rig.friction = forcing.middle_n;
-  const Quantities<double> first = rig_.quantities(rig, input_at(forcing, 0.0), numbers_);
+  const Quantities<double> first = motion_.quantities(rig, forcing, 0.0);
   for (Channel channel : all_channels) {  // displacement comes before velocity
     if (!layout_.of(channel).used) continue;
     load_memory(memory[index_of(channel)], layout_.of(channel), start,
@@ -131,22 +94,17 @@ Response OpenRig::response(const Vector& start, const Forcing& forcing) const {
   double middle_x = 0.0;
   double middle_slip = 0.0;
   for (int k = 0; k < substeps; ++k) {
-    const double t = k * step_s_;
-    const Input begin = input_at(forcing, t);
-    const Input end = input_at(forcing, t + step_s_);
-    rig.friction = k < middle_force_substeps ? forcing.middle_n : forcing.end_n;
-    kick(rig, rig.friction);
-    rig_.step(rig, begin, end, t, step_s_, numbers_);
-    kick(rig, rig.friction);
-    if (k + 1 == first_stage_substeps) {
+    motion_.advance(rig, forcing, k);
+    if (k + 1 == OpenMotion<double>::first_stage_substeps) {
       middle_x = rig.s[state::x];
-      middle_slip = rig.s[state::v] - rig.s[state::u];
+      middle_slip = OpenMotion<double>::slip_of(rig);
     }
-    const Quantities<double> q = rig_.quantities(rig, end, numbers_);
+    const double t = (k + 1) * motion_.step_s();
+    const Quantities<double> q = motion_.quantities(rig, forcing, t);
     for (Channel channel : all_channels) {
       if (!layout_.of(channel).used) continue;
       chains_[index_of(channel)].advance(memory[index_of(channel)],
-                                         chain_input(channel, q, forcing, t + step_s_, memory),
+                                         chain_input(channel, q, forcing, t, memory),
                                          input_rate(channel, q));
     }
   }
@@ -184,7 +142,7 @@ ContactPrediction::ContactPrediction(const physics::Rig& rig, const physics::Mod
     : Prediction(rig, layout, period_s),
       load_varies_(rig.structure().loaded && (rig.structure().load_law == NormalLoadLaw::wedge ||
                                               model.normal_load_bridge.has_value())),
-      core_(layout.core) {
+      core_{} {
   open_jacobian_ = Matrix::Zero(layout.count, layout.count);
   by_lambda_rate_ = by_lambda_acceleration_ = next_;
   by_middle_force_ = by_end_force_ = by_load_before_ = by_load_after_ = next_;
@@ -198,7 +156,7 @@ ContactPrediction::ContactPrediction(const physics::Rig& rig, const physics::Mod
 
 void ContactPrediction::compute_responses(const physics::Model& model) {
   const Layout& l = *layout_;
-  const OpenRig open(*rig_, model, l, period_s_);
+  const OpenRig open(numbers_, model, l, period_s_);
   const int v = l.rig[state::v];
   const int u = l.rig[state::u];
   const auto slip_of = [&](const Vector& states) { return states[v] - (u >= 0 ? states[u] : 0.0); };
@@ -278,7 +236,7 @@ void ContactPrediction::compute_parameter_rows() {
 void ContactPrediction::compute_load_chain(const physics::Model& model) {
   const Layout& l = *layout_;
   const Chain& chain = l.of(Channel::normal_load);
-  if (!chain.used) return;
+  if (chain.count == 0) return;
   // In the same substeps as the chain's own states: sections are exact for linear inputs only, and
   // the signal between two sections is not linear.
   const physics::FilterChain filters(model.sensors[index_of(Channel::normal_load)].filters,
@@ -449,28 +407,26 @@ void ContactPrediction::update_drive_terms(const Vector& mean) {
   }
 }
 
-ContactPrediction::Row ContactPrediction::zero_row() const {
-  Row row;
-  std::fill_n(row.of.begin(), core_, 0.0);
-  return row;
+void ContactPrediction::add(Row& to, double weight, const Row& row) {
+  for (int i = 0; i < core_lanes; ++i) to[i] += weight * row[i];
 }
 
-void ContactPrediction::add(Row& to, double weight, const Row& row) const {
-  for (int i = 0; i < core_; ++i) to[i] += weight * row[i];
-}
-
-void ContactPrediction::add(ValueAndGradient& to, double weight,
-                            const ValueAndGradient& term) const {
+void ContactPrediction::add(ValueAndGradient& to, double weight, const ValueAndGradient& term) {
   to.value += weight * term.value;
   add(to.gradient, weight, term.gradient);
 }
 
 ContactPrediction::ValueAndGradient ContactPrediction::evaluate(const LinearForm& form,
                                                                 const Vector& mean) const {
-  ValueAndGradient out;
-  std::copy_n(form.weights.of.begin(), core_, out.gradient.of.begin());
-  out.value = 0.0;
-  for (const int column : columns_) out.value += form.weights[column] * mean[column];
+  ValueAndGradient out{0.0, form.weights};
+  // Four sums, so that they fit a register.
+  std::array<double, 4> sum{};
+  for (int i = 0; i < core_lanes; i += 4) {
+    for (int k = 0; k < 4; ++k) {
+      sum[static_cast<std::size_t>(k)] += form.weights[i + k] * core_[i + k];
+    }
+  }
+  out.value = (sum[0] + sum[2]) + (sum[1] + sum[3]);
   const int p = layout_->drive;
   const double lambda = mean[p + 3];
   const double by_lambda =
@@ -533,10 +489,10 @@ ContactPrediction::Stage ContactPrediction::solve_stage(const ValueAndGradient& 
                                                         double compliance, const Load& load,
                                                         const ValueAndGradient& x,
                                                         const ValueAndGradient& from, double speed,
-                                                        const Vector& mean) {
+                                                        const Vector& mean, SolvedStage& solved) {
   const Layout& l = *layout_;
   const double mu = mean[l.mu];
-  ValueAndGradient limit{mu * load.value, zero_row()};
+  ValueAndGradient limit{mu * load.value, Row{}};
   limit.gradient[l.mu] = load.value;
   add_load_gradient(limit.gradient, mu, load, x.gradient);
 
@@ -551,24 +507,35 @@ ContactPrediction::Stage ContactPrediction::solve_stage(const ValueAndGradient& 
     gain_by_log_rate = gamma_h * kept * kept;
   }
   const double offset = kept * from.value;
-  const physics::BackboneSlip solved = physics::solve_backbone(
+  const physics::BackboneSlip solved_slip = physics::solve_backbone(
       free_slip.value, compliance * limit.value, offset, gain, speed, last_slip_);
-  last_slip_ = solved.w;
+  last_slip_ = solved_slip.w;
 
-  const double theta = offset + gain * solved.tanh;
-  const double steepness = gain * (1.0 - solved.tanh * solved.tanh) / speed;
+  const double theta = offset + gain * solved_slip.tanh;
+  const double steepness = gain * (1.0 - solved_slip.tanh * solved_slip.tanh) / speed;
   const double slip_range = compliance * limit.value;
   const double share = 1.0 / (1.0 + slip_range * steepness);
   Stage stage;
   stage.theta.value = theta;
   stage.force.value = limit.value * theta;
-  Row at_fixed_slip = zero_row();  // gradient of theta
+  Row at_fixed_slip{};  // gradient of theta
   add(at_fixed_slip, kept, from.gradient);
-  if (l.log_rate >= 0) at_fixed_slip[l.log_rate] += (solved.tanh - from.value) * gain_by_log_rate;
+  if (l.log_rate >= 0)
+    at_fixed_slip[l.log_rate] += (solved_slip.tanh - from.value) * gain_by_log_rate;
   const double by_slip = steepness * share;
   const double by_theta = 1.0 - by_slip * slip_range;
   const double by_limit = -by_slip * compliance * theta;
-  for (int i = 0; i < core_; ++i) {
+  solved = {.theta = theta,
+            .force_n = stage.force.value,
+            .limit_n = limit.value,
+            .load_n = load.value,
+            .load_by_x = load.by_x,
+            .x = x.value,
+            .by_slip = by_slip,
+            .by_limit = by_limit,
+            .by_theta_before = by_theta * kept,
+            .slip_in_speeds = solved_slip.w / speed};
+  for (int i = 0; i < core_lanes; ++i) {
     const double gradient = by_theta * at_fixed_slip[i] + by_slip * free_slip.gradient[i] +
                             by_limit * limit.gradient[i];
     stage.theta.gradient[i] = gradient;
@@ -580,7 +547,7 @@ ContactPrediction::Stage ContactPrediction::solve_stage(const ValueAndGradient& 
 void ContactPrediction::add_contact(const Vector& mean, double speed) {
   const Layout& l = *layout_;
   const bool relaxing = rig_->structure().kinetics == Kinetics::relaxing;
-  ValueAndGradient theta{0.0, zero_row()};
+  ValueAndGradient theta{0.0, Row{}};
   if (relaxing) {
     gamma_ = l.log_rate >= 0 ? std::exp(mean[l.log_rate]) : numbers_.c.rate;
     theta.value = mean[l.theta];
@@ -588,8 +555,9 @@ void ContactPrediction::add_contact(const Vector& mean, double speed) {
   }
   const double in_stage_s = gamma_ars * period_s_;
   const ValueAndGradient x = evaluate(middle_x_, mean);
-  const Stage middle = solve_stage(evaluate(middle_slip_, mean), middle_compliance_,
-                                   load_at(in_stage_s, x.value, mean), x, theta, speed, mean);
+  const Stage middle =
+      solve_stage(evaluate(middle_slip_, mean), middle_compliance_,
+                  load_at(in_stage_s, x.value, mean), x, theta, speed, mean, contact_.middle);
 
   ValueAndGradient slip = evaluate(end_slip_, mean);
   ValueAndGradient x_after = evaluate(end_x_, mean);
@@ -602,7 +570,7 @@ void ContactPrediction::add_contact(const Vector& mean, double speed) {
     add(theta, extrapolation, middle.theta);
   }
   const Stage end = solve_stage(slip, end_compliance_, load_at(period_s_, x_after.value, mean),
-                                x_after, theta, speed, mean);
+                                x_after, theta, speed, mean, contact_.end);
 
   next_ += by_middle_force_ * middle.force.value + by_end_force_ * end.force.value;
   next_[l.friction] = end.force.value;
@@ -617,17 +585,23 @@ void ContactPrediction::add_contact(const Vector& mean, double speed) {
 
 void ContactPrediction::add_load_chain(const Vector& mean, const ValueAndGradient& x_after) {
   const int at = layout_->rig[state::x];
-  Row x_before = zero_row();
+  Row x_before{};
   x_before[at] = 1.0;
   const Load before = load_reading(0.0, mean[at], mean);
   const Load after = load_reading(period_s_, x_after.value, mean);
   next_ += by_load_before_ * before.value + by_load_after_ * after.value;
-  Row gradient = zero_row();
+  Row gradient{};
   add_load_gradient(gradient, 1.0, before, x_before);
   store(shared_position_[2], gradient);
-  gradient = zero_row();
+  gradient = Row{};
   add_load_gradient(gradient, 1.0, after, x_after.gradient);
   store(shared_position_[3], gradient);
+}
+
+std::unique_ptr<ParameterResponse> ContactPrediction::response_to(
+    UncertainParameters parameters, const physics::Model& model) const {
+  return std::make_unique<ContactResponse>(std::move(parameters), model, *rig_, *layout_, period_s_,
+                                           contact_);
 }
 
 void ContactPrediction::advance(Vector& mean, double /*time_s*/, double slip_variance) {
@@ -641,6 +615,7 @@ void ContactPrediction::advance(Vector& mean, double /*time_s*/, double slip_var
     }
     next_[row] = sum;
   }
+  std::copy_n(mean.data(), layout_->core, core_.of.begin());
   if (rig_->structure().friction) add_contact(mean, widened_transition_speed(slip_variance));
   sensor_error_states_.advance(mean, next_, transition_);
   mean = next_;

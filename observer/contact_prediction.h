@@ -7,6 +7,7 @@
 #include <array>
 #include <vector>
 
+#include "observer/contact_response.h"
 #include "observer/prediction.h"
 
 namespace stickslip::observer {
@@ -21,11 +22,16 @@ class ContactPrediction final : public Prediction {
                     double period_s);
 
   void advance(Vector& mean, double time_s, double slip_variance) override;
+  std::unique_ptr<ParameterResponse> response_to(UncertainParameters parameters,
+                                                 const physics::Model& model) const override;
 
  private:
-  /// One value per core state; not initialised.
+  /// Core states of the rigs that are supported, in whole registers.
+  static constexpr int core_lanes = 16;
+  static_assert(physics::state::first_effect + 8 <= core_lanes);
+  /// One value per core state, 0 beyond them; not initialised.
   struct Row {
-    alignas(32) std::array<double, max_core> of;
+    alignas(32) std::array<double, core_lanes> of;
     double& operator[](int i) { return of[static_cast<std::size_t>(i)]; }
     double operator[](int i) const { return of[static_cast<std::size_t>(i)]; }
   };
@@ -65,20 +71,19 @@ class ContactPrediction final : public Prediction {
   void add_contact(const Vector& mean, double speed);
   void add_load_chain(const Vector& mean, const ValueAndGradient& x_after);
 
-  Row zero_row() const;
-  void add(Row& to, double weight, const Row& row) const;
-  void add(ValueAndGradient& to, double weight, const ValueAndGradient& term) const;
+  static void add(Row& to, double weight, const Row& row);
+  static void add(ValueAndGradient& to, double weight, const ValueAndGradient& term);
   ValueAndGradient evaluate(const LinearForm& form, const Vector& mean) const;
   Load load_at(double time_s, double x, const Vector& mean);
   Load load_reading(double time_s, double x, const Vector& mean);
   void add_load_gradient(Row& to, double weight, const Load& load, const Row& x) const;
   Stage solve_stage(const ValueAndGradient& free_slip, double compliance, const Load& load,
                     const ValueAndGradient& x, const ValueAndGradient& from, double speed,
-                    const Vector& mean);
+                    const Vector& mean, SolvedStage& solved);
   void store(int position, const Row& gradient);
 
   bool load_varies_;  ///< with x
-  int core_;
+  Row core_;          ///< core states at the start of the period
   physics::RigState<physics::Dual> dual_state_;
 
   // Computed once.
@@ -108,6 +113,7 @@ class ContactPrediction final : public Prediction {
   };
   std::vector<Span> linear_part_;  ///< by row
 
+  SolvedContact contact_;  ///< of this period
   double last_slip_ = 0.0;
   double gamma_ = 0.0;  ///< in this period
 };

@@ -3,7 +3,9 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <numbers>
 
 namespace stickslip::observer {
@@ -25,13 +27,15 @@ class InputNoise {
 
   /// Innovations of a consistent filter are white and of unit size: larger ones, or positive
   /// correlation, mean too little process noise, smaller ones or negative correlation too much.
-  void adapt(double normalised_innovation) {
+  /// `source`: 0 or 1, for an input with two channels.
+  void adapt(double normalised_innovation, std::size_t source = 0) {
     if (!std::isfinite(normalised_innovation)) return;  // the filter has diverged, not the input
     const double squared = normalised_innovation * normalised_innovation;
     const double size = std::min(squared - 1.0, 20.0);
-    const double trend = std::clamp(normalised_innovation * trend_, -20.0, 20.0);
-    trend_ += -trend_ * std::min(1.0, period_s_ / trend_memory_s) +
-              std::clamp(normalised_innovation, -5.0, 5.0);
+    double& past = trend_[source];
+    const double trend = std::clamp(normalised_innovation * past, -20.0, 20.0);
+    past += -past * std::min(1.0, period_s_ / trend_memory_s) +
+            std::clamp(normalised_innovation, -5.0, 5.0);
     const double step = (size + trend) * period_s_ / adaptation_s;
     log_density_ = std::clamp(log_density_ + step, least_, most_);
   }
@@ -47,7 +51,7 @@ class InputNoise {
   int order_;
   double period_s_;
   double log_density_, least_, most_;
-  double trend_ = 0.0;
+  std::array<double, 2> trend_{};  ///< sum of the past innovations of each source
 };
 
 }  // namespace stickslip::observer

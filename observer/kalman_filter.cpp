@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <span>
 #include <string>
 #include <utility>
 
 #include "observer/covariance.h"
+#include "observer/dual_prediction.h"
 #include "observer/layout.h"
 #include "observer/noise.h"
 #include "observer/prediction.h"
@@ -81,10 +83,12 @@ constexpr std::array mechanical_channels = {Channel::displacement, Channel::velo
 
 }  // namespace
 
-KalmanFilter::KalmanFilter(const Model& declared, double period_s, FrictionPrior prior)
-    : KalmanFilter(separate_sensor_errors(declared), period_s, prior) {}
+KalmanFilter::KalmanFilter(const Model& declared, double period_s, FrictionPrior prior,
+                           std::optional<double> step_s)
+    : KalmanFilter(separate_sensor_errors(declared), period_s, prior, step_s) {}
 
-KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, FrictionPrior prior)
+KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, FrictionPrior prior,
+                           std::optional<double> step_s)
     : model_(without_jumps(separated.model)),
       correction_(separated.laws),
       rig_(model_),
@@ -92,6 +96,7 @@ KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, Fri
       layout_(make_layout(model_, rig_, unsupported_, separated.laws)),
       steps_(static_cast<int>(std::ceil(period_s / rig_.longest_step_s() - 1.0e-9))),
       covariance_(std::min(layout_.count, max_states)),
+      reported_noise_(covariance_.count()),
       consistency_(period_s) {
   if (unsupported_.empty() && steps_ > max_steps) {
     unsupported_ = "the sampling period of " + std::to_string(period_s) + " s needs " +
@@ -103,22 +108,31 @@ KalmanFilter::KalmanFilter(const SeparatedModel& separated, double period_s, Fri
     estimate_.status = EstimateStatus::unsupported;
     return;
   }
-  prediction_ = make_prediction(rig_, model_, layout_, period_s_, steps_);
+  if (step_s) {
+    const int fine = static_cast<int>(std::ceil(period_s / *step_s - 1.0e-9));
+    prediction_ = std::make_unique<DualPrediction>(rig_, model_, layout_, period_s_,
+                                                   std::clamp(fine, steps_, max_steps));
+  } else {
+    prediction_ = make_prediction(rig_, model_, layout_, period_s_, steps_);
+  }
   noise_ =
       std::make_unique<NoiseModel>(model_, rig_, layout_, prediction_->numbers(), period_s_, prior);
-  ParameterResponse response(model_, rig_, layout_, period_s_);
-  considered_ = response.paths();
+  std::unique_ptr<ParameterResponse> response =
+      prediction_->response_to(uncertain_parameters(model_, rig_, layout_), model_);
+  considered_ = response->paths();
   considered_.insert(considered_.end(), separated.shifted_paths.begin(),
                      separated.shifted_paths.end());
   consider_ = std::make_unique<ConsiderParameters>(
       std::move(response), ReadingErrors(separated.laws, separated.shifted, layout_, period_s_),
-      layout_);
+      layout_, covariance_);
+  covariance_ = Covariance(layout_.count, consider_->count());
+  prediction_->set_row_width(covariance_.width());
   const physics::SensorBank bank(model_, period_s_ / steps_);
   double latest_s = 0.0;
   for (const Chain& chain : layout_.chain) latest_s = std::max(latest_s, chain.delay_s);
   settle_s_ = std::clamp(bank.settling_time_s() + latest_s, 20.0 * period_s_, 2.0);
   startup_s_ = 2.0 * settle_s_;
-  mean_ = Vector::Zero(layout_.count);
+  before_ = mean_ = Vector::Zero(layout_.count);
   for (Channel channel : all_channels) {
     if (!layout_.of(channel).used) continue;
     CachedRow& row = rows_[index_of(channel)];
@@ -226,7 +240,6 @@ void KalmanFilter::reinitialise(const Frame& frame) {
   const bool keeps_mu = layout_.mu >= 0 && started_ && std::isfinite(mean_[layout_.mu]);
   const double old_mu = keeps_mu ? mean_[layout_.mu] : 0.0;
   noise_->initialise(frame, old_mu, mean_, covariance_);
-  consider_->reset();
   implausible_s_ = 0.0;
   started_ = true;
   since_start_s_ = 0.0;
@@ -236,27 +249,48 @@ void KalmanFilter::reinitialise(const Frame& frame) {
   outliers_in_a_row_.fill(0);
 }
 
+KalmanFilter::Centre KalmanFilter::centre(const LinearisationPoint* about) const {
+  if (about != nullptr) return {about->mean, about->slip_variance};
+  return {mean_, slip_variance()};
+}
+
 void KalmanFilter::predict() {
   const double time_s = static_cast<double>(time_ns_ - origin_ns_) * 1.0e-9;
-  const double variance = slip_variance();
-  noise_->add_process_noise(mean_, variance, since_start_s_, input_variances(), covariance_);
-  consider_->begin_period(mean_, time_s, prediction_->widened_transition_speed(variance));
+  const auto& [centre_mean, variance] = centre(about_before_);
+  noise_->add_process_noise(centre_mean, variance, since_start_s_, input_variances(), covariance_);
+  before_ = centre_mean;
+  Vector deviation;
+  if (about_before_ != nullptr) {
+    deviation = mean_ - before_;
+    mean_ = before_;
+  }
   prediction_->advance(mean_, time_s, variance);
   covariance_.propagate(prediction_->transition());
-  consider_->propagate(prediction_->transition());
-  if (layout_.friction >= 0) noise_->add_output_noise(mean_, covariance_);
+  if (consider_->any()) {
+    consider_->propagate(before_, mean_, time_s, prediction_->widened_transition_speed(variance));
+  }
+  if (about_before_ != nullptr) mean_ += prediction_->transition().dense() * deviation;
+  about_before_ = nullptr;  // that of later periods is not known
+  add_output_noise(covariance_);
 }
 
-Covariance KalmanFilter::process_noise() const {
-  Covariance noise(layout_.count);
-  noise_->add_process_noise(mean_, slip_variance(), since_start_s_, input_variances(), noise);
-  return noise;
+void KalmanFilter::add_output_noise(Covariance& covariance) const {
+  if (layout_.friction < 0 || layout_.theta < layout_.core) return;
+  const auto& [mean, variance] = centre(about_after_);
+  noise_->add_output_noise(mean, variance, covariance);
 }
 
-Covariance KalmanFilter::output_noise() const {
-  Covariance noise(layout_.count);
-  if (layout_.friction >= 0) noise_->add_output_noise(mean_, noise);
-  return noise;
+const Covariance& KalmanFilter::process_noise() {
+  reported_noise_.set_zero();
+  const auto& [mean, variance] = centre(about_before_);
+  noise_->add_process_noise(mean, variance, since_start_s_, input_variances(), reported_noise_);
+  return reported_noise_;
+}
+
+const Covariance& KalmanFilter::output_noise() {
+  reported_noise_.set_zero();
+  add_output_noise(reported_noise_);
+  return reported_noise_;
 }
 
 KalmanFilter::PredictedReading KalmanFilter::predict_reading(Channel channel, const Frame& frame,
@@ -310,9 +344,7 @@ inline double KalmanFilter::project_covariance(const MeasurementRow& row) {
 
 // Optimal gain from column_, without the corrections that would harm the filter.
 inline void KalmanFilter::compute_gain(Channel channel, double innovation_variance) {
-  gain_ = column_;
-  consider_->add_to(gain_);
-  for (int k = 0; k < layout_.count; ++k) gain_[k] /= innovation_variance;
+  covariance_.optimal_gain(column_, consider_->innovation_error(), innovation_variance, gain_);
   if (layout_.mu >= 0) gain_[layout_.mu] *= mu_gain_factor_;
   if (layout_.log_rate >= 0 && since_start_s_ < startup_s_) gain_[layout_.log_rate] = 0.0;
   const Channel driven = drive_channel(rig_.structure());
@@ -352,8 +384,7 @@ bool KalmanFilter::apply_reading(Channel channel, const PredictedReading& predic
 
   compute_gain(channel, innovation_variance);
   for (int k = 0; k < layout_.count; ++k) mean_[k] += gain_[k] * innovation;
-  covariance_.correct(gain_, column_, own_variance);
-  consider_->correct(gain_);
+  covariance_.correct(gain_, column_, own_variance, consider_->innovation_error());
   return true;
 }
 
@@ -361,8 +392,8 @@ void KalmanFilter::apply_readings(const Frame& frame) {
   bool mechanical = false;
   since_drive_s_ += period_s_;
   if (layout_.mu >= 0) {
-    mu_gain_factor_ =
-        since_start_s_ < startup_s_ ? 0.0 : noise_->mu_gain_factor(mean_, slip_variance());
+    const auto& [mean, variance] = centre(about_after_);
+    mu_gain_factor_ = since_start_s_ < startup_s_ ? 0.0 : noise_->mu_gain_factor(mean, variance);
   }
   for (Channel channel : all_channels) {
     if (!frame.has(channel) || !layout_.of(channel).used || !is_new(channel, frame)) continue;
@@ -385,18 +416,19 @@ void KalmanFilter::apply_readings(const Frame& frame) {
 }
 
 bool KalmanFilter::is_healthy() const {
-  double sum = 0.0;
-  double least = 1.0;
+  constexpr double most = std::numeric_limits<double>::max();
+  int wrong = 0;  // without branches
   for (int i = 0; i < layout_.count; ++i) {
-    sum += 0.0 * mean_[i] + 0.0 * covariance_(i, i);
-    least = std::min(least, covariance_(i, i));
+    const double variance = covariance_(i, i);
+    wrong += static_cast<int>(!(std::abs(mean_[i]) <= most)) +
+             static_cast<int>(!(variance <= most)) + static_cast<int>(!(variance >= -1.0e-18));
   }
-  if (sum != 0.0 || std::isnan(sum) || least < -1.0e-18) return false;
+  if (wrong > 0) return false;
   if (implausible_s_ > implausible_to_restart_s) return false;
   if (since_start_s_ > startup_s_ && nis_level_ > nis_to_restart) return false;
-  const int most = std::max(5, static_cast<int>(outliers_to_restart_s / period_s_));
+  const int longest = std::max(5, static_cast<int>(outliers_to_restart_s / period_s_));
   return std::none_of(outliers_in_a_row_.begin(), outliers_in_a_row_.end(),
-                      [most](int count) { return count > most; });
+                      [longest](int count) { return count > longest; });
 }
 
 // Second derivative of the output of the base sensor's chain. It has the delay of the load cell's
@@ -446,13 +478,13 @@ namespace {
 
 double covariance_of(const QuantityRow& one, const QuantityRow& other,
                      const Covariance& covariance) {
-  double sum = 0.0;
-  for (std::size_t a = 0; a < 2; ++a) {
-    for (std::size_t b = 0; b < 2; ++b) {
-      if (one.state[a] < 0 || other.state[b] < 0) continue;
-      sum += one.weight[a] * other.weight[b] * covariance(one.state[a], other.state[b]);
-    }
-  }
+  const auto of = [&](std::size_t a, std::size_t b) {
+    return one.weight[a] * other.weight[b] * covariance(one.state[a], other.state[b]);
+  };
+  double sum = of(0, 0);
+  if (one.state[1] >= 0) sum += of(1, 0);
+  if (other.state[1] >= 0) sum += of(0, 1);
+  if (one.state[1] >= 0 && other.state[1] >= 0) sum += of(1, 1);
   return sum;
 }
 

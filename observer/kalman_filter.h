@@ -3,6 +3,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,10 +18,20 @@
 
 namespace stickslip::observer {
 
+/// Where equations are linearised: states, and the variance of the slip velocity about them
+/// [(m/s)^2].
+struct LinearisationPoint {
+  Vector mean;
+  double slip_variance = 0.0;
+};
+
 class KalmanFilter {
  public:
+  /// `step_s`: longest step of the integration; none: whatever the rig needs, and its exact linear
+  /// part where it has one. A contact that reverses within a step has the time of the reversal
+  /// rounded to the step, which matters where the slip velocity is known well.
   KalmanFilter(const physics::Model& declared, double period_s,
-               FrictionPrior prior = FrictionPrior::from_model);
+               FrictionPrior prior = FrictionPrior::from_model, std::optional<double> step_s = {});
   // The prediction and the noise model point at the rig and the layout.
   KalmanFilter(const KalmanFilter&) = delete;
   KalmanFilter& operator=(const KalmanFilter&) = delete;
@@ -55,13 +66,20 @@ class KalmanFilter {
     update(frame, [](KalmanFilter& filter) { filter.predict(); });
   }
 
+  /// Linearises the next update() about other states than the filter's own: those before its first
+  /// period, and those after its readings; null: the filter's own. Both must live until then.
+  void linearise_about(const LinearisationPoint* before, const LinearisationPoint* after) {
+    about_before_ = before;
+    about_after_ = after;
+  }
+
   /// Time update by one period.
   void predict();
 
   /// Noise that the next predict() adds before the transition, and that the last one added after
-  /// it.
-  Covariance process_noise() const;
-  Covariance output_noise() const;
+  /// it. Valid until the next call of either.
+  const Covariance& process_noise();
+  const Covariance& output_noise();
 
   /// Prediction of a reading at its own age.
   struct PredictedReading {
@@ -81,7 +99,8 @@ class KalmanFilter {
                      const ConsiderParameters* consider, FrictionEstimate& e) const;
 
  private:
-  KalmanFilter(const SeparatedModel& separated, double period_s, FrictionPrior prior);
+  KalmanFilter(const SeparatedModel& separated, double period_s, FrictionPrior prior,
+               std::optional<double> step_s);
 
   int accept(Frame& frame);
   void measurement_update(const Frame& frame);
@@ -105,6 +124,13 @@ class KalmanFilter {
   double filtered_base_acceleration() const;
   double slip_variance(const Covariance& covariance) const;
   double slip_variance() const;  ///< of the present estimate, with the consider parameters
+  struct Centre {
+    const Vector& mean;
+    double slip_variance;
+  };
+  /// `about`, or the present estimate where it is null.
+  Centre centre(const LinearisationPoint* about) const;
+  void add_output_noise(Covariance& covariance) const;
   double normal_load(const Vector& mean) const;
 
   // Declared before the layout, whose construction sets it.
@@ -126,7 +152,11 @@ class KalmanFilter {
   double startup_s_ = 0.0;
 
   Vector mean_;
+  Vector before_;  ///< mean at the beginning of the last period
+  const LinearisationPoint* about_before_ = nullptr;
+  const LinearisationPoint* about_after_ = nullptr;
   Covariance::States gain_, column_;
+  Covariance reported_noise_;
   std::array<QuantityRow, quantity_count> source_{};  ///< of the reported quantities
 
   /// Measurement row of a channel for age 0, and for its last age, which rarely changes.

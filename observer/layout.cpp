@@ -42,6 +42,7 @@ std::vector<Section> sections_of(const physics::Sensor& sensor) {
 // Adds `by` times the rate of a chain's output; false where the rate is not a function of the
 // states.
 bool add_rate(const Chain& chain, double by, MeasurementRow& row) {
+  if (chain.count == 0) return true;  // a constant
   if (chain.sections.empty()) {
     if (chain.input_rate >= 0) row.add(chain.input_rate, by);
     return chain.input_rate >= 0;
@@ -195,6 +196,14 @@ void add_chain(Layout& layout, const physics::Model& model, Channel channel) {
   chain.reading = next - (chain.sections.empty() || last_is_first_order ? 1 : 2);
 }
 
+// The filters of a constant load are at rest: it reads itself.
+void add_constant_load(Layout& layout) {
+  Chain& chain = layout.chain[index_of(Channel::normal_load)];
+  chain.used = true;
+  chain.first = layout.count;
+  chain.reading = layout.load;
+}
+
 void add_outputs(Layout& layout, const physics::Model& model, const physics::Structure& structure) {
   layout.count = layout.core;
   if (structure.friction) {
@@ -207,7 +216,11 @@ void add_outputs(Layout& layout, const physics::Model& model, const physics::Str
   add_chain(layout, model, Channel::velocity);
   if (structure.friction) add_chain(layout, model, Channel::friction_force);
   // The sensor of a load that is known exactly adds no information.
-  if (structure.loaded && (layout.load >= 0 || structure.load_law == NormalLoadLaw::wedge)) {
+  const bool constant = structure.loaded && structure.load_law == NormalLoadLaw::constant &&
+                        model.terms.empty() && !model.normal_load_bridge;
+  if (constant && layout.load >= 0) {
+    add_constant_load(layout);
+  } else if (structure.loaded && (layout.load >= 0 || structure.load_law == NormalLoadLaw::wedge)) {
     add_chain(layout, model, Channel::normal_load);
   }
   const Channel driven = drive_channel(structure);

@@ -36,7 +36,7 @@ struct Chain {
   int first = 0;    ///< index of its first state
   int reading = 0;  ///< index of the state that the channel reads
   /// Two states for a second-order section, one for a first-order one; without filters one, the
-  /// reading itself.
+  /// reading itself; none where that is a core state, a constant load.
   int count = 0;
   std::vector<Section> sections;
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "observer/chain_memory.h"
 #include "observer/sensor_error_states.h"
 #include "physics/backbone.h"
 
@@ -78,6 +79,23 @@ NoiseModel::NoiseModel(const physics::Model& model, const physics::Rig& rig, con
     const auto& declared = model.sensors[index_of(channel)].noise_std;
     reading_noise_[index_of(channel)].declared = declared ? square(*declared) : 0.0;
   }
+  const physics::Structure& structure = rig.structure();
+  if (structure.friction && structure.kinetics == Kinetics::instantaneous && !structure.resonant) {
+    find_force_response(model);
+  }
+}
+
+void NoiseModel::find_force_response(const physics::Model& model) {
+  const Chain& chain = layout_->of(Channel::friction_force);
+  if (!chain.used) return;
+  const physics::FilterChain filters(model.sensors[index_of(Channel::friction_force)].filters,
+                                     period_s_);
+  physics::FilterMemory<double> memory;
+  memory.input = 1.0;
+  filters.advance(memory, 1.0, 0.0);
+  for_each_state(chain, filters, memory, [this](int state, double value) {
+    force_response_.push_back({state, value});
+  });
 }
 
 double NoiseModel::reading_variance(Channel channel) const {
@@ -116,7 +134,12 @@ void NoiseModel::estimate_reading_noise(const Frame& frame) {
 }
 
 void NoiseModel::adapt_input_noise(Channel channel, double normalised_innovation) {
-  if (channel == drive_channel(rig_->structure())) drive_noise_.adapt(normalised_innovation);
+  const Channel driven = drive_channel(rig_->structure());
+  if (channel == driven) drive_noise_.adapt(normalised_innovation);
+  // Of an imposed motion.
+  if (driven == Channel::displacement && channel == Channel::velocity) {
+    drive_noise_.adapt(normalised_innovation, 1);
+  }
   if (channel == Channel::normal_load) load_noise_.adapt(normalised_innovation);
 }
 
@@ -135,15 +158,17 @@ double NoiseModel::sliding_friction(const Vector& mean) const {
 }
 
 // Variance that the widened backbone neglects: that of tanh over the distribution of the slip
-// velocity, minus its linear part.
+// velocity, minus its linear part. For a transition speed of 0 the variance is that of a sign, and
+// the mean an error function, of which the tanh is an approximation.
 double NoiseModel::backbone_variance(const Vector& mean, double slip_variance) const {
   const Layout& l = *layout_;
   const double own = square(numbers_->c.transition_speed);
   const double wide = own + 0.5 * pi * slip_variance;
   const double slip = mean[l.rig[state::v]] - (l.rig[state::u] >= 0 ? mean[l.rig[state::u]] : 0.0);
   const double left = 1.0 - square(physics::quick_tanh(slip / std::sqrt(wide)));
-  return jump_share *
-         std::max(0.0, left * (wide - own) / wide - square(left) * slip_variance / wide);
+  const double mean_sign = std::erf(0.5 * std::sqrt(pi / wide) * slip);
+  const double variance = (1.0 - square(mean_sign)) * (wide - own) / wide;
+  return std::max(0.0, variance - square(left) * slip_variance / wide);
 }
 
 double NoiseModel::mu_gain_factor(const Vector& mean, double slip_variance) const {
@@ -153,14 +178,30 @@ double NoiseModel::mu_gain_factor(const Vector& mean, double slip_variance) cons
   return square(physics::quick_tanh(square(slip) / (sliding_speeds * sliding_speeds * wide)));
 }
 
-void NoiseModel::add_output_noise(const Vector& mean, Covariance& covariance) const {
+void NoiseModel::add_output_noise(const Vector& mean, double slip_variance,
+                                  Covariance& covariance) const {
   const Layout& l = *layout_;
   if (l.theta < l.core) return;
   const double level = sliding_friction(mean);
-  const double variance = square(backbone_std);
+  const double lasting = square(backbone_std);
+  const double jump = rig_->structure().kinetics == Kinetics::instantaneous
+                          ? backbone_variance(mean, slip_variance)
+                          : 0.0;
+  const double variance = lasting + jump;
   covariance.add(l.theta, l.theta, variance);
   covariance.add(l.friction, l.friction, variance * square(level));
   covariance.add(l.theta, l.friction, variance * level);
+  // White noise equivalent to the coloured one.
+  const double in_chain = lasting * std::max(1.0, 2.0 * force_memory_s / period_s_) + jump;
+  for (std::size_t i = 0; i < force_response_.size(); ++i) {
+    const auto& [state, value] = force_response_[i];
+    covariance.add(l.theta, state, variance * level * value);
+    covariance.add(l.friction, state, variance * square(level) * value);
+    for (std::size_t j = 0; j <= i; ++j) {
+      covariance.add(force_response_[j].state, state,
+                     in_chain * square(level) * value * force_response_[j].value);
+    }
+  }
 }
 
 /// Sets initial values with independent standard deviations.
@@ -295,6 +336,7 @@ void NoiseModel::initialise_chains(const Frame& frame, const Scales& scale,
       out.set(chain.first_delay + 2 * k, value, value_std);
       out.set(chain.first_delay + 2 * k + 1, rate, rate_std);
     }
+    if (chain.count == 0) return;
     if (chain.sections.empty()) {
       out.set(chain.reading, value, value_std);
       return;
@@ -347,7 +389,7 @@ void NoiseModel::add_force_noise(const Vector& mean, double slip_variance,
   const double x = mean[l.rig[state::x]];
   const double friction = sliding_friction(mean);
   const double jump = structure.friction && structure.kinetics != Kinetics::bristle
-                          ? backbone_variance(mean, slip_variance)
+                          ? jump_share * backbone_variance(mean, slip_variance)
                           : 0.0;
   const bool instantaneous = structure.kinetics == Kinetics::instantaneous;
   const double by_jump = instantaneous ? 2.0 * jump_memory_s * h * jump * square(friction) : 0.0;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <vector>
 
 #include "observer/covariance.h"
 #include "observer/input_noise.h"
@@ -45,8 +46,10 @@ class NoiseModel {
   void add_process_noise(const Vector& mean, double slip_variance, double since_start_s,
                          const InputVariances& readings, Covariance& covariance) const;
 
-  /// Adds the uncertainty of the friction law to friction and theta, where theta has no memory.
-  void add_output_noise(const Vector& mean, Covariance& covariance) const;
+  /// Adds the uncertainty of the friction law to friction and theta where theta has no memory, and
+  /// to the chain of the force where friction is its input: that of the law itself, and what its
+  /// statistical linearisation neglects for a slip velocity of this variance [(m/s)^2].
+  void add_output_noise(const Vector& mean, double slip_variance, Covariance& covariance) const;
 
   /// Factor on the gain of mu, 0 to 1: 1 while the contact slides, 0 while it sticks. A sticking
   /// contact observes the product mu theta only, which a linearised filter would distribute
@@ -103,6 +106,7 @@ class NoiseModel {
   double initial_deviation(double from_model, double from_recording) const;
   double backbone_variance(const Vector& mean, double slip_variance) const;
   double sliding_friction(const Vector& mean) const;
+  void find_force_response(const physics::Model& model);
 
   const physics::Model* model_;
   const physics::Rig* rig_;
@@ -113,6 +117,13 @@ class NoiseModel {
   double natural_rad_s_;
   double log_rate_;                       ///< ln of the model's gamma
   double spring_std_n_m_, cell_std_n_m_;  ///< of unmodelled forces
+  /// States of the force's chain whose input is the friction force, and their values after a period
+  /// with a friction force of 1 N.
+  struct Driven {
+    int state;
+    double value;
+  };
+  std::vector<Driven> force_response_;
   InputNoise drive_noise_, load_noise_;
   std::array<ReadingNoise, channel_count> reading_noise_;
 };

@@ -1,65 +1,107 @@
 // Change of the filter's states over one period for an error of one standard deviation of each of
-// the rig's parameters, by one pass of the rig's own integrator in dual numbers.
+// the rig's parameters that are no states of the filter.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <string>
 #include <vector>
 
+#include "observer/covariance.h"
 #include "observer/layout.h"
 #include "physics/model.h"
 #include "physics/rig.h"
 
 namespace stickslip::observer {
 
+/// The parameters with a standard deviation that are no states.
+struct UncertainParameters {
+  std::vector<std::string> paths;  ///< as physics::parameters_of() names them
+  /// The equations' numbers with derivatives by the parameters in order, each for
+  /// physics::Dual::directions of them.
+  std::vector<physics::RigNumbers<physics::Dual>> numbers;
+};
+UncertainParameters uncertain_parameters(physics::Model model, const physics::Rig& rig,
+                                         const Layout& layout);
+
 class ParameterResponse {
  public:
-  /// Of the parameters with a standard deviation that are no states of the filter. `rig` and
-  /// `layout` must outlive it.
-  ParameterResponse(physics::Model model, const physics::Rig& rig, const Layout& layout,
-                    double period_s);
+  virtual ~ParameterResponse() = default;
+  ParameterResponse(const ParameterResponse&) = delete;
+  ParameterResponse& operator=(const ParameterResponse&) = delete;
 
   int count() const { return static_cast<int>(paths_.size()); }
-  /// The parameters, as physics::parameters_of() names them.
+  /// Groups of four parameters.
+  int groups() const { return static_cast<int>(changes_.size()); }
   const std::vector<std::string>& paths() const { return paths_; }
-
-  /// Number of passes, each for physics::Dual::directions parameters.
-  int passes() const { return static_cast<int>(numbers_.size()); }
 
   /// The states that depend on the parameters directly.
   const std::vector<int>& rows() const { return rows_; }
 
-  using Changes = std::vector<physics::Dual::Derivatives>;
-  /// The period that begins with the states `mean` at `time_s`: the changes of rows(), in the order
-  /// of the parameters. `transition_speed_m_s`: of the mean of the backbone (Prediction::advance).
-  /// Valid until the next call.
-  const Changes& of(int pass, const Vector& mean, double time_s, double transition_speed_m_s);
-  /// Change of the normal load in the last period.
-  const physics::Dual::Derivatives& load() const { return state_.load.d; }
+  /// The period from the states `before` at `time_s` to `after`. `transition_speed_m_s`: of the
+  /// mean of the backbone (Prediction::advance).
+  virtual void update(const Vector& before, const Vector& after, double time_s,
+                      double transition_speed_m_s) = 0;
 
- private:
-  void add_chain(Channel channel, const physics::Sensor& sensor);
-  void add_rows(const physics::Model& model);
-  void collect();
-  physics::Input input_at(const Vector& mean, double after_s) const;
-  void set_states(const Vector& mean, physics::RigNumbers<physics::Dual>& numbers);
+  /// Changes of rows() in that period.
+  const std::vector<ParameterLanes>& changes(int group) const {
+    return changes_[static_cast<std::size_t>(group)];
+  }
+  /// Direct change of the normal load, besides those by the states.
+  const ParameterLanes& load(int group) const { return load_[static_cast<std::size_t>(group)]; }
+
+ protected:
+  ParameterResponse(std::vector<std::string> paths, const physics::Model& model,
+                    const physics::Rig& rig, const Layout& layout, double period_s);
+
+  struct RigChanges {
+    std::array<ParameterLanes, physics::max_rig_states> state;
+    ParameterLanes friction, theta;
+    ParameterLanes force_reading, load_reading;  ///< inputs of their chains, at the end
+    ParameterLanes load;
+  };
+  void store(int group, const RigChanges& changes);
 
   const physics::Rig* rig_;
   const Layout* layout_;
   double period_s_;
-  int steps_;
+
+ private:
+  void add_rows(const physics::Model& model);
+  void add_chain(const Chain& chain, const physics::Sensor& sensor, ParameterLanes RigChanges::*in);
+
   std::vector<std::string> paths_;
-  std::vector<physics::RigNumbers<physics::Dual>> numbers_;
-  physics::RigState<physics::Dual> state_;
-  physics::Quantities<physics::Dual> quantities_;
   std::vector<int> rows_;
-  Changes changes_;
+  std::vector<std::vector<ParameterLanes>> changes_;
+  std::vector<ParameterLanes> load_;
   /// Chains whose input depends on the parameters directly, and their states' responses to an
   /// input of one over a period.
   struct DrivenChain {
-    physics::Dual physics::Quantities<physics::Dual>::*input;
+    ParameterLanes RigChanges::*input;
     std::vector<double> response;
   };
   std::vector<DrivenChain> chains_;
+};
+
+/// For every rig: a pass of the rig's own integrator in dual numbers.
+class IntegratedResponse final : public ParameterResponse {
+ public:
+  /// `rig` and `layout` must outlive it.
+  IntegratedResponse(UncertainParameters parameters, const physics::Model& model,
+                     const physics::Rig& rig, const Layout& layout, double period_s);
+
+  void update(const Vector& before, const Vector& after, double time_s,
+              double transition_speed_m_s) override;
+
+ private:
+  physics::Input input_at(const Vector& mean, double after_s) const;
+  void set_states(const Vector& mean, physics::RigNumbers<physics::Dual>& numbers);
+  void collect(int pass);
+
+  int steps_;
+  std::vector<physics::RigNumbers<physics::Dual>> numbers_;
+  physics::RigState<physics::Dual> state_;
+  physics::Quantities<physics::Dual> quantities_;
 };
 
 }  // namespace stickslip::observer

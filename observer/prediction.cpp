@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "observer/contact_prediction.h"
 #include "observer/dual_prediction.h"
@@ -41,6 +42,12 @@ Prediction::Prediction(const physics::Rig& rig, const Layout& layout, double per
   const std::vector<double>& values = rig.parameter_values();
   const std::vector<physics::Dual> dual_values(values.begin(), values.end());
   dual_numbers_ = rig.numbers<physics::Dual>(std::span<const physics::Dual>(dual_values));
+}
+
+std::unique_ptr<ParameterResponse> Prediction::response_to(UncertainParameters parameters,
+                                                           const physics::Model& model) const {
+  return std::make_unique<IntegratedResponse>(std::move(parameters), model, *rig_, *layout_,
+                                              period_s_);
 }
 
 double Prediction::widened_transition_speed(double slip_variance) const {

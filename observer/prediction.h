@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "observer/layout.h"
+#include "observer/parameter_response.h"
 #include "observer/sensor_error_states.h"
 #include "observer/transition.h"
 #include "physics/rig.h"
@@ -27,6 +28,13 @@ class Prediction {
   virtual void advance(Vector& mean, double time_s, double slip_variance) = 0;
 
   const Transition& transition() const { return transition_; }
+  /// Prepares the transition for a covariance with rows of this width.
+  void set_row_width(int width) { transition_.set_width(width); }
+
+  /// Effect of these parameters of `model`, the one that is predicted, on the period of the last
+  /// advance(). This must outlive it.
+  virtual std::unique_ptr<ParameterResponse> response_to(UncertainParameters parameters,
+                                                         const physics::Model& model) const;
 
   /// Transition speed of the mean of g over that distribution of the slip velocity: the mean of
   /// tanh(v / v0) is close to a wider tanh, with exact slope for v0 = 0, where it is erf. So the

@@ -24,6 +24,11 @@ ReadingErrors::ReadingErrors(const physics::ReadingLaws<double>& laws,
       inversion_(shifted_.size()) {
   for (PerChannel& each : inversion_) each.fill(0.0);
   if (shifted_.empty()) return;
+  for (Channel channel : all_channels) {
+    if (!layout.of(channel).used) continue;
+    now_[index_of(channel)] = measurement_row(layout, channel, 0.0);
+    earlier_[index_of(channel)] = measurement_row(layout, channel, rate_step_s);
+  }
   if (layout.of(Channel::velocity).used) rows_.push_back(layout.of(Channel::velocity).reading);
   for (const Chain& chain : layout.chain) {
     if (chain.hum >= 0) rows_.insert(rows_.end(), {chain.hum, chain.hum + 1});
@@ -43,14 +48,14 @@ void ReadingErrors::read(const Frame& raw) {
 }
 
 double ReadingErrors::value(Channel channel, const Vector& mean) const {
-  const MeasurementRow row = measurement_row(*layout_, channel, 0.0);
+  const MeasurementRow& row = now_[index_of(channel)];
   return row.product(mean, row.count);
 }
 
 double ReadingErrors::rate(Channel channel, const Vector& mean) const {
-  const MeasurementRow now = measurement_row(*layout_, channel, 0.0);
-  const MeasurementRow before = measurement_row(*layout_, channel, rate_step_s);
-  return (now.product(mean, now.dynamic_terms) - before.product(mean, before.dynamic_terms)) /
+  const MeasurementRow& now = now_[index_of(channel)];
+  const MeasurementRow& earlier = earlier_[index_of(channel)];
+  return (now.product(mean, now.dynamic_terms) - earlier.product(mean, earlier.dynamic_terms)) /
          rate_step_s;
 }
 

@@ -41,6 +41,8 @@ class ReadingErrors {
   std::vector<physics::ReadingLaws<double>> shifted_;
   const Layout* layout_;
   double period_s_;
+  /// Measurement rows of a channel, and for an age from which its rate is found.
+  std::array<MeasurementRow, channel_count> now_, earlier_;
   using PerChannel = std::array<double, channel_count>;
   std::vector<int> rows_;
   std::vector<double> changes_;

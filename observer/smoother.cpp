@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <deque>
 #include <limits>
 #include <numbers>
@@ -46,6 +47,33 @@ struct SparseNoise {
     }
     return out;
   }
+};
+
+/// The elements of a matrix of up to max_states rows that are not 0; a fraction of all.
+class SparseMatrix {
+ public:
+  template <class Dense>
+  explicit SparseMatrix(const Dense& dense)
+      : rows_(static_cast<int>(dense.rows())), columns_(static_cast<int>(dense.cols())) {
+    const auto count = static_cast<std::size_t>((dense.array() != 0.0).count());
+    value_.reserve(count);
+    place_.reserve(count);
+    for (Eigen::Index i = 0; i < dense.size(); ++i) {
+      if (dense.data()[i] == 0.0) continue;
+      value_.push_back(dense.data()[i]);
+      place_.push_back(static_cast<std::uint16_t>(i));
+    }
+  }
+  MatrixXd dense() const {
+    MatrixXd out = MatrixXd::Zero(rows_, columns_);
+    for (std::size_t i = 0; i < value_.size(); ++i) out.data()[place_[i]] = value_[i];
+    return out;
+  }
+
+ private:
+  int rows_, columns_;
+  std::vector<double> value_;
+  std::vector<std::uint16_t> place_;  ///< in a matrix by columns
 };
 
 /// The lower triangle, by rows.
@@ -99,8 +127,8 @@ struct BackwardInformation {
 
 /// d' = jacobian (d + u) + w + by_parameters p, with the noises u and w.
 struct TimeUpdate {
-  MatrixXd jacobian;
-  MatrixXd by_parameters;
+  SparseMatrix jacobian;
+  SparseMatrix by_parameters;
   SparseNoise process_noise;
   SparseNoise output_noise;
 };
@@ -108,7 +136,8 @@ struct TimeUpdate {
 struct Reading {
   double innovation = 0.0;
   double weight = 0.0;  ///< inverse standard deviation
-  VectorXd by_states, by_parameters;
+  std::vector<std::pair<int, double>> by_states;
+  VectorXd by_parameters;
 };
 
 /// One period of the forward filter.
@@ -131,20 +160,29 @@ struct ParameterErrors {
   double variance = std::numeric_limits<double>::infinity();  ///< their sum
 };
 
+// Longest step of the integration. All later readings together know the time of a reversal better
+// than half a sampling period.
+constexpr double step_s = 2.5e-4;
+
+/// Receives each smoothed estimate, with all states.
+using Take = std::function<void(const FrictionEstimate&, const Vector& mean)>;
+
 class Smoother {
  public:
   /// `expected`: errors of the consider parameters that the model's own prior expects of `model`,
   /// which may have other values than those declared; empty: none.
-  Smoother(const physics::Model& model, double period_s, const SmoothingWindow& window,
-           const std::function<void(const FrictionEstimate&)>& take, VectorXd expected = {})
-      : filter_(model, period_s, FrictionPrior::from_recording),
+  Smoother(const physics::Model& model, double period_s, const SmoothingWindow& window, Take take,
+           VectorXd expected = {})
+      : filter_(model, period_s, FrictionPrior::from_recording, step_s),
         expected_(expected.size() > 0 ? std::move(expected)
                                       : VectorXd::Zero(filter_.consider_parameters().count())),
-        take_(take),
+        take_(std::move(take)),
         keep_(static_cast<std::size_t>(std::max(1.0, window.keep_s / period_s))),
         ahead_(static_cast<std::size_t>(std::max(1.0, window.ahead_s / period_s))) {}
 
-  void add(const Frame& frame);
+  /// `about`: where its equations are linearised; none: the filter's own estimate. False where the
+  /// time of the frame does not advance, for which there is no estimate.
+  bool add(const Frame& frame, std::optional<LinearisationPoint> about = {});
   void finish() { smooth_steps(steps_.size()); }
 
   /// The most certain of the smoothed errors of the parameters.
@@ -156,16 +194,20 @@ class Smoother {
   void record_readings(FilterStep& step);
   void smooth_steps(std::size_t keep);
   void step_back(const FilterStep& step, BackwardInformation& later) const;
-  FrictionEstimate smoothed(const FilterStep& step, const BackwardInformation& later,
-                            bool converged);
+  struct Smoothed {
+    FrictionEstimate estimate;
+    Vector mean;
+  };
+  Smoothed smoothed(const FilterStep& step, const BackwardInformation& later);
   void add_load_parameters(const Vector& mean, const MatrixXd& spread, const FilterStep& step,
                            FrictionEstimate& estimate) const;
 
   KalmanFilter filter_;
   VectorXd expected_;
   ParameterErrors errors_;
-  const std::function<void(const FrictionEstimate&)>& take_;
+  Take take_;
   std::size_t keep_, ahead_;
+  std::optional<LinearisationPoint> before_;  ///< of the last frame
   std::deque<FilterStep> steps_;
 };
 
@@ -173,19 +215,23 @@ void Smoother::time_update(KalmanFilter& filter) {
   FilterStep step;
   const SparseNoise process_noise(filter.process_noise());
   filter.predict();
-  step.time_update = TimeUpdate{filter.transition().dense(), filter.consider_parameters().input(),
-                                process_noise, SparseNoise(filter.output_noise())};
+  step.time_update = TimeUpdate{SparseMatrix(filter.transition().dense()),
+                                SparseMatrix(filter.consider_parameters().input()), process_noise,
+                                SparseNoise(filter.output_noise())};
   step.predicted = filter.mean();
   step.filtered = filter.mean();  // of a missing frame
   steps_.push_back(std::move(step));
 }
 
-void Smoother::add(const Frame& frame) {
+bool Smoother::add(const Frame& frame, std::optional<LinearisationPoint> about) {
   const FrictionEstimate& estimate = filter_.estimate();
   const std::uint64_t restarts = estimate.restarts;
   const std::size_t count = steps_.size();
+  filter_.linearise_about(before_ ? &*before_ : nullptr, about ? &*about : nullptr);
   filter_.update(frame, [this](KalmanFilter& filter) { time_update(filter); });
-  if (estimate.status == EstimateStatus::out_of_step) return;
+  filter_.linearise_about(nullptr, nullptr);
+  if (estimate.status == EstimateStatus::out_of_step) return false;
+  before_ = std::move(about);
   if (steps_.size() == count || estimate.restarts != restarts) {
     // After a reinitialisation the states are independent of the previous ones.
     steps_.resize(count);
@@ -199,6 +245,7 @@ void Smoother::add(const Frame& frame) {
   step.estimate = estimate;
   if (step.time_update) record_readings(step);
   if (steps_.size() >= keep_ + ahead_) smooth_steps(keep_);
+  return true;
 }
 
 void Smoother::record_readings(FilterStep& step) {
@@ -211,9 +258,8 @@ void Smoother::record_readings(FilterStep& step) {
     Reading reading;
     reading.innovation = filter_.frame()[channel] - predicted.value;
     reading.weight = 1.0 / std::sqrt(predicted.variance);
-    reading.by_states = VectorXd::Zero(states.size());
     for (std::size_t j = 0; j < static_cast<std::size_t>(predicted.row->count); ++j) {
-      reading.by_states[predicted.row->state[j]] += predicted.row->weight[j];
+      reading.by_states.emplace_back(predicted.row->state[j], predicted.row->weight[j]);
     }
     reading.by_parameters = filter_.consider_parameters().reading_errors(channel, states);
     step.readings.push_back(std::move(reading));
@@ -232,7 +278,7 @@ MatrixXd equations_after(const FilterStep& step, const BackwardInformation& late
   Eigen::Index next = unknowns;
   for (const Reading& reading : step.readings) {
     auto row = stack.row(next++);
-    row.head(n) = reading.weight * reading.by_states.transpose();
+    for (const auto& [state, by] : reading.by_states) row[state] += reading.weight * by;
     row.segment(n, unknowns - n) = reading.weight * reading.by_parameters.transpose();
     row[unknowns] = reading.weight * reading.innovation;
   }
@@ -253,12 +299,12 @@ void Smoother::step_back(const FilterStep& step, BackwardInformation& later) con
   MatrixXd stack = MatrixXd::Zero(noises + rows, noises + unknowns + 1);
   stack.topLeftCorner(noises, noises).setIdentity();
   const auto left = after.leftCols(n);
-  const MatrixXd before = left * update.jacobian;
+  const MatrixXd before = left * update.jacobian.dense();
   stack.block(noises, 0, rows, h.cols()) = left * h;
   stack.block(noises, h.cols(), rows, g.cols()) = before * g;
   stack.block(noises, noises, rows, n) = before;
   stack.block(noises, noises + n, rows, unknowns - n) =
-      after.middleCols(n, unknowns - n) + left * update.by_parameters;
+      after.middleCols(n, unknowns - n) + left * update.by_parameters.dense();
   stack.col(noises + unknowns).tail(rows) = after.col(unknowns);
   const MatrixXd reduced = triangular(stack);
   later.root = reduced.block(noises, noises, unknowns, unknowns);
@@ -272,22 +318,17 @@ void Smoother::smooth_steps(std::size_t keep) {
     return BackwardInformation{MatrixXd::Zero(count, count), VectorXd::Zero(count)};
   };
   BackwardInformation later = no_information();
-  bool converged = false;  // the filter has been good later on since its initialisation
-  std::vector<FrictionEstimate> out;
+  std::vector<Smoothed> out;
   for (std::size_t i = steps_.size(); i-- > 0;) {
     const FilterStep& step = steps_[i];
-    if (step.estimate) {
-      converged = converged || step.estimate->status == EstimateStatus::good;
-      if (i < keep) out.push_back(smoothed(step, later, converged));
-    }
+    if (step.estimate && i < keep) out.push_back(smoothed(step, later));
     if (step.time_update) {
       step_back(step, later);
     } else {
       later = no_information();
-      converged = false;
     }
   }
-  for (std::size_t i = out.size(); i-- > 0;) take_(out[i]);
+  for (std::size_t i = out.size(); i-- > 0;) take_(out[i].estimate, out[i].mean);
   steps_.erase(steps_.begin(), steps_.begin() + static_cast<std::ptrdiff_t>(keep));
 }
 
@@ -312,10 +353,9 @@ void Smoother::add_load_parameters(const Vector& mean, const MatrixXd& spread,
   }
 }
 
-FrictionEstimate Smoother::smoothed(const FilterStep& step, const BackwardInformation& later,
-                                    bool converged) {
+Smoother::Smoothed Smoother::smoothed(const FilterStep& step, const BackwardInformation& later) {
   FrictionEstimate estimate = *step.estimate;
-  if (estimate.status == EstimateStatus::waiting) return estimate;
+  if (estimate.status == EstimateStatus::waiting) return {estimate, step.filtered};
   // Filtered and backward information combined in terms of y and p, where the deviation is
   // L y + S p and L L' + S S' the filtered covariance: |y|^2 + |p - expected|^2 +
   // |root (d, p) - value|^2 is least.
@@ -350,15 +390,15 @@ FrictionEstimate Smoother::smoothed(const FilterStep& step, const BackwardInform
   estimate.normal_load_n = std::max(
       0.0, estimate.normal_load_n + step.load_by_parameters.dot(solution.tail(parameters)));
   add_load_parameters(mean, spread, step, estimate);
-  // Also where the filter alone was still settling, or wrong.
-  const bool by_filter = estimate.status == EstimateStatus::good ||
-                         estimate.status == EstimateStatus::impossible ||
-                         (estimate.status == EstimateStatus::settling && converged);
+  // Also where the filter alone was wrong; not where it was still settling, about whose states no
+  // linearisation holds.
+  const bool by_filter =
+      estimate.status == EstimateStatus::good || estimate.status == EstimateStatus::impossible;
   if (by_filter) {
     estimate.status = is_possible(estimate) ? EstimateStatus::good : EstimateStatus::impossible;
   }
   estimate.valid = estimate.status == EstimateStatus::good;
-  return estimate;
+  return {estimate, mean};
 }
 
 void count(const FrictionEstimate& e, PredictionQuality& quality) {
@@ -437,32 +477,101 @@ struct Linearisation {
   VectorXd expected;
 };
 
-// The second pass: the beginning is smoothed about the declared parameters.
-Linearisation estimated_parameters(const physics::Model& model, double period_s,
-                                   std::span<const Frame> frames) {
-  constexpr SmoothingWindow window;
-  ParameterMeans means;
-  const std::function<void(const FrictionEstimate&)> take = [&](const FrictionEstimate& e) {
-    means.add(e);
-  };
-  Smoother smoother(model, period_s, window, take);
-  const auto count = static_cast<std::size_t>((window.keep_s + window.ahead_s) / period_s);
-  for (const Frame& frame : frames.first(std::min(frames.size(), count))) smoother.add(frame);
-  smoother.finish();
-  const Linearisation declared{means.apply_to(model), {}};
-  const VectorXd& errors = smoother.parameter_errors().mean;
-  if (errors.size() == 0) return declared;
-  Linearisation out{declared.model, -errors};
-  const std::vector<std::string>& paths = smoother.considered();
+/// Smoothers at a time, each linearised about the estimates of the one before: the iterations of
+/// the posterior linearisation smoother (Garcia-Fernandez, Svensson, Sarkka 2017). Where the filter
+/// alone is wrong about a transition between stick and slip, so are its derivatives.
+class IteratedSmoother {
+ public:
+  /// `take` must outlive it.
+  IteratedSmoother(const Linearisation& about, double period_s, const SmoothingWindow& window,
+                   const std::function<void(const FrictionEstimate&)>& take) {
+    for (std::size_t i = 0; i < iterations; ++i) {
+      const bool last = i + 1 == iterations;
+      stages_.emplace_back(
+          about.model, period_s, last ? window : short_window,
+          [this, i, last, &take](const FrictionEstimate& e, const Vector& mean) {
+            last ? take(e) : pass_on(i, e, mean);
+          },
+          about.expected);
+    }
+  }
+  // Stages refer to it.
+  IteratedSmoother(const IteratedSmoother&) = delete;
+  IteratedSmoother& operator=(const IteratedSmoother&) = delete;
+
+  void add(const Frame& frame) {
+    pending_[0].push_back(frame);
+    if (!stages_[0].add(frame)) pending_[0].pop_back();
+  }
+  void finish() {
+    for (Smoother& stage : stages_) stage.finish();
+  }
+  const Smoother& last() const { return stages_.back(); }
+
+ private:
+  static constexpr std::size_t iterations = 2;
+  static constexpr SmoothingWindow short_window{.keep_s = 2.0, .ahead_s = 2.0};
+
+  void pass_on(std::size_t from, const FrictionEstimate& e, const Vector& mean) {
+    const Frame frame = pending_[from].front();
+    pending_[from].pop_front();
+    if (from + 2 < iterations) pending_[from + 1].push_back(frame);
+    std::optional<LinearisationPoint> about;
+    if (e.valid) about = {mean, e.slip_velocity_std_m_s * e.slip_velocity_std_m_s};
+    stages_[from + 1].add(frame, std::move(about));
+  }
+
+  std::deque<Smoother> stages_;
+  std::array<std::deque<Frame>, iterations> pending_;  ///< not yet smoothed by that stage
+};
+
+/// The parameters' values moved by `errors` standard deviations.
+Linearisation moved(const Linearisation& about, const std::vector<std::string>& paths,
+                    const VectorXd& errors) {
+  Linearisation out{about.model, about.expected - errors};
   for (const physics::NamedParameter& each : physics::parameters_of(out.model)) {
     const auto found = std::find(paths.begin(), paths.end(), each.path);
     if (found == paths.end()) continue;
     each.parameter->value += errors[found - paths.begin()] * each.parameter->sigma;
   }
-  return physics::inconsistencies_of(out.model).empty() ? out : declared;
+  return out;
 }
 
-/// Shares of the work of the three passes.
+// The beginning is smoothed about the declared parameters, and again about those that it shows,
+// until they stay. The first steps may overshoot, to where the linearisation is worse; errors are
+// not expected beyond `farthest`.
+Linearisation estimated_parameters(const physics::Model& model, double period_s,
+                                   std::span<const Frame> frames) {
+  constexpr double beginning_s = 10.0;
+  constexpr int most_iterations = 2;
+  // In standard deviations.
+  constexpr double farthest = 2.5;
+  constexpr double small = 0.2;
+  const auto count = static_cast<std::size_t>(beginning_s / period_s);
+  const auto beginning = frames.first(std::min(frames.size(), count));
+  Linearisation about{model, {}};
+  for (int i = 0; i < most_iterations; ++i) {
+    ParameterMeans means;
+    const std::function<void(const FrictionEstimate&)> take = [&](const FrictionEstimate& e) {
+      means.add(e);
+    };
+    IteratedSmoother smoother(about, period_s, {}, take);
+    for (const Frame& frame : beginning) smoother.add(frame);
+    smoother.finish();
+    about.model = means.apply_to(about.model);
+    VectorXd errors = smoother.last().parameter_errors().mean;
+    if (errors.size() == 0) break;
+    if (about.expected.size() == 0) about.expected = VectorXd::Zero(errors.size());
+    errors = (errors - about.expected).cwiseMax(-farthest).cwiseMin(farthest) + about.expected;
+    const Linearisation next = moved(about, smoother.last().considered(), errors);
+    if (!physics::inconsistencies_of(next.model).empty()) break;
+    about = next;
+    if (errors.cwiseAbs().maxCoeff() < small) break;
+  }
+  return about;
+}
+
+/// Share of the work of the filter alone.
 constexpr double first_pass = 0.1;
 
 }  // namespace
@@ -481,7 +590,7 @@ PredictionQuality smooth(const physics::Model& model, double period_s,
     first.add(frame);
   }
   const Linearisation about = estimated_parameters(first.means().apply_to(model), period_s, frames);
-  Smoother smoother(about.model, period_s, window, take, about.expected);
+  IteratedSmoother smoother(about, period_s, window, take);
   done = 0.0;
   for (const Frame& frame : frames) {
     if (progress) progress(first_pass + (1.0 - first_pass) * done++ / count_of_frames);

@@ -29,11 +29,12 @@ struct SmoothingWindow {
 
 /// Smooths `frames` (SI units, in order of time) and calls `take` with one estimate for each frame
 /// whose time advances, in order. States, sticking and covariance of the estimate are smoothed, the
-/// rest is the filter's. No information is carried across a reinitialisation of the filter. Three
-/// passes: the filter alone, whose quality is returned; the first 20 s smoothed about the mean mu
-/// and gamma of that; and all of it, linearised about the parameters that these 20 s show. Memory
-/// does not grow with the recording. `progress`, unless empty, is called with the completed share
-/// of the work, 0 to 1. Throws std::invalid_argument as FrictionObserver does, and where the model
+/// rest is the filter's. No information is carried across a reinitialisation of the filter. First
+/// the filter alone, whose quality is returned; then the first 10 s, smoothed repeatedly until
+/// their parameters stay; then all of it, linearised about these. Each smoothing is two: the second
+/// linearised about the states of the first. Steps of at most 0.25 ms. Memory does not grow with
+/// the recording. `progress`, unless empty, is called with the completed share of the work, 0 to 1.
+/// Throws std::invalid_argument as FrictionObserver does, and where the model
 /// is not supported, with the reason.
 PredictionQuality smooth(const physics::Model& model, double period_s,
                          std::span<const Frame> frames,

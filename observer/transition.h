@@ -2,6 +2,7 @@
 // of a few shared sums, such as the contact force, which several rows use.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 
@@ -19,13 +20,19 @@ class Transition {
   struct Entry {
     double weight = 0.0;
     std::uint32_t from = 0;   ///< a state, or padded(count()) + i for the shared sum i
-    std::uint32_t place = 0;  ///< offset of that row in rows of padded(count()) values
+    std::uint32_t place = 0;  ///< offset of that row in rows of width() values
   };
 
   /// For `count` states; no rows yet.
-  explicit Transition(int count) : count_(count) {}
+  explicit Transition(int count) : count_(count), width_(padded(count)) {}
 
   int count() const { return count_; }
+  /// Width of the rows that it is to be multiplied with; at first padded(count()).
+  int width() const { return width_; }
+  void set_width(int width) {
+    width_ = width;
+    for (Entry& entry : entry_) entry.place = entry.from * static_cast<std::uint32_t>(width);
+  }
   int shared() const { return shared_; }
 
   /// Removes all rows. To be followed by the shared sums in order, each of which may use previous
@@ -37,6 +44,7 @@ class Transition {
   }
   void begin_row() {
     first_[static_cast<std::size_t>(rows_)] = entries_;
+    columns_[static_cast<std::size_t>(rows_)] = 0;
     ++rows_;
     first_[static_cast<std::size_t>(rows_)] = entries_;
   }
@@ -45,9 +53,12 @@ class Transition {
   int add(int from, double weight) {
     const auto row = static_cast<std::uint32_t>(from);
     entry_[static_cast<std::size_t>(entries_)] = {weight, row,
-                                                  row * static_cast<std::uint32_t>(padded(count_))};
+                                                  row * static_cast<std::uint32_t>(width_)};
     ++entries_;
     first_[static_cast<std::size_t>(rows_)] = entries_;
+    int& columns = columns_[static_cast<std::size_t>(rows_ - 1)];
+    const int sum = from - padded(count_);
+    columns = std::max(columns, sum < 0 ? from + 1 : columns_[static_cast<std::size_t>(sum)]);
     return entries_ - 1;
   }
   int add_shared(int sum, double weight) { return add(padded(count_) + sum, weight); }
@@ -74,6 +85,9 @@ class Transition {
   int row_start(int state) const { return *first_of(state); }
   const int* row_ends(int state) const { return first_of(state) + 1; }
 
+  /// The states from this one on have no weight in the row of `state`, nor in its shared sums.
+  int columns(int state) const { return columns_[static_cast<std::size_t>(shared_ + state)]; }
+
   /// As a dense matrix; slow.
   Matrix dense() const;
 
@@ -85,10 +99,12 @@ class Transition {
   }
 
   int count_;
+  int width_;
   int shared_ = 0;
   int rows_ = 0;
   int entries_ = 0;
   std::array<int, max_rows + 1> first_{};
+  std::array<int, max_rows> columns_{};
   std::array<Entry, max_rows * max_states> entry_{};
 };
 

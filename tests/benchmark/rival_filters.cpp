@@ -154,7 +154,7 @@ Eigen::MatrixXd RivalFilter::process_noise(const Gaussian& estimate, double slip
 void RivalFilter::add_output_noise(Gaussian& estimate) {
   if (layout_.friction < 0) return;
   scratch_.set_zero();
-  noise_->add_output_noise(small(estimate.mean), scratch_);
+  noise_->add_output_noise(small(estimate.mean), 0.0, scratch_);
   for (const int i : {layout_.theta, layout_.friction}) {
     for (const int j : {layout_.theta, layout_.friction}) {
       estimate.covariance(i, j) += scratch_(i, j);

@@ -1,10 +1,11 @@
-// Time and measurement update of the covariance, compared with dense matrices.
+// Time and measurement update of covariance and sensitivities, compared with dense matrices.
 #include "observer/covariance.h"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
 #include <random>
+#include <vector>
 
 namespace stickslip::observer {
 namespace {
@@ -86,6 +87,54 @@ TEST_P(CovarianceOfSize, MeasurementUpdateEqualsJosephForm) {
     rest.col(reading) -= k;
     const Dense expected = rest * before * rest.transpose() + noise * k * k.transpose();
     EXPECT_LT((dense_of(p) - expected).norm(), 1.0e-12 * before.norm());
+  }
+}
+
+// Three parameters, and more than a register holds.
+TEST_P(CovarianceOfSize, SensitivitiesFollowTheTransitionAndTheGain) {
+  const int count = GetParam();
+  for (const int parameters : {3, 4, 9, 57}) {
+    Covariance p(count, parameters);
+    fill(p);
+    Dense s(count, padded(parameters));
+    for (int i = 0; i < count; ++i) {
+      for (int k = 0; k < s.cols(); ++k) {
+        s(i, k) = p.sensitivity(i, k / parameter_lanes)[k % parameter_lanes] =
+            k < parameters ? gauss() : 0.0;
+      }
+    }
+    Transition f = transition(count);
+    f.set_width(p.width());
+    const Dense covariance = f.dense() * dense_of(p) * f.dense().transpose();
+    p.propagate(f);
+    EXPECT_LT((dense_of(p) - covariance).norm(), 1.0e-12 * covariance.norm());
+    s = f.dense() * s;
+
+    std::vector<ParameterLanes> error(static_cast<std::size_t>(p.groups()));
+    Eigen::VectorXd e(s.cols());
+    for (int k = 0; k < s.cols(); ++k) {
+      e[k] = error[static_cast<std::size_t>(k / parameter_lanes)][k % parameter_lanes] = gauss();
+    }
+    Covariance::States column, gain;
+    p.column(0, column);
+    const double variance = column[0] + 0.3 + e.squaredNorm();
+    p.optimal_gain(column, error, variance, gain);
+    const Eigen::VectorXd expected = (covariance.col(0) + s * e) / variance;
+    Eigen::VectorXd k(count);
+    for (int i = 0; i < count; ++i) k[i] = gain[i];
+    EXPECT_LT((k - expected).norm(), 1.0e-12 * expected.norm());
+    p.correct(gain, column, column[0] + 0.3, error);
+    s -= k * e.transpose();
+    for (int i = 0; i < count; ++i) {
+      for (int j = 0; j < s.cols(); ++j) {
+        EXPECT_NEAR(p.sensitivity(i, j / parameter_lanes)[j % parameter_lanes], s(i, j),
+                    1.0e-12 * s.norm());
+      }
+    }
+    Dense rest = Dense::Identity(count, count);
+    rest.col(0) -= k;
+    const Dense corrected = rest * covariance * rest.transpose() + 0.3 * k * k.transpose();
+    EXPECT_LT((dense_of(p) - corrected).norm(), 1.0e-12 * covariance.norm());
   }
 }
 

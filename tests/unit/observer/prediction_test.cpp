@@ -186,6 +186,63 @@ TEST_P(Predictions, ContactHasExactDerivatives) {
   }
 }
 
+// The model with every parameter uncertain by one per cent that is no state of the filter.
+Model uncertain(Model model, const Layout& layout) {
+  for (const physics::NamedParameter& each : physics::parameters_of(model)) {
+    each.parameter->sigma = 0.01 * std::abs(each.parameter->value);
+  }
+  if (layout.mu >= 0) model.friction.mu.sigma = 0.0;
+  if (layout.log_rate < 0) model.friction.rate_per_s.sigma = 0.0;
+  return model;
+}
+
+std::vector<double> changes_of(const ParameterResponse& response, int parameter) {
+  std::vector<double> out;
+  for (const ParameterLanes& each : response.changes(parameter / parameter_lanes)) {
+    out.push_back(each[parameter % parameter_lanes]);
+  }
+  return out;
+}
+
+TEST_P(Predictions, ContactRespondsToParametersAsPredictionsWithOtherValues) {
+  const Model changed = uncertain(model_, layout_);
+  ContactPrediction prediction(rig_, model_, layout_, period_s);
+  const auto response =
+      prediction.response_to(uncertain_parameters(changed, rig_, layout_), model_);
+  std::mt19937 random(4);
+  const Vector before = random_state(random);
+  // The responses of chains are approximate.
+  const auto is_own = [&](int row) {
+    return row < layout_.core || row == layout_.friction || row == layout_.theta;
+  };
+  Vector after = before;
+  prediction.advance(after, 0.0, 0.0);
+  response->update(before, after, 0.0, prediction.widened_transition_speed(0.0));
+  for (int i = 0; i < response->count(); ++i) {
+    const std::vector<double> changes = changes_of(*response, i);
+    constexpr double share = 1.0e-3;
+    const auto moved = [&](double by) {
+      Model other = model_;
+      for (const physics::NamedParameter& each : physics::parameters_of(other)) {
+        if (each.path == response->paths()[static_cast<std::size_t>(i)]) {
+          each.parameter->value *= 1.0 + 0.01 * share * by;
+        }
+      }
+      const physics::Rig rig(other);
+      Vector out = before;
+      ContactPrediction(rig, other, layout_, period_s).advance(out, 0.0, 0.0);
+      return out;
+    };
+    const Vector expected = (moved(1.0) - moved(-1.0)) / (2.0 * share);
+    for (std::size_t k = 0; k < changes.size(); ++k) {
+      const int row = response->rows()[k];
+      if (!is_own(row)) continue;
+      EXPECT_NEAR(changes[k], expected[row], 1.0e-2 * std::abs(expected[row]) + 1.0e-8)
+          << "state " << row << " by " << response->paths()[static_cast<std::size_t>(i)];
+    }
+  }
+}
+
 TEST_P(Predictions, ContactAtRestReadsTheTrueValues) {
   ContactPrediction prediction(rig_, model_, layout_, period_s);
   std::mt19937 random(3);

@@ -2,7 +2,12 @@
 #include "observer/smoother.h"
 
 #include <gtest/gtest.h>
+#include <malloc.h>
 
+#include <algorithm>
+
+#include "observer/kalman_filter.h"
+#include "tests/unit/heap_count/heap_count.h"
 #include "tests/unit/observer/smoothed.h"
 
 namespace stickslip::observer {
@@ -159,6 +164,50 @@ TEST(Smoother, DoesNotDependOnErrorsOfDeclaredParameters) {
     EXPECT_NEAR(a.normal_load_n, b.normal_load_n,
                 0.5 * a.standard_deviation(Quantity::normal_load) + 1.0e-5);
     EXPECT_NEAR(a.mu, 0.8, 3.0 * a.standard_deviation(Quantity::mu));
+  }
+}
+
+#ifdef STICKSLIP_HEAP_IS_COUNTED
+/// Most heap memory in use when estimates are passed on, for a period of the windows [bytes].
+double heap_per_period(const physics::Model& model, double seconds) {
+  const std::vector<Sample> samples = test::run_observer(model, model, {.duration_s = seconds});
+  const std::vector<Frame> frames = frames_of(samples);
+  constexpr SmoothingWindow window{.keep_s = 0.5, .ahead_s = 0.5};
+  const auto in_use = [] {
+    const struct mallinfo2 heap = mallinfo2();
+    return static_cast<double>(heap.uordblks + heap.hblkhd);
+  };
+  const double before = in_use();
+  double most = before;
+  const auto take = [&](const FrictionEstimate&) { most = std::max(most, in_use()); };
+  smooth(model, 1.0e-3, frames, take, window);
+  return (most - before) * 1.0e-3 / (window.keep_s + window.ahead_s);
+}
+
+TEST(Smoother, NeedsMemoryForItsWindowsOnly) {
+  physics::Model model = with_sigmas(paper_rig(Law::state_variable));
+  model.oscillator.mass_kg.sigma = 0.001;
+  const double few = heap_per_period(model, 2.0);
+  const double many = heap_per_period(model, 6.0);
+  EXPECT_LT(many, 1.02 * few);
+  // Of a filter step with 30 states: no dense matrix but the covariance and the sensitivities.
+  EXPECT_LT(many, 10.0e3);
+}
+#endif
+
+// The smoother's repeated passes rest on it.
+TEST(KalmanFilter, IsTheSameLinearisedAboutItsOwnEstimates) {
+  const physics::Model model = with_sigmas(paper_rig(Law::coulomb));
+  KalmanFilter own(model, 1.0e-3);
+  KalmanFilter about(model, 1.0e-3);
+  for (const Frame& frame : frames_of(test::run_observer(model, model, {.duration_s = 1.0}))) {
+    const double deviation = own.estimate().slip_velocity_std_m_s;
+    const LinearisationPoint before{own.mean(), deviation * deviation};
+    const bool started = own.estimate().status != EstimateStatus::waiting;
+    own.update(frame);
+    about.linearise_about(started ? &before : nullptr, nullptr);
+    about.update(frame);
+    ASSERT_LT((own.mean() - about.mean()).norm(), 1.0e-6 * own.mean().norm()) << frame.time_ns;
   }
 }
 
