@@ -1,6 +1,6 @@
 // Detection limits of a recording: the size from which each effect would be claimed, and the
 // effects that the recording cannot separate. Both follow from the change of the readings that an
-// effect causes, less the part that window states, calibrated parameters and the base's noise
+// effect causes, less the part that window states, calibrated parameters and the drive's noise
 // absorb.
 #pragma once
 

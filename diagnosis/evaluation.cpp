@@ -38,8 +38,7 @@ Evaluation evaluate(const protocol::Recording& recording, const physics::Model& 
   task.sigma = noise_sigma(experiments);
   task.threads = options.threads;
   for (std::size_t w = 0; w < e.windows.size(); ++w) task.windows.push_back({0, w});
-  // States are fitted twice where the base is noisy, and once more for predictions ahead.
-  const double passes = e.base_acceleration_noise_m_s2 > 0.0 ? 3.0 : 2.0;
+  constexpr double passes = 2.0;  // the states of the windows, and those before predictions ahead
   std::atomic<std::size_t> fitted = 0;
   if (options.progress) {
     task.window_done = [&] {

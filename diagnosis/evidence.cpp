@@ -7,10 +7,10 @@
 #include <numbers>
 #include <utility>
 
-#include "diagnosis/base_noise.h"
 #include "diagnosis/drive_phase.h"
 #include "diagnosis/fourier.h"
 #include "diagnosis/median.h"
+#include "diagnosis/parallel/for_each.h"
 
 namespace stickslip::diagnosis {
 
@@ -149,6 +149,17 @@ std::size_t cell_of(double value, double reach) {
   return static_cast<std::size_t>(share * static_cast<double>(PhaseMap::cells));
 }
 
+// By window of the task, corrected for the error of the drive.
+std::vector<Readings> readings_of(const Task& task, const FittedHypothesis& fitted) {
+  std::vector<Readings> out(task.windows.size());
+  parallel::for_each(out.size(), task.threads, [&](std::size_t w) {
+    const Window& window = task.window(w);
+    out[w] = predict(task.experiment(w), window, window.end, *fitted.hypothesis, fitted.z,
+                     (*fitted.state)[w]);
+  });
+  return out;
+}
+
 // Collects the residuals of both hypotheses by channel, window, phase of the drive, and cell of
 // phase space.
 class Collector {
@@ -156,8 +167,8 @@ class Collector {
   Collector(const Task& task, const FittedHypothesis& before, const FittedHypothesis& after)
       : task_(task),
         e_(task.experiments.front()),
-        before_(corrected_readings(task, before)),
-        after_(corrected_readings(task, after)),
+        before_(readings_of(task, before)),
+        after_(readings_of(task, after)),
         order_(in_order_of_time(task)),
         drive_(drive_phase_of(e_)),
         by_cell_(PhaseMap::cells * PhaseMap::cells),
@@ -276,7 +287,7 @@ Evidence evidence_of(const Task& task, const FittedHypothesis& before,
   Evidence out;
   const Experiment& e = task.experiments.front();
   Collector collector(task, before, after);
-  out.base_noise_removed = e.base_acceleration_noise_m_s2 > 0.0;
+  out.drive_noise_removed = e.drive_noise > 0.0;
   out.driven_by = drive_channel_of(before.hypothesis->model().oscillator.excitation);
   for (std::size_t c = 0; c < predicted_channels; ++c) {
     if (e.is_compared(c)) out.channels.push_back(collector.channel(c));

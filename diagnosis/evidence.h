@@ -62,7 +62,7 @@ struct Evidence {
   std::vector<WindowEvidence> windows;  ///< in order of time
   Stretch stretch;
   Channel driven_by = Channel::base_displacement;  ///< channel of the drive amplitudes
-  bool base_noise_removed = false;                 ///< noise of the base was removed
+  bool drive_noise_removed = false;                ///< the error of the drive was removed
 };
 
 /// Of the first experiment of the task. Both hypotheses come with the states of its windows.

@@ -61,6 +61,9 @@ constexpr double implausible_reading = 1.0e12;
 constexpr double min_relative_noise = 1.0e-3;
 // Ends of a recording in which signals reconstructed through filters or derivatives are inaccurate.
 constexpr double reconstruction_margin_s = 0.35;
+// Longest integration step under an imposed motion [s]: no inertia smooths the friction of a
+// contact that passes through its transition speed.
+constexpr double imposed_step_s = 1.0e-4;
 constexpr double min_window_samples = 8.0;
 // Integration steps between two samples, beyond which a comparison takes hours and says nothing.
 constexpr double most_substeps = 2000.0;
@@ -145,6 +148,9 @@ int substeps_for(const Model& model, const Experiment& e, Steps steps) {
   if (model.load_cell) {
     resolving = std::min(
         resolving, 0.05 / (2.0 * std::numbers::pi * model.load_cell->natural_frequency_hz.value));
+  }
+  if (model.oscillator.excitation == Excitation::imposed) {
+    resolving = std::min(resolving, imposed_step_s);
   }
   const double longest = steps == Steps::fine ? resolving : std::min(2.0 * resolving, 1.0e-3);
   const double count = std::ceil(e.period_s / longest - 0.01);
@@ -349,7 +355,7 @@ void set_usable_range(Experiment& e, const Source& source) {
                                      source.filters(Channel::drive_force).empty() &&
                                      source.filters(Channel::displacement).empty();
   const double margin_s = nothing_reconstructed ? 0.0 : reconstruction_margin_s;
-  const auto margin = std::min(e.samples / 8, static_cast<std::size_t>(margin_s / e.period_s));
+  const auto margin = std::min(e.samples / 5, static_cast<std::size_t>(margin_s / e.period_s));
   e.usable_begin = margin;
   e.usable_end = e.samples - margin;
 }
@@ -384,7 +390,8 @@ Experiment make_experiment(const protocol::Recording& recording, const Model& mo
   set_compared(e, source);
   set_readings(e, source);
   const WideBandSignals signals = wide_band_signals(e, source);
-  e.base_acceleration_noise_m_s2 = signals.base.acceleration_noise_std;
+  e.drive_noise = source.excitation() == Excitation::imposed ? signals.displacement.rate_noise_std
+                                                             : signals.base.acceleration_noise_std;
   e.mean_load_n = mean_load_n(source);
   set_inputs(e, source, signals);
   set_guesses(e, model, signals);

@@ -51,8 +51,9 @@ struct Experiment {
   /// The estimate was below the accuracy of any model and was replaced by a lower bound.
   std::array<bool, channel_count> noise_assumed{};
   std::array<double, channel_count> channel_std{};  ///< standard deviation of the recording
-  /// Standard deviation of the base's acceleration as derived from its noisy channel.
-  double base_acceleration_noise_m_s2 = 0.0;
+  /// Standard deviation of the drive as derived from its noisy channel: of the base's acceleration
+  /// [m/s^2], or of the velocity of an imposed motion [m/s].
+  double drive_noise = 0.0;
   StateGuess largest;  ///< largest magnitude of each guessed quantity
   double mean_load_n = 1.0;
   std::size_t usable_begin = 0;  ///< samples near the ends only feed filters

@@ -95,7 +95,6 @@ void converge(const SearchData& data, FittedCandidate& each) {
   Task task = data.train;
   each.hypothesis = each.hypothesis->refined();
   each.fitted.z.resize(each.hypothesis->unknowns().size(), 0.0);
-  task.base_response = base_responses(task, *each.hypothesis, each.fitted.z, each.fitted.state);
   reweight(task, *each.hypothesis, each.fitted);
   FitOptions options;
   options.tolerance = 1.0e-3;
@@ -172,8 +171,6 @@ FittedCandidate calibrate(SearchData& data, const physics::Model& model) {
   const std::vector<double> origin(out.hypothesis->unknowns().size(), 0.0);
   out.fitted = fit_in_stages(data.train, *out.hypothesis, origin,
                              initial_states(data.train, *out.hypothesis), {});
-  data.train.base_response =
-      base_responses(data.train, *out.hypothesis, out.fitted.z, out.fitted.state);
   settle(data, out);
   return out;
 }

@@ -138,15 +138,11 @@ WindowSubset window_subset(const SearchData& data, const FittedCandidate& base) 
   subset.task = train;
   subset.task.experiments = data.coarse;
   subset.task.windows.clear();
-  subset.task.base_response.clear();
   subset.task.threads = 1;
   for (std::size_t w = 0; w < train.windows.size(); ++w) {
     if (!chosen[w]) continue;
     subset.window.push_back(w);
     subset.task.windows.push_back(train.windows[w]);
-    if (!train.base_response.empty()) {
-      subset.task.base_response.push_back(train.base_response[w]);
-    }
     subset.state.push_back(base.fitted.state[w]);
   }
   return subset;

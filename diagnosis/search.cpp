@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "diagnosis/finalists.h"
 #include "diagnosis/screening.h"
 #include "diagnosis/selection.h"
 #include "physics/catalogue.h"
@@ -48,7 +49,6 @@ void Search::update_features() {
   states_only.parameters_free = false;
   states_only.iterations = 6;
   states_only.multistart = false;
-  whole.base_response.clear();
   const Fit fitted = fit(whole, *current_.hypothesis, current_.fitted.z,
                          initial_states(whole, *current_.hypothesis), states_only);
   features_ = residual_features(whole, *current_.hypothesis, fitted);
@@ -56,8 +56,6 @@ void Search::update_features() {
 
 void Search::continue_from(const FittedCandidate& next) {
   current_ = next;
-  data_.train.base_response =
-      base_responses(data_.train, *current_.hypothesis, current_.fitted.z, current_.fitted.state);
   settle(data_, current_);
 }
 
@@ -104,21 +102,6 @@ bool Search::is_complete() const {
          !is_implausible() && !listed_effect_remains();
 }
 
-// The candidates of a screening that are fitted on all windows.
-std::vector<FittedCandidate> Search::finalists() const {
-  const Effort& effort = data_.criteria.effort;
-  std::vector<FittedCandidate> candidates;
-  std::size_t listed = 0;
-  std::size_t unlisted = 0;
-  for (FittedCandidate& each : screened(current_, 0.0, 0.5, false)) {
-    const bool chosen = tier_of(each.candidate) == Tier::listed
-                            ? listed++ < effort.listed_finalists
-                            : unlisted++ < effort.unlisted_finalists;
-    if (chosen) candidates.push_back(std::move(each));
-  }
-  return candidates;
-}
-
 void Search::fit_finalists(std::vector<FittedCandidate>& candidates) {
   report("scoring on held-out data", 0.55);
   fit_and_score(data_, current_.held_out, candidates);
@@ -127,13 +110,7 @@ void Search::fit_finalists(std::vector<FittedCandidate>& candidates) {
     trials_.push_back(
         {each.candidate.name(), static_cast<int>(claims_.size()), each.held_out.chi2, each.gain_z});
   }
-  const auto determined = [&](const FittedCandidate& each) {
-    return is_determined(each, data_.criteria);
-  };
-  if (std::any_of(candidates.begin(), candidates.end(), determined)) {
-    std::erase_if(candidates, std::not_fn(determined));
-  }
-  rank(candidates, data_, current_.held_out, seed());
+  rank_determined(candidates, data_, current_.held_out, seed());
 }
 
 // An explained recording needs no unlisted physics.
@@ -150,7 +127,9 @@ bool Search::may_imitate_pair(const FittedCandidate& best) const {
 
 bool Search::add_effect() {
   if (is_complete()) return false;
-  std::vector<FittedCandidate> candidates = finalists();
+  std::vector<FittedCandidate> candidates =
+      finalists(data_, features_, current_,
+                [&](const std::string& step, double done) { report(step, 0.5 * done); });
   if (candidates.empty()) return false;
   fit_finalists(candidates);
   const FittedCandidate& best = candidates.front();

@@ -89,7 +89,6 @@ class Search {
   bool add_effect();
   bool is_complete() const;
   bool listed_effect_remains() const;
-  std::vector<FittedCandidate> finalists() const;
   void fit_finalists(std::vector<FittedCandidate>& candidates);
   bool add_listed_pair(const std::vector<FittedCandidate>& candidates);
   bool may_imitate_pair(const FittedCandidate& best) const;

@@ -67,7 +67,6 @@ double excess_of(const Run& run, const Experiment& recorded, const FittedHypothe
   options.tolerance = 1.0e-2;
   options.covariance = false;
   std::vector<WindowState> states = initial_states(task, *tested.hypothesis);
-  task.base_response = base_responses(task, *tested.hypothesis, z, states);
   const Fit fitted = fit(task, *tested.hypothesis, z, std::move(states), options);
   return fitted.chi2_per_sample() - 1.0;
 }

@@ -255,7 +255,7 @@ class JointFit {
       const bool logarithmic = hypothesis_.unknowns()[u].logarithmic;
       trial.z[u] += logarithmic ? std::clamp(delta[i], -2.0, 2.0) : delta[i];
     }
-    const bool has_states = problem_.states() > 0;
+    const bool has_states = problem_.free_in_window() > 0;
     for (std::size_t w = 0; w < windows; ++w) {
       Eigen::VectorXd right = -blocks_[w].gs;
       if (np_ > 0) right -= blocks_[w].ps.transpose() * delta;
@@ -362,27 +362,10 @@ std::vector<WindowState> warm_start_states(const std::vector<WindowState>& from,
       if (i == physics::state::contact && !same_contact) continue;
       states[w][static_cast<std::size_t>(i)] = from[w][static_cast<std::size_t>(i)];
     }
+    std::copy(from[w].begin() + physics::max_rig_states, from[w].end(),
+              states[w].begin() + physics::max_rig_states);
   }
   return states;
-}
-
-std::vector<std::shared_ptr<const BaseResponse>> base_responses(
-    const Task& task, const Hypothesis& hypothesis, std::span<const double> z,
-    const std::vector<WindowState>& states) {
-  std::vector<std::shared_ptr<const BaseResponse>> out;
-  if (std::none_of(task.experiments.begin(), task.experiments.end(),
-                   [](const Experiment& e) { return e.base_acceleration_noise_m_s2 > 0.0; })) {
-    return out;
-  }
-  Task plain = task;
-  plain.base_response.clear();
-  WindowProblem problem(plain, hypothesis, z, false);
-  problem.prepare(z);
-  out.resize(task.windows.size());
-  for_each(task.windows.size(), task.threads, [&](std::size_t w) {
-    out[w] = std::make_shared<const BaseResponse>(problem.base_response(w, states[w]));
-  });
-  return out;
 }
 
 std::vector<WindowJacobian> jacobians_of(const Task& task, const Hypothesis& hypothesis,
@@ -394,13 +377,9 @@ std::vector<WindowJacobian> jacobians_of(const Task& task, const Hypothesis& hyp
   std::vector<WindowJacobian> out(task.windows.size());
   for_each(task.windows.size(), task.threads, [&](std::size_t w) {
     const auto derivatives = problem.differentiate(w, states[w]);
-    const Eigen::Index own = derivatives.jacobian.cols() - np;
-    Eigen::MatrixXd knots(derivatives.residual.size(), 0);
-    if (problem.has_base_noise()) knots = problem.scaled_base_response(w);
     out[w].residual = derivatives.residual;
     out[w].parameters = derivatives.jacobian.leftCols(np);
-    out[w].free.resize(derivatives.residual.size(), own + knots.cols());
-    out[w].free << derivatives.jacobian.rightCols(own), knots;
+    out[w].free = derivatives.jacobian.rightCols(derivatives.jacobian.cols() - np);
   });
   return out;
 }
@@ -430,13 +409,7 @@ Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
 Fit fit_states(const Task& task, const Hypothesis& hypothesis, std::span<const double> z,
                FitOptions options) {
   options.parameters_free = false;
-  const std::vector<double> values(z.begin(), z.end());
-  Task coloured = task;
-  coloured.base_response.clear();
-  Fit fitted = fit(coloured, hypothesis, values, initial_states(coloured, hypothesis), options);
-  coloured.base_response = base_responses(coloured, hypothesis, z, fitted.state);
-  if (coloured.base_response.empty()) return fitted;
-  return fit(coloured, hypothesis, values, std::move(fitted.state), options);
+  return fit(task, hypothesis, {z.begin(), z.end()}, initial_states(task, hypothesis), options);
 }
 
 Readings predict(const Experiment& experiment, const Window& window, std::size_t end,
@@ -445,12 +418,10 @@ Readings predict(const Experiment& experiment, const Window& window, std::size_t
   const physics::SensorBank bank(hypothesis.model(), experiment.period_s / experiment.substeps);
   const auto parameters = hypothesis.parameters(z);
   const auto n = numbers_on_recording<double>(hypothesis.rig(), parameters);
-  physics::RigState<double> s;
-  s.s = state;
   Readings readings;
   readings.reserve(end - window.begin);
   run_window<double>(
-      experiment, window, end, hypothesis.rig(), bank, n, s,
+      experiment, window, end, hypothesis.rig(), bank, n, WindowStart<double>(state),
       [&](std::size_t, const physics::Readings<double>& r) { readings.push_back(as_array(r)); });
   return readings;
 }

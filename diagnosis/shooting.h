@@ -7,7 +7,6 @@
 #include <Eigen/Core>
 #include <array>
 #include <functional>
-#include <memory>
 #include <span>
 #include <vector>
 
@@ -22,15 +21,13 @@ struct WindowRef {
   std::size_t window = 0;
 };
 
-/// Knots of the linear spline that models the error of the base's acceleration in one window.
-inline constexpr int base_knots = 16;
+/// Knots of the linear spline that models the error of the drive in one window.
+inline constexpr int drive_knots = 16;
 
-/// Derivative of a window's readings with respect to the knots, each in units of the standard
-/// deviation of the base's acceleration: one row per residual, in the channel's unit, one column
-/// per knot. Its product with its transpose is the residual covariance due to the base's noise.
-using BaseResponse = Eigen::Matrix<double, Eigen::Dynamic, base_knots>;
-
-using WindowState = std::array<double, physics::max_rig_states>;
+/// What is free in a window: the rig's state at `warm`, then the knots of the drive's error, in
+/// units of Experiment::drive_noise. Nonlinear in both, unlike a covariance of residuals: a chaotic
+/// rig amplifies the drive's noise beyond what a linear response describes.
+using WindowState = std::array<double, physics::max_rig_states + drive_knots>;
 
 /// Predicted readings of a window, by sample from its `begin`.
 using Readings = std::vector<std::array<double, predicted_channels>>;
@@ -40,8 +37,6 @@ struct Task {
   std::span<const Experiment> experiments;
   std::vector<WindowRef> windows;
   std::array<double, predicted_channels> sigma{};  ///< residuals are divided by it, by channel
-  /// By window; empty: the base is known exactly.
-  std::vector<std::shared_ptr<const BaseResponse>> base_response = {};
   double share = 1.0;  ///< leading share of each window that is compared
   int threads = 1;
   /// Called for every window whose states were fitted with the unknowns held, from the thread that
@@ -55,9 +50,10 @@ struct Task {
 struct Fit {
   std::vector<double> z;           ///< of the unknowns
   std::vector<WindowState> state;  ///< at the `warm` sample, by window of the task
-  std::vector<double> chi2;        ///< sum of squared scaled residuals, by window
-  std::vector<int> count;          ///< residuals, by window
-  int states_per_window = 0;
+  /// Sum of squared scaled residuals and knots of the drive's error, by window.
+  std::vector<double> chi2;
+  std::vector<int> count;      ///< residuals, by window
+  int states_per_window = 0;   ///< of the rig
   Eigen::MatrixXd covariance;  ///< of z, from the curvature at the solution (unscaled)
   double cost = 0.0;           ///< robust loss and all priors
   int iterations = 0;
@@ -90,18 +86,11 @@ std::vector<WindowState> warm_start_states(const std::vector<WindowState>& from,
                                            const Hypothesis& old_hypothesis,
                                            const Hypothesis& hypothesis);
 
-/// Responses of the windows of `task` to the noise of the base, for Task::base_response; empty
-/// where the base is known exactly. `states` need not be exact.
-std::vector<std::shared_ptr<const BaseResponse>> base_responses(
-    const Task& task, const Hypothesis& hypothesis, std::span<const double> z,
-    const std::vector<WindowState>& states);
-
 /// Fits unknowns and window states, starting from `z` and `states`.
 Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
         std::vector<WindowState> states, const FitOptions& options = {});
 
-/// Fits the window states alone, with the residual covariance that the base's noise has under this
-/// hypothesis (Task::base_response is ignored).
+/// Fits the window states alone, from their first guesses.
 Fit fit_states(const Task& task, const Hypothesis& hypothesis, std::span<const double> z,
                FitOptions options = {});
 
@@ -109,7 +98,7 @@ Fit fit_states(const Task& task, const Hypothesis& hypothesis, std::span<const d
 struct WindowJacobian {
   Eigen::MatrixXd parameters;  ///< residuals x unknowns of the hypothesis
   /// Residuals x nuisance parameters of the window, in units of their priors: its states, and the
-  /// knots of the base's noise.
+  /// knots of the drive's error.
   Eigen::MatrixXd free;
   Eigen::VectorXd residual;
 };

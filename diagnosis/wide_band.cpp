@@ -151,8 +151,8 @@ class AveragedPower {
 
 struct WideBandSpectra {
   std::vector<Complex> value, rate, acceleration;
-  std::vector<double> error;  // power of the acceleration's error, by bin
-  double highest_hz = 0.0;    // of the bins that passed
+  std::vector<double> rate_error, acceleration_error;  // power, by bin
+  double highest_hz = 0.0;                             // of the bins that passed
 };
 
 WideBandSpectra inverse_filtered(const std::vector<Complex>& spectrum, double period_s,
@@ -162,7 +162,8 @@ WideBandSpectra inverse_filtered(const std::vector<Complex>& spectrum, double pe
   const AveragedPower power(spectrum, half);
   WideBandSpectra out;
   for (auto* each : {&out.value, &out.rate, &out.acceleration}) each->resize(length);
-  out.error.assign(half + 1, 0.0);
+  out.rate_error.assign(half + 1, 0.0);
+  out.acceleration_error.assign(half + 1, 0.0);
   for (std::size_t i = 0; i <= half; ++i) {
     const double mean = power.at(static_cast<std::ptrdiff_t>(i));
     const double gain = mean > pass_ratio * noise_power ? 1.0 - noise_power / mean : 0.0;
@@ -175,8 +176,9 @@ WideBandSpectra inverse_filtered(const std::vector<Complex>& spectrum, double pe
     out.rate[i] = y * s;
     out.acceleration[i] = y * s * s;
     if (gain > 0.0) out.highest_hz = frequency;
-    const double noise = noise_power * std::norm(inverse * s * s);
-    out.error[i] = gain > 0.0 ? gain * gain * noise : hidden_ratio * noise;
+    const double error = (gain > 0.0 ? gain * gain : hidden_ratio) * noise_power;
+    out.rate_error[i] = error * std::norm(inverse * s);
+    out.acceleration_error[i] = error * std::norm(inverse * s * s);
     if (i > 0 && i < half) {
       for (auto* each : {&out.value, &out.rate, &out.acceleration}) {
         (*each)[length - i] = std::conj((*each)[i]);
@@ -187,13 +189,15 @@ WideBandSpectra inverse_filtered(const std::vector<Complex>& spectrum, double pe
   return out;
 }
 
-double acceleration_noise_std(const WideBandSpectra& spectra, double period_s) {
+// `error`: power by bin, of `spectra`.
+double error_std(const std::vector<double>& error, const WideBandSpectra& spectra,
+                 double period_s) {
   const auto length = static_cast<double>(spectra.value.size());
   double power = 0.0;
-  for (std::size_t i = 0; i < spectra.error.size(); ++i) {
+  for (std::size_t i = 0; i < error.size(); ++i) {
     const double frequency = static_cast<double>(i) / (length * period_s);
     if (frequency > std::max(1.3 * spectra.highest_hz, hidden_up_to_hz)) break;
-    power += spectra.error[i];
+    power += error[i];
   }
   // Two bins per frequency; the inverse transform divides by the length.
   return std::sqrt(2.0 * power) / length;
@@ -244,7 +248,8 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
   const WideBandSpectra spectra = inverse_filtered(spectrum, period_s, chain, noise_power);
 
   WideBand out;
-  out.acceleration_noise_std = acceleration_noise_std(spectra, period_s);
+  out.rate_noise_std = error_std(spectra.rate_error, spectra, period_s);
+  out.acceleration_noise_std = error_std(spectra.acceleration_error, spectra, period_s);
   const auto back = [&](const std::vector<Complex>& from) {
     const std::vector<Complex> time = inverse_fourier(from);
     std::vector<double> real(n);

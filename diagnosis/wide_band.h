@@ -14,7 +14,8 @@ struct WideBand {
   std::vector<double> value;
   std::vector<double> rate;          ///< first derivative
   std::vector<double> acceleration;  ///< second derivative
-  /// Standard deviation of the acceleration's error due to the noise of the samples.
+  /// Standard deviations of the errors that are due to the noise of the samples.
+  double rate_noise_std = 0.0;
   double acceleration_noise_std = 0.0;
 };
 

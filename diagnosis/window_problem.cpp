@@ -38,6 +38,11 @@ std::vector<int> state_indices(const physics::Rig& rig) {
   return list;
 }
 
+bool is_drive_noisy(std::span<const Experiment> experiments) {
+  return std::any_of(experiments.begin(), experiments.end(),
+                     [](const Experiment& e) { return e.drive_noise > 0.0; });
+}
+
 void set_mechanical_prior(StatePrior& prior, const Experiment& e, const StateGuess& guess) {
   prior.centre[state::x] = guess.displacement_m;
   prior.centre[state::v] = guess.velocity_m_s;
@@ -94,6 +99,7 @@ StatePrior state_prior(const Experiment& e, const Window& window, const Hypothes
   physics::Scales scales;
   scales.displacement_m = e.largest.displacement_m;
   for (const BoundTerm& term : rig.terms()) set_effect_prior(prior, term, parameters, scales);
+  std::fill(prior.sigma.begin() + physics::max_rig_states, prior.sigma.end(), 1.0);
   return prior;
 }
 
@@ -106,18 +112,17 @@ WindowProblem::WindowProblem(const Task& task, const Hypothesis& hypothesis,
     : task_(task),
       hypothesis_(hypothesis),
       states_(state_indices(hypothesis.rig())),
+      rig_states_(states_.size()),
       unknowns_(parameters_free ? hypothesis.unknowns().size() : 0) {
+  if (is_drive_noisy(task.experiments)) {
+    for (int k = 0; k < drive_knots; ++k) states_.push_back(physics::max_rig_states + k);
+  }
   for (const Experiment& e : task.experiments) {
     banks_.emplace_back(hypothesis.model(), e.period_s / e.substeps);
   }
   const auto parameters = hypothesis.parameters(z);
   for (std::size_t w = 0; w < task.windows.size(); ++w) {
     priors_.push_back(state_prior(task.experiment(w), task.window(w), hypothesis, parameters));
-  }
-  if (!task.base_response.empty()) {
-    coloured_.resize(task.windows.size());
-    parallel::for_each(task.windows.size(), task.threads,
-                       [&](std::size_t w) { set_coloured_noise(w); });
   }
 }
 
@@ -141,33 +146,30 @@ double WindowProblem::state_offset(std::size_t w, int state, const WindowState& 
   return (at[i] - prior.centre[i]) / prior.sigma[i];
 }
 
+// Knots of the drive's error count as residuals: they are measured to be 0 within its noise.
+void WindowProblem::add_priors(std::size_t w, const WindowState& at, NormalBlock& block) const {
+  for (std::size_t i = 0; i < states_.size(); ++i) {
+    const double off = state_offset(w, states_[i], at);
+    (i < rig_states_ ? block.prior : block.chi2) += off * off;
+  }
+}
+
 NormalBlock WindowProblem::evaluate(std::size_t w, const WindowState& from) const {
   NormalBlock block;
-  Eigen::Matrix<double, base_knots, 1> projected = Eigen::Matrix<double, base_knots, 1>::Zero();
-  const bool coloured = !coloured_.empty();
-  RigState<double> s;
-  s.s = from;
   const Experiment& e = task_.experiment(w);
-  run_window<double>(
-      e, task_.window(w), end_of(w), hypothesis_.rig(), banks_[task_.windows[w].experiment],
-      numbers_, s, [&](std::size_t k, const physics::Readings<double>& readings) {
-        const auto r = as_array(readings);
-        for (std::size_t c = 0; c < predicted_channels; ++c) {
-          if (!e.is_compared(k, c)) continue;
-          const double residual = (r[c] - e.reading[k][c]) / task_.sigma[c];
-          block.chi2 += residual * residual;
-          if (coloured) {
-            projected += coloured_[w].response.row(block.count).transpose() * residual;
-          }
-          ++block.count;
-        }
-      });
-  if (coloured) block.chi2 -= coloured_[w].factor.matrixL().solve(projected).squaredNorm();
+  run_window<double>(e, task_.window(w), end_of(w), hypothesis_.rig(),
+                     banks_[task_.windows[w].experiment], numbers_, WindowStart<double>(from),
+                     [&](std::size_t k, const physics::Readings<double>& readings) {
+                       const auto r = as_array(readings);
+                       for (std::size_t c = 0; c < predicted_channels; ++c) {
+                         if (!e.is_compared(k, c)) continue;
+                         const double residual = (r[c] - e.reading[k][c]) / task_.sigma[c];
+                         block.chi2 += residual * residual;
+                         ++block.count;
+                       }
+                     });
+  add_priors(w, from, block);
   if (!std::isfinite(block.chi2)) block.chi2 = diverged_chi2;
-  for (const int index : states_) {
-    const double off = state_offset(w, index, from);
-    block.prior += off * off;
-  }
   return block;
 }
 
@@ -175,7 +177,8 @@ NormalBlock WindowProblem::evaluate(std::size_t w, const WindowState& from) cons
 // the same for the states. States move in units of their prior, so that all columns are of like
 // size.
 std::vector<Dual> WindowProblem::seed_directions(std::size_t w, Eigen::Index first,
-                                                 Eigen::Index columns, RigState<Dual>& s) const {
+                                                 Eigen::Index columns,
+                                                 WindowStart<Dual>& start) const {
   const auto np = static_cast<Eigen::Index>(unknowns_);
   std::vector<Dual> parameters(parameters_.begin(), parameters_.end());
   for (Eigen::Index j = first; j < std::min(columns, first + Dual::directions); ++j) {
@@ -185,7 +188,7 @@ std::vector<Dual> WindowProblem::seed_directions(std::size_t w, Eigen::Index fir
           Dual::slope(hypothesis_.slope(u, z_[u]));
     } else {
       const auto i = static_cast<std::size_t>(states_[static_cast<std::size_t>(j - np)]);
-      s.s[i].d[j - first] = Dual::slope(priors_[w].sigma[i]);
+      start[i].d[j - first] = Dual::slope(priors_[w].sigma[i]);
     }
   }
   return parameters;
@@ -206,14 +209,13 @@ WindowProblem::Derivatives WindowProblem::differentiate(std::size_t w,
   Eigen::Index used = 0;
   for (Eigen::Index first = 0; first < std::max<Eigen::Index>(columns, 1);
        first += Dual::directions) {
-    RigState<Dual> s;
-    for (std::size_t i = 0; i < s.s.size(); ++i) s.s[i] = Dual(from[i]);
-    const std::vector<Dual> parameters = seed_directions(w, first, columns, s);
+    WindowStart<Dual> start(from);
+    const std::vector<Dual> parameters = seed_directions(w, first, columns, start);
     const auto n = numbers_on_recording<Dual>(hypothesis_.rig(), std::span<const Dual>(parameters));
     const Eigen::Index some = std::min<Eigen::Index>(Dual::directions, columns - first);
     Eigen::Index row = 0;
-    run_window<Dual>(e, window, end, hypothesis_.rig(), banks_[task_.windows[w].experiment], n, s,
-                     [&](std::size_t k, const physics::Readings<Dual>& readings) {
+    run_window<Dual>(e, window, end, hypothesis_.rig(), banks_[task_.windows[w].experiment], n,
+                     start, [&](std::size_t k, const physics::Readings<Dual>& readings) {
                        const auto r = as_array(readings);
                        for (std::size_t c = 0; c < predicted_channels; ++c) {
                          if (!e.is_compared(k, c)) continue;
@@ -258,18 +260,9 @@ NormalBlock WindowProblem::linearise(std::size_t w, const WindowState& from) con
   block.count = static_cast<int>(used);
   block.chi2 = r.squaredNorm();
   if (!std::isfinite(block.chi2) || !j.allFinite()) return diverged(block.count);
+  add_priors(w, from, block);
   Eigen::MatrixXd jtj = j.transpose() * j;
   Eigen::VectorXd jtr = j.transpose() * r;
-  if (!coloured_.empty()) {
-    // Inverse of the covariance 1 + G G' by Woodbury's formula.
-    const ColouredNoise& c = coloured_[w];
-    const auto g = c.response.topRows(used);
-    const Eigen::VectorXd gr = c.factor.matrixL().solve(g.transpose() * r);
-    const Eigen::MatrixXd gj = c.factor.matrixL().solve(g.transpose() * j);
-    block.chi2 -= gr.squaredNorm();
-    jtj -= gj.transpose() * gj;
-    jtr -= gj.transpose() * gr;
-  }
   const double weight = robust_weight(block.chi2, block.count);
   jtj *= weight;
   jtr *= weight;
@@ -280,9 +273,9 @@ NormalBlock WindowProblem::linearise(std::size_t w, const WindowState& from) con
   block.gs = jtr.tail(ns);
   for (Eigen::Index i = 0; i < ns; ++i) {
     const double off = state_offset(w, states_[static_cast<std::size_t>(i)], from);
-    block.prior += off * off;
-    block.ss(i, i) += 1.0;
-    block.gs[i] += off;
+    const double prior_weight = static_cast<std::size_t>(i) < rig_states_ ? 1.0 : weight;
+    block.ss(i, i) += prior_weight;
+    block.gs[i] += prior_weight * off;
   }
   return block;
 }
@@ -328,40 +321,17 @@ WindowState WindowProblem::propagated(std::size_t w, const WindowState& from) co
   const double h = e.period_s / e.substeps;
   const auto substeps = static_cast<std::size_t>(e.substeps);
   const DelayedInput<double> input(e.input, numbers_, rig.structure().excitation, h);
-  RigState<double> s;
-  s.s = from;
+  const WindowStart<double> start(from);
+  RigState<double> s = start.rig;
   const std::size_t warm = task_.window(w - 1).warm;
   const std::size_t first = warm * substeps;
   rig.complete(s, input.at(first), e.period_s * static_cast<double>(warm), numbers_);
   for (std::size_t at = first; at < task_.window(w).warm * substeps; ++at) {
     rig.step(s, input.at(at), input.at(at + 1), h * static_cast<double>(at), h, numbers_);
   }
-  return s.s;
-}
-
-BaseResponse WindowProblem::base_response(std::size_t w, const WindowState& from) const {
-  const Experiment& e = task_.experiment(w);
-  const Window& window = task_.window(w);
-  BaseResponse response(static_cast<Eigen::Index>((window.end - window.begin) * predicted_channels),
-                        base_knots);
-  const std::vector<Dual> parameters(parameters_.begin(), parameters_.end());
-  RigState<Dual> s;
-  for (std::size_t i = 0; i < s.s.size(); ++i) s.s[i] = Dual(from[i]);
-  const auto n = numbers_on_recording<Dual>(hypothesis_.rig(), std::span<const Dual>(parameters));
-  Eigen::Index row = 0;
-  run_window<Dual>(
-      e, window, window.end, hypothesis_.rig(), banks_[task_.windows[w].experiment], n, s,
-      [&](std::size_t k, const physics::Readings<Dual>& readings) {
-        const auto r = as_array(readings);
-        for (std::size_t c = 0; c < predicted_channels; ++c) {
-          if (!e.is_compared(k, c)) continue;
-          response.row(row++) = r[c].d.head<base_knots>().cast<double>().transpose().matrix();
-        }
-      },
-      BaseKnots(e, window, e.base_acceleration_noise_m_s2));
-  response.conservativeResize(row, base_knots);
-  if (!response.allFinite()) response.setZero();
-  return response;
+  WindowState reached{};
+  std::copy(s.s.begin(), s.s.end(), reached.begin());
+  return reached;
 }
 
 double WindowProblem::parameter_prior(std::span<const double> z) const {
@@ -371,19 +341,6 @@ double WindowProblem::parameter_prior(std::span<const double> z) const {
     if (unknown.prior_sigma > 0.0) sum += std::pow(z[i] / unknown.prior_sigma, 2);
   }
   return sum;
-}
-
-void WindowProblem::set_coloured_noise(std::size_t w) {
-  const Experiment& e = task_.experiment(w);
-  ColouredNoise& out = coloured_[w];
-  out.response = *task_.base_response[w];
-  Eigen::Index row = 0;
-  for_each_compared(e, task_.window(w).begin, end_of(w),
-                    [&](std::size_t, std::size_t c) { out.response.row(row++) /= task_.sigma[c]; });
-  out.rows = row;
-  const auto used = out.response.topRows(row);
-  out.factor.compute(Eigen::Matrix<double, base_knots, base_knots>::Identity() +
-                     used.transpose() * used);
 }
 
 }  // namespace stickslip::diagnosis

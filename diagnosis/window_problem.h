@@ -2,12 +2,12 @@
 // and each window's part of the normal equations.
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <span>
 #include <vector>
 
 #include "diagnosis/shooting.h"
+#include "diagnosis/window_simulation.h"
 #include "physics/rig.h"
 #include "physics/sensor_chain.h"
 
@@ -43,7 +43,9 @@ class WindowProblem {
                 bool parameters_free);
 
   std::size_t unknowns() const { return unknowns_; }
-  std::size_t states() const { return states_.size(); }
+  /// States of the rig that are free in each window; the knots of the drive's error follow them.
+  std::size_t states() const { return rig_states_; }
+  std::size_t free_in_window() const { return states_.size(); }
 
   /// Sets the parameters at which windows are evaluated.
   void prepare(std::span<const double> z);
@@ -52,7 +54,7 @@ class WindowProblem {
   NormalBlock evaluate(std::size_t w, const WindowState& from) const;
 
   /// Scaled residuals of a window and their derivatives with respect to each unknown (first) and
-  /// each state.
+  /// each free state.
   struct Derivatives {
     Eigen::MatrixXd jacobian;
     Eigen::VectorXd residual;
@@ -73,36 +75,21 @@ class WindowProblem {
   /// State of the preceding window, integrated from `from` to where this one begins to settle.
   WindowState propagated(std::size_t w, const WindowState& from) const;
 
-  BaseResponse base_response(std::size_t w, const WindowState& from) const;
-
-  bool has_base_noise() const { return !coloured_.empty(); }
-  /// Derivatives of the scaled residuals of a window with respect to the base's knots.
-  Eigen::MatrixXd scaled_base_response(std::size_t w) const {
-    return coloured_[w].response.topRows(coloured_[w].rows);
-  }
-
   double parameter_prior(std::span<const double> z) const;
 
  private:
-  // Noise of the base in one window, in units of the readings' noise.
-  struct ColouredNoise {
-    BaseResponse response;
-    Eigen::Index rows = 0;                                             // scaled
-    Eigen::LLT<Eigen::Matrix<double, base_knots, base_knots>> factor;  // of 1 + G' G
-  };
-
-  void set_coloured_noise(std::size_t w);
   std::size_t end_of(std::size_t w) const;
   double state_offset(std::size_t w, int state, const WindowState& at) const;
+  void add_priors(std::size_t w, const WindowState& at, NormalBlock& block) const;
   std::vector<physics::Dual> seed_directions(std::size_t w, Eigen::Index first,
                                              Eigen::Index columns,
-                                             physics::RigState<physics::Dual>& s) const;
+                                             WindowStart<physics::Dual>& start) const;
   NormalBlock diverged(int count) const;
 
   const Task& task_;
   const Hypothesis& hypothesis_;
-  std::vector<ColouredNoise> coloured_;
-  std::vector<int> states_;
+  std::vector<int> states_;     // indices into WindowState
+  std::size_t rig_states_ = 0;  // of these, the first
   std::size_t unknowns_;
   std::vector<physics::SensorBank> banks_;
   std::vector<StatePrior> priors_;

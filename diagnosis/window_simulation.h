@@ -18,31 +18,40 @@
 
 namespace stickslip::diagnosis {
 
-/// Error of the base's acceleration in a window: a linear spline whose value is 0 and whose
-/// derivatives are those with respect to its knots, scaled by `height`.
-class BaseKnots {
+/// Error of the drive in a window (Experiment::drive_noise): a linear spline through its knots.
+template <class T>
+class DriveError {
  public:
-  BaseKnots(const Experiment& e, const Window& window, double height)
-      : height_(height),
-        per_s_((base_knots - 1) / (static_cast<double>(window.end - window.warm) * e.period_s)) {}
-  physics::Dual at(double since_warm_s) const {
-    static_assert(base_knots <= physics::Dual::directions);
-    const double position = std::min(since_warm_s * per_s_, base_knots - 1.000001);
-    const auto left = static_cast<Eigen::Index>(position);
+  using Knots = std::array<T, drive_knots>;
+  DriveError(const Experiment& e, const Window& window, const Knots& knots)
+      : knots_(knots),
+        noise_(e.drive_noise),
+        span_s_(static_cast<double>(window.end - window.warm) * e.period_s) {}
+  /// 0 after the end of the window.
+  T at(double since_warm_s) const {
+    if (!(noise_ > 0.0) || since_warm_s > span_s_) return T(0.0);
+    const double position = std::min(since_warm_s / span_s_, 0.999999) * (drive_knots - 1);
+    const auto left = static_cast<std::size_t>(position);
     const double share = position - static_cast<double>(left);
-    physics::Dual sum;
-    sum.d[left] = physics::Dual::slope(height_ * (1.0 - share));
-    sum.d[left + 1] = physics::Dual::slope(height_ * share);
-    return sum;
+    return (noise_ * (1.0 - share)) * knots_[left] + (noise_ * share) * knots_[left + 1];
   }
 
  private:
-  double height_;
-  double per_s_;
+  const Knots& knots_;
+  double noise_;
+  double span_s_;
 };
 
-struct NoKnots {
-  double at(double /*since_warm_s*/) const { return 0.0; }
+/// A window's free state with derivatives, or plain.
+template <class T>
+struct WindowStart {
+  physics::RigState<T> rig;
+  std::array<T, drive_knots> knots{};
+
+  explicit WindowStart(const WindowState& from) {
+    for (std::size_t i = 0; i < from.size(); ++i) (*this)[i] = T(from[i]);
+  }
+  T& operator[](std::size_t i) { return i < rig.s.size() ? rig.s[i] : knots[i - rig.s.size()]; }
 };
 
 /// The inputs of a window as they acted, corrected for the delay of their own channel.
@@ -84,11 +93,14 @@ class DelayedInput {
 
 /// Integrates from `s` at window.warm to `end` and calls sink(sample, readings) from window.begin
 /// on.
-template <class T, class Sink, class Knots = NoKnots>
+template <class T, class Sink>
 void run_window(const Experiment& e, const Window& window, std::size_t end, const physics::Rig& rig,
                 const physics::SensorBank& bank, const physics::RigNumbers<T>& n,
-                physics::RigState<T> s, Sink&& sink, const Knots& knots = {}) {
+                const WindowStart<T>& from, Sink&& sink) {
+  physics::RigState<T> s = from.rig;
+  const DriveError<T> drive_error(e, window, from.knots);
   const bool wrong = n.reading.any_error;
+  const bool imposed = rig.structure().excitation == physics::Excitation::imposed;
   std::optional<physics::SensorErrors<T>> faults;
   physics::SensorErrorState<T> fault_memory;
   const double h = e.period_s / e.substeps;
@@ -113,7 +125,9 @@ void run_window(const Experiment& e, const Window& window, std::size_t end, cons
     for (std::size_t j = 0; j < substeps; ++j, ++at) {
       const double time = start_time + static_cast<double>(at - window.warm * substeps) * h;
       const physics::Input next = input.at(at + 1);
-      s.unrecorded = input.lead_term(now, next) + knots.at(time - start_time + 0.5 * h);
+      const T error = drive_error.at(time - start_time + 0.5 * h);
+      s.unrecorded = input.lead_term(now, next) + error;
+      if (imposed) s.s[physics::state::v] = now.velocity_m_s + error;
       rig.step(s, now, next, time, h, n);
       now = next;
       bank.advance(memory, rig.quantities(s, now, n));

@@ -531,7 +531,7 @@ void Rig::scale_friction(FrictionFactors<T>& factors, const RigState<T>& state, 
 template <class T>
 void set_motion(RigState<T>& state, const Input& now) {
   state.s[state::x] += now.displacement_m - value_of(state.s[state::x]);
-  state.s[state::v] += now.velocity_m_s - value_of(state.s[state::v]);
+  state.s[state::v] += now.velocity_m_s + value_of(state.unrecorded) - value_of(state.s[state::v]);
 }
 
 template <class T>

@@ -38,8 +38,9 @@ struct RigState {
   T theta{0.0};     ///< friction over mu N
   T slip{0.0};      ///< velocity across the contact [m/s]
   T load{1.0};      ///< normal load [N]
-  /// Excitation in addition to the input: acceleration of the frame [m/s^2], or the drive force [N]
-  /// of a force-excited rig. For callers whose input is uncertain.
+  /// Excitation in addition to the input: acceleration of the frame [m/s^2], the drive force [N] of
+  /// a force-excited rig, or the velocity of an imposed motion [m/s], whose derivatives the caller
+  /// adds to `s`. For callers whose input is uncertain.
   T unrecorded{0.0};
 };
 

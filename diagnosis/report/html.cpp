@@ -81,9 +81,9 @@ Section findings_section(const Diagnosis& d) {
   return out;
 }
 
-std::string base_noise_remark(const Evidence& evidence) {
-  return evidence.base_noise_removed
-             ? " The contribution of the measurement noise of the base channel is removed."
+std::string drive_noise_remark(const Evidence& evidence) {
+  return evidence.drive_noise_removed
+             ? " The contribution of the measurement noise of the drive is removed."
              : "";
 }
 
@@ -103,7 +103,7 @@ Section stretch_section(const Diagnosis& d) {
                    format_number(stretch.typical) +
                    " times in the median held-out window. Dotted lines: start of a window, with "
                    "an initial state fitted to that window alone." +
-                   base_noise_remark(evidence));
+                   drive_noise_remark(evidence));
   out += figures;
   return out;
 }
@@ -132,7 +132,7 @@ Section residual_section(const Diagnosis& d) {
     out += paragraph(
         "Residual: recording minus simulation, divided by the noise of the channel; 1 is noise "
         "only. The figures show all windows, fitted and held out." +
-        base_noise_remark(*d.evidence));
+        drive_noise_remark(*d.evidence));
     out += figures;
   }
   out += region_table(d);

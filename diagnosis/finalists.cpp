@@ -1,0 +1,38 @@
+#include "diagnosis/finalists.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "diagnosis/screening.h"
+#include "diagnosis/selection.h"
+
+namespace stickslip::diagnosis {
+
+std::vector<FittedCandidate> finalists(
+    const SearchData& data, const ResidualFeatures& features, const FittedCandidate& base,
+    const std::function<void(const std::string& step, double done)>& progress) {
+  const Effort& effort = data.criteria.effort;
+  std::vector<FittedCandidate> out;
+  std::size_t listed = 0;
+  std::size_t unlisted = 0;
+  for (FittedCandidate& each : screen(data, features, base, false, progress)) {
+    const bool chosen = tier_of(each.candidate) == physics::Tier::listed
+                            ? listed++ < effort.listed_finalists
+                            : unlisted++ < effort.unlisted_finalists;
+    if (chosen) out.push_back(std::move(each));
+  }
+  return out;
+}
+
+void rank_determined(std::vector<FittedCandidate>& candidates, const SearchData& data,
+                     const HeldOut& current, std::uint64_t seed) {
+  const auto determined = [&](const FittedCandidate& each) {
+    return is_determined(each, data.criteria);
+  };
+  if (std::any_of(candidates.begin(), candidates.end(), determined)) {
+    std::erase_if(candidates, std::not_fn(determined));
+  }
+  rank(candidates, data, current, seed);
+}
+
+}  // namespace stickslip::diagnosis
