@@ -252,15 +252,14 @@ constexpr std::array output_table = {
         .path = "observer.enabled", .sentence = "True: friction is estimated while the rig runs."}),
     bound<&Rig::observer, &Observer::model_check>(
         Key{.path = "observer.model_check",
-            .sentence =
-                "True: deviations of the rig from its model are reported. Needs the observer."}),
-    bound<&Rig::observer, &Observer::days_between_false_alarms>(
-        Key{.path = "observer.days_between_false_alarms",
-            .unit = "days",
-            .sentence = "Mean time between false alarms that the thresholds of the model check are "
-                        "designed for.",
-            .low = 0.01,
-            .high = 10000}),
+            .sentence = "True: deviations of the rig from its model are reported and explained."}),
+    bound<&Rig::observer, &Observer::days_between_false_alarms>(Key{
+        .path = "observer.days_between_false_alarms",
+        .unit = "days",
+        .sentence = "Mean time between false alarms that the limit of the model check is designed "
+                    "for.",
+        .low = 0.01,
+        .high = 10000}),
     bound<&Rig::metrics, &Metrics::file>(
         Key{.path = "metrics.file",
             .sentence = "Status for Prometheus, written once a second; named *.prom, in the folder "

@@ -148,21 +148,31 @@ std::optional<Command::Kind> kind_of(const std::string& command) {
   return std::nullopt;
 }
 
+json json_of(const diagnosis::Explanation& each) {
+  return {{"relation", physics::name_of(each.relation)},
+          {"channel", each.channel ? json(info(*each.channel).stem) : json(nullptr)},
+          {"effect", each.name},
+          {"statement", each.statement},
+          {"chi2", each.chi2},
+          {"probability", each.probability}};
+}
+
 json model_of(const Status& status) {
-  if (!status.model_checked) return {{"standing", "off"}};
-  const ModelVerdict& verdict = status.model;
-  json out = {{"standing", observer::name_of(verdict.status)}, {"alarms", verdict.alarms}};
-  if (verdict.status != observer::ModelStatus::broken) return out;
-  out["statement"] = observer::words_for(verdict);
-  out["explained"] = status.model_explained;
-  out["relation"] = physics::name_of(verdict.relation);
-  const bool sensor = verdict.relation == physics::Relation::sensor;
-  out["channel"] = sensor ? json(info(verdict.channel).stem) : json(nullptr);
-  out["alternative"] = physics::name_of(verdict.alternative);
-  out["probability"] = verdict.probability;
+  if (!status.model) return {{"standing", "off"}};
+  const diagnosis::LiveVerdict& verdict = *status.model;
+  json out = {{"standing", diagnosis::name_of(verdict.status)},
+              {"chi2", verdict.chi2},
+              {"limit", verdict.limit},
+              {"alarms", verdict.alarms}};
+  if (verdict.status != diagnosis::LiveStatus::broken) return out;
+  out["statement"] = words_for(verdict);
   out["since_time_ns"] = verdict.since_ns;
   out["reported_time_ns"] = verdict.reported_ns;
-  out["recording_time_ns"] = {verdict.from_ns, verdict.to_ns};
+  out["recording_time_ns"] = {verdict.from_ns(), verdict.to_ns()};
+  out["certain"] = verdict.is_certain;
+  out["explained"] = verdict.explanations.empty() ? "" : cause_in_words(verdict);
+  out["explanations"] = json::array();
+  for (const auto& each : verdict.explanations) out["explanations"].push_back(json_of(each));
   return out;
 }
 

@@ -97,10 +97,6 @@ constexpr std::array descriptions = {
     Description{
         estimate_restarted, warning, "estimate_restarted",
         [](const Notice&) { return std::string("the observer diverged and was restarted"); }},
-    Description{model_broken, warning, "model_broken",
-                [](const Notice& notice) { return observer::words_for(notice.verdict); }},
-    Description{model_follows, info, "model_follows",
-                [](const Notice&) { return std::string("the rig follows its model again"); }},
 };
 
 constexpr bool in_order() {
@@ -109,7 +105,7 @@ constexpr bool in_order() {
   }
   return true;
 }
-static_assert(in_order() && descriptions.back().kind == model_follows);
+static_assert(in_order() && descriptions.back().kind == estimate_restarted);
 
 }  // namespace
 
@@ -118,22 +114,6 @@ Event event_of(const Notice& notice) {
   const bool of_channel = notice.kind == not_finite || notice.kind == beyond_calibration;
   return {description.severity, description.code, description.message(notice),
           notice.time_ns,       notice.sequence,  of_channel ? channel_of(notice) : ""};
-}
-
-Event with_times(Event event, const ModelVerdict& verdict, std::int64_t utc_us) {
-  constexpr std::int64_t us_per_s = 1'000'000;
-  const std::int64_t since_us = utc_us - (verdict.reported_ns - verdict.since_ns) / 1000;
-  const std::int64_t second = since_us / us_per_s % 86400;
-  const auto seconds = [](std::int64_t time_ns) {
-    const std::int64_t tenths = time_ns / 100'000'000;
-    return std::to_string(tenths / 10) + '.' + std::to_string(std::abs(tenths % 10)) + " s";
-  };
-  std::array<char, 16> clock{};
-  std::snprintf(clock.data(), clock.size(), "%02d:%02d:%02d", static_cast<int>(second / 3600),
-                static_cast<int>(second / 60 % 60), static_cast<int>(second % 60));
-  event.message += ", since " + std::string(clock.data()) + " UTC; diagnose the recording from " +
-                   seconds(verdict.from_ns) + " to " + seconds(verdict.to_ns) + " of its time_ns";
-  return event;
 }
 
 Event event_of(const Notice& sum, std::uint64_t notices) {

@@ -21,10 +21,6 @@ struct Event {
 
 Event event_of(const Notice& notice);
 
-/// Adds to a model_broken when the deviation began (time of day, UTC) and the interval of the
-/// recording to diagnose. `utc_us`: now.
-Event with_times(Event event, const ModelVerdict& verdict, std::int64_t utc_us);
-
 /// Summary of several notices of one kind: `sum` is the latest, with the sum of their counts and
 /// their longest duration.
 Event event_of(const Notice& sum, std::uint64_t notices);

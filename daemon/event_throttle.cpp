@@ -12,8 +12,7 @@ constexpr std::int64_t over_ns = 10 * second_ns;
 
 bool is_never_held(Notice::Kind kind) {
   using enum Notice::Kind;
-  return kind == fault || kind == state || kind == left_on || kind == end_of_data ||
-         kind == model_broken || kind == model_follows;
+  return kind == fault || kind == state || kind == left_on || kind == end_of_data;
 }
 
 }  // namespace

@@ -363,19 +363,7 @@ const Estimate* Loop::observe(const Frame& frame) {
     interlocks_.observer_restarted(true);
   }
   observer_restarts_ = estimate.restarts;
-  check_model(estimate);
   return &estimate;
-}
-
-void Loop::check_model(const Estimate& estimate) {
-  ModelCheck* const check = settings_.model_check;
-  if (check == nullptr || !check->update(estimate)) return;
-  const ModelVerdict& verdict = check->verdict();
-  const bool broken = verdict.status == observer::ModelStatus::broken;
-  // The end of the learning phase is not reported.
-  if (broken || verdict.alarms > 0) {
-    notify(broken ? Notice::Kind::model_broken : Notice::Kind::model_follows);
-  }
 }
 
 // A notice for each channel in `now` that is not in `before`.
@@ -504,10 +492,6 @@ void Loop::publish_snapshot(std::int64_t now_ns) {
   out.raw = raw_;
   if (latest_) out.frame = *latest_;
   out.frames = frames_;
-  if (settings_.model_check != nullptr) {
-    out.model_checked = true;
-    out.model = settings_.model_check->verdict();
-  }
   snapshot_.write(out);
 }
 
@@ -522,7 +506,6 @@ void Loop::notify(Notice::Kind kind, std::uint64_t count, std::int64_t duration_
   out.count = count;
   out.duration_ns = duration_ns;
   out.set_text(text);
-  if (kind == Notice::Kind::model_broken) out.verdict = settings_.model_check->verdict();
   if (!notices_.push(out)) count_up(timing_.lost_events);
 }
 

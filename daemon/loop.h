@@ -42,7 +42,6 @@ struct LoopSettings {
   bool start_at_once = false;
   bool end_on_fault = false;          ///< otherwise the fault latches and the loop goes on
   const Stream* recorder = nullptr;   ///< whose losses the interlocks watch; may be null
-  ModelCheck* model_check = nullptr;  ///< fed with the observer's estimates; may be null
 };
 
 /// Why the loop ended.
@@ -69,8 +68,6 @@ struct Snapshot {
   Frame raw;
   Frame frame;  ///< calibrated
   std::uint64_t frames = 0;
-  bool model_checked = false;
-  ModelVerdict model;  ///< valid if model_checked
 };
 
 class Loop {
@@ -130,7 +127,6 @@ class Loop {
   bool sequence(Frame& raw);
   Calibrated calibrate(const Frame& raw);
   const Estimate* observe(const Frame& frame);
-  void check_model(const Estimate& estimate);
   void report_new_channels(Notice::Kind kind, std::uint8_t now, std::uint8_t before);
   void check_interlocks();
   void trip(const Interlocks::Broken& broken);

@@ -50,8 +50,6 @@ struct Notice {
     overrun,             ///< by `duration_ns`; `count` periods were skipped
     end_of_data,
     estimate_restarted,  ///< the observer diverged and was restarted
-    model_broken,        ///< the rig no longer follows its model; see `verdict`
-    model_follows,       ///< it follows its model again
   };
   Kind kind = Kind::fault;
   std::int64_t time_ns = 0;    ///< of the latest frame
@@ -59,7 +57,6 @@ struct Notice {
   std::uint64_t count = 0;
   std::int64_t duration_ns = 0;
   std::array<char, 200> text{};  ///< zero-terminated
-  ModelVerdict verdict;          ///< of a model_broken
 
   /// Truncates `value` to the space there is.
   void set_text(std::string_view value) {

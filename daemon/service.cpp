@@ -19,7 +19,6 @@
 #include "config/lcm_url.h"
 #include "config/named_files.h"
 #include "config/settings.h"
-#include "daemon/alarm_analyser.h"
 #include "daemon/clock.h"
 #include "daemon/control_server.h"
 #include "daemon/device_supervisor.h"
@@ -31,6 +30,7 @@
 #include "daemon/message_writer.h"
 #include "daemon/messages.h"
 #include "daemon/metrics.h"
+#include "daemon/model_check.h"
 #include "daemon/realtime.h"
 #include "daemon/recording_input.h"
 #include "daemon/rig_settings.h"
@@ -53,7 +53,7 @@ constexpr std::size_t loop_memory = 512UL << 10U;
 constexpr auto housekeeping_period = 50ms;
 constexpr std::int64_t status_period_ns = 1'000'000'000;
 // Time to drain at the end: a network needs none, a disk may be busy.
-constexpr auto analysis_timeout = 5s;
+constexpr auto model_timeout = 5s;
 constexpr auto publish_timeout = 5s;
 constexpr auto record_timeout = 30s;
 
@@ -79,11 +79,12 @@ struct Consumer {
 };
 
 /// Consumer of frames whose losses do not count in the ledger.
-struct AlarmAnalysis {
-  AlarmAnalysis(const config::Rig& rig, const StreamSettings& settings)
-      : analyser(rig.model, 1.0 / rig.loop.rate_hz), stream(analyser, account, settings) {}
+struct CheckedModel {
+  CheckedModel(const config::Rig& rig, const StreamSettings& settings)
+      : check(rig.model, rig.observer.days_between_false_alarms),
+        stream(check, account, settings) {}
 
-  AlarmAnalyser analyser;
+  ModelCheck check;
   Account account;
   Stream stream;
 };
@@ -118,13 +119,6 @@ std::unique_ptr<Observer> observer_for(const config::Rig& rig) {
   if (observer->supported()) return observer;
   spdlog::warn("no estimates: {}", observer->unsupported());
   return nullptr;
-}
-
-std::unique_ptr<ModelCheck> model_check_for(const config::Rig& rig, const Observer* observer) {
-  if (observer == nullptr || !rig.observer.model_check) return nullptr;
-  return std::make_unique<ModelCheck>(
-      rig.model, 1.0 / rig.loop.rate_hz,
-      observer::ModelCheckSettings{rig.observer.days_between_false_alarms});
 }
 
 LineServerSettings line_server_settings(const config::Rig& rig) {
@@ -202,7 +196,7 @@ class Service {
   void publish_writer_events();
   void publish_losses();
   void drain_notices(Loop& loop);
-  void publish_findings();
+  void publish_model_events();
   Status status(const Loop& loop);
   void publish_status(const Loop& loop);
   void write_metrics_of(const Status& status);
@@ -223,8 +217,7 @@ class Service {
   Pacing pacing_ = Pacing::deadlines;
   std::unique_ptr<Consumer> publisher_;
   std::unique_ptr<Consumer> recorder_;
-  std::unique_ptr<AlarmAnalysis> analysis_;  // if the model is checked
-  std::string model_explained_;
+  std::unique_ptr<CheckedModel> model_;  // if it is checked
   ProcessorLatencyRequest latency_request_;
   std::int64_t started_ns_ = 0;
   std::uint64_t watchdog_cycles_ = 0;       // at the latest notification of the watchdog
@@ -256,16 +249,14 @@ void Service::open_consumers() {
     publisher_ = std::make_unique<Consumer>("publisher", open_lcm(rig_.lcm.url),
                                             ledger_.published(), settings);
   }
-  if (rig_.observer.enabled && rig_.observer.model_check) {
-    analysis_ = std::make_unique<AlarmAnalysis>(rig_, settings);
-  }
+  if (rig_.observer.model_check) model_ = std::make_unique<CheckedModel>(rig_, settings);
 }
 
 std::vector<Stream*> Service::streams() {
   std::vector<Stream*> out;
   if (recorder_) out.push_back(&recorder_->stream);
   if (publisher_) out.push_back(&publisher_->stream);
-  if (analysis_) out.push_back(&analysis_->stream);
+  if (model_) out.push_back(&model_->stream);
   return out;
 }
 
@@ -291,10 +282,8 @@ int Service::run() {
   open_consumers();
 
   const std::unique_ptr<Observer> observer = observer_for(rig_);
-  const std::unique_ptr<ModelCheck> model_check = model_check_for(rig_, observer.get());
   LoopSettings settings = loop_settings(rig_, device, pacing_);
   if (recorder_) settings.recorder = &recorder_->stream;
-  settings.model_check = model_check.get();
   Loop loop(*driver, clock_, settings, Excitation(rig_.excitation, driven_rig(rig_)),
             observer.get(), ledger_, streams());
   const std::unique_ptr<ControlServer> control = open_control(loop, device);
@@ -481,34 +470,24 @@ void Service::drain_notices(Loop& loop) {
     if (notice.kind == Notice::Kind::overrun) {
       longest_unreported_overrun_ns_ = std::max(longest_unreported_overrun_ns_, notice.duration_ns);
     }
-    if (notice.kind == Notice::Kind::model_broken) {
-      publish_and_log(with_times(event_of(notice), notice.verdict, utc_us()));
-      model_explained_.clear();
-      if (analysis_) analysis_->analyser.request(notice.verdict);
-      continue;
-    }
     if (const auto event = throttle_.accept(notice, clock_.now_ns())) publish_and_log(*event);
   }
   publish_writer_events();
   for (const Event& event : throttle_.due(clock_.now_ns())) publish_and_log(event);
   for (const Event& line : line_throttle_.due(clock_.now_ns())) log_event(line);
-  publish_findings();
+  publish_model_events();
 }
 
-void Service::publish_findings() {
-  if (!analysis_) return;
-  while (const auto finding = analysis_->analyser.next_finding()) {
-    const Event event = event_of(*finding);
-    model_explained_ = event.message;
-    publish_and_log(event);
-  }
+void Service::publish_model_events() {
+  if (!model_) return;
+  while (const auto event = model_->check.next_event()) publish_and_log(*event);
 }
 
 Status Service::status(const Loop& loop) {
   Status out = status_of(loop.snapshot(), ledger_, loop.timing());
   out.uptime_ns = clock_.now_ns() - started_ns_;
   out.devices = loop.device_counts();
-  out.model_explained = model_explained_;
+  if (model_) out.model = model_->check.verdict();
   for (const Consumer* consumer : {publisher_.get(), recorder_.get()}) {
     if (consumer != nullptr) out.lost_messages += consumer->stream.lost_messages();
   }
@@ -555,8 +534,8 @@ void Service::send(const Message& message) {
 }
 
 void Service::finish_consumers() {
-  if (analysis_) analysis_->stream.finish(analysis_timeout);
-  publish_findings();
+  if (model_) model_->stream.finish(model_timeout);
+  publish_model_events();
   if (publisher_) publisher_->stream.finish(publish_timeout);
   if (recorder_) recorder_->stream.finish(record_timeout);
   publish_writer_events();

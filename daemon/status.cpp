@@ -42,8 +42,6 @@ Status status_of(const Snapshot& rig, const Ledger& ledger, const Timing& timing
   out.not_finite = value(timing.not_finite);
   out.failed_reads = value(timing.failed_reads);
   out.failed_writes = value(timing.failed_writes);
-  out.model_checked = rig.model_checked;
-  out.model = rig.model;
   out.lost_messages = value(timing.lost_events);
   return out;
 }

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "daemon/ledger.h"
 #include "daemon/loop.h"
 #include "daemon/safety.h"
 #include "daemon/timing.h"
+#include "diagnosis/live_check.h"
 #include "drivers/driver.h"
 
 namespace stickslip::daemon {
@@ -46,9 +48,7 @@ struct Status {
   std::uint64_t failed_reads = 0;
   std::uint64_t failed_writes = 0;
   drivers::Counts devices;  ///< the devices' own counts
-  bool model_checked = false;
-  ModelVerdict model;               ///< valid if model_checked
-  std::string model_explained;      ///< cause of the latest alarm; empty: unknown
+  std::optional<diagnosis::LiveVerdict> model;  ///< of the live model check; absent: off
   bool recording_failing = false;   ///< frames are being lost by the recording
   std::uint64_t lost_messages = 0;  ///< events, estimates and status messages
 };

@@ -192,8 +192,7 @@ void settle(SearchData& data, FittedCandidate& each) {
   }
 }
 
-void fit_and_score(const SearchData& data, const HeldOut& current,
-                   std::span<FittedCandidate> candidates) {
+void fit_thoroughly(const SearchData& data, std::span<FittedCandidate> candidates) {
   double min_cost = std::numeric_limits<double>::infinity();
   for (FittedCandidate& each : candidates) {
     each.fitted = fit(data.train, *each.hypothesis, each.fitted.z, each.fitted.state, brief_fit(4));
@@ -203,6 +202,13 @@ void fit_and_score(const SearchData& data, const HeldOut& current,
   }
   for (FittedCandidate& each : candidates) {
     if (each.fitted.cost <= data.criteria.hopeless_cost_ratio * min_cost) converge(data, each);
+  }
+}
+
+void fit_and_score(const SearchData& data, const HeldOut& current,
+                   std::span<FittedCandidate> candidates) {
+  fit_thoroughly(data, candidates);
+  for (FittedCandidate& each : candidates) {
     each.held_out =
         held_out_score(data.held_out, *each.hypothesis, each.fitted.z, data.noise_is_known);
     each.gain_z = gain_z(current, each.held_out);

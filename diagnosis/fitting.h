@@ -47,7 +47,10 @@ FittedCandidate calibrate(SearchData& data, const physics::Model& model);
 void settle(SearchData& data, FittedCandidate& each);
 
 /// Fits candidates on all windows, each with its own weights and those that are not hopeless to
-/// convergence, and scores them against `current`.
+/// convergence.
+void fit_thoroughly(const SearchData& data, std::span<FittedCandidate> candidates);
+
+/// The same, and scores them against `current`.
 void fit_and_score(const SearchData& data, const HeldOut& current,
                    std::span<FittedCandidate> candidates);
 

@@ -47,13 +47,8 @@ double HeldOut::total_loss() const {
   return std::accumulate(loss.begin(), loss.end(), prior_penalty);
 }
 
-HeldOut held_out_score(const Task& held_out, const Hypothesis& hypothesis,
-                       std::span<const double> z, bool noise_is_known) {
-  FitOptions states_only;
-  states_only.parameters_free = false;
-  states_only.iterations = 12;
-  states_only.tolerance = 1.0e-3;
-  const Fit fitted = fit_states(held_out, hypothesis, z, states_only);
+HeldOut score_of(const Fit& fitted, const Task& task, const Hypothesis& hypothesis,
+                 std::span<const double> z, bool noise_is_known) {
   HeldOut out;
   out.chi2 = fitted.chi2_per_sample();
   std::vector<double> by_window;
@@ -67,12 +62,22 @@ HeldOut held_out_score(const Task& held_out, const Hypothesis& hypothesis,
     }
     out.prior_penalty = prior_penalty(hypothesis, z);
   } else {
-    const PredictionErrors ahead = predict_ahead(held_out, hypothesis, z);
+    const PredictionErrors ahead = predict_ahead(task, hypothesis, z);
     for (std::size_t w = 0; w < ahead.chi2.size(); ++w) {
       out.loss.push_back(window_loss(ahead.chi2[w], ahead.count[w], 0));
     }
   }
   return out;
+}
+
+HeldOut held_out_score(const Task& held_out, const Hypothesis& hypothesis,
+                       std::span<const double> z, bool noise_is_known) {
+  FitOptions states_only;
+  states_only.parameters_free = false;
+  states_only.iterations = 12;
+  states_only.tolerance = 1.0e-3;
+  const Fit fitted = fit_states(held_out, hypothesis, z, states_only);
+  return score_of(fitted, held_out, hypothesis, z, noise_is_known);
 }
 
 double gain_z(const HeldOut& before, const HeldOut& after) {

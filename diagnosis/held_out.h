@@ -21,12 +21,17 @@ struct HeldOut {
   double total_loss() const;
 };
 
-/// Where the noise is known, losses are of the refitted windows: without a missing effect their
+/// Score of parameters `z` on windows that are not part of their fit. Where the noise is known,
+/// losses are of the refitted windows: without a missing effect their
 /// residuals are white, and every nat counts. Where it is not, every model is wrong by more than
 /// the noise, and hidden states that are free in every window would improve such a fit: losses are
 /// then of predictions ahead.
 HeldOut held_out_score(const Task& held_out, const Hypothesis& hypothesis,
                        std::span<const double> z, bool noise_is_known);
+
+/// The same of windows whose states are fitted already.
+HeldOut score_of(const Fit& fitted, const Task& task, const Hypothesis& hypothesis,
+                 std::span<const double> z, bool noise_is_known);
 
 /// Significance of a positive mean gain over windows, as the equivalent number of standard
 /// deviations of a normal distribution (Student's t converted by Wallace's formula, 1959). Windows

@@ -24,7 +24,7 @@ struct WindowRef {
 /// Knots of the linear spline that models the error of the drive in one window.
 inline constexpr int drive_knots = 16;
 
-/// What is free in a window: the rig's state at `warm`, then the knots of the drive's error, in
+/// Free numbers of a window: the rig's state at `warm`, then the knots of the drive's error, in
 /// units of Experiment::drive_noise. Nonlinear in both, unlike a covariance of residuals: a chaotic
 /// rig amplifies the drive's noise beyond what a linear response describes.
 using WindowState = std::array<double, physics::max_rig_states + drive_knots>;

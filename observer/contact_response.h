@@ -42,7 +42,7 @@ class ContactResponse final : public ParameterResponse {
               double transition_speed_m_s) override;
 
  private:
-  /// What the motion without friction depends on: the rig's states, the drive and two of its
+  /// Inputs of the motion without friction: the rig's states, the drive and two of its
   /// derivatives, and the forces of both stages. Of further derivatives of the drive the parameters
   /// change nothing that matters.
   enum Input { x, v, y, u, drive, drive_rate, drive_acceleration, middle_force, end_force, inputs };

@@ -427,12 +427,11 @@ void NoiseModel::add_parameter_noise(double since_start_s, Covariance& covarianc
   const double h = period_s_;
   const bool starting = prior_ == FrictionPrior::from_model && since_start_s < 30.0 * startup_s;
   const double startup = starting ? std::exp(-since_start_s / startup_s) / startup_s : 0.0;
-  const bool walks = prior_ != FrictionPrior::fixed;
-  if (l.mu >= 0 && walks) {
+  if (l.mu >= 0) {
     add_variance(covariance, l.mu,
                  square(c.mu) * (square(mu_walk) + square(mu_startup_walk) * startup) * h);
   }
-  if (l.log_rate >= 0 && walks) {
+  if (l.log_rate >= 0) {
     add_variance(covariance, l.log_rate,
                  (square(rate_walk) + square(rate_startup_walk) * startup) * h);
   }
@@ -492,15 +491,7 @@ void NoiseModel::add_process_noise(const Vector& mean, double slip_variance, dou
 }
 
 double NoiseModel::initial_deviation(double from_model, double from_recording) const {
-  switch (prior_) {
-    case FrictionPrior::fixed:
-      return 0.0;
-    case FrictionPrior::from_recording:
-      return from_recording;
-    case FrictionPrior::from_model:
-      break;
-  }
-  return from_model;
+  return prior_ == FrictionPrior::from_recording ? from_recording : from_model;
 }
 
 bool NoiseModel::is_implausible(const Vector& mean) const {

@@ -18,7 +18,6 @@ namespace stickslip::observer {
 enum class FrictionPrior {
   from_model,      ///< the model's values with their standard deviations
   from_recording,  ///< values estimated before from the same recording
-  fixed,           ///< the model's values; neither is estimated
 };
 
 /// Variances of the readings of the measured inputs [unit of the channel squared].

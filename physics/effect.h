@@ -257,18 +257,6 @@ struct LawCurve {
   std::function<double(double)> value;
 };
 
-/// The onset of an effect on a running rig, as the live model check tests it.
-struct Onset {
-  std::vector<double> sizes;  ///< first guesses, most likely first; > 0
-  /// Smallest change worth an alarm: the size itself where it is below 1, else its logarithm.
-  double least = 0.0;
-  /// True if the size is a delay of the channel [s], which is tested by advancing its readings.
-  bool is_delay = false;
-  /// The model after an onset of that size; nullptr where `is_delay`.
-  void (*apply)(Model& model, const Place& place, double size) = nullptr;
-  std::string (*statement)(const Place& place, double size) = nullptr;
-};
-
 class Effect {
  public:
   Effect() = default;
@@ -307,9 +295,6 @@ class Effect {
                                            double /*friction_n*/) const {
     return {};
   }
-
-  /// Present where the effect can set in while a rig runs.
-  virtual std::optional<Onset> onset() const { return std::nullopt; }
 
   virtual unsigned hooks() const = 0;
   virtual int state_count() const { return 0; }

@@ -42,16 +42,6 @@ class ChannelDelay final : public EffectOf<ChannelDelay> {
     return "The channel is delayed by " + number_text(1.0e3 * p[0]) + " ms.";
   }
 
-  std::optional<Onset> onset() const override {
-    return Onset{.sizes = {0.002, 0.004, 0.006, 0.009},
-                 .least = 0.001,
-                 .is_delay = true,
-                 .statement = [](const Place& place, double delay_s) {
-                   return "the channel " + std::string(info(*place.channel).stem) + " is late by " +
-                          number_text(1.0e3 * delay_s) + " ms";
-                 }};
-  }
-
   unsigned hooks() const override { return hook::reading; }
   template <class T>
   void reading_law_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {

@@ -93,23 +93,6 @@ class ContactCompliance final : public EffectOf<ContactCompliance> {
              }}};
   }
 
-  std::optional<Onset> onset() const override {
-    return Onset{
-        .sizes = {30.0, 60.0, 120.0, 240.0, 500.0},
-        .apply =
-            [](Model& model, const Place&, double stiffness_n_m) {
-              model.terms.push_back(
-                  {std::string(entry.id),
-                   std::nullopt,
-                   {{std::string(parameters[0].name), {stiffness_n_m}},
-                    {std::string(parameters[1].name), {0.02 * std::sqrt(stiffness_n_m)}}}});
-            },
-        .statement =
-            [](const Place&, double stiffness_n_m) {
-              return "the contact is compliant, with " + number_text(stiffness_n_m) + " N/m";
-            }};
-  }
-
   unsigned hooks() const override { return hook::coefficients; }
   void set_structure(Structure& structure) const override {
     structure.kinetics = Kinetics::bristle;

@@ -29,17 +29,6 @@ constexpr Card entry = {
     .example = example,
 };
 
-// Changes the gain that the model has for the channel already, or adds one.
-void multiply_gain(Model& model, const Place& place, double factor) {
-  for (Term& term : model.terms) {
-    if (term.id != entry.id || term.channel != place.channel) continue;
-    term.parameters[std::string(parameters[0].name)].value *= factor;
-    return;
-  }
-  model.terms.push_back(
-      {std::string(entry.id), place.channel, {{std::string(parameters[0].name), {factor}}}});
-}
-
 class GainError final : public EffectOf<GainError> {
  public:
   const Card& card() const override { return entry; }
@@ -51,16 +40,6 @@ class GainError final : public EffectOf<GainError> {
   }
   std::string statement(std::span<const double> p) const override {
     return "The channel reads " + number_text(p[0]) + " times the true value.";
-  }
-
-  std::optional<Onset> onset() const override {
-    return Onset{.sizes = {0.9, 1.1, 0.75, 1.3},
-                 .least = 0.02,
-                 .apply = multiply_gain,
-                 .statement = [](const Place& place, double factor) {
-                   return "the channel " + std::string(info(*place.channel).stem) + " reads " +
-                          number_text(factor) + " times what it did";
-                 }};
   }
 
   unsigned hooks() const override { return hook::reading; }

@@ -7,8 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "daemon/alarm_analyser.h"
-#include "observer/model_check.h"
+#include "diagnosis/live_check.h"
 #include "observer/smoother.h"
 #include "tests/benchmark/estimate_statistics.h"
 #include "tests/benchmark/observer_runs.h"
@@ -148,20 +147,17 @@ RecordingQuality quality_of(const concealment::Case& recorded) {
   const Truth truth = truth_of(recorded);
   out.by_hand = estimates_by_hand(recorded.recording, recorded.declared, recorded.states,
                                   truth.sticking_below_m_s);
-  observer::ModelCheck check(recorded.declared, period_s);
   Accumulator filtered(truth, period_s);
   for (std::size_t k = 0; k < frames.size(); ++k) {
-    const FrictionEstimate& e = filter.update(frames[k]);
-    check.update(e);
-    filtered.add(e, k);
+    filtered.add(filter.update(frames[k]), k);
   }
   out.filter = filtered.result();
-  out.alarms = check.verdict().alarms;
   Accumulator smoothed(truth, period_s);
   observer::smooth(recorded.declared, period_s, frames, [&](const FrictionEstimate& e) {
     smoothed.add(e, static_cast<std::size_t>(e.sequence));
   });
   out.smoother = smoothed.result();
+  out.alarms = false_alarms_of(recorded).alarms;
   return out;
 }
 
@@ -176,46 +172,60 @@ bool is_right(physics::Relation relation, Channel channel, const concealment::Tr
   return relation != physics::Relation::sensor || !effect.channel || channel == *effect.channel;
 }
 
-Notice notice_of(const daemon::Finding& finding, const concealment::TrueEffect& effect) {
-  const observer::ModelVerdict& verdict = finding.verdict;
-  Notice out;
-  out.after_s = 1.0e-9 * static_cast<double>(verdict.reported_ns);
-  out.classified_right = is_right(verdict.relation, verdict.channel, effect);
-  out.explained = daemon::event_of(finding).code == "model_explained";
-  if (!out.explained) return out;
-  const observer::Explanation& first = finding.explanations.front();
-  out.right = is_right(first.relation, first.channel, effect);
+// Checks a recording as the daemon does, every quarter of a second. `checked` is called after each
+// check with the time of its last frame [s].
+template <class Checked>
+void run_live_check(const concealment::Case& recorded, diagnosis::LiveCheck& check,
+                    Checked&& checked) {
+  const std::vector<Frame>& frames = recorded.recording.frames;
+  const double duration_s = frames.back().time_s();
+  std::size_t end = 0;
+  for (double time_s = diagnosis::LiveCheck::every_s; time_s <= duration_s;
+       time_s += diagnosis::LiveCheck::every_s) {
+    while (end < frames.size() && frames[end].time_s() < time_s) ++end;
+    const auto latest = diagnosis::latest_span(std::span(frames).first(end));
+    if (latest.empty()) continue;
+    check.update(latest);
+    checked(time_s);
+  }
+}
+
+Explained explained_of(const diagnosis::LiveVerdict& verdict,
+                       const concealment::TrueEffect& effect) {
+  Explained out;
+  out.certain = verdict.is_certain;
+  if (verdict.explanations.empty()) return out;
+  const diagnosis::Explanation& first = verdict.explanations.front();
+  out.right = is_right(first.relation, first.channel.value_or(Channel::displacement), effect);
   out.probability = first.probability;
+  out.effect = first.name;
   return out;
 }
 
 }  // namespace
 
+RecordingQuality false_alarms_of(const concealment::Case& recorded) {
+  RecordingQuality out = described(recorded);
+  diagnosis::LiveCheck check(recorded.declared);
+  run_live_check(recorded, check, [](double) {});
+  out.alarms = check.verdict().alarms;
+  return out;
+}
+
 RecordingQuality live_check_of(const concealment::Case& recorded) {
   RecordingQuality out = described(recorded);
-  const std::vector<Frame>& frames = recorded.recording.frames;
-  const double period_s = protocol::median_period_s(frames);
-  observer::FrictionObserver filter(recorded.declared, period_s);
-  out.unsupported = filter.unsupported();
-  if (!out.unsupported.empty()) return out;
-  observer::ModelCheck check(recorded.declared, period_s);
-  daemon::AlarmAnalyser analyser(recorded.declared, period_s);
-  for (const Frame& frame : frames) {
-    const bool changed = check.update(filter.update(frame));
-    const observer::ModelVerdict& verdict = check.verdict();
-    const bool first = verdict.status == observer::ModelStatus::broken && verdict.alarms == 1;
-    if (changed && first) analyser.request(verdict);
-    daemon::Sample sample;
-    sample.frame = frame;
-    analyser.write_block(std::span(&sample, 1));
-  }
-  analyser.finish();
-  out.filter.restarts = filter.latest().restarts;
+  diagnosis::LiveCheck check(recorded.declared);
+  const concealment::TrueEffect& effect = recorded.truth.effects.front();
+  run_live_check(recorded, check, [&](double time_s) {
+    if (!check.wants_explanation() || check.verdict().alarms > 1) return;
+    check.explain();
+    const Explained explained = explained_of(check.verdict(), effect);
+    if (!out.notice) {
+      out.notice = Notice{.after_s = time_s, .at_once = explained, .at_last = {}};
+    }
+    out.notice->at_last = explained;
+  });
   out.alarms = check.verdict().alarms;
-  const auto finding = analyser.next_finding();
-  if (finding && !recorded.truth.effects.empty()) {
-    out.notice = notice_of(*finding, recorded.truth.effects.front());
-  }
   return out;
 }
 

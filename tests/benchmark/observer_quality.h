@@ -29,13 +29,19 @@ struct EstimatorQuality {
   std::uint64_t restarts = 0;
 };
 
-/// An alarm of the live check on a rig with a hidden effect, and what it was attributed to.
+/// The most probable explanation of an alarm of the live check.
+struct Explained {
+  bool certain = false;  ///< false: the daemon says that the cause is not certain
+  bool right = false;    ///< its relation, and the channel of a sensor
+  double probability = 0.0;
+  std::string effect;  ///< name of the effect; empty: none
+};
+
+/// The first alarm of the live check on a rig with a hidden effect.
 struct Notice {
   double after_s = 0.0;  ///< from the beginning of the recording
-  bool classified_right = false;
-  bool explained = false;  ///< false: the daemon names no cause
-  bool right = false;      ///< relation (and channel of a sensor) of the most probable explanation
-  double probability = 0.0;
+  Explained at_once;     ///< from the frames up to the alarm
+  Explained at_last;     ///< the first certain one, or the last
 };
 
 struct RecordingQuality {
@@ -53,10 +59,13 @@ struct RecordingQuality {
 /// abs(theta) that no friction reaches.
 inline constexpr double unphysical_theta = 1.5;
 
-/// Evaluates filter, smoother, live check and estimates by hand.
+/// Evaluates filter, smoother, live check and estimates by hand, of a sound rig.
 RecordingQuality quality_of(const concealment::Case& recorded);
 
-/// Evaluates the live check only, with the explanation of the first alarm.
+/// Evaluates the live check on a sound rig: its alarms.
+RecordingQuality false_alarms_of(const concealment::Case& recorded);
+
+/// Evaluates the live check on a rig with a hidden effect, with the explanations of the first alarm.
 RecordingQuality live_check_of(const concealment::Case& recorded);
 
 }  // namespace stickslip::quality

@@ -2,11 +2,12 @@
 // smoother next to the best estimates by hand, against a simulator that shares nothing with the
 // observer's. docs/observer.md, "Quality", holds the latest.
 //
-//   observer_table [--count N] [--seed S] [--duration T] [--kind null|single]
+//   observer_table [--count N] [--seed S] [--duration T] [--kind null|single|sound]
 //                  [--document FILE] [--csv FILE] [--jobs N]
 //
-// `null`: nothing is hidden. `single`: one effect of the catalogue is present from the beginning;
-// alarms and explanations of the live check. Exit status 1 where the results contradict themselves.
+// `null`: nothing is hidden. `sound`: the same, false alarms of the live check only. `single`: one
+// effect of the catalogue is present from the beginning; alarms and explanations of the live check.
+// Exit status 1 where the results contradict themselves.
 #include <CLI/CLI.hpp>
 #include <atomic>
 #include <cstdio>
@@ -39,13 +40,14 @@ struct Options {
 // Recording i of the campaign depends on the seed and i only.
 RecordingQuality evaluated(const Options& options, std::size_t i) {
   using Kind = concealment::CaseRequest::Kind;
-  const bool null = options.kind == "null";
+  const bool single = options.kind == "single";
   concealment::CaseRequest request;
-  request.kind = null ? Kind::nothing : Kind::single;
+  request.kind = single ? Kind::single : Kind::nothing;
   request.duration_s = options.duration_s;
   const concealment::Case recorded = concealment::conceal(
       request, options.seed + i, options.kind + " " + std::to_string(options.seed + i));
-  return null ? quality::quality_of(recorded) : quality::live_check_of(recorded);
+  if (options.kind == "null") return quality::quality_of(recorded);
+  return single ? quality::live_check_of(recorded) : quality::false_alarms_of(recorded);
 }
 
 bool is_share(const std::optional<double>& value) {
@@ -56,7 +58,7 @@ bool is_share(const std::optional<double>& value) {
 std::string contradiction_in(const RecordingQuality& each, bool null) {
   if (each.world.empty() || !(each.duration_s > 0.0)) return "was not evaluated";
   if (!each.unsupported.empty()) return "";
-  if (!null) return each.alarms > 0 && !each.notice ? "has an alarm without analysis" : "";
+  if (!null) return "";
   const auto& [causal, best] = each.by_hand;
   const auto worse = [](const std::optional<double>& one, const std::optional<double>& other) {
     return one.has_value() != other.has_value() || (one && *one > *other);
@@ -95,7 +97,9 @@ int run(const Options& options) {
                  recordings[i].name.c_str(), recordings[i].world.c_str());
   });
   const bool null = options.kind == "null";
-  const std::string text = null ? quality_tables(recordings) : live_check_table(recordings);
+  const std::string text = null                      ? quality_tables(recordings)
+                           : options.kind == "sound" ? false_alarm_table(recordings)
+                                                     : live_check_table(recordings);
   std::fwrite(text.data(), 1, text.size(), stdout);
   if (!document.empty()) {
     const std::string renewed = quality::renewed(content_of(document), options.kind, text);
@@ -126,8 +130,8 @@ int main(int argc, char** argv) {
   app.add_option("--duration", options.duration_s, "least duration of a recording [s]")
       ->check(CLI::Range(5.0, 3600.0))
       ->capture_default_str();
-  app.add_option("--kind", options.kind, "null: nothing is hidden; single: one effect is")
-      ->check(CLI::IsMember({"null", "single"}))
+  app.add_option("--kind", options.kind, "null: nothing is hidden; sound: likewise, live check only; single: one effect is")
+      ->check(CLI::IsMember({"null", "sound", "single"}))
       ->capture_default_str();
   app.add_option("--document", options.document, "Markdown file whose tables are renewed")
       ->check(CLI::ExistingFile);

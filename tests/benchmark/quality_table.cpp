@@ -166,6 +166,18 @@ Column summed(std::string title, std::function<std::uint64_t(const RecordingQual
           }};
 }
 
+Column false_alarms() {
+  return summed("false alarms", [](const auto& each) { return each.alarms; });
+}
+
+Column hours() {
+  return {"hours", [](const Recordings& all) {
+            double sum = 0.0;
+            for (const auto* each : all) sum += each->duration_s;
+            return text("%.2f", sum / 3600.0);
+          }};
+}
+
 std::vector<Column> event_columns() {
   return {median_and_worst("AUC by hand", three_digits, Worst::smallest,
                            [](const RecordingQuality& each) { return each.by_hand.best.auc; }),
@@ -174,12 +186,8 @@ std::vector<Column> event_columns() {
           summed("restarts", [](const auto& each) { return each.filter.restarts; }),
           counted("smoother unphysical",
                   [](const auto& each) { return each.smoother.largest_theta > unphysical_theta; }),
-          summed("false alarms", [](const auto& each) { return each.alarms; }),
-          {"hours", [](const Recordings& all) {
-             double sum = 0.0;
-             for (const auto* each : all) sum += each->duration_s;
-             return text("%.2f", sum / 3600.0);
-           }}};
+          false_alarms(),
+          hours()};
 }
 
 Recordings pointers(const std::vector<RecordingQuality>& recordings) {
@@ -240,34 +248,31 @@ std::string quality_tables(const std::vector<RecordingQuality>& recordings) {
 }
 
 std::string live_check_table(const std::vector<RecordingQuality>& recordings) {
-  const auto within = [](double limit_s) {
-    return [limit_s](const RecordingQuality& each) {
-      return each.notice && each.notice->after_s <= limit_s;
+  const auto explained = [](Explained Notice::*when, bool certain, bool right) {
+    return [=](const RecordingQuality& each) {
+      if (!each.notice) return false;
+      const Explained& found = (*each.notice).*when;
+      return found.certain == certain && found.right == right;
     };
   };
   const std::vector<Column> columns = {
       number_of_recordings(),
-      counted("alarm within 2 s", within(2.0)),
-      counted("10 s", within(10.0)),
+      counted("alarm within 2 s",
+              [](const auto& each) { return each.notice && each.notice->after_s <= 2.0; }),
       counted("ever", [](const auto& each) { return each.notice.has_value(); }),
-      counted("classified rightly",
-              [](const auto& each) { return each.notice && each.notice->classified_right; }),
-      counted("explained rightly",
-              [](const auto& each) {
-                return each.notice && each.notice->explained && each.notice->right;
-              }),
-      counted("wrongly",
-              [](const auto& each) {
-                return each.notice && each.notice->explained && !each.notice->right;
-              }),
-      counted("wrongly above 95 %",
-              [](const auto& each) {
-                return each.notice && each.notice->explained && !each.notice->right &&
-                       each.notice->probability > 0.95;
-              }),
-      counted("unexplained",
-              [](const auto& each) { return each.notice && !each.notice->explained; })};
+      counted("at once: certain, right", explained(&Notice::at_once, true, true)),
+      counted("certain, wrong", explained(&Notice::at_once, true, false)),
+      counted("uncertain, first right", explained(&Notice::at_once, false, true)),
+      counted("first wrong", explained(&Notice::at_once, false, false)),
+      counted("at last: certain, right", explained(&Notice::at_last, true, true)),
+      counted("certain, wrong", explained(&Notice::at_last, true, false)),
+      counted("uncertain, first right", explained(&Notice::at_last, false, true)),
+      counted("first wrong", explained(&Notice::at_last, false, false))};
   return table(columns, supported(recordings)) + unsupported_table(recordings);
+}
+
+std::string false_alarm_table(const std::vector<RecordingQuality>& recordings) {
+  return table({number_of_recordings(), false_alarms(), hours()}, supported(recordings));
 }
 
 std::string renewed(const std::string& document, const std::string& kind,
@@ -327,9 +332,9 @@ std::vector<RowColumn> row_columns() {
                  {"load_coverage_smoother", &Of::load_coverage},
                  {"nees_smoother", &Of::nees},
                  {"auc_smoother", &Of::auc}});
-  const auto of_notice = [](auto member) {
-    return [member](const RecordingQuality& r) {
-      return r.notice ? std::optional<double>((*r.notice).*member) : std::nullopt;
+  const auto of_explained = [](Explained Notice::*when, auto member) {
+    return [=](const RecordingQuality& r) {
+      return r.notice ? std::optional<double>((*r.notice).*when.*member) : std::nullopt;
     };
   };
   out.insert(
@@ -339,10 +344,16 @@ std::vector<RowColumn> row_columns() {
         [](const RecordingQuality& r) { return std::optional(r.smoother.largest_theta); }},
        {"restarts", [](const RecordingQuality& r) { return number(r.filter.restarts); }},
        {"alarms", [](const RecordingQuality& r) { return number(r.alarms); }},
-       {"first_alarm_s", of_notice(&Notice::after_s)},
-       {"explained", of_notice(&Notice::explained)},
-       {"explained_rightly", of_notice(&Notice::right)},
-       {"probability", of_notice(&Notice::probability)}});
+       {"first_alarm_s",
+        [](const RecordingQuality& r) {
+          return r.notice ? std::optional<double>(r.notice->after_s) : std::nullopt;
+        }},
+       {"certain_at_once", of_explained(&Notice::at_once, &Explained::certain)},
+       {"right_at_once", of_explained(&Notice::at_once, &Explained::right)},
+       {"probability_at_once", of_explained(&Notice::at_once, &Explained::probability)},
+       {"certain_at_last", of_explained(&Notice::at_last, &Explained::certain)},
+       {"right_at_last", of_explained(&Notice::at_last, &Explained::right)},
+       {"probability_at_last", of_explained(&Notice::at_last, &Explained::probability)}});
   return out;
 }
 

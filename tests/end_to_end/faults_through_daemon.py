@@ -143,9 +143,9 @@ class FaultsThroughTheDaemon(EndToEnd):
         result = run(STICKSLIPD, "--config", config, "--no-lcm", "--duration", 45)
         self.assertEqual(result.returncode, 0, result.stderr)
         output = result.stdout + result.stderr
-        broken = output.find(" the rig no longer follows its model: ")
-        late = re.search("probable cause of the model mismatch: the channel friction_force is late by "
-                         r"([0-9.]+) ms \(sensor", output)
+        broken = output.find(" the rig does not follow its model: ")
+        late = re.search("cause of the model mismatch(?: is not certain yet)?: The channel is delayed by "
+                         r"([0-9.]+) ms \(sensor of friction_force, above 99 %\)", output)
         self.assertGreater(broken, 0, output)
         self.assertTrue(late, output)
         self.assertGreater(late.start(), broken, output)

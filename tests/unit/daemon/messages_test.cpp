@@ -285,7 +285,7 @@ TEST(Messages, EventsAndTheDescriptionOfTheRecording) {
 }
 
 TEST(Events, EveryNoticeHasAMessageAndLongTextIsTruncated) {
-  for (int kind = 0; kind <= static_cast<int>(Notice::Kind::model_follows); ++kind) {
+  for (int kind = 0; kind <= static_cast<int>(Notice::Kind::estimate_restarted); ++kind) {
     Notice notice;
     notice.kind = static_cast<Notice::Kind>(kind);
     EXPECT_FALSE(event_of(notice).code.empty());

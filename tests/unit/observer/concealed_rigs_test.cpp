@@ -91,7 +91,7 @@ TEST_P(Intervals, OfTheSmootherHoldTheTruth) {
   errors.expect_below(2.0);
 }
 
-// What each was wrong by:
+// Sources of the error of each before:
 // imposed, force 1006, twowell: a linearisation about the filter's velocity at each reversal;
 // skewed: reversals within a sampling period, at the nearest stage of the integration;
 // motivational: a mass 16 standard deviations off, from derivatives about wrong states;

@@ -49,16 +49,22 @@ TEST(QualityTables, CountEveryRecording) {
 
 TEST(LiveCheckTable, ComparesExplanations) {
   std::vector<RecordingQuality> all(4, recording("force", 0.0));
-  all[0].notice = Notice{.after_s = 1.5,
-                         .classified_right = true,
-                         .explained = true,
-                         .right = true,
-                         .probability = 0.7};
-  all[1].notice = Notice{.after_s = 8.0, .explained = true, .right = false, .probability = 0.99};
-  all[2].notice = Notice{.after_s = 20.0};
-  // recordings; within 2 s, 10 s, ever; classified rightly; explained rightly, wrongly, wrongly
-  // above 95 %, unexplained
-  EXPECT_THAT(live_check_table(all), HasSubstr("| force | 4 | 1 | 2 | 3 | 1 | 1 | 1 | 1 | 1 |\n"));
+  const Explained right{.certain = true, .right = true, .probability = 0.99, .effect = "clipping"};
+  Explained wrong = right;
+  wrong.right = false;
+  const Explained uncertain{.certain = false, .right = true, .probability = 0.6, .effect = "clipping"};
+  all[0].notice = Notice{.after_s = 1.5, .at_once = uncertain, .at_last = right};
+  all[1].notice = Notice{.after_s = 8.0, .at_once = wrong, .at_last = wrong};
+  all[2].notice = Notice{.after_s = 20.0, .at_once = right, .at_last = right};
+  // recordings; within 2 s, ever; at once and at last: certain (right, wrong), uncertain (right, wrong)
+  EXPECT_THAT(live_check_table(all),
+              HasSubstr("| force | 4 | 1 | 3 | 1 | 1 | 1 | 0 | 2 | 1 | 0 | 0 |\n"));
+}
+
+TEST(FalseAlarmTable, SumsAlarmsAndHours) {
+  const std::string text = false_alarm_table({recording("force", 0.2), recording("skewed", 0.0)});
+  EXPECT_THAT(text, HasSubstr("| force | 1 | 2 (2) | 0.50 |\n"));
+  EXPECT_THAT(text, HasSubstr("| all | 2 | 2 (2) | 1.00 |\n"));
 }
 
 TEST(Renewed, ReplacesTheLinesBetweenTheMarksOfItsKind) {

@@ -1,0 +1,184 @@
+#include "daemon/model_check.h"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+namespace stickslip::daemon {
+
+namespace {
+
+using diagnosis::LiveCheck;
+using diagnosis::LiveStatus;
+
+constexpr auto every_ns = static_cast<std::int64_t>(1.0e9 * LiveCheck::every_s);
+constexpr auto kept_ns = static_cast<std::int64_t>(1.0e9 * (LiveCheck::span_s + LiveCheck::every_s));
+// Of the thread, against everything else in the system.
+constexpr int niceness = 10;
+
+std::int64_t utc_now_us() {
+  return std::chrono::duration_cast<std::chrono::microseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+std::string seconds_text(std::int64_t time_ns) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.1f s",
+                std::max(0.0, 1.0e-9 * static_cast<double>(time_ns)));
+  return text.data();
+}
+
+std::string time_of_day(std::int64_t utc_us) {
+  const std::int64_t second = utc_us / 1'000'000 % 86400;
+  std::array<char, 16> clock{};
+  std::snprintf(clock.data(), clock.size(), "%02d:%02d:%02d", static_cast<int>(second / 3600),
+                static_cast<int>(second / 60 % 60), static_cast<int>(second % 60));
+  return clock.data();
+}
+
+}  // namespace
+
+Event status_event(const LiveVerdict& verdict, std::int64_t now_ns, std::int64_t utc_us) {
+  Event out;
+  out.time_ns = now_ns;
+  out.message = words_for(verdict);
+  if (verdict.status != LiveStatus::broken) {
+    out.code = "model_follows";
+    out.message += " again";
+    return out;
+  }
+  out.code = "model_broken";
+  out.severity = Severity::warning;
+  const std::int64_t since_us = utc_us - (now_ns - verdict.since_ns) / 1000;
+  out.message += ", since " + time_of_day(since_us) + " UTC; diagnose the recording from " +
+                 seconds_text(verdict.from_ns()) + " to " + seconds_text(verdict.to_ns()) +
+                 " of its time_ns";
+  return out;
+}
+
+Event explanation_event(const LiveVerdict& verdict, std::int64_t now_ns) {
+  Event out;
+  out.severity = Severity::warning;
+  out.time_ns = now_ns;
+  out.code = verdict.is_certain ? "model_explained" : "model_unexplained";
+  out.message = cause_in_words(verdict);
+  return out;
+}
+
+ModelCheck::ModelCheck(const physics::Model& model, double days_between_false_alarms)
+    : check_(model, {.days_between_false_alarms = days_between_false_alarms}),
+      thread_([this] { run(); }) {}
+
+ModelCheck::~ModelCheck() { finish(); }
+
+std::optional<Event> ModelCheck::next_event() {
+  const std::lock_guard lock(lock_);
+  if (events_.empty()) return std::nullopt;
+  Event out = std::move(events_.front());
+  events_.pop_front();
+  return out;
+}
+
+LiveVerdict ModelCheck::verdict() const {
+  const std::lock_guard lock(lock_);
+  return verdict_;
+}
+
+WriteResult ModelCheck::write_block(std::span<const Sample> block) {
+  {
+    const std::lock_guard lock(lock_);
+    for (const Sample& sample : block) {
+      // A replayed source may start again.
+      if (!frames_.empty() && sample.frame.time_ns <= frames_.back().time_ns) {
+        frames_.clear();
+        checked_ns_ = 0;
+      }
+      frames_.push_back(sample.frame);
+    }
+    while (frames_.front().time_ns < frames_.back().time_ns - kept_ns) frames_.pop_front();
+  }
+  wake_.notify_one();
+  return WriteResult::ok;
+}
+
+void ModelCheck::finish() {
+  {
+    const std::lock_guard lock(lock_);
+    ending_ = true;
+  }
+  wake_.notify_one();
+  if (thread_.joinable()) thread_.join();
+}
+
+// False at the end, with the last frames.
+bool ModelCheck::wait_for_frames(std::vector<Frame>& frames) {
+  std::unique_lock lock(lock_);
+  wake_.wait(lock, [this] {
+    return ending_ || (!frames_.empty() && frames_.back().time_ns >= checked_ns_ + every_ns);
+  });
+  frames.assign(frames_.begin(), frames_.end());
+  if (ending_ || frames.empty()) return false;
+  checked_ns_ = frames.back().time_ns;
+  return true;
+}
+
+void ModelCheck::publish(const Event& event) {
+  const std::lock_guard lock(lock_);
+  verdict_ = check_.verdict();
+  events_.push_back(event);
+}
+
+void ModelCheck::check(const std::vector<Frame>& frames) {
+  const std::span<const Frame> latest = diagnosis::latest_span(frames);
+  if (latest.empty()) return;
+  const LiveStatus before = check_.verdict().status;
+  const bool changed = check_.update(latest);
+  const LiveStatus now = check_.verdict().status;
+  const std::int64_t now_ns = latest.back().time_ns;
+  const bool recovered = before == LiveStatus::broken && now == LiveStatus::follows;
+  if (changed && (now == LiveStatus::broken || recovered)) {
+    publish(status_event(check_.verdict(), now_ns, utc_now_us()));
+  }
+  if (check_.wants_explanation()) {
+    const bool first = check_.verdict().explanations.empty();
+    check_.explain();
+    if (first || check_.verdict().is_final) publish(explanation_event(check_.verdict(), now_ns));
+  }
+  const std::lock_guard lock(lock_);
+  verdict_ = check_.verdict();
+}
+
+void ModelCheck::run() {
+  // Of this thread only, on Linux. Where it is refused, the check competes on equal terms.
+  (void)::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), niceness);
+  std::vector<Frame> frames;
+  try {
+    while (wait_for_frames(frames)) check(frames);
+    check_last(frames);
+  } catch (const std::exception& error) {
+    publish({.severity = Severity::error,
+             .code = "model_check_failed",
+             .message = "the live model check has ended: " + std::string(error.what())});
+  }
+}
+
+// A source may be faster than the checks. Twice, since a deviation is reported only when it is
+// confirmed.
+void ModelCheck::check_last(const std::vector<Frame>& frames) {
+  if (frames.empty()) return;
+  std::vector<Frame> earlier = frames;
+  while (earlier.back().time_ns > frames.back().time_ns - every_ns && earlier.size() > 1) {
+    earlier.pop_back();
+  }
+  check(earlier);
+  check(frames);
+}
+
+}  // namespace stickslip::daemon

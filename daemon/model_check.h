@@ -1,0 +1,64 @@
+// Live model check of the frames: a consumer like publisher and recorder, with a thread of its own
+// that checks the latest seconds as often as it can, at most every quarter of a second. Neither the
+// loop nor another consumer waits for it.
+#pragma once
+
+#include <condition_variable>
+#include <deque>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <vector>
+
+#include "daemon/event.h"
+#include "daemon/stream.h"
+#include "diagnosis/live_check.h"
+#include "physics/model.h"
+
+namespace stickslip::daemon {
+
+using diagnosis::LiveVerdict;
+
+/// "model_broken" with the stretch of the recording to diagnose, "model_follows". `utc_us`: now.
+Event status_event(const LiveVerdict& verdict, std::int64_t now_ns, std::int64_t utc_us);
+
+/// "model_explained" with the probable cause; "model_unexplained" while it is not certain.
+Event explanation_event(const LiveVerdict& verdict, std::int64_t now_ns);
+
+class ModelCheck final : public Sink {
+ public:
+  /// `model`: what the rig is expected to follow. Mean time between false alarms in days, > 0.
+  ModelCheck(const physics::Model& model, double days_between_false_alarms);
+  ~ModelCheck() override;
+
+  /// Any thread: the next event, oldest first.
+  std::optional<Event> next_event();
+
+  /// Any thread.
+  LiveVerdict verdict() const;
+
+  WriteResult write_block(std::span<const Sample> block) override;
+  WriteResult write_estimate(const Estimate&) override { return WriteResult::ok; }
+  WriteResult write_message(const Message&) override { return WriteResult::ok; }
+  /// Checks the last frames, and explains them where they do not follow the model.
+  void finish() override;
+
+ private:
+  void run();
+  bool wait_for_frames(std::vector<Frame>& frames);
+  void check(const std::vector<Frame>& frames);
+  void check_last(const std::vector<Frame>& frames);
+  void publish(const Event& event);
+
+  diagnosis::LiveCheck check_;  // of the thread
+  mutable std::mutex lock_;     // of all below; never taken by the loop
+  std::condition_variable wake_;
+  std::deque<Frame> frames_;
+  std::int64_t checked_ns_ = 0;  // time of the latest frame at the latest check
+  bool ending_ = false;
+  LiveVerdict verdict_;
+  std::deque<Event> events_;
+  std::thread thread_;
+};
+
+}  // namespace stickslip::daemon

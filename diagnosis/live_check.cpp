@@ -1,0 +1,370 @@
+#include "diagnosis/live_check.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <numeric>
+#include <stdexcept>
+
+#include "diagnosis/finalists.h"
+#include "diagnosis/held_out.h"
+#include "diagnosis/selection.h"
+#include "physics/number_text.h"
+#include "physics/problem.h"
+#include "physics/result_units.h"
+
+namespace stickslip::diagnosis {
+
+namespace {
+
+// Prediction horizon: long enough to show dynamics, short against the divergence of chaos.
+constexpr double horizon_s = 0.25;
+// A declared or estimated noise level is right to this share.
+constexpr double declared_noise_uncertainty = 0.03;
+constexpr double estimated_noise_uncertainty = 0.08;
+constexpr std::size_t least_windows = 3;
+// Checks in a row that show a deviation before it is reported.
+constexpr int confirmations = 2;
+constexpr double certain_probability = 0.95;
+constexpr double certain_deviate = 1.645;  // which noise stays below with that probability
+constexpr double least_mentioned_probability = 0.05;
+// Times after an explanation that is not certain until the next one [s], doubled each time.
+constexpr double first_explanation_s = 0.5;
+constexpr double last_explanation_s = 8.0;
+
+// One-sided deviate of the normal distribution for a small probability (Abramowitz and Stegun,
+// 26.2.23).
+double normal_deviate(double probability) {
+  const double t = std::sqrt(-2.0 * std::log(probability));
+  return t - (2.515517 + t * (0.802853 + t * 0.010328)) /
+                 (1.0 + t * (1.432788 + t * (0.189269 + t * 0.001308)));
+}
+
+double deviate_for(double days) {
+  if (!(days > 0.0)) throw std::invalid_argument("days_between_false_alarms must be above 0");
+  const double checks = days * 86400.0 / LiveCheck::every_s;
+  return normal_deviate(std::min(0.1, 1.0 / checks));
+}
+
+// The largest mean square of residuals at this deviate of the normal distribution, for a noise
+// level with a relative standard deviation of `uncertainty`.
+double chi2_limit(double deviate, double samples, double uncertainty) {
+  return 1.0 + deviate * std::sqrt(2.0 / samples + 4.0 * uncertainty * uncertainty);
+}
+
+std::string percent_text(double probability) {
+  if (probability > 0.995) return "above 99 %";
+  return physics::number_text(std::round(100.0 * probability), 2) + " %";
+}
+
+double penalty_of(const Fit& fit) {
+  return 0.5 * std::inner_product(fit.z.begin(), fit.z.end(), fit.z.begin(), 0.0);
+}
+
+}  // namespace
+
+std::string_view name_of(LiveStatus status) {
+  switch (status) {
+    case LiveStatus::waiting:
+      return "waiting";
+    case LiveStatus::follows:
+      return "follows";
+    case LiveStatus::broken:
+      return "broken";
+  }
+  return "";
+}
+
+struct LiveCheck::Seconds {
+  protocol::Recording recording;
+  std::vector<Experiment> fine, coarse;
+  SearchData data;
+  std::int64_t begin_ns = 0;
+  std::int64_t end_ns = 0;
+
+  Seconds(const physics::Model& model, std::span<const Frame> frames,
+          const LiveCheckSettings& settings)
+      : begin_ns(frames.front().time_ns), end_ns(frames.back().time_ns) {
+    recording.source = "the latest frames";
+    recording.frames.assign(frames.begin(), frames.end());
+    for (const Frame& frame : frames) recording.channels |= frame.valid;
+    fine.push_back(prepared(model, Steps::fine));
+    data = search_data(fine, coarse, settings.criteria, 1, settings.threads);
+    data.held_out = data.train;
+  }
+  Experiment prepared(const physics::Model& model, Steps steps) const {
+    Experiment out = make_experiment(recording, model, steps);
+    cut_windows(out, model, horizon_s);
+    for (Window& window : out.windows) window.held_out = false;
+    return out;
+  }
+  /// For a screening.
+  void add_coarse(const physics::Model& model) {
+    if (coarse.empty()) coarse.push_back(prepared(model, Steps::coarse));
+    data.coarse = coarse;
+  }
+  /// Standard deviation of the noise level, relative.
+  double noise_uncertainty() const {
+    return data.noise_is_known ? declared_noise_uncertainty : estimated_noise_uncertainty;
+  }
+  std::int64_t time_ns(std::size_t sample) const {
+    return begin_ns + std::llround(1.0e9 * fine.front().period_s * static_cast<double>(sample));
+  }
+};
+
+LiveCheck::LiveCheck(const physics::Model& model, const LiveCheckSettings& settings)
+    : model_(model),
+      settings_(settings),
+      declared_(model),
+      deviate_(deviate_for(settings.days_between_false_alarms)),
+      z_(declared_.unknowns().size(), 0.0) {}
+
+LiveCheck::~LiveCheck() = default;
+
+LiveCheck::Outcome LiveCheck::outcome_of(const Seconds& seconds, const Fit& fit) const {
+  const auto limit_of = [&](double samples) {
+    return chi2_limit(deviate_, samples, seconds.noise_uncertainty());
+  };
+  Outcome out;
+  double samples = 0.0;
+  out.first_bad = fit.chi2.size();
+  for (std::size_t w = fit.chi2.size(); w-- > 0;) {
+    const double count = std::max(1, fit.count[w] - fit.states_per_window);
+    samples += count;
+    if (fit.chi2[w] / count > limit_of(count)) out.first_bad = w;
+  }
+  out.chi2 = fit.chi2_per_sample();
+  out.limit = limit_of(samples);
+  out.follows =
+      out.chi2 <= out.limit && penalty_of(fit) <= settings_.criteria.implausible_prior_penalty;
+  if (out.first_bad == fit.chi2.size()) out.first_bad = 0;
+  return out;
+}
+
+std::vector<WindowState> LiveCheck::remembered_states(const Seconds& seconds) const {
+  std::vector<WindowState> states = initial_states(seconds.data.train, declared_);
+  const std::int64_t half_ns = std::llround(0.5e9 * seconds.fine.front().period_s);
+  for (std::size_t w = 0; w < states.size(); ++w) {
+    const std::int64_t time_ns = seconds.time_ns(seconds.data.train.window(w).warm);
+    for (const auto& [known_ns, state] : states_) {
+      if (std::abs(known_ns - time_ns) < half_ns) states[w] = state;
+    }
+  }
+  return states;
+}
+
+void LiveCheck::remember(const Seconds& seconds, const Fit& fit) {
+  z_ = fit.z;
+  states_.clear();
+  for (std::size_t w = 0; w < fit.state.size(); ++w) {
+    states_.emplace_back(seconds.time_ns(seconds.data.train.window(w).warm), fit.state[w]);
+  }
+}
+
+Fit LiveCheck::fitted_from_declared(const Task& task) const {
+  FitOptions options;
+  options.iterations = 14;
+  options.tolerance = 1.0e-3;
+  options.covariance = false;
+  return fit_in_stages(task, declared_, std::vector<double>(z_.size(), 0.0),
+                       initial_states(task, declared_), options);
+}
+
+// From the latest fit, and where that does not follow the frames, from the declared values.
+Fit LiveCheck::fitted(const Seconds& seconds) const {
+  const Task& task = seconds.data.train;
+  if (!states_.empty()) {
+    FitOptions options;
+    options.iterations = 6;
+    options.tolerance = 1.0e-3;
+    options.covariance = false;
+    Fit warm = fit(task, declared_, z_, remembered_states(seconds), options);
+    if (outcome_of(seconds, warm).follows) return warm;
+  }
+  return fitted_from_declared(task);
+}
+
+// Share of the samples' nats that counts: a mean square of n residuals whose noise level is
+// uncertain is known as well as that of fewer residuals of known noise.
+double LiveCheck::informative_share(const Seconds& seconds, const Fit& fit) const {
+  const double samples = std::accumulate(fit.count.begin(), fit.count.end(), 0.0);
+  const double uncertainty = seconds.noise_uncertainty();
+  return 1.0 / (1.0 + 2.0 * samples * uncertainty * uncertainty);
+}
+
+// Counts the misfit of the parameters that the rig followed last as noise, and fits the declared
+// model at that noise: a fit to the noise itself is far from both the parameters and the true
+// states, and the search for candidates would begin there.
+Fit LiveCheck::fitted_at_misfit(Task& task) const {
+  FitOptions options;
+  options.iterations = 12;
+  options.tolerance = 1.0e-3;
+  options.covariance = false;
+  options.parameters_free = false;
+  const Fit known = fit_states(task, declared_, z_, options);
+  const double misfit = std::max(1.0, known.chi2_per_sample());
+  for (double& sigma : task.sigma) sigma *= std::sqrt(misfit);
+  options.parameters_free = true;
+  return fit(task, declared_, z_, known.state, options);
+}
+
+std::vector<Explanation> LiveCheck::explanations_of(const Seconds& seconds, const Fit& fit) const {
+  SearchData data = seconds.data;
+  FittedCandidate base;
+  base.hypothesis = declared_;
+  base.fitted = fitted_at_misfit(data.train);
+  const ResidualFeatures features = residual_features(data.train, declared_, base.fitted);
+  std::vector<FittedCandidate> candidates =
+      finalists(data, features, base, [](const std::string&, double) {});
+  if (candidates.empty()) return {};
+  data.train.sigma = seconds.data.train.sigma;
+  fit_thoroughly(data, candidates);
+  const double share = informative_share(seconds, fit);
+  const auto score = [&](const Hypothesis& hypothesis, const Fit& fitted) {
+    HeldOut out = score_of(fitted, data.train, hypothesis, fitted.z, data.noise_is_known);
+    for (double& loss : out.loss) loss *= share;
+    return out;
+  };
+  base.held_out = score(declared_, fit);
+  for (FittedCandidate& each : candidates) {
+    each.held_out = score(*each.hypothesis, each.fitted);
+    each.gain_z = gain_z(base.held_out, each.held_out);
+  }
+  rank_determined(candidates, data, base.held_out, data.seed);
+  const std::vector<double> probability = probabilities(candidates, data.criteria, data.seed);
+  const physics::ResultUnits units(model_);
+  std::vector<Explanation> out;
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    const FittedCandidate& each = candidates[i];
+    out.push_back(
+        {.relation = each.candidate.effect->card().relation,
+         .channel = each.candidate.place.channel,
+         .name = each.candidate.name(),
+         .statement = units.sentence(each.candidate.effect->statement(own_parameters(each))),
+         .chi2 = each.held_out.chi2,
+         .probability = probability[i]});
+  }
+  return out;
+}
+
+bool LiveCheck::set_status(LiveStatus status) {
+  const bool changed = verdict_.status != status;
+  verdict_.status = status;
+  if (status != LiveStatus::broken) {
+    misfits_ = 0;
+    unexplained_.reset();
+    verdict_.explanations.clear();
+    verdict_.is_certain = verdict_.is_final = false;
+  }
+  return changed;
+}
+
+void LiveCheck::raise_alarm(const Seconds& seconds, const Outcome& outcome) {
+  verdict_.since_ns = seconds.time_ns(seconds.data.train.window(outcome.first_bad).begin);
+  verdict_.reported_ns = seconds.end_ns;
+  ++verdict_.alarms;
+  explain_at_ns_ = seconds.end_ns;
+  explain_again_s_ = first_explanation_s;
+}
+
+bool LiveCheck::update(std::span<const Frame> frames) {
+  std::unique_ptr<Seconds> seconds;
+  try {
+    seconds = std::make_unique<Seconds>(model_, frames, settings_);
+  } catch (const InputError&) {
+    return set_status(LiveStatus::waiting);
+  }
+  if (seconds->data.train.windows.size() < least_windows) return set_status(LiveStatus::waiting);
+  const Fit fit = fitted(*seconds);
+  const Outcome outcome = outcome_of(*seconds, fit);
+  verdict_.chi2 = outcome.chi2;
+  verdict_.limit = outcome.limit;
+  if (outcome.follows) {
+    remember(*seconds, fit);
+    return set_status(LiveStatus::follows);
+  }
+  if (++misfits_ < confirmations) return false;
+  if (verdict_.status != LiveStatus::broken) raise_alarm(*seconds, outcome);
+  unexplained_ = std::move(seconds);
+  unexplained_fit_ = fit;
+  return set_status(LiveStatus::broken);
+}
+
+bool LiveCheck::wants_explanation() const {
+  return unexplained_ && !verdict_.is_final && unexplained_->end_ns >= explain_at_ns_;
+}
+
+void LiveCheck::explain() {
+  if (!unexplained_) return;
+  unexplained_->add_coarse(model_);
+  verdict_.explanations = explanations_of(*unexplained_, unexplained_fit_);
+  double others = 0.0;
+  for (const Explanation& each : verdict_.explanations) {
+    const Explanation& first = verdict_.explanations.front();
+    if (each.relation != first.relation || each.channel != first.channel) {
+      others += each.probability;
+    }
+  }
+  const std::vector<int>& count = unexplained_fit_.count;
+  const double noise = chi2_limit(certain_deviate, std::accumulate(count.begin(), count.end(), 0.0),
+                                  unexplained_->noise_uncertainty());
+  verdict_.is_certain = !verdict_.explanations.empty() && others < 1.0 - certain_probability &&
+                        verdict_.explanations.front().chi2 <= noise;
+  verdict_.is_final = verdict_.is_certain || explain_again_s_ > last_explanation_s;
+  explain_at_ns_ = unexplained_->end_ns + std::llround(1.0e9 * explain_again_s_);
+  explain_again_s_ *= 2.0;
+}
+
+std::span<const Frame> latest_span(std::span<const Frame> frames) {
+  if (frames.empty()) return {};
+  constexpr auto every_ns = static_cast<std::int64_t>(1.0e9 * LiveCheck::every_s);
+  constexpr auto span_ns = static_cast<std::int64_t>(1.0e9 * LiveCheck::span_s);
+  constexpr auto least_ns = static_cast<std::int64_t>(1.0e9 * LiveCheck::least_s);
+  const std::int64_t end_ns = frames.back().time_ns;
+  const std::int64_t period_ns =
+      frames.size() > 1 ? end_ns - frames[frames.size() - 2].time_ns : std::int64_t{0};
+  const std::int64_t earliest_ns = std::max(frames.front().time_ns, end_ns - span_ns);
+  const std::int64_t begin_ns = (earliest_ns + every_ns - 1) / every_ns * every_ns;
+  if (end_ns + period_ns - begin_ns < least_ns) return {};
+  const auto begin = std::lower_bound(
+      frames.begin(), frames.end(), begin_ns,
+      [](const Frame& frame, std::int64_t time_ns) { return frame.time_ns < time_ns; });
+  return {begin, frames.end()};
+}
+
+std::string words_for(const LiveVerdict& verdict) {
+  if (verdict.status == LiveStatus::waiting) return "too little motion to check the model";
+  if (verdict.status == LiveStatus::follows) return "the rig follows its model";
+  if (verdict.chi2 <= verdict.limit) {
+    return "the rig does not follow its model: it needs parameters far beyond their declared "
+           "uncertainties";
+  }
+  return "the rig does not follow its model: residuals have " +
+         physics::number_text(verdict.chi2, 3) + " times the power of the noise";
+}
+
+std::string cause_in_words(const LiveVerdict& verdict) {
+  const auto& all = verdict.explanations;
+  if (all.empty() || all.front().chi2 > verdict.limit) {
+    return "no single effect of the catalogue explains the model mismatch: diagnose the recording";
+  }
+  const auto described = [](const Explanation& each) {
+    std::string out = each.statement;
+    if (out.ends_with('.')) out.pop_back();
+    out.append(" (").append(physics::name_of(each.relation));
+    if (each.channel) out.append(" of ").append(info(*each.channel).stem);
+    out.append(", ").append(percent_text(each.probability)).append(")");
+    return out;
+  };
+  if (verdict.is_certain) return "probable cause of the model mismatch: " + described(all.front());
+  std::string out = "the cause of the model mismatch is not certain yet: " + described(all.front());
+  for (std::size_t i = 1; i < all.size(); ++i) {
+    if (all[i].probability < least_mentioned_probability) continue;
+    std::string other = described(all[i]);
+    other.front() = static_cast<char>(std::tolower(static_cast<unsigned char>(other.front())));
+    out += ", or " + other;
+  }
+  return out;
+}
+
+}  // namespace stickslip::diagnosis
