@@ -9,6 +9,8 @@ const limitNames = ["no", "displacement or force", "velocity", "acceleration", "
 const severities = ["information", "warning", "error"];
 const maxEvents = 200;
 
+const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
 export class RigState {
   constructor(app) {
     this.app = app;
@@ -177,7 +179,7 @@ export class RigState {
     this.verdict = event;
     const broken = event.code === "model_broken";
     const line = byId("verdict");
-    setText(line, `${broken ? "✕ The rig no longer follows its model. " : "● The rig follows its model. "}${event.message}`);
+    setText(line, `${broken ? "✕" : "●"} ${sentence(event.message)}`);
     setState(line, broken ? "bad" : "good");
     const chip = byId("verdict-chip");
     setText(chip, broken ? "model broken" : "model follows");
@@ -188,7 +190,7 @@ export class RigState {
   #takeExplanation(event) {
     if (this.verdict?.code !== "model_broken" || event.utc_us < this.verdict.utc_us) return;
     const line = byId("verdict");
-    setText(line, `✕ ${event.message[0].toUpperCase()}${event.message.slice(1)}. First report: ${this.verdict.message}`);
+    setText(line, `✕ ${sentence(event.message)}. First report: ${this.verdict.message}`);
   }
 
   // --- histograms of timing ------------------------------------------------------------------------
