@@ -250,9 +250,10 @@ constexpr std::array output_table = {
             .high = 3600}),
     bound<&Rig::observer, &Observer::enabled>(Key{
         .path = "observer.enabled", .sentence = "True: friction is estimated while the rig runs."}),
-    bound<&Rig::observer, &Observer::model_check>(
-        Key{.path = "observer.model_check",
-            .sentence = "True: deviations of the rig from its model are reported and explained."}),
+    bound<&Rig::observer, &Observer::model_check>(Key{
+        .path = "observer.model_check",
+        .sentence = "True: deviations of the rig from its model are reported and explained. Needs "
+                    "the observer."}),
     bound<&Rig::observer, &Observer::days_between_false_alarms>(Key{
         .path = "observer.days_between_false_alarms",
         .unit = "days",

@@ -18,7 +18,10 @@ using diagnosis::LiveCheck;
 using diagnosis::LiveStatus;
 
 constexpr auto every_ns = static_cast<std::int64_t>(1.0e9 * LiveCheck::every_s);
-constexpr auto kept_ns = static_cast<std::int64_t>(1.0e9 * (LiveCheck::span_s + LiveCheck::every_s));
+constexpr auto kept_ns =
+    static_cast<std::int64_t>(1.0e9 * (LiveCheck::span_s + LiveCheck::every_s));
+// After a check the thread rests for so many times as long.
+constexpr int rests = 3;
 // Of the thread, against everything else in the system.
 constexpr int niceness = 10;
 
@@ -120,6 +123,7 @@ void ModelCheck::finish() {
 // False at the end, with the last frames.
 bool ModelCheck::wait_for_frames(std::vector<Frame>& frames) {
   std::unique_lock lock(lock_);
+  wake_.wait_until(lock, resting_until_, [this] { return ending_; });
   wake_.wait(lock, [this] {
     return ending_ || (!frames_.empty() && frames_.back().time_ns >= checked_ns_ + every_ns);
   });
@@ -139,7 +143,9 @@ void ModelCheck::check(const std::vector<Frame>& frames) {
   const std::span<const Frame> latest = diagnosis::latest_span(frames);
   if (latest.empty()) return;
   const LiveStatus before = check_.verdict().status;
+  const auto begin = std::chrono::steady_clock::now();
   const bool changed = check_.update(latest);
+  rest(std::chrono::steady_clock::now() - begin);
   const LiveStatus now = check_.verdict().status;
   const std::int64_t now_ns = latest.back().time_ns;
   const bool recovered = before == LiveStatus::broken && now == LiveStatus::follows;
@@ -153,6 +159,13 @@ void ModelCheck::check(const std::vector<Frame>& frames) {
   }
   const std::lock_guard lock(lock_);
   verdict_ = check_.verdict();
+}
+
+// A deviation is confirmed at once.
+void ModelCheck::rest(std::chrono::steady_clock::duration checked) {
+  const std::lock_guard lock(lock_);
+  resting_until_ = std::chrono::steady_clock::now();
+  if (!check_.is_suspicious()) resting_until_ += rests * checked;
 }
 
 void ModelCheck::run() {

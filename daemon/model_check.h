@@ -1,8 +1,9 @@
 // Live model check of the frames: a consumer like publisher and recorder, with a thread of its own
-// that checks the latest seconds as often as it can, at most every quarter of a second. Neither the
-// loop nor another consumer waits for it.
+// that checks the latest seconds every quarter of a second, or less often where that would take
+// more than a quarter of a core. Neither the loop nor another consumer waits for it.
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <deque>
 #include <mutex>
@@ -47,6 +48,7 @@ class ModelCheck final : public Sink {
   void run();
   bool wait_for_frames(std::vector<Frame>& frames);
   void check(const std::vector<Frame>& frames);
+  void rest(std::chrono::steady_clock::duration checked);
   void check_last(const std::vector<Frame>& frames);
   void publish(const Event& event);
 
@@ -55,6 +57,7 @@ class ModelCheck final : public Sink {
   std::condition_variable wake_;
   std::deque<Frame> frames_;
   std::int64_t checked_ns_ = 0;  // time of the latest frame at the latest check
+  std::chrono::steady_clock::time_point resting_until_;
   bool ending_ = false;
   LiveVerdict verdict_;
   std::deque<Event> events_;

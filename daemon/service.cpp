@@ -249,7 +249,9 @@ void Service::open_consumers() {
     publisher_ = std::make_unique<Consumer>("publisher", open_lcm(rig_.lcm.url),
                                             ledger_.published(), settings);
   }
-  if (rig_.observer.model_check) model_ = std::make_unique<CheckedModel>(rig_, settings);
+  if (rig_.observer.enabled && rig_.observer.model_check) {
+    model_ = std::make_unique<CheckedModel>(rig_, settings);
+  }
 }
 
 std::vector<Stream*> Service::streams() {

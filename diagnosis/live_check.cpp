@@ -290,6 +290,10 @@ bool LiveCheck::update(std::span<const Frame> frames) {
   return set_status(LiveStatus::broken);
 }
 
+bool LiveCheck::is_suspicious() const {
+  return misfits_ > 0 && verdict_.status != LiveStatus::broken;
+}
+
 bool LiveCheck::wants_explanation() const {
   return unexplained_ && !verdict_.is_final && unexplained_->end_ns >= explain_at_ns_;
 }

@@ -91,6 +91,9 @@ class LiveCheck {
   /// the status `waiting`.
   bool update(std::span<const Frame> frames);
 
+  /// True after a deviation that the next check is to confirm.
+  bool is_suspicious() const;
+
   /// True if the frames of the latest update are to be explained: at an alarm, and after 0.5, 1, 2,
   /// 4 and 8 s more for as long as no explanation is certain.
   bool wants_explanation() const;

@@ -173,7 +173,7 @@ bool is_right(physics::Relation relation, Channel channel, const concealment::Tr
 }
 
 // Checks a recording as the daemon does, every quarter of a second. `checked` is called after each
-// check with the time of its last frame [s].
+// check with the time of its last frame [s], and returns false to end.
 template <class Checked>
 void run_live_check(const concealment::Case& recorded, diagnosis::LiveCheck& check,
                     Checked&& checked) {
@@ -186,7 +186,7 @@ void run_live_check(const concealment::Case& recorded, diagnosis::LiveCheck& che
     const auto latest = diagnosis::latest_span(std::span(frames).first(end));
     if (latest.empty()) continue;
     check.update(latest);
-    checked(time_s);
+    if (!checked(time_s)) return;
   }
 }
 
@@ -207,7 +207,7 @@ Explained explained_of(const diagnosis::LiveVerdict& verdict,
 RecordingQuality false_alarms_of(const concealment::Case& recorded) {
   RecordingQuality out = described(recorded);
   diagnosis::LiveCheck check(recorded.declared);
-  run_live_check(recorded, check, [](double) {});
+  run_live_check(recorded, check, [](double) { return true; });
   out.alarms = check.verdict().alarms;
   return out;
 }
@@ -217,13 +217,14 @@ RecordingQuality live_check_of(const concealment::Case& recorded) {
   diagnosis::LiveCheck check(recorded.declared);
   const concealment::TrueEffect& effect = recorded.truth.effects.front();
   run_live_check(recorded, check, [&](double time_s) {
-    if (!check.wants_explanation() || check.verdict().alarms > 1) return;
+    if (!check.wants_explanation()) return true;
     check.explain();
     const Explained explained = explained_of(check.verdict(), effect);
     if (!out.notice) {
       out.notice = Notice{.after_s = time_s, .at_once = explained, .at_last = {}};
     }
     out.notice->at_last = explained;
+    return !check.verdict().is_final;
   });
   out.alarms = check.verdict().alarms;
   return out;
