@@ -40,8 +40,8 @@ struct LoopSettings {
   LiveSettings live = {};
   /// Clears, arms and starts without an operator: for rigs without moving parts.
   bool start_at_once = false;
-  bool end_on_fault = false;          ///< otherwise the fault latches and the loop goes on
-  const Stream* recorder = nullptr;   ///< whose losses the interlocks watch; may be null
+  bool end_on_fault = false;         ///< otherwise the fault latches and the loop goes on
+  const Stream* recorder = nullptr;  ///< whose losses the interlocks watch; may be null
 };
 
 /// Why the loop ended.

@@ -47,10 +47,10 @@ struct Status {
   std::uint64_t not_finite = 0;
   std::uint64_t failed_reads = 0;
   std::uint64_t failed_writes = 0;
-  drivers::Counts devices;  ///< the devices' own counts
+  drivers::Counts devices;                      ///< the devices' own counts
   std::optional<diagnosis::LiveVerdict> model;  ///< of the live model check; absent: off
-  bool recording_failing = false;   ///< frames are being lost by the recording
-  std::uint64_t lost_messages = 0;  ///< events, estimates and status messages
+  bool recording_failing = false;               ///< frames are being lost by the recording
+  std::uint64_t lost_messages = 0;              ///< events, estimates and status messages
 };
 
 /// Present values; the loop may be running.

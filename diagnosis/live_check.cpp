@@ -4,6 +4,7 @@
 #include <cctype>
 #include <cmath>
 #include <numeric>
+#include <random>
 #include <stdexcept>
 
 #include "diagnosis/finalists.h"
@@ -25,6 +26,8 @@ constexpr double estimated_noise_uncertainty = 0.08;
 constexpr std::size_t least_windows = 3;
 // Checks in a row that show a deviation before it is reported.
 constexpr int confirmations = 2;
+// Further fits before a deviation is reported.
+constexpr int other_starts = 8;
 constexpr double certain_probability = 0.95;
 constexpr double certain_deviate = 1.645;  // which noise stays below with that probability
 constexpr double least_mentioned_probability = 0.05;
@@ -184,6 +187,38 @@ Fit LiveCheck::fitted(const Seconds& seconds) const {
   return fitted_from_declared(task);
 }
 
+// An alarm must not come from a local minimum. In windows that grow to their length errors do too,
+// and chaos leads a fit astray less; draws from the prior are other starts.
+std::optional<Fit> LiveCheck::other_fit_that_follows(const Seconds& seconds) const {
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> normal;
+  std::vector<double> start = z_;
+  for (int draw = 0; draw < other_starts; ++draw) {
+    Fit grown = fitted_in_growing_windows(seconds.data.train, start);
+    if (outcome_of(seconds, grown).follows) return grown;
+    for (double& z : start) z = normal(random);
+  }
+  return std::nullopt;
+}
+
+Fit LiveCheck::fitted_in_growing_windows(const Task& task, std::vector<double> z) const {
+  constexpr int stages = 8;
+  Fit out;
+  out.z = std::move(z);
+  out.state = initial_states(task, declared_);
+  for (int stage = 1; stage <= stages; ++stage) {
+    Task beginning = task;
+    beginning.share = static_cast<double>(stage) / stages;
+    FitOptions options;
+    options.iterations = stage < stages ? 3 : 12;
+    options.tolerance = 1.0e-3;
+    options.covariance = false;
+    options.multistart = stage == stages;
+    out = fit(beginning, declared_, out.z, out.state, options);
+  }
+  return out;
+}
+
 // Share of the samples' nats that counts: a mean square of n residuals whose noise level is
 // uncertain is known as well as that of fewer residuals of known noise.
 double LiveCheck::informative_share(const Seconds& seconds, const Fit& fit) const {
@@ -275,8 +310,14 @@ bool LiveCheck::update(std::span<const Frame> frames) {
     return set_status(LiveStatus::waiting);
   }
   if (seconds->data.train.windows.size() < least_windows) return set_status(LiveStatus::waiting);
-  const Fit fit = fitted(*seconds);
-  const Outcome outcome = outcome_of(*seconds, fit);
+  Fit fit = fitted(*seconds);
+  Outcome outcome = outcome_of(*seconds, fit);
+  if (!outcome.follows && misfits_ + 1 == confirmations) {
+    if (auto other = other_fit_that_follows(*seconds)) {
+      fit = std::move(*other);
+      outcome = outcome_of(*seconds, fit);
+    }
+  }
   verdict_.chi2 = outcome.chi2;
   verdict_.limit = outcome.limit;
   if (outcome.follows) {

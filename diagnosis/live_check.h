@@ -116,6 +116,8 @@ class LiveCheck {
   Outcome outcome_of(const Seconds& seconds, const Fit& fit) const;
   Fit fitted(const Seconds& seconds) const;
   Fit fitted_from_declared(const Task& task) const;
+  std::optional<Fit> other_fit_that_follows(const Seconds& seconds) const;
+  Fit fitted_in_growing_windows(const Task& task, std::vector<double> z) const;
   Fit fitted_at_misfit(Task& task) const;
   double informative_share(const Seconds& seconds, const Fit& fit) const;
   std::vector<Explanation> explanations_of(const Seconds& seconds, const Fit& fit) const;

@@ -83,8 +83,9 @@ class Covariance {
   /// Numbers that begin at a cache line.
   class Storage {
    public:
-    Storage() = default;
-    explicit Storage(int count) : lines_(static_cast<std::size_t>((count + 7) / 8)) {}
+    /// One line at least: a filter without consider parameters has an address for them, too.
+    explicit Storage(int count = 0)
+        : lines_(static_cast<std::size_t>(std::max(1, (count + 7) / 8))) {}
     double* data() { return lines_.data()->of.data(); }
     const double* data() const { return lines_.data()->of.data(); }
     void fill(double value) {

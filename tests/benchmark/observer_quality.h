@@ -65,7 +65,8 @@ RecordingQuality quality_of(const concealment::Case& recorded);
 /// Evaluates the live check on a sound rig: its alarms.
 RecordingQuality false_alarms_of(const concealment::Case& recorded);
 
-/// Evaluates the live check on a rig with a hidden effect, with the explanations of the first alarm.
+/// Evaluates the live check on a rig with a hidden effect, with the explanations of the first
+/// alarm.
 RecordingQuality live_check_of(const concealment::Case& recorded);
 
 }  // namespace stickslip::quality

@@ -130,7 +130,8 @@ int main(int argc, char** argv) {
   app.add_option("--duration", options.duration_s, "least duration of a recording [s]")
       ->check(CLI::Range(5.0, 3600.0))
       ->capture_default_str();
-  app.add_option("--kind", options.kind, "null: nothing is hidden; sound: likewise, live check only; single: one effect is")
+  app.add_option("--kind", options.kind,
+                 "null: nothing is hidden; sound: likewise, live check only; single: one effect is")
       ->check(CLI::IsMember({"null", "sound", "single"}))
       ->capture_default_str();
   app.add_option("--document", options.document, "Markdown file whose tables are renewed")

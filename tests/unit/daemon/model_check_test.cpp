@@ -94,9 +94,10 @@ TEST(ModelCheck, EventsNameStretchAndCertainty) {
   const Event broken = status_event(verdict, 66'500'000'000, 10'000'000);
   EXPECT_EQ(broken.code, "model_broken");
   EXPECT_EQ(broken.severity, Severity::warning);
-  EXPECT_EQ(broken.message,
-            "the rig does not follow its model: residuals have 4 times the power of the noise, since "
-            "00:00:08 UTC; diagnose the recording from 45.0 s to 75.0 s of its time_ns");
+  EXPECT_EQ(
+      broken.message,
+      "the rig does not follow its model: residuals have 4 times the power of the noise, since "
+      "00:00:08 UTC; diagnose the recording from 45.0 s to 75.0 s of its time_ns");
   EXPECT_EQ(explanation_event(verdict, 0).code, "model_unexplained");
   diagnosis::Explanation found;
   found.statement = "The contact is compliant.";

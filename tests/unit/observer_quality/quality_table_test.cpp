@@ -52,11 +52,13 @@ TEST(LiveCheckTable, ComparesExplanations) {
   const Explained right{.certain = true, .right = true, .probability = 0.99, .effect = "clipping"};
   Explained wrong = right;
   wrong.right = false;
-  const Explained uncertain{.certain = false, .right = true, .probability = 0.6, .effect = "clipping"};
+  const Explained uncertain{
+      .certain = false, .right = true, .probability = 0.6, .effect = "clipping"};
   all[0].notice = Notice{.after_s = 1.5, .at_once = uncertain, .at_last = right};
   all[1].notice = Notice{.after_s = 8.0, .at_once = wrong, .at_last = wrong};
   all[2].notice = Notice{.after_s = 20.0, .at_once = right, .at_last = right};
-  // recordings; within 2 s, ever; at once and at last: certain (right, wrong), uncertain (right, wrong)
+  // recordings; within 2 s, ever; at once and at last: certain (right, wrong), uncertain (right,
+  // wrong)
   EXPECT_THAT(live_check_table(all),
               HasSubstr("| force | 4 | 1 | 3 | 1 | 1 | 1 | 0 | 2 | 1 | 0 | 0 |\n"));
 }
