@@ -33,6 +33,8 @@ bool is_gain_in_nats(const HeldOut& before, const HeldOut& after, const Criteria
   return gained - most - lost > criteria.claim_nats && lost < criteria.claim_loss_share * gained;
 }
 
+}  // namespace
+
 double prior_penalty(const Hypothesis& hypothesis, std::span<const double> z) {
   double penalty = 0.0;
   for (std::size_t u = 0; u < z.size(); ++u) {
@@ -40,8 +42,6 @@ double prior_penalty(const Hypothesis& hypothesis, std::span<const double> z) {
   }
   return penalty;
 }
-
-}  // namespace
 
 double HeldOut::total_loss() const {
   return std::accumulate(loss.begin(), loss.end(), prior_penalty);

@@ -21,6 +21,9 @@ struct HeldOut {
   double total_loss() const;
 };
 
+/// HeldOut::prior_penalty of parameters `z`.
+double prior_penalty(const Hypothesis& hypothesis, std::span<const double> z);
+
 /// Score of parameters `z` on windows that are not part of their fit. Where the noise is known,
 /// losses are of the refitted windows: without a missing effect their
 /// residuals are white, and every nat counts. Where it is not, every model is wrong by more than

@@ -60,8 +60,12 @@ std::string percent_text(double probability) {
   return physics::number_text(std::round(100.0 * probability), 2) + " %";
 }
 
-double penalty_of(const Fit& fit) {
-  return 0.5 * std::inner_product(fit.z.begin(), fit.z.end(), fit.z.begin(), 0.0);
+FitOptions fit_of(int iterations) {
+  FitOptions options;
+  options.iterations = iterations;
+  options.tolerance = 1.0e-3;
+  options.covariance = false;
+  return options;
 }
 
 }  // namespace
@@ -138,8 +142,8 @@ LiveCheck::Outcome LiveCheck::outcome_of(const Seconds& seconds, const Fit& fit)
   }
   out.chi2 = fit.chi2_per_sample();
   out.limit = limit_of(samples);
-  out.follows =
-      out.chi2 <= out.limit && penalty_of(fit) <= settings_.criteria.implausible_prior_penalty;
+  out.follows = out.chi2 <= out.limit &&
+                prior_penalty(declared_, fit.z) <= settings_.criteria.implausible_prior_penalty;
   if (out.first_bad == fit.chi2.size()) out.first_bad = 0;
   return out;
 }
@@ -165,23 +169,15 @@ void LiveCheck::remember(const Seconds& seconds, const Fit& fit) {
 }
 
 Fit LiveCheck::fitted_from_declared(const Task& task) const {
-  FitOptions options;
-  options.iterations = 14;
-  options.tolerance = 1.0e-3;
-  options.covariance = false;
   return fit_in_stages(task, declared_, std::vector<double>(z_.size(), 0.0),
-                       initial_states(task, declared_), options);
+                       initial_states(task, declared_), fit_of(14));
 }
 
 // From the latest fit, and where that does not follow the frames, from the declared values.
 Fit LiveCheck::fitted(const Seconds& seconds) const {
   const Task& task = seconds.data.train;
   if (!states_.empty()) {
-    FitOptions options;
-    options.iterations = 6;
-    options.tolerance = 1.0e-3;
-    options.covariance = false;
-    Fit warm = fit(task, declared_, z_, remembered_states(seconds), options);
+    Fit warm = fit(task, declared_, z_, remembered_states(seconds), fit_of(6));
     if (outcome_of(seconds, warm).follows) return warm;
   }
   return fitted_from_declared(task);
@@ -209,10 +205,7 @@ Fit LiveCheck::fitted_in_growing_windows(const Task& task, std::vector<double> z
   for (int stage = 1; stage <= stages; ++stage) {
     Task beginning = task;
     beginning.share = static_cast<double>(stage) / stages;
-    FitOptions options;
-    options.iterations = stage < stages ? 3 : 12;
-    options.tolerance = 1.0e-3;
-    options.covariance = false;
+    FitOptions options = fit_of(stage < stages ? 3 : 12);
     options.multistart = stage == stages;
     out = fit(beginning, declared_, out.z, out.state, options);
   }
@@ -231,16 +224,10 @@ double LiveCheck::informative_share(const Seconds& seconds, const Fit& fit) cons
 // model at that noise: a fit to the noise itself is far from both the parameters and the true
 // states, and the search for candidates would begin there.
 Fit LiveCheck::fitted_at_misfit(Task& task) const {
-  FitOptions options;
-  options.iterations = 12;
-  options.tolerance = 1.0e-3;
-  options.covariance = false;
-  options.parameters_free = false;
-  const Fit known = fit_states(task, declared_, z_, options);
+  const Fit known = fit_states(task, declared_, z_, fit_of(12));
   const double misfit = std::max(1.0, known.chi2_per_sample());
   for (double& sigma : task.sigma) sigma *= std::sqrt(misfit);
-  options.parameters_free = true;
-  return fit(task, declared_, z_, known.state, options);
+  return fit(task, declared_, z_, known.state, fit_of(12));
 }
 
 std::vector<Explanation> LiveCheck::explanations_of(const Seconds& seconds, const Fit& fit) const {

@@ -3,48 +3,29 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <vector>
 
-#include "physics/simulator.h"
+#include "tests/unit/diagnosis/bench.h"
 
 namespace stickslip::daemon {
 namespace {
 
 using diagnosis::LiveStatus;
+using diagnosis::test::driven_mass;
+using diagnosis::test::record;
+using diagnosis::test::with_term;
 using ::testing::HasSubstr;
 
-// 1 kg on a spring, 200 frames/s.
-physics::Model driven_mass() {
-  physics::Model model;
-  model.oscillator.excitation = physics::Excitation::force;
-  model.oscillator.mass_kg = {1.0};
-  model.oscillator.stiffness_n_m = physics::Parameter{158.0, 5.0};
-  model.oscillator.damping_n_s_m = physics::Parameter{0.5, 0.2};
-  model.sensors[index_of(Channel::displacement)].noise_std = 2.0e-5;
-  return model;
-}
-
 physics::Model sliding_mass() {
-  physics::Model model = driven_mass();
-  model.terms.push_back({"dry_friction", {}, {{"friction_force_n", {0.5}}}});
-  return model;
+  return with_term(driven_mass(), "dry_friction", {{"friction_force_n", {0.5}}});
 }
 
 std::vector<Sample> samples_of(const physics::Model& model, double duration_s) {
-  physics::SimulationOptions options;
-  options.step_s = 5.0e-4;
-  physics::RigSimulator rig(model, options);
   std::vector<Sample> out;
-  for (int k = 0; k < static_cast<int>(duration_s * 200.0); ++k) {
-    for (int part = 1; k > 0 && part <= 10; ++part) {
-      physics::Input input;
-      input.drive_force_n = 1.5 * std::sin(12.0 * ((k - 1) * 5.0e-3 + part * 5.0e-4));
-      rig.advance(5.0e-4, input);
-    }
-    Sample sample;
-    sample.frame = rig.read();
-    sample.frame.time_ns = std::int64_t{5'000'000} * k;
-    out.push_back(sample);
+  const auto force = [](double time_s) { return 1.5 * std::sin(12.0 * time_s); };
+  for (const Frame& frame : record(model, duration_s, 1, true, force).frames) {
+    out.emplace_back().frame = frame;
   }
   return out;
 }

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <initializer_list>
 #include <numbers>
 
 #include "diagnosis/score.h"
@@ -209,6 +211,46 @@ TEST(Fit, LeavesMoreThanNoiseWithoutAnEffect) {
   EXPECT_GT(fit_from_declared(task, Hypothesis(driven_mass())).chi2_per_sample(), 10.0);
 }
 
+// These channels, simulated in steps of `step_s`.
+protocol::Recording recorded(const physics::Model& model, std::initializer_list<Channel> channels,
+                             double step_s, int steps_per_frame, int frames,
+                             const std::function<physics::Input(double)>& input) {
+  physics::SimulationOptions options;
+  options.step_s = step_s;
+  physics::RigSimulator rig(model, options);
+  protocol::Recording out;
+  out.source = "test.csv";
+  for (const Channel channel : channels) out.channels |= std::uint8_t(1U << index_of(channel));
+  for (int k = 0; k <= frames; ++k) {
+    for (int part = 1; k > 0 && part <= steps_per_frame; ++part) {
+      rig.advance(step_s, input(((k - 1) * steps_per_frame + part) * step_s));
+    }
+    Frame frame = rig.read();
+    frame.time_ns = std::llround(1.0e9 * step_s) * steps_per_frame * k;
+    frame.valid &= out.channels;
+    out.frames.push_back(frame);
+  }
+  return out;
+}
+
+// Chi-squared of the true model, with the noise of the drive's channel and as if it had none.
+struct WithAndWithoutNoise {
+  double with = 0.0, without = 0.0;
+};
+
+WithAndWithoutNoise chi2_of(const protocol::Recording& recording, const physics::Model& model) {
+  std::vector<Experiment> experiments{experiment_of(recording, model)};
+  EXPECT_GT(experiments[0].drive_noise, 0.0);
+  Task task = test::all_windows(experiments);
+  task.sigma = noise_sigma(experiments);
+  const Hypothesis truth(model);
+  WithAndWithoutNoise out;
+  out.with = fit_states(task, truth, {}).chi2_per_sample();
+  experiments[0].drive_noise = 0.0;
+  out.without = fit_states(task, truth, {}).chi2_per_sample();
+  return out;
+}
+
 // A base-excited mass; the noise of the base's channel moves it by more than the gauge's noise.
 TEST(Fit, WeighsResidualsByTheNoiseOfTheBase) {
   physics::Model model;
@@ -217,13 +259,6 @@ TEST(Fit, WeighsResidualsByTheNoiseOfTheBase) {
   model.oscillator.damping_ratio = physics::Parameter{0.05};
   model.sensors[index_of(Channel::displacement)].noise_std = 1.0e-5;
   model.sensors[index_of(Channel::base_displacement)].noise_std = 1.0e-4;
-  physics::SimulationOptions options;
-  options.step_s = 5.0e-4;
-  physics::RigSimulator rig(model, options);
-  protocol::Recording recording;
-  recording.source = "base.csv";
-  recording.channels =
-      (1U << index_of(Channel::displacement)) | (1U << index_of(Channel::base_displacement));
   const auto base = [](double time_s) {
     const double a = 2.0 * std::numbers::pi * 3.1;
     const double b = 2.0 * std::numbers::pi * 1.3;
@@ -233,26 +268,12 @@ TEST(Fit, WeighsResidualsByTheNoiseOfTheBase) {
         -0.004 * a * a * std::sin(a * time_s) - 0.002 * b * b * std::sin(b * time_s);
     return input;
   };
-  for (int k = 0; k <= 4000; ++k) {
-    for (int part = 1; k > 0 && part <= 10; ++part) {
-      rig.advance(5.0e-4, base((k - 1) * 5.0e-3 + part * 5.0e-4));
-    }
-    Frame frame = rig.read();
-    frame.time_ns = std::int64_t{5'000'000} * k;
-    frame.valid &= recording.channels;
-    recording.frames.push_back(frame);
-  }
-  std::vector<Experiment> experiments{experiment_of(recording, model)};
-  Task task = test::all_windows(experiments);
-  task.sigma = noise_sigma(experiments);
-  const Hypothesis truth(model);
-  ASSERT_GT(experiments[0].drive_noise, 0.0);
-  const double with_noise = fit_states(task, truth, {}).chi2_per_sample();
-  experiments[0].drive_noise = 0.0;
-  const double without_noise = fit_states(task, truth, {}).chi2_per_sample();
-  EXPECT_GT(without_noise, 1.3);
-  EXPECT_LT(with_noise, 1.1);
-  EXPECT_GT(with_noise, 0.8);
+  const auto chi2 = chi2_of(
+      recorded(model, {Channel::displacement, Channel::base_displacement}, 5.0e-4, 10, 4000, base),
+      model);
+  EXPECT_GT(chi2.without, 1.3);
+  EXPECT_LT(chi2.with, 1.1);
+  EXPECT_GT(chi2.with, 0.8);
 }
 
 // Friction changes its sign within a millisecond of a reversal, whose time the gauge's noise blurs.
@@ -265,13 +286,6 @@ TEST(Fit, KnowsAnImposedMotionUpToItsNoise) {
   model.normal_load.emplace().load_n = {0.3};
   model.sensors[index_of(Channel::displacement)].noise_std = 5.0e-5;
   model.sensors[index_of(Channel::friction_force)].noise_std = 3.0e-4;
-  physics::SimulationOptions options;
-  options.step_s = 5.0e-5;
-  physics::RigSimulator rig(model, options);
-  protocol::Recording recording;
-  recording.source = "imposed.csv";
-  recording.channels =
-      (1U << index_of(Channel::displacement)) | (1U << index_of(Channel::friction_force));
   const auto motion = [](double time_s) {
     const double a = 2.0 * std::numbers::pi * 3.1;
     const double b = 2.0 * std::numbers::pi * 1.3;
@@ -280,25 +294,12 @@ TEST(Fit, KnowsAnImposedMotionUpToItsNoise) {
     input.velocity_m_s = 0.006 * a * std::cos(a * time_s) + 0.004 * b * std::cos(b * time_s);
     return input;
   };
-  for (int k = 0; k <= 5000; ++k) {
-    for (int part = 1; k > 0 && part <= 40; ++part) {
-      rig.advance(5.0e-5, motion((k - 1) * 2.0e-3 + part * 5.0e-5));
-    }
-    Frame frame = rig.read();
-    frame.time_ns = std::int64_t{2'000'000} * k;
-    frame.valid &= recording.channels;
-    recording.frames.push_back(frame);
-  }
-  std::vector<Experiment> experiments{experiment_of(recording, model)};
-  Task task = test::all_windows(experiments);
-  task.sigma = noise_sigma(experiments);
-  const Hypothesis truth(model);
-  const double with_noise = fit_states(task, truth, {}).chi2_per_sample();
-  experiments[0].drive_noise = 0.0;
-  const double without_noise = fit_states(task, truth, {}).chi2_per_sample();
-  EXPECT_GT(without_noise, 2.0);
-  EXPECT_LT(with_noise, 1.1);
-  EXPECT_GT(with_noise, 0.8);
+  const auto chi2 = chi2_of(
+      recorded(model, {Channel::displacement, Channel::friction_force}, 5.0e-5, 40, 5000, motion),
+      model);
+  EXPECT_GT(chi2.without, 2.0);
+  EXPECT_LT(chi2.with, 1.1);
+  EXPECT_GT(chi2.with, 0.8);
 }
 
 TEST(Predict, FromTheTrueStateMatchesTheRecording) {
