@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <iosfwd>
+#include <limits>
 #include <memory>
 #include <span>
 #include <string>
@@ -47,7 +48,13 @@ struct Recording {
   /// Line of a CSV file without a newline at its end, 0: none. It is not read, since it may have
   /// been cut within a number; cut_off_bytes is its length.
   int cut_off_line = 0;
+  /// Frames that were read but not kept: see `most_frames` of read_recording.
+  std::uint64_t left_out = 0;
+  std::vector<std::size_t> after_left_out = {};  ///< frames before which some were left out
 };
+
+/// No limit to the frames of a recording.
+inline constexpr std::size_t all_frames = std::numeric_limits<std::size_t>::max();
 
 /// Warning about a truncated log or CSV file (cut_off_bytes is not 0): one line, with the file.
 std::string cut_off_warning(const Recording& recording);
@@ -60,12 +67,14 @@ double median_period_s(std::span<const Frame> frames);
 /// missing or surplus cell, text or nan in a number, time that does not increase, a log that is
 /// damaged before its end or has no frames. An empty cell is a sample that was not measured. A log
 /// or a CSV file that ends too early is read up to there: see cut_off_bytes. `done`, here and
-/// below, is called with the progress.
-Recording read_recording(const std::filesystem::path& file, const ProgressCallback& done = {});
+/// below, is called with the progress. Of more than `most_frames` frames, all of which are checked,
+/// blocks spread over the recording are kept.
+Recording read_recording(const std::filesystem::path& file, const ProgressCallback& done = {},
+                         std::size_t most_frames = all_frames);
 
 /// The same for text in memory; messages name the file as `name`.
 Recording parse_csv(std::string_view text, const std::string& name,
-                    const ProgressCallback& done = {});
+                    const ProgressCallback& done = {}, std::size_t most_frames = all_frames);
 
 /// Writes CSV for ".csv" or "-" (standard output), an LCM event log for ".lcm" and ".log". Throws
 /// InputError for any other name, or if the file cannot be written.

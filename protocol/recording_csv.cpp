@@ -18,6 +18,7 @@
 #include "protocol/recording.h"
 #include "protocol/recording_events.h"
 #include "protocol/recording_log.h"
+#include "protocol/spread_frames.h"
 
 namespace stickslip::protocol {
 
@@ -117,8 +118,9 @@ std::optional<std::int64_t> nanoseconds(std::string_view text) {
 
 class CsvParser {
  public:
-  CsvParser(std::string_view text, const std::string& name, const ProgressCallback& done)
-      : text_(text), bytes_(text.size()), name_(name), done_(done) {
+  CsvParser(std::string_view text, const std::string& name, const ProgressCallback& done,
+            std::size_t most_frames)
+      : text_(text), bytes_(text.size()), name_(name), done_(done), frames_(most_frames) {
     recording_.source = name;
   }
 
@@ -140,6 +142,7 @@ class CsvParser {
       line_ = 0;
       refuse("is empty: expected a header row of column names (" + columns_known() + ")");
     }
+    frames_.finish(recording_);
     if (recording_.frames.empty() && is_cut_off_ && recording_.cut_off_line > 0) {
       refuse("its only row has no newline and may be cut within a number");
     }
@@ -203,7 +206,7 @@ class CsvParser {
 
   void read_row(std::string_view line) {
     Frame frame;
-    frame.sequence = recording_.frames.size();
+    frame.sequence = frames_.count();
     std::size_t column = 0;
     std::string_view rest = line;
     while (true) {
@@ -221,12 +224,13 @@ class CsvParser {
       refuse("has " + physics::counted(column, "cell") + "; the header names " +
              physics::counted(columns_.size(), "column"));
     }
-    if (!recording_.frames.empty() && frame.time_ns <= recording_.frames.back().time_ns) {
+    if (frames_.count() > 0 && frame.time_ns <= last_ns_) {
       refuse("time does not increase: " + time_text(frame.time_ns) + " s after " +
-             time_text(recording_.frames.back().time_ns) + " s");
+             time_text(last_ns_) + " s");
     }
+    last_ns_ = frame.time_ns;
     recording_.channels |= frame.valid;
-    recording_.frames.push_back(frame);
+    frames_.add(frame);
   }
 
   void read_cell(std::string_view cell, int column, Frame& frame) const {
@@ -274,16 +278,37 @@ class CsvParser {
   int line_ = 0;
   bool is_cut_off_ = false;  ///< the current line has no newline
   std::vector<int> columns_;
+  SpreadFrames frames_;
+  std::int64_t last_ns_ = 0;
   Recording recording_;
 };
 
 }  // namespace
 
-Recording parse_csv(std::string_view text, const std::string& name, const ProgressCallback& done) {
-  return CsvParser(text, name, done).parse();
+Recording parse_csv(std::string_view text, const std::string& name, const ProgressCallback& done,
+                    std::size_t most_frames) {
+  return CsvParser(text, name, done, most_frames).parse();
 }
 
-Recording read_recording(const std::filesystem::path& file, const ProgressCallback& done) {
+namespace {
+
+// Without the copies that a text of unknown length takes while it grows.
+std::string content_of(std::istream& in, const std::filesystem::path& file) {
+  std::error_code unknown;
+  const auto bytes = std::filesystem::file_size(file, unknown);
+  if (unknown || bytes == 0) {
+    return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  }
+  std::string text(bytes, '\0');
+  in.read(text.data(), static_cast<std::streamsize>(bytes));
+  text.resize(static_cast<std::size_t>(in.gcount()));
+  return text;
+}
+
+}  // namespace
+
+Recording read_recording(const std::filesystem::path& file, const ProgressCallback& done,
+                         std::size_t most_frames) {
   std::error_code failure;
   if (std::filesystem::is_directory(file, failure)) {
     throw InputError(
@@ -297,11 +322,10 @@ Recording read_recording(const std::filesystem::path& file, const ProgressCallba
   std::array<char, 4> head{};
   in.read(head.data(), head.size());
   const auto got = static_cast<std::size_t>(in.gcount());
-  if (is_log({head.data(), got})) return read_log(file, done);
+  if (is_log({head.data(), got})) return read_log(file, done, most_frames);
   in.clear();
   in.seekg(0);
-  const std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
-  return parse_csv(text, file.string(), done);
+  return parse_csv(content_of(in, file), file.string(), done, most_frames);
 }
 
 void write_csv(const Recording& recording, std::ostream& out, const ProgressCallback& done) {

@@ -21,6 +21,7 @@
 #include "protocol/log_lock.h"
 #include "protocol/recording_events.h"
 #include "protocol/sha256.h"
+#include "protocol/spread_frames.h"
 
 namespace stickslip::protocol {
 
@@ -43,36 +44,42 @@ using Log = std::unique_ptr<lcm_eventlog_t, CloseLog>;
 
 }  // namespace
 
-Recording read_log(const std::filesystem::path& file, const ProgressCallback& done) {
+Recording read_log(const std::filesystem::path& file, const ProgressCallback& done,
+                   std::size_t most_frames) {
   std::ifstream in(file, std::ios::binary);
   if (!in) {
     throw InputError(
         Problem{file.string(), 0, 0, std::string("cannot be read: ") + std::strerror(errno)});
   }
-  return parse_log(in, file.string(), done);
+  return parse_log(in, file.string(), done, most_frames);
 }
 
-Recording parse_log(std::istream& in, const std::string& name, const ProgressCallback& done) {
+Recording parse_log(std::istream& in, const std::string& name, const ProgressCallback& done,
+                    std::size_t most_frames) {
   EventReader reader(in, name, done);
   Recording recording;
   recording.source = name;
   frame_block_t block;
   recording_info_t info;
   LogEvent event;
+  SpreadFrames frames(most_frames);
+  std::vector<Frame> decoded;
+  std::int64_t last_ns = 0;
   const auto take_frames = [&] {
-    const std::size_t before = recording.frames.size();
-    if (!decode(event.data, block) || !from_block(block, recording.frames)) {
+    decoded.clear();
+    if (!decode(event.data, block) || !from_block(block, decoded)) {
       refuse_damage(
           name, event.at,
           "a message on " + event.channel + " is damaged, or not a frame_block_t of this version");
     }
-    for (std::size_t i = before; i < recording.frames.size(); ++i) {
-      const Frame& frame = recording.frames[i];
-      if (i > 0 && frame.time_ns <= recording.frames[i - 1].time_ns) {
+    for (const Frame& frame : decoded) {
+      if (frames.count() > 0 && frame.time_ns <= last_ns) {
         refuse(name, event.at,
                "time does not increase: " + std::to_string(frame.time_ns) + " ns after " +
-                   std::to_string(recording.frames[i - 1].time_ns) + " ns");
+                   std::to_string(last_ns) + " ns");
       }
+      last_ns = frame.time_ns;
+      frames.add(frame);
       recording.channels |= frame.valid;
     }
   };
@@ -95,6 +102,7 @@ Recording parse_log(std::istream& in, const std::string& name, const ProgressCal
       recording.description = description_of(info);
     }
   }
+  frames.finish(recording);
   if (recording.frames.empty()) {
     throw InputError(Problem{
         name, 0, 0, std::string("has no frames: nothing was recorded on ") + frames_channel});

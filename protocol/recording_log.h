@@ -17,10 +17,12 @@ namespace stickslip::protocol {
 inline constexpr std::int32_t log_schema = 3;
 
 /// As read_recording, for a log.
-Recording read_log(const std::filesystem::path& file, const ProgressCallback& done = {});
+Recording read_log(const std::filesystem::path& file, const ProgressCallback& done = {},
+                   std::size_t most_frames = all_frames);
 
 /// The same for a seekable stream; messages name the file as `name`.
-Recording parse_log(std::istream& in, const std::string& name, const ProgressCallback& done = {});
+Recording parse_log(std::istream& in, const std::string& name, const ProgressCallback& done = {},
+                    std::size_t most_frames = all_frames);
 
 /// The first message of a log, with the digests of its texts. `frames`: number of frames of the
 /// source, -1: being recorded.

@@ -17,10 +17,11 @@ inline void warn_if_cut_off(const protocol::Recording& recording) {
 
 /// As protocol::read_recording, with progress on a terminal. Warns on standard error of a truncated
 /// log, whose intact part is returned.
-inline protocol::Recording recording_from(const std::filesystem::path& file) {
+inline protocol::Recording recording_from(const std::filesystem::path& file,
+                                          std::size_t most_frames = protocol::all_frames) {
   terminal::Progress progress("reading " + file.filename().string());
-  protocol::Recording recording =
-      protocol::read_recording(file, [&progress](double share) { progress.at(share); });
+  protocol::Recording recording = protocol::read_recording(
+      file, [&progress](double share) { progress.at(share); }, most_frames);
   progress.finish();
   warn_if_cut_off(recording);
   return recording;

@@ -9,7 +9,7 @@
 #include "protocol/recording.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
-#include "tools/command_line/recording_input.h"
+#include "tools/command_line/recording_import.h"
 #include "tools/command_line/recording_output.h"
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
@@ -27,10 +27,13 @@ struct Arguments {
   std::string in;
   std::string out;
   std::string format;
+  bool import = false;
+  ImportOptions columns;
 };
 
 int run(const Arguments& arguments, const Outputs& outputs) {
-  const protocol::Recording recording = recording_from(arguments.in);
+  const protocol::Recording recording =
+      recording_from(arguments.in, arguments.columns, arguments.import);
   if (arguments.out == "-") {
     if (arguments.format == "lcm") {
       throw InputError(
@@ -63,11 +66,17 @@ void add_convert(CLI::App& app, Action& action) {
       ->type_name("FILE");
   command->add_option("--format", arguments->format, "Format of OUT, regardless of its name")
       ->check(one_of({"csv", "lcm"}));
+  command->add_flag("--import", arguments->import,
+                    "IN is a CSV file of another program: separators, decimal sign, columns and "
+                    "units are guessed, and said");
+  add_import_options(*command, arguments->columns);
   command->callback([&action, arguments, command] {
     action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
   });
   describe(*command, {.examples = {{"Convert a log to CSV", "stickslip convert run.log run.csv"},
-                                   {"Pipe it into another program", "stickslip convert run.log -"}},
+                                   {"Pipe it into another program", "stickslip convert run.log -"},
+                                   {"Import the file of another program",
+                                    "stickslip convert --import export.csv run.csv"}},
                       .files = {recording_files},
                       .see_also = {"stickslip-log(1)"}});
 }
