@@ -85,13 +85,17 @@ std::string text_of(const physics::Filter& filter) {
   if (filter.kind == physics::FilterKind::butterworth_lowpass) {
     text += "order = " + std::to_string(filter.order) + ", ";
   }
-  return text + "cutoff_hz = " + toml_number(filter.cutoff_hz) + " }";
+  return text + "cutoff_hz = " + text_of(filter.cutoff_hz) + " }";
 }
 
 void write(TomlWriter& out, Channel channel, const physics::Sensor& sensor) {
-  if (!sensor.noise_std && sensor.filters.empty()) return;
+  if (sensor == physics::Sensor{}) return;
   out.table("sensors." + std::string(info(channel).stem));
   if (sensor.noise_std) out.number("noise_std", *sensor.noise_std);
+  if (sensor.noise_correlation_s) out.number("noise_correlation_s", *sensor.noise_correlation_s);
+  write(out, "gain", sensor.gain);
+  write(out, "offset", sensor.offset);
+  write(out, "delay_s", sensor.delay_s);
   if (sensor.filters.empty()) return;
   std::string list;
   for (const physics::Filter& filter : sensor.filters) {

@@ -178,10 +178,33 @@ constexpr std::array model_table = {
     bound<&physics::Model::sensors, by_channel, &physics::Sensor::noise_std>(
         Key{.path = "sensors.*.noise_std",
             .unit = "the channel's",
-            .sentence = "Standard deviation of the reading's white noise.",
+            .sentence = "Standard deviation of the reading's noise.",
             .without = "unknown: estimated",
             .low = 0,
             .above_low = true}),
+    bound<&physics::Model::sensors, by_channel, &physics::Sensor::noise_correlation_s>(
+        Key{.path = "sensors.*.noise_correlation_s",
+            .unit = "s",
+            .sentence = "Correlation time of the noise; 0: white.",
+            .without = "not declared: estimated",
+            .low = 0}),
+    bound<&physics::Model::sensors, by_channel, &physics::Sensor::gain>(
+        Key{.path = "sensors.*.gain",
+            .unit = "1",
+            .sentence = "Reading over true value. 1.0 without a sigma: exact.",
+            .without = "1; a diagnosis allows 0.5 %"}),
+    bound<&physics::Model::sensors, by_channel, &physics::Sensor::offset>(
+        Key{.path = "sensors.*.offset",
+            .unit = "the channel's",
+            .sentence = "Reading at a true value of 0.",
+            .without = "0; a diagnosis allows 1 % of the channel's standard deviation"}),
+    bound<&physics::Model::sensors, by_channel, &physics::Sensor::delay_s>(
+        Key{.path = "sensors.*.delay_s",
+            .unit = "s",
+            .sentence = "Delay of the reading beyond that of its filters.",
+            .without = "0; a diagnosis allows 0.3 samples and 2 % of the filters' cut-offs",
+            .low = -0.03,
+            .high = 0.03}),
     bound<&physics::Model::sensors, by_channel, &physics::Sensor::filters>(
         Key{.path = "sensors.*.filters",
             .sentence = "Analogue filters in the order of the signal; those of the velocity follow "

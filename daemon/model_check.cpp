@@ -75,8 +75,11 @@ Event explanation_event(const LiveVerdict& verdict, std::int64_t now_ns) {
   return out;
 }
 
-ModelCheck::ModelCheck(const physics::Model& model, double days_between_false_alarms)
-    : check_(model, {.days_between_false_alarms = days_between_false_alarms}),
+ModelCheck::ModelCheck(const physics::Model& model, double days_between_false_alarms,
+                       std::chrono::steady_clock::duration patience)
+    : patience_(patience),
+      check_(model,
+             {.days_between_false_alarms = days_between_false_alarms, .stop = stop_.get_token()}),
       thread_([this] { run(); }) {}
 
 ModelCheck::~ModelCheck() { finish(); }
@@ -113,10 +116,11 @@ WriteResult ModelCheck::write_block(std::span<const Sample> block) {
 
 void ModelCheck::finish() {
   {
-    const std::lock_guard lock(lock_);
+    std::unique_lock lock(lock_);
     ending_ = true;
+    wake_.notify_all();
+    if (!wake_.wait_for(lock, patience_, [this] { return ended_; })) stop_.request_stop();
   }
-  wake_.notify_one();
   if (thread_.joinable()) thread_.join();
 }
 
@@ -175,11 +179,16 @@ void ModelCheck::run() {
   try {
     while (wait_for_frames(frames)) check(frames);
     check_last(frames);
+  } catch (const diagnosis::Interrupted&) {
+    // The stretch to diagnose has been reported.
   } catch (const std::exception& error) {
     publish({.severity = Severity::error,
              .code = "model_check_failed",
              .message = "the live model check has ended: " + std::string(error.what())});
   }
+  const std::lock_guard lock(lock_);
+  ended_ = true;
+  wake_.notify_all();
 }
 
 // A source may be faster than the checks. Twice, since a deviation is reported only when it is

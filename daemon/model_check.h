@@ -29,7 +29,9 @@ Event explanation_event(const LiveVerdict& verdict, std::int64_t now_ns);
 class ModelCheck final : public Sink {
  public:
   /// `model`: what the rig is expected to follow. Mean time between false alarms in days, > 0.
-  ModelCheck(const physics::Model& model, double days_between_false_alarms);
+  /// `patience`: see finish().
+  ModelCheck(const physics::Model& model, double days_between_false_alarms,
+             std::chrono::steady_clock::duration patience = std::chrono::seconds(5));
   ~ModelCheck() override;
 
   /// Any thread: the next event, oldest first.
@@ -41,7 +43,8 @@ class ModelCheck final : public Sink {
   WriteResult write_block(std::span<const Sample> block) override;
   WriteResult write_estimate(const Estimate&) override { return WriteResult::ok; }
   WriteResult write_message(const Message&) override { return WriteResult::ok; }
-  /// Checks the last frames, and explains them where they do not follow the model.
+  /// Checks the last frames, and explains them where they do not follow the model, for as long as
+  /// its patience lasts: the thread has what a busy machine leaves to it.
   void finish() override;
 
  private:
@@ -52,6 +55,8 @@ class ModelCheck final : public Sink {
   void check_last(const std::vector<Frame>& frames);
   void publish(const Event& event);
 
+  std::chrono::steady_clock::duration patience_;
+  std::stop_source stop_;
   diagnosis::LiveCheck check_;  // of the thread
   mutable std::mutex lock_;     // of all below; never taken by the loop
   std::condition_variable wake_;
@@ -59,6 +64,7 @@ class ModelCheck final : public Sink {
   std::int64_t checked_ns_ = 0;  // time of the latest frame at the latest check
   std::chrono::steady_clock::time_point resting_until_;
   bool ending_ = false;
+  bool ended_ = false;
   LiveVerdict verdict_;
   std::deque<Event> events_;
   std::thread thread_;

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <optional>
+#include <utility>
 
 #include "physics/catalogue.h"
+#include "physics/declared_value.h"
 
 namespace stickslip::diagnosis {
 
@@ -31,9 +33,14 @@ std::optional<Channel> driving_channel(const physics::Model& model) {
 
 std::string CandidateEffect::name() const {
   std::string name(effect->card().id);
+  if (is_number()) return name + " of " + parameter;
   if (place.channel) name += " of " + std::string(info(*place.channel).stem);
   if (place.from) name += " from " + std::string(info(*place.from).stem);
   return name;
+}
+
+physics::Relation CandidateEffect::relation() const {
+  return is_number() ? physics::relation_of(parameter) : effect->card().relation;
 }
 
 std::vector<CandidateEffect> candidate_effects(const physics::Model& model,
@@ -55,7 +62,45 @@ std::vector<CandidateEffect> candidate_effects(const physics::Model& model,
       }
     }
   }
+  for (std::string& path : physics::contradictable_numbers(model)) {
+    candidates.push_back({&physics::declared_value(), {}, std::move(path)});
+  }
   return candidates;
+}
+
+namespace {
+
+// True if the effect's one parameter is this quantity of the instrument, and acts on nothing else.
+bool sets(const physics::Effect& effect, const physics::InstrumentParameter& instrument) {
+  constexpr double some = 1.25e-3;
+  physics::ReadingLaws<double> laws;
+  effect.set_reading_law(laws, {instrument.channel, std::nullopt}, &some);
+  const physics::ReadingLaw<double>& law = laws.of[index_of(instrument.channel)];
+  switch (instrument.quantity) {
+    case physics::InstrumentQuantity::gain:
+      return law.gain == some;
+    case physics::InstrumentQuantity::offset:
+      return law.offset == some;
+    case physics::InstrumentQuantity::delay:
+      return law.delay_s == some;
+  }
+  return false;
+}
+
+}  // namespace
+
+bool CandidateEffect::frees(const physics::InstrumentParameter& instrument) const {
+  const physics::Card& card = effect->card();
+  return card.relation == physics::Relation::sensor && card.parameters.size() == 1 &&
+         place.channel == instrument.channel && sets(*effect, instrument);
+}
+
+bool CandidateEffect::frees_what_is_declared() const {
+  if (is_number()) return true;
+  if (!place.channel) return false;
+  using enum physics::InstrumentQuantity;
+  return frees({*place.channel, gain}) || frees({*place.channel, offset}) ||
+         frees({*place.channel, delay});
 }
 
 physics::Tier tier_of(const CandidateEffect& candidate) { return candidate.effect->card().tier; }

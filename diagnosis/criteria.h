@@ -22,7 +22,11 @@ struct Effort {
   int refinement_iterations = 4;
   std::size_t listed_finalists = 5;    ///< listed effects fitted on all windows
   std::size_t unlisted_finalists = 2;  ///< formulas and drawn shapes fitted on all windows
+  std::size_t rough_numbers = 4;       ///< declared numbers fitted again after screening
+  std::size_t number_finalists = 2;    ///< declared numbers fitted on all windows
   std::size_t restarts = 2;            ///< finalists refitted from the declared values
+  std::size_t most_effects = 6;        ///< effects at once
+  std::size_t swaps = 6;               ///< claimed effects for which another one is searched
   std::size_t pair_first_effects = 3;  ///< effects for which a second one is searched
   /// Second effects fitted on all windows for each first effect, before the best pair is chosen.
   std::size_t pair_second_effects = 2;
@@ -62,24 +66,26 @@ struct Criteria {
   double claim_nats = 10.0;
   /// ... with a loss in worse windows of at most this share of the gain in better ones.
   double claim_loss_share = 0.1;
-  /// Share of the excess chi-squared (at least 1) that the effect has to remove where it then
-  /// explains the recording. Also the chi-squared per sample at the detection limit.
-  double claim_share_explained = 0.05;
-  /// The same where it does not: any term absorbs a little of what another effect leaves.
+  /// Decrease of chi-squared per sample by an effect at its detection limit; one that decreases it
+  /// less is not claimed.
+  double claim_chi2 = 0.05;
+  /// Share of the excess chi-squared (at least 1) that effects have to remove each where all of
+  /// them together do not explain the recording: any term absorbs a little of what another effect
+  /// leaves.
   double claim_share_unexplained = 0.3;
+  /// Distance of a calibrated parameter from its declared value [declared standard deviations]
+  /// above which the declaration is contradicted.
+  double contradicted_sigmas = 3.0;
   /// Standard deviation of the logarithm of a parameter above which the recording does not
   /// determine it (its prior has 4), and the effect is not a candidate.
   double undetermined_log_std = 2.5;
 
   // --- When the search goes on -----------------------------------------------------------------
-  std::size_t max_findings = 3;
   /// Held-out chi-squared per sample below which nothing further is searched.
   double noise_floor_chi2 = 1.1;
   /// Held-out chi-squared per sample of the best finalist above which the best are refitted:
   /// such a fit may have ended in a local minimum.
   double restart_chi2 = 1.3;
-  /// Cost over that of the best candidate above which a fit is not continued to convergence.
-  double hopeless_cost_ratio = 3.0;
   /// Calibrated parameters farther than this from the declared values [standard deviations] are
   /// also started from the declared values when an effect is added.
   double distant_calibration = 2.0;
@@ -100,6 +106,9 @@ struct Criteria {
   double state_complexity = 2.0;
   /// Complexity [nat] added for an effect that the catalogue does not list.
   double unlisted_complexity = 3.0;
+  /// Complexity [nat] added for a number or instrument that is not as declared: where a force and
+  /// the zero of its channel explain the same, it is the force.
+  double contradiction_complexity = 0.5;
   /// Share of a rival's probability given to the effect that was preferred to it.
   double preference_share = 0.5;
 

@@ -128,7 +128,7 @@ class LimitSearch {
         projection_(hypothesis, jacobians_of(task, hypothesis, fitted.z, fitted.state)),
         residuals_(projection_.residuals()),
         samples_(projection_.samples()),
-        target_(0.5 * std::log(criteria.claim_share_explained * samples_)) {}
+        target_(0.5 * std::log(criteria.claim_chi2 * samples_)) {}
 
   const NuisanceProjection& projection() const { return projection_; }
 
@@ -136,7 +136,7 @@ class LimitSearch {
   std::optional<Influence> influence_of(const CandidateEffect& candidate,
                                         const physics::Scales& scales) const {
     const physics::Card& card = candidate.effect->card();
-    if (!card.strength) return std::nullopt;
+    if (!card.strength || candidate.is_number()) return std::nullopt;
     std::size_t position = 0;  // among the parameters that a start holds
     for (std::size_t k = 0; k < *card.strength; ++k) {
       if (!card.parameters[k].fixed_default) ++position;
@@ -154,7 +154,7 @@ class LimitSearch {
   // Change of the readings by an effect that was added to the hypothesis.
   Change change_of(const Hypothesis& with) const {
     std::vector<double> z = fitted_.z;
-    z.resize(with.unknowns().size(), 0.0);
+    z.resize(with.unknowns().size(), 0.0);  // terms come last
     const std::vector<WindowState> state =
         warm_start_states(fitted_.state, task_, hypothesis_, with);
     Change change;

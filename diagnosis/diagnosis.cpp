@@ -1,10 +1,16 @@
 #include "diagnosis/diagnosis.h"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 #include <tuple>
 
+#include "diagnosis/channel_faults.h"
 #include "diagnosis/fitting.h"
+#include "diagnosis/instruments.h"
+#include "diagnosis/noise_check.h"
+#include "diagnosis/outliers.h"
+#include "physics/declared_value.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
 #include "physics/result_units.h"
@@ -26,6 +32,7 @@ Experiments prepare(const std::vector<protocol::Recording>& recordings, const Mo
   Experiments experiments;
   for (const protocol::Recording& recording : recordings) {
     experiments.fine.push_back(make_experiment(recording, model));
+    refuse_faulty_channels(Cleaned(recording).recording(), model);
     experiments.coarse.push_back(make_experiment(recording, model, Steps::coarse));
     out.integrity.push_back(integrity_of(recording, model, options.criteria));
   }
@@ -47,15 +54,46 @@ Experiments prepare(const std::vector<protocol::Recording>& recordings, const Mo
   return experiments;
 }
 
-Verdict verdict_of(const Search& search, bool any_finding) {
+// The calibrated number that is farthest beyond what the model allows for it; nullptr for none.
+const Calibration* contradicted(const Diagnosis& out, const Criteria& criteria) {
+  const Calibration* farthest = nullptr;
+  for (const Calibration& each : out.calibrated) {
+    if (std::abs(each.shift_sigmas) <= criteria.contradicted_sigmas) continue;
+    if (farthest == nullptr || std::abs(each.shift_sigmas) > std::abs(farthest->shift_sigmas)) {
+      farthest = &each;
+    }
+  }
+  return farthest;
+}
+
+Verdict verdict_without_findings(const Search& search, Diagnosis& out) {
+  const SearchData& data = search.data();
+  const FittedCandidate& declared = search.declared();
+  const NoiseCheck check =
+      noise_check(data.held_out, *declared.hypothesis, declared.fitted.z,
+                  !(out.noise_estimated.empty() && out.noise_level.empty()), data.criteria);
+  if (!check.is_noise || contradicted(out, data.criteria) != nullptr) return Verdict::unexplained;
+  // The residuals measure the noise better than what raised it before the fit.
+  for (const NoiseLevel& found : check.level) {
+    const auto raised = std::find_if(out.noise_level.begin(), out.noise_level.end(),
+                                     [&](const auto& each) { return each.first == found.channel; });
+    if (raised != out.noise_level.end()) {
+      raised->second *= found.level;
+    } else if (found.differs) {
+      out.noise_level.emplace_back(found.channel, found.level);
+    }
+  }
+  return Verdict::consistent;
+}
+
+Verdict verdict_of(const Search& search, Diagnosis& out) {
+  if (out.findings.empty()) return verdict_without_findings(search, out);
   const double excess_before = search.declared().held_out.chi2 - 1.0;
   const double excess_after = search.result().held_out.chi2 - 1.0;
-  const SearchData& data = search.data();
   const bool explained =
-      (search.result().held_out.chi2 <= data.explained_chi2() && !search.is_implausible()) ||
-      (any_finding && excess_after <= data.criteria.explained_excess_share * excess_before);
-  if (!explained) return Verdict::unexplained;
-  return any_finding ? Verdict::missing_physics : Verdict::consistent;
+      (search.is_explained() && !search.is_implausible()) ||
+      excess_after <= search.data().criteria.explained_excess_share * excess_before;
+  return explained ? Verdict::missing_physics : Verdict::unexplained;
 }
 
 // The fit of the declared model with chi-squared in units of the noise, whatever its weights were.
@@ -84,7 +122,7 @@ Location location_of(const Search& search, const std::vector<Finding>& findings)
   const Hypothesis& declared = *search.declared().hypothesis;
   const auto relation = findings.empty()
                             ? search.relation().value_or(physics::Relation::force_balance)
-                            : findings.front().effect->card().relation;
+                            : findings.front().candidate().relation();
   Location location =
       locate(measured, declared, residuals, relation, data.explained_chi2(), data.criteria);
   location.regions = regions_of(measured, declared, residuals, data.seed, data.criteria);
@@ -133,8 +171,23 @@ void set_noise(const Experiment& first, Diagnosis& out) {
     const std::size_t c = index_of(channel);
     if (!(first.noise_std[c] > 0.0)) continue;
     out.noise_std.emplace_back(channel, first.noise_std[c]);
-    if (!first.noise_declared[c]) out.noise_estimated.push_back(channel);
+    if (first.noise_above_declared[c] > 1.0) {
+      out.noise_level.emplace_back(channel, first.noise_above_declared[c]);
+    } else if (!first.noise_declared[c]) {
+      out.noise_estimated.push_back(channel);
+    }
   }
+}
+
+// A calibration beyond what the model allows for is where the mismatch lives, if nothing else is.
+void add_contradiction(Diagnosis& out, const Criteria& criteria) {
+  const Calibration* number = contradicted(out, criteria);
+  if (number == nullptr) return;
+  Location& location = *out.location;
+  location.relation = physics::relation_of(number->path);
+  location.statement = physics::contradiction(number->path, number->declared, number->value) +
+                       ", " + physics::fixed_text(std::abs(number->shift_sigmas), 1) +
+                       " declared standard deviations away. " + location.statement;
 }
 
 }  // namespace
@@ -173,7 +226,7 @@ void use_units_of_model(Diagnosis& out) {
   }
 }
 
-Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Model& model,
+Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Model& declared_model,
                    const Options& options) {
   if (const std::string words = invalid(options.criteria); !words.empty()) {
     throw std::invalid_argument("criteria: " + words);
@@ -182,7 +235,8 @@ Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Mod
     if (options.progress) options.progress(step, done);
   };
   Diagnosis out;
-  const Experiments experiments = prepare(recordings, model, options, out);
+  const Experiments experiments = prepare(recordings, declared_model, options, out);
+  const Model model = with_instruments(declared_model, experiments.fine.front());
   Search search(search_data(experiments.fine, experiments.coarse, options.criteria, options.seed,
                             options.threads),
                 options.progress);
@@ -197,15 +251,18 @@ Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Mod
   }
   out.findings = findings_of(search, out.horizon_s);
   out.trials = search.trials();
-  out.verdict = verdict_of(search, !out.findings.empty());
-  if (out.verdict != Verdict::consistent) out.location = location_of(search, out.findings);
+  out.calibrated = calibration_of(result, model);
+  set_noise(experiments.fine.front(), out);
+  out.verdict = verdict_of(search, out);
+  if (out.verdict != Verdict::consistent) {
+    out.location = location_of(search, out.findings);
+    if (out.findings.empty()) add_contradiction(out, options.criteria);
+  }
   report("computing detection limits", 0.95);
   out.detection = search.detection();
   if (options.evidence) out.evidence = evidence_for(search);
-  out.model = result.hypothesis->model_at(result.fitted.z);
+  out.model = posterior_model(result);
   out.baseline_model = declared.hypothesis->model_at(declared.fitted.z);
-  out.calibrated = calibration_of(result, model);
-  set_noise(experiments.fine.front(), out);
   use_units_of_model(out);
   report("done", 1.0);
   return out;

@@ -59,8 +59,13 @@ struct Diagnosis {
   std::vector<Calibration> calibrated;
   std::vector<std::pair<Channel, double>> noise_std;
   std::vector<Channel> noise_estimated;  ///< not declared by the model
-  physics::Model model;                  ///< calibrated, with a term for every finding
-  physics::Model baseline_model;         ///< the declared model, calibrated
+  /// Noise that is not as declared or estimated: found over expected standard deviation. Below 1,
+  /// or coloured, only where nothing but noise is left.
+  std::vector<std::pair<Channel, double>> noise_level;
+  /// Calibrated, with a term for every finding; every fitted number with its posterior standard
+  /// deviation.
+  physics::Model model;
+  physics::Model baseline_model;  ///< the declared model, calibrated
   std::vector<Trial> trials;
   std::vector<Integrity> integrity;         ///< by recording
   Detection detection;                      ///< detection limits beside the findings
@@ -69,6 +74,10 @@ struct Diagnosis {
   std::size_t fitted_windows = 0;
   std::size_t heldout_windows = 0;
 };
+
+/// Frames, of all recordings together, beyond which protocol::read_recording should take stretches
+/// of them: time and memory are then bounded.
+inline constexpr std::size_t most_frames = 262'144;
 
 struct Options {
   std::uint64_t seed = 1;

@@ -4,12 +4,15 @@
 #include <cmath>
 #include <numbers>
 
+#include "diagnosis/channel_readings.h"
+#include "diagnosis/outliers.h"
 #include "diagnosis/spectrum.h"
 #include "diagnosis/time_grid.h"
 #include "diagnosis/wide_band.h"
 #include "physics/integration_cost.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
+#include "physics/reading.h"
 #include "physics/rig.h"
 #include "physics/sensor_chain.h"
 
@@ -25,42 +28,19 @@ using physics::Model;
   throw InputError(Problem{source, 0, 0, message});
 }
 
-// Lagrange interpolation through the six nearest samples; of lower order near the ends.
-double interpolated(const std::vector<double>& values, std::size_t sample, double fraction) {
-  if (fraction == 0.0) return values[sample];
-  const auto n = static_cast<std::ptrdiff_t>(values.size());
-  const auto k = static_cast<std::ptrdiff_t>(sample);
-  const std::ptrdiff_t first = std::max<std::ptrdiff_t>(0, k - 2);
-  const std::ptrdiff_t last = std::min(n - 1, k + 3);
-  const double at = static_cast<double>(k) + fraction;
-  double sum = 0.0;
-  for (std::ptrdiff_t i = first; i <= last; ++i) {
-    double weight = 1.0;
-    for (std::ptrdiff_t j = first; j <= last; ++j) {
-      if (j != i) weight *= (at - static_cast<double>(j)) / static_cast<double>(i - j);
-    }
-    sum += weight * values[static_cast<std::size_t>(i)];
-  }
-  return sum;
-}
-
-double standard_deviation(const std::vector<double>& values) {
-  double mean = 0.0;
-  for (const double v : values) mean += v;
-  mean /= static_cast<double>(values.size());
-  double sum = 0.0;
-  for (const double v : values) sum += (v - mean) * (v - mean);
-  return std::sqrt(sum / static_cast<double>(values.size()));
-}
-
 // Magnitude that no SI reading of a rig reaches: the units of the file are wrong.
 constexpr double implausible_reading = 1.0e12;
 // Lower bound of an estimated noise over the channel's standard deviation. No model is more
 // accurate: a smoother recording (an encoder, a file filtered afterwards) does not say how well it
 // can be predicted.
 constexpr double min_relative_noise = 1.0e-3;
-// Ends of a recording in which signals reconstructed through filters or derivatives are inaccurate.
+// Within it of a gap or an end, signals reconstructed through filters or derivatives are
+// inaccurate.
 constexpr double reconstruction_margin_s = 0.35;
+// Relative accuracy that a guess of the motion needs.
+constexpr double guess_accuracy = 0.02;
+// Departure from the instants of the grid that no reading shows [periods].
+constexpr double negligible_periods = 1.0e-4;
 // Longest integration step under an imposed motion [s]: no inertia smooths the friction of a
 // contact that passes through its transition speed.
 constexpr double imposed_step_s = 1.0e-4;
@@ -73,13 +53,13 @@ struct Source {
   const protocol::Recording& recording;
   const Model& model;
   TimeGrid grid;
-  std::array<std::vector<double>, channel_count> values;
+  std::array<ChannelReadings, channel_count> readings;
 
   Excitation excitation() const { return model.oscillator.excitation; }
   bool recorded(Channel channel) const {
     return ((recording.channels >> index_of(channel)) & 1U) != 0;
   }
-  const std::vector<double>& of(Channel channel) const { return values[index_of(channel)]; }
+  const ChannelReadings& of(Channel channel) const { return readings[index_of(channel)]; }
   const std::vector<physics::Filter>& filters(Channel channel) const {
     return model.sensors[index_of(channel)].filters;
   }
@@ -122,23 +102,71 @@ void check_channels(const Source& source) {
   }
 }
 
-// Before there is a grid, which would have a place for every missing sample.
-void check_time_steps(const protocol::Recording& recording) {
-  const auto& frames = recording.frames;
-  const double period_s = protocol::median_period_s(frames);
-  const double span_s =
-      static_cast<double>(frames.back().time_ns - frames.front().time_ns) * 1.0e-9;
-  if (span_s / period_s + 1.0 <= 4.0 * static_cast<double>(frames.size())) return;
-  refuse(recording.source, "has time steps from " + physics::number_text(period_s) +
-                               " s to much longer ones: more than three quarters of the samples "
-                               "are missing");
+// Of small free motions of a declared spring or well [s]; 0 where nothing restores the mass.
+double natural_period_s(const Model& model) {
+  const auto& oscillator = model.oscillator;
+  if (oscillator.excitation == Excitation::imposed) return 0.0;
+  double stiffness = 0.0;
+  if (oscillator.two_well) {
+    stiffness = 2.0 * oscillator.two_well->linear_n_m.value;
+  } else if (oscillator.natural_frequency_hz) {
+    const double hz = oscillator.natural_frequency_hz->value;
+    return hz > 0.0 ? 1.0 / hz : 0.0;
+  } else if (oscillator.stiffness_n_m) {
+    stiffness = oscillator.stiffness_n_m->value;
+  }
+  if (!(stiffness > 0.0)) return 0.0;
+  return 2.0 * std::numbers::pi * std::sqrt(oscillator.mass_kg.value / stiffness);
+}
+
+// The unit in which times that are `factor` times too large would make sense.
+std::string likely_unit(double samples_per_period, double step_s) {
+  constexpr double fastest_s = 1.0e-7;  // of any converter for a rig
+  for (const auto& [factor, name] :
+       {std::pair{1.0e3, "milliseconds"}, std::pair{1.0e6, "microseconds"},
+        std::pair{1.0e9, "nanoseconds"}}) {
+    if (samples_per_period * factor < 8.0 || step_s / factor < fastest_s) continue;
+    const bool counts = std::abs(step_s - 1.0) < 1.0e-9;
+    return std::string("time_s looks like ") + name + (counts ? " or row numbers" : "") + "; as " +
+           name + " there would be a sample every " + physics::number_text(step_s / factor) + " s";
+  }
+  return "is time_s in seconds, and the model's frequency right?";
+}
+
+// A recording whose times cannot be seconds. Before anything else, which would take hours and fail.
+void check_times(const std::string& source, const Model& model, double step_s, double span_s) {
+  const double natural_s = natural_period_s(model);
+  if (natural_s == 0.0) return;
+  constexpr double least_samples = 3.0;
+  constexpr double least_periods = 0.05;
+  const std::string model_moves =
+      ", but the model's natural period is " + physics::number_text(natural_s) + " s: ";
+  if (natural_s < least_samples * step_s) {
+    refuse(source, "has a sample every " + physics::number_text(step_s) + " s" + model_moves +
+                       "nothing between two samples can be compared. Expected at least " +
+                       physics::number_text(least_samples) + " samples in each; " +
+                       likely_unit(natural_s / step_s, step_s));
+  }
+  if (span_s < least_periods * natural_s) {
+    refuse(source, "lasts " + physics::number_text(span_s) + " s" + model_moves +
+                       "expected several of them. time_s looks too small by a factor of " +
+                       (1.0e3 * span_s < natural_s ? "1000000" : "1000") +
+                       ", as if converted to seconds twice");
+  }
+}
+
+// Sum of the lengths of the segments, gaps left out.
+double measured_s(const TimeGrid& grid) {
+  std::size_t samples = 0;
+  for (const TimeGrid::Segment& segment : grid.segments) samples += segment.end - segment.begin;
+  return grid.period_s * static_cast<double>(samples);
 }
 
 void set_time_base(Experiment& e, const Source& source) {
   e.source = source.recording.source;
   e.start_s = source.grid.start_s;
   e.period_s = source.grid.period_s;
-  e.samples = source.grid.frame.size();
+  e.samples = source.grid.instants();
 }
 
 int substeps_for(const Model& model, const Experiment& e, Steps steps) {
@@ -167,32 +195,30 @@ int substeps_for(const Model& model, const Experiment& e, Steps steps) {
   return std::max(1, static_cast<int>(count));
 }
 
-void check_magnitudes(const Source& source, Channel channel) {
-  const auto& values = source.of(channel);
-  const auto& frames = source.recording.frames;
-  for (std::size_t k = 0; k < values.size(); ++k) {
-    if (std::abs(values[k]) < implausible_reading) continue;
-    refuse(source.recording.source,
-           std::string(info(channel).column) + " is " + physics::number_text(values[k]) +
-               " at time " +
-               std::to_string(frames.front().time_s() +
-                              source.grid.period_s * static_cast<double>(k)) +
-               " s, beyond any rig; expected SI units");
+void check_magnitudes(const protocol::Recording& recording, Channel channel) {
+  for (const Frame& frame : recording.frames) {
+    if (!frame.has(channel) || std::abs(frame[channel]) < implausible_reading) continue;
+    refuse(recording.source, std::string(info(channel).column) + " is " +
+                                 physics::number_text(frame[channel]) + " at time " +
+                                 std::to_string(frame.time_s()) +
+                                 " s, beyond any rig; expected SI units");
   }
 }
 
-// Fills source.values and sets the noise of every channel.
+// Fills source.readings and sets the noise of every channel.
 void set_channels(Experiment& e, Source& source) {
   for (const Channel channel : all_channels) {
     const std::size_t c = index_of(channel);
     if (!source.recorded(channel)) continue;
-    source.values[c] = filled(source.recording.frames, source.grid, channel);
-    check_magnitudes(source, channel);
-    e.channel_std[c] = standard_deviation(source.values[c]);
+    check_magnitudes(source.recording, channel);
+    source.readings[c] = readings_of(source.recording.frames, source.grid, channel);
+    e.channel_std[c] = standard_deviation_of(source.readings[c]);
     const auto& declared = source.model.sensors[c].noise_std;
-    e.noise_declared[c] = declared.has_value();
     const double least = std::max(min_relative_noise * e.channel_std[c], 1.0e-15);
-    const double found = declared ? *declared : noise_of(source.values[c]);
+    const double found = declared ? at_least_white_noise(source.readings[c], *declared)
+                                  : noise_of(source.readings[c]);
+    e.noise_declared[c] = declared && found == *declared;
+    e.noise_above_declared[c] = declared && *declared > 0.0 ? found / *declared : 1.0;
     e.noise_assumed[c] = !declared && found < least;
     e.noise_std[c] = e.noise_assumed[c] ? least : found;
   }
@@ -215,39 +241,180 @@ void set_compared(Experiment& e, const Source& source) {
   refuse(e.source, "shows no motion: every channel that the model predicts is constant");
 }
 
-void set_readings(Experiment& e, const Source& source) {
-  e.reading.resize(e.samples);
-  e.valid.assign(e.samples, 0);
-  bool in_gap = false;
-  for (std::size_t k = 0; k < e.samples; ++k) {
-    for (std::size_t c = 0; c < predicted_channels; ++c) {
-      if (!source.values[c].empty()) e.reading[k][c] = source.values[c][k];
+// Readings at the instants that are nearest, and what they missed these by. Where nothing was
+// measured a line between the neighbours, for pictures only: it is not valid.
+void set_readings_of(Experiment& e, const Source& source, std::size_t c) {
+  const auto bit = static_cast<std::uint8_t>((1U << c) & e.compared);
+  const auto& list = source.readings[c].list;
+  std::size_t filled = 0;  // samples so far
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    const double nearest = std::round(list[i].at);
+    if (nearest < static_cast<double>(filled) || nearest >= static_cast<double>(e.samples))
+      continue;
+    const auto k = static_cast<std::size_t>(nearest);
+    const double before = filled > 0 ? e.reading[filled - 1][c] : list[i].value;
+    const auto distance = static_cast<double>(k + 1 - filled);
+    for (std::size_t j = filled; j < k; ++j) {
+      const double share = static_cast<double>(j + 1 - filled) / distance;
+      e.reading[j][c] = before + share * (list[i].value - before);
     }
-    const std::ptrdiff_t frame = source.grid.frame[k];
-    if (frame >= 0) {
-      if (in_gap) e.gaps.push_back(k);
-      e.valid[k] = source.recording.frames[static_cast<std::size_t>(frame)].valid & e.compared;
+    e.reading[k][c] = list[i].value;
+    e.valid[k] = static_cast<std::uint8_t>(e.valid[k] | bit);
+    if (!e.measured_after_s.empty()) {
+      e.measured_after_s[k][c] = static_cast<float>((list[i].at - nearest) * e.period_s);
     }
-    in_gap = frame < 0;
+    filled = k + 1;
+  }
+  for (std::size_t j = filled; j < e.samples && filled > 0; ++j) {
+    e.reading[j][c] = e.reading[filled - 1][c];
   }
 }
 
-WideBand reconstructed(const Experiment& e, const Source& source, Channel channel,
-                       const std::vector<double>& values) {
-  const FilterChain chain(source.filters(channel), e.period_s);
-  return wide_band(values, e.period_s, chain, e.noise_std[index_of(channel)]);
+// True if readings of a predicted channel were taken beside the instants of the grid.
+bool any_beside_grid(const Source& source) {
+  for (std::size_t c = 0; c < predicted_channels; ++c) {
+    for (const Reading& each : source.readings[c].list) {
+      if (std::abs(each.at - std::round(each.at)) > negligible_periods) return true;
+    }
+  }
+  return false;
 }
 
-// Without mains lines, which would corrupt the guess of a velocity. For guesses only: the readings
-// that models are compared with keep them.
-WideBand reconstructed_without_mains(const Experiment& e, const Source& source, Channel channel) {
-  return reconstructed(e, source, channel, without_mains(source.of(channel), e.period_s));
+void set_readings(Experiment& e, const Source& source) {
+  e.reading.resize(e.samples);
+  e.valid.assign(e.samples, 0);
+  if (any_beside_grid(source)) e.measured_after_s.resize(e.samples);
+  for (std::size_t c = 0; c < predicted_channels; ++c) set_readings_of(e, source, c);
+}
+
+// Channels without which nothing can be predicted: what drives the model, and the motion, on which
+// the guess of a state rests.
+std::vector<Channel> needed_channels(const Source& source) {
+  std::vector<Channel> out = {Channel::displacement};
+  if (source.excitation() == Excitation::base) out.push_back(Channel::base_displacement);
+  if (source.excitation() == Excitation::force) out.push_back(Channel::drive_force);
+  if (source.load_is_measured()) out.push_back(Channel::normal_load);
+  return out;
+}
+
+// Cuts the samples where interpolation would not restore what is missing.
+std::vector<Range> measured_ranges(const Experiment& e, const Source& source) {
+  std::vector<Range> out;
+  for (const Channel channel : needed_channels(source)) {
+    const std::size_t c = index_of(channel);
+    const ChannelReadings& readings = source.of(channel);
+    double noise = std::max(e.noise_std[c], noise_of(readings));
+    // A guess need not be as accurate as an input.
+    if (channel == Channel::displacement && source.excitation() != Excitation::imposed) {
+      noise = std::max(noise, guess_accuracy * e.channel_std[c]);
+    }
+    const auto ranges = covered(readings, source.grid, most_restorable(readings, noise));
+    out = channel == Channel::displacement ? ranges : common(out, ranges);
+  }
+  return out;
+}
+
+// Ends of segments in which signals reconstructed through filters or derivatives are inaccurate.
+std::size_t reconstruction_margin(const Experiment& e, const Source& source) {
+  const bool nothing_reconstructed = source.excitation() == Excitation::force &&
+                                     source.filters(Channel::drive_force).empty() &&
+                                     source.filters(Channel::displacement).empty();
+  const double margin_s = nothing_reconstructed ? 0.0 : reconstruction_margin_s;
+  return std::min(e.samples / 5, static_cast<std::size_t>(margin_s / e.period_s));
+}
+
+void set_segments(Experiment& e, const Source& source) {
+  const std::size_t margin = reconstruction_margin(e, source);
+  auto clock = source.grid.segments.begin();
+  for (const Range& range : measured_ranges(e, source)) {
+    while (clock->end <= range.begin) ++clock;
+    Segment segment{range.begin, range.end, range.begin, range.begin, 0.0};
+    segment.start_s = clock->start_s + e.period_s * static_cast<double>(range.begin - clock->begin);
+    if (range.end - range.begin > 2 * margin) {
+      segment.usable_begin = range.begin + margin;
+      segment.usable_end = range.end - margin;
+    }
+    e.segments.push_back(segment);
+  }
+  if (e.segments.empty()) {
+    refuse(e.source, "has no stretch in which all that drives the model was measured together");
+  }
+  e.usable_begin = e.segments.front().usable_begin;
+  e.usable_end = e.segments.back().usable_end;
+}
+
+enum class Mains : std::uint8_t { kept, removed };
+
+// A signal on all samples, 0 outside the segments.
+class SegmentSignals {
+ public:
+  explicit SegmentSignals(const Experiment& e) {
+    for (auto* each : {&out_.value, &out_.rate, &out_.acceleration}) each->resize(e.samples);
+  }
+  void add(const Segment& segment, const Series& series, const WideBand& part) {
+    put(segment, series, part.value, out_.value);
+    put(segment, series, part.rate, out_.rate);
+    put(segment, series, part.acceleration, out_.acceleration);
+    const auto samples = static_cast<double>(segment.end - segment.begin);
+    samples_ += samples;
+    rate_square_ += samples * part.rate_noise_std * part.rate_noise_std;
+    acceleration_square_ += samples * part.acceleration_noise_std * part.acceleration_noise_std;
+    out_.highest_hz = std::max(out_.highest_hz, part.highest_hz);
+  }
+  WideBand result() {
+    if (samples_ > 0.0) {
+      out_.rate_noise_std = std::sqrt(rate_square_ / samples_);
+      out_.acceleration_noise_std = std::sqrt(acceleration_square_ / samples_);
+    }
+    return std::move(out_);
+  }
+
+ private:
+  void put(const Segment& segment, const Series& series, const std::vector<double>& from,
+           std::vector<double>& to) const {
+    if (from.empty()) return;
+    for (std::size_t k = segment.begin; k < segment.end; ++k) {
+      to[k] = interpolated(from, series.position(k), 0, from.size());
+    }
+  }
+
+  WideBand out_;
+  double samples_ = 0.0;
+  double rate_square_ = 0.0;
+  double acceleration_square_ = 0.0;
+};
+
+// Before the filters of the channel. Without mains lines, which would corrupt a velocity, for
+// guesses only: the readings that models are compared with keep them.
+WideBand reconstructed(const Experiment& e, const Source& source, Channel channel, Mains mains) {
+  constexpr std::size_t fewest = 16;
+  SegmentSignals out(e);
+  const double period_s = e.period_s * source.of(channel).spacing;
+  const FilterChain chain(source.filters(channel), period_s);
+  for (const Segment& segment : e.segments) {
+    Series series = series_over(source.of(channel), source.grid, {segment.begin, segment.end});
+    if (series.value.size() < fewest) continue;
+    if (mains == Mains::removed) series.value = without_mains(std::move(series.value), period_s);
+    out.add(segment, series,
+            wide_band(series.value, period_s, chain, e.noise_std[index_of(channel)]));
+  }
+  return out.result();
 }
 
 // An input as it acted, before the filters of its channel.
 std::vector<double> unfiltered(const Experiment& e, const Source& source, Channel channel) {
-  if (source.filters(channel).empty()) return source.of(channel);
-  return reconstructed(e, source, channel, source.of(channel)).value;
+  if (!source.filters(channel).empty()) {
+    return reconstructed(e, source, channel, Mains::kept).value;
+  }
+  SegmentSignals out(e);
+  for (const Segment& segment : e.segments) {
+    const Series series =
+        series_over(source.of(channel), source.grid, {segment.begin, segment.end});
+    WideBand as_read;
+    as_read.value = series.value;
+    out.add(segment, series, as_read);
+  }
+  return out.result().value;
 }
 
 // The signals from which inputs and guesses are made; empty where they do not apply.
@@ -262,16 +429,14 @@ struct WideBandSignals {
 WideBandSignals wide_band_signals(const Experiment& e, const Source& source) {
   WideBandSignals out;
   const Excitation excitation = source.excitation();
-  out.displacement =
-      excitation == Excitation::imposed
-          ? reconstructed(e, source, Channel::displacement, source.of(Channel::displacement))
-          : reconstructed_without_mains(e, source, Channel::displacement);
+  out.displacement = excitation == Excitation::imposed
+                         ? reconstructed(e, source, Channel::displacement, Mains::kept)
+                         : reconstructed(e, source, Channel::displacement, Mains::removed);
   if (excitation == Excitation::base) {
-    out.base =
-        reconstructed(e, source, Channel::base_displacement, source.of(Channel::base_displacement));
+    out.base = reconstructed(e, source, Channel::base_displacement, Mains::kept);
   }
   if (source.recorded(Channel::friction_force)) {
-    out.friction = reconstructed_without_mains(e, source, Channel::friction_force);
+    out.friction = reconstructed(e, source, Channel::friction_force, Mains::removed);
   }
   if (excitation == Excitation::force) out.drive_n = unfiltered(e, source, Channel::drive_force);
   if (source.recorded(Channel::normal_load)) {
@@ -284,37 +449,52 @@ WideBandSignals wide_band_signals(const Experiment& e, const Source& source) {
 // is not connected, the load that the model declares.
 double mean_load_n(const Source& source) {
   if (source.recorded(Channel::normal_load)) {
-    const auto& raw = source.of(Channel::normal_load);
-    double sum = 0.0;
-    for (const double n : raw) sum += n;
-    if (sum > 0.0) return sum / static_cast<double>(raw.size());
+    const double mean = mean_of(source.of(Channel::normal_load));
+    if (mean > 0.0) return mean;
   }
   const auto& declared = source.model.normal_load;
   return declared && declared->load_n.value > 0.0 ? declared->load_n.value : 1.0;
 }
 
-void set_inputs(Experiment& e, const Source& source, const WideBandSignals& signals) {
-  const Excitation excitation = source.excitation();
-  const bool measured_load = source.load_is_measured();
-  e.input.resize((e.samples - 1) * static_cast<std::size_t>(e.substeps) + 1);
-  for (std::size_t i = 0; i < e.input.size(); ++i) {
-    const std::size_t k = i / static_cast<std::size_t>(e.substeps);
-    const double fraction =
-        static_cast<double>(i % static_cast<std::size_t>(e.substeps)) / e.substeps;
-    physics::Input& input = e.input[i];
-    if (excitation == Excitation::base) {
-      input.base_displacement_m = interpolated(signals.base.value, k, fraction);
-      input.base_acceleration_m_s2 = interpolated(signals.base.acceleration, k, fraction);
-    }
-    if (excitation == Excitation::force) {
-      input.drive_force_n = interpolated(signals.drive_n, k, fraction);
-    }
-    if (excitation == Excitation::imposed) {
-      input.displacement_m = interpolated(signals.displacement.value, k, fraction);
-      input.velocity_m_s = interpolated(signals.displacement.rate, k, fraction);
-    }
-    if (measured_load) input.normal_load_n = interpolated(signals.load_n, k, fraction);
+physics::Input input_at(const Source& source, const WideBandSignals& signals,
+                        const Segment& segment, double position) {
+  const auto at = [&](const std::vector<double>& values) {
+    return interpolated(values, position, segment.begin, segment.end);
+  };
+  physics::Input input;
+  if (source.excitation() == Excitation::base) {
+    input.base_displacement_m = at(signals.base.value);
+    input.base_acceleration_m_s2 = at(signals.base.acceleration);
   }
+  if (source.excitation() == Excitation::force) input.drive_force_n = at(signals.drive_n);
+  if (source.excitation() == Excitation::imposed) {
+    input.displacement_m = at(signals.displacement.value);
+    input.velocity_m_s = at(signals.displacement.rate);
+  }
+  if (source.load_is_measured()) input.normal_load_n = at(signals.load_n);
+  return input;
+}
+
+// Between segments the inputs are those at the nearest end: a delay reaches a little beyond it.
+void set_inputs(Experiment& e, const Source& source, const WideBandSignals& signals) {
+  const auto substeps = static_cast<std::size_t>(e.substeps);
+  e.input.resize((e.samples - 1) * substeps + 1);
+  std::size_t filled = 0;
+  for (const Segment& segment : e.segments) {
+    const std::size_t first = segment.begin * substeps;
+    const std::size_t last = (segment.end - 1) * substeps;
+    for (std::size_t i = first; i <= last; ++i) {
+      const double fraction = static_cast<double>(i % substeps) / e.substeps;
+      const double position = static_cast<double>(i / substeps) + fraction;
+      e.input[i] = input_at(source, signals, segment, position);
+    }
+    const std::size_t middle = filled > 0 ? filled + (first - filled) / 2 : 0;
+    for (std::size_t i = filled; i < first; ++i) {
+      e.input[i] = i < middle ? e.input[filled - 1] : e.input[first];
+    }
+    filled = last + 1;
+  }
+  for (std::size_t i = filled; i < e.input.size(); ++i) e.input[i] = e.input[filled - 1];
 }
 
 void set_guesses(Experiment& e, const Model& model, const WideBandSignals& signals) {
@@ -352,14 +532,30 @@ StateGuess largest_of(const std::vector<StateGuess>& guesses) {
   return out;
 }
 
-void set_usable_range(Experiment& e, const Source& source) {
-  const bool nothing_reconstructed = source.excitation() == Excitation::force &&
-                                     source.filters(Channel::drive_force).empty() &&
-                                     source.filters(Channel::displacement).empty();
-  const double margin_s = nothing_reconstructed ? 0.0 : reconstruction_margin_s;
-  const auto margin = std::min(e.samples / 5, static_cast<std::size_t>(margin_s / e.period_s));
-  e.usable_begin = margin;
-  e.usable_end = e.samples - margin;
+// Samples before a window from which a model starts: its filters settle, and a reading that is late
+// shows what preceded the window. Only exact instruments and times need none of the latter.
+std::size_t warm_samples(const Model& model, const Experiment& e) {
+  const auto samples = [&](double time_s) {
+    return static_cast<std::size_t>(std::ceil(time_s / e.period_s));
+  };
+  const std::size_t settling =
+      samples(physics::SensorBank(model, e.period_s / e.substeps).settling_time_s());
+  bool exact = e.measured_after_s.empty();
+  for (std::size_t c = 0; c < predicted_channels; ++c) {
+    if (e.is_compared(c)) exact = exact && model.sensors[c].delay_s == physics::Parameter{};
+  }
+  return exact ? settling : std::max(settling + 2, samples(physics::longest_delay_s));
+}
+
+// Inertia smooths the error of a base's acceleration. That of an imposed velocity reaches the
+// friction law as it is, and decides whether a slow reversal passes through zero: lines between
+// knots have to follow its highest frequency.
+int drive_knots_for(const Model& model, const Experiment& e, double span_s) {
+  constexpr int smoothed = 16;
+  constexpr double per_period = 6.0;
+  if (model.oscillator.excitation != Excitation::imposed) return smoothed;
+  const double periods = std::min(e.drive_band_hz * span_s, 1.0e3);
+  return std::clamp(static_cast<int>(per_period * periods), smoothed, max_drive_knots);
 }
 
 // One third of the windows is held out, in blocks of up to four: neighbours share a boundary and
@@ -373,32 +569,64 @@ void hold_out(std::vector<Window>& windows) {
   }
 }
 
+// All samples, where a gap was never looked for.
+Segment whole(const Experiment& e) { return {0, e.samples, e.usable_begin, e.usable_end, 0.0}; }
+
 }  // namespace
 
-Experiment make_experiment(const protocol::Recording& recording, const Model& model, Steps steps) {
+Segment Experiment::segment_of(std::size_t sample) const {
+  if (segments.empty()) return whole(*this);
+  auto next =
+      std::upper_bound(segments.begin(), segments.end(), sample,
+                       [](std::size_t at, const Segment& segment) { return at < segment.begin; });
+  return next == segments.begin() ? *next : *--next;
+}
+
+Segment Experiment::longest_segment() const {
+  if (segments.empty()) return whole(*this);
+  return *std::max_element(segments.begin(), segments.end(), [](const auto& a, const auto& b) {
+    return a.end - a.begin < b.end - b.begin;
+  });
+}
+
+double Experiment::elapsed_s(std::size_t sample) const {
+  const Segment segment = segment_of(sample);
+  const double samples_after = static_cast<double>(sample) - static_cast<double>(segment.begin);
+  return segment.start_s + period_s * samples_after;
+}
+
+double Experiment::duration_s() const {
+  return samples > 0 ? elapsed_s(samples - 1) + period_s : 0.0;
+}
+
+Experiment make_experiment(const protocol::Recording& as_recorded, const Model& model,
+                           Steps steps) {
+  const Cleaned cleaned(as_recorded);
+  const protocol::Recording& recording = cleaned.recording();
   const auto& frames = recording.frames;
   if (frames.size() < 32) {
     refuse(recording.source,
            "holds " + physics::counted(frames.size(), "sample") + "; at least 32 are needed");
   }
-  check_time_steps(recording);
   Source source{recording, model, {}, {}};
   check_channels(source);
   source.grid = time_grid_of(frames);
+  check_times(recording.source, model, source.grid.period_s, measured_s(source.grid));
   Experiment e;
   set_time_base(e, source);
   e.substeps = substeps_for(model, e, steps);
   set_channels(e, source);
   set_compared(e, source);
   set_readings(e, source);
+  set_segments(e, source);
   const WideBandSignals signals = wide_band_signals(e, source);
   e.drive_noise = source.excitation() == Excitation::imposed ? signals.displacement.rate_noise_std
                                                              : signals.base.acceleration_noise_std;
+  e.drive_band_hz = signals.displacement.highest_hz;
   e.mean_load_n = mean_load_n(source);
   set_inputs(e, source, signals);
   set_guesses(e, model, signals);
   e.largest = largest_of(e.guess);
-  set_usable_range(e, source);
   return e;
 }
 
@@ -422,9 +650,7 @@ double default_horizon_s(const Model& model, const Experiment& experiment) {
 
 void cut_windows(Experiment& e, const Model& model, double horizon_s) {
   e.windows.clear();
-  const double h = e.period_s / e.substeps;
-  const double settling_s = physics::SensorBank(model, h).settling_time_s();
-  const auto warm = static_cast<std::size_t>(std::ceil(settling_s / e.period_s));
+  const std::size_t warm = warm_samples(model, e);
   if (horizon_s < (min_window_samples - 0.5) * e.period_s) {
     throw InputError(Problem{"--horizon", 0, 0,
                              physics::number_text(horizon_s) + " s is less than " +
@@ -433,17 +659,14 @@ void cut_windows(Experiment& e, const Model& model, double horizon_s) {
                                  physics::number_text(min_window_samples * e.period_s) + " s"});
   }
   const auto length = static_cast<std::size_t>(std::llround(horizon_s / e.period_s));
-  const auto across_gap = [&](std::size_t from, std::size_t to) {
-    return std::any_of(e.gaps.begin(), e.gaps.end(),
-                       [&](std::size_t gap) { return gap > from && gap < to; });
-  };
-  for (std::size_t begin = std::max(e.usable_begin, warm); begin + length <= e.usable_end;
-       begin += length) {
-    if (!across_gap(begin - warm, begin + length)) {
+  for (const Segment& segment : e.segments.empty() ? std::vector<Segment>{whole(e)} : e.segments) {
+    for (std::size_t begin = std::max(segment.usable_begin, segment.begin + warm);
+         begin + length <= segment.usable_end; begin += length) {
       e.windows.push_back({begin - warm, begin, begin + length, false});
     }
   }
   hold_out(e.windows);
+  e.drive_knots = drive_knots_for(model, e, static_cast<double>(warm + length) * e.period_s);
 }
 
 }  // namespace stickslip::diagnosis

@@ -17,6 +17,9 @@ namespace stickslip::diagnosis {
 /// Channels that a model predicts, the first ones; the others are its inputs.
 inline constexpr std::size_t predicted_channels = 4;
 
+/// Most knots of the linear spline that models the error of the drive in one window.
+inline constexpr int max_drive_knots = 48;
+
 /// Consecutive samples: the model starts at `warm` with a free state, its sensor filters settle
 /// until `begin`, and it is compared with the recording from `begin` to before `end`.
 struct Window {
@@ -35,6 +38,17 @@ struct StateGuess {
   double friction_n = 0.0;
 };
 
+/// Samples without a gap, in which everything that a model is driven by was measured. Filters and
+/// states start anew behind a gap; nothing is reconstructed across one. At least one sample between
+/// two segments belongs to neither.
+struct Segment {
+  std::size_t begin = 0;
+  std::size_t end = 0;
+  std::size_t usable_begin = 0;  ///< samples near the ends only feed filters
+  std::size_t usable_end = 0;
+  double start_s = 0.0;  ///< time of `begin`, after that of sample 0
+};
+
 struct Experiment {
   std::string source;
   double start_s = 0.0;  ///< time of sample 0 in the recording
@@ -42,28 +56,40 @@ struct Experiment {
   int substeps = 1;  ///< integration steps per sample
   std::size_t samples = 0;
   std::vector<std::array<double, predicted_channels>> reading;
+  /// Times of measurement after the instants of the grid [s], by sample; empty: all at them.
+  std::vector<std::array<float, predicted_channels>> measured_after_s;
   std::vector<std::uint8_t> valid;    ///< by sample, bits by channel: compare this reading
   std::uint8_t compared = 0;          ///< bits by channel: predicted by the model and recorded
   std::vector<physics::Input> input;  ///< (samples - 1) * substeps + 1 instants
   std::vector<StateGuess> guess;      ///< one per sample
-  std::array<double, channel_count> noise_std{};  ///< declared or estimated; 0: not recorded
-  std::array<bool, channel_count> noise_declared{};
+  std::array<double, channel_count> noise_std{};     ///< declared or estimated; 0: not recorded
+  std::array<bool, channel_count> noise_declared{};  ///< and not contradicted by the readings
+  std::array<double, channel_count> noise_above_declared{};  ///< noise_std over the declared one
   /// The estimate was below the accuracy of any model and was replaced by a lower bound.
   std::array<bool, channel_count> noise_assumed{};
   std::array<double, channel_count> channel_std{};  ///< standard deviation of the recording
   /// Standard deviation of the drive as derived from its noisy channel: of the base's acceleration
   /// [m/s^2], or of the velocity of an imposed motion [m/s].
   double drive_noise = 0.0;
+  double drive_band_hz = 0.0;  ///< highest frequency of the drive as derived
+  int drive_knots =
+      0;               ///< of the spline that models its error in a window; at most max_drive_knots
   StateGuess largest;  ///< largest magnitude of each guessed quantity
   double mean_load_n = 1.0;
-  std::size_t usable_begin = 0;  ///< samples near the ends only feed filters
-  std::size_t usable_end = 0;
-  std::vector<std::size_t> gaps;  ///< first samples after gaps
+  std::size_t usable_begin = 0;   ///< of the first segment
+  std::size_t usable_end = 0;     ///< of the last one
+  std::vector<Segment> segments;  ///< in order; empty: all samples are one
   std::vector<Window> windows;
 
-  double time_s(std::size_t sample) const {
-    return start_s + period_s * static_cast<double>(sample);
-  }
+  /// The segment of a sample; of one in a gap, that before it.
+  Segment segment_of(std::size_t sample) const;
+  Segment longest_segment() const;
+  /// Time after sample 0. A gap takes one sample, however long it lasts.
+  double elapsed_s(std::size_t sample) const;
+  /// Time in the recording.
+  double time_s(std::size_t sample) const { return start_s + elapsed_s(sample); }
+  /// From sample 0 to the end of the last one, gaps included.
+  double duration_s() const;
   /// True if models are compared with the reading of channel c at sample k.
   bool is_compared(std::size_t k, std::size_t c) const { return ((valid[k] >> c) & 1U) != 0; }
   /// True if models are compared with channel c.
@@ -86,12 +112,13 @@ enum class Steps : std::uint8_t { fine, coarse };
 
 /// Throws InputError where the recording lacks what the model needs (a base-excited rig needs
 /// base_displacement_m, a force-excited one drive_force_n, imposed motion displacement_m, and
-/// something to compare with), or is too short.
+/// something to compare with), is too short, or has fewer than three samples in a natural period of
+/// the model: then the times are in another unit. Outliers count as not measured.
 Experiment make_experiment(const protocol::Recording& recording, const physics::Model& model,
                            Steps steps = Steps::fine);
 
-/// Cuts the usable part into windows of `horizon_s` and holds out one third of the blocks of
-/// windows. Throws InputError for a horizon of fewer than eight samples.
+/// Cuts the usable part of each segment into windows of `horizon_s` and holds out one third of the
+/// blocks of windows. Throws InputError for a horizon of fewer than eight samples.
 void cut_windows(Experiment& experiment, const physics::Model& model, double horizon_s);
 
 /// Prediction horizon for a model: one period of its oscillator, within 0.4 to 1.5 s and at most a

@@ -3,20 +3,22 @@
 #include <algorithm>
 #include <utility>
 
-#include "diagnosis/screening.h"
 #include "diagnosis/selection.h"
 
 namespace stickslip::diagnosis {
 
 std::vector<FittedCandidate> finalists(
     const SearchData& data, const ResidualFeatures& features, const FittedCandidate& base,
-    const std::function<void(const std::string& step, double done)>& progress) {
+    const std::function<void(const std::string& step, double done)>& progress,
+    const CandidateFilter& wanted) {
   const Effort& effort = data.criteria.effort;
   std::vector<FittedCandidate> out;
   std::size_t listed = 0;
   std::size_t unlisted = 0;
-  for (FittedCandidate& each : screen(data, features, base, false, progress)) {
-    const bool chosen = tier_of(each.candidate) == physics::Tier::listed
+  std::size_t numbers = 0;
+  for (FittedCandidate& each : screen(data, features, base, wanted, progress)) {
+    const bool chosen = each.candidate.is_number() ? numbers++ < effort.number_finalists
+                        : tier_of(each.candidate) == physics::Tier::listed
                             ? listed++ < effort.listed_finalists
                             : unlisted++ < effort.unlisted_finalists;
     if (chosen) out.push_back(std::move(each));

@@ -9,14 +9,16 @@
 #include "diagnosis/fitted_candidate.h"
 #include "diagnosis/fitting.h"
 #include "diagnosis/residual_features.h"
+#include "diagnosis/screening.h"
 
 namespace stickslip::diagnosis {
 
-/// The candidates of a screening on `base` that are worth a fit on all windows. `progress` as in
-/// screen().
+/// The candidates of a screening on `base` that are worth a fit on all windows. `progress` and
+/// `wanted` as in screen().
 std::vector<FittedCandidate> finalists(
     const SearchData& data, const ResidualFeatures& features, const FittedCandidate& base,
-    const std::function<void(const std::string& step, double done)>& progress);
+    const std::function<void(const std::string& step, double done)>& progress,
+    const CandidateFilter& wanted = {});
 
 /// Ranks fitted finalists for an addition to `current`. Those that the recording does not determine
 /// are dropped, unless it determines none.

@@ -25,13 +25,11 @@ struct OwnUnknown {
 
 // In the order of the card.
 std::vector<OwnUnknown> own_unknowns(const FittedCandidate& each) {
-  const physics::BoundTerm& term = own_term(each);
-  const auto& unknowns = each.hypothesis->unknowns();
   std::vector<OwnUnknown> out;
-  for (std::size_t k = 0; k < term.effect->card().parameters.size(); ++k) {
-    for (std::size_t u = 0; u < unknowns.size(); ++u) {
-      if (static_cast<int>(unknowns[u].parameter) == term.parameter[k]) out.push_back({u, k});
-    }
+  for (const OwnParameter& own : own_indices(each)) {
+    if (own.index < 0) continue;
+    const auto unknown = each.hypothesis->unknown_of(static_cast<std::size_t>(own.index));
+    if (unknown) out.push_back({*unknown, own.position});
   }
   return out;
 }
@@ -50,10 +48,26 @@ double standard_deviation(const FittedCandidate& each, const OwnUnknown& own) {
                     of_formula / slope);
 }
 
+// Standard deviation of every number of the rig from the formula of its effect.
+std::vector<double> formula_uncertainties(const Hypothesis& hypothesis,
+                                          const std::vector<double>& values) {
+  std::vector<double> out(values.size(), 0.0);
+  for (const physics::BoundTerm& term : hypothesis.trial_terms()) {
+    const auto& cards = term.effect->card().parameters;
+    for (std::size_t k = 0; k < cards.size(); ++k) {
+      if (term.parameter[k] < 0) continue;
+      const auto index = static_cast<std::size_t>(term.parameter[k]);
+      out[index] = cards[k].formula_uncertainty * std::abs(values[index] - cards[k].neutral);
+    }
+  }
+  return out;
+}
+
 Finding with_parameters(const FittedCandidate& each) {
   Finding finding;
   finding.effect = each.candidate.effect;
   finding.place = each.candidate.place;
+  finding.parameter = each.candidate.parameter;
   const std::vector<double> values = own_parameters(each);
   for (const OwnUnknown& own : own_unknowns(each)) {
     const double z = each.fitted.z[own.unknown];
@@ -63,7 +77,7 @@ Finding with_parameters(const FittedCandidate& each) {
     finding.parameters.push_back({std::string(finding.effect->card().parameters[own.position].name),
                                   values[own.position], std::min(low, high), std::max(low, high)});
   }
-  finding.statement = finding.effect->statement(values);
+  finding.statement = statement_of(each);
   return finding;
 }
 
@@ -119,7 +133,7 @@ std::optional<std::pair<double, double>> episode_of(const FittedCandidate& each,
   const auto& episode = each.candidate.effect->card().episode;
   if (!episode) return std::nullopt;
   const auto values = own_parameters(each);
-  const double last_s = experiment.period_s * static_cast<double>(experiment.samples);
+  const double last_s = experiment.duration_s();
   return std::pair{experiment.start_s + std::clamp(values[episode->begin_s], 0.0, last_s),
                    experiment.start_s + std::clamp(values[episode->end_s], 0.0, last_s)};
 }
@@ -171,9 +185,14 @@ Finding finding_of(const Search& search, const Claim& claim, std::size_t number,
     if (weight[k] < criteria.least_alternative_probability) continue;
     finding.alternatives.push_back({claim.rivals[k].candidate, weight[k]});
   }
+  if (claim.candidate.is_number() && search.claims().size() == 1 && search.is_explained()) {
+    finding.statement.replace(finding.statement.size() - 1, 1, "; with it the model fits.");
+  }
   finding.when_s = episode_of(claimed, first);
-  finding.shape = shape_of(*finding.effect, own_parameters(claimed), first);
-  finding.portrait = portrait_with_bands(claimed, first);
+  if (!claim.candidate.is_number()) {
+    finding.shape = shape_of(*finding.effect, own_parameters(claimed), first);
+    finding.portrait = portrait_with_bands(claimed, first);
+  }
   if (finding.probability < criteria.certain_probability && !finding.alternatives.empty()) {
     finding.separating_experiment = experiment_between(claim.rivals, weight, data, horizon_s);
   }
@@ -188,6 +207,26 @@ std::vector<Finding> findings_of(const Search& search, double horizon_s) {
     findings.push_back(finding_of(search, claim, findings.size(), horizon_s));
   }
   return findings;
+}
+
+physics::Model posterior_model(const FittedCandidate& each) {
+  const Hypothesis& hypothesis = *each.hypothesis;
+  physics::Model model = hypothesis.model_at(each.fitted.z);
+  const auto named = physics::parameters_of(model);
+  const std::vector<double> formula =
+      formula_uncertainties(hypothesis, hypothesis.parameters(each.fitted.z));
+  for (std::size_t u = 0; u < hypothesis.unknowns().size(); ++u) {
+    const auto i = static_cast<Eigen::Index>(u);
+    if (i >= each.fitted.covariance.rows()) break;
+    const std::size_t index = hypothesis.unknowns()[u].parameter;
+    physics::Parameter& parameter = *named[index].parameter;
+    const double of_fit = std::abs(hypothesis.slope(u, each.fitted.z[u])) *
+                          inflation_of(each.fitted) *
+                          std::sqrt(std::max(0.0, each.fitted.covariance(i, i)));
+    const double sigma = std::hypot(of_fit, formula[index]);
+    if (std::isfinite(sigma)) parameter.sigma = sigma;
+  }
+  return model;
 }
 
 std::pair<double, double> interval_of(const FittedCandidate& each, std::size_t unknown) {

@@ -29,6 +29,7 @@ struct Alternative {
 struct Finding {
   const physics::Effect* effect = nullptr;
   physics::Place place;
+  std::string parameter = {};  ///< path of the declared number that is contradicted, or empty
   std::string statement;
   std::vector<Estimate> parameters;
   std::optional<std::pair<double, double>> when_s;  ///< begin and end of an effect that ends
@@ -39,9 +40,15 @@ struct Finding {
   std::vector<Curve> portrait;  ///< for the reader, with 95 % bands: see portrait_of
   double chi2_before = 0.0;     ///< held-out, before this finding and with it
   double chi2_after = 0.0;
+
+  CandidateEffect candidate() const { return {effect, place, parameter}; }
 };
 
 std::vector<Finding> findings_of(const Search& search, double horizon_s);
+
+/// The fitted model; every unknown has its posterior standard deviation, which includes what the
+/// formula of an effect may be wrong by, instead of the declared one.
+physics::Model posterior_model(const FittedCandidate& each);
 
 /// 95 % interval of an unknown where its fit has converged; its value alone otherwise.
 std::pair<double, double> interval_of(const FittedCandidate& each, std::size_t unknown);

@@ -3,19 +3,15 @@
 #include <algorithm>
 #include <cmath>
 
+#include "physics/declared_value.h"
+
 namespace stickslip::diagnosis {
 
-double complexity_of(const FittedCandidate& each, const Criteria& criteria) {
-  double parameters = 0.0;
-  for (const physics::BoundTerm& term : each.hypothesis->rig().terms()) {
-    for (const physics::ParameterCard& card : term.effect->card().parameters) {
-      if (!card.fixed_default) parameters += 1.0;
-    }
-  }
-  const bool listed = each.candidate.effect == nullptr ||  // the declared model
-                      tier_of(each.candidate) == physics::Tier::listed;
-  return criteria.state_complexity * each.fitted.states_per_window + parameters +
-         (listed ? 0.0 : criteria.unlisted_complexity);
+namespace {
+
+std::size_t index_of_number(const Hypothesis& hypothesis, const std::string& path) {
+  const auto& paths = hypothesis.rig().parameter_paths();
+  return static_cast<std::size_t>(std::find(paths.begin(), paths.end(), path) - paths.begin());
 }
 
 const physics::BoundTerm& own_term(const FittedCandidate& each) {
@@ -25,25 +21,74 @@ const physics::BoundTerm& own_term(const FittedCandidate& each) {
   });
 }
 
+}  // namespace
+
+double complexity_of(const FittedCandidate& each, const Criteria& criteria) {
+  double parameters = 0.0;
+  for (const physics::BoundTerm& term : each.hypothesis->rig().terms()) {
+    for (const physics::ParameterCard& card : term.effect->card().parameters) {
+      if (!card.fixed_default) parameters += 1.0;
+    }
+  }
+  for (const Unknown& unknown : each.hypothesis->unknowns())
+    parameters += unknown.freed ? 1.0 : 0.0;
+  const bool listed = each.candidate.effect == nullptr ||  // the declared model
+                      tier_of(each.candidate) == physics::Tier::listed;
+  const bool contradicts =
+      each.candidate.effect != nullptr && each.candidate.frees_what_is_declared();
+  return criteria.state_complexity * each.fitted.states_per_window + parameters +
+         (contradicts ? criteria.contradiction_complexity : 0.0) +
+         (listed ? 0.0 : criteria.unlisted_complexity);
+}
+
+Hypothesis extended(const Hypothesis& base, const CandidateEffect& candidate,
+                    std::span<const double> start, std::span<const double> fixed, Detail detail) {
+  return candidate.is_number()
+             ? base.freeing(index_of_number(base, candidate.parameter))
+             : base.with(*candidate.effect, candidate.place, start, fixed, detail);
+}
+
+std::vector<OwnParameter> own_indices(const FittedCandidate& each) {
+  if (each.candidate.is_number()) {
+    return {{0, static_cast<int>(index_of_number(*each.hypothesis, each.candidate.parameter))}};
+  }
+  const physics::BoundTerm& term = own_term(each);
+  std::vector<OwnParameter> out;
+  for (std::size_t k = 0; k < term.effect->card().parameters.size(); ++k) {
+    out.push_back({k, term.parameter[k]});
+  }
+  return out;
+}
+
 std::vector<double> own_parameters(const FittedCandidate& each) {
-  return values_of(own_term(each), each.hypothesis->parameters(each.fitted.z));
+  const std::vector<double> values = each.hypothesis->parameters(each.fitted.z);
+  if (each.candidate.is_number()) {
+    return {values[index_of_number(*each.hypothesis, each.candidate.parameter)]};
+  }
+  return values_of(own_term(each), values);
+}
+
+std::string statement_of(const FittedCandidate& each) {
+  const std::vector<double> values = own_parameters(each);
+  if (!each.candidate.is_number()) return each.candidate.effect->statement(values);
+  const std::size_t index = index_of_number(*each.hypothesis, each.candidate.parameter);
+  return physics::contradiction(each.candidate.parameter,
+                                each.hypothesis->rig().parameter_values()[index], values.front()) +
+         ".";
 }
 
 bool is_determined(const FittedCandidate& each, const Criteria& criteria) {
   const auto& unknowns = each.hypothesis->unknowns();
   const auto size = static_cast<Eigen::Index>(unknowns.size());
   if (each.fitted.covariance.rows() != size) return true;  // the fit was not continued to its end
-  const physics::BoundTerm& term = own_term(each);
-  const std::size_t count = term.effect->card().parameters.size();
+  const std::vector<OwnParameter> own = own_indices(each);
   for (Eigen::Index u = 0; u < size; ++u) {
     const Unknown& unknown = unknowns[static_cast<std::size_t>(u)];
     if (!unknown.logarithmic || unknown.refinement) continue;
-    const auto own = term.parameter.begin();
-    if (std::find(own, own + static_cast<std::ptrdiff_t>(count),
-                  static_cast<int>(unknown.parameter)) ==
-        own + static_cast<std::ptrdiff_t>(count)) {
-      continue;
-    }
+    const bool is_own = std::any_of(own.begin(), own.end(), [&](const OwnParameter& parameter) {
+      return parameter.index == static_cast<int>(unknown.parameter);
+    });
+    if (!is_own) continue;
     const double error = std::sqrt(std::max(0.0, each.fitted.covariance(u, u)));
     if (unknown.scale * error > criteria.undetermined_log_std) return false;
   }

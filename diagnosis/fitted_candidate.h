@@ -2,6 +2,8 @@
 #pragma once
 
 #include <optional>
+#include <span>
+#include <string>
 #include <vector>
 
 #include "diagnosis/candidates.h"
@@ -23,14 +25,30 @@ struct FittedCandidate {
 };
 
 /// Complexity [nat]: one for every parameter that the effects need, Criteria::state_complexity for
-/// every hidden state, Criteria::unlisted_complexity for unlisted physics.
+/// every hidden state, Criteria::unlisted_complexity for unlisted physics, and
+/// Criteria::contradiction_complexity for an effect that frees what is declared.
 double complexity_of(const FittedCandidate& each, const Criteria& criteria);
 
-/// The term of the candidate effect.
-const physics::BoundTerm& own_term(const FittedCandidate& each);
+/// `base` with the candidate: an effect with parameters that start at `start` (see
+/// Hypothesis::with), or a number freed.
+Hypothesis extended(const Hypothesis& base, const CandidateEffect& candidate,
+                    std::span<const double> start, std::span<const double> fixed, Detail detail);
 
-/// Fitted parameters of that term, in the order of its card.
+/// A candidate's parameter: its position on the card, its index among the numbers of the rig (-1
+/// where the model leaves it at its default).
+struct OwnParameter {
+  std::size_t position = 0;
+  int index = -1;
+};
+
+/// Those of the candidate effect, in the order of its card.
+std::vector<OwnParameter> own_indices(const FittedCandidate& each);
+
+/// Fitted parameters of the candidate effect, in the order of its card.
 std::vector<double> own_parameters(const FittedCandidate& each);
+
+/// The candidate in words, with its fitted numbers.
+std::string statement_of(const FittedCandidate& each);
 
 /// True if the recording determines every parameter that the effect needs. A hysteresis with any
 /// slip force, for example, has not been observed to slip: it imitates a spring.

@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
-#include <numeric>
+#include <utility>
 
 #include "diagnosis/median.h"
+#include "diagnosis/noise_check.h"
+#include "diagnosis/noise_estimate.h"
 #include "diagnosis/score.h"
 
 namespace stickslip::diagnosis {
@@ -15,6 +16,15 @@ namespace {
 
 // Leading share of each window in the first stage of a fit.
 constexpr double first_stage_share = 0.35;
+
+// Until a step gains less than about a tenth of a nat: gains and offsets that nearly cancel are a
+// direction in which a fit creeps, and their distance from the declared values is judged.
+FitOptions complete_fit() {
+  FitOptions options;
+  options.iterations = 40;
+  options.tolerance = 3.0e-6;
+  return options;
+}
 
 // True if `is(experiment, channel)` for any compared channel of any recording.
 template <class Is>
@@ -59,7 +69,8 @@ void add_mean_squares(const Task& task, std::size_t w, const Readings& readings,
 // Weighs channels without declared noise by their residuals in the median window: a wrong estimate
 // of the noise then does not decide between channels, and windows that the hypothesis cannot follow
 // do not bias its parameters.
-void reweight(Task& task, const Hypothesis& hypothesis, const Fit& fitted) {
+void reweight(Task& task, const std::array<double, predicted_channels>& noise,
+              const Hypothesis& hypothesis, const Fit& fitted) {
   ByChannel mean_square;
   for (std::size_t w = 0; w < task.windows.size(); ++w) {
     const Window& window = task.window(w);
@@ -71,44 +82,66 @@ void reweight(Task& task, const Hypothesis& hypothesis, const Fit& fitted) {
     const bool declared = std::any_of(task.experiments.begin(), task.experiments.end(),
                                       [c](const Experiment& e) { return e.noise_declared[c]; });
     if (declared || mean_square[c].empty()) continue;
-    task.sigma[c] =
-        std::max(noise_sigma(task.experiments)[c], std::sqrt(median(std::move(mean_square[c]))));
+    task.sigma[c] = std::max(noise[c], std::sqrt(median(std::move(mean_square[c]))));
   }
 }
 
 // Close to the estimated noise the residuals are no longer a better estimate of it: the last steps
-// weigh the channels by the noise itself.
-void refit_at_noise(const SearchData& data, Task& task, FittedCandidate& each,
-                    const FitOptions& options) {
-  const auto noise = noise_sigma(data.experiments);
-  bool changed = false;
+// weigh the channels by the noise itself. True if the weights have changed.
+bool weigh_by_noise(const SearchData& data, Task& task) {
+  const auto& noise = data.held_out.sigma;
   for (std::size_t c = 0; c < predicted_channels; ++c) {
-    if (task.sigma[c] > data.criteria.near_noise_factor * noise[c]) return;
-    changed = changed || task.sigma[c] > noise[c];
+    if (task.sigma[c] > data.criteria.near_noise_factor * noise[c]) return false;
   }
-  if (!changed) return;
-  task.sigma = noise;
-  each.fitted = fit(task, *each.hypothesis, each.fitted.z, each.fitted.state, options);
+  return std::exchange(task.sigma, noise) != noise;
+}
+
+// True for candidates that one of their tier is clearly better than, over the windows that both are
+// fitted to: convergence of all of them would cost most of a diagnosis.
+std::vector<bool> beaten_in_brief_fits(const SearchData& data,
+                                       std::span<const FittedCandidate> candidates) {
+  std::vector<HeldOut> briefly;
+  for (const FittedCandidate& each : candidates) {
+    briefly.push_back(score_of(each.fitted, data.train, *each.hypothesis, each.fitted.z, true));
+  }
+  std::vector<bool> beaten(candidates.size(), false);
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    for (std::size_t k = 0; k < candidates.size() && !beaten[i]; ++k) {
+      beaten[i] = k != i && tier_of(candidates[k].candidate) == tier_of(candidates[i].candidate) &&
+                  gain_z(briefly[i], briefly[k]) > data.criteria.claim_z;
+    }
+  }
+  return beaten;
 }
 
 void converge(const SearchData& data, FittedCandidate& each) {
   Task task = data.train;
   each.hypothesis = each.hypothesis->refined();
   each.fitted.z.resize(each.hypothesis->unknowns().size(), 0.0);
-  reweight(task, *each.hypothesis, each.fitted);
+  reweight(task, data.held_out.sigma, *each.hypothesis, each.fitted);
   FitOptions options;
   options.tolerance = 1.0e-3;
   options.iterations = 8;
   each.fitted = fit(task, *each.hypothesis, each.fitted.z, each.fitted.state, options);
+  if (!weigh_by_noise(data, task)) return;
   options.multistart = false;
-  refit_at_noise(data, task, each, options);
+  each.fitted = fit(task, *each.hypothesis, each.fitted.z, each.fitted.state, options);
+}
+
+// Declared values of the model, and fitted ones of the numbers that are freed.
+std::vector<double> fresh_start(const Hypothesis& hypothesis, const FittedCandidate& each) {
+  std::vector<double> z = carried_over(*each.hypothesis, each.fitted.z, hypothesis);
+  for (std::size_t u = 0; u < z.size(); ++u) {
+    if (!hypothesis.unknowns()[u].freed) z[u] = 0.0;
+  }
+  return z;
 }
 
 // The hypothesis of a candidate around the fitted sizes of its effects, without refinements.
 Hypothesis unrefined(const Hypothesis& declared, const FittedCandidate& each) {
   const auto found = each.hypothesis->parameters(each.fitted.z);
   const auto& initial = each.hypothesis->rig().parameter_values();
-  Hypothesis out = declared;
+  Hypothesis out = declared.with_uncertainties_of(each.hypothesis->model());
   for (const physics::BoundTerm& term : each.hypothesis->trial_terms()) {
     std::vector<double> values = values_of(term, found);
     const std::vector<double> fixed = values_of(term, initial);
@@ -118,7 +151,30 @@ Hypothesis unrefined(const Hypothesis& declared, const FittedCandidate& each) {
     }
     out = out.with(*term.effect, term.place, values, {}, Detail::coarse);
   }
+  for (const Unknown& unknown : each.hypothesis->unknowns()) {
+    if (unknown.freed) out = out.freeing(unknown.parameter);
+  }
   return out;
+}
+
+// Noise is coloured if that is what the fit leaves: white again once it is taken into account. Of a
+// fit that leaves physics it is not.
+void colour_noise(SearchData& data, const FittedCandidate& each) {
+  const NoiseEstimate found =
+      noise_in_residuals(data.train, *each.hypothesis, each.fitted, data.criteria);
+  if (found.colour == NoiseColours{}) return;
+  Task held_out = data.held_out;
+  held_out.colour = found.colour;
+  held_out.sigma = found.sigma;
+  const bool is_estimated = !noise_is_declared(data.experiments);
+  if (!noise_check(held_out, *each.hypothesis, each.fitted.z, is_estimated, data.criteria)
+           .is_noise) {
+    return;
+  }
+  data.held_out = std::move(held_out);
+  data.train.colour = found.colour;
+  data.train.sigma = found.sigma;
+  data.noise_is_known = true;
 }
 
 }  // namespace
@@ -157,12 +213,20 @@ FitOptions brief_fit(int iterations) {
   return options;
 }
 
+// Far from the solution a gain would run away with the load that it multiplies, and find back on a
+// curved path only: instruments, which are known best, are freed last.
 Fit fit_in_stages(const Task& task, const Hypothesis& hypothesis, const std::vector<double>& z,
                   const std::vector<WindowState>& states, const FitOptions& options) {
   Task beginning = task;
   beginning.share = first_stage_share;
-  const Fit first = fit(beginning, hypothesis, z, states, brief_fit(3));
-  return fit(task, hypothesis, first.z, first.state, options);
+  const std::vector<double> all(z.size(), 1.0);
+  const std::vector<std::size_t> instruments = hypothesis.instruments_beyond(all, 0.0);
+  const Hypothesis held = hypothesis.holding(instruments);
+  Fit before = fit(beginning, held, carried_over(hypothesis, z, held), states, brief_fit(3));
+  if (!instruments.empty()) {
+    before = fit(task, held, before.z, before.state, brief_fit(options.iterations));
+  }
+  return fit(task, hypothesis, carried_over(held, before.z, hypothesis), before.state, options);
 }
 
 FittedCandidate calibrate(SearchData& data, const physics::Model& model) {
@@ -170,15 +234,16 @@ FittedCandidate calibrate(SearchData& data, const physics::Model& model) {
   out.hypothesis.emplace(model);
   const std::vector<double> origin(out.hypothesis->unknowns().size(), 0.0);
   out.fitted = fit_in_stages(data.train, *out.hypothesis, origin,
-                             initial_states(data.train, *out.hypothesis), {});
+                             initial_states(data.train, *out.hypothesis), complete_fit());
   settle(data, out);
   return out;
 }
 
 void settle(SearchData& data, FittedCandidate& each) {
-  reweight(data.train, *each.hypothesis, each.fitted);
-  each.fitted = fit(data.train, *each.hypothesis, each.fitted.z, each.fitted.state);
-  refit_at_noise(data, data.train, each, {});
+  reweight(data.train, data.held_out.sigma, *each.hypothesis, each.fitted);
+  weigh_by_noise(data, data.train);
+  colour_noise(data, each);
+  each.fitted = fit(data.train, *each.hypothesis, each.fitted.z, each.fitted.state, complete_fit());
   const auto score = [&] {
     return held_out_score(data.held_out, *each.hypothesis, each.fitted.z, data.noise_is_known);
   };
@@ -193,15 +258,12 @@ void settle(SearchData& data, FittedCandidate& each) {
 }
 
 void fit_thoroughly(const SearchData& data, std::span<FittedCandidate> candidates) {
-  double min_cost = std::numeric_limits<double>::infinity();
   for (FittedCandidate& each : candidates) {
     each.fitted = fit(data.train, *each.hypothesis, each.fitted.z, each.fitted.state, brief_fit(4));
-    // A fit closer than the noise is not a better one.
-    const double samples = std::accumulate(each.fitted.count.begin(), each.fitted.count.end(), 0.0);
-    min_cost = std::min(min_cost, std::max(each.fitted.cost, samples));
   }
-  for (FittedCandidate& each : candidates) {
-    if (each.fitted.cost <= data.criteria.hopeless_cost_ratio * min_cost) converge(data, each);
+  const std::vector<bool> beaten = beaten_in_brief_fits(data, candidates);
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    if (!beaten[i]) converge(data, candidates[i]);
   }
 }
 
@@ -235,9 +297,9 @@ void restart_best(const SearchData& data, const Hypothesis& declared, const Held
     FittedCandidate fresh = *each;
     fresh.hypothesis = unrefined(declared, *each);
     const Hypothesis& hypothesis = *fresh.hypothesis;
-    fresh.fitted = fit_in_stages(
-        data.train, hypothesis, std::vector<double>(hypothesis.unknowns().size(), 0.0),
-        initial_states(data.train, hypothesis), brief_fit(data.criteria.effort.rough_iterations));
+    fresh.fitted = fit_in_stages(data.train, hypothesis, fresh_start(hypothesis, *each),
+                                 initial_states(data.train, hypothesis),
+                                 brief_fit(data.criteria.effort.rough_iterations));
     fit_and_score(data, current, {&fresh, 1});
     if (fresh.total_loss() < each->total_loss()) *each = std::move(fresh);
   }

@@ -46,8 +46,8 @@ FittedCandidate calibrate(SearchData& data, const physics::Model& model);
 /// Continues a fit with weights that suit it, and scores it. May confirm the estimated noise.
 void settle(SearchData& data, FittedCandidate& each);
 
-/// Fits candidates on all windows, each with its own weights and those that are not hopeless to
-/// convergence.
+/// Fits candidates on all windows, each with its own weights: briefly where another one of its tier
+/// is then better by Criteria::claim_z over the windows, else to convergence.
 void fit_thoroughly(const SearchData& data, std::span<FittedCandidate> candidates);
 
 /// The same, and scores them against `current`.

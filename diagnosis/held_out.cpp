@@ -107,13 +107,20 @@ bool is_gain(const HeldOut& before, const HeldOut& after, bool noise_is_known,
       before.total_loss() - after.total_loss() > criteria.implausible_prior_penalty) {
     return true;
   }
-  const double excess = std::max(before.chi2 - 1.0, 1.0);
-  const double share = after.chi2 <= explained_chi2(noise_is_known, criteria)
-                           ? criteria.claim_share_explained
-                           : criteria.claim_share_unexplained;
+  // A fit that reaches the estimated noise confirms that the estimate is not too small.
+  const bool is_likelihood =
+      noise_is_known || std::log(after.typical_chi2) < criteria.confirmed_noise_log;
   const bool certain = gain_z(before, after) > criteria.claim_z ||
-                       (noise_is_known && is_gain_in_nats(before, after, criteria));
-  return certain && before.chi2 - after.chi2 > share * excess;
+                       (is_likelihood && is_gain_in_nats(before, after, criteria));
+  return certain && before.chi2 - after.chi2 > criteria.claim_chi2;
+}
+
+bool is_major_gain(const HeldOut& before, const HeldOut& after, bool noise_is_known,
+                   const Criteria& criteria) {
+  const double excess = std::max(before.chi2 - 1.0, 1.0);
+  const bool explained = after.chi2 <= explained_chi2(noise_is_known, criteria);
+  return is_gain(before, after, noise_is_known, criteria) &&
+         (explained || before.chi2 - after.chi2 > criteria.claim_share_unexplained * excess);
 }
 
 double explained_chi2(bool noise_is_known, const Criteria& criteria) {

@@ -2,6 +2,7 @@
 // the terms on trial.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -19,9 +20,11 @@ struct Unknown {
   double centre = 0.0;
   double scale = 1.0;
   bool logarithmic = false;
-  double prior_sigma = 0.0;  ///< of z around 0; 0: no prior
-  bool of_model = false;     ///< declared with a standard deviation, not part of a term on trial
-  bool refinement = false;   ///< only refines the shape of an effect
+  double prior_sigma = 0.0;   ///< of z around 0; 0: no prior
+  bool of_model = false;      ///< declared with a standard deviation, not part of a term on trial
+  bool refinement = false;    ///< only refines the shape of an effect
+  bool not_negative = false;  ///< kept at 0 or above
+  bool freed = false;         ///< a declared number without what is declared of it, on trial
 };
 
 /// Whether parameters that only refine the shape of an effect are unknowns from the start. A fit
@@ -40,6 +43,15 @@ class Hypothesis {
                   std::span<const double> start, std::span<const double> fixed,
                   Detail detail = Detail::all) const;
 
+  /// The same with a declared number of the rig free, whatever the model says of it: it keeps its
+  /// value as the centre, and has no prior but a wide one where it is positive.
+  Hypothesis freeing(std::size_t parameter) const;
+
+  /// The same with these declared numbers exact.
+  Hypothesis holding(std::span<const std::size_t> parameters) const;
+  /// The same with the standard deviations of `model`, which has the same declared numbers.
+  Hypothesis with_uncertainties_of(const physics::Model& model) const;
+
   /// The same with the refinements of all terms on trial as further unknowns, after the present
   /// ones.
   Hypothesis refined() const;
@@ -55,7 +67,18 @@ class Hypothesis {
     return rig_.terms().subspan(declared_terms_);
   }
 
+  /// True if the channel is a prediction; the imposed displacement and a measured load are inputs.
+  bool predicts(Channel channel) const;
+  /// The unknown that is this number of the rig; none where the number is not unknown.
+  std::optional<std::size_t> unknown_of(std::size_t parameter) const;
+
+  /// Numbers of instruments whose z, of a declared standard deviation, is farther from 0 than
+  /// `most`: indices into Rig::parameter_values.
+  std::vector<std::size_t> instruments_beyond(std::span<const double> z, double most) const;
+
   double value(std::size_t unknown, double z) const;
+  /// The z at which the unknown has that value, as far as it can.
+  double z_of(std::size_t unknown, double value) const;
   /// d value / d z.
   double slope(std::size_t unknown, double z) const;
   /// All parameter values of the rig at these z.
@@ -73,6 +96,11 @@ class Hypothesis {
   std::vector<Unknown> unknowns_;
   std::size_t declared_terms_;  // leading terms of the model that are declared, not on trial
 };
+
+/// Numbers of `from` at `z` as unknowns of `to`: what both have keeps its value, the rest starts at
+/// its centre.
+std::vector<double> carried_over(const Hypothesis& from, std::span<const double> z,
+                                 const Hypothesis& to);
 
 /// Parameters of a term in the order of its effect's card, of the rig's parameter `values`.
 std::vector<double> values_of(const physics::BoundTerm& term, std::span<const double> values);

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <numbers>
 
+#include "diagnosis/channel_readings.h"
 #include "diagnosis/spectrum.h"
 #include "diagnosis/time_grid.h"
 #include "diagnosis/wide_band.h"
@@ -63,8 +64,23 @@ std::size_t clipped_at(const std::vector<double>& readings, double rail, double 
   return count > 4 * static_cast<std::size_t>(inside) ? count : 0;
 }
 
-ChannelIntegrity channel_integrity(const std::vector<Frame>& frames, const TimeGrid& grid,
+// A channel at the instants of the longest segment.
+std::vector<double> longest_series(const std::vector<Frame>& frames, const TimeGrid& grid,
                                    Channel channel) {
+  const auto longest = std::max_element(
+      grid.segments.begin(), grid.segments.end(),
+      [](const auto& a, const auto& b) { return a.end - a.begin < b.end - b.begin; });
+  const ChannelReadings readings = readings_of(frames, grid, channel);
+  const Range range{longest->begin, longest->end};
+  const Series series = series_over(readings, grid, range);
+  std::vector<double> out;
+  for (std::size_t k = range.begin; k < range.end; ++k) {
+    out.push_back(interpolated(series.value, series.position(k), 0, series.value.size()));
+  }
+  return out;
+}
+
+ChannelIntegrity channel_integrity(const std::vector<Frame>& frames, Channel channel) {
   ChannelIntegrity out;
   out.channel = channel;
   std::vector<double> readings;
@@ -86,8 +102,31 @@ ChannelIntegrity channel_integrity(const std::vector<Frame>& frames, const TimeG
     out.at_low_rail = clipped_at(readings, out.lowest, same, width);
     out.at_high_rail = clipped_at(readings, out.highest, same, width);
   }
-  out.mains = mains_of(filled(frames, grid, channel), grid.period_s);
   return out;
+}
+
+// A line adds A^2 / 2 to the squares of the residuals: less than this share of the noise is not
+// worth a search for its source.
+constexpr double least_share_of_noise = 0.02;
+// Harmonics of the drive that a rig may answer with.
+constexpr double highest_harmonic = 9.0;
+
+void set_mains(const std::vector<double>& values, double period_s, double drive_hz,
+               std::optional<double> declared_noise, ChannelIntegrity& out) {
+  const auto line = mains_of(values, period_s, true);
+  if (!line) return;
+  // Nothing is measured, and no model predicts, below a thousandth of the range.
+  const double noise =
+      std::max(declared_noise.value_or(noise_of(values)), 3.0e-4 * (out.highest - out.lowest));
+  if (0.5 * line->amplitude * line->amplitude < least_share_of_noise * noise * noise) return;
+  if (drive_hz > 0.0) {
+    const double order = std::round(line->frequency_hz / drive_hz);
+    const double resolution_hz = 1.0 / (period_s * static_cast<double>(values.size()));
+    const bool of_drive = std::abs(line->frequency_hz - order * drive_hz) < order * resolution_hz;
+    if (of_drive && order >= 1.0 && order <= highest_harmonic) return;
+  }
+  out.mains = line;
+  out.mains_hz = mains_behind(line->frequency_hz, period_s);
 }
 
 // Delay of `late` behind `early`, signals of one shape, from the slope of the phase between their
@@ -120,8 +159,8 @@ std::pair<double, double> delay_between(const std::vector<Complex>& early,
 
 void set_velocity_delay(const std::vector<Frame>& frames, const TimeGrid& grid,
                         const physics::Model& model, Integrity& out) {
-  const auto x = filled(frames, grid, Channel::displacement);
-  const auto v = filled(frames, grid, Channel::velocity);
+  const auto x = longest_series(frames, grid, Channel::displacement);
+  const auto v = longest_series(frames, grid, Channel::velocity);
   // The displacement's own filters precede the differentiator too: they cancel.
   const WideBand motion = wide_band(x, grid.period_s, {}, noise_of(x));
   auto expected = windowed_spectrum(motion.rate);
@@ -142,6 +181,23 @@ std::string printed(const char* format, auto... values) {
   return text;
 }
 
+// "displacement has 2 bad samples, which are not used: 100 m at 12.340 s, ..."
+std::string outlier_remark(const ChannelIntegrity& c) {
+  constexpr std::size_t most_listed = 4;
+  const std::string unit(info(c.channel).unit);
+  const std::size_t count = c.outliers.size();
+  std::string out = std::string(info(c.channel).stem) + " has " +
+                    physics::counted(count, "bad sample") +
+                    (count == 1 ? ", which is not used:" : ", which are not used:");
+  for (std::size_t i = 0; i < std::min(count, most_listed); ++i) {
+    const Outlier& each = c.outliers[i];
+    out += printed("%s %.3g ", i == 0 ? "" : ",", each.value) + unit +
+           printed(" at %.3f s (%.3g ", each.time_s, each.expected) + unit + " around it)";
+  }
+  if (count > most_listed) out += printed(" and %zu more", count - most_listed);
+  return out;
+}
+
 void add_remarks(const ChannelIntegrity& c, std::size_t frames, const Criteria& criteria,
                  std::vector<std::string>& remarks) {
   const std::string name(info(c.channel).stem);
@@ -153,6 +209,7 @@ void add_remarks(const ChannelIntegrity& c, std::size_t frames, const Criteria& 
     remarks.push_back(name + printed(" is missing in %zu of %s", c.missing,
                                      physics::counted(frames, "frame").c_str()));
   }
+  if (!c.outliers.empty()) remarks.push_back(outlier_remark(c));
   if (!(c.highest > c.lowest)) {
     remarks.push_back(name + " never changes: is it connected?");
     return;
@@ -170,37 +227,44 @@ void add_remarks(const ChannelIntegrity& c, std::size_t frames, const Criteria& 
         printed(" (%.3g ", c.step) + unit + " each): a smaller measuring range would resolve more");
   }
   if (c.mains) {
-    remarks.push_back(name + printed(" contains a mains line of %.3g ", c.mains->amplitude) + unit +
-                      printed(" at %.2f Hz: look for a ground loop", c.mains->frequency_hz));
+    const bool seen_elsewhere = std::abs(c.mains->frequency_hz - c.mains_hz) > 1.0;
+    remarks.push_back(
+        name + printed(" contains a mains line of %.3g ", c.mains->amplitude) + unit +
+        printed(" at %.2f Hz", c.mains->frequency_hz) +
+        (seen_elsewhere ? printed(", where %.0f Hz appear at this rate", c.mains_hz) : "") +
+        ": look for a ground loop");
   }
 }
 
-void set_timing(const std::vector<Frame>& frames, const TimeGrid& grid, Integrity& out) {
+void set_timing(const protocol::Recording& recording, const TimeGrid& grid, Integrity& out) {
+  const auto& frames = recording.frames;
+  const auto after_left_out = [&recording](std::size_t i) {
+    const auto& list = recording.after_left_out;
+    return std::binary_search(list.begin(), list.end(), i);
+  };
   out.frames = frames.size();
   out.rate_hz = 1.0 / grid.period_s;
   out.duration_s =
       static_cast<double>(frames.back().time_ns - frames.front().time_ns) * 1.0e-9 + grid.period_s;
-  for (std::size_t k = 0; k < grid.frame.size(); ++k) {
-    if (grid.frame[k] < 0) {
-      ++out.lost;
-      continue;
-    }
-    const Frame& frame = frames[static_cast<std::size_t>(grid.frame[k])];
-    const double at =
-        static_cast<double>(frame.time_ns - frames.front().time_ns) * 1.0e-9 / grid.period_s;
-    out.jitter = std::max(out.jitter, std::abs(at - static_cast<double>(k)));
-  }
+  out.jitter = grid.jitter_s / grid.period_s;
   for (std::size_t i = 1; i < frames.size(); ++i) {
     const double gap = static_cast<double>(frames[i].time_ns - frames[i - 1].time_ns) * 1.0e-9;
-    if (gap > 1.5 * grid.period_s) out.longest_gap_s = std::max(out.longest_gap_s, gap);
+    const std::uint32_t instants = grid.instant[i] - grid.instant[i - 1];
+    if (instants < 2 || after_left_out(i)) continue;
+    out.longest_gap_s = std::max(out.longest_gap_s, gap);
+    const double steps = gap > longest_hole_periods * grid.period_s
+                             ? std::max(1.0, std::round(gap / grid.period_s))
+                             : static_cast<double>(instants);
+    out.lost += static_cast<std::size_t>(steps) - 1;
   }
 }
 
-void add_timing_remarks(const TimeGrid& grid, const Criteria& criteria, Integrity& out) {
+void add_timing_remarks(const Criteria& criteria, Integrity& out) {
   if (out.lost > 0) {
     out.remarks.push_back(printed(
         "%zu of %s missing; the longest gap is %.3g s", out.lost,
-        (physics::counted(grid.frame.size(), "sample") + (out.lost == 1 ? " is" : " are")).c_str(),
+        (physics::counted(out.frames + out.lost, "sample") + (out.lost == 1 ? " is" : " are"))
+            .c_str(),
         out.longest_gap_s));
   }
   if (out.jitter > criteria.remark_jitter) {
@@ -220,20 +284,40 @@ void add_delay_remark(const TimeGrid& grid, const Criteria& criteria, Integrity&
 
 }  // namespace
 
-Integrity integrity_of(const protocol::Recording& recording, const physics::Model& model,
+Integrity integrity_of(const protocol::Recording& as_recorded, const physics::Model& model,
                        const Criteria& criteria) {
   Integrity out;
+  const Cleaned cleaned(as_recorded);
+  const protocol::Recording& recording = cleaned.recording();
   out.source = recording.source;
   const auto& frames = recording.frames;
   const TimeGrid grid = time_grid_of(frames);
-  set_timing(frames, grid, out);
-  add_timing_remarks(grid, criteria, out);
+  set_timing(recording, grid, out);
+  if (recording.left_out > 0) {
+    out.remarks.push_back(
+        physics::counted(recording.left_out, "frame") + " of " +
+        std::to_string(recording.left_out + frames.size()) +
+        " were left out, more than one diagnosis can take; those taken are stretches spread over "
+        "the recording");
+  }
+  add_timing_remarks(criteria, out);
   const auto recorded = [&](Channel channel) {
     return ((recording.channels >> index_of(channel)) & 1U) != 0;
   };
+  double drive_hz = 0.0;
+  for (const Channel channel : {Channel::base_displacement, Channel::drive_force}) {
+    if (!recorded(channel)) continue;
+    drive_hz = strongest_frequency_hz(longest_series(frames, grid, channel), grid.period_s);
+  }
   for (const Channel channel : all_channels) {
     if (!recorded(channel)) continue;
-    out.channels.push_back(channel_integrity(frames, grid, channel));
+    out.channels.push_back(channel_integrity(frames, channel));
+    set_mains(longest_series(frames, grid, channel), grid.period_s, drive_hz,
+              model.sensors[index_of(channel)].noise_std, out.channels.back());
+    for (const Outlier& each : cleaned.outliers()) {
+      if (each.channel == channel) out.channels.back().outliers.push_back(each);
+    }
+    out.channels.back().missing -= out.channels.back().outliers.size();
     add_remarks(out.channels.back(), frames.size(), criteria, out.remarks);
   }
   if (recorded(Channel::displacement) && recorded(Channel::velocity)) {

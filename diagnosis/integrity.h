@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "diagnosis/criteria.h"
+#include "diagnosis/outliers.h"
 #include "physics/effect.h"
 #include "physics/frame.h"
 #include "physics/model.h"
@@ -25,7 +26,10 @@ struct ChannelIntegrity {
   std::size_t at_high_rail = 0;
   double lowest = 0.0;
   double highest = 0.0;
-  std::optional<physics::Line> mains{};  ///< see mains_of
+  /// Mains line, or what is seen of it, that matters beside the noise and is none of the drive.
+  std::optional<physics::Line> mains{};
+  double mains_hz = 0.0;            ///< its frequency before sampling
+  std::vector<Outlier> outliers{};  ///< not used, and not counted elsewhere
 };
 
 struct Integrity {

@@ -97,6 +97,7 @@ struct LiveCheck::Seconds {
     for (const Frame& frame : frames) recording.channels |= frame.valid;
     fine.push_back(prepared(model, Steps::fine));
     data = search_data(fine, coarse, settings.criteria, 1, settings.threads);
+    data.train.stop = settings.stop;
     data.held_out = data.train;
   }
   Experiment prepared(const physics::Model& model, Steps steps) const {
@@ -115,7 +116,7 @@ struct LiveCheck::Seconds {
     return data.noise_is_known ? declared_noise_uncertainty : estimated_noise_uncertainty;
   }
   std::int64_t time_ns(std::size_t sample) const {
-    return begin_ns + std::llround(1.0e9 * fine.front().period_s * static_cast<double>(sample));
+    return begin_ns + std::llround(1.0e9 * fine.front().elapsed_s(sample));
   }
 };
 
@@ -258,13 +259,12 @@ std::vector<Explanation> LiveCheck::explanations_of(const Seconds& seconds, cons
   std::vector<Explanation> out;
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const FittedCandidate& each = candidates[i];
-    out.push_back(
-        {.relation = each.candidate.effect->card().relation,
-         .channel = each.candidate.place.channel,
-         .name = each.candidate.name(),
-         .statement = units.sentence(each.candidate.effect->statement(own_parameters(each))),
-         .chi2 = each.held_out.chi2,
-         .probability = probability[i]});
+    out.push_back({.relation = each.candidate.relation(),
+                   .channel = each.candidate.place.channel,
+                   .name = each.candidate.name(),
+                   .statement = units.sentence(statement_of(each)),
+                   .chi2 = each.held_out.chi2,
+                   .probability = probability[i]});
   }
   return out;
 }

@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <stop_token>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -72,6 +73,8 @@ struct LiveCheckSettings {
   double days_between_false_alarms = 30.0;
   Criteria criteria = {};
   int threads = 1;
+  /// Checks and explanations end with Interrupted soon after a request, from any thread.
+  std::stop_token stop = {};
 };
 
 /// Checks one rig.

@@ -12,11 +12,14 @@ namespace {
 
 constexpr double ramp_s = 0.5;
 
-// Recorded drive `time_s` after the first sample, interpolated linearly.
+// Recorded drive `time_s` after the beginning of the longest stretch without a gap, interpolated
+// linearly.
 physics::Input recorded_at(const Experiment& recorded, double time_s) {
   const double h = recorded.period_s / recorded.substeps;
-  const double last = static_cast<double>(recorded.input.size() - 1);
-  const double position = std::clamp(time_s / h, 0.0, last);
+  const Segment played = recorded.longest_segment();
+  const auto first = static_cast<double>(played.begin) * recorded.substeps;
+  const auto last = static_cast<double>(played.end - 1) * recorded.substeps;
+  const double position = std::clamp(first + time_s / h, first, last);
   const auto before = std::min(static_cast<std::size_t>(position), recorded.input.size() - 2);
   return physics::between(recorded.input[before], recorded.input[before + 1],
                           position - static_cast<double>(before));
@@ -85,7 +88,8 @@ protocol::Recording rerun(const Experiment& recorded, const physics::Model& mode
   physics::RigSimulator rig(with_noise_of(model, recorded), options, start);
   protocol::Recording recording;
   recording.source = "simulated";
-  double duration_s = recorded.period_s * static_cast<double>(recorded.samples);
+  const Segment played = recorded.longest_segment();
+  double duration_s = recorded.period_s * static_cast<double>(played.end - played.begin);
   if (run.longest_s > 0.0) duration_s = std::min(duration_s, run.longest_s);
   if (run.pace > 1.0) duration_s /= run.pace;  // the recorded drive ends earlier
   const auto samples = static_cast<std::size_t>(duration_s / recorded.period_s);

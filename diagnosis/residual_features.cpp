@@ -36,15 +36,24 @@ ChannelResiduals residuals_on_grid(const Task& task, const Hypothesis& hypothesi
                                    const Fit& fitted) {
   const Experiment& e = task.experiments.front();
   ChannelResiduals out;
-  for (auto& each : out) each.assign(e.samples, 0.0);
+  // Gaps have their length, so that the phase of a hum goes on behind them, unless that is more
+  // than the recording's.
+  const double periods = e.duration_s() / e.period_s;
+  const bool gaps_last = periods < 4.0 * static_cast<double>(e.samples);
+  const auto place = [&](std::size_t k) {
+    return gaps_last ? static_cast<std::size_t>(std::llround(e.elapsed_s(k) / e.period_s)) : k;
+  };
+  const std::size_t length = std::max(e.samples, place(e.samples - 1) + 1);
+  for (auto& each : out) each.assign(length, 0.0);
   parallel::for_each(task.windows.size(), task.threads, [&](std::size_t w) {
     if (task.windows[w].experiment != 0) return;
     const Window& window = task.window(w);
     const auto readings = predict(e, window, window.end, hypothesis, fitted.z, fitted.state[w]);
+    const std::size_t first = place(window.begin);
     for_each_compared(e, window.begin, window.end, [&](std::size_t k, std::size_t c) {
       const double r = (e.reading[k][c] - readings[k - window.begin][c]) / task.sigma[c];
       // Bounded, so that one diverged window does not hide all others.
-      if (std::isfinite(r)) out[c][k] = std::clamp(r, -100.0, 100.0);
+      if (std::isfinite(r)) out[c][first + k - window.begin] = std::clamp(r, -100.0, 100.0);
     });
   });
   return out;
@@ -174,8 +183,7 @@ void set_episodes(const Task& task, const Fit& fitted, ResidualFeatures& out) {
     if (task.windows[w].experiment != 0) continue;
     const Window& window = task.window(w);
     by_window.push_back(std::log(std::max(0.1, fitted.chi2[w] / std::max(1, fitted.count[w]))));
-    span.emplace_back(e.period_s * static_cast<double>(window.begin),
-                      e.period_s * static_cast<double>(window.end));
+    span.emplace_back(e.elapsed_s(window.begin), e.elapsed_s(window.end));
   }
   if (by_window.size() < min_windows_for_episodes) return;
   std::vector<double> sorted = by_window;
@@ -258,7 +266,7 @@ physics::Scales scales_of(std::span<const Experiment> experiments, const Hypothe
   const auto& structure = hypothesis.rig().structure();
   scales.friction_n = structure.friction ? n.c.mu * (structure.loaded ? e.mean_load_n : 1.0) : 0.0;
   scales.mean_load_n = e.mean_load_n;
-  scales.duration_s = e.period_s * static_cast<double>(e.samples);
+  scales.duration_s = e.duration_s();
   scales.sample_period_s = e.period_s;
   scales.mass_kg = n.c.mass;
   scales.transition_speed_m_s = n.c.transition_speed;

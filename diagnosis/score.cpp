@@ -30,7 +30,8 @@ std::vector<Experiment> with_preceding_windows(std::span<const Experiment> exper
       const std::size_t horizon = window.end - window.begin;
       const std::size_t settling = window.begin - window.warm;
       const auto wanted = std::max<std::size_t>(horizon / 2, 24);
-      const std::size_t available = window.warm > e.usable_begin ? window.warm - e.usable_begin : 0;
+      const std::size_t earliest = e.segment_of(window.warm).usable_begin;
+      const std::size_t available = window.warm > earliest ? window.warm - earliest : 0;
       const std::size_t before = std::min(wanted, available);
       window.end = window.begin;
       window.begin -= before;
@@ -138,7 +139,13 @@ FreeRun free_run(const Task& task, const Hypothesis& hypothesis, std::span<const
   Task first = task;
   first.windows.clear();
   for (std::size_t i = 0; i < task.experiments.size(); ++i) {
-    if (!task.experiments[i].windows.empty()) first.windows.push_back({i, 0});
+    const Experiment& e = task.experiments[i];
+    const Segment longest = e.longest_segment();
+    const auto window = std::find_if(e.windows.begin(), e.windows.end(), [&](const Window& each) {
+      return each.warm >= longest.begin;
+    });
+    if (window == e.windows.end() || window->end > longest.end) continue;
+    first.windows.push_back({i, static_cast<std::size_t>(window - e.windows.begin())});
   }
   FitOptions states_only;
   states_only.parameters_free = false;
@@ -147,9 +154,10 @@ FreeRun free_run(const Task& task, const Hypothesis& hypothesis, std::span<const
   PredictionErrors::Sums sums;
   for (std::size_t w = 0; w < first.windows.size(); ++w) {
     const Experiment& e = task.experiments[first.windows[w].experiment];
-    const Window& window = e.windows.front();
-    const auto readings = predict(e, window, e.usable_end, hypothesis, z, fitted.state[w]);
-    for (std::size_t k = window.begin; k < e.usable_end; ++k)
+    const Window& window = first.window(w);
+    const std::size_t end = e.segment_of(window.begin).usable_end;
+    const auto readings = predict(e, window, end, hypothesis, z, fitted.state[w]);
+    for (std::size_t k = window.begin; k < end; ++k)
       add_errors(sums, e, k, readings[k - window.begin]);
   }
   set_errors(sums, task.experiments, out);

@@ -1,6 +1,7 @@
 #include "diagnosis/screening.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <utility>
 
@@ -37,12 +38,13 @@ std::vector<bool> chosen_windows(const Fit& fitted, std::size_t most) {
 // values where missing physics has pulled the calibration far away from them.
 std::vector<std::vector<double>> starting_points(const FittedCandidate& base,
                                                  const Hypothesis& hypothesis, double distant) {
-  std::vector<double> z = base.fitted.z;
   double farthest = 0.0;
-  for (std::size_t u = 0; u < z.size(); ++u) {
-    if (base.hypothesis->unknowns()[u].of_model) farthest = std::max(farthest, std::abs(z[u]));
+  for (std::size_t u = 0; u < base.fitted.z.size(); ++u) {
+    if (base.hypothesis->unknowns()[u].of_model) {
+      farthest = std::max(farthest, std::abs(base.fitted.z[u]));
+    }
   }
-  z.resize(hypothesis.unknowns().size(), 0.0);
+  std::vector<double> z = carried_over(*base.hypothesis, base.fitted.z, hypothesis);
   std::vector<std::vector<double>> points{z};
   if (farthest > distant) {
     for (std::size_t u = 0; u < z.size(); ++u) {
@@ -51,6 +53,29 @@ std::vector<std::vector<double>> starting_points(const FittedCandidate& base,
     points.push_back(z);
   }
   return points;
+}
+
+// A number that is wrong by a factor is searched from both sides too: every start covers about a
+// decade.
+void add_factors(std::vector<std::vector<double>>& points, const Hypothesis& hypothesis) {
+  constexpr double factor = 3.0;
+  std::vector<std::vector<double>> more;
+  for (const std::vector<double>& point : points) {
+    const std::size_t freed = point.size() - 1;
+    if (!hypothesis.unknowns()[freed].logarithmic) continue;
+    for (const double way : {-1.0, 1.0}) {
+      more.push_back(point);
+      more.back()[freed] += way * std::log(factor);
+    }
+  }
+  points.insert(points.end(), more.begin(), more.end());
+}
+
+// Starting values of the candidate's parameters; a number has one, its own.
+std::vector<std::vector<double>> starts_of(const CandidateEffect& candidate,
+                                           const physics::Scales& scales) {
+  if (candidate.is_number()) return {{}};
+  return candidate.effect->starts(scales);
 }
 
 class Screening {
@@ -69,12 +94,16 @@ class Screening {
     options.iterations = data_.criteria.effort.screening_iterations;
     options.covariance = false;
     options.multistart = false;
-    for (const auto& start : candidate.effect->starts(scales)) {
+    for (const auto& start : starts_of(candidate, scales)) {
       const Hypothesis hypothesis =
-          base_.hypothesis->with(*candidate.effect, candidate.place, start, fixed, Detail::coarse);
-      const auto points = starting_points(base_, hypothesis, data_.criteria.distant_calibration);
+          extended(*base_.hypothesis, candidate, start, fixed, Detail::coarse);
+      auto points = starting_points(base_, hypothesis, data_.criteria.distant_calibration);
+      const std::size_t plain = points.size();
+      if (candidate.is_number()) add_factors(points, hypothesis);
       for (std::size_t i = 0; i < points.size(); ++i) {
-        Fit fitted = fit(subset_.task, hypothesis, points[i], states_for(hypothesis, i), options);
+        const bool from_declared = i < plain && i > 0;
+        Fit fitted = fit(subset_.task, hypothesis, points[i], states_for(hypothesis, from_declared),
+                         options);
         if (!best.hypothesis || fitted.cost < best.fitted.cost) {
           best.hypothesis = hypothesis;
           best.fitted = std::move(fitted);
@@ -106,8 +135,8 @@ class Screening {
 
  private:
   // From the declared values the states start from their first guesses too.
-  std::vector<WindowState> states_for(const Hypothesis& hypothesis, std::size_t point) const {
-    if (point > 0) return initial_states(subset_.task, hypothesis);
+  std::vector<WindowState> states_for(const Hypothesis& hypothesis, bool from_declared) const {
+    if (from_declared) return initial_states(subset_.task, hypothesis);
     return warm_start_states(subset_.state, subset_.task, *base_.hypothesis, hypothesis);
   }
 
@@ -116,6 +145,25 @@ class Screening {
   const FittedCandidate& base_;
   WindowSubset subset_;
 };
+
+// Numbers that are unknown already, as part of a term on trial or freed, are no candidates.
+void erase_unknown_numbers(std::vector<CandidateEffect>& candidates, const Hypothesis& base) {
+  const auto& paths = base.rig().parameter_paths();
+  std::erase_if(candidates, [&](const CandidateEffect& each) {
+    return std::any_of(base.unknowns().begin(), base.unknowns().end(), [&](const Unknown& unknown) {
+      return !unknown.of_model && paths[unknown.parameter] == each.parameter;
+    });
+  });
+}
+
+// Keeps the best numbers of the sorted candidates, beside which the effects have all their places.
+std::size_t keep_best_numbers(std::vector<FittedCandidate>& candidates, std::size_t most) {
+  std::size_t kept = 0;
+  std::erase_if(candidates, [&](const FittedCandidate& each) {
+    return each.candidate.is_number() && ++kept > most;
+  });
+  return std::min(kept, most);
+}
 
 // The best candidates, and those that one step cannot judge because they replace a law.
 void keep_promising(std::vector<FittedCandidate>& candidates, const FittedCandidate& base,
@@ -150,15 +198,13 @@ WindowSubset window_subset(const SearchData& data, const FittedCandidate& base) 
 
 std::vector<FittedCandidate> screen(
     const SearchData& data, const ResidualFeatures& features, const FittedCandidate& base,
-    bool only_listed, const std::function<void(const std::string& step, double done)>& progress) {
+    const CandidateFilter& wanted,
+    const std::function<void(const std::string& step, double done)>& progress) {
   const Effort& effort = data.criteria.effort;
   std::vector<CandidateEffect> effects =
       candidate_effects(base.hypothesis->model(), data.experiments);
-  if (only_listed) {
-    std::erase_if(effects, [](const CandidateEffect& each) {
-      return tier_of(each) != physics::Tier::listed;
-    });
-  }
+  erase_unknown_numbers(effects, *base.hypothesis);
+  if (wanted) std::erase_if(effects, std::not_fn(wanted));
   const Screening screening(data, features, base);
   progress("screening " + physics::counted(effects.size(), "effect"), 0.0);
   std::vector<FittedCandidate> candidates(effects.size());
@@ -174,12 +220,13 @@ std::vector<FittedCandidate> screen(
         [&](const FittedCandidate& a, const FittedCandidate& b) { return cost(a) < cost(b); });
   };
   sort();
-  keep_promising(candidates, base, effort.rough_fits);
+  const std::size_t numbers = keep_best_numbers(candidates, effort.rough_numbers);
+  keep_promising(candidates, base, effort.rough_fits + numbers);
   progress("refining the best effects", 0.5);
   parallel::for_each(candidates.size(), data.threads,
                      [&](std::size_t i) { screening.fit_roughly(candidates[i]); });
   sort();
-  parallel::for_each(std::min(effort.refinements, candidates.size()), data.threads,
+  parallel::for_each(std::min(effort.refinements + numbers, candidates.size()), data.threads,
                      [&](std::size_t i) { screening.refine(candidates[i]); });
   sort();
   for (FittedCandidate& each : candidates) screening.extend_to_all_windows(each);

@@ -22,10 +22,15 @@ struct WindowSubset {
 /// Half of the windows spread over the recording, half where `base` fits worst.
 WindowSubset window_subset(const SearchData& data, const FittedCandidate& base);
 
-/// Fits on `base` every effect that it may lack, and refines the best; best first, with states for
-/// all windows to fit. `progress` is called with the current step and the completed share.
+/// Candidates to try; empty: all.
+using CandidateFilter = std::function<bool(const CandidateEffect&)>;
+
+/// Fits on `base` every wanted effect that it may lack, and refines the best; best first, with
+/// states for all windows to fit. `progress` is called with the current step and the completed
+/// share.
 std::vector<FittedCandidate> screen(
     const SearchData& data, const ResidualFeatures& features, const FittedCandidate& base,
-    bool only_listed, const std::function<void(const std::string& step, double done)>& progress);
+    const CandidateFilter& wanted,
+    const std::function<void(const std::string& step, double done)>& progress);
 
 }  // namespace stickslip::diagnosis

@@ -1,9 +1,11 @@
 #include "diagnosis/search.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "diagnosis/finalists.h"
+#include "diagnosis/findings.h"
 #include "diagnosis/screening.h"
 #include "diagnosis/selection.h"
 #include "physics/catalogue.h"
@@ -17,28 +19,51 @@ void Search::run(const physics::Model& model) {
   declared_ = calibrate(data_, model);
   declared_task_ = data_.train;
   current_ = declared_;
-  update_features();
-  while (claims_.size() < data_.criteria.max_findings && add_effect()) {
+  features_ = features_of(current_);
+  extend();
+  while (!is_complete() && swap_effect()) extend();
+  while (drop_effect(
+      [this](const HeldOut& before, const HeldOut& after) { return is_gain(before, after); })) {
   }
-  while (claims_.size() > 1 && drop_effect()) {
+  // Effects that were claimed one by one have to explain the recording together.
+  while (!is_explained() && drop_effect([this](const HeldOut& before, const HeldOut& after) {
+    return is_major_gain(before, after);
+  })) {
+  }
+}
+
+void Search::extend() {
+  const std::size_t most = data_.criteria.effort.most_effects;
+  const auto gains = [this](const HeldOut& before, const HeldOut& after) {
+    return is_gain(before, after);
+  };
+  // An addition may make an earlier one needless; as many steps as lead to `most` twice.
+  for (std::size_t step = 0; step < 2 * most && claims_.size() < most && add_effect(); ++step) {
+    while (claims_.size() > 2 && drop_effect(gains)) {
+    }
   }
 }
 
 void Search::report(const std::string& step, double share) const {
   if (!progress_) return;
-  const double stages = static_cast<double>(data_.criteria.max_findings) + 1.0;
-  progress_(step, 0.05 + 0.85 * (static_cast<double>(claims_.size()) + share) / stages);
+  // How many effects there are is known at the end only: every step takes half of what is left.
+  const double left = std::exp2(-static_cast<double>(claims_.size()));
+  progress_(step, 0.05 + 0.85 * (1.0 - left * (1.0 - 0.5 * share)));
 }
 
 std::vector<FittedCandidate> Search::screened(const FittedCandidate& base, double begin, double end,
                                               bool only_listed) const {
-  return screen(data_, features_, base, only_listed, [&](const std::string& step, double done) {
+  CandidateFilter wanted;
+  if (only_listed) {
+    wanted = [](const CandidateEffect& each) { return tier_of(each) == Tier::listed; };
+  }
+  return screen(data_, features_, base, wanted, [&](const std::string& step, double done) {
     report(step, begin + done * (end - begin));
   });
 }
 
-// Of the residuals of the current model in all windows, fitted and held out.
-void Search::update_features() {
+// Of the residuals in all windows, fitted and held out.
+ResidualFeatures Search::features_of(const FittedCandidate& each) const {
   Task whole = data_.train;
   whole.windows.insert(whole.windows.end(), data_.held_out.windows.begin(),
                        data_.held_out.windows.end());
@@ -49,13 +74,33 @@ void Search::update_features() {
   states_only.parameters_free = false;
   states_only.iterations = 6;
   states_only.multistart = false;
-  const Fit fitted = fit(whole, *current_.hypothesis, current_.fitted.z,
-                         initial_states(whole, *current_.hypothesis), states_only);
-  features_ = residual_features(whole, *current_.hypothesis, fitted);
+  const Fit fitted = fit(whole, *each.hypothesis, each.fitted.z,
+                         initial_states(whole, *each.hypothesis), states_only);
+  return residual_features(whole, *each.hypothesis, fitted);
+}
+
+// The fit with the instruments that it puts beyond what the model allows for held at their declared
+// values, where there are any: a zero that is off stands for no force, nor a late channel for a
+// mode. Effects are compared on the rest.
+std::optional<FittedCandidate> Search::with_instruments_held(const FittedCandidate& each) const {
+  std::optional<FittedCandidate> held;
+  for (const FittedCandidate* now = &each;; now = &*held) {
+    const Hypothesis& hypothesis = *now->hypothesis;
+    const std::vector<std::size_t> beyond =
+        hypothesis.instruments_beyond(now->fitted.z, data_.criteria.contradicted_sigmas);
+    if (beyond.empty()) return held;
+    FittedCandidate next = *now;
+    next.hypothesis = hypothesis.holding(beyond);
+    next.fitted.z = carried_over(hypothesis, now->fitted.z, *next.hypothesis);
+    fit_and_score(data_, current_.held_out, {&next, 1});
+    held = std::move(next);
+  }
 }
 
 void Search::continue_from(const FittedCandidate& next) {
   current_ = next;
+  current_.hypothesis = next.hypothesis->with_uncertainties_of(declared_.hypothesis->model());
+  current_.fitted.z = carried_over(*next.hypothesis, next.fitted.z, *current_.hypothesis);
   settle(data_, current_);
 }
 
@@ -65,7 +110,7 @@ void Search::claim(const FittedCandidate& winner, std::vector<FittedCandidate> r
   claim.rivals = std::move(rivals);
   claim.chi2_before = current_.held_out.chi2;
   continue_from(winner);
-  update_features();
+  features_ = features_of(current_);
   claim.chi2_after = current_.held_out.chi2;
   claims_.push_back(std::move(claim));
 }
@@ -89,7 +134,7 @@ Detection Search::detection() const {
 
 // True if a listed effect would explain a significant part of a small remainder.
 bool Search::listed_effect_remains() const {
-  const double least = data_.criteria.claim_share_explained;
+  const double least = data_.criteria.claim_chi2;
   if (!data_.noise_is_known || current_.held_out.chi2 < 1.0 + least) return false;
   const Detection found = detection();
   return std::any_of(found.limits.begin(), found.limits.end(), [&](const DetectionLimit& limit) {
@@ -126,18 +171,78 @@ bool Search::may_imitate_pair(const FittedCandidate& best) const {
 }
 
 bool Search::add_effect() {
-  if (is_complete()) return false;
+  if (is_complete()) return add_contradicted_instrument();
+  if (add_effect_beside_current()) return true;
+  std::optional<FittedCandidate> held = with_instruments_held(current_);
+  if (!held) return false;
+  std::swap(current_, *held);
+  features_ = features_of(current_);
+  if (add_effect_beside_current()) return true;
+  current_ = std::move(*held);
+  features_ = features_of(current_);
+  return false;
+}
+
+// The effects of instruments that the current fit puts beyond what the model allows for.
+std::vector<CandidateEffect> Search::contradicted_instruments() const {
+  const Hypothesis& hypothesis = *current_.hypothesis;
+  const std::vector<std::size_t> beyond =
+      hypothesis.instruments_beyond(current_.fitted.z, data_.criteria.contradicted_sigmas);
+  std::vector<CandidateEffect> out;
+  if (beyond.empty()) return out;
+  for (CandidateEffect& each : candidate_effects(hypothesis.model(), data_.experiments)) {
+    const bool frees_one = std::any_of(beyond.begin(), beyond.end(), [&](std::size_t parameter) {
+      const auto instrument =
+          physics::instrument_parameter(hypothesis.rig().parameter_paths()[parameter]);
+      return instrument && each.frees(*instrument);
+    });
+    if (frees_one) out.push_back(std::move(each));
+  }
+  return out;
+}
+
+// Where only instruments beyond what the model allows are left, each is a finding: its own effect,
+// or a rival that it stands for, such as a constant force for a zero that is off.
+bool Search::add_contradicted_instrument() {
+  const std::vector<CandidateEffect> own = contradicted_instruments();
+  if (own.empty()) return false;
+  const CandidateFilter wanted = [&own](const CandidateEffect& each) {
+    return std::any_of(own.begin(), own.end(), [&each](const CandidateEffect& one) {
+      return each == one || (each.effect != one.effect && are_rivals(each, one));
+    });
+  };
+  const FittedCandidate before = current_;
+  current_ = *with_instruments_held(current_);
+  features_ = features_of(current_);
+  std::vector<FittedCandidate> candidates = finalists(
+      data_, features_, current_,
+      [&](const std::string& step, double done) { report(step, 0.5 * done); }, wanted);
+  if (!candidates.empty()) {
+    fit_finalists(candidates);
+    if (is_gain(current_.held_out, candidates.front().held_out)) {
+      const FittedCandidate winner = candidates.front();
+      claim(winner, std::move(candidates));
+      return true;
+    }
+  }
+  current_ = before;
+  features_ = features_of(current_);
+  return false;
+}
+
+bool Search::add_effect_beside_current() {
   std::vector<FittedCandidate> candidates =
       finalists(data_, features_, current_,
                 [&](const std::string& step, double done) { report(step, 0.5 * done); });
   if (candidates.empty()) return false;
   fit_finalists(candidates);
+  if (!claims_.empty()) prefer_listed(candidates);
   const FittedCandidate& best = candidates.front();
-  if (!relation_) relation_ = best.candidate.effect->card().relation;
+  if (!relation_) relation_ = best.candidate.relation();
   if (claims_.empty() && tier_of(best.candidate) != Tier::listed && add_listed_pair(candidates)) {
     return true;
   }
-  if (!is_needless(best) && is_gain(current_.held_out, best.held_out)) {
+  if (is_claimable(best)) {
     if (may_imitate_pair(best) &&
         add_pair(candidates, Limits{best.total_loss(), data_.explained_chi2()})) {
       return true;
@@ -146,8 +251,63 @@ bool Search::add_effect() {
     claim(winner, std::move(candidates));
     return true;
   }
-  if (is_explained(current_) || !claims_.empty()) return false;
-  return add_pair(candidates, std::nullopt);
+  if (add_contradicted_number(candidates)) return true;
+  if (is_explained() && !is_implausible()) return false;
+  if (add_pair(candidates, std::nullopt)) return true;
+  if (is_needless(best) || !is_gain(current_.held_out, best.held_out)) return false;
+  const FittedCandidate winner = best;
+  claim(winner, std::move(candidates));
+  return true;
+}
+
+// Beside effects that were claimed already, an unlisted one that leaves more than the noise stands
+// for listed ones that are still missing.
+void Search::prefer_listed(std::vector<FittedCandidate>& candidates) const {
+  if (tier_of(candidates.front().candidate) == Tier::listed || is_explained(candidates.front())) {
+    return;
+  }
+  for (std::size_t i = 1; i < candidates.size(); ++i) {
+    if (tier_of(candidates[i].candidate) != Tier::listed) continue;
+    if (is_gain(current_.held_out, candidates[i].held_out)) {
+      move_to_front(candidates, i);
+      return;
+    }
+  }
+}
+
+// True if the best candidate is claimed without a search for pairs. Beside effects that were
+// claimed already a listed one may take little of what is left; anything else would only absorb it.
+bool Search::is_claimable(const FittedCandidate& best) const {
+  if (is_needless(best)) return false;
+  const bool one_of_several = !claims_.empty() && tier_of(best.candidate) == Tier::listed;
+  return one_of_several ? is_gain(current_.held_out, best.held_out)
+                        : is_major_gain(current_.held_out, best.held_out);
+}
+
+// True for a number that the calibration, or the recording by itself, puts beyond what the model
+// allows for, and that gains what such a distance costs.
+bool Search::is_contradicted(const FittedCandidate& each) const {
+  if (!each.candidate.is_number() || !data_.noise_is_known) return false;
+  // Beside physics that is still missing, numbers are off because they stand in for it.
+  if (!is_explained(each)) return false;
+  const double most = data_.criteria.contradicted_sigmas;
+  const auto index = static_cast<std::size_t>(own_indices(each).front().index);
+  const auto calibrated = current_.hypothesis->unknown_of(index);
+  if (!calibrated || !current_.hypothesis->unknowns()[*calibrated].of_model) return false;
+  const double freed_z = current_.hypothesis->z_of(*calibrated, own_parameters(each).front());
+  const double distance = std::min(std::abs(current_.fitted.z[*calibrated]), std::abs(freed_z));
+  return distance > most && current_.total_loss() - each.total_loss() > 0.5 * most * most;
+}
+
+bool Search::add_contradicted_number(std::vector<FittedCandidate> candidates) {
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    if (!is_contradicted(candidates[i])) continue;
+    move_to_front(candidates, i);
+    const FittedCandidate winner = candidates.front();
+    claim(winner, std::move(candidates));
+    return true;
+  }
+  return false;
 }
 
 // Tries two listed effects before the best candidate, an unlisted one, is claimed.
@@ -259,7 +419,7 @@ bool Search::add_pair(const std::vector<FittedCandidate>& firsts,
   const std::size_t chosen = preferred_pair(pairs, firsts);
   complete_seconds(pairs[chosen]);
   const FittedCandidate& winner = pairs[chosen].seconds.front();
-  if (!is_gain(current_.held_out, winner.held_out)) return false;
+  if (!is_major_gain(current_.held_out, winner.held_out)) return false;
   if (limits && (winner.held_out.chi2 > limits->chi2 || winner.total_loss() > limits->loss)) {
     return false;
   }
@@ -272,38 +432,113 @@ bool Search::add_pair(const std::vector<FittedCandidate>& firsts,
 // others cannot exist without it.
 std::optional<FittedCandidate> Search::without(std::size_t dropped) const {
   FittedCandidate rest;
-  rest.candidate = claims_[dropped == 0 ? 1 : 0].candidate;
+  if (claims_.size() > 1) rest.candidate = claims_[dropped == 0 ? 1 : 0].candidate;
   rest.hypothesis = declared_.hypothesis;
-  const auto values = current_.hypothesis->parameters(current_.fitted.z);
-  const auto terms = current_.hypothesis->trial_terms();
+  FittedCandidate present = current_;
   for (std::size_t i = 0; i < claims_.size(); ++i) {
     if (i == dropped) continue;
     const CandidateEffect& kept = claims_[i].candidate;
-    if (!physics::can_be_missing(*kept.effect, rest.hypothesis->model(), kept.place)) {
+    if (!kept.is_number() &&
+        !physics::can_be_missing(*kept.effect, rest.hypothesis->model(), kept.place)) {
       return std::nullopt;
     }
-    rest.hypothesis =
-        rest.hypothesis->with(*kept.effect, kept.place, values_of(terms[i], values), {});
+    present.candidate = kept;
+    rest.hypothesis = extended(*rest.hypothesis, kept, own_parameters(present), {}, Detail::all);
   }
-  rest.fitted.z.assign(rest.hypothesis->unknowns().size(), 0.0);
-  std::size_t to = 0;
-  for (std::size_t u = 0; u < current_.fitted.z.size(); ++u) {
-    if (current_.hypothesis->unknowns()[u].of_model) rest.fitted.z[to++] = current_.fitted.z[u];
+  // Terms start at their fitted parameters; numbers of the model are carried over.
+  rest.fitted.z = carried_over(*current_.hypothesis, current_.fitted.z, *rest.hypothesis);
+  for (std::size_t u = 0; u < rest.fitted.z.size(); ++u) {
+    const Unknown& unknown = rest.hypothesis->unknowns()[u];
+    if (!unknown.of_model && !unknown.freed) rest.fitted.z[u] = 0.0;
   }
   rest.fitted.state = initial_states(data_.train, *rest.hypothesis);
   return rest;
 }
 
-// An effect that was claimed first may have imitated those found after it: one that the others do
-// not need is dropped.
-bool Search::drop_effect() {
+// The best candidate in place of a claimed effect, where it does better beside the others.
+std::optional<FittedCandidate> Search::better_in_place_of(std::size_t replaced, Claim& claim) {
+  std::optional<FittedCandidate> rest = without(replaced);
+  if (!rest) return std::nullopt;
+  fit_and_score(data_, current_.held_out, {&*rest, 1});
+  if (auto held = with_instruments_held(*rest)) rest = std::move(held);
+  std::vector<FittedCandidate> candidates =
+      finalists(data_, features_of(*rest), *rest,
+                [&](const std::string& step, double done) { report(step, done); });
+  const physics::Tier tier = tier_of(claims_[replaced].candidate);
+  std::erase_if(candidates, [&](const FittedCandidate& each) {
+    return each.candidate == claims_[replaced].candidate || tier_of(each.candidate) > tier;
+  });
+  if (candidates.empty()) return std::nullopt;
+  fit_and_score(data_, rest->held_out, candidates);
+  rank_determined(candidates, data_, rest->held_out, seed());
+  const FittedCandidate& best = candidates.front();
+  for (const FittedCandidate& each : candidates) {
+    trials_.push_back({each.candidate.name(), static_cast<int>(claims_.size()) - 1,
+                       each.held_out.chi2, each.gain_z});
+  }
+  if (!is_gain(current_.held_out, best.held_out)) return std::nullopt;
+  FittedCandidate winner = best;
+  claim = {best.candidate, std::move(candidates), rest->held_out.chi2, winner.held_out.chi2};
+  return winner;
+}
+
+// The claims, that which the others need least first.
+std::vector<std::size_t> Search::by_need() const {
+  std::vector<std::pair<double, std::size_t>> need;
+  for (std::size_t i = 0; i < claims_.size(); ++i) {
+    std::optional<FittedCandidate> rest = without(i);
+    if (!rest) continue;
+    fit_and_score(data_, current_.held_out, {&*rest, 1});
+    need.emplace_back(rest->total_loss(), i);
+  }
+  std::sort(need.begin(), need.end());
+  std::vector<std::size_t> out;
+  for (const auto& each : need) out.push_back(each.second);
+  return out;
+}
+
+// An effect that was claimed when others were still missing may have stood in for them: it is
+// replaced by one that gains more beside those found since.
+bool Search::swap_effect() {
+  if (claims_.size() < 2) return false;
+  for (const std::size_t i : by_need()) {
+    if (swaps_++ >= data_.criteria.effort.swaps) return false;
+    Claim claim;
+    const std::optional<FittedCandidate> winner = better_in_place_of(i, claim);
+    if (!winner) continue;
+    continue_from(*winner);
+    features_ = features_of(current_);
+    claims_.erase(claims_.begin() + static_cast<std::ptrdiff_t>(i));
+    claim.chi2_after = current_.held_out.chi2;
+    claims_.push_back(std::move(claim));
+    return true;
+  }
+  return false;
+}
+
+// True if the calibration without a freed number costs more than what a contradiction starts from.
+bool Search::is_contradiction(const HeldOut& without_number) const {
+  const double most = data_.criteria.contradicted_sigmas;
+  return without_number.prior_penalty - current_.held_out.prior_penalty > 0.5 * most * most;
+}
+
+// Drops an effect that the others do not need: it was claimed first and imitated those found after
+// it.
+template <class IsNeeded>
+bool Search::drop_effect(IsNeeded&& is_needed) {
   report("dropping redundant effects", 0.9);
   for (std::size_t i = 0; i < claims_.size(); ++i) {
     std::optional<FittedCandidate> rest = without(i);
     if (!rest) continue;
     fit_and_score(data_, current_.held_out, {&*rest, 1});
-    if (is_gain(rest->held_out, current_.held_out)) continue;
+    if (auto held = with_instruments_held(*rest)) rest = std::move(held);
+    if (is_needed(rest->held_out, current_.held_out)) continue;
+    if (claims_[i].candidate.is_number() && is_contradiction(rest->held_out)) continue;
     claims_.erase(claims_.begin() + static_cast<std::ptrdiff_t>(i));
+    if (claims_.empty()) {
+      current_ = declared_;
+      return true;
+    }
     continue_from(*rest);
     claims_.front().chi2_before = declared_.held_out.chi2;
     claims_.back().chi2_after = current_.held_out.chi2;

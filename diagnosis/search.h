@@ -1,5 +1,6 @@
 // Search for missing physics: adds one effect after the other to the declared model for as long as
-// held-out data support it.
+// held-out data support it, replaces effects by others that do better beside the rest, and drops
+// those that the rest does not need.
 #pragma once
 
 #include <functional>
@@ -54,6 +55,8 @@ class Search {
   bool is_implausible() const {
     return current_.held_out.prior_penalty > data_.criteria.implausible_prior_penalty;
   }
+  /// True if the result leaves no more than an explained recording may.
+  bool is_explained() const { return is_explained(current_); }
   /// Detection limits beside the result, of listed effects and formulas.
   Detection detection() const;
 
@@ -82,11 +85,24 @@ class Search {
     return each.held_out.chi2 <= data_.explained_chi2();
   }
 
-  void update_features();
+  bool is_major_gain(const HeldOut& before, const HeldOut& after) const {
+    return diagnosis::is_major_gain(before, after, data_.noise_is_known, data_.criteria);
+  }
+
+  ResidualFeatures features_of(const FittedCandidate& each) const;
+  std::optional<FittedCandidate> with_instruments_held(const FittedCandidate& each) const;
   void continue_from(const FittedCandidate& next);
   void claim(const FittedCandidate& winner, std::vector<FittedCandidate> rivals);
 
+  void extend();
   bool add_effect();
+  void prefer_listed(std::vector<FittedCandidate>& candidates) const;
+  bool is_claimable(const FittedCandidate& best) const;
+  bool add_contradicted_number(std::vector<FittedCandidate> candidates);
+  bool is_contradicted(const FittedCandidate& each) const;
+  bool add_effect_beside_current();
+  std::vector<CandidateEffect> contradicted_instruments() const;
+  bool add_contradicted_instrument();
   bool is_complete() const;
   bool listed_effect_remains() const;
   void fit_finalists(std::vector<FittedCandidate>& candidates);
@@ -102,13 +118,19 @@ class Search {
   void complete_seconds(Pair& pair);
   void claim_pair(std::vector<Pair> pairs, std::size_t chosen, const FittedCandidate& first);
 
-  bool drop_effect();
+  std::vector<std::size_t> by_need() const;
+  bool swap_effect();
+  std::optional<FittedCandidate> better_in_place_of(std::size_t replaced, Claim& claim);
+  bool is_contradiction(const HeldOut& without_number) const;
+  template <class IsNeeded>
+  bool drop_effect(IsNeeded&& is_needed);
   std::optional<FittedCandidate> without(std::size_t dropped) const;
 
   SearchData data_;
   Progress progress_;
   Task declared_task_;
   ResidualFeatures features_;
+  std::size_t swaps_ = 0;  // tried so far
   FittedCandidate declared_;
   FittedCandidate current_;
   std::vector<Claim> claims_;

@@ -37,7 +37,7 @@ physics::OperatingPoint<double> point_at(std::string_view variable, double at,
                                          const Experiment& experiment) {
   physics::OperatingPoint<double> point;
   point.load = std::max(experiment.mean_load_n, 1.0e-12);
-  point.time_s = 0.5 * (experiment.period_s * static_cast<double>(experiment.samples));
+  point.time_s = 0.5 * experiment.duration_s();
   point.slip = point.v = variable == "velocity" ? at : 0.3 * experiment.largest.velocity_m_s;
   if (variable == "displacement") point.x = at;
   if (variable == "normal_load") point.load = at;
@@ -91,7 +91,7 @@ std::array<Variable, 4> ranges_of(const Experiment& experiment) {
   const double v = experiment.largest.velocity_m_s;
   const double load = std::max(experiment.mean_load_n, 1.0e-12);
   const double spread = experiment.channel_std[index_of(Channel::normal_load)];
-  const double last_s = experiment.period_s * static_cast<double>(experiment.samples);
+  const double last_s = experiment.duration_s();
   return {{{"displacement", "m", -x, x},
            {"velocity", "m/s", -v, v},
            {"normal_load", "N", std::max(0.0, load - 2.0 * spread), load + 2.0 * spread},
@@ -128,7 +128,7 @@ std::vector<Curve> sensor_errors_of(const physics::Effect& effect, const physics
   const physics::ReadingLaw<double>& law = laws.of[index_of(*place.channel)];
   const ChannelInfo& name = info(*place.channel);
   const double reach = reach_of(experiment, *place.channel);
-  const double last_s = experiment.period_s * static_cast<double>(experiment.samples);
+  const double last_s = experiment.duration_s();
   std::vector<Curve> curves;
   // Names of channels are null-terminated constants.
   const Variable truth{name.stem.data(), name.unit.data(), -1.2 * reach, 1.2 * reach};

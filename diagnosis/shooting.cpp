@@ -20,6 +20,7 @@ using parallel::for_each;
 
 constexpr double first_damping = 1.0e-3;
 constexpr double min_damping = 1.0e-9;
+constexpr double ridge_damping = 1.0e-3;  // factor of the damping where it alone ends a descent
 constexpr int damping_attempts = 8;
 // Ratio of mean squares above which a window is started elsewhere: to that of the median window, or
 // of the window before it.
@@ -185,6 +186,7 @@ class JointFit {
     std::vector<WindowState> states;
     std::vector<NormalBlock> blocks;
     double cost = 0.0;
+    bool linearised = false;  // blocks have derivatives
   };
 
   void linearise() {
@@ -204,14 +206,14 @@ class JointFit {
   // One iteration; false if the descent is at its end.
   bool step(bool last) {
     for (int attempt = 0; attempt < damping_attempts; ++attempt) {
-      const Reduced reduced = reduced_equations();
-      Eigen::VectorXd delta = Eigen::VectorXd::Zero(np_);
-      if (np_ > 0) delta = -reduced.information.ldlt().solve(reduced.gradient);
+      const Reduced reduced = reduced_equations(damping_);
+      const Eigen::VectorXd delta = step_of(reduced);
       if (!delta.allFinite()) {
         damping_ *= 10.0;
         continue;
       }
-      Trial trial = trial_at(delta, reduced);
+      // The first trial is mostly accepted: derivatives are then needed at once.
+      Trial trial = trial_at(delta, reduced, attempt == 0 && (!last || options_.covariance));
       if (trial.cost < cost_) return accept(std::move(trial), last);
       damping_ *= 8.0;
       if (trial.cost - cost_ < 1.0e-9 * cost_) return false;
@@ -219,17 +221,29 @@ class JointFit {
     return false;
   }
 
-  Reduced reduced_equations() const {
+  Eigen::VectorXd step_of(const Reduced& reduced) const {
+    if (np_ == 0) return Eigen::VectorXd::Zero(0);
+    return -reduced.information.ldlt().solve(reduced.gradient);
+  }
+
+  // Gain of an undamped step of the parameters in a linear problem. Damping alone makes
+  // small steps along a ridge, where well-determined parameters compensate each other.
+  double newton_decrement() const {
+    const Reduced reduced = reduced_equations(0.0);
+    return -0.5 * reduced.gradient.dot(step_of(reduced));
+  }
+
+  Reduced reduced_equations(double damping) const {
     Reduced out{Eigen::MatrixXd::Zero(np_, np_), Eigen::VectorXd::Zero(np_), {}};
     out.factor.resize(blocks_.size());
     for (std::size_t w = 0; w < blocks_.size(); ++w) {
       const NormalBlock& block = blocks_[w];
       Eigen::MatrixXd ss = block.ss;
-      ss.diagonal() *= 1.0 + damping_;
+      ss.diagonal() *= 1.0 + damping;
       out.factor[w].compute(ss);
       if (np_ == 0) continue;
       out.information += block.pp;
-      out.information.diagonal() += damping_ * block.pp.diagonal();
+      out.information.diagonal() += damping * block.pp.diagonal();
       const Eigen::MatrixXd solved = out.factor[w].solve(block.ps.transpose());
       out.information -= block.ps * solved;
       out.gradient += block.gp - block.ps * out.factor[w].solve(block.gs);
@@ -238,7 +252,7 @@ class JointFit {
       const auto u = static_cast<std::size_t>(i);
       const double sigma = hypothesis_.unknowns()[u].prior_sigma;
       if (sigma > 0.0) {
-        out.information(i, i) += (1.0 + damping_) / (sigma * sigma);
+        out.information(i, i) += (1.0 + damping) / (sigma * sigma);
         out.gradient[i] += z_[u] / (sigma * sigma);
       }
       out.information(i, i) += 1.0e-12 * (1.0 + std::abs(out.information(i, i)));
@@ -246,7 +260,7 @@ class JointFit {
     return out;
   }
 
-  Trial trial_at(const Eigen::VectorXd& delta, const Reduced& reduced) {
+  Trial trial_at(const Eigen::VectorXd& delta, const Reduced& reduced, bool with_derivatives) {
     const std::size_t windows = blocks_.size();
     Trial trial{z_, std::vector<WindowState>(windows), std::vector<NormalBlock>(windows)};
     for (Eigen::Index i = 0; i < np_; ++i) {
@@ -264,23 +278,30 @@ class JointFit {
       trial.states[w] = problem_.moved(w, states_[w], own);
     }
     problem_.prepare(trial.z);
-    for_each(windows, task_.threads,
-             [&](std::size_t w) { trial.blocks[w] = problem_.evaluate(w, trial.states[w]); });
+    for_each(windows, task_.threads, [&](std::size_t w) {
+      trial.blocks[w] = with_derivatives ? problem_.linearise(w, trial.states[w])
+                                         : problem_.evaluate(w, trial.states[w]);
+    });
+    trial.linearised = with_derivatives;
     trial.cost = total_cost(trial.blocks) + problem_.parameter_prior(trial.z);
     return trial;
   }
 
   // Returns true unless the fit has converged.
   bool accept(Trial trial, bool last) {
-    const bool converged = cost_ - trial.cost < options_.tolerance * cost_;
+    bool converged = cost_ - trial.cost < options_.tolerance * cost_;
     z_ = std::move(trial.z);
     states_ = std::move(trial.states);
     cost_ = trial.cost;
     damping_ = std::max(min_damping, damping_ * 0.2);
-    if ((converged || last) && !options_.covariance) {
-      blocks_ = std::move(trial.blocks);  // without derivatives, which are not needed any more
-    } else {
-      linearise();
+    blocks_ = std::move(trial.blocks);
+    // At the end derivatives are only needed for a covariance.
+    if (!(converged || last) || options_.covariance) {
+      if (!trial.linearised) linearise();
+      if (converged && damping_ > min_damping) {
+        converged = !(newton_decrement() > options_.tolerance * cost_);
+        damping_ = std::max(min_damping, damping_ * ridge_damping);
+      }
     }
     return !converged;
   }
@@ -391,8 +412,11 @@ Eigen::VectorXd residuals_of(const Task& task, std::size_t window, const Hypothe
   const auto readings = predict(e, each, each.end, hypothesis, z, state);
   Eigen::VectorXd residual(static_cast<Eigen::Index>((each.end - each.begin) * predicted_channels));
   Eigen::Index row = 0;
+  std::vector<Whitening> filter(task.colour.begin(), task.colour.end());
+  std::array<double, predicted_channels> slow{};
   for_each_compared(e, each.begin, each.end, [&](std::size_t k, std::size_t c) {
-    residual[row++] = (readings[k - each.begin][c] - e.reading[k][c]) / task.sigma[c];
+    const double off = (readings[k - each.begin][c] - e.reading[k][c]) / task.sigma[c];
+    residual[row++] = filter[c].next(e.elapsed_s(k)).innovation(off, slow[c]);
   });
   residual.conservativeResize(row);
   return residual;
@@ -418,11 +442,11 @@ Readings predict(const Experiment& experiment, const Window& window, std::size_t
   const physics::SensorBank bank(hypothesis.model(), experiment.period_s / experiment.substeps);
   const auto parameters = hypothesis.parameters(z);
   const auto n = numbers_on_recording<double>(hypothesis.rig(), parameters);
-  Readings readings;
-  readings.reserve(end - window.begin);
-  run_window<double>(
-      experiment, window, end, hypothesis.rig(), bank, n, WindowStart<double>(state),
-      [&](std::size_t, const physics::Readings<double>& r) { readings.push_back(as_array(r)); });
+  Readings readings(end - window.begin);
+  run_window<double>(experiment, window, end, hypothesis.rig(), bank, n, WindowStart<double>(state),
+                     [&](std::size_t k, std::size_t c, double reading, double) {
+                       readings[k - window.begin][c] = reading;
+                     });
   return readings;
 }
 

@@ -8,12 +8,20 @@
 #include <array>
 #include <functional>
 #include <span>
+#include <stdexcept>
+#include <stop_token>
 #include <vector>
 
 #include "diagnosis/experiment.h"
 #include "diagnosis/hypothesis.h"
+#include "diagnosis/noise_colour.h"
 
 namespace stickslip::diagnosis {
+
+/// Thrown out of a fit whose task was asked to stop.
+struct Interrupted : std::runtime_error {
+  Interrupted() : std::runtime_error("interrupted") {}
+};
 
 /// A window of an experiment, by index.
 struct WindowRef {
@@ -21,13 +29,10 @@ struct WindowRef {
   std::size_t window = 0;
 };
 
-/// Knots of the linear spline that models the error of the drive in one window.
-inline constexpr int drive_knots = 16;
-
 /// Free numbers of a window: the rig's state at `warm`, then the knots of the drive's error, in
 /// units of Experiment::drive_noise. Nonlinear in both, unlike a covariance of residuals: a chaotic
 /// rig amplifies the drive's noise beyond what a linear response describes.
-using WindowState = std::array<double, physics::max_rig_states + drive_knots>;
+using WindowState = std::array<double, physics::max_rig_states + max_drive_knots>;
 
 /// Predicted readings of a window, by sample from its `begin`.
 using Readings = std::vector<std::array<double, predicted_channels>>;
@@ -37,11 +42,14 @@ struct Task {
   std::span<const Experiment> experiments;
   std::vector<WindowRef> windows;
   std::array<double, predicted_channels> sigma{};  ///< residuals are divided by it, by channel
+  NoiseColours colour{};                           ///< residuals are whitened by it
   double share = 1.0;  ///< leading share of each window that is compared
   int threads = 1;
   /// Called for every window whose states were fitted with the unknowns held, from the thread that
   /// fitted it; may be empty.
   std::function<void()> window_done = {};
+  /// Fits end with Interrupted at their next step once this is requested, from any thread.
+  std::stop_token stop = {};
 
   const Experiment& experiment(std::size_t w) const { return experiments[windows[w].experiment]; }
   const Window& window(std::size_t w) const { return experiment(w).windows[windows[w].window]; }

@@ -1,6 +1,7 @@
 #include "diagnosis/spectrum.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <numbers>
@@ -91,15 +92,22 @@ physics::Line refined_line(const std::vector<double>& values, double period_s, d
 }
 
 // Deviation of the mains frequency from its nominal value in normal operation.
-constexpr double grid_tolerance = 0.006;
+constexpr double grid_tolerance = 0.004;
 // Power of a line over that of its surroundings. The power of noise is exponentially distributed:
 // e^-20 allows for every bin, line and channel that is examined.
 constexpr double significant_power = 20.0;
 
-// The bin of a significant line near `centre_hz`.
+constexpr std::array mains_hz = {50.0, 100.0, 150.0, 60.0, 120.0, 180.0};
+
+// Where a frequency appears after sampling.
+double apparent_hz(double frequency_hz, double period_s) {
+  return std::abs(frequency_hz - std::round(frequency_hz * period_s) / period_s);
+}
+
+// The bin of a significant line near `centre_hz`, where a line of `mains` Hz appears.
 std::optional<std::size_t> significant_bin(const std::vector<Complex>& spectrum, double step_hz,
-                                           double resolution_hz, double centre_hz) {
-  const double searched = grid_tolerance * centre_hz;
+                                           double resolution_hz, double centre_hz, double mains) {
+  const double searched = grid_tolerance * mains;
   const double around = searched + 12.0 * resolution_hz;
   const auto bin = [&](double hz) {
     return static_cast<std::ptrdiff_t>(std::lround(hz / step_hz));
@@ -125,24 +133,62 @@ std::optional<std::size_t> significant_bin(const std::vector<Complex>& spectrum,
   return static_cast<std::size_t>(top);
 }
 
+// Band beside a lone line [Hz], and its power over that of any other in it.
+constexpr double lone_band_hz = 4.0;
+constexpr double lone_power = 4.0;
+// An alias below this multiple of the strongest line may be an overtone of the motion.
+constexpr double above_motion = 3.0;
+
+bool is_lone(const std::vector<Complex>& spectrum, double step_hz, double resolution_hz,
+             std::size_t line) {
+  const auto own = static_cast<std::size_t>(3.0 * resolution_hz / step_hz) + 1;
+  const auto band = static_cast<std::size_t>(lone_band_hz / step_hz);
+  const std::size_t last = std::min(line + band, spectrum.size() - 1);
+  double other = 0.0;
+  for (std::size_t i = line > band ? line - band : 1; i <= last; ++i) {
+    if (i + own < line || i > line + own) other = std::max(other, std::norm(spectrum[i]));
+  }
+  return std::norm(spectrum[line]) > lone_power * other;
+}
+
 }  // namespace
 
-std::optional<physics::Line> mains_of(const std::vector<double>& values, double period_s) {
+double strongest_frequency_hz(const std::vector<double>& values, double period_s) {
+  const auto spectrum = windowed_spectrum(values);
+  const auto top = std::max_element(
+      spectrum.begin(), spectrum.end(),
+      [](const Complex& a, const Complex& b) { return std::norm(a) < std::norm(b); });
+  if (!(std::norm(*top) > 0.0)) return 0.0;
+  return 0.5 * static_cast<double>(top - spectrum.begin()) /
+         (period_s * static_cast<double>(spectrum.size()));
+}
+
+std::optional<physics::Line> mains_of(const std::vector<double>& values, double period_s,
+                                      bool lone) {
   const auto spectrum = windowed_spectrum(values);
   const double step_hz = 0.5 / (period_s * static_cast<double>(spectrum.size()));
   // Resolution of the unpadded values.
   const double resolution_hz = 1.0 / (period_s * static_cast<double>(values.size()));
+  const double motion_hz = lone ? strongest_frequency_hz(values, period_s) : 0.0;
   std::optional<physics::Line> strongest;
-  for (const double grid_hz : {50.0, 60.0}) {
-    for (const double harmonic : {1.0, 2.0, 3.0}) {
-      const auto bin = significant_bin(spectrum, step_hz, resolution_hz, harmonic * grid_hz);
-      if (!bin) continue;
-      const physics::Line line =
-          refined_line(values, period_s, static_cast<double>(*bin) * step_hz, step_hz);
-      if (!strongest || line.amplitude > strongest->amplitude) strongest = line;
-    }
+  for (const double hz : mains_hz) {
+    const double seen_hz = apparent_hz(hz, period_s);
+    const bool alias = seen_hz != hz;
+    if (alias && (!lone || seen_hz < above_motion * motion_hz)) continue;
+    const auto bin = significant_bin(spectrum, step_hz, resolution_hz, seen_hz, hz);
+    if (!bin || (lone && !is_lone(spectrum, step_hz, resolution_hz, *bin))) continue;
+    const physics::Line line =
+        refined_line(values, period_s, static_cast<double>(*bin) * step_hz, step_hz);
+    if (!strongest || line.amplitude > strongest->amplitude) strongest = line;
   }
   return strongest;
+}
+
+double mains_behind(double frequency_hz, double period_s) {
+  return *std::min_element(mains_hz.begin(), mains_hz.end(), [&](double a, double b) {
+    return std::abs(apparent_hz(a, period_s) - frequency_hz) <
+           std::abs(apparent_hz(b, period_s) - frequency_hz);
+  });
 }
 
 std::vector<double> without_mains(std::vector<double> values, double period_s) {

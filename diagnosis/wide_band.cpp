@@ -250,6 +250,7 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
   WideBand out;
   out.rate_noise_std = error_std(spectra.rate_error, spectra, period_s);
   out.acceleration_noise_std = error_std(spectra.acceleration_error, spectra, period_s);
+  out.highest_hz = spectra.highest_hz;
   const auto back = [&](const std::vector<Complex>& from) {
     const std::vector<Complex> time = inverse_fourier(from);
     std::vector<double> real(n);

@@ -17,6 +17,8 @@ struct WideBand {
   /// Standard deviations of the errors that are due to the noise of the samples.
   double rate_noise_std = 0.0;
   double acceleration_noise_std = 0.0;
+  double highest_hz =
+      0.0;  ///< of the frequencies that were kept: beyond it the errors have no power
 };
 
 /// Inverts `chain` on `samples` (period_s apart, at least 8 of them) at frequencies where the

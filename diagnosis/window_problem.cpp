@@ -38,9 +38,12 @@ std::vector<int> state_indices(const physics::Rig& rig) {
   return list;
 }
 
-bool is_drive_noisy(std::span<const Experiment> experiments) {
-  return std::any_of(experiments.begin(), experiments.end(),
-                     [](const Experiment& e) { return e.drive_noise > 0.0; });
+int most_drive_knots(std::span<const Experiment> experiments) {
+  int most = 0;
+  for (const Experiment& e : experiments) {
+    if (e.drive_noise > 0.0) most = std::max(most, e.drive_knots);
+  }
+  return most;
 }
 
 void set_mechanical_prior(StatePrior& prior, const Experiment& e, const StateGuess& guess) {
@@ -114,15 +117,34 @@ WindowProblem::WindowProblem(const Task& task, const Hypothesis& hypothesis,
       states_(state_indices(hypothesis.rig())),
       rig_states_(states_.size()),
       unknowns_(parameters_free ? hypothesis.unknowns().size() : 0) {
-  if (is_drive_noisy(task.experiments)) {
-    for (int k = 0; k < drive_knots; ++k) states_.push_back(physics::max_rig_states + k);
+  for (int k = 0; k < most_drive_knots(task.experiments); ++k) {
+    states_.push_back(physics::max_rig_states + k);
   }
+  set_columns();
   for (const Experiment& e : task.experiments) {
     banks_.emplace_back(hypothesis.model(), e.period_s / e.substeps);
   }
   const auto parameters = hypothesis.parameters(z);
   for (std::size_t w = 0; w < task.windows.size(); ++w) {
     priors_.push_back(state_prior(task.experiment(w), task.window(w), hypothesis, parameters));
+  }
+}
+
+void WindowProblem::set_columns() {
+  for (std::size_t u = 0; u < unknowns_; ++u) {
+    const std::string& path =
+        hypothesis_.rig().parameter_paths()[hypothesis_.unknowns()[u].parameter];
+    const auto instrument = physics::instrument_parameter(path);
+    if (instrument && index_of(instrument->channel) < predicted_channels &&
+        hypothesis_.predicts(instrument->channel)) {
+      instrument_columns_.push_back(
+          {static_cast<Eigen::Index>(u), index_of(instrument->channel), instrument->quantity});
+    } else {
+      dual_columns_.push_back(static_cast<Eigen::Index>(u));
+    }
+  }
+  for (std::size_t i = 0; i < states_.size(); ++i) {
+    dual_columns_.push_back(static_cast<Eigen::Index>(unknowns_ + i));
   }
 }
 
@@ -134,6 +156,7 @@ std::size_t WindowProblem::end_of(std::size_t w) const {
 }
 
 void WindowProblem::prepare(std::span<const double> z) {
+  if (task_.stop.stop_requested()) throw Interrupted();
   parameters_ = hypothesis_.parameters(z);
   numbers_ = numbers_on_recording<double>(hypothesis_.rig(), parameters_);
   z_.assign(z.begin(), z.end());
@@ -154,44 +177,123 @@ void WindowProblem::add_priors(std::size_t w, const WindowState& at, NormalBlock
   }
 }
 
+namespace {
+
+// Innovations of the residuals of a window, each channel in the order of its samples.
+class WhitenedChannels {
+ public:
+  WhitenedChannels(const Experiment& e, const NoiseColours& colours) : e_(e) {
+    for (std::size_t c = 0; c < predicted_channels; ++c) filter_[c] = Whitening(colours[c]);
+  }
+  double innovation(std::size_t sample, std::size_t c, double residual) {
+    return filter_[c].next(e_.elapsed_s(sample)).innovation(residual, slow_[c]);
+  }
+
+ private:
+  const Experiment& e_;
+  std::array<Whitening, predicted_channels> filter_;
+  std::array<double, predicted_channels> slow_{};
+};
+
+// The same of residuals in rows, and of their derivatives.
+void whiten_rows(const Experiment& e, const Window& window, std::size_t end,
+                 const NoiseColours& colours, Eigen::MatrixXd& jacobian,
+                 Eigen::VectorXd& residual) {
+  for (std::size_t channel = 0; channel < predicted_channels; ++channel) {
+    if (colours[channel].is_white()) continue;
+    Whitening filter(colours[channel]);
+    double slow = 0.0;
+    Eigen::RowVectorXd slow_row = Eigen::RowVectorXd::Zero(jacobian.cols());
+    Eigen::Index row = 0;
+    for_each_compared(e, window.begin, end, [&](std::size_t k, std::size_t c) {
+      const Eigen::Index at = row++;
+      if (c != channel) return;
+      const Whitening::Step step = filter.next(e.elapsed_s(k));
+      residual[at] = step.innovation(residual[at], slow);
+      const Eigen::RowVectorXd derivative = jacobian.row(at);
+      jacobian.row(at) = step.innovation(derivative, slow_row);
+    });
+  }
+}
+
+}  // namespace
+
 NormalBlock WindowProblem::evaluate(std::size_t w, const WindowState& from) const {
   NormalBlock block;
   const Experiment& e = task_.experiment(w);
+  WhitenedChannels channels(e, task_.colour);
   run_window<double>(e, task_.window(w), end_of(w), hypothesis_.rig(),
                      banks_[task_.windows[w].experiment], numbers_, WindowStart<double>(from),
-                     [&](std::size_t k, const physics::Readings<double>& readings) {
-                       const auto r = as_array(readings);
-                       for (std::size_t c = 0; c < predicted_channels; ++c) {
-                         if (!e.is_compared(k, c)) continue;
-                         const double residual = (r[c] - e.reading[k][c]) / task_.sigma[c];
-                         block.chi2 += residual * residual;
-                         ++block.count;
-                       }
+                     [&](std::size_t k, std::size_t c, double reading, double) {
+                       if (!e.is_compared(k, c)) return;
+                       const double residual =
+                           channels.innovation(k, c, (reading - e.reading[k][c]) / task_.sigma[c]);
+                       block.chi2 += residual * residual;
+                       ++block.count;
                      });
   add_priors(w, from, block);
   if (!std::isfinite(block.chi2)) block.chi2 = diverged_chi2;
   return block;
 }
 
-// Parameters with derivatives in the directions [first, first + Dual::directions) of `columns`, and
-// the same for the states. States move in units of their prior, so that all columns are of like
-// size.
-std::vector<Dual> WindowProblem::seed_directions(std::size_t w, Eigen::Index first,
-                                                 Eigen::Index columns,
+// Parameters with derivatives in the directions of `columns`, and the same for the states. States
+// move in units of their prior, so that all columns are of like size.
+std::vector<Dual> WindowProblem::seed_directions(std::size_t w,
+                                                 std::span<const Eigen::Index> columns,
                                                  WindowStart<Dual>& start) const {
   const auto np = static_cast<Eigen::Index>(unknowns_);
   std::vector<Dual> parameters(parameters_.begin(), parameters_.end());
-  for (Eigen::Index j = first; j < std::min(columns, first + Dual::directions); ++j) {
-    if (j < np) {
-      const auto u = static_cast<std::size_t>(j);
-      parameters[hypothesis_.unknowns()[u].parameter].d[j - first] =
+  for (std::size_t direction = 0; direction < columns.size(); ++direction) {
+    const auto d = static_cast<Eigen::Index>(direction);
+    if (columns[direction] < np) {
+      const auto u = static_cast<std::size_t>(columns[direction]);
+      parameters[hypothesis_.unknowns()[u].parameter].d[d] =
           Dual::slope(hypothesis_.slope(u, z_[u]));
     } else {
-      const auto i = static_cast<std::size_t>(states_[static_cast<std::size_t>(j - np)]);
-      start[i].d[j - first] = Dual::slope(priors_[w].sigma[i]);
+      const auto i =
+          static_cast<std::size_t>(states_[static_cast<std::size_t>(columns[direction] - np)]);
+      start[i].d[d] = Dual::slope(priors_[w].sigma[i]);
     }
   }
   return parameters;
+}
+
+namespace {
+
+// Row of each reading of a window in its residuals, sample by sample; -1: not compared.
+class Rows {
+ public:
+  Rows(const Experiment& e, std::size_t begin, std::size_t end) : begin_(begin) {
+    row_.resize(end - begin);
+    for (auto& each : row_) each.fill(-1);
+    for_each_compared(e, begin, end,
+                      [&](std::size_t k, std::size_t c) { row_[k - begin][c] = count_++; });
+  }
+  Eigen::Index of(std::size_t k, std::size_t c) const { return row_[k - begin_][c]; }
+  Eigen::Index count() const { return count_; }
+
+ private:
+  std::size_t begin_;
+  Eigen::Index count_ = 0;
+  std::vector<std::array<Eigen::Index, predicted_channels>> row_;
+};
+
+}  // namespace
+
+// Gain, offset and delay of a channel move its readings in known ways: no integration with
+// derivatives is needed for them.
+void WindowProblem::differentiate_instruments(std::size_t c, double reading, double rate,
+                                              Eigen::Index row, Eigen::MatrixXd& jacobian) const {
+  const physics::ReadingLaw<double>& law = numbers_.reading.of[c];
+  for (const InstrumentColumn& each : instrument_columns_) {
+    if (each.channel != c) continue;
+    const double by_parameter = each.quantity == physics::InstrumentQuantity::gain
+                                    ? (reading - law.offset) / law.gain
+                                : each.quantity == physics::InstrumentQuantity::offset ? 1.0
+                                                                                       : -rate;
+    const auto u = static_cast<std::size_t>(each.column);
+    jacobian(row, each.column) = by_parameter * hypothesis_.slope(u, z_[u]) / task_.sigma[c];
+  }
 }
 
 // More columns than a Dual has directions take several passes.
@@ -202,35 +304,35 @@ WindowProblem::Derivatives WindowProblem::differentiate(std::size_t w,
   const Experiment& e = task_.experiment(w);
   const Window& window = task_.window(w);
   const std::size_t end = end_of(w);
-  const auto rows = static_cast<Eigen::Index>((end - window.begin) * predicted_channels);
+  const Rows rows(e, window.begin, end);
   Derivatives out;
-  out.jacobian.setZero(rows, columns);
-  out.residual.setZero(rows);
-  Eigen::Index used = 0;
-  for (Eigen::Index first = 0; first < std::max<Eigen::Index>(columns, 1);
-       first += Dual::directions) {
+  out.jacobian.setZero(rows.count(), columns);
+  out.residual.setZero(rows.count());
+  const std::span<const Eigen::Index> all(dual_columns_);
+  std::size_t first = 0;
+  do {
+    const auto some =
+        all.subspan(first, std::min<std::size_t>(Dual::directions, all.size() - first));
     WindowStart<Dual> start(from);
-    const std::vector<Dual> parameters = seed_directions(w, first, columns, start);
+    const std::vector<Dual> parameters = seed_directions(w, some, start);
     const auto n = numbers_on_recording<Dual>(hypothesis_.rig(), std::span<const Dual>(parameters));
-    const Eigen::Index some = std::min<Eigen::Index>(Dual::directions, columns - first);
-    Eigen::Index row = 0;
     run_window<Dual>(e, window, end, hypothesis_.rig(), banks_[task_.windows[w].experiment], n,
-                     start, [&](std::size_t k, const physics::Readings<Dual>& readings) {
-                       const auto r = as_array(readings);
-                       for (std::size_t c = 0; c < predicted_channels; ++c) {
-                         if (!e.is_compared(k, c)) continue;
-                         const double scale = 1.0 / task_.sigma[c];
-                         out.residual[row] = (r[c].a - e.reading[k][c]) * scale;
-                         for (Eigen::Index j = 0; j < some; ++j) {
-                           out.jacobian(row, first + j) = r[c].d[j] * scale;
-                         }
-                         ++row;
+                     start, [&](std::size_t k, std::size_t c, const Dual& reading, double rate) {
+                       const Eigen::Index row = rows.of(k, c);
+                       if (row < 0) return;
+                       const double scale = 1.0 / task_.sigma[c];
+                       out.residual[row] = (reading.a - e.reading[k][c]) * scale;
+                       for (std::size_t j = 0; j < some.size(); ++j) {
+                         out.jacobian(row, some[j]) =
+                             reading.d[static_cast<Eigen::Index>(j)] * scale;
+                       }
+                       if (first == 0) {
+                         differentiate_instruments(c, reading.a, rate, row, out.jacobian);
                        }
                      });
-    used = row;
-  }
-  out.jacobian.conservativeResize(used, columns);
-  out.residual.conservativeResize(used);
+    first += Dual::directions;
+  } while (first < all.size());
+  whiten_rows(e, window, end, task_.colour, out.jacobian, out.residual);
   return out;
 }
 
@@ -325,9 +427,11 @@ WindowState WindowProblem::propagated(std::size_t w, const WindowState& from) co
   RigState<double> s = start.rig;
   const std::size_t warm = task_.window(w - 1).warm;
   const std::size_t first = warm * substeps;
-  rig.complete(s, input.at(first), e.period_s * static_cast<double>(warm), numbers_);
+  const double start_time = e.elapsed_s(warm);
+  rig.complete(s, input.at(first), start_time, numbers_);
   for (std::size_t at = first; at < task_.window(w).warm * substeps; ++at) {
-    rig.step(s, input.at(at), input.at(at + 1), h * static_cast<double>(at), h, numbers_);
+    rig.step(s, input.at(at), input.at(at + 1), start_time + h * static_cast<double>(at - first), h,
+             numbers_);
   }
   WindowState reached{};
   std::copy(s.s.begin(), s.s.end(), reached.begin());

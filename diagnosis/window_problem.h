@@ -47,7 +47,8 @@ class WindowProblem {
   std::size_t states() const { return rig_states_; }
   std::size_t free_in_window() const { return states_.size(); }
 
-  /// Sets the parameters at which windows are evaluated.
+  /// Sets the parameters at which windows are evaluated. Throws Interrupted if Task::stop is
+  /// requested.
   void prepare(std::span<const double> z);
 
   /// Chi-squared, residual count and state prior of one window; no derivatives.
@@ -81,9 +82,17 @@ class WindowProblem {
   std::size_t end_of(std::size_t w) const;
   double state_offset(std::size_t w, int state, const WindowState& at) const;
   void add_priors(std::size_t w, const WindowState& at, NormalBlock& block) const;
-  std::vector<physics::Dual> seed_directions(std::size_t w, Eigen::Index first,
-                                             Eigen::Index columns,
+  struct InstrumentColumn {
+    Eigen::Index column = 0;
+    std::size_t channel = 0;
+    physics::InstrumentQuantity quantity{};
+  };
+
+  void set_columns();
+  std::vector<physics::Dual> seed_directions(std::size_t w, std::span<const Eigen::Index> columns,
                                              WindowStart<physics::Dual>& start) const;
+  void differentiate_instruments(std::size_t c, double reading, double rate, Eigen::Index row,
+                                 Eigen::MatrixXd& jacobian) const;
   NormalBlock diverged(int count) const;
 
   const Task& task_;
@@ -91,6 +100,8 @@ class WindowProblem {
   std::vector<int> states_;     // indices into WindowState
   std::size_t rig_states_ = 0;  // of these, the first
   std::size_t unknowns_;
+  std::vector<Eigen::Index> dual_columns_;  // unknowns and states, but for the next
+  std::vector<InstrumentColumn> instrument_columns_;
   std::vector<physics::SensorBank> banks_;
   std::vector<StatePrior> priors_;
   std::vector<double> parameters_;

@@ -29,7 +29,7 @@ std::vector<Section> sections_of(const physics::Sensor& sensor) {
   std::vector<Section> sections;
   for (const physics::Filter& filter : sensor.filters) {
     const int order = filter.kind == FilterKind::first_order_lowpass ? 1 : filter.order;
-    const double omega = 2.0 * std::numbers::pi * filter.cutoff_hz;
+    const double omega = 2.0 * std::numbers::pi * filter.cutoff_hz.value;
     if (order % 2 == 1) sections.push_back({false, omega, 0.0});
     for (int k = 0; k < order / 2; ++k) {
       const double angle = std::numbers::pi * (2 * k + 1) / (2.0 * order);

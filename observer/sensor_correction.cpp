@@ -23,7 +23,8 @@ bool concerns_sensors_only(const physics::Term& term) {
   return physics::find_effect(term.id)->hooks() == physics::hook::reading;
 }
 
-bool is_of_a_sensor_term(const std::string& path, const physics::Model& model) {
+bool is_of_a_sensor(const std::string& path, const physics::Model& model) {
+  if (path.starts_with("sensors.")) return true;
   return std::any_of(model.terms.begin(), model.terms.end(), [&](const physics::Term& term) {
     return path.starts_with(physics::path_of(term) + '.') && concerns_sensors_only(term);
   });
@@ -49,7 +50,7 @@ void add_shifted_laws(const physics::Rig& rig, const physics::Model& declared,
   const std::vector<physics::NamedParameter> parameters = physics::parameters_of(copy);
   for (std::size_t i = 0; i < parameters.size(); ++i) {
     const double sigma = parameters[i].parameter->sigma;
-    if (!(sigma > 0.0) || !is_of_a_sensor_term(parameters[i].path, declared)) continue;
+    if (!(sigma > 0.0) || !is_of_a_sensor(parameters[i].path, declared)) continue;
     std::vector<double> values = rig.parameter_values();
     values[i] += sigma;
     out.shifted.push_back(rig.numbers<double>(std::span<const double>(values)).reading);
@@ -67,13 +68,19 @@ SeparatedModel separate_sensor_errors(const physics::Model& declared) {
   const physics::ReadingLaws<double> laws = out.laws;
   for (const auto& shifted : out.shifted) widen(out.laws, shifted, laws);
   std::erase_if(out.model.terms, concerns_sensors_only);
+  for (physics::Sensor& sensor : out.model.sensors) {
+    sensor.gain.reset();
+    sensor.offset.reset();
+    sensor.delay_s.reset();
+    for (physics::Filter& filter : sensor.filters) filter.cutoff_hz.sigma = 0.0;
+  }
   if (out.laws.velocity_cutoff_hz > 0.0) {
     std::vector<physics::Filter>& filters = out.model.sensors[index_of(Channel::velocity)].filters;
     const bool declares_one =
         !filters.empty() && (filters.back().kind == physics::FilterKind::first_order_lowpass ||
                              filters.back().order == 1);
     if (declares_one) filters.pop_back();
-    filters.push_back({physics::FilterKind::first_order_lowpass, 1, out.laws.velocity_cutoff_hz});
+    filters.push_back({physics::FilterKind::first_order_lowpass, 1, {out.laws.velocity_cutoff_hz}});
   }
   return out;
 }

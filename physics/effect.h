@@ -185,14 +185,15 @@ inline constexpr int max_effect_parameters = 12;
 inline constexpr int max_characteristic_parameters = 4;
 
 /// Errors of one channel's reading relative to the output of its declared chain; the defaults mean
-/// none. reading = clip(d(bend(gain (delayed + crosstalk other))) + drift + hum), delayed: delay_s
-/// ago, bend(r) = r (1 + curvature r), d: the characteristic of an effect.
+/// none. reading = clip(d(bend(gain (delayed + crosstalk other))) + offset + drift + hum), delayed:
+/// delay_s ago, bend(r) = r (1 + curvature r), d: the characteristic of an effect.
 template <class T>
 struct ReadingLaw {
   T gain{1.0};
   T curvature{0.0};
   T crosstalk{0.0};
   std::optional<Channel> crosstalk_from;
+  T offset{0.0};
   T drift_per_s{0.0};             ///< initial rate
   T drift_time_constant_s{1e12};  ///< of the drift's exponential approach to its final value
   T hum_amplitude{0.0}, hum_frequency_hz{0.0}, hum_phase_rad{0.0};

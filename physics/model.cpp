@@ -25,6 +25,45 @@ std::string path_of(const Term& term) {
   return path;
 }
 
+namespace {
+
+void add_instruments(std::vector<NamedParameter>& list, Model& model) {
+  for (const Channel channel : all_channels) {
+    Sensor& sensor = model.sensors[index_of(channel)];
+    const std::string path = instrument_path(channel);
+    const auto put = [&](const char* key, std::optional<Parameter>& parameter) {
+      if (parameter) list.push_back({path + key, &*parameter});
+    };
+    put("gain", sensor.gain);
+    put("offset", sensor.offset);
+    put("delay_s", sensor.delay_s);
+    for (std::size_t i = 0; i < sensor.filters.size(); ++i) {
+      list.push_back(
+          {path + "filters." + std::to_string(i) + ".cutoff_hz", &sensor.filters[i].cutoff_hz});
+    }
+  }
+}
+
+}  // namespace
+
+std::string instrument_path(Channel channel) {
+  std::string path = "sensors.";
+  path += info(channel).stem;
+  return path + '.';
+}
+
+std::optional<InstrumentParameter> instrument_parameter(std::string_view path) {
+  for (const Channel channel : all_channels) {
+    const std::string begin = instrument_path(channel);
+    if (!path.starts_with(begin)) continue;
+    const std::string_view key = path.substr(begin.size());
+    if (key == "gain") return InstrumentParameter{channel, InstrumentQuantity::gain};
+    if (key == "offset") return InstrumentParameter{channel, InstrumentQuantity::offset};
+    if (key == "delay_s") return InstrumentParameter{channel, InstrumentQuantity::delay};
+  }
+  return std::nullopt;
+}
+
 std::vector<NamedParameter> parameters_of(Model& model) {
   std::vector<NamedParameter> list;
   if (model.oscillator.excitation != Excitation::imposed) {
@@ -56,6 +95,7 @@ std::vector<NamedParameter> parameters_of(Model& model) {
     add(list, "load_cell.natural_frequency_hz", model.load_cell->natural_frequency_hz);
     add(list, "load_cell.damping_ratio", model.load_cell->damping_ratio);
   }
+  add_instruments(list, model);
   for (Term& term : model.terms) {
     const std::string path = path_of(term) + '.';
     for (auto& [name, parameter] : term.parameters) list.push_back({path + name, &parameter});

@@ -120,7 +120,7 @@ enum class FilterKind { butterworth_lowpass, first_order_lowpass };
 struct Filter {
   FilterKind kind = FilterKind::butterworth_lowpass;
   int order = 4;  ///< 1 to 8; 1 for first_order_lowpass
-  double cutoff_hz = 25.0;
+  Parameter cutoff_hz{25.0};
 
   friend bool operator==(const Filter&, const Filter&) = default;
 };
@@ -129,6 +129,13 @@ struct Filter {
 struct Sensor {
   std::optional<double> noise_std;  ///< in the channel's unit; absent: unknown
   std::vector<Filter> filters;      ///< in the order of the signal
+  // reading = gain (quantity, filtered, delay_s ago) + offset + noise. Absent: not declared, so
+  // that a diagnosis allows for what a careful laboratory leaves; 1, 0 and 0 everywhere else.
+  std::optional<Parameter> gain;
+  std::optional<Parameter> offset;   ///< in the channel's unit
+  std::optional<Parameter> delay_s;  ///< beyond the filters
+  /// Of the noise; 0: white; absent: not declared.
+  std::optional<double> noise_correlation_s;
 
   friend bool operator==(const Sensor&, const Sensor&) = default;
 };
@@ -168,6 +175,19 @@ struct NamedParameter {
 
 /// "physics.cubic_stiffness", "physics.gain_error.velocity"
 std::string path_of(const Term& term);
+
+/// "sensors.velocity.", with which the paths of that channel's instrument begin
+std::string instrument_path(Channel channel);
+
+enum class InstrumentQuantity { gain, offset, delay };
+
+struct InstrumentParameter {
+  Channel channel = Channel::displacement;
+  InstrumentQuantity quantity = InstrumentQuantity::gain;
+};
+
+/// The gain, offset or delay that a path names, if it does.
+std::optional<InstrumentParameter> instrument_parameter(std::string_view path);
 
 /// Every parameter of the model: first the declared ones, then those of each term by name. The
 /// pointers lead into `model` and are valid while it is neither moved nor changed in structure.

@@ -1,4 +1,5 @@
 #include "physics/model_consistency.h"
+#include "physics/reading.h"
 
 #include <cmath>
 #include <string>
@@ -117,11 +118,24 @@ void inspect(const Sensor& sensor, const std::string& path, Inspection& inspecti
     inspection.require(std::isfinite(*sensor.noise_std) && *sensor.noise_std > 0.0,
                        path + ".noise_std", "must be more than 0 (leave it out where unknown)");
   }
+  if (sensor.noise_correlation_s) {
+    inspection.require(
+        std::isfinite(*sensor.noise_correlation_s) && *sensor.noise_correlation_s >= 0.0,
+        path + ".noise_correlation_s", "must be 0 (white) or more");
+  }
+  if (sensor.gain) {
+    inspection.require(std::isfinite(sensor.gain->value) && sensor.gain->value != 0.0,
+                       path + ".gain", "must not be 0");
+  }
+  if (sensor.delay_s) {
+    inspection.require(std::abs(sensor.delay_s->value) <= longest_delay_s, path + ".delay_s",
+                       "must be at most 0.03 s either way");
+  }
   for (const Filter& filter : sensor.filters) {
     inspection.require(filter.order >= 1 && filter.order <= 8, path + ".filters",
                        "order must be 1 to 8");
-    inspection.require(std::isfinite(filter.cutoff_hz) && filter.cutoff_hz > 0.0, path + ".filters",
-                       "cutoff_hz must be more than 0");
+    inspection.require(std::isfinite(filter.cutoff_hz.value) && filter.cutoff_hz.value > 0.0,
+                       path + ".filters", "cutoff_hz must be more than 0");
   }
 }
 

@@ -46,7 +46,7 @@ T reading_of(const ReadingLaw<T>& law, const T& value, double time_s) {
   if (law.characteristic != nullptr) {
     law.characteristic->distort(out, law.characteristic_parameters.data());
   }
-  out += law.drift_per_s * drifted_s(law, time_s);
+  out += law.offset + law.drift_per_s * drifted_s(law, time_s);
   if (value_of(law.hum_frequency_hz) > 0.0) {
     T share(1.0);
     for (std::size_t i = 0; i < law.hum_modulation.size(); i += 2) {
@@ -93,10 +93,10 @@ std::optional<CorrectedReading> before_characteristic(const ReadingLaw<double>& 
 }  // namespace
 
 std::optional<CorrectedReading> correct_reading(const ReadingLaw<double>& law, double reading) {
-  double distorted = reading;
+  double distorted = reading - law.offset;
   double slope = 1.0;
   if (law.characteristic != nullptr) {
-    const auto before = before_characteristic(law, reading);
+    const auto before = before_characteristic(law, distorted);
     if (!before) return std::nullopt;
     distorted = before->value;
     slope = before->slope;

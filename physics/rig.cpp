@@ -8,6 +8,7 @@
 #include "physics/backbone.h"
 #include "physics/catalogue.h"
 #include "physics/model_consistency.h"
+#include "physics/sensor_chain.h"
 
 namespace stickslip::physics {
 
@@ -334,6 +335,52 @@ void read_oscillator(const Oscillator& oscillator, ParameterReader<T>& parameter
   n.inverse_mass = 1.0 / n.c.mass;
 }
 
+// A parameter that neither departs from `neutral` nor may do so leaves readings as they are.
+template <class T>
+bool acts(const std::optional<Parameter>& parameter, const T& value, double neutral) {
+  return parameter && (parameter->sigma > 0.0 || value_of(value) != neutral);
+}
+
+// Lag at low frequencies of filters with another cut-off behind that with the declared one. Below
+// the cut-off a low-pass is a delay, so that a change by a few per cent is a change of the delay.
+template <class T>
+T further_lag_s(const Filter& filter, const T& cutoff_hz) {
+  const double lag_s = FilterChain({&filter, 1}, 1.0e-3).lag_s();
+  return lag_s * (filter.cutoff_hz.value / cutoff_hz - 1.0);
+}
+
+// Adds to the laws and returns the lag of the channel's filters beyond the declared one.
+template <class T>
+T read_instrument(const Sensor& sensor, ParameterReader<T>& parameters, ReadingLaw<T>& law,
+                  ReadingLaws<T>& laws) {
+  if (sensor.gain) law.gain = parameters.next();
+  if (sensor.offset) law.offset = parameters.next();
+  if (sensor.delay_s) law.delay_s += parameters.next();
+  bool late = value_of(law.delay_s) != 0.0 || (sensor.delay_s && sensor.delay_s->sigma > 0.0);
+  T lag_s(0.0);
+  for (const Filter& filter : sensor.filters) {
+    const T& cutoff_hz = parameters.next();
+    if (!acts<T>(filter.cutoff_hz, cutoff_hz, filter.cutoff_hz.value)) continue;
+    lag_s += further_lag_s(filter, cutoff_hz);
+    late = true;
+  }
+  law.delay_s += lag_s;
+  laws.any_delay = laws.any_delay || late;
+  laws.any_error = laws.any_error || late || acts(sensor.gain, law.gain, 1.0) ||
+                   acts(sensor.offset, law.offset, 0.0);
+  return lag_s;
+}
+
+template <class T>
+void read_instruments(const Model& model, ParameterReader<T>& parameters, ReadingLaws<T>& laws) {
+  for (const Channel channel : all_channels) {
+    const T lag_s = read_instrument(model.sensors[index_of(channel)], parameters,
+                                    laws.of[index_of(channel)], laws);
+    // The velocity chain continues that of the displacement.
+    if (channel == Channel::displacement) laws.of[index_of(Channel::velocity)].delay_s += lag_s;
+  }
+}
+
 template <class T>
 void read_contact(const Model& model, bool resonant, ParameterReader<T>& parameters,
                   RigNumbers<T>& n) {
@@ -429,6 +476,7 @@ RigNumbers<T> Rig::numbers(std::span<const T> parameters) const {
   ParameterReader<T> reader(parameters);
   read_oscillator(model_.oscillator, reader, n);
   read_contact(model_, structure_.resonant, reader, n);
+  read_instruments(model_, reader, n.reading);
   for (std::size_t i = 0; i < terms_.size(); ++i) {
     const BoundTerm& term = terms_[i];
     const std::size_t count = term.effect->card().parameters.size();
@@ -447,7 +495,10 @@ template <class T>
 T Rig::normal_load(const RigState<T>& state, const Input& now, double time_s,
                    const RigNumbers<T>& n) const {
   if (!model_.normal_load) return T(1.0);
-  if (structure_.load_law == NormalLoadLaw::measured) return T(std::max(0.0, now.normal_load_n));
+  if (structure_.load_law == NormalLoadLaw::measured) {
+    T load = n.load_gain * (now.normal_load_n - n.load_offset_n);
+    return value_of(load) > 0.0 ? load : T(0.0);
+  }
   T load = n.c.load;
   if (structure_.load_law == NormalLoadLaw::wedge) {
     const T& x = state.s[state::x];
@@ -496,7 +547,8 @@ void Rig::explicit_rates(std::array<T, max_rig_states>& rate, const RigState<T>&
     rate[state::x] = v;
     rate[state::v] = -restoring * n.inverse_mass;
     if (structure_.excitation == Excitation::force) {
-      rate[state::v] += n.inverse_mass * (n.input_gain * now.drive_force_n + state.unrecorded);
+      rate[state::v] += n.inverse_mass *
+                        (n.input_gain * (now.drive_force_n - n.input_offset_n) + state.unrecorded);
     } else {
       rate[state::v] -= frame_acceleration(state, now, n);
     }

@@ -65,6 +65,9 @@ struct RigNumbers {
   T input_gain{1.0};
   /// Time by which the true excitation leads the given one, whose channel is delayed [s].
   T input_lead_s{0.0};
+  T input_offset_n{0.0};  ///< of a recorded drive force
+  /// Of a recorded normal load: the true one is load_gain (reading - load_offset_n).
+  T load_gain{1.0}, load_offset_n{0.0};
 };
 
 /// A term of a model, resolved once: its effect, its states and its parameters are indices.

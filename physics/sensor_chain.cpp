@@ -46,7 +46,7 @@ FilterChain::FilterChain(std::span<const Filter> filters, double step_s) {
   };
   for (const Filter& filter : filters) {
     const int order = filter.kind == FilterKind::first_order_lowpass ? 1 : filter.order;
-    const double omega = 2.0 * pi * filter.cutoff_hz;
+    const double omega = 2.0 * pi * filter.cutoff_hz.value;
     if (order % 2 == 1) add(false, omega, 0.0);
     for (int k = 0; k < order / 2; ++k) {
       add(true, omega, 2.0 * std::sin(pi * (2 * k + 1) / (2.0 * order)) * omega);
@@ -145,6 +145,16 @@ std::complex<double> FilterChain::transfer(std::complex<double> s) const {
                                     : section.omega / (s + section.omega);
   }
   return product;
+}
+
+double FilterChain::lag_s() const {
+  double lag = 0.0;
+  for (std::size_t i = 0; i < count_; ++i) {
+    const Section& section = sections_[i];
+    lag += section.second_order ? section.damping / (section.omega * section.omega)
+                                : 1.0 / section.omega;
+  }
+  return lag;
 }
 
 double FilterChain::settling_time_s() const {

@@ -67,6 +67,9 @@ class FilterChain {
   /// Transfer function at the complex frequency `s` [rad/s]; infinite at its poles.
   std::complex<double> transfer(std::complex<double> s) const;
 
+  /// Delay of slow signals [s].
+  double lag_s() const;
+
   /// Time after which initial conditions have decayed to about 0.2 %.
   double settling_time_s() const;
 

@@ -71,9 +71,22 @@ struct RigSimulator::Implementation {
     truth.normal_load_n = state.load;
   }
 
+  // Of standard deviation 1; correlated where the model says so (a first-order process).
+  double unit_noise(Channel channel) {
+    const std::size_t c = index_of(channel);
+    const double correlation_s = model.sensors[c].noise_correlation_s.value_or(0.0);
+    double kept = 0.0;
+    if (correlation_s > 0.0 && noise_time[c] >= 0.0) {
+      kept = std::exp((noise_time[c] - time) / correlation_s);
+    }
+    noise_time[c] = time;
+    last_noise[c] = kept * last_noise[c] + std::sqrt(1.0 - kept * kept) * normal(random);
+    return last_noise[c];
+  }
+
   double with_noise(Channel channel, double value) {
     const auto& noise = model.sensors[index_of(channel)].noise_std;
-    if (options.noise && noise) value += *noise * normal(random);
+    if (options.noise && noise) value += *noise * unit_noise(channel);
     const double lsb = options.resolution[index_of(channel)];
     return lsb > 0.0 ? lsb * std::round(value / lsb) : value;
   }
@@ -84,6 +97,8 @@ struct RigSimulator::Implementation {
   RigNumbers<double> numbers;
   std::mt19937_64 random;
   std::normal_distribution<double> normal;
+  std::array<double, channel_count> last_noise{};
+  std::array<double, channel_count> noise_time = {-1.0, -1.0, -1.0, -1.0, -1.0, -1.0};
   double step = 0.0;
   double time = 0.0;
   std::uint64_t sequence = 0;

@@ -65,7 +65,7 @@ std::string where_answer(const Diagnosis& d) {
 
 // The trial in which the finding was fitted alone, or nullptr.
 const Trial* trial_of(const Diagnosis& d, const Finding& finding) {
-  const std::string name = CandidateEffect{finding.effect, finding.place}.name();
+  const std::string name = finding.candidate().name();
   for (const Trial& trial : d.trials) {
     if (trial.id == name) return &trial;
   }
@@ -79,7 +79,7 @@ std::string windows_text(const Diagnosis& d) {
 
 std::string probability_of(const Diagnosis& d, const Finding& finding) {
   std::string out =
-      "<p>" + escape_html("Likely missing: " + effect_name({finding.effect, finding.place}) + " (");
+      "<p>" + escape_html("Likely missing: " + effect_name(finding.candidate()) + " (");
   out += "<b>" + escape_html(format_percent(finding.probability)) + "</b>).";
   if (!finding.alternatives.empty()) {
     const Alternative& next = finding.alternatives.front();

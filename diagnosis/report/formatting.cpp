@@ -184,6 +184,7 @@ std::string format_seconds(double seconds, const physics::ResultUnits& units) {
 
 std::string effect_name(const diagnosis::CandidateEffect& candidate) {
   std::string out(candidate.effect->card().name);
+  if (candidate.is_number()) return out + " (" + candidate.parameter + ")";
   if (candidate.place.channel) {
     out += " (" + channel_name(*candidate.place.channel);
     if (candidate.place.from) out += " from " + channel_name(*candidate.place.from);

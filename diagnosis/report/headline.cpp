@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "diagnosis/report/formatting.h"
+#include "physics/number_text.h"
 
 namespace stickslip::report {
 
@@ -28,7 +29,7 @@ const char* count_word(std::size_t count) {
 std::string number_of_effects(const Diagnosis& d) {
   const bool instrument =
       std::all_of(d.findings.begin(), d.findings.end(), [](const Finding& finding) {
-        const physics::Relation relation = finding.effect->card().relation;
+        const physics::Relation relation = finding.candidate().relation();
         return relation == physics::Relation::sensor || relation == physics::Relation::kinematics;
       });
   return std::string(count_word(d.findings.size())) + (instrument ? " instrument" : " physical") +
@@ -38,7 +39,7 @@ std::string number_of_effects(const Diagnosis& d) {
 std::string findings_text(const Diagnosis& d) {
   std::vector<std::string> names;
   for (const Finding& finding : d.findings) {
-    names.push_back(effect_name({finding.effect, finding.place}));
+    names.push_back(effect_name(finding.candidate()));
   }
   return enumeration(names);
 }
@@ -105,7 +106,8 @@ std::string headline_of(const Diagnosis& d) {
   const std::string names = findings_text(d);
   switch (answer_of(d)) {
     case Answer::consistent:
-      return "No missing physics: the model explains the recording to within the noise.";
+      return "No missing physics: the model explains the recording to within the noise." +
+             plain_text(noise_level_text(d));
     case Answer::unexplained:
       return d.findings.empty()
                  ? "The model and the recording disagree, and none of the candidate effects "
@@ -123,6 +125,18 @@ std::string headline_of(const Diagnosis& d) {
       break;
   }
   return "The model lacks " + number_of_effects(d) + ": " + names + ".";
+}
+
+std::string noise_level_text(const Diagnosis& d) {
+  std::string out;
+  for (const auto& [channel, level] : d.noise_level) {
+    const bool estimated = std::find(d.noise_estimated.begin(), d.noise_estimated.end(), channel) !=
+                           d.noise_estimated.end();
+    out += " The noise of " + std::string(info(channel).stem) + " is " +
+           physics::number_text(level) + " times the " + (estimated ? "estimated" : "declared") +
+           " one.";
+  }
+  return out;
 }
 
 std::string rig_description(const physics::Model& model) {

@@ -15,6 +15,10 @@ Answer answer_of(const diagnosis::Diagnosis& diagnosis);
 /// One sentence.
 std::string headline_of(const diagnosis::Diagnosis& diagnosis);
 
+/// " The noise of velocity is 1.3 times the declared one.": a sentence for every channel whose
+/// noise is of another level, each after a blank; empty for none.
+std::string noise_level_text(const diagnosis::Diagnosis& diagnosis);
+
 /// One sentence with the parameter values of `model`.
 std::string rig_description(const physics::Model& model);
 

@@ -48,7 +48,8 @@ Json finding_json(const Finding& finding) {
   Json json;
   json["id"] = id_of(card);
   if (!card.depends_on.empty()) json["name"] = card.id;
-  json["relation"] = physics::name_of(card.relation);
+  if (!finding.parameter.empty()) json["parameter"] = finding.parameter;
+  json["relation"] = physics::name_of(finding.candidate().relation());
   json["channel"] = finding.place.channel ? Json(info(*finding.place.channel).stem) : Json(nullptr);
   json["statement"] = finding.statement;
   json["equation"] = card.equation;
@@ -81,6 +82,9 @@ Json finding_json(const Finding& finding) {
     json["alternatives"].push_back({{"id", id_of(each.candidate.effect->card())},
                                     {"name", each.candidate.name()},
                                     {"probability", each.probability}});
+    if (each.candidate.is_number()) {
+      json["alternatives"].back()["parameter"] = each.candidate.parameter;
+    }
   }
   json["separating_experiment"] =
       finding.separating_experiment ? Json(*finding.separating_experiment) : Json(nullptr);
@@ -101,6 +105,10 @@ Json integrity_json(const Integrity& integrity) {
   for (const ChannelIntegrity& c : integrity.channels) {
     Json& channel = json["channels"][std::string(info(c.channel).stem)];
     channel["missing"] = c.missing;
+    channel["outliers"] = Json::array();
+    for (const Outlier& each : c.outliers) {
+      channel["outliers"].push_back({{"time_s", each.time_s}, {"value", each.value}});
+    }
     channel["lowest"] = c.lowest;
     channel["highest"] = c.highest;
     channel["step"] = c.step > 0.0 ? Json(c.step) : Json(nullptr);
@@ -181,6 +189,10 @@ Json report_json(const Diagnosis& diagnosis) {
   json["noise_std"] = Json::object();
   for (const auto& [channel, value] : diagnosis.noise_std) {
     json["noise_std"][std::string(info(channel).column)] = value;
+  }
+  json["noise_level"] = Json::object();
+  for (const auto& [channel, level] : diagnosis.noise_level) {
+    json["noise_level"][std::string(info(channel).stem)] = level;
   }
   json["detection"] = detection_json(diagnosis.detection);
   if (diagnosis.false_alarms) {

@@ -6,6 +6,7 @@
 #include <sstream>
 #include <vector>
 
+#include "diagnosis/report/headline.h"
 #include "physics/number_text.h"
 #include "physics/result_units.h"
 
@@ -32,7 +33,8 @@ std::string percent(double share) { return number_text(100.0 * share) + " %"; }
 void add_verdict(std::ostringstream& text, const Diagnosis& d) {
   switch (d.verdict) {
     case Verdict::consistent:
-      text << "CONSISTENT: the model explains the recording to within the noise.\n";
+      text << "CONSISTENT: the model explains the recording to within the noise."
+           << noise_level_text(d) << "\n";
       break;
     case Verdict::missing_physics:
       text << "MISSING PHYSICS: the model lacks " << physics::counted(d.findings.size(), "effect")
@@ -70,8 +72,7 @@ void add_location(std::ostringstream& text, const Location& location) {
 }
 
 void add_finding(std::ostringstream& text, const Finding& finding, int number) {
-  text << "  " << number << ". " << CandidateEffect{finding.effect, finding.place}.name() << ": "
-       << finding.statement << "\n";
+  text << "  " << number << ". " << finding.candidate().name() << ": " << finding.statement << "\n";
   for (const Estimate& estimate : finding.parameters) {
     text << "       " << estimate.name << " = " << number_text(estimate.value)
          << "  (95 %: " << distinct_text(estimate.low, estimate.value) << " to "
@@ -106,6 +107,9 @@ void add_fit(std::ostringstream& text, const Diagnosis& d) {
   if (d.augmented) text << " -> " << number_text(d.augmented->chi2_per_sample);
   text << "  (1: noise only; " << physics::counted(d.fitted_windows, "window") << " fitted, "
        << d.heldout_windows << " held out)\n";
+  if (d.verdict != Verdict::consistent && !d.noise_level.empty()) {
+    text << " " << noise_level_text(d) << "\n";
+  }
   if (d.noise_estimated.empty()) return;
   text << "  Noise estimated from the recording, not declared:";
   for (const Channel channel : d.noise_estimated) text << " " << info(channel).stem;

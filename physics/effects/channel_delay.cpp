@@ -45,7 +45,7 @@ class ChannelDelay final : public EffectOf<ChannelDelay> {
   unsigned hooks() const override { return hook::reading; }
   template <class T>
   void reading_law_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
-    laws.of[index_of(*place.channel)].delay_s = p[0];
+    laws.of[index_of(*place.channel)].delay_s += p[0];
     laws.any_error = true;
     laws.any_delay = true;
   }

@@ -45,7 +45,7 @@ class GainError final : public EffectOf<GainError> {
   unsigned hooks() const override { return hook::reading; }
   template <class T>
   void reading_law_of(ReadingLaws<T>& laws, const Place& place, const T* p) const {
-    laws.of[index_of(*place.channel)].gain = p[0];
+    laws.of[index_of(*place.channel)].gain *= p[0];
     laws.any_error = true;
   }
 };

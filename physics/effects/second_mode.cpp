@@ -71,7 +71,6 @@ class SecondMode final : public EffectOf<SecondMode> {
     for (const double frequency_hz : scales.frequencies_hz) {
       starts.push_back({frequency_hz, 0.0, 0.0, 0.01});
     }
-    starts.push_back({37.0, 0.0, 0.0, 0.01});
     return starts;
   }
   std::string statement(std::span<const double> p) const override {

@@ -119,7 +119,7 @@ std::vector<physics::FilterChain> Laboratory::lowpasses() const {
   std::vector<physics::FilterChain> out;
   for (const double cutoff_hz : cutoffs_hz) {
     if (cutoff_hz * period_s_ > 0.4) continue;
-    const physics::Filter filter{physics::FilterKind::butterworth_lowpass, 4, cutoff_hz};
+    const physics::Filter filter{physics::FilterKind::butterworth_lowpass, 4, {cutoff_hz}};
     out.emplace_back(std::span(&filter, 1), period_s_);
   }
   out.emplace_back();

@@ -128,6 +128,9 @@ def check_finding(finding, path, faults):
                       f"{path}.relation is {relation}; {name} belongs to {expected_relation}")
         missing = sorted(expected - set(parameters))
         faults.expect(not missing, f"{path}.parameters lacks {', '.join(missing)}")
+    elif name == "declared_value":
+        faults.expect(is_text(finding.get("parameter")), f"{path}.parameter is not a path")
+        faults.expect("value" in parameters, f"{path}.parameters lacks value")
     elif name == "unlisted":
         depends = parameters.get("depends_on")
         faults.expect(isinstance(depends, list) and depends
@@ -151,7 +154,9 @@ def check_finding(finding, path, faults):
             here = f"{path}.alternatives[{i}]"
             if not faults.keys(other, ["id", "probability"], here):
                 continue
-            faults.expect(is_text(other["id"]) and other["id"] != name, f"{here}.id is {other['id']}")
+            # Other numbers, and other unlisted physics, have the same id.
+            same = all(other.get(key) == finding.get(key) for key in ("id", "parameter", "name"))
+            faults.expect(is_text(other["id"]) and not same, f"{here}.id is {other['id']}")
             chance = other["probability"]
             if faults.expect(is_number(chance) and 0 <= chance <= 1,
                              f"{here}.probability is {chance}") and is_number(total):

@@ -88,6 +88,7 @@ class SimulatedDiagnosis(EndToEnd):
         # The augmented model is valid, predicts another run of the same rig better than the declared
         # one, and lacks nothing.
         self.succeed("check", augmented)
+        self.assertRegex(augmented.read_text(), r"k3_n_m3 = \{ value = .*, sigma = .* \}")
         other = self.record(TRUTH, 12)
         scores = {}
         for name, model in (("declared", DECLARED), ("augmented", augmented)):
@@ -110,6 +111,36 @@ class SimulatedDiagnosis(EndToEnd):
         chi2 = report["fit"]["heldout"]["baseline"]["chi2_per_sample"]
         self.assertIn(f"{chi2:#.3g} chi-squared per sample (1: noise only)", top)
         self.assertEqual(report["findings"], [])
+
+    def test_a_declared_number_that_is_wrong_by_a_factor_is_named(self):
+        rig = """
+schema = 1
+[oscillator]
+excitation = "force"
+mass_kg = 1.0
+stiffness_n_m = { value = 158.0, sigma = 5.0 }
+damping_ratio = %s
+[sensors.displacement]
+noise_std = 2.0e-5
+"""
+        rows = [f"{k / 200:.3f},{math.sin(2 * math.pi * (0.2 + k / 4000) * k / 200):.6f}"
+                for k in range(3600)]
+        drive_file = self.write("force.csv", "\n".join(["time_s,drive_force_n", *rows]) + "\n")
+        recording = self.folder / "wrong.csv"
+        self.succeed("simulate", "--model", self.write("truth.toml", rig % "0.06"), "--drive",
+                     drive_file, "--out", recording, "--seed", 3)
+        out = self.folder / "wrong.json"
+        mended = self.folder / "mended.toml"
+        text = self.succeed("diagnose", recording, "--model", self.write("wrong.toml", rig % "0.02"),
+                            "--json", out, "--write-model", mended, timeout=300).stdout
+        report = read_json(out)
+        self.assertEqual(faults_of_diagnosis(report), [])
+        self.assertEqual([(f["id"], f["parameter"]) for f in report["findings"]],
+                         [("declared_value", "oscillator.damping_ratio")], text)
+        self.assertIn("not 0.02; with it the model fits", text)
+        self.assertAlmostEqual(report["findings"][0]["parameters"]["value"]["value"], 0.06, delta=0.002)
+        self.assertRegex(mended.read_text(), r"damping_ratio = \{ value = 0.0[56].*, sigma = ")
+        self.assertNotIn("[[physics]]", mended.read_text())
 
     def test_result_does_not_depend_on_segmentation_and_sampling(self):
         """One recording, two halves, half the rate, and another seed of the bootstrap."""

@@ -116,6 +116,31 @@ class MalformedInput(EndToEnd):
                 with self.subTest(case=name, command=command[0]):
                     self.expect_refusal(stickslip(*command), recording, line, word)
 
+    def test_files_of_other_programs(self):
+        rows = "".join(f"{i};{i % 7},0;ok;{i % 5 * 2}\n" for i in range(400))
+        foreign = self.write("foreign.csv", '"Zeit [ms]";Kanal 1;Status;base_displacement_mm\n' + rows)
+        columns = self.write("columns.toml", '"Kanal 1" = { channel = "displacement", unit = "mm" }\n')
+        out, expected = self.folder / "imported.csv", self.folder / "expected.csv"
+        result = stickslip("convert", "--import", foreign, out, "--map", columns)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        for guess in ("semicolons", "comma", 'displacement_m is column "Kanal 1"', 'ignored: "Status"'):
+            self.assertIn(guess, result.stderr)
+        self.succeed("convert", self.good_recording, expected)
+        self.assertEqual(out.read_text(), expected.read_text())
+        for command in (("convert", "--import", foreign, out, "--force"),
+                        ("diagnose", foreign, "--model", self.good_model)):
+            self.assertEqual(stickslip(*command).returncode, 0 if command[0] == "convert" else 2)
+        unknown = self.write("unknown.csv", "Zeit;x [mm]\n1;2\n")
+        self.expect_refusal(stickslip("convert", "--import", unknown, out, "--force"), unknown, 1, "no unit")
+
+    def test_a_channel_that_measures_nothing(self):
+        lines = RECORDING.splitlines()
+        dead = self.write("dead.csv", "".join(
+            line + (",normal_load_n" if i == 0 else ",0") + "\n" for i, line in enumerate(lines)))
+        result = stickslip("diagnose", dead, "--model", self.good_model)
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertIn(f"{dead}: normal_load_n is 0 N on average", result.stderr)
+
     def test_empty_and_absent_recordings(self):
         for name, text in (("empty.csv", ""), ("header_only.csv", RECORDING.split("\n")[0] + "\n"),
                            ("comments_only.csv", "# nothing\n"), ("absent.csv", None)):
@@ -307,8 +332,11 @@ class MalformedInput(EndToEnd):
             f"{i / 1000},0,{2e-3 * (i % 5)}\n" for i in range(400))
         absurd = "time_s,displacement_m,base_displacement_m\n" + "".join(
             f"{i / 1000},{1e200 * (i % 7)},{2e-3 * (i % 5)}\n" for i in range(400))
+        milliseconds = "time_s,displacement_m,base_displacement_m\n" + "".join(
+            f"{i},{1e-3 * (i % 7)},{2e-3 * (i % 5)}\n" for i in range(400))
         for name, text, word in (("still.csv", still, "shows no motion"),
-                                 ("absurd.csv", absurd, "displacement_m is 1e+200")):
+                                 ("absurd.csv", absurd, "displacement_m is 1e+200"),
+                                 ("ms.csv", milliseconds, "time_s looks like milliseconds")):
             recording = self.write(name, text)
             for command in ("diagnose", "evaluate"):
                 with self.subTest(case=name, command=command):

@@ -20,7 +20,7 @@
 #include "tools/command_line/colour_option.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
-#include "tools/command_line/recording_input.h"
+#include "tools/command_line/recording_import.h"
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/files/outputs.h"
@@ -38,6 +38,7 @@ namespace {
 struct Arguments {
   std::vector<std::string> recordings;
   std::string model;
+  ImportOptions columns;
   std::string json;
   std::string html;
   std::string write_model;
@@ -87,7 +88,8 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   const physics::Model model = config::load_model(arguments.model);
   std::vector<protocol::Recording> recordings;
   for (const std::string& path : arguments.recordings) {
-    recordings.push_back(recording_from(path));
+    recordings.push_back(recording_from(path, arguments.columns, false,
+                                        diagnosis::most_frames / arguments.recordings.size()));
   }
   diagnosis::Options options;
   options.seed = arguments.seed;
@@ -139,11 +141,13 @@ void add_diagnose(CLI::App& app, Action& action) {
             "Recordings of one rig (LCM event logs or CSV)")
       ->required();
   add_model_option(*command, arguments->model);
+  add_import_options(*command, arguments->columns);
   add_json_file_option(*command, arguments->json);
   add_output(*command, "--html", arguments->html,
              "Write the report as one self-contained page with figures");
   add_output(*command, "--write-model", arguments->write_model,
-             "Write the augmented model: calibrated, with the physics found");
+             "Write the augmented model: calibrated, with the physics found and the uncertainty of "
+             "every fitted number");
   add_seed_option(*command, arguments->seed);
   add_jobs_option(*command, arguments->jobs);
   command

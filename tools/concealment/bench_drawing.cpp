@@ -36,7 +36,8 @@ std::function<void(ReferenceRig&)> shift_of(double ReferenceRig::*parameter,
 physics::Filter lowpass(int order, double cutoff_hz) {
   return {order == 1 ? physics::FilterKind::first_order_lowpass
                      : physics::FilterKind::butterworth_lowpass,
-          order, cutoff_hz};
+          order,
+          {cutoff_hz}};
 }
 
 double draw_mass(Bench& bench, RandomSource& random) {

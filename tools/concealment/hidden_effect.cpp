@@ -307,6 +307,12 @@ void gain_error(EffectDraw& d) {
   d.parameter("gain", instrument.gain, 0.3, 1.0);
 }
 
+void sensor_offset(EffectDraw& d) {
+  Instrument& instrument = draw_instrument(d);
+  instrument.offset = d.random.sign() * std::min(0.1 * d.strength, 0.8) * d.spread();
+  d.parameter("offset", instrument.offset, 0.3);
+}
+
 void crosstalk(EffectDraw& d) {
   Instrument& instrument = draw_instrument(d);
   std::vector<Channel> sources;
@@ -395,6 +401,7 @@ const std::array effects = {
     HiddenEffect{"crosstalk", true, with_velocity, plain, crosstalk},
     HiddenEffect{"clipping", true, with_velocity, plain, clipping},
     HiddenEffect{"mains_hum", true, with_velocity, plain, mains_hum},
+    HiddenEffect{"sensor_offset", true, with_velocity, plain, sensor_offset},
     HiddenEffect{"sensor_drift", true, with_velocity, plain, sensor_drift},
     HiddenEffect{"rippled_track", false, flat_plates, plain, rippled_track},
     HiddenEffect{"even_spring", false, free_spring, plain, even_spring},

@@ -138,7 +138,7 @@ void ReferenceSimulator::build_chains() {
       const bool first = filter.kind == physics::FilterKind::first_order_lowpass;
       const double cutoff = velocity && first && rig_.differentiator_hz > 0.0
                                 ? rig_.differentiator_hz
-                                : filter.cutoff_hz;
+                                : filter.cutoff_hz.value;
       add_lowpass(chain, first ? 1 : filter.order, cutoff);
     }
     if (instrument.delay_s > 0.0 && instrument.bessel_delay) {
@@ -473,6 +473,7 @@ void ReferenceSimulator::update_readings() {
       value += r.hum_amplitude * (1.0 + r.hum_modulation * std::sin(two_pi * 0.13 * time_s_)) *
                std::sin(two_pi * r.hum_hz * time_s_ + 0.7);
     }
+    value += r.offset;
     if (r.drift_per_s != 0.0) {
       value += r.drift_per_s * (r.drift_settling_s > 0.0
                                     ? r.drift_settling_s * -std::expm1(-t / r.drift_settling_s)

@@ -55,6 +55,7 @@ struct Instrument {
   double hum_hz = 0.0;
   double hum_amplitude = 0.0;
   double hum_modulation = 0.0;  ///< relative depth of a slow modulation of the hum's amplitude
+  double offset = 0.0;
   double drift_per_s = 0.0;
   double drift_settling_s = 0.0;  ///< 0: a ramp; otherwise the time constant of an exponential
 };

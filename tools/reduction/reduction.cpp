@@ -6,6 +6,7 @@
 #include <map>
 #include <numbers>
 
+#include "diagnosis/channel_readings.h"
 #include "diagnosis/wide_band.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
@@ -123,6 +124,23 @@ Values column(const protocol::Recording& recording, Channel channel, const Stret
     values.push_back(recording.frames[i][channel]);
   }
   return values;
+}
+
+// The quantity behind the readings of an instrument whose gain, offset or delay is declared.
+Values corrected(Values readings, const physics::Sensor& sensor, double period_s) {
+  const double gain = sensor.gain ? sensor.gain->value : 1.0;
+  const double offset = sensor.offset ? sensor.offset->value : 0.0;
+  for (double& each : readings) each = (each - offset) / gain;
+  const double late = sensor.delay_s ? sensor.delay_s->value / period_s : 0.0;
+  if (late == 0.0) return readings;
+  Values out;
+  out.reserve(readings.size());
+  const double last = static_cast<double>(readings.size() - 1);
+  for (std::size_t i = 0; i < readings.size(); ++i) {
+    const double at = std::clamp(static_cast<double>(i) + late, 0.0, last);
+    out.push_back(diagnosis::interpolated(readings, at, 0, readings.size()));
+  }
+  return out;
 }
 
 double quantile(Values values, double share) {
@@ -389,7 +407,10 @@ Reduction reduce(const protocol::Recording& recording, const physics::Model& mod
   // Filters are inverted over the whole stretch: its ends are the least accurate part.
   const Stretch taken = whole ? stretch : Stretch{first, first + count};
   std::array<Values, channel_count> read;
-  for (const Channel channel : needed) read[index_of(channel)] = column(recording, channel, taken);
+  for (const Channel channel : needed) {
+    const std::size_t c = index_of(channel);
+    read[c] = corrected(column(recording, channel, taken), model.sensors[c], period_s);
+  }
 
   Reduction out;
   out.first = first;

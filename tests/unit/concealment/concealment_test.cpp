@@ -23,6 +23,7 @@ CaseRequest request_for(const std::string& id) {
 TEST(Concealment, CoversEveryListedEffect) {
   std::set<std::string> listed;
   for (const physics::Effect* effect : physics::catalogue()) {
+    if (effect->hooks() == 0) continue;  // a number of the model, no term
     if (effect->card().depends_on.empty()) listed.insert(std::string(effect->card().id));
   }
   std::set<std::string> hidden;

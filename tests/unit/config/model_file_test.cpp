@@ -87,13 +87,17 @@ physics::Friction some_friction() {
 physics::Sensor some_sensor() {
   physics::Sensor out;
   if (*rc::gen::arbitrary<bool>()) out.noise_std = positive();
+  if (*rc::gen::arbitrary<bool>()) out.noise_correlation_s = positive();
+  if (*rc::gen::arbitrary<bool>()) out.gain = above_zero();
+  if (*rc::gen::arbitrary<bool>()) out.offset = any();
+  if (*rc::gen::arbitrary<bool>()) out.delay_s = physics::Parameter{1.0e-3, 2.0e-4};
   const int count = *rc::gen::inRange(0, 3);
   for (int i = 0; i < count; ++i) {
     physics::Filter filter;
     filter.kind = static_cast<physics::FilterKind>(*rc::gen::inRange(0, 2));
     filter.order =
         filter.kind == physics::FilterKind::first_order_lowpass ? 1 : *rc::gen::inRange(1, 7);
-    filter.cutoff_hz = positive();
+    filter.cutoff_hz = above_zero();
     out.filters.push_back(filter);
   }
   return out;

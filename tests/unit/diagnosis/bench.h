@@ -16,7 +16,8 @@ namespace stickslip::diagnosis::test {
 
 inline constexpr double rate_hz = 200.0;
 
-/// 1 kg at 2 Hz, known within a few per cent; displacement measured with 20 um of noise.
+/// 1 kg at 2 Hz, known within a few per cent; displacement measured with 20 um of noise, and exact
+/// instruments.
 inline physics::Model driven_mass() {
   physics::Model model;
   model.oscillator.excitation = physics::Excitation::force;
@@ -24,6 +25,23 @@ inline physics::Model driven_mass() {
   model.oscillator.stiffness_n_m = physics::Parameter{158.0, 5.0};
   model.oscillator.damping_n_s_m = physics::Parameter{0.5, 0.2};
   model.sensors[index_of(Channel::displacement)].noise_std = 2.0e-5;
+  for (const Channel channel : {Channel::displacement, Channel::drive_force}) {
+    physics::Sensor& sensor = model.sensors[index_of(channel)];
+    sensor.gain = physics::Parameter{1.0};
+    sensor.offset = physics::Parameter{0.0};
+    sensor.delay_s = physics::Parameter{0.0};
+  }
+  return model;
+}
+
+/// The same where nothing is known of its instruments.
+inline physics::Model undeclared_instruments() {
+  physics::Model model = driven_mass();
+  for (physics::Sensor& sensor : model.sensors) {
+    sensor.gain.reset();
+    sensor.offset.reset();
+    sensor.delay_s.reset();
+  }
   return model;
 }
 

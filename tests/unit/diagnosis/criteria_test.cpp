@@ -11,8 +11,8 @@ TEST(Criteria, DefaultsAreValid) { EXPECT_EQ(invalid({}), ""); }
 
 TEST(Criteria, NameTheValueOutsideItsRange) {
   Criteria criteria;
-  criteria.claim_share_explained = 1.5;
-  EXPECT_EQ(invalid(criteria), "claim_share_explained is 1.5; expected 0 to 1");
+  criteria.claim_share_unexplained = 1.5;
+  EXPECT_EQ(invalid(criteria), "claim_share_unexplained is 1.5; expected 0 to 1");
   criteria = {};
   criteria.explained_chi2 = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(invalid(criteria), "explained_chi2 is nan; expected 1 or more");

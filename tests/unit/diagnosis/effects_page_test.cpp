@@ -27,6 +27,7 @@ TEST(EffectsPage, IsUpToDate) {
 TEST(EffectsPage, HasAnUpToDatePictureOfEveryEffectAndNoOther) {
   std::set<std::string> names;
   for (const physics::Effect* effect : physics::catalogue()) {
+    if (effect->hooks() == 0) continue;  // no term, no picture
     const std::string id(effect->card().id);
     names.insert(id + ".svg");
     const std::string picture = effect_picture(*effect);
@@ -41,6 +42,7 @@ TEST(EffectsPage, HasAnUpToDatePictureOfEveryEffectAndNoOther) {
 
 TEST(EffectsPage, PicturesNeedNeitherAPageNorVariables) {
   for (const physics::Effect* effect : physics::catalogue()) {
+    if (effect->hooks() == 0) continue;
     SCOPED_TRACE(std::string(effect->card().id));
     const std::string picture = effect_picture(*effect);
     EXPECT_THAT(picture, testing::StartsWith("<svg xmlns=\"http://www.w3.org/2000/svg\""));

@@ -67,6 +67,53 @@ TEST(Hypothesis, ASecondEffectDoesNotChangeTheFirst) {
   EXPECT_DOUBLE_EQ(two.model_at(z).terms[1].parameters.at("k3_n_m3").value, 12.0);
 }
 
+TEST(Hypothesis, FreesADeclaredNumberAroundItsValue) {
+  const Hypothesis declared(driven_mass());
+  const auto& paths = declared.rig().parameter_paths();
+  const auto index_of = [&](const char* path) {
+    return static_cast<std::size_t>(std::find(paths.begin(), paths.end(), path) - paths.begin());
+  };
+  // Exact, and known with a standard deviation, which no longer binds it.
+  for (const char* path : {"oscillator.mass_kg", "oscillator.damping_n_s_m"}) {
+    const Hypothesis freed = declared.freeing(index_of(path));
+    ASSERT_TRUE(freed.unknown_of(index_of(path)));
+    const Unknown& unknown = freed.unknowns()[*freed.unknown_of(index_of(path))];
+    EXPECT_TRUE(unknown.freed && unknown.logarithmic && !unknown.of_model) << path;
+    EXPECT_EQ(&unknown, &freed.unknowns().back()) << path;
+    EXPECT_EQ(freed.model_at(std::vector<double>(freed.unknowns().size(), 0.0)), driven_mass());
+  }
+  EXPECT_EQ(declared.freeing(index_of("oscillator.mass_kg")).unknowns().size(), 3U);
+  EXPECT_EQ(declared.freeing(index_of("oscillator.damping_n_s_m")).unknowns().size(), 2U);
+}
+
+// Freed numbers move to the end: values are carried over by number, not by position.
+TEST(Hypothesis, CarriesValuesOver) {
+  const Hypothesis declared(driven_mass());
+  const Hypothesis freed = declared.freeing(declared.unknowns()[0].parameter);
+  const auto* effect = physics::find_effect("cubic_stiffness");
+  const std::vector<double> start = {12.0};
+  const Hypothesis more = freed.with(*effect, {}, start, {});
+  const std::vector<double> z = {1.5, -0.5};
+  const std::vector<double> carried = carried_over(declared, z, more);
+  ASSERT_EQ(carried.size(), 3U);
+  const auto before = declared.model_at(z).oscillator;
+  const auto after = more.model_at(carried).oscillator;
+  EXPECT_DOUBLE_EQ(after.stiffness_n_m->value, before.stiffness_n_m->value);
+  EXPECT_DOUBLE_EQ(after.damping_n_s_m->value, before.damping_n_s_m->value);
+}
+
+// A number that was declared as 0 may be freed, and does not become negative.
+TEST(Hypothesis, FreesZero) {
+  auto model = driven_mass();
+  model.oscillator.damping_n_s_m = physics::Parameter{0.0};
+  const Hypothesis declared(model);
+  const auto& paths = declared.rig().parameter_paths();
+  const auto at = std::find(paths.begin(), paths.end(), "oscillator.damping_n_s_m");
+  const Hypothesis freed = declared.freeing(static_cast<std::size_t>(at - paths.begin()));
+  EXPECT_EQ(freed.value(1, -2.0), 0.0);
+  EXPECT_EQ(freed.value(1, 0.3), 0.3);
+}
+
 TEST(Hypothesis, StartsWithinTheDomainOfAParameter) {
   physics::Model model = driven_mass();
   model.friction.law = physics::FrictionLaw::coulomb;

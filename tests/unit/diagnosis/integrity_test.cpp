@@ -70,6 +70,19 @@ TEST(Integrity, CountsMissingSamplesAndTheLongestGap) {
               ElementsAre("11 of 10000 samples are missing; the longest gap is 0.022 s"));
 }
 
+TEST(Integrity, FramesThatWereLeftOutAreNotLost) {
+  auto recording = two_tones();
+  recording.frames.erase(recording.frames.begin() + 500, recording.frames.begin() + 4500);
+  recording.left_out = 4000;
+  recording.after_left_out = {500};
+  const Integrity found = integrity_of(recording, physics::Model{});
+  EXPECT_EQ(found.lost, 0u);
+  EXPECT_EQ(found.longest_gap_s, 0.0);
+  EXPECT_THAT(found.remarks,
+              ElementsAre("4000 frames of 10000 were left out, more than one diagnosis can take; "
+                          "those taken are stretches spread over the recording"));
+}
+
 TEST(Integrity, FindsClippedReadings) {
   auto recording = two_tones();
   for (Frame& frame : recording.frames) {
@@ -96,6 +109,54 @@ TEST(Integrity, FindsAMainsLineOfHalfTheNoise) {
   EXPECT_FALSE(found.channels[1].mains);
   ASSERT_EQ(found.remarks.size(), 1u);
   EXPECT_THAT(found.remarks[0], HasSubstr("look for a ground loop"));
+}
+
+// Two tones and a line in the displacement.
+protocol::Recording with_line(double frequency_hz, double amplitude_m, std::size_t every = 1) {
+  auto recording = two_tones();
+  protocol::Recording out = recording;
+  out.frames.clear();
+  for (std::size_t k = 0; k < recording.frames.size(); k += every) {
+    Frame frame = recording.frames[k];
+    frame.set(Channel::displacement,
+              frame[Channel::displacement] +
+                  amplitude_m * std::sin(2.0 * pi * frequency_hz * frame.time_s()));
+    out.frames.push_back(frame);
+  }
+  return out;
+}
+
+TEST(Integrity, ALineIsMainsOnlyWhereItIsOneAndMatters) {
+  EXPECT_TRUE(integrity_of(with_line(60.15, 1.0e-5), physics::Model{}).channels[0].mains);
+  EXPECT_FALSE(integrity_of(with_line(60.5, 1.0e-5), physics::Model{}).channels[0].mains);
+  EXPECT_FALSE(integrity_of(with_line(50.0, 3.0e-6), physics::Model{}).channels[0].mains);
+}
+
+TEST(Integrity, AToneOfAPeriodicMotionIsNotMains) {
+  auto recording = two_tones();
+  for (Frame& frame : recording.frames) {
+    double x = frame[Channel::displacement];
+    for (int n = 20; n <= 40; ++n) x += 1.0e-4 * std::sin(2.0 * pi * 1.667 * n * frame.time_s());
+    frame.set(Channel::displacement, x);
+  }
+  EXPECT_FALSE(integrity_of(recording, physics::Model{}).channels[0].mains);
+}
+
+TEST(Integrity, NamesTheMainsFrequencyBehindAnAlias) {
+  const Integrity found = integrity_of(with_line(50.0, 2.0e-5, 7), physics::Model{});
+  ASSERT_TRUE(found.channels[0].mains);  // at 71.4 Hz
+  EXPECT_NEAR(found.channels[0].mains->frequency_hz, rate_hz / 7.0 - 50.0, 0.05);
+  EXPECT_EQ(found.channels[0].mains_hz, 50.0);
+  EXPECT_THAT(found.remarks[0], HasSubstr("where 50 Hz appear at this rate"));
+}
+
+TEST(Integrity, AHarmonicOfTheDriveIsNotMains) {
+  auto recording = with_line(50.0, 1.0e-4);
+  for (Frame& frame : recording.frames) {
+    frame.set(Channel::drive_force, std::sin(2.0 * pi * frame.time_s() * 50.0 / 3.0));
+    recording.channels |= frame.valid;
+  }
+  EXPECT_FALSE(integrity_of(recording, physics::Model{}).channels[0].mains);
 }
 
 TEST(Integrity, MeasuresTheDelayOfTheVelocity) {

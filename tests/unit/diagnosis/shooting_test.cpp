@@ -8,6 +8,7 @@
 #include <initializer_list>
 #include <numbers>
 
+#include "diagnosis/held_out.h"
 #include "diagnosis/score.h"
 #include "tests/unit/diagnosis/bench.h"
 
@@ -48,6 +49,34 @@ TEST(Fit, FindsTheParametersOfATrueModelWithinTheirUncertainty) {
     EXPECT_NEAR(hypothesis.value(u, fitted.z[u]), truth[u], 4.0 * sigma + 3.0e-5 * truth[u]);
     EXPECT_LT(sigma, 0.02 * truth[u]);
   }
+}
+
+// Mass, stiffness and damping 1.5 % off, all within a sixth of a standard deviation: a gain of the
+// drive that is 3 off explains the same, and small steps stay there.
+TEST(Fit, FollowsARidgeToItsMostProbablePoint) {
+  auto truth = driven_mass();
+  auto declared = driven_mass();
+  const auto scaled = [](physics::Model& model, double factor, double sigma_share) {
+    physics::Oscillator& o = model.oscillator;
+    for (physics::Parameter* each : {&o.mass_kg, &*o.stiffness_n_m, &*o.damping_n_s_m}) {
+      each->value *= factor;
+      each->sigma = sigma_share * each->value;
+    }
+  };
+  scaled(truth, 1.015, 0.0);
+  scaled(declared, 1.0, 0.1);
+  declared.sensors[index_of(Channel::drive_force)].gain = physics::Parameter{1.0, 0.005};
+  const std::vector<Experiment> experiments = {experiment_of(record(truth, 24.0), declared)};
+  const Task task = all_windows(experiments);
+  const Hypothesis hypothesis(declared);
+  FitOptions options;
+  options.iterations = 40;
+  options.tolerance = 3.0e-5;
+  const std::vector<double> start = {0.0, 0.0, 0.0, -1.0 / 0.005 * (1.0 - 1.0 / 1.015)};
+  const Fit ridge = fit_states(task, hypothesis, start);
+  const Fit got = fit(task, hypothesis, start, ridge.state, options);
+  EXPECT_LT(std::abs(got.z.back()), 0.25);
+  EXPECT_LT(prior_penalty(hypothesis, got.z), 0.2);
 }
 
 // A mass between two wells, with some first guesses in the wrong one: those windows start again
@@ -292,6 +321,33 @@ TEST(Fit, KnowsAnImposedMotionUpToItsNoise) {
     physics::Input input;
     input.displacement_m = 0.006 * std::sin(a * time_s) + 0.004 * std::sin(b * time_s);
     input.velocity_m_s = 0.006 * a * std::cos(a * time_s) + 0.004 * b * std::cos(b * time_s);
+    return input;
+  };
+  const auto chi2 = chi2_of(
+      recorded(model, {Channel::displacement, Channel::friction_force}, 5.0e-5, 40, 5000, motion),
+      model);
+  EXPECT_GT(chi2.without, 2.0);
+  EXPECT_LT(chi2.with, 1.1);
+  EXPECT_GT(chi2.with, 0.8);
+}
+
+// A fast motion dwells near its reversals: within a few milliseconds the noise of the gauge decides
+// how far friction turns.
+TEST(Fit, KnowsAnImposedMotionThatDwellsAtItsReversals) {
+  physics::Model model;
+  model.oscillator.excitation = physics::Excitation::imposed;
+  model.friction.law = physics::FrictionLaw::coulomb;
+  model.friction.mu = {0.4};
+  model.friction.transition_speed_m_s = {4.0e-3};
+  model.normal_load.emplace().load_n = {0.3};
+  model.sensors[index_of(Channel::displacement)].noise_std = 1.0e-4;
+  model.sensors[index_of(Channel::friction_force)].noise_std = 3.0e-3;
+  const auto motion = [](double time_s) {
+    const double a = 2.0 * std::numbers::pi * 4.3;
+    const double b = 3.0 * a;
+    physics::Input input;
+    input.displacement_m = 0.006 * std::sin(a * time_s) + 0.0008 * std::sin(b * time_s);
+    input.velocity_m_s = 0.006 * a * std::cos(a * time_s) + 0.0008 * b * std::cos(b * time_s);
     return input;
   };
   const auto chi2 = chi2_of(

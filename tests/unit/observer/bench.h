@@ -33,12 +33,16 @@ inline physics::Model paper_rig(Law law, bool wedge = false, bool resonant = tru
                {0.016},
                resonant ? LoadCellDynamics::resonant : LoadCellDynamics::quasi_static};
   const std::vector<Filter> analogue = {{FilterKind::butterworth_lowpass, 4, 25.0}};
-  const auto sensor = [&](Channel channel) -> Sensor& { return model.sensors[index_of(channel)]; };
-  sensor(Channel::displacement) = {6.0e-5, analogue};
-  sensor(Channel::velocity) = {1.5e-3, {{FilterKind::first_order_lowpass, 1, 150.0}}};
-  sensor(Channel::friction_force) = {6.0e-4, analogue};
-  sensor(Channel::normal_load) = {6.0e-4, analogue};
-  sensor(Channel::base_displacement) = {4.0e-5, analogue};
+  const auto set_sensor = [&](Channel channel, double noise_std,
+                              const std::vector<Filter>& filters) {
+    model.sensors[index_of(channel)].noise_std = noise_std;
+    model.sensors[index_of(channel)].filters = filters;
+  };
+  set_sensor(Channel::displacement, 6.0e-5, analogue);
+  set_sensor(Channel::velocity, 1.5e-3, {{FilterKind::first_order_lowpass, 1, {150.0}}});
+  set_sensor(Channel::friction_force, 6.0e-4, analogue);
+  set_sensor(Channel::normal_load, 6.0e-4, analogue);
+  set_sensor(Channel::base_displacement, 4.0e-5, analogue);
   return model;
 }
 

@@ -38,7 +38,7 @@ Model forced_rig() {
   Model model = linear_rig();
   model.oscillator.excitation = physics::Excitation::force;
   model.load_cell.reset();
-  model.sensors[index_of(Channel::drive_force)] = {1.0e-3, {}};
+  model.sensors[index_of(Channel::drive_force)].noise_std = 1.0e-3;
   return model;
 }
 

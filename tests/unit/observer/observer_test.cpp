@@ -346,7 +346,7 @@ TEST(Observer, SupportsForceExcitation) {
   Model real = paper_rig(Law::coulomb);
   real.oscillator.excitation = physics::Excitation::force;
   real.load_cell.reset();
-  real.sensors[index_of(Channel::drive_force)] = {1.0e-3, {}};
+  real.sensors[index_of(Channel::drive_force)].noise_std = 1.0e-3;
   const auto drive = [](double t) {
     physics::Input input;
     input.drive_force_n = 0.3 * std::sin(2.0 * std::numbers::pi * 3.0 * t);

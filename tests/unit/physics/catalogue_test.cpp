@@ -13,6 +13,7 @@
 #include <tuple>
 #include <vector>
 
+#include "physics/declared_value.h"
 #include "physics/reading.h"
 #include "physics/rig.h"
 #include "tests/unit/physics/rigs.h"
@@ -52,9 +53,14 @@ const std::map<std::string, ListedEntry>& listed() {
       {"clipping", {Relation::sensor, {"limit"}}},
       {"mains_hum", {Relation::sensor, {"frequency_hz", "amplitude"}}},
       {"sensor_drift", {Relation::sensor, {"rate_per_s"}}},
+      {"sensor_offset", {Relation::sensor, {"offset"}}},
+      {"declared_value", {Relation::force_balance, {"value"}}},
   };
   return entries;
 }
+
+/// A number of the model itself is no term: see physics/declared_value.h.
+bool is_term(const Effect& effect) { return effect.hooks() != 0; }
 
 class EveryEffect : public testing::TestWithParam<const Effect*> {};
 
@@ -100,8 +106,8 @@ TEST_P(EveryEffect, IsDescribedCompletely) {
     middle.push_back(parameter.positive ? std::sqrt(parameter.low * parameter.high)
                                         : 0.7 * parameter.low + 0.3 * parameter.high);
   }
-  // A picture for every effect, and literature with a year.
-  EXPECT_EQ(card.example.size(), card.parameters.size());
+  // A picture for every term, and literature with a year.
+  EXPECT_EQ(card.example.size(), is_term(*GetParam()) ? card.parameters.size() : 0U);
   for (std::size_t i = 0; i < card.example.size(); ++i) {
     if (card.parameters[i].fixed_default == card.example[i]) continue;
     EXPECT_GE(card.example[i], card.parameters[i].low) << card.parameters[i].name;
@@ -147,6 +153,7 @@ Scales scales_of_a_bench() {
 }
 
 TEST_P(EveryEffect, StartsInsideItsRangesWithTheParametersToEstimate) {
+  if (!is_term(*GetParam())) GTEST_SKIP() << "no term";
   const Effect& effect = *GetParam();
   const Scales scales = scales_of_a_bench();
   std::size_t estimated = 0;
@@ -249,6 +256,7 @@ const std::vector<VisibleEffect>& sensor_effects() {
       {"sensor_drift",
        {{"rate_per_s", {0.01}}, {"approach_s", {20.0}}},
        {Channel::normal_load, {}}},
+      {"sensor_offset", {{"offset", {0.002}}}, {Channel::displacement, {}}},
       {"bridge_nonlinearity", {{"curvature", {20.0}}}, {Channel::displacement, {}}}};
   return list;
 }
@@ -391,6 +399,7 @@ void expect_derivatives(const Model& model, const Rig& rig, std::size_t paramete
 }
 
 TEST_P(EveryEffect, ChangesTheMotionOrItsReadingsWithExactDerivatives) {
+  if (!is_term(*GetParam())) GTEST_SKIP() << "no term";
   const Effect& effect = *GetParam();
   const Setting setting = setting_for(effect);
   const Place& place = setting.place;
@@ -419,6 +428,7 @@ TEST_P(EveryEffect, ChangesTheMotionOrItsReadingsWithExactDerivatives) {
 
 // Terms are bound by position; the paths, which reports print, agree.
 TEST_P(EveryEffect, IsBoundToItsParameters) {
+  if (!is_term(*GetParam())) GTEST_SKIP() << "no term";
   const Effect& effect = *GetParam();
   const Setting setting = setting_for(effect);
   Model model = setting.model;
@@ -490,6 +500,29 @@ TEST(Catalogue, FindsEveryEffectByItsIdAndNoOther) {
   EXPECT_GE(ids.size(), listed().size());
   for (const auto& [id, entry] : listed()) EXPECT_TRUE(ids.contains(id)) << id;
   EXPECT_EQ(find_effect("unlisted"), nullptr);
+}
+
+TEST(DeclaredValue, StandsInNoModelAndNamesTheNumbersOfAll) {
+  Model model = test::bench();
+  EXPECT_FALSE(can_be_missing(declared_value(), model));
+  model.friction.transition_speed_m_s = {0.0};  // the set-valued law, no number
+  model.terms.push_back({"cubic_stiffness", {}, {{"k3_n_m3", {1.0e4}}}});
+  const auto paths = contradictable_numbers(model);
+  const auto holds = [&](const char* path) {
+    return std::find(paths.begin(), paths.end(), path) != paths.end();
+  };
+  EXPECT_TRUE(holds("oscillator.mass_kg"));
+  EXPECT_TRUE(holds("friction.mu"));
+  EXPECT_TRUE(holds("physics.cubic_stiffness.k3_n_m3"));
+  EXPECT_FALSE(holds("friction.transition_speed_m_s"));
+  EXPECT_EQ(relation_of("friction.mu"), Relation::friction_law);
+  EXPECT_EQ(relation_of("oscillator.mass_kg"), Relation::force_balance);
+  EXPECT_EQ(relation_of("physics.stribeck.static_ratio"), Relation::friction_law);
+  EXPECT_FALSE(is_signed("oscillator.damping_ratio"));
+  EXPECT_TRUE(is_signed("physics.cubic_stiffness.k3_n_m3"));
+  EXPECT_EQ(contradiction("oscillator.damping_ratio", 0.02, 0.06),
+            "damping_ratio is 0.06, not 0.02");
+  EXPECT_EQ(contradiction("oscillator.mass_kg", 1.0, 1.0004), "mass_kg is 1.0004, not 1");
 }
 
 TEST(Catalogue, ListsTheEffectsAModelCanLack) {

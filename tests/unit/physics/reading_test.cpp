@@ -8,6 +8,8 @@
 #include <random>
 #include <vector>
 
+#include "physics/rig.h"
+#include "physics/sensor_chain.h"
 #include "physics/simulator.h"
 #include "tests/unit/physics/rigs.h"
 
@@ -50,6 +52,65 @@ Pair with(const Term& term) {
 
 constexpr Channel f = Channel::friction_force;
 constexpr Channel v = Channel::velocity;
+
+// reading = gain (quantity, delay_s ago) + offset, for predicted channels and for those of the
+// drive.
+TEST(Reading, FollowsTheDeclaredInstrument) {
+  Model model = test::bench();
+  const std::vector<Frame> exact = recorded(model);
+  Sensor& sensor = model.sensors[index_of(v)];
+  sensor.gain = Parameter{1.02};
+  sensor.offset = Parameter{-0.003};
+  sensor.delay_s = Parameter{0.004};
+  model.sensors[index_of(Channel::base_displacement)].offset = Parameter{0.001};
+  const std::vector<Frame> read = recorded(model);
+  for (std::size_t k = 100; k < read.size(); ++k) {
+    EXPECT_NEAR(read[k][v], 1.02 * exact[k - 4][v] - 0.003, 1.0e-9);
+    EXPECT_EQ(read[k][f], exact[k][f]);
+    EXPECT_NEAR(read[k][Channel::base_displacement], exact[k][Channel::base_displacement] + 0.001,
+                1.0e-12);
+  }
+}
+
+// Below its cut-off a low-pass is a delay: a cut-off that is 2 % off, and its declared uncertainty.
+TEST(Reading, CutOffsAreParametersWithTheDelayOfTheirFilters) {
+  Model model = test::bench();
+  auto& filters = model.sensors[index_of(Channel::displacement)].filters;
+  filters = {{FilterKind::butterworth_lowpass, 4, {25.0, 0.5}}};
+  const Rig rig(model);
+  auto values = rig.parameter_values();
+  const auto& paths = rig.parameter_paths();
+  const auto at = std::find(paths.begin(), paths.end(), "sensors.displacement.filters.0.cutoff_hz");
+  ASSERT_NE(at, paths.end());
+  values[static_cast<std::size_t>(at - paths.begin())] = 25.5;
+  const auto laws = rig.numbers<double>(std::span<const double>(values)).reading;
+  const double lag_s = FilterChain(filters, 1.0e-3).lag_s();
+  const double change_s = lag_s * (25.0 / 25.5 - 1.0);
+  EXPECT_NEAR(laws.of[index_of(Channel::displacement)].delay_s, change_s, 1.0e-12);
+  EXPECT_NEAR(laws.of[index_of(v)].delay_s, change_s, 1.0e-12) << "the velocity chain follows it";
+}
+
+TEST(Reading, NoiseHasTheDeclaredCorrelationTime) {
+  Model model = test::bench();
+  Sensor& sensor = model.sensors[index_of(v)];
+  sensor.noise_std = 0.01;
+  sensor.noise_correlation_s = 0.02;
+  SimulationOptions options;
+  options.seed = 3;
+  RigSimulator rig(model, options);
+  double square = 0.0;
+  double product = 0.0;
+  double last = 0.0;
+  for (int k = 0; k < 20000; ++k) {
+    rig.advance(1.0e-3, {});
+    const double noise = rig.read()[v];
+    square += noise * noise;
+    product += noise * last;
+    last = noise;
+  }
+  EXPECT_NEAR(std::sqrt(square / 20000.0), 0.01, 0.001);
+  EXPECT_NEAR(product / square, std::exp(-0.05), 0.01);
+}
 
 TEST(Reading, GainErrorScalesItsChannelOnly) {
   const Pair pair = with({"gain_error", v, {{"gain", {1.2}}}});

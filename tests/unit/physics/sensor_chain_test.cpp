@@ -15,10 +15,10 @@ namespace {
 using std::numbers::pi;
 
 constexpr Filter butterworth(int order, double cutoff_hz) {
-  return {FilterKind::butterworth_lowpass, order, cutoff_hz};
+  return {FilterKind::butterworth_lowpass, order, {cutoff_hz}};
 }
 constexpr Filter first_order(double cutoff_hz) {
-  return {FilterKind::first_order_lowpass, 1, cutoff_hz};
+  return {FilterKind::first_order_lowpass, 1, {cutoff_hz}};
 }
 
 // Response of a chain to a sine, by correlation over whole periods.

@@ -64,6 +64,32 @@ TEST(Reduction, IsRefusedWithoutALoadToDivideBy) {
   }
 }
 
+// Recordings with and without instrument errors reduce to the same numbers where the model declares
+// the errors.
+TEST(Reduction, RemovesDeclaredInstrumentErrors) {
+  physics::Model model = preset("beam-1").model;
+  const Reduction plain = reduce(short_recording(), model, {});
+  protocol::Recording recording = short_recording();
+  for (Frame& frame : recording.frames) {
+    frame.set(Channel::friction_force, 1.2 * frame[Channel::friction_force]);
+    frame.set(Channel::normal_load, frame[Channel::normal_load] + 0.05);
+  }
+  // Velocity read two samples late.
+  for (std::size_t i = recording.frames.size() - 1; i >= 2; --i) {
+    recording.frames[i].set(Channel::velocity, recording.frames[i - 2][Channel::velocity]);
+  }
+  model.sensors[index_of(Channel::friction_force)].gain = physics::Parameter{1.2};
+  model.sensors[index_of(Channel::normal_load)].offset = physics::Parameter{0.05};
+  model.sensors[index_of(Channel::velocity)].delay_s = physics::Parameter{2.0 * plain.period_s};
+  const Reduction got = reduce(recording, model, {});
+  ASSERT_EQ(got.samples.size(), plain.samples.size());
+  EXPECT_NEAR(got.load_n, plain.load_n, 1e-9);
+  EXPECT_NEAR(got.sliding_mu.high, plain.sliding_mu.high, 1e-9);
+  for (std::size_t i = 0; i + 100 < got.samples.size(); i += 50) {
+    EXPECT_NEAR(got.samples[i].velocity_m_s, plain.samples[i].velocity_m_s, 1e-9);
+  }
+}
+
 // The statements of the paper on each preset's figure: the normal load, and for Beams I and II the
 // range of the coefficient of sliding friction. Its numbers have one digit; so have these
 // tolerances.

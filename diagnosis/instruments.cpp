@@ -1,0 +1,82 @@
+#include "diagnosis/instruments.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "physics/sensor_chain.h"
+
+namespace stickslip::diagnosis {
+
+namespace {
+
+constexpr double gain_sigma = 0.005;
+constexpr double offset_share = 0.01;  // of the channel's standard deviation
+constexpr double delay_samples = 0.3;  // of a multiplexed converter
+constexpr double cutoff_share = 0.02;  // below its cut-off a low-pass is a delay
+
+// Standard deviation of the delay that its filters add to a channel [s].
+double filter_delay_sigma_s(const std::vector<physics::Filter>& filters) {
+  double square = 0.0;
+  for (const physics::Filter& filter : filters) {
+    if (filter.cutoff_hz.sigma > 0.0) continue;  // declared: a parameter of its own
+    const double lag_s = physics::FilterChain({&filter, 1}, 1.0e-3).lag_s();
+    square += std::pow(cutoff_share * lag_s, 2);
+  }
+  return std::sqrt(square);
+}
+
+// Delays count from the channel of the drive: a delay of all channels is none, and would be a
+// direction in which nothing holds a fit.
+double delay_sigma_s(const physics::Model& model, const Experiment& e, Channel channel) {
+  const auto of_filters = [&](Channel each) {
+    return filter_delay_sigma_s(model.sensors[index_of(each)].filters);
+  };
+  const double converter_s = std::numbers::sqrt2 * delay_samples * e.period_s;
+  const double before_s = channel == Channel::velocity ? of_filters(Channel::displacement) : 0.0;
+  const double drive_s = model.oscillator.excitation == physics::Excitation::base
+                             ? of_filters(Channel::base_displacement)
+                             : of_filters(model.oscillator.excitation == physics::Excitation::force
+                                              ? Channel::drive_force
+                                              : Channel::displacement);
+  return std::hypot(converter_s, std::hypot(of_filters(channel), before_s), drive_s);
+}
+
+bool is_recorded(const Experiment& e, Channel channel) {
+  return e.noise_std[index_of(channel)] > 0.0;
+}
+
+// Channels whose readings are compared or act: of an imposed motion only times matter, and the
+// friction force has those.
+bool matters(const physics::Model& model, const Experiment& e, Channel channel) {
+  if (index_of(channel) < predicted_channels && e.is_compared(index_of(channel))) return true;
+  if (!is_recorded(e, channel)) return false;
+  switch (model.oscillator.excitation) {
+    case physics::Excitation::base:
+      return channel == Channel::base_displacement;
+    case physics::Excitation::force:
+      return channel == Channel::drive_force;
+    case physics::Excitation::imposed:
+      return false;
+  }
+  return false;
+}
+
+}  // namespace
+
+physics::Model with_instruments(physics::Model model, const Experiment& e) {
+  for (const Channel channel : all_channels) {
+    if (!matters(model, e, channel)) continue;
+    physics::Sensor& sensor = model.sensors[index_of(channel)];
+    if (!sensor.gain) sensor.gain = {1.0, gain_sigma};
+    // The zero of a base does not move its acceleration.
+    if (!sensor.offset && channel != Channel::base_displacement) {
+      sensor.offset = {0.0, offset_share * e.channel_std[index_of(channel)]};
+    }
+    if (!sensor.delay_s && index_of(channel) < predicted_channels) {
+      sensor.delay_s = {0.0, delay_sigma_s(model, e, channel)};
+    }
+  }
+  return model;
+}
+
+}  // namespace stickslip::diagnosis

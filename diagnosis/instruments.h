@@ -1,0 +1,16 @@
+// Default uncertainties of gains, offsets and delays, for models that do not declare them.
+#pragma once
+
+#include "diagnosis/experiment.h"
+#include "physics/model.h"
+
+namespace stickslip::diagnosis {
+
+/// The model with a standard deviation for the gain, offset and delay of every channel that it is
+/// compared with, and for gain and offset of the drive's, where it does not declare them
+/// (docs/formats.md, section 3): 0.5 %, 1 % of the channel's standard deviation, and 0.3 samples
+/// with 2 % of the filters' delay. Delays count from the drive's channel. What the model declares
+/// stays; a plain number is exact.
+physics::Model with_instruments(physics::Model model, const Experiment& experiment);
+
+}  // namespace stickslip::diagnosis

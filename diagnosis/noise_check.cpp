@@ -1,0 +1,131 @@
+#include "diagnosis/noise_check.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "diagnosis/median.h"
+
+namespace stickslip::diagnosis {
+
+namespace {
+
+constexpr double certain = 3.0;  // standard deviations
+
+// Mean and median of a quantity over windows, and the standard deviation of the mean. The scatter
+// is that of the middle windows: a window that fails must not hide behind its own failure.
+struct OverWindows {
+  double mean = 0.0;
+  double middle = 0.0;
+  double error = 0.0;
+};
+
+OverWindows over_windows(const std::vector<double>& values) {
+  OverWindows out;
+  if (values.empty()) return out;
+  const auto n = static_cast<double>(values.size());
+  for (const double each : values) out.mean += each / n;
+  out.middle = median(values);
+  std::vector<double> off;
+  for (const double each : values) off.push_back(std::abs(each - out.middle));
+  constexpr double normal = 1.4826;  // standard deviation over median absolute deviation
+  out.error = normal * median(std::move(off)) / std::sqrt(n);
+  return out;
+}
+
+// Mean squares of the scaled residuals of one channel, and correlation of neighbouring samples, by
+// window.
+struct ChannelResiduals {
+  std::vector<double> square;
+  std::vector<double> correlation;
+};
+
+using ByChannel = std::array<ChannelResiduals, predicted_channels>;
+
+void add_window(const Task& task, std::size_t w, const Readings& readings, double freedom,
+                ByChannel& out) {
+  const Experiment& e = task.experiment(w);
+  const Window& window = task.window(w);
+  for (std::size_t c = 0; c < predicted_channels; ++c) {
+    double square = 0.0;
+    double product = 0.0;
+    double former = 0.0;
+    double samples = 0.0;
+    double slow = 0.0;
+    Whitening whitening(task.colour[c]);
+    for (std::size_t k = window.begin; k < window.end; ++k) {
+      if (!e.is_compared(k, c)) continue;
+      const double off = (readings[k - window.begin][c] - e.reading[k][c]) / task.sigma[c];
+      const double r = whitening.next(e.elapsed_s(k)).innovation(off, slow);
+      square += r * r;
+      product += former * r;
+      former = r;
+      samples += 1.0;
+    }
+    if (!(samples > 0.0) || !(square > 0.0) || !std::isfinite(square)) continue;
+    out[c].square.push_back(square / (freedom * samples));
+    out[c].correlation.push_back(product / square);
+  }
+}
+
+ByChannel channel_residuals(const Task& task, const Hypothesis& hypothesis,
+                            std::span<const double> z, const Fit& fitted) {
+  ByChannel out;
+  for (std::size_t w = 0; w < task.windows.size(); ++w) {
+    const Window& window = task.window(w);
+    const auto readings =
+        predict(task.experiment(w), window, window.end, hypothesis, z, fitted.state[w]);
+    const double samples = std::max(1, fitted.count[w]);
+    add_window(task, w, readings, std::max(1.0, samples - fitted.states_per_window) / samples, out);
+  }
+  return out;
+}
+
+// True if all windows have the same level but for chance. The mean of a chi-squared exceeds its
+// median (Wilson and Hilferty).
+bool is_alike(const OverWindows& level, double freedom) {
+  const double skew = std::pow(1.0 - 2.0 / (9.0 * std::max(freedom, 1.0)), 3);
+  return level.mean - level.middle / skew < certain * std::sqrt(2.5) * level.error;
+}
+
+}  // namespace
+
+NoiseCheck noise_check(const Task& task, const Hypothesis& hypothesis, std::span<const double> z,
+                       bool estimated, const Criteria& criteria) {
+  FitOptions options;
+  options.iterations = 12;
+  const Fit fitted = fit_states(task, hypothesis, z, options);
+  std::vector<double> by_window;
+  double all_freedom = 0.0;
+  for (std::size_t w = 0; w < fitted.chi2.size(); ++w) {
+    const double freedom = std::max(1, fitted.count[w] - fitted.states_per_window);
+    by_window.push_back(fitted.chi2[w] / freedom);
+    all_freedom += freedom;
+  }
+  if (by_window.empty()) return {};
+  const OverWindows level = over_windows(by_window);
+  const double windows = static_cast<double>(by_window.size());
+  const double off = fitted.chi2_per_sample() - 1.0;
+  const double of_level = estimated ? std::expm1(criteria.confirmed_noise_log) : 0.0;
+  const double chance = std::max(level.error, std::sqrt(2.0 / all_freedom));
+  const bool is_expected = std::abs(off) <= certain * chance + of_level;
+  const bool is_above = off > 0.0 && !is_expected;
+  if (is_above && !is_alike(level, all_freedom / windows)) return {};
+  const ByChannel residuals = channel_residuals(task, hypothesis, z, fitted);
+  NoiseCheck out;
+  for (const Channel channel : all_channels) {
+    if (index_of(channel) >= predicted_channels) continue;
+    const ChannelResiduals& each = residuals[index_of(channel)];
+    if (each.square.empty()) continue;
+    const OverWindows correlation = over_windows(each.correlation);
+    if (is_above && correlation.mean > certain * correlation.error) return {};
+    const OverWindows square = over_windows(each.square);
+    const bool differs =
+        !is_expected && std::abs(square.mean - 1.0) > certain * square.error + of_level;
+    out.level.push_back({channel, std::sqrt(square.mean), differs});
+  }
+  out.is_noise = true;
+  return out;
+}
+
+}  // namespace stickslip::diagnosis

@@ -1,0 +1,23 @@
+// The noise that the residuals of a fit show: its level and its colour.
+#pragma once
+
+#include <array>
+
+#include "diagnosis/criteria.h"
+#include "diagnosis/noise_colour.h"
+#include "diagnosis/shooting.h"
+
+namespace stickslip::diagnosis {
+
+struct NoiseEstimate {
+  NoiseColours colour;
+  std::array<double, predicted_channels> sigma{};  ///< as Task::sigma
+};
+
+/// The most probable noise of residuals in the windows of `task` around its present level. A
+/// channel is coloured where that gains more than Criteria::claim_nats over white noise. The level
+/// is estimated, too, in channels without declared noise.
+NoiseEstimate noise_in_residuals(const Task& task, const Hypothesis& hypothesis, const Fit& fitted,
+                                 const Criteria& criteria);
+
+}  // namespace stickslip::diagnosis
