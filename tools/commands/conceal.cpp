@@ -1,9 +1,11 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
 #include <random>
 #include <string>
 #include <vector>
@@ -43,14 +45,16 @@ struct Arguments {
   std::string kind = "any";
   std::vector<std::string> effects;
   double duration_s = 30.0;
+  bool instruments = false;
+  std::vector<std::string> nuisances;
+  std::string snr;
   int jobs = 0;
 };
 
-const std::map<std::string, CaseRequest::Kind> kinds = {{"any", CaseRequest::Kind::any},
-                                                        {"null", CaseRequest::Kind::nothing},
-                                                        {"single", CaseRequest::Kind::single},
-                                                        {"pair", CaseRequest::Kind::pair},
-                                                        {"unlisted", CaseRequest::Kind::unlisted}};
+const std::map<std::string, CaseRequest::Kind> kinds = {
+    {"any", CaseRequest::Kind::any},       {"null", CaseRequest::Kind::nothing},
+    {"single", CaseRequest::Kind::single}, {"pair", CaseRequest::Kind::pair},
+    {"triple", CaseRequest::Kind::triple}, {"unlisted", CaseRequest::Kind::unlisted}};
 
 // Decorrelated seeds of the cases of a set (SplitMix64).
 std::uint64_t seed_of_case(std::uint64_t seed, std::uint64_t number) {
@@ -72,6 +76,53 @@ void check_effects(const std::vector<std::string>& ids) {
   }
 }
 
+std::vector<std::string> names_of_nuisances() {
+  std::vector<std::string> names;
+  for (const concealment::Nuisance each : concealment::all_nuisances) {
+    names.emplace_back(concealment::name_of(each));
+  }
+  return names;
+}
+
+// The nuisances of these names, all of which are valid.
+std::vector<concealment::Nuisance> nuisances_named(const std::vector<std::string>& names) {
+  std::vector<concealment::Nuisance> out;
+  for (const std::string& name : names) out.push_back(*concealment::nuisance_named(name));
+  for (const concealment::Nuisance a : out) {
+    for (const concealment::Nuisance b : out) {
+      if (concealment::go_together(a, b)) continue;
+      throw InputError(Problem{"--nuisance", 0, 0,
+                               std::string(concealment::name_of(a)) + " and " +
+                                   std::string(concealment::name_of(b)) +
+                                   " contradict each other; expected one of them"});
+    }
+  }
+  return out;
+}
+
+// "VALUE", within a quarter, or "LOW:HIGH".
+std::optional<concealment::SnrRange> snr_range(const std::string& text) {
+  if (text.empty()) return std::nullopt;
+  constexpr double least = 0.5;
+  constexpr double most = 1000.0;
+  const auto number = [&](const std::string& part) {
+    char* end = nullptr;
+    const double value = std::strtod(part.c_str(), &end);
+    const bool valid = end != part.c_str() && *end == '\0' && value >= least && value <= most;
+    if (valid) return value;
+    throw InputError(
+        Problem{"--snr", 0, 0, "expected VALUE or LOW:HIGH, each from 0.5 to 1000, found " + text});
+  };
+  const std::size_t colon = text.find(':');
+  if (colon == std::string::npos) {
+    const double value = number(text);
+    return concealment::SnrRange{std::max(least, 0.8 * value), 1.25 * value};
+  }
+  const concealment::SnrRange range{number(text.substr(0, colon)), number(text.substr(colon + 1))};
+  if (range.low < range.high) return range;
+  throw InputError(Problem{"--snr", 0, 0, "expected LOW below HIGH, found " + text});
+}
+
 // A set is never mixed with an earlier one.
 void check_new(const fs::path& folder) {
   if (!fs::is_directory(folder) || fs::is_empty(folder)) return;
@@ -83,6 +134,9 @@ void write_case(const concealment::Case& made, const fs::path& folder, const fs:
   protocol::write_recording(made.recording, folder / "recording.csv");
   protocol::write_recording(made.validation, folder / "validation.csv");
   write_file(folder / "model.toml", config::model_text(made.declared));
+  if (made.with_instruments) {
+    write_file(folder / "model-instruments.toml", config::model_text(*made.with_instruments));
+  }
   const std::string truth = concealment::truth_text(made.truth);
   write_file(truth_file, truth);
   write_file(folder / "seal.txt",
@@ -95,8 +149,20 @@ std::vector<std::string> names_of_kinds() {
   return names;
 }
 
-int run(Arguments arguments) {
+CaseRequest request_of(const Arguments& arguments) {
   check_effects(arguments.effects);
+  CaseRequest request;
+  request.kind = kinds.at(arguments.kind);
+  request.ids = arguments.effects;
+  request.duration_s = arguments.duration_s;
+  request.snr = snr_range(arguments.snr);
+  request.nuisances = nuisances_named(arguments.nuisances);
+  request.imperfect_instruments = arguments.instruments || !request.nuisances.empty();
+  return request;
+}
+
+int run(Arguments arguments) {
+  const CaseRequest request = request_of(arguments);
   const fs::path out = arguments.out;
   const fs::path truth = arguments.truth.empty() ? out / "truth" : fs::path(arguments.truth);
   check_new(out);
@@ -108,10 +174,6 @@ int run(Arguments arguments) {
     arguments.seed = (static_cast<std::uint64_t>(device()) << 20U) ^ device();
   }
   const auto count = static_cast<std::size_t>(arguments.count);
-  CaseRequest request;
-  request.kind = kinds.at(arguments.kind);
-  request.ids = arguments.effects;
-  request.duration_s = arguments.duration_s;
   terminal::Progress progress("concealing");
   std::atomic<std::size_t> done = 0;
   parallel::for_each(count, parallel::threads_for(arguments.jobs), [&](std::size_t i) {
@@ -156,6 +218,17 @@ void add_conceal(CLI::App& app, Action& action) {
       ->add_option("--duration", arguments->duration_s, "Approximate duration of a recording [s]")
       ->check(number_that([](double v) { return v >= 10.0 && v <= 600.0; }, "10 to 600"))
       ->capture_default_str();
+  command->add_flag("--instruments", arguments->instruments,
+                    "Record with imperfect instruments: one to four nuisances per case, and a "
+                    "second model, model-instruments.toml, that declares their uncertainties");
+  command
+      ->add_option("--nuisance", arguments->nuisances,
+                   "These nuisances in every case, separated by commas (implies --instruments)")
+      ->delimiter(',')
+      ->check(one_of(names_of_nuisances()));
+  command->add_option("--snr", arguments->snr,
+                      "Size of every hidden effect within 0.4 s over the noise: VALUE (within a "
+                      "quarter) or LOW:HIGH, from 0.5 (default: easily visible, 4 or more)");
   add_jobs_option(*command, arguments->jobs);
   command->callback([&action, arguments, seed, command] {
     arguments->seeded = seed->count() > 0;
@@ -166,7 +239,11 @@ void add_conceal(CLI::App& app, Action& action) {
   });
   describe(*command,
            {.examples = {{"Make twenty recordings with concealed physics",
-                          "stickslip conceal --out blind --count 20"}},
+                          "stickslip conceal --out blind --count 20"},
+                         {"Make recordings of imperfect instruments that hide nothing",
+                          "stickslip conceal --out plain --count 20 --kind null --instruments"},
+                         {"Make weak effects, for a detection curve",
+                          "stickslip conceal --out weak --count 20 --kind single --snr 0.5:4"}},
             .files = {{"DIR/truth", "Truth files; each case holds the SHA-256 of its own"}},
             .see_also = {"stickslip-examine(1)"}});
 }

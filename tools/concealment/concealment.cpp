@@ -5,21 +5,36 @@
 #include <cmath>
 #include <map>
 #include <optional>
-#include <span>
+#include <set>
 
 #include "physics/failure.h"
 #include "tools/concealment/bench_drawing.h"
 #include "tools/concealment/hidden_effect.h"
+#include "tools/concealment/imperfect_instruments.h"
 #include "tools/concealment/noiseless_run.h"
 #include "tools/concealment/rounding.h"
+#include "tools/concealment/sample_times.h"
 
 namespace stickslip::concealment {
 
 namespace {
 
-constexpr double min_snr = 4.0;
-constexpr double min_snr_after_calibration = 1.2;
-constexpr double largest_snr = 80.0;
+// Limits of the signal-to-noise ratio of an effect; the defaults make it easily visible.
+struct Visibility {
+  double least = 4.0;
+  double most = 320.0;
+  double too_much = 80.0;  ///< reduced, if that is possible
+  double least_after_calibration = 1.2;
+  double target_low = 5.0;
+  double target_high = 35.0;
+  bool on_request = false;
+  int max_strengths = 6;  ///< simulations with different strengths of the effects
+};
+Visibility visibility_of(const CaseRequest& request) {
+  if (!request.snr) return {};
+  const auto [low, high] = *request.snr;
+  return {low, high, high, 0.3 * low, low, high, true, 10};
+}
 
 // The largest 1, 2 or 5 times a power of ten not above `value`.
 double round_step(double value) {
@@ -28,21 +43,42 @@ double round_step(double value) {
   return power * (digit >= 5.0 ? 5.0 : (digit >= 2.0 ? 2.0 : 1.0));
 }
 
-protocol::Recording recorded(const NoiselessRun& run, const Bench& bench, const std::string& source,
+// The noise of the channels: white, or with an exponentially correlated share.
+class Noise {
+ public:
+  double next(std::size_t channel, const Instrument& instrument, double step_s,
+              RandomSource& random) {
+    const double white = random.normal();
+    if (!(instrument.correlated_share > 0.0)) return instrument.noise_std * white;
+    const double kept = std::exp(-step_s / instrument.noise_correlation_s);
+    double& slow = slow_[channel];
+    slow = step_s > 0.0 ? kept * slow + std::sqrt(1.0 - kept * kept) * random.normal()
+                        : random.normal();
+    return instrument.noise_std * (std::sqrt(1.0 - instrument.correlated_share) * white +
+                                   std::sqrt(instrument.correlated_share) * slow);
+  }
+
+ private:
+  std::array<double, channel_count> slow_{};
+};
+
+protocol::Recording recorded(const NoiselessRun& run, const SampleTimes& times,
+                             const ReferenceRig& rig, const std::string& source,
                              RandomSource& random) {
   protocol::Recording recording;
   recording.source = source;
   recording.frames.reserve(run.readings.size());
+  Noise noise;
   for (std::size_t k = 0; k < run.readings.size(); ++k) {
     Frame frame;
-    frame.time_ns = static_cast<std::int64_t>(
-        std::llround(1.0e9 * static_cast<double>(k) / bench.sample_rate_hz));
+    frame.time_ns = times.written_ns[k];
     frame.sequence = k;
+    const double step_s = k == 0 ? 0.0 : times.sampled_s[k] - times.sampled_s[k - 1];
     for (const Channel channel : all_channels) {
       const std::size_t c = index_of(channel);
-      const Instrument& instrument = bench.rig.instrument[c];
+      const Instrument& instrument = rig.instrument[c];
       if (!instrument.recorded) continue;
-      double value = run.readings[k][c] + instrument.noise_std * random.normal();
+      double value = run.readings[k][c] + noise.next(c, instrument, step_s, random);
       // Saturation applies to the noise as well.
       if (instrument.limit > 0.0) value = std::clamp(value, -instrument.limit, instrument.limit);
       // Nine digits: the quantised value without its binary tail.
@@ -74,102 +110,6 @@ std::map<std::string, double> true_parameters(const Bench& bench) {
   return all;
 }
 
-// ---- The effects of a case and the bench for them
-
-struct Plan {
-  std::string kind;
-  std::vector<const HiddenEffect*> effects;
-  BenchKind bench = BenchKind::regular;
-  BenchRequirements requirements;
-};
-
-bool contains(std::span<const BenchKind> kinds, BenchKind kind) {
-  return std::find(kinds.begin(), kinds.end(), kind) != kinds.end();
-}
-
-// Effects that show in the same relation are not hidden together.
-bool are_compatible(const HiddenEffect& a, const HiddenEffect& b) {
-  constexpr std::array friction = {"stribeck", "dwell_strengthening", "contact_compliance",
-                                   "friction_memory", "dry_friction"};
-  const auto replaces_law = [&](const HiddenEffect& each) {
-    return std::find(friction.begin(), friction.end(), each.id) != friction.end();
-  };
-  return a.id != b.id && !(replaces_law(a) && replaces_law(b)) && a.listed && b.listed &&
-         a.requirements.lacks_friction == b.requirements.lacks_friction &&
-         a.requirements.set_valued == b.requirements.set_valued;
-}
-
-CaseRequest::Kind draw_kind(const CaseRequest& request, RandomSource& random) {
-  using Kind = CaseRequest::Kind;
-  if (request.kind != Kind::any) return request.kind;
-  const double u = random.uniform(0.0, 1.0);
-  if (!request.ids.empty()) return Kind::single;
-  return u < 0.13   ? Kind::nothing
-         : u < 0.21 ? Kind::pair
-         : u < 0.29 ? Kind::unlisted
-                    : Kind::single;
-}
-
-std::vector<const HiddenEffect*> choices_of(const CaseRequest& request, CaseRequest::Kind kind) {
-  std::vector<const HiddenEffect*> choices;
-  for (const HiddenEffect& each : hidden_effects()) {
-    const bool named =
-        std::find(request.ids.begin(), request.ids.end(), each.id) != request.ids.end();
-    if (!request.ids.empty() ? named : each.listed == (kind != CaseRequest::Kind::unlisted)) {
-      choices.push_back(&each);
-    }
-  }
-  return choices;
-}
-
-Plan plan_without_effects(RandomSource& random) {
-  Plan plan;
-  plan.kind = "null";
-  plan.bench = all_bench_kinds[random.index(all_bench_kinds.size())];
-  plan.requirements.lacks_friction = random.chance(0.5);
-  plan.requirements.relaxes = random.chance(0.4);
-  return plan;
-}
-
-void add_second_effect(Plan& plan, const std::vector<const HiddenEffect*>& choices,
-                       RandomSource& random) {
-  std::vector<const HiddenEffect*> seconds;
-  for (const HiddenEffect* each : choices) {
-    if (are_compatible(*plan.effects.front(), *each) && contains(each->benches, plan.bench)) {
-      seconds.push_back(each);
-    }
-  }
-  if (seconds.empty()) return;
-  plan.effects.push_back(seconds[random.index(seconds.size())]);
-  plan.kind = "pair";
-  plan.requirements.rings = plan.requirements.rings && plan.effects.back()->requirements.rings;
-}
-
-Plan draw_plan(const CaseRequest& request, RandomSource& random) {
-  const CaseRequest::Kind kind = draw_kind(request, random);
-  if (kind == CaseRequest::Kind::nothing) return plan_without_effects(random);
-  const std::vector<const HiddenEffect*> choices = choices_of(request, kind);
-  Plan plan;
-  const HiddenEffect* first = choices[random.index(choices.size())];
-  plan.effects.push_back(first);
-  plan.bench = first->benches[random.index(first->benches.size())];
-  plan.requirements = first->requirements;
-  plan.kind = first->listed ? "single" : "unlisted";
-  if (kind == CaseRequest::Kind::pair) add_second_effect(plan, choices, random);
-  const bool replaces_memory =
-      std::any_of(plan.effects.begin(), plan.effects.end(), [](const HiddenEffect* each) {
-        return each->id == "friction_memory" || each->id == "contact_compliance" ||
-               each->id == "dwell_strengthening";
-      });
-  if (!replaces_memory && !plan.requirements.set_valued) {
-    plan.requirements.relaxes = random.chance(0.35);
-  }
-  if (plan.bench == BenchKind::force && !plan.requirements.lacks_friction) {
-    plan.requirements.lacks_friction = random.chance(0.6);
-  }
-  return plan;
-}
-
 // ---- A bench with effects of adjustable strength
 
 struct Draft {
@@ -177,10 +117,14 @@ struct Draft {
   Bench bench;  ///< without the effects
   Sizes sizes;
   bool noise_declared = true;
+  std::optional<Imperfections> imperfections;
+  SampleTimes times;
+  SampleTimes validation_times;
   std::vector<Tone> validation_drive;
   std::vector<RandomSource> effect_random;
   std::vector<double> strength;
   std::vector<double> target_snr;
+  Visibility visibility;
 };
 
 // Noise of 0.2 to 2 % and 16 bits over five times the range.
@@ -197,28 +141,6 @@ void draw_noise(Draft& draft, RandomSource& random) {
   }
 }
 
-// Empty if the bench without effects is not plausible.
-std::optional<Draft> draw_draft(const CaseRequest& request, std::uint64_t effect_seed,
-                                RandomSource& random) {
-  Draft draft;
-  draft.plan = draw_plan(request, random);
-  draft.bench = draw_bench(draft.plan.bench, draft.plan.requirements, random);
-  draft.noise_declared = random.chance(0.5);
-  const double duration_s = std::round(request.duration_s * random.uniform(1.0, 1.3));
-  const NoiselessRun plain = simulate(draft.bench.rig, draft.bench.sample_rate_hz, 8.0, false);
-  if (!is_plausible(plain, draft.bench.rig)) return std::nullopt;
-  measure(plain, draft.sizes);
-  draft.sizes.duration_s = duration_s;
-  draw_noise(draft, random);
-  draft.validation_drive = draw_drive(draft.plan.bench, draft.bench.rig, random);
-  for (std::size_t i = 0; i < draft.plan.effects.size(); ++i) {
-    draft.effect_random.emplace_back(effect_seed + i);
-    draft.strength.push_back(1.0);
-    draft.target_snr.push_back(random.log_uniform(5.0, 35.0));
-  }
-  return draft;
-}
-
 struct HiddenBench {
   Bench bench;
   std::vector<TrueEffect> effects;
@@ -232,6 +154,63 @@ HiddenBench with_effects(const Draft& draft, std::size_t without) {
                                draft.effect_random[i]));
   }
   return out;
+}
+
+// False if the bench cannot have these nuisances.
+bool draw_instruments(Draft& draft, const std::vector<Nuisance>& requested, RandomSource& random) {
+  const std::vector<Nuisance> nuisances =
+      requested.empty() ? draw_nuisances(draft.bench, random) : requested;
+  for (const Nuisance each : nuisances) {
+    if (!is_applicable(each, draft.bench)) return false;
+  }
+  std::set<Channel> taken;
+  for (const TrueEffect& effect : with_effects(draft, draft.plan.effects.size()).effects) {
+    if (effect.channel) taken.insert(*effect.channel);
+  }
+  draft.imperfections = make_imperfect(draft.bench, nuisances, draft.sizes, taken, random);
+  draft.noise_declared =
+      draft.noise_declared || draft.imperfections->drawn.contains(name_of(Nuisance::half_noise));
+  return true;
+}
+
+void draw_times(Draft& draft, RandomSource& random) {
+  const Clock clock =
+      draft.imperfections ? draft.imperfections->clock : Clock{draft.bench.sample_rate_hz};
+  draft.times = sample_times(clock, draft.sizes.duration_s, random);
+  draft.validation_times =
+      sample_times(clock, std::round(draft.sizes.duration_s * 2.0 / 3.0), random);
+}
+
+// Empty if the bench without effects is not plausible, or cannot have what is requested.
+std::optional<Draft> draw_draft(const CaseRequest& request, std::uint64_t effect_seed,
+                                RandomSource& random) {
+  Draft draft;
+  std::optional<Plan> plan = draw_plan(request, random);
+  if (!plan) return std::nullopt;
+  draft.plan = *std::move(plan);
+  draft.visibility = visibility_of(request);
+  draft.bench = draw_bench(draft.plan.bench, draft.plan.requirements, random);
+  draft.noise_declared = random.chance(0.5);
+  const double duration_s = std::round(request.duration_s * random.uniform(1.0, 1.3));
+  const SampleTimes first = sample_times({draft.bench.sample_rate_hz}, 8.0, random);
+  const NoiselessRun plain = simulate(draft.bench.rig, first.sampled_s, false);
+  if (!is_plausible(plain, draft.bench.rig)) return std::nullopt;
+  measure(plain, draft.sizes);
+  draft.sizes.duration_s = duration_s;
+  draw_noise(draft, random);
+  draft.validation_drive = draw_drive(draft.plan.bench, draft.bench.rig, random);
+  for (std::size_t i = 0; i < draft.plan.effects.size(); ++i) {
+    draft.effect_random.emplace_back(effect_seed + i);
+    draft.strength.push_back(1.0);
+    draft.target_snr.push_back(
+        random.log_uniform(draft.visibility.target_low, draft.visibility.target_high));
+  }
+  RandomSource instruments(effect_seed ^ 0x5851f42d4c957f2dU);
+  if (request.imperfect_instruments && !draw_instruments(draft, request.nuisances, instruments)) {
+    return std::nullopt;
+  }
+  draw_times(draft, instruments);
+  return draft;
 }
 
 // Change of the readings by one prior standard deviation of each uncertain parameter, in columns.
@@ -257,13 +236,20 @@ double snr_after_calibration(const Eigen::VectorXd& change, const Eigen::MatrixX
   return root_mean_square(change - shifts * absorbed);
 }
 
-enum class Visibility { sufficient, adjusted, insufficient };
+// What may be a sound instrument is no missing physics.
+bool is_a_finding(const TrueEffect& effect, const Draft& draft) {
+  return !draft.imperfections ||
+         is_beyond_tolerance(effect, draft.sizes, draft.bench.sample_rate_hz);
+}
+
+enum class Assessment { sufficient, adjusted, insufficient };
 
 // Fills in the signal-to-noise ratios of the effects and, unless it is the last attempt, moves the
 // strengths towards their targets.
-Visibility assess(Draft& draft, HiddenBench& hidden, const NoiselessRun& run, bool last_attempt) {
+Assessment assess(Draft& draft, HiddenBench& hidden, const NoiselessRun& run, bool last_attempt) {
   const ReferenceRig& rig = hidden.bench.rig;
   const Eigen::MatrixXd shifts = prior_sensitivity(draft, rig, run);
+  const Visibility& limits = draft.visibility;
   bool visible = true;
   bool again = false;
   for (std::size_t i = 0; i < draft.plan.effects.size(); ++i) {
@@ -272,21 +258,30 @@ Visibility assess(Draft& draft, HiddenBench& hidden, const NoiselessRun& run, bo
     TrueEffect& effect = hidden.effects[i];
     effect.snr = root_mean_square(change);
     effect.snr_after_calibration = snr_after_calibration(change, shifts);
-    const bool seen = effect.snr >= min_snr && effect.snr <= largest_snr * 4.0 &&
-                      effect.snr_after_calibration >= min_snr_after_calibration;
+    const bool subtle = effect.snr_after_calibration < limits.least_after_calibration ||
+                        !is_a_finding(effect, draft);
+    const bool within = effect.snr >= limits.least && effect.snr <= limits.most;
+    const bool seen = within && !subtle;
     visible = visible && seen;
+    // Of the requested size, but calibration would hide it: no other strength helps.
+    if (limits.on_request && within && subtle) return Assessment::insufficient;
     const double target = draft.target_snr[i];
-    const bool off = effect.snr > largest_snr || effect.snr < 0.8 * target || !seen;
+    const bool off = effect.snr > limits.too_much || effect.snr < 0.8 * target || !seen;
     if (!draft.plan.effects[i]->scalable || !off || last_attempt) continue;
     double factor = target / std::max(effect.snr, 0.01);
-    if (effect.snr_after_calibration < min_snr_after_calibration) {
-      factor = std::max(factor, 2.0);
-    }
+    if (subtle && !limits.on_request) factor = std::max(factor, 2.0);
     draft.strength[i] *= std::clamp(factor, 0.25, 4.0);
-    again = again || !seen || effect.snr > largest_snr;
+    again = again || !seen || effect.snr > limits.too_much;
   }
-  if (again) return Visibility::adjusted;
-  return visible ? Visibility::sufficient : Visibility::insufficient;
+  if (again) return Assessment::adjusted;
+  return visible ? Assessment::sufficient : Assessment::insufficient;
+}
+
+void apply(const Imperfections& imperfections, const Draft& draft, Case& made) {
+  made.truth.nuisances = imperfections.drawn;
+  made.with_instruments = with_declared_instruments(draft.bench, draft.sizes);
+  leave_out(imperfections, true, made.recording, &made.states);
+  leave_out(imperfections, false, made.validation, nullptr);
 }
 
 // Empty if the validation run is not plausible.
@@ -311,36 +306,36 @@ std::optional<Case> make_case(const Draft& draft, const HiddenBench& hidden,
     truth.noise_std[std::string(info(channel).column)] = instrument.noise_std;
   }
   truth.parameters = true_parameters(hidden.bench);
-  out.recording = recorded(run, hidden.bench, name + "/recording.csv", random);
+  out.recording = recorded(run, draft.times, hidden.bench.rig, name + "/recording.csv", random);
   out.states = run.truth;
   ReferenceRig validation = hidden.bench.rig;
   validation.drive = draft.validation_drive;
-  const NoiselessRun other = simulate(validation, draft.bench.sample_rate_hz,
-                                      std::round(draft.sizes.duration_s * 2.0 / 3.0), false);
+  const NoiselessRun other = simulate(validation, draft.validation_times.sampled_s, false);
   if (!is_plausible(other, validation)) return std::nullopt;
-  out.validation = recorded(other, hidden.bench, name + "/validation.csv", random);
+  out.validation =
+      recorded(other, draft.validation_times, validation, name + "/validation.csv", random);
+  if (draft.imperfections) apply(*draft.imperfections, draft, out);
   return out;
 }
 
 // Empty if the effects cannot be made visible on this bench; `attempt` counts the simulations.
 std::optional<Case> case_of(Draft& draft, const std::string& name, int& attempt,
                             RandomSource& random) {
-  constexpr int max_strengths = 6;
+  const int max_strengths = draft.visibility.max_strengths;
   for (int tried = 0; tried < max_strengths; ++tried) {
     ++attempt;
     HiddenBench hidden = with_effects(draft, draft.plan.effects.size());
-    const NoiselessRun run =
-        simulate(hidden.bench.rig, draft.bench.sample_rate_hz, draft.sizes.duration_s, true);
+    const NoiselessRun run = simulate(hidden.bench.rig, draft.times.sampled_s, true);
     if (!is_plausible(run, hidden.bench.rig)) {
       for (double& each : draft.strength) each *= 0.5;
       continue;
     }
     switch (assess(draft, hidden, run, tried + 1 == max_strengths)) {
-      case Visibility::sufficient:
+      case Assessment::sufficient:
         return make_case(draft, hidden, run, name, random);
-      case Visibility::insufficient:
+      case Assessment::insufficient:
         return std::nullopt;
-      case Visibility::adjusted:
+      case Assessment::adjusted:
         break;
     }
   }
@@ -363,7 +358,7 @@ Case conceal(const CaseRequest& request, std::uint64_t seed, const std::string& 
       return *std::move(made);
     }
   }
-  throw Failure(name + ": no visible effect on 40 benches");
+  throw Failure(name + ": none of 40 benches shows the hidden effects as requested");
 }
 
 }  // namespace stickslip::concealment

@@ -93,6 +93,7 @@ std::string truth_text(const GroundTruth& truth) {
   json["noise_std"] = truth.noise_std;
   json["noise_declared"] = truth.noise_declared;
   json["parameters"] = truth.parameters;
+  if (!truth.nuisances.is_null()) json["nuisances"] = truth.nuisances;
   return protocol::json_text(json) + "\n";
 }
 
@@ -118,6 +119,7 @@ GroundTruth read_truth(const std::filesystem::path& file) {
     for (const Json& effect : json.at("effects")) truth.effects.push_back(effect_of(effect));
     truth.noise_std = json.value("noise_std", std::map<std::string, double>{});
     truth.parameters = json.value("parameters", std::map<std::string, double>{});
+    if (json.contains("nuisances")) truth.nuisances = json.at("nuisances");
     return truth;
   } catch (const Json::parse_error& error) {
     throw InputError(Problem{

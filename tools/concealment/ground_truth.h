@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -36,7 +37,7 @@ struct TrueEffect {
 
 struct GroundTruth {
   std::string name;
-  std::string kind;     ///< "null", "single", "pair", "unlisted"
+  std::string kind;     ///< "null", "single", "pair", "triple", "unlisted"
   std::string world;    ///< kind of bench
   std::string verdict;  ///< expected from a diagnosis
   std::uint64_t seed = 0;
@@ -49,6 +50,8 @@ struct GroundTruth {
   std::vector<TrueEffect> effects;
   std::map<std::string, double> noise_std;   ///< by column
   std::map<std::string, double> parameters;  ///< true values of model parameters
+  /// Imperfections of the instruments by name, with what was drawn; null: ideal instruments.
+  nlohmann::ordered_json nuisances;
 };
 
 /// The truth file, JSON; the same truth gives the same bytes.

@@ -287,6 +287,7 @@ void passing_force(EffectDraw& d) {
   d.effect.form = text("a temporary constant force of %.4g N", d.rig.event_force_n);
 }
 
+// Its errors come on top of those that a sound instrument has.
 Instrument& draw_instrument(EffectDraw& d) {
   d.relation("sensor");
   d.effect.channel = predicted_channel(d.rig, d.random);
@@ -295,7 +296,7 @@ Instrument& draw_instrument(EffectDraw& d) {
 
 void channel_delay(EffectDraw& d) {
   Instrument& instrument = draw_instrument(d);
-  instrument.delay_s = std::min(0.003 * d.strength, 0.02);
+  instrument.delay_s += std::min(0.003 * d.strength, 0.02);
   instrument.bessel_delay = d.random.chance(0.5);
   d.effect.form = instrument.bessel_delay ? "second-order Bessel filter" : "pure delay";
   d.parameter("delay_s", instrument.delay_s, 0.25);
@@ -303,13 +304,13 @@ void channel_delay(EffectDraw& d) {
 
 void gain_error(EffectDraw& d) {
   Instrument& instrument = draw_instrument(d);
-  instrument.gain = 1.0 + d.random.sign() * std::min(0.05 * d.strength, 0.5);
+  instrument.gain *= 1.0 + d.random.sign() * std::min(0.05 * d.strength, 0.5);
   d.parameter("gain", instrument.gain, 0.3, 1.0);
 }
 
 void sensor_offset(EffectDraw& d) {
   Instrument& instrument = draw_instrument(d);
-  instrument.offset = d.random.sign() * std::min(0.1 * d.strength, 0.8) * d.spread();
+  instrument.offset += d.random.sign() * std::min(0.1 * d.strength, 0.8) * d.spread();
   d.parameter("offset", instrument.offset, 0.3);
 }
 

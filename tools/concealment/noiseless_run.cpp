@@ -13,20 +13,36 @@ constexpr double warm_up_s = 8.0;
 constexpr double window_s = 0.4;
 constexpr std::size_t windows = 20;
 
+// Between two steps of the simulator the readings are interpolated: they belong to the very time.
+Readings readings_at(ReferenceSimulator& simulator, double time_s) {
+  const double steps = time_s / reference_step_s;
+  const double before = std::floor(steps);
+  simulator.advance(before * reference_step_s);
+  const double part = steps - before;
+  constexpr double negligible = 1.0e-3;
+  if (part < negligible || part > 1.0 - negligible) {
+    simulator.advance(time_s);
+    return simulator.read();
+  }
+  Readings readings = simulator.read();
+  simulator.advance((before + 1.0) * reference_step_s);
+  const Readings after = simulator.read();
+  for (std::size_t c = 0; c < channel_count; ++c) readings[c] += part * (after[c] - readings[c]);
+  return readings;
+}
+
 }  // namespace
 
-NoiselessRun simulate(const ReferenceRig& rig, double sample_rate_hz, double duration_s,
-                      bool with_windows) {
+NoiselessRun simulate(const ReferenceRig& rig, std::span<const double> times_s, bool with_windows) {
   NoiselessRun run;
   ReferenceSimulator simulator(rig, warm_up_s);
-  const auto count = static_cast<std::size_t>(std::llround(duration_s * sample_rate_hz));
-  const std::size_t apart = std::max<std::size_t>(1, count / (windows + 1));
-  for (std::size_t k = 0; k < count; ++k) {
-    simulator.advance(static_cast<double>(k) / sample_rate_hz);
+  const std::size_t apart = std::max<std::size_t>(1, times_s.size() / (windows + 1));
+  for (std::size_t k = 0; k < times_s.size(); ++k) {
+    const Readings readings = readings_at(simulator, times_s[k]);
     if (with_windows && k % apart == apart / 2 && run.window_starts.size() < windows) {
       run.window_starts.push_back(simulator);
     }
-    run.readings.push_back(simulator.read());
+    run.readings.push_back(readings);
     run.truth.push_back(simulator.truth());
   }
   run.slip_share = simulator.slip_share();

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <span>
 #include <vector>
 
 #include "tools/concealment/bench_drawing.h"
@@ -15,13 +16,13 @@ namespace stickslip::concealment {
 /// windows in which differences between rigs are evaluated.
 struct NoiselessRun {
   std::vector<std::array<double, channel_count>> readings;
-  std::vector<physics::RigTruth> truth;
+  std::vector<physics::RigTruth> truth;  ///< at the end of the simulator's step
   std::vector<ReferenceSimulator> window_starts;
   double slip_share = 0.0;
 };
 
-NoiselessRun simulate(const ReferenceRig& rig, double sample_rate_hz, double duration_s,
-                      bool with_windows);
+/// A run sampled at these times [s], which increase from 0 or later.
+NoiselessRun simulate(const ReferenceRig& rig, std::span<const double> times_s, bool with_windows);
 
 /// True if all readings are finite, the displacement is within 60 mm, and a forced rig with
 /// friction slips at least a tenth of the time.

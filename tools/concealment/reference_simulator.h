@@ -44,7 +44,9 @@ Motion motion_of(const std::vector<Tone>& tones, double time_s);
 struct Instrument {
   bool recorded = false;
   double noise_std = 0.0;
-  double resolution = 0.0;  ///< quantisation step; 0: none
+  double correlated_share = 0.0;     ///< of the variance of the noise; the rest is white
+  double noise_correlation_s = 0.0;  ///< time constant of the correlated share
+  double resolution = 0.0;           ///< quantisation step; 0: none
   std::vector<physics::Filter> filters;
   double gain = 1.0;
   double crosstalk = 0.0;  ///< share of `crosstalk_from` that is added

@@ -88,6 +88,46 @@ TEST(Concealment, HiddenEffectsAreVisibleAndNotInTheModel) {
   }
 }
 
+TEST(Concealment, WeakEffectsHaveTheRequestedSize) {
+  CaseRequest request = request_for("cubic_stiffness");
+  request.snr = SnrRange{0.5, 1.0};
+  const Case made = conceal(request, 21, "case-001");
+  EXPECT_GE(made.truth.effects[0].snr, 0.5);
+  EXPECT_LE(made.truth.effects[0].snr, 1.0);
+  EXPECT_GE(made.truth.effects[0].snr_after_calibration, 0.15);
+}
+
+TEST(Concealment, ATripleHidesThreeDifferentEffects) {
+  CaseRequest request;
+  request.kind = CaseRequest::Kind::triple;
+  request.duration_s = 10.0;
+  const Case made = conceal(request, 6, "case-001");
+  EXPECT_EQ(made.truth.kind, "triple");
+  std::set<std::string> ids;
+  for (const TrueEffect& effect : made.truth.effects) ids.insert(effect.id);
+  EXPECT_EQ(ids.size(), 3U);
+}
+
+TEST(Concealment, ImperfectInstrumentsAreOfTheRigAndOfTheSecondModel) {
+  CaseRequest request;
+  request.kind = CaseRequest::Kind::nothing;
+  request.duration_s = 10.0;
+  request.imperfect_instruments = true;
+  request.nuisances = {Nuisance::gain, Nuisance::gaps, Nuisance::jitter};
+  const Case made = conceal(request, 4, "case-001");
+  EXPECT_EQ(made.truth.nuisances.size(), 3U);
+  EXPECT_EQ(made.states.size(), made.recording.frames.size());
+  EXPECT_LT(made.recording.frames.size(), made.truth.duration_s * made.truth.sample_rate_hz);
+  for (const Channel channel : all_channels) {
+    EXPECT_FALSE(made.declared.sensors[index_of(channel)].gain);
+  }
+  ASSERT_TRUE(made.with_instruments);
+  EXPECT_TRUE(made.with_instruments->sensors[index_of(Channel::displacement)].gain);
+  EXPECT_EQ(truth_text(made.truth), truth_text(conceal(request, 4, "case-001").truth));
+  request.imperfect_instruments = false;
+  EXPECT_FALSE(conceal(request, 4, "case-001").with_instruments);
+}
+
 TEST(Concealment, WithoutHiddenEffectTheVerdictIsConsistent) {
   CaseRequest request;
   request.kind = CaseRequest::Kind::nothing;
