@@ -47,6 +47,41 @@ Channel predicted_channel(const ReferenceRig& rig, RandomSource& random) {
   return choices[random.index(choices.size())];
 }
 
+constexpr double wander_step_s = 0.1;
+
+// An amplitude that wanders about its mean, with this standard deviation and for about `memory_s`.
+Wander wander(double deviation, double memory_s, double duration_s, RandomSource& random) {
+  Wander out{wander_step_s, {}};
+  const double kept = std::exp(-wander_step_s / memory_s);
+  double value = random.normal();
+  for (double t = 0.0; t <= duration_s; t += wander_step_s) {
+    out.knots.push_back(std::clamp(deviation * value, -0.8, 0.8));
+    value = kept * value + std::sqrt(1.0 - kept * kept) * random.normal();
+  }
+  return out;
+}
+
+// A random walk from 0, with this standard deviation at its end.
+Wander random_walk(double deviation, double duration_s, RandomSource& random) {
+  Wander out{wander_step_s, {}};
+  const double step = deviation * std::sqrt(wander_step_s / duration_s);
+  double value = 0.0;
+  for (double t = 0.0; t <= duration_s; t += wander_step_s) {
+    out.knots.push_back(value);
+    value += step * random.normal();
+  }
+  return out;
+}
+
+// Positive shares with the sum 1, each within 60 % of the given one before.
+std::array<double, iwan_elements> drawn_shares(std::array<double, iwan_elements> shares,
+                                               RandomSource& random) {
+  double sum = 0.0;
+  for (double& share : shares) sum += share *= random.uniform(0.4, 1.6);
+  for (double& share : shares) share /= sum;
+  return shares;
+}
+
 void dry_friction(EffectDraw& d) {
   d.relation("friction_law");
   d.rig.friction = true;
@@ -60,8 +95,11 @@ void friction_memory(EffectDraw& d) {
   d.relation("friction_law");
   d.rig.relaxation_per_s = d.random.log_uniform(60.0, 300.0);
   if (d.random.chance(0.5)) {
-    d.rig.relaxation_spread = 0.4;
-    d.effect.form = "two relaxation processes (1.4 and 0.6 gamma, 70:30), mean lag 1/gamma";
+    d.rig.relaxation_share = d.random.uniform(0.3, 0.85);
+    d.rig.relaxation_ratio = d.random.log_uniform(1.5, 5.0);
+    d.effect.form = text("two relaxation processes, mean lag 1/gamma, share of the faster %.3f",
+                         d.rig.relaxation_share) +
+                    text(", ratio of the rates %.3f", d.rig.relaxation_ratio);
   }
   d.parameter("gamma_per_s", d.rig.relaxation_per_s, 0.3);
 }
@@ -90,21 +128,41 @@ void contact_compliance(EffectDraw& d) {
   d.relation("friction_law");
   d.rig.bristle_n_m = d.friction_n / std::clamp(3.0e-4 * d.strength, 5.0e-5, 1.5e-3);
   d.rig.bristle_n_s_m = 0.15 * std::sqrt(d.rig.bristle_n_m * 0.0126) * d.random.uniform(0.3, 1.0);
-  d.rig.bristle_elastic_share = d.random.chance(0.5) ? d.random.uniform(0.2, 0.7) : 0.0;
-  d.effect.form =
-      text("elasto-plastic bristle, elastic to %.3f of break-away", d.rig.bristle_elastic_share);
+  switch (d.random.index(3)) {
+    case 0:
+      d.rig.bristle_elastic_share = d.random.chance(0.5) ? d.random.uniform(0.2, 0.7) : 0.0;
+      d.effect.form = text("elasto-plastic bristle, elastic to %.3f of break-away",
+                           d.rig.bristle_elastic_share);
+      break;
+    case 1:
+      d.rig.dahl_exponent = 1.0;
+      d.rig.bristle_damping_speed_m_s = d.v * d.random.log_uniform(0.02, 0.2);
+      d.effect.form =
+          text("LuGre bristle, damping up to %.3g m/s", d.rig.bristle_damping_speed_m_s);
+      break;
+    default:
+      d.rig.dahl_exponent = d.random.uniform(0.6, 2.0);
+      d.effect.form = text("Dahl bristle, exponent %.3f", d.rig.dahl_exponent);
+      break;
+  }
   d.parameter("contact_stiffness_n_m", d.rig.bristle_n_m, 0.35);
 }
 
 void load_dependent_mu(EffectDraw& d) {
   d.relation("friction_law");
   d.rig.load_exponent = d.random.sign() * std::min(0.1 * d.strength, 0.6);
+  d.rig.load_logarithmic = d.random.chance(0.5);
+  d.effect.form = d.rig.load_logarithmic ? "logarithm of the load" : "power of the load";
   d.parameter("exponent", d.rig.load_exponent, 0.3);
 }
 
 void asymmetric_friction(EffectDraw& d) {
   d.relation("friction_law");
   d.rig.asymmetry = d.random.sign() * std::min(0.08 * d.strength, 0.7);
+  if (d.random.chance(0.5)) {
+    d.rig.asymmetry_speed_m_s = d.v * d.random.log_uniform(0.01, 0.06);
+    d.effect.form = text("both sides meet over %.3g m/s", d.rig.asymmetry_speed_m_s);
+  }
   d.parameter("asymmetry", d.rig.asymmetry, 0.25);
 }
 
@@ -153,7 +211,9 @@ void hysteresis(EffectDraw& d) {
   d.relation("force_balance");
   d.rig.iwan_n_m = std::min(0.2 * d.strength, 1.5) * d.rig.stiffness_n_m;
   d.rig.iwan_slip_n = d.rig.iwan_n_m * d.x * d.random.uniform(0.15, 0.45);
-  d.effect.form = "five Iwan elements";
+  d.rig.iwan_stiffness_share = drawn_shares(d.rig.iwan_stiffness_share, d.random);
+  d.rig.iwan_slip_share = drawn_shares(d.rig.iwan_slip_share, d.random);
+  d.effect.form = "five Iwan elements of drawn shares";
   d.parameter("stiffness_n_m", d.rig.iwan_n_m, 0.5);
   d.parameter("slip_force_n", d.rig.iwan_slip_n, 0.5);
 }
@@ -185,6 +245,10 @@ void ambient_vibration(EffectDraw& d) {
   const double omega = two_pi * d.rig.ambient_hz;
   d.rig.ambient_n = d.strength * 0.01 * d.x * d.rig.mass_kg * omega * omega;
   d.rig.ambient_phase_rad = d.random.uniform(0.0, two_pi);
+  if (d.random.chance(0.5)) {
+    d.rig.ambient_harmonic = d.random.uniform(0.1, 0.3);
+    d.effect.form = text("with a second harmonic of %.3f", d.rig.ambient_harmonic);
+  }
   d.parameter("frequency_hz", d.rig.ambient_hz, 0.02);
   d.parameter("amplitude_n", d.rig.ambient_n, 0.3);
 }
@@ -340,8 +404,12 @@ void mains_hum(EffectDraw& d) {
   Instrument& instrument = draw_instrument(d);
   instrument.hum_hz = d.random.chance(0.7) ? 50.0 : 60.0;
   instrument.hum_amplitude = 0.05 * d.strength * d.spread();
-  instrument.hum_modulation = d.random.chance(0.5) ? d.random.uniform(0.1, 0.3) : 0.0;
-  d.effect.form = text("amplitude wanders by %.4f", instrument.hum_modulation);
+  if (d.random.chance(0.5)) {
+    const double deviation = d.random.uniform(0.1, 0.3);
+    instrument.hum_wander =
+        wander(deviation, d.random.uniform(2.0, 8.0), d.sizes.duration_s, d.random);
+    d.effect.form = text("amplitude wanders at random by %.3f", deviation);
+  }
   d.parameter("frequency_hz", instrument.hum_hz, 0.005);
   d.parameter("amplitude", instrument.hum_amplitude, 0.35);
 }
@@ -355,6 +423,12 @@ void sensor_drift(EffectDraw& d) {
       instrument.drift_settling_s > 0.0
           ? text("exponential approach, time constant %.2f s", instrument.drift_settling_s)
           : "ramp";
+  if (d.random.chance(0.5)) {
+    const double share = d.random.uniform(0.04, 0.12);
+    const double drift = std::abs(instrument.drift_per_s) * d.sizes.duration_s;
+    instrument.drift_wander = random_walk(share * drift, d.sizes.duration_s, d.random);
+    d.effect.form += text(", and a random walk of %.3f of it", share);
+  }
   d.parameter("rate_per_s", instrument.drift_per_s, 0.3).graded =
       instrument.drift_settling_s == 0.0;
 }

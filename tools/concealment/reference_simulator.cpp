@@ -73,6 +73,15 @@ Motion motion_of(const std::vector<Tone>& tones, double time_s) {
   return sum;
 }
 
+double Wander::at(double time_s) const {
+  if (knots.empty()) return 0.0;
+  const double last = static_cast<double>(knots.size() - 1);
+  const double place = std::clamp(time_s / step_s, 0.0, last);
+  const auto before = static_cast<std::size_t>(place);
+  const std::size_t after = std::min(before + 1, knots.size() - 1);
+  return knots[before] + (place - static_cast<double>(before)) * (knots[after] - knots[before]);
+}
+
 // Butterworth low-pass by the bilinear transform with a prewarped cut-off.
 void ReferenceSimulator::add_lowpass(std::vector<Biquad>& chain, int order, double cutoff_hz) {
   const double k = std::tan(std::numbers::pi * cutoff_hz * h);
@@ -158,7 +167,11 @@ double ReferenceSimulator::friction_level(double slip, double x, double load, do
   const ReferenceRig& n = rig_;
   const double speed = std::abs(slip);
   double level = n.mu * (n.loaded ? load : 1.0);
-  if (n.load_exponent != 0.0 && load > 0.0) level *= std::pow(load / n.load_n, n.load_exponent);
+  if (n.load_exponent != 0.0 && load > 0.0) {
+    const double ratio = load / n.load_n;
+    level *= n.load_logarithmic ? std::max(0.0, 1.0 + n.load_exponent * std::log(ratio))
+                                : std::pow(ratio, n.load_exponent);
+  }
   if (n.mu_slope_per_m != 0.0) {
     const double along =
         n.mu_saturation_m > 0.0 ? n.mu_saturation_m * std::tanh(x / n.mu_saturation_m) : x;
@@ -187,35 +200,44 @@ double ReferenceSimulator::friction_level(double slip, double x, double load, do
     middle.rested_s = rested;
     level *= 1.0 + n.ageing_beta * std::log1p(rested / n.ageing_tau_s);
   }
-  return level * (1.0 + n.asymmetry * sign_of(slip));
+  const double side =
+      n.asymmetry_speed_m_s > 0.0 ? std::tanh(slip / n.asymmetry_speed_m_s) : sign_of(slip);
+  return level * (1.0 + n.asymmetry * side);
 }
 
-// Dupont's elasto-plastic bristle: it slips at the level, and not at all below its elastic share.
-// The share of slip is that at the end of the last step.
+// The share of slip in the motion of the contact. `bent`: deflection in the direction of motion
+// over that of break-away. Dupont's elasto-plastic bristle does not slip below its elastic share,
+// nor on the way back; Dahl's always does.
+double ReferenceSimulator::slip_share_of_bristle(double bent) const {
+  const ReferenceRig& n = rig_;
+  if (n.dahl_exponent > 0.0) {
+    if (std::abs(bent) < 1.0e-6) return n.dahl_exponent;
+    return (1.0 - std::pow(std::max(0.0, 1.0 - bent), n.dahl_exponent)) / bent;
+  }
+  if (std::abs(bent) >= 1.0) return 1.0;
+  if (bent <= n.bristle_elastic_share) return 0.0;
+  const double middle = 0.5 * (n.bristle_elastic_share + 1.0);
+  return 0.5 + 0.5 * std::sin(std::numbers::pi * (bent - middle) / (1.0 - n.bristle_elastic_share));
+}
+
+// It slips at the level. The share of slip is that at the end of the last step.
 double ReferenceSimulator::bristle_friction(double slip, double level, State& middle) const {
   const ReferenceRig& n = rig_;
   const double most = std::max(level, 1.0e-9) / n.bristle_n_m;
-  double slipping = 0.0;
-  const double bent = std::abs(state_.bristle);
-  if (state_.bristle * slip > 0.0 || bent > most) {
-    const double elastic = n.bristle_elastic_share * most;
-    if (bent >= most) {
-      slipping = 1.0;
-    } else if (bent > elastic) {
-      slipping = 0.5 + 0.5 * std::sin(std::numbers::pi *
-                                      ((bent - 0.5 * (elastic + most)) / (most - elastic)));
-    }
-  }
+  const double slipping = slip_share_of_bristle(state_.bristle * sign_of(slip) / most);
   const double relaxation = 0.5 * h * slipping * std::abs(slip) / most;
   middle.bristle = (state_.bristle + 0.5 * h * slip) / (1.0 + relaxation);
   const double rate = (middle.bristle - state_.bristle) / (0.5 * h);
-  return n.bristle_n_m * middle.bristle + n.bristle_n_s_m * rate;
+  const double damping =
+      n.bristle_damping_speed_m_s > 0.0
+          ? n.bristle_n_s_m * std::exp(-square(slip / n.bristle_damping_speed_m_s))
+          : n.bristle_n_s_m;
+  return n.bristle_n_m * middle.bristle + damping * rate;
 }
 
-// theta of the relaxation processes. With weights 1/2 + spread/2 and 1/2 - spread/2 the mean lag is
-// that of one process.
+// theta of the relaxation processes.
 double ReferenceSimulator::relaxed(const State& state) const {
-  const double share = 0.5 * (1.0 + rig_.relaxation_spread);
+  const double share = rig_.relaxation_share;
   return share * state.theta_fast + (1.0 - share) * state.theta_slow;
 }
 
@@ -224,8 +246,10 @@ double ReferenceSimulator::backbone_friction(double slip, double level, State& m
   const double backbone =
       n.transition_speed_m_s > 0.0 ? std::tanh(slip / n.transition_speed_m_s) : sign_of(slip);
   if (!(n.relaxation_per_s > 0.0)) return level * backbone;
-  const double fast = 0.5 * h * n.relaxation_per_s * (1.0 + n.relaxation_spread);
-  const double slow = 0.5 * h * n.relaxation_per_s * (1.0 - n.relaxation_spread);
+  // The mean lag of both, share / fast + (1 - share) / slow, is that of one process.
+  const double slow = 0.5 * h * n.relaxation_per_s *
+                      (n.relaxation_share / n.relaxation_ratio + 1.0 - n.relaxation_share);
+  const double fast = n.relaxation_ratio * slow;
   middle.theta_fast = (state_.theta_fast + fast * backbone) / (1.0 + fast);
   middle.theta_slow = (state_.theta_slow + slow * backbone) / (1.0 + slow);
   return level * relaxed(middle);
@@ -264,7 +288,8 @@ double ReferenceSimulator::static_force(double x, double time_s) const {
   }
   force += n.bias_n;
   if (n.ambient_n != 0.0) {
-    force += n.ambient_n * std::sin(two_pi * n.ambient_hz * time_s + n.ambient_phase_rad);
+    const double phase = two_pi * n.ambient_hz * time_s + n.ambient_phase_rad;
+    force += n.ambient_n * (std::sin(phase) + n.ambient_harmonic * std::sin(2.0 * phase));
   }
   if (n.bump_n != 0.0) {
     const double s = (x - n.bump_at_m) / n.bump_width_m;
@@ -276,17 +301,20 @@ double ReferenceSimulator::static_force(double x, double time_s) const {
   return force;
 }
 
-// Elements with slip levels of 1/3, 2/3, 1, 4/3 and 5/3 of their mean.
+double ReferenceSimulator::iwan_break_away_m(std::size_t element) const {
+  const ReferenceRig& n = rig_;
+  return n.iwan_slip_n * n.iwan_slip_share[element] /
+         (n.iwan_n_m * n.iwan_stiffness_share[element]);
+}
+
 double ReferenceSimulator::iwan_force(State& middle) const {
   const ReferenceRig& n = rig_;
   double force = 0.0;
   if (!(n.iwan_n_m > 0.0)) return force;
   for (std::size_t i = 0; i < iwan_elements; ++i) {
-    const double stiffness = n.iwan_n_m / iwan_elements;
-    const double most = n.iwan_slip_n / iwan_elements * (static_cast<double>(i) + 1.0) / 3.0;
-    const double stretch = state_.iwan[i] + 0.5 * h * state_.v;
-    middle.iwan[i] = std::clamp(stretch, -most / stiffness, most / stiffness);
-    force += stiffness * middle.iwan[i];
+    const double most = iwan_break_away_m(i);
+    middle.iwan[i] = std::clamp(state_.iwan[i] + 0.5 * h * state_.v, -most, most);
+    force += n.iwan_n_m * n.iwan_stiffness_share[i] * middle.iwan[i];
   }
   return force;
 }
@@ -372,7 +400,7 @@ ReferenceSimulator::Contact ReferenceSimulator::step_free(const Motion& drive, d
     state_.y = (contact.friction - n.cell_mass_kg * base) / (n.cell_mass_kg * omega * omega);
   }
   for (std::size_t i = 0; i < iwan_elements && n.iwan_n_m > 0.0; ++i) {
-    const double most = n.iwan_slip_n / n.iwan_n_m * (static_cast<double>(i) + 1.0) / 3.0;
+    const double most = iwan_break_away_m(i);
     state_.iwan[i] = std::clamp(middle.iwan[i] + 0.5 * h * state_.v, -most, most);
   }
   if (n.mode_hz > 0.0) advance_second_mode(contact.friction, base);
@@ -470,7 +498,7 @@ void ReferenceSimulator::update_readings() {
     double value = r.gain * delayed(c, ideal[c]);
     if (r.crosstalk != 0.0) value += r.crosstalk * ideal[index_of(r.crosstalk_from)];
     if (r.hum_amplitude != 0.0) {
-      value += r.hum_amplitude * (1.0 + r.hum_modulation * std::sin(two_pi * 0.13 * time_s_)) *
+      value += r.hum_amplitude * (1.0 + r.hum_wander.at(time_s_)) *
                std::sin(two_pi * r.hum_hz * time_s_ + 0.7);
     }
     value += r.offset;
@@ -479,6 +507,7 @@ void ReferenceSimulator::update_readings() {
                                     ? r.drift_settling_s * -std::expm1(-t / r.drift_settling_s)
                                     : t);
     }
+    value += r.drift_wander.at(t);
     if (r.limit > 0.0) value = std::clamp(value, -r.limit, r.limit);
     readings_[c] = value;
   }

@@ -2,8 +2,8 @@
 // physics::RigSimulator, so that a diagnosis is not examined on its own equations: Moreau's
 // midpoint rule at 25 us with implicit (also set-valued) friction, filters by the bilinear
 // transform, and other formulas where physics offers some: two relaxation processes, Dieterich's
-// ageing, elasto-plastic bristles, Iwan elements, Hertz contact. It does not use the effect
-// catalogue: every hidden effect is a parameter that is neutral by default.
+// ageing, elasto-plastic, LuGre and Dahl bristles, Iwan elements, Hertz contact. It does not use
+// the effect catalogue: every hidden effect is a parameter that is neutral by default.
 #pragma once
 
 #include <array>
@@ -40,6 +40,14 @@ struct Motion {
 /// The sum of the tones and its exact derivatives.
 Motion motion_of(const std::vector<Tone>& tones, double time_s);
 
+/// A slow function of time: linear between knots that are `step_s` apart from time 0 on, constant
+/// beyond; 0 without knots.
+struct Wander {
+  double step_s = 1.0;
+  std::vector<double> knots;
+  double at(double time_s) const;
+};
+
 /// One sensor channel with its errors.
 struct Instrument {
   bool recorded = false;
@@ -56,10 +64,11 @@ struct Instrument {
   double limit = 0.0;         ///< saturation; 0: none
   double hum_hz = 0.0;
   double hum_amplitude = 0.0;
-  double hum_modulation = 0.0;  ///< relative depth of a slow modulation of the hum's amplitude
+  Wander hum_wander;  ///< the hum's amplitude is hum_amplitude (1 + wander)
   double offset = 0.0;
   double drift_per_s = 0.0;
   double drift_settling_s = 0.0;  ///< 0: a ramp; otherwise the time constant of an exponential
+  Wander drift_wander;            ///< added to the drift
 };
 
 /// Time during which an effect acts; by default always.
@@ -90,7 +99,8 @@ struct ReferenceRig {
   double mu = 0.0;
   double transition_speed_m_s = 0.0;  ///< 0: set-valued
   double relaxation_per_s = 0.0;      ///< 0: theta = g(v)
-  double relaxation_spread = 0.0;  ///< two processes with rates (1 +- spread) of it, same mean lag
+  double relaxation_share = 0.5;      ///< two processes: share of the faster one
+  double relaxation_ratio = 1.0;      ///< of their rates; the mean lag is that of one process
   bool cell = false;
   bool cell_rings = false;
   double cell_mass_kg = 1.0;
@@ -107,8 +117,12 @@ struct ReferenceRig {
   double bristle_n_m = 0.0;  ///< 0: no compliance
   double bristle_n_s_m = 0.0;
   double bristle_elastic_share = 0.0;  ///< of break-away, below which there is no slip
+  double dahl_exponent = 0.0;  ///< not 0: Dahl's bristle, z' = v (1 - z sign(v) / z_max)^exponent
+  double bristle_damping_speed_m_s = 0.0;  ///< not 0: its damping falls with exp(-(v / speed)^2)
   double load_exponent = 0.0;
+  bool load_logarithmic = false;  ///< 1 + exponent ln(N / N0) in place of the power
   double asymmetry = 0.0;
+  double asymmetry_speed_m_s = 0.0;  ///< 0: by the sign of v; otherwise by tanh(v / speed)
   double mu_slope_per_m = 0.0;
   double mu_saturation_m = 0.0;  ///< 0: linear; otherwise slope times length tanh(x / length)
   double mu_drift_per_s = 0.0;
@@ -126,6 +140,9 @@ struct ReferenceRig {
   double drag_power = 2.0;
   double iwan_n_m = 0.0;
   double iwan_slip_n = 0.0;
+  std::array<double, iwan_elements> iwan_stiffness_share = {0.2, 0.2, 0.2, 0.2, 0.2};
+  std::array<double, iwan_elements> iwan_slip_share = {1.0 / 15.0, 2.0 / 15.0, 3.0 / 15.0,
+                                                       4.0 / 15.0, 5.0 / 15.0};
   double stop_gap_m = 0.0;
   double stop_stiffness = 0.0;  ///< N/m^power
   double stop_power = 1.0;
@@ -134,6 +151,7 @@ struct ReferenceRig {
   double ambient_n = 0.0;
   double ambient_hz = 1.0;
   double ambient_phase_rad = 0.0;
+  double ambient_harmonic = 0.0;         ///< share of a second harmonic
   double position_damping_n_s_m3 = 0.0;  ///< c x^2 v
   double bump_n = 0.0;                   ///< a magnet's force bump_n s exp((1 - s^2) / 2)
   double bump_at_m = 0.0;                ///< with s = (x - at) / width
@@ -205,6 +223,7 @@ class ReferenceSimulator {
   // The friction functions take the slip speed at the middle of a step and move the internal states
   // of `middle` there from the beginning of the step.
   double friction_level(double slip, double x, double load, double time_s, State& middle) const;
+  double slip_share_of_bristle(double bent) const;
   double bristle_friction(double slip, double level, State& middle) const;
   double relaxed(const State& state) const;
   double backbone_friction(double slip, double level, State& middle) const;
@@ -212,6 +231,7 @@ class ReferenceSimulator {
   Contact solve_contact(double free_slip, double mobility, double x, double load, double time_s,
                         State& middle) const;
   double static_force(double x, double time_s) const;
+  double iwan_break_away_m(std::size_t element) const;
   double iwan_force(State& middle) const;
   FreeBody free_mass(double x, double force) const;
   FreeBody free_load_cell(double base_acceleration) const;

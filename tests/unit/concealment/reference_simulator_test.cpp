@@ -176,6 +176,60 @@ TEST(ReferenceSimulator, AgreesWithTheSimulatorOfPhysics) {
   }
 }
 
+// Sliding to and fro at 5 mm, whatever the friction; break-away after a tenth of a millimetre.
+ReferenceRig rubbed_bristle() {
+  ReferenceRig n;
+  n.excitation = physics::Excitation::imposed;
+  n.loaded = false;
+  n.mu = 0.1;
+  n.bristle_n_m = 1000.0;
+  n.bristle_n_s_m = 0.01;
+  n.drive = {Tone{0.005, 1.0, 0.0, {}}};
+  n.instrument[index_of(Channel::friction_force)].recorded = true;
+  return n;
+}
+
+TEST(ReferenceSimulator, EveryBristleSlipsAtTheFrictionLevel) {
+  std::vector<ReferenceRig> rigs(4, rubbed_bristle());
+  rigs[0].bristle_elastic_share = 0.5;
+  rigs[1].dahl_exponent = 0.7;
+  rigs[2].dahl_exponent = 2.0;
+  rigs[3].dahl_exponent = 1.0;
+  rigs[3].bristle_damping_speed_m_s = 0.005;
+  for (const ReferenceRig& rig : rigs) {
+    ReferenceSimulator run(rig, 2.0);
+    run.advance(0.2);
+    EXPECT_NEAR(run.read()[index_of(Channel::friction_force)], 0.1, 2.0e-3) << rig.dahl_exponent;
+    run.advance(0.7);
+    EXPECT_NEAR(run.read()[index_of(Channel::friction_force)], -0.1, 2.0e-3) << rig.dahl_exponent;
+  }
+}
+
+TEST(ReferenceSimulator, RelaxationProcessesHaveTheMeanLagOfOne) {
+  ReferenceRig one = rubbed_bristle();
+  one.bristle_n_m = 0.0;
+  one.transition_speed_m_s = 0.1;  // nearly viscous: a lag is a shift in time
+  one.relaxation_per_s = 200.0;
+  ReferenceRig two = one;
+  two.relaxation_share = 0.4;
+  two.relaxation_ratio = 4.0;
+  ReferenceSimulator a(one, 2.0);
+  ReferenceSimulator b(two, 2.0);
+  a.advance(0.25);
+  b.advance(0.25);
+  const std::size_t f = index_of(Channel::friction_force);
+  EXPECT_NEAR(a.read()[f], b.read()[f], 3.0e-4 * one.mu);
+}
+
+TEST(Wander, IsLinearBetweenItsKnots) {
+  const Wander wander{0.5, {1.0, 2.0, 0.0}};
+  EXPECT_EQ(wander.at(-1.0), 1.0);
+  EXPECT_EQ(wander.at(0.25), 1.5);
+  EXPECT_EQ(wander.at(0.75), 1.0);
+  EXPECT_EQ(wander.at(9.0), 0.0);
+  EXPECT_EQ(Wander{}.at(1.0), 0.0);
+}
+
 TEST(ReferenceSimulator, SensorErrors) {
   ReferenceRig n = frictionless();
   const std::size_t x = index_of(Channel::displacement);
