@@ -47,6 +47,7 @@ struct Arguments {
   std::string truth;
   std::string reports;
   std::string json;
+  std::string model_name = "model.toml";
   std::string job_list;
   std::vector<std::string> only;
   std::uint64_t seed = 1;
@@ -54,31 +55,31 @@ struct Arguments {
 };
 
 // Checksum of all inputs of a report; a report of another origin is not reused.
-std::string origin_of(const fs::path& folder, std::uint64_t seed) {
+std::string origin_of(const fs::path& folder, const std::string& model_name, std::uint64_t seed) {
   static const std::string program = protocol::sha256_of(content_of("/proc/self/exe"));
   return protocol::sha256_of(program + std::to_string(seed) + content_of(folder / "recording.csv") +
-                             content_of(folder / "model.toml") +
+                             content_of(folder / model_name) +
                              content_of(folder / "validation.csv"));
 }
 
 std::vector<std::string> cases_of(const Arguments& arguments) {
   if (!fs::is_directory(arguments.set)) {
     throw InputError(Problem{arguments.set, 0, 0,
-                             "is not a folder; expected a set of folders with recording.csv and "
-                             "model.toml"});
+                             "is not a folder; expected a set of folders with recording.csv and " +
+                                 arguments.model_name});
   }
   std::vector<std::string> names;
   for (const auto& entry : fs::directory_iterator(arguments.set)) {
     if (fs::is_regular_file(entry.path() / "recording.csv") &&
-        fs::is_regular_file(entry.path() / "model.toml")) {
+        fs::is_regular_file(entry.path() / arguments.model_name)) {
       names.push_back(entry.path().filename());
     }
   }
   std::sort(names.begin(), names.end());
   if (names.empty()) {
-    throw InputError(
-        Problem{arguments.set, 0, 0,
-                "contains no case; expected folders with recording.csv and model.toml"});
+    throw InputError(Problem{
+        arguments.set, 0, 0,
+        "contains no case; expected folders with recording.csv and " + arguments.model_name});
   }
   if (arguments.only.empty()) return names;
   for (const std::string& name : arguments.only) {
@@ -120,14 +121,14 @@ std::optional<Outcome> stored(const fs::path& file, const std::string& origin) {
 }
 
 Outcome examine(const fs::path& folder, const fs::path& file, const std::string& origin,
-                std::uint64_t seed, const Outputs& outputs) {
+                const Arguments& arguments, const Outputs& outputs) {
   const auto start = std::chrono::steady_clock::now();
-  const physics::Model model = config::load_model(folder / "model.toml");
+  const physics::Model model = config::load_model(folder / arguments.model_name);
   const std::vector<protocol::Recording> recordings{
       protocol::read_recording(folder / "recording.csv")};
   warn_if_cut_off(recordings.front());
   diagnosis::Options options;
-  options.seed = seed;
+  options.seed = arguments.seed;
   const diagnosis::Diagnosis found = diagnosis::diagnose(recordings, model, options);
   const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
   Json kept;
@@ -173,11 +174,12 @@ void write_job_list(const Arguments& arguments, const Folders& folders,
   std::string lines;
   std::size_t count = 0;
   for (const std::string& name : names) {
-    if (stored(folders.report_of(name), origin_of(folders.set / name, arguments.seed))) continue;
+    const std::string origin = origin_of(folders.set / name, arguments.model_name, arguments.seed);
+    if (stored(folders.report_of(name), origin)) continue;
     lines += "stickslip examine " + quoted(folders.set.string()) + " --only " + quoted(name) +
              " --truth " + quoted(folders.truth.string()) + " --reports " +
-             quoted(folders.reports.string()) + " --seed " + std::to_string(arguments.seed) +
-             " --jobs 1\n";
+             quoted(folders.reports.string()) + " --model-name " + quoted(arguments.model_name) +
+             " --seed " + std::to_string(arguments.seed) + " --jobs 1\n";
     ++count;
   }
   outputs.write(arguments.job_list, Form::plain, lines);
@@ -199,12 +201,12 @@ std::vector<Outcome> examine_all(const Arguments& arguments, const Folders& fold
     const fs::path file = folders.report_of(names[i]);
     bool is_new = false;
     try {
-      const std::string origin = origin_of(folder, arguments.seed);
+      const std::string origin = origin_of(folder, arguments.model_name, arguments.seed);
       if (auto kept = stored(file, origin)) {
         outcomes[i] = std::move(*kept);
       } else {
         is_new = true;
-        outcomes[i] = examine(folder, file, origin, arguments.seed, outputs);
+        outcomes[i] = examine(folder, file, origin, arguments, outputs);
       }
     } catch (const std::exception& error) {
       // A case that fails is a result of the examination.
@@ -251,10 +253,12 @@ std::vector<concealment::Grade> grades_of(const Folders& folders,
 }
 
 /// The files that an examination reads.
-std::vector<std::string> inputs_of(const Folders& folders, const std::vector<std::string>& names) {
+std::vector<std::string> inputs_of(const Folders& folders, const std::string& model_name,
+                                   const std::vector<std::string>& names) {
   std::vector<std::string> out;
   for (const std::string& name : names) {
-    for (const char* file : {"recording.csv", "validation.csv", "model.toml", "seal.txt"}) {
+    for (const std::string& file : {std::string("recording.csv"), std::string("validation.csv"),
+                                    model_name, std::string("seal.txt")}) {
       out.push_back((folders.set / name / file).string());
     }
     out.push_back((folders.truth / (name + ".json")).string());
@@ -265,7 +269,7 @@ std::vector<std::string> inputs_of(const Folders& folders, const std::vector<std
 int run(const Arguments& arguments, Outputs outputs) {
   const Folders folders = folders_of(arguments);
   const std::vector<std::string> names = cases_of(arguments);
-  outputs.add_inputs(inputs_of(folders, names));
+  outputs.add_inputs(inputs_of(folders, arguments.model_name, names));
   outputs.check(arguments.json);
   if (!arguments.job_list.empty()) {
     write_job_list(arguments, folders, names, outputs);
@@ -301,8 +305,12 @@ void add_examine(CLI::App& app, Action& action) {
       ->type_name("DIR");
   add_output_folder(*command, "--reports", arguments->reports,
                     "Folder for the reports (default: DIR/reports); existing reports of the same "
-                    "recording, seed and program are reused");
+                    "recording, model, seed and program are reused");
   add_json_file_option(*command, arguments->json);
+  command
+      ->add_option("--model-name", arguments->model_name,
+                   "Model file in the folder of each case, such as model-instruments.toml")
+      ->capture_default_str();
   command->add_option("--only", arguments->only, "Only these cases, separated by commas")
       ->delimiter(',');
   add_output(*command, "--job-list", arguments->job_list,
@@ -314,6 +322,9 @@ void add_examine(CLI::App& app, Action& action) {
     action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
   });
   describe(*command, {.examples = {{"Diagnose and grade a set", "stickslip examine blind"},
+                                   {"The same with declared uncertainties of the instruments",
+                                    "stickslip examine blind --model-name model-instruments.toml "
+                                    "--reports blind/reports-instruments"},
                                    {"Write the work as a list of commands for a cluster",
                                     "stickslip examine blind --job-list jobs.txt"}},
                       .files = {{"DIR/reports", "Reports; existing ones are reused"}},

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <map>
 #include <nlohmann/json.hpp>
 
 namespace stickslip::concealment {
@@ -152,6 +150,10 @@ Grade grade(const GroundTruth& truth, const Json& report) {
   Grade out;
   out.name = truth.name;
   out.kind = truth.kind;
+  for (const auto& [nuisance, drawn] : truth.nuisances.items()) out.nuisances.push_back(nuisance);
+  if (truth.kind == "single" && truth.effects.size() == 1 && truth.effects[0].snr > 0.0) {
+    out.snr = truth.effects[0].snr;
+  }
   for (const TrueEffect& effect : truth.effects) {
     out.hidden.push_back(effect.physics.empty() ? effect.id : effect.physics);
   }
@@ -174,8 +176,9 @@ Grade grade(const GroundTruth& truth, const Json& report) {
   }
   out.missed = out.verdict == "consistent";
   const std::vector<const Json*> match = matches_of(truth, findings, out);
-  out.all_named =
-      std::all_of(match.begin(), match.end(), [](const Json* m) { return m != nullptr; });
+  out.found = static_cast<int>(
+      std::count_if(match.begin(), match.end(), [](const Json* m) { return m != nullptr; }));
+  out.all_named = out.found == static_cast<int>(match.size());
   out.first_right = !out.named.empty() && std::any_of(truth.effects.begin(), truth.effects.end(),
                                                       [&](const TrueEffect& e) {
                                                         return contains(e.accept, out.named[0]);
@@ -198,210 +201,6 @@ Rate rate_interval(int hits, int count) {
   const double middle = (p + z * z / (2.0 * n)) / (1.0 + z * z / n);
   const double half = z / (1.0 + z * z / n) * std::sqrt(p * (1.0 - p) / n + z * z / (4.0 * n * n));
   return {std::max(0.0, middle - half), std::min(1.0, middle + half)};
-}
-
-namespace {
-
-// Hits among the grades to which a criterion applies.
-struct Tally {
-  std::string_view key;  ///< in the JSON
-  std::string_view label;
-  int hits = 0;
-  int count = 0;
-  void add(bool hit) {
-    ++count;
-    if (hit) ++hits;
-  }
-  void add(std::optional<bool> hit) {
-    if (hit) add(*hit);
-  }
-  void add(int some, int all) {
-    hits += some;
-    count += all;
-  }
-};
-
-std::optional<bool> improved(const Grade& g) {
-  if (!g.validation_before || !g.validation_after) return std::nullopt;
-  return g.hidden.empty() ? *g.validation_after < 1.1 * *g.validation_before
-                          : *g.validation_after < 0.9 * *g.validation_before;
-}
-
-std::vector<Tally> tallies_of(std::span<const Grade> grades) {
-  Tally first{"single effects named right first", "single effects: first finding correct"};
-  Tally exact{"single effects exact (nothing more)", "single effects: exact"};
-  Tally relation{"relation right", "relation correct"};
-  Tally null{"nothing hidden called consistent", "no hidden effect: consistent"};
-  Tally pairs{"both of two named, nothing more", "two effects: both found, no surplus"};
-  Tally unlisted{"unlisted physics called so", "unlisted physics: reported as unlisted"};
-  Tally unlisted_relation{"unlisted physics at the right relation",
-                          "unlisted physics: relation correct"};
-  Tally wrong{"unlisted physics given a wrong name", "unlisted physics: wrong effect reported"};
-  Tally channel{"channel right", "channel correct"};
-  Tally tenth{"parameters within 10 %", "parameters within 10 %"};
-  Tally within{"parameters within their tolerance", "parameters within tolerance"};
-  Tally covered{"95 % intervals that hold the truth", "coverage of the 95 % intervals"};
-  Tally when{"events found with an overlap above 0.8", "events: overlap above 0.8"};
-  Tally floor{"held-out chi-squared at most 1.15 where named",
-              "exact reports: held-out chi-squared <= 1.15"};
-  Tally better{"better on another run", "validation run predicted better"};
-  for (const Grade& g : grades) {
-    if (g.kind == "null") {
-      null.add(!g.false_alarm && g.verdict_right);
-    } else {
-      relation.add(g.relation_right);
-      if (g.kind == "single") {
-        first.add(g.first_right);
-        exact.add(g.exact);
-      } else if (g.kind == "pair") {
-        pairs.add(g.exact);
-      } else {
-        unlisted.add(g.first_right);
-        unlisted_relation.add(g.relation_right);
-        wrong.add(!g.first_right && !g.named.empty());
-      }
-      if (g.exact && g.chi2_after) floor.add(*g.chi2_after <= 1.15);
-    }
-    channel.add(g.channel_right);
-    tenth.add(g.within_tenth, g.parameters);
-    within.add(g.within_tolerance, g.parameters);
-    covered.add(g.covered, g.parameters);
-    if (g.overlap) when.add(*g.overlap > 0.8);
-    better.add(improved(g));
-  }
-  return {first, exact,  relation, null, pairs, unlisted, unlisted_relation, wrong, channel,
-          tenth, within, covered,  when, floor, better};
-}
-
-std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : " + ") + word;
-  return text;
-}
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
-}
-
-std::string row_of(const Grade& g) { return g.hidden.empty() ? "(nothing)" : joined(g.hidden); }
-std::string column_of(const Grade& g) {
-  if (g.verdict.empty()) return "(no report)";
-  if (g.named.empty()) return g.verdict == "consistent" ? "(nothing)" : "(unexplained)";
-  return joined(g.named);
-}
-
-struct Group {
-  std::vector<double> chi2, seconds;
-  int first = 0, exact = 0, relation = 0;
-  int parameters = 0, within = 0, covered = 0;
-
-  void add(const Grade& g) {
-    first += g.first_right ? 1 : 0;
-    exact += g.exact ? 1 : 0;
-    relation += g.relation_right ? 1 : 0;
-    parameters += g.parameters;
-    within += g.within_tolerance;
-    covered += g.covered;
-    if (g.chi2_after) chi2.push_back(*g.chi2_after);
-    seconds.push_back(g.seconds);
-  }
-};
-
-std::string table_text(std::span<const Grade> grades) {
-  std::map<std::string, Group> groups;
-  for (const Grade& g : grades) {
-    groups[g.kind == "pair" ? "(two effects)" : row_of(g)].add(g);
-  }
-  char line[240];
-  std::snprintf(line, sizeof line, "%-33s %3s %7s %7s %8s %8s %7s %9s %7s\n", "hidden", "n",
-                "first", "exact", "relation", "within", "covered", "chi2", "s");
-  std::string text = line;
-  for (const auto& [hidden, group] : groups) {
-    const int n = static_cast<int>(group.seconds.size());
-    std::snprintf(line, sizeof line,
-                  "%-33s %3d %3d/%-3d %3d/%-3d %4d/%-3d %4d/%-3d %3d/%-3d %9.3g %7.1f\n",
-                  hidden.c_str(), n, group.first, n, group.exact, n, group.relation, n,
-                  group.within, group.parameters, group.covered, group.parameters,
-                  median(group.chi2), median(group.seconds));
-    text += line;
-  }
-  return text;
-}
-
-std::string confusion_text(std::span<const Grade> grades) {
-  std::string text = "\nHidden -> reported, where not exact\n";
-  std::map<std::pair<std::string, std::string>, std::vector<std::string>> confusion;
-  for (const Grade& g : grades) {
-    if (!g.exact) confusion[{row_of(g), column_of(g)}].push_back(g.name);
-  }
-  if (confusion.empty()) text += "  none\n";
-  for (const auto& [pair, names] : confusion) {
-    text += "  " + pair.first + " -> " + pair.second + ": " + std::to_string(names.size()) + " (" +
-            names.front() + (names.size() > 1 ? ", ..." : "") + ")\n";
-  }
-  return text;
-}
-
-std::string rates_text(std::span<const Grade> grades) {
-  std::string text;
-  char line[240];
-  for (const Tally& tally : tallies_of(grades)) {
-    if (tally.count == 0) continue;
-    const Rate rate = rate_interval(tally.hits, tally.count);
-    std::snprintf(line, sizeof line, "%-46s %4d of %-4d %5.1f %%  (95 %%: %.1f to %.1f)\n",
-                  std::string(tally.label).c_str(), tally.hits, tally.count,
-                  100.0 * tally.hits / tally.count, 100.0 * rate.low, 100.0 * rate.high);
-    text += line;
-  }
-  return text;
-}
-
-}  // namespace
-
-std::string summary_text(std::span<const Grade> grades) {
-  std::string text = table_text(grades) + confusion_text(grades) + "\n" + rates_text(grades);
-  for (const Grade& g : grades) {
-    if (!g.problem.empty()) text += g.name + ": " + g.problem + "\n";
-  }
-  return text;
-}
-
-Json summary_json(std::span<const Grade> grades) {
-  Json json;
-  json["schema"] = 1;
-  json["rates"] = Json::object();
-  for (const Tally& tally : tallies_of(grades)) {
-    const Rate rate = rate_interval(tally.hits, tally.count);
-    json["rates"][std::string(tally.key)] = {
-        {"hits", tally.hits}, {"of", tally.count}, {"ci95", Json::array({rate.low, rate.high})}};
-  }
-  json["cases"] = Json::array();
-  const auto or_null = [](const auto& value) { return value ? Json(*value) : Json(nullptr); };
-  for (const Grade& g : grades) {
-    json["cases"].push_back({{"name", g.name},
-                             {"kind", g.kind},
-                             {"hidden", g.hidden},
-                             {"named", g.named},
-                             {"verdict", g.verdict},
-                             {"first_right", g.first_right},
-                             {"exact", g.exact},
-                             {"relation_right", g.relation_right},
-                             {"channel_right", or_null(g.channel_right)},
-                             {"depends_right", or_null(g.depends_right)},
-                             {"overlap", or_null(g.overlap)},
-                             {"parameters", g.parameters},
-                             {"within_tolerance", g.within_tolerance},
-                             {"covered", g.covered},
-                             {"chi2_before", or_null(g.chi2_before)},
-                             {"chi2_after", or_null(g.chi2_after)},
-                             {"validation_before", or_null(g.validation_before)},
-                             {"validation_after", or_null(g.validation_after)},
-                             {"seconds", g.seconds},
-                             {"problem", g.problem}});
-  }
-  return json;
 }
 
 }  // namespace stickslip::concealment

@@ -23,6 +23,7 @@ struct Grade {
   bool first_right = false;     ///< the first finding names a hidden effect
   bool relation_right = false;  ///< of every hidden effect
   bool all_named = false;
+  int found = 0;       ///< hidden effects that some finding names
   int surplus = 0;     ///< findings that name no hidden effect
   bool exact = false;  ///< verdict, all hidden effects, their channels, and no surplus
   std::optional<bool> channel_right;  ///< sensor effects
@@ -36,6 +37,8 @@ struct Grade {
   std::optional<double> chi2_after;
   std::optional<double> validation_before;  ///< on another run
   std::optional<double> validation_after;
+  std::vector<std::string> nuisances;  ///< imperfections of the instruments; empty: ideal
+  std::optional<double> snr;           ///< size of a single effect over the noise
   double seconds = 0.0;
   std::string problem;  ///< reason for a missing report
 };
@@ -43,11 +46,11 @@ struct Grade {
 /// `report`: docs/formats.md, section 5; null if there is none.
 Grade grade(const GroundTruth& truth, const nlohmann::ordered_json& report);
 
-/// A table with one line per hidden effect, the confusions (hidden against reported effects), and
-/// the rates with their 95 % intervals.
+/// A table with one line per hidden effect, the confusions (hidden against reported effects), the
+/// tables by nuisance and by size of the effect, and the rates with their 95 % intervals.
 std::string summary_text(std::span<const Grade> grades);
 
-/// The rates and the grades of all cases.
+/// The rates, the tables by nuisance and by size, and the grades of all cases.
 nlohmann::ordered_json summary_json(std::span<const Grade> grades);
 
 /// Wilson's 95 % interval of a rate with `hits` of `count`; {0, 1} for a count of 0.

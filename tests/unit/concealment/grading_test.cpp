@@ -144,6 +144,67 @@ TEST(Summary, HasRatesAndConfusions) {
   EXPECT_EQ(summary_json(grades)["rates"]["single effects named right first"]["hits"], 1);
 }
 
+TEST(Grading, TripleCountsTheEffectsThatAreFound) {
+  GroundTruth truth = hidden({cubic(), delayed_velocity(), cubic()});
+  truth.kind = "triple";
+  truth.effects[2].accept = {"bias_force"};
+  const Json two = report("missing_physics",
+                          {finding("cubic_stiffness", "force_balance", "k3_n_m3", 1000.0, 1.0),
+                           finding("channel_delay", "sensor", "delay_s", 0.004, 1.0, "velocity")});
+  const std::vector<Grade> grades{grade(truth, two)};
+  EXPECT_EQ(grades[0].found, 2);
+  EXPECT_FALSE(grades[0].exact);
+  const Json rates = summary_json(grades)["rates"];
+  EXPECT_EQ(rates["all of three named, nothing more"]["hits"], 0);
+  EXPECT_EQ(rates["at least two of three named"]["hits"], 1);
+  EXPECT_EQ(rates["unlisted physics called so"]["of"], 0);
+  EXPECT_THAT(summary_text(grades), HasSubstr("(three effects)"));
+}
+
+TEST(Summary, HasATableByNuisance) {
+  GroundTruth null = hidden({});
+  null.nuisances = {{"gain", Json::object()}, {"gaps", Json::object()}};
+  const Json accusing =
+      report("missing_physics", {finding("gain_error", "sensor", "gain", 1.01, 0.1, "velocity")});
+  GroundTruth single = hidden({cubic()});
+  single.nuisances = {{"gain", Json::object()}};
+  const Json right = report("missing_physics",
+                            {finding("cubic_stiffness", "force_balance", "k3_n_m3", 1000.0, 1.0)});
+  const std::vector<Grade> grades{grade(null, accusing), grade(single, right),
+                                  grade(hidden({}), report("consistent", {}))};
+  const Json table = summary_json(grades)["by_nuisance"];
+  ASSERT_EQ(table.size(), 5U);  // gain, gaps, one alone, several, ideal
+  EXPECT_EQ(table[0]["nuisance"], "gain");
+  EXPECT_EQ(table[0]["cases"], 2);
+  EXPECT_EQ(table[0]["nulls_accused"], 1);
+  EXPECT_EQ(table[0]["singles_named_first"], 1);
+  EXPECT_EQ(table[1]["singles"], 0);
+  EXPECT_EQ(table[4]["nuisance"], "(ideal)");
+  EXPECT_EQ(table[4]["nulls_accused"], 0);
+  EXPECT_THAT(summary_text(grades), HasSubstr("nulls accused"));
+  const std::vector<Grade> ideal{grades[2]};
+  EXPECT_TRUE(summary_json(ideal)["by_nuisance"].empty());
+}
+
+TEST(Summary, HasADetectionCurve) {
+  std::vector<Grade> grades;
+  for (const double snr : {0.6, 0.9, 5.0, 100.0}) {
+    GroundTruth truth = hidden({cubic()});
+    truth.effects[0].snr = snr;
+    grades.push_back(grade(
+        truth, snr < 0.8 ? report("consistent", {})
+                         : report("missing_physics", {finding("cubic_stiffness", "force_balance",
+                                                              "k3_n_m3", 1000.0, 1.0)})));
+  }
+  const Json curve = summary_json(grades)["by_snr"];
+  ASSERT_EQ(curve.size(), 3U);
+  EXPECT_EQ(curve[0]["snr_to"], 1.0);
+  EXPECT_EQ(curve[0]["singles"], 2);
+  EXPECT_EQ(curve[0]["singles_named_first"], 1);
+  EXPECT_TRUE(curve[2]["snr_to"].is_null());
+  EXPECT_THAT(summary_text(grades), HasSubstr("32 or more"));
+}
+
 TEST(RateInterval, IsWilsons) {
   // Tabulated for 8 of 10.
   EXPECT_NEAR(rate_interval(8, 10).low, 0.4902, 1.0e-4);

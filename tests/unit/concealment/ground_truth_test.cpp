@@ -35,10 +35,13 @@ TEST(GroundTruth, RoundTrip) {
   effect.parameters["gain"] = {1.05, 0.3, 1.0, true, false};
   effect.snr = 7.5;
   truth.effects.push_back(effect);
+  EXPECT_EQ(truth_text(truth).find("nuisances"), std::string::npos);
+  truth.nuisances = {{"gain", {{"velocity", 1.004}}}};
   const auto file = written(truth_text(truth));
   const GroundTruth again = read_truth(file);
   std::filesystem::remove(file);
   EXPECT_EQ(truth_text(again), truth_text(truth));
+  EXPECT_EQ(again.nuisances["gain"]["velocity"], 1.004);
   ASSERT_EQ(again.effects.size(), 1U);
   EXPECT_EQ(again.effects[0].channel, Channel::velocity);
   EXPECT_EQ(again.effects[0].parameters.at("gain").value, 1.05);
