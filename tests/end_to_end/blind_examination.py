@@ -64,6 +64,25 @@ class BlindExamination(EndToEnd):
         result = self.fail_with(2, "examine", folder, timeout=300)
         self.assertIn("sealed", result.stderr)
 
+    def test_imperfect_instruments_have_a_model_of_their_own(self):
+        folder = self.conceal("bench", "--kind", "null", "--nuisance", "gain,gaps")
+        case = folder / "case-001"
+        self.assertEqual(list(read_json(folder / "truth" / "case-001.json")["nuisances"]),
+                         ["gain", "gaps"])
+        self.assertNotIn("gain", (case / "model.toml").read_text())
+        self.assertIn("gain", (case / "model-instruments.toml").read_text())
+
+        grades = self.folder / "instruments.json"
+        shown = self.succeed("examine", folder, "--json", grades, timeout=300).stdout
+        self.assertIn("nulls accused", shown)
+        rows = [row["nuisance"] for row in read_json(grades)["by_nuisance"]]
+        self.assertEqual(rows, ["gain", "gaps", "(one alone)", "(several)", "(ideal)"])
+        # The report of one model is not that of the other.
+        self.assertEqual(self.succeed("examine", folder, "--job-list", "-").stdout, "")
+        jobs = self.succeed("examine", folder, "--job-list", "-", "--model-name",
+                            "model-instruments.toml").stdout
+        self.assertIn("--model-name 'model-instruments.toml'", jobs)
+
     def test_set_depends_on_the_seed(self):
         one = self.conceal("one", "--effect", "gain_error")
         two = self.conceal("two", "--effect", "gain_error")

@@ -1,4 +1,4 @@
-// What a case shall hide, and what is drawn from that wish: the effects and the kind of bench.
+// The request for a case, and the plan drawn for it: its effects and the kind of bench.
 #pragma once
 
 #include <optional>

@@ -236,7 +236,7 @@ double snr_after_calibration(const Eigen::VectorXd& change, const Eigen::MatrixX
   return root_mean_square(change - shifts * absorbed);
 }
 
-// What may be a sound instrument is no missing physics.
+// An error that a sound instrument may have is no missing physics.
 bool is_a_finding(const TrueEffect& effect, const Draft& draft) {
   return !draft.imperfections ||
          is_beyond_tolerance(effect, draft.sizes, draft.bench.sample_rate_hz);

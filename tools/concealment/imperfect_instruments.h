@@ -52,7 +52,7 @@ struct Imperfections {
   std::size_t slow_phase = 0;                             ///< row of its first value
   std::vector<std::pair<std::size_t, std::size_t>> gaps;  ///< first missing row, number of rows
   std::set<std::pair<std::size_t, Channel>> empty_cells;  ///< row, channel
-  nlohmann::ordered_json drawn;  ///< what was drawn, by name of the nuisance
+  nlohmann::ordered_json drawn;  ///< by name of the nuisance, as in the truth
 };
 
 /// A random subset of one to four nuisances that `bench` can have.

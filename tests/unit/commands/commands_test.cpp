@@ -180,7 +180,7 @@ TEST(Commands, AreRefusedIfUnknown) {
 const std::set<std::string> texts = {
     "--url",          "--over",      "--reference", "--by", "--date", "--raw-unit", "--effect",
     "--only",         "--explain",   "--socket",    "KEY",  "VALUE",  "--listen",   "--token",
-    "--allow-origin", "--host-name", "names",       "ID",   "--unit"};
+    "--allow-origin", "--host-name", "names",       "ID",   "--unit", "--snr",      "--model-name"};
 
 TEST(Commands, DeclareEveryOptionThatNamesAFile) {
   const Parser parser;
