@@ -72,7 +72,7 @@ struct InstrumentDraw {
   }
   double nominal_period_s() const { return 1.0 / bench.sample_rate_hz; }
   std::size_t rows() const {
-    return static_cast<std::size_t>(sizes.duration_s * bench.sample_rate_hz);
+    return static_cast<std::size_t>(std::llround(sizes.duration_s * out.clock.rate_hz));
   }
 };
 
@@ -185,7 +185,8 @@ struct Entry {
   std::string_view name;
   void (*draw)(InstrumentDraw&);
 };
-// A noisy drive after the halved noise of all channels: its declaration stands.
+// The order matters: a noisy drive after the halved noise of all channels, since its declaration
+// stands, and gaps after the clock, which has the number of rows.
 constexpr std::array entries = {
     Entry{Nuisance::gain, "gain", gain},
     Entry{Nuisance::offset, "offset", offset},

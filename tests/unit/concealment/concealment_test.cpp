@@ -89,7 +89,7 @@ TEST(Concealment, HiddenEffectsAreVisibleAndNotInTheModel) {
 }
 
 TEST(Concealment, WeakEffectsHaveTheRequestedSize) {
-  CaseRequest request = request_for("cubic_stiffness");
+  CaseRequest request = request_for("bias_force");
   request.snr = SnrRange{0.5, 1.0};
   const Case made = conceal(request, 21, "case-001");
   EXPECT_GE(made.truth.effects[0].snr, 0.5);
