@@ -10,8 +10,8 @@ namespace stickslip::diagnosis {
 
 namespace {
 
-// Windows whose residuals are looked at, spread over the task: tens of thousands of samples tell a
-// colour well enough.
+// Windows that the colour is estimated from, spread over the task: tens of thousands of samples are
+// enough.
 constexpr std::size_t most_windows = 40;
 constexpr double longest_correlation_share = 0.25;  // of a window
 constexpr double shortest_correlation_periods = 1.0;
