@@ -31,7 +31,7 @@ class ModelCheck final : public Sink {
   /// `model`: what the rig is expected to follow. Mean time between false alarms in days, > 0.
   /// `patience`: see finish().
   ModelCheck(const physics::Model& model, double days_between_false_alarms,
-             std::chrono::steady_clock::duration patience = std::chrono::seconds(5));
+             std::chrono::steady_clock::duration patience = std::chrono::seconds(30));
   ~ModelCheck() override;
 
   /// Any thread: the next event, oldest first.

@@ -100,7 +100,7 @@ class ControlSocket(EndToEnd):
 
     def end(self, daemon, status=0):
         daemon.terminate()
-        self.assertEqual(daemon.wait(timeout=30), status, self.log())
+        self.assertEqual(daemon.wait(timeout=60), status, self.log())
         self.assertFalse(self.socket.exists())
 
     def test_an_operator_starts_and_stops_the_rig(self):

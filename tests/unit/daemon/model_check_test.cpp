@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
 #include <vector>
 
@@ -48,6 +49,17 @@ TEST(ModelCheck, ChecksTheLastFramesOfAFastSource) {
   EXPECT_THAT(events.front().message, HasSubstr("diagnose the recording from 0.0 s to 1"));
   EXPECT_EQ(events[1].code, "model_explained") << events[1].message;
   EXPECT_THAT(events[1].message, HasSubstr("friction")) << events[1].message;
+}
+
+// An explanation takes seconds, on a busy machine minutes: the end of the daemon does not wait.
+TEST(ModelCheck, EndsWithoutAnExplanationWhenItsPatienceIsOver) {
+  ModelCheck check(driven_mass(), 30.0, std::chrono::seconds(0));
+  check.write_block(samples_of(sliding_mass(), 6.0));
+  check.finish();
+  for (const Event& event : events_of(check)) {
+    EXPECT_NE(event.code, "model_explained") << event.message;
+    EXPECT_NE(event.code, "model_check_failed") << event.message;
+  }
 }
 
 TEST(ModelCheck, HasNothingToReportOfASoundRig) {
