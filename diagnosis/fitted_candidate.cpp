@@ -82,17 +82,26 @@ bool is_determined(const FittedCandidate& each, const Criteria& criteria) {
   const auto size = static_cast<Eigen::Index>(unknowns.size());
   if (each.fitted.covariance.rows() != size) return true;  // the fit was not continued to its end
   const std::vector<OwnParameter> own = own_indices(each);
+  int of_either_sign = 0;
+  int determined = 0;  // of those
   for (Eigen::Index u = 0; u < size; ++u) {
     const Unknown& unknown = unknowns[static_cast<std::size_t>(u)];
-    if (!unknown.logarithmic || unknown.refinement) continue;
-    const bool is_own = std::any_of(own.begin(), own.end(), [&](const OwnParameter& parameter) {
+    if (unknown.refinement) continue;
+    const auto found = std::find_if(own.begin(), own.end(), [&](const OwnParameter& parameter) {
       return parameter.index == static_cast<int>(unknown.parameter);
     });
-    if (!is_own) continue;
-    const double error = std::sqrt(std::max(0.0, each.fitted.covariance(u, u)));
-    if (unknown.scale * error > criteria.undetermined_log_std) return false;
+    if (found == own.end()) continue;
+    const double error = unknown.scale * std::sqrt(std::max(0.0, each.fitted.covariance(u, u)));
+    if (unknown.logarithmic) {
+      if (error > criteria.undetermined_log_std) return false;
+    } else if (!each.candidate.is_number()) {
+      const physics::ParameterCard& card =
+          each.candidate.effect->card().parameters[found->position];
+      ++of_either_sign;
+      if (error <= card.high - card.low) ++determined;
+    }
   }
-  return true;
+  return of_either_sign == 0 || determined > 0;
 }
 
 bool replaces_law(const Hypothesis& base, const Hypothesis& with) {

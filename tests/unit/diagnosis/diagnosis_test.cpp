@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -180,6 +181,24 @@ TEST(Diagnosis, NamesAConstantForceAndAnOffsetTogether) {
   EXPECT_TRUE(ids.contains("bias_force")) << report_text(got);
   EXPECT_TRUE(ids.contains("sensor_offset")) << report_text(got);
   EXPECT_LT(got.findings[0].probability, 0.6);
+}
+
+// Beside drag zeros that are off explain a constant force to the noise, at a distance
+// from their declared values that no instrument has.
+TEST(Diagnosis, NamesWhatAnInstrumentBeyondItsAllowanceStandsFor) {
+  auto truth = with_term(driven_mass(), "quadratic_drag", {{"drag_n_s2_m2", {1.0}}});
+  truth = with_term(truth, "bias_force", {{"force_n", {0.1}}});
+  const Diagnosis got = diagnosed(truth);
+  EXPECT_EQ(name_of(got.verdict), "missing_physics") << report_text(got);
+  ASSERT_EQ(got.findings.size(), 2U) << report_text(got);
+  EXPECT_EQ(got.findings[0].effect->card().id, "quadratic_drag") << report_text(got);
+  std::set<std::string_view> second = {got.findings[1].effect->card().id};
+  for (const Alternative& each : got.findings[1].alternatives) {
+    second.insert(each.candidate.effect->card().id);
+  }
+  EXPECT_TRUE(second.contains("bias_force")) << report_text(got);
+  EXPECT_TRUE(second.contains("sensor_offset")) << report_text(got);
+  for (const Calibration& each : got.calibrated) EXPECT_LT(std::abs(each.shift_sigmas), 3.0);
 }
 
 class WrongNumber : public ::testing::TestWithParam<double> {};
