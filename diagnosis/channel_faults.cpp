@@ -584,25 +584,35 @@ void keep_better(Explanation& best, double found, double limit, const std::strin
   if (found / limit < best.over_limit) best = {found / limit, found, words};
 }
 
-// Factors of the recorded columns that would restore the balance.
+// Factors of the recorded columns that would restore the balance. A channel in its right unit
+// balances most of what is left without it; one that is mostly noise is only removed by a small
+// factor.
 void try_factors(const Forces& forces, const Stretch& s, const Model& model, std::size_t margin,
                  bool is_lone, Explanation& best) {
   const Channel drive = drive_of(model);
-  for (const double factor : {-1.0, 0.001, 1000.0}) {
-    if (factor > 0.0 && (model.dimensionless || !is_lone)) continue;
-    const double limit = factor > 0.0 ? roughly_balanced : balanced;
-    keep_better(best, imbalance(forces, 1.0, factor, margin), limit, factor_words(drive, factor));
-    if (!forces.friction.empty()) {
-      keep_better(best, imbalance(forces, factor, 1.0, margin), limit,
-                  factor_words(Channel::friction_force, factor));
-    }
-    if (factor < 0.0 && forces.friction.empty()) continue;  // the same as that of the drive
+  const auto of_displacement = [&](double factor) {
     Forces other = forces;
     std::vector<double> x = s.of(Channel::displacement);
     for (double& each : x) each *= factor;
     other.motion = forces_of_motion(x, s, model);
-    keep_better(best, imbalance(other, 1.0, 1.0, margin), limit,
-                factor_words(Channel::displacement, factor));
+    return imbalance(other, 1.0, 1.0, margin);
+  };
+  const auto of_friction = [&](double factor) { return imbalance(forces, factor, 1.0, margin); };
+  const auto of_drive = [&](double factor) { return imbalance(forces, 1.0, factor, margin); };
+  const auto consider = [&](Channel channel, double factor, auto&& imbalance_with) {
+    const double limit = factor > 0.0 ? roughly_balanced : balanced;
+    const double found = imbalance_with(factor);
+    if (factor > 0.0 && found > 0.5 * imbalance_with(0.0)) return;
+    keep_better(best, found, limit, factor_words(channel, factor));
+  };
+  for (const double factor : {-1.0, 0.001, 1000.0}) {
+    if (factor > 0.0 && (model.dimensionless || !is_lone)) continue;
+    consider(drive, factor, of_drive);
+    if (!forces.friction.empty()) consider(Channel::friction_force, factor, of_friction);
+    // Otherwise the same as that of the drive.
+    if (factor > 0.0 || !forces.friction.empty()) {
+      consider(Channel::displacement, factor, of_displacement);
+    }
   }
 }
 
