@@ -76,7 +76,7 @@ Event explanation_event(const LiveVerdict& verdict, std::int64_t now_ns) {
 }
 
 ModelCheck::ModelCheck(const physics::Model& model, double days_between_false_alarms,
-                       std::chrono::steady_clock::duration patience)
+                       std::optional<std::chrono::steady_clock::duration> patience)
     : patience_(patience),
       check_(model,
              {.days_between_false_alarms = days_between_false_alarms, .stop = stop_.get_token()}),
@@ -119,7 +119,8 @@ void ModelCheck::finish() {
     std::unique_lock lock(lock_);
     ending_ = true;
     wake_.notify_all();
-    if (!wake_.wait_for(lock, patience_, [this] { return ended_; })) stop_.request_stop();
+    const auto has_ended = [this] { return ended_; };
+    if (patience_ && !wake_.wait_for(lock, *patience_, has_ended)) stop_.request_stop();
   }
   if (thread_.joinable()) thread_.join();
 }

@@ -29,9 +29,9 @@ Event explanation_event(const LiveVerdict& verdict, std::int64_t now_ns);
 class ModelCheck final : public Sink {
  public:
   /// `model`: what the rig is expected to follow. Mean time between false alarms in days, > 0.
-  /// `patience`: see finish().
+  /// `patience`: see finish(); none: without limit.
   ModelCheck(const physics::Model& model, double days_between_false_alarms,
-             std::chrono::steady_clock::duration patience = std::chrono::seconds(30));
+             std::optional<std::chrono::steady_clock::duration> patience = std::nullopt);
   ~ModelCheck() override;
 
   /// Any thread: the next event, oldest first.
@@ -55,7 +55,7 @@ class ModelCheck final : public Sink {
   void check_last(const std::vector<Frame>& frames);
   void publish(const Event& event);
 
-  std::chrono::steady_clock::duration patience_;
+  std::optional<std::chrono::steady_clock::duration> patience_;
   std::stop_source stop_;
   diagnosis::LiveCheck check_;  // of the thread
   mutable std::mutex lock_;     // of all below; never taken by the loop

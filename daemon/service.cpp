@@ -10,6 +10,7 @@
 #include <cmath>
 #include <csignal>
 #include <memory>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -78,10 +79,17 @@ struct Consumer {
   Stream stream;
 };
 
+/// How long the end of the daemon waits for the checks. Those of a source that is faster than the
+/// time are what it was run for.
+std::optional<std::chrono::steady_clock::duration> patience_for(Pacing pacing) {
+  if (pacing == Pacing::free_running) return std::nullopt;
+  return std::chrono::seconds(5);
+}
+
 /// Consumer of frames whose losses do not count in the ledger.
 struct CheckedModel {
-  CheckedModel(const config::Rig& rig, const StreamSettings& settings)
-      : check(rig.model, rig.observer.days_between_false_alarms),
+  CheckedModel(const config::Rig& rig, Pacing pacing, const StreamSettings& settings)
+      : check(rig.model, rig.observer.days_between_false_alarms, patience_for(pacing)),
         stream(check, account, settings) {}
 
   ModelCheck check;
@@ -250,7 +258,7 @@ void Service::open_consumers() {
                                             ledger_.published(), settings);
   }
   if (rig_.observer.enabled && rig_.observer.model_check) {
-    model_ = std::make_unique<CheckedModel>(rig_, settings);
+    model_ = std::make_unique<CheckedModel>(rig_, pacing_, settings);
   }
 }
 
