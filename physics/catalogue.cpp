@@ -5,6 +5,7 @@
 #include <tuple>
 #include <vector>
 
+#include "physics/rig.h"
 #include "physics/spelling.h"
 
 namespace stickslip::physics {
@@ -70,6 +71,8 @@ bool has_own_characteristic(const Effect& effect, const Place& place) {
 
 bool can_be_missing(const Effect& effect, const Model& model, const Place& place) {
   if (place.channel && !effect.acts_on(place)) return false;
+  if (model.terms.size() >= static_cast<std::size_t>(max_terms)) return false;
+  int states = effect.state_count();
   Model amended = model;
   for (const Term& term : model.terms) {
     if (term.id == effect.card().id && term.channel == place.channel && term.from == place.from) {
@@ -77,13 +80,14 @@ bool can_be_missing(const Effect& effect, const Model& model, const Place& place
     }
     const Effect* present = find_effect(term.id);
     if (present == nullptr) continue;
+    states += present->state_count();
     if (place.channel && term.channel == place.channel && has_own_characteristic(effect, place) &&
         has_own_characteristic(*present, place)) {
       return false;
     }
     present->amend(amended);
   }
-  return effect.can_be_missing_from(amended);
+  return states <= max_term_states && effect.can_be_missing_from(amended);
 }
 
 }  // namespace stickslip::physics

@@ -21,7 +21,11 @@ const Effect* find_effect(std::string_view id);
 /// The id that was probably meant by `id`; empty if none resembles it.
 std::string nearest_effect(std::string_view id);
 
-/// True if `model`, with its terms, can lack `effect`; for a sensor effect at that place.
+/// Most states that the terms of a model may have together.
+inline constexpr int max_term_states = 2 * max_effect_states;
+
+/// True if `model`, with its terms, can lack `effect` and has room for it; for a sensor effect at
+/// that place.
 bool can_be_missing(const Effect& effect, const Model& model, const Place& place = {});
 
 /// True if the sensor effect has a characteristic of its own (Effect::distort) at that place. A

@@ -214,11 +214,11 @@ void inspect_room(const Model& model, Inspection& inspection) {
   int states = 0;
   for (const Term& term : model.terms) {
     const Effect* effect = find_effect(term.id);
-    const bool fitted = states <= 2 * max_effect_states;
+    const bool fitted = states <= max_term_states;
     if (effect != nullptr) states += effect->state_count();
-    inspection.require(!fitted || states <= 2 * max_effect_states, path_of(term),
+    inspection.require(!fitted || states <= max_term_states, path_of(term),
                        "is one term too many with states of its own: expected at most " +
-                           std::to_string(2 * max_effect_states) + " such states in one model");
+                           std::to_string(max_term_states) + " such states in one model");
   }
 }
 

@@ -180,8 +180,16 @@ TEST(EffectsExtension, AreFoundByTheDiagnosisAndReported) {
   const Model model = diagnosis::test::driven_mass();
   diagnosis::Options options;
   options.threads = 2;
+  // Enough for an effect this large.
+  options.criteria.effort.screening_windows = 8;
+  options.criteria.effort.rough_fits = 4;
+  options.criteria.effort.refinements = 2;
+  options.criteria.effort.restarts = 0;
+  options.criteria.effort.listed_finalists = 2;
+  options.criteria.effort.unlisted_finalists = 1;
+  options.criteria.effort.number_finalists = 0;
   const auto found = diagnosis::diagnose(
-      {diagnosis::test::record(with(model, cogging_term()), 24.0)}, model, options);
+      {diagnosis::test::record(with(model, cogging_term()), 12.0)}, model, options);
   ASSERT_EQ(found.findings.size(), 1U) << report::report_text(found);
   const diagnosis::Finding& finding = found.findings.front();
   EXPECT_EQ(finding.effect, find_effect("cogging")) << report::report_text(found);

@@ -554,5 +554,15 @@ TEST(Catalogue, ListsTheEffectsAModelCanLack) {
   EXPECT_FALSE(missing("dry_friction", none));
 }
 
+TEST(Catalogue, ListsNoEffectThatTheModelHasNoRoomFor) {
+  Model model = test::bench();
+  for (const char* id : {"second_mode", "hysteresis", "dwell_strengthening"}) {
+    EXPECT_TRUE(can_be_missing(*find_effect(id), model)) << id;
+    model.terms.push_back({id, {}, started_effect(*find_effect(id)).parameters});
+  }
+  EXPECT_FALSE(can_be_missing(*find_effect("friction_memory"), model)) << "a fifth state";
+  EXPECT_TRUE(can_be_missing(*find_effect("cubic_stiffness"), model));
+}
+
 }  // namespace
 }  // namespace stickslip::physics
