@@ -1,6 +1,6 @@
 """The programs as installed under a prefix, run from another folder: everything shipped is found."""
-import os
 import pathlib
+import shutil
 import tempfile
 
 from programs import STICKSLIP, EndToEnd, main, run, stickslip
@@ -64,8 +64,7 @@ class Installed(EndToEnd):
     def test_a_program_without_them_names_the_remedy(self):
         lonely = self.folder / "bin"
         lonely.mkdir()
-        os.link(self.prefix / "bin/stickslip", lonely / "stickslip") \
-            if os.stat(self.prefix).st_dev == os.stat(self.folder).st_dev else self.skipTest("devices")
+        shutil.copy2(self.prefix / "bin/stickslip", lonely / "stickslip")
         result = run(lonely / "stickslip", "figures", "--out", self.folder / "figures", cwd="/")
         self.assertEqual(result.returncode, 2, result.stdout)
         self.assertIn("expected --presets DIR", result.stderr)

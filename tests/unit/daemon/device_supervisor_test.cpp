@@ -54,7 +54,7 @@ class Threaded final : public drivers::Driver {
 
 TEST(DeviceSupervisor, ARestartedDeviceGetsThreadsWithTheSameScheduling) {
   const int all = processors();
-  if (all < 2) GTEST_SKIP() << "one processor: nothing to publish_event them apart by";
+  if (all < 2) GTEST_SKIP() << "one processor: pinned threads do not differ from others";
   const auto schedule = [] { ASSERT_TRUE(pin_thread(first_processor()).granted); };
   Threaded driver;
   test::FakeClock clock;

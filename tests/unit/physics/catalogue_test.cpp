@@ -153,7 +153,8 @@ Scales scales_of_a_bench() {
 }
 
 TEST_P(EveryEffect, StartsInsideItsRangesWithTheParametersToEstimate) {
-  if (!is_term(*GetParam())) GTEST_SKIP() << "no term";
+  if (!is_term(*GetParam()))
+    GTEST_SKIP() << "stands for a declared number, not for a term of a model";
   const Effect& effect = *GetParam();
   const Scales scales = scales_of_a_bench();
   std::size_t estimated = 0;
@@ -399,7 +400,8 @@ void expect_derivatives(const Model& model, const Rig& rig, std::size_t paramete
 }
 
 TEST_P(EveryEffect, ChangesTheMotionOrItsReadingsWithExactDerivatives) {
-  if (!is_term(*GetParam())) GTEST_SKIP() << "no term";
+  if (!is_term(*GetParam()))
+    GTEST_SKIP() << "stands for a declared number, not for a term of a model";
   const Effect& effect = *GetParam();
   const Setting setting = setting_for(effect);
   const Place& place = setting.place;
@@ -428,7 +430,8 @@ TEST_P(EveryEffect, ChangesTheMotionOrItsReadingsWithExactDerivatives) {
 
 // Terms are bound by position; the paths, which reports print, agree.
 TEST_P(EveryEffect, IsBoundToItsParameters) {
-  if (!is_term(*GetParam())) GTEST_SKIP() << "no term";
+  if (!is_term(*GetParam()))
+    GTEST_SKIP() << "stands for a declared number, not for a term of a model";
   const Effect& effect = *GetParam();
   const Setting setting = setting_for(effect);
   Model model = setting.model;
