@@ -96,21 +96,17 @@ struct Criteria {
   /// A listed effect is preferred to a formula, a formula to a drawn shape, where it gains this
   /// share of what the other gains: a shape that bends anywhere imitates most other effects.
   double lower_tier_gain_share = 0.85;
-  /// A simpler rival is preferred unless the other gains this share more: a law with one more
-  /// parameter or state imitates the one without it.
-  double simpler_rival_share = 0.15;
+  /// A simpler effect is preferred to one that scores better by fewer standard errors than this, and
+  /// by no more than the share above leaves: what has more parameters or states imitates it.
+  double preference_errors = 2.0;
   /// Two listed effects that explain the recording are preferred to a drawn shape where they gain
   /// this share of what it gains.
   double pair_over_shape_share = 0.6;
-  /// Complexity [nat] of one hidden state, free in every window; a parameter has 1.
-  double state_complexity = 2.0;
   /// Complexity [nat] added for an effect that the catalogue does not list.
   double unlisted_complexity = 3.0;
   /// Complexity [nat] added for a number or instrument that is not as declared: where a force and
   /// the zero of its channel explain the same, it is the force.
   double contradiction_complexity = 0.5;
-  /// Share of a rival's probability given to the effect that was preferred to it.
-  double preference_share = 0.5;
 
   // --- What is reported ------------------------------------------------------------------------
   /// Probability of a finding below which the separating experiment is looked for.

@@ -27,6 +27,18 @@ struct Experiments {
   std::vector<Experiment> coarse;
 };
 
+std::size_t& count_of(Use use, WindowCount& windows) {
+  switch (use) {
+    case Use::fit:
+      break;
+    case Use::select:
+      return windows.select;
+    case Use::report:
+      return windows.report;
+  }
+  return windows.fit;
+}
+
 Experiments prepare(const std::vector<protocol::Recording>& recordings, const Model& model,
                     const Options& options, Diagnosis& out) {
   Experiments experiments;
@@ -40,16 +52,16 @@ Experiments prepare(const std::vector<protocol::Recording>& recordings, const Mo
   for (Experiment& e : experiments.coarse) cut_windows(e, model, out.horizon_s);
   for (Experiment& e : experiments.fine) {
     cut_windows(e, model, out.horizon_s);
-    for (const Window& window : e.windows) {
-      ++(window.held_out ? out.heldout_windows : out.fitted_windows);
-    }
+    for (const Window& window : e.windows) ++count_of(window.use, out.windows);
   }
-  if (out.fitted_windows < 2 || out.heldout_windows < 2) {
-    throw InputError(Problem{
-        recordings.front().source, 0, 0,
-        "is too short: it gives " + physics::counted(out.fitted_windows, "window") + " of " +
-            physics::number_text(out.horizon_s) + " s to fit and " +
-            std::to_string(out.heldout_windows) + " to hold out; at least 2 of each are needed"});
+  const WindowCount& windows = out.windows;
+  if (std::min({windows.fit, windows.select, windows.report}) < 2) {
+    throw InputError(Problem{recordings.front().source, 0, 0,
+                             "is too short: it gives " + physics::counted(windows.fit, "window") +
+                                 " of " + physics::number_text(out.horizon_s) + " s to fit, " +
+                                 std::to_string(windows.select) + " to select a model, and " +
+                                 std::to_string(windows.report) +
+                                 " to report; at least 2 of each are needed"});
   }
   return experiments;
 }
@@ -66,12 +78,23 @@ const Calibration* contradicted(const Diagnosis& out, const Criteria& criteria) 
   return farthest;
 }
 
+// Windows that had no part in the fit, in units of the noise that it was judged by.
+Task windows_for(const SearchData& data, std::initializer_list<Use> uses) {
+  Task out = data.held_out;
+  out.windows.clear();
+  for (const Use use : uses) {
+    const Task each = task_for(data.experiments, use, data.threads);
+    out.windows.insert(out.windows.end(), each.windows.begin(), each.windows.end());
+  }
+  return out;
+}
+
 Verdict verdict_without_findings(const Search& search, Diagnosis& out) {
   const SearchData& data = search.data();
   const FittedCandidate& declared = search.declared();
-  const NoiseCheck check =
-      noise_check(data.held_out, *declared.hypothesis, declared.fitted.z,
-                  !(out.noise_estimated.empty() && out.noise_level.empty()), data.criteria);
+  const NoiseCheck check = noise_check(
+      windows_for(data, {Use::select, Use::report}), *declared.hypothesis, declared.fitted.z,
+      !(out.noise_estimated.empty() && out.noise_level.empty()), data.criteria);
   if (!check.is_noise || contradicted(out, data.criteria) != nullptr) return Verdict::unexplained;
   // The residuals measure the noise better than what raised it before the fit.
   for (const NoiseLevel& found : check.level) {
@@ -88,11 +111,11 @@ Verdict verdict_without_findings(const Search& search, Diagnosis& out) {
 
 Verdict verdict_of(const Search& search, Diagnosis& out) {
   if (out.findings.empty()) return verdict_without_findings(search, out);
-  const double excess_before = search.declared().held_out.chi2 - 1.0;
-  const double excess_after = search.result().held_out.chi2 - 1.0;
+  const SearchData& data = search.data();
+  const double after = out.augmented->chi2_per_sample;
   const bool explained =
-      (search.is_explained() && !search.is_implausible()) ||
-      excess_after <= search.data().criteria.explained_excess_share * excess_before;
+      (after <= data.explained_chi2() && !search.is_implausible()) ||
+      after - 1.0 <= data.criteria.explained_excess_share * (out.baseline.chi2_per_sample - 1.0);
   return explained ? Verdict::missing_physics : Verdict::unexplained;
 }
 
@@ -135,9 +158,9 @@ Location location_of(const Search& search, const std::vector<Finding>& findings)
 
 Evidence evidence_for(const Search& search) {
   const SearchData& data = search.data();
-  Task whole = task_for(data.experiments, false, data.threads);
-  const Task held_out = task_for(data.experiments, true, data.threads);
-  whole.windows.insert(whole.windows.end(), held_out.windows.begin(), held_out.windows.end());
+  Task whole = windows_for(data, {Use::fit, Use::select, Use::report});
+  whole.sigma = noise_sigma(data.experiments);
+  whole.colour = {};
   FitOptions options;
   options.iterations = 8;
   const FittedCandidate& declared = search.declared();
@@ -166,16 +189,24 @@ std::vector<Calibration> calibration_of(const FittedCandidate& result, Model dec
   return out;
 }
 
-void set_noise(const Experiment& first, Diagnosis& out) {
+void set_noise(const Experiment& first, const Task& judged, Diagnosis& out) {
   for (const Channel channel : all_channels) {
     const std::size_t c = index_of(channel);
     if (!(first.noise_std[c] > 0.0)) continue;
     out.noise_std.emplace_back(channel, first.noise_std[c]);
+    Noise noise{channel, first.noise_std[c]};
     if (first.noise_above_declared[c] > 1.0) {
       out.noise_level.emplace_back(channel, first.noise_above_declared[c]);
+      noise.source = Noise::Source::contradicted;
     } else if (!first.noise_declared[c]) {
       out.noise_estimated.push_back(channel);
+      noise.source = Noise::Source::estimated;
     }
+    if (first.is_compared(c) && c < predicted_channels && !judged.colour[c].is_white()) {
+      noise.std = judged.sigma[c];
+      noise.correlation_s = judged.colour[c].correlation_s;
+    }
+    out.noise.push_back(noise);
   }
 }
 
@@ -204,6 +235,18 @@ std::string_view name_of(Verdict verdict) {
   return "";
 }
 
+std::string_view name_of(Noise::Source source) {
+  switch (source) {
+    case Noise::Source::declared:
+      return "declared";
+    case Noise::Source::estimated:
+      return "estimated";
+    case Noise::Source::contradicted:
+      return "contradicted";
+  }
+  return "";
+}
+
 void use_units_of_model(Diagnosis& out) {
   const physics::ResultUnits units(out.model);
   const auto rewrite = [&units](std::string& text) { text = units.sentence(std::move(text)); };
@@ -213,6 +256,7 @@ void use_units_of_model(Diagnosis& out) {
   }
   for (Finding& finding : out.findings) {
     rewrite(finding.statement);
+    for (Estimate& each : finding.parameters) each.unit = std::string(units.of(each.unit));
     if (finding.separating_experiment) rewrite(*finding.separating_experiment);
     for (std::vector<Curve>* curves : {&finding.shape, &finding.portrait}) {
       for (Curve& curve : *curves) {
@@ -244,15 +288,15 @@ Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Mod
   report("scoring the result", 0.92);
   const FittedCandidate& declared = search.declared();
   const FittedCandidate& result = search.result();
-  const Task& held_out = search.data().held_out;
-  out.baseline = score(held_out, *declared.hypothesis, declared.fitted.z);
+  const Task reported = windows_for(search.data(), {Use::report});
+  out.baseline = score(reported, *declared.hypothesis, declared.fitted.z);
   if (!search.claims().empty()) {
-    out.augmented = score(held_out, *result.hypothesis, result.fitted.z);
+    out.augmented = score(reported, *result.hypothesis, result.fitted.z);
   }
   out.findings = findings_of(search, out.horizon_s);
   out.trials = search.trials();
   out.calibrated = calibration_of(result, model);
-  set_noise(experiments.fine.front(), out);
+  set_noise(experiments.fine.front(), reported, out);
   out.verdict = verdict_of(search, out);
   if (out.verdict != Verdict::consistent) {
     out.location = location_of(search, out.findings);

@@ -40,6 +40,26 @@ struct Calibration {
   double high = 0.0;
 };
 
+/// Noise of a channel.
+struct Noise {
+  enum class Source : std::uint8_t { declared, estimated, contradicted };
+
+  Channel channel = Channel::displacement;
+  double std = 0.0;            ///< in the channel's unit
+  double correlation_s = 0.0;  ///< of its slow part; 0: white
+  Source source = Source::declared;
+};
+
+/// "declared", "estimated", or "contradicted" where a declared level is far below the noise found.
+std::string_view name_of(Noise::Source source);
+
+/// Windows by use.
+struct WindowCount {
+  std::size_t fit = 0;
+  std::size_t select = 0;
+  std::size_t report = 0;
+};
+
 /// Diagnoses of simulated recordings of the declared model.
 struct FalseAlarms {
   std::size_t recordings = 0;
@@ -58,6 +78,7 @@ struct Diagnosis {
   double horizon_s = 0.0;
   std::vector<Calibration> calibrated;
   std::vector<std::pair<Channel, double>> noise_std;
+  std::vector<Noise> noise;
   std::vector<Channel> noise_estimated;  ///< not declared by the model
   /// Noise that is not as declared or estimated: found over expected standard deviation. Below 1,
   /// or coloured, only where nothing but noise is left.
@@ -71,8 +92,7 @@ struct Diagnosis {
   Detection detection;                      ///< detection limits beside the findings
   std::optional<Evidence> evidence;         ///< where Options::evidence is set
   std::optional<FalseAlarms> false_alarms;  ///< where a bootstrap was run
-  std::size_t fitted_windows = 0;
-  std::size_t heldout_windows = 0;
+  WindowCount windows;
 };
 
 /// Frames, of all recordings together, beyond which protocol::read_recording should take stretches

@@ -103,19 +103,19 @@ void set_drive(WindowEvidence& out, const Experiment& e, const Window& window,
 
 Stretch stretch_of(const std::vector<WindowEvidence>& windows) {
   Stretch out;
-  std::vector<double> held_out;
+  std::vector<double> reported;
   for (const WindowEvidence& each : windows) {
-    if (each.held_out) held_out.push_back(each.before);
+    if (each.reported) reported.push_back(each.before);
   }
-  if (held_out.empty()) return out;
-  out.typical = median(std::move(held_out));
+  if (reported.empty()) return out;
+  out.typical = median(std::move(reported));
   const auto follows = [&](std::size_t i) {
     const double gap = windows[i].begin_s - windows[i - 1].end_s;
-    return windows[i].held_out && gap < 0.5 * (windows[i].end_s - windows[i].begin_s);
+    return windows[i].reported && gap < 0.5 * (windows[i].end_s - windows[i].begin_s);
   };
   double most = -1.0;
   for (std::size_t i = 0; i < windows.size(); ++i) {
-    if (!windows[i].held_out) continue;
+    if (!windows[i].reported) continue;
     std::size_t count = 1;
     double sum = windows[i].before;
     while (count < shown_windows && i + count < windows.size() && follows(i + count)) {
@@ -217,7 +217,7 @@ class Collector {
       WindowEvidence each;
       each.begin_s = e_.time_s(window.begin);
       each.end_s = e_.time_s(window.end);
-      each.held_out = window.held_out;
+      each.reported = window.use == Use::report;
       set_drive(each, e_, window, drive_);
       const double count = std::max(1.0, by_window_[i].count);
       each.before = by_window_[i].before / count;

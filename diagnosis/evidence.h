@@ -40,7 +40,7 @@ struct PhaseMap {
 struct WindowEvidence {
   double begin_s = 0.0;
   double end_s = 0.0;
-  bool held_out = false;
+  bool reported = false;  ///< of the windows that the scores are of
   double drive_hz = 0.0;
   double drive_amplitude = 0.0;  ///< m, or N of a drive force
   double before = 0.0;           ///< mean square of the whitened residuals of all channels

@@ -558,14 +558,15 @@ int drive_knots_for(const Model& model, const Experiment& e, double span_s) {
   return std::clamp(static_cast<int>(per_period * periods), smoothed, max_drive_knots);
 }
 
-// One third of the windows is held out, in blocks of up to four: neighbours share a boundary and
+// Eight, three and one of twelve windows, in blocks of up to four: neighbours share a boundary and
 // belong on the same side. Blocks are spread by the golden ratio: a regular pattern could coincide
-// with a periodic drive and always hold out the same part of the motion.
-void hold_out(std::vector<Window>& windows) {
+// with a periodic drive and always choose the same part of the motion.
+void assign_uses(std::vector<Window>& windows) {
   const std::size_t block = std::clamp<std::size_t>(windows.size() / 12, 1, 4);
   for (std::size_t i = 0; i < windows.size(); ++i) {
     const double turn = static_cast<double>(i / block) / std::numbers::phi;
-    windows[i].held_out = turn - std::floor(turn) > 2.0 / 3.0;
+    const double place = turn - std::floor(turn);
+    windows[i].use = place < 2.0 / 3.0 ? Use::fit : place < 11.0 / 12.0 ? Use::select : Use::report;
   }
 }
 
@@ -662,10 +663,10 @@ void cut_windows(Experiment& e, const Model& model, double horizon_s) {
   for (const Segment& segment : e.segments.empty() ? std::vector<Segment>{whole(e)} : e.segments) {
     for (std::size_t begin = std::max(segment.usable_begin, segment.begin + warm);
          begin + length <= segment.usable_end; begin += length) {
-      e.windows.push_back({begin - warm, begin, begin + length, false});
+      e.windows.push_back({begin - warm, begin, begin + length});
     }
   }
-  hold_out(e.windows);
+  assign_uses(e.windows);
   e.drive_knots = drive_knots_for(model, e, static_cast<double>(warm + length) * e.period_s);
 }
 

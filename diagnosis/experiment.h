@@ -20,13 +20,21 @@ inline constexpr std::size_t predicted_channels = 4;
 /// Most knots of the linear spline that models the error of the drive in one window.
 inline constexpr int max_drive_knots = 48;
 
+/// Use of a window. A result is only as good as it is on data that had no part in it: windows that
+/// choose among hypotheses are no proof of the one that was chosen.
+enum class Use : std::uint8_t {
+  fit,     ///< parameters are fitted to it
+  select,  ///< hypotheses are compared on it
+  report,  ///< not looked at before the result stands
+};
+
 /// Consecutive samples: the model starts at `warm` with a free state, its sensor filters settle
 /// until `begin`, and it is compared with the recording from `begin` to before `end`.
 struct Window {
   std::size_t warm = 0;
   std::size_t begin = 0;
   std::size_t end = 0;
-  bool held_out = false;  ///< no parameter is ever fitted to it
+  Use use = Use::fit;
 };
 
 /// First guess of the mechanical state at a sample, from the wide-band channels.
@@ -117,8 +125,9 @@ enum class Steps : std::uint8_t { fine, coarse };
 Experiment make_experiment(const protocol::Recording& recording, const physics::Model& model,
                            Steps steps = Steps::fine);
 
-/// Cuts the usable part of each segment into windows of `horizon_s` and holds out one third of the
-/// blocks of windows. Throws InputError for a horizon of fewer than eight samples.
+/// Cuts the usable part of each segment into windows of `horizon_s`: eight of twelve to fit, three
+/// to select, and one to report, in blocks. Throws InputError for a horizon of fewer than
+/// eight samples.
 void cut_windows(Experiment& experiment, const physics::Model& model, double horizon_s);
 
 /// Prediction horizon for a model: one period of its oscillator, within 0.4 to 1.5 s and at most a

@@ -5,6 +5,7 @@
 
 #include "diagnosis/selection.h"
 #include "diagnosis/separation.h"
+#include "physics/declared_value.h"
 
 namespace stickslip::diagnosis {
 
@@ -34,18 +35,25 @@ std::vector<OwnUnknown> own_unknowns(const FittedCandidate& each) {
   return out;
 }
 
-// Standard deviation of an unknown, in z: from the noise, and from the accuracy of the formula.
-double standard_deviation(const FittedCandidate& each, const OwnUnknown& own) {
-  const Hypothesis& hypothesis = *each.hypothesis;
-  const Fit& fitted = each.fitted;
+// Standard deviation of an unknown from the fit, in z; 0 where the fit has no covariance.
+double deviation_of_fit(const FittedCandidate& each, std::size_t unknown) {
+  const auto i = static_cast<Eigen::Index>(unknown);
+  if (i >= each.fitted.covariance.rows()) return 0.0;
+  return inflation_of(each.fitted) * std::sqrt(std::max(0.0, each.fitted.covariance(i, i)));
+}
+
+// Standard deviation of a parameter from the accuracy of its effect's formula.
+double deviation_of_formula(const FittedCandidate& each, const OwnUnknown& own) {
   const physics::ParameterCard& card = each.candidate.effect->card().parameters[own.position];
-  const auto i = static_cast<Eigen::Index>(own.unknown);
-  const double z = fitted.z[own.unknown];
-  const double value = hypothesis.value(own.unknown, z);
-  const double of_formula = card.formula_uncertainty * std::abs(value - card.neutral);
-  const double slope = std::max(std::abs(hypothesis.slope(own.unknown, z)), 1.0e-300);
-  return std::hypot(inflation_of(fitted) * std::sqrt(std::max(0.0, fitted.covariance(i, i))),
-                    of_formula / slope);
+  const double value = each.hypothesis->value(own.unknown, each.fitted.z[own.unknown]);
+  return card.formula_uncertainty * std::abs(value - card.neutral);
+}
+
+// Of both together, in z.
+double standard_deviation(const FittedCandidate& each, const OwnUnknown& own) {
+  const double slope = each.hypothesis->slope(own.unknown, each.fitted.z[own.unknown]);
+  return std::hypot(deviation_of_fit(each, own.unknown),
+                    deviation_of_formula(each, own) / std::max(std::abs(slope), 1.0e-300));
 }
 
 // Standard deviation of every number of the rig from the formula of its effect.
@@ -70,12 +78,12 @@ Finding with_parameters(const FittedCandidate& each) {
   finding.parameter = each.candidate.parameter;
   const std::vector<double> values = own_parameters(each);
   for (const OwnUnknown& own : own_unknowns(each)) {
-    const double z = each.fitted.z[own.unknown];
-    const double half = half_width_95 * standard_deviation(each, own);
-    const double low = each.hypothesis->value(own.unknown, z - half);
-    const double high = each.hypothesis->value(own.unknown, z + half);
-    finding.parameters.push_back({std::string(finding.effect->card().parameters[own.position].name),
-                                  values[own.position], std::min(low, high), std::max(low, high)});
+    const physics::ParameterCard& card = finding.effect->card().parameters[own.position];
+    const auto [low, high] = interval_of(each, own.unknown);
+    finding.parameters.push_back(
+        {std::string(card.name), values[own.position], low, high, deviation_of_formula(each, own),
+         finding.parameter.empty() ? physics::unit_at(card.unit, finding.place)
+                                   : physics::unit_of(finding.parameter)});
   }
   finding.statement = statement_of(each);
   return finding;
@@ -138,21 +146,6 @@ std::optional<std::pair<double, double>> episode_of(const FittedCandidate& each,
                    experiment.start_s + std::clamp(values[episode->end_s], 0.0, last_s)};
 }
 
-// Probabilities of a claim's rivals. The claimed one may be preferred to more probable ones,
-// because simple and listed physics is more probable a priori: it takes a share of their
-// probability.
-std::vector<double> probabilities_of(const Claim& claim, const Criteria& criteria,
-                                     std::uint64_t seed) {
-  auto weight = probabilities(claim.rivals, criteria, seed);
-  for (std::size_t k = 1; k < weight.size(); ++k) {
-    if (weight[k] <= weight.front()) continue;
-    const double taken = criteria.preference_share * weight[k];
-    weight[k] -= taken;
-    weight.front() += taken;
-  }
-  return weight;
-}
-
 // The run that would separate the first of `rivals` from the most probable other: the best
 // simulated variation, or, where none separates them, the experiment on the effect's card.
 std::string experiment_between(const std::vector<FittedCandidate>& rivals,
@@ -179,11 +172,13 @@ Finding finding_of(const Search& search, const Claim& claim, std::size_t number,
   Finding finding = with_parameters(claimed);
   finding.chi2_before = claim.chi2_before;
   finding.chi2_after = claim.chi2_after;
-  const auto weight = probabilities_of(claim, criteria, data.seed + number);
+  finding.gain = claim.gain;
+  const auto weight = probabilities(claim.rivals, criteria, data.seed + number);
   finding.probability = weight.front();
   for (std::size_t k = 1; k < weight.size(); ++k) {
     if (weight[k] < criteria.least_alternative_probability) continue;
     finding.alternatives.push_back({claim.rivals[k].candidate, weight[k]});
+    if (weight[k] > weight.front()) finding.preferred_over.push_back(claim.rivals[k].candidate);
   }
   if (claim.candidate.is_number() && search.claims().size() == 1 && search.is_explained()) {
     finding.statement.replace(finding.statement.size() - 1, 1, "; with it the model fits.");
@@ -220,9 +215,8 @@ physics::Model posterior_model(const FittedCandidate& each) {
     if (i >= each.fitted.covariance.rows()) break;
     const std::size_t index = hypothesis.unknowns()[u].parameter;
     physics::Parameter& parameter = *named[index].parameter;
-    const double of_fit = std::abs(hypothesis.slope(u, each.fitted.z[u])) *
-                          inflation_of(each.fitted) *
-                          std::sqrt(std::max(0.0, each.fitted.covariance(i, i)));
+    const double of_fit =
+        std::abs(hypothesis.slope(u, each.fitted.z[u])) * deviation_of_fit(each, u);
     const double sigma = std::hypot(of_fit, formula[index]);
     if (std::isfinite(sigma)) parameter.sigma = sigma;
   }
@@ -230,14 +224,10 @@ physics::Model posterior_model(const FittedCandidate& each) {
 }
 
 std::pair<double, double> interval_of(const FittedCandidate& each, std::size_t unknown) {
-  const Fit& fitted = each.fitted;
-  const auto i = static_cast<Eigen::Index>(unknown);
-  double half = 0.0;
-  if (i < fitted.covariance.rows()) {
-    half = half_width_95 * inflation_of(fitted) * std::sqrt(std::max(0.0, fitted.covariance(i, i)));
-  }
-  return std::minmax(each.hypothesis->value(unknown, fitted.z[unknown] - half),
-                     each.hypothesis->value(unknown, fitted.z[unknown] + half));
+  const double z = each.fitted.z[unknown];
+  const double half = half_width_95 * deviation_of_fit(each, unknown);
+  return std::minmax(each.hypothesis->value(unknown, z - half),
+                     each.hypothesis->value(unknown, z + half));
 }
 
 }  // namespace stickslip::diagnosis

@@ -16,8 +16,11 @@ namespace stickslip::diagnosis {
 struct Estimate {
   std::string name;
   double value = 0.0;
-  double low = 0.0;  ///< 95 % interval
+  double low = 0.0;  ///< 95 % interval of the fit
   double high = 0.0;
+  /// Standard deviation by which the formula itself may be wrong; no part of the interval.
+  double formula_uncertainty = 0.0;
+  std::string unit = {};
 };
 
 struct Alternative {
@@ -40,6 +43,9 @@ struct Finding {
   std::vector<Curve> portrait;  ///< for the reader, with 95 % bands: see portrait_of
   double chi2_before = 0.0;     ///< held-out, before this finding and with it
   double chi2_after = 0.0;
+  ScoreGain gain;  ///< held-out, over the model without it
+  /// Alternatives that score better, which it was preferred to as the simpler or the listed one.
+  std::vector<CandidateEffect> preferred_over;
 
   CandidateEffect candidate() const { return {effect, place, parameter}; }
 };

@@ -36,7 +36,7 @@ double complexity_of(const FittedCandidate& each, const Criteria& criteria) {
                       tier_of(each.candidate) == physics::Tier::listed;
   const bool contradicts =
       each.candidate.effect != nullptr && each.candidate.frees_what_is_declared();
-  return criteria.state_complexity * each.fitted.states_per_window + parameters +
+  return each.fitted.states_per_window + parameters +
          (contradicts ? criteria.contradiction_complexity : 0.0) +
          (listed ? 0.0 : criteria.unlisted_complexity);
 }

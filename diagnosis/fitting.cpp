@@ -187,21 +187,25 @@ SearchData search_data(std::span<const Experiment> experiments, std::span<const 
           seed,
           threads,
           noise_is_declared(experiments),
-          task_for(experiments, false, threads),
-          task_for(experiments, true, threads)};
+          task_for(experiments, Use::fit, threads),
+          task_for(experiments, Use::select, threads)};
 }
 
-Task task_for(std::span<const Experiment> experiments, bool held_out, int threads) {
+Task task_for(std::span<const Experiment> experiments, Use use, int threads) {
   Task task;
   task.experiments = experiments;
   task.sigma = noise_sigma(experiments);
   task.threads = threads;
   for (std::size_t i = 0; i < experiments.size(); ++i) {
     for (std::size_t w = 0; w < experiments[i].windows.size(); ++w) {
-      if (experiments[i].windows[w].held_out == held_out) task.windows.push_back({i, w});
+      if (experiments[i].windows[w].use == use) task.windows.push_back({i, w});
     }
   }
   return task;
+}
+
+Fit fit_completely(const Task& task, const FittedCandidate& each, std::vector<WindowState> states) {
+  return fit(task, *each.hypothesis, each.fitted.z, std::move(states), complete_fit());
 }
 
 FitOptions brief_fit(int iterations) {
@@ -243,7 +247,7 @@ void settle(SearchData& data, FittedCandidate& each) {
   reweight(data.train, data.held_out.sigma, *each.hypothesis, each.fitted);
   weigh_by_noise(data, data.train);
   colour_noise(data, each);
-  each.fitted = fit(data.train, *each.hypothesis, each.fitted.z, each.fitted.state, complete_fit());
+  each.fitted = fit_completely(data.train, each, each.fitted.state);
   const auto score = [&] {
     return held_out_score(data.held_out, *each.hypothesis, each.fitted.z, data.noise_is_known);
   };

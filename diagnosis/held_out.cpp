@@ -12,9 +12,9 @@ namespace stickslip::diagnosis {
 namespace {
 
 // Half the negative log-likelihood of residuals whose scale is not known better than the noise, so
-// that neither one diverged window nor a wrong noise level decides; every free state counts one.
-double window_loss(double chi2, int count, int states) {
-  return 0.5 * count * std::log1p(chi2 / std::max(1, count)) + states;
+// that neither one diverged window nor a wrong noise level decides.
+double window_loss(double chi2, int count) {
+  return 0.5 * count * std::log1p(chi2 / std::max(1, count));
 }
 
 // True for a gain that is certain although few windows show it, as of an effect that matters at
@@ -58,13 +58,13 @@ HeldOut score_of(const Fit& fitted, const Task& task, const Hypothesis& hypothes
   out.typical_chi2 = median(std::move(by_window));
   if (noise_is_known) {
     for (std::size_t w = 0; w < fitted.chi2.size(); ++w) {
-      out.loss.push_back(window_loss(fitted.chi2[w], fitted.count[w], fitted.states_per_window));
+      out.loss.push_back(window_loss(fitted.chi2[w], fitted.count[w]) + fitted.state_cost[w]);
     }
     out.prior_penalty = prior_penalty(hypothesis, z);
   } else {
     const PredictionErrors ahead = predict_ahead(task, hypothesis, z);
     for (std::size_t w = 0; w < ahead.chi2.size(); ++w) {
-      out.loss.push_back(window_loss(ahead.chi2[w], ahead.count[w], 0));
+      out.loss.push_back(window_loss(ahead.chi2[w], ahead.count[w]));
     }
   }
   return out;
@@ -80,21 +80,26 @@ HeldOut held_out_score(const Task& held_out, const Hypothesis& hypothesis,
   return score_of(fitted, held_out, hypothesis, z, noise_is_known);
 }
 
-double gain_z(const HeldOut& before, const HeldOut& after) {
+ScoreGain score_gain(const HeldOut& before, const HeldOut& after) {
   const std::size_t n = before.loss.size();
-  if (n < 2) return 0.0;
-  double mean = 0.0;
-  for (std::size_t w = 0; w < n; ++w) mean += before.loss[w] - after.loss[w];
-  mean /= static_cast<double>(n);
+  ScoreGain out;
+  for (std::size_t w = 0; w < n; ++w) out.value += before.loss[w] - after.loss[w];
+  if (n < 2) return out;
+  const auto windows = static_cast<double>(n);
   double square = 0.0;
   for (std::size_t w = 0; w < n; ++w) {
-    const double off = before.loss[w] - after.loss[w] - mean;
+    const double off = before.loss[w] - after.loss[w] - out.value / windows;
     square += off * off;
   }
-  const double error = std::sqrt(square / static_cast<double>(n * (n - 1)));
-  if (!(error > 0.0)) return 0.0;
-  const double t = mean / error;
-  const double freedom = static_cast<double>(n - 1);
+  out.se = std::sqrt(square * windows / (windows - 1.0));
+  return out;
+}
+
+double gain_z(const HeldOut& before, const HeldOut& after) {
+  const ScoreGain gain = score_gain(before, after);
+  if (!(gain.se > 0.0)) return 0.0;
+  const double t = gain.value / gain.se;
+  const double freedom = static_cast<double>(before.loss.size() - 1);
   const double z = (8.0 * freedom + 1.0) / (8.0 * freedom + 3.0) *
                    std::sqrt(freedom * std::log1p(t * t / freedom));
   return t > 0.0 ? z : -z;

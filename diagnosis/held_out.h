@@ -36,6 +36,14 @@ HeldOut held_out_score(const Task& held_out, const Hypothesis& hypothesis,
 HeldOut score_of(const Fit& fitted, const Task& task, const Hypothesis& hypothesis,
                  std::span<const double> z, bool noise_is_known);
 
+/// Loss that `after` saves over all windows, with its standard error over windows [nat]. The prior
+/// penalty is left out: it says nothing about the held-out data.
+struct ScoreGain {
+  double value = 0.0;
+  double se = 0.0;
+};
+ScoreGain score_gain(const HeldOut& before, const HeldOut& after);
+
 /// Significance of a positive mean gain over windows, as the equivalent number of standard
 /// deviations of a normal distribution (Student's t converted by Wallace's formula, 1959). Windows
 /// are the independent units: samples within one share its state.

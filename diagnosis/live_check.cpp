@@ -103,7 +103,7 @@ struct LiveCheck::Seconds {
   Experiment prepared(const physics::Model& model, Steps steps) const {
     Experiment out = make_experiment(recording, model, steps);
     cut_windows(out, model, horizon_s);
-    for (Window& window : out.windows) window.held_out = false;
+    for (Window& window : out.windows) window.use = Use::fit;
     return out;
   }
   /// For a screening.

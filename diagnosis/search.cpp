@@ -30,6 +30,22 @@ void Search::run(const physics::Model& model) {
     return is_major_gain(before, after);
   })) {
   }
+  refit();
+}
+
+// The result is fitted to the windows that selected it, too.
+void Search::refit() {
+  report("fitting the result", 0.95);
+  const std::vector<WindowState> fitted = current_.fitted.state;
+  Task& task = data_.train;
+  task.windows.insert(task.windows.end(), data_.held_out.windows.begin(),
+                      data_.held_out.windows.end());
+  std::vector<WindowState> states = initial_states(task, *current_.hypothesis);
+  std::copy(fitted.begin(), fitted.end(), states.begin());
+  current_.fitted = fit_completely(task, current_, std::move(states));
+  if (!claims_.empty()) return;
+  declared_ = current_;
+  declared_task_ = task;
 }
 
 void Search::extend() {
@@ -109,6 +125,7 @@ void Search::claim(const FittedCandidate& winner, std::vector<FittedCandidate> r
   claim.candidate = winner.candidate;
   claim.rivals = std::move(rivals);
   claim.chi2_before = current_.held_out.chi2;
+  claim.gain = score_gain(current_.held_out, winner.held_out);
   continue_from(winner);
   features_ = features_of(current_);
   claim.chi2_after = current_.held_out.chi2;
@@ -147,13 +164,26 @@ bool Search::is_complete() const {
          !is_implausible() && !listed_effect_remains();
 }
 
+void Search::add_trial(std::initializer_list<CandidateEffect> added, std::size_t stage,
+                       const FittedCandidate& each, const HeldOut& before) {
+  Trial trial;
+  for (const CandidateEffect& effect : added) {
+    trial.id += (trial.id.empty() ? "" : " + ") + effect.name();
+    trial.ids.emplace_back(effect.effect->card().id);
+  }
+  trial.stage = static_cast<int>(stage);
+  trial.heldout_chi2 = each.held_out.chi2;
+  trial.gain_z = each.gain_z;
+  trial.gain = score_gain(before, each.held_out);
+  trials_.push_back(std::move(trial));
+}
+
 void Search::fit_finalists(std::vector<FittedCandidate>& candidates) {
   report("scoring on held-out data", 0.55);
   fit_and_score(data_, current_.held_out, candidates);
   restart_best(data_, *declared_.hypothesis, current_.held_out, candidates);
   for (const FittedCandidate& each : candidates) {
-    trials_.push_back(
-        {each.candidate.name(), static_cast<int>(claims_.size()), each.held_out.chi2, each.gain_z});
+    add_trial({each.candidate}, claims_.size(), each, current_.held_out);
   }
   rank_determined(candidates, data_, current_.held_out, seed());
 }
@@ -370,7 +400,7 @@ std::size_t Search::preferred_pair(const std::vector<Pair>& pairs,
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     if (complexity_of(firsts[pairs[i].first], criteria) <
             complexity_of(firsts[pairs[chosen].first], criteria) &&
-        is_preferred_rival(pairs[i].best, pairs[lowest].best, gain, criteria)) {
+        is_preferred(pairs[i].best, pairs[lowest].best, gain, criteria)) {
       chosen = i;
     }
   }
@@ -383,8 +413,8 @@ void Search::complete_seconds(Pair& pair) {
   for (FittedCandidate& other : pair.others) pair.seconds.push_back(std::move(other));
   rank(pair.seconds, data_, current_.held_out, seed());
   for (const FittedCandidate& second : pair.seconds) {
-    trials_.push_back({pair.best.candidate.name() + " + " + second.candidate.name(),
-                       static_cast<int>(claims_.size()) + 1, second.held_out.chi2, second.gain_z});
+    add_trial({pair.best.candidate, second.candidate}, claims_.size() + 1, second,
+              current_.held_out);
   }
 }
 
@@ -394,6 +424,7 @@ void Search::claim_pair(std::vector<Pair> pairs, std::size_t chosen, const Fitte
   claimed.candidate = pairs[chosen].best.candidate;
   claimed.chi2_before = current_.held_out.chi2;
   claimed.chi2_after = chi2_alone;
+  claimed.gain = score_gain(current_.held_out, first.held_out);
   for (Pair& pair : pairs) claimed.rivals.push_back(std::move(pair.best));
   move_to_front(claimed.rivals, chosen);
   claims_.push_back(std::move(claimed));
@@ -401,6 +432,7 @@ void Search::claim_pair(std::vector<Pair> pairs, std::size_t chosen, const Fitte
   const FittedCandidate winner = seconds.front();
   claim(winner, std::move(seconds));
   claims_.back().chi2_before = chi2_alone;
+  claims_.back().gain = score_gain(first.held_out, winner.held_out);
 }
 
 // Two effects that each gain little alone may explain much together: friction, for example, and a
@@ -473,12 +505,12 @@ std::optional<FittedCandidate> Search::better_in_place_of(std::size_t replaced, 
   rank_determined(candidates, data_, rest->held_out, seed());
   const FittedCandidate& best = candidates.front();
   for (const FittedCandidate& each : candidates) {
-    trials_.push_back({each.candidate.name(), static_cast<int>(claims_.size()) - 1,
-                       each.held_out.chi2, each.gain_z});
+    add_trial({each.candidate}, claims_.size() - 1, each, rest->held_out);
   }
   if (!is_gain(current_.held_out, best.held_out)) return std::nullopt;
   FittedCandidate winner = best;
-  claim = {best.candidate, std::move(candidates), rest->held_out.chi2, winner.held_out.chi2};
+  claim = {best.candidate, std::move(candidates), rest->held_out.chi2, winner.held_out.chi2,
+           score_gain(rest->held_out, winner.held_out)};
   return winner;
 }
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <initializer_list>
 #include <optional>
 #include <string>
 #include <vector>
@@ -18,10 +19,12 @@ namespace stickslip::diagnosis {
 
 /// A candidate that was fitted on all windows, for the record.
 struct Trial {
-  std::string id;
-  int stage = 0;  ///< effects that the model already had beside the declared ones
+  std::string id;                ///< names of the effects that were added together
+  std::vector<std::string> ids;  ///< theirs in the catalogue
+  int stage = 0;                 ///< effects that the model already had beside the declared ones
   double heldout_chi2 = 0.0;
   double gain_z = 0.0;  ///< mean held-out gain over windows, in its standard errors
+  ScoreGain gain;       ///< over the model that it was added to
 };
 
 /// An effect that was claimed, with the candidates that it was chosen from (itself first).
@@ -30,6 +33,7 @@ struct Claim {
   std::vector<FittedCandidate> rivals;
   double chi2_before = 0.0;  ///< held-out, per sample
   double chi2_after = 0.0;
+  ScoreGain gain;  ///< held-out, over the model that it was added to
 };
 
 class Search {
@@ -55,7 +59,7 @@ class Search {
   bool is_implausible() const {
     return current_.held_out.prior_penalty > data_.criteria.implausible_prior_penalty;
   }
-  /// True if the result leaves no more than an explained recording may.
+  /// True if the result leaves no more than an explained recording may, where it was selected.
   bool is_explained() const { return is_explained(current_); }
   /// Detection limits beside the result, of listed effects and formulas.
   Detection detection() const;
@@ -95,6 +99,7 @@ class Search {
   void claim(const FittedCandidate& winner, std::vector<FittedCandidate> rivals);
 
   void extend();
+  void refit();
   bool add_effect();
   void prefer_listed(std::vector<FittedCandidate>& candidates) const;
   bool is_claimable(const FittedCandidate& best) const;
@@ -105,6 +110,8 @@ class Search {
   bool add_contradicted_instrument();
   bool is_complete() const;
   bool listed_effect_remains() const;
+  void add_trial(std::initializer_list<CandidateEffect> added, std::size_t stage,
+                 const FittedCandidate& each, const HeldOut& before);
   void fit_finalists(std::vector<FittedCandidate>& candidates);
   bool add_listed_pair(const std::vector<FittedCandidate>& candidates);
   bool may_imitate_pair(const FittedCandidate& best) const;

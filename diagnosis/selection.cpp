@@ -50,13 +50,13 @@ void sort_by_probability(std::vector<FittedCandidate>& candidates,
   candidates = std::move(sorted);
 }
 
-// Index of the simplest candidate that is preferred to its rival, the most probable one.
-std::size_t simplest_rival(const std::vector<FittedCandidate>& candidates, double gain,
-                           const Criteria& criteria) {
+// Index of the simplest candidate that the most probable one does not clearly beat.
+std::size_t simplest(const std::vector<FittedCandidate>& candidates, double gain,
+                     const Criteria& criteria) {
   std::size_t chosen = 0;
   for (std::size_t k = 1; k < candidates.size(); ++k) {
     if (complexity_of(candidates[k], criteria) < complexity_of(candidates[chosen], criteria) &&
-        is_preferred_rival(candidates[k], candidates.front(), gain, criteria)) {
+        is_preferred(candidates[k], candidates.front(), gain, criteria)) {
       chosen = k;
     }
   }
@@ -102,19 +102,20 @@ std::vector<double> probabilities(const std::vector<FittedCandidate>& candidates
   return weight;
 }
 
-bool is_preferred_rival(const FittedCandidate& simple, const FittedCandidate& best, double gain,
-                        const Criteria& criteria) {
-  return are_rivals(best.candidate, simple.candidate) &&
-         gain_z(simple.held_out, best.held_out) < criteria.claim_z &&
-         simple.total_loss() - best.total_loss() < criteria.simpler_rival_share * gain;
+bool is_preferred(const FittedCandidate& simple, const FittedCandidate& best, double gain,
+                  const Criteria& criteria) {
+  const double behind = simple.total_loss() - best.total_loss();
+  const double error = score_gain(simple.held_out, best.held_out).se;
+  return behind < criteria.preference_errors * error &&
+         behind < (1.0 - criteria.lower_tier_gain_share) * gain;
 }
 
 void rank(std::vector<FittedCandidate>& candidates, const SearchData& data, const HeldOut& current,
           std::uint64_t seed) {
   sort_by_probability(candidates, probabilities(candidates, data.criteria, seed));
   const double gain = current.total_loss() - candidates.front().total_loss();
-  const std::size_t rival = simplest_rival(candidates, gain, data.criteria);
-  move_to_front(candidates, lower_tier(candidates, rival, data, current, gain));
+  const std::size_t simple = simplest(candidates, gain, data.criteria);
+  move_to_front(candidates, lower_tier(candidates, simple, data, current, gain));
 }
 
 }  // namespace stickslip::diagnosis

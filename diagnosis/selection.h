@@ -15,13 +15,14 @@ namespace stickslip::diagnosis {
 std::vector<double> probabilities(const std::vector<FittedCandidate>& candidates,
                                   const Criteria& criteria, std::uint64_t seed);
 
-/// True if `simple` is preferred to its rival `best`, which fits better but not clearly: a law with
-/// one more parameter or hidden state always imitates the law without it. `gain` is that of `best`.
-bool is_preferred_rival(const FittedCandidate& simple, const FittedCandidate& best, double gain,
-                        const Criteria& criteria);
+/// True if the simpler effect is preferred to `best`, which scores better but not clearly: a law
+/// with one more parameter or hidden state always imitates the law without it. `gain` is that of
+/// `best`.
+bool is_preferred(const FittedCandidate& simple, const FittedCandidate& best, double gain,
+                  const Criteria& criteria);
 
 /// Sorts candidates for an addition to `current`, most probable first except for the preferences of
-/// `criteria`: simpler rivals, and lower tiers.
+/// `criteria`: simpler effects, and lower tiers.
 void rank(std::vector<FittedCandidate>& candidates, const SearchData& data, const HeldOut& current,
           std::uint64_t seed);
 

@@ -130,6 +130,13 @@ bool restart_windows(const WindowProblem& problem, int threads, std::vector<Wind
   return propagate_states(problem, threads, states, blocks) || outliers;
 }
 
+double state_cost_of(const NormalBlock& block, std::size_t states) {
+  if (block.ss.rows() == 0) return static_cast<double>(states);
+  // In units of the priors: without a reading the information is the identity.
+  const Eigen::VectorXd pivots = block.ss.ldlt().vectorD();
+  return 0.5 * pivots.array().max(1.0e-300).log().sum() + block.prior;
+}
+
 Fit summary_of(const std::vector<NormalBlock>& blocks, std::vector<double> z,
                std::vector<WindowState> states, std::size_t states_per_window) {
   Fit result;
@@ -139,6 +146,7 @@ Fit summary_of(const std::vector<NormalBlock>& blocks, std::vector<double> z,
   for (const NormalBlock& block : blocks) {
     result.chi2.push_back(block.chi2);
     result.count.push_back(block.count);
+    result.state_cost.push_back(state_cost_of(block, states_per_window));
   }
   return result;
 }

@@ -62,6 +62,10 @@ struct Fit {
   std::vector<double> chi2;
   std::vector<int> count;      ///< residuals, by window
   int states_per_window = 0;   ///< of the rig
+  /// Cost of the free states of each window [nat], by Laplace's approximation of the marginal
+  /// likelihood: half the log determinant of their information in units of the priors, and the
+  /// prior at the solution. A fit without derivatives counts 1 for each state.
+  std::vector<double> state_cost;
   Eigen::MatrixXd covariance;  ///< of z, from the curvature at the solution (unscaled)
   double cost = 0.0;           ///< robust loss and all priors
   int iterations = 0;

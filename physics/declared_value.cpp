@@ -1,5 +1,9 @@
 #include "physics/declared_value.h"
 
+#include <algorithm>
+#include <array>
+#include <optional>
+
 #include "physics/catalogue.h"
 #include "physics/number_text.h"
 
@@ -27,7 +31,58 @@ const ParameterCard* card_of(std::string_view path) {
 
 bool is_of(std::string_view path, std::string_view table) { return path.starts_with(table); }
 
+struct UnitOfSuffix {
+  std::string_view suffix;
+  std::string_view unit;
+};
+
+// Of the numbers of a model's own tables; the longer of two that fit comes first.
+constexpr std::array<UnitOfSuffix, 11> units_of_suffixes{{{"_n_m3", "N/m3"},
+                                                          {"_n_s_m", "N s/m"},
+                                                          {"_n_m", "N/m"},
+                                                          {"_m_s", "m/s"},
+                                                          {"_per_s", "1/s"},
+                                                          {"_per_m", "1/m"},
+                                                          {"_kg", "kg"},
+                                                          {"_hz", "Hz"},
+                                                          {"_n", "N"},
+                                                          {"_s", "s"},
+                                                          {"_m", "m"}}};
+
+// The channel in "sensors.displacement.offset" or "physics.sensor_offset.displacement.offset".
+std::optional<Channel> channel_in(std::string_view path) {
+  for (const Channel channel : all_channels) {
+    const std::string part = std::string(".").append(info(channel).stem).append(".");
+    if (path.find(part) != std::string_view::npos) return channel;
+  }
+  return std::nullopt;
+}
+
 }  // namespace
+
+std::string unit_at(std::string_view unit, const Place& place) {
+  constexpr std::string_view of_channel = "unit of the channel";
+  if (unit.starts_with(of_channel) && place.channel) {
+    return std::string(info(*place.channel).unit).append(unit.substr(of_channel.size()));
+  }
+  if (unit == "unit of this channel over that of the other" && place.channel && place.from) {
+    const std::string_view here = info(*place.channel).unit;
+    const std::string_view there = info(*place.from).unit;
+    if (here == there) return "1";
+    return std::string(here).append("/(").append(there).append(")");
+  }
+  return std::string(unit);
+}
+
+std::string unit_of(std::string_view path) {
+  const std::optional<Channel> channel = channel_in(path);
+  if (const ParameterCard* card = card_of(path)) return unit_at(card->unit, {channel, {}});
+  if (path.ends_with(".offset") && channel) return std::string(info(*channel).unit);
+  const auto* const found =
+      std::find_if(units_of_suffixes.begin(), units_of_suffixes.end(),
+                   [&](const UnitOfSuffix& each) { return path.ends_with(each.suffix); });
+  return found == units_of_suffixes.end() ? "1" : std::string(found->unit);
+}
 
 std::vector<std::string> contradictable_numbers(const Model& model) {
   Model copy = model;

@@ -26,6 +26,13 @@ bool is_signed(std::string_view path);
 /// The relation that the number at that path enters.
 Relation relation_of(std::string_view path);
 
+/// A unit on an effect's card, with the place's channel for "unit of the channel".
+std::string unit_at(std::string_view unit, const Place& place);
+
+/// Unit of the number at that path, as the suffix of its name or its place states it: "kg", "N/m3",
+/// "1" for a ratio; that of the channel for an offset.
+std::string unit_of(std::string_view path);
+
 /// "damping_ratio is 0.06, not 0.02": with as many digits as differ between them. `path` as in
 /// parameters_of().
 std::string contradiction(std::string_view path, double declared, double found);

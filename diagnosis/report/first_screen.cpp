@@ -73,7 +73,7 @@ const Trial* trial_of(const Diagnosis& d, const Finding& finding) {
 }
 
 std::string windows_text(const Diagnosis& d) {
-  return std::to_string(d.heldout_windows) + " held-out windows of " +
+  return std::to_string(d.windows.report) + " held-out windows of " +
          format_seconds(d.horizon_s, ResultUnits(d.model));
 }
 

@@ -66,8 +66,10 @@ Section findings_section(const Diagnosis& d) {
       out += paragraph("Active from " + format_number(finding.when_s->first) + " to " +
                        format_number(finding.when_s->second) + units.after_number("s") + ".");
     }
-    out += paragraph("Held-out chi-squared per sample: " + format_number(finding.chi2_before) +
-                     " \u2192 " + format_number(finding.chi2_after) + ".");
+    out += paragraph(
+        "Chi-squared per sample on the windows that select: " + format_number(finding.chi2_before) +
+        " \u2192 " + format_number(finding.chi2_after) + ", a gain of " +
+        format_number(finding.gain.value) + " \u00b1 " + format_number(finding.gain.se) + " nat.");
     out += parameter_table(finding, units);
     out += shape_figures(finding);
     out += alternative_table(finding);
@@ -146,9 +148,10 @@ Section fit_section(const Diagnosis& d) {
   std::vector<std::string> headings = {"quantity", "declared model"};
   if (changed) headings.insert(headings.end(), {"augmented model", "ratio", ""});
   Table table("RMS prediction error up to " + format_seconds(d.horizon_s, units) + " ahead, over " +
-                  physics::counted(d.heldout_windows, "held-out window") + "; " +
-                  physics::counted(d.fitted_windows, "other was", "others were") +
-                  " fitted. Bars: declared model above, augmented model below.",
+                  physics::counted(d.windows.report, "held-out window") + "; " +
+                  physics::counted(d.windows.fit, "other was", "others were") + " fitted, and " +
+                  physics::counted(d.windows.select, "selects", "select") +
+                  " among candidates. Bars: declared model above, augmented model below.",
               headings);
   const auto row = [&](const std::string& name, double before, std::optional<double> after,
                        std::string_view unit) {
@@ -216,7 +219,7 @@ Section noise_section(const Diagnosis& d) {
   return out;
 }
 
-// By stage, then by held-out chi-squared.
+// By stage, then by chi-squared.
 std::vector<const Trial*> sorted_trials(const Diagnosis& d) {
   std::vector<const Trial*> out;
   for (const Trial& trial : d.trials) out.push_back(&trial);
@@ -234,9 +237,10 @@ Section trial_section(const Diagnosis& d) {
       "are fitted roughly, and the best of those fully. Among candidates of similar chi-squared "
       "the simpler and the listed ones are preferred.");
   Table table(
-      "Fully fitted candidates by held-out chi-squared per sample (1: noise only). Gain: "
+      "Fully fitted candidates by chi-squared per sample on the windows that select (1: noise "
+      "only). Gain: "
       "improvement of the prediction, in standard errors over the windows.",
-      {"candidate", "name", "added to", "held-out chi-squared", "gain"});
+      {"candidate", "name", "added to", "chi-squared", "gain"});
   for (const Trial* trial : sorted_trials(d)) {
     table.row({escape_html(trial_name(trial->id)), code(trial->id),
                trial->stage == 0
@@ -311,11 +315,11 @@ Section recordings_section(const Diagnosis& d) {
 Section reproduction_section(const Diagnosis& d, const Provenance& provenance) {
   Section out("reproduce", "Reproduction");
   out += "<pre>" + escape_html(provenance.command) + "</pre>\n";
-  std::string settings = "stickslip " + provenance.version + ", seed " +
-                         std::to_string(provenance.seed) + ", " +
-                         physics::counted(d.fitted_windows, "window") + " fitted, " +
-                         std::to_string(d.heldout_windows) + " held out, " +
-                         format_seconds(d.horizon_s, ResultUnits(d.model)) + " each.";
+  std::string settings =
+      "stickslip " + provenance.version + ", seed " + std::to_string(provenance.seed) + ", " +
+      physics::counted(d.windows.fit, "window") + " to fit, " + std::to_string(d.windows.select) +
+      " to select, " + std::to_string(d.windows.report) + " held out, " +
+      format_seconds(d.horizon_s, ResultUnits(d.model)) + " each.";
   if (!provenance.built_with.empty()) settings += " Built with " + provenance.built_with + ".";
   out += paragraph(settings + " The same files, seed and version give the same numbers.");
   Table table("Input files (checksums as printed by sha256sum).", {"file", "SHA-256"});
@@ -345,7 +349,7 @@ Section glossary_section() {
          "An effect that is present in the recording and absent from the model: a force, a "
          "friction law, a sensor error.");
   define("Held out",
-         "Windows of the recording to which no parameter was fitted; they show overfitting.");
+         "Windows of the recording that nothing was fitted to and nothing was chosen by.");
   define("Residual", "Recording minus simulation.");
   define("Noise", "Random error of the sensors.");
   define("Chi-squared per sample",

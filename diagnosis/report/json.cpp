@@ -2,6 +2,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include "physics/declared_value.h"
+#include "physics/result_units.h"
+
 namespace stickslip::report {
 
 using namespace diagnosis;
@@ -63,7 +66,9 @@ Json finding_json(const Finding& finding) {
   }
   for (const Estimate& estimate : finding.parameters) {
     json["parameters"][estimate.name] = {{"value", estimate.value},
-                                         {"ci95", Json::array({estimate.low, estimate.high})}};
+                                         {"unit", estimate.unit},
+                                         {"ci95", interval({estimate.low, estimate.high})},
+                                         {"formula_uncertainty", estimate.formula_uncertainty}};
   }
   if (finding.when_s) json["when_s"] = Json::array({interval(*finding.when_s)});
   if (!card.depends_on.empty()) {
@@ -77,6 +82,11 @@ Json finding_json(const Finding& finding) {
     }
   }
   json["probability"] = finding.probability;
+  json["score_gain"] = {{"value", finding.gain.value}, {"se", finding.gain.se}, {"unit", "nat"}};
+  json["preferred_over"] = Json::array();
+  for (const CandidateEffect& each : finding.preferred_over) {
+    json["preferred_over"].push_back({{"id", id_of(each.effect->card())}, {"name", each.name()}});
+  }
   json["alternatives"] = Json::array();
   for (const Alternative& each : finding.alternatives) {
     json["alternatives"].push_back({{"id", id_of(each.candidate.effect->card())},
@@ -88,6 +98,44 @@ Json finding_json(const Finding& finding) {
   }
   json["separating_experiment"] =
       finding.separating_experiment ? Json(*finding.separating_experiment) : Json(nullptr);
+  return json;
+}
+
+Json calibration_json(const Calibration& calibration, const physics::ResultUnits& units) {
+  return {{"value", calibration.value},
+          {"ci95", interval({calibration.low, calibration.high})},
+          {"declared", calibration.declared},
+          {"declared_sigma", calibration.sigma},
+          {"unit", units.of(physics::unit_of(calibration.path))}};
+}
+
+Json noise_json(const Diagnosis& diagnosis) {
+  Json json = Json::object();
+  for (const Noise& noise : diagnosis.noise) {
+    json[std::string(info(noise.channel).stem)] = {{"std", noise.std},
+                                                   {"correlation_s", noise.correlation_s},
+                                                   {"source", name_of(noise.source)}};
+  }
+  return json;
+}
+
+Json tried_json(const std::vector<Trial>& trials) {
+  Json json = Json::array();
+  for (const Trial& trial : trials) {
+    json.push_back({{"ids", trial.ids},
+                    {"beside", trial.stage},
+                    {"score_gain", trial.gain.value},
+                    {"se", trial.gain.se}});
+  }
+  return json;
+}
+
+Json provenance_json(const Provenance& provenance) {
+  Json json = {{"version", provenance.version},
+               {"seed", provenance.seed},
+               {"command", provenance.command},
+               {"sha256", Json::object()}};
+  for (const Provenance::File& file : provenance.files) json["sha256"][file.name] = file.sha256;
   return json;
 }
 
@@ -170,7 +218,7 @@ Json free_run_json(const FreeRun& run) {
   return json;
 }
 
-Json report_json(const Diagnosis& diagnosis) {
+Json report_json(const Diagnosis& diagnosis, const Provenance& provenance) {
   Json json;
   json["schema"] = 1;
   if (diagnosis.model.dimensionless) json["dimensionless"] = true;
@@ -184,16 +232,26 @@ Json report_json(const Diagnosis& diagnosis) {
   json["fit"]["heldout"]["augmented"] =
       score_json(diagnosis.augmented.value_or(diagnosis.baseline), false);
   json["fit"]["horizon_s"] = diagnosis.horizon_s;
+  json["fit"]["windows"] = {{"fit", diagnosis.windows.fit},
+                            {"select", diagnosis.windows.select},
+                            {"report", diagnosis.windows.report}};
   json["calibrated"] = Json::object();
   for (const Calibration& each : diagnosis.calibrated) json["calibrated"][each.path] = each.value;
+  json["calibration"] = Json::object();
+  const physics::ResultUnits units(diagnosis.model);
+  for (const Calibration& each : diagnosis.calibrated) {
+    json["calibration"][each.path] = calibration_json(each, units);
+  }
   json["noise_std"] = Json::object();
   for (const auto& [channel, value] : diagnosis.noise_std) {
     json["noise_std"][std::string(info(channel).column)] = value;
   }
+  json["noise"] = noise_json(diagnosis);
   json["noise_level"] = Json::object();
   for (const auto& [channel, level] : diagnosis.noise_level) {
     json["noise_level"][std::string(info(channel).stem)] = level;
   }
+  json["tried"] = tried_json(diagnosis.trials);
   json["detection"] = detection_json(diagnosis.detection);
   if (diagnosis.false_alarms) {
     const FalseAlarms& alarms = *diagnosis.false_alarms;
@@ -205,6 +263,7 @@ Json report_json(const Diagnosis& diagnosis) {
   for (const Integrity& each : diagnosis.integrity) {
     json["integrity"].push_back(integrity_json(each));
   }
+  json["provenance"] = provenance_json(provenance);
   return json;
 }
 

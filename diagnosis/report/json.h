@@ -4,11 +4,13 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "diagnosis/diagnosis.h"
+#include "diagnosis/report/provenance.h"
 
 namespace stickslip::report {
 
-/// Numbers are finite; the same diagnosis gives the same bytes.
-nlohmann::ordered_json report_json(const diagnosis::Diagnosis& diagnosis);
+/// Numbers are finite; the same diagnosis and provenance give the same bytes.
+nlohmann::ordered_json report_json(const diagnosis::Diagnosis& diagnosis,
+                                   const Provenance& provenance);
 
 /// {"chi2_per_sample": ..., "nll_per_sample": ..., "nrmse": {...}} and, on request, "rmse".
 nlohmann::ordered_json score_json(const diagnosis::Score& score, bool with_rmse);

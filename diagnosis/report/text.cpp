@@ -71,16 +71,32 @@ void add_location(std::ostringstream& text, const Location& location) {
   for (const std::string& line : conditions_of(location)) text << "         " << line << "\n";
 }
 
+std::string formula_text(const Estimate& estimate) {
+  if (!(estimate.formula_uncertainty > 0.0)) return "";
+  return "; the formula itself +/- " + number_text(estimate.formula_uncertainty);
+}
+
+// The effects that score better than the finding, and why they are not it.
+void add_preference(std::ostringstream& text, const Finding& finding) {
+  if (finding.preferred_over.empty()) return;
+  text << "       preferred, as the simpler or the listed one, to";
+  for (const CandidateEffect& each : finding.preferred_over) text << " " << each.name();
+  text << ", which scores better\n";
+}
+
 void add_finding(std::ostringstream& text, const Finding& finding, int number) {
   text << "  " << number << ". " << finding.candidate().name() << ": " << finding.statement << "\n";
   for (const Estimate& estimate : finding.parameters) {
     text << "       " << estimate.name << " = " << number_text(estimate.value)
          << "  (95 %: " << distinct_text(estimate.low, estimate.value) << " to "
-         << distinct_text(estimate.high, estimate.value) << ")\n";
+         << distinct_text(estimate.high, estimate.value) << formula_text(estimate) << ")\n";
   }
-  text << "       held-out chi-squared per sample " << number_text(finding.chi2_before) << " -> "
-       << number_text(finding.chi2_after) << "; probability among the candidates "
+  text << "       score gain " << number_text(finding.gain.value) << " +/- "
+       << number_text(finding.gain.se) << " nat, chi-squared per sample "
+       << number_text(finding.chi2_before) << " -> " << number_text(finding.chi2_after)
+       << " on the windows that select; probability among the candidates "
        << percent(finding.probability) << "\n";
+  add_preference(text, finding);
   for (const Alternative& each : finding.alternatives) {
     text << "       alternative: " << each.candidate.name() << " (" << percent(each.probability)
          << ")\n";
@@ -105,8 +121,8 @@ void add_fit(std::ostringstream& text, const Diagnosis& d) {
   }
   text << "  Held-out chi-squared per sample: " << number_text(d.baseline.chi2_per_sample);
   if (d.augmented) text << " -> " << number_text(d.augmented->chi2_per_sample);
-  text << "  (1: noise only; " << physics::counted(d.fitted_windows, "window") << " fitted, "
-       << d.heldout_windows << " held out)\n";
+  text << "  (1: noise only; " << physics::counted(d.windows.fit, "window") << " to fit, "
+       << d.windows.select << " to select, " << d.windows.report << " held out until then)\n";
   if (d.verdict != Verdict::consistent && !d.noise_level.empty()) {
     text << " " << noise_level_text(d) << "\n";
   }
@@ -169,7 +185,7 @@ void add_detection_limits(std::ostringstream& text, const Detection& detection) 
 }
 
 void add_trials(std::ostringstream& text, const Diagnosis& d) {
-  text << "  Candidates fitted (held-out chi-squared):";
+  text << "  Candidates fitted (chi-squared on the windows that select):";
   int stage = 0;
   for (const Trial& trial : d.trials) {
     if (trial.stage != stage) {

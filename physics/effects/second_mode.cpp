@@ -64,7 +64,10 @@ class SecondMode final : public EffectOf<SecondMode> {
   const Card& card() const override { return entry; }
 
   bool can_be_missing_from(const Model& model) const override {
-    return model.oscillator.excitation != Excitation::imposed;
+    // Without a base's motion and without friction nothing would excite the mode.
+    return model.oscillator.excitation == Excitation::base ||
+           (model.oscillator.excitation == Excitation::force &&
+            model.friction.law != FrictionLaw::none);
   }
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
     std::vector<std::vector<double>> starts;

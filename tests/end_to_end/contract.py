@@ -110,8 +110,15 @@ def check_location(location, verdict, faults):
 
 def check_finding(finding, path, faults):
     if not faults.keys(finding, ["id", "relation", "channel", "statement", "equation", "parameters",
-                                 "probability", "alternatives", "separating_experiment"], path):
+                                 "probability", "alternatives", "separating_experiment", "score_gain",
+                                 "preferred_over"], path):
         return
+    if faults.keys(finding["score_gain"], ["value", "se", "unit"], f"{path}.score_gain"):
+        faults.numbers({key: finding["score_gain"][key] for key in ("value", "se")},
+                       {"value", "se"}, f"{path}.score_gain")
+        faults.expect(finding["score_gain"]["unit"] == "nat", f"{path}.score_gain.unit")
+    for other in finding["preferred_over"]:
+        faults.expect(is_text(other.get("id")), f"{path}.preferred_over holds {other}")
     name, relation, channel = finding["id"], finding["relation"], finding["channel"]
     parameters = finding["parameters"]
     faults.expect(relation in RELATIONS, f"{path}.relation is {relation}")
@@ -140,7 +147,11 @@ def check_finding(finding, path, faults):
         if key == "depends_on":
             continue
         here = f"{path}.parameters.{key}"
-        if faults.keys(parameter, ["value", "ci95"], here):
+        if faults.keys(parameter, ["value", "unit", "ci95", "formula_uncertainty"], here):
+            faults.expect(is_text(parameter["unit"]), f"{here}.unit is {parameter['unit']}")
+            faults.expect(is_number(parameter["formula_uncertainty"])
+                          and parameter["formula_uncertainty"] >= 0,
+                          f"{here}.formula_uncertainty is {parameter['formula_uncertainty']}")
             faults.expect(is_number(parameter["value"]), f"{here}.value is {parameter['value']}")
             faults.span(parameter["ci95"], f"{here}.ci95")
             if is_number(parameter["value"]) and isinstance(parameter["ci95"], list) \
@@ -178,11 +189,39 @@ def check_scores(scores, path, faults):
     faults.expect(scores["nrmse"], f"{path}.nrmse is empty")
 
 
+def check_origin(report, faults):
+    """Calibration, noise, trials and provenance: a reader judges the numbers by them."""
+    faults.expect(set(report["calibration"]) == set(report["calibrated"]),
+                  "calibration and calibrated hold other parameters")
+    for path, each in report["calibration"].items():
+        here = f"calibration.{path}"
+        if faults.keys(each, ["value", "ci95", "declared", "declared_sigma", "unit"], here):
+            faults.span(each["ci95"], f"{here}.ci95")
+            faults.expect(each["value"] == report["calibrated"].get(path), f"{here}.value differs")
+            faults.expect(is_text(each["unit"]), f"{here}.unit is {each['unit']}")
+    for stem, noise in report["noise"].items():
+        here = f"noise.{stem}"
+        faults.expect(stem in STEMS, f"{here} is no channel")
+        if faults.keys(noise, ["std", "correlation_s", "source"], here):
+            faults.numbers({key: noise[key] for key in ("std", "correlation_s")},
+                           {"std", "correlation_s"}, here, least=0)
+            faults.expect(noise["source"] in ("declared", "estimated", "contradicted"),
+                          f"{here}.source is {noise['source']}")
+    for i, trial in enumerate(report["tried"]):
+        if faults.keys(trial, ["ids", "score_gain", "se"], f"tried[{i}]"):
+            faults.expect(trial["ids"] and all(map(is_text, trial["ids"])), f"tried[{i}].ids")
+    if faults.keys(report["provenance"], ["version", "seed", "command", "sha256"], "provenance"):
+        for name, digest in report["provenance"]["sha256"].items():
+            faults.expect(isinstance(digest, str) and len(digest) == 64,
+                          f"provenance.sha256.{name} is {digest}")
+
+
 def faults_of_diagnosis(report):
     """Faults of a report of `stickslip diagnose`."""
     faults = Faults()
     if not faults.keys(report, ["schema", "verdict", "location", "findings", "fit", "calibrated",
-                                "noise_std"], "the report"):
+                                "calibration", "noise_std", "noise", "tried", "provenance"],
+                       "the report"):
         return faults
     faults.expect(report["schema"] == 1, f"schema is {report['schema']}")
     verdict = report["verdict"]
@@ -196,7 +235,10 @@ def faults_of_diagnosis(report):
             check_finding(finding, f"findings[{i}]", faults)
         named = [(f.get("id"), f.get("channel")) for f in findings if isinstance(f, dict)]
         faults.expect(len(named) == len(set(named)), f"an effect is found twice: {named}")
-    if faults.keys(report["fit"], ["heldout", "horizon_s"], "fit"):
+    if faults.keys(report["fit"], ["heldout", "horizon_s", "windows"], "fit"):
+        windows = report["fit"]["windows"]
+        if faults.keys(windows, ["fit", "select", "report"], "fit.windows"):
+            faults.numbers(windows, {"fit", "select", "report"}, "fit.windows", least=1)
         faults.expect(is_number(report["fit"]["horizon_s"]) and report["fit"]["horizon_s"] > 0,
                       f"fit.horizon_s is {report['fit']['horizon_s']}")
         if faults.keys(report["fit"]["heldout"], ["baseline", "augmented"], "fit.heldout"):
@@ -207,6 +249,7 @@ def faults_of_diagnosis(report):
             faults.expect("." in path, f"calibrated.{path} is not a path into a model file")
             faults.expect(is_number(value), f"calibrated.{path} is {value}")
     faults.numbers(report["noise_std"], set(COLUMNS.values()), "noise_std", least=0)
+    check_origin(report, faults)
     return faults
 
 

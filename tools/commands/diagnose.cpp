@@ -11,12 +11,12 @@
 #include "diagnosis/parallel/for_each.h"
 #include "diagnosis/report/html.h"
 #include "diagnosis/report/json.h"
+#include "diagnosis/report/provenance.h"
 #include "diagnosis/report/text.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/json_text.h"
 #include "protocol/recording.h"
-#include "protocol/sha256.h"
 #include "tools/command_line/colour_option.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
@@ -24,7 +24,6 @@
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/files/outputs.h"
-#include "tools/files/read_file.h"
 #include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
@@ -50,25 +49,14 @@ struct Arguments {
 };
 
 report::Provenance provenance_of(const Arguments& arguments) {
-  report::Provenance out;
-  out.command = "stickslip diagnose";
-  std::vector<std::string> files = arguments.recordings;
-  files.push_back(arguments.model);
-  for (const std::string& name : files) {
-    out.files.push_back({name, protocol::sha256_of(content_of(name))});
-  }
-  for (const std::string& name : arguments.recordings) out.command += " " + name;
-  out.command += " --model " + arguments.model + " --seed " + std::to_string(arguments.seed);
+  report::Provenance out = report::provenance_of(
+      {arguments.recordings.begin(), arguments.recordings.end()}, arguments.model, arguments.seed);
   if (arguments.horizon_s > 0.0) {
     out.command += " --horizon " + physics::number_text(arguments.horizon_s);
   }
   if (arguments.bootstrap > 0) {
     out.command += " --bootstrap " + std::to_string(arguments.bootstrap);
   }
-  out.command += " --html " + arguments.html;
-  out.version = STICKSLIP_VERSION;
-  out.seed = arguments.seed;
-  out.built_with = std::string("g++ ") + __VERSION__;
   return out;
 }
 
@@ -116,12 +104,13 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
   terminal::print_page(paint(tone_of(result.verdict), text.substr(0, verdict)) +
                        text.substr(verdict));
+  if (arguments.json.empty() && arguments.html.empty() && arguments.write_model.empty()) return 0;
+  report::Provenance provenance = provenance_of(arguments);
   if (!arguments.json.empty()) {
     outputs.write(arguments.json, Form::json,
-                  protocol::json_text(report::report_json(result)) + "\n");
+                  protocol::json_text(report::report_json(result, provenance)) + "\n");
   }
   if (!arguments.html.empty()) {
-    report::Provenance provenance = provenance_of(arguments);
     provenance.augmented_model = config::model_text(result.model);
     outputs.write(arguments.html, Form::html, report::report_html(result, provenance));
   }

@@ -143,7 +143,9 @@ Outcome examine(const fs::path& folder, const fs::path& file, const std::string&
     };
     kept["validation"] = {{"before", chi2(model)}, {"after", chi2(found.model)}};
   }
-  kept["report"] = report::report_json(found);
+  kept["report"] = report::report_json(
+      found, report::provenance_of({folder / "recording.csv"}, folder / arguments.model_name,
+                                   arguments.seed));
   outputs.write(fs::path(file).replace_extension(".toml"), Form::toml,
                 config::model_text(found.model));
   outputs.write(file, Form::json, protocol::json_text(kept) + "\n");

@@ -227,7 +227,7 @@ TEST_P(WrongNumber, IsNamedWithTheValueThatTheRecordingAsksFor) {
   EXPECT_LT(finding.parameters[0].low, 1.5);
   EXPECT_GT(finding.parameters[0].high, 1.5);
   EXPECT_LT(got.augmented->chi2_per_sample, 1.2);
-  const auto json = report_json(got)["findings"][0];
+  const auto json = report_json(got, {})["findings"][0];
   EXPECT_EQ(json["parameter"], "oscillator.damping_n_s_m");
   EXPECT_EQ(json["relation"], "force_balance");
   EXPECT_TRUE(got.model.terms.empty());
@@ -248,7 +248,7 @@ TEST(Diagnosis, StatesNoiseThatIsDeclaredTooSmall) {
   EXPECT_EQ(got.noise_level[0].first, Channel::displacement);
   EXPECT_NEAR(got.noise_level[0].second, 2.5, 0.1);
   EXPECT_THAT(report_text(got), testing::HasSubstr("noise of displacement is 2.5"));
-  EXPECT_TRUE(report_json(got)["noise_level"].contains("displacement"));
+  EXPECT_TRUE(report_json(got, {})["noise_level"].contains("displacement"));
   EXPECT_TRUE(diagnosed(driven_mass()).noise_level.empty());
 }
 
@@ -295,7 +295,8 @@ TEST(Diagnosis, RefusesInvalidCriteria) {
 
 TEST(Diagnosis, DoesNotDependOnTheNumberOfThreads) {
   const auto truth = with_term(driven_mass(), "dry_friction", {{"friction_force_n", {0.4}}});
-  EXPECT_EQ(report_json(diagnosed(truth, 1)).dump(), report_json(diagnosed(truth, 2)).dump());
+  EXPECT_EQ(report_json(diagnosed(truth, 1), {}).dump(),
+            report_json(diagnosed(truth, 2), {}).dump());
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <functional>
+#include <map>
 #include <numbers>
 #include <random>
 
@@ -310,21 +311,22 @@ TEST(Experiment, FewMissingSamplesAreBridged) {
   }
 }
 
-TEST(Windows, DoNotOverlapAndAThirdIsHeldOut) {
+TEST(Windows, DoNotOverlapAndHaveThreeUses) {
   Experiment e = make_experiment(record(driven_mass(), 40.0), driven_mass());
   cut_windows(e, driven_mass(), 0.4);
   ASSERT_GE(e.windows.size(), 90U);
-  std::size_t held_out = 0;
+  std::map<Use, double> share;
   for (std::size_t w = 0; w < e.windows.size(); ++w) {
     const Window& window = e.windows[w];
     EXPECT_EQ(window.end - window.begin, 80U);
     EXPECT_LE(window.warm, window.begin);
     EXPECT_GE(window.begin, w > 0 ? e.windows[w - 1].end : e.usable_begin);
     EXPECT_LE(window.end, e.usable_end);
-    if (window.held_out) ++held_out;
+    share[window.use] += 1.0 / static_cast<double>(e.windows.size());
   }
-  const double share = static_cast<double>(held_out) / static_cast<double>(e.windows.size());
-  EXPECT_NEAR(share, 1.0 / 3.0, 0.06);
+  EXPECT_NEAR(share[Use::fit], 8.0 / 12.0, 0.06);
+  EXPECT_NEAR(share[Use::select], 3.0 / 12.0, 0.06);
+  EXPECT_NEAR(share[Use::report], 1.0 / 12.0, 0.04);
 }
 
 TEST(Experiment, CoarseStepsAreLongerForAFastResonance) {

@@ -32,14 +32,14 @@ Evidence small_evidence() {
   Evidence evidence;
   evidence.windows = {{.begin_s = 0.0,
                        .end_s = 0.4,
-                       .held_out = true,
+                       .reported = true,
                        .drive_hz = 2.0,
                        .drive_amplitude = 0.004,
                        .before = 9.0,
                        .after = 1.0},
                       {.begin_s = 0.4,
                        .end_s = 0.8,
-                       .held_out = true,
+                       .reported = true,
                        .drive_hz = 2.2,
                        .drive_amplitude = 0.005,
                        .before = 10.0,
@@ -104,8 +104,8 @@ Diagnosis with_a_finding() {
   d.baseline.rmse[0] = 1.234e-4;
   d.augmented->rmse[0] = 2.19e-5;
   d.horizon_s = 0.4;
-  d.heldout_windows = 28;
-  d.fitted_windows = 64;
+  d.windows.report = 28;
+  d.windows.fit = 64;
   d.calibrated = {{.path = "oscillator.mass_kg",
                    .value = 0.0612,
                    .shift_sigmas = 1.5,
@@ -114,7 +114,8 @@ Diagnosis with_a_finding() {
                    .low = 0.0606,
                    .high = 0.0618}};
   d.noise_std = {{Channel::displacement, 1.0e-5}};
-  d.trials = {{"cubic_stiffness", 0, 1.02, 7.5}, {"end_stop", 0, 1.4, 5.0}};
+  d.trials = {{"cubic_stiffness", {"cubic_stiffness"}, 0, 1.02, 7.5, {}},
+              {"end_stop", {"end_stop"}, 0, 1.4, 5.0, {}}};
   Integrity integrity;
   integrity.source = "run.csv";
   integrity.channels = {{.channel = Channel::displacement}};
@@ -169,7 +170,7 @@ std::string first_screen_of(const std::string& page) {
 Diagnosis consistent() {
   Diagnosis d;
   d.baseline.chi2_per_sample = 1.004;
-  d.heldout_windows = 28;
+  d.windows.report = 28;
   d.horizon_s = 0.4;
   d.baseline.rmse[0] = 1.2e-5;
   d.noise_std = {{Channel::displacement, 1.0e-5}};
@@ -270,7 +271,8 @@ TEST(ReportHtml, ADimensionlessModelHasNoUnits) {
                            << found.str();
     EXPECT_THAT(text, HasSubstr("It hits a stop after 0.002."));
   }
-  EXPECT_TRUE(nlohmann::json::parse(report_json(d).dump()).at("dimensionless").get<bool>());
+  EXPECT_TRUE(
+      nlohmann::json::parse(report_json(d, provenance()).dump()).at("dimensionless").get<bool>());
 }
 
 TEST(ReportHtml, EveryKindOfAnswerHasItsFirstScreen) {

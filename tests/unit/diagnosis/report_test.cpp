@@ -21,8 +21,11 @@ Diagnosis consistent() {
   diagnosis.baseline.rmse[0] = 2.0e-5;
   diagnosis.baseline.nrmse[0] = 0.004;
   diagnosis.horizon_s = 0.4;
-  diagnosis.calibrated = {{"oscillator.mass_kg", 0.0601, 0.4}};
+  diagnosis.calibrated = {{"oscillator.mass_kg", 0.0601, 0.4, 0.06, 0.0006, 0.0598, 0.0604}};
   diagnosis.noise_std = {{Channel::displacement, 2.0e-5}};
+  diagnosis.noise = {{Channel::displacement, 2.0e-5, 0.01, Noise::Source::estimated}};
+  diagnosis.windows = {100, 37, 12};
+  diagnosis.trials = {{"stribeck", {"stribeck"}, 0, 1.4, 3.0, {50.0, 9.0}}};
   return diagnosis;
 }
 
@@ -51,7 +54,9 @@ Diagnosis ambiguous() {
   Finding finding;
   finding.effect = physics::find_effect("dry_friction");
   finding.statement = "Dry friction of 20 N.";
-  finding.parameters = {{"friction_force_n", 20.0, 19.0, 21.0}};
+  finding.parameters = {{"friction_force_n", 20.0, 19.0, 21.0, 0.6, "N"}};
+  finding.gain = {812.0, 33.0};
+  finding.preferred_over = {{physics::find_effect("stribeck"), {}}};
   finding.probability = 0.6;
   finding.alternatives = {{{physics::find_effect("bias_force"), {}}, 0.4}};
   finding.separating_experiment = "push it both ways";
@@ -62,8 +67,15 @@ Diagnosis ambiguous() {
   return diagnosis;
 }
 
+Provenance provenance() {
+  return {.command = "stickslip diagnose run.csv --model rig.toml --seed 7",
+          .version = "0.2.0",
+          .seed = 7,
+          .files = {{"run.csv", "ab12"}, {"rig.toml", "cd34"}}};
+}
+
 TEST(ReportJson, ConsistentRecordingHasOnlyTheFit) {
-  const auto json = report_json(consistent());
+  const auto json = report_json(consistent(), provenance());
   EXPECT_EQ(json["schema"], 1);
   EXPECT_EQ(json["verdict"], "consistent");
   EXPECT_TRUE(json["location"].is_null());
@@ -75,7 +87,7 @@ TEST(ReportJson, ConsistentRecordingHasOnlyTheFit) {
 }
 
 TEST(ReportJson, HasTheFindingWithItsIntervalAndAlternatives) {
-  const auto json = report_json(ambiguous());
+  const auto json = report_json(ambiguous(), provenance());
   EXPECT_EQ(json["verdict"], "missing_physics");
   EXPECT_EQ(json["location"]["relation"], "friction_law");
   EXPECT_EQ(json["location"]["channel"], "friction_force");
@@ -88,8 +100,36 @@ TEST(ReportJson, HasTheFindingWithItsIntervalAndAlternatives) {
   EXPECT_EQ(json["fit"]["heldout"]["augmented"]["chi2_per_sample"], 1.0);
 }
 
+TEST(ReportJson, SeparatesTheFitFromTheFormulaAndTheScoreFromThePreference) {
+  const auto json = report_json(ambiguous(), provenance());
+  const auto& finding = json["findings"][0];
+  EXPECT_EQ(finding["parameters"]["friction_force_n"]["unit"], "N");
+  EXPECT_EQ(finding["parameters"]["friction_force_n"]["formula_uncertainty"], 0.6);
+  EXPECT_EQ(finding["score_gain"]["value"], 812.0);
+  EXPECT_EQ(finding["score_gain"]["se"], 33.0);
+  EXPECT_EQ(finding["preferred_over"][0]["id"], "stribeck");
+}
+
+TEST(ReportJson, SaysWhatTheNumbersRestOn) {
+  const auto json = report_json(consistent(), provenance());
+  EXPECT_EQ(json["fit"]["windows"]["fit"], 100);
+  EXPECT_EQ(json["fit"]["windows"]["select"], 37);
+  EXPECT_EQ(json["fit"]["windows"]["report"], 12);
+  const auto& mass = json["calibration"]["oscillator.mass_kg"];
+  EXPECT_EQ(mass["declared"], 0.06);
+  EXPECT_EQ(mass["declared_sigma"], 0.0006);
+  EXPECT_EQ(mass["ci95"][1], 0.0604);
+  EXPECT_EQ(mass["unit"], "kg");
+  EXPECT_EQ(json["noise"]["displacement"]["source"], "estimated");
+  EXPECT_EQ(json["noise"]["displacement"]["correlation_s"], 0.01);
+  EXPECT_EQ(json["tried"][0]["ids"][0], "stribeck");
+  EXPECT_EQ(json["tried"][0]["score_gain"], 50.0);
+  EXPECT_EQ(json["provenance"]["seed"], 7);
+  EXPECT_EQ(json["provenance"]["sha256"]["run.csv"], "ab12");
+}
+
 TEST(ReportJson, HasTheLocationAndTheIntegrityOfTheRecording) {
-  const auto json = report_json(ambiguous());
+  const auto json = report_json(ambiguous(), provenance());
   const auto& region = json["location"]["regions"][0];
   EXPECT_EQ(region["channel"], "velocity");
   EXPECT_EQ(region["aspect"], "motion");
@@ -97,7 +137,7 @@ TEST(ReportJson, HasTheLocationAndTheIntegrityOfTheRecording) {
   EXPECT_EQ(region["energy"], 9.0);
   const auto& integrity = json["integrity"][0];
   EXPECT_EQ(integrity["rate_hz"], 500.0);
-  EXPECT_EQ(json.dump().find("run.csv"), std::string::npos);
+  EXPECT_EQ(json["integrity"].dump().find("run.csv"), std::string::npos);
   EXPECT_EQ(integrity["channels"]["displacement"]["at_high_rail"], 12);
   EXPECT_EQ(integrity["remarks"][0], "3 of 15000 samples are missing");
 }
@@ -115,7 +155,7 @@ Diagnosis with_limits() {
 }
 
 TEST(ReportJson, HasTheDetectionLimits) {
-  const auto json = report_json(with_limits());
+  const auto json = report_json(with_limits(), provenance());
   ASSERT_EQ(json["detection"]["limits"].size(), 4U);
   EXPECT_EQ(json["detection"]["limits"][2]["id"], "unlisted");
   EXPECT_EQ(json["detection"]["limits"][2]["name"], "quintic_stiffness");
@@ -124,7 +164,7 @@ TEST(ReportJson, HasTheDetectionLimits) {
   EXPECT_EQ(json["detection"]["inseparable"][0]["other"], "quintic_stiffness");
   EXPECT_EQ(json["bootstrap"]["recordings"], 20);
   EXPECT_EQ(json["bootstrap"]["alarms"], 1);
-  EXPECT_FALSE(report_json(consistent()).contains("bootstrap"));
+  EXPECT_FALSE(report_json(consistent(), provenance()).contains("bootstrap"));
 }
 
 // With enough digits to differ from the neutral value, and limited to the listed physics of the
@@ -135,6 +175,14 @@ TEST(ReportText, ListsTheDetectionLimits) {
                               "cubic_stiffness (k3_n_m3 = 310)\n"));
   EXPECT_THAT(text, HasSubstr("Of 20 synthetic recordings"));
   EXPECT_THAT(text, HasSubstr("1 raised a false alarm; noise alone gave a chi-squared of 0.97 to"));
+}
+
+TEST(ReportText, SaysWhatAFindingWasPreferredTo) {
+  EXPECT_THAT(report_text(ambiguous()),
+              HasSubstr("score gain 812 +/- 33 nat, chi-squared per sample"));
+  EXPECT_THAT(report_text(ambiguous()),
+              HasSubstr("preferred, as the simpler or the listed one, to stribeck, which scores"));
+  EXPECT_THAT(report_text(ambiguous()), HasSubstr("21; the formula itself +/- 0.6)"));
 }
 
 TEST(ReportText, BeginsWithTheVerdict) {

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
+#include "diagnosis/held_out.h"
 #include "tests/unit/diagnosis/bench.h"
 
 namespace stickslip::diagnosis {
@@ -25,6 +28,33 @@ TEST(Score, OfTheTrueModelEqualsThatOfTheNoise) {
   EXPECT_LT(*got.rmse[0], 4.0e-5);
   EXPECT_NEAR(*got.nrmse[0], *got.rmse[0] / experiments[0].channel_std[0], 1.0e-12);
   EXPECT_FALSE(got.rmse[1].has_value()) << "no velocity was recorded";
+}
+
+TEST(ScoreGain, IsTheSumOverWindowsWithItsStandardError) {
+  HeldOut before;
+  before.loss = {10.0, 12.0, 14.0, 20.0};
+  HeldOut after;
+  after.loss = {9.0, 9.0, 9.0, 13.0};
+  const ScoreGain gain = score_gain(before, after);
+  EXPECT_DOUBLE_EQ(gain.value, 16.0);
+  // Gains of 1, 3, 5 and 7: a standard deviation of sqrt(20 / 3), times the root of four windows.
+  EXPECT_DOUBLE_EQ(gain.se, 2.0 * std::sqrt(20.0 / 3.0));
+  EXPECT_EQ(score_gain(before, before).se, 0.0);
+}
+
+// A state that the readings show well is paid for in every window; one that they do not show only
+// has its prior.
+TEST(Score, OfAHiddenStateIncludesWhatItsFreedomCosts) {
+  const auto truth = driven_mass();
+  const std::vector<Experiment> experiments = {experiment_of(record(truth, 12.0), truth)};
+  const Task task = all_windows(experiments);
+  const std::vector<double> z(2, 0.0);
+  const Fit fitted = fit_states(task, Hypothesis(truth), z, {});
+  for (const double cost : fitted.state_cost) {
+    // Displacement and velocity, known thousands of times better than their priors.
+    EXPECT_GT(cost, 2.0 * std::log(10.0));
+    EXPECT_LT(cost, 2.0 * std::log(1.0e6));
+  }
 }
 
 TEST(Score, IsWorseForAModelThatLacksAForce) {

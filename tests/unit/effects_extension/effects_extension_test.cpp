@@ -201,7 +201,7 @@ TEST(EffectsExtension, AreFoundByTheDiagnosisAndReported) {
   EXPECT_TRUE(std::any_of(candidates.begin(), candidates.end(), [](const auto& candidate) {
     return candidate.name() == "cubic_characteristic of displacement";
   }));
-  const auto json = report::report_json(found);
+  const auto json = report::report_json(found, {});
   EXPECT_EQ(json["findings"][0]["id"], "unlisted");
   EXPECT_EQ(json["findings"][0]["name"], "cogging");
   EXPECT_THAT(report::report_text(found), testing::HasSubstr("cogging"));

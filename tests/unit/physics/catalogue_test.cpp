@@ -528,6 +528,23 @@ TEST(DeclaredValue, StandsInNoModelAndNamesTheNumbersOfAll) {
   EXPECT_EQ(contradiction("oscillator.mass_kg", 1.0, 1.0004), "mass_kg is 1.0004, not 1");
 }
 
+TEST(Units, FollowFromTheNameOfANumberAndItsPlace) {
+  EXPECT_EQ(unit_of("oscillator.mass_kg"), "kg");
+  EXPECT_EQ(unit_of("oscillator.two_well.cubic_n_m3"), "N/m3");
+  EXPECT_EQ(unit_of("oscillator.damping_n_s_m"), "N s/m");
+  EXPECT_EQ(unit_of("oscillator.damping_ratio"), "1");
+  EXPECT_EQ(unit_of("normal_load.load_n"), "N");
+  EXPECT_EQ(unit_of("normal_load.slope_per_m"), "1/m");
+  EXPECT_EQ(unit_of("friction.mu"), "1");
+  EXPECT_EQ(unit_of("friction.transition_speed_m_s"), "m/s");
+  EXPECT_EQ(unit_of("sensors.velocity.offset"), "m/s");
+  EXPECT_EQ(unit_of("sensors.velocity.delay_s"), "s");
+  EXPECT_EQ(unit_of("sensors.velocity.filters.0.cutoff_hz"), "Hz");
+  EXPECT_EQ(unit_of("physics.sensor_offset.displacement.offset"), "m");
+  const Place leak{Channel::friction_force, Channel::velocity};
+  EXPECT_EQ(unit_at(find_effect("crosstalk")->card().parameters[0].unit, leak), "N/(m/s)");
+}
+
 TEST(Catalogue, ListsTheEffectsAModelCanLack) {
   Model none = test::bench();
   none.friction = {};
