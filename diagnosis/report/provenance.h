@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -24,8 +23,8 @@ struct Provenance {
   std::string augmented_model = {};  ///< the resulting model file; empty: not shown
 };
 
-/// Of files that were read; outputs and options are left to the caller.
-Provenance provenance_of(const std::vector<std::filesystem::path>& recordings,
-                         const std::filesystem::path& model, std::uint64_t seed);
+/// Of a diagnosis with the default options.
+Provenance provenance_of(const std::vector<Provenance::File>& recordings,
+                         const Provenance::File& model, std::uint64_t seed);
 
 }  // namespace stickslip::report

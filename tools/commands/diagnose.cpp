@@ -1,6 +1,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -17,6 +18,7 @@
 #include "physics/problem.h"
 #include "protocol/json_text.h"
 #include "protocol/recording.h"
+#include "protocol/sha256.h"
 #include "tools/command_line/colour_option.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
@@ -24,6 +26,7 @@
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/files/outputs.h"
+#include "tools/files/read_file.h"
 #include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
@@ -48,9 +51,15 @@ struct Arguments {
   terminal::Colours colours = terminal::Colours::automatic;
 };
 
+report::Provenance::File checked_file(const std::filesystem::path& path) {
+  return {path.filename().string(), protocol::sha256_of(content_of(path))};
+}
+
 report::Provenance provenance_of(const Arguments& arguments) {
-  report::Provenance out = report::provenance_of(
-      {arguments.recordings.begin(), arguments.recordings.end()}, arguments.model, arguments.seed);
+  std::vector<report::Provenance::File> recordings;
+  for (const std::string& path : arguments.recordings) recordings.push_back(checked_file(path));
+  report::Provenance out =
+      report::provenance_of(recordings, checked_file(arguments.model), arguments.seed);
   if (arguments.horizon_s > 0.0) {
     out.command += " --horizon " + physics::number_text(arguments.horizon_s);
   }

@@ -143,8 +143,11 @@ Outcome examine(const fs::path& folder, const fs::path& file, const std::string&
     };
     kept["validation"] = {{"before", chi2(model)}, {"after", chi2(found.model)}};
   }
+  const auto checked = [&folder](const std::string& name) {
+    return report::Provenance::File{name, protocol::sha256_of(content_of(folder / name))};
+  };
   kept["report"] = report::report_json(
-      found, report::provenance_of({folder / "recording.csv"}, folder / arguments.model_name,
+      found, report::provenance_of({checked("recording.csv")}, checked(arguments.model_name),
                                    arguments.seed));
   outputs.write(fs::path(file).replace_extension(".toml"), Form::toml,
                 config::model_text(found.model));
