@@ -55,13 +55,13 @@ Experiments prepare(const std::vector<protocol::Recording>& recordings, const Mo
     for (const Window& window : e.windows) ++count_of(window.use, out.windows);
   }
   const WindowCount& windows = out.windows;
-  if (std::min({windows.fit, windows.select, windows.report}) < 2) {
+  if (std::min(windows.fit, windows.select) < 2 || windows.report == 0) {
     throw InputError(Problem{recordings.front().source, 0, 0,
                              "is too short: it gives " + physics::counted(windows.fit, "window") +
                                  " of " + physics::number_text(out.horizon_s) + " s to fit, " +
                                  std::to_string(windows.select) + " to select a model, and " +
                                  std::to_string(windows.report) +
-                                 " to report; at least 2 of each are needed"});
+                                 " to report; 2, 2 and 1 are needed"});
   }
   return experiments;
 }
