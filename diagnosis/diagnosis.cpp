@@ -111,11 +111,11 @@ Verdict verdict_without_findings(const Search& search, Diagnosis& out) {
 
 Verdict verdict_of(const Search& search, Diagnosis& out) {
   if (out.findings.empty()) return verdict_without_findings(search, out);
-  const SearchData& data = search.data();
-  const double after = out.augmented->chi2_per_sample;
+  const double excess_before = search.declared().held_out.chi2 - 1.0;
+  const double excess_after = search.result().held_out.chi2 - 1.0;
   const bool explained =
-      (after <= data.explained_chi2() && !search.is_implausible()) ||
-      after - 1.0 <= data.criteria.explained_excess_share * (out.baseline.chi2_per_sample - 1.0);
+      (search.is_explained() && !search.is_implausible()) ||
+      excess_after <= search.data().criteria.explained_excess_share * excess_before;
   return explained ? Verdict::missing_physics : Verdict::unexplained;
 }
 

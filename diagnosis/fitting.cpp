@@ -204,10 +204,6 @@ Task task_for(std::span<const Experiment> experiments, Use use, int threads) {
   return task;
 }
 
-Fit fit_completely(const Task& task, const FittedCandidate& each, std::vector<WindowState> states) {
-  return fit(task, *each.hypothesis, each.fitted.z, std::move(states), complete_fit());
-}
-
 FitOptions brief_fit(int iterations) {
   FitOptions options;
   options.iterations = iterations;
@@ -247,7 +243,7 @@ void settle(SearchData& data, FittedCandidate& each) {
   reweight(data.train, data.held_out.sigma, *each.hypothesis, each.fitted);
   weigh_by_noise(data, data.train);
   colour_noise(data, each);
-  each.fitted = fit_completely(data.train, each, each.fitted.state);
+  each.fitted = fit(data.train, *each.hypothesis, each.fitted.z, each.fitted.state, complete_fit());
   const auto score = [&] {
     return held_out_score(data.held_out, *each.hypothesis, each.fitted.z, data.noise_is_known);
   };

@@ -32,9 +32,6 @@ SearchData search_data(std::span<const Experiment> experiments, std::span<const 
 /// The windows of the experiments for one use, in units of the noise.
 Task task_for(std::span<const Experiment> experiments, Use use, int threads);
 
-/// The candidate's fit from its parameters and those states, until it is complete.
-Fit fit_completely(const Task& task, const FittedCandidate& each, std::vector<WindowState> states);
-
 /// Options of a fit that only has to rank candidates.
 FitOptions brief_fit(int iterations);
 

@@ -30,22 +30,6 @@ void Search::run(const physics::Model& model) {
     return is_major_gain(before, after);
   })) {
   }
-  refit();
-}
-
-// The result is fitted to the windows that selected it, too.
-void Search::refit() {
-  report("fitting the result", 0.95);
-  const std::vector<WindowState> fitted = current_.fitted.state;
-  Task& task = data_.train;
-  task.windows.insert(task.windows.end(), data_.held_out.windows.begin(),
-                      data_.held_out.windows.end());
-  std::vector<WindowState> states = initial_states(task, *current_.hypothesis);
-  std::copy(fitted.begin(), fitted.end(), states.begin());
-  current_.fitted = fit_completely(task, current_, std::move(states));
-  if (!claims_.empty()) return;
-  declared_ = current_;
-  declared_task_ = task;
 }
 
 void Search::extend() {

@@ -99,7 +99,6 @@ class Search {
   void claim(const FittedCandidate& winner, std::vector<FittedCandidate> rivals);
 
   void extend();
-  void refit();
   bool add_effect();
   void prefer_listed(std::vector<FittedCandidate>& candidates) const;
   bool is_claimable(const FittedCandidate& best) const;
