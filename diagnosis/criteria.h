@@ -96,8 +96,8 @@ struct Criteria {
   /// A listed effect is preferred to a formula, a formula to a drawn shape, where it gains this
   /// share of what the other gains: a shape that bends anywhere imitates most other effects.
   double lower_tier_gain_share = 0.85;
-  /// A simpler effect is preferred to one that scores better by fewer standard errors than this, and
-  /// by no more than the share above leaves: what has more parameters or states imitates it.
+  /// A simpler effect is preferred to one that scores better by fewer standard errors than this,
+  /// and by no more than the share above leaves: what has more parameters or states imitates it.
   double preference_errors = 2.0;
   /// Two listed effects that explain the recording are preferred to a drawn shape where they gain
   /// this share of what it gains.

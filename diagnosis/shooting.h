@@ -60,8 +60,8 @@ struct Fit {
   std::vector<WindowState> state;  ///< at the `warm` sample, by window of the task
   /// Sum of squared scaled residuals and knots of the drive's error, by window.
   std::vector<double> chi2;
-  std::vector<int> count;      ///< residuals, by window
-  int states_per_window = 0;   ///< of the rig
+  std::vector<int> count;     ///< residuals, by window
+  int states_per_window = 0;  ///< of the rig
   /// Cost of the free states of each window [nat], by Laplace's approximation of the marginal
   /// likelihood: half the log determinant of their information in units of the priors, and the
   /// prior at the solution. A fit without derivatives counts 1 for each state.
