@@ -7,6 +7,7 @@
 #include "diagnosis/report/headline.h"
 #include "diagnosis/report/html_elements.h"
 #include "diagnosis/report/text.h"
+#include "physics/number_text.h"
 
 namespace stickslip::report {
 
@@ -73,7 +74,7 @@ const Trial* trial_of(const Diagnosis& d, const Finding& finding) {
 }
 
 std::string windows_text(const Diagnosis& d) {
-  return std::to_string(d.windows.report) + " held-out windows of " +
+  return physics::counted(d.windows.report, "held-out window") + " of " +
          format_seconds(d.horizon_s, ResultUnits(d.model));
 }
 
@@ -89,7 +90,12 @@ std::string probability_of(const Diagnosis& d, const Finding& finding) {
   const Trial* trial = trial_of(d, finding);
   if (trial != nullptr && trial->stage == 0 && trial->gain_z > 0.0) {
     out += escape_html(" It improves the prediction by " + format_number(trial->gain_z, 2) +
-                       " standard errors over " + windows_text(d) + ".");
+                       " standard errors over the " + std::to_string(d.windows.select) +
+                       " windows that select.");
+  }
+  if (!finding.preferred_over.empty()) {
+    out += escape_html(" It is the simpler or the listed one: " +
+                       effect_name(finding.preferred_over.front()) + " scores better.");
   }
   return out + "</p>";
 }

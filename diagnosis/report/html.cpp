@@ -23,14 +23,17 @@ using physics::ResultUnits;
 namespace {
 
 std::string parameter_table(const Finding& finding, const ResultUnits& units) {
-  Table table("Parameters with 95 % intervals.",
-              {"meaning", "name", "value", "95 % interval", "unit"});
+  Table table(
+      "Parameters with 95 % intervals of the fit. Formula: one standard deviation by which the "
+      "formula itself may be wrong.",
+      {"meaning", "name", "value", "95 % interval", "formula", "unit"});
   for (const Estimate& each : finding.parameters) {
     const EstimateText text = format_estimate(each.value, each.low, each.high);
     const physics::ParameterCard* card = parameter_card(finding, each);
     const std::string unit = card != nullptr ? unit_text(card->unit, finding.place, units) : "";
     table.row({card != nullptr ? escape_html(std::string(card->meaning)) : "", code(each.name),
                text.value, text.low + " to " + text.high,
+               "\u00b1 " + format_number(each.formula_uncertainty, 2),
                escape_html(unit.empty() ? "none" : unit)});
   }
   return table.html();

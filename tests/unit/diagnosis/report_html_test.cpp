@@ -85,7 +85,7 @@ Diagnosis with_a_finding() {
   Finding finding;
   finding.effect = physics::find_effect("cubic_stiffness");
   finding.statement = "The spring hardens.";
-  finding.parameters = {{"k3_n_m3", 700.0, 680.0, 720.0}};
+  finding.parameters = {{"k3_n_m3", 700.0, 680.0, 720.0, 21.0, "N/m3"}};
   finding.probability = 0.9;
   finding.alternatives = {{CandidateEffect{physics::find_effect("end_stop"), {}}, 0.1}};
   finding.separating_experiment = "stepped amplitudes";
@@ -105,6 +105,7 @@ Diagnosis with_a_finding() {
   d.augmented->rmse[0] = 2.19e-5;
   d.horizon_s = 0.4;
   d.windows.report = 28;
+  d.windows.select = 9;
   d.windows.fit = 64;
   d.calibrated = {{.path = "oscillator.mass_kg",
                    .value = 0.0612,
@@ -171,6 +172,7 @@ Diagnosis consistent() {
   Diagnosis d;
   d.baseline.chi2_per_sample = 1.004;
   d.windows.report = 28;
+  d.windows.select = 9;
   d.horizon_s = 0.4;
   d.baseline.rmse[0] = 1.2e-5;
   d.noise_std = {{Channel::displacement, 1.0e-5}};
@@ -218,7 +220,7 @@ TEST(ReportHtml, FirstScreenHasTheNumbersOfTheDiagnosis) {
   for (const char* part :
        {"9.50 \u2192 1.02", "123\u00a0\u00b5m \u2192 21.9\u00a0\u00b5m", "up to 0.4\u00a0s ahead",
         "<b>90\u00a0%</b>", "end stop (10\u00a0%)", "700</span>", "680 to 720",
-        "700</span>\u00a0N/m\u00b3", "7.5 standard errors", "28 held-out windows",
+        "700</span>\u00a0N/m\u00b3", "7.5 standard errors over the 9 windows that select",
         "4.00 times the noise", "elsewhere 1.00"}) {
     EXPECT_THAT(top, HasSubstr(part));
   }
@@ -299,6 +301,14 @@ TEST(ReportHtml, IsWellFormedForEveryAnswer) {
   for (const Diagnosis& d : {consistent(), confident(), ambiguous(), unexplained(), Diagnosis()}) {
     EXPECT_EQ(markup_error(report_html(d, provenance())), "");
   }
+}
+
+TEST(ReportHtml, SeparatesTheFormulaFromTheFitAndSaysWhatScoresBetter) {
+  Diagnosis d = with_a_finding();
+  d.findings.front().preferred_over = {{physics::find_effect("end_stop"), {}}};
+  const std::string page = without_tags(report_html(d, provenance()));
+  EXPECT_THAT(page, HasSubstr("\u00b1 21"));
+  EXPECT_THAT(page, HasSubstr("It is the simpler or the listed one: end stop scores better."));
 }
 
 TEST(ReportHtml, HeadingLevelsAreNotSkipped) {
