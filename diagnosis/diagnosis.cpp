@@ -78,7 +78,7 @@ const Calibration* contradicted(const Diagnosis& out, const Criteria& criteria) 
   return farthest;
 }
 
-// Windows that had no part in the fit, in units of the noise that it was judged by.
+// All windows of those uses, in units of the noise by which hypotheses were judged.
 Task windows_for(const SearchData& data, std::initializer_list<Use> uses) {
   Task out = data.held_out;
   out.windows.clear();

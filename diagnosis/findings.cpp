@@ -43,10 +43,13 @@ double deviation_of_fit(const FittedCandidate& each, std::size_t unknown) {
 }
 
 // Standard deviation of a parameter from the accuracy of its effect's formula.
-double deviation_of_formula(const FittedCandidate& each, const OwnUnknown& own) {
-  const physics::ParameterCard& card = each.candidate.effect->card().parameters[own.position];
-  const double value = each.hypothesis->value(own.unknown, each.fitted.z[own.unknown]);
+double deviation_of_formula(const physics::ParameterCard& card, double value) {
   return card.formula_uncertainty * std::abs(value - card.neutral);
+}
+
+double deviation_of_formula(const FittedCandidate& each, const OwnUnknown& own) {
+  return deviation_of_formula(each.candidate.effect->card().parameters[own.position],
+                              each.hypothesis->value(own.unknown, each.fitted.z[own.unknown]));
 }
 
 // Of both together, in z.
@@ -65,7 +68,7 @@ std::vector<double> formula_uncertainties(const Hypothesis& hypothesis,
     for (std::size_t k = 0; k < cards.size(); ++k) {
       if (term.parameter[k] < 0) continue;
       const auto index = static_cast<std::size_t>(term.parameter[k]);
-      out[index] = cards[k].formula_uncertainty * std::abs(values[index] - cards[k].neutral);
+      out[index] = deviation_of_formula(cards[k], values[index]);
     }
   }
   return out;

@@ -113,8 +113,8 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
   terminal::print_page(paint(tone_of(result.verdict), text.substr(0, verdict)) +
                        text.substr(verdict));
-  if (arguments.json.empty() && arguments.html.empty() && arguments.write_model.empty()) return 0;
-  report::Provenance provenance = provenance_of(arguments);
+  report::Provenance provenance;
+  if (!arguments.json.empty() || !arguments.html.empty()) provenance = provenance_of(arguments);
   if (!arguments.json.empty()) {
     outputs.write(arguments.json, Form::json,
                   protocol::json_text(report::report_json(result, provenance)) + "\n");

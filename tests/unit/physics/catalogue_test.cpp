@@ -529,18 +529,21 @@ TEST(DeclaredValue, StandsInNoModelAndNamesTheNumbersOfAll) {
 }
 
 TEST(Units, FollowFromTheNameOfANumberAndItsPlace) {
-  EXPECT_EQ(unit_of("oscillator.mass_kg"), "kg");
-  EXPECT_EQ(unit_of("oscillator.two_well.cubic_n_m3"), "N/m3");
-  EXPECT_EQ(unit_of("oscillator.damping_n_s_m"), "N s/m");
-  EXPECT_EQ(unit_of("oscillator.damping_ratio"), "1");
-  EXPECT_EQ(unit_of("normal_load.load_n"), "N");
-  EXPECT_EQ(unit_of("normal_load.slope_per_m"), "1/m");
-  EXPECT_EQ(unit_of("friction.mu"), "1");
-  EXPECT_EQ(unit_of("friction.transition_speed_m_s"), "m/s");
-  EXPECT_EQ(unit_of("sensors.velocity.offset"), "m/s");
-  EXPECT_EQ(unit_of("sensors.velocity.delay_s"), "s");
-  EXPECT_EQ(unit_of("sensors.velocity.filters.0.cutoff_hz"), "Hz");
-  EXPECT_EQ(unit_of("physics.sensor_offset.displacement.offset"), "m");
+  const std::map<std::string, std::string> units = {
+      {"oscillator.mass_kg", "kg"},
+      {"oscillator.two_well.cubic_n_m3", "N/m3"},
+      {"oscillator.damping_n_s_m", "N s/m"},
+      {"oscillator.damping_ratio", "1"},
+      {"normal_load.load_n", "N"},
+      {"normal_load.slope_per_m", "1/m"},
+      {"friction.mu", "1"},
+      {"friction.transition_speed_m_s", "m/s"},
+      {"sensors.velocity.offset", "m/s"},
+      {"sensors.velocity.delay_s", "s"},
+      {"sensors.velocity.filters.0.cutoff_hz", "Hz"},
+      {"physics.sensor_offset.displacement.offset", "m"},
+  };
+  for (const auto& [path, unit] : units) EXPECT_EQ(unit_of(path), unit) << path;
   const Place leak{Channel::friction_force, Channel::velocity};
   EXPECT_EQ(unit_at(find_effect("crosstalk")->card().parameters[0].unit, leak), "N/(m/s)");
 }
