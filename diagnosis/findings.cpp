@@ -13,11 +13,6 @@ namespace {
 
 constexpr double half_width_95 = 1.96;  // standard deviations
 
-// Factor on standard deviations for a fit that leaves more than the noise.
-double inflation_of(const Fit& fitted) {
-  return std::sqrt(std::max(1.0, fitted.chi2_per_sample()));
-}
-
 // An unknown that is a parameter of an effect, by its position on the effect's card.
 struct OwnUnknown {
   std::size_t unknown = 0;
@@ -37,9 +32,7 @@ std::vector<OwnUnknown> own_unknowns(const FittedCandidate& each) {
 
 // Standard deviation of an unknown from the fit, in z; 0 where the fit has no covariance.
 double deviation_of_fit(const FittedCandidate& each, std::size_t unknown) {
-  const auto i = static_cast<Eigen::Index>(unknown);
-  if (i >= each.fitted.covariance.rows()) return 0.0;
-  return inflation_of(each.fitted) * std::sqrt(std::max(0.0, each.fitted.covariance(i, i)));
+  return each.fitted.half_width_95(unknown) / half_width_95;
 }
 
 // Standard deviation of a parameter from the accuracy of its effect's formula.
@@ -94,7 +87,7 @@ Finding with_parameters(const FittedCandidate& each) {
 
 Eigen::MatrixXd correlation_of(const FittedCandidate& each, const std::vector<OwnUnknown>& own,
                                const std::vector<double>& sigma) {
-  const double inflation = inflation_of(each.fitted);
+  const Eigen::MatrixXd& covariance = each.fitted.covariance;
   const auto n = static_cast<Eigen::Index>(own.size());
   Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(n, n);
   for (Eigen::Index i = 0; i < n; ++i) {
@@ -102,10 +95,11 @@ Eigen::MatrixXd correlation_of(const FittedCandidate& each, const std::vector<Ow
       if (i == j) continue;
       const auto a = static_cast<std::size_t>(i);
       const auto b = static_cast<std::size_t>(j);
-      correlation(i, j) = inflation * inflation *
-                          each.fitted.covariance(static_cast<Eigen::Index>(own[a].unknown),
-                                                 static_cast<Eigen::Index>(own[b].unknown)) /
-                          (sigma[a] * sigma[b]);
+      const auto u = static_cast<Eigen::Index>(own[a].unknown);
+      const auto v = static_cast<Eigen::Index>(own[b].unknown);
+      const double of_fit = covariance(u, v) / std::sqrt(covariance(u, u) * covariance(v, v));
+      correlation(i, j) = of_fit * deviation_of_fit(each, own[a].unknown) *
+                          deviation_of_fit(each, own[b].unknown) / (sigma[a] * sigma[b]);
     }
   }
   return correlation;
@@ -228,7 +222,7 @@ physics::Model posterior_model(const FittedCandidate& each) {
 
 std::pair<double, double> interval_of(const FittedCandidate& each, std::size_t unknown) {
   const double z = each.fitted.z[unknown];
-  const double half = half_width_95 * deviation_of_fit(each, unknown);
+  const double half = each.fitted.half_width_95(unknown);
   return std::minmax(each.hypothesis->value(unknown, z - half),
                      each.hypothesis->value(unknown, z + half));
 }

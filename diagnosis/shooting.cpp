@@ -34,6 +34,19 @@ double total_cost(const std::vector<NormalBlock>& blocks) {
   return cost;
 }
 
+constexpr double normal_975 = 1.959964;
+
+// 97.5 % quantile of Student's t: Abramowitz and Stegun 26.7.5, exact for 1 and 2 degrees.
+double student_975(int degrees) {
+  if (degrees == 1) return 12.7062;
+  if (degrees == 2) return 4.30265;
+  const double z = normal_975;
+  const double n = degrees;
+  const double z2 = z * z;
+  return z * (1.0 + (z2 + 1.0) / (4.0 * n) + ((5.0 * z2 + 16.0) * z2 + 3.0) / (96.0 * n * n) +
+              (((3.0 * z2 + 19.0) * z2 + 17.0) * z2 - 15.0) / (384.0 * n * n * n));
+}
+
 // Fits the state of one window, the parameters held. Each window has its own damping, so that one
 // that the model cannot follow does not slow down the others.
 NormalBlock fit_window_state(const WindowProblem& problem, std::size_t w, WindowState& state,
@@ -178,7 +191,7 @@ class JointFit {
     Fit result = summary_of(blocks_, std::move(z_), std::move(states_), problem_.states());
     result.cost = cost_;
     result.iterations = iterations_;
-    if (np_ > 0 && options_.covariance) result.covariance = covariance();
+    if (np_ > 0 && options_.covariance) set_covariances(result);
     return result;
   }
 
@@ -314,17 +327,44 @@ class JointFit {
     return !converged;
   }
 
-  Eigen::MatrixXd covariance() const {
-    Eigen::MatrixXd information = Eigen::MatrixXd::Zero(np_, np_);
-    for (const NormalBlock& block : blocks_) {
-      information += block.pp - block.ps * block.ss.ldlt().solve(block.ps.transpose());
+  // The windows that a jackknife leaves out together: neighbours, which share what the model lacks.
+  std::vector<std::vector<std::size_t>> blocks_of_windows() const {
+    std::vector<std::vector<std::size_t>> out;
+    for (std::size_t w = 0; w < blocks_.size(); ++w) {
+      if (w == 0 || !problem_.follows_on(w)) out.emplace_back();
+      out.back().push_back(w);
     }
+    return out;
+  }
+
+  void set_covariances(Fit& out) const {
+    Eigen::VectorXd prior = Eigen::VectorXd::Zero(np_);
     for (Eigen::Index i = 0; i < np_; ++i) {
       const double sigma = hypothesis_.unknowns()[static_cast<std::size_t>(i)].prior_sigma;
-      if (sigma > 0.0) information(i, i) += 1.0 / (sigma * sigma);
-      information(i, i) += 1.0e-12 * (1.0 + std::abs(information(i, i)));
+      if (sigma > 0.0) prior[i] = 1.0 / (sigma * sigma);
     }
-    return information.ldlt().solve(Eigen::MatrixXd::Identity(np_, np_));
+    const auto blocks = blocks_of_windows();
+    std::vector<Eigen::MatrixXd> information(blocks.size(), Eigen::MatrixXd::Zero(np_, np_));
+    std::vector<Eigen::VectorXd> gradient(blocks.size(), Eigen::VectorXd::Zero(np_));
+    Eigen::MatrixXd whole = prior.asDiagonal();
+    for (std::size_t g = 0; g < blocks.size(); ++g) {
+      for (const std::size_t w : blocks[g]) {
+        const NormalBlock& block = blocks_[w];
+        const Eigen::LDLT<Eigen::MatrixXd> states(block.ss);
+        information[g] += block.pp - block.ps * states.solve(block.ps.transpose());
+        gradient[g] += block.gp - block.ps * states.solve(block.gs);
+      }
+      whole += information[g];
+    }
+    whole.diagonal() += 1.0e-12 * (1.0 + whole.diagonal().array().abs()).matrix();
+    out.covariance = whole.ldlt().solve(Eigen::MatrixXd::Identity(np_, np_));
+    out.blocks = static_cast<int>(blocks.size());
+    out.jackknife = out.covariance * prior.asDiagonal() * out.covariance;
+    const double count = static_cast<double>(blocks.size());
+    for (std::size_t g = 0; g < blocks.size(); ++g) {
+      const Eigen::VectorXd change = (whole - information[g]).ldlt().solve(gradient[g]);
+      if (change.allFinite()) out.jackknife += (1.0 - 1.0 / count) * change * change.transpose();
+    }
   }
 
   const Task& task_;
@@ -365,6 +405,16 @@ double Fit::chi2_per_sample() const {
     freedom += std::max(1, count[w] - states_per_window);
   }
   return freedom > 0.0 ? sum / freedom : 0.0;
+}
+
+double Fit::half_width_95(std::size_t unknown) const {
+  const auto i = static_cast<Eigen::Index>(unknown);
+  if (i >= covariance.rows()) return 0.0;
+  const double inflation = std::max(1.0, chi2_per_sample());
+  const double of_curvature = normal_975 * std::sqrt(std::max(0.0, inflation * covariance(i, i)));
+  if (blocks < 2) return of_curvature;
+  const double of_blocks = student_975(blocks - 1) * std::sqrt(std::max(0.0, jackknife(i, i)));
+  return std::max(of_curvature, of_blocks);
 }
 
 std::vector<WindowState> initial_states(const Task& task, const Hypothesis& hypothesis) {

@@ -67,11 +67,22 @@ struct Fit {
   /// prior at the solution. A fit without derivatives counts 1 for each state.
   std::vector<double> state_cost;
   Eigen::MatrixXd covariance;  ///< of z, from the curvature at the solution (unscaled)
-  double cost = 0.0;           ///< robust loss and all priors
+  /// Of z, by leaving out each block of neighbouring windows in turn, one Newton step each, and of
+  /// the priors. Holds where residuals are correlated or the model is not exact (CR3: MacKinnon and
+  /// White 1985; Cameron and Miller 2015, section VI).
+  Eigen::MatrixXd jackknife;
+  int blocks = 0;     ///< of windows, left out in turn
+  double cost = 0.0;  ///< robust loss and all priors
   int iterations = 0;
 
   /// Sum of squares per degree of freedom over all windows; window states count as fitted.
   double chi2_per_sample() const;
+
+  /// Half width of the 95 % interval of an unknown, in z: of the curvature, widened where the fit
+  /// leaves more than the noise, or of the blocks, whichever is wider. Blocks show correlated
+  /// residuals and an inexact model, but not the uncertainty of what acts in one block only. 0
+  /// where the fit has no covariance.
+  double half_width_95(std::size_t unknown) const;
 };
 
 /// A hypothesis with values of its unknowns and, where needed, the states of a task's windows.

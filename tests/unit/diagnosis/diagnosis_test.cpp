@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <set>
 
 #include "diagnosis/report/json.h"
@@ -25,6 +26,12 @@ Diagnosis diagnosed(const physics::Model& truth, int threads = 2, std::uint64_t 
   Options options;
   options.threads = threads;
   return diagnose({record(truth, 24.0, noise_seed)}, driven_mass(), options);
+}
+
+/// Standard deviation of chi-squared per sample where only the noise is left.
+double noise_of(const Score& score) {
+  const int samples = std::accumulate(score.window_count.begin(), score.window_count.end(), 0);
+  return std::sqrt(2.0 / samples);
 }
 
 /// An effect that the model lacks, with the parameter that the diagnosis should find.
@@ -140,7 +147,8 @@ Diagnosis diagnosed_without(std::ptrdiff_t rows, std::int64_t pause_ns,
 
 void expect_same(const Diagnosis& got, const Diagnosis& whole) {
   EXPECT_EQ(name_of(got.verdict), name_of(whole.verdict)) << report_text(got);
-  EXPECT_NEAR((got.augmented ? *got.augmented : got.baseline).chi2_per_sample, 1.0, 0.1);
+  const Score& score = got.augmented ? *got.augmented : got.baseline;
+  EXPECT_NEAR(score.chi2_per_sample, 1.0, 4.0 * noise_of(score));
   ASSERT_EQ(got.calibrated.size(), whole.calibrated.size());
   for (std::size_t i = 0; i < got.calibrated.size(); ++i) {
     const Calibration& each = got.calibrated[i];
@@ -264,7 +272,7 @@ TEST(Diagnosis, FindsThreeEffectsAtOnce) {
   EXPECT_THAT(ids,
               testing::UnorderedElementsAre("dry_friction", "cubic_stiffness", "quadratic_drag"))
       << report_text(got);
-  EXPECT_LT(got.augmented->chi2_per_sample, 1.1);
+  EXPECT_NEAR(got.augmented->chi2_per_sample, 1.0, 4.0 * noise_of(*got.augmented));
 }
 
 // The model that is written states how well every fitted number is known, and explains the same
@@ -275,7 +283,9 @@ TEST(Diagnosis, WritesThePosterior) {
   ASSERT_EQ(got.model.terms.size(), 1U) << report_text(got);
   const physics::Parameter k3 = got.model.terms[0].parameters.at("k3_n_m3");
   EXPECT_GT(k3.sigma, 0.0);
-  EXPECT_NEAR(k3.sigma, (got.findings[0].parameters[0].high - k3.value) / 1.96, 0.05 * k3.sigma);
+  const Estimate& found = got.findings[0].parameters[0];
+  const double of_fit = (found.high - found.low) / 3.92;
+  EXPECT_NEAR(k3.sigma, std::hypot(of_fit, found.formula_uncertainty), 0.05 * k3.sigma);
   const physics::Parameter& stiffness = *got.model.oscillator.stiffness_n_m;
   EXPECT_GT(stiffness.sigma, 0.0);
   EXPECT_LT(stiffness.sigma, 0.5) << "declared: 5";
