@@ -7,6 +7,7 @@
 #include <functional>
 #include <initializer_list>
 #include <numbers>
+#include <random>
 
 #include "diagnosis/held_out.h"
 #include "diagnosis/score.h"
@@ -49,6 +50,66 @@ TEST(Fit, FindsTheParametersOfATrueModelWithinTheirUncertainty) {
     EXPECT_NEAR(hypothesis.value(u, fitted.z[u]), truth[u], 4.0 * sigma + 3.0e-5 * truth[u]);
     EXPECT_LT(sigma, 0.02 * truth[u]);
   }
+}
+
+// Noise beside which the integration is exact.
+constexpr double noise_m = 2.0e-4;
+
+physics::Model noisy(physics::Model model) {
+  model.sensors[index_of(Channel::displacement)].noise_std = noise_m;
+  return model;
+}
+
+Task fitted_windows(std::span<const Experiment> experiments) {
+  Task task = all_windows(experiments);
+  task.sigma.fill(noise_m);
+  std::erase_if(task.windows, [&](const WindowRef& ref) {
+    return experiments[ref.experiment].windows[ref.window].use != Use::fit;
+  });
+  return task;
+}
+
+// How many of 60 intervals hold the true stiffness where the readings have a slow error besides
+// their noise, `slow_m` of it with a correlation time of 0.1 s: by the fit's own half width, and by
+// its curvature alone.
+struct Coverage {
+  int intervals = 0;
+  int of_curvature = 0;
+};
+
+Coverage coverage_with(double slow_m) {
+  constexpr double memory_s = 0.1;
+  const double kept = std::exp(-1.0 / (memory_s * test::rate_hz));
+  Coverage out;
+  for (std::uint64_t seed = 1; seed <= 60; ++seed) {
+    auto recording = record(noisy(real_mass()), 24.0, seed);
+    std::mt19937_64 random(seed);
+    std::normal_distribution<double> normal;
+    double slow = slow_m * normal(random);
+    for (Frame& frame : recording.frames) {
+      frame.set(Channel::displacement, frame[Channel::displacement] + slow);
+      slow = kept * slow + slow_m * std::sqrt(1.0 - kept * kept) * normal(random);
+    }
+    const std::vector<Experiment> experiments = {experiment_of(recording, noisy(driven_mass()))};
+    const Task task = fitted_windows(experiments);
+    const Hypothesis hypothesis(driven_mass());
+    const Fit fitted = fit_from_declared(task, hypothesis);
+    const double off = std::abs(hypothesis.value(0, fitted.z[0]) - 161.0);
+    const double inflation = std::max(1.0, fitted.chi2_per_sample());
+    const double curvature = 1.96 * std::sqrt(inflation * fitted.covariance(0, 0));
+    out.intervals += off < std::abs(hypothesis.slope(0, fitted.z[0])) * fitted.half_width_95(0);
+    out.of_curvature += off < std::abs(hypothesis.slope(0, fitted.z[0])) * curvature;
+  }
+  return out;
+}
+
+// 52 of 60 or fewer happen once in 200 draws at a coverage of 95 %.
+TEST(Fit, IntervalsHoldTheTruthWithWhiteNoise) { EXPECT_GT(coverage_with(0.0).intervals, 52); }
+
+TEST(Fit, IntervalsHoldTheTruthWithCorrelatedErrors) {
+  const Coverage got = coverage_with(noise_m);
+  EXPECT_GT(got.intervals, 52);
+  EXPECT_LT(got.of_curvature, 50) << "the curvature alone does not show the correlation";
 }
 
 // Mass, stiffness and damping 1.5 % off, all within a sixth of a standard deviation: a gain of the
