@@ -89,9 +89,9 @@ struct ModbusUnit {
   int unit = 1;  ///< 1 to 247; 255 as well for TCP
   ModbusMap map;
   std::filesystem::path map_file;
-  double poll_period_s = 0.1;
-  double timeout_s = 0.5;
-  int retries = 1;  ///< repetitions of a request before it counts as failed
+  double poll_period_s = 0.05;
+  double timeout_s = 0.1;
+  int retries = 2;  ///< repetitions of a request before it counts as failed
   double pause_between_requests_s = 0.0;
   double pause_after_connect_s = 0.0;
 };

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "config/names.h"
+#include "config/staleness.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
 
@@ -92,6 +93,7 @@ class Checker {
     check_lines();
     check_dead_daemon();
     check_shaker();
+    warn_of_losses();
     if (bench_.phidget_bridge.interval_ms % 8 != 0) {
       document_.report("phidget_bridge.interval_ms",
                        "is not a multiple of 8, the step of the bridge");
@@ -318,6 +320,26 @@ class Checker {
                                  "only " +
                                  short_of(margin) + " V are available: expected " +
                                  short_of(margin / std::abs(shaker.volts_per_unit)) + " or less");
+    }
+  }
+
+  /// A disturbed reply is ordinary on a line beside a power amplifier, and must not stop the rig.
+  void warn_of_losses() {
+    const double limit_s = rig_.safety.stale_after_s;
+    for (const LongestAge& each : ages_after_a_lost_reply(bench_)) {
+      if (limit_s <= 0.0 || each.age_s <= limit_s) continue;
+      const std::string needed = short_of(std::ceil(100.0 * each.age_s) / 100.0);
+      document_.warn(each.path, "one lost reply stops the rig: the last reading of \"" +
+                                    each.device + "\" is then up to " + needed +
+                                    " s old, and safety.stale_after_s is " + short_of(limit_s) +
+                                    ". Expected safety.stale_after_s = " + needed +
+                                    " or more, or " + each.remedy);
+    }
+    for (std::size_t i = 0; i < bench_.modbus.size(); ++i) {
+      if (bench_.modbus[i].retries > 0) continue;
+      document_.warn("modbus." + std::to_string(i) + ".retries",
+                     "is 0: one lost reply is the loss of \"" + bench_.modbus[i].name +
+                         "\", which stops the rig. Expected 1 or more");
     }
   }
 

@@ -95,6 +95,14 @@ const void* Document::term_node(std::string_view path) const {
 }
 
 void Document::report(std::string_view path, const std::string& message) {
+  problems_.push_back(problem_near(path, message));
+}
+
+void Document::warn(std::string_view path, const std::string& message) {
+  warnings_.push_back(problem_near(path, message));
+}
+
+Problem Document::problem_near(std::string_view path, const std::string& message) const {
   const void* found = nullptr;
   if (path.starts_with("physics.")) {
     found = term_node(path);
@@ -104,21 +112,21 @@ void Document::report(std::string_view path, const std::string& message) {
       if (node != nullptr && node->source().begin.line > 0) found = node;
     }
   }
-  add_problem(found, std::string(path) + ": " + message);
+  return problem_at(found, std::string(path) + ": " + message);
 }
 
 void Document::report_fault(std::size_t position, std::string_view key,
                             const std::string& message) {
   const toml::table& fault = *contents_->root["fault"].as_array()->get(position)->as_table();
   const toml::node* value = fault.get(key);
-  add_problem(value != nullptr ? value : &fault,
-              joined_path(fault_label(fault), key) + ": " + message);
+  problems_.push_back(problem_at(value != nullptr ? value : &fault,
+                                 joined_path(fault_label(fault), key) + ": " + message));
 }
 
-void Document::add_problem(const void* node, const std::string& message) {
+Problem Document::problem_at(const void* node, const std::string& message) const {
   const Place place =
       node != nullptr ? place_of(static_cast<const toml::node*>(node)->source()) : Place{1, 1};
-  problems_.push_back({name_, place.line, place.column, one_line(message)});
+  return {name_, place.line, place.column, one_line(message)};
 }
 
 void Document::add(const std::vector<Problem>& problems) {

@@ -49,11 +49,17 @@ class Document {
   /// Adds a problem at a key of an existing [[fault]] table, or at the table if the key is absent.
   void report_fault(std::size_t position, std::string_view key, const std::string& message);
 
+  /// Adds a warning, at the place that report() would give it: the file is valid in spite of it.
+  void warn(std::string_view path, const std::string& message);
+
   /// Adds problems of another file that this one names.
   void add(const std::vector<Problem>& problems);
 
   /// The problems in the order of the file; the document has none afterwards.
   std::vector<Problem> take_problems();
+
+  /// In the order in which they were added.
+  const std::vector<Problem>& warnings() const { return warnings_; }
 
   bool has(std::string_view path) const;
 
@@ -79,13 +85,15 @@ class Document {
  private:
   void read_into(std::span<const Key> keys, void* object) const;
   const void* term_node(std::string_view path) const;
-  void add_problem(const void* node, const std::string& message);
+  Problem problem_near(std::string_view path, const std::string& message) const;
+  Problem problem_at(const void* node, const std::string& message) const;
 
   struct Contents;
   std::string name_;
   std::filesystem::path folder_;
   std::span<const Key> keys_;
   std::vector<Problem> problems_;
+  std::vector<Problem> warnings_;
   std::unique_ptr<Contents> contents_;
 };
 

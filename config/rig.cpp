@@ -38,6 +38,7 @@ class Reader {
       check(rig, truth);
     }
     if (!document_.sound()) throw InputError(document_.take_problems());
+    rig.warnings = document_.warnings();
     return rig;
   }
 

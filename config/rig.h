@@ -16,6 +16,7 @@
 #include "config/names.h"
 #include "physics/frame.h"
 #include "physics/model.h"
+#include "physics/problem.h"
 
 namespace stickslip::config {
 
@@ -215,7 +216,7 @@ struct ChannelRange {
 /// [safety]: conditions that are faults. Times of 0: no limit.
 struct Safety {
   std::optional<double> longest_silence_s;
-  double stale_after_s = 0.1;
+  double stale_after_s = 0.3;
   std::optional<double> longest_overrun_s;
   double dead_man_s = 1.0;
   bool not_finite = true;
@@ -273,6 +274,7 @@ struct Rig {
   RecordingOutput recording;
   Observer observer;
   Metrics metrics;
+  std::vector<Problem> warnings;  ///< of a valid configuration that is likely not intended
 };
 
 /// Reads a rig configuration and the models, calibration and fault script that it names (paths

@@ -70,6 +70,7 @@ int run(int argc, char** argv) {
   std::signal(SIGXFSZ, SIG_IGN);  // a limit on the size of files is an error of the write
   const auto rig = stickslip::daemon::with_overrides(
       stickslip::config::load_rig(stickslip::config::file_meant(config_file, "")), overrides);
+  for (const stickslip::Problem& warning : rig.warnings) spdlog::warn("{}", warning.text());
   return stickslip::daemon::serve(rig);
 }
 

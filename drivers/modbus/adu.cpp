@@ -60,13 +60,22 @@ std::vector<std::uint16_t> words_in(std::span<const std::uint8_t> data) {
   return words;
 }
 
-Reply reply_to_read(std::span<const std::uint8_t> request, std::span<const std::uint8_t> reply) {
-  const bool bits = request[1] == read_coils || request[1] == read_discrete_inputs;
+bool reads_bits(std::span<const std::uint8_t> request) {
+  return request[1] == read_coils || request[1] == read_discrete_inputs;
+}
+
+/// Number of data bytes in the reply to a read.
+std::size_t data_size(std::span<const std::uint8_t> request) {
   const std::size_t count = word_at(request, 4);
-  const std::size_t size = bits ? (count + 7) / 8 : 2 * count;
+  return reads_bits(request) ? (count + 7) / 8 : 2 * count;
+}
+
+Reply reply_to_read(std::span<const std::uint8_t> request, std::span<const std::uint8_t> reply) {
+  const std::size_t size = data_size(request);
   if (reply.size() != 3 + size || reply[2] != size) return {};
   const auto data = reply.subspan(3);
-  return {Verdict::answer, 0, bits ? bits_in(data, count) : words_in(data)};
+  return {Verdict::answer, 0,
+          reads_bits(request) ? bits_in(data, word_at(request, 4)) : words_in(data)};
 }
 
 }  // namespace
@@ -102,6 +111,12 @@ Bytes write_message(int unit, RegisterTable table, int address,
     if (words[i] != 0) message[data + i / 8] |= static_cast<std::uint8_t>(1U << (i % 8));
   }
   return message;
+}
+
+bool confusable(std::span<const std::uint8_t> one, std::span<const std::uint8_t> other) {
+  if (std::equal(one.begin(), one.end(), other.begin(), other.end())) return false;
+  return one[0] == other[0] && one[1] == other[1] && one[1] <= read_input_registers &&
+         data_size(one) == data_size(other);
 }
 
 Reply match_reply(std::span<const std::uint8_t> request, std::span<const std::uint8_t> reply) {

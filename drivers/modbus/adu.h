@@ -42,6 +42,10 @@ struct Reply {
   std::vector<std::uint16_t> words;  ///< of a read; one word per bit, 0 or 1
 };
 
+/// True if a reply to `one` would pass for a reply to `other`, a different request: reads of one
+/// unit by one function whose replies have the same length. A reply to a write repeats its address.
+bool confusable(std::span<const std::uint8_t> one, std::span<const std::uint8_t> other);
+
 /// Classifies `reply` with respect to `request`; both begin with the unit.
 Reply match_reply(std::span<const std::uint8_t> request, std::span<const std::uint8_t> reply);
 

@@ -33,6 +33,27 @@ std::int64_t silence_between_ns(const config::ModbusUnit& unit) {
   return std::max<std::int64_t>(characters_ns, 1'750'000);
 }
 
+/// Longest pause within a reply on a serial line: USB adapters pass bytes on every 16 ms.
+std::int64_t pause_within_ns(const config::ModbusUnit& unit) {
+  return unit.transport == ModbusTransport::tcp ? 0 : silence_between_ns(unit) + 20'000'000;
+}
+
+/// Until then `request` has to wait for late replies to others that would pass for its own.
+std::int64_t quiet_until_ns(const Caller& caller, std::span<const std::uint8_t> request) {
+  std::int64_t until_ns = 0;
+  for (const Caller::Unanswered& other : caller.unanswered) {
+    if (confusable(other.request, request)) until_ns = std::max(until_ns, other.until_ns);
+  }
+  return until_ns;
+}
+
+/// True for a late reply to an earlier request of the caller.
+bool is_late(const Caller& caller, std::span<const std::uint8_t> reply, std::int64_t now_ns) {
+  return std::any_of(caller.unanswered.begin(), caller.unanswered.end(), [&](const auto& one) {
+    return now_ns < one.until_ns && match_reply(one.request, reply).verdict == Verdict::answer;
+  });
+}
+
 std::uint32_t whole_seconds(std::int64_t ns) { return static_cast<std::uint32_t>(ns / second_ns); }
 
 std::uint32_t microseconds_beside(std::int64_t ns) {
@@ -189,11 +210,12 @@ std::int64_t ModbusBus::may_send_ns(const Caller& caller) const {
 Exchange ModbusBus::exchange(Caller& caller, std::span<const std::uint8_t> request,
                              std::int64_t until_ns) {
   // Before queueing, so that others are served meanwhile.
-  clock_.sleep_until(std::min(caller.quiet_until_ns, until_ns));
-  if (caller.quiet_until_ns > until_ns || !acquire(caller, until_ns)) return {};
+  const std::int64_t quiet_ns = quiet_until_ns(caller, request);
+  clock_.sleep_until(std::min(quiet_ns, until_ns));
+  if (quiet_ns > until_ns || !acquire(caller, until_ns)) return {};
   Exchange exchange = step(caller, request, until_ns);
   if (exchange.progress != Progress::waiting || !pending_) {
-    if (exchange.progress != Progress::waiting) settle(caller, exchange);
+    if (exchange.progress != Progress::waiting) settle(caller, request, exchange);
     pending_.reset();
     release(caller);
   }
@@ -205,12 +227,17 @@ Exchange ModbusBus::step(Caller& caller, std::span<const std::uint8_t> request,
   Exchange so_far;
   if (!connection_) return broken(std::move(so_far), ENOTCONN);
   if (!pending_) {
+    if (settings_.transport != ModbusTransport::tcp && unread() > 0) {  // the line is not free yet
+      ++so_far.rejected;
+      if (modbus_flush(connection_->context) < 0) return broken(std::move(so_far), errno);
+      last_traffic_ns_ = clock_.now_ns();
+    }
     const std::int64_t may_send = may_send_ns(caller);
     clock_.sleep_until(std::min(may_send, until_ns));
     if (may_send > until_ns) return so_far;
     if (!send(caller, request, so_far)) return broken(std::move(so_far), errno);
   }
-  return await(request, until_ns, std::move(so_far));
+  return await(caller, request, until_ns, std::move(so_far));
 }
 
 bool ModbusBus::send(const Caller& caller, std::span<const std::uint8_t> request,
@@ -236,8 +263,8 @@ bool ModbusBus::send(const Caller& caller, std::span<const std::uint8_t> request
   return true;
 }
 
-Exchange ModbusBus::await(std::span<const std::uint8_t> request, std::int64_t until_ns,
-                          Exchange so_far) {
+Exchange ModbusBus::await(const Caller& caller, std::span<const std::uint8_t> request,
+                          std::int64_t until_ns, Exchange so_far) {
   for (;;) {
     const std::int64_t now = clock_.now_ns();
     const std::int64_t left = std::min(until_ns, pending_->due_ns) - now;
@@ -246,7 +273,7 @@ Exchange ModbusBus::await(std::span<const std::uint8_t> request, std::int64_t un
     const int ready = ::poll(&waited, 1, static_cast<int>(left_ms));
     if (ready < 0 && errno != EINTR) return broken(std::move(so_far), errno);
     if (ready > 0) {
-      if (receive(request, so_far)) return so_far;
+      if (receive(caller, request, so_far)) return so_far;
       continue;
     }
     if (clock_.now_ns() >= pending_->due_ns) {
@@ -258,25 +285,25 @@ Exchange ModbusBus::await(std::span<const std::uint8_t> request, std::int64_t un
 }
 
 /// True if the request is completed.
-bool ModbusBus::receive(std::span<const std::uint8_t> request, Exchange& so_far) {
+bool ModbusBus::receive(const Caller& caller, std::span<const std::uint8_t> request,
+                        Exchange& so_far) {
   modbus_t* context = connection_->context;
-  // The complete reply within the rest of the time-out: without a limit between bytes, the library
-  // applies the time-out of the first byte to all of them.
+  // On TCP the complete reply within the rest of the time-out: without a limit between bytes, the
+  // library applies the time-out of the first byte to all of them. On a serial line a pause shows
+  // that the rest was lost.
   const std::int64_t left = std::max<std::int64_t>(pending_->due_ns - clock_.now_ns(), 1'000'000);
   modbus_set_response_timeout(context, whole_seconds(left), microseconds_beside(left));
-  modbus_set_byte_timeout(context, 0, 0);
+  modbus_set_byte_timeout(context, 0, microseconds_beside(pause_within_ns(settings_)));
   std::array<std::uint8_t, MODBUS_MAX_ADU_LENGTH> buffer{};
   const int size = modbus_receive_confirmation(context, buffer.data());
   const int error = errno;
   so_far.sent_ns = pending_->sent_ns;
   so_far.received_ns = clock_.now_ns();
   if (size > 0) {
-    return evaluate(request, std::span(buffer).first(static_cast<std::size_t>(size)), so_far);
+    return evaluate(caller, request, std::span(buffer).first(static_cast<std::size_t>(size)),
+                    so_far);
   }
-  if (size == 0) {  // on a serial line: from another unit
-    ++so_far.rejected;
-    return false;
-  }
+  if (size == 0) return reject_foreign(buffer[0], so_far);
   if (error != ETIMEDOUT && !is_protocol_error(error)) {
     so_far = broken(std::move(so_far), error);
     return true;
@@ -289,8 +316,8 @@ bool ModbusBus::receive(std::span<const std::uint8_t> request, Exchange& so_far)
   return true;
 }
 
-bool ModbusBus::evaluate(std::span<const std::uint8_t> request, std::span<const std::uint8_t> frame,
-                         Exchange& so_far) {
+bool ModbusBus::evaluate(const Caller& caller, std::span<const std::uint8_t> request,
+                         std::span<const std::uint8_t> frame, Exchange& so_far) {
   std::span<const std::uint8_t> message = frame;
   if (settings_.transport == ModbusTransport::tcp) {
     const auto transaction = transaction_of(frame);
@@ -330,38 +357,59 @@ bool ModbusBus::evaluate(std::span<const std::uint8_t> request, std::span<const 
       so_far.exception = reply.exception;
       return true;
     case Verdict::other_unit:
-      ++so_far.rejected;
-      return false;
+      return reject_foreign(message[0], so_far);
     case Verdict::mismatch:
       break;
   }
   ++so_far.rejected;
+  if (is_late(caller, message, clock_.now_ns())) return false;
   so_far.progress = Progress::garbled;
   so_far.why = "the reply does not match the request";
   return true;
 }
 
-void ModbusBus::settle(Caller& caller, const Exchange& ended) {
-  const std::int64_t now = clock_.now_ns();
-  last_traffic_ns_ = now;
-  if (settings_.transport == ModbusTransport::tcp) {
+/// A reply of another unit is late if that unit owes one. Otherwise its address was disturbed, and
+/// no other reply will follow. True if the request is completed.
+bool ModbusBus::reject_foreign(std::uint8_t unit, Exchange& so_far) {
+  ++so_far.rejected;
+  if (clock_.now_ns() < late_until_ns_[unit]) return false;
+  so_far.progress = Progress::garbled;
+  so_far.why = "it is from unit " + std::to_string(unit);
+  return true;
+}
+
+void ModbusBus::settle(Caller& caller, std::span<const std::uint8_t> request,
+                       const Exchange& ended) {
+  last_traffic_ns_ = clock_.now_ns();
+  if (settings_.transport != ModbusTransport::tcp) {
+    if (pending_) note_unanswered(caller, request, ended);
+  } else if (ended.progress == Progress::garbled && !connection_) {
     // Late replies are identified by their transaction.
-    if (ended.progress == Progress::garbled && !connection_) {
-      std::string why;
-      next_attempt_ns_ = 0;
-      connect_locked(why);
-    }
-    return;
+    std::string why;
+    next_attempt_ns_ = 0;
+    connect_locked(why);
   }
-  caller.quiet_until_ns = 0;
-  if (ended.progress == Progress::silent) caller.quiet_until_ns = now + caller.timeout_ns;
-  if (ended.progress == Progress::garbled && pending_) {
-    caller.quiet_until_ns = pending_->due_ns;
+}
+
+/// After a repetition the reply may have been that to either transmission: one may still arrive.
+void ModbusBus::note_unanswered(Caller& caller, std::span<const std::uint8_t> request,
+                                const Exchange& ended) {
+  auto& all = caller.unanswered;
+  std::erase_if(all, [this](const auto& one) { return one.until_ns <= clock_.now_ns(); });
+  auto same = std::find_if(all.begin(), all.end(), [request](const auto& one) {
+    return std::equal(one.request.begin(), one.request.end(), request.begin(), request.end());
+  });
+  std::int64_t lateness_ns = 0;
+  if (ended.progress == Progress::silent) lateness_ns = 2 * caller.timeout_ns;
+  if (ended.progress == Progress::garbled) lateness_ns = caller.timeout_ns;
+  if (same == all.end()) {
+    if (lateness_ns == 0) return;
+    same = all.insert(all.end(), {Bytes(request.begin(), request.end()), 0, 0});
   }
-  if (ended.progress == Progress::answered && caller.was_silent) {
-    caller.quiet_until_ns = now + 2 * caller.timeout_ns;
-  }
-  caller.was_silent = ended.progress == Progress::silent;
+  same->lateness_ns = std::max(same->lateness_ns, lateness_ns);
+  same->until_ns = pending_->sent_ns + same->lateness_ns;
+  std::int64_t& late = late_until_ns_[request[0]];
+  late = std::max(late, same->until_ns);
 }
 
 Exchange ModbusBus::broken(Exchange so_far, int error) {

@@ -1,6 +1,7 @@
 // A Modbus connection, serial or TCP, shared by its units.
 #pragma once
 
+#include <array>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
@@ -25,10 +26,13 @@ struct Caller {
   std::int64_t pause_between_requests_ns = 0;
   std::int64_t pause_after_connect_ns = 0;
 
-  /// State of the bus: until then a late reply may arrive, which must not be matched with the next
-  /// request.
-  std::int64_t quiet_until_ns = 0;
-  bool was_silent = false;
+  /// A request whose reply may still arrive, on a serial line.
+  struct Unanswered {
+    Bytes request;
+    std::int64_t lateness_ns = 0;  ///< longest time from its latest transmission to that reply
+    std::int64_t until_ns = 0;
+  };
+  std::vector<Unanswered> unanswered;  ///< state of the bus
 };
 
 /// State of a request.
@@ -54,10 +58,11 @@ struct Exchange {
 /// Requests are sent one at a time, in order of arrival. A reply must match the request: same unit,
 /// function and length, and on TCP the same transaction.
 ///
-/// Replies on a serial line do not identify their request. After a time-out of a unit, its next
-/// request waits until a late reply would have arrived (another time-out), and so does the one
-/// after the next reply: a reply that is late by up to two time-outs is discarded and not
-/// attributed to another request. Other units use the bus meanwhile.
+/// Replies on a serial line identify their request no further than that. A request without a valid
+/// reply may be repeated at once: if the reply to the first is only late, it answers the second.
+/// Only a different request with a reply of the same form waits, for two time-outs from the latest
+/// transmission of the first (one, if an invalid reply arrived): a reply that is late by up to two
+/// time-outs is not attributed to another request. Other units use the bus meanwhile.
 class ModbusBus {
  public:
   /// Uses port and line settings of `unit`.
@@ -97,11 +102,15 @@ class ModbusBus {
   std::int64_t may_send_ns(const Caller& caller) const;
   Exchange step(Caller& caller, std::span<const std::uint8_t> request, std::int64_t until_ns);
   bool send(const Caller& caller, std::span<const std::uint8_t> request, Exchange& so_far);
-  Exchange await(std::span<const std::uint8_t> request, std::int64_t until_ns, Exchange so_far);
-  bool receive(std::span<const std::uint8_t> request, Exchange& so_far);
-  bool evaluate(std::span<const std::uint8_t> request, std::span<const std::uint8_t> frame,
-                Exchange& so_far);
-  void settle(Caller& caller, const Exchange& ended);
+  Exchange await(const Caller& caller, std::span<const std::uint8_t> request, std::int64_t until_ns,
+                 Exchange so_far);
+  bool receive(const Caller& caller, std::span<const std::uint8_t> request, Exchange& so_far);
+  bool evaluate(const Caller& caller, std::span<const std::uint8_t> request,
+                std::span<const std::uint8_t> frame, Exchange& so_far);
+  bool reject_foreign(std::uint8_t unit, Exchange& so_far);
+  void settle(Caller& caller, std::span<const std::uint8_t> request, const Exchange& ended);
+  void note_unanswered(Caller& caller, std::span<const std::uint8_t> request,
+                       const Exchange& ended);
   Exchange broken(Exchange so_far, int error);
 
   config::ModbusUnit settings_;
@@ -116,6 +125,7 @@ class ModbusBus {
   std::uint16_t transaction_ = 0;
   std::int64_t connected_ns_ = 0;
   std::int64_t last_traffic_ns_ = 0;
+  std::array<std::int64_t, 256> late_until_ns_{};  // by unit: until then a late reply may arrive
   std::int64_t next_attempt_ns_ = 0;
   std::int64_t retry_delay_ns_ = 0;
   Outcome last_failure_ = Outcome::lost;

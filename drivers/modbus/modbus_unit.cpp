@@ -281,7 +281,8 @@ Result ModbusUnit::silent(const std::string& what) {
   return report(Outcome::lost, words + ", " + std::to_string(consecutive_timeouts_) +
                                    " times: is it on, is its address " +
                                    std::to_string(settings_.unit) +
-                                   ", are A and B swapped, do baud rate and parity match?");
+                                   ", are A and B swapped, do baud rate and parity match, is "
+                                   "timeout_s long enough?");
 }
 
 Result ModbusUnit::garbled(const Exchange& exchange, const std::string& what) {

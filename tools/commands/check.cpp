@@ -207,6 +207,14 @@ void summarise(const config::FaultScript& script) {
   }
 }
 
+void warn(const std::vector<Problem>& warnings) {
+  std::fflush(stdout);
+  for (Problem warning : warnings) {
+    warning.message.insert(0, "warning: ");
+    std::fprintf(stderr, "%s\n", warning.text().c_str());
+  }
+}
+
 /// Prints a summary of a file, or every problem in it. True if it is valid.
 bool check(const std::string& file, const terminal::Paint& paint) {
   const std::string valid = paint(terminal::Tone::good, "valid");
@@ -228,6 +236,7 @@ bool check(const std::string& file, const terminal::Paint& paint) {
         }
         terminal::print("%s: %s\n", file.c_str(), valid.c_str());
         summarise(rig);
+        warn(rig.warnings);
         break;
       }
       case config::FileKind::model: {

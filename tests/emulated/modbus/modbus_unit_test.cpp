@@ -7,7 +7,9 @@
 
 #include <cmath>
 #include <filesystem>
+#include <limits>
 
+#include "config/rig.h"
 #include "tests/emulated/modbus/emulated_modbus_units.h"
 
 namespace stickslip::emulated {
@@ -611,6 +613,117 @@ TEST_P(ModbusBench, ReplyOfAnotherUnitOrTransactionIsRejected) {
     EXPECT_EQ(readings[0].value, 1.0);
     EXPECT_GT(gauge.losses().rejected, before);
   }
+}
+
+/// Faults of a single reply that a line beside a power amplifier has now and then.
+constexpr LineFault disturbances[] = {
+    LineFault::wrong_checksum, LineFault::short_frame, LineFault::silent,
+    LineFault::wrong_unit,     LineFault::extra_bytes, LineFault::wrong_transaction,
+    LineFault::exception_busy, LineFault::repeated,    LineFault::torn};
+
+/// The conditioner of the shipped bench, whose addresses are those of its map.
+class ShippedBench : public ModbusBench {
+ protected:
+  ShippedBench() : rig_(config::load_rig(STICKSLIP_SOURCE_DIR "/config/bench-u6.toml")) {
+    units_.add(
+        1, orbit_rules(),
+        {sensor(at(0, Kind::i32), Channel::base_displacement, 1e-4), constant(2, Kind::u16, 0)});
+    units_.start();
+    config::ModbusUnit unit = rig_.bench.modbus.front();
+    unit.transport = GetParam();
+    unit.port = tcp() ? units_.tcp_port() : units_.serial_port();
+    gauge_ = &make({unit}, {{unit.name, "position"}});
+  }
+
+  /// The greatest age [s] that the latest reading reaches after the next reply.
+  double oldest() {
+    Reading readings[1];
+    std::int64_t measured_ns = clock_.now_ns();
+    std::int64_t oldest_ns = 0;
+    for (const std::int64_t end = measured_ns + 350 * ms; clock_.now_ns() < end;) {
+      const Result result = gauge_->read(readings);
+      EXPECT_NE(result.outcome, Outcome::lost) << result.message;
+      EXPECT_NE(result.outcome, Outcome::needs_attention) << result.message;
+      if (!result || !readings[0].valid) continue;
+      oldest_ns = std::max(oldest_ns, clock_.now_ns() - measured_ns);
+      measured_ns = readings[0].time_ns;
+    }
+    oldest_ns = std::max(oldest_ns, clock_.now_ns() - measured_ns);
+    return static_cast<double>(oldest_ns) * 1e-9;
+  }
+
+  config::Rig rig_;
+  Gauge* gauge_ = nullptr;
+};
+
+INSTANTIATE_TEST_SUITE_P(Lines, ShippedBench,
+                         testing::Values(ModbusTransport::rtu, ModbusTransport::tcp),
+                         [](const auto& info) {
+                           return info.param == ModbusTransport::rtu ? "Rtu" : "Tcp";
+                         });
+
+// A busy host only adds to the age, so one of several attempts has to stay below the limit.
+TEST_P(ShippedBench, OneDisturbedReplyDoesNotMakeAChannelStale) {
+  ASSERT_TRUE(gauge_->open());
+  for (const LineFault fault : disturbances) {
+    SCOPED_TRACE(static_cast<int>(fault));
+    for (const bool of_status : {false, true}) {
+      double least_s = std::numeric_limits<double>::max();
+      for (int attempt = 0; attempt < 8 && least_s >= rig_.safety.stale_after_s; ++attempt) {
+        if (of_status) units_.next(1, LineFault::none);
+        units_.next(1, fault);
+        least_s = std::min(least_s, oldest());
+      }
+      EXPECT_LT(least_s, rig_.safety.stale_after_s);
+    }
+  }
+}
+
+// An invalid reply has arrived: the time-out need not be awaited.
+TEST_P(ModbusBench, InvalidReplyIsRequestedAgainAtOnce) {
+  units_.add(1, {}, {constant(0, Kind::u16, 1.0)});
+  units_.start();
+  config::ModbusUnit unit = settings(1);
+  unit.map.registers = {reg("a", 0, RegisterType::uint16)};
+  unit.timeout_s = 10.0;
+  Gauge& gauge = make({unit}, {{"u1", "a"}});
+  ASSERT_TRUE(gauge.open());
+  Reading readings[1];
+  for (const LineFault fault :
+       {LineFault::wrong_checksum, LineFault::short_frame, LineFault::wrong_unit}) {
+    SCOPED_TRACE(static_cast<int>(fault));
+    if (tcp() && fault != LineFault::wrong_unit) continue;  // its reply is awaited completely
+    units_.next(1, fault);
+    const std::int64_t before_ns = clock_.now_ns();
+    ASSERT_TRUE(patiently(gauge, readings, 10.0));
+    ASSERT_TRUE(patiently(gauge, readings, 10.0));
+    EXPECT_LT(clock_.now_ns() - before_ns, 5000 * ms);
+    EXPECT_EQ(readings[0].value, 1.0);
+  }
+}
+
+TEST_P(ModbusBench, LateReplyOfAnotherUnitIsNotTakenForADisturbedOne) {
+  units_.add(1, {}, {constant(0, Kind::u16, 1.0)});
+  units_.add(2, {}, {constant(0, Kind::u16, 2.0)});
+  units_.start();
+  drivers::modbus::ModbusBus bus(settings(1), clock_);
+  std::string why;
+  ASSERT_EQ(bus.connect(why), Outcome::ok) << why;
+  drivers::modbus::Caller first;
+  first.timeout_ns = 60 * ms;
+  drivers::modbus::Caller second;
+  second.unit = 2;
+  second.timeout_ns = 2000 * ms;
+  const auto request = [](int unit) {
+    return drivers::modbus::read_message(unit, {RegisterTable::holding_registers, 0, 1});
+  };
+  units_.next(1, LineFault::late, 80 * ms);
+  units_.next(2, LineFault::late, 400 * ms);
+  ASSERT_EQ(bus.exchange(first, request(1), clock_.now_ns() + 2000 * ms).progress,
+            drivers::modbus::Progress::silent);
+  const auto answer = bus.exchange(second, request(2), clock_.now_ns() + 2000 * ms);
+  ASSERT_EQ(answer.progress, drivers::modbus::Progress::answered) << answer.why;
+  EXPECT_EQ(answer.words, std::vector<std::uint16_t>{2});
 }
 
 TEST_P(ModbusBench, AlarmUnreadForLongIsAFault) {

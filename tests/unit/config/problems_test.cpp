@@ -100,6 +100,13 @@ TEST_P(BadFile, HasEveryProblemOnceInOrderOnOneLine) {
 INSTANTIATE_TEST_SUITE_P(Golden, BadFile, testing::ValuesIn(bad_files()),
                          [](const auto& each) { return each.param; });
 
+TEST(Warnings, AreTheExpectedLines) {
+  const std::string lines = lines_of(load_rig(folder / "warned_bench.toml").warnings);
+  const std::filesystem::path expected = folder / "warned_bench.expected";
+  if (std::getenv("STICKSLIP_ACCEPT") != nullptr) std::ofstream(expected) << lines;
+  EXPECT_EQ(lines, content_of(expected));
+}
+
 /// A temporary file for one test.
 class Scratch {
  public:

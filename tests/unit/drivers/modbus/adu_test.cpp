@@ -88,5 +88,22 @@ TEST(ModbusMessage, TcpHeaderHoldsTransactionAndLength) {
   EXPECT_FALSE(transaction_of(other_protocol));
 }
 
+TEST(ModbusAdu, OnlyReadsOfOneFormAreConfusable) {
+  const auto read = [](int unit, RegisterTable table, int address, int count) {
+    return read_message(unit, {table, address, count});
+  };
+  using enum RegisterTable;
+  const Bytes one = read(1, holding_registers, 0, 2);
+  EXPECT_TRUE(confusable(one, read(1, holding_registers, 8, 2)));
+  EXPECT_FALSE(confusable(one, one)) << "a late reply answers the repeated request";
+  EXPECT_FALSE(confusable(one, read(1, holding_registers, 8, 1)));
+  EXPECT_FALSE(confusable(one, read(1, input_registers, 8, 2)));
+  EXPECT_FALSE(confusable(one, read(2, holding_registers, 8, 2)));
+  EXPECT_TRUE(confusable(read(1, coils, 0, 3), read(1, coils, 0, 8))) << "one byte each";
+  const std::uint16_t word[] = {7};
+  EXPECT_FALSE(confusable(write_message(1, holding_registers, 0, word, true),
+                          write_message(1, holding_registers, 1, word, true)));
+}
+
 }  // namespace
 }  // namespace stickslip::drivers::modbus
