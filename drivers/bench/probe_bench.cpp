@@ -36,13 +36,15 @@ class Deadline {
   std::int64_t end_ns_;
 };
 
+/// True if no later read can succeed.
 bool fails(const Result& result) {
   return result.outcome != Outcome::ok && result.outcome != Outcome::no_data &&
          result.outcome != Outcome::temporary;
 }
 
-/// `moments`: one for each reading.
-void evaluate(ProbedDevice& probed, const std::vector<Moments>& moments) {
+/// `moments`: one for each reading; `problem`: why a read failed, if it did.
+void evaluate(ProbedDevice& probed, const std::vector<Moments>& moments,
+              const std::string& problem) {
   for (std::size_t i = 0; i < moments.size(); ++i) {
     probed.readings[i].mean = moments[i].mean;
     probed.readings[i].standard_deviation = moments[i].deviation();
@@ -55,7 +57,7 @@ void evaluate(ProbedDevice& probed, const std::vector<Moments>& moments) {
   }
   if (!silent.empty() && probed.ok) {
     probed.ok = false;
-    probed.message = "no valid reading from " + silent;
+    probed.message = "no valid reading from " + silent + (problem.empty() ? "" : ": ") + problem;
   }
 }
 
@@ -77,6 +79,7 @@ ProbedDevice probe_board(Driver& board, const config::Bench& bench, HostClock& c
   std::vector<Moments> moments;
   std::array<std::size_t, channel_count> place{};
   Result result = board.open();
+  if (!result) probed.message = result.message;
   const Description& described = board.description();
   probed.name = described.name;
   for (const Channel channel : all_channels) {
@@ -87,11 +90,18 @@ ProbedDevice probe_board(Driver& board, const config::Bench& bench, HostClock& c
                                described.unit[i] != nullptr ? described.unit[i] : "", 0});
     moments.emplace_back();
   }
-  if (result) result = board.start();
+  if (result) {
+    result = board.start();
+    if (!result) probed.message = result.message;
+  }
   const Deadline deadline(clock, duration_s);
-  while (!fails(result) && !deadline.over()) {
+  std::string problem;
+  // A device that did not open is not read, even if opening it may succeed next time.
+  while (probed.message.empty() && !deadline.over()) {
     Frame frame;
     result = board.read(frame);
+    if (result.outcome == Outcome::temporary) problem = result.message;
+    if (fails(result)) probed.message = result.message;
     if (!result) continue;
     for (const Channel channel : all_channels) {
       if (frame.has(channel)) moments[place[index_of(channel)]].add(frame[channel]);
@@ -99,8 +109,7 @@ ProbedDevice probe_board(Driver& board, const config::Bench& bench, HostClock& c
     // Replies to commands carry the lines, also replies to "off".
     static_cast<void>(board.write({bench.shaker.rest_v, false}));
   }
-  if (fails(result)) probed.message = result.message;
-  evaluate(probed, moments);
+  evaluate(probed, moments, problem);
   if (probed.ok) add_signals(probed, board.signals());
   board.stop();
   board.close();
@@ -123,20 +132,20 @@ ProbedDevice probe_gauge(Gauge& gauge, const config::BenchInputs& inputs, HostCl
     probed.readings.push_back({input.name, channel, 0.0, 0.0, input.unit, 0});
   }
   Result result = gauge.open();
+  if (!result) probed.message = result.message;
   const Deadline deadline(clock, duration_s);
   std::string problem;
-  while (!fails(result) && !deadline.over()) {
+  while (probed.message.empty() && !deadline.over()) {
     result = gauge.read(readings);
     if (result.outcome == Outcome::temporary) problem = result.message;
+    if (fails(result)) probed.message = result.message;
     for (std::size_t i = 0; i < readings.size(); ++i) {
       if (!readings[i].valid || readings[i].time_ns == before[i]) continue;
       before[i] = readings[i].time_ns;
       moments[i].add(readings[i].value);
     }
   }
-  if (fails(result)) probed.message = result.message;
-  evaluate(probed, moments);
-  if (!probed.ok && !problem.empty() && !fails(result)) probed.message += ": " + problem;
+  evaluate(probed, moments, problem);
   if (probed.ok) add_signals(probed, gauge.signals());
   gauge.close();
   return probed;

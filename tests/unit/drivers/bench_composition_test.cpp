@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "drivers/bench/bench_driver.h"
+#include "drivers/bench/probe_bench.h"
 #include "drivers/faults/faulty_driver.h"
 
 namespace stickslip::drivers {
@@ -331,6 +332,46 @@ TEST(GaugeReader, KeepsTheLossesOfAClosedGauge) {
     const std::lock_guard lock(state.mutex);
     state.losses = {};
   }
+}
+
+/// Advances at every call.
+struct SteppingClock final : HostClock {
+  std::int64_t now_ns() override { return now += 10 * ms; }
+  void sleep_until(std::int64_t) override {}
+  std::int64_t now = 0;
+};
+
+std::vector<ProbedDevice> probe(Bench& bench) {
+  BenchParts parts = bench.parts();
+  parts.clock = std::make_unique<SteppingClock>();
+  parts.amplifier.reset();
+  config::Bench settings;
+  settings.inputs = Bench::inputs();
+  return probe_bench(std::move(parts), settings, 1.0);
+}
+
+// Also where the next open may succeed: the unit is busy, the checksum of a reply was wrong.
+TEST(ProbeBench, NamesTheReasonOfAFailedOpen) {
+  for (const Outcome outcome : {Outcome::temporary, Outcome::lost, Outcome::needs_attention}) {
+    Bench bench;
+    bench.board.open_answer = {outcome, "it does not identify itself"};
+    bench.gauge.answer({outcome, "exception 6, device busy"},
+                       {Outcome::fatal, "read of a unit that is not open"});
+    const auto devices = probe(bench);
+    ASSERT_EQ(devices.size(), 2U);
+    EXPECT_FALSE(devices[0].ok);
+    EXPECT_EQ(devices[0].message, "it does not identify itself");
+    EXPECT_FALSE(devices[1].ok);
+    EXPECT_EQ(devices[1].message, "exception 6, device busy");
+  }
+}
+
+TEST(ProbeBench, NamesTheReasonOfMissingReadings) {
+  Bench bench;
+  bench.gauge.answer({}, {Outcome::temporary, "the checksum is wrong"});
+  const auto devices = probe(bench);
+  EXPECT_EQ(devices[0].message, "no valid reading from AIN0");
+  EXPECT_EQ(devices[1].message, "no valid reading from 0: the checksum is wrong");
 }
 
 TEST(BenchDriver, ReturnsTheCountsOfBoardAndGauges) {
