@@ -89,7 +89,7 @@ std::vector<UsbBoard> probe_all(libusb_context* context, Identities& identities,
 
 }  // namespace
 
-Failure BoardLink::open(std::optional<std::uint32_t> serial, const Command* first) {
+Failure BoardLink::open(const WantedUsbBoard& wanted, const Command* first) {
   close();
   UsbContext context = new_usb_context();
   if (!context) {
@@ -97,10 +97,9 @@ Failure BoardLink::open(std::optional<std::uint32_t> serial, const Command* firs
                       "USB cannot be used on this host. Does /dev/bus/usb exist?"};
   }
   Identities identities;
-  std::vector<UsbBoard> boards = probe_all(context.get(), identities, serial ? nullptr : first);
+  std::vector<UsbBoard> boards = probe_all(context.get(), identities, first);
   UsbProblem problem;
-  const auto chosen =
-      choose_usb_board(boards, kind, serial ? std::to_string(*serial) : std::string(), problem);
+  const auto chosen = choose_usb_board(boards, kind, wanted, problem);
   if (!chosen) return problem;
   identity_ = identities[boards[*chosen].location];
   handle_ = std::move(boards[*chosen].handle);

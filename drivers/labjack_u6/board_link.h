@@ -25,11 +25,10 @@ using Failure = std::optional<UsbProblem>;
 
 class BoardLink {
  public:
-  /// Opens the board with that serial number (absent: the only one) and leaves the others alone.
-  /// The bus is enumerated each time, so that a board plugged in later is found without udev. If
-  /// there is only one candidate, `first` is sent to it before anything else, even before it is
-  /// identified; its result is ignored.
-  Failure open(std::optional<std::uint32_t> serial, const Command* first = nullptr);
+  /// Opens the wanted board and leaves the others alone. The bus is enumerated each time, so that a
+  /// board plugged in later is found without udev. If only one is attached, `first` is sent to it
+  /// before anything else, even before it is identified; its result is ignored.
+  Failure open(const WantedUsbBoard& wanted, const Command* first = nullptr);
   void close() noexcept;
   bool is_open() const { return handle_ != nullptr; }
 

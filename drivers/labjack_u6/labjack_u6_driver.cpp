@@ -68,8 +68,10 @@ Result LabjackU6Driver::open() {
   rest_v_ = settings_.rest_v;
   // A crashed process may have left the line high. Later steps may fail; this one needs no others.
   const u6::Command line_low = enable_line_low();
-  if (u6::Failure failure =
-          board_->link.open(settings_.serial, settings_.enable_line ? &line_low : nullptr)) {
+  const bool low_first = settings_.enable_line && !settings_.serial;
+  const WantedUsbBoard wanted = wanted_usb_board(
+      settings_.serial ? std::to_string(*settings_.serial) : std::string(), serial_at_start_);
+  if (u6::Failure failure = board_->link.open(wanted, low_first ? &line_low : nullptr)) {
     board_.reset();
     return refuse(failure->outcome, std::move(failure->text));
   }
@@ -80,6 +82,7 @@ Result LabjackU6Driver::open() {
     return prepared;
   }
   description_.name = u6::name_of(board_->link.identity());
+  serial_at_start_ = std::to_string(board_->link.identity().serial);
   left_on_.clear();
   return {};
 }

@@ -40,9 +40,10 @@ class LabjackU6Driver final : public Driver {
                   double rate_hz, HostClock& clock);
   ~LabjackU6Driver() override;
 
-  /// Finds the board, sets the enable line low before anything else (and again where a later step
-  /// fails), reads the calibration, stops a stream left running by a terminated process, and makes
-  /// the outputs safe: enable line low, DAC at rest.
+  /// Finds the board (after the first open: the same one, also without a configured serial), sets
+  /// the enable line low before anything else (and again where a later step fails), reads the
+  /// calibration, stops a stream left running by a terminated process, and makes the outputs safe:
+  /// enable line low, DAC at rest.
   Result open() override;
   Result start() override;
   /// Waits at most 20 ms. The loss of the board, or of the count of scans, is reported until close.
@@ -87,6 +88,7 @@ class LabjackU6Driver final : public Driver {
   HostClock& clock_;
   Description description_;
   std::unique_ptr<Board> board_;  // null: not open
+  std::string serial_at_start_;   // of the first board that was opened; empty: none yet
   std::string refusal_;
   std::string left_on_;  // empty: everything is off
   std::array<char, 200> end_text_{};

@@ -85,10 +85,16 @@ std::vector<UsbBoard> find_usb_boards(libusb_context* context, const UsbKind& ki
   return boards;
 }
 
+WantedUsbBoard wanted_usb_board(const std::string& configured, const std::string& at_start) {
+  if (!configured.empty()) return {configured, false};
+  return {at_start, !at_start.empty()};
+}
+
 std::optional<std::size_t> choose_usb_board(const std::vector<UsbBoard>& boards,
-                                            const UsbKind& kind, const std::string& serial,
+                                            const UsbKind& kind, const WantedUsbBoard& wanted,
                                             UsbProblem& problem) {
   const std::string name = kind.name;
+  const std::string& serial = wanted.serial;
   if (boards.empty()) {
     problem = {Outcome::lost,
                "no " + name + " is attached. Plug it in; lsusb shows it as " + ids_of(kind)};
@@ -112,8 +118,9 @@ std::optional<std::size_t> choose_usb_board(const std::vector<UsbBoard>& boards,
     problem = board.problem;
     return std::nullopt;
   }
-  problem = {Outcome::needs_attention,
-             name + " #" + serial + " is not attached. Attached: " + serials_of(boards)};
+  problem = {Outcome::needs_attention, name + " #" + serial +
+                                           " is not attached. Attached: " + serials_of(boards) +
+                                           (wanted.of_start ? not_that_of_the_start : "")};
   return std::nullopt;
 }
 

@@ -59,10 +59,23 @@ using IdentifyUsbBoard = std::function<void(UsbBoard& board, bool only)>;
 std::vector<UsbBoard> find_usb_boards(libusb_context* context, const UsbKind& kind,
                                       const IdentifyUsbBoard& identify);
 
-/// Index of the board with that serial number, or of the only board if `serial` is empty. None:
-/// `problem` holds reason and remedy.
+/// The board to open.
+struct WantedUsbBoard {
+  std::string serial;     ///< empty: the only one attached
+  bool of_start = false;  ///< not configured: that of the board with which the run began
+};
+
+/// The configured serial number, else that of the board with which the run began: another one has
+/// other wires and another calibration. Both are empty where unknown.
+WantedUsbBoard wanted_usb_board(const std::string& configured, const std::string& at_start);
+
+/// Appended to the refusal of a board other than that of the start.
+inline constexpr const char* not_that_of_the_start =
+    ". The run began with it: plug it in again, or restart the daemon to use another";
+
+/// Index of the wanted board. None: `problem` holds reason and remedy.
 std::optional<std::size_t> choose_usb_board(const std::vector<UsbBoard>& boards,
-                                            const UsbKind& kind, const std::string& serial,
+                                            const UsbKind& kind, const WantedUsbBoard& wanted,
                                             UsbProblem& problem);
 
 /// Claims the first interface, detaching a kernel driver. Returns libusb's error code.

@@ -46,7 +46,7 @@ std::vector<UsbBoard> search(libusb_context* context) {
 
 }  // namespace
 
-Outcome Session::open(const std::string& wanted, std::string& refusal) {
+Outcome Session::open(const WantedUsbBoard& wanted, std::string& refusal) {
   context_ = new_usb_context();
   if (!context_) {
     refusal = "USB-1208FS-Plus: libusb cannot be initialized. Does /dev/bus/usb exist?";

@@ -18,9 +18,8 @@ namespace stickslip::drivers::usb_1208fs_plus {
 /// Members are ordered so that the handle is closed before its context.
 class Session {
  public:
-  /// Opens the board with that serial number; empty: the only one. `refusal` holds the message
-  /// unless the outcome is ok.
-  Outcome open(const std::string& serial, std::string& refusal);
+  /// Opens the wanted board. `refusal` holds the message unless the outcome is ok.
+  Outcome open(const WantedUsbBoard& wanted, std::string& refusal);
 
   libusb_context* context() const { return context_.get(); }
   libusb_device_handle* handle() const { return handle_.get(); }

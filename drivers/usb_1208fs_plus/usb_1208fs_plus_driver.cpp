@@ -50,10 +50,12 @@ Result Usb1208fsPlusDriver::open() {
   const auto plan = plan_scan(inputs_, rate_hz_, refusal_);
   if (!plan) return {Outcome::needs_attention, refusal_.c_str()};
   Session session;
-  if (const Outcome opened = session.open(settings_.serial, refusal_); opened != Outcome::ok) {
+  const WantedUsbBoard wanted = wanted_usb_board(settings_.serial, serial_at_start_);
+  if (const Outcome opened = session.open(wanted, refusal_); opened != Outcome::ok) {
     return {opened, refusal_.c_str()};
   }
-  description_.name = "USB-1208FS-Plus #" + session.serial();
+  const std::string serial = session.serial();
+  description_.name = "USB-1208FS-Plus #" + serial;
   CalibrationMemory memory{};
   if (const Result read = read_calibration(session, memory); !read) return read;
   const auto calibration = parse_calibration(memory);
@@ -70,6 +72,7 @@ Result Usb1208fsPlusDriver::open() {
   was_driving_ = false;
   held_back_ = 0;
   left_on_.clear();
+  serial_at_start_ = serial;
   return {};
 }
 

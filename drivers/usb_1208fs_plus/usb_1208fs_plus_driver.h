@@ -77,6 +77,7 @@ class Usb1208fsPlusDriver final : public Driver {
   double rate_hz_;
   HostClock& clock_;
   Description description_;
+  std::string serial_at_start_;  // of the first board that was opened; empty: none yet
   std::string refusal_;
   std::string left_on_;  // empty: the output is at rest
   std::atomic<std::uint64_t> overruns_{0};

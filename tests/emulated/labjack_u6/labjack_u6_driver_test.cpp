@@ -428,6 +428,29 @@ TEST(LabjackU6OnABus, SerialNumberSelectsTheDevice) {
   EXPECT_THAT(neither.open().message, HasSubstr("70-stickslip.rules"));
 }
 
+// Without a configured serial number: another board has other wires and another calibration.
+TEST(LabjackU6OnABus, AnotherBoardInMidRunIsRefused) {
+  Bench bench;
+  ASSERT_TRUE(bench.driver.open());
+  bench.driver.close();
+  bench.bus.unplug(bench.board);
+  LabjackU6Options options = board_options(2);
+  options.serial = 360001111;
+  EmulatedLabjackU6 other(
+      bench.wires, [&bench] { return bench.clock.now_ns(); }, options);
+  bench.bus.plug(other, 1);
+  const Result refused = bench.driver.open();
+  EXPECT_EQ(refused.outcome, Outcome::needs_attention);
+  EXPECT_STREQ(refused.message,
+               "LabJack U6 #360009876 is not attached. Attached: 360001111. The run began with it: "
+               "plug it in again, or restart the daemon to use another");
+  bench.bus.plug(bench.board, 2);
+  ASSERT_TRUE(bench.driver.open()) << "beside the other one";
+  EXPECT_THAT(bench.driver.description().name, HasSubstr("360009876"));
+  bench.driver.close();
+  bench.bus.unplug(other);
+}
+
 TEST(LabjackU6OnABus, StreamOfACrashedProcessIsEnded) {
   Bench bench;
   {

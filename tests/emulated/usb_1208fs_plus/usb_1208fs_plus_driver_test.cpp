@@ -616,6 +616,25 @@ TEST(Usb1208fsPlusOnABus, DeniedPermissionReportsTheRemedy) {
   EXPECT_TRUE(bench.driver.open());
 }
 
+TEST(Usb1208fsPlusOnABus, AnotherBoardInMidRunIsRefused) {
+  Bench bench;
+  ASSERT_TRUE(bench.driver.open());
+  bench.driver.close();
+  bench.bus.unplug(bench.board);
+  EmulatedUsb1208fsPlus::Options options = board_options(2, 8.0);
+  options.serial = "0FFFFFF1";
+  EmulatedUsb1208fsPlus other(options, bench.wires, [&] { return bench.clock.now_ns(); });
+  bench.bus.plug(other, 1);
+  const Result refused = bench.driver.open();
+  EXPECT_EQ(refused.outcome, Outcome::needs_attention);
+  EXPECT_THAT(refused.message, HasSubstr("#01A2B3C4 is not attached. Attached: 0FFFFFF1"));
+  EXPECT_THAT(refused.message, HasSubstr("The run began with it"));
+  bench.bus.plug(bench.board, 2);
+  EXPECT_TRUE(bench.driver.open());
+  bench.driver.close();
+  bench.bus.unplug(other);
+}
+
 TEST(Usb1208fsPlusOnABus, SerialNumberSelectsTheDevice) {
   config::Usb1208fsPlus settings;
   Bench bench;
