@@ -63,6 +63,10 @@ class Gauge {
 
   virtual GaugeLosses losses() const { return {}; }
 
+  /// Of an open gauge: a deviation from its settings that the operator should know; empty: none.
+  /// Only for the thread that calls the others.
+  virtual std::string remark() const { return {}; }
+
   /// Of an amplifier that reports its state over its bus. Any thread; as cheap as reading a
   /// variable.
   virtual Signals signals() const noexcept { return {}; }

@@ -51,7 +51,10 @@ BenchDriver::~BenchDriver() {
 
 void BenchDriver::describe() {
   description_ = board_->description();
-  for (const auto& gauge : gauges_) description_.name += ", " + gauge->gauge().name();
+  for (const auto& gauge : gauges_) {
+    description_.name += ", " + gauge->gauge().name();
+    if (!gauge->remark().empty()) description_.name += " (" + gauge->remark() + ")";
+  }
   for (const Wire& wire : wires_) {
     const std::size_t i = index_of(wire.channel);
     description_.channels = static_cast<std::uint8_t>(description_.channels | (1U << i));

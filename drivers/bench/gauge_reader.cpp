@@ -34,6 +34,7 @@ Result GaugeReader::open(bool insist) {
       gauge_->close();
       return opened;
     }
+    remark_ = gauge_->remark();
     condition_.store(Condition::open, std::memory_order_release);
   }
   thread_ = std::thread([this] { run(); });

@@ -53,6 +53,9 @@ class GaugeReader {
   /// allocates.
   const char* lost() const noexcept;
 
+  /// That of the gauge as of the latest open that insisted.
+  const std::string& remark() const { return remark_; }
+
   Signals signals() const noexcept { return gauge_->signals(); }
 
   /// Accumulated over all openings of the gauge. Any thread.
@@ -76,6 +79,7 @@ class GaugeReader {
 
   std::unique_ptr<Gauge> gauge_;
   RetryDelay retry_;
+  std::string remark_;
   std::array<std::string, 4> messages_;  // by Condition
   // Bounded, from the gauge's thread to the loop.
   moodycamel::ReaderWriterQueue<Update> updates_;

@@ -61,15 +61,15 @@ void evaluate(ProbedDevice& probed, const std::vector<Moments>& moments,
   }
 }
 
+void add_remark(ProbedDevice& probed, const std::string& remark) {
+  if (!remark.empty()) probed.message += (probed.message.empty() ? "" : "; ") + remark;
+}
+
 void add_signals(ProbedDevice& probed, const Signals& signals) {
   if (signals.emergency_stop) {
-    probed.message += probed.message.empty() ? "" : "; ";
-    probed.message += "the emergency stop is pressed, or its wire is cut";
+    add_remark(probed, "the emergency stop is pressed, or its wire is cut");
   }
-  if (signals.amplifier_fault) {
-    probed.message += probed.message.empty() ? "" : "; ";
-    probed.message += "the amplifier reports a fault";
-  }
+  if (signals.amplifier_fault) add_remark(probed, "the amplifier reports a fault");
 }
 
 ProbedDevice probe_board(Driver& board, const config::Bench& bench, HostClock& clock,
@@ -146,7 +146,10 @@ ProbedDevice probe_gauge(Gauge& gauge, const config::BenchInputs& inputs, HostCl
     }
   }
   evaluate(probed, moments, problem);
-  if (probed.ok) add_signals(probed, gauge.signals());
+  if (probed.ok) {
+    add_remark(probed, gauge.remark());
+    add_signals(probed, gauge.signals());
+  }
   gauge.close();
   return probed;
 }

@@ -12,6 +12,7 @@
 
 #include "drivers/phidget_bridge/protocol.h"
 #include "drivers/usb/udev_rule.h"
+#include "drivers/usb/usb_boards.h"
 
 namespace stickslip::drivers {
 
@@ -39,7 +40,7 @@ using Device = std::unique_ptr<hid_device, CloseDevice>;
 struct Found {
   std::string path;
   std::string serial;
-  int firmware = 0;
+  std::optional<int> firmware;
 };
 
 std::vector<Found> search() {
@@ -68,14 +69,20 @@ std::string title_of(const Found& board) {
   return "PhidgetBridge 1046" + (board.serial.empty() ? "" : " #" + board.serial);
 }
 
-std::string firmware_text(int firmware) {
-  const std::string decimals = std::to_string(firmware % 100);
-  return std::to_string(firmware / 100) + (decimals.size() < 2 ? ".0" : ".") + decimals;
+std::string firmware_text(std::optional<int> firmware) {
+  if (!firmware) return "of unknown version";
+  const std::string decimals = std::to_string(*firmware % 100);
+  return std::to_string(*firmware / 100) + (decimals.size() < 2 ? ".0" : ".") + decimals;
 }
 
 /// Message about an unsupported version; empty: supported.
 std::string unsupported_version(const Found& board) {
-  if (board.firmware >= first_firmware && board.firmware <= last_firmware) return {};
+  if (!board.firmware) {
+    return title_of(board) + " at " + board.path +
+           ": the kernel knows no release of this device, so its version cannot be determined "
+           "(expected 1.00 to 1.99). Connect it by USB, not through a virtual HID device";
+  }
+  if (*board.firmware >= first_firmware && *board.firmware <= last_firmware) return {};
   return title_of(board) + " at " + board.path + " has firmware " + firmware_text(board.firmware) +
          ": that is a 1046_1 or newer, which uses a different protocol. Only the 1046 (1046_0, "
          "firmware 1.00 to 1.99) is supported";
@@ -84,6 +91,35 @@ std::string unsupported_version(const Found& board) {
 std::string refused_access(const Found& board) {
   return title_of(board) + ": " + board.path + " cannot be opened by this user. " +
          udev_rule_remedy;
+}
+
+/// The bridge to open. Null: `problem` holds reason and remedy.
+const Found* chosen_of(const std::vector<Found>& boards, const WantedUsbBoard& wanted,
+                       UsbProblem& problem) {
+  const Found* chosen = nullptr;
+  std::string present;
+  for (const Found& board : boards) {
+    if (!present.empty()) present += ", ";
+    present += board.serial.empty() ? board.path : board.serial;
+    if (!wanted.serial.empty() && board.serial != wanted.serial) continue;
+    if (chosen != nullptr) {
+      problem = {Outcome::needs_attention,
+                 "several PhidgetBridges are attached; select one with phidget_bridge.serial"};
+      return nullptr;
+    }
+    chosen = &board;
+  }
+  if (boards.empty()) {
+    problem = {Outcome::lost,
+               "no PhidgetBridge 1046 (06c2:003b) is attached; plug it in. `lsusb -d 06c2:` shows "
+               "whether the host detects it. A 1046_1 uses a different protocol and is not "
+               "supported"};
+  } else if (chosen == nullptr) {
+    problem = {Outcome::needs_attention, "no PhidgetBridge with serial number " + wanted.serial +
+                                             " is attached; present: " + present +
+                                             (wanted.of_start ? not_that_of_the_start : "")};
+  }
+  return chosen;
 }
 
 /// Length of an output report, by the kernel's copy of the report descriptor.
@@ -108,11 +144,14 @@ struct PhidgetBridge::Board {
       : device(std::move(opened)),
         output_length(length),
         handshake(settings, firmware),
-        gaps(std::int64_t{settings.interval_ms} * 1'000'000) {}
+        interval_ms(settings.interval_ms),
+        gaps(interval_ns()) {}
 
   Device device;
   std::size_t output_length;
   Handshake handshake;
+  int interval_ms;  // as stated by the latest report with one that exists; until then as requested
+  bool interval_stated = false;
   GapCounter gaps;
   /// Latest reading of an input; `fresh` until it is published.
   struct Latest {
@@ -122,6 +161,16 @@ struct PhidgetBridge::Board {
     std::int64_t time_ns = 0;
   };
   std::array<Latest, input_count> latest{};
+
+  std::int64_t interval_ns() const { return std::int64_t{interval_ms} * 1'000'000; }
+
+  void take(const InputReport& report) {
+    handshake.take(report);
+    interval_stated = is_interval(report.settings.interval_ms);
+    if (!interval_stated || report.settings.interval_ms == interval_ms) return;
+    interval_ms = report.settings.interval_ms;
+    gaps = GapCounter(interval_ns());
+  }
 
   void note(const InputReport& report) {
     for (std::size_t i = 0; i < input_count; ++i) {
@@ -179,28 +228,13 @@ Result PhidgetBridge::open() {
   if (const Result checked = check(); !checked) return checked;
   if (hid_init() != 0) return {Outcome::fatal, "hidapi cannot be initialized"};
   const auto boards = search();
-  const Found* chosen = nullptr;
-  std::string present;
-  for (const Found& board : boards) {
-    if (!present.empty()) present += ", ";
-    present += board.serial.empty() ? board.path : board.serial;
-    if (settings_.serial && board.serial != std::to_string(*settings_.serial)) continue;
-    if (chosen != nullptr) {
-      refusal_ = "several PhidgetBridges are attached; select one with phidget_bridge.serial";
-      return {Outcome::needs_attention, refusal_.c_str()};
-    }
-    chosen = &board;
-  }
-  if (boards.empty()) {
-    refusal_ =
-        "no PhidgetBridge 1046 (06c2:003b) is attached; plug it in. `lsusb -d 06c2:` shows whether "
-        "the host detects it. A 1046_1 uses a different protocol and is not supported";
-    return {Outcome::lost, refusal_.c_str()};
-  }
+  UsbProblem problem;
+  const WantedUsbBoard wanted = wanted_usb_board(
+      settings_.serial ? std::to_string(*settings_.serial) : std::string(), serial_at_start_);
+  const Found* chosen = chosen_of(boards, wanted, problem);
   if (chosen == nullptr) {
-    refusal_ = "no PhidgetBridge with serial number " + std::to_string(*settings_.serial) +
-               " is attached; present: " + present;
-    return {Outcome::needs_attention, refusal_.c_str()};
+    refusal_ = std::move(problem.text);
+    return {problem.outcome, refusal_.c_str()};
   }
   refusal_ = unsupported_version(*chosen);
   if (!refusal_.empty()) return {Outcome::needs_attention, refusal_.c_str()};
@@ -210,7 +244,20 @@ Result PhidgetBridge::open() {
     refusal_ = refused_access(*chosen);
     return {Outcome::needs_attention, refusal_.c_str()};
   }
-  name_ = title_of(*chosen);
+  // Once: other threads read the name while a lost bridge is reopened.
+  if (name_ != title_of(*chosen)) name_ = title_of(*chosen);
+  board_ = std::make_unique<Board>(std::move(device), output_length(chosen->path),
+                                   wanted_settings(), *chosen->firmware);
+  const Result settled = settle();
+  if (settled) {
+    serial_at_start_ = chosen->serial;
+  } else {
+    close();
+  }
+  return settled;
+}
+
+Settings PhidgetBridge::wanted_settings() const {
   Settings wanted;
   wanted.interval_ms = settings_.interval_ms;
   std::size_t index = 0;
@@ -219,11 +266,16 @@ Result PhidgetBridge::open() {
     wanted.enabled[numbers_[index]] = true;
     wanted.gain[numbers_[index++]] = input->gain;
   }
-  board_ = std::make_unique<Board>(std::move(device), output_length(chosen->path), wanted,
-                                   chosen->firmware);
-  const Result settled = settle();
-  if (!settled) close();
-  return settled;
+  return wanted;
+}
+
+std::string PhidgetBridge::remark() const {
+  if (!board_) return {};
+  const std::string requested = std::to_string(settings_.interval_ms) + " ms";
+  if (!board_->interval_stated) return "states no valid interval; " + requested + " is assumed";
+  if (board_->interval_ms == settings_.interval_ms) return {};
+  return "measures every " + std::to_string(board_->interval_ms) + " ms, " + requested +
+         " was requested";
 }
 
 Result PhidgetBridge::gone() {
@@ -242,17 +294,17 @@ Result PhidgetBridge::send() {
 
 Result PhidgetBridge::settle() {
   const std::int64_t start_ns = clock_.now_ns();
-  const std::int64_t longest = settle_ns + 5 * std::int64_t{settings_.interval_ms} * 1'000'000;
+  const auto longest = [this] { return settle_ns + 5 * board_->interval_ns(); };
   std::int64_t sent = start_ns;
   // The count of time-outs bounds the loop even with a clock that stands still in a test.
-  for (int silent = 0; silent < 15 && clock_.now_ns() - start_ns < longest;) {
+  for (int silent = 0; silent < 15 && clock_.now_ns() - start_ns < longest();) {
     if (const Result sent_now = send(); !sent_now) return sent_now;
     std::array<std::uint8_t, max_report_bytes> bytes{};
     const int got = hid_read_timeout(board_->device.get(), bytes.data(), bytes.size(), timeout_ms);
     if (got < 0) return gone();
     silent = got == 0 ? silent + 1 : 0;
     if (const auto report = parse_input({bytes.data(), static_cast<std::size_t>(got)})) {
-      board_->handshake.take(*report);
+      board_->take(*report);
     }
     if (board_->handshake.done()) {
       board_->gaps.restart();
@@ -283,7 +335,7 @@ Result PhidgetBridge::read(std::span<Reading> readings) {
     if (got == 0) break;
     ++reports;
     const auto report = parse_input({bytes.data(), static_cast<std::size_t>(got)});
-    if (report) board_->handshake.take(*report);
+    if (report) board_->take(*report);
     if (report && board_->handshake.done()) {
       board_->note(*report);
     } else {
@@ -300,7 +352,7 @@ Result PhidgetBridge::read(std::span<Reading> readings) {
 
 /// True if a reading is new or has become invalid.
 bool PhidgetBridge::publish(std::span<Reading> readings, std::int64_t now) {
-  const std::int64_t max_age = 5 * std::int64_t{settings_.interval_ms} * 1'000'000 / 2;
+  const std::int64_t max_age = 5 * board_->interval_ns() / 2;
   bool any = false;
   for (std::size_t i = 0; i < std::min(readings.size(), numbers_.size()); ++i) {
     Board::Latest& latest = board_->latest[numbers_[i]];

@@ -71,7 +71,6 @@ std::optional<InputReport> parse_input(std::span<const std::uint8_t> bytes) {
                     std::uint32_t{bytes[at + 2]};
   }
   report.settings.interval_ms = 8 * ((bytes[4] & 0x03) << 8 | bytes[5]);
-  if (!is_interval(report.settings.interval_ms)) return std::nullopt;
   return report;
 }
 
@@ -146,7 +145,8 @@ std::optional<std::array<std::uint8_t, output_bytes>> Handshake::to_send() {
 
 void Handshake::take(const InputReport& report) {
   if (send_) return;  // older than the report still to be sent
-  const bool echoed = report.settings == sent_;
+  const bool echoed =
+      report.settings.enabled == sent_.enabled && report.settings.gain == sent_.gain;
   if (!echoed) {
     // An old report if before the echo; otherwise the board has lost its settings.
     if (phase_ == Phase::done || phase_ == Phase::first_sample || phase_ == Phase::gain_bug)

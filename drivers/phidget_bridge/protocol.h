@@ -19,12 +19,13 @@ inline constexpr int first_firmware = 100;
 inline constexpr int last_firmware = 199;
 /// Earlier versions apply a change of gain only with input 0 enabled for a while.
 inline constexpr int firmware_without_gain_bug = 102;
-/// bcdDevice: two digits before the point and two behind it.
-constexpr int firmware_of(std::uint16_t bcd_device) {
-  const auto two_digits = [](unsigned bcd) {
-    return static_cast<int>((bcd >> 4U) * 10 + (bcd & 0xFU));
-  };
-  return two_digits(bcd_device >> 8U) * 100 + two_digits(bcd_device & 0xFFU);
+/// As in the manufacturer's libraries: bcdDevice is not decimal but two numbers, before the point
+/// and behind it; one below 0x100 is that before the point. None for 0, which stands for no
+/// release.
+constexpr std::optional<int> firmware_of(std::uint16_t bcd_device) {
+  if (bcd_device == 0) return std::nullopt;
+  if (bcd_device < 0x100) return bcd_device * 100;
+  return (bcd_device >> 8) * 100 + (bcd_device & 0xFF);
 }
 
 /// Settings of the board.
@@ -47,13 +48,13 @@ inline constexpr std::size_t input_bytes = 18;
 
 /// Report of the board.
 struct InputReport {
-  Settings settings;                             ///< as confirmed by the board
+  Settings settings;                             ///< as stated by the board; any interval_ms
   std::array<bool, input_count> measured{};      ///< contains a reading
   std::array<bool, input_count> error{};         ///< reported as out of range
   std::array<std::uint32_t, input_count> raw{};  ///< 24 bits, 0x800000 is 0
 };
 
-/// None if it is too short or contains an invalid gain or interval.
+/// None if it is too short or contains an invalid gain.
 std::optional<InputReport> parse_input(std::span<const std::uint8_t> bytes);
 
 /// Bridge ratio of a raw reading at a gain [V/V].
@@ -68,7 +69,9 @@ bool is_valid(const InputReport& report, std::size_t input);
 std::size_t output_report_bytes(std::span<const std::uint8_t> descriptor);
 
 /// Transfer of the settings to the board: the reports to send, and the time from which readings are
-/// taken with these settings.
+/// taken with these settings. The board confirms inputs and gains by repeating them. What it states
+/// as the interval is not compared: whether its firmware repeats the requested one is not
+/// published.
 class Handshake {
  public:
   Handshake(const Settings& wanted, int firmware);

@@ -38,6 +38,8 @@ EmulatedPhidgetBridge::EmulatedPhidgetBridge(Options options, Wires& wires, Now 
 }
 
 Bytes EmulatedPhidgetBridge::device_descriptor() const {
+  const auto release = options_.release.value_or(
+      static_cast<std::uint16_t>(options_.firmware / 100 << 8 | options_.firmware % 100));
   return {18,
           1,
           0x00,
@@ -50,8 +52,8 @@ Bytes EmulatedPhidgetBridge::device_descriptor() const {
           0x06,
           0x3B,
           0x00,
-          static_cast<std::uint8_t>(options_.firmware % 100),
-          static_cast<std::uint8_t>(options_.firmware / 100),
+          static_cast<std::uint8_t>(release & 0xFF),
+          static_cast<std::uint8_t>(release >> 8),
           1,
           2,
           3,
@@ -158,6 +160,7 @@ void EmulatedPhidgetBridge::clear_halt(std::uint8_t endpoint_address) {
 
 void EmulatedPhidgetBridge::reset() {
   settings_ = {};
+  if (options_.own_interval_ms) settings_.interval_steps = *options_.own_interval_ms / 8;
   gain_in_force_ = {};
   first_sample_ = {};
   reports_until_gain_ = 0;
@@ -180,6 +183,7 @@ void EmulatedPhidgetBridge::apply(std::span<const std::uint8_t> bytes) {
   }
   settings_.enabled = enabled_now;
   if (!has_gain_bug()) gain_in_force_ = settings_.gain_code;
+  if (options_.own_interval_ms) return;
   const int steps = bytes[3] | (bytes[4] & 3) << 8;
   if (steps < 1 || steps > max_steps || steps == settings_.interval_steps) return;
   settings_.interval_steps = steps;
@@ -219,6 +223,7 @@ Bytes EmulatedPhidgetBridge::content(std::int64_t time_ns) {
   bytes[3] = static_cast<std::uint8_t>(code[2] << 4U | code[3]);
   bytes[4] = static_cast<std::uint8_t>(settings_.interval_steps >> 8);
   bytes[5] = static_cast<std::uint8_t>(settings_.interval_steps & 0xFF);
+  if (!options_.states_interval) bytes[4] = bytes[5] = 0xFF;
   for (std::size_t i = 0; i < inputs; ++i) {
     if (!enabled(i)) continue;
     const bool first = std::exchange(first_sample_[i], false);

@@ -24,6 +24,9 @@ class EmulatedPhidgetBridge final : public UsbDevice {
     /// 100 and 101: a new gain takes effect only after input 0 has been enabled for 32 reports,
     /// which the reports do not show; the first sample after enabling is wrong.
     int firmware = 102;
+    std::optional<std::uint16_t> release;  ///< bcdDevice; absent: that of the firmware
+    std::optional<int> own_interval_ms;    ///< kept, whatever is requested
+    bool states_interval = true;           ///< false: the field of the interval is FFFF
     std::array<std::optional<Sensor>, inputs> sensors;  ///< in V/V; absent: 0 V/V
     double noise_v_per_v = 0.0;                         ///< standard deviation, at the input
     std::uint64_t seed = 1;                             ///< of noise and of faults

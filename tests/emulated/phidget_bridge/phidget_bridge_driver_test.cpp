@@ -400,6 +400,104 @@ TEST(PhidgetBridgeOnABus, NewerVersionIsRejected) {
   EXPECT_THAT(drivers::find_phidget_bridge()[0].problem, HasSubstr("1046_1"));
 }
 
+/// The only bridge on the bus of `bench`.
+class OtherBridge {
+ public:
+  OtherBridge(Bench& bench, const EmulatedPhidgetBridge::Options& options)
+      : bench_(bench), bridge_(options, bench.wires, [&bench] { return bench.clock.now_ns(); }) {
+    bench_.bus.unplug(bench_.bridge);
+    bench_.bus.plug(bridge_, 1);
+  }
+  ~OtherBridge() {
+    bench_.gauge.close();
+    bench_.bus.unplug(bridge_);
+  }
+
+ private:
+  Bench& bench_;
+  EmulatedPhidgetBridge bridge_;
+};
+
+TEST(PhidgetBridgeOnABus, ReleaseOneIsVersionOne) {
+  Bench bench;
+  auto options = bridge_options(128, 1, 100);
+  options.release = 0x0001;
+  const OtherBridge other(bench, options);
+  EXPECT_THAT(drivers::find_phidget_bridge().front().name, HasSubstr("firmware 1.00"));
+  const Result opened = bench.gauge.open();
+  ASSERT_TRUE(opened) << opened.message;
+  const auto readings = bench.readings(milliseconds(200));
+  EXPECT_GT(valid_ones(readings), 20U);
+  EXPECT_EQ(bench.wrong(readings), 0U);
+}
+
+TEST(PhidgetBridgeOnABus, UnknownReleaseIsNotCalledAVersion) {
+  Bench bench;
+  auto options = bridge_options(128, 1, 102);
+  options.release = 0;
+  const OtherBridge other(bench, options);
+  const Result opened = bench.gauge.open();
+  EXPECT_EQ(opened.outcome, Outcome::needs_attention);
+  EXPECT_THAT(opened.message, HasSubstr("version cannot be determined"));
+  const auto found = drivers::find_phidget_bridge();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_THAT(found[0].name, testing::Not(HasSubstr("0.00")));
+  EXPECT_THAT(found[0].problem, HasSubstr("version cannot be determined"));
+}
+
+// Whether a firmware repeats the requested interval is not published.
+TEST(PhidgetBridgeOnABus, IntervalIsThatOfTheBoardAndReported) {
+  Bench bench(128, 8);
+  auto options = bridge_options(128, 1, 102);
+  options.own_interval_ms = 40;
+  const OtherBridge other(bench, options);
+  const Result opened = bench.gauge.open();
+  ASSERT_TRUE(opened) << opened.message;
+  EXPECT_EQ(bench.gauge.remark(), "measures every 40 ms, 8 ms was requested");
+  const auto readings = bench.readings(milliseconds(400));
+  EXPECT_GT(valid_ones(readings), 8U);
+  EXPECT_EQ(bench.wrong(readings), 0U);
+  // Four of five would be missing by the requested interval.
+  const auto suspended = static_cast<std::uint64_t>(bench.host.worst_ns() / (40 * ms));
+  EXPECT_LE(bench.gauge.losses().missing, 1U + suspended);
+}
+
+TEST(PhidgetBridgeOnABus, RequestedIntervalIsAssumedIfNoneIsStated) {
+  Bench bench(128, 24);
+  auto options = bridge_options(128, 1, 102);
+  options.states_interval = false;
+  const OtherBridge other(bench, options);
+  const Result opened = bench.gauge.open();
+  ASSERT_TRUE(opened) << opened.message;
+  EXPECT_EQ(bench.gauge.remark(), "states no valid interval; 24 ms is assumed");
+  const auto readings = bench.readings(milliseconds(300));
+  EXPECT_GT(valid_ones(readings), 8U);
+  EXPECT_EQ(bench.wrong(readings), 0U);
+}
+
+TEST(PhidgetBridgeOnABus, RequestedIntervalNeedsNoRemark) {
+  Bench bench(128, 40);
+  ASSERT_TRUE(bench.gauge.open());
+  EXPECT_EQ(bench.gauge.remark(), "");
+}
+
+TEST(PhidgetBridgeOnABus, AnotherBridgeInMidRunIsRefused) {
+  Bench bench;
+  ASSERT_TRUE(bench.gauge.open());
+  bench.gauge.close();
+  {
+    auto options = bridge_options(128, 1, 102);
+    options.serial = "654321";
+    const OtherBridge other(bench, options);
+    const Result opened = bench.gauge.open();
+    EXPECT_EQ(opened.outcome, Outcome::needs_attention);
+    EXPECT_THAT(opened.message, HasSubstr("123456 is attached; present: 654321"));
+    EXPECT_THAT(opened.message, HasSubstr("The run began with it"));
+  }
+  bench.bus.plug(bench.bridge, 2);
+  EXPECT_TRUE(bench.gauge.open());
+}
+
 /// All faults at random: every valid reading is correct.
 TEST(PhidgetBridgeOnABus, FaultCampaignYieldsNoWrongReading) {
   for (std::uint64_t seed = 20; seed < 23; ++seed) {
