@@ -129,7 +129,15 @@ Result LabjackU6Driver::prepare() {
     return refuse(failure->outcome, std::move(failure->text));
   }
   if (!make_safe()) return {Outcome::needs_attention, refusal_.c_str()};
-  return {};
+  return set_watchdog(u6::disarm_watchdog());
+}
+
+/// Only while the board does not stream: no source states that its firmware permits it then.
+Result LabjackU6Driver::set_watchdog(const u6::Command& command) {
+  if (!u6::has_watchdog(settings_)) return {};
+  u6::Failure failure = board_->link.request("set its watchdog (watchdog_s = 0 does without)",
+                                             command, u6::check_watchdog);
+  return failure ? refuse(failure->outcome, std::move(failure->text)) : Result{};
 }
 
 Result LabjackU6Driver::read_calibration() {
@@ -153,8 +161,7 @@ Result LabjackU6Driver::read_calibration() {
                     implausible + ". Have it calibrated by the vendor, or use another board");
 }
 
-/// Enable line low, the sensed lines inputs, DAC at rest, watchdog disarmed. A failure is in
-/// refusal_.
+/// Enable line low, the sensed lines inputs, DAC at rest. A failure is in refusal_.
 bool LabjackU6Driver::make_safe() noexcept {
   try {
     u6::BoardLink& link = board_->link;
@@ -165,10 +172,6 @@ bool LabjackU6Driver::make_safe() noexcept {
     feedback.dac(settings_.dac, u6::dac_counts(board_->calibration, settings_.dac, rest_v_));
     const auto check = [this](std::span<const std::uint8_t> reply) { return check_echo(reply); };
     u6::Failure failure = link.request("switch the amplifier off", feedback.command(), check);
-    if (!failure && u6::has_watchdog(settings_)) {
-      failure = link.request("set its watchdog (watchdog_s = 0 does without)",
-                             u6::disarm_watchdog(), u6::check_watchdog);
-    }
     if (failure) refusal_ = std::move(failure->text);
     return !failure;
   } catch (...) {
@@ -182,7 +185,8 @@ Result LabjackU6Driver::start() {
   return begin_stream();
 }
 
-/// Configures and starts the stream; `lines` are the levels just before.
+/// Configures the stream, arms the watchdog and starts the stream; `lines` are the levels just
+/// before.
 Result LabjackU6Driver::configure_stream(const u6::StreamPlan& plan, std::uint32_t& lines) {
   u6::BoardLink& link = board_->link;
   const u6::Command configure =
@@ -200,11 +204,16 @@ Result LabjackU6Driver::configure_stream(const u6::StreamPlan& plan, std::uint32
     };
     failure = link.request("read its lines", u6::Feedback(++echo_).read_lines().command(), check);
   }
-  if (!failure) {
-    failure = link.request("start the stream", u6::start_stream(), u6::check_stream_started);
-  }
   if (failure) return refuse(failure->outcome, std::move(failure->text));
-  return {};
+  if (settings_.enable_line) {
+    const auto timeout_s = static_cast<std::uint16_t>(settings_.watchdog_s);
+    const Result armed = set_watchdog(u6::arm_watchdog(timeout_s, *settings_.enable_line));
+    if (!armed) return armed;
+  }
+  failure = link.request("start the stream", u6::start_stream(), u6::check_stream_started);
+  if (!failure) return {};
+  static_cast<void>(set_watchdog(u6::disarm_watchdog()));
+  return refuse(failure->outcome, std::move(failure->text));
 }
 
 Result LabjackU6Driver::begin_stream() {
@@ -368,7 +377,11 @@ void LabjackU6Driver::end_stream() noexcept {
   board_->link.drain();
   // The stream, or a reply to another command, may have caused the failure.
   if (!safe) safe = make_safe();
-  if (!safe) note_left_on(refusal_.c_str());
+  if (!safe) return note_left_on(refusal_.c_str());  // and the watchdog stays armed
+  try {
+    static_cast<void>(set_watchdog(u6::disarm_watchdog()));
+  } catch (...) {  // out of memory for the message
+  }
 }
 
 void LabjackU6Driver::note_left_on(const char* why) noexcept {

@@ -71,6 +71,7 @@ class LabjackU6Driver final : public Driver {
   Result refuse(Outcome outcome, std::string text);
   Result prepare();
   Result read_calibration();
+  Result set_watchdog(const labjack_u6::Command& command);
   Result begin_stream();
   Result configure_stream(const labjack_u6::StreamPlan& plan, std::uint32_t& lines);
   labjack_u6::Command enable_line_low();

@@ -397,13 +397,6 @@ Verdict parse_feedback(Bytes reply, bool lines_read, FeedbackReply& out) {
   return {};
 }
 
-std::optional<ReplyKind> kind_of(Bytes reply) {
-  if (reply.size() < extended_header || reply[1] != extended) return std::nullopt;
-  if (reply[3] == feedback_function) return ReplyKind::feedback;
-  if (reply[3] == watchdog.number) return ReplyKind::watchdog;
-  return std::nullopt;
-}
-
 Calibration nominal_calibration() {
   Calibration nominal;
   double scale = 1.0;

@@ -153,10 +153,6 @@ struct FeedbackReply {
 /// `echo` is set even with an error of the board.
 Verdict parse_feedback(std::span<const std::uint8_t> reply, bool lines_read, FeedbackReply& out);
 
-/// Kind of a reply, from its first bytes alone; none: not a reply expected during a stream.
-enum class ReplyKind { feedback, watchdog };
-std::optional<ReplyKind> kind_of(std::span<const std::uint8_t> reply);
-
 /// Calibration constants of one board.
 struct Calibration {
   std::array<double, gain_count> positive_slope_v{};  ///< [V/count]

@@ -278,14 +278,9 @@ bool StreamSession::next(Frame& frame, std::int64_t timeout_ns) {
 }
 
 void StreamSession::dispatch(std::span<const std::uint8_t> reply) {
-  const std::optional<ReplyKind> kind = kind_of(reply);
-  if (kind == ReplyKind::watchdog) {
-    settle(at(Slot::watchdog), check_watchdog(reply));
-    return;
-  }
   FeedbackReply feedback;
   const Verdict verdict = parse_feedback(reply, true, feedback);
-  if (kind == ReplyKind::feedback && (verdict || verdict.kind == Verdict::Kind::error)) {
+  if (verdict || verdict.kind == Verdict::Kind::error) {
     for (const Slot slot : {Slot::set_point, Slot::off, Slot::lines}) {
       const std::uint64_t word = at(slot).word.load(std::memory_order_acquire);
       if (phase_of(word) != Phase::waiting || echo_of(word) != feedback.echo) continue;
@@ -295,7 +290,7 @@ void StreamSession::dispatch(std::span<const std::uint8_t> reply) {
     return;  // without a slot: its command timed out, and its levels are old
   }
   // The reply cannot be attributed. All pending commands are repeated, which is harmless.
-  settle_all(verdict ? Verdict{Verdict::Kind::command} : verdict);
+  settle_all(verdict);
 }
 
 void StreamSession::settle(Outgoing& outgoing, const Verdict& verdict) {

@@ -31,8 +31,8 @@ enum class StreamEnd : std::uint8_t {
 };
 
 /// Commands that may be in progress simultaneously, one per slot.
-enum class Slot : std::uint8_t { set_point, off, watchdog, lines };
-inline constexpr std::size_t slot_count = 4;
+enum class Slot : std::uint8_t { set_point, off, lines };
+inline constexpr std::size_t slot_count = 3;
 /// A command that the board has not accepted by then is withdrawn.
 inline constexpr unsigned send_timeout_ms = 100;
 

@@ -62,7 +62,7 @@ void StreamingOutput::apply(std::uint16_t counts, bool requested, bool on, std::
   if (watchdog_expired(now_ns)) tripped_ = true;
   if (!requested) tripped_ = false;
   // "Off" goes out before anything else is processed.
-  if ((!on || tripped_) && power_ != Power::off) turn_off(counts, now_ns);
+  if ((!on || tripped_) && on_) turn_off(counts, now_ns);
   collect(now_ns);
   request_lines(now_ns);
   if (on && !tripped_) {
@@ -94,14 +94,13 @@ const char* StreamingOutput::report_failure() {
 
 /// True if the watchdog has acted, or should have, for lack of confirmed commands.
 bool StreamingOutput::watchdog_expired(std::int64_t now_ns) const {
-  return has_watchdog(settings_) && power_ == Power::on &&
+  return has_watchdog(settings_) && on_ &&
          now_ns - confirmed_ns_ > settings_.watchdog_s * second_ns - max_transit_ns;
 }
 
 void StreamingOutput::collect(std::int64_t now_ns) {
   collect_set_point(now_ns);
   collect_off(now_ns);
-  collect_watchdog(now_ns);
 }
 
 void StreamingOutput::note_failure(Slot slot, const char* what, const char* why) {
@@ -110,13 +109,10 @@ void StreamingOutput::note_failure(Slot slot, const char* what, const char* why)
   std::snprintf(failure_.data(), failure_.size(), "%s: %s: %s", name_.c_str(), what, why);
 }
 
-/// A confirmed "off" settles all earlier commands. A set-point does not settle an "off", nor a
-/// watchdog that has to be armed first.
+/// A confirmed "off" settles all earlier commands. A set-point does not settle an "off".
 void StreamingOutput::note_success(Slot slot, std::int64_t sent_ns) {
   confirmed_ns_ = std::max(confirmed_ns_, sent_ns);
-  unsigned settled = bit_of(slot);
-  if (slot == Slot::off) settled = ~0U;
-  if (slot == Slot::set_point && power_ == Power::off) settled |= bit_of(Slot::watchdog);
+  const unsigned settled = slot == Slot::off ? ~0U : bit_of(slot);
   failed_ = static_cast<std::uint8_t>(failed_ & ~settled);
 }
 
@@ -138,17 +134,6 @@ void StreamingOutput::collect_off(std::int64_t now_ns) {
   note_failure(Slot::off, off_failed, reason(progress));
 }
 
-void StreamingOutput::collect_watchdog(std::int64_t now_ns) {
-  const Progress progress = session_.progress(Slot::watchdog, now_ns);
-  if (progress.kind == Progress::Kind::done) {
-    watchdog_armed_ = arming_;
-    note_success(Slot::watchdog, progress.sent_ns);
-  }
-  if (!failed(progress)) return;
-  watchdog_armed_ = !arming_;  // presumably unchanged, so the command is repeated
-  note_failure(Slot::watchdog, "its watchdog was not set", reason(progress));
-}
-
 bool StreamingOutput::reads_lines() const {
   return settings_.amplifier_fault_line || settings_.emergency_stop_line;
 }
@@ -163,7 +148,7 @@ void StreamingOutput::request_lines(std::int64_t now_ns) {
 }
 
 void StreamingOutput::turn_off(std::uint16_t counts, std::int64_t now_ns) {
-  power_ = Power::off;
+  on_ = false;
   sent_on_ = false;
   off_unconfirmed_ = true;
   // While an "off" is in progress no "on" is sent, so it is the latest command already.
@@ -184,10 +169,6 @@ void StreamingOutput::keep_off(std::uint16_t counts, std::int64_t now_ns) {
     if (session_.free(Slot::off)) turn_off(counts, now_ns);
     return;
   }
-  if (watchdog_armed_ && session_.free(Slot::watchdog)) {
-    arming_ = false;
-    session_.send(Slot::watchdog, disarm_watchdog(), 0, now_ns);
-  }
   if (is_due(counts, false, now_ns)) send_set_point(counts, false, now_ns);
 }
 
@@ -196,26 +177,11 @@ void StreamingOutput::keep_on(std::uint16_t counts, std::int64_t now_ns) {
     keep_off(counts, now_ns);
     return;
   }
-  if (!watchdog_ready(now_ns)) return;
-  power_ = Power::on;
+  // The command that enables the amplifier restarts the watchdog.
+  if (!on_) confirmed_ns_ = std::max(confirmed_ns_, now_ns);
+  on_ = true;
   wanted_counts_ = counts;
   if (is_due(counts, true, now_ns)) send_set_point(counts, true, now_ns);
-}
-
-/// True if the watchdog is known to be armed; otherwise arms it.
-bool StreamingOutput::watchdog_ready(std::int64_t now_ns) {
-  if (!has_watchdog(settings_) || power_ == Power::on) return true;
-  if (power_ == Power::arming && watchdog_armed_) return true;
-  // A disarming in progress completes first: the last command to arrive takes effect.
-  if (session_.free(Slot::watchdog)) {
-    power_ = Power::arming;
-    watchdog_armed_ = false;
-    arming_ = true;
-    const Command arm =
-        arm_watchdog(static_cast<std::uint16_t>(settings_.watchdog_s), *settings_.enable_line);
-    session_.send(Slot::watchdog, arm, 0, now_ns);
-  }
-  return false;
 }
 
 bool StreamingOutput::is_due(std::uint16_t counts, bool on, std::int64_t now_ns) const {

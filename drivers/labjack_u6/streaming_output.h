@@ -1,5 +1,5 @@
-// Output of a LabJack U6 while it streams: set-points at the DAC, the enable line with its
-// watchdog, and the input lines that each reply carries.
+// Output of a LabJack U6 while it streams: set-points at the DAC, the enable line, which the
+// board's watchdog guards, and the input lines that each reply carries.
 #pragma once
 
 #include <array>
@@ -11,9 +11,10 @@
 
 namespace stickslip::drivers::labjack_u6 {
 
-/// A state machine over the command slots of a session. No call waits. While a command is in
-/// progress, the newest set-point replaces earlier ones; "off" is sent immediately in any case.
-/// Results are collected by later calls. One thread.
+/// A state machine over the command slots of a session. The watchdog is armed before the stream,
+/// and every command restarts it. No call waits. While a command is in progress, the newest
+/// set-point replaces earlier ones; "off" is sent immediately in any case. Results are collected by
+/// later calls. One thread.
 class StreamingOutput {
  public:
   /// `name` begins the messages. `sent_counts` is the current DAC value, `echo` numbers the
@@ -28,14 +29,12 @@ class StreamingOutput {
   /// Sends "off" immediately.
   void turn_off(std::uint16_t counts, std::int64_t now_ns);
 
-  bool is_off() const { return power_ == Power::off; }
+  bool is_off() const { return !on_; }
   /// Keeps the input lines up to date before the amplifier is first enabled. Only while off: with
   /// the amplifier on, only commands of the caller may feed the watchdog.
   void refresh_while_off(std::int64_t now_ns);
   /// True if the newest set-point has not been sent yet.
-  bool has_pending_set_point() const {
-    return power_ == Power::on && !tripped_ && wanted_counts_ != sent_counts_;
-  }
+  bool has_pending_set_point() const { return on_ && !tripped_ && wanted_counts_ != sent_counts_; }
   void send_pending_set_point(std::int64_t now_ns);
 
   /// True after the board's watchdog has, or may have, disabled the amplifier; until "off" is
@@ -46,19 +45,15 @@ class StreamingOutput {
   const char* report_failure();
 
  private:
-  enum class Power : std::uint8_t { off, arming, on };
-
   void collect(std::int64_t now_ns);
   void collect_set_point(std::int64_t now_ns);
   void collect_off(std::int64_t now_ns);
-  void collect_watchdog(std::int64_t now_ns);
   void request_lines(std::int64_t now_ns);
   bool reads_lines() const;
   void keep_off(std::uint16_t counts, std::int64_t now_ns);
   void keep_on(std::uint16_t counts, std::int64_t now_ns);
   void send_set_point(std::uint16_t counts, bool on, std::int64_t now_ns);
   bool is_due(std::uint16_t counts, bool on, std::int64_t now_ns) const;
-  bool watchdog_ready(std::int64_t now_ns);
   bool watchdog_expired(std::int64_t now_ns) const;
   void note_failure(Slot slot, const char* what, const char* why);
   void note_success(Slot slot, std::int64_t sent_ns);
@@ -69,10 +64,8 @@ class StreamingOutput {
   Lines& lines_;
   std::uint8_t& echo_;
 
-  Power power_ = Power::off;
+  bool on_ = false;
   bool off_unconfirmed_ = false;
-  bool watchdog_armed_ = false;
-  bool arming_ = false;  // the command in the watchdog's slot arms it, else it disarms it
   bool tripped_ = false;
   bool sent_on_ = false;
   bool resend_ = true;

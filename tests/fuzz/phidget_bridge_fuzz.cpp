@@ -48,11 +48,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     require(gaps.count(time_ns, 1) < 64, "no more is missing than there was time for");
     const auto report = parse_input(piece);
     if (!report) continue;
-    require(is_interval(report->settings.interval_ms), "an interval exists");
-    if (report->settings == wanted) ++echoes;
+    const bool confirms =
+        report->settings.enabled == wanted.enabled && report->settings.gain == wanted.gain;
+    if (confirms) ++echoes;
     handshake.take(*report);
     if (!handshake.done()) continue;
-    require(echoes >= 2 && report->settings == wanted, "valid reports have the requested settings");
+    require(echoes >= 2 && confirms, "valid reports have the requested inputs and gains");
     for (std::size_t i = 0; i < input_count; ++i) {
       const int gain = report->settings.gain[i];
       require(is_gain(gain), "a gain exists");

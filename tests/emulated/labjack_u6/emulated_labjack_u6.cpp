@@ -426,7 +426,9 @@ Bytes EmulatedLabjackU6::watchdog_command(std::span<const std::uint8_t> bytes) {
     return reply;
   }
   if ((bytes[6] & 0x01U) != 0) {
-    if ((bytes[7] & 0x30U) != 0 && get16(bytes, 8) == 0) {
+    if (stream_.running()) {
+      reply[6] = stream_active;
+    } else if ((bytes[7] & 0x30U) != 0 && get16(bytes, 8) == 0) {
       reply[6] = watchdog_time;
     } else {
       watchdog_ = {bytes[7], get16(bytes, 8), bytes[10], now_()};
@@ -722,6 +724,11 @@ bool EmulatedLabjackU6::line_is_high(int line) const {
 std::uint64_t EmulatedLabjackU6::watchdog_trips() const {
   const std::lock_guard hold(lock_);
   return trips_;
+}
+
+bool EmulatedLabjackU6::watchdog_armed() const {
+  const std::lock_guard hold(lock_);
+  return watchdog_.armed();
 }
 
 std::uint64_t EmulatedLabjackU6::resets() const {

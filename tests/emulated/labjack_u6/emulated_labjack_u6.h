@@ -101,6 +101,7 @@ class EmulatedLabjackU6 final : public UsbDevice {
   bool line_is_output(int line) const;
   bool line_is_high(int line) const;
   std::uint64_t watchdog_trips() const;
+  bool watchdog_armed() const;  ///< set before a stream; refused during it, as no source permits it
   std::uint64_t resets() const;    ///< by command, by the bus or by the watchdog
   std::uint64_t commands() const;  ///< received in total
 

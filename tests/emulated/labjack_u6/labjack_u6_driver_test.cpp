@@ -292,6 +292,44 @@ TEST(LabjackU6OnABus, RestsAtTheConfiguredVoltageBeforeAnyWrite) {
   EXPECT_NEAR(bench.wires.output_v(), 1.25, 5.0 / 4096.0);
 }
 
+// No source states that the firmware accepts a setting of the watchdog while it streams.
+TEST(LabjackU6OnABus, WatchdogIsArmedBeforeTheStreamAndDisarmedAfterIt) {
+  Bench bench(1, 1000.0);
+  ASSERT_TRUE(bench.driver.open());
+  EXPECT_FALSE(bench.board.watchdog_armed());
+  ASSERT_TRUE(bench.driver.start());
+  EXPECT_TRUE(bench.board.watchdog_armed());
+  for (int round = 0; round < 2; ++round) {
+    for (int i = 0; i < 200; ++i) {
+      Frame frame;
+      static_cast<void>(bench.driver.read(frame));
+      ASSERT_TRUE(bench.driver.write({3.0, true}));
+    }
+    EXPECT_TRUE(bench.wires.is_enabled());
+    static_cast<void>(bench.driver.write({2.5, false}));
+    bench.frames(milliseconds(100));
+    EXPECT_FALSE(bench.wires.is_enabled());
+    EXPECT_TRUE(bench.board.watchdog_armed());
+  }
+  bench.driver.stop();
+  EXPECT_FALSE(bench.board.watchdog_armed());
+}
+
+// The off state may last longer than the watchdog waits.
+TEST(LabjackU6OnABus, AmplifierIsEnabledAfterALongSilence) {
+  Bench bench(1, 1000.0);
+  ASSERT_TRUE(bench.driver.open());
+  ASSERT_TRUE(bench.driver.start());
+  std::this_thread::sleep_for(milliseconds(1300));  // without reads and writes
+  const auto end = steady_clock::now() + milliseconds(500);
+  while (steady_clock::now() < end) {
+    Frame frame;
+    static_cast<void>(bench.driver.read(frame));
+    static_cast<void>(bench.driver.write({3.0, true}));
+  }
+  EXPECT_TRUE(bench.wires.is_enabled());
+}
+
 TEST(LabjackU6OnABus, WatchdogReleasesTheLineOfACrashedDaemon) {
   Bench bench(1, 1000.0);
   ASSERT_TRUE(bench.driver.open());

@@ -176,13 +176,6 @@ TEST(LabjackU6Reply, FeedbackReturnsLinesAndEcho) {
   EXPECT_EQ(reply.echo, 9);
 }
 
-TEST(LabjackU6Reply, KindFollowsFromTheFirstBytes) {
-  EXPECT_EQ(kind_of(extended_reply(0, {0, 0, 7})), ReplyKind::feedback);
-  EXPECT_EQ(kind_of(extended_reply(9, Bytes(10, 0))), ReplyKind::watchdog);
-  EXPECT_EQ(kind_of(extended_reply(8, Bytes(32, 0))), std::nullopt);
-  EXPECT_EQ(kind_of(Bytes{0xB8, 0xB8}), std::nullopt);
-}
-
 TEST(LabjackU6Calibration, IsReadAsFixedPoint) {
   const Calibration calibration = calibration_of(nominal_blocks());
   const Calibration nominal = nominal_calibration();
