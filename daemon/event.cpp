@@ -50,11 +50,6 @@ constexpr std::array descriptions = {
                   return std::string(
                       "the device is back; the fault stays latched until an operator clears it");
                 }},
-    Description{clock_parted, warning, "clock_parted",
-                [](const Notice&) {
-                  return std::string(
-                      "the clocks of device and host diverged; their correction was restarted");
-                }},
     Description{clock_jumped, warning, "clock_jumped",
                 [](const Notice& notice) {
                   const std::string by = milliseconds(std::abs(notice.duration_ns));

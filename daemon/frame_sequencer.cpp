@@ -27,11 +27,6 @@ std::int64_t FrameSequencer::jump_ahead_ns(const Frame& frame, std::int64_t read
 
 FramePlacement FrameSequencer::place(Frame& frame, std::int64_t read_ns) {
   FramePlacement out;
-  if (has_device_clock_) {
-    const std::uint64_t restarts = device_clock_.restarts();
-    frame.time_ns = device_clock_.host_time(frame.time_ns, read_ns);
-    out.clocks_diverged = device_clock_.restarts() != restarts;
-  }
   renumber(frame);
   if (previous_ && frame.sequence <= previous_->sequence) {
     out.accepted = false;

@@ -5,18 +5,16 @@
 #include <cstdint>
 #include <optional>
 
-#include "drivers/clock/device_clock.h"
 #include "physics/frame.h"
 
 namespace stickslip::daemon {
 
 /// Placement of a frame on the common time line.
 struct FramePlacement {
-  bool accepted = true;          ///< false: a sample that was seen before, to be left out
-  bool first_repeat = false;     ///< the first of a row of frames that are left out
-  std::uint64_t missing = 0;     ///< frames lost between the previous frame and this one
-  std::int64_t step_ns = 0;      ///< rig time since the previous frame; one period after a gap
-  bool clocks_diverged = false;  ///< the correction of the device's clock was restarted
+  bool accepted = true;       ///< false: a sample that was seen before, to be left out
+  bool first_repeat = false;  ///< the first of a row of frames that are left out
+  std::uint64_t missing = 0;  ///< frames lost between the previous frame and this one
+  std::int64_t step_ns = 0;   ///< rig time since the previous frame; one period after a gap
   /// The source's clock was set: ahead if positive (its time is kept), back if negative (its time
   /// is shifted from then on); 0: it was not.
   std::int64_t jump_ns = 0;
@@ -25,10 +23,8 @@ struct FramePlacement {
 /// Does not allocate.
 class FrameSequencer {
  public:
-  /// `period_ns`: of the frames. `device_clock`: their time stamps are those of the device's own
-  /// crystal and are mapped onto the host's clock.
-  FrameSequencer(std::int64_t period_ns, bool device_clock)
-      : period_ns_(period_ns), has_device_clock_(device_clock) {}
+  /// `period_ns`: of the frames.
+  explicit FrameSequencer(std::int64_t period_ns) : period_ns_(period_ns) {}
 
   /// Corrects time and sequence number of a frame that was read at `read_ns` (host time).
   FramePlacement place(Frame& frame, std::int64_t read_ns);
@@ -37,10 +33,7 @@ class FrameSequencer {
   void skip_cycle() { ++cycles_skipped_; }
 
   /// The device is a new one, or was restarted: it may count from 0 again.
-  void restart_numbering() {
-    device_clock_ = drivers::DeviceClock();
-    renumber_ = true;
-  }
+  void restart_numbering() { renumber_ = true; }
 
  private:
   struct Stamp {
@@ -59,8 +52,6 @@ class FrameSequencer {
   std::int64_t jump_ahead_ns(const Frame& frame, std::int64_t read_ns) const;
 
   std::int64_t period_ns_;
-  bool has_device_clock_;
-  drivers::DeviceClock device_clock_;
   std::int64_t time_offset_ns_ = 0;    // of a source whose time went back
   std::uint64_t sequence_offset_ = 0;  // of a device that was restarted
   std::uint64_t cycles_skipped_ = 0;   // since the device was lost

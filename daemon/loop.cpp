@@ -48,7 +48,7 @@ Loop::Loop(drivers::Driver& driver, Clock& clock, const LoopSettings& settings,
       pacer_(clock,
              {settings_.pacing, settings_.period_ns, settings_.lateness_limit_ns, can_drive_}),
       frame_time_(!pacer_.has_deadlines() || driver.description().stepped_time),
-      sequencer_(settings_.period_ns, driver.description().own_clock),
+      sequencer_(settings_.period_ns),
       interlocks_(settings.live.interlocks, driver.description().channels),
       notices_(notice_capacity),
       commands_(command_capacity),
@@ -327,7 +327,6 @@ void Loop::acquire(Frame raw) {
 /// False for a frame that is to be left out: what has been handed over stays.
 bool Loop::sequence(Frame& raw) {
   const FramePlacement placement = sequencer_.place(raw, read_ns_);
-  if (placement.clocks_diverged) notify(Notice::Kind::clock_parted);
   if (!placement.accepted) {
     count_up(timing_.repeated);
     if (placement.first_repeat) notify(Notice::Kind::sequence_repeated, raw.sequence);

@@ -39,7 +39,6 @@ struct Notice {
     state,         ///< change of state other than a fault; `text` is its name
     left_on,       ///< the last "off" was not acknowledged; `text`: by what, and what to do
     device_back,   ///< a lost device yields frames again
-    clock_parted,  ///< the clocks of device and host diverged; the correction was restarted
     clock_jumped,  ///< the source's clock was set, by `duration_ns`
     read_failed,   ///< first temporary failure in a row
     write_failed,

@@ -90,7 +90,8 @@ struct Description {
   bool can_drive = false;  ///< write() drives a shaker
   /// Time advances by frames only, independently of the host's clock (a simulated rig).
   bool stepped_time = false;
-  /// time_ns is that of the device's own crystal and must be mapped to the host's clock.
+  /// A board of a bench: time_ns is that of its own crystal, which the bench maps to the host's
+  /// clock.
   bool own_clock = false;
 };
 

@@ -12,7 +12,8 @@ BenchDriver::BenchDriver(BenchParts parts, const config::BenchInputs& inputs,
     : clock_(std::move(parts.clock)),
       board_(std::move(parts.board)),
       amplifier_(std::move(parts.amplifier)),
-      shaker_(shaker) {
+      shaker_(shaker),
+      board_has_clock_(board_->description().own_clock) {
   for (auto& gauge : parts.gauges) {
     gauges_.push_back(std::make_unique<GaugeReader>(std::move(gauge), retry));
   }
@@ -51,6 +52,7 @@ BenchDriver::~BenchDriver() {
 
 void BenchDriver::describe() {
   description_ = board_->description();
+  description_.own_clock = false;
   for (const auto& gauge : gauges_) {
     description_.name += ", " + gauge->gauge().name();
     if (!gauge->remark().empty()) description_.name += " (" + gauge->remark() + ")";
@@ -80,18 +82,36 @@ Result BenchDriver::open() {
   if (!opened_before_) describe();
   opened_before_ = true;
   left_on_.clear();
-  device_clock_ = DeviceClock();
   return {};
 }
 
-Result BenchDriver::start() { return board_->start(); }
+Result BenchDriver::start() {
+  stream_clock_.restart();
+  return board_->start();
+}
+
+/// The next scan of the board, in host time.
+Result BenchDriver::next_scan(Frame& scan) {
+  if (!board_has_clock_) return board_->read(scan);
+  if (stream_clock_.next(scan)) return {};
+  Frame raw;
+  const Result result = board_->read(raw);
+  if (result) {
+    const std::uint64_t before = stream_clock_.restarts();
+    stream_clock_.take(raw, clock_->now_ns());
+    clock_restarts_.fetch_add(stream_clock_.restarts() - before, std::memory_order_relaxed);
+  } else if (result.outcome == Outcome::no_data) {
+    stream_clock_.found_nothing();
+  }
+  if (stream_clock_.next(scan)) return {};
+  return result ? Result{Outcome::no_data} : result;
+}
 
 Result BenchDriver::read(Frame& frame) {
   Frame reading;
-  const Result result = board_->read(reading);
+  const Result result = next_scan(reading);
   if (!result) return result;
-  std::int64_t host_ns = reading.time_ns;
-  if (description_.own_clock) host_ns = device_clock_.host_time(host_ns, clock_->now_ns());
+  const std::int64_t host_ns = reading.time_ns;
   for (const Wire& wire : wires_) {
     const Reading latest = gauges_[wire.gauge]->latest(wire.input, host_ns);
     if (!latest.valid || gauges_[wire.gauge]->lost() != nullptr) continue;
@@ -156,6 +176,9 @@ void BenchDriver::close() noexcept {
 
 Counts BenchDriver::counts() const noexcept {
   Counts all = board_->counts();
+  if (board_has_clock_) {
+    all.add({"clock of the board", "restarts", clock_restarts_.load(std::memory_order_relaxed)});
+  }
   for (const auto& gauge : gauges_) {
     const char* name = gauge->gauge().name().c_str();
     const GaugeLosses losses = gauge->losses();

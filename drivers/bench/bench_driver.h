@@ -2,15 +2,17 @@
 // in addition, and the amplifier's contacts.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "config/bench.h"
 #include "drivers/bench/gauge_reader.h"
-#include "drivers/clock/device_clock.h"
 #include "drivers/clock/host_clock.h"
+#include "drivers/clock/stream_clock.h"
 #include "drivers/contacts.h"
 #include "drivers/driver.h"
 
@@ -24,12 +26,13 @@ struct BenchParts {
   std::unique_ptr<Contacts> amplifier;  ///< null: none
 };
 
-/// Frames are those of the board, in V, with the latest reading of each gauge that is not newer
-/// than the scan, in the gauge's unit, and its age. The loss of a gauge invalidates its channels
-/// while its thread tries to reopen it; the loss of the board or the amplifier is a loss of the
-/// driver, which the owner closes and reopens. The device of the amplifier's contacts is opened
-/// first; the contacts switch off before the board's output and on after it. A temporary failure of
-/// the board does not switch them.
+/// Frames are those of the board, in V, on the host's clock (the first of a stream once their time
+/// is known: clock/stream_clock.h), with the latest reading of each gauge that is not newer than
+/// the scan, in the gauge's unit, and its age. The loss of a gauge invalidates its channels while
+/// its thread tries to reopen it; the loss of the board or the amplifier is a loss of the driver,
+/// which the owner closes and reopens. The device of the amplifier's contacts is opened first; the
+/// contacts switch off before the board's output and on after it. A temporary failure of the board
+/// does not switch them.
 class BenchDriver final : public Driver {
  public:
   /// `inputs` assigns channels to inputs of gauges; those of the board are handled by the board.
@@ -47,7 +50,8 @@ class BenchDriver final : public Driver {
   const Description& description() const override { return description_; }
   Signals signals() const noexcept override;
   const char* left_on() const noexcept override;
-  /// The counts of the board and the losses of each gauge.
+  /// The counts of the board, the restarts of the estimate of its clock, and the losses of each
+  /// gauge.
   Counts counts() const noexcept override;
 
  private:
@@ -60,6 +64,7 @@ class BenchDriver final : public Driver {
   bool connect(Channel channel, const config::BenchInput& wanted);
   void describe();
   void switch_contact_off() noexcept;
+  Result next_scan(Frame& scan);
   double volts_of(double drive) const;
 
   std::unique_ptr<HostClock> clock_;  // outlives the devices
@@ -68,7 +73,9 @@ class BenchDriver final : public Driver {
   std::vector<Wire> wires_;
   std::unique_ptr<Contacts> amplifier_;
   config::ShakerOutput shaker_;
-  DeviceClock device_clock_;
+  bool board_has_clock_;
+  StreamClock stream_clock_;
+  std::atomic<std::uint64_t> clock_restarts_{0};
   Description description_;
   std::string unmatched_;  // message about inputs that no device has
   bool contact_on_ = false;

@@ -19,7 +19,7 @@ Frame frame_at(std::uint64_t sequence, std::int64_t time_ns) {
 }
 
 TEST(FrameSequencer, LeavesARegularSourceUnchanged) {
-  FrameSequencer sequencer(ms, false);
+  FrameSequencer sequencer(ms);
   for (std::uint64_t i = 5; i < 100; ++i) {
     Frame frame = frame_at(i, static_cast<std::int64_t>(i) * ms);
     const FramePlacement placement = sequencer.place(frame, 0);
@@ -32,7 +32,7 @@ TEST(FrameSequencer, LeavesARegularSourceUnchanged) {
 }
 
 TEST(FrameSequencer, CountsMissingFramesAndTakesALongGapAsOnePeriod) {
-  FrameSequencer sequencer(ms, false);
+  FrameSequencer sequencer(ms);
   Frame frame = frame_at(0, 0);
   sequencer.place(frame, 0);
   frame = frame_at(4, 4 * ms);
@@ -46,7 +46,7 @@ TEST(FrameSequencer, CountsMissingFramesAndTakesALongGapAsOnePeriod) {
 }
 
 TEST(FrameSequencer, RejectsRepeatedFramesAndMarksTheFirstOfARow) {
-  FrameSequencer sequencer(ms, false);
+  FrameSequencer sequencer(ms);
   Frame frame = frame_at(7, 7 * ms);
   sequencer.place(frame, 0);
   for (const bool first : {true, false}) {
@@ -60,7 +60,7 @@ TEST(FrameSequencer, RejectsRepeatedFramesAndMarksTheFirstOfARow) {
 }
 
 TEST(FrameSequencer, ShiftsASourceWhoseTimeWentBack) {
-  FrameSequencer sequencer(ms, false);
+  FrameSequencer sequencer(ms);
   Frame frame = frame_at(0, 1000 * ms);
   sequencer.place(frame, 0);
   frame = frame_at(2, 0);
@@ -73,7 +73,7 @@ TEST(FrameSequencer, ShiftsASourceWhoseTimeWentBack) {
 }
 
 TEST(FrameSequencer, ReportsASourceWhoseTimeJumpedAhead) {
-  FrameSequencer sequencer(ms, false);
+  FrameSequencer sequencer(ms);
   Frame frame = frame_at(0, 0);
   sequencer.place(frame, 0);
   frame = frame_at(1, 5001 * ms);
@@ -89,7 +89,7 @@ TEST(FrameSequencer, ReportsASourceWhoseTimeJumpedAhead) {
 }
 
 TEST(FrameSequencer, ARestartedDeviceContinuesTheNumbersWithTheSkippedCycles) {
-  FrameSequencer sequencer(ms, false);
+  FrameSequencer sequencer(ms);
   Frame frame = frame_at(41, 41 * ms);
   sequencer.place(frame, 0);
   for (int i = 0; i < 10; ++i) sequencer.skip_cycle();
@@ -100,8 +100,8 @@ TEST(FrameSequencer, ARestartedDeviceContinuesTheNumbersWithTheSkippedCycles) {
   EXPECT_EQ(placement.missing, 10U);
 }
 
-RC_GTEST_PROP(FrameSequencer, TimesAndNumbersAlwaysIncrease, (bool device_clock)) {
-  FrameSequencer sequencer(ms, device_clock);
+RC_GTEST_PROP(FrameSequencer, TimesAndNumbersAlwaysIncrease, ()) {
+  FrameSequencer sequencer(ms);
   std::int64_t host_ns = 1'000'000 * ms;
   std::int64_t number = 0;  // of the device, from 0 after each restart
   bool any = false;
