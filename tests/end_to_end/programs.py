@@ -50,6 +50,11 @@ def read_json(path):
     return json.loads(pathlib.Path(path).read_text(), parse_constant=refuse)
 
 
+#: Decorator of tests that need `stickslip scope` to serve.
+needs_page = unittest.skipIf(os.environ.get("STICKSLIP_PAGE_PROBLEM"),
+                             "the live view has no page: " + os.environ.get("STICKSLIP_PAGE_PROBLEM", ""))
+
+
 class EndToEnd(unittest.TestCase):
     """A test with a temporary folder, `self.folder`."""
     longMessage = True

@@ -12,7 +12,7 @@ import threading
 import time
 
 from frames import CHANNELS, generate_types, payloads
-from programs import SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main
+from programs import SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main, needs_page
 from web_socket import (BINARY, PING, TEXT, Closed, Refused, WebSocket, connect, frame, handshake)
 
 RIG = SOURCE / "config/simulated.toml"
@@ -78,6 +78,7 @@ class Reader(threading.Thread):
         return self.messages
 
 
+@needs_page
 class Scope(EndToEnd):
     """A server that is fed from LCM."""
     options = ()
@@ -554,6 +555,7 @@ class OtherNetwork(Scope):
             self.assertGreater(len(frames_in(self.wait_for_frames(client, 100))), 99)
 
 
+@needs_page
 class Arguments(EndToEnd):
     def scope(self, *options):
         return subprocess.run([STICKSLIP, "scope", *options], capture_output=True, text=True, timeout=30)

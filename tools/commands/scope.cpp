@@ -8,12 +8,14 @@
 #include <vector>
 
 #include "config/model_file.h"
+#include "physics/failure.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/scope/listener.h"
 #include "tools/scope/live_feed.h"
+#include "tools/scope/page.h"
 #include "tools/scope/request.h"
 #include "tools/scope/web_server.h"
 #include "tools/telemetry/lcm_client.h"
@@ -73,7 +75,16 @@ void print_address(const scope::ListenAddress& at, const scope::Admission& admis
   }
 }
 
+void require_page() {
+  if (!scope::page_files().empty()) return;
+  throw Failure(
+      "this program was built without the page of the live view, for want of uPlot: where the npm "
+      "registry can be reached, configure it with -DSTICKSLIP_SCOPE=ON and build it again (see "
+      "docs/development.md)");
+}
+
 int run(const Arguments& arguments) {
+  require_page();
   const StopSignals stop;
   scope::FeedSettings settings;
   settings.version = STICKSLIP_VERSION;

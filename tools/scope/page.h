@@ -15,7 +15,7 @@ struct PageFile {
   std::span<const std::uint8_t> content;
 };
 
-/// All files (see tools/scope/CMakeLists.txt).
+/// All files (see tools/scope/CMakeLists.txt); none in a program built without uPlot.
 std::span<const PageFile> page_files();
 
 }  // namespace stickslip::scope
