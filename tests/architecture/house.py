@@ -14,7 +14,7 @@ import checkout
 SOURCE = pathlib.Path(sys.argv[1]).resolve()
 
 TOP = {".ci", ".clang-format", ".clang-tidy", ".gitignore", "CHANGELOG.md", "CMakeLists.txt",
-       "CMakePresets.json", "README.md", "config", "daemon", "diagnosis", "docs", "drivers",
+       "CMakePresets.json", "LICENSE", "README.md", "config", "daemon", "diagnosis", "docs", "drivers",
        "observer", "physics", "protocol", "systemd", "tests", "tools"}
 EMPTY_NAMES = re.compile(r"(^|[_-])(utils?|common|managers?|helpers?|misc)([_-]|$)", re.IGNORECASE)
 # A folder that exists on one machine only. (Written so that this line is not one.)
