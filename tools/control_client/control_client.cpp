@@ -61,7 +61,9 @@ void ControlClient::send(const std::string& text) {
   for (std::size_t sent = 0; sent < text.size();) {
     const ssize_t put = ::send(file_, text.data() + sent, text.size() - sent, MSG_NOSIGNAL);
     if (put < 0 && errno == EINTR) continue;
-    if (put < 0) throw Failure(socket_ + ": the daemon disconnected");
+    // The daemon refuses a stranger and closes: its last line is still to be read.
+    if (put < 0 && (errno == EPIPE || errno == ECONNRESET)) return;
+    if (put < 0) throw Failure(socket_ + ": " + std::strerror(errno));
     sent += static_cast<std::size_t>(put);
   }
 }

@@ -100,6 +100,14 @@ class ControlClientTest : public testing::Test {
   std::thread server_;
 };
 
+// A daemon refuses a stranger when the connection is made, and closes it.
+TEST_F(ControlClientTest, ARefusalSentBeforeTheRequestIsReported) {
+  serve([](Peer& peer) { peer.answer({{"ok", false}, {"error", "you may not use this socket"}}); });
+  ControlClient client(socket_);
+  server_.join();
+  EXPECT_EQ(client.ask("clear")["error"], "you may not use this socket");
+}
+
 TEST_F(ControlClientTest, SendsARequestAndReturnsItsAnswer) {
   json request;
   serve([&request](Peer& peer) {
