@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A bench of real devices: the source of each channel, and the address and settings of each device.
 #pragma once
 

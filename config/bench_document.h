@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The bench of real devices in a rig's file.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // calibration.toml: conversion of each channel's raw readings to SI, with its reference, its
 // uncertainty, and the calibrations before it.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Demand of an excitation on the shaker, compared with its limits.
 #pragma once
 

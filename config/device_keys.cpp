@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Keys of the [[gauge]] and [[modbus]] tables of a rig file, and of a register map.
 #include <array>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One configuration file: its TOML, validated by a table of keys. All problems are collected; the
 // values can be read once there are none.
 #pragma once

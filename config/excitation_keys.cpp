@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Keys of a rig file on the excitation and its limits.
 #include <array>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A fault script: faults of a device and their times, injected to test the reaction of the daemon.
 #pragma once
 

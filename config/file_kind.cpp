@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Kind of a configuration file by the names of its tables.
 #include <algorithm>
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mapping files of the importer: what the columns of a foreign CSV file are.
 #pragma once
 

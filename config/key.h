@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The keys of the configuration files. One entry for each key holds everything about it: its path,
 // type, unit, range and meaning, and the member that it is read into (key_binding.h), whose initial
 // value is the default. Validation, error messages, reading and documentation use that entry.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Binding of a key to the member that it is read into. The member's type determines the type of the
 // key, how it is read, and how its default is written.
 #pragma once

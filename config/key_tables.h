@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The tables of keys, one for each object that is read from a file.
 #pragma once
 

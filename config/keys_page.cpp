@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // docs/configuration.md, from the tables of keys.
 #include <sstream>
 #include <string>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // LCM's URLs: their components, what is wrong with them, and how far they reach.
 #pragma once
 

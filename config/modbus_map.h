@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Register map of a kind of Modbus unit: a separate file, so that a conditioner is described once
 // and used on every bench.
 #pragma once

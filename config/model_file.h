@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // model.toml: the assumed physics of a rig, as physics::Model.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Names of the enumerators of physics::Model in a model file.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The files of a configuration: those that it is read from, and those that it has written. A file
 // is read unless the entry of its key says that it is written (key.h).
 #pragma once

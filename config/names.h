@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Names of enumerators in configuration files. One table for each enumeration, next to it: files
 // are read and written by it, and documentation and error messages list its names.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A rig as its configuration file describes it: the device that yields the channels, their
 // calibration, the excitation of the shaker, and the outputs.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The effective settings of a rig: the value of each key and its origin; differences of two rigs.
 #pragma once
 

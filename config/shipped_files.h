@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The rigs, models, fault scripts, calibrations and register maps that are shipped with the
 // programs.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Age that readings of the slower devices of a bench reach when one reply is lost.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Access to nodes of a parsed TOML file.
 #pragma once
 

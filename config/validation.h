@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Validation of a parsed TOML file by the tables of keys.
 #pragma once
 

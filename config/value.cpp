@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "config/value.h"
 
 #include "config/key_binding.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A value of a configuration file that has been validated: typed access without TOML.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Closed-loop control of the excitation amplitude: compensates the shaker's gain from the measured
 // motion of the base. Without I/O.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The last stage before the device: limits displacement, velocity and acceleration of the shaker,
 // whatever is commanded upstream. Pure: values in, values out.
 #pragma once

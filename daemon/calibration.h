@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Calibration: from a device's raw readings to SI values.
 #pragma once
 

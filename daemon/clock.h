@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The loop's clock: absolute, monotonic, and replaceable in tests.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Commands to the loop and its answers. Plain values of fixed size, which pass through rings.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Server of the control socket: passes clients' commands to the loop and returns its answers.
 #pragma once
 

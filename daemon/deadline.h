@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Deadlines on a fixed grid of absolute monotonic time: an overrun costs cycles but never phase.
 #pragma once
 

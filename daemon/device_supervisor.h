@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recovery of a lost device: closes it, then opens and starts it again with increasing delays. Runs
 // in its own thread, because opening may take long.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A drive from a recording: a cubic spline through its samples.
 #pragma once
 

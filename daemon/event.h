@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Events: notices of the loop and other occurrences, in words for people and codes for programs.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Limits the rate of events and log lines that a failing device, an overloaded machine or a client
 // causes hundreds of times a second: the first is reported immediately, those that follow as
 // summaries with their count, after one second and then at intervals that double to a minute. A

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The drive of the shaker, cycle by cycle: the configured waveform, ramped, times the gain of the
 // amplitude control, through the limits. Pure: no clock, no device; the caller supplies the time.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Time stamps and sequence numbers of the frames that a device yields: both increase strictly from
 // here on, whatever the source does. Pure: the time of reading is the caller's.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Conditions for the amplifier to be on, checked in every cycle. An interlock is broken as long as
 // its condition is violated, if only for a cycle; Safety decides whether that latches.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Account of every frame. Nothing is lost without an entry here:
 //
 //   produced = delivered + losses by cause + pending        for every consumer, at any time

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Text lines over a Unix socket, for untrusted clients: slow, silent, flooding or dead. One thread
 // serves all of them and waits for none.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The real-time loop: acquire, calibrate, observe, check the interlocks, drive, hand over. All
 // memory is allocated at construction; a cycle allocates, locks and logs nothing and makes no
 // system call but the device's and the clock's.

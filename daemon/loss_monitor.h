@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Losses as events: one when frames begin to be lost, one when that has ended.
 #pragma once
 

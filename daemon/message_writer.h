@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Destination of encoded messages: LCM for the publisher, a log for the recorder.
 #pragma once
 

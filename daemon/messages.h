@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The daemon's data as LCM messages, on the channels and in the types of protocol/.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Status for Prometheus: a text file for node_exporter's textfile collector, so that monitoring
 // needs no open port.
 #pragma once

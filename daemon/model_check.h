@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Live model check of the frames: a consumer like publisher and recorder, with a thread of its own
 // that checks the latest seconds every quarter of a second, or less often where that would take
 // more than a quarter of a core. Neither the loop nor another consumer waits for it.

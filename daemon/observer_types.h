@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The observer's types that the loop uses and hands on.
 #pragma once
 

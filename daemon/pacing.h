@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The three ways of pacing the loop. Each is a function that waits for the next cycle and reports
 // how late it came; everything else that depends on the pacing is answered here as well.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Real-time privileges of the kernel. Each is requested and the result reported; a refusal comes
 // with its remedy and is never fatal.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The recorder: messages in an LCM event log.
 #include <fcntl.h>
 #include <spdlog/spdlog.h>

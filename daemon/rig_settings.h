@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Settings of the daemon's parts, derived from a rig's configuration and its device.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Queue between two threads: one writer, one reader, neither ever waits, and no memory is
 // allocated after construction.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Permission of the amplifier to be on. Off is the default; a fault latches with its cause and is
 // cleared only by an operator's command. Decided by the loop once a cycle, by no other thread.
 #pragma once

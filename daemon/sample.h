@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The loop's output: a sample per cycle, estimates, and notices of what happened. Plain values of
 // fixed size, which pass through rings without allocation.
 #pragma once

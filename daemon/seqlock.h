@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sequence lock: a value that one thread writes often and others read occasionally. The writer
 // never waits; a reader that meets an unfinished write reads again.
 #pragma once

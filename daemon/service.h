@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The daemon as a whole: a rig configuration, run from start to stop.
 #pragma once
 

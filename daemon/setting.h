@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Parameters of the excitation that can be changed while it runs, and the check of a change.
 #pragma once
 

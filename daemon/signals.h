@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The signals that the daemon handles, as a file to poll.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // State of the daemon at one moment, as it is published, recorded and logged.
 #pragma once
 

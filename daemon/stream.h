@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The path from the loop to one consumer: a ring, a thread that cuts blocks from it, a sink that
 // takes them, and an account of every frame. Publisher and recorder are two of these; neither can
 // delay the other or the loop.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Timing statistics of the loop: written by the loop, read by any thread.
 #pragma once
 

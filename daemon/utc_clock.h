@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Wall clock for messages: follows the host's, but never runs backwards.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The configured signal as if it had always run: without start and stop, gain and limits. Pure: no
 // clock; the caller supplies the time.
 #pragma once

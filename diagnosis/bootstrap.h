@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rate of false alarms on recordings like the given one, by a parametric bootstrap: the calibrated
 // declared model is simulated repeatedly under the same drive with the same noise, and diagnosed.
 #pragma once

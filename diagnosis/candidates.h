@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Effects of the catalogue that a model may lack and that its recordings can show.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Channels that measure something else than their column says: dead, stuck, reversed, exchanged or
 // in another unit. No physics is looked for in them. Judged by what holds for every rig, without a
 // fit: velocity is the rate of displacement, forces balance, friction takes energy from the motion,

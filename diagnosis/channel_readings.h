@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Measurements of one channel, each at its own time, and signals on a uniform grid made of them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Thresholds of a diagnosis: every number that decides what is claimed, preferred, reported or left
 // out, and how much work is spent before that is decided.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Detection limits of a recording: the size from which each effect would be claimed, and the
 // effects that the recording cannot separate. Both follow from the change of the readings that an
 // effect causes, less the part that window states, calibrated parameters and the drive's noise

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Diagnosis of recordings against a model: whether and where they disagree, the physics that the
 // model lacks, and the gain by including it on data that nothing was fitted to.
 #pragma once

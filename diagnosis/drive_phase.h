@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Phase and amplitude of the drive of a recording, by sample.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Accuracy of a model's predictions of a recording, without fitting a parameter.
 #pragma once
 

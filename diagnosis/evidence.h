@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Residuals before and after the findings of a diagnosis, and the recording with both predictions,
 // for the figures of a report. The part of a residual that the noise of the base's own channel
 // explains is removed from it and from the predictions, as in the scores of models.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A recording prepared for comparison with models: uniform time grid, readings, inputs, noise of
 // each channel, first guesses of the states, and the windows in which predictions are made.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The candidates for one more effect: screened, the best of them fitted on all windows, ranked.
 #pragma once
 

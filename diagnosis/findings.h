@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Findings of a search: claimed effects with intervals, probabilities, fitted shapes, and the
 // experiment that would separate them from their rivals.
 #pragma once

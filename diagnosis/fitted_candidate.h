@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A candidate effect added to a model, with its fit and its score.
 #pragma once
 

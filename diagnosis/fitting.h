@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Fits of candidates: in stages, with weights adapted to their residuals, to convergence, and again
 // from the declared values.
 #pragma once

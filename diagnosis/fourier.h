@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Discrete Fourier transforms. One translation unit holds the code of the transform: GCC 12 rounds
 // an inlined copy of it differently from file to file, and results would depend on which copy the
 // linker keeps.

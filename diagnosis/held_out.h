@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Score of a hypothesis on held-out windows, and the gain of one hypothesis over another.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A model with its unknowns: parameters declared with a standard deviation, and the parameters of
 // the terms on trial.
 #pragma once

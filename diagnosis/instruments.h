@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Default uncertainties of gains, offsets and delays, for models that do not declare them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Integrity of a recording before any model is compared with it: missing samples, clipping,
 // resolution, mains lines, and the delay of the velocity channel. For the reader only; the
 // diagnosis finds the faults that matter by itself.

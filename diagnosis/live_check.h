@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Live model check: whether the last seconds of a running rig follow its model, by the fit, the
 // candidates and the score of a diagnosis. The declared model is fitted to short windows of the
 // latest frames; where its residuals exceed the noise, or its parameters their declared

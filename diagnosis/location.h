@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Location of a mismatch: relation, channel, times, range of the motion, and frequency band.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Median of a set of values.
 #pragma once
 

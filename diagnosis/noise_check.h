@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether a model leaves noise: chi-squared against its own uncertainty.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Coloured noise: a share of a channel's noise has a correlation time, the rest is white.
 //
 // A filter turns residuals into innovations, each divided by its standard deviation: those of the

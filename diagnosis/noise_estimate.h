@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The noise that the residuals of a fit show: its level and its colour.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Single bad samples of a recording: a loose contact, a bit that flipped, a line that was read
 // wrongly. They are found before anything else uses the channel, and count as not measured.
 #pragma once

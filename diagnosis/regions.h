@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Conditions under which a model fails: time, region of phase space, state of motion, phase of the
 // drive, frequency band. Every condition of every channel is one test; the false discovery rate of
 // all tests together is controlled.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Simulation of a recording by a model, under the recorded drive or under a variation of it that a
 // bench can produce.
 #pragma once

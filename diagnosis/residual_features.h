@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Features of the residuals (spectral lines, episodes) and sizes of the recorded quantities, from
 // which effects choose their starting values.
 #pragma once

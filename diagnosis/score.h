@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scores of a model with given parameters on windows that it was not fitted to.
 #pragma once
 

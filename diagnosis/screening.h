@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Screening of all candidate effects: a rough fit of each on a subset of windows, refined for the
 // best of them.
 #pragma once

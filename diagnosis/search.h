@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Search for missing physics: adds one effect after the other to the declared model for as long as
 // held-out data support it, replaces effects by others that do better beside the rest, and drops
 // those that the rest does not need.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Choice among fitted candidates: probabilities, and preference of simple and listed physics.
 #pragma once
 

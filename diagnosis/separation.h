@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Design of the experiment that separates two hypotheses: runs that a bench can make are simulated
 // by one hypothesis and fitted by the other.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Curves of a fitted effect: the quantity that it changes over the variable that it depends on, for
 // a report's JSON and its figures.
 #pragma once

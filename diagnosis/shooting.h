@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Multiple shooting over short windows: every window starts from a free state, the sensor filters
 // are part of the model, and the parameters are shared. Unlike a free run or a regression it copes
 // with chaos and hidden states. Gauss-Newton with Levenberg-Marquardt damping; window states are

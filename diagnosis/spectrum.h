@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Spectrum of a whole channel, and its mains line.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Clock of a recording: a straight line through the times of its rows, and the uniform grid of
 // instants on it.
 #pragma once

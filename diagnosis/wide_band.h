@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Signal before the filters of a noisy channel: value, rate and acceleration without phase lag, by
 // spectral subtraction and inverse filtering. Used for inputs (the base's acceleration) and for
 // first guesses of states, never for the comparison with a model.

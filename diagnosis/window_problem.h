@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The least-squares problem of multiple shooting, window by window: residuals, their derivatives,
 // and each window's part of the normal equations.
 #pragma once

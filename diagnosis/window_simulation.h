@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Integration of a rig over one window of a recording, for plain numbers and for numbers with
 // derivatives.
 #pragma once

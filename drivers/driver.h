@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Interface of a device: two calls per cycle, read and write, and a lifecycle. Simulated and
 // replayed rigs implement the same interface as hardware; the daemon cannot distinguish them. A
 // fault is a value that the interface returns, so that tests can inject any fault.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Interface of a device that is read in addition to the board, at its own rate: a strain-gauge
 // bridge, an LVDT conditioner, an instrument on a serial line. Its reads may block: a separate
 // thread (see bench/gauge_reader.h) reads it and reopens it after a loss; the loop uses the latest

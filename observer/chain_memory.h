@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Conversion between filter states and physics::FilterMemory of a sensor chain.
 #pragma once
 

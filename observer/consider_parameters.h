@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Consider parameters (Schmidt-Kalman filter): parameters of the model with a standard deviation
 // that are no states of the filter. As process noise their uncertainty would average out, but the
 // error of a constant does not. The sensitivity of the estimate to an error of one standard

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Consistency of the filter, as two running statistics: mean NIS per degree of freedom, 1 for a
 // consistent filter, and the lag-one correlation of each channel's innovations, 0 for a consistent
 // filter (Bar-Shalom, Li, Kirubarajan: Estimation with Applications to Tracking and Navigation,

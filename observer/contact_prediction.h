@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Prediction for rigs that are linear except for their contact, such as the paper's. The linear
 // part including the sensor chains is propagated exactly, with weights that are computed once by
 // integrating the rig's own equations in small steps. A period then only has to solve the contact,

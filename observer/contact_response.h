@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Response to the rig's parameters where ContactPrediction predicts: the derivatives of its linear
 // part are computed once, those of its two contact stages follow from their solutions, which are
 // not repeated.

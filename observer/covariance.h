@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Covariance of the filter's states with its time update and measurement update, where almost all
 // of the observer's time is spent.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Prediction for any rig: the rig's own integrator in dual numbers (forward automatic
 // differentiation).
 #pragma once

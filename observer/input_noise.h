@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Process noise of a measured input, the drive or the normal load: a derivative of it is white
 // noise, whose density follows from how well the input's own readings are predicted.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Extended Kalman filter of FrictionObserver, with the interface that the smoother and tests need.
 #pragma once
 

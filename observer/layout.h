@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // State layout of the filter for a model.
 //
 // The core states evolve by themselves: rig, drive, parameters. The remaining states follow from

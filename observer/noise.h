@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Noise model of the filter: noise of readings, process noise, adaptive noise of the drive, and the
 // initial state with its covariance.
 #pragma once

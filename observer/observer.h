@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Real-time estimate of friction force, its internal state theta and the friction coefficient mu,
 // with their covariance: an extended Kalman filter on the rig's equations (physics::Rig), the
 // states of its sensor chains, the drive and slowly varying parameters. docs/observer.md describes

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A rig without contact force, which is linear, over one period in small steps: the source of the
 // weights of ContactPrediction and, in dual numbers, of their derivatives by the rig's parameters.
 #pragma once

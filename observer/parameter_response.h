@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Change of the filter's states over one period for an error of one standard deviation of each of
 // the rig's parameters that are no states of the filter.
 #pragma once

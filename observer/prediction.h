@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Time update of the filter's mean over one period, with its Jacobian.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Errors of readings for an error of one standard deviation of each parameter of the sensor errors
 // that a model's [[physics]] terms describe.
 #pragma once

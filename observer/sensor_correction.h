@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Correction of the sensor errors that a model's [[physics]] terms describe, before a reading
 // enters the filter: gain and curvature are inverted, a saturated reading is dropped. Delays, hum
 // and drift have states instead (sensor_error_states.h), crosstalk is part of the measurement row

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Filter states between a chain's output and its reading: pure delay, hum and drifting offset. They
 // are propagated after the chains.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Smoothed estimates of a recording: the observer's filter forwards, and backwards an information
 // filter of all later readings. (The gains of a
 // Rauch-Tung-Striebel smoother would invert the sensor chains, which are stable forwards, so it

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Jacobian of one period in sparse form: every state is a weighted sum of the previous states and
 // of a few shared sums, such as the contact force, which several rows use.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One implicit step of a friction law that follows tanh(w / speed): the slip velocity at which
 // contact and inertia balance.
 #pragma once

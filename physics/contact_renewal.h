@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Renewal of contacts by slip, which erases their history.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Numbers that a model states and a recording contradicts: the effect of the catalogue that adds no
 // term to the equations. It changes a number that is in them.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Dual numbers: forward-mode automatic differentiation, so that every equation is written once and
 // yields exact Jacobians.
 #pragma once

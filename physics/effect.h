@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Effect: one piece of physics that a model may lack. Its class holds everything about it:
 // the sentence that names it, its equation, its parameters, the relation it enters, how a report
 // draws it, and the term itself. Simulator, observer, diagnosis, report and documentation read that

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # stickslip_effects(SOURCES LIST FOLDER...): every *.cpp of the folders is one effect, and NAME.cpp
 # defines `const Effect& NAME()`. Sets SOURCES to these files and LIST to a generated file that lists
 # them for the catalogue; a file that is added or removed is noticed at the next build. A program

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A time interval with smooth edges, so that a fit can adjust them.
 #pragma once
 

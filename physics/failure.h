@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How a program ends after an error, in words for the person at the terminal.
 #pragma once
 

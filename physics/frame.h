@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One sample of a rig. Drivers, calibration, observer, telemetry and recordings share this struct.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Free-form effects: a force, a friction factor or a load factor as a piecewise linear function of
 // one quantity, with eight knots over the range that the recording visits and constant beyond it.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Excitation of a rig.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "physics/integration_cost.h"
 
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The integration steps that a motion takes, as far as they are known before it is integrated: by
 // the fastest motion of the model.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // physics::Model, the content of model.toml: integrated by the simulated rig, assumed by the
 // observer and extended by a diagnosis. Symbols and signs are those of docs/physics.md:
 //

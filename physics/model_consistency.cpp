@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "physics/model_consistency.h"
 #include "physics/reading.h"
 

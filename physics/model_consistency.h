@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Consistency of a model with itself and with the catalogue of effects.
 #pragma once
 

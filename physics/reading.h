@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sensor errors: departures of readings from the output of their declared chains (gain, crosstalk,
 // drift, hum, delay, saturation, a characteristic, a differentiator with a low cut-off). One law
 // for all channels (ReadingLaw), whose numbers the effects of the catalogue set.

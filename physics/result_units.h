@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Units in results of a model: SI, or none where the model is dimensionless.
 #pragma once
 

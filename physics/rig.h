@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The equations of a rig, built from its Model, and their integrator, shared by the simulated rig,
 // the observer's predictions and the fits of a diagnosis.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "physics/sensor_chain.h"
 
 #include <Eigen/Core>

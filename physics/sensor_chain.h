@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sensor chains: analogue low-pass filters between a quantity and its reading, discretised exactly
 // for inputs that are linear between steps (first-order hold).
 #pragma once

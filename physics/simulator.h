@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Simulated rig: integrates a Model under given inputs and reads its sensors, with their filters,
 // noise and quantisation. Deterministic for a seed.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Zeros without a sign, in numbers that are written as text.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The LCM channels of a rig: names, types and rates.
 #pragma once
 

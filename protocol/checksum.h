@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CRC-32 as in zlib, Ethernet and PNG, available in any language.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Messages on the control socket: JSON, one object per line, in both directions.
 //
 //   {"v": 1, "id": 7, "do": "start", "dead_man": true}

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Decoding of messages from untrusted bytes: network packets, damaged files.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CSV files of other programs: semicolons or tabs, decimal commas, quoted headers, units in the
 // header or by rule, further columns. What is not said is guessed, what cannot be decided refused.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Conversion of frames to and from their LCM message.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // JSON as text, for every report and message that a program writes once.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Exclusive use of a log by the process that writes it. The kernel releases a lock when its process
 // ends, however it ends.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recordings: CSV files, or LCM event logs as written by the daemon. Both hold the same frames, to
 // the bit.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CSV recordings; selection of the format of a recording.
 #include <algorithm>
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reading of the events of an LCM event log, which may be damaged.
 #pragma once
 

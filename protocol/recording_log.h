@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recordings in LCM event logs; internal to protocol/.
 #pragma once
 

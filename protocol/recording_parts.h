@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recordings in several logs, each of which is a log of its own.
 #pragma once
 

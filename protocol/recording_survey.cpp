@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "protocol/recording_survey.h"
 
 #include <algorithm>

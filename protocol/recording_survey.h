@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Complete survey of a log: its content and all of its faults, also for logs that cannot be read as
 // recordings.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Part of a recording that is too long for memory: blocks of successive frames, spread over it.
 #pragma once
 

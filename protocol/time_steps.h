@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Steps of the time in a series of frames, which sequence numbers do not show.
 #pragma once
 

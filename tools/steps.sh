@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Steps of tools/demo, tools/test and tools/benchmark: each prints one line with its duration, logs its
 # output, and shows the end of the log and the command if it fails. Sourced, not run.
 # Expects `root` (the checkout) and `log_folder` to be set.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The picture of an effect in the catalogue's page.
 #pragma once
 

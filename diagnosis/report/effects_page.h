@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The catalogue of effects for people, made from its entries: docs/effects.md and
 // `stickslip effects`.
 #pragma once

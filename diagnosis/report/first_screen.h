@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The head of the page: verdict, findings, location, confidence and fit, in one screen.
 #pragma once
 

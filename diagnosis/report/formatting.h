@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Numbers, quantities and names as printed in a report for readers outside the project.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The verdict of a diagnosis in one sentence, and the rig it is about.
 #pragma once
 

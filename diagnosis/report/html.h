@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A diagnosis as one self-contained, printable page for readers outside the project: it loads
 // nothing, runs no script, and states what is needed to reproduce it.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Elements of an HTML page that is also well-formed XML.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A diagnosis and scores of a model as JSON (docs/formats.md, section 5).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Plots as inline SVG: lines, maps and intervals. Colours are classes of the page's style sheet
 // (s0 to s3 for series, m0 to m8 for the shades of a map), so that light, dark and print each have
 // their own. Every plot carries a description for readers who cannot see it.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Origin of a diagnosis, as its reports state it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "diagnosis/report/standalone_svg.h"
 
 #include <string_view>

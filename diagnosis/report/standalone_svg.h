@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A plot as a file of its own.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The style sheet of a report: screen, light or dark, wide or narrow, and paper.
 #pragma once
 

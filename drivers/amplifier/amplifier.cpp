@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/amplifier/amplifier.h"
 #include "physics/number_text.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Contacts of the shaker amplifier on a GPIO chip: outputs enable and heartbeat, inputs fault and
 // emergency stop.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Debouncing of a stop contact: pressing takes effect immediately and for a minimum time, release
 // only after it has persisted.
 #pragma once

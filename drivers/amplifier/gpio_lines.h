@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lines of a GPIO chip. One interface for both generations of libgpiod: gpio_lines_v1.cpp for 1.6,
 // gpio_lines_v2.cpp for 2.x; the build selects one.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // For libgpiod 2.x.
 #include <gpiod.h>
 #include <poll.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A bench of real devices as one driver: a board whose scans are the frames, gauges that are read
 // in addition, and the amplifier's contacts.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads a gauge in a separate thread, reopens it after a loss, and hands its readings to the loop,
 // which never waits for it.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Probe of every device of a bench, for `stickslip check --live`: does it respond, and with which
 // readings? Nothing is driven: outputs stay at rest, and the amplifier is never enabled.
 #pragma once

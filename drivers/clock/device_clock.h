@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mapping of a device's own clock to the host's monotonic clock.
 #pragma once
 

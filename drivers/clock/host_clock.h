@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The host's clock. Replaceable, so that tests need not sleep.
 #pragma once
 

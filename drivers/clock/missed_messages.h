@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Count of the missed messages of a device that transmits periodically, by itself.
 #pragma once
 

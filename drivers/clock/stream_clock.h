@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Frames of a board with its own crystal, on the host's clock, from the first frame of a stream on.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Construction of the devices of a bench from its configuration.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stateless random numbers: each draw is a function of the seed and of its purpose, independent of
 // earlier draws.
 #pragma once

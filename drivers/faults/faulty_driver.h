@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Fault injection: a driver behind scripted faults. docs/faults.md defines the kinds of faults and
 // their order.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Times at which a fault of a script is active.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/labjack_u6/board_link.h"
 
 #include <libusb-1.0/libusb.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Connection to one LabJack U6: discovery on the bus and synchronous commands. Not for use while it
 // streams, when commands and replies are asynchronous (see stream_session.h).
 #pragma once

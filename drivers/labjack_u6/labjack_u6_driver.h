@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A LabJack U6 or U6-Pro as the board of a bench: its inputs are streamed, a DAC drives the shaker,
 // and a digital line enables the amplifier.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Encoding of commands to a LabJack U6 and decoding of its replies: pure functions, without USB.
 // The layouts are those of the board's low-level function reference (U6 datasheet, section 5.2).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Decoder of LabJack U6 stream packets into scans. Pure: no USB, no clock.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Settings of a LabJack U6 checked and turned into a stream: the scan list, its clock, and the size
 // of packets and transfers.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A LabJack U6 while it streams: samples arrive in a separate thread and become frames, and short
 // commands are exchanged asynchronously.
 #pragma once

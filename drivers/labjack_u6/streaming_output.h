@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Output of a LabJack U6 while it streams: set-points at the DAC, the enable line, which the
 // board's watchdog guards, and the input lines that each reply carries.
 #pragma once

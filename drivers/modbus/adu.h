@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Encoding of Modbus requests and matching of replies (application protocol and messaging on
 // TCP/IP). libmodbus transfers the bytes, but does not match replies strictly: it ignores the unit
 // of a TCP reply, and accepts one from "unit 0" on a serial line.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A Modbus connection, serial or TCP, shared by its units.
 #pragma once
 

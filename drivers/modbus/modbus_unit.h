@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A Modbus unit as a gauge: the registers of its map are polled, checked and scaled.
 #pragma once
 

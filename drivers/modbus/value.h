@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Conversion between register words and values. Independent of the library's conversion of floats,
 // which differs between releases and is inconsistent in some.
 #pragma once

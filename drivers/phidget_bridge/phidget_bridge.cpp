@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/phidget_bridge/phidget_bridge.h"
 
 #include <hidapi/hidapi.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // PhidgetBridge 4-Input 1046: four strain-gauge bridges, 24 bits, up to 125 readings per second.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Protocol of the PhidgetBridge 4-Input 1046 (not 1046_1): settings and readings as pure functions
 // of bytes. The layout is that of the manufacturer's open library of that time.
 #pragma once

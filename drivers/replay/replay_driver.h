@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Replay of a recording as a driver, bit for bit.
 #pragma once
 

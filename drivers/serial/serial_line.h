@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A serial line that is only received from, for instruments that transmit by themselves: 8 data
 // bits, no parity, one stop bit, no handshake, raw bytes. Also the diagnosis of a serial device
 // that cannot be opened.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/serial_scale/serial_scale.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A balance on a serial line that transmits weights unrequested, about ten times a second:
 //   S +00012.345 g *30\r\n
 #pragma once

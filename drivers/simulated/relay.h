@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Amplifier relay of the simulated rig in another process: a watchdog relay at the other end of a
 // Unix socket, which receives its state in every cycle and opens after a time-out, so that the
 // shaker stops even if the daemon is killed.

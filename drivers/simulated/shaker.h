@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Dynamics between the commanded drive and the rig: converter, amplifier and shaker.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Simulated rig as a driver: shaker, oscillator, sensors and converter.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The USB boards of one kind on this host, and the selection of the configured one.
 #pragma once
 

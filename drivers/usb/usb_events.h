@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Waiting for USB transfer events, in a thread that may have a real-time priority.
 #pragma once
 

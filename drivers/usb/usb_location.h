@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Location of a USB device, as lsusb and the kernel write it.
 #pragma once
 

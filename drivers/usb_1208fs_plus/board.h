@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A USB-1208FS-Plus in operation: a thread converts its scans to frames and refills its output.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sequence numbers for the scans of a board that does not number them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Protocol of the USB-1208FS-Plus: requests, scan settings, samples and calibration memory, as pure
 // functions of bytes. The numbers are those of the vendor's open Linux drivers.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Connection to one USB-1208FS-Plus: discovery, and control requests.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/usb_1208fs_plus/usb_1208fs_plus_driver.h"
 
 #include <algorithm>

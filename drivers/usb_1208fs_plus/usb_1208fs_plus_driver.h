@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Measurement Computing USB-1208FS-Plus: inputs of 11 or 12 bits, scanned by the board's clock, and
 // an output of 12 bits paced by the same clock.
 #pragma once

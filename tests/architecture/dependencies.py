@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """docs/dependencies.md, held against tools/packages, the npm packages of the build, and the libraries that
 the programs are linked with.
 

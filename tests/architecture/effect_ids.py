@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """No effect id stands as a string outside physics/effects/: other rooms ask the effect.
 
 Usage: effect_ids.py SOURCE_FOLDER

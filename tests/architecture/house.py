@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The order of the house that no compiler sees: names, places, links.
 
 Usage: house.py SOURCE_FOLDER
@@ -20,6 +21,7 @@ EMPTY_NAMES = re.compile(r"(^|[_-])(utils?|common|managers?|helpers?|misc)([_-]|
 # A folder that exists on one machine only. (Written so that this line is not one.)
 ONE_MACHINE = re.compile(r"(?<![\w.~$}>)])/(?:home|root|work|farm|Users)/[\w.]")
 
+SOURCES = {".h", ".cpp", ".py", ".sh", ".cmake", ".js", ".mjs", ".lcm", ".conf", ".rules"}
 
 FILES = checkout.committed(SOURCE)
 LONGEST_FUNCTION = 100
@@ -70,6 +72,13 @@ class House(unittest.TestCase):
             if name.suffix == ".h":
                 with self.subTest(file=str(name)):
                     self.assertIn("#pragma once", text_of(name))
+
+    def test_every_source_names_its_licence(self):
+        for name in FILES:
+            text = text_of(name)
+            if name.suffix in SOURCES or name.name == "CMakeLists.txt" or text.startswith("#!"):
+                with self.subTest(file=str(name)):
+                    self.assertIn("SPDX-License-Identifier: Apache-2.0", "".join(text.splitlines(True)[:2]))
 
     def test_no_path_of_one_machine(self):
         self.assertIsNotNone(ONE_MACHINE.search("/" + "home/someone/rig"))

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The table of rooms in docs/architecture.md, held against the build and the sources.
 
 Every target that compiles a file of a room is probed with its own compile command: it must find the

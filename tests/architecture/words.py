@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The words of the project are those of the field (docs/glossary.md): tests/architecture/words.txt
 lists those that are not, with what the field says. No comment opens with "what".
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cost of a frame on its whole path through the daemon - read, calibrate, observe, hand over,
 // encode, publish on LCM, record - compared with a loop that only publishes the same blocks. Both
 // in one run, as processor time of all threads, so that the ratio is valid on any machine.

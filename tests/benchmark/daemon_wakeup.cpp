@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Wake-up lateness of the loop at 1 kHz, compared with cyclictest (rt-tests) on the same machine,
 // alternating within one run, so that the ratio is valid on any machine.
 #include <benchmark/benchmark.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cost of a diagnosis: seconds per fitted hypothesis, speed-up by the second core, and growth with
 // the length of the recording, as ratios within one run.
 #include <benchmark/benchmark.h>

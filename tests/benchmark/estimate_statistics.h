@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Statistics of estimates against the truth: relative error, coverage of intervals, area under the
 // ROC curve, median and worst over recordings.
 #pragma once

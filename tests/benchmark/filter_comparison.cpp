@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Comparison of filters for the observer: the seeded runs of observer_campaign, the same model,
 // noise and rules, and several ways to propagate the distribution of the state through the contact.
 //

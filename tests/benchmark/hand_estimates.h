@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Friction, theta and slip as a laboratory computes them from a recording without an observer. The
 // comparison is generous to it: of several formulas, cutoffs and loads the one with the smallest
 // error is taken, by recording and quantity, as if the truth had been known.

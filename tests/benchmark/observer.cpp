@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cost of one observer step for several state dimensions, within one run:
 //   ours         FrictionObserver::update
 //   bound        its multiplications (covariance only), at this machine's speed for products of

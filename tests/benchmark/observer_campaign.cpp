@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Accuracy and consistency of the observer over many seeded runs of every shipped rig.
 //
 //   observer_campaign [--seeds N] [--seconds S] [--rig NAME]

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Long-term stability of the observer's covariance: many steps (10^8 by default) with dropouts of
 // channels, checked every 10^5 steps.
 //

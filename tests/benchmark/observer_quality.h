@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Quality of the observer on one concealed recording: filter, smoother, live check and estimates by
 // hand against the true states of the reference simulator.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Seeded runs of simulated rigs with known truth, and the errors of a friction estimator on them.
 #pragma once
 

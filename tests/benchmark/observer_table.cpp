@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Quality of the observer on concealed recordings of all worlds, as tables in Markdown: filter and
 // smoother next to the best estimates by hand, against a simulator that shares nothing with the
 // observer's. docs/observer.md, "Quality", holds the latest.

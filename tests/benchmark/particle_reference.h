@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reference for filter_comparison: a Rao-Blackwellised particle filter on the observer's model.
 // States on which the contact force depends nonlinearly (slip velocity in both stages of a period,
 // theta, mu, gamma, normal load) are sampled. The others (mass, load cell, base motion, sensor

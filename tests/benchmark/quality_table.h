@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The quality of the observer over recordings, as tables in Markdown by world.
 #pragma once
 

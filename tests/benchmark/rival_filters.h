@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Alternative filters with the observer's model, noise and rules, for filter_comparison: they
 // differ only in how the distribution of the state is propagated through the contact. Dense Eigen
 // matrices on the heap; not optimised.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Simulated time per second of computing, for each preset and both friction laws, against
 // SUNDIALS CVODE (with root finding for set-valued Coulomb friction) and Boost.odeint
 // (dormand-prince with dense output), in one run.

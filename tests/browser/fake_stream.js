@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Replaces the page's socket inside the page, under control of a test through `feed`. Installed before the
 // page's scripts run.
 (() => {

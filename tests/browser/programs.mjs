@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The programs under test, and the browser. ctest names them in the environment: STICKSLIP, STICKSLIPD,
 // STICKSLIP_SOURCE_DIR, CHROMIUM, PLAYWRIGHT and AXE (files of the npm packages).
 import { spawn, spawnSync } from "node:child_process";

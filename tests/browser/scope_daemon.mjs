@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The page of `stickslip scope` with the simulated daemon at 1 kHz: its data and drawings against the
 // recording of the same seconds; restarts of the daemon and of the server.
 import assert from "node:assert/strict";

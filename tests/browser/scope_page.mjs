@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The page of `stickslip scope` with a stream controlled by the test: drawings against data, all user actions,
 // memory and cost.
 import assert from "node:assert/strict";

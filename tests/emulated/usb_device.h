@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Interface of an emulated USB device. It is attached either by an in-process replacement of the
 // driver's library, or to the kernel's USB stack through vhci-hcd; the emulation is independent of
 // that.

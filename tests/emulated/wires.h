@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Connection of the emulated devices to a common rig, which provides the truth for comparison with
 // decoded data.
 #pragma once

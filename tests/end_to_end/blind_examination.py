@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`stickslip conceal` and `stickslip examine`: a set is made, diagnosed, graded, and resumed after an
 interruption."""
 import hashlib

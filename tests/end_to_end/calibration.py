@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Calibration files: made from points, renewed, refused, shown and checked."""
 import os
 import unittest

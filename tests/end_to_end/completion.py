@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Completion in the shells themselves: bash always, zsh and fish where they are installed."""
 import os
 import pty

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Checks reports of `diagnose` and `evaluate`, of any program, against the contract.
 
 Each function returns a list of faults, empty for a valid report. As a program: contract.py

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The contract checker finds every fault: valid reports, each invalidated in one place."""
 import copy
 import unittest

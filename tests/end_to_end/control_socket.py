@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The control socket: `stickslip ctl` against a running daemon, killed daemons and clients, and hostile
 clients."""
 import json

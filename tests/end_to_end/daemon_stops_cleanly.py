@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """However the daemon ends, nothing is lost: the recording holds every frame produced, the ledger
 balances, and the last command to the shaker is "off"."""
 import collections

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`stickslip devices` and `check --live` on this host, with any attached devices: valid output, and
 messages about absent devices. Output for present devices is tested in tests/vm."""
 import json

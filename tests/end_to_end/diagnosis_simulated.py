@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A rig whose model lacks an effect, and one whose model is complete: verdict, identified effect, report
 page, augmented model and determinism."""
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`stickslip doctor` on this machine: all checks report, nothing is changed, and the exit status follows
 the verdicts. Verdicts that depend on the machine are not asserted, except for the network, which
 belongs to this test."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The examples of docs/python.md: every reader prints the same statistics of a recording."""
 import os
 import re

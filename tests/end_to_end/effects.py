@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`stickslip effects`: the catalogue in a terminal, an effect with its picture, and a slip of the finger."""
 import unittest
 import xml.etree.ElementTree as xml

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`stickslip estimate` on a simulated recording with known parameters: output, files and refusals."""
 
 import csv

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Injected faults in recordings: lost frames leave gaps, channels that are not finite are invalid, a
 disconnected device ends the run with its reason. The same script gives the same recording, to the bit."""
 import csv

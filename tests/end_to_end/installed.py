@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The programs as installed under a prefix, run from another folder: everything shipped is found."""
 import pathlib
 import shutil

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """An independent subscriber: reads LCM's UDP packets directly and decodes them with the types that
 `lcm-gen -p` generates from protocol/lcm/, so that it shares no code with the daemon or the tools.
 

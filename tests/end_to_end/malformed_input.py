@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every command refuses a malformed input with one line that contains the file and the line (of a
 binary log: the byte), and with status 2."""
 import re

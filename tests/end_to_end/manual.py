@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The manual pages: complete, valid by mandoc, and equal to those of the build."""
 import os
 import pathlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Outputs of commands: never over a file that they read, never over a file that they did not write, whole or
 not at all."""
 import fcntl

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`stickslip figures` and `stickslip reduce`: all plots are valid, and the page contains the numbers for
 the paper's statements."""
 import csv

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The programs under test, run as a user would.
 
 ctest sets the environment: STICKSLIP and STICKSLIPD (the programs), STICKSLIP_SOURCE_DIR (the

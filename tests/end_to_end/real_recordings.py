@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Published recordings of real rigs, each with a model that lacks an effect. They state no licence and
 are not part of this project: they are expected in $STICKSLIP_SHARED/recordings or ../shared/recordings;
 without them these tests are skipped."""

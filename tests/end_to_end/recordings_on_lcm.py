@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stock lcm-logplayer plays our logs, stock lcm-logger records our daemon; `stickslip record` and an
 independent subscriber receive what `stickslip replay` publishes; each tool ends with the right status."""
 import json

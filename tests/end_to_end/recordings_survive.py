@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings survive: a killed daemon leaves a readable log with small losses, parts form one
 recording, and damage is found, reported and repaired."""
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recording replayed through the daemon is bit-identical, and so are the observer's estimates of every
 replay."""
 import unittest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`stickslip config`: every key of a rig with its value and origin."""
 import json
 

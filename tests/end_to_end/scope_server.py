@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The server of the live view: streams equal the traffic on LCM, and clients that violate the protocol
 do not affect others."""
 import collections

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A sine of known amplitude on the simulated rig, received over LCM in SI units and to within the noise
 by a subscriber that shares no code with the daemon."""
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Progress, colours and the live table on a pseudo terminal and in a pipe."""
 import fcntl
 import json

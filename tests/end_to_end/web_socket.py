@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A WebSocket client (RFC 6455) that can also violate the protocol."""
 import base64
 import os

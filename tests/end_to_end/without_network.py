@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The archive of the sources, and its configuration without a network: only the page of the live view
 needs more than Debian's packages, and the archive carries that."""
 import os

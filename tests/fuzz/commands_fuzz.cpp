@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whole commands in one process, with any bytes as their model and recording: each ends with status
 // 0 or 2, or with 1 for a foreseen reason, and says why in words of its own.
 //   input: a character that selects the command, the model up to a line "%%", the recording

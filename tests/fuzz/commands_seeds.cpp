@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes the seeds of fuzz_commands: every command with small recordings of three kinds of rigs.
 //   commands_seeds MODELS FOLDER     MODELS: folder of the models that are shipped
 #include <cmath>

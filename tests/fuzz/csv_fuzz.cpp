@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Any bytes as a CSV recording: refused in one printable line, or read into valid frames that
 // survive writing and reading.
 #include <cmath>

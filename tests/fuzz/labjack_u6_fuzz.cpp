@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Arbitrary bytes from a LabJack U6. The first three are the number of channels of a scan, the
 // samples per packet, and a flag (bit 0) to correct the checksums, which reaches the code behind
 // them; the rest are stream packets, and again a reply to each command.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Any bytes as an LCM event log: refused in one line with the byte, or read into valid frames;
 // surveyed to the end; and repaired into a readable log.
 #include <cmath>

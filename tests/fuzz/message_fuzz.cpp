@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Any bytes as a message of each type: refused, or decoded into a message whose encoding has as
 // many bytes, or slightly more for earlier versions of a type.
 #include <cstddef>

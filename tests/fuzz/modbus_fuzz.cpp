@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Arbitrary bytes as parameters of a Modbus request, a register map and a reply: an accepted reply
 // matches the request, and a value can be written and read back.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Replacement of libFuzzer without clang: mutates seeds in a fixed order and passes them to the
 // target.
 //   fuzz_NAME [--rounds N] SEED...     SEED: a file, or a folder of files

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Arbitrary bytes from a PhidgetBridge: as reports, rejected or with valid settings, and not used
 // before the settings were echoed twice; as a report descriptor, with a length that can be sent.
 #include <algorithm>

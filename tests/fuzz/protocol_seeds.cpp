@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes the seeds of fuzz_log and fuzz_message, which are binary and depend on the current types.
 //   protocol_seeds FOLDER
 #include <cstdint>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Arbitrary bytes from a serial scale: an accepted line has the exact format and a valid checksum;
 // with one byte changed it is rejected. Lines are never counted twice.
 #include <cctype>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Arbitrary bytes from a USB-1208FS-Plus: as calibration memory, rejected or plausible; as samples
 // in packets of any size, the same scans as in one piece, and voltages within the range.
 #include <algorithm>

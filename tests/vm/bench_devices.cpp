@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // All devices of a bench on the buses of this (virtual) machine, measuring one simulated rig: a
 // LabJack U6, a PhidgetBridge and a CP2112 on the kernel's USB, an LVDT conditioner on a serial
 // line, and the amplifier's Modbus port on loopback TCP.

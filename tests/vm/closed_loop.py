@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The whole daemon on all devices of a bench, in the machine of tests/vm/run: the drivers, the
 libraries and the kernel are real, the devices are tests/vm/bench_devices. The loop is closed from
 the board's output through the rig of equations to the five channels.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Comparison of a recording of a bench with the truth (of bench_devices):
 //
 //   compare_truth RECORDING TRUTH CARRIER_HZ FROM_NS TO_NS

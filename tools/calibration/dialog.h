@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The dialogue with a person who calibrates a channel, without I/O: it yields questions as text and
 // accepts typed lines and averaged readings.
 #pragma once

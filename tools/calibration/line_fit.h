@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The straight line of a calibration, its uncertainty, and objections to it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Insertion of a new calibration into a calibration file.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tail probabilities of test statistics.
 #pragma once
 

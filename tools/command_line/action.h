@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Result of parsing the command line: the subcommand to run.
 #pragma once
 

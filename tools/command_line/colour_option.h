@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Option of the commands with coloured output.
 #pragma once
 

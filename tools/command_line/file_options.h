@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Options that name files: what a command reads, and what it writes.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Parser of a program whose subcommands have notes for their manual pages.
 #pragma once
 

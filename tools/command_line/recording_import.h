@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Options of the importer of foreign CSV files, and recordings read with them.
 #pragma once
 

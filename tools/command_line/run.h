@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Running a program from its command line to its exit status.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip bifurcation`: bifurcation diagrams of a model.
 #include "tools/dynamics/bifurcation.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip calibration`: writes calibration files from measured points, and prints them.
 #include <cstdio>
 #include <memory>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip check`: reports every problem of rigs, models, fault scripts, calibrations and
 // register maps.
 #include <unistd.h>

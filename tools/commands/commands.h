@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The subcommands of `stickslip`. Each is one file of this folder, named as the subcommand, that
 // defines
 //   void add_NAME(CLI::App& app, Action& action);

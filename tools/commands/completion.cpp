@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip completion`: shell completion, generated from the parser.
 #include "tools/terminal/completion.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip config`: the effective settings of a rig, with defaults and origins.
 #include <unistd.h>
 

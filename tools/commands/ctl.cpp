@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip ctl`: commands to a running daemon, and its answers.
 #include <unistd.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip ctl calibrate`: a channel's calibration with readings from a running daemon.
 #include <chrono>
 #include <cstdio>

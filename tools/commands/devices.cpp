@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip devices`: the supported devices of this host and their problems.
 #include <algorithm>
 #include <cstdio>

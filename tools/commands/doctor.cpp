@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip doctor`: checks this machine against the requirements of a rig.
 #include <unistd.h>
 

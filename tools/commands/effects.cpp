@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip effects`: the catalogue of effects.
 #include <unistd.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip figures`: the figures of the paper.
 #include <cstdio>
 #include <filesystem>

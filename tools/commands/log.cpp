@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip log`: checks, repairs, joins, describes and exports recordings.
 #include <unistd.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip lyapunov`: the largest Lyapunov exponent of a model.
 #include "tools/dynamics/lyapunov.h"
 

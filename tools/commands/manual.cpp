@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip manual`: manual pages of all commands, generated from the parser.
 #include <cstdio>
 #include <filesystem>

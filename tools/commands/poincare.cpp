@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip poincare`: Poincare sections of a model.
 #include <cstdio>
 #include <memory>

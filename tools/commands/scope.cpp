@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip scope`: a live view of the rig in a browser.
 #include <chrono>
 #include <cstdio>

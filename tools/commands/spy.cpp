@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip spy`: live statistics of the traffic on LCM.
 #include <unistd.h>
 

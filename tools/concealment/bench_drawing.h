@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random benches for hidden effects: the declared model with its priors, and the true rig with
 // parameters drawn from those priors.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The request for a case, and the plan drawn for it: its effects and the kind of bench.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A case for a blind examination: a recording with or without hidden effects, the declared model, a
 // second run of the same rig for validation, and the truth.
 #pragma once

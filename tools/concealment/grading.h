@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Grades of diagnoses against the truth, and their statistics.
 #pragma once
 

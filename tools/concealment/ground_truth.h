@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The truth file of a concealed recording: the hidden effects, and how a diagnosis is graded.
 #pragma once
 

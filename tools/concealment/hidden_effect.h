@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Effects that can be hidden: every listed effect and some beyond, with the benches
 // that can have them, their formula in the reference simulator, and the expected result of a
 // diagnosis.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Imperfections of instruments as every laboratory has them: no missing physics, and no finding of
 // a diagnosis.
 #pragma once

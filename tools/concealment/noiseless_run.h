@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Noiseless simulations of the true rig, their sizes, and the visibility of a change of the rig.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The reference simulator: the true rig with its hidden effects. Independent of
 // physics::RigSimulator, so that a diagnosis is not examined on its own equations: Moreau's
 // midpoint rule at 25 us with implicit (also set-valued) friction, filters by the bilinear

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // When the rows of a recording are sampled, and which times its file states.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Access: to the control socket, the devices and the recordings.
 #include <algorithm>
 #include <array>

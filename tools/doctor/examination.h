@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The checks of `stickslip doctor`: properties of the host against the requirements of a rig.
 #pragma once
 

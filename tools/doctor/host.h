@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The machine as seen by the checks. Properties are attempted or read at the time of the call.
 // Tests substitute a simulated machine.
 #pragma once

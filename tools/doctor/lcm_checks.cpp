@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Telemetry: delivery by LCM, confinement to this host.
 #include <algorithm>
 #include <cstdlib>

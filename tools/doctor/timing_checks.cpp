@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Timing of the loop.
 #include <algorithm>
 #include <cerrno>

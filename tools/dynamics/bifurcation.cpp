@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/dynamics/bifurcation.h"
 
 #include <algorithm>
@@ -71,7 +72,7 @@ void check_steps(const physics::Model& model, const Drive& drive, const std::str
 
 std::vector<std::string> bifurcation_paths(const physics::Model& model) {
   std::vector<std::string> paths = {drive_acceleration, drive_frequency};
-  if (model.oscillator.excitation == physics::Excitation::base) paths.push_back(drive_amplitude);
+  if (model.oscillator.excitation == physics::Excitation::base) paths.emplace_back(drive_amplitude);
   physics::Model copy = model;
   for (const auto& named : physics::parameters_of(copy)) paths.push_back(named.path);
   return paths;

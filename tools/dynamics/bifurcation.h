@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Poincaré sections over a range of one parameter.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A fast solver for the motion of a rig under a drive that is known for all times. Unlike
 // physics::Rig::step, which serves unknown inputs, derivatives and added terms, it knows the drive
 // in advance, adapts its steps and locates the instants at which a set-valued contact sticks and

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The largest Lyapunov exponent: the rate at which neighbouring orbits diverge.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A rig under a periodic drive, integrated step by step: the basis of Poincaré sections, exponents
 // and bifurcation diagrams.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An orbit in points and numbers: Poincaré section, trajectory, ranges, share of lost contact, and
 // overshoot of the plane of zero velocity.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cylindrical phase portraits, as in Figures 2 and 10 of the paper.
 #pragma once
 

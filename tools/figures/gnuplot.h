@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Figures drawn by gnuplot, as SVG and PNG. The script with its data is written next to each
 // figure, to be edited and run again.
 #pragma once

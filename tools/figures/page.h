@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The page of the figures, each with the statements of the paper and the computed numbers.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Figures 2 to 10 of Feeny and Moon, from the presets.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pictures of a reduction, as in Figures 3 and 4 of the paper.
 #pragma once
 

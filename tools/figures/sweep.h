@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A recording of a simulated rig under a base motion of one frequency with modulated amplitude, as
 // a hand-turned knob produces it.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files that a command writes. Each is written beside its place and moved there when it is whole,
 // so that a command that fails leaves what was there. A file that the command reads is never
 // replaced, nor is, without --force, one that the same command did not write

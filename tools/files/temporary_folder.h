@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A folder for files in progress, removed with its content at the end.
 #pragma once
 

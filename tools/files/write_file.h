@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writing whole files. Results of commands are written through Outputs (outputs.h).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/linux_host/linux_host.h"
 
 #include <arpa/inet.h>

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Puts the archive of uPlot of this build where a build of the packed sources finds it.
 list(GET CPACK_BUILD_SOURCE_DIRS 1 build)
 file(GLOB uplot ${build}/npm/uplot-*.tgz)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Archives and packages, by CPack:
 #   cpack -G TGZ --config CPackSourceConfig.cmake    the sources, with uPlot, so that they build offline
 set(CPACK_PACKAGE_VENDOR "Stickslip")

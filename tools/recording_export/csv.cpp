@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CSV: one table of frames, joined with the rows of the other tables.
 #include <cerrno>
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // HDF5: a group for each table, a dataset for each column with its unit and meaning as attributes,
 // and the description as attributes of the file.
 #include <hdf5.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // MATLAB 5: a struct of columns and a struct of their units for each table, and the description.
 #include <matio.h>
 

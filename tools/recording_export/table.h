@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A recording as tables of columns, for export to other programs.
 #pragma once
 

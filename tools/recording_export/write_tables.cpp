@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/recording_export/write_tables.h"
 
 #include <string>

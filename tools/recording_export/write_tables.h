@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tables of a recording written as files of other programs.
 #pragma once
 

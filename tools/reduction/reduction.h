@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reduction of a recording to a coefficient of friction, by the method of section 3.4 of the paper
 // and by deconvolution. Gains, offsets and delays that the model declares are removed from the
 // readings first.

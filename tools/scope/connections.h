@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The connections of the web server and their stages, without a network.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The latest frames, for clients that join later, and their times of measurement.
 #pragma once
 

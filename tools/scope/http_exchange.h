@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Requests from and answers to libwebsockets.
 #pragma once
 

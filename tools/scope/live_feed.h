@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Conversion of LCM messages to messages for pages, with the state that a new page needs.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A message to the pages, encoded once and shared by all recipients.
 #pragma once
 

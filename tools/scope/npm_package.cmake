@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Files of npm packages. An archive is taken from the build folder, STICKSLIP_NPM_ARCHIVES, another build
 # of this checkout, or the registry, whichever has the expected checksum first.
 set(STICKSLIP_NPM_ARCHIVES ${CMAKE_SOURCE_DIR}/tools/scope CACHE PATH

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Access checks of HTTP requests, without a server.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // HTTP and WebSocket server (libwebsockets): the page's files, and the stream to its clients.
 #pragma once
 

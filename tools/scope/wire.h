@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The messages of the WebSocket, encoded from LCM messages. docs/scope.md lists them; fields have
 // the names and units of protocol/lcm/.
 #pragma once

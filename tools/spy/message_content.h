@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Content of messages on LCM as readings and text.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Losses of a stream from its sequence numbers.
 #pragma once
 

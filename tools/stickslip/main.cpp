@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip`: the command-line tools around the daemon.
 #include <algorithm>
 

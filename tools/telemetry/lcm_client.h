@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // LCM for the tools: URL option, joining, subscription without queue limit, waiting, stop signals.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Access to LCM in the network namespace of another process.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Colours for verdicts and states. The text carries the same information.
 #pragma once
 

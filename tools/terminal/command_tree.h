@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The parts of a CLI11 parser that documentation and completion are generated from.
 #pragma once
 

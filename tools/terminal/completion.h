@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shell completion, generated from the definition of a command line.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Manual pages generated from the definition of a command line, which makes them complete.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The progress line as a function of time, independent of clock and terminal.
 #pragma once
 

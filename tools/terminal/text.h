@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Text of unknown origin on one line of a terminal.
 #pragma once
 

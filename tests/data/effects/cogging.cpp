@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An effect that is not part of Stickslip: the periodic position-dependent force of a linear motor.
 #include <array>
 #include <cmath>

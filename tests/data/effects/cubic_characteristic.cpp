@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A sensor effect that is not part of Stickslip, with a characteristic of its own.
 #include <array>
 

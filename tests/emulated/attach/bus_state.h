@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // State shared by the library replacements: attached devices and pending requests. Not for tests.
 #pragma once
 

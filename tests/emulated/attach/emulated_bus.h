@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A USB bus inside a test program: devices are plugged and unplugged, and are found by the
 // replacements of libusb and hidapi that the program is linked with.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // hidapi (hidraw backend) without a kernel: the functions that drivers call, in a static library. A
 // test program that links `stickslip_emulated_hidapi` uses them instead of the shared library, and
 // finds the devices with a HID interface on its EmulatedBus.

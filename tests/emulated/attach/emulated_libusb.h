@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // libusb-1.0 without a kernel: the functions that drivers call, in a static library. A test program
 // that links `stickslip_emulated_libusb` uses them instead of the shared library, and finds the
 // devices on its EmulatedBus.

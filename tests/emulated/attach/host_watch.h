@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Timing of the host during a test: tests in real time run in parallel with others, and on hosts
 // that are suspended for short times.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A complete bench in one program: the real drivers of a LabJack U6 and of a PhidgetBridge on one
 // emulated bus, combined as in the daemon.
 #include "drivers/bench/bench_driver.h"

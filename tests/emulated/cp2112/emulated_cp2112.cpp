@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/emulated/cp2112/emulated_cp2112.h"
 
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An emulated CP2112 adapter (USB HID to eight GPIO lines), a GPIO chip by the kernel's driver, for
 // the amplifier's contacts on hosts without a header. Written from the adapter's feature reports;
 // without I2C.

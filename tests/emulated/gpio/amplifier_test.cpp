@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The real driver on emulated chips, for each generation of libgpiod.
 #include "drivers/amplifier/amplifier.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Emulated GPIO chips of the kernel, for replacements of both generations of libgpiod.
 #pragma once
 

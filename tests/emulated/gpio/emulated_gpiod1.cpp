@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The functions of libgpiod 1.6 that the drivers use, on emulated chips, with the real header.
 #include <fcntl.h>
 #include <gpiod.h>

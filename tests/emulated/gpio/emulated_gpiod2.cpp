@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The functions of libgpiod 2 in use, on emulated chips.
 #include <fcntl.h>
 #include <gpiod.h>

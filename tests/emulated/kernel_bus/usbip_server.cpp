@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/emulated/kernel_bus/usbip_server.h"
 
 #include <poll.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An emulated USB device on the kernel's own bus: the virtual host controller (vhci-hcd) uses one
 // end of a socket pair, and its requests are served at the other (kernel documentation,
 // usb/usbip_protocol). Needs root and the module vhci-hcd.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/emulated/labjack_u6/calibration.h"
 
 #include <algorithm>

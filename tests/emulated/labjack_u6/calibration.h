@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Calibration constants in the flash of an emulated U6, and its conversion of volts. The
 // electronics follow the stored constants, so that a driver that applies them recovers the volts to
 // within resolution and noise.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An emulated LabJack U6 at the level of its USB cable: commands, analogue inputs, outputs, digital
 // lines, the firmware watchdog, and the stream, with individual crystal error and calibration.
 // Written from the vendor's protocol documentation, not from a driver.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The real driver of the LabJack U6 with the emulated board on a bus in this program.
 #include "drivers/labjack_u6/labjack_u6_driver.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stream of an emulated U6: a scan clock, a FIFO with overflow and recovery, and packets with
 // faults.
 #pragma once

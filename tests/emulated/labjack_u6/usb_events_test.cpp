@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Waiting for USB transfers does not occupy the processor, even if libusb returns immediately.
 #include "drivers/usb/usb_events.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bytes and checksums of the U6, as this emulation writes them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/emulated/modbus/emulated_modbus_units.h"
 
 #include <arpa/inet.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Emulated Modbus units on a serial line (a pseudo-terminal) and a TCP port, with faults of such
 // lines. Written from the protocol specification, not from the driver.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The real driver and library with units on a pseudo-terminal and a TCP port.
 #include "drivers/modbus/modbus_unit.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/emulated/phidget_bridge/emulated_phidget_bridge.h"
 
 #include <algorithm>

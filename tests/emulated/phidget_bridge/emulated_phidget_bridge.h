@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An emulated PhidgetBridge 4-Input 1046: a HID device without report IDs.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The emulated bridge, by its protocol.
 #include "tests/emulated/phidget_bridge/emulated_phidget_bridge.h"
 

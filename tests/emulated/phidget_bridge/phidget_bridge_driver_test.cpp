@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The real driver of the PhidgetBridge with the emulated bridge on a bus in this program.
 #include "drivers/phidget_bridge/phidget_bridge.h"
 

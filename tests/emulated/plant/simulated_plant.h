@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Simulated rig measured and driven by all emulated devices, which provides the truth for
 // comparison with decoded data.
 #pragma once

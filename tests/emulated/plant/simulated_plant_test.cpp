@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/emulated/plant/simulated_plant.h"
 
 #include <gtest/gtest.h>

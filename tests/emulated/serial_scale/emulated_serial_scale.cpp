@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/emulated/serial_scale/emulated_serial_scale.h"
 
 #include <fcntl.h>

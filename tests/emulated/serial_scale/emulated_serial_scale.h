@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An emulated balance that transmits lines through a pseudo-terminal. Written from the instrument's
 // description, not from the driver.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The real driver with a balance on a pseudo-terminal, and its creation from a rig file.
 #include "drivers/serial_scale/serial_scale.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An emulated MCC USB-1208FS-Plus: commands are vendor requests, samples arrive by bulk endpoint 1
 // and the drive is sent by bulk endpoint 2.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The emulated board, by its protocol.
 #include "tests/emulated/usb_1208fs_plus/emulated_usb_1208fs_plus.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The real driver of the USB-1208FS-Plus with the emulated board on a bus in this program.
 #include "drivers/usb_1208fs_plus/usb_1208fs_plus_driver.h"
 

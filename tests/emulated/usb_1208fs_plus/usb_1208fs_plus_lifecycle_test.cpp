@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lifecycle and threads of the driver, with a minimal board. Measurements are tested with the
 // emulated board.
 #include "drivers/usb_1208fs_plus/usb_1208fs_plus_driver.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The periodic drive given by command-line options.
 #include "tools/command_line/drive_options.h"
 

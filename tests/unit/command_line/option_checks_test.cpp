@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Checks of option values and the colour option.
 #include "tools/command_line/option_checks.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Notes for manual pages, attached to the parser.
 #include "tools/command_line/program.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From the command line to the exit status, with misspelt names.
 #include "tools/command_line/run.h"
 

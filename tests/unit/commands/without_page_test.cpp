@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `stickslip scope` of a program that was built without uPlot.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The reference simulator against closed-form solutions and against physics::RigSimulator, with
 // which it shares no code.
 #include "tools/concealment/reference_simulator.h"

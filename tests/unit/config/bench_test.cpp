@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reading of a valid bench; problems_test.cpp has the errors.
 #include "config/bench.h"
 

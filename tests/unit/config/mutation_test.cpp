@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Randomly altered files: the loader returns a model or problems, in a short time.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The presets against the paper (sections 2, 3.1 and 5, captions of Figures 4 to 8): materials,
 // plates, frequencies and loads of Beams I to IV and of the motivational oscillator.
 #include <gmock/gmock.h>

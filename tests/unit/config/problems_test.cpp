@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every bad file in tests/data/config is refused with exactly the lines of its NAME.expected. To
 // accept new wording: run with STICKSLIP_ACCEPT=1 and review the difference.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The client of the control socket, against a server that follows a script.
 #include "tools/control_client/control_client.h"
 

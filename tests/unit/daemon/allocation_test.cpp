@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The real-time path may not use the heap, take a lock or make a system call. Heap calls and locks
 // of this program are counted, and a system call ends a process in strict seccomp mode.
 #include <dlfcn.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Fake devices, clocks and sinks, controlled by the test.
 #pragma once
 

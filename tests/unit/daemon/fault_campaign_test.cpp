@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every fault of a fault script, at many moments, in every state of the rig. The expected reaction
 // is derived from the device's answers alone, independently of the daemon.
 #include <gtest/gtest.h>

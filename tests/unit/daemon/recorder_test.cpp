@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The recorder's log: its parts, existing logs, and errors of the disk.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A small rig for diagnoses: a mass on a spring, driven by a force and sampled at 200 Hz. Without a
 // load cell a diagnosis takes a second instead of a minute.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A simulated machine. Every check passes on its default state.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // read and write may not use the heap, nor make a system call of their own: heap calls are counted,
 // and a system call ends a process in strict seccomp mode.
 #include <gtest/gtest.h>

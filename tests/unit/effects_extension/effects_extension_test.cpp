@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An effect is one file: two effects from tests/data/effects/, one of the force balance and one of
 // a sensor, are in the catalogue and work in the model file, the simulator, the observer,
 // the diagnosis and the report of a program that is only linked with them.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/figures/bifurcation_picture.h"
 
 #include <gmock/gmock.h>

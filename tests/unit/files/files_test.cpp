@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reading, writing and replacing whole files.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

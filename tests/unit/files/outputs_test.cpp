@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Outputs of a command: never an input, never a file of others, old content until the new is whole.
 #include "tools/files/outputs.h"
 

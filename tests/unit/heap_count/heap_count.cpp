@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/unit/heap_count/heap_count.h"
 
 #ifdef STICKSLIP_HEAP_IS_COUNTED

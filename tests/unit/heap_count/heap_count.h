@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Counter of heap calls, for tests of code that may not allocate: a program that links it replaces
 // malloc, calloc, realloc, aligned_alloc and free. Builds with a sanitizer, which replaces them
 // itself, do not define STICKSLIP_HEAP_IS_COUNTED.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The paper's bench as a simulated rig, observed by a FrictionObserver.
 #pragma once
 

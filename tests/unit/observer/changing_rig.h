@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A simulated rig whose model changes during a run, with continuous state and sensor chains.
 // RigSimulator does not support that.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Filter and smoother on recordings of the reference simulator, which shares nothing with the
 // observer's equations: wells, wedges and skewed loads, most of them chaotic.
 #include <gtest/gtest.h>

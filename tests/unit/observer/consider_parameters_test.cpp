@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "observer/consider_parameters.h"
 
 #include <gtest/gtest.h>

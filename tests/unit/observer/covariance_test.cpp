@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Time and measurement update of covariance and sensitivities, compared with dense matrices.
 #include "observer/covariance.h"
 

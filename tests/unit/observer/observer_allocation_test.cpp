@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The observer runs in the real-time thread: an update may not use the heap.
 #include <gtest/gtest.h>
 

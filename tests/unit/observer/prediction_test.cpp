@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ContactPrediction compared with DualPrediction, and both with their derivatives.
 #include "observer/prediction.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Observers whose model contains the rig's sensor errors: about as accurate as with ideal sensors.
 #include "observer/sensor_correction.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The smoother on the frames of an observer's run.
 #pragma once
 

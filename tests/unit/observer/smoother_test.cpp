@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The smoother compared with the truth and with the filter.
 #include "observer/smoother.h"
 

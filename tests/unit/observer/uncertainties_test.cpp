@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every parameter of a model that changes the observer's estimates widens their covariance if it is
 // declared uncertain: none is ignored.
 #include <gtest/gtest.h>

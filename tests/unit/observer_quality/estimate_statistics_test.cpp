@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/benchmark/estimate_statistics.h"
 
 #include <gtest/gtest.h>

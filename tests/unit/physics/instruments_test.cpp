@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The paper's instruments: the frequency response of each is measured with tones and compared with
 // its specification.
 #include <gtest/gtest.h>

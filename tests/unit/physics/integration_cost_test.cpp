@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Integrations that would not end are refused with the parameter at fault.
 #include "physics/integration_cost.h"
 

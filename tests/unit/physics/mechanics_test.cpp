@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Laws of mechanics that hold for any rig and any integrator.
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>

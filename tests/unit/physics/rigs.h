@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rigs shared by several tests.
 #pragma once
 

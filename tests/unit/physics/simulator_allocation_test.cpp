@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The simulated rig runs in the real-time thread in place of a device: no heap calls once built.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reading and writing of CSV recordings; malformed_test.cpp has the errors.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Small logs like those of a daemon, in memory.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Golden messages: tests/data/malformed_recordings/NAME.csv is refused with the line in NAME.error.
 #include <gtest/gtest.h>
 

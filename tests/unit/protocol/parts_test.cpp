@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recordings in several logs.
 #include "protocol/recording_parts.h"
 

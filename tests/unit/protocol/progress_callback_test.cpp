@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Progress of reading and writing.
 #include "protocol/progress_callback.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Round trips of random frames through both forms, to the bit.
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>

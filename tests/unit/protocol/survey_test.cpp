@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Survey and repair of logs.
 #include "protocol/recording_survey.h"
 

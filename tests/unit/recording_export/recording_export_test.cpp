@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Contents of exported recordings.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Decoding of messages as on the page, and frames for tests.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The limits of the server, with small values. tests/end_to_end/scope_server.py tests browsers and
 // hostile clients with the real ones.
 #include "tools/scope/web_server.h"

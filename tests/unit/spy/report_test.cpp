@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Statistics of the traffic as text and as JSON.
 #include "tools/spy/report.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Statistics per channel.
 #include "tools/spy/traffic.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The tools' access to LCM, with LCM's in-process provider (memq) instead of a network.
 #include "tools/telemetry/lcm_client.h"
 

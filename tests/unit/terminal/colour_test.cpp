@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Choice and application of colours.
 #include "tools/terminal/colour.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Completion scripts of a small command line. tests/end_to_end/completion.py runs them in the
 // shells.
 #include "tools/terminal/completion.h"

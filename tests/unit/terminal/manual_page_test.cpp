@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A command line as a manual page.
 #include "tools/terminal/manual_page.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The progress line under simulated time and width.
 #include "tools/terminal/progress_line.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Progress without a terminal. On a pseudo terminal it is tested in tests/end_to_end/terminal.py.
 #include "tools/terminal/progress.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Axes: round steps, limits that do not jitter, and their drawing on a 2-D canvas.
 
 // The step of 1, 2 or 5 times a power of ten that cuts `range` into at most `most` pieces.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Quantiles of the chi-square distribution: the bounds of a normalised innovation squared.
 
 // ln of the gamma function, x > 0, by Stirling's series from 8 on (relative error below 1e-10).

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Access to elements of the document.
 
 export const byId = (id) => document.getElementById(id);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Estimates of the observer over device time, with bands of two standard deviations, and its normalised
 // innovation squared with the 95 % bounds of a consistent filter.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The discrete Fourier transform of real samples, 2^k of them, in place and without allocation.
 
 export class Fft {

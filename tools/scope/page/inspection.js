@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // window.stickslip: copies of the state of the page and of its drawings, read-only, for tests.
 
 export function expose(app) {

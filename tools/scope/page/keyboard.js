@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Table of keys, for the page and its help.
 
 import { byId } from "./elements.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The oscilloscope: stacked channels over device time, with trigger, cursors and readings.
 
 import { Limits, eachTick, fitCanvas, roundStep } from "./axes.js";

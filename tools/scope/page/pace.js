@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pace of the page: screen frames, work per frame, and latency from LCM to pixel.
 
 import { number } from "./units.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The portraits: friction loops, phase portrait with its section, cylindrical portrait, load against
 // displacement. One is drawn per frame, in turn, so that five cost no more than one.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // State of the rig and the daemon: faults, excitation, ledger, timing, events, model check.
 
 import { roundStep, eachTick, fitCanvas } from "./axes.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The page of `stickslip scope`: connects its parts and draws once per screen frame.
 
 import { byId, setPressed, setState, setText } from "./elements.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The Poincaré section: displacement and velocity whenever the drive passes a phase, in device time.
 
 const turn = 2 * Math.PI;

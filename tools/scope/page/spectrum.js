@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The spectrum of one channel, with known frequencies marked.
 
 import { byId, fillSelect, setText, watchVisible } from "./elements.js";

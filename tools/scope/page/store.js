@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The received data in rings of typed arrays: no object per sample, and no growth once a ring spans the
 // required time.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The WebSocket and its decoder; the page sends nothing.
 
 const subprotocol = "stickslip-scope";

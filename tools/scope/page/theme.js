@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Light and dark, text size, and the colours of the style sheet for canvases.
 
 const names = ["ink", "quiet", "line", "strong-line", "panel", "accent", "band", "mark", "good", "bad",

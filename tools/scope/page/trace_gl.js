@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lines and dots of many points on a canvas: WebGL2 if available, else the 2-D canvas.
 // Points are x, y pairs in CSS pixels in a Float32Array; a point with x = gap ends a line.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The trigger of the oscilloscope: finds where a channel crosses a level, in device time.
 
 export const modes = ["roll", "auto", "normal", "single"];

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The channels of a frame in their order on the wire, and their display units.
 
 export const channels = [

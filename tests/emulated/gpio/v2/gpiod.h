@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The declarations of libgpiod 2 that the driver uses, so that it compiles where only 1.6 is
 // installed. Names and values are those of the library.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Debouncing of a contact.
 #include "drivers/amplifier/debounced.h"
 

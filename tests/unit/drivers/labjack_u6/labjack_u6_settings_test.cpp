@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Checks of the settings, before access to the bus. The rest is tested with the emulated board.
 #include "drivers/labjack_u6/labjack_u6_driver.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/labjack_u6/stream_decoder.h"
 
 #include <gtest/gtest.h>

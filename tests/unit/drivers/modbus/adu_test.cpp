@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Encoding of messages, with the examples of the Modbus specification.
 #include "drivers/modbus/adu.h"
 

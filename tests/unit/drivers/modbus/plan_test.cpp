@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Requests for a register map.
 #include "drivers/modbus/plan.h"
 

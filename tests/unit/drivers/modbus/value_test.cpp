@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Conversion between words and values.
 #include "drivers/modbus/value.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/phidget_bridge/protocol.h"
 
 #include <gmock/gmock.h>

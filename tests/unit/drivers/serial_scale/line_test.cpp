@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Valid and corrupted lines of a serial scale; the count of missed lines.
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
@@ -51,7 +52,9 @@ TEST(SerialScaleLine, WrongFormatIsRejectedDespiteItsChecksum) {
     expect_rejected(with_checksum(text));
   }
   expect_rejected(with_checksum(std::string("S +1.0\0 g", 9)));
-  expect_rejected(with_checksum("S +" + std::string(60, '1') + ".0 g"));
+  std::string long_number = "S +";
+  long_number.append(60, '1').append(".0 g");
+  expect_rejected(with_checksum(long_number));
 }
 
 TEST(SerialScaleLine, WrongEndingIsRejected) {
