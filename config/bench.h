@@ -79,6 +79,29 @@ inline constexpr auto names<ModbusTransport> = std::to_array<Name<ModbusTranspor
 inline constexpr auto parities =
     std::to_array<Name<char>>({{'N', "none"}, {'E', "even"}, {'O', "odd"}});
 
+/// Who switches the transceiver of a two-wire RS-485 line between sending and receiving.
+enum class Rs485Direction {
+  automatic,  ///< the adapter, by itself
+  kernel,     ///< the driver of the serial port, by its RTS line (TIOCSRS485)
+  rts         ///< stickslipd, by the RTS line of the port
+};
+
+template <>
+inline constexpr auto names<Rs485Direction> = std::to_array<Name<Rs485Direction>>({
+    {Rs485Direction::automatic, "automatic"},
+    {Rs485Direction::kernel, "kernel"},
+    {Rs485Direction::rts, "rts"},
+});
+
+/// State of the RTS line. Asserted: positive on RS-232, 0 V on the pin of most converters.
+enum class RtsState { asserted, released };
+
+template <>
+inline constexpr auto names<RtsState> = std::to_array<Name<RtsState>>({
+    {RtsState::asserted, "asserted"},
+    {RtsState::released, "released"},
+});
+
 /// One [[modbus]] table: a unit. Units with the same port share one bus.
 struct ModbusUnit {
   std::string name;
@@ -87,7 +110,9 @@ struct ModbusUnit {
   int baud = 19200;
   char parity = 'E';  ///< N, E or O
   int stop_bits = 1;
-  int unit = 1;  ///< 1 to 247; 255 as well for TCP
+  Rs485Direction direction = Rs485Direction::automatic;
+  RtsState rts_while_sending = RtsState::asserted;  ///< directions kernel and rts
+  int unit = 1;                                     ///< 1 to 247; 255 as well for TCP
   ModbusMap map;
   std::filesystem::path map_file;
   double poll_period_s = 0.05;

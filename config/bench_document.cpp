@@ -144,10 +144,12 @@ class Checker {
 
   void check_bus(const std::string& at, const ModbusUnit& unit, const ModbusUnit& other) {
     if (unit.transport != other.transport || unit.baud != other.baud ||
-        unit.parity != other.parity || unit.stop_bits != other.stop_bits) {
+        unit.parity != other.parity || unit.stop_bits != other.stop_bits ||
+        unit.direction != other.direction || unit.rts_while_sending != other.rts_while_sending) {
       document_.report(at + "port", "shares the bus of \"" + other.name +
-                                        "\" with other settings: transport, baud, parity and "
-                                        "stop_bits are the same for all units of a bus");
+                                        "\" with other settings: transport, baud, parity, "
+                                        "stop_bits, direction and rts_while_sending are the same "
+                                        "for all units of a bus");
     }
     if (unit.unit == other.unit) {
       document_.report(at + "unit", "is already that of \"" + other.name + "\" on the same bus");

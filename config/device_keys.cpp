@@ -56,6 +56,19 @@ constexpr std::array unit_table = {
                                       .only_then = true,
                                       .low = 1,
                                       .high = 2}),
+    bound<&ModbusUnit::direction>(
+        Key{.path = "direction",
+            .sentence = "Who switches a two-wire RS-485 line between sending and receiving. "
+                        "automatic: the adapter, by itself. kernel: the driver of the port, by "
+                        "RTS. rts: stickslipd, by RTS, for ports whose driver cannot.",
+            .when = "transport=rtu",
+            .only_then = true}),
+    bound<&ModbusUnit::rts_while_sending>(
+        Key{.path = "rts_while_sending",
+            .sentence = "State of RTS in which the adapter sends. asserted: positive on RS-232, "
+                        "0 V on the RTS pin of a logic-level converter.",
+            .when = "direction=kernel|rts",
+            .only_then = true}),
     bound<&ModbusUnit::unit>(
         Key{.path = "unit",
             .unit = "1",

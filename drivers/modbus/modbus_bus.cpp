@@ -14,6 +14,7 @@
 #include <cstring>
 #include <utility>
 
+#include "drivers/modbus/rs485.h"
 #include "drivers/serial/serial_line.h"
 
 namespace stickslip::drivers::modbus {
@@ -172,23 +173,31 @@ Outcome ModbusBus::connect_locked(std::string& why) {
     auto connection = std::make_unique<Connection>(context);
     // Time-out of the library for connecting.
     modbus_set_response_timeout(context, whole_seconds(connect_timeout_ns), 0);
-    if (modbus_connect(context) == 0) {
+    error = modbus_connect(context) == 0 ? 0 : errno;
+    if (error == 0 && !tcp) {
       // Excludes requests of other programs.
-      if (!tcp) ::ioctl(connection->file(), TIOCEXCL);
+      ::ioctl(connection->file(), TIOCEXCL);
+      error = prepare_direction(connection->file(), settings_, why);
+      if (error != 0) return refuse_connection(error, why);
+    }
+    if (error == 0) {
       connection_ = std::move(connection);
       connected_ns_ = clock_.now_ns();
       last_traffic_ns_ = connected_ns_;
       retry_delay_ns_ = 0;
       return Outcome::ok;
     }
-    error = errno;
   }
+  why = settings_.port + " cannot be opened (" + std::strerror(error) +
+        "): " + (tcp ? network_remedy(error) : serial_port_remedy(settings_.port, error));
+  return refuse_connection(error, why);
+}
+
+Outcome ModbusBus::refuse_connection(int error, const std::string& why) {
   retry_delay_ns_ = std::clamp(2 * retry_delay_ns_, first_retry_delay_ns, max_retry_delay_ns);
   next_attempt_ns_ = clock_.now_ns() + retry_delay_ns_;
   last_failure_ = open_outcome(error);
-  last_why_ = settings_.port + " cannot be opened (" + std::strerror(error) +
-              "): " + (tcp ? network_remedy(error) : serial_port_remedy(settings_.port, error));
-  why = last_why_;
+  last_why_ = why;
   return last_failure_;
 }
 
@@ -256,12 +265,20 @@ bool ModbusBus::send(const Caller& caller, std::span<const std::uint8_t> request
     const Bytes frame = with_tcp_header(pending.transaction, request);
     const auto sent = ::send(connection_->file(), frame.data(), frame.size(), MSG_NOSIGNAL);
     if (sent != static_cast<ssize_t>(frame.size())) return false;
-  } else if (modbus_send_raw_request(context, request.data(), static_cast<int>(request.size())) <
-             0) {
+  } else if (!send_serial(request)) {
     return false;
   }
   pending_ = pending;
   return true;
+}
+
+bool ModbusBus::send_serial(std::span<const std::uint8_t> request) {
+  modbus_t* context = connection_->context;
+  Transmission transmission(connection_->file(), settings_, clock_);
+  if (!transmission.begun()) return false;
+  const int sent =
+      modbus_send_raw_request(context, request.data(), static_cast<int>(request.size()));
+  return sent >= 0 && transmission.finish(static_cast<std::size_t>(sent));
 }
 
 Exchange ModbusBus::await(const Caller& caller, std::span<const std::uint8_t> request,

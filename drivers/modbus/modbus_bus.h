@@ -76,8 +76,9 @@ class ModbusBus {
   /// in between return the same failure. `why` holds the message.
   Outcome connect(std::string& why);
 
-  /// One step of a request: waits at most until `until_ns`. While the result is `waiting`, the
-  /// caller must call again with the same request, or leave.
+  /// One step of a request: waits at most until `until_ns`, or with direction rts until the request
+  /// is transmitted. While the result is `waiting`, the caller must call again with the same
+  /// request, or leave.
   Exchange exchange(Caller& caller, std::span<const std::uint8_t> request, std::int64_t until_ns);
 
   /// Abandons the caller's request. On a serial line the next request waits until the reply would
@@ -98,11 +99,13 @@ class ModbusBus {
   bool acquire(const Caller& caller, std::int64_t until_ns);
   void release(const Caller& caller) noexcept;
   Outcome connect_locked(std::string& why);
+  Outcome refuse_connection(int error, const std::string& why);
   void disconnect() noexcept;
   int unread() const;  // received bytes not yet read
   std::int64_t may_send_ns(const Caller& caller) const;
   Exchange step(Caller& caller, std::span<const std::uint8_t> request, std::int64_t until_ns);
   bool send(const Caller& caller, std::span<const std::uint8_t> request, Exchange& so_far);
+  bool send_serial(std::span<const std::uint8_t> request);
   Exchange await(const Caller& caller, std::span<const std::uint8_t> request, std::int64_t until_ns,
                  Exchange so_far);
   bool receive(const Caller& caller, std::span<const std::uint8_t> request, Exchange& so_far);

@@ -9,7 +9,7 @@ import subprocess
 from programs import STICKSLIP, SOURCE, EndToEnd, as_other_user, main, run, stickslip
 
 CHECKS = {"loopback", "LCM URL", "LCM route", "receive buffer", "LCM round trip", "LCM queue", "group",
-          "runtime folder", "control socket", "udev rules", "USB devices", "HID devices", "GPIO",
+          "runtime folder", "control socket", "udev rules", "USB devices", "HID devices", "GPIO", "serial latency",
           "real-time priority", "locked memory", "real-time share", "processor sleep",
           "frequency governor", "kernel", "isolated processors", "clock source", "virtual machine",
           "wake-up latency", "recording space", "recording speed", "wall clock", "clock steps"}

@@ -5,6 +5,7 @@
 #include <cerrno>
 
 #include "tools/doctor/examination.h"
+#include "tools/doctor/udev_rules.h"
 
 namespace stickslip::doctor {
 
@@ -22,31 +23,11 @@ bool in_group(const Caller& caller) {
          std::find(caller.groups.begin(), caller.groups.end(), group) != caller.groups.end();
 }
 
-constexpr const char* rules = "70-stickslip.rules";
-
-/// Folder in which the project's udev rules are installed; empty if they are not.
-std::string rules_folder(const Host& host) {
-  for (const char* folder :
-       {"/etc/udev/rules.d", "/run/udev/rules.d", "/usr/local/lib/udev/rules.d",
-        "/usr/lib/udev/rules.d", "/lib/udev/rules.d"}) {
-    const auto names = host.names_in(folder);
-    if (std::find(names.begin(), names.end(), rules) != names.end()) return folder;
-  }
-  return {};
-}
-
-constexpr const char* trigger = "sudo udevadm control --reload && sudo udevadm trigger";
-
-/// Installs the rules alone, from the checkout.
-std::string install_rules_command() {
-  return std::string("sudo install -m 644 systemd/") + rules + " /etc/udev/rules.d/ && " + trigger;
-}
-
 /// Gives the caller access to a device: installs the rules, adds the group, or applies the rules.
 std::string access_command(const Host& host) {
-  if (rules_folder(host).empty()) return install_rules_command();
+  if (rules_file(host).empty()) return install_rules_command();
   if (!in_group(host.caller())) return join_group_command(host, group);
-  return trigger;
+  return apply_rules_command;
 }
 
 struct Device {
@@ -149,10 +130,10 @@ Finding check_control_socket(const Host& host, const Requirements& required) {
 
 Finding check_udev_rules(const Host& host, const Requirements& required) {
   const std::string check = "udev rules";
-  const std::string folder = rules_folder(host);
-  if (!folder.empty()) return {check, Verdict::ok, folder + "/" + rules, ""};
+  const std::string file = rules_file(host);
+  if (!file.empty()) return {check, Verdict::ok, file, ""};
   return {check, required.hardware ? Verdict::fail : Verdict::warn,
-          std::string(rules) + " is not installed: devices are accessible to root only",
+          std::string(rules_name) + " is not installed: devices are accessible to root only",
           install_rules_command()};
 }
 

@@ -25,6 +25,7 @@ std::vector<Finding> run_checks(const Host& host, const Requirements& required) 
       check_usb(host, required),
       check_hid(host),
       check_gpio(host, required),
+      check_serial_latency(host, required),
       priority,
       check_locked_memory(host, required),
       check_real_time_share(host),

@@ -95,6 +95,8 @@ class Host {
   virtual std::optional<std::string> read(const std::filesystem::path& file) const = 0;
   /// Sorted names in a folder; empty if it cannot be read.
   virtual std::vector<std::string> names_in(const std::filesystem::path& folder) const = 0;
+  /// A path without symbolic links; unchanged if it does not exist.
+  virtual std::filesystem::path resolved(const std::filesystem::path& path) const = 0;
   virtual Entry entry_at(const std::filesystem::path& path) const = 0;
   /// Opens for writing and closes again, without writing.
   virtual Attempt open_for_writing(const std::filesystem::path& path) const = 0;

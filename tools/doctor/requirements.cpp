@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/doctor/requirements.h"
 
+#include <algorithm>
 #include <string_view>
 #include <vector>
 
@@ -9,6 +10,26 @@
 #include "protocol/frame_block.h"
 
 namespace stickslip::doctor {
+
+namespace {
+
+std::vector<ModbusLine> modbus_lines_of(const config::Bench& bench) {
+  std::vector<ModbusLine> lines;
+  for (const config::ModbusUnit& unit : bench.modbus) {
+    if (unit.transport != config::ModbusTransport::rtu) continue;
+    const auto same = std::find_if(lines.begin(), lines.end(), [&unit](const ModbusLine& line) {
+      return line.port == unit.port;
+    });
+    if (same == lines.end()) {
+      lines.push_back({unit.port, unit.poll_period_s});
+    } else {
+      same->poll_period_s = std::min(same->poll_period_s, unit.poll_period_s);
+    }
+  }
+  return lines;
+}
+
+}  // namespace
 
 std::size_t Requirements::block_bytes() const {
   const std::vector<Frame> frames(static_cast<std::size_t>(frames_per_block));
@@ -41,6 +62,7 @@ Requirements requirements_of(const config::Rig& rig) {
   required.real_time = rig.loop.real_time_scheduling;
   const std::string driver = config::plain_text(settings, "driver.kind");
   required.hardware = driver != "simulated" && driver != "replay";
+  if (rig.driver == config::DriverKind::bench) required.modbus_lines = modbus_lines_of(rig.bench);
   required.records = rig.recording.enabled;
   if (rig.recording.enabled) {
     required.recording_folder =

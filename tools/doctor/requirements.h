@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "config/lcm_url.h"
 #include "config/rig.h"
@@ -13,6 +14,12 @@ namespace stickslip::doctor {
 
 using config::LcmUrl;
 using config::parse_lcm_url;
+
+/// A serial line with Modbus units.
+struct ModbusLine {
+  std::string port;            ///< as configured: "/dev/ttyUSB0"
+  double poll_period_s = 0.0;  ///< shortest of its units
+};
 
 struct Requirements {
   std::string config_file;  ///< empty: no rig is given, and these are the defaults
@@ -24,6 +31,7 @@ struct Requirements {
   bool hardware = false;  ///< its channels come from devices
   bool records = false;
   std::filesystem::path recording_folder = "/var/lib/stickslip/recordings";
+  std::vector<ModbusLine> modbus_lines;
   std::filesystem::path control_socket = "/run/stickslip/control.sock";
   double latency_duration_s = 1.0;  ///< duration of the wake-up measurement
 

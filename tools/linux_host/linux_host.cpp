@@ -201,6 +201,12 @@ std::vector<std::string> LinuxHost::names_in(const std::filesystem::path& folder
   return out;
 }
 
+std::filesystem::path LinuxHost::resolved(const std::filesystem::path& path) const {
+  std::error_code error;
+  std::filesystem::path out = std::filesystem::canonical(path, error);
+  return error ? path : out;
+}
+
 doctor::Entry LinuxHost::entry_at(const std::filesystem::path& path) const {
   using Kind = doctor::Entry::Kind;
   doctor::Entry out;

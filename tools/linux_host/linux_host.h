@@ -12,6 +12,7 @@ class LinuxHost final : public doctor::Host {
  public:
   std::optional<std::string> read(const std::filesystem::path& file) const override;
   std::vector<std::string> names_in(const std::filesystem::path& folder) const override;
+  std::filesystem::path resolved(const std::filesystem::path& path) const override;
   doctor::Entry entry_at(const std::filesystem::path& path) const override;
   doctor::Attempt open_for_writing(const std::filesystem::path& path) const override;
   doctor::Attempt connect_to(const std::filesystem::path& socket) const override;

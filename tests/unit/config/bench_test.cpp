@@ -41,6 +41,18 @@ TEST(Bench, ReadsAllKeysOfTheShippedBench) {
   EXPECT_FALSE(bench.amplifier);
 }
 
+TEST(Bench, ReadsTheDirectionOfSerialLines) {
+  const Bench shipped = load_rig(rigs / "bench-u6.toml").bench;
+  EXPECT_EQ(shipped.modbus[0].direction, Rs485Direction::automatic);
+  const Bench bench = load_rig(STICKSLIP_TEST_DATA "/config/bench_rs485.toml").bench;
+  ASSERT_EQ(bench.modbus.size(), 3U);
+  EXPECT_EQ(bench.modbus[0].direction, Rs485Direction::kernel);
+  EXPECT_EQ(bench.modbus[0].rts_while_sending, RtsState::asserted);
+  EXPECT_EQ(bench.modbus[1].direction, Rs485Direction::rts);
+  EXPECT_EQ(bench.modbus[1].rts_while_sending, RtsState::released);
+  EXPECT_EQ(bench.modbus[2].direction, Rs485Direction::automatic);
+}
+
 TEST(Bench, InputsOfADeviceExcludeThoseOfOthers) {
   const Rig rig = load_rig(rigs / "bench-u6.toml");
   const BenchInputs bridge = inputs_of(rig.bench.inputs, "phidget_bridge");

@@ -37,11 +37,14 @@ class FakeHost final : public Host {
       {"/sys/bus/usb/devices/1-2/busnum", "1"},
       {"/sys/bus/usb/devices/1-2/devnum", "12"},
       {"/sys/class/hidraw/hidraw0/device/uevent", "HID_ID=0003:000006C2:0000003B\nHID_NAME=P"},
+      {"/sys/bus/usb-serial/devices/ttyUSB0/latency_timer", "1"},
+      {"/usr/lib/udev/rules.d/70-stickslip.rules", "... ATTR{latency_timer}=\"1\""},
   };
   std::map<std::string, std::vector<std::string>> folders = {
       {"/sys/devices/system/cpu", {"cpu0", "cpu1", "cpufreq", "cpuidle", "isolated"}},
       {"/sys/bus/usb/devices", {"1-2", "usb1"}},
       {"/sys/class/hidraw", {"hidraw0"}},
+      {"/sys/bus/usb-serial/devices", {"ttyUSB0", "ttyUSB1"}},
       {"/dev", {"gpiochip0", "null"}},
       {"/usr/lib/udev/rules.d", {"50-udev-default.rules", "70-stickslip.rules"}},
   };
@@ -55,6 +58,8 @@ class FakeHost final : public Host {
       {"/dev/gpiochip0", entry(Entry::Kind::device, 0660)},
       {"/usr/bin/timedatectl", entry(Entry::Kind::file)},
   };
+  std::map<std::string, std::string> links = {
+      {"/dev/serial/by-id/usb-FTDI_FT232R_A1-if00-port0", "/dev/ttyUSB0"}};
   Attempt opened{true, 0, ""};
   Attempt connected{true, 0, ""};
   Attempt prioritised{true, 0, ""};
@@ -83,6 +88,10 @@ class FakeHost final : public Host {
   std::vector<std::string> names_in(const std::filesystem::path& folder) const override {
     const auto found = folders.find(folder.string());
     return found == folders.end() ? std::vector<std::string>{} : found->second;
+  }
+  std::filesystem::path resolved(const std::filesystem::path& path) const override {
+    const auto found = links.find(path.string());
+    return found == links.end() ? path : std::filesystem::path(found->second);
   }
   Entry entry_at(const std::filesystem::path& path) const override {
     const auto found = entries.find(path.string());
