@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Direction of a two-wire RS-485 line whose adapter does not switch by itself: its transceiver
 // sends in one state of the port's RTS line, and receives in the other.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Serial lines: adapters that delay received bytes.
 #include <cstdlib>
 #include <filesystem>

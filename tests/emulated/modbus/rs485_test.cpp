@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Direction of an RS-485 line: the driver's bus and library on a pseudo-terminal whose modem lines
 // and RS-485 settings this program emulates, in place of ioctl, tcdrain and write of the C library.
 #include "drivers/modbus/rs485.h"
