@@ -209,6 +209,7 @@ FitOptions brief_fit(int iterations) {
   FitOptions options;
   options.iterations = iterations;
   options.tolerance = 1.0e-2;
+  options.own_steps = 0;
   options.multistart = false;
   options.covariance = false;
   return options;

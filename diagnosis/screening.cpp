@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numeric>
 #include <utility>
 
+#include "diagnosis/number_scores.h"
 #include "diagnosis/parallel/for_each.h"
 #include "physics/number_text.h"
 
@@ -93,6 +95,7 @@ class Screening {
     const auto fixed = candidate.effect->fixed(scales);
     FitOptions options;
     options.iterations = data_.criteria.effort.screening_iterations;
+    options.own_steps = 0;
     options.covariance = false;
     options.multistart = false;
     for (const auto& start : starts_of(candidate, scales)) {
@@ -112,6 +115,22 @@ class Screening {
       }
     }
     return best;
+  }
+
+  // Of the numbers, the `most` that gain most to first order. All effects are kept.
+  void keep_best_numbers(std::vector<CandidateEffect>& candidates, std::size_t most) const {
+    std::vector<CandidateEffect> numbers;
+    for (const CandidateEffect& each : candidates) {
+      if (each.is_number()) numbers.push_back(each);
+    }
+    if (numbers.size() <= most) return;
+    const std::vector<double> gain = gains_of_numbers(subset_.task, base_, subset_.state, numbers);
+    std::vector<double> sorted = gain;
+    std::sort(sorted.begin(), sorted.end(), std::greater<>());
+    std::size_t next = 0;
+    std::erase_if(candidates, [&](const CandidateEffect& each) {
+      return each.is_number() && gain[next++] < sorted[most - 1];
+    });
   }
 
   void fit_roughly(FittedCandidate& each) const {
@@ -157,15 +176,6 @@ void erase_unknown_numbers(std::vector<CandidateEffect>& candidates, const Hypot
   });
 }
 
-// Keeps the best numbers of the sorted candidates, beside which the effects have all their places.
-std::size_t keep_best_numbers(std::vector<FittedCandidate>& candidates, std::size_t most) {
-  std::size_t kept = 0;
-  std::erase_if(candidates, [&](const FittedCandidate& each) {
-    return each.candidate.is_number() && ++kept > most;
-  });
-  return std::min(kept, most);
-}
-
 // The best candidates, and those that one step cannot judge because they replace a law.
 void keep_promising(std::vector<FittedCandidate>& candidates, const FittedCandidate& base,
                     std::size_t count) {
@@ -207,6 +217,9 @@ std::vector<FittedCandidate> screen(
   erase_unknown_numbers(effects, *base.hypothesis);
   if (wanted) std::erase_if(effects, std::not_fn(wanted));
   const Screening screening(data, features, base);
+  screening.keep_best_numbers(effects, effort.rough_numbers);
+  const auto numbers = static_cast<std::size_t>(
+      std::count_if(effects.begin(), effects.end(), std::mem_fn(&CandidateEffect::is_number)));
   progress("screening " + physics::counted(effects.size(), "effect"), 0.0);
   std::vector<FittedCandidate> candidates(effects.size());
   parallel::for_each(effects.size(), data.threads,
@@ -221,7 +234,6 @@ std::vector<FittedCandidate> screen(
         [&](const FittedCandidate& a, const FittedCandidate& b) { return cost(a) < cost(b); });
   };
   sort();
-  const std::size_t numbers = keep_best_numbers(candidates, effort.rough_numbers);
   keep_promising(candidates, base, effort.rough_fits + numbers);
   progress("refining the best effects", 0.5);
   parallel::for_each(candidates.size(), data.threads,

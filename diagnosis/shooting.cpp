@@ -29,6 +29,10 @@ constexpr double outlying_ratio = 3.0;
 // Cost ratio below which another start of a window is kept.
 constexpr double better_start_ratio = 0.8;
 
+// Largest change of a window's cost that still follows the predicted one: half a nat, and half of
+// the prediction, beyond it.
+double tolerated_change(double predicted) { return predicted + 1.0 + 0.5 * std::abs(predicted); }
+
 double total_cost(const std::vector<NormalBlock>& blocks) {
   double cost = 0.0;
   for (const NormalBlock& block : blocks) cost += block.cost();
@@ -282,6 +286,29 @@ class JointFit {
     return out;
   }
 
+  // Change of a window's cost by a step, by its linearisation.
+  static double predicted_change(const NormalBlock& block, const Eigen::VectorXd& delta,
+                                 const Eigen::VectorXd& own) {
+    double change = 2.0 * block.gs.dot(own) + own.dot(block.ss * own);
+    if (delta.size() > 0) {
+      change += 2.0 * block.gp.dot(delta) + delta.dot(block.pp * delta);
+      change += 2.0 * delta.dot(block.ps * own);
+    }
+    return change;
+  }
+
+  // Fits the states of a window that does not follow its linearisation to the new parameters.
+  void follow(std::size_t w, Trial& trial) const {
+    FitOptions options;
+    options.iterations = options_.own_steps;
+    WindowState state = states_[w];
+    if (trial.blocks[w].cost() < problem_.evaluate(w, state).cost()) state = trial.states[w];
+    NormalBlock block = fit_window_state(problem_, w, state, options);
+    if (!(block.cost() < trial.blocks[w].cost())) return;
+    trial.blocks[w] = std::move(block);
+    trial.states[w] = state;
+  }
+
   Trial trial_at(const Eigen::VectorXd& delta, const Reduced& reduced, bool with_derivatives) {
     const std::size_t windows = blocks_.size();
     Trial trial{z_, std::vector<WindowState>(windows), std::vector<NormalBlock>(windows)};
@@ -292,26 +319,40 @@ class JointFit {
       trial.z[u] += logarithmic ? std::clamp(delta[i], -2.0, 2.0) : delta[i];
     }
     const bool has_states = problem_.free_in_window() > 0;
+    const bool follows = has_states && options_.own_steps > 0;
+    std::vector<double> predicted(windows);
     for (std::size_t w = 0; w < windows; ++w) {
       Eigen::VectorXd right = -blocks_[w].gs;
       if (np_ > 0) right -= blocks_[w].ps.transpose() * delta;
       const Eigen::VectorXd own = has_states ? Eigen::VectorXd(reduced.factor[w].solve(right))
                                              : Eigen::VectorXd(Eigen::VectorXd::Zero(0));
       trial.states[w] = problem_.moved(w, states_[w], own);
+      predicted[w] = predicted_change(blocks_[w], delta, own);
     }
     problem_.prepare(trial.z);
     for_each(windows, task_.threads, [&](std::size_t w) {
       trial.blocks[w] = with_derivatives ? problem_.linearise(w, trial.states[w])
                                          : problem_.evaluate(w, trial.states[w]);
+      const double change = trial.blocks[w].cost() - blocks_[w].cost();
+      if (follows && change > tolerated_change(predicted[w])) follow(w, trial);
     });
     trial.linearised = with_derivatives;
     trial.cost = total_cost(trial.blocks) + problem_.parameter_prior(trial.z);
     return trial;
   }
 
+  // Gain of an iteration below which the descent is at its end.
+  double enough_gain() const {
+    double residuals = 0.0;
+    for (const NormalBlock& block : blocks_) residuals += block.count;
+    return options_.tolerance * cost_ +
+           options_.excess_tolerance * std::max(0.0, cost_ - residuals);
+  }
+
   // Returns true unless the fit has converged.
   bool accept(Trial trial, bool last) {
-    bool converged = cost_ - trial.cost < options_.tolerance * cost_;
+    const double enough = enough_gain();
+    bool converged = cost_ - trial.cost < enough;
     z_ = std::move(trial.z);
     states_ = std::move(trial.states);
     cost_ = trial.cost;
@@ -321,7 +362,7 @@ class JointFit {
     if (!(converged || last) || options_.covariance) {
       if (!trial.linearised) linearise();
       if (converged && damping_ > min_damping) {
-        converged = !(newton_decrement() > options_.tolerance * cost_);
+        converged = !(newton_decrement() > enough);
         damping_ = std::max(min_damping, damping_ * ridge_damping);
       }
     }
@@ -502,10 +543,10 @@ Readings predict(const Experiment& experiment, const Window& window, std::size_t
   const auto parameters = hypothesis.parameters(z);
   const auto n = numbers_on_recording<double>(hypothesis.rig(), parameters);
   Readings readings(end - window.begin);
-  run_window<double>(experiment, window, end, hypothesis.rig(), bank, n, WindowStart<double>(state),
-                     [&](std::size_t k, std::size_t c, double reading, double) {
-                       readings[k - window.begin][c] = reading;
-                     });
+  run_window(experiment, window, end, hypothesis.rig(), bank, n, state,
+             [&](std::size_t k, std::size_t c, double reading, double) {
+               readings[k - window.begin][c] = reading;
+             });
   return readings;
 }
 

@@ -97,8 +97,14 @@ struct FitOptions {
   int iterations = 14;
   bool parameters_free = true;  ///< false: only the window states are fitted
   double tolerance = 1.0e-4;    ///< relative decrease of the cost at which the iteration ends
-  bool covariance = true;       ///< false: Fit::covariance is not needed
-  bool multistart = true;       ///< windows that fit much worse than most are started elsewhere
+  /// Share of what the fit leaves beyond the noise (cost above the number of residuals) that one
+  /// more iteration has to gain: a model that lacks physics creeps, to no end.
+  double excess_tolerance = 1.0e-3;
+  /// Steps of the states of a window alone where it does not follow its linearisation, at the edge
+  /// of a slip for example: it would shorten the steps of all others.
+  int own_steps = 4;
+  bool covariance = true;  ///< false: Fit::covariance is not needed
+  bool multistart = true;  ///< windows that fit much worse than most are started elsewhere
 };
 
 /// First guesses of the window states from the experiment's wide-band channels.
@@ -117,6 +123,10 @@ Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,
 /// Fits the window states alone, from their first guesses.
 Fit fit_states(const Task& task, const Hypothesis& hypothesis, std::span<const double> z,
                FitOptions options = {});
+
+/// Weight of a window with that sum of `count` squared residuals in the normal equations: below 1
+/// for an outlier.
+double robust_weight(double chi2, int count);
 
 /// Derivatives of the scaled residuals of a window.
 struct WindowJacobian {

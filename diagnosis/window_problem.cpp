@@ -26,10 +26,6 @@ double robust_loss(double chi2, int count) {
   const double limit = outlier_mean_square * std::max(1, count);
   return chi2 <= limit ? chi2 : limit * (1.0 + std::log(chi2 / limit));
 }
-double robust_weight(double chi2, int count) {
-  const double limit = outlier_mean_square * std::max(1, count);
-  return chi2 <= limit ? 1.0 : limit / chi2;
-}
 
 std::vector<int> state_indices(const physics::Rig& rig) {
   std::vector<int> list;
@@ -93,6 +89,11 @@ void set_effect_prior(StatePrior& prior, const BoundTerm& term, std::span<const 
 
 }  // namespace
 
+double robust_weight(double chi2, int count) {
+  const double limit = outlier_mean_square * std::max(1, count);
+  return chi2 <= limit ? 1.0 : limit / chi2;
+}
+
 StatePrior state_prior(const Experiment& e, const Window& window, const Hypothesis& hypothesis,
                        std::span<const double> parameters) {
   const StateGuess& guess = e.guess[window.warm];
@@ -141,11 +142,8 @@ void WindowProblem::set_columns() {
       instrument_columns_.push_back(
           {static_cast<Eigen::Index>(u), index_of(instrument->channel), instrument->quantity});
     } else {
-      dual_columns_.push_back(static_cast<Eigen::Index>(u));
+      parameter_columns_.push_back(static_cast<Eigen::Index>(u));
     }
-  }
-  for (std::size_t i = 0; i < states_.size(); ++i) {
-    dual_columns_.push_back(static_cast<Eigen::Index>(unknowns_ + i));
   }
 }
 
@@ -198,7 +196,7 @@ class WhitenedChannels {
 
 // The same of residuals in rows, and of their derivatives.
 void whiten_rows(const Experiment& e, const Window& window, std::size_t end,
-                 const NoiseColours& colours, Eigen::MatrixXd& jacobian,
+                 const NoiseColours& colours, WindowProblem::Jacobian& jacobian,
                  Eigen::VectorXd& residual) {
   for (std::size_t channel = 0; channel < predicted_channels; ++channel) {
     if (colours[channel].is_white()) continue;
@@ -223,40 +221,33 @@ NormalBlock WindowProblem::evaluate(std::size_t w, const WindowState& from) cons
   NormalBlock block;
   const Experiment& e = task_.experiment(w);
   WhitenedChannels channels(e, task_.colour);
-  run_window<double>(e, task_.window(w), end_of(w), hypothesis_.rig(),
-                     banks_[task_.windows[w].experiment], numbers_, WindowStart<double>(from),
-                     [&](std::size_t k, std::size_t c, double reading, double) {
-                       if (!e.is_compared(k, c)) return;
-                       const double residual =
-                           channels.innovation(k, c, (reading - e.reading[k][c]) / task_.sigma[c]);
-                       block.chi2 += residual * residual;
-                       ++block.count;
-                     });
+  run_window(e, task_.window(w), end_of(w), hypothesis_.rig(), banks_[task_.windows[w].experiment],
+             numbers_, from, [&](std::size_t k, std::size_t c, double reading, double) {
+               if (!e.is_compared(k, c)) return;
+               const double residual =
+                   channels.innovation(k, c, (reading - e.reading[k][c]) / task_.sigma[c]);
+               block.chi2 += residual * residual;
+               ++block.count;
+             });
   add_priors(w, from, block);
   if (!std::isfinite(block.chi2)) block.chi2 = diverged_chi2;
   return block;
 }
 
-// Parameters with derivatives in the directions of `columns`, and the same for the states. States
-// move in units of their prior, so that all columns are of like size.
-std::vector<Dual> WindowProblem::seed_directions(std::size_t w,
-                                                 std::span<const Eigen::Index> columns,
-                                                 WindowStart<Dual>& start) const {
-  const auto np = static_cast<Eigen::Index>(unknowns_);
-  std::vector<Dual> parameters(parameters_.begin(), parameters_.end());
-  for (std::size_t direction = 0; direction < columns.size(); ++direction) {
-    const auto d = static_cast<Eigen::Index>(direction);
-    if (columns[direction] < np) {
-      const auto u = static_cast<std::size_t>(columns[direction]);
-      parameters[hypothesis_.unknowns()[u].parameter].d[d] =
-          Dual::slope(hypothesis_.slope(u, z_[u]));
-    } else {
-      const auto i =
-          static_cast<std::size_t>(states_[static_cast<std::size_t>(columns[direction] - np)]);
-      start[i].d[d] = Dual::slope(priors_[w].sigma[i]);
-    }
+// Parameters, then states and knots. States move in units of their prior, so that all columns are
+// of like size.
+Directions WindowProblem::directions(std::size_t w) const {
+  Directions out;
+  for (const Eigen::Index column : parameter_columns_) {
+    const auto u = static_cast<std::size_t>(column);
+    out.parameters.push_back({hypothesis_.unknowns()[u].parameter, hypothesis_.slope(u, z_[u])});
   }
-  return parameters;
+  for (std::size_t i = 0; i < rig_states_; ++i) {
+    const auto index = static_cast<std::size_t>(states_[i]);
+    out.states.push_back({index, priors_[w].sigma[index]});
+  }
+  out.knots = states_.size() - rig_states_;
+  return out;
 }
 
 namespace {
@@ -284,7 +275,7 @@ class Rows {
 // Gain, offset and delay of a channel move its readings in known ways: no integration with
 // derivatives is needed for them.
 void WindowProblem::differentiate_instruments(std::size_t c, double reading, double rate,
-                                              Eigen::Index row, Eigen::MatrixXd& jacobian) const {
+                                              Eigen::Index row, Jacobian& jacobian) const {
   const physics::ReadingLaw<double>& law = numbers_.reading.of[c];
   for (const InstrumentColumn& each : instrument_columns_) {
     if (each.channel != c) continue;
@@ -297,11 +288,10 @@ void WindowProblem::differentiate_instruments(std::size_t c, double reading, dou
   }
 }
 
-// More columns than a Dual has directions take several passes.
 WindowProblem::Derivatives WindowProblem::differentiate(std::size_t w,
                                                         const WindowState& from) const {
-  const auto columns =
-      static_cast<Eigen::Index>(unknowns_) + static_cast<Eigen::Index>(states_.size());
+  const auto columns = static_cast<Eigen::Index>(unknowns_ + states_.size());
+  const auto parameters = static_cast<Eigen::Index>(parameter_columns_.size());
   const Experiment& e = task_.experiment(w);
   const Window& window = task_.window(w);
   const std::size_t end = end_of(w);
@@ -309,30 +299,28 @@ WindowProblem::Derivatives WindowProblem::differentiate(std::size_t w,
   Derivatives out;
   out.jacobian.setZero(rows.count(), columns);
   out.residual.setZero(rows.count());
-  const std::span<const Eigen::Index> all(dual_columns_);
-  std::size_t first = 0;
-  do {
+  const Directions all = directions(w);
+  const auto column_of = [&](Eigen::Index direction) {
+    return direction < parameters ? parameter_columns_[static_cast<std::size_t>(direction)]
+                                  : static_cast<Eigen::Index>(unknowns_) + direction - parameters;
+  };
+  const auto take = [&](std::size_t block, std::size_t k, std::size_t c, const Dual& reading,
+                        double rate) {
+    const Eigen::Index row = rows.of(k, c);
+    if (row < 0) return;
+    const double scale = 1.0 / task_.sigma[c];
+    const auto first = static_cast<Eigen::Index>(block) * Dual::directions;
     const auto some =
-        all.subspan(first, std::min<std::size_t>(Dual::directions, all.size() - first));
-    WindowStart<Dual> start(from);
-    const std::vector<Dual> parameters = seed_directions(w, some, start);
-    const auto n = numbers_on_recording<Dual>(hypothesis_.rig(), std::span<const Dual>(parameters));
-    run_window<Dual>(e, window, end, hypothesis_.rig(), banks_[task_.windows[w].experiment], n,
-                     start, [&](std::size_t k, std::size_t c, const Dual& reading, double rate) {
-                       const Eigen::Index row = rows.of(k, c);
-                       if (row < 0) return;
-                       const double scale = 1.0 / task_.sigma[c];
-                       out.residual[row] = (reading.a - e.reading[k][c]) * scale;
-                       for (std::size_t j = 0; j < some.size(); ++j) {
-                         out.jacobian(row, some[j]) =
-                             reading.d[static_cast<Eigen::Index>(j)] * scale;
-                       }
-                       if (first == 0) {
-                         differentiate_instruments(c, reading.a, rate, row, out.jacobian);
-                       }
-                     });
-    first += Dual::directions;
-  } while (first < all.size());
+        std::min<Eigen::Index>(Dual::directions, static_cast<Eigen::Index>(all.size()) - first);
+    for (Eigen::Index j = 0; j < some; ++j) {
+      out.jacobian(row, column_of(first + j)) = reading.d[j] * scale;
+    }
+    if (block > 0) return;
+    out.residual[row] = (reading.a - e.reading[k][c]) * scale;
+    differentiate_instruments(c, reading.a, rate, row, out.jacobian);
+  };
+  run_window_derived(e, window, end, hypothesis_.rig(), banks_[task_.windows[w].experiment],
+                     parameters_, all, from, take);
   whiten_rows(e, window, end, task_.colour, out.jacobian, out.residual);
   return out;
 }
@@ -356,7 +344,7 @@ NormalBlock WindowProblem::linearise(std::size_t w, const WindowState& from) con
   const auto np = static_cast<Eigen::Index>(unknowns_);
   const auto ns = static_cast<Eigen::Index>(states_.size());
   const Derivatives derivatives = differentiate(w, from);
-  const Eigen::MatrixXd& j = derivatives.jacobian;
+  const Jacobian& j = derivatives.jacobian;
   const Eigen::VectorXd& r = derivatives.residual;
   const Eigen::Index used = r.size();
   NormalBlock block;
@@ -424,8 +412,8 @@ WindowState WindowProblem::propagated(std::size_t w, const WindowState& from) co
   const double h = e.period_s / e.substeps;
   const auto substeps = static_cast<std::size_t>(e.substeps);
   const DelayedInput<double> input(e.input, numbers_, rig.structure().excitation, h);
-  const WindowStart<double> start(from);
-  RigState<double> s = start.rig;
+  RigState<double> s;
+  std::copy_n(from.begin(), s.s.size(), s.s.begin());
   const std::size_t warm = task_.window(w - 1).warm;
   const std::size_t first = warm * substeps;
   const double start_time = e.elapsed_s(warm);

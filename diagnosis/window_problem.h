@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "diagnosis/shooting.h"
-#include "diagnosis/window_simulation.h"
+#include "diagnosis/window_derivatives.h"
 #include "physics/rig.h"
 #include "physics/sensor_chain.h"
 
@@ -39,6 +39,9 @@ struct NormalBlock {
 
 class WindowProblem {
  public:
+  /// By row, in which it is written.
+  using Jacobian = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
   /// State priors follow from the parameters at `z` and stay fixed.
   WindowProblem(const Task& task, const Hypothesis& hypothesis, std::span<const double> z,
                 bool parameters_free);
@@ -58,7 +61,7 @@ class WindowProblem {
   /// Scaled residuals of a window and their derivatives with respect to each unknown (first) and
   /// each free state.
   struct Derivatives {
-    Eigen::MatrixXd jacobian;
+    Jacobian jacobian;
     Eigen::VectorXd residual;
   };
   Derivatives differentiate(std::size_t w, const WindowState& from) const;
@@ -90,10 +93,9 @@ class WindowProblem {
   };
 
   void set_columns();
-  std::vector<physics::Dual> seed_directions(std::size_t w, std::span<const Eigen::Index> columns,
-                                             WindowStart<physics::Dual>& start) const;
+  Directions directions(std::size_t w) const;
   void differentiate_instruments(std::size_t c, double reading, double rate, Eigen::Index row,
-                                 Eigen::MatrixXd& jacobian) const;
+                                 Jacobian& jacobian) const;
   NormalBlock diverged(int count) const;
 
   const Task& task_;
@@ -101,7 +103,7 @@ class WindowProblem {
   std::vector<int> states_;     // indices into WindowState
   std::size_t rig_states_ = 0;  // of these, the first
   std::size_t unknowns_;
-  std::vector<Eigen::Index> dual_columns_;  // unknowns and states, but for the next
+  std::vector<Eigen::Index> parameter_columns_;  // unknowns, but for the next
   std::vector<InstrumentColumn> instrument_columns_;
   std::vector<physics::SensorBank> banks_;
   std::vector<StatePrior> priors_;

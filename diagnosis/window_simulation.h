@@ -22,41 +22,36 @@
 namespace stickslip::diagnosis {
 
 /// Error of the drive in a window (Experiment::drive_noise): a linear spline through its knots.
-template <class T>
 class DriveError {
  public:
-  using Knots = std::array<T, max_drive_knots>;
-  DriveError(const Experiment& e, const Window& window, const Knots& knots)
-      : knots_(knots),
-        noise_(e.drive_noise),
+  /// The error between two knots: shares of theirs.
+  struct Shares {
+    std::size_t left = 0;
+    double of_left = 0.0;
+    double of_right = 0.0;
+
+    double of(const WindowState& knots) const {
+      const std::size_t first = physics::max_rig_states + left;
+      return of_left * knots[first] + of_right * knots[first + 1];
+    }
+  };
+  DriveError(const Experiment& e, const Window& window)
+      : noise_(e.drive_noise),
         last_knot_(e.drive_knots - 1),
         span_s_(static_cast<double>(window.end - window.warm) * e.period_s) {}
-  /// 0 after the end of the window.
-  T at(double since_warm_s) const {
-    if (!(noise_ > 0.0) || since_warm_s > span_s_) return T(0.0);
+  /// No share after the end of the window.
+  Shares at(double since_warm_s) const {
+    if (!(noise_ > 0.0) || since_warm_s > span_s_) return {};
     const double position = std::min(since_warm_s / span_s_, 0.999999) * last_knot_;
     const auto left = static_cast<std::size_t>(position);
     const double share = position - static_cast<double>(left);
-    return (noise_ * (1.0 - share)) * knots_[left] + (noise_ * share) * knots_[left + 1];
+    return {left, noise_ * (1.0 - share), noise_ * share};
   }
 
  private:
-  const Knots& knots_;
   double noise_;
   double last_knot_;
   double span_s_;
-};
-
-/// A window's free state with derivatives, or plain.
-template <class T>
-struct WindowStart {
-  physics::RigState<T> rig;
-  std::array<T, max_drive_knots> knots{};
-
-  explicit WindowStart(const WindowState& from) {
-    for (std::size_t i = 0; i < from.size(); ++i) (*this)[i] = T(from[i]);
-  }
-  T& operator[](std::size_t i) { return i < rig.s.size() ? rig.s[i] : knots[i - rig.s.size()]; }
 };
 
 /// The inputs of a window as they acted, corrected for the delay of their own channel.
@@ -195,47 +190,127 @@ class WindowSensors {
   physics::SensorErrorState<T> memory_;
 };
 
+/// The readings of a window, taken while a rig moves through it.
+template <class T>
+class WindowReader {
+ public:
+  /// Calls of a sink are sink(sample, channel, reading, its rate), those of one channel in order.
+  WindowReader(const Experiment& e, const Window& window, std::size_t end,
+               const physics::SensorBank& bank, const physics::ReadingLaws<T>& laws, double step_s)
+      : sensors_(bank, laws, step_s),
+        times_(e, window, end, laws),
+        start_time_(e.elapsed_s(window.warm)),
+        step_s_(step_s) {}
+  void settle(const physics::Quantities<T>& quantities) {
+    sensors_.settle(quantities);
+    after_ = sensors_.readings(start_time_);
+  }
+  bool complete() const { return times_.complete(); }
+  /// One step from `since_warm_s`, to these quantities at its end.
+  template <class Sink>
+  void advance(const physics::Quantities<T>& quantities, double since_warm_s, Sink&& sink) {
+    const double until = since_warm_s + step_s_;
+    const bool due = times_.is_due(until);  // the first step: those of its beginning, too
+    const Channels before = due ? sensors_.readings(start_time_ + since_warm_s) : after_;
+    sensors_.advance(quantities);
+    if (!due) return;
+    after_ = sensors_.readings(start_time_ + until);
+    times_.pass(before, after_, until, step_s_, sink);
+  }
+  /// A channel that leads has no reading at the very end of a recording: the last one counts.
+  template <class Sink>
+  void finish(Sink&& sink) {
+    times_.pass(after_, after_, std::numeric_limits<double>::infinity(), step_s_, sink);
+  }
+
+ private:
+  using Channels = std::array<T, predicted_channels>;
+  WindowSensors<T> sensors_;
+  MeasurementTimes<T> times_;
+  double start_time_;
+  double step_s_;
+  Channels after_{};
+};
+
+/// One step of a window's integration.
+struct WindowStep {
+  physics::Input now, next;
+  double time_s = 0.0;
+  double length_s = 0.0;
+  DriveError::Shares error;  ///< of the drive, at its middle
+};
+
+/// Moves a rig from window.warm through the steps of a window: motion.advance(WindowStep), then
+/// read(time since window.warm at which the step began), until complete(). False if the recording
+/// ended before.
+template <class Motion, class Read, class Complete>
+bool run_steps(const Experiment& e, const Window& window, const DelayedInput<double>& input,
+               Motion& motion, Read&& read, Complete&& complete) {
+  const std::size_t first = window.warm * static_cast<std::size_t>(e.substeps);
+  const double start_time = e.elapsed_s(window.warm);
+  const DriveError error(e, window);
+  WindowStep step;
+  step.length_s = e.period_s / e.substeps;
+  step.next = input.at(first);
+  for (std::size_t at = first; !complete(); ++at) {
+    if (at + 1 >= e.input.size()) return false;
+    const double since_warm = static_cast<double>(at - first) * step.length_s;
+    step.now = step.next;
+    step.next = input.at(at + 1);
+    step.time_s = start_time + since_warm;
+    step.error = error.at(since_warm + 0.5 * step.length_s);
+    motion.advance(step);
+    read(since_warm);
+  }
+  return true;
+}
+
+/// The motion of a rig by itself.
+class PlainMotion {
+ public:
+  /// Begins with the input `now` at `time_s`; `from` must outlive it.
+  PlainMotion(const physics::Rig& rig, const physics::RigNumbers<double>& n,
+              const WindowState& from, const physics::Input& now, double time_s)
+      : rig_(rig), n_(n), from_(from), now_(now) {
+    std::copy_n(from.begin(), s_.s.size(), s_.s.begin());
+    rig_.complete(s_, now, time_s, n_);
+  }
+  void advance(const WindowStep& step) {
+    s_.unrecorded = step.error.of(from_);
+    if (rig_.structure().excitation == physics::Excitation::imposed) {
+      s_.s[physics::state::v] = step.now.velocity_m_s + s_.unrecorded;
+    }
+    rig_.step(s_, step.now, step.next, step.time_s, step.length_s, n_);
+    now_ = step.next;
+  }
+  physics::Quantities<double> quantities() const { return rig_.quantities(s_, now_, n_); }
+
+ private:
+  const physics::Rig& rig_;
+  const physics::RigNumbers<double>& n_;
+  const WindowState& from_;
+  physics::RigState<double> s_;
+  physics::Input now_;
+};
+
 /// Integrates from `from` at window.warm until all readings from window.begin to before `end` were
 /// taken, and calls sink(sample, channel, reading, its rate) for each, those of one channel in
 /// order.
-template <class T, class Sink>
+template <class Sink>
 void run_window(const Experiment& e, const Window& window, std::size_t end, const physics::Rig& rig,
-                const physics::SensorBank& bank, const physics::RigNumbers<T>& n,
-                const WindowStart<T>& from, Sink&& sink) {
-  physics::RigState<T> s = from.rig;
-  const DriveError<T> drive_error(e, window, from.knots);
-  const bool imposed = rig.structure().excitation == physics::Excitation::imposed;
+                const physics::SensorBank& bank, const physics::RigNumbers<double>& n,
+                const WindowState& from, Sink&& sink) {
   const double h = e.period_s / e.substeps;
-  const std::size_t first = window.warm * static_cast<std::size_t>(e.substeps);
-  const double start_time = e.elapsed_s(window.warm);
-  const DelayedInput<T> input(e.input, n, rig.structure().excitation, h);
-  physics::Input now = input.at(first);
-  rig.complete(s, now, start_time, n);
-  WindowSensors<T> sensors(bank, n.reading, h);
-  sensors.settle(rig.quantities(s, now, n));
-  MeasurementTimes<T> times(e, window, end, n.reading);
-  std::array<T, predicted_channels> after = sensors.readings(start_time);
-  for (std::size_t at = first; !times.complete(); ++at) {
-    if (at + 1 >= e.input.size()) {
-      // A channel that leads has no reading at the very end of the recording: the last one counts.
-      times.pass(after, after, std::numeric_limits<double>::infinity(), h, sink);
-      return;
-    }
-    const double since_warm = static_cast<double>(at - first) * h;
-    const bool due = times.is_due(since_warm + h);  // the first step: those of its beginning, too
-    const std::array<T, predicted_channels> before =
-        due ? sensors.readings(start_time + since_warm) : after;
-    const physics::Input next = input.at(at + 1);
-    const T error = drive_error.at(since_warm + 0.5 * h);
-    s.unrecorded = input.lead_term(now, next) + error;
-    if (imposed) s.s[physics::state::v] = now.velocity_m_s + error;
-    rig.step(s, now, next, start_time + since_warm, h, n);
-    now = next;
-    sensors.advance(rig.quantities(s, now, n));
-    if (!due) continue;
-    after = sensors.readings(start_time + since_warm + h);
-    times.pass(before, after, since_warm + h, h, sink);
-  }
+  const DelayedInput<double> input(e.input, n, rig.structure().excitation, h);
+  PlainMotion motion(rig, n, from, input.at(window.warm * static_cast<std::size_t>(e.substeps)),
+                     e.elapsed_s(window.warm));
+  WindowReader<double> reader(e, window, end, bank, n.reading, h);
+  reader.settle(motion.quantities());
+  const bool whole = run_steps(
+      e, window, input, motion,
+      [&](double since_warm) { reader.advance(motion.quantities(), since_warm, sink); },
+      [&] { return reader.complete(); });
+  if (!whole) reader.finish(sink);
 }
 
 /// The numbers of a rig driven by recorded inputs, which were read with the gain and the delay of

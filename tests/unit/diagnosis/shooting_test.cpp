@@ -11,7 +11,9 @@
 #include <random>
 
 #include "diagnosis/held_out.h"
+#include "diagnosis/number_scores.h"
 #include "diagnosis/score.h"
+#include "diagnosis/window_problem.h"
 #include "tests/unit/diagnosis/bench.h"
 
 namespace stickslip::diagnosis {
@@ -295,6 +297,77 @@ TEST(Fit, LeavesALocalMinimumOfTheHiddenState) {
   EXPECT_LT(worst(fit(task, hypothesis, {}, wrong, options)), 1.2);
 }
 
+// The bench with everything uncertain, and a second mode, on which friction acts: more numbers than
+// one differentiation of a step has directions.
+physics::Model uncertain_bench() {
+  physics::Model model = bench_with_memory();
+  const auto uncertain = [](double value) { return physics::Parameter{value, 0.02 * value}; };
+  model.oscillator.mass_kg = uncertain(0.06);
+  model.oscillator.natural_frequency_hz = uncertain(2.4);
+  model.oscillator.damping_ratio = uncertain(0.015);
+  model.normal_load->load_n = uncertain(0.15);
+  model.friction.mu = uncertain(0.8);
+  model.friction.transition_speed_m_s = uncertain(0.0025);
+  model.friction.rate_per_s = uncertain(150.0);
+  model.load_cell->mass_kg = uncertain(0.0126);
+  model.load_cell->natural_frequency_hz = uncertain(19.3);
+  return model;
+}
+
+// Change of the residuals of a window by a step of one of its numbers in both directions.
+template <class Move>
+Eigen::VectorXd difference(const Task& task, const Hypothesis& hypothesis, Move&& move) {
+  constexpr double step = 1.0e-3;
+  const auto at = [&](double amount) {
+    std::vector<double> z(hypothesis.unknowns().size(), 0.0);
+    WindowState state = initial_states(task, hypothesis)[0];
+    move(z, state, amount);
+    return residuals_of(task, 0, hypothesis, z, state);
+  };
+  return (at(step) - at(-step)) / (2.0 * step);
+}
+
+TEST(Jacobian, IsThatOfTheReadingsInEveryDirection) {
+  std::vector<Experiment> experiments = {shaken(uncertain_bench(), 8.0)};
+  experiments[0].drive_noise = 0.02;
+  experiments[0].drive_knots = 20;
+  Task task = all_windows(experiments);
+  task.windows = {task.windows[3]};
+  task.sigma = {2.0e-5, 5.0e-4, 4.0e-4, 1.0};
+  const Hypothesis hypothesis(with_term(uncertain_bench(), "second_mode",
+                                        {{"frequency_hz", {9.0, 0.1}},
+                                         {"friction_share_per_kg", {4.0, 0.1}},
+                                         {"base_share", {0.3, 0.1}},
+                                         {"damping_ratio", {0.02, 0.001}}}));
+  const std::vector<double> z(hypothesis.unknowns().size(), 0.0);
+  ASSERT_EQ(z.size(), 13U);
+  const auto states = initial_states(task, hypothesis);
+  const WindowJacobian jacobian = jacobians_of(task, hypothesis, z, states)[0];
+  const auto expect_like = [](const Eigen::VectorXd& column, const Eigen::VectorXd& expected) {
+    EXPECT_LT((column - expected).norm(), 0.01 * expected.norm() + 1.0e-3);
+  };
+  for (std::size_t u = 0; u < z.size(); ++u) {
+    SCOPED_TRACE(hypothesis.rig().parameter_paths()[hypothesis.unknowns()[u].parameter]);
+    expect_like(
+        jacobian.parameters.col(static_cast<Eigen::Index>(u)),
+        difference(task, hypothesis,
+                   [u](std::vector<double>& at, WindowState&, double amount) { at[u] += amount; }));
+  }
+  const StatePrior prior =
+      state_prior(experiments[0], task.window(0), hypothesis, hypothesis.parameters(z));
+  Eigen::Index column = 0;
+  for (std::size_t i = 0; i < physics::max_rig_states + 20U; ++i) {
+    if (i < physics::max_rig_states && !hypothesis.rig().has_state(static_cast<int>(i))) continue;
+    SCOPED_TRACE("state " + std::to_string(i));
+    expect_like(
+        jacobian.free.col(column++),
+        difference(task, hypothesis, [&](std::vector<double>&, WindowState& state, double amount) {
+          state[i] += amount * prior.sigma[i];
+        }));
+  }
+  EXPECT_EQ(column, jacobian.free.cols());
+}
+
 TEST(Fit, LeavesMoreThanNoiseWithoutAnEffect) {
   const auto truth = with_term(driven_mass(), "dry_friction", {{"friction_force_n", {0.5}}});
   const std::vector<Experiment> experiments = {experiment_of(record(truth, 12.0), driven_mass())};
@@ -418,6 +491,32 @@ TEST(Fit, KnowsAnImposedMotionThatDwellsAtItsReversals) {
   EXPECT_GT(chi2.without, 2.0);
   EXPECT_LT(chi2.with, 1.1);
   EXPECT_GT(chi2.with, 0.8);
+}
+
+// One Jacobian finds the number that is wrong, and about what a fit with it gains.
+TEST(NumberScores, RankTheWrongNumberFirst) {
+  physics::Model declared = driven_mass();
+  declared.oscillator.damping_n_s_m = physics::Parameter{0.5};
+  physics::Model real = declared;
+  real.oscillator.damping_n_s_m = physics::Parameter{0.503};
+  const std::vector<Experiment> experiments = {experiment_of(record(real, 12.0), declared)};
+  const Task task = all_windows(experiments);
+  FittedCandidate base;
+  base.hypothesis.emplace(declared);
+  base.fitted = fit_from_declared(task, *base.hypothesis);
+  std::vector<CandidateEffect> numbers;
+  for (const CandidateEffect& each : candidate_effects(declared, experiments)) {
+    if (each.is_number()) numbers.push_back(each);
+  }
+  ASSERT_GE(numbers.size(), 2U);
+  const std::vector<double> gain = gains_of_numbers(task, base, base.fitted.state, numbers);
+  const auto best =
+      static_cast<std::size_t>(std::max_element(gain.begin(), gain.end()) - gain.begin());
+  EXPECT_EQ(numbers[best].parameter, "oscillator.damping_n_s_m");
+  const Hypothesis freed = extended(*base.hypothesis, numbers[best], {}, {}, Detail::coarse);
+  const double fitted_gain = base.fitted.cost - fit_from_declared(task, freed).cost;
+  EXPECT_GT(fitted_gain, 50.0) << "the number is not wrong enough: the test is void";
+  EXPECT_NEAR(gain[best], fitted_gain, 0.2 * fitted_gain);
 }
 
 TEST(Predict, FromTheTrueStateMatchesTheRecording) {
