@@ -13,6 +13,13 @@ namespace {
   throw InputError(Problem{"", 0, 0, std::move(message)});
 }
 
+constexpr std::string_view introduction =
+    "Eight questions about the rig. A number may have a unit and, behind +-, its standard "
+    "deviation: "
+    "\"60 g +- 1 %\"; +- 0 is exact. Enter takes the answer that is proposed. Nothing is written "
+    "before "
+    "the last answer; Ctrl-C ends the questions.\n";
+
 /// The model with the answer; the old one stays as it is if the answer cannot be used.
 std::string take(const Question& question, Draft& draft, const std::string& answer) {
   Draft changed = draft;
@@ -30,9 +37,11 @@ std::string text_of(const Question& question, std::size_t number, const std::str
   return proposal.empty() ? out : out.append("     Enter: ").append(proposal).append("\n");
 }
 
-void ask(const Question& question, std::size_t number, const Ask& ask, Draft& draft) {
+/// `before`: shown before the question.
+void ask(const Question& question, std::size_t number, const Ask& ask, std::string before,
+         Draft& draft) {
   const std::string proposal = question.proposal(draft);
-  std::string text = text_of(question, number, proposal);
+  std::string text = before.append(text_of(question, number, proposal));
   while (true) {
     const std::optional<std::string> line = ask(text);
     if (!line) {
@@ -65,6 +74,7 @@ void note_missing(const Question& question, std::string& missing) {
 Draft interviewed(const Setup& setup) {
   Draft draft;
   draft.measured = setup.recorded;
+  std::string before(introduction);
   std::string missing;
   for (std::size_t i = 0; i < question_count; ++i) {
     const Question& question = questions()[i];
@@ -79,7 +89,7 @@ Draft interviewed(const Setup& setup) {
       const std::string problem = take(question, draft, given->second);
       if (!problem.empty()) refuse(given->first + ": " + problem);
     } else if (setup.ask) {
-      ask(question, i + 1, setup.ask, draft);
+      ask(question, i + 1, setup.ask, std::exchange(before, ""), draft);
     } else if (is_known(question, setup)) {
       take(question, draft, question.proposal(draft));
     } else {

@@ -268,7 +268,7 @@ std::string take_sensors(Draft& draft, std::string_view answer) {
       return refusal("sensors that the recording has (" + sensors_proposed(draft) + ")", part);
     }
     changed.measured[index_of(*channel)] = true;
-    const std::string problem =
+    std::string problem =
         take_noise(changed.model.sensors[index_of(*channel)], *channel, words.rest);
     if (!problem.empty()) return problem;
   }

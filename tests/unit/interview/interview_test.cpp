@@ -95,6 +95,8 @@ TEST(Interview, DoesNotAskWhatIsAnsweredBeforehand) {
   (void)interviewed({{{"--excitation", "force"}, {"--mass", "1 kg"}}, {}, person.ask()});
   EXPECT_THAT(person.shown, Not(HasSubstr("1/8")));
   EXPECT_THAT(person.shown, Not(HasSubstr("2/8")));
+  EXPECT_EQ(person.shown.find("Eight questions"), 0U);
+  EXPECT_EQ(person.shown.rfind("Eight questions"), 0U) << "once";
 }
 
 TEST(Interview, EndsWithTheInput) {
