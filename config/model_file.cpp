@@ -13,14 +13,8 @@ namespace stickslip::config {
 
 namespace {
 
-std::string text_of(const physics::Parameter& parameter) {
-  if (parameter.sigma == 0.0) return toml_number(parameter.value);
-  return "{ value = " + toml_number(parameter.value) + ", sigma = " + toml_number(parameter.sigma) +
-         " }";
-}
-
 void write(TomlWriter& out, std::string_view key, const physics::Parameter& value) {
-  out.line(key, text_of(value));
+  out.line(key, parameter_text(value));
 }
 
 void write(TomlWriter& out, std::string_view key, const std::optional<physics::Parameter>& value) {
@@ -86,7 +80,7 @@ std::string text_of(const physics::Filter& filter) {
   if (filter.kind == physics::FilterKind::butterworth_lowpass) {
     text += "order = " + std::to_string(filter.order) + ", ";
   }
-  return text + "cutoff_hz = " + text_of(filter.cutoff_hz) + " }";
+  return text + "cutoff_hz = " + parameter_text(filter.cutoff_hz) + " }";
 }
 
 void write(TomlWriter& out, Channel channel, const physics::Sensor& sensor) {
@@ -130,6 +124,12 @@ physics::Model parse_model(std::string_view text, const std::string& name) {
   }
   if (!document.sound()) throw InputError(document.take_problems());
   return model;
+}
+
+std::string parameter_text(const physics::Parameter& parameter) {
+  if (parameter.sigma == 0.0) return toml_number(parameter.value);
+  return "{ value = " + toml_number(parameter.value) + ", sigma = " + toml_number(parameter.sigma) +
+         " }";
 }
 
 std::string model_text(const physics::Model& model) {

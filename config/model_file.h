@@ -19,4 +19,7 @@ physics::Model parse_model(std::string_view text, const std::string& name);
 /// The model as a model file; parse_model reads it back to an equal model (numbers to the bit).
 std::string model_text(const physics::Model& model);
 
+/// A number as in a model file: "2.4", or "{ value = 2.4, sigma = 0.05 }".
+std::string parameter_text(const physics::Parameter& parameter);
+
 }  // namespace stickslip::config

@@ -262,7 +262,14 @@ class MalformedInput(EndToEnd):
         diagram = ("bifurcation", "--model", self.good_model, "--values", "2", "--periods", "2")
         cases = (
             (("diagnose",), "RECORDING is required"),
-            (("diagnose", self.good_recording), "--model"),
+            (("diagnose", self.good_recording),
+             f"--model is required, a file with the physics known of the rig: `stickslip model new --recording "
+             f"{self.good_recording}` asks for it and writes one; docs/tutorial.md"),
+            (("poincare", "--amplitude", "0.003"), "`stickslip model new` asks for it"),
+            (("model",), 'after "stickslip model"; expected one of new'),
+            (("model", "new", "--excitation", "force"), "missing: --mass (60 g"),
+            (("model", "new", "--excitation", "push"), "expected one of base,force,imposed, found push"),
+            (("model", "new", "--excitation", "base", "--mass", "0"), "--mass: expected a number above 0, found"),
             (("evaluate", self.good_recording, "--model"), "--model"),
             (("no-such-command",), 'there is no command "no-such-command"; expected one of'),
             ((), "no command is given; expected one of"),

@@ -91,6 +91,16 @@ bool asks_for_help(const std::vector<std::string>& arguments) {
   });
 }
 
+/// Of a command without its model: how to get one.
+std::string without_model(const CLI::App& command) {
+  const CLI::Option* recording = command.get_option_no_throw("RECORDING");
+  const bool given = recording != nullptr && recording->count() > 0;
+  std::string text =
+      "--model is required, a file with the physics known of the rig: `stickslip model new";
+  if (given) text.append(" --recording ").append(recording->results().front());
+  return text.append("` asks for it and writes one; docs/tutorial.md shows it step by step");
+}
+
 /// Of what the parser refuses besides names: a value, a number of values, an argument too many.
 std::string refusal(const Program& program, const CLI::ParseError& error) {
   const CLI::App* command = &program;
@@ -100,6 +110,8 @@ std::string refusal(const Program& program, const CLI::ParseError& error) {
     const std::vector<std::string> extra = program.remaining(true);
     text = "expected no further argument, found " + (extra.empty() ? "one" : extra.front());
   }
+  const bool required = dynamic_cast<const CLI::RequiredError*>(&error) != nullptr;
+  if (required && text == "--model is required") text = without_model(*command);
   return text + see_help(*command);
 }
 

@@ -179,9 +179,11 @@ TEST(Commands, AreRefusedIfUnknown) {
 // Options with a text that is no file. A new option with a text is declared as a file
 // (tools/command_line/file_options.h) or added here.
 const std::set<std::string> texts = {
-    "--url",          "--over",      "--reference", "--by", "--date", "--raw-unit", "--effect",
-    "--only",         "--explain",   "--socket",    "KEY",  "VALUE",  "--listen",   "--token",
-    "--allow-origin", "--host-name", "names",       "ID",   "--unit", "--snr",      "--model-name"};
+    "--url",    "--over",     "--reference",    "--by",        "--date",   "--raw-unit",
+    "--effect", "--only",     "--explain",      "--socket",    "KEY",      "VALUE",
+    "--listen", "--token",    "--allow-origin", "--host-name", "names",    "ID",
+    "--unit",   "--snr",      "--model-name",   "--mass",      "--spring", "--damping",
+    "--load",   "--friction", "--sensors",      "--load-cell"};
 
 TEST(Commands, DeclareEveryOptionThatNamesAFile) {
   const Parser parser;
