@@ -318,8 +318,9 @@ void Service::run_loop(Loop& loop, drivers::Driver& driver, ControlServer* contr
   control_ = control;
   housekeeping(thread, loop, driver.description());
   control_ = nullptr;
-  // The watchdog is not notified any more, and closing a device that hangs takes time.
-  sd_notify(0, "STOPPING=1\nSTATUS=closing the device");
+  // The loop makes no progress any more. systemd 252 suspends the watchdog when it stops a service,
+  // but a notification, such as those during the ramp, resumes it.
+  sd_notify(0, "STOPPING=1\nSTATUS=closing the device\nWATCHDOG_USEC=0");
   thread.join();
   drain_notices(loop);
   supervisor.stop();

@@ -7,6 +7,7 @@ import os
 import random
 import re
 import signal
+import socket
 import subprocess
 import time
 import unittest
@@ -26,11 +27,11 @@ class DaemonStopsCleanly(EndToEnd):
         super().setUp()
         self.types = frames.generate_types(self.folder)
 
-    def start(self, *arguments, config=CONFIG):
+    def start(self, *arguments, config=CONFIG, **environment):
         log = self.folder / f"{len(list(self.folder.glob('*.log')))}.log"
         daemon = subprocess.Popen([STICKSLIPD, "--config", str(config), "--record", str(log),
                                    *map(str, arguments)], stdout=subprocess.PIPE,
-                                  stderr=subprocess.STDOUT, text=True)
+                                  stderr=subprocess.STDOUT, text=True, env={**os.environ, **environment})
         self.addCleanup(daemon.wait)
         self.addCleanup(daemon.kill)
         return daemon, log
@@ -114,6 +115,23 @@ class DaemonStopsCleanly(EndToEnd):
         # Half a second of ramp: the amplitude falls over many frames, without a jump.
         ramp = [drive.amplitude for drive in drives[-450::10]]
         self.assertLess(max(abs(a - b) for a, b in zip(ramp, ramp[1:])), 0.08 * max(ramp))
+
+    def test_the_watchdog_is_off_while_the_queues_drain(self):
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+            manager.bind(str(self.folder / "notify"))
+            manager.settimeout(10)
+            daemon, _ = self.start("--no-lcm", NOTIFY_SOCKET=str(self.folder / "notify"))
+            received = []
+            while received.count("WATCHDOG=1") < 3:
+                received += manager.recv(4096).decode().split("\n")
+            daemon.send_signal(signal.SIGTERM)
+            while "STATUS=draining" not in received:
+                received += manager.recv(4096).decode().split("\n")
+            manager.shutdown(socket.SHUT_RD)  # the daemon does not wait for a reader
+            self.end(daemon)
+        # Whatever the service manager made of the notifications during the ramp.
+        self.assertGreater(received.count("WATCHDOG=1"), 3)
+        self.assertEqual([word for word in received if word.startswith("WATCHDOG")][-1], "WATCHDOG_USEC=0")
 
     def test_a_stop_at_any_moment_loses_nothing(self):
         rng = random.Random(20240711)

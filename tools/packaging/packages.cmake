@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Archives and packages, by CPack:
 #   cpack -G TGZ --config CPackSourceConfig.cmake    the sources, with uPlot, so that they build offline
+#   cpack                                            a package of Debian; needs dpkg-dev and file
 set(CPACK_PACKAGE_VENDOR "Stickslip")
 set(CPACK_VERBATIM_VARIABLES ON)
 set(CPACK_PROJECT_CONFIG_FILE ${CMAKE_CURRENT_LIST_DIR}/settings_of_cpack.cmake)
@@ -10,4 +11,38 @@ set(CPACK_SOURCE_GENERATOR TGZ)
 set(CPACK_SOURCE_PACKAGE_FILE_NAME ${PROJECT_NAME}-${PROJECT_VERSION})
 set(CPACK_SOURCE_IGNORE_FILES
   "^${root}/build(/|-)" "^${root}/\\.git(/|$)" /__pycache__/ "\\.pyc$" "/compile_commands\\.json$")
+
+set(STICKSLIP_MAINTAINER "Stickslip <stickslip@localhost>" CACHE STRING
+  "Whom users of a package write to: name <address>")
+set(CPACK_STICKSLIP_DATE ${STICKSLIP_DATE})
+set(CPACK_GENERATOR DEB)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_MAINTAINER ${STICKSLIP_MAINTAINER})
+set(CPACK_DEBIAN_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PACKAGE_DESCRIPTION
+"The daemon stickslipd acquires the channels of a bench at a fixed rate, drives its shaker
+within limits, estimates the friction state, publishes over LCM and records. The tool
+stickslip shows, checks, records, converts and diagnoses: it finds the physics that a model
+lacks. As installed, the rig is a simulated one.")
+set(CPACK_DEBIAN_PACKAGE_DEPENDS "iproute2, systemd (>= 252)")
+set(CPACK_DEBIAN_PACKAGE_RECOMMENDS udev)
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS gnuplot-nox)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_COMPRESSION_TYPE zstd)
+
+# Kept by an upgrade if they were edited, removed by a purge only.
+set(conffiles /etc/stickslip/rig.toml /etc/stickslip/models/simulated.toml
+  /etc/stickslip/models/simulated-truth.toml)
+set(CPACK_STICKSLIP_CONFFILES ${conffiles})
+list(JOIN conffiles "\n" conffiles)
+set(control ${CMAKE_BINARY_DIR}/debian)
+file(CONFIGURE OUTPUT ${control}/conffiles CONTENT "${conffiles}\n")
+if(STICKSLIP_AVX2)
+  set(STICKSLIP_PROCESSOR_FLAGS "abm avx2 bmi1 bmi2 f16c fma movbe")
+endif()
+configure_file(${CMAKE_CURRENT_LIST_DIR}/preinst.in ${control}/preinst @ONLY)
+set(scripts ${CMAKE_CURRENT_LIST_DIR})
+set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${control}/conffiles ${control}/preinst
+  ${scripts}/postinst ${scripts}/prerm ${scripts}/postrm)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 include(CPack)

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The Debian package: its contents, and that its bytes do not depend on folder, time or time zone of the run.
+Leaves it in package/ of the build folder, and a next version in package/next, for tests/vm/systemd_package."""
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+
+from programs import SKIPPED, SOURCE, STICKSLIP, EndToEnd, main, run
+
+BUILD = pathlib.Path(STICKSLIP).resolve().parents[1]
+KEPT = BUILD / "package"
+
+
+def packed(folder, zone):
+    """The package as cpack makes it in a folder."""
+    done = subprocess.run(["cpack", "--config", BUILD / "CPackConfig.cmake", "-B", folder],
+                          capture_output=True, text=True, umask=0o022, timeout=200,
+                          env={**os.environ, "TZ": zone, "SOURCE_DATE_EPOCH": "0"})
+    assert done.returncode == 0, done.stdout + done.stderr
+    return next(folder.glob("stickslip_*.deb"))
+
+
+class Package(EndToEnd):
+    @classmethod
+    def setUpClass(cls):
+        keep = tempfile.TemporaryDirectory(prefix="stickslip-")
+        cls.addClassCleanup(keep.cleanup)
+        cls.base = pathlib.Path(keep.name)
+        shutil.rmtree(KEPT, ignore_errors=True)
+        KEPT.mkdir()
+        cls.made = pathlib.Path(shutil.copy(packed(cls.base / "one", "UTC0"), KEPT))
+
+    def field(self, name):
+        return run("dpkg-deb", "-f", self.made, name).stdout.strip()
+
+    def test_a_second_run_makes_the_same_bytes(self):
+        self.assertTrue(packed(self.base / "two", "UTC+9").read_bytes() == self.made.read_bytes())
+
+    def test_its_fields(self):
+        self.assertRegex(self.made.name, r"^stickslip_[0-9.]+_[a-z0-9]+\.deb$")
+        depends = self.field("Depends")
+        for library in ("libc6 (", "libstdc++6", "liblcm1", "libhdf5-", "libusb-1.0-0", "libwebsockets",
+                        "systemd (", "iproute2"):
+            self.assertIn(library, depends)
+        self.assertNotIn("-dev", depends)
+        self.assertRegex(self.field("Maintainer"), r"^[^<>]+ <\S+@\S+>$")
+
+    def test_its_files(self):
+        listed = run("dpkg-deb", "-c", self.made).stdout.splitlines()
+        names = {line.split(maxsplit=5)[5].removeprefix("./") for line in listed}
+        wanted = {"usr/bin/stickslip", "usr/bin/stickslipd", "usr/lib/systemd/system/stickslipd.service",
+                  "usr/lib/sysusers.d/stickslip.conf", "usr/lib/tmpfiles.d/stickslip.conf",
+                  "usr/lib/udev/rules.d/70-stickslip.rules", "usr/share/man/man8/stickslipd.8.gz",
+                  "usr/share/man/man1/stickslip-diagnose.1.gz", "usr/share/doc/stickslip/changelog.gz",
+                  "usr/share/doc/stickslip/copyright", "usr/share/doc/stickslip/docs/real-time.md",
+                  "usr/share/bash-completion/completions/stickslip", "usr/share/stickslip/bench-u6.toml",
+                  "etc/stickslip/rig.toml"}
+        self.assertEqual(wanted - names, set())
+        for line in listed:
+            mode, owner = line.split()[:2]
+            self.assertEqual(owner, "root/root", line)
+            self.assertRegex(mode, r"^(d|-)rw(-r--r--|xr-xr-x)$", line)
+        self.assertEqual([name for name in names if name.startswith("var/")], [])
+
+    def test_its_text_names_neither_the_build_nor_another_prefix(self):
+        root = self.base / "root"
+        run("dpkg-deb", "-R", self.made, root)
+        units = "".join(each.read_text() for each in (root / "usr/lib/systemd/system").iterdir())
+        self.assertIn("ExecStart=/usr/bin/stickslipd --config /etc/stickslip/rig.toml", units)
+        for path in (each for each in root.rglob("*") if each.is_file()):
+            content = path.read_bytes()
+            self.assertNotRegex(content, re.escape(str(SOURCE)).encode() + rb"/[a-z_]+/[a-z_/]*\.(cpp|h|toml|json)", path)
+            self.assertNotIn(str(BUILD).encode(), content, path)
+            self.assertNotIn(str(self.base).encode(), content, path)
+        self.assertNotIn("/usr/local", units)
+        self.assertEqual(sorted("/" + str(each.relative_to(root)) for each in (root / "etc").rglob("*.toml")),
+                         sorted((root / "DEBIAN/conffiles").read_text().split()))
+        configuration = root / "etc/stickslip/rig.toml"
+        self.succeed("check", configuration)
+        rights = (root / "usr/share/doc/stickslip/copyright").read_text()
+        self.assertRegex(rights, r"(?m)^Copyright: The authors of Stickslip$")
+        if (root / "usr/share/doc/stickslip/uplot-license.txt").exists():
+            self.assertRegex(rights, r"(?m)^Copyright: \d{4} Leon Sorokin\nLicense: Expat\n")
+            self.assertIn("Permission is hereby granted", rights)
+
+        control = root / "DEBIAN/control"
+        control.write_text(re.sub(r"(?m)^(Version: .*)$", r"\1+next", control.read_text()))
+        configuration.write_text("# A comment of the next version.\n" + configuration.read_text())
+        (KEPT / "next").mkdir()
+        made = run("dpkg-deb", "--root-owner-group", "-Zgzip", "-z1", "-b", root, KEPT / "next")
+        self.assertEqual(made.returncode, 0, made.stderr)
+
+
+if __name__ == "__main__":
+    if not (shutil.which("dpkg-shlibdeps") and shutil.which("file")):
+        print("skipped: no dpkg-shlibdeps or no file (apt-get install dpkg-dev file)")
+        sys.exit(SKIPPED)
+    main()
