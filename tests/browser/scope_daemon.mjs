@@ -148,7 +148,7 @@ test("the page holds and draws what the daemon recorded, bit for bit", async (t)
 });
 
 test("a silent source is shown; a restarted daemon starts a new picture", async () => {
-  await until(page, () => document.querySelector("#banner").textContent.includes("has sent no frames"));
+  await until(page, () => document.querySelector("#banner").textContent.includes("sends no frames"));
   daemon = startDaemon();
   await until(page, () => stickslip.state().source === true && stickslip.state().rig === "running" && stickslip.sizes().live.held > 300, undefined, 60000);
   const frames = await held(page, "frames", 0, -Infinity, Infinity, true);
@@ -157,17 +157,36 @@ test("a silent source is shown; a restarted daemon starts a new picture", async 
   await until(page, () => document.querySelector("#banner").hidden);
 });
 
-test("the page reconnects to a restarted server", async () => {
+test("nothing is green over a hanging daemon, nor over a hanging server", async () => {
+  const greens = () => [...document.querySelectorAll(".chip[data-state=good]")].map((chip) => chip.id);
+  const isGreen = () => stickslip.state().fresh && document.querySelector("#state-chip").dataset.state === "good";
+  await until(page, isGreen);
+  daemon.child.kill("SIGSTOP");
+  await until(page, () => !stickslip.state().fresh && stickslip.state().source === false);
+  assert.deepEqual(await page.evaluate(greens), []);
+  daemon.child.kill("SIGCONT");
+  await until(page, isGreen);
+  scope.child.kill("SIGSTOP");
+  await until(page, () => document.querySelector("#link-chip").dataset.state === "bad");
+  assert.deepEqual(await page.evaluate(greens), []);
+  await until(page, () => stickslip.state().link !== "open", undefined, 30000); // given up
+  assert.deepEqual(await page.evaluate(greens), []);
+  scope.child.kill("SIGCONT");
+  await until(page, isGreen, undefined, 30000);
+});
+
+test("the page reconnects to a restarted server", async (t) => {
   const { port } = scope;
   const opened = await page.evaluate(() => stickslip.state().opened);
   await scope.stop();
   await until(page, () => stickslip.state().link === "waiting" && document.querySelector("#banner").textContent.includes("No connection"));
   const before = await liveFrames(page);
   scope = await startScope(port);
-  await page.keyboard.press("r");
+  const returned = Date.now();
   await until(page, (opened) => stickslip.state().link === "open" && stickslip.state().opened === opened + 1, opened);
+  t.diagnostic(`connected again ${Date.now() - returned} ms after the server's return`);
   await until(page, (before) => stickslip.sizes().live.held > before + 300, before, 30000);
-  page.complaints = page.complaints.filter((line) => !/ERR_CONNECTION_REFUSED|WebSocket connection/.test(line)); // the browser's own note
+  page.complaints = page.complaints.filter((line) => !/ERR_CONNECTION_REFUSED|WebSocket connection|ERR_EMPTY_RESPONSE|ERR_CONNECTION_RESET/.test(line)); // the browser's own notes
 });
 
 test("the page had no errors and no requests to other servers", async () => {

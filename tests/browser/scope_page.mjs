@@ -570,10 +570,85 @@ test("state, fault and its cause, ledger, verdict, timing and events are shown; 
   await close(page);
 });
 
+const chips = (page) => page.evaluate(() => [...document.querySelectorAll(".chip")].map((chip) => [chip.textContent, chip.dataset.state]));
+
+test("a server that says nothing greys every state within a second or so, counting, and is given up", async () => {
+  const page = await open();
+  await page.evaluate(() => {
+    feed.frames(0, 1000);
+    feed.status();
+    feed.event(0, "model_follows", "the rig follows its model");
+  });
+  await until(page, () => stickslip.state().fresh);
+  const fresh = [["running", "good"], ["amplifier on", "good"], ["recording", "good"], ["model follows", "good"], ["connected", "good"]];
+  assert.deepEqual(await chips(page), fresh);
+  // Heartbeats alone, without frames, keep the link and, with a status each second, the states.
+  await page.evaluate(() => { feed.beat = { connected: false, silent_s: 4, status_s: 0.3 }; });
+  await until(page, () => document.querySelector("#link-chip").textContent === "connected, no frames");
+  assert.deepEqual((await chips(page)).slice(0, 4), fresh.slice(0, 4));
+  // A status from before the silence says nothing of now.
+  const was = [["was: running", "unknown"], ["was: amplifier on", "unknown"], ["was: recording", "unknown"], ["was: model follows", "unknown"]];
+  await page.evaluate(() => { feed.beat = { connected: false, silent_s: 4, status_s: 4.2 }; });
+  await until(page, () => !stickslip.state().fresh);
+  assert.deepEqual((await chips(page)).slice(0, 4), was);
+  await page.evaluate(() => { feed.beat = { connected: true, silent_s: 0, status_s: 0 }; });
+  await until(page, () => stickslip.state().fresh && document.querySelector("#banner").hidden);
+  // The server hangs.
+  const quiet_ms = await page.evaluate(async () => {
+    feed.beat = null;
+    const began = performance.now();
+    while (stickslip.state().fresh) await new Promise((resolve) => setTimeout(resolve, 20));
+    return performance.now() - began;
+  });
+  assert.ok(quiet_ms > 700, `${quiet_ms} ms`);
+  assert.deepEqual(await chips(page), [...was, ["no answer", "bad"]]);
+  await until(page, () => /does not answer.* Since \d\d:\d\d:\d\d UTC, for [2-9] s\./.test(document.querySelector("#banner").textContent));
+  assert.equal(await page.evaluate(() => document.body.dataset.moving), "no");
+  // The connection is given up, which a half-open one would never be, and another is made.
+  await until(page, () => feed.sockets.length === 2, undefined, 20000);
+  assert.deepEqual((await chips(page)).slice(0, 4), was);
+  await page.evaluate(() => { feed.beat = { connected: true, silent_s: 0, status_s: 0 }; feed.open(); feed.status(); });
+  await until(page, () => stickslip.state().fresh && document.querySelector("#banner").hidden);
+  assert.deepEqual(await chips(page), fresh);
+  await close(page);
+});
+
+test("a page without its server asks for it each second, however long it is away", async () => {
+  const page = await open();
+  const waits = [];
+  for (let i = 0; i < 12; ++i) {
+    await page.evaluate(() => { feed.sockets[feed.sockets.length - 1].readyState = 1; feed.drop(); });
+    await until(page, () => stickslip.state().link === "waiting");
+    waits.push((await state(page)).wait_s);
+    await page.locator("#screen").focus();
+    await page.keyboard.press("r");
+    await until(page, () => stickslip.state().link === "connecting");
+  }
+  assert.ok(Math.max(...waits) <= 1, `waits of ${waits} s`);
+  assert.ok(Math.min(...waits) > 0.1);
+  await close(page);
+});
+
+test("only frequencies that were declared are marked", async () => {
+  const page = await open();
+  await page.evaluate(() => feed.frames(0, 3000));
+  assert.deepEqual((await drawn(page, "spectrum")).marks, [], "before a model is known");
+  await page.evaluate(() => feed.text({ type: "model", rig: "a rig", marks: [{ name: "natural frequency", hz: 2.5 }] }));
+  assert.deepEqual((await drawn(page, "spectrum")).marks, [{ name: "natural frequency", hz: 2.5 }]);
+  await page.evaluate(() => feed.text({ type: "model", rig: "a rig", marks: [] }));
+  assert.deepEqual((await drawn(page, "spectrum")).marks, [], "of a model without any");
+  await close(page);
+});
+
 test("the page reconnects without duplicates; a restarted daemon starts a new picture", async () => {
   const page = await open();
-  await page.evaluate(() => { feed.frames(0, 3000); feed.text({ type: "source", connected: false, silent_s: 1.5 }); });
-  await until(page, () => document.querySelector("#banner").textContent.includes("no frames for 1.5"));
+  await page.evaluate(() => {
+    feed.frames(0, 3000);
+    feed.beat = null;
+    feed.text({ type: "source", connected: false, silent_s: 3601 });
+  });
+  await until(page, () => /sends no frames.* Since \d\d:\d\d:\d\d UTC, for 60 min/.test(document.querySelector("#banner").textContent));
+  await page.evaluate(() => { feed.beat = { connected: true, silent_s: 0, status_s: 0 }; });
   await page.evaluate(() => feed.drop("server is ending"));
   await until(page, () => document.querySelector("#banner").textContent.includes("No connection to stickslip scope (server is ending)"));
   await until(page, () => feed.sockets.length === 2);

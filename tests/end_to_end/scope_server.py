@@ -11,6 +11,7 @@ import struct
 import subprocess
 import threading
 import time
+import urllib.request
 
 from frames import CHANNELS, generate_types, payloads
 from programs import SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main, needs_page
@@ -203,7 +204,7 @@ class Streams(Scope):
                         self.assertEqual(ours, theirs)
             kinds = collections.Counter(text["type"] for text in texts_in(messages))
             self.assertNotIn("dropped", kinds)
-            for kind in ("hello", "model", "source", "estimate", "excitation", "status", "timing", "event"):
+            for kind in ("hello", "model", "source", "estimate", "excitation", "status", "timing", "event", "alive"):
                 self.assertIn(kind, kinds)
 
     def test_excitation_has_the_time_of_each_frame(self):
@@ -231,6 +232,21 @@ class Streams(Scope):
         everything = sorted([*past, *now])
         self.assertEqual(everything, list(range(everything[0], everything[0] + len(everything))),
                          "a gap or a repetition between history and stream")
+
+    def test_a_server_started_later_is_told_the_model(self):
+        self.start_daemon()
+        with WebSocket(self.port) as early:
+            self.wait_for_frames(early, 100)
+        _, self.port = self.start_scope()
+        with WebSocket(self.port) as client:
+            messages = self.wait_for_frames(client, 1)
+            end = time.monotonic() + 30
+            while not any(text["type"] == "model" for text in texts_in(messages)):
+                self.assertLess(time.monotonic(), end, "the daemon did not repeat its description")
+                messages.append(client.receive())
+        model = next(text for text in texts_in(messages) if text["type"] == "model")
+        self.assertEqual(model["rig"], "simulated rig")
+        self.assertIn("natural frequency", [mark["name"] for mark in model["marks"]])
 
     def test_a_restart_of_the_daemon_is_reported(self):
         with WebSocket(self.port) as client:
@@ -585,16 +601,27 @@ class Arguments(EndToEnd):
         self.assertEqual(result.returncode, 1)
         self.assertIn("another program", result.stderr)
 
-    def test_listening_on_all_addresses_is_warned_of(self):
-        for options, warned in ((("--listen", "0.0.0.0:0"), "no --token"),
-                                (("--listen", "0.0.0.0:0", "--token", "abc"), "nothing is encrypted")):
-            server = subprocess.Popen([STICKSLIP, "scope", *options], stdout=subprocess.PIPE,
-                                      stderr=subprocess.PIPE, text=True)
-            server.stdout.readline()
-            server.send_signal(signal.SIGTERM)
-            _, errors = server.communicate(timeout=20)
-            self.assertEqual(server.returncode, 0)
-            self.assertIn(warned, errors)
+    def test_all_addresses_need_a_token_and_the_printed_ones_work(self):
+        for everywhere in ("0.0.0.0:0", "[::]:0"):
+            result = self.scope("--listen", everywhere)
+            self.assertEqual((result.returncode, result.stdout), (2, ""))
+            self.assertRegex(result.stderr, r"\A[^\n]*add --token WORD[^\n]*\n\Z")
+        # An address besides loopback, in this test's own network.
+        subprocess.run(["ip", "address", "add", "192.0.2.7/32", "dev", "lo"], check=True)
+        server = subprocess.Popen([STICKSLIP, "scope", "--listen", "0.0.0.0:0", "--token", "abc"],
+                                  stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.addCleanup(server.wait)
+        self.addCleanup(server.kill)
+        lines = [server.stdout.readline() for _ in range(2)]
+        self.assertRegex(lines[0], r"\Alive view: http://127\.0\.0\.1:\d+/\?token=abc\n")
+        self.assertRegex(lines[1], r"\Afrom other machines: http://192\.0\.2\.7:\d+/\?token=abc\n")
+        for line in lines:
+            with urllib.request.urlopen(line.split(": ", 1)[1].strip(), timeout=20) as answer:
+                self.assertEqual(answer.status, 200)
+        server.send_signal(signal.SIGTERM)
+        _, errors = server.communicate(timeout=20)
+        self.assertEqual(server.returncode, 0)
+        self.assertIn("nothing is encrypted", errors)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@
 
 #include "config/model_file.h"
 #include "physics/failure.h"
+#include "physics/problem.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/command_line/shared_options.h"
@@ -60,11 +61,28 @@ class Subscriber {
   scope::LiveFeed& feed_;
 };
 
-void print_address(const scope::ListenAddress& at, const scope::Admission& admission) {
-  scope::ListenAddress shown = at;
-  if (scope::is_every_address(at.address)) shown.address = "127.0.0.1";
-  std::printf("live view: http://%s/%s\n", scope::text_of(shown).c_str(),
-              admission.token.empty() ? "" : ("?token=" + admission.token).c_str());
+void require_token(const Arguments& arguments, const scope::ListenAddress& at) {
+  if (!scope::is_every_address(at.address) || !arguments.admission.token.empty()) return;
+  throw InputError(Problem{"", 0, 0,
+                           "--listen " + arguments.listen +
+                               ": every network of this machine could watch; add --token WORD, or "
+                               "listen at one address"});
+}
+
+void print_addresses(const scope::ListenAddress& at, const scope::Admission& admission) {
+  const std::string query = admission.token.empty() ? "" : "?token=" + admission.token;
+  const auto print = [&](const char* what, const std::string& address) {
+    std::printf("%s: http://%s/%s\n", what, scope::text_of({address, at.port}).c_str(),
+                query.c_str());
+  };
+  if (scope::is_every_address(at.address)) {
+    print("live view", at.address == "0.0.0.0" ? "127.0.0.1" : "::1");
+    for (const std::string& address : scope::addresses_of_this_machine()) {
+      print("from other machines", address);
+    }
+  } else {
+    print("live view", at.address);
+  }
   std::printf("Ctrl-C stops it\n");
   std::fflush(stdout);
   if (!scope::is_loopback(at.address)) {
@@ -94,7 +112,9 @@ int run(const Arguments& arguments) {
   if (!arguments.model.empty()) {
     settings.marks = scope::marks_of(config::load_model(arguments.model));
   }
-  const scope::Listener listener(scope::parse_listen_address(arguments.listen));
+  const scope::ListenAddress at = scope::parse_listen_address(arguments.listen);
+  require_token(arguments, at);
+  const scope::Listener listener(at);
   scope::Admission admission = arguments.admission;
   admission.listen_address = listener.address().address;
 
@@ -114,8 +134,8 @@ int run(const Arguments& arguments) {
     }
   });
   server->watch(stop.file(), [&server] { server->stop(); });
-  server->every_tick([&feed] { feed.check_silence(steady_clock::now()); });
-  print_address(listener.address(), admission);
+  server->every_tick([&feed] { feed.tick(steady_clock::now()); });
+  print_addresses(listener.address(), admission);
   server->run();
   return 0;
 }

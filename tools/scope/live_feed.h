@@ -41,8 +41,9 @@ class LiveFeed {
   void take(std::string_view channel, std::span<const std::uint8_t> bytes, double received_unix_ms,
             Clock::time_point now);
 
-  /// To be called about every 0.1 s: reports that the source has stopped.
-  void check_silence(Clock::time_point now);
+  /// To be called about every 0.1 s: reports that the source has stopped, and that this server has
+  /// not.
+  void tick(Clock::time_point now);
 
   /// The first messages for a new page, in this order.
   std::vector<SharedMessage> greeting(Clock::time_point now) const;
@@ -58,6 +59,7 @@ class LiveFeed {
   void take_description(std::span<const std::uint8_t> bytes);
   bool is_restart(const Frame& next) const;
   void reset_run();
+  SharedMessage alive(Clock::time_point now) const;
   double silence_s(Clock::time_point now) const;
   void send(SharedMessage message);
 
@@ -78,6 +80,8 @@ class LiveFeed {
   std::vector<Frame> frames_;
   std::optional<Frame> last_;
   std::optional<Clock::time_point> last_block_at_;  ///< time of the latest block
+  std::optional<Clock::time_point> status_at_;      ///< time of the latest status
+  Clock::time_point alive_at_;                      ///< time of the latest heartbeat
   Clock::time_point began_;
   bool connected_ = false;
   std::uint64_t frames_taken_ = 0;

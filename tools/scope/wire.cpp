@@ -255,6 +255,14 @@ Message encode_source(bool connected, double silent_s) {
                       Keep::always);
 }
 
+Message encode_alive(bool connected, double silent_s, std::optional<double> status_s) {
+  return text_message({{"type", "alive"},
+                       {"connected", connected},
+                       {"silent_s", silent_s},
+                       {"status_s", status_s ? json(*status_s) : json(nullptr)}},
+                      Keep::may_be_lost);
+}
+
 Message encode_dropped(std::uint64_t messages) {
   return text_message({{"type", "dropped"}, {"messages", messages}}, Keep::always);
 }

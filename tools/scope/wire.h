@@ -66,6 +66,10 @@ Message encode_event(const event_t& event);
 /// `connected`: frames are arriving. `silent_s`: time since the last one.
 Message encode_source(bool connected, double silent_s);
 
+/// Sent regularly, so that a page can tell a silent rig from a dead link. `status_s`: time since the
+/// latest status.
+Message encode_alive(bool connected, double silent_s, std::optional<double> status_s);
+
 /// Number of messages that a slow client has missed.
 Message encode_dropped(std::uint64_t messages);
 

@@ -11,7 +11,7 @@ export function expose(app) {
         link: link.state, opened: stream.opened, refused: stream.refused, paused, units: units.system,
         theme: document.documentElement.dataset.theme, themeChoice: theme.choice, large: theme.large,
         renderer: scope.traces.kind, rig: app.rig.status?.state ?? null, verdict: app.rig.verdict?.code ?? null,
-        source: app.source?.connected ?? null, dropped: app.dropped, lost: app.live.frames.lost,
+        source: app.watch.alive?.connected ?? null, fresh: app.fresh, wait_s: link.wait_s ?? null, dropped: app.dropped, lost: app.live.frames.lost,
         span_s: scope.span_s, span_ns: scope.span_ns, left_ns: scope.left_ns, held: scope.held, dense: scope.dense,
         plot: { left: scope.gutter, width: scope.plotWidth, height: scope.plotHeight },
         trigger: {
@@ -108,7 +108,7 @@ function drawn(app, name) {
     return { points, limits: portrait.drawn, passages, pixels: [...portraits.points.subarray(0, 2 * portrait.count)] };
   }
   if (name === "spectrum") {
-    return { frequency: [...(spectrum.data?.[0] ?? [])], value: [...(spectrum.data?.[1] ?? [])], length: spectrum.length, rate_hz: spectrum.rate_hz, newest: app.store.frames.end, chosen: { ...spectrum.chosen } };
+    return { frequency: [...(spectrum.data?.[0] ?? [])], value: [...(spectrum.data?.[1] ?? [])], length: spectrum.length, rate_hz: spectrum.rate_hz, newest: app.store.frames.end, chosen: { ...spectrum.chosen }, marks: spectrum.marks.map((mark) => ({ ...mark })) };
   }
   const estimate = estimates.figures.find((one) => one.name === name);
   if (estimate) {

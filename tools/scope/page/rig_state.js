@@ -26,6 +26,28 @@ export class RigState {
     this.visible = watchVisible(this.histograms.map(({ figure }) => figure), () => this.drawTiming());
     this.events = [];
     this.verdict = null;
+    this.fresh = false;
+    this.chips = new Map(["state", "amplifier", "recording", "verdict"].map((name) => [name, { element: byId(`${name}-chip`), text: "", state: "unknown" }]));
+  }
+
+  #setChip(name, text, state) {
+    Object.assign(this.chips.get(name), { text, state });
+    this.#showChip(this.chips.get(name));
+  }
+
+  // What is not known to be so now is grey, with what it was.
+  #showChip({ element, text, state }) {
+    if (text === "") return; // not known yet
+    setText(element, this.fresh ? text : `was: ${text}`);
+    setState(element, this.fresh ? state : "unknown");
+  }
+
+  // `fresh`: the latest status describes the rig of now.
+  setFresh(fresh) {
+    if (fresh === this.fresh) return;
+    this.fresh = fresh;
+    for (const chip of this.chips.values()) this.#showChip(chip);
+    setState(byId("rig"), fresh ? "" : "old");
   }
 
   take(message) {
@@ -36,27 +58,12 @@ export class RigState {
     else if (message.type === "model") setText(byId("rig-name"), message.rig || "scope");
   }
 
-  // The state of a silent source is unknown.
-  silent() {
-    const chip = byId("state-chip");
-    setText(chip, this.status ? `was ${this.status.state}` : "no status yet");
-    setState(chip, "unknown");
-    setText(byId("amplifier-chip"), "amplifier –");
-    setState(byId("amplifier-chip"), "unknown");
-    setText(byId("recording-chip"), "recording –");
-    setState(byId("recording-chip"), "unknown");
-  }
-
   #takeStatus(status) {
     const before = this.status?.state;
     this.#showRecording(status, this.status);
     this.status = status;
-    const chip = byId("state-chip");
-    setText(chip, status.state);
-    setState(chip, stateMarks[status.state] ?? "unknown");
-    const amplifier = byId("amplifier-chip");
-    setText(amplifier, `amplifier ${status.amplifier_on ? "on" : "off"}`);
-    setState(amplifier, status.amplifier_on ? "good" : "unknown");
+    this.#setChip("state", status.state, stateMarks[status.state] ?? "unknown");
+    this.#setChip("amplifier", `amplifier ${status.amplifier_on ? "on" : "off"}`, status.amplifier_on ? "good" : "unknown");
     const fault = byId("fault");
     fault.hidden = status.state !== "faulted";
     setText(byId("fault-name"), status.interlock ? `${status.interlock.replace(/_/g, " ")}:` : "faulted");
@@ -68,16 +75,13 @@ export class RigState {
 
   // Bad while frames are lost or the log is missing; a loss stays visible to the end of the recording.
   #showRecording(status, previous) {
-    const chip = byId("recording-chip");
     const lost = sum(status.record_loss);
     const lostBefore = sum(previous?.record_loss);
     const losing = lost > (lostBefore <= lost ? lostBefore : 0);
-    if (!status.recording) setText(chip, "not recorded");
-    else if (losing) setText(chip, `recording loses frames: ${count(lost)}`);
-    else if (this.logEvent?.code === "log_missing") setText(chip, "log missing");
-    else setText(chip, lost > 0 ? `recording, ${count(lost)} lost` : "recording");
-    const bad = losing || this.logEvent?.code === "log_missing";
-    setState(chip, !status.recording ? "unknown" : bad ? "bad" : lost > 0 ? "warn" : "good");
+    const missing = this.logEvent?.code === "log_missing";
+    const text = !status.recording ? "not recorded" : losing ? `recording loses frames: ${count(lost)}` : missing ? "log missing"
+      : lost > 0 ? `recording, ${count(lost)} lost` : "recording";
+    this.#setChip("recording", text, !status.recording ? "unknown" : losing || missing ? "bad" : lost > 0 ? "warn" : "good");
     if (status.recording && losing && !this.losing) this.app.say("The recording loses frames.");
     this.losing = losing;
   }
@@ -182,9 +186,7 @@ export class RigState {
     const line = byId("verdict");
     setText(line, `${broken ? "✕" : "●"} ${sentence(event.message)}`);
     setState(line, broken ? "bad" : "good");
-    const chip = byId("verdict-chip");
-    setText(chip, broken ? "model broken" : "model follows");
-    setState(chip, broken ? "bad" : "good");
+    this.#setChip("verdict", broken ? "model broken" : "model follows", broken ? "bad" : "good");
   }
 
   // Belongs to the preceding alarm.

@@ -13,9 +13,11 @@ import { Stream } from "./stream.js";
 import { expose } from "./inspection.js";
 import { Pace, Turn } from "./pace.js";
 import { Settings, Theme } from "./theme.js";
-import { Units, number } from "./units.js";
+import { Units, clockTime, lasting } from "./units.js";
+import { Watch } from "./watch.js";
 
 const readingsEvery_ms = 250;
+const watchEvery_ms = 100;
 const spectrumEvery_ms = 300;
 
 class App {
@@ -32,7 +34,8 @@ class App {
     this.estimateTurn = new Turn();
     this.changed = true;
     this.link = { state: "connecting" };
-    this.source = null;
+    this.watch = new Watch();
+    this.fresh = false; // what is shown of the rig is of now
     this.dropped = 0;
     this.driveIsForce = false;
     this.rig = new RigState(this);
@@ -43,7 +46,7 @@ class App {
     this.stream = new Stream({
       onFrames: (block) => this.#takeFrames(block),
       onMessage: (message) => this.#takeMessage(message),
-      onLink: (link) => { this.link = { ...link, since_ms: performance.now() }; },
+      onLink: (link) => this.#takeLink(link),
     });
     this.#listen();
     listenToKeys(this);
@@ -63,12 +66,32 @@ class App {
 
   start() {
     this.stream.connect();
+    setInterval(() => this.#watch(), watchEvery_ms);
     requestAnimationFrame((now) => this.#frame(now));
   }
 
   // --- incoming messages ---------------------------------------------------------------------------
 
+  #takeLink(link) {
+    this.link = { ...link, since_ms: performance.now() };
+    if (link.state === "open") this.watch.connecting();
+    this.#watch();
+  }
+
+  // Greys what is no longer known, and gives up a dead connection.
+  #watch() {
+    this.watch.tick(performance.now());
+    const open = this.link.state === "open";
+    if (open && this.watch.linkDead) this.stream.abandon("no answer");
+    this.fresh = this.link.state === "open" && this.watch.statusHolds;
+    this.rig.setFresh(this.fresh);
+    const moving = this.link.state === "open" && !this.watch.linkQuiet && !this.watch.rigSilent;
+    document.body.dataset.moving = moving ? "yes" : "no";
+    this.#showLink();
+  }
+
   #takeFrames(block) {
+    this.watch.heard();
     const restarted = this.live.addFrames(block);
     if (restarted) this.#restart();
     if ((block.flags & 2) === 0) this.pace.arrived(block.received_unix_ms);
@@ -77,13 +100,16 @@ class App {
   }
 
   #takeMessage(message) {
+    this.watch.heard(message.type === "alive" ? message : null);
     switch (message.type) {
+      case "alive":
+        break;
       case "hello":
         this.hello = message;
         break;
       case "model":
         this.rig.take(message);
-        if (Array.isArray(message.marks) && message.marks.length > 0) this.spectrum.setMarks(message.marks);
+        this.spectrum.setMarks(Array.isArray(message.marks) ? message.marks : []);
         break;
       case "estimate":
         this.live.addEstimate(message);
@@ -93,8 +119,7 @@ class App {
         this.rig.take(message);
         break;
       case "source":
-        this.source = message;
-        if (!message.connected) this.rig.silent();
+        this.watch.source(message.connected, message.silent_s);
         break;
       case "dropped":
         this.dropped += message.messages;
@@ -102,6 +127,10 @@ class App {
       case "restart":
         this.live.clear();
         this.#restart();
+        break;
+      case "status":
+        this.watch.status();
+        this.rig.take(message);
         break;
       default:
         this.rig.take(message);
@@ -219,7 +248,6 @@ class App {
       this.readAt_ms = now_ms;
       this.scope.updateReadings();
       this.rig.update();
-      this.#showLink(now_ms);
       this.driveIsForce = this.scope.lanes[5].present && !this.scope.lanes[4].present;
     } else if (!(now_ms - this.spectrumAt_ms < spectrumEvery_ms)) {
       this.spectrumAt_ms = now_ms;
@@ -227,26 +255,42 @@ class App {
     }
   }
 
-  #showLink(now_ms) {
+  #showLink() {
     const chip = byId("link-chip");
-    const banner = byId("banner");
-    let warning = "";
-    if (this.link.state === "open") {
-      const silent = this.source !== null && !this.source.connected;
-      setText(chip, silent ? "connected, no frames" : "connected");
-      setState(chip, silent ? "warn" : this.degraded ? "warn" : "good");
-      if (silent) warning = `The rig has sent no frames for ${number(this.source.silent_s, 3)} s. Is its daemon running, and is LCM's route set (stickslip doctor)?`;
-    } else {
-      const left_s = Math.max(0, (this.link.wait_s ?? 0) - (now_ms - this.link.since_ms) / 1e3);
+    const quiet = this.link.state === "open" && this.watch.linkQuiet;
+    if (this.link.state !== "open") {
       setText(chip, this.link.state === "waiting" ? "not connected" : "connecting");
       setState(chip, this.link.state === "waiting" ? "bad" : "unknown");
-      if (this.link.state === "waiting") warning = `No connection to stickslip scope${this.link.reason ? ` (${this.link.reason})` : ""}; again in ${Math.ceil(left_s)} s, or at once with R.`;
+    } else if (quiet) {
+      setText(chip, "no answer");
+      setState(chip, "bad");
+    } else {
+      setText(chip, this.watch.rigSilent ? "connected, no frames" : "connected");
+      setState(chip, this.watch.rigSilent || this.degraded ? "warn" : "good");
     }
-    const fault = this.rig.status?.state === "faulted" && warning === "" ? `Faulted: ${this.rig.status.cause || this.rig.status.interlock || "no cause was given"}` : "";
+    this.#showBanner(quiet);
+    setText(byId("meter"), this.pace.words(this.live.frames, this.dropped));
+  }
+
+  // What is wrong, and for how long, counting.
+  #showBanner(quiet) {
+    let warning = "";
+    let since_unix_ms = NaN;
+    if (this.link.state === "waiting" || (quiet && this.link.state === "open")) {
+      const reason = this.link.reason ? ` (${this.link.reason})` : "";
+      warning = quiet ? "stickslip scope does not answer, and what is shown is old." : `No connection to stickslip scope${reason}; it is tried again each second, or at once with R.`;
+      since_unix_ms = this.watch.heard_unix_ms;
+    } else if (this.link.state === "open" && this.watch.rigSilent) {
+      warning = "The rig sends no frames. Is its daemon running, and is LCM's route set (stickslip doctor)?";
+      since_unix_ms = Date.now() - this.watch.silent_s * 1e3;
+    }
+    const fault = this.rig.status?.state === "faulted" ? `Faulted: ${this.rig.status.cause || this.rig.status.interlock || "no cause was given"}` : "";
+    const banner = byId("banner");
     banner.hidden = warning === "" && fault === "";
     setState(banner, fault === "" ? "warn" : "bad");
-    setText(banner, warning || fault);
-    setText(byId("meter"), this.pace.words(this.live.frames, this.dropped));
+    setText(byId("banner-text"), [warning, fault].filter((one) => one !== "").join(" "));
+    const count = warning === "" || Number.isNaN(since_unix_ms) ? "" : ` Since ${clockTime(since_unix_ms)}, for ${lasting((Date.now() - since_unix_ms) / 1e3)}.`;
+    setText(byId("banner-count"), count);
   }
 }
 

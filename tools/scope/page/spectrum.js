@@ -7,14 +7,12 @@ import { channels, duration, number, tick } from "./units.js";
 import uPlot from "./uPlot.esm.js";
 
 const lengths = [1024, 2048, 4096, 8192, 16384, 32768, 65536];
-// The paper's rig, until a model is known.
-const usualMarks = [{ name: "natural", hz: 2.4 }, { name: "load cell", hz: 19.3 }, { name: "bending", hz: 37 }];
 const maxHarmonics = 7;
 
 export class Spectrum {
   constructor(app) {
     this.app = app;
-    this.marks = usualMarks;
+    this.marks = []; // of the model, once it is known
     this.plot = null;
     this.drawn = null;
     this.chosen = { channel: 0, length: 8192, window: "hann", quantity: "amplitude", axis: "log", ...app.settings.get("spectrum") };

@@ -45,6 +45,17 @@ export function tick(value, step) {
   return value.toFixed(Math.max(0, -Math.floor(Math.log10(step) + 1e-9))).replace("-", minus);
 }
 
+// Time of day, UTC.
+export function clockTime(unix_ms) { return `${new Date(unix_ms).toISOString().slice(11, 19)} UTC`; }
+
+// A duration [s] that is counted up.
+export function lasting(seconds) {
+  const whole = Math.max(0, Math.floor(seconds));
+  if (whole < 120) return `${whole} s`;
+  if (whole < 7200) return `${Math.floor(whole / 60)} min`;
+  return `${Math.floor(whole / 3600)} h`;
+}
+
 // A whole number in groups of three.
 export function count(value) {
   return Number.isFinite(value) ? String(Math.round(value)).replace(/\B(?=(\d{3})+$)/g, "\u202f").replace("-", minus) : dash;
