@@ -175,6 +175,35 @@ test("nothing is green over a hanging daemon, nor over a hanging server", async 
   await until(page, isGreen, undefined, 30000);
 });
 
+test("a second daemon leaves the view of the first whole, and can be chosen", async () => {
+  const config = path.join(folder, "second.toml");
+  fs.writeFileSync(config, fs.readFileSync(path.join(source, "config/simulated.toml"), "utf8").replaceAll("simulated rig", "second rig"));
+  fs.mkdirSync(path.join(folder, "models"), { recursive: true });
+  for (const name of fs.readdirSync(path.join(source, "config/models"))) fs.copyFileSync(path.join(source, "config/models", name), path.join(folder, "models", name));
+  const second = new Running(stickslipd, ["--config", config]);
+  const choose = async (rig) => {
+    const value = await page.evaluate((rig) => [...document.querySelectorAll("#source option")].find((option) => option.textContent.startsWith(rig)).value, rig);
+    await page.locator("#source").selectOption(value);
+  };
+  try {
+    await until(page, () => document.querySelectorAll("#source option").length === 2 && document.querySelector("#source").textContent.includes("second rig"), undefined, 30000);
+    const first = await page.evaluate(() => ({ rig: document.querySelector("#rig-name").textContent, lost: stickslip.state().lost, end: stickslip.sizes().live.held }));
+    assert.equal(first.rig, "simulated rig");
+    await until(page, (end) => stickslip.sizes().live.held > end + 2000, first.end, 30000);
+    const seen = await held(page, "frames", 0, -Infinity, Infinity, true);
+    assert.ok(seen.sequence.every((sequence, i) => i === 0 || (sequence > seen.sequence[i - 1] && seen.time_ns[i] > seen.time_ns[i - 1])));
+    assert.ok((await page.evaluate(() => stickslip.state().lost)) - first.lost < 1000, "what is lost is lost by the machine, not by the other daemon");
+    await choose("second rig");
+    await until(page, () => document.querySelector("#rig-name").textContent === "second rig" && stickslip.sizes().live.held > 500, undefined, 30000);
+  } finally {
+    await second.stop();
+  }
+  // A page that has chosen keeps to its choice until it is long gone.
+  await until(page, () => stickslip.state().source === false);
+  await choose("simulated rig");
+  await until(page, () => document.querySelector("#rig-name").textContent === "simulated rig" && stickslip.state().source === true, undefined, 30000);
+});
+
 test("the page reconnects to a restarted server", async (t) => {
   const { port } = scope;
   const opened = await page.evaluate(() => stickslip.state().opened);

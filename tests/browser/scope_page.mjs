@@ -629,6 +629,63 @@ test("a page without its server asks for it each second, however long it is away
   await close(page);
 });
 
+test("a fault freezes what came before it, the rig goes on beside it, and a restart leaves the picture", async () => {
+  const page = await open();
+  await page.evaluate(() => {
+    feed.frames(0, 20000, { per: 1000 });
+    feed.status();
+    feed.text({ type: "event", utc_us: 1.7e15, time_ns: 19.2e9, sequence: 19200, severity: 2, code: "displacement", message: "too far" });
+    feed.status({ state: "faulted", interlock: "displacement", cause: "too far" });
+  });
+  await until(page, () => stickslip.state().paused);
+  const frozen = await drawn(page, "velocity");
+  near(frozen.left_ns + 0.8 * frozen.span_ns, 19.2e9, 1e3, "the fault stands at four fifths of the screen");
+  await until(page, () => /frozen at the fault of \d\d:\d\d:\d\d/.test(document.querySelector("#screen-note").textContent));
+  await page.evaluate(() => feed.frames(20000, 5000, { per: 1000 }));
+  assert.deepEqual((await drawn(page, "velocity")).points, frozen.points);
+  await until(page, () => stickslip.state().beside > 200 && /Live: displacement/.test(document.querySelector("#beside-text").textContent));
+  // The daemon is restarted: another picture begins, beside the frozen one.
+  await page.evaluate(() => { feed.text({ type: "restart" }); feed.t0_ns = 100_000_000_000n; feed.frames(0, 3000, { per: 1000 }); });
+  assert.deepEqual((await drawn(page, "velocity")).points, frozen.points);
+  assert.equal((await held(page, "frames", 0)).sequence.length, 20000);
+  assert.equal((await held(page, "frames", 0, -Infinity, Infinity, true)).sequence.length, 3000);
+  await until(page, () => document.querySelector("#screen-note").textContent.includes("the daemon was restarted since"));
+  await page.locator("#beside-go").click();
+  assert.equal((await held(page, "frames", 0)).sequence.length, 3000);
+  near((await drawn(page, "velocity")).left_ns, 102.999e9 - 10e9, 1e3);
+  // Back to the fault, and on.
+  await page.locator("#to-fault").click();
+  assert.deepEqual((await drawn(page, "velocity")).points, frozen.points);
+  await page.keyboard.press("p");
+  // A fault that lasts does not freeze again; a page that was told not to does not freeze.
+  await page.evaluate(() => feed.status({ state: "faulted" }));
+  assert.equal((await state(page)).paused, false);
+  await page.locator("#freeze-on-fault").uncheck();
+  await page.evaluate(() => { feed.status(); feed.status({ state: "faulted" }); });
+  assert.equal((await state(page)).paused, false);
+  await close(page);
+});
+
+test("several rigs are named, and one is chosen", async () => {
+  const page = await open();
+  const rigs = [{ id: "10.0.0.1:4000", former_ids: [], rig: "bench", connected: true }, { id: "10.0.0.2:4001", former_ids: [], rig: "<b>other</b>", connected: false }];
+  await page.evaluate((rigs) => { feed.text({ type: "sources", current: rigs[0].id, sources: rigs.slice(0, 1) }); feed.frames(0, 500); }, rigs);
+  assert.equal(await page.locator("#source-field").isVisible(), false, "one rig is no choice");
+  await page.evaluate((sources) => feed.text({ type: "sources", current: sources[0].id, sources }), rigs);
+  assert.deepEqual(await page.locator("#source option").allTextContents(), ["bench, 10.0.0.1:4000", "<b>other</b>, 10.0.0.2:4001, silent"]);
+  assert.equal(await page.locator("#source").inputValue(), rigs[0].id);
+  await page.locator("#source").selectOption(rigs[1].id);
+  assert.match(await page.evaluate(() => feed.sockets[feed.sockets.length - 1].url), /\/stream\?source=10\.0\.0\.2%3A4001$/);
+  await page.evaluate((sources) => { feed.open(); feed.text({ type: "sources", current: sources[0].id, sources }); feed.frames(7000, 10); }, rigs);
+  assert.equal(await page.locator("#source").inputValue(), rigs[1].id);
+  assert.equal((await held(page, "frames", 0)).sequence.length, 10, "nothing of the first rig is left");
+  // Its daemon is restarted, under another id.
+  await page.evaluate((sources) => feed.text({ type: "sources", current: sources[0].id, sources: [sources[0], { ...sources[1], id: "10.0.0.2:5000", former_ids: ["10.0.0.2:4001"] }] }), rigs);
+  assert.equal(await page.locator("#source").inputValue(), "10.0.0.2:5000");
+  assert.match(page.url(), /source=10\.0\.0\.2%3A4001/);
+  await close(page);
+});
+
 test("only frequencies that were declared are marked", async () => {
   const page = await open();
   await page.evaluate(() => feed.frames(0, 3000));

@@ -5,6 +5,7 @@ import collections
 import json
 import os
 import re
+import shutil
 import signal
 import socket
 import struct
@@ -223,7 +224,7 @@ class Streams(Scope):
             before = frames_in(self.wait_for_frames(early, 2000))
             with WebSocket(self.port) as late:
                 messages = self.wait_for_frames(late, 500)
-        self.assertEqual([text["type"] for text in texts_in(messages)][:3], ["hello", "model", "source"])
+        self.assertEqual([text["type"] for text in texts_in(messages)][:4], ["hello", "sources", "model", "source"])
         past = frames_in(messages, history=True)
         now = frames_in(messages, history=False)
         self.assertEqual(set(before) - set(past) - set(now), set())
@@ -232,6 +233,43 @@ class Streams(Scope):
         everything = sorted([*past, *now])
         self.assertEqual(everything, list(range(everything[0], everything[0] + len(everything))),
                          "a gap or a repetition between history and stream")
+
+    def test_two_daemons_are_told_apart(self):
+        other = self.folder / "other"
+        shutil.copytree(SOURCE / "config", other)
+        config = other / "simulated.toml"
+        config.write_text(config.read_text().replace("simulated rig", "another rig"))
+        self.start_daemon()
+        with WebSocket(self.port) as client:
+            messages = self.wait_for_frames(client, 500)
+            daemon = subprocess.Popen([STICKSLIPD, "--config", str(config), "--control", str(other / "control")],
+                                      stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            self.addCleanup(daemon.wait)
+            self.addCleanup(daemon.kill)
+            sources = []
+            end = time.monotonic() + 30
+            while [one["rig"] for one in sources] != ["simulated rig", "another rig"]:
+                self.assertLess(time.monotonic(), end, sources)
+                messages.append(client.receive())
+                for text in texts_in(messages[-1:]):
+                    sources = text.get("sources", sources)
+            messages += self.wait_for_frames(client, 2000)
+        self.assertNotIn("restart", [text["type"] for text in texts_in(messages)][1:])
+        self.assertEqual({text["rig"] for text in texts_in(messages) if text["type"] == "model"}, {"simulated rig"})
+        self.assert_whole(messages)
+        for one in sources:
+            with self.subTest(rig=one["rig"]), WebSocket(self.port, path=f"/stream?source={one['id']}") as client:
+                messages = self.wait_for_frames(client, 1000)
+                rigs = {text["rig"] for text in texts_in(messages) if text["type"] == "model"}
+                self.assertEqual(rigs, {one["rig"]})
+                self.assert_whole(messages)
+
+    def assert_whole(self, messages):
+        """The frames are those of one daemon: in order, at one rate, and (but for what a busy machine loses) all."""
+        got = sorted((row[0], sequence) for sequence, row in frames_in(messages).items())
+        numbers = [sequence for _, sequence in got]
+        self.assertEqual(numbers, sorted(numbers), "times and numbers are of two daemons")
+        self.assertGreater(len(numbers), 0.5 * (numbers[-1] - numbers[0]))
 
     def test_a_server_started_later_is_told_the_model(self):
         self.start_daemon()

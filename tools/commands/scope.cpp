@@ -4,10 +4,12 @@
 #include <cstdio>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "config/lcm_url.h"
 #include "config/model_file.h"
 #include "physics/failure.h"
 #include "physics/problem.h"
@@ -16,11 +18,12 @@
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/scope/listener.h"
-#include "tools/scope/live_feed.h"
 #include "tools/scope/page.h"
 #include "tools/scope/request.h"
+#include "tools/scope/sources.h"
 #include "tools/scope/web_server.h"
 #include "tools/telemetry/lcm_client.h"
+#include "tools/telemetry/lcm_packets.h"
 #include "tools/telemetry/network_of.h"
 
 namespace stickslip::commands {
@@ -48,17 +51,53 @@ double unix_ms_of(const lcm::ReceiveBuffer& buffer) {
   return std::chrono::duration<double, std::milli>(now).count();
 }
 
-// Passes messages from LCM to the feed.
+// Passes messages from LCM to the sources, where LCM itself does not tell their senders.
 class Subscriber {
  public:
-  explicit Subscriber(scope::LiveFeed& feed) : feed_(feed) {}
+  explicit Subscriber(scope::Sources& sources) : sources_(sources) {}
   void take(const lcm::ReceiveBuffer* buffer, const std::string& channel) {
-    feed_.take(channel, {static_cast<const std::uint8_t*>(buffer->data), buffer->data_size},
-               unix_ms_of(*buffer), steady_clock::now());
+    sources_.take("", channel, {static_cast<const std::uint8_t*>(buffer->data), buffer->data_size},
+                  unix_ms_of(*buffer), steady_clock::now());
   }
 
  private:
-  scope::LiveFeed& feed_;
+  scope::Sources& sources_;
+};
+
+/// Multicast is received with the senders of its packets; another provider by LCM.
+class Reception {
+ public:
+  Reception(const std::string& url, scope::Sources& sources)
+      : sources_(sources), subscriber_(sources), lcm_(join_lcm(url)) {
+    if (config::parse_lcm_url(url).provider != "udpm") {
+      listen<&Subscriber::take>(*lcm_, "STICKSLIP_.*", &subscriber_);
+      return;
+    }
+    check_reception(*lcm_);
+    lcm_.reset();
+    packets_.emplace(url);
+  }
+
+  int file() const { return packets_ ? packets_->file() : lcm_->getFileno(); }
+
+  void take() {
+    if (!packets_) {
+      for (int i = 0; i < 64 && lcm_->handleTimeout(0) > 0; ++i) {
+      }
+      return;
+    }
+    for (const LcmMessage& message : packets_->take()) {
+      if (!message.channel.starts_with("STICKSLIP_")) continue;
+      sources_.take(message.sender, message.channel, message.bytes, message.received_unix_ms,
+                    steady_clock::now());
+    }
+  }
+
+ private:
+  scope::Sources& sources_;
+  Subscriber subscriber_;
+  std::unique_ptr<lcm::LCM> lcm_;
+  std::optional<LcmReceiver> packets_;
 };
 
 void require_token(const Arguments& arguments, const scope::ListenAddress& at) {
@@ -120,21 +159,18 @@ int run(const Arguments& arguments) {
 
   // The listening socket stays in this network namespace, LCM is joined in the other.
   if (arguments.network_of > 0) enter_network_of(arguments.network_of);
-  const std::unique_ptr<lcm::LCM> lcm = join_lcm(arguments.url);
   std::unique_ptr<scope::WebServer> server;
-  scope::LiveFeed feed(settings,
-                       [&server](const scope::SharedMessage& message) { server->send(message); });
-  server = std::make_unique<scope::WebServer>(listener, admission, arguments.limits, [&feed] {
-    return feed.greeting(steady_clock::now());
+  scope::Sources sources(settings, [&server](const auto& message, const auto& wants) {
+    server->send(message, wants);
   });
-  Subscriber subscriber(feed);
-  listen<&Subscriber::take>(*lcm, "STICKSLIP_.*", &subscriber);
-  server->watch(lcm->getFileno(), [&lcm] {
-    for (int i = 0; i < 64 && lcm->handleTimeout(0) > 0; ++i) {
-    }
-  });
+  Reception reception(arguments.url, sources);
+  server = std::make_unique<scope::WebServer>(
+      listener, admission, arguments.limits, [&sources](std::string_view wanted) {
+        return sources.greeting(wanted, steady_clock::now());
+      });
+  server->watch(reception.file(), [&reception] { reception.take(); });
   server->watch(stop.file(), [&server] { server->stop(); });
-  server->every_tick([&feed] { feed.tick(steady_clock::now()); });
+  server->every_tick([&sources] { sources.tick(steady_clock::now()); });
   print_addresses(listener.address(), admission);
   server->run();
   return 0;

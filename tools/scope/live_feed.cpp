@@ -145,6 +145,7 @@ void LiveFeed::take_description(std::span<const std::uint8_t> bytes) {
       ++undecoded_;  // perhaps of a later version; the rig's name is still published
     }
   }
+  rig_ = message.rig;
   SharedMessage model = shared_message(encode_model(message.rig, marks));
   // The daemon repeats its description.
   if (model_ && std::ranges::equal(model_->payload(), model->payload())) return;

@@ -48,6 +48,10 @@ class LiveFeed {
   /// The first messages for a new page, in this order.
   std::vector<SharedMessage> greeting(Clock::time_point now) const;
 
+  /// Frames are arriving.
+  bool connected() const { return connected_; }
+  /// Name of the rig; empty until it is known.
+  const std::string& rig() const { return rig_; }
   std::uint64_t frames() const { return frames_taken_; }
   std::uint64_t undecoded() const { return undecoded_; }
 
@@ -65,6 +69,7 @@ class LiveFeed {
 
   FeedSettings settings_;
   Send send_;
+  std::string rig_;
   SharedMessage hello_;
   SharedMessage model_;  ///< like those below, the latest or null
   SharedMessage estimate_;

@@ -8,7 +8,7 @@ export function expose(app) {
     state() {
       const { scope, link, paused, units, theme, stream } = app;
       return {
-        link: link.state, opened: stream.opened, refused: stream.refused, paused, units: units.system,
+        link: link.state, opened: stream.opened, refused: stream.refused, paused, units: units.system, frozenAt: app.frozenAt, shownSource: app.shownSource ?? "", beside: app.beside.element.hidden ? 0 : app.beside.columns,
         theme: document.documentElement.dataset.theme, themeChoice: theme.choice, large: theme.large,
         renderer: scope.traces.kind, rig: app.rig.status?.state ?? null, verdict: app.rig.verdict?.code ?? null,
         source: app.watch.alive?.connected ?? null, fresh: app.fresh, wait_s: link.wait_s ?? null, dropped: app.dropped, lost: app.live.frames.lost,

@@ -5,7 +5,7 @@ import { Limits, eachTick, fitCanvas, roundStep } from "./axes.js";
 import { byId, fillSelect, setPressed, setText, tableRow } from "./elements.js";
 import { TraceCanvas, gap } from "./trace_gl.js";
 import { Trigger, modes } from "./trigger.js";
-import { channels, duration, number, tick } from "./units.js";
+import { channels, clockTime, duration, number, tick } from "./units.js";
 
 export const timeBases_s = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60];
 const maxPoints = 16384;
@@ -439,7 +439,9 @@ export class Oscilloscope {
 
   #showNote() {
     const note = byId("screen-note");
-    const text = this.app.paused ? (this.trigger.done ? "single shot, paused" : "paused")
+    const { paused, frozenAt, restarted } = this.app;
+    const frozen = frozenAt ? `frozen at the fault of ${clockTime(frozenAt.unix_ms)}` : this.trigger.done ? "single shot, paused" : "paused";
+    const text = paused ? frozen + (restarted ? "; the daemon was restarted since" : "")
       : this.trigger.word === "waiting" ? "waiting for the trigger" : this.held ? "triggered" : "";
     note.hidden = text === "";
     setText(note, text);

@@ -58,8 +58,22 @@ export class RigState {
     else if (message.type === "model") setText(byId("rig-name"), message.rig || "scope");
   }
 
+  // Another rig is shown.
+  clear() {
+    this.status = null;
+    this.verdict = null;
+    this.logEvent = undefined;
+    this.events = [];
+    byId("event-list").replaceChildren();
+    byId("no-event").hidden = false;
+    this.#setChip("verdict", "model not judged", "unknown");
+    setText(byId("verdict"), "The live model check has not reported yet.");
+    setState(byId("verdict"), "unknown");
+  }
+
   #takeStatus(status) {
     const before = this.status?.state;
+    if (before !== undefined && before !== "faulted" && status.state === "faulted") this.app.faulted(status);
     this.#showRecording(status, this.status);
     this.status = status;
     this.#setChip("state", status.state, stateMarks[status.state] ?? "unknown");

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page of `stickslip scope`: connects its parts and draws once per screen frame.
 
-import { byId, setPressed, setState, setText } from "./elements.js";
+import { Beside } from "./beside.js";
+import { byId, fillSelect, setPressed, setState, setText } from "./elements.js";
 import { Estimates } from "./estimates.js";
 import { listenToKeys } from "./keyboard.js";
 import { Oscilloscope } from "./oscilloscope.js";
@@ -29,6 +30,8 @@ class App {
     this.live = new Store();
     this.frozen = null; // made when a person first pauses
     this.paused = false;
+    this.frozenAt = null; // time of the fault that the frozen picture shows
+    this.restarted = false; // since the pause
     this.pace = new Pace();
     this.portraitTurn = new Turn();
     this.estimateTurn = new Turn();
@@ -43,6 +46,7 @@ class App {
     this.portraits = new Portraits(this);
     this.spectrum = new Spectrum(this);
     this.estimates = new Estimates(this);
+    this.beside = new Beside(this);
     this.stream = new Stream({
       onFrames: (block) => this.#takeFrames(block),
       onMessage: (message) => this.#takeMessage(message),
@@ -104,6 +108,9 @@ class App {
     switch (message.type) {
       case "alive":
         break;
+      case "sources":
+        this.#showSources(message);
+        break;
       case "hello":
         this.hello = message;
         break;
@@ -137,27 +144,82 @@ class App {
     }
   }
 
-  // The daemon was restarted: earlier data is not comparable.
+  // The rigs to choose from, if they are several.
+  #showSources({ current, sources }) {
+    const { wanted } = this.stream;
+    const shown = sources.find(({ id, former_ids: former }) => id === wanted || former.includes(wanted)) ?? sources.find(({ id }) => id === current);
+    const select = byId("source");
+    byId("source-field").hidden = sources.length < 2;
+    fillSelect(select, sources.map(({ id, rig, connected }) => [id, `${rig || "unnamed rig"}, ${id}${connected ? "" : ", silent"}`]), shown?.id);
+    this.shownSource = shown?.id ?? "";
+    if (sources.length > 1 && this.sourceCount !== sources.length) this.say(`${sources.length} rigs publish here; shown is ${shown?.rig || shown?.id}.`);
+    this.sourceCount = sources.length;
+  }
+
+  chooseSource(id) {
+    if (id === this.shownSource) return;
+    this.stream.wanted = id;
+    const url = new URL(window.location.href);
+    url.searchParams.set("source", id);
+    window.history.replaceState(null, "", url);
+    this.live.clear();
+    this.#restart();
+    this.rig.clear();
+    this.stream.connect();
+  }
+
+  // The daemon was restarted: earlier data is not comparable. A frozen picture stays.
   #restart() {
-    if (this.paused) this.pause(false);
+    this.changed = true;
+    this.restarted = this.paused;
+    if (!this.paused) this.#clearPicture();
+  }
+
+  #clearPicture() {
+    this.restarted = false;
     this.scope.clear();
     this.portraits.clear();
     this.changed = true;
   }
 
+  // The rig has faulted: the picture of what came before is kept, if wanted.
+  faulted(status) {
+    if (this.paused || this.settings.get("freeze_on_fault") === false || this.live.frames.empty) return;
+    const { frames } = this.live;
+    const event = this.rig.events.find(({ severity, time_ns: time, utc_us: utc }) => severity >= 2 && time > 0 && Math.abs(utc - status.utc_us) < 5e6);
+    const at_ns = event ? event.time_ns - Number(frames.origin_ns) : frames.last_ns;
+    this.pause(true);
+    this.frozenAt = { unix_ms: (event ?? status).utc_us / 1e3, time_ns: at_ns };
+    this.scope.left_ns = at_ns - 0.8 * this.scope.span_ns;
+  }
+
+  // Back to the picture of the latest fault.
+  showFault() {
+    if (this.paused || this.frozenAt === null) return;
+    const { frozenAt } = this;
+    this.pause(true, this.frozen);
+    this.frozenAt = frozenAt;
+    this.scope.left_ns = frozenAt.time_ns - 0.8 * this.scope.span_ns;
+  }
+
   // --- user actions --------------------------------------------------------------------------------
 
-  pause(paused) {
+  // `store`: what is shown while paused; by default, a copy of now.
+  pause(paused, store = null) {
     if (paused === this.paused) return;
     if (paused) {
       this.frozen ??= new Store();
-      this.frozen.copy(this.live);
+      if (store === null) this.frozen.copy(this.live);
+      this.frozenAt = null; // of a fault
+      this.paused_ms = performance.now();
     } else if (this.scope.trigger.done) {
       this.scope.trigger.arm(this.live.frames.end);
     }
     this.paused = paused;
+    byId("to-fault").hidden = paused || this.frozenAt === null;
     this.portraits.section.clear();
     if (!paused) this.scope.setSpan(this.scope.span_s);
+    if (!paused && this.restarted) this.#clearPicture();
     setPressed(byId("pause"), paused);
     setText(byId("pause"), paused ? "Go on" : "Pause");
     this.changed = true;
@@ -183,6 +245,11 @@ class App {
 
   #listen() {
     byId("pause").addEventListener("click", () => this.pause(!this.paused));
+    byId("to-fault").addEventListener("click", () => this.showFault());
+    byId("source").addEventListener("change", (event) => this.chooseSource(event.target.value));
+    const freeze = byId("freeze-on-fault");
+    freeze.checked = this.settings.get("freeze_on_fault") !== false;
+    freeze.addEventListener("change", () => this.settings.set("freeze_on_fault", freeze.checked));
     byId("units").addEventListener("click", () => this.toggleUnits());
     byId("theme").addEventListener("click", () => this.theme.next());
     byId("large").addEventListener("click", () => this.theme.toggleLarge());
@@ -247,6 +314,7 @@ class App {
     if (!(now_ms - this.readAt_ms < readingsEvery_ms)) {
       this.readAt_ms = now_ms;
       this.scope.updateReadings();
+      this.beside.draw(now_ms);
       this.rig.update();
       this.driveIsForce = this.scope.lanes[5].present && !this.scope.lanes[4].present;
     } else if (!(now_ms - this.spectrumAt_ms < spectrumEvery_ms)) {

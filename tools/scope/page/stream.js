@@ -42,14 +42,15 @@ export class Stream {
     this.#take = take;
     this.refused = 0; // messages that were not understood
     this.opened = 0; // connections made
+    this.wanted = new URLSearchParams(window.location.search).get("source") ?? ""; // of several rigs
   }
 
-  // Address of the stream: host and token of the page.
-  static address(page = window.location) {
+  // Address of the stream: host and token of the page, and the rig that is wanted.
+  static address(wanted, page = window.location) {
     const token = new URLSearchParams(page.search).get("token");
     const url = new URL("stream", page.href);
     url.protocol = page.protocol === "https:" ? "wss:" : "ws:";
-    url.search = token === null ? "" : `?token=${encodeURIComponent(token)}`;
+    url.search = new URLSearchParams({ ...(token !== null && { token }), ...(wanted !== "" && { source: wanted }) }).toString();
     url.hash = "";
     return url.href;
   }
@@ -57,7 +58,7 @@ export class Stream {
   connect() {
     this.#forget();
     this.#take.onLink({ state: "connecting" });
-    const socket = new WebSocket(Stream.address(), subprotocol);
+    const socket = new WebSocket(Stream.address(this.wanted), subprotocol);
     this.#timer = setTimeout(() => this.abandon("no answer"), openWithin_ms);
     socket.binaryType = "arraybuffer";
     this.#socket = socket;
