@@ -30,7 +30,7 @@
       feed.text({ type: "hello", version: "test", program: "stickslip scope", history_s: 60, url: "memq://" });
       feed.alive();
     },
-    // What the heartbeats say: by default, that the rig sends frames. null: the server hangs.
+    // Content of the heartbeats: by default, the rig sends frames. null: the server hangs.
     beat: { connected: true, silent_s: 0, status_s: 0 },
     alive() { if (feed.beat !== null) feed.text({ type: "alive", ...feed.beat }); },
 

@@ -657,7 +657,7 @@ test("a fault freezes what came before it, the rig goes on beside it, and a rest
   await page.locator("#to-fault").click();
   assert.deepEqual((await drawn(page, "velocity")).points, frozen.points);
   await page.keyboard.press("p");
-  // A fault that lasts does not freeze again; a page that was told not to does not freeze.
+  // A fault that lasts does not freeze again; with the option off, none does.
   await page.evaluate(() => feed.status({ state: "faulted" }));
   assert.equal((await state(page)).paused, false);
   await page.locator("#freeze-on-fault").uncheck();

@@ -234,7 +234,7 @@ class Streams(Scope):
         self.assertEqual(everything, list(range(everything[0], everything[0] + len(everything))),
                          "a gap or a repetition between history and stream")
 
-    def test_two_daemons_are_told_apart(self):
+    def test_two_daemons_are_distinguished(self):
         other = self.folder / "other"
         shutil.copytree(SOURCE / "config", other)
         config = other / "simulated.toml"
@@ -271,7 +271,7 @@ class Streams(Scope):
         self.assertEqual(numbers, sorted(numbers), "times and numbers are of two daemons")
         self.assertGreater(len(numbers), 0.5 * (numbers[-1] - numbers[0]))
 
-    def test_a_server_started_later_is_told_the_model(self):
+    def test_a_server_started_later_receives_the_model(self):
         self.start_daemon()
         with WebSocket(self.port) as early:
             self.wait_for_frames(early, 100)

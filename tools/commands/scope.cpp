@@ -51,7 +51,7 @@ double unix_ms_of(const lcm::ReceiveBuffer& buffer) {
   return std::chrono::duration<double, std::milli>(now).count();
 }
 
-// Passes messages from LCM to the sources, where LCM itself does not tell their senders.
+// Passes messages from LCM to the sources, without senders, which LCM does not name.
 class Subscriber {
  public:
   explicit Subscriber(scope::Sources& sources) : sources_(sources) {}

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rigs that publish on the same channels, told apart by their senders; a page sees one of them.
+// The rigs that publish on the same channels, distinguished by their senders; a page sees one of them.
 #pragma once
 
 #include <functional>

@@ -66,8 +66,8 @@ Message encode_event(const event_t& event);
 /// `connected`: frames are arriving. `silent_s`: time since the last one.
 Message encode_source(bool connected, double silent_s);
 
-/// Sent regularly, so that a page can tell a silent rig from a dead link. `status_s`: time since
-/// the latest status.
+/// Sent regularly, so that a page can distinguish a silent rig from a dead link. `status_s`: time
+/// since the latest status.
 Message encode_alive(bool connected, double silent_s, std::optional<double> status_s);
 
 /// A rig that publishes, or did until a moment ago.

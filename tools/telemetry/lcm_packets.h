@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// LCM's multicast packets with their senders, which LCM's own interface does not tell: two programs
-// that publish on the same channels are told apart by them.
+// LCM's multicast packets with their senders, not named by LCM's own interface: programs
+// that publish on the same channels are distinguished by them.
 #pragma once
 
 #include <cstdint>

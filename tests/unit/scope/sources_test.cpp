@@ -78,7 +78,7 @@ TEST_F(SourcesTest, TwoRigsAreNotMixed) {
   }
   EXPECT_EQ(blocks(""), (Blocks{1000, 1010, 1020}));
   EXPECT_EQ(blocks(a), (Blocks{-1, 1000, 1010, 1020}));
-  // Until b is known, whoever wants it sees the current one.
+  // Until b is known, a page that wants it sees the current one.
   EXPECT_EQ(blocks(b), (Blocks{1000, -1, 5, 15, 25}));
 }
 

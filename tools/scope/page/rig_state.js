@@ -35,7 +35,7 @@ export class RigState {
     this.#showChip(this.chips.get(name));
   }
 
-  // What is not known to be so now is grey, with what it was.
+  // A state that is not known to be of now is grey.
   #showChip({ element, text, state }) {
     if (text === "") return; // not known yet
     setText(element, this.fresh ? text : `was: ${text}`);

@@ -340,7 +340,7 @@ class App {
     setText(byId("meter"), this.pace.words(this.live.frames, this.dropped));
   }
 
-  // What is wrong, and for how long, counting.
+  // The problem, and since when, counting.
   #showBanner(quiet) {
     let warning = "";
     let since_unix_ms = NaN;
