@@ -264,8 +264,10 @@ test("zoom by wheel, keys and buttons; drag moves; reset restores the view", asy
   await page.keyboard.press("p");
   const before = await state(page);
   const pointed = (s) => s.left_ns + ((x - box.x - s.plot.left) / s.plot.width) * s.span_ns;
+  await page.keyboard.down("Control");
   await page.mouse.wheel(0, -300);
   await until(page, (span) => stickslip.state().span_s < span, before.span_s);
+  await page.keyboard.up("Control");
   const zoomed = await state(page);
   near(pointed(zoomed), pointed(before), before.span_ns / before.plot.width, "the time under the pointer stays");
   await page.mouse.down();
@@ -491,6 +493,7 @@ test("the spectrum is that of the frames, as amplitude and as density", async ()
 test("estimates, their bands and the bounds of the NIS are those of the messages", async () => {
   const page = await open();
   await page.evaluate(() => {
+    feed.value = (channel) => channel + 1;
     feed.frames(0, 1000);
     for (let i = 0; i < 1000; i += 10) feed.estimate(i, { mu: 0.3 + i / 1e4, nis: 1 + i / 100, raw_coefficient: i === 500 ? null : 0.31 });
     feed.estimate(999, { valid: false });
@@ -686,6 +689,149 @@ test("several rigs are named, and one is chosen", async () => {
   await close(page);
 });
 
+test("a coefficient of friction is not drawn where the load is near zero", async () => {
+  const page = await open();
+  await page.evaluate(() => {
+    // The load falls from 10 N to 0.1 N, which the portrait would be scaled to, and below zero.
+    feed.value = (channel, t) => (channel === 3 ? (t < 1 ? 10 : t < 1.5 ? 0.1 : -0.2) : channel === 2 ? 2 : Math.sin(20 * t));
+    feed.frames(0, 2000, { per: 100 });
+    for (let i = 0; i < 2000; i += 10) feed.estimate(i, { raw_coefficient: i < 1000 ? 0.2 : 20 });
+  });
+  const loop = await drawn(page, "friction-velocity");
+  const drawnMu = loop.points.filter((value, i) => i % 2 === 1 && value !== null);
+  assert.equal(drawnMu.length, 1000);
+  assert.ok(drawnMu.every((mu) => mu === 0.2));
+  assert.ok(loop.limits.yHigh < 1);
+  assert.match(await text(page, '[data-portrait="friction-velocity"] p'), /not drawn where N < 5 %/);
+  const { data } = await drawn(page, "mu");
+  data[0].forEach((time, k) => assert.equal(data[4][k], time < 1 ? 0.2 : null, `raw at ${time} s`));
+  await close(page);
+});
+
+test("identical events are one line with their number; a filter; marks on the traces; either clock", async () => {
+  const page = await open();
+  const lines = () => page.locator("#event-list li:visible").evaluateAll((items) => items.map((item) => [...item.children].map((child) => child.textContent)));
+  await page.evaluate(() => {
+    feed.frames(0, 10000, { per: 1000, received_unix_ms: 1.7e12 + 9999 });
+    const event = (severity, code, message, second) => feed.text({ type: "event", utc_us: 1.7e15 + second * 1e6, time_ns: second * 1e9, sequence: second * 1000, severity, code, message });
+    for (const second of [3, 4, 5, 5]) event(1, "late_cycles", "a cycle was late", second); // the last is repeated for a new connection
+    event(2, "emergency_stop", "the emergency stop is pressed", 6);
+    event(0, "note", "all is well", 8);
+  });
+  assert.deepEqual(await lines(), [["8.000 s", "note", "", "all is well"], ["6.000 s", "emergency stop", "", "the emergency stop is pressed"], ["5.000 s", "late cycles", "3 times", "a cycle was late"]]);
+  // On the traces, at their times.
+  const picture = await drawn(page, "displacement");
+  const seconds = async () => (await state(page)).markers.map(({ x, code }) => `${code} ${((picture.left_ns + ((x - picture.plot.left) / picture.plot.width) * picture.span_ns) / 1e9).toFixed(3)}`);
+  assert.deepEqual(await seconds(), ["note 8.000", "emergency_stop 6.000", "late_cycles 3.000", "late_cycles 4.000", "late_cycles 5.000"]);
+  // The filter is of the list and the marks.
+  await page.locator("#event-severity").selectOption("1");
+  assert.equal((await lines()).length, 2);
+  await page.locator("#event-words").fill("late");
+  assert.deepEqual((await lines()).map(([, code]) => code), ["late cycles"]);
+  await drawn(page, "displacement");
+  assert.equal((await state(page)).markers.length, 3);
+  await page.locator("#event-words").fill("nothing");
+  assert.equal(await text(page, "#no-event"), "None that the filter leaves.");
+  await page.locator("#event-words").fill("");
+  await page.locator("#event-severity").selectOption("0");
+  // UTC, of the events and of the axis.
+  await page.locator("#clock").click();
+  assert.deepEqual((await lines()).map(([time]) => time), ["22:13:28.000", "22:13:26.000", "22:13:25.000"]);
+  await page.keyboard.press("c");
+  await page.locator("#cursor-a").focus();
+  await page.keyboard.press("Home");
+  // The left edge is 10 s before the newest frame, of 9.999 s.
+  await until(page, () => /^22:13:19\.999\d* UTC$/.test(document.querySelector("#cursor-a").getAttribute("aria-valuetext")));
+  await page.locator("#screen").focus();
+  await page.keyboard.press("d");
+  assert.equal((await lines())[0][0], "8.000 s");
+  // The cause of the amplifier being off stays on top, under many later events.
+  assert.equal(await page.locator("#event-pinned").isVisible(), false);
+  await page.evaluate(() => {
+    feed.status();
+    feed.status({ state: "faulted", interlock: "emergency_stop", cause: "the emergency stop is pressed", amplifier_on: false });
+    for (let i = 0; i < 300; ++i) feed.text({ type: "event", utc_us: 1.7001e15 + i, time_ns: 9e9, sequence: 1, severity: 1, code: "later", message: `number ${i}` });
+  });
+  assert.equal(await text(page, "#event-pinned"), "Switched the amplifier off, 6.000 s: emergency stop: the emergency stop is pressed");
+  assert.equal((await lines()).length, 200);
+  await page.evaluate(() => feed.status());
+  assert.equal(await page.locator("#event-pinned").isVisible(), false);
+  // An event leads to its place on the traces.
+  await page.keyboard.press("p");
+  await page.locator("#event-list button").first().click();
+  near((await state(page)).left_ns + 5e9, 9e9, 1e3);
+  await close(page);
+});
+
+test("a paused spectrum and portrait are of the window that is seen, and a chosen zoom holds", async () => {
+  const page = await open();
+  await page.evaluate(() => {
+    // 20 Hz for ten seconds, then 50 Hz.
+    feed.value = (channel, t) => (channel === 5 ? NaN : Math.sin(2 * Math.PI * (t < 10 ? 20 : 50) * t) * (t < 10 ? 1 : 3));
+    feed.frames(0, 20000, { per: 1000 });
+  });
+  await page.locator("#spectrum-plot").scrollIntoViewIfNeeded();
+  await page.locator("#spectrum-length").selectOption("4096");
+  const peak = async () => {
+    const { frequency, value } = await drawn(page, "spectrum");
+    return frequency[value.indexOf(Math.max(...value))];
+  };
+  await until(page, async () => { const { frequency, value } = await stickslip.drawn("spectrum"); return Math.abs(frequency[value.indexOf(Math.max(...value))] - 50) < 1; });
+  assert.ok(Math.max(...(await drawn(page, "phase")).points.filter(Number.isFinite)) > 2500);
+  // Back to the first ten seconds.
+  await page.locator("#time-base").selectOption("5");
+  await page.locator("#screen").focus();
+  for (let i = 0; i < 2; ++i) await page.keyboard.press("Shift+ArrowLeft");
+  await page.locator("#spectrum-plot").scrollIntoViewIfNeeded();
+  await until(page, async () => { const { frequency, value } = await stickslip.drawn("spectrum"); return Math.abs(frequency[value.indexOf(Math.max(...value))] - 20) < 1; });
+  assert.ok(Math.max(...(await drawn(page, "phase")).points.filter(Number.isFinite)) <= 1000);
+  assert.ok((await drawn(page, "spectrum")).newest <= 10001);
+  await page.keyboard.press("p");
+  // Zoom by dragging; it holds while data comes, and until a double click.
+  await page.locator("#spectrum-plot .u-over").waitFor();
+  await page.locator("#spectrum-plot").scrollIntoViewIfNeeded();
+  const box = await page.locator("#spectrum-plot .u-over").boundingBox();
+  await page.mouse.move(box.x + box.width * 0.5, box.y + 50);
+  await page.mouse.down();
+  await page.mouse.move(box.x + box.width * 0.7, box.y + 50, { steps: 3 });
+  await page.mouse.up();
+  const { zoom, scale } = await drawn(page, "spectrum");
+  assert.ok(zoom.max > zoom.min && zoom.min > 1 && zoom.max < 400, JSON.stringify(zoom));
+  assert.deepEqual(scale, zoom);
+  const { newest } = await drawn(page, "spectrum");
+  await page.evaluate(() => feed.frames(20000, 5000, { per: 1000 }));
+  await until(page, async (newest) => (await stickslip.drawn("spectrum")).newest > newest, newest);
+  assert.deepEqual((await drawn(page, "spectrum")).scale, zoom);
+  await page.mouse.dblclick(box.x + box.width * 0.5, box.y + 50);
+  await until(page, async () => (await stickslip.drawn("spectrum")).scale.max > 400);
+  assert.equal(await peak() > 49, true);
+  await close(page);
+});
+
+test("without a key the wheel scrolls the page; titles stand above the traces; decimals are fixed", async () => {
+  const page = await open();
+  await page.evaluate(() => { feed.value = (channel, t) => 0.0125 * (channel + 1) * (t < 5 ? 1 : 1e-3); feed.frames(0, 4000, { per: 1000 }); });
+  const span = (await state(page)).span_s;
+  const box = await page.locator("#screen").boundingBox();
+  await page.mouse.move(box.x + 200, box.y + 100);
+  await page.mouse.wheel(0, 200);
+  await until(page, () => window.scrollY > 100);
+  assert.equal((await state(page)).span_s, span);
+  const lanes = [];
+  for (const name of ["displacement", "velocity", "friction_force"]) lanes.push(await drawn(page, name));
+  lanes.forEach((lane, i) => {
+    const strip = lane.top - (i === 0 ? 0 : lanes[i - 1].top + lanes[i - 1].height);
+    assert.ok(strip > 12, `${strip} px above channel ${i}`);
+    const ys = lane.points.filter((_, k) => k % 2 === 1 && lane.points[k - 1] > -1e8);
+    assert.ok(ys.every((y) => y >= lane.top - 0.01 && y <= lane.top + lane.height + 0.01));
+  });
+  const last = "#readings tbody tr:nth-child(1) td:nth-child(2)";
+  await until(page, (last) => document.querySelector(last).textContent === "12.50", last);
+  await page.evaluate(() => feed.frames(5000, 10, { per: 10 }));
+  await until(page, (last) => document.querySelector(last).textContent === "0.01", last); // not 0.01250
+  await close(page);
+});
+
 test("only frequencies that were declared are marked", async () => {
   const page = await open();
   await page.evaluate(() => feed.frames(0, 3000));
@@ -807,6 +953,20 @@ test("memory is constant over half an hour", async (t) => {
   assert.ok(later.heap < before.heap + 1.5e6, `the heap grew from ${before.heap} to ${later.heap} bytes`);
   await close(page);
 });
+
+for (const [name, options, keys] of [["large", { width: 1500 }, ["b"]], ["phone", { width: 390, height: 844, isMobile: true }, []]]) {
+  test(`each channel has a scale: ${name}`, async () => {
+    const page = await open(options);
+    await page.evaluate(() => feed.frames(0, 12000, { per: 1000 }));
+    await page.locator("#screen").focus();
+    for (const key of keys) await page.keyboard.press(key);
+    for (const channel of ["displacement", "velocity", "friction_force", "normal_load", "base_displacement"]) {
+      const { labels } = await drawn(page, channel);
+      assert.ok(labels.length >= 2, `${channel}: ${labels}`);
+    }
+    await close(page);
+  });
+}
 
 // Checks accessibility: no serious finding, no horizontal overflow.
 async function lookForBarriers(page, name) {

@@ -3,12 +3,11 @@
 
 import { roundStep, eachTick, fitCanvas } from "./axes.js";
 import { Facts, byId, setState, setText, tableRow, watchVisible } from "./elements.js";
+import { Events } from "./events.js";
 import { count, duration, number } from "./units.js";
 
 const stateMarks = { faulted: "bad", idle: "unknown", armed: "warn", running: "good", stopping: "warn" };
 const limitNames = ["no", "displacement or force", "velocity", "acceleration", "not a number"];
-const severities = ["information", "warning", "error"];
-const maxEvents = 200;
 
 const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
@@ -24,7 +23,7 @@ export class RigState {
       return { name: figure.dataset.timing, figure, canvas, context: canvas.getContext("2d"), note: figure.querySelector("p") };
     });
     this.visible = watchVisible(this.histograms.map(({ figure }) => figure), () => this.drawTiming());
-    this.events = [];
+    this.events = new Events(app);
     this.verdict = null;
     this.fresh = false;
     this.chips = new Map(["state", "amplifier", "recording", "verdict"].map((name) => [name, { element: byId(`${name}-chip`), text: "", state: "unknown" }]));
@@ -63,9 +62,7 @@ export class RigState {
     this.status = null;
     this.verdict = null;
     this.logEvent = undefined;
-    this.events = [];
-    byId("event-list").replaceChildren();
-    byId("no-event").hidden = false;
+    this.events.clear();
     this.#setChip("verdict", "model not judged", "unknown");
     setText(byId("verdict"), "The live model check has not reported yet.");
     setState(byId("verdict"), "unknown");
@@ -83,6 +80,7 @@ export class RigState {
     setText(byId("fault-name"), status.interlock ? `${status.interlock.replace(/_/g, " ")}:` : "faulted");
     setText(byId("fault-cause"), status.cause ?? "");
     if (before !== undefined && before !== status.state) this.app.say(`The rig is ${status.state}. ${status.cause ?? ""}`);
+    this.events.follow(status);
     this.#showLedger(status);
     this.#showClock(status);
   }
@@ -159,38 +157,8 @@ export class RigState {
     if (event.code === "model_broken" || event.code === "model_follows") this.#takeVerdict(event);
     if (event.code.startsWith("log_") && !(event.utc_us < this.logEvent?.utc_us)) this.logEvent = event;
     if (event.code === "model_explained" || event.code === "model_unexplained") this.#takeExplanation(event);
-    // Events repeated for a new connection are shown once.
-    const key = `${event.utc_us} ${event.code} ${event.message}`;
-    if (this.events.some((one) => one.key === key)) return;
-    byId("no-event").hidden = true;
-    this.events.unshift({ key, ...event });
-    this.events.sort((a, b) => b.utc_us - a.utc_us);
-    const list = byId("event-list");
-    if (this.events.length > maxEvents) this.events.length = maxEvents;
-    const place = this.events.findIndex((one) => one.key === key);
-    if (place < 0) return;
-    list.insertBefore(this.#eventItem(event), list.children[place] ?? null);
-    while (list.children.length > maxEvents) list.lastElementChild.remove();
-    if (event.severity >= 2) this.app.say(`Error: ${event.message}`);
-  }
-
-  #eventItem(event) {
-    const item = document.createElement("li");
-    item.dataset.severity = String(event.severity);
-    const time = document.createElement("time");
-    const utc = new Date(event.utc_us / 1e3);
-    if (Number.isFinite(utc.getTime())) {
-      time.dateTime = utc.toISOString();
-      time.textContent = utc.toISOString().slice(11, 23);
-      time.title = `${utc.toISOString()} UTC`;
-    }
-    const code = document.createElement("b");
-    code.textContent = event.code.replace(/_/g, " ");
-    code.title = severities[event.severity] ?? "";
-    const text = document.createElement("span");
-    text.textContent = event.message;
-    item.append(time, code, text);
-    return item;
+    if (this.events.take(event) && event.severity >= 2) this.app.say(`Error: ${event.message}`);
+    this.app.touch();
   }
 
   #takeVerdict(event) {

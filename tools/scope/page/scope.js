@@ -27,6 +27,7 @@ class App {
     this.theme = new Theme(this.settings);
     this.units = new Units();
     this.units.system = this.settings.get("units");
+    this.clock = this.settings.get("clock") === "utc" ? "utc" : "device";
     this.live = new Store();
     this.frozen = null; // made when a person first pauses
     this.paused = false;
@@ -55,6 +56,7 @@ class App {
     this.#listen();
     listenToKeys(this);
     this.#showUnits();
+    this.rig.events.retime();
     this.layout();
     this.theme.onChange(() => this.#restyle());
     expose(this);
@@ -62,6 +64,16 @@ class App {
 
   // The data shown: live, or as it was when paused.
   get store() { return this.paused ? this.frozen : this.live; }
+
+  // Rows of frames for the plots of a window: the latest `span_s`, or all; of a pause those that are seen.
+  seen(span_s = Infinity) {
+    const { frames } = this.store;
+    const { left_ns: left, span_ns: span } = this.scope;
+    const right_ns = this.paused ? Math.min(frames.last_ns, left + span) : frames.last_ns;
+    const left_ns = this.paused ? left : frames.last_ns - span_s * 1e9;
+    const from = frames.rowAt(left_ns);
+    return { left_ns, right_ns, from, to: frames.rowAt(right_ns + 1, from) };
+  }
 
   // Requests a redraw.
   touch() { this.changed = true; }
@@ -172,7 +184,30 @@ class App {
   #restart() {
     this.changed = true;
     this.restarted = this.paused;
+    this.rig.events.beginRun();
     if (!this.paused) this.#clearPicture();
+  }
+
+  // Time of an event by the chosen clock.
+  timeOf({ utc_us: utc, time_ns: time }) {
+    if (this.clock === "device" && time > 0) return `${(time / 1e9).toFixed(3)} s`;
+    const at = new Date(utc / 1e3);
+    return Number.isFinite(at.getTime()) ? at.toISOString().slice(11, 23) + (this.clock === "device" ? " UTC" : "") : "–";
+  }
+
+  toggleClock() {
+    this.clock = this.clock === "utc" ? "device" : "utc";
+    this.settings.set("clock", this.clock);
+    this.rig.events.retime();
+    this.changed = true;
+  }
+
+  // Pauses at an event.
+  goTo(event) {
+    const { origin_ns: origin } = this.store.frames;
+    if (origin === null || !(event.time_ns > 0)) return;
+    this.pause(true);
+    this.scope.moveTo(event.time_ns - Number(origin));
   }
 
   #clearPicture() {
@@ -186,7 +221,7 @@ class App {
   faulted(status) {
     if (this.paused || this.settings.get("freeze_on_fault") === false || this.live.frames.empty) return;
     const { frames } = this.live;
-    const event = this.rig.events.find(({ severity, time_ns: time, utc_us: utc }) => severity >= 2 && time > 0 && Math.abs(utc - status.utc_us) < 5e6);
+    const event = this.rig.events.latest.find(({ severity, time_ns: time, utc_us: utc }) => severity >= 2 && time > 0 && Math.abs(utc - status.utc_us) < 5e6);
     const at_ns = event ? event.time_ns - Number(frames.origin_ns) : frames.last_ns;
     this.pause(true);
     this.frozenAt = { unix_ms: (event ?? status).utc_us / 1e3, time_ns: at_ns };
