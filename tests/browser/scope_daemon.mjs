@@ -218,6 +218,23 @@ test("the page reconnects to a restarted server", async (t) => {
   page.complaints = page.complaints.filter((line) => !/ERR_CONNECTION_REFUSED|WebSocket connection|ERR_EMPTY_RESPONSE|ERR_CONNECTION_RESET/.test(line)); // the browser's own notes
 });
 
+test("a fault of the daemon freezes what came before it, and its cause stays on top", async () => {
+  await daemon.stop();
+  await until(page, () => stickslip.state().source === false);
+  const script = path.join(folder, "stop.toml");
+  fs.writeFileSync(script, fs.readFileSync(path.join(source, "config/faults/emergency_stop.toml"), "utf8").replace(/at_s = .*/, "at_s = 6.0"));
+  const config = path.join(folder, "faulty.toml");
+  fs.writeFileSync(config, fs.readFileSync(path.join(source, "config/simulated.toml"), "utf8").replace('kind = "simulated"', 'kind = "simulated"\nfaults = "stop.toml"'));
+  daemon = new Running(stickslipd, ["--config", config]);
+  await until(page, () => stickslip.state().paused && document.querySelector("#state-chip").textContent === "faulted", undefined, 60000);
+  assert.equal(await page.locator("#event-pinned").isVisible(), true);
+  const pinned = await page.locator("#event-pinned").innerText();
+  assert.match(pinned, /^Amplifier switched off, 6\.0\d\d s: /, pinned);
+  const { frozenAt, left_ns, span_ns } = await page.evaluate(() => stickslip.state());
+  assert.ok(Math.abs((frozenAt.time_ns - left_ns) / span_ns - 0.8) < 1e-6);
+  await page.keyboard.press("p");
+});
+
 test("the page had no errors and no requests to other servers", async () => {
   assert.deepEqual(page.complaints, []);
   assert.deepEqual(page.elsewhere, []);

@@ -3,8 +3,9 @@
 // memory and cost.
 import assert from "node:assert/strict";
 import fs from "node:fs";
+import path from "node:path";
 import { after, before, test } from "node:test";
-import { drawn, held, openPage, startBrowser, startScope, until } from "./programs.mjs";
+import { drawn, held, openPage, run, startBrowser, startScope, stickslip, temporaryFolder, until } from "./programs.mjs";
 
 let scope;
 let browser;
@@ -637,7 +638,7 @@ test("a fault freezes what came before it, the rig goes on beside it, and a rest
   await page.evaluate(() => {
     feed.frames(0, 20000, { per: 1000 });
     feed.status();
-    feed.text({ type: "event", utc_us: 1.7e15, time_ns: 19.2e9, sequence: 19200, severity: 2, code: "displacement", message: "too far" });
+    feed.text({ type: "event", utc_us: 1.7e15, time_ns: 19.2e9, sequence: 19200, severity: 2, code: "fault", message: "amplifier off: too far" });
     feed.status({ state: "faulted", interlock: "displacement", cause: "too far" });
   });
   await until(page, () => stickslip.state().paused);
@@ -715,14 +716,14 @@ test("identical events are one line with their number; a filter; marks on the tr
     feed.frames(0, 10000, { per: 1000, received_unix_ms: 1.7e12 + 9999 });
     const event = (severity, code, message, second) => feed.text({ type: "event", utc_us: 1.7e15 + second * 1e6, time_ns: second * 1e9, sequence: second * 1000, severity, code, message });
     for (const second of [3, 4, 5, 5]) event(1, "late_cycles", "a cycle was late", second); // the last is repeated for a new connection
-    event(2, "emergency_stop", "the emergency stop is pressed", 6);
+    event(2, "fault", "amplifier off: the emergency stop is pressed", 6);
     event(0, "note", "all is well", 8);
   });
-  assert.deepEqual(await lines(), [["8.000 s", "note", "", "all is well"], ["6.000 s", "emergency stop", "", "the emergency stop is pressed"], ["5.000 s", "late cycles", "3 times", "a cycle was late"]]);
+  assert.deepEqual(await lines(), [["8.000 s", "note", "", "all is well"], ["6.000 s", "fault", "", "amplifier off: the emergency stop is pressed"], ["5.000 s", "late cycles", "3 times", "a cycle was late"]]);
   // On the traces, at their times.
   const picture = await drawn(page, "displacement");
   const seconds = async () => (await state(page)).markers.map(({ x, code }) => `${code} ${((picture.left_ns + ((x - picture.plot.left) / picture.plot.width) * picture.span_ns) / 1e9).toFixed(3)}`);
-  assert.deepEqual(await seconds(), ["note 8.000", "emergency_stop 6.000", "late_cycles 3.000", "late_cycles 4.000", "late_cycles 5.000"]);
+  assert.deepEqual(await seconds(), ["note 8.000", "fault 6.000", "late_cycles 3.000", "late_cycles 4.000", "late_cycles 5.000"]);
   // The filter is of the list and the marks.
   await page.locator("#event-severity").selectOption("1");
   assert.equal((await lines()).length, 2);
@@ -752,7 +753,7 @@ test("identical events are one line with their number; a filter; marks on the tr
     feed.status({ state: "faulted", interlock: "emergency_stop", cause: "the emergency stop is pressed", amplifier_on: false });
     for (let i = 0; i < 300; ++i) feed.text({ type: "event", utc_us: 1.7001e15 + i, time_ns: 9e9, sequence: 1, severity: 1, code: "later", message: `number ${i}` });
   });
-  assert.equal(await text(page, "#event-pinned"), "Switched the amplifier off, 6.000 s: emergency stop: the emergency stop is pressed");
+  assert.equal(await text(page, "#event-pinned"), "Amplifier switched off, 6.000 s: the emergency stop is pressed");
   assert.equal((await lines()).length, 200);
   await page.evaluate(() => feed.status());
   assert.equal(await page.locator("#event-pinned").isVisible(), false);
@@ -805,6 +806,63 @@ test("a paused spectrum and portrait are of the window that is seen, and a chose
   await page.mouse.dblclick(box.x + box.width * 0.5, box.y + 50);
   await until(page, async () => (await stickslip.drawn("spectrum")).scale.max > 400);
   assert.equal(await peak() > 49, true);
+  await close(page);
+});
+
+test("the window is exported as CSV that the tools read, to the bit, and as a picture with the cursors", async () => {
+  const page = await open();
+  await page.evaluate(() => {
+    feed.t0_ns = 4_611_686_018_427_387_904n;
+    feed.text({ type: "model", rig: "bench 7", marks: [] });
+    feed.value = (channel, t) => (channel === 5 || (channel === 3 && t > 11) ? NaN : Math.sin(7 * t + channel) / 3);
+    feed.frames(0, 12000, { per: 1000 });
+  });
+  await page.locator("#time-base").selectOption("2");
+  await drawn(page, "displacement");
+  await page.keyboard.press("c");
+  const saved = async (id) => {
+    const [download] = await Promise.all([page.waitForEvent("download"), page.locator(id).click()]);
+    return { name: download.suggestedFilename(), file: await download.path() };
+  };
+  const csv = await saved("#export-csv");
+  assert.match(csv.name, /^bench-7-\d{8}T\d{6}Z\.csv$/);
+  const lines = fs.readFileSync(csv.file, "utf8").trimEnd().split("\n");
+  assert.match(lines[0], /^# bench 7, exported by stickslip scope at /);
+  assert.match(lines[1], /^# cursor A: 4611686029\.\d{9} s; x −?\d+\.\d+ mm, v −?\d+\.\d+ mm\/s, F /);
+  assert.equal(lines[3], "time_s,displacement_m,velocity_m_s,friction_force_n,normal_load_n,base_displacement_m");
+  const rows = lines.slice(4).map((line) => line.split(","));
+  const { left_ns, span_ns } = await state(page);
+  const data = await held(page, "frames", 1, left_ns, left_ns + span_ns);
+  assert.equal(rows.length, data.value.length);
+  rows.forEach((row, k) => {
+    assert.equal(BigInt(row[0].replace(".", "")), 4_611_686_018_427_387_904n + BigInt(data.time_ns[k]));
+    assert.ok(Object.is(Number(row[2]), data.value[k]));
+  });
+  assert.equal(rows.at(-1)[4], "", "not measured");
+  const folder = temporaryFolder();
+  fs.copyFileSync(csv.file, path.join(folder, "window.csv"));
+  run(stickslip, ["convert", path.join(folder, "window.csv"), path.join(folder, "window.log")]);
+  assert.match(run(stickslip, ["log", "info", path.join(folder, "window.log")]), new RegExp(`${rows.length}`));
+  fs.rmSync(folder, { recursive: true });
+  // The picture has the traces, and both cursors in the text colour.
+  const png = await saved("#export-png");
+  const pixels = await page.evaluate(async (base64) => {
+    const picture = await createImageBitmap(new Blob([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))]));
+    const canvas = new OffscreenCanvas(picture.width, picture.height);
+    const context = canvas.getContext("2d");
+    context.drawImage(picture, 0, 0);
+    const { plot, cursors, left_ns: left, span_ns: span } = stickslip.state();
+    const dark = cursors.map((at) => {
+      const x = Math.round(plot.left + ((at - left) / span) * plot.width);
+      let count = 0;
+      for (let y = 0; y < plot.height; ++y) { const [r, g, b] = context.getImageData(x, y, 1, 1).data; if (r < 60 && g < 70 && b < 80) count += 1; }
+      return count / plot.height;
+    });
+    return { width: picture.width, height: picture.height, box: document.querySelector("#screen").getBoundingClientRect().toJSON(), dark };
+  }, fs.readFileSync(png.file).toString("base64"));
+  near(pixels.width, pixels.box.width, 1);
+  assert.ok(pixels.height > pixels.box.height + 30, "with lines of text below");
+  assert.ok(pixels.dark[0] > 0.8 && pixels.dark[1] > 0.3, `cursors: ${pixels.dark}`);
   await close(page);
 });
 

@@ -61,6 +61,7 @@ void Sources::take(const std::string& sender, std::string_view channel,
                    Clock::time_point now) {
   Source* const source = source_of(sender, now);
   if (source == nullptr) return;
+  if (source->begun_at == Clock::time_point{}) source->begun_at = now;
   source->heard_at = now;
   source->feed->take(channel, bytes, received_unix_ms, now);
   choose_current(now);
@@ -69,6 +70,7 @@ void Sources::take(const std::string& sender, std::string_view channel,
 
 void Sources::tick(Clock::time_point now) {
   for (const auto& source : sources_) source->feed->tick(now);
+  replace_restarted(now);
   choose_current(now);
   forget_silent(now);
   send_list_if_changed();
@@ -97,6 +99,29 @@ void Sources::choose_current(Clock::time_point now) {
       next,
       [&](std::string_view wanted) { return &shown_for(wanted) == &next && !next.has(wanted); },
       now);
+}
+
+void Sources::replace_restarted(Clock::time_point now) {
+  for (std::size_t i = sources_.size(); i-- > 0;) {
+    const Source& old = *sources_[i];
+    if (old.senders.empty() || old.feed->connected() || now - old.heard_at <= replaced_after) {
+      continue;
+    }
+    const auto next = std::find_if(sources_.begin(), sources_.end(), [&](const auto& source) {
+      return source->feed->connected() && source->begun_at > old.heard_at &&
+             source->feed->rig() == old.feed->rig() &&
+             address_of(source->senders.back()) == address_of(old.senders.back());
+    });
+    if (next == sources_.end()) continue;
+    Source& successor = **next;
+    const Wants pages = [&](std::string_view wanted) {
+      return old.has(wanted) || (&shown_for(wanted) == &old && !successor.has(wanted));
+    };
+    show(successor, pages, now);
+    successor.senders.insert(successor.senders.begin(), old.senders.begin(), old.senders.end());
+    if (&old == current_) current_ = &successor;
+    sources_.erase(sources_.begin() + static_cast<std::ptrdiff_t>(i));
+  }
 }
 
 void Sources::forget_silent(Clock::time_point now) {

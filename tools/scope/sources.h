@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rigs that publish on the same channels, distinguished by their senders; a page sees one of them.
+// The rigs that publish on the same channels, distinguished by their senders; a page sees one of
+// them.
 #pragma once
 
 #include <functional>
@@ -16,6 +17,8 @@ namespace stickslip::scope {
 /// A feed for each sender. A page names the source that it wants; one that names none, or one that
 /// is not there, sees the current source: the first that sends, until it is silent and another is
 /// not. A sender at the address of a silent source takes its place, as a restarted daemon does.
+/// One that was restarted at once does when its predecessor stays silent and the rig's name is the
+/// same.
 class Sources {
  public:
   using Clock = LiveFeed::Clock;
@@ -40,7 +43,8 @@ class Sources {
   struct Source {
     std::vector<std::string> senders;  ///< the latest last, which is the source's name
     std::unique_ptr<LiveFeed> feed;
-    Clock::time_point heard_at;  ///< time of the latest message
+    Clock::time_point begun_at;  ///< time of the first message
+    Clock::time_point heard_at;  ///< and of the latest
 
     bool has(std::string_view sender) const;
   };
@@ -50,6 +54,7 @@ class Sources {
   const Source& shown_for(std::string_view wanted) const;
   void show(const Source& source, const Wants& pages, Clock::time_point now) const;
   void choose_current(Clock::time_point now);
+  void replace_restarted(Clock::time_point now);
   void forget_silent(Clock::time_point now);
   SharedMessage list() const;
   void send_list_if_changed();

@@ -129,6 +129,29 @@ TEST_F(SourcesTest, ARestartedDaemonTakesThePlaceOfTheSilentOne) {
   EXPECT_EQ(latest(a, "sources")["sources"].size(), 2U);
 }
 
+TEST_F(SourcesTest, ADaemonThatIsRestartedAtOnceReplacesItsPredecessor) {
+  rig(b, "other bench");
+  frames(b, 0);
+  rig(a, "bench");
+  frames(a, 1000);
+  const std::string again = "10.0.0.1:50000";
+  for (int i = 0; i < 15; ++i) {
+    now += 100ms;
+    if (i == 0) rig(again, "bench");
+    frames(again, 10 * static_cast<std::uint64_t>(i));
+    frames(b, 10 + 10 * static_cast<std::uint64_t>(i));
+    sources.tick(now);
+  }
+  const auto list = latest(a, "sources")["sources"];
+  ASSERT_EQ(list.size(), 2U);
+  EXPECT_EQ(list[1]["id"], again);
+  EXPECT_EQ(list[1]["former_ids"], nlohmann::json(std::vector<std::string>{a}));
+  const Blocks seen = blocks(a);
+  EXPECT_EQ(std::count(seen.begin(), seen.end(), -1), 2) << "its first message and the restart";
+  EXPECT_EQ(seen.back(), 140) << "a page that chose the bench sees it still";
+  EXPECT_EQ(blocks("").back(), 150);
+}
+
 TEST_F(SourcesTest, ADaemonWithoutFramesKeepsItsPlace) {
   take(a, protocol::status_channel, status_t{});
   now += 1s;

@@ -20,8 +20,6 @@ export class Events {
     byId("clock").addEventListener("click", () => app.toggleClock());
   }
 
-  get latest() { return this.lines.map(({ event }) => event); }
-
   clear() {
     this.lines = [];
     this.list.replaceChildren();
@@ -114,18 +112,23 @@ export class Events {
     const place = byId("event-pinned");
     place.hidden = event === null;
     if (event === null) return;
-    setText(place.children[0], `Switched the amplifier off${event.utc_us > 0 ? `, ${this.app.timeOf(event)}` : ""}:`);
-    setText(place.children[1], `${event.code.replace(/_/g, " ")}: ${event.message}`);
+    setText(place.children[0], `Amplifier switched off${event.utc_us > 0 ? `, ${this.app.timeOf(event)}` : ""}:`);
+    setText(place.children[1], event.message.replace(/^amplifier off: /, ""));
   }
 
-  // By the status: a fault keeps the amplifier off, and names its interlock.
+  // The event of a fault, by its cause; undefined if it has not come.
+  faultOf(status) {
+    return this.lines.find(({ event }) => event.code === "fault" && event.message.includes(status.cause ?? ""))?.event;
+  }
+
+  // By the status: a fault keeps the amplifier off. A rig that has just started was never on.
   follow(status) {
-    if (status.state !== "faulted" || status.amplifier_on) {
+    if (status.state !== "faulted" || status.interlock === "just_started") {
       if (this.pinned && (status.amplifier_on || status.state === "running")) this.pin(null);
       return;
     }
-    if (this.pinned?.code === status.interlock) return;
-    const event = this.lines.find((line) => line.event.code === status.interlock)?.event;
+    const event = this.faultOf(status);
+    if (event !== undefined && event === this.pinned) return;
     this.pin(event ?? { utc_us: 0, time_ns: 0, severity: 2, code: status.interlock || "fault", message: status.cause || "no cause was given" });
   }
 }

@@ -37,6 +37,8 @@ function table(app) {
     [["}"], "}", "cursor B to the right", () => scope.nudgeCursor(1, 2)],
     [["<"], "<", "phase of the section −15°", () => app.portraits.setPhase(app.portraits.phase_deg - 15)],
     [[">"], ">", "phase of the section +15°", () => app.portraits.setPhase(app.portraits.phase_deg + 15)],
+    [["x"], "X", "export the window, with cursor values, as CSV", () => app.export.csv()],
+    [["i"], "I", "the same as a picture (PNG)", () => app.export.png()],
     [["d"], "D", "device time or UTC", () => app.toggleClock()],
     [["u"], "U", "units: mm or m", () => app.toggleUnits()],
     [["l"], "L", "theme: system, light, dark", () => app.theme.next()],

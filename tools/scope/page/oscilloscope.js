@@ -586,6 +586,9 @@ export class Oscilloscope {
 
   nudgeCursor(index, pixels) { this.moveCursor(index, this.cursors[index].part + pixels / this.plotWidth); }
 
+  // The channels on screen.
+  shownLanes() { return this.lanes.filter((lane) => lane.visible); }
+
   // --- actions -------------------------------------------------------------------------------------
 
   toggleLane(index) {

@@ -4,6 +4,7 @@
 import { Beside } from "./beside.js";
 import { byId, fillSelect, setPressed, setState, setText } from "./elements.js";
 import { Estimates } from "./estimates.js";
+import { Export } from "./export.js";
 import { listenToKeys } from "./keyboard.js";
 import { Oscilloscope } from "./oscilloscope.js";
 import { Portraits } from "./portraits.js";
@@ -48,6 +49,7 @@ class App {
     this.spectrum = new Spectrum(this);
     this.estimates = new Estimates(this);
     this.beside = new Beside(this);
+    this.export = new Export(this);
     this.stream = new Stream({
       onFrames: (block) => this.#takeFrames(block),
       onMessage: (message) => this.#takeMessage(message),
@@ -221,8 +223,8 @@ class App {
   faulted(status) {
     if (this.paused || this.settings.get("freeze_on_fault") === false || this.live.frames.empty) return;
     const { frames } = this.live;
-    const event = this.rig.events.latest.find(({ severity, time_ns: time, utc_us: utc }) => severity >= 2 && time > 0 && Math.abs(utc - status.utc_us) < 5e6);
-    const at_ns = event ? event.time_ns - Number(frames.origin_ns) : frames.last_ns;
+    const event = this.rig.events.faultOf(status);
+    const at_ns = event?.time_ns > 0 ? event.time_ns - Number(frames.origin_ns) : frames.last_ns;
     this.pause(true);
     this.frozenAt = { unix_ms: (event ?? status).utc_us / 1e3, time_ns: at_ns };
     this.scope.left_ns = at_ns - 0.8 * this.scope.span_ns;
