@@ -54,6 +54,7 @@ using namespace std::chrono_literals;
 constexpr std::size_t loop_memory = 512UL << 10U;
 constexpr auto housekeeping_period = 50ms;
 constexpr std::int64_t status_period_ns = 1'000'000'000;
+constexpr std::uint64_t statuses_per_description = 2;
 // Time to drain at the end: a network needs none, a disk may be busy.
 constexpr auto model_timeout = 5s;
 constexpr auto publish_timeout = 5s;
@@ -208,6 +209,7 @@ class Service {
   void publish_model_events();
   Status status(const Loop& loop);
   void publish_status(const Loop& loop);
+  void describe_again();
   void write_metrics_of(const Status& status);
   void send(const Message& message);
   void finish_consumers();
@@ -229,6 +231,8 @@ class Service {
   std::unique_ptr<CheckedModel> model_;  // if it is checked
   ProcessorLatencyRequest latency_request_;
   std::int64_t started_ns_ = 0;
+  std::int64_t started_utc_us_ = 0;
+  std::uint64_t statuses_ = 0;              // published
   std::uint64_t watchdog_cycles_ = 0;       // at the latest notification of the watchdog
   std::uint64_t late_cycles_reported_ = 0;  // in the latest status
   std::int64_t longest_unreported_overrun_ns_ = 0;
@@ -302,7 +306,8 @@ int Service::run() {
   const bool real_time = rig_.loop.real_time_scheduling && pacing_ != Pacing::free_running;
   if (real_time) log_grants({lock_memory(), latency_request_.request()});
   log_start(device);
-  send(recording_info_message(rig_, utc_us()));
+  started_utc_us_ = utc_us();
+  send(recording_info_message(rig_, started_utc_us_));
   for (Stream* stream : streams()) stream->start();
   run_loop(loop, *driver, control.get(), real_time);
   return finish(loop);
@@ -520,6 +525,7 @@ void Service::publish_status(const Loop& loop) {
     longest_unreported_overrun_ns_ = 0;
   }
   late_cycles_reported_ = now.late_cycles;
+  describe_again();
   // The status comes last, so that a recording ends with its ledger.
   send(timing_message(loop.timing(), utc_us()));
   send(status_message(now, utc_us()));
@@ -529,6 +535,12 @@ void Service::publish_status(const Loop& loop) {
                            physics::counted(now.ledger.produced, "frame") + ", " +
                            physics::counted(now.overruns, "overrun");
   sd_notify(0, line.c_str());
+}
+
+// For subscribers that came after the start. A recording has it as its first event.
+void Service::describe_again() {
+  if (publisher_ == nullptr || ++statuses_ % statuses_per_description != 0) return;
+  publisher_->stream.send(recording_info_message(rig_, started_utc_us_));
 }
 
 void Service::write_metrics_of(const Status& status) {

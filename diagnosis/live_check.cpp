@@ -61,6 +61,29 @@ std::string percent_text(double probability) {
   return physics::number_text(std::round(100.0 * probability), 2) + " %";
 }
 
+struct Misfit {
+  double square = 0.0;  ///< sum of the squared scaled residuals
+  double count = 0.0;
+};
+
+std::array<Misfit, predicted_channels> misfit_by_channel(const Task& task,
+                                                         const Hypothesis& hypothesis,
+                                                         const Fit& fit) {
+  std::array<Misfit, predicted_channels> out{};
+  for (std::size_t w = 0; w < fit.state.size(); ++w) {
+    const Eigen::VectorXd residual = residuals_of(task, w, hypothesis, fit.z, fit.state[w]);
+    const Window& window = task.window(w);
+    Eigen::Index row = 0;
+    for_each_compared(task.experiment(w), window.begin, window.end,
+                      [&](std::size_t, std::size_t c) {
+                        out[c].square += residual[row] * residual[row];
+                        out[c].count += 1.0;
+                        ++row;
+                      });
+  }
+  return out;
+}
+
 FitOptions fit_of(int iterations) {
   FitOptions options;
   options.iterations = iterations;
@@ -265,9 +288,25 @@ std::vector<Explanation> LiveCheck::explanations_of(const Seconds& seconds, cons
                    .name = each.candidate.name(),
                    .statement = units.sentence(statement_of(each)),
                    .chi2 = each.held_out.chi2,
-                   .probability = probability[i]});
+                   .probability = probability[i],
+                   .agrees = agrees_with_channels(seconds, each)});
   }
   return out;
+}
+
+// Many channels that agree hide one that does not. Where the normal load is measured and an input
+// of the model, another load is contradicted by its channel.
+bool LiveCheck::agrees_with_channels(const Seconds& seconds, const FittedCandidate& each) const {
+  const bool other_load = each.candidate.relation() == physics::Relation::normal_load;
+  const bool load_is_input =
+      model_.normal_load && model_.normal_load->law == physics::NormalLoadLaw::measured;
+  if (other_load && load_is_input) return false;
+  for (const auto& [square, count] :
+       misfit_by_channel(seconds.data.train, *each.hypothesis, each.fitted)) {
+    if (count == 0.0) continue;
+    if (square / count > chi2_limit(deviate_, count, seconds.noise_uncertainty())) return false;
+  }
+  return true;
 }
 
 bool LiveCheck::set_status(LiveStatus status) {
@@ -332,6 +371,10 @@ void LiveCheck::explain() {
   unexplained_->add_coarse(model_);
   verdict_.explanations = explanations_of(*unexplained_, unexplained_fit_);
   double others = 0.0;
+  std::erase_if(verdict_.explanations, [&others](const Explanation& each) {
+    if (!each.agrees) others += each.probability;
+    return !each.agrees;
+  });
   for (const Explanation& each : verdict_.explanations) {
     const Explanation& first = verdict_.explanations.front();
     if (each.relation != first.relation || each.channel != first.channel) {

@@ -24,6 +24,8 @@
 
 namespace stickslip::diagnosis {
 
+struct FittedCandidate;
+
 enum class LiveStatus : std::uint8_t {
   waiting,  ///< not enough frames or motion
   follows,  ///< the last seconds follow the model
@@ -41,6 +43,7 @@ struct Explanation {
   std::string statement;           ///< a sentence with numbers
   double chi2 = 0.0;               ///< per sample with it; 1 is noise alone
   double probability = 0.0;        ///< relative to the other effects, 0 to 1
+  bool agrees = true;              ///< with each measured channel by itself
 };
 
 struct LiveVerdict {
@@ -50,7 +53,8 @@ struct LiveVerdict {
   /// Times of frames: begin of the first window that does not follow, and the alarm.
   std::int64_t since_ns = 0;
   std::int64_t reported_ns = 0;
-  /// Most probable first; empty until the first LiveCheck::explain.
+  /// Most probable first, without those that a measured channel contradicts; empty until the first
+  /// LiveCheck::explain.
   std::vector<Explanation> explanations;
   /// True if the first explanation leaves no more than noise does in 95 of 100 cases, and those
   /// with another relation (or another channel) are less probable than 5 % together.
@@ -125,6 +129,7 @@ class LiveCheck {
   Fit fitted_at_misfit(Task& task) const;
   double informative_share(const Seconds& seconds, const Fit& fit) const;
   std::vector<Explanation> explanations_of(const Seconds& seconds, const Fit& fit) const;
+  bool agrees_with_channels(const Seconds& seconds, const FittedCandidate& each) const;
   bool set_status(LiveStatus status);
   void raise_alarm(const Seconds& seconds, const Outcome& outcome);
   void remember(const Seconds& seconds, const Fit& fit);

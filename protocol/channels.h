@@ -31,7 +31,7 @@ inline constexpr std::array<LcmChannel, 7> lcm_channels = {{
     {status_channel, "status_t", "once a second and at the end"},
     {timing_channel, "timing_t", "once a second"},
     {event_channel, "event_t", "at each event"},
-    {recording_channel, "recording_info_t", "once, at the start"},
+    {recording_channel, "recording_info_t", "at the start and every 2 s"},
 }};
 
 }  // namespace stickslip::protocol

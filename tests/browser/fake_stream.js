@@ -28,13 +28,18 @@
       last().readyState = 1;
       last().onopen();
       feed.text({ type: "hello", version: "test", program: "stickslip scope", history_s: 60, url: "memq://" });
+      feed.alive();
     },
+    // Content of the heartbeats: by default, the rig sends frames. null: the server hangs.
+    beat: { connected: true, silent_s: 0, status_s: 0 },
+    alive() { if (feed.beat !== null) feed.text({ type: "alive", ...feed.beat }); },
+
     drop(reason = "") {
       last().readyState = 3;
-      last().onclose({ reason });
+      last().onclose?.({ reason });
     },
-    text(message) { last().onmessage({ data: typeof message === "string" ? message : JSON.stringify(message) }); },
-    bytes(buffer) { last().onmessage({ data: buffer }); },
+    text(message) { last().onmessage?.({ data: typeof message === "string" ? message : JSON.stringify(message) }); },
+    bytes(buffer) { last().onmessage?.({ data: buffer }); },
 
     time_ns(i) { return feed.t0_ns + BigInt(Math.round((i * 1e9) / feed.rate_hz)); },
 
@@ -96,4 +101,5 @@
       feed.text({ type: "event", utc_us, time_ns: 0, sequence: 0, severity, code, message });
     },
   };
+  setInterval(() => { if (last()?.readyState === 1) feed.alive(); }, 200);
 })();

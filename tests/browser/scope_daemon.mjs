@@ -148,7 +148,7 @@ test("the page holds and draws what the daemon recorded, bit for bit", async (t)
 });
 
 test("a silent source is shown; a restarted daemon starts a new picture", async () => {
-  await until(page, () => document.querySelector("#banner").textContent.includes("has sent no frames"));
+  await until(page, () => document.querySelector("#banner").textContent.includes("sends no frames"));
   daemon = startDaemon();
   await until(page, () => stickslip.state().source === true && stickslip.state().rig === "running" && stickslip.sizes().live.held > 300, undefined, 60000);
   const frames = await held(page, "frames", 0, -Infinity, Infinity, true);
@@ -157,17 +157,82 @@ test("a silent source is shown; a restarted daemon starts a new picture", async 
   await until(page, () => document.querySelector("#banner").hidden);
 });
 
-test("the page reconnects to a restarted server", async () => {
+test("nothing is green over a hanging daemon, nor over a hanging server", async () => {
+  const greens = () => [...document.querySelectorAll(".chip[data-state=good]")].map((chip) => chip.id);
+  const isGreen = () => stickslip.state().fresh && document.querySelector("#state-chip").dataset.state === "good";
+  await until(page, isGreen);
+  daemon.child.kill("SIGSTOP");
+  await until(page, () => !stickslip.state().fresh && stickslip.state().source === false);
+  assert.deepEqual(await page.evaluate(greens), []);
+  daemon.child.kill("SIGCONT");
+  await until(page, isGreen);
+  scope.child.kill("SIGSTOP");
+  await until(page, () => document.querySelector("#link-chip").dataset.state === "bad");
+  assert.deepEqual(await page.evaluate(greens), []);
+  await until(page, () => stickslip.state().link !== "open", undefined, 30000); // given up
+  assert.deepEqual(await page.evaluate(greens), []);
+  scope.child.kill("SIGCONT");
+  await until(page, isGreen, undefined, 30000);
+});
+
+test("a second daemon leaves the view of the first whole, and can be chosen", async () => {
+  const config = path.join(folder, "second.toml");
+  fs.writeFileSync(config, fs.readFileSync(path.join(source, "config/simulated.toml"), "utf8").replaceAll("simulated rig", "second rig"));
+  fs.mkdirSync(path.join(folder, "models"), { recursive: true });
+  for (const name of fs.readdirSync(path.join(source, "config/models"))) fs.copyFileSync(path.join(source, "config/models", name), path.join(folder, "models", name));
+  const second = new Running(stickslipd, ["--config", config]);
+  const choose = async (rig) => {
+    const value = await page.evaluate((rig) => [...document.querySelectorAll("#source option")].find((option) => option.textContent.startsWith(rig)).value, rig);
+    await page.locator("#source").selectOption(value);
+  };
+  try {
+    await until(page, () => document.querySelectorAll("#source option").length === 2 && document.querySelector("#source").textContent.includes("second rig"), undefined, 30000);
+    const first = await page.evaluate(() => ({ rig: document.querySelector("#rig-name").textContent, lost: stickslip.state().lost, end: stickslip.sizes().live.held }));
+    assert.equal(first.rig, "simulated rig");
+    await until(page, (end) => stickslip.sizes().live.held > end + 2000, first.end, 30000);
+    const seen = await held(page, "frames", 0, -Infinity, Infinity, true);
+    assert.ok(seen.sequence.every((sequence, i) => i === 0 || (sequence > seen.sequence[i - 1] && seen.time_ns[i] > seen.time_ns[i - 1])));
+    assert.ok((await page.evaluate(() => stickslip.state().lost)) - first.lost < 1000, "what is lost is lost by the machine, not by the other daemon");
+    await choose("second rig");
+    await until(page, () => document.querySelector("#rig-name").textContent === "second rig" && stickslip.sizes().live.held > 500, undefined, 30000);
+  } finally {
+    await second.stop();
+  }
+  // A page that has chosen keeps to its choice until it is long gone.
+  await until(page, () => stickslip.state().source === false);
+  await choose("simulated rig");
+  await until(page, () => document.querySelector("#rig-name").textContent === "simulated rig" && stickslip.state().source === true, undefined, 30000);
+});
+
+test("the page reconnects to a restarted server", async (t) => {
   const { port } = scope;
   const opened = await page.evaluate(() => stickslip.state().opened);
   await scope.stop();
   await until(page, () => stickslip.state().link === "waiting" && document.querySelector("#banner").textContent.includes("No connection"));
   const before = await liveFrames(page);
   scope = await startScope(port);
-  await page.keyboard.press("r");
+  const returned = Date.now();
   await until(page, (opened) => stickslip.state().link === "open" && stickslip.state().opened === opened + 1, opened);
+  t.diagnostic(`connected again ${Date.now() - returned} ms after the server's return`);
   await until(page, (before) => stickslip.sizes().live.held > before + 300, before, 30000);
-  page.complaints = page.complaints.filter((line) => !/ERR_CONNECTION_REFUSED|WebSocket connection/.test(line)); // the browser's own note
+  page.complaints = page.complaints.filter((line) => !/ERR_CONNECTION_REFUSED|WebSocket connection|ERR_EMPTY_RESPONSE|ERR_CONNECTION_RESET/.test(line)); // the browser's own notes
+});
+
+test("a fault of the daemon freezes what came before it, and its cause stays on top", async () => {
+  await daemon.stop();
+  await until(page, () => stickslip.state().source === false);
+  const script = path.join(folder, "stop.toml");
+  fs.writeFileSync(script, fs.readFileSync(path.join(source, "config/faults/emergency_stop.toml"), "utf8").replace(/at_s = .*/, "at_s = 6.0"));
+  const config = path.join(folder, "faulty.toml");
+  fs.writeFileSync(config, fs.readFileSync(path.join(source, "config/simulated.toml"), "utf8").replace('kind = "simulated"', 'kind = "simulated"\nfaults = "stop.toml"'));
+  daemon = new Running(stickslipd, ["--config", config]);
+  await until(page, () => stickslip.state().paused && document.querySelector("#state-chip").textContent === "faulted", undefined, 60000);
+  assert.equal(await page.locator("#event-pinned").isVisible(), true);
+  const pinned = await page.locator("#event-pinned").innerText();
+  assert.match(pinned, /^Amplifier switched off, 6\.0\d\d s: /, pinned);
+  const { frozenAt, left_ns, span_ns } = await page.evaluate(() => stickslip.state());
+  assert.ok(Math.abs((frozenAt.time_ns - left_ns) / span_ns - 0.8) < 1e-6);
+  await page.keyboard.press("p");
 });
 
 test("the page had no errors and no requests to other servers", async () => {

@@ -3,8 +3,9 @@
 // memory and cost.
 import assert from "node:assert/strict";
 import fs from "node:fs";
+import path from "node:path";
 import { after, before, test } from "node:test";
-import { drawn, held, openPage, startBrowser, startScope, until } from "./programs.mjs";
+import { drawn, held, openPage, run, startBrowser, startScope, stickslip, temporaryFolder, until } from "./programs.mjs";
 
 let scope;
 let browser;
@@ -264,8 +265,10 @@ test("zoom by wheel, keys and buttons; drag moves; reset restores the view", asy
   await page.keyboard.press("p");
   const before = await state(page);
   const pointed = (s) => s.left_ns + ((x - box.x - s.plot.left) / s.plot.width) * s.span_ns;
+  await page.keyboard.down("Control");
   await page.mouse.wheel(0, -300);
   await until(page, (span) => stickslip.state().span_s < span, before.span_s);
+  await page.keyboard.up("Control");
   const zoomed = await state(page);
   near(pointed(zoomed), pointed(before), before.span_ns / before.plot.width, "the time under the pointer stays");
   await page.mouse.down();
@@ -491,6 +494,7 @@ test("the spectrum is that of the frames, as amplitude and as density", async ()
 test("estimates, their bands and the bounds of the NIS are those of the messages", async () => {
   const page = await open();
   await page.evaluate(() => {
+    feed.value = (channel) => channel + 1;
     feed.frames(0, 1000);
     for (let i = 0; i < 1000; i += 10) feed.estimate(i, { mu: 0.3 + i / 1e4, nis: 1 + i / 100, raw_coefficient: i === 500 ? null : 0.31 });
     feed.estimate(999, { valid: false });
@@ -570,10 +574,342 @@ test("state, fault and its cause, ledger, verdict, timing and events are shown; 
   await close(page);
 });
 
+const chips = (page) => page.evaluate(() => [...document.querySelectorAll(".chip")].map((chip) => [chip.textContent, chip.dataset.state]));
+
+test("a server that says nothing greys every state within a second or so, counting, and is given up", async () => {
+  const page = await open();
+  await page.evaluate(() => {
+    feed.frames(0, 1000);
+    feed.status();
+    feed.event(0, "model_follows", "the rig follows its model");
+  });
+  await until(page, () => stickslip.state().fresh);
+  const fresh = [["running", "good"], ["amplifier on", "good"], ["recording", "good"], ["model follows", "good"], ["connected", "good"]];
+  assert.deepEqual(await chips(page), fresh);
+  // Heartbeats alone, without frames, keep the link and, with a status each second, the states.
+  await page.evaluate(() => { feed.beat = { connected: false, silent_s: 4, status_s: 0.3 }; });
+  await until(page, () => document.querySelector("#link-chip").textContent === "connected, no frames");
+  assert.deepEqual((await chips(page)).slice(0, 4), fresh.slice(0, 4));
+  // A status from before the silence says nothing of now.
+  const was = [["was: running", "unknown"], ["was: amplifier on", "unknown"], ["was: recording", "unknown"], ["was: model follows", "unknown"]];
+  await page.evaluate(() => { feed.beat = { connected: false, silent_s: 4, status_s: 4.2 }; });
+  await until(page, () => !stickslip.state().fresh);
+  assert.deepEqual((await chips(page)).slice(0, 4), was);
+  await page.evaluate(() => { feed.beat = { connected: true, silent_s: 0, status_s: 0 }; });
+  await until(page, () => stickslip.state().fresh && document.querySelector("#banner").hidden);
+  // The server hangs.
+  const quiet_ms = await page.evaluate(async () => {
+    feed.beat = null;
+    const began = performance.now();
+    while (stickslip.state().fresh) await new Promise((resolve) => setTimeout(resolve, 20));
+    return performance.now() - began;
+  });
+  assert.ok(quiet_ms > 700, `${quiet_ms} ms`);
+  assert.deepEqual(await chips(page), [...was, ["no answer", "bad"]]);
+  await until(page, () => /does not answer.* Since \d\d:\d\d:\d\d UTC, for [2-9] s\./.test(document.querySelector("#banner").textContent));
+  assert.equal(await page.evaluate(() => document.body.dataset.moving), "no");
+  // The connection is given up, which a half-open one would never be, and another is made.
+  await until(page, () => feed.sockets.length === 2, undefined, 20000);
+  assert.deepEqual((await chips(page)).slice(0, 4), was);
+  await page.evaluate(() => { feed.beat = { connected: true, silent_s: 0, status_s: 0 }; feed.open(); feed.status(); });
+  await until(page, () => stickslip.state().fresh && document.querySelector("#banner").hidden);
+  assert.deepEqual(await chips(page), fresh);
+  await close(page);
+});
+
+test("a page without its server asks for it each second, however long it is away", async () => {
+  const page = await open();
+  const waits = [];
+  for (let i = 0; i < 12; ++i) {
+    await page.evaluate(() => { feed.sockets[feed.sockets.length - 1].readyState = 1; feed.drop(); });
+    await until(page, () => stickslip.state().link === "waiting");
+    waits.push((await state(page)).wait_s);
+    await page.locator("#screen").focus();
+    await page.keyboard.press("r");
+    await until(page, () => stickslip.state().link === "connecting");
+  }
+  assert.ok(Math.max(...waits) <= 1, `waits of ${waits} s`);
+  assert.ok(Math.min(...waits) > 0.1);
+  await close(page);
+});
+
+test("a fault freezes what came before it, the rig goes on beside it, and a restart leaves the picture", async () => {
+  const page = await open();
+  await page.evaluate(() => {
+    feed.frames(0, 20000, { per: 1000 });
+    feed.status();
+    feed.text({ type: "event", utc_us: 1.7e15, time_ns: 19.2e9, sequence: 19200, severity: 2, code: "fault", message: "amplifier off: too far" });
+    feed.status({ state: "faulted", interlock: "displacement", cause: "too far" });
+  });
+  await until(page, () => stickslip.state().paused);
+  const frozen = await drawn(page, "velocity");
+  near(frozen.left_ns + 0.8 * frozen.span_ns, 19.2e9, 1e3, "the fault stands at four fifths of the screen");
+  await until(page, () => /frozen at the fault of \d\d:\d\d:\d\d/.test(document.querySelector("#screen-note").textContent));
+  await page.evaluate(() => feed.frames(20000, 5000, { per: 1000 }));
+  assert.deepEqual((await drawn(page, "velocity")).points, frozen.points);
+  await until(page, () => stickslip.state().beside > 200 && /Live: displacement/.test(document.querySelector("#beside-text").textContent));
+  // The daemon is restarted: another picture begins, beside the frozen one.
+  await page.evaluate(() => { feed.text({ type: "restart" }); feed.t0_ns = 100_000_000_000n; feed.frames(0, 3000, { per: 1000 }); });
+  assert.deepEqual((await drawn(page, "velocity")).points, frozen.points);
+  assert.equal((await held(page, "frames", 0)).sequence.length, 20000);
+  assert.equal((await held(page, "frames", 0, -Infinity, Infinity, true)).sequence.length, 3000);
+  await until(page, () => document.querySelector("#screen-note").textContent.includes("the daemon was restarted since"));
+  await page.locator("#beside-go").click();
+  assert.equal((await held(page, "frames", 0)).sequence.length, 3000);
+  near((await drawn(page, "velocity")).left_ns, 102.999e9 - 10e9, 1e3);
+  // Back to the fault, and on.
+  await page.locator("#to-fault").click();
+  assert.deepEqual((await drawn(page, "velocity")).points, frozen.points);
+  await page.keyboard.press("p");
+  // A fault that lasts does not freeze again; with the option off, none does.
+  await page.evaluate(() => feed.status({ state: "faulted" }));
+  assert.equal((await state(page)).paused, false);
+  await page.locator("#freeze-on-fault").uncheck();
+  await page.evaluate(() => { feed.status(); feed.status({ state: "faulted" }); });
+  assert.equal((await state(page)).paused, false);
+  await close(page);
+});
+
+test("several rigs are named, and one is chosen", async () => {
+  const page = await open();
+  const rigs = [{ id: "10.0.0.1:4000", former_ids: [], rig: "bench", connected: true }, { id: "10.0.0.2:4001", former_ids: [], rig: "<b>other</b>", connected: false }];
+  await page.evaluate((rigs) => { feed.text({ type: "sources", current: rigs[0].id, sources: rigs.slice(0, 1) }); feed.frames(0, 500); }, rigs);
+  assert.equal(await page.locator("#source-field").isVisible(), false, "one rig is no choice");
+  await page.evaluate((sources) => feed.text({ type: "sources", current: sources[0].id, sources }), rigs);
+  assert.deepEqual(await page.locator("#source option").allTextContents(), ["bench, 10.0.0.1:4000", "<b>other</b>, 10.0.0.2:4001, silent"]);
+  assert.equal(await page.locator("#source").inputValue(), rigs[0].id);
+  await page.locator("#source").selectOption(rigs[1].id);
+  assert.match(await page.evaluate(() => feed.sockets[feed.sockets.length - 1].url), /\/stream\?source=10\.0\.0\.2%3A4001$/);
+  await page.evaluate((sources) => { feed.open(); feed.text({ type: "sources", current: sources[0].id, sources }); feed.frames(7000, 10); }, rigs);
+  assert.equal(await page.locator("#source").inputValue(), rigs[1].id);
+  assert.equal((await held(page, "frames", 0)).sequence.length, 10, "nothing of the first rig is left");
+  // Its daemon is restarted, under another id.
+  await page.evaluate((sources) => feed.text({ type: "sources", current: sources[0].id, sources: [sources[0], { ...sources[1], id: "10.0.0.2:5000", former_ids: ["10.0.0.2:4001"] }] }), rigs);
+  assert.equal(await page.locator("#source").inputValue(), "10.0.0.2:5000");
+  assert.match(page.url(), /source=10\.0\.0\.2%3A4001/);
+  await close(page);
+});
+
+test("a coefficient of friction is not drawn where the load is near zero", async () => {
+  const page = await open();
+  await page.evaluate(() => {
+    // The load falls from 10 N to 0.1 N, which the portrait would be scaled to, and below zero.
+    feed.value = (channel, t) => (channel === 3 ? (t < 1 ? 10 : t < 1.5 ? 0.1 : -0.2) : channel === 2 ? 2 : Math.sin(20 * t));
+    feed.frames(0, 2000, { per: 100 });
+    for (let i = 0; i < 2000; i += 10) feed.estimate(i, { raw_coefficient: i < 1000 ? 0.2 : 20 });
+  });
+  const loop = await drawn(page, "friction-velocity");
+  const drawnMu = loop.points.filter((value, i) => i % 2 === 1 && value !== null);
+  assert.equal(drawnMu.length, 1000);
+  assert.ok(drawnMu.every((mu) => mu === 0.2));
+  assert.ok(loop.limits.yHigh < 1);
+  assert.match(await text(page, '[data-portrait="friction-velocity"] p'), /not drawn where N < 5 %/);
+  const { data } = await drawn(page, "mu");
+  data[0].forEach((time, k) => assert.equal(data[4][k], time < 1 ? 0.2 : null, `raw at ${time} s`));
+  await close(page);
+});
+
+test("identical events are one line with their number; a filter; marks on the traces; either clock", async () => {
+  const page = await open();
+  const lines = () => page.locator("#event-list li:visible").evaluateAll((items) => items.map((item) => [...item.children].map((child) => child.textContent)));
+  await page.evaluate(() => {
+    feed.frames(0, 10000, { per: 1000, received_unix_ms: 1.7e12 + 9999 });
+    const event = (severity, code, message, second) => feed.text({ type: "event", utc_us: 1.7e15 + second * 1e6, time_ns: second * 1e9, sequence: second * 1000, severity, code, message });
+    for (const second of [3, 4, 5, 5]) event(1, "late_cycles", "a cycle was late", second); // the last is repeated for a new connection
+    event(2, "fault", "amplifier off: the emergency stop is pressed", 6);
+    event(0, "note", "all is well", 8);
+  });
+  assert.deepEqual(await lines(), [["8.000 s", "note", "", "all is well"], ["6.000 s", "fault", "", "amplifier off: the emergency stop is pressed"], ["5.000 s", "late cycles", "3 times", "a cycle was late"]]);
+  // On the traces, at their times.
+  const picture = await drawn(page, "displacement");
+  const seconds = async () => (await state(page)).markers.map(({ x, code }) => `${code} ${((picture.left_ns + ((x - picture.plot.left) / picture.plot.width) * picture.span_ns) / 1e9).toFixed(3)}`);
+  assert.deepEqual(await seconds(), ["note 8.000", "fault 6.000", "late_cycles 3.000", "late_cycles 4.000", "late_cycles 5.000"]);
+  // The filter is of the list and the marks.
+  await page.locator("#event-severity").selectOption("1");
+  assert.equal((await lines()).length, 2);
+  await page.locator("#event-words").fill("late");
+  assert.deepEqual((await lines()).map(([, code]) => code), ["late cycles"]);
+  await drawn(page, "displacement");
+  assert.equal((await state(page)).markers.length, 3);
+  await page.locator("#event-words").fill("nothing");
+  assert.equal(await text(page, "#no-event"), "None that the filter leaves.");
+  await page.locator("#event-words").fill("");
+  await page.locator("#event-severity").selectOption("0");
+  // UTC, of the events and of the axis.
+  await page.locator("#clock").click();
+  assert.deepEqual((await lines()).map(([time]) => time), ["22:13:28.000", "22:13:26.000", "22:13:25.000"]);
+  await page.keyboard.press("c");
+  await page.locator("#cursor-a").focus();
+  await page.keyboard.press("Home");
+  // The left edge is 10 s before the newest frame, of 9.999 s.
+  await until(page, () => /^22:13:19\.999\d* UTC$/.test(document.querySelector("#cursor-a").getAttribute("aria-valuetext")));
+  await page.locator("#screen").focus();
+  await page.keyboard.press("d");
+  assert.equal((await lines())[0][0], "8.000 s");
+  // The cause of the amplifier being off stays on top, under many later events.
+  assert.equal(await page.locator("#event-pinned").isVisible(), false);
+  await page.evaluate(() => {
+    feed.status();
+    feed.status({ state: "faulted", interlock: "emergency_stop", cause: "the emergency stop is pressed", amplifier_on: false });
+    for (let i = 0; i < 300; ++i) feed.text({ type: "event", utc_us: 1.7001e15 + i, time_ns: 9e9, sequence: 1, severity: 1, code: "later", message: `number ${i}` });
+  });
+  assert.equal(await text(page, "#event-pinned"), "Amplifier switched off, 6.000 s: the emergency stop is pressed");
+  assert.equal((await lines()).length, 200);
+  await page.evaluate(() => feed.status());
+  assert.equal(await page.locator("#event-pinned").isVisible(), false);
+  // An event leads to its place on the traces.
+  await page.keyboard.press("p");
+  await page.locator("#event-list button").first().click();
+  near((await state(page)).left_ns + 5e9, 9e9, 1e3);
+  await close(page);
+});
+
+test("a paused spectrum and portrait are of the window that is seen, and a chosen zoom holds", async () => {
+  const page = await open();
+  await page.evaluate(() => {
+    // 20 Hz for ten seconds, then 50 Hz.
+    feed.value = (channel, t) => (channel === 5 ? NaN : Math.sin(2 * Math.PI * (t < 10 ? 20 : 50) * t) * (t < 10 ? 1 : 3));
+    feed.frames(0, 20000, { per: 1000 });
+  });
+  await page.locator("#spectrum-plot").scrollIntoViewIfNeeded();
+  await page.locator("#spectrum-length").selectOption("4096");
+  const peak = async () => {
+    const { frequency, value } = await drawn(page, "spectrum");
+    return frequency[value.indexOf(Math.max(...value))];
+  };
+  await until(page, async () => { const { frequency, value } = await stickslip.drawn("spectrum"); return Math.abs(frequency[value.indexOf(Math.max(...value))] - 50) < 1; });
+  assert.ok(Math.max(...(await drawn(page, "phase")).points.filter(Number.isFinite)) > 2500);
+  // Back to the first ten seconds.
+  await page.locator("#time-base").selectOption("5");
+  await page.locator("#screen").focus();
+  for (let i = 0; i < 2; ++i) await page.keyboard.press("Shift+ArrowLeft");
+  await page.locator("#spectrum-plot").scrollIntoViewIfNeeded();
+  await until(page, async () => { const { frequency, value } = await stickslip.drawn("spectrum"); return Math.abs(frequency[value.indexOf(Math.max(...value))] - 20) < 1; });
+  assert.ok(Math.max(...(await drawn(page, "phase")).points.filter(Number.isFinite)) <= 1000);
+  assert.ok((await drawn(page, "spectrum")).newest <= 10001);
+  await page.keyboard.press("p");
+  // Zoom by dragging; it holds while data comes, and until a double click.
+  await page.locator("#spectrum-plot .u-over").waitFor();
+  await page.locator("#spectrum-plot").scrollIntoViewIfNeeded();
+  const box = await page.locator("#spectrum-plot .u-over").boundingBox();
+  await page.mouse.move(box.x + box.width * 0.5, box.y + 50);
+  await page.mouse.down();
+  await page.mouse.move(box.x + box.width * 0.7, box.y + 50, { steps: 3 });
+  await page.mouse.up();
+  const { zoom, scale } = await drawn(page, "spectrum");
+  assert.ok(zoom.max > zoom.min && zoom.min > 1 && zoom.max < 400, JSON.stringify(zoom));
+  assert.deepEqual(scale, zoom);
+  const { newest } = await drawn(page, "spectrum");
+  await page.evaluate(() => feed.frames(20000, 5000, { per: 1000 }));
+  await until(page, async (newest) => (await stickslip.drawn("spectrum")).newest > newest, newest);
+  assert.deepEqual((await drawn(page, "spectrum")).scale, zoom);
+  await page.mouse.dblclick(box.x + box.width * 0.5, box.y + 50);
+  await until(page, async () => (await stickslip.drawn("spectrum")).scale.max > 400);
+  assert.equal(await peak() > 49, true);
+  await close(page);
+});
+
+test("the window is exported as CSV that the tools read, to the bit, and as a picture with the cursors", async () => {
+  const page = await open();
+  await page.evaluate(() => {
+    feed.t0_ns = 4_611_686_018_427_387_904n;
+    feed.text({ type: "model", rig: "bench 7", marks: [] });
+    feed.value = (channel, t) => (channel === 5 || (channel === 3 && t > 11) ? NaN : Math.sin(7 * t + channel) / 3);
+    feed.frames(0, 12000, { per: 1000 });
+  });
+  await page.locator("#time-base").selectOption("2");
+  await drawn(page, "displacement");
+  await page.keyboard.press("c");
+  const saved = async (id) => {
+    const [download] = await Promise.all([page.waitForEvent("download"), page.locator(id).click()]);
+    return { name: download.suggestedFilename(), file: await download.path() };
+  };
+  const csv = await saved("#export-csv");
+  assert.match(csv.name, /^bench-7-\d{8}T\d{6}Z\.csv$/);
+  const lines = fs.readFileSync(csv.file, "utf8").trimEnd().split("\n");
+  assert.match(lines[0], /^# bench 7, exported by stickslip scope at /);
+  assert.match(lines[1], /^# cursor A: 4611686029\.\d{9} s; x −?\d+\.\d+ mm, v −?\d+\.\d+ mm\/s, F /);
+  assert.equal(lines[3], "time_s,displacement_m,velocity_m_s,friction_force_n,normal_load_n,base_displacement_m");
+  const rows = lines.slice(4).map((line) => line.split(","));
+  const { left_ns, span_ns } = await state(page);
+  const data = await held(page, "frames", 1, left_ns, left_ns + span_ns);
+  assert.equal(rows.length, data.value.length);
+  rows.forEach((row, k) => {
+    assert.equal(BigInt(row[0].replace(".", "")), 4_611_686_018_427_387_904n + BigInt(data.time_ns[k]));
+    assert.ok(Object.is(Number(row[2]), data.value[k]));
+  });
+  assert.equal(rows.at(-1)[4], "", "not measured");
+  const folder = temporaryFolder();
+  fs.copyFileSync(csv.file, path.join(folder, "window.csv"));
+  run(stickslip, ["convert", path.join(folder, "window.csv"), path.join(folder, "window.log")]);
+  assert.match(run(stickslip, ["log", "info", path.join(folder, "window.log")]), new RegExp(`${rows.length}`));
+  fs.rmSync(folder, { recursive: true });
+  // The picture has the traces, and both cursors in the text colour.
+  const png = await saved("#export-png");
+  const pixels = await page.evaluate(async (base64) => {
+    const picture = await createImageBitmap(new Blob([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))]));
+    const canvas = new OffscreenCanvas(picture.width, picture.height);
+    const context = canvas.getContext("2d");
+    context.drawImage(picture, 0, 0);
+    const { plot, cursors, left_ns: left, span_ns: span } = stickslip.state();
+    const dark = cursors.map((at) => {
+      const x = Math.round(plot.left + ((at - left) / span) * plot.width);
+      let count = 0;
+      for (let y = 0; y < plot.height; ++y) { const [r, g, b] = context.getImageData(x, y, 1, 1).data; if (r < 60 && g < 70 && b < 80) count += 1; }
+      return count / plot.height;
+    });
+    return { width: picture.width, height: picture.height, box: document.querySelector("#screen").getBoundingClientRect().toJSON(), dark };
+  }, fs.readFileSync(png.file).toString("base64"));
+  near(pixels.width, pixels.box.width, 1);
+  assert.ok(pixels.height > pixels.box.height + 30, "with lines of text below");
+  assert.ok(pixels.dark[0] > 0.8 && pixels.dark[1] > 0.3, `cursors: ${pixels.dark}`);
+  await close(page);
+});
+
+test("without a key the wheel scrolls the page; titles stand above the traces; decimals are fixed", async () => {
+  const page = await open();
+  await page.evaluate(() => { feed.value = (channel, t) => 0.0125 * (channel + 1) * (t < 5 ? 1 : 1e-3); feed.frames(0, 4000, { per: 1000 }); });
+  const span = (await state(page)).span_s;
+  const box = await page.locator("#screen").boundingBox();
+  await page.mouse.move(box.x + 200, box.y + 100);
+  await page.mouse.wheel(0, 200);
+  await until(page, () => window.scrollY > 100);
+  assert.equal((await state(page)).span_s, span);
+  const lanes = [];
+  for (const name of ["displacement", "velocity", "friction_force"]) lanes.push(await drawn(page, name));
+  lanes.forEach((lane, i) => {
+    const strip = lane.top - (i === 0 ? 0 : lanes[i - 1].top + lanes[i - 1].height);
+    assert.ok(strip > 12, `${strip} px above channel ${i}`);
+    const ys = lane.points.filter((_, k) => k % 2 === 1 && lane.points[k - 1] > -1e8);
+    assert.ok(ys.every((y) => y >= lane.top - 0.01 && y <= lane.top + lane.height + 0.01));
+  });
+  const last = "#readings tbody tr:nth-child(1) td:nth-child(2)";
+  await until(page, (last) => document.querySelector(last).textContent === "12.50", last);
+  await page.evaluate(() => feed.frames(5000, 10, { per: 10 }));
+  await until(page, (last) => document.querySelector(last).textContent === "0.01", last); // not 0.01250
+  await close(page);
+});
+
+test("only frequencies that were declared are marked", async () => {
+  const page = await open();
+  await page.evaluate(() => feed.frames(0, 3000));
+  assert.deepEqual((await drawn(page, "spectrum")).marks, [], "before a model is known");
+  await page.evaluate(() => feed.text({ type: "model", rig: "a rig", marks: [{ name: "natural frequency", hz: 2.5 }] }));
+  assert.deepEqual((await drawn(page, "spectrum")).marks, [{ name: "natural frequency", hz: 2.5 }]);
+  await page.evaluate(() => feed.text({ type: "model", rig: "a rig", marks: [] }));
+  assert.deepEqual((await drawn(page, "spectrum")).marks, [], "of a model without any");
+  await close(page);
+});
+
 test("the page reconnects without duplicates; a restarted daemon starts a new picture", async () => {
   const page = await open();
-  await page.evaluate(() => { feed.frames(0, 3000); feed.text({ type: "source", connected: false, silent_s: 1.5 }); });
-  await until(page, () => document.querySelector("#banner").textContent.includes("no frames for 1.5"));
+  await page.evaluate(() => {
+    feed.frames(0, 3000);
+    feed.beat = null;
+    feed.text({ type: "source", connected: false, silent_s: 3601 });
+  });
+  await until(page, () => /sends no frames.* Since \d\d:\d\d:\d\d UTC, for 60 min/.test(document.querySelector("#banner").textContent));
+  await page.evaluate(() => { feed.beat = { connected: true, silent_s: 0, status_s: 0 }; });
   await page.evaluate(() => feed.drop("server is ending"));
   await until(page, () => document.querySelector("#banner").textContent.includes("No connection to stickslip scope (server is ending)"));
   await until(page, () => feed.sockets.length === 2);
@@ -675,6 +1011,20 @@ test("memory is constant over half an hour", async (t) => {
   assert.ok(later.heap < before.heap + 1.5e6, `the heap grew from ${before.heap} to ${later.heap} bytes`);
   await close(page);
 });
+
+for (const [name, options, keys] of [["large", { width: 1500 }, ["b"]], ["phone", { width: 390, height: 844, isMobile: true }, []]]) {
+  test(`each channel has a scale: ${name}`, async () => {
+    const page = await open(options);
+    await page.evaluate(() => feed.frames(0, 12000, { per: 1000 }));
+    await page.locator("#screen").focus();
+    for (const key of keys) await page.keyboard.press(key);
+    for (const channel of ["displacement", "velocity", "friction_force", "normal_load", "base_displacement"]) {
+      const { labels } = await drawn(page, channel);
+      assert.ok(labels.length >= 2, `${channel}: ${labels}`);
+    }
+    await close(page);
+  });
+}
 
 // Checks accessibility: no serious finding, no horizontal overflow.
 async function lookForBarriers(page, name) {

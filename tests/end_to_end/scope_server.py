@@ -5,12 +5,14 @@ import collections
 import json
 import os
 import re
+import shutil
 import signal
 import socket
 import struct
 import subprocess
 import threading
 import time
+import urllib.request
 
 from frames import CHANNELS, generate_types, payloads
 from programs import SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main, needs_page
@@ -203,7 +205,7 @@ class Streams(Scope):
                         self.assertEqual(ours, theirs)
             kinds = collections.Counter(text["type"] for text in texts_in(messages))
             self.assertNotIn("dropped", kinds)
-            for kind in ("hello", "model", "source", "estimate", "excitation", "status", "timing", "event"):
+            for kind in ("hello", "model", "source", "estimate", "excitation", "status", "timing", "event", "alive"):
                 self.assertIn(kind, kinds)
 
     def test_excitation_has_the_time_of_each_frame(self):
@@ -222,7 +224,7 @@ class Streams(Scope):
             before = frames_in(self.wait_for_frames(early, 2000))
             with WebSocket(self.port) as late:
                 messages = self.wait_for_frames(late, 500)
-        self.assertEqual([text["type"] for text in texts_in(messages)][:3], ["hello", "model", "source"])
+        self.assertEqual([text["type"] for text in texts_in(messages)][:4], ["hello", "sources", "model", "source"])
         past = frames_in(messages, history=True)
         now = frames_in(messages, history=False)
         self.assertEqual(set(before) - set(past) - set(now), set())
@@ -231,6 +233,58 @@ class Streams(Scope):
         everything = sorted([*past, *now])
         self.assertEqual(everything, list(range(everything[0], everything[0] + len(everything))),
                          "a gap or a repetition between history and stream")
+
+    def test_two_daemons_are_distinguished(self):
+        other = self.folder / "other"
+        shutil.copytree(SOURCE / "config", other)
+        config = other / "simulated.toml"
+        config.write_text(config.read_text().replace("simulated rig", "another rig"))
+        self.start_daemon()
+        with WebSocket(self.port) as client:
+            messages = self.wait_for_frames(client, 500)
+            daemon = subprocess.Popen([STICKSLIPD, "--config", str(config), "--control", str(other / "control")],
+                                      stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            self.addCleanup(daemon.wait)
+            self.addCleanup(daemon.kill)
+            sources = []
+            end = time.monotonic() + 30
+            while [one["rig"] for one in sources] != ["simulated rig", "another rig"]:
+                self.assertLess(time.monotonic(), end, sources)
+                messages.append(client.receive())
+                for text in texts_in(messages[-1:]):
+                    sources = text.get("sources", sources)
+            messages += self.wait_for_frames(client, 2000)
+        self.assertNotIn("restart", [text["type"] for text in texts_in(messages)][1:])
+        self.assertEqual({text["rig"] for text in texts_in(messages) if text["type"] == "model"}, {"simulated rig"})
+        self.assert_whole(messages)
+        for one in sources:
+            with self.subTest(rig=one["rig"]), WebSocket(self.port, path=f"/stream?source={one['id']}") as client:
+                messages = self.wait_for_frames(client, 1000)
+                rigs = {text["rig"] for text in texts_in(messages) if text["type"] == "model"}
+                self.assertEqual(rigs, {one["rig"]})
+                self.assert_whole(messages)
+
+    def assert_whole(self, messages):
+        """The frames are those of one daemon: in order, at one rate, and (but for what a busy machine loses) all."""
+        got = sorted((row[0], sequence) for sequence, row in frames_in(messages).items())
+        numbers = [sequence for _, sequence in got]
+        self.assertEqual(numbers, sorted(numbers), "times and numbers are of two daemons")
+        self.assertGreater(len(numbers), 0.5 * (numbers[-1] - numbers[0]))
+
+    def test_a_server_started_later_receives_the_model(self):
+        self.start_daemon()
+        with WebSocket(self.port) as early:
+            self.wait_for_frames(early, 100)
+        _, self.port = self.start_scope()
+        with WebSocket(self.port) as client:
+            messages = self.wait_for_frames(client, 1)
+            end = time.monotonic() + 30
+            while not any(text["type"] == "model" for text in texts_in(messages)):
+                self.assertLess(time.monotonic(), end, "the daemon did not repeat its description")
+                messages.append(client.receive())
+        model = next(text for text in texts_in(messages) if text["type"] == "model")
+        self.assertEqual(model["rig"], "simulated rig")
+        self.assertIn("natural frequency", [mark["name"] for mark in model["marks"]])
 
     def test_a_restart_of_the_daemon_is_reported(self):
         with WebSocket(self.port) as client:
@@ -585,16 +639,27 @@ class Arguments(EndToEnd):
         self.assertEqual(result.returncode, 1)
         self.assertIn("another program", result.stderr)
 
-    def test_listening_on_all_addresses_is_warned_of(self):
-        for options, warned in ((("--listen", "0.0.0.0:0"), "no --token"),
-                                (("--listen", "0.0.0.0:0", "--token", "abc"), "nothing is encrypted")):
-            server = subprocess.Popen([STICKSLIP, "scope", *options], stdout=subprocess.PIPE,
-                                      stderr=subprocess.PIPE, text=True)
-            server.stdout.readline()
-            server.send_signal(signal.SIGTERM)
-            _, errors = server.communicate(timeout=20)
-            self.assertEqual(server.returncode, 0)
-            self.assertIn(warned, errors)
+    def test_all_addresses_need_a_token_and_the_printed_ones_work(self):
+        for everywhere in ("0.0.0.0:0", "[::]:0"):
+            result = self.scope("--listen", everywhere)
+            self.assertEqual((result.returncode, result.stdout), (2, ""))
+            self.assertRegex(result.stderr, r"\A[^\n]*add --token WORD[^\n]*\n\Z")
+        # An address besides loopback, in this test's own network.
+        subprocess.run(["ip", "address", "add", "192.0.2.7/32", "dev", "lo"], check=True)
+        server = subprocess.Popen([STICKSLIP, "scope", "--listen", "0.0.0.0:0", "--token", "abc"],
+                                  stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.addCleanup(server.wait)
+        self.addCleanup(server.kill)
+        lines = [server.stdout.readline() for _ in range(2)]
+        self.assertRegex(lines[0], r"\Alive view: http://127\.0\.0\.1:\d+/\?token=abc\n")
+        self.assertRegex(lines[1], r"\Afrom other machines: http://192\.0\.2\.7:\d+/\?token=abc\n")
+        for line in lines:
+            with urllib.request.urlopen(line.split(": ", 1)[1].strip(), timeout=20) as answer:
+                self.assertEqual(answer.status, 200)
+        server.send_signal(signal.SIGTERM)
+        _, errors = server.communicate(timeout=20)
+        self.assertEqual(server.returncode, 0)
+        self.assertIn("nothing is encrypted", errors)
 
 
 if __name__ == "__main__":

@@ -4,22 +4,26 @@
 #include <cstdio>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "config/lcm_url.h"
 #include "config/model_file.h"
 #include "physics/failure.h"
+#include "physics/problem.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/scope/listener.h"
-#include "tools/scope/live_feed.h"
 #include "tools/scope/page.h"
 #include "tools/scope/request.h"
+#include "tools/scope/sources.h"
 #include "tools/scope/web_server.h"
 #include "tools/telemetry/lcm_client.h"
+#include "tools/telemetry/lcm_packets.h"
 #include "tools/telemetry/network_of.h"
 
 namespace stickslip::commands {
@@ -47,24 +51,77 @@ double unix_ms_of(const lcm::ReceiveBuffer& buffer) {
   return std::chrono::duration<double, std::milli>(now).count();
 }
 
-// Passes messages from LCM to the feed.
+// Passes messages from LCM to the sources, without senders, which LCM does not name.
 class Subscriber {
  public:
-  explicit Subscriber(scope::LiveFeed& feed) : feed_(feed) {}
+  explicit Subscriber(scope::Sources& sources) : sources_(sources) {}
   void take(const lcm::ReceiveBuffer* buffer, const std::string& channel) {
-    feed_.take(channel, {static_cast<const std::uint8_t*>(buffer->data), buffer->data_size},
-               unix_ms_of(*buffer), steady_clock::now());
+    sources_.take("", channel, {static_cast<const std::uint8_t*>(buffer->data), buffer->data_size},
+                  unix_ms_of(*buffer), steady_clock::now());
   }
 
  private:
-  scope::LiveFeed& feed_;
+  scope::Sources& sources_;
 };
 
-void print_address(const scope::ListenAddress& at, const scope::Admission& admission) {
-  scope::ListenAddress shown = at;
-  if (scope::is_every_address(at.address)) shown.address = "127.0.0.1";
-  std::printf("live view: http://%s/%s\n", scope::text_of(shown).c_str(),
-              admission.token.empty() ? "" : ("?token=" + admission.token).c_str());
+/// Multicast is received with the senders of its packets; another provider by LCM.
+class Reception {
+ public:
+  Reception(const std::string& url, scope::Sources& sources)
+      : sources_(sources), subscriber_(sources), lcm_(join_lcm(url)) {
+    if (config::parse_lcm_url(url).provider != "udpm") {
+      listen<&Subscriber::take>(*lcm_, "STICKSLIP_.*", &subscriber_);
+      return;
+    }
+    check_reception(*lcm_);
+    lcm_.reset();
+    packets_.emplace(url);
+  }
+
+  int file() const { return packets_ ? packets_->file() : lcm_->getFileno(); }
+
+  void take() {
+    if (!packets_) {
+      for (int i = 0; i < 64 && lcm_->handleTimeout(0) > 0; ++i) {
+      }
+      return;
+    }
+    for (const LcmMessage& message : packets_->take()) {
+      if (!message.channel.starts_with("STICKSLIP_")) continue;
+      sources_.take(message.sender, message.channel, message.bytes, message.received_unix_ms,
+                    steady_clock::now());
+    }
+  }
+
+ private:
+  scope::Sources& sources_;
+  Subscriber subscriber_;
+  std::unique_ptr<lcm::LCM> lcm_;
+  std::optional<LcmReceiver> packets_;
+};
+
+void require_token(const Arguments& arguments, const scope::ListenAddress& at) {
+  if (!scope::is_every_address(at.address) || !arguments.admission.token.empty()) return;
+  throw InputError(Problem{"", 0, 0,
+                           "--listen " + arguments.listen +
+                               ": every network of this machine could watch; add --token WORD, or "
+                               "listen at one address"});
+}
+
+void print_addresses(const scope::ListenAddress& at, const scope::Admission& admission) {
+  const std::string query = admission.token.empty() ? "" : "?token=" + admission.token;
+  const auto print = [&](const char* what, const std::string& address) {
+    std::printf("%s: http://%s/%s\n", what, scope::text_of({address, at.port}).c_str(),
+                query.c_str());
+  };
+  if (scope::is_every_address(at.address)) {
+    print("live view", at.address == "0.0.0.0" ? "127.0.0.1" : "::1");
+    for (const std::string& address : scope::addresses_of_this_machine()) {
+      print("from other machines", address);
+    }
+  } else {
+    print("live view", at.address);
+  }
   std::printf("Ctrl-C stops it\n");
   std::fflush(stdout);
   if (!scope::is_loopback(at.address)) {
@@ -94,28 +151,27 @@ int run(const Arguments& arguments) {
   if (!arguments.model.empty()) {
     settings.marks = scope::marks_of(config::load_model(arguments.model));
   }
-  const scope::Listener listener(scope::parse_listen_address(arguments.listen));
+  const scope::ListenAddress at = scope::parse_listen_address(arguments.listen);
+  require_token(arguments, at);
+  const scope::Listener listener(at);
   scope::Admission admission = arguments.admission;
   admission.listen_address = listener.address().address;
 
   // The listening socket stays in this network namespace, LCM is joined in the other.
   if (arguments.network_of > 0) enter_network_of(arguments.network_of);
-  const std::unique_ptr<lcm::LCM> lcm = join_lcm(arguments.url);
   std::unique_ptr<scope::WebServer> server;
-  scope::LiveFeed feed(settings,
-                       [&server](const scope::SharedMessage& message) { server->send(message); });
-  server = std::make_unique<scope::WebServer>(listener, admission, arguments.limits, [&feed] {
-    return feed.greeting(steady_clock::now());
+  scope::Sources sources(settings, [&server](const auto& message, const auto& wants) {
+    server->send(message, wants);
   });
-  Subscriber subscriber(feed);
-  listen<&Subscriber::take>(*lcm, "STICKSLIP_.*", &subscriber);
-  server->watch(lcm->getFileno(), [&lcm] {
-    for (int i = 0; i < 64 && lcm->handleTimeout(0) > 0; ++i) {
-    }
-  });
+  Reception reception(arguments.url, sources);
+  server = std::make_unique<scope::WebServer>(
+      listener, admission, arguments.limits, [&sources](std::string_view wanted) {
+        return sources.greeting(wanted, steady_clock::now());
+      });
+  server->watch(reception.file(), [&reception] { reception.take(); });
   server->watch(stop.file(), [&server] { server->stop(); });
-  server->every_tick([&feed] { feed.check_silence(steady_clock::now()); });
-  print_address(listener.address(), admission);
+  server->every_tick([&sources] { sources.tick(steady_clock::now()); });
+  print_addresses(listener.address(), admission);
   server->run();
   return 0;
 }

@@ -37,6 +37,7 @@ struct Connection {
   Stage stage = Stage::requesting;
   Clock::time_point since;  ///< of the stage
   Backlog backlog;          ///< streaming
+  std::string wanted;       ///< streaming: the source that the page named; empty: none
   std::string body;         ///< answering: the unsent rest begins at `sent`
   std::size_t sent = 0;
 };

@@ -79,6 +79,7 @@ ReceivedRequest::ReceivedRequest(lws* wsi)
     : host(header_of(wsi, WSI_TOKEN_HOST)),
       origin(header_of(wsi, WSI_TOKEN_ORIGIN)),
       token(argument_of(wsi, "token")),
+      source(argument_of(wsi, "source")),
       subprotocol(header_of(wsi, WSI_TOKEN_PROTOCOL)),
       if_none_match(header_of(wsi, WSI_TOKEN_HTTP_IF_NONE_MATCH)) {
   for (const MethodToken& each : methods) {

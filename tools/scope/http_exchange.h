@@ -37,6 +37,7 @@ struct ReceivedRequest {
   std::string host;
   std::string origin;
   std::string token;
+  std::string source;         ///< that the page wants to see; empty: none
   std::string subprotocol;    ///< of a WebSocket
   std::string if_none_match;  ///< the tag of the browser's copy
 };

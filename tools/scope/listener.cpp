@@ -2,10 +2,13 @@
 #include "tools/scope/listener.h"
 
 #include <arpa/inet.h>
+#include <ifaddrs.h>
+#include <net/if.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <cstring>
 
@@ -60,6 +63,22 @@ std::string reason_for(int error) {
 }
 
 }  // namespace
+
+std::vector<std::string> addresses_of_this_machine() {
+  std::vector<std::string> out;
+  ifaddrs* first = nullptr;
+  if (getifaddrs(&first) != 0) return out;
+  for (const ifaddrs* one = first; one != nullptr; one = one->ifa_next) {
+    const bool up = (one->ifa_flags & IFF_UP) != 0;
+    if (!up || one->ifa_addr == nullptr || one->ifa_addr->sa_family != AF_INET) continue;
+    std::array<char, INET_ADDRSTRLEN> text{};
+    const auto& four = reinterpret_cast<const sockaddr_in&>(*one->ifa_addr);
+    inet_ntop(AF_INET, &four.sin_addr, text.data(), text.size());
+    if (!is_loopback(text.data())) out.emplace_back(text.data());
+  }
+  freeifaddrs(first);
+  return out;
+}
 
 Listener::Listener(const ListenAddress& at) : address_(at) {
   const SocketAddress where = socket_address(at);

@@ -2,9 +2,15 @@
 // The listening socket of a server.
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "tools/scope/request.h"
 
 namespace stickslip::scope {
+
+/// The IPv4 addresses under which other machines may reach this one.
+std::vector<std::string> addresses_of_this_machine();
 
 /// Listens from construction on. Throws Failure with one line if the address does not
 /// belong to this machine or the port is in use.

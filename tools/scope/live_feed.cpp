@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/scope/live_feed.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "config/model_file.h"
@@ -14,6 +15,7 @@ namespace stickslip::scope {
 namespace {
 
 constexpr auto silence = std::chrono::seconds(1);
+constexpr auto heartbeat = std::chrono::milliseconds(250);
 constexpr std::int64_t restart_ns = 1'000'000'000;
 
 bool is_verdict(const event_t& event) {
@@ -28,7 +30,8 @@ LiveFeed::LiveFeed(FeedSettings settings, Send send)
       send_(std::move(send)),
       hello_(shared_message(encode_hello(settings_.version, settings_.history_s, settings_.url))),
       history_(settings_.history_s, settings_.history_max_bytes),
-      began_(Clock::now()) {
+      alive_at_(Clock::now()),
+      began_(alive_at_) {
   if (!settings_.marks.empty()) model_ = shared_message(encode_model("", settings_.marks));
 }
 
@@ -50,7 +53,9 @@ void LiveFeed::take(std::string_view channel, std::span<const std::uint8_t> byte
   if (channel == protocol::estimate_channel) {
     take_as(friction_estimate_t{}, encode_estimate, estimate_);
   } else if (channel == protocol::status_channel) {
+    const std::uint64_t before = undecoded_;
     take_as(status_t{}, encode_status, status_);
+    if (undecoded_ == before) status_at_ = now;
   } else if (channel == protocol::timing_channel) {
     take_as(timing_t{}, encode_timing, timing_);
   }
@@ -140,14 +145,28 @@ void LiveFeed::take_description(std::span<const std::uint8_t> bytes) {
       ++undecoded_;  // perhaps of a later version; the rig's name is still published
     }
   }
-  model_ = shared_message(encode_model(message.rig, marks));
+  rig_ = message.rig;
+  SharedMessage model = shared_message(encode_model(message.rig, marks));
+  // The daemon repeats its description.
+  if (model_ && std::ranges::equal(model_->payload(), model->payload())) return;
+  model_ = std::move(model);
   send(model_);
 }
 
-void LiveFeed::check_silence(Clock::time_point now) {
-  if (!connected_ || now - *last_block_at_ < silence) return;
-  connected_ = false;
-  send(shared_message(encode_source(false, silence_s(now))));
+void LiveFeed::tick(Clock::time_point now) {
+  if (connected_ && now - *last_block_at_ >= silence) {
+    connected_ = false;
+    send(shared_message(encode_source(false, silence_s(now))));
+  }
+  if (now - alive_at_ < heartbeat) return;
+  alive_at_ = now;
+  send(alive(now));
+}
+
+SharedMessage LiveFeed::alive(Clock::time_point now) const {
+  std::optional<double> status_s;
+  if (status_at_) status_s = std::chrono::duration<double>(now - *status_at_).count();
+  return shared_message(encode_alive(connected_, silence_s(now), status_s));
 }
 
 std::vector<SharedMessage> LiveFeed::greeting(Clock::time_point now) const {
@@ -162,6 +181,7 @@ std::vector<SharedMessage> LiveFeed::greeting(Clock::time_point now) const {
   append(timing_);
   append(estimate_);
   for (const Verdict& verdict : verdicts_) append(verdict.event);
+  append(alive(now));
   return out;
 }
 

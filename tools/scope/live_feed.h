@@ -41,12 +41,17 @@ class LiveFeed {
   void take(std::string_view channel, std::span<const std::uint8_t> bytes, double received_unix_ms,
             Clock::time_point now);
 
-  /// To be called about every 0.1 s: reports that the source has stopped.
-  void check_silence(Clock::time_point now);
+  /// To be called about every 0.1 s: reports that the source has stopped, and that this server has
+  /// not.
+  void tick(Clock::time_point now);
 
   /// The first messages for a new page, in this order.
   std::vector<SharedMessage> greeting(Clock::time_point now) const;
 
+  /// Frames are arriving.
+  bool connected() const { return connected_; }
+  /// Name of the rig; empty until it is known.
+  const std::string& rig() const { return rig_; }
   std::uint64_t frames() const { return frames_taken_; }
   std::uint64_t undecoded() const { return undecoded_; }
 
@@ -58,11 +63,13 @@ class LiveFeed {
   void take_description(std::span<const std::uint8_t> bytes);
   bool is_restart(const Frame& next) const;
   void reset_run();
+  SharedMessage alive(Clock::time_point now) const;
   double silence_s(Clock::time_point now) const;
   void send(SharedMessage message);
 
   FeedSettings settings_;
   Send send_;
+  std::string rig_;
   SharedMessage hello_;
   SharedMessage model_;  ///< like those below, the latest or null
   SharedMessage estimate_;
@@ -78,6 +85,8 @@ class LiveFeed {
   std::vector<Frame> frames_;
   std::optional<Frame> last_;
   std::optional<Clock::time_point> last_block_at_;  ///< time of the latest block
+  std::optional<Clock::time_point> status_at_;      ///< time of the latest status
+  Clock::time_point alive_at_;                      ///< time of the latest heartbeat
   Clock::time_point began_;
   bool connected_ = false;
   std::uint64_t frames_taken_ = 0;

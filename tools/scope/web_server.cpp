@@ -59,7 +59,7 @@ class WebServer::Loop {
 
   void watch(int file, std::function<void()> readable);
   void every_tick(std::function<void()> tick) { tick_ = std::move(tick); }
-  void send(const SharedMessage& message);
+  void send(const SharedMessage& message, const Wants& wants);
   void run();
   void stop() { stopping_ = true; }
   std::size_t streams() const { return connections_.streams(); }
@@ -372,15 +372,16 @@ void WebServer::Loop::open_stream(lws* wsi) {
   if (connection == nullptr) return;
   connection->enter(Stage::streaming, Clock::now());
   ++counts_.streams_opened;
-  connection->backlog.greet(greeting_());
+  connection->wanted = ReceivedRequest(wsi).source;
+  connection->backlog.greet(greeting_(connection->wanted));
   lws_callback_on_writable(wsi);
 }
 
-void WebServer::Loop::send(const SharedMessage& message) {
+void WebServer::Loop::send(const SharedMessage& message, const Wants& wants) {
   const auto now = Clock::now();
   std::vector<lws*> past_help;
   for (auto& [wsi, connection] : connections_) {
-    if (connection.stage != Stage::streaming) continue;
+    if (connection.stage != Stage::streaming || !wants(connection.wanted)) continue;
     if (connection.backlog.add(message, now)) {
       lws_callback_on_writable(wsi);
     } else {
@@ -434,7 +435,9 @@ void WebServer::watch(int file, std::function<void()> readable) {
   loop_->watch(file, std::move(readable));
 }
 void WebServer::every_tick(std::function<void()> tick) { loop_->every_tick(std::move(tick)); }
-void WebServer::send(const SharedMessage& message) { loop_->send(message); }
+void WebServer::send(const SharedMessage& message, const Wants& wants) {
+  loop_->send(message, wants);
+}
 void WebServer::run() { loop_->run(); }
 void WebServer::stop() { loop_->stop(); }
 std::size_t WebServer::streams() const { return loop_->streams(); }

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <string_view>
 #include <vector>
 
 #include "tools/scope/listener.h"
@@ -42,7 +43,9 @@ struct ServerCounts {
 /// data from a client closes its stream.
 class WebServer {
  public:
-  using Greeting = std::function<std::vector<SharedMessage>()>;
+  /// `wanted`: the source that a page names in the address of its stream; may be empty.
+  using Greeting = std::function<std::vector<SharedMessage>(std::string_view wanted)>;
+  using Wants = std::function<bool(std::string_view wanted)>;
 
   /// `greeting` yields the first messages of a new stream. `listener` must outlive this object.
   /// Throws Failure if libwebsockets cannot start.
@@ -58,8 +61,11 @@ class WebServer {
   /// Calls `tick` from `run` every 0.1 s.
   void every_tick(std::function<void()> tick);
 
-  /// Sends to every open stream; to be called from callbacks of `run` only.
-  void send(const SharedMessage& message);
+  /// Sends to every open stream for which `wants` holds; to be called from callbacks of `run` only.
+  void send(const SharedMessage& message, const Wants& wants);
+  void send(const SharedMessage& message) {
+    send(message, [](std::string_view) { return true; });
+  }
 
   /// Serves until `stop`. Rethrows exceptions of callbacks.
   void run();

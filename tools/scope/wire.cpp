@@ -255,6 +255,27 @@ Message encode_source(bool connected, double silent_s) {
                       Keep::always);
 }
 
+Message encode_alive(bool connected, double silent_s, std::optional<double> status_s) {
+  return text_message({{"type", "alive"},
+                       {"connected", connected},
+                       {"silent_s", silent_s},
+                       {"status_s", status_s ? json(*status_s) : json(nullptr)}},
+                      Keep::may_be_lost);
+}
+
+Message encode_sources(const std::string& current, const std::vector<ListedSource>& sources) {
+  json listed = json::array();
+  for (const ListedSource& source : sources) {
+    listed.push_back(
+        {{"id", source.ids.back()},
+         {"former_ids", std::vector<std::string>(source.ids.begin(), source.ids.end() - 1)},
+         {"rig", source.rig},
+         {"connected", source.connected}});
+  }
+  return text_message({{"type", "sources"}, {"current", current}, {"sources", listed}},
+                      Keep::always);
+}
+
 Message encode_dropped(std::uint64_t messages) {
   return text_message({{"type", "dropped"}, {"messages", messages}}, Keep::always);
 }

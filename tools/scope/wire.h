@@ -66,6 +66,20 @@ Message encode_event(const event_t& event);
 /// `connected`: frames are arriving. `silent_s`: time since the last one.
 Message encode_source(bool connected, double silent_s);
 
+/// Sent regularly, so that a page can distinguish a silent rig from a dead link. `status_s`: time
+/// since the latest status.
+Message encode_alive(bool connected, double silent_s, std::optional<double> status_s);
+
+/// A rig that publishes, or did until a moment ago.
+struct ListedSource {
+  std::vector<std::string> ids;  ///< of its senders, one after another, at least one
+  std::string rig;               ///< its name; may be unknown
+  bool connected = false;
+};
+
+/// The rigs to choose from. `current`: the one that pages see that chose none.
+Message encode_sources(const std::string& current, const std::vector<ListedSource>& sources);
+
 /// Number of messages that a slow client has missed.
 Message encode_dropped(std::uint64_t messages);
 

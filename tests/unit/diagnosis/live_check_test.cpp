@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <random>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -94,6 +95,38 @@ TEST(LiveCheck, ExplainsAMisfitFarAboveTheNoise) {
   ASSERT_FALSE(verdict.explanations.empty());
   EXPECT_EQ(verdict.explanations.front().name, "dry_friction");
   EXPECT_TRUE(verdict.is_certain);
+}
+
+/// A mass that rubs under a load of 10 N, whose channel is compared.
+physics::Model loaded(double load_n, double mu) {
+  physics::Model model = driven_mass();
+  model.normal_load = physics::NormalLoad{physics::NormalLoadLaw::constant, {load_n, 0.1}, {}};
+  model.friction.law = physics::FrictionLaw::coulomb;
+  model.friction.mu = {mu, 0.002};
+  model.friction.transition_speed_m_s = {1.0e-3};
+  physics::Sensor& sensor = model.sensors[index_of(Channel::normal_load)];
+  sensor.noise_std = 0.05;
+  sensor.gain = physics::Parameter{1.0};
+  sensor.offset = physics::Parameter{0.0};
+  sensor.delay_s = physics::Parameter{0.0};
+  return model;
+}
+
+TEST(LiveCheck, WithholdsAnExplanationThatAMeasuredChannelContradicts) {
+  // The friction of twice the load, and a load cell that shows the declared one.
+  auto frames = record(loaded(20.0, 0.02), 12.0).frames;
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> noise(10.0, 0.05);
+  for (Frame& frame : frames) frame.set(Channel::normal_load, noise(random));
+  LiveCheck check(loaded(10.0, 0.02));
+  run(check, frames, 4.0, 12.0);
+  const LiveVerdict& verdict = check.verdict();
+  ASSERT_EQ(verdict.status, LiveStatus::broken);
+  ASSERT_FALSE(verdict.explanations.empty()) << "more friction explains it";
+  for (const Explanation& each : verdict.explanations) {
+    EXPECT_NE(each.relation, Relation::normal_load) << each.statement;
+    EXPECT_TRUE(each.agrees);
+  }
 }
 
 TEST(LiveCheck, FollowsAgainWhenTheDeviationHasPassed) {

@@ -47,9 +47,10 @@ class LiveFeedTest : public testing::Test {
   void take(const char* channel, const Type& message) {
     feed.take(channel, encoded(message), 1.0e12, now);
   }
-  /// Types of the messages since the last call; "frames" for blocks.
+  /// Types of the messages since the last call, without heartbeats; "frames" for blocks.
   std::vector<std::string> types() {
     std::vector<std::string> out = types_of(sent);
+    std::erase(out, "alive");
     sent.clear();
     return out;
   }
@@ -82,26 +83,48 @@ TEST_F(LiveFeedTest, ReportsSilenceAndItsEndOnce) {
   frames(frames_from(1, 10));
   types();
   now += 900ms;
-  feed.check_silence(now);
+  feed.tick(now);
   EXPECT_EQ(types(), Types{});
   now += 200ms;
-  feed.check_silence(now);
+  feed.tick(now);
   ASSERT_EQ(types_of(sent), Types{"source"});
   EXPECT_EQ(read_json(*sent[0])["connected"], false);
   EXPECT_NEAR(read_json(*sent[0])["silent_s"].get<double>(), 1.1, 1e-9);
   types();
-  feed.check_silence(now + 5s);
+  feed.tick(now + 5s);
   EXPECT_EQ(types(), Types{});
   now += 9s;
   frames(frames_from(11, 10));
   EXPECT_EQ(types(), (Types{"source", "frames"}));
 }
 
+TEST_F(LiveFeedTest, BeatsWhileTheRigIsSilentAndSaysHowOldItsStatusIs) {
+  take(protocol::status_channel, status_t{});
+  frames(frames_from(1, 10));
+  sent.clear();
+  int beats = 0;
+  for (int i = 0; i < 40; ++i) {
+    now += 100ms;
+    feed.tick(now);
+    const std::vector<std::string> seen = types_of(sent);
+    beats += static_cast<int>(std::count(seen.begin(), seen.end(), "alive"));
+    if (i < 39) sent.clear();
+  }
+  EXPECT_GE(beats, 10) << "in four seconds";
+  EXPECT_LE(beats, 16);
+  feed.tick(now + 300ms);
+  const auto beat = read_json(*sent.back());
+  EXPECT_EQ(beat["type"], "alive");
+  EXPECT_EQ(beat["connected"], false);
+  EXPECT_NEAR(beat["silent_s"].get<double>(), 4.3, 1e-9);
+  EXPECT_NEAR(beat["status_s"].get<double>(), 4.3, 1e-9);
+}
+
 TEST_F(LiveFeedTest, GreetsWithTheSilenceOfTheSource) {
-  feed.check_silence(now + 10s);
+  feed.tick(now + 10s);
   EXPECT_EQ(types(), Types{});
   const auto greeting = feed.greeting(now + 10s);
-  ASSERT_EQ(types_of(greeting), (Types{"hello", "source"}));
+  ASSERT_EQ(types_of(greeting), (Types{"hello", "source", "alive"}));
   EXPECT_EQ(read_json(*greeting[1])["connected"], false);
   EXPECT_GE(read_json(*greeting[1])["silent_s"].get<double>(), 9.0);
 }
@@ -112,7 +135,7 @@ TEST_F(LiveFeedTest, ReportsARestartBeforeItsFrames) {
   frames(frames_from(0, 10));
   EXPECT_EQ(types(), (Types{"restart", "frames"}));
   const auto greeting = feed.greeting(now);
-  ASSERT_EQ(types_of(greeting), (Types{"hello", "source", "frames"}));
+  ASSERT_EQ(types_of(greeting), (Types{"hello", "source", "frames", "alive"}));
   EXPECT_EQ(read_block(*greeting[2]).sequence.front(), 0) << "no frames of the previous run";
 }
 
@@ -183,13 +206,24 @@ TEST_F(LiveFeedTest, GreetsWithThePresentState) {
   frames(frames_from(1, 1500));
   const auto greeting = feed.greeting(now);
   EXPECT_EQ(types_of(greeting), (Types{"hello", "model", "source", "frames", "frames", "status",
-                                       "timing", "estimate", "event", "event", "event"}));
+                                       "timing", "estimate", "event", "event", "event", "alive"}));
   EXPECT_EQ(read_json(*greeting[1])["rig"], "a rig");
   EXPECT_EQ(read_json(*greeting[1])["marks"].size(), 2U);
   EXPECT_EQ(read_json(*greeting[8])["code"], "model_broken");
   EXPECT_EQ(read_json(*greeting[9])["code"], "model_explained");
   EXPECT_EQ(read_json(*greeting[10])["code"], "model_follows") << "the current one is last";
   EXPECT_EQ(read_block(*greeting[3]).flags, 2U);
+}
+
+TEST_F(LiveFeedTest, SendsADescriptionThatIsRepeatedOnce) {
+  recording_info_t description{};
+  description.rig = "a rig";
+  take(protocol::recording_channel, description);
+  take(protocol::recording_channel, description);
+  EXPECT_EQ(types(), Types{"model"});
+  description.rig = "another";
+  take(protocol::recording_channel, description);
+  EXPECT_EQ(types(), Types{"model"});
 }
 
 TEST_F(LiveFeedTest, PublishesTheRigOfAnInvalidModel) {

@@ -91,7 +91,7 @@ class Client {
 class ServerTest : public testing::Test {
  protected:
   void start(ServerLimits limits) {
-    server = std::make_unique<WebServer>(listener, Admission{}, limits, [] {
+    server = std::make_unique<WebServer>(listener, Admission{}, limits, [](std::string_view) {
       return std::vector<SharedMessage>{shared_message("{\"type\":\"hello\"}", Keep::always)};
     });
     server->watch(wake, [this] {

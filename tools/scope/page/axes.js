@@ -10,6 +10,14 @@ export function roundStep(range, most) {
   return power * (part <= 1 ? 1 : part <= 2 ? 2 : part <= 5 ? 5 : 10);
 }
 
+// A round step that cuts the range into at most `most` pieces, or into more if fewer than two values, which
+// make a scale, would be in it.
+export function scaleStep(low, high, most) {
+  let step = roundStep(high - low, most);
+  for (let pieces = most + 1; Math.floor(high / step) - Math.ceil(low / step) < 1 && pieces <= 4 * most; ++pieces) step = roundStep(high - low, pieces);
+  return step;
+}
+
 // Axis limits that follow the data: they grow immediately and shrink slowly.
 export class Limits {
   constructor(least = 0) {

@@ -9,12 +9,12 @@ import uPlot from "./uPlot.esm.js";
 
 // raw: the corresponding value of Eq. (1). colour: of the theme.
 const plots = {
-  friction_force_n: { colour: "c2", unit: "N", band: true, raw: "raw_friction_force_n" },
-  mu: { colour: "c2", unit: "", band: true, raw: "raw_coefficient" },
-  theta: { colour: "c2", unit: "", band: true, fixed: [-1.1, 1.1] },
-  gamma_per_s: { colour: "c2", unit: "1/s", band: true },
-  nis: { colour: "c0", unit: "", nis: true },
-  sticking: { colour: "c3", unit: "", fixed: [-0.03, 1.03] },
+  friction_force_n: { colour: "c2", unit: "N", symbol: "f", band: true, raw: "raw_friction_force_n" },
+  mu: { colour: "c2", unit: "", symbol: "μ", band: true, raw: "raw_coefficient" },
+  theta: { colour: "c2", unit: "", symbol: "θ", band: true, fixed: [-1.1, 1.1] },
+  gamma_per_s: { colour: "c2", unit: "1/s", symbol: "γ", band: true },
+  nis: { colour: "c0", unit: "", symbol: "NIS", nis: true },
+  sticking: { colour: "c3", unit: "", symbol: "P", fixed: [-0.03, 1.03] },
 };
 const maxPoints = 1500; // beyond it every n-th is drawn
 
@@ -89,6 +89,7 @@ export class Estimates {
     const values = columns[one.name];
     const deviations = columns[`${one.name}_deviation`];
     const raws = one.raw ? columns[one.raw] : null;
+    const least = one.name === "mu" ? frames.leastLoad(frames.rowAt(estimates.last_ns - this.span_s * 1e9), frames.end) : NaN;
     const longest_ns = this.#longestStep(estimates, stride);
     for (let i = 0; i < points; ++i) {
       const at = (first + i * stride) & mask;
@@ -105,7 +106,8 @@ export class Estimates {
         const reach = 2 * deviations[at];
         one.data[2][i] = value === null ? null : finite(value - reach);
         one.data[3][i] = value === null ? null : finite(value + reach);
-        if (raws) one.data[4][i] = lost ? null : finite(raws[at]);
+        const unloaded = least === least && frames.valueAt(3, estimates.time[at]) < least;
+        if (raws) one.data[4][i] = lost || unloaded ? null : finite(raws[at]);
       }
     }
     return points;
@@ -174,8 +176,8 @@ export class Estimates {
       cursor: { drag: { x: false, y: false }, points: { show: false } },
       scales: { x: { time: false, range: (plot, low, high) => [Math.min(low, high - 1e-3), high] }, y },
       axes: [
-        { ...axis, size: small * 1.7, space: small * 6, values: (plot, list) => list.map(String) },
-        { ...axis, size: small * 3.6, space: small * 2.2, values: (plot, list) => list.map((v) => (v === null ? "" : number(v, 3).replace(/(\.\d*?)0+$/, "$1").replace(/\.$/, ""))) },
+        { ...axis, size: small * 1.7, space: small * 6, values: (plot, list) => list.map((v, i) => (i === list.length - 1 ? `${v} s` : String(v))) },
+        { ...axis, label: `${one.symbol} (${one.unit || "1"})`, labelFont: font, labelSize: small * 1.3, labelGap: 0, size: small * 3, space: small * 2.2, values: (plot, list) => list.map((v) => (v === null ? "" : number(v, 3).replace(/(\.\d*?)0+$/, "$1").replace(/\.$/, ""))) },
       ],
       series, bands,
     }, one.data, one.box);

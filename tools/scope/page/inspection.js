@@ -8,10 +8,10 @@ export function expose(app) {
     state() {
       const { scope, link, paused, units, theme, stream } = app;
       return {
-        link: link.state, opened: stream.opened, refused: stream.refused, paused, units: units.system,
+        link: link.state, opened: stream.opened, refused: stream.refused, paused, units: units.system, frozenAt: app.frozenAt, shownSource: app.shownSource ?? "", clock: app.clock, markers: scope.markers, beside: app.beside.element.hidden ? 0 : app.beside.columns,
         theme: document.documentElement.dataset.theme, themeChoice: theme.choice, large: theme.large,
         renderer: scope.traces.kind, rig: app.rig.status?.state ?? null, verdict: app.rig.verdict?.code ?? null,
-        source: app.source?.connected ?? null, dropped: app.dropped, lost: app.live.frames.lost,
+        source: app.watch.alive?.connected ?? null, fresh: app.fresh, wait_s: link.wait_s ?? null, dropped: app.dropped, lost: app.live.frames.lost,
         span_s: scope.span_s, span_ns: scope.span_ns, left_ns: scope.left_ns, held: scope.held, dense: scope.dense,
         plot: { left: scope.gutter, width: scope.plotWidth, height: scope.plotHeight },
         trigger: {
@@ -61,7 +61,7 @@ export function expose(app) {
         bytes: kept.bytes, frames: kept.frames.rows, estimates: kept.estimates.rows, excitation: kept.excitation.rows,
         held: kept.frames.end - kept.frames.begin, driven: kept.excitation.end - kept.excitation.begin,
       } : null);
-      return { live: one(app.live), frozen: one(app.frozen), events: app.rig.events.length, labels: app.scope.labels.size };
+      return { live: one(app.live), frozen: one(app.frozen), events: app.rig.events.lines.length, labels: app.scope.labels.size };
     },
   };
   Object.defineProperty(window, "stickslip", { value: Object.freeze(inspection) });
@@ -92,7 +92,7 @@ function drawn(app, name) {
   const lane = scope.lanes.find(({ channel }) => channel.key === name);
   if (lane) {
     return {
-      points: [...lane.points.subarray(0, 2 * lane.count)], low: lane.limits.low, high: lane.limits.high, top: lane.top, height: lane.height,
+      points: [...lane.points.subarray(0, 2 * lane.count)], low: lane.limits.low, high: lane.limits.high, top: lane.top, height: lane.height, labels: lane.labels ?? [],
       left_ns: scope.left_ns, span_ns: scope.span_ns, firstColumn: scope.firstColumn, column_ns: scope.column_ns, dense: scope.dense,
       plot: { left: scope.gutter, width: scope.plotWidth }, touched: app.store.frames.touched,
     };
@@ -108,7 +108,7 @@ function drawn(app, name) {
     return { points, limits: portrait.drawn, passages, pixels: [...portraits.points.subarray(0, 2 * portrait.count)] };
   }
   if (name === "spectrum") {
-    return { frequency: [...(spectrum.data?.[0] ?? [])], value: [...(spectrum.data?.[1] ?? [])], length: spectrum.length, rate_hz: spectrum.rate_hz, newest: app.store.frames.end, chosen: { ...spectrum.chosen } };
+    return { frequency: [...(spectrum.data?.[0] ?? [])], value: [...(spectrum.data?.[1] ?? [])], length: spectrum.length, rate_hz: spectrum.rate_hz, newest: spectrum.end, zoom: spectrum.zoom, scale: spectrum.plot ? { min: spectrum.plot.scales.x.min, max: spectrum.plot.scales.x.max } : null, chosen: { ...spectrum.chosen }, marks: spectrum.marks.map((mark) => ({ ...mark })) };
   }
   const estimate = estimates.figures.find((one) => one.name === name);
   if (estimate) {

@@ -29,6 +29,7 @@ function table(app) {
     [["."], ".", "trigger level up", () => scope.nudgeLevel(0.02)],
     [[","], ",", "trigger level down", () => scope.nudgeLevel(-0.02)],
     [["a"], "A", "rearm the trigger", () => scope.setTrigger({})],
+    [[], "Ctrl and wheel", "over the traces: time base; Shift and wheel: scale of a channel", () => {}],
     [["c"], "C", "cursors on, off", () => scope.toggleCursors()],
     [["["], "[", "cursor A to the left", () => scope.nudgeCursor(0, -2)],
     [["]"], "]", "cursor A to the right", () => scope.nudgeCursor(0, 2)],
@@ -36,6 +37,9 @@ function table(app) {
     [["}"], "}", "cursor B to the right", () => scope.nudgeCursor(1, 2)],
     [["<"], "<", "phase of the section −15°", () => app.portraits.setPhase(app.portraits.phase_deg - 15)],
     [[">"], ">", "phase of the section +15°", () => app.portraits.setPhase(app.portraits.phase_deg + 15)],
+    [["x"], "X", "export the window, with cursor values, as CSV", () => app.export.csv()],
+    [["i"], "I", "the same as a picture (PNG)", () => app.export.png()],
+    [["d"], "D", "device time or UTC", () => app.toggleClock()],
     [["u"], "U", "units: mm or m", () => app.toggleUnits()],
     [["l"], "L", "theme: system, light, dark", () => app.theme.next()],
     [["b"], "B", "large text, for a projector", () => app.theme.toggleLarge()],
@@ -81,6 +85,7 @@ function taken(event) {
   if (target.closest("select")) return true;
   if (target.closest("input[type=range]")) return key.startsWith("Arrow") || key === "Home" || key === "End";
   if (target.closest("button, [role=slider], input[type=checkbox]")) return key === " " || key === "Enter";
+  if (target.closest("input[type=search]")) return key !== "Escape";
   if (target.closest(".event-list")) return key.startsWith("Arrow") || key === " ";
   return false;
 }

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The oscilloscope: stacked channels over device time, with trigger, cursors and readings.
 
-import { Limits, eachTick, fitCanvas, roundStep } from "./axes.js";
+import { Limits, eachTick, fitCanvas, scaleStep } from "./axes.js";
 import { byId, fillSelect, setPressed, setText, tableRow } from "./elements.js";
 import { TraceCanvas, gap } from "./trace_gl.js";
 import { Trigger, modes } from "./trigger.js";
-import { channels, duration, number, tick } from "./units.js";
+import { channels, clockTick, clockTime, decimalsFor, duration, fixed, number, tick } from "./units.js";
 
 export const timeBases_s = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60];
 const maxPoints = 16384;
@@ -27,7 +27,7 @@ export class Oscilloscope {
     this.held = false; // the display is frozen at a trigger
     this.lanes = channels.map((channel, index) => ({
       index, channel, wanted: true, present: false, manual: false, limits: new Limits(),
-      points: new Float32Array(2 * maxPoints), count: 0, top: 0, height: 0, step: 1,
+      points: new Float32Array(2 * maxPoints), count: 0, top: 0, height: 0, step: 1, decimals: 3,
     }));
     this.shown = [];
     this.low = new Float64Array(maxPoints);
@@ -38,6 +38,7 @@ export class Oscilloscope {
     this.cursorsOn = false;
     this.labels = new Map();
     this.labelStep = 0;
+    this.markers = []; // as drawn: place and code of each event
     this.#restore();
     this.#buildControls();
     this.#buildReadings();
@@ -101,11 +102,14 @@ export class Oscilloscope {
       if (lane.visible) count += 1;
     }
     const each = this.plotHeight / Math.max(1, count);
+    this.titleHeight = Math.round(this.app.theme.small * 1.5);
     let top = 0;
     for (const lane of this.lanes) {
       if (!lane.visible) continue;
-      lane.top = top;
-      lane.height = each;
+      // A strip above the trace is for its title.
+      lane.edge = top;
+      lane.top = top + this.titleHeight;
+      lane.height = Math.max(8, each - this.titleHeight);
       top += each;
     }
   }
@@ -263,19 +267,60 @@ export class Oscilloscope {
     for (const lane of this.lanes) if (lane.visible) this.#drawLane(axes, lane);
     axes.strokeStyle = colours["strong-line"];
     axes.strokeRect(gutter + 0.5, 0.5, plotWidth - 1, plotHeight - 1);
+    this.#drawMarkers(axes, colours, small);
     if (this.held) this.#drawTriggerLine(axes, colours.accent);
   }
 
-  // Device time, or time relative to the trigger if the display is held by it.
+  // The events of the list, at their device times.
+  #drawMarkers(axes, colours, small) {
+    const { origin_ns: origin } = this.app.store.frames;
+    this.markers = [];
+    if (origin === null) return;
+    for (const { event, at, item } of this.app.rig.events.lines) {
+      if (item.hidden) continue;
+      for (const time_ns of at) {
+        const x = this.gutter + ((time_ns - Number(origin) - this.left_ns) / this.span_ns) * this.plotWidth;
+        if (!(x >= this.gutter && x <= this.gutter + this.plotWidth)) continue;
+        this.markers.push({ x, code: event.code });
+        axes.strokeStyle = axes.fillStyle = [colours.quiet, colours.warn, colours.bad][event.severity] ?? colours.quiet;
+        axes.setLineDash(event.severity >= 2 ? [] : [1, 3]);
+        axes.beginPath();
+        axes.moveTo(x, 0);
+        axes.lineTo(x, this.plotHeight);
+        axes.stroke();
+        axes.setLineDash([]);
+        axes.beginPath();
+        axes.moveTo(x - small / 3, this.plotHeight);
+        axes.lineTo(x + small / 3, this.plotHeight);
+        axes.lineTo(x, this.plotHeight - small / 2);
+        axes.fill();
+      }
+    }
+  }
+
+  // Seconds that are added to the frames' own time for the chosen clock.
+  #origin_s(frames) {
+    if (this.held) return -this.trigger.fired_ns / 1e9;
+    if (this.#inUtc(frames)) return frames.utc_ms / 1e3;
+    return frames.origin_ns === null ? 0 : Number(frames.origin_ns) / 1e9;
+  }
+
+  #inUtc(frames) { return !this.held && this.app.clock === "utc" && frames.utc_ms === frames.utc_ms; }
+
+  // Device time or UTC, or time relative to the trigger if the display is held by it.
   #drawTimeAxis(axes, colours, small) {
     const { frames } = this.app.store;
-    const origin_s = this.held ? -this.trigger.fired_ns / 1e9 : frames.origin_ns === null ? 0 : Number(frames.origin_ns) / 1e9;
+    const origin_s = this.#origin_s(frames);
+    const utc = this.#inUtc(frames);
     if (!Number.isFinite(this.left_ns)) return;
     const low = this.left_ns / 1e9 + origin_s;
     const span = this.span_ns / 1e9;
-    const step = roundStep(span, Math.max(2, Math.floor(this.plotWidth / (small * 7))));
-    if (step !== this.labelStep || this.labels.size > 400) {
+    // A label is not drawn beside the name of the axis.
+    const free = Math.max(0.3, 1 - (small * 8) / this.plotWidth);
+    const step = scaleStep(low, low + span * free, Math.max(2, Math.floor((free * this.plotWidth) / (small * 6))));
+    if (step !== this.labelStep || utc !== this.labelsUtc || this.labels.size > 400) {
       this.labels.clear();
+      this.labelsUtc = utc;
       this.labelStep = step;
     }
     axes.strokeStyle = colours.line;
@@ -287,32 +332,33 @@ export class Oscilloscope {
       const x = this.gutter + Math.round(((value - low) / span) * this.plotWidth) + 0.5;
       axes.moveTo(x, 0);
       axes.lineTo(x, this.plotHeight);
-      if (x < this.gutter + small * 3 || x > this.width - small * 9) return;
+      if (x > this.width - small * 9) return;
       const key = Math.round(value / step);
       let label = this.labels.get(key);
       if (label === undefined) {
-        label = tick(value, step);
+        label = utc ? clockTick(value, step) : tick(value, step);
         this.labels.set(key, label);
       }
       axes.fillText(label, x, this.height - 1);
     });
     axes.stroke();
     axes.textAlign = "right";
-    axes.fillText(this.held ? "s after trigger" : "device time (s)", this.width - this.rightGutter, this.height - 1);
+    axes.fillText(this.held ? "s after trigger" : utc ? "UTC" : "device time (s)", this.width - this.rightGutter, this.height - 1);
   }
 
   #drawLane(axes, lane) {
     const { colours, channel: traceColours, small, font, bold } = this.app.theme;
-    const { limits, top, height } = lane;
-    if (top > 0) {
+    const { limits, top, height, edge } = lane;
+    if (edge > 0) {
       axes.strokeStyle = colours["strong-line"];
       axes.beginPath();
-      axes.moveTo(0, Math.round(top) + 0.5);
-      axes.lineTo(this.gutter + this.plotWidth, Math.round(top) + 0.5);
+      axes.moveTo(this.gutter, Math.round(edge) + 0.5);
+      axes.lineTo(this.gutter + this.plotWidth, Math.round(edge) + 0.5);
       axes.stroke();
     }
     if (limits.known) {
-      const step = roundStep(limits.high - limits.low, Math.max(2, Math.floor(height / (small * 1.7))));
+      const step = scaleStep(limits.low, limits.high, Math.max(2, Math.floor(height / (small * 1.7))));
+      lane.labels = [];
       axes.textAlign = "right";
       axes.textBaseline = "middle";
       axes.fillStyle = colours.quiet;
@@ -322,7 +368,8 @@ export class Oscilloscope {
         const y = Math.round(top + height * (1 - (value - limits.low) / (limits.high - limits.low))) + 0.5;
         axes.moveTo(this.gutter, y);
         axes.lineTo(this.gutter + this.plotWidth, y);
-        if (y - top > small * 0.7 && top + height - y > small * 0.7) axes.fillText(tick(value, step), this.gutter - 5, y);
+        lane.labels.push(tick(value, step));
+        axes.fillText(tick(value, step), this.gutter - 5, y);
       });
       axes.stroke();
     }
@@ -332,13 +379,10 @@ export class Oscilloscope {
     axes.fillStyle = traceColours[lane.index];
     const unit = this.app.units.label(lane.channel.quantity);
     lane.title = `${lane.channel.symbol}  ${lane.channel.name.toLowerCase()} (${unit})${lane.manual ? ", fixed scale" : ""}`;
-    const wide = axes.measureText(lane.title).width;
-    axes.globalAlpha = 0.85;
     axes.fillStyle = colours.panel;
-    axes.fillRect(this.gutter + 4, top + 3, wide + 6, small * 1.25);
-    axes.globalAlpha = 1;
+    axes.fillRect(this.gutter + 1, edge + 1, this.plotWidth - 2, this.titleHeight - 1);
     axes.fillStyle = traceColours[lane.index];
-    axes.fillText(lane.title, this.gutter + 7, top + 4);
+    axes.fillText(lane.title, this.gutter + 7, edge + 3);
     axes.font = font;
   }
 
@@ -421,10 +465,12 @@ export class Oscilloscope {
       const factor = this.#factor(lane);
       const unit = this.app.units.label(lane.channel.quantity);
       const { last, low, high, mean, rms } = lane.measured;
+      // Of the scale, which does not jitter.
+      lane.decimals = decimalsFor(lane.limits.known ? Math.max(Math.abs(lane.limits.low), Math.abs(lane.limits.high)) : NaN);
       setText(lane.button, `${lane.channel.name} (${unit})`);
       const cells = lane.row.cells;
-      [last, low, high, mean, rms].forEach((value, i) => setText(cells[i + 1], number(value * factor)));
-      readings.push(`${lane.channel.name.toLowerCase()} ${number(last * factor)} ${unit}`);
+      [last, low, high, mean, rms].forEach((value, i) => setText(cells[i + 1], fixed(value * factor, lane.decimals)));
+      readings.push(`${lane.channel.name.toLowerCase()} ${fixed(last * factor, lane.decimals)} ${unit}`);
     }
     this.summary = readings.length === 0 ? "No frames received yet." : readings.join(", ");
     const lost = frames.empty ? 0 : this.#lostInView(frames, from, to);
@@ -439,7 +485,9 @@ export class Oscilloscope {
 
   #showNote() {
     const note = byId("screen-note");
-    const text = this.app.paused ? (this.trigger.done ? "single shot, paused" : "paused")
+    const { paused, frozenAt, restarted } = this.app;
+    const frozen = frozenAt ? `frozen at the fault of ${clockTime(frozenAt.unix_ms)}` : this.trigger.done ? "single shot, paused" : "paused";
+    const text = paused ? frozen + (restarted ? "; the daemon was restarted since" : "")
       : this.trigger.word === "waiting" ? "waiting for the trigger" : this.held ? "triggered" : "";
     note.hidden = text === "";
     setText(note, text);
@@ -492,15 +540,18 @@ export class Oscilloscope {
 
   #updateCursors(frames) {
     const [a, b] = [this.cursorTime_ns(0), this.cursorTime_ns(1)];
-    const origin_s = this.held ? -this.trigger.fired_ns / 1e9 : frames.origin_ns === null ? 0 : Number(frames.origin_ns) / 1e9;
+    const origin_s = this.#origin_s(frames);
+    const utc = this.#inUtc(frames);
     const step = this.span_ns / 1e9 / 1e4;
     const write = (row, ...texts) => texts.forEach((text, i) => setText(row.cells[i + 1], text));
-    write(this.cursorTime, tick(a / 1e9 + origin_s, step), tick(b / 1e9 + origin_s, step), number((b - a) / 1e9, 5));
+    const text = (at_ns) => (utc ? clockTick(at_ns / 1e9 + origin_s, step) : tick(at_ns / 1e9 + origin_s, step));
+    setText(this.cursorTime.cells[0], utc ? "UTC" : "t (s)");
+    write(this.cursorTime, text(a), text(b), number((b - a) / 1e9, 5));
     write(this.cursorRate, "", "", a === b ? "–" : number(1e9 / Math.abs(b - a), 5));
     this.cursors.forEach((cursor, i) => {
-      const text = `${tick((i === 0 ? a : b) / 1e9 + origin_s, step)} s`;
+      const time = text(i === 0 ? a : b) + (utc ? " UTC" : " s");
       cursor.element.setAttribute("aria-valuenow", cursor.part.toFixed(4));
-      cursor.element.setAttribute("aria-valuetext", text);
+      cursor.element.setAttribute("aria-valuetext", time);
     });
     for (const lane of this.lanes) {
       lane.cursorRow.hidden = !lane.visible;
@@ -509,7 +560,7 @@ export class Oscilloscope {
       const atA = frames.valueAt(lane.index, a) * factor;
       const atB = frames.valueAt(lane.index, b) * factor;
       setText(lane.cursorRow.cells[0], `${lane.channel.symbol} (${this.app.units.label(lane.channel.quantity)})`);
-      write(lane.cursorRow, number(atA), number(atB), number(atB - atA));
+      write(lane.cursorRow, ...[atA, atB, atB - atA].map((value) => fixed(value, Math.min(9, lane.decimals + 1))));
     }
   }
 
@@ -534,6 +585,9 @@ export class Oscilloscope {
   }
 
   nudgeCursor(index, pixels) { this.moveCursor(index, this.cursors[index].part + pixels / this.plotWidth); }
+
+  // The channels on screen.
+  shownLanes() { return this.lanes.filter((lane) => lane.visible); }
 
   // --- actions -------------------------------------------------------------------------------------
 
@@ -581,6 +635,14 @@ export class Oscilloscope {
     const most = frames.last_ns - this.span_ns * 0.1;
     const wanted = this.left_ns + part * this.span_ns;
     this.left_ns = frames.empty ? wanted : Math.min(most, Math.max(least, wanted));
+    this.#keepCursors(kept);
+    this.app.touch();
+  }
+
+  // Shows a time in the middle of the paused screen.
+  moveTo(time_ns) {
+    const kept = this.cursors.map((_, i) => this.cursorTime_ns(i));
+    this.left_ns = time_ns - this.span_ns / 2;
     this.#keepCursors(kept);
     this.app.touch();
   }
@@ -681,12 +743,14 @@ export class Oscilloscope {
 
   #laneAt(event) {
     const y = event.clientY - this.screen.getBoundingClientRect().top;
-    return this.lanes.find((lane) => lane.visible && y >= lane.top && y < lane.top + lane.height);
+    return this.lanes.find((lane) => lane.visible && y >= lane.edge && y < lane.top + lane.height);
   }
 
   #listen() {
     const { screen } = this;
+    // Without a key the wheel scrolls the page.
     screen.addEventListener("wheel", (event) => {
+      if (!event.ctrlKey && !event.shiftKey) return;
       event.preventDefault();
       const turn = event.deltaY || event.deltaX;
       const factor = Math.exp(Math.max(-0.5, Math.min(0.5, turn * 0.0015)));

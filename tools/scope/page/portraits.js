@@ -122,16 +122,18 @@ export class Portraits {
     const { frames, excitation } = this.app.store;
     const { mask, values } = frames;
     this.hasLoad = !frames.empty && Number.isFinite(values[load][(frames.end - 1) & mask]);
-    const from = frames.rowAt(frames.last_ns - this.span_s * 1e9);
-    const stride = Math.max(1, Math.ceil((frames.end - from) / (maxPoints - 2)));
+    const { from, to } = this.app.seen(this.span_s);
+    const stride = Math.max(1, Math.ceil((to - from) / (maxPoints - 2)));
     const xFactor = this.#unit(one.x).factor;
     const yFactor = this.#unit(one.y).factor;
-    if (one.x === "drive") return this.#fillCylinder(frames, excitation, from, stride, yFactor);
+    if (one.x === "drive") return this.#fillCylinder(frames, excitation, from, to, stride, yFactor);
     const xs = values[one.x === "v" ? velocity : displacement];
     const ys = values[one.y === "v" ? velocity : one.y === "load" ? load : friction];
     const loads = one.y === "ratio" && this.hasLoad ? values[load] : null;
+    const least = loads ? frames.leastLoad(from, to) : 0;
+    one.unloaded = 0;
     let points = 0;
-    for (let row = from; row < frames.end && points < maxPoints - 1; row += stride) {
+    for (let row = from; row < to && points < maxPoints - 1; row += stride) {
       const at = row & mask;
       if (row > from && frames.broken(row - stride, row)) {
         this.x[points] = NaN;
@@ -139,20 +141,22 @@ export class Portraits {
         points += 1;
       }
       this.x[points] = xs[at] * xFactor;
-      this.y[points] = (loads ? ys[at] / loads[at] : ys[at]) * yFactor;
+      const unloaded = loads !== null && !(loads[at] >= least && loads[at] > 0);
+      if (unloaded) one.unloaded += 1;
+      this.y[points] = unloaded ? NaN : (loads ? ys[at] / loads[at] : ys[at]) * yFactor;
       points += 1;
     }
     return points;
   }
 
   // The phase of the drive at the times of the frames.
-  #fillCylinder(frames, excitation, from, stride, factor) {
+  #fillCylinder(frames, excitation, from, to, stride, factor) {
     const { mask, time, values } = frames;
     const phases = excitation.columns.phase_rad;
     let drive = excitation.rowAt(time[from & mask]);
     let points = 0;
     let last = NaN;
-    for (let row = from; row < frames.end && points < maxPoints - 1; row += stride) {
+    for (let row = from; row < to && points < maxPoints - 1; row += stride) {
       const at = row & mask;
       while (drive < excitation.end && excitation.time[drive & excitation.mask] < time[at]) drive += 1;
       if (drive >= excitation.end) break;
@@ -284,10 +288,12 @@ export class Portraits {
     const { estimates } = this.app.store;
     const { columns, mask } = estimates;
     const factor = this.app.units.factor("velocity");
-    const from = estimates.rowAt(estimates.last_ns - this.span_s * 1e9);
-    const stride = Math.max(1, Math.ceil((estimates.end - from) / maxOverlay));
+    const { left_ns: left, right_ns: right } = this.app.seen(this.span_s);
+    const from = estimates.rowAt(left);
+    const to = estimates.rowAt(right + 1, from);
+    const stride = Math.max(1, Math.ceil((to - from) / maxOverlay));
     let dots = 0;
-    for (let row = from; row < estimates.end; row += stride) {
+    for (let row = from; row < to; row += stride) {
       const at = row & mask;
       const y = this.hasLoad ? columns.theta[at] * columns.mu[at] : columns.friction_force_n[at];
       const x = columns.slip_velocity_m_s[at] * factor;
@@ -349,9 +355,10 @@ export class Portraits {
       ? `${count(this.section.count)} passages of ${this.phase_deg}°` : one.name === "cylinder" ? "dashed: phase of the section"
       : one.name === "friction-displacement" ? "load cell over load" : "sum of both pads";
     if (!this.hasLoad && one.y === "ratio") text = one.overlay ? "no load measured: force; dots: observer" : "no load measured: force";
+    if (one.unloaded > 0) text += `; not drawn where N < 5 % of its largest`;
     if (points === 0) text = one.x === "drive" ? "the drive's phase has not come" : "";
     setText(one.note, text);
-    const label = `${one.figure.querySelector("h3").textContent}: ${this.#unit(one.y).label} from ${range}, last ${this.span_s} s`;
+    const label = `${one.figure.querySelector("h3").textContent}: ${this.#unit(one.y).label} from ${range}, ${this.app.paused ? "the window that is seen" : `last ${this.span_s} s`}`;
     if (one.canvas.getAttribute("aria-label") !== label) one.canvas.setAttribute("aria-label", label);
   }
 }

@@ -3,12 +3,11 @@
 
 import { roundStep, eachTick, fitCanvas } from "./axes.js";
 import { Facts, byId, setState, setText, tableRow, watchVisible } from "./elements.js";
+import { Events } from "./events.js";
 import { count, duration, number } from "./units.js";
 
 const stateMarks = { faulted: "bad", idle: "unknown", armed: "warn", running: "good", stopping: "warn" };
 const limitNames = ["no", "displacement or force", "velocity", "acceleration", "not a number"];
-const severities = ["information", "warning", "error"];
-const maxEvents = 200;
 
 const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
@@ -24,8 +23,30 @@ export class RigState {
       return { name: figure.dataset.timing, figure, canvas, context: canvas.getContext("2d"), note: figure.querySelector("p") };
     });
     this.visible = watchVisible(this.histograms.map(({ figure }) => figure), () => this.drawTiming());
-    this.events = [];
+    this.events = new Events(app);
     this.verdict = null;
+    this.fresh = false;
+    this.chips = new Map(["state", "amplifier", "recording", "verdict"].map((name) => [name, { element: byId(`${name}-chip`), text: "", state: "unknown" }]));
+  }
+
+  #setChip(name, text, state) {
+    Object.assign(this.chips.get(name), { text, state });
+    this.#showChip(this.chips.get(name));
+  }
+
+  // A state that is not known to be of now is grey.
+  #showChip({ element, text, state }) {
+    if (text === "") return; // not known yet
+    setText(element, this.fresh ? text : `was: ${text}`);
+    setState(element, this.fresh ? state : "unknown");
+  }
+
+  // `fresh`: the latest status describes the rig of now.
+  setFresh(fresh) {
+    if (fresh === this.fresh) return;
+    this.fresh = fresh;
+    for (const chip of this.chips.values()) this.#showChip(chip);
+    setState(byId("rig"), fresh ? "" : "old");
   }
 
   take(message) {
@@ -36,48 +57,43 @@ export class RigState {
     else if (message.type === "model") setText(byId("rig-name"), message.rig || "scope");
   }
 
-  // The state of a silent source is unknown.
-  silent() {
-    const chip = byId("state-chip");
-    setText(chip, this.status ? `was ${this.status.state}` : "no status yet");
-    setState(chip, "unknown");
-    setText(byId("amplifier-chip"), "amplifier –");
-    setState(byId("amplifier-chip"), "unknown");
-    setText(byId("recording-chip"), "recording –");
-    setState(byId("recording-chip"), "unknown");
+  // Another rig is shown.
+  clear() {
+    this.status = null;
+    this.verdict = null;
+    this.logEvent = undefined;
+    this.events.clear();
+    this.#setChip("verdict", "model not judged", "unknown");
+    setText(byId("verdict"), "The live model check has not reported yet.");
+    setState(byId("verdict"), "unknown");
   }
 
   #takeStatus(status) {
     const before = this.status?.state;
+    if (before !== undefined && before !== "faulted" && status.state === "faulted") this.app.faulted(status);
     this.#showRecording(status, this.status);
     this.status = status;
-    const chip = byId("state-chip");
-    setText(chip, status.state);
-    setState(chip, stateMarks[status.state] ?? "unknown");
-    const amplifier = byId("amplifier-chip");
-    setText(amplifier, `amplifier ${status.amplifier_on ? "on" : "off"}`);
-    setState(amplifier, status.amplifier_on ? "good" : "unknown");
+    this.#setChip("state", status.state, stateMarks[status.state] ?? "unknown");
+    this.#setChip("amplifier", `amplifier ${status.amplifier_on ? "on" : "off"}`, status.amplifier_on ? "good" : "unknown");
     const fault = byId("fault");
     fault.hidden = status.state !== "faulted";
     setText(byId("fault-name"), status.interlock ? `${status.interlock.replace(/_/g, " ")}:` : "faulted");
     setText(byId("fault-cause"), status.cause ?? "");
     if (before !== undefined && before !== status.state) this.app.say(`The rig is ${status.state}. ${status.cause ?? ""}`);
+    this.events.follow(status);
     this.#showLedger(status);
     this.#showClock(status);
   }
 
   // Bad while frames are lost or the log is missing; a loss stays visible to the end of the recording.
   #showRecording(status, previous) {
-    const chip = byId("recording-chip");
     const lost = sum(status.record_loss);
     const lostBefore = sum(previous?.record_loss);
     const losing = lost > (lostBefore <= lost ? lostBefore : 0);
-    if (!status.recording) setText(chip, "not recorded");
-    else if (losing) setText(chip, `recording loses frames: ${count(lost)}`);
-    else if (this.logEvent?.code === "log_missing") setText(chip, "log missing");
-    else setText(chip, lost > 0 ? `recording, ${count(lost)} lost` : "recording");
-    const bad = losing || this.logEvent?.code === "log_missing";
-    setState(chip, !status.recording ? "unknown" : bad ? "bad" : lost > 0 ? "warn" : "good");
+    const missing = this.logEvent?.code === "log_missing";
+    const text = !status.recording ? "not recorded" : losing ? `recording loses frames: ${count(lost)}` : missing ? "log missing"
+      : lost > 0 ? `recording, ${count(lost)} lost` : "recording";
+    this.#setChip("recording", text, !status.recording ? "unknown" : losing || missing ? "bad" : lost > 0 ? "warn" : "good");
     if (status.recording && losing && !this.losing) this.app.say("The recording loses frames.");
     this.losing = losing;
   }
@@ -141,38 +157,8 @@ export class RigState {
     if (event.code === "model_broken" || event.code === "model_follows") this.#takeVerdict(event);
     if (event.code.startsWith("log_") && !(event.utc_us < this.logEvent?.utc_us)) this.logEvent = event;
     if (event.code === "model_explained" || event.code === "model_unexplained") this.#takeExplanation(event);
-    // Events repeated for a new connection are shown once.
-    const key = `${event.utc_us} ${event.code} ${event.message}`;
-    if (this.events.some((one) => one.key === key)) return;
-    byId("no-event").hidden = true;
-    this.events.unshift({ key, ...event });
-    this.events.sort((a, b) => b.utc_us - a.utc_us);
-    const list = byId("event-list");
-    if (this.events.length > maxEvents) this.events.length = maxEvents;
-    const place = this.events.findIndex((one) => one.key === key);
-    if (place < 0) return;
-    list.insertBefore(this.#eventItem(event), list.children[place] ?? null);
-    while (list.children.length > maxEvents) list.lastElementChild.remove();
-    if (event.severity >= 2) this.app.say(`Error: ${event.message}`);
-  }
-
-  #eventItem(event) {
-    const item = document.createElement("li");
-    item.dataset.severity = String(event.severity);
-    const time = document.createElement("time");
-    const utc = new Date(event.utc_us / 1e3);
-    if (Number.isFinite(utc.getTime())) {
-      time.dateTime = utc.toISOString();
-      time.textContent = utc.toISOString().slice(11, 23);
-      time.title = `${utc.toISOString()} UTC`;
-    }
-    const code = document.createElement("b");
-    code.textContent = event.code.replace(/_/g, " ");
-    code.title = severities[event.severity] ?? "";
-    const text = document.createElement("span");
-    text.textContent = event.message;
-    item.append(time, code, text);
-    return item;
+    if (this.events.take(event) && event.severity >= 2) this.app.say(`Error: ${event.message}`);
+    this.app.touch();
   }
 
   #takeVerdict(event) {
@@ -182,9 +168,7 @@ export class RigState {
     const line = byId("verdict");
     setText(line, `${broken ? "✕" : "●"} ${sentence(event.message)}`);
     setState(line, broken ? "bad" : "good");
-    const chip = byId("verdict-chip");
-    setText(chip, broken ? "model broken" : "model follows");
-    setState(chip, broken ? "bad" : "good");
+    this.#setChip("verdict", broken ? "model broken" : "model follows", broken ? "bad" : "good");
   }
 
   // Belongs to the preceding alarm.

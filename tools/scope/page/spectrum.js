@@ -7,16 +7,15 @@ import { channels, duration, number, tick } from "./units.js";
 import uPlot from "./uPlot.esm.js";
 
 const lengths = [1024, 2048, 4096, 8192, 16384, 32768, 65536];
-// The paper's rig, until a model is known.
-const usualMarks = [{ name: "natural", hz: 2.4 }, { name: "load cell", hz: 19.3 }, { name: "bending", hz: 37 }];
 const maxHarmonics = 7;
+const labelRows = 5; // above the plot: harmonics, drive, marks of the model
 
 export class Spectrum {
   constructor(app) {
     this.app = app;
-    this.marks = usualMarks;
+    this.marks = []; // of the model, once it is known
     this.plot = null;
-    this.drawn = null;
+    this.zoom = null; // limits of the frequency that were chosen
     this.chosen = { channel: 0, length: 8192, window: "hann", quantity: "amplitude", axis: "log", ...app.settings.get("spectrum") };
     this.element = byId("spectrum-plot");
     this.visible = watchVisible([this.element]);
@@ -50,7 +49,8 @@ export class Spectrum {
   update() {
     if (!this.visible(this.element) || !this.#transform()) return;
     if (!this.plot) this.#build();
-    else this.plot.setData(this.data);
+    else this.plot.setData(this.data, this.zoom === null);
+    if (this.zoom !== null) this.plot.setScale("x", this.zoom);
     this.#describe();
   }
 
@@ -72,11 +72,13 @@ export class Spectrum {
     this.data = [new Float64Array(length / 2 - 1), new Float64Array(length / 2 - 1)];
   }
 
-  // The newest 2^k frames; frames that were lost are replaced by the one before, and counted.
+  // The newest 2^k frames, or of a pause those of the window that is seen; frames that were lost are replaced by the one before, and counted.
   #transform() {
     const { frames } = this.app.store;
     const rate = frames.rate_hz;
-    const held = frames.end - frames.begin;
+    const { from, to } = this.app.seen();
+    this.end = to;
+    const held = to - from;
     let { length } = this.chosen;
     while (length > held && length > 256) length /= 2;
     if (!(rate > 0) || length > held) return false;
@@ -97,7 +99,7 @@ export class Spectrum {
     const data = frames.values[this.chosen.channel];
     const { mask } = frames;
     const { sequence } = frames.columns;
-    let row = frames.end - 1;
+    let row = this.end - 1;
     const newest = sequence[row & mask];
     let lost = 0;
     let last = data[row & mask];
@@ -138,9 +140,10 @@ export class Spectrum {
     this.plot = new uPlot({
       width: Math.floor(box.width), height: Math.floor(box.height),
       legend: { show: false },
-      cursor: { drag: { x: true, y: false }, points: { show: false } },
+      padding: [theme.small * 1.2 * labelRows + 2, null, null, null], // for the labels of the marks
+      cursor: { drag: { x: true, y: false, setScale: false }, points: { show: false }, bind: { dblclick: () => () => this.setZoom(null) } },
       scales: {
-        x: { time: false, distr: log ? 3 : 1, range: (plot, low, high) => (log ? [Math.max(low, 0.1), high] : [low, high]) },
+        x: { time: false, distr: log ? 3 : 1, range: (plot, low, high) => (this.zoom !== null ? [this.zoom.min, this.zoom.max] : log ? [Math.max(low, 0.1), high] : [low, high]) },
         y: { distr: 3, range: (plot, low, high) => this.#range(low, high) },
       },
       axes: [
@@ -148,8 +151,21 @@ export class Spectrum {
         { ...axis, label: `${channel.symbol} (${this.chosen.quantity === "amplitude" ? unit : `${unit}/√Hz`})`, labelSize: theme.small * 1.7, size: theme.small * 4.6, values: (plot, list) => list.map((v) => (v === null ? "" : powerOfTen(v))) },
       ],
       series: [{}, { stroke: colours[`c${this.chosen.channel}`], width: theme.large ? 2 : 1.2, points: { show: false } }],
-      hooks: { draw: [(plot) => this.#drawMarks(plot)], setCursor: [(plot) => this.#readOff(plot)] },
+      hooks: { draw: [(plot) => this.#drawMarks(plot)], setCursor: [(plot) => this.#readOff(plot)], setSelect: [(plot) => this.#zoomTo(plot)] },
     }, this.data, this.element);
+  }
+
+  #zoomTo(plot) {
+    const { left, width } = plot.select;
+    if (!(width > 2)) return;
+    plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+    this.setZoom({ min: plot.posToVal(left, "x"), max: plot.posToVal(left + width, "x") });
+  }
+
+  // Holds until a double click.
+  setZoom(zoom) {
+    this.zoom = zoom;
+    this.update();
   }
 
   // Ten decades at most, so that an empty bin does not compress the rest.
@@ -176,18 +192,16 @@ export class Spectrum {
       context.lineWidth = ratio;
       context.setLineDash(dash.map((length) => length * ratio));
       context.beginPath();
-      context.moveTo(x, bbox.top);
+      const y = bbox.top - (labelRows - row) * small * ratio * 1.2;
+      context.moveTo(x, y);
       context.lineTo(x, bbox.top + bbox.height);
       context.stroke();
-      if (label === "") return;
       const wide = context.measureText(label).width;
       const left = x + wide + 6 * ratio > bbox.left + bbox.width ? x - wide - 4 * ratio : x + 3 * ratio;
-      context.globalAlpha = 0.85;
       context.fillStyle = colours.panel;
-      context.fillRect(left - ratio, bbox.top + row * small * ratio * 1.2, wide + 2 * ratio, small * ratio * 1.15);
-      context.globalAlpha = 1;
+      context.fillRect(left - ratio, y, wide + 2 * ratio, small * ratio * 1.15);
       context.fillStyle = colour;
-      context.fillText(label, left, bbox.top + row * small * ratio * 1.2);
+      context.fillText(label, left, y);
     };
     const drive = this.app.store.carrier_hz;
     for (let order = 2; drive > 0 && order <= maxHarmonics; ++order) mark(order * drive, `${order}`, colours.quiet, [1, 3], 0);

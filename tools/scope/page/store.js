@@ -97,6 +97,7 @@ export class FrameStore extends Ring {
     super(["sequence", "stepped", "c0", "c1", "c2", "c3", "c4", "c5"], { rows: 2 ** 17, ...options });
     this.lost = 0;
     this.steps = 0; // of the time
+    this.pair = new Float64Array(2);
     this.touched = 0; // values looked at by extremes(): what drawing costs
   }
 
@@ -121,6 +122,7 @@ export class FrameStore extends Ring {
     }
     this.lost = other.lost;
     this.steps = other.steps;
+    this.utc_ms = other.utc_ms;
   }
 
   clear() {
@@ -128,6 +130,7 @@ export class FrameStore extends Ring {
     this.lost = 0;
     this.steps = 0;
     this.period_ns = NaN;
+    this.utc_ms = NaN; // of the origin of time, by the quickest receipt
   }
 
   // Steps of the time [ns] up to a new row, summed: more than ten periods that the sequence number does not
@@ -202,6 +205,10 @@ export class FrameStore extends Ring {
       for (let channel = 0; channel < 6; ++channel) this.values[channel][at] = numbers[channel * count + i];
       this.#summarise(this.end - 1, this.end - 1 === this.begin);
     }
+    if ((block.flags & 2) === 0 && !this.empty) {
+      const utc_ms = block.received_unix_ms - this.last_ns / 1e6;
+      if (!(this.utc_ms < utc_ms)) this.utc_ms = utc_ms;
+    }
     return restarted;
   }
 
@@ -237,6 +244,13 @@ export class FrameStore extends Ring {
     }
     into[0] = low;
     into[1] = high;
+  }
+
+  // The load [N] below which a ratio to it means nothing: a twentieth of the largest in the rows; NaN without
+  // loads.
+  leastLoad(from, to) {
+    this.extremes(3, from, to, this.pair);
+    return Math.max(Math.abs(this.pair[0]), Math.abs(this.pair[1])) < Infinity ? 0.05 * Math.max(Math.abs(this.pair[0]), Math.abs(this.pair[1])) : NaN;
   }
 
   // Frames per second over the last second or so, without steps of the time; NaN if unknown.

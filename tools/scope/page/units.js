@@ -38,11 +38,40 @@ export function number(value, digits = 4) {
   return value.toFixed(Math.max(0, digits - whole)).replace("-", minus);
 }
 
+// Decimals for numbers up to this size: four digits of the largest.
+export function decimalsFor(largest) {
+  return largest > 0 && largest < Infinity ? Math.min(9, Math.max(0, 3 - Math.floor(Math.log10(largest)))) : 3;
+}
+
+// A number with that many decimals; a dash for none.
+export function fixed(value, decimals) {
+  return Number.isFinite(value) ? value.toFixed(decimals).replace(/^-(?=0\.?0*$)/, "").replace("-", minus) : dash;
+}
+
 // A number with the decimals that the step of an axis needs.
 export function tick(value, step) {
   if (Math.abs(value) < step * 1e-6) return "0";
   if (step < 1e-5 || step >= 1e6) return value.toExponential(1).replace(/-/g, minus);
   return value.toFixed(Math.max(0, -Math.floor(Math.log10(step) + 1e-9))).replace("-", minus);
+}
+
+// Time of day, UTC.
+export function clockTime(unix_ms) { return `${new Date(unix_ms).toISOString().slice(11, 19)} UTC`; }
+
+// Time of day, UTC, of a time [s since 1970] with the decimals that a step [s] needs.
+export function clockTick(unix_s, step) {
+  const digits = Math.max(0, Math.min(9, -Math.floor(Math.log10(step) + 1e-9)));
+  const whole = Math.floor(unix_s + 0.5 * 10 ** -digits);
+  const part = Math.max(0, unix_s - whole).toFixed(digits).slice(1);
+  return new Date(whole * 1e3).toISOString().slice(11, 19) + part;
+}
+
+// A duration [s] that is counted up.
+export function lasting(seconds) {
+  const whole = Math.max(0, Math.floor(seconds));
+  if (whole < 120) return `${whole} s`;
+  if (whole < 7200) return `${Math.floor(whole / 60)} min`;
+  return `${Math.floor(whole / 3600)} h`;
 }
 
 // A whole number in groups of three.
