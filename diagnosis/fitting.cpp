@@ -9,6 +9,7 @@
 #include "diagnosis/median.h"
 #include "diagnosis/noise_check.h"
 #include "diagnosis/noise_estimate.h"
+#include "diagnosis/noise_score.h"
 #include "diagnosis/score.h"
 
 namespace stickslip::diagnosis {
@@ -158,8 +159,8 @@ Hypothesis unrefined(const Hypothesis& declared, const FittedCandidate& each) {
   return out;
 }
 
-// Noise is coloured if that is what the fit leaves: white again once it is taken into account. Of a
-// fit that leaves physics it is not.
+// Noise is coloured if that is what the fit leaves, white again once it is taken into account, and
+// if it predicts better where nothing was fitted. Of a fit that leaves physics it is not.
 void colour_noise(SearchData& data, const FittedCandidate& each) {
   const NoiseEstimate found =
       noise_in_residuals(data.train, *each.hypothesis, each.fitted, data.criteria);
@@ -170,6 +171,11 @@ void colour_noise(SearchData& data, const FittedCandidate& each) {
   const bool is_estimated = !noise_is_declared(data.experiments);
   if (!noise_check(held_out, *each.hypothesis, each.fitted.z, is_estimated, data.criteria)
            .is_noise) {
+    return;
+  }
+  if (noise_loss(data.held_out, *each.hypothesis, each.fitted.z) -
+          noise_loss(held_out, *each.hypothesis, each.fitted.z) <
+      data.criteria.claim_nats) {
     return;
   }
   data.held_out = std::move(held_out);

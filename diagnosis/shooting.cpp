@@ -26,6 +26,8 @@ constexpr int damping_attempts = 8;
 // Ratio of mean squares above which a window is started elsewhere: to that of the median window, or
 // of the window before it.
 constexpr double outlying_ratio = 3.0;
+// Share of the windows up to which those that do not follow their linearisation are few.
+constexpr double few_windows = 0.15;
 // Cost ratio below which another start of a window is kept.
 constexpr double better_start_ratio = 0.8;
 
@@ -297,8 +299,21 @@ class JointFit {
     return change;
   }
 
-  // Fits the states of a window that does not follow its linearisation to the new parameters.
-  void follow(std::size_t w, Trial& trial) const {
+  // Fits the states of windows that do not follow their linearisation to the new parameters. Where
+  // that is not a few windows, the step is too long.
+  void follow(Trial& trial, const std::vector<double>& predicted) const {
+    std::vector<std::size_t> astray;
+    for (std::size_t w = 0; w < blocks_.size(); ++w) {
+      const double change = trial.blocks[w].cost() - blocks_[w].cost();
+      if (change > tolerated_change(predicted[w])) astray.push_back(w);
+    }
+    if (static_cast<double>(astray.size()) > few_windows * static_cast<double>(blocks_.size())) {
+      return;
+    }
+    for_each(astray.size(), task_.threads, [&](std::size_t i) { fit_own(astray[i], trial); });
+  }
+
+  void fit_own(std::size_t w, Trial& trial) const {
     FitOptions options;
     options.iterations = options_.own_steps;
     WindowState state = states_[w];
@@ -319,7 +334,6 @@ class JointFit {
       trial.z[u] += logarithmic ? std::clamp(delta[i], -2.0, 2.0) : delta[i];
     }
     const bool has_states = problem_.free_in_window() > 0;
-    const bool follows = has_states && options_.own_steps > 0;
     std::vector<double> predicted(windows);
     for (std::size_t w = 0; w < windows; ++w) {
       Eigen::VectorXd right = -blocks_[w].gs;
@@ -333,9 +347,8 @@ class JointFit {
     for_each(windows, task_.threads, [&](std::size_t w) {
       trial.blocks[w] = with_derivatives ? problem_.linearise(w, trial.states[w])
                                          : problem_.evaluate(w, trial.states[w]);
-      const double change = trial.blocks[w].cost() - blocks_[w].cost();
-      if (follows && change > tolerated_change(predicted[w])) follow(w, trial);
     });
+    if (has_states && options_.own_steps > 0) follow(trial, predicted);
     trial.linearised = with_derivatives;
     trial.cost = total_cost(trial.blocks) + problem_.parameter_prior(trial.z);
     return trial;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 #include <numbers>
+#include <random>
 #include <utility>
 
 #include "diagnosis/experiment.h"
@@ -94,6 +95,21 @@ inline protocol::Recording record(const physics::Model& model, double duration_s
     recording.frames.push_back(frame);
   }
   return recording;
+}
+
+/// Correlation time of the error of add_slow_error.
+inline constexpr double slow_error_s = 0.1;
+
+/// Adds a slow error of that standard deviation to the displacement.
+inline void add_slow_error(protocol::Recording& recording, double std_m, std::uint64_t seed) {
+  const double kept = std::exp(-1.0 / (slow_error_s * rate_hz));
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  double slow = std_m * normal(random);
+  for (Frame& frame : recording.frames) {
+    frame.set(Channel::displacement, frame[Channel::displacement] + slow);
+    slow = kept * slow + std_m * std::sqrt(1.0 - kept * kept) * normal(random);
+  }
 }
 
 /// The recording cut into windows of 0.4 s.

@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
+#include "diagnosis/noise_score.h"
 #include "tests/unit/diagnosis/bench.h"
 
 namespace stickslip::diagnosis {
@@ -58,6 +61,27 @@ TEST(NoiseCheck, TakesNoMisfitForNoise) {
   EXPECT_FALSE(checked(with_term(driven_mass(), "force_episode",
                                  {{"force_n", {0.1}}, {"begin_s", {11.0}}, {"end_s", {12.0}}}))
                    .is_noise);
+}
+
+// The loss of 24 s with a slow error of that size [m] if the noise is taken for white, less that if
+// it is taken for coloured: with the levels and the colour that the recording has.
+double gain_of_colour(double slow_m, const NoiseColour& colour) {
+  protocol::Recording recording = record(driven_mass(), 24.0);
+  test::add_slow_error(recording, slow_m, 3);
+  const std::vector<Experiment> experiments{experiment_of(recording, driven_mass())};
+  const Hypothesis hypothesis(driven_mass());
+  const std::vector<double> z(hypothesis.unknowns().size(), 0.0);
+  Task white = all_windows(experiments);
+  Task coloured = white;
+  coloured.colour[index_of(Channel::displacement)] = colour;
+  coloured.sigma.fill(std::hypot(2.0e-5, 6.0e-5));
+  return noise_loss(white, hypothesis, z) - noise_loss(coloured, hypothesis, z);
+}
+
+TEST(NoiseLoss, TellsSlowNoiseFromWhite) {
+  const NoiseColour colour{0.9, test::slow_error_s};
+  EXPECT_GT(gain_of_colour(6.0e-5, colour), 100.0);
+  EXPECT_LT(gain_of_colour(0.0, colour), -100.0);
 }
 
 }  // namespace

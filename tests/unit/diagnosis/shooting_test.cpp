@@ -81,18 +81,10 @@ struct Coverage {
 };
 
 Coverage coverage_with(double slow_m) {
-  constexpr double memory_s = 0.1;
-  const double kept = std::exp(-1.0 / (memory_s * test::rate_hz));
   Coverage out;
   for (std::uint64_t seed = 1; seed <= 60; ++seed) {
     auto recording = record(noisy(real_mass()), 24.0, seed);
-    std::mt19937_64 random(seed);
-    std::normal_distribution<double> normal;
-    double slow = slow_m * normal(random);
-    for (Frame& frame : recording.frames) {
-      frame.set(Channel::displacement, frame[Channel::displacement] + slow);
-      slow = kept * slow + slow_m * std::sqrt(1.0 - kept * kept) * normal(random);
-    }
+    test::add_slow_error(recording, slow_m, seed);
     const std::vector<Experiment> experiments = {experiment_of(recording, noisy(driven_mass()))};
     const Task task = fitted_windows(experiments);
     const Hypothesis hypothesis(driven_mass());
