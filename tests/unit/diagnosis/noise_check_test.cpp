@@ -78,7 +78,7 @@ double gain_of_colour(double slow_m, const NoiseColour& colour) {
   return noise_loss(white, hypothesis, z) - noise_loss(coloured, hypothesis, z);
 }
 
-TEST(NoiseLoss, TellsSlowNoiseFromWhite) {
+TEST(NoiseLoss, DistinguishesSlowNoiseFromWhite) {
   const NoiseColour colour{0.9, test::slow_error_s};
   EXPECT_GT(gain_of_colour(6.0e-5, colour), 100.0);
   EXPECT_LT(gain_of_colour(0.0, colour), -100.0);
