@@ -358,8 +358,7 @@ class JointFit {
   double enough_gain() const {
     double residuals = 0.0;
     for (const NormalBlock& block : blocks_) residuals += block.count;
-    return options_.tolerance * cost_ +
-           options_.excess_tolerance * std::max(0.0, cost_ - residuals);
+    return std::max(options_.tolerance * cost_, options_.excess_tolerance * (cost_ - residuals));
   }
 
   // Returns true unless the fit has converged.

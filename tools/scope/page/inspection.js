@@ -105,7 +105,9 @@ function drawn(app, name) {
     const { section } = portraits;
     const passages = [];
     for (let i = section.begin; i < section.end; ++i) passages.push([section.time[i % section.time.length], section.x[i % section.time.length], section.v[i % section.time.length]]);
-    return { points, limits: portrait.drawn, passages, pixels: [...portraits.points.subarray(0, 2 * portrait.count)] };
+    const { frames } = app.store;
+    const first = frames.columns.sequence[app.seen(portraits.span_s).from & frames.mask];
+    return { points, first, limits: portrait.drawn, passages, pixels: [...portraits.points.subarray(0, 2 * portrait.count)] };
   }
   if (name === "spectrum") {
     return { frequency: [...(spectrum.data?.[0] ?? [])], value: [...(spectrum.data?.[1] ?? [])], length: spectrum.length, rate_hz: spectrum.rate_hz, newest: spectrum.end, zoom: spectrum.zoom, scale: spectrum.plot ? { min: spectrum.plot.scales.x.min, max: spectrum.plot.scales.x.max } : null, chosen: { ...spectrum.chosen }, marks: spectrum.marks.map((mark) => ({ ...mark })) };
