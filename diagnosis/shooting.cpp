@@ -109,6 +109,7 @@ bool retry_outliers(const WindowProblem& problem, int threads, std::vector<Windo
                     std::vector<NormalBlock>& blocks) {
   if (blocks.empty()) return false;
   std::vector<double> mean_squares;
+  mean_squares.reserve(blocks.size());
   for (const NormalBlock& block : blocks) mean_squares.push_back(block.mean_square());
   const double typical = median(std::move(mean_squares));
   std::atomic<bool> any{false};

@@ -75,7 +75,7 @@ void set_effect_prior(StatePrior& prior, const BoundTerm& term, std::span<const 
                       const physics::Scales& scales) {
   const std::vector<double> p = values_of(term, parameters);
   for (int i = 0; i < term.effect->state_count(); ++i) {
-    const auto next = static_cast<std::size_t>(term.first_state + i);
+    const auto next = static_cast<std::size_t>(term.first_state) + static_cast<std::size_t>(i);
     const physics::StateSize size = term.effect->state_size(i, p, scales);
     prior.sigma[next] = size.sigma;
     prior.hidden[next] = size.hidden;
