@@ -1,16 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "diagnosis/noise_score.h"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 
 namespace stickslip::diagnosis {
 
 namespace {
-
-// Chi-squared per residual of a window beyond which it counts no more: it is an outlier.
-constexpr double most_mean_square = 10.0;
 
 // Sum of the logarithms of the innovations' standard deviations in a window.
 double log_scales(const Task& task, std::size_t w) {
@@ -34,8 +30,9 @@ double noise_loss(const Task& task, const Hypothesis& hypothesis, std::span<cons
   const Fit fitted = fit_states(task, hypothesis, z, options);
   double loss = 0.0;
   for (std::size_t w = 0; w < fitted.chi2.size(); ++w) {
-    const double most = most_mean_square * fitted.count[w];
-    loss += 0.5 * std::min(fitted.chi2[w], most) + log_scales(task, w) + fitted.state_cost[w];
+    // Of an outlier, what an outlier counts at most.
+    const double chi2 = fitted.chi2[w] * robust_weight(fitted.chi2[w], fitted.count[w]);
+    loss += 0.5 * chi2 + log_scales(task, w) + fitted.state_cost[w];
   }
   return loss;
 }

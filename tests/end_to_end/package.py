@@ -7,9 +7,8 @@ import re
 import shutil
 import subprocess
 import sys
-import tempfile
 
-from programs import SKIPPED, SOURCE, STICKSLIP, EndToEnd, main, run
+from programs import SKIPPED, SOURCE, STICKSLIP, EndToEnd, main, run, temporary_folder
 
 BUILD = pathlib.Path(STICKSLIP).resolve().parents[1]
 KEPT = BUILD / "package"
@@ -27,9 +26,7 @@ def packed(folder, zone):
 class Package(EndToEnd):
     @classmethod
     def setUpClass(cls):
-        keep = tempfile.TemporaryDirectory(prefix="stickslip-")
-        cls.addClassCleanup(keep.cleanup)
-        cls.base = pathlib.Path(keep.name)
+        cls.base = temporary_folder(cls.addClassCleanup)
         shutil.rmtree(KEPT, ignore_errors=True)
         KEPT.mkdir()
         cls.made = pathlib.Path(shutil.copy(packed(cls.base / "one", "UTC0"), KEPT))

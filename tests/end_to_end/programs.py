@@ -56,15 +56,20 @@ needs_page = unittest.skipIf(os.environ.get("STICKSLIP_PAGE_PROBLEM"),
                              "the live view has no page: " + os.environ.get("STICKSLIP_PAGE_PROBLEM", ""))
 
 
+def temporary_folder(add_cleanup):
+    """A folder until the test or the class ends whose `addCleanup` or `addClassCleanup` is given."""
+    folder = tempfile.TemporaryDirectory(prefix="stickslip-")
+    add_cleanup(folder.cleanup)
+    return pathlib.Path(folder.name)
+
+
 class EndToEnd(unittest.TestCase):
     """A test with a temporary folder, `self.folder`."""
     longMessage = True
     maxDiff = None
 
     def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="stickslip-")
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
+        self.folder = temporary_folder(self.addCleanup)
 
     def write(self, name, text):
         path = self.folder / name

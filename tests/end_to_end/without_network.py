@@ -5,9 +5,8 @@ import os
 import pathlib
 import shutil
 import tarfile
-import tempfile
 
-from programs import SOURCE, STICKSLIP, EndToEnd, main, needs_page, run
+from programs import SOURCE, STICKSLIP, EndToEnd, main, needs_page, run, temporary_folder
 
 BUILD = pathlib.Path(STICKSLIP).resolve().parents[1]
 NPM = """#!/bin/sh
@@ -21,9 +20,7 @@ cp "{archives}/$(echo "$2" | tr @ -).tgz" . || {{ echo "npm error code E404" >&2
 class WithoutNetwork(EndToEnd):
     @classmethod
     def setUpClass(cls):
-        keep = tempfile.TemporaryDirectory(prefix="stickslip-")
-        cls.addClassCleanup(keep.cleanup)
-        cls.base = pathlib.Path(keep.name)
+        cls.base = temporary_folder(cls.addClassCleanup)
         packed = run("cpack", "-G", "TGZ", "--config", BUILD / "CPackSourceConfig.cmake", "-B", cls.base)
         assert packed.returncode == 0, packed.stdout + packed.stderr
         with tarfile.open(next(cls.base.glob("stickslip-*.tar.gz"))) as archive:
