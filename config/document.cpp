@@ -76,10 +76,10 @@ Document::Document(Document&&) noexcept = default;
 Document& Document::operator=(Document&&) noexcept = default;
 
 const void* Document::term_node(std::string_view path) const {
-  constexpr std::string_view terms = "physics.";
+  const std::string_view terms = path.substr(0, path.find('.') + 1);
   const std::string_view id =
       path.substr(terms.size(), path.find('.', terms.size()) - terms.size());
-  const toml::array* list = contents_->root["physics"].as_array();
+  const toml::array* list = contents_->root[terms.substr(0, terms.size() - 1)].as_array();
   if (list == nullptr) return nullptr;
   const toml::node* found = nullptr;
   for (const toml::node& each : *list) {
@@ -90,6 +90,7 @@ const void* Document::term_node(std::string_view path) const {
     const std::string_view after = path.substr(std::min(terms.size() + id.size() + 1, path.size()));
     if (found != nullptr && channel && !after.starts_with(*channel)) continue;
     const toml::node* value = term.get(last_name(path));
+    if (value == nullptr) value = node_at(term, "parameters." + std::string(last_name(path)));
     found = value != nullptr ? value : &each;
   }
   return found;
@@ -105,7 +106,7 @@ void Document::warn(std::string_view path, const std::string& message) {
 
 Problem Document::problem_near(std::string_view path, const std::string& message) const {
   const void* found = nullptr;
-  if (path.starts_with("physics.")) {
+  if (path.starts_with("physics.") || path.starts_with("candidate.")) {
     found = term_node(path);
   } else {
     for (auto rest = path; found == nullptr && !rest.empty(); rest = parent_of(rest)) {

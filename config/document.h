@@ -43,8 +43,8 @@ class Document {
   std::size_t problem_count() const { return problems_.size(); }
 
   /// Adds a problem at the key or table of that path, or at the nearest table around it that is
-  /// present. "physics.ID.NAME" leads into the [[physics]] table of that id, a number as in
-  /// "history.0.date" into a list.
+  /// present. "physics.ID.NAME" leads into the [[physics]] table of that id, "candidate.ID" into
+  /// that of a candidate, a number as in "history.0.date" into a list.
   void report(std::string_view path, const std::string& message);
 
   /// Adds a problem at a key of an existing [[fault]] table, or at the table if the key is absent.
@@ -99,7 +99,7 @@ class Document {
 };
 
 /// Kind of a file.
-enum class FileKind { rig, model, fault_script, calibration, modbus_map };
+enum class FileKind { rig, model, candidates, fault_script, calibration, modbus_map, campaign };
 
 /// Kind of a text by the names of its tables, even with syntax errors; empty if it is none of them.
 std::optional<FileKind> kind_of(std::string_view text);

@@ -13,15 +13,18 @@ namespace stickslip::config {
 
 namespace {
 
-/// First name of a line, and whether it is in brackets.
+/// First name of a line, and whether it is in brackets: a rig has a table [recording], a campaign
+/// has one [[recording]] for each.
 struct FirstName {
   std::string_view name;
   bool header = false;
+  bool list = false;  // in two
 };
 
 FirstName first_name(std::string_view line) {
   FirstName out;
   while (!line.empty() && (line.front() == ' ' || line.front() == '\t' || line.front() == '[')) {
+    out.list = out.header && line.front() == '[';
     out.header = out.header || line.front() == '[';
     line.remove_prefix(1);
   }
@@ -49,6 +52,9 @@ struct Counts {
   std::size_t faults = 0;
   std::size_t calibration = 0;
   std::size_t registers = 0;
+  std::size_t candidates = 0;
+  std::size_t recordings = 0;
+  bool oscillator = false;
   bool seed = false;
 };
 
@@ -63,6 +69,9 @@ Counts counts_in(std::string_view text) {
     text = end == std::string_view::npos ? std::string_view{} : text.substr(end + 1);
     if (rig.has(first.name)) ++out.rig;
     if (model.has(first.name)) ++out.model;
+    if (first.header && first.name == "candidate") ++out.candidates;
+    if (first.list && (first.name == "recording" || first.name == "number")) ++out.recordings;
+    if (first.name == "oscillator") out.oscillator = true;
     if (first.name == "fault") ++out.faults;
     if (first.header && first.name == "register") ++out.registers;
     if (first.name == "seed") out.seed = true;  // of a script without faults; rigs have one, too
@@ -77,6 +86,8 @@ Counts counts_in(std::string_view text) {
 std::optional<FileKind> kind_of(std::string_view text) {
   // Line by line, so that a file with a syntax error has a kind, too.
   const Counts n = counts_in(text);
+  if (n.recordings > 0) return FileKind::campaign;
+  if (n.candidates > 0 && !n.oscillator) return FileKind::candidates;
   const std::size_t most = std::max({n.rig, n.model, n.faults, n.calibration});
   if (n.registers > most) return FileKind::modbus_map;
   if (most == 0) return n.seed ? std::optional(FileKind::fault_script) : std::nullopt;

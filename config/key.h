@@ -34,6 +34,9 @@ enum class Type {
   lines,        ///< an array of [frequency_hz, amplitude, phase_deg]
   filters,      ///< an array of tables with the keys of a filter
   terms,        ///< [[physics]] tables, which have the effect's parameters as further keys
+  numbers,      ///< { NAME = number, ... }; tables in it lengthen the names
+  parameters,   ///< { NAME = { value, sigma, unit }, ... }
+  states,       ///< { NAME = { rate, within, unit, size }, ... }
   faults,       ///< [[fault]] tables
   calibration,  ///< a table with the keys of one channel's calibration
   tables,       ///< an array of tables

@@ -7,6 +7,7 @@
 #include <concepts>
 #include <cstddef>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -15,6 +16,7 @@
 #include <vector>
 
 #include "config/calibration.h"
+#include "config/campaign.h"
 #include "config/fault_script.h"
 #include "config/key.h"
 #include "config/key_tables.h"
@@ -178,6 +180,14 @@ struct Reading<std::array<double, channel_count>> {
   static constexpr Type type = Type::crosstalk;
   static void read(std::array<double, channel_count>& target, const Value& value);
   static std::string initial(const std::array<double, channel_count>&) { return {}; }
+};
+
+/// Numbers by name; names within tables are joined by dots.
+template <>
+struct Reading<std::map<std::string, double>> {
+  static constexpr Type type = Type::numbers;
+  static void read(std::map<std::string, double>& target, const Value& value);
+  static std::string initial(const std::map<std::string, double>&) { return {}; }
 };
 
 template <>

@@ -7,12 +7,19 @@
 #include <vector>
 
 #include "config/calibration.h"
+#include "config/campaign.h"
 #include "config/fault_script.h"
 #include "config/key.h"
 #include "config/rig.h"
+#include "physics/formula_effect.h"
 #include "physics/model.h"
 
 namespace stickslip::config {
+
+/// The content of a file of candidates: the schema and [[candidate]] tables.
+struct CandidateFile {
+  std::vector<physics::Term> candidates;
+};
 
 /// Keys of an object; defined for those below.
 template <class Object>
@@ -35,9 +42,19 @@ std::span<const Key> keys_of<physics::Filter>();
 template <>
 std::span<const Key> keys_of<physics::Term>();  ///< without the parameters of its effect
 template <>
+std::span<const Key> keys_of<physics::FormulaDeclaration>();
+template <>
+std::span<const Key> keys_of<CandidateFile>();
+template <>
 std::span<const Key> keys_of<FaultScript>();
 template <>
 std::span<const Key> keys_of<Fault>();
+template <>
+std::span<const Key> keys_of<CampaignFile>();
+template <>
+std::span<const Key> keys_of<CampaignRecording>();
+template <>
+std::span<const Key> keys_of<physics::SharedNumber>();
 template <>
 std::span<const Key> keys_of<CalibrationFile>();
 template <>

@@ -21,8 +21,8 @@ constexpr std::string_view introduction = R"(# Configuration
 
 `stickslip check --keys` prints this page from the table that files are validated against.
 
-`stickslip check FILE...` reports every problem of a rig, a model, a fault script, a calibration or
-a register map, with line and column and without a daemon. Files are TOML. An unknown key is an
+`stickslip check FILE...` reports every problem of a rig, a model, a fault script, a calibration, a
+register map or a campaign, with line and column and without a daemon. Files are TOML. An unknown key is an
 error, so that no misspelling goes unnoticed. CHANNEL stands for `displacement`, `velocity`,
 `friction_force`, `normal_load`, `base_displacement` or `drive_force`. Paths are relative to the
 file that names them.
@@ -53,6 +53,19 @@ The assumed physics of a rig, as in
 [`config/models/simulated.toml`](../config/models/simulated.toml). A parameter that is a plain
 number is known exactly; `{ value = 0.06, sigma = 0.0006 }` has that standard deviation and is
 calibrated on a recording before any effect is reported missing.
+
+)";
+
+constexpr std::string_view formulas = R"(
+A `[[physics]]` table with a formula of your own, and each `[[candidate]]` table, of a model or of a
+file for `stickslip diagnose --candidates`, as described in [formulas.md](formulas.md):
+
+)";
+
+constexpr std::string_view campaigns = R"(
+## Campaigns
+
+Read by `stickslip diagnose --campaign`; [campaigns.md](campaigns.md) describes them.
 
 )";
 
@@ -103,6 +116,10 @@ std::string keys_page() {
            Section{models, keys_of<physics::Model>()},
            Section{"\nEach filter of `filters`:\n\n", keys_of<physics::Filter>()},
            Section{"\nEach `[[physics]]` table:\n\n", keys_of<physics::Term>()},
+           Section{formulas, keys_of<physics::FormulaDeclaration>()},
+           Section{campaigns, keys_of<CampaignFile>()},
+           Section{"\nEach `[[recording]]` table:\n\n", keys_of<CampaignRecording>()},
+           Section{"\nEach `[[number]]` table:\n\n", keys_of<physics::SharedNumber>()},
            Section{fault_scripts, keys_of<FaultScript>()},
            Section{"\nEach `[[fault]]` table:\n\n", keys_of<Fault>()},
            Section{"\nIts `amount`, by kind; channels are in the device's own units, before "

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "config/model_file.h"
 
+#include <algorithm>
 #include <optional>
 #include <string>
 
 #include "config/document.h"
+#include "config/formula_table.h"
 #include "config/model_names.h"
 #include "config/toml_text.h"
+#include "physics/friction_laws.h"
 #include "physics/model_consistency.h"
 
 namespace stickslip::config {
@@ -49,8 +52,14 @@ void write(TomlWriter& out, const physics::NormalLoad& load) {
   if (load.law == physics::NormalLoadLaw::wedge) write(out, "slope_per_m", load.slope_per_m);
 }
 
-void write(TomlWriter& out, const physics::Friction& friction) {
+void write_friction(TomlWriter& out, const physics::Model& model) {
   out.table("friction");
+  if (const physics::Term* law = physics::law_term(model)) {
+    out.text("law", law->id);
+    for (const auto& [name, parameter] : law->parameters) write(out, name, parameter);
+    return;
+  }
+  const physics::Friction& friction = model.friction;
   write(out, "law", friction.law);
   if (friction.law == physics::FrictionLaw::none) return;
   write(out, "mu", friction.mu);
@@ -99,9 +108,20 @@ void write(TomlWriter& out, Channel channel, const physics::Sensor& sensor) {
   out.line("filters", "[" + list + " ]");
 }
 
-void write(TomlWriter& out, const physics::Term& term) {
-  out.tables("physics");
+void write_formula(TomlWriter& out, const physics::Term& term) {
+  const physics::FormulaDeclaration& formula = term.formula->declaration();
+  out.text("relation", physics::name_of(physics::relation_of(formula.quantity)));
+  std::string key(physics::name_of(formula.quantity));
+  if (formula.channel) key.append(".").append(info(*formula.channel).stem);
+  out.text(key, formula.text);
+  if (!formula.parameters.empty()) out.line("parameters", parameters_text(term));
+  if (!formula.states.empty()) out.line("states", states_text(formula));
+}
+
+void write(TomlWriter& out, std::string_view table, const physics::Term& term) {
+  out.tables(table);
   out.text("id", term.id);
+  if (term.formula) return write_formula(out, term);
   if (term.channel) write(out, "channel", *term.channel);
   if (term.from) write(out, "from", *term.from);
   for (const auto& [name, parameter] : term.parameters) write(out, name, parameter);
@@ -118,12 +138,30 @@ physics::Model parse_model(std::string_view text, const std::string& name) {
   physics::Model model;
   if (document.sound()) {
     document.read(model);
+    physics::settle_law(model);
     for (const physics::Inconsistency& each : physics::inconsistencies_of(model)) {
       document.report(each.path, each.message);
     }
   }
   if (!document.sound()) throw InputError(document.take_problems());
   return model;
+}
+
+void add_candidates(const std::filesystem::path& file, physics::Model& model) {
+  const std::string name = file.string();
+  Document document(read_text(file), name, keys_of<CandidateFile>());
+  CandidateFile read;
+  if (document.sound()) {
+    document.read(read);
+    physics::Model extended = model;
+    extended.candidates.insert(extended.candidates.end(), read.candidates.begin(),
+                               read.candidates.end());
+    for (const physics::Inconsistency& each : physics::inconsistencies_of(extended)) {
+      if (each.path.starts_with("candidate.")) document.report(each.path, each.message);
+    }
+    if (document.sound()) model = std::move(extended);
+  }
+  if (!document.sound()) throw InputError(document.take_problems());
 }
 
 std::string parameter_text(const physics::Parameter& parameter) {
@@ -138,11 +176,18 @@ std::string model_text(const physics::Model& model) {
   if (model.dimensionless) out.line("dimensionless", "true");
   write(out, model.oscillator);
   if (model.normal_load) write(out, *model.normal_load);
-  write(out, model.friction);
+  write_friction(out, model);
   if (model.load_cell) write(out, *model.load_cell);
   if (model.normal_load_bridge) write(out, *model.normal_load_bridge);
   for (Channel channel : all_channels) write(out, channel, model.sensors[index_of(channel)]);
-  for (const physics::Term& term : model.terms) write(out, term);
+  for (const physics::Term& term : model.terms) {
+    if (!term.law) write(out, "physics", term);
+  }
+  for (const physics::Term& candidate : model.candidates) {
+    const bool found = std::any_of(model.terms.begin(), model.terms.end(),
+                                   [&](const auto& term) { return term.id == candidate.id; });
+    if (!found) write(out, "candidate", candidate);
+  }
   return out.take();
 }
 

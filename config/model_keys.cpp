@@ -2,6 +2,7 @@
 // Keys of a model file.
 #include <array>
 
+#include "config/friction_keys.h"
 #include "config/key_binding.h"
 
 namespace stickslip::config {
@@ -9,7 +10,13 @@ namespace stickslip::config {
 namespace {
 
 constexpr std::string_view moving = "oscillator.excitation=base|force";
-constexpr std::string_view rubbing = "friction.law=coulomb|state_variable";
+
+// Behind the law of friction, which is the first of the terms.
+void read_terms(physics::Model& model, std::size_t /*channel*/, const Value& value) {
+  std::vector<physics::Term> terms;
+  Reading<std::vector<physics::Term>>::read(terms, value);
+  model.terms.insert(model.terms.end(), terms.begin(), terms.end());
+}
 
 constexpr std::array model_table = {
     schema_key<physics::Model>(),
@@ -101,38 +108,9 @@ constexpr std::array model_table = {
             .need = Need::in_table,
             .when = "normal_load.law=wedge",
             .only_then = true}),
-    bound<&physics::Model::friction, &physics::Friction::law>(Key{
-        .path = "friction.law",
-        .sentence = "theta of f = mu N theta: no friction, theta = g(v), or theta' = -rate_per_s "
-                    "(theta - g(v)). Without [friction]: none.",
-        .need = Need::in_table,
-        .without = "none"}),
-    bound<&physics::Model::friction, &physics::Friction::mu>(
-        Key{.path = "friction.mu",
-            .unit = "1",
-            .sentence = "Coefficient of friction; in N without a normal load.",
-            .need = Need::in_table,
-            .when = rubbing,
-            .only_then = true,
-            .low = 0}),
-    bound<&physics::Model::friction, &physics::Friction::transition_speed_m_s>(Key{
-        .path = "friction.transition_speed_m_s",
-        .unit = "m/s",
-        .sentence = "g(v) = tanh(v / transition_speed_m_s); 0: sign(v), and any value in [-1, 1] "
-                    "while v = 0.",
-        .need = Need::in_table,
-        .when = rubbing,
-        .only_then = true,
-        .low = 0}),
-    bound<&physics::Model::friction, &physics::Friction::rate_per_s>(
-        Key{.path = "friction.rate_per_s",
-            .unit = "1/s",
-            .sentence = "Rate gamma at which theta follows g(v).",
-            .need = Need::in_table,
-            .when = "friction.law=state_variable",
-            .only_then = true,
-            .low = 0,
-            .above_low = true}),
+};
+
+constexpr std::array after_friction = {
     bound<&physics::Model::load_cell, &physics::LoadCell::mass_kg>(
         Key{.path = "load_cell.mass_kg",
             .unit = "kg",
@@ -211,9 +189,16 @@ constexpr std::array model_table = {
             .sentence = "Analogue filters in the order of the signal; those of the velocity follow "
                         "those of the displacement.",
             .without = "none"}),
-    bound<&physics::Model::terms>(
+    read_by<physics::Model, read_terms>(
+        Type::terms,
         Key{.path = "physics",
-            .sentence = "One [[physics]] table for each term added by a diagnosis.",
+            .sentence = "One [[physics]] table for each term added by a diagnosis, or for a "
+                        "formula of your own (docs/formulas.md).",
+            .without = "none"}),
+    bound<&physics::Model::candidates>(
+        Key{.path = "candidate",
+            .sentence = "One [[candidate]] table for each formula of your own that a diagnosis "
+                        "tries beside the catalogue.",
             .without = "none"}),
 };
 
@@ -248,11 +233,103 @@ constexpr std::array term_table = {
         Key{.path = "from", .sentence = "The source channel; crosstalk only."}),
 };
 
+using physics::FormulaDeclaration;
+using physics::FormulaQuantity;
+
+template <FormulaQuantity quantity>
+void read_formula(FormulaDeclaration& target, std::size_t channel, const Value& value) {
+  target.quantity = quantity;
+  target.text = value.text();
+  if (quantity == FormulaQuantity::reading) target.channel = all_channels[channel];
+}
+
+void read_parameters(FormulaDeclaration& target, std::size_t /*channel*/, const Value& value) {
+  for (const auto& [name, each] : value.entries()) {
+    const auto unit = each.at("unit");
+    target.parameters.push_back({name, unit ? unit->text() : std::string()});
+  }
+}
+
+void read_states(FormulaDeclaration& target, std::size_t /*channel*/, const Value& value) {
+  const auto text_at = [](const Value& state, std::string_view key) {
+    const auto found = state.at(key);
+    return found ? found->text() : std::string();
+  };
+  for (const auto& [name, each] : value.entries()) {
+    const auto size = each.at("size");
+    target.states.push_back({name, text_at(each, "rate"), text_at(each, "within"),
+                             text_at(each, "unit"), size ? size->number() : 0.0});
+  }
+}
+
+void read_nothing(FormulaDeclaration& /*target*/, std::size_t /*channel*/, const Value& /*value*/) {
+}
+
+// Names of physics::Relation.
+constexpr std::array<std::string_view, 4> formula_relations = {"force_balance", "friction_law",
+                                                               "normal_load", "sensor"};
+
+constexpr std::array formula_table = {
+    bound<&FormulaDeclaration::id>(
+        Key{.path = "id", .sentence = "A name of your own.", .need = Need::always}),
+    read_by<FormulaDeclaration, read_nothing>(Type::choice,
+                                              Key{.path = "relation",
+                                                  .sentence = "What the formula enters.",
+                                                  .without = "follows from the key of the formula",
+                                                  .choices = formula_relations}),
+    read_by<FormulaDeclaration, read_formula<FormulaQuantity::force>>(
+        Type::text,
+        Key{.path = "force",
+            .sentence = "A force on the mass against +x [N], added to the others. A table "
+                        "has one of force, friction, load and reading."}),
+    read_by<FormulaDeclaration, read_formula<FormulaQuantity::friction>>(
+        Type::text, Key{.path = "friction",
+                        .sentence = "The coefficient of friction, from the declared one, mu."}),
+    read_by<FormulaDeclaration, read_formula<FormulaQuantity::load>>(
+        Type::text,
+        Key{.path = "load", .sentence = "The normal load [N], from the declared one, N."}),
+    read_by<FormulaDeclaration, read_formula<FormulaQuantity::reading>>(
+        Type::text,
+        Key{.path = "reading.*", .sentence = "The reading of a channel, from the right one, r."}),
+    read_by<FormulaDeclaration, read_parameters>(
+        Type::parameters,
+        Key{.path = "parameters",
+            .sentence = "The formula's parameters, each a number or { value, sigma, unit }.",
+            .without = "none"}),
+    read_by<FormulaDeclaration, read_states>(
+        Type::states,
+        Key{.path = "states",
+            .sentence = "States of its own, 0 at the beginning: rate and within are formulas, size "
+                        "is a typical magnitude.",
+            .without = "none"}),
+};
+
+constexpr std::array candidate_file_table = {
+    schema_key<CandidateFile>(),
+    bound<&CandidateFile::candidates>(
+        Key{.path = "candidate",
+            .sentence = "One table for each formula that a diagnosis tries beside the catalogue.",
+            .without = "none"}),
+};
+
 }  // namespace
 
 template <>
+std::span<const Key> keys_of<FormulaDeclaration>() {
+  static const std::vector<Key> keys = joined<FormulaDeclaration>({formula_table});
+  return keys;
+}
+
+template <>
+std::span<const Key> keys_of<CandidateFile>() {
+  static const std::vector<Key> keys = joined<CandidateFile>({candidate_file_table});
+  return keys;
+}
+
+template <>
 std::span<const Key> keys_of<physics::Model>() {
-  static const std::vector<Key> keys = joined<physics::Model>({model_table});
+  static const std::vector<Key> keys =
+      joined<physics::Model>({model_table, friction_keys(), after_friction});
   return keys;
 }
 

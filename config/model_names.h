@@ -3,6 +3,7 @@
 #pragma once
 
 #include "config/names.h"
+#include "physics/campaign.h"
 #include "physics/model.h"
 
 namespace stickslip::config {
@@ -34,6 +35,16 @@ inline constexpr auto names<physics::LoadCellDynamics> =
         {physics::LoadCellDynamics::quasi_static, "quasi_static"},
         {physics::LoadCellDynamics::resonant, "resonant"},
     });
+
+template <>
+inline constexpr auto names<physics::Sharing> = std::to_array<Name<physics::Sharing>>({
+    {physics::Sharing::common, "common"},
+    {physics::Sharing::own, "own"},
+    {physics::Sharing::varies, "varies"},
+    {physics::Sharing::proportional, "proportional"},
+    {physics::Sharing::power, "power"},
+    {physics::Sharing::linear, "linear"},
+});
 
 template <>
 inline constexpr auto names<physics::FilterKind> = std::to_array<Name<physics::FilterKind>>({

@@ -3,6 +3,7 @@
 
 #include <system_error>
 
+#include "config/campaign.h"
 #include "config/document.h"
 #include "config/key.h"
 #include "config/rig.h"
@@ -17,12 +18,26 @@ std::vector<NamedFile> named_files(const Rig& rig) {
   return out;
 }
 
+namespace {
+
+std::vector<std::filesystem::path> files_of_campaign(const std::string& text,
+                                                     const std::string& name) {
+  const CampaignFile campaign = parse_campaign(text, name);
+  std::vector<std::filesystem::path> out;
+  if (!campaign.model.empty()) out.push_back(campaign.model);
+  for (const CampaignRecording& each : campaign.recordings) out.push_back(each.file);
+  return out;
+}
+
+}  // namespace
+
 std::vector<std::filesystem::path> files_read_with(const std::filesystem::path& file) {
   std::vector<std::filesystem::path> out;
   std::error_code error;
   if (!std::filesystem::is_regular_file(file, error)) return out;
   try {
     const std::string text = read_text(file);
+    if (kind_of(text) == FileKind::campaign) return files_of_campaign(text, file.string());
     if (kind_of(text) != FileKind::rig) return out;
     const Document document(text, file.string(), rig_keys());
     for (NamedFile& each : document.named_files()) {

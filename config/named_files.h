@@ -22,8 +22,9 @@ struct NamedFile {
 /// A rig's configuration, and the files that it names.
 std::vector<NamedFile> named_files(const Rig& rig);
 
-/// Files that a configuration names in order to read them: those of a rig, even one with errors. A
-/// file of any other kind names none; pipes and devices are not opened. Does not throw.
+/// Files that a configuration names in order to read them: those of a rig, even one with errors,
+/// and those of a campaign. A file of any other kind names none; pipes and devices are not opened.
+/// Does not throw.
 std::vector<std::filesystem::path> files_read_with(const std::filesystem::path& file);
 
 /// Why a rig must not write `file` for the key `key`: the configuration or another of its keys uses

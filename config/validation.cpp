@@ -9,6 +9,8 @@
 #include <utility>
 
 #include "config/calibration.h"
+#include "config/formula_check.h"
+#include "config/formula_table.h"
 #include "config/key_tables.h"
 #include "config/names.h"
 #include "config/toml_nodes.h"
@@ -56,6 +58,12 @@ std::string listed(const std::vector<std::string>& names) {
   std::string out;
   for (const std::string& name : names) out += (out.empty() ? "" : ", ") + name;
   return out;
+}
+
+std::vector<std::string> names_of(const toml::table& table) {
+  std::vector<std::string> names;
+  for (const auto& [name, each] : table) names.emplace_back(name.str());
+  return names;
 }
 
 /// Validates one table and the tables in it.
@@ -159,6 +167,12 @@ class Check {
         return lines(node, key, path);
       case Type::terms:
         return terms(node, key, path);
+      case Type::numbers:
+        return numbers(node, key, path);
+      case Type::parameters:
+        return check_named_parameters(node, formula_report(label_));
+      case Type::states:
+        return check_named_states(node, formula_report(label_));
       case Type::span:
         return span(node, key, path);
       case Type::faults:
@@ -354,12 +368,33 @@ class Check {
     for (const toml::node& each : *list) {
       if (const toml::table* term = each.as_table()) {
         const auto id = (*term)["id"].value<std::string_view>();
-        Check(keys_of<physics::Term>(), *term, id ? joined_path(path, *id) : path, name_, problems_)
-            .run(true);
+        const std::string label = id ? joined_path(path, *id) : path;
+        if (key.path == "candidate" || states_formula(names_of(*term))) {
+          formula(*term, label);
+        } else {
+          Check(keys_of<physics::Term>(), *term, label, name_, problems_).run(true);
+        }
       } else {
         expected(each, key, path);
       }
     }
+  }
+
+  FormulaReport formula_report(const std::string& label) {
+    return [this, label](const Place& place, const std::string& within, const std::string& why) {
+      problem(place, (within.empty() ? label : joined_path(label, within)) + ": " + why);
+    };
+  }
+
+  void formula(const toml::table& table, const std::string& label) {
+    const std::size_t before = problems_.size();
+    Check(keys_of<physics::FormulaDeclaration>(), table, label, name_, problems_).run();
+    if (problems_.size() != before) return;
+    physics::FormulaSurroundings around;
+    around.dimensionless = root_["dimensionless"].value_or(false);
+    // A file of candidates says nothing of the model.
+    if (root_.contains("oscillator")) around.loaded = root_.contains("normal_load");
+    check_formula(table, around, formula_report(label));
   }
 
   void span(const toml::node& node, const Key& key, const std::string& path) {
@@ -443,6 +478,21 @@ class Check {
       problem(node, full(path) +
                         ": is no covariance: variances are 0 or more, and the one in the middle is "
                         "at most the root of their product");
+    }
+  }
+
+  void numbers(const toml::node& node, const Key& key, const std::string& path) {
+    const toml::table* table = node.as_table();
+    if (table == nullptr) return expected(node, key, path);
+    for (const auto& [name, value] : *table) {
+      const std::string inner = joined_path(path, name.str());
+      const auto number = number_in(&value);
+      if (value.is_table()) {
+        numbers(value, key, inner);
+      } else if (!number || !std::isfinite(*number)) {
+        wrong_.insert(path);
+        problem(value, full(inner) + ": expected a number, found " + found_text(value));
+      }
     }
   }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "config/value.h"
 
+#include "config/formula_table.h"
 #include "config/key_binding.h"
 #include "config/toml_nodes.h"
 
@@ -95,6 +96,18 @@ void Reading<std::array<double, channel_count>>::read(std::array<double, channel
   }
 }
 
+void Reading<std::map<std::string, double>>::read(std::map<std::string, double>& target,
+                                                  const Value& value) {
+  const auto add = [&](auto&& again, const std::string& prefix, const Value& table) -> void {
+    for (const auto& [name, each] : table.entries()) {
+      const std::string path = joined_path(prefix, name);
+      each.entries().empty() ? void(target[path] = each.number()) : again(again, path, each);
+    }
+  };
+  target.clear();
+  add(add, "", value);
+}
+
 void Reading<EnvelopePoint>::read(EnvelopePoint& target, const Value& value) {
   target = {number_at(value, 0), number_at(value, 1)};
 }
@@ -109,6 +122,12 @@ void Reading<physics::Filter>::read(physics::Filter& target, const Value& value)
 }
 
 void Reading<physics::Term>::read(physics::Term& target, const Value& value) {
+  std::vector<std::string> names;
+  for (const auto& [name, each] : value.entries()) names.push_back(name);
+  if (states_formula(names)) {
+    target = formula_term(value, {.dimensionless = true});  // units have been checked
+    return;
+  }
   read_keys(keys_of<physics::Term>(), value, &target);
   for (const auto& [name, each] : value.entries()) {
     if (find_key(keys_of<physics::Term>(), name) == nullptr) {

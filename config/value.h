@@ -26,6 +26,7 @@ class Value {
   bool boolean() const;
   std::string text() const;
   std::filesystem::path path() const;
+  /// A number, or the value and the sigma of a table; one that is absent is 0.
   physics::Parameter parameter() const;
   /// Elements of a list.
   std::vector<Value> elements() const;

@@ -7,6 +7,7 @@
 #include "diagnosis/experiment.h"
 #include "diagnosis/parallel/for_each.h"
 #include "diagnosis/rerun.h"
+#include "diagnosis/shooting.h"
 
 namespace stickslip::diagnosis {
 
@@ -21,6 +22,7 @@ FalseAlarms false_alarms(const std::vector<protocol::Recording>& recordings,
   std::mutex progress_mutex;
   std::size_t done = 0;
   parallel::for_each(count, options.threads, [&](std::size_t i) {
+    if (options.stop.stop_requested()) throw Interrupted();
     std::vector<protocol::Recording> simulated;
     for (const Experiment& experiment : experiments) {
       const std::uint64_t seed = options.seed + 1 + i * experiments.size() + simulated.size();
@@ -30,6 +32,7 @@ FalseAlarms false_alarms(const std::vector<protocol::Recording>& recordings,
     own.criteria = options.criteria;
     own.horizon_s = result.horizon_s;
     own.seed = options.seed + i;
+    own.stop = options.stop;
     diagnoses[i] = diagnose(simulated, declared, own);
     if (!options.progress) return;
     const std::scoped_lock lock(progress_mutex);

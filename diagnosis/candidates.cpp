@@ -7,6 +7,7 @@
 
 #include "physics/catalogue.h"
 #include "physics/declared_value.h"
+#include "physics/formula_effect.h"
 
 namespace stickslip::diagnosis {
 
@@ -30,27 +31,59 @@ std::optional<Channel> driving_channel(const physics::Model& model) {
   return std::nullopt;
 }
 
+// The model with a load that is not constant, where it is another one in each recording: an effect
+// of the load then shows between them.
+std::optional<physics::Model> under_varied_loads(const physics::Model& model,
+                                                 const physics::Campaign& campaign) {
+  if (!model.normal_load || model.normal_load->law != physics::NormalLoadLaw::constant) {
+    return std::nullopt;
+  }
+  const auto conditions = campaign.varied_conditions();
+  if (std::find(conditions.begin(), conditions.end(), "load_n") == conditions.end()) {
+    return std::nullopt;
+  }
+  physics::Model out = model;
+  out.normal_load->law = physics::NormalLoadLaw::wedge;
+  return out;
+}
+
 }  // namespace
 
 std::string CandidateEffect::name() const {
   std::string name(effect->card().id);
-  if (is_number()) return name + " of " + parameter;
+  if (is_number()) name += " of " + parameter;
   if (place.channel) name += " of " + std::string(info(*place.channel).stem);
   if (place.from) name += " from " + std::string(info(*place.from).stem);
+  if (physics::follows(shared.sharing)) name += " with " + shared.condition;
+  if (shared.sharing == physics::Sharing::own) name += " in each recording";
   return name;
 }
 
 physics::Relation CandidateEffect::relation() const {
-  return is_number() ? physics::relation_of(parameter) : effect->card().relation;
+  return is_number() ? number_enters : effect->card().relation;
 }
 
 std::vector<CandidateEffect> candidate_effects(const physics::Model& model,
-                                               std::span<const Experiment> experiments) {
+                                               std::span<const Experiment> experiments,
+                                               const physics::Campaign* campaign) {
   std::vector<CandidateEffect> candidates;
+  const auto under_loads = campaign ? under_varied_loads(model, *campaign) : std::nullopt;
   const auto add = [&](const physics::Effect* effect, const physics::Place& place) {
-    if (physics::can_be_missing(*effect, model, place)) candidates.push_back({effect, place});
+    const bool between = under_loads && effect->state_count() == 0 &&
+                         physics::can_be_missing(*effect, *under_loads, place);
+    if (!physics::can_be_missing(*effect, model, place) && !between) return;
+    candidates.push_back({effect, place});
+    const physics::Card& card = effect->card();
+    if (!campaign || campaign->runs.size() < 2 || !card.episode || !card.strength) return;
+    // It lasts in one recording: in the others its strength is another one, or none.
+    candidates.back().shared = {physics::path_of(physics::term_of(*effect, place)) + "." +
+                                    std::string(card.parameters[*card.strength].name),
+                                physics::Sharing::own};
   };
-  for (const physics::Effect* effect : physics::catalogue()) {
+  const auto catalogue = physics::catalogue();
+  std::vector<const physics::Effect*> effects(catalogue.begin(), catalogue.end());
+  for (const physics::Term& own : model.candidates) effects.push_back(own.formula.get());
+  for (const physics::Effect* effect : effects) {
     if (effect->card().relation != physics::Relation::sensor) {
       add(effect, {});
       continue;
@@ -64,7 +97,8 @@ std::vector<CandidateEffect> candidate_effects(const physics::Model& model,
     }
   }
   for (std::string& path : physics::contradictable_numbers(model)) {
-    candidates.push_back({&physics::declared_value(), {}, std::move(path)});
+    const physics::Relation relation = physics::relation_of(path, model);
+    candidates.push_back({&physics::declared_value(), {}, std::move(path), relation});
   }
   return candidates;
 }
@@ -104,7 +138,55 @@ bool CandidateEffect::frees_what_is_declared() const {
          frees({*place.channel, delay});
 }
 
+std::vector<physics::SharedNumber> differences_of(const std::string& path,
+                                                  const physics::Campaign& campaign) {
+  if (campaign.runs.size() < 2) return {};
+  std::vector<physics::SharedNumber> out{{path, physics::Sharing::own}};
+  for (const std::string& condition : campaign.varied_conditions()) {
+    const bool positive =
+        std::all_of(campaign.runs.begin(), campaign.runs.end(),
+                    [&](const physics::Run& run) { return run.conditions.at(condition) > 0.0; });
+    // Degrees Celsius, and the order of the recordings, have no zero of their own.
+    const bool has_zero = positive && !condition.ends_with("_c") && condition != "order";
+    out.push_back({path, has_zero ? physics::Sharing::power : physics::Sharing::linear, condition});
+  }
+  return out;
+}
+
+std::vector<CandidateEffect> comparison_candidates(const physics::Model& model,
+                                                   std::span<const Experiment> experiments,
+                                                   const physics::Campaign& campaign) {
+  std::vector<CandidateEffect> out;
+  for (const CandidateEffect& each : candidate_effects(model, experiments)) {
+    const bool instrument = !each.is_number() && each.frees_what_is_declared();
+    if (!each.is_number() && !instrument) continue;
+    const std::string path =
+        each.is_number() ? each.parameter
+                         : physics::path_of(physics::term_of(*each.effect, each.place)) + "." +
+                               std::string(each.effect->card().parameters.front().name);
+    // A load that is stated for each recording does not follow itself.
+    if (path == "normal_load.load_n") continue;
+    if (campaign.sharing_of(path).sharing != physics::Sharing::common) continue;
+    for (physics::SharedNumber& difference : differences_of(path, campaign)) {
+      // An instrument is another one in one run, and no function of what the rig undergoes.
+      if (instrument && difference.sharing != physics::Sharing::own) continue;
+      out.push_back(each);
+      out.back().shared = std::move(difference);
+    }
+  }
+  return out;
+}
+
 physics::Tier tier_of(const CandidateEffect& candidate) { return candidate.effect->card().tier; }
+
+std::size_t strength_in(const physics::Card& card, std::size_t size) {
+  const std::size_t strength = card.strength.value();
+  if (size == card.parameters.size()) return strength;
+  const auto first = card.parameters.begin();
+  return static_cast<std::size_t>(
+      std::count_if(first, first + static_cast<std::ptrdiff_t>(strength),
+                    [](const physics::ParameterCard& each) { return !each.fixed_default; }));
+}
 
 bool are_rivals(const CandidateEffect& one, const CandidateEffect& other) {
   const auto lists = [](const physics::Card& card, const physics::Card& rival) {

@@ -12,6 +12,7 @@
 #include "diagnosis/median.h"
 #include "diagnosis/spectrum.h"
 #include "diagnosis/wide_band.h"
+#include "physics/friction_laws.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
 #include "physics/sensor_chain.h"
@@ -21,7 +22,6 @@ namespace stickslip::diagnosis {
 namespace {
 
 using physics::Excitation;
-using physics::FrictionLaw;
 using physics::Model;
 using physics::NormalLoadLaw;
 
@@ -257,7 +257,7 @@ std::string contradiction(const std::vector<Frame>& frames, Channel channel, con
     case Channel::velocity:
       return moved(Channel::displacement) ? "displacement_m swings to and fro" : "";
     case Channel::friction_force:
-      if (run.value == 0.0 && model.friction.law == FrictionLaw::none) return "";
+      if (run.value == 0.0 && physics::is_frictionless(model)) return "";
       return moved(Channel::displacement) ? "the mass slides to and fro under it" : "";
     case Channel::normal_load:
       return "";
@@ -467,14 +467,13 @@ struct Forces {
 };
 
 double declared_friction_n(const Model& model, const Stretch& s) {
-  if (model.friction.law == FrictionLaw::none) return 0.0;
   double load = 1.0;
   if (model.normal_load) {
     const bool measured = model.normal_load->law == NormalLoadLaw::measured;
     load = measured && s.has(Channel::normal_load) ? moments(s.of(Channel::normal_load)).mean
                                                    : model.normal_load->load_n.value;
   }
-  return model.friction.mu.value * load;
+  return physics::friction_coefficient(model).value * load;
 }
 
 std::vector<double> forces_of_motion(const std::vector<double>& displacement, const Stretch& s,

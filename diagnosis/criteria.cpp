@@ -65,6 +65,8 @@ constexpr std::array shares_and_levels = {
 
 constexpr std::array counts = {
     Limits{"effort.screening_windows", &Effort::screening_windows, 2.0, unlimited},
+    Limits{"effort.screening_windows_of_recording", &Effort::screening_windows_of_recording, 0.0,
+           unlimited},
     Limits{"effort.rough_fits", &Effort::rough_fits, 1.0, unlimited},
     Limits{"effort.refinements", &Effort::refinements, 0.0, unlimited},
     Limits{"effort.listed_finalists", &Effort::listed_finalists, 1.0, unlimited},

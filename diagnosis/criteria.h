@@ -16,6 +16,8 @@ namespace stickslip::diagnosis {
 struct Effort {
   /// Windows of a rough fit: half spread over the recording, half where the base model fits worst.
   std::size_t screening_windows = 20;
+  /// More of them for each further recording of a campaign, whose own numbers they have to show.
+  std::size_t screening_windows_of_recording = 8;
   int screening_iterations = 1;  ///< of the first fit of every candidate effect, from every start
   std::size_t rough_fits = 16;   ///< candidates fitted again after screening, the best first
   int rough_iterations = 2;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "diagnosis/detection.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <optional>
 
+#include "diagnosis/nuisance_projection.h"
 #include "diagnosis/parallel/for_each.h"
 
 namespace stickslip::diagnosis {
@@ -14,67 +14,6 @@ namespace {
 
 // Tolerance of a limit, in the logarithm of the change of the readings.
 constexpr double log_tolerance = 0.1;
-
-using Change = std::vector<Eigen::VectorXd>;  // of the scaled readings, by window
-
-// Inner product of two changes of the readings after the nuisance parameters (window states,
-// calibrated parameters, knots of the base's noise) have been projected out.
-class NuisanceProjection {
- public:
-  NuisanceProjection(const Hypothesis& hypothesis, std::vector<WindowJacobian> windows)
-      : windows_(std::move(windows)) {
-    const auto np = static_cast<Eigen::Index>(hypothesis.unknowns().size());
-    Eigen::MatrixXd information = Eigen::MatrixXd::Zero(np, np);
-    for (const WindowJacobian& w : windows_) {
-      Eigen::MatrixXd own = w.free.transpose() * w.free;
-      own.diagonal().array() += 1.0;  // free columns are in units of their priors
-      own_.emplace_back(own);
-      cross_.push_back(w.free.transpose() * w.parameters);
-      information += w.parameters.transpose() * w.parameters -
-                     cross_.back().transpose() * own_.back().solve(cross_.back());
-    }
-    for (Eigen::Index i = 0; i < np; ++i) {
-      const double sigma = hypothesis.unknowns()[static_cast<std::size_t>(i)].prior_sigma;
-      information(i, i) += sigma > 0.0 ? 1.0 / (sigma * sigma) : 0.0;
-      information(i, i) += 1.0e-12 * (1.0 + information(i, i));
-    }
-    common_.compute(information);
-  }
-
-  const Eigen::VectorXd& residual(std::size_t w) const { return windows_[w].residual; }
-  Change residuals() const {
-    Change all;
-    for (const WindowJacobian& w : windows_) all.push_back(w.residual);
-    return all;
-  }
-  double samples() const {
-    double sum = 0.0;
-    for (const WindowJacobian& w : windows_) sum += static_cast<double>(w.residual.size());
-    return sum;
-  }
-
-  // product(a, a) is the increase of chi-squared by the change.
-  double product(const Change& a, const Change& b) const {
-    double sum = 0.0;
-    Eigen::VectorXd ga = Eigen::VectorXd::Zero(common_.rows());
-    Eigen::VectorXd gb = ga;
-    for (std::size_t w = 0; w < windows_.size(); ++w) {
-      const WindowJacobian& j = windows_[w];
-      const Eigen::VectorXd own_a = j.free.transpose() * a[w];
-      const Eigen::VectorXd solved = own_[w].solve(j.free.transpose() * b[w]);
-      sum += a[w].dot(b[w]) - own_a.dot(solved);
-      ga += j.parameters.transpose() * a[w] - cross_[w].transpose() * own_[w].solve(own_a);
-      gb += j.parameters.transpose() * b[w] - cross_[w].transpose() * solved;
-    }
-    return sum - ga.dot(common_.solve(gb));
-  }
-
- private:
-  std::vector<WindowJacobian> windows_;
-  std::vector<Eigen::LLT<Eigen::MatrixXd>> own_;
-  std::vector<Eigen::MatrixXd> cross_;
-  Eigen::LDLT<Eigen::MatrixXd> common_;
-};
 
 // True if the effect modifies the equations gradually with its size, without replacing a law.
 bool is_gradual(const Hypothesis& base, const Hypothesis& with) {
@@ -126,8 +65,7 @@ class LimitSearch {
         hypothesis_(hypothesis),
         fitted_(fitted),
         criteria_(criteria),
-        projection_(hypothesis, jacobians_of(task, hypothesis, fitted.z, fitted.state)),
-        residuals_(projection_.residuals()),
+        projection_(hypothesis, fitted.z, jacobians_of(task, hypothesis, fitted.z, fitted.state)),
         samples_(projection_.samples()),
         target_(0.5 * std::log(criteria.claim_chi2 * samples_)) {}
 
@@ -138,33 +76,15 @@ class LimitSearch {
                                         const physics::Scales& scales) const {
     const physics::Card& card = candidate.effect->card();
     if (!card.strength || candidate.is_number()) return std::nullopt;
-    std::size_t position = 0;  // among the parameters that a start holds
-    for (std::size_t k = 0; k < *card.strength; ++k) {
-      if (!card.parameters[k].fixed_default) ++position;
-    }
     const std::vector<double> fixed = candidate.effect->fixed(scales);
     std::optional<Influence> best;
     for (const std::vector<double>& start : candidate.effect->starts(scales)) {
-      const std::size_t at = start.size() == card.parameters.size() ? *card.strength : position;
-      if (!search_from(candidate, start, at, fixed, best)) break;
+      if (!search_from(candidate, start, strength_in(card, start.size()), fixed, best)) break;
     }
     return best;
   }
 
  private:
-  // Change of the readings by an effect that was added to the hypothesis.
-  Change change_of(const Hypothesis& with) const {
-    std::vector<double> z = fitted_.z;
-    z.resize(with.unknowns().size(), 0.0);  // terms come last
-    const std::vector<WindowState> state =
-        warm_start_states(fitted_.state, task_, hypothesis_, with);
-    Change change;
-    for (std::size_t w = 0; w < task_.windows.size(); ++w) {
-      change.push_back(residuals_of(task_, w, with, z, state[w]) - projection_.residual(w));
-    }
-    return change;
-  }
-
   // Updates `best` by a search from one start, whose element `at` is the strength. False if the
   // effect replaces a law.
   bool search_from(const CandidateEffect& candidate, std::vector<double> start, std::size_t at,
@@ -179,14 +99,15 @@ class LimitSearch {
       const Hypothesis with =
           hypothesis_.with(*candidate.effect, candidate.place, start, fixed, Detail::coarse);
       if (!is_gradual(hypothesis_, with)) return false;
-      Change change = change_of(with);
+      Change change =
+          change_by(with, task_, {&hypothesis_, fitted_.z, &fitted_.state}, projection_);
       const double square = projection_.product(change, change);
       const double log_change =
           std::isfinite(square) ? 0.5 * std::log(std::max(square, 1.0e-30)) : 20.0;
       if (std::abs(log_change - target_) < log_tolerance) {
-        const double correlation = projection_.product(residuals_, change);
-        const double gain = std::max(best ? best->limit.gain : 0.0,
-                                     correlation * correlation / (square * samples_));
+        const double slope = projection_.slope(change);
+        const double gain =
+            std::max(best ? best->limit.gain : 0.0, slope * slope / (square * samples_));
         if (!best || size.amount() < std::abs(best->limit.value - parameter.neutral)) {
           best = Influence{{candidate, start[at]}, std::move(change)};
         }
@@ -204,7 +125,6 @@ class LimitSearch {
   const Fit& fitted_;
   const Criteria& criteria_;
   NuisanceProjection projection_;
-  Change residuals_;
   double samples_;
   double target_;
 };

@@ -6,11 +6,10 @@
 #include <stdexcept>
 #include <tuple>
 
-#include "diagnosis/channel_faults.h"
 #include "diagnosis/fitting.h"
 #include "diagnosis/instruments.h"
 #include "diagnosis/noise_check.h"
-#include "diagnosis/outliers.h"
+#include "diagnosis/preparation.h"
 #include "physics/declared_value.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
@@ -22,49 +21,58 @@ namespace {
 
 using physics::Model;
 
-// The recordings with their windows, integrated with fine and with coarse steps.
-struct Experiments {
-  std::vector<Experiment> fine;
-  std::vector<Experiment> coarse;
-};
-
-std::size_t& count_of(Use use, WindowCount& windows) {
-  switch (use) {
-    case Use::fit:
-      break;
-    case Use::select:
-      return windows.select;
-    case Use::report:
-      return windows.report;
+// The instruments of all recordings: those of the largest motion and of every channel.
+Model with_instruments_of(Model model, std::span<const Experiment> experiments) {
+  Experiment all;
+  for (const Experiment& e : experiments) {
+    all.period_s = std::max(all.period_s, e.period_s);
+    all.compared = static_cast<std::uint8_t>(all.compared | e.compared);
+    for (std::size_t c = 0; c < channel_count; ++c) {
+      all.noise_std[c] = std::max(all.noise_std[c], e.noise_std[c]);
+      all.channel_std[c] = std::max(all.channel_std[c], e.channel_std[c]);
+    }
   }
-  return windows.fit;
+  return with_instruments(std::move(model), all);
 }
 
-Experiments prepare(const std::vector<protocol::Recording>& recordings, const Model& model,
-                    const Options& options, Diagnosis& out) {
-  Experiments experiments;
-  for (const protocol::Recording& recording : recordings) {
-    experiments.fine.push_back(make_experiment(recording, model));
-    refuse_faulty_channels(Cleaned(recording).recording(), model);
-    experiments.coarse.push_back(make_experiment(recording, model, Steps::coarse));
-    out.integrity.push_back(integrity_of(recording, model, options.criteria));
+// Of a number that each recording has its own, a finding holds the mean over the recordings.
+void take_means(const std::vector<Comparison>& comparisons, std::vector<Finding>& findings) {
+  for (Finding& finding : findings) {
+    for (const Comparison& each : comparisons) {
+      if (each.number.path != finding.shared.path || each.number.sharing != physics::Sharing::own) {
+        continue;
+      }
+      const std::string name = each.number.path.substr(each.number.path.rfind('.') + 1);
+      for (Estimate& estimate : finding.parameters) {
+        if (estimate.name != name && !finding.candidate().is_number()) continue;
+        estimate.value = each.value;
+        estimate.low = each.low;
+        estimate.high = each.high;
+      }
+    }
   }
-  out.horizon_s = options.horizon_s.value_or(default_horizon_s(model, experiments.fine.front()));
-  for (Experiment& e : experiments.coarse) cut_windows(e, model, out.horizon_s);
-  for (Experiment& e : experiments.fine) {
-    cut_windows(e, model, out.horizon_s);
-    for (const Window& window : e.windows) ++count_of(window.use, out.windows);
+}
+
+CampaignResult campaign_result(const Search& search) {
+  const SearchData& data = search.data();
+  const FittedCandidate& declared = search.declared();
+  const FittedCandidate& result = search.result();
+  CampaignResult out{*data.campaign, comparisons_of(data, result), {}, {}};
+  for (std::size_t i = 0; i < data.experiments.size(); ++i) {
+    out.models.push_back(result.hypothesis->model_in(result.fitted.z, i));
+    if (!data.campaign->runs[i].held_out) continue;
+    Task own = data.held_out;
+    own.windows.clear();
+    for (const WindowRef& each : task_for(data.experiments, Use::report, data.threads).windows) {
+      if (each.experiment == i) own.windows.push_back(each);
+    }
+    HeldOutRecording held_out{i, score(own, *declared.hypothesis, declared.fitted.z), {}};
+    if (!search.claims().empty()) {
+      held_out.augmented = score(own, *result.hypothesis, result.fitted.z);
+    }
+    out.held_out.push_back(std::move(held_out));
   }
-  const WindowCount& windows = out.windows;
-  if (std::min(windows.fit, windows.select) < 2 || windows.report == 0) {
-    throw InputError(Problem{recordings.front().source, 0, 0,
-                             "is too short: it gives " + physics::counted(windows.fit, "window") +
-                                 " of " + physics::number_text(out.horizon_s) + " s to fit, " +
-                                 std::to_string(windows.select) + " to select a model, and " +
-                                 std::to_string(windows.report) +
-                                 " to report; 2, 2 and 1 are needed"});
-  }
-  return experiments;
+  return out;
 }
 
 // The calibrated number that is farthest beyond what the model allows for it; nullptr for none.
@@ -77,17 +85,6 @@ const Calibration* contradicted(const Diagnosis& out, const Criteria& criteria) 
     }
   }
   return farthest;
-}
-
-// All windows of those uses, in units of the noise by which hypotheses were judged.
-Task windows_for(const SearchData& data, std::initializer_list<Use> uses) {
-  Task out = data.held_out;
-  out.windows.clear();
-  for (const Use use : uses) {
-    const Task each = task_for(data.experiments, use, data.threads);
-    out.windows.insert(out.windows.end(), each.windows.begin(), each.windows.end());
-  }
-  return out;
 }
 
 Verdict verdict_without_findings(const Search& search, Diagnosis& out) {
@@ -131,29 +128,56 @@ Fit residuals_in_noise(const Search& search, const Task& measured) {
                                   declared.fitted.state[w]);
     out.chi2[w] = 0.0;
     for_each_compared(e, window.begin, window.end, [&](std::size_t k, std::size_t c) {
-      const double r = (readings[k - window.begin][c] - e.reading[k][c]) / measured.sigma[c];
+      const double r = (readings[k - window.begin][c] - e.reading[k][c]) / measured.sigma_of(e, c);
       out.chi2[w] += std::min(r * r, 1.0e12);
     });
   }
   return out;
 }
 
-Location location_of(const Search& search, const std::vector<Finding>& findings) {
+Balances balances_for(const std::vector<protocol::Recording>& recordings, const Model& model,
+                      const Search& search) {
+  const SearchData& data = search.data();
+  const FittedCandidate& declared = search.declared();
+  const Model calibrated = declared.hypothesis->model_at(declared.fitted.z);
+  return balances_of({recordings, data.experiments, model, calibrated, data.campaign.get()},
+                     data.seed, data.threads, data.criteria);
+}
+
+// Of what has no name: that of the best candidate, unless the balances exclude it.
+physics::Relation relation_without_findings(const Search& search, const Balances& balances,
+                                            const std::optional<BalanceLocation>& by_balances) {
+  const auto relation = search.relation().value_or(physics::Relation::force_balance);
+  if (!by_balances || admits(*by_balances, balances, relation, std::nullopt)) return relation;
+  return by_balances->relation;
+}
+
+Location location_of(const Search& search, const std::vector<Finding>& findings,
+                     const Balances& balances) {
   const SearchData& data = search.data();
   Task measured = search.declared_task();
   measured.sigma = noise_sigma(data.experiments);
   const Fit residuals = residuals_in_noise(search, measured);
   const Hypothesis& declared = *search.declared().hypothesis;
-  const auto relation = findings.empty()
-                            ? search.relation().value_or(physics::Relation::force_balance)
-                            : findings.front().candidate().relation();
+  const auto by_balances = location_by(balances, declared.model());
+  const auto relation = findings.empty() ? relation_without_findings(search, balances, by_balances)
+                                         : findings.front().candidate().relation();
   Location location =
       locate(measured, declared, residuals, relation, data.explained_chi2(), data.criteria);
+  location.balances = balances;
   location.regions = regions_of(measured, declared, residuals, data.seed, data.criteria);
-  if (findings.empty()) return location;
+  if (findings.empty()) {
+    if (by_balances && by_balances->channel) location.channel = by_balances->channel;
+    return location;
+  }
   const Finding& first = findings.front();
   if (first.place.channel) location.channel = first.place.channel;
   if (first.when_s) location.when_s = {*first.when_s};
+  const bool admitted =
+      !by_balances || std::any_of(findings.begin(), findings.end(), [&](const Finding& each) {
+        return admits(*by_balances, balances, each.candidate().relation(), each.place.channel);
+      });
+  if (!admitted) (location.statement += ' ') += contradiction_by(*by_balances, balances);
   return location;
 }
 
@@ -176,15 +200,24 @@ std::vector<Calibration> calibration_of(const FittedCandidate& result, Model dec
   // Terms that were added come last: the declared parameters keep their indices.
   const auto named = physics::parameters_of(declared);
   const auto& unknowns = result.hypothesis->unknowns();
+  // Of a number that each recording has its own: the mean, with the interval of the first.
+  const std::vector<double> means = result.hypothesis->parameters(result.fitted.z);
   std::vector<Calibration> out;
   for (std::size_t u = 0; u < unknowns.size(); ++u) {
-    if (!unknowns[u].of_model) continue;
+    if (!unknowns[u].of_model || result.hypothesis->unknown_of(unknowns[u].parameter) != u)
+      continue;
     const auto& [path, parameter] = named[unknowns[u].parameter];
     Calibration each{path, result.hypothesis->value(u, result.fitted.z[u])};
+    if (unknowns[u].recording) each.value = means[unknowns[u].parameter];
     each.shift_sigmas = (each.value - parameter->value) / parameter->sigma;
     each.declared = parameter->value;
     each.sigma = parameter->sigma;
     std::tie(each.low, each.high) = interval_of(result, u);
+    if (unknowns[u].recording) {
+      const double off = each.value - result.hypothesis->value(u, result.fitted.z[u]);
+      each.low += off;
+      each.high += off;
+    }
     out.push_back(each);
   }
   return out;
@@ -216,7 +249,7 @@ void add_contradiction(Diagnosis& out, const Criteria& criteria) {
   const Calibration* number = contradicted(out, criteria);
   if (number == nullptr) return;
   Location& location = *out.location;
-  location.relation = physics::relation_of(number->path);
+  location.relation = physics::relation_of(number->path, out.model);
   location.statement = physics::contradiction(number->path, number->declared, number->value) +
                        ", " + physics::fixed_text(std::abs(number->shift_sigmas), 1) +
                        " declared standard deviations away. " + location.statement;
@@ -280,11 +313,17 @@ Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Mod
     if (options.progress) options.progress(step, done);
   };
   Diagnosis out;
-  const Experiments experiments = prepare(recordings, declared_model, options, out);
-  const Model model = with_instruments(declared_model, experiments.fine.front());
-  Search search(search_data(experiments.fine, experiments.coarse, options.criteria, options.seed,
-                            options.threads),
-                options.progress);
+  Prepared prepared = prepare(recordings, declared_model, options);
+  const std::vector<Experiment>& experiments = prepared.experiments;
+  out.integrity = std::move(prepared.integrity);
+  out.horizon_s = prepared.horizon_s;
+  out.windows = prepared.windows;
+  const Model model = options.campaign ? with_instruments_of(declared_model, experiments)
+                                       : with_instruments(declared_model, experiments.front());
+  SearchData data = search_data(experiments, options.criteria, options.seed, options.threads);
+  data.campaign = options.campaign;
+  data.train.stop = data.held_out.stop = options.stop;
+  Search search(std::move(data), options.progress);
   search.run(model);
   report("scoring the result", 0.92);
   const FittedCandidate& declared = search.declared();
@@ -297,16 +336,23 @@ Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Mod
   out.findings = findings_of(search, out.horizon_s);
   out.trials = search.trials();
   out.calibrated = calibration_of(result, model);
-  set_noise(experiments.fine.front(), reported, out);
+  set_noise(experiments.front(), reported, out);
+  out.model = options.conditions.empty() ? posterior_model(result)
+                                         : posterior_model(result, options.conditions);
   out.verdict = verdict_of(search, out);
   if (out.verdict != Verdict::consistent) {
-    out.location = location_of(search, out.findings);
+    report("comparing the balances", 0.94);
+    out.location = location_of(search, out.findings, balances_for(recordings, model, search));
     if (out.findings.empty()) add_contradiction(out, options.criteria);
+  }
+  if (options.campaign) {
+    report("comparing the recordings", 0.945);
+    out.campaign = campaign_result(search);
+    take_means(out.campaign->comparisons, out.findings);
   }
   report("computing detection limits", 0.95);
   out.detection = search.detection();
   if (options.evidence) out.evidence = evidence_for(search);
-  out.model = posterior_model(result);
   out.baseline_model = declared.hypothesis->model_at(declared.fitted.z);
   use_units_of_model(out);
   report("done", 1.0);

@@ -5,12 +5,16 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
+#include <memory>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include "diagnosis/comparison.h"
 #include "diagnosis/criteria.h"
 #include "diagnosis/detection.h"
 #include "diagnosis/evidence.h"
@@ -19,6 +23,7 @@
 #include "diagnosis/location.h"
 #include "diagnosis/score.h"
 #include "diagnosis/search.h"
+#include "physics/campaign.h"
 #include "physics/model.h"
 #include "protocol/recording.h"
 
@@ -70,6 +75,21 @@ struct FalseAlarms {
   std::vector<double> chi2;
 };
 
+/// A recording of a campaign that nothing was fitted to.
+struct HeldOutRecording {
+  std::size_t recording = 0;
+  Score baseline;
+  std::optional<Score> augmented;
+};
+
+/// Of a campaign: its recordings side by side.
+struct CampaignResult {
+  physics::Campaign campaign;
+  std::vector<Comparison> comparisons;
+  std::vector<HeldOutRecording> held_out;
+  std::vector<physics::Model> models;  ///< the result, by recording
+};
+
 struct Diagnosis {
   Verdict verdict = Verdict::consistent;
   std::optional<Location> location;
@@ -94,6 +114,7 @@ struct Diagnosis {
   std::optional<Evidence> evidence;         ///< where Options::evidence is set
   std::optional<FalseAlarms> false_alarms;  ///< where a bootstrap was run
   WindowCount windows;
+  std::optional<CampaignResult> campaign;
 };
 
 /// Frames, of all recordings together, beyond which protocol::read_recording should take stretches
@@ -105,9 +126,15 @@ struct Options {
   int threads = 1;
   std::optional<double> horizon_s;  ///< of a prediction; absent: default_horizon_s
   bool evidence = false;            ///< Diagnosis::evidence is wanted
+  /// Conditions of the recordings, in their order; empty: one model in all of them.
+  std::shared_ptr<const physics::Campaign> campaign = nullptr;
+  /// Conditions for which Diagnosis::model is wanted; empty: the references of the campaign.
+  std::map<std::string, double> conditions = {};
   Criteria criteria;
   /// Called with the current step and the completed share of the work, 0 to 1; may be empty.
   std::function<void(const std::string& step, double done)> progress;
+  /// Once this is requested, from any thread, the diagnosis soon ends with Interrupted.
+  std::stop_token stop = {};
 };
 
 /// Throws InputError where the recordings do not fit the model, std::invalid_argument for invalid

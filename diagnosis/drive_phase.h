@@ -16,4 +16,8 @@ struct DrivePhase {
 };
 DrivePhase drive_phase_of(const Experiment& experiment);
 
+/// Frequency of the strongest line of the driving quantity, in the longest stretch without a gap
+/// [Hz]; 0 where it is constant.
+double drive_frequency_hz(const Experiment& experiment);
+
 }  // namespace stickslip::diagnosis

@@ -38,6 +38,7 @@ Evaluation evaluate(const protocol::Recording& recording, const physics::Model& 
   task.experiments = experiments;
   task.sigma = noise_sigma(experiments);
   task.threads = options.threads;
+  task.stop = options.stop;
   for (std::size_t w = 0; w < e.windows.size(); ++w) task.windows.push_back({0, w});
   constexpr double passes = 2.0;  // the states of the windows, and those before predictions ahead
   std::atomic<std::size_t> fitted = 0;

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <optional>
+#include <stop_token>
 
 #include "diagnosis/score.h"
 #include "physics/model.h"
@@ -17,6 +18,8 @@ struct EvaluationOptions {
   int threads = 1;
   /// Called with the completed share of the work, 0 to 1, from the working threads; may be empty.
   std::function<void(double share)> progress = {};
+  /// Once this is requested, from any thread, the evaluation soon ends with Interrupted.
+  std::stop_token stop = {};
 };
 
 struct Evaluation {

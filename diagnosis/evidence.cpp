@@ -41,7 +41,7 @@ std::vector<double> mean_power(const Task& task, const std::vector<Readings>& re
     for (std::size_t i = 0; i < n; ++i) {
       const std::size_t k = window.begin + i;
       if (!e.is_compared(k, c)) continue;
-      residual[i] = bounded((readings[w][i][c] - e.reading[k][c]) / task.sigma[c]);
+      residual[i] = bounded((readings[w][i][c] - e.reading[k][c]) / task.sigma_of(e, c));
     }
     const std::vector<std::complex<double>> spectrum = fourier(residual);
     power.resize(n / 2 + 1, 0.0);
@@ -181,7 +181,7 @@ class Collector {
   ChannelEvidence channel(std::size_t c) {
     ChannelEvidence out;
     out.channel = all_channels[c];
-    out.sigma = task_.sigma[c];
+    out.sigma = task_.sigma_of(e_, c);
     std::vector<Squares> by_phase(phase_parts);
     for (std::size_t i = 0; i < order_.size(); ++i) {
       const Squares of_window = add_window(c, i, by_phase);
@@ -247,7 +247,7 @@ class Collector {
   double whitened(const std::vector<Readings>& readings, std::size_t w, std::size_t k,
                   std::size_t c) const {
     const double reading = readings[w][k - task_.window(w).begin][c];
-    return bounded((reading - e_.reading[k][c]) / task_.sigma[c]);
+    return bounded((reading - e_.reading[k][c]) / task_.sigma_of(e_, c));
   }
 
   // Adds the residuals of channel c in the i-th window.

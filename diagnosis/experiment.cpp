@@ -46,6 +46,8 @@ constexpr double negligible_periods = 1.0e-4;
 // contact that passes through its transition speed.
 constexpr double imposed_step_s = 1.0e-4;
 constexpr double min_window_samples = 8.0;
+// Longest coarse integration step [s].
+constexpr double longest_coarse_step_s = 1.0e-3;
 // Integration steps between two samples, beyond which a comparison takes hours and says nothing.
 constexpr double most_substeps = 2000.0;
 
@@ -170,30 +172,38 @@ void set_time_base(Experiment& e, const Source& source) {
   e.samples = source.grid.instants();
 }
 
-int substeps_for(const Model& model, const Experiment& e, Steps steps) {
-  const physics::Rig rig(model);
-  double resolving = rig.longest_step_s();
+// Longest step that resolves the model's motion.
+double resolving_step_s(const Model& model) {
+  double step_s = physics::Rig(model).longest_step_s();
   // An effect on trial may make a declared load cell resonate. It rings at each reversal of
-  // friction, whose time has an error of half a step: at 0.05 radians in place of 0.03,
-  // that was a fifth of the power of the noise in recordings of `conceal`.
+  // friction, whose time has an error of half a step: with 125 steps in a period that was a fifth
+  // of the power of the noise in recordings of `conceal`.
+  constexpr double steps_in_period = 200.0;
   if (model.load_cell) {
-    resolving = std::min(
-        resolving, 0.03 / (2.0 * std::numbers::pi * model.load_cell->natural_frequency_hz.value));
+    step_s =
+        std::min(step_s, 1.0 / (steps_in_period * model.load_cell->natural_frequency_hz.value));
   }
-  if (model.oscillator.excitation == Excitation::imposed) {
-    resolving = std::min(resolving, imposed_step_s);
-  }
-  const double longest = steps == Steps::fine ? resolving : std::min(2.0 * resolving, 1.0e-3);
-  const double count = std::ceil(e.period_s / longest - 0.01);
-  if (count > most_substeps) {
+  const bool imposed = model.oscillator.excitation == Excitation::imposed;
+  return imposed ? std::min(step_s, imposed_step_s) : step_s;
+}
+
+void set_substeps(Experiment& e, const Model& model) {
+  const double resolving = resolving_step_s(model);
+  const auto count = [&](double longest_s) {
+    return std::max(1.0, std::ceil(e.period_s / longest_s - 0.01));
+  };
+  if (count(resolving) > most_substeps) {
     refuse(e.source, "has a sample every " + physics::number_text(e.period_s) +
-                         " s, but the model moves within " + physics::number_text(20.0 * longest) +
+                         " s, but the model moves within " +
+                         physics::number_text(20.0 * resolving) +
                          " s: nothing between two samples can be compared. Is time_s in seconds?");
   }
   const std::string wrong =
       physics::wrong_with_simulation(model, e.period_s * static_cast<double>(e.samples));
   if (!wrong.empty()) refuse(e.source, "cannot be compared with this model: " + wrong);
-  return std::max(1, static_cast<int>(count));
+  const double coarse = count(std::min(2.0 * resolving, longest_coarse_step_s));
+  e.coarse_substeps = static_cast<int>(coarse);
+  e.substeps = e.coarse_substeps * static_cast<int>(std::ceil(count(resolving) / coarse));
 }
 
 void check_magnitudes(const protocol::Recording& recording, Channel channel) {
@@ -601,8 +611,7 @@ double Experiment::duration_s() const {
   return samples > 0 ? elapsed_s(samples - 1) + period_s : 0.0;
 }
 
-Experiment make_experiment(const protocol::Recording& as_recorded, const Model& model,
-                           Steps steps) {
+Experiment make_experiment(const protocol::Recording& as_recorded, const Model& model) {
   const Cleaned cleaned(as_recorded);
   const protocol::Recording& recording = cleaned.recording();
   const auto& frames = recording.frames;
@@ -616,7 +625,7 @@ Experiment make_experiment(const protocol::Recording& as_recorded, const Model& 
   check_times(recording.source, model, source.grid.period_s, measured_s(source.grid));
   Experiment e;
   set_time_base(e, source);
-  e.substeps = substeps_for(model, e, steps);
+  set_substeps(e, model);
   set_channels(e, source);
   set_compared(e, source);
   set_readings(e, source);

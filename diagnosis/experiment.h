@@ -21,6 +21,10 @@ inline constexpr std::size_t predicted_channels = 4;
 /// Most knots of the linear spline that models the error of the drive in one window.
 inline constexpr int max_drive_knots = 48;
 
+/// Integration steps: fine enough for residuals at the level of the noise, or coarse, for their
+/// derivatives and for the screening of candidates.
+enum class Steps : std::uint8_t { fine, coarse };
+
 /// Use of a window. A result is only as good as it is on data that had no part in it: windows that
 /// choose among hypotheses are no proof of the one that was chosen.
 enum class Use : std::uint8_t {
@@ -60,9 +64,11 @@ struct Segment {
 
 struct Experiment {
   std::string source;
-  double start_s = 0.0;  ///< time of sample 0 in the recording
+  std::size_t recording = 0;  ///< its place in a campaign
+  double start_s = 0.0;       ///< time of sample 0 in the recording
   double period_s = 0.0;
-  int substeps = 1;  ///< integration steps per sample
+  int substeps = 1;         ///< integration steps per sample, fine ones
+  int coarse_substeps = 1;  ///< coarse ones; a divisor of the former
   std::size_t samples = 0;
   std::vector<std::array<double, predicted_channels>> reading;
   /// Times of measurement after the instants of the grid [s], by sample; empty: all at them.
@@ -77,6 +83,8 @@ struct Experiment {
   /// The estimate was below the accuracy of any model and was replaced by a lower bound.
   std::array<bool, channel_count> noise_assumed{};
   std::array<double, channel_count> channel_std{};  ///< standard deviation of the recording
+  /// Noise over that of the noisiest recording, where each has its own.
+  std::array<double, predicted_channels> noise_ratio = {1.0, 1.0, 1.0, 1.0};
   /// Standard deviation of the drive as derived from its noisy channel: of the base's acceleration
   /// [m/s^2], or of the velocity of an imposed motion [m/s].
   double drive_noise = 0.0;
@@ -90,6 +98,9 @@ struct Experiment {
   std::vector<Segment> segments;  ///< in order; empty: all samples are one
   std::vector<Window> windows;
 
+  int steps_per_sample(Steps steps) const {
+    return steps == Steps::fine ? substeps : coarse_substeps;
+  }
   /// The segment of a sample; of one in a gap, that before it.
   Segment segment_of(std::size_t sample) const;
   Segment longest_segment() const;
@@ -115,16 +126,11 @@ void for_each_compared(const Experiment& e, std::size_t begin, std::size_t end, 
   }
 }
 
-/// Integration steps: fine enough for residuals at the level of the noise, or coarse, for the
-/// screening of candidates.
-enum class Steps : std::uint8_t { fine, coarse };
-
 /// Throws InputError where the recording lacks what the model needs (a base-excited rig needs
 /// base_displacement_m, a force-excited one drive_force_n, imposed motion displacement_m, and
 /// something to compare with), is too short, or has fewer than three samples in a natural period of
 /// the model: then the times are in another unit. Outliers count as not measured.
-Experiment make_experiment(const protocol::Recording& recording, const physics::Model& model,
-                           Steps steps = Steps::fine);
+Experiment make_experiment(const protocol::Recording& recording, const physics::Model& model);
 
 /// Cuts the usable part of each segment into windows of `horizon_s`: eight of twelve to fit, three
 /// to select, and one to report, in blocks. Throws InputError for a horizon of fewer than

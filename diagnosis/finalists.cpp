@@ -17,8 +17,10 @@ std::vector<FittedCandidate> finalists(
   std::size_t listed = 0;
   std::size_t unlisted = 0;
   std::size_t numbers = 0;
+  std::size_t comparisons = 0;
   for (FittedCandidate& each : screen(data, features, base, wanted, progress)) {
-    const bool chosen = each.candidate.is_number() ? numbers++ < effort.number_finalists
+    const bool chosen = each.candidate.is_comparison() ? comparisons++ < effort.number_finalists
+                        : each.candidate.is_number()   ? numbers++ < effort.number_finalists
                         : tier_of(each.candidate) == physics::Tier::listed
                             ? listed++ < effort.listed_finalists
                             : unlisted++ < effort.unlisted_finalists;

@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "diagnosis/line_source.h"
 #include "diagnosis/selection.h"
 #include "diagnosis/separation.h"
 #include "physics/declared_value.h"
+#include "physics/friction_laws.h"
 
 namespace stickslip::diagnosis {
 
@@ -73,15 +75,8 @@ Finding with_parameters(const FittedCandidate& each) {
   finding.effect = each.candidate.effect;
   finding.place = each.candidate.place;
   finding.parameter = each.candidate.parameter;
-  const std::vector<double> values = own_parameters(each);
-  for (const OwnUnknown& own : own_unknowns(each)) {
-    const physics::ParameterCard& card = finding.effect->card().parameters[own.position];
-    const auto [low, high] = interval_of(each, own.unknown);
-    finding.parameters.push_back(
-        {std::string(card.name), values[own.position], low, high, deviation_of_formula(each, own),
-         finding.parameter.empty() ? physics::unit_at(card.unit, finding.place)
-                                   : physics::unit_of(finding.parameter)});
-  }
+  finding.shared = each.candidate.shared;
+  finding.parameters = estimates_of(each);
   finding.statement = statement_of(each);
   return finding;
 }
@@ -110,8 +105,8 @@ Eigen::MatrixXd correlation_of(const FittedCandidate& each, const std::vector<Ow
 std::vector<Curve> portrait_with_bands(const FittedCandidate& each, const Experiment& experiment) {
   const Hypothesis& hypothesis = *each.hypothesis;
   const physics::Model model = hypothesis.model_at(each.fitted.z);
-  const double friction_n =
-      model.friction.mu.value * (model.normal_load ? experiment.mean_load_n : 1.0);
+  const double friction_n = physics::friction_coefficient(model).value *
+                            (model.normal_load ? experiment.mean_load_n : 1.0);
   const auto fitted = own_parameters(each);
   const auto portrait = [&](const std::vector<double>& values) {
     return portrait_of(*each.candidate.effect, each.candidate.place, values, fitted, experiment,
@@ -199,7 +194,23 @@ std::vector<Finding> findings_of(const Search& search, double horizon_s) {
   for (const Claim& claim : search.claims()) {
     findings.push_back(finding_of(search, claim, findings.size(), horizon_s));
   }
+  add_line_sources(search.data().experiments.front(), findings);
   return findings;
+}
+
+std::vector<Estimate> estimates_of(const FittedCandidate& each) {
+  const CandidateEffect& candidate = each.candidate;
+  const std::vector<double> values = own_parameters(each);
+  std::vector<Estimate> out;
+  for (const OwnUnknown& own : own_unknowns(each)) {
+    const physics::ParameterCard& card = candidate.effect->card().parameters[own.position];
+    const auto [low, high] = interval_of(each, own.unknown);
+    out.push_back(
+        {std::string(card.name), values[own.position], low, high, deviation_of_formula(each, own),
+         candidate.is_number() ? physics::unit_of(candidate.parameter, each.hypothesis->model())
+                               : physics::unit_at(card.unit, candidate.place)});
+  }
+  return out;
 }
 
 physics::Model posterior_model(const FittedCandidate& each) {
@@ -211,12 +222,32 @@ physics::Model posterior_model(const FittedCandidate& each) {
   for (std::size_t u = 0; u < hypothesis.unknowns().size(); ++u) {
     const auto i = static_cast<Eigen::Index>(u);
     if (i >= each.fitted.covariance.rows()) break;
+    if (hypothesis.unknowns()[u].part != Part::level) continue;
     const std::size_t index = hypothesis.unknowns()[u].parameter;
     physics::Parameter& parameter = *named[index].parameter;
     const double of_fit =
         std::abs(hypothesis.slope(u, each.fitted.z[u])) * deviation_of_fit(each, u);
     const double sigma = std::hypot(of_fit, formula[index]);
     if (std::isfinite(sigma)) parameter.sigma = sigma;
+  }
+  return model;
+}
+
+physics::Model posterior_model(const FittedCandidate& each,
+                               const std::map<std::string, double>& conditions) {
+  physics::Model model = posterior_model(each);
+  physics::Run run;
+  run.conditions = conditions;
+  physics::Model under = each.hypothesis->model_at(each.fitted.z, run);
+  const auto from = physics::parameters_of(under);
+  const auto to = physics::parameters_of(model);
+  for (std::size_t i = 0; i < to.size(); ++i) {
+    physics::Parameter& parameter = *to[i].parameter;
+    // The relative error of a coefficient is that of the number.
+    if (parameter.value != 0.0) {
+      parameter.sigma *= std::abs(from[i].parameter->value / parameter.value);
+    }
+    parameter.value = from[i].parameter->value;
   }
   return model;
 }

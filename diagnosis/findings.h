@@ -3,6 +3,7 @@
 // experiment that would separate them from their rivals.
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -33,6 +34,7 @@ struct Alternative {
 struct Finding {
   const physics::Effect* effect = nullptr;
   physics::Place place;
+  physics::SharedNumber shared = {};  ///< how it differs between the recordings of a campaign
   std::string parameter = {};  ///< path of the declared number that is contradicted, or empty
   std::string statement;
   std::vector<Estimate> parameters;
@@ -48,14 +50,23 @@ struct Finding {
   /// Alternatives that score better, which it was preferred to as the simpler or the listed one.
   std::vector<CandidateEffect> preferred_over;
 
-  CandidateEffect candidate() const { return {effect, place, parameter}; }
+  CandidateEffect candidate() const {
+    return {effect, place, parameter, physics::Relation::force_balance, shared};
+  }
 };
 
 std::vector<Finding> findings_of(const Search& search, double horizon_s);
 
+/// The fitted parameters of the candidate effect, in the order of its card.
+std::vector<Estimate> estimates_of(const FittedCandidate& each);
+
 /// The fitted model; every unknown has its posterior standard deviation, which includes what the
 /// formula of an effect may be wrong by, instead of the declared one.
 physics::Model posterior_model(const FittedCandidate& each);
+
+/// The same under these conditions of its campaign.
+physics::Model posterior_model(const FittedCandidate& each,
+                               const std::map<std::string, double>& conditions);
 
 /// 95 % interval of an unknown where its fit has converged; its value alone otherwise.
 std::pair<double, double> interval_of(const FittedCandidate& each, std::size_t unknown);

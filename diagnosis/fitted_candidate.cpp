@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "physics/declared_value.h"
+#include "physics/number_text.h"
 
 namespace stickslip::diagnosis {
 
@@ -13,6 +14,11 @@ namespace {
 std::size_t index_of_number(const Hypothesis& hypothesis, const std::string& path) {
   const auto& paths = hypothesis.rig().parameter_paths();
   return static_cast<std::size_t>(std::find(paths.begin(), paths.end(), path) - paths.begin());
+}
+
+// False for the number of a recording that nothing is fitted to.
+bool is_fitted(const Hypothesis& hypothesis, const Unknown& unknown) {
+  return !unknown.recording || !hypothesis.campaign()->runs[*unknown.recording].held_out;
 }
 
 const physics::BoundTerm& own_term(const FittedCandidate& each) {
@@ -31,8 +37,14 @@ double complexity_of(const FittedCandidate& each, const Criteria& criteria) {
       if (!card.fixed_default) parameters += 1.0;
     }
   }
-  for (const Unknown& unknown : each.hypothesis->unknowns())
-    parameters += unknown.freed ? 1.0 : 0.0;
+  for (std::size_t u = 0; u < each.hypothesis->unknowns().size(); ++u) {
+    const Unknown& unknown = each.hypothesis->unknowns()[u];
+    if (!is_fitted(*each.hypothesis, unknown)) continue;
+    // A term's own parameters are counted, one for all recordings.
+    const bool another_recording = !unknown.of_model && unknown.part == Part::level &&
+                                   each.hypothesis->unknown_of(unknown.parameter) != u;
+    if (unknown.freed || unknown.part == Part::slope || another_recording) parameters += 1.0;
+  }
   const bool listed = each.candidate.effect == nullptr ||  // the declared model
                       tier_of(each.candidate) == physics::Tier::listed;
   const bool contradicts =
@@ -44,9 +56,12 @@ double complexity_of(const FittedCandidate& each, const Criteria& criteria) {
 
 Hypothesis extended(const Hypothesis& base, const CandidateEffect& candidate,
                     std::span<const double> start, std::span<const double> fixed, Detail detail) {
-  return candidate.is_number()
-             ? base.freeing(index_of_number(base, candidate.parameter))
-             : base.with(*candidate.effect, candidate.place, start, fixed, detail);
+  const auto joined = [&](const Hypothesis& to) {
+    return candidate.is_number()
+               ? to.freeing(index_of_number(base, candidate.parameter))
+               : to.with(*candidate.effect, candidate.place, start, fixed, detail);
+  };
+  return joined(candidate.is_comparison() ? base.sharing(candidate.shared) : base);
 }
 
 std::vector<OwnParameter> own_indices(const FittedCandidate& each) {
@@ -69,9 +84,35 @@ std::vector<double> own_parameters(const FittedCandidate& each) {
   return values_of(own_term(each), values);
 }
 
+// "mu is 0.31 in a and 0.24 in b", by recording; empty where it is common.
+std::string differences_in_words(const FittedCandidate& each) {
+  if (!each.candidate.is_comparison()) return {};
+  const Hypothesis& hypothesis = *each.hypothesis;
+  const std::string& path = each.candidate.shared.path;
+  const std::size_t index = index_of_number(hypothesis, path);
+  std::string out;
+  for (std::size_t i = 0; i < hypothesis.recordings(); ++i) {
+    const physics::Run& run = hypothesis.campaign()->runs[i];
+    if (run.held_out) continue;
+    out += (out.empty() ? "" : ", ") +
+           physics::number_text(hypothesis.parameters(each.fitted.z, i)[index]) + " in " + run.name;
+  }
+  const std::string name = path.substr(path.rfind('.') + 1);
+  return name +
+         (physics::follows(each.candidate.shared.sharing)
+              ? " changes with " + each.candidate.shared.condition
+              : " differs between the recordings") +
+         ": " + out + ".";
+}
+
 std::string statement_of(const FittedCandidate& each) {
+  const std::string differences = differences_in_words(each);
+  if (each.candidate.is_number() && !differences.empty()) return differences;
   const std::vector<double> values = own_parameters(each);
-  if (!each.candidate.is_number()) return each.candidate.effect->statement(values);
+  if (!each.candidate.is_number()) {
+    const std::string words = each.candidate.effect->statement(values);
+    return differences.empty() ? words : words + " " + differences;
+  }
   const std::size_t index = index_of_number(*each.hypothesis, each.candidate.parameter);
   return physics::contradiction(each.candidate.parameter,
                                 each.hypothesis->rig().parameter_values()[index], values.front()) +
@@ -87,7 +128,7 @@ bool is_determined(const FittedCandidate& each, const Criteria& criteria) {
   int determined = 0;  // of those
   for (Eigen::Index u = 0; u < size; ++u) {
     const Unknown& unknown = unknowns[static_cast<std::size_t>(u)];
-    if (unknown.refinement) continue;
+    if (unknown.refinement || !is_fitted(*each.hypothesis, unknown)) continue;
     const auto found = std::find_if(own.begin(), own.end(), [&](const OwnParameter& parameter) {
       return parameter.index == static_cast<int>(unknown.parameter);
     });

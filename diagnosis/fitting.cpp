@@ -60,7 +60,7 @@ void add_mean_squares(const Task& task, std::size_t w, const Readings& readings,
     double samples = 0.0;
     for (std::size_t k = window.begin; k < window.end; ++k) {
       if (!e.is_compared(k, c)) continue;
-      const double error = readings[k - window.begin][c] - e.reading[k][c];
+      const double error = (readings[k - window.begin][c] - e.reading[k][c]) / e.noise_ratio[c];
       sum += error * error;
       samples += 1.0;
     }
@@ -144,6 +144,9 @@ Hypothesis unrefined(const Hypothesis& declared, const FittedCandidate& each) {
   const auto found = each.hypothesis->parameters(each.fitted.z);
   const auto& initial = each.hypothesis->rig().parameter_values();
   Hypothesis out = declared.with_uncertainties_of(each.hypothesis->model());
+  if (const physics::Campaign* campaign = each.hypothesis->campaign()) {
+    for (const physics::SharedNumber& number : campaign->numbers) out = out.sharing(number);
+  }
   for (const physics::BoundTerm& term : each.hypothesis->trial_terms()) {
     std::vector<double> values = values_of(term, found);
     const std::vector<double> fixed = values_of(term, initial);
@@ -186,16 +189,16 @@ void colour_noise(SearchData& data, const FittedCandidate& each) {
 
 }  // namespace
 
-SearchData search_data(std::span<const Experiment> experiments, std::span<const Experiment> coarse,
-                       const Criteria& criteria, std::uint64_t seed, int threads) {
+SearchData search_data(std::span<const Experiment> experiments, const Criteria& criteria,
+                       std::uint64_t seed, int threads) {
   return {experiments,
-          coarse,
           criteria,
           seed,
           threads,
           noise_is_declared(experiments),
           task_for(experiments, Use::fit, threads),
-          task_for(experiments, Use::select, threads)};
+          task_for(experiments, Use::select, threads),
+          nullptr};
 }
 
 Task task_for(std::span<const Experiment> experiments, Use use, int threads) {
@@ -239,7 +242,7 @@ Fit fit_in_stages(const Task& task, const Hypothesis& hypothesis, const std::vec
 
 FittedCandidate calibrate(SearchData& data, const physics::Model& model) {
   FittedCandidate out;
-  out.hypothesis.emplace(model);
+  out.hypothesis.emplace(model, data.campaign);
   const std::vector<double> origin(out.hypothesis->unknowns().size(), 0.0);
   out.fitted = fit_in_stages(data.train, *out.hypothesis, origin,
                              initial_states(data.train, *out.hypothesis), complete_fit());

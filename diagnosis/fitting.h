@@ -4,31 +4,34 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
 #include "diagnosis/criteria.h"
 #include "diagnosis/fitted_candidate.h"
 #include "diagnosis/shooting.h"
+#include "physics/campaign.h"
 
 namespace stickslip::diagnosis {
 
 /// The data of a search: recordings, windows to fit and to hold out, weights.
 struct SearchData {
   std::span<const Experiment> experiments;
-  std::span<const Experiment> coarse;  ///< the same recordings, integrated with longer steps
   Criteria criteria;
   std::uint64_t seed = 1;
   int threads = 1;
   bool noise_is_known = false;  ///< declared, or estimated and confirmed by a fit
   Task train;
   Task held_out;
+  /// That the experiments are the recordings of; empty: one model in all of them.
+  std::shared_ptr<const physics::Campaign> campaign = nullptr;
 
   double explained_chi2() const { return diagnosis::explained_chi2(noise_is_known, criteria); }
 };
 
-SearchData search_data(std::span<const Experiment> experiments, std::span<const Experiment> coarse,
-                       const Criteria& criteria, std::uint64_t seed, int threads);
+SearchData search_data(std::span<const Experiment> experiments, const Criteria& criteria,
+                       std::uint64_t seed, int threads);
 
 /// The windows of the experiments for one use, in units of the noise.
 Task task_for(std::span<const Experiment> experiments, Use use, int threads);

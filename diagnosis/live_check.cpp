@@ -108,7 +108,7 @@ std::string_view name_of(LiveStatus status) {
 
 struct LiveCheck::Seconds {
   protocol::Recording recording;
-  std::vector<Experiment> fine, coarse;
+  std::vector<Experiment> experiments;
   SearchData data;
   std::int64_t begin_ns = 0;
   std::int64_t end_ns = 0;
@@ -119,28 +119,23 @@ struct LiveCheck::Seconds {
     recording.source = "the latest frames";
     recording.frames.assign(frames.begin(), frames.end());
     for (const Frame& frame : frames) recording.channels |= frame.valid;
-    fine.push_back(prepared(model, Steps::fine));
-    data = search_data(fine, coarse, settings.criteria, 1, settings.threads);
+    experiments.push_back(prepared(model));
+    data = search_data(experiments, settings.criteria, 1, settings.threads);
     data.train.stop = settings.stop;
     data.held_out = data.train;
   }
-  Experiment prepared(const physics::Model& model, Steps steps) const {
-    Experiment out = make_experiment(recording, model, steps);
+  Experiment prepared(const physics::Model& model) const {
+    Experiment out = make_experiment(recording, model);
     cut_windows(out, model, horizon_s);
     for (Window& window : out.windows) window.use = Use::fit;
     return out;
-  }
-  /// For a screening.
-  void add_coarse(const physics::Model& model) {
-    if (coarse.empty()) coarse.push_back(prepared(model, Steps::coarse));
-    data.coarse = coarse;
   }
   /// Standard deviation of the noise level, relative.
   double noise_uncertainty() const {
     return data.noise_is_known ? declared_noise_uncertainty : estimated_noise_uncertainty;
   }
   std::int64_t time_ns(std::size_t sample) const {
-    return begin_ns + std::llround(1.0e9 * fine.front().elapsed_s(sample));
+    return begin_ns + std::llround(1.0e9 * experiments.front().elapsed_s(sample));
   }
 };
 
@@ -175,7 +170,7 @@ LiveCheck::Outcome LiveCheck::outcome_of(const Seconds& seconds, const Fit& fit)
 
 std::vector<WindowState> LiveCheck::remembered_states(const Seconds& seconds) const {
   std::vector<WindowState> states = initial_states(seconds.data.train, declared_);
-  const std::int64_t half_ns = std::llround(0.5e9 * seconds.fine.front().period_s);
+  const std::int64_t half_ns = std::llround(0.5e9 * seconds.experiments.front().period_s);
   for (std::size_t w = 0; w < states.size(); ++w) {
     const std::int64_t time_ns = seconds.time_ns(seconds.data.train.window(w).warm);
     for (const auto& [known_ns, state] : states_) {
@@ -368,7 +363,6 @@ bool LiveCheck::wants_explanation() const {
 
 void LiveCheck::explain() {
   if (!unexplained_) return;
-  unexplained_->add_coarse(model_);
   verdict_.explanations = explanations_of(*unexplained_, unexplained_fit_);
   double others = 0.0;
   std::erase_if(verdict_.explanations, [&others](const Explanation& each) {

@@ -74,7 +74,7 @@ void for_each_residual(const Task& task, const std::vector<Readings>& readings, 
     const Experiment& e = task.experiment(w);
     const Window& window = task.window(w);
     for_each_compared(e, window.begin, window.end, [&](std::size_t k, std::size_t c) {
-      visit(e, k, c, (readings[w][k - window.begin][c] - e.reading[k][c]) / task.sigma[c]);
+      visit(e, k, c, (readings[w][k - window.begin][c] - e.reading[k][c]) / task.sigma_of(e, c));
     });
   }
 }
@@ -233,6 +233,16 @@ Location locate(const Task& task, const Hypothesis& hypothesis, const Fit& fitte
   location.band_hz = band_of(periodogram_of(task, readings, worst, period_s), tail);
   location.statement = statement_of(location, failing, task.windows.size());
   return location;
+}
+
+std::string contradiction_by(const BalanceLocation& location, const Balances& balances) {
+  std::string out = "The balances of the readings, in which no effect has been tried, fail in ";
+  out += location.relation == physics::Relation::sensor
+             ? "the reading of " + std::string(info(*location.channel).stem)
+             : words_for(location.relation);
+  const BalanceResidual& largest = *balances[location.largest];
+  return out + " instead: " + physics::number_text(largest.excess, 3) +
+         " times the energy of noise and calibration.";
 }
 
 }  // namespace stickslip::diagnosis

@@ -56,7 +56,7 @@ void add_window(const Task& task, std::size_t w, const Readings& readings, doubl
     Whitening whitening(task.colour[c]);
     for (std::size_t k = window.begin; k < window.end; ++k) {
       if (!e.is_compared(k, c)) continue;
-      const double off = (readings[k - window.begin][c] - e.reading[k][c]) / task.sigma[c];
+      const double off = (readings[k - window.begin][c] - e.reading[k][c]) / task.sigma_of(e, c);
       const double r = whitening.next(e.elapsed_s(k)).innovation(off, slow);
       square += r * r;
       product += former * r;

@@ -101,7 +101,7 @@ std::array<ChannelResiduals, predicted_channels> residuals_by_channel(const Task
       WindowResiduals list;
       for (std::size_t k = window.begin; k < window.end; ++k) {
         if (!e.is_compared(k, c)) continue;
-        const double r = (readings[k - window.begin][c] - e.reading[k][c]) / task.sigma[c];
+        const double r = (readings[k - window.begin][c] - e.reading[k][c]) / task.sigma_of(e, c);
         list.push_back({e.elapsed_s(k), std::isfinite(r) ? r : 0.0});
       }
       out[c].count += list.size();

@@ -16,7 +16,7 @@ double log_scales(const Task& task, std::size_t w) {
   const Window& window = task.window(w);
   double sum = 0.0;
   for_each_compared(e, window.begin, window.end, [&](std::size_t k, std::size_t c) {
-    sum += std::log(task.sigma[c] / filter[c].next(e.elapsed_s(k)).scale);
+    sum += std::log(task.sigma_of(e, c) / filter[c].next(e.elapsed_s(k)).scale);
   });
   return sum;
 }

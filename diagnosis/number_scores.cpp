@@ -54,6 +54,17 @@ void add_prior(Equations& all, const FittedCandidate& base, std::size_t unknown,
   all.gradient[i] += sign * ratio * base.fitted.z[unknown] / declared.prior_sigma;
 }
 
+// The same part of the same number, or the number where that is freed.
+std::size_t same_in(const Hypothesis& joint, const Unknown& unknown) {
+  const auto& all = joint.unknowns();
+  const auto found = std::find_if(all.begin(), all.end(), [&](const Unknown& each) {
+    return each.parameter == unknown.parameter && each.part == unknown.part &&
+           each.recording == unknown.recording;
+  });
+  if (found != all.end()) return static_cast<std::size_t>(found - all.begin());
+  return joint.unknown_of(unknown.parameter).value();
+}
+
 std::size_t unknown_at(const Hypothesis& hypothesis, const std::string& path) {
   const auto& paths = hypothesis.rig().parameter_paths();
   const auto at = std::find(paths.begin(), paths.end(), path) - paths.begin();
@@ -74,7 +85,7 @@ std::vector<double> gains_of_numbers(const Task& task, const FittedCandidate& ba
   std::vector<Eigen::Index> members;
   const auto& unknowns = base.hypothesis->unknowns();
   for (std::size_t u = 0; u < unknowns.size(); ++u) {
-    const std::size_t same = joint.unknown_of(unknowns[u].parameter).value();
+    const std::size_t same = same_in(joint, unknowns[u]);
     members.push_back(static_cast<Eigen::Index>(same));
     add_prior(all, base, u, joint, same, z[same], 1.0);
   }

@@ -231,7 +231,7 @@ WindowSums sums_of(const Task& task, const Conditions& conditions, const Hypothe
     residual[c].assign(window.end - window.begin, 0.0);
   }
   for_each_compared(e, window.begin, window.end, [&](std::size_t k, std::size_t c) {
-    const double off = (readings[k - window.begin][c] - e.reading[k][c]) / task.sigma[c];
+    const double off = (readings[k - window.begin][c] - e.reading[k][c]) / task.sigma_of(e, c);
     const double r = std::isfinite(off) ? std::clamp(off, -1.0e6, 1.0e6) : 1.0e6;
     residual[c][k - window.begin] = r;
     out.samples[c].add(r * r);

@@ -86,6 +86,13 @@ protocol::Recording rerun(const Experiment& recorded, const physics::Model& mode
   options.step_s = recorded.period_s / recorded.substeps;
   physics::RigTruth start;
   start.displacement_m = run.release * recorded.largest.displacement_m;
+  if (run.from_recorded_state) {
+    const StateGuess& guess = recorded.guess[recorded.longest_segment().begin];
+    start.displacement_m = guess.displacement_m;
+    start.velocity_m_s = guess.velocity_m_s;
+    start.load_cell_deflection_m = guess.load_cell_deflection_m;
+    start.load_cell_velocity_m_s = guess.load_cell_velocity_m_s;
+  }
   physics::RigSimulator rig(with_noise_of(model, recorded), options, start);
   protocol::Recording recording;
   recording.source = "simulated";

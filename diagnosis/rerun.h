@@ -18,6 +18,7 @@ struct Rerun {
   double burst_s = 0.0;    ///< length of alternating drive and rest; 0: no rests
   double release = 0.0;    ///< initial deflection over the largest one, released from rest
   double longest_s = 0.0;  ///< longest duration; 0: that of the recording
+  bool from_recorded_state = false;  ///< begins with the guess of the recorded motion
 };
 
 /// The model with the declared or estimated noise of every recorded channel.

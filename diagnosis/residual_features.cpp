@@ -52,7 +52,7 @@ ChannelResiduals residuals_on_grid(const Task& task, const Hypothesis& hypothesi
     const auto readings = predict(e, window, window.end, hypothesis, fitted.z, fitted.state[w]);
     const std::size_t first = place(window.begin);
     for_each_compared(e, window.begin, window.end, [&](std::size_t k, std::size_t c) {
-      const double r = (e.reading[k][c] - readings[k - window.begin][c]) / task.sigma[c];
+      const double r = (e.reading[k][c] - readings[k - window.begin][c]) / task.sigma_of(e, c);
       // Bounded, so that one diverged window does not hide all others.
       if (std::isfinite(r)) out[c][first + k - window.begin] = std::clamp(r, -100.0, 100.0);
     });
@@ -246,9 +246,7 @@ void set_motion_scales(const Experiment& e, const physics::RigNumbers<double>& n
       std::max({drive, n.c.stiffness * scales.displacement_m, e.largest.friction_n, 1.0e-12});
 }
 
-}  // namespace
-
-ResidualFeatures residual_features(const Task& task, const Hypothesis& hypothesis,
+ResidualFeatures features_of_first(const Task& task, const Hypothesis& hypothesis,
                                    const Fit& fitted) {
   ResidualFeatures out;
   set_lines(task, residuals_on_grid(task, hypothesis, fitted), out);
@@ -256,11 +254,27 @@ ResidualFeatures residual_features(const Task& task, const Hypothesis& hypothesi
   return out;
 }
 
-physics::Scales scales_of(std::span<const Experiment> experiments, const Hypothesis& hypothesis,
+ResidualFeatures features_of_recording(const Task& task, std::size_t recording,
+                                       const Hypothesis& hypothesis, const Fit& fitted) {
+  Task own = task;
+  own.experiments = task.experiments.subspan(recording, 1);
+  own.windows.clear();
+  Fit part;
+  part.z = fitted.z;
+  for (std::size_t w = 0; w < task.windows.size(); ++w) {
+    if (task.windows[w].experiment != recording) continue;
+    own.windows.push_back({0, task.windows[w].window});
+    part.state.push_back(fitted.state[w]);
+    part.chi2.push_back(fitted.chi2[w]);
+    part.count.push_back(fitted.count[w]);
+  }
+  return own.windows.empty() ? ResidualFeatures{} : features_of_first(own, hypothesis, part);
+}
+
+physics::Scales scales_in(const Experiment& e, const Hypothesis& hypothesis,
                           std::span<const double> z, const ResidualFeatures& features,
                           const physics::Place& place) {
-  const Experiment& e = experiments.front();
-  const auto parameters = hypothesis.parameters(z);
+  const auto parameters = hypothesis.parameters(z, e.recording);
   const auto n = hypothesis.rig().numbers<double>(parameters);
   physics::Scales scales;
   set_motion_scales(e, n, scales);
@@ -281,6 +295,66 @@ physics::Scales scales_of(std::span<const Experiment> experiments, const Hypothe
   scales.channel = channel_scales(e, features, place.channel);
   scales.from = channel_scales(e, features, place.from);
   return scales;
+}
+
+// Magnitudes of both recordings: the larger motion, all loads.
+void widen(physics::Scales& out, const physics::Scales& other) {
+  for (const auto magnitude :
+       {&physics::Scales::displacement_m, &physics::Scales::velocity_m_s, &physics::Scales::force_n,
+        &physics::Scales::friction_n, &physics::Scales::duration_s,
+        &physics::Scales::sample_period_s, &physics::Scales::highest_load_n}) {
+    out.*magnitude = std::max(out.*magnitude, other.*magnitude);
+  }
+  out.lowest_load_n = std::min(out.lowest_load_n, other.lowest_load_n);
+  for (const auto part : {&physics::Scales::channel, &physics::Scales::from}) {
+    physics::ChannelScales& channel = out.*part;
+    for (const auto magnitude : {&physics::ChannelScales::largest, &physics::ChannelScales::spread,
+                                 &physics::ChannelScales::pile}) {
+      channel.*magnitude = std::max(channel.*magnitude, (other.*part).*magnitude);
+    }
+  }
+}
+
+}  // namespace
+
+ResidualFeatures residual_features(const Task& task, const Hypothesis& hypothesis,
+                                   const Fit& fitted) {
+  if (hypothesis.recordings() == 1) return features_of_first(task, hypothesis, fitted);
+  ResidualFeatures out;
+  for (std::size_t i = 0; i < task.experiments.size(); ++i) {
+    const ResidualFeatures own = features_of_recording(task, i, hypothesis, fitted);
+    for (std::size_t c = 0; c < predicted_channels; ++c) {
+      if (own.line[c].amplitude > out.line[c].amplitude) out.line[c] = own.line[c];
+    }
+    out.frequencies_hz.insert(out.frequencies_hz.end(), own.frequencies_hz.begin(),
+                              own.frequencies_hz.end());
+    out.episodes_s.insert(out.episodes_s.end(), own.episodes_s.begin(), own.episodes_s.end());
+  }
+  // Each frequency is a start of every effect that has one.
+  const auto same = [](double a, double b) {
+    return a / b > same_peak_low && a / b < same_peak_high;
+  };
+  auto& all = out.frequencies_hz;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const auto after = all.begin() + static_cast<std::ptrdiff_t>(i) + 1;
+    all.erase(std::remove_if(after, all.end(), [&](double each) { return same(each, all[i]); }),
+              all.end());
+  }
+  return out;
+}
+
+physics::Scales scales_of(std::span<const Experiment> experiments, const Hypothesis& hypothesis,
+                          std::span<const double> z, const ResidualFeatures& features,
+                          const physics::Place& place) {
+  physics::Scales out = scales_in(experiments.front(), hypothesis, z, features, place);
+  if (hypothesis.recordings() == 1) return out;
+  double log_load = 0.0;
+  for (const Experiment& e : experiments) {
+    widen(out, scales_in(e, hypothesis, z, features, place));
+    log_load += std::log(std::max(e.mean_load_n, 1.0e-12));
+  }
+  out.mean_load_n = std::exp(log_load / static_cast<double>(experiments.size()));
+  return out;
 }
 
 }  // namespace stickslip::diagnosis

@@ -15,7 +15,7 @@
 
 namespace stickslip::diagnosis {
 
-/// Of the residuals over the whole first experiment.
+/// Of the residuals over the whole first experiment; in a campaign, over all of them.
 struct ResidualFeatures {
   std::array<physics::Line, predicted_channels> line;  ///< by channel; amplitude 0: none
   std::vector<double> frequencies_hz;                 ///< of all channels together, strongest first

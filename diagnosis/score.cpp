@@ -127,7 +127,7 @@ PredictionErrors predict_ahead(const Task& task, const Hypothesis& hypothesis,
       add_errors(out.window[w], e, k, readings[k - window.begin]);
     }
     for (std::size_t c = 0; c < predicted_channels; ++c) {
-      out.chi2[w] += out.window[w].square[c] / (task.sigma[c] * task.sigma[c]);
+      out.chi2[w] += out.window[w].square[c] / (task.sigma_of(e, c) * task.sigma_of(e, c));
       out.count[w] += static_cast<int>(out.window[w].count[c]);
     }
     if (!std::isfinite(out.chi2[w])) out.chi2[w] = 1.0e30;

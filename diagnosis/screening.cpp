@@ -103,7 +103,7 @@ class Screening {
           extended(*base_.hypothesis, candidate, start, fixed, Detail::coarse);
       auto points = starting_points(base_, hypothesis, data_.criteria.distant_calibration);
       const std::size_t plain = points.size();
-      if (candidate.is_number()) add_factors(points, hypothesis);
+      if (candidate.is_number() && !candidate.is_comparison()) add_factors(points, hypothesis);
       for (std::size_t i = 0; i < points.size(); ++i) {
         const bool from_declared = i < plain && i > 0;
         Fit fitted = fit(subset_.task, hypothesis, points[i], states_for(hypothesis, from_declared),
@@ -120,8 +120,11 @@ class Screening {
   // Of the numbers, the `most` that gain most to first order. All effects are kept.
   void keep_best_numbers(std::vector<CandidateEffect>& candidates, std::size_t most) const {
     std::vector<CandidateEffect> numbers;
+    const auto is_plain = [](const CandidateEffect& each) {
+      return each.is_number() && !each.is_comparison();
+    };
     for (const CandidateEffect& each : candidates) {
-      if (each.is_number()) numbers.push_back(each);
+      if (is_plain(each)) numbers.push_back(each);
     }
     if (numbers.size() <= most) return;
     const std::vector<double> gain = gains_of_numbers(subset_.task, base_, subset_.state, numbers);
@@ -129,7 +132,7 @@ class Screening {
     std::sort(sorted.begin(), sorted.end(), std::greater<>());
     std::size_t next = 0;
     std::erase_if(candidates, [&](const CandidateEffect& each) {
-      return each.is_number() && gain[next++] < sorted[most - 1];
+      return is_plain(each) && gain[next++] < sorted[most - 1];
     });
   }
 
@@ -176,6 +179,14 @@ void erase_unknown_numbers(std::vector<CandidateEffect>& candidates, const Hypot
   });
 }
 
+// Of the differences between recordings, which are tried for every number, the best.
+void keep_best_comparisons(std::vector<FittedCandidate>& candidates, std::size_t most) {
+  std::size_t kept = 0;
+  std::erase_if(candidates, [&](const FittedCandidate& each) {
+    return each.candidate.is_comparison() && kept++ >= most;
+  });
+}
+
 // The best candidates, and those that one step cannot judge because they replace a law.
 void keep_promising(std::vector<FittedCandidate>& candidates, const FittedCandidate& base,
                     std::size_t count) {
@@ -192,10 +203,13 @@ void keep_promising(std::vector<FittedCandidate>& candidates, const FittedCandid
 
 WindowSubset window_subset(const SearchData& data, const FittedCandidate& base) {
   const Task& train = data.train;
-  const auto chosen = chosen_windows(base.fitted, data.criteria.effort.screening_windows);
+  const Effort& effort = data.criteria.effort;
+  const auto chosen = chosen_windows(
+      base.fitted, effort.screening_windows +
+                       (base.hypothesis->recordings() - 1) * effort.screening_windows_of_recording);
   WindowSubset subset;
   subset.task = train;
-  subset.task.experiments = data.coarse;
+  subset.task.steps = Steps::coarse;
   subset.task.windows.clear();
   subset.task.threads = 1;
   for (std::size_t w = 0; w < train.windows.size(); ++w) {
@@ -213,13 +227,19 @@ std::vector<FittedCandidate> screen(
     const std::function<void(const std::string& step, double done)>& progress) {
   const Effort& effort = data.criteria.effort;
   std::vector<CandidateEffect> effects =
-      candidate_effects(base.hypothesis->model(), data.experiments);
+      candidate_effects(base.hypothesis->model(), data.experiments, base.hypothesis->campaign());
+  if (const physics::Campaign* campaign = base.hypothesis->campaign()) {
+    const auto more = comparison_candidates(base.hypothesis->model(), data.experiments, *campaign);
+    effects.insert(effects.end(), more.begin(), more.end());
+  }
   erase_unknown_numbers(effects, *base.hypothesis);
   if (wanted) std::erase_if(effects, std::not_fn(wanted));
   const Screening screening(data, features, base);
   screening.keep_best_numbers(effects, effort.rough_numbers);
-  const auto numbers = static_cast<std::size_t>(
-      std::count_if(effects.begin(), effects.end(), std::mem_fn(&CandidateEffect::is_number)));
+  const auto plain_numbers = std::count_if(
+      effects.begin(), effects.end(),
+      [](const CandidateEffect& each) { return each.is_number() && !each.is_comparison(); });
+  std::size_t numbers = static_cast<std::size_t>(plain_numbers);
   progress("screening " + physics::counted(effects.size(), "effect"), 0.0);
   std::vector<FittedCandidate> candidates(effects.size());
   parallel::for_each(effects.size(), data.threads,
@@ -234,6 +254,10 @@ std::vector<FittedCandidate> screen(
         [&](const FittedCandidate& a, const FittedCandidate& b) { return cost(a) < cost(b); });
   };
   sort();
+  if (base.hypothesis->recordings() > 1) {
+    keep_best_comparisons(candidates, effort.rough_numbers);
+    numbers += effort.rough_numbers;
+  }
   keep_promising(candidates, base, effort.rough_fits + numbers);
   progress("refining the best effects", 0.5);
   parallel::for_each(candidates.size(), data.threads,

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "diagnosis/comparison.h"
 #include "diagnosis/finalists.h"
 #include "diagnosis/findings.h"
 #include "diagnosis/screening.h"
@@ -18,6 +19,7 @@ using physics::Tier;
 void Search::run(const physics::Model& model) {
   report("calibrating the declared model", 0.0);
   declared_ = calibrate(data_, model);
+  if (data_.campaign) estimate_spreads(data_, declared_);
   declared_task_ = data_.train;
   current_ = declared_;
   features_ = features_of(current_);
@@ -31,6 +33,7 @@ void Search::run(const physics::Model& model) {
     return is_major_gain(before, after);
   })) {
   }
+  if (data_.campaign && !claims_.empty()) estimate_spreads(data_, current_);
 }
 
 void Search::extend() {
@@ -124,7 +127,7 @@ Detection Search::detection() const {
   fitted.z = current_.fitted.z;
   fitted.state = subset.state;
   std::vector<CandidateEffect> candidates =
-      candidate_effects(current_.hypothesis->model(), data_.experiments);
+      candidate_effects(current_.hypothesis->model(), data_.experiments, data_.campaign.get());
   std::erase_if(candidates,
                 [](const CandidateEffect& each) { return tier_of(each) == Tier::free_form; });
   const auto scales = [&](const physics::Place& place) {
@@ -167,10 +170,61 @@ void Search::fit_finalists(std::vector<FittedCandidate>& candidates) {
   report("scoring on held-out data", 0.55);
   fit_and_score(data_, current_.held_out, candidates);
   restart_best(data_, *declared_.hypothesis, current_.held_out, candidates);
+  if (data_.campaign) add_differences(candidates);
   for (const FittedCandidate& each : candidates) {
     add_trial({each.candidate}, claims_.size(), each, current_.held_out);
   }
   rank_determined(candidates, data_, current_.held_out, seed());
+}
+
+// The listed effects with a size that differs between the recordings: in each, and, where that
+// gains, with a condition. What is proportional to a condition needs no more parameters than what
+// is common.
+void Search::add_differences(std::vector<FittedCandidate>& candidates) const {
+  std::vector<const FittedCandidate*> listed;
+  for (const FittedCandidate& each : candidates) {
+    if (each.candidate.is_comparison() || each.candidate.is_number()) continue;
+    if (tier_of(each.candidate) == Tier::listed) listed.push_back(&each);
+  }
+  std::vector<FittedCandidate> found;
+  for (const FittedCandidate* each : listed) {
+    const auto more = differing(*each);
+    found.insert(found.end(), more.begin(), more.end());
+  }
+  candidates.insert(candidates.end(), found.begin(), found.end());
+}
+
+// An effect with its first parameter in each recording; with a condition, where the former gains.
+std::vector<FittedCandidate> Search::differing(const FittedCandidate& each) const {
+  const Hypothesis& common = *each.hypothesis;
+  const std::vector<OwnParameter> own = own_indices(each);
+  if (own.empty() || own.front().index < 0) return {};
+  const auto index = static_cast<std::size_t>(own.front().index);
+  const std::string& path = common.rig().parameter_paths()[index];
+  const auto unknown = common.unknown_of(index);
+  std::vector<FittedCandidate> out;
+  if (!unknown || common.campaign()->sharing_of(path).sharing != physics::Sharing::common) {
+    return out;
+  }
+  std::vector<physics::SharedNumber> all = differences_of(path, *common.campaign());
+  if (common.unknowns()[*unknown].logarithmic) {
+    for (std::size_t i = 1, n = all.size(); i < n; ++i) {
+      if (all[i].sharing != physics::Sharing::power) continue;
+      all.push_back(all[i]);
+      all.back().sharing = physics::Sharing::proportional;
+    }
+  }
+  for (const physics::SharedNumber& shared : all) {
+    FittedCandidate next = each;
+    next.candidate.shared = shared;
+    next.hypothesis = common.sharing(shared);
+    next.fitted.z = carried_over(common, each.fitted.z, *next.hypothesis);
+    fit_and_score(data_, current_.held_out, {&next, 1});
+    const bool gains = is_gain(each.held_out, next.held_out);
+    if (shared.sharing == physics::Sharing::own && !gains) break;
+    if (gains) out.push_back(std::move(next));
+  }
+  return out;
 }
 
 // An explained recording needs no unlisted physics.
@@ -254,6 +308,10 @@ bool Search::add_effect_beside_current() {
   if (!claims_.empty()) prefer_listed(candidates);
   const FittedCandidate& best = candidates.front();
   if (!relation_) relation_ = best.candidate.relation();
+  if (claims_.empty()) {
+    unclaimed_ = {current_};
+    unclaimed_.insert(unclaimed_.end(), candidates.begin(), candidates.end());
+  }
   if (claims_.empty() && tier_of(best.candidate) != Tier::listed && add_listed_pair(candidates)) {
     return true;
   }
@@ -303,6 +361,7 @@ bool Search::is_claimable(const FittedCandidate& best) const {
 // allows for, and that gains what such a distance costs.
 bool Search::is_contradicted(const FittedCandidate& each) const {
   if (!each.candidate.is_number() || !data_.noise_is_known) return false;
+  if (each.candidate.is_comparison()) return false;
   // Beside physics that is still missing, numbers are off because they stand in for it.
   if (!is_explained(each)) return false;
   const double most = data_.criteria.contradicted_sigmas;

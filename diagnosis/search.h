@@ -54,6 +54,8 @@ class Search {
   const FittedCandidate& result() const { return current_; }
   const std::vector<Claim>& claims() const { return claims_; }
   const std::vector<Trial>& trials() const { return trials_; }
+  /// Where nothing was claimed: the model without an addition, and the finalists beside it.
+  const std::vector<FittedCandidate>& unclaimed() const { return unclaimed_; }
   /// Relation of the best candidate of the first step, claimed or not.
   std::optional<physics::Relation> relation() const { return relation_; }
   /// True if the result needs calibrated parameters that are implausible.
@@ -112,6 +114,8 @@ class Search {
   bool listed_effect_remains() const;
   void add_trial(std::initializer_list<CandidateEffect> added, std::size_t stage,
                  const FittedCandidate& each, const HeldOut& before);
+  void add_differences(std::vector<FittedCandidate>& candidates) const;
+  std::vector<FittedCandidate> differing(const FittedCandidate& each) const;
   void fit_finalists(std::vector<FittedCandidate>& candidates);
   bool add_listed_pair(const std::vector<FittedCandidate>& candidates);
   bool may_imitate_pair(const FittedCandidate& best) const;
@@ -142,6 +146,7 @@ class Search {
   FittedCandidate current_;
   std::vector<Claim> claims_;
   std::vector<Trial> trials_;
+  std::vector<FittedCandidate> unclaimed_;
   std::optional<physics::Relation> relation_;
 };
 

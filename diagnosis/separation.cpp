@@ -52,15 +52,16 @@ double excess_of(const Run& run, const Experiment& recorded, const FittedHypothe
   Rerun variation = run.variation;
   variation.longest_s = effort.separation_run_s;
   const protocol::Recording recording =
-      rerun(recorded, truth.hypothesis->model_at(truth.z), variation, seed);
-  std::vector<Experiment> experiments{make_experiment(
-      recording, with_noise_of(tested.hypothesis->model(), recorded), Steps::coarse)};
+      rerun(recorded, truth.hypothesis->model_in(truth.z, 0), variation, seed);
+  std::vector<Experiment> experiments{
+      make_experiment(recording, with_noise_of(tested.hypothesis->model(), recorded))};
   cut_windows(experiments.front(), tested.hypothesis->model(), horizon_s);
   const std::size_t all = experiments.front().windows.size();
   const std::size_t count = std::min(all, effort.separation_windows);
   Task task;
   task.experiments = experiments;
   task.sigma = noise_sigma(experiments);
+  task.steps = Steps::coarse;
   for (std::size_t i = 0; i < count; ++i) task.windows.push_back({0, i * all / count});
   const std::vector<double> z(tested.z.begin(), tested.z.end());
   FitOptions options;

@@ -474,12 +474,15 @@ double Fit::half_width_95(std::size_t unknown) const {
 
 std::vector<WindowState> initial_states(const Task& task, const Hypothesis& hypothesis) {
   const std::vector<double> z(hypothesis.unknowns().size(), 0.0);
-  const auto parameters = hypothesis.parameters(z);
+  std::vector<std::vector<double>> parameters;
+  for (std::size_t i = 0; i < hypothesis.recordings(); ++i) {
+    parameters.push_back(hypothesis.parameters(z, i));
+  }
   std::vector<WindowState> states;
   states.reserve(task.windows.size());
   for (std::size_t w = 0; w < task.windows.size(); ++w) {
-    states.push_back(
-        state_prior(task.experiment(w), task.window(w), hypothesis, parameters).centre);
+    const Experiment& e = task.experiment(w);
+    states.push_back(state_prior(e, task.window(w), hypothesis, parameters[e.recording]).centre);
   }
   return states;
 }
@@ -522,13 +525,13 @@ Eigen::VectorXd residuals_of(const Task& task, std::size_t window, const Hypothe
                              std::span<const double> z, const WindowState& state) {
   const Experiment& e = task.experiment(window);
   const Window& each = task.window(window);
-  const auto readings = predict(e, each, each.end, hypothesis, z, state);
+  const auto readings = predict(e, each, each.end, hypothesis, z, state, task.steps);
   Eigen::VectorXd residual(static_cast<Eigen::Index>((each.end - each.begin) * predicted_channels));
   Eigen::Index row = 0;
   std::vector<Whitening> filter(task.colour.begin(), task.colour.end());
   std::array<double, predicted_channels> slow{};
   for_each_compared(e, each.begin, each.end, [&](std::size_t k, std::size_t c) {
-    const double off = (readings[k - each.begin][c] - e.reading[k][c]) / task.sigma[c];
+    const double off = (readings[k - each.begin][c] - e.reading[k][c]) / task.sigma_of(e, c);
     residual[row++] = filter[c].next(e.elapsed_s(k)).innovation(off, slow[c]);
   });
   residual.conservativeResize(row);
@@ -550,13 +553,14 @@ Fit fit_states(const Task& task, const Hypothesis& hypothesis, std::span<const d
 }
 
 Readings predict(const Experiment& experiment, const Window& window, std::size_t end,
-                 const Hypothesis& hypothesis, std::span<const double> z,
-                 const WindowState& state) {
-  const physics::SensorBank bank(hypothesis.model(), experiment.period_s / experiment.substeps);
-  const auto parameters = hypothesis.parameters(z);
+                 const Hypothesis& hypothesis, std::span<const double> z, const WindowState& state,
+                 Steps steps) {
+  const WindowRun run{experiment, window, end, steps};
+  const physics::SensorBank bank(hypothesis.model(), run.step_s());
+  const auto parameters = hypothesis.parameters(z, experiment.recording);
   const auto n = numbers_on_recording<double>(hypothesis.rig(), parameters);
   Readings readings(end - window.begin);
-  run_window(experiment, window, end, hypothesis.rig(), bank, n, state,
+  run_window(run, hypothesis.rig(), bank, n, state,
              [&](std::size_t k, std::size_t c, double reading, double) {
                readings[k - window.begin][c] = reading;
              });

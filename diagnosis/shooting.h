@@ -42,9 +42,11 @@ using Readings = std::vector<std::array<double, predicted_channels>>;
 struct Task {
   std::span<const Experiment> experiments;
   std::vector<WindowRef> windows;
-  std::array<double, predicted_channels> sigma{};  ///< residuals are divided by it, by channel
-  NoiseColours colour{};                           ///< residuals are whitened by it
-  double share = 1.0;  ///< leading share of each window that is compared
+  /// Residuals are divided by it, by channel, times the ratio of the experiment.
+  std::array<double, predicted_channels> sigma{};
+  NoiseColours colour{};      ///< residuals are whitened by it
+  double share = 1.0;         ///< leading share of each window that is compared
+  Steps steps = Steps::fine;  ///< of the residuals; their derivatives take coarse ones
   int threads = 1;
   /// Called for every window whose states were fitted with the unknowns held, from the thread that
   /// fitted it; may be empty.
@@ -52,6 +54,8 @@ struct Task {
   /// Fits end with Interrupted at their next step once this is requested, from any thread.
   std::stop_token stop = {};
 
+  /// The noise of a channel in one of the experiments.
+  double sigma_of(const Experiment& e, std::size_t c) const { return sigma[c] * e.noise_ratio[c]; }
   const Experiment& experiment(std::size_t w) const { return experiments[windows[w].experiment]; }
   const Window& window(std::size_t w) const { return experiment(w).windows[windows[w].window]; }
 };
@@ -147,6 +151,7 @@ Eigen::VectorXd residuals_of(const Task& task, std::size_t window, const Hypothe
 /// Readings of the model in a window from that state: element i belongs to sample begin + i, up to
 /// `end`, which may lie beyond the window's own.
 Readings predict(const Experiment& experiment, const Window& window, std::size_t end,
-                 const Hypothesis& hypothesis, std::span<const double> z, const WindowState& state);
+                 const Hypothesis& hypothesis, std::span<const double> z, const WindowState& state,
+                 Steps steps = Steps::fine);
 
 }  // namespace stickslip::diagnosis

@@ -92,23 +92,16 @@ physics::Line refined_line(const std::vector<double>& values, double period_s, d
   return line;
 }
 
-// Deviation of the mains frequency from its nominal value in normal operation.
-constexpr double grid_tolerance = 0.004;
 // Power of a line over that of its surroundings. The power of noise is exponentially distributed:
 // e^-20 allows for every bin, line and channel that is examined.
 constexpr double significant_power = 20.0;
 
 constexpr std::array mains_hz = {50.0, 100.0, 150.0, 60.0, 120.0, 180.0};
 
-// Where a frequency appears after sampling.
-double apparent_hz(double frequency_hz, double period_s) {
-  return std::abs(frequency_hz - std::round(frequency_hz * period_s) / period_s);
-}
-
 // The bin of a significant line near `centre_hz`, where a line of `mains` Hz appears.
 std::optional<std::size_t> significant_bin(const std::vector<Complex>& spectrum, double step_hz,
                                            double resolution_hz, double centre_hz, double mains) {
-  const double searched = grid_tolerance * mains;
+  const double searched = mains_deviation * mains;
   const double around = searched + 12.0 * resolution_hz;
   const auto bin = [&](double hz) {
     return static_cast<std::ptrdiff_t>(std::lround(hz / step_hz));
@@ -162,6 +155,10 @@ double strongest_frequency_hz(const std::vector<double>& values, double period_s
   if (!(std::norm(*top) > 0.0)) return 0.0;
   return 0.5 * static_cast<double>(top - spectrum.begin()) /
          (period_s * static_cast<double>(spectrum.size()));
+}
+
+double apparent_hz(double frequency_hz, double period_s) {
+  return std::abs(frequency_hz - std::round(frequency_hz * period_s) / period_s);
 }
 
 std::optional<physics::Line> mains_of(const std::vector<double>& values, double period_s,

@@ -24,6 +24,12 @@ std::vector<std::complex<double>> windowed_spectrum(std::vector<double> values);
 std::optional<physics::Line> mains_of(const std::vector<double>& values, double period_s,
                                       bool lone = false);
 
+/// Deviation of the mains frequency from its nominal value in normal operation, as a share of it.
+inline constexpr double mains_deviation = 0.004;
+
+/// Where a frequency appears after sampling [Hz].
+double apparent_hz(double frequency_hz, double period_s);
+
 /// The mains frequency or harmonic that appears nearest to `frequency_hz` [Hz].
 double mains_behind(double frequency_hz, double period_s);
 

@@ -40,9 +40,9 @@ std::vector<std::vector<Dual>> seeded_blocks(std::span<const double> parameters,
   return out;
 }
 
-DerivedMotion::DerivedMotion(const Experiment& e, const physics::Rig& rig,
+DerivedMotion::DerivedMotion(const WindowRun& run, const physics::Rig& rig,
                              std::span<const double> parameters, const Directions& directions,
-                             const WindowState& from, const physics::Input& now, double time_s)
+                             const WindowState& from, const physics::Input& now)
     : rig_(rig),
       parameters_(parameters),
       directions_(directions),
@@ -57,7 +57,8 @@ DerivedMotion::DerivedMotion(const Experiment& e, const physics::Rig& rig,
     slope_at(beginning_[i], directions.parameters.size() + i) =
         Dual::slope(directions.states[i].slope);
   }
-  add_passes(e);
+  add_passes(run);
+  const double time_s = run.e.elapsed_s(run.window.warm);
   std::copy_n(from.begin(), value_.s.size(), value_.s.begin());
   const RigState<double> start = value_;
   for (const Pass& pass : passes_) {
@@ -69,10 +70,9 @@ DerivedMotion::DerivedMotion(const Experiment& e, const physics::Rig& rig,
   beginning_.swap(end_);
 }
 
-void DerivedMotion::add_passes(const Experiment& e) {
+void DerivedMotion::add_passes(const WindowRun& run) {
   const auto capacity = static_cast<Eigen::Index>(block_size);
   const std::size_t count = directions_.parameters.size();
-  const double h = e.period_s / e.substeps;
   drive_direction_ = static_cast<Eigen::Index>(carried_);
   Eigen::Index next = drive_direction_ + (directions_.knots > 0 ? 1 : 0);
   std::size_t first = 0;
@@ -84,7 +84,7 @@ void DerivedMotion::add_passes(const Experiment& e) {
       seeded[each.index].d[next + static_cast<Eigen::Index>(i)] = Dual::slope(each.slope);
     }
     const auto n = numbers_on_recording<Dual>(rig_, std::span<const Dual>(seeded));
-    const DelayedInput<Dual> input(e.input, n, rig_.structure().excitation, h);
+    const DelayedInput<Dual> input(run, n, rig_.structure().excitation);
     passes_.push_back({n, input, first, some, next, passes_.empty()});
     first += some;
     next = 0;

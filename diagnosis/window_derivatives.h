@@ -38,10 +38,9 @@ class DerivedMotion {
   /// A block of as many directions as a Dual has; the last one is filled with zeros.
   using Slopes = physics::Dual::Derivatives;
 
-  /// Begins with the input `now` at `time_s`. `parameters`: of the rig. All must outlive it.
-  DerivedMotion(const Experiment& e, const physics::Rig& rig, std::span<const double> parameters,
-                const Directions& directions, const WindowState& from, const physics::Input& now,
-                double time_s);
+  /// Begins with the input `now`. `parameters`: of the rig. All must outlive it.
+  DerivedMotion(const WindowRun& run, const physics::Rig& rig, std::span<const double> parameters,
+                const Directions& directions, const WindowState& from, const physics::Input& now);
   void advance(const WindowStep& step);
 
   /// With the derivatives in one block of directions.
@@ -61,7 +60,7 @@ class DerivedMotion {
   };
   using Row = std::vector<Slopes>;  // by block of directions
 
-  void add_passes(const Experiment& e);
+  void add_passes(const WindowRun& run);
   physics::RigState<physics::Dual> begun(const Pass& pass) const;
   void carry(const Pass& pass, const DriveError::Shares& error,
              std::span<const Slopes* const> result);
@@ -88,22 +87,18 @@ class DerivedMotion {
 /// As run_window, with the derivatives of each reading: calls sink(block of directions, sample,
 /// channel, reading, its rate).
 template <class Sink>
-void run_window_derived(const Experiment& e, const Window& window, std::size_t end,
-                        const physics::Rig& rig, const physics::SensorBank& bank,
-                        std::span<const double> parameters, const Directions& directions,
-                        const WindowState& from, Sink&& sink) {
+void run_window_derived(const WindowRun& run, const physics::Rig& rig,
+                        const physics::SensorBank& bank, std::span<const double> parameters,
+                        const Directions& directions, const WindowState& from, Sink&& sink) {
   using physics::Dual;
-  const double h = e.period_s / e.substeps;
   const auto plain = numbers_on_recording<double>(rig, parameters);
-  const DelayedInput<double> input(e.input, plain, rig.structure().excitation, h);
-  DerivedMotion motion(e, rig, parameters, directions, from,
-                       input.at(window.warm * static_cast<std::size_t>(e.substeps)),
-                       e.elapsed_s(window.warm));
+  const DelayedInput<double> input(run, plain, rig.structure().excitation);
+  DerivedMotion motion(run, rig, parameters, directions, from, input.at(run.first_input()));
   std::vector<WindowReader<Dual>> readers;
   std::vector<std::vector<Dual>> seeded = seeded_blocks(parameters, directions);
   for (std::size_t b = 0; b < motion.blocks(); ++b) {
     const auto n = numbers_on_recording<Dual>(rig, std::span<const Dual>(seeded[b]));
-    readers.emplace_back(e, window, end, bank, n.reading, h).settle(motion.quantities(b));
+    readers.emplace_back(run, bank, n.reading).settle(motion.quantities(b));
   }
   const auto sink_of = [&](std::size_t b) {
     return [&sink, b](std::size_t k, std::size_t c, const Dual& reading, double rate) {
@@ -111,7 +106,7 @@ void run_window_derived(const Experiment& e, const Window& window, std::size_t e
     };
   };
   const bool whole = run_steps(
-      e, window, input, motion,
+      run, input, motion,
       [&](double since_warm) {
         for (std::size_t b = 0; b < readers.size(); ++b) {
           readers[b].advance(motion.quantities(b), since_warm, sink_of(b));

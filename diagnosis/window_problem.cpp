@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "diagnosis/parallel/for_each.h"
-#include "diagnosis/window_simulation.h"
 
 namespace stickslip::diagnosis {
 
@@ -62,6 +61,13 @@ void set_contact_prior(StatePrior& prior, const Experiment& e, const StateGuess&
   const bool force_known = (e.compared >> index_of(Channel::friction_force)) & 1U;
   double theta = guess.velocity_m_s > 0.0 ? 0.8 : -0.8;
   if (force_known && level > 0.0) theta = std::clamp(guess.friction_n / level, -1.0, 1.0);
+  if (rig.structure().kinetics == physics::Kinetics::ageing) {
+    // The logarithm of the age: that of steady sliding, or somewhat older.
+    const double speed = std::abs(guess.velocity_m_s) + 0.01 * e.largest.velocity_m_s + 1.0e-9;
+    prior.centre[state::contact] = std::log(std::max(n.c.reference_speed, 1.0e-12) / speed);
+    prior.sigma[state::contact] = 2.0;
+    return;
+  }
   double unit = 1.0;
   if (rig.structure().kinetics == physics::Kinetics::bristle) {
     unit = level / std::max(n.c.contact_stiffness, 1.0e-12);
@@ -103,6 +109,7 @@ StatePrior state_prior(const Experiment& e, const Window& window, const Hypothes
   if (rig.has_state(state::contact)) set_contact_prior(prior, e, guess, rig, parameters);
   physics::Scales scales;
   scales.displacement_m = e.largest.displacement_m;
+  if (rig.structure().loaded) scales.mean_load_n = e.mean_load_n;
   for (const BoundTerm& term : rig.terms()) set_effect_prior(prior, term, parameters, scales);
   std::fill(prior.sigma.begin() + physics::max_rig_states, prior.sigma.end(), 1.0);
   return prior;
@@ -122,29 +129,48 @@ WindowProblem::WindowProblem(const Task& task, const Hypothesis& hypothesis,
   for (int k = 0; k < most_drive_knots(task.experiments); ++k) {
     states_.push_back(physics::max_rig_states + k);
   }
-  set_columns();
+  for (std::size_t i = 0; i < hypothesis.recordings(); ++i) columns_.push_back(columns_of(i));
   for (const Experiment& e : task.experiments) {
-    banks_.emplace_back(hypothesis.model(), e.period_s / e.substeps);
+    const auto bank = [&](Steps steps) {
+      return physics::SensorBank(hypothesis.model(), e.period_s / e.steps_per_sample(steps));
+    };
+    banks_.push_back(bank(task.steps));
+    coarse_banks_.push_back(bank(Steps::coarse));
   }
-  const auto parameters = hypothesis.parameters(z);
+  set_numbers(z);
   for (std::size_t w = 0; w < task.windows.size(); ++w) {
-    priors_.push_back(state_prior(task.experiment(w), task.window(w), hypothesis, parameters));
+    const Experiment& e = task.experiment(w);
+    priors_.push_back(state_prior(e, task.window(w), hypothesis, parameters_[e.recording]));
   }
 }
 
-void WindowProblem::set_columns() {
+// An unknown of another recording has no column: a window costs no more than in a single recording.
+WindowProblem::Columns WindowProblem::columns_of(std::size_t recording) const {
+  Columns out;
   for (std::size_t u = 0; u < unknowns_; ++u) {
+    if (!hypothesis_.acts(u, recording)) continue;
     const std::string& path =
         hypothesis_.rig().parameter_paths()[hypothesis_.unknowns()[u].parameter];
     const auto instrument = physics::instrument_parameter(path);
     if (instrument && index_of(instrument->channel) < predicted_channels &&
         hypothesis_.predicts(instrument->channel)) {
-      instrument_columns_.push_back(
+      out.instruments.push_back(
           {static_cast<Eigen::Index>(u), index_of(instrument->channel), instrument->quantity});
     } else {
-      parameter_columns_.push_back(static_cast<Eigen::Index>(u));
+      out.parameters.push_back(static_cast<Eigen::Index>(u));
     }
   }
+  return out;
+}
+
+void WindowProblem::set_numbers(std::span<const double> z) {
+  parameters_.clear();
+  numbers_.clear();
+  for (std::size_t i = 0; i < hypothesis_.recordings(); ++i) {
+    parameters_.push_back(hypothesis_.parameters(z, i));
+    numbers_.push_back(numbers_on_recording<double>(hypothesis_.rig(), parameters_.back()));
+  }
+  z_.assign(z.begin(), z.end());
 }
 
 std::size_t WindowProblem::end_of(std::size_t w) const {
@@ -154,11 +180,13 @@ std::size_t WindowProblem::end_of(std::size_t w) const {
          std::max<std::size_t>(4, static_cast<std::size_t>(std::lround(task_.share * length)));
 }
 
+WindowRun WindowProblem::run_of(std::size_t w, Steps steps) const {
+  return {task_.experiment(w), task_.window(w), end_of(w), steps};
+}
+
 void WindowProblem::prepare(std::span<const double> z) {
   if (task_.stop.stop_requested()) throw Interrupted();
-  parameters_ = hypothesis_.parameters(z);
-  numbers_ = numbers_on_recording<double>(hypothesis_.rig(), parameters_);
-  z_.assign(z.begin(), z.end());
+  set_numbers(z);
 }
 
 // Distance of a state from its prior's centre, in units of the prior.
@@ -221,11 +249,12 @@ NormalBlock WindowProblem::evaluate(std::size_t w, const WindowState& from) cons
   NormalBlock block;
   const Experiment& e = task_.experiment(w);
   WhitenedChannels channels(e, task_.colour);
-  run_window(e, task_.window(w), end_of(w), hypothesis_.rig(), banks_[task_.windows[w].experiment],
-             numbers_, from, [&](std::size_t k, std::size_t c, double reading, double) {
+  run_window(run_of(w, task_.steps), hypothesis_.rig(), banks_[task_.windows[w].experiment],
+             numbers_[e.recording], from,
+             [&](std::size_t k, std::size_t c, double reading, double) {
                if (!e.is_compared(k, c)) return;
                const double residual =
-                   channels.innovation(k, c, (reading - e.reading[k][c]) / task_.sigma[c]);
+                   channels.innovation(k, c, (reading - e.reading[k][c]) / task_.sigma_of(e, c));
                block.chi2 += residual * residual;
                ++block.count;
              });
@@ -238,9 +267,11 @@ NormalBlock WindowProblem::evaluate(std::size_t w, const WindowState& from) cons
 // of like size.
 Directions WindowProblem::directions(std::size_t w) const {
   Directions out;
-  for (const Eigen::Index column : parameter_columns_) {
+  const std::size_t recording = task_.experiment(w).recording;
+  for (const Eigen::Index column : columns_[recording].parameters) {
     const auto u = static_cast<std::size_t>(column);
-    out.parameters.push_back({hypothesis_.unknowns()[u].parameter, hypothesis_.slope(u, z_[u])});
+    out.parameters.push_back(
+        {hypothesis_.unknowns()[u].parameter, hypothesis_.slope(u, z_, recording)});
   }
   for (std::size_t i = 0; i < rig_states_; ++i) {
     const auto index = static_cast<std::size_t>(states_[i]);
@@ -274,54 +305,69 @@ class Rows {
 
 // Gain, offset and delay of a channel move its readings in known ways: no integration with
 // derivatives is needed for them.
-void WindowProblem::differentiate_instruments(std::size_t c, double reading, double rate,
-                                              Eigen::Index row, Jacobian& jacobian) const {
-  const physics::ReadingLaw<double>& law = numbers_.reading.of[c];
-  for (const InstrumentColumn& each : instrument_columns_) {
+void WindowProblem::differentiate_instruments(const Experiment& e, std::size_t c, double reading,
+                                              double rate, Eigen::Index row,
+                                              Jacobian& jacobian) const {
+  const physics::ReadingLaw<double>& law = numbers_[e.recording].reading.of[c];
+  for (const InstrumentColumn& each : columns_[e.recording].instruments) {
     if (each.channel != c) continue;
     const double by_parameter = each.quantity == physics::InstrumentQuantity::gain
                                     ? (reading - law.offset) / law.gain
                                 : each.quantity == physics::InstrumentQuantity::offset ? 1.0
                                                                                        : -rate;
     const auto u = static_cast<std::size_t>(each.column);
-    jacobian(row, each.column) = by_parameter * hypothesis_.slope(u, z_[u]) / task_.sigma[c];
+    jacobian(row, each.column) =
+        by_parameter * hypothesis_.slope(u, z_, e.recording) / task_.sigma_of(e, c);
   }
 }
 
+// Steps are as long as derivatives allow; the residuals are those of the task's own steps, which
+// are run by themselves only where they are others.
 WindowProblem::Derivatives WindowProblem::differentiate(std::size_t w,
                                                         const WindowState& from) const {
   const auto columns = static_cast<Eigen::Index>(unknowns_ + states_.size());
-  const auto parameters = static_cast<Eigen::Index>(parameter_columns_.size());
   const Experiment& e = task_.experiment(w);
-  const Window& window = task_.window(w);
-  const std::size_t end = end_of(w);
-  const Rows rows(e, window.begin, end);
+  const auto& parameter_columns = columns_[e.recording].parameters;
+  const auto parameters = static_cast<Eigen::Index>(parameter_columns.size());
+  const WindowRun coarse = run_of(w, Steps::coarse);
+  const Rows rows(e, coarse.window.begin, coarse.end);
   Derivatives out;
   out.jacobian.setZero(rows.count(), columns);
   out.residual.setZero(rows.count());
   const Directions all = directions(w);
   const auto column_of = [&](Eigen::Index direction) {
-    return direction < parameters ? parameter_columns_[static_cast<std::size_t>(direction)]
+    return direction < parameters ? parameter_columns[static_cast<std::size_t>(direction)]
                                   : static_cast<Eigen::Index>(unknowns_) + direction - parameters;
   };
+  const auto take_reading = [&](std::size_t k, std::size_t c, double reading, double rate) {
+    const Eigen::Index row = rows.of(k, c);
+    if (row < 0) return;
+    out.residual[row] = (reading - e.reading[k][c]) / task_.sigma_of(e, c);
+    differentiate_instruments(e, c, reading, rate, row, out.jacobian);
+  };
+  const WindowRun own = run_of(w, task_.steps);
+  const bool same_steps = own.stride() == coarse.stride();
   const auto take = [&](std::size_t block, std::size_t k, std::size_t c, const Dual& reading,
                         double rate) {
     const Eigen::Index row = rows.of(k, c);
     if (row < 0) return;
-    const double scale = 1.0 / task_.sigma[c];
+    const double scale = 1.0 / task_.sigma_of(e, c);
     const auto first = static_cast<Eigen::Index>(block) * Dual::directions;
     const auto some =
         std::min<Eigen::Index>(Dual::directions, static_cast<Eigen::Index>(all.size()) - first);
     for (Eigen::Index j = 0; j < some; ++j) {
       out.jacobian(row, column_of(first + j)) = reading.d[j] * scale;
     }
-    if (block > 0) return;
-    out.residual[row] = (reading.a - e.reading[k][c]) * scale;
-    differentiate_instruments(c, reading.a, rate, row, out.jacobian);
+    if (block == 0 && same_steps) take_reading(k, c, reading.a, rate);
   };
-  run_window_derived(e, window, end, hypothesis_.rig(), banks_[task_.windows[w].experiment],
-                     parameters_, all, from, take);
-  whiten_rows(e, window, end, task_.colour, out.jacobian, out.residual);
+  const std::size_t experiment = task_.windows[w].experiment;
+  run_window_derived(coarse, hypothesis_.rig(), coarse_banks_[experiment], parameters_[e.recording],
+                     all, from, take);
+  if (!same_steps) {
+    run_window(own, hypothesis_.rig(), banks_[experiment], numbers_[e.recording], from,
+               take_reading);
+  }
+  whiten_rows(e, coarse.window, coarse.end, task_.colour, out.jacobian, out.residual);
   return out;
 }
 
@@ -409,18 +455,18 @@ bool WindowProblem::follows_on(std::size_t w) const {
 WindowState WindowProblem::propagated(std::size_t w, const WindowState& from) const {
   const Experiment& e = task_.experiment(w);
   const physics::Rig& rig = hypothesis_.rig();
-  const double h = e.period_s / e.substeps;
-  const auto substeps = static_cast<std::size_t>(e.substeps);
-  const DelayedInput<double> input(e.input, numbers_, rig.structure().excitation, h);
+  const WindowRun run = run_of(w - 1, task_.steps);
+  const double h = run.step_s();
+  const auto& numbers = numbers_[e.recording];
+  const DelayedInput<double> input(run, numbers, rig.structure().excitation);
   RigState<double> s;
   std::copy_n(from.begin(), s.s.size(), s.s.begin());
-  const std::size_t warm = task_.window(w - 1).warm;
-  const std::size_t first = warm * substeps;
-  const double start_time = e.elapsed_s(warm);
-  rig.complete(s, input.at(first), start_time, numbers_);
-  for (std::size_t at = first; at < task_.window(w).warm * substeps; ++at) {
-    rig.step(s, input.at(at), input.at(at + 1), start_time + h * static_cast<double>(at - first), h,
-             numbers_);
+  double time_s = e.elapsed_s(run.window.warm);
+  std::size_t at = run.first_input();
+  const std::size_t last = run_of(w, task_.steps).first_input();
+  rig.complete(s, input.at(at), time_s, numbers);
+  for (; at < last; at += run.stride(), time_s += h) {
+    rig.step(s, input.at(at), input.at(at + run.stride()), time_s, h, numbers);
   }
   WindowState reached{};
   std::copy(s.s.begin(), s.s.end(), reached.begin());

@@ -9,6 +9,7 @@
 
 #include "diagnosis/shooting.h"
 #include "diagnosis/window_derivatives.h"
+#include "diagnosis/window_simulation.h"
 #include "physics/rig.h"
 #include "physics/sensor_chain.h"
 
@@ -86,16 +87,24 @@ class WindowProblem {
   std::size_t end_of(std::size_t w) const;
   double state_offset(std::size_t w, int state, const WindowState& at) const;
   void add_priors(std::size_t w, const WindowState& at, NormalBlock& block) const;
+  WindowRun run_of(std::size_t w, Steps steps) const;
   struct InstrumentColumn {
     Eigen::Index column = 0;
     std::size_t channel = 0;
     physics::InstrumentQuantity quantity{};
   };
 
-  void set_columns();
+  // Unknowns that act in a recording, and its numbers.
+  struct Columns {
+    std::vector<Eigen::Index> parameters;  // but for the next
+    std::vector<InstrumentColumn> instruments;
+  };
+
+  Columns columns_of(std::size_t recording) const;
+  void set_numbers(std::span<const double> z);
   Directions directions(std::size_t w) const;
-  void differentiate_instruments(std::size_t c, double reading, double rate, Eigen::Index row,
-                                 Jacobian& jacobian) const;
+  void differentiate_instruments(const Experiment& e, std::size_t c, double reading, double rate,
+                                 Eigen::Index row, Jacobian& jacobian) const;
   NormalBlock diverged(int count) const;
 
   const Task& task_;
@@ -103,13 +112,13 @@ class WindowProblem {
   std::vector<int> states_;     // indices into WindowState
   std::size_t rig_states_ = 0;  // of these, the first
   std::size_t unknowns_;
-  std::vector<Eigen::Index> parameter_columns_;  // unknowns, but for the next
-  std::vector<InstrumentColumn> instrument_columns_;
-  std::vector<physics::SensorBank> banks_;
+  std::vector<Columns> columns_;                   // by recording
+  std::vector<physics::SensorBank> banks_;         // by experiment, for the steps of the task
+  std::vector<physics::SensorBank> coarse_banks_;  // for those of the derivatives
   std::vector<StatePrior> priors_;
-  std::vector<double> parameters_;
+  std::vector<std::vector<double>> parameters_;  // by recording
   std::vector<double> z_;
-  physics::RigNumbers<double> numbers_;
+  std::vector<physics::RigNumbers<double>> numbers_;  // by recording
 };
 
 }  // namespace stickslip::diagnosis

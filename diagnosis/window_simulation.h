@@ -21,6 +21,23 @@
 
 namespace stickslip::diagnosis {
 
+/// A window to be integrated, until the readings from its begin to before `end` were taken, which
+/// may lie beyond the window's own.
+struct WindowRun {
+  const Experiment& e;
+  const Window& window;
+  std::size_t end = 0;
+  Steps steps = Steps::fine;
+
+  double step_s() const { return e.period_s / e.steps_per_sample(steps); }
+  /// Elements of Experiment::input from one step to the next.
+  std::size_t stride() const {
+    return static_cast<std::size_t>(e.substeps / e.steps_per_sample(steps));
+  }
+  /// Element of Experiment::input with which the integration begins.
+  std::size_t first_input() const { return window.warm * static_cast<std::size_t>(e.substeps); }
+};
+
 /// Error of the drive in a window (Experiment::drive_noise): a linear spline through its knots.
 class DriveError {
  public:
@@ -58,25 +75,25 @@ class DriveError {
 template <class T>
 class DelayedInput {
  public:
-  DelayedInput(const std::vector<physics::Input>& recorded, const physics::RigNumbers<T>& n,
-               physics::Excitation excitation, double step_s)
-      : recorded_(recorded),
+  DelayedInput(const WindowRun& run, const physics::RigNumbers<T>& n,
+               physics::Excitation excitation)
+      : recorded_(run.e.input),
         of_force_(excitation == physics::Excitation::force),
         is_late_(n.reading.any_delay),
-        steps_(physics::value_of(n.input_lead_s) / step_s) {
+        steps_(physics::value_of(n.input_lead_s) * run.e.substeps / run.e.period_s) {
     // The input is linear between its values: its derivative with respect to the lead is its slope.
     per_step_ =
-        n.input_gain * (n.input_lead_s - physics::value_of(n.input_lead_s)) * (1.0 / step_s);
+        n.input_gain * (n.input_lead_s - physics::value_of(n.input_lead_s)) * (1.0 / run.step_s());
   }
-  physics::Input at(std::size_t step) const {
-    if (!is_late_ || steps_ == 0.0) return recorded_[step];
+  physics::Input at(std::size_t element) const {
+    if (!is_late_ || steps_ == 0.0) return recorded_[element];
     const double last = static_cast<double>(recorded_.size() - 1);
-    const double position = std::clamp(static_cast<double>(step) + steps_, 0.0, last);
+    const double position = std::clamp(static_cast<double>(element) + steps_, 0.0, last);
     const auto before = std::min(static_cast<std::size_t>(position), recorded_.size() - 2);
     return physics::between(recorded_[before], recorded_[before + 1],
                             position - static_cast<double>(before));
   }
-  /// Contribution of the derivative with respect to the lead, from `now` to `next`.
+  /// Contribution of the derivative with respect to the lead, from `now` to `next`, one step later.
   T lead_term(const physics::Input& now, const physics::Input& next) const {
     if (!is_late_) return T(0.0);
     return per_step_ * (of_force_ ? next.drive_force_n - now.drive_force_n
@@ -96,10 +113,12 @@ class DelayedInput {
 template <class T>
 class MeasurementTimes {
  public:
-  MeasurementTimes(const Experiment& e, const Window& window, std::size_t end,
-                   const physics::ReadingLaws<T>& laws)
-      : e_(e), warm_(window.warm), end_(end), most_shares_(1.0 + 2.0 * e.substeps) {
-    next_.fill(window.begin);
+  MeasurementTimes(const WindowRun& run, const physics::ReadingLaws<T>& laws)
+      : e_(run.e),
+        warm_(run.window.warm),
+        end_(run.end),
+        most_shares_(1.0 + 2.0 * run.e.steps_per_sample(run.steps)) {
+    next_.fill(run.window.begin);
     if (!laws.any_delay) return;
     for (std::size_t c = 0; c < predicted_channels; ++c) {
       delay_[c] = laws.of[c].delay_s;
@@ -195,12 +214,12 @@ template <class T>
 class WindowReader {
  public:
   /// Calls of a sink are sink(sample, channel, reading, its rate), those of one channel in order.
-  WindowReader(const Experiment& e, const Window& window, std::size_t end,
-               const physics::SensorBank& bank, const physics::ReadingLaws<T>& laws, double step_s)
-      : sensors_(bank, laws, step_s),
-        times_(e, window, end, laws),
-        start_time_(e.elapsed_s(window.warm)),
-        step_s_(step_s) {}
+  WindowReader(const WindowRun& run, const physics::SensorBank& bank,
+               const physics::ReadingLaws<T>& laws)
+      : sensors_(bank, laws, run.step_s()),
+        times_(run, laws),
+        start_time_(run.e.elapsed_s(run.window.warm)),
+        step_s_(run.step_s()) {}
   void settle(const physics::Quantities<T>& quantities) {
     sensors_.settle(quantities);
     after_ = sensors_.readings(start_time_);
@@ -244,19 +263,21 @@ struct WindowStep {
 /// read(time since window.warm at which the step began), until complete(). False if the recording
 /// ended before.
 template <class Motion, class Read, class Complete>
-bool run_steps(const Experiment& e, const Window& window, const DelayedInput<double>& input,
-               Motion& motion, Read&& read, Complete&& complete) {
-  const std::size_t first = window.warm * static_cast<std::size_t>(e.substeps);
-  const double start_time = e.elapsed_s(window.warm);
-  const DriveError error(e, window);
+bool run_steps(const WindowRun& run, const DelayedInput<double>& input, Motion& motion, Read&& read,
+               Complete&& complete) {
+  const double start_time = run.e.elapsed_s(run.window.warm);
+  const DriveError error(run.e, run.window);
+  const std::size_t stride = run.stride();
   WindowStep step;
-  step.length_s = e.period_s / e.substeps;
-  step.next = input.at(first);
-  for (std::size_t at = first; !complete(); ++at) {
-    if (at + 1 >= e.input.size()) return false;
-    const double since_warm = static_cast<double>(at - first) * step.length_s;
+  step.length_s = run.step_s();
+  std::size_t at = run.first_input();
+  step.next = input.at(at);
+  for (std::size_t i = 0; !complete(); ++i) {
+    at += stride;
+    if (at >= run.e.input.size()) return false;
+    const double since_warm = static_cast<double>(i) * step.length_s;
     step.now = step.next;
-    step.next = input.at(at + 1);
+    step.next = input.at(at);
     step.time_s = start_time + since_warm;
     step.error = error.at(since_warm + 0.5 * step.length_s);
     motion.advance(step);
@@ -293,21 +314,17 @@ class PlainMotion {
   physics::Input now_;
 };
 
-/// Integrates from `from` at window.warm until all readings from window.begin to before `end` were
-/// taken, and calls sink(sample, channel, reading, its rate) for each, those of one channel in
-/// order.
+/// Integrates from `from` at window.warm, and calls sink(sample, channel, reading, its rate) for
+/// each reading, those of one channel in order. `bank`: for the steps of the run.
 template <class Sink>
-void run_window(const Experiment& e, const Window& window, std::size_t end, const physics::Rig& rig,
-                const physics::SensorBank& bank, const physics::RigNumbers<double>& n,
-                const WindowState& from, Sink&& sink) {
-  const double h = e.period_s / e.substeps;
-  const DelayedInput<double> input(e.input, n, rig.structure().excitation, h);
-  PlainMotion motion(rig, n, from, input.at(window.warm * static_cast<std::size_t>(e.substeps)),
-                     e.elapsed_s(window.warm));
-  WindowReader<double> reader(e, window, end, bank, n.reading, h);
+void run_window(const WindowRun& run, const physics::Rig& rig, const physics::SensorBank& bank,
+                const physics::RigNumbers<double>& n, const WindowState& from, Sink&& sink) {
+  const DelayedInput<double> input(run, n, rig.structure().excitation);
+  PlainMotion motion(rig, n, from, input.at(run.first_input()), run.e.elapsed_s(run.window.warm));
+  WindowReader<double> reader(run, bank, n.reading);
   reader.settle(motion.quantities());
   const bool whole = run_steps(
-      e, window, input, motion,
+      run, input, motion,
       [&](double since_warm) { reader.advance(motion.quantities(), since_warm, sink); },
       [&] { return reader.complete(); });
   if (!whole) reader.finish(sink);

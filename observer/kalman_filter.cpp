@@ -47,7 +47,7 @@ Model without_jumps(Model model) {
     speed = std::max(speed, steep_transition_m_s);
   }
   for (physics::Term& term : model.terms) {
-    const physics::Effect* effect = physics::find_effect(term.id);
+    const physics::Effect* effect = physics::effect_of(term);
     if (effect == nullptr || !effect->card().transition_speed) continue;
     const auto& name = effect->card().parameters[*effect->card().transition_speed].name;
     auto& speed = term.parameters[std::string(name)].value;

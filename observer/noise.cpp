@@ -8,6 +8,7 @@
 #include "observer/chain_memory.h"
 #include "observer/sensor_error_states.h"
 #include "physics/backbone.h"
+#include "physics/friction_laws.h"
 
 namespace stickslip::observer {
 
@@ -281,6 +282,8 @@ void NoiseModel::initialise_rig(const Frame& frame, const Scales& scale, Initial
   if (structure.kinetics == Kinetics::bristle) {
     const double reach = scale.friction / std::max(c.contact_stiffness, 1.0e-12);
     out.set(l.rig[state::contact], theta * reach, 0.5 * reach);
+  } else if (structure.kinetics == Kinetics::ageing) {
+    out.set(l.rig[state::contact], 0.0, 3.0);  // the logarithm of an age
   } else {
     out.set(l.rig[state::contact], theta, 0.5);
   }
@@ -304,7 +307,7 @@ void NoiseModel::initialise_parameters(double mu, const Scales& scale, InitialSt
   const auto& c = numbers_->c;
   if (l.mu >= 0) {
     const bool plausible = mu > 0.1 * c.mu && mu < 10.0 * c.mu;
-    const double declared = model_->friction.mu.sigma;
+    const double declared = physics::friction_coefficient(*model_).sigma;
     const double deviation = declared > 0.0 ? declared : mu_initial_std * c.mu;
     out.set(l.mu, plausible ? mu : c.mu,
             initial_deviation(deviation, recording_initial_std * c.mu));

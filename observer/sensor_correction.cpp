@@ -21,7 +21,7 @@ constexpr double margin_sigmas = 3.0;
 constexpr double margin_share = 0.002;
 
 bool concerns_sensors_only(const physics::Term& term) {
-  return physics::find_effect(term.id)->hooks() == physics::hook::reading;
+  return physics::effect_of(term)->hooks() == physics::hook::reading;
 }
 
 bool is_of_a_sensor(const std::string& path, const physics::Model& model) {

@@ -6,6 +6,8 @@
 #include <tuple>
 #include <vector>
 
+#include "physics/formula_effect.h"
+#include "physics/friction_laws.h"
 #include "physics/rig.h"
 #include "physics/spelling.h"
 
@@ -56,6 +58,21 @@ const Effect* find_effect(std::string_view id) {
   return nullptr;
 }
 
+const Effect* effect_of(const Term& term) {
+  if (term.law) return find_law(term.id);
+  return term.formula ? term.formula.get() : find_effect(term.id);
+}
+
+Term term_of(const Effect& effect, const Place& place) {
+  Term term;
+  term.id = effect.card().id;
+  term.channel = place.channel;
+  term.from = place.from;
+  term.formula = effect.own_formula();
+  term.law = effect.card().law;
+  return term;
+}
+
 std::string nearest_effect(std::string_view id) {
   std::vector<std::string> ids;
   for (const Effect* effect : catalogue()) ids.emplace_back(effect->card().id);
@@ -70,16 +87,27 @@ bool has_own_characteristic(const Effect& effect, const Place& place) {
   return laws.of[index_of(*place.channel)].characteristic != nullptr;
 }
 
+bool is_in_law(const Effect& effect, const Model& model) {
+  const Term* term = law_term(model);
+  const Effect* law = term == nullptr ? nullptr : effect_of(*term);
+  if (law == nullptr || effect.card().law) return false;
+  const auto includes = law->card().includes;
+  return effect.card().id == law->card().id ||
+         std::find(includes.begin(), includes.end(), effect.card().id) != includes.end();
+}
+
 bool can_be_missing(const Effect& effect, const Model& model, const Place& place) {
+  if (is_in_law(effect, model)) return false;
   if (place.channel && !effect.acts_on(place)) return false;
   if (model.terms.size() >= static_cast<std::size_t>(max_terms)) return false;
   int states = effect.state_count();
   Model amended = model;
   for (const Term& term : model.terms) {
-    if (term.id == effect.card().id && term.channel == place.channel && term.from == place.from) {
+    if (term.id == effect.card().id && term.law == effect.card().law &&
+        term.channel == place.channel && term.from == place.from) {
       return false;
     }
-    const Effect* present = find_effect(term.id);
+    const Effect* present = effect_of(term);
     if (present == nullptr) continue;
     states += present->state_count();
     if (place.channel && term.channel == place.channel && has_own_characteristic(effect, place) &&

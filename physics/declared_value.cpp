@@ -6,22 +6,34 @@
 #include <optional>
 
 #include "physics/catalogue.h"
+#include "physics/friction_laws.h"
 #include "physics/number_text.h"
 
 namespace stickslip::physics {
 
 namespace {
 
-// "cubic_stiffness" of "physics.cubic_stiffness.k3_n_m3"; nullptr for a path outside the terms.
-const Effect* effect_of(std::string_view path) {
+bool is_of(std::string_view path, std::string_view table) { return path.starts_with(table); }
+
+// The law of "friction.mu", where it has a name; "cubic_stiffness" of
+// "physics.cubic_stiffness.k3_n_m3"; nullptr for a path outside the terms.
+const Effect* effect_of(std::string_view path, const Model& model) {
+  if (is_of(path, "friction.")) {
+    const Term* law = law_term(model);
+    return law == nullptr ? nullptr : effect_of(*law);
+  }
   constexpr std::string_view terms = "physics.";
   if (!path.starts_with(terms)) return nullptr;
   path.remove_prefix(terms.size());
-  return find_effect(path.substr(0, path.find('.')));
+  const std::string_view id = path.substr(0, path.find('.'));
+  for (const Term& term : model.terms) {
+    if (term.id == id) return effect_of(term);
+  }
+  return find_effect(id);
 }
 
-const ParameterCard* card_of(std::string_view path) {
-  const Effect* effect = effect_of(path);
+const ParameterCard* card_of(std::string_view path, const Model& model) {
+  const Effect* effect = effect_of(path, model);
   if (effect == nullptr) return nullptr;
   const std::string_view name = path.substr(path.rfind('.') + 1);
   for (const ParameterCard& card : effect->card().parameters) {
@@ -29,8 +41,6 @@ const ParameterCard* card_of(std::string_view path) {
   }
   return nullptr;
 }
-
-bool is_of(std::string_view path, std::string_view table) { return path.starts_with(table); }
 
 struct UnitOfSuffix {
   std::string_view suffix;
@@ -75,9 +85,9 @@ std::string unit_at(std::string_view unit, const Place& place) {
   return std::string(unit);
 }
 
-std::string unit_of(std::string_view path) {
+std::string unit_of(std::string_view path, const Model& model) {
   const std::optional<Channel> channel = channel_in(path);
-  if (const ParameterCard* card = card_of(path)) return unit_at(card->unit, {channel, {}});
+  if (const ParameterCard* card = card_of(path, model)) return unit_at(card->unit, {channel, {}});
   if (path.ends_with(".offset") && channel) return std::string(info(*channel).unit);
   const auto* const found =
       std::find_if(units_of_suffixes.begin(), units_of_suffixes.end(),
@@ -93,20 +103,23 @@ std::vector<std::string> contradictable_numbers(const Model& model) {
     if (each.parameter == &copy.friction.transition_speed_m_s && each.parameter->value == 0.0) {
       continue;
     }
-    const ParameterCard* card = card_of(each.path);
+    const ParameterCard* card = card_of(each.path, model);
     if (card != nullptr && card->fixed_default) continue;
     out.push_back(each.path);
   }
   return out;
 }
 
-bool is_signed(std::string_view path) {
-  if (const ParameterCard* card = card_of(path)) return !card->positive;
+bool is_signed(std::string_view path, const Model& model) {
+  if (const ParameterCard* card = card_of(path, model)) return !card->positive;
+  if (const auto instrument = instrument_parameter(path)) {
+    return instrument->quantity != InstrumentQuantity::gain;
+  }
   return path == "normal_load.slope_per_m";
 }
 
-Relation relation_of(std::string_view path) {
-  if (const Effect* effect = effect_of(path)) return effect->card().relation;
+Relation relation_of(std::string_view path, const Model& model) {
+  if (const Effect* effect = effect_of(path, model)) return effect->card().relation;
   if (is_of(path, "friction.")) return Relation::friction_law;
   if (is_of(path, "normal_load.")) return Relation::normal_load;
   if (is_of(path, "load_cell.")) return Relation::load_cell;

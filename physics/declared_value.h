@@ -21,18 +21,18 @@ const Effect& declared_value();
 /// speed of 0 states a law and no number.
 std::vector<std::string> contradictable_numbers(const Model& model);
 
-/// True if the number at that path may have either sign.
-bool is_signed(std::string_view path);
+/// True if the number at that path of `model` may have either sign.
+bool is_signed(std::string_view path, const Model& model);
 
 /// The relation that the number at that path enters.
-Relation relation_of(std::string_view path);
+Relation relation_of(std::string_view path, const Model& model);
 
 /// A unit on an effect's card, with the place's channel for "unit of the channel".
 std::string unit_at(std::string_view unit, const Place& place);
 
 /// Unit of the number at that path, as the suffix of its name or its place states it: "kg", "N/m3",
 /// "1" for a ratio; that of the channel for an offset.
-std::string unit_of(std::string_view path);
+std::string unit_of(std::string_view path, const Model& model);
 
 /// "damping_ratio is 0.06, not 0.02": with as many digits as differ between them. `path` as in
 /// parameters_of().

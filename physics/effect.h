@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -62,6 +63,7 @@ struct Episode {
 struct Frequency {
   std::size_t parameter = 0;
   std::string_view spectral_mark = {};  ///< label of its line in live spectra; empty: none
+  bool tone = false;  ///< forced from outside, not a resonance: its frequency may show its source
 };
 
 /// The description of an effect, for people and for the rooms that use it.
@@ -90,6 +92,11 @@ struct Card {
   /// Parameters with which the catalogue's page (docs/effects.md) draws it, plausible on a bench
   /// like ours; empty: no picture.
   std::span<const double> example = {};
+  /// A whole law of friction (physics/laws/), with a coefficient of its own: no candidate of a
+  /// diagnosis, but the law of [friction] by name.
+  bool law = false;
+  /// Ids of the effects that a law has in it, which a model with that law cannot lack.
+  std::span<const std::string_view> includes = {};
 };
 
 /// The channels on which a sensor effect acts; empty for other relations.
@@ -150,6 +157,7 @@ enum class Kinetics {
   instantaneous,  ///< theta = g(v)
   relaxing,       ///< theta' = -rate (theta - g(v))
   bristle,        ///< a tangential spring that slips: z' = v - abs(v) z k_c / (mu N), f = k_c z
+  ageing,         ///< theta = g(v, age): the contact's state is the logarithm of its age
 };
 
 /// The structure of the equations, fixed before integration starts. Effects may change it.
@@ -160,6 +168,11 @@ struct Structure {
   /// Relaxing: theta is the sum of a fast part, the contact's, and a slow one, the first state of
   /// the effect that sets this.
   bool two_processes = false;
+  /// Bristle: slips along a loop of Bouc and Wen in place of Dahl's.
+  bool loop = false;
+  /// Bristle: number of parallel elements, each of which sticks until it slips (Jenkins). The
+  /// deflections of those after the first are the first states of the effect that sets this.
+  int elements = 1;
   bool load_cell = false;
   bool resonant = false;  ///< the load cell's whole equation
   bool two_well = false;
@@ -178,10 +191,16 @@ struct Coefficients {
   T mu{0.0}, transition_speed{0.0}, rate{0.0}, contact_stiffness{0.0}, contact_damping{0.0},
       contact_elastic_share{0.0};
   T rate_spread{0.0};  ///< two relaxation processes, with rates (1 +- spread) rate, 0 to below 1
+  T contact_viscosity{0.0};  ///< a force in proportion to the slip velocity, beside mu N theta
+  T loop_shape{0.0}, loop_sharpness{1.0};  ///< of a loop; 1 and 1: Dahl's bristle
+  T yield_spread{0.0};                     ///< of the slip forces of parallel elements, 0 to 1
+  /// Ageing: changes per e-fold of the speed and of the age, relative to mu; the slip that renews
+  /// contacts; and the speed at which theta is 1 in steady sliding.
+  T direct_share{0.0}, evolution_share{0.0}, slip_length{1.0}, reference_speed{1.0};
   T cell_mass{1.0}, cell_damping{0.0}, cell_stiffness{1.0};
 };
 
-inline constexpr int max_effect_states = 2;
+inline constexpr int max_effect_states = 4;  ///< of the terms of a model together
 inline constexpr int max_effect_parameters = 12;
 inline constexpr int max_characteristic_parameters = 4;
 
@@ -228,8 +247,9 @@ struct OperatingPoint {
   T friction{0.0};  ///< f at the beginning of the step; rates of states only
 };
 
-/// Factors of an effect on friction: on mu, which scales the force immediately, and on the backbone
-/// g that theta follows. The two differ only where theta has dynamics.
+/// Friction as effects change it, one after the other: mu, which scales the force immediately, and
+/// a factor on the backbone g that theta follows. The two differ only where theta has dynamics. In
+/// a rig mu begins as the declared coefficient; where it begins as 1 it is a factor, too.
 template <class T>
 struct FrictionFactors {
   T mu{1.0};
@@ -274,6 +294,9 @@ class Effect {
 
   /// Changes the laws of a model to what other effects meet once this one is among its terms.
   virtual void amend(Model& /*model*/) const {}
+
+  /// Itself, where it is a formula of a model file; otherwise null.
+  virtual std::shared_ptr<const FormulaEffect> own_formula() const { return nullptr; }
 
   /// True if a sensor effect can act there. Not called for other relations.
   virtual bool acts_on(const Place& place) const { return !place.from.has_value(); }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "physics/model.h"
 
+#include "physics/formula_effect.h"
+
 namespace stickslip::physics {
 
 namespace {
@@ -15,7 +17,16 @@ void add(std::vector<NamedParameter>& list, const char* path, std::optional<Para
 
 }  // namespace
 
+bool operator==(const Term& a, const Term& b) {
+  const bool same_formula = a.formula && b.formula
+                                ? a.formula->declaration() == b.formula->declaration()
+                                : a.formula == b.formula;
+  return same_formula && a.id == b.id && a.channel == b.channel && a.from == b.from &&
+         a.parameters == b.parameters && a.law == b.law;
+}
+
 std::string path_of(const Term& term) {
+  if (term.law) return "friction";
   std::string path = "physics.";
   path += term.id;
   for (const std::optional<Channel>& channel : {term.channel, term.from}) {

@@ -12,6 +12,7 @@
 
 #include <array>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -141,15 +142,23 @@ struct Sensor {
   friend bool operator==(const Sensor&, const Sensor&) = default;
 };
 
-/// One [[physics]] term: an effect of the catalogue (physics/effects/) with its parameters by name,
-/// e.g. {"k3_n_m3", {1e4, 0}}.
+class FormulaEffect;
+
+/// One [[physics]] term: an effect of the catalogue (physics/effects/), or a formula of the model
+/// file, with its parameters by name, e.g. {"k3_n_m3", {1e4, 0}}. Or a law of friction by name.
 struct Term {
   std::string id;
   std::optional<Channel> channel;  ///< sensor effects: the channel with the error
   std::map<std::string, Parameter> parameters;
   std::optional<Channel> from = {};  ///< crosstalk: the source channel
+  /// The effect, where a formula of the model file is one; shared by copies of the model.
+  std::shared_ptr<const FormulaEffect> formula = {};
+  /// The law of [friction] by that name (physics/friction_laws.h) in place of those of
+  /// Friction::law, which is then `none`; the first of the terms where a model declares it.
+  bool law = false;
 
-  friend bool operator==(const Term&, const Term&) = default;
+  /// Formulas are equal if they are declared alike.
+  friend bool operator==(const Term& a, const Term& b);
 };
 
 struct Model {
@@ -160,6 +169,9 @@ struct Model {
   std::optional<NormalLoadBridge> normal_load_bridge;  ///< absent: the reading is N
   std::array<Sensor, channel_count> sensors;
   std::vector<Term> terms;
+  /// Formulas that a diagnosis tries beside the catalogue; no part of the equations. Values: where
+  /// an estimate begins, sigma: its prior, 0: none.
+  std::vector<Term> candidates;
   /// True if every unit is 1: texts and pictures then name none.
   bool dimensionless = false;
 
@@ -174,7 +186,7 @@ struct NamedParameter {
   Parameter* parameter;
 };
 
-/// "physics.cubic_stiffness", "physics.gain_error.velocity"
+/// "physics.cubic_stiffness", "physics.gain_error.velocity"; of a law by name "friction"
 std::string path_of(const Term& term);
 
 /// "sensors.velocity.", with which the paths of that channel's instrument begin

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "physics/catalogue.h"
+#include "physics/formula_effect.h"
 #include "physics/rig.h"
 
 namespace stickslip::physics {
@@ -183,7 +184,7 @@ void inspect_parameters(const Term& term, std::span<const ParameterCard> cards,
 // `model`: its laws as amended by the terms before this one.
 void inspect(const Term& term, const Model& model, Inspection& inspection) {
   const std::string path = path_of(term);
-  const Effect* effect = find_effect(term.id);
+  const Effect* effect = effect_of(term);
   if (effect == nullptr) {
     const std::string meant = nearest_effect(term.id);
     inspection.require(false, path,
@@ -201,7 +202,7 @@ void inspect(const Term& term, const Model& model, Inspection& inspection) {
 }
 
 bool has_own_characteristic(const Term& term) {
-  const Effect* effect = find_effect(term.id);
+  const Effect* effect = effect_of(term);
   return effect != nullptr && effect->card().relation == Relation::sensor &&
          has_own_characteristic(*effect, {term.channel, term.from});
 }
@@ -214,7 +215,7 @@ void inspect_room(const Model& model, Inspection& inspection) {
                          std::to_string(most));
   int states = 0;
   for (const Term& term : model.terms) {
-    const Effect* effect = find_effect(term.id);
+    const Effect* effect = effect_of(term);
     const bool fitted = states <= max_term_states;
     if (effect != nullptr) states += effect->state_count();
     inspection.require(!fitted || states <= max_term_states, path_of(term),
@@ -237,7 +238,23 @@ void inspect_terms(const Model& model, Inspection& inspection) {
                          "cannot be combined with \"" + earlier.id + "\" on one channel");
     }
     inspect(term, amended, inspection);
-    if (const Effect* effect = find_effect(term.id)) effect->amend(amended);
+    const Effect* own = effect_of(term);
+    inspection.require(own == nullptr || !is_in_law(*own, model), path_of(term),
+                       "is in the law of [friction] already: remove one of the two");
+    if (const Effect* effect = effect_of(term)) effect->amend(amended);
+  }
+}
+
+void inspect_candidates(const Model& model, Inspection& inspection) {
+  for (std::size_t i = 0; i < model.candidates.size(); ++i) {
+    const Term& candidate = model.candidates[i];
+    const std::string path = "candidate." + candidate.id;
+    inspection.require(candidate.formula != nullptr, path, "needs a formula");
+    inspection.require(!candidate.parameters.empty(), path,
+                       "needs a parameter: a diagnosis estimates how large the effect is");
+    for (std::size_t j = 0; j < i; ++j) {
+      inspection.require(model.candidates[j].id != candidate.id, path, "is given twice");
+    }
   }
 }
 
@@ -258,6 +275,7 @@ std::vector<Inconsistency> inconsistencies_of(const Model& model) {
             inspection);
   }
   inspect_terms(model, inspection);
+  inspect_candidates(model, inspection);
   return inspection.take();
 }
 

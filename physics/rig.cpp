@@ -8,6 +8,7 @@
 
 #include "physics/backbone.h"
 #include "physics/catalogue.h"
+#include "physics/contact_laws.h"
 #include "physics/model_consistency.h"
 #include "physics/sensor_chain.h"
 
@@ -97,27 +98,6 @@ OperatingPoint<T> operating_point(const RigState<T>& state, const Input& now, do
   at.friction = state.friction;
   return at;
 }
-
-// The contact problem of one implicit stage: the slip velocity w with
-// w + alpha mobility f(w) = free_slip.
-template <class T>
-struct Stage {
-  double alpha = 0.0;  // length of the stage [s]
-  double guess = 0.0;  // of w
-  T free_slip{0.0};    // w without friction
-  T mobility{0.0};     // slip velocity per unit of impulse
-  T level{0.0};        // mu N, or mu in newtons
-  T backbone{1.0};     // factor on the backbone
-};
-
-template <class T>
-struct ContactSolution {
-  T slip{0.0};
-  T force{0.0};
-  T theta{0.0};
-  T contact{0.0};  // the contact's state: theta, its fast part, or the bristle's deflection
-  T slow{0.0};     // with two processes: the slow part of theta
-};
 
 // The functions below are in the innermost loop of all fits.
 #define STICKSLIP_INLINE [[gnu::always_inline]] inline
@@ -240,17 +220,21 @@ STICKSLIP_INLINE void solve_two_processes(bool set_valued, const Stage<T>& stage
   out.slow = slow.decayed + slow.gain * backbone;
 }
 
-// `contact`: the contact's state at the beginning of the stage, `slow`: theta of the slow process.
+// `contact`: the contact's state at the beginning of the stage. `own`: its further states, theta of
+// a slow process or the deflections of parallel elements.
 template <class T>
 STICKSLIP_INLINE void solve_contact(const Structure& structure, bool set_valued,
                                     const Coefficients<T>& c, const Stage<T>& stage,
-                                    const T& contact, const T* slow, ContactSolution<T>& out) {
+                                    const T& contact, const T* own, ContactSolution<T>& out) {
   if (structure.kinetics == Kinetics::bristle) {
+    if (structure.loop) return solve_loop_contact(stage, c, contact, out);
+    if (structure.elements > 1) return solve_parallel_contact(stage, c, contact, own, out);
     solve_bristle_contact(stage, c, contact, out);
     return;
   }
+  if (structure.kinetics == Kinetics::ageing) return solve_ageing_contact(stage, c, contact, out);
   if (structure.two_processes) {
-    solve_two_processes(set_valued, stage, c, contact, *slow, out);
+    solve_two_processes(set_valued, stage, c, contact, *own, out);
     return;
   }
   const Process<T> law = structure.kinetics == Kinetics::relaxing
@@ -259,6 +243,11 @@ STICKSLIP_INLINE void solve_contact(const Structure& structure, bool set_valued,
   T backbone(0.0);
   solve_backbone_contact(set_valued, false, stage, law, c, out, backbone);
   out.contact = out.theta;
+}
+
+// States of the contact beside state::contact, which the effect that adds them holds.
+int own_states_of(const Structure& structure) {
+  return structure.two_processes ? 1 : structure.elements - 1;
 }
 
 Structure structure_of(const Model& model) {
@@ -412,7 +401,7 @@ std::vector<BoundTerm> bound_terms(const Model& model) {
   std::vector<BoundTerm> terms;
   for (const Term& term : model.terms) {
     BoundTerm bound;
-    bound.effect = find_effect(term.id);
+    bound.effect = effect_of(term);
     bound.hooks = bound.effect->hooks();
     bound.place = {term.channel, term.from};
     bound.first_state = next_state;
@@ -441,9 +430,9 @@ Rig::Rig(const Model& model)
   for (const BoundTerm& term : terms_) {
     hooks_ |= term.hooks;
     state_count_ += term.effect->state_count();
-    const bool had_two_processes = structure_.two_processes;
+    const int had = own_states_of(structure_);
     term.effect->set_structure(structure_);
-    if (structure_.two_processes && !had_two_processes) slow_state_ = term.first_state;
+    if (own_states_of(structure_) > had) own_state_ = term.first_state;
     if ((term.hooks & hook::slip_friction) == hook::slip_friction) friction_depends_on_slip_ = true;
     terms_have_rates_ =
         terms_have_rates_ || (term.hooks & hook::force) != 0 || term.effect->state_count() > 0;
@@ -606,27 +595,40 @@ void Rig::close_contact(RigState<T>& state, double alpha, const Input& now, doub
   }
   stage.mobility = n.inverse_mass + n.inverse_cell_mass;
 
-  T* const slow =
-      structure_.two_processes ? &state.s[static_cast<std::size_t>(slow_state_)] : nullptr;
+  T* const own = own_state_ >= 0 ? &state.s[static_cast<std::size_t>(own_state_)] : nullptr;
+  // A viscous force of the contact shares its slip velocity: without it the rest would slip more
+  // freely.
+  const bool viscous = value_of(n.c.contact_viscosity) != 0.0;
+  if (viscous) {
+    const T share = 1.0 / (1.0 + alpha * stage.mobility * n.c.contact_viscosity);
+    stage.free_slip *= share;
+    stage.mobility *= share;
+  }
   ContactSolution<T> solution;
   // Factors that depend on the slip velocity are iterated: they vary slowly over a step.
   const int rounds = friction_depends_on_slip_ ? 3 : 1;
   for (int round = 0; round < rounds; ++round) {
-    FrictionFactors<T> factors;
+    FrictionFactors<T> factors{n.c.mu};
     if ((hooks_ & hook::friction) != 0) {
       const T slip = round == 0 ? stage.free_slip : solution.slip;
       scale_friction(factors, state, slip, now, time_s, n);
     }
     stage.backbone = factors.backbone;
-    stage.level = n.c.mu * factors.mu;
+    stage.level = factors.mu;
     if (structure_.loaded) stage.level *= state.load;
-    solve_contact(structure_, set_valued_, n.c, stage, state.s[state::contact], slow, solution);
+    solve_contact(structure_, set_valued_, n.c, stage, state.s[state::contact], own, solution);
   }
 
+  if (structure_.two_processes) *own = solution.slow;
+  if (structure_.elements > 1) advance_elements(stage, n.c, solution.slip, own);
+  if (viscous) {
+    const T drag = n.c.contact_viscosity * solution.slip;
+    solution.force += drag;
+    if (value_of(stage.level) > 1.0e-12) solution.theta += drag / stage.level;
+  }
   state.slip = solution.slip;
   state.friction = solution.force;
   state.theta = solution.theta;
-  if (slow != nullptr) *slow = solution.slow;
   if (structure_.kinetics != Kinetics::instantaneous) state.s[state::contact] = solution.contact;
   if (!imposed) state.s[state::v] -= alpha * n.inverse_mass * solution.force;
   if (structure_.resonant) {
@@ -665,10 +667,12 @@ void Rig::step(RigState<T>& state, const Input& begin, const Input& end, double 
 
   // The implicit rate of the second stage.
   std::array<T, max_rig_states> i2{};
-  for (const int index : {state::v, state::u, state::contact, slow_state_}) {
+  const auto set_rate = [&](int index) {
     const auto i = static_cast<std::size_t>(index);
-    if (index >= 0 && has_state(index)) i2[i] = (state.s[i] - predicted[i]) * (1.0 / alpha);
-  }
+    if (has_state(index)) i2[i] = (state.s[i] - predicted[i]) * (1.0 / alpha);
+  };
+  for (const int index : {state::v, state::u, state::contact}) set_rate(index);
+  for (int i = 0; i < own_states_of(structure_); ++i) set_rate(own_state_ + i);
   explicit_rates(e2, state, middle, time_s + alpha, n);
   for (std::size_t i = 0; i < count; ++i) {
     state.s[i] =

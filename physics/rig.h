@@ -20,7 +20,7 @@
 namespace stickslip::physics {
 
 inline constexpr int max_terms = 6;
-inline constexpr int max_rig_states = 5 + 2 * max_effect_states;
+inline constexpr int max_rig_states = 5 + max_effect_states;
 
 /// Indices into RigState::s; states of effects follow from `first_effect` on.
 namespace state {
@@ -153,7 +153,7 @@ class Rig {
   template <class T>
   void explicit_rates(std::array<T, max_rig_states>& rate, const RigState<T>& state,
                       const Input& now, double time_s, const RigNumbers<T>& n) const;
-  /// Multiplies `factors` by those of all terms at that slip velocity.
+  /// Changes `factors` by those of all terms at that slip velocity.
   template <class T>
   void scale_friction(FrictionFactors<T>& factors, const RigState<T>& state, const T& slip,
                       const Input& now, double time_s, const RigNumbers<T>& n) const;
@@ -169,8 +169,8 @@ class Rig {
   std::vector<double> values_;
   std::vector<std::string> paths_;
   int state_count_ = state::first_effect;
-  unsigned hooks_ = 0;   ///< of all terms together
-  int slow_state_ = -1;  ///< theta of the slower of two relaxation processes
+  unsigned hooks_ = 0;  ///< of all terms together
+  int own_state_ = -1;  ///< first of the contact's states beside state::contact; -1: none
   bool friction_depends_on_slip_ = false;
   bool terms_have_rates_ = false;  ///< true if a term adds a force or has states of its own
   bool set_valued_ = false;

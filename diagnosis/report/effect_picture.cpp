@@ -14,6 +14,7 @@
 #include "diagnosis/report/plot_svg.h"
 #include "diagnosis/report/standalone_svg.h"
 #include "diagnosis/shape.h"
+#include "physics/catalogue.h"
 #include "physics/simulator.h"
 
 namespace stickslip::report {
@@ -71,10 +72,7 @@ physics::Place place_of(const physics::Effect& effect) {
 }
 
 Model with(Model model, const physics::Effect& effect, const physics::Place& place) {
-  physics::Term term;
-  term.id = effect.card().id;
-  term.channel = place.channel;
-  term.from = place.from;
+  physics::Term term = physics::term_of(effect, place);
   for (std::size_t i = 0; i < effect.card().parameters.size(); ++i) {
     term.parameters[std::string(effect.card().parameters[i].name)] = {effect.card().example[i]};
   }

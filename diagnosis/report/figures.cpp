@@ -20,11 +20,6 @@ using physics::ResultUnits;
 
 namespace {
 
-std::string figure(const std::string& svg, const std::string& caption) {
-  if (svg.empty()) return "";
-  return "<figure>\n" + svg + "<figcaption>" + escape_html(caption) + "</figcaption>\n</figure>\n";
-}
-
 double largest_of(const std::vector<double>& values) {
   double out = 0.0;
   for (const double each : values) {

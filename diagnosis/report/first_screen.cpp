@@ -188,8 +188,11 @@ std::string next_answer(const Diagnosis& d) {
           "See in the figures below when and where the model fails, check the recording "
           "(saturation, lost samples and mains lines are listed), and check the parameters that "
           "the model declares as exact.");
-    case Answer::consistent:
     case Answer::named:
+      return escape_html(
+          "Test the augmented model on another recording: diagnose with --write-model, then "
+          "stickslip evaluate.");
+    case Answer::consistent:
       break;
   }
   return "";

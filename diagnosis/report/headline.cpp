@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "diagnosis/report/formatting.h"
+#include "physics/friction_laws.h"
 #include "physics/number_text.h"
 
 namespace stickslip::report {
@@ -68,11 +69,15 @@ std::string oscillator_text(const physics::Oscillator& oscillator, const ResultU
 
 std::string friction_text(const physics::Model& model) {
   const physics::Friction& friction = model.friction;
-  if (friction.law == physics::FrictionLaw::none) return ", without friction";
+  const physics::Term* law = physics::law_term(model);
+  if (physics::is_frictionless(model)) return ", without friction";
+  const double mu = physics::friction_coefficient(model).value;
   std::string out = ", with ";
-  out += model.normal_load
-             ? "a coefficient of friction of " + format_number(friction.mu.value)
-             : "a friction force of " + amount(friction.mu.value, "N", ResultUnits(model));
+  out += model.normal_load ? "a coefficient of friction of " + format_number(mu)
+                           : "a friction force of " + amount(mu, "N", ResultUnits(model));
+  if (law != nullptr) {
+    return out + " (" + std::string(physics::find_law(law->id)->card().name) + ")";
+  }
   out += friction.law == physics::FrictionLaw::state_variable
              ? " (state-variable law, rate " +
                    amount(friction.rate_per_s.value, "1/s", ResultUnits(model)) + ")"

@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "diagnosis/report/campaign.h"
 #include "diagnosis/report/figures.h"
 #include "diagnosis/report/first_screen.h"
 #include "diagnosis/report/formatting.h"
@@ -131,6 +132,31 @@ std::string region_table(const Diagnosis& d) {
   return table.html();
 }
 
+std::string balance_table(const Diagnosis& d) {
+  if (!d.location) return "";
+  constexpr std::array<const char*, balance_count> equations = {
+      "velocity against the derivative of the displacement",
+      "inertia, damping, spring, friction and drive",
+      "friction against its law at the measured velocity and load",
+      "normal load against its law",
+      "drive above its own frequencies",
+  };
+  Table table(
+      "Balances of the readings, before any effect was tried: residual energy over that of a "
+      "simulated recording of the calibrated declared model, and the probability of as much from "
+      "noise and calibration.",
+      {"balance", "of", "excess", "p"});
+  for (const Balance each : all_balances) {
+    const auto& found = d.location->balances[each];
+    std::string name(name_of(each));
+    std::replace(name.begin(), name.end(), '_', ' ');
+    table.row({escape_html(name), escape_html(equations[index_of(each)]),
+               found ? format_number(found->excess) : escape_html("not measured"),
+               found ? format_number(found->p, 1) : ""});
+  }
+  return table.html();
+}
+
 Section residual_section(const Diagnosis& d) {
   Section out("where", d.verdict == Verdict::consistent ? "Residuals" : "Location and residuals");
   const std::string figures = residual_figures(d);
@@ -141,6 +167,7 @@ Section residual_section(const Diagnosis& d) {
         drive_noise_remark(*d.evidence));
     out += figures;
   }
+  out += balance_table(d);
   out += region_table(d);
   return out;
 }
@@ -237,7 +264,8 @@ Section trial_section(const Diagnosis& d) {
   Section out("candidates", "Candidates");
   if (d.trials.empty()) return out;
   out += paragraph(
-      "Every effect of the catalogue that the model could lack is screened, the best candidates "
+      "Every effect of the catalogue, and every formula of the user, that the model could lack is "
+      "screened, the best candidates "
       "are fitted roughly, and the best of those fully. Among candidates of similar chi-squared "
       "the simpler and the listed ones are preferred.");
   Table table(
@@ -316,18 +344,22 @@ Section recordings_section(const Diagnosis& d) {
   return out;
 }
 
-Section reproduction_section(const Diagnosis& d, const Provenance& provenance) {
+}  // namespace
+
+Section reproduction_section(const WindowCount& windows, double horizon_s, const ResultUnits& units,
+                             const Provenance& provenance) {
   Section out("reproduce", "Reproduction");
   out += "<pre>" + escape_html(provenance.command) + "</pre>\n";
   std::string settings =
       "stickslip " + provenance.version + ", seed " + std::to_string(provenance.seed) + ", " +
-      physics::counted(d.windows.fit, "window") + " to fit, " + std::to_string(d.windows.select) +
-      " to select, " + std::to_string(d.windows.report) + " held out, " +
-      format_seconds(d.horizon_s, ResultUnits(d.model)) + " each.";
+      physics::counted(windows.fit, "window") + " to fit, " + std::to_string(windows.select) +
+      " to select, " + std::to_string(windows.report) + " held out, " +
+      format_seconds(horizon_s, units) + " each.";
   if (!provenance.built_with.empty()) settings += " Built with " + provenance.built_with + ".";
   out += paragraph(settings + " The same files, seed and version give the same numbers.");
   Table table("Input files (checksums as printed by sha256sum).", {"file", "SHA-256"});
   for (const auto& file : provenance.files) table.row({code(file.name), code(file.sha256)});
+  if (const auto& file = provenance.candidates) table.row({code(file->name), code(file->sha256)});
   out += table.html();
   if (!provenance.augmented_model.empty()) {
     out += "<h3>Augmented model</h3>\n" +
@@ -338,6 +370,27 @@ Section reproduction_section(const Diagnosis& d, const Provenance& provenance) {
   }
   return out;
 }
+
+std::string html_page(const std::string& title, const std::string& first,
+                      const std::vector<Section>& sections) {
+  std::string out =
+      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n"
+      "<meta charset=\"utf-8\"/>\n"
+      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>" +
+      escape_html(title) + "</title>\n<style>" + std::string(report_style()) +
+      "</style>\n</head>\n<body>\n<main>\n" + first;
+  out += "<nav aria-label=\"Contents\"><ul>\n";
+  for (const Section& section : sections) {
+    if (!section.empty()) out += section.link();
+  }
+  out += "</ul></nav>\n";
+  for (const Section& section : sections) {
+    if (!section.empty()) out += section.html();
+  }
+  return out + "</main>\n</body>\n</html>\n";
+}
+
+namespace {
 
 Section glossary_section() {
   Section out("glossary", "Terms");
@@ -373,33 +426,22 @@ Section glossary_section() {
 }  // namespace
 
 std::string report_html(const Diagnosis& diagnosis, const Provenance& provenance) {
-  const std::vector<Section> sections = {findings_section(diagnosis),
-                                         stretch_section(diagnosis),
-                                         residual_section(diagnosis),
-                                         fit_section(diagnosis),
-                                         calibration_section(diagnosis),
-                                         noise_section(diagnosis),
-                                         trial_section(diagnosis),
-                                         detection_section(diagnosis),
-                                         recordings_section(diagnosis),
-                                         reproduction_section(diagnosis, provenance),
-                                         glossary_section()};
-  std::string out =
-      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n"
-      "<meta charset=\"utf-8\"/>\n"
-      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>" +
-      escape_html("Diagnosis: " + headline_of(diagnosis)) + "</title>\n<style>" +
-      std::string(report_style()) + "</style>\n</head>\n<body>\n<main>\n";
-  out += first_screen(diagnosis, provenance);
-  out += "<nav aria-label=\"Contents\"><ul>\n";
-  for (const Section& section : sections) {
-    if (!section.empty()) out += section.link();
-  }
-  out += "</ul></nav>\n";
-  for (const Section& section : sections) {
-    if (!section.empty()) out += section.html();
-  }
-  return out + "</main>\n</body>\n</html>\n";
+  const std::vector<Section> sections = {
+      findings_section(diagnosis),
+      campaign_section(diagnosis),
+      stretch_section(diagnosis),
+      residual_section(diagnosis),
+      fit_section(diagnosis),
+      calibration_section(diagnosis),
+      noise_section(diagnosis),
+      trial_section(diagnosis),
+      detection_section(diagnosis),
+      recordings_section(diagnosis),
+      reproduction_section(diagnosis.windows, diagnosis.horizon_s, ResultUnits(diagnosis.model),
+                           provenance),
+      glossary_section()};
+  return html_page("Diagnosis: " + headline_of(diagnosis), first_screen(diagnosis, provenance),
+                   sections);
 }
 
 }  // namespace stickslip::report

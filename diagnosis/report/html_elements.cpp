@@ -54,6 +54,11 @@ std::string bar(double share, const char* style) {
   return "<i" + class_attribute(style) + " style=\"width:" + width + "%\"></i>";
 }
 
+std::string figure(const std::string& svg, const std::string& caption) {
+  if (svg.empty()) return "";
+  return "<figure>\n" + svg + "<figcaption>" + escape_html(caption) + "</figcaption>\n</figure>\n";
+}
+
 Table::Table(const std::string& caption, const std::vector<std::string>& headings) {
   html_ = "<table>\n<caption>" + escape_html(caption) + "</caption>\n<thead><tr>";
   for (const std::string& each : headings) {

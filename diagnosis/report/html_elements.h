@@ -19,6 +19,9 @@ std::string code(std::string_view text);
 /// A bar over `share` of the width of its cell.
 std::string bar(double share, const char* style = "");
 
+/// A picture with its caption, text; empty without a picture.
+std::string figure(const std::string& svg, const std::string& caption);
+
 /// Cells are HTML; the caption and the headings are text.
 class Table {
  public:

@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "diagnosis/report/campaign.h"
 #include "physics/declared_value.h"
 #include "physics/result_units.h"
 
@@ -18,6 +19,16 @@ Json interval(const std::pair<double, double>& span) {
   return Json::array({span.first, span.second});
 }
 
+Json balances_json(const Balances& balances) {
+  Json json;
+  for (const Balance each : all_balances) {
+    const auto& found = balances[each];
+    json[std::string(name_of(each))] =
+        found ? Json{{"excess", found->excess}, {"p", found->p}} : Json(nullptr);
+  }
+  return json;
+}
+
 Json location_json(const Location& location) {
   Json json;
   json["relation"] = physics::name_of(location.relation);
@@ -28,6 +39,7 @@ Json location_json(const Location& location) {
   for (const auto& [name, span] : location.where) json["where"][name] = interval(span);
   json["band_hz"] = location.band_hz ? interval(*location.band_hz) : Json(nullptr);
   json["statement"] = location.statement;
+  json["balances"] = balances_json(location.balances);
   json["regions"] = Json::array();
   for (const Region& region : location.regions) {
     const bool measured = region.aspect != Aspect::motion;
@@ -53,6 +65,13 @@ Json finding_json(const Finding& finding) {
   json["id"] = id_of(card);
   if (!card.depends_on.empty()) json["name"] = card.id;
   if (!finding.parameter.empty()) json["parameter"] = finding.parameter;
+  if (!finding.shared.path.empty()) {
+    json["sharing"] = {
+        {"path", finding.shared.path},
+        {"form", physics::name_of(finding.shared.sharing)},
+        {"condition",
+         finding.shared.condition.empty() ? Json(nullptr) : Json(finding.shared.condition)}};
+  }
   json["relation"] = physics::name_of(finding.candidate().relation());
   json["channel"] = finding.place.channel ? Json(info(*finding.place.channel).stem) : Json(nullptr);
   json["statement"] = finding.statement;
@@ -102,12 +121,13 @@ Json finding_json(const Finding& finding) {
   return json;
 }
 
-Json calibration_json(const Calibration& calibration, const physics::ResultUnits& units) {
+Json calibration_json(const Calibration& calibration, const physics::Model& model,
+                      const physics::ResultUnits& units) {
   return {{"value", calibration.value},
           {"ci95", interval({calibration.low, calibration.high})},
           {"declared", calibration.declared},
           {"declared_sigma", calibration.sigma},
-          {"unit", units.of(physics::unit_of(calibration.path))}};
+          {"unit", units.of(physics::unit_of(calibration.path, model))}};
 }
 
 Json noise_json(const Diagnosis& diagnosis) {
@@ -130,15 +150,6 @@ Json tried_json(const std::vector<Trial>& trials) {
                     {"score_gain", trial.gain.value},
                     {"se", trial.gain.se}});
   }
-  return json;
-}
-
-Json provenance_json(const Provenance& provenance) {
-  Json json = {{"version", provenance.version},
-               {"seed", provenance.seed},
-               {"command", provenance.command},
-               {"sha256", Json::object()}};
-  for (const Provenance::File& file : provenance.files) json["sha256"][file.name] = file.sha256;
   return json;
 }
 
@@ -193,6 +204,18 @@ Json detection_json(const Detection& detection) {
 
 }  // namespace
 
+Json provenance_json(const Provenance& provenance) {
+  Json json = {{"version", provenance.version},
+               {"seed", provenance.seed},
+               {"command", provenance.command},
+               {"sha256", Json::object()}};
+  for (const Provenance::File& file : provenance.files) json["sha256"][file.name] = file.sha256;
+  if (provenance.candidates) {
+    json["sha256"][provenance.candidates->name] = provenance.candidates->sha256;
+  }
+  return json;
+}
+
 Json score_json(const Score& score, bool with_rmse) {
   Json json;
   json["chi2_per_sample"] = score.chi2_per_sample;
@@ -243,7 +266,7 @@ Json report_json(const Diagnosis& diagnosis, const Provenance& provenance) {
   json["calibration"] = Json::object();
   const physics::ResultUnits units(diagnosis.model);
   for (const Calibration& each : diagnosis.calibrated) {
-    json["calibration"][each.path] = calibration_json(each, units);
+    json["calibration"][each.path] = calibration_json(each, diagnosis.model, units);
   }
   json["noise_std"] = Json::object();
   for (const auto& [channel, value] : diagnosis.noise_std) {
@@ -262,6 +285,7 @@ Json report_json(const Diagnosis& diagnosis, const Provenance& provenance) {
                          {"alarms", alarms.alarms},
                          {"baseline_chi2_per_sample", alarms.chi2}};
   }
+  if (diagnosis.campaign) json["campaign"] = campaign_json(diagnosis);
   json["integrity"] = Json::array();
   for (const Integrity& each : diagnosis.integrity) {
     json["integrity"].push_back(integrity_json(each));

@@ -13,6 +13,9 @@ namespace stickslip::report {
 nlohmann::ordered_json report_json(const diagnosis::Diagnosis& diagnosis,
                                    const Provenance& provenance);
 
+/// {"version": ..., "seed": ..., "command": ..., "sha256": {...}}
+nlohmann::ordered_json provenance_json(const Provenance& provenance);
+
 /// {"chi2_per_sample": ..., "nll_per_sample": ..., "nrmse": {...}} and, on request, "rmse".
 nlohmann::ordered_json score_json(const diagnosis::Score& score, bool with_rmse);
 

@@ -4,9 +4,10 @@
 namespace stickslip::report {
 
 Provenance provenance_of(const std::vector<Provenance::File>& recordings,
-                         const Provenance::File& model, std::uint64_t seed) {
+                         const Provenance::File& model, std::uint64_t seed,
+                         const std::string& command) {
   Provenance out;
-  out.command = "stickslip diagnose";
+  out.command = "stickslip " + command;
   for (const Provenance::File& recording : recordings) out.command += " " + recording.name;
   out.command += " --model " + model.name + " --seed " + std::to_string(seed);
   out.version = STICKSLIP_VERSION;

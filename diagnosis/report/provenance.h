@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,12 +21,14 @@ struct Provenance {
     std::string sha256;
   };
   std::vector<File> files;
-  std::string built_with = {};       ///< compiler and libraries that results may depend on
-  std::string augmented_model = {};  ///< the resulting model file; empty: not shown
+  std::optional<File> candidates = {};  ///< hypotheses beside the catalogue
+  std::string built_with = {};          ///< compiler and libraries that results may depend on
+  std::string augmented_model = {};     ///< the resulting model file; empty: not shown
 };
 
-/// Of a diagnosis with the default options.
+/// Of a diagnosis, or of another command on recordings and a model, with the default options.
 Provenance provenance_of(const std::vector<Provenance::File>& recordings,
-                         const Provenance::File& model, std::uint64_t seed);
+                         const Provenance::File& model, std::uint64_t seed,
+                         const std::string& command = "diagnose");
 
 }  // namespace stickslip::report

@@ -7,6 +7,7 @@
 #include <sstream>
 #include <vector>
 
+#include "diagnosis/report/campaign.h"
 #include "diagnosis/report/headline.h"
 #include "physics/number_text.h"
 #include "physics/result_units.h"
@@ -222,6 +223,7 @@ std::string report_text(const Diagnosis& diagnosis) {
   if (diagnosis.location) add_location(text, *diagnosis.location);
   int number = 0;
   for (const Finding& finding : diagnosis.findings) add_finding(text, finding, ++number);
+  if (diagnosis.campaign) text << campaign_text(diagnosis);
   add_fit(text, diagnosis);
   add_calibration(text, diagnosis);
   add_recordings(text, diagnosis);

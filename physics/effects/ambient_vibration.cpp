@@ -46,7 +46,7 @@ constexpr Card entry = {
     .experiment = "a run with the shaker off: any remaining motion is ambient",
     .rivals = rivals,
     .strength = 1,
-    .frequency = Frequency{.parameter = 0},
+    .frequency = Frequency{.parameter = 0, .tone = true},
     .example = example,
 };
 

@@ -49,7 +49,7 @@ constexpr Card entry = {
     .rivals = rivals,
     .depends_on = depends_on,
     .tier = Tier::formula,
-    .frequency = Frequency{.parameter = 1},
+    .frequency = Frequency{.parameter = 1, .tone = true},
     .references = references,
     .example = example,
 };

@@ -62,8 +62,8 @@ constexpr std::array example = {50.0, 2.0e-4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
 constexpr Card entry = {
     .id = "mains_hum",
     .relation = Relation::sensor,
-    .name = "mains hum",
-    .sentence = "One channel picks up a sine at the line frequency.",
+    .name = "hum",
+    .sentence = "One channel picks up a sine, as from the mains or a motor.",
     .equation =
         "reading + amplitude (1 + w(t)) sin(2 pi frequency_hz t + phase_rad); w, of mean 0, "
         "consists of four harmonics of the recording's duration",
@@ -71,7 +71,7 @@ constexpr Card entry = {
     .experiment = "a recording with the rig at rest",
     .rivals = rivals,
     .strength = 1,
-    .frequency = Frequency{.parameter = 0},
+    .frequency = Frequency{.parameter = 0, .tone = true},
     .example = example,
 };
 

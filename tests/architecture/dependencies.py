@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """docs/dependencies.md, held against tools/packages, the npm packages of the build, and the libraries that
-the programs are linked with.
+the programs and the Python module are linked with.
 
 Usage: dependencies.py SOURCE_FOLDER PROGRAM ...
 """
@@ -11,7 +11,7 @@ import sys
 import unittest
 
 SOURCE = pathlib.Path(sys.argv[1]).resolve()
-PROGRAMS = sys.argv[2:]
+PROGRAMS = [each for each in sys.argv[2:] if each]
 PAGE = (SOURCE / "docs/dependencies.md").read_text()
 
 

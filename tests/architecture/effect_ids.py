@@ -3,8 +3,9 @@
 
 Usage: effect_ids.py SOURCE_FOLDER
 
-The ids are the names of the files in physics/effects/. Exempt are tests, documents, and
-tools/concealment, whose simulator shares no code with physics/ on purpose. Two kinds of words that
+The ids are the names of the files in physics/effects/. Exempt are tests, documents, laws of friction,
+some of which have the name of an effect and list those that they contain, and tools/concealment, whose
+simulator shares no code with physics/ on purpose. Two kinds of words that
 merely coincide with an id are recognised by what they belong to:
 - a key of a configuration file, which config/ declares as `.path = "KEY"`, is exempt in config/;
 - a folder none of whose files includes a model, an effect or the catalogue cannot refer to one.
@@ -16,7 +17,7 @@ import unittest
 
 SOURCE = pathlib.Path(sys.argv[1]).resolve()
 
-EXEMPT = ("physics/effects", "tests", "docs", "tools/concealment", "build")
+EXEMPT = ("physics/effects", "physics/laws", "tests", "docs", "tools/concealment", "build")
 SUFFIXES = {".cpp", ".h", ".in", ".py", ".js", ".mjs", ".html"}
 PHYSICS = re.compile(
     r'#\s*include\s*"physics/(?:model|effect|catalogue|rig|reading|simulator)\.h"')

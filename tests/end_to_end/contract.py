@@ -15,6 +15,7 @@ COLUMNS = {
 }
 STEMS = set(COLUMNS)
 VERDICTS = {"consistent", "missing_physics", "unexplained"}
+BALANCES = ["kinematics", "force_balance", "friction_law", "normal_load", "excitation"]
 RELATIONS = {"kinematics", "force_balance", "friction_law", "normal_load", "load_cell", "sensor"}
 # id: relation, parameters
 CATALOGUE = {
@@ -87,9 +88,13 @@ def check_location(location, verdict, faults):
     if location is None:
         faults.expect(verdict == "consistent", "location is null although there is a mismatch")
         return
-    if not faults.keys(location, ["relation", "channel", "when_s", "where", "band_hz", "statement"],
-                       "location"):
+    if not faults.keys(location, ["relation", "channel", "when_s", "where", "band_hz", "statement",
+                                  "balances"], "location"):
         return
+    if faults.keys(location["balances"], BALANCES, "location.balances"):
+        for name, balance in location["balances"].items():
+            if balance is not None:
+                faults.numbers(balance, {"excess", "p"}, f"location.balances.{name}", least=0)
     relation, channel = location["relation"], location["channel"]
     if verdict != "consistent" or relation is not None:
         faults.expect(relation in RELATIONS, f"location.relation is {relation}")

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The examples of docs/python.md: every reader prints the same statistics of a recording."""
+"""The examples of docs/python.md: those with the module print what the page shows, and every reader of a
+recording the same statistics."""
 import os
 import re
 import shutil
@@ -9,14 +10,14 @@ import unittest
 
 from programs import SOURCE, STICKSLIP, EndToEnd, main, run
 
-PAGE = SOURCE / "docs/python.md"
+WITH_MODULE, WITHOUT = (SOURCE / "docs/python.md").read_text().split("\n## Without the module\n")
 ROWS = [(i / 100, None if i % 7 == 3 else 1e-3 * ((i * 7919) % 101) / 3.0, 0.1 * (i % 3)) for i in range(500)]
 
 
 def blocks(language):
-    """Pairs of heading and code of the page."""
+    """Pairs of heading and code, of the part of the page that does without the module."""
     heading, found = "", []
-    for part in re.finditer(r"^## ([^\n]*)$|^```(\w+)\n(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL):
+    for part in re.finditer(r"^### ([^\n]*)$|^```(\w+)\n(.*?)^```$", WITHOUT, re.MULTILINE | re.DOTALL):
         heading = part[1] or heading
         if part[2] == language:
             found.append((heading, part[3]))
@@ -47,6 +48,14 @@ class Python(EndToEnd):
         x = [x for _, x, _ in ROWS if x is not None]
         self.expected = (f"{len(ROWS)} frames, {ROWS[-1][0] - ROWS[0][0]:.3f} s, "
                      f"displacement {min(x):.6g} to {max(x):.6g} m\n")
+
+    @unittest.skipIf(os.environ.get("STICKSLIP_PYTHON_PROBLEM"), "the Python module is not built")
+    def test_the_module_prints_what_the_page_shows(self):
+        listings = re.findall(r"^```(python|text)\n(.*?)^```$", WITH_MODULE, re.MULTILINE | re.DOTALL)
+        code, shown = ("".join(text for each, text in listings if each == language) for language in ("python", "text"))
+        done = run(sys.executable, "-c", code, cwd=self.folder)
+        self.assertEqual(done.stderr, "")
+        self.assertEqual(done.stdout, self.expected + shown)
 
     def test_all_readers_print_the_same(self):
         readers = blocks("python")

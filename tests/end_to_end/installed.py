@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The programs as installed under a prefix, run from another folder: everything shipped is found."""
+import os
 import pathlib
 import shutil
 import tempfile
+import unittest
 
 from programs import STICKSLIP, EndToEnd, main, run, stickslip
 
@@ -46,6 +48,13 @@ class Installed(EndToEnd):
         out = self.folder / "run.csv"
         self.installed("simulate", "--model", "simulated", "--drive", drive, "--out", out)
         self.assertEqual(len(out.read_text().splitlines()), 201)
+
+    @unittest.skipIf(os.environ.get("STICKSLIP_PYTHON_PROBLEM"), "the Python module is not built")
+    def test_the_python_module_finds_them_too(self):
+        folder = next(self.prefix.glob("lib/python3*/dist-packages"))
+        result = run("/usr/bin/python3", "-c", "import stickslip; print(stickslip.Model.read('beam-1').source)",
+                     env={"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}, cwd="/")
+        self.assertEqual(result.stdout.strip(), str(self.prefix / "share/stickslip/models/beam-1.toml"), result.stderr)
 
     def test_figures_need_no_option_for_their_presets(self):
         out = self.folder / "figures"

@@ -60,7 +60,8 @@ class Outputs(EndToEnd):
                 ("poincare", "--model", "t.csv", *drive[2:], "--out", out),
                 ("bifurcation", "--model", "t.csv", "--frequency-hz", "3", "--over",
                  "drive.amplitude_m", "--from", "0.1", "--to", "0.2", "--out", out),
-                ("lyapunov", "--model", "t.csv", *drive[2:], "--json", out))
+                ("lyapunov", "--model", "t.csv", *drive[2:], "--json", out),
+                ("laws", "t.csv", *model, "--html", out))
 
     def test_an_input_is_never_an_output(self):
         for out in ("t.csv", "./t.csv", "sub/up/t.csv", "hard.csv", "soft.csv",
@@ -70,7 +71,7 @@ class Outputs(EndToEnd):
                     self.refuse(*command, word="t.csv")
         self.refuse("convert", "run.log", "run.log", word="run.log")
         self.refuse("convert", "run.log", "run.log", "--force", word="run.log")
-        for command in self.writers("model.toml")[:7]:
+        for command in (*self.writers("model.toml")[:7], self.writers("model.toml")[-1]):
             with self.subTest(command=command):
                 self.refuse(*command, word="model.toml")
 

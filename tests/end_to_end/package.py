@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Debian package: its contents, and that its bytes do not depend on folder, time or time zone of the run.
-Leaves it in package/ of the build folder, and a next version in package/next, for tests/vm/systemd_package."""
+"""The Debian packages: their contents, and that their bytes do not depend on folder, time or time zone of the
+run. Leaves that of the programs in package/ of the build folder, and a next version in package/next, for tests/vm/systemd_package."""
 import os
 import pathlib
 import re
@@ -15,12 +15,12 @@ KEPT = BUILD / "package"
 
 
 def packed(folder, zone):
-    """The package as cpack makes it in a folder."""
+    """The packages as cpack makes them in a folder: of the programs, and of the Python module or None."""
     done = subprocess.run(["cpack", "--config", BUILD / "CPackConfig.cmake", "-B", folder],
                           capture_output=True, text=True, umask=0o022, timeout=200,
                           env={**os.environ, "TZ": zone, "SOURCE_DATE_EPOCH": "0"})
     assert done.returncode == 0, done.stdout + done.stderr
-    return next(folder.glob("stickslip_*.deb"))
+    return next(folder.glob("stickslip_*.deb")), next(folder.glob("python3-stickslip_*.deb"), None)
 
 
 class Package(EndToEnd):
@@ -29,13 +29,15 @@ class Package(EndToEnd):
         cls.base = temporary_folder(cls.addClassCleanup)
         shutil.rmtree(KEPT, ignore_errors=True)
         KEPT.mkdir()
-        cls.made = pathlib.Path(shutil.copy(packed(cls.base / "one", "UTC0"), KEPT))
+        made, cls.module = packed(cls.base / "one", "UTC0")
+        cls.made = pathlib.Path(shutil.copy(made, KEPT))
 
-    def field(self, name):
-        return run("dpkg-deb", "-f", self.made, name).stdout.strip()
+    def field(self, name, package=None):
+        return run("dpkg-deb", "-f", package or self.made, name).stdout.strip()
 
     def test_a_second_run_makes_the_same_bytes(self):
-        self.assertTrue(packed(self.base / "two", "UTC+9").read_bytes() == self.made.read_bytes())
+        for again, first in zip(packed(self.base / "two", "UTC+9"), (self.made, self.module)):
+            self.assertTrue(again == first or again.read_bytes() == first.read_bytes(), first)
 
     def test_its_fields(self):
         self.assertRegex(self.made.name, r"^stickslip_[0-9.]+_[a-z0-9]+\.deb$")
@@ -45,6 +47,27 @@ class Package(EndToEnd):
             self.assertIn(library, depends)
         self.assertNotIn("-dev", depends)
         self.assertRegex(self.field("Maintainer"), r"^[^<>]+ <\S+@\S+>$")
+
+    def test_the_python_module_is_a_package_of_its_own(self):
+        if self.module is None:
+            self.skipTest("the Python module is not built: " + os.environ.get("STICKSLIP_PYTHON_PROBLEM", ""))
+        self.assertFalse("dist-packages" in run("dpkg-deb", "-c", self.made).stdout)
+        depends = self.field("Depends", self.module)
+        self.assertRegex(depends, r"python3 \(>= 3\.\d+\), python3 \(<< 3\.\d+\), python3-numpy")
+        self.assertIn("liblcm1", depends)
+        self.assertIn("NumPy", self.field("Description", self.module))
+        root = self.base / "module"
+        run("dpkg-deb", "-R", self.module, root)
+        files = sorted(str(each.relative_to(root)) for each in root.rglob("*") if each.is_file())
+        folder = "usr/lib/python3/dist-packages/stickslip/"
+        self.assertEqual([each.removeprefix(folder) for each in files if "/share/doc/" not in each and "DEBIAN" not in each
+                          and "_stickslip" not in each], ["__init__.py", "__init__.pyi", "py.typed"])
+        self.assertIn("usr/share/doc/python3-stickslip/copyright", files)
+        self.assertIn("DEBIAN/preinst", files)
+        self.assertNotIn(str(SOURCE).encode() + b"/tools/", next(root.rglob("_stickslip*")).read_bytes())
+        imported = run("/usr/bin/python3", "-c", "import stickslip; print(stickslip.__version__, stickslip.__file__)",
+                       env={"PYTHONPATH": str(root / folder.removesuffix("stickslip/")), "PYTHONDONTWRITEBYTECODE": "1"})
+        self.assertEqual(imported.stdout.split(), [self.field("Version"), str(root / folder / "__init__.py")], imported.stderr)
 
     def test_its_files(self):
         listed = run("dpkg-deb", "-c", self.made).stdout.splitlines()

@@ -52,7 +52,7 @@ watchdog_s = 1
 name = "lvdt"
 transport = "rtu"
 port = "{serial}"
-map = "{source}/config/modbus/orbit-acs.toml"
+map = "{source}/config/modbus/orbit-acs-sample.toml"
 poll_period_s = 0.02
 timeout_s = 0.1
 [[modbus]]

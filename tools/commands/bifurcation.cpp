@@ -93,7 +93,7 @@ std::string unit_of(const std::string& path, const physics::Model& model) {
     if (key.path == path && !key.unit.empty()) return std::string(key.unit);
   }
   for (const physics::Term& term : model.terms) {
-    const physics::Effect* effect = physics::find_effect(term.id);
+    const physics::Effect* effect = physics::effect_of(term);
     if (effect == nullptr) continue;
     for (const physics::ParameterCard& parameter : effect->card().parameters) {
       if (path == physics::path_of(term) + "." + std::string(parameter.name)) {

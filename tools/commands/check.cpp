@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "config/calibration.h"
+#include "config/campaign.h"
 #include "config/demand.h"
 #include "config/document.h"
 #include "config/fault_script.h"
@@ -21,6 +22,8 @@
 #include "config/rig.h"
 #include "drivers/bench/probe_bench.h"
 #include "drivers/factory/make_bench.h"
+#include "physics/catalogue.h"
+#include "physics/friction_laws.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/recording.h"
@@ -65,12 +68,15 @@ std::string oscillator_text(const physics::Model& model) {
 
 std::string model_summary(physics::Model model) {
   std::string text = oscillator_text(model);
-  text += ", friction " + std::string(config::name_of(model.friction.law));
+  const physics::Term* law = physics::law_term(model);
+  text +=
+      ", friction " + (law != nullptr ? law->id : std::string(config::name_of(model.friction.law)));
   text += ", load " +
           std::string(model.normal_load ? config::name_of(model.normal_load->law) : "not declared");
   text += ", load cell " +
           std::string(model.load_cell ? config::name_of(model.load_cell->dynamics) : "none");
-  for (const physics::Term& term : model.terms) text += ", " + term.id;
+  for (const physics::Term& term : model.terms) text += term.law ? "" : ", " + term.id;
+  for (const physics::Term& each : model.candidates) text += ", candidate " + each.id;
   const auto parameters = physics::parameters_of(model);
   std::size_t uncertain = 0;
   for (const physics::NamedParameter& each : parameters) {
@@ -223,11 +229,12 @@ bool check(const std::string& file, const terminal::Paint& paint) {
     const std::string text = config::read_text(file);
     const auto kind = config::kind_of(text);
     if (!kind) {
-      throw InputError(Problem{
-          file, 1, 1,
-          "is not a configuration file: expected a rig with a table [rig], a model with "
-          "[oscillator], a fault script with [[fault]], a calibration with [channel.CHANNEL], or a "
-          "register map with [[register]]"});
+      throw InputError(
+          Problem{file, 1, 1,
+                  "is not a configuration file: expected a rig with a table [rig], a model with "
+                  "[oscillator], candidates with [[candidate]], a fault script with [[fault]], a "
+                  "calibration with [channel.CHANNEL], a "
+                  "register map with [[register]], or a campaign with [[recording]]"});
     }
     switch (*kind) {
       case config::FileKind::rig: {
@@ -244,6 +251,23 @@ bool check(const std::string& file, const terminal::Paint& paint) {
         const physics::Model model = config::parse_model(text, file);
         terminal::print("%s: %s\n", file.c_str(), valid.c_str());
         print("model", model_summary(model));
+        break;
+      }
+      case config::FileKind::candidates: {
+        physics::Model none;
+        config::add_candidates(file, none);
+        terminal::print("%s: %s\n", file.c_str(), valid.c_str());
+        for (const physics::Term& each : none.candidates) {
+          print("candidate", std::string(physics::effect_of(each)->card().equation));
+        }
+        break;
+      }
+      case config::FileKind::campaign: {
+        const config::CampaignFile campaign = config::parse_campaign(text, file);
+        terminal::print("%s: %s\n", file.c_str(), valid.c_str());
+        for (const config::CampaignRecording& each : campaign.recordings) {
+          print("recording", each.name + (each.held_out ? " (held out)" : ""));
+        }
         break;
       }
       case config::FileKind::fault_script: {

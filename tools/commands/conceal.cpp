@@ -21,6 +21,7 @@
 #include "tools/command_line/option_checks.h"
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
+#include "tools/concealment/campaign.h"
 #include "tools/concealment/concealment.h"
 #include "tools/concealment/hidden_effect.h"
 #include "tools/files/write_file.h"
@@ -49,6 +50,7 @@ struct Arguments {
   bool instruments = false;
   std::vector<std::string> nuisances;
   std::string snr;
+  bool campaign = false;
   int jobs = 0;
 };
 
@@ -144,6 +146,43 @@ void write_case(const concealment::Case& made, const fs::path& folder, const fs:
              "SHA-256 of the truth file: " + protocol::sha256_of(truth) + "\n");
 }
 
+// The condition of a run is that of its own model, with which it is diagnosed alone.
+void write_campaign(const concealment::CampaignCase& made, const fs::path& folder,
+                    const fs::path& truth_file) {
+  make_folder(folder);
+  write_file(folder / "model.toml", config::model_text(made.declared));
+  write_file(folder / "campaign.toml", concealment::campaign_text(made));
+  for (std::size_t i = 0; i < made.recordings.size(); ++i) {
+    const fs::path run = folder / ("run-" + std::to_string(i + 1));
+    make_folder(run);
+    protocol::write_recording(made.recordings[i], run / "recording.csv");
+    write_file(run / "model.toml",
+               config::model_text(physics::model_of(made.campaign.runs[i], made.declared)));
+  }
+  const std::string truth = concealment::truth_text(made.truth);
+  write_file(truth_file, truth);
+  write_file(folder / "seal.txt",
+             "SHA-256 of the truth file: " + protocol::sha256_of(truth) + "\n");
+}
+
+// Those that campaigns hide; all of them where none is named.
+std::vector<concealment::CampaignEffect> campaign_effects(const std::vector<std::string>& named) {
+  std::vector<concealment::CampaignEffect> out;
+  std::string known;
+  for (const concealment::CampaignEffect each : concealment::all_campaign_effects) {
+    const std::string name(concealment::name_of(each));
+    known += (known.empty() ? "" : ", ") + name;
+    if (named.empty() || std::find(named.begin(), named.end(), name) != named.end()) {
+      out.push_back(each);
+    }
+  }
+  if (out.size() < std::max<std::size_t>(named.size(), 1)) {
+    throw InputError(
+        Problem{"--effect", 0, 0, "names one that no campaign hides; expected some of " + known});
+  }
+  return out;
+}
+
 std::vector<std::string> names_of_kinds() {
   std::vector<std::string> names;
   for (const auto& [name, kind] : kinds) names.push_back(name);
@@ -163,7 +202,9 @@ CaseRequest request_of(const Arguments& arguments) {
 }
 
 int run(Arguments arguments) {
-  const CaseRequest request = request_of(arguments);
+  const auto effects = arguments.campaign ? campaign_effects(arguments.effects)
+                                          : std::vector<concealment::CampaignEffect>{};
+  const CaseRequest request = arguments.campaign ? CaseRequest{} : request_of(arguments);
   const fs::path out = arguments.out;
   const fs::path truth = arguments.truth.empty() ? out / "truth" : fs::path(arguments.truth);
   check_new(out);
@@ -180,14 +221,24 @@ int run(Arguments arguments) {
   parallel::for_each(count, parallel::threads_for(arguments.jobs), [&](std::size_t i) {
     char name[32];
     std::snprintf(name, sizeof name, "case-%03zu", i + 1);
-    write_case(concealment::conceal(request, seed_of_case(arguments.seed, i), name), out / name,
-               truth / (std::string(name) + ".json"));
+    const std::uint64_t seed = seed_of_case(arguments.seed, i);
+    const fs::path truth_file = truth / (std::string(name) + ".json");
+    if (arguments.campaign) {
+      std::optional<concealment::CampaignEffect> effect;
+      if (arguments.kind != "null") effect = effects[i % effects.size()];
+      write_campaign(concealment::conceal_campaign(effect, arguments.duration_s, seed, name),
+                     out / name, truth_file);
+    } else {
+      write_case(concealment::conceal(request, seed, name), out / name, truth_file);
+    }
     progress.at(done.fetch_add(1) + 1, count);
   });
   progress.finish();
-  terminal::print("%s written to %s, the truth to %s\n",
-                  physics::counted(count, "concealed recording").c_str(), out.c_str(),
-                  truth.c_str());
+  terminal::print(
+      "%s written to %s, the truth to %s\n",
+      physics::counted(count, arguments.campaign ? "concealed campaign" : "concealed recording")
+          .c_str(),
+      out.c_str(), truth.c_str());
   return 0;
 }
 
@@ -230,6 +281,14 @@ void add_conceal(CLI::App& app, Action& action) {
   command->add_option("--snr", arguments->snr,
                       "Size of every hidden effect within 0.4 s over the noise: VALUE (within a "
                       "quarter) or LOW:HIGH, from 0.5 (default: easily visible, 4 or more)");
+  command->add_flag(
+      "--campaign", arguments->campaign,
+      "Make campaigns of four recordings in which an effect shows only in comparison: "
+      "load_dependent_mu, run_drift, amplitude_damping or faulty_channel (--effect); "
+      "with --kind null nothing is hidden");
+  for (const char* other : {"--instruments", "--nuisance", "--snr"}) {
+    command->get_option("--campaign")->excludes(other);
+  }
   add_jobs_option(*command, arguments->jobs);
   command->callback([&action, arguments, seed, command] {
     arguments->seeded = seed->count() > 0;
@@ -243,6 +302,8 @@ void add_conceal(CLI::App& app, Action& action) {
                           "stickslip conceal --out blind --count 20"},
                          {"Make recordings of imperfect instruments that hide nothing",
                           "stickslip conceal --out plain --count 20 --kind null --instruments"},
+                         {"Make campaigns of four recordings, in turns of each effect",
+                          "stickslip conceal --out campaigns --campaign --count 8 --duration 12"},
                          {"Make weak effects, for a detection curve",
                           "stickslip conceal --out weak --count 20 --kind single --snr 0.5:4"}},
             .files = {{"DIR/truth", "Truth files; each case holds the SHA-256 of its own"}},

@@ -7,7 +7,6 @@
 #include "config/model_file.h"
 #include "diagnosis/evaluation.h"
 #include "diagnosis/parallel/for_each.h"
-#include "diagnosis/report/json.h"
 #include "physics/number_text.h"
 #include "physics/result_units.h"
 #include "protocol/json_text.h"
@@ -18,6 +17,7 @@
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/files/outputs.h"
+#include "tools/processing/evaluation_json.h"
 #include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
@@ -52,13 +52,7 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   const Score& result = done.score;
   const physics::ResultUnits units(model);
 
-  nlohmann::ordered_json json;
-  json["schema"] = 1;
-  if (units.dimensionless()) json["dimensionless"] = true;
-  json["fit"] = report::score_json(result, true);
-  json["horizon_s"] = done.horizon_s;
-  json["free_run"] = nullptr;
-  if (done.free_run) json["free_run"] = report::free_run_json(*done.free_run);
+  const nlohmann::ordered_json json = processing::evaluation_json(done, model);
   outputs.write(arguments.json, Form::json, protocol::json_text(json) + "\n");
 
   terminal::print("chi-squared per sample %s over %s of %s%s (1: noise only)\n",
@@ -77,7 +71,7 @@ int run(const Arguments& arguments, const Outputs& outputs) {
                     units.after_number(channel_table[c].unit).c_str(), share.c_str());
   }
   if (arguments.free_run) {
-    for (const auto& [name, value] : json["free_run"]["rmse"].items()) {
+    for (const auto& [name, value] : json.at("free_run").at("rmse").items()) {
       terminal::print("free run, %s: %s\n", units.column(name).c_str(),
                       physics::number_text(value.get<double>()).c_str());
     }

@@ -9,7 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "config/campaign.h"
 #include "config/model_file.h"
+#include "config/named_files.h"
 #include "diagnosis/diagnosis.h"
 #include "diagnosis/evaluation.h"
 #include "diagnosis/parallel/for_each.h"
@@ -51,16 +53,42 @@ struct Arguments {
   std::string model_name = "model.toml";
   std::string job_list;
   std::vector<std::string> only;
+  bool alone = false;
   std::uint64_t seed = 1;
   int jobs = 0;
 };
 
+constexpr const char* campaign_name = "campaign.toml";
+
+bool is_campaign(const fs::path& folder) { return fs::is_regular_file(folder / campaign_name); }
+
+// Folders of a campaign's recordings, for a diagnosis of each alone: "case-001/run-1".
+std::vector<std::string> runs_of(const fs::path& set, const std::string& name,
+                                 const std::string& model_name) {
+  std::vector<std::string> out;
+  for (const auto& entry : fs::directory_iterator(set / name)) {
+    if (fs::is_regular_file(entry.path() / "recording.csv") &&
+        fs::is_regular_file(entry.path() / model_name)) {
+      out.push_back(name + "/" + entry.path().filename().string());
+    }
+  }
+  return out;
+}
+
 // Checksum of all inputs of a report; a report of another origin is not reused.
 std::string origin_of(const fs::path& folder, const std::string& model_name, std::uint64_t seed) {
   static const std::string program = protocol::sha256_of(content_of("/proc/self/exe"));
-  return protocol::sha256_of(program + std::to_string(seed) + content_of(folder / "recording.csv") +
-                             content_of(folder / model_name) +
-                             content_of(folder / "validation.csv"));
+  std::string inputs = program + std::to_string(seed);
+  if (is_campaign(folder)) {
+    inputs += content_of(folder / campaign_name);
+    for (const fs::path& file : config::files_read_with(folder / campaign_name)) {
+      inputs += content_of(file);
+    }
+    return protocol::sha256_of(inputs);
+  }
+  inputs += content_of(folder / "recording.csv") + content_of(folder / model_name);
+  if (fs::exists(folder / "validation.csv")) inputs += content_of(folder / "validation.csv");
+  return protocol::sha256_of(inputs);
 }
 
 std::vector<std::string> cases_of(const Arguments& arguments) {
@@ -71,9 +99,14 @@ std::vector<std::string> cases_of(const Arguments& arguments) {
   }
   std::vector<std::string> names;
   for (const auto& entry : fs::directory_iterator(arguments.set)) {
-    if (fs::is_regular_file(entry.path() / "recording.csv") &&
-        fs::is_regular_file(entry.path() / arguments.model_name)) {
-      names.push_back(entry.path().filename());
+    const std::string name = entry.path().filename();
+    if (is_campaign(entry.path())) {
+      const auto runs = arguments.alone ? runs_of(arguments.set, name, arguments.model_name)
+                                        : std::vector<std::string>{name};
+      names.insert(names.end(), runs.begin(), runs.end());
+    } else if (fs::is_regular_file(entry.path() / "recording.csv") &&
+               fs::is_regular_file(entry.path() / arguments.model_name)) {
+      names.push_back(name);
     }
   }
   std::sort(names.begin(), names.end());
@@ -124,12 +157,26 @@ std::optional<Outcome> stored(const fs::path& file, const std::string& origin) {
 Outcome examine(const fs::path& folder, const fs::path& file, const std::string& origin,
                 const Arguments& arguments, const Outputs& outputs) {
   const auto start = std::chrono::steady_clock::now();
-  const physics::Model model = config::load_model(folder / arguments.model_name);
-  const std::vector<protocol::Recording> recordings{
-      protocol::read_recording(folder / "recording.csv")};
-  warn_if_cut_off(recordings.front());
   diagnosis::Options options;
   options.seed = arguments.seed;
+  physics::Model model;
+  std::vector<std::string> files{"recording.csv"};
+  std::string model_name = arguments.model_name;
+  if (is_campaign(folder)) {
+    config::LoadedCampaign loaded = config::load_campaign(folder / campaign_name);
+    model = std::move(loaded.model);
+    model_name = fs::relative(loaded.model_file, folder);
+    options.campaign = std::make_shared<physics::Campaign>(std::move(loaded.campaign));
+    files.clear();
+    for (const fs::path& each : loaded.recordings) files.push_back(fs::relative(each, folder));
+  } else {
+    model = config::load_model(folder / model_name);
+  }
+  std::vector<protocol::Recording> recordings;
+  for (const std::string& each : files) {
+    recordings.push_back(protocol::read_recording(folder / each));
+    warn_if_cut_off(recordings.back());
+  }
   const diagnosis::Diagnosis found = diagnosis::diagnose(recordings, model, options);
   const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
   Json kept;
@@ -147,9 +194,10 @@ Outcome examine(const fs::path& folder, const fs::path& file, const std::string&
   const auto checked = [&folder](const std::string& name) {
     return report::Provenance::File{name, protocol::sha256_of(content_of(folder / name))};
   };
+  std::vector<report::Provenance::File> sources;
+  for (const std::string& each : files) sources.push_back(checked(each));
   kept["report"] = report::report_json(
-      found, report::provenance_of({checked("recording.csv")}, checked(arguments.model_name),
-                                   arguments.seed));
+      found, report::provenance_of(sources, checked(model_name), arguments.seed));
   outputs.write(fs::path(file).replace_extension(".toml"), Form::toml,
                 config::model_text(found.model));
   outputs.write(file, Form::json, protocol::json_text(kept) + "\n");
@@ -166,7 +214,17 @@ struct Folders {
   fs::path set;
   fs::path truth;
   fs::path reports;
-  fs::path report_of(const std::string& name) const { return reports / (name + ".json"); }
+  fs::path report_of(std::string name) const {
+    std::replace(name.begin(), name.end(), '/', '-');
+    return reports / (name + ".json");
+  }
+  // Of a recording of a campaign, the truth of the campaign.
+  fs::path truth_of(const std::string& name) const {
+    return truth / (name.substr(0, name.find('/')) + ".json");
+  }
+  fs::path seal_of(const std::string& name) const {
+    return set / name.substr(0, name.find('/')) / "seal.txt";
+  }
 };
 
 Folders folders_of(const Arguments& arguments) {
@@ -185,7 +243,8 @@ void write_job_list(const Arguments& arguments, const Folders& folders,
     lines += "stickslip examine " + quoted(folders.set.string()) + " --only " + quoted(name) +
              " --truth " + quoted(folders.truth.string()) + " --reports " +
              quoted(folders.reports.string()) + " --model-name " + quoted(arguments.model_name) +
-             " --seed " + std::to_string(arguments.seed) + " --jobs 1\n";
+             " --seed " + std::to_string(arguments.seed) + (arguments.alone ? " --alone" : "") +
+             " --jobs 1\n";
     ++count;
   }
   outputs.write(arguments.job_list, Form::plain, lines);
@@ -244,14 +303,15 @@ std::vector<concealment::Grade> grades_of(const Folders& folders,
                                           const std::vector<Outcome>& outcomes) {
   std::vector<concealment::Grade> grades;
   for (std::size_t i = 0; i < names.size(); ++i) {
-    const fs::path truth_file = folders.truth / (names[i] + ".json");
+    const fs::path truth_file = folders.truth_of(names[i]);
     const concealment::GroundTruth truth = concealment::read_truth(truth_file);
-    check_seal(truth_file, folders.set / names[i] / "seal.txt");
+    check_seal(truth_file, folders.seal_of(names[i]));
     grades.push_back(concealment::grade(truth, outcomes[i].report));
     concealment::Grade& grade = grades.back();
     grade.validation_before = outcomes[i].before;
     grade.validation_after = outcomes[i].after;
     if (!truth.validation_graded) grade.validation_before.reset();
+    if (names[i].find('/') != std::string::npos) grade.name = names[i];
     grade.seconds = outcomes[i].seconds;
     grade.problem = outcomes[i].problem;
   }
@@ -267,7 +327,7 @@ std::vector<std::string> inputs_of(const Folders& folders, const std::string& mo
                                     model_name, std::string("seal.txt")}) {
       out.push_back((folders.set / name / file).string());
     }
-    out.push_back((folders.truth / (name + ".json")).string());
+    out.push_back(folders.truth_of(name).string());
   }
   return out;
 }
@@ -322,6 +382,8 @@ void add_examine(CLI::App& app, Action& action) {
   add_output(*command, "--job-list", arguments->job_list,
              "Only write one command per case still to be diagnosed (for GNU parallel or a "
              "Slurm array); -: standard output");
+  command->add_flag("--alone", arguments->alone,
+                    "Diagnose each recording of a campaign by itself, for comparison");
   add_seed_option(*command, arguments->seed);
   add_jobs_option(*command, arguments->jobs);
   command->callback([&action, arguments, command] {

@@ -89,6 +89,13 @@ void grade_parameters(Grade& out, const TrueEffect& effect, const Json* finding)
   }
 }
 
+// True for a finding by its id, or of a number by its path: "declared_value of friction.mu".
+bool names(const TrueEffect& effect, const Json& finding) {
+  const std::string id = text_at(finding, "id");
+  return contains(effect.accept, id) ||
+         contains(effect.accept, id + " of " + text_at(finding, "parameter"));
+}
+
 // The finding that names each hidden effect, of several the one at its channel; nullptr if none.
 std::vector<const Json*> matches_of(const GroundTruth& truth, const Json& findings, Grade& out) {
   std::vector<const Json*> match(truth.effects.size(), nullptr);
@@ -97,7 +104,7 @@ std::vector<const Json*> matches_of(const GroundTruth& truth, const Json& findin
     const TrueEffect& effect = truth.effects[i];
     std::optional<std::size_t> best;
     for (std::size_t k = 0; k < findings.size(); ++k) {
-      if (taken[k] || !contains(effect.accept, out.named[k])) continue;
+      if (taken[k] || !names(effect, findings[k])) continue;
       const bool here =
           effect.channel && text_at(findings[k], "channel") == info(*effect.channel).stem;
       if (!best || here) best = k;
@@ -180,10 +187,9 @@ Grade grade(const GroundTruth& truth, const Json& report) {
   out.found = static_cast<int>(
       std::count_if(match.begin(), match.end(), [](const Json* m) { return m != nullptr; }));
   out.all_named = out.found == static_cast<int>(match.size());
-  out.first_right = !out.named.empty() && std::any_of(truth.effects.begin(), truth.effects.end(),
-                                                      [&](const TrueEffect& e) {
-                                                        return contains(e.accept, out.named[0]);
-                                                      });
+  out.first_right = !out.named.empty() &&
+                    std::any_of(truth.effects.begin(), truth.effects.end(),
+                                [&](const TrueEffect& e) { return names(e, findings.front()); });
   const Json location = report.value("location", Json(nullptr));
   out.relation_right = true;
   for (std::size_t i = 0; i < match.size(); ++i) {

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Run by CPack on the installed files before it packs them: adds what Debian expects of a package and an
 # installation from source does not have.
-set(root ${CPACK_TEMPORARY_DIRECTORY})
+set(root ${CPACK_TEMPORARY_DIRECTORY}/stickslip)
 set(doc ${root}/usr/share/doc/stickslip)
 set(readable OWNER_READ OWNER_WRITE GROUP_READ WORLD_READ)
 
@@ -30,9 +30,18 @@ License: Expat
 Comment: Of uPlot, in the page of the live view. The rest of the program is as above.
 ")
 endif()
-foreach(package libcli11-dev libeigen3-dev libreaderwriterqueue-dev nlohmann-json3-dev)
+set(headers libcli11-dev libeigen3-dev nlohmann-json3-dev)
+foreach(package libreaderwriterqueue-dev ${headers})
   configure_file(/usr/share/doc/${package}/copyright ${doc}/licences/${package} COPYONLY)
 endforeach()
+set(python_root ${CPACK_TEMPORARY_DIRECTORY}/python)
+if(EXISTS ${python_root})
+  set(python_doc ${python_root}/usr/share/doc/python3-stickslip)
+  configure_file(${CMAKE_CURRENT_LIST_DIR}/copyright ${python_doc}/copyright COPYONLY)
+  foreach(package pybind11-dev ${headers})
+    configure_file(/usr/share/doc/${package}/copyright ${python_doc}/licences/${package} COPYONLY)
+  endforeach()
+endif()
 
 file(REMOVE ${doc}/LICENSE)
 file(RENAME ${doc}/CHANGELOG.md ${doc}/changelog)
@@ -40,7 +49,7 @@ file(GLOB_RECURSE compressed ${root}/usr/share/man/*.[18])
 execute_process(COMMAND gzip --best --no-name ${compressed} ${doc}/changelog COMMAND_ERROR_IS_FATAL ANY)
 
 # Whatever the umask of the build is.
-file(GLOB_RECURSE files LIST_DIRECTORIES true ${root}/*)
+file(GLOB_RECURSE files LIST_DIRECTORIES true ${root}/* ${python_root}/*)
 foreach(file IN LISTS files)
   if(IS_DIRECTORY ${file} OR file MATCHES /usr/bin/)
     file(CHMOD ${file} PERMISSIONS ${readable} OWNER_EXECUTE GROUP_EXECUTE WORLD_EXECUTE)

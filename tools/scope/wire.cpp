@@ -115,7 +115,7 @@ std::vector<Mark> marks_of(const physics::Model& model) {
     marks.push_back({"load cell", model.load_cell->natural_frequency_hz.value});
   }
   for (const physics::Term& term : model.terms) {
-    const physics::Effect* effect = physics::find_effect(term.id);
+    const physics::Effect* effect = physics::effect_of(term);
     if (effect == nullptr || !effect->card().frequency) continue;
     const physics::Frequency& frequency = *effect->card().frequency;
     const auto found =

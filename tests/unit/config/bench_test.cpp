@@ -36,7 +36,7 @@ TEST(Bench, ReadsAllKeysOfTheShippedBench) {
   EXPECT_EQ(bench.modbus[0].parity, 'E');
   EXPECT_EQ(bench.modbus[0].poll_period_s, 0.05);
   EXPECT_TRUE(rig.warnings.empty());
-  EXPECT_EQ(bench.modbus[0].map_file, rigs / "modbus/orbit-acs.toml");
+  EXPECT_EQ(bench.modbus[0].map_file, rigs / "modbus/orbit-acs-sample.toml");
   EXPECT_FALSE(bench.modbus[0].map.registers.empty());
   EXPECT_FALSE(bench.amplifier);
 }

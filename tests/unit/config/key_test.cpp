@@ -27,7 +27,8 @@ TEST(Keys, TheDocumentationIsUpToDate) {
 
 TEST(Keys, EveryKeyHasASentenceAndNumbersHaveAUnit) {
   for (const auto keys :
-       {model_keys(), keys_of<physics::Filter>(), keys_of<physics::Term>(), rig_keys(),
+       {model_keys(), keys_of<physics::Filter>(), keys_of<physics::Term>(),
+        keys_of<physics::FormulaDeclaration>(), keys_of<CandidateFile>(), rig_keys(),
         keys_of<FaultScript>(), keys_of<Fault>(), fault_amount_keys(), keys_of<CalibrationFile>(),
         keys_of<FormerCalibration>(), keys_of<CalibrationPoint>(), keys_of<ModbusUnit>(),
         keys_of<GaugeAt>(), keys_of<ModbusMap>(), keys_of<ModbusRegister>()}) {

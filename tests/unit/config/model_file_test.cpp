@@ -127,7 +127,7 @@ Model some_model() {
   int states = 0;
   for (const physics::Effect* effect : physics::catalogue()) {
     if (model.terms.size() == physics::max_terms) break;
-    if (states + effect->state_count() > 2 * physics::max_effect_states) continue;
+    if (states + effect->state_count() > physics::max_effect_states) continue;
     physics::Place place;
     if (effect->card().relation == physics::Relation::sensor) {
       place.channel = some_channel();

@@ -67,6 +67,10 @@ TEST_P(OneEffect, IsNamedWithItsParameterAndExplainsTheMismatch) {
   EXPECT_GT(got.baseline.chi2_per_sample, 2.0);
   ASSERT_TRUE(got.location.has_value());
   EXPECT_EQ(got.location->relation, hidden.relation);
+  // Force and displacement alone: friction has no balance of its own.
+  ASSERT_TRUE(got.location->balances[Balance::force_balance].has_value());
+  EXPECT_GT(got.location->balances[Balance::force_balance]->excess, 1.0);
+  EXPECT_FALSE(got.location->balances[Balance::friction_law].has_value());
   ASSERT_EQ(got.model.terms.size(), 1U);
   EXPECT_EQ(got.model.terms[0].id, hidden.id);
 }

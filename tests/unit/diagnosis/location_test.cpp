@@ -54,5 +54,17 @@ TEST(Location, IsThroughoutTheRecordingWhereNearlyEveryWindowFails) {
   EXPECT_THAT(location.statement, ::testing::HasSubstr("throughout the recording"));
 }
 
+TEST(Location, SaysWhereTheBalancesFailInstead) {
+  Balances balances;
+  balances.of[index_of(Balance::kinematics)] = BalanceResidual{12.3, 1.0e-9};
+  EXPECT_THAT(
+      contradiction_by({Balance::kinematics, physics::Relation::sensor, Channel::displacement},
+                       balances),
+      ::testing::HasSubstr("the reading of displacement instead: 12.3 times"));
+  EXPECT_THAT(contradiction_by({Balance::kinematics, physics::Relation::kinematics, std::nullopt},
+                               balances),
+              ::testing::HasSubstr("velocity and displacement instead"));
+}
+
 }  // namespace
 }  // namespace stickslip::diagnosis

@@ -82,7 +82,9 @@ Diagnosis with_a_finding() {
                           .words = "at displacements from 0.01 to 0.02 m",
                           .energy = 16.0,
                           .energy_outside = 1.0,
-                          .p_value = 1.0e-9}}};
+                          .p_value = 1.0e-9}},
+                        {}};
+  d.location->balances.of[index_of(Balance::force_balance)] = BalanceResidual{41.2, 1.0e-9};
   Finding finding;
   finding.effect = physics::find_effect("cubic_stiffness");
   finding.statement = "The spring hardens.";
@@ -288,7 +290,7 @@ TEST(ReportHtml, EveryKindOfAnswerHasItsFirstScreen) {
                     Not(HasSubstr("wrong gain")), Not(HasSubstr("\u2192"))));
   EXPECT_THAT(first_screen_of(report_html(confident(), provenance())),
               AllOf(HasSubstr("The model lacks one physical effect: hardening"),
-                    HasSubstr("&gt;\u00a099.9\u00a0%"), Not(HasSubstr("Next step"))));
+                    HasSubstr("&gt;\u00a099.9\u00a0%"), HasSubstr("on another recording")));
   EXPECT_THAT(
       first_screen_of(report_html(ambiguous(), provenance())),
       AllOf(HasSubstr("most likely hardening"), HasSubstr("does not rule out end stop"),
@@ -310,6 +312,13 @@ TEST(ReportHtml, SeparatesTheFormulaFromTheFitAndSaysWhatScoresBetter) {
   const std::string page = without_tags(report_html(d, provenance()));
   EXPECT_THAT(page, HasSubstr("\u00b1 21"));
   EXPECT_THAT(page, HasSubstr("It is the simpler or the listed one: end stop scores better."));
+}
+
+TEST(ReportHtml, ListsTheBalancesMeasuredOrNot) {
+  const std::string page = report_html(with_a_finding(), provenance());
+  EXPECT_THAT(page, HasSubstr("force balance"));
+  EXPECT_THAT(page, HasSubstr("41.2"));
+  EXPECT_THAT(page, HasSubstr("not measured"));
 }
 
 TEST(ReportHtml, HeadingLevelsAreNotSkipped) {
@@ -353,8 +362,8 @@ TEST(ReportHtml, EscapesNames) {
   d.location->regions.front().words = hostile;
   d.calibrated.front().path = hostile;
   d.trials.front().id = hostile;
-  const std::string page =
-      report_html(d, {hostile, hostile, 1, {{hostile, hostile}}, hostile, hostile});
+  const std::string page = report_html(
+      d, {hostile, hostile, 1, {{hostile, hostile}}, {{hostile, hostile}}, hostile, hostile});
   EXPECT_EQ(markup_error(page), "");
   for (const char* part : {"<script", "<img", "\x01"}) EXPECT_THAT(page, Not(HasSubstr(part)));
   EXPECT_THAT(page, HasSubstr("&lt;script&gt;alert(&quot;1&quot;)&lt;/script&gt;&amp;&#39;"));

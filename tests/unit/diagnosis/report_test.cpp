@@ -46,6 +46,8 @@ Diagnosis ambiguous() {
                        .energy = 9.0,
                        .energy_outside = 1.0,
                        .p_value = 1.0e-6}};
+  location.balances.of[index_of(Balance::force_balance)] = BalanceResidual{1.02, 0.4};
+  location.balances.of[index_of(Balance::friction_law)] = BalanceResidual{41.2, 1.0e-9};
   diagnosis.location = location;
   Integrity integrity;
   integrity.source = "run.csv";
@@ -87,6 +89,17 @@ TEST(ReportJson, ConsistentRecordingHasOnlyTheFit) {
   EXPECT_EQ(json["fit"]["heldout"]["augmented"], json["fit"]["heldout"]["baseline"]);
   EXPECT_EQ(json["calibrated"]["oscillator.mass_kg"], 0.0601);
   EXPECT_EQ(json["noise_std"]["displacement_m"], 2.0e-5);
+}
+
+TEST(ReportJson, HasTheBalancesAndNullForWhatWasNotMeasured) {
+  const auto balances = report_json(ambiguous(), provenance())["location"]["balances"];
+  EXPECT_EQ(balances.size(), balance_count);
+  EXPECT_EQ(balances["force_balance"]["excess"], 1.02);
+  EXPECT_EQ(balances["friction_law"]["excess"], 41.2);
+  EXPECT_EQ(balances["friction_law"]["p"], 1.0e-9);
+  for (const char* absent : {"kinematics", "normal_load", "excitation"}) {
+    EXPECT_TRUE(balances[absent].is_null()) << absent;
+  }
 }
 
 TEST(ReportJson, HasTheFindingWithItsIntervalAndAlternatives) {

@@ -326,6 +326,7 @@ TEST(Jacobian, IsThatOfTheReadingsInEveryDirection) {
   Task task = all_windows(experiments);
   task.windows = {task.windows[3]};
   task.sigma = {2.0e-5, 5.0e-4, 4.0e-4, 1.0};
+  task.steps = Steps::coarse;  // those of the derivatives
   const Hypothesis hypothesis(with_term(uncertain_bench(), "second_mode",
                                         {{"frequency_hz", {9.0, 0.1}},
                                          {"friction_share_per_kg", {4.0, 0.1}},
@@ -358,6 +359,27 @@ TEST(Jacobian, IsThatOfTheReadingsInEveryDirection) {
         }));
   }
   EXPECT_EQ(column, jacobian.free.cols());
+}
+
+TEST(Jacobian, OfCoarseStepsServesResidualsOfFineOnes) {
+  const std::vector<Experiment> experiments = {shaken(uncertain_bench(), 8.0)};
+  ASSERT_GT(experiments[0].substeps, experiments[0].coarse_substeps);
+  Task task = all_windows(experiments);
+  task.windows = {task.windows[3]};
+  task.sigma = {2.0e-5, 5.0e-4, 4.0e-4, 1.0};
+  const Hypothesis hypothesis(uncertain_bench());
+  const std::vector<double> z(hypothesis.unknowns().size(), 0.0);
+  const auto states = initial_states(task, hypothesis);
+  const WindowJacobian jacobian = jacobians_of(task, hypothesis, z, states)[0];
+  EXPECT_EQ(jacobian.residual, residuals_of(task, 0, hypothesis, z, states[0]));
+  for (std::size_t u = 0; u < z.size(); ++u) {
+    SCOPED_TRACE(hypothesis.rig().parameter_paths()[hypothesis.unknowns()[u].parameter]);
+    const Eigen::VectorXd exact =
+        difference(task, hypothesis,
+                   [u](std::vector<double>& at, WindowState&, double amount) { at[u] += amount; });
+    const auto column = jacobian.parameters.col(static_cast<Eigen::Index>(u));
+    EXPECT_LT((column - exact).norm(), 0.1 * exact.norm() + 1.0e-3);
+  }
 }
 
 TEST(Fit, LeavesMoreThanNoiseWithoutAnEffect) {

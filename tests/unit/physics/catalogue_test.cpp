@@ -519,11 +519,11 @@ TEST(DeclaredValue, StandsInNoModelAndNamesTheNumbersOfAll) {
   EXPECT_TRUE(holds("friction.mu"));
   EXPECT_TRUE(holds("physics.cubic_stiffness.k3_n_m3"));
   EXPECT_FALSE(holds("friction.transition_speed_m_s"));
-  EXPECT_EQ(relation_of("friction.mu"), Relation::friction_law);
-  EXPECT_EQ(relation_of("oscillator.mass_kg"), Relation::force_balance);
-  EXPECT_EQ(relation_of("physics.stribeck.static_ratio"), Relation::friction_law);
-  EXPECT_FALSE(is_signed("oscillator.damping_ratio"));
-  EXPECT_TRUE(is_signed("physics.cubic_stiffness.k3_n_m3"));
+  EXPECT_EQ(relation_of("friction.mu", {}), Relation::friction_law);
+  EXPECT_EQ(relation_of("oscillator.mass_kg", {}), Relation::force_balance);
+  EXPECT_EQ(relation_of("physics.stribeck.static_ratio", {}), Relation::friction_law);
+  EXPECT_FALSE(is_signed("oscillator.damping_ratio", {}));
+  EXPECT_TRUE(is_signed("physics.cubic_stiffness.k3_n_m3", {}));
   EXPECT_EQ(contradiction("oscillator.damping_ratio", 0.02, 0.06),
             "damping_ratio is 0.06, not 0.02");
   EXPECT_EQ(contradiction("oscillator.mass_kg", 1.0, 1.0004), "mass_kg is 1.0004, not 1");
@@ -544,7 +544,7 @@ TEST(Units, FollowFromTheNameOfANumberAndItsPlace) {
       {"sensors.velocity.filters.0.cutoff_hz", "Hz"},
       {"physics.sensor_offset.displacement.offset", "m"},
   };
-  for (const auto& [path, unit] : units) EXPECT_EQ(unit_of(path), unit) << path;
+  for (const auto& [path, unit] : units) EXPECT_EQ(unit_of(path, {}), unit) << path;
   const Place leak{Channel::friction_force, Channel::velocity};
   EXPECT_EQ(unit_at(find_effect("crosstalk")->card().parameters[0].unit, leak), "N/(m/s)");
 }
