@@ -10,6 +10,7 @@
 
 #include "diagnosis/fourier.h"
 #include "diagnosis/median.h"
+#include "diagnosis/noise_floor.h"
 
 namespace stickslip::diagnosis {
 
@@ -157,7 +158,7 @@ struct WideBandSpectra {
 };
 
 WideBandSpectra inverse_filtered(const std::vector<Complex>& spectrum, double period_s,
-                                 const physics::FilterChain& chain, double noise_power) {
+                                 const physics::FilterChain& chain, const NoiseFloor& noise) {
   const std::size_t length = spectrum.size();
   const std::size_t half = length / 2;
   const AveragedPower power(spectrum, half);
@@ -166,9 +167,10 @@ WideBandSpectra inverse_filtered(const std::vector<Complex>& spectrum, double pe
   out.rate_error.assign(half + 1, 0.0);
   out.acceleration_error.assign(half + 1, 0.0);
   for (std::size_t i = 0; i <= half; ++i) {
-    const double mean = power.at(static_cast<std::ptrdiff_t>(i));
-    const double gain = mean > pass_ratio * noise_power ? 1.0 - noise_power / mean : 0.0;
     const double frequency = static_cast<double>(i) / (static_cast<double>(length) * period_s);
+    const double mean = power.at(static_cast<std::ptrdiff_t>(i));
+    const double noise_power = noise.at(frequency) * static_cast<double>(length);
+    const double gain = mean > pass_ratio * noise_power ? 1.0 - noise_power / mean : 0.0;
     const Complex response = chain.response(frequency);
     const Complex inverse = std::conj(response) / (std::norm(response) + inverse_floor);
     const Complex y = spectrum[i] * gain * inverse;
@@ -245,8 +247,8 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
   const std::vector<double> odd = odd_extension(rest, line);
 
   const std::vector<std::complex<double>> spectrum = fourier(odd);
-  const double noise_power = noise_std * noise_std * static_cast<double>(odd.size());
-  const WideBandSpectra spectra = inverse_filtered(spectrum, period_s, chain, noise_power);
+  const NoiseFloor noise(rest, period_s, noise_std);
+  const WideBandSpectra spectra = inverse_filtered(spectrum, period_s, chain, noise);
 
   WideBand out;
   out.rate_noise_std = error_std(spectra.rate_error, spectra, period_s);

@@ -81,6 +81,8 @@ export async function startBrowser() {
     executablePath: chromiumPath,
     // Without a graphics processor: WebGL by SwiftShader.
     args: ["--headless", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader",
+      // A busy machine is slow, not hung.
+      "--disable-gpu-watchdog",
       "--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run", "--disable-default-apps",
       "--js-flags=--expose-gc"],
   });

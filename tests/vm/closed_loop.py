@@ -145,6 +145,7 @@ class ClosedLoop(unittest.TestCase):
         folder = tempfile.TemporaryDirectory(prefix="closed-loop-")
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
+        self.daemon_log = self.folder / "daemon.log"
         self.devices = self.start([BUILD / "tests/vm/bench_devices", SOURCE / "config/simulated.toml",
                                    self.folder], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         self.assertEqual(self.devices.stdout.readline(), "ready\n")
@@ -198,13 +199,14 @@ class ClosedLoop(unittest.TestCase):
         end = time.monotonic() + seconds
         while not holds():
             if time.monotonic() > end:
-                self.fail(f"{what}: not within {seconds} s; {self.status()}")
+                self.fail(f"{what}: not within {seconds} s; {self.status()}\n{self.daemon_log.read_text()}")
             time.sleep(0.1)
 
     def set_moving(self):
         # A fault can be cleared only after its cause has disappeared. An accepted request takes effect
         # a moment later, when it may have been repeated and refused.
-        self.until("cleared", lambda: self.request("clear") and self.status()["state"] == "idle")
+        # The kernel waits up to five seconds for each transfer that a device had not answered.
+        self.until("cleared", lambda: self.request("clear") and self.status()["state"] == "idle", 60.0)
         self.until("armed", lambda: self.request("arm") and self.status()["state"] == "armed")
         self.assertTrue(self.request("start")["ok"])
         self.until("moving", lambda: self.command("state")["enabled"], 5.0)
@@ -245,7 +247,9 @@ class ClosedLoop(unittest.TestCase):
 
     def test_two_minutes_of_rig_time(self):
         self.devices_are_found()
-        daemon = self.start([STICKSLIPD, "--config", self.rig], stderr=subprocess.PIPE, text=True)
+        # Into a file: an unread pipe would block the daemon once it is full.
+        with open(self.daemon_log, "w") as errors:
+            daemon = self.start([STICKSLIPD, "--config", self.rig], stderr=errors)
         self.until("a socket", (self.folder / "control.sock").exists)
         started = time.monotonic()
         self.connect()
@@ -283,8 +287,7 @@ class ClosedLoop(unittest.TestCase):
         self.assertFalse(self.command("state")["enabled"])
         lost = self.command("state")["scans_lost"]
         daemon.terminate()
-        errors = daemon.stderr.read()
-        self.assertEqual(daemon.wait(), 0, errors)
+        self.assertEqual(daemon.wait(), 0, self.daemon_log.read_text())
         time.sleep(0.3)
         self.devices.stdin.write("quit\n")
         self.devices.stdin.flush()
