@@ -16,7 +16,7 @@ import time
 import unittest
 
 SOURCE, BUILD = map(pathlib.Path, sys.argv[1:3])
-SECONDS = float(sys.argv[3]) if len(sys.argv) > 3 else 120.0
+SECONDS = float(sys.argv[3]) if len(sys.argv) > 3 else 60.0
 STICKSLIP, STICKSLIPD = BUILD / "bin/stickslip", BUILD / "bin/stickslipd"
 CARRIER_HZ, AMPLITUDE_M = 3.2, 0.006
 # Residual error of each input by resolution and noise, SI, and uncertainty of the time of a reading:
@@ -245,7 +245,7 @@ class ClosedLoop(unittest.TestCase):
         self.set_moving()
         return off_after_ms
 
-    def test_two_minutes_of_rig_time(self):
+    def test_a_minute_of_rig_time(self):
         self.devices_are_found()
         # Into a file: an unread pipe would block the daemon once it is full.
         with open(self.daemon_log, "w") as errors:
@@ -300,7 +300,8 @@ class ClosedLoop(unittest.TestCase):
         log(json.dumps(found, indent=1))
         log(f"amplitude {found['amplitude_m'] * 1e3:.4f} mm of {AMPLITUDE_M * 1e3:.4f}; "
             f"{drives:.0f} drives a second; the board lost {lost} scans")
-        self.assertGreater(found["frames"], 0.8 * SECONDS * 1000.0)
+        # An absent board or chip costs seconds, of which each is one gap.
+        self.assertGreater(found["frames"], 0.5 * SECONDS * 1000.0)
         # Only the absences of the board and of the amplifier's chip leave gaps.
         self.assertLessEqual(found["gaps"], 4)
         self.assertAlmostEqual(found["amplitude_m"], AMPLITUDE_M, delta=0.01 * AMPLITUDE_M)
