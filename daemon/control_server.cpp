@@ -98,6 +98,14 @@ double number(const json& arguments, const char* name) {
   return found->get<double>();
 }
 
+std::string text(const json& arguments, const char* name) {
+  const auto found = arguments.find(name);
+  if (found == arguments.end() || !found->is_string() || found->get<std::string>().empty()) {
+    refuse_request(std::string("expected \"") + name + "\": a text");
+  }
+  return found->get<std::string>();
+}
+
 Setting setting_of(const json& arguments) {
   const auto key = arguments.find("key");
   const std::string name =
@@ -124,7 +132,7 @@ std::string words_for(const protocol::ControlRequest& request) {
   const json arguments = json::parse(request.arguments);
   for (const auto& [key, value] : arguments.items()) {
     if (out.size() > longest) break;
-    if (key == "v" || key == "id" || key == "do") continue;
+    if (key == "v" || key == "id" || key == "do" || key == "text") continue;
     const std::string quoted = dump(key);
     out += ' ' + quoted.substr(1, quoted.size() - 2) + '=' + dump(value);
   }
@@ -156,6 +164,13 @@ json json_of(const diagnosis::Explanation& each) {
           {"statement", each.statement},
           {"chi2", each.chi2},
           {"probability", each.probability}};
+}
+
+json json_of(const Continuation& continuation) {
+  return {{"kept", continuation.kept},      {"anew", continuation.anew},
+          {"motion", continuation.motion},  {"mu", continuation.mu},
+          {"gamma", continuation.gamma},    {"load", continuation.load},
+          {"settled", continuation.settled}};
 }
 
 json model_of(const Status& status) {
@@ -328,10 +343,16 @@ Command ControlServer::command_of(const protocol::ControlRequest& request) {
     }
     command.kind = Command::Kind::average;
     command.frames = static_cast<std::uint64_t>(std::ceil(seconds * rate_hz_));
+  } else if (name == "model") {
+    try {
+      command = handlers_.propose_model({text(arguments, "file"), text(arguments, "text")});
+    } catch (const InputError& error) {
+      refuse_request(error.what());  // with the file and the line
+    }
   } else {
     refuse_request("there is no command \"" + name.substr(0, 40) +
                    "\"; expected status, clear, arm, disarm, start, stop, alive, set, average, "
-                   "reload or watch");
+                   "model, reload or watch");
   }
   return command;
 }
@@ -339,7 +360,12 @@ Command ControlServer::command_of(const protocol::ControlRequest& request) {
 void ControlServer::submit(ClientId client, const protocol::ControlRequest& request,
                            Command command) {
   command.id = next_command_++;
-  if (!loop_.ask(command)) refuse_request("the rig is busy with other commands; try again");
+  const bool is_model = command.kind == Command::Kind::observe;
+  if (!loop_.ask(command)) {
+    if (is_model) handlers_.model_answered({});
+    refuse_request("the rig is busy with other commands; try again");
+  }
+  if (is_model) model_command_ = command.id;
   const auto timeout = answer_timeout + std::chrono::milliseconds(static_cast<std::int64_t>(
                                             1e3 * static_cast<double>(command.frames) / rate_hz_));
   waiting_[command.id] = {
@@ -360,6 +386,12 @@ void ControlServer::handle_answers() {
 }
 
 void ControlServer::handle_answer(const Answer& received) {
+  // Also if the client no longer waits for it.
+  std::string model;
+  if (received.id != 0 && received.id == model_command_) {
+    model_command_ = 0;
+    model = handlers_.model_answered(received);
+  }
   const auto found = waiting_.find(received.id);
   if (found == waiting_.end()) return;
   const Waiting request = found->second;
@@ -379,6 +411,12 @@ void ControlServer::handle_answer(const Answer& received) {
       request.request + ": accepted, the rig is " + std::string(state));
   json out = {{"ok", true}, {"state", state}};
   if (request.frames > 0) out["average"] = json_of(received.average);
+  if (!model.empty()) {
+    out["message"] = model;
+    out["observer"] = json_of(received.continuation);
+    out["time_ns"] = received.time_ns;
+    out["sequence"] = received.sequence;
+  }
   answer(request.client, request.id, out);
 }
 

@@ -15,6 +15,7 @@
 #include "daemon/event_throttle.h"
 #include "daemon/line_server.h"
 #include "daemon/loop.h"
+#include "daemon/model_change.h"
 #include "daemon/status.h"
 #include "protocol/control.h"
 
@@ -30,6 +31,11 @@ struct ControlHandlers {
   /// Reloads the configuration and applies what can change while running; one line for each change.
   /// Throws InputError for an invalid configuration.
   std::function<std::vector<std::string>()> reload;
+  /// A command to the loop for a model file. Throws InputError for one that is refused.
+  std::function<Command(ModelFile)> propose_model;
+  /// The answer to that command, or a refusal if it could not be queued; returns a sentence for the
+  /// client if the model was taken.
+  std::function<std::string(const Answer&)> model_answered;
 };
 
 class ControlServer {
@@ -86,8 +92,9 @@ class ControlServer {
   std::map<ClientId, Client> clients_;
   std::map<std::uint64_t, Waiting> waiting_;  // by command id
   std::uint64_t next_command_ = 1;
-  EventThrottle log_;    // of the lines that clients cause
-  ClientId holder_ = 0;  // of the dead-man's handle; 0: none
+  std::uint64_t model_command_ = 0;  // that is not answered; 0: none
+  EventThrottle log_;                // of the lines that clients cause
+  ClientId holder_ = 0;              // of the dead-man's handle; 0: none
   LineServer server_;
 };
 

@@ -20,6 +20,7 @@
 #include <string>
 #include <vector>
 
+#include "config/model_file.h"
 #include "physics/problem.h"
 #include "tests/unit/daemon/fakes.h"
 
@@ -114,7 +115,22 @@ class ControlTest : public testing::Test {
                           return std::nullopt;
                         },
                         .was_set = [this](const Setting& setting) { latest_setting = setting; },
-                        .reload = [] { return std::vector<std::string>{"nothing"}; }});
+                        .reload = [] { return std::vector<std::string>{"nothing"}; },
+                        .propose_model = [this](ModelFile file) { return propose(file); },
+                        .model_answered =
+                            [this](const Answer& answer) {
+                              model_answers.push_back(answer);
+                              return std::string(answer.accepted ? "taken" : "");
+                            }});
+  }
+
+  Command propose(const ModelFile& file) {
+    if (file.text == "wrong") throw InputError(Problem{file.name, 12, 3, "mu is -1"});
+    proposed.push_back(file);
+    Command out;
+    out.kind = Command::Kind::observe;
+    out.observer = &observer;
+    return out;
   }
 
   /// Server and loop, alternating.
@@ -149,6 +165,9 @@ class ControlTest : public testing::Test {
   std::unique_ptr<Loop> loop;
   std::unique_ptr<ControlServer> control;
   Setting latest_setting;
+  Observer observer{config::load_model(STICKSLIP_SOURCE_DIR "/config/models/simulated.toml"), 1e-3};
+  std::vector<ModelFile> proposed;
+  std::vector<Answer> model_answers;
 };
 
 TEST_F(ControlTest, AnOperatorStartsAndStopsTheRig) {
@@ -266,6 +285,56 @@ TEST_F(ControlTest, ChangesTheExcitationWithinItsLimits) {
   EXPECT_EQ(latest_setting.value, 3.5);
   EXPECT_EQ(ask(client, {{"do", "set"}, {"key", "loop.rate_hz"}, {"value", 1.0}})["ok"], false);
   EXPECT_EQ(ask(client, {{"do", "set"}, {"key", "excitation.carrier_hz"}})["ok"], false);
+}
+
+TEST_F(ControlTest, AModelGoesToTheLoopAndItsAnswerToClientAndHandler) {
+  open();
+  Client client(settings.path);
+  const json model = {{"do", "model"}, {"file", "mended.toml"}, {"text", "right"}};
+  json answer = ask(client, model);
+  EXPECT_EQ(answer["ok"], false);
+  EXPECT_EQ(answer["error"],
+            "the rig is faulted: the daemon has just started; inspect the rig, then clear");
+  ask(client, {{"do", "clear"}});
+  answer = ask(client, model);
+  EXPECT_EQ(answer["ok"], true);
+  EXPECT_EQ(answer["message"], "taken");
+  EXPECT_EQ(answer["observer"]["kept"], 0);  // there was none before
+  EXPECT_EQ(answer["sequence"], driver.sequence - 2);
+  ASSERT_EQ(proposed.size(), 2U);
+  EXPECT_EQ(proposed[1].name, "mended.toml");
+  EXPECT_EQ(proposed[1].text, "right");
+  ASSERT_EQ(model_answers.size(), 2U);
+  EXPECT_FALSE(model_answers[0].accepted);
+  EXPECT_TRUE(model_answers[1].accepted);
+}
+
+TEST_F(ControlTest, AWrongModelIsRefusedWithFileLineAndValue) {
+  open();
+  Client client(settings.path);
+  ask(client, {{"do", "clear"}});
+  const json answer = ask(client, {{"do", "model"}, {"file", "a.toml"}, {"text", "wrong"}});
+  EXPECT_EQ(answer["error"], "a.toml:12:3: mu is -1");
+  for (const json& wrong : {json{{"do", "model"}}, json{{"do", "model"}, {"file", "a.toml"}},
+                            json{{"do", "model"}, {"file", 3}, {"text", "right"}}}) {
+    EXPECT_THAT(ask(client, wrong)["error"].get<std::string>(), HasSubstr("a text")) << wrong;
+  }
+  EXPECT_TRUE(proposed.empty());
+  EXPECT_TRUE(model_answers.empty());
+}
+
+// The observer is lent to the loop until it answers, whether or not the client waits.
+TEST_F(ControlTest, TheAnswerReachesTheHandlerAlsoIfTheClientHasLeft) {
+  open();
+  {
+    Client client(settings.path);
+    client.send(json{{"v", 1}, {"do", "model"}, {"file", "a.toml"}, {"text", "right"}}.dump() +
+                "\n");
+    control->serve(0ms, -1);
+    control->serve(0ms, -1);
+  }
+  run(3);
+  EXPECT_EQ(model_answers.size(), 1U);
 }
 
 TEST_F(ControlTest, AveragesRawReadings) {
