@@ -140,7 +140,9 @@ class Loop {
   void handle_stop_requests();
   void handle_command();
   void execute(const Command& command, Answer& answer);
+  void drive_by(Excitation& next, Answer& answer);
   void observe_by(Observer& next, Answer& answer);
+  void add_latest_frame(Answer& answer) const;
   void answer_average(const Cause* refusal);
   bool refuse_if_broken(const Interlocks::Broken& broken, Answer& answer) const;
   bool apply(RigInput input);

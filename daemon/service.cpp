@@ -11,6 +11,7 @@
 #include <cmath>
 #include <csignal>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
 #include <string>
@@ -24,6 +25,7 @@
 #include "daemon/clock.h"
 #include "daemon/control_server.h"
 #include "daemon/device_supervisor.h"
+#include "daemon/drive_change.h"
 #include "daemon/event.h"
 #include "daemon/event_throttle.h"
 #include "daemon/ledger.h"
@@ -36,6 +38,7 @@
 #include "daemon/model_check.h"
 #include "daemon/realtime.h"
 #include "daemon/recording_input.h"
+#include "daemon/rig_description.h"
 #include "daemon/rig_settings.h"
 #include "daemon/signals.h"
 #include "daemon/status.h"
@@ -199,6 +202,7 @@ class Service {
   void handle_signal(int signal, Loop& loop, const drivers::Description& device);
   std::vector<std::string> reload(Loop& loop, const drivers::Description& device);
   std::string take_model(const Answer& answer);
+  std::string take_drive(const Answer& answer);
   void change_setting(Loop& loop, const Setting& setting, std::string& line);
   void ask(Loop& loop, const Command& command);
   std::int64_t utc_us() { return utc_.utc_us(clock_.now_ns(), wall_us()); }
@@ -232,6 +236,7 @@ class Service {
   std::unique_ptr<Consumer> recorder_;
   std::unique_ptr<CheckedModel> model_;      // if it is checked
   std::optional<ModelChange> model_change_;  // has the loop's observer
+  DriveChange drive_change_;
   ProcessorLatencyRequest latency_request_;
   std::int64_t started_ns_ = 0;
   std::int64_t started_utc_us_ = 0;
@@ -369,10 +374,16 @@ std::unique_ptr<ControlServer> Service::open_control(Loop& loop,
               [this](const Setting& setting) {
                 rig_.excitation = with_setting(rig_.excitation, setting);
               },
+          .describe = [this] { return description_of(rig_); },
           .reload = [this, &loop, &device] { return reload(loop, device); },
           .propose_model =
               [this](ModelFile file) { return model_change_->propose(rig_, std::move(file)); },
-          .model_answered = [this](const Answer& a) { return take_model(a); }});
+          .model_answered = [this](const Answer& a) { return take_model(a); },
+          .propose_drive =
+              [this](DriveSamples samples) {
+                return drive_change_.propose(rig_, std::move(samples));
+              },
+          .drive_answered = [this](const Answer& a) { return take_drive(a); }});
   spdlog::info("control socket: {}", settings.path.string());
   return control;
 }
@@ -454,6 +465,16 @@ std::string Service::take_model(const Answer& answer) {
   publish_and_log(event);
   send(recording_info_message(rig_, started_utc_us_));
   if (model_) model_->check.change_model(taken->model);
+  return event.message;
+}
+
+// Empty if the loop has not taken it.
+std::string Service::take_drive(const Answer& answer) {
+  const auto settings = drive_change_.finish(answer);
+  if (!settings) return {};
+  rig_.excitation = *settings;
+  const Event event = changed_event(drive_change_.samples(), answer);
+  publish_and_log(event);
   return event.message;
 }
 
